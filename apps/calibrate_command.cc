@@ -1,0 +1,111 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "apps/commands.h"
+#include "apps/observations.h"
+#include "calib/calibrate.h"
+#include "calib/detections.h"
+#include "calib/error.h"
+#include "calib/output_folder.h"
+#include "calib/result_files.h"
+#include "models/registry.h"
+
+namespace plenocal {
+namespace {
+
+// Typical distance between neighbouring markers: the median of the distances to the nearest other.
+double MarkerSpacing(const std::map<int, Eigen::Vector3d>& markers) {
+  std::vector<double> nearest;
+  for (const auto& [number, position] : markers) {
+    double best = std::numeric_limits<double>::infinity();
+    for (const auto& [other, place] : markers) {
+      if (other != number) best = std::min(best, (place - position).norm());
+    }
+    nearest.push_back(best);
+  }
+  std::nth_element(nearest.begin(), nearest.begin() + nearest.size() / 2, nearest.end());
+  return nearest[nearest.size() / 2];
+}
+
+// Prior of the marker coordinates; 0 when the target is to be held rigid.
+double MarkerSigma(const Session& session, const Target& target, Console* console) {
+  if (!session.refine_target.value_or(target.tolerance.has_value())) {
+    if (!session.refine_target) {
+      console->Message(
+          "the target states no tolerance, so it is held rigid; give it 'tolerance' (m) to have its "
+          "markers refined");
+    }
+    return 0;
+  }
+  if (target.tolerance) return *target.tolerance;
+  // Asked for, but without a figure: as good as a laser printer and a hard board usually are.
+  constexpr double kPartOfSpacing = 0.01;
+  const double sigma = kPartOfSpacing * MarkerSpacing(target.markers);
+  console->Message(fmt::format(
+      "the target states no tolerance; its markers are refined with {:.3g} mm, 1 % of their spacing",
+      1e3 * sigma));
+  return sigma;
+}
+
+std::string RefinedTarget(const Target& target, const Calibration& calibration) {
+  std::map<int, Eigen::Vector3d> positions, sigmas;
+  for (size_t i = 0; i < calibration.bundle.markers.size(); ++i) {
+    const BundleMarker& marker = calibration.bundle.markers[i];
+    positions[marker.number] = marker.position;
+    // Markers that are held have no uncertainty of their own.
+    sigmas[marker.number] = calibration.uncertainty.markers.empty()
+                                ? Eigen::Vector3d(Eigen::Vector3d::Zero())
+                                : calibration.uncertainty.markers[i];
+  }
+  return RefinedTargetYaml(target, positions, sigmas);
+}
+
+}  // namespace
+
+void RunCalibrate(const SessionCommand& command, const ConsoleOptions& options) {
+  const Session session = ReadSession(command.session, CameraModels());
+  const Target target = ReadTarget(session.target);
+  OutputFolder out(command.out);
+  Console console(options.quiet);
+
+  CalibrationInput input;
+  input.markers = target.markers;
+  input.marker_sigma = MarkerSigma(session, target, &console);
+  input.loss = session.loss;
+  SessionObservations observations = CollectObservations(session, target, options, &console);
+  input.cameras = std::move(observations.cameras);
+
+  Calibration calibration =
+      Calibrate(input, {.threads = options.threads, .progress = [&](const std::string& stage) {
+                          console.Progress(stage);
+                          return !Interrupted();
+                        }});
+  for (const LeftOut& item : calibration.left_out) {
+    console.Message(fmt::format("  left out {}: {}", item.where, item.reason));
+  }
+  calibration.left_out.insert(
+      calibration.left_out.begin(), observations.left_out.begin(), observations.left_out.end());
+
+  out.Write("calibration.yaml",
+            CalibrationYaml(calibration,
+                            {{"plenocal_version", PLENOCAL_VERSION},
+                             {"command",
+                              fmt::format("plenocal calibrate {} -o {}",
+                                          command.session.string(),
+                                          command.out.string())},
+                             {"session", command.session.string()},
+                             {"target", session.target.string()}}));
+  out.Write("target.yaml", RefinedTarget(target, calibration));
+  out.Write("poses.csv", PosesCsv(calibration));
+  out.Write("residuals.csv", ResidualsCsv(calibration));
+  for (const CameraInput& camera : input.cameras) {
+    out.Write(fmt::format("detections_{}.csv", camera.name),
+              DetectionsCsv(camera.views, *camera.model));
+  }
+  out.Commit();
+  fmt::print("{}\nwritten to {}\n", Summary(calibration), command.out.string());
+}
+
+}  // namespace plenocal

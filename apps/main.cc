@@ -1,0 +1,94 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <exception>
+#include <functional>
+#include <new>
+
+#include "apps/commands.h"
+#include "apps/console.h"
+#include "calib/error.h"
+
+namespace {
+
+constexpr int kDone = 0;
+constexpr int kJobFailed = 1;
+constexpr int kWrongInput = 2;
+constexpr int kInterrupted = 130;  // the shell's code for a command that Ctrl-C ended
+
+int Fail(int status, const std::string& message) {
+  fmt::print(stderr, "plenocal: {}\n", message);
+  return status;
+}
+
+int RunAndMapErrors(const std::function<void()>& run) {
+  try {
+    run();
+    // Results on standard output count as results: a full disk behind a redirection is a failure.
+    if (std::fflush(stdout) != 0) return Fail(kJobFailed, "cannot write to standard output");
+    return kDone;
+  } catch (const plenocal::Error& error) {
+    return Fail(error.kind() == plenocal::ErrorKind::kInput ? kWrongInput : kJobFailed,
+                error.what());
+  } catch (const plenocal::Stopped&) {
+    return Fail(kInterrupted, "interrupted; no result files were written");
+  } catch (const std::bad_alloc&) {
+    return Fail(kJobFailed, "out of memory");
+  } catch (const std::exception& error) {
+    return Fail(kJobFailed, fmt::format("internal error: {}", error.what()));
+  }
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app{
+      "Plenocal calibrates ordinary and focused plenoptic cameras, alone or on one rig, from images of a "
+      "target.\n\n  plenocal calibrate session.yaml -o OUT"};
+  app.name("plenocal");
+  app.set_version_flag("--version", PLENOCAL_VERSION);
+  app.require_subcommand(1);
+
+  plenocal::ConsoleOptions options;
+  plenocal::SessionCommand session_command;
+  std::function<void()> run;
+  const auto add_session_command = [&](const char* name,
+                                       const char* description,
+                                       void (*command)(const plenocal::SessionCommand&,
+                                                       const plenocal::ConsoleOptions&)) {
+    CLI::App* sub = app.add_subcommand(name, description);
+    sub->add_option("session", session_command.session, "session.yaml: cameras, images, target")
+        ->required();
+    sub->add_option("-o,--out", session_command.out, "folder for the results")->required();
+    sub->add_option("--threads", options.threads, "number of threads (default: all cores)")
+        ->check(CLI::Range(1, 1024));
+    sub->add_flag("--quiet", options.quiet, "no messages and no progress, only errors");
+    sub->callback([&, command] { run = [&, command] { command(session_command, options); }; });
+  };
+  add_session_command(
+      "calibrate",
+      "From images (or detections) to camera parameters, poses and target.\n\n"
+      "  plenocal calibrate session.yaml -o OUT\n\n"
+      "writes OUT/calibration.yaml, target.yaml, poses.csv, residuals.csv and detections_<camera>.csv, "
+      "and prints a summary.",
+      plenocal::RunCalibrate);
+  add_session_command("detect",
+                      "Only find the markers: writes OUT/detections_<camera>.csv.",
+                      plenocal::RunDetect);
+  app.add_subcommand("models", "List the camera models, their parameters, units and source.")
+      ->callback([&] { run = plenocal::RunModels; });
+
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::CallForHelp& help) {
+    return app.exit(help);
+  } catch (const CLI::CallForVersion& version) {
+    return app.exit(version);
+  } catch (const CLI::ParseError& error) {
+    return Fail(kWrongInput, fmt::format("{}; see 'plenocal --help'", error.what()));
+  }
+  plenocal::CatchInterrupts();
+  return RunAndMapErrors(run);
+}

@@ -1,0 +1,454 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/bundle.h"
+
+#include <ceres/ceres.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <map>
+#include <memory>
+
+namespace plenocal {
+namespace internal {
+
+bool Linearise(const BundleCamera& camera,
+               const double* params,
+               const LinearisedView& view,
+               const Eigen::Vector3d& p_target,
+               const Observation& seen,
+               const LinearisedRows& out) {
+  const Eigen::Vector3d rotated = view.T_rig_target.R * p_target;
+  const Eigen::Vector3d rotated_rig = view.T_camera_rig.R * (rotated + view.T_rig_target.t);
+  const Eigen::Vector3d p_cam = rotated_rig + view.T_camera_rig.t;
+
+  const CameraModel& model = *camera.model;
+  const size_t rows = model.measured.size();
+  double predicted[kMaxObservationSize];
+  double J_point[kMaxObservationSize * 3];
+  const bool inside = out.J_params == nullptr
+                          ? model.project(params,
+                                          camera.config.data(),
+                                          seen.values.data(),
+                                          p_cam,
+                                          predicted)
+                          : model.project_with_jacobian(params,
+                                                        camera.config.data(),
+                                                        seen.values.data(),
+                                                        p_cam,
+                                                        predicted,
+                                                        out.J_params,
+                                                        J_point);
+  if (!inside) return false;
+  const double weight = 1 / (seen.sigma * camera.noise);
+  for (size_t r = 0; r < rows; ++r) out.residual[r] = weight * (seen.values[r] - predicted[r]);
+  if (out.J_params == nullptr) return true;
+
+  // Residual = measured - predicted, so every derivative is minus that of the prediction. With a
+  // rotation by w before the point: row (-Hat(a)) = (a x row)'.
+  for (size_t i = 0; i < rows * model.params.size(); ++i) out.J_params[i] *= -weight;
+  for (size_t r = 0; r < rows; ++r) {
+    const Eigen::Vector3d J_cam = -weight * Eigen::Map<const Eigen::Vector3d>(J_point + 3 * r);
+    const Eigen::Vector3d J_rig = view.T_camera_rig.R.transpose() * J_cam;
+    if (out.J_mount != nullptr) {
+      Eigen::Map<Eigen::Vector3d>(out.J_mount + 6 * r) = J_cam;
+      Eigen::Map<Eigen::Vector3d>(out.J_mount + 6 * r + 3) =
+          view.chart_mount.transpose() * rotated_rig.cross(J_cam);
+    }
+    if (out.J_pose != nullptr) {
+      Eigen::Map<Eigen::Vector3d>(out.J_pose + 6 * r) = J_rig;
+      Eigen::Map<Eigen::Vector3d>(out.J_pose + 6 * r + 3) =
+          view.chart_pose.transpose() * rotated.cross(J_rig);
+    }
+    if (out.J_marker != nullptr) {
+      Eigen::Map<Eigen::Vector3d>(out.J_marker + 3 * r) = view.T_rig_target.R.transpose() * J_rig;
+    }
+  }
+  return true;
+}
+
+}  // namespace internal
+
+namespace {
+
+using internal::LinearisedRows;
+using internal::LinearisedView;
+
+// Markers are estimated in blocks of two: fewer, larger blocks cost Ceres less bookkeeping
+// (shared/PERFORMANCE.md, "Where the time hides").
+constexpr int kMarkersPerBlock = 2;
+constexpr int kMarkerBlockSize = 3 * kMarkersPerBlock;
+
+// A pose in the chart around its place before the solve.
+struct ChartedPose {
+  RigidTransform origin;
+  Vector6d delta = Vector6d::Zero();
+
+  [[nodiscard]] RigidTransform Value() const { return Retract(origin, delta); }
+};
+
+// Factor on the residual of length `s` (in sigmas) so that half its square is the loss, with its
+// derivative to s^2. Applied to the residual itself, not by ceres::LossFunction, because that acts on
+// whole residual blocks and one block holds several observations.
+struct RobustFactor {
+  double factor = 1;
+  double derivative = 0;  // d factor / d (s^2)
+};
+
+RobustFactor Robustify(Loss loss, double width, double s2) {
+  if (loss == Loss::kHuber && s2 > width * width) {
+    // rho = 2 k s - k^2
+    const double s = std::sqrt(s2);
+    const double rho = 2 * width * s - width * width;
+    const double factor = std::sqrt(rho / s2);
+    return {factor, (width / (s * s2) - rho / (s2 * s2)) / (2 * factor)};
+  }
+  if (loss == Loss::kCauchy && s2 > 0) {
+    // rho = k^2 log(1 + s^2 / k^2)
+    const double k2 = width * width, q = s2 / k2;
+    const double factor = std::sqrt(std::log1p(q) / q);
+    if (q < 1e-8) return {1, -0.25 / k2};
+    return {factor, (1 / (s2 * (1 + q)) - std::log1p(q) / (q * s2)) / (2 * factor)};
+  }
+  return {};
+}
+
+bool WithinBounds(const CameraModel& model, const double* params) {
+  for (size_t i = 0; i < model.params.size(); ++i) {
+    if (!(params[i] > model.params[i].lower && params[i] < model.params[i].upper)) return false;
+  }
+  return true;
+}
+
+// All observations of one camera in one frame that fall into one block of markers.
+// Parameter blocks: intrinsics, [mount,] pose[, markers].
+class ViewCost : public ceres::CostFunction {
+ public:
+  ViewCost(const BundleCamera& camera,
+           const ChartedPose* mount,
+           const ChartedPose& pose,
+           std::span<const BundleObservation* const> observations,
+           const Bundle& bundle,
+           bool free_markers,
+           const AdjustOptions& options)
+      : camera_(camera),
+        mount_(mount),
+        pose_(pose),
+        observations_(observations.begin(), observations.end()),
+        bundle_(bundle),
+        free_markers_(free_markers),
+        options_(options) {
+    set_num_residuals(
+        static_cast<int>(observations_.size() * camera.model->measured.size()));
+    auto& sizes = *mutable_parameter_block_sizes();
+    sizes.push_back(static_cast<int>(camera.params.size()));
+    if (mount_ != nullptr) sizes.push_back(6);
+    sizes.push_back(6);
+    if (free_markers_) sizes.push_back(kMarkerBlockSize);
+  }
+
+  bool Evaluate(double const* const* parameters,
+                double* residuals,
+                double** jacobians) const override {
+    const int pose_index = mount_ != nullptr ? 2 : 1;
+    // Bounds are part of the model's domain; Ceres' own bounds would add a line search a step.
+    if (!WithinBounds(*camera_.model, parameters[0])) return false;
+    LinearisedView view;
+    view.T_camera_rig = camera_.T_camera_rig;
+    if (mount_ != nullptr) {
+      const Eigen::Map<const Vector6d> delta(parameters[1]);
+      view.T_camera_rig = Retract(mount_->origin, delta);
+      view.chart_mount = LeftJacobian(delta.tail<3>());
+    }
+    const Eigen::Map<const Vector6d> delta(parameters[pose_index]);
+    view.T_rig_target = Retract(pose_.origin, delta);
+    view.chart_pose = LeftJacobian(delta.tail<3>());
+
+    const size_t rows = camera_.model->measured.size();
+    const size_t count = camera_.params.size();
+    const auto block = [&](int index) { return jacobians == nullptr ? nullptr : jacobians[index]; };
+    double* const J_params = block(0);
+    double* const J_mount = mount_ != nullptr ? block(1) : nullptr;
+    double* const J_pose = block(pose_index);
+    double* const J_markers = free_markers_ ? block(pose_index + 1) : nullptr;
+    // Ceres may ask for some blocks only; the model's own derivatives are needed for any of them.
+    std::vector<double> unasked(jacobians != nullptr && J_params == nullptr ? rows * count : 0);
+    for (size_t i = 0; i < observations_.size(); ++i) {
+      const BundleObservation& observation = *observations_[i];
+      const size_t slot = static_cast<size_t>(observation.marker) % kMarkersPerBlock;
+      const Eigen::Vector3d p_target =
+          free_markers_
+              ? Eigen::Vector3d(Eigen::Map<const Eigen::Vector3d>(parameters[pose_index + 1] +
+                                                                  3 * slot))
+              : bundle_.markers[static_cast<size_t>(observation.marker)].position;
+      const size_t row = i * rows;
+      double J_marker[kMaxObservationSize * 3];
+      LinearisedRows out{.residual = residuals + row};
+      if (jacobians != nullptr) {
+        out.J_params = J_params != nullptr ? J_params + row * count : unasked.data();
+        if (J_mount != nullptr) out.J_mount = J_mount + row * 6;
+        if (J_pose != nullptr) out.J_pose = J_pose + row * 6;
+        if (J_markers != nullptr) out.J_marker = J_marker;
+      }
+      if (!internal::Linearise(
+              camera_, parameters[0], view, p_target, observation.seen, out)) {
+        return false;
+      }
+      Robustify(out);
+      if (J_markers == nullptr) continue;
+      std::fill_n(J_markers + row * kMarkerBlockSize, rows * kMarkerBlockSize, 0.0);
+      for (size_t r = 0; r < rows; ++r) {
+        std::copy_n(J_marker + 3 * r, 3, J_markers + (row + r) * kMarkerBlockSize + 3 * slot);
+      }
+    }
+    return true;
+  }
+
+ private:
+  // r' = f(s^2) r, J' = (f I + 2 f' r r') J.
+  void Robustify(const LinearisedRows& out) const {
+    if (options_.loss == Loss::kNone) return;
+    const size_t rows = camera_.model->measured.size();
+    double s2 = 0;
+    for (size_t r = 0; r < rows; ++r) s2 += out.residual[r] * out.residual[r];
+    const RobustFactor robust = plenocal::Robustify(options_.loss, options_.loss_width, s2);
+    if (robust.factor == 1 && robust.derivative == 0) return;
+    const auto scale = [&](double* J, size_t columns) {
+      if (J == nullptr) return;
+      for (size_t c = 0; c < columns; ++c) {
+        double along = 0;
+        for (size_t r = 0; r < rows; ++r) along += out.residual[r] * J[r * columns + c];
+        for (size_t r = 0; r < rows; ++r) {
+          double& entry = J[r * columns + c];
+          entry = robust.factor * entry + 2 * robust.derivative * along * out.residual[r];
+        }
+      }
+    };
+    scale(out.J_params, camera_.params.size());
+    scale(out.J_mount, 6);
+    scale(out.J_pose, 6);
+    scale(out.J_marker, 3);
+    for (size_t r = 0; r < rows; ++r) out.residual[r] *= robust.factor;
+  }
+
+  const BundleCamera& camera_;
+  const ChartedPose* mount_;
+  const ChartedPose& pose_;
+  std::vector<const BundleObservation*> observations_;
+  const Bundle& bundle_;
+  bool free_markers_;
+  const AdjustOptions& options_;
+};
+
+// (marker - nominal) / sigma for one block of markers.
+class MarkerPrior : public ceres::CostFunction {
+ public:
+  MarkerPrior(const double* nominal, int size, double sigma)
+      : nominal_(nominal, nominal + size), sigma_(sigma) {
+    set_num_residuals(size);
+    mutable_parameter_block_sizes()->push_back(kMarkerBlockSize);
+  }
+
+  bool Evaluate(double const* const* parameters,
+                double* residuals,
+                double** jacobians) const override {
+    const size_t size = nominal_.size();
+    for (size_t i = 0; i < size; ++i) residuals[i] = (parameters[0][i] - nominal_[i]) / sigma_;
+    if (jacobians != nullptr && jacobians[0] != nullptr) {
+      std::fill_n(jacobians[0], size * kMarkerBlockSize, 0.0);
+      for (size_t i = 0; i < size; ++i) jacobians[0][i * kMarkerBlockSize + i] = 1 / sigma_;
+    }
+    return true;
+  }
+
+ private:
+  std::vector<double> nominal_;
+  double sigma_;
+};
+
+class IterationReport : public ceres::IterationCallback {
+ public:
+  explicit IterationReport(const AdjustOptions& options) : options_(options) {}
+  ceres::CallbackReturnType operator()(const ceres::IterationSummary& summary) override {
+    if (!options_.on_iteration) return ceres::SOLVER_CONTINUE;
+    return options_.on_iteration(summary.iteration, summary.cost) ? ceres::SOLVER_CONTINUE
+                                                                  : ceres::SOLVER_ABORT;
+  }
+
+ private:
+  const AdjustOptions& options_;
+};
+
+// Above this many unknowns beside the poses a dense reduced system costs more than a sparse one.
+constexpr size_t kMaxDenseUnknowns = 3000;
+
+}  // namespace
+
+bool Residual(const Bundle& bundle, const BundleObservation& observation, double* residual) {
+  const BundleCamera& camera = bundle.cameras[static_cast<size_t>(observation.camera)];
+  const RigidTransform T_camera_target =
+      camera.T_camera_rig * bundle.T_rig_target[static_cast<size_t>(observation.frame)];
+  double predicted[kMaxObservationSize];
+  if (!camera.model->project(
+          camera.params.data(),
+          camera.config.data(),
+          observation.seen.values.data(),
+          T_camera_target * bundle.markers[static_cast<size_t>(observation.marker)].position,
+          predicted)) {
+    return false;
+  }
+  for (size_t r = 0; r < camera.model->measured.size(); ++r) {
+    residual[r] = observation.seen.values[r] - predicted[r];
+    if (!std::isfinite(residual[r])) return false;
+  }
+  return true;
+}
+
+double WeightedLength(const Bundle& bundle,
+                      const BundleObservation& observation,
+                      const double* residual) {
+  const BundleCamera& camera = bundle.cameras[static_cast<size_t>(observation.camera)];
+  double sum = 0;
+  for (size_t r = 0; r < camera.model->measured.size(); ++r) sum += residual[r] * residual[r];
+  return std::sqrt(sum) / (observation.seen.sigma * camera.noise);
+}
+
+AdjustSummary Adjust(Bundle* bundle, const AdjustOptions& options) {
+  const bool free_markers = bundle->marker_sigma > 0;
+
+  // Parameter storage: charts of the poses, blocks of markers (the last one may have a spare slot).
+  std::vector<ChartedPose> mounts(bundle->cameras.size());
+  std::vector<ChartedPose> poses(bundle->T_rig_target.size());
+  for (size_t i = 0; i < mounts.size(); ++i) mounts[i].origin = bundle->cameras[i].T_camera_rig;
+  for (size_t i = 0; i < poses.size(); ++i) poses[i].origin = bundle->T_rig_target[i];
+  std::vector<std::vector<double>> params;
+  for (const BundleCamera& camera : bundle->cameras) params.push_back(camera.params);
+  const size_t block_count = (bundle->markers.size() + kMarkersPerBlock - 1) / kMarkersPerBlock;
+  std::vector<double> markers(block_count * kMarkerBlockSize, 0.0), nominal = markers;
+  for (size_t i = 0; i < bundle->markers.size(); ++i) {
+    Eigen::Map<Eigen::Vector3d>(markers.data() + 3 * i) = bundle->markers[i].position;
+    Eigen::Map<Eigen::Vector3d>(nominal.data() + 3 * i) = bundle->markers[i].nominal;
+  }
+
+  ceres::Problem::Options problem_options;
+  problem_options.enable_fast_removal = false;
+  problem_options.disable_all_safety_checks = true;
+  ceres::Problem problem(problem_options);
+  auto* ordering = new ceres::ParameterBlockOrdering;
+
+  std::vector<bool> block_used(block_count, false);
+  std::vector<bool> camera_used(bundle->cameras.size(), false);
+  const auto& observations = bundle->observations;
+  std::vector<const BundleObservation*> group;
+  for (size_t begin = 0; begin < observations.size();) {
+    const BundleObservation& first = observations[begin];
+    const auto block = static_cast<size_t>(first.marker / kMarkersPerBlock);
+    group.clear();
+    size_t end = begin;
+    for (; end < observations.size(); ++end) {
+      const BundleObservation& next = observations[end];
+      if (next.frame != first.frame || next.camera != first.camera ||
+          static_cast<size_t>(next.marker / kMarkersPerBlock) != block) {
+        break;
+      }
+      if (next.used) group.push_back(&next);
+    }
+    begin = end;
+    if (group.empty()) continue;
+
+    const auto camera_index = static_cast<size_t>(first.camera);
+    const BundleCamera& camera = bundle->cameras[camera_index];
+    ChartedPose& pose = poses[static_cast<size_t>(first.frame)];
+    ChartedPose* mount = camera.is_master ? nullptr : &mounts[camera_index];
+    std::vector<double*> blocks{params[camera_index].data()};
+    if (mount != nullptr) blocks.push_back(mount->delta.data());
+    blocks.push_back(pose.delta.data());
+    if (free_markers) blocks.push_back(markers.data() + block * kMarkerBlockSize);
+    problem.AddResidualBlock(
+        new ViewCost(camera, mount, pose, group, *bundle, free_markers, options),
+        nullptr,
+        blocks);
+    ordering->AddElementToGroup(pose.delta.data(), 0);
+    camera_used[camera_index] = true;
+    if (free_markers) block_used[block] = true;
+  }
+
+  size_t dense_unknowns = 0;
+  for (size_t i = 0; i < bundle->cameras.size(); ++i) {
+    if (!camera_used[i]) continue;
+    const BundleCamera& camera = bundle->cameras[i];
+    double* block = params[i].data();
+    ordering->AddElementToGroup(block, 1);
+    std::vector<int> held;
+    for (size_t k = 0; k < camera.params.size(); ++k) {
+      if (camera.fixed[k]) held.push_back(static_cast<int>(k));
+    }
+    if (options.hold_intrinsics || held.size() == camera.params.size()) {
+      problem.SetParameterBlockConstant(block);
+    } else if (!held.empty()) {
+      problem.SetManifold(
+          block, new ceres::SubsetManifold(static_cast<int>(camera.params.size()), held));
+    }
+    if (!camera.is_master) ordering->AddElementToGroup(mounts[i].delta.data(), 1);
+    dense_unknowns += camera.params.size() + 6;
+  }
+  for (size_t block = 0; block < block_count; ++block) {
+    if (!block_used[block]) continue;
+    double* data = markers.data() + block * kMarkerBlockSize;
+    const size_t first = block * kMarkersPerBlock;
+    const size_t in_block = std::min<size_t>(kMarkersPerBlock, bundle->markers.size() - first);
+    problem.AddResidualBlock(new MarkerPrior(nominal.data() + block * kMarkerBlockSize,
+                                             static_cast<int>(3 * in_block),
+                                             bundle->marker_sigma),
+                             nullptr,
+                             data);
+    if (in_block < kMarkersPerBlock) {
+      std::vector<int> spare;
+      for (int i = static_cast<int>(3 * in_block); i < kMarkerBlockSize; ++i) spare.push_back(i);
+      problem.SetManifold(data, new ceres::SubsetManifold(kMarkerBlockSize, spare));
+    }
+    ordering->AddElementToGroup(data, 1);
+    dense_unknowns += kMarkerBlockSize;
+  }
+
+  ceres::Solver::Options solver;
+  // Poses first: there are many, each touches few residuals, and what remains is small and dense.
+  solver.linear_solver_ordering.reset(ordering);
+  solver.linear_solver_type =
+      dense_unknowns <= kMaxDenseUnknowns ? ceres::DENSE_SCHUR : ceres::SPARSE_SCHUR;
+  solver.num_threads = 1;
+  solver.logging_type = ceres::SILENT;
+  solver.max_num_iterations = options.max_iterations;
+  solver.function_tolerance = options.cost_tolerance;
+  solver.gradient_tolerance = 1e-14;
+  solver.parameter_tolerance = 1e-13;
+  solver.initial_trust_region_radius = 1e6;
+  IterationReport report(options);
+  solver.callbacks.push_back(&report);
+
+  ceres::Solver::Summary solved;
+  ceres::Solve(solver, &problem, &solved);
+
+  AdjustSummary summary;
+  summary.usable = solved.IsSolutionUsable();
+  summary.converged = solved.termination_type == ceres::CONVERGENCE;
+  summary.stopped = solved.termination_type == ceres::USER_FAILURE;
+  summary.iterations = static_cast<int>(solved.iterations.size());
+  summary.cost = solved.final_cost;
+  summary.message = solved.message;
+  if (!summary.usable) return summary;
+
+  for (size_t i = 0; i < bundle->cameras.size(); ++i) {
+    bundle->cameras[i].params = params[i];
+    bundle->cameras[i].T_camera_rig = mounts[i].Value();
+  }
+  for (size_t i = 0; i < poses.size(); ++i) bundle->T_rig_target[i] = poses[i].Value();
+  if (free_markers) {
+    for (size_t i = 0; i < bundle->markers.size(); ++i) {
+      bundle->markers[i].position = Eigen::Map<const Eigen::Vector3d>(markers.data() + 3 * i);
+    }
+  }
+  return summary;
+}
+
+}  // namespace plenocal

@@ -1,0 +1,118 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// The one bundle adjustment that all cameras of a session share.
+#pragma once
+
+#include <Eigen/Core>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "calib/camera_model.h"
+#include "calib/observation.h"
+#include "calib/rigid_transform.h"
+
+namespace plenocal {
+
+struct BundleCamera {
+  const CameraModel* model = nullptr;
+  std::vector<double> config;
+  std::vector<double> params;
+  std::vector<bool> fixed;      ///< per parameter: hold it
+  RigidTransform T_camera_rig;  ///< identity for the rig's master
+  bool is_master = false;       ///< its T_camera_rig is the rig's frame and never estimated
+  /// Standard deviation of a residual of this camera in units of the observations' own sigmas.
+  double noise = 1;
+};
+
+struct BundleMarker {
+  int number = 0;
+  Eigen::Vector3d position;
+  Eigen::Vector3d nominal;
+};
+
+struct BundleObservation {
+  int camera = 0;
+  int frame = 0;
+  int marker = 0;  ///< index into Bundle::markers
+  Observation seen;
+  bool used = true;
+};
+
+/// State and data of the adjustment. `observations` are sorted by frame, then camera, then marker.
+struct Bundle {
+  std::vector<BundleCamera> cameras;
+  std::vector<RigidTransform> T_rig_target;  ///< per frame
+  std::vector<BundleMarker> markers;
+  /// Sigma of each nominal marker coordinate; 0 holds the markers at their positions.
+  double marker_sigma = 0;
+  std::vector<BundleObservation> observations;
+};
+
+enum class Loss { kNone, kHuber, kCauchy };
+
+struct AdjustOptions {
+  Loss loss = Loss::kNone;
+  /// Width of the loss in sigmas of one observation (length of its weighted residual vector).
+  double loss_width = 3;
+  int max_iterations = 100;
+  /// The solve has converged when a step lowers the cost by less than this part of it.
+  double cost_tolerance = 1e-10;
+  bool hold_intrinsics = false;
+  /// Called after every iteration with its number and cost; false stops the solve.
+  std::function<bool(int iteration, double cost)> on_iteration;
+};
+
+struct AdjustSummary {
+  bool usable = false;     ///< the state is at least as good as before
+  bool converged = false;  ///< no further improvement was possible
+  bool stopped = false;    ///< `on_iteration` asked for it
+  int iterations = 0;
+  double cost = 0;  ///< half the (robustified) sum of squares
+  std::string message;
+};
+
+/// Minimises over intrinsics, T_camera_rig, T_rig_target and markers. Every used observation must
+/// project at the start (`ScreenObservations`). Runs Ceres on one thread: its parallel sums depend on
+/// the schedule, and the same input must give the same bytes.
+AdjustSummary Adjust(Bundle* bundle, const AdjustOptions& options);
+
+/// Residual of one observation, measured minus predicted; false outside the model's domain.
+bool Residual(const Bundle& bundle, const BundleObservation& observation, double* residual);
+
+/// Length of the residual in sigmas (the observation's sigma times its camera's noise).
+double WeightedLength(const Bundle& bundle,
+                      const BundleObservation& observation,
+                      const double* residual);
+
+namespace internal {
+
+/// Poses that one view's observations share, with the Jacobian of each chart at its present place.
+struct LinearisedView {
+  RigidTransform T_camera_rig, T_rig_target;
+  Eigen::Matrix3d chart_mount = Eigen::Matrix3d::Identity();  ///< left Jacobian at the chart's w
+  Eigen::Matrix3d chart_pose = Eigen::Matrix3d::Identity();
+};
+
+/// Where one observation's weighted residual and derivatives go; row-major, one row a measured
+/// coordinate. Null pointers are not written.
+struct LinearisedRows {
+  double* residual = nullptr;
+  double* J_params = nullptr;  ///< rows x params
+  double* J_mount = nullptr;   ///< rows x 6, chart of T_camera_rig
+  double* J_pose = nullptr;    ///< rows x 6, chart of T_rig_target
+  double* J_marker = nullptr;  ///< rows x 3
+};
+
+/// Residual of one observation in sigmas with its derivatives; false outside the model's domain. Shared
+/// by the solver's cost function and by the covariance, so that both mean the same. J_params is
+/// needed for any derivative; without it only the residual is computed.
+bool Linearise(const BundleCamera& camera,
+               const double* params,
+               const LinearisedView& view,
+               const Eigen::Vector3d& p_target,
+               const Observation& seen,
+               const LinearisedRows& out);
+
+}  // namespace internal
+}  // namespace plenocal

@@ -1,0 +1,212 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// The camera-model plug-in.
+//
+// A camera model is one header in models/ with one struct that satisfies `CameraModelPlugin`. The
+// build finds it (models/CMakeLists.txt) and puts its `CameraModel`, the table that the rest of the
+// project works with, into the registry. Reader, writer, `plenocal models`, the bundle adjuster and
+// the property tests all run over that table; nothing outside models/ knows what a parameter means.
+#pragma once
+
+#include <ceres/jet.h>
+
+#include <Eigen/Core>
+#include <array>
+#include <concepts>
+#include <limits>
+#include <map>
+#include <optional>
+#include <span>
+#include <string_view>
+#include <vector>
+
+#include "calib/observation.h"
+#include "calib/rigid_transform.h"
+
+namespace plenocal {
+
+template <typename T>
+using Vector2 = Eigen::Matrix<T, 2, 1>;
+template <typename T>
+using Vector3 = Eigen::Matrix<T, 3, 1>;
+
+/// One parameter of a camera model.
+struct Param {
+  std::string_view name;  ///< the symbol of the model's source: "f_x"
+  std::string_view unit;  ///< "px", "m", "1"
+  double lower = -std::numeric_limits<double>::infinity();  ///< a value must be above this
+  double upper = std::numeric_limits<double>::infinity();   ///< and below this
+  /// A change of this size, or of the parameter's own size where that is larger, makes another
+  /// camera. Uncertainty is judged in this unit: a direction whose sigma is larger than it is not
+  /// determined by the data.
+  double scale = 0;
+};
+
+/// What a point in an image says about the scene: it lies on origin + lambda * direction, lambda > 0,
+/// in the camera's frame. |direction| = 1.
+struct Ray {
+  Eigen::Vector3d origin = Eigen::Vector3d::Zero();
+  Eigen::Vector3d direction = Eigen::Vector3d::UnitZ();
+};
+
+/// From what a model must find its start values.
+struct StartProblem {
+  std::span<const View> views;
+  const std::map<int, Eigen::Vector3d>* markers = nullptr;  ///< marker number -> point, m
+  ImageSize image_size{};
+  std::span<const double> config;
+  std::span<const std::optional<double>> given;  ///< the user's start value of each parameter
+};
+
+/// A possible start; the best of several is chosen by adjusting each.
+struct StartCandidate {
+  std::vector<double> params;
+};
+
+/// A camera model as the rest of the project sees it: data and functions, no assumption about what
+/// the parameters mean. Pointers refer to static storage. `values` is an observation's:
+/// `measured.size()` measured coordinates, then `context.size()` numbers that say through what they
+/// were seen (a micro lens' centre).
+struct CameraModel {
+  std::string_view name;
+  std::string_view source;              ///< publication and equations
+  std::span<const Param> params;        ///< estimated
+  std::span<const Param> config;        ///< never estimated, given in the session: pixel_size
+  std::span<const std::string_view> measured;  ///< names of the residuals' coordinates
+  std::span<const std::string_view> context;
+  std::span<const double> example;         ///< valid parameters, for tests
+  std::span<const double> example_config;  ///< likewise
+  ImageSize example_size;                  ///< image that goes with the example, px
+  bool central;                            ///< all rays meet in the camera frame's origin
+
+  /// Predicted measured coordinates of p_cam; false outside the model's domain.
+  bool (*project)(const double* params,
+                  const double* config,
+                  const double* values,
+                  const Eigen::Vector3d& p_cam,
+                  double* predicted);
+  /// The same with derivatives: J_params is measured x params, J_point measured x 3, row-major.
+  bool (*project_with_jacobian)(const double* params,
+                                const double* config,
+                                const double* values,
+                                const Eigen::Vector3d& p_cam,
+                                double* predicted,
+                                double* J_params,
+                                double* J_point);
+  /// The ray on which a measured point lies; nothing outside the domain.
+  std::optional<Ray> (*unproject)(const double* params, const double* config, const double* values);
+  /// Start values without a guess by the user; empty when the views do not suffice.
+  std::vector<StartCandidate> (*start)(const StartProblem& problem);
+};
+
+/// What a struct in models/ must have. `Project` is the model's only statement of its mathematics.
+///
+/// Models of ordinary cameras derive from `CentralModel` (models/start/central_model.h), which
+/// supplies kMeasured, kContext, kConfig, kCentral, and have the short signatures
+///   template <typename T> static bool Project(const T* params, const Vector3<T>& p_cam, T* u);
+///   static std::optional<Vector3d> Unproject(const double* params, const Vector2d& u);
+/// Others take config and context as well, after params:
+///   template <typename T> static bool Project(const T* params, const double* config,
+///                                             const double* context, const Vector3<T>&, T*);
+///   static std::optional<Ray> Unproject(params, config, values);
+template <typename M>
+concept CameraModelPlugin = requires(const StartProblem& problem) {
+  { M::kName } -> std::convertible_to<std::string_view>;
+  { M::kSource } -> std::convertible_to<std::string_view>;
+  { std::span<const Param>(M::kParams) };
+  { std::span<const Param>(M::kConfig) };
+  { std::span<const std::string_view>(M::kMeasured) };
+  { std::span<const std::string_view>(M::kContext) };
+  { M::kCentral } -> std::convertible_to<bool>;
+  { std::span<const double>(M::kExample) };
+  { std::span<const double>(M::kExampleConfig) };
+  { M::kExampleSize } -> std::convertible_to<ImageSize>;
+  { M::Start(problem) } -> std::same_as<std::vector<StartCandidate>>;
+  requires M::kParams.size() == M::kExample.size();
+  requires M::kConfig.size() == M::kExampleConfig.size();
+  requires M::kMeasured.size() + M::kContext.size() <= kMaxObservationSize;
+};
+
+namespace internal {
+
+template <CameraModelPlugin M, typename T>
+bool Project(const T* params,
+             const double* config,
+             const double* values,
+             const Vector3<T>& p_cam,
+             T* predicted) {
+  if constexpr (requires { M::Project(params, p_cam, predicted); }) {
+    return M::Project(params, p_cam, predicted);
+  } else {
+    return M::Project(params, config, values + M::kMeasured.size(), p_cam, predicted);
+  }
+}
+
+template <CameraModelPlugin M>
+bool ProjectWithJacobian(const double* params,
+                         const double* config,
+                         const double* values,
+                         const Eigen::Vector3d& p_cam,
+                         double* predicted,
+                         double* J_params,
+                         double* J_point) {
+  constexpr int kParamCount = static_cast<int>(M::kParams.size());
+  constexpr int kMeasuredCount = static_cast<int>(M::kMeasured.size());
+  using Jet = ceres::Jet<double, kParamCount + 3>;
+  std::array<Jet, kParamCount> params_jet;
+  for (int i = 0; i < kParamCount; ++i) params_jet[i] = Jet(params[i], i);
+  const Vector3<Jet> p_jet(Jet(p_cam.x(), kParamCount),
+                           Jet(p_cam.y(), kParamCount + 1),
+                           Jet(p_cam.z(), kParamCount + 2));
+  std::array<Jet, kMeasuredCount> predicted_jet;
+  if (!Project<M>(params_jet.data(), config, values, p_jet, predicted_jet.data())) return false;
+  for (int r = 0; r < kMeasuredCount; ++r) {
+    predicted[r] = predicted_jet[r].a;
+    for (int i = 0; i < kParamCount; ++i) J_params[r * kParamCount + i] = predicted_jet[r].v[i];
+    for (int i = 0; i < 3; ++i) J_point[r * 3 + i] = predicted_jet[r].v[kParamCount + i];
+  }
+  return true;
+}
+
+template <CameraModelPlugin M>
+std::optional<Ray> Unproject(const double* params, const double* config, const double* values) {
+  if constexpr (requires { M::Unproject(params, Eigen::Vector2d()); }) {
+    const std::optional<Eigen::Vector3d> direction =
+        M::Unproject(params, Eigen::Vector2d(values[0], values[1]));
+    if (!direction) return std::nullopt;
+    return Ray{Eigen::Vector3d::Zero(), *direction};
+  } else {
+    return M::Unproject(params, config, values);
+  }
+}
+
+}  // namespace internal
+
+/// The table of model M.
+template <CameraModelPlugin M>
+constexpr CameraModel MakeCameraModel() {
+  return {M::kName,
+          M::kSource,
+          M::kParams,
+          M::kConfig,
+          M::kMeasured,
+          M::kContext,
+          M::kExample,
+          M::kExampleConfig,
+          M::kExampleSize,
+          M::kCentral,
+          &internal::Project<M, double>,
+          &internal::ProjectWithJacobian<M>,
+          &internal::Unproject<M>,
+          &M::Start};
+}
+
+/// The model of that name in `models`, or nullptr.
+inline const CameraModel* FindModel(std::span<const CameraModel> models, std::string_view name) {
+  for (const CameraModel& model : models) {
+    if (model.name == name) return &model;
+  }
+  return nullptr;
+}
+
+}  // namespace plenocal

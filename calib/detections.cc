@@ -1,0 +1,221 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/detections.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <fstream>
+#include <sstream>
+#include <unordered_map>
+
+#include "calib/error.h"
+#include "calib/number_text.h"
+
+namespace plenocal {
+namespace {
+
+// Enough that exact (simulated) observations pass through a file without visible loss.
+constexpr int kCoordinateDecimals = 8;
+
+std::string ReadText(const std::filesystem::path& path) {
+  std::error_code error;
+  if (!std::filesystem::exists(path, error)) {
+    throw Error(ErrorKind::kInput, fmt::format("{}: no such file", path.string()));
+  }
+  std::ifstream file(path, std::ios::binary);
+  if (std::filesystem::is_directory(path, error) || !file) {
+    throw Error(ErrorKind::kInput, fmt::format("{}: cannot be read", path.string()));
+  }
+  std::ostringstream text;
+  text << file.rdbuf();
+  return std::move(text).str();
+}
+
+std::string_view Trim(std::string_view text) {
+  const size_t first = text.find_first_not_of(" \t\r");
+  if (first == std::string_view::npos) return {};
+  return text.substr(first, text.find_last_not_of(" \t\r") - first + 1);
+}
+
+void Split(std::string_view line, std::vector<std::string_view>* fields) {
+  fields->clear();
+  for (size_t begin = 0;;) {
+    const size_t comma = line.find(',', begin);
+    fields->push_back(Trim(line.substr(begin, comma - begin)));
+    if (comma == std::string_view::npos) return;
+    begin = comma + 1;
+  }
+}
+
+class DetectionReader {
+ public:
+  DetectionReader(const std::filesystem::path& path, const CameraModel& model)
+      : path_(path.string()), model_(model) {}
+
+  std::vector<View> Read(std::string_view text) {
+    bool has_header = false;
+    while (!text.empty()) {
+      const size_t newline = text.find('\n');
+      std::string_view line = text.substr(0, newline);
+      text.remove_prefix(newline == std::string_view::npos ? text.size() : newline + 1);
+      ++line_;
+      if (line_ == 1 && line.starts_with("\xEF\xBB\xBF")) line.remove_prefix(3);
+      line = Trim(line);
+      if (line.empty() || line.front() == '#') continue;
+      Split(line, &fields_);
+      if (has_header) {
+        ReadRow();
+      } else {
+        ReadHeader();
+        has_header = true;
+      }
+    }
+    if (!has_header) Fail("expected a header line such as 'frame,marker,x,y,sigma', found nothing");
+    CheckUnique();
+    return std::move(views_);
+  }
+
+ private:
+  [[noreturn]] void Fail(const std::string& message) const {
+    throw Error(ErrorKind::kInput, fmt::format("{}:{}: {}", path_, std::max(line_, 1), message));
+  }
+
+  int FindColumn(std::string_view name) const {
+    const auto found = std::find(fields_.begin(), fields_.end(), name);
+    return found == fields_.end() ? -1 : static_cast<int>(found - fields_.begin());
+  }
+
+  void ReadHeader() {
+    const auto require = [&](std::string_view name) {
+      const int column = FindColumn(name);
+      if (column < 0) {
+        Fail(fmt::format("column '{}' is missing; model {} needs frame,marker,{}{}{}[,sigma]",
+                         name,
+                         model_.name,
+                         fmt::join(model_.measured, ","),
+                         model_.context.empty() ? "" : ",",
+                         fmt::join(model_.context, ",")));
+      }
+      return static_cast<size_t>(column);
+    };
+    column_count_ = fields_.size();
+    frame_column_ = require("frame");
+    marker_column_ = require("marker");
+    for (const std::string_view name : model_.measured) value_columns_.push_back(require(name));
+    for (const std::string_view name : model_.context) value_columns_.push_back(require(name));
+    sigma_column_ = FindColumn("sigma");
+  }
+
+  double Number(size_t column, std::string_view what) const {
+    const std::string_view text = fields_[column];
+    double value = 0;
+    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+    if (error != std::errc() || end != text.data() + text.size() || !std::isfinite(value)) {
+      Fail(fmt::format("{}: expected a number, found '{}'", what, text));
+    }
+    return value;
+  }
+
+  void ReadRow() {
+    if (fields_.size() != column_count_) {
+      Fail(fmt::format("expected {} columns as in the header, found {} (is the file truncated?)",
+                       column_count_,
+                       fields_.size()));
+    }
+    Observation observation;
+    const std::string_view marker = fields_[marker_column_];
+    const auto [end, error] =
+        std::from_chars(marker.data(), marker.data() + marker.size(), observation.marker);
+    if (error != std::errc() || end != marker.data() + marker.size()) {
+      Fail(fmt::format("marker: expected a whole number, found '{}'", marker));
+    }
+    for (size_t i = 0; i < value_columns_.size(); ++i) {
+      const std::string_view name = i < model_.measured.size()
+                                        ? model_.measured[i]
+                                        : model_.context[i - model_.measured.size()];
+      observation.values[i] = Number(value_columns_[i], name);
+    }
+    if (sigma_column_ >= 0 && !fields_[static_cast<size_t>(sigma_column_)].empty()) {
+      observation.sigma = Number(static_cast<size_t>(sigma_column_), "sigma");
+      if (!(observation.sigma > 0)) {
+        Fail(fmt::format("sigma: expected a positive number, found '{}'",
+                         fields_[static_cast<size_t>(sigma_column_)]));
+      }
+    }
+    const std::string_view frame = fields_[frame_column_];
+    if (frame.empty()) Fail("frame: expected a name, found nothing");
+    // Rows of one frame usually follow each other.
+    if (views_.empty() || views_[last_view_].frame != frame) {
+      const auto [place, is_new] = view_of_frame_.emplace(std::string(frame), views_.size());
+      if (is_new) views_.push_back({std::string(frame), {}});
+      last_view_ = place->second;
+    }
+    views_[last_view_].observations.push_back(observation);
+  }
+
+  // The same marker through the same micro lens can be seen once.
+  void CheckUnique() const {
+    const size_t first = model_.measured.size(), last = first + model_.context.size();
+    const auto key_less = [&](const Observation& a, const Observation& b) {
+      if (a.marker != b.marker) return a.marker < b.marker;
+      return std::lexicographical_compare(a.values.begin() + first,
+                                          a.values.begin() + last,
+                                          b.values.begin() + first,
+                                          b.values.begin() + last);
+    };
+    for (const View& view : views_) {
+      std::vector<Observation> sorted = view.observations;
+      std::sort(sorted.begin(), sorted.end(), key_less);
+      const auto twin = std::adjacent_find(
+          sorted.begin(), sorted.end(), [&](const auto& a, const auto& b) { return !key_less(a, b); });
+      if (twin != sorted.end()) {
+        throw Error(ErrorKind::kInput,
+                    fmt::format("{}: frame '{}' has marker {} twice; keep one row",
+                                path_,
+                                view.frame,
+                                twin->marker));
+      }
+    }
+  }
+
+  std::string path_;
+  const CameraModel& model_;
+  int line_ = 0;
+  std::vector<std::string_view> fields_;
+  size_t column_count_ = 0, frame_column_ = 0, marker_column_ = 0;
+  std::vector<size_t> value_columns_;
+  int sigma_column_ = -1;
+  std::vector<View> views_;
+  std::unordered_map<std::string, size_t> view_of_frame_;
+  size_t last_view_ = 0;
+};
+
+}  // namespace
+
+std::vector<View> ReadDetections(const std::filesystem::path& path, const CameraModel& model) {
+  return DetectionReader(path, model).Read(ReadText(path));
+}
+
+std::string DetectionsCsv(std::span<const View> views, const CameraModel& model) {
+  std::string text = "frame,marker";
+  for (const std::string_view name : model.measured) text.append(",").append(name);
+  for (const std::string_view name : model.context) text.append(",").append(name);
+  text += ",sigma\n";
+  for (const View& view : views) {
+    for (const Observation& observation : view.observations) {
+      text.append(view.frame).append(",").append(std::to_string(observation.marker));
+      for (size_t i = 0; i < model.measured.size() + model.context.size(); ++i) {
+        text += ',';
+        AppendFixed(observation.values[i], kCoordinateDecimals, &text);
+      }
+      text += ',';
+      if (observation.sigma > 0) AppendFixed(observation.sigma, kCoordinateDecimals, &text);
+      text += '\n';
+    }
+  }
+  return text;
+}
+
+}  // namespace plenocal

@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "calib/camera_model.h"
+#include "calib/observation.h"
+
+namespace plenocal {
+
+/// Reads a detections CSV (FORMATS.md) with the columns of `model`: frame, marker, what the model
+/// measures, its context, and sigma, which may be absent or empty. Columns are found by name, in any
+/// order; others are ignored. Views come in the order in which their frames first appear. Throws `Error`
+/// with file and line for a missing column, a value that is no finite number, a sigma that is not
+/// positive, or a row that repeats frame, marker and context of another.
+std::vector<View> ReadDetections(const std::filesystem::path& path, const CameraModel& model);
+
+/// The same table as text.
+std::string DetectionsCsv(std::span<const View> views, const CameraModel& model);
+
+}  // namespace plenocal

@@ -1,0 +1,249 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/resection.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <vector>
+
+namespace plenocal {
+namespace {
+
+// Point sets whose thickness is below this part of their width are treated as planes (too): the
+// direct linear transform of such a set is badly conditioned.
+constexpr double kPlaneThickness = 0.05;
+// Ratio of width to length under which points count as lying on a line.
+constexpr double kLineWidth = 1e-4;
+
+struct Spread {
+  Eigen::Vector3d centre;
+  Eigen::Matrix3d axes;    // columns by falling extent, right-handed
+  Eigen::Vector3d extent;  // root mean square along each axis
+};
+
+Spread SpreadOf(std::span<const Eigen::Vector3d> points) {
+  Spread spread;
+  spread.centre.setZero();
+  for (const auto& p : points) spread.centre += p;
+  spread.centre /= static_cast<double>(points.size());
+  Eigen::Matrix3d scatter = Eigen::Matrix3d::Zero();
+  for (const auto& p : points) {
+    scatter += (p - spread.centre) * (p - spread.centre).transpose();
+  }
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(scatter /
+                                                             static_cast<double>(points.size()));
+  spread.axes = eigen.eigenvectors().rowwise().reverse();
+  if (spread.axes.determinant() < 0) spread.axes.col(2) *= -1;
+  spread.extent = eigen.eigenvalues().reverse().cwiseMax(0).cwiseSqrt();
+  return spread;
+}
+
+// Two unit vectors orthogonal to d and to each other, as rows.
+Eigen::Matrix<double, 2, 3> Tangent(const Eigen::Vector3d& d) {
+  Eigen::Matrix<double, 2, 3> basis;
+  basis.row(0) = d.unitOrthogonal();
+  basis.row(1) = d.cross(basis.row(0).transpose());
+  return basis;
+}
+
+// Smallest right singular vector of the system tangent(d_i) * M * q_i = 0 with q of `columns` rows;
+// M is returned 3 x columns.
+Eigen::MatrixXd SolveHomogeneous(std::span<const Ray> rays, const Eigen::MatrixXd& q) {
+  const Eigen::Index columns = q.rows();
+  Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(3 * columns, 3 * columns);
+  Eigen::MatrixXd rows(2, 3 * columns);
+  for (size_t i = 0; i < rays.size(); ++i) {
+    const auto basis = Tangent(rays[i].direction);
+    const auto n = static_cast<Eigen::Index>(i);
+    for (Eigen::Index c = 0; c < columns; ++c) rows.middleCols<3>(3 * c) = basis * q(c, n);
+    normal += rows.transpose() * rows;
+  }
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(normal);
+  const Eigen::VectorXd m = eigen.eigenvectors().col(0);
+  return Eigen::Map<const Eigen::MatrixXd>(m.data(), 3, columns);
+}
+
+Eigen::Matrix3d NearestRotation(const Eigen::Matrix3d& M) {
+  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(M, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  Eigen::Vector3d signs(1, 1, (svd.matrixU() * svd.matrixV().transpose()).determinant());
+  return svd.matrixU() * signs.asDiagonal() * svd.matrixV().transpose();
+}
+
+// Which sign of the homogeneous solution puts more points in front of their rays.
+double FrontSign(std::span<const Ray> rays, const Eigen::MatrixXd& M, const Eigen::MatrixXd& q) {
+  double sum = 0;
+  for (size_t i = 0; i < rays.size(); ++i) {
+    const Eigen::Vector3d p = M * q.col(static_cast<Eigen::Index>(i));
+    sum += std::copysign(1.0, rays[i].direction.dot(p));
+  }
+  return sum < 0 ? -1 : 1;
+}
+
+// Poses of the normalised point set (centred, principal axes, unit extent).
+RigidTransform PlanarPose(std::span<const Ray> rays, const Eigen::Matrix3Xd& points) {
+  Eigen::MatrixXd q(3, points.cols());
+  q.topRows<2>() = points.topRows<2>();
+  q.row(2).setOnes();
+  Eigen::MatrixXd H = SolveHomogeneous(rays, q);
+  H *= FrontSign(rays, H, q) / std::sqrt(H.col(0).norm() * H.col(1).norm());
+  Eigen::Matrix3d M;
+  M.col(0) = H.col(0);
+  M.col(1) = H.col(1);
+  M.col(2) = Eigen::Vector3d(H.col(0)).cross(Eigen::Vector3d(H.col(1)));
+  return {NearestRotation(M), H.col(2)};
+}
+
+RigidTransform SpatialPose(std::span<const Ray> rays, const Eigen::Matrix3Xd& points) {
+  Eigen::MatrixXd q(4, points.cols());
+  q.topRows<3>() = points;
+  q.row(3).setOnes();
+  Eigen::MatrixXd P = SolveHomogeneous(rays, q);
+  const double sign = std::copysign(1.0, Eigen::Matrix3d(P.leftCols<3>()).determinant());
+  const double scale = std::cbrt(std::abs(Eigen::Matrix3d(P.leftCols<3>()).determinant()));
+  P *= sign / std::max(scale, std::numeric_limits<double>::min());
+  return {NearestRotation(P.leftCols<3>()), P.col(3)};
+}
+
+// The same plane tilted the other way about its line of sight.
+RigidTransform MirroredTilt(const RigidTransform& T) {
+  const Eigen::Vector3d sight = T.t.normalized();
+  const Eigen::Vector3d normal = T.R.col(2);
+  const Eigen::Vector3d mirrored = 2 * sight.dot(normal) * sight - normal;
+  return {Eigen::Quaterniond::FromTwoVectors(normal, mirrored).toRotationMatrix() * T.R, T.t};
+}
+
+// Levenberg-Marquardt on the angles between rays and points, reweighted by Cauchy's function with the
+// median residual as its width, so that a misread marker does not pull the pose.
+std::optional<Resection> Refine(std::span<const Ray> rays,
+                                const Eigen::Matrix3Xd& points,
+                                RigidTransform T) {
+  constexpr int kMaxIterations = 50;
+  // Far below what any image can tell; the bundle adjustment does the rest.
+  constexpr double kConverged = 1e-7;
+  const auto n = static_cast<Eigen::Index>(rays.size());
+  std::vector<Eigen::Matrix<double, 2, 3>> bases;
+  bases.reserve(rays.size());
+  for (const Ray& ray : rays) bases.push_back(Tangent(ray.direction));
+
+  const auto residuals = [&](const RigidTransform& pose, Eigen::Matrix2Xd* r) {
+    r->resize(2, n);
+    for (Eigen::Index i = 0; i < n; ++i) {
+      const Ray& ray = rays[static_cast<size_t>(i)];
+      const Eigen::Vector3d p = pose * Eigen::Vector3d(points.col(i)) - ray.origin;
+      const double distance = p.norm();
+      if (!(distance > 0)) return false;
+      const Eigen::Vector2d tangential = bases[static_cast<size_t>(i)] * p / distance;
+      // Behind the ray the sine shrinks again; continue it so that the error keeps growing.
+      const double forward = ray.direction.dot(p) / distance;
+      r->col(i) = forward >= 0 ? tangential : Eigen::Vector2d(tangential * (1 - 4 * forward));
+    }
+    return true;
+  };
+  Eigen::Matrix2Xd r;
+  if (!residuals(T, &r)) return std::nullopt;
+
+  double lambda = 1e-3;
+  for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
+    std::vector<double> norms(rays.size());
+    for (Eigen::Index i = 0; i < n; ++i) norms[static_cast<size_t>(i)] = r.col(i).norm();
+    std::vector<double> sorted = norms;
+    std::nth_element(sorted.begin(), sorted.begin() + sorted.size() / 2, sorted.end());
+    const double width = std::max(3 * sorted[sorted.size() / 2], 1e-12);
+    const auto cost = [&](const Eigen::Matrix2Xd& res) {
+      return (res.colwise().squaredNorm().array() / (width * width)).log1p().sum();
+    };
+
+    Matrix6d H = Matrix6d::Zero();
+    Vector6d g = Vector6d::Zero();
+    for (Eigen::Index i = 0; i < n; ++i) {
+      const auto k = static_cast<size_t>(i);
+      const Eigen::Vector3d rotated = T.R * points.col(i);
+      const Eigen::Vector3d p = rotated + T.t - rays[k].origin;
+      const double distance = p.norm();
+      const Eigen::Vector3d u = p / distance;
+      const Eigen::Matrix<double, 2, 3> J_p =
+          bases[k] * (Eigen::Matrix3d::Identity() - u * u.transpose()) / distance;
+      Eigen::Matrix<double, 2, 6> J;
+      J.leftCols<3>() = J_p;
+      J.rightCols<3>() = -J_p * Hat(rotated);
+      const double weight = 1 / (1 + norms[k] * norms[k] / (width * width));
+      H += weight * J.transpose() * J;
+      g += weight * J.transpose() * r.col(i);
+    }
+    const double before = cost(r);
+    bool improved = false;
+    double step_size = 0;
+    for (int attempt = 0; attempt < 10 && !improved; ++attempt) {
+      Matrix6d damped = H;
+      damped.diagonal() += lambda * H.diagonal();
+      const Vector6d delta = -damped.ldlt().solve(g);
+      if (!delta.allFinite()) return std::nullopt;
+      const RigidTransform next = Retract(T, delta);
+      Eigen::Matrix2Xd r_next;
+      if (residuals(next, &r_next) && cost(r_next) < before) {
+        T = next;
+        r = r_next;
+        lambda = std::max(lambda / 10, 1e-12);
+        improved = true;
+        step_size = delta.norm();
+      } else {
+        lambda *= 10;
+      }
+    }
+    if (!improved || step_size < kConverged) break;
+  }
+
+  double sum = 0, front = 0;
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const auto k = static_cast<size_t>(i);
+    const Eigen::Vector3d p = T * Eigen::Vector3d(points.col(i)) - rays[k].origin;
+    const double angle = std::atan2((bases[k] * p).norm(), rays[k].direction.dot(p));
+    sum += angle * angle;
+    front += rays[k].direction.dot(p) > 0 ? 1 : 0;
+  }
+  if (2 * front < static_cast<double>(n)) return std::nullopt;
+  return Resection{T, std::sqrt(sum / static_cast<double>(n))};
+}
+
+}  // namespace
+
+std::optional<Resection> Resect(std::span<const Ray> rays,
+                                std::span<const Eigen::Vector3d> points) {
+  if (points.size() < 4 || rays.size() != points.size()) return std::nullopt;
+  const Spread spread = SpreadOf(points);
+  if (!(spread.extent[1] > kLineWidth * spread.extent[0])) return std::nullopt;
+
+  // Normalise: points in their principal axes with unit extent, so that tolerances have no unit.
+  const double unit = spread.extent[0];
+  Eigen::Matrix3Xd normalised(3, points.size());
+  std::vector<Ray> scaled(rays.begin(), rays.end());
+  for (size_t i = 0; i < points.size(); ++i) {
+    normalised.col(static_cast<Eigen::Index>(i)) =
+        spread.axes.transpose() * (points[i] - spread.centre) / unit;
+    scaled[i].origin /= unit;
+  }
+
+  std::vector<RigidTransform> starts;
+  const bool flat = spread.extent[2] < kPlaneThickness * spread.extent[1];
+  if (points.size() >= 6 && !flat) starts.push_back(SpatialPose(scaled, normalised));
+  if (flat || points.size() < 6) {
+    starts.push_back(PlanarPose(scaled, normalised));
+    starts.push_back(MirroredTilt(starts.back()));
+  }
+
+  std::optional<Resection> best;
+  for (const RigidTransform& start : starts) {
+    if (!start.t.allFinite() || !start.R.allFinite()) continue;
+    const std::optional<Resection> refined = Refine(scaled, normalised, start);
+    if (refined && (!best || refined->rms < best->rms)) best = refined;
+  }
+  if (!best) return std::nullopt;
+  // Undo the normalisation: p_cam = unit * (R axes' (p - centre) / unit + t).
+  const RigidTransform& T = best->T_camera_target;
+  const Eigen::Matrix3d R = T.R * spread.axes.transpose();
+  best->T_camera_target = {R, unit * T.t - R * spread.centre};
+  return best;
+}
+
+}  // namespace plenocal

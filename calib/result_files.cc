@@ -1,0 +1,363 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/result_files.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <numbers>
+#include <set>
+
+#include "calib/number_text.h"
+
+namespace plenocal {
+namespace {
+
+constexpr double kDegrees = 180 / std::numbers::pi;
+
+template <typename Values>
+std::string YamlList(const Values& values) {
+  std::string text = "[";
+  for (const double value : values) text += (text.size() > 1 ? ", " : "") + YamlNumber(value);
+  return text + "]";
+}
+
+std::string YamlMatrix(const RigidTransform& T) {
+  std::string text = "[";
+  for (int r = 0; r < 3; ++r) {
+    text += fmt::format("[{:.15g}, {:.15g}, {:.15g}, {:.15g}], ",
+                        T.R(r, 0) + 0.0,
+                        T.R(r, 1) + 0.0,
+                        T.R(r, 2) + 0.0,
+                        T.t[r] + 0.0);
+  }
+  return text + "[0, 0, 0, 1]]";
+}
+
+std::string YamlQuoted(const std::string& text) {
+  std::string quoted = "\"";
+  for (const char c : text) {
+    if (c == '"' || c == '\\') quoted += '\\';
+    quoted += c == '\n' ? ' ' : c;
+  }
+  return quoted + "\"";
+}
+
+std::string ParamMap(const CameraModel& model, const std::vector<double>& values) {
+  std::string text = "{";
+  for (size_t i = 0; i < values.size(); ++i) {
+    text += fmt::format(
+        "{}{}: {}", i == 0 ? "" : ", ", model.params[i].name, YamlNumber(values[i]));
+  }
+  return text + "}";
+}
+
+// Sigmas of the se(3) vector of T_camera_rig, from its covariance in the estimation's chart.
+Vector6d SigmaXi(const Calibration& calibration, size_t c) {
+  const Matrix6d& covariance = calibration.uncertainty.mount[c];
+  if (!covariance.allFinite()) return Vector6d::Constant(std::numeric_limits<double>::infinity());
+  const Matrix6d J = LogJacobian(calibration.bundle.cameras[c].T_camera_rig);
+  return (J * covariance * J.transpose()).diagonal().cwiseMax(0).cwiseSqrt();
+}
+
+std::string Describe(const OpenDirection& direction) {
+  std::string text;
+  for (const auto& [name, share] : direction.parts) {
+    text += fmt::format("{}{}", text.empty() ? "" : ", ", name);
+  }
+  return text;
+}
+
+// Names of columns, each once, in the order in which the cameras' models bring them.
+std::vector<std::string_view> UnionOf(const Bundle& bundle,
+                                      std::span<const std::string_view> CameraModel::*names) {
+  std::vector<std::string_view> all;
+  for (const BundleCamera& camera : bundle.cameras) {
+    for (const std::string_view name : camera.model->*names) {
+      if (std::find(all.begin(), all.end(), name) == all.end()) all.push_back(name);
+    }
+  }
+  return all;
+}
+
+int IndexOf(std::span<const std::string_view> names, std::string_view name) {
+  const auto found = std::find(names.begin(), names.end(), name);
+  return found == names.end() ? -1 : static_cast<int>(found - names.begin());
+}
+
+// Value with as many digits as its sigma justifies (two digits of the sigma).
+std::string WithSigma(double value, double sigma) {
+  if (!(sigma > 0)) return fmt::format("{:.9g}", value);
+  if (std::isinf(sigma)) return fmt::format("{:.6g}  (not determined)", value);
+  const int digits = std::clamp(1 - static_cast<int>(std::floor(std::log10(sigma))), 0, 12);
+  return fmt::format("{:.{}f} +- {:.{}f}", value, digits, sigma, digits);
+}
+
+}  // namespace
+
+std::string CalibrationYaml(const Calibration& calibration,
+                            const std::vector<std::pair<std::string, std::string>>& provenance) {
+  std::string text = "plenocal: 1\ncameras:\n";
+  const auto out = std::back_inserter(text);
+  for (size_t c = 0; c < calibration.camera_names.size(); ++c) {
+    const BundleCamera& camera = calibration.bundle.cameras[c];
+    const CameraModel& model = *camera.model;
+    const CameraFit& fit = calibration.fits[c];
+    const Vector6d xi = Log(camera.T_camera_rig);
+    fmt::format_to(out, "  {}:\n    model: {}\n", calibration.camera_names[c], model.name);
+    fmt::format_to(out,
+                   "    image_size: [{}, {}]\n",
+                   calibration.image_sizes[c][0],
+                   calibration.image_sizes[c][1]);
+    for (size_t i = 0; i < camera.config.size(); ++i) {
+      fmt::format_to(out, "    {}: {}\n", model.config[i].name, YamlNumber(camera.config[i]));
+    }
+    fmt::format_to(out, "    parameters: {}\n", ParamMap(model, camera.params));
+    fmt::format_to(out, "    sigma: {}\n", ParamMap(model, calibration.uncertainty.params[c]));
+    fmt::format_to(out, "    T_camera_rig: {}\n", YamlMatrix(camera.T_camera_rig));
+    fmt::format_to(out, "    xi_camera_rig: {}\n", YamlList(xi));
+    fmt::format_to(out, "    sigma_xi: {}\n", YamlList(SigmaXi(calibration, c)));
+    fmt::format_to(out,
+                   "    residuals: {{points: {}, rms: {}, rejected: {}, views: {}, noise: {}",
+                   fit.points,
+                   YamlNumber(fit.rms),
+                   fit.rejected,
+                   fit.views,
+                   YamlNumber(fit.sigma));
+    if (fit.noise_factor > 0) {
+      fmt::format_to(out, ", noise_factor: {}", YamlNumber(fit.noise_factor));
+    }
+    text += "}\n";
+  }
+  fmt::format_to(out, "frames: {}\n", calibration.frames.size());
+  fmt::format_to(out,
+                 "adjustment: {{converged: {}, iterations: {}, rejection_sigmas: {}, "
+                 "marker_sigma: {}}}\n",
+                 calibration.converged,
+                 calibration.iterations,
+                 YamlNumber(calibration.rejection_threshold),
+                 YamlNumber(calibration.bundle.marker_sigma));
+
+  // Unknowns with a strong correlation: the reader of a sigma needs to know of them.
+  constexpr double kStrong = 0.9;
+  const Uncertainty& uncertainty = calibration.uncertainty;
+  text += "correlations:";
+  bool any = false;
+  for (Eigen::Index i = 0; i < uncertainty.correlation.rows(); ++i) {
+    for (Eigen::Index j = 0; j < i; ++j) {
+      if (std::abs(uncertainty.correlation(i, j)) < kStrong) continue;
+      fmt::format_to(out,
+                     "\n  - [{}, {}, {:.4f}]",
+                     uncertainty.names[static_cast<size_t>(j)],
+                     uncertainty.names[static_cast<size_t>(i)],
+                     uncertainty.correlation(i, j));
+      any = true;
+    }
+  }
+  text += any ? "\n" : " []\n";
+  text += "undetermined:";
+  for (const OpenDirection& direction : uncertainty.open) {
+    fmt::format_to(out, "\n  - {{sigma: {}, parameters: {{", YamlNumber(direction.sigma));
+    for (size_t i = 0; i < direction.parts.size(); ++i) {
+      fmt::format_to(out,
+                     "{}{}: {:.3f}",
+                     i == 0 ? "" : ", ",
+                     direction.parts[i].first,
+                     direction.parts[i].second);
+    }
+    text += "}}";
+  }
+  text += uncertainty.open.empty() ? " []\n" : "\n";
+  const auto list = [&](const char* key, const std::vector<std::string>& lines) {
+    fmt::format_to(out, "{}:", key);
+    for (const std::string& line : lines) fmt::format_to(out, "\n  - {}", YamlQuoted(line));
+    text += lines.empty() ? " []\n" : "\n";
+  };
+  list("warnings", calibration.warnings);
+  std::vector<std::string> left_out;
+  for (const LeftOut& item : calibration.left_out) left_out.push_back(item.where + ": " + item.reason);
+  list("left_out", left_out);
+  text += "provenance:\n";
+  for (const auto& [key, value] : provenance) {
+    fmt::format_to(out, "  {}: {}\n", key, YamlQuoted(value));
+  }
+  return text;
+}
+
+std::string PosesCsv(const Calibration& calibration) {
+  std::string text = "frame,x,y,z,qx,qy,qz,qw\n";
+  for (size_t f = 0; f < calibration.frames.size(); ++f) {
+    const RigidTransform T_target_rig = calibration.bundle.T_rig_target[f].Inverse();
+    const Eigen::Quaterniond q(T_target_rig.R);
+    fmt::format_to(std::back_inserter(text),
+                   "{},{:.12g},{:.12g},{:.12g},{:.12g},{:.12g},{:.12g},{:.12g}\n",
+                   calibration.frames[f],
+                   T_target_rig.t.x(),
+                   T_target_rig.t.y(),
+                   T_target_rig.t.z(),
+                   q.x(),
+                   q.y(),
+                   q.z(),
+                   q.w());
+  }
+  return text;
+}
+
+std::string ResidualsCsv(const Calibration& calibration) {
+  constexpr int kDecimals = 5;
+  const Bundle& bundle = calibration.bundle;
+  const auto measured = UnionOf(bundle, &CameraModel::measured);
+  const auto context = UnionOf(bundle, &CameraModel::context);
+  std::string text = "camera,frame,marker";
+  for (const std::string_view name : measured) text.append(",").append(name);
+  for (const std::string_view name : measured) text.append(",d").append(name);
+  text += ",used";
+  for (const std::string_view name : context) text.append(",").append(name);
+  text += '\n';
+  text.reserve(text.size() + 64 * bundle.observations.size());
+
+  // Camera by camera, as a reader of one camera expects.
+  for (size_t c = 0; c < bundle.cameras.size(); ++c) {
+    const CameraModel& model = *bundle.cameras[c].model;
+    const auto number = [&](std::span<const std::string_view> own,
+                            std::string_view name,
+                            const double* values) {
+      text += ',';
+      const int index = IndexOf(own, name);
+      if (index >= 0 && values != nullptr) AppendFixed(values[index], kDecimals, &text);
+    };
+    for (const BundleObservation& observation : bundle.observations) {
+      if (observation.camera != static_cast<int>(c)) continue;
+      double residual[kMaxObservationSize];
+      const bool projects = Residual(bundle, observation, residual);
+      text.append(calibration.camera_names[c])
+          .append(",")
+          .append(calibration.frames[static_cast<size_t>(observation.frame)])
+          .append(",")
+          .append(std::to_string(bundle.markers[static_cast<size_t>(observation.marker)].number));
+      const double* values = observation.seen.values.data();
+      for (const std::string_view name : measured) number(model.measured, name, values);
+      for (const std::string_view name : measured) {
+        number(model.measured, name, projects ? residual : nullptr);
+      }
+      text += observation.used ? ",1" : ",0";
+      for (const std::string_view name : context) {
+        number(model.context, name, values + model.measured.size());
+      }
+      text += '\n';
+    }
+  }
+  return text;
+}
+
+std::string Summary(const Calibration& calibration) {
+  std::string text;
+  const auto out = std::back_inserter(text);
+  const Bundle& bundle = calibration.bundle;
+  fmt::format_to(out,
+                 "{} camera{}, {} frames, {} markers; {} iterations, {}\n",
+                 bundle.cameras.size(),
+                 bundle.cameras.size() == 1 ? "" : "s",
+                 calibration.frames.size(),
+                 bundle.markers.size(),
+                 calibration.iterations,
+                 calibration.converged ? "converged" : "NOT CONVERGED");
+  for (size_t c = 0; c < bundle.cameras.size(); ++c) {
+    const BundleCamera& camera = bundle.cameras[c];
+    const CameraFit& fit = calibration.fits[c];
+    fmt::format_to(out,
+                   "\n{}  ({}, {} x {} px)\n",
+                   calibration.camera_names[c],
+                   camera.model->name,
+                   calibration.image_sizes[c][0],
+                   calibration.image_sizes[c][1]);
+    fmt::format_to(out,
+                   "  RMS {:.4f} px over {} points in {} images, {} rejected; noise {:.4f} px a coordinate",
+                   fit.rms,
+                   fit.points,
+                   fit.views,
+                   fit.rejected,
+                   fit.sigma);
+    if (fit.noise_factor > 0) {
+      fmt::format_to(out, " ({:.2f} x the detector's own sigma)", fit.noise_factor);
+    }
+    text += '\n';
+    for (size_t i = 0; i < camera.params.size(); ++i) {
+      const Param& param = camera.model->params[i];
+      fmt::format_to(out,
+                     "    {:<6} {}{}{}\n",
+                     param.name,
+                     WithSigma(camera.params[i], calibration.uncertainty.params[c][i]),
+                     param.unit == "1" ? "" : fmt::format(" {}", param.unit),
+                     camera.fixed[i] ? "  (held)" : "");
+    }
+    if (camera.is_master) continue;
+    // Where the camera stands in the rig: its centre and how it is turned.
+    const RigidTransform T_rig_camera = camera.T_camera_rig.Inverse();
+    const Matrix6d& covariance = calibration.uncertainty.mount[c];
+    const Eigen::Vector3d sigma =
+        covariance.diagonal().tail<3>().cwiseMax(0).cwiseSqrt() * kDegrees;
+    const Eigen::Vector3d along = T_rig_camera.t.normalized();
+    // centre = -R' t: d centre = -R' dv + R' [t]x dw... to first order along the baseline.
+    Eigen::Matrix<double, 1, 6> J;
+    J.leftCols<3>() = -along.transpose() * camera.T_camera_rig.R.transpose();
+    J.rightCols<3>() =
+        -along.transpose() * camera.T_camera_rig.R.transpose() * Hat(camera.T_camera_rig.t);
+    const double sigma_baseline =
+        covariance.allFinite() ? std::sqrt(std::max(0.0, (J * covariance * J.transpose()).value()))
+                               : std::numeric_limits<double>::infinity();
+    const Eigen::Vector3d w = LogRotation(camera.T_camera_rig.R) * kDegrees;
+    fmt::format_to(out,
+                   "    in the rig of {}: baseline {} mm, centre ({:.3f}, {:.3f}, {:.3f}) mm\n",
+                   calibration.camera_names[0],
+                   WithSigma(1e3 * T_rig_camera.t.norm(), 1e3 * sigma_baseline),
+                   1e3 * T_rig_camera.t.x(),
+                   1e3 * T_rig_camera.t.y(),
+                   1e3 * T_rig_camera.t.z());
+    fmt::format_to(out,
+                   "    turned by ({}, {}, {}) degrees about x, y, z\n",
+                   WithSigma(w.x(), sigma.x()),
+                   WithSigma(w.y(), sigma.y()),
+                   WithSigma(w.z(), sigma.z()));
+  }
+  if (bundle.marker_sigma > 0) {
+    double sum = 0, largest = 0;
+    int worst = 0;
+    for (const BundleMarker& marker : bundle.markers) {
+      const double moved = (marker.position - marker.nominal).norm();
+      sum += moved * moved;
+      if (moved > largest) {
+        largest = moved;
+        worst = marker.number;
+      }
+    }
+    fmt::format_to(out,
+                   "\nmarkers moved by {:.3f} mm RMS from their nominal places (tolerance {:.3f} mm a "
+                   "coordinate), at most {:.3f} mm (marker {})\n",
+                   1e3 * std::sqrt(sum / static_cast<double>(bundle.markers.size())),
+                   1e3 * bundle.marker_sigma,
+                   1e3 * largest,
+                   worst);
+  }
+  if (!calibration.uncertainty.open.empty()) {
+    text += "\nNOT DETERMINED by these images:\n";
+    for (const OpenDirection& direction : calibration.uncertainty.open) {
+      fmt::format_to(out, "  {}", Describe(direction));
+      if (std::isinf(direction.sigma)) {
+        text += ": nothing in the data tells them apart\n";
+      } else {
+        fmt::format_to(out, ": uncertain by {:.1f} times their own size\n", direction.sigma);
+      }
+    }
+    text +=
+        "  Add images from other distances and at other tilts, over the whole field of view, or hold "
+        "these parameters ('fixed').\n";
+  }
+  for (const std::string& warning : calibration.warnings) {
+    fmt::format_to(out, "\nWARNING: {}\n", warning);
+  }
+  return text;
+}
+
+}  // namespace plenocal

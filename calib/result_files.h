@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// The files and the summary that a calibration leaves behind (FORMATS.md, "calibration.yaml").
+#pragma once
+
+#include <map>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "calib/calibrate.h"
+
+namespace plenocal {
+
+/// calibration.yaml. `provenance`: lines "key: value" that say how to run it again.
+std::string CalibrationYaml(const Calibration& calibration,
+                            const std::vector<std::pair<std::string, std::string>>& provenance);
+/// poses.csv: T_target_rig of every frame.
+std::string PosesCsv(const Calibration& calibration);
+/// residuals.csv: every observation, measured minus predicted; those outside the model's domain have no
+/// prediction and leave dx, dy empty.
+std::string ResidualsCsv(const Calibration& calibration);
+/// What a person wants to read after a calibration; ends in a newline.
+std::string Summary(const Calibration& calibration);
+
+}  // namespace plenocal

@@ -1,0 +1,303 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/start.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "calib/error.h"
+#include "calib/resection.h"
+
+namespace plenocal {
+namespace {
+
+// Enough views and points for start values; more add time and no certainty.
+constexpr size_t kStartViews = 12;
+constexpr size_t kStartPoints = 40;
+constexpr size_t kMinPoints = 4;  // a pose has six unknowns, and three points leave four solutions
+constexpr size_t kAdjustedCandidates = 2;
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+// At most `limit` observations of known markers, spread evenly over the view.
+View Thinned(const View& view, const std::map<int, Eigen::Vector3d>& markers, size_t limit) {
+  View thinned{view.frame, {}};
+  for (const Observation& observation : view.observations) {
+    if (markers.contains(observation.marker)) thinned.observations.push_back(observation);
+  }
+  const size_t count = thinned.observations.size();
+  if (count <= limit) return thinned;
+  std::vector<Observation> kept;
+  for (size_t i = 0; i < limit; ++i) kept.push_back(thinned.observations[i * count / limit]);
+  thinned.observations = std::move(kept);
+  return thinned;
+}
+
+// The views with most observations, at most `limit`, in their order.
+std::vector<View> Selection(const CameraInput& camera,
+                            const std::map<int, Eigen::Vector3d>& markers,
+                            size_t limit) {
+  size_t most = 0;
+  for (const View& view : camera.views) most = std::max(most, view.observations.size());
+  std::vector<size_t> rich;
+  for (size_t i = 0; i < camera.views.size(); ++i) {
+    // Views with at least half of the richest count; among them those spread over the recording
+    // differ more in pose than neighbours in time.
+    if (2 * camera.views[i].observations.size() >= most) rich.push_back(i);
+  }
+  if (rich.size() < limit) {
+    rich.clear();
+    for (size_t i = 0; i < camera.views.size(); ++i) rich.push_back(i);
+    std::stable_sort(rich.begin(), rich.end(), [&](size_t a, size_t b) {
+      return camera.views[a].observations.size() > camera.views[b].observations.size();
+    });
+    rich.resize(std::min(rich.size(), limit));
+    std::sort(rich.begin(), rich.end());
+  }
+  std::vector<View> selection;
+  const size_t count = std::min(limit, rich.size());
+  for (size_t i = 0; i < count; ++i) {
+    View view = Thinned(camera.views[rich[i * rich.size() / count]], markers, kStartPoints);
+    if (view.observations.size() >= kMinPoints) selection.push_back(std::move(view));
+  }
+  return selection;
+}
+
+std::optional<Resection> ResectView(const CameraInput& camera,
+                                    std::span<const double> params,
+                                    const View& view,
+                                    const std::map<int, Eigen::Vector3d>& markers) {
+  std::vector<Ray> rays;
+  std::vector<Eigen::Vector3d> points;
+  for (const Observation& observation : view.observations) {
+    const std::optional<Ray> ray =
+        camera.model->unproject(params.data(), camera.config.data(), observation.values.data());
+    if (!ray) continue;
+    rays.push_back(*ray);
+    points.push_back(markers.at(observation.marker));
+  }
+  return Resect(rays, points);
+}
+
+double Median(std::vector<double> values) {
+  if (values.empty()) return kInfinity;
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+// Lengths of all residuals of a bundle, infinite where a point does not project.
+std::vector<double> ResidualLengths(const Bundle& bundle) {
+  std::vector<double> lengths;
+  lengths.reserve(bundle.observations.size());
+  for (const BundleObservation& observation : bundle.observations) {
+    double residual[kMaxObservationSize];
+    lengths.push_back(Residual(bundle, observation, residual)
+                          ? WeightedLength(bundle, observation, residual)
+                          : kInfinity);
+  }
+  return lengths;
+}
+
+struct Trial {
+  Bundle bundle;
+  double median = kInfinity;
+};
+
+// A candidate with poses from resection.
+Trial MakeTrial(const CameraInput& camera,
+                const std::vector<double>& params,
+                const std::vector<View>& views,
+                const std::map<int, Eigen::Vector3d>& markers) {
+  Trial trial;
+  Bundle& bundle = trial.bundle;
+  bundle.cameras.push_back({.model = camera.model,
+                            .config = camera.config,
+                            .params = params,
+                            .fixed = camera.fixed,
+                            .T_camera_rig = {},
+                            .is_master = true});
+  std::map<int, int> index;
+  for (const auto& [number, position] : markers) {
+    index[number] = static_cast<int>(bundle.markers.size());
+    bundle.markers.push_back({number, position, position});
+  }
+  size_t without_pose = 0;
+  for (const View& view : views) {
+    const std::optional<Resection> resection = ResectView(camera, params, view, markers);
+    if (!resection) {
+      without_pose += view.observations.size();
+      continue;
+    }
+    const int frame = static_cast<int>(bundle.T_rig_target.size());
+    bundle.T_rig_target.push_back(resection->T_camera_target);
+    std::vector<BundleObservation> in_view;
+    for (const Observation& observation : view.observations) {
+      Observation seen = observation;
+      seen.sigma = 1;
+      in_view.push_back({0, frame, index.at(observation.marker), seen, true});
+    }
+    std::stable_sort(in_view.begin(), in_view.end(), [](const auto& a, const auto& b) {
+      return a.marker < b.marker;
+    });
+    bundle.observations.insert(bundle.observations.end(), in_view.begin(), in_view.end());
+  }
+  std::vector<double> lengths = ResidualLengths(bundle);
+  lengths.resize(lengths.size() + without_pose, kInfinity);
+  trial.median = Median(lengths);
+  return trial;
+}
+
+void AdjustTrial(Trial* trial) {
+  // Twice: the width of the loss follows the residuals down.
+  for (int pass = 0; pass < 2; ++pass) {
+    Bundle& bundle = trial->bundle;
+    bundle.cameras[0].noise = 1;
+    const std::vector<double> lengths = ResidualLengths(bundle);
+    for (size_t i = 0; i < lengths.size(); ++i) {
+      bundle.observations[i].used = std::isfinite(lengths[i]);
+    }
+    bundle.cameras[0].noise = std::max(trial->median, 1e-9);
+    AdjustOptions options;
+    options.loss = Loss::kCauchy;
+    options.max_iterations = 25;
+    options.cost_tolerance = 1e-4;
+    if (!Adjust(&bundle, options).usable) return;
+    bundle.cameras[0].noise = 1;
+    trial->median = Median(ResidualLengths(bundle));
+    if (!std::isfinite(trial->median)) return;
+  }
+}
+
+}  // namespace
+
+CameraStart StartCamera(const CameraInput& camera, const std::map<int, Eigen::Vector3d>& markers) {
+  const std::vector<View> views = Selection(camera, markers, kStartViews);
+  if (views.empty()) {
+    throw Error(ErrorKind::kJob,
+                fmt::format("{}: no image shows {} or more markers of the target; nothing to start from",
+                            camera.name,
+                            kMinPoints));
+  }
+  const std::vector<StartCandidate> candidates =
+      camera.model->start({.views = views,
+                           .markers = &markers,
+                           .image_size = camera.image_size,
+                           .config = camera.config,
+                           .given = camera.initial});
+  std::vector<Trial> trials;
+  for (const StartCandidate& candidate : candidates) {
+    trials.push_back(MakeTrial(camera, candidate.params, views, markers));
+  }
+  std::stable_sort(
+      trials.begin(), trials.end(), [](const auto& a, const auto& b) { return a.median < b.median; });
+  const size_t adjusted = std::min(kAdjustedCandidates, trials.size());
+  for (size_t i = 0; i < adjusted; ++i) {
+    if (std::isfinite(trials[i].median)) AdjustTrial(&trials[i]);
+  }
+  const auto best = std::min_element(trials.begin(), trials.end(), [](const auto& a, const auto& b) {
+    return a.median < b.median;
+  });
+  if (best == trials.end() || !std::isfinite(best->median)) {
+    throw Error(ErrorKind::kJob,
+                fmt::format("{}: no start values for model {} explain the detections; does the target "
+                            "file describe the target in the images, and does the model suit the lens?",
+                            camera.name,
+                            camera.model->name));
+  }
+
+  CameraStart start;
+  start.params = best->bundle.cameras[0].params;
+  start.median_error = best->median;
+  for (const View& view : camera.views) {
+    const View thinned = Thinned(view, markers, kStartPoints);
+    std::optional<Resection> resection;
+    if (thinned.observations.size() >= kMinPoints) {
+      resection = ResectView(camera, start.params, thinned, markers);
+    }
+    start.T_camera_target.push_back(
+        resection ? std::optional(resection->T_camera_target) : std::nullopt);
+  }
+  return start;
+}
+
+std::vector<RigidTransform> StartRig(std::span<const CameraInput> cameras,
+                                     std::span<const CameraStart> starts) {
+  const size_t count = cameras.size();
+  std::vector<std::map<std::string_view, const RigidTransform*>> poses(count);
+  for (size_t c = 0; c < count; ++c) {
+    for (size_t v = 0; v < cameras[c].views.size(); ++v) {
+      const auto& pose = starts[c].T_camera_target[v];
+      if (pose) poses[c].emplace(cameras[c].views[v].frame, &*pose);
+    }
+  }
+  // T_a_b from every common frame.
+  const auto relative = [&](size_t a, size_t b) {
+    std::vector<RigidTransform> transforms;
+    for (const auto& [frame, T_a_target] : poses[a]) {
+      const auto other = poses[b].find(frame);
+      if (other != poses[b].end()) transforms.push_back(*T_a_target * other->second->Inverse());
+    }
+    return transforms;
+  };
+  // The one that agrees best with the others: the smallest sum of distances, of at most 100 tried.
+  const auto medoid = [](const std::vector<RigidTransform>& transforms) {
+    const size_t stride = transforms.size() / 100 + 1;
+    double size = 0;
+    for (const RigidTransform& T : transforms) size += T.t.norm() / static_cast<double>(transforms.size());
+    const RigidTransform* best = &transforms[0];
+    double best_sum = kInfinity;
+    for (size_t i = 0; i < transforms.size(); i += stride) {
+      double sum = 0;
+      for (size_t j = 0; j < transforms.size(); j += stride) {
+        const RigidTransform difference = transforms[i].Inverse() * transforms[j];
+        sum += LogRotation(difference.R).norm() +
+               difference.t.norm() / std::max(size, std::numeric_limits<double>::min());
+      }
+      if (sum < best_sum) {
+        best_sum = sum;
+        best = &transforms[i];
+      }
+    }
+    return *best;
+  };
+
+  std::vector<RigidTransform> T_camera_rig(count);
+  std::vector<bool> linked(count, false);
+  linked[0] = true;
+  for (size_t step = 1; step < count; ++step) {
+    size_t best_from = 0, best_to = 0;
+    std::vector<RigidTransform> best;
+    for (size_t from = 0; from < count; ++from) {
+      if (!linked[from]) continue;
+      for (size_t to = 0; to < count; ++to) {
+        if (linked[to]) continue;
+        std::vector<RigidTransform> transforms = relative(to, from);
+        if (transforms.size() > best.size()) {
+          best = std::move(transforms);
+          best_from = from;
+          best_to = to;
+        }
+      }
+    }
+    if (best.empty()) {
+      std::string open, reached;
+      for (size_t c = 0; c < count; ++c) {
+        std::string& list = linked[c] ? reached : open;
+        list += (list.empty() ? "" : ", ") + cameras[c].name;
+      }
+      throw Error(ErrorKind::kJob,
+                  fmt::format("no frame in which {} sees the target together with {}: their mutual pose "
+                              "cannot be determined. Frames are matched by name (what the last '*' of "
+                              "the glob stands for); check the names, or add frames that both see",
+                              open,
+                              reached));
+    }
+    T_camera_rig[best_to] = medoid(best) * T_camera_rig[best_from];
+    linked[best_to] = true;
+  }
+  return T_camera_rig;
+}
+
+}  // namespace plenocal

@@ -1,0 +1,358 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/uncertainty.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace plenocal {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+// Eigenvalues of the reduced normal matrix with unit diagonal below this are rounding: its entries
+// are differences of sums that agree to some 1e-15 times the number of unknowns.
+constexpr double kRankTolerance = 1e-12;
+// An unknown takes part in an open direction when its share is at least this.
+constexpr double kShare = 0.1;
+
+// Where each unknown stands in the reduced system: intrinsics and mounts of the cameras first, then
+// three coordinates a marker.
+struct Layout {
+  std::vector<std::vector<int>> params;  // per camera and parameter; -1 when held
+  std::vector<int> mount;                // per camera; -1 for the master or a camera without data
+  int head = 0;                          // number of unknowns before the markers
+  int total = 0;
+  bool markers = false;
+
+  [[nodiscard]] int Marker(int index) const { return head + 3 * index; }
+};
+
+Layout MakeLayout(const Bundle& bundle, const std::vector<bool>& has_data) {
+  Layout layout;
+  for (size_t c = 0; c < bundle.cameras.size(); ++c) {
+    const BundleCamera& camera = bundle.cameras[c];
+    std::vector<int> places;
+    for (size_t k = 0; k < camera.params.size(); ++k) {
+      places.push_back(camera.fixed[k] || !has_data[c] ? -1 : layout.head++);
+    }
+    layout.params.push_back(places);
+    const bool free = !camera.is_master && has_data[c];
+    layout.mount.push_back(free ? layout.head : -1);
+    if (free) layout.head += 6;
+  }
+  layout.markers = bundle.marker_sigma > 0;
+  layout.total = layout.head + (layout.markers ? 3 * static_cast<int>(bundle.markers.size()) : 0);
+  return layout;
+}
+
+// The derivatives of one camera's observations by its own unknowns (intrinsics and mount), and their
+// sums: those by the same unknowns are collected in a small matrix.
+class OwnColumns {
+ public:
+  OwnColumns(const Bundle& bundle, const Layout& layout, size_t camera)
+      : rows_(static_cast<int>(bundle.cameras[camera].model->measured.size())) {
+    const auto& params = layout.params[camera];
+    J_params_.resize(rows_, static_cast<Eigen::Index>(params.size()));
+    for (size_t k = 0; k < params.size(); ++k) {
+      if (params[k] < 0) continue;
+      free_.push_back(static_cast<int>(k));
+      places_.push_back(params[k]);
+    }
+    mount_ = layout.mount[camera] >= 0;
+    for (int i = 0; mount_ && i < 6; ++i) places_.push_back(layout.mount[camera] + i);
+    J_.resize(rows_, static_cast<Eigen::Index>(places_.size()));
+    square_ = Eigen::MatrixXd::Zero(J_.cols(), J_.cols());
+  }
+
+  bool Linearise(const BundleCamera& camera,
+                 const internal::LinearisedView& view,
+                 const Eigen::Vector3d& p_target,
+                 const Observation& seen) {
+    double residual[kMaxObservationSize];
+    if (!internal::Linearise(camera,
+                             camera.params.data(),
+                             view,
+                             p_target,
+                             seen,
+                             {.residual = residual,
+                              .J_params = J_params_.data(),
+                              .J_mount = mount_ ? J_mount_ : nullptr,
+                              .J_pose = J_pose_,
+                              .J_marker = J_marker_})) {
+      return false;
+    }
+    const auto count = static_cast<Eigen::Index>(free_.size());
+    for (Eigen::Index k = 0; k < count; ++k) {
+      J_.col(k) = J_params_.col(free_[static_cast<size_t>(k)]);
+    }
+    if (mount_) J_.rightCols<6>() = Rows<6>(J_mount_, rows_, 6);
+    return true;
+  }
+
+  template <int kColumns>
+  using Rows =
+      Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, kColumns, Eigen::RowMajor>>;
+  [[nodiscard]] const Eigen::MatrixXd& Columns() const { return J_; }
+  [[nodiscard]] Rows<6> Pose() const { return {J_pose_, rows_, 6}; }
+  [[nodiscard]] Rows<3> Marker() const { return {J_marker_, rows_, 3}; }
+
+  void AddSquare() { square_.noalias() += J_.transpose().lazyProduct(J_); }
+  void AddCross(Eigen::MatrixXd* cross) const {
+    for (size_t i = 0; i < places_.size(); ++i) {
+      cross->row(places_[i]).noalias() +=
+          J_.col(static_cast<Eigen::Index>(i)).transpose().lazyProduct(Pose());
+    }
+  }
+  template <typename Product>
+  void AddMarkerCross(int marker, const Product& product, Eigen::MatrixXd* S) const {
+    for (size_t i = 0; i < places_.size(); ++i) {
+      S->block<3, 1>(marker, places_[i]) += product.col(static_cast<Eigen::Index>(i));
+    }
+  }
+  // The lower triangle; places ascend.
+  void AddTo(Eigen::MatrixXd* S) const {
+    for (size_t i = 0; i < places_.size(); ++i) {
+      for (size_t j = 0; j <= i; ++j) {
+        (*S)(places_[i], places_[j]) +=
+            square_(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j));
+      }
+    }
+  }
+
+ private:
+  int rows_;
+  bool mount_ = false;
+  std::vector<int> free_;    // parameters that are estimated
+  std::vector<int> places_;  // their places in the reduced system, then those of the mount
+  Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> J_params_;
+  double J_mount_[kMaxObservationSize * 6], J_pose_[kMaxObservationSize * 6],
+      J_marker_[kMaxObservationSize * 3];
+  Eigen::MatrixXd J_;
+  Eigen::MatrixXd square_;
+};
+
+// Reduced normal matrix and, per camera, the number of pose unknowns that its rows pay for.
+struct Reduced {
+  Eigen::MatrixXd S;
+  std::vector<double> pose_share;
+};
+
+Reduced Reduce(const Bundle& bundle, const Layout& layout) {
+  // Rows of W' are collected and subtracted together: one large product is faster than many small.
+  constexpr int kBatchRows = 6 * 64;
+  Reduced reduced{Eigen::MatrixXd::Zero(layout.total, layout.total),
+                  std::vector<double>(bundle.cameras.size(), 0.0)};
+  Eigen::MatrixXd& S = reduced.S;
+  Eigen::MatrixXd batch = Eigen::MatrixXd::Zero(layout.total, kBatchRows);
+  int batch_columns = 0;
+  const auto flush = [&] {
+    if (batch_columns == 0) return;
+    S.selfadjointView<Eigen::Lower>().rankUpdate(batch.leftCols(batch_columns), -1);
+    batch.leftCols(batch_columns).setZero();
+    batch_columns = 0;
+  };
+
+  const auto& observations = bundle.observations;
+  Eigen::MatrixXd cross(layout.total, 6);  // F' E
+  std::vector<Matrix6d> camera_pose(bundle.cameras.size());
+  std::vector<OwnColumns> own;
+  for (size_t c = 0; c < bundle.cameras.size(); ++c) own.emplace_back(bundle, layout, c);
+  for (size_t begin = 0; begin < observations.size();) {
+    const int frame = observations[begin].frame;
+    Matrix6d pose = Matrix6d::Zero();
+    cross.setZero();
+    for (Matrix6d& part : camera_pose) part.setZero();
+    for (; begin < observations.size() && observations[begin].frame == frame; ++begin) {
+      const BundleObservation& observation = observations[begin];
+      if (!observation.used) continue;
+      const auto c = static_cast<size_t>(observation.camera);
+      const BundleCamera& camera = bundle.cameras[c];
+      const internal::LinearisedView view{
+          .T_camera_rig = camera.T_camera_rig,
+          .T_rig_target = bundle.T_rig_target[static_cast<size_t>(frame)]};
+      if (!own[c].Linearise(camera,
+                            view,
+                            bundle.markers[static_cast<size_t>(observation.marker)].position,
+                            observation.seen)) {
+        continue;
+      }
+      const auto J = own[c].Columns();
+      const auto E = own[c].Pose();
+      camera_pose[c].noalias() += E.transpose().lazyProduct(E);
+      own[c].AddSquare();
+      own[c].AddCross(&cross);
+      if (layout.markers) {
+        const int m = layout.Marker(observation.marker);
+        const auto M = own[c].Marker();
+        cross.middleRows<3>(m).noalias() += M.transpose().lazyProduct(E);
+        S.block<3, 3>(m, m).noalias() += M.transpose().lazyProduct(M);
+        own[c].AddMarkerCross(m, M.transpose().lazyProduct(J), &S);
+      }
+    }
+    for (const Matrix6d& part : camera_pose) pose += part;
+    const Eigen::LLT<Matrix6d> factor(pose);
+    if (factor.info() != Eigen::Success) continue;  // a frame without used observations
+    for (size_t c = 0; c < camera_pose.size(); ++c) {
+      reduced.pose_share[c] += factor.solve(camera_pose[c]).trace();
+    }
+    batch.middleCols<6>(batch_columns) =
+        factor.matrixL().solve(cross.transpose()).transpose();
+    batch_columns += 6;
+    if (batch_columns == kBatchRows) flush();
+  }
+  flush();
+  for (const OwnColumns& columns : own) columns.AddTo(&S);
+  if (layout.markers) {
+    S.diagonal().tail(layout.total - layout.head).array() +=
+        1 / (bundle.marker_sigma * bundle.marker_sigma);
+  }
+  return reduced;
+}
+
+}  // namespace
+
+Uncertainty EstimateUncertainty(const Bundle& bundle,
+                                const std::vector<std::string>& camera_names) {
+  const size_t camera_count = bundle.cameras.size();
+  std::vector<bool> has_data(camera_count, false);
+  std::vector<double> coordinates(camera_count, 0.0);
+  double target_distance = 0;
+  double used = 0;
+  for (const BundleObservation& observation : bundle.observations) {
+    if (!observation.used) continue;
+    const auto c = static_cast<size_t>(observation.camera);
+    has_data[c] = true;
+    coordinates[c] += static_cast<double>(bundle.cameras[c].model->measured.size());
+    target_distance += bundle.T_rig_target[static_cast<size_t>(observation.frame)].t.norm();
+    used += 1;
+  }
+  target_distance /= std::max(1.0, used);
+
+  const Layout layout = MakeLayout(bundle, has_data);
+  const Reduced reduced = Reduce(bundle, layout);
+  const int head = layout.head;
+  const int tail = layout.total - head;
+
+  // Eliminate the markers as well: their block is positive definite by their prior.
+  Eigen::MatrixXd C = reduced.S.topLeftCorner(head, head).selfadjointView<Eigen::Lower>();
+  Eigen::LLT<Eigen::MatrixXd> marker_factor;
+  Eigen::MatrixXd gain;  // S_mm^-1 S_mh
+  if (tail > 0) {
+    const Eigen::MatrixXd S_mh = reduced.S.bottomLeftCorner(tail, head);
+    marker_factor.compute(reduced.S.bottomRightCorner(tail, tail).selfadjointView<Eigen::Lower>());
+    gain = marker_factor.solve(S_mh);
+    C -= S_mh.transpose() * gain;
+  }
+
+  Uncertainty result;
+  // Natural units of the unknowns.
+  Eigen::VectorXd unit(head);
+  for (size_t c = 0; c < camera_count; ++c) {
+    const BundleCamera& camera = bundle.cameras[c];
+    for (size_t k = 0; k < camera.params.size(); ++k) {
+      if (layout.params[c][k] < 0) continue;
+      const Param& param = camera.model->params[k];
+      unit[layout.params[c][k]] = std::max({std::abs(camera.params[k]), param.scale, 1e-12});
+      result.names.push_back(camera_names[c] + "." + std::string(param.name));
+    }
+    if (layout.mount[c] >= 0) {
+      static constexpr std::array kMountNames{"x", "y", "z", "w_x", "w_y", "w_z"};
+      unit.segment<3>(layout.mount[c]).setConstant(std::max(target_distance, 1e-12));
+      unit.segment<3>(layout.mount[c] + 3).setOnes();
+      for (const char* name : kMountNames) {
+        result.names.push_back(camera_names[c] + ".T_camera_rig." + name);
+      }
+    }
+  }
+
+  // Rank: directions without information in the matrix with unit diagonal.
+  const Eigen::VectorXd diagonal = C.diagonal().cwiseMax(0);
+  Eigen::VectorXd scale(head);
+  for (int i = 0; i < head; ++i) scale[i] = diagonal[i] > 0 ? 1 / std::sqrt(diagonal[i]) : 1;
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> spectrum(
+      scale.asDiagonal() * C * scale.asDiagonal());
+  Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(head, head);
+  Eigen::VectorXd open = Eigen::VectorXd::Zero(head);  // share in directions without information
+  const auto describe = [&](const Eigen::VectorXd& direction, double sigma) {
+    OpenDirection described{{}, sigma};
+    const double largest = direction.cwiseAbs().maxCoeff();
+    for (int i = 0; i < head; ++i) {
+      const double share = std::abs(direction[i]) / largest;
+      if (share >= kShare) described.parts.emplace_back(result.names[static_cast<size_t>(i)], share);
+    }
+    std::stable_sort(described.parts.begin(), described.parts.end(), [](auto& a, auto& b) {
+      return a.second > b.second;
+    });
+    result.open.push_back(described);
+  };
+  for (int i = 0; i < head; ++i) {
+    const Eigen::VectorXd direction = scale.asDiagonal() * spectrum.eigenvectors().col(i);
+    if (spectrum.eigenvalues()[i] > kRankTolerance) {
+      covariance += direction * direction.transpose() / spectrum.eigenvalues()[i];
+    } else {
+      const Eigen::VectorXd natural = direction.cwiseQuotient(unit);
+      open = open.cwiseMax(natural.cwiseAbs() / natural.cwiseAbs().maxCoeff());
+      describe(natural, kInfinity);
+    }
+  }
+  // Directions with information that still leave a parameter open by its own size.
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> natural(
+      unit.cwiseInverse().asDiagonal() * covariance * unit.cwiseInverse().asDiagonal());
+  for (int i = head - 1; i >= 0; --i) {
+    const double sigma = std::sqrt(std::max(0.0, natural.eigenvalues()[i]));
+    if (sigma > 1) describe(natural.eigenvectors().col(i), sigma);
+  }
+
+  const auto sigma_of = [&](int place) {
+    // The share is rounding unless it is far above the precision of an eigenvector.
+    return open[place] > 1e-6 ? kInfinity : std::sqrt(covariance(place, place));
+  };
+  for (size_t c = 0; c < camera_count; ++c) {
+    std::vector<double> sigmas;
+    for (const int place : layout.params[c]) sigmas.push_back(place < 0 ? 0 : sigma_of(place));
+    result.params.push_back(sigmas);
+    Matrix6d mount = Matrix6d::Zero();
+    if (layout.mount[c] >= 0) {
+      mount = covariance.block<6, 6>(layout.mount[c], layout.mount[c]);
+      for (int i = 0; i < 6; ++i) {
+        if (open[layout.mount[c] + i] > 1e-6) mount(i, i) = kInfinity;
+      }
+    }
+    result.mount.push_back(mount);
+  }
+
+  double marker_unknowns = 0;  // how many of the marker coordinates the data pay for
+  if (tail > 0) {
+    const Eigen::MatrixXd inverse = marker_factor.solve(Eigen::MatrixXd::Identity(tail, tail));
+    const Eigen::MatrixXd spread = gain * covariance;
+    for (int m = 0; m < tail / 3; ++m) {
+      Eigen::Vector3d variance;
+      for (int i = 0; i < 3; ++i) {
+        const int row = 3 * m + i;
+        variance[i] = inverse(row, row) + spread.row(row).dot(gain.row(row));
+        marker_unknowns += 1 - variance[i] / (bundle.marker_sigma * bundle.marker_sigma);
+      }
+      result.markers.push_back(variance.cwiseSqrt());
+    }
+  }
+
+  const Eigen::VectorXd sigma = covariance.diagonal().cwiseMax(1e-300).cwiseSqrt();
+  result.correlation =
+      sigma.cwiseInverse().asDiagonal() * covariance * sigma.cwiseInverse().asDiagonal();
+
+  // Markers are shared: each camera pays in proportion to what it measured. Its own unknowns and
+  // its part of the poses are its alone.
+  double all_coordinates = 0;
+  for (const double count : coordinates) all_coordinates += count;
+  for (size_t c = 0; c < camera_count; ++c) {
+    double own = layout.mount[c] >= 0 ? 6 : 0;
+    for (const int place : layout.params[c]) own += place >= 0 ? 1 : 0;
+    result.redundancy.push_back(coordinates[c] - own - reduced.pose_share[c] -
+                                marker_unknowns * coordinates[c] / std::max(1.0, all_coordinates));
+  }
+  return result;
+}
+
+}  // namespace plenocal

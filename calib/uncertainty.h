@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "calib/bundle.h"
+
+namespace plenocal {
+
+/// A combination of unknowns that the data leave open.
+struct OpenDirection {
+  /// Unknowns with a part in it and their share (largest is 1), largest first: "left.f_x".
+  std::vector<std::pair<std::string, double>> parts;
+  /// Sigma along it in units of Param::scale; infinite when nothing at all determines it.
+  double sigma = 0;
+};
+
+/// What the data say about the unknowns of a bundle at its optimum.
+struct Uncertainty {
+  /// Per camera: sigma of each parameter; 0 for held ones, infinite for those without any information.
+  std::vector<std::vector<double>> params;
+  /// Per camera: covariance of T_camera_rig in its chart (`Retract`); zero for the master.
+  std::vector<Matrix6d> mount;
+  /// Per marker: sigma of its coordinates, m; empty when the markers are held.
+  std::vector<Eigen::Vector3d> markers;
+  /// Correlations of all free intrinsics and mounts, in the order of `names`.
+  Eigen::MatrixXd correlation;
+  std::vector<std::string> names;
+  /// Directions that are not determined: sigma infinite or larger than 1 in natural units.
+  std::vector<OpenDirection> open;
+  /// Per camera: number of observed coordinates less the unknowns that they pay for.
+  std::vector<double> redundancy;
+};
+
+/// Covariance of all unknowns from the reduced (Schur) normal equations, poses eliminated: the same
+/// figures as the inverse of the whole J^T J, at a small part of its cost. `camera_names` are used
+/// in `names` and `open`. Only used observations count; the loss does not enter, since outliers are
+/// rejected before.
+Uncertainty EstimateUncertainty(const Bundle& bundle, const std::vector<std::string>& camera_names);
+
+}  // namespace plenocal

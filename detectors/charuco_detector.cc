@@ -1,0 +1,320 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
+
+#include <Eigen/Core>
+#include <Eigen/LU>
+#include <algorithm>
+#include <array>
+#include <opencv2/aruco.hpp>
+#include <opencv2/calib3d.hpp>
+#include <opencv2/core.hpp>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <variant>
+#include <vector>
+
+#include "calib/error.h"
+#include "detectors/marker_detector.h"
+#include "detectors/saddle.h"
+
+// OpenCV finds and reads the ArUco markers; where they lie on the board, which corners they frame
+// and where these are in the image is decided here, because OpenCV changed its board between
+// versions:
+//
+//   layout   top-left square                    who prints it
+//   new      black                              OpenCV 4.7 and later
+//   legacy   white, if the rows are even        OpenCV before; `setLegacyPattern(true)` since
+//
+// In both, marker ids count the white squares row by row from the top left, and so do corner ids
+// (from 0, columns - 1 in a row) the inner corners. With an odd number of rows the layouts are the
+// same. Coordinates on the board are in squares, from its top left corner, x right, y down.
+
+namespace plenocal {
+namespace {
+
+using internal::CornerGrid;
+
+/// In the order of OpenCV's enumeration.
+constexpr std::array<std::string_view, 21> kDictionaries{
+    "DICT_4X4_50",         "DICT_4X4_100",       "DICT_4X4_250",       "DICT_4X4_1000",
+    "DICT_5X5_50",         "DICT_5X5_100",       "DICT_5X5_250",       "DICT_5X5_1000",
+    "DICT_6X6_50",         "DICT_6X6_100",       "DICT_6X6_250",       "DICT_6X6_1000",
+    "DICT_7X7_50",         "DICT_7X7_100",       "DICT_7X7_250",       "DICT_7X7_1000",
+    "DICT_ARUCO_ORIGINAL", "DICT_APRILTAG_16h5", "DICT_APRILTAG_25h9", "DICT_APRILTAG_36h10",
+    "DICT_APRILTAG_36h11"};
+
+cv::Ptr<cv::aruco::Dictionary> FindDictionary(const std::string& name) {
+  const auto* const at = std::find(kDictionaries.begin(), kDictionaries.end(), name);
+  if (at == kDictionaries.end()) {
+    throw Error(
+        ErrorKind::kInput,
+        fmt::format("dictionary: unknown name '{}'{}", name, SuggestName(name, kDictionaries)));
+  }
+  return cv::aruco::getPredefinedDictionary(static_cast<int>(at - kDictionaries.begin()));
+}
+
+/// A marker of the board as seen in the image.
+struct SeenMarker {
+  Eigen::Vector2i square;                   ///< column, row on the board
+  std::array<cv::Point2f, 4> board, image;  ///< corners: squares, px
+  [[nodiscard]] Eigen::Vector2d Centre() const { return square.cast<double>().array() + 0.5; }
+};
+
+/// Which squares hold which markers.
+class Layout {
+ public:
+  Layout(const CharucoLayout& board, bool legacy)
+      : columns_(board.columns),
+        rows_(board.rows),
+        gap_(0.5 * (1 - board.marker / board.square)),
+        white_parity_(legacy && board.rows % 2 == 0 ? 0 : 1) {
+    for (int row = 0; row < rows_; ++row) {
+      for (int column = 0; column < columns_; ++column) {
+        if ((row + column) % 2 == white_parity_) squares_.emplace_back(column, row);
+      }
+    }
+  }
+
+  /// Share of a square between its border and its marker.
+  [[nodiscard]] double gap() const { return gap_; }
+  [[nodiscard]] int white_parity() const { return white_parity_; }
+  [[nodiscard]] int marker_count() const { return static_cast<int>(squares_.size()); }
+
+  [[nodiscard]] SeenMarker Place(int id, const std::vector<cv::Point2f>& corners) const {
+    SeenMarker marker;
+    marker.square = squares_[id];
+    const auto x = static_cast<float>(marker.square.x()), y = static_cast<float>(marker.square.y());
+    const auto lo = static_cast<float>(gap_), hi = static_cast<float>(1 - gap_);
+    marker.board = {
+        cv::Point2f{x + lo, y + lo}, {x + hi, y + lo}, {x + hi, y + hi}, {x + lo, y + hi}};
+    std::copy_n(corners.begin(), 4, marker.image.begin());
+    return marker;
+  }
+
+ private:
+  int columns_, rows_;
+  double gap_;
+  int white_parity_;  // of column + row of the white squares
+  std::vector<Eigen::Vector2i> squares_;
+};
+
+/// Markers close enough on the board to be compared: the diagonal neighbours and the next in the
+/// same row or column.
+constexpr double kNear = 2.3;
+
+/// Where `other`'s centre is expected by the affine map of `marker`, in squares from where it is.
+double Misplaced(const SeenMarker& marker, const SeenMarker& other) {
+  const auto vector = [](cv::Point2f p) { return Eigen::Vector2d(p.x, p.y); };
+  const auto& q = marker.image;
+  Eigen::Matrix2d A;  // px per square
+  const double side = marker.board[1].x - marker.board[0].x;
+  A.col(0) = 0.5 / side * (vector(q[1]) - vector(q[0]) + vector(q[2]) - vector(q[3]));
+  A.col(1) = 0.5 / side * (vector(q[3]) - vector(q[0]) + vector(q[2]) - vector(q[1]));
+  const auto centre = [&](const SeenMarker& m) {
+    Eigen::Vector2d sum = Eigen::Vector2d::Zero();
+    for (const cv::Point2f& p : m.image) sum += vector(p);
+    return Eigen::Vector2d(0.25 * sum);
+  };
+  const Eigen::Vector2d expected = centre(marker) + A * (other.Centre() - marker.Centre());
+  return (expected - centre(other)).norm() / std::sqrt(std::abs(A.determinant()));
+}
+
+/// The markers that agree with their neighbours on the board, and how many such agreements there
+/// are. A wrong layout puts diagonal neighbours two squares from where they are.
+struct Consistent {
+  std::vector<SeenMarker> markers;
+  int agreements = 0;
+};
+
+Consistent FindConsistent(const std::vector<SeenMarker>& markers) {
+  constexpr double kTolerance = 0.7;  // squares: perspective and distortion over two squares
+  Consistent consistent;
+  for (const SeenMarker& marker : markers) {
+    int agree = 0, disagree = 0;
+    for (const SeenMarker& other : markers) {
+      const double distance = (other.Centre() - marker.Centre()).norm();
+      if (&other == &marker || distance > kNear) continue;
+      const bool fits = Misplaced(marker, other) < kTolerance &&
+                        Misplaced(other, marker) < kTolerance && distance > 0;
+      ++(fits ? agree : disagree);
+    }
+    if (agree == 0 || disagree > agree) continue;
+    consistent.markers.push_back(marker);
+    consistent.agreements += agree;
+  }
+  return consistent;
+}
+
+/// Where the markers around an inner corner (in squares) say it is.
+std::optional<Eigen::Vector2d> Predict(const std::vector<SeenMarker>& markers,
+                                       const Eigen::Vector2d& corner) {
+  constexpr double kAdjacent = 0.8;  // squares, centre to corner: 0.71
+  constexpr double kAround = 1.7;    // the next ones: 1.58
+  std::vector<const SeenMarker*> adjacent, around;
+  for (const SeenMarker& marker : markers) {
+    const double distance = (marker.Centre() - corner).norm();
+    if (distance < kAdjacent) adjacent.push_back(&marker);
+    if (distance < kAround) around.push_back(&marker);
+  }
+  if (adjacent.empty() && around.size() < 2) return std::nullopt;
+  // Between two the corner is interpolated; farther markers would only add the lens's distortion.
+  const auto& used = adjacent.size() == 2 ? adjacent : around;
+  std::vector<cv::Point2f> board, image;
+  for (const SeenMarker* marker : used) {
+    board.insert(board.end(), marker->board.begin(), marker->board.end());
+    image.insert(image.end(), marker->image.begin(), marker->image.end());
+  }
+  const cv::Mat H = cv::findHomography(board, image);
+  if (H.empty()) return std::nullopt;
+  std::vector<cv::Point2f> place;
+  cv::perspectiveTransform(
+      std::vector<cv::Point2f>{{static_cast<float>(corner.x()), static_cast<float>(corner.y())}},
+      place,
+      H);
+  return Eigen::Vector2d(place[0].x, place[0].y);
+}
+
+class CharucoDetector final : public MarkerDetector {
+ public:
+  explicit CharucoDetector(const CharucoLayout& board)
+      : board_(board),
+        dictionary_(FindDictionary(board.dictionary)),
+        parameters_(cv::aruco::DetectorParameters::create()) {
+    layouts_.emplace_back(board, false);
+    // `legacy` changes nothing when the rows are odd.
+    if (board.rows % 2 == 0) layouts_.emplace_back(board, true);
+    if (board.legacy && layouts_.size() == 2) layouts_ = {Layout(board, *board.legacy)};
+    const int available = dictionary_->bytesList.rows;
+    for (const Layout& layout : layouts_) {
+      if (layout.marker_count() <= available) continue;
+      throw Error(ErrorKind::kInput,
+                  fmt::format("dictionary: {} has {} markers, but a board of {} x {} squares needs "
+                              "{}; choose a larger one",
+                              board.dictionary,
+                              available,
+                              board.columns,
+                              board.rows,
+                              layout.marker_count()));
+    }
+  }
+
+  MarkerDetections Detect(const cv::Mat& gray) override {
+    MarkerDetections found;
+    constexpr int kMinSize = 32;  // px; a board of two squares with markers of 4 x 4 bits
+    if (std::min(gray.cols, gray.rows) < kMinSize) {
+      found.failure =
+          fmt::format("{} x {} pixels are too few for a ChArUco board", gray.cols, gray.rows);
+      return found;
+    }
+    found = DetectOneWay(gray);
+    if (!found.failure.empty()) {
+      // Printed white on black.
+      MarkerDetections inverted = DetectOneWay(255 - gray);
+      if (inverted.failure.empty()) return inverted;
+    }
+    return found;
+  }
+
+ private:
+  /// `gray`: markers black on white.
+  MarkerDetections DetectOneWay(const cv::Mat& gray) {
+    std::vector<std::vector<cv::Point2f>> corners;
+    std::vector<int> ids;
+    cv::aruco::detectMarkers(gray, dictionary_, corners, ids, parameters_);
+
+    MarkerDetections found;
+    const Layout* best_layout = nullptr;
+    Consistent best;
+    bool undecided = false;
+    for (const Layout& layout : layouts_) {
+      std::vector<SeenMarker> markers;
+      for (std::size_t k = 0; k < ids.size(); ++k) {
+        if (ids[k] < layout.marker_count()) markers.push_back(layout.Place(ids[k], corners[k]));
+      }
+      Consistent consistent = FindConsistent(markers);
+      undecided = best_layout != nullptr && consistent.agreements == best.agreements;
+      if (best_layout == nullptr || consistent.agreements > best.agreements) {
+        best = std::move(consistent);
+        best_layout = &layout;
+      }
+    }
+    if (best.agreements == 0) {
+      found.failure = fmt::format(
+          "no ChArUco board found: {} of its {} markers ({}) were read, and at least two "
+          "neighbours "
+          "must be",
+          ids.size(),
+          best_layout->marker_count(),
+          board_.dictionary);
+      return found;
+    }
+    if (undecided) {
+      found.failure =
+          "the few markers in view fit both layouts of OpenCV's ChArUco boards; state legacy: true "
+          "or false in the target file";
+      return found;
+    }
+    Measure(gray, *best_layout, best.markers, &found);
+    return found;
+  }
+
+  void Measure(const cv::Mat& gray,
+               const Layout& layout,
+               const std::vector<SeenMarker>& markers,
+               MarkerDetections* found) const {
+    const int columns = board_.columns - 1, rows = board_.rows - 1;
+    std::vector<std::optional<Eigen::Vector2d>> guesses;
+    for (int row = 0; row < rows; ++row) {
+      for (int column = 0; column < columns; ++column) {
+        guesses.push_back(Predict(markers, {column + 1.0, row + 1.0}));
+      }
+    }
+    // Corner 0 has the squares (0, 0) and (1, 1) in the quadrants of equal signs.
+    const int first_marked = layout.white_parity() == 0 ? 1 : -1;
+    const CornerGrid grid =
+        internal::RefineGrid(gray, columns, rows, guesses, layout.gap(), first_marked);
+    for (int corner = 0; corner < columns * rows; ++corner) {
+      if (!guesses[corner]) continue;
+      const bool inside = guesses[corner]->x() >= 0 && guesses[corner]->x() <= gray.cols - 1 &&
+                          guesses[corner]->y() >= 0 && guesses[corner]->y() <= gray.rows - 1;
+      const auto& saddle = grid.corners[corner];
+      const int marked =
+          (corner / columns + corner % columns) % 2 == 0 ? first_marked : -first_marked;
+      if (!saddle || (saddle->contrast > 0) != (marked > 0)) {
+        if (inside) {
+          found->left_out.push_back(
+              fmt::format("corner {}: no clear crossing of edges where the markers say that it is "
+                          "(hidden, blurred or a reflection)",
+                          corner));
+        }
+        continue;
+      }
+      Observation observation;
+      observation.marker = corner;
+      observation.values = {saddle->p.x(), saddle->p.y()};
+      observation.sigma = saddle->sigma;
+      found->markers.push_back(observation);
+    }
+    if (found->markers.empty()) {
+      found->failure = fmt::format(
+          "{} markers of the ChArUco board were read, but no corner between them is clear: the "
+          "image "
+          "is too blurred or the board too small in it",
+          markers.size());
+    }
+  }
+
+  CharucoLayout board_;
+  cv::Ptr<cv::aruco::Dictionary> dictionary_;
+  cv::Ptr<cv::aruco::DetectorParameters> parameters_;
+  std::vector<Layout> layouts_;  // those that the board may have
+};
+
+}  // namespace
+
+std::unique_ptr<MarkerDetector> MakeCharucoDetector(const Target& target) {
+  return std::make_unique<CharucoDetector>(std::get<CharucoLayout>(target.layout));
+}
+
+}  // namespace plenocal

@@ -1,0 +1,392 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
+
+#include <Eigen/Core>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <opencv2/calib3d.hpp>
+#include <opencv2/core.hpp>
+#include <opencv2/features2d.hpp>
+#include <opencv2/imgproc.hpp>
+#include <optional>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "detectors/grid_order.h"
+#include "detectors/marker_detector.h"
+#include "detectors/patch_fit.h"
+
+// OpenCV finds the grid of blobs; each circle is then measured by a fit of a blurred ellipse to its
+// gray values.
+//
+// What is reported is the ellipse's centre. The image of a circle's centre is not exactly there:
+// under perspective the ellipse's centre lies farther from the vanishing line, by about
+//   r^2 sin(tilt) cos(tilt) f / Z^2   (r the circle's radius, Z its distance, f in px)
+// which for a circle of 10 px radius at f = 1000 px tilted by 45 degrees is 0.05 px.
+//
+// Numbering. An asymmetric grid's offset rows decide, when the number of rows is odd; otherwise a
+// turn by 180 degrees changes nothing, nor does a turn by 90 of a square symmetric grid. Of the
+// places that remain for circle 0 the one nearest the image's top left is taken (see NearestTopLeft
+// for what that means for rigs).
+
+namespace plenocal {
+namespace {
+
+using internal::GridOrder;
+using internal::Pixel;
+using Places = std::vector<cv::Point2f>;
+
+/// A measured circle.
+struct Circle {
+  Eigen::Vector2d p;  ///< px
+  double sigma = 0;   ///< px
+};
+
+/// A blurred ellipse on a plane of brightness. With q = p - c and M = (m_xx m_xy; m_xy m_yy), the
+/// ellipse is q^T M q = 1, and to first order the distance from it, positive inside, is
+///   d = (1 - F) F / |M q|,   F = sqrt(q^T M q),   |grad F| = |M q| / F;
+/// the gray value, S being the profile of a blurred edge from -1 to 1 and s its width,
+///   gray = a + g q + b S(d / s).
+class BlurredEllipse {
+ public:
+  enum { kX, kY, kMxx, kMxy, kMyy, kBlur, kA, kB, kGx, kGy, kSize };
+  using Params = Eigen::Matrix<double, kSize, 1>;
+
+  BlurredEllipse(const Eigen::Vector2d& guess, double reach) : guess_(guess), reach_(reach) {}
+
+  static double Width(double e) { return std::hypot(e, kPixel); }
+
+  double operator()(const Params& params, const Pixel& pixel, Params* J) const {
+    const Eigen::Vector2d q(pixel.x - params[kX], pixel.y - params[kY]);
+    const Eigen::Vector2d Mq(params[kMxx] * q.x() + params[kMxy] * q.y(),
+                             params[kMxy] * q.x() + params[kMyy] * q.y());
+    // At the centre itself, where the edge is far, any direction will do.
+    const double F = std::sqrt(std::max(q.dot(Mq), kTiny));
+    const double per_gradient = F / std::max(Mq.norm(), kTiny);
+    const double s = Width(params[kBlur]);
+    const double d = (1 - F) * per_gradient;
+    const internal::EdgeProfile profile = internal::BlurredEdge(d / s);
+    const double b = params[kB];
+    // dF = q^T dM q / (2 F) - q^T M dc / F. The change of |grad F| is left out: it is multiplied by
+    // d, which is small where the profile changes.
+    const double slope = -b * profile.derivative / s * per_gradient / F;
+    (*J)[kX] = -slope * Mq.x() - params[kGx];
+    (*J)[kY] = -slope * Mq.y() - params[kGy];
+    (*J)[kMxx] = 0.5 * slope * q.x() * q.x();
+    (*J)[kMxy] = slope * q.x() * q.y();
+    (*J)[kMyy] = 0.5 * slope * q.y() * q.y();
+    (*J)[kBlur] = -b * profile.derivative * d / s * params[kBlur] / (s * s);
+    (*J)[kA] = 1;
+    (*J)[kB] = profile.value;
+    (*J)[kGx] = q.x();
+    (*J)[kGy] = q.y();
+    return params[kA] + params[kGx] * q.x() + params[kGy] * q.y() + b * profile.value;
+  }
+
+  bool Plausible(const Params& params) const {
+    const double determinant = params[kMxx] * params[kMyy] - params[kMxy] * params[kMxy];
+    return params[kMxx] > 0 && determinant > 0 &&
+           std::hypot(params[kX] - guess_.x(), params[kY] - guess_.y()) < reach_ &&
+           Width(params[kBlur]) < reach_;
+  }
+
+ private:
+  static constexpr double kPixel = 0.29;  // 1 / sqrt(12), sigma of a box one pixel wide
+  static constexpr double kTiny = 1e-12;
+
+  Eigen::Vector2d guess_;
+  double reach_;
+};
+
+/// Centre and second moments of the region around `guess` that is on the other side of the middle
+/// between its gray value and its surroundings', within `radius`.
+struct Region {
+  Eigen::Vector2d centre;
+  Eigen::Matrix2d covariance;
+  double inside = 0, outside = 0;  ///< mean gray values
+};
+
+std::optional<Region> FindRegion(const cv::Mat& gray, const Eigen::Vector2d& guess, double radius) {
+  const cv::Point centre(static_cast<int>(std::lround(guess.x())),
+                         static_cast<int>(std::lround(guess.y())));
+  const int r = static_cast<int>(std::ceil(radius));
+  const cv::Rect window =
+      cv::Rect(centre.x - r, centre.y - r, 2 * r + 1, 2 * r + 1) & cv::Rect({}, gray.size());
+  if (!window.contains(centre)) return std::nullopt;
+  const cv::Mat patch = gray(window);
+  cv::Mat binary;
+  const double threshold =
+      cv::threshold(patch, binary, 0, 255, cv::THRESH_BINARY | cv::THRESH_OTSU);
+  const cv::Point seed = centre - window.tl();
+  const bool bright = patch.at<std::uint8_t>(seed) > threshold;
+  if (!bright) binary = 255 - binary;
+  cv::Mat labels;
+  cv::connectedComponents(binary, labels, 8, CV_32S);
+  const int label = labels.at<int>(seed);
+  const cv::Mat mask = labels == label;
+  const cv::Moments moments = cv::moments(mask, true);
+  if (moments.m00 < 4) return std::nullopt;
+  Region region;
+  region.centre = {window.x + moments.m10 / moments.m00, window.y + moments.m01 / moments.m00};
+  const double unit = 1.0 / 12;  // a pixel's own second moment
+  region.covariance << moments.mu20 / moments.m00 + unit, moments.mu11 / moments.m00,
+      moments.mu11 / moments.m00, moments.mu02 / moments.m00 + unit;
+  region.inside = cv::mean(patch, mask)[0];
+  region.outside = cv::mean(patch, ~mask)[0];
+  return region;
+}
+
+/// `spacing`: px to the nearest neighbour.
+std::optional<Circle> FitCircle(const cv::Mat& gray, const Eigen::Vector2d& guess, double spacing) {
+  const std::optional<Region> region = FindRegion(gray, guess, 0.5 * spacing);
+  if (!region) return std::nullopt;
+  // For a full ellipse the second moments are M^-1 / 4.
+  const Eigen::Matrix2d M = (4 * region->covariance).inverse();
+  const double semi_axis = 2 * std::sqrt(0.5 * region->covariance.trace());
+  // Half-way to the next circle's edge, which is as far beyond the middle as this one's before it.
+  const double gap = std::max(spacing - 2 * semi_axis, 2.0);
+  const double margin = std::clamp(0.5 * gap, 1.5, 6.0);  // px; six show any sensible blur's foot
+  std::vector<Pixel> pixels;
+  const int r = static_cast<int>(std::ceil(3 * semi_axis + margin));
+  for (int y = static_cast<int>(region->centre.y()) - r; y <= region->centre.y() + r; ++y) {
+    for (int x = static_cast<int>(region->centre.x()) - r; x <= region->centre.x() + r; ++x) {
+      if (x < 0 || y < 0 || x >= gray.cols || y >= gray.rows) continue;
+      const Eigen::Vector2d q = Eigen::Vector2d(x, y) - region->centre;
+      const Eigen::Vector2d Mq = M * q;
+      const double F = std::sqrt(q.dot(Mq));
+      const double outward = Mq.norm() > 0 ? (F - 1) * F / Mq.norm() : -semi_axis;
+      // The interior of a large circle tells nothing about its edge.
+      if (outward > margin || outward < -margin) continue;
+      pixels.push_back({static_cast<double>(x),
+                        static_cast<double>(y),
+                        static_cast<double>(gray.at<std::uint8_t>(y, x))});
+    }
+  }
+  using Model = BlurredEllipse;
+  Model::Params start = Model::Params::Zero();
+  start[Model::kX] = region->centre.x();
+  start[Model::kY] = region->centre.y();
+  start[Model::kMxx] = M(0, 0);
+  start[Model::kMxy] = M(0, 1);
+  start[Model::kMyy] = M(1, 1);
+  start[Model::kBlur] = 0.8;
+  start[Model::kA] = 0.5 * (region->inside + region->outside);
+  start[Model::kB] = 0.5 * (region->inside - region->outside);
+  if (pixels.size() < 2 * Model::kSize) return std::nullopt;
+  const double reach = std::max(0.5 * semi_axis, 1.5);
+  const auto fit = internal::FitPatch<Model::kSize>(Model(region->centre, reach), pixels, start);
+  constexpr double kMinExplained = 0.6;  // as for chessboard corners
+  if (!fit || fit->explained < kMinExplained) return std::nullopt;
+  // Thousandths of a pixel that the model leaves out, as for chessboard corners.
+  constexpr double kModelError = 0.003;
+  Circle circle;
+  circle.p = fit->params.head<2>();
+  circle.sigma =
+      std::sqrt(0.5 * (fit->covariance(0, 0) + fit->covariance(1, 1)) + kModelError * kModelError);
+  if (circle.sigma > std::min(0.5, 0.1 * spacing)) return std::nullopt;
+  return circle;
+}
+
+class CirclesDetector final : public MarkerDetector {
+ public:
+  explicit CirclesDetector(const CirclesLayout& layout)
+      : columns_(layout.columns), rows_(layout.rows), asymmetric_(layout.asymmetric) {}
+
+  MarkerDetections Detect(const cv::Mat& gray) override {
+    MarkerDetections found;
+    constexpr int kMinPixelsPerCircle = 4;
+    if (std::max(gray.cols, gray.rows) < kMinPixelsPerCircle * std::max(columns_, rows_) ||
+        std::min(gray.cols, gray.rows) < kMinPixelsPerCircle * std::min(columns_, rows_)) {
+      found.failure = fmt::format(
+          "{} x {} pixels are too few for {} x {} circles", gray.cols, gray.rows, columns_, rows_);
+      return found;
+    }
+    found.failure = fmt::format(
+        "no {} grid of {} x {} circles found: only part of it is visible, or it is too blurred, "
+        "too "
+        "small or unevenly lit",
+        asymmetric_ ? "asymmetric" : "symmetric",
+        columns_,
+        rows_);
+    for (const double scale : {1.0, 2.0, 0.5}) {
+      cv::Mat image = gray;
+      if (scale != 1) {
+        cv::resize(gray, image, {}, scale, scale, scale < 1 ? cv::INTER_AREA : cv::INTER_CUBIC);
+      }
+      for (const bool white : {false, true}) {
+        const Places blobs = Blobs(image, white);
+        for (const int clustering : {0, static_cast<int>(cv::CALIB_CB_CLUSTERING)}) {
+          Places places = FindGrid(blobs, clustering);
+          if (places.size() != static_cast<std::size_t>(columns_) * rows_) continue;
+          for (cv::Point2f& p : places) {
+            p.x = static_cast<float>((p.x + 0.5) / scale - 0.5);
+            p.y = static_cast<float>((p.y + 0.5) / scale - 0.5);
+          }
+          MarkerDetections refined = Refine(gray, places);
+          if (refined.failure.empty()) return refined;
+          found.failure = refined.failure;
+        }
+      }
+    }
+    return found;
+  }
+
+ private:
+  /// Blobs that may be circles of the grid.
+  [[nodiscard]] Places Blobs(const cv::Mat& image, bool white) const {
+    cv::SimpleBlobDetector::Params params;
+    params.filterByColor = true;
+    params.blobColor = white ? 255 : 0;
+    params.minArea = 12;  // px, a circle of 4 px across
+    // As large as the circles of a grid that fills the image; OpenCV's own limit is 5000 px.
+    params.maxArea = static_cast<float>(image.total()) / static_cast<float>(columns_ * rows_);
+    params.minDistBetweenBlobs = 3;  // px
+    std::vector<cv::KeyPoint> blobs;
+    cv::SimpleBlobDetector::create(params)->detect(image, blobs);
+    Places places;
+    cv::KeyPoint::convert(blobs, places);
+    return places;
+  }
+
+  [[nodiscard]] Places FindGrid(const Places& blobs, int clustering) const {
+    // The search takes time with the cube of their number; texture and noise give thousands.
+    const std::size_t count = static_cast<std::size_t>(columns_) * rows_;
+    const std::size_t most = 3 * count + 300;
+    if (blobs.size() < count || blobs.size() > most) return {};
+    const int kind = asymmetric_ ? cv::CALIB_CB_ASYMMETRIC_GRID : cv::CALIB_CB_SYMMETRIC_GRID;
+    Places places;
+    const bool all = cv::findCirclesGrid(
+        blobs, {columns_, rows_}, places, kind | clustering, cv::Ptr<cv::FeatureDetector>());
+    return all ? places : Places{};
+  }
+
+  [[nodiscard]] MarkerDetections Refine(const cv::Mat& gray, const Places& places) const {
+    std::vector<Eigen::Vector2d> points;
+    for (const cv::Point2f& p : places) points.emplace_back(p.x, p.y);
+    const auto count = static_cast<int>(points.size());
+    std::vector<std::optional<Circle>> circles;
+    int refined = 0;
+    for (const Eigen::Vector2d& p : points) {
+      double spacing = std::numeric_limits<double>::max();
+      for (const Eigen::Vector2d& other : points) {
+        if (&other != &p) spacing = std::min(spacing, (other - p).norm());
+      }
+      circles.push_back(FitCircle(gray, p, spacing));
+      refined += circles.back() ? 1 : 0;
+    }
+    MarkerDetections found;
+    const std::optional<GridOrder> order = Canonical(points);
+    if (2 * refined < count || !order) {
+      found.failure = fmt::format(
+          "a pattern of {} x {} places was found, but only {} of them look like circles of the "
+          "grid: "
+          "it is too blurred, too small or partly hidden",
+          columns_,
+          rows_,
+          order ? refined : 0);
+      return found;
+    }
+    for (int marker = 0; marker < count; ++marker) {
+      const std::optional<Circle>& circle = circles[(*order)[marker]];
+      if (!circle) {
+        found.left_out.push_back(fmt::format(
+            "circle {}: its edge is not an ellipse's (hidden, blurred or a reflection)", marker));
+        continue;
+      }
+      Observation observation;
+      observation.marker = marker;
+      observation.values = {circle->p.x(), circle->p.y()};
+      observation.sigma = circle->sigma;
+      found.markers.push_back(observation);
+    }
+    return found;
+  }
+
+  /// Root mean square distance of the places from the nearest plane image of the grid, px.
+  [[nodiscard]] double Misfit(const std::vector<Eigen::Vector2d>& points,
+                              const GridOrder& order) const {
+    std::vector<cv::Point2f> board, image, projected;
+    for (int k = 0; k < columns_ * rows_; ++k) {
+      const int row = k / columns_, column = k % columns_;
+      board.emplace_back(static_cast<float>(2 * column + row % 2), static_cast<float>(row));
+      const Eigen::Vector2d& p = points[order[k]];
+      image.emplace_back(static_cast<float>(p.x()), static_cast<float>(p.y()));
+    }
+    const cv::Mat H = cv::findHomography(board, image);
+    if (H.empty()) return std::numeric_limits<double>::max();
+    cv::perspectiveTransform(board, projected, H);
+    return cv::norm(projected, image) / std::sqrt(static_cast<double>(board.size()));
+  }
+
+  /// OpenCV's order of an asymmetric grid may begin at any corner, and with an even number of rows
+  /// it has come with the rows of each pair exchanged. The order is the one that the offsets of the
+  /// rows agree with.
+  [[nodiscard]] std::optional<GridOrder> CanonicalAsymmetric(
+      const std::vector<Eigen::Vector2d>& points, const GridOrder& found) const {
+    std::vector<GridOrder> bases{found};
+    if (rows_ % 2 == 0) {
+      GridOrder exchanged(found.size());
+      for (std::size_t k = 0; k < found.size(); ++k) {
+        const std::size_t row = k / columns_;
+        exchanged[k] = found[(row ^ 1) * columns_ + k % columns_];
+      }
+      bases.push_back(exchanged);
+    }
+    struct Candidate {
+      GridOrder order;
+      double misfit;
+    };
+    std::vector<Candidate> candidates;
+    for (const GridOrder& base : bases) {
+      for (const GridOrder& order : {base,
+                                     internal::Rotated180(base),
+                                     internal::RowsReversed(base, columns_),
+                                     internal::ColumnsReversed(base, columns_)}) {
+        if (internal::Handedness(points, order, columns_) > 0) {
+          candidates.push_back({order, Misfit(points, order)});
+        }
+      }
+    }
+    if (candidates.empty()) return std::nullopt;
+    const double best =
+        std::min_element(candidates.begin(), candidates.end(), [](const auto& a, const auto& b) {
+          return a.misfit < b.misfit;
+        })->misfit;
+    std::vector<GridOrder> fitting;
+    for (const Candidate& candidate : candidates) {
+      // A wrong order misses by about a circle's distance, a right one by the lens's distortion,
+      // which is the same from either end.
+      if (candidate.misfit < 1.1 * best + 0.1) fitting.push_back(candidate.order);
+    }
+    return internal::NearestTopLeft(points, fitting);
+  }
+
+  /// Nothing when the places cannot be the grid seen from its front.
+  [[nodiscard]] std::optional<GridOrder> Canonical(
+      const std::vector<Eigen::Vector2d>& points) const {
+    GridOrder first = internal::FoundOrder(columns_, rows_);
+    if (asymmetric_) return CanonicalAsymmetric(points, first);
+    const bool mirrored = internal::Handedness(points, first, columns_) < 0;
+    if (mirrored) first = internal::RowsReversed(first, columns_);
+    std::vector<GridOrder> orders{first, internal::Rotated180(first)};
+    if (columns_ == rows_) {
+      orders.push_back(internal::Rotated90(first, rows_));
+      orders.push_back(internal::Rotated180(orders.back()));
+    }
+    return internal::NearestTopLeft(points, orders);
+  }
+
+  int columns_, rows_;
+  bool asymmetric_;
+};
+
+}  // namespace
+
+std::unique_ptr<MarkerDetector> MakeCirclesDetector(const Target& target) {
+  return std::make_unique<CirclesDetector>(std::get<CirclesLayout>(target.layout));
+}
+
+}  // namespace plenocal

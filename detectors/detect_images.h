@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "calib/observation.h"
+#include "calib/session.h"
+#include "targets/target.h"
+
+namespace plenocal {
+
+/// What the images of one camera gave.
+struct ImageDetections {
+  std::vector<View> views;  ///< only images with markers, in the order of the images
+  ImageSize image_size{};
+  std::vector<LeftOut> left_out;  ///< images and markers, with reasons
+};
+
+struct DetectOptions {
+  int threads = 0;  ///< 0: all cores
+  /// Called after each image with the number of images done; false stops (`Stopped` is thrown).
+  std::function<bool(size_t done)> progress;
+};
+
+/// Finds the target in all images of one camera, several images at a time. An image that cannot be
+/// read, or whose size differs from that of most, is left out with its reason. Throws `Error` of kind
+/// kJob when no image can be read.
+ImageDetections DetectImages(const std::vector<FrameImage>& images,
+                             const Target& target,
+                             const DetectOptions& options);
+
+}  // namespace plenocal

@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+#include <vector>
+
+namespace plenocal::internal {
+
+/// A way to number a lattice of points: entry `row * columns + column` is the index of the point in
+/// the order in which they were found.
+using GridOrder = std::vector<std::size_t>;
+
+inline GridOrder FoundOrder(int columns, int rows) {
+  GridOrder order(static_cast<std::size_t>(columns) * rows);
+  for (std::size_t i = 0; i < order.size(); ++i) order[i] = i;
+  return order;
+}
+
+/// The same lattice begun at the opposite corner.
+inline GridOrder Rotated180(const GridOrder& order) { return {order.rbegin(), order.rend()}; }
+
+/// A square lattice begun at the next corner: its columns become the rows.
+inline GridOrder Rotated90(const GridOrder& order, int size) {
+  GridOrder turned(order.size());
+  for (int row = 0; row < size; ++row) {
+    for (int column = 0; column < size; ++column) {
+      turned[static_cast<std::size_t>(row) * size + column] =
+          order[static_cast<std::size_t>(size - 1 - column) * size + row];
+    }
+  }
+  return turned;
+}
+
+/// Each row from its other end: mirrors the lattice.
+inline GridOrder RowsReversed(const GridOrder& order, int columns) {
+  GridOrder mirrored(order.size());
+  for (std::size_t i = 0; i < order.size(); ++i) {
+    const std::size_t column = i % columns;
+    mirrored[i] = order[i - column + (columns - 1 - column)];
+  }
+  return mirrored;
+}
+
+/// The last row first: mirrors the lattice.
+inline GridOrder ColumnsReversed(const GridOrder& order, int columns) {
+  return Rotated180(RowsReversed(order, columns));
+}
+
+/// Twice the signed area of the lattice's outline: positive when columns (x) turn clockwise to rows
+/// (y) in the image, as they do on a board seen from its front.
+inline double Handedness(const std::vector<Eigen::Vector2d>& points,
+                         const GridOrder& order,
+                         int columns) {
+  const Eigen::Vector2d& first = points[order.front()];
+  const Eigen::Vector2d& across = points[order[columns - 1]];
+  const Eigen::Vector2d& opposite = points[order.back()];
+  const Eigen::Vector2d& down = points[order[order.size() - columns]];
+  const Eigen::Vector2d a = opposite - first, b = down - across;
+  return a.x() * b.y() - a.y() * b.x();
+}
+
+/// Of equally good orders the one whose first point is nearest the image's top left. One image
+/// cannot tell more: cameras that are turned against each other by more than about 90 degrees may
+/// begin at different corners of such a board.
+inline const GridOrder& NearestTopLeft(const std::vector<Eigen::Vector2d>& points,
+                                       const std::vector<GridOrder>& orders) {
+  std::size_t best = 0;
+  for (std::size_t k = 1; k < orders.size(); ++k) {
+    if (points[orders[k].front()].norm() < points[orders[best].front()].norm()) best = k;
+  }
+  return orders[best];
+}
+
+}  // namespace plenocal::internal

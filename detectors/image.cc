@@ -1,0 +1,322 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "detectors/image.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cmath>
+#include <cstdint>
+#include <fstream>
+#include <opencv2/core.hpp>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "calib/error.h"
+
+// The decoders fill what is missing with gray and print to stderr, or say nothing. So a file's own
+// structure is checked first, and only what is complete reaches a decoder.
+
+namespace plenocal {
+namespace {
+
+namespace fs = std::filesystem;
+using Bytes = std::vector<std::uint8_t>;
+using View = std::span<const std::uint8_t>;
+
+/// Larger images are refused before memory is asked for: some thirty times a big sensor's, so only
+/// a broken or hostile header says so.
+constexpr std::uint64_t kMaxPixels = std::uint64_t{1} << 29;
+
+/// The first defect of a file in words, or nothing.
+using Defect = std::optional<std::string>;
+
+std::uint32_t BigEndian(View bytes, std::size_t at, int size) {
+  std::uint32_t value = 0;
+  for (int k = 0; k < size; ++k) value = value << 8 | bytes[at + k];
+  return value;
+}
+
+std::uint32_t LittleEndian(View bytes, std::size_t at, int size) {
+  std::uint32_t value = 0;
+  for (int k = size - 1; k >= 0; --k) value = value << 8 | bytes[at + k];
+  return value;
+}
+
+bool StartsWith(View bytes, std::string_view magic) {
+  return bytes.size() >= magic.size() &&
+         std::equal(magic.begin(), magic.end(), bytes.begin(), [](char c, std::uint8_t b) {
+           return static_cast<std::uint8_t>(c) == b;
+         });
+}
+
+Defect CheckSize(std::uint64_t width, std::uint64_t height) {
+  if (width == 0 || height == 0)
+    return fmt::format("the header says {} x {} pixels", width, height);
+  if (width > kMaxPixels || height > kMaxPixels || width * height > kMaxPixels) {
+    return fmt::format("the header says {} x {} pixels, more than can be an image", width, height);
+  }
+  return std::nullopt;
+}
+
+/// The CRC of PNG (ISO 3309), over chunk type and data.
+std::uint32_t Crc(View bytes) {
+  static constexpr auto kTable = [] {
+    std::array<std::uint32_t, 256> table{};
+    for (std::uint32_t n = 0; n < 256; ++n) {
+      std::uint32_t c = n;
+      for (int k = 0; k < 8; ++k) c = (c & 1) != 0 ? 0xedb88320u ^ (c >> 1) : c >> 1;
+      table[n] = c;
+    }
+    return table;
+  }();
+  std::uint32_t crc = 0xffffffffu;
+  for (const std::uint8_t b : bytes) crc = kTable[(crc ^ b) & 0xff] ^ (crc >> 8);
+  return ~crc;
+}
+
+constexpr std::string_view kPngMagic = "\x89PNG\r\n\x1a\n";
+
+/// Walks the chunks up to IEND, and drops the ancillary ones from `bytes`: libpng would complain on
+/// stderr about colour profiles that do not matter here.
+Defect CheckPng(Bytes* bytes) {
+  const View in(*bytes);
+  Bytes kept(in.begin(), in.begin() + kPngMagic.size());
+  std::size_t at = kPngMagic.size();
+  std::string last = "signature";
+  while (true) {
+    if (in.size() - at < 12) return fmt::format("truncated PNG (the file ends after the {})", last);
+    const std::uint32_t length = BigEndian(in, at, 4);
+    const std::string type(in.begin() + at + 4, in.begin() + at + 8);
+    if (!std::all_of(type.begin(), type.end(), [](unsigned char c) { return std::isalpha(c); })) {
+      return fmt::format("corrupt PNG (no chunk follows the {})", last);
+    }
+    if (in.size() - at - 12 < length) {
+      return fmt::format("truncated PNG (the file ends inside the chunk {})", type);
+    }
+    if (Crc(in.subspan(at + 4, length + 4)) != BigEndian(in, at + 8 + length, 4)) {
+      return fmt::format("corrupt PNG (wrong checksum of the chunk {})", type);
+    }
+    if (at == kPngMagic.size()) {
+      if (type != "IHDR" || length < 13) return "corrupt PNG (it does not begin with IHDR)";
+      if (auto defect = CheckSize(BigEndian(in, at + 8, 4), BigEndian(in, at + 12, 4))) {
+        return defect;
+      }
+    }
+    const std::size_t end = at + 12 + length;
+    // Upper case: critical. Without tRNS a palette's colours stay what they are.
+    if (std::isupper(static_cast<unsigned char>(type[0])) != 0) {
+      kept.insert(kept.end(), in.begin() + at, in.begin() + end);
+    }
+    if (type == "IEND") break;
+    last = "chunk " + type;
+    at = end;
+  }
+  *bytes = std::move(kept);
+  return std::nullopt;
+}
+
+/// Walks the segments and the entropy-coded scans up to EOI; bytes after it do no harm.
+Defect CheckJpeg(View in) {
+  std::size_t at = 2;
+  bool in_scan = false;
+  while (true) {
+    // To the next marker: 0xff followed by neither a stuffed 0 nor, within a scan, a restart.
+    if (!in_scan && at < in.size() && in[at] != 0xff) return "corrupt JPEG (a segment is missing)";
+    while (at + 1 < in.size() && (in[at] != 0xff || in[at + 1] == 0 || in[at + 1] == 0xff ||
+                                  (in_scan && in[at + 1] >= 0xd0 && in[at + 1] <= 0xd7))) {
+      ++at;
+    }
+    if (at + 1 >= in.size()) {
+      return fmt::format("truncated JPEG (the file ends inside {})",
+                         in_scan ? "the image data" : "its header");
+    }
+    const std::uint8_t marker = in[at + 1];
+    if (marker == 0xd9) {
+      if (!in_scan) return "corrupt JPEG (it has no image data)";
+      return std::nullopt;
+    }
+    if (at + 4 > in.size()) return "truncated JPEG (the file ends inside its header)";
+    const std::uint32_t length = BigEndian(in, at + 2, 2);
+    if (length < 2) return "corrupt JPEG (a segment has no length)";
+    if (at + 2 + length > in.size()) return "truncated JPEG (the file ends inside its header)";
+    const bool start_of_frame =
+        marker >= 0xc0 && marker <= 0xcf && marker != 0xc4 && marker != 0xc8 && marker != 0xcc;
+    if (start_of_frame && length >= 7) {
+      if (auto defect = CheckSize(BigEndian(in, at + 7, 2), BigEndian(in, at + 5, 2))) {
+        return defect;
+      }
+    }
+    in_scan = marker == 0xda;
+    at += 2 + length;
+  }
+}
+
+Defect CheckBmp(View in) {
+  constexpr std::size_t kHeader = 30;
+  if (in.size() < kHeader) return "truncated BMP (the file ends inside its header)";
+  if (LittleEndian(in, 14, 4) < 40) return std::nullopt;  // OS/2's: left to the decoder
+  const auto width = static_cast<std::int32_t>(LittleEndian(in, 18, 4));
+  const auto height = static_cast<std::int32_t>(LittleEndian(in, 22, 4));
+  const std::uint64_t rows = std::abs(static_cast<std::int64_t>(height));
+  if (width < 0) return "corrupt BMP (negative width)";
+  if (auto defect = CheckSize(width, rows)) return defect;
+  constexpr std::size_t kCompression = 30;
+  if (in.size() < kCompression + 4 || LittleEndian(in, kCompression, 4) != 0) return std::nullopt;
+  const std::uint64_t bits = LittleEndian(in, 28, 2);
+  const std::uint64_t row_bytes = (width * bits + 31) / 32 * 4;
+  const std::uint64_t expected = LittleEndian(in, 10, 4) + row_bytes * rows;
+  if (in.size() < expected) {
+    return fmt::format("truncated BMP ({} bytes where {} are expected)", in.size(), expected);
+  }
+  return std::nullopt;
+}
+
+/// Binary PGM and PPM.
+Defect CheckPnm(View in) {
+  std::size_t at = 2;
+  std::array<std::uint64_t, 3> numbers{};  // width, height, largest value
+  for (std::uint64_t& number : numbers) {
+    while (at < in.size() && (std::isspace(in[at]) != 0 || in[at] == '#')) {
+      if (in[at] == '#') {
+        while (at < in.size() && in[at] != '\n') ++at;
+      } else {
+        ++at;
+      }
+    }
+    if (at == in.size() || std::isdigit(in[at]) == 0) return "corrupt PGM or PPM header";
+    while (at < in.size() && std::isdigit(in[at]) != 0 && number <= kMaxPixels) {
+      number = number * 10 + (in[at++] - '0');
+    }
+  }
+  if (auto defect = CheckSize(numbers[0], numbers[1])) return defect;
+  const std::uint64_t channels = in[1] == '6' ? 3 : 1;
+  const std::uint64_t expected =
+      at + 1 + numbers[0] * numbers[1] * channels * (numbers[2] > 255 ? 2 : 1);
+  if (in.size() < expected) {
+    return fmt::format(
+        "truncated PGM or PPM ({} bytes where {} are expected)", in.size(), expected);
+  }
+  return std::nullopt;
+}
+
+/// The strips or tiles of the first image must lie within the file.
+Defect CheckTiff(View in) {
+  const bool big = in[0] == 'M';
+  const auto read = [&](std::uint64_t at, int size) -> std::optional<std::uint64_t> {
+    if (at + size > in.size()) return std::nullopt;
+    return big ? BigEndian(in, at, size) : LittleEndian(in, at, size);
+  };
+  const std::string truncated = "truncated TIFF (the file ends before its image data do)";
+  if (in.size() < 8) return truncated;
+  const std::uint64_t directory = *read(4, 4);
+  const auto entries = read(directory, 2);
+  if (!entries) return truncated;
+  std::uint64_t width = 1, height = 1;
+  std::vector<std::uint64_t> offsets, counts;
+  for (std::uint64_t k = 0; k < *entries; ++k) {
+    const std::uint64_t at = directory + 2 + 12 * k;
+    const auto tag = read(at, 2), type = read(at + 2, 2), count = read(at + 4, 4);
+    if (!read(at + 8, 4)) return truncated;
+    const int size = *type == 3 ? 2 : 4;  // SHORT, else LONG: all that these tags may have
+    const auto values = [&]() -> std::optional<std::vector<std::uint64_t>> {
+      const std::uint64_t start = *count * size <= 4 ? at + 8 : *read(at + 8, 4);
+      if (start + *count * size > in.size()) return std::nullopt;
+      std::vector<std::uint64_t> out(*count);
+      for (std::uint64_t i = 0; i < *count; ++i) out[i] = *read(start + i * size, size);
+      return out;
+    };
+    constexpr int kWidth = 256, kHeight = 257, kStripOffsets = 273, kStripCounts = 279,
+                  kTileOffsets = 324, kTileCounts = 325;
+    switch (*tag) {
+      case kWidth:
+        width = *read(at + 8, size);
+        break;
+      case kHeight:
+        height = *read(at + 8, size);
+        break;
+      case kStripOffsets:
+      case kTileOffsets:
+      case kStripCounts:
+      case kTileCounts: {
+        auto all = values();
+        if (!all) return truncated;
+        (*tag == kStripOffsets || *tag == kTileOffsets ? offsets : counts) = std::move(*all);
+        break;
+      }
+      default:
+        break;
+    }
+  }
+  if (auto defect = CheckSize(width, height)) return defect;
+  for (std::size_t i = 0; i < std::min(offsets.size(), counts.size()); ++i) {
+    if (offsets[i] + counts[i] > in.size()) return truncated;
+  }
+  return std::nullopt;
+}
+
+Defect CheckIntegrity(Bytes* bytes) {
+  const View in(*bytes);
+  if (StartsWith(in, kPngMagic)) return CheckPng(bytes);
+  if (StartsWith(in, "\xff\xd8")) return CheckJpeg(in);
+  if (StartsWith(in, "BM")) return CheckBmp(in);
+  if (StartsWith(in, "P5") || StartsWith(in, "P6")) return CheckPnm(in);
+  using namespace std::string_view_literals;
+  if (StartsWith(in, "II*\0"sv) || StartsWith(in, "MM\0*"sv)) return CheckTiff(in);
+  return std::nullopt;
+}
+
+[[noreturn]] void Refuse(const fs::path& path, std::string_view reason) {
+  throw Error(ErrorKind::kInput, fmt::format("{}: {}", path.string(), reason));
+}
+
+Bytes ReadFile(const fs::path& path) {
+  std::error_code error;
+  const fs::file_status status = fs::status(path, error);
+  if (status.type() == fs::file_type::not_found) Refuse(path, "no such file");
+  if (status.type() == fs::file_type::directory) Refuse(path, "is a directory, not an image");
+  std::ifstream file(path, std::ios::binary);
+  if (!file) Refuse(path, "cannot be opened; check its permissions");
+  Bytes bytes((std::istreambuf_iterator<char>(file)), std::istreambuf_iterator<char>());
+  if (file.bad()) Refuse(path, "cannot be read");
+  if (bytes.empty()) Refuse(path, "is empty (0 bytes); record or copy it again");
+  return bytes;
+}
+
+}  // namespace
+
+cv::Mat ReadGray(const fs::path& path) {
+  Bytes bytes = ReadFile(path);
+  if (const Defect defect = CheckIntegrity(&bytes)) {
+    Refuse(path, *defect + "; record or copy it again");
+  }
+  cv::Mat image;
+  try {
+    // A camera's pixels as they were recorded: the orientation that a viewer would turn them by
+    // (EXIF) would exchange width and height between images of one camera.
+    image = cv::imdecode(
+        bytes, cv::IMREAD_GRAYSCALE | cv::IMREAD_ANYDEPTH | cv::IMREAD_IGNORE_ORIENTATION);
+  } catch (const cv::Exception&) {
+    image.release();
+  } catch (const std::bad_alloc&) {
+    Refuse(path, "needs more memory than there is");
+  }
+  if (image.empty()) Refuse(path, "is not an image OpenCV can read");
+  if (image.depth() == CV_8U) return image;
+  if (image.depth() != CV_16U) Refuse(path, "expected 8 or 16 bits a channel; convert it");
+  double largest = 0;
+  cv::minMaxLoc(image, nullptr, &largest);
+  const unsigned range = std::bit_ceil(static_cast<unsigned>(largest) + 1);
+  cv::Mat gray;
+  // Values up to range - 1 onto 0..255; an image of 8 significant bits keeps its values.
+  image.convertTo(gray, CV_8U, std::min(1.0, 255.0 / (range - 1.0)));
+  return gray;
+}
+
+}  // namespace plenocal

@@ -1,0 +1,15 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+#include <opencv2/core/mat.hpp>
+
+namespace plenocal {
+
+/// Reads an image file (8 or 16 bit; gray, colour) as single-channel 8-bit gray. Sixteen-bit images
+/// are scaled by their own largest value's next power of two, so that 12-bit data keep their contrast.
+/// Throws `Error` of kind `kInput` that names the file for one that is missing, not an image, corrupt
+/// or truncated (a truncated PNG or JPEG must be refused, not filled with gray).
+cv::Mat ReadGray(const std::filesystem::path& path);
+
+}  // namespace plenocal

@@ -1,0 +1,559 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <apriltag/apriltag.h>
+#include <apriltag/tag16h5.h>
+#include <apriltag/tag25h9.h>
+#include <apriltag/tag36h10.h>
+#include <apriltag/tag36h11.h>
+#include <apriltag/tagCircle21h7.h>
+#include <apriltag/tagCircle49h12.h>
+#include <apriltag/tagCustom48h12.h>
+#include <apriltag/tagStandard41h12.h>
+#include <apriltag/tagStandard52h13.h>
+#include <fmt/core.h>
+#include <fmt/ranges.h>
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <map>
+#include <optional>
+#include <set>
+#include <utility>
+
+#include "calib/error.h"
+#include "detectors/marker_detector.h"
+#include "detectors/tag_edges.h"
+
+namespace plenocal {
+namespace {
+
+using internal::Quad;
+
+struct FamilyEntry {
+  std::string_view name;
+  apriltag_family_t* (*create)();
+  void (*destroy)(apriltag_family_t*);
+};
+
+constexpr std::array kFamilies{
+    FamilyEntry{"tag16h5", tag16h5_create, tag16h5_destroy},
+    FamilyEntry{"tag25h9", tag25h9_create, tag25h9_destroy},
+    FamilyEntry{"tag36h10", tag36h10_create, tag36h10_destroy},
+    FamilyEntry{"tag36h11", tag36h11_create, tag36h11_destroy},
+    FamilyEntry{"tagCircle21h7", tagCircle21h7_create, tagCircle21h7_destroy},
+    FamilyEntry{"tagCircle49h12", tagCircle49h12_create, tagCircle49h12_destroy},
+    FamilyEntry{"tagCustom48h12", tagCustom48h12_create, tagCustom48h12_destroy},
+    FamilyEntry{"tagStandard41h12", tagStandard41h12_create, tagStandard41h12_destroy},
+    FamilyEntry{"tagStandard52h13", tagStandard52h13_create, tagStandard52h13_destroy},
+};
+
+const FamilyEntry& FindFamily(std::string_view name) {
+  for (const FamilyEntry& entry : kFamilies) {
+    if (entry.name == name) return entry;
+  }
+  std::vector<std::string_view> names;
+  for (const FamilyEntry& entry : kFamilies) names.push_back(entry.name);
+  throw Error(ErrorKind::kInput,
+              fmt::format("unknown tag family '{}'{}", name, SuggestName(name, names)));
+}
+
+/// Some tags of a family, with a black border of any width. Subsets, because the library's table
+/// for decoding holds every code with every correctable error: 3 GB for all of tagStandard52h13.
+class Family {
+ public:
+  Family(const FamilyEntry& entry, int border_bits) : Family(entry.create(), entry, border_bits) {}
+
+  [[nodiscard]] int size() const { return static_cast<int>(codes_.size()); }
+  [[nodiscard]] int border_bits() const { return border_bits_; }
+  [[nodiscard]] bool classic() const { return !family_.reversed_border; }
+  [[nodiscard]] int width_at_border() const { return family_.width_at_border; }
+  [[nodiscard]] int data_bits() const { return static_cast<int>(family_.nbits); }
+
+  /// `SeenTag::bits` of a tag.
+  [[nodiscard]] std::vector<bool> Bits(int id) const {
+    const int width = family_.width_at_border;
+    const std::uint64_t code = codes_[static_cast<std::size_t>(id)];
+    std::vector<bool> white(static_cast<std::size_t>(width) * width, false);
+    for (int y = 0; y < width; ++y) {
+      for (int x = 0; x < width; ++x) {
+        const int to_outline = std::min({x, y, width - 1 - x, width - 1 - y});
+        white[y * width + x] = !classic() && to_outline < border_bits_;
+      }
+    }
+    for (std::size_t i = 0; i < bit_x_.size(); ++i) {
+      const int x = static_cast<int>(bit_x_[i]), y = static_cast<int>(bit_y_[i]);
+      if (x < 0 || y < 0 || x >= width || y >= width) continue;  // outside the outline
+      white[y * width + x] = (code >> (bit_x_.size() - 1 - i) & 1) != 0;
+    }
+    if (!classic()) white.flip();
+    return white;
+  }
+
+  /// The family with only the tags `ids`, for the library. The pointers live as long as `this`.
+  [[nodiscard]] apriltag_family_t Subset(const std::vector<int>& ids,
+                                         std::vector<std::uint64_t>* codes) const {
+    codes->clear();
+    for (const int id : ids) codes->push_back(codes_[static_cast<std::size_t>(id)]);
+    apriltag_family_t subset = family_;
+    subset.ncodes = static_cast<std::uint32_t>(codes->size());
+    subset.codes = codes->data();
+    return subset;
+  }
+
+ private:
+  Family(apriltag_family_t* original, const FamilyEntry& entry, int border_bits)
+      : family_(*original),
+        name_(entry.name),
+        border_bits_(border_bits),
+        codes_(original->codes, original->codes + original->ncodes),
+        bit_x_(original->bit_x, original->bit_x + original->nbits),
+        bit_y_(original->bit_y, original->bit_y + original->nbits) {
+    entry.destroy(original);
+    const auto wider = static_cast<std::uint32_t>(border_bits - 1);
+    for (auto* bits : {&bit_x_, &bit_y_}) {
+      for (std::uint32_t& bit : *bits) bit += wider;
+    }
+    family_.width_at_border += 2 * (border_bits - 1);
+    family_.total_width += 2 * (border_bits - 1);
+    family_.bit_x = bit_x_.data();
+    family_.bit_y = bit_y_.data();
+    family_.name = name_.data();
+    family_.impl = nullptr;
+  }
+
+  apriltag_family_t family_;
+  std::string name_;
+  int border_bits_;
+  std::vector<std::uint64_t> codes_;
+  std::vector<std::uint32_t> bit_x_, bit_y_;
+};
+
+/// A tag as the library reads it.
+struct Reading {
+  int id = 0;
+  bool on_target = false;
+  int hamming = 0;
+  double margin = 0;
+  double expected_by_chance = 0;  ///< how many such readings random quads of the image would give
+  Quad corners;                   ///< px, (0, 0) at the centre of the top-left pixel
+};
+
+Eigen::Vector2d Centre(const Quad& q) { return (q[0] + q[1] + q[2] + q[3]) / 4; }
+
+/// Mean length of the sides.
+double Side(const Quad& q) {
+  double sum = 0;
+  for (std::size_t k = 0; k < 4; ++k) sum += (q[(k + 1) % 4] - q[k]).norm();
+  return sum / 4;
+}
+
+bool Convex(const Quad& q) {
+  int left = 0;
+  for (std::size_t k = 0; k < 4; ++k) {
+    const Eigen::Vector2d a = q[(k + 1) % 4] - q[k], b = q[(k + 2) % 4] - q[(k + 1) % 4];
+    left += a.x() * b.y() > a.y() * b.x();
+  }
+  return left == 0 || left == 4;
+}
+
+bool Within(const Quad& q, const cv::Mat& gray) {
+  return std::all_of(q.begin(), q.end(), [&](const Eigen::Vector2d& c) {
+    return c.x() >= 0 && c.y() >= 0 && c.x() <= gray.cols - 1 && c.y() <= gray.rows - 1;
+  });
+}
+
+/// The library's detector for the target's tags, read with up to two wrong bits, and for the
+/// family's other tags, read without error, so that the user can be told about them.
+class TagReader {
+ public:
+  TagReader(const Family& family, const std::vector<int>& ids) : ids_(ids) {
+    for (int id = 0; id < family.size(); ++id) {
+      if (!std::binary_search(ids.begin(), ids.end(), id)) others_.push_back(id);
+    }
+    family_ = family.Subset(ids_, &codes_);
+    other_family_ = family.Subset(others_, &other_codes_);
+    detector_ = apriltag_detector_create();
+    detector_->nthreads = 1;
+    if (!ids_.empty()) apriltag_detector_add_family_bits(detector_, &family_, kMostWrongBits);
+    if (!others_.empty()) apriltag_detector_add_family_bits(detector_, &other_family_, 0);
+    // A random pattern reads as a tag of the target, turned any way, when it is within `hamming`
+    // bits.
+    const double patterns = std::ldexp(1.0, family.data_bits());
+    double near = 0, choices = 1;
+    for (int wrong = 0; wrong <= kMostWrongBits; ++wrong) {
+      near += choices;
+      choices *= static_cast<double>(family.data_bits() - wrong) / (wrong + 1);
+      chance_[wrong] = 4 * static_cast<double>(ids_.size()) * near / patterns;
+    }
+    chance_other_ = 4 * static_cast<double>(others_.size()) / patterns;
+  }
+  TagReader(const TagReader&) = delete;
+  TagReader& operator=(const TagReader&) = delete;
+  ~TagReader() { apriltag_detector_destroy(detector_); }
+
+  /// Reads `gray(region)` with quads searched on the image reduced by `decimate`.
+  std::vector<Reading> Read(const cv::Mat& gray, const cv::Rect& region, float decimate) {
+    detector_->quad_decimate = decimate;
+    const cv::Mat part = gray(region);
+    image_u8_t image{part.cols, part.rows, static_cast<std::int32_t>(part.step), part.data};
+    zarray_t* detections = apriltag_detector_detect(detector_, &image);
+    std::vector<Reading> readings;
+    for (int i = 0; i < zarray_size(detections); ++i) {
+      apriltag_detection_t* found = nullptr;
+      zarray_get(detections, i, &found);
+      Reading reading;
+      reading.on_target = found->family == &family_;
+      reading.id = (reading.on_target ? ids_ : others_)[static_cast<std::size_t>(found->id)];
+      reading.hamming = found->hamming;
+      const double chance =
+          reading.on_target ? chance_[static_cast<std::size_t>(found->hamming)] : chance_other_;
+      reading.expected_by_chance = chance * detector_->nquads;
+      reading.margin = found->decision_margin;
+      for (std::size_t k = 0; k < 4; ++k) {
+        // The library counts from the pixel's corner.
+        reading.corners[k] = {found->p[k][0] - 0.5 + region.x, found->p[k][1] - 0.5 + region.y};
+      }
+      readings.push_back(reading);
+    }
+    apriltag_detections_destroy(detections);
+    return readings;
+  }
+
+ private:
+  std::vector<int> ids_, others_;
+  std::vector<std::uint64_t> codes_, other_codes_;
+  apriltag_family_t family_{}, other_family_{};
+  apriltag_detector_t* detector_;
+  static constexpr int kMostWrongBits = 2;  // the library's own default and limit of memory
+  std::array<double, kMostWrongBits + 1> chance_{};
+  double chance_other_ = 0;
+};
+
+using TagPoints = std::array<Eigen::Vector3d, 4>;
+
+/// Where a tag of the target should be, judging by those found near it in its plane.
+struct Prediction {
+  Quad corners;
+  double distance = 0;  ///< of the nearest tag found / the tag's side
+};
+
+std::optional<Prediction> Predict(const std::map<int, TagPoints>& target,
+                                  int id,
+                                  const std::map<int, Quad>& found) {
+  // Few and near, so that lens distortion and a bent target matter little.
+  constexpr std::size_t kNeighbours = 4;
+  const TagPoints& tag = target.at(id);
+  const Eigen::Vector3d centre = (tag[0] + tag[1] + tag[2] + tag[3]) / 4;
+  const double side = (tag[1] - tag[0]).norm();
+  const Eigen::Vector3d e_x = (tag[1] - tag[0]) / side;
+  const Eigen::Vector3d normal = (tag[1] - tag[0]).cross(tag[3] - tag[0]).normalized();
+  const Eigen::Vector3d e_y = normal.cross(e_x);
+  const auto on_plane = [&](const Eigen::Vector3d& p) -> Eigen::Vector2d {
+    return Eigen::Vector2d(e_x.dot(p - centre), e_y.dot(p - centre)) / side;
+  };
+  std::vector<std::pair<double, int>> neighbours;
+  for (const auto& [other, corners] : found) {
+    if (other == id) continue;
+    const TagPoints& points = target.at(other);
+    double off_plane = 0;
+    for (const auto& p : points) off_plane = std::max(off_plane, std::abs(normal.dot(p - centre)));
+    const double away = (points[0] + points[2] - 2 * centre).norm() / 2 / side;
+    // A tenth of the way, so that a bent board still counts as one plane.
+    if (off_plane / side < 0.25 + 0.1 * away) neighbours.emplace_back(away, other);
+  }
+  if (neighbours.empty()) return std::nullopt;
+  std::sort(neighbours.begin(), neighbours.end());
+  neighbours.resize(std::min(neighbours.size(), kNeighbours));
+
+  Eigen::Vector2d middle(0, 0);
+  for (const auto& [away, other] : neighbours) {
+    middle += Centre(found.at(other)) / static_cast<double>(neighbours.size());
+  }
+  const double scale = Side(found.at(neighbours[0].second));
+  Eigen::MatrixXd rows(8 * neighbours.size(), 9);
+  int row = 0;
+  for (const auto& [away, other] : neighbours) {
+    for (std::size_t k = 0; k < 4; ++k) {
+      const Eigen::RowVector3d x = on_plane(target.at(other)[k]).homogeneous().transpose();
+      const Eigen::Vector2d u = (found.at(other)[k] - middle) / scale;
+      rows.row(row++) << x, Eigen::RowVector3d::Zero(), -u.x() * x;
+      rows.row(row++) << Eigen::RowVector3d::Zero(), x, -u.y() * x;
+    }
+  }
+  const Eigen::Matrix<double, 9, 9> square = rows.transpose() * rows;
+  const Eigen::Matrix<double, 9, 1> h =
+      Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 9, 9>>(square).eigenvectors().col(0);
+  const Eigen::Matrix3d H =
+      Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(h.data());
+  const double front = H.row(2) * on_plane(target.at(neighbours[0].second)[0]).homogeneous();
+  Prediction prediction;
+  for (std::size_t k = 0; k < 4; ++k) {
+    const Eigen::Vector3d at = H * on_plane(tag[k]).homogeneous();
+    if (at.z() * front <= 0) return std::nullopt;
+    prediction.corners[k] = at.hnormalized() * scale + middle;
+  }
+  prediction.distance = neighbours[0].first;
+  return prediction;
+}
+
+/// Tags found, by id, and what was refused.
+struct Found {
+  std::map<int, Quad> tags;
+  std::map<int, double> margins;  ///< of those the library read
+  std::set<int> twice;
+  std::set<int> not_on_target;
+
+  void Add(const Reading& reading) {
+    const auto [at, is_new] = tags.emplace(reading.id, reading.corners);
+    double& margin = margins[reading.id];
+    const double apart = (Centre(at->second) - Centre(reading.corners)).norm();
+    if (!is_new && apart > Side(at->second) / 2) twice.insert(reading.id);
+    if (is_new || reading.margin > margin) {
+      at->second = reading.corners;
+      margin = reading.margin;
+    }
+  }
+};
+
+class TagDetector : public MarkerDetector {
+ public:
+  TagDetector(const Target& target, const TagLayout& layout)
+      : layout_(layout),
+        family_(MakeFamily(layout, layout.border_bits)),
+        reader_(family_, layout.ids) {
+    for (const int id : layout.ids) {
+      bits_[id] = family_.Bits(id);
+      for (int k = 0; k < 4; ++k) points_[id][k] = target.markers.at(4 * id + k);
+    }
+    border_.width = family_.width_at_border();
+    border_.ring = family_.border_bits();
+    border_.outside_sign = family_.classic() ? 1 : -1;
+    border_.corner_squares = layout.black_corner_squares;
+    if (border_.corner_squares && points_.size() > 1) border_.outside = Gap();
+  }
+
+  MarkerDetections Detect(const cv::Mat& gray) override {
+    // One pixel a bit is the least that can be read.
+    if (std::min(gray.cols, gray.rows) < family_.width_at_border()) {
+      return {
+          {},
+          {},
+          fmt::format("the image is too small for a tag ({} x {} pixels)", gray.cols, gray.rows)};
+    }
+    Found found;
+    const cv::Rect whole(0, 0, gray.cols, gray.rows);
+    Keep(gray, reader_.Read(gray, whole, 2), &found);
+    if (Search(gray, &found)) {
+      Keep(gray, reader_.Read(gray, whole, 1), &found);
+      Search(gray, &found);
+    }
+    return Measure(gray, found);
+  }
+
+ private:
+  static Family MakeFamily(const TagLayout& layout, int border_bits) {
+    Family family(FindFamily(layout.family), border_bits);
+    if (border_bits < 1 || (border_bits > 1 && !family.classic())) {
+      throw Error(ErrorKind::kInput,
+                  fmt::format("border_bits: {} does not suit family {}; expected {}",
+                              border_bits,
+                              layout.family,
+                              family.classic() ? "1 or more" : "1"));
+    }
+    for (const int id : layout.ids) {
+      if (id < 0 || id >= family.size()) {
+        throw Error(ErrorKind::kInput,
+                    fmt::format("tag {} is not in family {}; it has tags 0 to {}",
+                                id,
+                                layout.family,
+                                family.size() - 1));
+      }
+    }
+    return family;
+  }
+
+  /// Width of the gap between neighbouring tags, in bits.
+  [[nodiscard]] double Gap() const {
+    double gap = std::numeric_limits<double>::infinity();
+    const auto& [first_id, first] = *points_.begin();
+    for (const auto& [id, points] : points_) {
+      if (id == first_id) continue;
+      for (const auto& a : first) {
+        for (const auto& b : points) gap = std::min(gap, (a - b).norm());
+      }
+    }
+    return gap / (first[1] - first[0]).norm() * family_.width_at_border();
+  }
+
+  /// Whether `a` is where it must be, judging by another tag alone.
+  [[nodiscard]] bool Supported(const Reading& a, const std::vector<Reading>& readings) const {
+    return std::any_of(readings.begin(), readings.end(), [&](const Reading& b) {
+      if (!b.on_target || b.id == a.id) return false;
+      const auto expected = Predict(points_, a.id, {{b.id, b.corners}});
+      if (!expected) return false;
+      for (std::size_t k = 0; k < 4; ++k) {
+        if ((expected->corners[k] - a.corners[k]).norm() > Side(a.corners) / 2) return false;
+      }
+      return true;
+    });
+  }
+
+  /// Adds the readings that are not chance.
+  void Keep(const cv::Mat& gray, const std::vector<Reading>& readings, Found* found) const {
+    // One wrong reading in a thousand images does no harm to a robust adjustment.
+    constexpr double kSure = 1e-3;
+    for (const Reading& r : readings) {
+      if (!Convex(r.corners) || Side(r.corners) < family_.width_at_border()) continue;
+      const bool sure = r.expected_by_chance < kSure;
+      if (!r.on_target) {
+        if (sure) found->not_on_target.insert(r.id);
+      } else if (sure || Supported(r, readings) ||
+                 (r.hamming == 0 &&
+                  internal::FindTag(gray, {r.corners, bits_.at(r.id)}, border_, 0))) {
+        found->Add(r);
+      }
+    }
+  }
+
+  /// Looks for missing tags near those found, until no more turn up. True when some tag may be
+  /// anywhere in the image.
+  bool Search(const cv::Mat& gray, Found* found) {
+    bool anywhere = found->tags.empty();
+    std::map<int, std::size_t> tried;  // with how many tags known
+    for (bool more = !anywhere; more;) {
+      more = anywhere = false;
+      std::vector<std::pair<double, int>> missing;
+      for (const int id : layout_.ids) {
+        if (found->tags.contains(id)) continue;
+        if (const auto expected = Predict(points_, id, found->tags)) {
+          missing.emplace_back(expected->distance, id);
+        } else {
+          anywhere = true;
+        }
+      }
+      std::sort(missing.begin(), missing.end());
+      for (const auto& [distance, id] : missing) {
+        const auto expected = Predict(points_, id, found->tags);
+        if (!expected || !Convex(expected->corners) || tried[id] == found->tags.size()) continue;
+        tried[id] = found->tags.size();
+        if (FindNear(gray, id, *expected, found)) more = true;
+      }
+    }
+    return anywhere;
+  }
+
+  bool FindNear(const cv::Mat& gray, int id, const Prediction& expected, Found* found) {
+    const double side = Side(expected.corners);
+    if (side < family_.width_at_border() / 2.0) return false;
+    // A neighbour's corners carry a tag's place to its own distance within a quarter of its side.
+    const double reach = std::max(2.0, side / 4);
+    Eigen::AlignedBox2d box;
+    for (const auto& c : expected.corners) box.extend(c);
+    const double room = reach + side / 2;
+    const cv::Rect region = cv::Rect(cv::Point(static_cast<int>(box.min().x() - room),
+                                               static_cast<int>(box.min().y() - room)),
+                                     cv::Point(static_cast<int>(box.max().x() + room),
+                                               static_cast<int>(box.max().y() + room))) &
+                            cv::Rect(0, 0, gray.cols, gray.rows);
+    Quad inner = expected.corners;
+    for (auto& c : inner) c += (box.center() - c).normalized() * std::min(reach, side / 2);
+    if (!Within(inner, gray)) return false;
+    for (const Reading& r : reader_.Read(gray, region, 1)) {
+      const bool near = (Centre(r.corners) - Centre(expected.corners)).norm() < side;
+      if (r.on_target && r.id == id && near) {
+        found->Add(r);
+        return true;
+      }
+    }
+    // The place that resembles a small tag most may be a neighbour's; then the prediction is
+    // better.
+    for (const double away : {reach, 0.0}) {
+      const auto quad = internal::FindTag(gray, {expected.corners, bits_.at(id)}, border_, away);
+      if (quad) {
+        found->tags.emplace(id, *quad);
+        return true;
+      }
+    }
+    return false;
+  }
+
+  MarkerDetections Measure(const cv::Mat& gray, const Found& found) {
+    MarkerDetections result;
+    std::vector<internal::SeenTag> seen;
+    std::vector<int> ids;
+    for (const auto& [id, corners] : found.tags) {
+      if (found.twice.contains(id)) {
+        result.left_out.push_back(fmt::format("tag {} appears twice in the image", id));
+        continue;
+      }
+      ids.push_back(id);
+      seen.push_back({corners, bits_.at(id)});
+    }
+    for (const int id : found.not_on_target) {
+      result.left_out.push_back(
+          fmt::format("tag {} ({}) is not on the target", id, layout_.family));
+    }
+    const auto refined = internal::RefineTags(gray, seen, border_);
+    constexpr std::array kCorners{"lower left", "lower right", "upper right", "upper left"};
+    for (std::size_t i = 0; i < ids.size(); ++i) {
+      for (std::size_t k = 0; k < 4; ++k) {
+        const auto& corner = refined[i][k];
+        if (!corner) {
+          result.left_out.push_back(fmt::format(
+              "{} corner of tag {}: its edges cannot be measured", kCorners[k], ids[i]));
+          continue;
+        }
+        Observation observation;
+        observation.marker = 4 * ids[i] + static_cast<int>(k);
+        observation.values = {corner->point.x(), corner->point.y()};
+        observation.sigma = corner->sigma;
+        result.markers.push_back(observation);
+      }
+    }
+    if (result.markers.empty()) result.failure = Failure(gray, found, result.left_out);
+    return result;
+  }
+
+  [[nodiscard]] std::string Failure(const cv::Mat& gray,
+                                    const Found& found,
+                                    const std::vector<std::string>& left_out) const {
+    if (!found.not_on_target.empty() && found.tags.empty()) {
+      return fmt::format("no tag of the target found; of family {} the image shows {}",
+                         layout_.family,
+                         fmt::join(found.not_on_target, ", "));
+    }
+    if (!left_out.empty()) return fmt::format("no usable tag: {}", fmt::join(left_out, "; "));
+    std::string failure = fmt::format("no tag of family {} found", layout_.family);
+    if (family_.classic()) {
+      const int other = layout_.border_bits == 1 ? 2 : 1;
+      const Family other_family = MakeFamily(layout_, other);
+      TagReader reader(other_family, layout_.ids);
+      const auto readings = reader.Read(gray, {0, 0, gray.cols, gray.rows}, 2);
+      if (std::any_of(readings.begin(), readings.end(), [](const Reading& r) {
+            return r.expected_by_chance < 1e-3;
+          })) {
+        failure += other == 2 ? "; these look like Kalibr's 2-bit border: set border_bits: 2"
+                              : "; these look like tags with a 1-bit border: set border_bits: 1";
+      }
+    }
+    return failure;
+  }
+
+  TagLayout layout_;
+  Family family_;
+  TagReader reader_;
+  internal::TagBorder border_;
+  std::map<int, std::vector<bool>> bits_;
+  std::map<int, TagPoints> points_;
+};
+
+}  // namespace
+
+std::unique_ptr<MarkerDetector> MakeTagDetector(const Target& target) {
+  return std::make_unique<TagDetector>(target, std::get<TagLayout>(target.layout));
+}
+
+}  // namespace plenocal

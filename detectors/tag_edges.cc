@@ -1,0 +1,511 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// The model of one edge. With s in [-1, 1] along the chord between the tag's two corners and t the
+// distance from the chord (px), positive outside the tag, a pixel is
+//
+//   I(s, t) = (1 + g s) (m + k V(s, z)),   z = (t - a - b s - q s^2) / w,
+//
+// with the edge's curve a, b, q (px), mean level m, half contrast k, relative change of the
+// illumination g, and blur w (px, standard deviation; the pixel's own area is part of it). V is 1
+// outside, -1 inside the tag, and between them, with E(z) = erf(z / sqrt(2)),
+//
+//   V = E(z)                                              for a long edge with a wide ring,
+//   otherwise V = 1 - (1 - E(z)) Q(s) - c (1 + E(z)) (1 - Q(s)) + (1 - E(z + r / w)) B(s).
+//
+// Q is the blurred extent of the edge (1 within, 1/2 at the corners), c is 1 if squares touch the
+// corners, r is the width of the ring inside the tag (px) and B the blurred row of bits behind it,
+// 1 where a bit has not the ring's colour.
+//
+// Raw pixels are compared with the model, so their noise is independent and the covariance of a
+// least-squares fit is an honest one.
+#include "detectors/tag_edges.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+#include "detectors/tag_template.h"
+
+namespace plenocal::internal {
+namespace {
+
+constexpr int kParameters = 7;
+enum Parameter { kA, kB, kQ, kLevel, kContrast, kGradient, kBlur };
+using ParameterVector = Eigen::Matrix<double, kParameters, 1>;
+using ParameterMatrix = Eigen::Matrix<double, kParameters, kParameters>;
+
+/// E and its derivative by linear interpolation; the error is below 1e-5, a thousandth of a gray
+/// level.
+class StepTable {
+ public:
+  StepTable() {
+    for (int i = 0; i <= kSize; ++i) {
+      const double z = (i - kSize / 2) / kPerUnit;
+      value_[i] = static_cast<float>(std::erf(z / std::numbers::sqrt2));
+      slope_[i] = static_cast<float>(std::sqrt(2 / std::numbers::pi) * std::exp(-z * z / 2));
+    }
+  }
+  void operator()(float z, float* value, float* slope) const {
+    const float at = std::clamp(z * static_cast<float>(kPerUnit) + kSize / 2, 0.f, kSize - 1.f);
+    const int i = static_cast<int>(at);
+    const float f = at - static_cast<float>(i);
+    *value = value_[i] + f * (value_[i + 1] - value_[i]);
+    *slope = slope_[i] + f * (slope_[i + 1] - slope_[i]);
+  }
+
+ private:
+  static constexpr double kPerUnit = 128;
+  static constexpr int kSize = 1024;  // z in [-4, 4]
+  std::array<float, kSize + 1> value_, slope_;
+};
+
+struct Sample {
+  float s, t, gray;
+};
+
+struct Edge {
+  Eigen::Vector2d middle, along, normal;  ///< of the chord; the normal points out of the tag
+  double half_length = 0;                 ///< px
+  double inside = 0, outside = 0;         ///< px, the least width of the rings of one colour
+  double ring_mean = 0, ring_slope = 0;  ///< px, width of the ring inside: ring_mean + ring_slope s
+  std::vector<double> bounds;            ///< s of the boundaries between the bits behind the ring
+  std::vector<bool> bits;                ///< behind the ring: true where not of the ring's colour
+  Eigen::Vector3d curve = Eigen::Vector3d::Zero();       ///< a, b, q
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  ///< of a, b, q
+  double blur = 0;                                       ///< px
+  bool fitted = false;
+
+  [[nodiscard]] double Offset(double s) const { return curve.dot(Eigen::Vector3d(1, s, s * s)); }
+  [[nodiscard]] double OffsetVariance(double s) const {
+    const Eigen::Vector3d j(1, s, s * s);
+    return j.dot(covariance * j);
+  }
+};
+
+/// Samples within the band -inside < t - curve < outside and |s| < s_max.
+void CollectSamples(const cv::Mat& gray,
+                    const Edge& edge,
+                    double inside,
+                    double outside,
+                    double s_max,
+                    std::vector<Sample>* samples) {
+  samples->clear();
+  const double l = edge.half_length;
+  double low = edge.Offset(0), high = low;
+  for (const double s : {-s_max, s_max}) {
+    low = std::min(low, edge.Offset(s));
+    high = std::max(high, edge.Offset(s));
+  }
+  low -= inside;
+  high += outside;
+  Eigen::Vector2d box_min(1e9, 1e9), box_max(-1e9, -1e9);
+  for (const double s : {-s_max, s_max}) {
+    for (const double t : {low, high}) {
+      const Eigen::Vector2d p = edge.middle + s * l * edge.along + t * edge.normal;
+      box_min = box_min.cwiseMin(p);
+      box_max = box_max.cwiseMax(p);
+    }
+  }
+  const int y_first = std::max(0, static_cast<int>(std::ceil(box_min.y())));
+  const int y_last = std::min(gray.rows - 1, static_cast<int>(std::floor(box_max.y())));
+  for (int y = y_first; y <= y_last; ++y) {
+    // The row's part with |s| <= s_max and low <= t <= high.
+    double x_first = std::max(0.0, box_min.x()), x_last = std::min(gray.cols - 1.0, box_max.x());
+    const auto clip = [&](double slope, double at_zero, double from, double to) {
+      if (std::abs(slope) < 1e-9) return;
+      double x_0 = (from - at_zero) / slope, x_1 = (to - at_zero) / slope;
+      if (x_0 > x_1) std::swap(x_0, x_1);
+      x_first = std::max(x_first, x_0);
+      x_last = std::min(x_last, x_1);
+    };
+    const Eigen::Vector2d from_middle(-edge.middle.x(), y - edge.middle.y());
+    const double s_at_zero = from_middle.dot(edge.along) / l, s_slope = edge.along.x() / l;
+    const double t_at_zero = from_middle.dot(edge.normal), t_slope = edge.normal.x();
+    clip(s_slope, s_at_zero, -s_max, s_max);
+    clip(t_slope, t_at_zero, low, high);
+    const auto* row = gray.ptr<unsigned char>(y);
+    for (int x = static_cast<int>(std::ceil(x_first)); x <= x_last; ++x) {
+      const double s = s_at_zero + s_slope * x, t = t_at_zero + t_slope * x;
+      const double from_curve = t - edge.Offset(s);
+      if (std::abs(s) > s_max || from_curve < -inside || from_curve > outside) continue;
+      samples->push_back(
+          {static_cast<float>(s), static_cast<float>(t), static_cast<float>(row[x])});
+    }
+  }
+}
+
+const StepTable& Step() {
+  static const StepTable table;
+  return table;
+}
+
+/// Q(s) and B(s) of the model.
+class Surroundings {
+ public:
+  /// `bounds`: s of the boundaries between the bits behind the ring; `bits`: of the row behind it.
+  Surroundings(const std::vector<double>& bounds, const std::vector<bool>& bits, double blur_s) {
+    for (int i = 0; i <= kSize; ++i) {
+      const double s = 2.0 * i / kSize - 1;
+      extent_[i] = static_cast<float>(Between(s, -1, 1, blur_s));
+      double behind = 0;
+      for (std::size_t j = 0; j < bits.size(); ++j) {
+        if (bits[j]) behind += Between(s, bounds[j], bounds[j + 1], blur_s);
+      }
+      behind_[i] = static_cast<float>(behind);
+    }
+  }
+  void At(float s, float* extent, float* behind) const {
+    const float at = std::clamp((s + 1) * (kSize / 2), 0.f, kSize - 1.f);
+    const int i = static_cast<int>(at);
+    const float f = at - static_cast<float>(i);
+    *extent = extent_[i] + f * (extent_[i + 1] - extent_[i]);
+    *behind = behind_[i] + f * (behind_[i + 1] - behind_[i]);
+  }
+
+ private:
+  static double Between(double s, double from, double to, double blur) {
+    float value_from, value_to, slope;
+    Step()(static_cast<float>((s - from) / blur), &value_from, &slope);
+    Step()(static_cast<float>((s - to) / blur), &value_to, &slope);
+    return (value_from - value_to) / 2;
+  }
+  static constexpr int kSize = 128;
+  std::array<float, kSize + 1> extent_, behind_;
+};
+
+/// The sum of j j^T over the samples within `limit`, j being the derivatives of the model by its
+/// parameters, then the residual.
+constexpr int kResidual = kParameters;
+using Sums = Eigen::Matrix<float, kParameters + 1, kParameters + 1>;
+
+Sums Linearise(const ParameterVector& p,
+               const Edge& edge,
+               const Surroundings* around,
+               bool corner_squares,
+               float limit,
+               const std::vector<Sample>& samples,
+               std::vector<float>* residuals) {
+  Sums sums = Sums::Zero();
+  residuals->clear();
+  const Eigen::Matrix<float, kParameters, 1> f = p.cast<float>();
+  const float inverse_blur = 1 / f[kBlur];
+  const float ring_mean = static_cast<float>(edge.ring_mean),
+              ring_slope = static_cast<float>(edge.ring_slope);
+  const float squares = corner_squares ? 1 : 0;
+  Eigen::Matrix<float, kParameters + 1, 1> j;
+  for (const Sample& sample : samples) {
+    const float s = sample.s;
+    const float z = (sample.t - f[kA] - s * (f[kB] + s * f[kQ])) * inverse_blur;
+    float value, slope;
+    Step()(z, &value, &slope);
+    float slope_z = slope * z;
+    if (around != nullptr) {
+      float extent, behind, value_behind, slope_behind;
+      around->At(s, &extent, &behind);
+      const float z_behind = z + (ring_mean + s * ring_slope) * inverse_blur;
+      Step()(z_behind, &value_behind, &slope_behind);
+      value = 1 - (1 - value) * extent - squares * (1 + value) * (1 - extent) +
+              (1 - value_behind) * behind;
+      const float own = extent - squares * (1 - extent);
+      slope_z = slope_z * own - slope_behind * z_behind * behind;
+      slope = slope * own - slope_behind * behind;
+    }
+    const float light = 1 + f[kGradient] * s;
+    const float level = f[kLevel] + f[kContrast] * value;
+    const float residual = sample.gray - light * level;
+    residuals->push_back(std::abs(residual));
+    if (residuals->back() > limit) continue;
+    const float d = -light * f[kContrast] * inverse_blur;
+    j << d * slope, d * slope * s, d * slope * s * s, light, light * value, s * level, d * slope_z,
+        residual;
+    sums.noalias() += j * j.transpose();
+  }
+  return sums;
+}
+
+double MedianAbsolute(std::vector<float>* values) {
+  const auto middle = values->begin() + static_cast<std::ptrdiff_t>(values->size() / 2);
+  std::nth_element(values->begin(), middle, values->end());
+  return *middle;
+}
+
+/// Where a ring is narrower than this many blurs, an edge cannot be told from the next one.
+constexpr double kNarrow = 3.5;
+constexpr double kUsualBlur = 0.8;  // px, of a lens in focus; where the fits start
+
+struct Workspace {
+  std::vector<Sample> samples;
+  std::vector<float> residuals;
+};
+
+void FitEdge(const cv::Mat& gray, bool corner_squares, Edge* edge, Workspace* work) {
+  constexpr double kMinimalBlur = 0.29;  // of the pixel's own area: 1 / sqrt(12)
+  double blur = kUsualBlur;
+  ParameterVector p = ParameterVector::Zero();
+  float limit = std::numeric_limits<float>::infinity();
+  for (int round = 0; round < 2; ++round) {
+    // Three standard deviations of the blur show the whole step.
+    const double reach = 3 * blur + 0.5;
+    const double inside = std::min(edge->inside, reach);
+    const double outside = std::min(std::max(edge->outside - 2 * blur, 0.4 * edge->outside), reach);
+    const double ends = std::min(2.5 * blur, 0.25 * edge->half_length * 2);
+    const double s_max = 1 - ends / edge->half_length;
+    CollectSamples(gray, *edge, inside, outside, s_max, &work->samples);
+    const auto& samples = work->samples;
+    if (samples.size() < 3 * kParameters) return;
+    if (round == 0) {
+      double sum[2] = {0, 0};
+      int count[2] = {0, 0};
+      for (const Sample& sample : samples) {
+        const int side = sample.t > 0;
+        sum[side] += sample.gray;
+        ++count[side];
+      }
+      if (count[0] == 0 || count[1] == 0) return;
+      const double in = sum[0] / count[0], out = sum[1] / count[1];
+      p[kLevel] = (in + out) / 2;
+      p[kContrast] = (out - in) / 2;
+      p[kBlur] = blur;
+    }
+    // What the long edge with a wide ring leaves out counts when it is within three blurs.
+    std::optional<Surroundings> around;
+    if (edge->inside - inside < 3 * blur || ends < 2.5 * blur) {
+      around.emplace(edge->bounds, edge->bits, blur / edge->half_length);
+    }
+    Sums sums;
+    ParameterMatrix information;
+    for (int iteration = 0; iteration < 6; ++iteration) {
+      sums = Linearise(
+          p, *edge, around ? &*around : nullptr, corner_squares, limit, samples, &work->residuals);
+      information = sums.topLeftCorner<kParameters, kParameters>().cast<double>();
+      ParameterMatrix damped = information;
+      damped.diagonal() *= 1 + 1e-6;
+      const ParameterVector step =
+          damped.ldlt().solve(sums.col(kResidual).head<kParameters>().cast<double>());
+      if (!step.allFinite()) return;
+      p += step;
+      p[kBlur] = std::clamp(p[kBlur], kMinimalBlur, 5.0);
+      // Farther off, it may be the ring's other edge.
+      if (p.head<3>().cwiseAbs().maxCoeff() > std::max(edge->inside, 1.0)) return;
+      // Gauss-Newton's next step would be of the order of this one's square.
+      if (step.head<3>().cwiseAbs().maxCoeff() < 0.02) break;
+    }
+    const auto used = std::count_if(
+        work->residuals.begin(), work->residuals.end(), [&](float r) { return r <= limit; });
+    if (used <= 2 * kParameters) return;
+    const double variance = sums(kResidual, kResidual) / static_cast<double>(used - kParameters);
+    // Of normal noise one sample in 16,000 is beyond four standard deviations.
+    constexpr double kSigmaPerMedian = 1.4826;
+    limit = static_cast<float>(4 * kSigmaPerMedian * MedianAbsolute(&work->residuals));
+    const Eigen::LDLT<ParameterMatrix> solver(information);
+    const ParameterMatrix inverse = solver.solve(ParameterMatrix::Identity());
+    edge->curve = p.head<3>();
+    edge->covariance = variance * inverse.topLeftCorner<3, 3>();
+    blur = edge->blur = p[kBlur];
+  }
+  edge->fitted = edge->covariance.allFinite() && edge->covariance(0, 0) > 0;
+}
+
+/// Given the curve's estimate with q free, the estimate with q ~ N(0, variance_q).
+void ShrinkCurvature(double variance_q, Edge* edge) {
+  const Eigen::Vector3d gain = edge->covariance.col(2) / (edge->covariance(2, 2) + variance_q);
+  edge->curve -= gain * edge->curve[2];
+  edge->covariance -= gain * edge->covariance.row(2).eval();
+}
+
+/// Variance of the edges' curvature (1/px) over the image: maximum likelihood by fixed-point steps.
+double CurvatureVariance(const std::vector<Edge>& edges) {
+  double variance = 0;
+  // q = curvature * half_length^2 / 2.
+  std::vector<std::pair<double, double>> estimates;  // curvature^2, its variance
+  for (const Edge& edge : edges) {
+    if (!edge.fitted) continue;
+    const double scale = 2 / (edge.half_length * edge.half_length);
+    estimates.emplace_back(std::pow(edge.curve[2] * scale, 2),
+                           edge.covariance(2, 2) * scale * scale);
+  }
+  for (int iteration = 0; iteration < 20; ++iteration) {
+    double sum = 0, weight_sum = 0;
+    for (const auto& [square, noise] : estimates) {
+      const double weight = 1 / ((noise + variance) * (noise + variance));
+      sum += weight * (square - noise);
+      weight_sum += weight;
+    }
+    if (weight_sum == 0) return 0;
+    variance = std::max(0.0, sum / weight_sum);
+  }
+  return variance;
+}
+
+/// The edge from corner `side` to the next one, before it is fitted.
+Edge MakeEdge(const SeenTag& tag, int side, const TagBorder& border) {
+  const Eigen::Matrix3d h = UnitSquareHomography(tag.corners);
+  // The image of a point `along` the edge and `depth` inside the tag, both from 0 to 1.
+  const auto point = [&](double along, double depth) -> Eigen::Vector2d {
+    const std::array<Eigen::Vector3d, 4> on_tag{Eigen::Vector3d(along, depth, 1),
+                                                Eigen::Vector3d(1 - depth, along, 1),
+                                                Eigen::Vector3d(1 - along, 1 - depth, 1),
+                                                Eigen::Vector3d(depth, 1 - along, 1)};
+    return (h * on_tag[static_cast<std::size_t>(side)]).hnormalized();
+  };
+  const Eigen::Vector2d from = point(0, 0), to = point(1, 0);
+  const double bit = 1.0 / border.width, outside = bit * border.outside, ring = border.ring * bit;
+  Edge edge;
+  edge.middle = (from + to) / 2;
+  edge.half_length = (to - from).norm() / 2;
+  edge.along = (to - from).normalized();
+  edge.normal = {edge.along.y(), -edge.along.x()};
+  if (edge.normal.dot(point(.5, .5) - edge.middle) > 0) edge.normal = -edge.normal;
+  const auto distance = [&](double along, double depth) {
+    return std::abs(edge.normal.dot(point(along, depth) - edge.middle));
+  };
+  const double ring_from = distance(0, ring), ring_to = distance(1, ring);
+  edge.inside = std::min(ring_from, ring_to);
+  edge.outside = std::min(distance(0, -outside), distance(1, -outside));
+  edge.ring_mean = (ring_from + ring_to) / 2;
+  edge.ring_slope = (ring_to - ring_from) / 2;
+  for (int i = 0; i <= border.width; ++i) {
+    edge.bounds.push_back((point(i * bit, ring) - edge.middle).dot(edge.along) / edge.half_length);
+  }
+  for (int i = 0; i < border.width; ++i) {
+    const int last = border.width - 1;
+    const std::array<int, 4> rows{last - border.ring, last - i, border.ring, i};
+    const std::array<int, 4> columns{i, last - border.ring, last - i, border.ring};
+    edge.bits.push_back(tag.bits[rows[side] * border.width + columns[side]]);
+  }
+  return edge;
+}
+
+double MedianBlur(const std::vector<Edge>& edges) {
+  std::vector<double> blurs;
+  for (const Edge& edge : edges) {
+    if (edge.fitted) blurs.push_back(edge.blur);
+  }
+  if (blurs.empty()) return kUsualBlur;
+  const auto middle = blurs.begin() + static_cast<std::ptrdiff_t>(blurs.size() / 2);
+  std::nth_element(blurs.begin(), middle, blurs.end());
+  return *middle;
+}
+
+std::optional<RefinedCorner> Intersect(const Edge& before, const Edge& after) {
+  if (!before.fitted || !after.fitted) return std::nullopt;
+  // The end (s = 1) of the edge that arrives and the beginning (s = -1) of the one that leaves.
+  Eigen::Matrix2d normals;
+  normals << before.normal.transpose(), after.normal.transpose();
+  if (std::abs(normals.determinant()) < 1e-2) return std::nullopt;
+  const Eigen::Matrix2d inverse = normals.inverse();
+  double s_before = 1, s_after = -1;
+  Eigen::Vector2d point;
+  for (int iteration = 0; iteration < 3; ++iteration) {
+    const Eigen::Vector2d offsets(before.normal.dot(before.middle) + before.Offset(s_before),
+                                  after.normal.dot(after.middle) + after.Offset(s_after));
+    point = inverse * offsets;
+    s_before = (point - before.middle).dot(before.along) / before.half_length;
+    s_after = (point - after.middle).dot(after.along) / after.half_length;
+  }
+  const Eigen::Vector2d variances(before.OffsetVariance(s_before), after.OffsetVariance(s_after));
+  const Eigen::Matrix2d covariance = inverse * variances.asDiagonal() * inverse.transpose();
+  return RefinedCorner{point, std::sqrt(covariance.trace() / 2)};
+}
+
+}  // namespace
+
+std::vector<RefinedQuad> RefineTags(const cv::Mat& gray,
+                                    std::span<const SeenTag> tags,
+                                    const TagBorder& border) {
+  std::vector<Edge> edges;
+  Workspace work;
+  for (const SeenTag& tag : tags) {
+    for (int side = 0; side < 4; ++side) {
+      edges.push_back(MakeEdge(tag, side, border));
+      FitEdge(gray, border.corner_squares, &edges.back(), &work);
+    }
+  }
+  const double curvature_variance = CurvatureVariance(edges);
+  for (Edge& edge : edges) {
+    if (!edge.fitted) continue;
+    const double scale = edge.half_length * edge.half_length / 2;
+    ShrinkCurvature(curvature_variance * scale * scale, &edge);
+  }
+  const double blur = MedianBlur(edges);
+  std::vector<RefinedQuad> refined(tags.size());
+  for (std::size_t i = 0; i < tags.size(); ++i) {
+    for (std::size_t k = 0; k < 4; ++k) {
+      refined[i][k] = Intersect(edges[4 * i + (k + 3) % 4], edges[4 * i + k]);
+      // No better than what was known before.
+      if (refined[i][k] && refined[i][k]->sigma > edges[4 * i + k].inside) refined[i][k].reset();
+    }
+    const bool narrow = std::any_of(edges.begin() + 4 * i,
+                                    edges.begin() + 4 * i + 4,
+                                    [&](const Edge& edge) {
+                                      return std::min(edge.inside, edge.outside) < kNarrow * blur;
+                                    }) ||
+                        std::any_of(refined[i].begin(), refined[i].end(), [&](const auto& corner) {
+                          return !corner;
+                        });
+    if (!narrow) continue;
+    // The first guess may be off by more than the drawing can follow.
+    for (const int reach : {0, 2}) {
+      TagTemplate drawing(gray, tags[i], border);
+      if (reach > 0) drawing.Search(reach);
+      if (!drawing.Fit()) continue;
+      for (std::size_t k = 0; k < 4; ++k) {
+        const double sigma = drawing.sigma(static_cast<int>(k));
+        if (!refined[i][k] || sigma < refined[i][k]->sigma) {
+          refined[i][k] = RefinedCorner{drawing.corners()[k], sigma};
+        }
+      }
+      break;
+    }
+  }
+  return refined;
+}
+
+std::optional<Quad> FindTag(const cv::Mat& gray,
+                            const SeenTag& expected,
+                            const TagBorder& border,
+                            double reach) {
+  // Three pixels a bit are enough to know a tag by; larger ones are looked for in a reduced image.
+  Eigen::AlignedBox2d box;
+  double side = 0;
+  for (std::size_t k = 0; k < 4; ++k) {
+    box.extend(expected.corners[k]);
+    side += (expected.corners[(k + 1) % 4] - expected.corners[k]).norm() / 4;
+  }
+  const int reduced = std::max(1, static_cast<int>(side / (3 * border.width)));
+  const double room = reach + 2 * side / border.width + 2;
+  const cv::Point from(static_cast<int>(std::floor(box.min().x() - room)),
+                       static_cast<int>(std::floor(box.min().y() - room)));
+  const cv::Point to(static_cast<int>(std::ceil(box.max().x() + room)),
+                     static_cast<int>(std::ceil(box.max().y() + room)));
+  cv::Rect region = cv::Rect(from, to) & cv::Rect(0, 0, gray.cols, gray.rows);
+  region.width -= region.width % reduced;
+  region.height -= region.height % reduced;
+  if (region.empty()) return std::nullopt;
+  cv::Mat part = gray(region);
+  if (reduced > 1) cv::resize(part, part, region.size() / reduced, 0, 0, cv::INTER_AREA);
+  const Eigen::Vector2d origin(region.x - 0.5, region.y - 0.5), half(0.5, 0.5);
+  SeenTag there = expected;
+  for (auto& c : there.corners) c = (c - origin) / reduced - half;
+
+  TagTemplate drawing(part, there, border);
+  drawing.Search(static_cast<int>(std::ceil(reach / reduced)));
+  if (!drawing.Fit()) return std::nullopt;
+  // Fisher's transform: five standard deviations from no correlation, one chance in three million.
+  const int data = border.width - 2 * border.ring;
+  const double least = std::tanh(5 / std::sqrt(data * data - 3.0));
+  if (drawing.DataCorrelation() < least) return std::nullopt;
+  Quad found = drawing.corners();
+  for (auto& c : found) {
+    c = (c + half) * reduced + origin;
+    if (c.x() < 0 || c.y() < 0 || c.x() > gray.cols - 1 || c.y() > gray.rows - 1)
+      return std::nullopt;
+  }
+  return found;
+}
+
+}  // namespace plenocal::internal

@@ -1,0 +1,356 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "models/start/central_start.h"
+
+#include <ceres/ceres.h>
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+#include <optional>
+
+namespace plenocal {
+namespace {
+
+constexpr int kProfileTerms = 3;  // a_0, a_2, a_4
+using Profile = Eigen::Vector3d;
+
+// Image points are divided by half the image's diagonal, so that rho is about 1 in the corners.
+struct AlignedView {
+  std::vector<double> rho;     // distance from the image centre
+  std::vector<double> radial;  // distance from the axis in the camera frame, in the target's unit
+  std::vector<double> zeta;    // camera z without t_z, for the first sign of the tilt
+  bool mirrored = false;       // the other sign of the tilt fits better
+  bool ambiguous = false;      // a plane: the sign of the tilt is not known from alignment
+  double t_z = 0;
+
+  [[nodiscard]] double Zeta(size_t i) const { return mirrored ? -zeta[i] : zeta[i]; }
+};
+
+double Evaluate(const Profile& a, double rho) {
+  const double s = rho * rho;
+  return a[0] + s * (a[1] + s * a[2]);
+}
+
+// Null vector of the rows, with columns scaled to equal size first.
+Eigen::VectorXd NullVector(const Eigen::MatrixXd& A) {
+  const Eigen::VectorXd scale = A.colwise().norm().cwiseMax(std::numeric_limits<double>::min());
+  const Eigen::MatrixXd scaled = A * scale.cwiseInverse().asDiagonal();
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(scaled.transpose() * scaled);
+  return scale.cwiseInverse().asDiagonal() * eigen.eigenvectors().col(0);
+}
+
+std::optional<AlignedView> Align(const std::vector<Eigen::Vector2d>& image,
+                                 const std::vector<Eigen::Vector3d>& points) {
+  const auto n = static_cast<Eigen::Index>(points.size());
+  Eigen::Vector3d centre = Eigen::Vector3d::Zero();
+  for (const auto& p : points) centre += p;
+  centre /= static_cast<double>(n);
+  Eigen::Matrix3d scatter = Eigen::Matrix3d::Zero();
+  for (const auto& p : points) scatter += (p - centre) * (p - centre).transpose();
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(scatter);
+  Eigen::Matrix3d axes = eigen.eigenvectors().rowwise().reverse();
+  if (axes.determinant() < 0) axes.col(2) *= -1;
+  const Eigen::Vector3d extent = eigen.eigenvalues().reverse().cwiseMax(0).cwiseSqrt();
+  constexpr double kFlat = 0.05;  // thickness over width below which the points count as a plane
+  const bool flat = extent[2] < kFlat * extent[1];
+  const int per_row = flat ? 3 : 4;
+  if (n < 2 * per_row || !(extent[1] > 1e-3 * extent[0])) return std::nullopt;
+
+  // u (r_2 p + t_y) - v (r_1 p + t_x) = 0
+  Eigen::MatrixXd A(n, 2 * per_row);
+  std::vector<Eigen::Vector3d> local(points.size());
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const auto k = static_cast<size_t>(i);
+    local[k] = axes.transpose() * (points[k] - centre);
+    Eigen::VectorXd q(per_row);
+    q.head(per_row - 1) = local[k].head(per_row - 1);
+    q[per_row - 1] = 1;
+    A.row(i).head(per_row) = -image[k].y() * q;
+    A.row(i).tail(per_row) = image[k].x() * q;
+  }
+  const Eigen::VectorXd h = NullVector(A);
+  Eigen::Matrix<double, 2, 3> R = Eigen::Matrix<double, 2, 3>::Zero();
+  R.row(0).head(per_row - 1) = h.head(per_row - 1);
+  R.row(1).head(per_row - 1) = h.segment(per_row, per_row - 1);
+  Eigen::Vector2d t(h[per_row - 1], h[2 * per_row - 1]);
+
+  Eigen::Vector3d row3;
+  if (flat) {
+    // Columns of the rotation have unit length and are orthogonal: with A, B, C their known parts,
+    // (w - A)(w - B) = C^2 for the squared scale w.
+    const double a = R.col(0).squaredNorm(), b = R.col(1).squaredNorm(), c = R.col(0).dot(R.col(1));
+    const double w = (a + b + std::hypot(a - b, 2 * c)) / 2;
+    if (!(w > 0)) return std::nullopt;
+    R /= std::sqrt(w);
+    t /= std::sqrt(w);
+    const double r31 = std::sqrt(std::max(0.0, 1 - a / w));
+    const double r32 = std::sqrt(std::max(0.0, 1 - b / w)) * (c > 0 ? -1 : 1);
+    row3 = {r31, r32, 0};
+  } else {
+    const double scale = (R.row(0).norm() + R.row(1).norm()) / 2;
+    if (!(scale > 0)) return std::nullopt;
+    R /= scale;
+    t /= scale;
+    row3 = Eigen::Vector3d(R.row(0)).cross(Eigen::Vector3d(R.row(1)));
+  }
+
+  AlignedView view;
+  view.ambiguous = flat;
+  // The sign of (r_1, r_2, t) is open, but neither lengths nor r_3 = r_1 x r_2 depend on it.
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const auto k = static_cast<size_t>(i);
+    const Eigen::Vector2d p = R * local[k] + t;
+    view.rho.push_back(image[k].norm());
+    view.radial.push_back(p.norm());
+    view.zeta.push_back(row3.dot(local[k]));
+  }
+  return view;
+}
+
+// Least squares for t_z of one view when F is known, and its residual relative to the depth.
+double SolveDistance(const Profile& a, bool mirrored, AlignedView* view) {
+  view->mirrored = mirrored;
+  double weight_depth = 1;
+  double error = 0;
+  // Twice: the second time the residuals are divided by depth, which makes them image distances.
+  for (int pass = 0; pass < 2; ++pass) {
+    double num = 0, den = 0;
+    for (size_t i = 0; i < view->rho.size(); ++i) {
+      const double weight = pass == 0 ? 1 : 1 / std::max(1e-6, weight_depth + view->Zeta(i));
+      const double rhs =
+          Evaluate(a, view->rho[i]) * view->radial[i] - view->rho[i] * view->Zeta(i);
+      num += weight * weight * view->rho[i] * rhs;
+      den += weight * weight * view->rho[i] * view->rho[i];
+    }
+    view->t_z = den > 0 ? num / den : 0;
+    weight_depth = view->t_z;
+  }
+  for (size_t i = 0; i < view->rho.size(); ++i) {
+    const double z = view->Zeta(i) + view->t_z;
+    const double F = Evaluate(a, view->rho[i]);
+    // Compare angles: finite for all directions, also at and beyond 90 degrees.
+    const double difference = std::atan2(view->rho[i], F) - std::atan2(view->radial[i], z);
+    error += difference * difference;
+  }
+  return error;
+}
+
+// Chooses each plane's sign of the tilt and its t_z under F; returns the sum of squared angles.
+double SolveDistances(const Profile& a, std::vector<AlignedView>* views) {
+  double sum = 0;
+  for (AlignedView& view : *views) {
+    double error = SolveDistance(a, false, &view);
+    if (view.ambiguous) {
+      const double mirrored = SolveDistance(a, true, &view);
+      if (mirrored < error) {
+        error = mirrored;
+      } else {
+        SolveDistance(a, false, &view);
+      }
+    }
+    sum += error;
+  }
+  return sum;
+}
+
+// F and all t_z together for the present signs of the tilts:
+// F(rho) radial - rho t_z = rho zeta, each row divided by its present depth.
+std::optional<Profile> SolveProfile(const std::vector<AlignedView>& views, int terms) {
+  Eigen::Matrix3d H = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d g = Eigen::Vector3d::Zero();
+  for (const AlignedView& view : views) {
+    Eigen::Vector3d cross = Eigen::Vector3d::Zero();
+    double t_square = 0, t_rhs = 0;
+    for (size_t i = 0; i < view.rho.size(); ++i) {
+      const double rho = view.rho[i], s = rho * rho;
+      const double weight = 1 / std::max(1e-6, std::abs(view.Zeta(i) + view.t_z));
+      const Eigen::Vector3d row = weight * view.radial[i] * Eigen::Vector3d(1, s, s * s);
+      const double t_column = -weight * rho, rhs = weight * rho * view.Zeta(i);
+      H += row * row.transpose();
+      g += row * rhs;
+      cross += row * t_column;
+      t_square += t_column * t_column;
+      t_rhs += t_column * rhs;
+    }
+    H -= cross * cross.transpose() / t_square;
+    g -= cross * t_rhs / t_square;
+  }
+  Profile a = Profile::Zero();
+  a.head(terms) = H.topLeftCorner(terms, terms).ldlt().solve(g.head(terms));
+  if (!a.allFinite() || !(a[0] > 0)) return std::nullopt;
+  return a;
+}
+
+// All image points with their directions as the sum of squares of the model's own projection.
+class DirectionCost : public ceres::CostFunction {
+ public:
+  DirectionCost(const CameraModel& model,
+                std::span<const double> config,
+                const std::vector<Eigen::Vector3d>& directions,
+                const std::vector<Eigen::Vector2d>& image)
+      : model_(model), config_(config), directions_(directions), image_(image) {
+    set_num_residuals(static_cast<int>(2 * image.size()));
+    mutable_parameter_block_sizes()->push_back(static_cast<int>(model.params.size()));
+  }
+
+  bool Evaluate(double const* const* parameters,
+                double* residuals,
+                double** jacobians) const override {
+    const size_t count = model_.params.size();
+    std::vector<double> J_params(2 * count);
+    double J_point[6];
+    for (size_t i = 0; i < image_.size(); ++i) {
+      const double values[kMaxObservationSize] = {image_[i].x(), image_[i].y()};
+      double predicted[2];
+      if (!model_.project_with_jacobian(parameters[0],
+                                        config_.data(),
+                                        values,
+                                        directions_[i],
+                                        predicted,
+                                        J_params.data(),
+                                        J_point)) {
+        return false;
+      }
+      for (size_t r = 0; r < 2; ++r) {
+        residuals[2 * i + r] = predicted[r] - values[r];
+        if (jacobians != nullptr && jacobians[0] != nullptr) {
+          std::copy_n(
+              J_params.data() + r * count, count, jacobians[0] + (2 * i + r) * count);
+        }
+      }
+    }
+    return true;
+  }
+
+ private:
+  const CameraModel& model_;
+  std::span<const double> config_;
+  const std::vector<Eigen::Vector3d>& directions_;
+  const std::vector<Eigen::Vector2d>& image_;
+};
+
+std::vector<double> FitToDirections(const CameraModel& model,
+                                    const StartProblem& problem,
+                                    std::vector<double> params,
+                                    const std::vector<Eigen::Vector3d>& directions,
+                                    const std::vector<Eigen::Vector2d>& image) {
+  std::vector<int> held;
+  for (size_t i = 0; i < params.size(); ++i) {
+    if (!problem.given[i]) continue;
+    params[i] = *problem.given[i];
+    held.push_back(static_cast<int>(i));
+  }
+  // Directions that the model cannot see at the start say nothing about its parameters.
+  std::vector<Eigen::Vector3d> seen_directions;
+  std::vector<Eigen::Vector2d> seen_image;
+  for (size_t i = 0; i < image.size(); ++i) {
+    double predicted[2];
+    const double values[kMaxObservationSize] = {image[i].x(), image[i].y()};
+    if (model.project(
+            params.data(), problem.config.data(), values, directions[i], predicted)) {
+      seen_directions.push_back(directions[i]);
+      seen_image.push_back(image[i]);
+    }
+  }
+  if (held.size() == params.size() || seen_image.size() < params.size()) return params;
+
+  ceres::Problem fit;
+  fit.AddParameterBlock(params.data(),
+                        static_cast<int>(params.size()),
+                        held.empty() ? nullptr
+                                     : new ceres::SubsetManifold(
+                                           static_cast<int>(params.size()), held));
+  fit.AddResidualBlock(
+      new DirectionCost(model, problem.config, seen_directions, seen_image),
+      nullptr,
+      params.data());
+  ceres::Solver::Options options;
+  options.linear_solver_type = ceres::DENSE_QR;
+  options.logging_type = ceres::SILENT;
+  options.max_num_iterations = 50;
+  const std::vector<double> unfitted = params;
+  ceres::Solver::Summary summary;
+  ceres::Solve(options, &fit, &summary);
+  return summary.IsSolutionUsable() ? params : unfitted;
+}
+
+}  // namespace
+
+std::vector<StartCandidate> StartCentral(
+    const CameraModel& model,
+    const StartProblem& problem,
+    const std::function<std::vector<double>(double, double, double)>& near_axis) {
+  const Eigen::Vector2d centre((problem.image_size[0] - 1) / 2.0, (problem.image_size[1] - 1) / 2.0);
+  const double half_diagonal = std::max(1.0, centre.norm());
+
+  std::vector<AlignedView> aligned;
+  std::vector<Eigen::Vector2d> all_image;  // px
+  for (const View& view : problem.views) {
+    std::vector<Eigen::Vector2d> image;
+    std::vector<Eigen::Vector3d> points;
+    for (const Observation& observation : view.observations) {
+      const auto marker = problem.markers->find(observation.marker);
+      if (marker == problem.markers->end()) continue;
+      const Eigen::Vector2d u(observation.values[0], observation.values[1]);
+      all_image.push_back(u);
+      image.emplace_back((u - centre) / half_diagonal);
+      points.push_back(marker->second);
+    }
+    if (auto view_aligned = Align(image, points)) aligned.push_back(std::move(*view_aligned));
+  }
+  if (all_image.empty()) return {};
+
+  // Fits use a spread of the points: more add time, not information.
+  constexpr size_t kFitPoints = 500;
+  std::vector<Eigen::Vector2d> fit_image;
+  const size_t stride = all_image.size() / kFitPoints + 1;
+  for (size_t i = 0; i < all_image.size(); i += stride) fit_image.push_back(all_image[i]);
+
+  std::vector<StartCandidate> candidates;
+  const auto add = [&](const Profile& a) {
+    std::vector<Eigen::Vector3d> directions;
+    directions.reserve(fit_image.size());
+    for (const auto& u : fit_image) {
+      const Eigen::Vector2d q = (u - centre) / half_diagonal;
+      directions.push_back(Eigen::Vector3d(q.x(), q.y(), Evaluate(a, q.norm())).normalized());
+    }
+    candidates.push_back({FitToDirections(model,
+                                          problem,
+                                          near_axis(a[0] * half_diagonal, centre.x(), centre.y()),
+                                          directions,
+                                          fit_image)});
+  };
+
+  // The ladder: half fields of view from 3 to 75 degrees to the image's corner.
+  Profile best_plain = Profile::Zero();
+  double best_error = std::numeric_limits<double>::infinity();
+  for (double half_fov_deg = 3; half_fov_deg <= 75; half_fov_deg *= 1.15) {
+    const Profile plain(1 / std::tan(half_fov_deg * std::numbers::pi / 180), 0, 0);
+    const double error = SolveDistances(plain, &aligned);
+    if (!aligned.empty() && error < best_error) {
+      best_error = error;
+      best_plain = plain;
+    }
+  }
+  if (!aligned.empty()) {
+    // Alternate between the tilts' signs with distances and the profile, from few terms to all.
+    Profile a = best_plain;
+    for (const int terms : {1, 2, kProfileTerms, kProfileTerms}) {
+      SolveDistances(a, &aligned);
+      const std::optional<Profile> next = SolveProfile(aligned, terms);
+      if (!next) break;
+      a = *next;
+    }
+    add(a);
+    add(best_plain);
+  }
+  // Without a view good enough for alignment: ordinary, wide and long lenses.
+  for (const double half_fov_deg : {35.0, 60.0, 10.0}) {
+    add(Profile(1 / std::tan(half_fov_deg * std::numbers::pi / 180), 0, 0));
+  }
+  return candidates;
+}
+
+}  // namespace plenocal

@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <functional>
+#include <vector>
+
+#include "calib/camera_model.h"
+
+namespace plenocal {
+
+/// Start values of a central model without any guess.
+///
+/// 1. Radial alignment (Tsai 1987): whatever the focal length and radial distortion, an image point
+///    lies on the ray from the image centre through its undistorted place. That gives each view's
+///    pose linearly, but for the distance t_z, for planar and for spatial targets.
+/// 2. All views together give the radial profile F(rho) = a_0 + a_2 rho^2 + a_4 rho^4 and the t_z
+///    linearly, where (u, v, F(rho)) is the direction in which the image point (u, v) looks
+///    (Scaramuzza et al., IROS 2006). Sets that do not determine F (distant, untilted targets) get
+///    the best of a ladder of plain focal lengths besides.
+/// 3. The model's own parameters are fitted to these directions, starting from `near_axis`, its
+///    parameters for focal length f and principal point c without distortion.
+///
+/// Values in `problem.given` are kept.
+std::vector<StartCandidate> StartCentral(
+    const CameraModel& model,
+    const StartProblem& problem,
+    const std::function<std::vector<double>(double f, double c_x, double c_y)>& near_axis);
+
+}  // namespace plenocal

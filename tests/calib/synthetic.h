@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Calibration problems with known truth.
+#pragma once
+
+#include <map>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "calib/bundle.h"
+#include "calib/calibrate.h"
+
+namespace plenocal::testing {
+
+enum class TargetShape {
+  kPlane,   ///< 10 x 7 points, 30 mm apart
+  kCorner,  ///< three such planes at right angles
+};
+
+struct SyntheticOptions {
+  TargetShape shape = TargetShape::kPlane;
+  int cameras = 1;
+  int frames = 15;
+  double fov_deg = 60;         ///< horizontal
+  double noise = 0;            ///< sigma of each coordinate, px
+  double marker_tolerance = 0; ///< sigma of the true markers about the nominal ones, m
+  double visible = 1;          ///< probability that a camera sees the target in a frame
+  double partial = 0;          ///< probability that a marker of a view is missing
+  bool distorted = true;
+};
+
+struct SyntheticProblem {
+  CalibrationInput input;
+  std::vector<std::vector<double>> params;     ///< per camera
+  std::vector<RigidTransform> T_camera_rig;    ///< per camera
+  std::map<int, Eigen::Vector3d> markers;      ///< the true ones
+  std::map<std::string, RigidTransform> T_rig_target;
+};
+
+/// A random pinhole-radial3 rig before a target, all from `seed`.
+SyntheticProblem MakeProblem(unsigned seed, const SyntheticOptions& options);
+
+/// Largest shift of the image, over all true observations, when the estimated camera takes the true
+/// one's place, px; directions are the true camera's.
+double LargestShift(const SyntheticProblem& problem, const Calibration& calibration, size_t camera);
+
+}  // namespace plenocal::testing

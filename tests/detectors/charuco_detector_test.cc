@@ -1,0 +1,223 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <fstream>
+#include <map>
+#include <opencv2/aruco.hpp>
+#include <sstream>
+
+#include "calib/error.h"
+#include "detectors/image.h"
+#include "detectors/marker_detector.h"
+#include "tests/detectors/render_pattern.h"
+
+namespace plenocal::testing {
+namespace {
+
+constexpr double kMarker = 0.75;  // of a square
+
+CharucoLayout Layout(int columns, int rows) {
+  return {columns, rows, 0.04, 0.04 * kMarker, "DICT_4X4_100", std::nullopt};
+}
+
+Target Charuco(int columns, int rows) {
+  Target target;
+  target.layout = Layout(columns, rows);
+  return target;
+}
+
+/// In squares from the board's top left corner; white all around. `first_white`: a marker is in the
+/// top left square.
+GrayFunction Board(int columns, int rows, bool first_white, bool inverted = false) {
+  const auto dictionary = cv::aruco::getPredefinedDictionary(cv::aruco::DICT_4X4_100);
+  std::map<std::pair<int, int>, cv::Mat> markers;
+  int id = 0;
+  for (int row = 0; row < rows; ++row) {
+    for (int column = 0; column < columns; ++column) {
+      if (((row + column) % 2 == 0) != first_white) continue;
+      dictionary->drawMarker(id++, 6, markers[{column, row}], 1);  // a pixel a cell
+    }
+  }
+  return [=](const Eigen::Vector2d& p) {
+    const int column = static_cast<int>(std::floor(p.x())),
+              row = static_cast<int>(std::floor(p.y()));
+    bool white = true;
+    if (column >= 0 && row >= 0 && column < columns && row < rows) {
+      const auto marker = markers.find({column, row});
+      white = marker != markers.end();
+      const Eigen::Vector2d in_marker =
+          (p - Eigen::Vector2d(column, row) - Eigen::Vector2d::Constant(0.5 * (1 - kMarker))) /
+          kMarker;
+      if (white && in_marker.minCoeff() >= 0 && in_marker.maxCoeff() < 1) {
+        white = marker->second.at<uchar>(static_cast<int>(6 * in_marker.y()),
+                                         static_cast<int>(6 * in_marker.x())) != 0;
+      }
+    }
+    return white == inverted ? 50.0 : 200.0;
+  };
+}
+
+Places Truth(int columns, int rows, const Eigen::Matrix3d& H) {
+  Places places;
+  const int inner = columns - 1;
+  for (int k = 0; k < inner * (rows - 1); ++k) {
+    places[k] = (H * Eigen::Vector3d(k % inner + 1, k / inner + 1, 1)).hnormalized();
+  }
+  return places;
+}
+
+TEST(CharucoDetector, MeasuresCornersAndStatesItsErrorHonestly) {
+  constexpr int kColumns = 7, kRows = 5;
+  const auto detector = MakeCharucoDetector(Charuco(kColumns, kRows));
+  for (const double pitch : {44.0, 28.0}) {
+    Statistics statistics;
+    for (unsigned seed = 1; seed <= 6; ++seed) {
+      const Eigen::Matrix3d H = TiltedView(pitch, 0.07 * seed, 90, 30);
+      const cv::Mat image = Render(View(Board(kColumns, kRows, false), H),
+                                   {static_cast<int>(9 * pitch) + 30, static_cast<int>(8 * pitch)},
+                                   {.blur = 0.7, .noise = 4, .seed = seed});
+      const MarkerDetections found = detector->Detect(image);
+      ExpectWellFormed(found);
+      EXPECT_EQ(found.markers.size(), 24) << found.failure;
+      statistics.Add(found, Truth(kColumns, kRows, H));
+    }
+    EXPECT_LT(statistics.Rms(), 0.03) << "pitch " << pitch;
+    // 288 coordinates: the mean of their squares scatters by 8 % of itself when sigma is right.
+    EXPECT_GT(statistics.Ratio(), 0.7) << "pitch " << pitch;
+    EXPECT_LT(statistics.Ratio(), 1.4) << "pitch " << pitch;
+  }
+}
+
+TEST(CharucoDetector, TellsTheLayoutsOfOpenCvApart) {
+  const Eigen::Matrix3d H = TiltedView(40, 0.2, 90, 40);
+  for (const auto& [columns, rows] : {std::pair{6, 4}, {5, 4}, {5, 5}, {6, 5}}) {
+    for (const bool legacy : {false, true}) {
+      for (const bool inverted : {false, true}) {
+        const bool first_white = legacy && rows % 2 == 0;
+        const auto found = MakeCharucoDetector(Charuco(columns, rows))
+                               ->Detect(Render(View(Board(columns, rows, first_white, inverted), H),
+                                               {380, 320},
+                                               {.blur = 0.7}));
+        ASSERT_EQ(found.markers.size(), (columns - 1) * (rows - 1)) << found.failure;
+        Statistics statistics;
+        statistics.Add(found, Truth(columns, rows, H));
+        EXPECT_LT(statistics.Rms(), 0.02) << columns << " x " << rows << (legacy ? " legacy" : "");
+      }
+    }
+  }
+}
+
+TEST(CharucoDetector, ReportsThePartOfTheBoardThatIsInView) {
+  const Eigen::Matrix3d H = TiltedView(40, 0, -50, -60);  // the first row and column are cut off
+  const auto found = MakeCharucoDetector(Charuco(8, 6))
+                         ->Detect(Render(View(Board(8, 6, false), H), {300, 240}, {.blur = 0.7}));
+  ExpectWellFormed(found);
+  EXPECT_GE(found.markers.size(), 16) << found.failure;
+  EXPECT_LT(found.markers.size(), 35);
+  Statistics statistics;
+  statistics.Add(found, Truth(8, 6, H));
+  EXPECT_LT(statistics.Rms(), 0.02);
+}
+
+TEST(CharucoDetector, AsksForTheLayoutWhereTheImageCannotTell) {
+  // Odd columns, even rows: without the border the layouts differ by a shift of one column.
+  const Eigen::Matrix3d H = TiltedView(40, 0, -50, -60);
+  const cv::Mat image = Render(View(Board(7, 6, false), H), {300, 240}, {.blur = 0.7});
+  EXPECT_THAT(MakeCharucoDetector(Charuco(7, 6))->Detect(image).failure,
+              ::testing::HasSubstr("state legacy: true or false"));
+  Target stated = Charuco(7, 6);
+  std::get<CharucoLayout>(stated.layout).legacy = false;
+  const auto found = MakeCharucoDetector(stated)->Detect(image);
+  EXPECT_GE(found.markers.size(), 16) << found.failure;
+  Statistics statistics;
+  statistics.Add(found, Truth(7, 6, H));
+  EXPECT_LT(statistics.Rms(), 0.02);
+}
+
+TEST(CharucoDetector, LeavesOutCoveredCorners) {
+  const Eigen::Matrix3d H = TiltedView(40, 0, 40, 30);
+  cv::Mat image = Render(View(Board(7, 5, false), H), {360, 260}, {.blur = 0.7});
+  const Eigen::Vector2d covered = Truth(7, 5, H).at(8);
+  image(cv::Rect(static_cast<int>(covered.x()) - 12, static_cast<int>(covered.y()) - 12, 25, 25)) =
+      120;
+  const auto found = MakeCharucoDetector(Charuco(7, 5))->Detect(image);
+  EXPECT_FALSE(Measured(found).contains(8));
+  EXPECT_EQ(found.markers.size(), 23);
+  EXPECT_THAT(found.left_out, ::testing::ElementsAre(::testing::StartsWith("corner 8: ")));
+}
+
+TEST(CharucoDetector, SaysWhyNothingWasFound) {
+  const auto detector = MakeCharucoDetector(Charuco(7, 5));
+  for (const cv::Mat& image : EmptyImages()) {
+    const MarkerDetections found = detector->Detect(image);
+    EXPECT_TRUE(found.markers.empty());
+    EXPECT_FALSE(found.failure.empty());
+  }
+}
+
+TEST(CharucoDetector, RefusesDictionariesThatDoNotServe) {
+  Target target = Charuco(7, 5);
+  std::get<CharucoLayout>(target.layout).dictionary = "DICT_4x4_100";
+  EXPECT_THROW(MakeCharucoDetector(target), Error);
+  target.layout = CharucoLayout{20, 10, 0.04, 0.03, "DICT_4X4_50", {}};
+  EXPECT_THROW(MakeCharucoDetector(target), Error);
+}
+
+struct RealSet {
+  std::string name;
+  std::size_t opencv_corners;
+};
+
+class CharucoRealSet : public ::testing::TestWithParam<RealSet> {};
+
+TEST_P(CharucoRealSet, GivesAtLeastOpenCvsCorners) {
+  const std::string& name = GetParam().name;
+  const auto files = SharedFiles("charuco_lifecam/" + name, "", ".jpg");
+  if (files.empty()) GTEST_SKIP() << "charuco_lifecam is not there";
+  // image,corner,x,y; OpenCV 4.6's ChArUco corners are half a pixel too far right and down (it adds
+  // 0.5 after cornerSubPix).
+  std::map<std::string, Places> reference;
+  std::ifstream csv(std::string(PLENOCAL_SHARED_DATA) + "/frames/charuco_lifecam/corners_" + name +
+                    ".csv");
+  std::string line;
+  std::getline(csv, line);
+  while (std::getline(csv, line)) {
+    std::stringstream fields(line);
+    std::string image, id, x, y;
+    std::getline(fields, image, ',');
+    std::getline(fields, id, ',');
+    std::getline(fields, x, ',');
+    std::getline(fields, y, ',');
+    reference[image][std::stoi(id)] = {std::stod(x) - 0.5, std::stod(y) - 0.5};
+  }
+  Target target;
+  target.layout = CharucoLayout{8, 8, 0.0254, 0.01905, "DICT_4X4_1000", {}};
+  const auto detector = MakeCharucoDetector(target);
+  std::size_t corners = 0;
+  int compared = 0, near = 0;
+  for (const auto& file : files) {
+    const MarkerDetections found = detector->Detect(ReadGray(file));
+    ExpectWellFormed(found);
+    corners += found.markers.size();
+    const Places& expected = reference[name + "/" + file.filename().string()];
+    for (const auto& [marker, p] : Measured(found)) {
+      if (!expected.contains(marker)) continue;
+      ++compared;
+      near += (expected.at(marker) - p).norm() < 0.7 ? 1 : 0;
+    }
+  }
+  EXPECT_GE(corners, GetParam().opencv_corners);
+  EXPECT_GE(near, 0.99 * compared);
+}
+
+INSTANTIATE_TEST_SUITE_P(Shared,
+                         CharucoRealSet,
+                         ::testing::Values(RealSet{"2024-05-07_lifecam_1280", 749},
+                                           RealSet{"2024-05-07_lifecam_480", 769},
+                                           RealSet{"2024-06-19_lifecam_1280_Old_Pattern", 572}),
+                         [](const auto& test) {
+                           std::string name = test.param.name;
+                           std::replace(name.begin(), name.end(), '-', '_');
+                           return name;
+                         });
+
+}  // namespace
+}  // namespace plenocal::testing

@@ -1,0 +1,200 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <opencv2/core.hpp>
+#include <opencv2/core/persistence.hpp>
+
+#include "detectors/image.h"
+#include "detectors/marker_detector.h"
+#include "tests/detectors/render_pattern.h"
+
+namespace plenocal::testing {
+namespace {
+
+Target Circles(int columns, int rows, bool asymmetric) {
+  Target target;
+  target.layout = CirclesLayout{columns, rows, 0.03, asymmetric};
+  return target;
+}
+
+constexpr double kRadius = 0.28;  // of the spacing
+
+/// In units of the spacing; an asymmetric grid's circles are two apart in a row, and every other
+/// row is offset by one.
+Eigen::Vector2d Centre(int column, int row, bool asymmetric) {
+  return {asymmetric ? 2.0 * column + row % 2 : column, row};
+}
+
+GrayFunction Board(int columns, int rows, bool asymmetric, bool white_circles = false) {
+  const double radius = asymmetric ? 1.4 * kRadius : kRadius;
+  return [=](const Eigen::Vector2d& p) {
+    bool inside = false;
+    const int row = static_cast<int>(std::lround(p.y()));
+    for (int r = std::max(0, row - 1); r <= std::min(rows - 1, row + 1); ++r) {
+      for (int c = 0; c < columns; ++c) {
+        inside = inside || (p - Centre(c, r, asymmetric)).norm() < radius;
+      }
+    }
+    return inside == white_circles ? 200.0 : 50.0;
+  };
+}
+
+/// The centre of the ellipse that the circle's outline becomes, from the conic's image.
+Eigen::Vector2d EllipseCentre(const Eigen::Matrix3d& H,
+                              const Eigen::Vector2d& centre,
+                              double radius) {
+  Eigen::Matrix3d conic;
+  conic << 1, 0, -centre.x(), 0, 1, -centre.y(), -centre.x(), -centre.y(),
+      centre.squaredNorm() - radius * radius;
+  const Eigen::Matrix3d inverse = H.inverse();
+  const Eigen::Matrix3d image = inverse.transpose() * conic * inverse;
+  return -image.topLeftCorner<2, 2>().inverse() * image.topRightCorner<2, 1>();
+}
+
+Places Truth(int columns, int rows, bool asymmetric, const Eigen::Matrix3d& H) {
+  Places places;
+  for (int k = 0; k < columns * rows; ++k) {
+    places[k] = EllipseCentre(
+        H, Centre(k % columns, k / columns, asymmetric), asymmetric ? 1.4 * kRadius : kRadius);
+  }
+  return places;
+}
+
+TEST(CirclesDetector, MeasuresEllipsesAndStatesItsErrorHonestly) {
+  constexpr int kColumns = 8, kRows = 6;
+  const auto detector = MakeCirclesDetector(Circles(kColumns, kRows, false));
+  for (const double pitch : {30.0, 16.0}) {
+    Statistics statistics;
+    for (unsigned seed = 1; seed <= 6; ++seed) {
+      const Eigen::Matrix3d H = TiltedView(pitch, 0.04 * seed, 70, 60);
+      const cv::Mat image =
+          Render(View(Board(kColumns, kRows, false), H),
+                 {static_cast<int>(10 * pitch) + 60, static_cast<int>(8 * pitch) + 80},
+                 {.blur = 0.8, .noise = 4, .seed = seed});
+      const MarkerDetections found = detector->Detect(image);
+      ExpectWellFormed(found);
+      ASSERT_EQ(found.markers.size(), kColumns * kRows) << found.failure;
+      statistics.Add(found, Truth(kColumns, kRows, false, H));
+    }
+    // Noise of 4 against a contrast of 150 on a circumference of 28 px and more.
+    EXPECT_LT(statistics.Rms(), 0.03) << "pitch " << pitch;
+    // 576 coordinates: the mean of their squares scatters by 6 % of itself when sigma is right.
+    EXPECT_GT(statistics.Ratio(), 0.7) << "pitch " << pitch;
+    EXPECT_LT(statistics.Ratio(), 1.4) << "pitch " << pitch;
+  }
+}
+
+TEST(CirclesDetector, FindsWhiteCirclesOnBlack) {
+  const Eigen::Matrix3d H = TiltedView(28, 0.1, 60, 50);
+  const auto found =
+      MakeCirclesDetector(Circles(7, 5, false))
+          ->Detect(Render(View(Board(7, 5, false, true), H), {300, 240}, {.blur = 0.7}));
+  ASSERT_EQ(found.markers.size(), 35) << found.failure;
+  Statistics statistics;
+  statistics.Add(found, Truth(7, 5, false, H));
+  EXPECT_LT(statistics.Rms(), 0.01);
+}
+
+TEST(CirclesDetector, NumbersAsymmetricGridsByTheirOffsetRows) {
+  for (const int rows : {11, 10}) {
+    const auto detector = MakeCirclesDetector(Circles(4, rows, true));
+    for (int turn = 0; turn < 4; ++turn) {
+      Eigen::Matrix3d H = TiltedView(20, turn * M_PI / 2 + 0.1, 0, 0);
+      const Eigen::Vector2d middle = (H * Eigen::Vector3d(3.5, 0.5 * (rows - 1), 1)).hnormalized();
+      Eigen::Matrix3d shift = Eigen::Matrix3d::Identity();
+      shift.topRightCorner<2, 1>() = Eigen::Vector2d(160, 160) - middle;
+      H = shift * H;
+      const auto found =
+          detector->Detect(Render(View(Board(4, rows, true), H), {320, 320}, {.blur = 0.7}));
+      Places truth = Truth(4, rows, true, H);
+      const Places places = Measured(found);
+      ASSERT_EQ(places.size(), truth.size()) << found.failure;
+      const int last = 4 * rows - 1;
+      // Even rows: the grid looks the same from its other end.
+      if (rows % 2 == 0 && truth.at(last).norm() < truth.at(0).norm()) {
+        Places turned;
+        for (const auto& [marker, p] : truth) turned[last - marker] = p;
+        truth = turned;
+      }
+      for (const auto& [marker, p] : truth) {
+        EXPECT_LT((places.at(marker) - p).norm(), 0.1) << rows << " rows, turn " << turn;
+      }
+    }
+  }
+}
+
+TEST(CirclesDetector, IsNeverMirroredAndBeginsAtTheTopLeft) {
+  for (const auto& [columns, rows] : {std::pair{7, 4}, {5, 5}}) {
+    const auto detector = MakeCirclesDetector(Circles(columns, rows, false));
+    for (int turn = 0; turn < 4; ++turn) {
+      Eigen::Matrix3d H = TiltedView(30, turn * M_PI / 2 + 0.1, 0, 0);
+      const Eigen::Vector2d middle =
+          (H * Eigen::Vector3d(0.5 * (columns - 1), 0.5 * (rows - 1), 1)).hnormalized();
+      Eigen::Matrix3d shift = Eigen::Matrix3d::Identity();
+      shift.topRightCorner<2, 1>() = Eigen::Vector2d(150, 150) - middle;
+      H = shift * H;
+      const auto found =
+          detector->Detect(Render(View(Board(columns, rows, false), H), {300, 300}, {.blur = 0.7}));
+      Places places = Measured(found);
+      ASSERT_EQ(places.size(), columns * rows) << found.failure;
+      const Eigen::Vector2d across = places.at(columns - 1) - places.at(0);
+      const Eigen::Vector2d down = places.at((rows - 1) * columns) - places.at(0);
+      EXPECT_GT(across.x() * down.y() - across.y() * down.x(), 0);
+      EXPECT_LE(places.at(0).norm(), places.at(columns * rows - 1).norm() + 0.1);
+    }
+  }
+}
+
+TEST(CirclesDetector, SaysWhyNothingWasFound) {
+  for (const bool asymmetric : {false, true}) {
+    const auto detector = MakeCirclesDetector(Circles(7, 5, asymmetric));
+    for (const cv::Mat& image : EmptyImages()) {
+      const MarkerDetections found = detector->Detect(image);
+      EXPECT_TRUE(found.markers.empty());
+      EXPECT_FALSE(found.failure.empty());
+    }
+  }
+}
+
+void ExpectNearShipped(const std::string& name, int index, int columns, int rows, bool asymmetric) {
+  const std::string folder =
+      std::string("circles_opencv_extra/") + (asymmetric ? "asymmetric" : "symmetric");
+  const auto image = SharedFiles(folder, name + std::to_string(index) + ".", ".png");
+  if (image.empty()) GTEST_SKIP() << folder << " is not there";
+  const auto data = SharedFiles(folder, name + "_corners" + std::to_string(index) + ".", ".dat");
+  ASSERT_EQ(data.size(), 1);
+  cv::FileStorage storage(data[0].string(), cv::FileStorage::READ);
+  cv::Mat shipped;
+  storage["corners"] >> shipped;
+  const auto found =
+      MakeCirclesDetector(Circles(columns, rows, asymmetric))->Detect(ReadGray(image[0]));
+  ExpectWellFormed(found);
+  ASSERT_EQ(found.markers.size(), columns * rows) << image[0] << found.failure;
+  for (const Observation& o : found.markers) {
+    const auto expected = shipped.at<cv::Vec2f>(o.marker / columns, o.marker % columns);
+    // Those are the blobs' centres of gravity.
+    EXPECT_LT(std::hypot(o.values[0] - expected[0], o.values[1] - expected[1]), 0.5) << image[0];
+  }
+}
+
+TEST(CirclesDetector, AgreesWithOpenCvsSymmetricGrids) {
+  for (int k = 1; k <= 14; ++k) ExpectNearShipped("circles", k, 7, 7, false);
+}
+
+TEST(CirclesDetector, AgreesWithOpenCvsAsymmetricGrids) {
+  for (int k = 1; k <= 3; ++k) ExpectNearShipped("acircles", k, 7, 13, true);
+  for (int k = 4; k <= 6; ++k) ExpectNearShipped("acircles", k, 5, 5, true);
+  for (int k = 7; k <= 9; ++k) ExpectNearShipped("acircles", k, 3, 9, true);
+}
+
+TEST(CirclesDetector, FindsVispsGrids) {
+  const auto files = SharedFiles("circles_visp", "circles-", ".jpg");
+  if (files.empty()) GTEST_SKIP() << "circles_visp is not there";
+  const auto detector = MakeCirclesDetector(Circles(6, 6, false));
+  for (const auto& file : files) {
+    const auto found = detector->Detect(ReadGray(file));
+    ExpectWellFormed(found);
+    EXPECT_EQ(found.markers.size(), 36) << file << found.failure;
+  }
+}
+
+}  // namespace
+}  // namespace plenocal::testing

@@ -1,0 +1,145 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "detectors/image.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <opencv2/core.hpp>
+#include <opencv2/imgcodecs.hpp>
+#include <string>
+#include <vector>
+
+#include "calib/error.h"
+
+namespace plenocal {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::HasSubstr;
+
+class ReadGrayTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    folder_ = fs::path(::testing::TempDir()) /
+              ("plenocal_image_" +
+               std::string(::testing::UnitTest::GetInstance()->current_test_info()->name()));
+    fs::remove_all(folder_);
+    fs::create_directories(folder_);
+    image_ = cv::Mat(48, 64, CV_8UC1);
+    cv::RNG random(1);
+    random.fill(image_, cv::RNG::UNIFORM, 0, 256);
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+
+  fs::path Write(const std::string& name, const std::string& bytes) const {
+    std::ofstream(folder_ / name, std::ios::binary) << bytes;
+    return folder_ / name;
+  }
+  static std::string Encoded(const std::string& extension, const cv::Mat& image) {
+    std::vector<uchar> bytes;
+    cv::imencode(extension, image, bytes);
+    return {bytes.begin(), bytes.end()};
+  }
+  /// What ReadGray says to a file; nothing may be printed besides.
+  static std::string Message(const fs::path& path) {
+    ::testing::internal::CaptureStderr();
+    std::string message = "(it was read)";
+    try {
+      ReadGray(path);
+    } catch (const Error& error) {
+      EXPECT_EQ(error.kind(), ErrorKind::kInput);
+      message = error.what();
+      EXPECT_THAT(message, HasSubstr(path.string() + ": "));
+    }
+    EXPECT_EQ(::testing::internal::GetCapturedStderr(), "");
+    return message;
+  }
+
+  fs::path folder_;
+  cv::Mat image_;
+};
+
+TEST_F(ReadGrayTest, ReadsWhatLosslessFormatsHold) {
+  for (const std::string extension : {".png", ".bmp", ".tiff", ".pgm"}) {
+    const cv::Mat gray = ReadGray(Write("a" + extension, Encoded(extension, image_)));
+    ASSERT_EQ(gray.type(), CV_8UC1);
+    EXPECT_EQ(cv::norm(gray, image_, cv::NORM_INF), 0) << extension;
+  }
+}
+
+TEST_F(ReadGrayTest, ScalesSixteenBitsByTheNextPowerOfTwo) {
+  cv::Mat twelve(10, 10, CV_16UC1, cv::Scalar(0));
+  twelve.at<ushort>(0, 0) = 4000;
+  twelve.at<ushort>(0, 1) = 2000;
+  const cv::Mat gray = ReadGray(Write("a.png", Encoded(".png", twelve)));
+  ASSERT_EQ(gray.type(), CV_8UC1);
+  EXPECT_EQ(gray.at<uchar>(0, 0), 249);  // 4000 * 255 / 4095
+  EXPECT_EQ(gray.at<uchar>(0, 1), 125);
+  EXPECT_EQ(gray.at<uchar>(5, 5), 0);
+}
+
+TEST_F(ReadGrayTest, NamesWhatIsWrongWithTheFile) {
+  EXPECT_THAT(Message(folder_ / "03.png"), HasSubstr("03.png: no such file"));
+  EXPECT_THAT(Message(folder_), HasSubstr("is a directory"));
+  EXPECT_THAT(Message(Write("empty.png", "")), HasSubstr("is empty (0 bytes)"));
+  EXPECT_THAT(Message(Write("text.jpg", "not an image")),
+              HasSubstr("is not an image OpenCV can read"));
+}
+
+TEST_F(ReadGrayTest, RefusesFilesCutAnywhere) {
+  for (const std::string extension : {".png", ".jpg", ".bmp", ".tiff", ".pgm"}) {
+    const std::string whole = Encoded(extension, image_);
+    for (std::size_t size = 1; size < whole.size(); size += 1 + whole.size() / 60) {
+      const std::string message = Message(Write("cut" + extension, whole.substr(0, size)));
+      EXPECT_NE(message, "(it was read)") << extension << " cut to " << size;
+    }
+    const std::string almost =
+        Message(Write("cut" + extension, whole.substr(0, whole.size() * 3 / 4)));
+    EXPECT_THAT(almost, HasSubstr("truncated")) << extension;
+    EXPECT_THAT(almost, HasSubstr("; record or copy it again"));
+  }
+  const std::string png = Encoded(".png", image_);
+  EXPECT_THAT(Message(Write("cut.png", png.substr(0, png.size() / 2))),
+              HasSubstr("truncated PNG (the file ends inside the chunk IDAT)"));
+}
+
+TEST_F(ReadGrayTest, RefusesAPngWithADamagedByte) {
+  std::string png = Encoded(".png", image_);
+  png[png.size() / 2] = static_cast<char>(png[png.size() / 2] ^ 1);
+  EXPECT_THAT(Message(Write("a.png", png)), HasSubstr("wrong checksum of the chunk IDAT"));
+}
+
+TEST_F(ReadGrayTest, ToleratesBytesAfterTheEnd) {
+  for (const std::string extension : {".png", ".jpg", ".bmp", ".pgm"}) {
+    EXPECT_EQ(Message(Write("a" + extension, Encoded(extension, image_) + "trailer")),
+              "(it was read)");
+  }
+}
+
+TEST_F(ReadGrayTest, RefusesAHeaderThatAsksForAbsurdMemory) {
+  std::string bmp = Encoded(".bmp", image_);
+  const std::string huge("\xa0\x86\x01\x00", 4);  // 100000
+  bmp.replace(18, 4, huge).replace(22, 4, huge);
+  EXPECT_THAT(Message(Write("a.bmp", bmp)), HasSubstr("100000 x 100000 pixels"));
+  EXPECT_THAT(Message(Write("a.pgm", "P5 100000 100000 255\n")),
+              HasSubstr("100000 x 100000 pixels"));
+}
+
+TEST_F(ReadGrayTest, KeepsTheRecordedOrientation) {
+  // A JPEG with an EXIF segment that asks viewers for a quarter turn.
+  const std::string exif(
+      "\xff\xe1\x00\x22"
+      "Exif\0\0"
+      "II*\0\x08\0\0\0"
+      "\x01\0\x12\x01\x03\0\x01\0\0\0\x06\0\0\0"
+      "\0\0\0\0",
+      36);
+  std::string jpeg = Encoded(".jpg", image_);
+  jpeg.insert(2, exif);
+  EXPECT_EQ(ReadGray(Write("a.jpg", jpeg)).size(), image_.size());
+}
+
+}  // namespace
+}  // namespace plenocal
