@@ -40,7 +40,7 @@ bool Linearise(const BundleCamera& camera,
                                                         out.J_params,
                                                         J_point);
   if (!inside) return false;
-  const double weight = 1 / (seen.sigma * camera.noise);
+  const double weight = 1 / NoiseSigma(camera, seen);
   for (size_t r = 0; r < rows; ++r) out.residual[r] = weight * (seen.values[r] - predicted[r]);
   if (out.J_params == nullptr) return true;
 
@@ -304,13 +304,18 @@ bool Residual(const Bundle& bundle, const BundleObservation& observation, double
   return true;
 }
 
+double NoiseSigma(const BundleCamera& camera, const Observation& seen) {
+  const double own = camera.noise_scale * seen.sigma;
+  return std::sqrt(own * own + camera.noise_floor * camera.noise_floor);
+}
+
 double WeightedLength(const Bundle& bundle,
                       const BundleObservation& observation,
                       const double* residual) {
   const BundleCamera& camera = bundle.cameras[static_cast<size_t>(observation.camera)];
   double sum = 0;
   for (size_t r = 0; r < camera.model->measured.size(); ++r) sum += residual[r] * residual[r];
-  return std::sqrt(sum) / (observation.seen.sigma * camera.noise);
+  return std::sqrt(sum) / NoiseSigma(camera, observation.seen);
 }
 
 AdjustSummary Adjust(Bundle* bundle, const AdjustOptions& options) {

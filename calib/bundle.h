@@ -21,8 +21,10 @@ struct BundleCamera {
   std::vector<bool> fixed;      ///< per parameter: hold it
   RigidTransform T_camera_rig;  ///< identity for the rig's master
   bool is_master = false;       ///< its T_camera_rig is the rig's frame and never estimated
-  /// Standard deviation of a residual of this camera in units of the observations' own sigmas.
-  double noise = 1;
+  /// Sigma of a residual: sqrt((noise_scale sigma)^2 + noise_floor^2) with the observation's own sigma.
+  /// The floor stands for errors that the detector cannot know of (model, target, motion).
+  double noise_scale = 1;
+  double noise_floor = 0;
 };
 
 struct BundleMarker {
@@ -80,7 +82,10 @@ AdjustSummary Adjust(Bundle* bundle, const AdjustOptions& options);
 /// Residual of one observation, measured minus predicted; false outside the model's domain.
 bool Residual(const Bundle& bundle, const BundleObservation& observation, double* residual);
 
-/// Length of the residual in sigmas (the observation's sigma times its camera's noise).
+/// Standard deviation of each coordinate of an observation under its camera's noise.
+double NoiseSigma(const BundleCamera& camera, const Observation& seen);
+
+/// Length of the residual in sigmas.
 double WeightedLength(const Bundle& bundle,
                       const BundleObservation& observation,
                       const double* residual);

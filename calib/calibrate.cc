@@ -237,54 +237,108 @@ class Calibrator {
     return lengths;
   }
 
-  // Noise of each camera from the median length of its residuals: not moved by outliers.
-  void EstimateNoiseRobustly() {
+  // Length of an observation's residual, px; infinite outside the model's domain.
+  [[nodiscard]] double RawLength(size_t i, double weighted_length) const {
+    const BundleObservation& observation = result_.bundle.observations[i];
+    return weighted_length *
+           NoiseSigma(result_.bundle.cameras[static_cast<size_t>(observation.camera)],
+                      observation.seen);
+  }
+
+  // Noise of each camera from the median length of the residuals in some frames: not moved by outliers.
+  void EstimateNoiseRobustly(const std::vector<bool>& frames) {
     const std::vector<double> lengths = Lengths();
+    std::vector<std::vector<double>> own(CameraCount());
+    double coordinates = 0;
+    for (size_t i = 0; i < lengths.size(); ++i) {
+      const BundleObservation& observation = bundle().observations[i];
+      if (!frames[static_cast<size_t>(observation.frame)]) continue;
+      const auto c = static_cast<size_t>(observation.camera);
+      own[c].push_back(RawLength(i, lengths[i]));
+      coordinates += static_cast<double>(bundle().cameras[c].model->measured.size());
+    }
+    // The unknowns take up a part of the errors.
+    double unknowns = 6.0 * static_cast<double>(std::count(frames.begin(), frames.end(), true));
+    for (const BundleCamera& camera : bundle().cameras) {
+      unknowns += static_cast<double>(camera.params.size());
+    }
+    if (bundle().marker_sigma > 0) unknowns += 3.0 * static_cast<double>(bundle().markers.size());
+    const double left_over = std::sqrt(std::max(0.1, 1 - unknowns / coordinates));
     for (size_t c = 0; c < CameraCount(); ++c) {
-      BundleCamera& camera = bundle().cameras[c];
-      std::vector<double> own;
-      for (size_t i = 0; i < lengths.size(); ++i) {
-        if (bundle().observations[i].camera == static_cast<int>(c)) own.push_back(lengths[i]);
-      }
-      if (own.empty()) continue;
-      const auto middle = own.begin() + static_cast<std::ptrdiff_t>(own.size() / 2);
-      std::nth_element(own.begin(), middle, own.end());
+      if (own[c].empty()) continue;
+      const CameraModel& model = *bundle().cameras[c].model;
+      const auto middle = own[c].begin() + static_cast<std::ptrdiff_t>(own[c].size() / 2);
+      std::nth_element(own[c].begin(), middle, own[c].end());
       if (!std::isfinite(*middle)) {
         throw Error(ErrorKind::kJob,
                     fmt::format("{}: most observations lie outside the domain of model {}; does the model "
                                 "suit the lens?",
                                 input_.cameras[c].name,
-                                camera.model->name));
+                                model.name));
       }
-      const int k = static_cast<int>(camera.model->measured.size());
-      SetNoise(c, camera.noise * *middle / std::sqrt(ChiSquareQuantile(k, 0.5)));
+      const int k = static_cast<int>(model.measured.size());
+      SetNoise(c, *middle / std::sqrt(ChiSquareQuantile(k, 0.5)) / left_over);
     }
   }
 
-  void SetNoise(size_t c, double noise) {
-    bundle().cameras[c].noise = std::max(noise, kSmallestNoise / typical_sigma_[c]);
+  // Noise whose typical sigma is `sigma`: the stated sigmas scaled down where they are too large,
+  // and a floor beside them where they are too small.
+  void SetNoise(size_t c, double sigma) {
+    BundleCamera& camera = bundle().cameras[c];
+    const double stated = typical_sigma_[c];
+    camera.noise_scale = std::clamp(sigma / stated, kSmallestNoise / stated, 1.0);
+    camera.noise_floor = std::sqrt(std::max(0.0, sigma * sigma - stated * stated));
   }
 
-  // Noise of each camera from the sum of squares of its used residuals over their redundancy.
-  // Returns the largest relative change.
+  [[nodiscard]] double TypicalNoise(size_t c) const {
+    return NoiseSigma(result_.bundle.cameras[c], {.sigma = typical_sigma_[c]});
+  }
+
+  // Noise of each camera such that the sum of squares of its used residuals, in sigmas, equals their
+  // redundancy. Returns the largest relative change.
   double EstimateNoise(const std::vector<double>& lengths) {
-    std::vector<double> squares(CameraCount(), 0.0);
-    for (size_t i = 0; i < lengths.size(); ++i) {
-      const BundleObservation& observation = bundle().observations[i];
-      if (observation.used) {
-        squares[static_cast<size_t>(observation.camera)] += lengths[i] * lengths[i];
-      }
-    }
     double change = 0;
     for (size_t c = 0; c < CameraCount(); ++c) {
       const double redundancy = result_.uncertainty.redundancy[c];
       if (!(redundancy > 0)) continue;
-      const double factor = std::sqrt(squares[c] / redundancy);
-      const double before = bundle().cameras[c].noise;
-      SetNoise(c, before * factor);
-      change = std::max(change, std::abs(bundle().cameras[c].noise / before - 1));
+      std::vector<std::pair<double, double>> squares;  // residual^2, stated sigma^2
+      double sum = 0;
+      for (size_t i = 0; i < lengths.size(); ++i) {
+        const BundleObservation& observation = bundle().observations[i];
+        if (!observation.used || observation.camera != static_cast<int>(c)) continue;
+        const double residual = RawLength(i, lengths[i]);
+        squares.emplace_back(residual * residual, observation.seen.sigma * observation.seen.sigma);
+        sum += squares.back().first / squares.back().second;
+      }
+      const double before = TypicalNoise(c);
+      BundleCamera& camera = bundle().cameras[c];
+      if (sum <= redundancy) {
+        SetNoise(c, typical_sigma_[c] * std::sqrt(sum / redundancy));
+      } else {
+        camera.noise_scale = 1;
+        camera.noise_floor = std::sqrt(FloorFor(squares, redundancy));
+      }
+      change = std::max(change, std::abs(TypicalNoise(c) / before - 1));
     }
     return change;
+  }
+
+  // floor^2 with sum of r^2 / (sigma^2 + floor^2) = redundancy. The sum is convex and falling in
+  // floor^2, so Newton's method from below climbs to the solution without passing it.
+  static double FloorFor(const std::vector<std::pair<double, double>>& squares, double redundancy) {
+    double floor2 = 0;
+    for (int iteration = 0; iteration < 100; ++iteration) {
+      double sum = 0, slope = 0;
+      for (const auto& [residual2, sigma2] : squares) {
+        const double share = residual2 / (sigma2 + floor2);
+        sum += share;
+        slope += share / (sigma2 + floor2);
+      }
+      const double step = (sum - redundancy) / slope;
+      floor2 += step;
+      if (step <= 1e-9 * floor2) break;
+    }
+    return floor2;
   }
 
   // Applies the rejection rule; true when the set of used observations changed.
@@ -348,33 +402,64 @@ class Calibrator {
     }
   }
 
-  void Solve() {
-    EstimateNoiseRobustly();
+  // Up to `limit` frames of each camera, spread over the recording.
+  [[nodiscard]] std::vector<bool> SelectFrames(size_t limit) const {
+    std::vector<std::vector<int>> seen(CameraCount());
+    for (const BundleObservation& observation : result_.bundle.observations) {
+      auto& frames = seen[static_cast<size_t>(observation.camera)];
+      if (frames.empty() || frames.back() != observation.frame) frames.push_back(observation.frame);
+    }
+    std::vector<bool> selected(result_.frames.size(), false);
+    for (const auto& frames : seen) {
+      const size_t count = std::min(limit, frames.size());
+      for (size_t i = 0; i < count; ++i) {
+        selected[static_cast<size_t>(frames[i * frames.size() / count])] = true;
+      }
+    }
+    return selected;
+  }
+
+  void UseProjecting(const std::vector<bool>& frames) {
     const std::vector<double> lengths = Lengths();
     for (size_t i = 0; i < lengths.size(); ++i) {
-      bundle().observations[i].used = std::isfinite(lengths[i]);
+      BundleObservation& observation = bundle().observations[i];
+      observation.used =
+          std::isfinite(lengths[i]) && frames[static_cast<size_t>(observation.frame)];
     }
+  }
+
+  void Solve() {
+    // First a part of the frames: it takes the long steps at a part of the cost.
+    constexpr size_t kFirstFrames = 40;
+    const std::vector<bool> first = SelectFrames(kFirstFrames);
+    EstimateNoiseRobustly(first);
+    UseProjecting(first);
     Adjust(1e-3);
-    EstimateNoiseRobustly();
-    Reject(Lengths());
+    EstimateNoiseRobustly(first);
+    UseProjecting(std::vector<bool>(first.size(), true));
     DropWeakFrames();
-    CheckEnough();
-    Adjust(1e-6);
     for (int round = 0; round < kMaxRounds; ++round) {
+      CheckEnough();
+      Adjust(FineTolerance());
       result_.uncertainty = EstimateUncertainty(result_.bundle, result_.camera_names);
       const double noise_change = EstimateNoise(Lengths());
       const bool set_changed = Reject(Lengths());
-      if (set_changed) {
-        DropWeakFrames();
-        CheckEnough();
-      }
-      // The optimum moves with the square of a small change of the weights.
-      constexpr double kNoiseTolerance = 1e-2;
-      const bool settled = !set_changed && noise_change < kNoiseTolerance;
-      Adjust(1e-11);
-      if (settled) break;
+      // The optimum moves with the square of a small change of the weights, the sigmas in proportion.
+      constexpr double kNoiseTolerance = 5e-3;
+      if (!set_changed && noise_change < kNoiseTolerance) break;
+      DropWeakFrames();
     }
-    result_.uncertainty = EstimateUncertainty(result_.bundle, result_.camera_names);
+  }
+
+  // A step that lowers half the sum of squares (in sigmas) by d moves the unknowns by about
+  // sqrt(2 d) sigma. The steps shrink at least tenfold each, so a last one of a hundredth of a sigma
+  // leaves a thousandth.
+  [[nodiscard]] double FineTolerance() const {
+    constexpr double kLastStep = 0.01;
+    return std::clamp(kLastStep * kLastStep / 2 /
+                          static_cast<double>(result_.bundle.observations.size() + 1),
+                      1e-14,
+                      1e-7);
   }
 
   void CheckEnough() const {
@@ -417,8 +502,8 @@ class Calibrator {
       }
       fit.views = static_cast<int>(views.size());
       fit.rms = std::sqrt(sum / std::max(1, fit.points));
-      fit.sigma = bundle().cameras[c].noise * typical_sigma_[c];
-      fit.noise_factor = has_sigmas_[c] ? bundle().cameras[c].noise : 0;
+      fit.sigma = TypicalNoise(c);
+      fit.stated_sigma = has_sigmas_[c] ? typical_sigma_[c] : 0;
       result_.fits.push_back(fit);
     }
     if (!result_.converged) {

@@ -35,9 +35,10 @@ struct CameraFit {
   int rejected = 0;  ///< observations that were left out as outliers or outside the model's domain
   int views = 0;     ///< views with used observations
   double rms = 0;    ///< over used observations, of the residual vector's length
-  double sigma = 0;  ///< noise of one coordinate of a typical observation
-  /// Noise in units of the sigmas that came with the observations; 0 when none came.
-  double noise_factor = 0;
+  double sigma = 0;  ///< noise of one coordinate of a typical observation, from the residuals
+  /// The typical sigma that came with the observations; 0 when none came. Noise above it is error
+  /// that the detector does not know of.
+  double stated_sigma = 0;
 };
 
 struct Calibration {

@@ -125,8 +125,8 @@ std::string CalibrationYaml(const Calibration& calibration,
                    fit.rejected,
                    fit.views,
                    YamlNumber(fit.sigma));
-    if (fit.noise_factor > 0) {
-      fmt::format_to(out, ", noise_factor: {}", YamlNumber(fit.noise_factor));
+    if (fit.stated_sigma > 0) {
+      fmt::format_to(out, ", detector_sigma: {}", YamlNumber(fit.stated_sigma));
     }
     text += "}\n";
   }
@@ -279,9 +279,7 @@ std::string Summary(const Calibration& calibration) {
                    fit.views,
                    fit.rejected,
                    fit.sigma);
-    if (fit.noise_factor > 0) {
-      fmt::format_to(out, " ({:.2f} x the detector's own sigma)", fit.noise_factor);
-    }
+    if (fit.stated_sigma > 0) fmt::format_to(out, " (detector: {:.4f})", fit.stated_sigma);
     text += '\n';
     for (size_t i = 0; i < camera.params.size(); ++i) {
       const Param& param = camera.model->params[i];

@@ -153,18 +153,18 @@ void AdjustTrial(Trial* trial) {
   // Twice: the width of the loss follows the residuals down.
   for (int pass = 0; pass < 2; ++pass) {
     Bundle& bundle = trial->bundle;
-    bundle.cameras[0].noise = 1;
+    bundle.cameras[0].noise_scale = 1;
     const std::vector<double> lengths = ResidualLengths(bundle);
     for (size_t i = 0; i < lengths.size(); ++i) {
       bundle.observations[i].used = std::isfinite(lengths[i]);
     }
-    bundle.cameras[0].noise = std::max(trial->median, 1e-9);
+    bundle.cameras[0].noise_scale = std::max(trial->median, 1e-9);
     AdjustOptions options;
     options.loss = Loss::kCauchy;
     options.max_iterations = 25;
     options.cost_tolerance = 1e-4;
     if (!Adjust(&bundle, options).usable) return;
-    bundle.cameras[0].noise = 1;
+    bundle.cameras[0].noise_scale = 1;
     trial->median = Median(ResidualLengths(bundle));
     if (!std::isfinite(trial->median)) return;
   }
