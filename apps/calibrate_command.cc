@@ -6,7 +6,6 @@
 #include "apps/commands.h"
 #include "apps/observations.h"
 #include "calib/calibrate.h"
-#include "calib/detections.h"
 #include "calib/error.h"
 #include "calib/output_folder.h"
 #include "calib/result_files.h"
@@ -67,6 +66,8 @@ std::string RefinedTarget(const Target& target, const Calibration& calibration) 
 void RunCalibrate(const SessionCommand& command, const ConsoleOptions& options) {
   const Session session = ReadSession(command.session, CameraModels());
   const Target target = ReadTarget(session.target);
+  RefuseToReplaceInputs(
+      session, command.out, {"calibration.yaml", "target.yaml", "poses.csv", "residuals.csv"});
   OutputFolder out(command.out);
   Console console(options.quiet);
 
@@ -100,10 +101,7 @@ void RunCalibrate(const SessionCommand& command, const ConsoleOptions& options) 
   out.Write("target.yaml", RefinedTarget(target, calibration));
   out.Write("poses.csv", PosesCsv(calibration));
   out.Write("residuals.csv", ResidualsCsv(calibration));
-  for (const CameraInput& camera : input.cameras) {
-    out.Write(fmt::format("detections_{}.csv", camera.name),
-              DetectionsCsv(camera.views, *camera.model));
-  }
+  WriteDetections(session, input.cameras, command.out, &out);
   out.Commit();
   fmt::print("{}\nwritten to {}\n", Summary(calibration), command.out.string());
 }

@@ -3,7 +3,6 @@
 
 #include "apps/commands.h"
 #include "apps/observations.h"
-#include "calib/detections.h"
 #include "calib/output_folder.h"
 #include "models/registry.h"
 
@@ -12,14 +11,12 @@ namespace plenocal {
 void RunDetect(const SessionCommand& command, const ConsoleOptions& options) {
   const Session session = ReadSession(command.session, CameraModels());
   const Target target = ReadTarget(session.target);
+  RefuseToReplaceInputs(session, command.out, {});
   OutputFolder out(command.out);
   Console console(options.quiet);
   const SessionObservations observations =
       CollectObservations(session, target, options, &console);
-  for (const CameraInput& camera : observations.cameras) {
-    out.Write(fmt::format("detections_{}.csv", camera.name),
-              DetectionsCsv(camera.views, *camera.model));
-  }
+  WriteDetections(session, observations.cameras, command.out, &out);
   out.Commit();
   for (const CameraInput& camera : observations.cameras) {
     size_t points = 0;

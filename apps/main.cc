@@ -2,10 +2,14 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cstdio>
 #include <exception>
 #include <functional>
 #include <new>
+#include <string>
+#include <string_view>
+#include <vector>
 
 #include "apps/commands.h"
 #include "apps/console.h"
@@ -80,6 +84,19 @@ int main(int argc, char** argv) {
   app.add_subcommand("models", "List the camera models, their parameters, units and source.")
       ->callback([&] { run = plenocal::RunModels; });
 
+  // CLI11 would only say that a command is required.
+  if (argc > 1 && argv[1][0] != '-') {
+    const std::vector<CLI::App*> commands = app.get_subcommands([](const CLI::App*) { return true; });
+    std::vector<std::string> kept;
+    for (const CLI::App* command : commands) kept.push_back(command->get_name());
+    const std::vector<std::string_view> names(kept.begin(), kept.end());
+    if (std::find(names.begin(), names.end(), argv[1]) == names.end()) {
+      return Fail(kWrongInput,
+                  fmt::format("unknown command '{}'{}; see 'plenocal --help'",
+                              argv[1],
+                              plenocal::SuggestName(argv[1], names)));
+    }
+  }
   try {
     app.parse(argc, argv);
   } catch (const CLI::CallForHelp& help) {

@@ -16,6 +16,16 @@ size_t CountObservations(const std::vector<View>& views) {
   return count;
 }
 
+std::string DetectionsName(const std::string& camera) {
+  return fmt::format("detections_{}.csv", camera);
+}
+
+// Whether both are one existing file, by whatever path.
+bool IsSameFile(const std::filesystem::path& a, const std::filesystem::path& b) {
+  std::error_code error;
+  return !a.empty() && std::filesystem::equivalent(a, b, error);
+}
+
 }  // namespace
 
 SessionObservations CollectObservations(const Session& session,
@@ -91,6 +101,38 @@ SessionObservations CollectObservations(const Session& session,
     collected.cameras.push_back(std::move(input));
   }
   return collected;
+}
+
+void RefuseToReplaceInputs(const Session& session,
+                           const std::filesystem::path& out,
+                           std::vector<std::string> results) {
+  for (const SessionCamera& camera : session.cameras) results.push_back(DetectionsName(camera.name));
+  const auto refuse = [](const std::filesystem::path& input) {
+    throw Error(ErrorKind::kInput,
+                fmt::format("{}: the results would replace this input; give another folder with -o",
+                            input.string()));
+  };
+  for (const std::string& result : results) {
+    for (const auto& input : {session.path, session.target}) {
+      if (IsSameFile(input, out / result)) refuse(input);
+    }
+    for (const SessionCamera& camera : session.cameras) {
+      if (IsSameFile(camera.detections, out / result) && result != DetectionsName(camera.name)) {
+        refuse(camera.detections);
+      }
+    }
+  }
+}
+
+void WriteDetections(const Session& session,
+                     const std::vector<CameraInput>& cameras,
+                     const std::filesystem::path& folder,
+                     OutputFolder* out) {
+  for (size_t c = 0; c < cameras.size(); ++c) {
+    const std::string name = DetectionsName(cameras[c].name);
+    if (IsSameFile(session.cameras[c].detections, folder / name)) continue;
+    out->Write(name, DetectionsCsv(cameras[c].views, *cameras[c].model));
+  }
 }
 
 }  // namespace plenocal

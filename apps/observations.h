@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <filesystem>
+#include <string>
 #include <vector>
 
 #include "apps/console.h"
+#include "calib/output_folder.h"
 #include "calib/session.h"
 #include "calib/start.h"
 #include "targets/target.h"
@@ -22,5 +25,18 @@ SessionObservations CollectObservations(const Session& session,
                                         const Target& target,
                                         const ConsoleOptions& options,
                                         Console* console);
+
+/// Throws `Error` when a result in folder `out`, one of `results` or a camera's detections, would
+/// take the place of a file that the session reads. Only detections that are read from where they
+/// would be written are allowed: `WriteDetections` leaves them alone.
+void RefuseToReplaceInputs(const Session& session,
+                           const std::filesystem::path& out,
+                           std::vector<std::string> results);
+
+/// Writes detections_<camera>.csv of each camera.
+void WriteDetections(const Session& session,
+                     const std::vector<CameraInput>& cameras,
+                     const std::filesystem::path& folder,
+                     OutputFolder* out);
 
 }  // namespace plenocal

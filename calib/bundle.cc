@@ -8,6 +8,7 @@
 #include <cmath>
 #include <map>
 #include <memory>
+#include <utility>
 
 namespace plenocal {
 namespace internal {
@@ -79,12 +80,14 @@ using internal::LinearisedView;
 constexpr int kMarkersPerBlock = 2;
 constexpr int kMarkerBlockSize = 3 * kMarkersPerBlock;
 
-// A pose in the chart around its place before the solve.
+// A pose in the chart around its place before the solve; `delta` points to its six unknowns.
 struct ChartedPose {
   RigidTransform origin;
-  Vector6d delta = Vector6d::Zero();
+  double* delta = nullptr;
 
-  [[nodiscard]] RigidTransform Value() const { return Retract(origin, delta); }
+  [[nodiscard]] RigidTransform Value() const {
+    return Retract(origin, Eigen::Map<const Vector6d>(delta));
+  }
 };
 
 // Factor on the residual of length `s` (in sigmas) so that half its square is the loss, with its
@@ -318,20 +321,78 @@ double WeightedLength(const Bundle& bundle,
   return std::sqrt(sum) / NoiseSigma(camera, observation.seen);
 }
 
+void AdjustPoses(Bundle* bundle, const std::vector<bool>& frames) {
+  constexpr int kSteps = 4;
+  size_t most_params = 0;
+  for (const BundleCamera& camera : bundle->cameras) {
+    most_params = std::max(most_params, camera.params.size());
+  }
+  std::vector<double> J_params(kMaxObservationSize * most_params);
+  const auto& observations = bundle->observations;
+  for (size_t begin = 0, end = 0; begin < observations.size(); begin = end) {
+    const auto frame = static_cast<size_t>(observations[begin].frame);
+    while (end < observations.size() && observations[end].frame == observations[begin].frame) ++end;
+    if (!frames[frame]) continue;
+    RigidTransform& T_rig_target = bundle->T_rig_target[frame];
+    for (int step = 0; step < kSteps; ++step) {
+      Matrix6d H = Matrix6d::Zero();
+      Vector6d g = Vector6d::Zero();
+      for (size_t i = begin; i < end; ++i) {
+        if (!observations[i].used) continue;
+        const BundleCamera& camera = bundle->cameras[static_cast<size_t>(observations[i].camera)];
+        double residual[kMaxObservationSize], J_pose[6 * kMaxObservationSize];
+        if (!internal::Linearise(
+                camera,
+                camera.params.data(),
+                {.T_camera_rig = camera.T_camera_rig, .T_rig_target = T_rig_target},
+                bundle->markers[static_cast<size_t>(observations[i].marker)].position,
+                observations[i].seen,
+                {.residual = residual, .J_params = J_params.data(), .J_pose = J_pose})) {
+          continue;
+        }
+        const auto rows = static_cast<Eigen::Index>(camera.model->measured.size());
+        const Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, 6, Eigen::RowMajor>> J(
+            J_pose, rows, 6);
+        const Eigen::Map<const Eigen::VectorXd> r(residual, rows);
+        // Huber's weight.
+        constexpr double kWidth = 3;
+        const double weight = std::min(1.0, kWidth / std::max(r.norm(), kWidth));
+        H.noalias() += weight * J.transpose().lazyProduct(J);
+        g.noalias() += weight * J.transpose().lazyProduct(r);
+      }
+      const Vector6d delta = -H.ldlt().solve(g);
+      if (!delta.allFinite()) break;
+      T_rig_target = Retract(T_rig_target, delta);
+      if (delta.dot(H * delta) < 1) break;  // less than a sigma; the bundle adjustment goes on
+    }
+  }
+}
+
 AdjustSummary Adjust(Bundle* bundle, const AdjustOptions& options) {
   const bool free_markers = bundle->marker_sigma > 0;
 
-  // Parameter storage: charts of the poses, blocks of markers (the last one may have a spare slot).
-  std::vector<ChartedPose> mounts(bundle->cameras.size());
-  std::vector<ChartedPose> poses(bundle->T_rig_target.size());
-  for (size_t i = 0; i < mounts.size(); ++i) mounts[i].origin = bundle->cameras[i].T_camera_rig;
-  for (size_t i = 0; i < poses.size(); ++i) poses[i].origin = bundle->T_rig_target[i];
-  std::vector<std::vector<double>> params;
-  for (const BundleCamera& camera : bundle->cameras) params.push_back(camera.params);
+  // All unknowns in one array: Ceres orders the blocks of a group by their addresses, and the same
+  // input must give the same order.
   const size_t block_count = (bundle->markers.size() + kMarkersPerBlock - 1) / kMarkersPerBlock;
-  std::vector<double> markers(block_count * kMarkerBlockSize, 0.0), nominal = markers;
+  size_t size = 6 * (bundle->T_rig_target.size() + bundle->cameras.size()) +
+                kMarkerBlockSize * block_count;  // the last block may have a spare marker
+  for (const BundleCamera& camera : bundle->cameras) size += camera.params.size();
+  std::vector<double> unknowns(size, 0.0);
+  double* free_place = unknowns.data();
+  const auto take = [&](size_t count) { return std::exchange(free_place, free_place + count); };
+
+  std::vector<ChartedPose> poses, mounts;
+  for (const RigidTransform& T : bundle->T_rig_target) poses.push_back({T, take(6)});
+  std::vector<double*> params;
+  for (const BundleCamera& camera : bundle->cameras) {
+    mounts.push_back({camera.T_camera_rig, take(6)});
+    params.push_back(take(camera.params.size()));
+    std::copy(camera.params.begin(), camera.params.end(), params.back());
+  }
+  double* const markers = take(kMarkerBlockSize * block_count);
+  std::vector<double> nominal(kMarkerBlockSize * block_count, 0.0);
   for (size_t i = 0; i < bundle->markers.size(); ++i) {
-    Eigen::Map<Eigen::Vector3d>(markers.data() + 3 * i) = bundle->markers[i].position;
+    Eigen::Map<Eigen::Vector3d>(markers + 3 * i) = bundle->markers[i].position;
     Eigen::Map<Eigen::Vector3d>(nominal.data() + 3 * i) = bundle->markers[i].nominal;
   }
 
@@ -365,15 +426,15 @@ AdjustSummary Adjust(Bundle* bundle, const AdjustOptions& options) {
     const BundleCamera& camera = bundle->cameras[camera_index];
     ChartedPose& pose = poses[static_cast<size_t>(first.frame)];
     ChartedPose* mount = camera.is_master ? nullptr : &mounts[camera_index];
-    std::vector<double*> blocks{params[camera_index].data()};
-    if (mount != nullptr) blocks.push_back(mount->delta.data());
-    blocks.push_back(pose.delta.data());
-    if (free_markers) blocks.push_back(markers.data() + block * kMarkerBlockSize);
+    std::vector<double*> blocks{params[camera_index]};
+    if (mount != nullptr) blocks.push_back(mount->delta);
+    blocks.push_back(pose.delta);
+    if (free_markers) blocks.push_back(markers + block * kMarkerBlockSize);
     problem.AddResidualBlock(
         new ViewCost(camera, mount, pose, group, *bundle, free_markers, options),
         nullptr,
         blocks);
-    ordering->AddElementToGroup(pose.delta.data(), 0);
+    ordering->AddElementToGroup(pose.delta, 0);
     camera_used[camera_index] = true;
     if (free_markers) block_used[block] = true;
   }
@@ -382,7 +443,7 @@ AdjustSummary Adjust(Bundle* bundle, const AdjustOptions& options) {
   for (size_t i = 0; i < bundle->cameras.size(); ++i) {
     if (!camera_used[i]) continue;
     const BundleCamera& camera = bundle->cameras[i];
-    double* block = params[i].data();
+    double* block = params[i];
     ordering->AddElementToGroup(block, 1);
     std::vector<int> held;
     for (size_t k = 0; k < camera.params.size(); ++k) {
@@ -394,12 +455,12 @@ AdjustSummary Adjust(Bundle* bundle, const AdjustOptions& options) {
       problem.SetManifold(
           block, new ceres::SubsetManifold(static_cast<int>(camera.params.size()), held));
     }
-    if (!camera.is_master) ordering->AddElementToGroup(mounts[i].delta.data(), 1);
+    if (!camera.is_master) ordering->AddElementToGroup(mounts[i].delta, 1);
     dense_unknowns += camera.params.size() + 6;
   }
   for (size_t block = 0; block < block_count; ++block) {
     if (!block_used[block]) continue;
-    double* data = markers.data() + block * kMarkerBlockSize;
+    double* data = markers + block * kMarkerBlockSize;
     const size_t first = block * kMarkersPerBlock;
     const size_t in_block = std::min<size_t>(kMarkersPerBlock, bundle->markers.size() - first);
     problem.AddResidualBlock(new MarkerPrior(nominal.data() + block * kMarkerBlockSize,
@@ -444,13 +505,13 @@ AdjustSummary Adjust(Bundle* bundle, const AdjustOptions& options) {
   if (!summary.usable) return summary;
 
   for (size_t i = 0; i < bundle->cameras.size(); ++i) {
-    bundle->cameras[i].params = params[i];
+    std::copy_n(params[i], bundle->cameras[i].params.size(), bundle->cameras[i].params.begin());
     bundle->cameras[i].T_camera_rig = mounts[i].Value();
   }
   for (size_t i = 0; i < poses.size(); ++i) bundle->T_rig_target[i] = poses[i].Value();
   if (free_markers) {
     for (size_t i = 0; i < bundle->markers.size(); ++i) {
-      bundle->markers[i].position = Eigen::Map<const Eigen::Vector3d>(markers.data() + 3 * i);
+      bundle->markers[i].position = Eigen::Map<const Eigen::Vector3d>(markers + 3 * i);
     }
   }
   return summary;

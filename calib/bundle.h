@@ -79,6 +79,10 @@ struct AdjustSummary {
 /// the schedule, and the same input must give the same bytes.
 AdjustSummary Adjust(Bundle* bundle, const AdjustOptions& options);
 
+/// Moves T_rig_target of the chosen frames to the optimum of their used observations while all else stays:
+/// a few robust Gauss-Newton steps from a pose that is nearly right. Much cheaper than `Adjust`.
+void AdjustPoses(Bundle* bundle, const std::vector<bool>& frames);
+
 /// Residual of one observation, measured minus predicted; false outside the model's domain.
 bool Residual(const Bundle& bundle, const BundleObservation& observation, double* residual);
 

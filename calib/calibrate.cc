@@ -436,6 +436,10 @@ class Calibrator {
     UseProjecting(first);
     Adjust(1e-3);
     EstimateNoiseRobustly(first);
+    std::vector<bool> others = first;
+    others.flip();
+    UseProjecting(std::vector<bool>(first.size(), true));
+    AdjustPoses(&bundle(), others);
     UseProjecting(std::vector<bool>(first.size(), true));
     DropWeakFrames();
     for (int round = 0; round < kMaxRounds; ++round) {

@@ -7,6 +7,8 @@
 #include <charconv>
 #include <cmath>
 #include <fstream>
+#include <iterator>
+#include <numeric>
 #include <sstream>
 #include <unordered_map>
 
@@ -90,6 +92,9 @@ class DetectionReader {
   void ReadHeader() {
     const auto require = [&](std::string_view name) {
       const int column = FindColumn(name);
+      if (std::count(fields_.begin(), fields_.end(), name) > 1) {
+        Fail(fmt::format("column '{}' stands in the header twice; remove one", name));
+      }
       if (column < 0) {
         Fail(fmt::format("column '{}' is missing; model {} needs frame,marker,{}{}{}[,sigma]",
                          name,
@@ -149,14 +154,18 @@ class DetectionReader {
     // Rows of one frame usually follow each other.
     if (views_.empty() || views_[last_view_].frame != frame) {
       const auto [place, is_new] = view_of_frame_.emplace(std::string(frame), views_.size());
-      if (is_new) views_.push_back({std::string(frame), {}});
+      if (is_new) {
+        views_.push_back({std::string(frame), {}});
+        lines_.emplace_back();
+      }
       last_view_ = place->second;
     }
     views_[last_view_].observations.push_back(observation);
+    lines_[last_view_].push_back(line_);
   }
 
   // The same marker through the same micro lens can be seen once.
-  void CheckUnique() const {
+  void CheckUnique() {
     const size_t first = model_.measured.size(), last = first + model_.context.size();
     const auto key_less = [&](const Observation& a, const Observation& b) {
       if (a.marker != b.marker) return a.marker < b.marker;
@@ -165,17 +174,23 @@ class DetectionReader {
                                           b.values.begin() + first,
                                           b.values.begin() + last);
     };
-    for (const View& view : views_) {
-      std::vector<Observation> sorted = view.observations;
-      std::sort(sorted.begin(), sorted.end(), key_less);
-      const auto twin = std::adjacent_find(
-          sorted.begin(), sorted.end(), [&](const auto& a, const auto& b) { return !key_less(a, b); });
-      if (twin != sorted.end()) {
-        throw Error(ErrorKind::kInput,
-                    fmt::format("{}: frame '{}' has marker {} twice; keep one row",
-                                path_,
-                                view.frame,
-                                twin->marker));
+    for (size_t v = 0; v < views_.size(); ++v) {
+      const std::vector<Observation>& seen = views_[v].observations;
+      std::vector<size_t> order(seen.size());
+      std::iota(order.begin(), order.end(), size_t{0});
+      // Stable, so that of two rows the one further down is called the second.
+      std::stable_sort(order.begin(), order.end(), [&](size_t a, size_t b) {
+        return key_less(seen[a], seen[b]);
+      });
+      const auto twin = std::adjacent_find(order.begin(), order.end(), [&](size_t a, size_t b) {
+        return !key_less(seen[a], seen[b]);
+      });
+      if (twin != order.end()) {
+        line_ = lines_[v][*std::next(twin)];
+        Fail(fmt::format("frame '{}' has marker {} in line {} already; keep one of the two rows",
+                         views_[v].frame,
+                         seen[*twin].marker,
+                         lines_[v][*twin]));
       }
     }
   }
@@ -188,6 +203,7 @@ class DetectionReader {
   std::vector<size_t> value_columns_;
   int sigma_column_ = -1;
   std::vector<View> views_;
+  std::vector<std::vector<int>> lines_;  // of the observations of `views_`
   std::unordered_map<std::string, size_t> view_of_frame_;
   size_t last_view_ = 0;
 };

@@ -72,6 +72,13 @@ void OutputFolder::Write(const std::string& name, const std::string& content) {
 }
 
 void OutputFolder::Commit() {
+  // Before the first is replaced, so that it is all or none.
+  for (const std::string& name : names_) {
+    std::error_code error;
+    if (std::filesystem::is_directory(folder_ / name, error)) {
+      Fail(folder_ / name, "is a folder where a result file belongs; move it or give another -o");
+    }
+  }
   for (const std::string& name : names_) {
     std::error_code error;
     std::filesystem::rename(PartialPath(name), folder_ / name, error);

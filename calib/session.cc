@@ -2,11 +2,12 @@
 #include "calib/session.h"
 
 #include <fmt/format.h>
+#include <fnmatch.h>
 #include <glob.h>
 
 #include <algorithm>
 #include <map>
-#include <regex>
+#include <optional>
 
 #include "calib/error.h"
 #include "calib/yaml.h"
@@ -128,6 +129,25 @@ SessionCamera ReadCamera(const std::string& name,
   return camera;
 }
 
+// What the last `*` of a pattern stands for in a path that matches it: of `*_*.png` and a_b_01.png
+// it is 01, since the stars before it take all they can. Nothing for a pattern without `*`.
+std::optional<std::string> LastStar(const std::string& text, const std::string& pattern) {
+  const size_t star = pattern.rfind('*');
+  if (star == std::string::npos) return std::nullopt;
+  const std::string before = pattern.substr(0, star), after = pattern.substr(star + 1);
+  const auto matches = [](const std::string& part, const std::string& text_part) {
+    return fnmatch(part.c_str(), text_part.c_str(), FNM_PATHNAME) == 0;
+  };
+  for (size_t begin = text.size() + 1; begin-- > 0;) {
+    if (!matches(before, text.substr(0, begin))) continue;
+    for (size_t end = text.size() + 1; end-- > begin;) {
+      const std::string name = text.substr(begin, end - begin);
+      if (name.find('/') == std::string::npos && matches(after, text.substr(end))) return name;
+    }
+  }
+  return std::nullopt;
+}
+
 }  // namespace
 
 Session ReadSession(const std::filesystem::path& path, std::span<const CameraModel> models) {
@@ -177,28 +197,10 @@ std::vector<FrameImage> ExpandImages(const std::string& pattern, const std::stri
                             pattern));
   }
 
-  // The pattern as a regular expression, one group for each `*`.
-  std::string expression;
-  for (const char c : pattern) {
-    if (c == '*') {
-      expression += "([^/]*)";
-    } else if (c == '?') {
-      expression += "[^/]";
-    } else if (c == '[' || c == ']' || c == '-') {
-      expression += c;
-    } else {
-      if (std::string_view("^$\\.+(){}|").find(c) != std::string_view::npos) expression += '\\';
-      expression += c;
-    }
-  }
-  const std::regex regex(expression);
   std::map<std::string, std::filesystem::path> frames;
   for (FrameImage& image : images) {
-    std::smatch match;
     const std::string text = image.path.string();
-    image.frame = std::regex_match(text, match, regex) && match.size() > 1
-                      ? match[match.size() - 1].str()
-                      : image.path.stem().string();
+    image.frame = LastStar(text, pattern).value_or(image.path.stem().string());
     const auto [place, is_new] = frames.emplace(image.frame, image.path);
     if (!is_new) {
       throw Error(ErrorKind::kInput,

@@ -90,7 +90,7 @@ ImageDetections DetectImages(const std::vector<FrameImage>& images,
     if (result.unreadable.empty()) ++sizes[result.size];
   }
   if (sizes.empty()) {
-    throw Error(ErrorKind::kInput, fmt::format("no image can be read; the first: {}", results[0].unreadable));
+    throw Error(ErrorKind::kJob, fmt::format("no image can be read; the first: {}", results[0].unreadable));
   }
   ImageDetections detections;
   int most = 0;
@@ -105,7 +105,10 @@ ImageDetections DetectImages(const std::vector<FrameImage>& images,
     ImageResult& result = results[i];
     const std::string path = images[i].path.string();
     if (!result.unreadable.empty()) {
-      detections.left_out.push_back({path, result.unreadable});
+      // The reason begins with the path already.
+      const std::string prefix = path + ": ";
+      const bool named = result.unreadable.starts_with(prefix);
+      detections.left_out.push_back({path, result.unreadable.substr(named ? prefix.size() : 0)});
     } else if (result.size != detections.image_size) {
       detections.left_out.push_back(
           {path,

@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 
@@ -71,30 +72,33 @@ SyntheticProblem MakeProblem(unsigned seed, const SyntheticOptions& options) {
     // Distortion of up to some per cent at the image's edge, as lenses of that angle have.
     const double edge = std::tan(half_fov);
     const double bend = options.distorted ? random.Uniform(-0.12, 0.02) : 0;
-    std::vector<double> params{f,
-                               f * random.Uniform(0.99, 1.01),
-                               size[0] / 2.0 + random.Uniform(-40, 40),
-                               size[1] / 2.0 + random.Uniform(-30, 30),
-                               bend / std::pow(edge, 2),
-                               options.distorted ? random.Uniform(0, 0.02) / std::pow(edge, 4) : 0,
-                               options.distorted ? random.Uniform(0, 0.002) / std::pow(edge, 6) : 0};
+    std::vector<double> params{
+        f,
+        f * random.Uniform(0.99, 1.01),
+        size[0] / 2.0 + random.Uniform(-40, 40),
+        size[1] / 2.0 + random.Uniform(-30, 30),
+        bend / std::pow(edge, 2),
+        options.distorted ? random.Uniform(0, 0.02) / std::pow(edge, 4) : 0,
+        options.distorted ? random.Uniform(0, 0.002) / std::pow(edge, 6) : 0};
     problem.params.push_back(params);
     RigidTransform mount;
     if (c > 0) {
       Vector6d xi;
-      xi << -0.1 * c * distance, random.Gaussian(0.01), random.Gaussian(0.01), random.Gaussian(0.03),
-          random.Gaussian(0.03), random.Gaussian(0.03);
+      // Side by side and nearly parallel, closer so when the view is narrow: all see the target.
+      const double baseline = distance * std::min(0.1, 0.35 * std::tan(half_fov));
+      const double turn = std::min(0.03, 0.2 * half_fov);
+      xi << -baseline * c, random.Gaussian(0.01), random.Gaussian(0.01), random.Gaussian(turn),
+          random.Gaussian(turn), random.Gaussian(turn);
       mount = Exp(xi);
     }
     problem.T_camera_rig.push_back(mount);
-    problem.input.cameras.push_back(
-        {.name = fmt::format("cam{}", c),
-         .model = model,
-         .config = {},
-         .initial = std::vector<std::optional<double>>(params.size()),
-         .fixed = std::vector<bool>(params.size(), false),
-         .image_size = size,
-         .views = {}});
+    problem.input.cameras.push_back({.name = fmt::format("cam{}", c),
+                                     .model = model,
+                                     .config = {},
+                                     .initial = std::vector<std::optional<double>>(params.size()),
+                                     .fixed = std::vector<bool>(params.size(), false),
+                                     .image_size = size,
+                                     .views = {}});
   }
 
   for (int f = 0; f < options.frames; ++f) {
@@ -103,8 +107,8 @@ SyntheticProblem MakeProblem(unsigned seed, const SyntheticOptions& options) {
     const double tilt = random.Uniform(15, 40) * std::numbers::pi / 180;
     const double azimuth = random.Uniform(0, 2 * std::numbers::pi);
     const Eigen::Vector3d axis(std::cos(azimuth), std::sin(azimuth), 0);
-    Eigen::Matrix3d R = ExpRotation(tilt * axis) *
-                        ExpRotation(Eigen::Vector3d(0, 0, random.Uniform(-0.6, 0.6)));
+    Eigen::Matrix3d R =
+        ExpRotation(tilt * axis) * ExpRotation(Eigen::Vector3d(0, 0, random.Uniform(-0.6, 0.6)));
     if (options.shape == TargetShape::kCorner) {
       // Look into the corner along its diagonal.
       const Eigen::Vector3d diagonal = -Eigen::Vector3d(1, 1, 1).normalized();
@@ -144,7 +148,9 @@ SyntheticProblem MakeProblem(unsigned seed, const SyntheticOptions& options) {
   return problem;
 }
 
-double LargestShift(const SyntheticProblem& problem, const Calibration& calibration, size_t camera) {
+double LargestShift(const SyntheticProblem& problem,
+                    const Calibration& calibration,
+                    size_t camera) {
   const BundleCamera& estimate = calibration.bundle.cameras[camera];
   double largest = 0;
   for (const View& view : problem.input.cameras[camera].views) {
@@ -159,9 +165,9 @@ double LargestShift(const SyntheticProblem& problem, const Calibration& calibrat
                                            predicted)) {
         return std::numeric_limits<double>::infinity();
       }
-      largest = std::max(largest,
-                         std::hypot(predicted[0] - observation.values[0],
-                                    predicted[1] - observation.values[1]));
+      largest = std::max(
+          largest,
+          std::hypot(predicted[0] - observation.values[0], predicted[1] - observation.values[1]));
     }
   }
   return largest;

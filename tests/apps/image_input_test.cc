@@ -1,0 +1,273 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Images in: good ones, and every kind of bad one among them.
+#include <fmt/format.h>
+
+#include <cmath>
+#include <opencv2/aruco.hpp>
+#include <opencv2/calib3d.hpp>
+#include <opencv2/core.hpp>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+#include <set>
+
+#include "tests/apps/workspace.h"
+
+namespace plenocal::testing {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using ::testing::Not;
+namespace fs = std::filesystem;
+
+constexpr int kColumns = 8, kRows = 5;  // inner corners
+constexpr double kSquare = 0.03;
+constexpr double kFocal = 600;
+constexpr int kImages = 8;
+
+// A chessboard before a pinhole camera, one of several tilted views.
+cv::Mat ChessboardView(int view, cv::Size size = {640, 480}) {
+  constexpr int kTexel = 40;  // texture pixels a square
+  constexpr int kMargin = 2;  // squares: the outer ones and a white border
+  cv::Mat board((kRows + 2 * kMargin - 1) * kTexel, (kColumns + 2 * kMargin - 1) * kTexel, CV_8UC1);
+  for (int y = 0; y < board.rows; ++y) {
+    for (int x = 0; x < board.cols; ++x) {
+      const int column = x / kTexel, row = y / kTexel;
+      const bool inside = column >= 1 && column <= kColumns + 1 && row >= 1 && row <= kRows + 1;
+      board.at<uchar>(y, x) = inside && (column + row) % 2 == 0 ? 20 : 230;
+    }
+  }
+  const double angle = 0.8 * view;
+  cv::Mat R;
+  cv::Rodrigues(cv::Vec3d(0.5 * std::cos(angle), 0.5 * std::sin(angle), 0.1 * (view % 3)), R);
+  const cv::Matx33d K(kFocal, 0, size.width / 2.0, 0, kFocal, size.height / 2.0, 0, 0, 1);
+  const cv::Matx33d rotation(R);
+  const cv::Vec3d centre =
+      rotation * cv::Vec3d((kColumns - 1) * kSquare / 2, (kRows - 1) * kSquare / 2, 0);
+  const cv::Vec3d t = cv::Vec3d(0.03 * std::sin(view), 0.02 * std::cos(2 * view), 0.45) - centre;
+  const cv::Matx33d pose(rotation(0, 0),
+                         rotation(0, 1),
+                         t[0],
+                         rotation(1, 0),
+                         rotation(1, 1),
+                         t[1],
+                         rotation(2, 0),
+                         rotation(2, 1),
+                         t[2]);
+  const double scale = kSquare / kTexel;
+  const double shift = kSquare * (0.5 / kTexel - kMargin);
+  const cv::Matx33d board_from_texel(scale, 0, shift, 0, scale, shift, 0, 0, 1);
+  cv::Mat image;
+  cv::warpPerspective(board,
+                      image,
+                      K * pose * board_from_texel,
+                      size,
+                      cv::INTER_LINEAR,
+                      cv::BORDER_CONSTANT,
+                      cv::Scalar(230));
+  cv::GaussianBlur(image, image, {5, 5}, 0.8);
+  return image;
+}
+
+class Images : public Workspace {
+ protected:
+  Images() {
+    Write("target.yaml",
+          fmt::format("plenocal: 1\ntype: chessboard\ncolumns: {}\nrows: {}\nsquare: {}\n",
+                      kColumns,
+                      kRows,
+                      kSquare));
+    WriteSession({"images/*.png"});
+    for (int i = 0; i < kImages; ++i) Save(fmt::format("images/{:02}.png", i), ChessboardView(i));
+  }
+
+  void WriteSession(const std::vector<std::string>& globs) const {
+    std::string text = "plenocal: 1\ntarget: target.yaml\ncameras:\n";
+    for (std::size_t i = 0; i < globs.size(); ++i) {
+      text += fmt::format("  cam{}:\n    model: pinhole-radial3\n    images: {}\n", i, globs[i]);
+    }
+    Write("session.yaml", text);
+  }
+
+  void Save(const std::string& name, const cv::Mat& image) const {
+    fs::create_directories(Path(name).parent_path());
+    ASSERT_TRUE(cv::imwrite(Path(name).string(), image));
+  }
+
+  // The bad image costs itself and nothing else, and the message names it once.
+  void ExpectLeftOut(const std::string& name, const std::vector<std::string>& parts) const {
+    const Outcome outcome = Calibrate();
+    std::string line;
+    for (const std::string& candidate : Lines(outcome.err)) {
+      if (candidate.find(name) != std::string::npos) line = candidate;
+    }
+    EXPECT_THAT(line, HasSubstr("left out"));
+    EXPECT_EQ(line.find(name), line.rfind(name)) << line;
+    for (const std::string& part : parts) EXPECT_THAT(line, HasSubstr(part));
+    EXPECT_EQ(Result()["frames"].as<int>(), kImages);
+    EXPECT_THAT(Read("out/calibration.yaml"), HasSubstr(name));
+    EXPECT_TRUE(fs::exists(Path(name)));
+  }
+};
+
+TEST_F(Images, OfAChessboardGiveTheCameraBack) {
+  const Outcome outcome = Calibrate();
+  EXPECT_THAT(outcome.err, HasSubstr("cam0: 8 images, target found in 8, 320 points"));
+  const YAML::Node camera = Result()["cameras"]["cam0"];
+  EXPECT_NEAR(camera["parameters"]["f_x"].as<double>(), kFocal, 0.005 * kFocal);
+  EXPECT_LT(camera["residuals"]["rms"].as<double>(), 0.1);
+  EXPECT_EQ(camera["image_size"].as<std::vector<int>>(), (std::vector<int>{640, 480}));
+}
+
+TEST_F(Images, ThatAreCorruptAreLeftOut) {
+  Write("images/bad.png", "this is no image\n");
+  ExpectLeftOut("images/bad.png", {"is not an image"});
+}
+
+TEST_F(Images, ThatAreTruncatedAreLeftOut) {
+  const std::string good = Read("images/00.png");
+  Write("images/bad.png", good.substr(0, good.size() / 2));
+  ExpectLeftOut("images/bad.png", {"truncated"});
+}
+
+TEST_F(Images, ThatAreEmptyAreLeftOut) {
+  Write("images/bad.png", "");
+  ExpectLeftOut("images/bad.png", {"empty"});
+}
+
+TEST_F(Images, OfAnotherSizeAreLeftOut) {
+  Save("images/bad.png", ChessboardView(3, {800, 600}));
+  ExpectLeftOut("images/bad.png", {"800 x 600", "640 x 480"});
+}
+
+TEST_F(Images, WithoutTheTargetAreLeftOut) {
+  Save("images/bad.png", cv::Mat(480, 640, CV_8UC1, cv::Scalar(128)));
+  ExpectLeftOut("images/bad.png", {});
+}
+
+TEST_F(Images, ThatAllLackTheTargetAreNotEnough) {
+  Save("gray/a.png", cv::Mat(480, 640, CV_8UC1, cv::Scalar(128)));
+  Save("gray/b.png", cv::Mat(480, 640, CV_8UC1, cv::Scalar(128)));
+  WriteSession({"gray/*.png"});
+  ExpectFailure(kJobFailed, {"cam0", "none of its 2 images shows the target", "gray/a.png"});
+  ExpectFailure(kJobFailed, {"cam0", "none of its 2 images shows the target"}, "detect");
+}
+
+TEST_F(Images, ThatAllAreCorruptAreNotEnough) {
+  Write("broken/a.png", "nothing");
+  WriteSession({"broken/*.png"});
+  ExpectFailure(kJobFailed, {"cam0", "no image can be read", "broken/a.png"});
+}
+
+TEST_F(Images, OfAnotherSizeThanTheSessionSaysAreRefused) {
+  Write("session.yaml", Read("session.yaml") + "    image_size: [320, 240]\n");
+  ExpectFailure(kWrongInput, {"cam0", "640 x 480", "320 x 240", "image_size"});
+}
+
+TEST_F(Images, BelongToTheFrameThatTheLastStarStandsFor) {
+  for (int i = 0; i < kImages; ++i) {
+    const std::string from = fmt::format("images/{:02}.png", i);
+    Write(fmt::format("day{}/left{:02}.png", i % 2, i), Read(from));
+    Write(fmt::format("right{:02}.png", i), Read(from));
+  }
+  WriteSession({"day*/left*.png", "right*.png"});
+  const Outcome outcome = Run({"detect", "session.yaml", "-o", "out"});
+  EXPECT_EQ(outcome.status, kDone) << outcome.err;
+  const Table left(Read("out/detections_cam0.csv")), right(Read("out/detections_cam1.csv"));
+  const auto names = [](const Table& table) {
+    const std::vector<std::string> column = table.Column("frame");
+    return std::set<std::string>(column.begin(), column.end());
+  };
+  EXPECT_THAT(names(left), ::testing::ElementsAre("00", "01", "02", "03", "04", "05", "06", "07"));
+  EXPECT_EQ(names(left), names(right));
+}
+
+TEST_F(Images, OfOneFrameTwiceAreRefused) {
+  Write("a/x00.png", Read("images/00.png"));
+  Write("b/x00.png", Read("images/00.png"));
+  WriteSession({"?/x*.png"});
+  ExpectFailure(kWrongInput, {"a/x00.png", "b/x00.png", "frame '00'", "tells them apart"});
+}
+
+TEST_F(Images, OfAPatternWithBracketsAreFound) {
+  WriteSession({"[!x]mage[s]/*.png"});
+  const Outcome outcome = Run({"detect", "session.yaml", "-o", "out"});
+  EXPECT_EQ(outcome.status, kDone) << outcome.err;
+  EXPECT_THAT(outcome.out, HasSubstr("8 frames"));
+}
+
+TEST_F(Images, DetectedOnceServeAsDetections) {
+  Calibrate("direct");
+  const Outcome detect = Run({"detect", "session.yaml", "-o", "found", "--quiet"});
+  EXPECT_EQ(detect.status, kDone);
+  EXPECT_EQ(detect.err, "");
+  Write("session.yaml",
+        Replaced(Read("session.yaml"),
+                 "images: images/*.png",
+                 "detections: found/detections_cam0.csv\n    image_size: [640, 480]"));
+  Calibrate("again");
+  EXPECT_EQ(Read("direct/detections_cam0.csv"), Read("again/detections_cam0.csv"));
+  EXPECT_NEAR(Result("direct")["cameras"]["cam0"]["parameters"]["f_x"].as<double>(),
+              Result("again")["cameras"]["cam0"]["parameters"]["f_x"].as<double>(),
+              1e-4);
+}
+
+TEST_F(Images, GiveTheSameBytesOnAnyNumberOfThreads) {
+  for (const char* threads : {"1", "2"}) {
+    const Outcome outcome =
+        Run({"detect", "session.yaml", "-o", std::string("out") + threads, "--threads", threads});
+    EXPECT_EQ(outcome.status, kDone) << outcome.err;
+  }
+  EXPECT_EQ(Files("out1"), Files("out2"));
+}
+
+TEST_F(Images, OfATagThatStandsTwiceInThemLoseThatTag) {
+  cv::Mat image(480, 640, CV_8UC1, cv::Scalar(230));
+  const auto dictionary = cv::aruco::getPredefinedDictionary(cv::aruco::DICT_APRILTAG_36h11);
+  const auto paint = [&](int id, int x, int y) {
+    cv::Mat tag;
+    cv::aruco::drawMarker(dictionary, id, 96, tag);
+    tag.copyTo(image(cv::Rect(x, y, tag.cols, tag.rows)));
+  };
+  paint(0, 50, 50);
+  paint(0, 450, 300);
+  paint(1, 250, 60);
+  paint(2, 60, 300);
+  cv::GaussianBlur(image, image, {5, 5}, 0.8);
+  Save("tags/0.png", image);
+  std::string target = "plenocal: 1\ntype: apriltag\nfamily: tag36h11\ntags:\n";
+  for (int id = 0; id < 3; ++id) {
+    target += fmt::format(
+        "  - {{id: {0}, corners: [[{0}, 0, 0], [{0}.5, 0, 0], [{0}.5, 0.5, 0], [{0}, 0.5, 0]]}}\n",
+        id);
+  }
+  Write("target.yaml", target);
+  WriteSession({"tags/*.png"});
+  const Outcome outcome = Run({"detect", "session.yaml", "-o", "out"});
+  EXPECT_EQ(outcome.status, kDone) << outcome.err;
+  EXPECT_THAT(outcome.err, AllOf(HasSubstr("tags/0.png"), HasSubstr("tag 0"), HasSubstr("twice")));
+  EXPECT_THAT(Table(Read("out/detections_cam0.csv")).Numbers("marker"),
+              ::testing::ElementsAre(4, 5, 6, 7, 8, 9, 10, 11));
+}
+
+TEST_F(Images, InterruptedLeaveNoResults) {
+  for (int i = 0; i < 600; ++i) {
+    fs::create_directories(Path("many"));
+    fs::create_symlink(Path(fmt::format("images/{:02}.png", i % kImages)),
+                       Path(fmt::format("many/{:04}.png", i)));
+  }
+  WriteSession({"many/*.png"});
+  for (const char* command : {"calibrate", "detect"}) {
+    // The program makes the folder just before it starts to detect.
+    const Outcome outcome = Run({command, "session.yaml", "-o", "out"},
+                                {.interrupt_when = [this] { return fs::exists(Path("out")); }});
+    EXPECT_EQ(outcome.status, kInterrupted) << outcome.err;
+    EXPECT_THAT(outcome.err, HasSubstr("interrupted; no result files were written"));
+    EXPECT_EQ(outcome.out, "");
+    EXPECT_FALSE(fs::exists(Path("out")));
+  }
+}
+
+}  // namespace
+}  // namespace plenocal::testing

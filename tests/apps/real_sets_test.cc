@@ -1,0 +1,175 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Sets of shared/data, which are not part of the repository: skipped where they are absent.
+#include <fmt/format.h>
+
+#include <Eigen/Geometry>
+#include <cmath>
+
+#include "tests/apps/workspace.h"
+
+namespace plenocal::testing {
+namespace {
+
+namespace fs = std::filesystem;
+
+class RealSets : public Workspace {
+ protected:
+  static fs::path Set(const std::string& name) { return fs::path(PLENOCAL_SHARED_DATA) / name; }
+
+  void WriteChessboardSession(int columns,
+                              int rows,
+                              double square,
+                              const std::vector<std::pair<std::string, std::string>>& cameras,
+                              bool refine_target) const {
+    Write("target.yaml",
+          fmt::format("plenocal: 1\ntype: chessboard\ncolumns: {}\nrows: {}\nsquare: {}\n",
+                      columns,
+                      rows,
+                      square));
+    std::string text = "plenocal: 1\ntarget: target.yaml\ncameras:\n";
+    for (const auto& [name, images] : cameras) {
+      text += fmt::format("  {}:\n    model: pinhole-radial3\n    images: {}\n", name, images);
+    }
+    Write("session.yaml", text + fmt::format("options: {{refine_target: {}}}\n", refine_target));
+  }
+
+  [[nodiscard]] double Rms(const std::string& out, const std::string& camera) const {
+    return Result(out)["cameras"][camera]["residuals"]["rms"].as<double>();
+  }
+};
+
+#define SKIP_WITHOUT(path) \
+  if (!fs::exists(path)) GTEST_SKIP() << (path) << " is absent; see README of tests/data"
+
+TEST_F(RealSets, StereoChessboardIsExplainedAsWellAsByOpenCv) {
+  const fs::path set = Set("frames/stereo_chess_opencv");
+  SKIP_WITHOUT(set);
+  const std::vector<std::pair<std::string, std::string>> cameras{
+      {"left", (set / "left*.jpg").string()}, {"right", (set / "right*.jpg").string()}};
+  constexpr double kSquare = 0.025;
+  WriteChessboardSession(9, 6, kSquare, cameras, false);
+  Calibrate("rigid");
+  // reference_opencv.json, pinhole_5.
+  EXPECT_LE(Rms("rigid", "left"), 0.248);
+  EXPECT_LE(Rms("rigid", "right"), 0.249);
+  WriteChessboardSession(9, 6, kSquare, cameras, true);
+  Calibrate("refined");
+  for (const char* out : {"rigid", "refined"}) {
+    const Eigen::Matrix4d T = Matrix(Result(out)["cameras"]["right"]["T_camera_rig"]);
+    EXPECT_NEAR((T.topRightCorner<3, 1>().norm()) / kSquare, 3.311, 0.033) << out;
+    EXPECT_LT((T.topLeftCorner<3, 3>() - Eigen::Matrix3d::Identity()).norm(), 0.03) << out;
+    EXPECT_GE(Result(out)["frames"].as<int>(), 13);
+  }
+  EXPECT_LT(Rms("refined", "left"), Rms("rigid", "left"));
+  EXPECT_LT(Rms("refined", "right"), Rms("rigid", "right"));
+}
+
+TEST_F(RealSets, AnamorphicStereoEndsInNoLocalMinimum) {
+  const fs::path set = Set("frames/stereo_chess_anamorphic_drobotics");
+  SKIP_WITHOUT(set);
+  WriteChessboardSession(
+      11,
+      8,
+      0.1,
+      {{"left", (set / "left*.png").string()}, {"right", (set / "right*.png").string()}},
+      false);
+  Calibrate();
+  for (const char* name : {"left", "right"}) {
+    const double f_x = Result()["cameras"][name]["parameters"]["f_x"].as<double>();
+    const double f_y = Result()["cameras"][name]["parameters"]["f_y"].as<double>();
+    EXPECT_GT(f_x, 515) << name;
+    EXPECT_LT(f_x, 535) << name;
+    EXPECT_NEAR(f_x / f_y, 1.124, 0.01) << name;
+    EXPECT_LT(Rms("out", name), 0.65) << name;
+  }
+}
+
+TEST_F(RealSets, FisheyeThatTheModelCannotDescribeShowsInTheResiduals) {
+  const fs::path set = Set("frames/mono_fisheye_camodocal");
+  SKIP_WITHOUT(set);
+  WriteChessboardSession(9, 6, 0.05, {{"fisheye", (set / "img*.png").string()}}, false);
+  const Outcome outcome = Run({"calibrate", "session.yaml", "-o", "out"});
+  ASSERT_THAT(outcome.status, ::testing::AnyOf(kDone, kJobFailed)) << outcome.err;
+  if (outcome.status == kJobFailed) {
+    EXPECT_THAT(outcome.err, ::testing::HasSubstr("fisheye"));
+    return;
+  }
+  ExpectNoNan(Result());
+  const YAML::Node residuals = Result()["cameras"]["fisheye"]["residuals"];
+  EXPECT_TRUE(residuals["rms"].as<double>() > 0.5 || residuals["rejected"].as<int>() > 20)
+      << outcome.out;
+}
+
+// Marker positions by number.
+std::map<std::string, Eigen::Vector3d> Markers(const YAML::Node& target) {
+  std::map<std::string, Eigen::Vector3d> markers;
+  const auto vector = [](const YAML::Node& node) {
+    return Eigen::Vector3d(node[0].as<double>(), node[1].as<double>(), node[2].as<double>());
+  };
+  for (const auto& tag : target["tags"]) {
+    for (int k = 0; k < 4; ++k) {
+      markers[std::to_string(4 * tag["id"].as<int>() + k)] = vector(tag["corners"][k]);
+    }
+  }
+  for (const auto& entry : target["markers"]) {
+    markers[entry.first.as<std::string>()] = vector(entry.second);
+  }
+  return markers;
+}
+
+// Root of the mean square distance after the best rigid alignment.
+double DistanceAfterAlignment(const std::map<std::string, Eigen::Vector3d>& a,
+                              const std::map<std::string, Eigen::Vector3d>& b) {
+  Eigen::Matrix3Xd from(3, a.size()), to(3, a.size());
+  Eigen::Index i = 0;
+  for (const auto& [number, position] : a) {
+    from.col(i) = position;
+    to.col(i++) = b.at(number);
+  }
+  const Eigen::Matrix4d T = Eigen::umeyama(from, to, false);
+  const Eigen::Matrix3Xd rest =
+      ((T.topLeftCorner<3, 3>() * from).colwise() + T.topRightCorner<3, 1>()) - to;
+  return std::sqrt(rest.squaredNorm() / static_cast<double>(rest.cols()));
+}
+
+TEST_F(RealSets, SimulatedStereoRigIsFoundWithinItsSigmas) {
+  const fs::path set = Set("sim_small");
+  SKIP_WITHOUT(set);
+  std::string text =
+      fmt::format("plenocal: 1\ntarget: {}\ncameras:\n", (set / "target.yaml").string());
+  for (const char* name : {"left", "right"}) {
+    text += fmt::format("  {}:\n    model: pinhole-radial3\n    images: {}\n",
+                        name,
+                        (set / name / "*.png").string());
+  }
+  Write("session.yaml", text + "options: {refine_target: true}\n");
+  Calibrate();
+  const YAML::Node truth = YAML::LoadFile((set / "truth/calibration.yaml").string())["cameras"];
+  constexpr double kSigmas = 3;
+  for (const char* name : {"left", "right"}) {
+    const YAML::Node camera = Result()["cameras"][name];
+    for (const auto& param : camera["parameters"]) {
+      const auto key = param.first.as<std::string>();
+      EXPECT_NEAR(param.second.as<double>(),
+                  truth[name]["parameters"][key].as<double>(),
+                  kSigmas * camera["sigma"][key].as<double>())
+          << name << " " << key;
+    }
+  }
+  const YAML::Node right = Result()["cameras"]["right"];
+  for (int i = 0; i < 6; ++i) {
+    EXPECT_NEAR(right["xi_camera_rig"][i].as<double>(),
+                truth["right"]["xi_camera_rig"][i].as<double>(),
+                kSigmas * right["sigma_xi"][i].as<double>())
+        << "xi " << i;
+  }
+  const auto true_markers = Markers(YAML::LoadFile((set / "truth/target.yaml").string()));
+  const auto nominal = Markers(YAML::LoadFile((set / "target.yaml").string()));
+  const auto refined = Markers(YAML::Load(Read("out/target.yaml")));
+  EXPECT_LT(DistanceAfterAlignment(refined, true_markers),
+            0.5 * DistanceAfterAlignment(nominal, true_markers));
+}
+
+}  // namespace
+}  // namespace plenocal::testing

@@ -1,0 +1,251 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Mistakes in session.yaml and target.yaml: each message names the place and says what to do.
+#include <fmt/format.h>
+
+#include "tests/apps/workspace.h"
+
+namespace plenocal::testing {
+namespace {
+
+struct Mistake {
+  std::string name;  // of the test
+  std::string file;
+  std::string from, to;            // the edit of a good file that makes the mistake
+  std::vector<std::string> parts;  // of the message
+};
+
+void PrintTo(const Mistake& mistake, std::ostream* out) { *out << mistake.name; }
+
+constexpr char kTags[] =
+    "plenocal: 1\n"
+    "type: apriltag\n"
+    "family: tag36h11\n"
+    "tags:\n"
+    "  - {id: 0, corners: [[0, 0, 0], [0.1, 0, 0], [0.1, 0.1, 0], [0, 0.1, 0]]}\n"
+    "  - {id: 1, corners: [[0.2, 0, 0], [0.3, 0, 0], [0.3, 0.1, 0], [0.2, 0.1, 0]]}\n";
+
+class WrongFile : public Workspace, public ::testing::WithParamInterface<Mistake> {};
+
+TEST_P(WrongFile, IsRefusedWithPlaceAndRemedy) {
+  const Mistake& mistake = GetParam();
+  WriteProblem(EasyProblem());
+  Write("tags.yaml", kTags);
+  if (mistake.file == "tags.yaml") {
+    Write("session.yaml", Replaced(Read("session.yaml"), "target.yaml", "tags.yaml"));
+  }
+  Write(mistake.file, Replaced(Read(mistake.file), mistake.from, mistake.to));
+  ExpectFailure(kWrongInput, mistake.parts);
+  ExpectFailure(kWrongInput, mistake.parts, "detect");
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Session,
+    WrongFile,
+    ::testing::Values(
+        Mistake{"UnknownKey",
+                "session.yaml",
+                "options:",
+                "optoins:",
+                {"session.yaml:8:", "optoins", "did you mean 'options'"}},
+        Mistake{"UnknownCameraKey",
+                "session.yaml",
+                "image_size",
+                "imagesize",
+                {"session.yaml:7:", "cameras.cam0.imagesize", "did you mean 'image_size'"}},
+        Mistake{"UnknownOption",
+                "session.yaml",
+                "loss:",
+                "los:",
+                {"session.yaml:9:", "options.los", "did you mean 'loss'"}},
+        Mistake{"UnknownModel",
+                "session.yaml",
+                "pinhole-radial3",
+                "pinhole-radial",
+                {"session.yaml:5:", "cameras.cam0.model", "did you mean 'pinhole-radial3'"}},
+        Mistake{"UnknownLoss",
+                "session.yaml",
+                "huber",
+                "hubr",
+                {"session.yaml:9:", "options.loss", "did you mean 'huber'"}},
+        Mistake{"UnknownParameter",
+                "session.yaml",
+                "options:",
+                "    initial: {fx: 500}\noptions:",
+                {"session.yaml:8:", "'fx' is no parameter", "did you mean 'f_x'"}},
+        Mistake{"UnknownFixedParameter",
+                "session.yaml",
+                "options:",
+                "    fixed: [A_9]\noptions:",
+                {"session.yaml:8:", "fixed", "'A_9' is no parameter", "did you mean 'A_"}},
+        Mistake{"FixedWithoutValue",
+                "session.yaml",
+                "options:",
+                "    fixed: [A_2]\noptions:",
+                {"session.yaml:8:", "'A_2' is to be held", "'initial'"}},
+        Mistake{"InitialOutsideItsBounds",
+                "session.yaml",
+                "options:",
+                "    initial: {f_x: -500}\noptions:",
+                {"session.yaml:8:", "cameras.cam0.initial.f_x", "-500"}},
+        Mistake{"InitialNan",
+                "session.yaml",
+                "options:",
+                "    initial: {f_x: .nan}\noptions:",
+                {"session.yaml:8:", "cameras.cam0.initial.f_x", ".nan"}},
+        Mistake{"InitialWithUnit",
+                "session.yaml",
+                "options:",
+                "    initial: {f_x: 500px}\noptions:",
+                {"session.yaml:8:", "cameras.cam0.initial.f_x", "'500px'"}},
+        Mistake{"WrongType",
+                "session.yaml",
+                "[1280, 960]",
+                "1280x960",
+                {"session.yaml:7:", "cameras.cam0.image_size", "1280x960"}},
+        Mistake{"NegativeImageSize",
+                "session.yaml",
+                "[1280, 960]",
+                "[1280, -960]",
+                {"session.yaml:7:", "cameras.cam0.image_size[1]", "positive"}},
+        Mistake{"NanImageSize",
+                "session.yaml",
+                "[1280, 960]",
+                "[.nan, 960]",
+                {"session.yaml:7:", "cameras.cam0.image_size[0]", ".nan"}},
+        Mistake{"DetectionsWithoutImageSize",
+                "session.yaml",
+                "    image_size: [1280, 960]\n",
+                "",
+                {"session.yaml:5:", "cameras.cam0", "image_size: [width, height]"}},
+        Mistake{"DuplicateCamera",
+                "session.yaml",
+                "options:",
+                "  cam0:\n    model: pinhole-radial3\noptions:",
+                {"session.yaml:8:", "cameras.cam0", "line 4", "remove one"}},
+        Mistake{"DuplicateKey",
+                "session.yaml",
+                "  loss: huber",
+                "  loss: huber\n  loss: none",
+                {"session.yaml:10:", "options.loss", "line 9"}},
+        Mistake{"NoImagesNoDetections",
+                "session.yaml",
+                "    detections: cam0.csv\n",
+                "",
+                {"session.yaml:5:", "cameras.cam0", "'images'", "'detections'"}},
+        Mistake{"NoCameras",
+                "session.yaml",
+                "  cam0:\n    model: pinhole-radial3\n    detections: cam0.csv\n"
+                "    image_size: [1280, 960]\n",
+                "  {}\n",
+                {"session.yaml:4:", "cameras", "at least one camera"}},
+        Mistake{"CameraNameThatIsNoFileName",
+                "session.yaml",
+                "cam0:",
+                "../cam0:",
+                {"session.yaml:5:", "file names"}},
+        Mistake{
+            "NoVersion", "session.yaml", "plenocal: 1\n", "", {"session.yaml:1:", "plenocal: 1"}},
+        Mistake{"OtherVersion",
+                "session.yaml",
+                "plenocal: 1\n",
+                "plenocal: 2\n",
+                {"session.yaml:1:", "version"}},
+        Mistake{"NoYaml", "session.yaml", "cameras:", "cameras: [", {"session.yaml:"}},
+        Mistake{"MissingTarget",
+                "session.yaml",
+                "target.yaml",
+                "tagret.yaml",
+                {"tagret.yaml", "o such file"}},
+        Mistake{"MissingDetections",
+                "session.yaml",
+                "cam0.csv",
+                "cam00.csv",
+                {"cam00.csv", "o such file"}},
+        Mistake{"EmptyGlob",
+                "session.yaml",
+                "detections: cam0.csv",
+                "images: left/*.png",
+                {"cam0: images", "left/*.png", "no file matches", "check the path"}}),
+    [](const auto& test) { return test.param.name; });
+
+INSTANTIATE_TEST_SUITE_P(
+    Target,
+    WrongFile,
+    ::testing::Values(
+        Mistake{"UnknownType",
+                "target.yaml",
+                "chessboard",
+                "chesboard",
+                {"target.yaml:2:", "type", "did you mean 'chessboard'"}},
+        Mistake{"UnknownKey",
+                "target.yaml",
+                "columns",
+                "colums",
+                {"target.yaml:3:", "colums", "did you mean 'columns'"}},
+        Mistake{"UnitSuffix",
+                "target.yaml",
+                "0.03",
+                "30mm",
+                {"target.yaml:5:", "square", "metres", "'30mm'", "write 0.03"}},
+        Mistake{"NanSize", "target.yaml", "0.03", ".nan", {"target.yaml:5:", "square", ".nan"}},
+        Mistake{"NegativeSize",
+                "target.yaml",
+                "0.03",
+                "-0.03",
+                {"target.yaml:5:", "square", "-0.03", "above 0"}},
+        Mistake{"WrongType",
+                "target.yaml",
+                "columns: 10",
+                "columns: ten",
+                {"target.yaml:3:", "columns", "'ten'"}},
+        Mistake{"DuplicateKey",
+                "target.yaml",
+                "rows: 7",
+                "rows: 7\nrows: 8",
+                {"target.yaml:5:", "rows", "line 4"}},
+        Mistake{"DuplicateTag",
+                "tags.yaml",
+                "id: 1",
+                "id: 0",
+                {"tags.yaml:6:", "tags[1].id", "tag 0", "line 5", "own id"}},
+        Mistake{"UnknownFamily",
+                "tags.yaml",
+                "tag36h11",
+                "tg36h11",
+                {"tags.yaml:3:", "family", "did you mean 'tag36h11'"}},
+        Mistake{"NanCorner",
+                "tags.yaml",
+                "[0.2, 0, 0]",
+                "[.nan, 0, 0]",
+                {"tags.yaml:6:", "tags[1].corners[0]", ".nan"}}),
+    [](const auto& test) { return test.param.name; });
+
+class SessionFile : public Workspace {};
+
+TEST_F(SessionFile, ThatIsMissingIsNamed) {
+  ExpectFailure(kWrongInput, {"session.yaml", "o such file"});
+}
+
+TEST_F(SessionFile, ThatIsAFolderIsNamed) {
+  std::filesystem::create_directory(Path("session.yaml"));
+  ExpectFailure(kWrongInput, {"session.yaml"});
+}
+
+TEST_F(SessionFile, ThatIsEmptyIsNamed) {
+  Write("session.yaml", "");
+  ExpectFailure(kWrongInput, {"session.yaml", "empty", "plenocal: 1"});
+}
+
+TEST_F(SessionFile, MayLieInAnotherFolderThanTheWorkingOne) {
+  WriteProblem(EasyProblem());
+  std::filesystem::create_directory(Path("below"));
+  for (const char* name : {"session.yaml", "target.yaml", "cam0.csv"}) {
+    std::filesystem::rename(Path(name), Path("below") / name);
+  }
+  const Outcome outcome = Run({"calibrate", "below/session.yaml", "-o", "out"});
+  EXPECT_EQ(outcome.status, kDone) << outcome.err;
+}
+
+}  // namespace
+}  // namespace plenocal::testing
