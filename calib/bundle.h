@@ -22,7 +22,8 @@ struct BundleCamera {
   RigidTransform T_camera_rig;  ///< identity for the rig's master
   bool is_master = false;       ///< its T_camera_rig is the rig's frame and never estimated
   /// Sigma of a residual: sqrt((noise_scale sigma)^2 + noise_floor^2) with the observation's own sigma.
-  /// The floor stands for errors that the detector cannot know of (model, target, motion).
+  /// The scale says how right the stated sigmas are; the floor stands for errors that the detector cannot
+  /// know of (model, target, motion).
   double noise_scale = 1;
   double noise_floor = 0;
 };
@@ -75,7 +76,7 @@ struct AdjustSummary {
 };
 
 /// Minimises over intrinsics, T_camera_rig, T_rig_target and markers. Every used observation must
-/// project at the start (`ScreenObservations`). Runs Ceres on one thread: its parallel sums depend on
+/// project at the start. Runs Ceres on one thread: its parallel sums depend on
 /// the schedule, and the same input must give the same bytes.
 AdjustSummary Adjust(Bundle* bundle, const AdjustOptions& options);
 

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <set>
@@ -47,11 +48,13 @@ class Calibrator {
       : input_(input), options_(options) {}
 
   Calibration Run() {
+    if (input_.cameras.empty()) throw Error(ErrorKind::kInput, "no camera to calibrate");
     Stage("start values");
     Start();
     Stage("bundle adjustment");
     Solve();
     Stage("uncertainty");
+    JudgeOnePose();
     Report();
     return std::move(result_);
   }
@@ -302,43 +305,63 @@ class Calibrator {
       const double redundancy = result_.uncertainty.redundancy[c];
       if (!(redundancy > 0)) continue;
       std::vector<std::pair<double, double>> squares;  // residual^2, stated sigma^2
-      double sum = 0;
       for (size_t i = 0; i < lengths.size(); ++i) {
         const BundleObservation& observation = bundle().observations[i];
         if (!observation.used || observation.camera != static_cast<int>(c)) continue;
         const double residual = RawLength(i, lengths[i]);
         squares.emplace_back(residual * residual, observation.seen.sigma * observation.seen.sigma);
-        sum += squares.back().first / squares.back().second;
       }
       const double before = TypicalNoise(c);
+      const NoiseVariance variance = FitVariance(
+          squares, static_cast<double>(bundle().cameras[c].model->measured.size()), redundancy);
       BundleCamera& camera = bundle().cameras[c];
-      if (sum <= redundancy) {
-        SetNoise(c, typical_sigma_[c] * std::sqrt(sum / redundancy));
-      } else {
-        camera.noise_scale = 1;
-        camera.noise_floor = std::sqrt(FloorFor(squares, redundancy));
-      }
+      camera.noise_floor = std::sqrt(variance.floor2);
+      camera.noise_scale = std::sqrt(variance.scale2);
+      if (TypicalNoise(c) < kSmallestNoise) SetNoise(c, kSmallestNoise);
       change = std::max(change, std::abs(TypicalNoise(c) / before - 1));
     }
     return change;
   }
 
-  // floor^2 with sum of r^2 / (sigma^2 + floor^2) = redundancy. The sum is convex and falling in
-  // floor^2, so Newton's method from below climbs to the solution without passing it.
-  static double FloorFor(const std::vector<std::pair<double, double>>& squares, double redundancy) {
-    double floor2 = 0;
-    for (int iteration = 0; iteration < 100; ++iteration) {
-      double sum = 0, slope = 0;
+  struct NoiseVariance {
+    double scale2 = 1, floor2 = 0;
+
+    [[nodiscard]] double Of(double sigma2) const { return scale2 * sigma2 + floor2; }
+  };
+
+  // How the residuals' variance follows the stated one: a weighted regression of residual^2 /
+  // dimension on [sigma^2, 1], whose weights 1 / variance^2 make it the Gaussian maximum-likelihood
+  // estimate. Sigmas that are all alike cannot tell scale and floor apart; then the floor is zero.
+  // Finally both are brought to the redundancy: sum of residual^2 / variance = redundancy.
+  static NoiseVariance FitVariance(const std::vector<std::pair<double, double>>& squares,
+                                   double dimension,
+                                   double redundancy) {
+    constexpr int kIterations = 20;
+    constexpr double kAlike = 1e-3;  // relative spread of sigma^2 that tells them apart
+    NoiseVariance variance;
+    for (int iteration = 0; iteration < kIterations; ++iteration) {
+      double w = 0, ws = 0, wss = 0, wy = 0, wsy = 0;
       for (const auto& [residual2, sigma2] : squares) {
-        const double share = residual2 / (sigma2 + floor2);
-        sum += share;
-        slope += share / (sigma2 + floor2);
+        const double v = variance.Of(sigma2), weight = 1 / (v * v), y = residual2 / dimension;
+        w += weight;
+        ws += weight * sigma2;
+        wss += weight * sigma2 * sigma2;
+        wy += weight * y;
+        wsy += weight * sigma2 * y;
       }
-      const double step = (sum - redundancy) / slope;
-      floor2 += step;
-      if (step <= 1e-9 * floor2) break;
+      const double determinant = w * wss - ws * ws;
+      if (determinant <= kAlike * w * wss) {
+        variance = {wsy / wss, 0};
+        break;
+      }
+      variance = {(w * wsy - ws * wy) / determinant, (wss * wy - ws * wsy) / determinant};
+      if (variance.scale2 <= 0) variance = {0, wy / w};
+      if (variance.floor2 <= 0) variance = {wsy / wss, 0};
     }
-    return floor2;
+    double sum = 0;
+    for (const auto& [residual2, sigma2] : squares) sum += residual2 / variance.Of(sigma2);
+    const double factor = sum > 0 ? sum / redundancy : 0;
+    return {variance.scale2 * factor, variance.floor2 * factor};
   }
 
   // Applies the rejection rule; true when the set of used observations changed.
@@ -464,6 +487,52 @@ class Calibrator {
                           static_cast<double>(result_.bundle.observations.size() + 1),
                       1e-14,
                       1e-7);
+  }
+
+  // Whether every camera has each marker at the same place in all frames, up to noise. The small
+  // differences between the estimated poses are then noise as well.
+  [[nodiscard]] bool ShowsOnePose() const {
+    if (result_.frames.size() < 2) return false;
+    struct Sums {
+      double count = 0;
+      std::array<double, kMaxObservationSize> sum{}, square{}, first{};
+    };
+    std::map<std::pair<int, int>, Sums> markers;  // (camera, marker)
+    double degrees = 0, chi2 = 0;
+    for (const BundleObservation& observation : result_.bundle.observations) {
+      if (!observation.used) continue;
+      Sums& sums = markers[{observation.camera, observation.marker}];
+      if (sums.count++ == 0) sums.first = observation.seen.values;
+      for (size_t r = 0; r < kMaxObservationSize; ++r) {
+        const double value = observation.seen.values[r] - sums.first[r];
+        sums.sum[r] += value;
+        sums.square[r] += value * value;
+      }
+    }
+    for (const auto& [key, sums] : markers) {
+      const auto c = static_cast<size_t>(key.first);
+      const double noise = TypicalNoise(c);
+      for (size_t r = 0; r < result_.bundle.cameras[c].model->measured.size(); ++r) {
+        degrees += sums.count - 1;
+        chi2 += (sums.square[r] - sums.sum[r] * sums.sum[r] / sums.count) / (noise * noise);
+      }
+    }
+    // Real movement exceeds noise by orders of magnitude; three sigma of vibration does not count.
+    constexpr double kStill = 3;
+    return degrees > 0 && chi2 < kStill * kStill * degrees;
+  }
+
+  // Frames from one pose say no more than one of them, so their information is that at one common
+  // pose: there the directions that they leave open show as such.
+  void JudgeOnePose() {
+    if (!ShowsOnePose()) return;
+    Bundle still = result_.bundle;
+    for (RigidTransform& T : still.T_rig_target) T = still.T_rig_target[0];
+    result_.uncertainty = EstimateUncertainty(still, result_.camera_names);
+    result_.warnings.push_back(fmt::format(
+        "all {} frames show the target from one pose; they count as one. Move the target or the "
+        "camera between images",
+        result_.frames.size()));
   }
 
   void CheckEnough() const {

@@ -191,7 +191,7 @@ TEST_F(Images, OfOneFrameTwiceAreRefused) {
 }
 
 TEST_F(Images, OfAPatternWithBracketsAreFound) {
-  WriteSession({"[!x]mage[s]/*.png"});
+  WriteSession({"\"[!x]mage[s]/*.png\""});
   const Outcome outcome = Run({"detect", "session.yaml", "-o", "out"});
   EXPECT_EQ(outcome.status, kDone) << outcome.err;
   EXPECT_THAT(outcome.out, HasSubstr("8 frames"));
