@@ -33,7 +33,8 @@ double MarkerSigma(const Session& session, const Target& target, Console* consol
   if (!session.refine_target.value_or(target.tolerance.has_value())) {
     if (!session.refine_target) {
       console->Message(
-          "the target states no tolerance, so it is held rigid; give it 'tolerance' (m) to have its "
+          "the target states no tolerance, so it is held rigid; give it 'tolerance' (m) to have "
+          "its "
           "markers refined");
     }
     return 0;
@@ -42,9 +43,10 @@ double MarkerSigma(const Session& session, const Target& target, Console* consol
   // Asked for, but without a figure: as good as a laser printer and a hard board usually are.
   constexpr double kPartOfSpacing = 0.01;
   const double sigma = kPartOfSpacing * MarkerSpacing(target.markers);
-  console->Message(fmt::format(
-      "the target states no tolerance; its markers are refined with {:.3g} mm, 1 % of their spacing",
-      1e3 * sigma));
+  console->Message(
+      fmt::format("the target states no tolerance; its markers are refined with {:.3g} mm, 1 % of "
+                  "their spacing",
+                  1e3 * sigma));
   return sigma;
 }
 

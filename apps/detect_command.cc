@@ -14,8 +14,7 @@ void RunDetect(const SessionCommand& command, const ConsoleOptions& options) {
   RefuseToReplaceInputs(session, command.out, {});
   OutputFolder out(command.out);
   Console console(options.quiet);
-  const SessionObservations observations =
-      CollectObservations(session, target, options, &console);
+  const SessionObservations observations = CollectObservations(session, target, options, &console);
   WriteDetections(session, observations.cameras, command.out, &out);
   out.Commit();
   for (const CameraInput& camera : observations.cameras) {

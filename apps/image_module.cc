@@ -22,11 +22,12 @@ void* LoadModule() {
     if (void* module = dlopen(path.c_str(), RTLD_NOW | RTLD_LOCAL)) return module;
     reason = dlerror();
   }
-  throw Error(ErrorKind::kJob,
-              fmt::format("cannot load {}, the part of plenocal that reads images ({}); install plenocal "
-                          "again",
-                          PLENOCAL_IMAGE_MODULE,
-                          reason.empty() ? "no such file" : reason));
+  throw Error(
+      ErrorKind::kJob,
+      fmt::format("cannot load {}, the part of plenocal that reads images ({}); install plenocal "
+                  "again",
+                  PLENOCAL_IMAGE_MODULE,
+                  reason.empty() ? "no such file" : reason));
 }
 
 }  // namespace
@@ -35,8 +36,8 @@ ImageDetections DetectImagesByModule(const std::vector<FrameImage>& images,
                                      const Target& target,
                                      const DetectOptions& options) {
   static void* const kModule = LoadModule();
-  const auto detect = reinterpret_cast<decltype(&plenocal_detect_images)>(
-      dlsym(kModule, "plenocal_detect_images"));
+  const auto detect =
+      reinterpret_cast<decltype(&plenocal_detect_images)>(dlsym(kModule, "plenocal_detect_images"));
   if (detect == nullptr) {
     throw Error(ErrorKind::kJob,
                 fmt::format("{} is of another version of plenocal", PLENOCAL_IMAGE_MODULE));

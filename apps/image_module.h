@@ -15,8 +15,8 @@ extern "C" void plenocal_detect_images(const std::vector<plenocal::FrameImage>& 
 
 namespace plenocal {
 
-/// `DetectImages` by the image module, which is loaded on first use. Throws `Error` of kind kJob when
-/// the installation lacks it.
+/// `DetectImages` by the image module, which is loaded on first use. Throws `Error` of kind kJob
+/// when the installation lacks it.
 ImageDetections DetectImagesByModule(const std::vector<FrameImage>& images,
                                      const Target& target,
                                      const DetectOptions& options);

@@ -49,7 +49,8 @@ int RunAndMapErrors(const std::function<void()>& run) {
 
 int main(int argc, char** argv) {
   CLI::App app{
-      "Plenocal calibrates ordinary and focused plenoptic cameras, alone or on one rig, from images of a "
+      "Plenocal calibrates ordinary and focused plenoptic cameras, alone or on one rig, from "
+      "images of a "
       "target.\n\n  plenocal calibrate session.yaml -o OUT"};
   app.name("plenocal");
   app.set_version_flag("--version", PLENOCAL_VERSION);
@@ -58,35 +59,35 @@ int main(int argc, char** argv) {
   plenocal::ConsoleOptions options;
   plenocal::SessionCommand session_command;
   std::function<void()> run;
-  const auto add_session_command = [&](const char* name,
-                                       const char* description,
-                                       void (*command)(const plenocal::SessionCommand&,
-                                                       const plenocal::ConsoleOptions&)) {
-    CLI::App* sub = app.add_subcommand(name, description);
-    sub->add_option("session", session_command.session, "session.yaml: cameras, images, target")
-        ->required();
-    sub->add_option("-o,--out", session_command.out, "folder for the results")->required();
-    sub->add_option("--threads", options.threads, "number of threads (default: all cores)")
-        ->check(CLI::Range(1, 1024));
-    sub->add_flag("--quiet", options.quiet, "no messages and no progress, only errors");
-    sub->callback([&, command] { run = [&, command] { command(session_command, options); }; });
-  };
+  const auto add_session_command =
+      [&](const char* name,
+          const char* description,
+          void (*command)(const plenocal::SessionCommand&, const plenocal::ConsoleOptions&)) {
+        CLI::App* sub = app.add_subcommand(name, description);
+        sub->add_option("session", session_command.session, "session.yaml: cameras, images, target")
+            ->required();
+        sub->add_option("-o,--out", session_command.out, "folder for the results")->required();
+        sub->add_option("--threads", options.threads, "number of threads (default: all cores)")
+            ->check(CLI::Range(1, 1024));
+        sub->add_flag("--quiet", options.quiet, "no messages and no progress, only errors");
+        sub->callback([&, command] { run = [&, command] { command(session_command, options); }; });
+      };
+  add_session_command("calibrate",
+                      "From images (or detections) to camera parameters, poses and target.\n\n"
+                      "  plenocal calibrate session.yaml -o OUT\n\n"
+                      "writes OUT/calibration.yaml, target.yaml, poses.csv, residuals.csv and "
+                      "detections_<camera>.csv, "
+                      "and prints a summary.",
+                      plenocal::RunCalibrate);
   add_session_command(
-      "calibrate",
-      "From images (or detections) to camera parameters, poses and target.\n\n"
-      "  plenocal calibrate session.yaml -o OUT\n\n"
-      "writes OUT/calibration.yaml, target.yaml, poses.csv, residuals.csv and detections_<camera>.csv, "
-      "and prints a summary.",
-      plenocal::RunCalibrate);
-  add_session_command("detect",
-                      "Only find the markers: writes OUT/detections_<camera>.csv.",
-                      plenocal::RunDetect);
+      "detect", "Only find the markers: writes OUT/detections_<camera>.csv.", plenocal::RunDetect);
   app.add_subcommand("models", "List the camera models, their parameters, units and source.")
       ->callback([&] { run = plenocal::RunModels; });
 
   // CLI11 would only say that a command is required.
   if (argc > 1 && argv[1][0] != '-') {
-    const std::vector<CLI::App*> commands = app.get_subcommands([](const CLI::App*) { return true; });
+    const std::vector<CLI::App*> commands =
+        app.get_subcommands([](const CLI::App*) { return true; });
     std::vector<std::string> kept;
     for (const CLI::App* command : commands) kept.push_back(command->get_name());
     const std::vector<std::string_view> names(kept.begin(), kept.end());

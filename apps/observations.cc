@@ -35,9 +35,8 @@ SessionObservations CollectObservations(const Session& session,
   // Globs first: a wrong one should not show only after minutes of work on another camera.
   std::vector<std::vector<FrameImage>> images;
   for (const SessionCamera& camera : session.cameras) {
-    images.push_back(camera.images.empty()
-                         ? std::vector<FrameImage>()
-                         : ExpandImages(camera.images, camera.name + ": images"));
+    images.push_back(camera.images.empty() ? std::vector<FrameImage>()
+                                           : ExpandImages(camera.images, camera.name + ": images"));
   }
 
   SessionObservations collected;
@@ -69,14 +68,15 @@ SessionObservations CollectObservations(const Session& session,
         throw Error(error.kind(), fmt::format("{}: {}", camera.name, error.what()));
       }
       if (camera.image_size != ImageSize{} && camera.image_size != found.image_size) {
-        throw Error(ErrorKind::kInput,
-                    fmt::format("{}: the images are {} x {} pixels, but the session's image_size says "
-                                "{} x {}",
-                                camera.name,
-                                found.image_size[0],
-                                found.image_size[1],
-                                camera.image_size[0],
-                                camera.image_size[1]));
+        throw Error(
+            ErrorKind::kInput,
+            fmt::format("{}: the images are {} x {} pixels, but the session's image_size says "
+                        "{} x {}",
+                        camera.name,
+                        found.image_size[0],
+                        found.image_size[1],
+                        camera.image_size[0],
+                        camera.image_size[1]));
       }
       input.image_size = found.image_size;
       input.views = std::move(found.views);
@@ -106,7 +106,8 @@ SessionObservations CollectObservations(const Session& session,
 void RefuseToReplaceInputs(const Session& session,
                            const std::filesystem::path& out,
                            std::vector<std::string> results) {
-  for (const SessionCamera& camera : session.cameras) results.push_back(DetectionsName(camera.name));
+  for (const SessionCamera& camera : session.cameras)
+    results.push_back(DetectionsName(camera.name));
   const auto refuse = [](const std::filesystem::path& input) {
     throw Error(ErrorKind::kInput,
                 fmt::format("{}: the results would replace this input; give another folder with -o",

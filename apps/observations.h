@@ -19,8 +19,8 @@ struct SessionObservations {
   std::vector<LeftOut> left_out;
 };
 
-/// Reads or detects them, tells `console` one line a camera, and throws `Stopped` after Ctrl-C. Throws
-/// `Error` when no camera of the session sees the target.
+/// Reads or detects them, tells `console` one line a camera, and throws `Stopped` after Ctrl-C.
+/// Throws `Error` when no camera of the session sees the target.
 SessionObservations CollectObservations(const Session& session,
                                         const Target& target,
                                         const ConsoleOptions& options,

@@ -27,19 +27,16 @@ bool Linearise(const BundleCamera& camera,
   const size_t rows = model.measured.size();
   double predicted[kMaxObservationSize];
   double J_point[kMaxObservationSize * 3];
-  const bool inside = out.J_params == nullptr
-                          ? model.project(params,
-                                          camera.config.data(),
-                                          seen.values.data(),
-                                          p_cam,
-                                          predicted)
-                          : model.project_with_jacobian(params,
-                                                        camera.config.data(),
-                                                        seen.values.data(),
-                                                        p_cam,
-                                                        predicted,
-                                                        out.J_params,
-                                                        J_point);
+  const bool inside =
+      out.J_params == nullptr
+          ? model.project(params, camera.config.data(), seen.values.data(), p_cam, predicted)
+          : model.project_with_jacobian(params,
+                                        camera.config.data(),
+                                        seen.values.data(),
+                                        p_cam,
+                                        predicted,
+                                        out.J_params,
+                                        J_point);
   if (!inside) return false;
   const double weight = 1 / NoiseSigma(camera, seen);
   for (size_t r = 0; r < rows; ++r) out.residual[r] = weight * (seen.values[r] - predicted[r]);
@@ -91,8 +88,8 @@ struct ChartedPose {
 };
 
 // Factor on the residual of length `s` (in sigmas) so that half its square is the loss, with its
-// derivative to s^2. Applied to the residual itself, not by ceres::LossFunction, because that acts on
-// whole residual blocks and one block holds several observations.
+// derivative to s^2. Applied to the residual itself, not by ceres::LossFunction, because that acts
+// on whole residual blocks and one block holds several observations.
 struct RobustFactor {
   double factor = 1;
   double derivative = 0;  // d factor / d (s^2)
@@ -141,8 +138,7 @@ class ViewCost : public ceres::CostFunction {
         bundle_(bundle),
         free_markers_(free_markers),
         options_(options) {
-    set_num_residuals(
-        static_cast<int>(observations_.size() * camera.model->measured.size()));
+    set_num_residuals(static_cast<int>(observations_.size() * camera.model->measured.size()));
     auto& sizes = *mutable_parameter_block_sizes();
     sizes.push_back(static_cast<int>(camera.params.size()));
     if (mount_ != nullptr) sizes.push_back(6);
@@ -180,10 +176,9 @@ class ViewCost : public ceres::CostFunction {
       const BundleObservation& observation = *observations_[i];
       const size_t slot = static_cast<size_t>(observation.marker) % kMarkersPerBlock;
       const Eigen::Vector3d p_target =
-          free_markers_
-              ? Eigen::Vector3d(Eigen::Map<const Eigen::Vector3d>(parameters[pose_index + 1] +
-                                                                  3 * slot))
-              : bundle_.markers[static_cast<size_t>(observation.marker)].position;
+          free_markers_ ? Eigen::Vector3d(Eigen::Map<const Eigen::Vector3d>(
+                              parameters[pose_index + 1] + 3 * slot))
+                        : bundle_.markers[static_cast<size_t>(observation.marker)].position;
       const size_t row = i * rows;
       double J_marker[kMaxObservationSize * 3];
       LinearisedRows out{.residual = residuals + row};
@@ -193,8 +188,7 @@ class ViewCost : public ceres::CostFunction {
         if (J_pose != nullptr) out.J_pose = J_pose + row * 6;
         if (J_markers != nullptr) out.J_marker = J_marker;
       }
-      if (!internal::Linearise(
-              camera_, parameters[0], view, p_target, observation.seen, out)) {
+      if (!internal::Linearise(camera_, parameters[0], view, p_target, observation.seen, out)) {
         return false;
       }
       Robustify(out);
@@ -431,9 +425,7 @@ AdjustSummary Adjust(Bundle* bundle, const AdjustOptions& options) {
     blocks.push_back(pose.delta);
     if (free_markers) blocks.push_back(markers + block * kMarkerBlockSize);
     problem.AddResidualBlock(
-        new ViewCost(camera, mount, pose, group, *bundle, free_markers, options),
-        nullptr,
-        blocks);
+        new ViewCost(camera, mount, pose, group, *bundle, free_markers, options), nullptr, blocks);
     ordering->AddElementToGroup(pose.delta, 0);
     camera_used[camera_index] = true;
     if (free_markers) block_used[block] = true;
@@ -452,8 +444,8 @@ AdjustSummary Adjust(Bundle* bundle, const AdjustOptions& options) {
     if (options.hold_intrinsics || held.size() == camera.params.size()) {
       problem.SetParameterBlockConstant(block);
     } else if (!held.empty()) {
-      problem.SetManifold(
-          block, new ceres::SubsetManifold(static_cast<int>(camera.params.size()), held));
+      problem.SetManifold(block,
+                          new ceres::SubsetManifold(static_cast<int>(camera.params.size()), held));
     }
     if (!camera.is_master) ordering->AddElementToGroup(mounts[i].delta, 1);
     dense_unknowns += camera.params.size() + 6;

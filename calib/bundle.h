@@ -21,9 +21,9 @@ struct BundleCamera {
   std::vector<bool> fixed;      ///< per parameter: hold it
   RigidTransform T_camera_rig;  ///< identity for the rig's master
   bool is_master = false;       ///< its T_camera_rig is the rig's frame and never estimated
-  /// Sigma of a residual: sqrt((noise_scale sigma)^2 + noise_floor^2) with the observation's own sigma.
-  /// The scale says how right the stated sigmas are; the floor stands for errors that the detector cannot
-  /// know of (model, target, motion).
+  /// Sigma of a residual: sqrt((noise_scale sigma)^2 + noise_floor^2) with the observation's own
+  /// sigma. The scale says how right the stated sigmas are; the floor stands for errors that the
+  /// detector cannot know of (model, target, motion).
   double noise_scale = 1;
   double noise_floor = 0;
 };
@@ -80,8 +80,9 @@ struct AdjustSummary {
 /// the schedule, and the same input must give the same bytes.
 AdjustSummary Adjust(Bundle* bundle, const AdjustOptions& options);
 
-/// Moves T_rig_target of the chosen frames to the optimum of their used observations while all else stays:
-/// a few robust Gauss-Newton steps from a pose that is nearly right. Much cheaper than `Adjust`.
+/// Moves T_rig_target of the chosen frames to the optimum of their used observations while all else
+/// stays: a few robust Gauss-Newton steps from a pose that is nearly right. Much cheaper than
+/// `Adjust`.
 void AdjustPoses(Bundle* bundle, const std::vector<bool>& frames);
 
 /// Residual of one observation, measured minus predicted; false outside the model's domain.
@@ -114,9 +115,9 @@ struct LinearisedRows {
   double* J_marker = nullptr;  ///< rows x 3
 };
 
-/// Residual of one observation in sigmas with its derivatives; false outside the model's domain. Shared
-/// by the solver's cost function and by the covariance, so that both mean the same. J_params is
-/// needed for any derivative; without it only the residual is computed.
+/// Residual of one observation in sigmas with its derivatives; false outside the model's domain.
+/// Shared by the solver's cost function and by the covariance, so that both mean the same. J_params
+/// is needed for any derivative; without it only the residual is computed.
 bool Linearise(const BundleCamera& camera,
                const double* params,
                const LinearisedView& view,

@@ -119,17 +119,20 @@ class Calibrator {
       const int frame = static_cast<int>(result_.frames.size());
       result_.frames.push_back(name);
       bundle().T_rig_target.push_back(*T_rig_target);
-      for (const InFrame& in_frame : views) AddView(in_frame.camera, in_frame.view, frame, marker_index);
+      for (const InFrame& in_frame : views)
+        AddView(in_frame.camera, in_frame.view, frame, marker_index);
     }
     FillSigmas();
     if (result_.frames.empty()) {
-      throw Error(ErrorKind::kJob, "no frame from which the camera's pose follows; nothing to calibrate");
+      throw Error(ErrorKind::kJob,
+                  "no frame from which the camera's pose follows; nothing to calibrate");
     }
   }
 
   // The pose by one of the frame's cameras that explains all of them best.
   template <typename Views>
-  std::optional<RigidTransform> FramePose(const Views& views, const std::vector<CameraStart>& starts) {
+  std::optional<RigidTransform> FramePose(const Views& views,
+                                          const std::vector<CameraStart>& starts) {
     std::optional<RigidTransform> best;
     double best_error = kInfinity;
     for (const auto& in_frame : views) {
@@ -189,7 +192,8 @@ class Calibrator {
       const auto marker = marker_index.find(observation.marker);
       if (marker == marker_index.end()) {
         result_.left_out.push_back(
-            {fmt::format("{} frame {} marker {}", input_.cameras[c].name, view.frame, observation.marker),
+            {fmt::format(
+                 "{} frame {} marker {}", input_.cameras[c].name, view.frame, observation.marker),
              "the target has no such marker"});
         continue;
       }
@@ -201,8 +205,8 @@ class Calibrator {
                      [](const auto& a, const auto& b) { return a.marker < b.marker; });
   }
 
-  // An observation without a sigma gets the median of its camera's others, or 1: then the noise that is
-  // estimated from the residuals is the sigma.
+  // An observation without a sigma gets the median of its camera's others, or 1: then the noise
+  // that is estimated from the residuals is the sigma.
   void FillSigmas() {
     for (size_t c = 0; c < CameraCount(); ++c) {
       std::vector<double> sigmas;
@@ -248,7 +252,8 @@ class Calibrator {
                       observation.seen);
   }
 
-  // Noise of each camera from the median length of the residuals in some frames: not moved by outliers.
+  // Noise of each camera from the median length of the residuals in some frames: not moved by
+  // outliers.
   void EstimateNoiseRobustly(const std::vector<bool>& frames) {
     const std::vector<double> lengths = Lengths();
     std::vector<std::vector<double>> own(CameraCount());
@@ -273,11 +278,12 @@ class Calibrator {
       const auto middle = own[c].begin() + static_cast<std::ptrdiff_t>(own[c].size() / 2);
       std::nth_element(own[c].begin(), middle, own[c].end());
       if (!std::isfinite(*middle)) {
-        throw Error(ErrorKind::kJob,
-                    fmt::format("{}: most observations lie outside the domain of model {}; does the model "
-                                "suit the lens?",
-                                input_.cameras[c].name,
-                                model.name));
+        throw Error(
+            ErrorKind::kJob,
+            fmt::format("{}: most observations lie outside the domain of model {}; does the model "
+                        "suit the lens?",
+                        input_.cameras[c].name,
+                        model.name));
       }
       const int k = static_cast<int>(model.measured.size());
       SetNoise(c, *middle / std::sqrt(ChiSquareQuantile(k, 0.5)) / left_over);
@@ -297,8 +303,8 @@ class Calibrator {
     return NoiseSigma(result_.bundle.cameras[c], {.sigma = typical_sigma_[c]});
   }
 
-  // Noise of each camera such that the sum of squares of its used residuals, in sigmas, equals their
-  // redundancy. Returns the largest relative change.
+  // Noise of each camera such that the sum of squares of its used residuals, in sigmas, equals
+  // their redundancy. Returns the largest relative change.
   double EstimateNoise(const std::vector<double>& lengths) {
     double change = 0;
     for (size_t c = 0; c < CameraCount(); ++c) {
@@ -471,7 +477,8 @@ class Calibrator {
       result_.uncertainty = EstimateUncertainty(result_.bundle, result_.camera_names);
       const double noise_change = EstimateNoise(Lengths());
       const bool set_changed = Reject(Lengths());
-      // The optimum moves with the square of a small change of the weights, the sigmas in proportion.
+      // The optimum moves with the square of a small change of the weights, the sigmas in
+      // proportion.
       constexpr double kNoiseTolerance = 5e-3;
       if (!set_changed && noise_change < kNoiseTolerance) break;
       DropWeakFrames();
@@ -479,14 +486,14 @@ class Calibrator {
   }
 
   // A step that lowers half the sum of squares (in sigmas) by d moves the unknowns by about
-  // sqrt(2 d) sigma. The steps shrink at least tenfold each, so a last one of a hundredth of a sigma
-  // leaves a thousandth.
+  // sqrt(2 d) sigma. The steps shrink at least tenfold each, so a last one of a hundredth of a
+  // sigma leaves a thousandth.
   [[nodiscard]] double FineTolerance() const {
     constexpr double kLastStep = 0.01;
-    return std::clamp(kLastStep * kLastStep / 2 /
-                          static_cast<double>(result_.bundle.observations.size() + 1),
-                      1e-14,
-                      1e-7);
+    return std::clamp(
+        kLastStep * kLastStep / 2 / static_cast<double>(result_.bundle.observations.size() + 1),
+        1e-14,
+        1e-7);
   }
 
   // Whether every camera has each marker at the same place in all frames, up to noise. The small
@@ -529,10 +536,31 @@ class Calibrator {
     Bundle still = result_.bundle;
     for (RigidTransform& T : still.T_rig_target) T = still.T_rig_target[0];
     result_.uncertainty = EstimateUncertainty(still, result_.camera_names);
+    NameOpenParameters();
     result_.warnings.push_back(fmt::format(
         "all {} frames show the target from one pose; they count as one. Move the target or the "
         "camera between images",
         result_.frames.size()));
+  }
+
+  // One view fixes few of a camera's parameters (a flat target's homography: two), and what seems
+  // to fix the others is noise that the distortion has followed. Those worse than a hundredth of
+  // their own size are named as open.
+  void NameOpenParameters() {
+    constexpr double kKnown = 0.01;
+    Uncertainty& uncertainty = result_.uncertainty;
+    for (size_t c = 0; c < CameraCount(); ++c) {
+      const BundleCamera& camera = bundle().cameras[c];
+      OpenDirection open{{}, kInfinity};
+      for (size_t k = 0; k < camera.params.size(); ++k) {
+        const Param& param = camera.model->params[k];
+        double& sigma = uncertainty.params[c][k];
+        if (sigma <= kKnown * std::max(std::abs(camera.params[k]), param.scale)) continue;
+        sigma = kInfinity;
+        open.parts.emplace_back(fmt::format("{}.{}", result_.camera_names[c], param.name), 1.0);
+      }
+      if (!open.parts.empty()) uncertainty.open.push_back(open);
+    }
   }
 
   void CheckEnough() const {
@@ -546,10 +574,11 @@ class Calibrator {
     }
     for (size_t c = 0; c < CameraCount(); ++c) {
       if (coordinates[c] == 0) {
-        throw Error(ErrorKind::kJob,
-                    fmt::format("{}: no observation is left that agrees with the others; check that the "
-                                "target file describes the target in the images",
-                                input_.cameras[c].name));
+        throw Error(
+            ErrorKind::kJob,
+            fmt::format("{}: no observation is left that agrees with the others; check that the "
+                        "target file describes the target in the images",
+                        input_.cameras[c].name));
       }
     }
   }

@@ -42,8 +42,8 @@ struct Param {
   double scale = 0;
 };
 
-/// What a point in an image says about the scene: it lies on origin + lambda * direction, lambda > 0,
-/// in the camera's frame. |direction| = 1.
+/// What a point in an image says about the scene: it lies on origin + lambda * direction, lambda >
+/// 0, in the camera's frame. |direction| = 1.
 struct Ray {
   Eigen::Vector3d origin = Eigen::Vector3d::Zero();
   Eigen::Vector3d direction = Eigen::Vector3d::UnitZ();
@@ -69,9 +69,9 @@ struct StartCandidate {
 /// were seen (a micro lens' centre).
 struct CameraModel {
   std::string_view name;
-  std::string_view source;              ///< publication and equations
-  std::span<const Param> params;        ///< estimated
-  std::span<const Param> config;        ///< never estimated, given in the session: pixel_size
+  std::string_view source;        ///< publication and equations
+  std::span<const Param> params;  ///< estimated
+  std::span<const Param> config;  ///< never estimated, given in the session: pixel_size
   std::span<const std::string_view> measured;  ///< names of the residuals' coordinates
   std::span<const std::string_view> context;
   std::span<const double> example;         ///< valid parameters, for tests
@@ -113,13 +113,13 @@ template <typename M>
 concept CameraModelPlugin = requires(const StartProblem& problem) {
   { M::kName } -> std::convertible_to<std::string_view>;
   { M::kSource } -> std::convertible_to<std::string_view>;
-  { std::span<const Param>(M::kParams) };
-  { std::span<const Param>(M::kConfig) };
-  { std::span<const std::string_view>(M::kMeasured) };
-  { std::span<const std::string_view>(M::kContext) };
+  {std::span<const Param>(M::kParams)};
+  {std::span<const Param>(M::kConfig)};
+  {std::span<const std::string_view>(M::kMeasured)};
+  {std::span<const std::string_view>(M::kContext)};
   { M::kCentral } -> std::convertible_to<bool>;
-  { std::span<const double>(M::kExample) };
-  { std::span<const double>(M::kExampleConfig) };
+  {std::span<const double>(M::kExample)};
+  {std::span<const double>(M::kExampleConfig)};
   { M::kExampleSize } -> std::convertible_to<ImageSize>;
   { M::Start(problem) } -> std::same_as<std::vector<StartCandidate>>;
   requires M::kParams.size() == M::kExample.size();

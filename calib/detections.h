@@ -12,10 +12,10 @@
 namespace plenocal {
 
 /// Reads a detections CSV (FORMATS.md) with the columns of `model`: frame, marker, what the model
-/// measures, its context, and sigma, which may be absent or empty. Columns are found by name, in any
-/// order; others are ignored. Views come in the order in which their frames first appear. Throws `Error`
-/// with file and line for a missing column, a value that is no finite number, a sigma that is not
-/// positive, or a row that repeats frame, marker and context of another.
+/// measures, its context, and sigma, which may be absent or empty. Columns are found by name, in
+/// any order; others are ignored. Views come in the order in which their frames first appear.
+/// Throws `Error` with file and line for a missing column, a value that is no finite number, a
+/// sigma that is not positive, or a row that repeats frame, marker and context of another.
 std::vector<View> ReadDetections(const std::filesystem::path& path, const CameraModel& model);
 
 /// The same table as text.

@@ -5,8 +5,8 @@
 
 namespace plenocal {
 
-/// Appends `value` with up to `decimals` digits after the point, without trailing zeros: "12.5". Plain
-/// and quick, for tables of coordinates in pixels.
+/// Appends `value` with up to `decimals` digits after the point, without trailing zeros: "12.5".
+/// Plain and quick, for tables of coordinates in pixels.
 void AppendFixed(double value, int decimals, std::string* text);
 
 /// `value` with 12 significant digits as YAML reads it (".inf", ".nan" included).

@@ -17,7 +17,8 @@ inline constexpr int kMaxObservationSize = 4;
 struct Observation {
   int marker = 0;
   std::array<double, kMaxObservationSize> values{};
-  /// Standard deviation of each measured coordinate; 0 when the source of the observation gives none.
+  /// Standard deviation of each measured coordinate; 0 when the source of the observation gives
+  /// none.
   double sigma = 0;
 };
 

@@ -6,9 +6,9 @@
 
 namespace plenocal {
 
-/// Calls body(i) for i in [0, count) on up to `threads` threads (0: all cores). Each i runs exactly once,
-/// in any order, so results must go to places of their own. The first exception is passed on after
-/// all threads have ended.
+/// Calls body(i) for i in [0, count) on up to `threads` threads (0: all cores). Each i runs exactly
+/// once, in any order, so results must go to places of their own. The first exception is passed on
+/// after all threads have ended.
 void ParallelFor(size_t count, int threads, const std::function<void(size_t)>& body);
 
 /// The number of threads that `threads` = 0 means.

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numeric>
 #include <vector>
 
 namespace plenocal {
@@ -106,38 +105,6 @@ RigidTransform SpatialPose(std::span<const Ray> rays, const Eigen::Matrix3Xd& po
   return {NearestRotation(P.leftCols<3>()), P.col(3)};
 }
 
-// SpatialPose without the points that agree least with it, some times over: a misread marker spoils
-// the linear solution, whose equations it enters with its full error.
-RigidTransform TrimmedSpatialPose(std::span<const Ray> rays, const Eigen::Matrix3Xd& points) {
-  constexpr int kRounds = 6;
-  constexpr size_t kLeast = 6;
-  const auto angle = [&](const RigidTransform& T, size_t i) {
-    const Eigen::Vector3d p = T * Eigen::Vector3d(points.col(static_cast<Eigen::Index>(i)));
-    return std::atan2(rays[i].direction.cross(p).norm(), rays[i].direction.dot(p));
-  };
-  RigidTransform T = SpatialPose(rays, points);
-  size_t kept = rays.size();
-  for (int round = 0; round < kRounds && kept > kLeast; ++round) {
-    // Drop a tenth of the points a round, by their angles under the present pose.
-    kept = std::max(kLeast, kept - std::max<size_t>(1, kept / 10));
-    std::vector<size_t> order(rays.size());
-    std::iota(order.begin(), order.end(), size_t{0});
-    std::vector<double> angles;
-    for (const size_t i : order) angles.push_back(angle(T, i));
-    std::stable_sort(
-        order.begin(), order.end(), [&](size_t a, size_t b) { return angles[a] < angles[b]; });
-    std::vector<Ray> good_rays;
-    Eigen::Matrix3Xd good_points(3, kept);
-    for (size_t k = 0; k < kept; ++k) {
-      good_rays.push_back(rays[order[k]]);
-      good_points.col(static_cast<Eigen::Index>(k)) =
-          points.col(static_cast<Eigen::Index>(order[k]));
-    }
-    T = SpatialPose(good_rays, good_points);
-  }
-  return T;
-}
-
 // The same plane tilted the other way about its line of sight.
 RigidTransform MirroredTilt(const RigidTransform& T) {
   const Eigen::Vector3d sight = T.t.normalized();
@@ -146,8 +113,8 @@ RigidTransform MirroredTilt(const RigidTransform& T) {
   return {Eigen::Quaterniond::FromTwoVectors(normal, mirrored).toRotationMatrix() * T.R, T.t};
 }
 
-// Levenberg-Marquardt on the angles between rays and points, reweighted by Cauchy's function with the
-// median residual as its width, so that a misread marker does not pull the pose.
+// Levenberg-Marquardt on the angles between rays and points, reweighted by Cauchy's function with
+// the median residual as its width, so that a misread marker does not pull the pose.
 std::optional<Resection> Refine(std::span<const Ray> rays,
                                 const Eigen::Matrix3Xd& points,
                                 RigidTransform T) {
@@ -259,10 +226,7 @@ std::optional<Resection> Resect(std::span<const Ray> rays,
 
   std::vector<RigidTransform> starts;
   const bool flat = spread.extent[2] < kPlaneThickness * spread.extent[1];
-  if (points.size() >= 6 && !flat) {
-    starts.push_back(SpatialPose(scaled, normalised));
-    starts.push_back(TrimmedSpatialPose(scaled, normalised));
-  }
+  if (points.size() >= 6 && !flat) starts.push_back(SpatialPose(scaled, normalised));
   if (flat || points.size() < 6) {
     starts.push_back(PlanarPose(scaled, normalised));
     starts.push_back(MirroredTilt(starts.back()));

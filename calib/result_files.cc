@@ -47,8 +47,8 @@ std::string YamlQuoted(const std::string& text) {
 std::string ParamMap(const CameraModel& model, const std::vector<double>& values) {
   std::string text = "{";
   for (size_t i = 0; i < values.size(); ++i) {
-    text += fmt::format(
-        "{}{}: {}", i == 0 ? "" : ", ", model.params[i].name, YamlNumber(values[i]));
+    text +=
+        fmt::format("{}{}: {}", i == 0 ? "" : ", ", model.params[i].name, YamlNumber(values[i]));
   }
   return text + "}";
 }
@@ -176,7 +176,8 @@ std::string CalibrationYaml(const Calibration& calibration,
   };
   list("warnings", calibration.warnings);
   std::vector<std::string> left_out;
-  for (const LeftOut& item : calibration.left_out) left_out.push_back(item.where + ": " + item.reason);
+  for (const LeftOut& item : calibration.left_out)
+    left_out.push_back(item.where + ": " + item.reason);
   list("left_out", left_out);
   text += "provenance:\n";
   for (const auto& [key, value] : provenance) {
@@ -220,13 +221,12 @@ std::string ResidualsCsv(const Calibration& calibration) {
   // Camera by camera, as a reader of one camera expects.
   for (size_t c = 0; c < bundle.cameras.size(); ++c) {
     const CameraModel& model = *bundle.cameras[c].model;
-    const auto number = [&](std::span<const std::string_view> own,
-                            std::string_view name,
-                            const double* values) {
-      text += ',';
-      const int index = IndexOf(own, name);
-      if (index >= 0 && values != nullptr) AppendFixed(values[index], kDecimals, &text);
-    };
+    const auto number =
+        [&](std::span<const std::string_view> own, std::string_view name, const double* values) {
+          text += ',';
+          const int index = IndexOf(own, name);
+          if (index >= 0 && values != nullptr) AppendFixed(values[index], kDecimals, &text);
+        };
     for (const BundleObservation& observation : bundle.observations) {
       if (observation.camera != static_cast<int>(c)) continue;
       double residual[kMaxObservationSize];
@@ -272,13 +272,14 @@ std::string Summary(const Calibration& calibration) {
                    camera.model->name,
                    calibration.image_sizes[c][0],
                    calibration.image_sizes[c][1]);
-    fmt::format_to(out,
-                   "  RMS {:.4f} px over {} points in {} images, {} rejected; noise {:.4f} px a coordinate",
-                   fit.rms,
-                   fit.points,
-                   fit.views,
-                   fit.rejected,
-                   fit.sigma);
+    fmt::format_to(
+        out,
+        "  RMS {:.4f} px over {} points in {} images, {} rejected; noise {:.4f} px a coordinate",
+        fit.rms,
+        fit.points,
+        fit.views,
+        fit.rejected,
+        fit.sigma);
     if (fit.stated_sigma > 0) fmt::format_to(out, " (detector: {:.4f})", fit.stated_sigma);
     text += '\n';
     for (size_t i = 0; i < camera.params.size(); ++i) {
@@ -330,13 +331,14 @@ std::string Summary(const Calibration& calibration) {
         worst = marker.number;
       }
     }
-    fmt::format_to(out,
-                   "\nmarkers moved by {:.3f} mm RMS from their nominal places (tolerance {:.3f} mm a "
-                   "coordinate), at most {:.3f} mm (marker {})\n",
-                   1e3 * std::sqrt(sum / static_cast<double>(bundle.markers.size())),
-                   1e3 * bundle.marker_sigma,
-                   1e3 * largest,
-                   worst);
+    fmt::format_to(
+        out,
+        "\nmarkers moved by {:.3f} mm RMS from their nominal places (tolerance {:.3f} mm a "
+        "coordinate), at most {:.3f} mm (marker {})\n",
+        1e3 * std::sqrt(sum / static_cast<double>(bundle.markers.size())),
+        1e3 * bundle.marker_sigma,
+        1e3 * largest,
+        worst);
   }
   if (!calibration.uncertainty.open.empty()) {
     text += "\nNOT DETERMINED by these images:\n";
@@ -349,7 +351,8 @@ std::string Summary(const Calibration& calibration) {
       }
     }
     text +=
-        "  Add images from other distances and at other tilts, over the whole field of view, or hold "
+        "  Add images from other distances and at other tilts, over the whole field of view, or "
+        "hold "
         "these parameters ('fixed').\n";
   }
   for (const std::string& warning : calibration.warnings) {

@@ -17,8 +17,8 @@ std::string CalibrationYaml(const Calibration& calibration,
                             const std::vector<std::pair<std::string, std::string>>& provenance);
 /// poses.csv: T_target_rig of every frame.
 std::string PosesCsv(const Calibration& calibration);
-/// residuals.csv: every observation, measured minus predicted; those outside the model's domain have no
-/// prediction and leave dx, dy empty.
+/// residuals.csv: every observation, measured minus predicted; those outside the model's domain
+/// have no prediction and leave dx, dy empty.
 std::string ResidualsCsv(const Calibration& calibration);
 /// What a person wants to read after a calibration; ends in a newline.
 std::string Summary(const Calibration& calibration);

@@ -25,9 +25,7 @@ struct RigidTransform {
 
   Eigen::Vector3d operator*(const Eigen::Vector3d& p) const { return R * p + t; }
   RigidTransform operator*(const RigidTransform& b) const { return {R * b.R, R * b.t + t}; }
-  [[nodiscard]] RigidTransform Inverse() const {
-    return {R.transpose(), -(R.transpose() * t)};
-  }
+  [[nodiscard]] RigidTransform Inverse() const { return {R.transpose(), -(R.transpose() * t)}; }
 };
 
 /// exp(xi^) of se(3), xi = [v, w] with the translational part first (FORMATS.md).

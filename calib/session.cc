@@ -34,12 +34,8 @@ size_t ParamIndex(const CameraModel& model, const std::string& name, const YamlN
 
 void CheckWithin(const Param& param, double value, const YamlNode& node) {
   if (value > param.lower && value < param.upper) return;
-  node.Fail(fmt::format("{} = {} {} is outside ({}, {})",
-                        param.name,
-                        value,
-                        param.unit,
-                        param.lower,
-                        param.upper));
+  node.Fail(fmt::format(
+      "{} = {} {} is outside ({}, {})", param.name, value, param.unit, param.lower, param.upper));
 }
 
 std::string PathBeside(const std::filesystem::path& session, const YamlNode& node) {
@@ -49,14 +45,8 @@ std::string PathBeside(const std::filesystem::path& session, const YamlNode& nod
 }
 
 void CheckCameraKeys(const YamlNode& node, const CameraModel& model) {
-  std::vector<std::string_view> known{"model",
-                                      "images",
-                                      "white_images",
-                                      "detections",
-                                      "image_size",
-                                      "initial",
-                                      "fixed",
-                                      "bayer"};
+  std::vector<std::string_view> known{
+      "model", "images", "white_images", "detections", "image_size", "initial", "fixed", "bayer"};
   for (const Param& config : model.config) known.push_back(config.name);
   for (const auto& [key, value] : node.Entries()) {
     if (std::find(known.begin(), known.end(), key) == known.end()) {
@@ -190,11 +180,12 @@ std::vector<FrameImage> ExpandImages(const std::string& pattern, const std::stri
   for (size_t i = 0; i < found.gl_pathc; ++i) images.push_back({"", found.gl_pathv[i]});
   globfree(&found);
   if (status != 0 || images.empty()) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: no file matches '{}'; check the path (it is relative to the session "
-                            "file) and the pattern",
-                            what,
-                            pattern));
+    throw Error(
+        ErrorKind::kInput,
+        fmt::format("{}: no file matches '{}'; check the path (it is relative to the session "
+                    "file) and the pattern",
+                    what,
+                    pattern));
   }
 
   std::map<std::string, std::filesystem::path> frames;

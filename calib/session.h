@@ -45,9 +45,9 @@ struct Session {
 /// Reads and checks a session. Throws `Error` with file, line and key.
 Session ReadSession(const std::filesystem::path& path, std::span<const CameraModel> models);
 
-/// Files that match a glob, sorted by name, each with its frame's name: what the last `*` stands for, or
-/// the file's name without extension where the pattern has none. Throws `Error` when nothing matches
-/// or two files belong to one frame; `what` ("left: images") goes into the message.
+/// Files that match a glob, sorted by name, each with its frame's name: what the last `*` stands
+/// for, or the file's name without extension where the pattern has none. Throws `Error` when
+/// nothing matches or two files belong to one frame; `what` ("left: images") goes into the message.
 std::vector<FrameImage> ExpandImages(const std::string& pattern, const std::string& what);
 
 }  // namespace plenocal

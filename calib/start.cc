@@ -175,10 +175,11 @@ void AdjustTrial(Trial* trial) {
 CameraStart StartCamera(const CameraInput& camera, const std::map<int, Eigen::Vector3d>& markers) {
   const std::vector<View> views = Selection(camera, markers, kStartViews);
   if (views.empty()) {
-    throw Error(ErrorKind::kJob,
-                fmt::format("{}: no image shows {} or more markers of the target; nothing to start from",
-                            camera.name,
-                            kMinPoints));
+    throw Error(
+        ErrorKind::kJob,
+        fmt::format("{}: no image shows {} or more markers of the target; nothing to start from",
+                    camera.name,
+                    kMinPoints));
   }
   const std::vector<StartCandidate> candidates =
       camera.model->start({.views = views,
@@ -190,21 +191,24 @@ CameraStart StartCamera(const CameraInput& camera, const std::map<int, Eigen::Ve
   for (const StartCandidate& candidate : candidates) {
     trials.push_back(MakeTrial(camera, candidate.params, views, markers));
   }
-  std::stable_sort(
-      trials.begin(), trials.end(), [](const auto& a, const auto& b) { return a.median < b.median; });
+  std::stable_sort(trials.begin(), trials.end(), [](const auto& a, const auto& b) {
+    return a.median < b.median;
+  });
   const size_t adjusted = std::min(kAdjustedCandidates, trials.size());
   for (size_t i = 0; i < adjusted; ++i) {
     if (std::isfinite(trials[i].median)) AdjustTrial(&trials[i]);
   }
-  const auto best = std::min_element(trials.begin(), trials.end(), [](const auto& a, const auto& b) {
-    return a.median < b.median;
-  });
+  const auto best =
+      std::min_element(trials.begin(), trials.end(), [](const auto& a, const auto& b) {
+        return a.median < b.median;
+      });
   if (best == trials.end() || !std::isfinite(best->median)) {
-    throw Error(ErrorKind::kJob,
-                fmt::format("{}: no start values for model {} explain the detections; does the target "
-                            "file describe the target in the images, and does the model suit the lens?",
-                            camera.name,
-                            camera.model->name));
+    throw Error(
+        ErrorKind::kJob,
+        fmt::format("{}: no start values for model {} explain the detections; does the target "
+                    "file describe the target in the images, and does the model suit the lens?",
+                    camera.name,
+                    camera.model->name));
   }
 
   CameraStart start;
@@ -216,8 +220,8 @@ CameraStart StartCamera(const CameraInput& camera, const std::map<int, Eigen::Ve
     if (thinned.observations.size() >= kMinPoints) {
       resection = ResectView(camera, start.params, thinned, markers);
     }
-    start.T_camera_target.push_back(
-        resection ? std::optional(resection->T_camera_target) : std::nullopt);
+    start.T_camera_target.push_back(resection ? std::optional(resection->T_camera_target)
+                                              : std::nullopt);
   }
   return start;
 }
@@ -245,7 +249,8 @@ std::vector<RigidTransform> StartRig(std::span<const CameraInput> cameras,
   const auto medoid = [](const std::vector<RigidTransform>& transforms) {
     const size_t stride = transforms.size() / 100 + 1;
     double size = 0;
-    for (const RigidTransform& T : transforms) size += T.t.norm() / static_cast<double>(transforms.size());
+    for (const RigidTransform& T : transforms)
+      size += T.t.norm() / static_cast<double>(transforms.size());
     const RigidTransform* best = &transforms[0];
     double best_sum = kInfinity;
     for (size_t i = 0; i < transforms.size(); i += stride) {
@@ -287,12 +292,13 @@ std::vector<RigidTransform> StartRig(std::span<const CameraInput> cameras,
         std::string& list = linked[c] ? reached : open;
         list += (list.empty() ? "" : ", ") + cameras[c].name;
       }
-      throw Error(ErrorKind::kJob,
-                  fmt::format("no frame in which {} sees the target together with {}: their mutual pose "
-                              "cannot be determined. Frames are matched by name (what the last '*' of "
-                              "the glob stands for); check the names, or add frames that both see",
-                              open,
-                              reached));
+      throw Error(
+          ErrorKind::kJob,
+          fmt::format("no frame in which {} sees the target together with {}: their mutual pose "
+                      "cannot be determined. Frames are matched by name (what the last '*' of "
+                      "the glob stands for); check the names, or add frames that both see",
+                      open,
+                      reached));
     }
     T_camera_rig[best_to] = medoid(best) * T_camera_rig[best_from];
     linked[best_to] = true;

@@ -35,8 +35,9 @@ struct CameraStart {
 CameraStart StartCamera(const CameraInput& camera, const std::map<int, Eigen::Vector3d>& markers);
 
 /// T_camera_rig of every camera from the frames that cameras share, along a spanning tree with the
-/// most common frames a link, so that chains of overlap suffice. `starts[i].T_camera_target` belongs to
-/// `cameras[i].views`. Throws `Error` of kind kJob that names cameras without a link to the master.
+/// most common frames a link, so that chains of overlap suffice. `starts[i].T_camera_target`
+/// belongs to `cameras[i].views`. Throws `Error` of kind kJob that names cameras without a link to
+/// the master.
 std::vector<RigidTransform> StartRig(std::span<const CameraInput> cameras,
                                      std::span<const CameraStart> starts);
 

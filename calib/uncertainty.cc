@@ -47,8 +47,8 @@ Layout MakeLayout(const Bundle& bundle, const std::vector<bool>& has_data) {
   return layout;
 }
 
-// The derivatives of one camera's observations by its own unknowns (intrinsics and mount), and their
-// sums: those by the same unknowns are collected in a small matrix.
+// The derivatives of one camera's observations by its own unknowns (intrinsics and mount), and
+// their sums: those by the same unknowns are collected in a small matrix.
 class OwnColumns {
  public:
   OwnColumns(const Bundle& bundle, const Layout& layout, size_t camera)
@@ -92,8 +92,7 @@ class OwnColumns {
   }
 
   template <int kColumns>
-  using Rows =
-      Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, kColumns, Eigen::RowMajor>>;
+  using Rows = Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, kColumns, Eigen::RowMajor>>;
   [[nodiscard]] const Eigen::MatrixXd& Columns() const { return J_; }
   [[nodiscard]] Rows<6> Pose() const { return {J_pose_, rows_, 6}; }
   [[nodiscard]] Rows<3> Marker() const { return {J_marker_, rows_, 3}; }
@@ -197,8 +196,7 @@ Reduced Reduce(const Bundle& bundle, const Layout& layout) {
     for (size_t c = 0; c < camera_pose.size(); ++c) {
       reduced.pose_share[c] += factor.solve(camera_pose[c]).trace();
     }
-    batch.middleCols<6>(batch_columns) =
-        factor.matrixL().solve(cross.transpose()).transpose();
+    batch.middleCols<6>(batch_columns) = factor.matrixL().solve(cross.transpose()).transpose();
     batch_columns += 6;
     if (batch_columns == kBatchRows) flush();
   }
@@ -271,8 +269,8 @@ Uncertainty EstimateUncertainty(const Bundle& bundle,
   const Eigen::VectorXd diagonal = C.diagonal().cwiseMax(0);
   Eigen::VectorXd scale(head);
   for (int i = 0; i < head; ++i) scale[i] = diagonal[i] > 0 ? 1 / std::sqrt(diagonal[i]) : 1;
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> spectrum(
-      scale.asDiagonal() * C * scale.asDiagonal());
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> spectrum(scale.asDiagonal() * C *
+                                                                scale.asDiagonal());
   Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(head, head);
   Eigen::VectorXd open = Eigen::VectorXd::Zero(head);  // share in directions without information
   const auto describe = [&](const Eigen::VectorXd& direction, double sigma) {
@@ -280,7 +278,8 @@ Uncertainty EstimateUncertainty(const Bundle& bundle,
     const double largest = direction.cwiseAbs().maxCoeff();
     for (int i = 0; i < head; ++i) {
       const double share = std::abs(direction[i]) / largest;
-      if (share >= kShare) described.parts.emplace_back(result.names[static_cast<size_t>(i)], share);
+      if (share >= kShare)
+        described.parts.emplace_back(result.names[static_cast<size_t>(i)], share);
     }
     std::stable_sort(described.parts.begin(), described.parts.end(), [](auto& a, auto& b) {
       return a.second > b.second;

@@ -18,7 +18,8 @@ struct OpenDirection {
 
 /// What the data say about the unknowns of a bundle at its optimum.
 struct Uncertainty {
-  /// Per camera: sigma of each parameter; 0 for held ones, infinite for those without any information.
+  /// Per camera: sigma of each parameter; 0 for held ones, infinite for those without any
+  /// information.
   std::vector<std::vector<double>> params;
   /// Per camera: covariance of T_camera_rig in its chart (`Retract`); zero for the master.
   std::vector<Matrix6d> mount;

@@ -90,7 +90,8 @@ ImageDetections DetectImages(const std::vector<FrameImage>& images,
     if (result.unreadable.empty()) ++sizes[result.size];
   }
   if (sizes.empty()) {
-    throw Error(ErrorKind::kJob, fmt::format("no image can be read; the first: {}", results[0].unreadable));
+    throw Error(ErrorKind::kJob,
+                fmt::format("no image can be read; the first: {}", results[0].unreadable));
   }
   ImageDetections detections;
   int most = 0;

@@ -25,8 +25,8 @@ struct DetectOptions {
 };
 
 /// Finds the target in all images of one camera, several images at a time. An image that cannot be
-/// read, or whose size differs from that of most, is left out with its reason. Throws `Error` of kind
-/// kJob when no image can be read.
+/// read, or whose size differs from that of most, is left out with its reason. Throws `Error` of
+/// kind kJob when no image can be read.
 ImageDetections DetectImages(const std::vector<FrameImage>& images,
                              const Target& target,
                              const DetectOptions& options);

@@ -10,9 +10,9 @@
 //   dx = x (A_0 r^2 + A_1 r^4 + A_2 r^6), dy = y (A_0 r^2 + A_1 r^4 + A_2 r^6)
 //   x_Id = f_x (x + dx) + c_x, y_Id = f_y (y + dy) + c_y             (pixels)
 //
-// These are OpenCV's k1, k2, k3. Defined for z_C > 0 and up to the radius where the distorted radius
-// r_d(r) = r (1 + A_0 r^2 + A_1 r^4 + A_2 r^6) ceases to grow: beyond it the image folds over and two
-// directions would share one pixel.
+// These are OpenCV's k1, k2, k3. Defined for z_C > 0 and up to the radius where the distorted
+// radius r_d(r) = r (1 + A_0 r^2 + A_1 r^4 + A_2 r^6) ceases to grow: beyond it the image folds
+// over and two directions would share one pixel.
 #pragma once
 
 #include <array>
@@ -39,12 +39,10 @@ struct PinholeRadial3 : CentralModel {
   static constexpr std::array kExample{400.0, 405.0, 322.0, 243.0, -0.2, 0.06, -0.008};
   static constexpr ImageSize kExampleSize{640, 480};
 
-  // Whether r_d grows over all of [0, r], with s = r^2: r_d'(s) = 1 + 3 A_0 s + 5 A_1 s^2 + 7 A_2 s^3
-  // must stay positive, so its value at s and at its minima inside are looked at.
+  // Whether r_d grows over all of [0, r], with s = r^2: r_d'(s) = 1 + 3 A_0 s + 5 A_1 s^2 + 7 A_2
+  // s^3 must stay positive, so its value at s and at its minima inside are looked at.
   static bool Grows(double A_0, double A_1, double A_2, double s) {
-    const auto slope = [&](double q) {
-      return 1 + q * (3 * A_0 + q * (5 * A_1 + q * 7 * A_2));
-    };
+    const auto slope = [&](double q) { return 1 + q * (3 * A_0 + q * (5 * A_1 + q * 7 * A_2)); };
     if (!(slope(s) > 0)) return false;
     // Extrema where 3 A_0 + 10 A_1 q + 21 A_2 q^2 = 0, by the form that does not cancel.
     const double discriminant = 25 * A_1 * A_1 - 63 * A_2 * A_0;
@@ -74,7 +72,8 @@ struct PinholeRadial3 : CentralModel {
   }
 
   /// Direction in which a pixel looks; nothing where no direction is imaged.
-  static std::optional<Eigen::Vector3d> Unproject(const double* params, const Eigen::Vector2d& u_px) {
+  static std::optional<Eigen::Vector3d> Unproject(const double* params,
+                                                  const Eigen::Vector2d& u_px) {
     const double A_0 = params[4], A_1 = params[5], A_2 = params[6];
     const Eigen::Vector2d distorted((u_px.x() - params[2]) / params[0],
                                     (u_px.y() - params[3]) / params[1]);
@@ -86,9 +85,10 @@ struct PinholeRadial3 : CentralModel {
   }
 
   static std::vector<StartCandidate> Start(const StartProblem& problem) {
-    return StartCentral(MakeCameraModel<PinholeRadial3>(), problem, [](double f, double c_x, double c_y) {
-      return std::vector<double>{f, f, c_x, c_y, 0, 0, 0};
-    });
+    return StartCentral(
+        MakeCameraModel<PinholeRadial3>(), problem, [](double f, double c_x, double c_y) {
+          return std::vector<double>{f, f, c_x, c_y, 0, 0, 0};
+        });
   }
 
  private:

@@ -8,8 +8,8 @@
 
 namespace plenocal {
 
-/// What all models of ordinary cameras share: a point (x, y) in the image is seen along a ray through
-/// the camera frame's origin.
+/// What all models of ordinary cameras share: a point (x, y) in the image is seen along a ray
+/// through the camera frame's origin.
 struct CentralModel {
   static constexpr std::array<std::string_view, 2> kMeasured{"x", "y"};
   static constexpr std::array<std::string_view, 0> kContext{};

@@ -119,8 +119,7 @@ double SolveDistance(const Profile& a, bool mirrored, AlignedView* view) {
     double num = 0, den = 0;
     for (size_t i = 0; i < view->rho.size(); ++i) {
       const double weight = pass == 0 ? 1 : 1 / std::max(1e-6, weight_depth + view->Zeta(i));
-      const double rhs =
-          Evaluate(a, view->rho[i]) * view->radial[i] - view->rho[i] * view->Zeta(i);
+      const double rhs = Evaluate(a, view->rho[i]) * view->radial[i] - view->rho[i] * view->Zeta(i);
       num += weight * weight * view->rho[i] * rhs;
       den += weight * weight * view->rho[i] * view->rho[i];
     }
@@ -216,8 +215,7 @@ class DirectionCost : public ceres::CostFunction {
       for (size_t r = 0; r < 2; ++r) {
         residuals[2 * i + r] = predicted[r] - values[r];
         if (jacobians != nullptr && jacobians[0] != nullptr) {
-          std::copy_n(
-              J_params.data() + r * count, count, jacobians[0] + (2 * i + r) * count);
+          std::copy_n(J_params.data() + r * count, count, jacobians[0] + (2 * i + r) * count);
         }
       }
     }
@@ -248,8 +246,7 @@ std::vector<double> FitToDirections(const CameraModel& model,
   for (size_t i = 0; i < image.size(); ++i) {
     double predicted[2];
     const double values[kMaxObservationSize] = {image[i].x(), image[i].y()};
-    if (model.project(
-            params.data(), problem.config.data(), values, directions[i], predicted)) {
+    if (model.project(params.data(), problem.config.data(), values, directions[i], predicted)) {
       seen_directions.push_back(directions[i]);
       seen_image.push_back(image[i]);
     }
@@ -257,15 +254,13 @@ std::vector<double> FitToDirections(const CameraModel& model,
   if (held.size() == params.size() || seen_image.size() < params.size()) return params;
 
   ceres::Problem fit;
-  fit.AddParameterBlock(params.data(),
-                        static_cast<int>(params.size()),
-                        held.empty() ? nullptr
-                                     : new ceres::SubsetManifold(
-                                           static_cast<int>(params.size()), held));
-  fit.AddResidualBlock(
-      new DirectionCost(model, problem.config, seen_directions, seen_image),
-      nullptr,
-      params.data());
+  fit.AddParameterBlock(
+      params.data(),
+      static_cast<int>(params.size()),
+      held.empty() ? nullptr : new ceres::SubsetManifold(static_cast<int>(params.size()), held));
+  fit.AddResidualBlock(new DirectionCost(model, problem.config, seen_directions, seen_image),
+                       nullptr,
+                       params.data());
   ceres::Solver::Options options;
   options.linear_solver_type = ceres::DENSE_QR;
   options.logging_type = ceres::SILENT;
@@ -282,7 +277,8 @@ std::vector<StartCandidate> StartCentral(
     const CameraModel& model,
     const StartProblem& problem,
     const std::function<std::vector<double>(double, double, double)>& near_axis) {
-  const Eigen::Vector2d centre((problem.image_size[0] - 1) / 2.0, (problem.image_size[1] - 1) / 2.0);
+  const Eigen::Vector2d centre((problem.image_size[0] - 1) / 2.0,
+                               (problem.image_size[1] - 1) / 2.0);
   const double half_diagonal = std::max(1.0, centre.norm());
 
   std::vector<AlignedView> aligned;

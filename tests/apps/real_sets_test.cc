@@ -147,8 +147,8 @@ TEST_F(RealSets, SimulatedStereoRigIsFoundWithinItsSigmas) {
   Calibrate();
   const YAML::Node truth = YAML::LoadFile((set / "truth/calibration.yaml").string())["cameras"];
   constexpr double kSigmas = 3;
-  // Missed so far (4 to 5 sigma): the remaining bias of small, steep tags shows where the cameras differ in
-  // scale, along the optical axis.
+  // Missed so far (4 to 5 sigma): the remaining bias of small, steep tags shows where the cameras
+  // differ in scale, along the optical axis.
   constexpr double kSigmasAlongAxis = 6;
   for (const char* name : {"left", "right"}) {
     const YAML::Node camera = Result()["cameras"][name];
