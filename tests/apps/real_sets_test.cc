@@ -40,7 +40,7 @@ class RealSets : public Workspace {
 };
 
 #define SKIP_WITHOUT(path) \
-  if (!fs::exists(path)) GTEST_SKIP() << (path) << " is absent; see README of tests/data"
+  if (!fs::exists(path)) GTEST_SKIP() << (path) << " is absent: shared/data is not beside this checkout"
 
 TEST_F(RealSets, StereoChessboardIsExplainedAsWellAsByOpenCv) {
   const fs::path set = Set("frames/stereo_chess_opencv");
