@@ -26,8 +26,10 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numbers>
+#include <opencv2/imgproc.hpp>
+#include <utility>
 
+#include "detectors/tag_step.h"
 #include "detectors/tag_template.h"
 
 namespace plenocal::internal {
@@ -37,31 +39,6 @@ constexpr int kParameters = 7;
 enum Parameter { kA, kB, kQ, kLevel, kContrast, kGradient, kBlur };
 using ParameterVector = Eigen::Matrix<double, kParameters, 1>;
 using ParameterMatrix = Eigen::Matrix<double, kParameters, kParameters>;
-
-/// E and its derivative by linear interpolation; the error is below 1e-5, a thousandth of a gray
-/// level.
-class StepTable {
- public:
-  StepTable() {
-    for (int i = 0; i <= kSize; ++i) {
-      const double z = (i - kSize / 2) / kPerUnit;
-      value_[i] = static_cast<float>(std::erf(z / std::numbers::sqrt2));
-      slope_[i] = static_cast<float>(std::sqrt(2 / std::numbers::pi) * std::exp(-z * z / 2));
-    }
-  }
-  void operator()(float z, float* value, float* slope) const {
-    const float at = std::clamp(z * static_cast<float>(kPerUnit) + kSize / 2, 0.f, kSize - 1.f);
-    const int i = static_cast<int>(at);
-    const float f = at - static_cast<float>(i);
-    *value = value_[i] + f * (value_[i + 1] - value_[i]);
-    *slope = slope_[i] + f * (slope_[i + 1] - slope_[i]);
-  }
-
- private:
-  static constexpr double kPerUnit = 128;
-  static constexpr int kSize = 1024;  // z in [-4, 4]
-  std::array<float, kSize + 1> value_, slope_;
-};
 
 struct Sample {
   float s, t, gray;
@@ -138,11 +115,6 @@ void CollectSamples(const cv::Mat& gray,
   }
 }
 
-const StepTable& Step() {
-  static const StepTable table;
-  return table;
-}
-
 /// Q(s) and B(s) of the model.
 class Surroundings {
  public:
@@ -169,8 +141,8 @@ class Surroundings {
  private:
   static double Between(double s, double from, double to, double blur) {
     float value_from, value_to, slope;
-    Step()(static_cast<float>((s - from) / blur), &value_from, &slope);
-    Step()(static_cast<float>((s - to) / blur), &value_to, &slope);
+    StepTable::Get()(static_cast<float>((s - from) / blur), &value_from, &slope);
+    StepTable::Get()(static_cast<float>((s - to) / blur), &value_to, &slope);
     return (value_from - value_to) / 2;
   }
   static constexpr int kSize = 128;
@@ -201,13 +173,13 @@ Sums Linearise(const ParameterVector& p,
     const float s = sample.s;
     const float z = (sample.t - f[kA] - s * (f[kB] + s * f[kQ])) * inverse_blur;
     float value, slope;
-    Step()(z, &value, &slope);
+    StepTable::Get()(z, &value, &slope);
     float slope_z = slope * z;
     if (around != nullptr) {
       float extent, behind, value_behind, slope_behind;
       around->At(s, &extent, &behind);
       const float z_behind = z + (ring_mean + s * ring_slope) * inverse_blur;
-      Step()(z_behind, &value_behind, &slope_behind);
+      StepTable::Get()(z_behind, &value_behind, &slope_behind);
       value = 1 - (1 - value) * extent - squares * (1 + value) * (1 - extent) +
               (1 - value_behind) * behind;
       const float own = extent - squares * (1 - extent);
@@ -300,12 +272,17 @@ void FitEdge(const cv::Mat& gray, bool corner_squares, Edge* edge, Workspace* wo
     const double variance = sums(kResidual, kResidual) / static_cast<double>(used - kParameters);
     // Of normal noise one sample in 16,000 is beyond four standard deviations.
     constexpr double kSigmaPerMedian = 1.4826;
+    const float largest = *std::max_element(work->residuals.begin(), work->residuals.end());
     limit = static_cast<float>(4 * kSigmaPerMedian * MedianAbsolute(&work->residuals));
     const Eigen::LDLT<ParameterMatrix> solver(information);
     const ParameterMatrix inverse = solver.solve(ParameterMatrix::Identity());
     edge->curve = p.head<3>();
     edge->covariance = variance * inverse.topLeftCorner<3, 3>();
-    blur = edge->blur = p[kBlur];
+    edge->blur = p[kBlur];
+    // The samples for this blur would be nearly the same.
+    constexpr double kSameBlur = 0.25;
+    if (largest <= limit && std::abs(edge->blur - blur) < kSameBlur * blur) break;
+    blur = edge->blur;
   }
   edge->fitted = edge->covariance.allFinite() && edge->covariance(0, 0) > 0;
 }
@@ -448,10 +425,21 @@ std::vector<RefinedQuad> RefineTags(const cv::Mat& gray,
                           return !corner;
                         });
     if (!narrow) continue;
-    // The first guess may be off by more than the drawing can follow.
-    for (const int reach : {0, 2}) {
-      TagTemplate drawing(gray, tags[i], border);
-      if (reach > 0) drawing.Search(reach);
+    SeenTag start = tags[i];
+    for (std::size_t k = 0; k < 4; ++k) {
+      if (refined[i][k]) start.corners[k] = refined[i][k]->point;
+    }
+    struct Attempt {
+      const SeenTag& from;
+      double blur;
+      int reach;
+    };
+    // Edges may mislead; the first guess may be off by more than the drawing can follow.
+    for (const Attempt& attempt : {Attempt{start, blur, 0},
+                                   Attempt{tags[i], kUsualBlur, 0},
+                                   Attempt{tags[i], kUsualBlur, 2}}) {
+      TagTemplate drawing(gray, attempt.from, border, attempt.blur);
+      if (attempt.reach > 0) drawing.Search(attempt.reach);
       if (!drawing.Fit()) continue;
       for (std::size_t k = 0; k < 4; ++k) {
         const double sigma = drawing.sigma(static_cast<int>(k));
@@ -492,7 +480,7 @@ std::optional<Quad> FindTag(const cv::Mat& gray,
   SeenTag there = expected;
   for (auto& c : there.corners) c = (c - origin) / reduced - half;
 
-  TagTemplate drawing(part, there, border);
+  TagTemplate drawing(part, there, border, kUsualBlur);
   drawing.Search(static_cast<int>(std::ceil(reach / reduced)));
   if (!drawing.Fit()) return std::nullopt;
   // Fisher's transform: five standard deviations from no correlation, one chance in three million.
