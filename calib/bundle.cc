@@ -72,9 +72,9 @@ namespace {
 using internal::LinearisedRows;
 using internal::LinearisedView;
 
-// Markers are estimated in blocks of two: fewer, larger blocks cost Ceres less bookkeeping
+// Markers are estimated in blocks: fewer, larger blocks cost Ceres less bookkeeping
 // (shared/PERFORMANCE.md, "Where the time hides").
-constexpr int kMarkersPerBlock = 2;
+constexpr int kMarkersPerBlock = 4;
 constexpr int kMarkerBlockSize = 3 * kMarkersPerBlock;
 
 // A pose in the chart around its place before the solve; `delta` points to its six unknowns.

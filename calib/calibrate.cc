@@ -307,8 +307,9 @@ class Calibrator {
   // their redundancy. Returns the largest relative change.
   double EstimateNoise(const std::vector<double>& lengths) {
     double change = 0;
+    const std::vector<double> coordinates = UsedCoordinates();
     for (size_t c = 0; c < CameraCount(); ++c) {
-      const double redundancy = result_.uncertainty.redundancy[c];
+      const double redundancy = coordinates[c] - paid_coordinates_[c];
       if (!(redundancy > 0)) continue;
       std::vector<std::pair<double, double>> squares;  // residual^2, stated sigma^2
       for (size_t i = 0; i < lengths.size(); ++i) {
@@ -370,9 +371,9 @@ class Calibrator {
     return {variance.scale2 * factor, variance.floor2 * factor};
   }
 
-  // Applies the rejection rule; true when the set of used observations changed.
-  bool Reject(const std::vector<double>& lengths) {
-    bool changed = false;
+  // Applies the rejection rule; the number of observations that it takes out or back.
+  size_t Reject(const std::vector<double>& lengths) {
+    size_t changed = 0;
     const double p = kFalseRejections / static_cast<double>(std::max<size_t>(1, lengths.size()));
     std::map<std::pair<int, int>, std::pair<int, int>> views;  // (frame, camera) -> (good, all)
     std::vector<bool> good(lengths.size());
@@ -394,7 +395,7 @@ class Calibrator {
       const auto& [good_count, all] = views.at({observation.frame, observation.camera});
       // A view most of whose points disagree is wrong as a whole (a moved target, a false pose).
       const bool used = good[i] && 2 * good_count >= all;
-      changed = changed || used != observation.used;
+      changed += used != observation.used ? 1 : 0;
       observation.used = used;
     }
     return changed;
@@ -471,18 +472,42 @@ class Calibrator {
     AdjustPoses(&bundle(), others);
     UseProjecting(std::vector<bool>(first.size(), true));
     DropWeakFrames();
+    // Near the optimum, who is rejected and how large the noise is do not depend on the last
+    // digits.
+    constexpr double kRoundTolerance = 1e-4;
     for (int round = 0; round < kMaxRounds; ++round) {
       CheckEnough();
-      Adjust(FineTolerance());
-      result_.uncertainty = EstimateUncertainty(result_.bundle, result_.camera_names);
+      Adjust(round == 0 ? FineTolerance() : kRoundTolerance);
+      if (round == 0) CountPaidCoordinates();
       const double noise_change = EstimateNoise(Lengths());
-      const bool set_changed = Reject(Lengths());
-      // The optimum moves with the square of a small change of the weights, the sigmas in
-      // proportion.
-      constexpr double kNoiseTolerance = 5e-3;
-      if (!set_changed && noise_change < kNoiseTolerance) break;
+      const size_t changed = Reject(Lengths());
       DropWeakFrames();
+      // The optimum moves with the square of a small change of the weights, the sigmas in
+      // proportion; and with one observation in a thousand by less than a tenth of a sigma.
+      constexpr double kNoiseTolerance = 5e-3, kFewChange = 1e-3;
+      const auto all = static_cast<double>(bundle().observations.size());
+      if (static_cast<double>(changed) <= kFewChange * all && noise_change < kNoiseTolerance) break;
     }
+    CheckEnough();
+    Adjust(FineTolerance());
+    result_.uncertainty = EstimateUncertainty(result_.bundle, result_.camera_names);
+  }
+
+  [[nodiscard]] std::vector<double> UsedCoordinates() const {
+    std::vector<double> coordinates(CameraCount(), 0.0);
+    for (const BundleObservation& observation : result_.bundle.observations) {
+      if (!observation.used) continue;
+      const auto c = static_cast<size_t>(observation.camera);
+      coordinates[c] += static_cast<double>(result_.bundle.cameras[c].model->measured.size());
+    }
+    return coordinates;
+  }
+
+  // How many of each camera's coordinates the unknowns take; a rejection changes it little.
+  void CountPaidCoordinates() {
+    paid_coordinates_ = UsedCoordinates();
+    const Uncertainty uncertainty = EstimateUncertainty(result_.bundle, result_.camera_names);
+    for (size_t c = 0; c < CameraCount(); ++c) paid_coordinates_[c] -= uncertainty.redundancy[c];
   }
 
   // A step that lowers half the sum of squares (in sigmas) by d moves the unknowns by about
@@ -564,14 +589,7 @@ class Calibrator {
   }
 
   void CheckEnough() const {
-    std::vector<double> coordinates(CameraCount(), 0.0);
-    std::set<int> frames;
-    for (const BundleObservation& observation : result_.bundle.observations) {
-      if (!observation.used) continue;
-      const auto c = static_cast<size_t>(observation.camera);
-      coordinates[c] += static_cast<double>(result_.bundle.cameras[c].model->measured.size());
-      frames.insert(observation.frame);
-    }
+    const std::vector<double> coordinates = UsedCoordinates();
     for (size_t c = 0; c < CameraCount(); ++c) {
       if (coordinates[c] == 0) {
         throw Error(
@@ -621,6 +639,7 @@ class Calibrator {
   Calibration result_;
   std::vector<double> typical_sigma_;
   std::vector<bool> has_sigmas_;
+  std::vector<double> paid_coordinates_;  // per camera
 };
 
 }  // namespace

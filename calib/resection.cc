@@ -135,9 +135,9 @@ double AngularSpan(std::span<const Ray> rays) {
 
 struct Candidate {
   RigidTransform T;
-  std::vector<double> angles;  // between each ray and its point, rad
-  double median = 0, largest = 0;
-  double best_part = 0;  // root mean square of the smallest three quarters
+  // Of the angles between rays and points, rad; `best_part` is the rms of the smallest three
+  // quarters.
+  double median = 0, largest = 0, rms = 0, best_part = 0;
 };
 
 // Levenberg-Marquardt on the angles between rays and points, reweighted by Cauchy's function with
@@ -221,26 +221,22 @@ std::optional<Candidate> Refine(std::span<const Ray> rays,
     if (!improved || step_size < kConverged) break;
   }
 
-  Candidate candidate;
-  candidate.T = T;
+  std::vector<double> angles;
   double front = 0;
   for (Eigen::Index i = 0; i < n; ++i) {
     const auto k = static_cast<size_t>(i);
     const Eigen::Vector3d p = T * Eigen::Vector3d(points.col(i)) - rays[k].origin;
-    candidate.angles.push_back(std::atan2((bases[k] * p).norm(), rays[k].direction.dot(p)));
+    angles.push_back(std::atan2((bases[k] * p).norm(), rays[k].direction.dot(p)));
     front += rays[k].direction.dot(p) > 0 ? 1 : 0;
   }
   if (2 * front < static_cast<double>(n)) return std::nullopt;
-  std::vector<double> sorted = candidate.angles;
-  std::sort(sorted.begin(), sorted.end());
-  candidate.median = sorted[sorted.size() / 2];
-  candidate.largest = sorted.back();
-  candidate.best_part = RootMeanSquare(std::span(sorted).first(sorted.size() - sorted.size() / 4));
-  return candidate;
-}
-
-void KeepBetter(std::optional<Candidate> candidate, std::optional<Candidate>* best) {
-  if (candidate && (!*best || candidate->best_part < (*best)->best_part)) *best = candidate;
+  std::sort(angles.begin(), angles.end());
+  return Candidate{
+      .T = T,
+      .median = angles[angles.size() / 2],
+      .largest = angles.back(),
+      .rms = RootMeanSquare(angles),
+      .best_part = RootMeanSquare(std::span(angles).first(angles.size() - angles.size() / 4))};
 }
 
 /// From the closed-form starts of `chosen` markers, refined on all.
@@ -265,7 +261,8 @@ std::optional<Candidate> FromStarts(std::span<const Ray> rays,
   std::optional<Candidate> best;
   for (const RigidTransform& start : starts) {
     if (!start.t.allFinite() || !start.R.allFinite()) continue;
-    KeepBetter(Refine(rays, points, start), &best);
+    const std::optional<Candidate> refined = Refine(rays, points, start);
+    if (refined && (!best || refined->rms < best->rms)) best = refined;
   }
   return best;
 }
@@ -308,13 +305,14 @@ std::optional<Resection> Resect(std::span<const Ray> rays,
         if (take) chosen.push_back(i);
       }
       if (chosen.size() < 6) continue;
-      KeepBetter(FromStarts(scaled, normalised, flat, chosen), &best);
+      const auto other = FromStarts(scaled, normalised, flat, chosen);
+      if (other && (!best || other->best_part < best->best_part)) best = other;
     }
   }
   if (!best) return std::nullopt;
   // Undo the normalisation: p_cam = unit * (R axes' (p - centre) / unit + t).
   const Eigen::Matrix3d R = best->T.R * spread.axes.transpose();
-  return Resection{{R, unit * best->T.t - R * spread.centre}, RootMeanSquare(best->angles)};
+  return Resection{{R, unit * best->T.t - R * spread.centre}, best->rms};
 }
 
 }  // namespace plenocal
