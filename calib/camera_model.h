@@ -30,6 +30,13 @@ using Vector2 = Eigen::Matrix<T, 2, 1>;
 template <typename T>
 using Vector3 = Eigen::Matrix<T, 3, 1>;
 
+/// A scalar's value without its derivatives.
+inline double ValueOf(double value) { return value; }
+template <typename T, int N>
+double ValueOf(const ceres::Jet<T, N>& value) {
+  return value.a;
+}
+
 /// One parameter of a camera model.
 struct Param {
   std::string_view name;  ///< the symbol of the model's source: "f_x"
@@ -40,6 +47,9 @@ struct Param {
   /// camera. Uncertainty is judged in this unit: a direction whose sigma is larger than it is not
   /// determined by the data.
   double scale = 0;
+  /// The value at which the parameter has no effect; one that is held without a start value takes
+  /// it.
+  std::optional<double> neutral = std::nullopt;
 };
 
 /// What a point in an image says about the scene: it lies on origin + lambda * direction, lambda >
@@ -56,6 +66,7 @@ struct StartProblem {
   ImageSize image_size{};
   std::span<const double> config;
   std::span<const std::optional<double>> given;  ///< the user's start value of each parameter
+  const std::vector<bool>* fixed = nullptr;      ///< parameters to be held at their start value
 };
 
 /// A possible start; the best of several is chosen by adjusting each.

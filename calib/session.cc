@@ -109,6 +109,7 @@ SessionCamera ReadCamera(const std::string& name,
   if (node.Has("fixed")) {
     for (const YamlNode& element : node.At("fixed").Elements()) {
       const size_t index = ParamIndex(model, element.AsString(), element);
+      if (!camera.initial[index]) camera.initial[index] = model.params[index].neutral;
       if (!camera.initial[index]) {
         element.Fail(fmt::format("'{}' is to be held, but 'initial' gives no value for it",
                                  element.AsString()));

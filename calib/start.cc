@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <set>
 
 #include "calib/error.h"
 #include "calib/resection.h"
@@ -20,17 +21,21 @@ constexpr size_t kMinPoints = 4;  // a pose has six unknowns, and three points l
 constexpr size_t kAdjustedCandidates = 2;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-// At most `limit` observations of known markers, spread evenly over the view.
+// All observations of at most `limit` known markers, spread evenly over the view.
 View Thinned(const View& view, const std::map<int, Eigen::Vector3d>& markers, size_t limit) {
+  std::vector<int> seen;
+  for (const Observation& observation : view.observations) {
+    if (markers.contains(observation.marker)) seen.push_back(observation.marker);
+  }
+  std::sort(seen.begin(), seen.end());
+  seen.erase(std::unique(seen.begin(), seen.end()), seen.end());
+  std::set<int> kept;
+  const size_t count = std::min(limit, seen.size());
+  for (size_t i = 0; i < count; ++i) kept.insert(seen[i * seen.size() / count]);
   View thinned{view.frame, {}};
   for (const Observation& observation : view.observations) {
-    if (markers.contains(observation.marker)) thinned.observations.push_back(observation);
+    if (kept.contains(observation.marker)) thinned.observations.push_back(observation);
   }
-  const size_t count = thinned.observations.size();
-  if (count <= limit) return thinned;
-  std::vector<Observation> kept;
-  for (size_t i = 0; i < limit; ++i) kept.push_back(thinned.observations[i * count / limit]);
-  thinned.observations = std::move(kept);
   return thinned;
 }
 
@@ -186,7 +191,8 @@ CameraStart StartCamera(const CameraInput& camera, const std::map<int, Eigen::Ve
                            .markers = &markers,
                            .image_size = camera.image_size,
                            .config = camera.config,
-                           .given = camera.initial});
+                           .given = camera.initial,
+                           .fixed = &camera.fixed});
   std::vector<Trial> trials;
   for (const StartCandidate& candidate : candidates) {
     trials.push_back(MakeTrial(camera, candidate.params, views, markers));

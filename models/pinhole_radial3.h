@@ -33,9 +33,9 @@ struct PinholeRadial3 : CentralModel {
                                       Param{"f_y", "px", 0},
                                       Param{"c_x", "px"},
                                       Param{"c_y", "px"},
-                                      Param{.name = "A_0", .unit = "1", .scale = 1},
-                                      Param{.name = "A_1", .unit = "1", .scale = 1},
-                                      Param{.name = "A_2", .unit = "1", .scale = 1}};
+                                      Param{.name = "A_0", .unit = "1", .scale = 1, .neutral = 0},
+                                      Param{.name = "A_1", .unit = "1", .scale = 1, .neutral = 0},
+                                      Param{.name = "A_2", .unit = "1", .scale = 1, .neutral = 0}};
   static constexpr std::array kExample{400.0, 405.0, 322.0, 243.0, -0.2, 0.06, -0.008};
   static constexpr ImageSize kExampleSize{640, 480};
 
@@ -64,7 +64,7 @@ struct PinholeRadial3 : CentralModel {
     const T x = p_cam.x() * z_inverse;
     const T y = p_cam.y() * z_inverse;
     const T r2 = x * x + y * y;
-    if (!Grows(Scalar(A_0), Scalar(A_1), Scalar(A_2), Scalar(r2))) return false;
+    if (!Grows(ValueOf(A_0), ValueOf(A_1), ValueOf(A_2), ValueOf(r2))) return false;
     const T stretch = 1.0 + r2 * (A_0 + r2 * (A_1 + r2 * A_2));
     u_px[0] = f_x * (x * stretch) + c_x;
     u_px[1] = f_y * (y * stretch) + c_y;
@@ -92,12 +92,6 @@ struct PinholeRadial3 : CentralModel {
   }
 
  private:
-  static double Scalar(double value) { return value; }
-  template <typename T, int N>
-  static double Scalar(const ceres::Jet<T, N>& value) {
-    return value.a;
-  }
-
   // Solves r_d(r) = r_d for r below the fold by Newton's method kept inside a bracket.
   static std::optional<double> UndistortedRadius(double A_0, double A_1, double A_2, double r_d) {
     const auto radius = [&](double r) {

@@ -134,7 +134,10 @@ class EveryCameraModel : public ::testing::TestWithParam<CameraModel> {
                                               predicted.data(),
                                               J_params.data(),
                                               J_point.data()));
-    EXPECT_EQ(predicted, evaluate(unknowns)) << "the value must not depend on the scalar type";
+    // Jets divide by multiplying with the inverse: a few roundings.
+    EXPECT_LT((predicted - evaluate(unknowns)).cwiseAbs().maxCoeff(),
+              1e-14 * Model().example_size[0])
+        << "the value must not depend on the scalar type";
     for (size_t k = 0; k < count + 3; ++k) {
       const bool is_param = k < count;
       // The size of a change that matters: the parameter's own, or the point's distance.
@@ -215,9 +218,10 @@ TEST_P(EveryCameraModel, FindsTheDirectionOfAPointAgainUpToTheEdgeOfItsDomain) {
 TEST_P(EveryCameraModel, SaysFalseAndNotNanOutsideItsDomain) {
   for (const double phi : Azimuths()) {
     // The domain has one edge: what lies beyond it is not imaged again (a fold would show here).
+    // Without a single centre it depends on the distance, and is sought at 1 m.
     const double edge = EdgeOfDomain(phi);
     for (double theta = edge + 1e-6; theta < std::numbers::pi; theta += 0.003) {
-      for (const double depth : Depths()) {
+      for (const double depth : Model().central ? Depths() : std::vector<double>{1}) {
         Values values = Centre();
         EXPECT_FALSE(Project(depth * Direction(theta, phi), &values))
             << "theta " << theta << " beyond " << edge << ", phi " << phi;

@@ -1,0 +1,186 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "models/start/plenoptic_start.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <optional>
+
+#include "calib/error.h"
+#include "calib/start.h"
+#include "models/pinhole_radial3.h"
+
+namespace plenocal {
+namespace {
+
+enum Place {
+  kFocal,
+  kMlaDistance,
+  kSensorDistance,
+  kCentreX,
+  kCentreY,
+  kA0,
+  kA1,
+  kB0,
+  kB1,
+  kCount
+};
+
+/// One marker in one frame, as all of its micro images together see it.
+struct VirtualPoint {
+  size_t view;
+  int marker;
+  double T;
+  double variance;  // of T, up to a factor common to all points
+};
+
+double MedianOf(std::vector<double> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+/// Least squares of rows * x = values under Cauchy's weights at three median residuals.
+Eigen::VectorXd RobustSolve(const Eigen::MatrixXd& rows, const Eigen::VectorXd& values) {
+  constexpr int kIterations = 10;
+  Eigen::VectorXd weights = Eigen::VectorXd::Ones(values.size());
+  Eigen::VectorXd x;
+  for (int i = 0; i < kIterations; ++i) {
+    const Eigen::MatrixXd weighted = weights.asDiagonal() * rows;
+    x = weighted.colPivHouseholderQr().solve(weights.cwiseProduct(values));
+    const Eigen::VectorXd residuals = (rows * x - values).cwiseAbs();
+    const double width = 3 * MedianOf({residuals.begin(), residuals.end()});
+    if (!(width > 0)) break;
+    weights = (1 + (residuals / width).array().square()).rsqrt();
+  }
+  return x;
+}
+
+struct VirtualImage {
+  std::vector<View> views;  // q of each marker, px
+  std::vector<VirtualPoint> points;
+};
+
+VirtualImage FitVirtualImage(std::span<const View> views) {
+  VirtualImage image;
+  for (size_t v = 0; v < views.size(); ++v) {
+    std::map<int, std::vector<const Observation*>> by_marker;
+    for (const Observation& seen : views[v].observations) by_marker[seen.marker].push_back(&seen);
+    View virtual_view{views[v].frame, {}};
+    for (const auto& [marker, seen] : by_marker) {
+      if (seen.size() < 2) continue;
+      // [1 0 c_x; 0 1 c_y] (u_0x, u_0y, s)' = x_R
+      const auto n = static_cast<Eigen::Index>(seen.size());
+      Eigen::MatrixXd rows = Eigen::MatrixXd::Zero(2 * n, 3);
+      Eigen::VectorXd measured(2 * n);
+      Eigen::Vector2d mean(0, 0);
+      for (const Observation* o : seen) {
+        mean += Eigen::Vector2d(o->values[2], o->values[3]) / static_cast<double>(n);
+      }
+      double spread = 0;
+      for (Eigen::Index i = 0; i < n; ++i) {
+        const auto& values = seen[static_cast<size_t>(i)]->values;
+        for (Eigen::Index r = 0; r < 2; ++r) {
+          const auto k = static_cast<size_t>(r);
+          rows(2 * i + r, r) = 1;
+          rows(2 * i + r, 2) = values[2 + k] - mean[r];
+          measured[2 * i + r] = values[k];
+          spread += std::pow(values[2 + k] - mean[r], 2);
+        }
+      }
+      if (!(spread > 0)) continue;
+      const Eigen::Vector3d fit = RobustSolve(rows, measured);
+      const double T = 1 / (1 - fit[2]);
+      if (!std::isfinite(T)) continue;
+      const Eigen::Vector2d q = mean + T * (fit.head<2>() - mean);
+      Observation observation;
+      observation.marker = marker;
+      observation.values = {q.x(), q.y()};
+      virtual_view.observations.push_back(observation);
+      image.points.push_back({v, marker, T, std::pow(T, 4) / spread});
+    }
+    image.views.push_back(std::move(virtual_view));
+  }
+  return image;
+}
+
+}  // namespace
+
+std::vector<StartCandidate> StartPlenoptic(const StartProblem& problem) {
+  const VirtualImage image = FitVirtualImage(problem.views);
+  static constexpr CameraModel kPinhole = MakeCameraModel<PinholeRadial3>();
+  CameraInput pinhole{.name = "virtual image",
+                      .model = &kPinhole,
+                      .config = {},
+                      .initial = std::vector<std::optional<double>>(kPinhole.params.size()),
+                      .fixed = std::vector<bool>(kPinhole.params.size(), false),
+                      .image_size = problem.image_size,
+                      .views = image.views};
+  for (const auto& [of_pinhole, of_plenoptic] : {std::pair{2, kCentreX}, std::pair{3, kCentreY}}) {
+    if (const auto& given = problem.given[of_plenoptic]) {
+      pinhole.initial[of_pinhole] = *given;
+      pinhole.fixed[of_pinhole] = true;
+    }
+  }
+  std::optional<CameraStart> start;
+  try {
+    start = StartCamera(pinhole, *problem.markers);
+  } catch (const Error&) {
+    return {};  // the caller says that nothing explains the detections
+  }
+
+  const double pixel_size = problem.config[0];
+  const double b_s = (start->params[0] + start->params[1]) / 2 * pixel_size;  // b_L0 + B
+  std::vector<double> params(kCount, 0.0);
+  params[kCentreX] = start->params[2];
+  params[kCentreY] = start->params[3];
+  // The pinhole's distortion is in units of its focal length.
+  params[kA0] = start->params[4] / (b_s * b_s);
+  params[kA1] = start->params[5] / std::pow(b_s, 4);
+  for (const int k : {kA0, kA1, kB0, kB1}) params[k] = problem.given[k].value_or(params[k]);
+
+  std::vector<std::pair<double, const VirtualPoint*>> at;  // 1 / z
+  for (const VirtualPoint& point : image.points) {
+    const auto& T_camera_target = start->T_camera_target[point.view];
+    if (!T_camera_target) continue;
+    const double z = (*T_camera_target * problem.markers->at(point.marker)).z();
+    if (z > 0) at.emplace_back(1 / z, &point);
+  }
+  if (at.size() < 2) return {};
+  const auto n = static_cast<Eigen::Index>(at.size());
+  Eigen::MatrixXd line(n, 2);
+  Eigen::VectorXd T(n), weight(n);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const auto& [inverse_z, point] = at[static_cast<size_t>(i)];
+    weight[i] = 1 / std::sqrt(point->variance);
+    line.row(i) << 1, inverse_z;
+    T[i] = point->T;
+  }
+
+  std::vector<StartCandidate> candidates;
+  const auto add = [&](double f_L, double b_L0, double B) {
+    params[kFocal] = f_L;
+    params[kMlaDistance] = problem.given[kMlaDistance].value_or(b_L0);
+    params[kSensorDistance] = problem.given[kSensorDistance].value_or(B);
+    if (f_L > 0 && params[kMlaDistance] > 0 && params[kSensorDistance] > 0) {
+      candidates.push_back({params});
+    }
+  };
+  if (!(*problem.fixed)[kFocal]) {
+    const Eigen::Vector2d ab = RobustSolve(weight.asDiagonal() * line, weight.cwiseProduct(T));
+    const double B = b_s * b_s / (ab[1] + b_s), b_L0 = b_s - B;
+    add(b_L0 / (1 - ab[0] * B / b_s), b_L0, B);
+  }
+  if (const auto& f_L = problem.given[kFocal]) {
+    // The same line with f_L known: B (T - b_s (1/f_L - 1/z)) = b_s (1 - b_s / f_L + b_s / z).
+    const Eigen::VectorXd inverse_z = line.col(1);
+    const Eigen::VectorXd row = T.array() - b_s * (1 / *f_L - inverse_z.array());
+    const Eigen::VectorXd value = b_s * (1 - b_s / *f_L + b_s * inverse_z.array());
+    const double B = RobustSolve(weight.cwiseProduct(row), weight.cwiseProduct(value))[0];
+    add(*f_L, b_s - B, B);
+  }
+  return candidates;
+}
+
+}  // namespace plenocal

@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <vector>
+
+#include "calib/camera_model.h"
+
+namespace plenocal {
+
+/// Closed-form start values [f_L, b_L0, B, c_x, c_y, A_0, A_1, B_0, B_1] of a focused plenoptic
+/// camera (shared/PLENOPTIC.md, section 1). All micro images of one marker in one frame obey
+/// x_R = u_0 + s c_I. With T = 1 / (1 - s), the point q = u_0 T is the image of an ordinary pinhole
+/// camera of focal length b_L0 + B, and T = a + b / z:
+///
+///   B = (b_L0 + B)^2 / (b + b_L0 + B),  f_L = b_L0 / (1 - a B / (b_L0 + B)).
+///
+/// config[0] is the pixel size, m; observations are (x, y, lens_x, lens_y). A second candidate
+/// takes f_L from the user, for targets without depth. Empty when the views do not suffice.
+std::vector<StartCandidate> StartPlenoptic(const StartProblem& problem);
+
+}  // namespace plenocal
