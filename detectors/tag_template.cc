@@ -38,26 +38,32 @@ Eigen::Matrix3d UnitSquareHomography(const Quad& q) {
   return h;
 }
 
-TagTemplate::TagTemplate(const cv::Mat& gray,
-                         const SeenTag& tag,
-                         const TagBorder& border,
-                         double blur)
-    : gray_(gray), border_(border), bits_(border.width + 2 * kAround) {
-  const int n = bits_;
-  cells_.assign(static_cast<std::size_t>(n) * n, 1.f);
+/// The tag's bits with kAround bits around it.
+CellDrawing DrawTag(const std::vector<bool>& bits, const TagBorder& border) {
+  const int n = border.width + 2 * kBitsAroundTag;
+  std::vector<float> cells(static_cast<std::size_t>(n) * n, 1.f);
   for (int y = 0; y < border.width; ++y) {
     for (int x = 0; x < border.width; ++x) {
-      cells_[(y + kAround) * n + x + kAround] = tag.bits[y * border.width + x] ? 1.f : -1.f;
+      cells[(y + kBitsAroundTag) * n + x + kBitsAroundTag] =
+          bits[y * border.width + x] ? 1.f : -1.f;
     }
   }
   if (border.corner_squares) {
     for (const int y : {1, n - 2}) {
-      for (const int x : {1, n - 2}) cells_[y * n + x] = -1;
+      for (const int x : {1, n - 2}) cells[y * n + x] = -1;
     }
   }
-  for (Profile* profile : {&across_, &down_}) {
-    for (auto* values : {&profile->share, &profile->slope, &profile->bend}) values->resize(n);
-  }
+  return {std::move(cells), n};
+}
+
+TagTemplate::TagTemplate(const cv::Mat& gray,
+                         const SeenTag& tag,
+                         const TagBorder& border,
+                         double blur)
+    : gray_(gray),
+      border_(border),
+      bits_(border.width + 2 * kAround),
+      drawing_(DrawTag(tag.bits, border)) {
   state_.blur = blur;
   SetBeyond(0);
   SetCorners(tag.corners);
@@ -115,130 +121,13 @@ void TagTemplate::ChoosePixels() {
   }
 }
 
-void TagTemplate::Profile::Fill(float at, float blur, int n) {
-  const StepTable& step = StepTable::Get();
-  const float reach = StepTable::kReach * blur;
-  // The boundary between bits i - 1 and i is at i; the outermost bits have no end.
-  const float last = static_cast<float>(n - 1);
-  const int low = static_cast<int>(std::ceil(std::clamp(at - reach, 1.f, last)));
-  const int high = static_cast<int>(std::floor(std::clamp(at + reach, 1.f, last)));
-  first = low - 1;
-  count = 0;
-  const float inverse = 1 / blur;
-  float cumulative = 1, density = 0, bent = 0;
-  for (int boundary = low; boundary <= high; ++boundary) {
-    const float z = (at - static_cast<float>(boundary)) * inverse;
-    float value, twice_density;
-    step(z, &value, &twice_density);
-    const float next = (1 + value) / 2, next_density = twice_density / 2;
-    const float next_bent = -z * next_density;
-    share[count] = cumulative - next;
-    slope[count] = density - next_density;
-    bend[count] = bent - next_bent;
-    ++count;
-    cumulative = next;
-    density = next_density;
-    bent = next_bent;
-  }
-  share[count] = cumulative;
-  slope[count] = density;
-  bend[count] = bent;
-  ++count;
-}
-
 void TagTemplate::SetBeyond(double value) {
   state_.beyond = value;
-  const int n = bits_;
-  for (int i = 0; i < n; ++i) {
-    for (const int cell : {i, n * (n - 1) + i, n * i, n * i + n - 1}) {
-      cells_[cell] = static_cast<float>(value);
-    }
-  }
+  drawing_.SetBeyond(static_cast<float>(value));
 }
 
 TagTemplate::Drawn TagTemplate::Draw(const Eigen::Matrix3f& G, float blur, float x, float y) {
-  Drawn drawn;
-  drawn.scale = G(2, 0) * x + G(2, 1) * y + 1;
-  const float inverse = 1 / drawn.scale;
-  drawn.u = (G(0, 0) * x + G(0, 1) * y + G(0, 2)) * inverse;
-  drawn.v = (G(1, 0) * x + G(1, 1) * y + G(1, 2)) * inverse;
-  const float u_x = (G(0, 0) - drawn.u * G(2, 0)) * inverse;
-  const float u_y = (G(0, 1) - drawn.u * G(2, 1)) * inverse;
-  const float v_x = (G(1, 0) - drawn.v * G(2, 0)) * inverse;
-  const float v_y = (G(1, 1) - drawn.v * G(2, 1)) * inverse;
-  const float blur_y = blur / static_cast<float>(side_);
-  const float length_u = std::sqrt(u_x * u_x + u_y * u_y);
-  const float length_v = std::sqrt(v_x * v_x + v_y * v_y);
-  const float r = (u_x * v_x + u_y * v_y) / (length_u * length_v);
-  const float blur_u = blur_y * length_u, blur_v = blur_y * length_v;
-  constexpr float kSeries = 0.3f, kMostCommon = 0.97f;
-  const float common = std::abs(r) > kSeries ? std::min(std::abs(r), kMostCommon) : 0;
-  const float rest = std::sqrt(1 - common);
-  if (common == 0) {
-    AddProduct(drawn.u, drawn.v, blur_u, blur_v, r, 1, &drawn);
-  } else {
-    // The trapezoidal rule over the common part; with this step its error is below a thousandth.
-    const float step = 1.7f * rest;
-    const int most = static_cast<int>(std::ceil(2.6f / step));
-    const float shift_u = blur_u * std::sqrt(common);
-    const float shift_v = std::copysign(blur_v * std::sqrt(common), r);
-    float total = 0;
-    for (int k = -most; k <= most; ++k) total += std::exp(-k * k * step * step / 2);
-    for (int k = -most; k <= most; ++k) {
-      const float at = k * step, weight = std::exp(-at * at / 2) / total;
-      AddProduct(drawn.u + shift_u * at,
-                 drawn.v + shift_v * at,
-                 blur_u * rest,
-                 blur_v * rest,
-                 0,
-                 weight,
-                 &drawn);
-    }
-  }
-  // The heat equation: dT/dw = w times T's Laplacian.
-  drawn.by_blur = (drawn.bend + 2 * r * drawn.twist) / (blur * rest * rest);
-  return drawn;
-}
-
-void TagTemplate::AddProduct(
-    float u, float v, float blur_u, float blur_v, float r, float weight, Drawn* drawn) {
-  across_.Fill(u, blur_u, bits_);
-  down_.Fill(v, blur_v, bits_);
-  float ss = 0, sb = 0, bs = 0, dd = 0, bb = 0, ds = 0, sd = 0, bd = 0, db = 0;
-  for (int i = 0; i < down_.count; ++i) {
-    const float* row = &cells_[(down_.first + i) * bits_ + across_.first];
-    float share = 0, slope = 0, bend = 0;
-    for (int j = 0; j < across_.count; ++j) {
-      share += row[j] * across_.share[j];
-      slope += row[j] * across_.slope[j];
-      bend += row[j] * across_.bend[j];
-    }
-    const float s = down_.share[i], d = down_.slope[i], b = down_.bend[i];
-    ss += share * s;
-    sb += share * b;
-    sd += share * d;
-    bs += bend * s;
-    bd += bend * d;
-    bb += bend * b;
-    ds += slope * s;
-    dd += slope * d;
-    db += slope * b;
-  }
-  drawn->value += weight * (ss + r * (dd + r / 2 * bb));
-  drawn->by_u += weight * (ds + r * bd) / blur_u;
-  drawn->by_v += weight * (sd + r * db) / blur_v;
-  drawn->bend += weight * (bs + sb);
-  drawn->twist += weight * dd;
-  drawn->by_beyond += weight * (1 - across_.Known(bits_) * down_.Known(bits_));
-}
-
-/// The share of the bits that are known: all but the outermost.
-float TagTemplate::Profile::Known(int n) const {
-  float known = 0;
-  for (int i = 0; i < count; ++i) {
-    if (first + i > 0 && first + i < n - 1) known += share[i];
-  }
-  return known;
+  return drawing_.Draw(G, blur / static_cast<float>(side_), x, y);
 }
 
 void TagTemplate::Search(int reach) {
@@ -288,6 +177,7 @@ TagTemplate::Sums TagTemplate::Linearise(const State& state) {
   Eigen::Matrix<float, kPadded, kPadded> row = Eigen::Matrix<float, kPadded, kPadded>::Zero();
   Eigen::Matrix<float, kPadded, 1> j = Eigen::Matrix<float, kPadded, 1>::Zero();
   const Eigen::Vector2f gradient = state.gradient.cast<float>();
+  const float by_px = 1 / static_cast<float>(side_);
   const float m = static_cast<float>(state.level), k = static_cast<float>(state.contrast);
   for (std::size_t i = 0; i < pixels_.size(); ++i) {
     const Pixel& p = pixels_[i];
@@ -300,7 +190,7 @@ TagTemplate::Sums TagTemplate::Linearise(const State& state) {
     const float residual = gray_.at<unsigned char>(p.row, p.column) - light * level;
     j.head<kParameters + 1>() << by_u * p.x, by_u * p.y, by_u, by_v * p.x, by_v * p.y, by_v,
         by_scale * p.x, by_scale * p.y, light, light * drawn.value, level * p.x, level * p.y,
-        strength * drawn.by_blur, strength * drawn.by_beyond, residual;
+        strength * drawn.by_blur * by_px, strength * drawn.by_beyond, residual;
     row.noalias() += j * j.transpose();
     if (i + 1 == pixels_.size() || pixels_[i + 1].row != p.row) {
       sums += row.cast<double>();

@@ -6,6 +6,7 @@
 #include <opencv2/core/mat.hpp>
 #include <vector>
 
+#include "detectors/cell_drawing.h"
 #include "detectors/tag_edges.h"
 
 namespace plenocal::internal {
@@ -13,6 +14,12 @@ namespace plenocal::internal {
 /// Maps (0, 0), (1, 0), (1, 1), (0, 1) to the corners; P. Heckbert, "Fundamentals of Texture
 /// Mapping and Image Warping", 1989.
 Eigen::Matrix3d UnitSquareHomography(const Quad& q);
+
+/// Around the tag its drawing has one bit of known colour, then one of what is beyond.
+inline constexpr int kBitsAroundTag = 2;
+
+/// A tag's bits and those around it: 1 in the colour around the tag, -1 in the other.
+CellDrawing DrawTag(const std::vector<bool>& bits, const TagBorder& border);
 
 /// A tag's drawing fitted to the image:
 ///
@@ -43,7 +50,7 @@ class TagTemplate {
   [[nodiscard]] double DataCorrelation();
 
  private:
-  static constexpr int kAround = 2;       // bits of the drawing around the tag
+  static constexpr int kAround = kBitsAroundTag;
   static constexpr int kParameters = 14;  // G without its last, m, k, g, w, e
   static constexpr int kBeyond = 13;
   static constexpr int kResidual = kParameters;
@@ -61,25 +68,10 @@ class TagTemplate {
     double level = 0, contrast = 0, blur = 0, beyond = 0;
     Eigen::Vector2d gradient{0, 0};
   };
-  /// Along one axis of the tag at a place: the share of each of some neighbouring bits, and its
-  /// first two derivatives by the place / blur.
-  struct Profile {
-    int first = 0, count = 0;
-    std::vector<float> share, slope, bend;
-    void Fill(float at, float blur, int n);
-    [[nodiscard]] float Known(int n) const;
-  };
-  struct Drawn {
-    float value = 0, by_u = 0, by_v = 0, by_blur = 0, by_beyond = 0;
-    float bend = 0, twist = 0;      ///< T_aa + T_bb and T_ab, with a, b = place / blur
-    float u = 0, v = 0, scale = 0;  ///< place in bits, third homogeneous coordinate
-  };
+  using Drawn = CellDrawing::Drawn;
 
   void ChoosePixels();
   void SetBeyond(double value);
-  /// Adds `weight` times a drawing whose blurs (bits) are correlated by a small `r`.
-  void AddProduct(
-      float u, float v, float blur_u, float blur_v, float r, float weight, Drawn* drawn);
   Drawn Draw(const Eigen::Matrix3f& G, float blur, float x, float y);
   /// Of j j^T over the pixels, j being the model's derivatives by its parameters, then the
   /// residual.
@@ -94,14 +86,13 @@ class TagTemplate {
 
   const cv::Mat& gray_;
   TagBorder border_;
-  int bits_ = 0;              ///< of the drawing: the tag and those around it
-  std::vector<float> cells_;  ///< of the drawing: -1, 1 or, the outermost, e
+  int bits_ = 0;         ///< of the drawing: the tag and those around it
+  CellDrawing drawing_;  ///< of -1, 1 and, the outermost, e
   State state_;
   Quad corners_;
   Eigen::Vector2d centre_;
   double side_ = 0;
   std::vector<Pixel> pixels_;
-  Profile across_, down_;
   std::array<double, 4> sigma_{};
 };
 
