@@ -2,6 +2,9 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
 
 #include "apps/console.h"
 
@@ -14,10 +17,36 @@ struct SessionCommand {
   std::filesystem::path out;
 };
 
+/// The white images of a session's cameras, or, with `model`, those that `inputs` name.
+struct WhiteCommand {
+  std::vector<std::string> inputs;  ///< session.yaml; or folders, globs and files
+  std::string model;                ///< camera model; empty: `inputs` is a session
+  std::string camera;               ///< name for the results; empty: that of the images' folder
+  std::string bayer;                ///< "RGGB" and the like for raw mosaics, else empty
+  std::optional<std::filesystem::path> grid;  ///< RayCalibData XML
+  std::filesystem::path out;
+};
+
+/// Raw plenoptic images and where the micro lenses come from.
+struct FocusCommand {
+  std::vector<std::string> raw;      ///< folders, globs and files
+  std::vector<std::string> white;    ///< likewise
+  std::filesystem::path grid;        ///< micro_lenses_<camera>.csv or RayCalibData XML; empty: none
+  std::filesystem::path vignetting;  ///< attenuation TIFF; empty: none
+  std::filesystem::path markers;     ///< target.yaml; empty: none
+  std::string bayer;                 ///< "RGGB" and the like for raw mosaics, else empty
+  double scale = 2;                  ///< raw px a pixel of the results
+  std::filesystem::path out;
+};
+
 /// `plenocal calibrate`: images or detections to calibration.
 void RunCalibrate(const SessionCommand& command, const ConsoleOptions& options);
 /// `plenocal detect`: only the detections.
 void RunDetect(const SessionCommand& command, const ConsoleOptions& options);
+/// `plenocal white`: micro-image centres and attenuation images.
+void RunWhite(const WhiteCommand& command, const ConsoleOptions& options);
+/// `plenocal focus`: totally focused image and virtual depth.
+void RunFocus(const FocusCommand& command, const ConsoleOptions& options);
 /// `plenocal models`: the registered camera models on standard output.
 void RunModels();
 

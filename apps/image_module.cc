@@ -30,21 +30,44 @@ void* LoadModule() {
                   reason.empty() ? "no such file" : reason));
 }
 
+void* Module() {
+  static void* const kModule = LoadModule();
+  return kModule;
+}
+
+/// The function `name` of the module, of the type of its declaration.
+template <typename Function>
+Function* FromModule(const char* name) {
+  void* const module = Module();
+  void* const found = dlsym(module, name);
+  if (found == nullptr) {
+    throw Error(ErrorKind::kJob,
+                fmt::format("{} is of another version of plenocal", PLENOCAL_IMAGE_MODULE));
+  }
+  return reinterpret_cast<Function*>(found);
+}
+
 }  // namespace
 
 ImageDetections DetectImagesByModule(const std::vector<FrameImage>& images,
                                      const Target& target,
                                      const DetectOptions& options) {
-  static void* const kModule = LoadModule();
-  const auto detect =
-      reinterpret_cast<decltype(&plenocal_detect_images)>(dlsym(kModule, "plenocal_detect_images"));
-  if (detect == nullptr) {
-    throw Error(ErrorKind::kJob,
-                fmt::format("{} is of another version of plenocal", PLENOCAL_IMAGE_MODULE));
-  }
+  using Detect = decltype(plenocal_detect_images);
   ImageDetections detections;
-  detect(images, target, options, &detections);
+  FromModule<Detect>("plenocal_detect_images")(images, target, options, &detections);
   return detections;
+}
+
+WhiteCamera MeasureWhiteImagesByModule(const std::vector<FrameImage>& images,
+                                       const WhiteOptions& options) {
+  using Measure = decltype(plenocal_measure_white_images);
+  WhiteCamera camera;
+  FromModule<Measure>("plenocal_measure_white_images")(images, options, &camera);
+  return camera;
+}
+
+void FocusImagesByModule(const FocusRequest& request) {
+  FromModule<decltype(plenocal_focus_images)>("plenocal_focus_images")(request);
 }
 
 }  // namespace plenocal

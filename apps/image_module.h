@@ -5,6 +5,8 @@
 
 #include "calib/session.h"
 #include "detectors/detect_images.h"
+#include "detectors/focus_images.h"
+#include "detectors/white_camera.h"
 #include "targets/target.h"
 
 /// What the image module exports: `DetectImages` of detectors/detect_images.h.
@@ -13,6 +15,14 @@ extern "C" void plenocal_detect_images(const std::vector<plenocal::FrameImage>& 
                                        const plenocal::DetectOptions& options,
                                        plenocal::ImageDetections* detections);
 
+/// What the image module exports: `MeasureWhiteImages` of detectors/white_camera.h.
+extern "C" void plenocal_measure_white_images(const std::vector<plenocal::FrameImage>& images,
+                                              const plenocal::WhiteOptions& options,
+                                              plenocal::WhiteCamera* camera);
+
+/// What the image module exports: `FocusImages` of detectors/focus_images.h.
+extern "C" void plenocal_focus_images(const plenocal::FocusRequest& request);
+
 namespace plenocal {
 
 /// `DetectImages` by the image module, which is loaded on first use. Throws `Error` of kind kJob
@@ -20,5 +30,12 @@ namespace plenocal {
 ImageDetections DetectImagesByModule(const std::vector<FrameImage>& images,
                                      const Target& target,
                                      const DetectOptions& options);
+
+/// `MeasureWhiteImages` by the image module.
+WhiteCamera MeasureWhiteImagesByModule(const std::vector<FrameImage>& images,
+                                       const WhiteOptions& options);
+
+/// `FocusImages` by the image module.
+void FocusImagesByModule(const FocusRequest& request);
 
 }  // namespace plenocal

@@ -7,3 +7,13 @@ extern "C" void plenocal_detect_images(const std::vector<plenocal::FrameImage>& 
                                        plenocal::ImageDetections* detections) {
   *detections = plenocal::DetectImages(images, target, options);
 }
+
+extern "C" void plenocal_measure_white_images(const std::vector<plenocal::FrameImage>& images,
+                                              const plenocal::WhiteOptions& options,
+                                              plenocal::WhiteCamera* camera) {
+  *camera = plenocal::MeasureWhiteImages(images, options);
+}
+
+extern "C" void plenocal_focus_images(const plenocal::FocusRequest& request) {
+  plenocal::FocusImages(request);
+}

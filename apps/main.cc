@@ -81,6 +81,62 @@ int main(int argc, char** argv) {
                       plenocal::RunCalibrate);
   add_session_command(
       "detect", "Only find the markers: writes OUT/detections_<camera>.csv.", plenocal::RunDetect);
+  plenocal::WhiteCommand white_command;
+  CLI::App* white =
+      app.add_subcommand("white",
+                         "From white images to micro-image centres and attenuation.\n\n"
+                         "  plenocal white session.yaml -o OUT\n"
+                         "  plenocal white FOLDER --model focused-plenoptic -o OUT\n\n"
+                         "writes OUT/vignetting_<camera>.tiff and, for a plenoptic camera, "
+                         "micro_lenses_<camera>.csv and "
+                         "grid_<camera>.png.");
+  white
+      ->add_option(
+          "input", white_command.inputs, "session.yaml; with --model a folder, glob or files")
+      ->required();
+  white->add_option("-o,--out", white_command.out, "folder for the results")->required();
+  white->add_option("--model", white_command.model, "camera model of the images")->expected(1);
+  white->add_option(
+      "--camera", white_command.camera, "name for the results (default: the folder's)");
+  white
+      ->add_option(
+          "--bayer", white_command.bayer, "colours of the top-left 2 x 2 pixels of raw mosaics")
+      ->check(CLI::IsMember({"RGGB", "BGGR", "GRBG", "GBRG"}));
+  white->add_option("--grid", white_command.grid, "RayCalibData XML with the micro-lens grid");
+  white->add_option("--threads", options.threads, "number of threads (default: all cores)")
+      ->check(CLI::Range(1, 1024));
+  white->add_flag("--quiet", options.quiet, "no messages and no progress, only errors");
+  white->callback([&] { run = [&] { RunWhite(white_command, options); }; });
+  plenocal::FocusCommand focus_command;
+  CLI::App* focus = app.add_subcommand(
+      "focus",
+      "From raw images of a plenoptic camera to totally focused images and virtual depth.\n\n"
+      "  plenocal focus RAW --white WHITE... -o OUT\n\n"
+      "writes OUT/focused.png, virtual_depth.tiff, virtual_depth_sigma.tiff, virtual_depth.png and "
+      "focused.yaml; of several raw images OUT/<frame>/...");
+  focus->add_option("raw", focus_command.raw, "raw images: files, globs or folders")->required();
+  focus->add_option("-o,--out", focus_command.out, "folder for the results")->required();
+  focus->add_option("--white", focus_command.white, "white images of the camera, likewise");
+  focus->add_option("--grid",
+                    focus_command.grid,
+                    "instead of white images: micro_lenses_<camera>.csv or RayCalibData XML");
+  focus->add_option("--vignetting",
+                    focus_command.vignetting,
+                    "with --grid: attenuation TIFF (default: the raw images are corrected already)");
+  focus->add_option("--markers",
+                    focus_command.markers,
+                    "target.yaml: make the depth of each marker found a plane and focus again");
+  focus
+      ->add_option(
+          "--bayer", focus_command.bayer, "colours of the top-left 2 x 2 pixels of raw mosaics")
+      ->check(CLI::IsMember({"RGGB", "BGGR", "GRBG", "GBRG"}));
+  focus->add_option("--scale", focus_command.scale, "raw pixels a pixel of the results")
+      ->check(CLI::Range(0.5, 16.0))
+      ->capture_default_str();
+  focus->add_option("--threads", options.threads, "number of threads (default: all cores)")
+      ->check(CLI::Range(1, 1024));
+  focus->add_flag("--quiet", options.quiet, "no messages and no progress, only errors");
+  focus->callback([&] { run = [&] { RunFocus(focus_command, options); }; });
   app.add_subcommand("models", "List the camera models, their parameters, units and source.")
       ->callback([&] { run = plenocal::RunModels; });
 

@@ -33,10 +33,13 @@ SessionObservations CollectObservations(const Session& session,
                                         const ConsoleOptions& options,
                                         Console* console) {
   // Globs first: a wrong one should not show only after minutes of work on another camera.
-  std::vector<std::vector<FrameImage>> images;
+  std::vector<std::vector<FrameImage>> images, white_images;
   for (const SessionCamera& camera : session.cameras) {
     images.push_back(camera.images.empty() ? std::vector<FrameImage>()
                                            : ExpandImages(camera.images, camera.name + ": images"));
+    white_images.push_back(camera.white_images.empty()
+                               ? std::vector<FrameImage>()
+                               : ExpandImages(camera.white_images, camera.name + ": white_images"));
   }
 
   SessionObservations collected;
@@ -57,7 +60,12 @@ SessionObservations CollectObservations(const Session& session,
                                    CountObservations(input.views),
                                    camera.detections.string()));
     } else {
-      DetectOptions detect{.threads = options.threads, .progress = [&](size_t done) {
+      // A model whose points are seen through something looks through micro lenses.
+      DetectOptions detect{.plenoptic = !camera.model->context.empty(),
+                           .white_images = white_images[c],
+                           .bayer = !camera.bayer.empty(),
+                           .threads = options.threads,
+                           .progress = [&](size_t done) {
                              console->Progress(camera.name + ": images", done, images[c].size());
                              return !Interrupted();
                            }};

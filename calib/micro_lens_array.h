@@ -33,6 +33,9 @@ struct MicroLensArray {
   [[nodiscard]] double Pitch() const { return (e_column.norm() + e_row.norm()) / 2; }
 };
 
+/// Sets the lattice vectors from rows, columns and centres. Throws `Error` for too few micro lenses.
+void SetLatticeVectors(MicroLensArray* array);
+
 /// The text of micro_lenses_<camera>.csv: index, x, y, type, then row, column, usable.
 std::string FormatMicroLenses(const MicroLensArray& array);
 

@@ -80,6 +80,16 @@ SessionCamera ReadCamera(const std::string& name,
   if (node.Has("images")) camera.images = PathBeside(session, node.At("images"));
   if (node.Has("detections")) camera.detections = PathBeside(session, node.At("detections"));
   if (node.Has("white_images")) camera.white_images = PathBeside(session, node.At("white_images"));
+  if (node.Has("bayer")) {
+    camera.bayer = node.At("bayer").AsString();
+    static constexpr std::array<std::string_view, 4> kOrders{"RGGB", "BGGR", "GRBG", "GBRG"};
+    if (std::find(kOrders.begin(), kOrders.end(), camera.bayer) == kOrders.end()) {
+      node.At("bayer").Fail(
+          fmt::format("expected the colours of the top-left 2 x 2 pixels, found '{}'{}",
+                      camera.bayer,
+                      SuggestName(camera.bayer, kOrders)));
+    }
+  }
   if (node.Has("image_size")) {
     const YamlNode size = node.At("image_size");
     const auto elements = size.Elements();

@@ -25,6 +25,7 @@ struct SessionCamera {
   const CameraModel* model = nullptr;
   std::string images;        ///< glob, absolute; empty when there is none
   std::string white_images;  ///< likewise
+  std::string bayer;         ///< "RGGB" and the like for raw mosaics, else empty
   std::filesystem::path detections;
   ImageSize image_size{};                      ///< {0, 0}: taken from the images
   std::vector<double> config;                  ///< the model's config values

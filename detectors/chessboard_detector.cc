@@ -3,15 +3,13 @@
 
 #include <Eigen/Core>
 #include <algorithm>
-#include <functional>
-#include <opencv2/calib3d.hpp>
 #include <opencv2/core.hpp>
-#include <opencv2/imgproc.hpp>
 #include <optional>
 #include <string>
 #include <variant>
 #include <vector>
 
+#include "detectors/corner_lattice.h"
 #include "detectors/grid_order.h"
 #include "detectors/marker_detector.h"
 #include "detectors/saddle.h"
@@ -33,25 +31,9 @@ namespace plenocal {
 namespace {
 
 using internal::CornerGrid;
+using internal::CornerLattice;
 using internal::GridOrder;
 using internal::Saddle;
-using Places = std::vector<cv::Point2f>;
-
-/// An image scaled by `scale`, pixel centres at integers, so that x = (x_scaled + 0.5) / scale -
-/// 0.5.
-Places FindScaled(const cv::Mat& gray,
-                  double scale,
-                  const std::function<Places(const cv::Mat&)>& find) {
-  if (scale == 1) return find(gray);
-  cv::Mat scaled;
-  cv::resize(gray, scaled, {}, scale, scale, scale < 1 ? cv::INTER_AREA : cv::INTER_CUBIC);
-  Places places = find(scaled);
-  for (cv::Point2f& p : places) {
-    p.x = static_cast<float>((p.x + 0.5) / scale - 0.5);
-    p.y = static_cast<float>((p.y + 0.5) / scale - 0.5);
-  }
-  return places;
-}
 
 class ChessboardDetector final : public MarkerDetector {
  public:
@@ -75,64 +57,35 @@ class ChessboardDetector final : public MarkerDetector {
         "blurred, too small or unevenly lit",
         columns_,
         rows_);
-    for (const auto& search : Searches(gray)) {
-      const Places places = search();
-      if (places.size() != static_cast<std::size_t>(columns_) * rows_) continue;
-      MarkerDetections refined = Refine(gray, places);
-      if (refined.failure.empty()) return refined;
-      found.failure = refined.failure;
+    std::size_t largest = 0;  // of the lattices that are another board's or part of one
+    for (CornerLattice& lattice : internal::FindCornerLattices(gray, columns_ * rows_ / 2)) {
+      if (lattice.columns != columns_) lattice = internal::Transposed(lattice);
+      if (lattice.columns != columns_ || lattice.rows != rows_) {
+        if (!found.markers.empty() || lattice.corners.size() <= largest) continue;
+        largest = lattice.corners.size();
+        found.failure = fmt::format(
+            "{} x {} inner corners of a chessboard found instead of {} x {}: only part of it is "
+            "visible, or the target's columns and rows are not this board's",
+            lattice.columns,
+            lattice.rows,
+            columns_,
+            rows_);
+        continue;
+      }
+      // A scale where some corners are too faint or blurred may do for the others.
+      MarkerDetections refined = Refine(gray, lattice.corners);
+      if (refined.markers.size() > found.markers.size() || found.markers.empty()) {
+        found = std::move(refined);
+      }
+      if (found.markers.size() == lattice.corners.size()) break;
     }
     return found;
   }
 
  private:
-  /// From the fastest to the last resort. The classic finder finds more boards in wide-angle images
-  /// than SB and takes a tenth of its time; SB copes better with blur and noise.
-  [[nodiscard]] std::vector<std::function<Places()>> Searches(const cv::Mat& gray) const {
-    const auto classic = [this](const cv::Mat& image) {
-      Places places;
-      const bool all =
-          cv::findChessboardCorners(image,
-                                    {columns_, rows_},
-                                    places,
-                                    cv::CALIB_CB_ADAPTIVE_THRESH | cv::CALIB_CB_NORMALIZE_IMAGE);
-      return all ? places : Places{};
-    };
-    const auto sector_based = [this](const cv::Mat& image) {
-      Places places;
-      const bool all = cv::findChessboardCornersSB(
-          image, {columns_, rows_}, places, cv::CALIB_CB_NORMALIZE_IMAGE | cv::CALIB_CB_EXHAUSTIVE);
-      return all ? places : Places{};
-    };
-    const auto local_contrast = [](const cv::Mat& image) {
-      cv::Mat equalized;
-      cv::createCLAHE(4.0, {8, 8})->apply(image, equalized);
-      return equalized;
-    };
-    // The finders' windows and morphology are in pixels, and an image without a board costs them
-    // some 20 s at 24 megapixels. So large images are searched reduced, with a second look at twice
-    // that size for small boards; the corners are measured in the full image all the same.
-    constexpr double kWorkingSize = 1280;
-    const double size = std::max(gray.cols, gray.rows);
-    const double work = std::min(1.0, kWorkingSize / size);
-    const double other = size > kWorkingSize / 2 ? 0.5 * work : 2;
-    const auto scaled = [&gray](double scale, const std::function<Places(const cv::Mat&)>& find) {
-      return std::function<Places()>([=] { return FindScaled(gray, scale, find); });
-    };
-    std::vector<std::function<Places()>> searches{scaled(work, classic)};
-    if (work < 1) searches.push_back(scaled(std::min(1.0, 2 * work), classic));
-    searches.push_back(scaled(other, classic));
-    searches.push_back(
-        scaled(work, [=](const cv::Mat& image) { return classic(local_contrast(image)); }));
-    searches.push_back(scaled(work, sector_based));
-    searches.push_back(scaled(other, sector_based));
-    return searches;
-  }
-
   /// Measures the corners and numbers them; `failure` when they are not a chessboard's.
-  [[nodiscard]] MarkerDetections Refine(const cv::Mat& gray, const Places& places) const {
-    std::vector<Eigen::Vector2d> points;
-    for (const cv::Point2f& p : places) points.emplace_back(p.x, p.y);
+  [[nodiscard]] MarkerDetections Refine(const cv::Mat& gray,
+                                        const std::vector<Eigen::Vector2d>& points) const {
     const std::vector<std::optional<Eigen::Vector2d>> guesses(points.begin(), points.end());
     const CornerGrid grid = internal::RefineGrid(gray, columns_, rows_, guesses);
 

@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <atomic>
 #include <map>
 #include <memory>
@@ -11,8 +12,11 @@
 
 #include "calib/error.h"
 #include "calib/parallel.h"
+#include "detectors/attenuation.h"
+#include "detectors/detect_plenoptic.h"
 #include "detectors/image.h"
 #include "detectors/marker_detector.h"
+#include "detectors/white_images.h"
 
 namespace plenocal {
 namespace {
@@ -54,13 +58,34 @@ class DetectorPool {
   std::vector<std::unique_ptr<MarkerDetector>> idle_;
 };
 
+/// The image as an evenly bright camera would see it; darkened as a whole where its range would not
+/// do.
+cv::Mat Devignetted(const cv::Mat& gray, const cv::Mat& attenuation) {
+  cv::Mat exact, even;
+  gray.convertTo(exact, CV_32F);
+  exact /= attenuation;
+  double highest = 0;
+  cv::minMaxLoc(exact, nullptr, &highest);
+  exact.convertTo(even, CV_8U, std::min(1.0, 255 / std::max(highest, 1.0)));
+  return even;
+}
+
 }  // namespace
 
 ImageDetections DetectImages(const std::vector<FrameImage>& images,
                              const Target& target,
                              const DetectOptions& options) {
+  if (options.plenoptic) return DetectPlenopticImages(images, target, options);
   // Images run in parallel; threads inside OpenCV would only compete with them.
   cv::setNumThreads(1);
+  cv::Mat attenuation;
+  std::vector<LeftOut> white_left_out;
+  if (!options.white_images.empty()) {
+    WhiteImages white = AverageWhiteImages(options.white_images, options.threads);
+    CheckEvenField(white.mean);
+    attenuation = SmoothAttenuation(white.mean, options.bayer);
+    white_left_out = std::move(white.left_out);
+  }
   std::vector<ImageResult> results(images.size());
   DetectorPool detectors(target);
   std::atomic<size_t> done{0};
@@ -70,8 +95,9 @@ ImageDetections DetectImages(const std::vector<FrameImage>& images,
     if (stop) return;
     ImageResult& result = results[i];
     try {
-      const cv::Mat gray = ReadGray(images[i].path);
+      cv::Mat gray = ReadGray(images[i].path);
       result.size = {gray.cols, gray.rows};
+      if (gray.size() == attenuation.size()) gray = Devignetted(gray, attenuation);
       result.found = detectors.Detect(gray);
     } catch (const Error& error) {
       result.unreadable = error.what();
@@ -94,12 +120,25 @@ ImageDetections DetectImages(const std::vector<FrameImage>& images,
                 fmt::format("no image can be read; the first: {}", results[0].unreadable));
   }
   ImageDetections detections;
+  detections.left_out = std::move(white_left_out);
   int most = 0;
   for (const ImageResult& result : results) {
     if (result.unreadable.empty() && sizes[result.size] > most) {
       most = sizes[result.size];
       detections.image_size = result.size;
     }
+  }
+
+  const ImageSize white_size{attenuation.cols, attenuation.rows};
+  if (!attenuation.empty() && white_size != detections.image_size) {
+    throw Error(
+        ErrorKind::kInput,
+        fmt::format("the white images are {} x {} pixels, but the images {} x {}; record them "
+                    "with the same settings of the camera",
+                    white_size[0],
+                    white_size[1],
+                    detections.image_size[0],
+                    detections.image_size[1]));
   }
 
   for (size_t i = 0; i < images.size(); ++i) {

@@ -16,17 +16,24 @@ struct ImageDetections {
   std::vector<View> views;  ///< only images with markers, in the order of the images
   ImageSize image_size{};
   std::vector<LeftOut> left_out;  ///< images and markers, with reasons
+  /// Of a plenoptic camera: the content of micro_lenses_<camera>.csv and vignetting_<camera>.tiff.
+  std::string micro_lenses, vignetting;
 };
 
 struct DetectOptions {
-  int threads = 0;  ///< 0: all cores
+  bool plenoptic = false;  ///< raw images of a camera with micro lenses
+  /// White images of the camera: its vignetting is corrected before detection. May be empty.
+  std::vector<FrameImage> white_images = {};
+  bool bayer = false;  ///< raw mosaics, white images too
+  int threads = 0;     ///< 0: all cores
   /// Called after each image with the number of images done; false stops (`Stopped` is thrown).
   std::function<bool(size_t done)> progress;
 };
 
 /// Finds the target in all images of one camera, several images at a time. An image that cannot be
 /// read, or whose size differs from that of most, is left out with its reason. Throws `Error` of
-/// kind kJob when no image can be read.
+/// kind kJob when no image can be read, and as `AverageWhiteImages` does for the white images, or
+/// of kind kInput when these are of another size.
 ImageDetections DetectImages(const std::vector<FrameImage>& images,
                              const Target& target,
                              const DetectOptions& options);

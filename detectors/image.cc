@@ -289,9 +289,8 @@ Bytes ReadFile(const fs::path& path) {
   return bytes;
 }
 
-}  // namespace
-
-cv::Mat ReadGray(const fs::path& path) {
+/// The decoded file, of 8 or 16 bits; `flags` of cv::imdecode.
+cv::Mat ReadPixels(const fs::path& path, int flags) {
   Bytes bytes = ReadFile(path);
   if (const Defect defect = CheckIntegrity(&bytes)) {
     Refuse(path, *defect + "; record or copy it again");
@@ -300,16 +299,26 @@ cv::Mat ReadGray(const fs::path& path) {
   try {
     // A camera's pixels as they were recorded: the orientation that a viewer would turn them by
     // (EXIF) would exchange width and height between images of one camera.
-    image = cv::imdecode(
-        bytes, cv::IMREAD_GRAYSCALE | cv::IMREAD_ANYDEPTH | cv::IMREAD_IGNORE_ORIENTATION);
+    image = cv::imdecode(bytes, flags | cv::IMREAD_ANYDEPTH | cv::IMREAD_IGNORE_ORIENTATION);
   } catch (const cv::Exception&) {
     image.release();
   } catch (const std::bad_alloc&) {
     Refuse(path, "needs more memory than there is");
   }
   if (image.empty()) Refuse(path, "is not an image OpenCV can read");
+  if (image.depth() != CV_8U && image.depth() != CV_16U) {
+    Refuse(path, "expected 8 or 16 bits a channel; convert it");
+  }
+  return image;
+}
+
+}  // namespace
+
+cv::Mat ReadImage(const fs::path& path) { return ReadPixels(path, cv::IMREAD_ANYCOLOR); }
+
+cv::Mat ReadGray(const fs::path& path) {
+  const cv::Mat image = ReadPixels(path, cv::IMREAD_GRAYSCALE);
   if (image.depth() == CV_8U) return image;
-  if (image.depth() != CV_16U) Refuse(path, "expected 8 or 16 bits a channel; convert it");
   double largest = 0;
   cv::minMaxLoc(image, nullptr, &largest);
   const unsigned range = std::bit_ceil(static_cast<unsigned>(largest) + 1);

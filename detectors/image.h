@@ -12,4 +12,8 @@ namespace plenocal {
 /// or truncated (a truncated PNG or JPEG must be refused, not filled with gray).
 cv::Mat ReadGray(const std::filesystem::path& path);
 
+/// Reads an image file as it is: 8 or 16 bits, raw values, one channel or three (BGR). Throws as
+/// `ReadGray` does.
+cv::Mat ReadImage(const std::filesystem::path& path);
+
 }  // namespace plenocal

@@ -26,6 +26,7 @@
 #include "calib/error.h"
 #include "detectors/marker_detector.h"
 #include "detectors/tag_edges.h"
+#include "detectors/tag_looks.h"
 
 namespace plenocal {
 namespace {
@@ -335,6 +336,8 @@ class TagDetector : public MarkerDetector {
     if (border_.corner_squares && points_.size() > 1) border_.outside = Gap();
   }
 
+  [[nodiscard]] internal::TagLooks Looks() const { return {border_, bits_}; }
+
   MarkerDetections Detect(const cv::Mat& gray) override {
     // One pixel a bit is the least that can be read.
     if (std::min(gray.cols, gray.rows) < family_.width_at_border()) {
@@ -551,6 +554,10 @@ class TagDetector : public MarkerDetector {
 };
 
 }  // namespace
+
+internal::TagLooks internal::FindTagLooks(const Target& target) {
+  return TagDetector(target, std::get<TagLayout>(target.layout)).Looks();
+}
 
 std::unique_ptr<MarkerDetector> MakeTagDetector(const Target& target) {
   return std::make_unique<TagDetector>(target, std::get<TagLayout>(target.layout));

@@ -56,6 +56,13 @@ CellDrawing DrawTag(const std::vector<bool>& bits, const TagBorder& border) {
   return {std::move(cells), n};
 }
 
+Eigen::Matrix3d CellsByUnitSquare(const TagBorder& border) {
+  Eigen::Matrix3d cells;
+  cells << border.width, 0, kBitsAroundTag, 0, -border.width, border.width + kBitsAroundTag, 0, 0,
+      1;
+  return cells;
+}
+
 TagTemplate::TagTemplate(const cv::Mat& gray,
                          const SeenTag& tag,
                          const TagBorder& border,
@@ -74,12 +81,10 @@ void TagTemplate::SetCorners(const Quad& corners) {
   corners_ = corners;
   side_ = std::sqrt(Area(corners));
   centre_ = (corners[0] + corners[1] + corners[2] + corners[3]) / 4;
-  // The unit square's y axis points up, the drawing's down.
-  Eigen::Matrix3d to_bits, to_image;
-  to_bits << border_.width, 0, kAround, 0, -border_.width, border_.width + kAround, 0, 0, 1;
+  Eigen::Matrix3d to_image;
   to_image << side_, 0, centre_.x(), 0, side_, centre_.y(), 0, 0, 1;
   const Eigen::Matrix3d h = UnitSquareHomography(corners);
-  state_.G = to_bits * h.inverse() * to_image;
+  state_.G = CellsByUnitSquare(border_) * h.inverse() * to_image;
   state_.G /= state_.G(2, 2);
 }
 

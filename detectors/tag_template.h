@@ -21,6 +21,9 @@ inline constexpr int kBitsAroundTag = 2;
 /// A tag's bits and those around it: 1 in the colour around the tag, -1 in the other.
 CellDrawing DrawTag(const std::vector<bool>& bits, const TagBorder& border);
 
+/// Maps the unit square of `UnitSquareHomography`, whose y axis points up, to the drawing's cells.
+Eigen::Matrix3d CellsByUnitSquare(const TagBorder& border);
+
 /// A tag's drawing fitted to the image:
 ///
 ///   I(x) = (1 + g . y) (m + k T(G y, w)),   y = (x - centre) / side,

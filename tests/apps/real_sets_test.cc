@@ -4,7 +4,11 @@
 #include <fmt/format.h>
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
+#include <fstream>
+#include <opencv2/core/persistence.hpp>
+#include <sstream>
 
 #include "tests/apps/workspace.h"
 
@@ -34,13 +38,27 @@ class RealSets : public Workspace {
     Write("session.yaml", text + fmt::format("options: {{refine_target: {}}}\n", refine_target));
   }
 
+  // A camera whose points are in <camera>.csv.
+  void WriteDetectionsSession(const std::string& camera,
+                              const std::string& image_size,
+                              bool refine_target) const {
+    Write("session.yaml",
+          fmt::format("plenocal: 1\ntarget: target.yaml\ncameras:\n  {0}: {{model: "
+                      "pinhole-radial3, detections: {0}.csv, image_size: {1}}}\n"
+                      "options: {{refine_target: {2}}}\n",
+                      camera,
+                      image_size,
+                      refine_target));
+  }
+
   [[nodiscard]] double Rms(const std::string& out, const std::string& camera) const {
     return Result(out)["cameras"][camera]["residuals"]["rms"].as<double>();
   }
 };
 
 #define SKIP_WITHOUT(path) \
-  if (!fs::exists(path)) GTEST_SKIP() << (path) << " is absent: shared/data is not beside this checkout"
+  if (!fs::exists(path))   \
+  GTEST_SKIP() << (path) << " is absent: shared/data is not beside this checkout"
 
 TEST_F(RealSets, StereoChessboardIsExplainedAsWellAsByOpenCv) {
   const fs::path set = Set("frames/stereo_chess_opencv");
@@ -99,6 +117,98 @@ TEST_F(RealSets, FisheyeThatTheModelCannotDescribeShowsInTheResiduals) {
   const YAML::Node residuals = Result()["cameras"]["fisheye"]["residuals"];
   EXPECT_TRUE(residuals["rms"].as<double>() > 0.5 || residuals["rejected"].as<int>() > 20)
       << outcome.out;
+}
+
+TEST_F(RealSets, OmnidirectionalCameraShowsInTheResiduals) {
+  const fs::path set = Set("frames/omni_corners_opencv");
+  SKIP_WITHOUT(set);
+  cv::FileStorage storage((set / "omni_calib_data.xml").string(), cv::FileStorage::READ);
+  std::string markers, rows = "frame,marker,x,y\n";
+  cv::Mat_<cv::Vec3d> board;
+  storage["objectPoints"][0] >> board;
+  for (int k = 0; k < board.rows; ++k) {
+    markers += fmt::format("  {}: [{}, {}, 0]\n", k, board(k)[0], board(k)[1]);
+  }
+  int frame = 0;
+  for (const auto& view : storage["imagePoints"]) {
+    cv::Mat_<cv::Vec2d> points;
+    view >> points;
+    for (int k = 0; k < points.rows; ++k) {
+      rows += fmt::format("{:02},{},{},{}\n", frame, k, points(k)[0], points(k)[1]);
+    }
+    ++frame;
+  }
+  Write("target.yaml", "plenocal: 1\ntype: markers\nmarkers:\n" + markers);
+  Write("omni.csv", rows);
+  WriteDetectionsSession("omni", "[1280, 960]", false);
+  Calibrate();
+  ExpectNoNan(Result());
+  // The Mei model leaves 0.81 px.
+  EXPECT_GT(Rms("out", "omni"), 2);
+}
+
+TEST_F(RealSets, RoomOfTagsIsSolvedFromItsDetections) {
+  const fs::path set = Set("frames/tags3d_tagslam/test_13");
+  SKIP_WITHOUT(set);
+  // Nominal places: TagSLAM's solution. Its corners are numbered as ours.
+  const auto lines_of = [&](const std::string& name) {
+    std::ifstream file(set / name);
+    std::vector<std::string> lines;
+    for (std::string line; std::getline(file, line);) {
+      if (line.starts_with("#")) continue;
+      std::replace(line.begin(), line.end(), ',', ' ');
+      lines.push_back(line);
+    }
+    return lines;
+  };
+  constexpr double kTolerance = 0.01;
+  std::string target =
+      fmt::format("plenocal: 1\ntype: markers\ntolerance: {}\nmarkers:\n", kTolerance);
+  for (const std::string& line : lines_of("tags_reference.csv")) {
+    std::istringstream stream(line);
+    int id = 0;
+    double size = 0;
+    std::string body;
+    Eigen::Vector3d place;
+    Eigen::Quaterniond turn;
+    stream >> id >> size >> body >> place.x() >> place.y() >> place.z() >> turn.x() >> turn.y() >>
+        turn.z() >> turn.w();
+    for (int k = 0; k < 4; ++k) {
+      const Eigen::Vector3d corner(k == 1 || k == 2 ? 1 : -1, k >= 2 ? 1 : -1, 0);
+      const Eigen::Vector3d p = place + turn.normalized() * (0.5 * size * corner);
+      target += fmt::format("  {}: [{}, {}, {}]\n", 4 * id + k, p.x(), p.y(), p.z());
+    }
+  }
+  Write("target.yaml", target);
+  // Every fourth frame, as the reference figure.
+  std::string rows = "frame,marker,x,y\n", last;
+  int frame = -1;
+  for (const std::string& line : lines_of("detections.csv")) {
+    std::istringstream stream(line);
+    std::string stamp, topic, hamming;
+    int id = 0;
+    stream >> stamp >> topic >> id >> hamming;
+    if (stamp != last) ++frame;
+    last = stamp;
+    if (frame % 4 != 0) continue;
+    for (int k = 0; k < 4; ++k) {
+      double x = 0, y = 0;
+      stream >> x >> y;
+      rows += fmt::format("{},{},{},{}\n", stamp, 4 * id + k, x, y);
+    }
+  }
+  Write("camera.csv", rows);
+  WriteDetectionsSession("camera", "[2048, 2048]", true);
+  Calibrate();
+  // reference_opencv.json: 12952 corners of 170 frames, RMS 0.316 px with every tag a rigid square,
+  // f 1497.8 and 1498.0 px.
+  EXPECT_EQ(Result()["frames"].as<int>(), 170);
+  const YAML::Node camera = Result()["cameras"]["camera"];
+  EXPECT_GT(camera["residuals"]["points"].as<int>(), 0.98 * 12952);
+  EXPECT_LT(Rms("out", "camera"), 0.316);
+  for (const char* name : {"f_x", "f_y"}) {
+    EXPECT_NEAR(camera["parameters"][name].as<double>(), 1497.9, 3) << name;
+  }
 }
 
 // Marker positions by number.

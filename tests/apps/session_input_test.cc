@@ -17,6 +17,12 @@ struct Mistake {
 
 void PrintTo(const Mistake& mistake, std::ostream* out) { *out << mistake.name; }
 
+// A wrong line in the session's first camera.
+Mistake AddedToCamera(std::string name, const std::string& line, std::vector<std::string> parts) {
+  return {
+      std::move(name), "session.yaml", "options:", "    " + line + "\noptions:", std::move(parts)};
+}
+
 constexpr char kTags[] =
     "plenocal: 1\n"
     "type: apriltag\n"
@@ -68,36 +74,24 @@ INSTANTIATE_TEST_SUITE_P(
                 "huber",
                 "hubr",
                 {"session.yaml:9:", "options.loss", "did you mean 'huber'"}},
-        Mistake{"UnknownParameter",
-                "session.yaml",
-                "options:",
-                "    initial: {fx: 500}\noptions:",
-                {"session.yaml:8:", "'fx' is no parameter", "did you mean 'f_x'"}},
-        Mistake{"UnknownFixedParameter",
-                "session.yaml",
-                "options:",
-                "    fixed: [A_9]\noptions:",
-                {"session.yaml:8:", "fixed", "'A_9' is no parameter", "did you mean 'A_"}},
-        Mistake{"FixedWithoutValue",
-                "session.yaml",
-                "options:",
-                "    fixed: [f_x]\noptions:",
-                {"session.yaml:8:", "'f_x' is to be held", "'initial'"}},
-        Mistake{"InitialOutsideItsBounds",
-                "session.yaml",
-                "options:",
-                "    initial: {f_x: -500}\noptions:",
-                {"session.yaml:8:", "cameras.cam0.initial.f_x", "-500"}},
-        Mistake{"InitialNan",
-                "session.yaml",
-                "options:",
-                "    initial: {f_x: .nan}\noptions:",
-                {"session.yaml:8:", "cameras.cam0.initial.f_x", ".nan"}},
-        Mistake{"InitialWithUnit",
-                "session.yaml",
-                "options:",
-                "    initial: {f_x: 500px}\noptions:",
-                {"session.yaml:8:", "cameras.cam0.initial.f_x", "'500px'"}},
+        AddedToCamera("UnknownParameter",
+                      "initial: {fx: 500}",
+                      {"session.yaml:8:", "'fx' is no parameter", "did you mean 'f_x'"}),
+        AddedToCamera("UnknownFixedParameter",
+                      "fixed: [A_9]",
+                      {"session.yaml:8:", "fixed", "'A_9' is no parameter", "did you mean 'A_"}),
+        AddedToCamera("FixedWithoutValue",
+                      "fixed: [f_x]",
+                      {"session.yaml:8:", "'f_x' is to be held", "'initial'"}),
+        AddedToCamera("InitialOutsideItsBounds",
+                      "initial: {f_x: -500}",
+                      {"session.yaml:8:", "cameras.cam0.initial.f_x", "-500"}),
+        AddedToCamera("InitialNan",
+                      "initial: {f_x: .nan}",
+                      {"session.yaml:8:", "cameras.cam0.initial.f_x", ".nan"}),
+        AddedToCamera("InitialWithUnit",
+                      "initial: {f_x: 500px}",
+                      {"session.yaml:8:", "cameras.cam0.initial.f_x", "'500px'"}),
         Mistake{"WrongType",
                 "session.yaml",
                 "[1280, 960]",

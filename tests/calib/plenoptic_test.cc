@@ -49,6 +49,7 @@ class Random {
 /// A camera focused so that all of [0.6, 1.4] distances of the target has a virtual depth.
 Problem MakeProblem(unsigned seed, const Options& options) {
   Random random(seed);
+  Random noise(seed + 77777);  // so that the scene does not depend on how often it is seen
   Problem problem;
   const double half_width = kSize[0] * kPixel / 2;
   const double distance = std::max(12 * options.f_L, 0.12 * options.f_L / half_width);
@@ -83,7 +84,7 @@ Problem MakeProblem(unsigned seed, const Options& options) {
   for (const auto& [number, position] : problem.input.markers) {
     centre += position / static_cast<double>(problem.input.markers.size());
     Eigen::Vector3d& p = problem.markers[number] = position;
-    for (int i = 0; i < 3; ++i) p[i] += random.Gaussian(options.marker_tolerance);
+    for (int i = 0; i < 3; ++i) p[i] += noise.Gaussian(options.marker_tolerance);
   }
   problem.input.marker_sigma = options.marker_tolerance;
   problem.input.loss = options.noise > 0 ? Loss::kHuber : Loss::kNone;
@@ -132,8 +133,8 @@ Problem MakeProblem(unsigned seed, const Options& options) {
         }
         const Eigen::Vector2d x_R(predicted[0], predicted[1]);
         if ((x_R - lens).norm() > 0.45 * kPitch_px) continue;
-        seen.values[0] = x_R.x() + random.Gaussian(options.noise);
-        seen.values[1] = x_R.y() + random.Gaussian(options.noise);
+        seen.values[0] = x_R.x() + noise.Gaussian(options.noise);
+        seen.values[1] = x_R.y() + noise.Gaussian(options.noise);
         seen.sigma = options.noise;
         view.observations.push_back(seen);
       }

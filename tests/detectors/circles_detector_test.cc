@@ -97,11 +97,8 @@ TEST(CirclesDetector, NumbersAsymmetricGridsByTheirOffsetRows) {
   for (const int rows : {11, 10}) {
     const auto detector = MakeCirclesDetector(Circles(4, rows, true));
     for (int turn = 0; turn < 4; ++turn) {
-      Eigen::Matrix3d H = TiltedView(20, turn * M_PI / 2 + 0.1, 0, 0);
-      const Eigen::Vector2d middle = (H * Eigen::Vector3d(3.5, 0.5 * (rows - 1), 1)).hnormalized();
-      Eigen::Matrix3d shift = Eigen::Matrix3d::Identity();
-      shift.topRightCorner<2, 1>() = Eigen::Vector2d(160, 160) - middle;
-      H = shift * H;
+      const Eigen::Matrix3d H =
+          CentredView(20, turn * M_PI / 2 + 0.1, {3.5, 0.5 * (rows - 1)}, {160, 160});
       const auto found =
           detector->Detect(Render(View(Board(4, rows, true), H), {320, 320}, {.blur = 0.7}));
       Places truth = Truth(4, rows, true, H);
@@ -125,12 +122,8 @@ TEST(CirclesDetector, IsNeverMirroredAndBeginsAtTheTopLeft) {
   for (const auto& [columns, rows] : {std::pair{7, 4}, {5, 5}}) {
     const auto detector = MakeCirclesDetector(Circles(columns, rows, false));
     for (int turn = 0; turn < 4; ++turn) {
-      Eigen::Matrix3d H = TiltedView(30, turn * M_PI / 2 + 0.1, 0, 0);
-      const Eigen::Vector2d middle =
-          (H * Eigen::Vector3d(0.5 * (columns - 1), 0.5 * (rows - 1), 1)).hnormalized();
-      Eigen::Matrix3d shift = Eigen::Matrix3d::Identity();
-      shift.topRightCorner<2, 1>() = Eigen::Vector2d(150, 150) - middle;
-      H = shift * H;
+      const Eigen::Matrix3d H = CentredView(
+          30, turn * M_PI / 2 + 0.1, {0.5 * (columns - 1), 0.5 * (rows - 1)}, {150, 150});
       const auto found =
           detector->Detect(Render(View(Board(columns, rows, false), H), {300, 300}, {.blur = 0.7}));
       Places places = Measured(found);

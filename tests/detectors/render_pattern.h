@@ -73,6 +73,17 @@ inline Eigen::Matrix3d TiltedView(double pitch, double turn, double x, double y)
   return R * H;
 }
 
+/// The same with the plane's point `middle` at the image's `at`.
+inline Eigen::Matrix3d CentredView(double pitch,
+                                   double turn,
+                                   const Eigen::Vector2d& middle,
+                                   const Eigen::Vector2d& at) {
+  const Eigen::Matrix3d H = TiltedView(pitch, turn, 0, 0);
+  Eigen::Matrix3d shift = Eigen::Matrix3d::Identity();
+  shift.topRightCorner<2, 1>() = at - (H * middle.homogeneous()).hnormalized();
+  return shift * H;
+}
+
 /// Images that hold no target and must be refused: tiny, constant, noise.
 inline std::vector<cv::Mat> EmptyImages() {
   cv::Mat noise(240, 320, CV_8UC1);

@@ -1,0 +1,378 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/hexagonal_lattice.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <deque>
+#include <limits>
+#include <map>
+#include <numbers>
+#include <set>
+#include <unordered_map>
+
+#include "calib/error.h"
+
+namespace plenocal {
+namespace {
+
+using Eigen::Matrix2d;
+using Eigen::Vector2d;
+
+LatticeNode operator+(const LatticeNode& a, const LatticeNode& b) {
+  return {a.column + b.column, a.row + b.row};
+}
+
+Vector2d Middle(ImageSize size) { return {(size[0] - 1) / 2.0, (size[1] - 1) / 2.0}; }
+
+/// Nearest points by buckets of one size.
+class PointIndex {
+ public:
+  PointIndex(std::span<const Vector2d> points, double cell) : points_(points), cell_(cell) {
+    for (size_t i = 0; i < points.size(); ++i) buckets_[Key(Cell(points[i]))].push_back(i);
+  }
+
+  /// The point nearest to `place` within `radius` <= the size of a bucket.
+  [[nodiscard]] std::optional<size_t> Nearest(const Vector2d& place, double radius) const {
+    std::optional<size_t> nearest;
+    double best = radius;
+    const Eigen::Vector2i cell = Cell(place);
+    for (int dy = -1; dy <= 1; ++dy) {
+      for (int dx = -1; dx <= 1; ++dx) {
+        const auto bucket = buckets_.find(Key(cell + Eigen::Vector2i(dx, dy)));
+        if (bucket == buckets_.end()) continue;
+        for (const size_t i : bucket->second) {
+          const double distance = (points_[i] - place).norm();
+          if (distance <= best) {
+            best = distance;
+            nearest = i;
+          }
+        }
+      }
+    }
+    return nearest;
+  }
+
+ private:
+  [[nodiscard]] Eigen::Vector2i Cell(const Vector2d& p) const {
+    return (p / cell_).array().floor().matrix().cast<int>();
+  }
+  static std::int64_t Key(const Eigen::Vector2i& cell) {
+    return (static_cast<std::int64_t>(cell.x()) << 32) + cell.y();
+  }
+
+  std::span<const Vector2d> points_;
+  double cell_;
+  std::unordered_map<std::int64_t, std::vector<size_t>> buckets_;
+};
+
+double Median(std::vector<double> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+// Of a normal distribution: standard deviation per coordinate / median length of a 2D vector.
+constexpr double kSigmaPerMedianLength = 0.8493218;
+// Tukey's biweight with 95 % efficiency for normal errors; for the length of 2D residuals.
+constexpr double kTukey = 6.0;
+constexpr int kMaxDegree = 7;
+// Measurements per coefficient that a degree must at least have.
+constexpr double kPointsPerCoefficient = 2;
+constexpr int kRobustIterations = 20;
+constexpr double kConverged = 1e-4;  // relative change of the scale
+
+int Terms(int degree) { return (degree + 1) * (degree + 2) / 2; }
+
+}  // namespace
+
+bool IsInside(const Vector2d& position, ImageSize image_size, double margin) {
+  const double low = -0.5 - margin;
+  return position.x() >= low && position.y() >= low &&
+         position.x() < image_size[0] + margin - 0.5 && position.y() < image_size[1] + margin - 0.5;
+}
+
+int LatticeColour(const LatticeNode& node) { return ((node.column - node.row) % 3 + 3) % 3; }
+
+Matrix2d CanonicalLatticeBasis(const Matrix2d& basis) {
+  // The second vector may be 60 or 120 degrees from the first, on either side.
+  const Vector2d a = basis.col(0), b = basis.col(1);
+  const Vector2d c = a.dot(b) > 0 ? Vector2d(b - a) : Vector2d(a + b);
+  std::array<Vector2d, 6> ring{a, b, c, -a, -b, -c};
+  const auto angle = [](const Vector2d& v) { return std::atan2(v.y(), v.x()); };
+  std::sort(ring.begin(), ring.end(), [&](const Vector2d& p, const Vector2d& q) {
+    return angle(p) < angle(q);
+  });
+  size_t first = 0;
+  for (size_t k = 0; k < 6; ++k) {
+    if (std::abs(angle(ring[k])) < std::abs(angle(ring[first]))) first = k;
+  }
+  Matrix2d canonical;
+  canonical << ring[first], ring[(first + 1) % 6];
+  return canonical;
+}
+
+std::optional<Matrix2d> FindLatticeBasis(std::span<const Vector2d> points, ImageSize image_size) {
+  std::vector<size_t> order(points.size());
+  for (size_t i = 0; i < order.size(); ++i) order[i] = i;
+  const Vector2d middle = Middle(image_size);
+  const auto nearer = [&](const Vector2d& from) {
+    return [&points, from](size_t a, size_t b) {
+      return (points[a] - from).squaredNorm() < (points[b] - from).squaredNorm();
+    };
+  };
+  // A few centres are tried: a lattice may have holes.
+  constexpr size_t kCentres = 20, kRing = 6;
+  if (points.size() <= kRing) return std::nullopt;
+  const size_t centres = std::min(kCentres, points.size());
+  std::partial_sort(order.begin(), order.begin() + centres, order.end(), nearer(middle));
+  for (size_t k = 0; k < centres; ++k) {
+    const Vector2d centre = points[order[k]];
+    std::vector<size_t> near(points.size());
+    for (size_t i = 0; i < near.size(); ++i) near[i] = i;
+    std::partial_sort(near.begin(), near.begin() + kRing + 1, near.end(), nearer(centre));
+    const Vector2d a = points[near[1]] - centre;
+    // A ring of six at one distance, 60 degrees apart: half of 60 degrees is a miss of half a
+    // pitch.
+    constexpr double kTolerance = 0.25;
+    int hits = 0;
+    std::optional<Vector2d> second;
+    for (int step = 0; step < 6; ++step) {
+      const Vector2d expected = Eigen::Rotation2Dd(step * std::numbers::pi / 3) * a;
+      for (size_t i = 1; i <= kRing; ++i) {
+        const Vector2d seen = points[near[i]] - centre;
+        if ((seen - expected).norm() > kTolerance * a.norm()) continue;
+        ++hits;
+        if (step == 1) second = seen;
+      }
+    }
+    if (hits != static_cast<int>(kRing) || !second) continue;
+    Matrix2d basis;
+    basis << a, *second;
+    return CanonicalLatticeBasis(basis);
+  }
+  return std::nullopt;
+}
+
+std::vector<std::optional<LatticeNode>> IndexLattice(std::span<const Vector2d> points,
+                                                     const Matrix2d& basis,
+                                                     ImageSize image_size) {
+  std::vector<std::optional<LatticeNode>> nodes(points.size());
+  const double pitch = basis.colwise().norm().mean();
+  // Nearer than this to the prediction a point is the node: half-way to a neighbour is pitch / 2.
+  const double reach = 0.3 * pitch;
+  const PointIndex index(points, pitch);
+
+  // Start nearest to the middle, where the six neighbours are in place.
+  const Vector2d middle = Middle(image_size);
+  std::optional<size_t> start;
+  for (size_t i = 0; i < points.size(); ++i) {
+    if (start && (points[i] - middle).norm() >= (points[*start] - middle).norm()) continue;
+    const bool surrounded = std::all_of(
+        kLatticeNeighbours.begin(), kLatticeNeighbours.end(), [&](const LatticeNode& step) {
+          const Vector2d there = points[i] + basis * Vector2d(step.column, step.row);
+          return index.Nearest(there, reach).has_value();
+        });
+    if (surrounded) start = i;
+  }
+  if (!start) return nodes;
+  std::map<LatticeNode, Vector2d> places;
+  std::map<LatticeNode, size_t> points_of;
+  std::vector<bool> taken(points.size(), false);
+  std::deque<LatticeNode> front{{0, 0}};
+  places[{0, 0}] = points[*start];
+  points_of[{0, 0}] = *start;
+  taken[*start] = true;
+
+  // From each pair of nodes in a line the next one, averaged over the six directions; from a single
+  // neighbour by the basis.
+  const auto predict = [&](const LatticeNode& node) {
+    Vector2d by_pairs(0, 0), by_basis(0, 0);
+    int pairs = 0, singles = 0;
+    for (const LatticeNode& step : kLatticeNeighbours) {
+      const auto one = places.find(node + step);
+      if (one == places.end()) continue;
+      const Vector2d there(step.column, step.row);
+      by_basis += one->second - basis * there;
+      ++singles;
+      const auto two = places.find(node + step + step);
+      if (two == places.end()) continue;
+      by_pairs += 2 * one->second - two->second;
+      ++pairs;
+    }
+    return pairs > 0 ? Vector2d(by_pairs / pairs) : Vector2d(by_basis / singles);
+  };
+  while (!front.empty()) {
+    const LatticeNode node = front.front();
+    front.pop_front();
+    for (const LatticeNode& step : kLatticeNeighbours) {
+      const LatticeNode next = node + step;
+      if (places.contains(next)) continue;
+      const Vector2d predicted = predict(next);
+      if (!IsInside(predicted, image_size)) continue;
+      const std::optional<size_t> found = index.Nearest(predicted, reach);
+      // Around a hole the lattice grows through its neighbours.
+      if (!found || taken[*found]) continue;
+      taken[*found] = true;
+      points_of[next] = *found;
+      places[next] = points[*found];
+      front.push_back(next);
+    }
+  }
+  for (const auto& [node, point] : points_of) nodes[point] = node;
+  return nodes;
+}
+
+Eigen::VectorXd SmoothLattice::Monomials(const Vector2d& coordinates, int degree) const {
+  const Vector2d s = (coordinates - middle_) / scale_;
+  Eigen::VectorXd terms(Terms(degree));
+  int k = 0;
+  for (int total = 0; total <= degree; ++total) {
+    for (int power = 0; power <= total; ++power) {
+      terms[k++] = std::pow(s.x(), total - power) * std::pow(s.y(), power);
+    }
+  }
+  return terms;
+}
+
+SmoothLattice SmoothLattice::Fit(std::span<const LatticeMeasurement> measurements) {
+  const auto count = static_cast<Eigen::Index>(measurements.size());
+  if (count < kPointsPerCoefficient * Terms(1)) {
+    throw Error(ErrorKind::kJob,
+                "too few micro images look alike for a lattice; record an even white field");
+  }
+  SmoothLattice lattice;
+  Vector2d low(1e9, 1e9), high = -low;
+  for (const LatticeMeasurement& m : measurements) {
+    const Vector2d at(m.node.column, m.node.row);
+    low = low.cwiseMin(at);
+    high = high.cwiseMax(at);
+  }
+  lattice.middle_ = (low + high) / 2;
+  lattice.scale_ = std::max(1.0, (high - low).maxCoeff() / 2);
+
+  int most = 1;
+  while (most < kMaxDegree && count >= kPointsPerCoefficient * Terms(most + 1)) ++most;
+  Eigen::MatrixXd A(count, Terms(most));
+  Eigen::MatrixX2d positions(count, 2);
+  Eigen::VectorXd precision(count);  // 1 / sigma^2
+  for (Eigen::Index i = 0; i < count; ++i) {
+    const LatticeMeasurement& m = measurements[i];
+    A.row(i) = lattice.Monomials(Vector2d(m.node.column, m.node.row), most);
+    positions.row(i) = m.position;
+    precision[i] = 1 / (m.sigma * m.sigma);
+  }
+
+  // Least squares with weights by the lower-degree terms; returns residual lengths over sigma.
+  const auto solve = [&](int degree, const Eigen::VectorXd& weights) {
+    const auto B = A.leftCols(Terms(degree));
+    const Eigen::MatrixXd N = B.transpose() * weights.asDiagonal() * B;
+    const Eigen::MatrixXd right = B.transpose() * weights.asDiagonal() * positions;
+    const Eigen::MatrixXd solution = N.ldlt().solve(right);
+    lattice.coefficients_ = solution.transpose();
+    return Eigen::VectorXd(
+        ((positions - B * solution).rowwise().norm().array() * precision.array().sqrt()).matrix());
+  };
+  // Tukey's biweight from a start by Huber's weights, which has no second minimum.
+  const auto solve_robustly = [&](int degree, Eigen::VectorXd* weights) {
+    *weights = precision;
+    Eigen::VectorXd residuals = solve(degree, *weights);
+    double sigma = 0;
+    for (int iteration = 0; iteration < kRobustIterations; ++iteration) {
+      const double last = sigma;
+      sigma = kSigmaPerMedianLength * Median({residuals.begin(), residuals.end()});
+      // Exact data have no spread: keep the weights finite.
+      sigma = std::max(sigma, std::numeric_limits<double>::min());
+      if (std::abs(sigma - last) <= kConverged * sigma && iteration > 1) break;
+      for (Eigen::Index i = 0; i < count; ++i) {
+        const double t = residuals[i] / sigma;
+        const double huber = std::min(1.0, 2 / std::max(t, 1e-300));
+        const double tukey = t < kTukey ? std::pow(1 - t * t / (kTukey * kTukey), 2) : 0;
+        (*weights)[i] = precision[i] * (iteration == 0 ? huber : tukey);
+      }
+      residuals = solve(degree, *weights);
+    }
+    lattice.sigma_ = sigma;
+  };
+
+  // The degree: the criterion on the weights of the richest model, so that all are judged on the
+  // same data.
+  Eigen::VectorXd weights;
+  solve_robustly(most, &weights);
+  const double samples = 2 * (weights.array() / precision.array()).sum();
+  double best = std::numeric_limits<double>::infinity();
+  for (int degree = 1; degree <= most; ++degree) {
+    const Eigen::VectorXd residuals = solve(degree, weights);
+    const double sum =
+        (residuals.array().square() * weights.array() / precision.array()).sum() / samples;
+    const double criterion = samples * std::log(std::max(sum, std::numeric_limits<double>::min())) +
+                             2 * Terms(degree) * std::log(samples);
+    if (criterion < best) {
+      best = criterion;
+      lattice.degree_ = degree;
+    }
+  }
+  solve_robustly(lattice.degree_, &weights);
+  return lattice;
+}
+
+Vector2d SmoothLattice::Position(double column, double row) const {
+  return coefficients_ * Monomials({column, row}, degree_);
+}
+
+Matrix2d SmoothLattice::Basis(double column, double row) const {
+  const Vector2d s = (Vector2d(column, row) - middle_) / scale_;
+  Matrix2d basis = Matrix2d::Zero();
+  int k = 0;
+  for (int total = 0; total <= degree_; ++total) {
+    for (int power = 0; power <= total; ++power, ++k) {
+      const int p = total - power, q = power;
+      const double dx = p == 0 ? 0 : p * std::pow(s.x(), p - 1) * std::pow(s.y(), q);
+      const double dy = q == 0 ? 0 : q * std::pow(s.x(), p) * std::pow(s.y(), q - 1);
+      basis += coefficients_.col(k) * Vector2d(dx, dy).transpose() / scale_;
+    }
+  }
+  return basis;
+}
+
+Vector2d SmoothLattice::Coordinates(const Vector2d& position) const {
+  Vector2d at = middle_;
+  constexpr int kNewtonSteps = 30;
+  constexpr double kStep = 1e-9;  // of a pitch
+  for (int i = 0; i < kNewtonSteps; ++i) {
+    const Vector2d step = Basis(at.x(), at.y()).inverse() * (position - Position(at.x(), at.y()));
+    at += step;
+    if (step.norm() < kStep) break;
+  }
+  return at;
+}
+
+std::vector<LatticeNode> SmoothLattice::NodesInside(std::span<const LatticeMeasurement> measured,
+                                                    ImageSize image_size,
+                                                    double margin) const {
+  // Outward from what was measured, so that a polynomial that folds back far outside does no harm.
+  std::set<LatticeNode> inside, seen;
+  std::deque<LatticeNode> front;
+  for (const LatticeMeasurement& m : measured) {
+    if (seen.insert(m.node).second) front.push_back(m.node);
+  }
+  while (!front.empty()) {
+    const LatticeNode node = front.front();
+    front.pop_front();
+    if (!IsInside(Position(node.column, node.row), image_size, margin)) continue;
+    inside.insert(node);
+    for (const LatticeNode& step : kLatticeNeighbours) {
+      if (seen.insert(node + step).second) front.push_back(node + step);
+    }
+  }
+  std::vector<LatticeNode> nodes(inside.begin(), inside.end());
+  std::sort(nodes.begin(), nodes.end(), [](const LatticeNode& a, const LatticeNode& b) {
+    return std::pair(a.row, a.column) < std::pair(b.row, b.column);
+  });
+  return nodes;
+}
+
+}  // namespace plenocal

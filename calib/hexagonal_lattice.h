@@ -1,0 +1,92 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// A hexagonal lattice as an image shows it. The lattice itself is regular; lens distortion, which
+// is smooth, bends its image. So a node's place is a low-order polynomial of its lattice
+// coordinates.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "calib/observation.h"
+
+namespace plenocal {
+
+/// A node of a lattice.
+struct LatticeNode {
+  int column = 0, row = 0;
+  auto operator<=>(const LatticeNode&) const = default;
+};
+
+/// Steps to the six neighbours of a node.
+inline constexpr std::array<LatticeNode, 6> kLatticeNeighbours{
+    {{1, 0}, {0, 1}, {-1, 1}, {-1, 0}, {0, -1}, {1, -1}}};
+
+/// Which of three interleaved sets a node belongs to, 0 .. 2: the one way to colour the lattice
+/// with three colours such that neighbours differ.
+int LatticeColour(const LatticeNode& node);
+
+/// The vectors to the next node of a row (turned by less than 30 degrees from the x axis) and to
+/// the next row (60 degrees on, from x to y) as columns, of the lattice that any two of its
+/// shortest vectors span.
+Eigen::Matrix2d CanonicalLatticeBasis(const Eigen::Matrix2d& basis);
+
+/// The lattice basis around the middle of hexagonally arranged points; nothing when no point there
+/// has neighbours on all sides.
+std::optional<Eigen::Matrix2d> FindLatticeBasis(std::span<const Eigen::Vector2d> points,
+                                                ImageSize image_size);
+
+/// The node of each point. Nodes grow from the point nearest to the middle of the image outward;
+/// each is predicted from its neighbours, so the lattice may bend. Points that fit nowhere get
+/// nothing.
+std::vector<std::optional<LatticeNode>> IndexLattice(std::span<const Eigen::Vector2d> points,
+                                                     const Eigen::Matrix2d& basis,
+                                                     ImageSize image_size);
+
+/// A measured node.
+struct LatticeMeasurement {
+  LatticeNode node;
+  Eigen::Vector2d position{0, 0};  ///< px
+  double sigma = 1;                ///< relative to others, any unit
+};
+
+/// Places of nodes as a polynomial of the lattice coordinates.
+class SmoothLattice {
+ public:
+  /// Robust fit (Tukey's biweight). The degree, 1 to 7 (that of a radial distortion with three
+  /// terms), is the one that the data asks for by the Bayesian information criterion. Throws
+  /// `Error` of kind kJob for fewer than 6 measurements.
+  static SmoothLattice Fit(std::span<const LatticeMeasurement> measurements);
+
+  [[nodiscard]] Eigen::Vector2d Position(double column, double row) const;
+  /// Derivative of Position by (column, row).
+  [[nodiscard]] Eigen::Matrix2d Basis(double column, double row) const;
+  /// The lattice coordinates at a place in the image.
+  [[nodiscard]] Eigen::Vector2d Coordinates(const Eigen::Vector2d& position) const;
+  /// Those of `measured` nodes and all within the image that continue them, sorted by row and
+  /// column.
+  [[nodiscard]] std::vector<LatticeNode> NodesInside(std::span<const LatticeMeasurement> measured,
+                                                     ImageSize image_size,
+                                                     double margin = 0) const;
+  [[nodiscard]] int Degree() const { return degree_; }
+  /// Robust standard deviation per coordinate of a measurement of sigma 1 about the lattice.
+  [[nodiscard]] double Sigma() const { return sigma_; }
+
+ private:
+  [[nodiscard]] Eigen::VectorXd Monomials(const Eigen::Vector2d& coordinates, int degree) const;
+
+  int degree_ = 1;
+  double sigma_ = 0;
+  Eigen::Vector2d middle_{0, 0};  // lattice coordinates are shifted and scaled to [-1, 1]
+  double scale_ = 1;
+  Eigen::Matrix2Xd coefficients_;  // one column a monomial
+};
+
+/// Whether a place is on the sensor, within the area of its pixels, or at most `margin` px beside
+/// it.
+bool IsInside(const Eigen::Vector2d& position, ImageSize image_size, double margin = 0);
+
+}  // namespace plenocal

@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/raytrix_grid.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <numbers>
+#include <pugixml.hpp>
+#include <string>
+
+#include "calib/error.h"
+#include "calib/hexagonal_lattice.h"
+
+namespace plenocal {
+namespace {
+
+using Eigen::Matrix2d;
+using Eigen::Vector2d;
+
+[[noreturn]] void Refuse(const std::filesystem::path& path, const std::string& reason) {
+  throw Error(ErrorKind::kInput, fmt::format("{}: {}", path.string(), reason));
+}
+
+double Number(const std::filesystem::path& path, const pugi::xml_node& parent, const char* name) {
+  const pugi::xml_text text = parent.child(name).text();
+  const double value = text.as_double(std::numeric_limits<double>::quiet_NaN());
+  if (text.empty() || !std::isfinite(value)) {
+    Refuse(path, fmt::format("<{}>: <{}>: expected a number", parent.name(), name));
+  }
+  return value;
+}
+
+/// Element `name` with its children x and y, y turned down.
+Vector2d Point(const std::filesystem::path& path, const pugi::xml_node& parent, const char* name) {
+  const pugi::xml_node node = parent.child(name);
+  if (!node) Refuse(path, fmt::format("<{}> has no <{}>", parent.name(), name));
+  return {Number(path, node, "x"), -Number(path, node, "y")};
+}
+
+}  // namespace
+
+MicroLensArray ReadRayCalibData(const std::filesystem::path& path, ImageSize image_size) {
+  pugi::xml_document document;
+  const pugi::xml_parse_result parsed = document.load_file(path.c_str());
+  if (!parsed) Refuse(path, fmt::format("cannot be read as XML: {}", parsed.description()));
+  const pugi::xml_node root = document.child("RayCalibData");
+  if (!root) Refuse(path, "has no <RayCalibData>; expected a calibration file of RxLive");
+
+  const double diameter = Number(path, root, "diameter");
+  if (diameter <= 1) Refuse(path, "<diameter>: expected more than one pixel");
+  Matrix2d bases;
+  bases << Point(path, root, "lens_base_x"), Point(path, root, "lens_base_y");
+  // With y down, angles turn the other way.
+  const double sixty = std::numbers::pi / 3;
+  const double angle = -Number(path, root, "rotation");
+  const double lacking = std::remainder(angle - std::atan2(bases(1, 0), bases(0, 0)), sixty);
+  const Matrix2d to_px = diameter * Eigen::Rotation2Dd(lacking).toRotationMatrix();
+  bases = to_px * bases;
+  if (std::abs(bases.determinant()) < 0.5 * diameter * diameter) {
+    Refuse(path, "<lens_base_x> and <lens_base_y> span no hexagonal lattice");
+  }
+  const Matrix2d basis = CanonicalLatticeBasis(bases);
+  const Vector2d origin =
+      Vector2d((image_size[0] - 1) / 2.0, (image_size[1] - 1) / 2.0) + Point(path, root, "offset");
+
+  // Each type is one of the three interleaved sets.
+  std::map<int, int> type_of_colour;
+  for (const pugi::xml_node& type : root.children("lens_type")) {
+    const Vector2d node = basis.inverse() * to_px * Point(path, type, "offset");
+    type_of_colour[LatticeColour(
+        {static_cast<int>(std::lround(node.x())), static_cast<int>(std::lround(node.y()))})] =
+        type.attribute("id").as_int();
+  }
+  if (type_of_colour.size() != 1 && type_of_colour.size() != 3) {
+    Refuse(path,
+           fmt::format("has {} interleaved <lens_type>s; expected 1 or 3", type_of_colour.size()));
+  }
+
+  MicroLensArray array;
+  array.image_size = image_size;
+  array.types = static_cast<int>(type_of_colour.size());
+  array.e_column = basis.col(0);
+  array.e_row = basis.col(1);
+  // Lattice coordinates of the image's corners bound those of all micro lenses.
+  Vector2d low(1e9, 1e9), high = -low;
+  for (const double x : {-0.5, image_size[0] - 0.5}) {
+    for (const double y : {-0.5, image_size[1] - 0.5}) {
+      const Vector2d corner = basis.inverse() * (Vector2d(x, y) - origin);
+      low = low.cwiseMin(corner);
+      high = high.cwiseMax(corner);
+    }
+  }
+  for (int row = static_cast<int>(std::floor(low.y())); row <= high.y(); ++row) {
+    for (int column = static_cast<int>(std::floor(low.x())); column <= high.x(); ++column) {
+      const Vector2d centre = origin + basis * Vector2d(column, row);
+      if (!IsInside(centre, image_size)) continue;
+      const int colour = array.types == 1 ? 0 : LatticeColour({column, row});
+      array.lenses.push_back({.row = row,
+                              .column = column,
+                              .centre = centre,
+                              .type = array.types == 1 ? 0 : type_of_colour.at(colour)});
+    }
+  }
+  if (array.lenses.empty()) Refuse(path, "no micro lens lies in the image");
+  return array;
+}
+
+}  // namespace plenocal

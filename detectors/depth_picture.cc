@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "detectors/depth_picture.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
+#include <vector>
+
+namespace plenocal::internal {
+namespace {
+
+constexpr int kBarWidth = 20, kGap = 10, kTextWidth = 70, kNumbers = 6;
+
+}  // namespace
+
+cv::Mat DepthPicture(const VirtualDepth& depth) {
+  std::vector<float> values;
+  for (int y = 0; y < depth.inverse.rows; ++y) {
+    for (int x = 0; x < depth.inverse.cols; ++x) {
+      if (depth.known.at<uchar>(y, x) != 0) values.push_back(depth.inverse.at<float>(y, x));
+    }
+  }
+  // One in a hundred at either end may be an outlier that would take the colours from the rest.
+  float low = 0, high = 1;
+  if (!values.empty()) {
+    std::sort(values.begin(), values.end());
+    low = values[values.size() / 100];
+    high = values[values.size() - 1 - values.size() / 100];
+  }
+  if (!(high > low)) high = low + 1e-3f;
+
+  const int rows = depth.inverse.rows, columns = depth.inverse.cols;
+  cv::Mat level(rows, columns + 2 * kGap + kBarWidth + kTextWidth, CV_8U, cv::Scalar(0));
+  cv::Mat shown(level.size(), CV_8U, cv::Scalar(0));
+  depth.inverse.convertTo(
+      level.colRange(0, columns), CV_8U, 255 / (high - low), -low * 255 / (high - low));
+  depth.known.copyTo(shown.colRange(0, columns));
+  const cv::Rect bar(columns + kGap, kGap, kBarWidth, std::max(1, rows - 2 * kGap));
+  for (int y = 0; y < bar.height; ++y) {
+    level(cv::Rect(bar.x, bar.y + y, bar.width, 1)).setTo(255 - 255 * y / bar.height);
+  }
+  shown(bar).setTo(255);
+  cv::Mat colours, picture(level.size(), CV_8UC3, cv::Scalar::all(0));
+  cv::applyColorMap(level, colours, cv::COLORMAP_TURBO);
+  colours.copyTo(picture, shown);
+  for (int k = 0; k < kNumbers; ++k) {
+    const float share = static_cast<float>(k) / (kNumbers - 1);
+    const float inverse = high + share * (low - high);
+    const int y = bar.y + static_cast<int>(share * static_cast<float>(bar.height - 1));
+    cv::line(picture, {bar.br().x, y}, {bar.br().x + 4, y}, cv::Scalar::all(255));
+    cv::putText(picture,
+                fmt::format("{:.2f}", 1 / inverse),
+                {bar.br().x + 8, y + 4},
+                cv::FONT_HERSHEY_SIMPLEX,
+                0.4,
+                cv::Scalar::all(255),
+                1,
+                cv::LINE_AA);
+  }
+  return picture;
+}
+
+}  // namespace plenocal::internal

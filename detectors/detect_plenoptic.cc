@@ -1,0 +1,102 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "detectors/detect_plenoptic.h"
+
+#include <fmt/format.h>
+
+#include <memory>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+
+#include "calib/error.h"
+#include "detectors/focus.h"
+#include "detectors/focused_markers.h"
+#include "detectors/image.h"
+#include "detectors/marker_looks.h"
+#include "detectors/micro_image_markers.h"
+#include "detectors/white_camera.h"
+
+namespace plenocal {
+namespace {
+
+/// The markers of one raw image, measured in its micro images.
+MarkerDetections DetectInRaw(const cv::Mat& raw,
+                             const Target& target,
+                             const internal::FocusedMarkers& markers,
+                             const PlenopticCamera& camera,
+                             int threads) {
+  FocusOptions focus{.threads = threads, .find_flat_parts = {}};
+  focus.find_flat_parts = [&](const cv::Mat& image) { return markers.FlatParts(image); };
+  const FocusedView view = Focus(raw, camera, focus);
+  MarkerDetections found = markers.Detect(view.image);
+  std::vector<internal::MarkerLook> looks = internal::LooksOf(target, found.markers);
+  // From pixels of the focused image to raw pixels.
+  const double scale = view.depth.scale;
+  for (internal::MarkerLook& look : looks) {
+    look.place *= scale;
+    look.cells_by_image.leftCols<2>() /= scale;
+  }
+  const internal::LensPatches patches =
+      internal::CutPatches(GreyOf(raw), camera.attenuation, camera.array, camera.bayer, threads);
+  found.markers = internal::MeasureInMicroImages(
+      looks, view.depth, patches, camera.array, internal::EstimateNoise(patches), threads);
+  if (found.markers.empty() && found.failure.empty()) {
+    found.failure = "the target is in the focused image, but no micro image shows a marker well";
+  }
+  return found;
+}
+
+}  // namespace
+
+ImageDetections DetectPlenopticImages(const std::vector<FrameImage>& images,
+                                      const Target& target,
+                                      const DetectOptions& options) {
+  if (options.white_images.empty()) {
+    throw Error(ErrorKind::kInput,
+                "a plenoptic camera needs white_images: the micro-image centres come from them");
+  }
+  if (std::holds_alternative<CirclesLayout>(target.layout)) {
+    throw Error(ErrorKind::kInput,
+                "circle grids cannot be measured in micro images; use tags, a chessboard or a "
+                "ChArUco board");
+  }
+  WhiteCamera white = MeasureWhiteImages(options.white_images,
+                                         {.plenoptic = true,
+                                          .bayer = options.bayer,
+                                          .grid_file = std::nullopt,
+                                          .raw_image = {},
+                                          .threads = options.threads});
+  const std::string& tiff = white.attenuation_tiff;
+  const PlenopticCamera camera{
+      white.grid->array,
+      cv::imdecode(std::vector<std::uint8_t>(tiff.begin(), tiff.end()), cv::IMREAD_UNCHANGED),
+      options.bayer};
+  ImageDetections detections;
+  detections.image_size = white.image_size;
+  detections.left_out = std::move(white.left_out);
+  detections.micro_lenses = FormatMicroLenses(camera.array);
+  detections.vignetting = std::move(white.attenuation_tiff);
+
+  const internal::FocusedMarkers markers(target);
+  for (size_t i = 0; i < images.size(); ++i) {
+    const std::string path = images[i].path.string();
+    try {
+      MarkerDetections found =
+          DetectInRaw(ReadImage(images[i].path), target, markers, camera, options.threads);
+      for (const std::string& reason : found.left_out)
+        detections.left_out.push_back({path, reason});
+      if (found.markers.empty()) {
+        detections.left_out.push_back({path, found.failure});
+      } else {
+        detections.views.push_back({images[i].frame, std::move(found.markers)});
+      }
+    } catch (const Error& error) {
+      const std::string message = error.what(), prefix = path + ": ";
+      detections.left_out.push_back(
+          {path, message.starts_with(prefix) ? message.substr(prefix.size()) : message});
+    }
+    if (options.progress && !options.progress(i + 1)) throw Stopped();
+  }
+  return detections;
+}
+
+}  // namespace plenocal

@@ -1,0 +1,175 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "detectors/focus_images.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <memory>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+#include <optional>
+
+#include "calib/error.h"
+#include "calib/number_text.h"
+#include "calib/raytrix_grid.h"
+#include "detectors/depth_picture.h"
+#include "detectors/focus.h"
+#include "detectors/focused_markers.h"
+#include "detectors/image.h"
+#include "detectors/white_camera.h"
+
+namespace plenocal {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string Encode(const std::string& format, const cv::Mat& image) {
+  std::vector<std::uint8_t> bytes;
+  cv::imencode(format, image, bytes);
+  return {bytes.begin(), bytes.end()};
+}
+
+bool IsXml(const fs::path& path) { return path.extension() == ".xml"; }
+
+cv::Mat ReadAttenuation(const fs::path& path) {
+  cv::Mat attenuation = cv::imread(path.string(), cv::IMREAD_UNCHANGED);
+  if (attenuation.type() != CV_32F) {
+    throw Error(
+        ErrorKind::kInput,
+        fmt::format(
+            "{}: expected an attenuation image, a TIFF of one 32-bit channel as 'plenocal white' "
+            "writes it",
+            path.string()));
+  }
+  double lowest = 0, highest = 0;
+  cv::minMaxLoc(attenuation, &lowest, &highest);
+  if (!(lowest >= 0 && highest > 0) || !cv::checkRange(attenuation)) {
+    throw Error(ErrorKind::kInput,
+                fmt::format("{}: expected attenuations from 0 to 1, found {} to {}",
+                            path.string(),
+                            lowest,
+                            highest));
+  }
+  return attenuation;
+}
+
+PlenopticCamera CameraFromWhiteImages(const FocusRequest& request) {
+  const PlenopticSource& source = request.camera;
+  WhiteOptions options{.plenoptic = true,
+                       .bayer = source.bayer,
+                       .grid_file = std::nullopt,
+                       .raw_image = {},
+                       .threads = request.threads};
+  if (!source.grid.empty()) options.grid_file = source.grid;
+  const WhiteCamera white = MeasureWhiteImages(source.white_images, options);
+  for (const LeftOut& item : white.left_out) {
+    request.message(fmt::format("  left out {}: {}", item.where, item.reason));
+  }
+  const std::string& tiff = white.attenuation_tiff;
+  return {white.grid->array,
+          cv::imdecode(std::vector<std::uint8_t>(tiff.begin(), tiff.end()), cv::IMREAD_UNCHANGED),
+          source.bayer};
+}
+
+PlenopticCamera CameraFromFiles(const FocusRequest& request) {
+  const PlenopticSource& source = request.camera;
+  PlenopticCamera camera;
+  camera.bayer = source.bayer;
+  camera.attenuation =
+      source.vignetting.empty()
+          ? cv::Mat(ReadImage(request.raw_images[0].path).size(), CV_32F, cv::Scalar(1))
+          : ReadAttenuation(source.vignetting);
+  const ImageSize size{camera.attenuation.cols, camera.attenuation.rows};
+  camera.array =
+      IsXml(source.grid) ? ReadRayCalibData(source.grid, size) : ReadMicroLenses(source.grid, size);
+  return camera;
+}
+
+/// Virtual depth and its sigma, NaN where it is unknown.
+std::pair<cv::Mat, cv::Mat> DepthMaps(const VirtualDepth& depth) {
+  cv::Mat v = 1 / depth.inverse;
+  cv::Mat sigma = depth.sigma.mul(v).mul(v);
+  const cv::Mat unknown = depth.known == 0;
+  v.setTo(std::numeric_limits<float>::quiet_NaN(), unknown);
+  sigma.setTo(std::numeric_limits<float>::quiet_NaN(), unknown);
+  return {v, sigma};
+}
+
+FrameFiles Files(const FocusedView& view, int raw_depth) {
+  const auto [v, sigma] = DepthMaps(view.depth);
+  // Grey values as in the raw image, unless the corrected ones exceed its range.
+  const double range = raw_depth == CV_8U ? 255 : 65535;
+  cv::Mat image;
+  view.image.convertTo(
+      image, raw_depth, std::min(1.0, internal::ScaleTo8Bits(view.image) * range / 255));
+  return {{"focused.png", Encode(".png", image)},
+          {"virtual_depth.tiff", Encode(".tiff", v)},
+          {"virtual_depth_sigma.tiff", Encode(".tiff", sigma)},
+          {"virtual_depth.png", Encode(".png", internal::DepthPicture(view.depth))},
+          {"focused.yaml",
+           fmt::format("plenocal: 1\n"
+                       "# pixel (x, y) of focused.png and virtual_depth*.tiff lies at raw pixel "
+                       "offset + scale * (x, y)\n"
+                       "offset: [0, 0]\nscale: {}\n",
+                       YamlNumber(view.depth.scale))}};
+}
+
+std::string Summary(const FocusedView& view) {
+  std::vector<float> known;
+  for (int y = 0; y < view.depth.inverse.rows; ++y) {
+    for (int x = 0; x < view.depth.inverse.cols; ++x) {
+      if (view.depth.known.at<uchar>(y, x) != 0)
+        known.push_back(view.depth.inverse.at<float>(y, x));
+    }
+  }
+  std::sort(known.begin(), known.end());
+  return fmt::format(
+      "{} x {} pixels, virtual depth known in {:.0f} %, {:.2f} to {:.2f} ({}){}",
+      view.image.cols,
+      view.image.rows,
+      100.0 * static_cast<double>(known.size()) / static_cast<double>(view.image.total()),
+      1 / known[known.size() - 1 - known.size() / 100],
+      1 / known[known.size() / 100],
+      view.keplerian ? "Keplerian" : "Galilean",
+      view.flat_parts > 0 ? fmt::format(", {} flat parts", view.flat_parts) : "");
+}
+
+}  // namespace
+
+void FocusImages(const FocusRequest& request) {
+  const PlenopticCamera camera = request.camera.white_images.empty()
+                                     ? CameraFromFiles(request)
+                                     : CameraFromWhiteImages(request);
+  FocusOptions options{.scale = request.scale, .threads = request.threads, .find_flat_parts = {}};
+  if (request.target != nullptr) {
+    options.find_flat_parts = [markers =
+                                   std::make_shared<internal::FocusedMarkers>(*request.target)](
+                                  const cv::Mat& image) { return markers->FlatParts(image); };
+  }
+  std::optional<Error> first;
+  size_t focused = 0;
+  for (size_t i = 0; i < request.raw_images.size(); ++i) {
+    const FrameImage& raw = request.raw_images[i];
+    if (!request.progress(i)) throw Stopped();
+    try {
+      const cv::Mat image = ReadImage(raw.path);
+      FocusedView view;
+      try {
+        view = Focus(image, camera, options);
+      } catch (const Error& error) {
+        throw Error(error.kind(), fmt::format("{}: {}", raw.path.string(), error.what()));
+      }
+      request.result(raw.frame, Files(view, image.depth()), Summary(view));
+      ++focused;
+    } catch (const Error& error) {
+      if (request.raw_images.size() > 1)
+        request.message(fmt::format("  left out {}", error.what()));
+      if (!first) first = error;
+    }
+  }
+  if (focused == 0) throw *first;
+}
+
+}  // namespace plenocal

@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Raw plenoptic images from files to the content of result files. No OpenCV type here: the command
+// line includes this header without it.
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "calib/session.h"
+#include "targets/target.h"
+
+namespace plenocal {
+
+/// Where the micro lenses and the attenuation of a camera come from.
+struct PlenopticSource {
+  std::vector<FrameImage> white_images;
+  /// micro_lenses_<camera>.csv or RayCalibData XML; with white images only the latter, else needed.
+  std::filesystem::path grid;
+  std::filesystem::path
+      vignetting;  ///< TIFF; empty with `grid` alone: the raw images are corrected already
+  bool bayer = false;
+};
+
+/// The result files of one frame: name -> content.
+using FrameFiles = std::map<std::string, std::string>;
+
+struct FocusRequest {
+  std::vector<FrameImage> raw_images;
+  PlenopticSource camera;
+  double scale = 2;                ///< raw px a pixel of the results
+  const Target* target = nullptr;  ///< when set, the depth of its markers is flattened
+  int threads = 0;                 ///< 0: all cores
+  std::function<void(const std::string&)> message;
+  /// Called before each image with the number of images done; false stops (`Stopped` is thrown).
+  std::function<bool(size_t done)> progress;
+  /// Takes the results of a frame, with one line about them.
+  std::function<void(const std::string& frame, const FrameFiles& files, const std::string& summary)>
+      result;
+};
+
+/// Focuses the images one after another, each on all threads. An image that cannot be focused is
+/// left out with a message; throws `Error` for what is wrong with the camera's files and when no
+/// image is left.
+void FocusImages(const FocusRequest& request);
+
+}  // namespace plenocal

@@ -1,0 +1,205 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "detectors/hexagonal_period.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <opencv2/core.hpp>
+#include <vector>
+
+#include "calib/hexagonal_lattice.h"
+
+namespace plenocal::internal {
+namespace {
+
+using Eigen::Matrix2d;
+using Eigen::Vector2d;
+
+/// More than this does not make the period better, and lens distortion would smear it.
+constexpr int kMaxPatch = 1024;
+/// Below it a micro image has no inside.
+constexpr double kMinPitch = 5;
+/// A peak is the highest within this part of its distance from zero: lattice peaks are 1 apart, so
+/// ripples on a peak or within a micro image do not count.
+constexpr double kPeakRadius = 0.3;
+/// How far the lattice may be from an exact hexagon, in pitches: tilted and distorted ones stay
+/// below it.
+constexpr double kHexagonTolerance = 0.15;
+/// Neighbours of different lens types may be less alike than next neighbours of one type, but not
+/// by this part of the range.
+constexpr double kLatticeHeight = 0.5;
+/// Peaks of the autocorrelation of pure noise stay below this many of its standard deviations.
+constexpr double kSignificance = 8;
+
+/// Autocorrelation of an image; zero lag at (reach, reach).
+class Autocorrelation {
+ public:
+  explicit Autocorrelation(const cv::Mat& image)
+      : reach_(std::min(image.cols, image.rows) / 2), pixels_(static_cast<double>(image.total())) {
+    const cv::Scalar mean = cv::mean(image);
+    const cv::Size padded(cv::getOptimalDFTSize(image.cols + reach_),
+                          cv::getOptimalDFTSize(image.rows + reach_));
+    cv::Mat work = cv::Mat::zeros(padded, CV_32F);
+    cv::Mat inner = work(cv::Rect(0, 0, image.cols, image.rows));
+    cv::subtract(image, mean, inner);
+    cv::dft(work, work, 0, image.rows);
+    cv::mulSpectrums(work, work, work, 0, true);
+    cv::idft(work, work, cv::DFT_SCALE);
+    values_.create(2 * reach_ + 1, 2 * reach_ + 1, CV_32F);
+    for (int y = -reach_; y <= reach_; ++y) {
+      for (int x = -reach_; x <= reach_; ++x) {
+        // Fewer pairs of pixels are far apart than near.
+        const double pairs =
+            static_cast<double>(image.cols - std::abs(x)) * (image.rows - std::abs(y));
+        values_.at<float>(y + reach_, x + reach_) = static_cast<float>(
+            work.at<float>((y + padded.height) % padded.height, (x + padded.width) % padded.width) /
+            pairs);
+      }
+    }
+  }
+
+  [[nodiscard]] int Reach() const { return reach_; }
+  [[nodiscard]] double At(int x, int y) const { return values_.at<float>(y + reach_, x + reach_); }
+  /// Standard deviation that white noise of the image's variance has at any lag but zero.
+  [[nodiscard]] double Noise() const { return At(0, 0) / std::sqrt(pixels_); }
+  [[nodiscard]] double Lowest() const {
+    double lowest = 0;
+    cv::minMaxLoc(values_, &lowest);
+    return lowest;
+  }
+  [[nodiscard]] bool Covers(const Vector2d& lag, double margin) const {
+    return std::max(std::abs(lag.x()), std::abs(lag.y())) + margin < reach_;
+  }
+
+  /// Whether (x, y) is the highest lag within `radius`.
+  [[nodiscard]] bool IsPeak(int x, int y, double radius) const {
+    const int r = std::max(1, static_cast<int>(radius));
+    const double value = At(x, y);
+    for (int dy = -r; dy <= r; ++dy) {
+      for (int dx = -r; dx <= r; ++dx) {
+        if (dx * dx + dy * dy <= r * r && At(x + dx, y + dy) > value) return false;
+      }
+    }
+    return true;
+  }
+
+  /// The peak within `radius` of `lag` to a fraction of a pixel; nothing where the highest lag lies
+  /// on the rim.
+  [[nodiscard]] std::optional<Vector2d> PeakNear(const Vector2d& lag, double radius) const {
+    if (!Covers(lag, radius + 2)) return std::nullopt;
+    Eigen::Vector2i best(0, 0);
+    double highest = -1e300;
+    const int r = static_cast<int>(std::ceil(radius));
+    const Eigen::Vector2i middle = lag.array().round().matrix().cast<int>();
+    for (int dy = -r; dy <= r; ++dy) {
+      for (int dx = -r; dx <= r; ++dx) {
+        const double value = At(middle.x() + dx, middle.y() + dy);
+        if (dx * dx + dy * dy > r * r || value <= highest) continue;
+        highest = value;
+        best = {dx, dy};
+      }
+    }
+    const Eigen::Vector2i at = middle + best;
+    if (!IsPeak(at.x(), at.y(), 1)) return std::nullopt;
+    const auto offset = [](double before, double here, double after) {
+      const double bend = before - 2 * here + after;
+      return bend < 0 ? 0.5 * (before - after) / bend : 0.0;
+    };
+    const double here = At(at.x(), at.y());
+    return Vector2d(at.x() + offset(At(at.x() - 1, at.y()), here, At(at.x() + 1, at.y())),
+                    at.y() + offset(At(at.x(), at.y() - 1), here, At(at.x(), at.y() + 1)));
+  }
+
+ private:
+  int reach_;
+  double pixels_;
+  cv::Mat values_;
+};
+
+/// Fits the basis to all peaks of the two inner rings; nothing when one of them is missing.
+std::optional<Matrix2d> FitRings(const Autocorrelation& correlation, Matrix2d basis) {
+  // The inner ring first: it predicts the outer one well.
+  for (const int rings : {1, 2}) {
+    Matrix2d lags_nodes = Matrix2d::Zero(), nodes_nodes = Matrix2d::Zero();
+    for (int row = 0; row <= rings; ++row) {
+      for (int column = -rings; column <= rings; ++column) {
+        const int distance = std::max({std::abs(column), row, std::abs(column + row)});
+        if (distance == 0 || distance > rings || (row == 0 && column < 0)) continue;
+        const Vector2d node(column, row);
+        const Vector2d expected = basis * node;
+        const double radius = kPeakRadius * basis.col(0).norm();
+        if (rings == 2 && !correlation.Covers(expected, radius + 2)) continue;
+        const auto peak = correlation.PeakNear(expected, radius);
+        if (!peak) return std::nullopt;
+        lags_nodes += *peak * node.transpose();
+        nodes_nodes += node * node.transpose();
+      }
+    }
+    basis = nodes_nodes.ldlt().solve(lags_nodes.transpose()).transpose();
+  }
+  return basis;
+}
+
+}  // namespace
+
+std::optional<Matrix2d> FindHexagonalPeriod(const cv::Mat& flat) {
+  const cv::Size size(std::min(flat.cols, kMaxPatch), std::min(flat.rows, kMaxPatch));
+  const Autocorrelation correlation(
+      flat(cv::Rect({(flat.cols - size.width) / 2, (flat.rows - size.height) / 2}, size)));
+
+  // All peaks of the upper half plane; the lower one mirrors it.
+  std::vector<Vector2d> peaks;
+  const int reach = correlation.Reach();
+  for (int y = 0; y < reach; ++y) {
+    for (int x = -reach + 1; x < reach; ++x) {
+      const Vector2d lag(x, y);
+      const double radius = kPeakRadius * lag.norm();
+      if (lag.norm() < kMinPitch || (y == 0 && x < 0) || !correlation.Covers(lag, radius + 1)) {
+        continue;
+      }
+      if (!correlation.IsPeak(x, y, 1) || !correlation.IsPeak(x, y, radius)) continue;
+      peaks.push_back(lag);
+    }
+  }
+  std::sort(peaks.begin(), peaks.end(), [](const Vector2d& a, const Vector2d& b) {
+    return a.squaredNorm() < b.squaredNorm();
+  });
+
+  double highest = 0;
+  for (const Vector2d& peak : peaks) {
+    highest =
+        std::max(highest, correlation.At(static_cast<int>(peak.x()), static_cast<int>(peak.y())));
+  }
+  const double lowest = correlation.Lowest();
+
+  // The shortest period; the gaps between micro images repeat as well, at weaker peaks.
+  const auto shortest = std::find_if(peaks.begin(), peaks.end(), [&](const Vector2d& peak) {
+    const double height =
+        correlation.At(static_cast<int>(peak.x()), static_cast<int>(peak.y())) - lowest;
+    return height >= kLatticeHeight * (highest - lowest);
+  });
+  if (shortest == peaks.end()) return std::nullopt;
+
+  // It must belong to a hexagon of peaks, whose second ring stands as well.
+  Matrix2d hexagon;
+  hexagon << *shortest, Eigen::Rotation2Dd(std::numbers::pi / 3) * *shortest;
+  const auto nearby = [&](const Vector2d& lag) {
+    return correlation.PeakNear(lag, kHexagonTolerance * shortest->norm());
+  };
+  if (!nearby(hexagon.col(1)) || !nearby(hexagon.col(1) - hexagon.col(0))) return std::nullopt;
+  const std::optional<Matrix2d> basis = FitRings(correlation, hexagon);
+  if (!basis) return std::nullopt;
+  const auto at = [&](const Vector2d& lag) {
+    return correlation.At(static_cast<int>(std::lround(lag.x())),
+                          static_cast<int>(std::lround(lag.y())));
+  };
+  const Vector2d a = basis->col(0), b = basis->col(1);
+  const double ring = (at(a) + at(b) + at(b - a)) / 3;
+  const double holes = (at((a + b) / 3) + at((2 * b - a) / 3)) / 2;  // between the nodes
+  if (ring - holes < kSignificance * correlation.Noise()) return std::nullopt;
+  return CanonicalLatticeBasis(*basis);
+}
+
+}  // namespace plenocal::internal

@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// A raw plenoptic image cut into its micro images: one small square of floats a micro lens, without
+// attenuation, so that what compares micro images runs over short contiguous rows and never mixes
+// two.
+#pragma once
+
+#include <Eigen/Core>
+#include <opencv2/core/mat.hpp>
+#include <string>
+#include <vector>
+
+#include "calib/micro_lens_array.h"
+
+namespace plenocal::internal {
+
+/// Noise of the sensor: var(raw) = read + shot * raw, grey values squared.
+struct SensorNoise {
+  float read = 0, shot = 0;
+};
+
+struct LensPatches {
+  /// NaN columns and rows on each side of the largest micro image. With seven or more a row can be
+  /// read in blocks of eight that begin inside the micro image.
+  static constexpr int kMargin = 4;
+
+  int size = 0;         ///< side of a patch, px
+  float radius_px = 0;  ///< farthest that a used pixel lies from its micro-image centre
+  /// lenses x size x size, raw value / attenuation, NaN where the pixel is not of this micro image.
+  std::vector<float> value;
+  /// Likewise, attenuation; 0 where `value` is NaN.
+  std::vector<float> light;
+  /// Raw pixel of each patch's top left value; may lie outside the image.
+  std::vector<Eigen::Vector2i> origin;
+  std::vector<Eigen::Vector2f> centre;  ///< micro-image centre in the patch, px
+
+  [[nodiscard]] size_t Area() const { return static_cast<size_t>(size) * size; }
+  [[nodiscard]] const float* Value(size_t lens) const { return value.data() + lens * Area(); }
+  [[nodiscard]] const float* Light(size_t lens) const { return light.data() + lens * Area(); }
+};
+
+/// Cuts `raw` (CV_32F, one channel) by the grid. A pixel belongs to a micro image where the
+/// attenuation is at least half of that micro image's highest, the edge of a blurred disc, and
+/// nearer to its centre than half a pitch less half a pixel. Micro lenses that are not usable get
+/// empty patches. `binomial`: each value is the 3 x 3 binomial mean, in which the four pixels of
+/// any Bayer pattern have equal weight, of pixels of this micro image alone: grey from a raw
+/// mosaic.
+LensPatches CutPatches(const cv::Mat& raw,
+                       const cv::Mat& attenuation,
+                       const MicroLensArray& array,
+                       bool binomial,
+                       int threads);
+
+/// Noise level from the smoothest micro images of each brightness: what the second differences in
+/// both directions leave there. Never below that of rounding to whole grey values.
+SensorNoise EstimateNoise(const LensPatches& patches);
+
+}  // namespace plenocal::internal

@@ -1,0 +1,234 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "detectors/micro_image.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+namespace plenocal::internal {
+namespace {
+
+using Eigen::Vector2d;
+
+/// Distance of the spline's knots: a sensor's pixels and blur leave no finer detail.
+constexpr double kKnotStep = 0.5;  // px
+
+/// Calls visit(x, y, d) for the pixels with |d| <= radius, d = pixel - centre.
+template <typename Visit>
+void ForPixels(const cv::Mat& white, const Vector2d& centre, double radius, const Visit& visit) {
+  const int top = std::max(0, static_cast<int>(std::ceil(centre.y() - radius)));
+  const int bottom = std::min(white.rows - 1, static_cast<int>(std::floor(centre.y() + radius)));
+  const int left = std::max(0, static_cast<int>(std::ceil(centre.x() - radius)));
+  const int right = std::min(white.cols - 1, static_cast<int>(std::floor(centre.x() + radius)));
+  for (int y = top; y <= bottom; ++y) {
+    for (int x = left; x <= right; ++x) {
+      const Vector2d d(x - centre.x(), y - centre.y());
+      if (d.squaredNorm() <= radius * radius) visit(x, y, d);
+    }
+  }
+}
+
+/// The four cubic B-splines that are not zero at r and their coefficients. The spline is even:
+/// coefficient -1 is that of +1.
+struct Basis {
+  std::array<double, 4> value;
+  std::array<int, 4> index;
+
+  explicit Basis(double r) {
+    const double s = r / kKnotStep;
+    const int cell = static_cast<int>(s);
+    const double t = s - cell, u = 1 - t;
+    value = {u * u * u / 6,
+             (3 * t * t * t - 6 * t * t + 4) / 6,
+             (3 * u * u * u - 6 * u * u + 4) / 6,
+             t * t * t / 6};
+    for (int k = 0; k < 4; ++k) index[k] = std::abs(cell - 1 + k);
+  }
+};
+
+double Model(const RadialProfile& profile, const MicroImage& image, const Vector2d& d) {
+  return profile.At(d.norm() / image.scale).value * (image.gain + image.gradient.dot(d));
+}
+
+/// A pixel less the known light of all micro images but `own`.
+double OwnLight(const ExplainedImage& scene, int x, int y, double own) {
+  return scene.white.at<float>(y, x) - scene.light.at<float>(y, x) + own;
+}
+
+/// A pixel lies within the radius, 0.7 pitches, of at most four micro images.
+constexpr int kMaxParts = 4;
+
+int CoefficientCount(double radius) { return static_cast<int>(radius / kKnotStep) + 3; }
+
+}  // namespace
+
+RadialProfile::RadialProfile(double radius)
+    : radius_(radius), cells_(CoefficientCount(radius) - 2, Eigen::Vector4d::Zero()) {}
+
+RadialProfile::Value RadialProfile::At(double r) const {
+  if (r > radius_) return {};
+  const double at = r / kKnotStep;
+  const int cell = static_cast<int>(at);
+  const double t = at - cell;
+  const Eigen::Vector4d& c = cells_[cell];
+  return {.value = c[0] + t * (c[1] + t * (c[2] + t * c[3])),
+          .slope = (c[1] + t * (2 * c[2] + t * 3 * c[3])) / kKnotStep};
+}
+
+double RadialProfile::Normalise() {
+  double highest = 0;
+  for (double r = 0; r <= radius_; r += kKnotStep / 4) highest = std::max(highest, At(r).value);
+  if (highest > 0) {
+    for (Eigen::Vector4d& cell : cells_) cell /= highest;
+  }
+  return highest;
+}
+
+void AddLight(const RadialProfile& profile, const MicroImage& image, cv::Mat* light) {
+  ForPixels(
+      *light, image.centre, profile.Radius() * image.scale, [&](int x, int y, const Vector2d& d) {
+        light->at<float>(y, x) += static_cast<float>(Model(profile, image, d));
+      });
+}
+
+ProfileFit::ProfileFit(double radius, int types)
+    : radius_(radius),
+      types_(types),
+      normal_(Eigen::MatrixXd::Zero(types * CoefficientCount(radius),
+                                    types * CoefficientCount(radius))),
+      right_(Eigen::VectorXd::Zero(types * CoefficientCount(radius))) {}
+
+void ProfileFit::Add(double pixel, double weight, std::span<const Contribution> parts) {
+  struct Term {
+    int index;
+    double value;
+  };
+  std::array<Term, 4 * kMaxParts> terms;
+  int count = 0;
+  for (const Contribution& part : parts) {
+    if (part.r > radius_ || count == static_cast<int>(terms.size())) continue;
+    const Basis basis(part.r);
+    for (int k = 0; k < 4; ++k) {
+      terms[count++] = {part.type * CoefficientCount(radius_) + basis.index[k],
+                        basis.value[k] * part.brightness};
+    }
+  }
+  for (const Term& a : std::span(terms).first(count)) {
+    right_[a.index] += weight * a.value * pixel;
+    for (const Term& b : std::span(terms).first(count)) {
+      normal_(a.index, b.index) += weight * a.value * b.value;
+    }
+  }
+}
+
+void ProfileFit::Add(const ProfileFit& other) {
+  normal_ += other.normal_;
+  right_ += other.right_;
+}
+
+std::vector<RadialProfile> ProfileFit::Solve() const {
+  // Few micro images on a regular raster may leave radii without a pixel, and a constant light
+  // could belong to any of the overlapping tails; a little smoothness (second differences, and zero
+  // at the end) decides there, and nowhere else.
+  constexpr double kSmoothness = 1e-6;
+  Eigen::MatrixXd normal = normal_;
+  const double weight = kSmoothness * normal.diagonal().maxCoeff();
+  const int count = CoefficientCount(radius_);
+  for (int type = 0; type < types_; ++type) {
+    auto block = normal.block(type * count, type * count, count, count);
+    for (int i = 1; i + 1 < count; ++i) {
+      const Eigen::Vector3d bend(1, -2, 1);
+      block.block<3, 3>(i - 1, i - 1) += weight * bend * bend.transpose();
+    }
+    block(count - 1, count - 1) += weight;
+  }
+  const Eigen::VectorXd solution = normal.ldlt().solve(right_);
+  std::vector<RadialProfile> profiles(types_, RadialProfile(radius_));
+  for (int type = 0; type < types_; ++type) {
+    // The four B-splines of a cell as powers.
+    const Eigen::Matrix4d powers =
+        (Eigen::Matrix4d() << 1, 4, 1, 0, -3, 0, 3, 0, 3, -6, 3, 0, -1, 3, -3, 1).finished() / 6;
+    const auto coefficients = solution.segment(type * count, count);
+    for (int cell = 0; cell + 2 < count; ++cell) {
+      profiles[type].cells_[cell] = powers * Eigen::Vector4d(coefficients[std::abs(cell - 1)],
+                                                             coefficients[cell],
+                                                             coefficients[cell + 1],
+                                                             coefficients[cell + 2]);
+    }
+  }
+  return profiles;
+}
+
+MicroImage FitMicroImage(const ExplainedImage& scene,
+                         const RadialProfile& profile,
+                         double radius,
+                         const MicroImage& start) {
+  constexpr int kParams = 6;  // c_x, c_y, g, h_x, h_y, s
+  constexpr int kSteps = 2;   // the caller repeats the fit with better profiles
+  using Vector = Eigen::Matrix<double, kParams, 1>;
+  using Matrix = Eigen::Matrix<double, kParams, kParams>;
+  MicroImage fit = start;
+  Matrix normal;
+  double sum = 0;
+  struct Pixel {
+    double light;
+    Vector2d from_start;
+  };
+  std::vector<Pixel> seen;
+  ForPixels(scene.white, start.centre, radius, [&](int x, int y, const Vector2d& d) {
+    seen.push_back({OwnLight(scene, x, y, Model(profile, start, d)), d});
+  });
+  const auto pixels = static_cast<int>(seen.size());
+  if (pixels <= kParams) return start;
+  for (int step = 0; step <= kSteps; ++step) {
+    normal.setZero();
+    Vector right = Vector::Zero();
+    sum = 0;
+    const Vector2d shift = fit.centre - start.centre;
+    for (const Pixel& pixel : seen) {
+      const Vector2d d = pixel.from_start - shift;
+      const double r = d.norm();
+      const RadialProfile::Value p = profile.At(r / fit.scale);
+      const double brightness = fit.gain + fit.gradient.dot(d);
+      const double error = pixel.light - p.value * brightness;
+      Vector J;
+      const double by_r = r > 0 ? -p.slope * brightness / (fit.scale * r) : 0;
+      J << by_r * d.x() - p.value * fit.gradient.x(), by_r * d.y() - p.value * fit.gradient.y(),
+          p.value, p.value * d.x(), p.value * d.y(),
+          -p.slope * brightness * r / (fit.scale * fit.scale);
+      normal.noalias() += J * J.transpose();
+      right += J * error;
+      sum += error * error;
+    }
+    if (step == kSteps) break;
+    const Vector change = normal.ldlt().solve(right);
+    if (!change.allFinite()) return start;
+    fit.centre += change.head<2>();
+    fit.gain += change[2];
+    fit.gradient += change.segment<2>(3);
+    fit.scale += change[5];
+    // Farther off than the lattice can be wrong: no micro image here.
+    if ((fit.centre - start.centre).norm() > 1 || std::abs(std::log2(fit.scale)) > 1) return start;
+  }
+  fit.residual = std::sqrt(sum / (pixels - kParams));
+  const Matrix covariance = normal.ldlt().solve(Matrix::Identity());
+  fit.centre_sigma = std::sqrt((covariance(0, 0) + covariance(1, 1)) / 2);
+  if (!std::isfinite(fit.centre_sigma)) return start;
+  return fit;
+}
+
+Eigen::VectorXd RingResiduals(const ExplainedImage& scene,
+                              const MicroImage& image,
+                              double radius,
+                              int rings) {
+  Eigen::VectorXd sums = Eigen::VectorXd::Zero(rings), counts = Eigen::VectorXd::Zero(rings);
+  ForPixels(scene.white, image.centre, radius, [&](int x, int y, const Vector2d& d) {
+    const int ring = std::min(rings - 1, static_cast<int>(rings * d.norm() / radius));
+    sums[ring] += OwnLight(scene, x, y, 0) / image.gain;
+    counts[ring] += 1;
+  });
+  return sums.cwiseQuotient(counts.cwiseMax(1));
+}
+
+}  // namespace plenocal::internal

@@ -1,0 +1,99 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// What one micro image of a uniform field looks like: a radial profile P, common to all micro
+// lenses of a type, times a brightness that changes linearly over the micro image:
+//
+//   I(x) = P(|x - c| / s) (g + h . (x - c))
+//
+// c, g, h and the size s, which lens distortion changes, belong to the micro image. A centroid
+// takes the gradient h for a shift; this fit does not. Micro images overlap at their edges, and
+// their light adds up; so a fit sees the pixels less the light of all other micro images.
+#pragma once
+
+#include <Eigen/Core>
+#include <opencv2/core/mat.hpp>
+#include <span>
+#include <vector>
+
+namespace plenocal::internal {
+
+/// A radial function as a cubic B-spline in r, even about r = 0,.
+class RadialProfile {
+ public:
+  /// A profile for r in [0, radius], px; zero at first.
+  explicit RadialProfile(double radius);
+
+  struct Value {
+    double value = 0, slope = 0;
+  };
+  [[nodiscard]] Value At(double r) const;
+  [[nodiscard]] double Radius() const { return radius_; }
+  /// Divides by the highest value and returns that.
+  double Normalise();
+
+ private:
+  friend class ProfileFit;
+  double radius_;
+  // Of the cubic in each cell between knots: powers 0 .. 3 of the distance from its first knot, in
+  // cells.
+  std::vector<Eigen::Vector4d> cells_;
+};
+
+/// One micro image, measured.
+struct MicroImage {
+  Eigen::Vector2d centre{0, 0};    ///< px
+  double gain = 0;                 ///< grey values: brightness at the centre where P = 1
+  Eigen::Vector2d gradient{0, 0};  ///< grey values per px
+  double scale = 1;                ///< size relative to the others of its type
+  double residual = 0;             ///< root mean square of what the model leaves, grey values
+  double centre_sigma = 0;         ///< px, for noise of one grey value; 0 when the fit failed
+};
+
+/// A white image and the light of all micro images in it as now known (both CV_32F).
+struct ExplainedImage {
+  cv::Mat white, light;
+};
+
+/// Adds the light of a micro image to `light` (CV_32F).
+void AddLight(const RadialProfile& profile, const MicroImage& image, cv::Mat* light);
+
+/// Part of a micro image in a pixel: P_type(r) brightness, r = |x - c| / s.
+struct Contribution {
+  int type = 0;
+  double r = 0;           ///< px
+  double brightness = 0;  ///< g + h . d
+};
+
+/// Fits the profiles of all types at once to pixels that several micro images share (linear least
+/// squares).
+class ProfileFit {
+ public:
+  ProfileFit(double radius, int types);
+  /// A pixel as the sum of contributions, those beyond the radius add nothing.
+  void Add(double pixel, double weight, std::span<const Contribution> parts);
+  void Add(const ProfileFit& other);
+  /// The profiles, not yet scaled to a highest value of 1.
+  [[nodiscard]] std::vector<RadialProfile> Solve() const;
+
+ private:
+  double radius_;
+  int types_;
+  Eigen::MatrixXd normal_;
+  Eigen::VectorXd right_;
+};
+
+/// Fits centre, gain, gradient and size (Gauss-Newton) to the pixels within `radius` of
+/// `start.centre`. The known light holds this micro image as `start`.
+MicroImage FitMicroImage(const ExplainedImage& scene,
+                         const RadialProfile& profile,
+                         double radius,
+                         const MicroImage& start);
+
+/// Mean of (pixel - known light) / gain in `rings` rings of equal width within `radius` of the
+/// centre.
+Eigen::VectorXd RingResiduals(const ExplainedImage& scene,
+                              const MicroImage& image,
+                              double radius,
+                              int rings);
+
+}  // namespace plenocal::internal

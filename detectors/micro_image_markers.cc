@@ -1,0 +1,297 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "detectors/micro_image_markers.h"
+
+#include <Eigen/Dense>
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <opencv2/imgproc.hpp>
+#include <optional>
+
+#include "calib/parallel.h"
+
+namespace plenocal::internal {
+namespace {
+
+/// Farther from the centre of its micro image than this part of the pitch the main lens' stop cuts
+/// into the micro lens' aperture, and what is out of focus shifts (shared/PLENOPTIC.md, section 6).
+constexpr double kReach = 0.3;
+
+/// Virtual depth of a plane in the scene, affine in the virtual image: v = dot((q, 1)).
+using DepthPlane = Eigen::Vector3d;
+
+/// Robust fit to the known depths inside the convex hull of some places; nothing without any.
+std::optional<DepthPlane> FitDepthPlane(const VirtualDepth& depth,
+                                        const std::vector<Eigen::Vector2d>& places) {
+  std::vector<cv::Point> points, hull;
+  Eigen::Vector2d middle(0, 0);
+  for (const auto& place : places) {
+    points.emplace_back(cvRound(place.x() / depth.scale), cvRound(place.y() / depth.scale));
+    middle += place / static_cast<double>(places.size());
+  }
+  cv::convexHull(points, hull);
+  const cv::Rect box =
+      cv::boundingRect(hull) & cv::Rect(0, 0, depth.inverse.cols, depth.inverse.rows);
+  if (box.empty()) return std::nullopt;
+  cv::Mat inside = cv::Mat::zeros(box.size(), CV_8U);
+  for (auto& p : hull) p -= box.tl();
+  cv::fillConvexPoly(inside, hull, cv::Scalar(1));
+
+  std::vector<Eigen::Vector3d> rows;
+  std::vector<double> values, weights;
+  for (int y = 0; y < box.height; ++y) {
+    for (int x = 0; x < box.width; ++x) {
+      const cv::Point at(box.x + x, box.y + y);
+      if (inside.at<uchar>(y, x) == 0 || depth.known.at<uchar>(at) == 0) continue;
+      const double z = depth.inverse.at<float>(at), sigma = depth.sigma.at<float>(at);
+      rows.emplace_back(depth.scale * at.x - middle.x(), depth.scale * at.y - middle.y(), 1);
+      values.push_back(1 / z);
+      weights.push_back(z * z / sigma);  // sigma of v is sigma_z / z^2
+    }
+  }
+  if (rows.size() < 3) return std::nullopt;
+  // Cauchy's weights at three standard deviations; a small part gets no slope from too few points.
+  constexpr int kIterations = 5;
+  constexpr double kWidth = 3;
+  Eigen::Vector3d plane = Eigen::Vector3d::Zero();
+  for (int iteration = 0; iteration < kIterations; ++iteration) {
+    Eigen::Matrix3d H = Eigen::Matrix3d::Zero();
+    Eigen::Vector3d g = Eigen::Vector3d::Zero();
+    for (size_t i = 0; i < rows.size(); ++i) {
+      const double r = iteration == 0 ? 0 : (values[i] - plane.dot(rows[i])) * weights[i] / kWidth;
+      const double weight = weights[i] * weights[i] / (1 + r * r);
+      H += weight * rows[i] * rows[i].transpose();
+      g += weight * values[i] * rows[i];
+    }
+    plane = H.ldlt().solve(g);
+  }
+  if (!plane.allFinite()) return std::nullopt;
+  plane[2] -= plane.head<2>().dot(middle);
+  return plane;
+}
+
+/// One marker in one micro image.
+struct Sight {
+  size_t look = 0;
+  int lens = 0;
+  Eigen::Vector2d predicted{0, 0};                  ///< raw px
+  Eigen::Matrix3f G = Eigen::Matrix3f::Identity();  ///< raw px about `predicted` to cells
+  double cell_px = 0;                               ///< size of a cell in the micro image
+  double blur = 0;                                  ///< px, as fitted
+  std::optional<Observation> measured = {};
+};
+
+struct BlurPrior {
+  double mean, sigma;  ///< px
+};
+
+/// Fits the drawing to the micro image.
+void Measure(const MarkerLook& look,
+             const LensPatches& patches,
+             const MicroLensArray& array,
+             const SensorNoise& noise,
+             const BlurPrior& prior,
+             Sight* sight) {
+  enum { kShiftX, kShiftY, kLevel, kContrast, kBlur, kBeyond, kCount };
+  using Vector = Eigen::Matrix<double, kCount, 1>;
+  using Matrix = Eigen::Matrix<double, kCount, kCount>;
+  constexpr int kIterations = 12;
+  constexpr double kLeastBlur = 0.29, kMostBlur = 4;  // px; the least is that of the pixel's area
+  constexpr double kConverged = 1e-3;                 // px
+
+  sight->measured.reset();
+  const auto lens = static_cast<size_t>(sight->lens);
+  const float* value = patches.Value(lens);
+  const float* light = patches.Light(lens);
+  struct Pixel {
+    float x, y, value, weight;
+  };
+  std::vector<Pixel> pixels;
+  // The cells that meet at the marker, and as much as blurs into them.
+  const double window = 1.5 * sight->cell_px + 2;
+  double low = 1e30, high = -1e30;
+  for (int row = 0; row < patches.size; ++row) {
+    for (int column = 0; column < patches.size; ++column) {
+      const int i = row * patches.size + column;
+      if (light[i] == 0) continue;
+      const double x = patches.origin[lens].x() + column - sight->predicted.x();
+      const double y = patches.origin[lens].y() + row - sight->predicted.y();
+      if (x * x + y * y > window * window) continue;
+      const float raw = value[i] * light[i];
+      const float variance = noise.read + noise.shot * std::max(raw, 0.f);
+      pixels.push_back(
+          {static_cast<float>(x), static_cast<float>(y), value[i], light[i] * light[i] / variance});
+      low = std::min(low, static_cast<double>(value[i]));
+      high = std::max(high, static_cast<double>(value[i]));
+    }
+  }
+  if (pixels.size() < 3 * kCount) return;
+
+  CellDrawing drawing = look.drawing;
+  Vector p = Vector::Zero();
+  p[kLevel] = (low + high) / 2;
+  p[kContrast] = 0;
+  p[kBlur] = prior.mean;
+  const double limit = std::max(1.0, 0.5 * sight->cell_px);
+  double chi2 = 0;
+  Matrix information = Matrix::Zero();
+  for (int iteration = 0; iteration < kIterations; ++iteration) {
+    if (look.beyond_unknown) drawing.SetBeyond(static_cast<float>(p[kBeyond]));
+    Matrix H = Matrix::Zero();
+    Vector g = Vector::Zero();
+    chi2 = 0;
+    for (const Pixel& pixel : pixels) {
+      const auto drawn = drawing.Draw(sight->G,
+                                      static_cast<float>(p[kBlur]),
+                                      pixel.x - static_cast<float>(p[kShiftX]),
+                                      pixel.y - static_cast<float>(p[kShiftY]));
+      const auto& G = sight->G;
+      const double k = p[kContrast];
+      Vector j;
+      j << -k *
+               (drawn.by_u * (G(0, 0) - drawn.u * G(2, 0)) +
+                drawn.by_v * (G(1, 0) - drawn.v * G(2, 0))) /
+               drawn.scale,
+          -k *
+              (drawn.by_u * (G(0, 1) - drawn.u * G(2, 1)) +
+               drawn.by_v * (G(1, 1) - drawn.v * G(2, 1))) /
+              drawn.scale,
+          1, drawn.value, k * drawn.by_blur, look.beyond_unknown ? k * drawn.by_beyond : 0;
+      const double residual = pixel.value - p[kLevel] - k * drawn.value;
+      H += pixel.weight * j * j.transpose();
+      g += pixel.weight * residual * j;
+      chi2 += pixel.weight * residual * residual;
+    }
+    const double precision = 1 / (prior.sigma * prior.sigma);
+    H(kBlur, kBlur) += precision;
+    g[kBlur] += precision * (prior.mean - p[kBlur]);
+    // What is beyond is about as bright as the target.
+    H(kBeyond, kBeyond) += 1;
+    g[kBeyond] -= p[kBeyond];
+    information = H;
+    // The first step finds level and contrast, which the others need.
+    Vector step = Vector::Zero();
+    if (iteration == 0) {
+      step.segment<2>(kLevel) = H.block<2, 2>(kLevel, kLevel).ldlt().solve(g.segment<2>(kLevel));
+    } else {
+      step = H.ldlt().solve(g);
+    }
+    if (!step.allFinite()) return;
+    const double length = step.head<2>().norm();
+    if (length > limit / 2) step *= limit / 2 / length;
+    p += step;
+    p[kBlur] = std::clamp(p[kBlur], kLeastBlur, kMostBlur);
+    p[kBeyond] = std::clamp(p[kBeyond], -2.0, 2.0);
+    if (p.head<2>().norm() > limit) return;
+    if (iteration > 1 && length < kConverged) break;
+  }
+  const Eigen::Matrix2d covariance = information.inverse().topLeftCorner<2, 2>();
+  const double excess = chi2 / static_cast<double>(pixels.size() - kCount);
+  const double sigma = std::sqrt(covariance.trace() / 2 * std::max(1.0, excess));
+  // Without two edges in the window one direction is open; also false for NaN.
+  if (!(sigma < limit / 3)) return;
+  const Eigen::Vector2d place = sight->predicted + p.head<2>();
+  const Eigen::Vector2d& centre = array.lenses[lens].centre;
+  sight->blur = p[kBlur];
+  sight->measured = Observation{.marker = look.marker,
+                                .values = {place.x(), place.y(), centre.x(), centre.y()},
+                                .sigma = sigma};
+}
+
+/// The micro images that have a marker well inside.
+void FindSights(const MarkerLook& look,
+                size_t number,
+                const DepthPlane& plane,
+                const MicroLensArray& array,
+                std::vector<Sight>* sights) {
+  const double v = plane.dot(look.place.homogeneous());
+  if (!(std::abs(v) > 1)) return;
+  const double reach = kReach * array.Pitch();
+  for (size_t i = 0; i < array.lenses.size(); ++i) {
+    const MicroLens& lens = array.lenses[i];
+    const Eigen::Vector2d c = lens.centre;
+    if (!lens.usable || (look.place - c).norm() > std::abs(v) * reach) continue;
+    // x = c + (q - c) / v(q): a homography of the virtual image.
+    Eigen::Matrix3d x_by_q;
+    x_by_q << c * plane.transpose(), plane.transpose();
+    x_by_q.topLeftCorner<2, 2>() += Eigen::Matrix2d::Identity();
+    x_by_q.topRightCorner<2, 1>() -= c;
+    Sight sight;
+    sight.look = number;
+    sight.lens = static_cast<int>(i);
+    sight.predicted = (x_by_q * look.place.homogeneous()).hnormalized();
+    Eigen::Matrix3d about = Eigen::Matrix3d::Identity();
+    about.topRightCorner<2, 1>() = sight.predicted;
+    Eigen::Matrix3d G = look.cells_by_image * x_by_q.inverse() * about;
+    G /= G(2, 2);
+    if (!G.allFinite()) continue;
+    sight.G = G.cast<float>();
+    const Eigen::Vector2d at = G.topRightCorner<2, 1>();
+    const Eigen::Matrix2d slope = G.topLeftCorner<2, 2>() - at * G.bottomLeftCorner<1, 2>();
+    sight.cell_px = 1 / std::sqrt(std::abs(slope.determinant()));
+    sights->push_back(sight);
+  }
+}
+
+double MedianOf(std::vector<double> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+}  // namespace
+
+std::vector<Observation> MeasureInMicroImages(const std::vector<MarkerLook>& looks,
+                                              const VirtualDepth& depth,
+                                              const LensPatches& patches,
+                                              const MicroLensArray& array,
+                                              const SensorNoise& noise,
+                                              int threads) {
+  std::map<int, std::vector<Eigen::Vector2d>> parts;
+  for (const MarkerLook& look : looks) parts[look.part].push_back(look.place);
+  std::map<int, DepthPlane> planes;
+  for (const auto& [part, places] : parts) {
+    if (const auto plane = FitDepthPlane(depth, places)) planes[part] = *plane;
+  }
+  std::vector<Sight> sights;
+  for (size_t i = 0; i < looks.size(); ++i) {
+    const auto plane = planes.find(looks[i].part);
+    if (plane != planes.end()) FindSights(looks[i], i, plane->second, array, &sights);
+  }
+
+  // Some pixels of blur; what one marker says of it is weak, all of a part and type together tell.
+  const BlurPrior first{1.0, 0.5};
+  const auto measure_all = [&](const auto& prior_of) {
+    ParallelFor(sights.size(), threads, [&](size_t i) {
+      Measure(looks[sights[i].look], patches, array, noise, prior_of(sights[i]), &sights[i]);
+    });
+  };
+  measure_all([&](const Sight&) { return first; });
+  std::map<std::pair<int, int>, std::vector<double>> blurs;
+  const auto group = [&](const Sight& sight) {
+    return std::pair(looks[sight.look].part, array.lenses[static_cast<size_t>(sight.lens)].type);
+  };
+  for (const Sight& sight : sights) {
+    if (sight.measured) blurs[group(sight)].push_back(sight.blur);
+  }
+  std::map<std::pair<int, int>, BlurPrior> known;
+  for (const auto& [key, values] : blurs) {
+    known[key] = {MedianOf(values), first.sigma / std::sqrt(static_cast<double>(values.size()))};
+  }
+  measure_all([&](const Sight& sight) {
+    const auto prior = known.find(group(sight));
+    return prior == known.end() ? first : prior->second;
+  });
+
+  std::vector<Observation> observations;
+  for (const Sight& sight : sights) {
+    if (sight.measured) observations.push_back(*sight.measured);
+  }
+  std::stable_sort(observations.begin(), observations.end(), [](const auto& a, const auto& b) {
+    return a.marker < b.marker;
+  });
+  return observations;
+}
+
+}  // namespace plenocal::internal

@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <vector>
+
+#include "calib/micro_lens_array.h"
+
+namespace cv {
+class Mat;
+}
+
+namespace plenocal {
+
+/// The micro-lens array as found in a white image.
+struct MicroLensGrid {
+  MicroLensArray array;  ///< centres of the smooth lattice
+  std::vector<double>
+      gains;  ///< per micro lens: highest brightness of its micro image, grey values
+
+  // How single micro images lie about the smooth lattice, per coordinate.
+  double centre_rms = 0;    ///< px, usable micro lenses that are whole in the image
+  double centre_sigma = 0;  ///< px, robust: what the lattice's error comes from
+  int degree = 1;           ///< of the polynomial that describes the bent lattice
+  /// Share of a micro image's brightness (root mean square, median) that the profile does not
+  /// explain.
+  double misfit = 0;
+  /// Robust relative spread of a micro image's brightness about that of its neighbours.
+  double gain_spread = 0;
+  /// Share of the variance between micro images that the three interleaved sets explain, in the
+  /// ring or brightness that tells them best apart: what `array.types` was decided by.
+  double type_share = 0;
+};
+
+/// Finds all micro lenses whose micro-image centre is on the sensor. `white`: CV_32F, mean white
+/// image, Bayer planes of one level. Throws `Error` of kind kJob when there is no hexagonal
+/// lattice.
+MicroLensGrid FindMicroLensGrid(const cv::Mat& white, int threads);
+
+/// Measures the micro images at the centres of a grid from elsewhere, which stay as they are, types
+/// too; `usable` is decided here.
+MicroLensGrid MeasureMicroLensGrid(const cv::Mat& white, MicroLensArray array, int threads);
+
+}  // namespace plenocal

@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "detectors/raw_check.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <opencv2/core.hpp>
+
+namespace plenocal::internal {
+namespace {
+
+/// Sums over cells of the regression raw - mean = s * expected.
+struct Regression {
+  double product = 0, square = 0;
+  double product_square = 0, products = 0, squares = 0;  // over cells, for the error of s
+  size_t cells = 0;
+
+  void Add(double cell_product, double cell_square) {
+    product += cell_product;
+    square += cell_square;
+    product_square += cell_product * cell_square;
+    products += cell_product * cell_product;
+    squares += cell_square * cell_square;
+    ++cells;
+  }
+  [[nodiscard]] double Slope() const { return product / square; }
+  /// From the scatter of the cells' own residuals product - s * square.
+  [[nodiscard]] double Sigma() const {
+    const double s = Slope();
+    return std::sqrt(std::max(0.0, products - 2 * s * product_square + s * s * squares)) / square;
+  }
+};
+
+}  // namespace
+
+std::string WhyNotOfThisGrid(const cv::Mat& raw,
+                             const cv::Mat& attenuation,
+                             const MicroLensArray& array) {
+  constexpr int kParts = 3;
+  constexpr double kLeastSlope = 0.5;
+  // Three standard errors below 1, so that the two answers are told apart.
+  constexpr double kMostSigma = (1 - kLeastSlope) / 3;
+  double darkest = 0, brightest = 0;
+  cv::minMaxLoc(raw, &darkest, &brightest);
+  if (brightest <= 0) return "is black; was the lens cap on?";
+
+  // The circle around a cell of the hexagonal lattice.
+  const double radius = array.Pitch() / std::sqrt(3.0);
+  std::array<Regression, kParts * kParts> parts;
+  Regression whole;
+  for (const MicroLens& lens : array.lenses) {
+    const int x0 = static_cast<int>(std::ceil(lens.centre.x() - radius));
+    const int x1 = static_cast<int>(std::floor(lens.centre.x() + radius));
+    const int y0 = static_cast<int>(std::ceil(lens.centre.y() - radius));
+    const int y1 = static_cast<int>(std::floor(lens.centre.y() + radius));
+    if (!lens.usable || x0 < 0 || y0 < 0 || x1 >= raw.cols || y1 >= raw.rows) continue;
+    double n = 0, si = 0, sv = 0, siv = 0, svv = 0;
+    for (int y = y0; y <= y1; ++y) {
+      for (int x = x0; x <= x1; ++x) {
+        if (std::hypot(x - lens.centre.x(), y - lens.centre.y()) > radius) continue;
+        const double i = raw.at<float>(y, x), v = attenuation.at<float>(y, x);
+        n += 1, si += i, sv += v, siv += i * v, svv += v * v;
+      }
+    }
+    if (sv <= 0) continue;
+    const double gain = si / sv;
+    const double product = gain * (siv - si * sv / n), square = gain * gain * (svv - sv * sv / n);
+    const int part = static_cast<int>(lens.centre.y() * kParts / raw.rows) * kParts +
+                     static_cast<int>(lens.centre.x() * kParts / raw.cols);
+    parts[part].Add(product, square);
+    whole.Add(product, square);
+  }
+  // An attenuation without micro images says nothing (that of an image that was corrected already).
+  if (!(whole.square > 0)) return "";
+  const auto wrong = [&](const Regression& r) {
+    return r.cells > 1 && r.square > 0 && r.Sigma() < kMostSigma && r.Slope() < kLeastSlope;
+  };
+  if (wrong(whole) || whole.Sigma() >= kMostSigma) {
+    return fmt::format(
+        "does not show micro images where the grid has them (agreement {:.2f}, 1 is expected; mean "
+        "grey value "
+        "{:.1f}); it is too dark, not a raw plenoptic image, or of another camera or setting than "
+        "the white images",
+        whole.Slope(),
+        cv::mean(raw)[0]);
+  }
+  const auto bad = static_cast<size_t>(std::count_if(parts.begin(), parts.end(), wrong));
+  if (bad > 0) {
+    return fmt::format(
+        "does not show micro images where the grid has them in {} of {} parts of the image; it is "
+        "of another camera "
+        "or setting than the white images",
+        bad,
+        parts.size());
+  }
+  return "";
+}
+
+}  // namespace plenocal::internal

@@ -1,0 +1,237 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "detectors/virtual_depth.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <opencv2/core.hpp>
+#include <utility>
+
+#include "calib/parallel.h"
+#include "detectors/fill.h"
+
+namespace plenocal::internal {
+namespace {
+
+constexpr int kStripRows = 64;
+constexpr size_t kLensesPerTask = 128;
+
+/// One estimate in the virtual image; units are pixels of the map.
+struct Hit {
+  float x, y, half;  // centre and half the side of the square that the raw pixel covers
+  float z, variance;
+};
+
+/// Sums of one pixel over the hits that cover it.
+struct Sums {
+  float cover = 0, agreeing = 0, weight = 0, z = 0, square = 0;
+};
+
+struct Fused {
+  // CV_32F, NaN where nothing is known
+  cv::Mat inverse, variance;
+  cv::Mat scatter;  // variance among the micro images over what `variance` makes expect, where
+                    // there are two or more
+  cv::Mat cover;    // number of those micro images
+};
+
+/// Calls use(x, y, share) for each map pixel in rows [y0, y1) that the hit covers; share in (0, 1]
+/// is how much of it.
+template <typename Use>
+void ForEachCovered(const Hit& hit, int columns, int y0, int y1, const Use& use) {
+  const int left = std::max(0, static_cast<int>(std::ceil(hit.x - hit.half - 0.5f)));
+  const int right = std::min(columns - 1, static_cast<int>(std::floor(hit.x + hit.half + 0.5f)));
+  const int top = std::max(y0, static_cast<int>(std::ceil(hit.y - hit.half - 0.5f)));
+  const int bottom = std::min(y1 - 1, static_cast<int>(std::floor(hit.y + hit.half + 0.5f)));
+  const auto overlap = [&](float middle, int at) {
+    const auto centre = static_cast<float>(at);
+    return std::min(middle + hit.half, centre + 0.5f) - std::max(middle - hit.half, centre - 0.5f);
+  };
+  for (int y = top; y <= bottom; ++y) {
+    const float share_y = overlap(hit.y, y);
+    if (share_y <= 0) continue;
+    for (int x = left; x <= right; ++x) {
+      const float share = share_y * overlap(hit.x, x);
+      if (share > 0) use(x, y, share);
+    }
+  }
+}
+
+/// Fuses the hits of one strip of rows: a mean that is repeated with weights from what lies far off
+/// it.
+void FuseStrip(const std::vector<Hit>& hits, int y0, int y1, Fused* fused) {
+  constexpr int kPasses = 2;
+  const int columns = fused->inverse.cols;
+  std::vector<Sums> sums(static_cast<size_t>(y1 - y0) * columns);
+  std::vector<float> mean(sums.size()), spread(sums.size());
+  for (int pass = 0; pass < kPasses; ++pass) {
+    std::fill(sums.begin(), sums.end(), Sums());
+    for (const Hit& hit : hits) {
+      ForEachCovered(hit, columns, y0, y1, [&](int x, int y, float share) {
+        const size_t at = static_cast<size_t>(y - y0) * columns + x;
+        float robust = 1;
+        if (pass > 0) {
+          const float off = hit.z - mean[at];
+          robust = 1 / (1 + off * off / (2.385f * 2.385f * (hit.variance + spread[at])));
+        }
+        Sums& s = sums[at];
+        const float weight = share * robust / hit.variance;
+        s.cover += share;
+        s.agreeing += share * robust;
+        s.weight += weight;
+        s.z += weight * hit.z;
+        s.square += weight * hit.z * hit.z;
+      });
+    }
+    for (size_t i = 0; i < sums.size(); ++i) {
+      if (sums[i].weight <= 0) continue;
+      mean[i] = sums[i].z / sums[i].weight;
+      spread[i] = std::max(0.f, sums[i].square / sums[i].weight - mean[i] * mean[i]);
+    }
+  }
+  for (int y = y0; y < y1; ++y) {
+    for (int x = 0; x < columns; ++x) {
+      const size_t at = static_cast<size_t>(y - y0) * columns + x;
+      const Sums& s = sums[at];
+      // What no second micro image confirms, or most contradict, stays unknown.
+      if (s.agreeing <= 1 || s.agreeing < s.cover / 2) continue;
+      fused->inverse.at<float>(y, x) = mean[at];
+      // The N micro images that see a point share their pixels. With white noise in each the
+      // optimum over all of them has the mean information of the N estimates, and their variance
+      // about it is (N - 1) / 4 times its.
+      fused->variance.at<float>(y, x) = s.cover / s.weight;
+      if (s.cover >= 2) {
+        fused->scatter.at<float>(y, x) = 4 * spread[at] * s.weight / (s.cover * (s.cover - 1));
+        fused->cover.at<float>(y, x) = s.cover;
+      }
+    }
+  }
+}
+
+Fused Fuse(std::vector<LensDepth> depths, const MicroLensArray& array, double scale, int threads) {
+  const int columns = static_cast<int>(std::lround(std::ceil(array.image_size[0] / scale)));
+  const int rows = static_cast<int>(std::lround(std::ceil(array.image_size[1] / scale)));
+  const int strips = (rows + kStripRows - 1) / kStripRows;
+  const size_t tasks = (depths.size() + kLensesPerTask - 1) / kLensesPerTask;
+  // Hits of each task by strip; a hit on the border of two is in both.
+  std::vector<std::vector<std::vector<Hit>>> hits(tasks);
+  ParallelFor(tasks, threads, [&](size_t task) {
+    hits[task].resize(strips);
+    const size_t end = std::min(depths.size(), (task + 1) * kLensesPerTask);
+    for (size_t lens = task * kLensesPerTask; lens < end; ++lens) {
+      const Eigen::Vector2f c = array.lenses[lens].centre.cast<float>();
+      for (const PixelDepth& p : depths[lens]) {
+        const auto to_map = static_cast<float>(1 / scale);
+        const Hit hit{(c.x() + p.x / p.z) * to_map,
+                      (c.y() + p.y / p.z) * to_map,
+                      std::abs(to_map / p.z) / 2,
+                      p.z,
+                      p.variance};
+        const int first = static_cast<int>(std::floor((hit.y - hit.half - 0.5f) / kStripRows));
+        const int last = static_cast<int>(std::floor((hit.y + hit.half + 0.5f) / kStripRows));
+        for (int s = std::max(0, first); s <= std::min(strips - 1, last); ++s) {
+          hits[task][s].push_back(hit);
+        }
+      }
+      depths[lens] = LensDepth();  // memory for the hits
+    }
+  });
+  Fused fused;
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  fused.inverse = cv::Mat(rows, columns, CV_32F, cv::Scalar(nan));
+  fused.variance = fused.inverse.clone();
+  fused.scatter = fused.inverse.clone();
+  fused.cover = fused.inverse.clone();
+  ParallelFor(strips, threads, [&](size_t strip) {
+    std::vector<Hit> mine;
+    for (auto& task : hits) {
+      mine.insert(mine.end(), task[strip].begin(), task[strip].end());
+      task[strip] = std::vector<Hit>();
+    }
+    const int y0 = static_cast<int>(strip) * kStripRows;
+    FuseStrip(mine, y0, std::min(rows, y0 + kStripRows), &fused);
+  });
+  return fused;
+}
+
+/// Removes surfaces too small to be real: an estimate is the mean over 5 x 5 raw pixels, so a group
+/// of neighbours that agree, but cover less than that in the virtual image, is a chance match.
+void RemoveSpeckles(double scale, Fused* fused) {
+  const int rows = fused->inverse.rows, columns = fused->inverse.cols;
+  const auto* z = fused->inverse.ptr<float>();
+  const auto* variance = fused->variance.ptr<float>();
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  std::vector<char> seen(fused->inverse.total(), 0);
+  std::vector<int> group;
+  for (int start = 0; start < rows * columns; ++start) {
+    if (seen[start] != 0 || std::isnan(z[start])) continue;
+    group.assign(1, start);
+    seen[start] = 1;
+    for (size_t k = 0; k < group.size(); ++k) {
+      const int at = group[k], x = at % columns, y = at / columns;
+      const auto visit = [&](bool inside, int next) {
+        if (!inside || seen[next] != 0 || std::isnan(z[next])) return;
+        const float off = z[next] - z[at];
+        if (off * off > 9 * (variance[next] + variance[at])) return;
+        seen[next] = 1;
+        group.push_back(next);
+      };
+      visit(x > 0, at - 1);
+      visit(x + 1 < columns, at + 1);
+      visit(y > 0, at - columns);
+      visit(y + 1 < rows, at + columns);
+    }
+    const double side = 5 / std::abs(z[start]) / scale;
+    if (static_cast<double>(group.size()) >= side * side) continue;
+    for (const int at : group) {
+      for (cv::Mat* map : {&fused->inverse, &fused->variance, &fused->scatter, &fused->cover}) {
+        map->ptr<float>()[at] = nan;
+      }
+    }
+  }
+}
+
+/// The middle one of the values that are known; `fallback` when there is none.
+float Median(const cv::Mat& values, float fallback) {
+  std::vector<float> known;
+  for (int y = 0; y < values.rows; ++y) {
+    for (int x = 0; x < values.cols; ++x) {
+      if (!std::isnan(values.at<float>(y, x))) known.push_back(values.at<float>(y, x));
+    }
+  }
+  if (known.empty()) return fallback;
+  std::nth_element(known.begin(), known.begin() + known.size() / 2, known.end());
+  return known[known.size() / 2];
+}
+
+/// How much larger the variances are than the single estimates say, from the scatter between micro
+/// images: what they have in common over a window or through blur is in no single estimate.
+float VarianceFactor(const Fused& fused) {
+  const float freedom = Median(fused.cover, 2) - 1;
+  // Median of chi-square over its mean (Wilson and Hilferty).
+  const float median = std::pow(1 - 2 / (9 * freedom), 3.f);
+  return Median(fused.scatter, median) / median;
+}
+
+}  // namespace
+
+VirtualDepth FuseDepth(std::vector<LensDepth> depths,
+                       const MicroLensArray& array,
+                       float radius_px,
+                       double scale,
+                       int threads) {
+  Fused fused = Fuse(std::move(depths), array, scale, threads);
+  fused.variance *= VarianceFactor(fused);
+  RemoveSpeckles(scale, &fused);
+  const Filled filled = FillHoles(fused.inverse, fused.variance);
+  VirtualDepth depth;
+  depth.scale = scale;
+  depth.inverse = filled.value;
+  cv::sqrt(filled.variance, depth.sigma);
+  // A micro image of radius r reaches r / z in the virtual image.
+  depth.known = filled.reach.mul(cv::abs(filled.value)) * scale <= radius_px;
+  return depth;
+}
+
+}  // namespace plenocal::internal

@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// The white images of one camera, from files to results in memory. No OpenCV type here: the command
+// line includes this header without it.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "calib/micro_lens_array.h"
+#include "calib/observation.h"
+#include "calib/session.h"
+#include "detectors/micro_lens_grid.h"
+
+namespace plenocal {
+
+struct WhiteOptions {
+  bool plenoptic = false;
+  bool bayer = false;  ///< raw mosaics; the order of the colours does not matter here
+  /// Centres from elsewhere (RayCalibData) for the size of the white images, instead of those found
+  /// in them.
+  std::optional<std::filesystem::path> grid_file = {};
+  /// A raw image of the camera, whose size the white images must have; empty: none.
+  std::filesystem::path raw_image = {};
+  int threads = 0;  ///< 0: all cores
+};
+
+/// What the white images of a camera gave.
+struct WhiteCamera {
+  ImageSize image_size{};
+  size_t images = 0;                 ///< used
+  double level = 0, full_scale = 0;  ///< mean grey value; that of a saturated pixel
+  double saturated = 0, black = 0;   ///< shares of pixels
+  double unevenness = 0;             ///< of the illumination, from side to side
+  double darkest = 0;                ///< lowest attenuation
+  std::vector<LeftOut> left_out = {};
+  std::optional<MicroLensGrid> grid = {};  ///< of a plenoptic camera
+  std::string attenuation_tiff = {};       ///< a file's content, 32 bits a pixel
+  std::string grid_png = {};               ///< likewise; empty for an ordinary camera
+};
+
+/// Averages and measures. Throws `Error` with the file or the reason.
+WhiteCamera MeasureWhiteImages(const std::vector<FrameImage>& images, const WhiteOptions& options);
+
+}  // namespace plenocal

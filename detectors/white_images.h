@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <opencv2/core/mat.hpp>
+#include <vector>
+
+#include "calib/observation.h"
+#include "calib/session.h"
+
+namespace plenocal {
+
+/// The mean of a camera's white images and what was seen on the way.
+struct WhiteImages {
+  cv::Mat mean;           ///< CV_32F, one channel, grey values as in the files
+  size_t used = 0;        ///< images in the mean
+  double level = 0;       ///< mean grey value
+  double full_scale = 0;  ///< grey value of a saturated pixel
+  double saturated = 0;   ///< share of pixels at full scale, mean over the images
+  double black = 0;       ///< share of pixels at 0
+  /// How much brighter one side of the field is than the opposite one, relative to the middle: lens
+  /// fall-off is the same on both, so this is the illumination (or a lens out of its place).
+  double unevenness = 0;
+  std::vector<LeftOut> left_out;  ///< images, with reasons
+};
+
+/// Averages white images of any kind that ReadImage reads; colour becomes gray. Left out are
+/// unreadable, saturated and black images and those whose brightness or shading differs from the
+/// rest. Throws `Error`: of kind kInput for images of different sizes; of kind kJob when none
+/// remains or they show a scene that differs between them.
+WhiteImages AverageWhiteImages(const std::vector<FrameImage>& images, int threads);
+
+}  // namespace plenocal
