@@ -78,7 +78,7 @@ void RunCalibrate(const SessionCommand& command, const ConsoleOptions& options) 
   input.marker_sigma = MarkerSigma(session, target, &console);
   input.loss = session.loss;
   SessionObservations observations = CollectObservations(session, target, options, &console);
-  input.cameras = std::move(observations.cameras);
+  input.cameras = observations.cameras;
 
   Calibration calibration =
       Calibrate(input, {.threads = options.threads, .progress = [&](const std::string& stage) {
@@ -91,6 +91,10 @@ void RunCalibrate(const SessionCommand& command, const ConsoleOptions& options) 
   calibration.left_out.insert(
       calibration.left_out.begin(), observations.left_out.begin(), observations.left_out.end());
 
+  calibration.camera_files.resize(session.cameras.size());
+  for (const CameraFile& file : observations.files) {
+    calibration.camera_files[file.camera].emplace_back(file.key, file.name);
+  }
   out.Write("calibration.yaml",
             CalibrationYaml(calibration,
                             {{"plenocal_version", PLENOCAL_VERSION},
@@ -103,7 +107,7 @@ void RunCalibrate(const SessionCommand& command, const ConsoleOptions& options) 
   out.Write("target.yaml", RefinedTarget(target, calibration));
   out.Write("poses.csv", PosesCsv(calibration));
   out.Write("residuals.csv", ResidualsCsv(calibration));
-  WriteDetections(session, input.cameras, command.out, &out);
+  WriteDetections(session, observations, command.out, &out);
   out.Commit();
   fmt::print("{}\nwritten to {}\n", Summary(calibration), command.out.string());
 }

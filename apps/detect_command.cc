@@ -15,7 +15,7 @@ void RunDetect(const SessionCommand& command, const ConsoleOptions& options) {
   OutputFolder out(command.out);
   Console console(options.quiet);
   const SessionObservations observations = CollectObservations(session, target, options, &console);
-  WriteDetections(session, observations.cameras, command.out, &out);
+  WriteDetections(session, observations, command.out, &out);
   out.Commit();
   for (const CameraInput& camera : observations.cameras) {
     size_t points = 0;

@@ -87,6 +87,16 @@ SessionObservations CollectObservations(const Session& session,
                         camera.image_size[1]));
       }
       input.image_size = found.image_size;
+      if (!found.micro_lenses.empty()) {
+        collected.files.push_back({c,
+                                   "micro_lenses",
+                                   fmt::format("micro_lenses_{}.csv", camera.name),
+                                   std::move(found.micro_lenses)});
+        collected.files.push_back({c,
+                                   "vignetting",
+                                   fmt::format("vignetting_{}.tiff", camera.name),
+                                   std::move(found.vignetting)});
+      }
       input.views = std::move(found.views);
       console->Message(fmt::format("{}: {} images, target found in {}, {} points",
                                    camera.name,
@@ -134,9 +144,11 @@ void RefuseToReplaceInputs(const Session& session,
 }
 
 void WriteDetections(const Session& session,
-                     const std::vector<CameraInput>& cameras,
+                     const SessionObservations& observations,
                      const std::filesystem::path& folder,
                      OutputFolder* out) {
+  const std::vector<CameraInput>& cameras = observations.cameras;
+  for (const CameraFile& file : observations.files) out->Write(file.name, file.content);
   for (size_t c = 0; c < cameras.size(); ++c) {
     const std::string name = DetectionsName(cameras[c].name);
     if (IsSameFile(session.cameras[c].detections, folder / name)) continue;

@@ -13,9 +13,16 @@
 
 namespace plenocal {
 
+/// A file that belongs to a camera of a result: `key: name` in its part of calibration.yaml.
+struct CameraFile {
+  size_t camera = 0;
+  std::string key, name, content;
+};
+
 /// All observations of a session's cameras, from their images or detection files.
 struct SessionObservations {
   std::vector<CameraInput> cameras;
+  std::vector<CameraFile> files;  ///< micro lenses and vignetting of plenoptic cameras
   std::vector<LeftOut> left_out;
 };
 
@@ -33,9 +40,9 @@ void RefuseToReplaceInputs(const Session& session,
                            const std::filesystem::path& out,
                            std::vector<std::string> results);
 
-/// Writes detections_<camera>.csv of each camera.
+/// Writes detections_<camera>.csv of each camera and the cameras' files.
 void WriteDetections(const Session& session,
-                     const std::vector<CameraInput>& cameras,
+                     const SessionObservations& observations,
                      const std::filesystem::path& folder,
                      OutputFolder* out);
 

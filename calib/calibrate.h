@@ -44,6 +44,8 @@ struct CameraFit {
 struct Calibration {
   std::vector<std::string> camera_names;
   std::vector<ImageSize> image_sizes;
+  /// Per camera: key and name of files beside calibration.yaml that belong to it; may be empty.
+  std::vector<std::vector<std::pair<std::string, std::string>>> camera_files;
   std::vector<std::string> frames;  ///< names, sorted; index as in Bundle::T_rig_target
   Bundle bundle;
   std::vector<CameraFit> fits;

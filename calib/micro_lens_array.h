@@ -13,19 +13,21 @@ namespace plenocal {
 /// One micro lens as raw images show it.
 struct MicroLens {
   int row = 0, column = 0;  ///< in the lattice: neighbours along e_column differ by 1 in `column`
-  /// Micro-image centre in the raw, distorted image, px, (0, 0) at the centre of the top-left pixel.
+  /// Micro-image centre in the raw, distorted image, px, (0, 0) at the centre of the top-left
+  /// pixel.
   Eigen::Vector2d centre{0, 0};
   int type = 0;        ///< 0 .. types - 1; the numbers only tell types apart
   bool usable = true;  ///< false for a dead or dirty micro lens
 };
 
-/// The micro-lens array of a plenoptic camera: all micro lenses whose micro-image centre lies on the
-/// sensor. Plain data, so that camera models and the pipeline share it.
+/// The micro-lens array of a plenoptic camera: all micro lenses whose micro-image centre lies on
+/// the sensor. Plain data, so that camera models and the pipeline share it.
 struct MicroLensArray {
   ImageSize image_size{};
   int types = 1;
-  /// Lattice vectors at the middle of the image, px: to the next micro lens in a row, and to the next
-  /// row. Hexagonal: |e_column| = |e_row|, 60 degrees apart; lens distortion changes them slowly.
+  /// Lattice vectors at the middle of the image, px: to the next micro lens in a row, and to the
+  /// next row. Hexagonal: |e_column| = |e_row|, 60 degrees apart; lens distortion changes them
+  /// slowly.
   Eigen::Vector2d e_column{0, 0}, e_row{0, 0};
   std::vector<MicroLens> lenses;
 
@@ -33,14 +35,16 @@ struct MicroLensArray {
   [[nodiscard]] double Pitch() const { return (e_column.norm() + e_row.norm()) / 2; }
 };
 
-/// Sets the lattice vectors from rows, columns and centres. Throws `Error` for too few micro lenses.
+/// Sets the lattice vectors from rows, columns and centres. Throws `Error` for too few micro
+/// lenses.
 void SetLatticeVectors(MicroLensArray* array);
 
 /// The text of micro_lenses_<camera>.csv: index, x, y, type, then row, column, usable.
 std::string FormatMicroLenses(const MicroLensArray& array);
 
-/// Reads such a file; `row`, `column` and `usable` may be missing (other programs' files: index, x, y,
-/// type), then the lattice is found from the centres. Throws `Error` of kind kInput with file and line.
+/// Reads such a file; `row`, `column` and `usable` may be missing (other programs' files: index, x,
+/// y, type), then the lattice is found from the centres. Throws `Error` of kind kInput with file
+/// and line.
 MicroLensArray ReadMicroLenses(const std::filesystem::path& path, ImageSize image_size);
 
 }  // namespace plenocal

@@ -129,6 +129,10 @@ std::string CalibrationYaml(const Calibration& calibration,
       fmt::format_to(out, ", detector_sigma: {}", YamlNumber(fit.stated_sigma));
     }
     text += "}\n";
+    if (c >= calibration.camera_files.size()) continue;
+    for (const auto& [key, name] : calibration.camera_files[c]) {
+      fmt::format_to(out, "    {}: {}\n", key, name);
+    }
   }
   fmt::format_to(out, "frames: {}\n", calibration.frames.size());
   fmt::format_to(out,

@@ -7,9 +7,9 @@
 namespace plenocal {
 
 /// Reads an image file (8 or 16 bit; gray, colour) as single-channel 8-bit gray. Sixteen-bit images
-/// are scaled by their own largest value's next power of two, so that 12-bit data keep their contrast.
-/// Throws `Error` of kind `kInput` that names the file for one that is missing, not an image, corrupt
-/// or truncated (a truncated PNG or JPEG must be refused, not filled with gray).
+/// are scaled by their own largest value's next power of two, so that 12-bit data keep their
+/// contrast. Throws `Error` of kind `kInput` that names the file for one that is missing, not an
+/// image, corrupt or truncated (a truncated PNG or JPEG must be refused, not filled with gray).
 cv::Mat ReadGray(const std::filesystem::path& path);
 
 /// Reads an image file as it is: 8 or 16 bits, raw values, one channel or three (BGR). Throws as

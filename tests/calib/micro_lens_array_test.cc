@@ -1,0 +1,139 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/micro_lens_array.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <numbers>
+#include <regex>
+#include <string>
+
+#include "calib/error.h"
+#include "calib/hexagonal_lattice.h"
+#include "calib/raytrix_grid.h"
+
+namespace plenocal {
+namespace {
+
+namespace fs = std::filesystem;
+constexpr ImageSize kSize{300, 200};
+constexpr double kPitch = 15;
+
+MicroLensArray Example() {
+  MicroLensArray array;
+  array.image_size = kSize;
+  array.types = 3;
+  for (int row = -40; row <= 40; ++row) {
+    for (int column = -60; column <= 60; ++column) {
+      const Eigen::Vector2d centre(140 + kPitch * (column + 0.5 * row),
+                                   90 + kPitch * row * std::sqrt(0.75));
+      if (!IsInside(centre, kSize)) continue;
+      array.lenses.push_back({.row = row,
+                              .column = column,
+                              .centre = centre,
+                              .type = LatticeColour({column, row}),
+                              .usable = column != 2});
+    }
+  }
+  return array;
+}
+
+class MicroLensFile : public ::testing::Test {
+ protected:
+  MicroLensFile()
+      : path_(fs::temp_directory_path() /
+              ("plenocal_" +
+               std::string(::testing::UnitTest::GetInstance()->current_test_info()->name()) +
+               ".csv")) {}
+  ~MicroLensFile() override { fs::remove(path_); }
+  void Write(const std::string& text) const { std::ofstream(path_) << text; }
+  [[nodiscard]] std::string Message() const {
+    try {
+      ReadMicroLenses(path_, kSize);
+    } catch (const Error& error) {
+      return error.what();
+    }
+    return "";
+  }
+
+  fs::path path_;
+};
+
+TEST_F(MicroLensFile, ReadsWhatItWrites) {
+  const MicroLensArray written = Example();
+  Write(FormatMicroLenses(written));
+  const MicroLensArray read = ReadMicroLenses(path_, kSize);
+  ASSERT_EQ(read.lenses.size(), written.lenses.size());
+  constexpr double kDigits = 1e-5;  // px, as written
+  for (size_t i = 0; i < read.lenses.size(); ++i) {
+    EXPECT_LT((read.lenses[i].centre - written.lenses[i].centre).norm(), kDigits);
+    EXPECT_EQ(read.lenses[i].row, written.lenses[i].row);
+    EXPECT_EQ(read.lenses[i].column, written.lenses[i].column);
+    EXPECT_EQ(read.lenses[i].type, written.lenses[i].type);
+    EXPECT_EQ(read.lenses[i].usable, written.lenses[i].usable);
+  }
+  EXPECT_EQ(read.types, 3);
+  EXPECT_NEAR(read.Pitch(), kPitch, kDigits);
+}
+
+TEST_F(MicroLensFile, FindsTheLatticeOfAFileWithoutRowsAndColumns) {
+  std::string text = FormatMicroLenses(Example());
+  text = std::regex_replace(text, std::regex(R"(^([^,]*,[^,]*,[^,]*,[^,\n]*),.*)"), "$1");
+  Write(text);
+  const MicroLensArray read = ReadMicroLenses(path_, kSize);
+  EXPECT_NEAR(read.Pitch(), kPitch, 1e-4);
+  for (const MicroLens& lens : read.lenses) {
+    // Another origin, but the interleaved sets are the same up to their numbers.
+    const int shift =
+        LatticeColour({read.lenses[0].column, read.lenses[0].row}) - read.lenses[0].type;
+    EXPECT_EQ((LatticeColour({lens.column, lens.row}) - lens.type - shift) % 3, 0);
+  }
+}
+
+TEST_F(MicroLensFile, NamesTheLineOfABadNumber) {
+  Write("index,x,y,type\n0,1.5,2.5,0\n1,oops,2.5,0\n");
+  EXPECT_THAT(Message(),
+              ::testing::AllOf(::testing::HasSubstr(":3: x"), ::testing::HasSubstr("oops")));
+}
+
+TEST(RayCalibData, RealFilesGiveTheirPitchRotationAndTypes) {
+  const fs::path folder = fs::path(PLENOCAL_SHARED_DATA) / "plenoptic_real";
+  if (!fs::exists(folder)) GTEST_SKIP() << "no " << folder;
+  struct Case {
+    const char* file;
+    double pitch, rotation_deg;  // modulo 60
+  };
+  for (const Case& c :
+       {Case{"raytrix_xml_mit/tree_Calibration.xml", 23.213624954224, 30},
+        Case{"plenoptic_toolbox2/sc2_klein.xml", 34.864704132080, 0},
+        Case{"plenoptic_toolbox2/Cards2_20171204_162425627_0000008378_Processed.xml",
+             38.3737792969,
+             -2.54233651836e-5 * 180 / std::numbers::pi}}) {
+    const MicroLensArray array = ReadRayCalibData(folder / c.file, {964, 670});
+    EXPECT_EQ(array.types, 3);
+    EXPECT_NEAR(array.Pitch(), c.pitch, 1e-4);
+    const double angle =
+        std::atan2(array.e_column.y(), array.e_column.x()) * 180 / std::numbers::pi;
+    EXPECT_NEAR(std::remainder(angle - c.rotation_deg, 60), 0, 1e-5) << c.file;
+    const double expected = 964 * 670 / (c.pitch * c.pitch * std::sqrt(0.75));
+    EXPECT_NEAR(static_cast<double>(array.lenses.size()), expected, 0.1 * expected);
+  }
+}
+
+TEST(RayCalibData, SaysWhatIsWrong) {
+  const fs::path path = fs::temp_directory_path() / "plenocal_not_ray_calib.xml";
+  std::ofstream(path) << "<Other/>";
+  try {
+    ReadRayCalibData(path, kSize);
+    ADD_FAILURE();
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(), ::testing::HasSubstr("RayCalibData"));
+  }
+  fs::remove(path);
+}
+
+}  // namespace
+}  // namespace plenocal
