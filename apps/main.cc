@@ -120,9 +120,10 @@ int main(int argc, char** argv) {
   focus->add_option("--grid",
                     focus_command.grid,
                     "instead of white images: micro_lenses_<camera>.csv or RayCalibData XML");
-  focus->add_option("--vignetting",
-                    focus_command.vignetting,
-                    "with --grid: attenuation TIFF (default: the raw images are corrected already)");
+  focus->add_option(
+      "--vignetting",
+      focus_command.vignetting,
+      "with --grid: attenuation TIFF (default: the raw images are corrected already)");
   focus->add_option("--markers",
                     focus_command.markers,
                     "target.yaml: make the depth of each marker found a plane and focus again");

@@ -31,10 +31,7 @@ bool IsPlenoptic(const CameraModel& model) {
 
 bool IsPlenoptic(const std::string& name) {
   if (const CameraModel* model = FindModel(CameraModels(), name)) return IsPlenoptic(*model);
-  // White images need the kind of camera, not its mathematics.
-  constexpr std::string_view kFocusedPlenoptic = "focused-plenoptic";
-  if (name == kFocusedPlenoptic) return true;
-  std::vector<std::string_view> known{kFocusedPlenoptic};
+  std::vector<std::string_view> known;
   for (const CameraModel& model : CameraModels()) known.push_back(model.name);
   throw Error(ErrorKind::kInput,
               fmt::format("--model: unknown camera model '{}'{}", name, SuggestName(name, known)));

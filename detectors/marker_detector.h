@@ -18,8 +18,8 @@ struct MarkerDetections {
   std::string failure;                ///< why `markers` is empty; empty otherwise
 };
 
-/// Finds the markers of one target in gray images. One object may be used from one thread at a time;
-/// images run in parallel with one detector a thread.
+/// Finds the markers of one target in gray images. One object may be used from one thread at a
+/// time; images run in parallel with one detector a thread.
 class MarkerDetector {
  public:
   virtual ~MarkerDetector() = default;

@@ -284,5 +284,66 @@ TEST_F(RealSets, SimulatedStereoRigIsFoundWithinItsSigmas) {
             0.5 * DistanceAfterAlignment(nominal, true_markers));
 }
 
+TEST_F(RealSets, PlenopticCameraAndStereoRigFromRawImages) {
+  const fs::path set = Set("sim_small");
+  SKIP_WITHOUT(set);
+  const Outcome outcome = Run({"calibrate", (set / "session.yaml").string(), "-o", "out"});
+  ASSERT_EQ(outcome.status, kDone) << outcome.err;
+  ExpectNoNan(Result());
+  const YAML::Node truth =
+      YAML::LoadFile((set / "truth/calibration.yaml").string())["cameras"]["plenoptic"];
+  const YAML::Node camera = Result()["cameras"]["plenoptic"];
+  // Bounds above the known bias of points measured in micro images (README, "What it does not do
+  // yet"); issue 4 asks for 0.008, 0.024 and 1.1 per cent.
+  const std::map<std::string, double> bounds{{"f_L", 1e-3}, {"b_L0", 5e-4}, {"B", 0.018}};
+  for (const auto& [key, relative] : bounds) {
+    const auto true_value = truth["parameters"][key].as<double>();
+    EXPECT_NEAR(camera["parameters"][key].as<double>() / true_value, 1, relative) << key;
+  }
+  constexpr double kSigmas = 3;
+  for (const char* key : {"c_x", "c_y", "A_0", "A_1", "B_0", "B_1"}) {
+    EXPECT_NEAR(camera["parameters"][key].as<double>(),
+                truth["parameters"][key].as<double>(),
+                kSigmas * camera["sigma"][key].as<double>())
+        << key;
+  }
+  for (int i = 0; i < 6; ++i) {
+    EXPECT_NEAR(camera["xi_camera_rig"][i].as<double>(),
+                truth["xi_camera_rig"][i].as<double>(),
+                kSigmas * camera["sigma_xi"][i].as<double>())
+        << "xi " << i;
+  }
+  for (const char* key : {"micro_lenses", "vignetting"}) {
+    EXPECT_TRUE(fs::exists(Path("out") / camera[key].as<std::string>())) << key;
+  }
+}
+
+TEST_F(RealSets, PlenopticCameraFromRealMicroImagePoints) {
+  const fs::path set = Set("plenoptic_real/r12a");
+  SKIP_WITHOUT(set);
+  // SOURCE.md: 0.668 px a coordinate with a refined board, 0.716 with a flat one; f_L = 51.7 mm.
+  const auto calibrate = [&](bool refine) {
+    Write("session.yaml",
+          fmt::format("plenocal: 1\ntarget: {0}/target.yaml\ncameras:\n  r12:\n"
+                      "    model: focused-plenoptic\n    detections: {0}/detections.csv\n"
+                      "    image_size: [4080, 3068]\n    pixel_size: 5.5e-6\n"
+                      "    fixed: [B_0, B_1]\noptions: {{refine_target: {1}}}\n",
+                      set.string(),
+                      refine));
+    Calibrate();
+    return Rms("out", "r12") / std::sqrt(2);
+  };
+  EXPECT_GE(calibrate(false), 0.68);  // without the points that are rejected
+  EXPECT_LE(calibrate(true), 0.670);
+  EXPECT_NEAR(Result()["cameras"]["r12"]["parameters"]["f_L"].as<double>(), 0.0517, 3e-4);
+  double low = 0, high = 0;
+  for (const auto& [number, position] : Markers(YAML::Load(Read("out/target.yaml")))) {
+    low = std::min(low, position.z());
+    high = std::max(high, position.z());
+  }
+  EXPECT_NEAR(low, -0.34e-3, 0.05e-3);
+  EXPECT_NEAR(high, 0.39e-3, 0.05e-3);
+}
+
 }  // namespace
 }  // namespace plenocal::testing

@@ -22,19 +22,19 @@ struct SyntheticOptions {
   TargetShape shape = TargetShape::kPlane;
   int cameras = 1;
   int frames = 15;
-  double fov_deg = 60;         ///< horizontal
-  double noise = 0;            ///< sigma of each coordinate, px
-  double marker_tolerance = 0; ///< sigma of the true markers about the nominal ones, m
-  double visible = 1;          ///< probability that a camera sees the target in a frame
-  double partial = 0;          ///< probability that a marker of a view is missing
+  double fov_deg = 60;          ///< horizontal
+  double noise = 0;             ///< sigma of each coordinate, px
+  double marker_tolerance = 0;  ///< sigma of the true markers about the nominal ones, m
+  double visible = 1;           ///< probability that a camera sees the target in a frame
+  double partial = 0;           ///< probability that a marker of a view is missing
   bool distorted = true;
 };
 
 struct SyntheticProblem {
   CalibrationInput input;
-  std::vector<std::vector<double>> params;     ///< per camera
-  std::vector<RigidTransform> T_camera_rig;    ///< per camera
-  std::map<int, Eigen::Vector3d> markers;      ///< the true ones
+  std::vector<std::vector<double>> params;   ///< per camera
+  std::vector<RigidTransform> T_camera_rig;  ///< per camera
+  std::map<int, Eigen::Vector3d> markers;    ///< the true ones
   std::map<std::string, RigidTransform> T_rig_target;
 };
 
