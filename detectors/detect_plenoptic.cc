@@ -18,16 +18,22 @@
 namespace plenocal {
 namespace {
 
+struct RawDetections {
+  internal::MicroView markers;
+  std::vector<std::string> left_out;
+  std::string failure;
+};
+
 /// The markers of one raw image, measured in its micro images.
-MarkerDetections DetectInRaw(const cv::Mat& raw,
-                             const Target& target,
-                             const internal::FocusedMarkers& markers,
-                             const PlenopticCamera& camera,
-                             int threads) {
+RawDetections DetectInRaw(const cv::Mat& raw,
+                          const Target& target,
+                          const internal::FocusedMarkers& markers,
+                          const PlenopticCamera& camera,
+                          int threads) {
   FocusOptions focus{.threads = threads, .find_flat_parts = {}};
   focus.find_flat_parts = [&](const cv::Mat& image) { return markers.FlatParts(image); };
   const FocusedView view = Focus(raw, camera, focus);
-  MarkerDetections found = markers.Detect(view.image);
+  const MarkerDetections found = markers.Detect(view.image);
   std::vector<internal::MarkerLook> looks = internal::LooksOf(target, found.markers);
   // From pixels of the focused image to raw pixels.
   const double scale = view.depth.scale;
@@ -37,12 +43,15 @@ MarkerDetections DetectInRaw(const cv::Mat& raw,
   }
   const internal::LensPatches patches =
       internal::CutPatches(GreyOf(raw), camera.attenuation, camera.array, camera.bayer, threads);
-  found.markers = internal::MeasureInMicroImages(
-      looks, view.depth, patches, camera.array, internal::EstimateNoise(patches), threads);
-  if (found.markers.empty() && found.failure.empty()) {
-    found.failure = "the target is in the focused image, but no micro image shows a marker well";
+  RawDetections result{
+      .markers = internal::MeasureInMicroImages(
+          looks, view.depth, patches, camera.array, internal::EstimateNoise(patches), threads),
+      .left_out = found.left_out,
+      .failure = found.failure};
+  if (result.markers.empty() && result.failure.empty()) {
+    result.failure = "the target is in the focused image, but no micro image shows a marker well";
   }
-  return found;
+  return result;
 }
 
 }  // namespace
@@ -77,17 +86,20 @@ ImageDetections DetectPlenopticImages(const std::vector<FrameImage>& images,
   detections.vignetting = std::move(white.attenuation_tiff);
 
   const internal::FocusedMarkers markers(target);
+  std::vector<std::string> frames;
+  std::vector<internal::MicroView> views;
   for (size_t i = 0; i < images.size(); ++i) {
     const std::string path = images[i].path.string();
     try {
-      MarkerDetections found =
+      RawDetections found =
           DetectInRaw(ReadImage(images[i].path), target, markers, camera, options.threads);
       for (const std::string& reason : found.left_out)
         detections.left_out.push_back({path, reason});
       if (found.markers.empty()) {
         detections.left_out.push_back({path, found.failure});
       } else {
-        detections.views.push_back({images[i].frame, std::move(found.markers)});
+        frames.push_back(images[i].frame);
+        views.push_back(std::move(found.markers));
       }
     } catch (const Error& error) {
       const std::string message = error.what(), prefix = path + ": ";
@@ -95,6 +107,12 @@ ImageDetections DetectPlenopticImages(const std::vector<FrameImage>& images,
           {path, message.starts_with(prefix) ? message.substr(prefix.size()) : message});
     }
     if (options.progress && !options.progress(i + 1)) throw Stopped();
+  }
+  internal::RemoveDefocusShifts(camera.array.types, &views);
+  for (size_t i = 0; i < views.size(); ++i) {
+    View view{frames[i], {}};
+    for (const internal::MicroObservation& o : views[i]) view.observations.push_back(o.seen);
+    detections.views.push_back(std::move(view));
   }
   return detections;
 }

@@ -242,12 +242,12 @@ double MedianOf(std::vector<double> values) {
 
 }  // namespace
 
-std::vector<Observation> MeasureInMicroImages(const std::vector<MarkerLook>& looks,
-                                              const VirtualDepth& depth,
-                                              const LensPatches& patches,
-                                              const MicroLensArray& array,
-                                              const SensorNoise& noise,
-                                              int threads) {
+MicroView MeasureInMicroImages(const std::vector<MarkerLook>& looks,
+                               const VirtualDepth& depth,
+                               const LensPatches& patches,
+                               const MicroLensArray& array,
+                               const SensorNoise& noise,
+                               int threads) {
   std::map<int, std::vector<Eigen::Vector2d>> parts;
   for (const MarkerLook& look : looks) parts[look.part].push_back(look.place);
   std::map<int, DepthPlane> planes;
@@ -284,12 +284,17 @@ std::vector<Observation> MeasureInMicroImages(const std::vector<MarkerLook>& loo
     return prior == known.end() ? first : prior->second;
   });
 
-  std::vector<Observation> observations;
+  MicroView observations;
   for (const Sight& sight : sights) {
-    if (sight.measured) observations.push_back(*sight.measured);
+    if (!sight.measured) continue;
+    const MarkerLook& look = looks[sight.look];
+    observations.push_back({.seen = *sight.measured,
+                            .inverse_depth = 1 / planes.at(look.part).dot(look.place.homogeneous()),
+                            .blur = sight.blur,
+                            .type = array.lenses[static_cast<size_t>(sight.lens)].type});
   }
   std::stable_sort(observations.begin(), observations.end(), [](const auto& a, const auto& b) {
-    return a.marker < b.marker;
+    return a.seen.marker < b.seen.marker;
   });
   return observations;
 }

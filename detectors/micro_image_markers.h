@@ -11,6 +11,7 @@
 
 #include "calib/micro_lens_array.h"
 #include "calib/observation.h"
+#include "detectors/defocus_shift.h"
 #include "detectors/lens_patches.h"
 #include "detectors/marker_looks.h"
 #include "detectors/virtual_depth.h"
@@ -24,11 +25,11 @@ namespace plenocal::internal {
 /// brightness, contrast and blur. The blur is common to the micro images of one lens type and one
 /// flat part. Sigma comes from the fit's own residuals, or from the sensor's noise where that is
 /// larger. Micro images in which the fit fails or moves by more than half a cell are left out.
-std::vector<Observation> MeasureInMicroImages(const std::vector<MarkerLook>& looks,
-                                              const VirtualDepth& depth,
-                                              const LensPatches& patches,
-                                              const MicroLensArray& array,
-                                              const SensorNoise& noise,
-                                              int threads);
+MicroView MeasureInMicroImages(const std::vector<MarkerLook>& looks,
+                               const VirtualDepth& depth,
+                               const LensPatches& patches,
+                               const MicroLensArray& array,
+                               const SensorNoise& noise,
+                               int threads);
 
 }  // namespace plenocal::internal

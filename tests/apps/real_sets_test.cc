@@ -293,16 +293,16 @@ TEST_F(RealSets, PlenopticCameraAndStereoRigFromRawImages) {
   const YAML::Node truth =
       YAML::LoadFile((set / "truth/calibration.yaml").string())["cameras"]["plenoptic"];
   const YAML::Node camera = Result()["cameras"]["plenoptic"];
-  // Bounds above the known bias of points measured in micro images (README, "What it does not do
-  // yet"); issue 4 asks for 0.008, 0.024 and 1.1 per cent.
-  const std::map<std::string, double> bounds{{"f_L", 1e-3}, {"b_L0", 5e-4}, {"B", 0.018}};
+  // Issue 4: twice what an independent, near-optimal registration of the same images reached.
+  const std::map<std::string, double> bounds{{"f_L", 8e-5}, {"b_L0", 2.4e-4}, {"B", 0.011}};
   for (const auto& [key, relative] : bounds) {
     const auto true_value = truth["parameters"][key].as<double>();
     EXPECT_NEAR(camera["parameters"][key].as<double>() / true_value, 1, relative) << key;
   }
   constexpr double kSigmas = 3;
-  for (const char* key : {"c_x", "c_y", "A_0", "A_1", "B_0", "B_1"}) {
-    EXPECT_NEAR(camera["parameters"][key].as<double>(),
+  for (const auto& param : camera["parameters"]) {
+    const auto key = param.first.as<std::string>();
+    EXPECT_NEAR(param.second.as<double>(),
                 truth["parameters"][key].as<double>(),
                 kSigmas * camera["sigma"][key].as<double>())
         << key;
