@@ -84,6 +84,10 @@ class Calibrator {
                                   .is_master = c == 0});
     }
     bundle().marker_sigma = input_.marker_sigma;
+    for (size_t c = 0; c < CameraCount(); ++c) {
+      const int k = static_cast<int>(input_.cameras[c].model->measured.size());
+      noise_alone_.push_back(starts[c].median_error / std::sqrt(ChiSquareQuantile(k, 0.5)));
+    }
     CollectObservations(starts);
   }
 
@@ -626,9 +630,29 @@ class Calibrator {
       fit.stated_sigma = has_sigmas_[c] ? typical_sigma_[c] : 0;
       result_.fits.push_back(fit);
     }
+    WarnOfDisagreement();
     if (!result_.converged) {
       result_.warnings.emplace_back(
           "the bundle adjustment did not converge: the values may still be moving");
+    }
+  }
+
+  // A camera that fits its own images well but not those of the rig.
+  void WarnOfDisagreement() {
+    // The start holds the target rigid, so a rig without trouble is not far above it.
+    constexpr double kFarAbove = 3;
+    for (size_t c = 0; c < CameraCount() && CameraCount() > 1; ++c) {
+      if (!(result_.fits[c].sigma > kFarAbove * noise_alone_[c]) ||
+          noise_alone_[c] < kSmallestNoise) {
+        continue;
+      }
+      result_.warnings.push_back(fmt::format(
+          "{}: its points are off by {:.2g} px a coordinate in the rig, but by {:.2g} px alone: "
+          "images of one frame that were not taken at the same time, a mount that moved, or frames "
+          "with wrong names. Its parameters and extrinsics are not to be trusted",
+          input_.cameras[c].name,
+          result_.fits[c].sigma,
+          noise_alone_[c]));
     }
   }
 
@@ -637,6 +661,7 @@ class Calibrator {
   const CalibrationInput& input_;
   const CalibrationOptions& options_;
   Calibration result_;
+  std::vector<double> noise_alone_;  // per camera, px, before the rig binds it to the others
   std::vector<double> typical_sigma_;
   std::vector<bool> has_sigmas_;
   std::vector<double> paid_coordinates_;  // per camera

@@ -182,6 +182,24 @@ TEST(NoisyDetections, TellTheNoiseOfEachCamera) {
   EXPECT_EQ(calibration.fits[1].stated_sigma, 0) << "no sigma was given";
 }
 
+TEST(NoisyDetections, SayThatACameraDoesNotFitTheRig) {
+  SyntheticProblem problem =
+      MakeProblem(5, {.shape = TargetShape::kCorner, .cameras = 2, .frames = 20, .noise = 0.1});
+  EXPECT_THAT(Calibrate(problem.input, {}).warnings, ::testing::IsEmpty());
+  // As if the second camera took its images while the rig moved.
+  std::mt19937 engine(5);
+  std::normal_distribution<double> moved(0, 5);
+  for (View& view : problem.input.cameras[1].views) {
+    const double dx = moved(engine), dy = moved(engine);
+    for (Observation& observation : view.observations) {
+      observation.values[0] += dx;
+      observation.values[1] += dy;
+    }
+  }
+  EXPECT_THAT(Calibrate(problem.input, {}).warnings,
+              ::testing::Contains(::testing::HasSubstr("not taken at the same time")));
+}
+
 TEST(NoisyDetections, KeepHeldParametersAtTheirInitialValue) {
   SyntheticProblem problem = MakeProblem(4, {.frames = 12, .noise = 0.1});
   CameraInput& camera = problem.input.cameras[0];
