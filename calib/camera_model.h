@@ -17,6 +17,7 @@
 #include <map>
 #include <optional>
 #include <span>
+#include <string>
 #include <string_view>
 #include <vector>
 
@@ -108,6 +109,9 @@ struct CameraModel {
   std::optional<Ray> (*unproject)(const double* params, const double* config, const double* values);
   /// Start values without a guess by the user; empty when the views do not suffice.
   std::vector<StartCandidate> (*start)(const StartProblem& problem);
+  /// Why the model cannot be calibrated with these start values and held parameters, with the way
+  /// out; empty when it can. Null when the model never refuses.
+  std::string (*refusal)(const StartProblem& problem);
 };
 
 /// What a struct in models/ must have. `Project` is the model's only statement of its mathematics.
@@ -120,6 +124,8 @@ struct CameraModel {
 ///   template <typename T> static bool Project(const T* params, const double* config,
 ///                                             const double* context, const Vector3<T>&, T*);
 ///   static std::optional<Ray> Unproject(params, config, values);
+/// A model that not all data and held parameters can determine may have
+///   static std::string Refusal(const StartProblem& problem);
 template <typename M>
 concept CameraModelPlugin = requires(const StartProblem& problem) {
   { M::kName } -> std::convertible_to<std::string_view>;
@@ -193,6 +199,19 @@ std::optional<Ray> Unproject(const double* params, const double* config, const d
 
 }  // namespace internal
 
+namespace internal {
+
+template <CameraModelPlugin M>
+constexpr auto RefusalOf() -> std::string (*)(const StartProblem&) {
+  if constexpr (requires(const StartProblem& problem) { M::Refusal(problem); }) {
+    return &M::Refusal;
+  } else {
+    return nullptr;
+  }
+}
+
+}  // namespace internal
+
 /// The table of model M.
 template <CameraModelPlugin M>
 constexpr CameraModel MakeCameraModel() {
@@ -209,7 +228,8 @@ constexpr CameraModel MakeCameraModel() {
           &internal::Project<M, double>,
           &internal::ProjectWithJacobian<M>,
           &internal::Unproject<M>,
-          &M::Start};
+          &M::Start,
+          internal::RefusalOf<M>()};
 }
 
 /// The model of that name in `models`, or nullptr.

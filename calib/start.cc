@@ -186,13 +186,20 @@ CameraStart StartCamera(const CameraInput& camera, const std::map<int, Eigen::Ve
                     camera.name,
                     kMinPoints));
   }
-  const std::vector<StartCandidate> candidates =
-      camera.model->start({.views = views,
-                           .markers = &markers,
-                           .image_size = camera.image_size,
-                           .config = camera.config,
-                           .given = camera.initial,
-                           .fixed = &camera.fixed});
+  const StartProblem problem{.views = views,
+                             .markers = &markers,
+                             .image_size = camera.image_size,
+                             .config = camera.config,
+                             .given = camera.initial,
+                             .fixed = &camera.fixed};
+  if (camera.model->refusal != nullptr) {
+    const std::string reason = camera.model->refusal(problem);
+    if (!reason.empty()) {
+      throw Error(ErrorKind::kInput,
+                  fmt::format("{}: {}: {}", camera.name, camera.model->name, reason));
+    }
+  }
+  const std::vector<StartCandidate> candidates = camera.model->start(problem);
   std::vector<Trial> trials;
   for (const StartCandidate& candidate : candidates) {
     trials.push_back(MakeTrial(camera, candidate.params, views, markers));

@@ -105,9 +105,20 @@ VirtualImage FitVirtualImage(std::span<const View> views) {
   return image;
 }
 
-}  // namespace
+/// What the virtual image says: an ordinary camera, and how T follows the distance.
+struct VirtualCamera {
+  std::vector<double> params;  // of the plenoptic camera: all but f_L, b_L0, B
+  double focal = 0;            // m
+  Eigen::MatrixXd line;        // rows (1, 1 / z)
+  Eigen::VectorXd T, weight;
 
-std::vector<StartCandidate> StartPlenoptic(const StartProblem& problem) {
+  // a and b of T = a + b / z.
+  [[nodiscard]] Eigen::Vector2d FitLine() const {
+    return RobustSolve(weight.asDiagonal() * line, weight.cwiseProduct(T));
+  }
+};
+
+std::optional<VirtualCamera> CalibrateVirtualImage(const StartProblem& problem) {
   const VirtualImage image = FitVirtualImage(problem.views);
   static constexpr CameraModel kPinhole = MakeCameraModel<PinholeRadial3>();
   CameraInput pinhole{.name = "virtual image",
@@ -127,7 +138,7 @@ std::vector<StartCandidate> StartPlenoptic(const StartProblem& problem) {
   try {
     start = StartCamera(pinhole, *problem.markers);
   } catch (const Error&) {
-    return {};  // the caller says that nothing explains the detections
+    return std::nullopt;  // the caller says that nothing explains the detections
   }
 
   const double pixel_size = problem.config[0];
@@ -147,7 +158,7 @@ std::vector<StartCandidate> StartPlenoptic(const StartProblem& problem) {
     const double z = (*T_camera_target * problem.markers->at(point.marker)).z();
     if (z > 0) at.emplace_back(1 / z, &point);
   }
-  if (at.size() < 2) return {};
+  if (at.size() < 2) return std::nullopt;
   const auto n = static_cast<Eigen::Index>(at.size());
   Eigen::MatrixXd line(n, 2);
   Eigen::VectorXd T(n), weight(n);
@@ -158,8 +169,18 @@ std::vector<StartCandidate> StartPlenoptic(const StartProblem& problem) {
     T[i] = point->T;
   }
 
+  return VirtualCamera{params, b_s, line, T, weight};
+}
+
+}  // namespace
+
+std::vector<StartCandidate> StartPlenoptic(const StartProblem& problem) {
+  const auto camera = CalibrateVirtualImage(problem);
+  if (!camera) return {};
+  const double b_s = camera->focal;
   std::vector<StartCandidate> candidates;
   const auto add = [&](double f_L, double b_L0, double B) {
+    std::vector<double> params = camera->params;
     params[kFocal] = f_L;
     params[kMlaDistance] = problem.given[kMlaDistance].value_or(b_L0);
     params[kSensorDistance] = problem.given[kSensorDistance].value_or(B);
@@ -168,18 +189,43 @@ std::vector<StartCandidate> StartPlenoptic(const StartProblem& problem) {
     }
   };
   if (!(*problem.fixed)[kFocal]) {
-    const Eigen::Vector2d ab = RobustSolve(weight.asDiagonal() * line, weight.cwiseProduct(T));
+    const Eigen::Vector2d ab = camera->FitLine();
     const double B = b_s * b_s / (ab[1] + b_s), b_L0 = b_s - B;
     add(b_L0 / (1 - ab[0] * B / b_s), b_L0, B);
   }
   if (const auto& f_L = problem.given[kFocal]) {
     // The same line with f_L known: B (T - b_s (1/f_L - 1/z)) = b_s (1 - b_s / f_L + b_s / z).
-    const Eigen::VectorXd inverse_z = line.col(1);
-    const Eigen::VectorXd row = T.array() - b_s * (1 / *f_L - inverse_z.array());
+    const Eigen::VectorXd inverse_z = camera->line.col(1);
+    const Eigen::VectorXd row = camera->T.array() - b_s * (1 / *f_L - inverse_z.array());
     const Eigen::VectorXd value = b_s * (1 - b_s / *f_L + b_s * inverse_z.array());
-    const double B = RobustSolve(weight.cwiseProduct(row), weight.cwiseProduct(value))[0];
+    const double B =
+        RobustSolve(camera->weight.cwiseProduct(row), camera->weight.cwiseProduct(value))[0];
     add(*f_L, b_s - B, B);
   }
+  return candidates;
+}
+
+std::vector<StartCandidate> StartPlenopticPupil(const StartProblem& problem) {
+  std::vector<StartCandidate> candidates;
+  const auto add = [&](std::vector<double> params, double b_P) {
+    params.push_back(problem.given[kCount].value_or(b_P));
+    candidates.push_back({std::move(params)});
+  };
+  // A pupil in the thin lens may be near enough.
+  for (const StartCandidate& thin : StartPlenoptic(problem))
+    add(thin.params, thin.params[kMlaDistance]);
+  const auto camera = CalibrateVirtualImage(problem);
+  const auto& f_L = problem.given[kFocal];
+  if (!camera || !f_L) return candidates;
+  const double f = *f_L, F = camera->focal;
+  const Eigen::Vector2d ab = camera->FitLine();
+  const double K = F * (1 - 1 / ab[0]) / (f - F);
+  const double e = K * ab[0] * f * f / (ab[1] * (1 + K));  // f_L - b_L0
+  std::vector<double> params = camera->params;
+  params[kFocal] = f;
+  params[kMlaDistance] = problem.given[kMlaDistance].value_or(f - e);
+  params[kSensorDistance] = problem.given[kSensorDistance].value_or(e * F / (ab[0] * f));
+  if (params[kMlaDistance] > 0 && params[kSensorDistance] > 0 && K * e > 0) add(params, K * e);
   return candidates;
 }
 

@@ -18,4 +18,11 @@ namespace plenocal {
 /// takes f_L from the user, for targets without depth. Empty when the views do not suffice.
 std::vector<StartCandidate> StartPlenoptic(const StartProblem& problem);
 
+/// Likewise with the exit pupil's distance b_P as tenth parameter, for a given f_L. The virtual
+/// image's pinhole then is in the entrance pupil and has another focal length F; with
+/// e = f_L - b_L0 and distances from the entrance pupil
+///
+///   F = f_L (b_P + B) / (e + b_P),  a = e F / (f_L B),  b = f_L b_P F / ((e + b_P) B).
+std::vector<StartCandidate> StartPlenopticPupil(const StartProblem& problem);
+
 }  // namespace plenocal

@@ -10,6 +10,7 @@
 #include <random>
 
 #include "calib/calibrate.h"
+#include "calib/error.h"
 #include "models/registry.h"
 
 namespace plenocal {
@@ -171,6 +172,40 @@ TEST(PlenopticExactDetections, GiveTheParametersBackWithoutAStartValue) {
       }
     }
   }
+}
+
+/// The problem of a focused-plenoptic camera, given to focused-plenoptic-pupil.
+CalibrationInput WithPupil(const Problem& problem) {
+  CalibrationInput input = problem.input;
+  CameraInput& camera = input.cameras[0];
+  camera.model = FindModel(CameraModels(), "focused-plenoptic-pupil");
+  camera.initial.resize(camera.model->params.size());
+  camera.fixed.resize(camera.model->params.size(), false);
+  return input;
+}
+
+TEST(PlenopticPupil, IsRefusedWithoutAHeldDistance) {
+  const CalibrationInput input = WithPupil(MakeProblem(3, {}));
+  try {
+    Calibrate(input, {});
+    ADD_FAILURE() << "accepted";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.kind(), ErrorKind::kInput);
+    EXPECT_THAT(error.what(), ::testing::HasSubstr("fixed: [f_L]"));
+  }
+}
+
+TEST(PlenopticPupil, ExplainsTheSameImagesWithAnotherFocalLength) {
+  const Problem problem = MakeProblem(3, {.noise = 0.2});
+  CalibrationInput input = WithPupil(problem);
+  input.cameras[0].initial[0] = 1.01 * problem.params[0];
+  input.cameras[0].fixed[0] = true;
+  const Calibration thin = Calibrate(problem.input, {}), pupil = Calibrate(input, {});
+  // One family of cameras has the same images (PLENOPTIC.md, section 2).
+  EXPECT_NEAR(pupil.fits[0].rms / thin.fits[0].rms, 1, 1e-6);
+  EXPECT_TRUE(pupil.uncertainty.open.empty());
+  EXPECT_GT(std::abs(pupil.bundle.cameras[0].params[9] / pupil.bundle.cameras[0].params[1] - 1),
+            0.01);
 }
 
 TEST(PlenopticNoisyDetections, HaveErrorsAsLargeAsTheirSigmas) {
