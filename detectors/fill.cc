@@ -47,6 +47,7 @@ Level Coarser(const Level& fine) {
 /// Gives the unknown pixels of `fine` the values of `coarse`, which has none, between its pixels
 /// linearly.
 void FillFrom(const Level& coarse, float reach, Level* fine) {
+  const cv::Mat square = coarse.value.mul(coarse.value);
   for (int y = 0; y < fine->value.rows; ++y) {
     for (int x = 0; x < fine->value.cols; ++x) {
       if (fine->weight.at<float>(y, x) > 0) continue;
@@ -63,8 +64,10 @@ void FillFrom(const Level& coarse, float reach, Level* fine) {
         return (1 - fy) * ((1 - fx) * upper[x0] + fx * upper[x1]) +
                fy * ((1 - fx) * lower[x0] + fx * lower[x1]);
       };
-      fine->value.at<float>(y, x) = between(coarse.value);
-      fine->variance.at<float>(y, x) = between(coarse.variance);
+      const float mean = between(coarse.value);
+      const float spread = std::max(0.f, between(square) - mean * mean);
+      fine->value.at<float>(y, x) = mean;
+      fine->variance.at<float>(y, x) = between(coarse.variance) + spread;
       fine->reach.at<float>(y, x) = std::max(reach, between(coarse.reach));
     }
   }

@@ -19,7 +19,7 @@ cv::Mat GreyOf(const cv::Mat& raw) {
   return exact;
 }
 
-FocusedView Focus(const cv::Mat& raw, const PlenopticCamera& camera, const FocusOptions& options) {
+FocusedView Focus(cv::Mat raw, const PlenopticCamera& camera, const FocusOptions& options) {
   using namespace internal;
   if (raw.size() != camera.attenuation.size()) {
     throw Error(
@@ -36,7 +36,8 @@ FocusedView Focus(const cv::Mat& raw, const PlenopticCamera& camera, const Focus
     throw Error(ErrorKind::kInput,
                 "has colours already, so it is no raw mosaic; leave --bayer out");
   }
-  const cv::Mat grey = GreyOf(raw);
+  cv::Mat grey = GreyOf(raw);
+  raw.release();
   const std::string wrong = WhyNotOfThisGrid(grey, camera.attenuation, camera.array);
   if (!wrong.empty()) throw Error(ErrorKind::kJob, wrong);
 
@@ -44,6 +45,7 @@ FocusedView Focus(const cv::Mat& raw, const PlenopticCamera& camera, const Focus
   const MicroLensArray& array = camera.array;
   const MicroLensIndex index(array);
   const LensPatches patches = CutPatches(grey, camera.attenuation, array, camera.bayer, threads);
+  grey.release();  // the patches have all that is needed of it
   const SensorNoise noise = EstimateNoise(patches);
   const DepthSurvey survey = SurveyDepth(patches, array, index, noise, threads);
   FocusedView view;

@@ -41,9 +41,9 @@ struct FocusedView {
 /// A raw image as one channel of CV_32F; a mosaic stays one.
 cv::Mat GreyOf(const cv::Mat& raw);
 
-/// `raw`: CV_8U or CV_16U, grey (mosaic) or BGR. Throws `Error` of kind kInput for an image of
-/// another size, of kind kJob for one that does not belong to the grid or has no texture; the
-/// message does not name the image.
-FocusedView Focus(const cv::Mat& raw, const PlenopticCamera& camera, const FocusOptions& options);
+/// `raw`: CV_8U or CV_16U, grey (mosaic) or BGR; moved in, its memory is free early. Throws `Error`
+/// of kind kInput for an image of another size, of kind kJob for one that does not belong to the
+/// grid or has no texture; the message does not name the image.
+FocusedView Focus(cv::Mat raw, const PlenopticCamera& camera, const FocusOptions& options);
 
 }  // namespace plenocal

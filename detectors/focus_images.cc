@@ -10,6 +10,7 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <optional>
+#include <utility>
 
 #include "calib/error.h"
 #include "calib/number_text.h"
@@ -154,14 +155,15 @@ void FocusImages(const FocusRequest& request) {
     const FrameImage& raw = request.raw_images[i];
     if (!request.progress(i)) throw Stopped();
     try {
-      const cv::Mat image = ReadImage(raw.path);
+      cv::Mat image = ReadImage(raw.path);
+      const int bits = image.depth();
       FocusedView view;
       try {
-        view = Focus(image, camera, options);
+        view = Focus(std::move(image), camera, options);
       } catch (const Error& error) {
         throw Error(error.kind(), fmt::format("{}: {}", raw.path.string(), error.what()));
       }
-      request.result(raw.frame, Files(view, image.depth()), Summary(view));
+      request.result(raw.frame, Files(view, bits), Summary(view));
       ++focused;
     } catch (const Error& error) {
       if (request.raw_images.size() > 1)

@@ -15,7 +15,6 @@ namespace plenocal::internal {
 namespace {
 
 constexpr int kStripRows = 64;
-constexpr size_t kLensesPerTask = 128;
 
 /// One estimate in the virtual image; units are pixels of the map.
 struct Hit {
@@ -109,48 +108,51 @@ void FuseStrip(const std::vector<Hit>& hits, int y0, int y1, Fused* fused) {
   }
 }
 
+/// Map rows that the estimates of one micro image cover.
+struct Rows {
+  float first = std::numeric_limits<float>::infinity();
+  float last = -std::numeric_limits<float>::infinity();
+};
+
 Fused Fuse(std::vector<LensDepth> depths, const MicroLensArray& array, double scale, int threads) {
   const int columns = static_cast<int>(std::lround(std::ceil(array.image_size[0] / scale)));
   const int rows = static_cast<int>(std::lround(std::ceil(array.image_size[1] / scale)));
-  const int strips = (rows + kStripRows - 1) / kStripRows;
-  const size_t tasks = (depths.size() + kLensesPerTask - 1) / kLensesPerTask;
-  // Hits of each task by strip; a hit on the border of two is in both.
-  std::vector<std::vector<std::vector<Hit>>> hits(tasks);
-  ParallelFor(tasks, threads, [&](size_t task) {
-    hits[task].resize(strips);
-    const size_t end = std::min(depths.size(), (task + 1) * kLensesPerTask);
-    for (size_t lens = task * kLensesPerTask; lens < end; ++lens) {
-      const Eigen::Vector2f c = array.lenses[lens].centre.cast<float>();
-      for (const PixelDepth& p : depths[lens]) {
-        const auto to_map = static_cast<float>(1 / scale);
-        const Hit hit{(c.x() + p.x / p.z) * to_map,
-                      (c.y() + p.y / p.z) * to_map,
-                      std::abs(to_map / p.z) / 2,
-                      p.z,
-                      p.variance};
-        const int first = static_cast<int>(std::floor((hit.y - hit.half - 0.5f) / kStripRows));
-        const int last = static_cast<int>(std::floor((hit.y + hit.half + 0.5f) / kStripRows));
-        for (int s = std::max(0, first); s <= std::min(strips - 1, last); ++s) {
-          hits[task][s].push_back(hit);
-        }
-      }
-      depths[lens] = LensDepth();  // memory for the hits
+  const auto to_map = static_cast<float>(1 / scale);
+  const auto hit_of = [&](const Eigen::Vector2d& centre, const PixelDepth& p) {
+    return Hit{(static_cast<float>(centre.x()) + p.x / p.z) * to_map,
+               (static_cast<float>(centre.y()) + p.y / p.z) * to_map,
+               std::abs(to_map / p.z) / 2,
+               p.z,
+               p.variance};
+  };
+  // So that a strip need not look at micro images that do not reach it.
+  std::vector<Rows> reach(depths.size());
+  for (size_t lens = 0; lens < depths.size(); ++lens) {
+    for (const PixelDepth& p : depths[lens]) {
+      const Hit hit = hit_of(array.lenses[lens].centre, p);
+      reach[lens].first = std::min(reach[lens].first, hit.y - hit.half - 0.5f);
+      reach[lens].last = std::max(reach[lens].last, hit.y + hit.half + 0.5f);
     }
-  });
+  }
   Fused fused;
   const float nan = std::numeric_limits<float>::quiet_NaN();
   fused.inverse = cv::Mat(rows, columns, CV_32F, cv::Scalar(nan));
   fused.variance = fused.inverse.clone();
   fused.scatter = fused.inverse.clone();
   fused.cover = fused.inverse.clone();
-  ParallelFor(strips, threads, [&](size_t strip) {
-    std::vector<Hit> mine;
-    for (auto& task : hits) {
-      mine.insert(mine.end(), task[strip].begin(), task[strip].end());
-      task[strip] = std::vector<Hit>();
+  ParallelFor((rows + kStripRows - 1) / kStripRows, threads, [&](size_t strip) {
+    const int y0 = static_cast<int>(strip) * kStripRows, y1 = std::min(rows, y0 + kStripRows);
+    const auto top = static_cast<float>(y0), bottom = static_cast<float>(y1 - 1);
+    std::vector<Hit> hits;
+    for (size_t lens = 0; lens < depths.size(); ++lens) {
+      if (reach[lens].last < top || reach[lens].first > bottom) continue;
+      for (const PixelDepth& p : depths[lens]) {
+        const Hit hit = hit_of(array.lenses[lens].centre, p);
+        if (hit.y + hit.half + 0.5f < top || hit.y - hit.half - 0.5f > bottom) continue;
+        hits.push_back(hit);
+      }
     }
-    const int y0 = static_cast<int>(strip) * kStripRows;
-    FuseStrip(mine, y0, std::min(rows, y0 + kStripRows), &fused);
+    FuseStrip(hits, y0, y1, &fused);
   });
   return fused;
 }
@@ -185,9 +187,8 @@ void RemoveSpeckles(double scale, Fused* fused) {
     const double side = 5 / std::abs(z[start]) / scale;
     if (static_cast<double>(group.size()) >= side * side) continue;
     for (const int at : group) {
-      for (cv::Mat* map : {&fused->inverse, &fused->variance, &fused->scatter, &fused->cover}) {
-        map->ptr<float>()[at] = nan;
-      }
+      fused->inverse.ptr<float>()[at] = nan;
+      fused->variance.ptr<float>()[at] = nan;
     }
   }
 }
@@ -223,6 +224,8 @@ VirtualDepth FuseDepth(std::vector<LensDepth> depths,
                        int threads) {
   Fused fused = Fuse(std::move(depths), array, scale, threads);
   fused.variance *= VarianceFactor(fused);
+  fused.scatter.release();
+  fused.cover.release();
   RemoveSpeckles(scale, &fused);
   const Filled filled = FillHoles(fused.inverse, fused.variance);
   VirtualDepth depth;

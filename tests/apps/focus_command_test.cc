@@ -1,0 +1,181 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// `plenocal focus`: files in, files, summary and messages out.
+#include <fmt/format.h>
+
+#include <opencv2/core.hpp>
+#include <opencv2/imgcodecs.hpp>
+#include <string>
+
+#include "tests/apps/workspace.h"
+#include "tests/detectors/plenoptic_scene.h"
+
+namespace plenocal::testing {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+namespace fs = std::filesystem;
+
+class FocusCommandLine : public Workspace {
+ protected:
+  FocusCommandLine() : array_(scene_.Array()), attenuation_(scene_.Attenuation(array_)) {
+    Write("micro_lenses.csv", FormatMicroLenses(array_));
+    WriteImage("vignetting.tiff", attenuation_);
+    WriteImage("raw/a.png", scene_.Raw(array_, attenuation_));
+  }
+
+  void WriteImage(const std::string& name, const cv::Mat& image) const {
+    fs::create_directories(Path(name).parent_path());
+    cv::imwrite(Path(name).string(), image);
+  }
+
+  /// An image of the size of the others in which nothing fits the grid.
+  [[nodiscard]] cv::Mat Even(double value) const {
+    return {scene_.height, scene_.width, CV_8U, cv::Scalar(value)};
+  }
+
+  [[nodiscard]] Outcome Focus(const std::vector<std::string>& more = {}) const {
+    std::vector<std::string> arguments{"focus",
+                                       "raw",
+                                       "--grid",
+                                       "micro_lenses.csv",
+                                       "--vignetting",
+                                       "vignetting.tiff",
+                                       "-o",
+                                       "out"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return Run(arguments);
+  }
+
+  /// The outcome must have this status, one line with all of `parts`, and leave nothing.
+  void ExpectRefused(const Outcome& outcome,
+                     int status,
+                     const std::vector<std::string>& parts) const {
+    EXPECT_EQ(outcome.status, status) << outcome.err;
+    EXPECT_EQ(Lines(outcome.err).size(), 1u) << outcome.err;
+    for (const std::string& part : parts) EXPECT_THAT(outcome.err, HasSubstr(part));
+    EXPECT_TRUE(Files("out").empty());
+  }
+
+  /// All result files of one frame, readable and of `size`.
+  void ExpectResults(const std::string& folder, cv::Size size) const {
+    const auto read = [&](const std::string& name) {
+      return cv::imread(Path(folder + "/" + name).string(), cv::IMREAD_UNCHANGED);
+    };
+    const cv::Mat image = read("focused.png");
+    EXPECT_EQ(image.size(), size);
+    EXPECT_EQ(image.type(), CV_16U) << "as the raw image";
+    for (const char* name : {"virtual_depth.tiff", "virtual_depth_sigma.tiff"}) {
+      const cv::Mat map = read(name);
+      EXPECT_EQ(map.size(), size) << name;
+      EXPECT_EQ(map.type(), CV_32F) << name;
+    }
+    EXPECT_FALSE(read("virtual_depth.png").empty());
+  }
+
+  PlenopticScene scene_;
+  MicroLensArray array_;
+  cv::Mat attenuation_;
+};
+
+TEST_F(FocusCommandLine, WritesImageDepthAndTheirGeometry) {
+  const Outcome outcome = Focus();
+  ASSERT_EQ(outcome.status, kDone) << outcome.err;
+  EXPECT_THAT(outcome.err, AllOf(HasSubstr("a: 200 x 200 pixels"), HasSubstr("Galilean")));
+  EXPECT_EQ(Files("out").size(), 5u);
+  ExpectResults("out", {200, 200});
+  const YAML::Node geometry = YAML::Load(Read("out/focused.yaml"));
+  EXPECT_EQ(geometry["plenocal"].as<int>(), 1);
+  EXPECT_EQ(geometry["scale"].as<double>(), 2);
+  EXPECT_EQ(geometry["offset"].as<std::vector<double>>(), (std::vector<double>{0, 0}));
+}
+
+TEST_F(FocusCommandLine, MakesPixelsOfTheSizeAskedFor) {
+  const Outcome outcome = Focus({"--scale", "4"});
+  ASSERT_EQ(outcome.status, kDone) << outcome.err;
+  ExpectResults("out", {100, 100});
+  EXPECT_EQ(YAML::Load(Read("out/focused.yaml"))["scale"].as<double>(), 4);
+}
+
+TEST_F(FocusCommandLine, MeasuresTheCameraOnWhiteImages) {
+  cv::Mat white;
+  attenuation_.convertTo(white, CV_8U, 220);
+  for (int i = 0; i < 3; ++i) WriteImage(fmt::format("white/{}.png", i), white);
+  const Outcome outcome = Run({"focus", "raw", "--white", "white", "-o", "out"});
+  ASSERT_EQ(outcome.status, kDone) << outcome.err;
+  ExpectResults("out", {200, 200});
+}
+
+TEST_F(FocusCommandLine, GivesEachOfManyImagesAFolder) {
+  WriteImage("raw/b.png", scene_.Raw(array_, attenuation_));
+  const Outcome outcome = Focus();
+  ASSERT_EQ(outcome.status, kDone) << outcome.err;
+  EXPECT_EQ(Files("out").size(), 10u);
+  ExpectResults("out/a", {200, 200});
+  ExpectResults("out/b", {200, 200});
+}
+
+TEST_F(FocusCommandLine, LeavesOutABadImageOfMany) {
+  WriteImage("raw/b.png", Even(0));
+  const Outcome outcome = Focus();
+  ASSERT_EQ(outcome.status, kDone) << outcome.err;
+  EXPECT_THAT(outcome.err, HasSubstr("left out raw/b.png: is black"));
+  EXPECT_EQ(Files("out").size(), 5u);
+  ExpectResults("out/a", {200, 200});
+}
+
+TEST_F(FocusCommandLine, SaysThatTheCameraIsMissing) {
+  ExpectRefused(Run({"focus", "raw", "-o", "out"}),
+                kWrongInput,
+                {"centres are missing", "--white", "--grid"});
+}
+
+TEST_F(FocusCommandLine, SaysThatThereAreNoWhiteImages) {
+  fs::create_directories(Path("white"));
+  ExpectRefused(Run({"focus", "raw", "--white", "white", "-o", "out"}),
+                kWrongInput,
+                {"white: no white images"});
+}
+
+TEST_F(FocusCommandLine, NamesARawImageOfAnotherSize) {
+  WriteImage("raw/a.png", cv::Mat(300, 400, CV_8U, cv::Scalar(100)));
+  ExpectRefused(Focus(), kWrongInput, {"raw/a.png", "400 x 300", "400 x 400"});
+}
+
+TEST_F(FocusCommandLine, NamesABlackImage) {
+  WriteImage("raw/a.png", Even(0));
+  ExpectRefused(Focus(), kJobFailed, {"raw/a.png", "is black", "lens cap"});
+}
+
+TEST_F(FocusCommandLine, NamesARawImageThatDoesNotBelongToTheGrid) {
+  PlenopticScene other = scene_;
+  other.pitch = 15;
+  const MicroLensArray array = other.Array();
+  WriteImage("raw/a.png", other.Raw(array, other.Attenuation(array)));
+  ExpectRefused(Focus(), kJobFailed, {"raw/a.png", "does not show micro images where the grid"});
+}
+
+TEST_F(FocusCommandLine, NamesAnImageWithoutDetail) {
+  cv::Mat flat;
+  attenuation_.convertTo(flat, CV_16U, 20000);
+  WriteImage("raw/a.png", flat);
+  ExpectRefused(Focus(), kJobFailed, {"raw/a.png", "no detail"});
+}
+
+TEST_F(FocusCommandLine, DoesNotReplaceARawImage) {
+  WriteImage("out/focused.png", scene_.Raw(array_, attenuation_));
+  const Outcome outcome = Run({"focus",
+                               "out/focused.png",
+                               "--grid",
+                               "micro_lenses.csv",
+                               "--vignetting",
+                               "vignetting.tiff",
+                               "-o",
+                               "out"});
+  EXPECT_EQ(outcome.status, kWrongInput);
+  EXPECT_THAT(outcome.err, HasSubstr("the results would replace this input"));
+}
+
+}  // namespace
+}  // namespace plenocal::testing
