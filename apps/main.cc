@@ -47,7 +47,8 @@ int RunAndMapErrors(const std::function<void()>& run) {
 
 }  // namespace
 
-int main(int argc, char** argv) {
+// Declaring the commands throws only when memory is short or one is declared twice.
+int main(int argc, char** argv) {  // NOLINT(bugprone-exception-escape)
   CLI::App app{
       "Plenocal calibrates ordinary and focused plenoptic cameras, alone or on one rig, from "
       "images of a "
@@ -146,6 +147,7 @@ int main(int argc, char** argv) {
     const std::vector<CLI::App*> commands =
         app.get_subcommands([](const CLI::App*) { return true; });
     std::vector<std::string> kept;
+    kept.reserve(commands.size());
     for (const CLI::App* command : commands) kept.push_back(command->get_name());
     const std::vector<std::string_view> names(kept.begin(), kept.end());
     if (std::find(names.begin(), names.end(), argv[1]) == names.end()) {

@@ -130,7 +130,7 @@ std::optional<Matrix2d> FindLatticeBasis(std::span<const Vector2d> points, Image
   const size_t centres = std::min(kCentres, points.size());
   std::partial_sort(order.begin(), order.begin() + centres, order.end(), nearer(middle));
   for (size_t k = 0; k < centres; ++k) {
-    const Vector2d centre = points[order[k]];
+    const Vector2d& centre = points[order[k]];
     std::vector<size_t> near(points.size());
     for (size_t i = 0; i < near.size(); ++i) near[i] = i;
     std::partial_sort(near.begin(), near.begin() + kRing + 1, near.end(), nearer(centre));

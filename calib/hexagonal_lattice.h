@@ -18,7 +18,7 @@ namespace plenocal {
 /// A node of a lattice.
 struct LatticeNode {
   int column = 0, row = 0;
-  auto operator<=>(const LatticeNode&) const = default;
+  auto operator<=>(const LatticeNode&) const = default;  // NOLINT(modernize-use-nullptr)
 };
 
 /// Steps to the six neighbours of a node.

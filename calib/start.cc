@@ -201,6 +201,7 @@ CameraStart StartCamera(const CameraInput& camera, const std::map<int, Eigen::Ve
   }
   const std::vector<StartCandidate> candidates = camera.model->start(problem);
   std::vector<Trial> trials;
+  trials.reserve(candidates.size());
   for (const StartCandidate& candidate : candidates) {
     trials.push_back(MakeTrial(camera, candidate.params, views, markers));
   }

@@ -25,7 +25,9 @@ void AddDifferences(const ShiftedPatches& patches, float* cost, float* count) {
     const float* __restrict lower = upper + patches.stride;
     float* __restrict cost_row = cost + row * patches.stride;
     float* __restrict count_row = count + row * patches.stride;
+#ifndef __clang__
 #pragma GCC ivdep
+#endif
     for (int i = 0; i < blocks * 8; ++i) {
       const float value = w00 * upper[i] + w01 * upper[i + 1] + w10 * lower[i] + w11 * lower[i + 1];
       const float difference = std::abs(value - reference[i]);
@@ -76,7 +78,9 @@ void AddEquations(const DepthPixels& pixels, const OtherPatch& patch, const Dept
   float* __restrict agreement = sums.agreement;
   float* __restrict count = sums.count;
   const int size = other.size, last = size - 2;
+#ifndef __clang__
 #pragma GCC ivdep  // the sums are arrays of their own
+#endif
   for (int i = 0; i < pixel_count; ++i) {
     // Beyond the patch is as unknown as its margin.
     const float u = x[i] + other.offset_x - other.baseline_x * z[i];

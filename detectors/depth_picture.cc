@@ -40,7 +40,8 @@ cv::Mat DepthPicture(const VirtualDepth& depth) {
   depth.known.copyTo(shown.colRange(0, columns));
   const cv::Rect bar(columns + kGap, kGap, kBarWidth, std::max(1, rows - 2 * kGap));
   for (int y = 0; y < bar.height; ++y) {
-    level(cv::Rect(bar.x, bar.y + y, bar.width, 1)).setTo(255 - 255 * y / bar.height);
+    const int shade = 255 - 255 * y / bar.height;
+    level(cv::Rect(bar.x, bar.y + y, bar.width, 1)).setTo(shade);
   }
   shown(bar).setTo(255);
   cv::Mat colours, picture(level.size(), CV_8UC3, cv::Scalar::all(0));

@@ -60,6 +60,7 @@ cv::Mat SynthesiseFocused(const VirtualDepth& depth,
                         pitch;
   std::vector<LatticeStep> steps = StepsWithin(array, longest + 1);
   std::vector<float> lengths;
+  lengths.reserve(steps.size());
   for (const LatticeStep& s : steps) {
     lengths.push_back(static_cast<float>((s.column * array.e_column + s.row * array.e_row).norm()));
   }

@@ -317,7 +317,7 @@ cv::Mat ReadPixels(const fs::path& path, int flags) {
 cv::Mat ReadImage(const fs::path& path) { return ReadPixels(path, cv::IMREAD_ANYCOLOR); }
 
 cv::Mat ReadGray(const fs::path& path) {
-  const cv::Mat image = ReadPixels(path, cv::IMREAD_GRAYSCALE);
+  cv::Mat image = ReadPixels(path, cv::IMREAD_GRAYSCALE);
   if (image.depth() == CV_8U) return image;
   double largest = 0;
   cv::minMaxLoc(image, nullptr, &largest);

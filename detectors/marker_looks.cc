@@ -42,6 +42,7 @@ std::vector<MarkerLook> LooksOfTags(const Target& target, const std::vector<Obse
 CellDrawing DrawCorner() {
   constexpr int kSquares = 6;
   std::vector<float> cells;
+  cells.reserve(kSquares * kSquares);
   for (int i = 0; i < kSquares * kSquares; ++i) {
     cells.push_back((i / kSquares + i % kSquares) % 2 == 0 ? 1.f : -1.f);
   }

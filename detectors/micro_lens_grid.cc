@@ -66,6 +66,7 @@ struct Spread {
 Spread RobustSpread(const std::vector<double>& values) {
   Spread spread{.middle = Median(values)};
   std::vector<double> distances;
+  distances.reserve(values.size());
   for (const double value : values) distances.push_back(std::abs(value - spread.middle));
   spread.sigma = kSigmaPerMad * Median(std::move(distances));
   return spread;
@@ -379,6 +380,7 @@ double MicroImages::TypeShare() {
   double largest = 0;
   for (int f = 0; f <= kRings; ++f) {
     std::vector<double> values;
+    values.reserve(features.size());
     for (const Eigen::VectorXd& feature : features) values.push_back(feature[f]);
     const Spread spread = RobustSpread(values);
     std::array<double, 3> sums{}, counts{};
@@ -431,6 +433,7 @@ MicroLensGrid MakeGrid(const MicroImages& images,
 std::vector<Vector2d> Positions(const SmoothLattice& lattice,
                                 const std::vector<LatticeNode>& nodes) {
   std::vector<Vector2d> positions;
+  positions.reserve(nodes.size());
   for (const LatticeNode& node : nodes)
     positions.push_back(lattice.Position(node.column, node.row));
   return positions;
@@ -490,6 +493,7 @@ MicroLensGrid FindMicroLensGrid(const cv::Mat& white, int threads) {
   grid.degree = lattice.Degree();
   grid.type_share = type_share;
   std::vector<double> sigmas;
+  sigmas.reserve(measurements.size());
   for (const LatticeMeasurement& m : measurements) sigmas.push_back(m.sigma);
   grid.centre_sigma = lattice.Sigma() * Median(std::move(sigmas));
   grid.array.image_size = size;

@@ -56,6 +56,7 @@ const FamilyEntry& FindFamily(std::string_view name) {
     if (entry.name == name) return entry;
   }
   std::vector<std::string_view> names;
+  names.reserve(std::size(kFamilies));
   for (const FamilyEntry& entry : kFamilies) names.push_back(entry.name);
   throw Error(ErrorKind::kInput,
               fmt::format("unknown tag family '{}'{}", name, SuggestName(name, names)));

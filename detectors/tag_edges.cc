@@ -131,7 +131,7 @@ class Surroundings {
     }
   }
   void At(float s, float* extent, float* behind) const {
-    const float at = std::clamp((s + 1) * (kSize / 2), 0.f, kSize - 1.f);
+    const float at = std::clamp((s + 1) * kMiddle, 0.f, kSize - 1.f);
     const int i = static_cast<int>(at);
     const float f = at - static_cast<float>(i);
     *extent = extent_[i] + f * (extent_[i + 1] - extent_[i]);
@@ -145,7 +145,7 @@ class Surroundings {
     StepTable::Get()(static_cast<float>((s - to) / blur), &value_to, &slope);
     return (value_from - value_to) / 2;
   }
-  static constexpr int kSize = 128;
+  static constexpr int kSize = 128, kMiddle = kSize / 2;
   std::array<float, kSize + 1> extent_, behind_;
 };
 

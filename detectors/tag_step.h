@@ -20,7 +20,7 @@ class StepTable {
     return table;
   }
   void operator()(float z, float* value, float* slope) const {
-    const float at = std::clamp(z * static_cast<float>(kPerUnit) + kSize / 2, 0.f, kSize - 1.f);
+    const float at = std::clamp(z * static_cast<float>(kPerUnit) + kMiddle, 0.f, kSize - 1.f);
     const int i = static_cast<int>(at);
     const float f = at - static_cast<float>(i);
     *value = value_[i] + f * (value_[i + 1] - value_[i]);
@@ -30,13 +30,14 @@ class StepTable {
  private:
   StepTable() {
     for (int i = 0; i <= kSize; ++i) {
-      const double z = (i - kSize / 2) / kPerUnit;
+      const double z = (i - kMiddle) / kPerUnit;
       value_[i] = static_cast<float>(std::erf(z / std::numbers::sqrt2));
       slope_[i] = static_cast<float>(std::sqrt(2 / std::numbers::pi) * std::exp(-z * z / 2));
     }
   }
   static constexpr double kPerUnit = 128;
   static constexpr int kSize = static_cast<int>(2 * kReach * kPerUnit);
+  static constexpr int kMiddle = kSize / 2;  ///< where z is 0
   std::array<float, kSize + 1> value_, slope_;
 };
 

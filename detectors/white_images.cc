@@ -115,6 +115,7 @@ cv::Mat MedianShading(const std::vector<const Look*>& looks) {
   for (int y = 0; y < kCells; ++y) {
     for (int x = 0; x < kCells; ++x) {
       std::vector<double> values;
+      values.reserve(looks.size());
       for (const Look* look : looks) values.push_back(look->shading.at<double>(y, x));
       median.at<double>(y, x) = Median(std::move(values));
     }
