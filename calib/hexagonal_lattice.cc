@@ -212,7 +212,8 @@ std::vector<std::optional<LatticeNode>> IndexLattice(std::span<const Vector2d> p
       const LatticeNode next = node + step;
       if (places.contains(next)) continue;
       const Vector2d predicted = predict(next);
-      if (!IsInside(predicted, image_size)) continue;
+      // A node on the border may be predicted just beside it.
+      if (!IsInside(predicted, image_size, reach)) continue;
       const std::optional<size_t> found = index.Nearest(predicted, reach);
       // Around a hole the lattice grows through its neighbours.
       if (!found || taken[*found]) continue;

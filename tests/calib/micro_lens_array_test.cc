@@ -93,6 +93,22 @@ TEST_F(MicroLensFile, FindsTheLatticeOfAFileWithoutRowsAndColumns) {
   }
 }
 
+TEST_F(MicroLensFile, TakesAMicroLensOnTheBorderOfTheSensor) {
+  double last = 0;
+  for (const MicroLens& lens : Example().lenses) last = std::max(last, lens.centre.x());
+  std::string text = "index,x,y,type\n";
+  int index = 0;
+  for (const MicroLens& lens : Example().lenses) {
+    double x = lens.centre.x() + (kSize[0] - 0.5 - last);
+    // Rounding moves the place predicted for the last one of a row beside the sensor.
+    if (last - lens.centre.x() > 0.1) x += 0.01 * (1 - (last - lens.centre.x()) / kSize[0]);
+    text += std::to_string(index++) + "," + std::to_string(x) + "," +
+            std::to_string(lens.centre.y()) + ",0\n";
+  }
+  Write(text);
+  EXPECT_EQ(ReadMicroLenses(path_, kSize).lenses.size(), Example().lenses.size());
+}
+
 TEST_F(MicroLensFile, NamesTheLineOfABadNumber) {
   Write("index,x,y,type\n0,1.5,2.5,0\n1,oops,2.5,0\n");
   EXPECT_THAT(Message(),
