@@ -7,6 +7,7 @@
 #include "apps/observations.h"
 #include "calib/calibrate.h"
 #include "calib/error.h"
+#include "calib/median.h"
 #include "calib/output_folder.h"
 #include "calib/result_files.h"
 #include "models/registry.h"
@@ -24,8 +25,7 @@ double MarkerSpacing(const std::map<int, Eigen::Vector3d>& markers) {
     }
     nearest.push_back(best);
   }
-  std::nth_element(nearest.begin(), nearest.begin() + nearest.size() / 2, nearest.end());
-  return nearest[nearest.size() / 2];
+  return Median(nearest);
 }
 
 // Prior of the marker coordinates; 0 when the target is to be held rigid.

@@ -10,6 +10,7 @@
 #include <set>
 
 #include "calib/error.h"
+#include "calib/median.h"
 #include "calib/parallel.h"
 
 namespace plenocal {
@@ -183,10 +184,7 @@ class Calibrator {
       }
       errors.push_back(std::sqrt(sum));
     }
-    if (errors.empty()) return 0;
-    const auto middle = errors.begin() + static_cast<std::ptrdiff_t>(errors.size() / 2);
-    std::nth_element(errors.begin(), middle, errors.end());
-    return *middle;
+    return Median(std::move(errors));
   }
 
   void AddView(size_t c, size_t v, int frame, const std::map<int, int>& marker_index) {
@@ -219,12 +217,7 @@ class Calibrator {
           sigmas.push_back(observation.seen.sigma);
         }
       }
-      double typical = 1;
-      if (!sigmas.empty()) {
-        const auto middle = sigmas.begin() + static_cast<std::ptrdiff_t>(sigmas.size() / 2);
-        std::nth_element(sigmas.begin(), middle, sigmas.end());
-        typical = *middle;
-      }
+      const double typical = Median(sigmas, 1.0);
       typical_sigma_.push_back(typical);
       has_sigmas_.push_back(!sigmas.empty());
       for (BundleObservation& observation : bundle().observations) {
@@ -279,9 +272,8 @@ class Calibrator {
     for (size_t c = 0; c < CameraCount(); ++c) {
       if (own[c].empty()) continue;
       const CameraModel& model = *bundle().cameras[c].model;
-      const auto middle = own[c].begin() + static_cast<std::ptrdiff_t>(own[c].size() / 2);
-      std::nth_element(own[c].begin(), middle, own[c].end());
-      if (!std::isfinite(*middle)) {
+      const double median = Median(std::move(own[c]));
+      if (!std::isfinite(median)) {
         throw Error(
             ErrorKind::kJob,
             fmt::format("{}: most observations lie outside the domain of model {}; does the model "
@@ -290,7 +282,7 @@ class Calibrator {
                         model.name));
       }
       const int k = static_cast<int>(model.measured.size());
-      SetNoise(c, *middle / std::sqrt(ChiSquareQuantile(k, 0.5)) / left_over);
+      SetNoise(c, median / std::sqrt(ChiSquareQuantile(k, 0.5)) / left_over);
     }
   }
 

@@ -15,6 +15,7 @@
 #include <unordered_map>
 
 #include "calib/error.h"
+#include "calib/median.h"
 
 namespace plenocal {
 namespace {
@@ -68,12 +69,6 @@ class PointIndex {
   double cell_;
   std::unordered_map<std::int64_t, std::vector<size_t>> buckets_;
 };
-
-double Median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 // Of a normal distribution: standard deviation per coordinate / median length of a 2D vector.
 constexpr double kSigmaPerMedianLength = 0.8493218;
@@ -284,7 +279,8 @@ SmoothLattice SmoothLattice::Fit(std::span<const LatticeMeasurement> measurement
     double sigma = 0;
     for (int iteration = 0; iteration < kRobustIterations; ++iteration) {
       const double last = sigma;
-      sigma = kSigmaPerMedianLength * Median({residuals.begin(), residuals.end()});
+      sigma =
+          kSigmaPerMedianLength * Median(std::vector<double>(residuals.begin(), residuals.end()));
       // Exact data have no spread: keep the weights finite.
       sigma = std::max(sigma, std::numeric_limits<double>::min());
       if (std::abs(sigma - last) <= kConverged * sigma && iteration > 1) break;

@@ -10,6 +10,8 @@
 #include <random>
 #include <vector>
 
+#include "calib/median.h"
+
 namespace plenocal {
 namespace {
 
@@ -174,9 +176,7 @@ std::optional<Candidate> Refine(std::span<const Ray> rays,
   for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
     std::vector<double> norms(rays.size());
     for (Eigen::Index i = 0; i < n; ++i) norms[static_cast<size_t>(i)] = r.col(i).norm();
-    std::vector<double> sorted = norms;
-    std::nth_element(sorted.begin(), sorted.begin() + sorted.size() / 2, sorted.end());
-    const double width = std::max(3 * sorted[sorted.size() / 2], 1e-12);
+    const double width = std::max(3 * Median(norms), 1e-12);
     const auto cost = [&](const Eigen::Matrix2Xd& res) {
       return (res.colwise().squaredNorm().array() / (width * width)).log1p().sum();
     };

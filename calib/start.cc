@@ -9,6 +9,7 @@
 #include <set>
 
 #include "calib/error.h"
+#include "calib/median.h"
 #include "calib/resection.h"
 
 namespace plenocal {
@@ -85,13 +86,6 @@ std::optional<Resection> ResectView(const CameraInput& camera,
   return Resect(rays, points);
 }
 
-double Median(std::vector<double> values) {
-  if (values.empty()) return kInfinity;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 // Lengths of all residuals of a bundle, infinite where a point does not project.
 std::vector<double> ResidualLengths(const Bundle& bundle) {
   std::vector<double> lengths;
@@ -150,7 +144,7 @@ Trial MakeTrial(const CameraInput& camera,
   }
   std::vector<double> lengths = ResidualLengths(bundle);
   lengths.resize(lengths.size() + without_pose, kInfinity);
-  trial.median = Median(lengths);
+  trial.median = Median(lengths, kInfinity);
   return trial;
 }
 
@@ -170,7 +164,7 @@ void AdjustTrial(Trial* trial) {
     options.cost_tolerance = 1e-4;
     if (!Adjust(&bundle, options).usable) return;
     bundle.cameras[0].noise_scale = 1;
-    trial->median = Median(ResidualLengths(bundle));
+    trial->median = Median(ResidualLengths(bundle), kInfinity);
     if (!std::isfinite(trial->median)) return;
   }
 }

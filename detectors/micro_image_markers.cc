@@ -9,6 +9,7 @@
 #include <opencv2/imgproc.hpp>
 #include <optional>
 
+#include "calib/median.h"
 #include "calib/parallel.h"
 
 namespace plenocal::internal {
@@ -234,12 +235,6 @@ void FindSights(const MarkerLook& look,
   }
 }
 
-double MedianOf(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 }  // namespace
 
 MicroView MeasureInMicroImages(const std::vector<MarkerLook>& looks,
@@ -277,7 +272,7 @@ MicroView MeasureInMicroImages(const std::vector<MarkerLook>& looks,
   }
   std::map<std::pair<int, int>, BlurPrior> known;
   for (const auto& [key, values] : blurs) {
-    known[key] = {MedianOf(values), first.sigma / std::sqrt(static_cast<double>(values.size()))};
+    known[key] = {Median(values), first.sigma / std::sqrt(static_cast<double>(values.size()))};
   }
   measure_all([&](const Sight& sight) {
     const auto prior = known.find(group(sight));

@@ -18,6 +18,7 @@
 
 #include "calib/error.h"
 #include "calib/hexagonal_lattice.h"
+#include "calib/median.h"
 #include "calib/parallel.h"
 #include "detectors/attenuation.h"
 #include "detectors/hexagonal_period.h"
@@ -51,13 +52,6 @@ constexpr double kProfileRadius = 0.7;
 /// Profiles, centres and lattice improve one another: each turn shrinks what is left by more than
 /// ten.
 constexpr int kTurns = 4;
-
-double Median(std::vector<double> values) {
-  if (values.empty()) return 0;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 struct Spread {
   double middle = 0, sigma = 0;

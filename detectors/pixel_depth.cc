@@ -10,6 +10,7 @@
 #include <numbers>
 #include <span>
 
+#include "calib/median.h"
 #include "calib/parallel.h"
 #include "detectors/depth_kernels.h"
 
@@ -123,12 +124,10 @@ struct SurveySums {
       survey->defocus[type][1] += static_cast<float>(step[2 * type + 1]);
     }
     for (size_t pair = 0; pair < misfits.size(); ++pair) {
-      std::vector<float> values = misfits[pair];
+      const std::vector<float>& values = misfits[pair];
       if (values.empty()) continue;
       // The median of a chi-square of one degree of freedom is 0.4549.
-      const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-      std::nth_element(values.begin(), middle, values.end());
-      survey->misfit[pair] = std::max(0.f, *middle / 0.4549f);
+      survey->misfit[pair] = std::max(0.f, Median(values) / 0.4549f);
     }
   }
 

@@ -29,6 +29,7 @@
 #include <opencv2/imgproc.hpp>
 #include <utility>
 
+#include "calib/median.h"
 #include "detectors/tag_step.h"
 #include "detectors/tag_template.h"
 
@@ -362,10 +363,7 @@ double MedianBlur(const std::vector<Edge>& edges) {
   for (const Edge& edge : edges) {
     if (edge.fitted) blurs.push_back(edge.blur);
   }
-  if (blurs.empty()) return kUsualBlur;
-  const auto middle = blurs.begin() + static_cast<std::ptrdiff_t>(blurs.size() / 2);
-  std::nth_element(blurs.begin(), middle, blurs.end());
-  return *middle;
+  return Median(std::move(blurs), kUsualBlur);
 }
 
 std::optional<RefinedCorner> Intersect(const Edge& before, const Edge& after) {

@@ -12,6 +12,7 @@
 #include <string>
 
 #include "calib/error.h"
+#include "calib/median.h"
 #include "calib/parallel.h"
 #include "detectors/image.h"
 
@@ -34,12 +35,6 @@ constexpr int kCells = 16;
 /// Where the shading of the images differs by more than this (robust, relative), no two show the
 /// same field.
 constexpr double kSameField = 0.05;
-
-double Median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 /// One image without its pixels.
 struct Look {

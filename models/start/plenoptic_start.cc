@@ -8,6 +8,7 @@
 #include <optional>
 
 #include "calib/error.h"
+#include "calib/median.h"
 #include "calib/start.h"
 #include "models/pinhole_radial3.h"
 
@@ -35,12 +36,6 @@ struct VirtualPoint {
   double variance;  // of T, up to a factor common to all points
 };
 
-double MedianOf(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 /// Least squares of rows * x = values under Cauchy's weights at three median residuals.
 Eigen::VectorXd RobustSolve(const Eigen::MatrixXd& rows, const Eigen::VectorXd& values) {
   constexpr int kIterations = 10;
@@ -50,7 +45,7 @@ Eigen::VectorXd RobustSolve(const Eigen::MatrixXd& rows, const Eigen::VectorXd& 
     const Eigen::MatrixXd weighted = weights.asDiagonal() * rows;
     x = weighted.colPivHouseholderQr().solve(weights.cwiseProduct(values));
     const Eigen::VectorXd residuals = (rows * x - values).cwiseAbs();
-    const double width = 3 * MedianOf({residuals.begin(), residuals.end()});
+    const double width = 3 * Median(std::vector<double>(residuals.begin(), residuals.end()));
     if (!(width > 0)) break;
     weights = (1 + (residuals / width).array().square()).rsqrt();
   }
