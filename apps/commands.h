@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "apps/console.h"
+#include "apps/simulate/simulate.h"
 
 namespace plenocal {
 
@@ -47,6 +48,8 @@ void RunDetect(const SessionCommand& command, const ConsoleOptions& options);
 void RunWhite(const WhiteCommand& command, const ConsoleOptions& options);
 /// `plenocal focus`: totally focused image and virtual depth.
 void RunFocus(const FocusCommand& command, const ConsoleOptions& options);
+/// `plenocal simulate`: a session with known truth.
+void RunSimulate(const SimulateCommand& command, const ConsoleOptions& options);
 /// `plenocal models`: the registered camera models on standard output.
 void RunModels();
 

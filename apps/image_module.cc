@@ -70,4 +70,10 @@ void FocusImagesByModule(const FocusRequest& request) {
   FromModule<decltype(plenocal_focus_images)>("plenocal_focus_images")(request);
 }
 
+std::string SimulateByModule(const SimulateCommand& command, const SimulateOptions& options) {
+  std::string summary;
+  FromModule<decltype(plenocal_simulate)>("plenocal_simulate")(command, options, &summary);
+  return summary;
+}
+
 }  // namespace plenocal

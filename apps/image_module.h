@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <string>
 #include <vector>
 
+#include "apps/simulate/simulate.h"
 #include "calib/session.h"
 #include "detectors/detect_images.h"
 #include "detectors/focus_images.h"
@@ -23,6 +25,11 @@ extern "C" void plenocal_measure_white_images(const std::vector<plenocal::FrameI
 /// What the image module exports: `FocusImages` of detectors/focus_images.h.
 extern "C" void plenocal_focus_images(const plenocal::FocusRequest& request);
 
+/// What the image module exports: `Simulate` of apps/simulate/simulate.h.
+extern "C" void plenocal_simulate(const plenocal::SimulateCommand& command,
+                                  const plenocal::SimulateOptions& options,
+                                  std::string* summary);
+
 namespace plenocal {
 
 /// `DetectImages` by the image module, which is loaded on first use. Throws `Error` of kind kJob
@@ -37,5 +44,8 @@ WhiteCamera MeasureWhiteImagesByModule(const std::vector<FrameImage>& images,
 
 /// `FocusImages` by the image module.
 void FocusImagesByModule(const FocusRequest& request);
+
+/// `Simulate` by the image module.
+std::string SimulateByModule(const SimulateCommand& command, const SimulateOptions& options);
 
 }  // namespace plenocal

@@ -17,3 +17,9 @@ extern "C" void plenocal_measure_white_images(const std::vector<plenocal::FrameI
 extern "C" void plenocal_focus_images(const plenocal::FocusRequest& request) {
   plenocal::FocusImages(request);
 }
+
+extern "C" void plenocal_simulate(const plenocal::SimulateCommand& command,
+                                  const plenocal::SimulateOptions& options,
+                                  std::string* summary) {
+  *summary = plenocal::Simulate(command, options);
+}

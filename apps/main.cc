@@ -139,6 +139,23 @@ int main(int argc, char** argv) {  // NOLINT(bugprone-exception-escape)
       ->check(CLI::Range(1, 1024));
   focus->add_flag("--quiet", options.quiet, "no messages and no progress, only errors");
   focus->callback([&] { run = [&] { RunFocus(focus_command, options); }; });
+  plenocal::SimulateCommand simulate_command;
+  CLI::App* simulate = app.add_subcommand(
+      "simulate",
+      "A session with known truth: images, white images, target and truth.\n\n"
+      "  plenocal simulate spec.yaml -o DIR\n\n"
+      "then 'plenocal calibrate DIR/session.yaml -o OUT' can be compared with DIR/truth. "
+      "docs/simulate.md describes the "
+      "specification.");
+  simulate->add_option("spec", simulate_command.spec, "spec.yaml: cameras, target, poses")
+      ->required();
+  simulate->add_option("-o,--out", simulate_command.out, "folder for the session")->required();
+  simulate->add_flag(
+      "--points", simulate_command.points, "detections with noise in place of images");
+  simulate->add_option("--threads", options.threads, "number of threads (default: all cores)")
+      ->check(CLI::Range(1, 1024));
+  simulate->add_flag("--quiet", options.quiet, "no messages and no progress, only errors");
+  simulate->callback([&] { run = [&] { RunSimulate(simulate_command, options); }; });
   app.add_subcommand("models", "List the camera models, their parameters, units and source.")
       ->callback([&] { run = plenocal::RunModels; });
 

@@ -23,17 +23,23 @@ namespace {
 }  // namespace
 
 OutputFolder::OutputFolder(std::filesystem::path folder) : folder_(std::move(folder)) {
-  std::error_code error;
-  for (std::filesystem::path p = std::filesystem::absolute(folder_, error).lexically_normal();
-       !p.empty() && !std::filesystem::exists(p, error) && p != p.parent_path();
-       p = p.parent_path()) {
-    if (p.has_filename()) made_.push_back(p);
-  }
-  std::filesystem::create_directories(folder_, error);
-  if (error) Fail(folder_, "cannot make this output folder: " + error.message());
+  MakeFolder(folder_);
   if (access(folder_.c_str(), W_OK | X_OK) != 0) {
     Fail(folder_, fmt::format("cannot write into this output folder: {}", std::strerror(errno)));
   }
+}
+
+void OutputFolder::MakeFolder(const std::filesystem::path& folder) {
+  std::error_code error;
+  std::vector<std::filesystem::path> missing;
+  for (std::filesystem::path p = std::filesystem::absolute(folder, error).lexically_normal();
+       !p.empty() && !std::filesystem::exists(p, error) && p != p.parent_path();
+       p = p.parent_path()) {
+    if (p.has_filename()) missing.push_back(p);
+  }
+  made_.insert(made_.begin(), missing.begin(), missing.end());
+  std::filesystem::create_directories(folder, error);
+  if (error) Fail(folder, "cannot make this output folder: " + error.message());
 }
 
 OutputFolder::~OutputFolder() {
@@ -50,6 +56,7 @@ std::filesystem::path OutputFolder::PartialPath(const std::string& name) const {
 
 void OutputFolder::Write(const std::string& name, const std::string& content) {
   const std::filesystem::path path = PartialPath(name);
+  MakeFolder(path.parent_path());
   names_.push_back(name);
   const int file = open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
   if (file < 0) Fail(path, fmt::format("cannot be written: {}", std::strerror(errno)));

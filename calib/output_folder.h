@@ -19,12 +19,14 @@ class OutputFolder {
   OutputFolder(const OutputFolder&) = delete;
   OutputFolder& operator=(const OutputFolder&) = delete;
 
-  /// Writes one file of the run. Throws `Error` of kind kJob, for instance when the disk is full.
+  /// Writes one file of the run; `name` may hold folders, which are made. Throws `Error` of kind
+  /// kJob, for instance when the disk is full.
   void Write(const std::string& name, const std::string& content);
   /// Gives all written files their final names, replacing those of an earlier run.
   void Commit();
 
  private:
+  void MakeFolder(const std::filesystem::path& folder);
   [[nodiscard]] std::filesystem::path PartialPath(const std::string& name) const;
 
   std::filesystem::path folder_;

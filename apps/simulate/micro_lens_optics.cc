@@ -1,0 +1,179 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/simulate/micro_lens_optics.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "apps/simulate/random.h"
+#include "calib/error.h"
+#include "calib/hexagonal_lattice.h"
+
+namespace plenocal::simulate {
+namespace {
+
+constexpr int kIterations = 40;
+
+[[noreturn]] void Fail(const CameraSpec& camera, const std::string& message) {
+  throw Error(ErrorKind::kInput, fmt::format("cameras.{}: {}", camera.name, message));
+}
+
+}  // namespace
+
+MicroLensOptics::MicroLensOptics(const CameraSpec& camera) : camera_(camera) {
+  FindPrincipalPoint();
+  const MicroLensSpec& spec = *camera.micro_lenses;
+  const double step = std::numbers::pi / 3;
+  basis_.col(0) = Eigen::Rotation2Dd(spec.rotation) * Eigen::Vector2d(spec.pitch, 0);
+  basis_.col(1) = Eigen::Rotation2Dd(spec.rotation + step) * Eigen::Vector2d(spec.pitch, 0);
+  origin_ = principal_ + spec.offset;
+
+  // Rows and columns are oblique, so that they run farther than the image's diagonal.
+  const Eigen::Vector2d size(camera.image_size[0], camera.image_size[1]);
+  const double reach = size.norm() + (origin_ - size / 2).norm() + 2 * spec.pitch;
+  most_ = static_cast<int>(reach / (spec.pitch * std::cos(step / 2))) + 2;
+  const int count = 2 * most_ + 1;
+  index_.assign(static_cast<size_t>(count) * static_cast<size_t>(count), -1);
+  for (int row = -most_; row <= most_; ++row) {
+    for (int column = -most_; column <= most_; ++column) {
+      const Eigen::Vector2d regular = origin_ + basis_ * Eigen::Vector2d(column, row);
+      // Distortion does not move a centre from here onto the sensor.
+      if (!IsInside(regular, camera.image_size, 0.2 * size.maxCoeff())) continue;
+      const auto centre = FromSlope(slope_by_px_ * (regular - principal_));
+      if (!centre || !IsInside(*centre, camera.image_size, spec.pitch)) continue;
+      const int type = spec.focus.size() == 3 ? LatticeColour({column, row}) : 0;
+      index_[static_cast<size_t>((row + most_) * count + column + most_)] =
+          static_cast<int>(lenses_.size());
+      lenses_.push_back({.row = row, .column = column, .centre = *centre, .type = type});
+    }
+  }
+  constexpr size_t kFewest = 30;  // that a lattice with three types is recognised by
+  if (lenses_.size() < kFewest) {
+    Fail(camera, fmt::format("only {} micro lenses fit on the sensor", lenses_.size()));
+  }
+}
+
+std::optional<Ray> MicroLensOptics::RayThrough(const Eigen::Vector2d& x,
+                                               const Eigen::Vector2d& c) const {
+  const std::array values{x.x(), x.y(), c.x(), c.y()};
+  return camera_.model->unproject(camera_.params.data(), camera_.config.data(), values.data());
+}
+
+std::optional<Eigen::Vector2d> MicroLensOptics::Slope(const Eigen::Vector2d& c) const {
+  const std::optional<Ray> ray = RayThrough(c, c);
+  if (!ray || !(ray->direction.z() > 0)) return std::nullopt;
+  return ray->direction.head<2>() / ray->direction.z();
+}
+
+void MicroLensOptics::FindPrincipalPoint() {
+  const Eigen::Vector2d middle = Eigen::Vector2d(camera_.image_size[0] - 1.0,
+                                                 camera_.image_size[1] - 1.0) / 2;
+  const double h = 1;  // px; slopes are smooth over many pixels
+  principal_ = middle;
+  for (int i = 0; i < kIterations; ++i) {
+    const auto at = Slope(principal_);
+    for (int k = 0; k < 2; ++k) {
+      const Eigen::Vector2d d = h * Eigen::Vector2d::Unit(k);
+      const auto plus = Slope(principal_ + d), minus = Slope(principal_ - d);
+      if (!at || !plus || !minus) Fail(camera_, "its model sees nothing at the principal point");
+      slope_by_px_.col(k) = (*plus - *minus) / (2 * h);
+    }
+    const Eigen::Vector2d move = slope_by_px_.inverse() * *at;
+    principal_ -= move;
+    if (move.norm() < 1e-10) break;
+  }
+  px_by_slope_ = slope_by_px_.inverse();
+
+  // Two rays through the pupil's middle; where they are nearest to each other.
+  const double aside = 0.2 * camera_.image_size[0];
+  const auto a = RayThrough(principal_ + Eigen::Vector2d(aside, 0), principal_ + Eigen::Vector2d(aside, 0));
+  const auto b = RayThrough(principal_ - Eigen::Vector2d(aside, 0), principal_ - Eigen::Vector2d(aside, 0));
+  if (!a || !b) Fail(camera_, "its model does not see the middle half of the image");
+  const Eigen::Vector3d between = a->origin - b->origin;
+  const Eigen::Vector3d difference = a->direction - b->direction;
+  const double along = -between.dot(difference) / difference.squaredNorm();
+  pupil_ = (a->origin + b->origin + along * (a->direction + b->direction)) / 2;
+}
+
+std::optional<Eigen::Vector2d> MicroLensOptics::FromSlope(const Eigen::Vector2d& slope) const {
+  Eigen::Vector2d c = principal_ + px_by_slope_ * slope;
+  for (int i = 0; i < kIterations; ++i) {
+    const auto at = Slope(c);
+    if (!at) return std::nullopt;
+    // The distortion changes slowly, so its absence is a good enough derivative.
+    const Eigen::Vector2d move = px_by_slope_ * (slope - *at);
+    c += move;
+    if (move.norm() < 1e-11 * (1 + c.norm())) return c;
+  }
+  return std::nullopt;
+}
+
+MicroLensArray MicroLensOptics::Array() const {
+  MicroLensArray array;
+  array.image_size = camera_.image_size;
+  array.types = static_cast<int>(camera_.micro_lenses->focus.size());
+  for (const MicroLens& lens : lenses_) {
+    if (IsInside(lens.centre, camera_.image_size)) array.lenses.push_back(lens);
+  }
+  SetLatticeVectors(&array);
+  return array;
+}
+
+std::optional<Eigen::Vector2d> MicroLensOptics::CentralImage(const Eigen::Vector3d& p_cam) const {
+  const Eigen::Vector3d from_pupil = p_cam - pupil_;
+  if (!(from_pupil.z() > 0)) return std::nullopt;
+  return FromSlope(from_pupil.head<2>() / from_pupil.z());
+}
+
+std::vector<Observation> MicroLensOptics::Observe(int marker, const Eigen::Vector3d& p_cam) const {
+  const MicroLensSpec& spec = *camera_.micro_lenses;
+  const auto project = [&](const Eigen::Vector2d& c) -> std::optional<Eigen::Vector2d> {
+    const std::array values{0.0, 0.0, c.x(), c.y()};
+    Eigen::Vector2d x;
+    if (!camera_.model->project(
+            camera_.params.data(), camera_.config.data(), values.data(), p_cam, x.data())) {
+      return std::nullopt;
+    }
+    return x;
+  };
+  const auto q = CentralImage(p_cam);
+  if (!q || !IsInside(*q, camera_.image_size, camera_.image_size[0])) return {};
+  // x = c + (q - c) / T: a pitch beside q the offset is pitch / T.
+  const auto beside = project(*q + Eigen::Vector2d(spec.pitch, 0));
+  if (!beside) return {};
+  const double inverse_T = (q->x() + spec.pitch - beside->x()) / spec.pitch;
+  // All of the pixel that the point falls on shall be within the micro image.
+  const double radius = spec.fill * spec.pitch / 2 - 1;
+  // Two pitches more, for what distortion does to the lattice.
+  const double reach = radius / std::max(std::abs(inverse_T), 1e-3) + 2 * spec.pitch;
+
+  std::vector<Observation> seen;
+  const auto slope = Slope(*q);
+  if (!slope) return {};
+  const Eigen::Vector2d node =
+      basis_.inverse() * (principal_ + px_by_slope_ * *slope - origin_);
+  const int steps = static_cast<int>(reach / (spec.pitch * std::cos(std::numbers::pi / 6))) + 1;
+  const int count = 2 * most_ + 1;
+  const int middle_row = static_cast<int>(std::lround(node.y()));
+  const int middle_column = static_cast<int>(std::lround(node.x()));
+  for (int row = std::max(middle_row - steps, -most_); row <= std::min(middle_row + steps, most_); ++row) {
+    for (int column = std::max(middle_column - steps, -most_);
+         column <= std::min(middle_column + steps, most_);
+         ++column) {
+      const int index = index_[static_cast<size_t>((row + most_) * count + column + most_)];
+      if (index < 0) continue;
+      const Eigen::Vector2d& centre = lenses_[static_cast<size_t>(index)].centre;
+      if (!IsInside(centre, camera_.image_size)) continue;
+      const auto x = project(centre);
+      if (!x || (*x - centre).norm() > radius || !IsInside(*x, camera_.image_size)) continue;
+      seen.push_back({.marker = marker, .values = {x->x(), x->y(), centre.x(), centre.y()}});
+    }
+  }
+  return seen;
+}
+
+}  // namespace plenocal::simulate

@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Where a plenoptic camera's micro lenses are and which rays reach a raw pixel through them.
+//
+// All of it follows from the camera model's `unproject(x, c)`, the ray from raw point x through the
+// middle of the micro lens with micro-image centre c, and two facts of thin lenses (undistorted raw
+// coordinates, T_f the virtual depth at which the micro lens is sharp):
+//
+//   - the micro-image centre is the image of the stop's middle, so unproject(c, c) passes through
+//     it: where such rays meet is the entrance pupil, and they span a regular lattice of slopes;
+//   - light through a point of the micro lens that stands a (in units of micro-image centres) off
+//     its middle comes along the ray unproject(x + a (1 - 1 / T_f), c + a): through another micro
+//     lens at that point, whose middle deflects nothing, refracted by a / f_micro.
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+#include <vector>
+
+#include "apps/simulate/simulation_spec.h"
+#include "calib/micro_lens_array.h"
+
+namespace plenocal::simulate {
+
+class MicroLensOptics {
+ public:
+  /// REQUIRES: a plenoptic camera. Throws `Error` when the model sees no pixel of its image or too
+  /// few micro lenses fit on it.
+  explicit MicroLensOptics(const CameraSpec& camera);
+
+  /// All micro lenses whose centre is on the sensor or at most a pitch beside it; those beside it
+  /// are not part of `Array`.
+  [[nodiscard]] const std::vector<MicroLens>& Lenses() const { return lenses_; }
+  [[nodiscard]] MicroLensArray Array() const;
+
+  /// The ray through micro lens centre `c` to raw place `x`, px.
+  [[nodiscard]] std::optional<Ray> RayThrough(const Eigen::Vector2d& x,
+                                              const Eigen::Vector2d& c) const;
+  /// Entrance pupil, m, camera frame.
+  [[nodiscard]] const Eigen::Vector3d& Pupil() const { return pupil_; }
+  /// Where a point's image by the pupil's middle alone lies, px: the micro-image centre at which it
+  /// would be seen in the middle. Nothing outside the model's domain.
+  [[nodiscard]] std::optional<Eigen::Vector2d> CentralImage(const Eigen::Vector3d& p_cam) const;
+  /// What a point looks like through all micro lenses that see it; x, y and context exact.
+  [[nodiscard]] std::vector<Observation> Observe(int marker, const Eigen::Vector3d& p_cam) const;
+
+ private:
+  /// Slope dx/dz, dy/dz of the ray through the pupil's middle that belongs to centre c.
+  [[nodiscard]] std::optional<Eigen::Vector2d> Slope(const Eigen::Vector2d& c) const;
+  /// Inverse of `Slope`.
+  [[nodiscard]] std::optional<Eigen::Vector2d> FromSlope(const Eigen::Vector2d& slope) const;
+  void FindPrincipalPoint();
+
+  const CameraSpec& camera_;
+  Eigen::Vector2d principal_{0, 0};           // px, where the ray is parallel to the axis
+  Eigen::Matrix2d px_by_slope_, slope_by_px_;  // at the principal point
+  Eigen::Vector3d pupil_{0, 0, 0};
+  Eigen::Matrix2d basis_;  // px, lattice vectors e_column, e_row without distortion
+  Eigen::Vector2d origin_{0, 0};
+  std::vector<MicroLens> lenses_;
+  std::vector<int> index_;  // of lenses_ by row and column
+  int most_ = 0;            // rows and columns run from -most_ to most_
+};
+
+}  // namespace plenocal::simulate

@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// What the cameras of a simulated rig see of the target's markers.
+#pragma once
+
+#include <map>
+#include <memory>
+#include <vector>
+
+#include "apps/simulate/micro_lens_optics.h"
+#include "apps/simulate/simulation_spec.h"
+#include "targets/target.h"
+
+namespace plenocal::simulate {
+
+/// A target as it was made.
+struct TrueTarget {
+  const Target* nominal = nullptr;
+  std::map<int, Eigen::Vector3d> markers;  ///< true places, m, target's frame
+  /// Unit vectors from the printed side into the room, at each marker; zero: seen from all sides.
+  std::map<int, Eigen::Vector3d> normals;
+};
+
+/// Displaces the markers by `sigma` (m) in each coordinate. A tag stays flat.
+TrueTarget MakeTarget(const Target& nominal, double sigma, int seed);
+
+/// The cameras of a specification with the optics that they need.
+class Observer {
+ public:
+  explicit Observer(const SimulationSpec& spec);
+
+  /// Exact observations of all markers that camera `c` can see: printed side towards it, within
+  /// the image, for a plenoptic camera within micro images. Other parts of the target hide nothing.
+  [[nodiscard]] std::vector<Observation> Observe(std::size_t c,
+                                                 const TrueTarget& target,
+                                                 const RigidTransform& T_rig_target) const;
+  /// The ray through the camera's middle that reaches pixel `u`.
+  [[nodiscard]] std::optional<Ray> CentralRay(std::size_t c, const Eigen::Vector2d& u) const;
+  /// Null for an ordinary camera.
+  [[nodiscard]] const MicroLensOptics* Optics(std::size_t c) const { return optics_[c].get(); }
+
+ private:
+  const SimulationSpec& spec_;
+  std::vector<std::unique_ptr<MicroLensOptics>> optics_;
+};
+
+/// How many different markers the observations are of.
+int CountMarkers(const std::vector<Observation>& observations);
+
+}  // namespace plenocal::simulate

@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "apps/simulate/observer.h"
+#include "apps/simulate/simulation_spec.h"
+
+namespace plenocal::simulate {
+
+/// One instant of a simulated session.
+struct Frame {
+  std::string name;
+  std::string kind;  ///< "good"; "partial": the target is at an image's rim; "given"
+  RigidTransform T_rig_target;
+};
+
+/// The rig's places before the target, all from the seed. Throws `Error` of kind kJob when no place
+/// of the kind asked for shows the target.
+std::vector<Frame> MakePoses(const SimulationSpec& spec,
+                             const Observer& observer,
+                             const TrueTarget& target);
+
+}  // namespace plenocal::simulate

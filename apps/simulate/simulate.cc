@@ -1,0 +1,208 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/simulate/simulate.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <iterator>
+
+#include "apps/simulate/observer.h"
+#include "apps/simulate/pose_set.h"
+#include "apps/simulate/random.h"
+#include "apps/simulate/simulation_spec.h"
+#include "calib/detections.h"
+#include "calib/error.h"
+#include "calib/number_text.h"
+#include "calib/output_folder.h"
+#include "calib/parallel.h"
+#include "calib/result_files.h"
+#include "models/registry.h"
+
+namespace plenocal {
+namespace simulate {
+namespace {
+
+// All that is known before anything is measured.
+struct Scene {
+  SimulationSpec spec;
+  Target target;
+  TrueTarget made;
+  std::vector<Frame> frames;
+  std::vector<std::vector<View>> views;  // exact; by camera and frame
+};
+
+std::string SessionYaml(const Scene& scene, bool points) {
+  std::string text = "plenocal: 1\ntarget: target.yaml\ncameras:\n";
+  const auto out = std::back_inserter(text);
+  for (const CameraSpec& camera : scene.spec.cameras) {
+    fmt::format_to(out, "  {}:\n    model: {}\n", camera.name, camera.model->name);
+    if (points) {
+      fmt::format_to(out,
+                     "    detections: detections_{}.csv\n    image_size: [{}, {}]\n",
+                     camera.name,
+                     camera.image_size[0],
+                     camera.image_size[1]);
+    } else {
+      fmt::format_to(out,
+                     "    images: {0}/*.png\n    white_images: {0}_white/*.png\n",
+                     camera.name);
+      if (!camera.sensor.bayer.empty()) fmt::format_to(out, "    bayer: {}\n", camera.sensor.bayer);
+    }
+    for (size_t i = 0; i < camera.config.size(); ++i) {
+      fmt::format_to(out, "    {}: {}\n", camera.model->config[i].name, YamlNumber(camera.config[i]));
+    }
+  }
+  return text;
+}
+
+// The truth as a calibration without errors.
+Calibration TrueCalibration(const Scene& scene) {
+  Calibration truth;
+  truth.converged = true;
+  for (size_t c = 0; c < scene.spec.cameras.size(); ++c) {
+    const CameraSpec& camera = scene.spec.cameras[c];
+    truth.camera_names.push_back(camera.name);
+    truth.image_sizes.push_back(camera.image_size);
+    truth.bundle.cameras.push_back({.model = camera.model,
+                                    .config = camera.config,
+                                    .params = camera.params,
+                                    .fixed = std::vector<bool>(camera.params.size(), false),
+                                    .T_camera_rig = camera.T_camera_rig,
+                                    .is_master = c == 0});
+    truth.uncertainty.params.emplace_back(camera.params.size(), 0.0);
+    truth.uncertainty.mount.emplace_back(Matrix6d::Zero());
+    CameraFit fit;
+    for (const View& view : scene.views[c]) {
+      fit.points += static_cast<int>(view.observations.size());
+      fit.views += view.observations.empty() ? 0 : 1;
+    }
+    truth.fits.push_back(fit);
+  }
+  for (const Frame& frame : scene.frames) {
+    truth.frames.push_back(frame.name);
+    truth.bundle.T_rig_target.push_back(frame.T_rig_target);
+  }
+  return truth;
+}
+
+std::string FramesCsv(const Scene& scene) {
+  std::string text = "frame,kind";
+  for (const CameraSpec& camera : scene.spec.cameras) text += ",markers_" + camera.name;
+  text += '\n';
+  for (size_t f = 0; f < scene.frames.size(); ++f) {
+    text += scene.frames[f].name + "," + scene.frames[f].kind;
+    for (const auto& views : scene.views) {
+      fmt::format_to(std::back_inserter(text), ",{}", CountMarkers(views[f].observations));
+    }
+    text += '\n';
+  }
+  return text;
+}
+
+void WriteTruth(const Scene& scene,
+                const Observer& observer,
+                const SimulateCommand& command,
+                OutputFolder* out) {
+  Calibration truth = TrueCalibration(scene);
+  truth.camera_files.resize(scene.spec.cameras.size());
+  for (size_t c = 0; c < scene.spec.cameras.size(); ++c) {
+    const std::string& name = scene.spec.cameras[c].name;
+    if (const MicroLensOptics* optics = observer.Optics(c)) {
+      const std::string file = fmt::format("micro_lenses_{}.csv", name);
+      truth.camera_files[c].emplace_back("micro_lenses", file);
+      out->Write("truth/" + file, FormatMicroLenses(optics->Array()));
+    }
+    out->Write(fmt::format("truth/detections_{}.csv", name),
+               DetectionsCsv(scene.views[c], *scene.spec.cameras[c].model));
+  }
+  out->Write("truth/calibration.yaml",
+             CalibrationYaml(truth,
+                             {{"plenocal_version", PLENOCAL_VERSION},
+                              {"command",
+                               fmt::format("plenocal simulate {} -o {}{}",
+                                           command.spec.string(),
+                                           command.out.string(),
+                                           command.points ? " --points" : "")},
+                              {"simulation", "the parameters are true, not estimated"}}));
+  out->Write("truth/target.yaml", RefinedTargetYaml(scene.target, scene.made.markers, {}));
+  out->Write("truth/poses.csv", PosesCsv(truth));
+  out->Write("truth/frames.csv", FramesCsv(scene));
+}
+
+// The session must not take the place of what it is made from.
+void RefuseToReplaceInputs(const SimulateCommand& command, const SimulationSpec& spec) {
+  for (const std::filesystem::path& input : {command.spec, spec.target}) {
+    for (const char* result : {"session.yaml", "target.yaml"}) {
+      std::error_code error;
+      if (!std::filesystem::equivalent(input, command.out / result, error)) continue;
+      throw Error(ErrorKind::kInput,
+                  fmt::format("{}: the session would replace this input; give another folder with "
+                              "-o",
+                              input.string()));
+    }
+  }
+}
+
+std::vector<View> WithNoise(std::vector<View> views, const CameraSpec& camera, size_t c, int seed) {
+  for (size_t f = 0; f < views.size(); ++f) {
+    Random random(seed, "detections", {c, f});
+    for (Observation& observation : views[f].observations) {
+      for (size_t i = 0; i < camera.model->measured.size(); ++i) {
+        observation.values[i] += random.Gaussian(camera.detection_sigma);
+      }
+      observation.sigma = camera.detection_sigma;
+    }
+  }
+  return views;
+}
+
+}  // namespace
+}  // namespace simulate
+
+std::string Simulate(const SimulateCommand& command, const SimulateOptions& options) {
+  using namespace simulate;  // NOLINT(google-build-using-namespace)
+  const auto progress = [&](const std::string& stage, size_t done, size_t total) {
+    if (options.progress && !options.progress(stage, done, total)) throw Stopped{};
+  };
+  Scene scene;
+  scene.spec = ReadSimulationSpec(command.spec, CameraModels());
+  const SimulationSpec& spec = scene.spec;
+  scene.target = ReadTarget(spec.target);
+  RefuseToReplaceInputs(command, spec);
+  OutputFolder out(command.out);
+  const Observer observer(spec);
+  scene.made = MakeTarget(
+      scene.target, spec.target_error.value_or(scene.target.tolerance.value_or(0)), spec.seed);
+  progress("poses", 0, 1);
+  scene.frames = MakePoses(spec, observer, scene.made);
+  scene.views.resize(spec.cameras.size());
+  for (size_t c = 0; c < spec.cameras.size(); ++c) {
+    scene.views[c].resize(scene.frames.size());
+    ParallelFor(scene.frames.size(), options.threads, [&](size_t f) {
+      scene.views[c][f] = {scene.frames[f].name,
+                           observer.Observe(c, scene.made, scene.frames[f].T_rig_target)};
+    });
+    progress("markers", c + 1, spec.cameras.size());
+  }
+
+  out.Write("session.yaml", SessionYaml(scene, command.points));
+  out.Write("target.yaml", RefinedTargetYaml(scene.target, {}, {}));
+  WriteTruth(scene, observer, command, &out);
+  std::string summary;
+  for (size_t c = 0; c < spec.cameras.size(); ++c) {
+    const CameraSpec& camera = spec.cameras[c];
+    const auto frames = std::count_if(scene.views[c].begin(), scene.views[c].end(), [](const View& view) {
+      return !view.observations.empty();
+    });
+    if (command.points) {
+      out.Write(fmt::format("detections_{}.csv", camera.name),
+                DetectionsCsv(WithNoise(scene.views[c], camera, c, spec.seed), *camera.model));
+    }
+    summary += fmt::format(
+        "{}: the target in {} of {} frames\n", camera.name, frames, scene.frames.size());
+  }
+  out.Commit();
+  return summary;
+}
+
+}  // namespace plenocal

@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <string>
+
+namespace plenocal {
+
+struct SimulateCommand {
+  std::filesystem::path spec;
+  std::filesystem::path out;
+  bool points = false;  ///< detections in place of images
+};
+
+struct SimulateOptions {
+  int threads = 0;  ///< 0: all cores
+  /// Called with what is being done; false stops (`Stopped` is thrown).
+  std::function<bool(const std::string& stage, size_t done, size_t total)> progress;
+};
+
+/// Makes a session with known truth in `command.out`; returns a summary for the user. Throws
+/// `Error`.
+std::string Simulate(const SimulateCommand& command, const SimulateOptions& options);
+
+}  // namespace plenocal

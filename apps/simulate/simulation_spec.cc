@@ -1,0 +1,330 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/simulate/simulation_spec.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <fstream>
+#include <numbers>
+#include <sstream>
+
+#include "calib/error.h"
+#include "calib/yaml.h"
+
+namespace plenocal::simulate {
+namespace {
+
+std::filesystem::path PathBeside(const std::filesystem::path& spec, const YamlNode& node) {
+  const std::string text = node.AsString();
+  if (text.empty()) node.Fail("expected a path, found nothing");
+  return spec.parent_path() / text;
+}
+
+// The number of `key`, if it is there, within [low, high].
+void ReadNumber(const YamlNode& node, std::string_view key, double low, double high, double* value) {
+  if (!node.Has(key)) return;
+  const YamlNode number = node.At(key);
+  *value = number.AsNumber();
+  if (!(*value >= low && *value <= high)) {
+    number.Fail(fmt::format("expected a number from {} to {}, found {}", low, high, *value));
+  }
+}
+
+void ReadInteger(const YamlNode& node, std::string_view key, int low, int high, int* value) {
+  if (!node.Has(key)) return;
+  const YamlNode number = node.At(key);
+  *value = number.AsInteger();
+  if (*value < low || *value > high) {
+    number.Fail(fmt::format("expected {} to {}, found {}", low, high, *value));
+  }
+}
+
+template <size_t N>
+size_t ReadChoice(const YamlNode& node, const std::array<std::string_view, N>& choices) {
+  const std::string text = node.AsString();
+  for (size_t i = 0; i < N; ++i) {
+    if (choices[i] == text) return i;
+  }
+  node.Fail(fmt::format("expected {}, found '{}'{}",
+                        fmt::join(choices, " or "),
+                        text,
+                        SuggestName(text, choices)));
+}
+
+// One value a parameter, all of them.
+std::vector<double> ReadParams(const YamlNode& node, std::span<const Param> params) {
+  std::vector<std::string_view> names;
+  for (const Param& param : params) names.push_back(param.name);
+  node.CheckKeys(names);
+  std::vector<double> values;
+  for (const Param& param : params) {
+    if (!node.Has(param.name) && param.neutral) {
+      values.push_back(*param.neutral);
+      continue;
+    }
+    const YamlNode value = node.At(param.name);
+    values.push_back(value.AsNumber());
+    if (!(values.back() > param.lower && values.back() < param.upper)) {
+      value.Fail(fmt::format("{} = {} {} is outside ({}, {})",
+                             param.name,
+                             values.back(),
+                             param.unit,
+                             param.lower,
+                             param.upper));
+    }
+  }
+  return values;
+}
+
+RigidTransform ReadMount(const YamlNode& node) {
+  if (node.Has("xi_camera_rig") && node.Has("T_camera_rig")) {
+    node.At("xi_camera_rig").Fail("give either this or T_camera_rig");
+  }
+  if (node.Has("xi_camera_rig")) {
+    const std::vector<double> xi = node.At("xi_camera_rig").AsNumbers(6);
+    return Exp(Eigen::Map<const Vector6d>(xi.data()));
+  }
+  if (!node.Has("T_camera_rig")) return {};
+  const YamlNode matrix = node.At("T_camera_rig");
+  const std::vector<YamlNode> rows = matrix.Elements();
+  RigidTransform T;
+  if (rows.size() != 4) matrix.Fail("expected a 4 x 4 matrix, row by row");
+  for (int r = 0; r < 3; ++r) {
+    const std::vector<double> row = rows[static_cast<size_t>(r)].AsNumbers(4);
+    T.R.row(r) << row[0], row[1], row[2];
+    T.t[r] = row[3];
+  }
+  constexpr double kOrthogonal = 1e-6;
+  if (!((T.R * T.R.transpose() - Eigen::Matrix3d::Identity()).norm() < kOrthogonal &&
+        T.R.determinant() > 0)) {
+    matrix.Fail("expected a rotation in the upper left 3 x 3 block");
+  }
+  return T;
+}
+
+MicroLensSpec ReadMicroLenses(const YamlNode& node) {
+  node.CheckKeys(
+      {"pitch", "rotation", "offset", "focus", "aperture", "fill", "gain_sigma", "dull"});
+  MicroLensSpec lenses;
+  lenses.pitch = node.At("pitch").AsPositive();
+  ReadNumber(node, "pitch", 6, 500, &lenses.pitch);
+  ReadNumber(node, "rotation", -2 * std::numbers::pi, 2 * std::numbers::pi, &lenses.rotation);
+  if (node.Has("offset")) {
+    const std::vector<double> offset = node.At("offset").AsNumbers(2);
+    lenses.offset = {offset[0], offset[1]};
+  }
+  const YamlNode focus = node.At("focus");
+  lenses.focus = focus.AsNumbers(0);
+  if (lenses.focus.size() != 1 && lenses.focus.size() != 3) {
+    focus.Fail(fmt::format("expected one virtual depth or three, found {}", lenses.focus.size()));
+  }
+  for (const double depth : lenses.focus) {
+    if (!(std::abs(depth) >= 1)) {
+      focus.Fail("expected virtual depths of at least 1, or at most -1 for a Keplerian camera");
+    }
+  }
+  ReadNumber(node, "aperture", 0.01, 1, &lenses.aperture);
+  ReadNumber(node, "fill", 0.1, 1.5, &lenses.fill);
+  ReadNumber(node, "gain_sigma", 0, 0.2, &lenses.gain_sigma);
+  ReadInteger(node, "dull", 0, 1000, &lenses.dull);
+  return lenses;
+}
+
+SensorSpec ReadSensor(const YamlNode& node, bool plenoptic) {
+  SensorSpec sensor;
+  if (node.Has("bits")) {
+    sensor.bits = node.At("bits").AsInteger();
+    constexpr std::array kBits{8, 10, 12, 14, 16};
+    if (std::find(kBits.begin(), kBits.end(), sensor.bits) == kBits.end()) {
+      node.At("bits").Fail(fmt::format("expected 8, 10, 12, 14 or 16, found {}", sensor.bits));
+    }
+  }
+  ReadNumber(node, "full_well", 10, 1e9, &sensor.full_well);
+  ReadNumber(node, "read_noise", 0, 1e6, &sensor.read_noise);
+  ReadNumber(node, "exposure", 0.01, 1, &sensor.exposure);
+  ReadNumber(node, "blur", 0, 20, &sensor.blur);
+  if (plenoptic && node.Has("vignetting")) {
+    node.At("vignetting").Fail("a plenoptic camera's vignetting comes from its stop; see 'fill'");
+  }
+  ReadNumber(node, "vignetting", 0, 0.95, &sensor.vignetting);
+  if (node.Has("bayer")) {
+    static constexpr std::array<std::string_view, 4> kOrders{"RGGB", "BGGR", "GRBG", "GBRG"};
+    sensor.bayer = kOrders[ReadChoice(node.At("bayer"), kOrders)];
+  }
+  return sensor;
+}
+
+CameraSpec ReadCamera(const std::string& name,
+                      const YamlNode& node,
+                      std::span<const CameraModel> models) {
+  CameraSpec camera;
+  camera.name = name;
+  if (name.empty() || name == "truth" ||
+      name.find_first_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-") !=
+          std::string::npos) {
+    node.Fail("a camera's name becomes part of file names; use letters, digits, '_' and '-', not "
+              "'truth'");
+  }
+  std::vector<std::string_view> names;
+  for (const CameraModel& model : models) names.push_back(model.name);
+  const YamlNode model_node = node.At("model");
+  camera.model = FindModel(models, model_node.AsString());
+  if (camera.model == nullptr) {
+    model_node.Fail(fmt::format("unknown camera model '{}'{}",
+                                model_node.AsString(),
+                                SuggestName(model_node.AsString(), names)));
+  }
+  std::vector<std::string_view> known{"model",      "image_size", "parameters", "T_camera_rig",
+                                      "xi_camera_rig", "bits",    "full_well",  "read_noise",
+                                      "exposure",   "blur",       "vignetting", "bayer",
+                                      "micro_lenses", "detection_sigma"};
+  for (const Param& config : camera.model->config) known.push_back(config.name);
+  node.CheckKeys(known);
+
+  const YamlNode size = node.At("image_size");
+  const std::vector<YamlNode> elements = size.Elements();
+  if (elements.size() != 2) size.Fail("expected [width, height]");
+  for (size_t i = 0; i < 2; ++i) {
+    camera.image_size[i] = elements[i].AsInteger();
+    if (camera.image_size[i] < 16 || camera.image_size[i] > 20000) {
+      elements[i].Fail("expected 16 to 20000 pixels");
+    }
+  }
+  for (const Param& config : camera.model->config) {
+    const YamlNode value = node.At(config.name);
+    camera.config.push_back(value.AsNumber());
+    if (!(camera.config.back() > config.lower && camera.config.back() < config.upper)) {
+      value.Fail(fmt::format("{} is outside ({}, {})", config.name, config.lower, config.upper));
+    }
+  }
+  camera.params = ReadParams(node.At("parameters"), camera.model->params);
+  camera.T_camera_rig = ReadMount(node);
+  camera.sensor = ReadSensor(node, camera.IsPlenoptic());
+  if (node.Has("detection_sigma")) camera.detection_sigma = node.At("detection_sigma").AsPositive();
+  if (camera.IsPlenoptic()) {
+    camera.micro_lenses = ReadMicroLenses(node.At("micro_lenses"));
+  } else if (node.Has("micro_lenses")) {
+    node.At("micro_lenses").Fail(fmt::format("model {} has no micro lenses", camera.model->name));
+  }
+  return camera;
+}
+
+// poses.csv of a result: frame, then T_target_rig.
+std::vector<std::pair<std::string, RigidTransform>> ReadPoses(const std::filesystem::path& path,
+                                                              const YamlNode& node) {
+  constexpr std::string_view kHeader = "frame,x,y,z,qx,qy,qz,qw";
+  std::ifstream file(path);
+  std::string line;
+  if (!std::getline(file, line)) {
+    node.Fail(fmt::format("{} cannot be read or is empty", path.string()));
+  }
+  const auto fail = [&](int number, const std::string& message) {
+    throw Error(ErrorKind::kInput, fmt::format("{}:{}: {}", path.string(), number, message));
+  };
+  if (line.ends_with('\r')) line.pop_back();
+  if (line != kHeader) fail(1, fmt::format("expected the header '{}'", kHeader));
+  std::vector<std::pair<std::string, RigidTransform>> poses;
+  for (int number = 2; std::getline(file, line); ++number) {
+    if (line.empty() || line == "\r") continue;
+    std::istringstream cells(line);
+    std::string name, cell;
+    std::getline(cells, name, ',');
+    std::array<double, 7> values{};
+    for (double& value : values) {
+      std::getline(cells, cell, ',');
+      if (cell.ends_with('\r')) cell.pop_back();
+      const auto [end, error] = std::from_chars(cell.data(), cell.data() + cell.size(), value);
+      if (error != std::errc() || end != cell.data() + cell.size() || !std::isfinite(value)) {
+        fail(number, fmt::format("expected a frame and 7 numbers, found '{}'", line));
+      }
+    }
+    const Eigen::Quaterniond q(values[6], values[3], values[4], values[5]);
+    if (name.empty() || !(std::abs(q.norm() - 1) < 1e-3)) {
+      fail(number, "expected a frame's name and a quaternion of length 1");
+    }
+    if (std::any_of(poses.begin(), poses.end(), [&](const auto& p) { return p.first == name; })) {
+      fail(number, fmt::format("frame {} stands here twice", name));
+    }
+    poses.emplace_back(name,
+                       RigidTransform{q.normalized().toRotationMatrix(),
+                                      Eigen::Vector3d(values[0], values[1], values[2])});
+  }
+  if (poses.empty()) fail(1, "expected at least one pose");
+  return poses;
+}
+
+PoseSpec ReadPoseSpec(const YamlNode& node,
+                      const std::filesystem::path& spec,
+                      const std::vector<CameraSpec>& cameras) {
+  PoseSpec poses;
+  if (node.Has("file")) {
+    node.CheckKeys({"file"});
+    poses.given = ReadPoses(PathBeside(spec, node.At("file")), node.At("file"));
+    return poses;
+  }
+  node.CheckKeys({"kind", "frames", "distance", "tilt", "roll", "partial", "aim"});
+  if (node.Has("kind")) {
+    static constexpr std::array<std::string_view, 4> kKinds{
+        "varied", "one-distance", "no-tilt", "corner"};
+    poses.kind = static_cast<PoseKind>(ReadChoice(node.At("kind"), kKinds));
+  }
+  poses.frames = node.At("frames").AsInteger();
+  ReadInteger(node, "frames", 1, 100000, &poses.frames);
+  const YamlNode distance = node.At("distance");
+  const std::vector<double> range = distance.AsNumbers(2);
+  poses.nearest = range[0];
+  poses.farthest = range[1];
+  if (!(poses.nearest > 0 && poses.farthest >= poses.nearest)) {
+    distance.Fail("expected [nearest, farthest] in metres");
+  }
+  ReadNumber(node, "tilt", 0, 1.4, &poses.tilt);
+  ReadNumber(node, "roll", 0, std::numbers::pi, &poses.roll);
+  ReadNumber(node, "partial", 0, 1, &poses.partial);
+  if (node.Has("aim")) {
+    const std::string name = node.At("aim").AsString();
+    std::vector<std::string_view> names;
+    for (const CameraSpec& camera : cameras) names.push_back(camera.name);
+    const auto found = std::find(names.begin(), names.end(), name);
+    if (found == names.end()) {
+      node.At("aim").Fail(fmt::format("no camera is named '{}'{}", name, SuggestName(name, names)));
+    }
+    poses.aim = static_cast<size_t>(found - names.begin());
+  }
+  return poses;
+}
+
+}  // namespace
+
+SimulationSpec ReadSimulationSpec(const std::filesystem::path& path,
+                                  std::span<const CameraModel> models) {
+  const YamlNode root = YamlNode::ReadFile(path);
+  root.CheckVersion();
+  root.CheckKeys(
+      {"plenocal", "seed", "target", "target_error", "cameras", "poses", "white_images"});
+  SimulationSpec spec;
+  spec.path = path;
+  ReadInteger(root, "seed", 0, std::numeric_limits<int>::max(), &spec.seed);
+  spec.target = PathBeside(path, root.At("target"));
+  if (root.Has("target_error")) {
+    spec.target_error = 0;
+    ReadNumber(root, "target_error", 0, 1, &*spec.target_error);
+  }
+  for (const auto& [name, node] : root.At("cameras").Entries()) {
+    spec.cameras.push_back(ReadCamera(name, node, models));
+  }
+  const YamlNode cameras = root.At("cameras");
+  if (spec.cameras.empty()) cameras.Fail("expected at least one camera");
+  const RigidTransform& master = spec.cameras.front().T_camera_rig;
+  if (!(master.R.isIdentity(1e-9) && master.t.norm() < 1e-9)) {
+    cameras.Fail("the first camera is the rig's frame; give it no T_camera_rig");
+  }
+  spec.poses = ReadPoseSpec(root.At("poses"), path, spec.cameras);
+  ReadInteger(root, "white_images", 1, 1000, &spec.white_images);
+  return spec;
+}
+
+}  // namespace plenocal::simulate

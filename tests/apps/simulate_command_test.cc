@@ -1,0 +1,184 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// `plenocal simulate`: sessions with known truth, made as a user makes them.
+#include <fmt/format.h>
+
+#include <cmath>
+#include <string>
+
+#include "tests/apps/workspace.h"
+
+namespace plenocal::testing {
+namespace {
+
+using ::testing::HasSubstr;
+namespace fs = std::filesystem;
+
+class SimulateCommand : public Workspace {
+ protected:
+  SimulateCommand() {
+    const fs::path examples = fs::path(PLENOCAL_EXAMPLES) / "simulate";
+    fs::copy(examples / "target.yaml", Path("target.yaml"));
+    fs::copy(examples / "plenoptic_stereo.yaml", Path("spec.yaml"));
+  }
+
+  Outcome Simulate(const std::vector<std::string>& more, const std::string& out = "set") const {
+    std::vector<std::string> arguments{"simulate", "spec.yaml", "-o", out};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return Run(arguments);
+  }
+
+  void Change(const std::string& from, const std::string& to) const {
+    Write("spec.yaml", Replaced(Read("spec.yaml"), from, to));
+  }
+
+  void ExpectRefused(const std::vector<std::string>& parts) const {
+    const Outcome outcome = Simulate({"--points"});
+    EXPECT_EQ(outcome.status, kWrongInput) << outcome.err;
+    EXPECT_EQ(Lines(outcome.err).size(), 1u) << outcome.err;
+    for (const std::string& part : parts) EXPECT_THAT(outcome.err, HasSubstr(part));
+    EXPECT_TRUE(Files("set").empty());
+  }
+};
+
+/// Errors of all parameters in sigmas.
+std::vector<double> ErrorsInSigmas(const YAML::Node& estimate, const YAML::Node& truth) {
+  std::vector<double> errors;
+  for (const auto& camera : truth["cameras"]) {
+    const YAML::Node found = estimate["cameras"][camera.first.Scalar()];
+    for (const auto& parameter : camera.second["parameters"]) {
+      const std::string name = parameter.first.Scalar();
+      errors.push_back((found["parameters"][name].as<double>() - parameter.second.as<double>()) /
+                       found["sigma"][name].as<double>());
+    }
+  }
+  return errors;
+}
+
+TEST_F(SimulateCommand, PointsCalibrateToTheTruth) {
+  ASSERT_EQ(Simulate({"--points"}).status, kDone);
+  const Outcome outcome = Run({"calibrate", "set/session.yaml", "-o", "out"});
+  ASSERT_EQ(outcome.status, kDone) << outcome.err;
+  const YAML::Node estimate = Result(), truth = YAML::Load(Read("set/truth/calibration.yaml"));
+  const std::vector<double> errors = ErrorsInSigmas(estimate, truth);
+  ASSERT_EQ(errors.size(), 23u);
+  double squares = 0;
+  for (const double error : errors) {
+    EXPECT_LT(std::abs(error), 4);
+    squares += error * error / static_cast<double>(errors.size());
+  }
+  EXPECT_GT(squares, 0.3);
+  EXPECT_LT(squares, 2);
+  for (const auto& camera : truth["cameras"]) {
+    const YAML::Node residuals = estimate["cameras"][camera.first.Scalar()]["residuals"];
+    EXPECT_NEAR(residuals["noise"].as<double>(), 0.1, 0.005);
+    const Eigen::Matrix4d difference =
+        Matrix(estimate["cameras"][camera.first.Scalar()]["T_camera_rig"]) -
+        Matrix(camera.second["T_camera_rig"]);
+    EXPECT_LT(difference.cwiseAbs().maxCoeff(), 2e-3);
+  }
+  // The true markers, which the nominal target does not know.
+  EXPECT_THAT(Read("set/truth/target.yaml"), HasSubstr("markers:"));
+  EXPECT_EQ(Table(Read("set/truth/poses.csv")).Rows(), 12u);
+}
+
+TEST_F(SimulateCommand, SameSeedSameFilesWhateverTheThreads) {
+  ASSERT_EQ(Simulate({"--points", "--threads", "1"}, "a").status, kDone);
+  ASSERT_EQ(Simulate({"--points", "--threads", "3"}, "b").status, kDone);
+  for (const char* file : {"detections_left.csv",
+                           "detections_plenoptic.csv",
+                           "truth/poses.csv",
+                           "truth/target.yaml",
+                           "truth/micro_lenses_plenoptic.csv"}) {
+    // Not EXPECT_EQ, which would print the files.
+    EXPECT_TRUE(Read(std::string("a/") + file) == Read(std::string("b/") + file)) << file;
+  }
+  Change("seed: 7", "seed: 8");
+  ASSERT_EQ(Simulate({"--points"}, "c").status, kDone);
+  EXPECT_NE(Read("a/truth/poses.csv"), Read("c/truth/poses.csv"));
+  EXPECT_NE(Read("a/truth/target.yaml"), Read("c/truth/target.yaml"));
+}
+
+TEST_F(SimulateCommand, SomeFramesShowTheTargetToSomeCamerasOnly) {
+  ASSERT_EQ(Simulate({"--points"}).status, kDone);
+  const Table frames(Read("set/truth/frames.csv"));
+  const std::vector<double> left = frames.Numbers("markers_left"),
+                            plenoptic = frames.Numbers("markers_plenoptic");
+  EXPECT_GT(*std::min_element(left.begin(), left.end()), 8);
+  EXPECT_EQ(*std::min_element(plenoptic.begin(), plenoptic.end()), 0);
+  EXPECT_GT(*std::max_element(plenoptic.begin(), plenoptic.end()), 100);
+}
+
+TEST_F(SimulateCommand, BadPoseSetsAreBadInTheirOwnWay) {
+  const auto distances = [&] {
+    std::vector<double> all;
+    const Table poses(Read("set/truth/poses.csv"));
+    const std::vector<double> x = poses.Numbers("x"), y = poses.Numbers("y"), z = poses.Numbers("z");
+    for (std::size_t i = 0; i < x.size(); ++i) {
+      all.push_back((Eigen::Vector3d(x[i], y[i], z[i]) - Eigen::Vector3d(0, 0.06, 0.06)).norm());
+    }
+    return all;
+  };
+  Change("kind: varied", "kind: no-tilt");
+  ASSERT_EQ(Simulate({"--points"}).status, kDone);
+  // Only turned about the line of sight: the camera's axis has one direction in the target.
+  const Table poses(Read("set/truth/poses.csv"));
+  const auto qx = poses.Numbers("qx"), qy = poses.Numbers("qy"), qz = poses.Numbers("qz"),
+             qw = poses.Numbers("qw");
+  const Eigen::Matrix4d mount = Matrix(
+      YAML::Load(Read("set/truth/calibration.yaml"))["cameras"]["plenoptic"]["T_camera_rig"]);
+  for (std::size_t i = 0; i < qx.size(); ++i) {
+    const auto axis = [&](std::size_t k) -> Eigen::Vector3d {
+      return Eigen::Quaterniond(qw[k], qx[k], qy[k], qz[k]) *
+             mount.topLeftCorner<3, 3>().transpose().col(2);
+    };
+    EXPECT_NEAR(axis(i).dot(axis(0)), 1, 1e-9);
+  }
+  Change("kind: no-tilt", "kind: one-distance");
+  ASSERT_EQ(Simulate({"--points"}).status, kDone);
+  const std::vector<double> all = distances();
+  EXPECT_LT(*std::max_element(all.begin(), all.end()),
+            1.4 * *std::min_element(all.begin(), all.end()));
+}
+
+TEST_F(SimulateCommand, RendersGivenPosesAgain) {
+  ASSERT_EQ(Simulate({"--points"}).status, kDone);
+  fs::copy(Path("set/truth/poses.csv"), Path("poses.csv"));
+  Change("{kind: varied, frames: 12, distance: [0.36, 0.7], aim: plenoptic}", "{file: poses.csv}");
+  ASSERT_EQ(Simulate({"--points"}, "again").status, kDone);
+  const Table first(Read("set/detections_left.csv")), second(Read("again/detections_left.csv"));
+  EXPECT_EQ(first.Column("frame"), second.Column("frame"));
+  const std::vector<double> x = first.Numbers("x"), again = second.Numbers("x");
+  for (std::size_t i = 0; i < x.size(); ++i) ASSERT_NEAR(x[i], again[i], 1e-6);
+}
+
+TEST_F(SimulateCommand, NamesWhatIsWrongInTheSpecification) {
+  const std::string good = Read("spec.yaml");
+  const std::vector<std::array<std::string, 4>> cases{
+      {"pitch: 19", "pich: 19", "spec.yaml:29", "pitch"},
+      {"kind: varied", "kind: vared", "spec.yaml:7", "varied"},
+      {"model: pinhole-radial3", "model: pinhole-radial", "spec.yaml:11", "pinhole-radial3"},
+      {"aim: plenoptic", "aim: plenopti", "spec.yaml:7", "plenoptic"},
+      {"f_x: 410, ", "", "spec.yaml:13", "f_x"},
+      {"distance: [0.36, 0.7]", "distance: [0.7, 0.36]", "spec.yaml:7", "nearest"},
+      {"focus: [2.4, 3.0, 3.9]", "focus: [2.4, 3.0]", "spec.yaml:31", "one virtual depth or three"},
+      {"focus: [2.4, 3.0, 3.9]", "focus: [0.5]", "spec.yaml:31", "at least 1"},
+      {"blur: 0.35", "vignetting: 0.35", "spec.yaml:27", "fill"},
+      {"target: target.yaml", "target: other.yaml", "other.yaml", "cannot be read"}};
+  for (const auto& [from, to, place, part] : cases) {
+    SCOPED_TRACE(to);
+    Write("spec.yaml", Replaced(good, from, to));
+    ExpectRefused({place, part});
+  }
+}
+
+TEST_F(SimulateCommand, RefusesToReplaceItsInputs) {
+  const std::string target = Read("target.yaml");
+  const Outcome outcome = Simulate({"--points"}, ".");
+  EXPECT_EQ(outcome.status, kWrongInput);
+  EXPECT_THAT(outcome.err, HasSubstr("target.yaml: the session would replace this input"));
+  EXPECT_EQ(Read("target.yaml"), target);
+}
+
+}  // namespace
+}  // namespace plenocal::testing
