@@ -54,7 +54,7 @@ int main() {
   });
   all += time("survey", [&] { survey = SurveyDepth(patches, array, *index, noise, kThreads); });
   all += time("depth of the pixels",
-              [&] { pixels = MatchMicroImages(patches, array, *index, noise, survey, kThreads); });
+              [&] { pixels = MatchMicroImages(array, *index, noise, survey, kThreads, &patches); });
   all += time("fusion", [&] {
     depth = FuseDepth(std::move(pixels), array, patches.radius_px, kScale, kThreads);
   });

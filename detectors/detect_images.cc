@@ -145,10 +145,7 @@ ImageDetections DetectImages(const std::vector<FrameImage>& images,
     ImageResult& result = results[i];
     const std::string path = images[i].path.string();
     if (!result.unreadable.empty()) {
-      // The reason begins with the path already.
-      const std::string prefix = path + ": ";
-      const bool named = result.unreadable.starts_with(prefix);
-      detections.left_out.push_back({path, result.unreadable.substr(named ? prefix.size() : 0)});
+      detections.left_out.push_back({path, WithoutPath(result.unreadable, path)});
     } else if (result.size != detections.image_size) {
       detections.left_out.push_back(
           {path,

@@ -4,8 +4,7 @@
 #include <fmt/format.h>
 
 #include <memory>
-#include <opencv2/imgcodecs.hpp>
-#include <opencv2/imgproc.hpp>
+#include <utility>
 
 #include "calib/error.h"
 #include "detectors/focus.h"
@@ -13,7 +12,7 @@
 #include "detectors/image.h"
 #include "detectors/marker_looks.h"
 #include "detectors/micro_image_markers.h"
-#include "detectors/white_camera.h"
+#include "detectors/white_measurement.h"
 
 namespace plenocal {
 namespace {
@@ -25,14 +24,14 @@ struct RawDetections {
 };
 
 /// The markers of one raw image, measured in its micro images.
-RawDetections DetectInRaw(const cv::Mat& raw,
+RawDetections DetectInRaw(cv::Mat raw,
                           const Target& target,
                           const internal::FocusedMarkers& markers,
                           const PlenopticCamera& camera,
                           int threads) {
   FocusOptions focus{.threads = threads, .find_flat_parts = {}};
   focus.find_flat_parts = [&](const cv::Mat& image) { return markers.FlatParts(image); };
-  const FocusedView view = Focus(raw, camera, focus);
+  const FocusedView view = Focus(std::move(raw), camera, focus);
   const MarkerDetections found = markers.Detect(view.image);
   std::vector<internal::MarkerLook> looks = internal::LooksOf(target, found.markers);
   // From pixels of the focused image to raw pixels.
@@ -41,13 +40,10 @@ RawDetections DetectInRaw(const cv::Mat& raw,
     look.place *= scale;
     look.cells_by_image.leftCols<2>() /= scale;
   }
-  const internal::LensPatches patches =
-      internal::CutPatches(GreyOf(raw), camera.attenuation, camera.array, camera.bayer, threads);
-  RawDetections result{
-      .markers = internal::MeasureInMicroImages(
-          looks, view.depth, patches, camera.array, internal::EstimateNoise(patches), threads),
-      .left_out = found.left_out,
-      .failure = found.failure};
+  RawDetections result{.markers = internal::MeasureInMicroImages(
+                           looks, view.depth, view.patches, camera.array, view.noise, threads),
+                       .left_out = found.left_out,
+                       .failure = found.failure};
   if (result.markers.empty() && result.failure.empty()) {
     result.failure = "the target is in the focused image, but no micro image shows a marker well";
   }
@@ -68,22 +64,18 @@ ImageDetections DetectPlenopticImages(const std::vector<FrameImage>& images,
                 "circle grids cannot be measured in micro images; use tags, a chessboard or a "
                 "ChArUco board");
   }
-  WhiteCamera white = MeasureWhiteImages(options.white_images,
-                                         {.plenoptic = true,
-                                          .bayer = options.bayer,
-                                          .grid_file = std::nullopt,
-                                          .raw_image = {},
-                                          .threads = options.threads});
-  const std::string& tiff = white.attenuation_tiff;
-  const PlenopticCamera camera{
-      white.grid->array,
-      cv::imdecode(std::vector<std::uint8_t>(tiff.begin(), tiff.end()), cv::IMREAD_UNCHANGED),
-      options.bayer};
+  internal::WhiteMeasurement white = internal::MeasureWhite(options.white_images,
+                                                            {.plenoptic = true,
+                                                             .bayer = options.bayer,
+                                                             .grid_file = std::nullopt,
+                                                             .raw_image = {},
+                                                             .threads = options.threads});
+  const PlenopticCamera camera{white.camera.grid->array, white.attenuation, options.bayer};
   ImageDetections detections;
-  detections.image_size = white.image_size;
-  detections.left_out = std::move(white.left_out);
+  detections.image_size = white.camera.image_size;
+  detections.left_out = std::move(white.camera.left_out);
   detections.micro_lenses = FormatMicroLenses(camera.array);
-  detections.vignetting = std::move(white.attenuation_tiff);
+  detections.vignetting = EncodeImage(".tiff", white.attenuation);
 
   const internal::FocusedMarkers markers(target);
   std::vector<std::string> frames;
@@ -102,9 +94,7 @@ ImageDetections DetectPlenopticImages(const std::vector<FrameImage>& images,
         views.push_back(std::move(found.markers));
       }
     } catch (const Error& error) {
-      const std::string message = error.what(), prefix = path + ": ";
-      detections.left_out.push_back(
-          {path, message.starts_with(prefix) ? message.substr(prefix.size()) : message});
+      detections.left_out.push_back({path, WithoutPath(error.what(), path)});
     }
     if (options.progress && !options.progress(i + 1)) throw Stopped();
   }

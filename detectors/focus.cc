@@ -44,13 +44,15 @@ FocusedView Focus(cv::Mat raw, const PlenopticCamera& camera, const FocusOptions
   const int threads = options.threads;
   const MicroLensArray& array = camera.array;
   const MicroLensIndex index(array);
-  const LensPatches patches = CutPatches(grey, camera.attenuation, array, camera.bayer, threads);
-  grey.release();  // the patches have all that is needed of it
-  const SensorNoise noise = EstimateNoise(patches);
-  const DepthSurvey survey = SurveyDepth(patches, array, index, noise, threads);
   FocusedView view;
+  view.patches = CutPatches(grey, camera.attenuation, array, camera.bayer, threads);
+  grey.release();  // the patches have all that is needed of it
+  view.noise = EstimateNoise(view.patches);
+  const LensPatches& patches = view.patches;
+  const SensorNoise& noise = view.noise;
+  const DepthSurvey survey = SurveyDepth(patches, array, index, noise, threads);
   view.keplerian = survey.range.highest < 0;
-  view.depth = FuseDepth(MatchMicroImages(patches, array, index, noise, survey, threads),
+  view.depth = FuseDepth(MatchMicroImages(array, index, noise, survey, threads, &view.patches),
                          array,
                          patches.radius_px,
                          options.scale,

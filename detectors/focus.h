@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "calib/micro_lens_array.h"
+#include "detectors/lens_patches.h"
 #include "detectors/marker_planes.h"
 #include "detectors/virtual_depth.h"
 
@@ -36,6 +37,8 @@ struct FocusedView {
   VirtualDepth depth;
   bool keplerian = false;
   size_t flat_parts = 0;
+  internal::LensPatches patches;  ///< what it was made from
+  internal::SensorNoise noise;
 };
 
 /// A raw image as one channel of CV_32F; a mosaic stays one.

@@ -19,18 +19,12 @@
 #include "detectors/focus.h"
 #include "detectors/focused_markers.h"
 #include "detectors/image.h"
-#include "detectors/white_camera.h"
+#include "detectors/white_measurement.h"
 
 namespace plenocal {
 namespace {
 
 namespace fs = std::filesystem;
-
-std::string Encode(const std::string& format, const cv::Mat& image) {
-  std::vector<std::uint8_t> bytes;
-  cv::imencode(format, image, bytes);
-  return {bytes.begin(), bytes.end()};
-}
 
 bool IsXml(const fs::path& path) { return path.extension() == ".xml"; }
 
@@ -64,14 +58,11 @@ PlenopticCamera CameraFromWhiteImages(const FocusRequest& request) {
                        .raw_image = {},
                        .threads = request.threads};
   if (!source.grid.empty()) options.grid_file = source.grid;
-  const WhiteCamera white = MeasureWhiteImages(source.white_images, options);
-  for (const LeftOut& item : white.left_out) {
+  internal::WhiteMeasurement white = internal::MeasureWhite(source.white_images, options);
+  for (const LeftOut& item : white.camera.left_out) {
     request.message(fmt::format("  left out {}: {}", item.where, item.reason));
   }
-  const std::string& tiff = white.attenuation_tiff;
-  return {white.grid->array,
-          cv::imdecode(std::vector<std::uint8_t>(tiff.begin(), tiff.end()), cv::IMREAD_UNCHANGED),
-          source.bayer};
+  return {std::move(white.camera.grid->array), white.attenuation, source.bayer};
 }
 
 PlenopticCamera CameraFromFiles(const FocusRequest& request) {
@@ -105,10 +96,10 @@ FrameFiles Files(const FocusedView& view, int raw_depth) {
   cv::Mat image;
   view.image.convertTo(
       image, raw_depth, std::min(1.0, internal::ScaleTo8Bits(view.image) * range / 255));
-  return {{"focused.png", Encode(".png", image)},
-          {"virtual_depth.tiff", Encode(".tiff", v)},
-          {"virtual_depth_sigma.tiff", Encode(".tiff", sigma)},
-          {"virtual_depth.png", Encode(".png", internal::DepthPicture(view.depth))},
+  return {{"focused.png", EncodeImage(".png", image)},
+          {"virtual_depth.tiff", EncodeImage(".tiff", v)},
+          {"virtual_depth_sigma.tiff", EncodeImage(".tiff", sigma)},
+          {"virtual_depth.png", EncodeImage(".png", internal::DepthPicture(view.depth))},
           {"focused.yaml",
            fmt::format("plenocal: 1\n"
                        "# pixel (x, y) of focused.png and virtual_depth*.tiff lies at raw pixel "

@@ -100,7 +100,8 @@ cv::Mat SynthesiseFocused(const VirtualDepth& depth,
           const float laplacian = m[-1] + m[1] + m[-n] + m[n] - 4 * m[0];
           const float blur = defocus[array.lenses[lens].type] - sharpest;
           const float lost = std::isnan(laplacian) ? 0.f : blur * laplacian;
-          const float light = patches.Light(lens)[at + middle];
+          const float light =
+              patches.Light(lens, column + (fx < 0.5f ? 0 : 1), row + (fy < 0.5f ? 0 : 1));
           const float variance =
               (noise.read + noise.shot * std::max(0.f, value) * light) / (light * light);
           samples.push_back({value, variance + lost * lost, 1 - square});

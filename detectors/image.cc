@@ -328,4 +328,15 @@ cv::Mat ReadGray(const fs::path& path) {
   return gray;
 }
 
+std::string WithoutPath(const std::string& message, const fs::path& path) {
+  const std::string prefix = path.string() + ": ";
+  return message.starts_with(prefix) ? message.substr(prefix.size()) : message;
+}
+
+std::string EncodeImage(const std::string& format, const cv::Mat& image) {
+  std::vector<std::uint8_t> bytes;
+  cv::imencode(format, image, bytes);
+  return {bytes.begin(), bytes.end()};
+}
+
 }  // namespace plenocal

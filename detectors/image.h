@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <opencv2/core/mat.hpp>
+#include <string>
 
 namespace plenocal {
 
@@ -15,5 +16,12 @@ cv::Mat ReadGray(const std::filesystem::path& path);
 /// Reads an image file as it is: 8 or 16 bits, raw values, one channel or three (BGR). Throws as
 /// `ReadGray` does.
 cv::Mat ReadImage(const std::filesystem::path& path);
+
+/// A message of `ReadImage` or `ReadGray` without "path: " at its beginning, for lists that have
+/// the file in a place of its own.
+std::string WithoutPath(const std::string& message, const std::filesystem::path& path);
+
+/// The content of an image file of this format, such as ".png".
+std::string EncodeImage(const std::string& format, const cv::Mat& image);
 
 }  // namespace plenocal

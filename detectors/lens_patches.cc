@@ -16,7 +16,7 @@ constexpr size_t kTail = 16;
 constexpr size_t kLensesPerTask = 64;
 
 /// 3 x 3 binomial means of values that all belong to the micro image; elsewhere nothing is left.
-void SmoothPatch(int size, float* value, float* light) {
+void SmoothPatch(int size, float* value) {
   std::vector<float> mean(static_cast<size_t>(size) * size, kNan);
   for (int y = 1; y + 1 < size; ++y) {
     for (int x = 1; x + 1 < size; ++x) {
@@ -25,10 +25,7 @@ void SmoothPatch(int size, float* value, float* light) {
       mean[static_cast<size_t>(y) * size + x] = (row(v - size) + 2 * row(v) + row(v + size)) / 16;
     }
   }
-  for (size_t i = 0; i < mean.size(); ++i) {
-    value[i] = mean[i];
-    if (std::isnan(mean[i])) light[i] = 0;
-  }
+  std::copy(mean.begin(), mean.end(), value);
 }
 
 struct Smoothness {
@@ -40,7 +37,6 @@ struct Smoothness {
 Smoothness Measure(const LensPatches& patches, size_t lens) {
   const int n = patches.size;
   const float* value = patches.Value(lens);
-  const float* light = patches.Light(lens);
   double level = 0, squares = 0;
   int pixels = 0;
   for (int y = 1; y + 1 < n; ++y) {
@@ -49,7 +45,7 @@ Smoothness Measure(const LensPatches& patches, size_t lens) {
       const auto second = [](const float* r) { return r[-1] - 2 * r[0] + r[1]; };
       const float h = second(v - n) - 2 * second(v) + second(v + n);
       if (std::isnan(h)) continue;
-      const float attenuation = light[static_cast<size_t>(y) * n + x];
+      const float attenuation = patches.Light(lens, x, y);
       level += v[0] * attenuation;
       squares += static_cast<double>(h) * h * attenuation * attenuation / 36;
       ++pixels;
@@ -73,7 +69,7 @@ LensPatches CutPatches(const cv::Mat& raw,
   patches.size = 2 * (reach + LensPatches::kMargin) + 1;
   const size_t lenses = array.lenses.size(), area = patches.Area();
   patches.value.assign(lenses * area + kTail, kNan);
-  patches.light.assign(lenses * area + kTail, 0.f);
+  patches.attenuation = attenuation;
   patches.origin.resize(lenses);
   patches.centre.resize(lenses);
   ParallelFor((lenses + kLensesPerTask - 1) / kLensesPerTask, threads, [&](size_t task) {
@@ -86,7 +82,6 @@ LensPatches CutPatches(const cv::Mat& raw,
       patches.centre[l] = (lens.centre - patches.origin[l].cast<double>()).cast<float>();
       if (!lens.usable) continue;
       float* value = patches.value.data() + l * area;
-      float* light = patches.light.data() + l * area;
       float brightest = 0;
       const auto visit = [&](auto&& use) {
         for (int y = std::max(0, middle.y() - reach);
@@ -108,11 +103,9 @@ LensPatches CutPatches(const cv::Mat& raw,
       visit([&](float, float v, size_t) { brightest = std::max(brightest, v); });
       if (!(brightest > 0)) continue;
       visit([&](float i, float v, size_t at) {
-        if (!(v >= brightest / 2)) return;
-        value[at] = i / v;
-        light[at] = v;
+        if (v >= brightest / 2) value[at] = i / v;
       });
-      if (binomial) SmoothPatch(patches.size, value, light);
+      if (binomial) SmoothPatch(patches.size, value);
     }
   });
   return patches;

@@ -28,15 +28,17 @@ struct LensPatches {
   float radius_px = 0;  ///< farthest that a used pixel lies from its micro-image centre
   /// lenses x size x size, raw value / attenuation, NaN where the pixel is not of this micro image.
   std::vector<float> value;
-  /// Likewise, attenuation; 0 where `value` is NaN.
-  std::vector<float> light;
+  cv::Mat attenuation;  ///< CV_32F, of the raw image
   /// Raw pixel of each patch's top left value; may lie outside the image.
   std::vector<Eigen::Vector2i> origin;
   std::vector<Eigen::Vector2f> centre;  ///< micro-image centre in the patch, px
 
   [[nodiscard]] size_t Area() const { return static_cast<size_t>(size) * size; }
   [[nodiscard]] const float* Value(size_t lens) const { return value.data() + lens * Area(); }
-  [[nodiscard]] const float* Light(size_t lens) const { return light.data() + lens * Area(); }
+  /// Attenuation at column x, row y of a patch, where its value is known.
+  [[nodiscard]] float Light(size_t lens, int x, int y) const {
+    return attenuation.ptr<float>(origin[lens].y() + y)[origin[lens].x() + x];
+  }
 };
 
 /// Cuts `raw` (CV_32F, one channel) by the grid. A pixel belongs to a micro image where the

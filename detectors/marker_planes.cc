@@ -9,68 +9,87 @@
 namespace plenocal::internal {
 namespace {
 
-struct Point {
-  Eigen::Vector3d place;  // x, y relative to the part's middle, 1
-  double v, variance;
-};
+/// The pixels of a map that a part covers.
+template <typename Use>
+void ForEachPixel(const VirtualDepth& depth, const FlatPart& part, const Use& use) {
+  std::vector<cv::Point> corners;
+  for (const cv::Point2f& p : part) corners.emplace_back(cvRound(p.x), cvRound(p.y));
+  const cv::Rect box = cv::boundingRect(corners) & cv::Rect({0, 0}, depth.inverse.size());
+  if (box.empty()) return;
+  for (cv::Point& p : corners) p -= box.tl();
+  cv::Mat inside = cv::Mat::zeros(box.size(), CV_8U);
+  cv::fillConvexPoly(inside, corners, cv::Scalar(255));
+  for (int y = 0; y < box.height; ++y) {
+    for (int x = 0; x < box.width; ++x) {
+      if (inside.at<uchar>(y, x) != 0) use(cv::Point(box.x + x, box.y + y));
+    }
+  }
+}
+
+Eigen::Vector3d RawPlace(const VirtualDepth& depth, cv::Point at) {
+  return {depth.scale * at.x, depth.scale * at.y, 1};
+}
 
 }  // namespace
 
-size_t FlattenParts(const std::vector<FlatPart>& parts, VirtualDepth* depth) {
+std::optional<DepthPlane> FitDepthPlane(const VirtualDepth& depth, const FlatPart& part) {
   constexpr int kPasses = 5;
+  struct Point {
+    Eigen::Vector3d place;
+    double v, variance;
+  };
+  std::vector<Point> points;
+  Eigen::Vector2d middle(0, 0);
+  ForEachPixel(depth, part, [&](cv::Point at) {
+    if (depth.known.at<uchar>(at) == 0) return;
+    const double v = 1.0 / depth.inverse.at<float>(at);
+    const double sigma = v * v * depth.sigma.at<float>(at);
+    points.push_back({RawPlace(depth, at), v, sigma * sigma});
+    middle += points.back().place.head<2>();
+  });
+  if (points.size() < 3) return std::nullopt;
+  // About the middle the fit is well conditioned.
+  Eigen::Matrix3d to_middle = Eigen::Matrix3d::Identity();
+  to_middle.topRightCorner<2, 1>() = -middle / static_cast<double>(points.size());
+  for (Point& p : points) p.place = to_middle * p.place;
+
+  // Cauchy weights from the second pass on; the plane must hold for most pixels.
+  Eigen::Vector3d plane = Eigen::Vector3d::Zero();
+  Eigen::Matrix3d normal;
+  for (int pass = 0; pass < kPasses; ++pass) {
+    normal.setZero();
+    Eigen::Vector3d right = Eigen::Vector3d::Zero();
+    for (const Point& p : points) {
+      const double off = p.v - plane.dot(p.place);
+      const double robust = pass == 0 ? 1 : 1 / (1 + off * off / (2.385 * 2.385 * p.variance));
+      normal += robust / p.variance * p.place * p.place.transpose();
+      right += robust / p.variance * p.v * p.place;
+    }
+    const Eigen::LDLT<Eigen::Matrix3d> solver(normal);
+    if (solver.info() != Eigen::Success || !solver.isPositive()) return std::nullopt;
+    plane = solver.solve(right);
+    if (!plane.allFinite()) return std::nullopt;
+  }
+  // Estimates within one raw pixel's square of the virtual image, v px wide, and the 5 x 5 around
+  // it that it was averaged with are one measurement.
+  const double together = std::pow(5 * plane.z() / depth.scale, 2);
+  return DepthPlane{to_middle.transpose() * plane,
+                    to_middle.transpose() * normal.inverse() * std::max(1.0, together) * to_middle};
+}
+
+size_t FlattenParts(const std::vector<FlatPart>& parts, VirtualDepth* depth) {
   size_t flattened = 0;
   for (const FlatPart& part : parts) {
-    cv::Mat inside(depth->inverse.size(), CV_8U, cv::Scalar(0));
-    std::vector<cv::Point> corners;
-    for (const cv::Point2f& p : part) corners.emplace_back(cvRound(p.x), cvRound(p.y));
-    cv::fillConvexPoly(inside, corners, cv::Scalar(255));
-    const cv::Rect box = cv::boundingRect(corners) & cv::Rect({0, 0}, inside.size());
-    const Eigen::Vector2d middle(box.x + box.width / 2.0, box.y + box.height / 2.0);
-    const auto place = [&](int x, int y) {
-      return Eigen::Vector3d(x - middle.x(), y - middle.y(), 1);
-    };
-
-    std::vector<Point> points;
-    for (int y = box.y; y < box.br().y; ++y) {
-      for (int x = box.x; x < box.br().x; ++x) {
-        if (inside.at<uchar>(y, x) == 0 || depth->known.at<uchar>(y, x) == 0) continue;
-        const double v = 1.0 / depth->inverse.at<float>(y, x);
-        const double sigma = v * v * depth->sigma.at<float>(y, x);
-        points.push_back({place(x, y), v, sigma * sigma});
-      }
-    }
-    // Cauchy weights from the second pass on; the plane must hold for most pixels.
-    Eigen::Vector3d plane = Eigen::Vector3d::Zero();
-    Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
-    for (int pass = 0; pass < kPasses; ++pass) {
-      normal.setZero();
-      Eigen::Vector3d right = Eigen::Vector3d::Zero();
-      for (const Point& p : points) {
-        const double off = p.v - plane.dot(p.place);
-        const double robust = pass == 0 ? 1 : 1 / (1 + off * off / (2.385 * 2.385 * p.variance));
-        normal += robust / p.variance * p.place * p.place.transpose();
-        right += robust / p.variance * p.v * p.place;
-      }
-      const Eigen::LDLT<Eigen::Matrix3d> solver(normal);
-      if (points.size() < 3 || solver.info() != Eigen::Success || !solver.isPositive()) break;
-      plane = solver.solve(right);
-    }
-    if (points.size() < 3 || plane.isZero()) continue;
-    // Estimates within one raw pixel's square of the virtual image, v px wide, and the 5 x 5 around
-    // it that it was averaged with are one measurement.
-    const double together = std::pow(5 * plane.z() / depth->scale, 2);
-    const Eigen::Matrix3d covariance = normal.inverse() * std::max(1.0, together);
-    for (int y = box.y; y < box.br().y; ++y) {
-      for (int x = box.x; x < box.br().x; ++x) {
-        if (inside.at<uchar>(y, x) == 0) continue;
-        const Eigen::Vector3d at = place(x, y);
-        const double v = plane.dot(at);
-        depth->inverse.at<float>(y, x) = static_cast<float>(1 / v);
-        depth->sigma.at<float>(y, x) =
-            static_cast<float>(std::sqrt(at.dot(covariance * at)) / (v * v));
-        depth->known.at<uchar>(y, x) = 255;
-      }
-    }
+    const auto plane = FitDepthPlane(*depth, part);
+    if (!plane) continue;
+    ForEachPixel(*depth, part, [&](cv::Point pixel) {
+      const Eigen::Vector3d at = RawPlace(*depth, pixel);
+      const double v = plane->by_q.dot(at);
+      depth->inverse.at<float>(pixel) = static_cast<float>(1 / v);
+      depth->sigma.at<float>(pixel) =
+          static_cast<float>(std::sqrt(at.dot(plane->covariance * at)) / (v * v));
+      depth->known.at<uchar>(pixel) = 255;
+    });
     ++flattened;
   }
   return flattened;

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <Eigen/Core>
 #include <opencv2/core/mat.hpp>
+#include <optional>
 #include <vector>
 
 #include "detectors/virtual_depth.h"
@@ -11,9 +13,18 @@ namespace plenocal::internal {
 /// A flat part of a target in a map of the virtual image: a convex polygon, px of the map.
 using FlatPart = std::vector<cv::Point2f>;
 
-/// Replaces the depth in each part by its plane and returns how many parts had one. Virtual depth
-/// is a + b / z_C for a point at distance z_C, and 1 / z_C is affine in the image of a plane; so
-/// is, therefore, the virtual depth 1 / inverse.
+/// Virtual depth of a plane in the scene at q, raw px: v = dot(by_q, (q, 1)). It is affine because
+/// virtual depth is a + b / z_C for a point at distance z_C, and 1 / z_C is affine in the image of
+/// a plane.
+struct DepthPlane {
+  Eigen::Vector3d by_q;
+  Eigen::Matrix3d covariance;  ///< of `by_q`
+};
+
+/// Robust fit to the known depths inside a part; nothing without three of them.
+std::optional<DepthPlane> FitDepthPlane(const VirtualDepth& depth, const FlatPart& part);
+
+/// Replaces the depth in each part by its plane and returns how many parts had one.
 size_t FlattenParts(const std::vector<FlatPart>& parts, VirtualDepth* depth);
 
 }  // namespace plenocal::internal

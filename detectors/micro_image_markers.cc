@@ -11,6 +11,7 @@
 
 #include "calib/median.h"
 #include "calib/parallel.h"
+#include "detectors/marker_planes.h"
 
 namespace plenocal::internal {
 namespace {
@@ -18,59 +19,6 @@ namespace {
 /// Farther from the centre of its micro image than this part of the pitch the main lens' stop cuts
 /// into the micro lens' aperture, and what is out of focus shifts (shared/PLENOPTIC.md, section 6).
 constexpr double kReach = 0.3;
-
-/// Virtual depth of a plane in the scene, affine in the virtual image: v = dot((q, 1)).
-using DepthPlane = Eigen::Vector3d;
-
-/// Robust fit to the known depths inside the convex hull of some places; nothing without any.
-std::optional<DepthPlane> FitDepthPlane(const VirtualDepth& depth,
-                                        const std::vector<Eigen::Vector2d>& places) {
-  std::vector<cv::Point> points, hull;
-  Eigen::Vector2d middle(0, 0);
-  for (const auto& place : places) {
-    points.emplace_back(cvRound(place.x() / depth.scale), cvRound(place.y() / depth.scale));
-    middle += place / static_cast<double>(places.size());
-  }
-  cv::convexHull(points, hull);
-  const cv::Rect box =
-      cv::boundingRect(hull) & cv::Rect(0, 0, depth.inverse.cols, depth.inverse.rows);
-  if (box.empty()) return std::nullopt;
-  cv::Mat inside = cv::Mat::zeros(box.size(), CV_8U);
-  for (auto& p : hull) p -= box.tl();
-  cv::fillConvexPoly(inside, hull, cv::Scalar(1));
-
-  std::vector<Eigen::Vector3d> rows;
-  std::vector<double> values, weights;
-  for (int y = 0; y < box.height; ++y) {
-    for (int x = 0; x < box.width; ++x) {
-      const cv::Point at(box.x + x, box.y + y);
-      if (inside.at<uchar>(y, x) == 0 || depth.known.at<uchar>(at) == 0) continue;
-      const double z = depth.inverse.at<float>(at), sigma = depth.sigma.at<float>(at);
-      rows.emplace_back(depth.scale * at.x - middle.x(), depth.scale * at.y - middle.y(), 1);
-      values.push_back(1 / z);
-      weights.push_back(z * z / sigma);  // sigma of v is sigma_z / z^2
-    }
-  }
-  if (rows.size() < 3) return std::nullopt;
-  // Cauchy's weights at three standard deviations; a small part gets no slope from too few points.
-  constexpr int kIterations = 5;
-  constexpr double kWidth = 3;
-  Eigen::Vector3d plane = Eigen::Vector3d::Zero();
-  for (int iteration = 0; iteration < kIterations; ++iteration) {
-    Eigen::Matrix3d H = Eigen::Matrix3d::Zero();
-    Eigen::Vector3d g = Eigen::Vector3d::Zero();
-    for (size_t i = 0; i < rows.size(); ++i) {
-      const double r = iteration == 0 ? 0 : (values[i] - plane.dot(rows[i])) * weights[i] / kWidth;
-      const double weight = weights[i] * weights[i] / (1 + r * r);
-      H += weight * rows[i] * rows[i].transpose();
-      g += weight * values[i] * rows[i];
-    }
-    plane = H.ldlt().solve(g);
-  }
-  if (!plane.allFinite()) return std::nullopt;
-  plane[2] -= plane.head<2>().dot(middle);
-  return plane;
-}
 
 /// One marker in one micro image.
 struct Sight {
@@ -104,7 +52,6 @@ void Measure(const MarkerLook& look,
   sight->measured.reset();
   const auto lens = static_cast<size_t>(sight->lens);
   const float* value = patches.Value(lens);
-  const float* light = patches.Light(lens);
   struct Pixel {
     float x, y, value, weight;
   };
@@ -115,14 +62,14 @@ void Measure(const MarkerLook& look,
   for (int row = 0; row < patches.size; ++row) {
     for (int column = 0; column < patches.size; ++column) {
       const int i = row * patches.size + column;
-      if (light[i] == 0) continue;
+      if (std::isnan(value[i])) continue;
       const double x = patches.origin[lens].x() + column - sight->predicted.x();
       const double y = patches.origin[lens].y() + row - sight->predicted.y();
       if (x * x + y * y > window * window) continue;
-      const float raw = value[i] * light[i];
+      const float light = patches.Light(lens, column, row), raw = value[i] * light;
       const float variance = noise.read + noise.shot * std::max(raw, 0.f);
       pixels.push_back(
-          {static_cast<float>(x), static_cast<float>(y), value[i], light[i] * light[i] / variance});
+          {static_cast<float>(x), static_cast<float>(y), value[i], light * light / variance});
       low = std::min(low, static_cast<double>(value[i]));
       high = std::max(high, static_cast<double>(value[i]));
     }
@@ -200,10 +147,10 @@ void Measure(const MarkerLook& look,
                                 .sigma = sigma};
 }
 
-/// The micro images that have a marker well inside.
+/// The micro images that have a marker well inside; virtual depth is dot(plane, (q, 1)).
 void FindSights(const MarkerLook& look,
                 size_t number,
-                const DepthPlane& plane,
+                const Eigen::Vector3d& plane,
                 const MicroLensArray& array,
                 std::vector<Sight>* sights) {
   const double v = plane.dot(look.place.homogeneous());
@@ -243,11 +190,16 @@ MicroView MeasureInMicroImages(const std::vector<MarkerLook>& looks,
                                const MicroLensArray& array,
                                const SensorNoise& noise,
                                int threads) {
-  std::map<int, std::vector<Eigen::Vector2d>> parts;
-  for (const MarkerLook& look : looks) parts[look.part].push_back(look.place);
-  std::map<int, DepthPlane> planes;
-  for (const auto& [part, places] : parts) {
-    if (const auto plane = FitDepthPlane(depth, places)) planes[part] = *plane;
+  std::map<int, FlatPart> places;
+  for (const MarkerLook& look : looks) {
+    const Eigen::Vector2f pixel = (look.place / depth.scale).cast<float>();
+    places[look.part].emplace_back(pixel.x(), pixel.y());
+  }
+  std::map<int, Eigen::Vector3d> planes;
+  for (const auto& [part, points] : places) {
+    FlatPart hull;
+    cv::convexHull(points, hull);
+    if (const auto plane = FitDepthPlane(depth, hull)) planes[part] = plane->by_q;
   }
   std::vector<Sight> sights;
   for (size_t i = 0; i < looks.size(); ++i) {

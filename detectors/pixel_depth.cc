@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <mutex>
 #include <numbers>
@@ -81,30 +82,120 @@ struct Scratch {
   std::vector<float> smooth, smooth_information;
 };
 
+/// A pixel whose depth a search found.
+struct Start {
+  int at;  // in the patch
+  float z;
+};
+
+/// grad I . grad V / V at a pixel of a patch, grad I given. The half difference of ln V is taken as
+/// (V+ - V-) / (V+ + V-), whose two pixels have one colour in a mosaic.
+float VignettingPull(
+    const LensPatches& patches, size_t lens, int x, int y, float gradient_x, float gradient_y) {
+  const cv::Mat& v = patches.attenuation;
+  const int column = patches.origin[lens].x() + x, row = patches.origin[lens].y() + y;
+  if (column < 1 || row < 1 || column + 1 >= v.cols || row + 1 >= v.rows) return 0;
+  const float* at = v.ptr<float>(row) + column;
+  const float *above = v.ptr<float>(row - 1) + column, *below = v.ptr<float>(row + 1) + column;
+  return gradient_x * (at[1] - at[-1]) / (at[1] + at[-1]) +
+         gradient_y * (*below - *above) / (*below + *above);
+}
+
+float At(const std::array<float, 2>& line, float z) { return line[0] + line[1] * z; }
+
+/// Takes the shift near the edge out of one micro image, at the depths of its pixels.
+void RemoveVignettingShift(std::span<const Start> starts,
+                           const std::array<float, 2>& vignetting,
+                           float usual_z,
+                           size_t lens,
+                           LensPatches* patches) {
+  const int n = patches->size;
+  float* value = patches->value.data() + lens * patches->Area();
+  std::vector<float> z(patches->Area(), usual_z), shifted(value, value + patches->Area());
+  for (const Start& start : starts) z[start.at] = start.z;
+  // At the edge of what is known from one side.
+  const auto slope = [](float before, float here, float after) {
+    if (std::isnan(before)) before = here, after = here + 2 * (after - here);
+    if (std::isnan(after)) after = here + 2 * (here - before);
+    return std::isnan(after - before) ? 0 : (after - before) / 2;
+  };
+  for (int y = 1; y + 1 < n; ++y) {
+    for (int x = 1; x + 1 < n; ++x) {
+      const int at = y * n + x;
+      const float* v = shifted.data() + at;
+      if (std::isnan(v[0])) continue;
+      value[at] -=
+          At(vignetting, z[at]) *
+          VignettingPull(*patches, lens, x, y, slope(v[-1], v[0], v[1]), slope(v[-n], v[0], v[n]));
+    }
+  }
+}
+
+/// Unknowns of a survey: f_0, f_1, k_0, k_1 of each lens type.
+constexpr int kPerType = 4;
+using SurveyMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 12, 12>;
+using SurveyVector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, 12, 1>;
+
+/// One comparison of a survey: what is left, e = f Laplacian + k pull, other less own, + slope dz.
+struct Comparison {
+  int own_type, other_type;
+  float z, laplacian, own_pull, other_pull, slope;
+  float error, weight;
+  float variance;  // noise of one grey value
+};
+
+/// Normal equations of a survey from one pixel, whose own depth is an unknown too.
+class PixelSums {
+ public:
+  explicit PixelSums(int types)
+      : normal_(SurveyMatrix::Zero(kPerType * types, kPerType * types)),
+        right_(SurveyVector::Zero(kPerType * types)),
+        coupling_(SurveyVector::Zero(kPerType * types)) {}
+
+  /// Noise of the middle pixel is in the error (-1) and in the Laplacian (-4), whose own noise is
+  /// 20 times as large.
+  void Add(const Comparison& c) {
+    const double w = c.weight;
+    SurveyVector row = SurveyVector::Zero(right_.size());
+    const int own = kPerType * c.own_type, other = kPerType * c.other_type;
+    const Eigen::Vector2d in_z(1, c.z);
+    row.segment<2>(other) += c.laplacian * in_z;
+    row.segment<2>(own) -= c.laplacian * in_z;
+    row.segment<2>(other + 2) += c.other_pull * in_z;
+    row.segment<2>(own + 2) -= c.own_pull * in_z;
+    normal_ += w * row * row.transpose();
+    right_ += w * c.error * row;
+    if (own != other) {
+      SurveyVector by_laplacian = SurveyVector::Zero(right_.size());
+      by_laplacian.segment<2>(other) = in_z;
+      by_laplacian.segment<2>(own) = -in_z;
+      normal_ -= 20 * w * c.variance * by_laplacian * by_laplacian.transpose();
+      right_ -= 4 * w * c.variance * by_laplacian;
+    }
+    coupling_ += w * c.slope * row;
+    depth_ += w * c.slope * c.slope;
+    depth_right_ += w * c.slope * c.error;
+  }
+
+  void Eliminate(Eigen::MatrixXd* normal, Eigen::VectorXd* right) const {
+    if (!(depth_ > 0)) return;
+    *normal += normal_ - coupling_ * coupling_.transpose() / depth_;
+    *right += right_ - coupling_ * (depth_right_ / depth_);
+  }
+
+ private:
+  SurveyMatrix normal_;
+  SurveyVector right_, coupling_;
+  double depth_ = 0, depth_right_ = 0;
+};
+
 /// Sums over the comparisons of a survey.
 struct SurveySums {
   explicit SurveySums(int lens_types)
       : types(lens_types),
-        normal(Eigen::MatrixXd::Zero(2 * lens_types, 2 * lens_types)),
-        right(Eigen::VectorXd::Zero(2 * lens_types)),
+        normal(Eigen::MatrixXd::Zero(kPerType * lens_types, kPerType * lens_types)),
+        right(Eigen::VectorXd::Zero(kPerType * lens_types)),
         misfits(static_cast<size_t>(lens_types) * lens_types) {}
-
-  /// The error that is left, e = (f_other(z) - f_own(z)) * Laplacian, is linear in the defocus f(z)
-  /// = f_0 + f_1 z of both types. Noise of the middle pixel is in the error (-1) and in the
-  /// Laplacian (-4), whose own noise is 20 times as large.
-  void AddDefocus(
-      int own, int other, float z, float laplacian, float error, float variance, float weight) {
-    if (own == other) return;
-    const double w = weight / variance;
-    const double square = w * (laplacian * laplacian - 20 * variance);
-    const double product = w * (laplacian * error - 4 * variance);
-    const std::array<int, 4> at{2 * other, 2 * other + 1, 2 * own, 2 * own + 1};
-    const std::array<double, 4> factor{1, z, -1, -z};
-    for (int i = 0; i < 4; ++i) {
-      right[at[i]] += factor[i] * product;
-      for (int j = 0; j < 4; ++j) normal(at[i], at[j]) += factor[i] * factor[j] * square;
-    }
-  }
 
   void Add(const SurveySums& part) {
     normal += part.normal;
@@ -116,12 +207,16 @@ struct SurveySums {
     }
   }
 
-  /// Only differences between types are determined; of all solutions the shortest has mean zero.
+  /// A prior of one px^2 decides what the comparisons do not, such as a defocus of all types.
   void Apply(DepthSurvey* survey) const {
-    const Eigen::VectorXd step = normal.completeOrthogonalDecomposition().solve(right);
+    Eigen::MatrixXd sum = normal;
+    sum.diagonal().array() += 1;
+    const Eigen::VectorXd step = sum.ldlt().solve(right);
     for (int type = 0; type < types; ++type) {
-      survey->defocus[type][0] += static_cast<float>(step[2 * type]);
-      survey->defocus[type][1] += static_cast<float>(step[2 * type + 1]);
+      for (int k = 0; k < 2; ++k) {
+        survey->defocus[type][k] += static_cast<float>(step[kPerType * type + k]);
+        survey->vignetting[type][k] += static_cast<float>(step[kPerType * type + 2 + k]);
+      }
     }
     for (size_t pair = 0; pair < misfits.size(); ++pair) {
       const std::vector<float>& values = misfits[pair];
@@ -132,7 +227,7 @@ struct SurveySums {
   }
 
   int types;
-  Eigen::MatrixXd normal;  // 2 unknowns a type
+  Eigen::MatrixXd normal;
   Eigen::VectorXd right;
   std::vector<std::vector<float>> misfits;
   std::vector<float> depths;  // z of all pixels that matched
@@ -166,32 +261,15 @@ class Matcher {
 
   /// Collects the pixels with texture.
   void Select(size_t lens, Scratch* scratch) const {
-    Pixels& p = scratch->pixels;
-    p.Clear();
     const int n = patches_.size;
-    const float* value = patches_.Value(lens);
-    const float* light = patches_.Light(lens);
-    for (int y = 1; y + 1 < n; ++y) {
-      for (int x = 1; x + 1 < n; ++x) {
-        const int at = y * n + x;
-        const float gx = (value[at + 1] - value[at - 1]) / 2;
-        const float gy = (value[at + n] - value[at - n]) / 2;
-        const float v = light[at];
-        if (!(v > 0) || std::isnan(gx) || std::isnan(gy)) continue;
-        const float variance = (noise_.read + noise_.shot * std::max(0.f, value[at]) * v) / (v * v);
-        if (!(gx * gx + gy * gy > kNoGradient * variance / 2)) continue;
-        p.x.push_back(static_cast<float>(x));
-        p.y.push_back(static_cast<float>(y));
-        p.z.push_back(0);
-        p.value.push_back(value[at]);
-        p.gradient_x.push_back(gx);
-        p.gradient_y.push_back(gy);
-        p.laplacian.push_back(value[at - 1] + value[at + 1] + value[at - n] + value[at + n] -
-                              4 * value[at]);
-        p.variance.push_back(variance);
-        p.at.push_back(at);
-      }
-    }
+    scratch->pixels.Clear();
+    for (int at = n + 1; at < n * (n - 1) - 1; ++at) AddTextured(lens, {at, 0}, &scratch->pixels);
+  }
+
+  /// Collects those of them that have texture (still).
+  void Select(size_t lens, std::span<const Start> starts, Scratch* scratch) const {
+    scratch->pixels.Clear();
+    for (const Start& start : starts) AddTextured(lens, start, &scratch->pixels);
   }
 
   /// Start values: the depth of the 3 x 3 window with the least mean difference. Drops pixels whose
@@ -286,6 +364,15 @@ class Matcher {
     Regularise(s);
   }
 
+  /// What `Search` found.
+  [[nodiscard]] static std::vector<Start> Starts(const Scratch& s) {
+    std::vector<Start> starts;
+    starts.reserve(s.pixels.x.size());
+    for (size_t i = 0; i < s.pixels.x.size(); ++i)
+      starts.push_back({s.pixels.at[i], s.pixels.z[i]});
+    return starts;
+  }
+
   /// Adds what the comparisons at the pixels' depths say about the camera.
   void Collect(size_t lens, const DepthSurvey& survey, Scratch* s, SurveySums* sums) const {
     Pixels& p = s->pixels;
@@ -293,9 +380,13 @@ class Matcher {
     const int type = array_.lenses[lens].type;
     DepthSurvey without_misfit = survey;
     std::fill(without_misfit.misfit.begin(), without_misfit.misfit.end(), 0.f);
+    std::vector<float> own_pull(p.x.size());
+    for (size_t i = 0; i < p.x.size(); ++i) own_pull[i] = Pull(p, i, lens, p.x[i], p.y[i]);
+    std::vector<PixelSums> pixels(p.x.size(), PixelSums(array_.types));
     for (const LatticeStep& to : refine_steps_) {
       const int other = index_.Neighbour(static_cast<int>(lens), to);
       if (other < 0) continue;
+      const int other_type = array_.lenses[other].type;
       const OtherPatch patch = Other(lens, other, without_misfit);
       const DepthEquations equations = p.ResetSums();
       AddEquations(p.View(), patch, equations);
@@ -304,21 +395,34 @@ class Matcher {
         const float slope =
             -(patch.baseline_x * p.gradient_x[i] + patch.baseline_y * p.gradient_y[i]);
         if (information[i] <= 0 || p.sum_count[i] == 0 || slope == 0) continue;
+        const float z = p.z[i];
+        const float other_pull = Pull(p,
+                                      i,
+                                      other,
+                                      p.x[i] + patch.offset_x - patch.baseline_x * z,
+                                      p.y[i] + patch.offset_y - patch.baseline_y * z);
         // Back from the sums of a single comparison: gradient = w J e, agreement = w * variance.
         const float variance = 2 * p.variance[i];
-        const float error = p.sum_gradient[i] * variance / (p.sum_agreement[i] * slope);
-        sums->AddDefocus(type,
-                         array_.lenses[other].type,
-                         p.z[i],
-                         p.laplacian[i],
-                         error,
-                         p.variance[i],
-                         p.sum_agreement[i]);
+        const float error = p.sum_gradient[i] * variance / (p.sum_agreement[i] * slope) -
+                            At(survey.vignetting[other_type], z) * other_pull +
+                            At(survey.vignetting[type], z) * own_pull[i];
         const float along = slope * slope / (length * length);
+        const float expected = variance + survey.misfit[Pair(lens, other)] * along;
+        pixels[i].Add({.own_type = type,
+                       .other_type = other_type,
+                       .z = z,
+                       .laplacian = p.laplacian[i],
+                       .own_pull = own_pull[i],
+                       .other_pull = other_pull,
+                       .slope = slope,
+                       .error = error,
+                       .weight = 1 / (expected + error * error / (2.385f * 2.385f)),
+                       .variance = p.variance[i]});
         if (along < kNoGradient * p.variance[i]) continue;
         sums->misfits[Pair(lens, other)].push_back((error * error - variance) / along);
       }
     }
+    for (const PixelSums& pixel : pixels) pixel.Eliminate(&sums->normal, &sums->right);
     p.sum_information = information;
   }
 
@@ -357,6 +461,39 @@ class Matcher {
             baseline.y(),
             {of_other[0] - of_lens[0], of_other[1] - of_lens[1]},
             survey.misfit[Pair(lens, other)]};
+  }
+
+  /// Adds a pixel if it has texture.
+  void AddTextured(size_t lens, const Start& start, Pixels* p) const {
+    const int n = patches_.size, at = start.at;
+    const float* value = patches_.Value(lens);
+    const float gx = (value[at + 1] - value[at - 1]) / 2;
+    const float gy = (value[at + n] - value[at - n]) / 2;
+    if (std::isnan(value[at]) || std::isnan(gx) || std::isnan(gy)) return;
+    const int x = at % n, y = at / n;
+    const float v = patches_.Light(lens, x, y);
+    const float variance = (noise_.read + noise_.shot * std::max(0.f, value[at]) * v) / (v * v);
+    if (!(gx * gx + gy * gy > kNoGradient * variance / 2)) return;
+    p->x.push_back(static_cast<float>(x));
+    p->y.push_back(static_cast<float>(y));
+    p->z.push_back(start.z);
+    p->value.push_back(value[at]);
+    p->gradient_x.push_back(gx);
+    p->gradient_y.push_back(gy);
+    p->laplacian.push_back(value[at - 1] + value[at + 1] + value[at - n] + value[at + n] -
+                           4 * value[at]);
+    p->variance.push_back(variance);
+    p->at.push_back(at);
+  }
+
+  /// The pull on what pixel i shows at (x, y) in the patch of a micro lens.
+  [[nodiscard]] float Pull(const Pixels& p, size_t i, size_t lens, float x, float y) const {
+    return VignettingPull(patches_,
+                          lens,
+                          static_cast<int>(std::lround(x)),
+                          static_cast<int>(std::lround(y)),
+                          p.gradient_x[i],
+                          p.gradient_y[i]);
   }
 
   /// Weighted means over 5 x 5 pixels of what agrees with the middle one to within three sigma: a
@@ -476,6 +613,7 @@ DepthSurvey SurveyDepth(const LensPatches& patches,
       .range = magnitudes,
       .likely = magnitudes,
       .defocus = std::vector(array.types, std::array{0.f, 0.f}),
+      .vignetting = std::vector(array.types, std::array{0.f, 0.f}),
       .misfit = std::vector(static_cast<size_t>(array.types) * array.types, kRounding)};
   DepthSurvey keplerian = galilean;
   keplerian.range = {-magnitudes.highest, -magnitudes.lowest};
@@ -491,31 +629,47 @@ DepthSurvey SurveyDepth(const LensPatches& patches,
   return survey;
 }
 
-std::vector<LensDepth> MatchMicroImages(const LensPatches& patches,
-                                        const MicroLensArray& array,
+std::vector<LensDepth> MatchMicroImages(const MicroLensArray& array,
                                         const MicroLensIndex& index,
                                         const SensorNoise& noise,
                                         const DepthSurvey& survey,
-                                        int threads) {
-  const Matcher matcher(patches, array, index, noise);
+                                        int threads,
+                                        LensPatches* patches) {
+  const Matcher matcher(*patches, array, index, noise);
+  const size_t lenses = array.lenses.size();
+  const auto for_each_lens = [&](const std::function<void(size_t, Scratch*)>& use) {
+    ParallelFor((lenses + kLensesPerTask - 1) / kLensesPerTask, threads, [&](size_t task) {
+      Scratch scratch;
+      const size_t end = std::min(lenses, (task + 1) * kLensesPerTask);
+      for (size_t lens = task * kLensesPerTask; lens < end; ++lens) use(lens, &scratch);
+    });
+  };
 
-  std::vector<LensDepth> depths(array.lenses.size());
-  ParallelFor((depths.size() + kLensesPerTask - 1) / kLensesPerTask, threads, [&](size_t task) {
-    Scratch scratch;
-    const size_t end = std::min(depths.size(), (task + 1) * kLensesPerTask);
-    for (size_t lens = task * kLensesPerTask; lens < end; ++lens) {
-      matcher.Select(lens, &scratch);
-      const size_t textured = scratch.pixels.x.size();
-      if (textured == 0) continue;
-      matcher.Search(lens, survey.likely, &scratch);
-      if (scratch.pixels.x.size() < textured / 2) {
-        // Perhaps something that the survey did not meet.
-        matcher.Select(lens, &scratch);
-        matcher.Search(lens, survey.range, &scratch);
-      }
-      matcher.Refine(lens, survey, &scratch);
-      depths[lens] = matcher.Results(lens, scratch);
+  std::vector<std::vector<Start>> starts(lenses);
+  for_each_lens([&](size_t lens, Scratch* scratch) {
+    matcher.Select(lens, scratch);
+    const size_t textured = scratch->pixels.x.size();
+    if (textured == 0) return;
+    matcher.Search(lens, survey.likely, scratch);
+    if (scratch->pixels.x.size() < textured / 2) {
+      // Perhaps something that the survey did not meet.
+      matcher.Select(lens, scratch);
+      matcher.Search(lens, survey.range, scratch);
     }
+    starts[lens] = Matcher::Starts(*scratch);
+  });
+  const float usual_z = (survey.likely.lowest + survey.likely.highest) / 2;
+  for_each_lens([&](size_t lens, Scratch*) {
+    RemoveVignettingShift(
+        starts[lens], survey.vignetting[array.lenses[lens].type], usual_z, lens, patches);
+  });
+  std::vector<LensDepth> depths(lenses);
+  for_each_lens([&](size_t lens, Scratch* scratch) {
+    if (starts[lens].empty()) return;
+    matcher.Select(lens, starts[lens], scratch);
+    starts[lens] = {};
+    matcher.Refine(lens, survey, scratch);
+    depths[lens] = matcher.Results(lens, *scratch);
   });
   return depths;
 }

@@ -6,6 +6,17 @@
 // the one around c' at
 //
 //   x' = x + d (1 - z),   d = c' - c
+//
+// Near its edge a micro image is shifted. What a pixel gets came through some place of the micro
+// lens' aperture and of the pixel, which displaces both the image and the shadow of the main lens'
+// stop that makes the attenuation V. Their displacements, summed over aperture and pixel, are
+// correlated; so V I is blurred together, and to first order
+//
+//   raw / V = I + k grad I . grad V / V,   k = covariance of the two, px^2
+//
+// The displacement by an aperture point p is p (z_t - z) for the image and p z_t for the shadow,
+// where z_t is what the lens type has in focus; so k is linear in z, by lens type, and so much of
+// it as the pixel's own area makes is common to all.
 #pragma once
 
 #include <array>
@@ -30,6 +41,8 @@ struct DepthSurvey {
   /// + defocus[1] * z. The blur of a thin lens is a disc whose diameter is linear in z, with one
   /// factor for all types, so differences of its square are linear.
   std::vector<std::array<float, 2>> defocus;
+  /// k of each type, px^2, as vignetting[0] + vignetting[1] * z.
+  std::vector<std::array<float, 2>> vignetting;
   /// types x types, px^2: variance of a match between two lens types that neither sensor noise nor
   /// defocus explains.
   std::vector<float> misfit;
@@ -53,12 +66,13 @@ DepthSurvey SurveyDepth(const LensPatches& patches,
                         const SensorNoise& noise,
                         int threads);
 
-/// Depth of all pixels with texture, one entry a micro lens.
-std::vector<LensDepth> MatchMicroImages(const LensPatches& patches,
-                                        const MicroLensArray& array,
+/// Depth of all pixels with texture, one entry a micro lens. On the way the shift near the edges is
+/// taken out of `patches`.
+std::vector<LensDepth> MatchMicroImages(const MicroLensArray& array,
                                         const MicroLensIndex& index,
                                         const SensorNoise& noise,
                                         const DepthSurvey& survey,
-                                        int threads);
+                                        int threads,
+                                        LensPatches* patches);
 
 }  // namespace plenocal::internal

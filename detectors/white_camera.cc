@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <cmath>
 #include <opencv2/core.hpp>
-#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
 #include "calib/error.h"
@@ -15,18 +14,13 @@
 #include "detectors/grid_picture.h"
 #include "detectors/image.h"
 #include "detectors/white_images.h"
+#include "detectors/white_measurement.h"
 
 namespace plenocal {
 namespace {
 
 /// More micro lenses than this are never dead or dirty: the field was not even.
 constexpr double kMaxUnusable = 0.1;
-
-std::string Encode(const std::string& format, const cv::Mat& image) {
-  std::vector<std::uint8_t> bytes;
-  cv::imencode(format, image, bytes);
-  return {bytes.begin(), bytes.end()};
-}
 
 /// A raw image must be of the size of the white images.
 void CheckRawImage(const std::filesystem::path& path, const cv::Mat& white) {
@@ -44,20 +38,24 @@ void CheckRawImage(const std::filesystem::path& path, const cv::Mat& white) {
 
 }  // namespace
 
-WhiteCamera MeasureWhiteImages(const std::vector<FrameImage>& images, const WhiteOptions& options) {
+namespace internal {
+
+WhiteMeasurement MeasureWhite(const std::vector<FrameImage>& images, const WhiteOptions& options) {
   const WhiteImages white = AverageWhiteImages(images, options.threads);
   if (!options.raw_image.empty()) CheckRawImage(options.raw_image, white.mean);
-  WhiteCamera camera{.image_size = {white.mean.cols, white.mean.rows},
-                     .images = white.used,
-                     .level = white.level,
-                     .full_scale = white.full_scale,
-                     .saturated = white.saturated,
-                     .black = white.black,
-                     .unevenness = white.unevenness,
-                     .left_out = white.left_out};
-  cv::Mat attenuation;
+  WhiteMeasurement measured;
+  WhiteCamera& camera = measured.camera;
+  camera = {.image_size = {white.mean.cols, white.mean.rows},
+            .images = white.used,
+            .level = white.level,
+            .full_scale = white.full_scale,
+            .saturated = white.saturated,
+            .black = white.black,
+            .unevenness = white.unevenness,
+            .left_out = white.left_out};
   if (options.plenoptic) {
-    const cv::Mat levelled = options.bayer ? LevelBayerPlanes(white.mean) : white.mean;
+    const cv::Mat levelled = measured.levelled =
+        options.bayer ? LevelBayerPlanes(white.mean) : white.mean;
     camera.grid = options.grid_file ? MeasureMicroLensGrid(
                                           levelled,
                                           ReadRayCalibData(*options.grid_file, camera.image_size),
@@ -76,15 +74,25 @@ WhiteCamera MeasureWhiteImages(const std::vector<FrameImage>& images, const Whit
                                         : "the white images show a scene or the array is dirty; "
                                           "record an even white field"));
     }
-    attenuation = MicroLensAttenuation(white.mean, *camera.grid, options.bayer);
-    camera.grid_png = Encode(".png", GridPicture(levelled, camera.grid->array));
+    measured.attenuation = MicroLensAttenuation(white.mean, *camera.grid, options.bayer);
   } else {
     CheckEvenField(white.mean);
-    attenuation = SmoothAttenuation(white.mean, options.bayer);
+    measured.attenuation = SmoothAttenuation(white.mean, options.bayer);
   }
-  cv::minMaxLoc(attenuation, &camera.darkest);
-  camera.attenuation_tiff = Encode(".tiff", attenuation);
-  return camera;
+  cv::minMaxLoc(measured.attenuation, &camera.darkest);
+  return measured;
+}
+
+}  // namespace internal
+
+WhiteCamera MeasureWhiteImages(const std::vector<FrameImage>& images, const WhiteOptions& options) {
+  internal::WhiteMeasurement measured = internal::MeasureWhite(images, options);
+  WhiteCamera& camera = measured.camera;
+  camera.attenuation_tiff = EncodeImage(".tiff", measured.attenuation);
+  if (camera.grid) {
+    camera.grid_png = EncodeImage(".png", GridPicture(measured.levelled, camera.grid->array));
+  }
+  return std::move(camera);
 }
 
 }  // namespace plenocal

@@ -188,9 +188,7 @@ WhiteImages AverageWhiteImages(const std::vector<FrameImage>& images, int thread
       readable.push_back(i);
       continue;
     }
-    const std::string prefix = path(i) + ": ";
-    const bool named = looks[i].unreadable.starts_with(prefix);
-    white.left_out.push_back({path(i), looks[i].unreadable.substr(named ? prefix.size() : 0)});
+    white.left_out.push_back({path(i), WithoutPath(looks[i].unreadable, path(i))});
   }
   if (readable.empty()) {
     throw Error(ErrorKind::kJob,
