@@ -159,6 +159,7 @@ void RunWhite(const WhiteCommand& command, const ConsoleOptions& options) {
     }
     if (Interrupted()) throw Stopped();
     const WhiteCamera& camera = cameras.back();
+    for (const std::string& warning : camera.warnings) console.Message("  " + warning);
     for (const LeftOut& item : camera.left_out) {
       console.Message(fmt::format("  left out {}: {}", item.where, item.reason));
     }

@@ -22,7 +22,7 @@ int main() {
       .width = 2048, .height = 2048, .pitch = 21, .slope = {3e-4, -2e-4}, .detail = 28};
   const MicroLensArray array = scene.Array();
   const cv::Mat attenuation = scene.Attenuation(array);
-  const cv::Mat raw = scene.Raw(array, attenuation);
+  const cv::Mat raw = scene.Raw(array);
   const double megapixels = 1e-6 * static_cast<double>(raw.total());
   fmt::print("{} x {} px, {} micro lenses\n", raw.cols, raw.rows, array.lenses.size());
 

@@ -42,15 +42,31 @@ Vector2d Point(const std::filesystem::path& path, const pugi::xml_node& parent, 
   return {Number(path, node, "x"), -Number(path, node, "y")};
 }
 
+pugi::xml_node Load(const std::filesystem::path& path, pugi::xml_document* document) {
+  const pugi::xml_parse_result parsed = document->load_file(path.c_str());
+  if (!parsed) Refuse(path, fmt::format("cannot be read as XML: {}", parsed.description()));
+  const pugi::xml_node root = document->child("RayCalibData");
+  if (!root) Refuse(path, "has no <RayCalibData>; expected a calibration file of RxLive");
+  return root;
+}
+
 }  // namespace
+
+std::string UnusedRayCalibData(const std::filesystem::path& path) {
+  pugi::xml_document document;
+  const std::string function = Load(path, &document).child("distortion").child_value("function");
+  if (function.empty() || function == "constant") return "";
+  return fmt::format(
+      "{}: its lens distortion ({}) is not used, as the file does not say in what unit the radius "
+      "is; micro-image centres towards the border may be off by some px, which white images alone "
+      "do not suffer",
+      path.string(),
+      function);
+}
 
 MicroLensArray ReadRayCalibData(const std::filesystem::path& path, ImageSize image_size) {
   pugi::xml_document document;
-  const pugi::xml_parse_result parsed = document.load_file(path.c_str());
-  if (!parsed) Refuse(path, fmt::format("cannot be read as XML: {}", parsed.description()));
-  const pugi::xml_node root = document.child("RayCalibData");
-  if (!root) Refuse(path, "has no <RayCalibData>; expected a calibration file of RxLive");
-
+  const pugi::xml_node root = Load(path, &document);
   const double diameter = Number(path, root, "diameter");
   if (diameter <= 1) Refuse(path, "<diameter>: expected more than one pixel");
   Matrix2d bases;

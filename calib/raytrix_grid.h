@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <string>
 
 #include "calib/micro_lens_array.h"
 
@@ -18,5 +19,9 @@ namespace plenocal {
 ///
 /// Throws `Error` of kind kInput with file and element.
 MicroLensArray ReadRayCalibData(const std::filesystem::path& path, ImageSize image_size);
+
+/// What a user should know that is in such a file and is not used: lens distortion. Empty when
+/// there is none. Throws as above.
+std::string UnusedRayCalibData(const std::filesystem::path& path);
 
 }  // namespace plenocal

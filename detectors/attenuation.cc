@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <functional>
@@ -163,6 +164,33 @@ cv::Mat LevelBayerPlanes(const cv::Mat& mosaic) {
   const cv::Mat ratio = ForBayerPlanes(
       mosaic, [](const cv::Mat& plane) { return cv::Mat(plane / LargeScaleMean(plane)); });
   return ratio.mul(level);
+}
+
+double PlaneDifference(const cv::Mat& white) {
+  constexpr int kTiles = 4;        // a side
+  constexpr double kSure = 5;      // standard errors
+  constexpr double kLeast = 0.03;  // what an array whose pitch is whole pixels can do to the planes
+  using Planes = Eigen::Array4d;
+  Planes sum = Planes::Zero(), squares = Planes::Zero();
+  for (int tile = 0; tile < kTiles * kTiles; ++tile) {
+    const auto edge = [&](int length, int k) { return length / 2 * k / kTiles * 2; };
+    const int y0 = edge(white.rows, tile / kTiles), y1 = edge(white.rows, tile / kTiles + 1);
+    const int x0 = edge(white.cols, tile % kTiles), x1 = edge(white.cols, tile % kTiles + 1);
+    Planes mean = Planes::Zero();
+    for (int y = y0; y < y1; ++y) {
+      for (int x = x0; x < x1; ++x) mean[y % 2 * 2 + x % 2] += white.at<float>(y, x);
+    }
+    if (!(mean.mean() > 0)) return 0;
+    mean /= mean.mean();
+    sum += mean;
+    squares += mean.square();
+  }
+  constexpr int kCount = kTiles * kTiles;
+  const Planes mean = sum / kCount;
+  const Planes variance = (squares / kCount - mean.square()).max(0) / (kCount - 1);
+  const double difference = mean.maxCoeff() - mean.minCoeff();
+  return difference > kLeast && difference > kSure * std::sqrt(2 * variance.maxCoeff()) ? difference
+                                                                                        : 0;
 }
 
 }  // namespace plenocal

@@ -31,4 +31,9 @@ cv::Mat MicroLensAttenuation(const cv::Mat& white, const MicroLensGrid& grid, bo
 /// demosaiced: that would mix micro images.)
 cv::Mat LevelBayerPlanes(const cv::Mat& mosaic);
 
+/// How much brighter the brightest of the four planes of a 2 x 2 raster is than the darkest,
+/// relative to the mean; 0 where chance explains it. The pixels of a grey camera are all alike,
+/// those of a raw mosaic are not.
+double PlaneDifference(const cv::Mat& white);
+
 }  // namespace plenocal

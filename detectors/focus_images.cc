@@ -59,6 +59,7 @@ PlenopticCamera CameraFromWhiteImages(const FocusRequest& request) {
                        .threads = request.threads};
   if (!source.grid.empty()) options.grid_file = source.grid;
   internal::WhiteMeasurement white = internal::MeasureWhite(source.white_images, options);
+  for (const std::string& warning : white.camera.warnings) request.message("  " + warning);
   for (const LeftOut& item : white.camera.left_out) {
     request.message(fmt::format("  left out {}: {}", item.where, item.reason));
   }
@@ -74,8 +75,13 @@ PlenopticCamera CameraFromFiles(const FocusRequest& request) {
           ? cv::Mat(ReadImage(request.raw_images[0].path).size(), CV_32F, cv::Scalar(1))
           : ReadAttenuation(source.vignetting);
   const ImageSize size{camera.attenuation.cols, camera.attenuation.rows};
-  camera.array =
-      IsXml(source.grid) ? ReadRayCalibData(source.grid, size) : ReadMicroLenses(source.grid, size);
+  if (IsXml(source.grid)) {
+    camera.array = ReadRayCalibData(source.grid, size);
+    const std::string unused = UnusedRayCalibData(source.grid);
+    if (!unused.empty()) request.message("  " + unused);
+  } else {
+    camera.array = ReadMicroLenses(source.grid, size);
+  }
   return camera;
 }
 

@@ -13,6 +13,8 @@ namespace plenocal::internal {
 namespace {
 
 constexpr int kRowsPerTask = 16;
+/// Error of MicroLensIndex::Nearest, px.
+constexpr float kNearest = 2;
 
 struct Sample {
   float value, variance, taper;
@@ -107,7 +109,9 @@ cv::Mat SynthesiseFocused(const VirtualDepth& depth,
           samples.push_back({value, variance + lost * lost, 1 - square});
         };
         look(nearest);
-        const float reach = patches.radius_px / std::max(std::abs(z), 1e-3f) + pitch;
+        // No place is farther from the nearest centre than the corner of a cell.
+        const float reach =
+            patches.radius_px / std::max(std::abs(z), 1e-3f) + pitch / std::sqrt(3.f) + kNearest;
         for (size_t k = 0; k < steps.size() && lengths[k] <= reach; ++k) {
           look(index.Neighbour(nearest, steps[k]));
         }

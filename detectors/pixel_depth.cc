@@ -156,23 +156,22 @@ class PixelSums {
   /// 20 times as large.
   void Add(const Comparison& c) {
     const double w = c.weight;
-    SurveyVector row = SurveyVector::Zero(right_.size());
     const int own = kPerType * c.own_type, other = kPerType * c.other_type;
-    const Eigen::Vector2d in_z(1, c.z);
-    row.segment<2>(other) += c.laplacian * in_z;
-    row.segment<2>(own) -= c.laplacian * in_z;
-    row.segment<2>(other + 2) += c.other_pull * in_z;
-    row.segment<2>(own + 2) -= c.own_pull * in_z;
-    normal_ += w * row * row.transpose();
-    right_ += w * c.error * row;
-    if (own != other) {
-      SurveyVector by_laplacian = SurveyVector::Zero(right_.size());
-      by_laplacian.segment<2>(other) = in_z;
-      by_laplacian.segment<2>(own) = -in_z;
-      normal_ -= 20 * w * c.variance * by_laplacian * by_laplacian.transpose();
-      right_ -= 4 * w * c.variance * by_laplacian;
+    const std::array<int, 8> at{
+        other, other + 1, other + 2, other + 3, own, own + 1, own + 2, own + 3};
+    const double f = c.laplacian, in = c.other_pull, out = -c.own_pull, z = c.z;
+    const std::array<double, 8> factor{f, f * z, in, in * z, -f, -f * z, out, out * z};
+    // By the Laplacian; of one type it cancels.
+    const double by = own == other ? 0 : 1;
+    const std::array<double, 8> noisy{by, by * z, 0, 0, -by, -by * z, 0, 0};
+    const double noise = w * c.variance;
+    for (size_t i = 0; i < at.size(); ++i) {
+      right_[at[i]] += w * c.error * factor[i] - 4 * noise * noisy[i];
+      coupling_[at[i]] += w * c.slope * factor[i];
+      for (size_t j = 0; j < at.size(); ++j) {
+        normal_(at[i], at[j]) += w * factor[i] * factor[j] - 20 * noise * noisy[i] * noisy[j];
+      }
     }
-    coupling_ += w * c.slope * row;
     depth_ += w * c.slope * c.slope;
     depth_right_ += w * c.slope * c.error;
   }
@@ -263,7 +262,11 @@ class Matcher {
   void Select(size_t lens, Scratch* scratch) const {
     const int n = patches_.size;
     scratch->pixels.Clear();
-    for (int at = n + 1; at < n * (n - 1) - 1; ++at) AddTextured(lens, {at, 0}, &scratch->pixels);
+    for (int y = LensPatches::kMargin; y < n - LensPatches::kMargin; ++y) {
+      for (int x = LensPatches::kMargin; x < n - LensPatches::kMargin; ++x) {
+        AddTextured(lens, {y * n + x, 0}, &scratch->pixels);
+      }
+    }
   }
 
   /// Collects those of them that have texture (still).
@@ -596,7 +599,7 @@ DepthSurvey SurveyDepth(const LensPatches& patches,
       Scratch scratch;
       SurveySums own(array.types);
       matcher.Select(task * stride, &scratch);
-      matcher.Search(task * stride, survey.range, &scratch);
+      matcher.Search(task * stride, survey.likely, &scratch);
       matcher.Refine(task * stride, survey, &scratch);
       for (size_t i = 0; i < scratch.pixels.z.size(); ++i) {
         if (scratch.pixels.sum_information[i] > 0) own.depths.push_back(scratch.pixels.z[i]);
@@ -623,6 +626,8 @@ DepthSurvey SurveyDepth(const LensPatches& patches,
   DepthSurvey survey = is_galilean ? galilean : keplerian;
   (is_galilean ? as_galilean : as_keplerian).Apply(&survey);
   // Once more with what was found.
+  survey.likely =
+      LikelyRange((is_galilean ? as_galilean : as_keplerian).depths, survey.range, matcher.Step());
   const SurveySums again = match(survey);
   again.Apply(&survey);
   survey.likely = LikelyRange(again.depths, survey.range, matcher.Step());

@@ -59,7 +59,7 @@ std::string WhyNotOfThisGrid(const cv::Mat& raw,
     double n = 0, si = 0, sv = 0, siv = 0, svv = 0;
     for (int y = y0; y <= y1; ++y) {
       for (int x = x0; x <= x1; ++x) {
-        if (std::hypot(x - lens.centre.x(), y - lens.centre.y()) > radius) continue;
+        if ((Eigen::Vector2d(x, y) - lens.centre).squaredNorm() > radius * radius) continue;
         const double i = raw.at<float>(y, x), v = attenuation.at<float>(y, x);
         n += 1, si += i, sv += v, siv += i * v, svv += v * v;
       }

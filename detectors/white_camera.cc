@@ -53,14 +53,30 @@ WhiteMeasurement MeasureWhite(const std::vector<FrameImage>& images, const White
             .black = white.black,
             .unevenness = white.unevenness,
             .left_out = white.left_out};
+  const double difference = options.bayer ? 0 : PlaneDifference(white.mean);
+  if (difference > 0) {
+    camera.warnings.push_back(fmt::format(
+        "the white images look like raw colour mosaics (the planes of their 2 x 2 raster "
+        "differ by {:.0f} %); if they are, say so with 'bayer'",
+        100 * difference));
+  }
+  if (options.grid_file) {
+    const std::string unused = UnusedRayCalibData(*options.grid_file);
+    if (!unused.empty()) camera.warnings.push_back(unused);
+  }
   if (options.plenoptic) {
     const cv::Mat levelled = measured.levelled =
         options.bayer ? LevelBayerPlanes(white.mean) : white.mean;
-    camera.grid = options.grid_file ? MeasureMicroLensGrid(
-                                          levelled,
-                                          ReadRayCalibData(*options.grid_file, camera.image_size),
-                                          options.threads)
-                                    : FindMicroLensGrid(levelled, options.threads);
+    try {
+      camera.grid = options.grid_file ? MeasureMicroLensGrid(
+                                            levelled,
+                                            ReadRayCalibData(*options.grid_file, camera.image_size),
+                                            options.threads)
+                                      : FindMicroLensGrid(levelled, options.threads);
+    } catch (const Error& error) {
+      if (camera.warnings.empty()) throw;
+      throw Error(error.kind(), fmt::format("{}; {}", error.what(), camera.warnings[0]));
+    }
     const auto& lenses = camera.grid->array.lenses;
     const auto unusable = static_cast<size_t>(
         std::count_if(lenses.begin(), lenses.end(), [](const MicroLens& l) { return !l.usable; }));

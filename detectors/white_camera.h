@@ -35,6 +35,7 @@ struct WhiteCamera {
   double unevenness = 0;             ///< of the illumination, from side to side
   double darkest = 0;                ///< lowest attenuation
   std::vector<LeftOut> left_out = {};
+  std::vector<std::string> warnings = {};
   std::optional<MicroLensGrid> grid = {};  ///< of a plenoptic camera
   std::string attenuation_tiff = {};       ///< a file's content, 32 bits a pixel
   std::string grid_png = {};               ///< likewise; empty for an ordinary camera

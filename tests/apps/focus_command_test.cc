@@ -22,7 +22,7 @@ class FocusCommandLine : public Workspace {
   FocusCommandLine() : array_(scene_.Array()), attenuation_(scene_.Attenuation(array_)) {
     Write("micro_lenses.csv", FormatMicroLenses(array_));
     WriteImage("vignetting.tiff", attenuation_);
-    WriteImage("raw/a.png", scene_.Raw(array_, attenuation_));
+    WriteImage("raw/a.png", scene_.Raw(array_));
   }
 
   void WriteImage(const std::string& name, const cv::Mat& image) const {
@@ -108,7 +108,7 @@ TEST_F(FocusCommandLine, MeasuresTheCameraOnWhiteImages) {
 }
 
 TEST_F(FocusCommandLine, GivesEachOfManyImagesAFolder) {
-  WriteImage("raw/b.png", scene_.Raw(array_, attenuation_));
+  WriteImage("raw/b.png", scene_.Raw(array_));
   const Outcome outcome = Focus();
   ASSERT_EQ(outcome.status, kDone) << outcome.err;
   EXPECT_EQ(Files("out").size(), 10u);
@@ -152,7 +152,7 @@ TEST_F(FocusCommandLine, NamesARawImageThatDoesNotBelongToTheGrid) {
   PlenopticScene other = scene_;
   other.pitch = 15;
   const MicroLensArray array = other.Array();
-  WriteImage("raw/a.png", other.Raw(array, other.Attenuation(array)));
+  WriteImage("raw/a.png", other.Raw(array));
   ExpectRefused(Focus(), kJobFailed, {"raw/a.png", "does not show micro images where the grid"});
 }
 
@@ -164,7 +164,7 @@ TEST_F(FocusCommandLine, NamesAnImageWithoutDetail) {
 }
 
 TEST_F(FocusCommandLine, DoesNotReplaceARawImage) {
-  WriteImage("out/focused.png", scene_.Raw(array_, attenuation_));
+  WriteImage("out/focused.png", scene_.Raw(array_));
   const Outcome outcome = Run({"focus",
                                "out/focused.png",
                                "--grid",

@@ -269,5 +269,55 @@ TEST_F(Images, InterruptedLeaveNoResults) {
   }
 }
 
+TEST_F(Images, AreFreedOfVignettingByWhiteImages) {
+  // Fall-off to a tenth, off centre, as a steep gradient moves corners most.
+  cv::Mat shade(480, 640, CV_32F);
+  for (int y = 0; y < shade.rows; ++y) {
+    for (int x = 0; x < shade.cols; ++x) {
+      const double r2 = ((x - 100) * (x - 100) + (y - 80) * (y - 80)) / (450.0 * 450.0);
+      shade.at<float>(y, x) = static_cast<float>(1 / std::pow(1 + r2, 2));
+    }
+  }
+  const auto save = [&](const std::string& name, const cv::Mat& image) {
+    cv::Mat exact, shaded;
+    image.convertTo(exact, CV_32F, 256);
+    exact = exact.mul(shade);
+    exact.convertTo(shaded, CV_16U);
+    Save(name, shaded);
+  };
+  const auto detect = [&](const std::string& out) {
+    const Outcome outcome = Run({"detect", "session.yaml", "-o", out});
+    EXPECT_EQ(outcome.status, kDone) << outcome.err;
+    const Table table(Read(out + "/detections_cam0.csv"));
+    const auto frame = table.Column("frame"), marker = table.Column("marker");
+    const auto x = table.Numbers("x"), y = table.Numbers("y");
+    std::map<std::string, cv::Point2d> places;
+    for (size_t i = 0; i < x.size(); ++i) places[frame[i] + " " + marker[i]] = {x[i], y[i]};
+    return places;
+  };
+  const auto even = detect("even");
+  for (int i = 0; i < kImages; ++i) save(fmt::format("images/{:02}.png", i), ChessboardView(i));
+  const auto distance = [&](const std::map<std::string, cv::Point2d>& places) {
+    EXPECT_EQ(places.size(), even.size());
+    double squares = 0;
+    for (const auto& [name, place] : places) {
+      const cv::Point2d off = place - even.at(name);
+      squares += off.dot(off);
+    }
+    return std::sqrt(squares / static_cast<double>(places.size()));
+  };
+  const double shaded = distance(detect("shaded"));
+  save("white/0.png", cv::Mat(480, 640, CV_8U, cv::Scalar(200)));
+  Write("session.yaml",
+        Replaced(Read("session.yaml"),
+                 "images: images/*.png",
+                 "images: images/*.png\n    white_images: white/*.png"));
+  const double corrected = distance(detect("corrected"));
+  RecordProperty("shaded_px", std::to_string(shaded));
+  RecordProperty("corrected_px", std::to_string(corrected));
+  EXPECT_LT(corrected, 0.01);
+  EXPECT_LT(corrected, shaded / 3);
+}
+
 }  // namespace
 }  // namespace plenocal::testing

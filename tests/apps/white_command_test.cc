@@ -16,6 +16,7 @@ namespace {
 
 using ::testing::AllOf;
 using ::testing::HasSubstr;
+using ::testing::Not;
 namespace fs = std::filesystem;
 
 constexpr int kImages = 3;
@@ -126,6 +127,19 @@ TEST_F(WhiteCommand, LeavesOutAnImageThatDiffers) {
   EXPECT_THAT(outcome.out, HasSubstr("3 of 4 white images"));
 }
 
+TEST_F(WhiteCommand, WarnsOfAMosaicThatWasNotAnnounced) {
+  WhiteField field = kField;
+  field.bayer = true;
+  WriteWhites(Render(field).white);
+  const std::string warning = "look like raw colour mosaics";
+  EXPECT_THAT(White().err, HasSubstr(warning));
+  EXPECT_THAT(
+      Run({"white", "white", "--model", "focused-plenoptic", "--bayer", "RGGB", "-o", "out"}).err,
+      Not(HasSubstr(warning)));
+  WriteWhites(Render(kField).white);
+  EXPECT_THAT(White().err, Not(HasSubstr(warning)));
+}
+
 TEST_F(WhiteCommand, SaysThatThereAreNoWhiteImages) {
   ExpectRefused(kWrongInput, {"white", "no white images"});
 }
@@ -183,6 +197,7 @@ TEST_F(WhiteCommand, TakesTheGridOfARayCalibDataFile) {
       Run({"white", "white", "--model", "focused-plenoptic", "--grid", "grid.xml", "-o", "out"});
   ASSERT_EQ(outcome.status, kDone) << outcome.err;
   const Table lenses(Read("out/micro_lenses_white.csv"));
+  EXPECT_THAT(outcome.err, Not(HasSubstr("distortion")));
   ASSERT_EQ(lenses.Rows(), truth.lenses.size());
   const auto x = lenses.Numbers("x"), y = lenses.Numbers("y");
   for (const TrueLens& lens : truth.lenses) {
@@ -192,6 +207,14 @@ TEST_F(WhiteCommand, TakesTheGridOfARayCalibDataFile) {
     }
     EXPECT_LT(nearest, 1e-4);
   }
+  Write("grid.xml",
+        Replaced(Read("grid.xml"),
+                 "<diameter>",
+                 "<distortion><function>Brown</function></distortion><diameter>"));
+  EXPECT_THAT(
+      Run({"white", "white", "--model", "focused-plenoptic", "--grid", "grid.xml", "-o", "out"})
+          .err,
+      AllOf(HasSubstr("grid.xml"), HasSubstr("lens distortion (Brown) is not used")));
 }
 
 }  // namespace

@@ -9,6 +9,7 @@
 #include <cmath>
 #include <numbers>
 #include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
 #include <random>
 
 #include "calib/micro_lens_array.h"
@@ -27,6 +28,9 @@ struct PlenopticScene {
   double brightness = 150;               ///< of white, grey values
   double read_noise = 0.8, shot = 0.03;  ///< grey values; variance per grey value
   bool bayer = false;                    ///< a mosaic in which the colours differ
+  /// Sigma of a Gaussian that blurs what reaches the sensor, image and attenuation as one, px: the
+  /// micro images are then shifted near their edges (detectors/pixel_depth.h, k = blur^2).
+  double blur = 0;
   unsigned seed = 7;
 
   [[nodiscard]] double Depth(const Eigen::Vector2d& q) const {
@@ -70,19 +74,13 @@ struct PlenopticScene {
 
   /// Soft discs, CV_32F.
   [[nodiscard]] cv::Mat Attenuation(const MicroLensArray& array) const {
-    cv::Mat attenuation(height, width, CV_32F, cv::Scalar(0.02));
-    ForEachPixel(array, [&](int x, int y, const MicroLens& lens) {
-      const double r = (Eigen::Vector2d(x, y) - lens.centre).norm();
-      auto& value = attenuation.at<float>(y, x);
-      value = std::max(value,
-                       static_cast<float>(0.02 + 0.98 / (1 + std::exp((r - 0.47 * pitch) / 0.3))));
-    });
-    return attenuation;
+    return Blurred(Discs(array));
   }
 
   /// CV_16U with 256 steps a grey value of `brightness`, so that rounding does not matter.
-  [[nodiscard]] cv::Mat Raw(const MicroLensArray& array, const cv::Mat& attenuation) const {
+  [[nodiscard]] cv::Mat Raw(const MicroLensArray& array) const {
     constexpr int kSamples = 3;
+    const cv::Mat attenuation = Discs(array);
     cv::Mat raw(height, width, CV_32F, cv::Scalar(0));
     cv::Mat nearest(height, width, CV_32F, cv::Scalar(1e9));
     ForEachPixel(array, [&](int x, int y, const MicroLens& lens) {
@@ -104,6 +102,7 @@ struct PlenopticScene {
       raw.at<float>(y, x) = static_cast<float>(brightness * colour * attenuation.at<float>(y, x) *
                                                sum / (kSamples * kSamples));
     });
+    raw = Blurred(raw);
     std::mt19937 random(seed);
     std::normal_distribution<double> normal;
     cv::Mat image(height, width, CV_16U);
@@ -119,6 +118,24 @@ struct PlenopticScene {
   }
 
  private:
+  [[nodiscard]] cv::Mat Discs(const MicroLensArray& array) const {
+    cv::Mat attenuation(height, width, CV_32F, cv::Scalar(0.02));
+    ForEachPixel(array, [&](int x, int y, const MicroLens& lens) {
+      const double r = (Eigen::Vector2d(x, y) - lens.centre).norm();
+      auto& value = attenuation.at<float>(y, x);
+      value = std::max(value,
+                       static_cast<float>(0.02 + 0.98 / (1 + std::exp((r - 0.47 * pitch) / 0.3))));
+    });
+    return attenuation;
+  }
+
+  [[nodiscard]] cv::Mat Blurred(const cv::Mat& image) const {
+    if (blur == 0) return image;
+    cv::Mat blurred;
+    cv::GaussianBlur(image, blurred, {}, blur);
+    return blurred;
+  }
+
   template <typename Use>
   void ForEachPixel(const MicroLensArray& array, const Use& use) const {
     for (const MicroLens& lens : array.lenses) {
