@@ -54,8 +54,8 @@ std::vector<std::vector<cv::Point2f>> TagsIn(const cv::Mat& image) {
 }
 
 TEST_F(SimSmall, MicroLensesAndAttenuation) {
-  const Outcome outcome =
-      Run({"white", (set_ / "plenoptic_white").string(), "--model", "focused-plenoptic", "-o", "out"});
+  const Outcome outcome = Run(
+      {"white", (set_ / "plenoptic_white").string(), "--model", "focused-plenoptic", "-o", "out"});
   ASSERT_EQ(outcome.status, kDone) << outcome.err;
   const auto file = [&](const std::string& start, const std::string& end) {
     for (const auto& entry : fs::directory_iterator(Path("out"))) {
@@ -100,9 +100,10 @@ TEST_F(SimSmall, VirtualDepthOnTags) {
   std::vector<std::string> arguments{"focus"};
   for (const std::string& frame : frames)
     arguments.push_back((set_ / "plenoptic" / (frame + ".png")).string());
-  for (const std::string& more :
-       {std::string("--white"), (set_ / "plenoptic_white").string(), std::string("-o"),
-        std::string("out")})
+  for (const std::string& more : {std::string("--white"),
+                                  (set_ / "plenoptic_white").string(),
+                                  std::string("-o"),
+                                  std::string("out")})
     arguments.push_back(more);
   const Outcome outcome = Run(arguments);
   ASSERT_EQ(outcome.status, kDone) << outcome.err;
