@@ -69,7 +69,9 @@ void RunCalibrate(const SessionCommand& command, const ConsoleOptions& options) 
   const Session session = ReadSession(command.session, CameraModels());
   const Target target = ReadTarget(session.target);
   RefuseToReplaceInputs(
-      session, command.out, {"calibration.yaml", "target.yaml", "poses.csv", "residuals.csv"});
+      session,
+      command.out,
+      {"calibration.yaml", "target.yaml", "poses.csv", "view_poses.csv", "residuals.csv"});
   OutputFolder out(command.out);
   Console console(options.quiet);
 
@@ -106,6 +108,7 @@ void RunCalibrate(const SessionCommand& command, const ConsoleOptions& options) 
                              {"target", session.target.string()}}));
   out.Write("target.yaml", RefinedTarget(target, calibration));
   out.Write("poses.csv", PosesCsv(calibration));
+  if (session.cameras.size() > 1) out.Write("view_poses.csv", ViewPosesCsv(calibration));
   out.Write("residuals.csv", ResidualsCsv(calibration));
   WriteDetections(session, observations, command.out, &out);
   out.Commit();

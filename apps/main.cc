@@ -76,8 +76,8 @@ int main(int argc, char** argv) {  // NOLINT(bugprone-exception-escape)
   add_session_command("calibrate",
                       "From images (or detections) to camera parameters, poses and target.\n\n"
                       "  plenocal calibrate session.yaml -o OUT\n\n"
-                      "writes OUT/calibration.yaml, target.yaml, poses.csv, residuals.csv and "
-                      "detections_<camera>.csv, "
+                      "writes OUT/calibration.yaml, target.yaml, poses.csv, view_poses.csv (of a rig), "
+                      "residuals.csv and detections_<camera>.csv, "
                       "and prints a summary.",
                       plenocal::RunCalibrate);
   add_session_command(

@@ -58,6 +58,11 @@ bool Linearise(const BundleCamera& camera,
       Eigen::Map<Eigen::Vector3d>(out.J_pose + 6 * r + 3) =
           view.chart_pose.transpose() * rotated.cross(J_rig);
     }
+    if (out.J_jitter != nullptr) {
+      Eigen::Map<Eigen::Vector3d>(out.J_jitter + 6 * r) = J_rig;
+      Eigen::Map<Eigen::Vector3d>(out.J_jitter + 6 * r + 3) =
+          view.chart_jitter.transpose() * rotated.cross(J_rig);
+    }
     if (out.J_marker != nullptr) {
       Eigen::Map<Eigen::Vector3d>(out.J_marker + 3 * r) = view.T_rig_target.R.transpose() * J_rig;
     }
@@ -121,12 +126,13 @@ bool WithinBounds(const CameraModel& model, const double* params) {
 }
 
 // All observations of one camera in one frame that fall into one block of markers.
-// Parameter blocks: intrinsics, [mount,] pose[, markers].
+// Parameter blocks: intrinsics, [mount,] pose[, jitter][, markers].
 class ViewCost : public ceres::CostFunction {
  public:
   ViewCost(const BundleCamera& camera,
            const ChartedPose* mount,
            const ChartedPose& pose,
+           bool free_jitter,
            std::span<const BundleObservation* const> observations,
            const Bundle& bundle,
            bool free_markers,
@@ -134,6 +140,7 @@ class ViewCost : public ceres::CostFunction {
       : camera_(camera),
         mount_(mount),
         pose_(pose),
+        free_jitter_(free_jitter),
         observations_(observations.begin(), observations.end()),
         bundle_(bundle),
         free_markers_(free_markers),
@@ -143,6 +150,7 @@ class ViewCost : public ceres::CostFunction {
     sizes.push_back(static_cast<int>(camera.params.size()));
     if (mount_ != nullptr) sizes.push_back(6);
     sizes.push_back(6);
+    if (free_jitter_) sizes.push_back(6);
     if (free_markers_) sizes.push_back(kMarkerBlockSize);
   }
 
@@ -162,6 +170,15 @@ class ViewCost : public ceres::CostFunction {
     const Eigen::Map<const Vector6d> delta(parameters[pose_index]);
     view.T_rig_target = Retract(pose_.origin, delta);
     view.chart_pose = LeftJacobian(delta.tail<3>());
+    const int jitter_index = pose_index + 1;
+    const int marker_index = jitter_index + (free_jitter_ ? 1 : 0);
+    // R = Exp(w_jitter) Exp(w_pose) R_0: a change of w_pose turns with Exp(w_jitter).
+    if (free_jitter_) {
+      const Eigen::Map<const Vector6d> jitter(parameters[jitter_index]);
+      view.T_rig_target = Retract(view.T_rig_target, jitter);
+      view.chart_pose = ExpRotation(jitter.tail<3>()) * view.chart_pose;
+      view.chart_jitter = LeftJacobian(jitter.tail<3>());
+    }
 
     const size_t rows = camera_.model->measured.size();
     const size_t count = camera_.params.size();
@@ -169,7 +186,8 @@ class ViewCost : public ceres::CostFunction {
     double* const J_params = block(0);
     double* const J_mount = mount_ != nullptr ? block(1) : nullptr;
     double* const J_pose = block(pose_index);
-    double* const J_markers = free_markers_ ? block(pose_index + 1) : nullptr;
+    double* const J_jitter = free_jitter_ ? block(jitter_index) : nullptr;
+    double* const J_markers = free_markers_ ? block(marker_index) : nullptr;
     // Ceres may ask for some blocks only; the model's own derivatives are needed for any of them.
     std::vector<double> unasked(jacobians != nullptr && J_params == nullptr ? rows * count : 0);
     for (size_t i = 0; i < observations_.size(); ++i) {
@@ -177,7 +195,7 @@ class ViewCost : public ceres::CostFunction {
       const size_t slot = static_cast<size_t>(observation.marker) % kMarkersPerBlock;
       const Eigen::Vector3d p_target =
           free_markers_ ? Eigen::Vector3d(Eigen::Map<const Eigen::Vector3d>(
-                              parameters[pose_index + 1] + 3 * slot))
+                              parameters[marker_index] + 3 * slot))
                         : bundle_.markers[static_cast<size_t>(observation.marker)].position;
       const size_t row = i * rows;
       double J_marker[kMaxObservationSize * 3];
@@ -186,6 +204,7 @@ class ViewCost : public ceres::CostFunction {
         out.J_params = J_params != nullptr ? J_params + row * count : unasked.data();
         if (J_mount != nullptr) out.J_mount = J_mount + row * 6;
         if (J_pose != nullptr) out.J_pose = J_pose + row * 6;
+        if (J_jitter != nullptr) out.J_jitter = J_jitter + row * 6;
         if (J_markers != nullptr) out.J_marker = J_marker;
       }
       if (!internal::Linearise(camera_, parameters[0], view, p_target, observation.seen, out)) {
@@ -224,6 +243,7 @@ class ViewCost : public ceres::CostFunction {
     scale(out.J_params, camera_.params.size());
     scale(out.J_mount, 6);
     scale(out.J_pose, 6);
+    scale(out.J_jitter, 6);
     scale(out.J_marker, 3);
     for (size_t r = 0; r < rows; ++r) out.residual[r] *= robust.factor;
   }
@@ -231,6 +251,7 @@ class ViewCost : public ceres::CostFunction {
   const BundleCamera& camera_;
   const ChartedPose* mount_;
   const ChartedPose& pose_;
+  bool free_jitter_;
   std::vector<const BundleObservation*> observations_;
   const Bundle& bundle_;
   bool free_markers_;
@@ -263,6 +284,30 @@ class MarkerPrior : public ceres::CostFunction {
   double sigma_;
 };
 
+// W delta of one view's jitter.
+class JitterPrior : public ceres::CostFunction {
+ public:
+  explicit JitterPrior(const Matrix6d& weight) : weight_(weight) {
+    set_num_residuals(6);
+    mutable_parameter_block_sizes()->push_back(6);
+  }
+
+  bool Evaluate(double const* const* parameters,
+                double* residuals,
+                double** jacobians) const override {
+    Eigen::Map<Vector6d> residual(residuals);
+    residual = weight_ * Eigen::Map<const Vector6d>(parameters[0]);
+    if (jacobians != nullptr && jacobians[0] != nullptr) {
+      Eigen::Map<Eigen::Matrix<double, 6, 6, Eigen::RowMajor>> J(jacobians[0]);
+      J = weight_;
+    }
+    return true;
+  }
+
+ private:
+  Matrix6d weight_;
+};
+
 class IterationReport : public ceres::IterationCallback {
  public:
   explicit IterationReport(const AdjustOptions& options) : options_(options) {}
@@ -284,7 +329,8 @@ constexpr size_t kMaxDenseUnknowns = 3000;
 bool Residual(const Bundle& bundle, const BundleObservation& observation, double* residual) {
   const BundleCamera& camera = bundle.cameras[static_cast<size_t>(observation.camera)];
   const RigidTransform T_camera_target =
-      camera.T_camera_rig * bundle.T_rig_target[static_cast<size_t>(observation.frame)];
+      camera.T_camera_rig * bundle.SeenPose(static_cast<size_t>(observation.frame),
+                                            static_cast<size_t>(observation.camera));
   double predicted[kMaxObservationSize];
   if (!camera.model->project(
           camera.params.data(),
@@ -315,13 +361,51 @@ double WeightedLength(const Bundle& bundle,
   return std::sqrt(sum) / NoiseSigma(camera, observation.seen);
 }
 
+namespace {
+
+// Normal equations H delta = -g of a target pose, from observations in [begin, end). `width` is
+// that of Huber's loss.
+struct PoseEquations {
+  Matrix6d H = Matrix6d::Zero();
+  Vector6d g = Vector6d::Zero();
+};
+
+PoseEquations LinearisePose(const Bundle& bundle, size_t begin, size_t end, double width) {
+  PoseEquations equations;
+  std::vector<double> J_params;
+  for (size_t i = begin; i < end; ++i) {
+    const BundleObservation& observation = bundle.observations[i];
+    if (!observation.used) continue;
+    const BundleCamera& camera = bundle.cameras[static_cast<size_t>(observation.camera)];
+    double residual[kMaxObservationSize], J_pose[6 * kMaxObservationSize];
+    J_params.resize(kMaxObservationSize * camera.params.size());
+    if (!internal::Linearise(
+            camera,
+            camera.params.data(),
+            {.T_camera_rig = camera.T_camera_rig,
+             .T_rig_target = bundle.SeenPose(static_cast<size_t>(observation.frame),
+                                             static_cast<size_t>(observation.camera))},
+            bundle.markers[static_cast<size_t>(observation.marker)].position,
+            observation.seen,
+            {.residual = residual, .J_params = J_params.data(), .J_pose = J_pose})) {
+      continue;
+    }
+    const auto rows = static_cast<Eigen::Index>(camera.model->measured.size());
+    const Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, 6, Eigen::RowMajor>> J(
+        J_pose, rows, 6);
+    const Eigen::Map<const Eigen::VectorXd> r(residual, rows);
+    const double weight = width / std::max(r.norm(), width);
+    equations.H.noalias() += weight * J.transpose().lazyProduct(J);
+    equations.g.noalias() += weight * J.transpose().lazyProduct(r);
+  }
+  return equations;
+}
+
+}  // namespace
+
 void AdjustPoses(Bundle* bundle, const std::vector<bool>& frames) {
   constexpr int kSteps = 4;
-  size_t most_params = 0;
-  for (const BundleCamera& camera : bundle->cameras) {
-    most_params = std::max(most_params, camera.params.size());
-  }
-  std::vector<double> J_params(kMaxObservationSize * most_params);
+  constexpr double kWidth = 3;
   const auto& observations = bundle->observations;
   for (size_t begin = 0, end = 0; begin < observations.size(); begin = end) {
     const auto frame = static_cast<size_t>(observations[begin].frame);
@@ -329,47 +413,62 @@ void AdjustPoses(Bundle* bundle, const std::vector<bool>& frames) {
     if (!frames[frame]) continue;
     RigidTransform& T_rig_target = bundle->T_rig_target[frame];
     for (int step = 0; step < kSteps; ++step) {
-      Matrix6d H = Matrix6d::Zero();
-      Vector6d g = Vector6d::Zero();
-      for (size_t i = begin; i < end; ++i) {
-        if (!observations[i].used) continue;
-        const BundleCamera& camera = bundle->cameras[static_cast<size_t>(observations[i].camera)];
-        double residual[kMaxObservationSize], J_pose[6 * kMaxObservationSize];
-        if (!internal::Linearise(
-                camera,
-                camera.params.data(),
-                {.T_camera_rig = camera.T_camera_rig, .T_rig_target = T_rig_target},
-                bundle->markers[static_cast<size_t>(observations[i].marker)].position,
-                observations[i].seen,
-                {.residual = residual, .J_params = J_params.data(), .J_pose = J_pose})) {
-          continue;
-        }
-        const auto rows = static_cast<Eigen::Index>(camera.model->measured.size());
-        const Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, 6, Eigen::RowMajor>> J(
-            J_pose, rows, 6);
-        const Eigen::Map<const Eigen::VectorXd> r(residual, rows);
-        // Huber's weight.
-        constexpr double kWidth = 3;
-        const double weight = std::min(1.0, kWidth / std::max(r.norm(), kWidth));
-        H.noalias() += weight * J.transpose().lazyProduct(J);
-        g.noalias() += weight * J.transpose().lazyProduct(r);
-      }
-      const Vector6d delta = -H.ldlt().solve(g);
+      const PoseEquations equations = LinearisePose(*bundle, begin, end, kWidth);
+      const Vector6d delta = -equations.H.ldlt().solve(equations.g);
       if (!delta.allFinite()) break;
       T_rig_target = Retract(T_rig_target, delta);
-      if (delta.dot(H * delta) < 1) break;  // less than a sigma; the bundle adjustment goes on
+      if (delta.dot(equations.H * delta) < 1) break;  // less than a sigma; the adjustment goes on
     }
   }
 }
 
+std::vector<PoseStep> OwnPoseSteps(const Bundle& bundle) {
+  constexpr double kNoLoss = 1e300;
+  std::vector<PoseStep> steps;
+  const auto& observations = bundle.observations;
+  for (size_t begin = 0, end = 0; begin < observations.size(); begin = end) {
+    const BundleObservation& first = observations[begin];
+    for (; end < observations.size(); ++end) {
+      if (observations[end].frame != first.frame || observations[end].camera != first.camera) break;
+    }
+    const PoseEquations equations = LinearisePose(bundle, begin, end, kNoLoss);
+    const Eigen::LLT<Matrix6d> factor(equations.H);
+    if (factor.info() != Eigen::Success) continue;
+    const Vector6d delta = -factor.solve(equations.g);
+    steps.push_back({first.frame, first.camera, delta, -delta.dot(equations.g)});
+  }
+  return steps;
+}
+
+Matrix6d JitterWeight(const Bundle& bundle, size_t frame) {
+  Eigen::Vector3d centre = Eigen::Vector3d::Zero();
+  for (const BundleMarker& marker : bundle.markers) centre += marker.nominal;
+  centre /= std::max(1.0, static_cast<double>(bundle.markers.size()));
+  // The target's centre c moves by v + w x (R c).
+  Matrix6d weight = Matrix6d::Zero();
+  weight.topLeftCorner<3, 3>().setIdentity();
+  weight.topRightCorner<3, 3>() = -Hat(bundle.T_rig_target[frame].R * centre);
+  weight.topRows<3>() /= bundle.jitter.translation_sigma;
+  weight.bottomRightCorner<3, 3>() = Eigen::Matrix3d::Identity() / bundle.jitter.rotation_sigma;
+  return weight;
+}
+
+Matrix6d JitterWeight(const Bundle& bundle, size_t frame, size_t camera) {
+  constexpr double kNoSay = 1e-3;  // of the weight; zero would leave a frame of one such view open
+  return (bundle.jitter.misplaced[bundle.View(frame, camera)] ? kNoSay : 1.0) *
+         JitterWeight(bundle, frame);
+}
+
 AdjustSummary Adjust(Bundle* bundle, const AdjustOptions& options) {
   const bool free_markers = bundle->marker_sigma > 0;
+  const bool free_jitter = bundle->jitter.translation_sigma > 0;
 
   // All unknowns in one array: Ceres orders the blocks of a group by their addresses, and the same
   // input must give the same order.
   const size_t block_count = (bundle->markers.size() + kMarkersPerBlock - 1) / kMarkersPerBlock;
-  size_t size = 6 * (bundle->T_rig_target.size() + bundle->cameras.size()) +
-                kMarkerBlockSize * block_count;  // the last block may have a spare marker
+  size_t size =
+      6 * (bundle->T_rig_target.size() + bundle->cameras.size() + bundle->jitter.delta.size()) +
+      kMarkerBlockSize * block_count;  // the last block may have a spare marker
   for (const BundleCamera& camera : bundle->cameras) size += camera.params.size();
   std::vector<double> unknowns(size, 0.0);
   double* free_place = unknowns.data();
@@ -382,6 +481,10 @@ AdjustSummary Adjust(Bundle* bundle, const AdjustOptions& options) {
     mounts.push_back({camera.T_camera_rig, take(6)});
     params.push_back(take(camera.params.size()));
     std::copy(camera.params.begin(), camera.params.end(), params.back());
+  }
+  double* const jitter = take(6 * bundle->jitter.delta.size());
+  for (size_t i = 0; i < bundle->jitter.delta.size(); ++i) {
+    Eigen::Map<Vector6d>(jitter + 6 * i) = bundle->jitter.delta[i];
   }
   double* const markers = take(kMarkerBlockSize * block_count);
   std::vector<double> nominal(kMarkerBlockSize * block_count, 0.0);
@@ -398,6 +501,8 @@ AdjustSummary Adjust(Bundle* bundle, const AdjustOptions& options) {
 
   std::vector<bool> block_used(block_count, false);
   std::vector<bool> camera_used(bundle->cameras.size(), false);
+  std::vector<bool> view_used(bundle->jitter.delta.size(), false);
+  std::vector<bool> frame_used(bundle->T_rig_target.size(), false);
   const auto& observations = bundle->observations;
   std::vector<const BundleObservation*> group;
   for (size_t begin = 0; begin < observations.size();) {
@@ -423,15 +528,36 @@ AdjustSummary Adjust(Bundle* bundle, const AdjustOptions& options) {
     std::vector<double*> blocks{params[camera_index]};
     if (mount != nullptr) blocks.push_back(mount->delta);
     blocks.push_back(pose.delta);
+    if (free_jitter) {
+      const size_t view = bundle->View(static_cast<size_t>(first.frame), camera_index);
+      blocks.push_back(jitter + 6 * view);
+      view_used[view] = true;
+    }
     if (free_markers) blocks.push_back(markers + block * kMarkerBlockSize);
     problem.AddResidualBlock(
-        new ViewCost(camera, mount, pose, group, *bundle, free_markers, options), nullptr, blocks);
-    ordering->AddElementToGroup(pose.delta, 0);
+        new ViewCost(camera, mount, pose, free_jitter, group, *bundle, free_markers, options),
+        nullptr,
+        blocks);
+    frame_used[static_cast<size_t>(first.frame)] = true;
     camera_used[camera_index] = true;
     if (free_markers) block_used[block] = true;
   }
 
+  // What is eliminated first must not share residuals: the jitter of the views when there is any,
+  // else the poses.
   size_t dense_unknowns = 0;
+  for (size_t frame = 0; frame < poses.size(); ++frame) {
+    if (!frame_used[frame]) continue;
+    ordering->AddElementToGroup(poses[frame].delta, free_jitter ? 1 : 0);
+    dense_unknowns += free_jitter ? 6 : 0;
+    for (size_t c = 0; free_jitter && c < bundle->cameras.size(); ++c) {
+      const size_t view = bundle->View(frame, c);
+      if (!view_used[view]) continue;
+      problem.AddResidualBlock(
+          new JitterPrior(JitterWeight(*bundle, frame, c)), nullptr, jitter + 6 * view);
+      ordering->AddElementToGroup(jitter + 6 * view, 0);
+    }
+  }
   for (size_t i = 0; i < bundle->cameras.size(); ++i) {
     if (!camera_used[i]) continue;
     const BundleCamera& camera = bundle->cameras[i];
@@ -470,7 +596,8 @@ AdjustSummary Adjust(Bundle* bundle, const AdjustOptions& options) {
   }
 
   ceres::Solver::Options solver;
-  // Poses first: there are many, each touches few residuals, and what remains is small and dense.
+  // Poses (or jitter) first: there are many, each touches few residuals, and what remains is small
+  // and dense.
   solver.linear_solver_ordering.reset(ordering);
   solver.linear_solver_type =
       dense_unknowns <= kMaxDenseUnknowns ? ceres::DENSE_SCHUR : ceres::SPARSE_SCHUR;
@@ -501,6 +628,9 @@ AdjustSummary Adjust(Bundle* bundle, const AdjustOptions& options) {
     bundle->cameras[i].T_camera_rig = mounts[i].Value();
   }
   for (size_t i = 0; i < poses.size(); ++i) bundle->T_rig_target[i] = poses[i].Value();
+  for (size_t i = 0; i < bundle->jitter.delta.size(); ++i) {
+    bundle->jitter.delta[i] = Eigen::Map<const Vector6d>(jitter + 6 * i);
+  }
   if (free_markers) {
     for (size_t i = 0; i < bundle->markers.size(); ++i) {
       bundle->markers[i].position = Eigen::Map<const Eigen::Vector3d>(markers + 3 * i);

@@ -42,6 +42,21 @@ struct BundleObservation {
   bool used = true;
 };
 
+/// What each image's target pose has for itself, beside the pose that all cameras of a frame share:
+/// images of one frame that were not taken at quite the same time, or mounts that move. Errors that
+/// all points of a view share, and hence unknowns, with Gaussian priors whose sigmas are estimated.
+struct Jitter {
+  /// Sigma of each coordinate of the target's centre, m, and of its rotation about each axis, rad;
+  /// zeros for a rigid, synchronous rig.
+  double translation_sigma = 0, rotation_sigma = 0;
+  /// Per frame and camera (frame * cameras + camera): change of T_rig_target in its chart. Empty
+  /// for a rigid, synchronous rig.
+  std::vector<Vector6d> delta;
+  /// Parallel to `delta`: farther off than these sigmas allow. Such a view has no say in the
+  /// frame's pose and counts for its own camera only.
+  std::vector<bool> misplaced;
+};
+
 /// State and data of the adjustment. `observations` are sorted by frame, then camera, then marker.
 struct Bundle {
   std::vector<BundleCamera> cameras;
@@ -50,6 +65,16 @@ struct Bundle {
   /// Sigma of each nominal marker coordinate; 0 holds the markers at their positions.
   double marker_sigma = 0;
   std::vector<BundleObservation> observations;
+  Jitter jitter;
+
+  [[nodiscard]] size_t View(size_t frame, size_t camera) const {
+    return frame * cameras.size() + camera;
+  }
+  /// T_rig_target of a frame as one of its cameras sees it.
+  [[nodiscard]] RigidTransform SeenPose(size_t frame, size_t camera) const {
+    return jitter.delta.empty() ? T_rig_target[frame]
+                                : Retract(T_rig_target[frame], jitter.delta[View(frame, camera)]);
+  }
 };
 
 enum class Loss { kNone, kHuber, kCauchy };
@@ -75,15 +100,30 @@ struct AdjustSummary {
   std::string message;
 };
 
-/// Minimises over intrinsics, T_camera_rig, T_rig_target and markers. Every used observation must
-/// project at the start. Runs Ceres on one thread: its parallel sums depend on
-/// the schedule, and the same input must give the same bytes.
+/// Minimises over intrinsics, T_camera_rig, T_rig_target, jitter (where its sigmas are not zero)
+/// and markers. Every used observation must project at the start. Runs Ceres on one thread: its
+/// parallel sums depend on the schedule, and the same input must give the same bytes.
 AdjustSummary Adjust(Bundle* bundle, const AdjustOptions& options);
 
 /// Moves T_rig_target of the chosen frames to the optimum of their used observations while all else
 /// stays: a few robust Gauss-Newton steps from a pose that is nearly right. Much cheaper than
 /// `Adjust`.
 void AdjustPoses(Bundle* bundle, const std::vector<bool>& frames);
+
+/// One view's say on the target's pose.
+struct PoseStep {
+  int frame = 0, camera = 0;
+  Vector6d delta;   ///< step in the chart of its seen pose to the optimum of its own observations
+  double gain = 0;  ///< by how much the step lowers the sum of their squares, sigma^2
+};
+/// Of every view that has used observations enough for a pose, in their order.
+std::vector<PoseStep> OwnPoseSteps(const Bundle& bundle);
+
+/// Square root W of the prior's information on the jitter in one frame: its residual is W delta,
+/// first the displacement of the target's centre, then its rotation.
+Matrix6d JitterWeight(const Bundle& bundle, size_t frame);
+/// The same for one view, which may be misplaced.
+Matrix6d JitterWeight(const Bundle& bundle, size_t frame, size_t camera);
 
 /// Residual of one observation, measured minus predicted; false outside the model's domain.
 bool Residual(const Bundle& bundle, const BundleObservation& observation, double* residual);
@@ -103,6 +143,7 @@ struct LinearisedView {
   RigidTransform T_camera_rig, T_rig_target;
   Eigen::Matrix3d chart_mount = Eigen::Matrix3d::Identity();  ///< left Jacobian at the chart's w
   Eigen::Matrix3d chart_pose = Eigen::Matrix3d::Identity();
+  Eigen::Matrix3d chart_jitter = Eigen::Matrix3d::Identity();
 };
 
 /// Where one observation's weighted residual and derivatives go; row-major, one row a measured
@@ -112,6 +153,7 @@ struct LinearisedRows {
   double* J_params = nullptr;  ///< rows x params
   double* J_mount = nullptr;   ///< rows x 6, chart of T_camera_rig
   double* J_pose = nullptr;    ///< rows x 6, chart of T_rig_target
+  double* J_jitter = nullptr;  ///< rows x 6, chart of Jitter::delta
   double* J_marker = nullptr;  ///< rows x 3
 };
 

@@ -7,6 +7,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <numbers>
 #include <set>
 
 #include "calib/error.h"
@@ -18,10 +19,13 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kFalseRejections = 0.05;  // expected number of good observations rejected in all
+constexpr double kFalseAlarm = 1e-3;       // of rigid, synchronous rigs that are not taken as such
 constexpr int kMaxRounds = 10;
 constexpr size_t kMinMarkersInFrame = 4;
 // Exact (simulated) observations have no noise to estimate; below this they count as exact, px.
 constexpr double kSmallestNoise = 1e-9;
+constexpr double kExact = 1e-6;  // of observations whose noise is rounding, px
+constexpr double kSmallestJitter = 1e-12;  // m and rad, likewise
 
 // P(chi-square with k degrees of freedom > x), k >= 1: Q(k/2, x/2) by its recurrence in k.
 double ChiSquareTail(int k, double x) {
@@ -41,6 +45,14 @@ double ChiSquareQuantile(int k, double p) {
     (ChiSquareTail(k, middle) > p ? low : high) = middle;
   }
   return high;
+}
+
+// P(F > x) with m and n degrees of freedom, by Paulson's normal approximation of F^(1/3) (Annals of
+// Mathematical Statistics 13, 1942).
+double FTail(double x, double m, double n) {
+  const double root = std::cbrt(x), a = 2 / (9 * m), b = 2 / (9 * n);
+  const double z = ((1 - b) * root - (1 - a)) / std::sqrt(b * root * root + a);
+  return std::erfc(z / std::numbers::sqrt2) / 2;
 }
 
 class Calibrator {
@@ -68,32 +80,28 @@ class Calibrator {
   [[nodiscard]] size_t CameraCount() const { return input_.cameras.size(); }
 
   void Start() {
-    std::vector<CameraStart> starts(CameraCount());
+    starts_.resize(CameraCount());
     ParallelFor(CameraCount(), options_.threads, [&](size_t c) {
-      starts[c] = StartCamera(input_.cameras[c], input_.markers);
+      starts_[c] = StartCamera(input_.cameras[c], input_.markers);
     });
-    const std::vector<RigidTransform> T_camera_rig = StartRig(input_.cameras, starts);
+    const std::vector<RigidTransform> T_camera_rig = StartRig(input_.cameras, starts_);
     for (size_t c = 0; c < CameraCount(); ++c) {
       const CameraInput& camera = input_.cameras[c];
       result_.camera_names.push_back(camera.name);
       result_.image_sizes.push_back(camera.image_size);
       bundle().cameras.push_back({.model = camera.model,
                                   .config = camera.config,
-                                  .params = starts[c].params,
+                                  .params = starts_[c].params,
                                   .fixed = camera.fixed,
                                   .T_camera_rig = T_camera_rig[c],
                                   .is_master = c == 0});
     }
     bundle().marker_sigma = input_.marker_sigma;
-    for (size_t c = 0; c < CameraCount(); ++c) {
-      const int k = static_cast<int>(input_.cameras[c].model->measured.size());
-      noise_alone_.push_back(starts[c].median_error / std::sqrt(ChiSquareQuantile(k, 0.5)));
-    }
-    CollectObservations(starts);
+    CollectObservations();
   }
 
   // Frames, markers and observations that take part, in their order.
-  void CollectObservations(const std::vector<CameraStart>& starts) {
+  void CollectObservations() {
     struct InFrame {
       size_t camera, view;
     };
@@ -113,7 +121,7 @@ class Calibrator {
     }
 
     for (const auto& [name, views] : frames) {
-      const std::optional<RigidTransform> T_rig_target = FramePose(views, starts);
+      const std::optional<RigidTransform> T_rig_target = FramePose(views);
       if (!T_rig_target) {
         result_.left_out.push_back(
             {fmt::format("frame {}", name),
@@ -136,12 +144,11 @@ class Calibrator {
 
   // The pose by one of the frame's cameras that explains all of them best.
   template <typename Views>
-  std::optional<RigidTransform> FramePose(const Views& views,
-                                          const std::vector<CameraStart>& starts) {
+  std::optional<RigidTransform> FramePose(const Views& views) {
     std::optional<RigidTransform> best;
     double best_error = kInfinity;
     for (const auto& in_frame : views) {
-      const auto& T_camera_target = starts[in_frame.camera].T_camera_target[in_frame.view];
+      const auto& T_camera_target = starts_[in_frame.camera].T_camera_target[in_frame.view];
       if (!T_camera_target) continue;
       const RigidTransform T_rig_target =
           bundle().cameras[in_frame.camera].T_camera_rig.Inverse() * *T_camera_target;
@@ -454,10 +461,118 @@ class Calibrator {
     }
   }
 
+  // A rig is taken as rigid and its frames as synchronous until they show otherwise.
   void Solve() {
+    const std::vector<BundleCamera> cameras = bundle().cameras;
+    const std::vector<RigidTransform> T_rig_target = bundle().T_rig_target;
+    const std::vector<BundleMarker> markers = bundle().markers;
+    SolveRounds();
+    if (FramesAgree()) return;
+    bundle().cameras = cameras;
+    bundle().T_rig_target = T_rig_target;
+    bundle().markers = markers;
+    StartJitter();
+    SolveRounds();
+  }
+
+  // Whether the views of a frame see the target at one pose as well as their noise lets them: an
+  // F-test of what poses of their own would gain. Otherwise the noise of some cameras stands for
+  // the frames' disagreement, and the others have taken all the weight.
+  [[nodiscard]] bool FramesAgree() const {
+    double noise = 0;
+    for (size_t c = 0; c < CameraCount(); ++c) noise = std::max(noise, TypicalNoise(c));
+    if (CameraCount() == 1 || noise < kExact) return true;
+    const std::vector<PoseStep> steps = OwnPoseSteps(result_.bundle);
+    std::set<int> frames;
+    double gain = 0, coordinates = 0;
+    for (const PoseStep& step : steps) {
+      frames.insert(step.frame);
+      gain += step.gain;
+    }
+    for (const double redundancy : result_.uncertainty.redundancy) coordinates += redundancy;
+    // The poses of the frames and the mounts have taken their part.
+    const double unknowns = 6.0 * (static_cast<double>(steps.size()) -
+                                   static_cast<double>(frames.size() + CameraCount() - 1));
+    const double rest = coordinates - unknowns;
+    if (unknowns <= 0 || rest <= 0) return true;
+    return FTail(gain / unknowns / ((coordinates - gain) / rest), unknowns, rest) > kFalseAlarm;
+  }
+
+  // Starts from what each camera sees alone.
+  void StartJitter() {
+    std::map<std::string, size_t> frames;
+    for (size_t f = 0; f < result_.frames.size(); ++f) frames[result_.frames[f]] = f;
+    Jitter& jitter = bundle().jitter;
+    jitter.translation_sigma = jitter.rotation_sigma = 1;
+    jitter.delta.assign(result_.frames.size() * CameraCount(), Vector6d::Zero());
+    jitter.misplaced.assign(jitter.delta.size(), false);
+    std::vector<double> displacements, turns;
+    for (size_t c = 0; c < CameraCount(); ++c) {
+      const RigidTransform T_rig_camera = bundle().cameras[c].T_camera_rig.Inverse();
+      for (size_t v = 0; v < input_.cameras[c].views.size(); ++v) {
+        const auto frame = frames.find(input_.cameras[c].views[v].frame);
+        const auto& T_camera_target = starts_[c].T_camera_target[v];
+        if (frame == frames.end() || !T_camera_target) continue;
+        const RigidTransform seen = T_rig_camera * *T_camera_target;
+        const RigidTransform& shared = bundle().T_rig_target[frame->second];
+        Vector6d& delta = jitter.delta[bundle().View(frame->second, c)];
+        delta << seen.t - shared.t, LogRotation(seen.R * shared.R.transpose());
+        const Vector6d error = JitterWeight(bundle(), frame->second) * delta;
+        if (error.norm() < kSmallestJitter) continue;  // the view that gave the frame its pose
+        displacements.push_back(error.head<3>().norm());
+        turns.push_back(error.tail<3>().norm());
+      }
+    }
+    const double median = std::sqrt(ChiSquareQuantile(3, 0.5));
+    jitter.translation_sigma = std::max(Median(displacements) / median, kSmallestJitter);
+    jitter.rotation_sigma = std::max(Median(turns) / median, kSmallestJitter);
+  }
+
+  // As EstimateNoise, for the jitter; also judges which views are misplaced.
+  double EstimateJitter() {
+    Jitter& jitter = bundle().jitter;
+    if (!(jitter.translation_sigma > 0)) return 0;
+    std::set<std::pair<int, int>> used;  // (frame, camera)
+    for (const BundleObservation& observation : bundle().observations) {
+      if (observation.used) used.emplace(observation.frame, observation.camera);
+    }
+    double displacements = 0, turns = 0;  // sums of squares in sigmas
+    std::vector<Vector6d> errors;         // parallel to `used`
+    for (const auto& [frame, camera] : used) {
+      const auto f = static_cast<size_t>(frame);
+      const size_t view = bundle().View(f, static_cast<size_t>(camera));
+      const Vector6d error = JitterWeight(bundle(), f) * jitter.delta[view];
+      errors.push_back(error);
+      if (jitter.misplaced[view]) continue;
+      displacements += error.head<3>().squaredNorm();
+      turns += error.tail<3>().squaredNorm();
+    }
+    const auto factor = [](double squares, double redundancy) {
+      return redundancy > 0 ? std::sqrt(squares / redundancy) : 1;
+    };
+    const Uncertainty& uncertainty = result_.uncertainty;
+    const double displacement = factor(displacements, uncertainty.jitter_translation_redundancy);
+    const double turn = factor(turns, uncertainty.jitter_rotation_redundancy);
+    jitter.translation_sigma = std::max(displacement * jitter.translation_sigma, kSmallestJitter);
+    jitter.rotation_sigma = std::max(turn * jitter.rotation_sigma, kSmallestJitter);
+
+    const double limit = ChiSquareQuantile(6, kFalseRejections / static_cast<double>(used.size()));
+    auto error = errors.begin();
+    for (const auto& [frame, camera] : used) {
+      const size_t view = bundle().View(static_cast<size_t>(frame), static_cast<size_t>(camera));
+      jitter.misplaced[view] = error->head<3>().squaredNorm() / (displacement * displacement) +
+                                   error->tail<3>().squaredNorm() / (turn * turn) >
+                               limit;
+      ++error;
+    }
+    return std::max(std::abs(displacement - 1), std::abs(turn - 1));
+  }
+
+  void SolveRounds() {
     // First a part of the frames: it takes the long steps at a part of the cost.
     constexpr size_t kFirstFrames = 40;
     const std::vector<bool> first = SelectFrames(kFirstFrames);
+    const bool has_jitter = bundle().jitter.translation_sigma > 0;
     EstimateNoiseRobustly(first);
     UseProjecting(first);
     Adjust(1e-3);
@@ -474,8 +589,8 @@ class Calibrator {
     for (int round = 0; round < kMaxRounds; ++round) {
       CheckEnough();
       Adjust(round == 0 ? FineTolerance() : kRoundTolerance);
-      if (round == 0) CountPaidCoordinates();
-      const double noise_change = EstimateNoise(Lengths());
+      if (round == 0 || has_jitter) CountPaidCoordinates();
+      const double noise_change = std::max(EstimateNoise(Lengths()), EstimateJitter());
       const size_t changed = Reject(Lengths());
       DropWeakFrames();
       // The optimum moves with the square of a small change of the weights, the sigmas in
@@ -502,8 +617,10 @@ class Calibrator {
   // How many of each camera's coordinates the unknowns take; a rejection changes it little.
   void CountPaidCoordinates() {
     paid_coordinates_ = UsedCoordinates();
-    const Uncertainty uncertainty = EstimateUncertainty(result_.bundle, result_.camera_names);
-    for (size_t c = 0; c < CameraCount(); ++c) paid_coordinates_[c] -= uncertainty.redundancy[c];
+    result_.uncertainty = EstimateUncertainty(result_.bundle, result_.camera_names);
+    for (size_t c = 0; c < CameraCount(); ++c) {
+      paid_coordinates_[c] -= result_.uncertainty.redundancy[c];
+    }
   }
 
   // A step that lowers half the sum of squares (in sigmas) by d moves the unknowns by about
@@ -622,30 +739,29 @@ class Calibrator {
       fit.stated_sigma = has_sigmas_[c] ? typical_sigma_[c] : 0;
       result_.fits.push_back(fit);
     }
-    WarnOfDisagreement();
+    WarnOfJitter();
     if (!result_.converged) {
       result_.warnings.emplace_back(
           "the bundle adjustment did not converge: the values may still be moving");
     }
   }
 
-  // A camera that fits its own images well but not those of the rig.
-  void WarnOfDisagreement() {
-    // The start holds the target rigid, so a rig without trouble is not far above it.
-    constexpr double kFarAbove = 3;
-    for (size_t c = 0; c < CameraCount() && CameraCount() > 1; ++c) {
-      if (!(result_.fits[c].sigma > kFarAbove * noise_alone_[c]) ||
-          noise_alone_[c] < kSmallestNoise) {
-        continue;
-      }
-      result_.warnings.push_back(fmt::format(
-          "{}: its points are off by {:.2g} px a coordinate in the rig, but by {:.2g} px alone: "
-          "images of one frame that were not taken at the same time, a mount that moved, or frames "
-          "with wrong names. Its parameters and extrinsics are not to be trusted",
-          input_.cameras[c].name,
-          result_.fits[c].sigma,
-          noise_alone_[c]));
-    }
+  void WarnOfJitter() {
+    const Jitter& jitter = bundle().jitter;
+    if (!(jitter.translation_sigma > 0)) return;
+    const auto misplaced = std::count(jitter.misplaced.begin(), jitter.misplaced.end(), true);
+    result_.warnings.push_back(fmt::format(
+        "the rig is not rigid or its frames are not synchronous: within a frame each camera sees "
+        "the "
+        "target displaced by {:.2g} mm along and turned by {:.2g} degrees about each axis "
+        "(sigma){}. "
+        "Images of a frame that were not taken at the same time, a mount that moves, frames with "
+        "wrong names, or a model that does not suit the lens. The sigmas allow for it",
+        1e3 * jitter.translation_sigma,
+        jitter.rotation_sigma * 180 / std::numbers::pi,
+        misplaced == 0 ? ""
+                       : fmt::format("; {} images that are farther off count for their camera only",
+                                     misplaced)));
   }
 
   Bundle& bundle() { return result_.bundle; }
@@ -653,7 +769,7 @@ class Calibrator {
   const CalibrationInput& input_;
   const CalibrationOptions& options_;
   Calibration result_;
-  std::vector<double> noise_alone_;  // per camera, px, before the rig binds it to the others
+  std::vector<CameraStart> starts_;
   std::vector<double> typical_sigma_;
   std::vector<bool> has_sigmas_;
   std::vector<double> paid_coordinates_;  // per camera

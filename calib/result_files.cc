@@ -61,6 +61,18 @@ Vector6d SigmaXi(const Calibration& calibration, size_t c) {
   return (J * covariance * J.transpose()).diagonal().cwiseMax(0).cwiseSqrt();
 }
 
+std::string PoseColumns(const RigidTransform& T) {
+  const Eigen::Quaterniond q(T.R);
+  return fmt::format(",{:.12g},{:.12g},{:.12g},{:.12g},{:.12g},{:.12g},{:.12g}",
+                     T.t.x(),
+                     T.t.y(),
+                     T.t.z(),
+                     q.x(),
+                     q.y(),
+                     q.z(),
+                     q.w());
+}
+
 std::string Describe(const OpenDirection& direction) {
   std::string text;
   for (const auto& [name, share] : direction.parts) {
@@ -143,6 +155,14 @@ std::string CalibrationYaml(const Calibration& calibration,
                  YamlNumber(calibration.rejection_threshold),
                  YamlNumber(calibration.bundle.marker_sigma));
 
+  if (const Jitter& jitter = calibration.bundle.jitter; !jitter.delta.empty()) {
+    fmt::format_to(out,
+                   "jitter: {{translation: {}, rotation: {}, misplaced: {}}}\n",
+                   YamlNumber(jitter.translation_sigma),
+                   YamlNumber(jitter.rotation_sigma),
+                   std::count(jitter.misplaced.begin(), jitter.misplaced.end(), true));
+  }
+
   // Unknowns with a strong correlation: the reader of a sigma needs to know of them.
   constexpr double kStrong = 0.9;
   const Uncertainty& uncertainty = calibration.uncertainty;
@@ -193,18 +213,30 @@ std::string CalibrationYaml(const Calibration& calibration,
 std::string PosesCsv(const Calibration& calibration) {
   std::string text = "frame,x,y,z,qx,qy,qz,qw\n";
   for (size_t f = 0; f < calibration.frames.size(); ++f) {
-    const RigidTransform T_target_rig = calibration.bundle.T_rig_target[f].Inverse();
-    const Eigen::Quaterniond q(T_target_rig.R);
-    fmt::format_to(std::back_inserter(text),
-                   "{},{:.12g},{:.12g},{:.12g},{:.12g},{:.12g},{:.12g},{:.12g}\n",
-                   calibration.frames[f],
-                   T_target_rig.t.x(),
-                   T_target_rig.t.y(),
-                   T_target_rig.t.z(),
-                   q.x(),
-                   q.y(),
-                   q.z(),
-                   q.w());
+    text +=
+        calibration.frames[f] + PoseColumns(calibration.bundle.T_rig_target[f].Inverse()) + "\n";
+  }
+  return text;
+}
+
+std::string ViewPosesCsv(const Calibration& calibration) {
+  const Bundle& bundle = calibration.bundle;
+  const bool has_jitter = !bundle.jitter.delta.empty();
+  std::string text = "camera,frame,x,y,z,qx,qy,qz,qw,misplaced\n";
+  std::vector<bool> used(calibration.frames.size() * bundle.cameras.size(), false);
+  for (const BundleObservation& observation : bundle.observations) {
+    if (!observation.used) continue;
+    used[bundle.View(static_cast<size_t>(observation.frame),
+                     static_cast<size_t>(observation.camera))] = true;
+  }
+  for (size_t c = 0; c < bundle.cameras.size(); ++c) {
+    for (size_t f = 0; f < calibration.frames.size(); ++f) {
+      const size_t view = bundle.View(f, c);
+      if (!used[view]) continue;
+      text += calibration.camera_names[c] + "," + calibration.frames[f] +
+              PoseColumns(bundle.SeenPose(f, c).Inverse()) +
+              (has_jitter && bundle.jitter.misplaced[view] ? ",1\n" : ",0\n");
+    }
   }
   return text;
 }

@@ -17,6 +17,9 @@ std::string CalibrationYaml(const Calibration& calibration,
                             const std::vector<std::pair<std::string, std::string>>& provenance);
 /// poses.csv: T_target_rig of every frame.
 std::string PosesCsv(const Calibration& calibration);
+/// view_poses.csv: T_target_rig as each camera saw it in each frame, to which the residuals belong.
+/// In a rigid, synchronous rig that is the frame's own.
+std::string ViewPosesCsv(const Calibration& calibration);
 /// residuals.csv: every observation, measured minus predicted; those outside the model's domain
 /// have no prediction and leave dx, dy empty.
 std::string ResidualsCsv(const Calibration& calibration);

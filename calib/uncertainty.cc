@@ -132,75 +132,137 @@ class OwnColumns {
   Eigen::MatrixXd square_;
 };
 
-// Reduced normal matrix and, per camera, the number of pose unknowns that its rows pay for.
+// Reduced normal matrix and, per camera, the number of pose and jitter unknowns that its rows pay
+// for.
 struct Reduced {
   Eigen::MatrixXd S;
   std::vector<double> pose_share;
+  double jitter_translations = 0, jitter_rotations = 0;  // what the data tell of the jitter
+};
+
+// Rows of W' W are collected and subtracted together: one large product is faster than many small.
+class Subtraction {
+ public:
+  explicit Subtraction(Eigen::MatrixXd* S)
+      : S_(*S), batch_(Eigen::MatrixXd::Zero(S->rows(), kRows)) {}
+
+  // S -= cross (L L')^-1 cross'
+  void Add(const Eigen::MatrixXd& cross, const Eigen::LLT<Matrix6d>& factor) {
+    batch_.middleCols<6>(columns_) = factor.matrixL().solve(cross.transpose()).transpose();
+    columns_ += 6;
+    if (columns_ == kRows) Flush();
+  }
+  void Flush() {
+    if (columns_ > 0) {
+      S_.selfadjointView<Eigen::Lower>().rankUpdate(batch_.leftCols(columns_), -1);
+    }
+    columns_ = 0;
+  }
+
+ private:
+  static constexpr int kRows = 6 * 64;
+  Eigen::MatrixXd& S_;
+  Eigen::MatrixXd batch_;
+  int columns_ = 0;
+};
+
+// One camera's observations in one frame, as far as its target pose is concerned.
+struct ReducedView {
+  size_t camera = 0;
+  Matrix6d information = Matrix6d::Zero();  // of the pose that the camera saw, E' E
+  // With jitter about the frame's pose, of information W' W = Q: W and (E' E + Q)^-1.
+  Matrix6d W = Matrix6d::Zero();
+  Matrix6d jitter_covariance = Matrix6d::Zero();
 };
 
 Reduced Reduce(const Bundle& bundle, const Layout& layout) {
-  // Rows of W' are collected and subtracted together: one large product is faster than many small.
-  constexpr int kBatchRows = 6 * 64;
-  Reduced reduced{Eigen::MatrixXd::Zero(layout.total, layout.total),
-                  std::vector<double>(bundle.cameras.size(), 0.0)};
+  Reduced reduced{.S = Eigen::MatrixXd::Zero(layout.total, layout.total),
+                  .pose_share = std::vector<double>(bundle.cameras.size(), 0.0)};
   Eigen::MatrixXd& S = reduced.S;
-  Eigen::MatrixXd batch = Eigen::MatrixXd::Zero(layout.total, kBatchRows);
-  int batch_columns = 0;
-  const auto flush = [&] {
-    if (batch_columns == 0) return;
-    S.selfadjointView<Eigen::Lower>().rankUpdate(batch.leftCols(batch_columns), -1);
-    batch.leftCols(batch_columns).setZero();
-    batch_columns = 0;
-  };
+  Subtraction subtraction(&S);
+  const bool has_jitter = bundle.jitter.translation_sigma > 0;
 
   const auto& observations = bundle.observations;
-  Eigen::MatrixXd cross(layout.total, 6);  // F' E
-  std::vector<Matrix6d> camera_pose(bundle.cameras.size());
+  Eigen::MatrixXd cross(layout.total, 6);       // F' E of the frame
+  Eigen::MatrixXd view_cross(layout.total, 6);  // and of one view, where views have jitter
+  std::vector<ReducedView> views;
   std::vector<OwnColumns> own;
   for (size_t c = 0; c < bundle.cameras.size(); ++c) own.emplace_back(bundle, layout, c);
   for (size_t begin = 0; begin < observations.size();) {
     const int frame = observations[begin].frame;
     Matrix6d pose = Matrix6d::Zero();
     cross.setZero();
-    for (Matrix6d& part : camera_pose) part.setZero();
-    for (; begin < observations.size() && observations[begin].frame == frame; ++begin) {
-      const BundleObservation& observation = observations[begin];
-      if (!observation.used) continue;
-      const auto c = static_cast<size_t>(observation.camera);
+    views.clear();
+    while (begin < observations.size() && observations[begin].frame == frame) {
+      const auto c = static_cast<size_t>(observations[begin].camera);
       const BundleCamera& camera = bundle.cameras[c];
-      const internal::LinearisedView view{
+      const internal::LinearisedView linearised{
           .T_camera_rig = camera.T_camera_rig,
-          .T_rig_target = bundle.T_rig_target[static_cast<size_t>(frame)]};
-      if (!own[c].Linearise(camera,
-                            view,
-                            bundle.markers[static_cast<size_t>(observation.marker)].position,
-                            observation.seen)) {
-        continue;
+          .T_rig_target = bundle.SeenPose(static_cast<size_t>(frame), c)};
+      Eigen::MatrixXd& own_cross = has_jitter ? view_cross : cross;
+      if (has_jitter) view_cross.setZero();
+      ReducedView view{.camera = c};
+      for (; begin < observations.size() && observations[begin].frame == frame &&
+             observations[begin].camera == static_cast<int>(c);
+           ++begin) {
+        const BundleObservation& observation = observations[begin];
+        if (!observation.used) continue;
+        if (!own[c].Linearise(camera,
+                              linearised,
+                              bundle.markers[static_cast<size_t>(observation.marker)].position,
+                              observation.seen)) {
+          continue;
+        }
+        const auto J = own[c].Columns();
+        const auto E = own[c].Pose();
+        view.information.noalias() += E.transpose().lazyProduct(E);
+        own[c].AddSquare();
+        own[c].AddCross(&own_cross);
+        if (layout.markers) {
+          const int m = layout.Marker(observation.marker);
+          const auto M = own[c].Marker();
+          own_cross.middleRows<3>(m).noalias() += M.transpose().lazyProduct(E);
+          S.block<3, 3>(m, m).noalias() += M.transpose().lazyProduct(M);
+          own[c].AddMarkerCross(m, M.transpose().lazyProduct(J), &S);
+        }
       }
-      const auto J = own[c].Columns();
-      const auto E = own[c].Pose();
-      camera_pose[c].noalias() += E.transpose().lazyProduct(E);
-      own[c].AddSquare();
-      own[c].AddCross(&cross);
-      if (layout.markers) {
-        const int m = layout.Marker(observation.marker);
-        const auto M = own[c].Marker();
-        cross.middleRows<3>(m).noalias() += M.transpose().lazyProduct(E);
-        S.block<3, 3>(m, m).noalias() += M.transpose().lazyProduct(M);
-        own[c].AddMarkerCross(m, M.transpose().lazyProduct(J), &S);
+      if (has_jitter) {
+        // Eliminate the view's jitter.
+        view.W = JitterWeight(bundle, static_cast<size_t>(frame), c);
+        const Matrix6d Q = view.W.transpose() * view.W;
+        const Eigen::LLT<Matrix6d> factor(view.information + Q);
+        subtraction.Add(view_cross, factor);
+        view.jitter_covariance = factor.solve(Matrix6d::Identity());
+        const Matrix6d passed = view.jitter_covariance * Q;
+        cross.noalias() += view_cross * passed;
+        pose += view.information * passed;
+      } else {
+        pose += view.information;
       }
+      views.push_back(view);
     }
-    for (const Matrix6d& part : camera_pose) pose += part;
     const Eigen::LLT<Matrix6d> factor(pose);
     if (factor.info() != Eigen::Success) continue;  // a frame without used observations
-    for (size_t c = 0; c < camera_pose.size(); ++c) {
-      reduced.pose_share[c] += factor.solve(camera_pose[c]).trace();
+    subtraction.Add(cross, factor);
+    const Matrix6d pose_covariance = factor.solve(Matrix6d::Identity());
+    for (const ReducedView& view : views) {
+      const Matrix6d& A = view.jitter_covariance;
+      const Matrix6d& N = view.information;
+      Matrix6d seen = pose_covariance;  // covariance of the pose that the camera saw
+      if (has_jitter) {
+        const Matrix6d Q = view.W.transpose() * view.W;
+        seen = A + A * Q * pose_covariance * Q * A;
+        const Matrix6d jitter = A + A * N * pose_covariance * N * A;
+        const Vector6d known = Vector6d::Ones() - (view.W * jitter * view.W.transpose()).diagonal();
+        if (!bundle.jitter.misplaced[bundle.View(static_cast<size_t>(frame), view.camera)]) {
+          reduced.jitter_translations += known.head<3>().sum();
+          reduced.jitter_rotations += known.tail<3>().sum();
+        }
+      }
+      reduced.pose_share[view.camera] += (N * seen).trace();
     }
-    batch.middleCols<6>(batch_columns) = factor.matrixL().solve(cross.transpose()).transpose();
-    batch_columns += 6;
-    if (batch_columns == kBatchRows) flush();
   }
-  flush();
+  subtraction.Flush();
   for (const OwnColumns& columns : own) columns.AddTo(&S);
   if (layout.markers) {
     S.diagonal().tail(layout.total - layout.head).array() +=
@@ -345,8 +407,20 @@ Uncertainty EstimateUncertainty(const Bundle& bundle,
   // its part of the poses are its alone.
   double all_coordinates = 0;
   for (const double count : coordinates) all_coordinates += count;
+  const bool has_jitter = bundle.jitter.translation_sigma > 0;
+  result.jitter_translation_redundancy = reduced.jitter_translations;
+  result.jitter_rotation_redundancy = reduced.jitter_rotations;
   for (size_t c = 0; c < camera_count; ++c) {
-    double own = layout.mount[c] >= 0 ? 6 : 0;
+    double own = 0;
+    if (layout.mount[c] >= 0) {
+      // A mount is known from a mean over the frames: of their jitter, where there is any.
+      if (has_jitter) {
+        result.jitter_translation_redundancy -= 3;
+        result.jitter_rotation_redundancy -= 3;
+      } else {
+        own = 6;
+      }
+    }
     for (const int place : layout.params[c]) own += place >= 0 ? 1 : 0;
     result.redundancy.push_back(coordinates[c] - own - reduced.pose_share[c] -
                                 marker_unknowns * coordinates[c] / std::max(1.0, all_coordinates));

@@ -32,6 +32,9 @@ struct Uncertainty {
   std::vector<OpenDirection> open;
   /// Per camera: number of observed coordinates less the unknowns that they pay for.
   std::vector<double> redundancy;
+  /// Of the jitter's displacements and rotations, each three numbers a view: how many of them the
+  /// data tell of. Zeros for a rigid, synchronous rig.
+  double jitter_translation_redundancy = 0, jitter_rotation_redundancy = 0;
 };
 
 /// Covariance of all unknowns from the reduced (Schur) normal equations, poses eliminated: the same

@@ -276,33 +276,41 @@ TEST(Linearise, AgreesWithDifferencesInEveryUnknown) {
   const Bundle bundle = TrueBundle(problem);
   const BundleCamera& camera = bundle.cameras[1];
   const RigidTransform mount = camera.T_camera_rig, pose = bundle.T_rig_target[3];
-  Vector6d at_mount, at_pose;
+  Vector6d at_mount, at_pose, at_jitter;
   at_mount << 0.01, -0.02, 0.005, 0.02, 0.01, -0.03;
   at_pose << -0.02, 0.01, 0.03, 0.1, 0.2, -0.3;  // inside the chart its Jacobian is not 1
+  at_jitter << 0.01, 0.02, -0.01, -0.2, 0.1, 0.15;
   for (const BundleObservation& observation : bundle.observations) {
     if (observation.camera != 1 || observation.marker % 40 != 0) continue;
-    Eigen::VectorXd unknowns(camera.params.size() + 15);
+    Eigen::VectorXd unknowns(camera.params.size() + 21);
     unknowns << Eigen::Map<const Eigen::VectorXd>(camera.params.data(), camera.params.size()),
-        at_mount, at_pose, bundle.markers[static_cast<size_t>(observation.marker)].position;
+        at_mount, at_pose, at_jitter,
+        bundle.markers[static_cast<size_t>(observation.marker)].position;
     const auto n = static_cast<Eigen::Index>(camera.params.size());
     const auto linearise = [&](const Eigen::VectorXd& x, internal::LinearisedRows rows) {
-      const internal::LinearisedView view{.T_camera_rig = Retract(mount, x.segment<6>(n)),
-                                          .T_rig_target = Retract(pose, x.segment<6>(n + 6)),
-                                          .chart_mount = LeftJacobian(x.segment<3>(n + 3)),
-                                          .chart_pose = LeftJacobian(x.segment<3>(n + 9))};
+      const internal::LinearisedView view{
+          .T_camera_rig = Retract(mount, x.segment<6>(n)),
+          .T_rig_target = Retract(Retract(pose, x.segment<6>(n + 6)), x.segment<6>(n + 12)),
+          .chart_mount = LeftJacobian(x.segment<3>(n + 3)),
+          .chart_pose = ExpRotation(x.segment<3>(n + 15)) * LeftJacobian(x.segment<3>(n + 9)),
+          .chart_jitter = LeftJacobian(x.segment<3>(n + 15))};
       return internal::Linearise(camera, x.data(), view, x.tail<3>(), observation.seen, rows);
     };
     Eigen::Vector2d residual;
     Eigen::Matrix<double, 2, 7, Eigen::RowMajor> J_params;
-    Eigen::Matrix<double, 2, 6, Eigen::RowMajor> J_mount, J_pose;
+    Eigen::Matrix<double, 2, 6, Eigen::RowMajor> J_mount, J_pose, J_jitter;
     Eigen::Matrix<double, 2, 3, Eigen::RowMajor> J_marker;
-    if (!linearise(
-            unknowns,
-            {residual.data(), J_params.data(), J_mount.data(), J_pose.data(), J_marker.data()})) {
+    if (!linearise(unknowns,
+                   {residual.data(),
+                    J_params.data(),
+                    J_mount.data(),
+                    J_pose.data(),
+                    J_jitter.data(),
+                    J_marker.data()})) {
       continue;
     }
-    Eigen::Matrix<double, 2, 22> J;
-    J << J_params, J_mount, J_pose, J_marker;
+    Eigen::Matrix<double, 2, 28> J;
+    J << J_params, J_mount, J_pose, J_jitter, J_marker;
     for (Eigen::Index k = 0; k < unknowns.size(); ++k) {
       const double step = kStep * std::max(1.0, std::abs(unknowns[k]));
       Eigen::VectorXd up = unknowns, down = unknowns;

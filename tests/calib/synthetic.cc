@@ -123,9 +123,17 @@ SyntheticProblem MakeProblem(unsigned seed, const SyntheticOptions& options) {
     for (size_t c = 0; c < problem.params.size(); ++c) {
       if (random.Uniform(0, 1) > options.visible) continue;
       View view{frame, {}};
+      const Eigen::Vector3d moved(random.Gaussian(options.jitter_translation),
+                                  random.Gaussian(options.jitter_translation),
+                                  random.Gaussian(options.jitter_translation));
+      const Eigen::Vector3d turned(random.Gaussian(options.jitter_rotation),
+                                   random.Gaussian(options.jitter_rotation),
+                                   random.Gaussian(options.jitter_rotation));
+      const RigidTransform seen{ExpRotation(turned) * R,
+                                place + moved - ExpRotation(turned) * R * centre};
       for (const auto& [number, position] : problem.markers) {
         Observation observation{.marker = number, .sigma = options.noise > 0 ? options.noise : 0};
-        const Eigen::Vector3d p_cam = problem.T_camera_rig[c] * (T_rig_target * position);
+        const Eigen::Vector3d p_cam = problem.T_camera_rig[c] * (seen * position);
         const bool missing = random.Uniform(0, 1) < options.partial;
         if (!model->project(problem.params[c].data(),
                             nullptr,

@@ -28,6 +28,8 @@ struct SyntheticOptions {
   double visible = 1;           ///< probability that a camera sees the target in a frame
   double partial = 0;           ///< probability that a marker of a view is missing
   bool distorted = true;
+  /// Sigmas of what each view's target pose has for itself: its centre (m) and turn (rad).
+  double jitter_translation = 0, jitter_rotation = 0;
 };
 
 struct SyntheticProblem {
