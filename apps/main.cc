@@ -73,13 +73,14 @@ int main(int argc, char** argv) {  // NOLINT(bugprone-exception-escape)
         sub->add_flag("--quiet", options.quiet, "no messages and no progress, only errors");
         sub->callback([&, command] { run = [&, command] { command(session_command, options); }; });
       };
-  add_session_command("calibrate",
-                      "From images (or detections) to camera parameters, poses and target.\n\n"
-                      "  plenocal calibrate session.yaml -o OUT\n\n"
-                      "writes OUT/calibration.yaml, target.yaml, poses.csv, view_poses.csv (of a rig), "
-                      "residuals.csv and detections_<camera>.csv, "
-                      "and prints a summary.",
-                      plenocal::RunCalibrate);
+  add_session_command(
+      "calibrate",
+      "From images (or detections) to camera parameters, poses and target.\n\n"
+      "  plenocal calibrate session.yaml -o OUT\n\n"
+      "writes OUT/calibration.yaml, target.yaml, poses.csv, view_poses.csv (of a rig), "
+      "residuals.csv and detections_<camera>.csv, "
+      "and prints a summary.",
+      plenocal::RunCalibrate);
   add_session_command(
       "detect", "Only find the markers: writes OUT/detections_<camera>.csv.", plenocal::RunDetect);
   plenocal::WhiteCommand white_command;

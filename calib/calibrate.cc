@@ -24,7 +24,7 @@ constexpr int kMaxRounds = 10;
 constexpr size_t kMinMarkersInFrame = 4;
 // Exact (simulated) observations have no noise to estimate; below this they count as exact, px.
 constexpr double kSmallestNoise = 1e-9;
-constexpr double kExact = 1e-6;  // of observations whose noise is rounding, px
+constexpr double kExact = 1e-6;            // of observations whose noise is rounding, px
 constexpr double kSmallestJitter = 1e-12;  // m and rad, likewise
 
 // P(chi-square with k degrees of freedom > x), k >= 1: Q(k/2, x/2) by its recurrence in k.
