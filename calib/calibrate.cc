@@ -476,26 +476,39 @@ class Calibrator {
   }
 
   // Whether the views of a frame see the target at one pose as well as their noise lets them: an
-  // F-test of what poses of their own would gain. Otherwise the noise of some cameras stands for
-  // the frames' disagreement, and the others have taken all the weight.
+  // F-test of what poses of their own would gain, where that is more than half of some camera's
+  // residuals (less is no worse than other errors of the model). Otherwise the noise of some
+  // cameras stands for the frames' disagreement, and the others have taken all the weight.
   [[nodiscard]] bool FramesAgree() const {
     double noise = 0;
     for (size_t c = 0; c < CameraCount(); ++c) noise = std::max(noise, TypicalNoise(c));
     if (CameraCount() == 1 || noise < kExact) return true;
     const std::vector<PoseStep> steps = OwnPoseSteps(result_.bundle);
+    const std::vector<double> coordinates = UsedCoordinates();
     std::set<int> frames;
-    double gain = 0, coordinates = 0;
+    std::vector<double> gain(CameraCount(), 0.0), own_unknowns(CameraCount(), 0.0);
     for (const PoseStep& step : steps) {
       frames.insert(step.frame);
-      gain += step.gain;
+      gain[static_cast<size_t>(step.camera)] += step.gain;
+      own_unknowns[static_cast<size_t>(step.camera)] += 6;
     }
-    for (const double redundancy : result_.uncertainty.redundancy) coordinates += redundancy;
+    double all_gain = 0, squares = 0;
+    bool dominates = false;  // the disagreement, over what the camera shows by itself
+    for (size_t c = 0; c < CameraCount(); ++c) {
+      // The noise is such that a camera's sum of squares equals its redundancy.
+      const double own_squares = result_.uncertainty.redundancy[c];
+      const double own_redundancy = coordinates[c] - own_unknowns[c] -
+                                    static_cast<double>(result_.bundle.cameras[c].params.size());
+      dominates = dominates || (own_squares - gain[c]) / own_redundancy < 0.5;
+      all_gain += gain[c];
+      squares += own_squares;
+    }
     // The poses of the frames and the mounts have taken their part.
     const double unknowns = 6.0 * (static_cast<double>(steps.size()) -
                                    static_cast<double>(frames.size() + CameraCount() - 1));
-    const double rest = coordinates - unknowns;
-    if (unknowns <= 0 || rest <= 0) return true;
-    return FTail(gain / unknowns / ((coordinates - gain) / rest), unknowns, rest) > kFalseAlarm;
+    const double rest = squares - unknowns;
+    if (!dominates || unknowns <= 0 || rest <= 0) return true;
+    return FTail(all_gain / unknowns / ((squares - all_gain) / rest), unknowns, rest) > kFalseAlarm;
   }
 
   // Starts from what each camera sees alone.

@@ -51,6 +51,7 @@ std::map<int, Eigen::Vector3d> NominalMarkers(TargetShape shape) {
 
 SyntheticProblem MakeProblem(unsigned seed, const SyntheticOptions& options) {
   Random random(seed);
+  Random jitter(seed + 1000000);  // of its own: without jitter a seed gives the same problem
   SyntheticProblem problem;
   const std::map<int, Eigen::Vector3d> nominal = NominalMarkers(options.shape);
   Eigen::Vector3d centre = Eigen::Vector3d::Zero();
@@ -123,12 +124,12 @@ SyntheticProblem MakeProblem(unsigned seed, const SyntheticOptions& options) {
     for (size_t c = 0; c < problem.params.size(); ++c) {
       if (random.Uniform(0, 1) > options.visible) continue;
       View view{frame, {}};
-      const Eigen::Vector3d moved(random.Gaussian(options.jitter_translation),
-                                  random.Gaussian(options.jitter_translation),
-                                  random.Gaussian(options.jitter_translation));
-      const Eigen::Vector3d turned(random.Gaussian(options.jitter_rotation),
-                                   random.Gaussian(options.jitter_rotation),
-                                   random.Gaussian(options.jitter_rotation));
+      const Eigen::Vector3d moved(jitter.Gaussian(options.jitter_translation),
+                                  jitter.Gaussian(options.jitter_translation),
+                                  jitter.Gaussian(options.jitter_translation));
+      const Eigen::Vector3d turned(jitter.Gaussian(options.jitter_rotation),
+                                   jitter.Gaussian(options.jitter_rotation),
+                                   jitter.Gaussian(options.jitter_rotation));
       const RigidTransform seen{ExpRotation(turned) * R,
                                 place + moved - ExpRotation(turned) * R * centre};
       for (const auto& [number, position] : problem.markers) {
