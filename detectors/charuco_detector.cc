@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "calib/error.h"
+#include "detectors/charuco_looks.h"
 #include "detectors/marker_detector.h"
 #include "detectors/saddle.h"
 
@@ -79,6 +80,9 @@ class Layout {
   /// Share of a square between its border and its marker.
   [[nodiscard]] double gap() const { return gap_; }
   [[nodiscard]] int white_parity() const { return white_parity_; }
+  [[nodiscard]] const Eigen::Vector2i& square(int id) const {
+    return squares_[static_cast<std::size_t>(id)];
+  }
   [[nodiscard]] int marker_count() const { return static_cast<int>(squares_.size()); }
 
   [[nodiscard]] SeenMarker Place(int id, const std::vector<cv::Point2f>& corners) const {
@@ -312,6 +316,22 @@ class CharucoDetector final : public MarkerDetector {
 };
 
 }  // namespace
+
+internal::CharucoLooks internal::FindCharucoLooks(const CharucoLayout& board) {
+  const auto dictionary = FindDictionary(board.dictionary);
+  const Layout layout(board, board.legacy.value_or(false));
+  CharucoLooks looks{.width = dictionary->markerSize + 2, .markers = {}};
+  for (int id = 0; id < layout.marker_count(); ++id) {
+    cv::Mat cells;
+    dictionary->drawMarker(id, looks.width, cells, 1);  // a pixel a cell
+    CharucoLooks::Marker marker{.square = layout.square(id), .white = {}};
+    for (int y = 0; y < looks.width; ++y) {
+      for (int x = 0; x < looks.width; ++x) marker.white.push_back(cells.at<uchar>(y, x) != 0);
+    }
+    looks.markers.push_back(std::move(marker));
+  }
+  return looks;
+}
 
 std::unique_ptr<MarkerDetector> MakeCharucoDetector(const Target& target) {
   return std::make_unique<CharucoDetector>(std::get<CharucoLayout>(target.layout));

@@ -94,6 +94,31 @@ class Family {
     return white;
   }
 
+  /// A tag with what is around its outline, as `apriltag_to_image` draws it.
+  [[nodiscard]] internal::TagPicture Picture(int id) const {
+    const int width = family_.total_width, outline = family_.width_at_border;
+    internal::TagPicture picture{.width = width, .margin = (width - outline) / 2, .white = {}};
+    picture.white.assign(static_cast<std::size_t>(width) * width, false);
+    const std::vector<bool> other = Bits(id);  // than the ring inside the outline
+    for (int y = 0; y < width; ++y) {
+      for (int x = 0; x < width; ++x) {
+        const int u = x - picture.margin, v = y - picture.margin;
+        const bool inside = u >= 0 && v >= 0 && u < outline && v < outline;
+        picture.white[y * width + x] =
+            inside ? other[v * outline + u] == classic() : classic();
+      }
+    }
+    // Some families have data outside of their outline.
+    const std::uint64_t code = codes_[static_cast<std::size_t>(id)];
+    for (std::size_t i = 0; i < bit_x_.size(); ++i) {
+      // The library keeps negative places in unsigned numbers.
+      const int x = static_cast<int>(bit_x_[i]) + picture.margin;
+      const int y = static_cast<int>(bit_y_[i]) + picture.margin;
+      picture.white[y * width + x] = (code >> (bit_x_.size() - 1 - i) & 1) != 0;
+    }
+    return picture;
+  }
+
   /// The family with only the tags `ids`, for the library. The pointers live as long as `this`.
   [[nodiscard]] apriltag_family_t Subset(const std::vector<int>& ids,
                                          std::vector<std::uint64_t>* codes) const {
@@ -165,6 +190,28 @@ bool Within(const Quad& q, const cv::Mat& gray) {
   return std::all_of(q.begin(), q.end(), [&](const Eigen::Vector2d& c) {
     return c.x() >= 0 && c.y() >= 0 && c.x() <= gray.cols - 1 && c.y() <= gray.rows - 1;
   });
+}
+
+/// Throws `Error` for a family, border or tag that does not exist.
+Family MakeFamily(const TagLayout& layout, int border_bits) {
+  Family family(FindFamily(layout.family), border_bits);
+  if (border_bits < 1 || (border_bits > 1 && !family.classic())) {
+    throw Error(ErrorKind::kInput,
+                fmt::format("border_bits: {} does not suit family {}; expected {}",
+                            border_bits,
+                            layout.family,
+                            family.classic() ? "1 or more" : "1"));
+  }
+  for (const int id : layout.ids) {
+    if (id < 0 || id >= family.size()) {
+      throw Error(ErrorKind::kInput,
+                  fmt::format("tag {} is not in family {}; it has tags 0 to {}",
+                              id,
+                              layout.family,
+                              family.size() - 1));
+    }
+  }
+  return family;
 }
 
 /// The library's detector for the target's tags, read with up to two wrong bits, and for the
@@ -358,27 +405,6 @@ class TagDetector : public MarkerDetector {
   }
 
  private:
-  static Family MakeFamily(const TagLayout& layout, int border_bits) {
-    Family family(FindFamily(layout.family), border_bits);
-    if (border_bits < 1 || (border_bits > 1 && !family.classic())) {
-      throw Error(ErrorKind::kInput,
-                  fmt::format("border_bits: {} does not suit family {}; expected {}",
-                              border_bits,
-                              layout.family,
-                              family.classic() ? "1 or more" : "1"));
-    }
-    for (const int id : layout.ids) {
-      if (id < 0 || id >= family.size()) {
-        throw Error(ErrorKind::kInput,
-                    fmt::format("tag {} is not in family {}; it has tags 0 to {}",
-                                id,
-                                layout.family,
-                                family.size() - 1));
-      }
-    }
-    return family;
-  }
-
   /// Width of the gap between neighbouring tags, in bits.
   [[nodiscard]] double Gap() const {
     double gap = std::numeric_limits<double>::infinity();
@@ -558,6 +584,14 @@ class TagDetector : public MarkerDetector {
 
 internal::TagLooks internal::FindTagLooks(const Target& target) {
   return TagDetector(target, std::get<TagLayout>(target.layout)).Looks();
+}
+
+std::map<int, internal::TagPicture> internal::DrawTags(const Target& target) {
+  const auto& layout = std::get<TagLayout>(target.layout);
+  const Family family = MakeFamily(layout, layout.border_bits);
+  std::map<int, TagPicture> pictures;
+  for (const int id : layout.ids) pictures[id] = family.Picture(id);
+  return pictures;
 }
 
 std::unique_ptr<MarkerDetector> MakeTagDetector(const Target& target) {

@@ -364,6 +364,14 @@ Target ReadTarget(const std::filesystem::path& path) {
   return target;
 }
 
+Target NominalTarget(const Target& target) {
+  Target nominal = target;
+  if (!std::holds_alternative<MarkersLayout>(target.layout)) {
+    nominal.markers = ReadNominal(YamlNode::Parse(target.nominal_yaml, "target")).markers;
+  }
+  return nominal;
+}
+
 std::string RefinedTargetYaml(const Target& target,
                               const std::map<int, Eigen::Vector3d>& positions,
                               const std::map<int, Eigen::Vector3d>& sigmas) {

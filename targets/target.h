@@ -75,6 +75,10 @@ std::vector<std::string_view> TagFamilies();
 /// `checkerboard` or `circlegrid`). Throws `Error` with file, line and key.
 Target ReadTarget(const std::filesystem::path& path);
 
+/// The target without its refinement: markers where the nominal keys put them. A target of type
+/// `markers` has no others and stays as it is.
+Target NominalTarget(const Target& target);
+
 /// The refined target (FORMATS.md): all keys of the nominal one, then `markers` and `sigma` of each
 /// marker in `positions`. Markers of the target that are not in `positions` keep their place (and
 /// get no sigma): they are written only where that is not the nominal one. Numbers that the target

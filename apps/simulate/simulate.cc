@@ -5,11 +5,18 @@
 
 #include <algorithm>
 #include <iterator>
+#include <memory>
+#include <mutex>
+#include <opencv2/imgcodecs.hpp>
+#include <set>
 
 #include "apps/simulate/observer.h"
 #include "apps/simulate/pose_set.h"
 #include "apps/simulate/random.h"
+#include "apps/simulate/renderer.h"
+#include "apps/simulate/sensor.h"
 #include "apps/simulate/simulation_spec.h"
+#include "apps/simulate/target_surface.h"
 #include "calib/detections.h"
 #include "calib/error.h"
 #include "calib/number_text.h"
@@ -99,8 +106,19 @@ std::string FramesCsv(const Scene& scene) {
   return text;
 }
 
+using Renderers = std::vector<std::unique_ptr<Renderer>>;
+
+std::string Encoded(const cv::Mat& image, const char* extension) {
+  std::vector<unsigned char> bytes;
+  if (!cv::imencode(extension, image, bytes)) {
+    throw Error(ErrorKind::kJob, fmt::format("OpenCV cannot write {} images", extension));
+  }
+  return {bytes.begin(), bytes.end()};
+}
+
 void WriteTruth(const Scene& scene,
                 const Observer& observer,
+                const Renderers& renderers,
                 const SimulateCommand& command,
                 OutputFolder* out) {
   Calibration truth = TrueCalibration(scene);
@@ -111,6 +129,11 @@ void WriteTruth(const Scene& scene,
       const std::string file = fmt::format("micro_lenses_{}.csv", name);
       truth.camera_files[c].emplace_back("micro_lenses", file);
       out->Write("truth/" + file, FormatMicroLenses(optics->Array()));
+    }
+    if (renderers[c]) {
+      const std::string file = fmt::format("vignetting_{}.tiff", name);
+      truth.camera_files[c].emplace_back("vignetting", file);
+      out->Write("truth/" + file, Encoded(renderers[c]->White(), ".tiff"));
     }
     out->Write(fmt::format("truth/detections_{}.csv", name),
                DetectionsCsv(scene.views[c], *scene.spec.cameras[c].model));
@@ -141,6 +164,69 @@ void RefuseToReplaceInputs(const SimulateCommand& command, const SimulationSpec&
                               input.string()));
     }
   }
+}
+
+// An image of the session that is to be made.
+struct Shot {
+  size_t camera = 0;
+  std::optional<size_t> frame;  // none: of the white field
+  size_t index = 0;             // of the white image
+  std::string name;
+};
+
+std::vector<Shot> ListShots(const Scene& scene) {
+  std::vector<Shot> shots;
+  for (size_t c = 0; c < scene.spec.cameras.size(); ++c) {
+    const std::string& camera = scene.spec.cameras[c].name;
+    for (size_t f = 0; f < scene.frames.size(); ++f) {
+      shots.push_back({c, f, 0, fmt::format("{}/{}.png", camera, scene.frames[f].name)});
+    }
+    for (size_t i = 0; i < static_cast<size_t>(scene.spec.white_images); ++i) {
+      shots.push_back({c, std::nullopt, i, fmt::format("{}_white/white_{:02}.png", camera, i)});
+    }
+  }
+  // The slow ones first, so that all threads end at about the same time.
+  std::stable_sort(shots.begin(), shots.end(), [&](const Shot& a, const Shot& b) {
+    const auto is_slow = [&](const Shot& shot) {
+      return shot.frame && scene.spec.cameras[shot.camera].IsPlenoptic();
+    };
+    return is_slow(a) && !is_slow(b);
+  });
+  return shots;
+}
+
+// Images of another run would become part of the session.
+void RefuseOtherImages(const std::vector<Shot>& shots, const std::filesystem::path& out) {
+  std::set<std::filesystem::path> expected, folders;
+  for (const Shot& shot : shots) {
+    expected.insert(out / shot.name);
+    folders.insert((out / shot.name).parent_path());
+  }
+  for (const std::filesystem::path& folder : folders) {
+    std::error_code error;
+    for (const auto& entry : std::filesystem::directory_iterator(folder, error)) {
+      if (entry.path().extension() != ".png" || expected.contains(entry.path())) continue;
+      throw Error(ErrorKind::kInput,
+                  fmt::format("{}: is no image of this session but would be taken for one; remove "
+                              "it or give another folder with -o",
+                              entry.path().string()));
+    }
+  }
+}
+
+cv::Mat TakeShot(const Scene& scene, const TargetSurface& surface, const Renderer& renderer, const Shot& shot) {
+  const CameraSpec& camera = scene.spec.cameras[shot.camera];
+  if (!shot.frame) {
+    Random random(scene.spec.seed, "white", {shot.camera, shot.index});
+    constexpr double kFlicker = 0.01;  // of the lamp
+    return Expose(renderer.White() * (1 + random.Gaussian(kFlicker)), camera.sensor, &random);
+  }
+  Random random(scene.spec.seed, "image", {shot.camera, *shot.frame});
+  const PosedSurface posed(surface,
+                           camera.T_camera_rig * scene.frames[*shot.frame].T_rig_target);
+  const std::uint64_t sampling =
+      static_cast<std::uint64_t>(scene.spec.seed) * 1000003 + shot.camera * 65537 + *shot.frame;
+  return Expose(renderer.Render(posed, sampling), camera.sensor, &random);
 }
 
 std::vector<View> WithNoise(std::vector<View> views, const CameraSpec& camera, size_t c, int seed) {
@@ -185,9 +271,31 @@ std::string Simulate(const SimulateCommand& command, const SimulateOptions& opti
     progress("markers", c + 1, spec.cameras.size());
   }
 
+  Renderers renderers(spec.cameras.size());
+  if (!command.points) {
+    const std::vector<Shot> shots = ListShots(scene);
+    RefuseOtherImages(shots, command.out);
+    progress("optics", 0, 1);
+    for (size_t c = 0; c < spec.cameras.size(); ++c) {
+      const MicroLensOptics* optics = observer.Optics(c);
+      renderers[c] = optics == nullptr ? MakeOrdinaryRenderer(spec.cameras[c])
+                                       : MakePlenopticRenderer(
+                                             spec.cameras[c], *optics, spec.seed, options.threads);
+    }
+    const TargetSurface surface(NominalTarget(scene.target), scene.made, spec.seed);
+    std::mutex mutex;
+    size_t done = 0;
+    ParallelFor(shots.size(), options.threads, [&](size_t i) {
+      const std::string file =
+          Encoded(TakeShot(scene, surface, *renderers[shots[i].camera], shots[i]), ".png");
+      const std::lock_guard lock(mutex);
+      out.Write(shots[i].name, file);
+      progress("images", ++done, shots.size());
+    });
+  }
   out.Write("session.yaml", SessionYaml(scene, command.points));
   out.Write("target.yaml", RefinedTargetYaml(scene.target, {}, {}));
-  WriteTruth(scene, observer, command, &out);
+  WriteTruth(scene, observer, renderers, command, &out);
   std::string summary;
   for (size_t c = 0; c < spec.cameras.size(); ++c) {
     const CameraSpec& camera = spec.cameras[c];

@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <opencv2/core/mat.hpp>
+
+#include "apps/simulate/micro_lens_optics.h"
+#include "apps/simulate/simulation_spec.h"
+#include "apps/simulate/target_surface.h"
+
+namespace plenocal::simulate {
+
+/// Light on a camera's sensor. One object may be used from several threads.
+class Renderer {
+ public:
+  virtual ~Renderer() = default;
+  /// CV_32F; 1: white paper where nothing is lost. `seed` is of the sampling, where it is random.
+  [[nodiscard]] virtual cv::Mat Render(const PosedSurface& surface, std::uint64_t seed) const = 0;
+  /// What an even white field gives, CV_32F; the truth of attenuation images.
+  [[nodiscard]] virtual const cv::Mat& White() const = 0;
+};
+
+/// Through the model's rays: 4 x 4 samples a pixel, Gaussian blur, vignetting that grows with the
+/// square of the distance from the image's middle.
+std::unique_ptr<Renderer> MakeOrdinaryRenderer(const CameraSpec& camera);
+
+/// By rays from points of each pixel through points of each micro lens, as far as the main lens'
+/// stop lets them through; see micro_lens_optics.h. Brightness falls with cos^4 of the angle to the
+/// axis. `optics` must outlive the renderer.
+std::unique_ptr<Renderer> MakePlenopticRenderer(const CameraSpec& camera,
+                                                const MicroLensOptics& optics,
+                                                int seed,
+                                                int threads);
+
+}  // namespace plenocal::simulate

@@ -1,0 +1,318 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/simulate/target_surface.h"
+
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+#include <variant>
+
+#include "apps/print/cairo_path.h"
+#include "apps/simulate/random.h"
+#include "calib/error.h"
+#include "detectors/tag_template.h"
+
+namespace plenocal::simulate {
+namespace {
+
+constexpr int kLevels = 7;  // of the picture, each half as fine
+
+// The map from space that sends a plane's points to the picture.
+PictureMap MakeMap(const RigidTransform& T_camera_plane, const Eigen::Matrix3d& picture_by_plane) {
+  PictureMap map;
+  map.normal = T_camera_plane.R.col(2).cast<float>();
+  map.offset = static_cast<float>(T_camera_plane.R.col(2).dot(T_camera_plane.t));
+  const RigidTransform inverse = T_camera_plane.Inverse();
+  Eigen::Matrix<double, 3, 4> plane_by_space;
+  plane_by_space << inverse.R.topRows<2>(), inverse.t.head<2>(), Eigen::RowVector4d(0, 0, 0, 1);
+  map.M = (picture_by_plane * plane_by_space).cast<float>();
+  return map;
+}
+
+// Gray with soft spots, as a wooden board has them; CV_8U.
+cv::Mat Spots(cv::Size size, double spot, int seed, size_t index) {
+  Random random(seed, "board", {index});
+  cv::Mat sum(size, CV_32F, cv::Scalar(0.34));
+  for (const double share : {1.0, 0.35}) {
+    const int columns = std::max(4, static_cast<int>(size.width / (spot * share)));
+    const int rows = std::max(4, static_cast<int>(size.height / (spot * share)));
+    cv::Mat coarse(rows, columns, CV_32F), fine;
+    for (int y = 0; y < rows; ++y) {
+      for (int x = 0; x < columns; ++x) {
+        coarse.at<float>(y, x) = static_cast<float>(random.Uniform(-0.12, 0.12) * std::sqrt(share));
+      }
+    }
+    cv::resize(coarse, fine, size, 0, 0, cv::INTER_CUBIC);
+    sum += fine;
+  }
+  cv::Mat gray;
+  sum.convertTo(gray, CV_8U, 255);
+  return gray;
+}
+
+// A frame with its x axis along a - o and b in its plane.
+RigidTransform FrameOf(const Eigen::Vector3d& o, const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
+  RigidTransform T;
+  T.R.col(0) = (a - o).normalized();
+  T.R.col(2) = T.R.col(0).cross(b - o).normalized();
+  T.R.col(1) = T.R.col(2).cross(T.R.col(0));
+  T.t = o;
+  return T;
+}
+
+}  // namespace
+
+TargetSurface::TargetSurface(const Target& nominal, const TrueTarget& made, int seed) {
+  for (const TargetPart& part : DrawTarget(nominal)) {
+    Board board;
+    board.T_target_board = part.T_target_part;
+    Draw(part, seed, &board);
+    if (!part.tags.empty()) {
+      MapTags(part, made, &board);
+    } else if (std::holds_alternative<CirclesLayout>(nominal.layout)) {
+      MapCircles(nominal, made, &board);
+    } else {
+      MapNodes(nominal, made, &board);
+    }
+    boards_.push_back(std::move(board));
+  }
+}
+
+void TargetSurface::Draw(const TargetPart& part, int seed, Board* board) {
+  Eigen::AlignedBox2d box = part.paper;
+  if (!part.one_sheet) {
+    // Tags are glued to a board that is larger than they need.
+    const double rim = 0.5 * (part.tags[0].outline[1] - part.tags[0].outline[0]).norm();
+    box.extend(Eigen::Vector2d(box.min().array() - rim));
+    box.extend(Eigen::Vector2d(box.max().array() + rim));
+  }
+  constexpr double kTexels = 24;       // across the finest shape
+  constexpr double kMostTexels = 6000;  // along a side
+  const double texel = std::max(part.finest / kTexels, box.sizes().maxCoeff() / kMostTexels);
+  constexpr int kMultiple = 1 << (kLevels - 1);
+  const auto whole = [&](double length) {
+    return (static_cast<int>(std::ceil(length / texel)) + kMultiple) / kMultiple * kMultiple;
+  };
+  const cv::Size size(whole(box.sizes().x()), whole(box.sizes().y()));
+  board->x0 = box.min().x();
+  board->y0 = box.min().y();
+  board->texel = static_cast<float>(texel);
+  board->size = box.sizes().cast<float>();
+
+  const print::Surface surface(cairo_image_surface_create(CAIRO_FORMAT_A8, size.width, size.height));
+  if (cairo_surface_status(surface.get()) != CAIRO_STATUS_SUCCESS) {
+    throw Error(ErrorKind::kJob, "out of memory for the picture of the target");
+  }
+  cv::Mat canvas(size, CV_8U, cairo_image_surface_get_data(surface.get()),
+                 static_cast<size_t>(cairo_image_surface_get_stride(surface.get())));
+  if (part.one_sheet) {
+    canvas.setTo(255);
+  } else {
+    constexpr double kSpot = 0.012;  // m
+    Spots(size, kSpot / texel, seed, boards_.size()).copyTo(canvas);
+  }
+  cairo_surface_mark_dirty(surface.get());
+  const print::Context context(cairo_create(surface.get()));
+  cairo_set_antialias(context.get(), CAIRO_ANTIALIAS_BEST);
+  cairo_set_operator(context.get(), CAIRO_OPERATOR_SOURCE);
+  cairo_set_tolerance(context.get(), 0.02);
+  cairo_scale(context.get(), 1 / texel, 1 / texel);
+  cairo_translate(context.get(), -board->x0, -board->y0);
+  cairo_set_source_rgba(context.get(), 0, 0, 0, 1);
+  for (const DrawnTag& tag : part.tags) print::AddPolygon(context.get(), tag.paper);
+  cairo_fill(context.get());
+  cairo_set_source_rgba(context.get(), 0, 0, 0, PosedSurface::kInk);
+  print::FillBlack(context.get(), part);
+  cairo_surface_flush(surface.get());
+
+  board->picture.push_back(canvas.clone());
+  for (int level = 1; level < kLevels; ++level) {
+    cv::Mat half;
+    cv::resize(board->picture.back(), half, {}, 0.5, 0.5, cv::INTER_AREA);
+    board->picture.push_back(half);
+  }
+  // Fine enough to tell shapes apart.
+  board->which_cell = static_cast<float>(part.finest / 4);
+  board->which = cv::Mat(static_cast<int>(box.sizes().y() / board->which_cell) + 1,
+                         static_cast<int>(box.sizes().x() / board->which_cell) + 1,
+                         CV_32S,
+                         cv::Scalar(-1));
+}
+
+void TargetSurface::MapTags(const TargetPart& part, const TrueTarget& made, Board* board) {
+  for (const DrawnTag& tag : part.tags) {
+    std::array<Eigen::Vector3d, 4> corners;
+    for (int k = 0; k < 4; ++k) corners[static_cast<size_t>(k)] = made.markers.at(4 * tag.id + k);
+    Board::Map map;
+    map.T_target_plane = FrameOf(corners[0], corners[1], corners[3]);
+    const RigidTransform T_plane_target = map.T_target_plane.Inverse();
+    internal::Quad seen, drawn;
+    for (size_t k = 0; k < 4; ++k) {
+      seen[k] = (T_plane_target * corners[k]).head<2>();
+      drawn[k] = tag.outline[k];
+    }
+    map.picture_by_plane =
+        internal::UnitSquareHomography(drawn) * internal::UnitSquareHomography(seen).inverse();
+    std::vector<cv::Point> cells;
+    constexpr int kShift = 4;
+    for (const Eigen::Vector2d& p : tag.paper) {
+      const double scale = (1 << kShift) / static_cast<double>(board->which_cell);
+      cells.emplace_back(static_cast<int>((p.x() - board->x0) * scale) - (1 << kShift) / 2,
+                         static_cast<int>((p.y() - board->y0) * scale) - (1 << kShift) / 2);
+    }
+    cv::fillConvexPoly(
+        board->which, cells, cv::Scalar(static_cast<double>(board->maps.size())), cv::LINE_8, kShift);
+    board->maps.push_back(map);
+  }
+}
+
+void TargetSurface::MapNodes(const Target& nominal, const TrueTarget& made, Board* board) {
+  // Nodes: the markers and one more all around, which moves with its neighbour.
+  int columns = 0, rows = 0;
+  double square = 0, first = 0;
+  if (const auto* chessboard = std::get_if<ChessboardLayout>(&nominal.layout)) {
+    columns = chessboard->columns, rows = chessboard->rows, square = chessboard->square;
+  } else {
+    const auto& charuco = std::get<CharucoLayout>(nominal.layout);
+    columns = charuco.columns - 1, rows = charuco.rows - 1, square = charuco.square;
+    first = square;
+  }
+  const auto meant = [&](int column, int row) {
+    return Eigen::Vector2d(first + column * square, first + row * square);
+  };
+  const auto is = [&](int column, int row) -> Eigen::Vector3d {
+    const int marker = std::clamp(row, 0, rows - 1) * columns + std::clamp(column, 0, columns - 1);
+    const Eigen::Vector3d moved = made.markers.at(marker) - nominal.markers.at(marker);
+    return Eigen::Vector3d(meant(column, row).x(), meant(column, row).y(), 0) + moved;
+  };
+  const int across = columns + 1;
+  for (int row = -1; row < rows; ++row) {
+    for (int column = -1; column < columns; ++column) {
+      for (int half = 0; half < 2; ++half) {
+        // Upper left and lower right half.
+        const int at = half, to = 1 - half;
+        const Eigen::Vector3d o = is(column + at, row + at), a = is(column + to, row + at),
+                              b = is(column + at, row + to);
+        Board::Map map;
+        map.T_target_plane = FrameOf(o, a, b);
+        const RigidTransform T_plane_target = map.T_target_plane.Inverse();
+        Eigen::Matrix3d plane, picture;
+        plane << (T_plane_target * o).head<2>().homogeneous(),
+            (T_plane_target * a).head<2>().homogeneous(),
+            (T_plane_target * b).head<2>().homogeneous();
+        picture << meant(column + at, row + at).homogeneous(),
+            meant(column + to, row + at).homogeneous(), meant(column + at, row + to).homogeneous();
+        map.picture_by_plane = picture * plane.inverse();
+        board->maps.push_back(map);
+      }
+    }
+  }
+  for (int y = 0; y < board->which.rows; ++y) {
+    for (int x = 0; x < board->which.cols; ++x) {
+      const double u = (board->x0 + (x + 0.5) * board->which_cell - first) / square;
+      const double v = (board->y0 + (y + 0.5) * board->which_cell - first) / square;
+      const int column = std::clamp(static_cast<int>(std::floor(u)), -1, columns - 1);
+      const int row = std::clamp(static_cast<int>(std::floor(v)), -1, rows - 1);
+      const int half = (u - column) + (v - row) > 1 ? 1 : 0;
+      board->which.at<std::int32_t>(y, x) =
+          static_cast<std::int32_t>(2 * ((row + 1) * across + column + 1) + half);
+    }
+  }
+}
+
+void TargetSurface::MapCircles(const Target& nominal, const TrueTarget& made, Board* board) {
+  std::vector<Eigen::Vector2d> centres;
+  for (const auto& [marker, position] : nominal.markers) {
+    const Eigen::Vector3d moved = made.markers.at(marker) - position;
+    board->maps.push_back({.T_target_plane = {Eigen::Matrix3d::Identity(), moved},
+                           .picture_by_plane = Eigen::Matrix3d::Identity()});
+    centres.emplace_back(position.head<2>());
+  }
+  for (int y = 0; y < board->which.rows; ++y) {
+    for (int x = 0; x < board->which.cols; ++x) {
+      const Eigen::Vector2d at(board->x0 + (x + 0.5) * board->which_cell,
+                               board->y0 + (y + 0.5) * board->which_cell);
+      const auto nearest =
+          std::min_element(centres.begin(), centres.end(), [&](const auto& a, const auto& b) {
+            return (a - at).squaredNorm() < (b - at).squaredNorm();
+          });
+      board->which.at<std::int32_t>(y, x) = static_cast<std::int32_t>(nearest - centres.begin());
+    }
+  }
+}
+
+PosedSurface::PosedSurface(const TargetSurface& surface, const RigidTransform& T_camera_target) {
+  for (const TargetSurface::Board& board : surface.boards_) {
+    Board posed{.of = &board,
+                .own = MakeMap(T_camera_target * board.T_target_board, Eigen::Matrix3d::Identity()),
+                .maps = {}};
+    for (const TargetSurface::Board::Map& map : board.maps) {
+      posed.maps.push_back(MakeMap(T_camera_target * map.T_target_plane, map.picture_by_plane));
+    }
+    boards_.push_back(std::move(posed));
+  }
+}
+
+float PosedSurface::Radiance(const Eigen::Vector3f& origin,
+                             const Eigen::Vector3f& direction,
+                             const Spread& spread) const {
+  const auto distance = [&](const PictureMap& map) {
+    return (map.offset - map.normal.dot(origin)) / map.normal.dot(direction);
+  };
+  const auto picture = [&](const PictureMap& map, float along) -> Eigen::Vector2f {
+    const Eigen::Vector3f p = origin + along * direction;
+    const Eigen::Vector3f h = map.M.leftCols<3>() * p + map.M.col(3);
+    return h.head<2>() / h.z();
+  };
+  const Board* hit = nullptr;
+  float nearest = std::numeric_limits<float>::infinity();
+  Eigen::Vector2f at(0, 0);
+  for (const Board& board : boards_) {
+    const float along = distance(board.own);
+    if (!(along > 0 && along < nearest)) continue;
+    const Eigen::Vector2f uv =
+        picture(board.own, along) -
+        Eigen::Vector2f(static_cast<float>(board.of->x0), static_cast<float>(board.of->y0));
+    if (!(uv.minCoeff() >= 0 && uv.x() < board.of->size.x() && uv.y() < board.of->size.y())) continue;
+    hit = &board, nearest = along, at = uv;
+  }
+  if (hit == nullptr) return kBackground;
+  // z of a part points away from the viewer.
+  if (hit->own.normal.dot(direction) < 0) return kBack;
+
+  const TargetSurface::Board& board = *hit->of;
+  const Eigen::Vector2f corner(static_cast<float>(board.x0), static_cast<float>(board.y0));
+  // The shapes are beside their nominal places, so the shape met is known once its map was tried.
+  int map = -1;
+  for (int i = 0; i < 3; ++i) {
+    const int x = static_cast<int>(at.x() / board.which_cell);
+    const int y = static_cast<int>(at.y() / board.which_cell);
+    if (x < 0 || y < 0 || x >= board.which.cols || y >= board.which.rows) break;
+    const int found = board.which.at<std::int32_t>(y, x);
+    if (found == map || found < 0) break;
+    map = found;
+    const PictureMap& piece = hit->maps[static_cast<size_t>(map)];
+    nearest = distance(piece);
+    at = picture(piece, nearest) - corner;
+  }
+
+  const float width = spread.at_origin + spread.by_distance * nearest;
+  int level = 0;
+  for (float texel = 2 * board.texel; texel < std::abs(width) && level + 1 < kLevels; texel *= 2) {
+    ++level;
+  }
+  const cv::Mat& picture_level = board.picture[static_cast<size_t>(level)];
+  const float scale = 1 / (board.texel * static_cast<float>(1 << level));
+  const float x = std::clamp(at.x() * scale - 0.5f, 0.f, static_cast<float>(picture_level.cols) - 1.001f);
+  const float y = std::clamp(at.y() * scale - 0.5f, 0.f, static_cast<float>(picture_level.rows) - 1.001f);
+  const int column = static_cast<int>(x), row = static_cast<int>(y);
+  const float fx = x - static_cast<float>(column), fy = y - static_cast<float>(row);
+  const std::uint8_t* top = picture_level.ptr<std::uint8_t>(row) + column;
+  const std::uint8_t* below = picture_level.ptr<std::uint8_t>(row + 1) + column;
+  return ((1 - fy) * ((1 - fx) * top[0] + fx * top[1]) +
+          fy * ((1 - fx) * below[0] + fx * below[1])) / 255.f;
+}
+
+}  // namespace plenocal::simulate

@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// How bright a made target is where a ray meets it.
+//
+// Each flat part of the target has one picture of how it was meant to be. Where its shapes really
+// are is up to small maps from space to that picture, one for each tag (a homography from the
+// tag's true corners), each half of a square between corners of a chessboard (affine, so that
+// neighbours meet) or each circle (a shift).
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <opencv2/core/mat.hpp>
+#include <vector>
+
+#include "apps/simulate/observer.h"
+#include "detectors/target_drawing.h"
+
+namespace plenocal::simulate {
+
+/// A plane of which a piece is seen, and the map from its points p to picture coordinates (m):
+/// (u, v) = (h_0, h_1) / h_2 with h = M (p, 1).
+struct PictureMap {
+  Eigen::Vector3f normal{0, 0, 0};
+  float offset = 0;  ///< the plane is normal . p = offset
+  Eigen::Matrix<float, 3, 4> M;
+};
+
+/// Width of the bundle of light that a ray stands for: `at_origin` + distance * `by_distance`, m.
+struct Spread {
+  float at_origin = 0, by_distance = 0;
+};
+
+/// The target before it is placed before a camera.
+class TargetSurface {
+ public:
+  /// `nominal`: the target without its refinement, as printed.
+  TargetSurface(const Target& nominal, const TrueTarget& made, int seed);
+
+ private:
+  friend class PosedSurface;
+  struct Board {
+    std::vector<cv::Mat> picture;  // CV_8U, each half as fine as the one before
+    double x0 = 0, y0 = 0;         // m, of the picture's corner
+    float texel = 0;               // m, of the finest
+    Eigen::Vector2f size{0, 0};    // m
+    cv::Mat which;                 // CV_32S, map of each cell of the picture; -1: the board's own
+    float which_cell = 0;          // m
+    RigidTransform T_target_board;
+    struct Map {
+      RigidTransform T_target_plane;
+      Eigen::Matrix3d picture_by_plane;
+    };
+    std::vector<Map> maps;  // true places of the shapes
+  };
+  void Draw(const TargetPart& part, int seed, Board* board);
+  static void MapTags(const TargetPart& part, const TrueTarget& made, Board* board);
+  static void MapNodes(const Target& nominal, const TrueTarget& made, Board* board);
+  static void MapCircles(const Target& nominal, const TrueTarget& made, Board* board);
+
+  std::vector<Board> boards_;
+};
+
+/// The target as a camera has it before itself.
+class PosedSurface {
+ public:
+  PosedSurface(const TargetSurface& surface, const RigidTransform& T_camera_target);
+
+  /// Radiance along a ray of the camera frame, 1: white paper. `direction` need not have length 1.
+  [[nodiscard]] float Radiance(const Eigen::Vector3f& origin,
+                               const Eigen::Vector3f& direction,
+                               const Spread& spread) const;
+
+  static constexpr float kInk = 0.04f;
+  static constexpr float kBackground = 0.15f;  ///< what is behind the target
+  static constexpr float kBack = 0.3f;         ///< a board's back
+
+ private:
+  struct Board {
+    const TargetSurface::Board* of;
+    PictureMap own;
+    std::vector<PictureMap> maps;
+  };
+  std::vector<Board> boards_;
+};
+
+}  // namespace plenocal::simulate
