@@ -104,8 +104,7 @@ class Family {
       for (int x = 0; x < width; ++x) {
         const int u = x - picture.margin, v = y - picture.margin;
         const bool inside = u >= 0 && v >= 0 && u < outline && v < outline;
-        picture.white[y * width + x] =
-            inside ? other[v * outline + u] == classic() : classic();
+        picture.white[y * width + x] = inside ? other[v * outline + u] == classic() : classic();
       }
     }
     // Some families have data outside of their outline.

@@ -75,7 +75,7 @@ Plane FitPlane(const std::vector<Tag>& tags) {
 
 /// Tags that lie in one plane, as far as tags glued to a board do.
 std::vector<std::vector<Tag>> GroupByPlane(const std::vector<Tag>& tags) {
-  constexpr double kTurn = 0.1;     // rad
+  constexpr double kTurn = 0.1;      // rad
   constexpr double kOffPlane = 0.2;  // of a tag's side
   std::vector<std::vector<Tag>> groups;
   for (const Tag& tag : tags) {
@@ -204,7 +204,8 @@ std::vector<TargetPart> Draw(const Target& target, const TagLayout& layout, bool
 }
 
 /// The squares of the parity given, of a board whose first square's corner is (x0, y0).
-void AddSquares(int columns, int rows, int parity, double x0, double y0, double square, TargetPart* part) {
+void AddSquares(
+    int columns, int rows, int parity, double x0, double y0, double square, TargetPart* part) {
   for (int row = 0; row < rows; ++row) {
     for (int column = 0; column < columns; ++column) {
       if ((row + column) % 2 != parity) continue;

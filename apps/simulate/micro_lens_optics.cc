@@ -70,8 +70,8 @@ std::optional<Eigen::Vector2d> MicroLensOptics::Slope(const Eigen::Vector2d& c) 
 }
 
 void MicroLensOptics::FindPrincipalPoint() {
-  const Eigen::Vector2d middle = Eigen::Vector2d(camera_.image_size[0] - 1.0,
-                                                 camera_.image_size[1] - 1.0) / 2;
+  const Eigen::Vector2d middle =
+      Eigen::Vector2d(camera_.image_size[0] - 1.0, camera_.image_size[1] - 1.0) / 2;
   const double h = 1;  // px; slopes are smooth over many pixels
   principal_ = middle;
   for (int i = 0; i < kIterations; ++i) {
@@ -90,8 +90,10 @@ void MicroLensOptics::FindPrincipalPoint() {
 
   // Two rays through the pupil's middle; where they are nearest to each other.
   const double aside = 0.2 * camera_.image_size[0];
-  const auto a = RayThrough(principal_ + Eigen::Vector2d(aside, 0), principal_ + Eigen::Vector2d(aside, 0));
-  const auto b = RayThrough(principal_ - Eigen::Vector2d(aside, 0), principal_ - Eigen::Vector2d(aside, 0));
+  const auto a =
+      RayThrough(principal_ + Eigen::Vector2d(aside, 0), principal_ + Eigen::Vector2d(aside, 0));
+  const auto b =
+      RayThrough(principal_ - Eigen::Vector2d(aside, 0), principal_ - Eigen::Vector2d(aside, 0));
   if (!a || !b) Fail(camera_, "its model does not see the middle half of the image");
   const Eigen::Vector3d between = a->origin - b->origin;
   const Eigen::Vector3d difference = a->direction - b->direction;
@@ -154,13 +156,13 @@ std::vector<Observation> MicroLensOptics::Observe(int marker, const Eigen::Vecto
   std::vector<Observation> seen;
   const auto slope = Slope(*q);
   if (!slope) return {};
-  const Eigen::Vector2d node =
-      basis_.inverse() * (principal_ + px_by_slope_ * *slope - origin_);
+  const Eigen::Vector2d node = basis_.inverse() * (principal_ + px_by_slope_ * *slope - origin_);
   const int steps = static_cast<int>(reach / (spec.pitch * std::cos(std::numbers::pi / 6))) + 1;
   const int count = 2 * most_ + 1;
   const int middle_row = static_cast<int>(std::lround(node.y()));
   const int middle_column = static_cast<int>(std::lround(node.x()));
-  for (int row = std::max(middle_row - steps, -most_); row <= std::min(middle_row + steps, most_); ++row) {
+  for (int row = std::max(middle_row - steps, -most_); row <= std::min(middle_row + steps, most_);
+       ++row) {
     for (int column = std::max(middle_column - steps, -most_);
          column <= std::min(middle_column + steps, most_);
          ++column) {

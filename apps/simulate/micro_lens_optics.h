@@ -52,7 +52,7 @@ class MicroLensOptics {
   void FindPrincipalPoint();
 
   const CameraSpec& camera_;
-  Eigen::Vector2d principal_{0, 0};           // px, where the ray is parallel to the axis
+  Eigen::Vector2d principal_{0, 0};            // px, where the ray is parallel to the axis
   Eigen::Matrix2d px_by_slope_, slope_by_px_;  // at the principal point
   Eigen::Vector3d pupil_{0, 0, 0};
   Eigen::Matrix2d basis_;  // px, lattice vectors e_column, e_row without distortion

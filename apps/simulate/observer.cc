@@ -16,7 +16,10 @@ namespace {
 using Corners = std::array<Eigen::Vector3d, 4>;
 
 Corners CornersOf(const std::map<int, Eigen::Vector3d>& markers, int tag) {
-  return {markers.at(4 * tag), markers.at(4 * tag + 1), markers.at(4 * tag + 2), markers.at(4 * tag + 3)};
+  return {markers.at(4 * tag),
+          markers.at(4 * tag + 1),
+          markers.at(4 * tag + 2),
+          markers.at(4 * tag + 3)};
 }
 
 // Towards the viewer of a tag whose corners are lower left, lower right, upper right, upper left.
@@ -82,7 +85,10 @@ std::vector<Observation> Observer::Observe(std::size_t c,
       continue;
     }
     Observation observation{.marker = number};
-    if (camera.model->project(camera.params.data(), camera.config.data(), nullptr, p_cam,
+    if (camera.model->project(camera.params.data(),
+                              camera.config.data(),
+                              nullptr,
+                              p_cam,
                               observation.values.data()) &&
         IsInside({observation.values[0], observation.values[1]}, camera.image_size)) {
       seen.push_back(observation);

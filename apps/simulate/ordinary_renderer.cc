@@ -43,8 +43,10 @@ class OrdinaryRenderer : public Renderer {
         cv::GaussianBlur(fine, fine, {}, camera_.sensor.blur * kSamples);
       }
       cv::Mat coarse;
-      cv::resize(fine, coarse, {light.cols + 2 * margin_, rows + 2 * margin_}, 0, 0, cv::INTER_AREA);
-      coarse(cv::Rect(margin_, margin_, light.cols, rows)).copyTo(light.rowRange(first, first + rows));
+      cv::resize(
+          fine, coarse, {light.cols + 2 * margin_, rows + 2 * margin_}, 0, 0, cv::INTER_AREA);
+      coarse(cv::Rect(margin_, margin_, light.cols, rows))
+          .copyTo(light.rowRange(first, first + rows));
     }
     return light.mul(white_);
   }
@@ -75,7 +77,8 @@ class OrdinaryRenderer : public Renderer {
 
   // (x, y): of the fine image with margins. Between corners rays are as good as linear.
   [[nodiscard]] float Sample(const PosedSurface& surface, int x, int y) const {
-    const size_t at = static_cast<size_t>(y / kSamples) * stride_ + static_cast<size_t>(x / kSamples);
+    const size_t at =
+        static_cast<size_t>(y / kSamples) * stride_ + static_cast<size_t>(x / kSamples);
     const float fx = (static_cast<float>(x % kSamples) + 0.5f) / kSamples;
     const float fy = (static_cast<float>(y % kSamples) + 0.5f) / kSamples;
     const auto between = [&](const std::vector<Eigen::Vector3f>& corners) -> Eigen::Vector3f {
@@ -86,9 +89,9 @@ class OrdinaryRenderer : public Renderer {
       if (directions_[corner].isZero()) return PosedSurface::kBackground;
     }
     const float pixel = (directions_[at + 1] - directions_[at]).norm();
-    return surface.Radiance(
-        origins_.empty() ? Eigen::Vector3f::Zero() : between(origins_), between(directions_),
-        {.at_origin = 0, .by_distance = pixel / kSamples});
+    return surface.Radiance(origins_.empty() ? Eigen::Vector3f::Zero() : between(origins_),
+                            between(directions_),
+                            {.at_origin = 0, .by_distance = pixel / kSamples});
   }
 
   const CameraSpec& camera_;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <map>
 #include <numbers>
 #include <vector>
 
@@ -16,68 +17,130 @@ namespace {
 
 using Vector4f = Eigen::Vector4f;
 
-// Points of a pixel, each with a point of the micro lens: (dx, dy) px from the pixel's centre,
-// (a_x, a_y) in the unit disc.
-struct Sample {
-  float dx, dy, a_x, a_y;
+// Points of a pixel, each with a point of the micro lens: (x, y) px from the pixel's centre,
+// (a, b) in the unit disc.
+struct Samples {
+  explicit Samples(size_t count) : x(count), y(count), a(count), b(count) {}
+  [[nodiscard]] size_t size() const { return x.size(); }
+  std::vector<float> x, y, a, b;
 };
 
-// n x n points of the pixel; those of the disc lie on a sunflower's spiral, as evenly as can be,
-// and are dealt out at random, so that the two do not follow each other.
-std::vector<Sample> MakeSamples(int n, double blur, int seed) {
-  const std::vector<float> quantiles = PixelQuantiles(n, blur);
-  std::vector<int> order(static_cast<size_t>(n * n));
-  for (size_t i = 0; i < order.size(); ++i) order[i] = static_cast<int>(i);
-  Random random(seed, "samples", {order.size()});
-  for (size_t i = order.size() - 1; i > 0; --i) {
-    std::swap(order[i], order[static_cast<size_t>(random.Uniform(0, static_cast<double>(i + 1)))]);
+// Where light of a pixel comes from in the micro image's own sharp picture of the scene: at
+// x + spread a for a point x of the pixel and a of the micro lens, `spread` (px) the radius of the
+// defocused micro lens. So what must be even is the distribution of these sums: many pairs of
+// points are divided along two axes into n x n groups of equal size, and each group sends the pair
+// nearest to its middle.
+Samples EvenSamples(size_t n, double blur, double spread, Random* random) {
+  constexpr size_t kGroup = 64;  // pairs in a group
+  const std::vector<float> quantiles = PixelQuantiles(512, blur);
+  const auto quantile = [&](double share) {
+    return quantiles[static_cast<size_t>(share * static_cast<double>(quantiles.size()))];
+  };
+  // Points of the unit hypercube that leave no gaps: multiples of the powers of 1 / g, g^5 = g + 1.
+  constexpr double kInverse = 1 / 1.1673039782614187;
+  std::array<double, 4> start{}, step{};
+  double power = 1;
+  for (size_t i = 0; i < 4; ++i) {
+    start[i] = random->Uniform(0, 1);
+    step[i] = power *= kInverse;
   }
-  const double golden_angle = std::numbers::pi * (3 - std::sqrt(5.0));
-  std::vector<Sample> samples;
-  for (int k = 0; k < n * n; ++k) {
-    const double at = order[static_cast<size_t>(k)], r = std::sqrt((at + 0.5) / (n * n));
-    samples.push_back({quantiles[static_cast<size_t>(k % n)],
-                       quantiles[static_cast<size_t>(k / n)],
-                       static_cast<float>(r * std::cos(golden_angle * at)),
-                       static_cast<float>(r * std::sin(golden_angle * at))});
+  struct Pair {
+    float x, y, a, b, along, across;
+  };
+  std::vector<Pair> pairs(n * n * kGroup);
+  const double axis = random->Uniform(0, std::numbers::pi);
+  for (size_t k = 0; k < pairs.size(); ++k) {
+    Pair& pair = pairs[k];
+    std::array<double, 4> at{};
+    for (size_t i = 0; i < 4; ++i) {
+      const double value = start[i] + static_cast<double>(k) * step[i];
+      at[i] = value - std::floor(value);
+    }
+    const double r = std::sqrt(at[2]), angle = 2 * std::numbers::pi * at[3];
+    pair = {quantile(at[0]),
+            quantile(at[1]),
+            static_cast<float>(r * std::cos(angle)),
+            static_cast<float>(r * std::sin(angle)),
+            0,
+            0};
+    const double x = pair.x + spread * pair.a, y = pair.y + spread * pair.b;
+    pair.along = static_cast<float>(x * std::cos(axis) + y * std::sin(axis));
+    pair.across = static_cast<float>(y * std::cos(axis) - x * std::sin(axis));
+  }
+  std::sort(
+      pairs.begin(), pairs.end(), [](const Pair& p, const Pair& q) { return p.along < q.along; });
+  Samples samples(n * n);
+  for (size_t column = 0; column < n; ++column) {
+    const auto first = pairs.begin() + static_cast<std::ptrdiff_t>(column * n * kGroup);
+    std::sort(first,
+              first + static_cast<std::ptrdiff_t>(n * kGroup),
+              [](const Pair& p, const Pair& q) { return p.across < q.across; });
+    for (size_t row = 0; row < n; ++row) {
+      const auto group = first + static_cast<std::ptrdiff_t>(row * kGroup);
+      Eigen::Vector2f middle(0, 0);
+      for (size_t i = 0; i < kGroup; ++i)
+        middle += Eigen::Vector2f(group[i].along, group[i].across) / kGroup;
+      const auto chosen =
+          std::min_element(group, group + kGroup, [&](const Pair& p, const Pair& q) {
+            return (Eigen::Vector2f(p.along, p.across) - middle).squaredNorm() <
+                   (Eigen::Vector2f(q.along, q.across) - middle).squaredNorm();
+          });
+      const size_t k = column * n + row;
+      samples.x[k] = chosen->x, samples.y[k] = chosen->y;
+      samples.a[k] = chosen->a, samples.b[k] = chosen->b;
+    }
   }
   return samples;
 }
+
+// Sets of samples for any spread, several for each, so that neighbouring pixels differ.
+class SampleSets {
+ public:
+  SampleSets(size_t n, double blur, int seed) {
+    Random random(seed, "samples", {n});
+    for (int bucket = -kBuckets; bucket <= kBuckets; ++bucket) {
+      for (int variant = 0; variant < kVariants; ++variant) {
+        sets_.push_back(EvenSamples(n, blur, kFinest * std::sinh(bucket / kGrowth), &random));
+      }
+    }
+  }
+  /// `any`: any number.
+  [[nodiscard]] const Samples& For(float spread, std::uint64_t any) const {
+    const auto bucket = std::clamp(
+        static_cast<int>(std::lround(kGrowth * std::asinh(spread / kFinest))), -kBuckets, kBuckets);
+    return sets_[static_cast<size_t>((bucket + kBuckets) * kVariants) + any % kVariants];
+  }
+
+ private:
+  // Spreads in steps of 0.1 px for small ones, of 1 / 3 of themselves for large ones.
+  static constexpr int kBuckets = 14, kVariants = 16;
+  static constexpr double kFinest = 0.3, kGrowth = 3;
+  std::vector<Samples> sets_;
+};
 
 class PlenopticRenderer : public Renderer {
  public:
   PlenopticRenderer(const CameraSpec& camera, const MicroLensOptics& optics, int seed, int threads)
       : camera_(camera),
         pupil_(optics.Pupil().cast<float>()),
-        coarse_(MakeSamples(4, camera.sensor.blur, seed)),
-        fine_(MakeSamples(8, camera.sensor.blur, seed)) {
-    for (size_t i = 0; i < turns_.size(); ++i) {
-      const double angle = 2 * std::numbers::pi * static_cast<double>(i) / turns_.size();
-      turns_[i] = {static_cast<float>(std::cos(angle)), static_cast<float>(std::sin(angle))};
-    }
+        coarse_(4, camera.sensor.blur, seed),
+        fine_(12, camera.sensor.blur, seed) {
     FindLenses(optics, seed);
     FindWhite(seed, threads);
   }
 
   [[nodiscard]] cv::Mat Render(const PosedSurface& surface, std::uint64_t seed) const override {
-    // Mean radiance over the rays that pass, times what the white field gives: the edge of the
-    // stop then needs no finer sampling than the scene.
-    cv::Mat sum(white_.size(), CV_32F, cv::Scalar(0)), weight(white_.size(), CV_32F, cv::Scalar(0));
-    for (const Lens& lens : lenses_) {
-      ForEachPixel(lens, [&](int x, int y, float dx, float dy) {
-        const auto [light, passed] = Trace(surface, lens, dx, dy, Turn(x, y, seed));
-        sum.at<float>(y, x) += lens.gain * light;
-        weight.at<float>(y, x) += lens.gain * passed;
-      });
-    }
     cv::Mat light(white_.size(), CV_32F, cv::Scalar(0));
-    for (int y = 0; y < light.rows; ++y) {
-      for (int x = 0; x < light.cols; ++x) {
-        const float passed = weight.at<float>(y, x);
-        if (passed > 0) {
-          light.at<float>(y, x) = white_.at<float>(y, x) * sum.at<float>(y, x) / passed;
+    for (const Lens& lens : lenses_) {
+      const Scenery scenery = SceneryOf(surface, lens);
+      auto passed = lens.passed.begin();
+      ForEachPixel(lens, [&](int x, int y, float dx, float dy) {
+        const float share = *passed++;
+        if (share > 0) {
+          light.at<float>(y, x) +=
+              share * MeanRadiance(surface, lens, scenery, dx, dy, Mix(x, y, seed));
         }
-      }
+      });
     }
     return light;
   }
@@ -85,13 +148,22 @@ class PlenopticRenderer : public Renderer {
   [[nodiscard]] const cv::Mat& White() const override { return white_; }
 
  private:
-  // Of a ray: where it meets the pupil's plane (m from its middle) and its slope, as they change with the raw
-  // place x about the micro-image centre (px, to second order) and with the centre itself.
+  // Of a ray: where it meets the pupil's plane (m from its middle) and its slope, as they change
+  // with the raw place x about the micro-image centre (px, to second order) and with the centre
+  // itself.
   struct Lens {
     Eigen::Vector2f centre;
     float gain = 1;
     Vector4f ray, by_x, by_y, by_xx, by_xy, by_yy, by_cx, by_cy;
-    float shift = 0;  // of x for a unit of a point on the micro lens: 1 - 1 / T_f
+    std::vector<float> passed = {};  // light of the white field at each of its pixels
+    float reach = 0;                 // px, of the micro image with its soft edge
+    float shift = 0;                 // of x for a unit of a point on the micro lens: 1 - 1 / T_f
+  };
+
+  // What a micro image shows.
+  struct Scenery {
+    int board = -1;    // the one that all of it shows, or -1
+    float spread = 0;  // px, radius of the defocused micro lens
   };
 
   void FindLenses(const MicroLensOptics& optics, int seed) {
@@ -111,8 +183,9 @@ class PlenopticRenderer : public Renderer {
         const Eigen::Vector2d slope = found->direction.head<2>() / found->direction.z();
         const Eigen::Vector2d at =
             found->origin.head<2>() + slope * (optics.Pupil().z() - found->origin.z());
-        return Eigen::Vector4d(at.x() - optics.Pupil().x(), at.y() - optics.Pupil().y(), slope.x(),
-                               slope.y()).cast<float>();
+        return Eigen::Vector4d(
+                   at.x() - optics.Pupil().x(), at.y() - optics.Pupil().y(), slope.x(), slope.y())
+            .cast<float>();
       };
       std::array<std::array<Vector4f, 3>, 3> f;
       for (int i = 0; i < 3; ++i) {
@@ -142,121 +215,170 @@ class PlenopticRenderer : public Renderer {
     }
     // The stop, from the micro image at the middle: its edge is fill / 2 pitches from the centre.
     const Eigen::Vector2d middle(camera_.image_size[0] / 2.0, camera_.image_size[1] / 2.0);
-    const auto central = std::min_element(lenses_.begin(), lenses_.end(), [&](const Lens& a, const Lens& b) {
-      return (a.centre.cast<double>() - middle).norm() < (b.centre.cast<double>() - middle).norm();
-    });
+    const auto central =
+        std::min_element(lenses_.begin(), lenses_.end(), [&](const Lens& a, const Lens& b) {
+          return (a.centre.cast<double>() - middle).norm() <
+                 (b.centre.cast<double>() - middle).norm();
+        });
     const auto edge = static_cast<float>(spec.fill * spec.pitch / 2);
     stop_ = edge * central->by_x.head<2>().norm();
     // How far from the centre light can fall: a ray on the edge of the micro lens meets the stop
     // 1 / T_f of its place farther out.
-    float most = 0;
-    for (const double focus : spec.focus) most = std::max(most, static_cast<float>(1 / std::abs(focus)));
-    reach_ = edge + most * radius_ + 1 + 3 * static_cast<float>(camera_.sensor.blur);
+    const float pixel = 1.5f * (0.5f + 2.5f * static_cast<float>(camera_.sensor.blur));
+    for (Lens& lens : lenses_) lens.reach = edge + std::abs(1 - lens.shift) * radius_ + pixel;
   }
 
+  // Exact enough that only the scene's own brightness is left to the sampling of an image.
   void FindWhite(int seed, int threads) {
+    constexpr size_t kWhiteBundle = 64;
+    Random random(seed, "white samples");
+    std::map<float, Samples> samples;  // by the lenses' shift
+    for (const Lens& lens : lenses_) {
+      if (samples.contains(lens.shift)) continue;
+      // A ray through a point of the micro lens meets the stop 1 / T_f of its place farther out.
+      samples.emplace(lens.shift,
+                      EvenSamples(16, camera_.sensor.blur, radius_ * (lens.shift - 1), &random));
+    }
     white_ = cv::Mat(camera_.image_size[1], camera_.image_size[0], CV_32F, cv::Scalar(0));
-    const std::vector<Sample> samples = MakeSamples(16, camera_.sensor.blur, seed);
-    // Bands of rows, so that no two threads write to one pixel.
-    constexpr int kBand = 64;
-    const int bands = (white_.rows + kBand - 1) / kBand;
-    ParallelFor(static_cast<size_t>(bands), threads, [&](size_t band) {
-      const int first = static_cast<int>(band) * kBand, end = std::min(first + kBand, white_.rows);
-      for (const Lens& lens : lenses_) {
-        if (lens.centre.y() + reach_ + 1 < static_cast<float>(first) ||
-            lens.centre.y() - reach_ - 1 > static_cast<float>(end)) {
-          continue;
+    ParallelFor(lenses_.size(), threads, [&](size_t i) {
+      Lens& lens = lenses_[i];
+      const Samples& points = samples.at(lens.shift);
+      RayBundle rays;
+      ForEachPixel(lens, [&](int, int, float dx, float dy) {
+        int passed = 0;
+        for (size_t k = 0; k < points.size(); k += kWhiteBundle) {
+          AimRays(lens, dx, dy, points, k, kWhiteBundle, &rays);
+          passed += rays.count;
         }
-        ForEachPixel(lens, [&](int x, int y, float dx, float dy) {
-          if (y < first || y >= end) return;
-          float passed = 0;
-          for (const Sample& sample : samples) {
-            if (Ray(lens, dx, dy, sample, turns_[0]).passes(stop_)) ++passed;
-          }
-          const Vector4f ray = lens.ray + dx * lens.by_x + dy * lens.by_y;
-          const float fall_off = 1 / (1 + ray.tail<2>().squaredNorm());  // cos^2
-          white_.at<float>(y, x) +=
-              lens.gain * fall_off * fall_off * passed / static_cast<float>(samples.size());
-        });
-      }
+        const Vector4f ray = lens.ray + dx * lens.by_x + dy * lens.by_y;
+        const float fall_off = 1 / (1 + ray.tail<2>().squaredNorm());  // cos^2
+        lens.passed.push_back(lens.gain * fall_off * fall_off * static_cast<float>(passed) /
+                              static_cast<float>(points.size()));
+      });
     });
+    for (const Lens& lens : lenses_) {
+      auto passed = lens.passed.begin();
+      ForEachPixel(lens, [&](int x, int y, float, float) { white_.at<float>(y, x) += *passed++; });
+    }
   }
 
   template <typename Use>
   void ForEachPixel(const Lens& lens, const Use& use) const {
-    const int x0 = std::max(0, static_cast<int>(std::ceil(lens.centre.x() - reach_)));
-    const int x1 = std::min(white_.cols - 1, static_cast<int>(std::floor(lens.centre.x() + reach_)));
-    const int y0 = std::max(0, static_cast<int>(std::ceil(lens.centre.y() - reach_)));
-    const int y1 = std::min(white_.rows - 1, static_cast<int>(std::floor(lens.centre.y() + reach_)));
+    const int x0 = std::max(0, static_cast<int>(std::ceil(lens.centre.x() - lens.reach)));
+    const int x1 =
+        std::min(white_.cols - 1, static_cast<int>(std::floor(lens.centre.x() + lens.reach)));
+    const int y0 = std::max(0, static_cast<int>(std::ceil(lens.centre.y() - lens.reach)));
+    const int y1 =
+        std::min(white_.rows - 1, static_cast<int>(std::floor(lens.centre.y() + lens.reach)));
     for (int y = y0; y <= y1; ++y) {
       for (int x = x0; x <= x1; ++x) {
         const float dx = static_cast<float>(x) - lens.centre.x();
         const float dy = static_cast<float>(y) - lens.centre.y();
-        if (dx * dx + dy * dy < reach_ * reach_) use(x, y, dx, dy);
+        if (dx * dx + dy * dy < lens.reach * lens.reach) use(x, y, dx, dy);
       }
     }
   }
 
-  struct TracedRay {
-    Vector4f values;
-    [[nodiscard]] bool passes(float stop) const {
-      return values.head<2>().squaredNorm() < stop * stop;
+  // The rays that pass the stop, of `count` samples from `first` on.
+  void AimRays(const Lens& lens,
+               float dx,
+               float dy,
+               const Samples& samples,
+               size_t first,
+               size_t count,
+               RayBundle* rays) const {
+    std::array<std::array<float, RayBundle::kMost>, 4> found;
+    for (size_t k = 0; k < count; ++k) {
+      const float a = radius_ * samples.a[first + k], b = radius_ * samples.b[first + k];
+      const float x = dx + samples.x[first + k] + lens.shift * a;
+      const float y = dy + samples.y[first + k] + lens.shift * b;
+      for (int i = 0; i < 4; ++i) {
+        found[static_cast<size_t>(i)][k] =
+            lens.ray[i] + x * (lens.by_x[i] + x * lens.by_xx[i] + y * lens.by_xy[i]) +
+            y * (lens.by_y[i] + y * lens.by_yy[i]) + a * lens.by_cx[i] + b * lens.by_cy[i];
+      }
     }
-  };
-  TracedRay Ray(const Lens& lens, float dx, float dy, const Sample& sample,
-                const Eigen::Vector2f& turn) const {
-    const float a_x = radius_ * (turn.x() * sample.a_x - turn.y() * sample.a_y);
-    const float a_y = radius_ * (turn.y() * sample.a_x + turn.x() * sample.a_y);
-    const float x = dx + sample.dx + lens.shift * a_x, y = dy + sample.dy + lens.shift * a_y;
-    return {lens.ray + x * lens.by_x + y * lens.by_y + (x * x) * lens.by_xx + (x * y) * lens.by_xy +
-            (y * y) * lens.by_yy + a_x * lens.by_cx + a_y * lens.by_cy};
+    rays->count = 0;
+    rays->z = pupil_.z();
+    for (size_t k = 0; k < count; ++k) {
+      if (found[0][k] * found[0][k] + found[1][k] * found[1][k] >= stop_ * stop_) continue;
+      const auto at = static_cast<size_t>(rays->count++);
+      rays->x[at] = pupil_.x() + found[0][k];
+      rays->y[at] = pupil_.y() + found[1][k];
+      rays->dx[at] = found[2][k];
+      rays->dy[at] = found[3][k];
+    }
   }
 
-  // Sum of the radiances of rays that pass and their number, both over the number of rays.
-  std::pair<float, float> Trace(const PosedSurface& surface, const Lens& lens, float dx, float dy,
-                                const Eigen::Vector2f& turn) const {
-    // Where the first rays find the same brightness everywhere, more would tell nothing new.
-    constexpr float kEven = 0.02f;
-    float low = 1, high = 0;
-    const auto trace = [&](const std::vector<Sample>& samples, int n) -> std::pair<float, float> {
-      // A sample stands for 1 / n of a pixel's width.
-      const Spread spread{.at_origin = lens.by_x[0] / static_cast<float>(n),
-                          .by_distance = lens.by_x[2] / static_cast<float>(n)};
-      float light = 0, passed = 0;
-      for (const Sample& sample : samples) {
-        const TracedRay ray = Ray(lens, dx, dy, sample, turn);
-        if (!ray.passes(stop_)) continue;
-        const float radiance = surface.Radiance(
-            pupil_ + Eigen::Vector3f(ray.values[0], ray.values[1], 0),
-            {ray.values[2], ray.values[3], 1},
-            spread);
-        light += radiance;
-        low = std::min(low, radiance), high = std::max(high, radiance);
-        ++passed;
+  // Over the rays that pass the stop.
+  float MeanRadiance(const PosedSurface& surface,
+                     const Lens& lens,
+                     const Scenery& scenery,
+                     float dx,
+                     float dy,
+                     std::uint64_t any) const {
+    RayBundle rays;
+    std::array<float, RayBundle::kMost> radiances;
+    float contrast = 0;
+    const auto trace = [&](const Samples& samples, float n) {
+      // A sample stands for about 1 / n of a pixel's width.
+      const Spread spread{.at_origin = lens.by_x[0] / n, .by_distance = lens.by_x[2] / n};
+      AimRays(lens, dx, dy, samples, 0, samples.size(), &rays);
+      if (rays.count == 0) return 0.f;
+      surface.Radiances(rays, spread, scenery.board, &radiances);
+      float sum = 0, low = 1, high = 0;
+      for (size_t k = 0; k < static_cast<size_t>(rays.count); ++k) {
+        sum += radiances[k];
+        low = std::min(low, radiances[k]), high = std::max(high, radiances[k]);
       }
-      const auto count = static_cast<float>(samples.size());
-      return {light / count, passed / count};
+      contrast = high - low;
+      return sum / static_cast<float>(rays.count);
     };
-    const auto first = trace(coarse_, 4);
-    return high - low > kEven ? trace(fine_, 8) : first;
+    const float first = trace(coarse_.For(scenery.spread, any), 4);
+    // Where the first rays find the same brightness everywhere, more would tell nothing new; few
+    // that pass tell nothing.
+    constexpr float kEven = 0.06f;
+    constexpr int kFew = 8;
+    return contrast > kEven || rays.count < kFew ? trace(fine_.For(scenery.spread, any), 5) : first;
   }
 
-  // A turn of the micro lens' points that differs from pixel to pixel and image to image.
-  [[nodiscard]] const Eigen::Vector2f& Turn(int x, int y, std::uint64_t seed) const {
+  Scenery SceneryOf(const PosedSurface& surface, const Lens& lens) const {
+    Scenery scenery;
+    constexpr int kSteps = 3;
+    for (int i = -kSteps; i <= kSteps; ++i) {
+      for (int j = -kSteps; j <= kSteps; ++j) {
+        const float dx = lens.reach * static_cast<float>(i) / kSteps;
+        const float dy = lens.reach * static_cast<float>(j) / kSteps;
+        const Vector4f ray = lens.ray + dx * lens.by_x + dy * lens.by_y;
+        const auto [board, distance] =
+            surface.BoardOf(pupil_ + Eigen::Vector3f(ray[0], ray[1], 0), {ray[2], ray[3], 1});
+        if (i == -kSteps && j == -kSteps) scenery.board = board;
+        if (board != scenery.board) scenery.board = -1;
+        if (i == 0 && j == 0 && distance > 0) {
+          // By how much a point of the scene moves for a px of the pixel and of the micro lens.
+          const float by_x = lens.by_x[0] + distance * lens.by_x[2];
+          const float by_a = lens.shift * by_x + lens.by_cx[0] + distance * lens.by_cx[2];
+          scenery.spread = radius_ * by_a / by_x;
+        }
+      }
+    }
+    return scenery;
+  }
+
+  // A number that differs from pixel to pixel and image to image.
+  [[nodiscard]] static std::uint64_t Mix(int x, int y, std::uint64_t seed) {
     std::uint64_t h = seed ^ (static_cast<std::uint64_t>(y) << 32U) ^ static_cast<std::uint64_t>(x);
     h = (h ^ (h >> 31U)) * 0x9E3779B97F4A7C15U;
     h = (h ^ (h >> 29U)) * 0xBF58476D1CE4E5B9U;
-    return turns_[(h >> 56U) % turns_.size()];
+    return h >> 40U;
   }
 
   const CameraSpec& camera_;
   Eigen::Vector3f pupil_;
-  std::vector<Sample> coarse_, fine_;
-  std::array<Eigen::Vector2f, 256> turns_;
+  SampleSets coarse_, fine_;
   std::vector<Lens> lenses_;
   float radius_ = 0;  // px, of a micro lens
   float stop_ = 0;    // m, radius of the entrance pupil
-  float reach_ = 0;   // px, of a micro image with its soft edge
   cv::Mat white_;
 };
 

@@ -35,7 +35,8 @@ Stance FindStance(const TrueTarget& target) {
   Eigen::Vector3d right = Eigen::Vector3d::UnitX();
   if (std::abs(forward.x()) > 0.9) right = Eigen::Vector3d::UnitY();
   right = (right - right.dot(forward) * forward).normalized();
-  stance.R_viewer_target << right.transpose(), forward.cross(right).transpose(), forward.transpose();
+  stance.R_viewer_target << right.transpose(), forward.cross(right).transpose(),
+      forward.transpose();
   return stance;
 }
 
@@ -113,11 +114,11 @@ std::vector<Frame> MakePoses(const SimulationSpec& spec,
       const double along = poses.kind == PoseKind::kOneDistance
                                ? (distance - ray->origin.z()) / ray->direction.z()
                                : distance;
-      T_camera_target.t =
-          ray->origin + along * ray->direction - T_camera_target.R * stance.middle;
+      T_camera_target.t = ray->origin + along * ray->direction - T_camera_target.R * stance.middle;
       const RigidTransform T_rig_target = camera.T_camera_rig.Inverse() * T_camera_target;
       if (CountMarkers(observer.Observe(aim, target, T_rig_target)) < fewest) continue;
-      frames.push_back({fmt::format("{:06}", 100 + 5 * f), partial ? "partial" : "good", T_rig_target});
+      frames.push_back(
+          {fmt::format("{:06}", 100 + 5 * f), partial ? "partial" : "good", T_rig_target});
       found = true;
     }
     if (!found) {

@@ -50,13 +50,13 @@ std::string SessionYaml(const Scene& scene, bool points) {
                      camera.image_size[0],
                      camera.image_size[1]);
     } else {
-      fmt::format_to(out,
-                     "    images: {0}/*.png\n    white_images: {0}_white/*.png\n",
-                     camera.name);
+      fmt::format_to(
+          out, "    images: {0}/*.png\n    white_images: {0}_white/*.png\n", camera.name);
       if (!camera.sensor.bayer.empty()) fmt::format_to(out, "    bayer: {}\n", camera.sensor.bayer);
     }
     for (size_t i = 0; i < camera.config.size(); ++i) {
-      fmt::format_to(out, "    {}: {}\n", camera.model->config[i].name, YamlNumber(camera.config[i]));
+      fmt::format_to(
+          out, "    {}: {}\n", camera.model->config[i].name, YamlNumber(camera.config[i]));
     }
   }
   return text;
@@ -214,7 +214,10 @@ void RefuseOtherImages(const std::vector<Shot>& shots, const std::filesystem::pa
   }
 }
 
-cv::Mat TakeShot(const Scene& scene, const TargetSurface& surface, const Renderer& renderer, const Shot& shot) {
+cv::Mat TakeShot(const Scene& scene,
+                 const TargetSurface& surface,
+                 const Renderer& renderer,
+                 const Shot& shot) {
   const CameraSpec& camera = scene.spec.cameras[shot.camera];
   if (!shot.frame) {
     Random random(scene.spec.seed, "white", {shot.camera, shot.index});
@@ -222,8 +225,7 @@ cv::Mat TakeShot(const Scene& scene, const TargetSurface& surface, const Rendere
     return Expose(renderer.White() * (1 + random.Gaussian(kFlicker)), camera.sensor, &random);
   }
   Random random(scene.spec.seed, "image", {shot.camera, *shot.frame});
-  const PosedSurface posed(surface,
-                           camera.T_camera_rig * scene.frames[*shot.frame].T_rig_target);
+  const PosedSurface posed(surface, camera.T_camera_rig * scene.frames[*shot.frame].T_rig_target);
   const std::uint64_t sampling =
       static_cast<std::uint64_t>(scene.spec.seed) * 1000003 + shot.camera * 65537 + *shot.frame;
   return Expose(renderer.Render(posed, sampling), camera.sensor, &random);
@@ -299,9 +301,9 @@ std::string Simulate(const SimulateCommand& command, const SimulateOptions& opti
   std::string summary;
   for (size_t c = 0; c < spec.cameras.size(); ++c) {
     const CameraSpec& camera = spec.cameras[c];
-    const auto frames = std::count_if(scene.views[c].begin(), scene.views[c].end(), [](const View& view) {
-      return !view.observations.empty();
-    });
+    const auto frames = std::count_if(scene.views[c].begin(),
+                                      scene.views[c].end(),
+                                      [](const View& view) { return !view.observations.empty(); });
     if (command.points) {
       out.Write(fmt::format("detections_{}.csv", camera.name),
                 DetectionsCsv(WithNoise(scene.views[c], camera, c, spec.seed), *camera.model));

@@ -25,7 +25,8 @@ std::filesystem::path PathBeside(const std::filesystem::path& spec, const YamlNo
 }
 
 // The number of `key`, if it is there, within [low, high].
-void ReadNumber(const YamlNode& node, std::string_view key, double low, double high, double* value) {
+void ReadNumber(
+    const YamlNode& node, std::string_view key, double low, double high, double* value) {
   if (!node.Has(key)) return;
   const YamlNode number = node.At(key);
   *value = number.AsNumber();
@@ -49,10 +50,8 @@ size_t ReadChoice(const YamlNode& node, const std::array<std::string_view, N>& c
   for (size_t i = 0; i < N; ++i) {
     if (choices[i] == text) return i;
   }
-  node.Fail(fmt::format("expected {}, found '{}'{}",
-                        fmt::join(choices, " or "),
-                        text,
-                        SuggestName(text, choices)));
+  node.Fail(fmt::format(
+      "expected {}, found '{}'{}", fmt::join(choices, " or "), text, SuggestName(text, choices)));
 }
 
 // One value a parameter, all of them.
@@ -166,8 +165,9 @@ CameraSpec ReadCamera(const std::string& name,
   if (name.empty() || name == "truth" ||
       name.find_first_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-") !=
           std::string::npos) {
-    node.Fail("a camera's name becomes part of file names; use letters, digits, '_' and '-', not "
-              "'truth'");
+    node.Fail(
+        "a camera's name becomes part of file names; use letters, digits, '_' and '-', not "
+        "'truth'");
   }
   std::vector<std::string_view> names;
   for (const CameraModel& model : models) names.push_back(model.name);
@@ -178,10 +178,20 @@ CameraSpec ReadCamera(const std::string& name,
                                 model_node.AsString(),
                                 SuggestName(model_node.AsString(), names)));
   }
-  std::vector<std::string_view> known{"model",      "image_size", "parameters", "T_camera_rig",
-                                      "xi_camera_rig", "bits",    "full_well",  "read_noise",
-                                      "exposure",   "blur",       "vignetting", "bayer",
-                                      "micro_lenses", "detection_sigma"};
+  std::vector<std::string_view> known{"model",
+                                      "image_size",
+                                      "parameters",
+                                      "T_camera_rig",
+                                      "xi_camera_rig",
+                                      "bits",
+                                      "full_well",
+                                      "read_noise",
+                                      "exposure",
+                                      "blur",
+                                      "vignetting",
+                                      "bayer",
+                                      "micro_lenses",
+                                      "detection_sigma"};
   for (const Param& config : camera.model->config) known.push_back(config.name);
   node.CheckKeys(known);
 

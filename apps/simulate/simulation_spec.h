@@ -18,26 +18,26 @@ namespace plenocal::simulate {
 
 /// The micro-lens array of a plenoptic camera, as its white images show it.
 struct MicroLensSpec {
-  double pitch = 0;                  ///< px, distance of micro-image centres
-  double rotation = 0;               ///< rad, of the lattice's rows about the x axis
-  Eigen::Vector2d offset{0, 0};      ///< px, of a centre from the principal point
+  double pitch = 0;              ///< px, distance of micro-image centres
+  double rotation = 0;           ///< rad, of the lattice's rows about the x axis
+  Eigen::Vector2d offset{0, 0};  ///< px, of a centre from the principal point
   /// Virtual depth (FORMATS.md) at which each lens type is sharp: one value or three.
-  std::vector<double> focus;
-  double aperture = 0.7;    ///< diameter of a micro lens / pitch
-  double fill = 0.92;       ///< diameter of the main lens' stop, as a micro image shows it / pitch
-  double gain_sigma = 0;    ///< scatter of the micro lenses' transmission
-  int dull = 0;             ///< number of micro lenses with 30 to 70 % of the others' transmission
+  std::vector<double> focus = {};
+  double aperture = 0.7;  ///< diameter of a micro lens / pitch
+  double fill = 0.92;     ///< diameter of the main lens' stop, as a micro image shows it / pitch
+  double gain_sigma = 0;  ///< scatter of the micro lenses' transmission
+  int dull = 0;           ///< number of micro lenses with 30 to 70 % of the others' transmission
 };
 
 /// From radiance to grey values.
 struct SensorSpec {
-  int bits = 8;               ///< 8 or, in 16-bit files, 10, 12, 14, 16
-  double full_well = 10000;   ///< electrons at the largest grey value
-  double read_noise = 8;      ///< electrons
-  double exposure = 0.8;      ///< white paper where nothing is lost / the largest grey value
-  double blur = 0.5;          ///< px, sigma of the point-spread function before the pixel's own area
-  double vignetting = 0.2;    ///< ordinary cameras: part of the light that is lost in the corners
-  std::string bayer;          ///< "RGGB" and the like; empty: monochrome
+  int bits = 8;              ///< 8 or, in 16-bit files, 10, 12, 14, 16
+  double full_well = 10000;  ///< electrons at the largest grey value
+  double read_noise = 8;     ///< electrons
+  double exposure = 0.8;     ///< white paper where nothing is lost / the largest grey value
+  double blur = 0.5;         ///< px, sigma of the point-spread function before the pixel's own area
+  double vignetting = 0.2;   ///< ordinary cameras: part of the light that is lost in the corners
+  std::string bayer = {};    ///< "RGGB" and the like; empty: monochrome
 };
 
 struct CameraSpec {

@@ -53,7 +53,9 @@ cv::Mat Spots(cv::Size size, double spot, int seed, size_t index) {
 }
 
 // A frame with its x axis along a - o and b in its plane.
-RigidTransform FrameOf(const Eigen::Vector3d& o, const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
+RigidTransform FrameOf(const Eigen::Vector3d& o,
+                       const Eigen::Vector3d& a,
+                       const Eigen::Vector3d& b) {
   RigidTransform T;
   T.R.col(0) = (a - o).normalized();
   T.R.col(2) = T.R.col(0).cross(b - o).normalized();
@@ -88,7 +90,7 @@ void TargetSurface::Draw(const TargetPart& part, int seed, Board* board) {
     box.extend(Eigen::Vector2d(box.min().array() - rim));
     box.extend(Eigen::Vector2d(box.max().array() + rim));
   }
-  constexpr double kTexels = 24;       // across the finest shape
+  constexpr double kTexels = 24;        // across the finest shape
   constexpr double kMostTexels = 6000;  // along a side
   const double texel = std::max(part.finest / kTexels, box.sizes().maxCoeff() / kMostTexels);
   constexpr int kMultiple = 1 << (kLevels - 1);
@@ -96,16 +98,18 @@ void TargetSurface::Draw(const TargetPart& part, int seed, Board* board) {
     return (static_cast<int>(std::ceil(length / texel)) + kMultiple) / kMultiple * kMultiple;
   };
   const cv::Size size(whole(box.sizes().x()), whole(box.sizes().y()));
-  board->x0 = box.min().x();
-  board->y0 = box.min().y();
+  board->corner = box.min().cast<float>();
   board->texel = static_cast<float>(texel);
   board->size = box.sizes().cast<float>();
 
-  const print::Surface surface(cairo_image_surface_create(CAIRO_FORMAT_A8, size.width, size.height));
+  const print::Surface surface(
+      cairo_image_surface_create(CAIRO_FORMAT_A8, size.width, size.height));
   if (cairo_surface_status(surface.get()) != CAIRO_STATUS_SUCCESS) {
     throw Error(ErrorKind::kJob, "out of memory for the picture of the target");
   }
-  cv::Mat canvas(size, CV_8U, cairo_image_surface_get_data(surface.get()),
+  cv::Mat canvas(size,
+                 CV_8U,
+                 cairo_image_surface_get_data(surface.get()),
                  static_cast<size_t>(cairo_image_surface_get_stride(surface.get())));
   if (part.one_sheet) {
     canvas.setTo(255);
@@ -119,7 +123,7 @@ void TargetSurface::Draw(const TargetPart& part, int seed, Board* board) {
   cairo_set_operator(context.get(), CAIRO_OPERATOR_SOURCE);
   cairo_set_tolerance(context.get(), 0.02);
   cairo_scale(context.get(), 1 / texel, 1 / texel);
-  cairo_translate(context.get(), -board->x0, -board->y0);
+  cairo_translate(context.get(), -board->corner.x(), -board->corner.y());
   cairo_set_source_rgba(context.get(), 0, 0, 0, 1);
   for (const DrawnTag& tag : part.tags) print::AddPolygon(context.get(), tag.paper);
   cairo_fill(context.get());
@@ -159,11 +163,14 @@ void TargetSurface::MapTags(const TargetPart& part, const TrueTarget& made, Boar
     constexpr int kShift = 4;
     for (const Eigen::Vector2d& p : tag.paper) {
       const double scale = (1 << kShift) / static_cast<double>(board->which_cell);
-      cells.emplace_back(static_cast<int>((p.x() - board->x0) * scale) - (1 << kShift) / 2,
-                         static_cast<int>((p.y() - board->y0) * scale) - (1 << kShift) / 2);
+      cells.emplace_back(static_cast<int>((p.x() - board->corner.x()) * scale) - (1 << kShift) / 2,
+                         static_cast<int>((p.y() - board->corner.y()) * scale) - (1 << kShift) / 2);
     }
-    cv::fillConvexPoly(
-        board->which, cells, cv::Scalar(static_cast<double>(board->maps.size())), cv::LINE_8, kShift);
+    cv::fillConvexPoly(board->which,
+                       cells,
+                       cv::Scalar(static_cast<double>(board->maps.size())),
+                       cv::LINE_8,
+                       kShift);
     board->maps.push_back(map);
   }
 }
@@ -211,8 +218,8 @@ void TargetSurface::MapNodes(const Target& nominal, const TrueTarget& made, Boar
   }
   for (int y = 0; y < board->which.rows; ++y) {
     for (int x = 0; x < board->which.cols; ++x) {
-      const double u = (board->x0 + (x + 0.5) * board->which_cell - first) / square;
-      const double v = (board->y0 + (y + 0.5) * board->which_cell - first) / square;
+      const double u = (board->corner.x() + (x + 0.5) * board->which_cell - first) / square;
+      const double v = (board->corner.y() + (y + 0.5) * board->which_cell - first) / square;
       const int column = std::clamp(static_cast<int>(std::floor(u)), -1, columns - 1);
       const int row = std::clamp(static_cast<int>(std::floor(v)), -1, rows - 1);
       const int half = (u - column) + (v - row) > 1 ? 1 : 0;
@@ -232,8 +239,8 @@ void TargetSurface::MapCircles(const Target& nominal, const TrueTarget& made, Bo
   }
   for (int y = 0; y < board->which.rows; ++y) {
     for (int x = 0; x < board->which.cols; ++x) {
-      const Eigen::Vector2d at(board->x0 + (x + 0.5) * board->which_cell,
-                               board->y0 + (y + 0.5) * board->which_cell);
+      const Eigen::Vector2d at(board->corner.x() + (x + 0.5) * board->which_cell,
+                               board->corner.y() + (y + 0.5) * board->which_cell);
       const auto nearest =
           std::min_element(centres.begin(), centres.end(), [&](const auto& a, const auto& b) {
             return (a - at).squaredNorm() < (b - at).squaredNorm();
@@ -255,64 +262,134 @@ PosedSurface::PosedSurface(const TargetSurface& surface, const RigidTransform& T
   }
 }
 
+namespace {
+
+float Distance(const PictureMap& map,
+               const Eigen::Vector3f& origin,
+               const Eigen::Vector3f& direction) {
+  return (map.offset - map.normal.dot(origin)) / map.normal.dot(direction);
+}
+
+Eigen::Vector2f InPicture(const PictureMap& map, const Eigen::Vector3f& p) {
+  const Eigen::Vector3f h = map.M.leftCols<3>() * p + map.M.col(3);
+  return h.head<2>() / h.z();
+}
+
+}  // namespace
+
+PosedSurface::Hit PosedSurface::FindHit(const Eigen::Vector3f& origin,
+                                        const Eigen::Vector3f& direction) const {
+  Hit hit;
+  for (const Board& board : boards_) {
+    const float distance = Distance(board.own, origin, direction);
+    if (!(distance > 0) || (hit.board != nullptr && distance > hit.distance)) continue;
+    const Eigen::Vector2f at =
+        InPicture(board.own, origin + distance * direction) - board.of->corner;
+    if (at.minCoeff() >= 0 && at.x() < board.of->size.x() && at.y() < board.of->size.y()) {
+      hit = {&board, distance, at};
+    }
+  }
+  return hit;
+}
+
+std::pair<int, float> PosedSurface::BoardOf(const Eigen::Vector3f& origin,
+                                            const Eigen::Vector3f& direction) const {
+  const Hit hit = FindHit(origin, direction);
+  if (hit.board == nullptr || hit.board->own.normal.dot(direction) < 0) return {-1, 0};
+  return {static_cast<int>(hit.board - boards_.data()), hit.distance};
+}
+
+int PosedSurface::MapAt(const TargetSurface::Board& board, float u, float v) {
+  const float x = u / board.which_cell, y = v / board.which_cell;
+  if (!(x >= 0 && y >= 0 && x < static_cast<float>(board.which.cols) &&
+        y < static_cast<float>(board.which.rows))) {
+    return -1;
+  }
+  return board.which.ptr<std::int32_t>(static_cast<int>(y))[static_cast<int>(x)];
+}
+
+int PosedSurface::LevelOf(const TargetSurface::Board& board, const Spread& spread, float distance) {
+  const float width = std::abs(spread.at_origin + spread.by_distance * distance);
+  int level = 0;
+  for (float texel = 2 * board.texel; texel < width && level + 1 < kLevels; texel *= 2) ++level;
+  return level;
+}
+
+float PosedSurface::Sample(const TargetSurface::Board& board, int level, float u, float v) {
+  const cv::Mat& picture = board.picture[static_cast<size_t>(level)];
+  const float scale = 1 / (board.texel * static_cast<float>(1 << level));
+  const float x = std::clamp(u * scale - 0.5f, 0.f, static_cast<float>(picture.cols) - 1.001f);
+  const float y = std::clamp(v * scale - 0.5f, 0.f, static_cast<float>(picture.rows) - 1.001f);
+  const int column = static_cast<int>(x), row = static_cast<int>(y);
+  const float fx = x - static_cast<float>(column), fy = y - static_cast<float>(row);
+  const std::uint8_t* top = picture.ptr<std::uint8_t>(row) + column;
+  const std::uint8_t* below = picture.ptr<std::uint8_t>(row + 1) + column;
+  return ((1 - fy) * ((1 - fx) * top[0] + fx * top[1]) +
+          fy * ((1 - fx) * below[0] + fx * below[1])) /
+         255.f;
+}
+
 float PosedSurface::Radiance(const Eigen::Vector3f& origin,
                              const Eigen::Vector3f& direction,
                              const Spread& spread) const {
-  const auto distance = [&](const PictureMap& map) {
-    return (map.offset - map.normal.dot(origin)) / map.normal.dot(direction);
-  };
-  const auto picture = [&](const PictureMap& map, float along) -> Eigen::Vector2f {
-    const Eigen::Vector3f p = origin + along * direction;
-    const Eigen::Vector3f h = map.M.leftCols<3>() * p + map.M.col(3);
-    return h.head<2>() / h.z();
-  };
-  const Board* hit = nullptr;
-  float nearest = std::numeric_limits<float>::infinity();
-  Eigen::Vector2f at(0, 0);
-  for (const Board& board : boards_) {
-    const float along = distance(board.own);
-    if (!(along > 0 && along < nearest)) continue;
-    const Eigen::Vector2f uv =
-        picture(board.own, along) -
-        Eigen::Vector2f(static_cast<float>(board.of->x0), static_cast<float>(board.of->y0));
-    if (!(uv.minCoeff() >= 0 && uv.x() < board.of->size.x() && uv.y() < board.of->size.y())) continue;
-    hit = &board, nearest = along, at = uv;
-  }
-  if (hit == nullptr) return kBackground;
+  const Hit hit = FindHit(origin, direction);
+  if (hit.board == nullptr) return kBackground;
   // z of a part points away from the viewer.
-  if (hit->own.normal.dot(direction) < 0) return kBack;
-
-  const TargetSurface::Board& board = *hit->of;
-  const Eigen::Vector2f corner(static_cast<float>(board.x0), static_cast<float>(board.y0));
+  if (hit.board->own.normal.dot(direction) < 0) return kBack;
+  const TargetSurface::Board& board = *hit.board->of;
   // The shapes are beside their nominal places, so the shape met is known once its map was tried.
+  constexpr int kTries = 3;
+  Eigen::Vector2f at = hit.at;
   int map = -1;
-  for (int i = 0; i < 3; ++i) {
-    const int x = static_cast<int>(at.x() / board.which_cell);
-    const int y = static_cast<int>(at.y() / board.which_cell);
-    if (x < 0 || y < 0 || x >= board.which.cols || y >= board.which.rows) break;
-    const int found = board.which.at<std::int32_t>(y, x);
+  for (int i = 0; i < kTries; ++i) {
+    const int found = MapAt(board, at.x(), at.y());
     if (found == map || found < 0) break;
     map = found;
-    const PictureMap& piece = hit->maps[static_cast<size_t>(map)];
-    nearest = distance(piece);
-    at = picture(piece, nearest) - corner;
+    const PictureMap& piece = hit.board->maps[static_cast<size_t>(map)];
+    at = InPicture(piece, origin + Distance(piece, origin, direction) * direction) - board.corner;
   }
+  return Sample(board, LevelOf(board, spread, hit.distance), at.x(), at.y());
+}
 
-  const float width = spread.at_origin + spread.by_distance * nearest;
-  int level = 0;
-  for (float texel = 2 * board.texel; texel < std::abs(width) && level + 1 < kLevels; texel *= 2) {
-    ++level;
+void PosedSurface::Radiances(const RayBundle& rays,
+                             const Spread& spread,
+                             int board_index,
+                             std::array<float, RayBundle::kMost>* radiances) const {
+  const auto one = [&](int i) {
+    const auto k = static_cast<size_t>(i);
+    return Radiance({rays.x[k], rays.y[k], rays.z}, {rays.dx[k], rays.dy[k], 1}, spread);
+  };
+  if (board_index < 0 || rays.count == 0) {
+    for (int i = 0; i < rays.count; ++i) (*radiances)[static_cast<size_t>(i)] = one(i);
+    return;
   }
-  const cv::Mat& picture_level = board.picture[static_cast<size_t>(level)];
-  const float scale = 1 / (board.texel * static_cast<float>(1 << level));
-  const float x = std::clamp(at.x() * scale - 0.5f, 0.f, static_cast<float>(picture_level.cols) - 1.001f);
-  const float y = std::clamp(at.y() * scale - 0.5f, 0.f, static_cast<float>(picture_level.rows) - 1.001f);
-  const int column = static_cast<int>(x), row = static_cast<int>(y);
-  const float fx = x - static_cast<float>(column), fy = y - static_cast<float>(row);
-  const std::uint8_t* top = picture_level.ptr<std::uint8_t>(row) + column;
-  const std::uint8_t* below = picture_level.ptr<std::uint8_t>(row + 1) + column;
-  return ((1 - fy) * ((1 - fx) * top[0] + fx * top[1]) +
-          fy * ((1 - fx) * below[0] + fx * below[1])) / 255.f;
+  const Board& posed = boards_[static_cast<size_t>(board_index)];
+  const TargetSurface::Board& board = *posed.of;
+  // What the first ray meets, most others meet too.
+  const Eigen::Vector3f origin(rays.x[0], rays.y[0], rays.z), direction(rays.dx[0], rays.dy[0], 1);
+  const float distance = Distance(posed.own, origin, direction);
+  const Eigen::Vector2f first = InPicture(posed.own, origin + distance * direction) - board.corner;
+  const int map = MapAt(board, first.x(), first.y());
+  const PictureMap& piece = map < 0 ? posed.own : posed.maps[static_cast<size_t>(map)];
+  const int level = LevelOf(board, spread, distance);
+
+  std::array<float, RayBundle::kMost> u, v;
+  const float nx = piece.normal.x(), ny = piece.normal.y(), nz = piece.normal.z();
+  const float rest = piece.offset - nz * rays.z;
+  const Eigen::Matrix<float, 3, 4>& M = piece.M;
+  for (size_t i = 0; i < static_cast<size_t>(rays.count); ++i) {
+    const float along =
+        (rest - nx * rays.x[i] - ny * rays.y[i]) / (nx * rays.dx[i] + ny * rays.dy[i] + nz);
+    const float x = rays.x[i] + along * rays.dx[i], y = rays.y[i] + along * rays.dy[i];
+    const float z = rays.z + along;
+    const float h = 1 / (M(2, 0) * x + M(2, 1) * y + M(2, 2) * z + M(2, 3));
+    u[i] = (M(0, 0) * x + M(0, 1) * y + M(0, 2) * z + M(0, 3)) * h - board.corner.x();
+    v[i] = (M(1, 0) * x + M(1, 1) * y + M(1, 2) * z + M(1, 3)) * h - board.corner.y();
+  }
+  for (int i = 0; i < rays.count; ++i) {
+    const auto k = static_cast<size_t>(i);
+    (*radiances)[k] = MapAt(board, u[k], v[k]) == map ? Sample(board, level, u[k], v[k]) : one(i);
+  }
 }
 
 }  // namespace plenocal::simulate

@@ -9,8 +9,10 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <cstdint>
 #include <opencv2/core/mat.hpp>
+#include <utility>
 #include <vector>
 
 #include "apps/simulate/observer.h"
@@ -31,6 +33,14 @@ struct Spread {
   float at_origin = 0, by_distance = 0;
 };
 
+/// Rays that stand for one place of an image; all start at depth z and have direction (dx, dy, 1).
+struct RayBundle {
+  static constexpr int kMost = 144;
+  int count = 0;
+  float z = 0;
+  std::array<float, kMost> x, y, dx, dy;
+};
+
 /// The target before it is placed before a camera.
 class TargetSurface {
  public:
@@ -41,7 +51,7 @@ class TargetSurface {
   friend class PosedSurface;
   struct Board {
     std::vector<cv::Mat> picture;  // CV_8U, each half as fine as the one before
-    double x0 = 0, y0 = 0;         // m, of the picture's corner
+    Eigen::Vector2f corner{0, 0};  // m, of the picture
     float texel = 0;               // m, of the finest
     Eigen::Vector2f size{0, 0};    // m
     cv::Mat which;                 // CV_32S, map of each cell of the picture; -1: the board's own
@@ -71,6 +81,16 @@ class PosedSurface {
                                const Eigen::Vector3f& direction,
                                const Spread& spread) const;
 
+  /// The same for a whole bundle. `board`: what `BoardOf` found for all rays around these; rays of
+  /// one board are much quicker.
+  void Radiances(const RayBundle& rays,
+                 const Spread& spread,
+                 int board,
+                 std::array<float, RayBundle::kMost>* radiances) const;
+  /// The board whose front a ray meets, -1: none, or a back; and how far from the origin.
+  [[nodiscard]] std::pair<int, float> BoardOf(const Eigen::Vector3f& origin,
+                                              const Eigen::Vector3f& direction) const;
+
   static constexpr float kInk = 0.04f;
   static constexpr float kBackground = 0.15f;  ///< what is behind the target
   static constexpr float kBack = 0.3f;         ///< a board's back
@@ -81,6 +101,19 @@ class PosedSurface {
     PictureMap own;
     std::vector<PictureMap> maps;
   };
+  /// Where a ray first meets the target.
+  struct Hit {
+    const Board* board = nullptr;  ///< null: nowhere
+    float distance = 0;
+    Eigen::Vector2f at{0, 0};  ///< picture coordinates from the picture's corner, m
+  };
+  [[nodiscard]] Hit FindHit(const Eigen::Vector3f& origin, const Eigen::Vector3f& direction) const;
+  [[nodiscard]] static int MapAt(const TargetSurface::Board& board, float u, float v);
+  [[nodiscard]] static float Sample(const TargetSurface::Board& board, int level, float u, float v);
+  [[nodiscard]] static int LevelOf(const TargetSurface::Board& board,
+                                   const Spread& spread,
+                                   float distance);
+
   std::vector<Board> boards_;
 };
 

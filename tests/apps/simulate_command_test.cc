@@ -99,6 +99,40 @@ TEST_F(SimulateCommand, SameSeedSameFilesWhateverTheThreads) {
   EXPECT_NE(Read("a/truth/target.yaml"), Read("c/truth/target.yaml"));
 }
 
+TEST_F(SimulateCommand, ImagesAreTheSameWhateverTheThreadsAndCanBeMeasured) {
+  Change("frames: 12", "frames: 2");
+  Change("white_images: 5", "white_images: 2");
+  Change("image_size: [800, 800]", "image_size: [400, 400]");
+  Change("c_x: 402, c_y: 397", "c_x: 202, c_y: 197");
+  ASSERT_EQ(Simulate({"--threads", "1"}, "a").status, kDone);
+  ASSERT_EQ(Simulate({"--threads", "2"}, "b").status, kDone);
+  for (const char* file :
+       {"left/000100.png", "plenoptic/000105.png", "plenoptic_white/white_01.png"}) {
+    EXPECT_FALSE(Read(std::string("a/") + file).empty()) << file;
+    EXPECT_TRUE(Read(std::string("a/") + file) == Read(std::string("b/") + file)) << file;
+  }
+  // The white images give the micro-image centres back.
+  const Outcome white = Run({"white", "a/session.yaml", "-o", "white"});
+  ASSERT_EQ(white.status, kDone) << white.err;
+  const Table found(Read("white/micro_lenses_plenoptic.csv"));
+  const Table truth(Read("a/truth/micro_lenses_plenoptic.csv"));
+  const std::vector<double> x = found.Numbers("x"), y = found.Numbers("y");
+  const std::vector<double> true_x = truth.Numbers("x"), true_y = truth.Numbers("y");
+  EXPECT_NEAR(static_cast<double>(x.size()), static_cast<double>(true_x.size()), 3);
+  for (std::size_t i = 0; i < x.size(); ++i) {
+    double nearest = 1e9;
+    for (std::size_t k = 0; k < true_x.size(); ++k) {
+      nearest = std::min(nearest, std::hypot(x[i] - true_x[k], y[i] - true_y[k]));
+    }
+    EXPECT_LT(nearest, 0.1);
+  }
+  // Images of another run are not mixed with these.
+  Change("frames: 2", "frames: 1");
+  const Outcome mixed = Simulate({}, "a");
+  EXPECT_EQ(mixed.status, kWrongInput);
+  EXPECT_THAT(mixed.err, HasSubstr("000105.png: is no image of this session"));
+}
+
 TEST_F(SimulateCommand, SomeFramesShowTheTargetToSomeCamerasOnly) {
   ASSERT_EQ(Simulate({"--points"}).status, kDone);
   const Table frames(Read("set/truth/frames.csv"));
@@ -113,7 +147,8 @@ TEST_F(SimulateCommand, BadPoseSetsAreBadInTheirOwnWay) {
   const auto distances = [&] {
     std::vector<double> all;
     const Table poses(Read("set/truth/poses.csv"));
-    const std::vector<double> x = poses.Numbers("x"), y = poses.Numbers("y"), z = poses.Numbers("z");
+    const std::vector<double> x = poses.Numbers("x"), y = poses.Numbers("y"),
+                              z = poses.Numbers("z");
     for (std::size_t i = 0; i < x.size(); ++i) {
       all.push_back((Eigen::Vector3d(x[i], y[i], z[i]) - Eigen::Vector3d(0, 0.06, 0.06)).norm());
     }
