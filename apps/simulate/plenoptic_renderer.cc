@@ -112,9 +112,9 @@ class SampleSets {
   }
 
  private:
-  // Spreads in steps of 0.1 px for small ones, of 1 / 3 of themselves for large ones.
-  static constexpr int kBuckets = 14, kVariants = 16;
-  static constexpr double kFinest = 0.3, kGrowth = 3;
+  // Spreads in steps of 0.03 px for small ones, of a tenth of themselves for large ones.
+  static constexpr int kBuckets = 45, kVariants = 6;
+  static constexpr double kFinest = 0.3, kGrowth = 10;
   std::vector<Samples> sets_;
 };
 
