@@ -70,6 +70,26 @@ cv::Mat Devignetted(const cv::Mat& gray, const cv::Mat& attenuation) {
   return even;
 }
 
+/// All images of a camera together know its lens better than each alone.
+void MeasureByCommonLens(const ImageSize& size, std::vector<ImageResult>* results) {
+  std::vector<BentEdge> edges;
+  for (const ImageResult& result : *results) {
+    if (result.size != size) continue;
+    edges.insert(edges.end(), result.found.edges.begin(), result.found.edges.end());
+  }
+  const LensCurvature lens(edges, Eigen::Vector2d(size[0], size[1]));
+  for (ImageResult& result : *results) {
+    for (size_t i = 0; i < result.found.bent.size(); ++i) {
+      const BentMarker& bent = result.found.bent[i];
+      const Eigen::Vector2d change = lens.At(bent.place) - bent.curvature;
+      const Eigen::Vector2d moved = bent.by_curvature * change;
+      auto& values = result.found.markers[i].values;
+      values[0] += moved.x();
+      values[1] += moved.y();
+    }
+  }
+}
+
 }  // namespace
 
 ImageDetections DetectImages(const std::vector<FrameImage>& images,
@@ -140,6 +160,8 @@ ImageDetections DetectImages(const std::vector<FrameImage>& images,
                     detections.image_size[0],
                     detections.image_size[1]));
   }
+
+  MeasureByCommonLens(detections.image_size, &results);
 
   for (size_t i = 0; i < images.size(); ++i) {
     ImageResult& result = results[i];

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "calib/observation.h"
+#include "detectors/lens_curvature.h"
 #include "targets/target.h"
 
 namespace plenocal {
@@ -16,6 +17,9 @@ struct MarkerDetections {
   std::vector<Observation> markers;   ///< x, y, sigma set; ascending marker number, no duplicates
   std::vector<std::string> left_out;  ///< markers refused, with the reason, in words for the user
   std::string failure;                ///< why `markers` is empty; empty otherwise
+  std::vector<BentEdge> edges;        ///< what the image says about the lens' curvature
+  /// What the markers owe to it, in their order; empty when they do not depend on it.
+  std::vector<BentMarker> bent;
 };
 
 /// Finds the markers of one target in gray images. One object may be used from one thread at a

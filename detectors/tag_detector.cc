@@ -388,10 +388,10 @@ class TagDetector : public MarkerDetector {
   MarkerDetections Detect(const cv::Mat& gray) override {
     // One pixel a bit is the least that can be read.
     if (std::min(gray.cols, gray.rows) < family_.width_at_border()) {
-      return {
-          {},
-          {},
-          fmt::format("the image is too small for a tag ({} x {} pixels)", gray.cols, gray.rows)};
+      MarkerDetections none;
+      none.failure =
+          fmt::format("the image is too small for a tag ({} x {} pixels)", gray.cols, gray.rows);
+      return none;
     }
     Found found;
     const cv::Rect whole(0, 0, gray.cols, gray.rows);
@@ -525,11 +525,12 @@ class TagDetector : public MarkerDetector {
       result.left_out.push_back(
           fmt::format("tag {} ({}) is not on the target", id, layout_.family));
     }
-    const auto refined = internal::RefineTags(gray, seen, border_);
+    internal::RefinedTags refined = internal::RefineTags(gray, seen, border_);
+    result.edges = std::move(refined.edges);
     constexpr std::array kCorners{"lower left", "lower right", "upper right", "upper left"};
     for (std::size_t i = 0; i < ids.size(); ++i) {
       for (std::size_t k = 0; k < 4; ++k) {
-        const auto& corner = refined[i][k];
+        const auto& corner = refined.quads[i][k];
         if (!corner) {
           result.left_out.push_back(fmt::format(
               "{} corner of tag {}: its edges cannot be measured", kCorners[k], ids[i]));
@@ -540,6 +541,7 @@ class TagDetector : public MarkerDetector {
         observation.values = {corner->point.x(), corner->point.y()};
         observation.sigma = corner->sigma;
         result.markers.push_back(observation);
+        result.bent.push_back(corner->bent);
       }
     }
     if (result.markers.empty()) result.failure = Failure(gray, found, result.left_out);

@@ -30,6 +30,7 @@
 #include <utility>
 
 #include "calib/median.h"
+#include "detectors/lens_curvature.h"
 #include "detectors/tag_step.h"
 #include "detectors/tag_template.h"
 
@@ -54,10 +55,14 @@ struct Edge {
   std::vector<bool> bits;                ///< behind the ring: true where not of the ring's colour
   Eigen::Vector3d curve = Eigen::Vector3d::Zero();       ///< a, b, q
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  ///< of a, b, q
+  Eigen::Vector3d by_bend = Eigen::Vector3d::Zero();     ///< of a, b, q by the lens' bend, px^2
   double blur = 0;                                       ///< px
   bool fitted = false;
 
   [[nodiscard]] double Offset(double s) const { return curve.dot(Eigen::Vector3d(1, s, s * s)); }
+  [[nodiscard]] double OffsetByBend(double s) const {
+    return by_bend.dot(Eigen::Vector3d(1, s, s * s));
+  }
   [[nodiscard]] double OffsetVariance(double s) const {
     const Eigen::Vector3d j(1, s, s * s);
     return j.dot(covariance * j);
@@ -208,6 +213,8 @@ double MedianAbsolute(std::vector<float>* values) {
 
 /// Where a ring is narrower than this many blurs, an edge cannot be told from the next one.
 constexpr double kNarrow = 3.5;
+/// px; the outer edges of a larger tag measure it well enough, all its edges would take long.
+constexpr double kSmall = 64;
 constexpr double kUsualBlur = 0.8;  // px, of a lens in focus; where the fits start
 
 struct Workspace {
@@ -288,35 +295,28 @@ void FitEdge(const cv::Mat& gray, bool corner_squares, Edge* edge, Workspace* wo
   edge->fitted = edge->covariance.allFinite() && edge->covariance(0, 0) > 0;
 }
 
-/// Given the curve's estimate with q free, the estimate with q ~ N(0, variance_q).
-void ShrinkCurvature(double variance_q, Edge* edge) {
-  const Eigen::Vector3d gain = edge->covariance.col(2) / (edge->covariance(2, 2) + variance_q);
-  edge->curve -= gain * edge->curve[2];
+/// Given the curve's estimate with q free, the estimate with the lens' bend (1/px).
+void BendByLens(const LensCurvature& lens, Edge* edge) {
+  const double square = edge->half_length * edge->half_length;  // s = 1
+  const double mean = square * edge->normal.dot(lens.At(edge->middle));
+  const double variance = square * square * lens.Variance(edge->middle, edge->normal);
+  const Eigen::Vector3d gain = edge->covariance.col(2) / (edge->covariance(2, 2) + variance);
+  edge->curve += gain * (mean - edge->curve[2]);
   edge->covariance -= gain * edge->covariance.row(2).eval();
+  edge->by_bend = gain * square;
 }
 
-/// Variance of the edges' curvature (1/px) over the image: maximum likelihood by fixed-point steps.
-double CurvatureVariance(const std::vector<Edge>& edges) {
-  double variance = 0;
-  // q = curvature * half_length^2 / 2.
-  std::vector<std::pair<double, double>> estimates;  // curvature^2, its variance
+std::vector<BentEdge> BentEdges(const std::vector<Edge>& edges) {
+  std::vector<BentEdge> bent;
   for (const Edge& edge : edges) {
     if (!edge.fitted) continue;
-    const double scale = 2 / (edge.half_length * edge.half_length);
-    estimates.emplace_back(std::pow(edge.curve[2] * scale, 2),
-                           edge.covariance(2, 2) * scale * scale);
+    const double square = edge.half_length * edge.half_length;  // s = 1
+    bent.push_back({edge.middle,
+                    edge.normal,
+                    edge.curve[2] / square,
+                    edge.covariance(2, 2) / (square * square)});
   }
-  for (int iteration = 0; iteration < 20; ++iteration) {
-    double sum = 0, weight_sum = 0;
-    for (const auto& [square, noise] : estimates) {
-      const double weight = 1 / ((noise + variance) * (noise + variance));
-      sum += weight * (square - noise);
-      weight_sum += weight;
-    }
-    if (weight_sum == 0) return 0;
-    variance = std::max(0.0, sum / weight_sum);
-  }
-  return variance;
+  return bent;
 }
 
 /// The edge from corner `side` to the next one, before it is fitted.
@@ -366,7 +366,9 @@ double MedianBlur(const std::vector<Edge>& edges) {
   return Median(std::move(blurs), kUsualBlur);
 }
 
-std::optional<RefinedCorner> Intersect(const Edge& before, const Edge& after) {
+std::optional<RefinedCorner> Intersect(const Edge& before,
+                                       const Edge& after,
+                                       const LensCurvature& lens) {
   if (!before.fitted || !after.fitted) return std::nullopt;
   // The end (s = 1) of the edge that arrives and the beginning (s = -1) of the one that leaves.
   Eigen::Matrix2d normals;
@@ -384,14 +386,18 @@ std::optional<RefinedCorner> Intersect(const Edge& before, const Edge& after) {
   }
   const Eigen::Vector2d variances(before.OffsetVariance(s_before), after.OffsetVariance(s_after));
   const Eigen::Matrix2d covariance = inverse * variances.asDiagonal() * inverse.transpose();
-  return RefinedCorner{point, std::sqrt(covariance.trace() / 2)};
+  Eigen::Matrix2d offsets_by_curvature;
+  offsets_by_curvature << before.OffsetByBend(s_before) * before.normal.transpose(),
+      after.OffsetByBend(s_after) * after.normal.transpose();
+  return RefinedCorner{
+      point, std::sqrt(covariance.trace() / 2), {point, lens.At(point), inverse * offsets_by_curvature}};
 }
 
 }  // namespace
 
-std::vector<RefinedQuad> RefineTags(const cv::Mat& gray,
-                                    std::span<const SeenTag> tags,
-                                    const TagBorder& border) {
+RefinedTags RefineTags(const cv::Mat& gray,
+                       std::span<const SeenTag> tags,
+                       const TagBorder& border) {
   std::vector<Edge> edges;
   Workspace work;
   for (const SeenTag& tag : tags) {
@@ -400,33 +406,34 @@ std::vector<RefinedQuad> RefineTags(const cv::Mat& gray,
       FitEdge(gray, border.corner_squares, &edges.back(), &work);
     }
   }
-  const double curvature_variance = CurvatureVariance(edges);
+  RefinedTags result;
+  result.edges = BentEdges(edges);
+  const LensCurvature lens(result.edges, Eigen::Vector2d(gray.cols, gray.rows));
   for (Edge& edge : edges) {
-    if (!edge.fitted) continue;
-    const double scale = edge.half_length * edge.half_length / 2;
-    ShrinkCurvature(curvature_variance * scale * scale, &edge);
+    if (edge.fitted) BendByLens(lens, &edge);
   }
   const double blur = MedianBlur(edges);
-  std::vector<RefinedQuad> refined(tags.size());
+  std::vector<RefinedQuad>& refined = result.quads;
+  refined.resize(tags.size());
   for (std::size_t i = 0; i < tags.size(); ++i) {
     for (std::size_t k = 0; k < 4; ++k) {
-      refined[i][k] = Intersect(edges[4 * i + (k + 3) % 4], edges[4 * i + k]);
+      refined[i][k] = Intersect(edges[4 * i + (k + 3) % 4], edges[4 * i + k], lens);
       // No better than what was known before.
       if (refined[i][k] && refined[i][k]->sigma > edges[4 * i + k].inside) refined[i][k].reset();
     }
-    const bool narrow = std::any_of(edges.begin() + 4 * i,
-                                    edges.begin() + 4 * i + 4,
-                                    [&](const Edge& edge) {
-                                      return std::min(edge.inside, edge.outside) < kNarrow * blur;
-                                    }) ||
-                        std::any_of(refined[i].begin(), refined[i].end(), [&](const auto& corner) {
-                          return !corner;
-                        });
-    if (!narrow) continue;
+    const bool narrow = std::any_of(
+        edges.begin() + 4 * i, edges.begin() + 4 * i + 4, [&](const Edge& edge) {
+          return std::min(edge.inside, edge.outside) < kNarrow * blur;
+        });
+    const bool missing = std::any_of(
+        refined[i].begin(), refined[i].end(), [](const auto& corner) { return !corner; });
+    if (!narrow && !missing && Area(tags[i].corners) > kSmall * kSmall) continue;
     SeenTag start = tags[i];
     for (std::size_t k = 0; k < 4; ++k) {
       if (refined[i][k]) start.corners[k] = refined[i][k]->point;
     }
+    const Quad& q = start.corners;
+    const Eigen::Vector2d middle = (q[0] + q[1] + q[2] + q[3]) / 4, curvature = lens.At(middle);
     struct Attempt {
       const SeenTag& from;
       double blur;
@@ -436,19 +443,21 @@ std::vector<RefinedQuad> RefineTags(const cv::Mat& gray,
     for (const Attempt& attempt : {Attempt{start, blur, 0},
                                    Attempt{tags[i], kUsualBlur, 0},
                                    Attempt{tags[i], kUsualBlur, 2}}) {
-      TagTemplate drawing(gray, attempt.from, border, attempt.blur);
+      TagTemplate drawing(gray, attempt.from, border, attempt.blur, curvature);
       if (attempt.reach > 0) drawing.Search(attempt.reach);
       if (!drawing.Fit()) continue;
-      for (std::size_t k = 0; k < 4; ++k) {
-        const double sigma = drawing.sigma(static_cast<int>(k));
-        if (!refined[i][k] || sigma < refined[i][k]->sigma) {
-          refined[i][k] = RefinedCorner{drawing.corners()[k], sigma};
+      for (int k = 0; k < 4; ++k) {
+        std::optional<RefinedCorner>& corner = refined[i][static_cast<std::size_t>(k)];
+        if (!corner || drawing.sigma(k) < corner->sigma) {
+          corner = RefinedCorner{drawing.corners()[static_cast<std::size_t>(k)],
+                                 drawing.sigma(k),
+                                 {middle, curvature, drawing.by_curvature(k)}};
         }
       }
       break;
     }
   }
-  return refined;
+  return result;
 }
 
 std::optional<Quad> FindTag(const cv::Mat& gray,
@@ -478,7 +487,7 @@ std::optional<Quad> FindTag(const cv::Mat& gray,
   SeenTag there = expected;
   for (auto& c : there.corners) c = (c - origin) / reduced - half;
 
-  TagTemplate drawing(part, there, border, kUsualBlur);
+  TagTemplate drawing(part, there, border, kUsualBlur, Eigen::Vector2d::Zero());
   drawing.Search(static_cast<int>(std::ceil(reach / reduced)));
   if (!drawing.Fit()) return std::nullopt;
   // Fisher's transform: five standard deviations from no correlation, one chance in three million.

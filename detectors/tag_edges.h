@@ -8,6 +8,8 @@
 #include <span>
 #include <vector>
 
+#include "detectors/lens_curvature.h"
+
 namespace plenocal::internal {
 
 /// A tag's corners in the image: lower left, lower right, upper right, upper left of the upright
@@ -34,18 +36,22 @@ struct TagBorder {
 struct RefinedCorner {
   Eigen::Vector2d point;  ///< px
   double sigma = 0;       ///< px, of each coordinate
+  BentMarker bent;        ///< what the point owes to the curvature assumed
 };
 
 using RefinedQuad = std::array<std::optional<RefinedCorner>, 4>;
 
-/// Corners of tags from curves fitted to their outer edges. An edge is a blurred step from black to
-/// white across a parabola; a parabola, because lens distortion bends it. How much the lens bends
-/// edges is learned from all tags of the image together, so that small tags, which cannot tell, get
-/// straight edges. A corner is missing when one of its two edges cannot be measured (out of the
+struct RefinedTags {
+  std::vector<RefinedQuad> quads;
+  std::vector<BentEdge> edges;  ///< what the image says about the lens
+};
+
+/// Corners of tags, from their whole drawing where they are small and else from curves fitted to
+/// their outer edges. An edge is a blurred step from black to white across a parabola; a parabola,
+/// because lens distortion bends it. How much the lens bends edges is learned from all tags of the
+/// image together. A corner is missing when one of its two edges cannot be measured (out of the
 /// image, covered, no contrast).
-std::vector<RefinedQuad> RefineTags(const cv::Mat& gray,
-                                    std::span<const SeenTag> tags,
-                                    const TagBorder& border);
+RefinedTags RefineTags(const cv::Mat& gray, std::span<const SeenTag> tags, const TagBorder& border);
 
 /// Looks for a tag that should be within `reach` (px) of `expected`; nothing when the image does
 /// not show its bits there.

@@ -21,12 +21,12 @@ struct Correlation {
   }
 };
 
+}  // namespace
+
 double Area(const Quad& q) {
   const Eigen::Vector2d a = q[2] - q[0], b = q[3] - q[1];
   return std::abs(a.x() * b.y() - a.y() * b.x()) / 2;
 }
-
-}  // namespace
 
 Eigen::Matrix3d UnitSquareHomography(const Quad& q) {
   const Eigen::Vector2d sum = q[0] - q[1] + q[2] - q[3];
@@ -66,11 +66,13 @@ Eigen::Matrix3d CellsByUnitSquare(const TagBorder& border) {
 TagTemplate::TagTemplate(const cv::Mat& gray,
                          const SeenTag& tag,
                          const TagBorder& border,
-                         double blur)
+                         double blur,
+                         const Eigen::Vector2d& curvature)
     : gray_(gray),
       border_(border),
       bits_(border.width + 2 * kAround),
-      drawing_(DrawTag(tag.bits, border)) {
+      drawing_(DrawTag(tag.bits, border)),
+      curvature_(curvature) {
   state_.blur = blur;
   SetBeyond(0);
   SetCorners(tag.corners);
@@ -81,11 +83,25 @@ void TagTemplate::SetCorners(const Quad& corners) {
   corners_ = corners;
   side_ = std::sqrt(Area(corners));
   centre_ = (corners[0] + corners[1] + corners[2] + corners[3]) / 4;
-  Eigen::Matrix3d to_image;
-  to_image << side_, 0, centre_.x(), 0, side_, centre_.y(), 0, 0, 1;
-  const Eigen::Matrix3d h = UnitSquareHomography(corners);
-  state_.G = CellsByUnitSquare(border_) * h.inverse() * to_image;
+  Quad straight;
+  std::transform(corners.begin(), corners.end(), straight.begin(), [&](const auto& corner) {
+    return Straight(corner);
+  });
+  state_.G = CellsByUnitSquare(border_) * UnitSquareHomography(straight).inverse();
   state_.G /= state_.G(2, 2);
+}
+
+Eigen::Vector2d TagTemplate::Straight(const Eigen::Vector2d& x) const {
+  const Eigen::Vector2d d = x - centre_;
+  return (d - curvature_ * d.squaredNorm()) / side_;
+}
+
+Eigen::Vector2d TagTemplate::Bent(const Eigen::Vector2d& y) const {
+  // d = y + c |d|^2; c is small, so a few steps do.
+  const Eigen::Vector2d straight = side_ * y;
+  Eigen::Vector2d d = straight;
+  for (int i = 0; i < 4; ++i) d = straight + curvature_ * d.squaredNorm();
+  return d + centre_;
 }
 
 void TagTemplate::UpdateCorners() {
@@ -96,7 +112,7 @@ void TagTemplate::UpdateCorners() {
                                                   Eigen::Vector3d(high, low, 1),
                                                   Eigen::Vector3d(low, low, 1)};
   for (std::size_t k = 0; k < 4; ++k) {
-    corners_[k] = (inverse * on_drawing[k]).hnormalized() * side_ + centre_;
+    corners_[k] = Bent((inverse * on_drawing[k]).hnormalized());
   }
 }
 
@@ -115,13 +131,18 @@ void TagTemplate::ChoosePixels() {
   const int y_last = std::min(gray_.rows - 1, static_cast<int>(std::ceil(box.max().y() + room)));
   for (int y = y_first; y <= y_last; ++y) {
     for (int x = x_first; x <= x_last; ++x) {
-      const Eigen::Vector2d at = (Eigen::Vector2d(x, y) - centre_) / side_;
+      const Eigen::Vector2d at = Straight(Eigen::Vector2d(x, y));
       const Eigen::Vector3d bits = state_.G * at.homogeneous();
       if (bits.z() <= 0) continue;
       const double from_middle = (bits.hnormalized().array() - 0.5 * bits_).abs().maxCoeff();
       if (from_middle > outer) continue;
-      pixels_.push_back(
-          {x, y, static_cast<float>(at.x()), static_cast<float>(at.y()), from_middle < inner});
+      const double square = (Eigen::Vector2d(x, y) - centre_).squaredNorm();
+      pixels_.push_back({x,
+                         y,
+                         static_cast<float>(at.x()),
+                         static_cast<float>(at.y()),
+                         static_cast<float>(square),
+                         from_middle < inner});
     }
   }
 }
@@ -193,9 +214,14 @@ TagTemplate::Sums TagTemplate::Linearise(const State& state) {
     const float by_v = strength * drawn.by_v / drawn.scale;
     const float by_scale = -(by_u * drawn.u + by_v * drawn.v);
     const float residual = gray_.at<unsigned char>(p.row, p.column) - light * level;
-    j.head<kParameters + 1>() << by_u * p.x, by_u * p.y, by_u, by_v * p.x, by_v * p.y, by_v,
+    // y moves by -|d|^2 / side with c.
+    const float square = -p.square * by_px;
+    const float by_x = by_u * (G(0, 0) - drawn.u * G(2, 0)) + by_v * (G(1, 0) - drawn.v * G(2, 0));
+    const float by_y = by_u * (G(0, 1) - drawn.u * G(2, 1)) + by_v * (G(1, 1) - drawn.v * G(2, 1));
+    j.head<kResidual + 1>() << by_u * p.x, by_u * p.y, by_u, by_v * p.x, by_v * p.y, by_v,
         by_scale * p.x, by_scale * p.y, light, light * drawn.value, level * p.x, level * p.y,
-        strength * drawn.by_blur * by_px, strength * drawn.by_beyond, residual;
+        strength * drawn.by_blur * by_px, strength * drawn.by_beyond, by_x * square, by_y * square,
+        residual;
     row.noalias() += j * j.transpose();
     if (i + 1 == pixels_.size() || pixels_[i + 1].row != p.row) {
       sums += row.cast<double>();
@@ -211,7 +237,8 @@ TagTemplate::Sums TagTemplate::Linearise(const State& state) {
 
 Eigen::Matrix<double, 2, 8> TagTemplate::CornerByG(const Eigen::Vector2d& corner) const {
   // The corner stays where it is on the drawing: du = U_y dy + U_G dG = 0.
-  const Eigen::Vector2d y = (corner - centre_) / side_;
+  // The curvature's part of dy is small enough to be left out.
+  const Eigen::Vector2d y = Straight(corner);
   const Eigen::Vector3d bits = state_.G * y.homogeneous();
   const Eigen::Vector2d u = bits.hnormalized();
   const Eigen::Matrix2d by_y =
@@ -306,10 +333,15 @@ bool TagTemplate::Fit() {
   const double variance =
       sums(kResidual, kResidual) / static_cast<double>(pixels_.size() - kParameters);
   const Matrix information = sums.topLeftCorner<kParameters, kParameters>();
-  const Matrix covariance = variance * information.ldlt().solve(Matrix::Identity());
+  const Matrix inverse = information.ldlt().solve(Matrix::Identity());
+  const Eigen::Matrix<double, 8, 2> G_by_curvature =
+      -inverse.topRows<8>() * sums.block<kParameters, 2>(0, kCurvature);
   for (std::size_t k = 0; k < 4; ++k) {
     const Eigen::Matrix<double, 2, 8> by_G = CornerByG(corners_[k]);
-    const Eigen::Matrix2d of_corner = by_G * covariance.topLeftCorner<8, 8>() * by_G.transpose();
+    by_curvature_[k] = by_G * G_by_curvature +
+                       (corners_[k] - centre_).squaredNorm() * Eigen::Matrix2d::Identity();
+    const Eigen::Matrix2d of_corner =
+        variance * by_G * inverse.topLeftCorner<8, 8>() * by_G.transpose();
     sigma_[k] = std::sqrt(of_corner.trace() / 2);
     // Also false for NaN.
     if (!(sigma_[k] < side_ / 4)) return false;

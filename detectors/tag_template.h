@@ -11,6 +11,8 @@
 
 namespace plenocal::internal {
 
+double Area(const Quad& q);
+
 /// Maps (0, 0), (1, 0), (1, 1), (0, 1) to the corners; P. Heckbert, "Fundamentals of Texture
 /// Mapping and Image Warping", 1989.
 Eigen::Matrix3d UnitSquareHomography(const Quad& q);
@@ -26,9 +28,9 @@ Eigen::Matrix3d CellsByUnitSquare(const TagBorder& border);
 
 /// A tag's drawing fitted to the image:
 ///
-///   I(x) = (1 + g . y) (m + k T(G y, w)),   y = (x - centre) / side,
+///   I(x) = (1 + g . y) (m + k T(G y, w)),   y = d - c |d|^2,   d = (x - centre) / side,
 ///
-/// G is the homography from image to tag, T is 1 in the colour around the tag, -1 in the other, and
+/// c is the lens' curvature (see lens_curvature.h), G the homography from image to tag, T is 1 in the colour around the tag, -1 in the other, and
 /// some e beyond the bit around the tag, blurred by a Gaussian of standard deviation w (px; the
 /// pixel's own area is part of it). The homography is taken as affine within the blur; there the
 /// drawing is a sum over its bits of products of steps along the tag's two axes, where the axes are
@@ -37,8 +39,12 @@ Eigen::Matrix3d CellsByUnitSquare(const TagBorder& border);
 /// split into a common part, which is integrated numerically, and independent rests.
 class TagTemplate {
  public:
-  /// Starts at `tag.corners` with a blur of `blur` px.
-  TagTemplate(const cv::Mat& gray, const SeenTag& tag, const TagBorder& border, double blur);
+  /// Starts at `tag.corners` with a blur of `blur` px; `curvature` is the lens' there (1/px).
+  TagTemplate(const cv::Mat& gray,
+              const SeenTag& tag,
+              const TagBorder& border,
+              double blur,
+              const Eigen::Vector2d& curvature);
 
   /// Moves the tag by whole pixels to where the image resembles it most, at most `reach` away.
   void Search(int reach);
@@ -48,6 +54,10 @@ class TagTemplate {
 
   [[nodiscard]] const Quad& corners() const { return corners_; }
   [[nodiscard]] double sigma(int corner) const { return sigma_[static_cast<std::size_t>(corner)]; }
+  /// How a corner moves with the lens' curvature, px^2.
+  [[nodiscard]] const Eigen::Matrix2d& by_curvature(int corner) const {
+    return by_curvature_[static_cast<std::size_t>(corner)];
+  }
 
   /// Correlation of image and drawing over the tag's data, without its border.
   [[nodiscard]] double DataCorrelation();
@@ -56,14 +66,16 @@ class TagTemplate {
   static constexpr int kAround = kBitsAroundTag;
   static constexpr int kParameters = 14;  // G without its last, m, k, g, w, e
   static constexpr int kBeyond = 13;
-  static constexpr int kResidual = kParameters;
-  static constexpr int kPadded = 16;  // whole vectors of four floats
+  static constexpr int kCurvature = kParameters;  // two columns
+  static constexpr int kResidual = kParameters + 2;
+  static constexpr int kPadded = 20;  // whole vectors of four floats
   using Vector = Eigen::Matrix<double, kParameters, 1>;
   using Sums = Eigen::Matrix<double, kPadded, kPadded>;
 
   struct Pixel {
     int column, row;
-    float x, y;  ///< y of the model
+    float x, y;    ///< y of the model
+    float square;  ///< |x - centre|^2, px^2
     bool data;
   };
   struct State {
@@ -73,11 +85,14 @@ class TagTemplate {
   };
   using Drawn = CellDrawing::Drawn;
 
+  /// y of a point of the image, and back.
+  [[nodiscard]] Eigen::Vector2d Straight(const Eigen::Vector2d& x) const;
+  [[nodiscard]] Eigen::Vector2d Bent(const Eigen::Vector2d& y) const;
   void ChoosePixels();
   void SetBeyond(double value);
   Drawn Draw(const Eigen::Matrix3f& G, float blur, float x, float y);
-  /// Of j j^T over the pixels, j being the model's derivatives by its parameters, then the
-  /// residual.
+  /// Of j j^T over the pixels, j being the model's derivatives by its parameters and by c, then
+  /// the residual.
   Sums Linearise(const State& state);
   /// To the minimum over the pixels chosen; returns the sums there.
   Sums Descend();
@@ -95,8 +110,10 @@ class TagTemplate {
   Quad corners_;
   Eigen::Vector2d centre_;
   double side_ = 0;
+  Eigen::Vector2d curvature_;  ///< 1/px
   std::vector<Pixel> pixels_;
   std::array<double, 4> sigma_{};
+  std::array<Eigen::Matrix2d, 4> by_curvature_;
 };
 
 }  // namespace plenocal::internal
