@@ -19,6 +19,7 @@
 #include <cstdint>
 #include <limits>
 #include <map>
+#include <opencv2/imgproc.hpp>
 #include <optional>
 #include <set>
 #include <utility>
@@ -396,7 +397,16 @@ class TagDetector : public MarkerDetector {
     Found found;
     const cv::Rect whole(0, 0, gray.cols, gray.rows);
     Keep(gray, reader_.Read(gray, whole, 2), &found);
-    if (Search(gray, &found)) {
+    bool anywhere = Search(gray, &found);
+    if (anywhere && border_.corner_squares) {
+      // Where black has spread, tags hang together with the squares at their corners, and the
+      // library sees no outlines.
+      cv::Mat apart;
+      cv::dilate(gray, apart, cv::getStructuringElement(cv::MORPH_RECT, {3, 3}));
+      Keep(gray, reader_.Read(apart, whole, 2), &found);
+      anywhere = Search(gray, &found);
+    }
+    if (anywhere) {
       Keep(gray, reader_.Read(gray, whole, 1), &found);
       Search(gray, &found);
     }

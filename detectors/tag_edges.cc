@@ -31,6 +31,7 @@
 
 #include "calib/median.h"
 #include "detectors/lens_curvature.h"
+#include "detectors/saddle.h"
 #include "detectors/tag_step.h"
 #include "detectors/tag_template.h"
 
@@ -389,8 +390,38 @@ std::optional<RefinedCorner> Intersect(const Edge& before,
   Eigen::Matrix2d offsets_by_curvature;
   offsets_by_curvature << before.OffsetByBend(s_before) * before.normal.transpose(),
       after.OffsetByBend(s_after) * after.normal.transpose();
-  return RefinedCorner{
-      point, std::sqrt(covariance.trace() / 2), {point, lens.At(point), inverse * offsets_by_curvature}};
+  return RefinedCorner{point,
+                       std::sqrt(covariance.trace() / 2),
+                       {point, lens.At(point), inverse * offsets_by_curvature}};
+}
+
+/// The crossing of a tag's corner with the square that touches it, as far as both are free of other
+/// edges. Unlike the tag's outline it stays where it is when black or white spreads: by the print,
+/// the exposure or the camera's sharpening.
+std::optional<RefinedCorner> CrossingAt(const cv::Mat& gray,
+                                        const Quad& corners,
+                                        std::size_t k,
+                                        const TagBorder& border,
+                                        const LensCurvature& lens,
+                                        double blur) {
+  const double free = std::min<double>(border.ring, border.outside) / border.width;
+  SaddleGuess guess;
+  guess.p = corners[k];
+  guess.u = free * (corners[(k + 1) % 4] - corners[k]);
+  guess.v = free * (corners[(k + 3) % 4] - corners[k]);
+  const Eigen::Vector2d curvature = lens.At(guess.p);
+  const auto along = [&](const Eigen::Vector2d& direction) {
+    const Eigen::Vector2d clockwise(-direction.y(), direction.x());
+    return 2 * curvature.dot(clockwise.normalized());
+  };
+  guess.curvature_u = along(guess.u);
+  guess.curvature_v = along(guess.v);
+  guess.blur = blur;
+  const auto saddle = FitSaddle(gray, guess);
+  // The tag's own black is where u and v have equal signs.
+  if (!saddle || saddle->contrast > 0) return std::nullopt;
+  // Lines that bend alike on both sides cross where straight ones would.
+  return RefinedCorner{saddle->p, saddle->sigma, {guess.p, curvature, Eigen::Matrix2d::Zero()}};
 }
 
 }  // namespace
@@ -421,8 +452,8 @@ RefinedTags RefineTags(const cv::Mat& gray,
       // No better than what was known before.
       if (refined[i][k] && refined[i][k]->sigma > edges[4 * i + k].inside) refined[i][k].reset();
     }
-    const bool narrow = std::any_of(
-        edges.begin() + 4 * i, edges.begin() + 4 * i + 4, [&](const Edge& edge) {
+    const bool narrow =
+        std::any_of(edges.begin() + 4 * i, edges.begin() + 4 * i + 4, [&](const Edge& edge) {
           return std::min(edge.inside, edge.outside) < kNarrow * blur;
         });
     const bool missing = std::any_of(
@@ -455,6 +486,18 @@ RefinedTags RefineTags(const cv::Mat& gray,
         }
       }
       break;
+    }
+  }
+  if (border.corner_squares) {
+    for (std::size_t i = 0; i < tags.size(); ++i) {
+      Quad corners = tags[i].corners;
+      for (std::size_t k = 0; k < 4; ++k) {
+        if (refined[i][k]) corners[k] = refined[i][k]->point;
+      }
+      for (std::size_t k = 0; k < 4; ++k) {
+        const auto crossing = CrossingAt(gray, corners, k, border, lens, blur);
+        if (crossing) refined[i][k] = crossing;
+      }
     }
   }
   return result;

@@ -338,8 +338,8 @@ bool TagTemplate::Fit() {
       -inverse.topRows<8>() * sums.block<kParameters, 2>(0, kCurvature);
   for (std::size_t k = 0; k < 4; ++k) {
     const Eigen::Matrix<double, 2, 8> by_G = CornerByG(corners_[k]);
-    by_curvature_[k] = by_G * G_by_curvature +
-                       (corners_[k] - centre_).squaredNorm() * Eigen::Matrix2d::Identity();
+    by_curvature_[k] =
+        by_G * G_by_curvature + (corners_[k] - centre_).squaredNorm() * Eigen::Matrix2d::Identity();
     const Eigen::Matrix2d of_corner =
         variance * by_G * inverse.topLeftCorner<8, 8>() * by_G.transpose();
     sigma_[k] = std::sqrt(of_corner.trace() / 2);

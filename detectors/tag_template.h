@@ -30,13 +30,14 @@ Eigen::Matrix3d CellsByUnitSquare(const TagBorder& border);
 ///
 ///   I(x) = (1 + g . y) (m + k T(G y, w)),   y = d - c |d|^2,   d = (x - centre) / side,
 ///
-/// c is the lens' curvature (see lens_curvature.h), G the homography from image to tag, T is 1 in the colour around the tag, -1 in the other, and
-/// some e beyond the bit around the tag, blurred by a Gaussian of standard deviation w (px; the
-/// pixel's own area is part of it). The homography is taken as affine within the blur; there the
-/// drawing is a sum over its bits of products of steps along the tag's two axes, where the axes are
-/// at right angles. Where they are not, the blurs along them are correlated by some r. For a small
-/// r the tetrachoric series, cut after r^2, continues the sum; for a larger one both blurs are
-/// split into a common part, which is integrated numerically, and independent rests.
+/// c is the lens' curvature (see lens_curvature.h), G the homography from image to tag, T is 1 in
+/// the colour around the tag, -1 in the other, and some e beyond the bit around the tag, blurred by
+/// a Gaussian of standard deviation w (px; the pixel's own area is part of it). The homography is
+/// taken as affine within the blur; there the drawing is a sum over its bits of products of steps
+/// along the tag's two axes, where the axes are at right angles. Where they are not, the blurs
+/// along them are correlated by some r. For a small r the tetrachoric series, cut after r^2,
+/// continues the sum; for a larger one both blurs are split into a common part, which is integrated
+/// numerically, and independent rests.
 class TagTemplate {
  public:
   /// Starts at `tag.corners` with a blur of `blur` px; `curvature` is the lens' there (1/px).

@@ -17,6 +17,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <functional>
 #include <map>
 #include <memory>
 #include <numbers>
@@ -27,6 +28,7 @@
 #include <vector>
 
 #include "calib/error.h"
+#include "detectors/detect_images.h"
 #include "detectors/marker_detector.h"
 #include "tests/detectors/render.h"
 
@@ -280,6 +282,84 @@ TEST(TagDetector, FindsAllOfAKalibrGrid) {
     }
     EXPECT_LT(sum / (2.0 * static_cast<double>(detections.markers.size())), 1.6);
   }
+}
+
+/// RMS of the coordinates' errors, px. `image_of`: of a point of the board's plane.
+double RmsError(const Board& board,
+                const std::vector<Observation>& markers,
+                const std::function<Eigen::Vector2d(const Eigen::Vector2d&)>& image_of) {
+  double sum = 0;
+  for (const Observation& o : markers) {
+    const auto corners = board.Corners(o.marker / 4);
+    const Eigen::Vector2d truth = image_of(corners[static_cast<std::size_t>(o.marker % 4)]);
+    sum += (Eigen::Vector2d(o.values[0], o.values[1]) - truth).squaredNorm();
+  }
+  return std::sqrt(sum / (2 * static_cast<double>(markers.size())));
+}
+
+TEST(TagDetector, CrossingsOfAKalibrGridDoNotMoveWhenBlackSpreads) {
+  const Board board(kFamilies[3], 3, 3, 1.3, true);
+  const cv::Size size(480, 480);
+  const Eigen::Matrix3d H = Camera(board, size, 80, 25, 10);
+  // 4 x 4 pixels of a large image make one; black grows by a quarter of that on all sides.
+  Eigen::Matrix3d large;
+  large << 4, 0, 1.5, 0, 4, 1.5, 0, 0, 1;
+  cv::Mat sharp =
+      testing::Render(testing::View(board, large * H), size * 4, {.blur = 1, .supersampling = 2});
+  cv::erode(sharp, sharp, cv::getStructuringElement(cv::MORPH_RECT, {3, 3}));
+  cv::Mat gray;
+  cv::resize(sharp, gray, size, 0, 0, cv::INTER_AREA);
+  cv::GaussianBlur(gray, gray, {0, 0}, 0.7);
+  const auto found = MakeTagDetector(board.target)->Detect(gray);
+  ASSERT_THAT(found.markers, SizeIs(36));
+  const auto image_of = [&](const Eigen::Vector2d& p) -> Eigen::Vector2d {
+    return (H * p.homogeneous()).hnormalized();
+  };
+  EXPECT_LT(RmsError(board, found.markers, image_of), 0.05);
+}
+
+TEST(TagDetector, AllImagesOfACameraTogetherSayHowItsLensBendsEdges) {
+  const Board board(kFamilies[3], 4, 4, 1.4);
+  const cv::Size size(400, 320);
+  const Eigen::Vector2d axis(205, 150);
+  constexpr double kBarrel = 1.5e-6;  // px^-2
+  const auto folder = std::filesystem::path(::testing::TempDir()) / "plenocal_bent_edges";
+  std::filesystem::create_directories(folder);
+  std::vector<FrameImage> images;
+  std::vector<std::function<Eigen::Vector2d(const Eigen::Vector2d&)>> image_of;
+  double alone = 0;
+  const auto detector = MakeTagDetector(board.target);
+  constexpr int kImages = 6;
+  for (int i = 0; i < kImages; ++i) {
+    const Eigen::Matrix3d H =
+        Camera(board, size, 44, 10 + 3 * i, 60 * i, {30.0 * (i % 3) - 30, 20.0 * (i % 2) - 10});
+    const testing::GrayFunction ideal = testing::View(board, H);
+    const cv::Mat gray = testing::Render(
+        [&](const Eigen::Vector2d& p) {
+          const Eigen::Vector2d q = p - axis;
+          return ideal(axis + q * (1 + kBarrel * q.squaredNorm()));
+        },
+        size,
+        {.blur = 0.7, .noise = 6, .seed = static_cast<unsigned>(i)});
+    image_of.push_back([H, axis](const Eigen::Vector2d& p) -> Eigen::Vector2d {
+      const Eigen::Vector2d straight = (H * p.homogeneous()).hnormalized() - axis;
+      Eigen::Vector2d q = straight;
+      for (int k = 0; k < 50; ++k) q = straight / (1 + kBarrel * q.squaredNorm());
+      return axis + q;
+    });
+    alone += RmsError(board, detector->Detect(gray).markers, image_of.back()) / kImages;
+    images.push_back({std::to_string(i), folder / (std::to_string(i) + ".png")});
+    cv::imwrite(images.back().path.string(), gray);
+  }
+  const ImageDetections together = DetectImages(images, board.target, {});
+  std::filesystem::remove_all(folder);
+  ASSERT_THAT(together.views, SizeIs(kImages));
+  double error = 0;
+  for (std::size_t i = 0; i < kImages; ++i) {
+    error += RmsError(board, together.views[i].observations, image_of[i]) / kImages;
+  }
+  EXPECT_LT(error, 0.9 * alone);
+  EXPECT_LT(error, 0.03);
 }
 
 TEST(TagDetector, SaysWhichTagsAreNotOnTheTargetOrThereTwice) {
