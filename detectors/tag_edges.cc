@@ -307,7 +307,7 @@ void BendByLens(const LensCurvature& lens, Edge* edge) {
   edge->by_bend = gain * square;
 }
 
-std::vector<BentEdge> BentEdges(const std::vector<Edge>& edges) {
+std::vector<BentEdge> BentEdges(std::span<const Edge> edges) {
   std::vector<BentEdge> bent;
   for (const Edge& edge : edges) {
     if (!edge.fitted) continue;
@@ -395,6 +395,28 @@ std::optional<RefinedCorner> Intersect(const Edge& before,
                        {point, lens.At(point), inverse * offsets_by_curvature}};
 }
 
+/// The whole drawing of a tag that was seen at `tag` and whose edges are at `start`.
+std::optional<TagTemplate> FitDrawing(const cv::Mat& gray,
+                                      const SeenTag& tag,
+                                      const SeenTag& start,
+                                      const TagBorder& border,
+                                      double blur,
+                                      const Eigen::Vector2d& curvature) {
+  struct Attempt {
+    const SeenTag& from;
+    double blur;
+    int reach;
+  };
+  // Edges may mislead; the first guess may be off by more than the drawing can follow.
+  for (const Attempt& attempt :
+       {Attempt{start, blur, 0}, Attempt{tag, kUsualBlur, 0}, Attempt{tag, kUsualBlur, 2}}) {
+    TagTemplate drawing(gray, attempt.from, border, attempt.blur, curvature);
+    if (attempt.reach > 0) drawing.Search(attempt.reach);
+    if (drawing.Fit()) return drawing;
+  }
+  return std::nullopt;
+}
+
 /// The crossing of a tag's corner with the square that touches it, as far as both are free of other
 /// edges. Unlike the tag's outline it stays where it is when black or white spreads: by the print,
 /// the exposure or the camera's sharpening.
@@ -438,8 +460,7 @@ RefinedTags RefineTags(const cv::Mat& gray,
     }
   }
   RefinedTags result;
-  result.edges = BentEdges(edges);
-  const LensCurvature lens(result.edges, Eigen::Vector2d(gray.cols, gray.rows));
+  const LensCurvature lens(BentEdges(edges), Eigen::Vector2d(gray.cols, gray.rows));
   for (Edge& edge : edges) {
     if (edge.fitted) BendByLens(lens, &edge);
   }
@@ -458,35 +479,25 @@ RefinedTags RefineTags(const cv::Mat& gray,
         });
     const bool missing = std::any_of(
         refined[i].begin(), refined[i].end(), [](const auto& corner) { return !corner; });
-    if (!narrow && !missing && Area(tags[i].corners) > kSmall * kSmall) continue;
-    SeenTag start = tags[i];
-    for (std::size_t k = 0; k < 4; ++k) {
-      if (refined[i][k]) start.corners[k] = refined[i][k]->point;
-    }
-    const Quad& q = start.corners;
-    const Eigen::Vector2d middle = (q[0] + q[1] + q[2] + q[3]) / 4, curvature = lens.At(middle);
-    struct Attempt {
-      const SeenTag& from;
-      double blur;
-      int reach;
-    };
-    // Edges may mislead; the first guess may be off by more than the drawing can follow.
-    for (const Attempt& attempt : {Attempt{start, blur, 0},
-                                   Attempt{tags[i], kUsualBlur, 0},
-                                   Attempt{tags[i], kUsualBlur, 2}}) {
-      TagTemplate drawing(gray, attempt.from, border, attempt.blur, curvature);
-      if (attempt.reach > 0) drawing.Search(attempt.reach);
-      if (!drawing.Fit()) continue;
-      for (int k = 0; k < 4; ++k) {
-        std::optional<RefinedCorner>& corner = refined[i][static_cast<std::size_t>(k)];
-        if (!corner || drawing.sigma(k) < corner->sigma) {
-          corner = RefinedCorner{drawing.corners()[static_cast<std::size_t>(k)],
-                                 drawing.sigma(k),
-                                 {middle, curvature, drawing.by_curvature(k)}};
-        }
+    std::vector<BentEdge> bent = BentEdges(std::span(edges).subspan(4 * i, 4));
+    if (narrow || missing || Area(tags[i].corners) < kSmall * kSmall) {
+      SeenTag start = tags[i];
+      for (std::size_t k = 0; k < 4; ++k) {
+        if (refined[i][k]) start.corners[k] = refined[i][k]->point;
       }
-      break;
+      const Quad& q = start.corners;
+      const Eigen::Vector2d middle = (q[0] + q[1] + q[2] + q[3]) / 4, curvature = lens.At(middle);
+      if (const auto drawing = FitDrawing(gray, tags[i], start, border, blur, curvature)) {
+        for (std::size_t k = 0; k < 4; ++k) {
+          if (refined[i][k] && refined[i][k]->sigma < drawing->sigma(k)) continue;
+          refined[i][k] = RefinedCorner{drawing->corners()[k],
+                                        drawing->sigma(k),
+                                        {middle, curvature, drawing->by_curvature(k)}};
+        }
+        bent.assign(drawing->bent().begin(), drawing->bent().end());
+      }
     }
+    result.edges.insert(result.edges.end(), bent.begin(), bent.end());
   }
   if (border.corner_squares) {
     for (std::size_t i = 0; i < tags.size(); ++i) {

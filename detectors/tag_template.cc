@@ -2,6 +2,7 @@
 #include "detectors/tag_template.h"
 
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
@@ -311,6 +312,27 @@ void TagTemplate::StartLevels() {
   state_.level = (all.y - state_.contrast * all.x) / all.n;
 }
 
+void TagTemplate::MeasureCurvature(const Sums& sums,
+                                   const Eigen::Matrix<double, kParameters, kParameters>& inverse,
+                                   double variance) {
+  // The other parameters are eliminated.
+  const Eigen::Matrix<double, kParameters, 2> mixed = sums.block<kParameters, 2>(0, kCurvature);
+  const Eigen::Matrix2d information =
+      sums.block<2, 2>(kCurvature, kCurvature) - mixed.transpose() * inverse * mixed;
+  const Eigen::Vector2d gradient =
+      sums.block<2, 1>(kCurvature, kResidual) -
+      mixed.transpose() * inverse * sums.block<kParameters, 1>(0, kResidual);
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> axes(information);
+  for (int i = 0; i < 2; ++i) {
+    const Eigen::Vector2d axis = axes.eigenvectors().col(i);
+    bent_[static_cast<std::size_t>(i)] = {
+        centre_,
+        axis,
+        axis.dot(curvature_) + axis.dot(gradient) / axes.eigenvalues()[i],
+        variance / axes.eigenvalues()[i]};
+  }
+}
+
 bool TagTemplate::Fit() {
   if (pixels_.size() <= kParameters) return false;
   const Quad start = corners_;
@@ -336,6 +358,7 @@ bool TagTemplate::Fit() {
   const Matrix inverse = information.ldlt().solve(Matrix::Identity());
   const Eigen::Matrix<double, 8, 2> G_by_curvature =
       -inverse.topRows<8>() * sums.block<kParameters, 2>(0, kCurvature);
+  MeasureCurvature(sums, inverse, variance);
   for (std::size_t k = 0; k < 4; ++k) {
     const Eigen::Matrix<double, 2, 8> by_G = CornerByG(corners_[k]);
     by_curvature_[k] =

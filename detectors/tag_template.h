@@ -54,11 +54,14 @@ class TagTemplate {
   bool Fit();
 
   [[nodiscard]] const Quad& corners() const { return corners_; }
-  [[nodiscard]] double sigma(int corner) const { return sigma_[static_cast<std::size_t>(corner)]; }
+  [[nodiscard]] double sigma(std::size_t corner) const { return sigma_[corner]; }
   /// How a corner moves with the lens' curvature, px^2.
-  [[nodiscard]] const Eigen::Matrix2d& by_curvature(int corner) const {
-    return by_curvature_[static_cast<std::size_t>(corner)];
+  [[nodiscard]] const Eigen::Matrix2d& by_curvature(std::size_t corner) const {
+    return by_curvature_[corner];
   }
+
+  /// What the tag itself says about the curvature: along the two axes where it says most and least.
+  [[nodiscard]] const std::array<BentEdge, 2>& bent() const { return bent_; }
 
   /// Correlation of image and drawing over the tag's data, without its border.
   [[nodiscard]] double DataCorrelation();
@@ -98,6 +101,9 @@ class TagTemplate {
   /// To the minimum over the pixels chosen; returns the sums there.
   Sums Descend();
   void StartLevels();
+  void MeasureCurvature(const Sums& sums,
+                        const Eigen::Matrix<double, kParameters, kParameters>& inverse,
+                        double variance);
   /// Derivatives of a corner by G.
   [[nodiscard]] Eigen::Matrix<double, 2, 8> CornerByG(const Eigen::Vector2d& corner) const;
   void SetCorners(const Quad& corners);
@@ -115,6 +121,7 @@ class TagTemplate {
   std::vector<Pixel> pixels_;
   std::array<double, 4> sigma_{};
   std::array<Eigen::Matrix2d, 4> by_curvature_;
+  std::array<BentEdge, 2> bent_;
 };
 
 }  // namespace plenocal::internal
