@@ -131,7 +131,7 @@ TEST_F(RealSets, OmnidirectionalCameraShowsInTheResiduals) {
   }
   int frame = 0;
   for (const auto& view : storage["imagePoints"]) {
-    cv::Mat_<cv::Vec2d> points;
+    cv::Mat_<cv::Vec2f> points;
     view >> points;
     for (int k = 0; k < points.rows; ++k) {
       rows += fmt::format("{:02},{},{},{}\n", frame, k, points(k)[0], points(k)[1]);
