@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "apps/console.h"
+#include "apps/print/print_target.h"
 #include "apps/simulate/simulate.h"
 
 namespace plenocal {
@@ -50,6 +51,8 @@ void RunWhite(const WhiteCommand& command, const ConsoleOptions& options);
 void RunFocus(const FocusCommand& command, const ConsoleOptions& options);
 /// `plenocal simulate`: a session with known truth.
 void RunSimulate(const SimulateCommand& command, const ConsoleOptions& options);
+/// `plenocal target`: a printable target.
+void RunTarget(const PrintCommand& command);
 /// `plenocal models`: the registered camera models on standard output.
 void RunModels();
 

@@ -70,6 +70,12 @@ void FocusImagesByModule(const FocusRequest& request) {
   FromModule<decltype(plenocal_focus_images)>("plenocal_focus_images")(request);
 }
 
+std::vector<std::filesystem::path> PrintTargetByModule(const PrintCommand& command) {
+  std::vector<std::filesystem::path> written;
+  FromModule<decltype(plenocal_print_target)>("plenocal_print_target")(command, &written);
+  return written;
+}
+
 std::string SimulateByModule(const SimulateCommand& command, const SimulateOptions& options) {
   std::string summary;
   FromModule<decltype(plenocal_simulate)>("plenocal_simulate")(command, options, &summary);

@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "apps/print/print_target.h"
 #include "apps/simulate/simulate.h"
 #include "calib/session.h"
 #include "detectors/detect_images.h"
@@ -25,6 +26,10 @@ extern "C" void plenocal_measure_white_images(const std::vector<plenocal::FrameI
 /// What the image module exports: `FocusImages` of detectors/focus_images.h.
 extern "C" void plenocal_focus_images(const plenocal::FocusRequest& request);
 
+/// What the image module exports: `PrintTarget` of apps/print/print_target.h.
+extern "C" void plenocal_print_target(const plenocal::PrintCommand& command,
+                                      std::vector<std::filesystem::path>* written);
+
 /// What the image module exports: `Simulate` of apps/simulate/simulate.h.
 extern "C" void plenocal_simulate(const plenocal::SimulateCommand& command,
                                   const plenocal::SimulateOptions& options,
@@ -44,6 +49,9 @@ WhiteCamera MeasureWhiteImagesByModule(const std::vector<FrameImage>& images,
 
 /// `FocusImages` by the image module.
 void FocusImagesByModule(const FocusRequest& request);
+
+/// `PrintTarget` by the image module.
+std::vector<std::filesystem::path> PrintTargetByModule(const PrintCommand& command);
 
 /// `Simulate` by the image module.
 std::string SimulateByModule(const SimulateCommand& command, const SimulateOptions& options);

@@ -23,3 +23,8 @@ extern "C" void plenocal_simulate(const plenocal::SimulateCommand& command,
                                   std::string* summary) {
   *summary = plenocal::Simulate(command, options);
 }
+
+extern "C" void plenocal_print_target(const plenocal::PrintCommand& command,
+                                      std::vector<std::filesystem::path>* written) {
+  *written = plenocal::PrintTarget(command);
+}

@@ -157,6 +157,25 @@ int main(int argc, char** argv) {  // NOLINT(bugprone-exception-escape)
       ->check(CLI::Range(1, 1024));
   simulate->add_flag("--quiet", options.quiet, "no messages and no progress, only errors");
   simulate->callback([&] { run = [&] { RunSimulate(simulate_command, options); }; });
+  plenocal::PrintCommand print_command;
+  CLI::App* target = app.add_subcommand(
+      "target",
+      "A printable target at true scale, with a ruler to check the printer.\n\n"
+      "  plenocal target target.yaml -o FILE.svg|.pdf|.png\n\n"
+      "Tags that are arranged in space are laid out one by one, with ids and cut marks.");
+  target->add_option("target", print_command.target, "target.yaml")->required();
+  target->add_option("-o,--out", print_command.out, "FILE.svg, FILE.pdf or FILE.png")->required();
+  target
+      ->add_option("--paper",
+                   print_command.paper,
+                   "fit (as large as needed), a0 to a5, letter, legal or tabloid")
+      ->capture_default_str();
+  target->add_option("--dpi", print_command.dpi, "pixels an inch of PNG")
+      ->check(CLI::Range(30.0, 2400.0))
+      ->capture_default_str();
+  bool quiet_target = false;  // it has nothing to say; accepted as on each command
+  target->add_flag("--quiet", quiet_target, "no messages and no progress, only errors");
+  target->callback([&] { run = [&] { RunTarget(print_command); }; });
   app.add_subcommand("models", "List the camera models, their parameters, units and source.")
       ->callback([&] { run = plenocal::RunModels; });
 

@@ -2,6 +2,7 @@
 #include "apps/simulate/observer.h"
 
 #include <Eigen/Geometry>
+#include <Eigen/LU>
 #include <array>
 #include <cmath>
 #include <set>
@@ -27,9 +28,47 @@ Eigen::Vector3d Normal(const Corners& corners) {
   return (corners[2] - corners[0]).cross(corners[3] - corners[1]).normalized();
 }
 
+// Of the twelve errors of a tag's coordinates some would change its shape. They are taken out; the
+// others are made larger, so that the coordinates keep their variance.
+Corners KeepFlat(const Corners& nominal, Corners errors) {
+  const Eigen::Vector3d normal = Normal(nominal);
+  constexpr std::array kTwist{1, -1, 1, -1};  // out of the plane
+  double twist = 0;
+  for (size_t k = 0; k < 4; ++k) twist += kTwist[k] * normal.dot(errors[k]) / 4;
+  for (size_t k = 0; k < 4; ++k) {
+    const double height = normal.dot(errors[k]);
+    errors[k] += ((height - kTwist[k] * twist) * std::sqrt(4.0 / 3.0) - height) * normal;
+  }
+  return errors;
+}
+
+Corners KeepShape(const Corners& nominal, const Corners& errors) {
+  const Eigen::Vector3d middle = (nominal[0] + nominal[1] + nominal[2] + nominal[3]) / 4;
+  Eigen::Vector3d shift(0, 0, 0), moment(0, 0, 0);
+  Eigen::Matrix3d inertia = Eigen::Matrix3d::Zero();
+  double stretch = 0, squares = 0;
+  for (size_t k = 0; k < 4; ++k) {
+    const Eigen::Vector3d r = nominal[k] - middle;
+    shift += errors[k] / 4;
+    moment += r.cross(errors[k]);
+    inertia += r.squaredNorm() * Eigen::Matrix3d::Identity() - r * r.transpose();
+    stretch += r.dot(errors[k]);
+    squares += r.squaredNorm();
+  }
+  const Eigen::Vector3d turn = inertia.inverse() * moment;
+  const double larger = std::sqrt(12.0 / 7);  // of 12 errors shift, turn and scale are 7
+  const Eigen::Matrix3d R = (1 + larger * stretch / squares) * ExpRotation(larger * turn);
+  Corners kept;
+  for (size_t k = 0; k < 4; ++k) {
+    const Eigen::Vector3d r = nominal[k] - middle;
+    kept[k] = larger * shift + R * r - r;
+  }
+  return kept;
+}
+
 }  // namespace
 
-TrueTarget MakeTarget(const Target& nominal, double sigma, int seed) {
+TrueTarget MakeTarget(const Target& nominal, double sigma, bool rigid_tags, int seed) {
   TrueTarget target{.nominal = &nominal, .markers = nominal.markers, .normals = {}};
   Random random(seed, "target");
   for (auto& [number, position] : target.markers) {
@@ -37,21 +76,21 @@ TrueTarget MakeTarget(const Target& nominal, double sigma, int seed) {
   }
   if (const auto* tags = std::get_if<TagLayout>(&nominal.layout)) {
     for (const int tag : tags->ids) {
-      const Eigen::Vector3d normal = Normal(CornersOf(nominal.markers, tag));
-      // Of the four errors out of the plane one, the twist, would bend the tag. The other three
-      // are made larger, so that the coordinates keep their variance.
-      constexpr std::array kTwist{1, -1, 1, -1};
-      std::array<double, 4> height{};
-      double twist = 0;
+      const Corners meant = CornersOf(nominal.markers, tag);
+      Corners errors = CornersOf(target.markers, tag);
+      for (size_t k = 0; k < 4; ++k) errors[k] -= meant[k];
+      errors = rigid_tags ? KeepShape(meant, errors) : KeepFlat(meant, errors);
       for (int k = 0; k < 4; ++k) {
-        height[k] = normal.dot(target.markers[4 * tag + k] - nominal.markers.at(4 * tag + k));
-        twist += kTwist[k] * height[k] / 4;
+        target.markers[4 * tag + k] =
+            meant[static_cast<size_t>(k)] + errors[static_cast<size_t>(k)];
+        target.normals[4 * tag + k] = Normal(meant);
       }
-      for (int k = 0; k < 4; ++k) {
-        const double flat = (height[k] - kTwist[k] * twist) * std::sqrt(4.0 / 3.0);
-        target.markers[4 * tag + k] += (flat - height[k]) * normal;
-      }
-      for (int k = 0; k < 4; ++k) target.normals[4 * tag + k] = normal;
+      // Flat to first order only: exactly so by a move of one corner, far below its error.
+      Eigen::Vector3d& last = target.markers[4 * tag + 2];
+      const Eigen::Vector3d& origin = target.markers[4 * tag];
+      const Eigen::Vector3d normal =
+          (target.markers[4 * tag + 1] - origin).cross(target.markers[4 * tag + 3] - origin);
+      last -= normal.dot(last - origin) / normal.dot(Normal(meant)) * Normal(meant);
     }
   } else {
     // z = 0, x right and y down as seen from the printed side.

@@ -21,8 +21,10 @@ struct TrueTarget {
   std::map<int, Eigen::Vector3d> normals;
 };
 
-/// Displaces the markers by `sigma` (m) in each coordinate. A tag stays flat.
-TrueTarget MakeTarget(const Target& nominal, double sigma, int seed);
+/// Displaces the markers by `sigma` (m) in each coordinate. Tags stay flat; `rigid_tags`: and
+/// square, displaced, turned and scaled as a whole, as printed tags are that someone glues to a
+/// board.
+TrueTarget MakeTarget(const Target& nominal, double sigma, bool rigid_tags, int seed);
 
 /// The cameras of a specification with the optics that they need.
 class Observer {

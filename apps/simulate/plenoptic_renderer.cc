@@ -31,7 +31,7 @@ struct Samples {
 // points are divided along two axes into n x n groups of equal size, and each group sends the pair
 // nearest to its middle.
 Samples EvenSamples(size_t n, double blur, double spread, Random* random) {
-  constexpr size_t kGroup = 64;  // pairs in a group
+  constexpr size_t kGroup = 32;  // pairs in a group
   const std::vector<float> quantiles = PixelQuantiles(512, blur);
   const auto quantile = [&](double share) {
     return quantiles[static_cast<size_t>(share * static_cast<double>(quantiles.size()))];

@@ -259,8 +259,10 @@ std::string Simulate(const SimulateCommand& command, const SimulateOptions& opti
   RefuseToReplaceInputs(command, spec);
   OutputFolder out(command.out);
   const Observer observer(spec);
-  scene.made = MakeTarget(
-      scene.target, spec.target_error.value_or(scene.target.tolerance.value_or(0)), spec.seed);
+  scene.made = MakeTarget(scene.target,
+                          spec.target_error.value_or(scene.target.tolerance.value_or(0)),
+                          spec.rigid_tags,
+                          spec.seed);
   progress("poses", 0, 1);
   scene.frames = MakePoses(spec, observer, scene.made);
   scene.views.resize(spec.cameras.size());

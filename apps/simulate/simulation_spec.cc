@@ -313,8 +313,14 @@ SimulationSpec ReadSimulationSpec(const std::filesystem::path& path,
                                   std::span<const CameraModel> models) {
   const YamlNode root = YamlNode::ReadFile(path);
   root.CheckVersion();
-  root.CheckKeys(
-      {"plenocal", "seed", "target", "target_error", "cameras", "poses", "white_images"});
+  root.CheckKeys({"plenocal",
+                  "seed",
+                  "target",
+                  "target_error",
+                  "rigid_tags",
+                  "cameras",
+                  "poses",
+                  "white_images"});
   SimulationSpec spec;
   spec.path = path;
   ReadInteger(root, "seed", 0, std::numeric_limits<int>::max(), &spec.seed);
@@ -323,6 +329,7 @@ SimulationSpec ReadSimulationSpec(const std::filesystem::path& path,
     spec.target_error = 0;
     ReadNumber(root, "target_error", 0, 1, &*spec.target_error);
   }
+  if (root.Has("rigid_tags")) spec.rigid_tags = root.At("rigid_tags").AsBool();
   for (const auto& [name, node] : root.At("cameras").Entries()) {
     spec.cameras.push_back(ReadCamera(name, node, models));
   }

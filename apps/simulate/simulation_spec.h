@@ -73,6 +73,7 @@ struct SimulationSpec {
   int seed = 1;
   std::filesystem::path target;
   std::optional<double> target_error;  ///< m, sigma of each marker coordinate; else the tolerance
+  bool rigid_tags = true;              ///< tags keep their shape; else each corner errs by itself
   std::vector<CameraSpec> cameras;     ///< the first is the rig's master
   PoseSpec poses;
   int white_images = 5;  ///< a camera

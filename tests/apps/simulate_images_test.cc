@@ -62,7 +62,7 @@ TEST(SimulatedImages, OfAnOrdinaryCameraShowMarkersWhereTheModelDoes) {
                     .sensor = {.blur = 0.7},
                     .micro_lenses = {}};
   const Target nominal = Discs();
-  const TrueTarget made = MakeTarget(nominal, 0.0004, 3);
+  const TrueTarget made = MakeTarget(nominal, 0.0004, true, 3);
   const RigidTransform pose = Pose(0.02, -0.01, 0.35);
   const auto renderer = MakeOrdinaryRenderer(camera);
   const cv::Mat light = renderer->Render(PosedSurface(TargetSurface(nominal, made, 1), pose), 1);
@@ -95,7 +95,7 @@ TEST(SimulatedImages, OfAPlenopticCameraShowMarkersWhereTheModelDoes) {
       if (!keplerian) camera.micro_lenses->focus = {2.5, 3, 4};
       if (camera.params.size() < camera.model->params.size()) camera.params.push_back(0.02);
       const Target nominal = Discs();
-      const TrueTarget made = MakeTarget(nominal, 0.0004, 3);
+      const TrueTarget made = MakeTarget(nominal, 0.0004, true, 3);
       const RigidTransform pose = Pose(0.004, -0.002, 0.45);
       const MicroLensOptics optics(camera);
       const auto renderer = MakePlenopticRenderer(camera, optics, 1, 2);
@@ -148,6 +148,36 @@ TEST(SimulatedImages, PixelQuantilesHaveTheVarianceOfThePointSpreadFunction) {
     double variance = 0;
     for (const float value : x) variance += value * value / 512.0;
     EXPECT_NEAR(variance, blur * blur + 1 / 12.0, 0.01 * (blur * blur + 1 / 12.0));
+  }
+}
+
+TEST(SimulatedTarget, TagsStayFlatAndCoordinatesHaveTheirSigma) {
+  Target nominal;
+  TagLayout layout{.family = "tag36h11", .ids = {}};
+  for (int id = 0; id < 400; ++id) {
+    layout.ids.push_back(id);
+    const Eigen::Matrix3d R = ExpRotation({0.3 * id, 0.2, 0.1});
+    for (int k = 0; k < 4; ++k) {
+      nominal.markers[4 * id + k] =
+          R * Eigen::Vector3d(k == 1 || k == 2 ? 0.03 : 0, k > 1 ? 0.03 : 0, 0);
+    }
+  }
+  nominal.layout = layout;
+  for (const bool rigid : {false, true}) {
+    const TrueTarget made = MakeTarget(nominal, 0.0005, rigid, 1);
+    double squares = 0;
+    for (const int id : layout.ids) {
+      const auto at = [&](int k) -> Eigen::Vector3d { return made.markers.at(4 * id + k); };
+      for (int k = 0; k < 4; ++k) {
+        squares += (at(k) - nominal.markers.at(4 * id + k)).squaredNorm() / (3 * 1600.0);
+      }
+      const Eigen::Vector3d a = at(1) - at(0), b = at(2) - at(0), c = at(3) - at(0);
+      EXPECT_LT(std::abs(a.cross(c).normalized().dot(b)), 1e-12);
+      if (rigid) {
+        EXPECT_NEAR(a.norm(), c.norm(), 1e-12);
+      }
+    }
+    EXPECT_NEAR(std::sqrt(squares), 0.0005, 0.00002);
   }
 }
 

@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+namespace plenocal {
+
+struct PrintCommand {
+  std::filesystem::path target;
+  std::filesystem::path out;   ///< .svg, .pdf or .png
+  std::string paper = "fit";   ///< a name as of --paper
+  double dpi = 300;            ///< of PNG
+};
+
+/// Writes the target at true scale with a ruler; what does not fit on one page is spread over
+/// several, the tags of an arrangement in space one by one with their ids and cut marks. Several
+/// pages of SVG or PNG become FILE-1, FILE-2, ... Returns the files written. Throws `Error`.
+std::vector<std::filesystem::path> PrintTarget(const PrintCommand& command);
+
+}  // namespace plenocal

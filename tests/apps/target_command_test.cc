@@ -1,0 +1,184 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// `plenocal target`: what is printed is found by our own detectors, at its true size.
+#include <Eigen/LU>
+#include <cmath>
+#include <opencv2/core.hpp>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+#include <string>
+
+#include "detectors/marker_detector.h"
+#include "targets/target.h"
+#include "tests/apps/workspace.h"
+
+namespace plenocal::testing {
+namespace {
+
+using ::testing::HasSubstr;
+
+constexpr double kDpi = 150;
+constexpr double kPixel = 0.0254 / kDpi;  // m
+
+class TargetCommand : public Workspace {
+ protected:
+  Outcome Print(const std::string& out, const std::vector<std::string>& more = {}) const {
+    std::vector<std::string> arguments{"target", "target.yaml", "-o", out};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return Run(arguments);
+  }
+
+  [[nodiscard]] cv::Mat Page(const std::string& name) const {
+    cv::Mat page = cv::imread(Path(name).string(), cv::IMREAD_GRAYSCALE);
+    // As sharp as a good camera has it.
+    if (!page.empty()) cv::GaussianBlur(page, page, {}, 0.8);
+    return page;
+  }
+
+  /// Markers found in a page, also as a tilted camera sees it; their places on the page.
+  [[nodiscard]] std::map<int, Eigen::Vector2d> Found(const Target& target, const cv::Mat& page) const {
+    const auto detector = MakeMarkerDetector(target);
+    const auto w = static_cast<float>(page.cols), h = static_cast<float>(page.rows);
+    const std::vector<cv::Point2f> corners{{0, 0}, {w, 0}, {w, h}, {0, h}};
+    const std::vector<cv::Point2f> seen{{0.08f * w, 0.05f * h}, {0.9f * w, 0.12f * h},
+                                        {0.85f * w, 0.9f * h}, {0.05f * w, 0.97f * h}};
+    cv::Mat view;
+    cv::warpPerspective(page, view, cv::getPerspectiveTransform(corners, seen), page.size(),
+                        cv::INTER_AREA, cv::BORDER_CONSTANT, cv::Scalar(190));
+    cv::GaussianBlur(view, view, {}, 1);
+    EXPECT_EQ(detector->Detect(view).markers.size(), detector->Detect(page).markers.size());
+    std::map<int, Eigen::Vector2d> found;
+    for (const Observation& o : detector->Detect(page).markers) {
+      found[o.marker] = {o.values[0], o.values[1]};
+    }
+    return found;
+  }
+
+  /// All markers of the target are in the page, as far apart as they should be.
+  void ExpectAll(const cv::Mat& page, std::size_t count) const {
+    const Target target = ReadTarget(Path("target.yaml"));
+    ASSERT_EQ(target.markers.size(), count);
+    const auto found = Found(target, page);
+    ASSERT_EQ(found.size(), count);
+    for (const auto& [marker, place] : found) {
+      const double away = kPixel * (place - found.begin()->second).norm();
+      const double meant =
+          (target.markers.at(marker) - target.markers.at(found.begin()->first)).norm();
+      EXPECT_NEAR(away, meant, 0.00004) << marker;  // a quarter of a pixel
+    }
+  }
+};
+
+TEST_F(TargetCommand, PrintsBoardsThatAreFoundAtTheirTrueSize) {
+  const std::vector<std::pair<std::string, std::size_t>> targets{
+      {"type: aprilgrid\ncolumns: 4\nrows: 3\nsize: 0.03\nspacing: 0.3\n", 48},
+      {"type: aprilgrid\ncolumns: 3\nrows: 3\nsize: 0.03\nspacing: 0.3\nborder_bits: 1\n"
+       "family: tag25h9\n", 36},
+      {"type: chessboard\ncolumns: 8\nrows: 5\nsquare: 0.02\n", 40},
+      {"type: charuco\ncolumns: 7\nrows: 5\nsquare: 0.025\nmarker: 0.018\n"
+       "dictionary: DICT_5X5_100\n", 24},
+      {"type: charuco\ncolumns: 6\nrows: 4\nsquare: 0.025\nmarker: 0.018\n"
+       "dictionary: DICT_4X4_50\nlegacy: true\n", 15},
+      {"type: circles\ncolumns: 7\nrows: 5\nspacing: 0.02\npattern: symmetric\n", 35},
+      {"type: circles\ncolumns: 4\nrows: 7\nspacing: 0.02\npattern: asymmetric\n", 28}};
+  for (const auto& [text, count] : targets) {
+    SCOPED_TRACE(text);
+    Write("target.yaml", "plenocal: 1\n" + text);
+    ASSERT_EQ(Print("print.png", {"--dpi", "150"}).status, kDone);
+    ExpectAll(Page("print.png"), count);
+  }
+}
+
+TEST_F(TargetCommand, PrintsTagsOfAllKindsUpright) {
+  for (const std::string family : {"tag36h11", "tag16h5", "tagStandard41h12", "tagCircle21h7"}) {
+    SCOPED_TRACE(family);
+    Write("target.yaml",
+          "plenocal: 1\ntype: apriltag\nfamily: " + family +
+              "\ntags:\n"
+              "  - {id: 3, corners: [[0, 0, 0], [0.04, 0, 0], [0.04, 0.04, 0], [0, 0.04, 0]]}\n"
+              "  - {id: 7, corners: [[0.09, 0, 0], [0.13, 0, 0], [0.13, 0.04, 0], [0.09, 0.04, 0]]}\n");
+    ASSERT_EQ(Print("print.png", {"--dpi", "150"}).status, kDone);
+    ExpectAll(Page("print.png"), 8);
+  }
+}
+
+TEST_F(TargetCommand, LaysTagsOfAnArrangementInSpaceOutOverPages) {
+  std::filesystem::copy(std::filesystem::path(PLENOCAL_EXAMPLES) / "simulate" / "target.yaml",
+                        Path("target.yaml"));
+  const Outcome outcome = Print("tags.png", {"--dpi", "150", "--paper", "a4"});
+  ASSERT_EQ(outcome.status, kDone) << outcome.err;
+  const std::vector<std::string> files = Lines(outcome.out);
+  ASSERT_GE(files.size(), 2u);
+  std::vector<cv::Mat> pages;
+  for (std::size_t i = 0; i < files.size(); ++i) {
+    pages.push_back(Page("tags-" + std::to_string(i + 1) + ".png"));
+    EXPECT_EQ(pages.back().cols, std::lround(0.210 / kPixel));
+    EXPECT_EQ(pages.back().rows, std::lround(0.297 / kPixel));
+  }
+  // On the pages the tags are not where they are on the target, so each is looked for alone.
+  const Target target = ReadTarget(Path("target.yaml"));
+  for (const int id : {0, 1, 13, 20, 31}) {
+    Target one = target;
+    std::get<TagLayout>(one.layout).ids = {id};
+    one.markers.clear();
+    for (int k = 0; k < 4; ++k) one.markers[4 * id + k] = target.markers.at(4 * id + k);
+    const auto detector = MakeMarkerDetector(one);
+    int seen = 0;
+    for (const cv::Mat& page : pages) {
+      std::map<int, Eigen::Vector2d> found;
+      for (const Observation& o : detector->Detect(page).markers) {
+        found[o.marker] = {o.values[0], o.values[1]};
+      }
+      if (found.empty()) continue;
+      ++seen;
+      ASSERT_EQ(found.size(), 4u);
+      for (int k = 1; k < 4; ++k) {
+        EXPECT_NEAR(kPixel * (found.at(4 * id + k) - found.at(4 * id)).norm(),
+                    (one.markers.at(4 * id + k) - one.markers.at(4 * id)).norm(), 0.00004);
+      }
+    }
+    EXPECT_EQ(seen, 1) << id;
+  }
+}
+
+TEST_F(TargetCommand, SpreadsALargeBoardOverPagesThatJoin) {
+  Write("target.yaml", "plenocal: 1\ntype: chessboard\ncolumns: 9\nrows: 6\nsquare: 0.05\n");
+  const Outcome outcome = Print("board.png", {"--dpi", "150", "--paper", "a4"});
+  ASSERT_EQ(outcome.status, kDone) << outcome.err;
+  // 550 x 400 mm in windows of 190 x 263 mm.
+  EXPECT_EQ(Lines(outcome.out).size(), 6u) << outcome.out;
+  ASSERT_EQ(Print("board.pdf", {"--paper", "a2"}).status, kDone);
+}
+
+TEST_F(TargetCommand, FilesStateTheirSize) {
+  Write("target.yaml", "plenocal: 1\ntype: chessboard\ncolumns: 8\nrows: 5\nsquare: 0.02\n");
+  ASSERT_EQ(Print("a.svg").status, kDone);
+  ASSERT_EQ(Print("a.pdf").status, kDone);
+  ASSERT_EQ(Print("a.png", {"--dpi", "300"}).status, kDone);
+  // 9 x 6 squares, half a square of white, 10 mm of margin, 14 mm for the ruler.
+  EXPECT_THAT(Read("a.svg"), HasSubstr("width=\"220mm\" height=\"174mm\""));
+  EXPECT_THAT(Read("a.pdf"), HasSubstr("MediaBox [ 0 0 623.622"));
+  const std::string png = Read("a.png");
+  const std::size_t chunk = png.find("pHYs");
+  ASSERT_NE(chunk, std::string::npos);
+  const std::string per_metre(png, chunk + 4, 4);
+  EXPECT_EQ(per_metre, std::string("\0\0\x2e\x23", 4));  // 11811
+  EXPECT_FALSE(Page("a.png").empty());
+}
+
+TEST_F(TargetCommand, SaysWhatItCannotPrint) {
+  Write("target.yaml", "plenocal: 1\ntype: markers\nmarkers: {0: [0, 0, 0]}\n");
+  const auto expect = [&](const Outcome& outcome, const std::string& part) {
+    EXPECT_EQ(outcome.status, kWrongInput);
+    EXPECT_EQ(Lines(outcome.err).size(), 1u) << outcome.err;
+    EXPECT_THAT(outcome.err, HasSubstr(part));
+  };
+  expect(Print("a.svg"), "cannot be drawn");
+  Write("target.yaml", "plenocal: 1\ntype: chessboard\ncolumns: 8\nrows: 5\nsquare: 0.02\n");
+  expect(Print("a.jpg"), ".svg, .pdf or .png");
+  expect(Print("a.svg", {"--paper", "a44"}), "did you mean 'a4'");
+  expect(Print("a.png", {"--dpi", "2400", "--paper", "a0"}), "lower --dpi");
+}
+
+}  // namespace
+}  // namespace plenocal::testing
