@@ -35,9 +35,14 @@ struct Paper {
   std::string_view name;
   double width, height;  // upright
 };
-constexpr std::array kPapers{Paper{"a0", 841, 1189}, Paper{"a1", 594, 841}, Paper{"a2", 420, 594},
-                             Paper{"a3", 297, 420}, Paper{"a4", 210, 297}, Paper{"a5", 148, 210},
-                             Paper{"letter", 215.9, 279.4}, Paper{"legal", 215.9, 355.6},
+constexpr std::array kPapers{Paper{"a0", 841, 1189},
+                             Paper{"a1", 594, 841},
+                             Paper{"a2", 420, 594},
+                             Paper{"a3", 297, 420},
+                             Paper{"a4", 210, 297},
+                             Paper{"a5", 148, 210},
+                             Paper{"letter", 215.9, 279.4},
+                             Paper{"legal", 215.9, 355.6},
                              Paper{"tabloid", 279.4, 431.8}};
 
 // A part of the target, or a window of one, on a page.
@@ -77,7 +82,9 @@ void DrawRuler(cairo_t* context, const Page& page) {
     Line(context, x + mm, y, x + mm, y - (mm % 50 == 0 ? 4 : mm % 10 == 0 ? 2.5 : 1.5));
   }
   cairo_stroke(context);
-  Text(context, x, y + kText + 0.5,
+  Text(context,
+       x,
+       y + kText + 0.5,
        fmt::format("{:.0f} mm: print at 100 %, then measure this   {}", length, page.name));
 }
 
@@ -153,7 +160,10 @@ std::vector<Page> LayOutSheet(const TargetPart& part, const std::optional<Paper>
           {&part, corner - shown, {corner, Eigen::Vector2d(corner + rest)}, {}, tiled});
       if (tiled) {
         page.name = fmt::format("row {} of {}, column {} of {}: cut at the marks and join",
-                                row + 1, rows, column + 1, columns);
+                                row + 1,
+                                rows,
+                                column + 1,
+                                columns);
       }
       pages.push_back(std::move(page));
     }
@@ -169,10 +179,14 @@ std::vector<Page> LayOutTags(const std::vector<TargetPart>& parts, const Paper& 
     const Eigen::Vector2d size = SizeOf(part);
     const double right = paper.width - kMargin, bottom = paper.height - kMargin - kFoot;
     if (size.x() > right - kMargin || size.y() > bottom - kMargin) {
-      throw Error(ErrorKind::kInput,
-                  fmt::format("tag {} needs {:.0f} x {:.0f} mm, which paper {} does not have; take a "
-                              "larger --paper",
-                              part.tags[0].id, size.x(), size.y(), paper.name));
+      throw Error(
+          ErrorKind::kInput,
+          fmt::format("tag {} needs {:.0f} x {:.0f} mm, which paper {} does not have; take a "
+                      "larger --paper",
+                      part.tags[0].id,
+                      size.x(),
+                      size.y(),
+                      paper.name));
     }
     if (x + size.x() > right) x = kMargin, y += row_height + kGap, row_height = 0;
     if (pages.empty() || y + size.y() > bottom) {
@@ -182,8 +196,11 @@ std::vector<Page> LayOutTags(const std::vector<TargetPart>& parts, const Paper& 
     }
     const Eigen::Vector2d at(x, y);
     const double side = kMillimetres * (part.tags[0].outline[1] - part.tags[0].outline[0]).norm();
-    pages.back().placed.push_back({&part, at, {at, Eigen::Vector2d(at + size)},
-                                   fmt::format("id {}, {:.1f} mm", part.tags[0].id, side), true});
+    pages.back().placed.push_back({&part,
+                                   at,
+                                   {at, Eigen::Vector2d(at + size)},
+                                   fmt::format("id {}, {:.1f} mm", part.tags[0].id, side),
+                                   true});
     x += size.x() + kGap;
     row_height = std::max(row_height, size.y());
   }
@@ -197,7 +214,8 @@ cairo_status_t Append(void* text, const unsigned char* data, unsigned int length
 
 void Check(cairo_status_t status) {
   if (status == CAIRO_STATUS_SUCCESS) return;
-  throw Error(ErrorKind::kJob, fmt::format("cannot draw the target: {}", cairo_status_to_string(status)));
+  throw Error(ErrorKind::kJob,
+              fmt::format("cannot draw the target: {}", cairo_status_to_string(status)));
 }
 
 // Draws pages onto a surface whose unit is `scale` times a mm.
@@ -215,7 +233,8 @@ void DrawPages(cairo_surface_t* surface, double scale, const std::vector<Page>& 
 std::string Svg(const Page& page) {
   std::string text;
   {
-    const Surface surface(cairo_svg_surface_create_for_stream(Append, &text, page.width, page.height));
+    const Surface surface(
+        cairo_svg_surface_create_for_stream(Append, &text, page.width, page.height));
     cairo_svg_surface_set_document_unit(surface.get(), CAIRO_SVG_UNIT_MM);
     DrawPages(surface.get(), 1, {page});
     cairo_surface_finish(surface.get());
@@ -251,7 +270,8 @@ std::uint32_t Crc(const std::string& text) {
 std::string PhysicalSizeChunk(double dpi) {
   const auto bytes = [](std::uint32_t value) {
     std::string text;
-    for (const unsigned shift : {24U, 16U, 8U, 0U}) text += static_cast<char>(value >> shift & 0xFFU);
+    for (const unsigned shift : {24U, 16U, 8U, 0U})
+      text += static_cast<char>(value >> shift & 0xFFU);
     return text;
   };
   const auto per_metre = static_cast<std::uint32_t>(std::lround(dpi / kInch * kMillimetres));
@@ -263,14 +283,19 @@ std::string Png(const Page& page, double dpi) {
   constexpr double kMost = 30000;
   const double scale = dpi / kInch;
   if (scale * std::max(page.width, page.height) > kMost) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{:.0f} x {:.0f} mm at {} dpi are more than {} pixels; lower --dpi, take "
-                            "a --paper or write SVG or PDF",
-                            page.width, page.height, dpi, kMost));
+    throw Error(
+        ErrorKind::kInput,
+        fmt::format("{:.0f} x {:.0f} mm at {} dpi are more than {} pixels; lower --dpi, take "
+                    "a --paper or write SVG or PDF",
+                    page.width,
+                    page.height,
+                    dpi,
+                    kMost));
   }
-  const Surface surface(cairo_image_surface_create(CAIRO_FORMAT_RGB24,
-                                                   static_cast<int>(std::lround(scale * page.width)),
-                                                   static_cast<int>(std::lround(scale * page.height))));
+  const Surface surface(
+      cairo_image_surface_create(CAIRO_FORMAT_RGB24,
+                                 static_cast<int>(std::lround(scale * page.width)),
+                                 static_cast<int>(std::lround(scale * page.height))));
   DrawPages(surface.get(), scale, {page});
   std::string text;
   Check(cairo_surface_write_to_png_stream(surface.get(), Append, &text));
@@ -289,8 +314,10 @@ std::optional<Paper> FindPaper(const std::string& name) {
               fmt::format("--paper: no size '{}'{}", name, SuggestName(name, names)));
 }
 
-std::vector<Page> LayOut(const Target& target, const std::vector<TargetPart>& sheets,
-                         const std::vector<TargetPart>& tags, const std::optional<Paper>& paper) {
+std::vector<Page> LayOut(const Target& target,
+                         const std::vector<TargetPart>& sheets,
+                         const std::vector<TargetPart>& tags,
+                         const std::optional<Paper>& paper) {
   const bool loose = !sheets[0].tags.empty() && !sheets[0].one_sheet;
   bool fits = sheets.size() == 1;
   if (fits && loose && paper) {
@@ -317,8 +344,9 @@ std::vector<std::filesystem::path> PrintTarget(const PrintCommand& command) {
   using namespace print;  // NOLINT(google-build-using-namespace)
   const std::string extension = command.out.extension().string();
   if (extension != ".svg" && extension != ".pdf" && extension != ".png") {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: expected a name that ends in .svg, .pdf or .png", command.out.string()));
+    throw Error(
+        ErrorKind::kInput,
+        fmt::format("{}: expected a name that ends in .svg, .pdf or .png", command.out.string()));
   }
   const std::optional<Paper> paper = FindPaper(command.paper);
   const Target target = NominalTarget(ReadTarget(command.target));

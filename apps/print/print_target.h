@@ -9,9 +9,9 @@ namespace plenocal {
 
 struct PrintCommand {
   std::filesystem::path target;
-  std::filesystem::path out;   ///< .svg, .pdf or .png
-  std::string paper = "fit";   ///< a name as of --paper
-  double dpi = 300;            ///< of PNG
+  std::filesystem::path out;  ///< .svg, .pdf or .png
+  std::string paper = "fit";  ///< a name as of --paper
+  double dpi = 300;           ///< of PNG
 };
 
 /// Writes the target at true scale with a ruler; what does not fit on one page is spread over

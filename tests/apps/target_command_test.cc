@@ -36,15 +36,23 @@ class TargetCommand : public Workspace {
   }
 
   /// Markers found in a page, also as a tilted camera sees it; their places on the page.
-  [[nodiscard]] std::map<int, Eigen::Vector2d> Found(const Target& target, const cv::Mat& page) const {
+  [[nodiscard]] std::map<int, Eigen::Vector2d> Found(const Target& target,
+                                                     const cv::Mat& page) const {
     const auto detector = MakeMarkerDetector(target);
     const auto w = static_cast<float>(page.cols), h = static_cast<float>(page.rows);
     const std::vector<cv::Point2f> corners{{0, 0}, {w, 0}, {w, h}, {0, h}};
-    const std::vector<cv::Point2f> seen{{0.08f * w, 0.05f * h}, {0.9f * w, 0.12f * h},
-                                        {0.85f * w, 0.9f * h}, {0.05f * w, 0.97f * h}};
+    const std::vector<cv::Point2f> seen{{0.08f * w, 0.05f * h},
+                                        {0.9f * w, 0.12f * h},
+                                        {0.85f * w, 0.9f * h},
+                                        {0.05f * w, 0.97f * h}};
     cv::Mat view;
-    cv::warpPerspective(page, view, cv::getPerspectiveTransform(corners, seen), page.size(),
-                        cv::INTER_AREA, cv::BORDER_CONSTANT, cv::Scalar(190));
+    cv::warpPerspective(page,
+                        view,
+                        cv::getPerspectiveTransform(corners, seen),
+                        page.size(),
+                        cv::INTER_AREA,
+                        cv::BORDER_CONSTANT,
+                        cv::Scalar(190));
     cv::GaussianBlur(view, view, {}, 1);
     EXPECT_EQ(detector->Detect(view).markers.size(), detector->Detect(page).markers.size());
     std::map<int, Eigen::Vector2d> found;
@@ -73,12 +81,15 @@ TEST_F(TargetCommand, PrintsBoardsThatAreFoundAtTheirTrueSize) {
   const std::vector<std::pair<std::string, std::size_t>> targets{
       {"type: aprilgrid\ncolumns: 4\nrows: 3\nsize: 0.03\nspacing: 0.3\n", 48},
       {"type: aprilgrid\ncolumns: 3\nrows: 3\nsize: 0.03\nspacing: 0.3\nborder_bits: 1\n"
-       "family: tag25h9\n", 36},
+       "family: tag25h9\n",
+       36},
       {"type: chessboard\ncolumns: 8\nrows: 5\nsquare: 0.02\n", 40},
       {"type: charuco\ncolumns: 7\nrows: 5\nsquare: 0.025\nmarker: 0.018\n"
-       "dictionary: DICT_5X5_100\n", 24},
+       "dictionary: DICT_5X5_100\n",
+       24},
       {"type: charuco\ncolumns: 6\nrows: 4\nsquare: 0.025\nmarker: 0.018\n"
-       "dictionary: DICT_4X4_50\nlegacy: true\n", 15},
+       "dictionary: DICT_4X4_50\nlegacy: true\n",
+       15},
       {"type: circles\ncolumns: 7\nrows: 5\nspacing: 0.02\npattern: symmetric\n", 35},
       {"type: circles\ncolumns: 4\nrows: 7\nspacing: 0.02\npattern: asymmetric\n", 28}};
   for (const auto& [text, count] : targets) {
@@ -96,7 +107,8 @@ TEST_F(TargetCommand, PrintsTagsOfAllKindsUpright) {
           "plenocal: 1\ntype: apriltag\nfamily: " + family +
               "\ntags:\n"
               "  - {id: 3, corners: [[0, 0, 0], [0.04, 0, 0], [0.04, 0.04, 0], [0, 0.04, 0]]}\n"
-              "  - {id: 7, corners: [[0.09, 0, 0], [0.13, 0, 0], [0.13, 0.04, 0], [0.09, 0.04, 0]]}\n");
+              "  - {id: 7, corners: [[0.09, 0, 0], [0.13, 0, 0], [0.13, 0.04, 0], [0.09, 0.04, "
+              "0]]}\n");
     ASSERT_EQ(Print("print.png", {"--dpi", "150"}).status, kDone);
     ExpectAll(Page("print.png"), 8);
   }
@@ -134,7 +146,8 @@ TEST_F(TargetCommand, LaysTagsOfAnArrangementInSpaceOutOverPages) {
       ASSERT_EQ(found.size(), 4u);
       for (int k = 1; k < 4; ++k) {
         EXPECT_NEAR(kPixel * (found.at(4 * id + k) - found.at(4 * id)).norm(),
-                    (one.markers.at(4 * id + k) - one.markers.at(4 * id)).norm(), 0.00004);
+                    (one.markers.at(4 * id + k) - one.markers.at(4 * id)).norm(),
+                    0.00004);
       }
     }
     EXPECT_EQ(seen, 1) << id;
