@@ -41,6 +41,20 @@ struct FocusCommand {
   std::filesystem::path out;
 };
 
+/// Estimated trajectories and the truth that they are compared with.
+struct EvaluateCommand {
+  std::vector<std::string> estimates;  ///< files, or NAME=FILE
+  std::filesystem::path truth;         ///< both segments, or the whole path
+  std::filesystem::path start, end;    ///< or one file a segment
+  std::filesystem::path times;         ///< times of KITTI poses; empty: none
+  double tolerance = 0.01;             ///< s between poses that belong together
+  int delta = 1;                       ///< pairs of poses between the ends of a relative error
+  /// Runs without scale: not set none, empty all.
+  std::optional<std::vector<std::string>> monocular;
+  bool json = false;
+  std::filesystem::path chart;  ///< SVG or PNG; empty: none
+};
+
 /// `plenocal calibrate`: images or detections to calibration.
 void RunCalibrate(const SessionCommand& command, const ConsoleOptions& options);
 /// `plenocal detect`: only the detections.
@@ -53,6 +67,8 @@ void RunFocus(const FocusCommand& command, const ConsoleOptions& options);
 void RunSimulate(const SimulateCommand& command, const ConsoleOptions& options);
 /// `plenocal target`: a printable target.
 void RunTarget(const PrintCommand& command);
+/// `plenocal evaluate`: drift and errors of trajectories.
+void RunEvaluate(const EvaluateCommand& command, const ConsoleOptions& options);
 /// `plenocal models`: the registered camera models on standard output.
 void RunModels();
 

@@ -82,4 +82,10 @@ std::string SimulateByModule(const SimulateCommand& command, const SimulateOptio
   return summary;
 }
 
+std::string DrawBarChartByModule(const BarChart& chart, PictureFormat format) {
+  std::string content;
+  FromModule<decltype(plenocal_draw_bar_chart)>("plenocal_draw_bar_chart")(chart, format, &content);
+  return content;
+}
+
 }  // namespace plenocal

@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "apps/evaluate/bar_chart.h"
 #include "apps/print/print_target.h"
 #include "apps/simulate/simulate.h"
 #include "calib/session.h"
@@ -35,6 +36,11 @@ extern "C" void plenocal_simulate(const plenocal::SimulateCommand& command,
                                   const plenocal::SimulateOptions& options,
                                   std::string* summary);
 
+/// What the image module exports: `DrawBarChart` of apps/evaluate/bar_chart.h.
+extern "C" void plenocal_draw_bar_chart(const plenocal::BarChart& chart,
+                                        plenocal::PictureFormat format,
+                                        std::string* content);
+
 namespace plenocal {
 
 /// `DetectImages` by the image module, which is loaded on first use. Throws `Error` of kind kJob
@@ -55,5 +61,8 @@ std::vector<std::filesystem::path> PrintTargetByModule(const PrintCommand& comma
 
 /// `Simulate` by the image module.
 std::string SimulateByModule(const SimulateCommand& command, const SimulateOptions& options);
+
+/// `DrawBarChart` by the image module.
+std::string DrawBarChartByModule(const BarChart& chart, PictureFormat format);
 
 }  // namespace plenocal

@@ -28,3 +28,9 @@ extern "C" void plenocal_print_target(const plenocal::PrintCommand& command,
                                       std::vector<std::filesystem::path>* written) {
   *written = plenocal::PrintTarget(command);
 }
+
+extern "C" void plenocal_draw_bar_chart(const plenocal::BarChart& chart,
+                                        plenocal::PictureFormat format,
+                                        std::string* content) {
+  *content = plenocal::DrawBarChart(chart, format);
+}

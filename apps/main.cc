@@ -176,6 +176,52 @@ int main(int argc, char** argv) {  // NOLINT(bugprone-exception-escape)
   bool quiet_target = false;  // it has nothing to say; accepted as on each command
   target->add_flag("--quiet", quiet_target, "no messages and no progress, only errors");
   target->callback([&] { run = [&] { RunTarget(print_command); }; });
+  plenocal::EvaluateCommand evaluate_command;
+  CLI::App* evaluate = app.add_subcommand(
+      "evaluate",
+      "Drift of visual odometry over one large loop, ATE and RPE.\n\n"
+      "  plenocal evaluate --estimate TRAJ --truth SEGMENTS --json\n"
+      "  plenocal evaluate --estimate DSO=dso.txt ORB2=orb2.txt --monocular DSO --truth SEGMENTS "
+      "--chart drift.svg\n\n"
+      "Trajectories in the forms of TUM, ORB-SLAM, EuRoC and KITTI; docs/exchange.md.");
+  evaluate
+      ->add_option("--estimate",
+                   evaluate_command.estimates,
+                   "estimated trajectories, each FILE or NAME=FILE")
+      ->required();
+  evaluate->add_option("--truth",
+                       evaluate_command.truth,
+                       "truth of start and end in one file, parted at its largest gap; or of the "
+                       "whole path");
+  evaluate->add_option("--start", evaluate_command.start, "truth of the start segment");
+  evaluate->add_option("--end", evaluate_command.end, "truth of the end segment");
+  evaluate->add_option("--times", evaluate_command.times, "times of KITTI poses, s, one a line");
+  evaluate
+      ->add_option("--tolerance",
+                   evaluate_command.tolerance,
+                   "s between a pose and the truth that belongs to it")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
+  evaluate->add_option("--delta", evaluate_command.delta, "poses between the ends of RPE's pairs")
+      ->check(CLI::Range(1, 1000000))
+      ->capture_default_str();
+  std::vector<std::string> monocular;
+  CLI::Option* monocular_option =
+      evaluate
+          ->add_option(
+              "--monocular", monocular, "runs that have no scale (without names: all of them)")
+          ->expected(0, -1);
+  evaluate->add_flag("--json", evaluate_command.json, "JSON on standard output");
+  evaluate->add_option("--chart", evaluate_command.chart, "bar chart: FILE.svg or FILE.png");
+  evaluate->add_flag("--quiet", options.quiet, "no messages and no progress, only errors");
+  evaluate->callback([&] {
+    if (monocular_option->count() > 0) {
+      // CLI11 stands for "no names" with one empty name.
+      std::erase(monocular, "");
+      evaluate_command.monocular = monocular;
+    }
+    run = [&] { RunEvaluate(evaluate_command, options); };
+  });
   app.add_subcommand("models", "List the camera models, their parameters, units and source.")
       ->callback([&] { run = plenocal::RunModels; });
 

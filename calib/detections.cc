@@ -6,34 +6,19 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
-#include <fstream>
 #include <iterator>
 #include <numeric>
-#include <sstream>
 #include <unordered_map>
 
 #include "calib/error.h"
 #include "calib/number_text.h"
+#include "calib/text_file.h"
 
 namespace plenocal {
 namespace {
 
 // Enough that exact (simulated) observations pass through a file without visible loss.
 constexpr int kCoordinateDecimals = 8;
-
-std::string ReadText(const std::filesystem::path& path) {
-  std::error_code error;
-  if (!std::filesystem::exists(path, error)) {
-    throw Error(ErrorKind::kInput, fmt::format("{}: no such file", path.string()));
-  }
-  std::ifstream file(path, std::ios::binary);
-  if (std::filesystem::is_directory(path, error) || !file) {
-    throw Error(ErrorKind::kInput, fmt::format("{}: cannot be read", path.string()));
-  }
-  std::ostringstream text;
-  text << file.rdbuf();
-  return std::move(text).str();
-}
 
 std::string_view Trim(std::string_view text) {
   const size_t first = text.find_first_not_of(" \t\r");
@@ -211,7 +196,7 @@ class DetectionReader {
 }  // namespace
 
 std::vector<View> ReadDetections(const std::filesystem::path& path, const CameraModel& model) {
-  return DetectionReader(path, model).Read(ReadText(path));
+  return DetectionReader(path, model).Read(ReadTextFile(path));
 }
 
 std::string DetectionsCsv(std::span<const View> views, const CameraModel& model) {

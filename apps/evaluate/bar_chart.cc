@@ -1,0 +1,196 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/evaluate/bar_chart.h"
+
+#include <cairo/cairo-svg.h>
+#include <cairo/cairo.h>
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <memory>
+
+#include "calib/error.h"
+
+namespace plenocal {
+namespace {
+
+// Lengths in points (SVG) or pixels at scale 1.
+constexpr double kMargin = 16, kAxis = 54, kTitle = 40, kPlotHeight = 240, kNames = 24;
+constexpr double kBar = 30, kBarGap = 14, kFont = 12;
+constexpr double kPngScale = 2;
+constexpr double kSmallestRange = 1e-4;
+constexpr std::array<std::array<double, 3>, 6> kColours{{{0.12, 0.38, 0.66},
+                                                         {0.85, 0.45, 0.13},
+                                                         {0.25, 0.58, 0.30},
+                                                         {0.58, 0.33, 0.62},
+                                                         {0.70, 0.20, 0.22},
+                                                         {0.40, 0.40, 0.40}}};
+
+struct Deleter {
+  void operator()(cairo_t* context) const { cairo_destroy(context); }
+  void operator()(cairo_surface_t* surface) const { cairo_surface_destroy(surface); }
+};
+
+cairo_status_t Append(void* text, const unsigned char* data, unsigned int size) {
+  static_cast<std::string*>(text)->append(reinterpret_cast<const char*>(data), size);
+  return CAIRO_STATUS_SUCCESS;
+}
+
+enum class Align { kLeft, kCentre, kRight };
+
+double TextWidth(cairo_t* cr, const std::string& text) {
+  cairo_text_extents_t extents;
+  cairo_text_extents(cr, text.c_str(), &extents);
+  return extents.x_advance;
+}
+
+void Text(cairo_t* cr, double x, double y, const std::string& text, Align align) {
+  const double width = TextWidth(cr, text);
+  const double shift = align == Align::kLeft ? 0 : align == Align::kCentre ? width / 2 : width;
+  cairo_move_to(cr, x - shift, y);
+  cairo_show_text(cr, text.c_str());
+}
+
+/// 1, 2 or 5 times a power of ten, so that about four steps fill `range`.
+double Step(double range) {
+  const double raw = range / 4;
+  const double power = std::pow(10, std::floor(std::log10(raw)));
+  for (const double factor : {1.0, 2.0, 5.0}) {
+    if (raw <= factor * power) return factor * power;
+  }
+  return 10 * power;
+}
+
+/// Room a run that names, values and titles fit into.
+double SlotWidth(cairo_t* cr, const BarChart& chart) {
+  double widest = std::max(kBar, TextWidth(cr, "0.00000"));
+  for (const std::string& run : chart.runs) widest = std::max(widest, TextWidth(cr, run));
+  double slot = widest + kBarGap;
+  for (const BarPanel& panel : chart.panels) {
+    slot = std::max(slot, TextWidth(cr, panel.title) / static_cast<double>(chart.runs.size()));
+  }
+  return slot;
+}
+
+void DrawPanel(
+    cairo_t* cr, const BarChart& chart, const BarPanel& panel, double left, double slot) {
+  const double top = kMargin + kTitle, bottom = top + kPlotHeight;
+  const double width = slot * static_cast<double>(chart.runs.size());
+  double highest = panel.base;
+  for (const std::optional<double>& value : panel.values) {
+    if (value && std::isfinite(*value)) highest = std::max(highest, *value);
+  }
+  // A perfect run is not blown up to its rounding.
+  const double range = std::max(highest - panel.base, kSmallestRange);
+  const double step = Step(range);
+  const double limit = panel.base + step * std::ceil(1.05 * range / step);
+  const auto y_of = [&](double value) {
+    return bottom - (value - panel.base) / (limit - panel.base) * kPlotHeight;
+  };
+
+  cairo_set_source_rgb(cr, 0, 0, 0);
+  Text(cr, left + width / 2, top - 24, panel.title, Align::kCentre);
+  cairo_set_line_width(cr, 0.5);
+  const int decimals = std::max(0, static_cast<int>(std::ceil(-std::log10(step) - 1e-9)));
+  for (int i = 0; panel.base + i * step <= limit + 0.5 * step; ++i) {
+    const double value = panel.base + i * step;
+    cairo_set_source_rgb(cr, 0.8, 0.8, 0.8);
+    cairo_move_to(cr, left, y_of(value));
+    cairo_line_to(cr, left + width, y_of(value));
+    cairo_stroke(cr);
+    cairo_set_source_rgb(cr, 0, 0, 0);
+    Text(cr,
+         left - 6,
+         y_of(value) + kFont / 3,
+         fmt::format("{:.{}f}", value, decimals),
+         Align::kRight);
+  }
+  for (size_t i = 0; i < chart.runs.size(); ++i) {
+    const double centre = left + (static_cast<double>(i) + 0.5) * slot;
+    const auto& colour = kColours[i % kColours.size()];
+    cairo_set_source_rgb(cr, 0, 0, 0);
+    Text(cr, centre, bottom + kFont + 6, chart.runs[i], Align::kCentre);
+    const std::optional<double>& value = panel.values[i];
+    if (!value) {
+      Text(cr, centre, bottom - 4, "-", Align::kCentre);
+      continue;
+    }
+    cairo_set_source_rgb(cr, colour[0], colour[1], colour[2]);
+    if (std::isfinite(*value)) {
+      cairo_rectangle(cr, centre - kBar / 2, y_of(*value), kBar, bottom - y_of(*value));
+      cairo_fill(cr);
+      cairo_set_source_rgb(cr, 0, 0, 0);
+      Text(cr, centre, y_of(*value) - 3, fmt::format("{:.5g}", *value), Align::kCentre);
+      continue;
+    }
+    cairo_save(cr);
+    cairo_rectangle(cr, centre - kBar / 2, top, kBar, kPlotHeight);
+    cairo_stroke_preserve(cr);
+    cairo_clip(cr);
+    for (double y = top - kBar; y < bottom; y += 8) {
+      cairo_move_to(cr, centre - kBar / 2, y + kBar);
+      cairo_line_to(cr, centre + kBar / 2, y);
+    }
+    cairo_stroke(cr);
+    cairo_restore(cr);
+    cairo_set_source_rgb(cr, 0, 0, 0);
+    Text(cr, centre, top - 4, "failed", Align::kCentre);
+  }
+  cairo_set_source_rgb(cr, 0, 0, 0);
+  cairo_set_line_width(cr, 1);
+  cairo_rectangle(cr, left, top, width, kPlotHeight);
+  cairo_stroke(cr);
+}
+
+void SetFont(cairo_t* cr) {
+  cairo_select_font_face(cr, "sans-serif", CAIRO_FONT_SLANT_NORMAL, CAIRO_FONT_WEIGHT_NORMAL);
+  cairo_set_font_size(cr, kFont);
+}
+
+using Surface = std::unique_ptr<cairo_surface_t, Deleter>;
+using Context = std::unique_ptr<cairo_t, Deleter>;
+
+}  // namespace
+
+std::string DrawBarChart(const BarChart& chart, PictureFormat format) {
+  double slot = 0;
+  {
+    const Surface scratch(cairo_image_surface_create(CAIRO_FORMAT_RGB24, 1, 1));
+    const Context cr(cairo_create(scratch.get()));
+    SetFont(cr.get());
+    slot = SlotWidth(cr.get(), chart);
+  }
+  const double panel_width = kAxis + slot * static_cast<double>(chart.runs.size()) + kMargin;
+  const double width = kMargin + panel_width * static_cast<double>(chart.panels.size());
+  const double height = kMargin + kTitle + kPlotHeight + kNames + kMargin;
+  std::string content;
+  const bool is_svg = format == PictureFormat::kSvg;
+  const Surface surface(
+      is_svg ? cairo_svg_surface_create_for_stream(Append, &content, width, height)
+             : cairo_image_surface_create(CAIRO_FORMAT_RGB24,
+                                          static_cast<int>(std::ceil(kPngScale * width)),
+                                          static_cast<int>(std::ceil(kPngScale * height))));
+  {
+    const Context cr(cairo_create(surface.get()));
+    if (!is_svg) cairo_scale(cr.get(), kPngScale, kPngScale);
+    cairo_set_source_rgb(cr.get(), 1, 1, 1);
+    cairo_paint(cr.get());
+    SetFont(cr.get());
+    for (size_t i = 0; i < chart.panels.size(); ++i) {
+      const double left = kMargin + kAxis + panel_width * static_cast<double>(i);
+      DrawPanel(cr.get(), chart, chart.panels[i], left, slot);
+    }
+  }
+  cairo_status_t status = CAIRO_STATUS_SUCCESS;
+  if (!is_svg) status = cairo_surface_write_to_png_stream(surface.get(), Append, &content);
+  cairo_surface_finish(surface.get());
+  if (status == CAIRO_STATUS_SUCCESS) status = cairo_surface_status(surface.get());
+  if (status != CAIRO_STATUS_SUCCESS) {
+    throw Error(ErrorKind::kJob,
+                fmt::format("cannot draw the chart: {}", cairo_status_to_string(status)));
+  }
+  return content;
+}
+
+}  // namespace plenocal

@@ -1,0 +1,215 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/evaluate/trajectory.h"
+
+#include <fmt/format.h>
+
+#include <array>
+#include <cctype>
+#include <charconv>
+#include <cmath>
+#include <optional>
+#include <string_view>
+
+#include "calib/error.h"
+#include "calib/text_file.h"
+
+namespace plenocal {
+namespace {
+
+// Files are printed with few digits: three suffice that lengths differ from 1 by less.
+constexpr double kUnitTolerance = 1e-2;
+// Seconds since 1970 stay below it for 1000 years, nanoseconds are above it after 100 s.
+constexpr double kNanosecondsAbove = 1e11;
+constexpr double kNanosecond = 1e-9;
+
+bool IsBlank(char c) { return c == ' ' || c == '\t' || c == '\r'; }
+
+/// The lines of a file that hold numbers.
+class NumberLines {
+ public:
+  NumberLines(std::string path, std::string_view text) : path_(std::move(path)), text_(text) {}
+
+  /// Goes to the next line; false at the end.
+  bool Next() {
+    while (!text_.empty()) {
+      const size_t newline = text_.find('\n');
+      line_ = text_.substr(0, newline);
+      text_.remove_prefix(newline == std::string_view::npos ? text_.size() : newline + 1);
+      ++number_;
+      if (number_ == 1 && line_.starts_with("\xEF\xBB\xBF")) line_.remove_prefix(3);
+      while (!line_.empty() && IsBlank(line_.front())) line_.remove_prefix(1);
+      while (!line_.empty() && IsBlank(line_.back())) line_.remove_suffix(1);
+      if (line_.empty() || line_.front() == '#' || IsHeader()) continue;
+      seen_ = true;
+      return true;
+    }
+    return false;
+  }
+
+  [[nodiscard]] bool HasCommas() const { return line_.find(',') != std::string_view::npos; }
+
+  /// How many numbers the line holds.
+  [[nodiscard]] size_t Count() const {
+    size_t count = 0;
+    bool inside = false;
+    for (const char c : line_) {
+      const bool separates = IsBlank(c) || c == ',';
+      if (!separates && !inside) ++count;
+      inside = !separates;
+    }
+    return count;
+  }
+
+  /// The first `count` numbers of the line, which may go on only if `more_allowed`.
+  void Read(size_t count, bool more_allowed, double* values) const {
+    const char* at = line_.data();
+    const char* const end = at + line_.size();
+    for (size_t i = 0; i < count; ++i) {
+      while (at != end && (IsBlank(*at) || *at == ',')) ++at;
+      if (at == end) Fail(fmt::format("expected {} numbers, found {}", count, i));
+      if (*at == '+') ++at;
+      const auto [after, error] = std::from_chars(at, end, values[i]);
+      if (error != std::errc() || (after != end && !IsBlank(*after) && *after != ',')) {
+        const char* word = at;
+        while (word != end && !IsBlank(*word) && *word != ',') ++word;
+        Fail(fmt::format("expected a number, found '{}'", std::string_view(at, word - at)));
+      }
+      if (!std::isfinite(values[i])) {
+        Fail(fmt::format(
+            "number {} is {}; a pose that is not known must be left out", i + 1, values[i]));
+      }
+      at = after;
+    }
+    if (!more_allowed && at != end) {
+      Fail(fmt::format("expected {} numbers, found {}", count, Count()));
+    }
+  }
+
+  [[noreturn]] void Fail(const std::string& message) const {
+    throw Error(ErrorKind::kInput, fmt::format("{}:{}: {}", path_, number_, message));
+  }
+
+ private:
+  // Words before the first numbers name the columns; "nan" and "inf" are numbers that are wrong.
+  [[nodiscard]] bool IsHeader() const {
+    if (seen_ || std::isalpha(static_cast<unsigned char>(line_.front())) == 0) return false;
+    double value = 0;
+    return std::from_chars(line_.data(), line_.data() + line_.size(), value).ec != std::errc();
+  }
+
+  std::string path_;
+  std::string_view text_;
+  std::string_view line_;
+  int number_ = 0;
+  bool seen_ = false;
+};
+
+enum class Form { kTum, kEuroc, kKitti };
+
+Form FormOf(const NumberLines& lines) {
+  const size_t count = lines.Count();
+  if (lines.HasCommas() && count >= 8) return Form::kEuroc;
+  if (count == 8) return Form::kTum;
+  if (count == 12) return Form::kKitti;
+  lines.Fail(
+      fmt::format("{} numbers are no pose; expected 't x y z qx qy qz qw' (TUM, ORB-SLAM), "
+                  "'t,x,y,z,qw,qx,qy,qz' (EuRoC) or the 12 numbers of a 3 x 4 matrix (KITTI)",
+                  count));
+}
+
+std::vector<double> ReadTimes(const std::filesystem::path& path) {
+  const std::string text = ReadTextFile(path);
+  NumberLines lines(path.string(), text);
+  std::vector<double> times;
+  while (lines.Next()) lines.Read(1, false, &times.emplace_back());
+  return times;
+}
+
+/// What one line says, time aside.
+struct Pose {
+  Eigen::Vector3d position;
+  Eigen::Quaterniond orientation;
+};
+
+Pose FromQuaternion(const NumberLines& lines, const double* p, const Eigen::Quaterniond& q) {
+  const double norm = q.norm();
+  if (!(std::abs(norm - 1) < kUnitTolerance)) {
+    lines.Fail(fmt::format("the quaternion has length {:.6g}, not 1", norm));
+  }
+  return {Eigen::Vector3d(p[0], p[1], p[2]), Eigen::Quaterniond(q.coeffs() / norm)};
+}
+
+Pose FromMatrix(const NumberLines& lines, const double* values) {
+  const Eigen::Map<const Eigen::Matrix<double, 3, 4, Eigen::RowMajor>> T(values);
+  const Eigen::Matrix3d R = T.leftCols<3>();
+  const double off = (R * R.transpose() - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
+  if (!(off < kUnitTolerance && R.determinant() > 0)) {
+    lines.Fail("the left 3 x 3 numbers are no rotation matrix");
+  }
+  return {T.col(3), Eigen::Quaterniond(R).normalized()};
+}
+
+}  // namespace
+
+Trajectory ReadTrajectory(const std::filesystem::path& path,
+                          const std::filesystem::path& kitti_times) {
+  const std::string text = ReadTextFile(path);
+  NumberLines lines(path.string(), text);
+  Trajectory trajectory;
+  trajectory.path = path.string();
+  if (!lines.Next()) {
+    throw Error(ErrorKind::kInput, fmt::format("{}: holds no poses", path.string()));
+  }
+  const Form form = FormOf(lines);
+  std::optional<std::vector<double>> times;
+  if (form == Form::kKitti && !kitti_times.empty()) times = ReadTimes(kitti_times);
+  trajectory.has_times = form != Form::kKitti || times.has_value();
+
+  double unit = form == Form::kEuroc ? kNanosecond : 1;
+  size_t row = 0;
+  do {
+    std::array<double, 12> v{};
+    double time = static_cast<double>(row);
+    Pose pose;
+    if (form == Form::kKitti) {
+      lines.Read(12, false, v.data());
+      pose = FromMatrix(lines, v.data());
+      if (times && row < times->size()) time = (*times)[row];
+    } else {
+      lines.Read(8, form == Form::kEuroc, v.data());
+      const bool w_first = form == Form::kEuroc;
+      pose = FromQuaternion(lines,
+                            &v[1],
+                            w_first ? Eigen::Quaterniond(v[4], v[5], v[6], v[7])
+                                    : Eigen::Quaterniond(v[7], v[4], v[5], v[6]));
+      if (row == 0 && v[0] > kNanosecondsAbove) unit = kNanosecond;
+      time = v[0] * unit;
+    }
+    ++row;
+    if (!trajectory.times.empty()) {
+      const double before = trajectory.times.back();
+      if (time < before) {
+        lines.Fail(
+            fmt::format("time {:.9f} comes after {:.9f}; sort the poses by time", time, before));
+      }
+      if (time == before) {
+        ++trajectory.repeated;
+        continue;
+      }
+    }
+    trajectory.times.push_back(time);
+    trajectory.positions.push_back(pose.position);
+    trajectory.orientations.push_back(pose.orientation);
+  } while (lines.Next());
+  if (times && times->size() != row) {
+    throw Error(ErrorKind::kInput,
+                fmt::format("{}: has {} times, but {} has {} poses",
+                            kitti_times.string(),
+                            times->size(),
+                            path.string(),
+                            row));
+  }
+  return trajectory;
+}
+
+}  // namespace plenocal
