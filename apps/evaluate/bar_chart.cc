@@ -8,12 +8,16 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <memory>
 
-#include "calib/error.h"
+#include "apps/print/cairo_handles.h"
 
 namespace plenocal {
 namespace {
+
+using print::Append;
+using print::Check;
+using print::Context;
+using print::Surface;
 
 // Lengths in points (SVG) or pixels at scale 1.
 constexpr double kMargin = 16, kAxis = 54, kTitle = 40, kPlotHeight = 240, kNames = 24;
@@ -26,16 +30,6 @@ constexpr std::array<std::array<double, 3>, 6> kColours{{{0.12, 0.38, 0.66},
                                                          {0.58, 0.33, 0.62},
                                                          {0.70, 0.20, 0.22},
                                                          {0.40, 0.40, 0.40}}};
-
-struct Deleter {
-  void operator()(cairo_t* context) const { cairo_destroy(context); }
-  void operator()(cairo_surface_t* surface) const { cairo_surface_destroy(surface); }
-};
-
-cairo_status_t Append(void* text, const unsigned char* data, unsigned int size) {
-  static_cast<std::string*>(text)->append(reinterpret_cast<const char*>(data), size);
-  return CAIRO_STATUS_SUCCESS;
-}
 
 enum class Align { kLeft, kCentre, kRight };
 
@@ -148,9 +142,6 @@ void SetFont(cairo_t* cr) {
   cairo_set_font_size(cr, kFont);
 }
 
-using Surface = std::unique_ptr<cairo_surface_t, Deleter>;
-using Context = std::unique_ptr<cairo_t, Deleter>;
-
 }  // namespace
 
 std::string DrawBarChart(const BarChart& chart, PictureFormat format) {
@@ -182,14 +173,9 @@ std::string DrawBarChart(const BarChart& chart, PictureFormat format) {
       DrawPanel(cr.get(), chart, chart.panels[i], left, slot);
     }
   }
-  cairo_status_t status = CAIRO_STATUS_SUCCESS;
-  if (!is_svg) status = cairo_surface_write_to_png_stream(surface.get(), Append, &content);
+  if (!is_svg) Check(cairo_surface_write_to_png_stream(surface.get(), Append, &content));
   cairo_surface_finish(surface.get());
-  if (status == CAIRO_STATUS_SUCCESS) status = cairo_surface_status(surface.get());
-  if (status != CAIRO_STATUS_SUCCESS) {
-    throw Error(ErrorKind::kJob,
-                fmt::format("cannot draw the chart: {}", cairo_status_to_string(status)));
-  }
+  Check(cairo_surface_status(surface.get()));
   return content;
 }
 

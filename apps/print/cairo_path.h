@@ -3,18 +3,10 @@
 
 #include <cairo/cairo.h>
 
-#include <memory>
-
+#include "apps/print/cairo_handles.h"
 #include "detectors/target_drawing.h"
 
 namespace plenocal::print {
-
-struct CairoDeleter {
-  void operator()(cairo_t* context) const { cairo_destroy(context); }
-  void operator()(cairo_surface_t* surface) const { cairo_surface_destroy(surface); }
-};
-using Context = std::unique_ptr<cairo_t, CairoDeleter>;
-using Surface = std::unique_ptr<cairo_surface_t, CairoDeleter>;
 
 /// Adds a polygon to the context's path.
 void AddPolygon(cairo_t* context, const Polygon& polygon);

@@ -12,6 +12,7 @@
 #include <optional>
 #include <variant>
 
+#include "apps/print/cairo_handles.h"
 #include "apps/print/cairo_path.h"
 #include "calib/error.h"
 #include "calib/output_folder.h"
@@ -205,17 +206,6 @@ std::vector<Page> LayOutTags(const std::vector<TargetPart>& parts, const Paper& 
     row_height = std::max(row_height, size.y());
   }
   return pages;
-}
-
-cairo_status_t Append(void* text, const unsigned char* data, unsigned int length) {
-  static_cast<std::string*>(text)->append(reinterpret_cast<const char*>(data), length);
-  return CAIRO_STATUS_SUCCESS;
-}
-
-void Check(cairo_status_t status) {
-  if (status == CAIRO_STATUS_SUCCESS) return;
-  throw Error(ErrorKind::kJob,
-              fmt::format("cannot draw the target: {}", cairo_status_to_string(status)));
 }
 
 // Draws pages onto a surface whose unit is `scale` times a mm.
