@@ -214,10 +214,34 @@ class Calibrator {
                      [](const auto& a, const auto& b) { return a.marker < b.marker; });
   }
 
+  static bool StatesSigmas(const CameraInput& camera) {
+    for (const View& view : camera.views) {
+      for (const Observation& seen : view.observations) {
+        if (seen.sigma > 0) return true;
+      }
+    }
+    return false;
+  }
+
+  // Sigmas of a camera whose observations came without, from these themselves.
+  void TakeOwnNoise(size_t c) {
+    const OwnFit fit = bundle().cameras[c].model->own_fit;
+    if (fit == nullptr || StatesSigmas(input_.cameras[c])) return;
+    std::vector<SeenPoint> points;
+    for (const View& view : input_.cameras[c].views) AddPoints(view.observations, &points);
+    const std::map<int, KindNoise> noise = NoiseByKind(points, fit);
+    for (BundleObservation& observation : bundle().observations) {
+      const auto own = noise.find(observation.seen.kind);
+      if (observation.camera != static_cast<int>(c) || own == noise.end()) continue;
+      observation.seen.sigma = std::max(own->second.sigma, kSmallestNoise);
+    }
+  }
+
   // An observation without a sigma gets the median of its camera's others, or 1: then the noise
   // that is estimated from the residuals is the sigma.
   void FillSigmas() {
     for (size_t c = 0; c < CameraCount(); ++c) {
+      TakeOwnNoise(c);
       std::vector<double> sigmas;
       for (const BundleObservation& observation : bundle().observations) {
         if (observation.camera == static_cast<int>(c) && observation.seen.sigma > 0) {
@@ -226,7 +250,7 @@ class Calibrator {
       }
       const double typical = Median(sigmas, 1.0);
       typical_sigma_.push_back(typical);
-      has_sigmas_.push_back(!sigmas.empty());
+      has_sigmas_.push_back(StatesSigmas(input_.cameras[c]));
       for (BundleObservation& observation : bundle().observations) {
         if (observation.camera == static_cast<int>(c) && !(observation.seen.sigma > 0)) {
           observation.seen.sigma = typical;
@@ -730,24 +754,43 @@ class Calibrator {
   void Report() {
     for (size_t c = 0; c < CameraCount(); ++c) {
       CameraFit fit;
-      double sum = 0;
+      double sum = 0, sum_all = 0, count_all = 0;
       std::set<int> views;
       for (const BundleObservation& observation : bundle().observations) {
         if (observation.camera != static_cast<int>(c)) continue;
+        double squared = 0;
+        double residual[kMaxObservationSize];
+        if (Residual(bundle(), observation, residual)) {
+          for (size_t r = 0; r < bundle().cameras[c].model->measured.size(); ++r) {
+            squared += residual[r] * residual[r];
+          }
+          sum_all += squared;
+          ++count_all;
+        }
         if (!observation.used) {
           ++fit.rejected;
           continue;
         }
         ++fit.points;
         views.insert(observation.frame);
-        double residual[kMaxObservationSize];
-        if (!Residual(bundle(), observation, residual)) continue;
-        for (size_t r = 0; r < bundle().cameras[c].model->measured.size(); ++r) {
-          sum += residual[r] * residual[r];
-        }
+        sum += squared;
+        CameraFit::Kind& kind = fit.kinds[observation.seen.kind];
+        ++kind.points;
+        kind.rms += squared;  // its sum until the end
       }
       fit.views = static_cast<int>(views.size());
       fit.rms = std::sqrt(sum / std::max(1, fit.points));
+      fit.rms_all = std::sqrt(sum_all / std::max(1.0, count_all));
+      if (fit.kinds.size() < 2) fit.kinds.clear();
+      for (auto& [number, kind] : fit.kinds) kind.rms = std::sqrt(kind.rms / kind.points);
+      const Floor used = FloorOf(bundle(), c, [](const auto& o) { return o.used; });
+      if (used.redundancy > 0) {
+        fit.floor = used;
+        fit.floor_all = FloorOf(bundle(), c, [&](const BundleObservation& o) {
+          double residual[kMaxObservationSize];
+          return Residual(bundle(), o, residual);
+        });
+      }
       fit.sigma = TypicalNoise(c);
       fit.stated_sigma = has_sigmas_[c] ? typical_sigma_[c] : 0;
       result_.fits.push_back(fit);

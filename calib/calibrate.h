@@ -6,11 +6,14 @@
 
 #include <functional>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "calib/bundle.h"
 #include "calib/error.h"
+#include "calib/jackknife.h"
+#include "calib/own_noise.h"
 #include "calib/start.h"
 #include "calib/uncertainty.h"
 
@@ -39,6 +42,16 @@ struct CameraFit {
   /// The typical sigma that came with the observations; 0 when none came. Noise above it is error
   /// that the detector does not know of.
   double stated_sigma = 0;
+  /// The same over the observations of one kind.
+  struct Kind {
+    int points = 0;
+    double rms = 0;
+  };
+  std::map<int, Kind> kinds;  ///< by `Observation::kind`; empty when all are alike
+  /// What the observations themselves allow (`FloorOf`), of the used ones and of all that project;
+  /// and the RMS of the latter.
+  std::optional<Floor> floor, floor_all;
+  double rms_all = 0;
 };
 
 struct Calibration {
@@ -50,6 +63,8 @@ struct Calibration {
   Bundle bundle;
   std::vector<CameraFit> fits;
   Uncertainty uncertainty;
+  /// Set by the caller who wants it (`EstimateByJackknife`).
+  std::optional<Jackknife> jackknife;
   bool converged = false;
   int iterations = 0;
   /// Outliers have weighted residuals longer than this many sigmas.

@@ -75,6 +75,17 @@ struct StartCandidate {
   std::vector<double> params;
 };
 
+/// Where a camera has seen the target.
+struct SeenSpan {
+  double nearest = 0, farthest = 0;  ///< z of the target's points in the camera's frame, m
+};
+
+/// What a fit to observations leaves of one of them.
+struct OwnResidual {
+  double squared = 0;     ///< squared length of the residual, px^2
+  double redundancy = 0;  ///< its coordinates less its part in the fit's unknowns
+};
+
 /// A camera model as the rest of the project sees it: data and functions, no assumption about what
 /// the parameters mean. Pointers refer to static storage. `values` is an observation's:
 /// `measured.size()` measured coordinates, then `context.size()` numbers that say through what they
@@ -112,6 +123,19 @@ struct CameraModel {
   /// Why the model cannot be calibrated with these start values and held parameters, with the way
   /// out; empty when it can. Null when the model never refuses.
   std::string (*refusal)(const StartProblem& problem);
+  /// Why observations like these tell little of some parameters (places in `params`) and what to
+  /// add, in one sentence or more; may be empty. Null when the model has nothing to say.
+  std::string (*remedy)(std::span<const size_t> weak, const SeenSpan& seen);
+  /// Weighted least-squares fit of what the observations of one marker in one view obey among
+  /// themselves for any parameters: no calibration leaves less. Null when they obey nothing, as
+  /// when there is only one.
+  void (*own_fit)(std::span<const Observation* const> of_marker,
+                  std::span<const double> weights,
+                  OwnResidual* residuals);
+  /// What `Observation::kind` tells apart: "lens type". Empty when all observations are alike.
+  std::string_view kind_name;
+  /// Finds the kind of observations that came without. Null when all are alike.
+  void (*tell_kinds)(ImageSize image_size, std::vector<View>* views);
 };
 
 /// What a struct in models/ must have. `Project` is the model's only statement of its mathematics.
@@ -126,6 +150,9 @@ struct CameraModel {
 ///   static std::optional<Ray> Unproject(params, config, values);
 /// A model that not all data and held parameters can determine may have
 ///   static std::string Refusal(const StartProblem& problem);
+///   static std::string Remedy(std::span<const size_t> weak, const SeenSpan& seen);
+/// One that sees a marker several times in a view may have OwnFit, kKindName and TellKinds
+/// (`CameraModel::own_fit` and so on).
 template <typename M>
 concept CameraModelPlugin = requires(const StartProblem& problem) {
   { M::kName } -> std::convertible_to<std::string_view>;
@@ -210,26 +237,42 @@ constexpr auto RefusalOf() -> std::string (*)(const StartProblem&) {
   }
 }
 
+template <CameraModelPlugin M>
+constexpr void AddOptional(CameraModel* model) {
+  if constexpr (requires { &M::Remedy; }) model->remedy = &M::Remedy;
+  if constexpr (requires { &M::OwnFit; }) {
+    model->own_fit = &M::OwnFit;
+    model->kind_name = M::kKindName;
+    model->tell_kinds = &M::TellKinds;
+  }
+}
+
 }  // namespace internal
 
 /// The table of model M.
 template <CameraModelPlugin M>
 constexpr CameraModel MakeCameraModel() {
-  return {M::kName,
-          M::kSource,
-          M::kParams,
-          M::kConfig,
-          M::kMeasured,
-          M::kContext,
-          M::kExample,
-          M::kExampleConfig,
-          M::kExampleSize,
-          M::kCentral,
-          &internal::Project<M, double>,
-          &internal::ProjectWithJacobian<M>,
-          &internal::Unproject<M>,
-          &M::Start,
-          internal::RefusalOf<M>()};
+  CameraModel model{M::kName,
+                    M::kSource,
+                    M::kParams,
+                    M::kConfig,
+                    M::kMeasured,
+                    M::kContext,
+                    M::kExample,
+                    M::kExampleConfig,
+                    M::kExampleSize,
+                    M::kCentral,
+                    &internal::Project<M, double>,
+                    &internal::ProjectWithJacobian<M>,
+                    &internal::Unproject<M>,
+                    &M::Start,
+                    internal::RefusalOf<M>(),
+                    nullptr,
+                    nullptr,
+                    {},
+                    nullptr};
+  internal::AddOptional<M>(&model);
+  return model;
 }
 
 /// The model of that name in `models`, or nullptr.

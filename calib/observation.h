@@ -20,6 +20,9 @@ struct Observation {
   /// Standard deviation of each measured coordinate; 0 when the source of the observation gives
   /// none.
   double sigma = 0;
+  /// Which of the camera's kinds of observations it is (`CameraModel::kind_name`): those of one
+  /// kind are alike in noise.
+  int kind = 0;
 };
 
 /// All observations of one camera in one frame.

@@ -3,10 +3,13 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <sys/file.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
+#include <cstdio>
 #include <cstring>
 #include <system_error>
 #include <utility>
@@ -16,48 +19,98 @@
 namespace plenocal {
 namespace {
 
-[[noreturn]] void Fail(const std::filesystem::path& path, const std::string& what) {
+namespace fs = std::filesystem;
+
+// Announces that the files beside it are complete and belong one folder up.
+constexpr const char* kComplete = "complete";
+
+[[noreturn]] void Fail(const fs::path& path, const std::string& what) {
   throw Error(ErrorKind::kJob, fmt::format("{}: {}", path.string(), what));
+}
+
+// The files in `partial`, relative to it; the one that says "calibration" last, so that who waits
+// for it finds the others.
+std::vector<fs::path> FilesIn(const fs::path& partial) {
+  std::vector<fs::path> files;
+  for (const auto& entry : fs::recursive_directory_iterator(partial)) {
+    if (entry.is_directory() || entry.path() == partial / kComplete) continue;
+    files.push_back(fs::relative(entry.path(), partial));
+  }
+  std::sort(files.begin(), files.end(), [](const fs::path& a, const fs::path& b) {
+    return std::pair(a == "calibration.yaml", a) < std::pair(b == "calibration.yaml", b);
+  });
+  return files;
+}
+
+// Moves the files of a complete `partial` to their places; 0 or the error's number. In a child
+// process, which a signal to this one (or to its terminal) does not reach.
+int MoveAll(const fs::path& partial, const fs::path& folder) {
+  std::vector<std::pair<std::string, std::string>> moves;
+  for (const fs::path& file : FilesIn(partial)) {
+    fs::create_directories((folder / file).parent_path());
+    moves.emplace_back((partial / file).string(), (folder / file).string());
+  }
+  const pid_t child = fork();
+  if (child == 0) {
+    // Other threads do not exist here and may have held locks: system calls only.
+    setsid();
+    for (const auto& [from, to] : moves) {
+      if (std::rename(from.c_str(), to.c_str()) != 0) _exit(std::min(errno, 255));
+    }
+    _exit(0);
+  }
+  if (child < 0) return errno;
+  int status = 0;
+  while (waitpid(child, &status, 0) < 0) {
+    if (errno != EINTR) return errno;
+  }
+  return WIFEXITED(status) ? WEXITSTATUS(status) : EINTR;
 }
 
 }  // namespace
 
-OutputFolder::OutputFolder(std::filesystem::path folder) : folder_(std::move(folder)) {
-  MakeFolder(folder_);
+OutputFolder::OutputFolder(fs::path folder) : folder_(std::move(folder)) {
+  std::error_code error;
+  for (fs::path p = fs::absolute(folder_, error).lexically_normal();
+       !p.empty() && !fs::exists(p, error) && p != p.parent_path();
+       p = p.parent_path()) {
+    if (p.has_filename()) made_.push_back(p);
+  }
+  fs::create_directories(folder_, error);
+  if (error) Fail(folder_, "cannot make this output folder: " + error.message());
   if (access(folder_.c_str(), W_OK | X_OK) != 0) {
     Fail(folder_, fmt::format("cannot write into this output folder: {}", std::strerror(errno)));
   }
-}
-
-void OutputFolder::MakeFolder(const std::filesystem::path& folder) {
-  std::error_code error;
-  std::vector<std::filesystem::path> missing;
-  for (std::filesystem::path p = std::filesystem::absolute(folder, error).lexically_normal();
-       !p.empty() && !std::filesystem::exists(p, error) && p != p.parent_path();
-       p = p.parent_path()) {
-    if (p.has_filename()) missing.push_back(p);
+  lock_ = open(folder_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  // File systems without locks do without. The moves of a run that was just killed take a moment.
+  constexpr int kTries = 20, kPause_us = 50000;
+  int tries = 1;
+  while (flock(lock_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK && tries++ < kTries) {
+    usleep(kPause_us);
   }
-  made_.insert(made_.begin(), missing.begin(), missing.end());
-  std::filesystem::create_directories(folder, error);
-  if (error) Fail(folder, "cannot make this output folder: " + error.message());
+  if (tries > kTries) {
+    close(lock_);
+    Fail(folder_,
+         "another run of plenocal writes into this output folder; wait for it or give "
+         "another -o");
+  }
+  if (fs::exists(Partial() / kComplete, error)) MoveAll(Partial(), folder_);
+  fs::remove_all(Partial(), error);
 }
 
 OutputFolder::~OutputFolder() {
-  if (committed_) return;
   std::error_code error;
-  for (const std::string& name : names_) std::filesystem::remove(PartialPath(name), error);
+  fs::remove_all(Partial(), error);
+  close(lock_);
   // Removes empty folders only.
-  for (const auto& made : made_) std::filesystem::remove(made, error);
-}
-
-std::filesystem::path OutputFolder::PartialPath(const std::string& name) const {
-  return folder_ / (name + ".partial");
+  for (const auto& made : made_) fs::remove(made, error);
 }
 
 void OutputFolder::Write(const std::string& name, const std::string& content) {
-  const std::filesystem::path path = PartialPath(name);
-  MakeFolder(path.parent_path());
-  names_.push_back(name);
+  const fs::path path = Partial() / name;
+  std::error_code error;
+  fs::create_directories(path.parent_path(), error);
+  if (error) Fail(path.parent_path(), "this folder cannot be made: " + error.message());
   const int file = open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
   if (file < 0) Fail(path, fmt::format("cannot be written: {}", std::strerror(errno)));
   size_t written = 0;
@@ -80,18 +133,24 @@ void OutputFolder::Write(const std::string& name, const std::string& content) {
 
 void OutputFolder::Commit() {
   // Before the first is replaced, so that it is all or none.
-  for (const std::string& name : names_) {
-    std::error_code error;
-    if (std::filesystem::is_directory(folder_ / name, error)) {
-      Fail(folder_ / name, "is a folder where a result file belongs; move it or give another -o");
+  std::error_code error;
+  if (!fs::exists(Partial(), error)) return;
+  for (const fs::path& file : FilesIn(Partial())) {
+    if (fs::is_directory(folder_ / file, error)) {
+      Fail(folder_ / file, "is a folder where a result file belongs; move it or give another -o");
+    }
+    for (fs::path parent = file.parent_path(); !parent.empty(); parent = parent.parent_path()) {
+      if (fs::exists(folder_ / parent, error) && !fs::is_directory(folder_ / parent, error)) {
+        Fail(folder_ / parent, "is a file where a folder of results belongs; move it");
+      }
     }
   }
-  for (const std::string& name : names_) {
-    std::error_code error;
-    std::filesystem::rename(PartialPath(name), folder_ / name, error);
-    if (error) Fail(folder_ / name, "cannot be replaced: " + error.message());
+  Write(kComplete, "");
+  if (const int failure = MoveAll(Partial(), folder_); failure != 0) {
+    Fail(folder_, fmt::format("cannot replace its files: {}", std::strerror(failure)));
   }
-  committed_ = true;
+  fs::remove_all(Partial(), error);
+  made_.clear();
 }
 
 }  // namespace plenocal

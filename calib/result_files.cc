@@ -10,6 +10,7 @@
 #include <set>
 
 #include "calib/number_text.h"
+#include "calib/weak_directions.h"
 
 namespace plenocal {
 namespace {
@@ -73,14 +74,6 @@ std::string PoseColumns(const RigidTransform& T) {
                      q.w());
 }
 
-std::string Describe(const OpenDirection& direction) {
-  std::string text;
-  for (const auto& [name, share] : direction.parts) {
-    text += fmt::format("{}{}", text.empty() ? "" : ", ", name);
-  }
-  return text;
-}
-
 // Names of columns, each once, in the order in which the cameras' models bring them.
 std::vector<std::string_view> UnionOf(const Bundle& bundle,
                                       std::span<const std::string_view> CameraModel::*names) {
@@ -106,6 +99,34 @@ std::string WithSigma(double value, double sigma) {
   return fmt::format("{:.{}f} +- {:.{}f}", value, digits, sigma, digits);
 }
 
+// The floor beside the RMS. A gap between them is error of model or target, not noise.
+std::string FloorText(const CameraFit& fit) {
+  if (!fit.floor) return {};
+  const double per_coordinate = fit.rms / fit.floor->Length() * fit.floor->Coordinate();
+  return fmt::format(
+      "  floor that the points allow any model: {:.4f} px; RMS a coordinate {:.4f} px, floor "
+      "{:.4f} "
+      "({:.0f} degrees of freedom); with the rejected {:.4f}, floor {:.4f}\n",
+      fit.floor->Length(),
+      per_coordinate,
+      fit.floor->Coordinate(),
+      fit.floor->redundancy,
+      fit.rms_all / fit.floor->Length() * fit.floor->Coordinate(),
+      fit.floor_all->Coordinate());
+}
+
+std::string KindText(std::string_view name, const CameraFit& fit) {
+  if (fit.kinds.empty()) return {};
+  std::string text = fmt::format("  RMS by {}:", name);
+  for (const auto& [number, kind] : fit.kinds) {
+    text += fmt::format("{} {:.4f} px over {}",
+                        number == fit.kinds.begin()->first ? "" : ",",
+                        kind.rms,
+                        kind.points);
+  }
+  return text + " points\n";
+}
+
 }  // namespace
 
 std::string CalibrationYaml(const Calibration& calibration,
@@ -127,9 +148,16 @@ std::string CalibrationYaml(const Calibration& calibration,
     }
     fmt::format_to(out, "    parameters: {}\n", ParamMap(model, camera.params));
     fmt::format_to(out, "    sigma: {}\n", ParamMap(model, calibration.uncertainty.params[c]));
+    const auto& jackknife = calibration.jackknife;
+    if (jackknife) {
+      fmt::format_to(out, "    sigma_jackknife: {}\n", ParamMap(model, jackknife->params[c]));
+    }
     fmt::format_to(out, "    T_camera_rig: {}\n", YamlMatrix(camera.T_camera_rig));
     fmt::format_to(out, "    xi_camera_rig: {}\n", YamlList(xi));
     fmt::format_to(out, "    sigma_xi: {}\n", YamlList(SigmaXi(calibration, c)));
+    if (jackknife) {
+      fmt::format_to(out, "    sigma_xi_jackknife: {}\n", YamlList(jackknife->xi[c]));
+    }
     fmt::format_to(out,
                    "    residuals: {{points: {}, rms: {}, rejected: {}, views: {}, noise: {}",
                    fit.points,
@@ -139,6 +167,24 @@ std::string CalibrationYaml(const Calibration& calibration,
                    YamlNumber(fit.sigma));
     if (fit.stated_sigma > 0) {
       fmt::format_to(out, ", detector_sigma: {}", YamlNumber(fit.stated_sigma));
+    }
+    if (fit.floor) {
+      fmt::format_to(out,
+                     ", floor: {}, rms_all: {}, floor_all: {}",
+                     YamlNumber(fit.floor->Length()),
+                     YamlNumber(fit.rms_all),
+                     YamlNumber(fit.floor_all->Length()));
+    }
+    if (!fit.kinds.empty()) {
+      text += ", rms_by_type: {";
+      for (const auto& [number, kind] : fit.kinds) {
+        fmt::format_to(out,
+                       "{}{}: {}",
+                       number == fit.kinds.begin()->first ? "" : ", ",
+                       number,
+                       YamlNumber(kind.rms));
+      }
+      text += "}";
     }
     text += "}\n";
     if (c >= calibration.camera_files.size()) continue;
@@ -193,6 +239,17 @@ std::string CalibrationYaml(const Calibration& calibration,
     text += "}}";
   }
   text += uncertainty.open.empty() ? " []\n" : "\n";
+  const std::vector<WeakUnknowns> weak = FindWeakUnknowns(calibration);
+  text += "weak:";
+  for (const WeakUnknowns& unknowns : weak) {
+    fmt::format_to(out,
+                   "\n  - {{parameters: [{}], determined: {}, what: {}, remedy: {}}}",
+                   fmt::join(unknowns.names, ", "),
+                   !unknowns.open,
+                   YamlQuoted(unknowns.what),
+                   YamlQuoted(unknowns.remedy));
+  }
+  text += weak.empty() ? " []\n" : "\n";
   const auto list = [&](const char* key, const std::vector<std::string>& lines) {
     fmt::format_to(out, "{}:", key);
     for (const std::string& line : lines) fmt::format_to(out, "\n  - {}", YamlQuoted(line));
@@ -317,15 +374,19 @@ std::string Summary(const Calibration& calibration) {
         fit.rejected,
         fit.sigma);
     if (fit.stated_sigma > 0) fmt::format_to(out, " (detector: {:.4f})", fit.stated_sigma);
-    text += '\n';
+    text += '\n' + FloorText(fit) + KindText(camera.model->kind_name, fit);
     for (size_t i = 0; i < camera.params.size(); ++i) {
       const Param& param = camera.model->params[i];
-      fmt::format_to(out,
-                     "    {:<6} {}{}{}\n",
-                     param.name,
-                     WithSigma(camera.params[i], calibration.uncertainty.params[c][i]),
-                     param.unit == "1" ? "" : fmt::format(" {}", param.unit),
-                     camera.fixed[i] ? "  (held)" : "");
+      fmt::format_to(
+          out,
+          "    {:<6} {}{}{}{}\n",
+          param.name,
+          WithSigma(camera.params[i], calibration.uncertainty.params[c][i]),
+          param.unit == "1" ? "" : fmt::format(" {}", param.unit),
+          camera.fixed[i] ? "  (held)" : "",
+          calibration.jackknife && !camera.fixed[i]
+              ? fmt::format("  (jackknife +- {:.2g})", calibration.jackknife->params[c][i])
+              : "");
     }
     if (camera.is_master) continue;
     // Where the camera stands in the rig: its centre and how it is turned.
@@ -376,21 +437,22 @@ std::string Summary(const Calibration& calibration) {
         1e3 * largest,
         worst);
   }
-  if (!calibration.uncertainty.open.empty()) {
-    text += "\nNOT DETERMINED by these images:\n";
-    for (const OpenDirection& direction : calibration.uncertainty.open) {
-      fmt::format_to(out, "  {}", Describe(direction));
-      if (std::isinf(direction.sigma)) {
-        text += ": nothing in the data tells them apart\n";
-      } else {
-        fmt::format_to(out, ": uncertain by {:.1f} times their own size\n", direction.sigma);
-      }
+  const std::vector<WeakUnknowns> weak = FindWeakUnknowns(calibration);
+  const auto list = [&](bool open, const char* heading) {
+    bool any = false;
+    for (const WeakUnknowns& unknowns : weak) {
+      if (unknowns.open != open) continue;
+      if (!any) text += heading;
+      any = true;
+      fmt::format_to(out,
+                     "  {}: {}\n    {}\n",
+                     fmt::join(unknowns.names, ", "),
+                     unknowns.what,
+                     unknowns.remedy);
     }
-    text +=
-        "  Add images from other distances and at other tilts, over the whole field of view, or "
-        "hold "
-        "these parameters ('fixed').\n";
-  }
+  };
+  list(true, "\nNOT DETERMINED by these images:\n");
+  list(false, "\nweakly determined by these images:\n");
   for (const std::string& warning : calibration.warnings) {
     fmt::format_to(out, "\nWARNING: {}\n", warning);
   }

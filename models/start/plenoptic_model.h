@@ -40,6 +40,7 @@
 #include <optional>
 
 #include "calib/camera_model.h"
+#include "models/start/plenoptic_points.h"
 
 namespace plenocal {
 
@@ -64,6 +65,19 @@ struct PlenopticModel {
   static constexpr bool kCentral = false;
   static constexpr std::array kExampleConfig{7.4e-6};
   static constexpr ImageSize kExampleSize{800, 780};
+
+  static std::string Remedy(std::span<const size_t> weak, const SeenSpan& seen) {
+    return PlenopticRemedy(weak, seen);
+  }
+  static constexpr std::string_view kKindName = "lens type";
+  static void OwnFit(std::span<const Observation* const> of_marker,
+                     std::span<const double> weights,
+                     OwnResidual* residuals) {
+    FitMicroImages(of_marker, weights, residuals);
+  }
+  static void TellKinds(ImageSize image_size, std::vector<View>* views) {
+    TellLensTypes(image_size, views);
+  }
 
   /// u_px = distorted raw coordinates; `lens_px` = (lens_x, lens_y).
   template <typename T>

@@ -1,0 +1,220 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "models/start/plenoptic_points.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Core>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <complex>
+#include <limits>
+#include <map>
+#include <numbers>
+#include <optional>
+#include <utility>
+
+#include "calib/hexagonal_lattice.h"
+#include "calib/median.h"
+#include "calib/own_noise.h"
+
+namespace plenocal {
+namespace {
+
+using Eigen::Vector2d;
+
+Vector2d Point(const Observation& seen) { return {seen.values[0], seen.values[1]}; }
+Vector2d Centre(const Observation& seen) { return {seen.values[2], seen.values[3]}; }
+
+using Types = std::map<std::pair<double, double>, int>;  // by micro-image centre
+
+/// Basis of the hexagonal lattice on which most points have a neighbour; points by ascending x.
+std::optional<Eigen::Matrix2d> BasisFromPairs(const std::vector<Vector2d>& points) {
+  std::vector<Vector2d> to_nearest;
+  std::vector<double> distances;
+  for (size_t i = 0; i < points.size(); ++i) {
+    double best = std::numeric_limits<double>::infinity();
+    Vector2d vector(0, 0);
+    const auto look_at = [&](size_t k) {
+      const Vector2d d = points[k] - points[i];
+      if (d.x() * d.x() > best) return false;
+      if (d.squaredNorm() < best) {
+        best = d.squaredNorm();
+        vector = d;
+      }
+      return true;
+    };
+    for (size_t k = i; k-- > 0 && look_at(k);) {
+    }
+    for (size_t k = i + 1; k < points.size() && look_at(k); ++k) {
+    }
+    to_nearest.push_back(vector);
+    distances.push_back(vector.norm());
+  }
+  constexpr size_t kFewest = 100;  // a lattice, not some points in a row
+  if (points.size() < kFewest) return std::nullopt;
+  const double pitch = Median(distances);
+  // Six directions 60 degrees apart are one in the sixth power.
+  constexpr double kSame = 0.1, kAligned = 0.9;
+  std::complex<double> sum = 0;
+  double count = 0;
+  for (size_t i = 0; i < points.size(); ++i) {
+    if (std::abs(distances[i] / pitch - 1) > kSame) continue;
+    sum += std::polar(1.0, 6 * std::atan2(to_nearest[i].y(), to_nearest[i].x()));
+    ++count;
+  }
+  if (!(std::abs(sum) > kAligned * count)) return std::nullopt;
+  const double angle = std::arg(sum) / 6, next = angle + std::numbers::pi / 3;
+  Eigen::Matrix2d basis;
+  basis << std::cos(angle), std::cos(next), std::sin(angle), std::sin(next);
+  return pitch * basis;
+}
+
+/// The interleaved set of each micro lens that was looked through; nothing when they are no
+/// lattice. Markers show islands of micro lenses, so each is counted from the nearest one whose
+/// place is known, in the order of these distances (Prim's tree).
+std::optional<Types> ColourLenses(const std::vector<View>& views) {
+  Types types;
+  for (const View& view : views) {
+    for (const Observation& seen : view.observations) types[{seen.values[2], seen.values[3]}] = 0;
+  }
+  struct Lens {
+    Vector2d centre;
+    int* type;
+    LatticeNode node = {};
+    double distance = std::numeric_limits<double>::infinity();  // squared, to the nearest known one
+    const Lens* nearest = nullptr;
+  };
+  std::vector<Lens> lenses;
+  std::vector<Vector2d> centres;
+  for (auto& [centre, type] : types) {
+    centres.emplace_back(centre.first, centre.second);
+    lenses.push_back({centres.back(), &type});
+  }
+  const auto basis = BasisFromPairs(centres);
+  if (!basis) return std::nullopt;
+  const Eigen::Matrix2d to_nodes = basis->inverse();
+  // The first `known` lenses are; they are moved by no later step.
+  for (size_t known = 0; known < lenses.size(); ++known) {
+    const auto next =
+        std::min_element(lenses.begin() + static_cast<std::ptrdiff_t>(known),
+                         lenses.end(),
+                         [](const Lens& a, const Lens& b) { return a.distance < b.distance; });
+    std::iter_swap(lenses.begin() + static_cast<std::ptrdiff_t>(known), next);
+    Lens& lens = lenses[known];
+    if (lens.nearest != nullptr) {
+      constexpr double kOff = 0.25;  // of a pitch
+      const Vector2d steps = to_nodes * (lens.centre - lens.nearest->centre);
+      const Vector2d whole = steps.array().round();
+      if (!((steps - whole).cwiseAbs().maxCoeff() < kOff)) return std::nullopt;
+      lens.node = {lens.nearest->node.column + static_cast<int>(whole.x()),
+                   lens.nearest->node.row + static_cast<int>(whole.y())};
+    }
+    *lens.type = LatticeColour(lens.node);
+    for (size_t i = known + 1; i < lenses.size(); ++i) {
+      const double distance = (lenses[i].centre - lens.centre).squaredNorm();
+      if (distance >= lenses[i].distance) continue;
+      lenses[i].distance = distance;
+      lenses[i].nearest = &lens;
+    }
+  }
+  return types;
+}
+
+}  // namespace
+
+void FitMicroImages(std::span<const Observation* const> of_marker,
+                    std::span<const double> weights,
+                    OwnResidual* residuals) {
+  double sum = 0;
+  Vector2d mean_x(0, 0), mean_c(0, 0);
+  for (size_t i = 0; i < of_marker.size(); ++i) {
+    sum += weights[i];
+    mean_x += weights[i] * Point(*of_marker[i]);
+    mean_c += weights[i] * Centre(*of_marker[i]);
+  }
+  mean_x /= sum;
+  mean_c /= sum;
+  double spread = 0, product = 0;
+  for (size_t i = 0; i < of_marker.size(); ++i) {
+    const Vector2d c = Centre(*of_marker[i]) - mean_c;
+    spread += weights[i] * c.squaredNorm();
+    product += weights[i] * c.dot(Point(*of_marker[i]) - mean_x);
+  }
+  if (!(spread > 0)) {
+    std::fill_n(residuals, of_marker.size(), OwnResidual{});
+    return;
+  }
+  const double s = product / spread;
+  for (size_t i = 0; i < of_marker.size(); ++i) {
+    const Vector2d c = Centre(*of_marker[i]) - mean_c;
+    residuals[i] = {(Point(*of_marker[i]) - mean_x - s * c).squaredNorm(),
+                    2 - 2 * weights[i] / sum - weights[i] * c.squaredNorm() / spread};
+  }
+}
+
+void TellLensTypes(ImageSize /*image_size*/, std::vector<View>* views) {
+  const auto types = ColourLenses(*views);
+  if (!types) return;
+  const auto set_kinds = [&](const auto& kind_of) {
+    for (View& view : *views) {
+      for (Observation& seen : view.observations) seen.kind = kind_of(seen);
+    }
+  };
+  set_kinds([&](const Observation& seen) { return types->at({seen.values[2], seen.values[3]}); });
+  std::vector<std::vector<const Observation*>> points;
+  for (const View& view : *views) AddPoints(view.observations, &points);
+  const std::map<int, KindNoise> noise = NoiseByKind(points, &FitMicroImages);
+  // Five standard deviations of log(sigma) apart.
+  constexpr double kApart = 5;
+  for (const auto& [kind, a] : noise) {
+    for (const auto& [other, b] : noise) {
+      const double sigma = std::sqrt((1 / a.redundancy + 1 / b.redundancy) / 2);
+      if (std::log(a.sigma / b.sigma) > kApart * sigma) return;
+    }
+  }
+  set_kinds([](const Observation&) { return 0; });
+}
+
+std::string PlenopticRemedy(std::span<const size_t> weak, const SeenSpan& seen) {
+  enum { kFocal, kCentreX = 3, kA0 = 5, kB0 = 7, kPupil = 9 };
+  const auto any = [&](size_t from, size_t to) {
+    return std::any_of(weak.begin(), weak.end(), [&](size_t k) { return k >= from && k < to; });
+  };
+  std::string text;
+  const auto add = [&](const std::string& sentence) {
+    text += (text.empty() ? "" : " ") + sentence;
+  };
+  if (any(kFocal, kCentreX) || any(kPupil, kPupil + 1)) {
+    // A depth range of three to one moves the virtual depth by as much as these cameras' range.
+    const double middle = std::sqrt(seen.nearest * seen.farthest);
+    const double near = std::min(seen.nearest, middle / std::sqrt(3));
+    const double far = std::max(seen.farthest, middle * std::sqrt(3));
+    add(
+        fmt::format("f_L, b_L0 and B follow from how the virtual depth changes with distance, and "
+                    "the target was seen from {:.2g} to {:.2g} m only: ",
+                    seen.nearest,
+                    seen.farthest));
+    if (far > 1.2 * seen.farthest || near < seen.nearest / 1.2) {
+      text += fmt::format("add views between {:.2g} and {:.2g} m, tilted ones too,", near, far);
+    } else {
+      text += "add tilted views and views at both ends of that range,";
+    }
+    text += " or hold f_L from the data sheet (initial: {f_L: ...}, fixed: [f_L]).";
+  }
+  if (any(kB0, kPupil)) {
+    add("The tangential terms B_0, B_1 trade against the principal point and the target's tilt: "
+        "add views tilted by 30 degrees or more about both axes, or hold them (fixed: [B_0, "
+        "B_1]).");
+  } else if (any(kCentreX, kA0)) {
+    add("The principal point trades against the target's tilt: add views tilted by 30 degrees or "
+        "more about both axes and some turned by 90 degrees.");
+  }
+  if (any(kA0, kB0)) {
+    add("The radial terms A_0, A_1 need points over the whole image: add views with the target in "
+        "each corner, or hold A_1 (fixed: [A_1]).");
+  }
+  return text;
+}
+
+}  // namespace plenocal

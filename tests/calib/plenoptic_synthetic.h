@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Calibration problems of a simulated focused plenoptic camera with known truth.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <map>
+#include <vector>
+
+#include "calib/calibrate.h"
+
+namespace plenocal::testing {
+
+struct PlenopticOptions {
+  double f_L = 0.016;
+  bool galilean = true;
+  bool corner = false;  ///< two planes at right angles in place of one
+  double noise = 0;     ///< px
+  /// Factor on the noise of each of the array's interleaved sets.
+  std::array<double, 3> noise_of_type{1, 1, 1};
+  bool state_sigmas = true;
+  double marker_tolerance = 0;
+  int frames = 12;
+  int columns = 6, rows = 5;  ///< of markers
+  double depth_span = 0.25;   ///< of the target's distances, to either side
+  double tilt_factor = 1;
+};
+
+struct PlenopticProblem {
+  CalibrationInput input;
+  std::vector<double> params;
+  std::map<int, Eigen::Vector3d> markers;
+};
+
+/// A camera focused so that all of [0.6, 1.4] distances of the target has a virtual depth.
+PlenopticProblem MakePlenopticProblem(unsigned seed, const PlenopticOptions& options);
+
+}  // namespace plenocal::testing
