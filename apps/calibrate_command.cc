@@ -79,7 +79,9 @@ void RunCalibrate(const SessionCommand& command, const ConsoleOptions& options) 
   input.markers = target.markers;
   input.marker_sigma = MarkerSigma(session, target, &console);
   input.loss = session.loss;
-  SessionObservations observations = CollectObservations(session, target, options, &console);
+  StageStore store = OpenStageStore(command.out, session.target, command.fresh);
+  SessionObservations observations = CollectObservations(
+      session, target, options, {&store, command.keep ? &out : nullptr}, &console);
   input.cameras = observations.cameras;
 
   Calibration calibration =
@@ -87,6 +89,14 @@ void RunCalibrate(const SessionCommand& command, const ConsoleOptions& options) 
                           console.Progress(stage);
                           return !Interrupted();
                         }});
+  if (command.jackknife) {
+    calibration.jackknife = EstimateByJackknife(
+        calibration.bundle,
+        {.loss = input.loss, .threads = options.threads, .progress = [&](size_t done, size_t all) {
+           console.Progress("jackknife", done, all);
+           return !Interrupted();
+         }});
+  }
   for (const LeftOut& item : calibration.left_out) {
     console.Message(fmt::format("  left out {}: {}", item.where, item.reason));
   }
@@ -112,6 +122,7 @@ void RunCalibrate(const SessionCommand& command, const ConsoleOptions& options) 
   out.Write("residuals.csv", ResidualsCsv(calibration));
   WriteDetections(session, observations, command.out, &out);
   out.Commit();
+  store.RemoveUnused();
   fmt::print("{}\nwritten to {}\n", Summary(calibration), command.out.string());
 }
 

@@ -17,6 +17,9 @@ namespace plenocal {
 struct SessionCommand {
   std::filesystem::path session;
   std::filesystem::path out;
+  bool keep = false;       ///< pictures of the stages in OUT/images
+  bool fresh = false;      ///< takes over nothing from earlier runs
+  bool jackknife = false;  ///< calibrate: sigmas by leaving out frames beside the others
 };
 
 /// The white images of a session's cameras, or, with `model`, those that `inputs` name.

@@ -14,9 +14,12 @@ void RunDetect(const SessionCommand& command, const ConsoleOptions& options) {
   RefuseToReplaceInputs(session, command.out, {});
   OutputFolder out(command.out);
   Console console(options.quiet);
-  const SessionObservations observations = CollectObservations(session, target, options, &console);
+  StageStore store = OpenStageStore(command.out, session.target, command.fresh);
+  const SessionObservations observations = CollectObservations(
+      session, target, options, {&store, command.keep ? &out : nullptr}, &console);
   WriteDetections(session, observations, command.out, &out);
   out.Commit();
+  store.RemoveUnused();
   for (const CameraInput& camera : observations.cameras) {
     size_t points = 0;
     for (const View& view : camera.views) points += view.observations.size();

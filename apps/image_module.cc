@@ -4,20 +4,26 @@
 #include <dlfcn.h>
 #include <fmt/format.h>
 
+#include <array>
 #include <filesystem>
 
 #include "calib/error.h"
+#include "calib/stage_store.h"
 
 namespace plenocal {
 namespace {
 
-void* LoadModule() {
+/// Beside the program in a build tree, in the library folder once installed.
+std::array<std::filesystem::path, 2> ModulePaths() {
   const std::filesystem::path program =
       std::filesystem::read_symlink("/proc/self/exe").parent_path();
-  // Beside the program in a build tree, in the library folder once installed.
+  return {program / PLENOCAL_IMAGE_MODULE,
+          program / PLENOCAL_MODULE_FOLDER / PLENOCAL_IMAGE_MODULE};
+}
+
+void* LoadModule() {
   std::string reason;
-  for (const auto& folder : {program, program / PLENOCAL_MODULE_FOLDER}) {
-    const std::filesystem::path path = folder / PLENOCAL_IMAGE_MODULE;
+  for (const auto& path : ModulePaths()) {
     if (!std::filesystem::exists(path)) continue;
     if (void* module = dlopen(path.c_str(), RTLD_NOW | RTLD_LOCAL)) return module;
     reason = dlerror();
@@ -48,6 +54,13 @@ Function* FromModule(const char* name) {
 }
 
 }  // namespace
+
+std::string ImageModuleHash() {
+  for (const auto& path : ModulePaths()) {
+    if (std::string hash = HashFile(path); !hash.empty()) return hash;
+  }
+  return {};
+}
 
 ImageDetections DetectImagesByModule(const std::vector<FrameImage>& images,
                                      const Target& target,

@@ -43,6 +43,9 @@ extern "C" void plenocal_draw_bar_chart(const plenocal::BarChart& chart,
 
 namespace plenocal {
 
+/// Tells this build of the image module from others: the hash of its file.
+std::string ImageModuleHash();
+
 /// `DetectImages` by the image module, which is loaded on first use. Throws `Error` of kind kJob
 /// when the installation lacks it.
 ImageDetections DetectImagesByModule(const std::vector<FrameImage>& images,

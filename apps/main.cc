@@ -71,9 +71,18 @@ int main(int argc, char** argv) {  // NOLINT(bugprone-exception-escape)
         sub->add_option("--threads", options.threads, "number of threads (default: all cores)")
             ->check(CLI::Range(1, 1024));
         sub->add_flag("--quiet", options.quiet, "no messages and no progress, only errors");
+        sub->add_flag("--keep",
+                      session_command.keep,
+                      "write pictures of the stages into OUT/images/<camera>: markers drawn, of a "
+                      "plenoptic camera focused image, depth and micro-lens grid as well");
+        sub->add_flag("--fresh",
+                      session_command.fresh,
+                      "detect again in all images (default: detections of earlier runs into OUT "
+                      "are reused where nothing has changed)");
         sub->callback([&, command] { run = [&, command] { command(session_command, options); }; });
+        return sub;
       };
-  add_session_command(
+  CLI::App* calibrate = add_session_command(
       "calibrate",
       "From images (or detections) to camera parameters, poses and target.\n\n"
       "  plenocal calibrate session.yaml -o OUT\n\n"
@@ -81,6 +90,9 @@ int main(int argc, char** argv) {  // NOLINT(bugprone-exception-escape)
       "residuals.csv and detections_<camera>.csv, "
       "and prints a summary.",
       plenocal::RunCalibrate);
+  calibrate->add_flag("--jackknife",
+                      session_command.jackknife,
+                      "print beside each sigma that of a jackknife over frames");
   add_session_command(
       "detect", "Only find the markers: writes OUT/detections_<camera>.csv.", plenocal::RunDetect);
   plenocal::WhiteCommand white_command;

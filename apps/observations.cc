@@ -28,9 +28,18 @@ bool IsSameFile(const std::filesystem::path& a, const std::filesystem::path& b) 
 
 }  // namespace
 
+StageStore OpenStageStore(const std::filesystem::path& out,
+                          const std::filesystem::path& target,
+                          bool fresh) {
+  return {out / ".cache",
+          fmt::format("plenocal {} {} {}", PLENOCAL_VERSION, ImageModuleHash(), HashFile(target)),
+          fresh};
+}
+
 SessionObservations CollectObservations(const Session& session,
                                         const Target& target,
                                         const ConsoleOptions& options,
+                                        const DetectionPlaces& places,
                                         Console* console) {
   // Globs first: a wrong one should not show only after minutes of work on another camera.
   std::vector<std::vector<FrameImage>> images, white_images;
@@ -54,6 +63,9 @@ SessionObservations CollectObservations(const Session& session,
                       .views = {}};
     if (camera.images.empty()) {
       input.views = ReadDetections(camera.detections, *camera.model);
+      if (camera.model->tell_kinds != nullptr) {
+        camera.model->tell_kinds(camera.image_size, &input.views);
+      }
       console->Message(fmt::format("{}: {} frames, {} points from {}",
                                    camera.name,
                                    input.views.size(),
@@ -65,10 +77,16 @@ SessionObservations CollectObservations(const Session& session,
                            .white_images = white_images[c],
                            .bayer = !camera.bayer.empty(),
                            .threads = options.threads,
+                           .store = places.store,
                            .progress = [&](size_t done) {
                              console->Progress(camera.name + ": images", done, images[c].size());
                              return !Interrupted();
                            }};
+      if (places.pictures != nullptr) {
+        detect.keep = [&](const std::string& name, const std::string& content) {
+          places.pictures->Write(fmt::format("images/{}/{}", camera.name, name), content);
+        };
+      }
       ImageDetections found;
       try {
         found = DetectImagesByModule(images[c], target, detect);
@@ -103,6 +121,10 @@ SessionObservations CollectObservations(const Session& session,
                                    images[c].size(),
                                    input.views.size(),
                                    CountObservations(input.views)));
+      if (found.reused > 0) {
+        console->Message(
+            fmt::format("{}: detections of {} images reused", camera.name, found.reused));
+      }
       for (const LeftOut& item : found.left_out) {
         console->Message(fmt::format("  left out {}: {}", item.where, item.reason));
         collected.left_out.push_back(item);

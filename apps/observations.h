@@ -8,6 +8,7 @@
 #include "apps/console.h"
 #include "calib/output_folder.h"
 #include "calib/session.h"
+#include "calib/stage_store.h"
 #include "calib/start.h"
 #include "targets/target.h"
 
@@ -26,11 +27,24 @@ struct SessionObservations {
   std::vector<LeftOut> left_out;
 };
 
+/// Where `CollectObservations` keeps what it makes on the way.
+struct DetectionPlaces {
+  StageStore* store = nullptr;       ///< detections for later runs; null: nowhere
+  OutputFolder* pictures = nullptr;  ///< images/<camera>/...; null: none are made
+};
+
+/// Detections that runs into the folder `out` keep for each other: those of this program and
+/// target.
+StageStore OpenStageStore(const std::filesystem::path& out,
+                          const std::filesystem::path& target,
+                          bool fresh);
+
 /// Reads or detects them, tells `console` one line a camera, and throws `Stopped` after Ctrl-C.
 /// Throws `Error` when no camera of the session sees the target.
 SessionObservations CollectObservations(const Session& session,
                                         const Target& target,
                                         const ConsoleOptions& options,
+                                        const DetectionPlaces& places,
                                         Console* console);
 
 /// Throws `Error` when a result in folder `out`, one of `results` or a camera's detections, would

@@ -9,13 +9,16 @@
 #include <memory>
 #include <mutex>
 #include <opencv2/core.hpp>
+#include <optional>
 
 #include "calib/error.h"
 #include "calib/parallel.h"
+#include "calib/stage_record.h"
 #include "detectors/attenuation.h"
 #include "detectors/detect_plenoptic.h"
 #include "detectors/image.h"
 #include "detectors/marker_detector.h"
+#include "detectors/marker_picture.h"
 #include "detectors/white_images.h"
 
 namespace plenocal {
@@ -25,7 +28,80 @@ struct ImageResult {
   ImageSize size{};
   MarkerDetections found;
   std::string unreadable;
+  bool reused = false;
 };
+
+std::string Pack(const ImageResult& result) {
+  StageWriter writer;
+  for (const int length : result.size) writer.Put(length);
+  writer.PutAll(result.found.markers, [&](const Observation& seen) {
+    writer.Put(seen.marker);
+    for (const double value : seen.values) writer.Put(value);
+    writer.Put(seen.sigma);
+  });
+  writer.PutAll(result.found.left_out, [&](const std::string& reason) { writer.Put(reason); });
+  writer.Put(result.found.failure);
+  const auto put = [&](const auto& matrix) {
+    for (const double value : matrix.reshaped()) writer.Put(value);
+  };
+  writer.PutAll(result.found.edges, [&](const BentEdge& edge) {
+    put(edge.place);
+    put(edge.normal);
+    writer.Put(edge.bend);
+    writer.Put(edge.variance);
+  });
+  writer.PutAll(result.found.bent, [&](const BentMarker& bent) {
+    put(bent.place);
+    put(bent.curvature);
+    put(bent.by_curvature);
+  });
+  return writer.Text();
+}
+
+std::optional<ImageResult> Unpack(const std::string& text) {
+  StageReader reader(text);
+  ImageResult result;
+  result.reused = true;
+  for (int& length : result.size) length = reader.Get<int>();
+  reader.GetAll([&] {
+    Observation& seen = result.found.markers.emplace_back();
+    seen.marker = reader.Get<int>();
+    for (double& value : seen.values) value = reader.Get<double>();
+    seen.sigma = reader.Get<double>();
+  });
+  reader.GetAll([&] { result.found.left_out.push_back(reader.Get<std::string>()); });
+  result.found.failure = reader.Get<std::string>();
+  const auto get = [&](auto* matrix) {
+    for (double& value : matrix->reshaped()) value = reader.Get<double>();
+  };
+  reader.GetAll([&] {
+    BentEdge& edge = result.found.edges.emplace_back();
+    get(&edge.place);
+    get(&edge.normal);
+    edge.bend = reader.Get<double>();
+    edge.variance = reader.Get<double>();
+  });
+  reader.GetAll([&] {
+    BentMarker& bent = result.found.bent.emplace_back();
+    get(&bent.place);
+    get(&bent.curvature);
+    get(&bent.by_curvature);
+  });
+  return reader.IsComplete() ? std::optional(result) : std::nullopt;
+}
+
+// What the white images of an ordinary camera say.
+struct WhiteField {
+  cv::Mat attenuation;  // empty: there are no white images
+  std::vector<LeftOut> left_out;
+};
+
+WhiteField MeasureWhiteField(const DetectOptions& options) {
+  if (options.white_images.empty()) return {};
+  WhiteImages white = AverageWhiteImages(options.white_images, options.threads);
+  CheckEvenField(white.mean);
+  return {SmoothAttenuation(white.mean, options.bayer), std::move(white.left_out)};
+}
 
 // Detectors hold tables that are costly to build: one a thread, lent to one image at a time.
 class DetectorPool {
@@ -92,20 +168,23 @@ void MeasureByCommonLens(const ImageSize& size, std::vector<ImageResult>* result
 
 }  // namespace
 
+std::string internal::WhiteKey(const DetectOptions& options) {
+  std::string key = options.bayer ? "mosaic" : "plain";
+  for (const FrameImage& image : options.white_images) key += "\n" + HashFile(image.path);
+  return key;
+}
+
 ImageDetections DetectImages(const std::vector<FrameImage>& images,
                              const Target& target,
                              const DetectOptions& options) {
   if (options.plenoptic) return DetectPlenopticImages(images, target, options);
   // Images run in parallel; threads inside OpenCV would only compete with them.
   cv::setNumThreads(1);
-  cv::Mat attenuation;
-  std::vector<LeftOut> white_left_out;
-  if (!options.white_images.empty()) {
-    WhiteImages white = AverageWhiteImages(options.white_images, options.threads);
-    CheckEvenField(white.mean);
-    attenuation = SmoothAttenuation(white.mean, options.bayer);
-    white_left_out = std::move(white.left_out);
-  }
+  WhiteField white = MeasureWhiteField(options);
+  const cv::Mat& attenuation = white.attenuation;
+  StageStore none({}, {}, true);
+  StageStore& store = options.store != nullptr ? *options.store : none;
+  const std::string white_key = internal::WhiteKey(options);
   std::vector<ImageResult> results(images.size());
   DetectorPool detectors(target);
   std::atomic<size_t> done{0};
@@ -114,14 +193,28 @@ ImageDetections DetectImages(const std::vector<FrameImage>& images,
   ParallelFor(images.size(), options.threads, [&](size_t i) {
     if (stop) return;
     ImageResult& result = results[i];
+    std::string picture;
     try {
-      cv::Mat gray = ReadGray(images[i].path);
-      result.size = {gray.cols, gray.rows};
-      if (gray.size() == attenuation.size()) gray = Devignetted(gray, attenuation);
-      result.found = detectors.Detect(gray);
+      const std::string key = store.Key({"markers", white_key, HashFile(images[i].path)});
+      if (const auto kept = store.Load(key)) {
+        if (const auto known = Unpack(*kept)) result = *known;
+      }
+      if (!result.reused || options.keep) {
+        cv::Mat gray = ReadGray(images[i].path);
+        result.size = {gray.cols, gray.rows};
+        if (gray.size() == attenuation.size()) gray = Devignetted(gray, attenuation);
+        if (!result.reused) {
+          result.found = detectors.Detect(gray);
+          store.Save(key, Pack(result));
+        }
+        if (options.keep) {
+          picture = EncodeImage(".png", internal::MarkerPicture(gray, result.found.markers));
+        }
+      }
     } catch (const Error& error) {
       result.unreadable = error.what();
     }
+    if (!picture.empty()) options.keep(images[i].frame + ".png", picture);
     const size_t count = ++done;
     if (options.progress) {
       const std::lock_guard lock(progress_mutex);
@@ -140,7 +233,7 @@ ImageDetections DetectImages(const std::vector<FrameImage>& images,
                 fmt::format("no image can be read; the first: {}", results[0].unreadable));
   }
   ImageDetections detections;
-  detections.left_out = std::move(white_left_out);
+  detections.left_out = std::move(white.left_out);
   int most = 0;
   for (const ImageResult& result : results) {
     if (result.unreadable.empty() && sizes[result.size] > most) {
@@ -165,6 +258,7 @@ ImageDetections DetectImages(const std::vector<FrameImage>& images,
 
   for (size_t i = 0; i < images.size(); ++i) {
     ImageResult& result = results[i];
+    if (result.reused) ++detections.reused;
     const std::string path = images[i].path.string();
     if (!result.unreadable.empty()) {
       detections.left_out.push_back({path, WithoutPath(result.unreadable, path)});

@@ -7,6 +7,7 @@
 
 #include "calib/observation.h"
 #include "calib/session.h"
+#include "calib/stage_store.h"
 #include "targets/target.h"
 
 namespace plenocal {
@@ -16,6 +17,7 @@ struct ImageDetections {
   std::vector<View> views;  ///< only images with markers, in the order of the images
   ImageSize image_size{};
   std::vector<LeftOut> left_out;  ///< images and markers, with reasons
+  size_t reused = 0;              ///< images whose markers were taken over from an earlier run
   /// Of a plenoptic camera: the content of micro_lenses_<camera>.csv and vignetting_<camera>.tiff.
   std::string micro_lenses, vignetting;
 };
@@ -26,6 +28,12 @@ struct DetectOptions {
   std::vector<FrameImage> white_images = {};
   bool bayer = false;  ///< raw mosaics, white images too
   int threads = 0;     ///< 0: all cores
+  /// Where results of single images are kept and found again; null: nowhere. What decides them but
+  /// is not here (program and target) belongs to the store.
+  StageStore* store = nullptr;
+  /// Takes pictures for a person's eye (name and file content), from several threads; empty: none
+  /// are made.
+  std::function<void(const std::string& name, const std::string& content)> keep = {};
   /// Called after each image with the number of images done; false stops (`Stopped` is thrown).
   std::function<bool(size_t done)> progress;
 };
@@ -37,5 +45,12 @@ struct DetectOptions {
 ImageDetections DetectImages(const std::vector<FrameImage>& images,
                              const Target& target,
                              const DetectOptions& options);
+
+namespace internal {
+
+/// Tells the white images of a camera, and how they are to be read, from others.
+std::string WhiteKey(const DetectOptions& options);
+
+}  // namespace internal
 
 }  // namespace plenocal

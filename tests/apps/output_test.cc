@@ -62,7 +62,7 @@ TEST_F(Output, WithAFolderInAResultsPlaceIsRefusedAndNothingReplaced) {
   EXPECT_EQ(outcome.status, kJobFailed);
   EXPECT_THAT(outcome.err, HasSubstr("out/residuals.csv"));
   EXPECT_EQ(Read("out/calibration.yaml"), "earlier");
-  for (const auto& [name, text] : Files("out")) EXPECT_FALSE(name.ends_with(".partial")) << name;
+  for (const auto& [name, text] : Files("out")) EXPECT_FALSE(name.starts_with(".partial")) << name;
 }
 
 TEST_F(Output, OfASecondRunReplacesTheFirst) {

@@ -340,6 +340,43 @@ TEST_F(RealSets, PlenopticCameraFromRealMicroImagePoints) {
   }
   EXPECT_NEAR(low, -0.34e-3, 0.05e-3);
   EXPECT_NEAR(high, 0.39e-3, 0.05e-3);
+  const YAML::Node residuals = Result()["cameras"]["r12"]["residuals"];
+  EXPECT_NEAR(residuals["floor_all"].as<double>() / std::sqrt(2), 0.668, 0.001);
+  EXPECT_EQ(residuals["rms_by_type"].size(), 3U);
+}
+
+// Two calibrations without a frame in common: SOURCE.md's warp and f_L come from both.
+TEST_F(RealSets, PlenopticCameraFromTheEvenAndTheOddFrames) {
+  const fs::path set = Set("plenoptic_real/r12a");
+  SKIP_WITHOUT(set);
+  std::ifstream file(set / "detections.csv");
+  std::string header, rows[2];
+  std::getline(file, header);
+  for (std::string row; std::getline(file, row);) {
+    rows[std::stoi(row.substr(1)) % 2] += row + "\n";
+  }
+  double f_L[2], sigma[2];
+  std::map<std::string, Eigen::Vector3d> markers[2];
+  for (const size_t half : {0, 1}) {
+    Write("half.csv", header + "\n" + rows[half]);
+    Write("session.yaml",
+          fmt::format("plenocal: 1\ntarget: {0}/target.yaml\ncameras:\n  r12:\n"
+                      "    model: focused-plenoptic\n    detections: half.csv\n"
+                      "    image_size: [4080, 3068]\n    pixel_size: 5.5e-6\n"
+                      "    fixed: [B_0, B_1]\noptions: {{refine_target: true}}\n",
+                      set.string()));
+    Calibrate();
+    const YAML::Node camera = Result()["cameras"]["r12"];
+    f_L[half] = camera["parameters"]["f_L"].as<double>();
+    sigma[half] = camera["sigma"]["f_L"].as<double>();
+    markers[half] = Markers(YAML::Load(Read("out/target.yaml")));
+  }
+  EXPECT_LT(std::abs(f_L[0] - f_L[1]), 2 * std::hypot(sigma[0], sigma[1]));
+  double squares = 0;
+  for (const auto& [number, position] : markers[0]) {
+    squares += std::pow(position.z() - markers[1].at(number).z(), 2);
+  }
+  EXPECT_LT(std::sqrt(squares / static_cast<double>(markers[0].size())), 0.05e-3);
 }
 
 }  // namespace

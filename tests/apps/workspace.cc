@@ -117,6 +117,14 @@ std::map<std::string, std::string> Workspace::Files(const std::string& folder) c
   return files;
 }
 
+std::vector<std::string> Workspace::Results(const std::string& folder) const {
+  std::vector<std::string> names;
+  for (const auto& [name, text] : Files(folder)) {
+    if (!name.starts_with(".cache/")) names.push_back(name);
+  }
+  return names;
+}
+
 Outcome Workspace::Run(const std::vector<std::string>& arguments, const RunOptions& options) const {
   // Beside the folder, so that tests can list what the program wrote.
   const std::string err = folder_.string() + ".stderr";
@@ -128,10 +136,10 @@ Outcome Workspace::Run(const std::vector<std::string>& arguments, const RunOptio
   int status = 0;
   while (waitpid(child, &status, options.interrupt_when && !interrupted ? WNOHANG : 0) == 0) {
     if (options.interrupt_when()) {
-      kill(child, SIGINT);
+      kill(child, options.signal);
       interrupted = true;
     }
-    usleep(1000);
+    usleep(200);
   }
   Outcome outcome;
   outcome.status = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
@@ -158,7 +166,7 @@ void Workspace::ExpectFailure(int status,
   EXPECT_THAT(outcome.err, ::testing::StartsWith("plenocal: "));
   for (const std::string& part : parts) EXPECT_THAT(outcome.err, ::testing::HasSubstr(part));
   EXPECT_EQ(outcome.out, "");
-  EXPECT_FALSE(fs::exists(Path("out")));
+  EXPECT_THAT(Results("out"), ::testing::IsEmpty());
 }
 
 void Workspace::WriteProblem(const SyntheticProblem& problem) const {

@@ -8,6 +8,7 @@
 #include <yaml-cpp/yaml.h>
 
 #include <Eigen/Core>
+#include <csignal>
 #include <filesystem>
 #include <functional>
 #include <map>
@@ -28,7 +29,8 @@ struct Outcome {
 struct RunOptions {
   std::string stdout_path = {};     ///< where standard output goes; empty: into Outcome::out
   std::size_t file_size_limit = 0;  ///< bytes that a file may have, as on a full disk; 0: any
-  std::function<bool()> interrupt_when = {};  ///< SIGINT is sent once this is true
+  std::function<bool()> interrupt_when = {};  ///< `signal` is sent once this is true
+  int signal = SIGINT;
 };
 
 /// A CSV file with a header line.
@@ -56,6 +58,9 @@ class Workspace : public ::testing::Test {
   [[nodiscard]] std::string Read(const std::string& name) const;
   /// Names and contents of all files in a folder; empty when there is none.
   [[nodiscard]] std::map<std::string, std::string> Files(const std::string& folder) const;
+
+  /// Names of the files in a folder, without the detections kept for later runs.
+  [[nodiscard]] std::vector<std::string> Results(const std::string& folder) const;
 
   Outcome Run(const std::vector<std::string>& arguments, const RunOptions& options = {}) const;
   /// `plenocal calibrate session.yaml -o out`, which must succeed.

@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "detectors/marker_picture.h"
+
+#include <algorithm>
+#include <opencv2/imgproc.hpp>
+#include <string>
+
+namespace plenocal::internal {
+
+cv::Mat MarkerPicture(const cv::Mat& gray, const std::vector<Observation>& markers) {
+  // Small images are enlarged, so that the numbers can be read.
+  constexpr int kWide = 1000, kMostEnlarged = 4;
+  const int factor = std::clamp(kWide / std::max(1, gray.cols), 1, kMostEnlarged);
+  cv::Mat picture;
+  cv::resize(gray, picture, {}, factor, factor, cv::INTER_NEAREST);
+  cv::cvtColor(picture, picture, cv::COLOR_GRAY2BGR);
+  constexpr int kArm = 7, kFraction = 4;  // px; bits of the drawing's sub-pixels
+  for (const Observation& marker : markers) {
+    // The centre of an enlarged pixel is not that of its first copy.
+    const cv::Point2d at(factor * (marker.values[0] + 0.5) - 0.5,
+                         factor * (marker.values[1] + 0.5) - 0.5);
+    const auto line = [&](double x, double y) {
+      const auto fixed = [](const cv::Point2d& p) {
+        return cv::Point(cvRound(p.x * (1 << kFraction)), cvRound(p.y * (1 << kFraction)));
+      };
+      cv::line(picture,
+               fixed(at - cv::Point2d(x, y)),
+               fixed(at + cv::Point2d(x, y)),
+               {0, 255, 0},
+               1,
+               cv::LINE_AA,
+               kFraction);
+    };
+    line(kArm, 0);
+    line(0, kArm);
+    cv::putText(picture,
+                std::to_string(marker.marker),
+                cv::Point(cvRound(at.x) + kArm / 2, cvRound(at.y) - kArm / 2),
+                cv::FONT_HERSHEY_SIMPLEX,
+                0.4,
+                {0, 200, 255},
+                1,
+                cv::LINE_AA);
+  }
+  return picture;
+}
+
+}  // namespace plenocal::internal
