@@ -22,8 +22,7 @@ SeenSpan SpanOf(const Bundle& bundle, size_t c) {
   for (const BundleObservation& observation : bundle.observations) {
     if (!observation.used || observation.camera != static_cast<int>(c)) continue;
     const RigidTransform T_camera_target =
-        bundle.cameras[c].T_camera_rig *
-        bundle.SeenPose(static_cast<size_t>(observation.frame), c);
+        bundle.cameras[c].T_camera_rig * bundle.SeenPose(static_cast<size_t>(observation.frame), c);
     const double z =
         (T_camera_target * bundle.markers[static_cast<size_t>(observation.marker)].position).z();
     span.nearest = std::min(span.nearest, z);
