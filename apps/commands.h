@@ -58,6 +58,22 @@ struct EvaluateCommand {
   std::filesystem::path chart;  ///< SVG or PNG; empty: none
 };
 
+/// What of a calibration becomes another tool's file.
+struct ExportCommand {
+  std::filesystem::path calibration;
+  std::string format;
+  std::vector<std::string> cameras;  ///< empty: all
+  std::filesystem::path out;
+};
+
+/// Another tool's files that become ours.
+struct ImportCommand {
+  std::vector<std::filesystem::path> files;
+  std::string format;
+  std::string size;           ///< "640x480" for files that hold none, else empty
+  std::filesystem::path out;  ///< folder, or the file's own name
+};
+
 /// `plenocal calibrate`: images or detections to calibration.
 void RunCalibrate(const SessionCommand& command, const ConsoleOptions& options);
 /// `plenocal detect`: only the detections.
@@ -72,6 +88,11 @@ void RunSimulate(const SimulateCommand& command, const ConsoleOptions& options);
 void RunTarget(const PrintCommand& command);
 /// `plenocal evaluate`: drift and errors of trajectories.
 void RunEvaluate(const EvaluateCommand& command, const ConsoleOptions& options);
+/// `plenocal export`: another tool's file.
+void RunExport(const ExportCommand& command, const ConsoleOptions& options);
+/// `plenocal import`: calibration.yaml, target.yaml, detections or micro lenses from another
+/// tool's file.
+void RunImport(const ImportCommand& command, const ConsoleOptions& options);
 /// `plenocal models`: the registered camera models on standard output.
 void RunModels();
 

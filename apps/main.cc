@@ -234,6 +234,36 @@ int main(int argc, char** argv) {  // NOLINT(bugprone-exception-escape)
     }
     run = [&] { RunEvaluate(evaluate_command, options); };
   });
+  plenocal::ExportCommand export_command;
+  CLI::App* exporter = app.add_subcommand(
+      "export",
+      "A calibration as another tool's file.\n\n"
+      "  plenocal export calibration.yaml --format kalibr -o camchain.yaml\n\n"
+      "Formats: opencv, ros, kalibr, mrcal, colmap, orbslam2, orbslam3, dso, basalt, matlab, "
+      "lifcal; docs/exchange.md.");
+  exporter->add_option("calibration", export_command.calibration, "calibration.yaml")->required();
+  exporter->add_option("--format", export_command.format, "the other tool")->required();
+  exporter->add_option(
+      "--camera", export_command.cameras, "cameras to export, in this order (default: all)");
+  exporter->add_option("-o,--out", export_command.out, "file to write")->required();
+  exporter->add_flag("--quiet", options.quiet, "no messages and no progress, only errors");
+  exporter->callback([&] { run = [&] { RunExport(export_command, options); }; });
+  plenocal::ImportCommand import_command;
+  CLI::App* importer = app.add_subcommand(
+      "import",
+      "Another tool's file as ours.\n\n"
+      "  plenocal import camchain.yaml --format kalibr -o OUT\n\n"
+      "Formats: those of 'plenocal export' give OUT/calibration.yaml; kalibr-target "
+      "OUT/target.yaml; mrcal-corners (corners.vnl) OUT/detections_<file>.csv; raytrix "
+      "(RayCalibData XML) OUT/micro_lenses_<file>.csv.");
+  importer->add_option("file", import_command.files, "the other tool's file; of mrcal one a camera")
+      ->required();
+  importer->add_option("--format", import_command.format, "the other tool")->required();
+  importer->add_option(
+      "--size", import_command.size, "WIDTHxHEIGHT of the images where the file does not say it");
+  importer->add_option("-o,--out", import_command.out, "folder, or the file to write")->required();
+  importer->add_flag("--quiet", options.quiet, "no messages and no progress, only errors");
+  importer->callback([&] { run = [&] { RunImport(import_command, options); }; });
   app.add_subcommand("models", "List the camera models, their parameters, units and source.")
       ->callback([&] { run = plenocal::RunModels; });
 

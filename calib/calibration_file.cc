@@ -1,0 +1,155 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/calibration_file.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/LU>
+#include <limits>
+
+#include "calib/error.h"
+#include "calib/yaml.h"
+
+namespace plenocal {
+namespace {
+
+// A sigma: not negative, and `.inf` for what is not determined.
+double Sigma(const YamlNode& node) {
+  if (node.AsString() == ".inf") return std::numeric_limits<double>::infinity();
+  const double sigma = node.AsNumber();
+  if (sigma < 0) node.Fail("expected a standard deviation, found a negative number");
+  return sigma;
+}
+
+RigidTransform ReadTransform(const YamlNode& node) {
+  const auto rows = node.Elements();
+  if (rows.size() != 4) node.Fail("expected the four rows of a 4 x 4 matrix");
+  RigidTransform T;
+  for (int r = 0; r < 3; ++r) {
+    const std::vector<double> row = rows[static_cast<size_t>(r)].AsNumbers(4);
+    for (int c = 0; c < 3; ++c) T.R(r, c) = row[static_cast<size_t>(c)];
+    T.t[r] = row[3];
+  }
+  if (rows[3].AsNumbers(4) != std::vector<double>{0, 0, 0, 1}) {
+    rows[3].Fail("expected [0, 0, 0, 1]");
+  }
+  // Matrices that people typed have few digits.
+  constexpr double kOrthonormal = 1e-3;
+  if ((T.R * T.R.transpose() - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff() > kOrthonormal ||
+      T.R.determinant() < 0) {
+    node.Fail("the left 3 x 3 part is no rotation");
+  }
+  return T;
+}
+
+Eigen::MatrixXd ReadCovariance(const YamlNode& node, const CameraModel& model) {
+  const auto count = static_cast<Eigen::Index>(model.params.size());
+  Eigen::VectorXd sigma = Eigen::VectorXd::Zero(count);
+  if (node.Has("sigma")) {
+    for (Eigen::Index i = 0; i < count; ++i) {
+      sigma[i] = Sigma(node.At("sigma").At(model.params[static_cast<size_t>(i)].name));
+    }
+  }
+  Eigen::MatrixXd correlation = Eigen::MatrixXd::Identity(count, count);
+  if (node.Has("correlation")) {
+    const YamlNode triangle = node.At("correlation");
+    const auto rows = triangle.Elements();
+    if (static_cast<Eigen::Index>(rows.size()) != count) {
+      triangle.Fail(fmt::format("expected {} rows, one a parameter, found {}", count, rows.size()));
+    }
+    for (Eigen::Index i = 0; i < count; ++i) {
+      const std::vector<double> row =
+          rows[static_cast<size_t>(i)].AsNumbers(static_cast<size_t>(i) + 1);
+      for (Eigen::Index j = 0; j < i; ++j) {
+        correlation(i, j) = correlation(j, i) = row[static_cast<size_t>(j)];
+      }
+    }
+  }
+  Eigen::MatrixXd covariance(count, count);
+  for (Eigen::Index i = 0; i < count; ++i) {
+    for (Eigen::Index j = 0; j < count; ++j) {
+      const bool known = i == j || (std::isfinite(sigma[i]) && std::isfinite(sigma[j]));
+      covariance(i, j) = known ? correlation(i, j) * sigma[i] * sigma[j] : 0;
+    }
+  }
+  return covariance;
+}
+
+CalibratedCamera ReadCamera(const std::string& name,
+                            const YamlNode& node,
+                            std::span<const CameraModel> models) {
+  CalibratedCamera camera;
+  camera.name = name;
+  const YamlNode model_node = node.At("model");
+  camera.model = FindModel(models, model_node.AsString());
+  if (camera.model == nullptr) {
+    std::vector<std::string_view> names;
+    for (const CameraModel& model : models) names.push_back(model.name);
+    model_node.Fail(fmt::format("unknown camera model '{}'{}",
+                                model_node.AsString(),
+                                SuggestName(model_node.AsString(), names)));
+  }
+  const YamlNode size = node.At("image_size");
+  const auto elements = size.Elements();
+  if (elements.size() != 2) size.Fail("expected [width, height]");
+  for (size_t i = 0; i < 2; ++i) {
+    camera.image_size[i] = elements[i].AsInteger();
+    if (camera.image_size[i] < 1) elements[i].Fail("expected a positive number of pixels");
+  }
+  const auto read = [](const YamlNode& from, const Param& param) {
+    const YamlNode value = from.At(param.name);
+    const double number = value.AsNumber();
+    if (!(number > param.lower && number < param.upper)) {
+      value.Fail(
+          fmt::format("{} {} is outside ({}, {})", number, param.unit, param.lower, param.upper));
+    }
+    return number;
+  };
+  for (const Param& param : camera.model->config) camera.config.push_back(read(node, param));
+  for (const Param& param : camera.model->params) {
+    camera.params.push_back(read(node.At("parameters"), param));
+  }
+  camera.covariance = ReadCovariance(node, *camera.model);
+  camera.T_camera_rig = ReadTransform(node.At("T_camera_rig"));
+  if (node.Has("sigma_xi")) {
+    const auto sigmas = node.At("sigma_xi").Elements();
+    if (sigmas.size() != 6) node.At("sigma_xi").Fail("expected six numbers");
+    for (size_t i = 0; i < 6; ++i) camera.sigma_xi[static_cast<Eigen::Index>(i)] = Sigma(sigmas[i]);
+  }
+  return camera;
+}
+
+}  // namespace
+
+CalibrationFile ReadCalibration(const std::filesystem::path& path,
+                                std::span<const CameraModel> models) {
+  const YamlNode root = YamlNode::ReadFile(path);
+  root.CheckVersion();
+  CalibrationFile calibration;
+  calibration.path = path;
+  for (const auto& [name, node] : root.At("cameras").Entries()) {
+    calibration.cameras.push_back(ReadCamera(name, node, models));
+  }
+  if (calibration.cameras.empty()) root.At("cameras").Fail("expected at least one camera");
+  return calibration;
+}
+
+const CalibratedCamera& FindCamera(const CalibrationFile& calibration, const std::string& name) {
+  if (name.empty() && calibration.cameras.size() == 1) return calibration.cameras[0];
+  std::vector<std::string_view> names;
+  for (const CalibratedCamera& camera : calibration.cameras) {
+    if (camera.name == name) return camera;
+    names.push_back(camera.name);
+  }
+  throw Error(ErrorKind::kInput,
+              name.empty()
+                  ? fmt::format("{}: holds {} cameras; say which by --camera (the first is '{}')",
+                                calibration.path.string(),
+                                names.size(),
+                                names[0])
+                  : fmt::format("{}: no camera '{}'{}",
+                                calibration.path.string(),
+                                name,
+                                SuggestName(name, names)));
+}
+
+}  // namespace plenocal

@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <filesystem>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "calib/camera_model.h"
+#include "calib/rigid_transform.h"
+
+namespace plenocal {
+
+/// One camera of a calibration.yaml.
+struct CalibratedCamera {
+  std::string name;
+  const CameraModel* model = nullptr;
+  ImageSize image_size{};
+  std::vector<double> config;
+  std::vector<double> params;
+  /// Covariance of `params`; zero for held ones, and a variance is infinite (with zero
+  /// covariances) for one that was not determined. Files without `correlation` give a diagonal.
+  Eigen::MatrixXd covariance;
+  RigidTransform T_camera_rig;
+  Vector6d sigma_xi = Vector6d::Zero();  ///< of T_camera_rig's se(3) vector
+};
+
+/// calibration.yaml: the result of a calibration (FORMATS.md).
+struct CalibrationFile {
+  std::filesystem::path path;
+  std::vector<CalibratedCamera> cameras;  ///< the first is the rig's master
+};
+
+/// Reads a calibration.yaml. `sigma`, `correlation`, `xi_camera_rig` and `sigma_xi` may be absent
+/// (then zero), as in simulated truth. Throws `Error` with file, line and key.
+CalibrationFile ReadCalibration(const std::filesystem::path& path,
+                                std::span<const CameraModel> models);
+
+/// The camera of that name; throws `Error` that names the known ones. An empty name stands for the
+/// only camera.
+const CalibratedCamera& FindCamera(const CalibrationFile& calibration, const std::string& name);
+
+}  // namespace plenocal

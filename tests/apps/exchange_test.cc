@@ -1,0 +1,401 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// plenocal export and import: other tools' files and their traps. Of a file that holds relative
+// numbers (DSO) several parameters give the same last digit, so parameters are compared within
+// that, and files with themselves.
+#include <fmt/format.h>
+
+#include <cstdlib>
+#include <nlohmann/json.hpp>
+#include <opencv2/calib3d.hpp>
+#include <opencv2/core.hpp>
+#include <random>
+
+#include "models/registry.h"
+#include "tests/apps/workspace.h"
+
+namespace plenocal::testing {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+
+constexpr const char* kStereo = R"(plenocal: 1
+cameras:
+  left:
+    model: pinhole-radial3
+    image_size: [640, 480]
+    parameters: {f_x: 500, f_y: 501.123456789012, c_x: 320.1, c_y: 240.7, A_0: -0.2, A_1: 0.051, A_2: 0.0123}
+    T_camera_rig: [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
+  right:
+    model: pinhole-radial3
+    image_size: [640, 480]
+    parameters: {f_x: 510.7, f_y: 511.3, c_x: 318.3, c_y: 244.9, A_0: -0.21, A_1: 0.06, A_2: 0}
+    T_camera_rig: [[0.8, 0, -0.6, -0.1], [0, 1, 0, 0.02], [0.6, 0, 0.8, 0.03], [0, 0, 0, 1]]
+)";
+
+constexpr const char* kPlenoptic = R"(plenocal: 1
+cameras:
+  plenoptic:
+    model: focused-plenoptic
+    image_size: [2048, 2040]
+    pixel_size: 5.5e-06
+    parameters: {f_L: 0.0161, b_L0: 0.0149, B: 0.00052, c_x: 1022.3, c_y: 1019.9, A_0: -420.7, A_1: 3.1e6, B_0: 0.061, B_1: -0.042}
+    T_camera_rig: [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
+)";
+
+class Exchange : public Workspace {
+ protected:
+  Exchange() { Write("calibration.yaml", kStereo); }
+
+  std::string Export(const std::string& format,
+                     const std::string& camera = "",
+                     const std::string& calibration = "calibration.yaml") const {
+    std::vector<std::string> arguments{
+        "export", calibration, "--format", format, "-o", "file." + format};
+    if (!camera.empty()) arguments.insert(arguments.end(), {"--camera", camera});
+    const Outcome outcome = Run(arguments);
+    EXPECT_EQ(outcome.status, kDone) << outcome.err;
+    return outcome.status == kDone ? Read("file." + format) : "";
+  }
+
+  void ExpectRefused(int status,
+                     const std::vector<std::string>& arguments,
+                     const std::vector<std::string>& parts) const {
+    const Outcome outcome = Run(arguments);
+    EXPECT_EQ(outcome.status, status) << outcome.err;
+    EXPECT_EQ(Lines(outcome.err).size(), 1U) << outcome.err;
+    for (const std::string& part : parts) EXPECT_THAT(outcome.err, HasSubstr(part));
+  }
+
+  YAML::Node Import(const std::string& format, const std::string& file) const {
+    const Outcome outcome = Run({"import", file, "--format", format, "-o", "back"});
+    EXPECT_EQ(outcome.status, kDone) << outcome.err;
+    return outcome.status == kDone ? YAML::Load(Read("back/calibration.yaml")) : YAML::Node();
+  }
+};
+
+void ExpectSameParameters(const YAML::Node& a, const YAML::Node& b) {
+  EXPECT_EQ(a["model"].as<std::string>(), b["model"].as<std::string>());
+  EXPECT_EQ(a["image_size"].as<std::vector<int>>(), b["image_size"].as<std::vector<int>>());
+  for (const auto& entry : a["parameters"]) {
+    const auto name = entry.first.as<std::string>();
+    EXPECT_DOUBLE_EQ(entry.second.as<double>(), b["parameters"][name].as<double>()) << name;
+  }
+}
+
+TEST_F(Exchange, OneCameraComesBackToTheLastDigit) {
+  const YAML::Node calibration = YAML::Load(kStereo);
+  for (const char* format :
+       {"opencv", "ros", "mrcal", "colmap", "orbslam2", "orbslam3", "basalt", "matlab"}) {
+    SCOPED_TRACE(format);
+    Export(format, "left");
+    const YAML::Node back = Import(format, std::string("file.") + format);
+    ASSERT_EQ(back["cameras"].size(), 1U);
+    ExpectSameParameters(calibration["cameras"]["left"], back["cameras"].begin()->second);
+  }
+  // These have no place for A_2.
+  for (const char* format : {"kalibr", "dso"}) {
+    SCOPED_TRACE(format);
+    Export(format, "right");
+    const YAML::Node back = Import(format, std::string("file.") + format);
+    ASSERT_EQ(back["cameras"].size(), 1U);
+    ExpectSameParameters(calibration["cameras"]["right"], back["cameras"].begin()->second);
+  }
+}
+
+TEST_F(Exchange, AFileComesBackAsItWas) {
+  for (const char* format :
+       {"opencv", "mrcal", "colmap", "orbslam2", "orbslam3", "basalt", "matlab", "dso", "kalibr"}) {
+    SCOPED_TRACE(format);
+    const std::string file = std::string("file.") + format;
+    const std::string text = Export(format, "right");
+    Import(format, file);
+    const std::string again = Export(format, "", "back/calibration.yaml");
+    const auto numbers = [](const std::string& all) {
+      std::string kept;
+      for (const std::string& line : Lines(all)) {
+        const bool varies = line.find("rostopic") != std::string::npos ||
+                            line.find("extrinsics") != std::string::npos ||
+                            line.find("\"px\"") != std::string::npos;
+        if (!varies) kept += line + "\n";
+      }
+      return kept;
+    };
+    EXPECT_EQ(numbers(text), numbers(again));
+  }
+}
+
+TEST_F(Exchange, ThePoseBetweenTwoCamerasComesBack) {
+  Write("calibration.yaml", Replaced(kStereo, "A_2: 0.0123", "A_2: 0"));
+  const Eigen::Matrix4d T =
+      Matrix(YAML::Load(kStereo)["cameras"]["right"]["T_camera_rig"]);
+  for (const char* format : {"opencv", "orbslam3", "kalibr", "basalt"}) {
+    SCOPED_TRACE(format);
+    Export(format);
+    const YAML::Node back = Import(format, std::string("file.") + format);
+    ASSERT_EQ(back["cameras"].size(), 2U);
+    EXPECT_LT((Matrix((++back["cameras"].begin())->second["T_camera_rig"]) - T).norm(), 1e-14);
+  }
+  Export("mrcal", "left");
+  std::filesystem::rename(Path("file.mrcal"), Path("left.cameramodel"));
+  Export("mrcal", "right");
+  std::filesystem::rename(Path("file.mrcal"), Path("right.cameramodel"));
+  ASSERT_EQ(Run({"import", "left.cameramodel", "right.cameramodel", "--format", "mrcal", "-o",
+                 "back"})
+                .status,
+            kDone);
+  const YAML::Node back = YAML::Load(Read("back/calibration.yaml"));
+  EXPECT_LT((Matrix(back["cameras"]["right"]["T_camera_rig"]) - T).norm(), 1e-14);
+}
+
+TEST_F(Exchange, EachFormatHasItsOwnDirectionOfThePose) {
+  Write("calibration.yaml", Replaced(kStereo, "A_2: 0.0123", "A_2: 0"));
+  const Eigen::Matrix4d T_right_left =
+      Matrix(YAML::Load(kStereo)["cameras"]["right"]["T_camera_rig"]);
+  const Eigen::Matrix4d T_left_right = T_right_left.inverse();
+
+  const YAML::Node kalibr = YAML::Load(Export("kalibr"));  // camera n-1 to camera n
+  EXPECT_LT((Matrix(kalibr["cam1"]["T_cn_cnm1"]) - T_right_left).norm(), 1e-14);
+  EXPECT_FALSE(kalibr["cam0"]["T_cn_cnm1"]);
+
+  const auto basalt = nlohmann::json::parse(Export("basalt"))["value0"];  // camera to IMU
+  EXPECT_NEAR(basalt["T_imu_cam"][1]["px"].get<double>(), T_left_right(0, 3), 1e-14);
+  const Eigen::Quaterniond q(basalt["T_imu_cam"][1]["qw"].get<double>(),
+                             basalt["T_imu_cam"][1]["qx"].get<double>(),
+                             basalt["T_imu_cam"][1]["qy"].get<double>(),
+                             basalt["T_imu_cam"][1]["qz"].get<double>());
+  EXPECT_LT((q.matrix() - T_left_right.topLeftCorner<3, 3>()).norm(), 1e-14);
+
+  Export("opencv");  // camera 1 to camera 2
+  cv::FileStorage opencv(Path("file.opencv").string(), cv::FileStorage::READ);
+  cv::Mat R, t;
+  opencv["R"] >> R;
+  opencv["T"] >> t;
+  EXPECT_EQ(R.at<double>(0, 2), T_right_left(0, 2));
+  EXPECT_EQ(t.at<double>(0), T_right_left(0, 3));
+
+  Export("orbslam3");  // camera 2 to camera 1, 32-bit floats
+  cv::FileStorage orbslam(Path("file.orbslam3").string(), cv::FileStorage::READ);
+  cv::Mat T;
+  orbslam["Stereo.T_c1_c2"] >> T;
+  ASSERT_EQ(T.type(), CV_32F);
+  EXPECT_NEAR(T.at<float>(0, 3), T_left_right(0, 3), 1e-7);
+  EXPECT_NEAR(T.at<float>(0, 2), T_left_right(0, 2), 1e-7);
+}
+
+TEST_F(Exchange, PixelZeroLiesAtTheCornerInColmapAndDsoAndOneAtTheCentreInMatlab) {
+  EXPECT_THAT(Export("colmap", "left"),
+              HasSubstr("1 FULL_OPENCV 640 480 500.0 501.123456789012 320.6 241.2 -0.2 0.051 0.0 "
+                        "0.0 0.0123 0.0 0.0 0.0\n"));
+  const std::vector<std::string> dso = Lines(Export("dso", "right"));
+  EXPECT_THAT(dso[0],
+              HasSubstr(fmt::format("RadTan {} {} {} {} -0.21 0.06 0.0 0.0",
+                                    510.7 / 640,
+                                    511.3 / 480,
+                                    (318.3 + 0.5) / 640,
+                                    (244.9 + 0.5) / 480)));
+  EXPECT_EQ(dso[1], "640 480");
+  const auto matlab = nlohmann::json::parse(Export("matlab", "left"));
+  EXPECT_EQ(matlab["PrincipalPoint"][0], 321.1);
+  EXPECT_EQ(matlab["ImageSize"][0], 480);  // rows first
+  EXPECT_EQ(matlab["RadialDistortion"][2], 0.0123);
+}
+
+TEST_F(Exchange, OrbSlam3GetsRealsAsRealsAndIntegersAsIntegers) {
+  Export("orbslam3", "left");
+  cv::FileStorage file(Path("file.orbslam3").string(), cv::FileStorage::READ);
+  // It stops where a number has the other kind.
+  for (const char* key : {"Camera1.fx", "Camera1.fy", "Camera1.cx", "Camera1.k1", "Camera1.p1"}) {
+    EXPECT_TRUE(file[key].isReal()) << key;
+  }
+  for (const char* key : {"Camera.width", "Camera.height", "Camera.fps", "Camera.RGB"}) {
+    EXPECT_TRUE(file[key].isInt()) << key;
+  }
+}
+
+TEST_F(Exchange, OpenCvReadsAndProjectsTheSame) {
+  Export("opencv", "left");
+  cv::FileStorage file(Path("file.opencv").string(), cv::FileStorage::READ);
+  cv::Mat K, D;
+  file["camera_matrix"] >> K;
+  file["distortion_coefficients"] >> D;
+  EXPECT_EQ(static_cast<int>(file["image_width"]), 640);
+  const CameraModel* model = FindModel(CameraModels(), "pinhole-radial3");
+  const double params[] = {500, 501.123456789012, 320.1, 240.7, -0.2, 0.051, 0.0123};
+  std::mt19937 random(1);
+  std::uniform_real_distribution<double> lateral(-0.5, 0.5), depth(0.5, 5);
+  std::vector<cv::Point3d> points;
+  for (int i = 0; i < 1000; ++i) {
+    const double z = depth(random);
+    points.emplace_back(z * lateral(random), z * lateral(random), z);
+  }
+  std::vector<cv::Point2d> pixels;
+  cv::projectPoints(points, cv::Vec3d(), cv::Vec3d(), K, D, pixels);
+  for (size_t i = 0; i < points.size(); ++i) {
+    double u[2];
+    ASSERT_TRUE(model->project(
+        params, nullptr, nullptr, {points[i].x, points[i].y, points[i].z}, u));
+    EXPECT_NEAR(u[0], pixels[i].x, 1e-6);
+    EXPECT_NEAR(u[1], pixels[i].y, 1e-6);
+  }
+}
+
+TEST_F(Exchange, MrcalReadsAndProjectsTheSame) {
+  if (std::system("/usr/bin/python3 -c 'import mrcal' 2>/dev/null") != 0) {
+    GTEST_SKIP() << "no python3-mrcal";
+  }
+  Export("mrcal", "right");
+  Write("project.py", R"(
+import mrcal, numpy as np
+m = mrcal.cameramodel('file.mrcal')
+assert tuple(m.imagersize()) == (640, 480)
+p = np.array([[0.001 * i - 0.3, 0.2 - 0.0005 * i, 1 + 0.002 * i] for i in range(1000)])
+q = mrcal.project(mrcal.transform_point_Rt(m.extrinsics_Rt_fromref(), p), *m.intrinsics())
+for x, y in q: print(f'{x:.12f},{y:.12f}')
+)");
+  const std::string command =
+      "cd " + Path("").string() + " && /usr/bin/python3 project.py > projected.csv";
+  ASSERT_EQ(std::system(command.c_str()), 0);
+  const Table projected("x,y\n" + Read("projected.csv"));
+  const std::vector<double> x = projected.Numbers("x"), y = projected.Numbers("y");
+  ASSERT_EQ(x.size(), 1000U);
+  const CameraModel* model = FindModel(CameraModels(), "pinhole-radial3");
+  const double params[] = {510.7, 511.3, 318.3, 244.9, -0.21, 0.06, 0};
+  const Eigen::Matrix4d T = Matrix(YAML::Load(kStereo)["cameras"]["right"]["T_camera_rig"]);
+  for (int i = 0; i < 1000; ++i) {
+    const Eigen::Vector3d p(0.001 * i - 0.3, 0.2 - 0.0005 * i, 1 + 0.002 * i);
+    double u[2];
+    ASSERT_TRUE(model->project(params,
+                               nullptr,
+                               nullptr,
+                               T.topLeftCorner<3, 3>() * p + T.topRightCorner<3, 1>(),
+                               u));
+    EXPECT_NEAR(u[0], x[static_cast<size_t>(i)], 1e-6);
+    EXPECT_NEAR(u[1], y[static_cast<size_t>(i)], 1e-6);
+  }
+}
+
+TEST_F(Exchange, BothKeyStylesOfOpenCvAreRead) {
+  const std::string head = "%YAML:1.0\n---\nimage_width: 640\nimage_height: 480\n";
+  const auto matrix = [](const std::string& key, int n, const std::string& data) {
+    return fmt::format(
+        "{}: !!opencv-matrix\n   rows: {}\n   cols: 1\n   dt: d\n   data: [ {} ]\n", key, n, data);
+  };
+  const std::string K = "500., 0., 320., 0., 501., 240., 0., 0., 1.";
+  Write("a.yml", head + matrix("camera_matrix", 9, K) +
+                     matrix("distortion_coefficients", 5, "-0.1, 0.02, 0., 0., 3.e-03"));
+  Write("b.yml", head + matrix("cameraMatrix", 9, K) +
+                     matrix("distCoeffs", 5, "-0.1, 0.02, 0., 0., 3.e-03"));
+  Write("c.yml", head + matrix("M1", 9, K) + matrix("D1", 5, "-0.1, 0.02, 0., 0., 3.e-03") +
+                     matrix("M2", 9, K) + matrix("D2", 5, "-0.1, 0.02, 0., 0., 3.e-03") +
+                     matrix("R", 9, "1., 0., 0., 0., 1., 0., 0., 0., 1.") +
+                     matrix("T", 3, "-0.1, 0., 0."));
+  for (const char* file : {"a.yml", "b.yml", "c.yml"}) {
+    SCOPED_TRACE(file);
+    const YAML::Node camera = Import("opencv", file)["cameras"].begin()->second;
+    EXPECT_EQ(camera["parameters"]["A_2"].as<double>(), 0.003);
+    EXPECT_EQ(camera["parameters"]["f_y"].as<double>(), 501);
+  }
+  Write("d.yml", "%YAML:1.0\n---\n" + matrix("camera_matrix", 9, K));
+  ExpectRefused(
+      kWrongInput, {"import", "d.yml", "--format", "opencv", "-o", "out"}, {"d.yml", "--size"});
+  EXPECT_EQ(
+      Run({"import", "d.yml", "--format", "opencv", "--size", "640x480", "-o", "out"}).status,
+      kDone);
+}
+
+TEST_F(Exchange, LifcalIsInMillimetres) {
+  Write("plenoptic.yaml", kPlenoptic);
+  const std::string text = Export("lifcal", "", "plenoptic.yaml");
+  EXPECT_THAT(text,
+              AllOf(HasSubstr("<FocalLength units=\"mm\">16.1</FocalLength>"),
+                    HasSubstr("<PixelSize units=\"mm\">0.0055</PixelSize>"),
+                    HasSubstr("<B0>6.1e-05</B0>"),
+                    HasSubstr("<Width>2048</Width>")));
+  const YAML::Node back = Import("lifcal", "file.lifcal")["cameras"].begin()->second;
+  ExpectSameParameters(YAML::Load(kPlenoptic)["cameras"]["plenoptic"], back);
+  EXPECT_EQ(back["pixel_size"].as<double>(), 5.5e-6);
+}
+
+TEST_F(Exchange, WhatAFormatCannotHoldIsRefusedWithTheWayOut) {
+  const auto refused = [&](const std::string& calibration,
+                           const std::string& format,
+                           const std::vector<std::string>& parts) {
+    ExpectRefused(kJobFailed,
+                  {"export", calibration, "--format", format, "--camera",
+                   calibration == "plenoptic.yaml" ? "plenoptic" : "left", "-o", "out." + format},
+                  parts);
+    EXPECT_FALSE(std::filesystem::exists(Path("out." + format)));
+  };
+  Write("plenoptic.yaml", kPlenoptic);
+  for (const char* format : {"opencv", "ros", "kalibr", "mrcal", "colmap", "orbslam2", "orbslam3",
+                             "dso", "basalt", "matlab"}) {
+    refused("plenoptic.yaml", format, {"plenoptic", format, "plenocal convert"});
+  }
+  refused("calibration.yaml", "kalibr", {"left", "A_2", "plenocal convert"});
+  refused("calibration.yaml", "dso", {"left", "A_2", "plenocal convert"});
+  refused("calibration.yaml", "lifcal", {"left", "focused-plenoptic"});
+  ExpectRefused(kWrongInput,
+                {"export", "calibration.yaml", "--format", "ros", "-o", "out.yaml"},
+                {"1 camera", "left, right", "--camera"});
+  ExpectRefused(kWrongInput,
+                {"export", "calibration.yaml", "--format", "kalib", "-o", "out.yaml"},
+                {"'kalib'", "'kalibr'"});
+  ExpectRefused(kWrongInput,
+                {"export", "calibration.yaml", "--format", "ros", "--camera", "lef", "-o", "o.yaml"},
+                {"'lef'", "'left'"});
+}
+
+TEST_F(Exchange, FilesThatAreWrongAreNamed) {
+  const auto refused = [&](const std::string& format,
+                           const std::string& text,
+                           const std::vector<std::string>& parts) {
+    Write("bad.file", text);
+    ExpectRefused(kWrongInput, {"import", "bad.file", "--format", format, "-o", "out"}, parts);
+    EXPECT_TRUE(Files("out").empty());
+  };
+  const std::string kalibr = Export("kalibr", "right");
+  refused("kalibr", Replaced(kalibr, "intrinsics: [", "intrinsics: [x, "), {"bad.file:", "'x'"});
+  refused("kalibr", Replaced(kalibr, "radtan", "radtam"), {"bad.file:", "radtam"});
+  refused("kalibr", Replaced(kalibr, "0.0, 0.0]", "0.0, 0.0, 0.5]"), {"bad.file:", "0.5"});
+  refused("colmap", "1 FULL_OPENCV 640 480 500", {"bad.file:1:", "PARAMS"});
+  refused("colmap", "1 PINHOLE 640 480 500 500 nan 240 0.1", {"bad.file:1:", "nan"});
+  refused("dso", "RadTan 1 1 0.5 0.5 0 0 0 0\n", {"bad.file:1:", "second line"});
+  refused("lifcal", "<Root><ImageSize>", {"bad.file", "XML"});
+  refused("lifcal", "<Root></Root>", {"bad.file", "Width"});
+  refused("mrcal", "{ 'lensmodel': 'LENSMODEL_CAHVOR' }", {"bad.file", "intrinsics"});
+  for (const char* format : {"opencv", "ros", "kalibr", "mrcal", "colmap", "orbslam2", "orbslam3",
+                             "dso", "basalt", "matlab", "lifcal", "mrcal-corners"}) {
+    refused(format, "", {"bad.file"});
+    refused(format, "hello: [world\n", {"bad.file"});
+  }
+}
+
+TEST_F(Exchange, KalibrTargetsCornersAndRaytrixGridsAreImported) {
+  Write("aprilgrid.yaml",
+        "target_type: 'aprilgrid'\ntagCols: 6\ntagRows: 5\ntagSize: 0.088\ntagSpacing: 0.3\n");
+  ASSERT_EQ(Run({"import", "aprilgrid.yaml", "--format", "kalibr-target", "-o", "out"}).status,
+            kDone);
+  const YAML::Node target = YAML::Load(Read("out/target.yaml"));
+  EXPECT_EQ(target["type"].as<std::string>(), "aprilgrid");
+  EXPECT_EQ(target["columns"].as<int>(), 6);
+  EXPECT_EQ(target["border_bits"].as<int>(), 2);
+
+  Write("corners.vnl",
+        "## mrgingham\n# filename x y level\na/f1.png 10.5 20.25 0\na/f1.png - - -\n"
+        "a/f1.png 12.5 20.125 1\na/f2.png - - -\n");
+  ASSERT_EQ(Run({"import", "corners.vnl", "--format", "mrcal-corners", "-o", "out"}).status, kDone);
+  EXPECT_EQ(Read("out/detections_corners.csv"),
+            "frame,marker,x,y,sigma\nf1,0,10.5,20.25,1\nf1,2,12.5,20.125,2\n");
+
+  Write("grid.xml", "<RayCalibData></RayCalibData>");
+  ExpectRefused(
+      kWrongInput, {"import", "grid.xml", "--format", "raytrix", "-o", "out"}, {"--size"});
+  ExpectRefused(kWrongInput,
+                {"import", "grid.xml", "--format", "raytrix", "--size", "64x", "-o", "out"},
+                {"WIDTHxHEIGHT", "64x"});
+}
+
+}  // namespace
+}  // namespace plenocal::testing
