@@ -59,8 +59,7 @@ std::string CalibrationText(const std::vector<CalibratedCamera>& cameras) {
     const RigidTransform& T = camera.T_camera_rig;
     text += "}\n    T_camera_rig: [";
     for (int r = 0; r < 3; ++r) {
-      text += fmt::format(
-          "[{}], ", RealList(std::array{T.R(r, 0), T.R(r, 1), T.R(r, 2), T.t[r]}));
+      text += fmt::format("[{}], ", RealList(std::array{T.R(r, 0), T.R(r, 1), T.R(r, 2), T.t[r]}));
     }
     const Vector6d xi = Log(T);
     text += fmt::format("[0, 0, 0, 1]]\n    xi_camera_rig: [{}]\n",
@@ -107,10 +106,10 @@ void RunImport(const ImportCommand& command, const ConsoleOptions& options) {
   for (const CameraFormat& format : CameraFormats()) names.push_back(format.name);
   const auto found = std::find(names.begin(), names.end(), command.format);
   if (found == names.end()) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("--format: unknown '{}'{}",
-                            command.format,
-                            SuggestName(command.format, names)));
+    throw Error(
+        ErrorKind::kInput,
+        fmt::format(
+            "--format: unknown '{}'{}", command.format, SuggestName(command.format, names)));
   }
   const std::optional<ImageSize> size = ParseSize(command.size);
   const auto one_file = [&]() -> const std::filesystem::path& {

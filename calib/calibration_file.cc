@@ -140,16 +140,15 @@ const CalibratedCamera& FindCamera(const CalibrationFile& calibration, const std
     if (camera.name == name) return camera;
     names.push_back(camera.name);
   }
-  throw Error(ErrorKind::kInput,
-              name.empty()
-                  ? fmt::format("{}: holds {} cameras; say which by --camera (the first is '{}')",
-                                calibration.path.string(),
-                                names.size(),
-                                names[0])
-                  : fmt::format("{}: no camera '{}'{}",
-                                calibration.path.string(),
-                                name,
-                                SuggestName(name, names)));
+  throw Error(
+      ErrorKind::kInput,
+      name.empty()
+          ? fmt::format("{}: holds {} cameras; say which by --camera (the first is '{}')",
+                        calibration.path.string(),
+                        names.size(),
+                        names[0])
+          : fmt::format(
+                "{}: no camera '{}'{}", calibration.path.string(), name, SuggestName(name, names)));
 }
 
 }  // namespace plenocal

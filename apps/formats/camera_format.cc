@@ -121,16 +121,14 @@ CalibratedCamera FromLens(const Lens& lens,
     camera.model = model;
     camera.image_size = image_size;
     for (const Param& param : model->params) {
-      const auto place =
-          std::find(form.coefficients.begin(), form.coefficients.end(), param.name);
+      const auto place = std::find(form.coefficients.begin(), form.coefficients.end(), param.name);
       const auto intrinsic = std::find(kIntrinsics.begin(), kIntrinsics.end(), param.name);
       const std::array intrinsics{lens.f_x, lens.f_y, lens.c_x, lens.c_y};
-      const double value =
-          intrinsic != kIntrinsics.end()
-              ? intrinsics[static_cast<size_t>(intrinsic - kIntrinsics.begin())]
-          : place != form.coefficients.end()
-              ? coefficient(static_cast<size_t>(place - form.coefficients.begin()))
-              : 0;
+      const double value = intrinsic != kIntrinsics.end()
+                               ? intrinsics[static_cast<size_t>(intrinsic - kIntrinsics.begin())]
+                           : place != form.coefficients.end()
+                               ? coefficient(static_cast<size_t>(place - form.coefficients.begin()))
+                               : 0;
       if (!(value > param.lower && value < param.upper)) {
         throw Error(ErrorKind::kInput,
                     fmt::format("{}: {} = {} is outside ({}, {})",

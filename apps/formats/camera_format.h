@@ -24,9 +24,9 @@ struct CameraSource {
 /// One tool's file form.
 struct CameraFormat {
   std::string_view name;
-  std::string_view file;    ///< how the tool's own files are called
-  size_t most_cameras;      ///< in one file
-  bool holds_extrinsics;    ///< where the cameras are
+  std::string_view file;  ///< how the tool's own files are called
+  size_t most_cameras;    ///< in one file
+  bool holds_extrinsics;  ///< where the cameras are
   std::string (*write)(const std::vector<CalibratedCamera>& cameras);
   /// Throws `Error` of kind kInput with file and place.
   std::vector<CalibratedCamera> (*read)(const CameraSource& source);

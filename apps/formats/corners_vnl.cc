@@ -80,12 +80,8 @@ std::string DetectionsFromCornersVnl(const std::filesystem::path& path) {
     if (!(weight > 0)) continue;
     parse(x);
     parse(y);
-    csv += fmt::format("{},{},{},{},{}\n",
-                       std::filesystem::path(file).stem().string(),
-                       marker,
-                       x,
-                       y,
-                       1 / weight);
+    csv += fmt::format(
+        "{},{},{},{},{}\n", std::filesystem::path(file).stem().string(), marker, x, y, 1 / weight);
   }
   if (next.empty()) fail("holds no corners");
   return csv;

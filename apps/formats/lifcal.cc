@@ -113,8 +113,8 @@ std::vector<CalibratedCamera> ReadLifcal(const CameraSource& source) {
   }
   camera.image_size = {static_cast<int>(width), static_cast<int>(height)};
   const double pixel_mm = number("PixelSize", nullptr);
-  camera.config = {Inverted(
-      pixel_mm, pixel_mm / kMillimetres, [](double x) { return x * kMillimetres; })};
+  camera.config = {
+      Inverted(pixel_mm, pixel_mm / kMillimetres, [](double x) { return x * kMillimetres; })};
   for (const Param& param : camera.model->params) {
     for (const Place& place : kPlaces) {
       if (place.param != param.name) continue;
@@ -122,8 +122,8 @@ std::vector<CalibratedCamera> ReadLifcal(const CameraSource& source) {
       const pugi::xml_node group = root.child(place.group);
       const bool absent = param.neutral && (!group || !group.child(place.child));
       const double value = absent ? 0 : number(place.group, place.child);
-      camera.params.push_back(Inverted(
-          value, value / place.scale, [&](double x) { return x * place.scale; }));
+      camera.params.push_back(
+          Inverted(value, value / place.scale, [&](double x) { return x * place.scale; }));
       if (!(camera.params.back() > param.lower && camera.params.back() < param.upper)) {
         fail(fmt::format("<{}>: {} is out of bounds", place.group, value));
       }

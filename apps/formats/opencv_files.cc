@@ -18,11 +18,8 @@ namespace {
 
 constexpr const char* kHead = "%YAML:1.0\n---\n";
 
-std::string MatrixText(const std::string& key,
-                       int rows,
-                       int cols,
-                       char type,
-                       std::span<const double> data) {
+std::string MatrixText(
+    const std::string& key, int rows, int cols, char type, std::span<const double> data) {
   return fmt::format("{}: !!opencv-matrix\n   rows: {}\n   cols: {}\n   dt: {}\n   data: [ {} ]\n",
                      key,
                      rows,
@@ -32,16 +29,12 @@ std::string MatrixText(const std::string& key,
 }
 
 std::string CameraMatrix(const std::string& key, const Lens& lens) {
-  return MatrixText(key,
-                    3,
-                    3,
-                    'd',
-                    std::array{lens.f_x, 0.0, lens.c_x, 0.0, lens.f_y, lens.c_y, 0.0, 0.0, 1.0});
+  return MatrixText(
+      key, 3, 3, 'd', std::array{lens.f_x, 0.0, lens.c_x, 0.0, lens.f_y, lens.c_y, 0.0, 0.0, 1.0});
 }
 
 std::string Coefficients(const std::string& key, const Lens& lens) {
-  return MatrixText(
-      key, 1, static_cast<int>(lens.coefficients.size()), 'd', lens.coefficients);
+  return MatrixText(key, 1, static_cast<int>(lens.coefficients.size()), 'd', lens.coefficients);
 }
 
 std::array<double, 9> RowMajor(const Eigen::Matrix3d& R) {
@@ -154,19 +147,13 @@ std::vector<CalibratedCamera> ReadOpenCv(const CameraSource& source) {
   const YamlNode root = ReadStorage(source.path);
   const bool fisheye = root.Has("fisheye_model") && root.At("fisheye_model").AsInteger() == 1;
   const auto read = [&](const YamlNode& K, const std::optional<YamlNode>& D, const std::string& n) {
-    return FromLens(LensOf(K, D, fisheye),
-                    SizeOf(root, n, source),
-                    OpenCvLenses(),
-                    source.path.string());
+    return FromLens(
+        LensOf(K, D, fisheye), SizeOf(root, n, source), OpenCvLenses(), source.path.string());
   };
   // Programs of OpenCV and their descendants.
   static const std::array<std::string, 4> kMatrix{"camera_matrix", "cameraMatrix", "K", "M"};
-  static const std::array<std::string, 6> kCoefficients{"distortion_coefficients",
-                                                        "distCoeffs",
-                                                        "dist_coeffs",
-                                                        "distCoeff",
-                                                        "dist_coeff",
-                                                        "D"};
+  static const std::array<std::string, 6> kCoefficients{
+      "distortion_coefficients", "distCoeffs", "dist_coeffs", "distCoeff", "dist_coeff", "D"};
   if (const auto K = Find(root, kMatrix)) return {read(*K, Find(root, kCoefficients), "")};
 
   std::vector<CalibratedCamera> cameras;
@@ -184,8 +171,9 @@ std::vector<CalibratedCamera> ReadOpenCv(const CameraSource& source) {
     cameras[1].T_camera_rig =
         FromRowMajor(MatrixData(root.At("R"), 9), MatrixData(root.At("T"), 3));
   } else {
-    root.Fail("two cameras without 'R' and 'T': OpenCV's programs write them to extrinsics.yml; "
-              "copy them into this file");
+    root.Fail(
+        "two cameras without 'R' and 'T': OpenCV's programs write them to extrinsics.yml; "
+        "copy them into this file");
   }
   return cameras;
 }
@@ -222,9 +210,8 @@ std::string OrbSlamCamera(const std::string& prefix, const Lens& lens) {
 }
 
 std::string OrbSlamImages(const CalibratedCamera& camera) {
-  return fmt::format("Camera.width: {}\nCamera.height: {}\n",
-                     camera.image_size[0],
-                     camera.image_size[1]) +
+  return fmt::format(
+             "Camera.width: {}\nCamera.height: {}\n", camera.image_size[0], camera.image_size[1]) +
          "# A calibration does not know these two.\nCamera.fps: 30\nCamera.RGB: 1\n";
 }
 
@@ -263,7 +250,8 @@ std::vector<CalibratedCamera> ReadOrbSlam2(const CameraSource& source) {
 
 std::string WriteOrbSlam3(const std::vector<CalibratedCamera>& cameras) {
   const Lens first = ToLens(cameras[0], OrbSlamLenses(), "orbslam3");
-  std::string text = kHead + fmt::format("File.version: \"1.0\"\nCamera.type: \"{}\"\n\n", first.name);
+  std::string text =
+      kHead + fmt::format("File.version: \"1.0\"\nCamera.type: \"{}\"\n\n", first.name);
   for (size_t i = 0; i < cameras.size(); ++i) {
     const Lens lens = ToLens(cameras[i], OrbSlamLenses(), "orbslam3");
     if (lens.name != first.name || cameras[i].image_size != cameras[0].image_size) {

@@ -82,9 +82,7 @@ std::span<const LensForm> ColmapLenses() {
       {"pinhole-radial3", "OPENCV", {"A_0", "A_1", "0", "0"}},
       {"pinhole-radtan4", "OPENCV", {"k_1", "k_2", "p_1", "p_2"}},
       {"pinhole-radtan", "FULL_OPENCV", {"k_1", "k_2", "p_1", "p_2", "k_3", "0", "0", "0"}},
-      {"pinhole-radtan8",
-       "FULL_OPENCV",
-       {"k_1", "k_2", "p_1", "p_2", "k_3", "k_4", "k_5", "k_6"}},
+      {"pinhole-radtan8", "FULL_OPENCV", {"k_1", "k_2", "p_1", "p_2", "k_3", "k_4", "k_5", "k_6"}},
       {"kannala-brandt4", "OPENCV_FISHEYE", {"k_1", "k_2", "k_3", "k_4"}},
       {"fov", "FOV", {"omega"}}};
   return kForms;
@@ -97,8 +95,7 @@ std::string WriteColmap(const std::vector<CalibratedCamera>& cameras) {
   text += fmt::format("# Number of cameras: {}\n", cameras.size());
   for (size_t i = 0; i < cameras.size(); ++i) {
     const Lens lens = ToLens(cameras[i], ColmapLenses(), "colmap");
-    std::vector<double> values{
-        lens.f_x, lens.f_y, lens.c_x + kHalfPixel, lens.c_y + kHalfPixel};
+    std::vector<double> values{lens.f_x, lens.f_y, lens.c_x + kHalfPixel, lens.c_y + kHalfPixel};
     values.insert(values.end(), lens.coefficients.begin(), lens.coefficients.end());
     text += fmt::format("{} {} {} {} {}\n",
                         i + 1,
@@ -190,9 +187,8 @@ std::vector<CalibratedCamera> ReadDso(const CameraSource& source) {
     for (size_t i = 0; i < 4; ++i) {
       const double extent = size[i % 2];
       const double offset = i < 2 ? 0 : kHalfPixel;
-      values[i] = Inverted(values[i], values[i] * extent - offset, [&](double x) {
-        return (x + offset) / extent;
-      });
+      values[i] = Inverted(
+          values[i], values[i] * extent - offset, [&](double x) { return (x + offset) / extent; });
     }
   }
   return {FromLens({lens.words[0],

@@ -57,16 +57,14 @@ std::string WriteRos(const std::vector<CalibratedCamera>& cameras) {
                  3,
                  std::array{lens.f_x, 0.0, lens.c_x, 0.0, lens.f_y, lens.c_y, 0.0, 0.0, 1.0});
   text += fmt::format("distortion_model: {}\n", lens.name);
-  text += matrix("distortion_coefficients",
-                 1,
-                 static_cast<int>(lens.coefficients.size()),
-                 lens.coefficients);
-  text += matrix("rectification_matrix", 3, 3, std::array{1., 0., 0., 0., 1., 0., 0., 0., 1.});
   text += matrix(
-      "projection_matrix",
-      3,
-      4,
-      std::array{lens.f_x, 0., lens.c_x, 0., 0., lens.f_y, lens.c_y, 0., 0., 0., 1., 0.});
+      "distortion_coefficients", 1, static_cast<int>(lens.coefficients.size()), lens.coefficients);
+  text += matrix("rectification_matrix", 3, 3, std::array{1., 0., 0., 0., 1., 0., 0., 0., 1.});
+  text +=
+      matrix("projection_matrix",
+             3,
+             4,
+             std::array{lens.f_x, 0., lens.c_x, 0., 0., lens.f_y, lens.c_y, 0., 0., 0., 1., 0.});
   return text;
 }
 
@@ -118,8 +116,8 @@ std::string WriteKalibr(const std::vector<CalibratedCamera>& cameras) {
       const RigidTransform T = camera.T_camera_rig * cameras[i - 1].T_camera_rig.Inverse();
       text += "  T_cn_cnm1:\n";
       for (int r = 0; r < 3; ++r) {
-        text += fmt::format(
-            "  - [{}]\n", RealList(std::array{T.R(r, 0), T.R(r, 1), T.R(r, 2), T.t[r]}));
+        text += fmt::format("  - [{}]\n",
+                            RealList(std::array{T.R(r, 0), T.R(r, 1), T.R(r, 2), T.t[r]}));
       }
       text += "  - [0.0, 0.0, 0.0, 1.0]\n";
     }
@@ -427,8 +425,6 @@ CameraFormat MrcalFormat() {
 CameraFormat BasaltFormat() {
   return {"basalt", "calibration.json", kAnyNumber, true, WriteBasalt, ReadBasalt};
 }
-CameraFormat MatlabFormat() {
-  return {"matlab", "camera.json", 1, false, WriteMatlab, ReadMatlab};
-}
+CameraFormat MatlabFormat() { return {"matlab", "camera.json", 1, false, WriteMatlab, ReadMatlab}; }
 
 }  // namespace plenocal

@@ -128,8 +128,7 @@ TEST_F(Exchange, AFileComesBackAsItWas) {
 
 TEST_F(Exchange, ThePoseBetweenTwoCamerasComesBack) {
   Write("calibration.yaml", Replaced(kStereo, "A_2: 0.0123", "A_2: 0"));
-  const Eigen::Matrix4d T =
-      Matrix(YAML::Load(kStereo)["cameras"]["right"]["T_camera_rig"]);
+  const Eigen::Matrix4d T = Matrix(YAML::Load(kStereo)["cameras"]["right"]["T_camera_rig"]);
   for (const char* format : {"opencv", "orbslam3", "kalibr", "basalt"}) {
     SCOPED_TRACE(format);
     Export(format);
@@ -141,10 +140,10 @@ TEST_F(Exchange, ThePoseBetweenTwoCamerasComesBack) {
   std::filesystem::rename(Path("file.mrcal"), Path("left.cameramodel"));
   Export("mrcal", "right");
   std::filesystem::rename(Path("file.mrcal"), Path("right.cameramodel"));
-  ASSERT_EQ(Run({"import", "left.cameramodel", "right.cameramodel", "--format", "mrcal", "-o",
-                 "back"})
-                .status,
-            kDone);
+  ASSERT_EQ(
+      Run({"import", "left.cameramodel", "right.cameramodel", "--format", "mrcal", "-o", "back"})
+          .status,
+      kDone);
   const YAML::Node back = YAML::Load(Read("back/calibration.yaml"));
   EXPECT_LT((Matrix(back["cameras"]["right"]["T_camera_rig"]) - T).norm(), 1e-14);
 }
@@ -234,8 +233,8 @@ TEST_F(Exchange, OpenCvReadsAndProjectsTheSame) {
   cv::projectPoints(points, cv::Vec3d(), cv::Vec3d(), K, D, pixels);
   for (size_t i = 0; i < points.size(); ++i) {
     double u[2];
-    ASSERT_TRUE(model->project(
-        params, nullptr, nullptr, {points[i].x, points[i].y, points[i].z}, u));
+    ASSERT_TRUE(
+        model->project(params, nullptr, nullptr, {points[i].x, points[i].y, points[i].z}, u));
     EXPECT_NEAR(u[0], pixels[i].x, 1e-6);
     EXPECT_NEAR(u[1], pixels[i].y, 1e-6);
   }
@@ -266,11 +265,8 @@ for x, y in q: print(f'{x:.12f},{y:.12f}')
   for (int i = 0; i < 1000; ++i) {
     const Eigen::Vector3d p(0.001 * i - 0.3, 0.2 - 0.0005 * i, 1 + 0.002 * i);
     double u[2];
-    ASSERT_TRUE(model->project(params,
-                               nullptr,
-                               nullptr,
-                               T.topLeftCorner<3, 3>() * p + T.topRightCorner<3, 1>(),
-                               u));
+    ASSERT_TRUE(model->project(
+        params, nullptr, nullptr, T.topLeftCorner<3, 3>() * p + T.topRightCorner<3, 1>(), u));
     EXPECT_NEAR(u[0], x[static_cast<size_t>(i)], 1e-6);
     EXPECT_NEAR(u[1], y[static_cast<size_t>(i)], 1e-6);
   }
@@ -283,14 +279,16 @@ TEST_F(Exchange, BothKeyStylesOfOpenCvAreRead) {
         "{}: !!opencv-matrix\n   rows: {}\n   cols: 1\n   dt: d\n   data: [ {} ]\n", key, n, data);
   };
   const std::string K = "500., 0., 320., 0., 501., 240., 0., 0., 1.";
-  Write("a.yml", head + matrix("camera_matrix", 9, K) +
-                     matrix("distortion_coefficients", 5, "-0.1, 0.02, 0., 0., 3.e-03"));
-  Write("b.yml", head + matrix("cameraMatrix", 9, K) +
-                     matrix("distCoeffs", 5, "-0.1, 0.02, 0., 0., 3.e-03"));
-  Write("c.yml", head + matrix("M1", 9, K) + matrix("D1", 5, "-0.1, 0.02, 0., 0., 3.e-03") +
-                     matrix("M2", 9, K) + matrix("D2", 5, "-0.1, 0.02, 0., 0., 3.e-03") +
-                     matrix("R", 9, "1., 0., 0., 0., 1., 0., 0., 0., 1.") +
-                     matrix("T", 3, "-0.1, 0., 0."));
+  Write("a.yml",
+        head + matrix("camera_matrix", 9, K) +
+            matrix("distortion_coefficients", 5, "-0.1, 0.02, 0., 0., 3.e-03"));
+  Write(
+      "b.yml",
+      head + matrix("cameraMatrix", 9, K) + matrix("distCoeffs", 5, "-0.1, 0.02, 0., 0., 3.e-03"));
+  Write("c.yml",
+        head + matrix("M1", 9, K) + matrix("D1", 5, "-0.1, 0.02, 0., 0., 3.e-03") +
+            matrix("M2", 9, K) + matrix("D2", 5, "-0.1, 0.02, 0., 0., 3.e-03") +
+            matrix("R", 9, "1., 0., 0., 0., 1., 0., 0., 0., 1.") + matrix("T", 3, "-0.1, 0., 0."));
   for (const char* file : {"a.yml", "b.yml", "c.yml"}) {
     SCOPED_TRACE(file);
     const YAML::Node camera = Import("opencv", file)["cameras"].begin()->second;
@@ -300,9 +298,8 @@ TEST_F(Exchange, BothKeyStylesOfOpenCvAreRead) {
   Write("d.yml", "%YAML:1.0\n---\n" + matrix("camera_matrix", 9, K));
   ExpectRefused(
       kWrongInput, {"import", "d.yml", "--format", "opencv", "-o", "out"}, {"d.yml", "--size"});
-  EXPECT_EQ(
-      Run({"import", "d.yml", "--format", "opencv", "--size", "640x480", "-o", "out"}).status,
-      kDone);
+  EXPECT_EQ(Run({"import", "d.yml", "--format", "opencv", "--size", "640x480", "-o", "out"}).status,
+            kDone);
 }
 
 TEST_F(Exchange, LifcalIsInMillimetres) {
@@ -323,14 +320,28 @@ TEST_F(Exchange, WhatAFormatCannotHoldIsRefusedWithTheWayOut) {
                            const std::string& format,
                            const std::vector<std::string>& parts) {
     ExpectRefused(kJobFailed,
-                  {"export", calibration, "--format", format, "--camera",
-                   calibration == "plenoptic.yaml" ? "plenoptic" : "left", "-o", "out." + format},
+                  {"export",
+                   calibration,
+                   "--format",
+                   format,
+                   "--camera",
+                   calibration == "plenoptic.yaml" ? "plenoptic" : "left",
+                   "-o",
+                   "out." + format},
                   parts);
     EXPECT_FALSE(std::filesystem::exists(Path("out." + format)));
   };
   Write("plenoptic.yaml", kPlenoptic);
-  for (const char* format : {"opencv", "ros", "kalibr", "mrcal", "colmap", "orbslam2", "orbslam3",
-                             "dso", "basalt", "matlab"}) {
+  for (const char* format : {"opencv",
+                             "ros",
+                             "kalibr",
+                             "mrcal",
+                             "colmap",
+                             "orbslam2",
+                             "orbslam3",
+                             "dso",
+                             "basalt",
+                             "matlab"}) {
     refused("plenoptic.yaml", format, {"plenoptic", format, "plenocal convert"});
   }
   refused("calibration.yaml", "kalibr", {"left", "A_2", "plenocal convert"});
@@ -342,9 +353,10 @@ TEST_F(Exchange, WhatAFormatCannotHoldIsRefusedWithTheWayOut) {
   ExpectRefused(kWrongInput,
                 {"export", "calibration.yaml", "--format", "kalib", "-o", "out.yaml"},
                 {"'kalib'", "'kalibr'"});
-  ExpectRefused(kWrongInput,
-                {"export", "calibration.yaml", "--format", "ros", "--camera", "lef", "-o", "o.yaml"},
-                {"'lef'", "'left'"});
+  ExpectRefused(
+      kWrongInput,
+      {"export", "calibration.yaml", "--format", "ros", "--camera", "lef", "-o", "o.yaml"},
+      {"'lef'", "'left'"});
 }
 
 TEST_F(Exchange, FilesThatAreWrongAreNamed) {
@@ -365,8 +377,18 @@ TEST_F(Exchange, FilesThatAreWrongAreNamed) {
   refused("lifcal", "<Root><ImageSize>", {"bad.file", "XML"});
   refused("lifcal", "<Root></Root>", {"bad.file", "Width"});
   refused("mrcal", "{ 'lensmodel': 'LENSMODEL_CAHVOR' }", {"bad.file", "intrinsics"});
-  for (const char* format : {"opencv", "ros", "kalibr", "mrcal", "colmap", "orbslam2", "orbslam3",
-                             "dso", "basalt", "matlab", "lifcal", "mrcal-corners"}) {
+  for (const char* format : {"opencv",
+                             "ros",
+                             "kalibr",
+                             "mrcal",
+                             "colmap",
+                             "orbslam2",
+                             "orbslam3",
+                             "dso",
+                             "basalt",
+                             "matlab",
+                             "lifcal",
+                             "mrcal-corners"}) {
     refused(format, "", {"bad.file"});
     refused(format, "hello: [world\n", {"bad.file"});
   }
