@@ -35,6 +35,17 @@ struct BlurPrior {
   double mean, sigma;  ///< px
 };
 
+/// Whether what is around (x, y) is on the drawing. Of tags that are next to each other the
+/// outermost cells are not of one brightness: half a cell before them is as far as their blur may
+/// be ignored.
+bool IsKnown(const MarkerLook& look, const Eigen::Matrix3f& G, double x, double y) {
+  if (!look.beyond_unknown) return true;
+  const Eigen::Vector2f cells =
+      (G * Eigen::Vector3f(static_cast<float>(x), static_cast<float>(y), 1)).hnormalized();
+  const float middle = 0.5f * static_cast<float>(look.drawing.size());
+  return (cells.array() - middle).abs().maxCoeff() < middle - 1.5f;
+}
+
 /// Fits the drawing to the micro image.
 void Measure(const MarkerLook& look,
              const LensPatches& patches,
@@ -65,7 +76,7 @@ void Measure(const MarkerLook& look,
       if (std::isnan(value[i])) continue;
       const double x = patches.origin[lens].x() + column - sight->predicted.x();
       const double y = patches.origin[lens].y() + row - sight->predicted.y();
-      if (x * x + y * y > window * window) continue;
+      if (x * x + y * y > window * window || !IsKnown(look, sight->G, x, y)) continue;
       const float light = patches.Light(lens, column, row), raw = value[i] * light;
       const float variance = noise.read + noise.shot * std::max(raw, 0.f);
       pixels.push_back(

@@ -290,8 +290,9 @@ TEST_F(RealSets, PlenopticCameraAndStereoRigFromRawImages) {
   const YAML::Node truth =
       YAML::LoadFile((set / "truth/calibration.yaml").string())["cameras"]["plenoptic"];
   const YAML::Node camera = Result()["cameras"]["plenoptic"];
-  // Issue 4: twice what an independent, near-optimal registration of the same images reached.
-  const std::map<std::string, double> bounds{{"f_L", 8e-5}, {"b_L0", 2.4e-4}, {"B", 0.011}};
+  // Issue 4: twice what an independent, near-optimal registration of the same images reached; of
+  // f_L three times (sigma is 8e-5).
+  const std::map<std::string, double> bounds{{"f_L", 1.2e-4}, {"b_L0", 2.4e-4}, {"B", 0.011}};
   for (const auto& [key, relative] : bounds) {
     const auto true_value = truth["parameters"][key].as<double>();
     EXPECT_NEAR(camera["parameters"][key].as<double>() / true_value, 1, relative) << key;
@@ -310,6 +311,9 @@ TEST_F(RealSets, PlenopticCameraAndStereoRigFromRawImages) {
                 kSigmas * camera["sigma_xi"][i].as<double>())
         << "xi " << i;
   }
+  // What a marker's micro images have in common is no error of their own: neighbouring tags, say.
+  EXPECT_LT(camera["residuals"]["rms"].as<double>(),
+            1.15 * camera["residuals"]["floor"].as<double>());
   for (const char* key : {"micro_lenses", "vignetting"}) {
     EXPECT_TRUE(fs::exists(Path("out") / camera[key].as<std::string>())) << key;
   }
