@@ -2,9 +2,13 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <fstream>
+#include <iterator>
 
 #include "apps/commands.h"
+#include "apps/image_module.h"
 #include "apps/observations.h"
+#include "apps/report/report.h"
 #include "calib/calibrate.h"
 #include "calib/error.h"
 #include "calib/median.h"
@@ -63,15 +67,26 @@ std::string RefinedTarget(const Target& target, const Calibration& calibration) 
   return RefinedTargetYaml(target, positions, sigmas);
 }
 
+std::string FileText(const std::filesystem::path& path) {
+  std::ifstream file(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
+}
+
 }  // namespace
 
 void RunCalibrate(const SessionCommand& command, const ConsoleOptions& options) {
   const Session session = ReadSession(command.session, CameraModels());
+  const std::string session_text = FileText(command.session);
   const Target target = ReadTarget(session.target);
-  RefuseToReplaceInputs(
-      session,
-      command.out,
-      {"calibration.yaml", "target.yaml", "poses.csv", "view_poses.csv", "residuals.csv"});
+  RefuseToReplaceInputs(session,
+                        command.out,
+                        {"calibration.yaml",
+                         "target.yaml",
+                         "poses.csv",
+                         "view_poses.csv",
+                         "residuals.csv",
+                         "correlations.csv",
+                         "report.html"});
   OutputFolder out(command.out);
   Console console(options.quiet);
 
@@ -107,20 +122,32 @@ void RunCalibrate(const SessionCommand& command, const ConsoleOptions& options) 
   for (const CameraFile& file : observations.files) {
     calibration.camera_files[file.camera].emplace_back(file.key, file.name);
   }
-  out.Write("calibration.yaml",
-            CalibrationYaml(calibration,
-                            {{"plenocal_version", PLENOCAL_VERSION},
-                             {"command",
-                              fmt::format("plenocal calibrate {} -o {}",
-                                          command.session.string(),
-                                          command.out.string())},
-                             {"session", command.session.string()},
-                             {"target", session.target.string()}}));
-  out.Write("target.yaml", RefinedTarget(target, calibration));
-  out.Write("poses.csv", PosesCsv(calibration));
-  if (session.cameras.size() > 1) out.Write("view_poses.csv", ViewPosesCsv(calibration));
-  out.Write("residuals.csv", ResidualsCsv(calibration));
+  ResultFiles files;
+  files["calibration.yaml"] = CalibrationYaml(
+      calibration,
+      {{"plenocal_version", PLENOCAL_VERSION},
+       {"command",
+        fmt::format("plenocal calibrate {} -o {}", command.session.string(), command.out.string())},
+       {"session", command.session.string()},
+       {"target", session.target.string()},
+       {"session_text", session_text}});
+  files["target.yaml"] = RefinedTarget(target, calibration);
+  files["poses.csv"] = PosesCsv(calibration);
+  if (session.cameras.size() > 1) files["view_poses.csv"] = ViewPosesCsv(calibration);
+  files["residuals.csv"] = ResidualsCsv(calibration);
+  files["correlations.csv"] = CorrelationsCsv(calibration);
+  for (const auto& [name, content] : files) out.Write(name, content);
   WriteDetections(session, observations, command.out, &out);
+  if (command.report) {
+    console.Progress("report");
+    for (CameraFile& file : observations.files) files[file.name] = std::move(file.content);
+    // A calibration is not lost for want of its picture.
+    try {
+      out.Write("report.html", ReportHtml(files, command.out.string(), ReadAttenuationMapByModule));
+    } catch (const Error& error) {
+      console.Message(fmt::format("report.html was not written: {}", error.what()));
+    }
+  }
   out.Commit();
   store.RemoveUnused();
   fmt::print("{}\nwritten to {}\n", Summary(calibration), command.out.string());

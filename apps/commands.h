@@ -20,6 +20,7 @@ struct SessionCommand {
   bool keep = false;       ///< pictures of the stages in OUT/images
   bool fresh = false;      ///< takes over nothing from earlier runs
   bool jackknife = false;  ///< calibrate: sigmas by leaving out frames beside the others
+  bool report = true;  ///< write report.html as well
 };
 
 /// The white images of a session's cameras, or, with `model`, those that `inputs` name.
@@ -93,6 +94,8 @@ void RunExport(const ExportCommand& command, const ConsoleOptions& options);
 /// `plenocal import`: calibration.yaml, target.yaml, detections or micro lenses from another
 /// tool's file.
 void RunImport(const ImportCommand& command, const ConsoleOptions& options);
+/// `plenocal report`: report.html of a calibration's folder, from the files there alone.
+void RunReport(const std::filesystem::path& folder);
 /// `plenocal models`: the registered camera models on standard output.
 void RunModels();
 

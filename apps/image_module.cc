@@ -101,4 +101,13 @@ std::string DrawBarChartByModule(const BarChart& chart, PictureFormat format) {
   return content;
 }
 
+AttenuationMap ReadAttenuationMapByModule(const std::string& tiff,
+                                          const std::string& name,
+                                          int longer) {
+  AttenuationMap map;
+  FromModule<decltype(plenocal_read_attenuation_map)>("plenocal_read_attenuation_map")(
+      tiff, name, longer, &map);
+  return map;
+}
+
 }  // namespace plenocal

@@ -6,6 +6,7 @@
 
 #include "apps/evaluate/bar_chart.h"
 #include "apps/print/print_target.h"
+#include "apps/report/attenuation_map.h"
 #include "apps/simulate/simulate.h"
 #include "calib/session.h"
 #include "detectors/detect_images.h"
@@ -41,6 +42,12 @@ extern "C" void plenocal_draw_bar_chart(const plenocal::BarChart& chart,
                                         plenocal::PictureFormat format,
                                         std::string* content);
 
+/// What the image module exports: `ReadAttenuationMap` of apps/report/attenuation_map.h.
+extern "C" void plenocal_read_attenuation_map(const std::string& tiff,
+                                              const std::string& name,
+                                              int longer,
+                                              plenocal::AttenuationMap* map);
+
 namespace plenocal {
 
 /// Tells this build of the image module from others: the hash of its file.
@@ -67,5 +74,10 @@ std::string SimulateByModule(const SimulateCommand& command, const SimulateOptio
 
 /// `DrawBarChart` by the image module.
 std::string DrawBarChartByModule(const BarChart& chart, PictureFormat format);
+
+/// `ReadAttenuationMap` by the image module.
+AttenuationMap ReadAttenuationMapByModule(const std::string& tiff,
+                                          const std::string& name,
+                                          int longer);
 
 }  // namespace plenocal

@@ -34,3 +34,10 @@ extern "C" void plenocal_draw_bar_chart(const plenocal::BarChart& chart,
                                         std::string* content) {
   *content = plenocal::DrawBarChart(chart, format);
 }
+
+extern "C" void plenocal_read_attenuation_map(const std::string& tiff,
+                                              const std::string& name,
+                                              int longer,
+                                              plenocal::AttenuationMap* map) {
+  *map = plenocal::ReadAttenuationMap(tiff, name, longer);
+}

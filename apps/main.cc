@@ -87,12 +87,13 @@ int main(int argc, char** argv) {  // NOLINT(bugprone-exception-escape)
       "From images (or detections) to camera parameters, poses and target.\n\n"
       "  plenocal calibrate session.yaml -o OUT\n\n"
       "writes OUT/calibration.yaml, target.yaml, poses.csv, view_poses.csv (of a rig), "
-      "residuals.csv and detections_<camera>.csv, "
+      "residuals.csv, correlations.csv, detections_<camera>.csv and report.html, "
       "and prints a summary.",
       plenocal::RunCalibrate);
   calibrate->add_flag("--jackknife",
                       session_command.jackknife,
                       "print beside each sigma that of a jackknife over frames");
+  calibrate->add_flag("!--no-report", session_command.report, "do not write OUT/report.html");
   add_session_command(
       "detect", "Only find the markers: writes OUT/detections_<camera>.csv.", plenocal::RunDetect);
   plenocal::WhiteCommand white_command;
@@ -264,6 +265,16 @@ int main(int argc, char** argv) {  // NOLINT(bugprone-exception-escape)
   importer->add_option("-o,--out", import_command.out, "folder, or the file to write")->required();
   importer->add_flag("--quiet", options.quiet, "no messages and no progress, only errors");
   importer->callback([&] { run = [&] { RunImport(import_command, options); }; });
+  std::filesystem::path report_folder;
+  CLI::App* report = app.add_subcommand(
+      "report",
+      "The report of a calibration once more, from the files in its folder alone.\n\n"
+      "  plenocal report OUT\n\n"
+      "writes OUT/report.html: one page that opens in any browser, without network.");
+  report->add_option("out", report_folder, "folder that 'plenocal calibrate' wrote")->required();
+  bool quiet_report = false;  // it has nothing to say; accepted as on each command
+  report->add_flag("--quiet", quiet_report, "no messages and no progress, only errors");
+  report->callback([&] { run = [&] { plenocal::RunReport(report_folder); }; });
   app.add_subcommand("models", "List the camera models, their parameters, units and source.")
       ->callback([&] { run = plenocal::RunModels; });
 

@@ -40,7 +40,11 @@ std::string YamlQuoted(const std::string& text) {
   std::string quoted = "\"";
   for (const char c : text) {
     if (c == '"' || c == '\\') quoted += '\\';
-    quoted += c == '\n' ? ' ' : c;
+    if (c == '\n') {
+      quoted += "\\n";
+    } else {
+      quoted += c;
+    }
   }
   return quoted + "\"";
 }
@@ -300,6 +304,7 @@ std::string ViewPosesCsv(const Calibration& calibration) {
 
 std::string ResidualsCsv(const Calibration& calibration) {
   constexpr int kDecimals = 5;
+  constexpr int kSigmaDecimals = 9;  // simulated observations may be all but exact
   const Bundle& bundle = calibration.bundle;
   const auto measured = UnionOf(bundle, &CameraModel::measured);
   const auto context = UnionOf(bundle, &CameraModel::context);
@@ -308,7 +313,7 @@ std::string ResidualsCsv(const Calibration& calibration) {
   for (const std::string_view name : measured) text.append(",d").append(name);
   text += ",used";
   for (const std::string_view name : context) text.append(",").append(name);
-  text += '\n';
+  text += ",sigma\n";
   text.reserve(text.size() + 64 * bundle.observations.size());
 
   // Camera by camera, as a reader of one camera expects.
@@ -338,8 +343,25 @@ std::string ResidualsCsv(const Calibration& calibration) {
       for (const std::string_view name : context) {
         number(model.context, name, values + model.measured.size());
       }
+      text += ',';
+      AppendFixed(NoiseSigma(bundle.cameras[c], observation.seen), kSigmaDecimals, &text);
       text += '\n';
     }
+  }
+  return text;
+}
+
+std::string CorrelationsCsv(const Calibration& calibration) {
+  const Uncertainty& uncertainty = calibration.uncertainty;
+  std::string text = "unknown";
+  for (const std::string& name : uncertainty.names) text += "," + name;
+  text += '\n';
+  for (Eigen::Index i = 0; i < uncertainty.correlation.rows(); ++i) {
+    text += uncertainty.names[static_cast<size_t>(i)];
+    for (Eigen::Index j = 0; j < uncertainty.correlation.cols(); ++j) {
+      fmt::format_to(std::back_inserter(text), ",{:.12g}", uncertainty.correlation(i, j));
+    }
+    text += '\n';
   }
   return text;
 }

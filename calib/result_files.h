@@ -21,8 +21,12 @@ std::string PosesCsv(const Calibration& calibration);
 /// In a rigid, synchronous rig that is the frame's own.
 std::string ViewPosesCsv(const Calibration& calibration);
 /// residuals.csv: every observation, measured minus predicted; those outside the model's domain
-/// have no prediction and leave dx, dy empty.
+/// have no prediction and leave dx, dy empty. The column sigma is that of each coordinate under the
+/// camera's noise.
 std::string ResidualsCsv(const Calibration& calibration);
+/// correlations.csv: the correlation matrix of all free intrinsics and mounts, a row an unknown.
+/// With the sigmas of calibration.yaml it gives their covariance.
+std::string CorrelationsCsv(const Calibration& calibration);
 /// What a person wants to read after a calibration; ends in a newline.
 std::string Summary(const Calibration& calibration);
 

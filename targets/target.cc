@@ -345,7 +345,10 @@ std::vector<std::string_view> TagFamilies() {
 }
 
 Target ReadTarget(const std::filesystem::path& path) {
-  const YamlNode node = YamlNode::ReadFile(path);
+  return ReadTarget(YamlNode::ReadFile(path));
+}
+
+Target ReadTarget(const YamlNode& node) {
   Target target;
   if (!node.Has("plenocal") && node.Has("target_type")) {
     target = internal::ReadKalibrTarget(node);

@@ -10,6 +10,8 @@
 #include <variant>
 #include <vector>
 
+#include "calib/yaml.h"
+
 namespace plenocal {
 
 /// Tags of the AprilTag library: a free arrangement in 3D or a regular grid. A tag's corners are
@@ -74,6 +76,8 @@ std::vector<std::string_view> TagFamilies();
 /// Reads target.yaml of any type, or Kalibr's own target file (`target_type: aprilgrid`,
 /// `checkerboard` or `circlegrid`). Throws `Error` with file, line and key.
 Target ReadTarget(const std::filesystem::path& path);
+/// The same of a file's root node.
+Target ReadTarget(const YamlNode& node);
 
 /// The target without its refinement: markers where the nominal keys put them. A target of type
 /// `markers` has no others and stays as it is.

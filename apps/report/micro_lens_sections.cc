@@ -1,0 +1,99 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/report/micro_lens_sections.h"
+
+#include <Eigen/QR>
+#include <cmath>
+#include <unordered_map>
+
+#include "apps/report/csv_table.h"
+#include "apps/report/residual_sections.h"
+
+namespace plenocal {
+
+using Json = nlohmann::json;
+
+MicroLensTable::MicroLensTable(const std::string& csv, const std::string& name) {
+  const CsvTable table(csv, name);
+  has_lattice_ = table.Has("row") && table.Has("column");
+  const size_t x = table.Column("x"), y = table.Column("y"), type = table.Column("type");
+  for (size_t i = 0; i < table.Rows(); ++i) {
+    lenses_.push_back({{table.Number(i, x), table.Number(i, y)},
+                       table.Integer(i, type),
+                       has_lattice_ ? table.Integer(i, table.Column("row")) : 0,
+                       has_lattice_ ? table.Integer(i, table.Column("column")) : 0});
+  }
+}
+
+std::vector<int> MicroLensTable::TypesOf(const CameraResult& camera) const {
+  // Both files round the same centres, to different decimals.
+  constexpr double kCell = 1, kSame = 0.05;  // px
+  const auto key = [](int64_t column, int64_t row) { return column * 1'000'003 + row; };
+  const auto cell = [](double value) { return static_cast<int64_t>(std::floor(value / kCell)); };
+  std::unordered_map<int64_t, const Lens*> places;
+  for (const Lens& lens : lenses_) {
+    places[key(cell(lens.centre.x()), cell(lens.centre.y()))] = &lens;
+  }
+  const size_t context = camera.model->measured.size();
+  std::vector<int> types;
+  types.reserve(camera.residuals.size());
+  for (const ResidualRow& row : camera.residuals) {
+    const Eigen::Vector2d seen(row.values[context], row.values[context + 1]);
+    int type = -1;
+    for (const int64_t dx : {0, -1, 1}) {
+      for (const int64_t dy : {0, -1, 1}) {
+        const auto found = places.find(key(cell(seen.x()) + dx, cell(seen.y()) + dy));
+        if (found != places.end() && (found->second->centre - seen).norm() < kSame) {
+          type = found->second->type;
+        }
+      }
+    }
+    types.push_back(type);
+  }
+  return types;
+}
+
+Json MicroLensTable::GridSection(ImageSize image_size) const {
+  constexpr int kCells = 20;
+  constexpr size_t kLeast = 6;
+  if (!has_lattice_ || lenses_.size() < kLeast) return Json::object();
+  // centre = offset + column * e_column + row * e_row
+  const auto count = static_cast<Eigen::Index>(lenses_.size());
+  Eigen::MatrixXd A(count, 3), b(count, 2);
+  for (Eigen::Index i = 0; i < count; ++i) {
+    const Lens& lens = lenses_[static_cast<size_t>(i)];
+    A.row(i) << 1, lens.column, lens.row;
+    b.row(i) = lens.centre.transpose();
+  }
+  const Eigen::Matrix<double, 3, 2> fit =
+      (A.transpose() * A).ldlt().solve(A.transpose() * b);
+  const Eigen::MatrixXd off = b - A * fit;
+
+  const ImageGrid grid(image_size, kCells);
+  std::vector<int> points(grid.Cells(), 0);
+  std::vector<Eigen::Vector2d> sum(grid.Cells(), Eigen::Vector2d::Zero());
+  std::map<int, int> types;
+  for (Eigen::Index i = 0; i < count; ++i) {
+    const Lens& lens = lenses_[static_cast<size_t>(i)];
+    const size_t cell = grid.Cell(lens.centre.x(), lens.centre.y());
+    ++points[cell];
+    sum[cell] += off.row(i).transpose();
+    ++types[lens.type];
+  }
+  Json mean_x = Json::array(), mean_y = Json::array(), by_type = Json::array();
+  for (size_t cell = 0; cell < grid.Cells(); ++cell) {
+    mean_x.push_back(points[cell] > 0 ? Short(sum[cell].x() / points[cell]) : Json());
+    mean_y.push_back(points[cell] > 0 ? Short(sum[cell].y() / points[cell]) : Json());
+  }
+  for (const auto& [type, lenses] : types) by_type.push_back({{"type", type}, {"lenses", lenses}});
+  return {{"lenses", lenses_.size()},
+          {"types", by_type},
+          {"pitch", Short((fit.row(1).norm() + fit.row(2).norm()) / 2, 6)},
+          {"rms", Short(std::sqrt(off.squaredNorm() / static_cast<double>(count)))},
+          {"columns", grid.Columns()},
+          {"rows", grid.Rows()},
+          {"points", points},
+          {"mean_x", mean_x},
+          {"mean_y", mean_y}};
+}
+
+}  // namespace plenocal

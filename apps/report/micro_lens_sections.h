@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "apps/report/results.h"
+
+namespace plenocal {
+
+/// The micro lenses of one camera as micro_lenses_<camera>.csv has them.
+class MicroLensTable {
+ public:
+  /// `name` stands for the file in messages.
+  MicroLensTable(const std::string& csv, const std::string& name);
+
+  /// Type of the micro lens that each row of the residuals was seen through; -1: not in the table.
+  [[nodiscard]] std::vector<int> TypesOf(const CameraResult& camera) const;
+  /// How far the micro-image centres are from a regular lattice fitted to them. Empty when the file
+  /// has no rows and columns.
+  [[nodiscard]] nlohmann::json GridSection(ImageSize image_size) const;
+
+ private:
+  struct Lens {
+    Eigen::Vector2d centre;
+    int type, row, column;
+  };
+  std::vector<Lens> lenses_;
+  bool has_lattice_ = false;
+};
+
+}  // namespace plenocal

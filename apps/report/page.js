@@ -1,0 +1,262 @@
+// From the report's data to the page, section by section.
+
+const report = JSON.parse(document.getElementById("report-data").textContent);
+const main = document.getElementById("main");
+
+function section(title) {
+  const id = title.toLowerCase().replace(/[^a-z]+/g, "-");
+  const node = element("section", { id }, element("h2", {}, title));
+  document.getElementById("contents").append(element("a", { href: `#${id}` }, title));
+  main.append(node);
+  return node;
+}
+const note = (parent, text) => parent.append(element("p", { class: "note" }, text));
+const figures = (parent) => { const node = element("div", { class: "figures" }); parent.append(node); return node; };
+const cell = (text, value) => element("td", value === undefined || value === null ? {} : { "data-value": String(value) }, text);
+const row = (...cells) => element("tr", {}, ...cells);
+const table = (caption, head, rows) => element("div", { class: "scroll" }, element("table", {},
+  element("caption", {}, caption),
+  element("thead", {}, row(...head.map((text) => element("th", {}, text)))), element("tbody", {}, ...rows)));
+const unitText = (unit) => (unit === "1" ? "" : unit);
+
+/** value and sigma with the digits that sigma justifies. */
+function withSigma(value, sigma) {
+  if (sigma === null) return [brief(value, 6), "not determined"];
+  if (!(sigma > 0)) return [brief(value, 9), "held"];
+  const digits = 1 - Math.floor(Math.log10(sigma));
+  if (Math.abs(value) >= 1e6 || (value !== 0 && Math.abs(value) < 1e-4) || digits > 9) {
+    const significant = Math.max(2, Math.min(15, Math.floor(Math.log10(Math.abs(value) || 1)) + digits + 1));
+    return [value.toExponential(significant - 1), sigma.toExponential(1)];
+  }
+  const shown = Math.min(Math.max(digits, 0), 12);
+  return [value.toFixed(shown), sigma.toFixed(shown)];
+}
+
+function addVerdict() {
+  const { grade, headline, findings } = report.verdict;
+  const node = section("Verdict");
+  const box = element("div", { class: `verdict ${grade}` }, element("strong", {}, headline));
+  for (const camera of report.cameras) {
+    const r = camera.residuals;
+    box.append(element("div", {}, `${camera.name}: RMS ${brief(r.rms, 4)} px over ${r.points} points in ${r.views} images; noise ${brief(r.noise, 3)} px a coordinate` +
+      (r.detector_sigma ? `, detector ${brief(r.detector_sigma, 3)} px` : "") + "."));
+  }
+  node.append(box);
+  if (findings.length === 0) {
+    note(node, "The parameters are determined, the points cover the image, distances and tilts, and what is left of them is noise.");
+    return;
+  }
+  node.append(element("ul", { class: "findings" }, ...findings.map((finding) =>
+    element("li", { class: finding.grade }, finding.what, finding.remedy ? element("em", {}, finding.remedy) : null))));
+}
+
+function addParameters() {
+  const node = section("Parameters");
+  for (const camera of report.cameras) {
+    const r = camera.residuals;
+    node.append(element("h3", {}, `${camera.name}: ${camera.model}, ${camera.image_size[0]} x ${camera.image_size[1]} px`));
+    const tables = element("div", { class: "tables" });
+    node.append(tables);
+    tables.append(table("parameters, one standard deviation", ["", "value", "sigma", "unit"], camera.parameters.map((p) => {
+      const [value, sigma] = withSigma(p.value, p.sigma);
+      return row(cell(p.name), cell(value, p.value), cell(sigma, p.sigma), cell(unitText(p.unit)));
+    })));
+    tables.append(table("residuals", ["", "", ""], [
+      ["RMS of the residuals' length", r.rms, "px"], ["points used", r.points, ""], ["points rejected", r.rejected, ""], ["images", r.views, ""],
+      ["noise of one coordinate", r.noise, "px"], ["stated by the detector", r.detector_sigma, "px"], ["floor that the points allow", r.floor, "px"],
+      ...Object.entries(r.rms_by_type).map(([type, rms]) => [`RMS of lens type ${type}`, rms, "px"]),
+    ].filter(([, value]) => value !== undefined).map(([name, value, unit]) => row(cell(name), cell(brief(value, 6), value), cell(unit)))));
+    if (camera.xi_camera_rig.some((v) => v !== 0)) {
+      tables.append(table("T_camera_rig as se(3) vector", ["", "value", "sigma", "unit"], ["v_x", "v_y", "v_z", "w_x", "w_y", "w_z"].map((name, i) => {
+        const [value, sigma] = withSigma(camera.xi_camera_rig[i], camera.sigma_xi[i]);
+        return row(cell(name), cell(value, camera.xi_camera_rig[i]), cell(sigma, camera.sigma_xi[i]), cell(i < 3 ? "m" : "rad"));
+      })));
+    }
+    note(node, camera.source);
+  }
+}
+
+function addResiduals(camera, parent) {
+  const { sample, field, histogram, frames, markers, types } = camera.plots;
+  parent.append(element("h3", {}, camera.name));
+  if (sample.step > 1) note(parent, `Single points: every ${sample.step}th of ${sample.all}. All other plots count every point.`);
+  const grid = figures(parent);
+  const points = (used) => sample.x.map((unused, i) => ({ x: sample.dx[i], y: sample.dy[i], i })).filter(({ i }) => sample.used[i] === used);
+  const used = points(1), rejected = points(0);
+  const reach = 1.1 * used.reduce((a, p) => Math.max(a, Math.abs(p.x), Math.abs(p.y)), 0) || 1;
+  const beyond = rejected.filter((p) => Math.abs(p.x) > reach || Math.abs(p.y) > reach).length;
+  const name = (item) => { const { i } = item.raw; return `frame ${report.frames[sample.frame[i]].name}, marker ${sample.marker[i]}: (${brief(sample.dx[i])}, ${brief(sample.dy[i])}) px`; };
+  addFigure(grid, "Residuals", "Measured minus predicted." + (beyond ? ` ${beyond} rejected points lie outside.` : ""), used.length, (canvas) => scatter(canvas, [
+    { label: "used", data: used, pointRadius: 1.5, backgroundColor: Colours.faint, borderWidth: 0 },
+    { label: "rejected", data: rejected, pointRadius: 2.5, backgroundColor: Colours.rejected, borderWidth: 0 },
+  ], { x: axis("dx, px", { min: -reach, max: reach, ticks: { callback: (v) => brief(v, 2) } }), y: axis("dy, px", { min: -reach, max: reach, reverse: true, ticks: { callback: (v) => brief(v, 2) } }) }, { label: name }), { aspect: 1.2 });
+  addArrowMap(grid, "Direction and magnitude over the image", "Means in cells; without a pattern they point anywhere.", camera.image_size, field, field.rms, "px");
+  addFigure(grid, "Histogram of both coordinates", `In units of their own sigma, with the normal distribution.` + (histogram.outside ? ` ${histogram.outside} of ${histogram.coordinates} lie outside.` : ""), histogram.coordinates, (canvas) => bars(canvas, histogram.sigmas, [
+    { type: "line", label: "normal", data: histogram.expected, borderColor: Colours.second, pointRadius: 0, borderWidth: 2 },
+    { label: "residuals", data: histogram.counts, backgroundColor: Colours.faint },
+  ], { x: { title: { display: true, text: "residual / sigma" } }, y: axis("coordinates") }), { aspect: 1.2 });
+  const groupBars = (title, text, names, group, unit) => addFigure(grid, title, text, group.points.length, (canvas) => bars(canvas, names, [
+    { label: "RMS", data: group.rms, backgroundColor: Colours.main },
+  ], { x: { title: { display: true, text: unit }, ticks: { maxTicksLimit: 20 } }, y: axis("RMS, px", { beginAtZero: true }) }, {
+    tooltip: { afterLabel: (item) => `${group.points[item.dataIndex]} points, ${group.rejected[item.dataIndex]} rejected` },
+  }), { wide: names.length > 80, aspect: names.length > 80 ? 3.2 : 1.5 });
+  groupBars("Per frame", "RMS of the residuals' length.", frames.frame.map((f) => report.frames[f].name), frames, "frame");
+  groupBars("Per marker", "RMS of the residuals' length.", markers.marker, markers, "marker");
+  if (types.type.length > 0) groupBars("Per lens type", "The numbers of the types have no meaning beyond telling them apart.", types.type, types, "lens type");
+}
+
+function addCoverage(camera, parent) {
+  const { sample, field, depth } = camera.plots;
+  parent.append(element("h3", {}, camera.name));
+  const grid = figures(parent), size = camera.image_size;
+  const points = sample.x.map((x, i) => ({ x, y: sample.y[i], i })).filter(({ i }) => sample.used[i]);
+  const depths = points.map(({ i }) => sample.depth[i]);
+  const near = depths.reduce((a, b) => Math.min(a, b), Infinity), far = depths.reduce((a, b) => Math.max(a, b), -Infinity);
+  addFigure(grid, "Points in the image", "Colour: depth." + (sample.step > 1 ? ` Every ${sample.step}th of ${sample.all} points.` : ""), points.length, (canvas) => scatter(canvas, [
+    { data: points, pointRadius: 2, borderWidth: 0, backgroundColor: depths.map((z) => Colours.ramp((z - near) / (far - near || 1))) },
+  ], imageScales(size), { label: (item) => `frame ${report.frames[sample.frame[item.raw.i]].name}, marker ${sample.marker[item.raw.i]}, depth ${brief(sample.depth[item.raw.i])} m` }),
+  { aspect: imageAspect(size), legend: colourScale(`${brief(near)} m`, `${brief(far)} m`, Colours.ramp) });
+  addCellMap(grid, "Points in each part of the image", "White: none; the distortion there is a guess.", size, field.columns, field.rows, field.points.map((n) => (n > 0 ? n : null)), "points", [0, field.points.reduce((a, b) => Math.max(a, b), 1)]);
+  if (depth.counts) {
+    addFigure(grid, "Depth", "z of the markers in the camera's frame.", depth.counts.length, (canvas) => bars(canvas, depth.middles.map((z) => brief(z)), [
+      { label: "points", data: depth.counts, backgroundColor: Colours.main },
+    ], { x: { title: { display: true, text: "depth, m" } }, y: axis("points") }), { aspect: 1.5 });
+  }
+}
+
+function addMarkers() {
+  const moved = report.markers.filter((marker) => marker.moved);
+  const node = section("Markers");
+  if (moved.length === 0) {
+    note(node, "The markers were held at their nominal places.");
+    return;
+  }
+  const length = (v) => Math.hypot(...v);
+  const rms = Math.sqrt(moved.reduce((sum, m) => sum + length(m.moved) ** 2, 0) / moved.length);
+  const worst = moved.reduce((a, b) => (length(b.moved) > length(a.moved) ? b : a));
+  note(node, `Refined against nominal places: moved by ${brief(1e3 * rms)} mm RMS (tolerance ${brief(1e3 * report.marker_tolerance)} mm a coordinate), at most ${brief(1e3 * length(worst.moved))} mm (marker ${worst.number}).`);
+  const grid = figures(node), names = ["x", "y", "z"];
+  const span = names.map((unused, k) => moved.reduce((a, m) => Math.max(a, m.place[k]), -Infinity) - moved.reduce((a, m) => Math.min(a, m.place[k]), Infinity));
+  // A plane shows itself in two coordinates; a target in space needs another view.
+  const views = [[0, 1], [0, 2], [1, 2]].filter(([a, b]) => Math.min(span[a], span[b]) > 0.02 * Math.max(...span));
+  for (const [a, b] of views) {
+    const c = 3 - a - b;
+    const range = (k) => { const values = moved.map((m) => 1e3 * m.place[k]); return [Math.min(...values), Math.max(...values)]; };
+    const [[x0, x1], [y0, y1]] = [range(a), range(b)], pad = 0.08 * Math.max(x1 - x0, y1 - y0);
+    const magnify = 0.08 * Math.max(x1 - x0, y1 - y0) / (1e3 * rms || 1);
+    const most = moved.reduce((w, m) => Math.max(w, Math.abs(m.moved[c])), 0) || 1;
+    const points = moved.map((m) => ({ x: 1e3 * m.place[a], y: 1e3 * m.place[b], m }));
+    addFigure(grid, `From nominal to refined, ${names[a]} and ${names[b]}`, `Arrows are ${brief(magnify, 2)} times as long as the displacement; colour: along ${names[c]}.`, points.length, (canvas) =>
+      scatter(canvas, [{ ...carriers(points), pointRadius: 1, backgroundColor: Colours.grey }], { x: axis(`${names[a]}, mm`, { min: x0 - pad, max: x1 + pad, ticks: { callback: (v) => brief(v) } }), y: axis(`${names[b]}, mm`, { min: y0 - pad, max: y1 + pad, ticks: { callback: (v) => brief(v) } }) }, {
+        paint: (ctx, toX, toY) => {
+          for (const { x, y, m } of points) {
+            const dx = 1e3 * m.moved[a] * magnify, dy = 1e3 * m.moved[b] * magnify;
+            const part = m.moved[c] / most;
+            drawArrow(ctx, toX(x), toY(y), toX(x + dx) - toX(x), toY(y + dy) - toY(y), Colours.ramp(0.85 * (part + 1) / 2));
+          }
+        },
+        label: (item) => { const { m } = item.raw; return `marker ${m.number}: (${m.moved.map((v) => brief(1e3 * v)).join(", ")}) mm, sigma (${m.sigma.map((v) => brief(1e3 * v, 2)).join(", ")})`; },
+      }), { aspect: Math.min(Math.max((x1 - x0 + 2 * pad) / (y1 - y0 + 2 * pad), 0.8), 2.2), legend: colourScale(`${names[c]}: ${brief(-1e3 * most)} mm`, `${brief(1e3 * most)} mm`, (part) => Colours.ramp(0.85 * part)) });
+  }
+}
+
+function addCorrelations() {
+  const { names, below_diagonal: rows } = report.correlation;
+  const node = section("Correlations");
+  if (rows.length < 2) {
+    note(node, "No correlations: there is no correlations.csv beside this calibration, or fewer than two unknowns.");
+    return;
+  }
+  const n = names.length, value = (i, j) => (i === j ? 1 : i > j ? rows[i][j] : rows[j][i]);
+  const points = [];
+  for (let i = 0; i < n; ++i) for (let j = 0; j < n; ++j) points.push({ x: j, y: i });
+  const tick = (k) => (Number.isInteger(k) && names[k] ? names[k].replace("T_camera_rig.", "") : "");
+  const scale = (more) => ({ type: "linear", min: -0.5, max: n - 0.5, grid: { display: false }, afterBuildTicks: (s) => { s.ticks = names.map((unused, k) => ({ value: k })); }, ticks: { callback: tick, autoSkip: true, font: { size: n > 25 ? 8 : 10 }, ...more } });
+  addFigure(figures(node), "Correlation matrix", "Unknowns with a correlation near 1 or -1 are known together, not apart.", points.length, (canvas) =>
+    scatter(canvas, [carriers(points)], { x: scale({ maxRotation: 90, minRotation: 90 }), y: { ...scale({}), reverse: true } }, {
+      paint: (ctx, toX, toY) => {
+        for (const { x, y } of points) {
+          ctx.fillStyle = Colours.signed(value(y, x));
+          ctx.fillRect(toX(x - 0.5), toY(y - 0.5), toX(x + 0.5) - toX(x - 0.5) + 0.3, toY(y + 0.5) - toY(y - 0.5) + 0.3);
+        }
+      },
+      label: (item) => `${names[item.raw.y]}, ${names[item.raw.x]}: ${value(item.raw.y, item.raw.x)}`,
+    }), { wide: n > 10, aspect: 1.1, legend: colourScale("−1", "1", (part) => Colours.signed(2 * part - 1)) }).canvas.parentNode.style.maxWidth = "900px";
+}
+
+function addPrecision() {
+  const node = section("Uncertainty in use");
+  for (const camera of report.cameras) {
+    node.append(element("h3", {}, camera.name));
+    if (camera.projection.length === 0) {
+      note(node, "Not known: some parameter is not determined, or there is no correlations.csv beside this calibration.");
+      continue;
+    }
+    note(node, "Standard deviation of where a point is projected, from the parameters' errors, in the worst direction. What a turn or shift of the camera's frame undoes is taken off.");
+    const grid = figures(node);
+    camera.projection.forEach((map, i) => {
+      const far = i === camera.projection.length - 1 ? " (ten times the farthest marker)" : "";
+      if (map.sigma.some((v) => v !== null)) addCellMap(grid, `Points ${brief(map.distance)} m away${far}`, "", camera.image_size, map.columns, map.rows, map.sigma, "px");
+    });
+    const { distance, calibration, noise } = camera.distance;
+    if (distance.length > 0) {
+      const series = (values) => distance.map((x, i) => ({ x, y: 1e3 * values[i] }));
+      addFigure(grid, "Measured distance of a marker", "Standard deviation of the distance that one image gives for one marker.", distance.length, (canvas) => scatter(canvas, [
+        { label: "from the calibration's errors", data: series(calibration), pointRadius: 2, borderWidth: 0, backgroundColor: Colours.second },
+        { label: "from the noise of its own points", data: series(noise), pointRadius: 2, borderWidth: 0, backgroundColor: Colours.faint },
+      ], { x: axis("distance, m"), y: axis("sigma, mm", { type: "logarithmic", ticks: { maxTicksLimit: 8, callback: (v) => brief(v, 1) } }) }));
+    }
+  }
+}
+
+function addWhite() {
+  const cameras = report.cameras.filter((camera) => camera.vignetting.values || camera.micro_lenses.lenses);
+  if (cameras.length === 0) return;
+  const node = section("White images");
+  for (const camera of cameras) {
+    node.append(element("h3", {}, camera.name));
+    const grid = figures(node), v = camera.vignetting, lenses = camera.micro_lenses, size = camera.image_size;
+    if (v.values) {
+      addCellMap(grid, "Vignetting", "Attenuation, means of blocks; 1 at its greatest.", size, v.columns, v.rows, v.values, "");
+      const line = ({ step, values }) => values.map((y, i) => ({ x: (i + 0.5) * step - 0.5, y }));
+      addFigure(grid, "Cross section of the vignetting", v.row.step > 1 ? `Means of ${v.row.step} px.` : "", v.row.values.length, (canvas) => scatter(canvas, [
+        { label: "middle row", data: line(v.row), showLine: true, pointRadius: 0, borderWidth: 1, borderColor: Colours.main },
+        { label: "middle column", data: line(v.column), showLine: true, pointRadius: 0, borderWidth: 1, borderColor: Colours.second },
+      ], { x: axis("x or y, px"), y: axis("attenuation", { beginAtZero: true }) }));
+    }
+    if (lenses.lenses) {
+      addArrowMap(grid, "Micro-image centres against a regular lattice", `${lenses.lenses} micro lenses (${lenses.types.map((t) => `type ${t.type}: ${t.lenses}`).join(", ")}), ${brief(lenses.pitch, 5)} px apart; RMS ${brief(lenses.rms)} px. Lens distortion bends the lattice.`, size, lenses, null, "px");
+    }
+  }
+}
+
+function addLeftOut() {
+  const node = section("Left out");
+  const rejected = report.cameras.filter((camera) => camera.residuals.rejected > 0);
+  for (const camera of rejected) note(node, `${camera.name}: ${camera.residuals.rejected} points rejected as outliers or outside the model's domain (used = 0 in residuals.csv).`);
+  if (report.left_out.length === 0) note(node, rejected.length ? "No image was left out." : "Nothing was left out.");
+  else node.append(element("ul", { class: "list" }, ...report.left_out.map((text) => element("li", {}, text))));
+}
+
+function addAgain() {
+  const node = section("Run it again"), values = Object.fromEntries(report.provenance);
+  if (values.command) node.append(element("pre", {}, values.command));
+  note(node, `Plenocal ${values.plenocal_version || "of unknown version"}; session ${values.session || "unknown"}, target ${values.target || "unknown"}.`);
+  if (values.session_text) node.append(element("h3", {}, "Session"), element("pre", {}, values.session_text));
+}
+
+document.getElementById("subtitle").textContent =
+  `${report.cameras.map((camera) => `${camera.name} (${camera.model})`).join(", ")}; ${report.frames.length} frames, ${report.markers.length} markers`;
+addVerdict();
+addParameters();
+const residualSection = section("Residuals");
+for (const camera of report.cameras) addResiduals(camera, residualSection);
+const coverageSection = section("Coverage");
+for (const camera of report.cameras) addCoverage(camera, coverageSection);
+addScene(section("In space"), report);
+addMarkers();
+addCorrelations();
+addPrecision();
+addWhite();
+addLeftOut();
+addAgain();

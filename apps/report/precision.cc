@@ -1,0 +1,182 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/report/precision.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+
+namespace plenocal {
+namespace {
+
+using RowMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+
+/// Derivatives of one projection.
+struct Projected {
+  RowMatrix by_params;
+  Eigen::Matrix<double, 2, 3, Eigen::RowMajor> by_point;
+};
+
+std::optional<Projected> Differentiate(const CameraResult& camera,
+                                       const double* values,
+                                       const Eigen::Vector3d& p_cam) {
+  Projected out{RowMatrix(2, static_cast<Eigen::Index>(camera.params.size())), {}};
+  double predicted[kMaxObservationSize];
+  if (!camera.model->project_with_jacobian(camera.params.data(),
+                                           camera.config.data(),
+                                           values,
+                                           p_cam,
+                                           predicted,
+                                           out.by_params.data(),
+                                           out.by_point.data())) {
+    return std::nullopt;
+  }
+  if (!out.by_params.allFinite() || !out.by_point.allFinite()) return std::nullopt;
+  return out;
+}
+
+// Distances of the used points from the camera, sorted.
+std::vector<double> Distances(const Results& results, size_t c) {
+  std::vector<double> distances;
+  std::map<int, RigidTransform> poses;
+  for (const ResidualRow& row : results.cameras[c].residuals) {
+    if (!row.used) continue;
+    auto pose = poses.find(row.frame);
+    if (pose == poses.end()) {
+      pose = poses.emplace(row.frame, results.CameraFromTarget(c, row.frame)).first;
+    }
+    distances.push_back((pose->second * results.markers.at(row.marker)).norm());
+  }
+  std::sort(distances.begin(), distances.end());
+  return distances;
+}
+
+// For each cell what an observation in its middle looks like. A model with a context sees through
+// something whose place only observations know: the one nearest to the middle is taken.
+std::vector<std::optional<std::array<double, kMaxObservationSize>>> CellValues(
+    const CameraResult& camera, const ImageGrid& grid) {
+  std::vector<std::optional<std::array<double, kMaxObservationSize>>> values(grid.Cells());
+  if (camera.model->context.empty()) {
+    for (size_t cell = 0; cell < grid.Cells(); ++cell) {
+      const Eigen::Vector2d middle = grid.Middle(cell);
+      values[cell] = {middle.x(), middle.y()};
+    }
+    return values;
+  }
+  std::vector<double> nearest(grid.Cells(), std::numeric_limits<double>::infinity());
+  for (const ResidualRow& row : camera.residuals) {
+    if (!row.used) continue;
+    const Eigen::Vector2d place(row.values[0], row.values[1]);
+    const size_t cell = grid.Cell(place.x(), place.y());
+    const double distance = (place - grid.Middle(cell)).norm();
+    if (distance >= nearest[cell]) continue;
+    nearest[cell] = distance;
+    values[cell] = row.values;
+  }
+  return values;
+}
+
+double WorstSigma(const RowMatrix& J, const Eigen::MatrixXd& covariance) {
+  const Eigen::Matrix2d spread = J * covariance * J.transpose();
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> solver(spread, Eigen::EigenvaluesOnly);
+  return std::sqrt(std::max(0.0, solver.eigenvalues()[1]));
+}
+
+}  // namespace
+
+std::vector<ProjectionMap> ProjectionMaps(const Results& results, size_t c) {
+  constexpr int kCells = 24;
+  const CameraResult& camera = results.cameras[c];
+  const std::vector<double> distances = Distances(results, c);
+  if (camera.covariance.size() == 0 || distances.empty()) return {};
+  const ImageGrid grid(camera.image_size, kCells);
+  const auto cell_values = CellValues(camera, grid);
+
+  std::vector<ProjectionMap> maps;
+  std::vector<std::vector<std::optional<Projected>>> projected;
+  std::vector<std::vector<Eigen::Matrix<double, 2, 6>>> by_motion;
+  const Eigen::Index count = static_cast<Eigen::Index>(camera.params.size());
+  Matrix6d normal = Matrix6d::Zero();
+  Eigen::MatrixXd mixed = Eigen::MatrixXd::Zero(6, count);
+  for (const double distance : {distances.front(),
+                                distances[distances.size() / 2],
+                                distances.back(),
+                                10 * distances.back()}) {
+    maps.push_back({distance, grid, std::vector<double>(grid.Cells(), std::nan(""))});
+    auto& here = projected.emplace_back(grid.Cells());
+    auto& motion = by_motion.emplace_back(grid.Cells());
+    for (size_t cell = 0; cell < grid.Cells(); ++cell) {
+      if (!cell_values[cell]) continue;
+      const std::optional<Ray> ray = camera.model->unproject(
+          camera.params.data(), camera.config.data(), cell_values[cell]->data());
+      if (!ray) continue;
+      const Eigen::Vector3d p = ray->origin + distance * ray->direction;
+      here[cell] = Differentiate(camera, cell_values[cell]->data(), p);
+      if (!here[cell]) continue;
+      Eigen::Matrix<double, 3, 6> moved;
+      moved << Eigen::Matrix3d::Identity(), -Hat(p);
+      motion[cell] = here[cell]->by_point * moved;
+      normal += motion[cell].transpose() * motion[cell];
+      mixed += motion[cell].transpose() * here[cell]->by_params;
+    }
+  }
+  const Eigen::MatrixXd follow = normal.ldlt().solve(mixed);
+  if (!follow.allFinite()) return {};
+  for (size_t m = 0; m < maps.size(); ++m) {
+    for (size_t cell = 0; cell < grid.Cells(); ++cell) {
+      if (!projected[m][cell]) continue;
+      const RowMatrix J = projected[m][cell]->by_params - by_motion[m][cell] * follow;
+      maps[m].sigma[cell] = WorstSigma(J, camera.covariance);
+    }
+  }
+  return maps;
+}
+
+std::vector<DistancePrecision> DistancePrecisions(const Results& results, size_t c, size_t most) {
+  const CameraResult& camera = results.cameras[c];
+  if (camera.covariance.size() == 0 || camera.model->context.empty()) return {};
+  std::map<std::pair<int, int>, std::vector<const ResidualRow*>> seen;  // by frame, marker
+  for (const ResidualRow& row : camera.residuals) {
+    if (row.used) seen[{row.frame, row.marker}].push_back(&row);
+  }
+  std::erase_if(seen, [](const auto& item) { return item.second.size() < 2; });
+  const size_t step = std::max<size_t>(1, (seen.size() + most - 1) / std::max<size_t>(most, 1));
+  std::vector<DistancePrecision> precisions;
+  size_t index = 0;
+  for (const auto& [key, rows] : seen) {
+    if (index++ % step != 0) continue;
+    const Eigen::Vector3d p =
+        results.CameraFromTarget(c, key.first) * results.markers.at(key.second);
+    Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
+    Eigen::MatrixXd mixed =
+        Eigen::MatrixXd::Zero(3, static_cast<Eigen::Index>(camera.params.size()));
+    for (const ResidualRow* row : rows) {
+      const std::optional<Projected> projected = Differentiate(camera, row->values.data(), p);
+      if (!projected) continue;
+      const double sigma = row->sigma > 0 ? row->sigma : camera.noise;
+      if (!(sigma > 0)) continue;
+      const Eigen::Matrix<double, 3, 2> weighted =
+          projected->by_point.transpose() / (sigma * sigma);
+      normal += weighted * projected->by_point;
+      mixed += weighted * projected->by_params;
+    }
+    const Eigen::FullPivLU<Eigen::Matrix3d> factor(normal);
+    if (!factor.isInvertible()) continue;
+    const Eigen::Matrix3d covariance = factor.inverse();
+    const Eigen::Vector3d along = p.normalized();
+    // dp = -(J_p' W J_p)^-1 J_p' W J_params dparams
+    const Eigen::RowVectorXd by_params = along.transpose() * covariance * mixed;
+    precisions.push_back(
+        {p.norm(),
+         std::sqrt(std::max(
+             0.0, (by_params * camera.covariance * by_params.transpose()).value())),
+         std::sqrt(std::max(0.0, along.dot(covariance * along)))});
+  }
+  std::sort(precisions.begin(), precisions.end(), [](const auto& a, const auto& b) {
+    return a.distance < b.distance;
+  });
+  return precisions;
+}
+
+}  // namespace plenocal

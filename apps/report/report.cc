@@ -1,0 +1,314 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/report/report.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "apps/report/micro_lens_sections.h"
+#include "apps/report/page_parts.h"
+#include "apps/report/precision.h"
+#include "apps/report/residual_sections.h"
+#include "apps/report/verdict.h"
+#include "calib/error.h"
+
+namespace plenocal {
+namespace {
+
+using Json = nlohmann::json;
+
+Json Vector(const Eigen::Vector3d& v) {
+  return {Short(v.x(), 7), Short(v.y(), 7), Short(v.z(), 7)};
+}
+
+Json Transform(const RigidTransform& T) {
+  Json rows = Json::array();
+  for (int r = 0; r < 3; ++r) {
+    for (int c = 0; c < 3; ++c) rows.push_back(Short(T.R(r, c), 6));
+  }
+  return {{"R", rows}, {"t", Vector(T.t)}};
+}
+
+const char* GradeName(Grade grade) {
+  switch (grade) {
+    case Grade::kGood: return "good";
+    case Grade::kWeak: return "weak";
+    case Grade::kBad: return "bad";
+  }
+  return "";
+}
+
+Json VerdictJson(const Verdict& verdict) {
+  Json findings = Json::array();
+  for (const Finding& finding : verdict.findings) {
+    findings.push_back({{"grade", GradeName(finding.grade)},
+                        {"what", finding.what},
+                        {"remedy", finding.remedy}});
+  }
+  return {{"grade", GradeName(verdict.grade)},
+          {"headline", verdict.headline},
+          {"findings", findings}};
+}
+
+// Infinite numbers become null; the page says "not determined".
+Json Numbers(const std::vector<double>& values) {
+  Json list = Json::array();
+  for (const double value : values) list.push_back(std::isfinite(value) ? Json(value) : Json());
+  return list;
+}
+
+Json ParametersJson(const CameraResult& camera) {
+  Json parameters = Json::array();
+  for (size_t i = 0; i < camera.params.size(); ++i) {
+    const Param& param = camera.model->params[i];
+    parameters.push_back({{"name", param.name},
+                          {"unit", param.unit},
+                          {"value", camera.params[i]},
+                          {"sigma", std::isfinite(camera.sigma[i]) ? Json(camera.sigma[i]) : Json()},
+                          {"held", camera.sigma[i] == 0}});
+  }
+  return parameters;
+}
+
+Json FitJson(const CameraResult& camera) {
+  Json fit = {{"points", camera.points},
+              {"rejected", camera.rejected},
+              {"views", camera.views},
+              {"rms", camera.rms},
+              {"noise", camera.noise},
+              {"rms_by_type", camera.rms_by_type}};
+  if (camera.stated_sigma) fit["detector_sigma"] = *camera.stated_sigma;
+  if (camera.floor) fit["floor"] = *camera.floor;
+  return fit;
+}
+
+Json MapsJson(const std::vector<ProjectionMap>& maps) {
+  Json list = Json::array();
+  for (const ProjectionMap& map : maps) {
+    Json sigma = Json::array();
+    for (const double value : map.sigma) sigma.push_back(Short(value, 3));
+    list.push_back({{"distance", Short(map.distance)},
+                    {"columns", map.grid.Columns()},
+                    {"rows", map.grid.Rows()},
+                    {"sigma", sigma}});
+  }
+  return list;
+}
+
+Json PrecisionJson(const std::vector<DistancePrecision>& precisions) {
+  Json distance = Json::array(), calibration = Json::array(), noise = Json::array();
+  for (const DistancePrecision& each : precisions) {
+    distance.push_back(Short(each.distance));
+    calibration.push_back(Short(each.calibration, 3));
+    noise.push_back(Short(each.noise, 3));
+  }
+  return {{"distance", distance}, {"calibration", calibration}, {"noise", noise}};
+}
+
+// A cross section with at most `most` points: means of neighbours.
+Json Section(const std::vector<float>& values) {
+  constexpr size_t kMost = 2000;
+  const size_t step = (values.size() + kMost - 1) / kMost;
+  Json section = Json::array();
+  for (size_t i = 0; i < values.size(); i += step) {
+    const size_t end = std::min(values.size(), i + step);
+    double sum = 0;
+    for (size_t k = i; k < end; ++k) sum += values[k];
+    section.push_back(Short(sum / static_cast<double>(end - i), 3));
+  }
+  return {{"step", step}, {"values", section}};
+}
+
+Json VignettingJson(const AttenuationMap& map) {
+  Json values = Json::array();
+  for (const float value : map.values) values.push_back(Short(value, 3));
+  return {{"columns", map.columns},
+          {"rows", map.rows},
+          {"values", values},
+          {"row", Section(map.middle_row)},
+          {"column", Section(map.middle_column)}};
+}
+
+// Where markers came to lie against their nominal places.
+Json MarkersJson(const Results& results) {
+  Json markers = Json::array();
+  for (const auto& [number, place] : results.markers) {
+    Json marker = {{"number", number}, {"place", Vector(place)}};
+    const auto nominal = results.nominal_markers.find(number);
+    const auto sigma = results.marker_sigma.find(number);
+    // Markers without sigma were not seen.
+    if (results.marker_tolerance > 0 && nominal != results.nominal_markers.end() &&
+        sigma != results.marker_sigma.end()) {
+      marker["moved"] = Vector(place - nominal->second);
+      marker["sigma"] = Vector(sigma->second);
+    }
+    markers.push_back(std::move(marker));
+  }
+  return markers;
+}
+
+Json CorrelationJson(const Results& results) {
+  Json rows = Json::array();
+  for (Eigen::Index i = 0; i < results.correlation.rows(); ++i) {
+    Json row = Json::array();
+    // 0.9999 and 0.99999 are worlds apart.
+    for (Eigen::Index j = 0; j < i; ++j) row.push_back(Short(results.correlation(i, j), 5));
+    rows.push_back(std::move(row));
+  }
+  return {{"names", results.correlation_names}, {"below_diagonal", rows}};
+}
+
+class ReportData {
+ public:
+  ReportData(const ResultFiles& files,
+             const std::string& folder,
+             const AttenuationReader& read_attenuation)
+      : files_(files),
+        folder_(folder),
+        read_attenuation_(read_attenuation),
+        results_(ReadResults(files, folder)) {}
+
+  Json Make() {
+    std::vector<std::vector<ProjectionMap>> maps;
+    Json cameras = Json::array(), frames = Json::array();
+    for (size_t c = 0; c < results_.cameras.size(); ++c) {
+      maps.push_back(ProjectionMaps(results_, c));
+      cameras.push_back(CameraJson(c, maps.back()));
+    }
+    for (size_t f = 0; f < results_.frames.size(); ++f) {
+      frames.push_back(
+          {{"name", results_.frames[f]}, {"T_target_rig", Transform(results_.T_target_rig[f])}});
+    }
+    Json provenance = Json::array();
+    for (const auto& [key, value] : results_.provenance) provenance.push_back({key, value});
+    return {{"verdict", VerdictJson(Judge(results_, maps))},
+            {"cameras", cameras},
+            {"frames", frames},
+            {"markers", MarkersJson(results_)},
+            {"marker_tolerance", results_.marker_tolerance},
+            {"correlation", CorrelationJson(results_)},
+            {"left_out", results_.left_out},
+            {"provenance", provenance}};
+  }
+
+ private:
+  Json CameraJson(size_t c, const std::vector<ProjectionMap>& maps) const {
+    // All cameras together, so that the page stays small and quick.
+    constexpr size_t kMostPoints = 60'000, kMostOfOne = 6'000, kMostPrecisions = 600;
+    const CameraResult& camera = results_.cameras[c];
+    std::vector<int> lens_types;
+    Json micro_lenses = Json::object();
+    if (const std::string* csv = File(camera.micro_lenses)) {
+      const MicroLensTable table(*csv, folder_ + "/" + camera.micro_lenses);
+      if (camera.model->context.size() == 2) lens_types = table.TypesOf(camera);
+      micro_lenses = table.GridSection(camera.image_size);
+    }
+    Json vignetting = Json::object();
+    if (const std::string* tiff = File(camera.vignetting)) {
+      constexpr int kCells = 96;
+      vignetting =
+          VignettingJson(read_attenuation_(*tiff, folder_ + "/" + camera.vignetting, kCells));
+    }
+    return {{"name", camera.name},
+            {"model", camera.model->name},
+            {"source", camera.model->source},
+            {"image_size", camera.image_size},
+            {"parameters", ParametersJson(camera)},
+            {"T_camera_rig", Transform(camera.T_camera_rig)},
+            {"xi_camera_rig", Numbers(camera.xi)},
+            {"sigma_xi", Numbers(camera.sigma_xi)},
+            {"residuals", FitJson(camera)},
+            {"plots",
+             ResidualSections(results_,
+                              c,
+                              std::min(kMostOfOne, kMostPoints / results_.cameras.size()),
+                              lens_types)},
+            {"projection", MapsJson(maps)},
+            {"distance", PrecisionJson(DistancePrecisions(results_, c, kMostPrecisions))},
+            {"vignetting", vignetting},
+            {"micro_lenses", micro_lenses}};
+  }
+
+  [[nodiscard]] const std::string* File(const std::string& name) const {
+    const auto found = files_.find(name);
+    return name.empty() || found == files_.end() ? nullptr : &found->second;
+  }
+
+  const ResultFiles& files_;
+  const std::string& folder_;
+  const AttenuationReader& read_attenuation_;
+  Results results_;
+};
+
+// As text of a script element: nothing in it can end the element.
+std::string ScriptText(const Json& data) {
+  const std::string json = data.dump(-1, ' ', false, Json::error_handler_t::replace);
+  std::string text;
+  text.reserve(json.size());
+  for (const char c : json) {
+    if (c == '<') {
+      text += "\\u003c";
+    } else {
+      text += c;
+    }
+  }
+  return text;
+}
+
+std::string FilledPage(const std::map<std::string_view, std::string_view>& parts) {
+  std::string page;
+  std::string_view rest = kPageHtml;
+  while (true) {
+    const size_t open = rest.find("{{");
+    page += rest.substr(0, open);
+    if (open == std::string_view::npos) return page;
+    const size_t close = rest.find("}}", open);
+    page += parts.at(rest.substr(open + 2, close - open - 2));
+    rest.remove_prefix(close + 2);
+  }
+}
+
+}  // namespace
+
+std::string ReportHtml(const ResultFiles& files,
+                       const std::string& folder,
+                       const AttenuationReader& read_attenuation) {
+  const std::string data = ScriptText(ReportData(files, folder, read_attenuation).Make());
+  return FilledPage({{"style", kPageCss},
+                     {"library", kChartLibrary},
+                     {"plots", kPlotsJs},
+                     {"scene", kSceneJs},
+                     {"page", kPageJs},
+                     {"data", data}});
+}
+
+ResultFiles ReadResultFiles(const std::filesystem::path& folder) {
+  ResultFiles files;
+  std::error_code error;
+  for (const auto& entry : std::filesystem::directory_iterator(folder, error)) {
+    const std::string name = entry.path().filename().string();
+    const bool is_read = name == "calibration.yaml" || name == "target.yaml" ||
+                         name == "poses.csv" || name == "view_poses.csv" ||
+                         name == "residuals.csv" || name == "correlations.csv" ||
+                         name.starts_with("micro_lenses_") || name.starts_with("vignetting_");
+    if (!is_read || !entry.is_regular_file(error)) continue;
+    std::ifstream file(entry.path(), std::ios::binary);
+    std::ostringstream text;
+    text << file.rdbuf();
+    if (!file) throw Error(ErrorKind::kInput, entry.path().string() + ": cannot be read");
+    files[name] = std::move(text).str();
+  }
+  if (error) {
+    throw Error(ErrorKind::kInput,
+                fmt::format("{}: no folder that can be read; give the one that 'plenocal calibrate' "
+                            "wrote",
+                            folder.string()));
+  }
+  return files;
+}
+
+}  // namespace plenocal

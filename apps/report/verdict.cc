@@ -1,0 +1,324 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/report/verdict.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "calib/median.h"
+
+namespace plenocal {
+namespace {
+
+constexpr double kDegrees = 180 / std::numbers::pi;
+
+// Of a whole image an even spread of poses fills nearly all; a fisheye lens leaves its corners dark
+// (1 - pi / 4).
+constexpr double kCoverageWeak = 0.7, kCoverageBad = 0.3;
+// Perspective of a plane turned by a few degrees drowns in its distance: d(1/z) ~ tilt.
+constexpr double kTiltWeak = 30, kTiltBad = 12;
+// Farthest over nearest image.
+constexpr double kDepthWeak = 1.5, kDepthOne = 1.15;
+// Each view of a plane gives two equations on the intrinsics; the rest is redundancy.
+constexpr int kViewsWeak = 10, kViewsBad = 4;
+// Errors of model or target as large as the noise.
+constexpr double kNoiseWeak = 2, kPatternWeak = 0.3;
+constexpr double kRejectedWeak = 0.05;
+
+double Quantile(std::vector<double> values, double part) {
+  const auto at = values.begin() +
+                  static_cast<std::ptrdiff_t>(part * static_cast<double>(values.size() - 1) + 0.5);
+  std::nth_element(values.begin(), at, values.end());
+  return *at;
+}
+
+std::string Length(double metres) {
+  return metres < 1 ? fmt::format("{:.3g} mm", 1e3 * metres) : fmt::format("{:.3g} m", metres);
+}
+
+/// Where the used points are.
+class PoseSpread {
+ public:
+  PoseSpread(const Results& results, size_t c) {
+    const CameraResult& camera = results.cameras[c];
+    std::vector<double> x, y;
+    std::map<int, std::vector<double>> depths;
+    std::map<int, RigidTransform> poses;
+    ImageGrid grid(camera.image_size, kCells);
+    std::vector<bool> seen(grid.Cells(), false);
+    for (const ResidualRow& row : camera.residuals) {
+      if (!row.used) continue;
+      x.push_back((row.values[0] + 0.5) / camera.image_size[0]);
+      y.push_back((row.values[1] + 0.5) / camera.image_size[1]);
+      seen[grid.Cell(row.values[0], row.values[1])] = true;
+      auto pose = poses.find(row.frame);
+      if (pose == poses.end()) {
+        pose = poses.emplace(row.frame, results.CameraFromTarget(c, row.frame)).first;
+      }
+      depths[row.frame].push_back((pose->second * results.markers.at(row.marker)).norm());
+    }
+    if (x.empty()) return;
+    any = true;
+    coverage = static_cast<double>(std::count(seen.begin(), seen.end(), true)) /
+               static_cast<double>(grid.Cells());
+    // Without the few farthest out, which may be mistakes.
+    constexpr double kTail = 0.01;
+    left = Quantile(x, kTail);
+    right = Quantile(x, 1 - kTail);
+    top = Quantile(y, kTail);
+    bottom = Quantile(y, 1 - kTail);
+
+    nearest = std::numeric_limits<double>::infinity();
+    for (const auto& [frame, values] : depths) {
+      const double middle = Median(values);
+      nearest = std::min(nearest, middle);
+      farthest = std::max(farthest, middle);
+    }
+    MeasureTilt(results, poses);
+  }
+
+  bool any = false;
+  double coverage = 0;                                // part of the image's cells with points
+  double left = 0, right = 0, top = 0, bottom = 0;    // parts of width and height
+  double nearest = 0, farthest = 0;                   // of the images' median distances, m
+  bool is_plane = false;                              // the target
+  double tilt = 0;  // largest angle between the plane's normals in two images, degrees
+  double lean = 0;  // angle of their mean with the optical axis, degrees
+
+  /// "the upper left corner"; empty when the points are on both sides of the middle each way.
+  [[nodiscard]] std::string Region() const {
+    constexpr double kMiddle = 0.55;
+    const char* across = right < kMiddle ? "left" : left > 1 - kMiddle ? "right" : "";
+    const char* along = bottom < kMiddle ? "upper" : top > 1 - kMiddle ? "lower" : "";
+    if (*across != 0 && *along != 0) return fmt::format("the {} {} corner", along, across);
+    if (*across != 0) return fmt::format("the {} half", across);
+    if (*along != 0) return fmt::format("the {} half", along);
+    constexpr double kRim = 0.2;
+    if (left > kRim && right < 1 - kRim && top > kRim && bottom < 1 - kRim) return "the middle";
+    return {};
+  }
+
+ private:
+  static constexpr int kCells = 10;
+
+  void MeasureTilt(const Results& results, const std::map<int, RigidTransform>& poses) {
+    Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+    for (const auto& [number, place] : results.markers) mean += place;
+    mean /= static_cast<double>(results.markers.size());
+    Eigen::Matrix3d scatter = Eigen::Matrix3d::Zero();
+    for (const auto& [number, place] : results.markers) {
+      scatter += (place - mean) * (place - mean).transpose();
+    }
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(scatter);
+    constexpr double kThin = 0.05;  // thickness over width of what still counts as a plane
+    is_plane = std::sqrt(std::max(0.0, solver.eigenvalues()[0])) <=
+               kThin * std::sqrt(solver.eigenvalues()[1]);
+    if (!is_plane) return;
+    const Eigen::Vector3d normal = solver.eigenvectors().col(0);
+    std::vector<Eigen::Vector3d> turned;
+    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+    for (const auto& [frame, T] : poses) {
+      turned.emplace_back(T.R * normal);
+      // The same face in every image.
+      if (turned.back().dot(T * mean) < 0) turned.back() = -turned.back();
+      sum += turned.back();
+    }
+    double least_cosine = 1;
+    for (const Eigen::Vector3d& a : turned) {
+      for (const Eigen::Vector3d& b : turned) least_cosine = std::min(least_cosine, a.dot(b));
+    }
+    tilt = kDegrees * std::acos(std::max(least_cosine, -1.0));
+    lean = kDegrees * std::acos(std::clamp(sum.normalized().z(), -1.0, 1.0));
+  }
+};
+
+class Judgement {
+ public:
+  explicit Judgement(const Results& results) : results_(results) {}
+
+  Verdict Make(const std::vector<std::vector<ProjectionMap>>& maps) {
+    if (!results_.converged) {
+      Add(Grade::kBad,
+          "The adjustment did not converge; no figure here can be relied on.",
+          "Give better start values ('initial'), or look for images with wrong detections.");
+    }
+    for (const WeakResult& weak : results_.weak) JudgeUnknowns(weak);
+    for (size_t c = 0; c < results_.cameras.size(); ++c) {
+      JudgePoses(c);
+      JudgeResiduals(results_.cameras[c]);
+      if (!maps[c].empty()) JudgeProjection(results_.cameras[c], maps[c]);
+    }
+    for (const std::string& warning : results_.warnings) Add(Grade::kWeak, warning, "");
+    std::stable_sort(
+        verdict_.findings.begin(), verdict_.findings.end(), [](const auto& a, const auto& b) {
+          return a.grade > b.grade;
+        });
+    if (!verdict_.findings.empty()) verdict_.grade = verdict_.findings.front().grade;
+    verdict_.headline =
+        verdict_.grade == Grade::kGood
+            ? "This calibration is good."
+            : verdict_.grade == Grade::kWeak
+                  ? "This calibration can be used, but it has weak points."
+                  : "Do not rely on this calibration.";
+    return std::move(verdict_);
+  }
+
+ private:
+  void Add(Grade grade, std::string what, std::string remedy) {
+    verdict_.findings.push_back({grade, std::move(what), std::move(remedy)});
+  }
+
+  void JudgeUnknowns(const WeakResult& weak) {
+    const std::string what = weak.what.empty() ? "" : ": " + weak.what;
+    Add(weak.determined ? Grade::kWeak : Grade::kBad,
+        fmt::format("{} determined by these images: {}{}.",
+                    weak.determined ? "Weakly" : "Not",
+                    fmt::join(weak.parameters, ", "),
+                    what),
+        weak.remedy.empty() ? "Add images from other distances and at other tilts, over the whole "
+                              "image, or hold these parameters ('fixed')."
+                            : weak.remedy);
+  }
+
+  void JudgePoses(size_t c) {
+    const CameraResult& camera = results_.cameras[c];
+    const PoseSpread spread(results_, c);
+    if (!spread.any) {
+      Add(Grade::kBad, camera.name + ": no point of this camera was used.", "");
+      return;
+    }
+    if (camera.views < kViewsWeak) {
+      Add(camera.views < kViewsBad ? Grade::kBad : Grade::kWeak,
+          fmt::format("{}: only {} image{} with the target.",
+                      camera.name,
+                      camera.views,
+                      camera.views == 1 ? "" : "s"),
+          "Take twenty or more, each from another place.");
+    }
+    if (spread.coverage < kCoverageWeak) {
+      const std::string region = spread.Region();
+      Add(spread.coverage < kCoverageBad ? Grade::kBad : Grade::kWeak,
+          region.empty()
+              ? fmt::format("{}: the points cover only {:.0f} % of the image.",
+                            camera.name,
+                            100 * spread.coverage)
+              : fmt::format("{}: points only in {} of the image; they cover {:.0f} % of it.",
+                            camera.name,
+                            region,
+                            100 * spread.coverage),
+          "Outside, the distortion is a guess. Take images with the target in the other parts of "
+          "the image, its edges and corners above all.");
+    }
+    // A target in space shows depth and tilt in a single image.
+    if (!spread.is_plane) return;
+    const double span = spread.farthest / spread.nearest;
+    if (span < kDepthWeak) {
+      const bool one = span < kDepthOne;
+      Add(one && spread.tilt < kTiltWeak ? Grade::kBad : Grade::kWeak,
+          fmt::format("{}: {} ({} to {}).",
+                      camera.name,
+                      one ? "all images are from one distance" : "the distances hardly differ",
+                      Length(spread.nearest),
+                      Length(spread.farthest)),
+          "Take images from near, where the target fills the image, to at least twice as far.");
+    }
+    if (spread.tilt < kTiltWeak) {
+      const bool none = spread.tilt < kTiltBad;
+      Add(none ? Grade::kBad : Grade::kWeak,
+          fmt::format("{}: {} (by at most {:.0f} degrees between two images{}).",
+                      camera.name,
+                      none ? "the target was not tilted" : "the target was hardly tilted",
+                      spread.tilt,
+                      spread.lean < kTiltBad ? ", it always faces the camera"
+                                             : ", it always leans the same way"),
+          "Tilt the target by 30 to 45 degrees to the left, the right, up and down: without tilt "
+          "focal length and distance cannot be told apart.");
+    }
+  }
+
+  void JudgeResiduals(const CameraResult& camera) {
+    if (camera.stated_sigma && camera.noise > kNoiseWeak * *camera.stated_sigma) {
+      Add(Grade::kWeak,
+          fmt::format("{}: the residuals ({:.3g} px a coordinate) are {:.1f} times what the "
+                      "detector states ({:.3g} px).",
+                      camera.name,
+                      camera.noise,
+                      camera.noise / *camera.stated_sigma,
+                      *camera.stated_sigma),
+          "That is no noise but error of the camera model, of the target or of motion: try a model "
+          "with more distortion terms, 'refine_target', a flatter target, a still camera.");
+    }
+    const int all = camera.points + camera.rejected;
+    if (camera.rejected > kRejectedWeak * all) {
+      Add(Grade::kWeak,
+          fmt::format("{}: {} of {} points were rejected as outliers ({:.0f} %).",
+                      camera.name,
+                      camera.rejected,
+                      all,
+                      100.0 * camera.rejected / all),
+          "Look at the images and markers with the most rejected points below.");
+    }
+    // What the means over parts of the image have beyond noise.
+    const ResidualField field = FieldOf(camera);
+    double pattern = 0, points = 0;
+    for (size_t cell = 0; cell < field.grid.Cells(); ++cell) {
+      const double n = field.points[cell];
+      pattern += n * (field.mean[cell].squaredNorm() / 2 - field.variance_of_mean[cell]);
+      points += n;
+    }
+    pattern = points > 0 ? std::sqrt(std::max(0.0, pattern / points)) : 0;
+    if (camera.noise > 0 && pattern > kPatternWeak * camera.noise) {
+      Add(Grade::kWeak,
+          fmt::format("{}: the residuals have a pattern over the image of {:.3g} px, {:.0f} % of "
+                      "the noise.",
+                      camera.name,
+                      pattern,
+                      100 * pattern / camera.noise),
+          "The camera model does not quite fit this lens; try one with more distortion terms.");
+    }
+  }
+
+  void JudgeProjection(const CameraResult& camera, const std::vector<ProjectionMap>& maps) {
+    const ProjectionMap& map = maps[1];  // at the median distance
+    int known = 0, poor = 0;
+    double worst = 0;
+    Eigen::Vector2d where(0, 0);
+    for (size_t cell = 0; cell < map.sigma.size(); ++cell) {
+      if (std::isnan(map.sigma[cell])) continue;
+      ++known;
+      poor += map.sigma[cell] > camera.noise ? 1 : 0;
+      if (map.sigma[cell] <= worst) continue;
+      worst = map.sigma[cell];
+      where = map.grid.Middle(cell);
+    }
+    constexpr double kPoorPart = 0.1;
+    if (known == 0 || poor <= kPoorPart * known) return;
+    Add(poor > 0.5 * known ? Grade::kBad : Grade::kWeak,
+        fmt::format("{}: in {:.0f} % of the image the projection of a point {} away is more "
+                    "uncertain than one measured point ({:.2g} px); worst, at ({:.0f}, {:.0f}), "
+                    "{:.2g} px.",
+                    camera.name,
+                    100.0 * poor / known,
+                    Length(map.distance),
+                    camera.noise,
+                    where.x(),
+                    where.y(),
+                    worst),
+        "Add images with the target there.");
+  }
+
+  const Results& results_;
+  Verdict verdict_;
+};
+
+}  // namespace
+
+Verdict Judge(const Results& results, const std::vector<std::vector<ProjectionMap>>& maps) {
+  return Judgement(results).Make(maps);
+}
+
+}  // namespace plenocal

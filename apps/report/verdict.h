@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Whether a calibration is good, in plain words.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "apps/report/precision.h"
+#include "apps/report/results.h"
+
+namespace plenocal {
+
+enum class Grade { kGood, kWeak, kBad };
+
+struct Finding {
+  Grade grade = Grade::kGood;
+  std::string what;    ///< one sentence or more
+  std::string remedy;  ///< what to do; empty when nothing
+};
+
+struct Verdict {
+  Grade grade = Grade::kGood;  ///< that of the worst finding
+  std::string headline;
+  std::vector<Finding> findings;  ///< worst first
+};
+
+/// `maps`: those of each camera.
+Verdict Judge(const Results& results, const std::vector<std::vector<ProjectionMap>>& maps);
+
+}  // namespace plenocal

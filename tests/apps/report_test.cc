@@ -1,0 +1,290 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// report.html: what it says against calibration.yaml, and that a browser draws all of it.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <nlohmann/json.hpp>
+#include <random>
+
+#include "tests/apps/workspace.h"
+
+namespace plenocal::testing {
+namespace {
+
+using ::testing::Contains;
+using ::testing::HasSubstr;
+using ::testing::Not;
+using Json = nlohmann::json;
+namespace fs = std::filesystem;
+
+class Report : public Workspace {
+ protected:
+  /// The example's rig of two ordinary cameras and a plenoptic one, as points, calibrated into out.
+  void CalibrateExample() const {
+    const fs::path examples = fs::path(PLENOCAL_EXAMPLES) / "simulate";
+    fs::copy(examples / "target.yaml", Path("target.yaml"));
+    fs::copy(examples / "plenoptic_stereo.yaml", Path("spec.yaml"));
+    ASSERT_EQ(Run({"simulate", "spec.yaml", "-o", "set", "--points"}).status, kDone);
+    const Outcome outcome = Run({"calibrate", "set/session.yaml", "-o", "out"});
+    ASSERT_EQ(outcome.status, kDone) << outcome.err;
+  }
+
+  /// The data in a page.
+  [[nodiscard]] Json Data(const std::string& page = "out/report.html") const {
+    const std::string text = Read(page);
+    const std::string open = R"(<script type="application/json" id="report-data">)";
+    const size_t begin = text.find(open);
+    EXPECT_NE(begin, std::string::npos);
+    if (begin == std::string::npos) return {};
+    const size_t end = text.find("</script>", begin);
+    return Json::parse(text.substr(begin + open.size(), end - begin - open.size()));
+  }
+
+  /// What each finding of the verdict says.
+  [[nodiscard]] std::vector<std::string> Findings() const {
+    std::vector<std::string> findings;
+    const Json data = Data();
+    for (const Json& finding : data["verdict"]["findings"]) findings.push_back(finding["what"]);
+    return findings;
+  }
+};
+
+// 12 digits stand in the file.
+void ExpectSame(const Json& shown, const YAML::Node& written) {
+  const double value = written.as<double>();
+  if (std::isinf(value)) {
+    EXPECT_TRUE(shown.is_null());
+  } else {
+    EXPECT_EQ(shown.get<double>(), value);
+  }
+}
+
+TEST_F(Report, HoldsTheFiguresOfTheCalibration) {
+  CalibrateExample();
+  const Json data = Data();
+  const YAML::Node result = Result();
+  ASSERT_EQ(data["cameras"].size(), 3u);
+  for (const Json& camera : data["cameras"]) {
+    const YAML::Node written = result["cameras"][camera["name"].get<std::string>()];
+    EXPECT_EQ(camera["model"], written["model"].Scalar());
+    ASSERT_EQ(camera["parameters"].size(), written["parameters"].size());
+    for (const Json& parameter : camera["parameters"]) {
+      const std::string name = parameter["name"];
+      ExpectSame(parameter["value"], written["parameters"][name]);
+      ExpectSame(parameter["sigma"], written["sigma"][name]);
+    }
+    for (size_t i = 0; i < 6; ++i) {
+      ExpectSame(camera["xi_camera_rig"][i], written["xi_camera_rig"][i]);
+      ExpectSame(camera["sigma_xi"][i], written["sigma_xi"][i]);
+    }
+    for (const char* key : {"points", "rejected", "views", "rms", "noise", "detector_sigma"}) {
+      ExpectSame(camera["residuals"][key], written["residuals"][key]);
+    }
+    // Every section of the page has data.
+    const Json& plots = camera["plots"];
+    const int points = written["residuals"]["points"].as<int>();
+    EXPECT_EQ(plots["histogram"]["coordinates"], 2 * points);
+    for (const char* group : {"frames", "markers", "field"}) {
+      int sum = 0;
+      for (const Json& count : plots[group]["points"]) sum += count.get<int>();
+      EXPECT_EQ(sum, points) << group;
+    }
+    ASSERT_EQ(camera["projection"].size(), 4u);
+    EXPECT_EQ(camera["distance"]["distance"].empty(), camera["name"] != "plenoptic");
+  }
+  EXPECT_EQ(data["frames"].size(), result["frames"].as<size_t>());
+  EXPECT_EQ(data["correlation"]["names"].size(), 23u + 12u);
+  const Json& markers = data["markers"];
+  EXPECT_GT(std::count_if(markers.begin(), markers.end(), [](const Json& m) {
+              return m.contains("moved");
+            }),
+            100);
+  EXPECT_THAT(Findings(), Not(Contains(HasSubstr("only in"))));
+  EXPECT_NE(data["verdict"]["grade"], "bad") << data["verdict"];
+  EXPECT_THAT(Read("out/report.html"), HasSubstr("Chart.js v3"));
+  EXPECT_THAT(Read("out/report.html"), Not(HasSubstr("src=\"http")));
+}
+
+TEST_F(Report, IsWrittenAgainFromTheFilesAlone) {
+  WriteProblem(EasyProblem(2, 2e-4));
+  Calibrate();
+  const std::string page = Read("out/report.html");
+  fs::rename(Path("out"), Path("elsewhere"));
+  fs::remove(Path("elsewhere/report.html"));
+  fs::remove(Path("session.yaml"));
+  fs::remove(Path("target.yaml"));
+  const Outcome outcome = Run({"report", "elsewhere"});
+  ASSERT_EQ(outcome.status, kDone) << outcome.err;
+  EXPECT_TRUE(Read("elsewhere/report.html") == page);
+}
+
+TEST_F(Report, CanBeLeftOut) {
+  WriteProblem(EasyProblem());
+  ASSERT_EQ(Run({"calibrate", "session.yaml", "-o", "out", "--no-report"}).status, kDone);
+  EXPECT_FALSE(fs::exists(Path("out/report.html")));
+  EXPECT_TRUE(fs::exists(Path("out/residuals.csv")));
+}
+
+TEST_F(Report, SaysWhatIsMissingOrDamaged) {
+  WriteProblem(EasyProblem());
+  Calibrate();
+  const auto expect = [&](const std::string& folder, const std::vector<std::string>& parts) {
+    const Outcome outcome = Run({"report", folder});
+    EXPECT_EQ(outcome.status, kWrongInput);
+    EXPECT_EQ(Lines(outcome.err).size(), 1u) << outcome.err;
+    for (const std::string& part : parts) EXPECT_THAT(outcome.err, HasSubstr(part));
+  };
+  expect("nowhere", {"nowhere", "no folder"});
+  const std::string poses = Read("out/poses.csv"), residuals = Read("out/residuals.csv");
+  fs::remove(Path("out/poses.csv"));
+  expect("out", {"out/poses.csv", "no such file"});
+  Write("out/poses.csv", poses);
+  Write("out/residuals.csv", residuals + "cam0,no such frame,1,1,1,1,1,1,1\n");
+  expect("out", {"out/residuals.csv:", "no such frame"});
+  Write("out/residuals.csv", residuals.substr(0, residuals.size() - 9));
+  expect("out", {"out/residuals.csv:", "cells"});
+}
+
+TEST_F(Report, EscapesWhatUsersWrite) {
+  const std::string evil = "</script><script>alert(1)</script>";
+  WriteProblem(EasyProblem());
+  Write("session.yaml", Read("session.yaml") + "# " + evil + " \"quoted\" \\ \n");
+  Calibrate();
+  EXPECT_THAT(Read("out/report.html"), Not(HasSubstr("alert(1)</script>")));
+  bool found = false;
+  for (const Json& pair : Data()["provenance"]) {
+    if (pair[0] != "session_text") continue;
+    found = true;
+    EXPECT_EQ(pair[1], Read("session.yaml"));
+  }
+  EXPECT_TRUE(found);
+}
+
+// A board at one distance, parallel to the image, in one corner of it.
+TEST_F(Report, NamesWhatABadPoseSetLacks) {
+  SyntheticProblem problem = EasyProblem();
+  CameraInput& camera = problem.input.cameras[0];
+  camera.views.clear();
+  std::mt19937 random(5);
+  std::normal_distribution<double> noise(0, 0.1);
+  std::uniform_real_distribution<double> shift(-0.01, 0.01), turn(-0.02, 0.02);
+  for (int frame = 0; frame < 12; ++frame) {
+    RigidTransform T;
+    T.R = ExpRotation({turn(random), turn(random), 20 * turn(random)});
+    Eigen::Vector3d middle(0, 0, 0);
+    for (const auto& [number, place] : problem.input.markers) middle += place;
+    middle /= static_cast<double>(problem.input.markers.size());
+    // In the upper left quarter, smaller than it.
+    T.t = Eigen::Vector3d(-0.28, -0.2, 1) + 0.5 * Eigen::Vector3d(shift(random), shift(random), 0) -
+          T.R * middle;
+    View view{fmt::format("{:02}", frame), {}};
+    for (const auto& [number, place] : problem.input.markers) {
+      Observation seen{.marker = number, .values = {}, .sigma = 0.1};
+      if (!camera.model->project(problem.params[0].data(),
+                                 nullptr,
+                                 seen.values.data(),
+                                 T * place,
+                                 seen.values.data())) {
+        continue;
+      }
+      seen.values[0] += noise(random);
+      seen.values[1] += noise(random);
+      const bool inside = seen.values[0] > 0 && seen.values[1] > 0;
+      if (inside) view.observations.push_back(seen);
+    }
+    camera.views.push_back(view);
+  }
+  WriteProblem(problem);
+  const Outcome outcome = Run({"calibrate", "session.yaml", "-o", "out"});
+  ASSERT_EQ(outcome.status, kDone) << outcome.err;
+  EXPECT_EQ(Data()["verdict"]["grade"], "bad");
+  const std::vector<std::string> findings = Findings();
+  EXPECT_THAT(findings, Contains(HasSubstr("only in the upper left corner of the image")));
+  EXPECT_THAT(findings, Contains(HasSubstr("all images are from one distance")));
+  EXPECT_THAT(findings, Contains(HasSubstr("the target was not tilted")));
+}
+
+TEST_F(Report, FindsNothingWrongWithAGoodSet) {
+  WriteProblem(MakeProblem(4, {.frames = 40, .noise = 0.1}));
+  Calibrate();
+  EXPECT_EQ(Data()["verdict"]["grade"], "good") << Data()["verdict"];
+}
+
+// Adds to a page a script that draws everything and leaves what came of it in the document.
+std::string WithAudit(const std::string& page) {
+  return page + R"(<script>
+plenocalReport.drawAll();
+const audit = { errors: plenocalReport.errors, figures: plenocalReport.figures.map((figure) => {
+  const { canvas } = figure;
+  const pixels = canvas.width * canvas.height === 0 ? [] : canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height).data;
+  const colours = new Set();
+  for (let i = 0; i < pixels.length; i += 4) if (pixels[i + 3] > 0) colours.add((pixels[i] << 16) | (pixels[i + 1] << 8) | pixels[i + 2]);
+  return { title: figure.title, count: figure.count, colours: colours.size };
+}), values: [...document.querySelectorAll("[data-value]")].map((node) => Number(node.dataset.value)), width: document.documentElement.scrollWidth };
+const node = document.createElement("pre");
+node.id = "audit";
+node.textContent = "AUDIT" + btoa(JSON.stringify(audit)) + "TIDUA";
+document.body.append(node);
+</script>)";
+}
+
+std::string Base64Decoded(const std::string& text) {
+  const std::string digits = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+  std::string decoded;
+  unsigned bits = 0;
+  int count = 0;
+  for (const char c : text) {
+    const size_t digit = digits.find(c);
+    if (digit == std::string::npos) break;
+    bits = (bits << 6 | static_cast<unsigned>(digit)) & 0xffffff;
+    if ((count += 6) >= 8) decoded += static_cast<char>(bits >> (count -= 8) & 0xff);
+  }
+  return decoded;
+}
+
+TEST_F(Report, IsDrawnByABrowser) {
+  const char* const browser = "/usr/bin/chromium";
+  if (!fs::exists(browser)) GTEST_SKIP() << "install Debian's chromium to have the page opened";
+  CalibrateExample();
+  Write("audit.html", WithAudit(Read("out/report.html")));
+  for (const int width : {1400, 500}) {
+    const std::string command = fmt::format(
+        "HOME={0} {1} --headless --no-sandbox --disable-gpu --disable-dev-shm-usage "
+        "--user-data-dir={0}/browser --enable-logging=stderr --window-size={2},900 --dump-dom "
+        "file://{0}/audit.html > {0}/dom.html 2> {0}/log.txt",
+        Path("").parent_path().string(),
+        browser,
+        width);
+    ASSERT_EQ(std::system(command.c_str()), 0) << Read("log.txt");
+    EXPECT_THAT(Read("log.txt"), Not(HasSubstr("CONSOLE")));
+    const std::string dom = Read("dom.html");
+    const size_t begin = dom.find("AUDIT", dom.rfind("id=\"audit\"")), end = dom.find("TIDUA", begin);
+    ASSERT_NE(end, std::string::npos) << Read("log.txt");
+    const Json audit = Json::parse(Base64Decoded(dom.substr(begin + 5, end - begin - 5)));
+    EXPECT_TRUE(audit["errors"].empty()) << audit["errors"];
+    EXPECT_GT(audit["figures"].size(), 30u);
+    for (const Json& figure : audit["figures"]) {
+      EXPECT_GT(figure["count"].get<int>(), 0) << figure["title"];
+      EXPECT_GT(figure["colours"].get<int>(), 5) << figure["title"];
+    }
+    EXPECT_LE(audit["width"].get<int>(), width) << "the page is wider than the window";
+    // The figures on the page are those of the file.
+    const std::vector<double> shown = audit["values"];
+    for (const auto& camera : Result()["cameras"]) {
+      for (const char* key : {"parameters", "sigma"}) {
+        for (const auto& value : camera.second[key]) {
+          EXPECT_THAT(shown, Contains(value.second.as<double>()));
+        }
+      }
+      for (const char* key : {"points", "rejected", "rms", "noise"}) {
+        EXPECT_THAT(shown, Contains(camera.second["residuals"][key].as<double>()));
+      }
+    }
+  }
+}
+
+}  // namespace
+}  // namespace plenocal::testing
