@@ -20,7 +20,7 @@ struct SessionCommand {
   bool keep = false;       ///< pictures of the stages in OUT/images
   bool fresh = false;      ///< takes over nothing from earlier runs
   bool jackknife = false;  ///< calibrate: sigmas by leaving out frames beside the others
-  bool report = true;  ///< write report.html as well
+  bool report = true;      ///< write report.html as well
 };
 
 /// The white images of a session's cameras, or, with `model`, those that `inputs` name.

@@ -22,7 +22,8 @@ AttenuationMap ReadAttenuationMap(const std::string& tiff, const std::string& na
   if (image.empty() || image.type() != CV_32FC1) {
     throw Error(ErrorKind::kInput, fmt::format("{}: is no 32-bit float TIFF of one channel", name));
   }
-  const double scale = std::min(1.0, static_cast<double>(longer) / std::max(image.cols, image.rows));
+  const double scale =
+      std::min(1.0, static_cast<double>(longer) / std::max(image.cols, image.rows));
   cv::Mat small;
   cv::resize(image, small, {}, scale, scale, cv::INTER_AREA);
   AttenuationMap map;

@@ -64,8 +64,7 @@ Json MicroLensTable::GridSection(ImageSize image_size) const {
     A.row(i) << 1, lens.column, lens.row;
     b.row(i) = lens.centre.transpose();
   }
-  const Eigen::Matrix<double, 3, 2> fit =
-      (A.transpose() * A).ldlt().solve(A.transpose() * b);
+  const Eigen::Matrix<double, 3, 2> fit = (A.transpose() * A).ldlt().solve(A.transpose() * b);
   const Eigen::MatrixXd off = b - A * fit;
 
   const ImageGrid grid(image_size, kCells);

@@ -169,8 +169,7 @@ std::vector<DistancePrecision> DistancePrecisions(const Results& results, size_t
     const Eigen::RowVectorXd by_params = along.transpose() * covariance * mixed;
     precisions.push_back(
         {p.norm(),
-         std::sqrt(std::max(
-             0.0, (by_params * camera.covariance * by_params.transpose()).value())),
+         std::sqrt(std::max(0.0, (by_params * camera.covariance * by_params.transpose()).value())),
          std::sqrt(std::max(0.0, along.dot(covariance * along)))});
   }
   std::sort(precisions.begin(), precisions.end(), [](const auto& a, const auto& b) {

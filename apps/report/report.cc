@@ -35,9 +35,12 @@ Json Transform(const RigidTransform& T) {
 
 const char* GradeName(Grade grade) {
   switch (grade) {
-    case Grade::kGood: return "good";
-    case Grade::kWeak: return "weak";
-    case Grade::kBad: return "bad";
+    case Grade::kGood:
+      return "good";
+    case Grade::kWeak:
+      return "weak";
+    case Grade::kBad:
+      return "bad";
   }
   return "";
 }
@@ -45,13 +48,11 @@ const char* GradeName(Grade grade) {
 Json VerdictJson(const Verdict& verdict) {
   Json findings = Json::array();
   for (const Finding& finding : verdict.findings) {
-    findings.push_back({{"grade", GradeName(finding.grade)},
-                        {"what", finding.what},
-                        {"remedy", finding.remedy}});
+    findings.push_back(
+        {{"grade", GradeName(finding.grade)}, {"what", finding.what}, {"remedy", finding.remedy}});
   }
-  return {{"grade", GradeName(verdict.grade)},
-          {"headline", verdict.headline},
-          {"findings", findings}};
+  return {
+      {"grade", GradeName(verdict.grade)}, {"headline", verdict.headline}, {"findings", findings}};
 }
 
 // Infinite numbers become null; the page says "not determined".
@@ -65,11 +66,12 @@ Json ParametersJson(const CameraResult& camera) {
   Json parameters = Json::array();
   for (size_t i = 0; i < camera.params.size(); ++i) {
     const Param& param = camera.model->params[i];
-    parameters.push_back({{"name", param.name},
-                          {"unit", param.unit},
-                          {"value", camera.params[i]},
-                          {"sigma", std::isfinite(camera.sigma[i]) ? Json(camera.sigma[i]) : Json()},
-                          {"held", camera.sigma[i] == 0}});
+    parameters.push_back(
+        {{"name", param.name},
+         {"unit", param.unit},
+         {"value", camera.params[i]},
+         {"sigma", std::isfinite(camera.sigma[i]) ? Json(camera.sigma[i]) : Json()},
+         {"held", camera.sigma[i] == 0}});
   }
   return parameters;
 }
@@ -213,24 +215,23 @@ class ReportData {
       vignetting =
           VignettingJson(read_attenuation_(*tiff, folder_ + "/" + camera.vignetting, kCells));
     }
-    return {{"name", camera.name},
-            {"model", camera.model->name},
-            {"source", camera.model->source},
-            {"image_size", camera.image_size},
-            {"parameters", ParametersJson(camera)},
-            {"T_camera_rig", Transform(camera.T_camera_rig)},
-            {"xi_camera_rig", Numbers(camera.xi)},
-            {"sigma_xi", Numbers(camera.sigma_xi)},
-            {"residuals", FitJson(camera)},
-            {"plots",
-             ResidualSections(results_,
-                              c,
-                              std::min(kMostOfOne, kMostPoints / results_.cameras.size()),
-                              lens_types)},
-            {"projection", MapsJson(maps)},
-            {"distance", PrecisionJson(DistancePrecisions(results_, c, kMostPrecisions))},
-            {"vignetting", vignetting},
-            {"micro_lenses", micro_lenses}};
+    return {
+        {"name", camera.name},
+        {"model", camera.model->name},
+        {"source", camera.model->source},
+        {"image_size", camera.image_size},
+        {"parameters", ParametersJson(camera)},
+        {"T_camera_rig", Transform(camera.T_camera_rig)},
+        {"xi_camera_rig", Numbers(camera.xi)},
+        {"sigma_xi", Numbers(camera.sigma_xi)},
+        {"residuals", FitJson(camera)},
+        {"plots",
+         ResidualSections(
+             results_, c, std::min(kMostOfOne, kMostPoints / results_.cameras.size()), lens_types)},
+        {"projection", MapsJson(maps)},
+        {"distance", PrecisionJson(DistancePrecisions(results_, c, kMostPrecisions))},
+        {"vignetting", vignetting},
+        {"micro_lenses", micro_lenses}};
   }
 
   [[nodiscard]] const std::string* File(const std::string& name) const {
@@ -303,10 +304,11 @@ ResultFiles ReadResultFiles(const std::filesystem::path& folder) {
     files[name] = std::move(text).str();
   }
   if (error) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: no folder that can be read; give the one that 'plenocal calibrate' "
-                            "wrote",
-                            folder.string()));
+    throw Error(
+        ErrorKind::kInput,
+        fmt::format("{}: no folder that can be read; give the one that 'plenocal calibrate' "
+                    "wrote",
+                    folder.string()));
   }
   return files;
 }

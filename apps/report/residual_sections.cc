@@ -88,7 +88,8 @@ Json Sample(const Results& results,
             const std::vector<double>& depths,
             size_t most_points) {
   const CameraResult& camera = results.cameras[c];
-  const size_t step = std::max<size_t>(1, (camera.residuals.size() + most_points - 1) / most_points);
+  const size_t step =
+      std::max<size_t>(1, (camera.residuals.size() + most_points - 1) / most_points);
   Json x = Json::array(), y = Json::array(), dx = Json::array(), dy = Json::array(),
        used = Json::array(), frame = Json::array(), marker = Json::array(), depth = Json::array();
   size_t without = 0;

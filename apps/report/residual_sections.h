@@ -29,10 +29,10 @@ class ImageGrid {
 /// Mean and spread of residuals in each cell of an image.
 struct ResidualField {
   ImageGrid grid;
-  std::vector<int> points;              ///< used observations
-  std::vector<Eigen::Vector2d> mean;    ///< px
-  std::vector<double> square;           ///< mean squared length, px^2
-  std::vector<double> variance_of_mean; ///< of each coordinate of `mean`, from the noise, px^2
+  std::vector<int> points;               ///< used observations
+  std::vector<Eigen::Vector2d> mean;     ///< px
+  std::vector<double> square;            ///< mean squared length, px^2
+  std::vector<double> variance_of_mean;  ///< of each coordinate of `mean`, from the noise, px^2
 };
 
 ResidualField FieldOf(const CameraResult& camera);

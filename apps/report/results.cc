@@ -302,8 +302,7 @@ class ResultReader {
   [[nodiscard]] size_t Camera(const CsvTable& table, size_t row, size_t column) const {
     const auto found = camera_index_.find(std::string(table.Text(row, column)));
     if (found != camera_index_.end()) return found->second;
-    table.Fail(row,
-               fmt::format("camera '{}' is not in calibration.yaml", table.Text(row, column)));
+    table.Fail(row, fmt::format("camera '{}' is not in calibration.yaml", table.Text(row, column)));
   }
 
   [[nodiscard]] int Frame(const CsvTable& table, size_t row, size_t column) const {
@@ -322,9 +321,8 @@ class ResultReader {
 
 RigidTransform Results::CameraFromTarget(size_t camera, int frame) const {
   const auto seen = seen_poses[camera].find(frame);
-  const RigidTransform& T = seen == seen_poses[camera].end()
-                                ? T_target_rig[static_cast<size_t>(frame)]
-                                : seen->second;
+  const RigidTransform& T =
+      seen == seen_poses[camera].end() ? T_target_rig[static_cast<size_t>(frame)] : seen->second;
   return cameras[camera].T_camera_rig * T.Inverse();
 }
 

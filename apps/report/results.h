@@ -38,9 +38,9 @@ struct CameraResult {
   RigidTransform T_camera_rig;
   std::vector<double> xi, sigma_xi;
   int points = 0, rejected = 0, views = 0;
-  double rms = 0, noise = 0;            ///< px
-  std::optional<double> stated_sigma;   ///< the detector's, px
-  std::optional<double> floor;          ///< px, see `residuals` in calibration.yaml
+  double rms = 0, noise = 0;                  ///< px
+  std::optional<double> stated_sigma;         ///< the detector's, px
+  std::optional<double> floor;                ///< px, see `residuals` in calibration.yaml
   std::map<std::string, double> rms_by_type;  ///< px, by lens type; may be empty
   std::string micro_lenses, vignetting;       ///< names of files; empty: none
   std::vector<ResidualRow> residuals;
@@ -75,9 +75,9 @@ struct Results {
   [[nodiscard]] RigidTransform CameraFromTarget(size_t camera, int frame) const;
 };
 
-/// Reads calibration.yaml, target.yaml, poses.csv, residuals.csv and, where they are, view_poses.csv
-/// and correlations.csv. `folder` is for messages. Throws `Error` of kind kInput with file, line
-/// and key.
+/// Reads calibration.yaml, target.yaml, poses.csv, residuals.csv and, where they are,
+/// view_poses.csv and correlations.csv. `folder` is for messages. Throws `Error` of kind kInput
+/// with file, line and key.
 Results ReadResults(const ResultFiles& files, const std::string& folder);
 
 }  // namespace plenocal

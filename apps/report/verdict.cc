@@ -82,10 +82,10 @@ class PoseSpread {
   }
 
   bool any = false;
-  double coverage = 0;                                // part of the image's cells with points
-  double left = 0, right = 0, top = 0, bottom = 0;    // parts of width and height
-  double nearest = 0, farthest = 0;                   // of the images' median distances, m
-  bool is_plane = false;                              // the target
+  double coverage = 0;                              // part of the image's cells with points
+  double left = 0, right = 0, top = 0, bottom = 0;  // parts of width and height
+  double nearest = 0, farthest = 0;                 // of the images' median distances, m
+  bool is_plane = false;                            // the target
   double tilt = 0;  // largest angle between the plane's normals in two images, degrees
   double lean = 0;  // angle of their mean with the optical axis, degrees
 
@@ -146,24 +146,23 @@ class Judgement {
           "The adjustment did not converge; no figure here can be relied on.",
           "Give better start values ('initial'), or look for images with wrong detections.");
     }
-    for (const WeakResult& weak : results_.weak) JudgeUnknowns(weak);
+    std::vector<bool> is_projection_good;
     for (size_t c = 0; c < results_.cameras.size(); ++c) {
       JudgePoses(c);
       JudgeResiduals(results_.cameras[c]);
-      if (!maps[c].empty()) JudgeProjection(results_.cameras[c], maps[c]);
+      is_projection_good.push_back(!maps[c].empty() &&
+                                   JudgeProjection(results_.cameras[c], maps[c]));
     }
+    for (const WeakResult& weak : results_.weak) JudgeUnknowns(weak, is_projection_good);
     for (const std::string& warning : results_.warnings) Add(Grade::kWeak, warning, "");
-    std::stable_sort(
-        verdict_.findings.begin(), verdict_.findings.end(), [](const auto& a, const auto& b) {
-          return a.grade > b.grade;
-        });
+    std::stable_sort(verdict_.findings.begin(),
+                     verdict_.findings.end(),
+                     [](const auto& a, const auto& b) { return a.grade > b.grade; });
     if (!verdict_.findings.empty()) verdict_.grade = verdict_.findings.front().grade;
-    verdict_.headline =
-        verdict_.grade == Grade::kGood
-            ? "This calibration is good."
-            : verdict_.grade == Grade::kWeak
-                  ? "This calibration can be used, but it has weak points."
-                  : "Do not rely on this calibration.";
+    verdict_.headline = verdict_.grade == Grade::kGood ? "This calibration is good."
+                        : verdict_.grade == Grade::kWeak
+                            ? "This calibration can be used, but it has weak points."
+                            : "Do not rely on this calibration.";
     return std::move(verdict_);
   }
 
@@ -172,13 +171,25 @@ class Judgement {
     verdict_.findings.push_back({grade, std::move(what), std::move(remedy)});
   }
 
-  void JudgeUnknowns(const WeakResult& weak) {
+  // Parameters that are known together but not apart do no harm where the projection is certain.
+  void JudgeUnknowns(const WeakResult& weak, const std::vector<bool>& is_projection_good) {
+    bool is_harmless = weak.determined;
+    for (const std::string& name : weak.parameters) {
+      for (size_t c = 0; c < results_.cameras.size(); ++c) {
+        const std::string prefix = results_.cameras[c].name + ".";
+        if (!name.starts_with(prefix)) continue;
+        is_harmless &= is_projection_good[c] && !name.starts_with(prefix + "T_camera_rig");
+      }
+    }
     const std::string what = weak.what.empty() ? "" : ": " + weak.what;
-    Add(weak.determined ? Grade::kWeak : Grade::kBad,
-        fmt::format("{} determined by these images: {}{}.",
+    Add(is_harmless       ? Grade::kGood
+        : weak.determined ? Grade::kWeak
+                          : Grade::kBad,
+        fmt::format("{} determined by these images: {}{}.{}",
                     weak.determined ? "Weakly" : "Not",
                     fmt::join(weak.parameters, ", "),
-                    what),
+                    what,
+                    is_harmless ? " The projection is certain all the same." : ""),
         weak.remedy.empty() ? "Add images from other distances and at other tilts, over the whole "
                               "image, or hold these parameters ('fixed')."
                             : weak.remedy);
@@ -282,7 +293,8 @@ class Judgement {
     }
   }
 
-  void JudgeProjection(const CameraResult& camera, const std::vector<ProjectionMap>& maps) {
+  // Whether the projection is certain nearly everywhere in the image.
+  bool JudgeProjection(const CameraResult& camera, const std::vector<ProjectionMap>& maps) {
     const ProjectionMap& map = maps[1];  // at the median distance
     int known = 0, poor = 0;
     double worst = 0;
@@ -296,7 +308,7 @@ class Judgement {
       where = map.grid.Middle(cell);
     }
     constexpr double kPoorPart = 0.1;
-    if (known == 0 || poor <= kPoorPart * known) return;
+    if (poor <= kPoorPart * known) return known > 0;
     Add(poor > 0.5 * known ? Grade::kBad : Grade::kWeak,
         fmt::format("{}: in {:.0f} % of the image the projection of a point {} away is more "
                     "uncertain than one measured point ({:.2g} px); worst, at ({:.0f}, {:.0f}), "
@@ -309,6 +321,7 @@ class Judgement {
                     where.y(),
                     worst),
         "Add images with the target there.");
+    return false;
   }
 
   const Results& results_;

@@ -98,9 +98,8 @@ TEST_F(Report, HoldsTheFiguresOfTheCalibration) {
   EXPECT_EQ(data["frames"].size(), result["frames"].as<size_t>());
   EXPECT_EQ(data["correlation"]["names"].size(), 23u + 12u);
   const Json& markers = data["markers"];
-  EXPECT_GT(std::count_if(markers.begin(), markers.end(), [](const Json& m) {
-              return m.contains("moved");
-            }),
+  EXPECT_GT(std::count_if(
+                markers.begin(), markers.end(), [](const Json& m) { return m.contains("moved"); }),
             100);
   EXPECT_THAT(Findings(), Not(Contains(HasSubstr("only in"))));
   EXPECT_NE(data["verdict"]["grade"], "bad") << data["verdict"];
@@ -261,7 +260,8 @@ TEST_F(Report, IsDrawnByABrowser) {
     ASSERT_EQ(std::system(command.c_str()), 0) << Read("log.txt");
     EXPECT_THAT(Read("log.txt"), Not(HasSubstr("CONSOLE")));
     const std::string dom = Read("dom.html");
-    const size_t begin = dom.find("AUDIT", dom.rfind("id=\"audit\"")), end = dom.find("TIDUA", begin);
+    const size_t begin = dom.find("AUDIT", dom.rfind("id=\"audit\"")),
+                 end = dom.find("TIDUA", begin);
     ASSERT_NE(end, std::string::npos) << Read("log.txt");
     const Json audit = Json::parse(Base64Decoded(dom.substr(begin + 5, end - begin - 5)));
     EXPECT_TRUE(audit["errors"].empty()) << audit["errors"];
