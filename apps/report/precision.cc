@@ -93,6 +93,12 @@ std::vector<ProjectionMap> ProjectionMaps(const Results& results, size_t c) {
   const ImageGrid grid(camera.image_size, kCells);
   const auto cell_values = CellValues(camera, grid);
 
+  // What the camera saw holds its frame: the motion is fitted with as much weight as points.
+  std::vector<double> weight(grid.Cells(), 0);
+  for (const ResidualRow& row : camera.residuals) {
+    if (row.used) weight[grid.Cell(row.values[0], row.values[1])] += 1;
+  }
+
   std::vector<ProjectionMap> maps;
   std::vector<std::vector<std::optional<Projected>>> projected;
   std::vector<std::vector<Eigen::Matrix<double, 2, 6>>> by_motion;
@@ -117,8 +123,9 @@ std::vector<ProjectionMap> ProjectionMaps(const Results& results, size_t c) {
       Eigen::Matrix<double, 3, 6> moved;
       moved << Eigen::Matrix3d::Identity(), -Hat(p);
       motion[cell] = here[cell]->by_point * moved;
-      normal += motion[cell].transpose() * motion[cell];
-      mixed += motion[cell].transpose() * here[cell]->by_params;
+      if (distance > distances.back()) continue;
+      normal += weight[cell] * motion[cell].transpose() * motion[cell];
+      mixed += weight[cell] * motion[cell].transpose() * here[cell]->by_params;
     }
   }
   const Eigen::MatrixXd follow = normal.ldlt().solve(mixed);

@@ -21,8 +21,9 @@ struct ProjectionMap {
 
 /// Maps at the nearest, the median and the farthest distance of the used points and at ten times
 /// the farthest. Only the parameters' errors count, after the best rigid motion of the camera's
-/// frame over all maps has been taken off them: an error that a turn of the frame undoes is part of
-/// every pose, not of the camera (as mrcal has it). Empty without a covariance.
+/// frame, where and how far the points were seen, has been taken off them: an error that a turn of
+/// the frame undoes is part of every pose, not of the camera (as mrcal has it). Empty without a
+/// covariance.
 std::vector<ProjectionMap> ProjectionMaps(const Results& results, size_t camera);
 
 /// How well one camera alone measures the distance of a marker that it sees in one image.
