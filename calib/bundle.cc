@@ -118,13 +118,6 @@ RobustFactor Robustify(Loss loss, double width, double s2) {
   return {};
 }
 
-bool WithinBounds(const CameraModel& model, const double* params) {
-  for (size_t i = 0; i < model.params.size(); ++i) {
-    if (!(params[i] > model.params[i].lower && params[i] < model.params[i].upper)) return false;
-  }
-  return true;
-}
-
 // All observations of one camera in one frame that fall into one block of markers.
 // Parameter blocks: intrinsics, [mount,] pose[, jitter][, markers].
 class ViewCost : public ceres::CostFunction {

@@ -275,6 +275,14 @@ constexpr CameraModel MakeCameraModel() {
   return model;
 }
 
+/// Whether all parameters lie within their limits; these are part of the model's domain.
+inline bool WithinBounds(const CameraModel& model, const double* params) {
+  for (size_t i = 0; i < model.params.size(); ++i) {
+    if (!(params[i] > model.params[i].lower && params[i] < model.params[i].upper)) return false;
+  }
+  return true;
+}
+
 /// The model of that name in `models`, or nullptr.
 inline const CameraModel* FindModel(std::span<const CameraModel> models, std::string_view name) {
   for (const CameraModel& model : models) {

@@ -78,7 +78,11 @@ struct PinholeRadial3 : CentralModel {
     const Eigen::Vector2d distorted((u_px.x() - params[2]) / params[0],
                                     (u_px.y() - params[3]) / params[1]);
     const double r_d = distorted.norm();
-    const std::optional<double> r = UndistortedRadius(A_0, A_1, A_2, r_d);
+    const std::optional<double> r = SolveIncreasing(
+        [&](double q) { return q * (1 + q * q * (A_0 + q * q * (A_1 + q * q * A_2))); },
+        [&](double q) { return 1 + q * q * (3 * A_0 + q * q * (5 * A_1 + q * q * 7 * A_2)); },
+        [&](double q) { return Grows(A_0, A_1, A_2, q * q); },
+        r_d);
     if (!r) return std::nullopt;
     const double shrink = r_d > 0 ? *r / r_d : 1;
     return Eigen::Vector3d(distorted.x() * shrink, distorted.y() * shrink, 1).normalized();
@@ -90,47 +94,6 @@ struct PinholeRadial3 : CentralModel {
           return std::vector<double>{f, f, c_x, c_y, 0, 0, 0};
         });
   }
-
- private:
-  // Solves r_d(r) = r_d for r below the fold by Newton's method kept inside a bracket.
-  static std::optional<double> UndistortedRadius(double A_0, double A_1, double A_2, double r_d) {
-    const auto radius = [&](double r) {
-      const double s = r * r;
-      return r * (1 + s * (A_0 + s * (A_1 + s * A_2)));
-    };
-    double low = 0, high = std::max(r_d, 1e-12);
-    while (Grows(A_0, A_1, A_2, high * high) && radius(high) < r_d) {
-      low = high;
-      high *= 1.5;
-      if (high > kLargestRadius) return std::nullopt;
-    }
-    double r = std::min(r_d, high);
-    for (int i = 0; i < kMaxIterations; ++i) {
-      const bool grows = Grows(A_0, A_1, A_2, r * r);
-      const double error = radius(r) - r_d;
-      // On the fold's far side `radius` says nothing; the solution is below.
-      if (!grows || error > 0) {
-        high = r;
-      } else {
-        low = r;
-      }
-      const double s = r * r;
-      const double next = r - error / (1 + s * (3 * A_0 + s * (5 * A_1 + s * 7 * A_2)));
-      const bool inside = grows && next > low && next < high;
-      const double step = (inside ? next : (low + high) / 2) - r;
-      r += step;
-      if (std::abs(step) <= kRelativeStep * r) break;
-    }
-    if (!Grows(A_0, A_1, A_2, r * r) || std::abs(radius(r) - r_d) > kRadiusTolerance * (1 + r_d)) {
-      return std::nullopt;
-    }
-    return r;
-  }
-
-  static constexpr double kLargestRadius = 1e4;  // 89.99 degrees off the axis
-  static constexpr int kMaxIterations = 100;     // bisection alone needs about 60
-  static constexpr double kRelativeStep = 4 * std::numeric_limits<double>::epsilon();
-  static constexpr double kRadiusTolerance = 1e-12;
 };
 
 }  // namespace plenocal

@@ -1,10 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <algorithm>
 #include <array>
+#include <cmath>
+#include <limits>
+#include <numeric>
+#include <optional>
 #include <string_view>
 
 #include "calib/camera_model.h"
+#include "models/start/central_start.h"
 
 namespace plenocal {
 
@@ -17,5 +23,151 @@ struct CentralModel {
   static constexpr std::array<double, 0> kExampleConfig{};
   static constexpr bool kCentral = true;
 };
+
+/// `f_x f_y c_x c_y`, then a lens' own parameters.
+template <size_t N>
+constexpr std::array<Param, 4 + N> WithIntrinsics(const std::array<Param, N>& lens) {
+  std::array<Param, 4 + N> params{
+      Param{"f_x", "px", 0}, Param{"f_y", "px", 0}, Param{"c_x", "px"}, Param{"c_y", "px"}};
+  std::copy(lens.begin(), lens.end(), params.begin() + 4);
+  return params;
+}
+/// A coefficient without unit that has no effect at 0.
+constexpr Param Coefficient(std::string_view name, double scale = 1) {
+  return {.name = name, .unit = "1", .scale = scale, .neutral = 0};
+}
+
+/// Central models of the form u = (f_x m_x + c_x, f_y m_y + c_y), where the lens maps a direction
+/// to m in the plane at distance 1. The struct M supplies, with k = its parameters after c_y,
+///   static constexpr std::array kStart: k of a plain lens, from which start values are fitted
+///   template <typename T> static bool Map(const T* k, const Vector3<T>& p, T* m);
+///   static std::optional<Eigen::Vector3d> Unmap(const double* k, const Eigen::Vector2d& m);
+/// `Map` gets p scaled to a largest coordinate of 1 and returns false outside the lens' domain;
+/// `Unmap` returns a direction of any length.
+template <typename M>
+struct LensModel : CentralModel {
+  static constexpr ImageSize kExampleSize{640, 480};
+
+  template <typename T>
+  static bool Project(const T* params, const Vector3<T>& p_cam, T* u_px) {
+    const double size = std::max(
+        {std::abs(ValueOf(p_cam.x())), std::abs(ValueOf(p_cam.y())), std::abs(ValueOf(p_cam.z()))});
+    if (!(size >= std::numeric_limits<double>::min() && std::isfinite(size))) return false;
+    // Directions count only: scaled, no square overflows.
+    const Vector3<T> p(p_cam.x() / size, p_cam.y() / size, p_cam.z() / size);
+    T m[2];
+    if (!M::Map(params + 4, p, m)) return false;
+    u_px[0] = params[0] * m[0] + params[2];
+    u_px[1] = params[1] * m[1] + params[3];
+    return std::isfinite(ValueOf(u_px[0])) && std::isfinite(ValueOf(u_px[1]));
+  }
+
+  /// Direction in which a pixel looks; nothing where no direction is imaged.
+  static std::optional<Eigen::Vector3d> Unproject(const double* params,
+                                                  const Eigen::Vector2d& u_px) {
+    const Eigen::Vector2d m((u_px.x() - params[2]) / params[0], (u_px.y() - params[3]) / params[1]);
+    const std::optional<Eigen::Vector3d> direction = M::Unmap(params + 4, m);
+    if (!direction) return std::nullopt;
+    const Eigen::Vector3d unit = direction->stableNormalized();
+    if (!unit.allFinite() || !(unit.squaredNorm() > 0)) return std::nullopt;
+    return unit;
+  }
+
+  static std::vector<StartCandidate> Start(const StartProblem& problem) {
+    return StartCentral(MakeCameraModel<M>(), problem, [](double f, double c_x, double c_y) {
+      constexpr double kNearAxis = 1e-6;
+      double m[2] = {};
+      M::Map(M::kStart.data(), Vector3<double>(kNearAxis, 0, 1), m);
+      const double scaled = f * kNearAxis / m[0];
+      std::vector<double> params{scaled, scaled, c_x, c_y};
+      params.insert(params.end(), M::kStart.begin(), M::kStart.end());
+      return params;
+    });
+  }
+};
+
+/// atan2(r, z) / r for r^2 = r2, smooth on the axis. REQUIRES: r2 > 0 or z > 0.
+template <typename T>
+T AngleOverRadius(const T& r2, const T& z) {
+  // Below this part of z^2 the series to r^6 is exact to rounding, and the root has no derivative.
+  constexpr double kSeries = 1e-5;
+  if (ValueOf(z) > 0 && ValueOf(r2) < kSeries * ValueOf(z) * ValueOf(z)) {
+    const T q = r2 / (z * z);
+    return (1.0 - q * (1.0 / 3 - q * (1.0 / 5 - q / 7.0))) / z;
+  }
+  using std::atan2, std::sqrt;
+  const T r = sqrt(r2);
+  return atan2(r, z) / r;
+}
+
+/// Whether c_0 + c_1 q + c_2 q^2 + ... is positive for all q in [0, s]: its coefficients in
+/// Bernstein's basis bound it, and halving the interval makes the bound tight.
+template <size_t N>
+bool PositiveOn(const std::array<double, N>& c, double s) {
+  double bound = c[0], power = 1;
+  for (size_t i = 1; i < N; ++i) {
+    power *= s;
+    bound += std::min(c[i], 0.0) * power;
+  }
+  if (bound > 0 && std::isfinite(power)) return true;  // the usual case, cheap
+  if (!std::isfinite(power)) return false;
+
+  // b_j = sum_{i <= j} C(j, i) / C(n, i) c_i s^i
+  std::array<double, N> b{};
+  for (size_t j = 0; j < N; ++j) {
+    double ratio = 1;  // C(j, i) / C(n, i) s^i
+    for (size_t i = 0; i <= j; ++i) {
+      b[j] += ratio * c[i];
+      if (i < j) ratio *= s * static_cast<double>(j - i) / static_cast<double>(N - 1 - i);
+    }
+  }
+  constexpr int kHalvings = 40;  // what touches zero within 1e-12 of the interval counts as a fold
+  const auto positive = [](auto&& self, std::array<double, N> left, int halvings) -> bool {
+    if (!(left.front() > 0 && left.back() > 0)) return false;
+    if (std::all_of(left.begin(), left.end(), [](double value) { return value > 0; })) return true;
+    if (halvings == 0) return false;
+    std::array<double, N> right{};  // de Casteljau at the middle
+    for (size_t level = 0; level < N; ++level) {
+      right[N - 1 - level] = left[N - 1];
+      for (size_t j = N - 1; j > level; --j) left[j] = std::midpoint(left[j - 1], left[j]);
+    }
+    return self(self, left, halvings - 1) && self(self, right, halvings - 1);
+  };
+  return positive(positive, b, kHalvings);
+}
+
+/// Solves value(r) = target >= 0 for a function that grows from value(0) = 0 wherever `valid`
+/// holds, an interval from 0: Newton's method kept inside a bracket. Nothing when the value is not
+/// reached.
+template <typename Value, typename Slope, typename Valid>
+std::optional<double> SolveIncreasing(const Value& value,
+                                      const Slope& slope,
+                                      const Valid& valid,
+                                      double target) {
+  constexpr double kLargest = 1e4;     // as a radius at distance 1: 89.99 degrees off the axis
+  constexpr int kMaxIterations = 100;  // bisection alone needs about 60
+  constexpr double kRelativeStep = 4 * std::numeric_limits<double>::epsilon();
+  constexpr double kTolerance = 1e-12;
+  if (!std::isfinite(target)) return std::nullopt;
+  double low = 0, high = std::clamp(target, 1e-12, kLargest);
+  while (valid(high) && value(high) < target) {
+    low = high;
+    high *= 1.5;
+    if (high > 2 * kLargest) return std::nullopt;
+  }
+  double r = std::min(target, high);
+  for (int i = 0; i < kMaxIterations; ++i) {
+    const bool inside = valid(r);
+    const double error = value(r) - target;
+    // Outside `valid` the value says nothing; the solution is below.
+    (!inside || error > 0 ? high : low) = r;
+    const double next = r - error / slope(r);
+    const double step = (inside && next > low && next < high ? next : (low + high) / 2) - r;
+    r += step;
+    if (std::abs(step) <= kRelativeStep * r) break;
+  }
+  if (!valid(r) || !(std::abs(value(r) - target) <= kTolerance * (1 + target))) return std::nullopt;
+  return r;
+}
 
 }  // namespace plenocal

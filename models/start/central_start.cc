@@ -197,6 +197,7 @@ class DirectionCost : public ceres::CostFunction {
   bool Evaluate(double const* const* parameters,
                 double* residuals,
                 double** jacobians) const override {
+    if (!WithinBounds(model_, parameters[0])) return false;
     const size_t count = model_.params.size();
     std::vector<double> J_params(2 * count);
     double J_point[6];
@@ -229,17 +230,40 @@ class DirectionCost : public ceres::CostFunction {
   const std::vector<Eigen::Vector2d>& image_;
 };
 
+constexpr size_t kFirstFree = 5;  // focal lengths, principal point and the first of the lens
+
+// Fits the parameters but those `held`; leaves them as they are when that fails.
+void FitFree(const CameraModel& model,
+             const StartProblem& problem,
+             const std::vector<int>& held,
+             const std::vector<Eigen::Vector3d>& directions,
+             const std::vector<Eigen::Vector2d>& image,
+             std::vector<double>* params) {
+  const auto count = static_cast<int>(params->size());
+  std::vector<double> fitted = *params;
+  ceres::Problem fit;
+  fit.AddParameterBlock(
+      fitted.data(), count, held.empty() ? nullptr : new ceres::SubsetManifold(count, held));
+  fit.AddResidualBlock(
+      new DirectionCost(model, problem.config, directions, image), nullptr, fitted.data());
+  ceres::Solver::Options options;
+  options.linear_solver_type = ceres::DENSE_QR;
+  options.logging_type = ceres::SILENT;
+  options.max_num_iterations = 50;
+  ceres::Solver::Summary summary;
+  ceres::Solve(options, &fit, &summary);
+  if (summary.IsSolutionUsable()) *params = fitted;
+}
+
+// Fits all parameters at once or, `gradually`, from simple to rich: the later coefficients of a
+// distortion then follow the first ones' lead. Either may run into a minimum of its own.
 std::vector<double> FitToDirections(const CameraModel& model,
                                     const StartProblem& problem,
                                     std::vector<double> params,
                                     const std::vector<Eigen::Vector3d>& directions,
-                                    const std::vector<Eigen::Vector2d>& image) {
-  std::vector<int> held;
-  for (size_t i = 0; i < params.size(); ++i) {
-    if (!problem.given[i]) continue;
-    params[i] = *problem.given[i];
-    held.push_back(static_cast<int>(i));
-  }
+                                    const std::vector<Eigen::Vector2d>& image,
+                                    bool gradually) {
+  for (size_t i = 0; i < params.size(); ++i) params[i] = problem.given[i].value_or(params[i]);
   // Directions that the model cannot see at the start say nothing about its parameters.
   std::vector<Eigen::Vector3d> seen_directions;
   std::vector<Eigen::Vector2d> seen_image;
@@ -251,24 +275,19 @@ std::vector<double> FitToDirections(const CameraModel& model,
       seen_image.push_back(image[i]);
     }
   }
-  if (held.size() == params.size() || seen_image.size() < params.size()) return params;
-
-  ceres::Problem fit;
-  fit.AddParameterBlock(
-      params.data(),
-      static_cast<int>(params.size()),
-      held.empty() ? nullptr : new ceres::SubsetManifold(static_cast<int>(params.size()), held));
-  fit.AddResidualBlock(new DirectionCost(model, problem.config, seen_directions, seen_image),
-                       nullptr,
-                       params.data());
-  ceres::Solver::Options options;
-  options.linear_solver_type = ceres::DENSE_QR;
-  options.logging_type = ceres::SILENT;
-  options.max_num_iterations = 50;
-  const std::vector<double> unfitted = params;
-  ceres::Solver::Summary summary;
-  ceres::Solve(options, &fit, &summary);
-  return summary.IsSolutionUsable() ? params : unfitted;
+  if (seen_image.size() < params.size()) return params;
+  size_t free = gradually ? kFirstFree : params.size();
+  while (true) {
+    std::vector<int> held;
+    for (size_t i = 0; i < params.size(); ++i) {
+      if (problem.given[i] || i >= free) held.push_back(static_cast<int>(i));
+    }
+    if (held.size() < params.size()) {
+      FitFree(model, problem, held, seen_directions, seen_image, &params);
+    }
+    if (free >= params.size()) return params;
+    free *= 2;
+  }
 }
 
 }  // namespace
@@ -312,11 +331,12 @@ std::vector<StartCandidate> StartCentral(
       const Eigen::Vector2d q = (u - centre) / half_diagonal;
       directions.push_back(Eigen::Vector3d(q.x(), q.y(), Evaluate(a, q.norm())).normalized());
     }
-    candidates.push_back({FitToDirections(model,
-                                          problem,
-                                          near_axis(a[0] * half_diagonal, centre.x(), centre.y()),
-                                          directions,
-                                          fit_image)});
+    const std::vector<double> plain = near_axis(a[0] * half_diagonal, centre.x(), centre.y());
+    for (const bool gradually : {false, true}) {
+      if (gradually && plain.size() <= kFirstFree) continue;
+      candidates.push_back(
+          {FitToDirections(model, problem, plain, directions, fit_image, gradually)});
+    }
   };
 
   // The ladder: half fields of view from 3 to 75 degrees to the image's corner.
