@@ -75,6 +75,20 @@ struct ImportCommand {
   std::filesystem::path out;  ///< folder, or the file's own name
 };
 
+/// Two calibrations of the same cameras.
+struct CompareCommand {
+  std::filesystem::path a, b;     ///< calibration.yaml
+  std::vector<double> distances;  ///< m; empty: 1 m and far away
+};
+
+/// A camera of a calibration as another model's.
+struct ConvertCommand {
+  std::filesystem::path calibration;
+  std::string camera;  ///< empty: the only one
+  std::string model;
+  std::filesystem::path out;
+};
+
 /// `plenocal calibrate`: images or detections to calibration.
 void RunCalibrate(const SessionCommand& command, const ConsoleOptions& options);
 /// `plenocal detect`: only the detections.
@@ -96,6 +110,10 @@ void RunExport(const ExportCommand& command, const ConsoleOptions& options);
 void RunImport(const ImportCommand& command, const ConsoleOptions& options);
 /// `plenocal report`: report.html of a calibration's folder, from the files there alone.
 void RunReport(const std::filesystem::path& folder);
+/// `plenocal compare`: how far two calibrations differ in the image and in space.
+void RunCompare(const CompareCommand& command);
+/// `plenocal convert`: one camera model fitted to another.
+void RunConvert(const ConvertCommand& command);
 /// `plenocal models`: the registered camera models on standard output.
 void RunModels();
 

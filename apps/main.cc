@@ -275,6 +275,33 @@ int main(int argc, char** argv) {  // NOLINT(bugprone-exception-escape)
   bool quiet_report = false;  // it has nothing to say; accepted as on each command
   report->add_flag("--quiet", quiet_report, "no messages and no progress, only errors");
   report->callback([&] { run = [&] { plenocal::RunReport(report_folder); }; });
+  plenocal::CompareCommand compare_command;
+  CLI::App* compare = app.add_subcommand(
+      "compare",
+      "How far two calibrations differ in the image, beside what their sigmas predict.\n\n"
+      "  plenocal compare A/calibration.yaml B/calibration.yaml\n\n"
+      "The turn and shift of the cameras' frames that the difference of the intrinsics implies is "
+      "taken out first.");
+  compare->add_option("a", compare_command.a, "calibration.yaml")->required();
+  compare->add_option("b", compare_command.b, "another, of any models")->required();
+  compare->add_option("--distance",
+                      compare_command.distances,
+                      "distances of what is seen, m, or inf (default: 1 inf)");
+  // It has nothing to say beside its results; accepted as on each command.
+  compare->add_flag("--quiet", options.quiet, "no messages and no progress, only errors");
+  compare->callback([&] { run = [&] { RunCompare(compare_command); }; });
+  plenocal::ConvertCommand convert_command;
+  CLI::App* convert = app.add_subcommand(
+      "convert",
+      "Fits one camera model to another over the image.\n\n"
+      "  plenocal convert calibration.yaml --camera NAME --to MODEL -o OUT\n\n"
+      "writes OUT/calibration.yaml and conversion_errors.csv, the error at pixels over the image.");
+  convert->add_option("calibration", convert_command.calibration, "calibration.yaml")->required();
+  convert->add_option("--camera", convert_command.camera, "its camera (default: the only one)");
+  convert->add_option("--to", convert_command.model, "camera model")->required();
+  convert->add_option("-o,--out", convert_command.out, "folder for the results")->required();
+  convert->add_flag("--quiet", options.quiet, "no messages and no progress, only errors");
+  convert->callback([&] { run = [&] { RunConvert(convert_command); }; });
   app.add_subcommand("models", "List the camera models, their parameters, units and source.")
       ->callback([&] { run = plenocal::RunModels; });
 

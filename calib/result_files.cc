@@ -58,6 +58,28 @@ std::string ParamMap(const CameraModel& model, const std::vector<double>& values
   return text + "}";
 }
 
+// Correlations of a camera's parameters: one row each, up to the diagonal; held ones have none.
+std::string CorrelationTriangle(const Calibration& calibration, size_t c) {
+  const Uncertainty& uncertainty = calibration.uncertainty;
+  std::vector<Eigen::Index> places;  // in `correlation`; -1 for held parameters
+  for (const Param& param : calibration.bundle.cameras[c].model->params) {
+    const std::string name = calibration.camera_names[c] + "." + std::string(param.name);
+    const auto found = std::find(uncertainty.names.begin(), uncertainty.names.end(), name);
+    places.push_back(found == uncertainty.names.end() ? -1 : found - uncertainty.names.begin());
+  }
+  std::string text = "[";
+  for (size_t i = 0; i < places.size(); ++i) {
+    text += i == 0 ? "[" : ", [";
+    for (size_t j = 0; j < i; ++j) {
+      const bool free = places[i] >= 0 && places[j] >= 0;
+      text +=
+          fmt::format("{:.10g}, ", free ? uncertainty.correlation(places[i], places[j]) + 0.0 : 0);
+    }
+    text += "1]";
+  }
+  return text + "]";
+}
+
 // Sigmas of the se(3) vector of T_camera_rig, from its covariance in the estimation's chart.
 Vector6d SigmaXi(const Calibration& calibration, size_t c) {
   const Matrix6d& covariance = calibration.uncertainty.mount[c];
@@ -156,6 +178,7 @@ std::string CalibrationYaml(const Calibration& calibration,
     if (jackknife) {
       fmt::format_to(out, "    sigma_jackknife: {}\n", ParamMap(model, jackknife->params[c]));
     }
+    fmt::format_to(out, "    correlation: {}\n", CorrelationTriangle(calibration, c));
     fmt::format_to(out, "    T_camera_rig: {}\n", YamlMatrix(camera.T_camera_rig));
     fmt::format_to(out, "    xi_camera_rig: {}\n", YamlList(xi));
     fmt::format_to(out, "    sigma_xi: {}\n", YamlList(SigmaXi(calibration, c)));
@@ -267,6 +290,28 @@ std::string CalibrationYaml(const Calibration& calibration,
   text += "provenance:\n";
   for (const auto& [key, value] : provenance) {
     fmt::format_to(out, "  {}: {}\n", key, YamlQuoted(value));
+  }
+  return text;
+}
+
+std::string CameraYaml(const std::string& name,
+                       const CameraModel& model,
+                       ImageSize image_size,
+                       const std::vector<double>& params,
+                       const RigidTransform& T_camera_rig,
+                       const std::vector<std::pair<std::string, std::string>>& provenance) {
+  std::string text = fmt::format(
+      "plenocal: 1\ncameras:\n  {}:\n    model: {}\n    image_size: [{}, {}]\n    parameters: {}\n"
+      "    T_camera_rig: {}\n    xi_camera_rig: {}\nprovenance:\n",
+      name,
+      model.name,
+      image_size[0],
+      image_size[1],
+      ParamMap(model, params),
+      YamlMatrix(T_camera_rig),
+      YamlList(Log(T_camera_rig)));
+  for (const auto& [key, value] : provenance) {
+    text += fmt::format("  {}: {}\n", key, YamlQuoted(value));
   }
   return text;
 }

@@ -15,6 +15,13 @@ namespace plenocal {
 /// calibration.yaml. `provenance`: lines "key: value" that say how to run it again.
 std::string CalibrationYaml(const Calibration& calibration,
                             const std::vector<std::pair<std::string, std::string>>& provenance);
+/// calibration.yaml of one camera without sigmas, for parameters that were not estimated.
+std::string CameraYaml(const std::string& name,
+                       const CameraModel& model,
+                       ImageSize image_size,
+                       const std::vector<double>& params,
+                       const RigidTransform& T_camera_rig,
+                       const std::vector<std::pair<std::string, std::string>>& provenance);
 /// poses.csv: T_target_rig of every frame.
 std::string PosesCsv(const Calibration& calibration);
 /// view_poses.csv: T_target_rig as each camera saw it in each frame, to which the residuals belong.

@@ -331,8 +331,9 @@ Uncertainty EstimateUncertainty(const Bundle& bundle,
   const Eigen::VectorXd diagonal = C.diagonal().cwiseMax(0);
   Eigen::VectorXd scale(head);
   for (int i = 0; i < head; ++i) scale[i] = diagonal[i] > 0 ? 1 / std::sqrt(diagonal[i]) : 1;
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> spectrum(scale.asDiagonal() * C *
-                                                                scale.asDiagonal());
+  // Eigen's solver does not take the empty matrix of cameras that are held in all.
+  Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> spectrum(head), natural(head);
+  if (head > 0) spectrum.compute(scale.asDiagonal() * C * scale.asDiagonal());
   Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(head, head);
   Eigen::VectorXd open = Eigen::VectorXd::Zero(head);  // share in directions without information
   const auto describe = [&](const Eigen::VectorXd& direction, double sigma) {
@@ -353,14 +354,16 @@ Uncertainty EstimateUncertainty(const Bundle& bundle,
     if (spectrum.eigenvalues()[i] > kRankTolerance) {
       covariance += direction * direction.transpose() / spectrum.eigenvalues()[i];
     } else {
-      const Eigen::VectorXd natural = direction.cwiseQuotient(unit);
-      open = open.cwiseMax(natural.cwiseAbs() / natural.cwiseAbs().maxCoeff());
-      describe(natural, kInfinity);
+      const Eigen::VectorXd in_units = direction.cwiseQuotient(unit);
+      open = open.cwiseMax(in_units.cwiseAbs() / in_units.cwiseAbs().maxCoeff());
+      describe(in_units, kInfinity);
     }
   }
   // Directions with information that still leave a parameter open by its own size.
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> natural(
-      unit.cwiseInverse().asDiagonal() * covariance * unit.cwiseInverse().asDiagonal());
+  if (head > 0) {
+    natural.compute(unit.cwiseInverse().asDiagonal() * covariance *
+                    unit.cwiseInverse().asDiagonal());
+  }
   for (int i = head - 1; i >= 0; --i) {
     const double sigma = std::sqrt(std::max(0.0, natural.eigenvalues()[i]));
     if (sigma > 1) describe(natural.eigenvectors().col(i), sigma);

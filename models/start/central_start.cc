@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "models/start/central_start.h"
 
-#include <ceres/ceres.h>
-
 #include <Eigen/Dense>
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <numbers>
 #include <optional>
+
+#include "calib/ray_fit.h"
 
 namespace plenocal {
 namespace {
@@ -182,78 +182,7 @@ std::optional<Profile> SolveProfile(const std::vector<AlignedView>& views, int t
   return a;
 }
 
-// All image points with their directions as the sum of squares of the model's own projection.
-class DirectionCost : public ceres::CostFunction {
- public:
-  DirectionCost(const CameraModel& model,
-                std::span<const double> config,
-                const std::vector<Eigen::Vector3d>& directions,
-                const std::vector<Eigen::Vector2d>& image)
-      : model_(model), config_(config), directions_(directions), image_(image) {
-    set_num_residuals(static_cast<int>(2 * image.size()));
-    mutable_parameter_block_sizes()->push_back(static_cast<int>(model.params.size()));
-  }
-
-  bool Evaluate(double const* const* parameters,
-                double* residuals,
-                double** jacobians) const override {
-    if (!WithinBounds(model_, parameters[0])) return false;
-    const size_t count = model_.params.size();
-    std::vector<double> J_params(2 * count);
-    double J_point[6];
-    for (size_t i = 0; i < image_.size(); ++i) {
-      const double values[kMaxObservationSize] = {image_[i].x(), image_[i].y()};
-      double predicted[2];
-      if (!model_.project_with_jacobian(parameters[0],
-                                        config_.data(),
-                                        values,
-                                        directions_[i],
-                                        predicted,
-                                        J_params.data(),
-                                        J_point)) {
-        return false;
-      }
-      for (size_t r = 0; r < 2; ++r) {
-        residuals[2 * i + r] = predicted[r] - values[r];
-        if (jacobians != nullptr && jacobians[0] != nullptr) {
-          std::copy_n(J_params.data() + r * count, count, jacobians[0] + (2 * i + r) * count);
-        }
-      }
-    }
-    return true;
-  }
-
- private:
-  const CameraModel& model_;
-  std::span<const double> config_;
-  const std::vector<Eigen::Vector3d>& directions_;
-  const std::vector<Eigen::Vector2d>& image_;
-};
-
 constexpr size_t kFirstFree = 5;  // focal lengths, principal point and the first of the lens
-
-// Fits the parameters but those `held`; leaves them as they are when that fails.
-void FitFree(const CameraModel& model,
-             const StartProblem& problem,
-             const std::vector<int>& held,
-             const std::vector<Eigen::Vector3d>& directions,
-             const std::vector<Eigen::Vector2d>& image,
-             std::vector<double>* params) {
-  const auto count = static_cast<int>(params->size());
-  std::vector<double> fitted = *params;
-  ceres::Problem fit;
-  fit.AddParameterBlock(
-      fitted.data(), count, held.empty() ? nullptr : new ceres::SubsetManifold(count, held));
-  fit.AddResidualBlock(
-      new DirectionCost(model, problem.config, directions, image), nullptr, fitted.data());
-  ceres::Solver::Options options;
-  options.linear_solver_type = ceres::DENSE_QR;
-  options.logging_type = ceres::SILENT;
-  options.max_num_iterations = 50;
-  ceres::Solver::Summary summary;
-  ceres::Solve(options, &fit, &summary);
-  if (summary.IsSolutionUsable()) *params = fitted;
-}
 
 // Fits all parameters at once or, `gradually`, from simple to rich: the later coefficients of a
 // distortion then follow the first ones' lead. Either may run into a minimum of its own.
@@ -264,29 +193,13 @@ std::vector<double> FitToDirections(const CameraModel& model,
                                     const std::vector<Eigen::Vector2d>& image,
                                     bool gradually) {
   for (size_t i = 0; i < params.size(); ++i) params[i] = problem.given[i].value_or(params[i]);
-  // Directions that the model cannot see at the start say nothing about its parameters.
-  std::vector<Eigen::Vector3d> seen_directions;
-  std::vector<Eigen::Vector2d> seen_image;
-  for (size_t i = 0; i < image.size(); ++i) {
-    double predicted[2];
-    const double values[kMaxObservationSize] = {image[i].x(), image[i].y()};
-    if (model.project(params.data(), problem.config.data(), values, directions[i], predicted)) {
-      seen_directions.push_back(directions[i]);
-      seen_image.push_back(image[i]);
-    }
-  }
-  if (seen_image.size() < params.size()) return params;
-  size_t free = gradually ? kFirstFree : params.size();
-  while (true) {
-    std::vector<int> held;
+  for (size_t free = gradually ? kFirstFree : params.size();; free *= 2) {
+    RayFitOptions options;
     for (size_t i = 0; i < params.size(); ++i) {
-      if (problem.given[i] || i >= free) held.push_back(static_cast<int>(i));
+      if (problem.given[i] || i >= free) options.held.push_back(static_cast<int>(i));
     }
-    if (held.size() < params.size()) {
-      FitFree(model, problem, held, seen_directions, seen_image, &params);
-    }
+    FitToRays(model, problem.config, directions, image, options, &params);
     if (free >= params.size()) return params;
-    free *= 2;
   }
 }
 

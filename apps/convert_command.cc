@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "apps/commands.h"
+#include "calib/calibration_file.h"
+#include "calib/convert.h"
+#include "calib/error.h"
+#include "calib/number_text.h"
+#include "calib/output_folder.h"
+#include "calib/result_files.h"
+#include "models/registry.h"
+
+namespace plenocal {
+
+void RunConvert(const ConvertCommand& command) {
+  const CalibrationFile calibration = ReadCalibration(command.calibration, CameraModels());
+  const CalibratedCamera& camera = FindCamera(calibration, command.camera);
+  const CameraModel* model = FindModel(CameraModels(), command.model);
+  if (model == nullptr) {
+    std::vector<std::string_view> names;
+    for (const CameraModel& known : CameraModels()) names.push_back(known.name);
+    throw Error(ErrorKind::kInput,
+                fmt::format("--to {}: unknown camera model{}",
+                            command.model,
+                            SuggestName(command.model, names)));
+  }
+  const Conversion conversion = Convert(camera, *model);
+
+  std::string errors = "x,y,dx,dy\n";
+  for (const ConversionError& error : conversion.errors) {
+    errors += fmt::format("{:.3f},{:.3f}", error.u_px.x(), error.u_px.y());
+    errors += error.difference_px
+                  ? fmt::format(",{:.9g},{:.9g}\n", error.difference_px->x(), error.difference_px->y())
+                  : ",,\n";
+  }
+  OutputFolder out(command.out);
+  out.Write("calibration.yaml",
+            CameraYaml(camera.name,
+                       *model,
+                       camera.image_size,
+                       conversion.params,
+                       camera.T_camera_rig,
+                       {{"plenocal_version", PLENOCAL_VERSION},
+                        {"converted_from", command.calibration.string()},
+                        {"model", std::string(camera.model->name)}}));
+  out.Write("conversion_errors.csv", errors);
+  out.Commit();
+  fmt::print("{}: {} to {}, {} pixels over the image\n",
+             camera.name,
+             camera.model->name,
+             model->name,
+             conversion.errors.size());
+  for (size_t i = 0; i < model->params.size(); ++i) {
+    fmt::print("    {:<6} {:.9g}{}\n",
+               model->params[i].name,
+               conversion.params[i],
+               model->params[i].unit == "1" ? "" : fmt::format(" {}", model->params[i].unit));
+  }
+  fmt::print("  error {:.3g} px RMS, at most {:.3g} px at ({:.0f}, {:.0f})\n",
+             conversion.rms,
+             conversion.largest,
+             conversion.largest_at.x(),
+             conversion.largest_at.y());
+  if (conversion.unseen > 0) {
+    fmt::print("  {} of the pixels look where {} images nothing\n", conversion.unseen, model->name);
+  }
+  fmt::print("\nwritten to {}\n", command.out.string());
+}
+
+}  // namespace plenocal

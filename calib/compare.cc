@@ -1,0 +1,277 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/compare.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "calib/error.h"
+
+namespace plenocal {
+namespace {
+
+constexpr int kColumns = 30, kRows = 20;   // pixels sampled across the image
+constexpr double kFarAway = 1e8;           // m: stands for infinity
+constexpr double kFalseAlarm = 0.01;       // of all parts and distances together
+constexpr double kLensOffset = 8;          // px, of points in micro images from their lens' centre
+
+struct Sample {
+  size_t distance = 0, part = 0;
+  std::array<double, kMaxObservationSize> values{};
+  Eigen::Vector3d p_a;
+  bool used = false;
+};
+
+bool ProjectB(const CalibratedCamera& b,
+              const Sample& sample,
+              const RigidTransform& T_b_a,
+              Eigen::VectorXd* difference,
+              Eigen::MatrixXd* J_params,
+              Eigen::MatrixXd* J_point) {
+  const auto rows = static_cast<Eigen::Index>(b.model->measured.size());
+  const auto count = static_cast<Eigen::Index>(b.params.size());
+  using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  RowMajor by_params(rows, count), by_point(rows, 3);
+  difference->resize(rows);
+  const Eigen::Vector3d p_b = T_b_a * sample.p_a;
+  if (!b.model->project_with_jacobian(b.params.data(),
+                                      b.config.data(),
+                                      sample.values.data(),
+                                      p_b,
+                                      difference->data(),
+                                      by_params.data(),
+                                      by_point.data())) {
+    return false;
+  }
+  for (Eigen::Index r = 0; r < rows; ++r) {
+    (*difference)[r] -= sample.values[static_cast<size_t>(r)];
+  }
+  *J_params = by_params;
+  *J_point = by_point;
+  return difference->allFinite();
+}
+
+std::vector<Sample> Samples(const CalibratedCamera& a, const std::vector<double>& distances) {
+  std::vector<Sample> samples;
+  // Through a micro lens the place in its image says how far away a point is, so both count.
+  static constexpr std::array<std::array<double, 2>, 4> kOffsets{
+      {{kLensOffset, 0}, {-kLensOffset, 0}, {0, kLensOffset}, {0, -kLensOffset}}};
+  const size_t lenses = a.model->context.empty() ? 1 : kOffsets.size();
+  for (size_t d = 0; d < distances.size(); ++d) {
+    for (int row = 0; row < kRows; ++row) {
+      for (int column = 0; column < kColumns; ++column) {
+        for (size_t lens = 0; lens < lenses; ++lens) {
+          Sample sample;
+          sample.distance = d;
+          sample.part = static_cast<size_t>(3 * (row * 3 / kRows) + column * 3 / kColumns);
+          const double place[2] = {(column + 0.5) / kColumns * a.image_size[0] - 0.5,
+                                   (row + 0.5) / kRows * a.image_size[1] - 0.5};
+          const size_t measured = a.model->measured.size();
+          for (size_t i = 0; i < measured; ++i) sample.values[i] = place[i % 2];
+          for (size_t i = 0; i < a.model->context.size(); ++i) {
+            sample.values[measured + i] = place[i % 2] + kOffsets[lens][i % 2];
+          }
+          const auto ray =
+              a.model->unproject(a.params.data(), a.config.data(), sample.values.data());
+          if (!ray) continue;
+          const double distance = std::isfinite(distances[d]) ? distances[d] : kFarAway;
+          sample.p_a = ray->origin + distance * ray->direction;
+          samples.push_back(sample);
+        }
+      }
+    }
+  }
+  return samples;
+}
+
+// Derivative of an image point by the pose, in the chart of `Retract`, with the translation in
+// units of the point's distance.
+Eigen::MatrixXd PoseColumns(const Eigen::MatrixXd& J_point,
+                            const RigidTransform& T,
+                            const Eigen::Vector3d& p,
+                            double unit) {
+  Eigen::MatrixXd J(J_point.rows(), 6);
+  J.leftCols(3) = unit * J_point;
+  J.rightCols(3) = -J_point * Hat(T.R * p);
+  return J;
+}
+
+struct System {
+  Eigen::VectorXd d;      // differences of all used samples, px
+  Eigen::MatrixXd H;      // by the pose
+  Eigen::MatrixXd G;      // by the parameters of b, then of a
+  std::vector<size_t> of;  // sample of each group of rows
+};
+
+System Linearise(const CalibratedCamera& a,
+                 const CalibratedCamera& b,
+                 const RigidTransform& T_b_a,
+                 double unit,
+                 std::vector<Sample>* samples) {
+  const auto rows = static_cast<Eigen::Index>(b.model->measured.size());
+  const auto n_a = static_cast<Eigen::Index>(a.params.size());
+  const auto n_b = static_cast<Eigen::Index>(b.params.size());
+  System system;
+  const auto most = rows * static_cast<Eigen::Index>(samples->size());
+  system.d.resize(most);
+  system.H.resize(most, 6);
+  system.G.resize(most, n_b + n_a);
+  Eigen::Index at = 0;
+  for (size_t i = 0; i < samples->size(); ++i) {
+    Sample& sample = (*samples)[i];
+    Eigen::VectorXd difference;
+    Eigen::MatrixXd J_params, J_point;
+    sample.used = ProjectB(b, sample, T_b_a, &difference, &J_params, &J_point);
+    if (!sample.used) continue;
+    // a sees the point in the same pixel when the point moves by dp: J_a,params da + J_a,point dp =
+    // 0.
+    Eigen::VectorXd unused;
+    Eigen::MatrixXd J_a_params, J_a_point;
+    if (!ProjectB(a, sample, {}, &unused, &J_a_params, &J_a_point)) {
+      sample.used = false;
+      continue;
+    }
+    const Eigen::MatrixXd dp =
+        -J_a_point.completeOrthogonalDecomposition().pseudoInverse() * J_a_params;
+    system.d.segment(at, rows) = difference;
+    system.H.middleRows(at, rows) = PoseColumns(J_point, T_b_a, sample.p_a, unit);
+    system.G.block(at, 0, rows, n_b) = J_params;
+    system.G.block(at, n_b, rows, n_a) = J_point * T_b_a.R * dp;
+    system.of.push_back(i);
+    at += rows;
+  }
+  system.d.conservativeResize(at);
+  system.H.conservativeResize(at, Eigen::NoChange);
+  system.G.conservativeResize(at, Eigen::NoChange);
+  return system;
+}
+
+// Columns whose outer products sum up to the covariance.
+Eigen::MatrixXd SquareRoot(const Eigen::MatrixXd& covariance) {
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(covariance);
+  return eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0).cwiseSqrt().asDiagonal();
+}
+
+// P(X > x) of a sum of squares with weights lambda whose sum and sum of squares are given: X is
+// taken for a multiple of chi-square of fitting degrees of freedom (Satterthwaite), its cube root
+// for normal (Wilson and Hilferty 1931).
+double TailOfWeightedSquares(double x, double sum, double sum_of_squares) {
+  const double degrees = sum * sum / sum_of_squares;
+  const double spread = 2 / (9 * degrees);
+  const double z = (std::cbrt(x / sum) - (1 - spread)) / std::sqrt(spread);
+  return std::erfc(z / std::numbers::sqrt2) / 2;
+}
+
+ImageDifference Judge(const System& system,
+                      const Eigen::MatrixXd& M,
+                      const std::vector<size_t>& groups,
+                      Eigen::Index rows,
+                      bool has_prediction) {
+  ImageDifference result;
+  double squares = 0;
+  Eigen::MatrixXd information = Eigen::MatrixXd::Zero(M.cols(), M.cols());
+  for (const size_t group : groups) {
+    const Eigen::Index at = rows * static_cast<Eigen::Index>(group);
+    const double square = system.d.segment(at, rows).squaredNorm();
+    squares += square;
+    result.largest = std::max(result.largest, std::sqrt(square));
+    information += M.middleRows(at, rows).transpose() * M.middleRows(at, rows);
+  }
+  result.points = static_cast<int>(groups.size());
+  if (groups.empty()) return result;
+  result.rms = std::sqrt(squares / static_cast<double>(groups.size()));
+  if (!has_prediction) return result;
+  result.predicted = std::sqrt(information.trace() / static_cast<double>(groups.size()));
+  result.probability =
+      TailOfWeightedSquares(squares, information.trace(), information.squaredNorm());
+  return result;
+}
+
+}  // namespace
+
+CameraDifference CompareCameras(const CalibratedCamera& a,
+                                const CalibratedCamera& b,
+                                const std::vector<double>& distances) {
+  if (a.image_size != b.image_size) {
+    throw Error(ErrorKind::kInput,
+                fmt::format("{}: one calibration is of images of {} x {} px, the other of {} x {}; "
+                            "only calibrations for equal images can be compared",
+                            a.name,
+                            a.image_size[0],
+                            a.image_size[1],
+                            b.image_size[0],
+                            b.image_size[1]));
+  }
+  if (!std::ranges::equal(a.model->measured, b.model->measured) ||
+      !std::ranges::equal(a.model->context, b.model->context)) {
+    throw Error(ErrorKind::kInput,
+                fmt::format("{}: {} and {} do not measure the same in an image, so that they "
+                            "cannot be compared",
+                            a.name,
+                            a.model->name,
+                            b.model->name));
+  }
+  CameraDifference result;
+  result.name = a.name;
+  std::vector<Sample> samples = Samples(a, distances);
+  double unit = kFarAway;
+  for (const double distance : distances) unit = std::min(unit, distance);
+
+  // Gauss-Newton for the implied motion; where nothing tells of the translation (all is far away)
+  // the shortest step leaves it alone.
+  constexpr int kIterations = 20;
+  constexpr double kConverged = 1e-12;
+  System system;
+  for (int i = 0; i < kIterations; ++i) {
+    system = Linearise(a, b, result.T_b_a, unit, &samples);
+    if (system.of.size() < 6) {
+      throw Error(ErrorKind::kJob,
+                  fmt::format("{}: hardly a pixel of one calibration is seen by the other", a.name));
+    }
+    Vector6d step = system.H.completeOrthogonalDecomposition().solve(-system.d);
+    step.head<3>() *= unit;
+    result.T_b_a = Retract(result.T_b_a, step);
+    if (step.norm() < kConverged * std::max(1.0, unit)) break;
+  }
+  system = Linearise(a, b, result.T_b_a, unit, &samples);
+
+  const Eigen::Index n_b = b.covariance.rows(), n_a = a.covariance.rows();
+  Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(n_b + n_a, n_b + n_a);
+  covariance.topLeftCorner(n_b, n_b) = b.covariance;
+  covariance.bottomRightCorner(n_a, n_a) = a.covariance;
+  result.has_prediction = covariance.allFinite() && covariance.squaredNorm() > 0;
+  Eigen::MatrixXd M = Eigen::MatrixXd::Zero(system.G.rows(), 1);
+  if (result.has_prediction) {
+    M = system.G * SquareRoot(covariance);
+    M -= system.H * system.H.completeOrthogonalDecomposition().solve(M);
+  }
+
+  const auto rows = static_cast<Eigen::Index>(b.model->measured.size());
+  const double limit = kFalseAlarm / (9.0 * static_cast<double>(distances.size()));
+  result.same = result.has_prediction;
+  for (size_t d = 0; d < distances.size(); ++d) {
+    DistanceDifference at;
+    at.distance = distances[d];
+    std::vector<size_t> all;
+    std::array<std::vector<size_t>, 9> parts;
+    for (size_t group = 0; group < system.of.size(); ++group) {
+      const Sample& sample = samples[system.of[group]];
+      if (sample.distance != d) continue;
+      all.push_back(group);
+      parts[sample.part].push_back(group);
+    }
+    at.all = Judge(system, M, all, rows, result.has_prediction);
+    for (size_t p = 0; p < parts.size(); ++p) {
+      at.parts[p] = Judge(system, M, parts[p], rows, result.has_prediction);
+      at.parts[p].differs = result.has_prediction && at.parts[p].probability < limit;
+      result.same = result.same && !at.parts[p].differs;
+    }
+    result.distances.push_back(at);
+  }
+  return result;
+}
+
+}  // namespace plenocal

@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// How far two calibrations of one camera differ in the image.
+#pragma once
+
+#include <array>
+#include <string>
+#include <vector>
+
+#include "calib/calibration_file.h"
+
+namespace plenocal {
+
+/// A part of the image at one distance.
+struct ImageDifference {
+  int points = 0;      ///< sampled pixels that both calibrations image
+  double rms = 0;      ///< of the differences' lengths, px
+  double largest = 0;  ///< px
+  double predicted = 0;  ///< rms that the covariances of both predict, px; infinite when open
+  /// Probability of a larger rms by the predicted errors alone; 1 without points.
+  double probability = 1;
+  bool differs = false;  ///< by more than the prediction explains
+};
+
+/// Differences of all the image and of its 3 x 3 parts, row by row.
+struct DistanceDifference {
+  double distance = 0;  ///< m, infinite for far away
+  ImageDifference all;
+  std::array<ImageDifference, 9> parts;
+};
+
+struct CameraDifference {
+  std::string name;
+  /// The motion of the camera's frame that the difference of the intrinsics implies: poses of the
+  /// target follow it, so that it is no difference of what is seen. p_b = T_b_a p_a.
+  RigidTransform T_b_a;
+  std::vector<DistanceDifference> distances;
+  /// Whether both files have sigmas, and all of them finite.
+  bool has_prediction = false;
+  /// No part of the image at any distance differs by more than the sigmas explain, with a false
+  /// alarm in a hundred comparisons.
+  bool same = false;
+};
+
+/// Pixels of a grid over a's image are taken out along their rays to each distance, moved by the
+/// T_b_a that makes the sum of squared differences smallest, and projected by b. The prediction is
+/// linear: covariances of both calibrations, less what a change of T_b_a takes up. The mean square
+/// difference is compared with its distribution under the prediction, a weighted sum of squares,
+/// by its first two moments (Satterthwaite 1946). Throws `Error` when the two cannot be compared.
+CameraDifference CompareCameras(const CalibratedCamera& a,
+                                const CalibratedCamera& b,
+                                const std::vector<double>& distances);
+
+}  // namespace plenocal

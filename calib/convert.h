@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+#include <vector>
+
+#include "calib/calibration_file.h"
+
+namespace plenocal {
+
+/// A pixel of the original and how far from it the converted model images its ray.
+struct ConversionError {
+  Eigen::Vector2d u_px;
+  std::optional<Eigen::Vector2d> difference_px;  ///< nothing where the model images no such ray
+};
+
+/// A camera in terms of another model.
+struct Conversion {
+  std::vector<double> params;
+  std::vector<ConversionError> errors;  ///< a grid over the image from corner to corner
+  double rms = 0, largest = 0;          ///< px
+  Eigen::Vector2d largest_at = Eigen::Vector2d::Zero();
+  int unseen = 0;  ///< pixels whose rays the model does not image
+};
+
+/// Least squares of the image over a grid of the original's pixels, with all rays kept (no turn of
+/// the camera's frame). Throws `Error` when either model is not central or the original images
+/// hardly anything.
+Conversion Convert(const CalibratedCamera& camera, const CameraModel& model);
+
+}  // namespace plenocal

@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/ray_fit.h"
+
+#include <ceres/ceres.h>
+
+#include <algorithm>
+
+namespace plenocal {
+namespace {
+
+// All image points with their directions as the sum of squares of the model's own projection.
+class DirectionCost : public ceres::CostFunction {
+ public:
+  DirectionCost(const CameraModel& model,
+                std::span<const double> config,
+                const std::vector<Eigen::Vector3d>& directions,
+                const std::vector<Eigen::Vector2d>& image)
+      : model_(model), config_(config), directions_(directions), image_(image) {
+    set_num_residuals(static_cast<int>(2 * image.size()));
+    mutable_parameter_block_sizes()->push_back(static_cast<int>(model.params.size()));
+  }
+
+  bool Evaluate(double const* const* parameters,
+                double* residuals,
+                double** jacobians) const override {
+    if (!WithinBounds(model_, parameters[0])) return false;
+    const size_t count = model_.params.size();
+    std::vector<double> J_params(2 * count);
+    double J_point[6];
+    for (size_t i = 0; i < image_.size(); ++i) {
+      const double values[kMaxObservationSize] = {image_[i].x(), image_[i].y()};
+      double predicted[2];
+      if (!model_.project_with_jacobian(parameters[0],
+                                        config_.data(),
+                                        values,
+                                        directions_[i],
+                                        predicted,
+                                        J_params.data(),
+                                        J_point)) {
+        return false;
+      }
+      for (size_t r = 0; r < 2; ++r) {
+        residuals[2 * i + r] = predicted[r] - values[r];
+        if (jacobians != nullptr && jacobians[0] != nullptr) {
+          std::copy_n(J_params.data() + r * count, count, jacobians[0] + (2 * i + r) * count);
+        }
+      }
+    }
+    return true;
+  }
+
+ private:
+  const CameraModel& model_;
+  std::span<const double> config_;
+  const std::vector<Eigen::Vector3d>& directions_;
+  const std::vector<Eigen::Vector2d>& image_;
+};
+
+}  // namespace
+
+bool FitToRays(const CameraModel& model,
+               std::span<const double> config,
+               const std::vector<Eigen::Vector3d>& directions,
+               const std::vector<Eigen::Vector2d>& image,
+               const RayFitOptions& options,
+               std::vector<double>* params) {
+  std::vector<Eigen::Vector3d> seen_directions;
+  std::vector<Eigen::Vector2d> seen_image;
+  for (size_t i = 0; i < image.size(); ++i) {
+    double predicted[2];
+    const double values[kMaxObservationSize] = {image[i].x(), image[i].y()};
+    if (model.project(params->data(), config.data(), values, directions[i], predicted)) {
+      seen_directions.push_back(directions[i]);
+      seen_image.push_back(image[i]);
+    }
+  }
+  if (options.held.size() == params->size() || seen_image.size() < params->size()) return false;
+
+  const auto count = static_cast<int>(params->size());
+  std::vector<double> fitted = *params;
+  ceres::Problem fit;
+  fit.AddParameterBlock(
+      fitted.data(),
+      count,
+      options.held.empty() ? nullptr : new ceres::SubsetManifold(count, options.held));
+  fit.AddResidualBlock(
+      new DirectionCost(model, config, seen_directions, seen_image), nullptr, fitted.data());
+  ceres::Solver::Options solver;
+  solver.linear_solver_type = ceres::DENSE_QR;
+  solver.logging_type = ceres::SILENT;
+  solver.max_num_iterations = options.max_iterations;
+  solver.function_tolerance = options.tolerance;
+  ceres::Solver::Summary summary;
+  ceres::Solve(solver, &fit, &summary);
+  if (!summary.IsSolutionUsable()) return false;
+  *params = fitted;
+  return true;
+}
+
+}  // namespace plenocal

@@ -1,0 +1,122 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// `plenocal compare` and `plenocal convert`, and the calibration.yaml that they read.
+#include <fmt/format.h>
+
+#include <cmath>
+
+#include "tests/apps/workspace.h"
+
+namespace plenocal::testing {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+class CompareCommand : public Workspace {
+ protected:
+  // Calibrates one camera twice, from the even and from the odd of its frames.
+  void CalibrateHalves() const {
+    SyntheticProblem problem = MakeProblem(3, {.cameras = 1, .frames = 24, .noise = 0.1});
+    const std::vector<View> views = problem.input.cameras[0].views;
+    for (const size_t half : {0, 1}) {
+      problem.input.cameras[0].views.clear();
+      for (size_t i = half; i < views.size(); i += 2) {
+        problem.input.cameras[0].views.push_back(views[i]);
+      }
+      WriteProblem(problem);
+      Calibrate(half == 0 ? "a" : "b");
+    }
+  }
+  // A copy of a calibration with one parameter changed.
+  void Change(const std::string& from, const std::string& to, const std::string& name, double by)
+      const {
+    YAML::Node file = YAML::Load(Read(from));
+    YAML::Node value = file["cameras"].begin()->second["parameters"][name];
+    value = value.as<double>() + by;
+    Write(to, YAML::Dump(file) + "\n");
+  }
+};
+
+TEST_F(CompareCommand, FindsTwoHalvesOfARecordingTheSameAndAChangedCameraNot) {
+  CalibrateHalves();
+  const Outcome same = Run({"compare", "a/calibration.yaml", "b/calibration.yaml"});
+  EXPECT_EQ(same.status, kDone) << same.err;
+  EXPECT_THAT(same.out, HasSubstr("\nsame within uncertainty\n"));
+
+  // Ten sigmas of the focal length are taken up by no turn and no shift.
+  const double sigma = Result("b")["cameras"].begin()->second["sigma"]["f_x"].as<double>();
+  Change("b/calibration.yaml", "changed.yaml", "f_x", 10 * sigma);
+  const Outcome changed = Run({"compare", "a/calibration.yaml", "changed.yaml"});
+  EXPECT_EQ(changed.status, kDone) << changed.err;
+  EXPECT_THAT(changed.out, HasSubstr("not the same within uncertainty"));
+  EXPECT_THAT(changed.out, HasSubstr("differs"));
+}
+
+TEST_F(CompareCommand, TakesOutWhatATurnOfTheCameraExplains) {
+  CalibrateHalves();
+  // A principal point that lies elsewhere is, far away and in the first order, a turn.
+  const YAML::Node camera = Result("a")["cameras"].begin()->second;
+  const double f_x = camera["parameters"]["f_x"].as<double>();
+  Change("a/calibration.yaml", "moved.yaml", "c_x", 1);
+  const Outcome outcome =
+      Run({"compare", "a/calibration.yaml", "moved.yaml", "--distance", "inf"});
+  EXPECT_EQ(outcome.status, kDone) << outcome.err;
+  const std::string turn = outcome.out.substr(outcome.out.find("a turn by ("));
+  double x = 0, y = 0;
+  ASSERT_EQ(std::sscanf(turn.c_str(), "a turn by (%lf, %lf", &x, &y), 2) << outcome.out;
+  EXPECT_NEAR(std::abs(y), 180 / M_PI / f_x, 0.2 * 180 / M_PI / f_x);
+  EXPECT_LT(std::abs(x), 0.1 * std::abs(y));
+}
+
+TEST_F(CompareCommand, ComparesRigsAndSaysWhereCamerasStand) {
+  WriteProblem(EasyProblem(2));
+  Calibrate("rig");
+  const Outcome outcome = Run({"compare", "rig/calibration.yaml", "rig/calibration.yaml"});
+  EXPECT_EQ(outcome.status, kDone) << outcome.err;
+  EXPECT_THAT(outcome.out, HasSubstr("on the rig: turned by 0.0000 degrees"));
+  EXPECT_THAT(outcome.out, HasSubstr("\nsame within uncertainty\n"));
+}
+
+TEST_F(CompareCommand, ConvertsBetweenModelsAndReadsTheResultAgain) {
+  CalibrateHalves();
+  const Outcome there = Run({"convert", "a/calibration.yaml", "--to", "pinhole-radtan", "-o", "c"});
+  ASSERT_EQ(there.status, kDone) << there.err;
+  // pinhole-radial3 is OpenCV's k_1, k_2, k_3, so nothing is lost.
+  const Table errors(Read("c/conversion_errors.csv"));
+  for (const std::string column : {"dx", "dy"}) {
+    for (const double error : errors.Numbers(column)) EXPECT_LT(std::abs(error), 1e-6);
+  }
+  const YAML::Node was = Result("a")["cameras"].begin()->second["parameters"];
+  const YAML::Node is = Result("c")["cameras"].begin()->second["parameters"];
+  EXPECT_NEAR(is["k_1"].as<double>(), was["A_0"].as<double>(), 1e-6);
+  EXPECT_NEAR(is["k_3"].as<double>(), was["A_2"].as<double>(), 1e-6);
+
+  const Outcome outcome = Run({"compare", "a/calibration.yaml", "c/calibration.yaml"});
+  EXPECT_EQ(outcome.status, kDone) << outcome.err;
+  EXPECT_THAT(outcome.out, HasSubstr("pinhole-radial3 and pinhole-radtan"));
+}
+
+TEST_F(CompareCommand, RefusesWhatItCannotReadOrCompare) {
+  CalibrateHalves();
+  const auto fails = [&](const std::vector<std::string>& arguments, const std::string& part) {
+    const Outcome outcome = Run(arguments);
+    EXPECT_EQ(outcome.status, kWrongInput) << outcome.err;
+    EXPECT_THAT(outcome.err, HasSubstr(part));
+    EXPECT_EQ(Lines(outcome.err).size(), 1);
+  };
+  fails({"compare", "a/calibration.yaml", "absent.yaml"}, "absent.yaml");
+  fails({"compare", "a/calibration.yaml", "session.yaml"}, "session.yaml");
+  fails({"compare", "a/calibration.yaml", "b/calibration.yaml", "--distance", "-1"}, "--distance");
+  fails({"convert", "a/calibration.yaml", "--to", "pinhole-radtn", "-o", "x"},
+        "did you mean 'pinhole-radtan'?");
+  fails({"convert", "a/calibration.yaml", "--to", "focused-plenoptic", "-o", "x"},
+        "no model of an ordinary camera");
+  fails({"convert", "a/calibration.yaml", "--camera", "nobody", "--to", "ucm", "-o", "x"},
+        "no camera 'nobody'");
+  Write("broken.yaml", Replaced(Read("a/calibration.yaml"), "T_camera_rig: [[", "T_camera_rig: [[7"));
+  fails({"compare", "broken.yaml", "b/calibration.yaml"}, "broken.yaml:");
+}
+
+}  // namespace
+}  // namespace plenocal::testing
