@@ -37,7 +37,8 @@ std::string Verdict(const CameraDifference& camera) {
       if (at.parts[p].differs) parts += (parts.empty() ? "" : ", ") + PartText(p);
     }
     if (!parts.empty()) {
-      places += fmt::format("{}{}: {}", places.empty() ? "" : "; ", DistanceText(at.distance), parts);
+      places +=
+          fmt::format("{}{}: {}", places.empty() ? "" : "; ", DistanceText(at.distance), parts);
     }
   }
   return fmt::format("they differ by more than their sigmas explain at {}", places);
@@ -54,14 +55,15 @@ void PrintCamera(const CameraDifference& camera,
              a.image_size[1]);
   const Eigen::Vector3d turn = LogRotation(camera.T_b_a.R) * 180 / std::numbers::pi;
   const Eigen::Vector3d shift = 1e3 * camera.T_b_a.t;
-  fmt::print("  taken out: a turn by ({:.4f}, {:.4f}, {:.4f}) degrees and a shift by ({:.3f}, "
-             "{:.3f}, {:.3f}) mm of the camera's frame\n",
-             turn.x(),
-             turn.y(),
-             turn.z(),
-             shift.x(),
-             shift.y(),
-             shift.z());
+  fmt::print(
+      "  taken out: a turn by ({:.4f}, {:.4f}, {:.4f}) degrees and a shift by ({:.3f}, "
+      "{:.3f}, {:.3f}) mm of the camera's frame\n",
+      turn.x(),
+      turn.y(),
+      turn.z(),
+      shift.x(),
+      shift.y(),
+      shift.z());
   fmt::print("  {:<10} {:<14} {:>10} {:>10} {:>12} {:>8}\n",
              "distance",
              "part",
@@ -95,12 +97,13 @@ void PrintMount(const CameraDifference& master,
   const RigidTransform expected = camera.T_b_a * a.T_camera_rig * master.T_b_a.Inverse();
   const RigidTransform left = b.T_camera_rig * expected.Inverse();
   const Vector6d sigma = (a.sigma_xi.cwiseAbs2() + b.sigma_xi.cwiseAbs2()).cwiseSqrt();
-  fmt::print("  on the rig: turned by {:.4f} degrees (sigmas: {:.4f}), shifted by {:.3f} mm "
-             "(sigmas: {:.3f})\n",
-             LogRotation(left.R).norm() * 180 / std::numbers::pi,
-             sigma.tail<3>().norm() * 180 / std::numbers::pi,
-             1e3 * (b.T_camera_rig.t - expected.t).norm(),
-             1e3 * sigma.head<3>().norm());
+  fmt::print(
+      "  on the rig: turned by {:.4f} degrees (sigmas: {:.4f}), shifted by {:.3f} mm "
+      "(sigmas: {:.3f})\n",
+      LogRotation(left.R).norm() * 180 / std::numbers::pi,
+      sigma.tail<3>().norm() * 180 / std::numbers::pi,
+      1e3 * (b.T_camera_rig.t - expected.t).norm(),
+      1e3 * sigma.head<3>().norm());
 }
 
 }  // namespace
@@ -112,9 +115,9 @@ void RunCompare(const CompareCommand& command) {
   if (distances.empty()) distances = {1, std::numeric_limits<double>::infinity()};
   for (const double distance : distances) {
     if (!(distance > 0)) {
-      throw Error(ErrorKind::kInput,
-                  fmt::format("--distance {}: expected a positive number of metres, or inf",
-                              distance));
+      throw Error(
+          ErrorKind::kInput,
+          fmt::format("--distance {}: expected a positive number of metres, or inf", distance));
     }
   }
   std::vector<CameraDifference> differences;

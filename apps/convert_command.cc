@@ -22,19 +22,20 @@ void RunConvert(const ConvertCommand& command) {
   if (model == nullptr) {
     std::vector<std::string_view> names;
     for (const CameraModel& known : CameraModels()) names.push_back(known.name);
-    throw Error(ErrorKind::kInput,
-                fmt::format("--to {}: unknown camera model{}",
-                            command.model,
-                            SuggestName(command.model, names)));
+    throw Error(
+        ErrorKind::kInput,
+        fmt::format(
+            "--to {}: unknown camera model{}", command.model, SuggestName(command.model, names)));
   }
   const Conversion conversion = Convert(camera, *model);
 
   std::string errors = "x,y,dx,dy\n";
   for (const ConversionError& error : conversion.errors) {
     errors += fmt::format("{:.3f},{:.3f}", error.u_px.x(), error.u_px.y());
-    errors += error.difference_px
-                  ? fmt::format(",{:.9g},{:.9g}\n", error.difference_px->x(), error.difference_px->y())
-                  : ",,\n";
+    errors +=
+        error.difference_px
+            ? fmt::format(",{:.9g},{:.9g}\n", error.difference_px->x(), error.difference_px->y())
+            : ",,\n";
   }
   OutputFolder out(command.out);
   out.Write("calibration.yaml",

@@ -13,10 +13,10 @@
 namespace plenocal {
 namespace {
 
-constexpr int kColumns = 30, kRows = 20;   // pixels sampled across the image
-constexpr double kFarAway = 1e8;           // m: stands for infinity
-constexpr double kFalseAlarm = 0.01;       // of all parts and distances together
-constexpr double kLensOffset = 8;          // px, of points in micro images from their lens' centre
+constexpr int kColumns = 30, kRows = 20;  // pixels sampled across the image
+constexpr double kFarAway = 1e8;          // m: stands for infinity
+constexpr double kFalseAlarm = 0.01;      // of all parts and distances together
+constexpr double kLensOffset = 8;         // px, of points in micro images from their lens' centre
 
 struct Sample {
   size_t distance = 0, part = 0;
@@ -100,9 +100,9 @@ Eigen::MatrixXd PoseColumns(const Eigen::MatrixXd& J_point,
 }
 
 struct System {
-  Eigen::VectorXd d;      // differences of all used samples, px
-  Eigen::MatrixXd H;      // by the pose
-  Eigen::MatrixXd G;      // by the parameters of b, then of a
+  Eigen::VectorXd d;       // differences of all used samples, px
+  Eigen::MatrixXd H;       // by the pose
+  Eigen::MatrixXd G;       // by the parameters of b, then of a
   std::vector<size_t> of;  // sample of each group of rows
 };
 
@@ -228,8 +228,9 @@ CameraDifference CompareCameras(const CalibratedCamera& a,
   for (int i = 0; i < kIterations; ++i) {
     system = Linearise(a, b, result.T_b_a, unit, &samples);
     if (system.of.size() < 6) {
-      throw Error(ErrorKind::kJob,
-                  fmt::format("{}: hardly a pixel of one calibration is seen by the other", a.name));
+      throw Error(
+          ErrorKind::kJob,
+          fmt::format("{}: hardly a pixel of one calibration is seen by the other", a.name));
     }
     Vector6d step = system.H.completeOrthogonalDecomposition().solve(-system.d);
     step.head<3>() *= unit;

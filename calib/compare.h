@@ -13,9 +13,9 @@ namespace plenocal {
 
 /// A part of the image at one distance.
 struct ImageDifference {
-  int points = 0;      ///< sampled pixels that both calibrations image
-  double rms = 0;      ///< of the differences' lengths, px
-  double largest = 0;  ///< px
+  int points = 0;        ///< sampled pixels that both calibrations image
+  double rms = 0;        ///< of the differences' lengths, px
+  double largest = 0;    ///< px
   double predicted = 0;  ///< rms that the covariances of both predict, px; infinite when open
   /// Probability of a larger rms by the predicted errors alone; 1 without points.
   double probability = 1;

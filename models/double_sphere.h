@@ -51,8 +51,7 @@ struct DoubleSphere : LensModel<DoubleSphere> {
     const double square = 1 - (2 * alpha - 1) * r2;
     if (!(square >= 0)) return std::nullopt;
     const double m_z = (1 - alpha * alpha * r2) / (alpha * std::sqrt(square) + 1 - alpha);
-    const double scale =
-        (m_z * xi + std::sqrt(m_z * m_z + (1 - xi * xi) * r2)) / (m_z * m_z + r2);
+    const double scale = (m_z * xi + std::sqrt(m_z * m_z + (1 - xi * xi) * r2)) / (m_z * m_z + r2);
     return Eigen::Vector3d(scale * m.x(), scale * m.y(), scale * m_z - xi);
   }
 };

@@ -29,8 +29,7 @@ struct KannalaBrandt4 : LensModel<KannalaBrandt4> {
                                                      Coefficient("k_2", 0.16),
                                                      Coefficient("k_3", 0.067),
                                                      Coefficient("k_4", 0.027)});
-  static constexpr std::array kExample{
-      210.0, 212.0, 322.0, 243.0, -0.01, 0.003, -0.0002, 0.00001};
+  static constexpr std::array kExample{210.0, 212.0, 322.0, 243.0, -0.01, 0.003, -0.0002, 0.00001};
   static constexpr std::array<double, 4> kStart{};
 
   template <typename T>

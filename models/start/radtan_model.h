@@ -84,11 +84,11 @@ struct RadtanModel : LensModel<M> {
     const Lens lens(k);
     const double r_d = m.norm();
     if (!std::isfinite(r_d)) return std::nullopt;
-    const std::optional<double> r = SolveIncreasing(
-        [&](double radius) { return radius * lens.Gain(radius * radius); },
-        [&](double radius) { return lens.RadialSlope(radius * radius); },
-        [&](double radius) { return lens.Grows(radius * radius); },
-        r_d);
+    const std::optional<double> r =
+        SolveIncreasing([&](double radius) { return radius * lens.Gain(radius * radius); },
+                        [&](double radius) { return lens.RadialSlope(radius * radius); },
+                        [&](double radius) { return lens.Grows(radius * radius); },
+                        r_d);
     Eigen::Vector2d xy = r_d > 0 ? Eigen::Vector2d(m * (r.value_or(r_d) / r_d)) : m;
     constexpr int kMaxIterations = 100;
     for (int i = 0; i < kMaxIterations && !lens.Images(xy.x(), xy.y()); ++i) xy *= 0.9;
@@ -124,8 +124,8 @@ struct RadtanModel : LensModel<M> {
       std::copy_n(k, N, k_.begin());
       P_ = {1, k_[0], k_[1], k_[4]};
       Q_ = {1, k_[5], k_[6], k_[7]};
-      // (r P / Q)' Q^2 = P Q + 2 s (P' Q - P Q') with s = r^2; the term P_i Q_j s^(i + j) of P Q has
-      // i P_i Q_j s^(i + j) and j P_i Q_j s^(i + j) in s P' Q and s P Q'.
+      // (r P / Q)' Q^2 = P Q + 2 s (P' Q - P Q') with s = r^2; the term P_i Q_j s^(i + j) of P Q
+      // has i P_i Q_j s^(i + j) and j P_i Q_j s^(i + j) in s P' Q and s P Q'.
       for (size_t i = 0; i < P_.size(); ++i) {
         for (size_t j = 0; j < Q_.size(); ++j) {
           slope_[i + j] +=

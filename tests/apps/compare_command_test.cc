@@ -29,8 +29,10 @@ class CompareCommand : public Workspace {
     }
   }
   // A copy of a calibration with one parameter changed.
-  void Change(const std::string& from, const std::string& to, const std::string& name, double by)
-      const {
+  void Change(const std::string& from,
+              const std::string& to,
+              const std::string& name,
+              double by) const {
     YAML::Node file = YAML::Load(Read(from));
     YAML::Node value = file["cameras"].begin()->second["parameters"][name];
     value = value.as<double>() + by;
@@ -59,8 +61,7 @@ TEST_F(CompareCommand, TakesOutWhatATurnOfTheCameraExplains) {
   const YAML::Node camera = Result("a")["cameras"].begin()->second;
   const double f_x = camera["parameters"]["f_x"].as<double>();
   Change("a/calibration.yaml", "moved.yaml", "c_x", 1);
-  const Outcome outcome =
-      Run({"compare", "a/calibration.yaml", "moved.yaml", "--distance", "inf"});
+  const Outcome outcome = Run({"compare", "a/calibration.yaml", "moved.yaml", "--distance", "inf"});
   EXPECT_EQ(outcome.status, kDone) << outcome.err;
   const std::string turn = outcome.out.substr(outcome.out.find("a turn by ("));
   double x = 0, y = 0;
@@ -114,7 +115,8 @@ TEST_F(CompareCommand, RefusesWhatItCannotReadOrCompare) {
         "no model of an ordinary camera");
   fails({"convert", "a/calibration.yaml", "--camera", "nobody", "--to", "ucm", "-o", "x"},
         "no camera 'nobody'");
-  Write("broken.yaml", Replaced(Read("a/calibration.yaml"), "T_camera_rig: [[", "T_camera_rig: [[7"));
+  Write("broken.yaml",
+        Replaced(Read("a/calibration.yaml"), "T_camera_rig: [[", "T_camera_rig: [[7"));
   fails({"compare", "broken.yaml", "b/calibration.yaml"}, "broken.yaml:");
 }
 

@@ -68,8 +68,8 @@ TEST_P(FisheyeHeldOut, IsNoWorseThanTheReferenceWithoutStartValues) {
   std::string initial, fixed;
   for (const auto& parameter : parameters) {
     const auto name = parameter.first.as<std::string>();
-    initial += fmt::format("{}{}: {}", initial.empty() ? "" : ", ", name,
-                           parameter.second.as<std::string>());
+    initial += fmt::format(
+        "{}{}: {}", initial.empty() ? "" : ", ", name, parameter.second.as<std::string>());
     fixed += (fixed.empty() ? "" : ", ") + name;
   }
   WriteSession("train/target.yaml",

@@ -33,15 +33,8 @@ double Difference(std::string_view name, double half_fov, bool fisheye) {
   EXPECT_NE(model, nullptr) << name;
   if (model == nullptr) return 1;
   const auto example = model->example;
-  const cv::Mat K = (cv::Mat_<double>(3, 3) << example[0],
-                     0,
-                     example[2],
-                     0,
-                     example[1],
-                     example[3],
-                     0,
-                     0,
-                     1);
+  const cv::Mat K =
+      (cv::Mat_<double>(3, 3) << example[0], 0, example[2], 0, example[1], example[3], 0, 0, 1);
   const std::vector<double> k(example.begin() + 4, example.end());
   const cv::Mat still = cv::Mat::zeros(3, 1, CV_64F);
   const std::vector<cv::Point3d> points = Points(half_fov);
@@ -62,11 +55,8 @@ double Difference(std::string_view name, double half_fov, bool fisheye) {
 }
 
 TEST(OpenCv, ProjectsAsThePinholeModelsDo) {
-  for (const char* name : {"pinhole",
-                           "pinhole-radtan4",
-                           "pinhole-radtan",
-                           "pinhole-radtan8",
-                           "pinhole-radtan12"}) {
+  for (const char* name :
+       {"pinhole", "pinhole-radtan4", "pinhole-radtan", "pinhole-radtan8", "pinhole-radtan12"}) {
     EXPECT_LT(Difference(name, 0.7, false), kAgreement) << name;
   }
 }
