@@ -23,7 +23,6 @@ class DirectionCost : public ceres::CostFunction {
   bool Evaluate(double const* const* parameters,
                 double* residuals,
                 double** jacobians) const override {
-    if (!WithinBounds(model_, parameters[0])) return false;
     const size_t count = model_.params.size();
     std::vector<double> J_params(2 * count);
     double J_point[6];

@@ -182,25 +182,19 @@ std::optional<Profile> SolveProfile(const std::vector<AlignedView>& views, int t
   return a;
 }
 
-constexpr size_t kFirstFree = 5;  // focal lengths, principal point and the first of the lens
-
-// Fits all parameters at once or, `gradually`, from simple to rich: the later coefficients of a
-// distortion then follow the first ones' lead. Either may run into a minimum of its own.
 std::vector<double> FitToDirections(const CameraModel& model,
                                     const StartProblem& problem,
                                     std::vector<double> params,
                                     const std::vector<Eigen::Vector3d>& directions,
-                                    const std::vector<Eigen::Vector2d>& image,
-                                    bool gradually) {
-  for (size_t i = 0; i < params.size(); ++i) params[i] = problem.given[i].value_or(params[i]);
-  for (size_t free = gradually ? kFirstFree : params.size();; free *= 2) {
-    RayFitOptions options;
-    for (size_t i = 0; i < params.size(); ++i) {
-      if (problem.given[i] || i >= free) options.held.push_back(static_cast<int>(i));
-    }
-    FitToRays(model, problem.config, directions, image, options, &params);
-    if (free >= params.size()) return params;
+                                    const std::vector<Eigen::Vector2d>& image) {
+  RayFitOptions options;
+  for (size_t i = 0; i < params.size(); ++i) {
+    if (!problem.given[i]) continue;
+    params[i] = *problem.given[i];
+    options.held.push_back(static_cast<int>(i));
   }
+  FitToRays(model, problem.config, directions, image, options, &params);
+  return params;
 }
 
 }  // namespace
@@ -244,12 +238,11 @@ std::vector<StartCandidate> StartCentral(
       const Eigen::Vector2d q = (u - centre) / half_diagonal;
       directions.push_back(Eigen::Vector3d(q.x(), q.y(), Evaluate(a, q.norm())).normalized());
     }
-    const std::vector<double> plain = near_axis(a[0] * half_diagonal, centre.x(), centre.y());
-    for (const bool gradually : {false, true}) {
-      if (gradually && plain.size() <= kFirstFree) continue;
-      candidates.push_back(
-          {FitToDirections(model, problem, plain, directions, fit_image, gradually)});
-    }
+    candidates.push_back({FitToDirections(model,
+                                          problem,
+                                          near_axis(a[0] * half_diagonal, centre.x(), centre.y()),
+                                          directions,
+                                          fit_image)});
   };
 
   // The ladder: half fields of view from 3 to 75 degrees to the image's corner.

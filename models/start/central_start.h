@@ -18,8 +18,7 @@ namespace plenocal {
 ///    (Scaramuzza et al., IROS 2006). Sets that do not determine F (distant, untilted targets) get
 ///    the best of a ladder of plain focal lengths besides.
 /// 3. The model's own parameters are fitted to these directions, starting from `near_axis`, its
-///    parameters for focal length f and principal point c without distortion: all at once, and
-///    from few parameters to all.
+///    parameters for focal length f and principal point c without distortion.
 ///
 /// Values in `problem.given` are kept.
 std::vector<StartCandidate> StartCentral(
