@@ -14,8 +14,13 @@ class DirectionCost : public ceres::CostFunction {
   DirectionCost(const CameraModel& model,
                 std::span<const double> config,
                 const std::vector<Eigen::Vector3d>& directions,
-                const std::vector<Eigen::Vector2d>& image)
-      : model_(model), config_(config), directions_(directions), image_(image) {
+                const std::vector<Eigen::Vector2d>& image,
+                bool within_bounds)
+      : model_(model),
+        config_(config),
+        directions_(directions),
+        image_(image),
+        within_bounds_(within_bounds) {
     set_num_residuals(static_cast<int>(2 * image.size()));
     mutable_parameter_block_sizes()->push_back(static_cast<int>(model.params.size()));
   }
@@ -23,6 +28,7 @@ class DirectionCost : public ceres::CostFunction {
   bool Evaluate(double const* const* parameters,
                 double* residuals,
                 double** jacobians) const override {
+    if (within_bounds_ && !WithinBounds(model_, parameters[0])) return false;
     const size_t count = model_.params.size();
     std::vector<double> J_params(2 * count);
     double J_point[6];
@@ -53,6 +59,7 @@ class DirectionCost : public ceres::CostFunction {
   std::span<const double> config_;
   const std::vector<Eigen::Vector3d>& directions_;
   const std::vector<Eigen::Vector2d>& image_;
+  bool within_bounds_;
 };
 
 }  // namespace
@@ -83,7 +90,9 @@ bool FitToRays(const CameraModel& model,
       count,
       options.held.empty() ? nullptr : new ceres::SubsetManifold(count, options.held));
   fit.AddResidualBlock(
-      new DirectionCost(model, config, seen_directions, seen_image), nullptr, fitted.data());
+      new DirectionCost(model, config, seen_directions, seen_image, options.within_bounds),
+      nullptr,
+      fitted.data());
   ceres::Solver::Options solver;
   solver.linear_solver_type = ceres::DENSE_QR;
   solver.logging_type = ceres::SILENT;

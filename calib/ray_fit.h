@@ -11,6 +11,7 @@ namespace plenocal {
 
 struct RayFitOptions {
   std::vector<int> held = {};  ///< indices of parameters that keep their value
+  bool within_bounds = false;  ///< no step leaves the parameters' bounds
   int max_iterations = 50;
   double tolerance = 1e-6;  ///< of the sum of squares, relative
 };

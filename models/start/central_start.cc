@@ -186,14 +186,23 @@ std::vector<double> FitToDirections(const CameraModel& model,
                                     const StartProblem& problem,
                                     std::vector<double> params,
                                     const std::vector<Eigen::Vector3d>& directions,
-                                    const std::vector<Eigen::Vector2d>& image) {
-  RayFitOptions options;
+                                    const std::vector<Eigen::Vector2d>& image,
+                                    bool within_bounds) {
+  RayFitOptions options{.within_bounds = within_bounds};
   for (size_t i = 0; i < params.size(); ++i) {
     if (!problem.given[i]) continue;
     params[i] = *problem.given[i];
     options.held.push_back(static_cast<int>(i));
   }
   FitToRays(model, problem.config, directions, image, options, &params);
+  // The fit may end outside the bounds, where the adjustment cannot start.
+  constexpr double kInside = 0.01;
+  for (size_t i = 0; i < params.size(); ++i) {
+    const Param& param = model.params[i];
+    const double margin = kInside * (param.upper - param.lower);
+    if (problem.given[i] || !std::isfinite(margin)) continue;
+    params[i] = std::clamp(params[i], param.lower + margin, param.upper - margin);
+  }
   return params;
 }
 
@@ -238,11 +247,12 @@ std::vector<StartCandidate> StartCentral(
       const Eigen::Vector2d q = (u - centre) / half_diagonal;
       directions.push_back(Eigen::Vector3d(q.x(), q.y(), Evaluate(a, q.norm())).normalized());
     }
-    candidates.push_back({FitToDirections(model,
-                                          problem,
-                                          near_axis(a[0] * half_diagonal, centre.x(), centre.y()),
-                                          directions,
-                                          fit_image)});
+    const std::vector<double> plain = near_axis(a[0] * half_diagonal, centre.x(), centre.y());
+    // Long lenses pass through parameters out of bounds, wide ones may stay there.
+    for (const bool within_bounds : {false, true}) {
+      candidates.push_back(
+          {FitToDirections(model, problem, plain, directions, fit_image, within_bounds)});
+    }
   };
 
   // The ladder: half fields of view from 3 to 75 degrees to the image's corner.
