@@ -9,6 +9,7 @@
 #include <new>
 #include <string>
 #include <string_view>
+#include <system_error>
 #include <vector>
 
 #include "apps/commands.h"
@@ -40,6 +41,9 @@ int RunAndMapErrors(const std::function<void()>& run) {
     return Fail(kInterrupted, "interrupted; no result files were written");
   } catch (const std::bad_alloc&) {
     return Fail(kJobFailed, "out of memory");
+  } catch (const std::system_error& error) {
+    // What fmt::print throws; files have their own errors.
+    return Fail(kJobFailed, fmt::format("standard output: {}", error.what()));
   } catch (const std::exception& error) {
     return Fail(kJobFailed, fmt::format("internal error: {}", error.what()));
   }

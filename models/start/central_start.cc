@@ -195,14 +195,6 @@ std::vector<double> FitToDirections(const CameraModel& model,
     options.held.push_back(static_cast<int>(i));
   }
   FitToRays(model, problem.config, directions, image, options, &params);
-  // The fit may end outside the bounds, where the adjustment cannot start.
-  constexpr double kInside = 0.01;
-  for (size_t i = 0; i < params.size(); ++i) {
-    const Param& param = model.params[i];
-    const double margin = kInside * (param.upper - param.lower);
-    if (problem.given[i] || !std::isfinite(margin)) continue;
-    params[i] = std::clamp(params[i], param.lower + margin, param.upper - margin);
-  }
   return params;
 }
 
@@ -249,10 +241,11 @@ std::vector<StartCandidate> StartCentral(
     }
     const std::vector<double> plain = near_axis(a[0] * half_diagonal, centre.x(), centre.y());
     // Long lenses pass through parameters out of bounds, wide ones may stay there.
-    for (const bool within_bounds : {false, true}) {
-      candidates.push_back(
-          {FitToDirections(model, problem, plain, directions, fit_image, within_bounds)});
+    auto params = FitToDirections(model, problem, plain, directions, fit_image, false);
+    if (!WithinBounds(model, params.data())) {
+      params = FitToDirections(model, problem, plain, directions, fit_image, true);
     }
+    candidates.push_back({std::move(params)});
   };
 
   // The ladder: half fields of view from 3 to 75 degrees to the image's corner.
