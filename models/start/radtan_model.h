@@ -92,27 +92,27 @@ struct RadtanModel : LensModel<M> {
     Eigen::Vector2d xy = r_d > 0 ? Eigen::Vector2d(m * (r.value_or(r_d) / r_d)) : m;
     constexpr int kMaxIterations = 100;
     for (int i = 0; i < kMaxIterations && !lens.Images(xy.x(), xy.y()); ++i) xy *= 0.9;
-    const auto error = [&](const Eigen::Vector2d& at) {
-      Eigen::Vector2d mapped;
+    const auto error = [&](const Eigen::Vector2d& at, Eigen::Vector2d& difference) {
       const Vector3<double> p(at.x(), at.y(), 1);
-      return Map(k, p, mapped.data()) ? std::optional<Eigen::Vector2d>(mapped - m) : std::nullopt;
+      if (!Map(k, p, difference.data())) return false;
+      difference -= m;
+      return true;
     };
-    std::optional<Eigen::Vector2d> now = error(xy);
-    for (int i = 0; now && i < kMaxIterations; ++i) {
-      const Eigen::Vector2d step = -lens.Jacobian(xy.x(), xy.y()).inverse() * *now;
+    Eigen::Vector2d now, next;
+    if (!error(xy, now)) return std::nullopt;
+    for (int i = 0; i < kMaxIterations; ++i) {
+      const Eigen::Vector2d step = -lens.Jacobian(xy.x(), xy.y()).inverse() * now;
       double part = 1;
       constexpr double kSmallestPart = 1e-6;
-      std::optional<Eigen::Vector2d> next;
       for (; part > kSmallestPart; part /= 2) {
-        next = error(xy + part * step);
-        if (next && next->norm() < now->norm()) break;
+        if (error(xy + part * step, next) && next.norm() < now.norm()) break;
       }
       if (part <= kSmallestPart) break;  // as near as rounding allows
       xy += part * step;
       now = next;
     }
     constexpr double kTolerance = 1e-12;
-    if (!now || !(now->norm() <= kTolerance * (1 + r_d))) return std::nullopt;
+    if (!(now.norm() <= kTolerance * (1 + r_d))) return std::nullopt;
     return Eigen::Vector3d(xy.x(), xy.y(), 1);
   }
 
