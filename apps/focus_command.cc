@@ -20,7 +20,7 @@ PlenopticSource CameraSource(const FocusCommand& command) {
   PlenopticSource source{.white_images = {},
                          .grid = command.grid,
                          .vignetting = command.vignetting,
-                         .bayer = !command.bayer.empty()};
+                         .bayer = command.bayer};
   if (!command.white.empty()) {
     source.white_images = FindImageInputs(command.white, "white images");
     if (!command.vignetting.empty()) {

@@ -64,7 +64,7 @@ SessionObservations CollectObservations(const Session& session,
     if (camera.images.empty()) {
       input.views = ReadDetections(camera.detections, *camera.model);
       if (camera.model->tell_kinds != nullptr) {
-        camera.model->tell_kinds(camera.image_size, &input.views);
+        camera.model->tell_kinds(&input.views);
       }
       console->Message(fmt::format("{}: {} frames, {} points from {}",
                                    camera.name,
@@ -75,7 +75,7 @@ SessionObservations CollectObservations(const Session& session,
       // A model whose points are seen through something looks through micro lenses.
       DetectOptions detect{.plenoptic = !camera.model->context.empty(),
                            .white_images = white_images[c],
-                           .bayer = !camera.bayer.empty(),
+                           .bayer = camera.bayer,
                            .threads = options.threads,
                            .store = places.store,
                            .progress = [&](size_t done) {

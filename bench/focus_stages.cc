@@ -49,7 +49,7 @@ int main() {
   });
   all += time("micro images", [&] {
     index.emplace(array);
-    patches = CutPatches(grey, attenuation, array, false, kThreads);
+    patches = CutPatches(grey, attenuation, array, std::nullopt, kThreads);
     noise = EstimateNoise(patches);
   });
   all += time("survey", [&] { survey = SurveyDepth(patches, array, *index, noise, kThreads); });

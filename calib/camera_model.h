@@ -135,7 +135,7 @@ struct CameraModel {
   /// What `Observation::kind` tells apart: "lens type". Empty when all observations are alike.
   std::string_view kind_name;
   /// Finds the kind of observations that came without. Null when all are alike.
-  void (*tell_kinds)(ImageSize image_size, std::vector<View>* views);
+  void (*tell_kinds)(std::vector<View>* views);
 };
 
 /// What a struct in models/ must have. `Project` is the model's only statement of its mathematics.

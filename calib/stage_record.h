@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Numbers and texts in a row of bytes, for entries of a `StageStore`: read by the program that
-// wrote them, on the same machine.
+// Numbers, texts and observations in a row of bytes, for entries of a `StageStore`: read by the
+// program that wrote them, on the same machine.
 #pragma once
 
 #include <cstdint>
@@ -9,6 +9,8 @@
 #include <string>
 #include <string_view>
 #include <type_traits>
+
+#include "calib/observation.h"
 
 namespace plenocal {
 
@@ -20,6 +22,12 @@ class StageWriter {
   void Put(std::string_view text) {
     Put(static_cast<std::uint64_t>(text.size()));
     text_.append(text);
+  }
+  void Put(const Observation& seen) {
+    Put(seen.marker);
+    for (const double value : seen.values) Put(value);
+    Put(seen.sigma);
+    Put(seen.kind);
   }
   /// A list's length, then what `put` writes of each item.
   template <typename List, typename Function>
@@ -40,7 +48,12 @@ class StageReader {
   template <typename T>
   T Get() {
     T value{};
-    if constexpr (std::is_arithmetic_v<T>) {
+    if constexpr (std::is_same_v<T, Observation>) {
+      value.marker = Get<int>();
+      for (double& number : value.values) number = Get<double>();
+      value.sigma = Get<double>();
+      value.kind = Get<int>();
+    } else if constexpr (std::is_arithmetic_v<T>) {
       if (Has(sizeof value)) std::memcpy(&value, rest_.data(), sizeof value);
       Skip(sizeof value);
     } else {

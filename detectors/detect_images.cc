@@ -34,11 +34,7 @@ struct ImageResult {
 std::string Pack(const ImageResult& result) {
   StageWriter writer;
   for (const int length : result.size) writer.Put(length);
-  writer.PutAll(result.found.markers, [&](const Observation& seen) {
-    writer.Put(seen.marker);
-    for (const double value : seen.values) writer.Put(value);
-    writer.Put(seen.sigma);
-  });
+  writer.PutAll(result.found.markers, [&](const Observation& seen) { writer.Put(seen); });
   writer.PutAll(result.found.left_out, [&](const std::string& reason) { writer.Put(reason); });
   writer.Put(result.found.failure);
   const auto put = [&](const auto& matrix) {
@@ -63,12 +59,7 @@ std::optional<ImageResult> Unpack(const std::string& text) {
   ImageResult result;
   result.reused = true;
   for (int& length : result.size) length = reader.Get<int>();
-  reader.GetAll([&] {
-    Observation& seen = result.found.markers.emplace_back();
-    seen.marker = reader.Get<int>();
-    for (double& value : seen.values) value = reader.Get<double>();
-    seen.sigma = reader.Get<double>();
-  });
+  reader.GetAll([&] { result.found.markers.push_back(reader.Get<Observation>()); });
   reader.GetAll([&] { result.found.left_out.push_back(reader.Get<std::string>()); });
   result.found.failure = reader.Get<std::string>();
   const auto get = [&](auto* matrix) {
@@ -100,7 +91,7 @@ WhiteField MeasureWhiteField(const DetectOptions& options) {
   if (options.white_images.empty()) return {};
   WhiteImages white = AverageWhiteImages(options.white_images, options.threads);
   CheckEvenField(white.mean);
-  return {SmoothAttenuation(white.mean, options.bayer), std::move(white.left_out)};
+  return {SmoothAttenuation(white.mean, !options.bayer.empty()), std::move(white.left_out)};
 }
 
 // Detectors hold tables that are costly to build: one a thread, lent to one image at a time.
@@ -169,7 +160,7 @@ void MeasureByCommonLens(const ImageSize& size, std::vector<ImageResult>* result
 }  // namespace
 
 std::string internal::WhiteKey(const DetectOptions& options) {
-  std::string key = options.bayer ? "mosaic" : "plain";
+  std::string key = options.bayer.empty() ? "plain" : "mosaic";
   for (const FrameImage& image : options.white_images) key += "\n" + HashFile(image.path);
   return key;
 }

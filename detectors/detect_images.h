@@ -26,8 +26,8 @@ struct DetectOptions {
   bool plenoptic = false;  ///< raw images of a camera with micro lenses
   /// White images of the camera: its vignetting is corrected before detection. May be empty.
   std::vector<FrameImage> white_images = {};
-  bool bayer = false;  ///< raw mosaics, white images too
-  int threads = 0;     ///< 0: all cores
+  std::string bayer = {};  ///< "RGGB" and the like: raw mosaics, white images too; else empty
+  int threads = 0;         ///< 0: all cores
   /// Where results of single images are kept and found again; null: nowhere. What decides them but
   /// is not here (program and target) belongs to the store.
   StageStore* store = nullptr;

@@ -32,9 +32,7 @@ struct RawDetections {
 std::string Pack(const RawDetections& found) {
   StageWriter writer;
   writer.PutAll(found.markers, [&](const internal::MicroObservation& o) {
-    writer.Put(o.seen.marker);
-    for (const double value : o.seen.values) writer.Put(value);
-    writer.Put(o.seen.sigma);
+    writer.Put(o.seen);
     writer.Put(o.inverse_depth);
     writer.Put(o.blur);
     writer.Put(o.type);
@@ -49,9 +47,7 @@ std::optional<RawDetections> UnpackDetections(const std::string& text) {
   RawDetections found;
   reader.GetAll([&] {
     internal::MicroObservation& o = found.markers.emplace_back();
-    o.seen.marker = reader.Get<int>();
-    for (double& value : o.seen.values) value = reader.Get<double>();
-    o.seen.sigma = reader.Get<double>();
+    o.seen = reader.Get<Observation>();
     o.inverse_depth = reader.Get<double>();
     o.blur = reader.Get<double>();
     o.type = reader.Get<int>();
@@ -149,7 +145,7 @@ WhiteField MeasureWhiteField(const DetectOptions& options, StageStore* store) {
   }
   WhiteCamera camera = MeasureWhiteImages(options.white_images,
                                           {.plenoptic = true,
-                                           .bayer = options.bayer,
+                                           .bayer = !options.bayer.empty(),
                                            .grid_file = std::nullopt,
                                            .raw_image = {},
                                            .threads = options.threads});

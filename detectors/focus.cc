@@ -3,7 +3,11 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <array>
+#include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
+#include <optional>
 
 #include "calib/error.h"
 #include "detectors/focused_image.h"
@@ -11,13 +15,45 @@
 
 namespace plenocal {
 
-cv::Mat GreyOf(const cv::Mat& raw) {
-  cv::Mat grey = raw;
-  if (raw.channels() != 1) cv::cvtColor(raw, grey, cv::COLOR_BGR2GRAY);
+namespace {
+
+/// One channel as CV_32F.
+cv::Mat Exact(const cv::Mat& channel) {
   cv::Mat exact;
-  grey.convertTo(exact, CV_32F);
+  channel.convertTo(exact, CV_32F);
   return exact;
 }
+
+/// A mosaic stays one.
+cv::Mat GreyOf(const cv::Mat& raw) {
+  if (raw.channels() == 1) return Exact(raw);
+  cv::Mat grey;
+  cv::cvtColor(raw, grey, cv::COLOR_BGR2GRAY);
+  return Exact(grey);
+}
+
+/// The micro images in one colour: 0 blue, 1 green, 2 red.
+internal::LensPatches CutColour(const cv::Mat& raw,
+                                int colour,
+                                const PlenopticCamera& camera,
+                                int threads) {
+  using namespace internal;
+  if (camera.bayer.empty()) {
+    cv::Mat channel;
+    cv::extractChannel(raw, channel, colour);
+    return CutPatches(Exact(channel), camera.attenuation, camera.array, std::nullopt, threads);
+  }
+  const char letter = "BGR"[colour];
+  const auto pixels =
+      static_cast<float>(std::count(camera.bayer.begin(), camera.bayer.end(), letter));
+  MosaicWeights weights;
+  std::transform(camera.bayer.begin(), camera.bayer.end(), weights.begin(), [&](char c) {
+    return c == letter ? 1 / pixels : 0;
+  });
+  return CutPatches(Exact(raw), camera.attenuation, camera.array, weights, threads);
+}
+
+}  // namespace
 
 FocusedView Focus(cv::Mat raw, const PlenopticCamera& camera, const FocusOptions& options) {
   using namespace internal;
@@ -32,12 +68,13 @@ FocusedView Focus(cv::Mat raw, const PlenopticCamera& camera, const FocusOptions
             camera.attenuation.cols,
             camera.attenuation.rows));
   }
-  if (camera.bayer && raw.channels() != 1) {
+  if (!camera.bayer.empty() && raw.channels() != 1) {
     throw Error(ErrorKind::kInput,
                 "has colours already, so it is no raw mosaic; leave --bayer out");
   }
   cv::Mat grey = GreyOf(raw);
-  raw.release();
+  const bool colour = options.colour && (raw.channels() == 3 || !camera.bayer.empty());
+  if (!colour) raw.release();
   const std::string wrong = WhyNotOfThisGrid(grey, camera.attenuation, camera.array);
   if (!wrong.empty()) throw Error(ErrorKind::kJob, wrong);
 
@@ -45,7 +82,11 @@ FocusedView Focus(cv::Mat raw, const PlenopticCamera& camera, const FocusOptions
   const MicroLensArray& array = camera.array;
   const MicroLensIndex index(array);
   FocusedView view;
-  view.patches = CutPatches(grey, camera.attenuation, array, camera.bayer, threads);
+  view.patches = CutPatches(grey,
+                            camera.attenuation,
+                            array,
+                            camera.bayer.empty() ? std::nullopt : std::optional(kGreyOfMosaic),
+                            threads);
   grey.release();  // the patches have all that is needed of it
   view.noise = EstimateNoise(view.patches);
   const LensPatches& patches = view.patches;
@@ -63,13 +104,21 @@ FocusedView Focus(cv::Mat raw, const PlenopticCamera& camera, const FocusOptions
                 "scene or focus the "
                 "main lens");
   }
-  const auto synthesise = [&] {
-    return SynthesiseFocused(view.depth, patches, array, index, noise, survey, threads);
+  const auto synthesise = [&](const LensPatches& seen, const SensorNoise& its_noise) {
+    return SynthesiseFocused(view.depth, seen, array, index, its_noise, survey, threads);
   };
-  view.image = synthesise();
+  view.image = synthesise(patches, noise);
   if (options.find_flat_parts) {
     view.flat_parts = FlattenParts(options.find_flat_parts(view.image), &view.depth);
-    if (view.flat_parts > 0) view.image = synthesise();
+    if (view.flat_parts > 0) view.image = synthesise(patches, noise);
+  }
+  if (colour) {
+    std::array<cv::Mat, 3> channels;
+    for (int c = 0; c < 3; ++c) {
+      const LensPatches seen = CutColour(raw, c, camera, threads);
+      channels[c] = synthesise(seen, EstimateNoise(seen));
+    }
+    cv::merge(channels, view.colour);
   }
   return view;
 }

@@ -5,6 +5,7 @@
 
 #include <functional>
 #include <opencv2/core/mat.hpp>
+#include <string>
 #include <vector>
 
 #include "calib/micro_lens_array.h"
@@ -18,14 +19,17 @@ namespace plenocal {
 struct PlenopticCamera {
   MicroLensArray array;
   cv::Mat attenuation;  ///< CV_32F in (0, 1], of array.image_size
-  bool bayer = false;   ///< raw images are mosaics
+  /// Colours of the top left 2 x 2 pixels of raw mosaics, row by row, such as "RGGB"; empty: raw
+  /// images are none.
+  std::string bayer = {};
 };
 
 struct FocusOptions {
   /// Raw px a pixel of the results. A point is seen by several micro images only if v >= 2, and
   /// then one of their pixels covers at least two of the virtual image.
   double scale = 2;
-  int threads = 0;  ///< 0: all cores
+  bool colour = false;  ///< also in colour, if the raw image has colours
+  int threads = 0;      ///< 0: all cores
   /// When set: finds the flat parts of a target in the focused image; their depth is replaced by
   /// planes and the image made again.
   std::function<std::vector<internal::FlatPart>(const cv::Mat& focused)> find_flat_parts;
@@ -34,15 +38,13 @@ struct FocusOptions {
 struct FocusedView {
   cv::Mat
       image;  ///< CV_32F, grey values as in the raw image; pixel (i, j) is at raw px scale * (i, j)
+  cv::Mat colour;  ///< CV_32FC3 (BGR), likewise, when asked for and there are colours; else empty
   VirtualDepth depth;
   bool keplerian = false;
   size_t flat_parts = 0;
   internal::LensPatches patches;  ///< what it was made from
   internal::SensorNoise noise;
 };
-
-/// A raw image as one channel of CV_32F; a mosaic stays one.
-cv::Mat GreyOf(const cv::Mat& raw);
 
 /// `raw`: CV_8U or CV_16U, grey (mosaic) or BGR; moved in, its memory is free early. Throws `Error`
 /// of kind kInput for an image of another size, of kind kJob for one that does not belong to the

@@ -53,7 +53,7 @@ cv::Mat ReadAttenuation(const fs::path& path) {
 PlenopticCamera CameraFromWhiteImages(const FocusRequest& request) {
   const PlenopticSource& source = request.camera;
   WhiteOptions options{.plenoptic = true,
-                       .bayer = source.bayer,
+                       .bayer = !source.bayer.empty(),
                        .grid_file = std::nullopt,
                        .raw_image = {},
                        .threads = request.threads};
@@ -97,11 +97,12 @@ std::pair<cv::Mat, cv::Mat> DepthMaps(const VirtualDepth& depth) {
 
 FrameFiles Files(const FocusedView& view, int raw_depth) {
   const auto [v, sigma] = DepthMaps(view.depth);
-  // Grey values as in the raw image, unless the corrected ones exceed its range.
+  // Values as in the raw image, unless the corrected ones exceed its range.
   const double range = raw_depth == CV_8U ? 255 : 65535;
+  const cv::Mat& exact = view.colour.empty() ? view.image : view.colour;
   cv::Mat image;
-  view.image.convertTo(
-      image, raw_depth, std::min(1.0, internal::ScaleTo8Bits(view.image) * range / 255));
+  exact.convertTo(
+      image, raw_depth, std::min(1.0, internal::ScaleTo8Bits(exact.reshape(1)) * range / 255));
   return {{"focused.png", EncodeImage(".png", image)},
           {"virtual_depth.tiff", EncodeImage(".tiff", v)},
           {"virtual_depth_sigma.tiff", EncodeImage(".tiff", sigma)},
@@ -140,7 +141,8 @@ void FocusImages(const FocusRequest& request) {
   const PlenopticCamera camera = request.camera.white_images.empty()
                                      ? CameraFromFiles(request)
                                      : CameraFromWhiteImages(request);
-  FocusOptions options{.scale = request.scale, .threads = request.threads, .find_flat_parts = {}};
+  FocusOptions options{
+      .scale = request.scale, .colour = true, .threads = request.threads, .find_flat_parts = {}};
   if (request.target != nullptr) {
     options.find_flat_parts = [markers =
                                    std::make_shared<internal::FocusedMarkers>(*request.target)](

@@ -21,8 +21,8 @@ struct PlenopticSource {
   /// micro_lenses_<camera>.csv or RayCalibData XML; with white images only the latter, else needed.
   std::filesystem::path grid;
   std::filesystem::path
-      vignetting;  ///< TIFF; empty with `grid` alone: the raw images are corrected already
-  bool bayer = false;
+      vignetting;          ///< TIFF; empty with `grid` alone: the raw images are corrected already
+  std::string bayer = {};  ///< "RGGB" and the like for raw mosaics, else empty
 };
 
 /// The result files of one frame: name -> content.

@@ -15,14 +15,26 @@ constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 constexpr size_t kTail = 16;
 constexpr size_t kLensesPerTask = 64;
 
-/// 3 x 3 binomial means of values that all belong to the micro image; elsewhere nothing is left.
-void SmoothPatch(int size, float* value) {
+/// Means of 3 x 3 values that all belong to the micro image; elsewhere nothing is left. `origin`:
+/// raw pixel of the first.
+void SmoothPatch(int size,
+                 const Eigen::Vector2i& origin,
+                 const MosaicWeights& mosaic,
+                 float* value) {
   std::vector<float> mean(static_cast<size_t>(size) * size, kNan);
   for (int y = 1; y + 1 < size; ++y) {
+    // Of this row and of those beside it; origins may be negative.
+    const float* own = mosaic.data() + 2 * ((origin.y() + y) & 1);
+    const float* beside = mosaic.data() + 2 * ((origin.y() + y + 1) & 1);
     for (int x = 1; x + 1 < size; ++x) {
       const float* v = value + static_cast<size_t>(y) * size + x;
-      const auto row = [](const float* r) { return r[-1] + 2 * r[0] + r[1]; };
-      mean[static_cast<size_t>(y) * size + x] = (row(v - size) + 2 * row(v) + row(v + size)) / 16;
+      const int here = (origin.x() + x) & 1, next = 1 - here;
+      // Also what does not count must be known: NaN times 0 is NaN.
+      const auto row = [&](const float* r, const float* weights) {
+        return weights[next] * (r[-1] + r[1]) + 2 * weights[here] * r[0];
+      };
+      mean[static_cast<size_t>(y) * size + x] =
+          (row(v - size, beside) + 2 * row(v, own) + row(v + size, beside)) / 4;
     }
   }
   std::copy(mean.begin(), mean.end(), value);
@@ -60,7 +72,7 @@ Smoothness Measure(const LensPatches& patches, size_t lens) {
 LensPatches CutPatches(const cv::Mat& raw,
                        const cv::Mat& attenuation,
                        const MicroLensArray& array,
-                       bool binomial,
+                       const std::optional<MosaicWeights>& mosaic,
                        int threads) {
   LensPatches patches;
   const double limit = array.Pitch() / 2 - 0.5;
@@ -105,7 +117,7 @@ LensPatches CutPatches(const cv::Mat& raw,
       visit([&](float i, float v, size_t at) {
         if (v >= brightest / 2) value[at] = i / v;
       });
-      if (binomial) SmoothPatch(patches.size, value);
+      if (mosaic) SmoothPatch(patches.size, patches.origin[l], *mosaic, value);
     }
   });
   return patches;

@@ -6,8 +6,9 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <opencv2/core/mat.hpp>
-#include <string>
+#include <optional>
 #include <vector>
 
 #include "calib/micro_lens_array.h"
@@ -41,16 +42,24 @@ struct LensPatches {
   }
 };
 
+/// How much each pixel of the 2 x 2 raster of a raw mosaic counts, row by row from the image's top
+/// left; together 1.
+using MosaicWeights = std::array<float, 4>;
+
+/// All colours alike: grey.
+constexpr MosaicWeights kGreyOfMosaic{0.25f, 0.25f, 0.25f, 0.25f};
+
 /// Cuts `raw` (CV_32F, one channel) by the grid. A pixel belongs to a micro image where the
 /// attenuation is at least half of that micro image's highest, the edge of a blurred disc, and
 /// nearer to its centre than half a pitch less half a pixel. Micro lenses that are not usable get
-/// empty patches. `binomial`: each value is the 3 x 3 binomial mean, in which the four pixels of
-/// any Bayer pattern have equal weight, of pixels of this micro image alone: grey from a raw
-/// mosaic.
+/// empty patches. With `mosaic` each value is the mean of the 3 x 3 pixels around, all of this
+/// micro image, by these weights times the binomial ones. Of the latter each of the four pixels of
+/// the raster has a quarter everywhere, so no place prefers a colour; with one colour alone this is
+/// linear interpolation.
 LensPatches CutPatches(const cv::Mat& raw,
                        const cv::Mat& attenuation,
                        const MicroLensArray& array,
-                       bool binomial,
+                       const std::optional<MosaicWeights>& mosaic,
                        int threads);
 
 /// Noise level from the smoothest micro images of each brightness: what the second differences in

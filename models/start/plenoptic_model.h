@@ -75,9 +75,7 @@ struct PlenopticModel {
                      OwnResidual* residuals) {
     FitMicroImages(of_marker, weights, residuals);
   }
-  static void TellKinds(ImageSize image_size, std::vector<View>* views) {
-    TellLensTypes(image_size, views);
-  }
+  static void TellKinds(std::vector<View>* views) { TellLensTypes(views); }
 
   /// u_px = distorted raw coordinates; `lens_px` = (lens_x, lens_y).
   template <typename T>

@@ -153,7 +153,7 @@ void FitMicroImages(std::span<const Observation* const> of_marker,
   }
 }
 
-void TellLensTypes(ImageSize /*image_size*/, std::vector<View>* views) {
+void TellLensTypes(std::vector<View>* views) {
   const auto types = ColourLenses(*views);
   if (!types) return;
   const auto set_kinds = [&](const auto& kind_of) {

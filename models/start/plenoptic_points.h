@@ -23,7 +23,7 @@ void FitMicroImages(std::span<const Observation* const> of_marker,
 /// Sets Observation::kind to the micro lens' place in the three interleaved sets of a hexagonal
 /// array, when the noise of these differs (an array of one type has none to tell apart). Leaves it
 /// alone when the centres are no lattice.
-void TellLensTypes(ImageSize image_size, std::vector<View>* views);
+void TellLensTypes(std::vector<View>* views);
 
 /// `CameraModel::remedy` for the parameters f_L, b_L0, B, c_x, c_y, A_0, A_1, B_0, B_1 and b_P.
 std::string PlenopticRemedy(std::span<const size_t> weak, const SeenSpan& seen);

@@ -6,6 +6,7 @@
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <string>
+#include <tuple>
 
 #include "tests/apps/workspace.h"
 #include "tests/detectors/plenoptic_scene.h"
@@ -59,13 +60,13 @@ class FocusCommandLine : public Workspace {
   }
 
   /// All result files of one frame, readable and of `size`.
-  void ExpectResults(const std::string& folder, cv::Size size) const {
+  void ExpectResults(const std::string& folder, cv::Size size, int type = CV_16U) const {
     const auto read = [&](const std::string& name) {
       return cv::imread(Path(folder + "/" + name).string(), cv::IMREAD_UNCHANGED);
     };
     const cv::Mat image = read("focused.png");
     EXPECT_EQ(image.size(), size);
-    EXPECT_EQ(image.type(), CV_16U) << "as the raw image";
+    EXPECT_EQ(image.type(), type) << "as the raw image";
     for (const char* name : {"virtual_depth.tiff", "virtual_depth_sigma.tiff"}) {
       const cv::Mat map = read(name);
       EXPECT_EQ(map.size(), size) << name;
@@ -123,6 +124,35 @@ TEST_F(FocusCommandLine, LeavesOutABadImageOfMany) {
   EXPECT_THAT(outcome.err, HasSubstr("left out raw/b.png: is black"));
   EXPECT_EQ(Files("out").size(), 5u);
   ExpectResults("out/a", {200, 200});
+}
+
+TEST_F(FocusCommandLine, KeepsTheColoursOfARawImage) {
+  scene_.colour = true;
+  WriteImage("raw/a.png", scene_.Raw(array_));
+  const Outcome outcome = Focus();
+  ASSERT_EQ(outcome.status, kDone) << outcome.err;
+  ExpectResults("out", {200, 200}, CV_16UC3);
+}
+
+TEST_F(FocusCommandLine, TakesTheColoursOfAMosaicAsAnnounced) {
+  scene_.bayer = "RGGB";
+  WriteImage("raw/a.png", scene_.Raw(array_));
+  for (const auto& [order, red, blue] :
+       {std::tuple{"RGGB", 0.5, 0.7}, std::tuple{"BGGR", 0.7, 0.5}}) {
+    const Outcome outcome = Focus({"--bayer", order});
+    ASSERT_EQ(outcome.status, kDone) << outcome.err;
+    ExpectResults("out", {200, 200}, CV_16UC3);
+    const cv::Scalar mean =
+        cv::mean(cv::imread(Path("out/focused.png").string(), cv::IMREAD_UNCHANGED));
+    EXPECT_NEAR(mean[0] / mean[1], blue, 0.01) << order;
+    EXPECT_NEAR(mean[2] / mean[1], red, 0.01) << order;
+  }
+}
+
+TEST_F(FocusCommandLine, RefusesAMosaicThatHasColoursAlready) {
+  scene_.colour = true;
+  WriteImage("raw/a.png", scene_.Raw(array_));
+  ExpectRefused(Focus({"--bayer", "RGGB"}), kWrongInput, {"raw/a.png", "leave --bayer out"});
 }
 
 TEST_F(FocusCommandLine, SaysThatTheCameraIsMissing) {

@@ -151,7 +151,7 @@ TEST(PlenopticLensTypes, AreFoundByTheirNoiseAndWeightTheirPoints) {
   CameraInput& camera = problem.input.cameras[0];
   const Calibration alike = Calibrate(problem.input, {});
   EXPECT_TRUE(alike.fits[0].kinds.empty());
-  PlenopticCameraModel().tell_kinds(camera.image_size, &camera.views);
+  PlenopticCameraModel().tell_kinds(&camera.views);
   const Calibration calibration = Calibrate(problem.input, {});
   const auto& kinds = calibration.fits[0].kinds;
   ASSERT_EQ(kinds.size(), 3U);
@@ -169,7 +169,7 @@ TEST(PlenopticLensTypes, AreFoundByTheirNoiseAndWeightTheirPoints) {
 TEST(PlenopticLensTypes, AreOneWhenTheirNoiseIsAlike) {
   Problem problem = MakePlenopticProblem(6, {.noise = 0.2, .state_sigmas = false, .frames = 4});
   CameraInput& camera = problem.input.cameras[0];
-  PlenopticCameraModel().tell_kinds(camera.image_size, &camera.views);
+  PlenopticCameraModel().tell_kinds(&camera.views);
   for (const View& view : camera.views) {
     for (const Observation& seen : view.observations) ASSERT_EQ(seen.kind, 0);
   }

@@ -38,7 +38,7 @@ class FocusedScene : public testing::TestWithParam<Case> {
     camera.array = scene.Array();
     camera.attenuation = scene.Attenuation(camera.array);
     camera.bayer = scene.bayer;
-    return Focus(scene.Raw(camera.array), camera, {});
+    return Focus(scene.Raw(camera.array), camera, {.colour = true, .find_flat_parts = {}});
   }
 };
 
@@ -110,8 +110,56 @@ INSTANTIATE_TEST_SUITE_P(
                     Case{"LargePitch", {.width = 600, .height = 600, .pitch = 36, .detail = 40}},
                     Case{"BlurredWithItsEdges", {.types = 1, .blur = 0.8}},
                     Case{"Dark", {.brightness = 75}},
-                    Case{"Bayer", {.pitch = 24, .detail = 36, .bayer = true}}),
+                    Case{"Bayer", {.pitch = 24, .detail = 36, .bayer = "RGGB"}}),
     [](const auto& param) { return param.param.name; });
+
+using ColouredScene = FocusedScene;
+
+TEST_P(ColouredScene, HasItsColours) {
+  const PlenopticScene& scene = GetParam().scene;
+  const FocusedView view = FocusScene(scene);
+  ASSERT_EQ(view.colour.type(), CV_32FC3);
+  ASSERT_EQ(view.colour.size(), view.image.size());
+  std::vector<float> errors, bands;
+  for (int y = 0; y < view.colour.rows; ++y) {
+    for (int x = 0; x < view.colour.cols; ++x) {
+      const Eigen::Vector2d q(x * view.depth.scale, y * view.depth.scale);
+      if (q.x() < kBorder || q.y() < kBorder || q.x() > scene.width - kBorder ||
+          q.y() > scene.height - kBorder) {
+        continue;
+      }
+      // Blue and red over green: the texture cancels, also where it is blurred.
+      const auto& colour = view.colour.at<cv::Vec3f>(y, x);
+      for (const int c : {0, 2}) {
+        const double truth = scene.Tint(c, q) / scene.Tint(1, q);
+        errors.push_back(static_cast<float>(std::abs(colour[c] / colour[1] / truth - 1)));
+        bands.push_back(static_cast<float>(truth));
+      }
+    }
+  }
+  const float error = Quantile(errors, 0.5), worse = Quantile(errors, 0.95);
+  RecordProperty("error", std::to_string(error));
+  RecordProperty("worse", std::to_string(worse));
+  ASSERT_GT(Quantile(bands, 0.9) / Quantile(bands, 0.1), 2) << "the scene has colours";
+  EXPECT_LT(error, 0.02);
+  EXPECT_LT(worse, 0.08);
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Cameras,
+    ColouredScene,
+    testing::Values(Case{"Channels", {.colour = true, .hue = 0.3}},
+                    Case{"Rggb", {.pitch = 24, .detail = 36, .bayer = "RGGB", .hue = 0.3}},
+                    Case{"Gbrg", {.pitch = 24, .detail = 36, .bayer = "GBRG", .hue = 0.3}}),
+    [](const auto& param) { return param.param.name; });
+
+TEST(FocusedColours, AreNotMadeOfGrey) {
+  const PlenopticScene scene;
+  PlenopticCamera camera{scene.Array(), {}};
+  camera.attenuation = scene.Attenuation(camera.array);
+  EXPECT_TRUE(Focus(scene.Raw(camera.array), camera, {.colour = true, .find_flat_parts = {}})
+                  .colour.empty());
+}
 
 std::string Refusal(const cv::Mat& raw, const PlenopticCamera& camera) {
   try {

@@ -6,11 +6,14 @@
 
 #include <Eigen/Core>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
 #include <random>
+#include <string>
+#include <string_view>
 
 #include "calib/micro_lens_array.h"
 
@@ -27,7 +30,9 @@ struct PlenopticScene {
   double detail = 24;                    ///< px of the virtual image: mean size of its texture
   double brightness = 150;               ///< of white, grey values
   double read_noise = 0.8, shot = 0.03;  ///< grey values; variance per grey value
-  bool bayer = false;                    ///< a mosaic in which the colours differ
+  std::string bayer = {};                ///< "RGGB" and the like: a mosaic under `Tint`
+  bool colour = false;                   ///< three channels (BGR) under `Tint`
+  double hue = 0;                        ///< amplitude of what changes of the tint over the image
   /// Sigma of a Gaussian that blurs what reaches the sensor, image and attenuation as one, px: the
   /// micro images are then shifted near their edges (detectors/pixel_depth.h, k = blur^2).
   double blur = 0;
@@ -47,6 +52,14 @@ struct PlenopticScene {
     return 0.15 + 0.75 / (1 + std::exp(-2 * sum));
   }
 
+  /// Factor of a colour (0 blue, 1 green, 2 red) at q: a light that is not white, and bands of
+  /// colour across the texture.
+  [[nodiscard]] double Tint(int c, const Eigen::Vector2d& q) const {
+    constexpr double kLight[] = {0.7, 1, 0.5};
+    const double phase = 2 * std::numbers::pi * ((q.x() + q.y()) / 150 + c / 3.0);
+    return kLight[c] * (1 + hue * std::sin(phase));
+  }
+
   [[nodiscard]] MicroLensArray Array() const {
     MicroLensArray array;
     array.image_size = {width, height};
@@ -64,9 +77,9 @@ struct PlenopticScene {
                                        column * array.e_column + row * array.e_row;
         if (centre.x() < 0 || centre.y() < 0 || centre.x() > width - 1 || centre.y() > height - 1)
           continue;
-        const int colour = ((column - row) % 3 + 3) % 3;
+        const int set = ((column - row) % 3 + 3) % 3;
         array.lenses.push_back(
-            {.row = row, .column = column, .centre = centre, .type = types == 3 ? colour : 0});
+            {.row = row, .column = column, .centre = centre, .type = types == 3 ? set : 0});
       }
     }
     return array;
@@ -77,8 +90,33 @@ struct PlenopticScene {
     return Blurred(Discs(array));
   }
 
-  /// CV_16U with 256 steps a grey value of `brightness`, so that rounding does not matter.
+  /// CV_16U with 256 steps a grey value of `brightness`, so that rounding does not matter; CV_16UC3
+  /// in colour.
   [[nodiscard]] cv::Mat Raw(const MicroLensArray& array) const {
+    std::mt19937 random(seed);
+    if (!colour) {
+      return Channel(array, &random, [&](int x, int y, const Eigen::Vector2d& q) {
+        if (bayer.empty()) return 1.0;
+        const char letter = bayer[static_cast<size_t>(2 * (y % 2) + x % 2)];
+        return Tint(static_cast<int>(std::string_view("BGR").find(letter)), q);
+      });
+    }
+    std::array<cv::Mat, 3> channels;
+    for (int c = 0; c < 3; ++c) {
+      channels[c] =
+          Channel(array, &random, [&](int, int, const Eigen::Vector2d& q) { return Tint(c, q); });
+    }
+    cv::Mat image;
+    cv::merge(channels, image);
+    return image;
+  }
+
+ private:
+  /// `tint(x, y, q)`: factor of what pixel (x, y) gets from q.
+  template <typename Tinted>
+  [[nodiscard]] cv::Mat Channel(const MicroLensArray& array,
+                                std::mt19937* random,
+                                const Tinted& tint) const {
     constexpr int kSamples = 3;
     const cv::Mat attenuation = Discs(array);
     cv::Mat raw(height, width, CV_32F, cv::Scalar(0));
@@ -95,29 +133,25 @@ struct PlenopticScene {
         // v = depth + slope . (q - middle) and q = centre + v * from_centre, solved for v.
         const double v = Depth(lens.centre) / (1 - slope.dot(from_centre));
         const Eigen::Vector2d q = lens.centre + v * from_centre;
-        sum += Texture(q);
+        sum += Texture(q) * tint(x, y, q);
       }
-      double colour = 1;
-      if (bayer) colour = y % 2 == 0 ? (x % 2 == 0 ? 0.5 : 1.0) : (x % 2 == 0 ? 1.0 : 0.7);
-      raw.at<float>(y, x) = static_cast<float>(brightness * colour * attenuation.at<float>(y, x) *
-                                               sum / (kSamples * kSamples));
+      raw.at<float>(y, x) = static_cast<float>(brightness * attenuation.at<float>(y, x) * sum /
+                                               (kSamples * kSamples));
     });
     raw = Blurred(raw);
-    std::mt19937 random(seed);
     std::normal_distribution<double> normal;
     cv::Mat image(height, width, CV_16U);
     for (int y = 0; y < height; ++y) {
       for (int x = 0; x < width; ++x) {
         const double value = raw.at<float>(y, x);
         const double noisy =
-            value + std::sqrt(read_noise * read_noise + shot * value) * normal(random);
+            value + std::sqrt(read_noise * read_noise + shot * value) * normal(*random);
         image.at<std::uint16_t>(y, x) = cv::saturate_cast<std::uint16_t>(256 * noisy);
       }
     }
     return image;
   }
 
- private:
   [[nodiscard]] cv::Mat Discs(const MicroLensArray& array) const {
     cv::Mat attenuation(height, width, CV_32F, cv::Scalar(0.02));
     ForEachPixel(array, [&](int x, int y, const MicroLens& lens) {
