@@ -59,8 +59,9 @@ TEST(SimulatedImages, OfAnOrdinaryCameraShowMarkersWhereTheModelDoes) {
                     .config = {},
                     .params = {400, 402, 162, 118, -0.2, 0.05, 0},
                     .T_camera_rig = {},
-                    .sensor = {.blur = 0.7},
+                    .sensor = {},
                     .micro_lenses = {}};
+  camera.sensor.blur = 0.7;
   const Target nominal = Discs();
   const TrueTarget made = MakeTarget(nominal, 0.0004, true, 3);
   const RigidTransform pose = Pose(0.02, -0.01, 0.35);
@@ -88,10 +89,12 @@ TEST(SimulatedImages, OfAPlenopticCameraShowMarkersWhereTheModelDoes) {
           .config = {7.4e-6},
           .params = {0.0125, keplerian ? 0.0141 : 0.012, 0.00026, 151, 147, -800, 3e7, 0.05, -0.03},
           .T_camera_rig = {},
-          .sensor = {.blur = 0.3},
-          // Small micro lenses: defocus beyond the stop's edge shifts what is seen.
-          .micro_lenses = MicroLensSpec{
-              .pitch = 24, .rotation = 0.3, .focus = {-3}, .aperture = 0.15, .fill = 0.95}};
+          .sensor = {},
+          .micro_lenses = {}};
+      camera.sensor.blur = 0.3;
+      // Small micro lenses: defocus beyond the stop's edge shifts what is seen.
+      camera.micro_lenses = {
+          .pitch = 24, .rotation = 0.3, .focus = {-3}, .aperture = 0.15, .fill = 0.95};
       if (!keplerian) camera.micro_lenses->focus = {2.5, 3, 4};
       if (camera.params.size() < camera.model->params.size()) camera.params.push_back(0.02);
       const Target nominal = Discs();
@@ -129,8 +132,10 @@ TEST(SimulatedImages, MicroImagesOfThePupilAreCentredOnTheMicroLenses) {
                     .config = {7.4e-6},
                     .params = {0.0125, 0.012, 0.00026, 121, 117, -800, 3e7, 0.05, -0.03},
                     .T_camera_rig = {},
-                    .sensor = {.blur = 0.3},
-                    .micro_lenses = MicroLensSpec{.pitch = 20, .focus = {3}, .fill = 0.8}};
+                    .sensor = {},
+                    .micro_lenses = {}};
+  camera.sensor.blur = 0.3;
+  camera.micro_lenses = {.pitch = 20, .focus = {3}, .fill = 0.8};
   const MicroLensOptics optics(camera);
   const auto renderer = MakePlenopticRenderer(camera, optics, 1, 1);
   const cv::Mat& white = renderer->White();
