@@ -9,17 +9,12 @@
 #include <map>
 #include <optional>
 
+#include "calib/camera_yaml.h"
 #include "calib/error.h"
 #include "calib/yaml.h"
 
 namespace plenocal {
 namespace {
-
-std::vector<std::string_view> ModelNames(std::span<const CameraModel> models) {
-  std::vector<std::string_view> names;
-  for (const CameraModel& model : models) names.push_back(model.name);
-  return names;
-}
 
 // Index of the parameter that `name` stands for; fails at `node` when there is none.
 size_t ParamIndex(const CameraModel& model, const std::string& name, const YamlNode& node) {
@@ -30,12 +25,6 @@ size_t ParamIndex(const CameraModel& model, const std::string& name, const YamlN
   }
   node.Fail(fmt::format(
       "'{}' is no parameter of model {}{}", name, model.name, SuggestName(name, names)));
-}
-
-void CheckWithin(const Param& param, double value, const YamlNode& node) {
-  if (value > param.lower && value < param.upper) return;
-  node.Fail(fmt::format(
-      "{} = {} {} is outside ({}, {})", param.name, value, param.unit, param.lower, param.upper));
 }
 
 std::string PathBeside(const std::filesystem::path& session, const YamlNode& node) {
@@ -64,13 +53,7 @@ SessionCamera ReadCamera(const std::string& name,
   if (name.empty() || name.find_first_of("/\\,\n\r\t ") != std::string::npos) {
     node.Fail("a camera's name becomes part of file names; use letters, digits, '_' and '-'");
   }
-  const YamlNode model_node = node.At("model");
-  camera.model = FindModel(models, model_node.AsString());
-  if (camera.model == nullptr) {
-    model_node.Fail(fmt::format("unknown camera model '{}'{}",
-                                model_node.AsString(),
-                                SuggestName(model_node.AsString(), ModelNames(models))));
-  }
+  camera.model = ReadModel(node.At("model"), models);
   const CameraModel& model = *camera.model;
   CheckCameraKeys(node, model);
 
@@ -91,28 +74,19 @@ SessionCamera ReadCamera(const std::string& name,
     }
   }
   if (node.Has("image_size")) {
-    const YamlNode size = node.At("image_size");
-    const auto elements = size.Elements();
-    if (elements.size() != 2) size.Fail("expected [width, height]");
-    for (size_t i = 0; i < 2; ++i) {
-      camera.image_size[i] = elements[i].AsInteger();
-      if (camera.image_size[i] < 1) elements[i].Fail("expected a positive number of pixels");
-    }
+    camera.image_size = ReadImageSize(node.At("image_size"));
   } else if (node.Has("detections")) {
     node.Fail("a camera given by 'detections' needs 'image_size: [width, height]'");
   }
   for (const Param& config : model.config) {
-    const YamlNode value = node.At(config.name);
-    camera.config.push_back(value.AsNumber());
-    CheckWithin(config, camera.config.back(), value);
+    camera.config.push_back(ReadWithin(node.At(config.name), config));
   }
 
   camera.initial.resize(model.params.size());
   if (node.Has("initial")) {
     for (const auto& [param, value] : node.At("initial").Entries()) {
       const size_t index = ParamIndex(model, param, value);
-      camera.initial[index] = value.AsNumber();
-      CheckWithin(model.params[index], *camera.initial[index], value);
+      camera.initial[index] = ReadWithin(value, model.params[index]);
     }
   }
   camera.fixed.resize(model.params.size(), false);

@@ -11,6 +11,7 @@
 #include <limits>
 
 #include "apps/formats/formats.h"
+#include "calib/camera_yaml.h"
 #include "calib/error.h"
 #include "calib/text_file.h"
 #include "calib/yaml.h"
@@ -19,12 +20,6 @@ namespace plenocal {
 namespace {
 
 constexpr size_t kAnyNumber = std::numeric_limits<size_t>::max();
-
-ImageSize SizeFrom(const YamlNode& node) {
-  const auto elements = node.Elements();
-  if (elements.size() != 2) node.Fail("expected [width, height]");
-  return {elements[0].AsInteger(), elements[1].AsInteger()};
-}
 
 // ROS camera_info
 
@@ -155,7 +150,7 @@ std::vector<CalibratedCamera> ReadKalibr(const CameraSource& source) {
     }
     CalibratedCamera camera =
         FromLens(lens,
-                 SizeFrom(node.At("resolution")),
+                 ReadImageSize(node.At("resolution")),
                  KalibrLenses(),
                  fmt::format("{}:{}: {}", source.path.string(), node.Line(), name));
     camera.name = name;
@@ -227,7 +222,7 @@ std::vector<CalibratedCamera> ReadMrcal(const CameraSource& source) {
                                       intrinsics[2],
                                       intrinsics[3],
                                       {intrinsics.begin() + 4, intrinsics.end()}},
-                                     SizeFrom(root.At("imagersize")),
+                                     ReadImageSize(root.At("imagersize")),
                                      MrcalLenses(),
                                      source.path.string());
   const std::vector<double> rt = root.At("extrinsics").AsNumbers(6);
@@ -345,7 +340,7 @@ std::vector<CalibratedCamera> ReadBasalt(const CameraSource& source) {
       lens.coefficients.push_back(values.At(name).AsNumber());
     }
     CalibratedCamera camera =
-        FromLens(lens, SizeFrom(sizes[i]), BasaltLenses(), source.path.string());
+        FromLens(lens, ReadImageSize(sizes[i]), BasaltLenses(), source.path.string());
     camera.name = fmt::format("cam{}", i);
     const auto number = [&](const char* key) { return poses[i].At(key).AsNumber(); };
     const Eigen::Quaterniond q(number("qw"), number("qx"), number("qy"), number("qz"));
@@ -389,7 +384,7 @@ std::vector<CalibratedCamera> ReadMatlab(const CameraSource& source) {
   const YamlNode root = YamlNode::ReadFile(source.path);
   const std::vector<double> f = root.At("FocalLength").AsNumbers(2);
   const std::vector<double> c = root.At("PrincipalPoint").AsNumbers(2);
-  const ImageSize rows_columns = SizeFrom(root.At("ImageSize"));
+  const ImageSize rows_columns = ReadImageSize(root.At("ImageSize"));
   std::vector<double> radial = root.At("RadialDistortion").AsNumbers(0);
   const std::vector<double> tangential = root.At("TangentialDistortion").AsNumbers(2);
   if (radial.size() < 2 || radial.size() > 3) {

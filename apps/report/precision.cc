@@ -89,7 +89,7 @@ std::vector<ProjectionMap> ProjectionMaps(const Results& results, size_t c) {
   constexpr int kCells = 24;
   const CameraResult& camera = results.cameras[c];
   const std::vector<double> distances = Distances(results, c);
-  if (camera.covariance.size() == 0 || distances.empty()) return {};
+  if (!camera.covariance.allFinite() || distances.empty()) return {};
   const ImageGrid grid(camera.image_size, kCells);
   const auto cell_values = CellValues(camera, grid);
 
@@ -142,7 +142,7 @@ std::vector<ProjectionMap> ProjectionMaps(const Results& results, size_t c) {
 
 std::vector<DistancePrecision> DistancePrecisions(const Results& results, size_t c, size_t most) {
   const CameraResult& camera = results.cameras[c];
-  if (camera.covariance.size() == 0 || camera.model->context.empty()) return {};
+  if (!camera.covariance.allFinite() || camera.model->context.empty()) return {};
   std::map<std::pair<int, int>, std::vector<const ResidualRow*>> seen;  // by frame, marker
   for (const ResidualRow& row : camera.residuals) {
     if (row.used) seen[{row.frame, row.marker}].push_back(&row);

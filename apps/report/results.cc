@@ -3,9 +3,6 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <cmath>
-#include <limits>
 #include <unordered_map>
 
 #include "apps/report/csv_table.h"
@@ -42,21 +39,6 @@ class FileReader {
   std::string folder_;
 };
 
-// A sigma may be infinite.
-double Sigma(const YamlNode& node) {
-  return node.AsString() == ".inf" ? std::numeric_limits<double>::infinity() : node.AsNumber();
-}
-
-std::vector<double> Named(const YamlNode& node,
-                          std::span<const Param> params,
-                          double (*read)(const YamlNode&)) {
-  std::vector<double> values;
-  for (const Param& param : params) values.push_back(read(node.At(param.name)));
-  return values;
-}
-
-double Number(const YamlNode& node) { return node.AsNumber(); }
-
 std::vector<std::string> Strings(const YamlNode& node, std::string_view key) {
   std::vector<std::string> strings;
   if (!node.Has(key)) return strings;
@@ -73,35 +55,10 @@ std::optional<double> OptionalNumber(const YamlNode& node, std::string_view key)
   return node.At(key).AsNumber();
 }
 
-RigidTransform Transform(const YamlNode& node) {
-  const std::vector<YamlNode> rows = node.Elements();
-  if (rows.size() != 4) node.Fail("expected four rows");
-  RigidTransform T;
-  for (int r = 0; r < 3; ++r) {
-    const std::vector<double> row = rows[static_cast<size_t>(r)].AsNumbers(4);
-    T.R.row(r) << row[0], row[1], row[2];
-    T.t[r] = row[3];
-  }
-  return T;
-}
-
 CameraResult ReadCamera(const std::string& name, const YamlNode& node) {
   CameraResult camera;
-  camera.name = name;
-  camera.model = FindModel(CameraModels(), node.At("model").AsString());
-  if (camera.model == nullptr) {
-    node.At("model").Fail("unknown camera model; 'plenocal models' lists those that there are");
-  }
-  const std::vector<double> size = node.At("image_size").AsNumbers(2);
-  camera.image_size = {static_cast<int>(size[0]), static_cast<int>(size[1])};
-  camera.config = Named(node, camera.model->config, Number);
-  camera.params = Named(node.At("parameters"), camera.model->params, Number);
-  camera.sigma = Named(node.At("sigma"), camera.model->params, Sigma);
-  camera.T_camera_rig = Transform(node.At("T_camera_rig"));
+  static_cast<CalibratedCamera&>(camera) = ReadCalibratedCamera(name, node, CameraModels());
   camera.xi = node.At("xi_camera_rig").AsNumbers(6);
-  for (const YamlNode& sigma : node.At("sigma_xi").Elements()) {
-    camera.sigma_xi.push_back(Sigma(sigma));
-  }
   const YamlNode residuals = node.At("residuals");
   camera.points = residuals.At("points").AsInteger();
   camera.rejected = residuals.At("rejected").AsInteger();
@@ -266,35 +223,11 @@ class ResultReader {
     const auto count = static_cast<Eigen::Index>(table.Rows());
     if (table.Header().size() != table.Rows() + 1) table.Fail(0, "the matrix is not square");
     results_.correlation.resize(count, count);
-    std::unordered_map<std::string_view, Eigen::Index> place;
     for (Eigen::Index i = 0; i < count; ++i) {
       results_.correlation_names.emplace_back(table.Text(static_cast<size_t>(i), 0));
-      place[table.Text(static_cast<size_t>(i), 0)] = i;
       for (Eigen::Index j = 0; j < count; ++j) {
         results_.correlation(i, j) =
             table.Number(static_cast<size_t>(i), static_cast<size_t>(j) + 1);
-      }
-    }
-    for (CameraResult& camera : results_.cameras) {
-      if (std::any_of(camera.sigma.begin(), camera.sigma.end(), [](double sigma) {
-            return std::isinf(sigma);
-          })) {
-        continue;
-      }
-      const auto size = static_cast<Eigen::Index>(camera.params.size());
-      camera.covariance.setZero(size, size);
-      std::vector<Eigen::Index> places;
-      for (const Param& param : camera.model->params) {
-        const auto found = place.find(fmt::format("{}.{}", camera.name, param.name));
-        places.push_back(found == place.end() ? -1 : found->second);
-      }
-      for (Eigen::Index i = 0; i < size; ++i) {
-        for (Eigen::Index j = 0; j < size; ++j) {
-          const auto a = static_cast<size_t>(i), b = static_cast<size_t>(j);
-          if (places[a] < 0 || places[b] < 0) continue;
-          camera.covariance(i, j) =
-              camera.sigma[a] * camera.sigma[b] * results_.correlation(places[a], places[b]);
-        }
       }
     }
   }

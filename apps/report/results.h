@@ -5,14 +5,13 @@
 
 #include <Eigen/Core>
 #include <array>
+#include <cmath>
 #include <map>
 #include <optional>
 #include <string>
 #include <vector>
 
-#include "calib/camera_model.h"
-#include "calib/rigid_transform.h"
-#include "calib/yaml.h"
+#include "calib/calibration_file.h"
 
 namespace plenocal {
 
@@ -29,14 +28,8 @@ struct ResidualRow {
   bool used = true;
 };
 
-struct CameraResult {
-  std::string name;
-  const CameraModel* model = nullptr;
-  ImageSize image_size{};
-  std::vector<double> config, params;
-  std::vector<double> sigma;  ///< 0: held, infinite: not determined
-  RigidTransform T_camera_rig;
-  std::vector<double> xi, sigma_xi;
+struct CameraResult : CalibratedCamera {
+  std::vector<double> xi;  ///< of T_camera_rig
   int points = 0, rejected = 0, views = 0;
   double rms = 0, noise = 0;                  ///< px
   std::optional<double> stated_sigma;         ///< the detector's, px
@@ -44,8 +37,12 @@ struct CameraResult {
   std::map<std::string, double> rms_by_type;  ///< px, by lens type; may be empty
   std::string micro_lenses, vignetting;       ///< names of files; empty: none
   std::vector<ResidualRow> residuals;
-  /// Of the parameters; empty when the folder has no correlations or some sigma is infinite.
-  Eigen::MatrixXd covariance;
+
+  /// Of a parameter; 0: held, infinite: not determined.
+  [[nodiscard]] double Sigma(size_t param) const {
+    const auto i = static_cast<Eigen::Index>(param);
+    return std::sqrt(covariance(i, i));
+  }
 };
 
 /// Unknowns that the data determine badly or not at all, as calibration.yaml names them.

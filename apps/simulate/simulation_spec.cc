@@ -12,6 +12,7 @@
 #include <numbers>
 #include <sstream>
 
+#include "calib/camera_yaml.h"
 #include "calib/error.h"
 #include "calib/yaml.h"
 
@@ -65,16 +66,7 @@ std::vector<double> ReadParams(const YamlNode& node, std::span<const Param> para
       values.push_back(*param.neutral);
       continue;
     }
-    const YamlNode value = node.At(param.name);
-    values.push_back(value.AsNumber());
-    if (!(values.back() > param.lower && values.back() < param.upper)) {
-      value.Fail(fmt::format("{} = {} {} is outside ({}, {})",
-                             param.name,
-                             values.back(),
-                             param.unit,
-                             param.lower,
-                             param.upper));
-    }
+    values.push_back(ReadWithin(node.At(param.name), param));
   }
   return values;
 }
@@ -169,15 +161,7 @@ CameraSpec ReadCamera(const std::string& name,
         "a camera's name becomes part of file names; use letters, digits, '_' and '-', not "
         "'truth'");
   }
-  std::vector<std::string_view> names;
-  for (const CameraModel& model : models) names.push_back(model.name);
-  const YamlNode model_node = node.At("model");
-  camera.model = FindModel(models, model_node.AsString());
-  if (camera.model == nullptr) {
-    model_node.Fail(fmt::format("unknown camera model '{}'{}",
-                                model_node.AsString(),
-                                SuggestName(model_node.AsString(), names)));
-  }
+  camera.model = ReadModel(node.At("model"), models);
   std::vector<std::string_view> known{"model",
                                       "image_size",
                                       "parameters",
@@ -196,20 +180,12 @@ CameraSpec ReadCamera(const std::string& name,
   node.CheckKeys(known);
 
   const YamlNode size = node.At("image_size");
-  const std::vector<YamlNode> elements = size.Elements();
-  if (elements.size() != 2) size.Fail("expected [width, height]");
-  for (size_t i = 0; i < 2; ++i) {
-    camera.image_size[i] = elements[i].AsInteger();
-    if (camera.image_size[i] < 16 || camera.image_size[i] > 20000) {
-      elements[i].Fail("expected 16 to 20000 pixels");
-    }
+  camera.image_size = ReadImageSize(size);
+  for (const int pixels : camera.image_size) {
+    if (pixels < 16 || pixels > 20000) size.Fail("expected 16 to 20000 pixels");
   }
   for (const Param& config : camera.model->config) {
-    const YamlNode value = node.At(config.name);
-    camera.config.push_back(value.AsNumber());
-    if (!(camera.config.back() > config.lower && camera.config.back() < config.upper)) {
-      value.Fail(fmt::format("{} is outside ({}, {})", config.name, config.lower, config.upper));
-    }
+    camera.config.push_back(ReadWithin(node.At(config.name), config));
   }
   camera.params = ReadParams(node.At("parameters"), camera.model->params);
   camera.T_camera_rig = ReadMount(node);
