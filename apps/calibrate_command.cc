@@ -5,54 +5,19 @@
 #include <fstream>
 #include <iterator>
 
+#include "apps/calibration_input.h"
 #include "apps/commands.h"
 #include "apps/image_module.h"
 #include "apps/observations.h"
 #include "apps/report/report.h"
 #include "calib/calibrate.h"
 #include "calib/error.h"
-#include "calib/median.h"
 #include "calib/output_folder.h"
 #include "calib/result_files.h"
 #include "models/registry.h"
 
 namespace plenocal {
 namespace {
-
-// Typical distance between neighbouring markers: the median of the distances to the nearest other.
-double MarkerSpacing(const std::map<int, Eigen::Vector3d>& markers) {
-  std::vector<double> nearest;
-  for (const auto& [number, position] : markers) {
-    double best = std::numeric_limits<double>::infinity();
-    for (const auto& [other, place] : markers) {
-      if (other != number) best = std::min(best, (place - position).norm());
-    }
-    nearest.push_back(best);
-  }
-  return Median(nearest);
-}
-
-// Prior of the marker coordinates; 0 when the target is to be held rigid.
-double MarkerSigma(const Session& session, const Target& target, Console* console) {
-  if (!session.refine_target.value_or(target.tolerance.has_value())) {
-    if (!session.refine_target) {
-      console->Message(
-          "the target states no tolerance, so it is held rigid; give it 'tolerance' (m) to have "
-          "its "
-          "markers refined");
-    }
-    return 0;
-  }
-  if (target.tolerance) return *target.tolerance;
-  // Asked for, but without a figure: as good as a laser printer and a hard board usually are.
-  constexpr double kPartOfSpacing = 0.01;
-  const double sigma = kPartOfSpacing * MarkerSpacing(target.markers);
-  console->Message(
-      fmt::format("the target states no tolerance; its markers are refined with {:.3g} mm, 1 % of "
-                  "their spacing",
-                  1e3 * sigma));
-  return sigma;
-}
 
 std::string RefinedTarget(const Target& target, const Calibration& calibration) {
   std::map<int, Eigen::Vector3d> positions, sigmas;
@@ -90,14 +55,11 @@ void RunCalibrate(const SessionCommand& command, const ConsoleOptions& options) 
   OutputFolder out(command.out);
   Console console(options.quiet);
 
-  CalibrationInput input;
-  input.markers = target.markers;
-  input.marker_sigma = MarkerSigma(session, target, &console);
-  input.loss = session.loss;
   StageStore store = OpenStageStore(command.out, session.target, command.fresh);
   SessionObservations observations = CollectObservations(
       session, target, options, {&store, command.keep ? &out : nullptr}, &console);
-  input.cameras = observations.cameras;
+  const CalibrationInput input =
+      MakeCalibrationInput(session, target, observations.cameras, &console);
 
   Calibration calibration =
       Calibrate(input, {.threads = options.threads, .progress = [&](const std::string& stage) {

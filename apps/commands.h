@@ -75,6 +75,16 @@ struct ImportCommand {
   std::filesystem::path out;  ///< folder, or the file's own name
 };
 
+/// The models that a session's cameras are tried with.
+struct TryCommand {
+  std::filesystem::path session;
+  std::filesystem::path out;
+  std::vector<std::string> models;  ///< empty: all of the cameras' kind
+  std::string camera;               ///< whose model is varied; empty: all of one kind
+  int folds = 5;
+  bool fresh = false;  ///< takes over nothing from earlier runs
+};
+
 /// Two calibrations of the same cameras.
 struct CompareCommand {
   std::filesystem::path a, b;     ///< calibration.yaml
@@ -110,6 +120,8 @@ void RunExport(const ExportCommand& command, const ConsoleOptions& options);
 void RunImport(const ImportCommand& command, const ConsoleOptions& options);
 /// `plenocal report`: report.html of a calibration's folder, from the files there alone.
 void RunReport(const std::filesystem::path& folder);
+/// `plenocal try`: which camera model describes the cameras best.
+void RunTry(const TryCommand& command, const ConsoleOptions& options);
 /// `plenocal compare`: how far two calibrations differ in the image and in space.
 void RunCompare(const CompareCommand& command);
 /// `plenocal convert`: one camera model fitted to another.

@@ -5,9 +5,9 @@
 #include <cmath>
 
 #include "apps/commands.h"
+#include "apps/model_option.h"
 #include "calib/calibration_file.h"
 #include "calib/convert.h"
-#include "calib/error.h"
 #include "calib/number_text.h"
 #include "calib/output_folder.h"
 #include "calib/result_files.h"
@@ -18,15 +18,7 @@ namespace plenocal {
 void RunConvert(const ConvertCommand& command) {
   const CalibrationFile calibration = ReadCalibration(command.calibration, CameraModels());
   const CalibratedCamera& camera = FindCamera(calibration, command.camera);
-  const CameraModel* model = FindModel(CameraModels(), command.model);
-  if (model == nullptr) {
-    std::vector<std::string_view> names;
-    for (const CameraModel& known : CameraModels()) names.push_back(known.name);
-    throw Error(
-        ErrorKind::kInput,
-        fmt::format(
-            "--to {}: unknown camera model{}", command.model, SuggestName(command.model, names)));
-  }
+  const CameraModel* model = ModelOfOption("--to", command.model);
   const Conversion conversion = Convert(camera, *model);
 
   std::string errors = "x,y,dx,dy\n";

@@ -279,6 +279,32 @@ int main(int argc, char** argv) {  // NOLINT(bugprone-exception-escape)
   bool quiet_report = false;  // it has nothing to say; accepted as on each command
   report->add_flag("--quiet", quiet_report, "no messages and no progress, only errors");
   report->callback([&] { run = [&] { plenocal::RunReport(report_folder); }; });
+  plenocal::TryCommand try_command;
+  CLI::App* tries = app.add_subcommand(
+      "try",
+      "Which camera model describes the cameras: each is calibrated and judged by frames that it "
+      "has not seen.\n\n"
+      "  plenocal try session.yaml --models A,B,C -o OUT\n\n"
+      "writes OUT/try.csv, try.yaml, try.html and models/<model>/calibration.yaml.");
+  tries->add_option("session", try_command.session, "session.yaml: cameras, images, target")
+      ->required();
+  tries
+      ->add_option("--models",
+                   try_command.models,
+                   "camera models, separated by commas (default: all of the cameras' kind)")
+      ->delimiter(',');
+  tries->add_option("--camera",
+                    try_command.camera,
+                    "of a rig: whose model is varied (default: all ordinary cameras)");
+  tries->add_option("--folds", try_command.folds, "parts of the frames that are held out in turn")
+      ->check(CLI::Range(2, 1000))
+      ->capture_default_str();
+  tries->add_option("-o,--out", try_command.out, "folder for the results")->required();
+  tries->add_option("--threads", options.threads, "number of threads (default: all cores)")
+      ->check(CLI::Range(1, 1024));
+  tries->add_flag("--quiet", options.quiet, "no messages and no progress, only errors");
+  tries->add_flag("--fresh", try_command.fresh, "detect again in all images");
+  tries->callback([&] { run = [&] { RunTry(try_command, options); }; });
   plenocal::CompareCommand compare_command;
   CLI::App* compare = app.add_subcommand(
       "compare",

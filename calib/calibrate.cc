@@ -13,6 +13,7 @@
 #include "calib/error.h"
 #include "calib/median.h"
 #include "calib/parallel.h"
+#include "calib/statistics.h"
 
 namespace plenocal {
 namespace {
@@ -26,34 +27,6 @@ constexpr size_t kMinMarkersInFrame = 4;
 constexpr double kSmallestNoise = 1e-9;
 constexpr double kExact = 1e-6;            // of observations whose noise is rounding, px
 constexpr double kSmallestJitter = 1e-12;  // m and rad, likewise
-
-// P(chi-square with k degrees of freedom > x), k >= 1: Q(k/2, x/2) by its recurrence in k.
-double ChiSquareTail(int k, double x) {
-  const double h = x / 2;
-  double q = k % 2 == 1 ? std::erfc(std::sqrt(h)) : std::exp(-h);
-  double a = k % 2 == 1 ? 0.5 : 1.0;
-  for (; 2 * a < k; a += 1) q += std::exp(a * std::log(h) - h - std::lgamma(a + 1));
-  return q;
-}
-
-// x with ChiSquareTail(k, x) = p.
-double ChiSquareQuantile(int k, double p) {
-  double low = 0, high = 1;
-  while (ChiSquareTail(k, high) > p) high *= 2;
-  for (int i = 0; i < 100; ++i) {
-    const double middle = (low + high) / 2;
-    (ChiSquareTail(k, middle) > p ? low : high) = middle;
-  }
-  return high;
-}
-
-// P(F > x) with m and n degrees of freedom, by Paulson's normal approximation of F^(1/3) (Annals of
-// Mathematical Statistics 13, 1942).
-double FTail(double x, double m, double n) {
-  const double root = std::cbrt(x), a = 2 / (9 * m), b = 2 / (9 * n);
-  const double z = ((1 - b) * root - (1 - a)) / std::sqrt(b * root * root + a);
-  return std::erfc(z / std::numbers::sqrt2) / 2;
-}
 
 class Calibrator {
  public:

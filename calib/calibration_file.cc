@@ -6,8 +6,8 @@
 #include <Eigen/LU>
 #include <limits>
 
+#include "calib/camera_yaml.h"
 #include "calib/error.h"
-#include "calib/yaml.h"
 
 namespace plenocal {
 namespace {
@@ -43,10 +43,10 @@ RigidTransform ReadTransform(const YamlNode& node) {
 
 Eigen::MatrixXd ReadCovariance(const YamlNode& node, const CameraModel& model) {
   const auto count = static_cast<Eigen::Index>(model.params.size());
-  Eigen::VectorXd sigma = Eigen::VectorXd::Zero(count);
+  std::vector<double> sigma(model.params.size(), 0.0);
   if (node.Has("sigma")) {
-    for (Eigen::Index i = 0; i < count; ++i) {
-      sigma[i] = Sigma(node.At("sigma").At(model.params[static_cast<size_t>(i)].name));
+    for (size_t i = 0; i < sigma.size(); ++i) {
+      sigma[i] = Sigma(node.At("sigma").At(model.params[i].name));
     }
   }
   Eigen::MatrixXd correlation = Eigen::MatrixXd::Identity(count, count);
@@ -64,49 +64,36 @@ Eigen::MatrixXd ReadCovariance(const YamlNode& node, const CameraModel& model) {
       }
     }
   }
+  return CovarianceOf(sigma, correlation);
+}
+
+}  // namespace
+
+Eigen::MatrixXd CovarianceOf(std::span<const double> sigma, const Eigen::MatrixXd& correlation) {
+  const Eigen::Index count = correlation.rows();
   Eigen::MatrixXd covariance(count, count);
   for (Eigen::Index i = 0; i < count; ++i) {
     for (Eigen::Index j = 0; j < count; ++j) {
-      const bool known = i == j || (std::isfinite(sigma[i]) && std::isfinite(sigma[j]));
-      covariance(i, j) = known ? correlation(i, j) * sigma[i] * sigma[j] : 0;
+      const double a = sigma[static_cast<size_t>(i)], b = sigma[static_cast<size_t>(j)];
+      const bool known = i == j || (std::isfinite(a) && std::isfinite(b));
+      covariance(i, j) = known ? correlation(i, j) * a * b : 0;
     }
   }
   return covariance;
 }
 
-CalibratedCamera ReadCamera(const std::string& name,
-                            const YamlNode& node,
-                            std::span<const CameraModel> models) {
+CalibratedCamera ReadCalibratedCamera(const std::string& name,
+                                      const YamlNode& node,
+                                      std::span<const CameraModel> models) {
   CalibratedCamera camera;
   camera.name = name;
-  const YamlNode model_node = node.At("model");
-  camera.model = FindModel(models, model_node.AsString());
-  if (camera.model == nullptr) {
-    std::vector<std::string_view> names;
-    for (const CameraModel& model : models) names.push_back(model.name);
-    model_node.Fail(fmt::format("unknown camera model '{}'{}",
-                                model_node.AsString(),
-                                SuggestName(model_node.AsString(), names)));
+  camera.model = ReadModel(node.At("model"), models);
+  camera.image_size = ReadImageSize(node.At("image_size"));
+  for (const Param& param : camera.model->config) {
+    camera.config.push_back(ReadWithin(node.At(param.name), param));
   }
-  const YamlNode size = node.At("image_size");
-  const auto elements = size.Elements();
-  if (elements.size() != 2) size.Fail("expected [width, height]");
-  for (size_t i = 0; i < 2; ++i) {
-    camera.image_size[i] = elements[i].AsInteger();
-    if (camera.image_size[i] < 1) elements[i].Fail("expected a positive number of pixels");
-  }
-  const auto read = [](const YamlNode& from, const Param& param) {
-    const YamlNode value = from.At(param.name);
-    const double number = value.AsNumber();
-    if (!(number > param.lower && number < param.upper)) {
-      value.Fail(
-          fmt::format("{} {} is outside ({}, {})", number, param.unit, param.lower, param.upper));
-    }
-    return number;
-  };
-  for (const Param& param : camera.model->config) camera.config.push_back(read(node, param));
   for (const Param& param : camera.model->params) {
-    camera.params.push_back(read(node.At("parameters"), param));
+    camera.params.push_back(ReadWithin(node.At("parameters").At(param.name), param));
   }
   camera.covariance = ReadCovariance(node, *camera.model);
   camera.T_camera_rig = ReadTransform(node.At("T_camera_rig"));
@@ -118,8 +105,6 @@ CalibratedCamera ReadCamera(const std::string& name,
   return camera;
 }
 
-}  // namespace
-
 CalibrationFile ReadCalibration(const std::filesystem::path& path,
                                 std::span<const CameraModel> models) {
   const YamlNode root = YamlNode::ReadFile(path);
@@ -127,7 +112,7 @@ CalibrationFile ReadCalibration(const std::filesystem::path& path,
   CalibrationFile calibration;
   calibration.path = path;
   for (const auto& [name, node] : root.At("cameras").Entries()) {
-    calibration.cameras.push_back(ReadCamera(name, node, models));
+    calibration.cameras.push_back(ReadCalibratedCamera(name, node, models));
   }
   if (calibration.cameras.empty()) root.At("cameras").Fail("expected at least one camera");
   return calibration;

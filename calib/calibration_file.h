@@ -9,6 +9,7 @@
 
 #include "calib/camera_model.h"
 #include "calib/rigid_transform.h"
+#include "calib/yaml.h"
 
 namespace plenocal {
 
@@ -36,6 +37,14 @@ struct CalibrationFile {
 /// (then zero), as in simulated truth. Throws `Error` with file, line and key.
 CalibrationFile ReadCalibration(const std::filesystem::path& path,
                                 std::span<const CameraModel> models);
+
+/// One camera of it: the value of key `name` under `cameras`.
+CalibratedCamera ReadCalibratedCamera(const std::string& name,
+                                      const YamlNode& node,
+                                      std::span<const CameraModel> models);
+
+/// Covariance as `CalibratedCamera` holds it.
+Eigen::MatrixXd CovarianceOf(std::span<const double> sigma, const Eigen::MatrixXd& correlation);
 
 /// The camera of that name; throws `Error` that names the known ones. An empty name stands for the
 /// only camera.

@@ -6,6 +6,7 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 #include "calib/error.h"
@@ -273,6 +274,17 @@ CameraDifference CompareCameras(const CalibratedCamera& a,
     result.distances.push_back(at);
   }
   return result;
+}
+
+double ImageSigma(const CalibratedCamera& camera, const std::vector<double>& distances) {
+  if (!camera.covariance.allFinite()) return std::numeric_limits<double>::infinity();
+  CalibratedCamera exact = camera;
+  exact.covariance.setZero();
+  double squares = 0;
+  for (const DistanceDifference& at : CompareCameras(camera, exact, distances).distances) {
+    squares += at.all.predicted * at.all.predicted;
+  }
+  return std::sqrt(squares / static_cast<double>(distances.size()));
 }
 
 }  // namespace plenocal

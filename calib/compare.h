@@ -51,4 +51,9 @@ CameraDifference CompareCameras(const CalibratedCamera& a,
                                 const CalibratedCamera& b,
                                 const std::vector<double>& distances);
 
+/// What its covariance predicts of a camera's image at these distances, each with equal weight, px:
+/// RMS over the image of the sigma of a point's place, less what a motion of the camera's frame
+/// takes up. Infinite when a parameter is not determined. Throws `Error` when it images nothing.
+double ImageSigma(const CalibratedCamera& camera, const std::vector<double>& distances);
+
 }  // namespace plenocal

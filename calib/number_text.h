@@ -12,4 +12,7 @@ void AppendFixed(double value, int decimals, std::string* text);
 /// `value` with 12 significant digits as YAML reads it (".inf", ".nan" included).
 std::string YamlNumber(double value);
 
+/// `text` in double quotes as YAML reads it.
+std::string YamlQuoted(const std::string& text);
+
 }  // namespace plenocal

@@ -36,19 +36,6 @@ std::string YamlMatrix(const RigidTransform& T) {
   return text + "[0, 0, 0, 1]]";
 }
 
-std::string YamlQuoted(const std::string& text) {
-  std::string quoted = "\"";
-  for (const char c : text) {
-    if (c == '"' || c == '\\') quoted += '\\';
-    if (c == '\n') {
-      quoted += "\\n";
-    } else {
-      quoted += c;
-    }
-  }
-  return quoted + "\"";
-}
-
 std::string ParamMap(const CameraModel& model, const std::vector<double>& values) {
   std::string text = "{";
   for (size_t i = 0; i < values.size(); ++i) {
@@ -58,8 +45,8 @@ std::string ParamMap(const CameraModel& model, const std::vector<double>& values
   return text + "}";
 }
 
-// Correlations of a camera's parameters: one row each, up to the diagonal; held ones have none.
-std::string CorrelationTriangle(const Calibration& calibration, size_t c) {
+// Correlations of a camera's parameters; held ones have none.
+Eigen::MatrixXd ParamCorrelation(const Calibration& calibration, size_t c) {
   const Uncertainty& uncertainty = calibration.uncertainty;
   std::vector<Eigen::Index> places;  // in `correlation`; -1 for held parameters
   for (const Param& param : calibration.bundle.cameras[c].model->params) {
@@ -67,14 +54,25 @@ std::string CorrelationTriangle(const Calibration& calibration, size_t c) {
     const auto found = std::find(uncertainty.names.begin(), uncertainty.names.end(), name);
     places.push_back(found == uncertainty.names.end() ? -1 : found - uncertainty.names.begin());
   }
-  std::string text = "[";
-  for (size_t i = 0; i < places.size(); ++i) {
-    text += i == 0 ? "[" : ", [";
-    for (size_t j = 0; j < i; ++j) {
-      const bool free = places[i] >= 0 && places[j] >= 0;
-      text +=
-          fmt::format("{:.10g}, ", free ? uncertainty.correlation(places[i], places[j]) + 0.0 : 0);
+  const auto count = static_cast<Eigen::Index>(places.size());
+  Eigen::MatrixXd correlation = Eigen::MatrixXd::Identity(count, count);
+  for (Eigen::Index i = 0; i < count; ++i) {
+    for (Eigen::Index j = 0; j < i; ++j) {
+      const Eigen::Index a = places[static_cast<size_t>(i)], b = places[static_cast<size_t>(j)];
+      if (a < 0 || b < 0) continue;
+      correlation(i, j) = correlation(j, i) = uncertainty.correlation(a, b) + 0.0;  // no "-0"
     }
+  }
+  return correlation;
+}
+
+// The lower triangle, one row a parameter.
+std::string CorrelationTriangle(const Calibration& calibration, size_t c) {
+  const Eigen::MatrixXd correlation = ParamCorrelation(calibration, c);
+  std::string text = "[";
+  for (Eigen::Index i = 0; i < correlation.rows(); ++i) {
+    text += i == 0 ? "[" : ", [";
+    for (Eigen::Index j = 0; j < i; ++j) text += fmt::format("{:.12g}, ", correlation(i, j));
     text += "1]";
   }
   return text + "]";
@@ -292,6 +290,19 @@ std::string CalibrationYaml(const Calibration& calibration,
     fmt::format_to(out, "  {}: {}\n", key, YamlQuoted(value));
   }
   return text;
+}
+
+CalibratedCamera CameraOf(const Calibration& calibration, size_t c) {
+  const BundleCamera& camera = calibration.bundle.cameras[c];
+  const std::vector<double>& sigma = calibration.uncertainty.params[c];
+  return {calibration.camera_names[c],
+          camera.model,
+          calibration.image_sizes[c],
+          camera.config,
+          camera.params,
+          CovarianceOf(sigma, ParamCorrelation(calibration, c)),
+          camera.T_camera_rig,
+          SigmaXi(calibration, c)};
 }
 
 std::string CameraYaml(const std::string& name,

@@ -9,12 +9,15 @@
 #include <vector>
 
 #include "calib/calibrate.h"
+#include "calib/calibration_file.h"
 
 namespace plenocal {
 
 /// calibration.yaml. `provenance`: lines "key: value" that say how to run it again.
 std::string CalibrationYaml(const Calibration& calibration,
                             const std::vector<std::pair<std::string, std::string>>& provenance);
+/// One camera as `ReadCalibration` reads it from that file.
+CalibratedCamera CameraOf(const Calibration& calibration, size_t camera);
 /// calibration.yaml of one camera without sigmas, for parameters that were not estimated.
 std::string CameraYaml(const std::string& name,
                        const CameraModel& model,

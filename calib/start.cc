@@ -70,7 +70,8 @@ std::vector<View> Selection(const CameraInput& camera,
   return selection;
 }
 
-std::optional<Resection> ResectView(const CameraInput& camera,
+std::optional<Resection> ResectView(const CameraModel& model,
+                                    std::span<const double> config,
                                     std::span<const double> params,
                                     const View& view,
                                     const std::map<int, Eigen::Vector3d>& markers) {
@@ -78,7 +79,7 @@ std::optional<Resection> ResectView(const CameraInput& camera,
   std::vector<Eigen::Vector3d> points;
   for (const Observation& observation : view.observations) {
     const std::optional<Ray> ray =
-        camera.model->unproject(params.data(), camera.config.data(), observation.values.data());
+        model.unproject(params.data(), config.data(), observation.values.data());
     if (!ray) continue;
     rays.push_back(*ray);
     points.push_back(markers.at(observation.marker));
@@ -124,7 +125,8 @@ Trial MakeTrial(const CameraInput& camera,
   }
   size_t without_pose = 0;
   for (const View& view : views) {
-    const std::optional<Resection> resection = ResectView(camera, params, view, markers);
+    const std::optional<Resection> resection =
+        ResectView(*camera.model, camera.config, params, view, markers);
     if (!resection) {
       without_pose += view.observations.size();
       continue;
@@ -170,6 +172,18 @@ void AdjustTrial(Trial* trial) {
 }
 
 }  // namespace
+
+std::optional<RigidTransform> StartPose(const CameraModel& model,
+                                        std::span<const double> config,
+                                        std::span<const double> params,
+                                        const View& view,
+                                        const std::map<int, Eigen::Vector3d>& markers) {
+  const View thinned = Thinned(view, markers, kStartPoints);
+  if (thinned.observations.size() < kMinPoints) return std::nullopt;
+  const std::optional<Resection> resection = ResectView(model, config, params, thinned, markers);
+  if (!resection) return std::nullopt;
+  return resection->T_camera_target;
+}
 
 CameraStart StartCamera(const CameraInput& camera, const std::map<int, Eigen::Vector3d>& markers) {
   const std::vector<View> views = Selection(camera, markers, kStartViews);
@@ -223,13 +237,8 @@ CameraStart StartCamera(const CameraInput& camera, const std::map<int, Eigen::Ve
   start.params = best->bundle.cameras[0].params;
   start.median_error = best->median;
   for (const View& view : camera.views) {
-    const View thinned = Thinned(view, markers, kStartPoints);
-    std::optional<Resection> resection;
-    if (thinned.observations.size() >= kMinPoints) {
-      resection = ResectView(camera, start.params, thinned, markers);
-    }
-    start.T_camera_target.push_back(resection ? std::optional(resection->T_camera_target)
-                                              : std::nullopt);
+    start.T_camera_target.push_back(
+        StartPose(*camera.model, camera.config, start.params, view, markers));
   }
   return start;
 }

@@ -3,6 +3,7 @@
 
 #include <map>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -33,6 +34,14 @@ struct CameraStart {
 /// with the target held rigid; the one with the smallest median residual wins. Throws `Error` of
 /// kind kJob when no view shows enough of the target.
 CameraStart StartCamera(const CameraInput& camera, const std::map<int, Eigen::Vector3d>& markers);
+
+/// T_camera_target of one view from a part of its observations and a camera of known parameters;
+/// nothing when they do not suffice.
+std::optional<RigidTransform> StartPose(const CameraModel& model,
+                                        std::span<const double> config,
+                                        std::span<const double> params,
+                                        const View& view,
+                                        const std::map<int, Eigen::Vector3d>& markers);
 
 /// T_camera_rig of every camera from the frames that cameras share, along a spanning tree with the
 /// most common frames a link, so that chains of overlap suffice. `starts[i].T_camera_target`

@@ -179,16 +179,20 @@ function addCellMap(parent, title, note, size, columns, rows, values, unit, rang
   }), { aspect: imageAspect(size), legend: colourScale(`${brief(low)} ${unit}`, `${brief(high)} ${unit}`, Colours.ramp) });
 }
 
-/** Arrows over an image, scaled to be seen; under them cells in the colours of `values`. */
-function addArrowMap(parent, title, note, size, field, values, unit) {
+/** What 95 of 100 arrows of a field are shorter than. */
+function typicalArrow({ mean_x: dx, mean_y: dy }) {
+  const lengths = dx.map((x, cell) => (x === null ? null : Math.hypot(x, dy[cell]))).filter((length) => length !== null).sort((a, b) => a - b);
+  return lengths[Math.floor(0.95 * (lengths.length - 1))];
+}
+
+/** Arrows over an image, scaled to be seen; under them cells in the colours of `values`. `range`: { arrow, value } of several such maps. */
+function addArrowMap(parent, title, note, size, field, values, unit, range = {}) {
   const { columns, rows, mean_x: dx, mean_y: dy } = field;
   const points = cellMiddles(columns, rows, size).filter((point) => dx[point.cell] !== null);
-  const lengths = points.map((point) => Math.hypot(dx[point.cell], dy[point.cell])).sort((a, b) => a - b);
   // The longest arrows but for a few fill a cell and a half.
-  const typical = lengths[Math.floor(0.95 * (lengths.length - 1))] || 1;
-  const magnify = 1.5 * size[0] / columns / typical;
+  const magnify = 1.5 * size[0] / columns / (range.arrow || typicalArrow(field) || 1);
   const known = values ? values.filter((value) => value !== null) : [0];
-  const high = known.reduce((a, b) => Math.max(a, b), 0) || 1;
+  const high = range.value || known.reduce((a, b) => Math.max(a, b), 0) || 1;
   const tint = (part) => Colours.ramp(part).replace("rgb", "rgba").replace(")", ",0.45)");
   addFigure(parent, title, `${note} Arrows are ${brief(magnify, 2)} times as long as what they stand for.`, points.length, (canvas) =>
     scatter(canvas, [carriers(points)], imageScales(size), {

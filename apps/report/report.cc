@@ -10,6 +10,7 @@
 #include <sstream>
 
 #include "apps/report/micro_lens_sections.h"
+#include "apps/report/page.h"
 #include "apps/report/page_parts.h"
 #include "apps/report/precision.h"
 #include "apps/report/residual_sections.h"
@@ -56,7 +57,7 @@ Json VerdictJson(const Verdict& verdict) {
 }
 
 // Infinite numbers become null; the page says "not determined".
-Json Numbers(const std::vector<double>& values) {
+Json Numbers(std::span<const double> values) {
   Json list = Json::array();
   for (const double value : values) list.push_back(std::isfinite(value) ? Json(value) : Json());
   return list;
@@ -70,8 +71,8 @@ Json ParametersJson(const CameraResult& camera) {
         {{"name", param.name},
          {"unit", param.unit},
          {"value", camera.params[i]},
-         {"sigma", std::isfinite(camera.sigma[i]) ? Json(camera.sigma[i]) : Json()},
-         {"held", camera.sigma[i] == 0}});
+         {"sigma", std::isfinite(camera.Sigma(i)) ? Json(camera.Sigma(i)) : Json()},
+         {"held", camera.Sigma(i) == 0}});
   }
   return parameters;
 }
@@ -223,7 +224,7 @@ class ReportData {
         {"parameters", ParametersJson(camera)},
         {"T_camera_rig", Transform(camera.T_camera_rig)},
         {"xi_camera_rig", Numbers(camera.xi)},
-        {"sigma_xi", Numbers(camera.sigma_xi)},
+        {"sigma_xi", Numbers({camera.sigma_xi.data(), 6})},
         {"residuals", FitJson(camera)},
         {"plots",
          ResidualSections(
@@ -245,46 +246,14 @@ class ReportData {
   Results results_;
 };
 
-// As text of a script element: nothing in it can end the element.
-std::string ScriptText(const Json& data) {
-  const std::string json = data.dump(-1, ' ', false, Json::error_handler_t::replace);
-  std::string text;
-  text.reserve(json.size());
-  for (const char c : json) {
-    if (c == '<') {
-      text += "\\u003c";
-    } else {
-      text += c;
-    }
-  }
-  return text;
-}
-
-std::string FilledPage(const std::map<std::string_view, std::string_view>& parts) {
-  std::string page;
-  std::string_view rest = kPageHtml;
-  while (true) {
-    const size_t open = rest.find("{{");
-    page += rest.substr(0, open);
-    if (open == std::string_view::npos) return page;
-    const size_t close = rest.find("}}", open);
-    page += parts.at(rest.substr(open + 2, close - open - 2));
-    rest.remove_prefix(close + 2);
-  }
-}
-
 }  // namespace
 
 std::string ReportHtml(const ResultFiles& files,
                        const std::string& folder,
                        const AttenuationReader& read_attenuation) {
-  const std::string data = ScriptText(ReportData(files, folder, read_attenuation).Make());
-  return FilledPage({{"style", kPageCss},
-                     {"library", kChartLibrary},
-                     {"plots", kPlotsJs},
-                     {"scene", kSceneJs},
-                     {"page", kPageJs},
-                     {"data", data}});
+  return MakePage("Calibration report",
+                  {kSceneJs, kPageJs},
+                  ReportData(files, folder, read_attenuation).Make());
 }
 
 ResultFiles ReadResultFiles(const std::filesystem::path& folder) {

@@ -205,6 +205,22 @@ ResidualField FieldOf(const CameraResult& camera) {
   return field;
 }
 
+Json FieldJson(const ResidualField& field) {
+  Json mean_x = Json::array(), mean_y = Json::array(), rms = Json::array();
+  for (size_t cell = 0; cell < field.grid.Cells(); ++cell) {
+    const bool any = field.points[cell] > 0;
+    mean_x.push_back(any ? Short(field.mean[cell].x()) : Json());
+    mean_y.push_back(any ? Short(field.mean[cell].y()) : Json());
+    rms.push_back(any ? Short(std::sqrt(field.square[cell])) : Json());
+  }
+  return {{"columns", field.grid.Columns()},
+          {"rows", field.grid.Rows()},
+          {"points", field.points},
+          {"mean_x", mean_x},
+          {"mean_y", mean_y},
+          {"rms", rms}};
+}
+
 Json ResidualSections(const Results& results,
                       size_t c,
                       size_t most_points,
@@ -225,22 +241,8 @@ Json ResidualSections(const Results& results,
     }
     depths.push_back((T->second * results.markers.at(row.marker)).z());
   }
-  const ResidualField field = FieldOf(camera);
-  Json mean_x = Json::array(), mean_y = Json::array(), rms = Json::array();
-  for (size_t cell = 0; cell < field.grid.Cells(); ++cell) {
-    const bool any = field.points[cell] > 0;
-    mean_x.push_back(any ? Short(field.mean[cell].x()) : Json());
-    mean_y.push_back(any ? Short(field.mean[cell].y()) : Json());
-    rms.push_back(any ? Short(std::sqrt(field.square[cell])) : Json());
-  }
   return {{"sample", Sample(results, c, depths, most_points)},
-          {"field",
-           {{"columns", field.grid.Columns()},
-            {"rows", field.grid.Rows()},
-            {"points", field.points},
-            {"mean_x", mean_x},
-            {"mean_y", mean_y},
-            {"rms", rms}}},
+          {"field", FieldJson(FieldOf(camera))},
           {"histogram", Histogram(camera)},
           {"frames", SumsJson(frames, "frame", [](int frame) { return frame; })},
           {"markers", SumsJson(markers, "marker", [](int marker) { return marker; })},

@@ -37,6 +37,9 @@ struct ResidualField {
 
 ResidualField FieldOf(const CameraResult& camera);
 
+/// As `addArrowMap` in plots.js takes it.
+nlohmann::json FieldJson(const ResidualField& field);
+
 /// What the page shows of one camera's residuals: sample of points, field, histogram, per frame,
 /// per marker, per lens type, coverage of image and depth. `most_points`: points of the sample,
 /// which is every k-th one. `lens_types`: per row of `residuals`, -1 unknown; may be empty.

@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/calibration_input.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <limits>
+
+#include "calib/median.h"
+
+namespace plenocal {
+namespace {
+
+// Typical distance between neighbouring markers: the median of the distances to the nearest other.
+double MarkerSpacing(const std::map<int, Eigen::Vector3d>& markers) {
+  std::vector<double> nearest;
+  for (const auto& [number, position] : markers) {
+    double best = std::numeric_limits<double>::infinity();
+    for (const auto& [other, place] : markers) {
+      if (other != number) best = std::min(best, (place - position).norm());
+    }
+    nearest.push_back(best);
+  }
+  return Median(nearest);
+}
+
+// Prior of the marker coordinates; 0 when the target is to be held rigid.
+double MarkerSigma(const Session& session, const Target& target, Console* console) {
+  if (!session.refine_target.value_or(target.tolerance.has_value())) {
+    if (!session.refine_target) {
+      console->Message(
+          "the target states no tolerance, so it is held rigid; give it 'tolerance' (m) to have "
+          "its "
+          "markers refined");
+    }
+    return 0;
+  }
+  if (target.tolerance) return *target.tolerance;
+  // Asked for, but without a figure: as good as a laser printer and a hard board usually are.
+  constexpr double kPartOfSpacing = 0.01;
+  const double sigma = kPartOfSpacing * MarkerSpacing(target.markers);
+  console->Message(
+      fmt::format("the target states no tolerance; its markers are refined with {:.3g} mm, 1 % of "
+                  "their spacing",
+                  1e3 * sigma));
+  return sigma;
+}
+
+}  // namespace
+
+CalibrationInput MakeCalibrationInput(const Session& session,
+                                      const Target& target,
+                                      std::vector<CameraInput> cameras,
+                                      Console* console) {
+  CalibrationInput input;
+  input.cameras = std::move(cameras);
+  input.markers = target.markers;
+  input.marker_sigma = MarkerSigma(session, target, console);
+  input.loss = session.loss;
+  return input;
+}
+
+}  // namespace plenocal

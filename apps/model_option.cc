@@ -1,0 +1,19 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/model_option.h"
+
+#include <fmt/format.h>
+
+#include "calib/error.h"
+#include "models/registry.h"
+
+namespace plenocal {
+
+const CameraModel* ModelOfOption(const std::string& option, const std::string& name) {
+  if (const CameraModel* model = FindModel(CameraModels(), name)) return model;
+  std::vector<std::string_view> names;
+  for (const CameraModel& model : CameraModels()) names.push_back(model.name);
+  throw Error(ErrorKind::kInput,
+              fmt::format("{} {}: unknown camera model{}", option, name, SuggestName(name, names)));
+}
+
+}  // namespace plenocal

@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/report/trial_page.h"
+
+#include <cmath>
+
+#include "apps/report/page.h"
+#include "apps/report/page_parts.h"
+#include "apps/report/residual_sections.h"
+
+namespace plenocal {
+namespace {
+
+using Json = nlohmann::json;
+
+// Means of the residuals of one camera's held-out points over its image.
+Json HeldOutField(const ModelTrial& trial, size_t camera, ImageSize image_size) {
+  CameraResult result;
+  result.image_size = image_size;
+  for (const HeldOutPoint& point : trial.held_out) {
+    if (point.camera != camera) continue;
+    ResidualRow row;
+    row.values = point.seen.values;
+    row.d = {point.residual[0], point.residual[1]};
+    result.residuals.push_back(row);
+  }
+  return FieldJson(FieldOf(result));
+}
+
+Json RowJson(const TrialRow& row) {
+  const ModelTrial& trial = *row.trial;
+  Json json = {{"model", trial.model->name},
+               {"why_not", row.why_not},
+               {"recommended", row.recommended},
+               {"undetermined", row.undetermined}};
+  if (!row.why_not.empty()) return json;
+  json.update({{"parameters", trial.free_parameters},
+               {"rms", trial.rms},
+               {"rms_sigma", trial.rms_sigma},
+               {"probability", trial.probability},
+               {"in_sample_rms", trial.in_sample_rms},
+               {"image_sigma", Short(row.image_sigma)},
+               {"seconds", Short(trial.seconds, 3)}});
+  return json;
+}
+
+}  // namespace
+
+std::string TrialPage(const ModelChoice& choice,
+                      const std::vector<TrialRow>& rows,
+                      const std::string& recommendation) {
+  Json models = Json::array(), cameras = Json::array();
+  for (const TrialRow& row : rows) models.push_back(RowJson(row));
+  const Calibration& any = rows[choice.recommended].trial->calibration;
+  for (const size_t c : choice.varied) {
+    Json fields = Json::array();
+    for (const TrialRow& row : rows) {
+      if (row.why_not.empty()) {
+        fields.push_back({{"model", row.trial->model->name},
+                          {"field", HeldOutField(*row.trial, c, any.image_sizes[c])}});
+      }
+    }
+    cameras.push_back(
+        {{"name", any.camera_names[c]}, {"image_size", any.image_sizes[c]}, {"fields", fields}});
+  }
+  return MakePage("Camera models compared",
+                  {kTrialPageJs},
+                  {{"recommendation", recommendation},
+                   {"frames", choice.frames},
+                   {"folds", choice.folds},
+                   {"points", choice.points},
+                   {"outliers", choice.outliers},
+                   {"models", models},
+                   {"cameras", cameras}});
+}
+
+}  // namespace plenocal

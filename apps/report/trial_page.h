@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// The page that shows models side by side.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "calib/model_trial.h"
+
+namespace plenocal {
+
+/// One model as tables and page show it.
+struct TrialRow {
+  const ModelTrial* trial = nullptr;
+  double image_sigma = 0;  ///< px, over the image and the varied cameras; infinite when open
+  std::vector<std::string> undetermined;  ///< names of parameters
+  bool recommended = false;
+  std::string why_not;  ///< why it has no score; empty when it has one
+};
+
+/// HTML: the table, scores with their uncertainty, and of each model the residuals of held-out
+/// points over the image, all at one scale. `rows` are in the order of `choice.trials`.
+std::string TrialPage(const ModelChoice& choice,
+                      const std::vector<TrialRow>& rows,
+                      const std::string& recommendation);
+
+}  // namespace plenocal

@@ -1,0 +1,319 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "apps/calibration_input.h"
+#include "apps/commands.h"
+#include "apps/model_option.h"
+#include "apps/observations.h"
+#include "apps/report/trial_page.h"
+#include "calib/compare.h"
+#include "calib/error.h"
+#include "calib/median.h"
+#include "calib/model_trial.h"
+#include "calib/number_text.h"
+#include "calib/output_folder.h"
+#include "calib/result_files.h"
+#include "calib/weak_directions.h"
+#include "models/registry.h"
+
+namespace plenocal {
+namespace {
+
+// The cameras whose model is varied: the one that is named, or all that are of one kind, ordinary
+// ones before plenoptic ones.
+std::vector<size_t> VariedCameras(const Session& session, const std::string& name) {
+  std::vector<size_t> varied;
+  if (!name.empty()) {
+    std::vector<std::string_view> names;
+    for (size_t c = 0; c < session.cameras.size(); ++c) {
+      if (session.cameras[c].name == name) return {c};
+      names.push_back(session.cameras[c].name);
+    }
+    throw Error(ErrorKind::kInput,
+                fmt::format("--camera {}: {} has no such camera{}",
+                            name,
+                            session.path.string(),
+                            SuggestName(name, names)));
+  }
+  const auto ordinary = std::ranges::find_if(
+      session.cameras, [](const SessionCamera& camera) { return camera.model->context.empty(); });
+  const CameraModel& kind =
+      *(ordinary != session.cameras.end() ? *ordinary : session.cameras.front()).model;
+  for (size_t c = 0; c < session.cameras.size(); ++c) {
+    if (OfOneKind(*session.cameras[c].model, kind)) varied.push_back(c);
+  }
+  return varied;
+}
+
+std::vector<const CameraModel*> ModelsToTry(const std::vector<std::string>& names,
+                                            const SessionCamera& camera) {
+  std::vector<const CameraModel*> models;
+  for (const std::string& name : names) {
+    const CameraModel* model = ModelOfOption("--models", name);
+    if (!OfOneKind(*model, *camera.model)) {
+      throw Error(ErrorKind::kInput,
+                  fmt::format("--models {}: cannot take the place of {}, the model of '{}'; they "
+                              "do not measure the same in an image",
+                              name,
+                              camera.model->name,
+                              camera.name));
+    }
+    if (std::ranges::find(models, model) != models.end()) {
+      throw Error(ErrorKind::kInput, fmt::format("--models {}: named twice", name));
+    }
+    models.push_back(model);
+  }
+  if (!names.empty()) return models;
+  for (const CameraModel& model : CameraModels()) {
+    if (OfOneKind(model, *camera.model)) models.push_back(&model);
+  }
+  return models;
+}
+
+void TellWhoseSettings(const Session& session,
+                       const std::vector<size_t>& varied,
+                       Console* console) {
+  for (const size_t c : varied) {
+    const SessionCamera& camera = session.cameras[c];
+    const bool any = std::ranges::any_of(camera.initial, [](const auto& v) { return bool(v); });
+    if (!any) continue;
+    console->Message(
+        fmt::format("{}: what the session says of parameters holds for {} alone; the other models "
+                    "start without",
+                    camera.name,
+                    camera.model->name));
+  }
+}
+
+double MedianDistance(const Calibration& calibration, size_t camera) {
+  std::vector<double> distances;
+  const Bundle& bundle = calibration.bundle;
+  for (const BundleObservation& observation : bundle.observations) {
+    if (observation.camera != static_cast<int>(camera) || !observation.used) continue;
+    const RigidTransform T_camera_target =
+        bundle.cameras[camera].T_camera_rig *
+        bundle.SeenPose(static_cast<size_t>(observation.frame), camera);
+    distances.push_back(
+        (T_camera_target * bundle.markers[static_cast<size_t>(observation.marker)].position)
+            .norm());
+  }
+  return Median(std::move(distances));
+}
+
+std::string WhyNotComparable(const ModelTrial& trial) {
+  if (!trial.failure.empty()) return trial.failure;
+  if (trial.comparable) return {};
+  return fmt::format("does not image {:.1f} % of the held-out points", 100 * trial.unseen);
+}
+
+TrialRow MakeRow(const ModelChoice& choice, size_t m) {
+  const ModelTrial& trial = choice.trials[m];
+  TrialRow row{.trial = &trial,
+               .undetermined = {},
+               .recommended = m == choice.recommended,
+               .why_not = WhyNotComparable(trial)};
+  if (!trial.failure.empty()) return row;
+  for (const size_t c : choice.varied) {
+    const double sigma =
+        ImageSigma(CameraOf(trial.calibration, c), {MedianDistance(trial.calibration, c)});
+    row.image_sigma += sigma * sigma / static_cast<double>(choice.varied.size());
+  }
+  row.image_sigma = std::sqrt(row.image_sigma);
+  for (const WeakUnknowns& weak : FindWeakUnknowns(trial.calibration)) {
+    if (!weak.open) continue;
+    for (const std::string& name : weak.names) {
+      if (std::ranges::find(row.undetermined, name) == row.undetermined.end()) {
+        row.undetermined.push_back(name);
+      }
+    }
+  }
+  return row;
+}
+
+std::string Recommendation(const ModelChoice& choice) {
+  const ModelTrial& recommended = choice.trials[choice.recommended];
+  const ModelTrial& best = choice.trials[0];
+  std::string why = "the best; every simpler model is significantly worse";
+  if (std::ranges::count(choice.trials, true, &ModelTrial::comparable) == 1) {
+    why = "the only model that images what the camera sees";
+  } else if (choice.recommended != 0) {
+    why = fmt::format("the simplest model that is not significantly worse than the best, {}",
+                      best.model->name);
+  }
+  return fmt::format("{}, {} ({} parameters; {:.4f} +- {:.4f} px on frames that it has not seen)",
+                     recommended.model->name,
+                     why,
+                     recommended.free_parameters,
+                     recommended.rms,
+                     recommended.rms_sigma);
+}
+
+// The table on standard output.
+void Print(const ModelChoice& choice, const std::vector<TrialRow>& rows) {
+  fmt::print("{} frames, {} folds; {} points count for all models, {} are outliers\n\n",
+             choice.frames,
+             choice.folds,
+             choice.points,
+             choice.outliers);
+  fmt::print("  {:<18} {:>10} {:>19} {:>12} {:>14} {:>7}  {}\n",
+             "model",
+             "parameters",
+             "held-out RMS px",
+             "in-sample px",
+             "image sigma px",
+             "s",
+             "not determined");
+  for (const TrialRow& row : rows) {
+    const ModelTrial& trial = *row.trial;
+    if (!row.why_not.empty()) {
+      fmt::print("  {:<18} {}\n", trial.model->name, row.why_not);
+      continue;
+    }
+    fmt::print("{} {:<18} {:>10} {:>19} {:>12.4f} {:>14.4f} {:>7.2f}  {}\n",
+               row.recommended ? "*" : " ",
+               trial.model->name,
+               trial.free_parameters,
+               fmt::format("{:.4f} +- {:.4f}", trial.rms, trial.rms_sigma),
+               trial.in_sample_rms,
+               row.image_sigma,
+               trial.seconds,
+               row.undetermined.empty() ? "-" : fmt::format("{}", fmt::join(row.undetermined, " ")));
+  }
+  fmt::print("\nrecommended: {}\n", Recommendation(choice));
+}
+
+std::string Quoted(const std::string& text) {
+  std::string quoted = "\"";
+  for (const char c : text) {
+    if (c == '"') quoted += '"';
+    quoted += c;
+  }
+  return quoted + "\"";
+}
+
+std::string TableCsv(const std::vector<TrialRow>& rows) {
+  std::string text =
+      "model,parameters,held_out_rms,held_out_sigma,probability,in_sample_rms,image_sigma,unseen,"
+      "seconds,recommended,undetermined,failure\n";
+  for (const TrialRow& row : rows) {
+    const ModelTrial& trial = *row.trial;
+    if (!trial.failure.empty()) {
+      text += fmt::format("{},,,,,,,,,0,,{}\n", trial.model->name, Quoted(trial.failure));
+      continue;
+    }
+    text += fmt::format("{},{},{},{:.6g},{:.6g},{:.6g},{:.3f},{},{},\n",
+                        trial.model->name,
+                        trial.free_parameters,
+                        trial.comparable ? fmt::format("{:.6g},{:.3g},{:.3g}",
+                                                       trial.rms,
+                                                       trial.rms_sigma,
+                                                       trial.probability)
+                                         : ",,",
+                        trial.in_sample_rms,
+                        row.image_sigma,
+                        trial.unseen,
+                        trial.seconds,
+                        row.recommended ? 1 : 0,
+                        fmt::join(row.undetermined, " "));
+  }
+  return text;
+}
+
+std::string TableYaml(const ModelChoice& choice,
+                      const Session& session,
+                      const std::vector<TrialRow>& rows) {
+  std::vector<std::string> cameras;
+  for (const size_t c : choice.varied) cameras.push_back(session.cameras[c].name);
+  std::string text =
+      fmt::format("plenocal: 1\nsession: {}\ncameras: [{}]\nframes: {}\nfolds: {}\npoints: {}\n"
+                  "outliers: {}\nrecommended: {}\nwhy: {}\nmodels:\n",
+                  YamlQuoted(session.path.string()),
+                  fmt::join(cameras, ", "),
+                  choice.frames,
+                  choice.folds,
+                  choice.points,
+                  choice.outliers,
+                  choice.trials[choice.recommended].model->name,
+                  YamlQuoted(Recommendation(choice)));
+  for (const TrialRow& row : rows) {
+    const ModelTrial& trial = *row.trial;
+    text += fmt::format("  {}:\n", trial.model->name);
+    if (!trial.failure.empty()) {
+      text += fmt::format("    failure: {}\n", YamlQuoted(trial.failure));
+      continue;
+    }
+    text += fmt::format("    parameters: {}\n", trial.free_parameters);
+    if (trial.comparable) {
+      text += fmt::format("    held_out: {{rms: {}, sigma: {}, probability: {}}}\n",
+                          YamlNumber(trial.rms),
+                          YamlNumber(trial.rms_sigma),
+                          YamlNumber(trial.probability));
+    }
+    text += fmt::format(
+        "    unseen: {}\n    in_sample_rms: {}\n    image_sigma: {}\n    seconds: {:.3f}\n"
+        "    undetermined: [{}]\n    calibration: models/{}/calibration.yaml\n",
+        YamlNumber(trial.unseen),
+        YamlNumber(trial.in_sample_rms),
+        YamlNumber(row.image_sigma),
+        trial.seconds,
+        fmt::join(row.undetermined, ", "),
+        trial.model->name);
+  }
+  return text;
+}
+
+}  // namespace
+
+void RunTry(const TryCommand& command, const ConsoleOptions& options) {
+  const Session session = ReadSession(command.session, CameraModels());
+  const Target target = ReadTarget(session.target);
+  const std::vector<size_t> varied = VariedCameras(session, command.camera);
+  const std::vector<const CameraModel*> models =
+      ModelsToTry(command.models, session.cameras[varied[0]]);
+  RefuseToReplaceInputs(session, command.out, {"try.csv", "try.yaml", "try.html"});
+  OutputFolder out(command.out);
+  Console console(options.quiet);
+  StageStore store = OpenStageStore(command.out, session.target, command.fresh);
+  const SessionObservations observations =
+      CollectObservations(session, target, options, {&store, nullptr}, &console);
+  TellWhoseSettings(session, varied, &console);
+  const CalibrationInput input =
+      MakeCalibrationInput(session, target, observations.cameras, &console);
+  const ModelChoice choice = TryModels(input,
+                                       varied,
+                                       models,
+                                       {.folds = command.folds,
+                                        .threads = options.threads,
+                                        .progress = [&](const std::string& stage) {
+                                          console.Progress(stage);
+                                          return !Interrupted();
+                                        }});
+  std::vector<TrialRow> rows;
+  for (size_t m = 0; m < choice.trials.size(); ++m) {
+    rows.push_back(MakeRow(choice, m));
+    const ModelTrial& trial = choice.trials[m];
+    if (!trial.failure.empty()) continue;
+    out.Write(fmt::format("models/{}/calibration.yaml", trial.model->name),
+              CalibrationYaml(trial.calibration,
+                              {{"plenocal_version", PLENOCAL_VERSION},
+                               {"command",
+                                fmt::format("plenocal try {} -o {}",
+                                            command.session.string(),
+                                            command.out.string())},
+                               {"session", command.session.string()},
+                               {"target", session.target.string()}}));
+  }
+  out.Write("try.csv", TableCsv(rows));
+  out.Write("try.yaml", TableYaml(choice, session, rows));
+  out.Write("try.html", TrialPage(choice, rows, Recommendation(choice)));
+  WriteDetections(session, observations, command.out, &out);
+  out.Commit();
+  store.RemoveUnused();
+  Print(choice, rows);
+  fmt::print("\nwritten to {}\n", command.out.string());
+}
+
+}  // namespace plenocal

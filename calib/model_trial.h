@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Which camera model describes a camera: all are calibrated from the same observations and judged
+// by frames that they have not seen.
+#pragma once
+
+#include <array>
+#include <functional>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "calib/calibrate.h"
+
+namespace plenocal {
+
+struct TrialOptions {
+  int folds = 5;    ///< at most; as many as there are frames when these are fewer
+  int threads = 0;  ///< 0: all cores
+  /// Called with what is being done now, one call at a time; false stops (`Stopped` is thrown).
+  std::function<bool(const std::string& stage)> progress;
+};
+
+/// A point of a frame that was held out, and what a model trained without it says of it.
+struct HeldOutPoint {
+  size_t camera = 0;
+  Observation seen;
+  std::array<double, kMaxObservationSize> residual{};  ///< measured minus predicted, px
+};
+
+/// One model in place of the varied cameras' own.
+struct ModelTrial {
+  const CameraModel* model = nullptr;
+  int free_parameters = 0;  ///< of all varied cameras
+  std::string failure;      ///< why there is no calibration; then the rest says nothing
+  Calibration calibration;  ///< with all frames
+  double seconds = 0;       ///< that it took
+  double in_sample_rms = 0;  ///< of the varied cameras' used points, px
+  double unseen = 0;         ///< part of the held-out points that the model does not image
+  /// It images nearly all that any of the models images; only then it has the figures below.
+  bool comparable = false;
+  double rms = 0, rms_sigma = 0;       ///< of the held-out points and its uncertainty, px
+  std::vector<HeldOutPoint> held_out;  ///< those that all comparable models image
+  /// Probability of a mean square that exceeds the best model's by as much as this one's does, if
+  /// both were equally good.
+  double probability = 1;
+};
+
+struct ModelChoice {
+  std::vector<size_t> varied;  ///< the cameras whose model was varied
+  size_t frames = 0, folds = 0;
+  size_t points = 0;    ///< held-out points that all comparable models image
+  size_t outliers = 0;  ///< that count for no model
+  /// By rank: comparable ones by `rms`, the others by `unseen`, failures last.
+  std::vector<ModelTrial> trials;
+  size_t recommended = 0;  ///< index into `trials`
+};
+
+/// Calibrates the session once with each model for the `varied` cameras (which keep the session's
+/// start values and held parameters under their own model only), then once without each of K parts
+/// of the frames (every K-th frame). A held-out frame gets a pose and nothing else; markers are
+/// where the training put them.
+///
+/// Outliers are the same points for all models, those that are rejected by the model which explains
+/// the observations best: it has the smallest sum of squares that are cut off where points are
+/// rejected. Scores are sums over frames. Since training sets overlap, scores of different frames
+/// correlate; the variance of a mean over n frames is s^2 / n (1 + K / (K - 1)) (Nadeau and Bengio,
+/// Inference for the generalization error, Machine Learning 52, 2003).
+///
+/// Recommended is the model with the fewest free parameters of those that are not worse than the
+/// best at the level of 5 % (paired one-sided t-test over frames).
+///
+/// Throws `Error` of kind kJob when there are too few frames or no model can be calibrated.
+ModelChoice TryModels(const CalibrationInput& input,
+                      std::vector<size_t> varied,
+                      std::span<const CameraModel* const> models,
+                      const TrialOptions& options);
+
+/// Whether one model can take the other's place: they measure the same, seen through the same, with
+/// the same config values.
+bool OfOneKind(const CameraModel& a, const CameraModel& b);
+
+}  // namespace plenocal

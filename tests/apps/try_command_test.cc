@@ -1,0 +1,160 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// `plenocal try`.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+#include "tests/apps/workspace.h"
+
+namespace plenocal::testing {
+namespace {
+
+using ::testing::AllOf;
+
+using ::testing::HasSubstr;
+
+
+class TryCommand : public Workspace {
+ protected:
+  // The row of a model in out/try.csv.
+  [[nodiscard]] std::map<std::string, std::string> Row(const std::string& model) const {
+    const Table table(Read("out/try.csv"));
+    const std::vector<std::string> models = table.Column("model");
+    const auto row = std::find(models.begin(), models.end(), model) - models.begin();
+    std::map<std::string, std::string> cells;
+    for (const char* column : {"parameters",
+                               "held_out_rms",
+                               "held_out_sigma",
+                               "probability",
+                               "in_sample_rms",
+                               "image_sigma",
+                               "unseen",
+                               "recommended"}) {
+      cells[column] = table.Column(column).at(static_cast<size_t>(row));
+    }
+    return cells;
+  }
+  [[nodiscard]] double Number(const std::string& model, const std::string& column) const {
+    return std::stod(Row(model).at(column));
+  }
+};
+
+TEST_F(TryCommand, RecommendsTheTrueModelAndNeitherATooSimpleNorATooRichOne) {
+  constexpr double kNoise = 0.1;
+  WriteProblem(MakeProblem(5, {.cameras = 1, .frames = 20, .noise = kNoise}));
+  const Outcome outcome = Run({"try",
+                               "session.yaml",
+                               "--models",
+                               "pinhole-radtan12,pinhole,pinhole-radial3,kannala-brandt4",
+                               "-o",
+                               "out"});
+  ASSERT_EQ(outcome.status, kDone) << outcome.err;
+  EXPECT_THAT(outcome.out, HasSubstr("\nrecommended: pinhole-radial3, "));
+  const YAML::Node result = YAML::Load(Read("out/try.yaml"));
+  EXPECT_EQ(result["recommended"].as<std::string>(), "pinhole-radial3");
+  EXPECT_EQ(result["folds"].as<int>(), 5);
+  EXPECT_EQ(result["models"].size(), 4u);
+
+  // Noise alone is left: of a length sqrt(2) times that of a coordinate, less what the poses took.
+  const double rms = Number("pinhole-radial3", "held_out_rms");
+  EXPECT_NEAR(rms, std::sqrt(2) * kNoise, 3 * Number("pinhole-radial3", "held_out_sigma") + 0.005);
+  EXPECT_LT(Number("pinhole-radial3", "held_out_sigma"), 0.05 * rms);
+  // More parameters follow noise: better in the sample and not outside.
+  EXPECT_LT(Number("pinhole-radtan12", "in_sample_rms"), Number("pinhole-radial3", "in_sample_rms"));
+  EXPECT_GT(Number("pinhole-radtan12", "held_out_rms"), 0.999 * rms);
+  EXPECT_GT(Number("pinhole-radtan12", "image_sigma"), Number("pinhole-radial3", "image_sigma"));
+  EXPECT_GT(Number("pinhole", "held_out_rms"), 3 * rms);
+  EXPECT_LT(Number("pinhole", "probability"), 0.01);
+  EXPECT_EQ(Row("pinhole-radial3").at("parameters"), "7");
+
+  // The calibrations are files like others.
+  const Outcome compare = Run({"compare",
+                               "out/models/pinhole-radial3/calibration.yaml",
+                               "out/models/pinhole-radtan12/calibration.yaml"});
+  EXPECT_EQ(compare.status, kDone) << compare.err;
+  const std::string page = Read("out/try.html");
+  EXPECT_THAT(page, AllOf(HasSubstr("Camera models compared"), HasSubstr("pinhole-radtan12")));
+  const std::string open = R"(id="report-data">)";
+  const size_t begin = page.find(open) + open.size();
+  const auto data = nlohmann::json::parse(page.substr(begin, page.find("</script>", begin) - begin));
+  EXPECT_EQ(data["cameras"][0]["fields"].size(), 4u);
+  int points = 0;
+  for (const auto& cell : data["cameras"][0]["fields"][0]["field"]["points"]) points += cell.get<int>();
+  EXPECT_EQ(points, data["points"].get<int>());
+}
+
+TEST_F(TryCommand, AModelThatFailsIsARowWithItsReason) {
+  WriteProblem(MakeProblem(5, {.cameras = 1, .frames = 8, .noise = 0.1}));
+  const Outcome outcome =
+      Run({"try", "session.yaml", "--models", "spherical,pinhole-radial3", "-o", "out"});
+  ASSERT_EQ(outcome.status, kDone) << outcome.err;
+  EXPECT_THAT(outcome.out, HasSubstr("c_x cannot be determined"));
+  EXPECT_THAT(outcome.out, HasSubstr("recommended: pinhole-radial3"));
+  EXPECT_THAT(Read("out/try.yaml"), HasSubstr("failure: \""));
+  // Alone it leaves nothing to recommend.
+  const Outcome none = Run({"try", "session.yaml", "--models", "spherical", "-o", "none"});
+  EXPECT_EQ(none.status, kJobFailed);
+  EXPECT_THAT(none.err, HasSubstr("c_x cannot be determined"));
+  EXPECT_TRUE(Results("none").empty());
+}
+
+TEST_F(TryCommand, VariesOneCameraOfARigOrAll) {
+  SyntheticProblem problem = MakeProblem(7, {.cameras = 2, .frames = 10, .noise = 0.1});
+  WriteProblem(problem);
+  const std::string name = problem.input.cameras[1].name;
+  const std::string other = problem.input.cameras[0].name;
+  const Outcome one = Run({"try",
+                           "session.yaml",
+                           "--camera",
+                           name,
+                           "--models",
+                           "pinhole,pinhole-radial3",
+                           "-o",
+                           "out"});
+  ASSERT_EQ(one.status, kDone) << one.err;
+  const YAML::Node varied = YAML::Load(Read("out/models/pinhole/calibration.yaml"))["cameras"];
+  EXPECT_EQ(varied[name]["model"].as<std::string>(), "pinhole");
+  EXPECT_EQ(varied[other]["model"].as<std::string>(), "pinhole-radial3");
+  EXPECT_EQ(Row("pinhole-radial3").at("parameters"), "7");
+
+  const Outcome all =
+      Run({"try", "session.yaml", "--models", "pinhole,pinhole-radial3", "-o", "out"});
+  ASSERT_EQ(all.status, kDone) << all.err;
+  EXPECT_EQ(Row("pinhole-radial3").at("parameters"), "14");
+  EXPECT_THAT(all.out, HasSubstr("recommended: pinhole-radial3"));
+}
+
+TEST_F(TryCommand, OutliersCountForNoModel) {
+  SyntheticProblem problem = MakeProblem(5, {.cameras = 1, .frames = 10, .noise = 0.1});
+  for (size_t v = 0; v < 10; v += 3) {
+    problem.input.cameras[0].views[v].observations[17].values[0] += 20;
+  }
+  WriteProblem(problem);
+  ASSERT_EQ(
+      Run({"try", "session.yaml", "--models", "pinhole,pinhole-radial3", "-o", "out"}).status,
+      kDone);
+  EXPECT_EQ(YAML::Load(Read("out/try.yaml"))["outliers"].as<int>(), 4);
+  EXPECT_LT(Number("pinhole-radial3", "held_out_rms"), 0.2);
+}
+
+TEST_F(TryCommand, RefusesWhatItCannotTry) {
+  WriteProblem(MakeProblem(5, {.cameras = 1, .frames = 3, .noise = 0.1}));
+  const auto fails = [&](std::vector<std::string> more, int status, const std::string& part) {
+    more.insert(more.begin(), {"try", "session.yaml", "-o", "out"});
+    const Outcome outcome = Run(more);
+    EXPECT_EQ(outcome.status, status) << outcome.err;
+    EXPECT_THAT(outcome.err, HasSubstr(part));
+    EXPECT_TRUE(Results("out").empty());
+  };
+  fails({"--models", "pinhol"}, kWrongInput, "did you mean 'pinhole'?");
+  fails({"--models", "pinhole,pinhole"}, kWrongInput, "named twice");
+  fails({"--models", "focused-plenoptic"}, kWrongInput, "do not measure the same");
+  fails({"--camera", "nobody"}, kWrongInput, "no such camera");
+  fails({"--folds", "1"}, kWrongInput, "--folds");
+  fails({"--models", "pinhole"}, kJobFailed, "3 frames are too few");
+}
+
+}  // namespace
+}  // namespace plenocal::testing
