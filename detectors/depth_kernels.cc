@@ -5,9 +5,11 @@
 #include <limits>
 
 // Without AVX2 these loops take four to five times as long, and the program must run on any x86-64.
+// The level x86-64-v3 is chosen by what the processor can do; a processor's name, such as
+// arch=haswell, only by its name.
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && \
     !defined(__SANITIZE_ADDRESS__)
-#define PLENOCAL_FOR_EACH_PROCESSOR __attribute__((target_clones("arch=haswell", "default")))
+#define PLENOCAL_FOR_EACH_PROCESSOR __attribute__((target_clones("arch=x86-64-v3", "default")))
 #else
 #define PLENOCAL_FOR_EACH_PROCESSOR
 #endif
@@ -61,6 +63,7 @@ void AddEquations(const DepthPixels& pixels, const OtherPatch& patch, const Dept
       patch;  // copies, so that the compiler sees that the sums do not change them
   const int pixel_count = pixels.count;
   // Cauchy's weight, 95 % efficient for normal errors: 1 / (1 + e^2 / (2.385^2 variance)).
+  // It is taken as the weight times the variance, so that one division gives both.
   constexpr float kInverseScale = 1 / (2.385f * 2.385f);
   const float inverse_length =
       1 / (other.baseline_x * other.baseline_x + other.baseline_y * other.baseline_y);
@@ -102,11 +105,11 @@ void AddEquations(const DepthPixels& pixels, const OtherPatch& patch, const Dept
     const float error = known ? difference : 0.f;
     const float slope = -(other.baseline_x * gradient_x[i] + other.baseline_y * gradient_y[i]);
     const float variance = 2 * variances[i] + other.misfit * slope * slope * inverse_length;
-    const float robust = 1 / (1 + kInverseScale * error * error / variance);
-    const float weight = known ? robust / variance : 0.f;
+    const float robust = 1 / (variance + kInverseScale * error * error);
+    const float weight = known ? robust : 0.f;
     gradient[i] += weight * slope * error;
     information[i] += weight * slope * slope;
-    agreement[i] += known ? robust : 0.f;
+    agreement[i] += weight * variance;
     count[i] += known ? 1.f : 0.f;
   }
 }

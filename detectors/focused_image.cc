@@ -17,7 +17,7 @@ constexpr int kRowsPerTask = 16;
 constexpr float kNearest = 2;
 
 struct Sample {
-  float value, variance, taper;
+  float value, variance, weight;
 };
 
 /// Weighted mean, then once more with Cauchy weights about it.
@@ -26,10 +26,10 @@ float Combine(const std::vector<Sample>& samples) {
   for (int pass = 0; pass < 2; ++pass) {
     float weights = 0, sum = 0, square = 0;
     for (const Sample& s : samples) {
-      float weight = s.taper / s.variance;
+      float weight = s.weight;
       if (pass > 0) {
-        const float off = s.value - mean;
-        weight /= 1 + off * off / (2.385f * 2.385f * (s.variance + spread));
+        const float off = s.value - mean, scale = 2.385f * 2.385f * (s.variance + spread);
+        weight *= scale / (scale + off * off);
       }
       weights += weight;
       sum += weight * s.value;
@@ -105,8 +105,9 @@ cv::Mat SynthesiseFocused(const VirtualDepth& depth,
           const float light =
               patches.Light(lens, column + (fx < 0.5f ? 0 : 1), row + (fy < 0.5f ? 0 : 1));
           const float variance =
-              (noise.read + noise.shot * std::max(0.f, value) * light) / (light * light);
-          samples.push_back({value, variance + lost * lost, 1 - square});
+              (noise.read + noise.shot * std::max(0.f, value) * light) / (light * light) +
+              lost * lost;
+          samples.push_back({value, variance, (1 - square) / variance});
         };
         look(nearest);
         // No place is farther from the nearest centre than the corner of a cell.

@@ -19,7 +19,7 @@ constexpr int kStripRows = 64;
 /// One estimate in the virtual image; units are pixels of the map.
 struct Hit {
   float x, y, half;  // centre and half the side of the square that the raw pixel covers
-  float z, variance;
+  float z, variance, information;
 };
 
 /// Sums of one pixel over the hits that cover it.
@@ -72,10 +72,11 @@ void FuseStrip(const std::vector<Hit>& hits, int y0, int y1, Fused* fused) {
         float robust = 1;
         if (pass > 0) {
           const float off = hit.z - mean[at];
-          robust = 1 / (1 + off * off / (2.385f * 2.385f * (hit.variance + spread[at])));
+          const float scale = 2.385f * 2.385f * (hit.variance + spread[at]);
+          robust = scale / (scale + off * off);
         }
         Sums& s = sums[at];
-        const float weight = share * robust / hit.variance;
+        const float weight = share * robust * hit.information;
         s.cover += share;
         s.agreeing += share * robust;
         s.weight += weight;
@@ -123,7 +124,8 @@ Fused Fuse(std::vector<LensDepth> depths, const MicroLensArray& array, double sc
                (static_cast<float>(centre.y()) + p.y / p.z) * to_map,
                std::abs(to_map / p.z) / 2,
                p.z,
-               p.variance};
+               p.variance,
+               1 / p.variance};
   };
   // So that a strip need not look at micro images that do not reach it.
   std::vector<Rows> reach(depths.size());
