@@ -5,6 +5,7 @@
 #include <cmath>
 #include <utility>
 
+#include "detectors/processors.h"
 #include "detectors/tag_step.h"
 
 namespace plenocal::internal {
@@ -21,13 +22,15 @@ void CellDrawing::SetBeyond(float value) {
   }
 }
 
-void CellDrawing::Profile::Fill(float at, float blur, int n) {
+[[gnu::always_inline]] inline void CellDrawing::Profile::Fill(float at, float blur, int n) {
   const StepTable& step = StepTable::Get();
   const float reach = StepTable::kReach * blur;
   // The boundary between bits i - 1 and i is at i; the outermost bits have no end.
   const float last = static_cast<float>(n - 1);
-  const int low = static_cast<int>(std::ceil(std::clamp(at - reach, 1.f, last)));
-  const int high = static_cast<int>(std::floor(std::clamp(at + reach, 1.f, last)));
+  const float from = std::clamp(at - reach, 1.f, last);
+  const int before = static_cast<int>(from);
+  const int low = before + (static_cast<float>(before) < from ? 1 : 0);
+  const int high = static_cast<int>(std::clamp(at + reach, 1.f, last));
   first = low - 1;
   count = 0;
   const float inverse = 1 / blur;
@@ -52,7 +55,51 @@ void CellDrawing::Profile::Fill(float at, float blur, int n) {
   ++count;
 }
 
-CellDrawing::Drawn CellDrawing::Draw(const Eigen::Matrix3f& G, float blur, float x, float y) {
+/// The share of the bits that are known: all but the outermost.
+[[gnu::always_inline]] inline float CellDrawing::Profile::Known(int n) const {
+  float known = 0;
+  for (int i = 0; i < count; ++i) {
+    if (first + i > 0 && first + i < n - 1) known += share[i];
+  }
+  return known;
+}
+
+[[gnu::always_inline]] inline void CellDrawing::AddProduct(
+    float u, float v, float blur_u, float blur_v, float r, float weight, Drawn* drawn) {
+  across_.Fill(u, blur_u, n_);
+  down_.Fill(v, blur_v, n_);
+  float ss = 0, sb = 0, bs = 0, dd = 0, bb = 0, ds = 0, sd = 0, bd = 0, db = 0;
+  for (int i = 0; i < down_.count; ++i) {
+    const float* row = &cells_[(down_.first + i) * n_ + across_.first];
+    float share = 0, slope = 0, bend = 0;
+    for (int j = 0; j < across_.count; ++j) {
+      share += row[j] * across_.share[j];
+      slope += row[j] * across_.slope[j];
+      bend += row[j] * across_.bend[j];
+    }
+    const float s = down_.share[i], d = down_.slope[i], b = down_.bend[i];
+    ss += share * s;
+    sb += share * b;
+    sd += share * d;
+    bs += bend * s;
+    bd += bend * d;
+    bb += bend * b;
+    ds += slope * s;
+    dd += slope * d;
+    db += slope * b;
+  }
+  drawn->value += weight * (ss + r * (dd + r / 2 * bb));
+  drawn->by_u += weight * (ds + r * bd) / blur_u;
+  drawn->by_v += weight * (sd + r * db) / blur_v;
+  drawn->bend += weight * (bs + sb);
+  drawn->twist += weight * dd;
+  drawn->by_beyond += weight * (1 - across_.Known(n_) * down_.Known(n_));
+}
+
+PLENOCAL_FOR_EACH_PROCESSOR CellDrawing::Drawn CellDrawing::Draw(const Eigen::Matrix3f& G,
+                                                                 float blur,
+                                                                 float x,
+                                                                 float y) {
   Drawn drawn;
   drawn.scale = G(2, 0) * x + G(2, 1) * y + 1;
   const float inverse = 1 / drawn.scale;
@@ -93,47 +140,6 @@ CellDrawing::Drawn CellDrawing::Draw(const Eigen::Matrix3f& G, float blur, float
   // The heat equation: dT/dw = w times T's Laplacian.
   drawn.by_blur = (drawn.bend + 2 * r * drawn.twist) / (blur * rest * rest);
   return drawn;
-}
-
-void CellDrawing::AddProduct(
-    float u, float v, float blur_u, float blur_v, float r, float weight, Drawn* drawn) {
-  across_.Fill(u, blur_u, n_);
-  down_.Fill(v, blur_v, n_);
-  float ss = 0, sb = 0, bs = 0, dd = 0, bb = 0, ds = 0, sd = 0, bd = 0, db = 0;
-  for (int i = 0; i < down_.count; ++i) {
-    const float* row = &cells_[(down_.first + i) * n_ + across_.first];
-    float share = 0, slope = 0, bend = 0;
-    for (int j = 0; j < across_.count; ++j) {
-      share += row[j] * across_.share[j];
-      slope += row[j] * across_.slope[j];
-      bend += row[j] * across_.bend[j];
-    }
-    const float s = down_.share[i], d = down_.slope[i], b = down_.bend[i];
-    ss += share * s;
-    sb += share * b;
-    sd += share * d;
-    bs += bend * s;
-    bd += bend * d;
-    bb += bend * b;
-    ds += slope * s;
-    dd += slope * d;
-    db += slope * b;
-  }
-  drawn->value += weight * (ss + r * (dd + r / 2 * bb));
-  drawn->by_u += weight * (ds + r * bd) / blur_u;
-  drawn->by_v += weight * (sd + r * db) / blur_v;
-  drawn->bend += weight * (bs + sb);
-  drawn->twist += weight * dd;
-  drawn->by_beyond += weight * (1 - across_.Known(n_) * down_.Known(n_));
-}
-
-/// The share of the bits that are known: all but the outermost.
-float CellDrawing::Profile::Known(int n) const {
-  float known = 0;
-  for (int i = 0; i < count; ++i) {
-    if (first + i > 0 && first + i < n - 1) known += share[i];
-  }
-  return known;
 }
 
 }  // namespace plenocal::internal

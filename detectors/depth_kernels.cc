@@ -4,15 +4,7 @@
 #include <cmath>
 #include <limits>
 
-// Without AVX2 these loops take four to five times as long, and the program must run on any x86-64.
-// The level x86-64-v3 is chosen by what the processor can do; a processor's name, such as
-// arch=haswell, only by its name.
-#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && \
-    !defined(__SANITIZE_ADDRESS__)
-#define PLENOCAL_FOR_EACH_PROCESSOR __attribute__((target_clones("arch=x86-64-v3", "default")))
-#else
-#define PLENOCAL_FOR_EACH_PROCESSOR
-#endif
+#include "detectors/processors.h"
 
 namespace plenocal::internal {
 

@@ -8,7 +8,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "detectors/tag_step.h"
+#include "detectors/processors.h"
 
 namespace plenocal::internal {
 namespace {
@@ -21,6 +21,33 @@ struct Correlation {
     return vx > 0 && vy > 0 ? (n * xy - x * y) / std::sqrt(vx * vy) : 0;
   }
 };
+
+/// Adds four rows of the sum of j j^T over `count` columns j of `kSize`, from column `kFrom` on, to
+/// the row-major `sums`; four, to keep the processor's adders busy.
+template <int kRow, int kFrom, int kSize>
+[[gnu::always_inline]] inline void AddFourRows(const float* columns, int count, double* sums) {
+  float rows[4][kSize - kFrom] = {};
+  for (int i = 0; i < count; ++i) {
+    const float* j = columns + i * kSize;
+    for (int a = 0; a < 4; ++a) {
+      for (int b = 0; b < kSize - kFrom; ++b) rows[a][b] += j[kRow + a] * j[kFrom + b];
+    }
+  }
+  for (int a = 0; a < 4; ++a) {
+    for (int b = 0; b < kSize - kFrom; ++b) sums[(kRow + a) * kSize + kFrom + b] += rows[a][b];
+  }
+}
+
+/// Adds the first 20 rows of the sum of j j^T over `count` columns j of 24 to `sums`; below the
+/// diagonal only parts of them.
+PLENOCAL_FOR_EACH_PROCESSOR
+void AddSquares(const float* columns, int count, double* sums) {
+  AddFourRows<0, 0, 24>(columns, count, sums);
+  AddFourRows<4, 0, 24>(columns, count, sums);
+  AddFourRows<8, 8, 24>(columns, count, sums);
+  AddFourRows<12, 8, 24>(columns, count, sums);
+  AddFourRows<16, 16, 24>(columns, count, sums);
+}
 
 }  // namespace
 
@@ -196,17 +223,18 @@ double TagTemplate::DataCorrelation() {
   return data.Coefficient() * border_.outside_sign;
 }
 
-TagTemplate::Sums TagTemplate::Linearise(const State& state) {
+TagTemplate::Sums TagTemplate::Linearise(const State& state, std::size_t stride) {
   const Eigen::Matrix3f G = state.G.cast<float>();
   const auto blur = static_cast<float>(state.blur);
-  // Single precision within a row of pixels only.
+  // Single precision within a block of pixels only.
+  constexpr int kBlock = 64;
   Sums sums = Sums::Zero();
-  Eigen::Matrix<float, kPadded, kPadded> row = Eigen::Matrix<float, kPadded, kPadded>::Zero();
-  Eigen::Matrix<float, kPadded, 1> j = Eigen::Matrix<float, kPadded, 1>::Zero();
+  Eigen::Matrix<float, kPadded, kBlock> block = Eigen::Matrix<float, kPadded, kBlock>::Zero();
+  int filled = 0;
   const Eigen::Vector2f gradient = state.gradient.cast<float>();
   const float by_px = 1 / static_cast<float>(side_);
   const float m = static_cast<float>(state.level), k = static_cast<float>(state.contrast);
-  for (std::size_t i = 0; i < pixels_.size(); ++i) {
+  for (std::size_t i = 0; i < pixels_.size(); i += stride) {
     const Pixel& p = pixels_[i];
     const Drawn drawn = Draw(G, blur, p.x, p.y);
     const float light = 1 + gradient.x() * p.x + gradient.y() * p.y;
@@ -219,16 +247,17 @@ TagTemplate::Sums TagTemplate::Linearise(const State& state) {
     const float square = -p.square * by_px;
     const float by_x = by_u * (G(0, 0) - drawn.u * G(2, 0)) + by_v * (G(1, 0) - drawn.v * G(2, 0));
     const float by_y = by_u * (G(0, 1) - drawn.u * G(2, 1)) + by_v * (G(1, 1) - drawn.v * G(2, 1));
+    auto j = block.col(filled++);
     j.head<kResidual + 1>() << by_u * p.x, by_u * p.y, by_u, by_v * p.x, by_v * p.y, by_v,
         by_scale * p.x, by_scale * p.y, light, light * drawn.value, level * p.x, level * p.y,
         strength * drawn.by_blur * by_px, strength * drawn.by_beyond, by_x * square, by_y * square,
         residual;
-    row.noalias() += j * j.transpose();
-    if (i + 1 == pixels_.size() || pixels_[i + 1].row != p.row) {
-      sums += row.cast<double>();
-      row.setZero();
+    if (filled == kBlock || i + stride >= pixels_.size()) {
+      AddSquares(block.data(), filled, sums.data());
+      filled = 0;
     }
   }
+  sums.triangularView<Eigen::StrictlyUpper>() = sums.transpose();
   // What is beyond is about as bright as the tag, as if one pixel of one gray level's noise said
   // so.
   sums(kBeyond, kBeyond) += 1;
@@ -251,60 +280,96 @@ Eigen::Matrix<double, 2, 8> TagTemplate::CornerByG(const Eigen::Vector2d& corner
   return -side_ / bits.z() * by_y.inverse() * by_G;
 }
 
-TagTemplate::Sums TagTemplate::Descend() {
-  constexpr int kSteps = 40;
-  constexpr double kNear = 0.01;
+std::optional<double> TagTemplate::Step(const Sums& sums, double damping) {
   constexpr double kLeastBlur = 0.29;  // of the pixel's own area, 1 / sqrt(12)
   constexpr double kMostBlur = 4;
-  const auto count = static_cast<double>(pixels_.size());
-  Sums now = Linearise(state_);
+  Eigen::Matrix<double, kParameters, kParameters> damped =
+      sums.topLeftCorner<kParameters, kParameters>();
+  damped.diagonal() *= 1 + damping;
+  const Vector gradient = sums.col(kResidual).head<kParameters>();
+  const Vector change = damped.ldlt().solve(gradient);
+  if (!change.allFinite()) return std::nullopt;
+  double largest = 0;
+  for (const auto& corner : corners_) {
+    largest = std::max(largest, (CornerByG(corner) * change.head<8>()).norm());
+  }
+  // Never more than half a bit a step: farther off the drawing says nothing.
+  const double limit = side_ / border_.width / 2;
+  const double scale = largest > limit ? limit / largest : 1;
+  state_.G.row(0) += scale * change.segment<3>(0).transpose();
+  state_.G.row(1) += scale * change.segment<3>(3).transpose();
+  state_.G.row(2).head<2>() += scale * change.segment<2>(6).transpose();
+  state_.level += change[8];
+  state_.contrast += change[9];
+  state_.gradient += change.segment<2>(10);
+  state_.blur = std::clamp(state_.blur + scale * change[12], kLeastBlur, kMostBlur);
+  SetBeyond(state_.beyond + scale * change[kBeyond]);
+  return change.dot(gradient);
+}
+
+void TagTemplate::Return(const State& to) {
+  state_ = to;
+  SetBeyond(to.beyond);
+}
+
+TagTemplate::Sums TagTemplate::Descend(std::size_t stride) {
+  constexpr int kSteps = 40;
+  const auto count = static_cast<double>(pixels_.size() / stride);
+  Sums now = Linearise(state_, stride);
   double damping = 1e-3;
   for (int step = 0; step < kSteps && damping < 1; ++step) {
-    Eigen::Matrix<double, kParameters, kParameters> damped =
-        now.topLeftCorner<kParameters, kParameters>();
-    damped.diagonal() *= 1 + damping;
-    const Vector gradient = now.col(kResidual).head<kParameters>();
-    const Vector change = damped.ldlt().solve(gradient);
-    const double square_sum = now(kResidual, kResidual);
-    // The square of the step in standard deviations; a tenth of one is near enough.
-    if (!change.allFinite() || change.dot(gradient) * count < kNear * square_sum) break;
-    double largest = 0;
-    for (const auto& corner : corners_) {
-      largest = std::max(largest, (CornerByG(corner) * change.head<8>()).norm());
-    }
-    // Never more than half a bit a step: farther off the drawing says nothing.
-    const double limit = side_ / border_.width / 2;
-    const double scale = largest > limit ? limit / largest : 1;
+    // The square of a step in standard deviations; a tenth of one is near enough.
+    constexpr double kNear = 0.01;
     const State before = state_;
-    state_.G.row(0) += scale * change.segment<3>(0).transpose();
-    state_.G.row(1) += scale * change.segment<3>(3).transpose();
-    state_.G.row(2).head<2>() += scale * change.segment<2>(6).transpose();
-    state_.level += change[8];
-    state_.contrast += change[9];
-    state_.gradient += change.segment<2>(10);
-    state_.blur = std::clamp(state_.blur + scale * change[12], kLeastBlur, kMostBlur);
-    SetBeyond(state_.beyond + scale * change[kBeyond]);
-    const Sums next = Linearise(state_);
-    if (next(kResidual, kResidual) < square_sum) {
+    const double square_sum = now(kResidual, kResidual);
+    const double promised = Step(now, damping).value_or(0);
+    const bool far = promised * count >= kNear * square_sum;
+    const Sums next = far ? Linearise(state_, stride) : now;
+    const double gain = square_sum / next(kResidual, kResidual) - 1;
+    if (gain > 0) {
       damping = std::max(damping / 10, 1e-7);
-      const double gain = square_sum / next(kResidual, kResidual) - 1;
       now = next;
       UpdateCorners();
-      if (gain * count < kNear) break;
     } else {
-      state_ = before;
-      SetBeyond(state_.beyond);
       damping *= 10;
+      Return(before);
     }
+    if (!far || (gain > 0 && gain * count < kNear)) break;
   }
   return now;
+}
+
+std::size_t TagTemplate::Stride() const {
+  constexpr std::size_t kLeast = 20 * kParameters, kMost = 8;
+  return std::clamp<std::size_t>(pixels_.size() / kLeast, 1, kMost);
+}
+
+TagTemplate::Sums TagTemplate::Descend() {
+  const std::size_t stride = Stride();
+  Sums sums = Descend(stride);
+  if (stride == 1) return sums;
+  // The minimum over all pixels is some standard deviations away: so near that one step leads
+  // there.
+  sums = Linearise(state_, 1);
+  const State before = state_;
+  const std::optional<double> gain = Step(sums, 0);
+  const double variance = sums(kResidual, kResidual) / static_cast<double>(pixels_.size());
+  constexpr double kUnlikely = 4;
+  if (!gain || !(*gain < kUnlikely * kParameters * static_cast<double>(stride) * variance)) {
+    Return(before);
+    return Descend(1);
+  }
+  UpdateCorners();
+  sums(kResidual, kResidual) -= *gain;
+  return sums;
 }
 
 void TagTemplate::StartLevels() {
   const Eigen::Matrix3f G = state_.G.cast<float>();
   const auto blur = static_cast<float>(state_.blur);
   Correlation all;
-  for (const Pixel& p : pixels_) {
+  for (std::size_t i = 0; i < pixels_.size(); i += Stride()) {
+    const Pixel& p = pixels_[i];
     all.Add(Draw(G, blur, p.x, p.y).value, gray_.at<unsigned char>(p.row, p.column));
   }
   const double variance = all.n * all.xx - all.x * all.x;

@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 #include <array>
 #include <opencv2/core/mat.hpp>
+#include <optional>
 #include <vector>
 
 #include "detectors/cell_drawing.h"
@@ -72,7 +73,7 @@ class TagTemplate {
   static constexpr int kBeyond = 13;
   static constexpr int kCurvature = kParameters;  // two columns
   static constexpr int kResidual = kParameters + 2;
-  static constexpr int kPadded = 20;  // whole vectors of four floats
+  static constexpr int kPadded = 24;  // whole vectors of eight floats
   using Vector = Eigen::Matrix<double, kParameters, 1>;
   using Sums = Eigen::Matrix<double, kPadded, kPadded>;
 
@@ -95,10 +96,18 @@ class TagTemplate {
   void ChoosePixels();
   void SetBeyond(double value);
   Drawn Draw(const Eigen::Matrix3f& G, float blur, float x, float y);
-  /// Of j j^T over the pixels, j being the model's derivatives by its parameters and by c, then
-  /// the residual.
-  Sums Linearise(const State& state);
-  /// To the minimum over the pixels chosen; returns the sums there.
+  /// Of j j^T over every `stride`-th pixel, j being the model's derivatives by its parameters and
+  /// by c, then the residual.
+  Sums Linearise(const State& state, std::size_t stride);
+  /// Moves the state by a step of Levenberg-Marquardt and returns the descent of the sum of squares
+  /// that it promises; nothing where there is no step.
+  std::optional<double> Step(const Sums& sums, double damping);
+  void Return(const State& to);
+  /// To the minimum over every `stride`-th of the pixels chosen; returns the sums there.
+  Sums Descend(std::size_t stride);
+  /// Which share of the pixels, 1 / stride, is enough to come near the minimum.
+  [[nodiscard]] std::size_t Stride() const;
+  /// To the minimum over all pixels; returns the sums there, or one short step before.
   Sums Descend();
   void StartLevels();
   void MeasureCurvature(const Sums& sums,
