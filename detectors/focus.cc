@@ -113,6 +113,7 @@ FocusedView Focus(cv::Mat raw, const PlenopticCamera& camera, const FocusOptions
     if (view.flat_parts > 0) view.image = synthesise(patches, noise);
   }
   if (colour) {
+    view.patches = {};  // makes room
     std::array<cv::Mat, 3> channels;
     for (int c = 0; c < 3; ++c) {
       const LensPatches seen = CutColour(raw, c, camera, threads);

@@ -42,7 +42,7 @@ struct FocusedView {
   VirtualDepth depth;
   bool keplerian = false;
   size_t flat_parts = 0;
-  internal::LensPatches patches;  ///< what it was made from
+  internal::LensPatches patches;  ///< what `image` was made from; not kept with colour
   internal::SensorNoise noise;
 };
 
