@@ -99,6 +99,53 @@ struct ConvertCommand {
   std::filesystem::path out;
 };
 
+/// Which pinhole camera shows what a camera sees.
+struct ViewArguments {
+  std::string size;               ///< "640x480"; empty: the camera's own
+  std::optional<double> fov;      ///< degrees
+  std::optional<double> balance;  ///< 0: every pixel has a source, 1: all that is seen
+};
+
+/// How images become those of another camera.
+struct ResampleArguments {
+  std::string interpolation = "linear";
+  std::string bayer;             ///< "RGGB" and the like for raw mosaics, else empty
+  bool keep_vignetting = false;  ///< also where the calibration has it
+  bool mask = false;             ///< write which pixels have a source
+};
+
+/// The remap tables of a camera.
+struct MapCommand {
+  std::filesystem::path calibration;
+  std::string camera;  ///< empty: the only one
+  ViewArguments view;
+  std::filesystem::path out;  ///< a folder, or FILE.yaml or FILE.xml of OpenCV
+};
+
+/// Images of a camera without its distortion.
+struct UndistortCommand {
+  std::filesystem::path calibration;
+  std::string camera;               ///< empty: the only one
+  std::vector<std::string> images;  ///< folders, globs and files
+  ViewArguments view;
+  ResampleArguments resample;
+  std::filesystem::path out;
+};
+
+/// A stereo pair whose points lie in equal rows.
+struct RectifyCommand {
+  std::filesystem::path calibration;
+  std::string left, right;           ///< images, each a folder, glob or file; empty: none
+  std::filesystem::path session;     ///< session.yaml that has the images; empty: none
+  std::vector<std::string> cameras;  ///< two names; empty: the first two
+  std::filesystem::path
+      detections;  ///< folder of detections_<camera>.csv; empty: the calibration's
+  ViewArguments view;
+  ResampleArguments resample;
+  bool maps = false;  ///< write remap tables
+  std::filesystem::path out;
+};
+
 /// `plenocal calibrate`: images or detections to calibration.
 void RunCalibrate(const SessionCommand& command, const ConsoleOptions& options);
 /// `plenocal detect`: only the detections.
@@ -126,6 +173,12 @@ void RunTry(const TryCommand& command, const ConsoleOptions& options);
 void RunCompare(const CompareCommand& command);
 /// `plenocal convert`: one camera model fitted to another.
 void RunConvert(const ConvertCommand& command);
+/// `plenocal map`: remap tables of a camera.
+void RunMap(const MapCommand& command, const ConsoleOptions& options);
+/// `plenocal undistort`: images without distortion.
+void RunUndistort(const UndistortCommand& command, const ConsoleOptions& options);
+/// `plenocal rectify`: stereo pairs whose points lie in equal rows.
+void RunRectify(const RectifyCommand& command, const ConsoleOptions& options);
 /// `plenocal models`: the registered camera models on standard output.
 void RunModels();
 

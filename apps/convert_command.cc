@@ -2,15 +2,14 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "apps/commands.h"
 #include "apps/model_option.h"
 #include "calib/calibration_file.h"
 #include "calib/convert.h"
-#include "calib/number_text.h"
 #include "calib/output_folder.h"
-#include "calib/result_files.h"
 #include "models/registry.h"
 
 namespace plenocal {
@@ -29,16 +28,19 @@ void RunConvert(const ConvertCommand& command) {
             ? fmt::format(",{:.9g},{:.9g}\n", error.difference_px->x(), error.difference_px->y())
             : ",,\n";
   }
+  const CalibratedCamera converted{.name = camera.name,
+                                   .model = model,
+                                   .image_size = camera.image_size,
+                                   .config = {},
+                                   .params = conversion.params,
+                                   .covariance = {},
+                                   .T_camera_rig = camera.T_camera_rig};
   OutputFolder out(command.out);
   out.Write("calibration.yaml",
-            CameraYaml(camera.name,
-                       *model,
-                       camera.image_size,
-                       conversion.params,
-                       camera.T_camera_rig,
-                       {{"plenocal_version", PLENOCAL_VERSION},
-                        {"converted_from", command.calibration.string()},
-                        {"model", std::string(camera.model->name)}}));
+            CalibrationText(std::array{converted},
+                            {{"plenocal_version", PLENOCAL_VERSION},
+                             {"converted_from", command.calibration.string()},
+                             {"model", std::string(camera.model->name)}}));
   out.Write("conversion_errors.csv", errors);
   out.Commit();
   fmt::print("{}: {} to {}, {} pixels over the image\n",

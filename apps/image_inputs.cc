@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <cctype>
+#include <charconv>
 #include <filesystem>
 
 #include "calib/error.h"
@@ -55,6 +56,19 @@ std::vector<FrameImage> FindImageInputs(const std::vector<std::string>& inputs,
     images.insert(images.end(), found.begin(), found.end());
   }
   return images;
+}
+
+std::optional<ImageSize> ParseImageSize(const std::string& text) {
+  if (text.empty()) return std::nullopt;
+  ImageSize size{};
+  const char* const end = text.data() + text.size();
+  const auto width = std::from_chars(text.data(), end, size[0]);
+  if (width.ec == std::errc() && width.ptr != end && *width.ptr == 'x') {
+    const auto height = std::from_chars(width.ptr + 1, end, size[1]);
+    if (height.ec == std::errc() && height.ptr == end && size[0] > 0 && size[1] > 0) return size;
+  }
+  throw Error(ErrorKind::kInput,
+              fmt::format("--size: expected WIDTHxHEIGHT such as 640x480, found '{}'", text));
 }
 
 }  // namespace plenocal

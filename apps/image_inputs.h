@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -13,5 +14,8 @@ namespace plenocal {
 /// nothing.
 std::vector<FrameImage> FindImageInputs(const std::vector<std::string>& inputs,
                                         const std::string& what);
+
+/// What `--size` says, "640x480"; nothing for an empty text. Throws `Error` of kind kInput.
+std::optional<ImageSize> ParseImageSize(const std::string& text);
 
 }  // namespace plenocal

@@ -110,4 +110,18 @@ AttenuationMap ReadAttenuationMapByModule(const std::string& tiff,
   return map;
 }
 
+size_t ResampleImagesByModule(const ResampleRequest& request) {
+  size_t count = 0;
+  FromModule<decltype(plenocal_resample_images)>("plenocal_resample_images")(request, &count);
+  return count;
+}
+
+std::map<std::string, std::string> MapFilesByModule(const PixelMap& map,
+                                                    const std::vector<double>& pinhole,
+                                                    const std::string& format) {
+  std::map<std::string, std::string> files;
+  FromModule<decltype(plenocal_map_files)>("plenocal_map_files")(map, pinhole, format, &files);
+  return files;
+}
+
 }  // namespace plenocal

@@ -8,6 +8,7 @@
 #include "apps/print/print_target.h"
 #include "apps/report/attenuation_map.h"
 #include "apps/simulate/simulate.h"
+#include "apps/undistort/resample_images.h"
 #include "calib/session.h"
 #include "detectors/detect_images.h"
 #include "detectors/focus_images.h"
@@ -48,6 +49,15 @@ extern "C" void plenocal_read_attenuation_map(const std::string& tiff,
                                               int longer,
                                               plenocal::AttenuationMap* map);
 
+/// What the image module exports: `ResampleImages` of apps/undistort/resample_images.h.
+extern "C" void plenocal_resample_images(const plenocal::ResampleRequest& request, size_t* count);
+
+/// What the image module exports: `MapFiles` of apps/undistort/resample_images.h.
+extern "C" void plenocal_map_files(const plenocal::PixelMap& map,
+                                   const std::vector<double>& pinhole,
+                                   const std::string& format,
+                                   std::map<std::string, std::string>* files);
+
 namespace plenocal {
 
 /// Tells this build of the image module from others: the hash of its file.
@@ -79,5 +89,13 @@ std::string DrawBarChartByModule(const BarChart& chart, PictureFormat format);
 AttenuationMap ReadAttenuationMapByModule(const std::string& tiff,
                                           const std::string& name,
                                           int longer);
+
+/// `ResampleImages` by the image module.
+size_t ResampleImagesByModule(const ResampleRequest& request);
+
+/// `MapFiles` by the image module.
+std::map<std::string, std::string> MapFilesByModule(const PixelMap& map,
+                                                    const std::vector<double>& pinhole,
+                                                    const std::string& format);
 
 }  // namespace plenocal

@@ -41,3 +41,14 @@ extern "C" void plenocal_read_attenuation_map(const std::string& tiff,
                                               plenocal::AttenuationMap* map) {
   *map = plenocal::ReadAttenuationMap(tiff, name, longer);
 }
+
+extern "C" void plenocal_resample_images(const plenocal::ResampleRequest& request, size_t* count) {
+  *count = plenocal::ResampleImages(request);
+}
+
+extern "C" void plenocal_map_files(const plenocal::PixelMap& map,
+                                   const std::vector<double>& pinhole,
+                                   const std::string& format,
+                                   std::map<std::string, std::string>* files) {
+  *files = plenocal::MapFiles(map, pinhole, format);
+}

@@ -2,14 +2,13 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <cctype>
-#include <charconv>
 #include <set>
 
 #include "apps/commands.h"
 #include "apps/formats/camera_format.h"
 #include "apps/formats/corners_vnl.h"
+#include "apps/image_inputs.h"
 #include "calib/error.h"
 #include "calib/micro_lens_array.h"
 #include "calib/output_folder.h"
@@ -23,50 +22,6 @@ namespace {
 constexpr std::string_view kKalibrTarget = "kalibr-target";
 constexpr std::string_view kMrcalCorners = "mrcal-corners";
 constexpr std::string_view kRaytrix = "raytrix";
-
-/// "640x480".
-std::optional<ImageSize> ParseSize(const std::string& text) {
-  if (text.empty()) return std::nullopt;
-  ImageSize size{};
-  const char* const end = text.data() + text.size();
-  const auto width = std::from_chars(text.data(), end, size[0]);
-  if (width.ec == std::errc() && width.ptr != end && *width.ptr == 'x') {
-    const auto height = std::from_chars(width.ptr + 1, end, size[1]);
-    if (height.ec == std::errc() && height.ptr == end && size[0] > 0 && size[1] > 0) return size;
-  }
-  throw Error(ErrorKind::kInput,
-              fmt::format("--size: expected WIDTHxHEIGHT such as 640x480, found '{}'", text));
-}
-
-/// calibration.yaml with all digits that the cameras have.
-std::string CalibrationText(const std::vector<CalibratedCamera>& cameras) {
-  std::string text = "plenocal: 1\ncameras:\n";
-  for (const CalibratedCamera& camera : cameras) {
-    const CameraModel& model = *camera.model;
-    text += fmt::format("  {}:\n    model: {}\n    image_size: [{}, {}]\n",
-                        camera.name,
-                        model.name,
-                        camera.image_size[0],
-                        camera.image_size[1]);
-    for (size_t i = 0; i < camera.config.size(); ++i) {
-      text += fmt::format("    {}: {}\n", model.config[i].name, camera.config[i]);
-    }
-    text += "    parameters: {";
-    for (size_t i = 0; i < camera.params.size(); ++i) {
-      text +=
-          fmt::format("{}{}: {}", i == 0 ? "" : ", ", model.params[i].name, camera.params[i] + 0.0);
-    }
-    const RigidTransform& T = camera.T_camera_rig;
-    text += "}\n    T_camera_rig: [";
-    for (int r = 0; r < 3; ++r) {
-      text += fmt::format("[{}], ", RealList(std::array{T.R(r, 0), T.R(r, 1), T.R(r, 2), T.t[r]}));
-    }
-    const Vector6d xi = Log(T);
-    text += fmt::format("[0, 0, 0, 1]]\n    xi_camera_rig: [{}]\n",
-                        RealList(std::span<const double>(xi.data(), 6)));
-  }
-  return text;
-}
 
 /// A name that is a key and part of file names.
 std::string CleanName(std::string name) {
@@ -111,7 +66,7 @@ void RunImport(const ImportCommand& command, const ConsoleOptions& options) {
         fmt::format(
             "--format: unknown '{}'{}", command.format, SuggestName(command.format, names)));
   }
-  const std::optional<ImageSize> size = ParseSize(command.size);
+  const std::optional<ImageSize> size = ParseImageSize(command.size);
   const auto one_file = [&]() -> const std::filesystem::path& {
     if (command.files.size() == 1) return command.files[0];
     throw Error(ErrorKind::kInput, fmt::format("format {} takes one file", command.format));
@@ -142,7 +97,7 @@ void RunImport(const ImportCommand& command, const ConsoleOptions& options) {
           return candidate.name == command.format;
         });
     if (!format->holds_extrinsics) one_file();
-    text = CalibrationText(ReadCameras(command, *format, size));
+    text = CalibrationText(ReadCameras(command, *format, size), {});
   }
   // A file's name is taken as such, anything else is a folder.
   const bool is_file = command.out.extension() == std::filesystem::path(name).extension();

@@ -14,6 +14,7 @@
 
 #include "apps/commands.h"
 #include "apps/console.h"
+#include "apps/undistort/resample_images.h"
 #include "calib/error.h"
 
 namespace {
@@ -332,6 +333,99 @@ int main(int argc, char** argv) {  // NOLINT(bugprone-exception-escape)
   convert->add_option("-o,--out", convert_command.out, "folder for the results")->required();
   convert->add_flag("--quiet", options.quiet, "no messages and no progress, only errors");
   convert->callback([&] { run = [&] { RunConvert(convert_command); }; });
+  const auto add_view_options = [](CLI::App* sub, plenocal::ViewArguments* view) {
+    sub->add_option("--size", view->size, "WIDTHxHEIGHT of the result (default: the camera's)");
+    CLI::Option* fov =
+        sub->add_option("--fov", view->fov, "horizontal field of view, degrees, square pixels")
+            ->check(CLI::Range(1.0, 175.0));
+    sub->add_option("--balance",
+                    view->balance,
+                    "0: largest view of which every pixel has a source, 1: all that the camera "
+                    "sees (default: the camera's scale on the optical axis)")
+        ->check(CLI::Range(0.0, 1.0))
+        ->excludes(fov);
+  };
+  const auto add_resample_options = [](CLI::App* sub, plenocal::ResampleArguments* resample) {
+    sub->add_option("--interpolation", resample->interpolation, "between pixels")
+        ->check(CLI::IsMember(std::vector<std::string>(plenocal::kInterpolations.begin(),
+                                                       plenocal::kInterpolations.end())))
+        ->capture_default_str();
+    sub->add_option("--bayer",
+                    resample->bayer,
+                    "colours of the top-left 2 x 2 pixels of raw mosaics, which become colour "
+                    "images")
+        ->check(CLI::IsMember({"RGGB", "BGGR", "GRBG", "GBRG"}));
+    sub->add_flag("--keep-vignetting",
+                  resample->keep_vignetting,
+                  "leave it in the images (default: removed where the calibration has it)");
+    sub->add_flag(
+        "--mask", resample->mask, "write mask.png: 255 where pixels have a source, else 0");
+  };
+  const auto add_resample_common = [&](CLI::App* sub) {
+    sub->add_option("--threads", options.threads, "number of threads (default: all cores)")
+        ->check(CLI::Range(1, 1024));
+    sub->add_flag("--quiet", options.quiet, "no messages and no progress, only errors");
+  };
+  plenocal::UndistortCommand undistort_command;
+  CLI::App* undistort = app.add_subcommand(
+      "undistort",
+      "Images without distortion, as a pinhole camera takes them.\n\n"
+      "  plenocal undistort calibration.yaml --camera NAME IMAGES... -o DIR\n\n"
+      "writes DIR/<image>.png (depth and colours of the image; black without source) and "
+      "DIR/calibration.yaml, the new camera.");
+  undistort->add_option("calibration", undistort_command.calibration, "calibration.yaml")
+      ->required();
+  undistort->add_option("images", undistort_command.images, "images: files, globs or folders")
+      ->required();
+  undistort
+      ->add_option("--camera", undistort_command.camera, "camera of the images (default: the only)")
+      ->expected(1);
+  undistort->add_option("-o,--out", undistort_command.out, "folder for the results")->required();
+  add_view_options(undistort, &undistort_command.view);
+  add_resample_options(undistort, &undistort_command.resample);
+  add_resample_common(undistort);
+  undistort->callback([&] { run = [&] { RunUndistort(undistort_command, options); }; });
+  plenocal::MapCommand map_command;
+  CLI::App* map = app.add_subcommand(
+      "map",
+      "Remap tables that undistort a camera's images, for cv::remap.\n\n"
+      "  plenocal map calibration.yaml --camera NAME -o DIR | FILE.yaml | FILE.xml\n\n"
+      "writes DIR/map_x.tiff, map_y.tiff (32-bit floats, px, -1 both where the camera images "
+      "nothing), mask.png and calibration.yaml, the new camera; or one cv::FileStorage.");
+  map->add_option("calibration", map_command.calibration, "calibration.yaml")->required();
+  map->add_option("--camera", map_command.camera, "its camera (default: the only one)");
+  map->add_option("-o,--out", map_command.out, "folder, or file of OpenCV")->required();
+  add_view_options(map, &map_command.view);
+  add_resample_common(map);
+  map->callback([&] { run = [&] { RunMap(map_command, options); }; });
+  plenocal::RectifyCommand rectify_command;
+  CLI::App* rectify = app.add_subcommand(
+      "rectify",
+      "Stereo pairs whose points lie in equal rows.\n\n"
+      "  plenocal rectify calibration.yaml 'left/*.png' 'right/*.png' -o DIR\n"
+      "  plenocal rectify OUT/calibration.yaml --session session.yaml -o DIR\n\n"
+      "writes DIR/<camera>/<frame>.png, DIR/calibration.yaml (two pinhole cameras of equal "
+      "parameters, baseline along x) and rectification.yaml (R1 R2 P1 P2 Q of OpenCV); prints "
+      "the epipolar error of the calibration's detections.");
+  rectify->add_option("calibration", rectify_command.calibration, "calibration.yaml")->required();
+  rectify->add_option(
+      "left", rectify_command.left, "images of the first camera: glob, folder, file");
+  rectify->add_option("right", rectify_command.right, "images of the second camera, likewise");
+  rectify->add_option("--session", rectify_command.session, "session.yaml that names the images")
+      ->excludes("left");
+  rectify
+      ->add_option(
+          "--cameras", rectify_command.cameras, "first and second camera (default: the two)")
+      ->expected(2);
+  rectify->add_option("--detections",
+                      rectify_command.detections,
+                      "folder of detections_<camera>.csv (default: that of the calibration)");
+  rectify->add_option("-o,--out", rectify_command.out, "folder for the results")->required();
+  rectify->add_flag("--maps", rectify_command.maps, "write <camera>/map_x.tiff and map_y.tiff");
+  add_view_options(rectify, &rectify_command.view);
+  add_resample_options(rectify, &rectify_command.resample);
+  add_resample_common(rectify);
+  rectify->callback([&] { run = [&] { RunRectify(rectify_command, options); }; });
   app.add_subcommand("models", "List the camera models, their parameters, units and source.")
       ->callback([&] { run = plenocal::RunModels; });
 

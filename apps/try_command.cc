@@ -172,15 +172,16 @@ void Print(const ModelChoice& choice, const std::vector<TrialRow>& rows) {
       fmt::print("  {:<18} {}\n", trial.model->name, row.why_not);
       continue;
     }
-    fmt::print("{} {:<18} {:>10} {:>19} {:>12.4f} {:>14.4f} {:>7.2f}  {}\n",
-               row.recommended ? "*" : " ",
-               trial.model->name,
-               trial.free_parameters,
-               fmt::format("{:.4f} +- {:.4f}", trial.rms, trial.rms_sigma),
-               trial.in_sample_rms,
-               row.image_sigma,
-               trial.seconds,
-               row.undetermined.empty() ? "-" : fmt::format("{}", fmt::join(row.undetermined, " ")));
+    fmt::print(
+        "{} {:<18} {:>10} {:>19} {:>12.4f} {:>14.4f} {:>7.2f}  {}\n",
+        row.recommended ? "*" : " ",
+        trial.model->name,
+        trial.free_parameters,
+        fmt::format("{:.4f} +- {:.4f}", trial.rms, trial.rms_sigma),
+        trial.in_sample_rms,
+        row.image_sigma,
+        trial.seconds,
+        row.undetermined.empty() ? "-" : fmt::format("{}", fmt::join(row.undetermined, " ")));
   }
   fmt::print("\nrecommended: {}\n", Recommendation(choice));
 }
@@ -204,20 +205,19 @@ std::string TableCsv(const std::vector<TrialRow>& rows) {
       text += fmt::format("{},,,,,,,,,0,,{}\n", trial.model->name, Quoted(trial.failure));
       continue;
     }
-    text += fmt::format("{},{},{},{:.6g},{:.6g},{:.6g},{:.3f},{},{},\n",
-                        trial.model->name,
-                        trial.free_parameters,
-                        trial.comparable ? fmt::format("{:.6g},{:.3g},{:.3g}",
-                                                       trial.rms,
-                                                       trial.rms_sigma,
-                                                       trial.probability)
-                                         : ",,",
-                        trial.in_sample_rms,
-                        row.image_sigma,
-                        trial.unseen,
-                        trial.seconds,
-                        row.recommended ? 1 : 0,
-                        fmt::join(row.undetermined, " "));
+    text += fmt::format(
+        "{},{},{},{:.6g},{:.6g},{:.6g},{:.3f},{},{},\n",
+        trial.model->name,
+        trial.free_parameters,
+        trial.comparable
+            ? fmt::format("{:.6g},{:.3g},{:.3g}", trial.rms, trial.rms_sigma, trial.probability)
+            : ",,",
+        trial.in_sample_rms,
+        row.image_sigma,
+        trial.unseen,
+        trial.seconds,
+        row.recommended ? 1 : 0,
+        fmt::join(row.undetermined, " "));
   }
   return text;
 }
@@ -227,17 +227,17 @@ std::string TableYaml(const ModelChoice& choice,
                       const std::vector<TrialRow>& rows) {
   std::vector<std::string> cameras;
   for (const size_t c : choice.varied) cameras.push_back(session.cameras[c].name);
-  std::string text =
-      fmt::format("plenocal: 1\nsession: {}\ncameras: [{}]\nframes: {}\nfolds: {}\npoints: {}\n"
-                  "outliers: {}\nrecommended: {}\nwhy: {}\nmodels:\n",
-                  YamlQuoted(session.path.string()),
-                  fmt::join(cameras, ", "),
-                  choice.frames,
-                  choice.folds,
-                  choice.points,
-                  choice.outliers,
-                  choice.trials[choice.recommended].model->name,
-                  YamlQuoted(Recommendation(choice)));
+  std::string text = fmt::format(
+      "plenocal: 1\nsession: {}\ncameras: [{}]\nframes: {}\nfolds: {}\npoints: {}\n"
+      "outliers: {}\nrecommended: {}\nwhy: {}\nmodels:\n",
+      YamlQuoted(session.path.string()),
+      fmt::join(cameras, ", "),
+      choice.frames,
+      choice.folds,
+      choice.points,
+      choice.outliers,
+      choice.trials[choice.recommended].model->name,
+      YamlQuoted(Recommendation(choice)));
   for (const TrialRow& row : rows) {
     const ModelTrial& trial = *row.trial;
     text += fmt::format("  {}:\n", trial.model->name);
@@ -296,15 +296,15 @@ void RunTry(const TryCommand& command, const ConsoleOptions& options) {
     rows.push_back(MakeRow(choice, m));
     const ModelTrial& trial = choice.trials[m];
     if (!trial.failure.empty()) continue;
-    out.Write(fmt::format("models/{}/calibration.yaml", trial.model->name),
-              CalibrationYaml(trial.calibration,
-                              {{"plenocal_version", PLENOCAL_VERSION},
-                               {"command",
-                                fmt::format("plenocal try {} -o {}",
-                                            command.session.string(),
-                                            command.out.string())},
-                               {"session", command.session.string()},
-                               {"target", session.target.string()}}));
+    out.Write(
+        fmt::format("models/{}/calibration.yaml", trial.model->name),
+        CalibrationYaml(
+            trial.calibration,
+            {{"plenocal_version", PLENOCAL_VERSION},
+             {"command",
+              fmt::format("plenocal try {} -o {}", command.session.string(), command.out.string())},
+             {"session", command.session.string()},
+             {"target", session.target.string()}}));
   }
   out.Write("try.csv", TableCsv(rows));
   out.Write("try.yaml", TableYaml(choice, session, rows));

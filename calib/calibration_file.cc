@@ -4,10 +4,12 @@
 #include <fmt/format.h>
 
 #include <Eigen/LU>
+#include <array>
 #include <limits>
 
 #include "calib/camera_yaml.h"
 #include "calib/error.h"
+#include "calib/number_text.h"
 
 namespace plenocal {
 namespace {
@@ -102,6 +104,10 @@ CalibratedCamera ReadCalibratedCamera(const std::string& name,
     if (sigmas.size() != 6) node.At("sigma_xi").Fail("expected six numbers");
     for (size_t i = 0; i < 6; ++i) camera.sigma_xi[static_cast<Eigen::Index>(i)] = Sigma(sigmas[i]);
   }
+  for (const auto& [key, file] : {std::pair("micro_lenses", &camera.micro_lenses),
+                                  std::pair("vignetting", &camera.vignetting)}) {
+    if (node.Has(key)) *file = node.At(key).AsString();
+  }
   return camera;
 }
 
@@ -134,6 +140,45 @@ const CalibratedCamera& FindCamera(const CalibrationFile& calibration, const std
                         names[0])
           : fmt::format(
                 "{}: no camera '{}'{}", calibration.path.string(), name, SuggestName(name, names)));
+}
+
+std::string CalibrationText(std::span<const CalibratedCamera> cameras,
+                            const std::vector<std::pair<std::string, std::string>>& provenance) {
+  const auto list = [](const auto& values) {
+    std::string text;
+    for (const double value : values) {
+      text += fmt::format("{}{}", text.empty() ? "" : ", ", value == 0 ? 0.0 : value);
+    }
+    return "[" + text + "]";
+  };
+  std::string text = "plenocal: 1\ncameras:\n";
+  for (const CalibratedCamera& camera : cameras) {
+    const CameraModel& model = *camera.model;
+    text += fmt::format("  {}:\n    model: {}\n    image_size: [{}, {}]\n",
+                        camera.name,
+                        model.name,
+                        camera.image_size[0],
+                        camera.image_size[1]);
+    for (size_t i = 0; i < camera.config.size(); ++i) {
+      text += fmt::format("    {}: {}\n", model.config[i].name, camera.config[i]);
+    }
+    text += "    parameters: {";
+    for (size_t i = 0; i < camera.params.size(); ++i) {
+      text +=
+          fmt::format("{}{}: {}", i == 0 ? "" : ", ", model.params[i].name, camera.params[i] + 0.0);
+    }
+    const RigidTransform& T = camera.T_camera_rig;
+    text += "}\n    T_camera_rig: [";
+    for (int r = 0; r < 3; ++r) {
+      text += list(std::array{T.R(r, 0), T.R(r, 1), T.R(r, 2), T.t[r]}) + ", ";
+    }
+    text += fmt::format("[0, 0, 0, 1]]\n    xi_camera_rig: {}\n", list(Log(T)));
+  }
+  if (!provenance.empty()) text += "provenance:\n";
+  for (const auto& [key, value] : provenance) {
+    text += fmt::format("  {}: {}\n", key, YamlQuoted(value));
+  }
+  return text;
 }
 
 }  // namespace plenocal

@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "calib/camera_model.h"
@@ -25,6 +26,9 @@ struct CalibratedCamera {
   Eigen::MatrixXd covariance;
   RigidTransform T_camera_rig;
   Vector6d sigma_xi = Vector6d::Zero();  ///< of T_camera_rig's se(3) vector
+  /// Names of files beside calibration.yaml: a plenoptic camera's micro lenses, the attenuation;
+  /// empty: there is none.
+  std::string micro_lenses = {}, vignetting = {};
 };
 
 /// calibration.yaml: the result of a calibration (FORMATS.md).
@@ -49,5 +53,10 @@ Eigen::MatrixXd CovarianceOf(std::span<const double> sigma, const Eigen::MatrixX
 /// The camera of that name; throws `Error` that names the known ones. An empty name stands for the
 /// only camera.
 const CalibratedCamera& FindCamera(const CalibrationFile& calibration, const std::string& name);
+
+/// calibration.yaml of cameras whose parameters are given, without sigmas, with all digits that
+/// they have. `provenance`: lines "key: value" that say where they come from.
+std::string CalibrationText(std::span<const CalibratedCamera> cameras,
+                            const std::vector<std::pair<std::string, std::string>>& provenance);
 
 }  // namespace plenocal

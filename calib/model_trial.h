@@ -32,10 +32,10 @@ struct HeldOutPoint {
 /// One model in place of the varied cameras' own.
 struct ModelTrial {
   const CameraModel* model = nullptr;
-  int free_parameters = 0;  ///< of all varied cameras
-  std::string failure;      ///< why there is no calibration; then the rest says nothing
-  Calibration calibration;  ///< with all frames
-  double seconds = 0;       ///< that it took
+  int free_parameters = 0;   ///< of all varied cameras
+  std::string failure;       ///< why there is no calibration; then the rest says nothing
+  Calibration calibration;   ///< with all frames
+  double seconds = 0;        ///< that it took
   double in_sample_rms = 0;  ///< of the varied cameras' used points, px
   double unseen = 0;         ///< part of the held-out points that the model does not image
   /// It images nearly all that any of the models images; only then it has the figures below.

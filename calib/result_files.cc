@@ -305,28 +305,6 @@ CalibratedCamera CameraOf(const Calibration& calibration, size_t c) {
           SigmaXi(calibration, c)};
 }
 
-std::string CameraYaml(const std::string& name,
-                       const CameraModel& model,
-                       ImageSize image_size,
-                       const std::vector<double>& params,
-                       const RigidTransform& T_camera_rig,
-                       const std::vector<std::pair<std::string, std::string>>& provenance) {
-  std::string text = fmt::format(
-      "plenocal: 1\ncameras:\n  {}:\n    model: {}\n    image_size: [{}, {}]\n    parameters: {}\n"
-      "    T_camera_rig: {}\n    xi_camera_rig: {}\nprovenance:\n",
-      name,
-      model.name,
-      image_size[0],
-      image_size[1],
-      ParamMap(model, params),
-      YamlMatrix(T_camera_rig),
-      YamlList(Log(T_camera_rig)));
-  for (const auto& [key, value] : provenance) {
-    text += fmt::format("  {}: {}\n", key, YamlQuoted(value));
-  }
-  return text;
-}
-
 std::string PosesCsv(const Calibration& calibration) {
   std::string text = "frame,x,y,z,qx,qy,qz,qw\n";
   for (size_t f = 0; f < calibration.frames.size(); ++f) {

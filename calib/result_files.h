@@ -18,13 +18,6 @@ std::string CalibrationYaml(const Calibration& calibration,
                             const std::vector<std::pair<std::string, std::string>>& provenance);
 /// One camera as `ReadCalibration` reads it from that file.
 CalibratedCamera CameraOf(const Calibration& calibration, size_t camera);
-/// calibration.yaml of one camera without sigmas, for parameters that were not estimated.
-std::string CameraYaml(const std::string& name,
-                       const CameraModel& model,
-                       ImageSize image_size,
-                       const std::vector<double>& params,
-                       const RigidTransform& T_camera_rig,
-                       const std::vector<std::pair<std::string, std::string>>& provenance);
 /// poses.csv: T_target_rig of every frame.
 std::string PosesCsv(const Calibration& calibration);
 /// view_poses.csv: T_target_rig as each camera saw it in each frame, to which the residuals belong.

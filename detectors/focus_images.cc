@@ -7,7 +7,6 @@
 #include <cmath>
 #include <limits>
 #include <memory>
-#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <optional>
 #include <utility>
@@ -27,28 +26,6 @@ namespace {
 namespace fs = std::filesystem;
 
 bool IsXml(const fs::path& path) { return path.extension() == ".xml"; }
-
-cv::Mat ReadAttenuation(const fs::path& path) {
-  cv::Mat attenuation = cv::imread(path.string(), cv::IMREAD_UNCHANGED);
-  if (attenuation.type() != CV_32F) {
-    throw Error(
-        ErrorKind::kInput,
-        fmt::format(
-            "{}: expected an attenuation image, a TIFF of one 32-bit channel as 'plenocal white' "
-            "writes it",
-            path.string()));
-  }
-  double lowest = 0, highest = 0;
-  cv::minMaxLoc(attenuation, &lowest, &highest);
-  if (!(lowest >= 0 && highest > 0) || !cv::checkRange(attenuation)) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: expected attenuations from 0 to 1, found {} to {}",
-                            path.string(),
-                            lowest,
-                            highest));
-  }
-  return attenuation;
-}
 
 PlenopticCamera CameraFromWhiteImages(const FocusRequest& request) {
   const PlenopticSource& source = request.camera;

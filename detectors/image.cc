@@ -289,23 +289,29 @@ Bytes ReadFile(const fs::path& path) {
   return bytes;
 }
 
-/// The decoded file, of 8 or 16 bits; `flags` of cv::imdecode.
-cv::Mat ReadPixels(const fs::path& path, int flags) {
+/// The decoded file; `flags` of cv::imdecode.
+cv::Mat Decoded(const fs::path& path, int flags) {
   Bytes bytes = ReadFile(path);
   if (const Defect defect = CheckIntegrity(&bytes)) {
     Refuse(path, *defect + "; record or copy it again");
   }
   cv::Mat image;
   try {
-    // A camera's pixels as they were recorded: the orientation that a viewer would turn them by
-    // (EXIF) would exchange width and height between images of one camera.
-    image = cv::imdecode(bytes, flags | cv::IMREAD_ANYDEPTH | cv::IMREAD_IGNORE_ORIENTATION);
+    image = cv::imdecode(bytes, flags);
   } catch (const cv::Exception&) {
     image.release();
   } catch (const std::bad_alloc&) {
     Refuse(path, "needs more memory than there is");
   }
   if (image.empty()) Refuse(path, "is not an image OpenCV can read");
+  return image;
+}
+
+/// The same of 8 or 16 bits.
+cv::Mat ReadPixels(const fs::path& path, int flags) {
+  // A camera's pixels as they were recorded: the orientation that a viewer would turn them by
+  // (EXIF) would exchange width and height between images of one camera.
+  cv::Mat image = Decoded(path, flags | cv::IMREAD_ANYDEPTH | cv::IMREAD_IGNORE_ORIENTATION);
   if (image.depth() != CV_8U && image.depth() != CV_16U) {
     Refuse(path, "expected 8 or 16 bits a channel; convert it");
   }
@@ -326,6 +332,28 @@ cv::Mat ReadGray(const fs::path& path) {
   // Values up to range - 1 onto 0..255; an image of 8 significant bits keeps its values.
   image.convertTo(gray, CV_8U, std::min(1.0, 255.0 / (range - 1.0)));
   return gray;
+}
+
+cv::Mat ReadAttenuation(const fs::path& path) {
+  const cv::Mat attenuation = Decoded(path, cv::IMREAD_UNCHANGED);
+  if (attenuation.type() != CV_32F) {
+    throw Error(
+        ErrorKind::kInput,
+        fmt::format(
+            "{}: expected an attenuation image, a TIFF of one 32-bit channel as 'plenocal white' "
+            "writes it",
+            path.string()));
+  }
+  double lowest = 0, highest = 0;
+  cv::minMaxLoc(attenuation, &lowest, &highest);
+  if (!(lowest >= 0 && highest > 0) || !cv::checkRange(attenuation)) {
+    throw Error(ErrorKind::kInput,
+                fmt::format("{}: expected attenuations from 0 to 1, found {} to {}",
+                            path.string(),
+                            lowest,
+                            highest));
+  }
+  return attenuation;
 }
 
 std::string WithoutPath(const std::string& message, const fs::path& path) {

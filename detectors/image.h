@@ -17,6 +17,9 @@ cv::Mat ReadGray(const std::filesystem::path& path);
 /// `ReadGray` does.
 cv::Mat ReadImage(const std::filesystem::path& path);
 
+/// Reads an attenuation image: TIFF of one 32-bit channel, values from 0 to 1.
+cv::Mat ReadAttenuation(const std::filesystem::path& path);
+
 /// A message of `ReadImage` or `ReadGray` without "path: " at its beginning, for lists that have
 /// the file in a place of its own.
 std::string WithoutPath(const std::string& message, const std::filesystem::path& path);

@@ -72,6 +72,12 @@ std::string RealText(double value);
 /// The same of several, ", " between.
 std::string RealList(std::span<const double> values);
 
+/// A matrix as cv::FileStorage has it in YAML; `type` is "d" or "f". `data`: row by row.
+std::string OpenCvMatrix(
+    const std::string& key, int rows, int cols, char type, std::span<const double> data);
+/// How such a file begins.
+inline constexpr const char* kOpenCvHead = "%YAML:1.0\n---\n";
+
 /// The number that `forward` maps to `value` exactly, looked for about `guess`: undoing a scale or
 /// an offset by the inverse operation loses the last digit. `guess` when there is none.
 double Inverted(double value, double guess, const std::function<double(double)>& forward);

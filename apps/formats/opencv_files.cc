@@ -16,25 +16,13 @@
 namespace plenocal {
 namespace {
 
-constexpr const char* kHead = "%YAML:1.0\n---\n";
-
-std::string MatrixText(
-    const std::string& key, int rows, int cols, char type, std::span<const double> data) {
-  return fmt::format("{}: !!opencv-matrix\n   rows: {}\n   cols: {}\n   dt: {}\n   data: [ {} ]\n",
-                     key,
-                     rows,
-                     cols,
-                     type,
-                     RealList(data));
-}
-
 std::string CameraMatrix(const std::string& key, const Lens& lens) {
-  return MatrixText(
+  return OpenCvMatrix(
       key, 3, 3, 'd', std::array{lens.f_x, 0.0, lens.c_x, 0.0, lens.f_y, lens.c_y, 0.0, 0.0, 1.0});
 }
 
 std::string Coefficients(const std::string& key, const Lens& lens) {
-  return MatrixText(key, 1, static_cast<int>(lens.coefficients.size()), 'd', lens.coefficients);
+  return OpenCvMatrix(key, 1, static_cast<int>(lens.coefficients.size()), 'd', lens.coefficients);
 }
 
 std::array<double, 9> RowMajor(const Eigen::Matrix3d& R) {
@@ -112,7 +100,7 @@ ImageSize SizeOf(const YamlNode& root, const std::string& suffix, const CameraSo
 }
 
 std::string WriteOpenCv(const std::vector<CalibratedCamera>& cameras) {
-  std::string text = kHead;
+  std::string text = kOpenCvHead;
   const bool stereo = cameras.size() == 2;
   bool fisheye = false;
   for (size_t i = 0; i < cameras.size(); ++i) {
@@ -137,8 +125,8 @@ std::string WriteOpenCv(const std::vector<CalibratedCamera>& cameras) {
   if (fisheye) text += "fisheye_model: 1\n";
   if (stereo) {
     const RigidTransform T_2_1 = cameras[1].T_camera_rig * cameras[0].T_camera_rig.Inverse();
-    text += MatrixText("R", 3, 3, 'd', RowMajor(T_2_1.R));
-    text += MatrixText("T", 3, 1, 'd', std::array{T_2_1.t.x(), T_2_1.t.y(), T_2_1.t.z()});
+    text += OpenCvMatrix("R", 3, 3, 'd', RowMajor(T_2_1.R));
+    text += OpenCvMatrix("T", 3, 1, 'd', std::array{T_2_1.t.x(), T_2_1.t.y(), T_2_1.t.z()});
   }
   return text;
 }
@@ -236,7 +224,7 @@ ImageSize ReadOrbSlamSize(const YamlNode& root, const CameraSource& source) {
 }
 
 std::string WriteOrbSlam2(const std::vector<CalibratedCamera>& cameras) {
-  return kHead + OrbSlamCamera("Camera", ToLens(cameras[0], OrbSlam2Lenses(), "orbslam2")) +
+  return kOpenCvHead + OrbSlamCamera("Camera", ToLens(cameras[0], OrbSlam2Lenses(), "orbslam2")) +
          OrbSlamImages(cameras[0]);
 }
 
@@ -251,7 +239,7 @@ std::vector<CalibratedCamera> ReadOrbSlam2(const CameraSource& source) {
 std::string WriteOrbSlam3(const std::vector<CalibratedCamera>& cameras) {
   const Lens first = ToLens(cameras[0], OrbSlamLenses(), "orbslam3");
   std::string text =
-      kHead + fmt::format("File.version: \"1.0\"\nCamera.type: \"{}\"\n\n", first.name);
+      kOpenCvHead + fmt::format("File.version: \"1.0\"\nCamera.type: \"{}\"\n\n", first.name);
   for (size_t i = 0; i < cameras.size(); ++i) {
     const Lens lens = ToLens(cameras[i], OrbSlamLenses(), "orbslam3");
     if (lens.name != first.name || cameras[i].image_size != cameras[0].image_size) {
@@ -271,7 +259,7 @@ std::string WriteOrbSlam3(const std::vector<CalibratedCamera>& cameras) {
     for (size_t c = 0; c < 3; ++c) T[4 * r + c] = T_1_2.R(row, static_cast<Eigen::Index>(c));
     T[4 * r + 3] = T_1_2.t[row];
   }
-  return text + "\n# maps camera 2 to camera 1\n" + MatrixText("Stereo.T_c1_c2", 4, 4, 'f', T);
+  return text + "\n# maps camera 2 to camera 1\n" + OpenCvMatrix("Stereo.T_c1_c2", 4, 4, 'f', T);
 }
 
 std::vector<CalibratedCamera> ReadOrbSlam3(const CameraSource& source) {
@@ -295,6 +283,16 @@ std::vector<CalibratedCamera> ReadOrbSlam3(const CameraSource& source) {
 }
 
 }  // namespace
+
+std::string OpenCvMatrix(
+    const std::string& key, int rows, int cols, char type, std::span<const double> data) {
+  return fmt::format("{}: !!opencv-matrix\n   rows: {}\n   cols: {}\n   dt: {}\n   data: [ {} ]\n",
+                     key,
+                     rows,
+                     cols,
+                     type,
+                     RealList(data));
+}
 
 CameraFormat OpenCvFormat() {
   return {"opencv", "calibration.yml", 2, true, WriteOpenCv, ReadOpenCv};

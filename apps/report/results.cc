@@ -72,8 +72,6 @@ CameraResult ReadCamera(const std::string& name, const YamlNode& node) {
       camera.rms_by_type[type] = rms.AsNumber();
     }
   }
-  camera.micro_lenses = OptionalString(node, "micro_lenses");
-  camera.vignetting = OptionalString(node, "vignetting");
   return camera;
 }
 

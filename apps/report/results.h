@@ -35,7 +35,6 @@ struct CameraResult : CalibratedCamera {
   std::optional<double> stated_sigma;         ///< the detector's, px
   std::optional<double> floor;                ///< px, see `residuals` in calibration.yaml
   std::map<std::string, double> rms_by_type;  ///< px, by lens type; may be empty
-  std::string micro_lenses, vignetting;       ///< names of files; empty: none
   std::vector<ResidualRow> residuals;
 
   /// Of a parameter; 0: held, infinite: not determined.

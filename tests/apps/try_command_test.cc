@@ -15,7 +15,6 @@ using ::testing::AllOf;
 
 using ::testing::HasSubstr;
 
-
 class TryCommand : public Workspace {
  protected:
   // The row of a model in out/try.csv.
@@ -62,7 +61,8 @@ TEST_F(TryCommand, RecommendsTheTrueModelAndNeitherATooSimpleNorATooRichOne) {
   EXPECT_NEAR(rms, std::sqrt(2) * kNoise, 3 * Number("pinhole-radial3", "held_out_sigma") + 0.005);
   EXPECT_LT(Number("pinhole-radial3", "held_out_sigma"), 0.05 * rms);
   // More parameters follow noise: better in the sample and not outside.
-  EXPECT_LT(Number("pinhole-radtan12", "in_sample_rms"), Number("pinhole-radial3", "in_sample_rms"));
+  EXPECT_LT(Number("pinhole-radtan12", "in_sample_rms"),
+            Number("pinhole-radial3", "in_sample_rms"));
   EXPECT_GT(Number("pinhole-radtan12", "held_out_rms"), 0.999 * rms);
   EXPECT_GT(Number("pinhole-radtan12", "image_sigma"), Number("pinhole-radial3", "image_sigma"));
   EXPECT_GT(Number("pinhole", "held_out_rms"), 3 * rms);
@@ -78,10 +78,12 @@ TEST_F(TryCommand, RecommendsTheTrueModelAndNeitherATooSimpleNorATooRichOne) {
   EXPECT_THAT(page, AllOf(HasSubstr("Camera models compared"), HasSubstr("pinhole-radtan12")));
   const std::string open = R"(id="report-data">)";
   const size_t begin = page.find(open) + open.size();
-  const auto data = nlohmann::json::parse(page.substr(begin, page.find("</script>", begin) - begin));
+  const auto data =
+      nlohmann::json::parse(page.substr(begin, page.find("</script>", begin) - begin));
   EXPECT_EQ(data["cameras"][0]["fields"].size(), 4u);
   int points = 0;
-  for (const auto& cell : data["cameras"][0]["fields"][0]["field"]["points"]) points += cell.get<int>();
+  for (const auto& cell : data["cameras"][0]["fields"][0]["field"]["points"])
+    points += cell.get<int>();
   EXPECT_EQ(points, data["points"].get<int>());
 }
 
@@ -132,9 +134,8 @@ TEST_F(TryCommand, OutliersCountForNoModel) {
     problem.input.cameras[0].views[v].observations[17].values[0] += 20;
   }
   WriteProblem(problem);
-  ASSERT_EQ(
-      Run({"try", "session.yaml", "--models", "pinhole,pinhole-radial3", "-o", "out"}).status,
-      kDone);
+  ASSERT_EQ(Run({"try", "session.yaml", "--models", "pinhole,pinhole-radial3", "-o", "out"}).status,
+            kDone);
   EXPECT_EQ(YAML::Load(Read("out/try.yaml"))["outliers"].as<int>(), 4);
   EXPECT_LT(Number("pinhole-radial3", "held_out_rms"), 0.2);
 }

@@ -1,0 +1,190 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/undistort/pinhole_view.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <vector>
+
+#include "calib/error.h"
+#include "models/registry.h"
+
+namespace plenocal {
+namespace {
+
+/// Where a direction meets the plane at distance 1.
+using PlanePoint = Eigen::Vector2d;
+
+struct Intrinsics {
+  Eigen::Vector2d f, c;  // px
+};
+
+std::optional<Eigen::Vector3d> Direction(const TurnedCamera& turned, const Eigen::Vector2d& pixel) {
+  const double values[kMaxObservationSize] = {pixel.x(), pixel.y()};
+  const auto ray = turned.camera->model->unproject(
+      turned.camera->params.data(), turned.camera->config.data(), values);
+  if (!ray) return std::nullopt;
+  return turned.R_view_camera * ray->direction;
+}
+
+/// The centre of the image, px.
+Eigen::Vector2d Middle(ImageSize size) { return {(size[0] - 1) / 2.0, (size[1] - 1) / 2.0}; }
+
+/// The camera's intrinsics as a pinhole has them at the optical axis.
+Intrinsics OnAxis(const CalibratedCamera& camera) {
+  Eigen::Vector2d c;
+  const double values[kMaxObservationSize] = {};
+  std::vector<double> J_params(2 * camera.params.size());
+  Eigen::Matrix<double, 2, 3, Eigen::RowMajor> J_point;
+  if (!camera.model->project_with_jacobian(camera.params.data(),
+                                           camera.config.data(),
+                                           values,
+                                           Eigen::Vector3d::UnitZ(),
+                                           c.data(),
+                                           J_params.data(),
+                                           J_point.data())) {
+    throw Error(ErrorKind::kJob,
+                fmt::format("camera '{}' does not image its optical axis", camera.name));
+  }
+  return {{J_point.col(0).norm(), J_point.col(1).norm()}, c};
+}
+
+/// The edge of what the camera sees as the view has it: walked from the image's centre to places on
+/// its border, as far as the directions stay before the view.
+struct Edge {
+  PlanePoint centre;
+  std::vector<PlanePoint> points;
+  bool open = false;  // somewhere it reaches 90 degrees from the view's axis
+};
+
+Edge EdgeOf(const TurnedCamera& turned) {
+  constexpr int kPlaces = 200;   // along each side
+  constexpr int kHalvings = 50;  // of the way to the border
+  constexpr double kFlattest =
+      0.01;  // z of a direction in a plane image: 89.4 degrees off the axis
+  const auto on_plane = [&](const Eigen::Vector2d& pixel) -> std::optional<PlanePoint> {
+    const auto direction = Direction(turned, pixel);
+    if (!direction || !(direction->z() > kFlattest)) return std::nullopt;
+    return PlanePoint(direction->hnormalized());
+  };
+  const ImageSize size = turned.camera->image_size;
+  const Eigen::Vector2d middle = Middle(size);
+  Edge edge;
+  const auto centre = on_plane(middle);
+  if (!centre) {
+    throw Error(ErrorKind::kJob,
+                fmt::format("camera '{}': the middle of its image looks away from the new view; "
+                            "no plane image holds both",
+                            turned.camera->name));
+  }
+  edge.centre = *centre;
+  for (int side = 0; side < 4; ++side) {
+    for (int i = 0; i < kPlaces; ++i) {
+      const double along = static_cast<double>(i) / kPlaces;
+      const std::array<Eigen::Vector2d, 4> places{Eigen::Vector2d(along, 0),
+                                                  Eigen::Vector2d(1, along),
+                                                  Eigen::Vector2d(1 - along, 1),
+                                                  Eigen::Vector2d(0, 1 - along)};
+      const Eigen::Vector2d border =
+          places[static_cast<size_t>(side)].cwiseProduct(Eigen::Vector2d(size[0], size[1])) -
+          Eigen::Vector2d::Constant(0.5);
+      std::optional<PlanePoint> point = on_plane(border);
+      double inside = 0, outside = 1;
+      for (int k = 0; !point && k < kHalvings; ++k) {
+        const double between = (inside + outside) / 2;
+        (on_plane(middle + between * (border - middle)) ? inside : outside) = between;
+      }
+      if (!point) {
+        point = on_plane(middle + inside * (border - middle));
+        const auto beyond = Direction(turned, middle + outside * (border - middle));
+        edge.open = edge.open || (beyond && !(beyond->z() > kFlattest));
+      }
+      edge.points.push_back(*point);
+    }
+  }
+  return edge;
+}
+
+/// Square pixels about the middle of the image by the balance.
+Intrinsics Balanced(const std::vector<Edge>& edges,
+                    const PlanePoint& centre,
+                    ImageSize size,
+                    std::span<const TurnedCamera> cameras,
+                    double balance) {
+  // f of a view of which the point lies on the border
+  const auto focal = [&](const PlanePoint& point) {
+    const PlanePoint from = (point - centre).cwiseAbs();
+    return std::min(size[0] / 2.0 / from.x(), size[1] / 2.0 / from.y());
+  };
+  double all_valid = 0, all_seen = std::numeric_limits<double>::infinity();
+  for (size_t i = 0; i < edges.size(); ++i) {
+    if (edges[i].open && balance > 0) {
+      throw Error(ErrorKind::kInput,
+                  fmt::format("camera '{}' sees 90 degrees off the axis and more, which no plane "
+                              "image holds; choose the field of view with --fov",
+                              cameras[i].camera->name));
+    }
+    for (const PlanePoint& point : edges[i].points) {
+      all_valid = std::max(all_valid, focal(point));
+      all_seen = std::min(all_seen, focal(point));
+    }
+  }
+  // In proportion of what is seen, not of its inverse f.
+  const double f = balance > 0 ? 1 / ((1 - balance) / all_valid + balance / all_seen) : all_valid;
+  return {Eigen::Vector2d::Constant(f), Middle(size) - f * centre};
+}
+
+Intrinsics Choose(std::span<const TurnedCamera> cameras,
+                  ImageSize size,
+                  const ViewOptions& options) {
+  if (options.fov) {
+    const double f = size[0] / 2.0 / std::tan(*options.fov / 2 * std::numbers::pi / 180);
+    return {Eigen::Vector2d::Constant(f), Middle(size)};
+  }
+  const ImageSize first_size = cameras[0].camera->image_size;
+  const double scale = std::min(static_cast<double>(size[0]) / first_size[0],
+                                static_cast<double>(size[1]) / first_size[1]);
+  if (!options.balance && cameras.size() == 1 && cameras[0].R_view_camera.isIdentity()) {
+    const Intrinsics own = OnAxis(*cameras[0].camera);
+    return {scale * own.f, Middle(size) + scale * (own.c - Middle(first_size))};
+  }
+  std::vector<Edge> edges;
+  PlanePoint centre = PlanePoint::Zero();
+  double f = 0;
+  for (const TurnedCamera& turned : cameras) {
+    edges.push_back(EdgeOf(turned));
+    centre += edges.back().centre / static_cast<double>(cameras.size());
+    f += OnAxis(*turned.camera).f.mean() / static_cast<double>(cameras.size());
+  }
+  if (options.balance) return Balanced(edges, centre, size, cameras, *options.balance);
+  f *= scale;
+  return {Eigen::Vector2d::Constant(f), Middle(size) - f * centre};
+}
+
+}  // namespace
+
+CalibratedCamera ChoosePinhole(std::span<const TurnedCamera> cameras, const ViewOptions& options) {
+  for (const TurnedCamera& turned : cameras) {
+    if (!turned.camera->model->central) {
+      throw Error(
+          ErrorKind::kInput,
+          fmt::format("camera '{}': {} is no model of an ordinary camera, so that no map of "
+                      "pixels undistorts its images",
+                      turned.camera->name,
+                      turned.camera->model->name));
+    }
+  }
+  const ImageSize size = options.size.value_or(cameras[0].camera->image_size);
+  const Intrinsics chosen = Choose(cameras, size, options);
+  CalibratedCamera view;
+  view.model = FindModel(CameraModels(), "pinhole");
+  view.image_size = size;
+  view.params = {chosen.f.x(), chosen.f.y(), chosen.c.x(), chosen.c.y()};
+  return view;
+}
+
+}  // namespace plenocal

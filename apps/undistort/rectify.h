@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Rectified stereo pairs: both views have one orientation, whose x axis is the baseline, so that a
+// point lies in one row of both.
+#pragma once
+
+#include <array>
+#include <span>
+
+#include "apps/undistort/pinhole_view.h"
+#include "calib/observation.h"
+
+namespace plenocal {
+
+/// The pair, first and second camera.
+struct RectifiedPair {
+  /// `pinhole`, one size and the same parameters; T_camera_rig of the first is the identity, of the
+  /// second (-baseline, 0, 0). The baseline is negative when the second lies on the left.
+  std::array<CalibratedCamera, 2> views;
+  /// R_view_camera.
+  std::array<Eigen::Matrix3d, 2> R_view_camera;
+  double baseline = 0;  ///< m
+  /// The cameras stand above each other: the views are turned by 90 degrees, so that rows
+  /// correspond as stereo matchers need it.
+  bool turned = false;
+};
+
+/// The views look along the mean of both optical axes as nearly as the baseline allows. Throws
+/// `Error` when the cameras stand in one place or one stands in front of the other.
+RectifiedPair Rectify(const CalibratedCamera& first,
+                      const CalibratedCamera& second,
+                      const ViewOptions& options);
+
+/// Difference of rows between what both views show of a marker.
+struct EpipolarErrors {
+  size_t points = 0;         ///< markers seen by both cameras in one frame
+  double mean_absolute = 0;  ///< px, as are all
+  double rms = 0;
+  double largest = 0;
+};
+
+/// `views`: of the first and of the second of `cameras`. Points outside of a model's domain do not
+/// count.
+EpipolarErrors MeasureEpipolarErrors(const RectifiedPair& pair,
+                                     const std::array<const CalibratedCamera*, 2>& cameras,
+                                     const std::array<std::vector<View>, 2>& views);
+
+}  // namespace plenocal

@@ -1,0 +1,180 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/undistort/resample_images.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <mutex>
+#include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
+#include <optional>
+#include <utility>
+
+#include "calib/error.h"
+#include "calib/parallel.h"
+#include "detectors/image.h"
+
+namespace plenocal {
+namespace {
+
+/// In the order of kInterpolations.
+constexpr std::array kFlags{
+    cv::INTER_LINEAR, cv::INTER_NEAREST, cv::INTER_CUBIC, cv::INTER_LANCZOS4};
+static_assert(kFlags.size() == kInterpolations.size());
+
+constexpr std::array kMosaics{std::pair("RGGB", cv::COLOR_BayerRGGB2BGR),
+                              std::pair("BGGR", cv::COLOR_BayerBGGR2BGR),
+                              std::pair("GRBG", cv::COLOR_BayerGRBG2BGR),
+                              std::pair("GBRG", cv::COLOR_BayerGBRG2BGR)};
+
+cv::Mat Plane(const std::vector<float>& values, ImageSize size) {
+  return cv::Mat(values, false).reshape(1, size[1]);
+}
+
+/// 255 where the map has a source.
+cv::Mat Mask(const PixelMap& map) {
+  cv::Mat mask(map.size[1], map.size[0], CV_8U);
+  for (size_t i = 0; i < mask.total(); ++i) {
+    mask.at<uchar>(static_cast<int>(i)) = map.HasSource(i) ? 255 : 0;
+  }
+  return mask;
+}
+
+std::string SizeText(const cv::Mat& image) {
+  return fmt::format("{} x {}", image.cols, image.rows);
+}
+
+/// One image after another through the same map.
+class Resampler {
+ public:
+  explicit Resampler(const ResampleRequest& request) : request_(request) {
+    const PixelMap& map = *request.map;
+    // Once for all images: the fixed-point form that cv::remap would make of floats each time.
+    cv::convertMaps(Plane(map.x, map.size),
+                    Plane(map.y, map.size),
+                    place_,
+                    fraction_,
+                    CV_16SC2,
+                    request.interpolation == "nearest");
+    without_source_ = Mask(map) == 0;
+    const auto name =
+        std::find(kInterpolations.begin(), kInterpolations.end(), request.interpolation);
+    interpolation_ = kFlags.at(static_cast<size_t>(name - kInterpolations.begin()));
+    for (const auto& [order, code] : kMosaics) {
+      if (order == request.bayer) mosaic_ = code;
+    }
+    if (request.vignetting.empty()) return;
+    attenuation_ = ReadAttenuation(request.vignetting);
+    if (attenuation_.cols != map.source_size[0] || attenuation_.rows != map.source_size[1]) {
+      throw Error(ErrorKind::kInput,
+                  fmt::format("{}: is {} pixels, but the camera's images are {} x {}",
+                              request.vignetting.string(),
+                              SizeText(attenuation_),
+                              map.source_size[0],
+                              map.source_size[1]));
+    }
+  }
+
+  [[nodiscard]] std::string Png(const std::filesystem::path& path) const {
+    cv::Mat image = ReadImage(path);
+    const ImageSize size = request_.map->source_size;
+    if (image.cols != size[0] || image.rows != size[1]) {
+      throw Error(ErrorKind::kInput,
+                  fmt::format("{}: is {} pixels, but the calibration is of {} x {}",
+                              path.string(),
+                              SizeText(image),
+                              size[0],
+                              size[1]));
+    }
+    if (!request_.bayer.empty() && image.channels() != 1) {
+      throw Error(
+          ErrorKind::kInput,
+          fmt::format("{}: is no mosaic but has colours; leave --bayer out", path.string()));
+    }
+    if (!attenuation_.empty()) image = Even(image);
+    if (!request_.bayer.empty()) {
+      cv::Mat colours;
+      cv::cvtColor(image, colours, mosaic_);
+      image = colours;
+    }
+    cv::Mat resampled;
+    // Half a pixel beyond the outermost centres still belongs to the image.
+    cv::remap(image, resampled, place_, fraction_, interpolation_, cv::BORDER_REPLICATE);
+    resampled.setTo(0, without_source_);
+    return EncodeImage(".png", resampled);
+  }
+
+ private:
+  /// The image as a camera without vignetting has it.
+  [[nodiscard]] cv::Mat Even(const cv::Mat& image) const {
+    std::vector<cv::Mat> channels;
+    cv::split(image, channels);
+    for (cv::Mat& channel : channels) {
+      cv::Mat exact;
+      channel.convertTo(exact, CV_32F);
+      exact /= attenuation_;
+      exact.convertTo(channel, image.depth());
+    }
+    cv::Mat even;
+    cv::merge(channels, even);
+    return even;
+  }
+
+  const ResampleRequest& request_;
+  cv::Mat place_, fraction_;  // of cv::remap
+  cv::Mat without_source_;
+  int interpolation_ = 0, mosaic_ = 0;
+  cv::Mat attenuation_;  // empty: vignetting stays
+};
+
+}  // namespace
+
+size_t ResampleImages(const ResampleRequest& request) {
+  const Resampler resampler(request);
+  std::vector<std::optional<Error>> failures(request.images.size());
+  std::atomic<size_t> done = 0;
+  ParallelFor(request.images.size(), request.threads, [&](size_t i) {
+    const FrameImage& image = request.images[i];
+    try {
+      request.result(image.frame, resampler.Png(image.path));
+    } catch (const Error& error) {
+      // Results that cannot be written are no fault of the image.
+      if (error.kind() != ErrorKind::kInput) throw;
+      failures[i] = error;
+    }
+    if (!request.progress(++done)) throw Stopped();
+  });
+  size_t resampled = 0;
+  const Error* first = nullptr;
+  for (const auto& failure : failures) {
+    if (!failure) {
+      ++resampled;
+      continue;
+    }
+    if (first == nullptr) first = &*failure;
+    if (failures.size() > 1) request.message(fmt::format("  left out {}", failure->what()));
+  }
+  if (resampled == 0) throw Error(*first);
+  return resampled;
+}
+
+std::map<std::string, std::string> MapFiles(const PixelMap& map,
+                                            const std::vector<double>& pinhole,
+                                            const std::string& format) {
+  const cv::Mat x = Plane(map.x, map.size), y = Plane(map.y, map.size);
+  if (format.empty()) {
+    return {{"map_x.tiff", EncodeImage(".tiff", x)},
+            {"map_y.tiff", EncodeImage(".tiff", y)},
+            {"mask.png", EncodeImage(".png", Mask(map))}};
+  }
+  cv::FileStorage storage("." + format, cv::FileStorage::WRITE | cv::FileStorage::MEMORY);
+  const cv::Matx33d K(pinhole[0], 0, pinhole[2], 0, pinhole[1], pinhole[3], 0, 0, 1);
+  storage << "image_width" << map.size[0] << "image_height" << map.size[1] << "source_width"
+          << map.source_size[0] << "source_height" << map.source_size[1] << "camera_matrix"
+          << cv::Mat(K) << "map_x" << x << "map_y" << y;
+  return {{"", storage.releaseAndGetString()}};
+}
+
+}  // namespace plenocal

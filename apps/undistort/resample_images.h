@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Images as another camera would have taken them. No OpenCV type here: the command line includes
+// this header without it.
+#pragma once
+
+#include <array>
+#include <filesystem>
+#include <functional>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "calib/pixel_map.h"
+#include "calib/session.h"
+
+namespace plenocal {
+
+/// Names of the ways to interpolate.
+inline constexpr std::array kInterpolations{"linear", "nearest", "cubic", "lanczos"};
+
+struct ResampleRequest {
+  std::vector<FrameImage> images;
+  const PixelMap* map = nullptr;
+  std::filesystem::path vignetting;  ///< attenuation TIFF; empty: none is removed
+  std::string bayer;                 ///< "RGGB" and the like for raw mosaics, else empty
+  std::string interpolation;         ///< one of kInterpolations
+  int threads = 0;                   ///< 0: all cores
+  std::function<void(const std::string&)> message;
+  /// Called, from several threads, after each image; false stops (`Stopped` is thrown).
+  std::function<bool(size_t done)> progress;
+  /// Takes a frame's image, PNG of the original's depth and channels, black where the map has no
+  /// source; from several threads.
+  std::function<void(const std::string& frame, const std::string& png)> result;
+};
+
+/// Resamples all images. One that cannot be read or has another size is left out with a message;
+/// throws `Error` when none is left. Returns how many were resampled.
+size_t ResampleImages(const ResampleRequest& request);
+
+/// Files for cv::remap: with an empty `format` map_x.tiff and map_y.tiff, 32-bit floats, and
+/// mask.png, 255 where there is a source; with "yml" or "xml" one FileStorage under the empty name
+/// that holds map_x, map_y, camera_matrix of the view and the sizes.
+std::map<std::string, std::string> MapFiles(const PixelMap& map,
+                                            const std::vector<double>& pinhole,
+                                            const std::string& format);
+
+}  // namespace plenocal

@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "calib/calibration_file.h"
+
+namespace plenocal {
+
+/// Where the pixels of a new view lie in a camera's image: remap tables as cv::remap takes them.
+struct PixelMap {
+  /// Both coordinates of a pixel whose direction the camera does not image. (NaN would be undefined
+  /// in cv::remap, and no camera has its image there and only there.)
+  static constexpr float kNowhere = -1;
+
+  ImageSize size{};         ///< of the view
+  ImageSize source_size{};  ///< of the camera's image
+  std::vector<float> x, y;  ///< row by row, px; may lie outside of the camera's image
+
+  /// Whether pixel i of the view lies on a pixel of the camera's image.
+  [[nodiscard]] bool HasSource(size_t i) const;
+};
+
+/// The map by which `view` shows what `camera` sees, both central and in one place;
+/// R_camera_view turns directions of the view's frame into the camera's. `threads` as in
+/// ParallelFor.
+PixelMap MapPixels(const CalibratedCamera& view,
+                   const CalibratedCamera& camera,
+                   const Eigen::Matrix3d& R_camera_view,
+                   int threads);
+
+}  // namespace plenocal
