@@ -129,6 +129,7 @@ struct UndistortCommand {
   std::vector<std::string> images;  ///< folders, globs and files
   ViewArguments view;
   ResampleArguments resample;
+  std::filesystem::path cloud;  ///< PLY of one plenoptic image; empty: none
   std::filesystem::path out;
 };
 

@@ -116,6 +116,12 @@ size_t ResampleImagesByModule(const ResampleRequest& request) {
   return count;
 }
 
+size_t MakeVirtualViewsByModule(const VirtualViewRequest& request) {
+  size_t count = 0;
+  FromModule<decltype(plenocal_make_virtual_views)>("plenocal_make_virtual_views")(request, &count);
+  return count;
+}
+
 std::map<std::string, std::string> MapFilesByModule(const PixelMap& map,
                                                     const std::vector<double>& pinhole,
                                                     const std::string& format) {

@@ -9,6 +9,7 @@
 #include "apps/report/attenuation_map.h"
 #include "apps/simulate/simulate.h"
 #include "apps/undistort/resample_images.h"
+#include "apps/undistort/virtual_view_images.h"
 #include "calib/session.h"
 #include "detectors/detect_images.h"
 #include "detectors/focus_images.h"
@@ -52,6 +53,10 @@ extern "C" void plenocal_read_attenuation_map(const std::string& tiff,
 /// What the image module exports: `ResampleImages` of apps/undistort/resample_images.h.
 extern "C" void plenocal_resample_images(const plenocal::ResampleRequest& request, size_t* count);
 
+/// What the image module exports: `MakeVirtualViews` of apps/undistort/virtual_view_images.h.
+extern "C" void plenocal_make_virtual_views(const plenocal::VirtualViewRequest& request,
+                                            size_t* count);
+
 /// What the image module exports: `MapFiles` of apps/undistort/resample_images.h.
 extern "C" void plenocal_map_files(const plenocal::PixelMap& map,
                                    const std::vector<double>& pinhole,
@@ -92,6 +97,9 @@ AttenuationMap ReadAttenuationMapByModule(const std::string& tiff,
 
 /// `ResampleImages` by the image module.
 size_t ResampleImagesByModule(const ResampleRequest& request);
+
+/// `MakeVirtualViews` by the image module.
+size_t MakeVirtualViewsByModule(const VirtualViewRequest& request);
 
 /// `MapFiles` by the image module.
 std::map<std::string, std::string> MapFilesByModule(const PixelMap& map,

@@ -52,3 +52,8 @@ extern "C" void plenocal_map_files(const plenocal::PixelMap& map,
                                    std::map<std::string, std::string>* files) {
   *files = plenocal::MapFiles(map, pinhole, format);
 }
+
+extern "C" void plenocal_make_virtual_views(const plenocal::VirtualViewRequest& request,
+                                            size_t* count) {
+  *count = plenocal::MakeVirtualViews(request);
+}

@@ -372,7 +372,8 @@ int main(int argc, char** argv) {  // NOLINT(bugprone-exception-escape)
       "Images without distortion, as a pinhole camera takes them.\n\n"
       "  plenocal undistort calibration.yaml --camera NAME IMAGES... -o DIR\n\n"
       "writes DIR/<image>.png (depth and colours of the image; black without source) and "
-      "DIR/calibration.yaml, the new camera.");
+      "DIR/calibration.yaml, the new camera; of raw plenoptic images the totally focused image, "
+      "DIR/<image>_depth.tiff and _depth_sigma.tiff (z and its sigma in metres, NaN unknown).");
   undistort->add_option("calibration", undistort_command.calibration, "calibration.yaml")
       ->required();
   undistort->add_option("images", undistort_command.images, "images: files, globs or folders")
@@ -380,6 +381,8 @@ int main(int argc, char** argv) {  // NOLINT(bugprone-exception-escape)
   undistort
       ->add_option("--camera", undistort_command.camera, "camera of the images (default: the only)")
       ->expected(1);
+  undistort->add_option(
+      "--cloud", undistort_command.cloud, "FILE.ply: point cloud of one raw plenoptic image, m");
   undistort->add_option("-o,--out", undistort_command.out, "folder for the results")->required();
   add_view_options(undistort, &undistort_command.view);
   add_resample_options(undistort, &undistort_command.resample);

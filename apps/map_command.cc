@@ -13,8 +13,8 @@ namespace plenocal {
 void RunMap(const MapCommand& command, const ConsoleOptions& options) {
   const CalibrationFile calibration = ReadCalibration(command.calibration, CameraModels());
   const CalibratedCamera& camera = FindCamera(calibration, command.camera);
-  const std::array turned{TurnedCamera{&camera, Eigen::Matrix3d::Identity()}};
-  CalibratedCamera view = ChoosePinhole(turned, ToViewOptions(command.view));
+  const std::array seen{ImageOf(camera, Eigen::Matrix3d::Identity())};
+  CalibratedCamera view = ChoosePinhole(seen, ToViewOptions(command.view));
   view.name = camera.name;
   view.T_camera_rig = camera.T_camera_rig;
 

@@ -13,12 +13,12 @@ bool PixelMap::HasSource(size_t i) const {
 }
 
 PixelMap MapPixels(const CalibratedCamera& view,
-                   const CalibratedCamera& camera,
-                   const Eigen::Matrix3d& R_camera_view,
+                   ImageSize source_size,
+                   const ImagePlace& place,
                    int threads) {
   const auto columns = static_cast<size_t>(view.image_size[0]);
   const auto rows = static_cast<size_t>(view.image_size[1]);
-  PixelMap map{view.image_size, camera.image_size, {}, {}};
+  PixelMap map{view.image_size, source_size, {}, {}};
   map.x.assign(columns * rows, PixelMap::kNowhere);
   map.y = map.x;
   ParallelFor(rows, threads, [&](size_t row) {
@@ -26,19 +26,33 @@ PixelMap MapPixels(const CalibratedCamera& view,
       const double pixel[kMaxObservationSize] = {static_cast<double>(column),
                                                  static_cast<double>(row)};
       const auto ray = view.model->unproject(view.params.data(), view.config.data(), pixel);
-      double u[2];
-      if (!ray || !camera.model->project(camera.params.data(),
-                                         camera.config.data(),
-                                         pixel,
-                                         R_camera_view * ray->direction,
-                                         u)) {
-        continue;
-      }
-      map.x[row * columns + column] = static_cast<float>(u[0]);
-      map.y[row * columns + column] = static_cast<float>(u[1]);
+      if (!ray) continue;
+      const auto u = place(ray->direction);
+      if (!u) continue;
+      map.x[row * columns + column] = static_cast<float>(u->x());
+      map.y[row * columns + column] = static_cast<float>(u->y());
     }
   });
   return map;
+}
+
+PixelMap MapPixels(const CalibratedCamera& view,
+                   const CalibratedCamera& camera,
+                   const Eigen::Matrix3d& R_camera_view,
+                   int threads) {
+  const auto place = [&](const Eigen::Vector3d& direction) -> std::optional<Eigen::Vector2d> {
+    const double values[kMaxObservationSize] = {};
+    Eigen::Vector2d u;
+    if (!camera.model->project(camera.params.data(),
+                               camera.config.data(),
+                               values,
+                               R_camera_view * direction,
+                               u.data())) {
+      return std::nullopt;
+    }
+    return u;
+  };
+  return MapPixels(view, camera.image_size, place, threads);
 }
 
 }  // namespace plenocal

@@ -2,6 +2,8 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <functional>
+#include <optional>
 #include <vector>
 
 #include "calib/calibration_file.h"
@@ -22,9 +24,18 @@ struct PixelMap {
   [[nodiscard]] bool HasSource(size_t i) const;
 };
 
-/// The map by which `view` shows what `camera` sees, both central and in one place;
-/// R_camera_view turns directions of the view's frame into the camera's. `threads` as in
-/// ParallelFor.
+/// Where in an image a direction of a view's frame is seen, px; nothing where it is not.
+using ImagePlace = std::function<std::optional<Eigen::Vector2d>(const Eigen::Vector3d& direction)>;
+
+/// The map by which `view`, a central camera, shows an image. `place` is called from several
+/// threads; `threads` as in ParallelFor.
+PixelMap MapPixels(const CalibratedCamera& view,
+                   ImageSize source_size,
+                   const ImagePlace& place,
+                   int threads);
+
+/// The same of the image of `camera`, central and in the place of the view; R_camera_view turns
+/// directions of the view's frame into the camera's.
 PixelMap MapPixels(const CalibratedCamera& view,
                    const CalibratedCamera& camera,
                    const Eigen::Matrix3d& R_camera_view,

@@ -46,10 +46,6 @@ std::vector<std::string> Strings(const YamlNode& node, std::string_view key) {
   return strings;
 }
 
-std::string OptionalString(const YamlNode& node, std::string_view key) {
-  return node.Has(key) ? node.At(key).AsString() : "";
-}
-
 std::optional<double> OptionalNumber(const YamlNode& node, std::string_view key) {
   if (!node.Has(key)) return std::nullopt;
   return node.At(key).AsNumber();

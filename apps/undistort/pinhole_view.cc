@@ -23,35 +23,8 @@ struct Intrinsics {
   Eigen::Vector2d f, c;  // px
 };
 
-std::optional<Eigen::Vector3d> Direction(const TurnedCamera& turned, const Eigen::Vector2d& pixel) {
-  const double values[kMaxObservationSize] = {pixel.x(), pixel.y()};
-  const auto ray = turned.camera->model->unproject(
-      turned.camera->params.data(), turned.camera->config.data(), values);
-  if (!ray) return std::nullopt;
-  return turned.R_view_camera * ray->direction;
-}
-
 /// The centre of the image, px.
 Eigen::Vector2d Middle(ImageSize size) { return {(size[0] - 1) / 2.0, (size[1] - 1) / 2.0}; }
-
-/// The camera's intrinsics as a pinhole has them at the optical axis.
-Intrinsics OnAxis(const CalibratedCamera& camera) {
-  Eigen::Vector2d c;
-  const double values[kMaxObservationSize] = {};
-  std::vector<double> J_params(2 * camera.params.size());
-  Eigen::Matrix<double, 2, 3, Eigen::RowMajor> J_point;
-  if (!camera.model->project_with_jacobian(camera.params.data(),
-                                           camera.config.data(),
-                                           values,
-                                           Eigen::Vector3d::UnitZ(),
-                                           c.data(),
-                                           J_params.data(),
-                                           J_point.data())) {
-    throw Error(ErrorKind::kJob,
-                fmt::format("camera '{}' does not image its optical axis", camera.name));
-  }
-  return {{J_point.col(0).norm(), J_point.col(1).norm()}, c};
-}
 
 /// The edge of what the camera sees as the view has it: walked from the image's centre to places on
 /// its border, as far as the directions stay before the view.
@@ -61,17 +34,22 @@ struct Edge {
   bool open = false;  // somewhere it reaches 90 degrees from the view's axis
 };
 
-Edge EdgeOf(const TurnedCamera& turned) {
+Edge EdgeOf(const SeenImage& image) {
   constexpr int kPlaces = 200;   // along each side
   constexpr int kHalvings = 50;  // of the way to the border
   constexpr double kFlattest =
       0.01;  // z of a direction in a plane image: 89.4 degrees off the axis
+  const auto turned = [&](const Eigen::Vector2d& pixel) -> std::optional<Eigen::Vector3d> {
+    const auto direction = image.direction(pixel);
+    if (!direction) return std::nullopt;
+    return image.R_view_camera * *direction;
+  };
   const auto on_plane = [&](const Eigen::Vector2d& pixel) -> std::optional<PlanePoint> {
-    const auto direction = Direction(turned, pixel);
+    const auto direction = turned(pixel);
     if (!direction || !(direction->z() > kFlattest)) return std::nullopt;
     return PlanePoint(direction->hnormalized());
   };
-  const ImageSize size = turned.camera->image_size;
+  const ImageSize size = image.size;
   const Eigen::Vector2d middle = Middle(size);
   Edge edge;
   const auto centre = on_plane(middle);
@@ -79,7 +57,7 @@ Edge EdgeOf(const TurnedCamera& turned) {
     throw Error(ErrorKind::kJob,
                 fmt::format("camera '{}': the middle of its image looks away from the new view; "
                             "no plane image holds both",
-                            turned.camera->name));
+                            image.name));
   }
   edge.centre = *centre;
   for (int side = 0; side < 4; ++side) {
@@ -100,7 +78,7 @@ Edge EdgeOf(const TurnedCamera& turned) {
       }
       if (!point) {
         point = on_plane(middle + inside * (border - middle));
-        const auto beyond = Direction(turned, middle + outside * (border - middle));
+        const auto beyond = turned(middle + outside * (border - middle));
         edge.open = edge.open || (beyond && !(beyond->z() > kFlattest));
       }
       edge.points.push_back(*point);
@@ -113,7 +91,7 @@ Edge EdgeOf(const TurnedCamera& turned) {
 Intrinsics Balanced(const std::vector<Edge>& edges,
                     const PlanePoint& centre,
                     ImageSize size,
-                    std::span<const TurnedCamera> cameras,
+                    std::span<const SeenImage> images,
                     double balance) {
   // f of a view of which the point lies on the border
   const auto focal = [&](const PlanePoint& point) {
@@ -126,7 +104,7 @@ Intrinsics Balanced(const std::vector<Edge>& edges,
       throw Error(ErrorKind::kInput,
                   fmt::format("camera '{}' sees 90 degrees off the axis and more, which no plane "
                               "image holds; choose the field of view with --fov",
-                              cameras[i].camera->name));
+                              images[i].name));
     }
     for (const PlanePoint& point : edges[i].points) {
       all_valid = std::max(all_valid, focal(point));
@@ -138,48 +116,72 @@ Intrinsics Balanced(const std::vector<Edge>& edges,
   return {Eigen::Vector2d::Constant(f), Middle(size) - f * centre};
 }
 
-Intrinsics Choose(std::span<const TurnedCamera> cameras,
-                  ImageSize size,
-                  const ViewOptions& options) {
+Intrinsics Choose(std::span<const SeenImage> images, ImageSize size, const ViewOptions& options) {
   if (options.fov) {
     const double f = size[0] / 2.0 / std::tan(*options.fov / 2 * std::numbers::pi / 180);
     return {Eigen::Vector2d::Constant(f), Middle(size)};
   }
-  const ImageSize first_size = cameras[0].camera->image_size;
+  const ImageSize first_size = images[0].size;
   const double scale = std::min(static_cast<double>(size[0]) / first_size[0],
                                 static_cast<double>(size[1]) / first_size[1]);
-  if (!options.balance && cameras.size() == 1 && cameras[0].R_view_camera.isIdentity()) {
-    const Intrinsics own = OnAxis(*cameras[0].camera);
-    return {scale * own.f, Middle(size) + scale * (own.c - Middle(first_size))};
+  if (!options.balance && images.size() == 1 && images[0].R_view_camera.isIdentity()) {
+    return {scale * images[0].f, Middle(size) + scale * (images[0].c - Middle(first_size))};
   }
   std::vector<Edge> edges;
   PlanePoint centre = PlanePoint::Zero();
   double f = 0;
-  for (const TurnedCamera& turned : cameras) {
-    edges.push_back(EdgeOf(turned));
-    centre += edges.back().centre / static_cast<double>(cameras.size());
-    f += OnAxis(*turned.camera).f.mean() / static_cast<double>(cameras.size());
+  for (const SeenImage& image : images) {
+    edges.push_back(EdgeOf(image));
+    centre += edges.back().centre / static_cast<double>(images.size());
+    f += image.f.mean() / static_cast<double>(images.size());
   }
-  if (options.balance) return Balanced(edges, centre, size, cameras, *options.balance);
+  if (options.balance) return Balanced(edges, centre, size, images, *options.balance);
   f *= scale;
   return {Eigen::Vector2d::Constant(f), Middle(size) - f * centre};
 }
 
 }  // namespace
 
-CalibratedCamera ChoosePinhole(std::span<const TurnedCamera> cameras, const ViewOptions& options) {
-  for (const TurnedCamera& turned : cameras) {
-    if (!turned.camera->model->central) {
-      throw Error(
-          ErrorKind::kInput,
-          fmt::format("camera '{}': {} is no model of an ordinary camera, so that no map of "
-                      "pixels undistorts its images",
-                      turned.camera->name,
-                      turned.camera->model->name));
-    }
+SeenImage ImageOf(const CalibratedCamera& camera, const Eigen::Matrix3d& R_view_camera) {
+  if (!camera.model->central) {
+    throw Error(ErrorKind::kInput,
+                fmt::format("camera '{}': {} is no model of an ordinary camera, so that no map of "
+                            "pixels undistorts its images",
+                            camera.name,
+                            camera.model->name));
   }
-  const ImageSize size = options.size.value_or(cameras[0].camera->image_size);
-  const Intrinsics chosen = Choose(cameras, size, options);
+  SeenImage image{.name = camera.name,
+                  .size = camera.image_size,
+                  .direction = {},
+                  .f = {},
+                  .c = {},
+                  .R_view_camera = R_view_camera};
+  image.direction = [&camera](const Eigen::Vector2d& place) -> std::optional<Eigen::Vector3d> {
+    const double values[kMaxObservationSize] = {place.x(), place.y()};
+    const auto ray = camera.model->unproject(camera.params.data(), camera.config.data(), values);
+    if (!ray) return std::nullopt;
+    return ray->direction;
+  };
+  const double values[kMaxObservationSize] = {};
+  std::vector<double> J_params(2 * camera.params.size());
+  Eigen::Matrix<double, 2, 3, Eigen::RowMajor> J_point;
+  if (!camera.model->project_with_jacobian(camera.params.data(),
+                                           camera.config.data(),
+                                           values,
+                                           Eigen::Vector3d::UnitZ(),
+                                           image.c.data(),
+                                           J_params.data(),
+                                           J_point.data())) {
+    throw Error(ErrorKind::kJob,
+                fmt::format("camera '{}' does not image its optical axis", camera.name));
+  }
+  image.f = {J_point.col(0).norm(), J_point.col(1).norm()};
+  return image;
+}
+
+CalibratedCamera ChoosePinhole(std::span<const SeenImage> images, const ViewOptions& options) {
+  const ImageSize size = options.size.value_or(images[0].size);
+  const Intrinsics chosen = Choose(images, size, options);
   CalibratedCamera view;
   view.model = FindModel(CameraModels(), "pinhole");
   view.image_size = size;

@@ -4,8 +4,10 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <functional>
 #include <optional>
 #include <span>
+#include <string>
 
 #include "calib/calibration_file.h"
 
@@ -21,19 +23,27 @@ struct ViewOptions {
   std::optional<double> balance;
 };
 
-/// A camera and how the view is turned from it: p_view = R_view_camera p_camera.
-struct TurnedCamera {
-  const CalibratedCamera* camera;
-  Eigen::Matrix3d R_view_camera;
+/// What a camera sees.
+struct SeenImage {
+  std::string name;  ///< of the camera
+  ImageSize size{};  ///< px
+  /// In which direction, of any length and in the camera's frame, a place of the image looks, px.
+  std::function<std::optional<Eigen::Vector3d>(const Eigen::Vector2d& place)> direction;
+  Eigen::Vector2d f, c;  ///< intrinsics as a pinhole has them at the optical axis, px
+  /// How the view is turned from it: p_view = R_view_camera p_camera.
+  Eigen::Matrix3d R_view_camera = Eigen::Matrix3d::Identity();
 };
 
-/// The one `pinhole` camera for all of `cameras`, without name and pose.
+/// The image of an ordinary camera, which must outlive the result. Throws `Error` of kind kInput
+/// when it is none.
+SeenImage ImageOf(const CalibratedCamera& camera, const Eigen::Matrix3d& R_view_camera);
+
+/// The one `pinhole` camera for all of `images`, without name and pose.
 ///
 /// Without fov and balance one camera that is not turned keeps its scale on the optical axis, and
 /// its principal point (times the change of size), as cv::undistort does; others get their mean
 /// scale, and the directions of their images' centres in the middle. A field of view lies evenly
-/// about the optical axis. Throws `Error` when a camera is no ordinary one, or sees what no plane
-/// image holds.
-CalibratedCamera ChoosePinhole(std::span<const TurnedCamera> cameras, const ViewOptions& options);
+/// about the optical axis. Throws `Error` when a camera sees what no plane image holds.
+CalibratedCamera ChoosePinhole(std::span<const SeenImage> images, const ViewOptions& options);
 
 }  // namespace plenocal

@@ -72,9 +72,9 @@ RectifiedPair Rectify(const CalibratedCamera& first,
   ViewOptions chosen = options;
   if (!chosen.size) chosen.size = first.image_size;
   if (!options.size && pair.turned) std::swap((*chosen.size)[0], (*chosen.size)[1]);
-  const std::array turned{TurnedCamera{&first, pair.R_view_camera[0]},
-                          TurnedCamera{&second, pair.R_view_camera[1]}};
-  pair.views.fill(ChoosePinhole(turned, chosen));
+  const std::array images{ImageOf(first, pair.R_view_camera[0]),
+                          ImageOf(second, pair.R_view_camera[1])};
+  pair.views.fill(ChoosePinhole(images, chosen));
   pair.views[0].name = first.name;
   pair.views[1].name = second.name;
   pair.views[1].T_camera_rig.t.x() = -pair.baseline;

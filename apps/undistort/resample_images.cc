@@ -6,12 +6,12 @@
 #include <algorithm>
 #include <array>
 #include <atomic>
-#include <mutex>
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
 #include <optional>
 #include <utility>
 
+#include "apps/undistort/remap.h"
 #include "calib/error.h"
 #include "calib/parallel.h"
 #include "detectors/image.h"
@@ -19,28 +19,10 @@
 namespace plenocal {
 namespace {
 
-/// In the order of kInterpolations.
-constexpr std::array kFlags{
-    cv::INTER_LINEAR, cv::INTER_NEAREST, cv::INTER_CUBIC, cv::INTER_LANCZOS4};
-static_assert(kFlags.size() == kInterpolations.size());
-
 constexpr std::array kMosaics{std::pair("RGGB", cv::COLOR_BayerRGGB2BGR),
                               std::pair("BGGR", cv::COLOR_BayerBGGR2BGR),
                               std::pair("GRBG", cv::COLOR_BayerGRBG2BGR),
                               std::pair("GBRG", cv::COLOR_BayerGBRG2BGR)};
-
-cv::Mat Plane(const std::vector<float>& values, ImageSize size) {
-  return cv::Mat(values, false).reshape(1, size[1]);
-}
-
-/// 255 where the map has a source.
-cv::Mat Mask(const PixelMap& map) {
-  cv::Mat mask(map.size[1], map.size[0], CV_8U);
-  for (size_t i = 0; i < mask.total(); ++i) {
-    mask.at<uchar>(static_cast<int>(i)) = map.HasSource(i) ? 255 : 0;
-  }
-  return mask;
-}
 
 std::string SizeText(const cv::Mat& image) {
   return fmt::format("{} x {}", image.cols, image.rows);
@@ -49,19 +31,9 @@ std::string SizeText(const cv::Mat& image) {
 /// One image after another through the same map.
 class Resampler {
  public:
-  explicit Resampler(const ResampleRequest& request) : request_(request) {
+  explicit Resampler(const ResampleRequest& request)
+      : request_(request), remap_(*request.map, request.interpolation) {
     const PixelMap& map = *request.map;
-    // Once for all images: the fixed-point form that cv::remap would make of floats each time.
-    cv::convertMaps(Plane(map.x, map.size),
-                    Plane(map.y, map.size),
-                    place_,
-                    fraction_,
-                    CV_16SC2,
-                    request.interpolation == "nearest");
-    without_source_ = Mask(map) == 0;
-    const auto name =
-        std::find(kInterpolations.begin(), kInterpolations.end(), request.interpolation);
-    interpolation_ = kFlags.at(static_cast<size_t>(name - kInterpolations.begin()));
     for (const auto& [order, code] : kMosaics) {
       if (order == request.bayer) mosaic_ = code;
     }
@@ -99,11 +71,7 @@ class Resampler {
       cv::cvtColor(image, colours, mosaic_);
       image = colours;
     }
-    cv::Mat resampled;
-    // Half a pixel beyond the outermost centres still belongs to the image.
-    cv::remap(image, resampled, place_, fraction_, interpolation_, cv::BORDER_REPLICATE);
-    resampled.setTo(0, without_source_);
-    return EncodeImage(".png", resampled);
+    return EncodeImage(".png", remap_(image));
   }
 
  private:
@@ -123,9 +91,8 @@ class Resampler {
   }
 
   const ResampleRequest& request_;
-  cv::Mat place_, fraction_;  // of cv::remap
-  cv::Mat without_source_;
-  int interpolation_ = 0, mosaic_ = 0;
+  Remap remap_;
+  int mosaic_ = 0;
   cv::Mat attenuation_;  // empty: vignetting stays
 };
 
@@ -163,11 +130,14 @@ size_t ResampleImages(const ResampleRequest& request) {
 std::map<std::string, std::string> MapFiles(const PixelMap& map,
                                             const std::vector<double>& pinhole,
                                             const std::string& format) {
-  const cv::Mat x = Plane(map.x, map.size), y = Plane(map.y, map.size);
+  const auto plane = [&](const std::vector<float>& values) {
+    return cv::Mat(values, false).reshape(1, map.size[1]);
+  };
+  const cv::Mat x = plane(map.x), y = plane(map.y);
   if (format.empty()) {
     return {{"map_x.tiff", EncodeImage(".tiff", x)},
             {"map_y.tiff", EncodeImage(".tiff", y)},
-            {"mask.png", EncodeImage(".png", Mask(map))}};
+            {"mask.png", EncodeImage(".png", Remap(map, kInterpolations[0]).Mask())}};
   }
   cv::FileStorage storage("." + format, cv::FileStorage::WRITE | cv::FileStorage::MEMORY);
   const cv::Matx33d K(pinhole[0], 0, pinhole[2], 0, pinhole[1], pinhole[3], 0, 0, 1);

@@ -268,7 +268,7 @@ TEST_F(Undistort, WhatCannotBeIsRefused) {
     ExpectRefused(status, arguments, parts);
   };
   refused(kWrongInput, {"fisheye", "a.png", "--balance", "1"}, {"90 degrees", "--fov"});
-  refused(kWrongInput, {"plenoptic", "a.png"}, {"focused-plenoptic"});
+  refused(kWrongInput, {"plenoptic", "a.png"}, {"micro_lenses"});
   refused(kWrongInput, {"barrle", "a.png"}, {"'barrel'"});
   refused(kWrongInput, {"barrel", "small.png"}, {"small.png", "160 x 100", "160 x 120"});
   refused(kWrongInput, {"barrel", "a.png", "b/a.png"}, {"a.png", "-o"});
