@@ -357,6 +357,9 @@ class Matcher {
       }
     };
     iterate(search_steps_);
+    // Each step leaves the share of the error by which the gradient is off. The search's error is
+    // the same for all of a surface at one depth, so what is left of it would not average out.
+    iterate(refine_steps_);
     iterate(refine_steps_);
     for (size_t i = 0; i < p.x.size(); ++i) {
       const bool good = p.sum_count[i] >= 2 && p.sum_agreement[i] > p.sum_count[i] / 2 &&
