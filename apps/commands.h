@@ -72,6 +72,7 @@ struct ImportCommand {
   std::vector<std::filesystem::path> files;
   std::string format;
   std::string size;           ///< "640x480" for files that hold none, else empty
+  bool fisheye = false;       ///< OpenCV's files that do not say so
   std::filesystem::path out;  ///< folder, or the file's own name
 };
 

@@ -5,6 +5,7 @@
 
 #include "apps/commands.h"
 #include "apps/formats/camera_format.h"
+#include "apps/image_module.h"
 #include "calib/error.h"
 #include "calib/output_folder.h"
 #include "models/registry.h"
@@ -12,12 +13,10 @@
 namespace plenocal {
 namespace {
 
-const CameraFormat& FindFormat(const std::string& name) {
+const CameraFormat& FindFormat(const std::string& name, const std::filesystem::path& file) {
+  if (const CameraFormat* format = FindCameraFormat(name, file)) return *format;
   std::vector<std::string_view> names;
-  for (const CameraFormat& format : CameraFormats()) {
-    if (format.name == name) return format;
-    names.push_back(format.name);
-  }
+  for (const CameraFormat& format : CameraFormats()) names.push_back(format.name);
   throw Error(ErrorKind::kInput,
               fmt::format("--format: unknown '{}'{}", name, SuggestName(name, names)));
 }
@@ -35,14 +34,14 @@ std::vector<CalibratedCamera> ChosenCameras(const CalibrationFile& calibration,
 
 void RunExport(const ExportCommand& command, const ConsoleOptions& options) {
   Console console(options.quiet);
-  const CameraFormat& format = FindFormat(command.format);
+  const CameraFormat& format = FindFormat(command.format, command.out);
   const CalibrationFile calibration = ReadCalibration(command.calibration, CameraModels());
   const std::vector<CalibratedCamera> cameras = ChosenCameras(calibration, command.cameras);
   if (cameras.size() > format.most_cameras) {
     std::vector<std::string_view> names;
     for (const CalibratedCamera& camera : cameras) names.emplace_back(camera.name);
     throw Error(ErrorKind::kInput,
-                fmt::format("a file of format {} holds {} camera{}, but {} has {} ({}); choose "
+                fmt::format("format {} holds {} camera{}, but {} has {} ({}); choose "
                             "with --camera",
                             format.name,
                             format.most_cameras,
@@ -56,12 +55,30 @@ void RunExport(const ExportCommand& command, const ConsoleOptions& options) {
         "format {} has no place for the cameras' poses in the rig; they are not in the file",
         format.name));
   }
-  const std::string text = format.write(cameras);
-  const std::filesystem::path folder = command.out.parent_path();
-  OutputFolder output(folder.empty() ? "." : folder);
-  output.Write(command.out.filename().string(), text);
+  const bool many = cameras.size() > 1 && format.write_files != nullptr;
+  const std::vector<std::string> texts =
+      many ? format.write_files(cameras) : std::vector{format.write(cameras)};
+  std::vector<std::filesystem::path> written;
+  const std::filesystem::path parent = command.out.parent_path();
+  OutputFolder output(parent.empty() ? "." : parent);
+  const auto write = [&](const std::string& name, const std::string& content) {
+    output.Write(name, content);
+    written.push_back(parent / name);
+  };
+  for (size_t c = 0; c < texts.size(); ++c) {
+    write(many ? fmt::format("{}_{}{}",
+                             command.out.stem().string(),
+                             cameras[c].name,
+                             command.out.extension().string())
+               : command.out.filename().string(),
+          texts[c]);
+  }
+  if (format.holds_vignetting && !cameras[0].vignetting.empty()) {
+    write("vignette.png",
+          VignettePngByModule(calibration.path.parent_path() / cameras[0].vignetting));
+  }
   output.Commit();
-  fmt::print("written to {}\n", command.out.string());
+  for (const auto& path : written) fmt::print("written to {}\n", path.string());
 }
 
 }  // namespace plenocal

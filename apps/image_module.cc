@@ -122,6 +122,12 @@ size_t MakeVirtualViewsByModule(const VirtualViewRequest& request) {
   return count;
 }
 
+std::string VignettePngByModule(const std::filesystem::path& attenuation) {
+  std::string png;
+  FromModule<decltype(plenocal_vignette_png)>("plenocal_vignette_png")(attenuation, &png);
+  return png;
+}
+
 std::map<std::string, std::string> MapFilesByModule(const PixelMap& map,
                                                     const std::vector<double>& pinhole,
                                                     const std::string& format) {

@@ -57,6 +57,9 @@ extern "C" void plenocal_resample_images(const plenocal::ResampleRequest& reques
 extern "C" void plenocal_make_virtual_views(const plenocal::VirtualViewRequest& request,
                                             size_t* count);
 
+/// What the image module exports: `VignettePng` of apps/undistort/resample_images.h.
+extern "C" void plenocal_vignette_png(const std::filesystem::path& attenuation, std::string* png);
+
 /// What the image module exports: `MapFiles` of apps/undistort/resample_images.h.
 extern "C" void plenocal_map_files(const plenocal::PixelMap& map,
                                    const std::vector<double>& pinhole,
@@ -100,6 +103,9 @@ size_t ResampleImagesByModule(const ResampleRequest& request);
 
 /// `MakeVirtualViews` by the image module.
 size_t MakeVirtualViewsByModule(const VirtualViewRequest& request);
+
+/// `VignettePng` by the image module.
+std::string VignettePngByModule(const std::filesystem::path& attenuation);
 
 /// `MapFiles` by the image module.
 std::map<std::string, std::string> MapFilesByModule(const PixelMap& map,

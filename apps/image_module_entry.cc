@@ -57,3 +57,7 @@ extern "C" void plenocal_make_virtual_views(const plenocal::VirtualViewRequest& 
                                             size_t* count) {
   *count = plenocal::MakeVirtualViews(request);
 }
+
+extern "C" void plenocal_vignette_png(const std::filesystem::path& attenuation, std::string* png) {
+  *png = plenocal::VignettePng(attenuation);
+}

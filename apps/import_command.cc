@@ -36,7 +36,7 @@ std::vector<CalibratedCamera> ReadCameras(const ImportCommand& command,
                                           const std::optional<ImageSize>& size) {
   std::vector<CalibratedCamera> all;
   for (const std::filesystem::path& file : command.files) {
-    std::vector<CalibratedCamera> cameras = format.read({file, size});
+    std::vector<CalibratedCamera> cameras = format.read({file, size, command.fisheye});
     for (CalibratedCamera& camera : cameras) {
       if (camera.name.empty()) camera.name = file.stem().string();
       camera.name = CleanName(camera.name);
@@ -92,12 +92,9 @@ void RunImport(const ImportCommand& command, const ConsoleOptions& options) {
       console.Message(unused);
     }
   } else {
-    const auto format = std::find_if(
-        CameraFormats().begin(), CameraFormats().end(), [&](const CameraFormat& candidate) {
-          return candidate.name == command.format;
-        });
-    if (!format->holds_extrinsics) one_file();
-    text = CalibrationText(ReadCameras(command, *format, size), {});
+    const CameraFormat& format = *FindCameraFormat(command.format, file);
+    if (!format.holds_extrinsics) one_file();
+    text = CalibrationText(ReadCameras(command, format, size), {});
   }
   // A file's name is taken as such, anything else is a folder.
   const bool is_file = command.out.extension() == std::filesystem::path(name).extension();

@@ -245,8 +245,9 @@ int main(int argc, char** argv) {  // NOLINT(bugprone-exception-escape)
       "export",
       "A calibration as another tool's file.\n\n"
       "  plenocal export calibration.yaml --format kalibr -o camchain.yaml\n\n"
-      "Formats: opencv, ros, kalibr, mrcal, colmap, orbslam2, orbslam3, dso, basalt, matlab, "
-      "lifcal; docs/exchange.md.");
+      "Formats: opencv, ros, kalibr, mrcal, colmap, orbslam2, orbslam3, dso, basalt, matlab (FILE "
+      "or FILE.mat), lifcal; docs/exchange.md. Of tools with one file a camera, several become "
+      "FILE_<camera>.");
   exporter->add_option("calibration", export_command.calibration, "calibration.yaml")->required();
   exporter->add_option("--format", export_command.format, "the other tool")->required();
   exporter->add_option(
@@ -267,6 +268,9 @@ int main(int argc, char** argv) {  // NOLINT(bugprone-exception-escape)
   importer->add_option("--format", import_command.format, "the other tool")->required();
   importer->add_option(
       "--size", import_command.size, "WIDTHxHEIGHT of the images where the file does not say it");
+  importer->add_flag("--fisheye",
+                     import_command.fisheye,
+                     "opencv: the coefficients are cv::fisheye's where the file does not say so");
   importer->add_option("-o,--out", import_command.out, "folder, or the file to write")->required();
   importer->add_flag("--quiet", options.quiet, "no messages and no progress, only errors");
   importer->callback([&] { run = [&] { RunImport(import_command, options); }; });

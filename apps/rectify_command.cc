@@ -99,15 +99,10 @@ std::string RectificationText(const RectifiedPair& pair) {
   const double b = pair.baseline;
   std::string text = kOpenCvHead;
   for (size_t c = 0; c < 2; ++c) {
-    // Transposed: Eigen stores columns.
-    const Eigen::Matrix3d transposed = pair.R_view_camera[c].transpose();
-    text += OpenCvMatrix(
-        fmt::format("R{}", c + 1), 3, 3, 'd', std::span<const double>(transposed.data(), 9));
+    text += OpenCvMatrix(fmt::format("R{}", c + 1), 3, 3, 'd', RowMajor(pair.R_view_camera[c]));
   }
   for (size_t c = 0; c < 2; ++c) {
-    const std::array P{
-        p[0], 0.0, p[2], c == 0 ? 0.0 : -p[0] * b, 0.0, p[1], p[3], 0.0, 0.0, 0.0, 1.0, 0.0};
-    text += OpenCvMatrix(fmt::format("P{}", c + 1), 3, 4, 'd', P);
+    text += OpenCvMatrix(fmt::format("P{}", c + 1), 3, 4, 'd', pair.ProjectionMatrix(c));
   }
   const std::array Q{
       1.0, 0.0, 0.0, -p[2], 0.0, 1.0, 0.0, -p[3], 0.0, 0.0, 0.0, p[0], 0.0, 0.0, 1 / b, 0.0};

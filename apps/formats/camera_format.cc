@@ -54,8 +54,17 @@ std::span<const CameraFormat> CameraFormats() {
                                    DsoFormat(),
                                    BasaltFormat(),
                                    MatlabFormat(),
+                                   MatFormat(),
                                    LifcalFormat()};
   return kFormats;
+}
+
+const CameraFormat* FindCameraFormat(std::string_view name, const std::filesystem::path& file) {
+  if (name == "matlab" && file.extension() == ".mat") name = "mat";
+  for (const CameraFormat& format : CameraFormats()) {
+    if (format.name == name) return &format;
+  }
+  return nullptr;
 }
 
 Lens ToLens(const CalibratedCamera& camera,
@@ -179,6 +188,27 @@ std::string RealList(std::span<const double> values) {
   std::string text;
   for (const double value : values) text += (text.empty() ? "" : ", ") + RealText(value);
   return text;
+}
+
+std::array<double, 9> RowMajor(const Eigen::Matrix3d& R) {
+  std::array<double, 9> values{};
+  for (int r = 0; r < 3; ++r) {
+    for (int c = 0; c < 3; ++c) values[static_cast<size_t>(3 * r + c)] = R(r, c);
+  }
+  return values;
+}
+
+RigidTransform FromRectified(const std::vector<double>& R, double shift, const YamlNode& node) {
+  Eigen::Matrix3d rotation;
+  for (int r = 0; r < 3; ++r) {
+    for (int c = 0; c < 3; ++c) rotation(r, c) = R[static_cast<size_t>(3 * r + c)];
+  }
+  constexpr double kOrthonormal = 1e-3;  // matrices with few digits
+  if (!((rotation * rotation.transpose() - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff() <
+        kOrthonormal)) {
+    node.Fail("is no rotation");
+  }
+  return {rotation.transpose(), rotation.transpose() * Eigen::Vector3d(shift, 0, 0)};
 }
 
 double Inverted(double value, double guess, const std::function<double(double)>& forward) {

@@ -3,6 +3,7 @@
 // Camera files of other tools (docs/exchange.md).
 #pragma once
 
+#include <array>
 #include <filesystem>
 #include <functional>
 #include <optional>
@@ -12,6 +13,7 @@
 #include <vector>
 
 #include "calib/calibration_file.h"
+#include "calib/yaml.h"
 
 namespace plenocal {
 
@@ -19,20 +21,29 @@ namespace plenocal {
 struct CameraSource {
   std::filesystem::path path;
   std::optional<ImageSize> image_size;  ///< for files that hold none
+  bool fisheye = false;                 ///< the user says so, of files that do not tell
 };
 
 /// One tool's file form.
 struct CameraFormat {
   std::string_view name;
   std::string_view file;  ///< how the tool's own files are called
-  size_t most_cameras;    ///< in one file
+  size_t most_cameras;    ///< at once
   bool holds_extrinsics;  ///< where the cameras are
   std::string (*write)(const std::vector<CalibratedCamera>& cameras);
   /// Throws `Error` of kind kInput with file and place.
   std::vector<CalibratedCamera> (*read)(const CameraSource& source);
+  /// For formats with one file a camera of a stereo pair or rig: all of them, in the cameras'
+  /// order. Null: all cameras are in one file.
+  std::vector<std::string> (*write_files)(const std::vector<CalibratedCamera>& cameras) = nullptr;
+  /// An image beside the file holds the attenuation.
+  bool holds_vignetting = false;
 };
 
 std::span<const CameraFormat> CameraFormats();
+
+/// The format of that name for such a file (MATLAB has two), or null.
+const CameraFormat* FindCameraFormat(std::string_view name, const std::filesystem::path& file);
 
 /// How a tool's camera holds a camera model: its name there and the model's parameters, f_x f_y c_x
 /// c_y aside, in the tool's order. "0" is a coefficient that the model lacks. A camera model that
@@ -77,6 +88,14 @@ std::string OpenCvMatrix(
     const std::string& key, int rows, int cols, char type, std::span<const double> data);
 /// How such a file begins.
 inline constexpr const char* kOpenCvHead = "%YAML:1.0\n---\n";
+
+/// R row by row.
+std::array<double, 9> RowMajor(const Eigen::Matrix3d& R);
+
+/// T_camera_rig of a camera of a rectified pair: `R` (row by row) turns the camera into the rig's
+/// orientation, where it stands `shift` to the left of the first camera, m. Fails at `node` when R
+/// is no rotation.
+RigidTransform FromRectified(const std::vector<double>& R, double shift, const YamlNode& node);
 
 /// The number that `forward` maps to `value` exactly, looked for about `guess`: undoing a scale or
 /// an offset by the inverse operation loses the last digit. `guess` when there is none.

@@ -1,9 +1,24 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <array>
+#include <string>
+#include <vector>
+
 #include "apps/formats/camera_format.h"
 
 namespace plenocal {
+
+/// What MATLAB's cameraIntrinsics takes, of one camera.
+struct MatlabIntrinsics {
+  std::array<double, 2> FocalLength, PrincipalPoint;  ///< px, (1, 1) at the first pixel's centre
+  std::array<double, 2> ImageSize;                    ///< rows, columns
+  std::vector<double> RadialDistortion;               ///< three
+  std::array<double, 2> TangentialDistortion;
+};
+MatlabIntrinsics ToMatlab(const CalibratedCamera& camera);
+/// Two or three radial coefficients.
+CalibratedCamera FromMatlab(const MatlabIntrinsics& intrinsics, const std::string& where);
 
 // opencv_files.cc: OpenCV's own YAML
 CameraFormat OpenCvFormat();
@@ -18,6 +33,8 @@ CameraFormat MatlabFormat();
 // text_files.cc: lines of numbers
 CameraFormat ColmapFormat();
 CameraFormat DsoFormat();
+// mat_file.cc: MATLAB's binary files
+CameraFormat MatFormat();
 // lifcal.cc
 CameraFormat LifcalFormat();
 

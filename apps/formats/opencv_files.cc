@@ -9,6 +9,7 @@
 #include <array>
 
 #include "apps/formats/formats.h"
+#include "apps/undistort/rectify.h"
 #include "calib/error.h"
 #include "calib/text_file.h"
 #include "calib/yaml.h"
@@ -23,14 +24,6 @@ std::string CameraMatrix(const std::string& key, const Lens& lens) {
 
 std::string Coefficients(const std::string& key, const Lens& lens) {
   return OpenCvMatrix(key, 1, static_cast<int>(lens.coefficients.size()), 'd', lens.coefficients);
-}
-
-std::array<double, 9> RowMajor(const Eigen::Matrix3d& R) {
-  std::array<double, 9> values{};
-  for (int r = 0; r < 3; ++r) {
-    for (int c = 0; c < 3; ++c) values[static_cast<size_t>(3 * r + c)] = R(r, c);
-  }
-  return values;
 }
 
 RigidTransform FromRowMajor(const std::vector<double>& R, const std::vector<double>& t) {
@@ -133,7 +126,8 @@ std::string WriteOpenCv(const std::vector<CalibratedCamera>& cameras) {
 
 std::vector<CalibratedCamera> ReadOpenCv(const CameraSource& source) {
   const YamlNode root = ReadStorage(source.path);
-  const bool fisheye = root.Has("fisheye_model") && root.At("fisheye_model").AsInteger() == 1;
+  const bool fisheye =
+      source.fisheye || (root.Has("fisheye_model") && root.At("fisheye_model").AsInteger() == 1);
   const auto read = [&](const YamlNode& K, const std::optional<YamlNode>& D, const std::string& n) {
     return FromLens(
         LensOf(K, D, fisheye), SizeOf(root, n, source), OpenCvLenses(), source.path.string());
@@ -155,14 +149,16 @@ std::vector<CalibratedCamera> ReadOpenCv(const CameraSource& source) {
     cameras.push_back(read(*K, Find(root, numbered(kCoefficients)), number));
     cameras.back().name = "camera" + number;
   }
-  if (root.Has("R") && root.Has("T")) {
-    cameras[1].T_camera_rig =
-        FromRowMajor(MatrixData(root.At("R"), 9), MatrixData(root.At("T"), 3));
-  } else {
+  // OpenCV's program for stereo pairs writes the pose into a file of its own.
+  const std::filesystem::path beside = source.path.parent_path() / "extrinsics.yml";
+  const bool here = root.Has("R") && root.Has("T");
+  if (!here && !std::filesystem::exists(beside)) {
     root.Fail(
-        "two cameras without 'R' and 'T': OpenCV's programs write them to extrinsics.yml; "
-        "copy them into this file");
+        "two cameras without 'R' and 'T': OpenCV's programs write them to extrinsics.yml; put it "
+        "beside this file");
   }
+  const YamlNode pose = here ? root : ReadStorage(beside);
+  cameras[1].T_camera_rig = FromRowMajor(MatrixData(pose.At("R"), 9), MatrixData(pose.At("T"), 3));
   return cameras;
 }
 
@@ -223,17 +219,56 @@ ImageSize ReadOrbSlamSize(const YamlNode& root, const CameraSource& source) {
   root.Fail("holds no 'Camera.width' and 'Camera.height'; give --size WIDTHxHEIGHT");
 }
 
+/// One camera, or a pair with what rectifies it; Camera.* are then the rectified views' and b times
+/// f is Camera.bf.
 std::string WriteOrbSlam2(const std::vector<CalibratedCamera>& cameras) {
-  return kOpenCvHead + OrbSlamCamera("Camera", ToLens(cameras[0], OrbSlam2Lenses(), "orbslam2")) +
-         OrbSlamImages(cameras[0]);
+  const Lens first = ToLens(cameras[0], OrbSlam2Lenses(), "orbslam2");
+  if (cameras.size() == 1) {
+    return kOpenCvHead + OrbSlamCamera("Camera", first) + OrbSlamImages(cameras[0]);
+  }
+  const RectifiedPair pair = Rectify(cameras[0], cameras[1], {});
+  const std::vector<double>& p = pair.views[0].params;
+  std::string text =
+      kOpenCvHead + OrbSlamCamera("Camera", {"PinHole", p[0], p[1], p[2], p[3], {0, 0, 0, 0, 0}}) +
+      OrbSlamImages(pair.views[0]) +
+      fmt::format("# baseline times fx\nCamera.bf: {}\n\n", RealText(pair.baseline * p[0]));
+  for (size_t c = 0; c < 2; ++c) {
+    const std::string side = c == 0 ? "LEFT" : "RIGHT";
+    const Lens lens = ToLens(cameras[c], OrbSlam2Lenses(), "orbslam2");
+    text += fmt::format("{0}.height: {1}\n{0}.width: {2}\n",
+                        side,
+                        cameras[c].image_size[1],
+                        cameras[c].image_size[0]);
+    text += Coefficients(side + ".D", lens) + CameraMatrix(side + ".K", lens) +
+            OpenCvMatrix(side + ".R", 3, 3, 'd', RowMajor(pair.R_view_camera[c])) +
+            OpenCvMatrix(side + ".P", 3, 4, 'd', pair.ProjectionMatrix(c));
+  }
+  return text;
 }
 
 std::vector<CalibratedCamera> ReadOrbSlam2(const CameraSource& source) {
   const YamlNode root = ReadStorage(source.path);
-  return {FromLens(ReadOrbSlamCamera(root, "Camera", "PinHole"),
-                   ReadOrbSlamSize(root, source),
-                   OrbSlam2Lenses(),
-                   source.path.string())};
+  if (!root.Has("LEFT.K")) {
+    return {FromLens(ReadOrbSlamCamera(root, "Camera", "PinHole"),
+                     ReadOrbSlamSize(root, source),
+                     OrbSlam2Lenses(),
+                     source.path.string())};
+  }
+  std::vector<CalibratedCamera> cameras;
+  for (const std::string side : {"LEFT", "RIGHT"}) {
+    Lens lens = LensOf(root.At(side + ".K"), root.At(side + ".D"), false);
+    lens.name = "PinHole";
+    cameras.push_back(
+        FromLens(lens,
+                 {root.At(side + ".width").AsInteger(), root.At(side + ".height").AsInteger()},
+                 OrbSlam2Lenses(),
+                 source.path.string()));
+    const std::vector<double> P = MatrixData(root.At(side + ".P"), 12);
+    const YamlNode R = root.At(side + ".R");
+    cameras.back().T_camera_rig = FromRectified(MatrixData(R, 9), P[0] != 0 ? P[3] / P[0] : 0, R);
+    cameras.back().name = side == "LEFT" ? "left" : "right";
+  }
+  return cameras;
 }
 
 std::string WriteOrbSlam3(const std::vector<CalibratedCamera>& cameras) {
@@ -298,7 +333,7 @@ CameraFormat OpenCvFormat() {
   return {"opencv", "calibration.yml", 2, true, WriteOpenCv, ReadOpenCv};
 }
 CameraFormat OrbSlam2Format() {
-  return {"orbslam2", "settings.yaml", 1, false, WriteOrbSlam2, ReadOrbSlam2};
+  return {"orbslam2", "settings.yaml", 2, true, WriteOrbSlam2, ReadOrbSlam2};
 }
 CameraFormat OrbSlam3Format() {
   return {"orbslam3", "settings.yaml", 2, true, WriteOrbSlam3, ReadOrbSlam3};

@@ -208,6 +208,8 @@ CameraFormat ColmapFormat() {
   constexpr size_t kMost = 1000000;
   return {"colmap", "cameras.txt", kMost, false, WriteColmap, ReadColmap};
 }
-CameraFormat DsoFormat() { return {"dso", "camera.txt", 1, false, WriteDso, ReadDso}; }
+CameraFormat DsoFormat() {
+  return {"dso", "camera.txt", 1, false, WriteDso, ReadDso, nullptr, true};
+}
 
 }  // namespace plenocal

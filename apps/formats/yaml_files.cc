@@ -11,6 +11,7 @@
 #include <limits>
 
 #include "apps/formats/formats.h"
+#include "apps/undistort/rectify.h"
 #include "calib/camera_yaml.h"
 #include "calib/error.h"
 #include "calib/text_file.h"
@@ -36,8 +37,10 @@ std::span<const LensForm> RosLenses() {
   return kForms;
 }
 
-std::string WriteRos(const std::vector<CalibratedCamera>& cameras) {
-  const CalibratedCamera& camera = cameras[0];
+/// `R` and `P` are those of a rectified pair, or nothing and the camera's own.
+std::string RosFile(const CalibratedCamera& camera,
+                    const Eigen::Matrix3d& R,
+                    const std::array<double, 12>& P) {
   const Lens lens = ToLens(camera, RosLenses(), "ros");
   const auto matrix = [](const char* key, int rows, int cols, std::span<const double> data) {
     return fmt::format(
@@ -54,13 +57,22 @@ std::string WriteRos(const std::vector<CalibratedCamera>& cameras) {
   text += fmt::format("distortion_model: {}\n", lens.name);
   text += matrix(
       "distortion_coefficients", 1, static_cast<int>(lens.coefficients.size()), lens.coefficients);
-  text += matrix("rectification_matrix", 3, 3, std::array{1., 0., 0., 0., 1., 0., 0., 0., 1.});
-  text +=
-      matrix("projection_matrix",
-             3,
-             4,
-             std::array{lens.f_x, 0., lens.c_x, 0., 0., lens.f_y, lens.c_y, 0., 0., 0., 1., 0.});
-  return text;
+  text += matrix("rectification_matrix", 3, 3, RowMajor(R));
+  return text + matrix("projection_matrix", 3, 4, P);
+}
+
+std::string WriteRos(const std::vector<CalibratedCamera>& cameras) {
+  const Lens lens = ToLens(cameras[0], RosLenses(), "ros");
+  return RosFile(cameras[0],
+                 Eigen::Matrix3d::Identity(),
+                 {lens.f_x, 0, lens.c_x, 0, 0, lens.f_y, lens.c_y, 0, 0, 0, 1, 0});
+}
+
+/// The baseline has its only place in the second P: f times the second camera's shift.
+std::vector<std::string> WriteRosPair(const std::vector<CalibratedCamera>& cameras) {
+  const RectifiedPair pair = Rectify(cameras[0], cameras[1], {});
+  return {RosFile(cameras[0], pair.R_view_camera[0], pair.ProjectionMatrix(0)),
+          RosFile(cameras[1], pair.R_view_camera[1], pair.ProjectionMatrix(1))};
 }
 
 std::vector<CalibratedCamera> ReadRos(const CameraSource& source) {
@@ -77,6 +89,13 @@ std::vector<CalibratedCamera> ReadRos(const CameraSource& source) {
                RosLenses(),
                source.path.string());
   if (root.Has("camera_name")) camera.name = root.At("camera_name").AsString();
+  if (root.Has("rectification_matrix") && root.Has("projection_matrix")) {
+    // The rig is the rectified frame of the pair's first camera.
+    const YamlNode rectification = root.At("rectification_matrix").At("data");
+    const std::vector<double> P = root.At("projection_matrix").At("data").AsNumbers(12);
+    camera.T_camera_rig =
+        FromRectified(rectification.AsNumbers(9), P[0] != 0 ? P[3] / P[0] : 0, rectification);
+  }
   return {camera};
 }
 
@@ -91,15 +110,40 @@ std::span<const LensForm> KalibrLenses() {
       {"kannala-brandt4", "pinhole equidistant", {"k_1", "k_2", "k_3", "k_4"}},
       {"fov", "pinhole fov", {"omega"}},
       {"eucm", "eucm none", {"alpha", "beta"}},
-      {"double-sphere", "ds none", {"xi", "alpha"}}};
+      {"double-sphere", "ds none", {"xi", "alpha"}},
+      {"ucm", "omni none", {"alpha"}}};
   return kForms;
+}
+
+/// Kalibr's omni without distortion is the unified model by other parameters (models/ucm.h).
+Lens ToOmni(const Lens& ucm) {
+  const double scale = 1 / (1 - ucm.coefficients[0]);
+  return {
+      ucm.name, scale * ucm.f_x, scale * ucm.f_y, ucm.c_x, ucm.c_y, {scale * ucm.coefficients[0]}};
+}
+
+Lens FromOmni(const Lens& omni, const YamlNode& node) {
+  if (omni.coefficients.empty()) node.At("intrinsics").Fail("expected xi fu fv pu pv");
+  for (size_t i = 1; i < omni.coefficients.size(); ++i) {
+    if (omni.coefficients[i] == 0) continue;
+    node.At("camera_model")
+        .Fail(
+            "omni with distortion is no camera model of this plenocal; calibrate again with "
+            "Kalibr's ds-none or eucm-none, or give its images or detections to 'plenocal "
+            "calibrate'");
+  }
+  const double xi = omni.coefficients[0];
+  if (!(xi > -1)) node.At("intrinsics").Fail("expected xi above -1");
+  return {
+      "omni none", omni.f_x / (1 + xi), omni.f_y / (1 + xi), omni.c_x, omni.c_y, {xi / (1 + xi)}};
 }
 
 std::string WriteKalibr(const std::vector<CalibratedCamera>& cameras) {
   std::string text;
   for (size_t i = 0; i < cameras.size(); ++i) {
     const CalibratedCamera& camera = cameras[i];
-    const Lens lens = ToLens(camera, KalibrLenses(), "kalibr");
+    Lens lens = ToLens(camera, KalibrLenses(), "kalibr");
+    if (lens.name == "omni none") lens = ToOmni(lens);
     const size_t blank = lens.name.find(' ');
     const std::string projection = lens.name.substr(0, blank);
     // A projection's own parameters come before the focal lengths, distortion apart.
@@ -148,6 +192,7 @@ std::vector<CalibratedCamera> ReadKalibr(const CameraSource& source) {
         lens.coefficients.push_back(value);
       }
     }
+    if (projection == "omni") lens = FromOmni(lens, node);
     CalibratedCamera camera =
         FromLens(lens,
                  ReadImageSize(node.At("resolution")),
@@ -205,6 +250,12 @@ std::string WriteMrcal(const std::vector<CalibratedCamera>& cameras) {
       camera.image_size[1]);
 }
 
+std::vector<std::string> WriteMrcalRig(const std::vector<CalibratedCamera>& cameras) {
+  std::vector<std::string> files;
+  for (const CalibratedCamera& camera : cameras) files.push_back(WriteMrcal({camera}));
+  return files;
+}
+
 std::vector<CalibratedCamera> ReadMrcal(const CameraSource& source) {
   std::string text = ReadTextFile(source.path);
   // A packed blob that only mrcal reads.
@@ -213,10 +264,15 @@ std::vector<CalibratedCamera> ReadMrcal(const CameraSource& source) {
     text.erase(blob, end == std::string::npos ? end : end - blob);
   }
   const YamlNode root = YamlNode::Parse(text, source.path.string());
-  const char* const lens_key = root.Has("lensmodel") ? "lensmodel" : "lens_model";
+  const YamlNode lens = root.At(root.Has("lensmodel") ? "lensmodel" : "lens_model");
+  if (lens.AsString().starts_with("LENSMODEL_SPLINED")) {
+    lens.Fail(
+        "splined models are not read; fit another to it first: 'mrcal-convert-lensmodel "
+        "LENSMODEL_OPENCV8 FILE'");
+  }
   const std::vector<double> intrinsics = root.At("intrinsics").AsNumbers(0);
   if (intrinsics.size() < 4) root.At("intrinsics").Fail("expected at least four numbers");
-  CalibratedCamera camera = FromLens({root.At(lens_key).AsString(),
+  CalibratedCamera camera = FromLens({lens.AsString(),
                                       intrinsics[0],
                                       intrinsics[1],
                                       intrinsics[2],
@@ -353,73 +409,121 @@ std::vector<CalibratedCamera> ReadBasalt(const CameraSource& source) {
   return cameras;
 }
 
-// MATLAB: JSON for jsondecode and cameraIntrinsics
+// MATLAB: JSON for jsondecode, then cameraIntrinsics; of a pair stereoParameters
 
 std::span<const LensForm> MatlabLenses() { return OpenCvLenses().first(4); }
 
+/// The object's entries, each line after `indent`.
+std::string MatlabObject(const CalibratedCamera& camera, const std::string& indent) {
+  const MatlabIntrinsics m = ToMatlab(camera);
+  const auto entry = [&](const char* key, std::span<const double> values) {
+    return fmt::format("{}  \"{}\": [{}],\n", indent, key, RealList(values));
+  };
+  return "{\n" + entry("FocalLength", m.FocalLength) + entry("PrincipalPoint", m.PrincipalPoint) +
+         fmt::format(
+             "{}  \"ImageSize\": [{}, {}],\n", indent, camera.image_size[1], camera.image_size[0]) +
+         entry("RadialDistortion", m.RadialDistortion) +
+         entry("TangentialDistortion", m.TangentialDistortion) + indent + "  \"Skew\": 0\n" +
+         indent + "}";
+}
+
 std::string WriteMatlab(const std::vector<CalibratedCamera>& cameras) {
-  const CalibratedCamera& camera = cameras[0];
-  Lens lens = ToLens(camera, MatlabLenses(), "matlab");
-  lens.coefficients.resize(5);
-  const std::vector<double>& k = lens.coefficients;
+  if (cameras.size() == 1) return MatlabObject(cameras[0], "") + "\n";
+  const RigidTransform T = cameras[1].T_camera_rig * cameras[0].T_camera_rig.Inverse();
+  std::string rows;
+  for (int r = 0; r < 3; ++r) {
+    rows += fmt::format("[{}], ", RealList(std::array{T.R(r, 0), T.R(r, 1), T.R(r, 2), T.t[r]}));
+  }
   return fmt::format(
-      R"({{
-  "FocalLength": [{}],
-  "PrincipalPoint": [{}],
-  "ImageSize": [{}, {}],
-  "RadialDistortion": [{}],
-  "TangentialDistortion": [{}],
-  "Skew": 0
-}}
-)",
-      RealList(std::array{lens.f_x, lens.f_y}),
-      RealList(std::array{lens.c_x + 1, lens.c_y + 1}),
-      camera.image_size[1],
-      camera.image_size[0],
-      RealList(std::array{k[0], k[1], k[4]}),
-      RealList(std::array{k[2], k[3]}));
+      "{{\n  \"Camera1\": {},\n  \"Camera2\": {},\n  \"PoseCamera2\": [{}[0.0, 0.0, 0.0, "
+      "1.0]]\n}}\n",
+      MatlabObject(cameras[0], "  "),
+      MatlabObject(cameras[1], "  "),
+      rows);
+}
+
+CalibratedCamera ReadMatlabObject(const YamlNode& node, const std::string& where) {
+  const auto pair = [&](const char* key) {
+    const std::vector<double> values = node.At(key).AsNumbers(2);
+    return std::array{values[0], values[1]};
+  };
+  MatlabIntrinsics m{pair("FocalLength"),
+                     pair("PrincipalPoint"),
+                     pair("ImageSize"),
+                     node.At("RadialDistortion").AsNumbers(0),
+                     pair("TangentialDistortion")};
+  if (m.RadialDistortion.size() < 2 || m.RadialDistortion.size() > 3) {
+    node.At("RadialDistortion").Fail("expected two or three numbers");
+  }
+  if (node.Has("Skew") && node.At("Skew").AsNumber() != 0) {
+    node.At("Skew").Fail("a skewed camera matrix is not read");
+  }
+  ReadImageSize(node.At("ImageSize"));  // whole positive numbers
+  return FromMatlab(m, where);
 }
 
 std::vector<CalibratedCamera> ReadMatlab(const CameraSource& source) {
   const YamlNode root = YamlNode::ReadFile(source.path);
-  const std::vector<double> f = root.At("FocalLength").AsNumbers(2);
-  const std::vector<double> c = root.At("PrincipalPoint").AsNumbers(2);
-  const ImageSize rows_columns = ReadImageSize(root.At("ImageSize"));
-  std::vector<double> radial = root.At("RadialDistortion").AsNumbers(0);
-  const std::vector<double> tangential = root.At("TangentialDistortion").AsNumbers(2);
-  if (radial.size() < 2 || radial.size() > 3) {
-    root.At("RadialDistortion").Fail("expected two or three numbers");
+  const std::string where = source.path.string();
+  if (!root.Has("Camera1")) return {ReadMatlabObject(root, where)};
+  std::vector<CalibratedCamera> cameras{ReadMatlabObject(root.At("Camera1"), where),
+                                        ReadMatlabObject(root.At("Camera2"), where)};
+  cameras[0].name = "camera1";
+  cameras[1].name = "camera2";
+  const YamlNode matrix = root.At("PoseCamera2");
+  const auto rows = matrix.Elements();
+  if (rows.size() != 4) matrix.Fail("expected the four rows of a 4 x 4 matrix");
+  for (int r = 0; r < 3; ++r) {
+    const std::vector<double> row = rows[static_cast<size_t>(r)].AsNumbers(4);
+    cameras[1].T_camera_rig.R.row(r) << row[0], row[1], row[2];
+    cameras[1].T_camera_rig.t[r] = row[3];
   }
-  if (root.Has("Skew") && root.At("Skew").AsNumber() != 0) {
-    root.At("Skew").Fail("a skewed camera matrix is not read");
-  }
-  radial.resize(3);
-  const auto centre = [](double value) {
-    return Inverted(value, value - 1, [](double x) { return x + 1; });
-  };
-  return {FromLens({"radtan",
-                    f[0],
-                    f[1],
-                    centre(c[0]),
-                    centre(c[1]),
-                    {radial[0], radial[1], tangential[0], tangential[1], radial[2]}},
-                   {rows_columns[1], rows_columns[0]},
-                   MatlabLenses(),
-                   source.path.string())};
+  return cameras;
 }
 
 }  // namespace
 
-CameraFormat RosFormat() { return {"ros", "camera_info.yaml", 1, false, WriteRos, ReadRos}; }
+CameraFormat RosFormat() {
+  return {"ros", "camera_info.yaml", 2, true, WriteRos, ReadRos, WriteRosPair};
+}
 CameraFormat KalibrFormat() {
   return {"kalibr", "camchain.yaml", kAnyNumber, true, WriteKalibr, ReadKalibr};
 }
 CameraFormat MrcalFormat() {
-  return {"mrcal", "camera.cameramodel", 1, true, WriteMrcal, ReadMrcal};
+  return {"mrcal", "camera.cameramodel", kAnyNumber, true, WriteMrcal, ReadMrcal, WriteMrcalRig};
 }
 CameraFormat BasaltFormat() {
   return {"basalt", "calibration.json", kAnyNumber, true, WriteBasalt, ReadBasalt};
 }
-CameraFormat MatlabFormat() { return {"matlab", "camera.json", 1, false, WriteMatlab, ReadMatlab}; }
+CameraFormat MatlabFormat() { return {"matlab", "camera.json", 2, true, WriteMatlab, ReadMatlab}; }
+
+MatlabIntrinsics ToMatlab(const CalibratedCamera& camera) {
+  Lens lens = ToLens(camera, MatlabLenses(), "matlab");
+  lens.coefficients.resize(5);
+  const std::vector<double>& k = lens.coefficients;
+  return {{lens.f_x, lens.f_y},
+          {lens.c_x + 1, lens.c_y + 1},
+          {static_cast<double>(camera.image_size[1]), static_cast<double>(camera.image_size[0])},
+          {k[0], k[1], k[4]},
+          {k[2], k[3]}};
+}
+
+CalibratedCamera FromMatlab(const MatlabIntrinsics& m, const std::string& where) {
+  std::vector<double> radial = m.RadialDistortion;
+  radial.resize(3);
+  const auto centre = [](double value) {
+    return Inverted(value, value - 1, [](double x) { return x + 1; });
+  };
+  return FromLens(
+      {"radtan",
+       m.FocalLength[0],
+       m.FocalLength[1],
+       centre(m.PrincipalPoint[0]),
+       centre(m.PrincipalPoint[1]),
+       {radial[0], radial[1], m.TangentialDistortion[0], m.TangentialDistortion[1], radial[2]}},
+      {static_cast<int>(m.ImageSize[1]), static_cast<int>(m.ImageSize[0])},
+      MatlabLenses(),
+      where);
+}
 
 }  // namespace plenocal

@@ -81,6 +81,11 @@ RectifiedPair Rectify(const CalibratedCamera& first,
   return pair;
 }
 
+std::array<double, 12> RectifiedPair::ProjectionMatrix(size_t view) const {
+  const std::vector<double>& p = views[view].params;
+  return {p[0], 0, p[2], p[0] * views[view].T_camera_rig.t.x(), 0, p[1], p[3], 0, 0, 0, 1, 0};
+}
+
 EpipolarErrors MeasureEpipolarErrors(const RectifiedPair& pair,
                                      const std::array<const CalibratedCamera*, 2>& cameras,
                                      const std::array<std::vector<View>, 2>& views) {

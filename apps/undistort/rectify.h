@@ -23,6 +23,9 @@ struct RectifiedPair {
   /// The cameras stand above each other: the views are turned by 90 degrees, so that rows
   /// correspond as stereo matchers need it.
   bool turned = false;
+
+  /// P1 or P2 of cv::stereoRectify, 3 x 4 row by row: from the first view's frame to a view's px.
+  [[nodiscard]] std::array<double, 12> ProjectionMatrix(size_t view) const;
 };
 
 /// The views look along the mean of both optical axes as nearly as the baseline allows. Throws

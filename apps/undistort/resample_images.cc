@@ -147,4 +147,13 @@ std::map<std::string, std::string> MapFiles(const PixelMap& map,
   return {{"", storage.releaseAndGetString()}};
 }
 
+std::string VignettePng(const std::filesystem::path& attenuation) {
+  const cv::Mat exact = ReadAttenuation(attenuation);
+  double largest = 0;
+  cv::minMaxLoc(exact, nullptr, &largest);
+  cv::Mat image;
+  exact.convertTo(image, CV_16U, 65535 / largest);
+  return EncodeImage(".png", image);
+}
+
 }  // namespace plenocal

@@ -45,4 +45,7 @@ std::map<std::string, std::string> MapFiles(const PixelMap& map,
                                             const std::vector<double>& pinhole,
                                             const std::string& format);
 
+/// An attenuation TIFF as PNG of 16 bits whose largest value is 65535, as DSO reads it.
+std::string VignettePng(const std::filesystem::path& attenuation);
+
 }  // namespace plenocal
