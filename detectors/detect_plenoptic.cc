@@ -34,7 +34,8 @@ std::string Pack(const RawDetections& found) {
   writer.PutAll(found.markers, [&](const internal::MicroObservation& o) {
     writer.Put(o.seen);
     writer.Put(o.inverse_depth);
-    writer.Put(o.blur);
+    writer.Put(o.pull.x());
+    writer.Put(o.pull.y());
     writer.Put(o.type);
   });
   writer.PutAll(found.left_out, [&](const std::string& reason) { writer.Put(reason); });
@@ -49,7 +50,8 @@ std::optional<RawDetections> UnpackDetections(const std::string& text) {
     internal::MicroObservation& o = found.markers.emplace_back();
     o.seen = reader.Get<Observation>();
     o.inverse_depth = reader.Get<double>();
-    o.blur = reader.Get<double>();
+    o.pull.x() = reader.Get<double>();
+    o.pull.y() = reader.Get<double>();
     o.type = reader.Get<int>();
   });
   reader.GetAll([&] { found.left_out.push_back(reader.Get<std::string>()); });
@@ -158,7 +160,7 @@ WhiteField MeasureWhiteField(const DetectOptions& options, StageStore* store) {
 }
 
 /// The markers of one raw image, measured in its micro images; with pictures when asked for.
-RawDetections DetectInRaw(cv::Mat raw,
+RawDetections DetectInRaw(const cv::Mat& raw,
                           const Target& target,
                           const internal::FocusedMarkers& markers,
                           const PlenopticCamera& camera,
@@ -166,7 +168,7 @@ RawDetections DetectInRaw(cv::Mat raw,
                           Pictures* pictures) {
   FocusOptions focus{.threads = threads, .find_flat_parts = {}};
   focus.find_flat_parts = [&](const cv::Mat& image) { return markers.FlatParts(image); };
-  const FocusedView view = Focus(std::move(raw), camera, focus);
+  const FocusedView view = Focus(raw, camera, focus);
   const MarkerDetections found = markers.Detect(view.image);
   if (pictures != nullptr) {
     cv::Mat grey;
@@ -183,8 +185,10 @@ RawDetections DetectInRaw(cv::Mat raw,
     look.place *= scale;
     look.cells_by_image.leftCols<2>() /= scale;
   }
+  // Those of the focused view have been changed by its own estimate of the shifts near their edges.
+  const internal::LensPatches patches = GreyPatches(raw, camera, threads);
   RawDetections result{.markers = internal::MeasureInMicroImages(
-                           looks, view.depth, view.patches, camera.array, view.noise, threads),
+                           looks, view.depth, patches, camera.array, view.noise, threads),
                        .left_out = found.left_out,
                        .failure = found.failure};
   if (result.markers.empty() && result.failure.empty()) {
@@ -270,7 +274,7 @@ ImageDetections DetectPlenopticImages(const std::vector<FrameImage>& images,
     }
     if (options.progress && !options.progress(i + 1)) throw Stopped();
   }
-  internal::RemoveDefocusShifts(camera.array.types, &views);
+  internal::RemoveVignettingShifts(camera.array.types, &views);
   for (size_t i = 0; i < views.size(); ++i) {
     View view{frames[i], {}};
     for (const internal::MicroObservation& o : views[i]) {

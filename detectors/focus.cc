@@ -32,6 +32,15 @@ cv::Mat GreyOf(const cv::Mat& raw) {
   return Exact(grey);
 }
 
+internal::LensPatches CutGrey(const cv::Mat& grey, const PlenopticCamera& camera, int threads) {
+  return internal::CutPatches(
+      grey,
+      camera.attenuation,
+      camera.array,
+      camera.bayer.empty() ? std::nullopt : std::optional(internal::kGreyOfMosaic),
+      threads);
+}
+
 /// The micro images in one colour: 0 blue, 1 green, 2 red.
 internal::LensPatches CutColour(const cv::Mat& raw,
                                 int colour,
@@ -54,6 +63,10 @@ internal::LensPatches CutColour(const cv::Mat& raw,
 }
 
 }  // namespace
+
+internal::LensPatches GreyPatches(const cv::Mat& raw, const PlenopticCamera& camera, int threads) {
+  return CutGrey(GreyOf(raw), camera, threads);
+}
 
 FocusedView Focus(cv::Mat raw, const PlenopticCamera& camera, const FocusOptions& options) {
   using namespace internal;
@@ -82,11 +95,7 @@ FocusedView Focus(cv::Mat raw, const PlenopticCamera& camera, const FocusOptions
   const MicroLensArray& array = camera.array;
   const MicroLensIndex index(array);
   FocusedView view;
-  view.patches = CutPatches(grey,
-                            camera.attenuation,
-                            array,
-                            camera.bayer.empty() ? std::nullopt : std::optional(kGreyOfMosaic),
-                            threads);
+  view.patches = CutGrey(grey, camera, threads);
   grey.release();  // the patches have all that is needed of it
   view.noise = EstimateNoise(view.patches);
   const LensPatches& patches = view.patches;

@@ -46,6 +46,9 @@ struct FocusedView {
   internal::SensorNoise noise;
 };
 
+/// The micro images of a raw image, as `Focus` takes it, in grey.
+internal::LensPatches GreyPatches(const cv::Mat& raw, const PlenopticCamera& camera, int threads);
+
 /// `raw`: CV_8U or CV_16U, grey (mosaic) or BGR; moved in, its memory is free early. Throws `Error`
 /// of kind kInput for an image of another size, of kind kJob for one that does not belong to the
 /// grid or has no texture; the message does not name the image.

@@ -69,6 +69,28 @@ Smoothness Measure(const LensPatches& patches, size_t lens) {
 
 }  // namespace
 
+float LensPatches::BrightestLight(size_t lens) const {
+  const float* known = Value(lens);
+  float brightest = 0;
+  for (int y = 0; y < size; ++y) {
+    for (int x = 0; x < size; ++x) {
+      if (!std::isnan(known[y * size + x])) brightest = std::max(brightest, Light(lens, x, y));
+    }
+  }
+  return brightest;
+}
+
+Eigen::Vector2f LensPatches::LightSlope(size_t lens, int x, int y) const {
+  const cv::Mat& v = attenuation;
+  const int column = origin[lens].x() + x, row = origin[lens].y() + y;
+  if (column < 1 || row < 1 || column + 1 >= v.cols || row + 1 >= v.rows) return {0, 0};
+  const float* at = v.ptr<float>(row) + column;
+  const float above = v.ptr<float>(row - 1)[column], below = v.ptr<float>(row + 1)[column];
+  // The half difference of ln V as (V+ - V-) / (V+ + V-), whose two pixels have one colour in a
+  // mosaic.
+  return {(at[1] - at[-1]) / (at[1] + at[-1]), (below - above) / (below + above)};
+}
+
 LensPatches CutPatches(const cv::Mat& raw,
                        const cv::Mat& attenuation,
                        const MicroLensArray& array,

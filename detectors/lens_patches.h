@@ -40,6 +40,10 @@ struct LensPatches {
   [[nodiscard]] float Light(size_t lens, int x, int y) const {
     return attenuation.ptr<float>(origin[lens].y() + y)[origin[lens].x() + x];
   }
+  /// The largest attenuation of a micro image's pixels; 0 without any.
+  [[nodiscard]] float BrightestLight(size_t lens) const;
+  /// Gradient of ln V there, V the attenuation, 1 / px; zero on the edge of the image.
+  [[nodiscard]] Eigen::Vector2f LightSlope(size_t lens, int x, int y) const;
 };
 
 /// How much each pixel of the 2 x 2 raster of a raw mosaic counts, row by row from the image's top

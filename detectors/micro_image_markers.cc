@@ -16,9 +16,11 @@
 namespace plenocal::internal {
 namespace {
 
-/// Farther from the centre of its micro image than this part of the pitch the main lens' stop cuts
-/// into the micro lens' aperture, and what is out of focus shifts (shared/PLENOPTIC.md, section 6).
+/// Farther from the centre of its micro image than this part of the pitch there is no light on all
+/// sides of a marker.
 constexpr double kReach = 0.3;
+/// Of the light in its micro image's middle a pixel must have at least this share.
+constexpr float kLeastLight = 0.75f;
 
 /// One marker in one micro image.
 struct Sight {
@@ -28,6 +30,7 @@ struct Sight {
   Eigen::Matrix3f G = Eigen::Matrix3f::Identity();  ///< raw px about `predicted` to cells
   double cell_px = 0;                               ///< size of a cell in the micro image
   double blur = 0;                                  ///< px, as fitted
+  Eigen::Vector2d pull{0, 0};                       ///< as in `MicroObservation`
   std::optional<Observation> measured = {};
 };
 
@@ -65,22 +68,27 @@ void Measure(const MarkerLook& look,
   const float* value = patches.Value(lens);
   struct Pixel {
     float x, y, value, weight;
+    Eigen::Vector2f light_slope;
   };
   std::vector<Pixel> pixels;
   // The cells that meet at the marker, and as much as blurs into them.
   const double window = 1.5 * sight->cell_px + 2;
   double low = 1e30, high = -1e30;
+  const float least = kLeastLight * patches.BrightestLight(lens);
   for (int row = 0; row < patches.size; ++row) {
     for (int column = 0; column < patches.size; ++column) {
       const int i = row * patches.size + column;
-      if (std::isnan(value[i])) continue;
+      if (std::isnan(value[i]) || patches.Light(lens, column, row) < least) continue;
       const double x = patches.origin[lens].x() + column - sight->predicted.x();
       const double y = patches.origin[lens].y() + row - sight->predicted.y();
       if (x * x + y * y > window * window || !IsKnown(look, sight->G, x, y)) continue;
       const float light = patches.Light(lens, column, row), raw = value[i] * light;
       const float variance = noise.read + noise.shot * std::max(raw, 0.f);
-      pixels.push_back(
-          {static_cast<float>(x), static_cast<float>(y), value[i], light * light / variance});
+      pixels.push_back({static_cast<float>(x),
+                        static_cast<float>(y),
+                        value[i],
+                        light * light / variance,
+                        patches.LightSlope(lens, column, row)});
       low = std::min(low, static_cast<double>(value[i]));
       high = std::max(high, static_cast<double>(value[i]));
     }
@@ -94,12 +102,14 @@ void Measure(const MarkerLook& look,
   p[kBlur] = prior.mean;
   const double limit = std::max(1.0, 0.5 * sight->cell_px);
   double chi2 = 0;
+  Vector pull = Vector::Zero();
   Matrix information = Matrix::Zero();
   for (int iteration = 0; iteration < kIterations; ++iteration) {
     if (look.beyond_unknown) drawing.SetBeyond(static_cast<float>(p[kBeyond]));
     Matrix H = Matrix::Zero();
     Vector g = Vector::Zero();
     chi2 = 0;
+    pull.setZero();
     for (const Pixel& pixel : pixels) {
       const auto drawn = drawing.Draw(sight->G,
                                       static_cast<float>(p[kBlur]),
@@ -120,6 +130,8 @@ void Measure(const MarkerLook& look,
       const double residual = pixel.value - p[kLevel] - k * drawn.value;
       H += pixel.weight * j * j.transpose();
       g += pixel.weight * residual * j;
+      // What a displacement by grad ln V does is what a shift of the drawing undoes.
+      pull -= pixel.weight * j.head<2>().dot(pixel.light_slope.cast<double>()) * j;
       chi2 += pixel.weight * residual * residual;
     }
     const double precision = 1 / (prior.sigma * prior.sigma);
@@ -145,7 +157,8 @@ void Measure(const MarkerLook& look,
     if (p.head<2>().norm() > limit) return;
     if (iteration > 1 && length < kConverged) break;
   }
-  const Eigen::Matrix2d covariance = information.inverse().topLeftCorner<2, 2>();
+  const Matrix covariance_of_all = information.inverse();
+  const Eigen::Matrix2d covariance = covariance_of_all.topLeftCorner<2, 2>();
   const double excess = chi2 / static_cast<double>(pixels.size() - kCount);
   const double sigma = std::sqrt(covariance.trace() / 2 * std::max(1.0, excess));
   // Without two edges in the window one direction is open; also false for NaN.
@@ -153,6 +166,7 @@ void Measure(const MarkerLook& look,
   const Eigen::Vector2d place = sight->predicted + p.head<2>();
   const Eigen::Vector2d& centre = array.lenses[lens].centre;
   sight->blur = p[kBlur];
+  sight->pull = covariance_of_all.topRows<2>() * pull;
   sight->measured = Observation{.marker = look.marker,
                                 .values = {place.x(), place.y(), centre.x(), centre.y()},
                                 .sigma = sigma};
@@ -248,7 +262,7 @@ MicroView MeasureInMicroImages(const std::vector<MarkerLook>& looks,
     const MarkerLook& look = looks[sight.look];
     observations.push_back({.seen = *sight.measured,
                             .inverse_depth = 1 / planes.at(look.part).dot(look.place.homogeneous()),
-                            .blur = sight.blur,
+                            .pull = sight.pull,
                             .type = array.lenses[static_cast<size_t>(sight.lens)].type});
   }
   std::stable_sort(observations.begin(), observations.end(), [](const auto& a, const auto& b) {

@@ -11,9 +11,9 @@
 
 #include "calib/micro_lens_array.h"
 #include "calib/observation.h"
-#include "detectors/defocus_shift.h"
 #include "detectors/lens_patches.h"
 #include "detectors/marker_looks.h"
+#include "detectors/vignetting_shift.h"
 #include "detectors/virtual_depth.h"
 
 namespace plenocal::internal {
@@ -24,7 +24,10 @@ namespace plenocal::internal {
 /// Around the predicted place the target's drawing is fitted to the micro image by its shift,
 /// brightness, contrast and blur. The blur is common to the micro images of one lens type and one
 /// flat part. Sigma comes from the fit's own residuals, or from the sensor's noise where that is
-/// larger. Micro images in which the fit fails or moves by more than half a cell are left out.
+/// larger. Pixels that have lost more than a quarter of their micro image's light are not used: the
+/// light of the neighbouring micro image falls on them, and it takes more than `pull` to say what
+/// the stop does there. Micro images in which the fit fails or moves by more than half a cell are
+/// left out.
 MicroView MeasureInMicroImages(const std::vector<MarkerLook>& looks,
                                const VirtualDepth& depth,
                                const LensPatches& patches,

@@ -88,17 +88,10 @@ struct Start {
   float z;
 };
 
-/// grad I . grad V / V at a pixel of a patch, grad I given. The half difference of ln V is taken as
-/// (V+ - V-) / (V+ + V-), whose two pixels have one colour in a mosaic.
+/// grad I . grad V / V at a pixel of a patch, grad I given.
 float VignettingPull(
     const LensPatches& patches, size_t lens, int x, int y, float gradient_x, float gradient_y) {
-  const cv::Mat& v = patches.attenuation;
-  const int column = patches.origin[lens].x() + x, row = patches.origin[lens].y() + y;
-  if (column < 1 || row < 1 || column + 1 >= v.cols || row + 1 >= v.rows) return 0;
-  const float* at = v.ptr<float>(row) + column;
-  const float *above = v.ptr<float>(row - 1) + column, *below = v.ptr<float>(row + 1) + column;
-  return gradient_x * (at[1] - at[-1]) / (at[1] + at[-1]) +
-         gradient_y * (*below - *above) / (*below + *above);
+  return patches.LightSlope(lens, x, y).dot(Eigen::Vector2f(gradient_x, gradient_y));
 }
 
 float At(const std::array<float, 2>& line, float z) { return line[0] + line[1] * z; }

@@ -1,21 +1,25 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "detectors/defocus_shift.h"
+#include "detectors/vignetting_shift.h"
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <random>
 
 namespace plenocal::internal {
 namespace {
 
-constexpr std::array kFocus{0.40, 0.32, 0.24};   // inverse virtual depth at which a type is sharp
-constexpr std::array kLambda{0.05, 0.06, 0.04};  // shift, relative to offset and defocus
-constexpr double kNoise = 0.01, kBlurNoise = 0.02;  // px
+constexpr std::array kFocus{0.40, 0.32, 0.24};  // inverse virtual depth at which a type is sharp
+constexpr double kNoise = 0.01;                 // px
 constexpr double kPitch = 18;
 
+/// k of a pixel's own area and of the aperture, px^2.
+double TrueK(int type, double z) { return 0.2 + 10 * kFocus[type] * (kFocus[type] - z); }
+
 struct Scene {
-  std::vector<MicroView> measured, sharp;  // with the shifts, and as a pinhole would show it
+  std::vector<MicroView> measured, true_view;  // with the shifts and without them, equal noise
 };
 
 /// Markers at many depths, each in the micro images around it, of interleaved types.
@@ -25,7 +29,7 @@ Scene MakeScene(double shift, int types) {
   std::uniform_real_distribution<double> uniform(0, 1);
   Scene scene;
   for (int frame = 0; frame < 10; ++frame) {
-    MicroView measured, sharp;
+    MicroView measured, true_view;
     for (int marker = 0; marker < 60; ++marker) {
       const double z = 0.25 + 0.1 * uniform(engine);
       const Eigen::Vector2d q(400 + kPitch * uniform(engine), 300 + kPitch * uniform(engine));
@@ -34,27 +38,29 @@ Scene MakeScene(double shift, int types) {
           const Eigen::Vector2d c = Eigen::Vector2d(400, 300) +
                                     kPitch * Eigen::Vector2d(i + 0.5 * j, j * std::sqrt(3) / 2);
           const Eigen::Vector2d offset = (q - c) * z;
-          if (offset.norm() > 0.3 * kPitch) continue;
+          const double r = offset.norm();
+          if (r > 0.3 * kPitch) continue;
           const int type = ((i - j) % 3 + 3) % 3 % types;
-          const double defocus = kFocus[type] - z;
+          // None up to 3 px from the centre.
+          const Eigen::Vector2d pull = 0.1 * std::max(0.0, r - 3) / std::max(r, 1e-3) * offset;
           MicroObservation o{
               .seen = {.marker = marker, .values = {0, 0, c.x(), c.y()}, .sigma = kNoise},
               .inverse_depth = z,
-              .blur = std::sqrt(0.1 + 10 * defocus * defocus) + kBlurNoise * normal(engine),
+              .pull = pull,
               .type = type};
           const Eigen::Vector2d noise(kNoise * normal(engine), kNoise * normal(engine));
           for (const bool shifted : {false, true}) {
-            const double stretch = shifted ? 1 + shift * kLambda[type] * defocus : 1;
-            const Eigen::Vector2d x = c + stretch * offset + noise;
+            const Eigen::Vector2d x =
+                c + offset + noise + (shifted ? shift * TrueK(type, z) : 0.0) * pull;
             o.seen.values[0] = x.x();
             o.seen.values[1] = x.y();
-            (shifted ? measured : sharp).push_back(o);
+            (shifted ? measured : true_view).push_back(o);
           }
         }
       }
     }
     scene.measured.push_back(measured);
-    scene.sharp.push_back(sharp);
+    scene.true_view.push_back(true_view);
   }
   return scene;
 }
@@ -72,32 +78,35 @@ double Difference(const std::vector<MicroView>& a, const std::vector<MicroView>&
   return largest;
 }
 
-TEST(RemoveDefocusShifts, FindsThemFromTheDifferencesOfTheTypes) {
+TEST(RemoveVignettingShifts, FindsThemByTypeAndDepth) {
   Scene scene = MakeScene(1, 3);
-  // 5 px off the centre, out of focus by 0.15: 0.04 px.
-  const double before = Difference(scene.measured, scene.sharp);
-  EXPECT_GT(before, 0.03);
-  RemoveDefocusShifts(3, &scene.measured);
-  EXPECT_LT(Difference(scene.measured, scene.sharp), before / 5);
+  const double before = Difference(scene.measured, scene.true_view);
+  EXPECT_GT(before, 0.1);
+  RemoveVignettingShifts(3, &scene.measured);
+  EXPECT_LT(Difference(scene.measured, scene.true_view), before / 10);
 }
 
-TEST(RemoveDefocusShifts, LeavesMeasurementsAsTheyAreWhereThereIsNone) {
-  Scene scene = MakeScene(0, 3);
-  RemoveDefocusShifts(3, &scene.measured);
-  EXPECT_EQ(Difference(scene.measured, scene.sharp), 0);
-}
-
-TEST(RemoveDefocusShifts, LeavesASingleTypeAsItIs) {
+TEST(RemoveVignettingShifts, FindsThoseOfASingleType) {
   Scene scene = MakeScene(1, 1);
-  const std::vector<MicroView> before = scene.measured;
-  RemoveDefocusShifts(1, &scene.measured);
-  EXPECT_EQ(Difference(scene.measured, before), 0);
+  const double before = Difference(scene.measured, scene.true_view);
+  RemoveVignettingShifts(1, &scene.measured);
+  EXPECT_LT(Difference(scene.measured, scene.true_view), before / 10);
 }
 
-TEST(RemoveDefocusShifts, AcceptsAnEmptySet) {
+TEST(RemoveVignettingShifts, FindsNoneWhereThereIsNone) {
+  Scene scene = MakeScene(0, 3);
+  RemoveVignettingShifts(3, &scene.measured);
+  EXPECT_LT(Difference(scene.measured, scene.true_view), kNoise);
+}
+
+TEST(RemoveVignettingShifts, AcceptsAnEmptySetAndOneOfASingleMicroImage) {
   std::vector<MicroView> none;
-  RemoveDefocusShifts(3, &none);
+  RemoveVignettingShifts(3, &none);
   EXPECT_TRUE(none.empty());
+  Scene scene = MakeScene(0, 1);
+  std::vector<MicroView> one{{scene.measured[0][0]}};
+  RemoveVignettingShifts(1, &one);
+  EXPECT_EQ(one[0][0].seen.values, scene.measured[0][0].seen.values);
 }
 
 }  // namespace

@@ -1,0 +1,126 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "detectors/vignetting_shift.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <span>
+
+namespace plenocal::internal {
+namespace {
+
+constexpr int kRounds = 6;  // of reweighting
+
+/// Square root of Cauchy's weight for a residual, three typical lengths wide.
+double CauchyRoot(double residual, double mean_square) {
+  return 1 / std::sqrt(1 + residual * residual / (9 * mean_square));
+}
+
+/// Observations of one marker in one view.
+std::vector<std::span<const MicroObservation>> RunsOf(std::span<const MicroView> views) {
+  std::vector<std::span<const MicroObservation>> runs;
+  for (const MicroView& view : views) {
+    for (size_t begin = 0, end = 0; begin < view.size(); begin = end) {
+      while (end < view.size() && view[end].seen.marker == view[begin].seen.marker) ++end;
+      // Three unknowns of its own; the more beyond, the more it says.
+      if (end - begin > 2) runs.emplace_back(view.data() + begin, end - begin);
+    }
+  }
+  return runs;
+}
+
+/// k of a type is on the line through its values at the nearest and the farthest marker.
+class DepthLine {
+ public:
+  explicit DepthLine(std::span<const MicroView> views) {
+    for (const MicroView& view : views) {
+      for (const MicroObservation& o : view) {
+        low_ = std::min(low_, o.inverse_depth);
+        high_ = std::max(high_, o.inverse_depth);
+      }
+    }
+  }
+  /// Weights of the two values.
+  [[nodiscard]] Eigen::Vector2d At(double z) const {
+    const double t = high_ > low_ ? (z - low_) / (high_ - low_) : 0;
+    return {1 - t, t};
+  }
+
+ private:
+  double low_ = std::numeric_limits<double>::infinity(), high_ = -low_;
+};
+
+/// The two k of each type: all x of a marker in a view are affine in the micro-image centres.
+Eigen::VectorXd FindShifts(int types, const DepthLine& line, std::span<const MicroView> views) {
+  // px^2; the covariance over a pixel and an aperture whose blur is of a pixel's size.
+  constexpr double kPrior = 1;
+  const auto runs = RunsOf(views);
+  Eigen::VectorXd k = Eigen::VectorXd::Zero(2 * types);
+  double mean_square = 1;  // of the residuals, in sigmas
+  for (int round = 0; round < kRounds; ++round) {
+    Eigen::MatrixXd information = Eigen::MatrixXd::Identity(2 * types, 2 * types);
+    information *= mean_square / (kPrior * kPrior);
+    Eigen::VectorXd right = Eigen::VectorXd::Zero(2 * types);
+    double squares = 0, redundancy = 0;
+    for (const auto& run : runs) {
+      const auto n = 2 * static_cast<Eigen::Index>(run.size());
+      // x = u_0 + s c + k pull, rows divided by sigma.
+      Eigen::MatrixXd own = Eigen::MatrixXd::Zero(n, 3);
+      Eigen::MatrixXd shared = Eigen::MatrixXd::Zero(n, 2 * types);
+      Eigen::VectorXd rest(n);
+      Eigen::Index row = 0;
+      for (const MicroObservation& o : run) {
+        const Eigen::Vector2d weights = line.At(o.inverse_depth);
+        for (Eigen::Index axis = 0; axis < 2; ++axis, ++row) {
+          const auto c = static_cast<size_t>(2 + axis);
+          own(row, axis) = 1;
+          own(row, 2) = o.seen.values[c] - run[0].seen.values[c];
+          shared.row(row).segment<2>(2 * o.type) = o.pull[axis] * weights.transpose();
+          rest[row] = o.seen.values[c - 2];
+        }
+        own.middleRows<2>(row - 2) /= o.seen.sigma;
+        shared.middleRows<2>(row - 2) /= o.seen.sigma;
+        rest.segment<2>(row - 2) /= o.seen.sigma;
+      }
+      if (round > 0) {
+        const Eigen::VectorXd free = rest - shared * k;
+        const Eigen::VectorXd r = free - own * own.colPivHouseholderQr().solve(free);
+        for (Eigen::Index i = 0; i < n; ++i) {
+          const double weight = CauchyRoot(r[i], mean_square);
+          own.row(i) *= weight;
+          shared.row(i) *= weight;
+          rest[i] *= weight;
+        }
+      }
+      const auto solver = own.colPivHouseholderQr();
+      shared -= own * solver.solve(shared);
+      rest -= own * solver.solve(rest);
+      information += shared.transpose() * shared;
+      right += shared.transpose() * rest;
+      squares += (rest - shared * k).squaredNorm();
+      redundancy += static_cast<double>(n - 3);
+    }
+    k = information.ldlt().solve(right);
+    if (redundancy > 0 && squares > 0) mean_square = squares / redundancy;
+  }
+  return k;
+}
+
+}  // namespace
+
+void RemoveVignettingShifts(int types, std::vector<MicroView>* views) {
+  const DepthLine line(*views);
+  const Eigen::VectorXd k = FindShifts(types, line, *views);
+  if (!k.allFinite()) return;
+  for (MicroView& view : *views) {
+    for (MicroObservation& o : view) {
+      const double own = line.At(o.inverse_depth).dot(k.segment<2>(2 * o.type));
+      for (size_t axis = 0; axis < 2; ++axis) {
+        o.seen.values[axis] -= own * o.pull[static_cast<Eigen::Index>(axis)];
+      }
+    }
+  }
+}
+
+}  // namespace plenocal::internal
