@@ -34,8 +34,7 @@ class Documentation : public Workspace {
     ASSERT_TRUE(any) << "no ```sh block in " << path;
     Write("script", script);
     fs::copy(PLENOCAL_EXAMPLES, Path("examples"), fs::copy_options::recursive);
-    const std::string command =
-        fmt::format("cd '{}' && bash script >log 2>&1", Path("").string());
+    const std::string command = fmt::format("cd '{}' && bash script >log 2>&1", Path("").string());
     ASSERT_EQ(std::system(command.c_str()), 0) << Read("log");
   }
 
