@@ -183,5 +183,8 @@ void RunUndistort(const UndistortCommand& command, const ConsoleOptions& options
 void RunRectify(const RectifyCommand& command, const ConsoleOptions& options);
 /// `plenocal models`: the registered camera models on standard output.
 void RunModels();
+/// `plenocal models check`: the properties of one of them. Throws `Error` of kind kJob when one is
+/// violated.
+void RunModelCheck(const std::string& name);
 
 }  // namespace plenocal

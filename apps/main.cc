@@ -16,6 +16,7 @@
 #include "apps/console.h"
 #include "apps/undistort/resample_images.h"
 #include "calib/error.h"
+#include "models/registry.h"
 
 namespace {
 
@@ -61,6 +62,13 @@ int main(int argc, char** argv) {  // NOLINT(bugprone-exception-escape)
   app.name("plenocal");
   app.set_version_flag("--version", PLENOCAL_VERSION);
   app.require_subcommand(1);
+
+  std::vector<std::string> plugins;
+  app.add_option("--plugin",
+                 plugins,
+                 "shared library with more camera models (docs/new_model.md); before the command, "
+                 "may stand several times")
+      ->allow_extra_args(false);
 
   plenocal::ConsoleOptions options;
   plenocal::SessionCommand session_command;
@@ -433,22 +441,36 @@ int main(int argc, char** argv) {  // NOLINT(bugprone-exception-escape)
   add_resample_options(rectify, &rectify_command.resample);
   add_resample_common(rectify);
   rectify->callback([&] { run = [&] { RunRectify(rectify_command, options); }; });
-  app.add_subcommand("models", "List the camera models, their parameters, units and source.")
-      ->callback([&] { run = plenocal::RunModels; });
+  CLI::App* models =
+      app.add_subcommand("models", "List the camera models, their parameters, units and source.");
+  models->require_subcommand(0, 1);
+  std::string checked_model;
+  CLI::App* check_model = models->add_subcommand(
+      "check",
+      "Whether a model's projection, inverse and derivatives agree with each other.\n\n"
+      "  plenocal --plugin ./libmine.so models check NAME\n\n"
+      "runs the tests of the models of this project on any model, at its example parameters.");
+  check_model->add_option("name", checked_model, "camera model")->required();
+  models->callback([&] {
+    run = check_model->parsed() ? [&] { plenocal::RunModelCheck(checked_model); }
+                                : std::function<void()>(plenocal::RunModels);
+  });
 
   // CLI11 would only say that a command is required.
-  if (argc > 1 && argv[1][0] != '-') {
+  int first = 1;
+  while (first + 1 < argc && argv[first] == std::string_view("--plugin")) first += 2;
+  if (first < argc && argv[first][0] != '-') {
     const std::vector<CLI::App*> commands =
         app.get_subcommands([](const CLI::App*) { return true; });
     std::vector<std::string> kept;
     kept.reserve(commands.size());
     for (const CLI::App* command : commands) kept.push_back(command->get_name());
     const std::vector<std::string_view> names(kept.begin(), kept.end());
-    if (std::find(names.begin(), names.end(), argv[1]) == names.end()) {
+    if (std::find(names.begin(), names.end(), argv[first]) == names.end()) {
       return Fail(kWrongInput,
                   fmt::format("unknown command '{}'{}; see 'plenocal --help'",
-                              argv[1],
-                              plenocal::SuggestName(argv[1], names)));
+                              argv[first],
+                              plenocal::SuggestName(argv[first], names)));
     }
   }
   try {
@@ -461,5 +483,8 @@ int main(int argc, char** argv) {  // NOLINT(bugprone-exception-escape)
     return Fail(kWrongInput, fmt::format("{}; see 'plenocal --help'", error.what()));
   }
   plenocal::CatchInterrupts();
-  return RunAndMapErrors(run);
+  return RunAndMapErrors([&] {
+    for (const std::string& plugin : plugins) plenocal::AddCameraModels(plugin);
+    run();
+  });
 }

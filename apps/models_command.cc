@@ -1,9 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "apps/commands.h"
+#include "apps/model_option.h"
+#include "calib/error.h"
+#include "models/check/model_properties.h"
 #include "models/registry.h"
 
 namespace plenocal {
@@ -38,6 +42,34 @@ void RunModels() {
     fmt::print("  observes    {}", fmt::join(model.measured, ", "));
     if (!model.context.empty()) fmt::print(" seen through {}", fmt::join(model.context, ", "));
     fmt::print("\n\n");
+  }
+}
+
+void RunModelCheck(const std::string& name) {
+  constexpr size_t kShown = 3;  // violations of a property; the rest is of the same kind
+  const CameraModel& model = *ModelOfOption("models check", name);
+  int violated = 0;
+  for (const ModelProperty& property : ModelProperties()) {
+    if (property.central_only && !model.central) {
+      fmt::print("not asked  {} (of central models only)\n", property.claim);
+      continue;
+    }
+    const std::vector<std::string> violations = property.violations(model);
+    fmt::print("{}  {}\n", violations.empty() ? "holds    " : "VIOLATED ", property.claim);
+    for (size_t i = 0; i < std::min(violations.size(), kShown); ++i) {
+      fmt::print("             {}\n", violations[i]);
+    }
+    if (violations.size() > kShown) {
+      fmt::print("             and {} more\n", violations.size() - kShown);
+    }
+    if (!violations.empty()) ++violated;
+  }
+  if (violated > 0) {
+    throw Error(ErrorKind::kJob,
+                fmt::format("camera model {} violates {} of {} properties",
+                            model.name,
+                            violated,
+                            ModelProperties().size()));
   }
 }
 

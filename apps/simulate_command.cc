@@ -3,6 +3,7 @@
 
 #include "apps/commands.h"
 #include "apps/image_module.h"
+#include "models/registry.h"
 
 namespace plenocal {
 
@@ -10,7 +11,8 @@ void RunSimulate(const SimulateCommand& command, const ConsoleOptions& options) 
   Console console(options.quiet);
   const std::string summary =
       SimulateByModule(command,
-                       {.threads = options.threads,
+                       {.models = CameraModels(),
+                        .threads = options.threads,
                         .progress = [&](const std::string& stage, size_t done, size_t total) {
                           console.Progress(stage, done, total);
                           return !Interrupted();

@@ -12,7 +12,9 @@ const CameraModel* ReadModel(const YamlNode& node, std::span<const CameraModel> 
   if (const CameraModel* model = FindModel(models, name)) return model;
   std::vector<std::string_view> names;
   for (const CameraModel& model : models) names.push_back(model.name);
-  node.Fail(fmt::format("unknown camera model '{}'{}", name, SuggestName(name, names)));
+  node.Fail(fmt::format("unknown camera model '{}'{}; a model from outside needs --plugin FILE",
+                        name,
+                        SuggestName(name, names)));
 }
 
 ImageSize ReadImageSize(const YamlNode& node) {

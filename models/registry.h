@@ -1,13 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <filesystem>
 #include <span>
 
 #include "calib/camera_model.h"
 
 namespace plenocal {
 
-/// All camera models of models/, sorted by file name. The build makes this table from the headers.
+/// All camera models of models/, sorted by file name, then those of `AddCameraModels`. The build
+/// makes this table from the headers.
 std::span<const CameraModel> CameraModels();
+
+/// Adds the models of a plug-in (docs/new_model.md). Models keep their places; a span from before
+/// lacks the new ones. Not to be called while another thread uses the table. Throws `Error` of kind
+/// kInput when the file is no plug-in, belongs to another version, or has a model whose name is
+/// taken.
+void AddCameraModels(const std::filesystem::path& plugin);
 
 }  // namespace plenocal

@@ -23,7 +23,6 @@
 #include "calib/output_folder.h"
 #include "calib/parallel.h"
 #include "calib/result_files.h"
-#include "models/registry.h"
 
 namespace plenocal {
 namespace simulate {
@@ -253,7 +252,7 @@ std::string Simulate(const SimulateCommand& command, const SimulateOptions& opti
     if (options.progress && !options.progress(stage, done, total)) throw Stopped{};
   };
   Scene scene;
-  scene.spec = ReadSimulationSpec(command.spec, CameraModels());
+  scene.spec = ReadSimulationSpec(command.spec, options.models);
   const SimulationSpec& spec = scene.spec;
   scene.target = ReadTarget(spec.target);
   RefuseToReplaceInputs(command, spec);

@@ -3,7 +3,10 @@
 
 #include <filesystem>
 #include <functional>
+#include <span>
 #include <string>
+
+#include "calib/camera_model.h"
 
 namespace plenocal {
 
@@ -14,6 +17,8 @@ struct SimulateCommand {
 };
 
 struct SimulateOptions {
+  /// Camera models that the specification may name; plug-ins are known to the program alone.
+  std::span<const CameraModel> models;
   int threads = 0;  ///< 0: all cores
   /// Called with what is being done; false stops (`Stopped` is thrown).
   std::function<bool(const std::string& stage, size_t done, size_t total)> progress;

@@ -1,0 +1,16 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+#include <span>
+
+#include "calib/camera_model.h"
+
+namespace plenocal {
+
+/// The models of a plug-in (models/plugin/plugin.h), which stays loaded. Throws `Error` of kind
+/// kInput when the file is no plug-in or was built against another version; nothing of it has been
+/// called then.
+std::span<const CameraModel> LoadPlugin(const std::filesystem::path& path);
+
+}  // namespace plenocal
