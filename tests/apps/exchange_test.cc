@@ -483,6 +483,45 @@ for x, y in q: print(f'{x:.12f},{y:.12f}')
   }
 }
 
+// COLMAP has no command that projects; the cost with which its bundle adjustment starts on points
+// and our projections of them is what it sees differently.
+TEST_F(Exchange, ColmapReadsAndProjectsTheSame) {
+  if (std::system("colmap help >/dev/null 2>&1") != 0) GTEST_SKIP() << "no colmap";
+  Export("colmap", "left");
+  std::filesystem::create_directories(Path("model"));
+  std::filesystem::create_directories(Path("out"));
+  std::filesystem::rename(Path("file.colmap"), Path("model/cameras.txt"));
+  const CameraModel* model = FindModel(CameraModels(), "pinhole-radial3");
+  const double params[] = {500, 501.123456789012, 320.1, 240.7, -0.2, 0.051, 0.0123};
+  std::array<std::string, 2> observations;
+  std::string points;
+  for (int i = 0; i < 1000; ++i) {
+    const Eigen::Vector3d p(
+        0.5 * std::sin(i), 0.4 * std::cos(3.1 * i), 1.5 + std::sin(0.7 * i) / 2);
+    for (size_t c = 0; c < 2; ++c) {
+      double u[2];
+      const Eigen::Vector3d seen = p + Eigen::Vector3d(c == 0 ? 0 : 0.1, 0, 0);
+      ASSERT_TRUE(model->project(params, nullptr, nullptr, seen, u));
+      observations[c] += fmt::format("{} {} {} ", u[0] + 0.5, u[1] + 0.5, i + 1);
+    }
+    points += fmt::format("{0} {1} {2} {3} 0 0 0 0 1 {4} 2 {4}\n", i + 1, p.x(), p.y(), p.z(), i);
+  }
+  Write("model/images.txt",
+        "1 1 0 0 0 0 0 0 1 a.png\n" + observations[0] + "\n2 1 0 0 0 0.1 0 0 1 b.png\n" +
+            observations[1] + "\n");
+  Write("model/points3D.txt", points);
+  const std::string command = "cd " + Path("").string() +
+                              " && QT_QPA_PLATFORM=offscreen colmap bundle_adjuster --input_path "
+                              "model --output_path out --BundleAdjustment.max_num_iterations 1 "
+                              "> log.txt 2>&1";
+  ASSERT_EQ(std::system(command.c_str()), 0) << Read("log.txt");
+  const std::string log = Read("log.txt");
+  const std::string label = "Initial cost : ";
+  const size_t at = log.find(label);
+  ASSERT_NE(at, std::string::npos) << log;
+  EXPECT_LT(std::stod(log.substr(at + label.size())), 1e-6);  // px
+}
+
 TEST_F(Exchange, BothKeyStylesOfOpenCvAreRead) {
   const std::string head = "%YAML:1.0\n---\nimage_width: 640\nimage_height: 480\n";
   const auto matrix = [](const std::string& key, int n, const std::string& data) {
