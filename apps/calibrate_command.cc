@@ -85,14 +85,16 @@ void RunCalibrate(const SessionCommand& command, const ConsoleOptions& options) 
     calibration.camera_files[file.camera].emplace_back(file.key, file.name);
   }
   ResultFiles files;
-  files["calibration.yaml"] = CalibrationYaml(
-      calibration,
-      {{"plenocal_version", PLENOCAL_VERSION},
-       {"command",
-        fmt::format("plenocal calibrate {} -o {}", command.session.string(), command.out.string())},
-       {"session", command.session.string()},
-       {"target", session.target.string()},
-       {"session_text", session_text}});
+  files["calibration.yaml"] = CalibrationYaml(calibration,
+                                              {{"plenocal_version", PLENOCAL_VERSION},
+                                               {"command",
+                                                fmt::format("{} calibrate {} -o {}",
+                                                            options.program,
+                                                            command.session.string(),
+                                                            command.out.string())},
+                                               {"session", command.session.string()},
+                                               {"target", session.target.string()},
+                                               {"session_text", session_text}});
   files["target.yaml"] = RefinedTarget(target, calibration);
   files["poses.csv"] = PosesCsv(calibration);
   if (session.cameras.size() > 1) files["view_poses.csv"] = ViewPosesCsv(calibration);

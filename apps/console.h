@@ -8,6 +8,7 @@ namespace plenocal {
 
 /// Options that all commands share.
 struct ConsoleOptions {
+  std::string program = "plenocal";  ///< as it was called, with what stands before the command
   bool quiet = false;
   int threads = 0;  ///< 0: all cores
 };

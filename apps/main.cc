@@ -484,7 +484,10 @@ int main(int argc, char** argv) {  // NOLINT(bugprone-exception-escape)
   }
   plenocal::CatchInterrupts();
   return RunAndMapErrors([&] {
-    for (const std::string& plugin : plugins) plenocal::AddCameraModels(plugin);
+    for (const std::string& plugin : plugins) {
+      plenocal::AddCameraModels(plugin);
+      options.program += " --plugin " + plugin;
+    }
     run();
   });
 }

@@ -12,6 +12,7 @@ void RunSimulate(const SimulateCommand& command, const ConsoleOptions& options) 
   const std::string summary =
       SimulateByModule(command,
                        {.models = CameraModels(),
+                        .program = options.program,
                         .threads = options.threads,
                         .progress = [&](const std::string& stage, size_t done, size_t total) {
                           console.Progress(stage, done, total);

@@ -296,15 +296,16 @@ void RunTry(const TryCommand& command, const ConsoleOptions& options) {
     rows.push_back(MakeRow(choice, m));
     const ModelTrial& trial = choice.trials[m];
     if (!trial.failure.empty()) continue;
-    out.Write(
-        fmt::format("models/{}/calibration.yaml", trial.model->name),
-        CalibrationYaml(
-            trial.calibration,
-            {{"plenocal_version", PLENOCAL_VERSION},
-             {"command",
-              fmt::format("plenocal try {} -o {}", command.session.string(), command.out.string())},
-             {"session", command.session.string()},
-             {"target", session.target.string()}}));
+    out.Write(fmt::format("models/{}/calibration.yaml", trial.model->name),
+              CalibrationYaml(trial.calibration,
+                              {{"plenocal_version", PLENOCAL_VERSION},
+                               {"command",
+                                fmt::format("{} try {} -o {}",
+                                            options.program,
+                                            command.session.string(),
+                                            command.out.string())},
+                               {"session", command.session.string()},
+                               {"target", session.target.string()}}));
   }
   out.Write("try.csv", TableCsv(rows));
   out.Write("try.yaml", TableYaml(choice, session, rows));

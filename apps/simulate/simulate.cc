@@ -119,6 +119,7 @@ void WriteTruth(const Scene& scene,
                 const Observer& observer,
                 const Renderers& renderers,
                 const SimulateCommand& command,
+                const std::string& program,
                 OutputFolder* out) {
   Calibration truth = TrueCalibration(scene);
   truth.camera_files.resize(scene.spec.cameras.size());
@@ -141,7 +142,8 @@ void WriteTruth(const Scene& scene,
              CalibrationYaml(truth,
                              {{"plenocal_version", PLENOCAL_VERSION},
                               {"command",
-                               fmt::format("plenocal simulate {} -o {}{}",
+                               fmt::format("{} simulate {} -o {}{}",
+                                           program,
                                            command.spec.string(),
                                            command.out.string(),
                                            command.points ? " --points" : "")},
@@ -298,7 +300,7 @@ std::string Simulate(const SimulateCommand& command, const SimulateOptions& opti
   }
   out.Write("session.yaml", SessionYaml(scene, command.points));
   out.Write("target.yaml", RefinedTargetYaml(scene.target, {}, {}));
-  WriteTruth(scene, observer, renderers, command, &out);
+  WriteTruth(scene, observer, renderers, command, options.program, &out);
   std::string summary;
   for (size_t c = 0; c < spec.cameras.size(); ++c) {
     const CameraSpec& camera = spec.cameras[c];

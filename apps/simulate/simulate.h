@@ -19,7 +19,8 @@ struct SimulateCommand {
 struct SimulateOptions {
   /// Camera models that the specification may name; plug-ins are known to the program alone.
   std::span<const CameraModel> models;
-  int threads = 0;  ///< 0: all cores
+  std::string program = "plenocal";  ///< as it was called, for the truth's provenance
+  int threads = 0;                   ///< 0: all cores
   /// Called with what is being done; false stops (`Stopped` is thrown).
   std::function<bool(const std::string& stage, size_t done, size_t total)> progress;
 };

@@ -55,6 +55,8 @@ TEST_F(Plugin, IsKnownToEveryCommand) {
     const double error = found["parameters"][name].as<double>() - parameter.second.as<double>();
     EXPECT_LT(std::abs(error), 4 * found["sigma"][name].as<double>()) << name;
   }
+  EXPECT_EQ(Result()["provenance"]["command"].as<std::string>(),
+            "plenocal --plugin " + Library("stereographic") + " calibrate set/session.yaml -o out");
   done({"report", "out"});
   EXPECT_THAT(done({"compare", "out/calibration.yaml", "set/truth/calibration.yaml"}),
               HasSubstr("\nsame within uncertainty\n"));
