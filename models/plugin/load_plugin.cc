@@ -59,7 +59,7 @@ std::span<const CameraModel> LoadPlugin(const std::filesystem::path& path) {
   if (std::string_view(abi) != PLENOCAL_PLUGIN_ABI) {
     Refuse(path,
            fmt::format("was built against another version ({}; this is {}); build the plug-in "
-                       "again with this version's headers",
+                       "again with this version's headers and without options like -march=native",
                        abi,
                        PLENOCAL_PLUGIN_ABI));
   }
