@@ -206,11 +206,6 @@ ImageDetections DetectPlenopticImages(const std::vector<FrameImage>& images,
     throw Error(ErrorKind::kInput,
                 "a plenoptic camera needs white_images: the micro-image centres come from them");
   }
-  if (std::holds_alternative<CirclesLayout>(target.layout)) {
-    throw Error(ErrorKind::kInput,
-                "circle grids cannot be measured in micro images; use tags, a chessboard or a "
-                "ChArUco board");
-  }
   StageStore none({}, {}, true);
   StageStore& store = options.store != nullptr ? *options.store : none;
   WhiteField white = MeasureWhiteField(options, &store);

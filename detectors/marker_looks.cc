@@ -4,12 +4,14 @@
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <array>
+#include <cmath>
 #include <map>
 #include <opencv2/calib3d.hpp>
 #include <optional>
 
 #include "detectors/tag_looks.h"
 #include "detectors/tag_template.h"
+#include "detectors/target_drawing.h"
 
 namespace plenocal::internal {
 namespace {
@@ -49,6 +51,23 @@ CellDrawing DrawCorner() {
   return {std::move(cells), kSquares};
 }
 
+/// The homography from the image to cells that points around a marker tell. The marker itself is
+/// where it was found, whatever its neighbours say.
+std::optional<Eigen::Matrix3d> CellsByImage(const std::vector<cv::Point2d>& in_image,
+                                            const std::vector<cv::Point2d>& in_cells,
+                                            const Eigen::Vector2d& marker_in_image,
+                                            const Eigen::Vector2d& marker_in_cells) {
+  if (in_image.size() < 4) return std::nullopt;
+  const cv::Mat H = cv::findHomography(in_image, in_cells);
+  if (H.empty()) return std::nullopt;
+  Eigen::Matrix3d shift = Eigen::Matrix3d::Identity();
+  const Eigen::Matrix3d cells_by_image =
+      Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(H.ptr<double>());
+  shift.topRightCorner<2, 1>() =
+      marker_in_cells - (cells_by_image * marker_in_image.homogeneous()).hnormalized();
+  return shift * cells_by_image;
+}
+
 std::vector<MarkerLook> LooksOfBoard(int columns, const std::vector<Observation>& found) {
   std::map<int, Eigen::Vector2d> places;
   for (const Observation& seen : found) places[seen.marker] = {seen.values[0], seen.values[1]};
@@ -65,22 +84,39 @@ std::vector<MarkerLook> LooksOfBoard(int columns, const std::vector<Observation>
         in_image.emplace_back(other->second.x(), other->second.y());
       }
     }
-    if (on_board.size() < 4) continue;
-    const cv::Mat H = cv::findHomography(in_image, on_board);
-    if (H.empty()) continue;
-    MarkerLook look{
-        .marker = marker,
-        .place = place,
-        .cells_by_image =
-            Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(H.ptr<double>()),
-        .drawing = DrawCorner()};
-    // The corner itself is where it was found, whatever its neighbours say.
-    const Eigen::Vector2d off =
-        (look.cells_by_image * place.homogeneous()).hnormalized() - Eigen::Vector2d(3, 3);
-    Eigen::Matrix3d shift = Eigen::Matrix3d::Identity();
-    shift.topRightCorner<2, 1>() = -off;
-    look.cells_by_image = shift * look.cells_by_image;
-    looks.push_back(std::move(look));
+    const auto cells_by_image = CellsByImage(in_image, on_board, place, {3, 3});
+    if (!cells_by_image) continue;
+    looks.push_back({.marker = marker,
+                     .place = place,
+                     .cells_by_image = *cells_by_image,
+                     .drawing = DrawCorner()});
+  }
+  return looks;
+}
+
+std::vector<MarkerLook> LooksOfCircles(const Target& target,
+                                       const CirclesLayout& circles,
+                                       const std::vector<Observation>& found) {
+  constexpr double kAround = 2.9;  // of the distance to the nearest circle: two rows of neighbours
+  const double nearest = circles.spacing * (circles.asymmetric ? std::sqrt(2.0) : 1);
+  const double radius = NominalRadius(circles);
+  std::vector<MarkerLook> looks;
+  for (const Observation& seen : found) {
+    const Eigen::Vector3d& middle = target.markers.at(seen.marker);
+    std::vector<cv::Point2d> on_board, in_image;
+    for (const Observation& other : found) {
+      const Eigen::Vector3d away = target.markers.at(other.marker) - middle;
+      if (away.norm() > kAround * nearest) continue;
+      on_board.emplace_back(away.x() / radius, away.y() / radius);
+      in_image.emplace_back(other.values[0], other.values[1]);
+    }
+    const Eigen::Vector2d place(seen.values[0], seen.values[1]);
+    const auto cells_by_image = CellsByImage(in_image, on_board, place, {0, 0});
+    if (!cells_by_image) continue;
+    looks.push_back({.marker = seen.marker,
+                     .place = place,
+                     .cells_by_image = *cells_by_image,
+                     .drawing = DiscDrawing(1)});
   }
   return looks;
 }
@@ -94,6 +130,9 @@ std::vector<MarkerLook> LooksOf(const Target& target, const std::vector<Observat
   }
   if (const auto* board = std::get_if<CharucoLayout>(&target.layout)) {
     return LooksOfBoard(board->columns - 1, found);
+  }
+  if (const auto* circles = std::get_if<CirclesLayout>(&target.layout)) {
+    return LooksOfCircles(target, *circles, found);
   }
   return {};
 }

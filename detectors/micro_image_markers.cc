@@ -8,6 +8,7 @@
 #include <map>
 #include <opencv2/imgproc.hpp>
 #include <optional>
+#include <variant>
 
 #include "calib/median.h"
 #include "calib/parallel.h"
@@ -30,35 +31,85 @@ struct Sight {
   Eigen::Matrix3f G = Eigen::Matrix3f::Identity();  ///< raw px about `predicted` to cells
   double cell_px = 0;                               ///< size of a cell in the micro image
   double blur = 0;                                  ///< px, as fitted
+  double own = 0;                                   ///< see `Priors`
   Eigen::Vector2d pull{0, 0};                       ///< as in `MicroObservation`
   std::optional<Observation> measured = {};
 };
 
-struct BlurPrior {
-  double mean, sigma;  ///< px
+struct Prior {
+  double mean, sigma;
 };
 
-/// Whether what is around (x, y) is on the drawing. Of tags that are next to each other the
-/// outermost cells are not of one brightness: half a cell before them is as far as their blur may
-/// be ignored.
-bool IsKnown(const MarkerLook& look, const Eigen::Matrix3f& G, double x, double y) {
-  if (!look.beyond_unknown) return true;
-  const Eigen::Vector2f cells =
-      (G * Eigen::Vector3f(static_cast<float>(x), static_cast<float>(y), 1)).hnormalized();
-  const float middle = 0.5f * static_cast<float>(look.drawing.size());
-  return (cells.array() - middle).abs().maxCoeff() < middle - 1.5f;
+/// What is known before a fit: of the blur, px, and of the one unknown that a drawing has of its
+/// own, the brightness beyond a tag or the radius of a disc.
+struct Priors {
+  Prior blur, own;
+};
+
+/// A drawing of cells as a fit sees it.
+struct CellsOfMarker {
+  CellDrawing drawing;
+  bool beyond_unknown;
+
+  static constexpr double kLeast = -2, kMost = 2;  ///< of the brightness beyond
+  static constexpr double kWindow = 1.5;           ///< cells: those that meet at the marker
+
+  void SetOwn(double value) {
+    if (beyond_unknown) drawing.SetBeyond(static_cast<float>(value));
+  }
+  [[nodiscard]] double ByOwn(const CellDrawing::Drawn& drawn) const {
+    return beyond_unknown ? drawn.by_beyond : 0;
+  }
+  /// Whether a place is on the drawing. Of tags that are next to each other the outermost cells are
+  /// not of one brightness: half a cell before them is as far as their blur may be ignored.
+  [[nodiscard]] bool Knows(const Eigen::Vector2f& cells) const {
+    const float middle = 0.5f * static_cast<float>(drawing.size());
+    return !beyond_unknown || (cells.array() - middle).abs().maxCoeff() < middle - 1.5f;
+  }
+};
+
+/// A disc likewise.
+struct DiscOfMarker {
+  DiscDrawing drawing;
+
+  static constexpr double kLeast = 0.2, kMost = 1.9;  ///< of the radius
+  static constexpr double kWindow = 2;                ///< nominal radii: half-way to the next disc
+
+  void SetOwn(double value) { drawing.SetRadius(static_cast<float>(value)); }
+  [[nodiscard]] static double ByOwn(const DiscDrawing::Drawn& drawn) { return drawn.by_radius; }
+  [[nodiscard]] static bool Knows(const Eigen::Vector2f& radii) { return radii.norm() < kWindow; }
+};
+
+CellsOfMarker ForFit(const CellDrawing& drawing, const MarkerLook& look) {
+  return {drawing, look.beyond_unknown};
 }
+DiscOfMarker ForFit(const DiscDrawing& drawing, const MarkerLook&) { return {drawing}; }
+
+/// What is beyond a tag is about as bright as the tag; a disc is about as large as it is drawn.
+Prior OwnPrior(const CellDrawing&) { return {0, 1}; }
+Prior OwnPrior(const DiscDrawing&) { return {1, 0.5}; }
+
+/// Unknowns of a fit.
+enum { kShiftX, kShiftY, kLevel, kContrast, kBlur, kOwn, kCount };
+using Vector = Eigen::Matrix<double, kCount, 1>;
+using Matrix = Eigen::Matrix<double, kCount, kCount>;
+
+/// A pixel of a fit.
+struct SeenPixel {
+  float x, y;  ///< about the predicted place
+  float value, weight;
+  Eigen::Vector2f light_slope;
+};
 
 /// Fits the drawing to the micro image.
+template <typename Drawing>
 void Measure(const MarkerLook& look,
+             Drawing drawing,
              const LensPatches& patches,
              const MicroLensArray& array,
              const SensorNoise& noise,
-             const BlurPrior& prior,
+             const Priors& priors,
              Sight* sight) {
-  enum { kShiftX, kShiftY, kLevel, kContrast, kBlur, kBeyond, kCount };
-  using Vector = Eigen::Matrix<double, kCount, 1>;
-  using Matrix = Eigen::Matrix<double, kCount, kCount>;
   constexpr int kIterations = 12;
   constexpr double kLeastBlur = 0.29, kMostBlur = 4;  // px; the least is that of the pixel's area
   constexpr double kConverged = 1e-3;                 // px
@@ -66,13 +117,9 @@ void Measure(const MarkerLook& look,
   sight->measured.reset();
   const auto lens = static_cast<size_t>(sight->lens);
   const float* value = patches.Value(lens);
-  struct Pixel {
-    float x, y, value, weight;
-    Eigen::Vector2f light_slope;
-  };
-  std::vector<Pixel> pixels;
-  // The cells that meet at the marker, and as much as blurs into them.
-  const double window = 1.5 * sight->cell_px + 2;
+  std::vector<SeenPixel> pixels;
+  // What meets at the marker, and as much as blurs into it.
+  const double window = Drawing::kWindow * sight->cell_px + 2;
   double low = 1e30, high = -1e30;
   const float least = kLeastLight * patches.BrightestLight(lens);
   for (int row = 0; row < patches.size; ++row) {
@@ -81,7 +128,10 @@ void Measure(const MarkerLook& look,
       if (std::isnan(value[i]) || patches.Light(lens, column, row) < least) continue;
       const double x = patches.origin[lens].x() + column - sight->predicted.x();
       const double y = patches.origin[lens].y() + row - sight->predicted.y();
-      if (x * x + y * y > window * window || !IsKnown(look, sight->G, x, y)) continue;
+      const Eigen::Vector3f there(static_cast<float>(x), static_cast<float>(y), 1);
+      if (x * x + y * y > window * window || !drawing.Knows((sight->G * there).hnormalized())) {
+        continue;
+      }
       const float light = patches.Light(lens, column, row), raw = value[i] * light;
       const float variance = noise.read + noise.shot * std::max(raw, 0.f);
       pixels.push_back({static_cast<float>(x),
@@ -95,26 +145,26 @@ void Measure(const MarkerLook& look,
   }
   if (pixels.size() < 3 * kCount) return;
 
-  CellDrawing drawing = look.drawing;
   Vector p = Vector::Zero();
   p[kLevel] = (low + high) / 2;
   p[kContrast] = 0;
-  p[kBlur] = prior.mean;
+  p[kBlur] = priors.blur.mean;
+  p[kOwn] = priors.own.mean;
   const double limit = std::max(1.0, 0.5 * sight->cell_px);
   double chi2 = 0;
   Vector pull = Vector::Zero();
   Matrix information = Matrix::Zero();
   for (int iteration = 0; iteration < kIterations; ++iteration) {
-    if (look.beyond_unknown) drawing.SetBeyond(static_cast<float>(p[kBeyond]));
+    drawing.SetOwn(p[kOwn]);
     Matrix H = Matrix::Zero();
     Vector g = Vector::Zero();
     chi2 = 0;
     pull.setZero();
-    for (const Pixel& pixel : pixels) {
-      const auto drawn = drawing.Draw(sight->G,
-                                      static_cast<float>(p[kBlur]),
-                                      pixel.x - static_cast<float>(p[kShiftX]),
-                                      pixel.y - static_cast<float>(p[kShiftY]));
+    for (const SeenPixel& pixel : pixels) {
+      const auto drawn = drawing.drawing.Draw(sight->G,
+                                              static_cast<float>(p[kBlur]),
+                                              pixel.x - static_cast<float>(p[kShiftX]),
+                                              pixel.y - static_cast<float>(p[kShiftY]));
       const auto& G = sight->G;
       const double k = p[kContrast];
       Vector j;
@@ -126,7 +176,7 @@ void Measure(const MarkerLook& look,
               (drawn.by_u * (G(0, 1) - drawn.u * G(2, 1)) +
                drawn.by_v * (G(1, 1) - drawn.v * G(2, 1))) /
               drawn.scale,
-          1, drawn.value, k * drawn.by_blur, look.beyond_unknown ? k * drawn.by_beyond : 0;
+          1, drawn.value, k * drawn.by_blur, k * drawing.ByOwn(drawn);
       const double residual = pixel.value - p[kLevel] - k * drawn.value;
       H += pixel.weight * j * j.transpose();
       g += pixel.weight * residual * j;
@@ -134,12 +184,13 @@ void Measure(const MarkerLook& look,
       pull -= pixel.weight * j.head<2>().dot(pixel.light_slope.cast<double>()) * j;
       chi2 += pixel.weight * residual * residual;
     }
-    const double precision = 1 / (prior.sigma * prior.sigma);
-    H(kBlur, kBlur) += precision;
-    g[kBlur] += precision * (prior.mean - p[kBlur]);
-    // What is beyond is about as bright as the target.
-    H(kBeyond, kBeyond) += 1;
-    g[kBeyond] -= p[kBeyond];
+    const auto add_prior = [&](int at, const Prior& prior) {
+      const double precision = 1 / (prior.sigma * prior.sigma);
+      H(at, at) += precision;
+      g[at] += precision * (prior.mean - p[at]);
+    };
+    add_prior(kBlur, priors.blur);
+    add_prior(kOwn, priors.own);
     information = H;
     // The first step finds level and contrast, which the others need.
     Vector step = Vector::Zero();
@@ -153,7 +204,7 @@ void Measure(const MarkerLook& look,
     if (length > limit / 2) step *= limit / 2 / length;
     p += step;
     p[kBlur] = std::clamp(p[kBlur], kLeastBlur, kMostBlur);
-    p[kBeyond] = std::clamp(p[kBeyond], -2.0, 2.0);
+    p[kOwn] = std::clamp(p[kOwn], Drawing::kLeast, Drawing::kMost);
     if (p.head<2>().norm() > limit) return;
     if (iteration > 1 && length < kConverged) break;
   }
@@ -166,6 +217,7 @@ void Measure(const MarkerLook& look,
   const Eigen::Vector2d place = sight->predicted + p.head<2>();
   const Eigen::Vector2d& centre = array.lenses[lens].centre;
   sight->blur = p[kBlur];
+  sight->own = p[kOwn];
   sight->pull = covariance_of_all.topRows<2>() * pull;
   sight->measured = Observation{.marker = look.marker,
                                 .values = {place.x(), place.y(), centre.x(), centre.y()},
@@ -233,28 +285,44 @@ MicroView MeasureInMicroImages(const std::vector<MarkerLook>& looks,
   }
 
   // Some pixels of blur; what one marker says of it is weak, all of a part and type together tell.
-  const BlurPrior first{1.0, 0.5};
-  const auto measure_all = [&](const auto& prior_of) {
+  // Likewise all discs are of one size.
+  const Prior first_blur{1.0, 0.5};
+  const auto measure_all = [&](const auto& blur_of, const std::optional<Prior>& radius) {
     ParallelFor(sights.size(), threads, [&](size_t i) {
-      Measure(looks[sights[i].look], patches, array, noise, prior_of(sights[i]), &sights[i]);
+      const MarkerLook& look = looks[sights[i].look];
+      std::visit(
+          [&](const auto& drawing) {
+            Priors priors{blur_of(sights[i]), OwnPrior(drawing)};
+            if (radius) priors.own = *radius;
+            Measure(look, ForFit(drawing, look), patches, array, noise, priors, &sights[i]);
+          },
+          look.drawing);
     });
   };
-  measure_all([&](const Sight&) { return first; });
+  measure_all([&](const Sight&) { return first_blur; }, std::nullopt);
   std::map<std::pair<int, int>, std::vector<double>> blurs;
+  std::vector<double> radii;
   const auto group = [&](const Sight& sight) {
     return std::pair(looks[sight.look].part, array.lenses[static_cast<size_t>(sight.lens)].type);
   };
   for (const Sight& sight : sights) {
-    if (sight.measured) blurs[group(sight)].push_back(sight.blur);
+    if (!sight.measured) continue;
+    blurs[group(sight)].push_back(sight.blur);
+    if (std::holds_alternative<DiscDrawing>(looks[sight.look].drawing)) radii.push_back(sight.own);
   }
-  std::map<std::pair<int, int>, BlurPrior> known;
-  for (const auto& [key, values] : blurs) {
-    known[key] = {Median(values), first.sigma / std::sqrt(static_cast<double>(values.size()))};
-  }
-  measure_all([&](const Sight& sight) {
-    const auto prior = known.find(group(sight));
-    return prior == known.end() ? first : prior->second;
-  });
+  const auto together = [](const std::vector<double>& values, double sigma) {
+    return Prior{Median(values), sigma / std::sqrt(static_cast<double>(values.size()))};
+  };
+  std::map<std::pair<int, int>, Prior> known;
+  for (const auto& [key, values] : blurs) known[key] = together(values, first_blur.sigma);
+  std::optional<Prior> radius;
+  if (!radii.empty()) radius = together(radii, OwnPrior(DiscDrawing(1)).sigma);
+  measure_all(
+      [&](const Sight& sight) {
+        const auto prior = known.find(group(sight));
+        return prior == known.end() ? first_blur : prior->second;
+      },
+      radius);
 
   MicroView observations;
   for (const Sight& sight : sights) {

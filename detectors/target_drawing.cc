@@ -248,15 +248,13 @@ std::vector<TargetPart> Draw(const Target& /*target*/, const CharucoLayout& boar
 }
 
 std::vector<TargetPart> Draw(const Target& target, const CirclesLayout& circles, bool) {
-  // Half of the way to the nearest circle is black, half white.
-  const double nearest = circles.spacing * (circles.asymmetric ? std::sqrt(2.0) : 1);
   TargetPart part;
-  const double radius = nearest / 4;
+  const double radius = NominalRadius(circles);
   for (const auto& [number, position] : target.markers) {
     part.black_discs.push_back({position.head<2>(), radius});
     part.paper.extend(position.head<2>());
   }
-  const Eigen::Vector2d margin = Eigen::Vector2d::Constant(nearest);
+  const Eigen::Vector2d margin = Eigen::Vector2d::Constant(4 * radius);
   part.paper = {Eigen::Vector2d(part.paper.min() - margin),
                 Eigen::Vector2d(part.paper.max() + margin)};
   part.finest = radius;
@@ -270,6 +268,10 @@ std::vector<TargetPart> Draw(const Target& /*target*/, const MarkersLayout&, boo
 }
 
 }  // namespace
+
+double NominalRadius(const CirclesLayout& circles) {
+  return circles.spacing * (circles.asymmetric ? std::sqrt(2.0) : 1) / 4;
+}
 
 std::vector<TargetPart> DrawTarget(const Target& target, bool each_tag) {
   return std::visit([&](const auto& layout) { return Draw(target, layout, each_tag); },

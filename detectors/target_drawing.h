@@ -40,6 +40,10 @@ struct TargetPart {
   double finest = 0;           ///< m, smallest width of a shape
 };
 
+/// Radius of the circles of a drawn grid, m: half of the way to the nearest circle is black, half
+/// white.
+double NominalRadius(const CirclesLayout& circles);
+
 /// The parts of a target at their nominal places. Tags that lie in one plane are one part, or,
 /// with `each_tag`, each a part of its own. Throws `Error` of kind kInput for type `markers`, which
 /// cannot be drawn.

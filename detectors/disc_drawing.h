@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+
+namespace plenocal::internal {
+
+/// A disc around (0, 0) of a plane, 1 inside and -1 outside, seen through a homography and blurred
+/// by a Gaussian: across the edge the profile of a straight edge. A blur s moves the edge of a disc
+/// of radius R inward by s^2 / (2 R), for the heat equation moves level lines by their curvature;
+/// that is part of the drawing.
+class DiscDrawing {
+ public:
+  explicit DiscDrawing(float radius) : radius_(radius) {}
+  void SetRadius(float radius) { radius_ = radius; }
+
+  struct Drawn {
+    float value = 0, by_u = 0, by_v = 0, by_blur = 0, by_radius = 0;
+    float u = 0, v = 0, scale = 0;  ///< place in the plane, third homogeneous coordinate
+  };
+  /// The drawing at (x, y) with derivatives by its place (u, v) in the plane, by the blur and by
+  /// the radius. G maps (x, y, 1) to the plane, G(2, 2) = 1; `blur` is in the unit of x and y.
+  [[nodiscard]] Drawn Draw(const Eigen::Matrix3f& G, float blur, float x, float y) const;
+
+ private:
+  float radius_;
+};
+
+}  // namespace plenocal::internal

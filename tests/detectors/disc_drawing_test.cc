@@ -1,0 +1,70 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "detectors/disc_drawing.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+#include <cmath>
+
+namespace plenocal::internal {
+namespace {
+
+/// A disc of radius 1.1 seen a little in perspective, some 5 px large.
+Eigen::Matrix3f Homography() {
+  Eigen::Matrix3f G;
+  G << 0.2f, 0.02f, 0.1f, -0.01f, 0.24f, -0.05f, 0.003f, -0.002f, 1;
+  return G;
+}
+
+/// The disc's image, blurred by summing over a fine grid.
+double Blurred(const Eigen::Matrix3f& G, double radius, double blur, double x, double y) {
+  constexpr double kStep = 0.02, kReach = 4.5;  // blurs
+  double sum = 0, weights = 0;
+  for (double a = -kReach; a <= kReach; a += kStep) {
+    for (double b = -kReach; b <= kReach; b += kStep) {
+      const double weight = std::exp(-(a * a + b * b) / 2);
+      const Eigen::Vector3f place(
+          static_cast<float>(x + blur * a), static_cast<float>(y + blur * b), 1);
+      sum += (G * place).hnormalized().norm() < radius ? weight : -weight;
+      weights += weight;
+    }
+  }
+  return sum / weights;
+}
+
+TEST(DiscDrawing, IsTheBlurredDisc) {
+  const float radius = 1.1f, blur = 0.7f;
+  const DiscDrawing drawing(radius);
+  for (float x = -8; x <= 8; x += 1.3f) {
+    for (float y = -7; y <= 7; y += 1.9f) {
+      EXPECT_NEAR(drawing.Draw(Homography(), blur, x, y).value,
+                  Blurred(Homography(), radius, blur, x, y),
+                  0.01)
+          << x << " " << y;
+    }
+  }
+}
+
+TEST(DiscDrawing, DerivativesAreThoseOfTheValue) {
+  const float blur = 0.7f, h = 0.01f;
+  const Eigen::Matrix3f G = Homography();
+  const auto value = [&](float radius, float b, float u, float v) {
+    Eigen::Matrix3f moved = Eigen::Matrix3f::Identity();
+    moved(0, 2) = u, moved(1, 2) = v;
+    return DiscDrawing(radius).Draw(moved * G / (moved * G)(2, 2), b, 3.1f, 2.2f).value;
+  };
+  const auto drawn = DiscDrawing(1.1f).Draw(G, blur, 3.1f, 2.2f);
+  ASSERT_LT(std::abs(drawn.value), 0.9f);
+  // Steepness and curvature of the edge are taken as constant: their part is below a tenth.
+  const double close = 0.1;
+  const auto near = [&](float slope, float plus, float minus) {
+    EXPECT_NEAR(slope, (plus - minus) / (2 * h), close * std::max(1.f, std::abs(slope)));
+  };
+  near(drawn.by_u, value(1.1f, blur, h, 0), value(1.1f, blur, -h, 0));
+  near(drawn.by_v, value(1.1f, blur, 0, h), value(1.1f, blur, 0, -h));
+  near(drawn.by_radius, value(1.1f + h, blur, 0, 0), value(1.1f - h, blur, 0, 0));
+  near(drawn.by_blur, value(1.1f, blur + h, 0, 0), value(1.1f, blur - h, 0, 0));
+}
+
+}  // namespace
+}  // namespace plenocal::internal
