@@ -8,10 +8,7 @@
 
 namespace plenocal::internal {
 
-DiscDrawing::Drawn DiscDrawing::Draw(const Eigen::Matrix3f& G,
-                                     float blur,
-                                     float x,
-                                     float y) const {
+DiscDrawing::Drawn DiscDrawing::Draw(const Eigen::Matrix3f& G, float blur, float x, float y) const {
   Drawn drawn;
   drawn.scale = G(2, 0) * x + G(2, 1) * y + 1;
   const float inverse = 1 / drawn.scale;
