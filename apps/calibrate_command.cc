@@ -12,6 +12,7 @@
 #include "apps/report/report.h"
 #include "calib/calibrate.h"
 #include "calib/error.h"
+#include "calib/number_text.h"
 #include "calib/output_folder.h"
 #include "calib/result_files.h"
 #include "models/registry.h"
@@ -84,6 +85,11 @@ void RunCalibrate(const SessionCommand& command, const ConsoleOptions& options) 
   for (const CameraFile& file : observations.files) {
     calibration.camera_files[file.camera].emplace_back(file.key, file.name);
   }
+  for (size_t c = 0; c < session.cameras.size(); ++c) {
+    const std::string& frame = observations.sample_frames[c];
+    if (frame.empty()) continue;
+    calibration.camera_files[c].emplace_back("sample_frame", YamlQuoted(frame));
+  }
   ResultFiles files;
   files["calibration.yaml"] = CalibrationYaml(calibration,
                                               {{"plenocal_version", PLENOCAL_VERSION},
@@ -102,6 +108,8 @@ void RunCalibrate(const SessionCommand& command, const ConsoleOptions& options) 
   files["correlations.csv"] = CorrelationsCsv(calibration);
   for (const auto& [name, content] : files) out.Write(name, content);
   WriteDetections(session, observations, command.out, &out);
+  // An older page beside new results would be wrong.
+  out.Remove("report.html");
   if (command.report) {
     console.Progress("report");
     for (CameraFile& file : observations.files) files[file.name] = std::move(file.content);

@@ -61,6 +61,7 @@ SessionObservations CollectObservations(const Session& session,
                       .fixed = camera.fixed,
                       .image_size = camera.image_size,
                       .views = {}};
+    collected.sample_frames.emplace_back();
     if (camera.images.empty()) {
       input.views = ReadDetections(camera.detections, *camera.model);
       if (camera.model->tell_kinds != nullptr) {
@@ -114,6 +115,19 @@ SessionObservations CollectObservations(const Session& session,
                                    "vignetting",
                                    fmt::format("vignetting_{}.tiff", camera.name),
                                    std::move(found.vignetting)});
+      }
+      if (!found.sample.frame.empty()) {
+        collected.sample_frames.back() = found.sample.frame;
+        collected.files.push_back({c,
+                                   "sample",
+                                   fmt::format("sample_{}.jpg", camera.name),
+                                   std::move(found.sample.picture)});
+      }
+      if (!found.sample.depth.empty()) {
+        collected.files.push_back({c,
+                                   "sample_depth",
+                                   fmt::format("virtual_depth_{}.jpg", camera.name),
+                                   std::move(found.sample.depth)});
       }
       input.views = std::move(found.views);
       console->Message(fmt::format("{}: {} images, target found in {}, {} points",

@@ -23,7 +23,9 @@ struct CameraFile {
 /// All observations of a session's cameras, from their images or detection files.
 struct SessionObservations {
   std::vector<CameraInput> cameras;
-  std::vector<CameraFile> files;  ///< micro lenses and vignetting of plenoptic cameras
+  /// Micro lenses and vignetting of plenoptic cameras, pictures of a sample frame.
+  std::vector<CameraFile> files;
+  std::vector<std::string> sample_frames;  ///< per camera; empty: there is no picture
   std::vector<LeftOut> left_out;
 };
 

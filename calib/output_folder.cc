@@ -11,6 +11,7 @@
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
+#include <fstream>
 #include <system_error>
 #include <utility>
 
@@ -21,7 +22,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Announces that the files beside it are complete and belong one folder up.
+// Announces that the files beside it are complete and belong one folder up; lists what goes from
+// there.
 constexpr const char* kComplete = "complete";
 
 [[noreturn]] void Fail(const fs::path& path, const std::string& what) {
@@ -50,10 +52,16 @@ int MoveAll(const fs::path& partial, const fs::path& folder) {
     fs::create_directories((folder / file).parent_path());
     moves.emplace_back((partial / file).string(), (folder / file).string());
   }
+  std::vector<std::string> removed;
+  std::ifstream list(partial / kComplete);
+  for (std::string name; std::getline(list, name);) removed.push_back((folder / name).string());
   const pid_t child = fork();
   if (child == 0) {
     // Other threads do not exist here and may have held locks: system calls only.
     setsid();
+    for (const std::string& path : removed) {
+      if (unlink(path.c_str()) != 0 && errno != ENOENT) _exit(std::min(errno, 255));
+    }
     for (const auto& [from, to] : moves) {
       if (std::rename(from.c_str(), to.c_str()) != 0) _exit(std::min(errno, 255));
     }
@@ -145,7 +153,9 @@ void OutputFolder::Commit() {
       }
     }
   }
-  Write(kComplete, "");
+  std::string removed;
+  for (const std::string& name : removed_) removed += name + "\n";
+  Write(kComplete, removed);
   if (const int failure = MoveAll(Partial(), folder_); failure != 0) {
     Fail(folder_, fmt::format("cannot replace its files: {}", std::strerror(failure)));
   }

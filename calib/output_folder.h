@@ -27,6 +27,9 @@ class OutputFolder {
   /// Writes one file of the run; `name` may have folders ("images/left/01.png"). May be called from
   /// several threads. Throws `Error` of kind kJob, for instance when the disk is full.
   void Write(const std::string& name, const std::string& content);
+  /// A file of an earlier run that this run, if it ends well, leaves out: `Commit` removes it,
+  /// unless it was written again.
+  void Remove(const std::string& name) { removed_.push_back(name); }
   /// Gives all written files their final names, replacing those of an earlier run.
   void Commit();
 
@@ -34,6 +37,7 @@ class OutputFolder {
   [[nodiscard]] std::filesystem::path Partial() const { return folder_ / ".partial"; }
 
   std::filesystem::path folder_;
+  std::vector<std::string> removed_;
   std::vector<std::filesystem::path> made_;  // folders that this object made, innermost first
   int lock_ = -1;                            // of the folder
 };

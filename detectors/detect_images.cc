@@ -19,6 +19,7 @@
 #include "detectors/image.h"
 #include "detectors/marker_detector.h"
 #include "detectors/marker_picture.h"
+#include "detectors/sample_picture.h"
 #include "detectors/white_images.h"
 
 namespace plenocal {
@@ -137,6 +138,12 @@ cv::Mat Devignetted(const cv::Mat& gray, const cv::Mat& attenuation) {
   return even;
 }
 
+/// An image without vignetting where that is known.
+cv::Mat EvenGray(const std::filesystem::path& path, const cv::Mat& attenuation) {
+  const cv::Mat gray = ReadGray(path);
+  return gray.size() == attenuation.size() ? Devignetted(gray, attenuation) : gray;
+}
+
 /// All images of a camera together know its lens better than each alone.
 void MeasureByCommonLens(const ImageSize& size, std::vector<ImageResult>* results) {
   std::vector<BentEdge> edges;
@@ -191,9 +198,8 @@ ImageDetections DetectImages(const std::vector<FrameImage>& images,
         if (const auto known = Unpack(*kept)) result = *known;
       }
       if (!result.reused || options.keep) {
-        cv::Mat gray = ReadGray(images[i].path);
+        const cv::Mat gray = EvenGray(images[i].path, attenuation);
         result.size = {gray.cols, gray.rows};
-        if (gray.size() == attenuation.size()) gray = Devignetted(gray, attenuation);
         if (!result.reused) {
           result.found = detectors.Detect(gray);
           store.Save(key, Pack(result));
@@ -247,6 +253,8 @@ ImageDetections DetectImages(const std::vector<FrameImage>& images,
 
   MeasureByCommonLens(detections.image_size, &results);
 
+  const FrameImage* fullest = nullptr;
+  size_t most_markers = 0, fullest_view = 0;
   for (size_t i = 0; i < images.size(); ++i) {
     ImageResult& result = results[i];
     if (result.reused) ++detections.reused;
@@ -268,9 +276,19 @@ ImageDetections DetectImages(const std::vector<FrameImage>& images,
       if (result.found.markers.empty()) {
         detections.left_out.push_back({path, result.found.failure});
       } else {
+        if (result.found.markers.size() > most_markers) {
+          most_markers = result.found.markers.size();
+          fullest = &images[i];
+          fullest_view = detections.views.size();
+        }
         detections.views.push_back({images[i].frame, std::move(result.found.markers)});
       }
     }
+  }
+  if (fullest != nullptr) {
+    const cv::Mat gray = EvenGray(fullest->path, attenuation);
+    const View& view = detections.views[fullest_view];
+    detections.sample = {view.frame, internal::SamplePicture(gray, view.observations), {}};
   }
   return detections;
 }

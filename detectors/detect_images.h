@@ -12,6 +12,14 @@
 
 namespace plenocal {
 
+/// A frame as a person sees it: contents of JPEG files.
+struct SampleView {
+  std::string frame;  ///< its name; empty: there is none
+  std::string
+      picture;        ///< the image, of a plenoptic camera the focused one, with its markers drawn
+  std::string depth;  ///< of a plenoptic camera, virtual depth in colours
+};
+
 /// What the images of one camera gave.
 struct ImageDetections {
   std::vector<View> views;  ///< only images with markers, in the order of the images
@@ -20,6 +28,7 @@ struct ImageDetections {
   size_t reused = 0;              ///< images whose markers were taken over from an earlier run
   /// Of a plenoptic camera: the content of micro_lenses_<camera>.csv and vignetting_<camera>.tiff.
   std::string micro_lenses, vignetting;
+  SampleView sample;  ///< of the frame with most markers
 };
 
 struct DetectOptions {

@@ -7,6 +7,7 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <optional>
+#include <set>
 #include <utility>
 
 #include "calib/error.h"
@@ -18,6 +19,7 @@
 #include "detectors/marker_looks.h"
 #include "detectors/marker_picture.h"
 #include "detectors/micro_image_markers.h"
+#include "detectors/sample_picture.h"
 #include "detectors/white_camera.h"
 
 namespace plenocal {
@@ -159,20 +161,44 @@ WhiteField MeasureWhiteField(const DetectOptions& options, StageStore* store) {
   return white;
 }
 
-/// The markers of one raw image, measured in its micro images; with pictures when asked for.
+std::string Pack(const SampleView& sample) {
+  StageWriter writer;
+  writer.Put(sample.picture);
+  writer.Put(sample.depth);
+  return writer.Text();
+}
+
+std::optional<SampleView> UnpackSample(const std::string& frame, const std::string& text) {
+  StageReader reader(text);
+  SampleView sample{.frame = frame, .picture = reader.Get<std::string>(), .depth = {}};
+  sample.depth = reader.Get<std::string>();
+  return reader.IsComplete() ? std::optional(sample) : std::nullopt;
+}
+
+size_t CountMarkers(const internal::MicroView& view) {
+  std::set<int> markers;
+  for (const internal::MicroObservation& o : view) markers.insert(o.seen.marker);
+  return markers.size();
+}
+
+/// The markers of one raw image, measured in its micro images; with a sample's pictures, and those
+/// of all stages when asked for.
 RawDetections DetectInRaw(const cv::Mat& raw,
                           const Target& target,
                           const internal::FocusedMarkers& markers,
                           const PlenopticCamera& camera,
                           int threads,
+                          SampleView* sample,
                           Pictures* pictures) {
   FocusOptions focus{.threads = threads, .find_flat_parts = {}};
   focus.find_flat_parts = [&](const cv::Mat& image) { return markers.FlatParts(image); };
   const FocusedView view = Focus(raw, camera, focus);
   const MarkerDetections found = markers.Detect(view.image);
+  cv::Mat grey;
+  view.image.convertTo(grey, CV_8U, internal::ScaleTo8Bits(view.image));
+  sample->picture = internal::SamplePicture(grey, found.markers);
+  sample->depth = internal::SampleDepthPicture(view.depth);
   if (pictures != nullptr) {
-    cv::Mat grey;
-    view.image.convertTo(grey, CV_8U, internal::ScaleTo8Bits(view.image));
     *pictures = {
         {"_focused.png", EncodeImage(".png", grey)},
         {"_markers.png", EncodeImage(".png", internal::MarkerPicture(grey, found.markers))},
@@ -225,9 +251,18 @@ ImageDetections DetectPlenopticImages(const std::vector<FrameImage>& images,
   const internal::FocusedMarkers markers(target);
   std::vector<std::string> frames;
   std::vector<internal::MicroView> views;
+  // The image with most markers; its sample is empty when an earlier run detected it.
+  size_t fullest = 0, most_markers = 0;
+  SampleView sample;
+  const auto detect = [&](const FrameImage& image, SampleView* made, Pictures* pictures) {
+    made->frame = image.frame;
+    return DetectInRaw(
+        ReadImage(image.path), target, markers, camera, options.threads, made, pictures);
+  };
   for (size_t i = 0; i < images.size(); ++i) {
     const std::string path = images[i].path.string();
     std::optional<Pictures> pictures;
+    SampleView made;
     try {
       const std::string image_key = HashFile(images[i].path);
       const std::string key = store.Key({"micro images", white_key, image_key});
@@ -241,12 +276,7 @@ ImageDetections DetectPlenopticImages(const std::vector<FrameImage>& images,
         ++detections.reused;
       } else {
         if (options.keep) pictures.emplace();
-        known = DetectInRaw(ReadImage(images[i].path),
-                            target,
-                            markers,
-                            camera,
-                            options.threads,
-                            options.keep ? &*pictures : nullptr);
+        known = detect(images[i], &made, options.keep ? &*pictures : nullptr);
         if (options.keep) store.Save(pictures_key, Pack(*pictures));
         store.Save(key, Pack(*known));
       }
@@ -256,6 +286,11 @@ ImageDetections DetectPlenopticImages(const std::vector<FrameImage>& images,
       if (found.markers.empty()) {
         detections.left_out.push_back({path, found.failure});
       } else {
+        if (const size_t count = CountMarkers(found.markers); count > most_markers) {
+          most_markers = count;
+          fullest = i;
+          sample = std::move(made);
+        }
         frames.push_back(images[i].frame);
         views.push_back(std::move(found.markers));
       }
@@ -268,6 +303,19 @@ ImageDetections DetectPlenopticImages(const std::vector<FrameImage>& images,
       }
     }
     if (options.progress && !options.progress(i + 1)) throw Stopped();
+  }
+  if (most_markers > 0) {
+    const FrameImage& image = images[fullest];
+    const std::string key = store.Key({"sample", white_key, HashFile(image.path)});
+    if (sample.frame.empty()) {
+      if (const auto kept = store.Load(key)) {
+        if (auto known = UnpackSample(image.frame, *kept)) sample = std::move(*known);
+      }
+    }
+    // An interrupted run keeps none.
+    if (sample.frame.empty()) detect(image, &sample, nullptr);
+    store.Save(key, Pack(sample));
+    detections.sample = std::move(sample);
   }
   internal::RemoveVignettingShifts(camera.array.types, &views);
   for (size_t i = 0; i < views.size(); ++i) {

@@ -198,6 +198,25 @@ function addWhite() {
   }
 }
 
+function addSamples() {
+  const node = section("Sample images");
+  const cameras = report.cameras.filter((camera) => Object.keys(camera.sample.pictures).length > 0);
+  if (cameras.length === 0) {
+    note(node, "No pictures: the points came from files, or sample_<camera>.jpg is not beside this calibration.");
+    return;
+  }
+  for (const camera of cameras) {
+    const { frame, pictures: { picture, depth } } = camera.sample;
+    node.append(element("h3", {}, `${camera.name}, frame ${frame}`));
+    const grid = element("div", { class: "pictures" });
+    node.append(grid);
+    const add = (title, text, source) => grid.append(element("figure", {},
+      element("figcaption", {}, title, element("small", {}, text)), element("img", { src: source, alt: title })));
+    if (picture) add(depth ? "Totally focused image" : "Image", "The frame with most markers; crosses and numbers: detected markers.", picture);
+    if (depth) add("Virtual depth", "Scale on the right; black: nothing to measure there.", depth);
+  }
+}
+
 function addLeftOut() {
   const node = section("Left out");
   const rejected = report.cameras.filter((camera) => camera.residuals.rejected > 0);
@@ -226,5 +245,6 @@ addMarkers();
 addCorrelations();
 addPrecision();
 addWhite();
+addSamples();
 addLeftOut();
 addAgain();

@@ -165,6 +165,22 @@ Json CorrelationJson(const Results& results) {
   return {{"names", results.correlation_names}, {"below_diagonal", rows}};
 }
 
+std::string Base64(std::string_view bytes) {
+  constexpr std::string_view kDigits =
+      "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+  std::string text;
+  for (size_t i = 0; i < bytes.size(); i += 3) {
+    unsigned bits = 0;
+    for (size_t k = 0; k < 3; ++k) {
+      bits = bits << 8 | (i + k < bytes.size() ? static_cast<unsigned char>(bytes[i + k]) : 0u);
+    }
+    for (size_t k = 0; k < 4; ++k) {
+      text += i + k <= bytes.size() ? kDigits[bits >> (18 - 6 * k) & 63] : '=';
+    }
+  }
+  return text;
+}
+
 class ReportData {
  public:
   ReportData(const ResultFiles& files,
@@ -216,6 +232,13 @@ class ReportData {
       vignetting =
           VignettingJson(read_attenuation_(*tiff, folder_ + "/" + camera.vignetting, kCells));
     }
+    Json pictures = Json::object();
+    for (const auto& [key, name] :
+         {std::pair("picture", camera.sample), std::pair("depth", camera.sample_depth)}) {
+      if (const std::string* jpeg = File(name)) {
+        pictures[key] = "data:image/jpeg;base64," + Base64(*jpeg);
+      }
+    }
     return {
         {"name", camera.name},
         {"model", camera.model->name},
@@ -232,7 +255,8 @@ class ReportData {
         {"projection", MapsJson(maps)},
         {"distance", PrecisionJson(DistancePrecisions(results_, c, kMostPrecisions))},
         {"vignetting", vignetting},
-        {"micro_lenses", micro_lenses}};
+        {"micro_lenses", micro_lenses},
+        {"sample", {{"frame", camera.sample_frame}, {"pictures", pictures}}}};
   }
 
   [[nodiscard]] const std::string* File(const std::string& name) const {
@@ -264,7 +288,8 @@ ResultFiles ReadResultFiles(const std::filesystem::path& folder) {
     const bool is_read = name == "calibration.yaml" || name == "target.yaml" ||
                          name == "poses.csv" || name == "view_poses.csv" ||
                          name == "residuals.csv" || name == "correlations.csv" ||
-                         name.starts_with("micro_lenses_") || name.starts_with("vignetting_");
+                         name.starts_with("micro_lenses_") || name.starts_with("vignetting_") ||
+                         name.starts_with("sample_") || name.starts_with("virtual_depth_");
     if (!is_read || !entry.is_regular_file(error)) continue;
     std::ifstream file(entry.path(), std::ios::binary);
     std::ostringstream text;

@@ -63,6 +63,11 @@ CameraResult ReadCamera(const std::string& name, const YamlNode& node) {
   camera.noise = residuals.At("noise").AsNumber();
   camera.stated_sigma = OptionalNumber(residuals, "detector_sigma");
   camera.floor = OptionalNumber(residuals, "floor");
+  for (const auto& [key, text] : {std::pair("sample", &camera.sample),
+                                  std::pair("sample_depth", &camera.sample_depth),
+                                  std::pair("sample_frame", &camera.sample_frame)}) {
+    if (node.Has(key)) *text = node.At(key).AsString();
+  }
   if (residuals.Has("rms_by_type")) {
     for (const auto& [type, rms] : residuals.At("rms_by_type").Entries()) {
       camera.rms_by_type[type] = rms.AsNumber();

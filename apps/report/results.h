@@ -36,6 +36,8 @@ struct CameraResult : CalibratedCamera {
   std::optional<double> floor;                ///< px, see `residuals` in calibration.yaml
   std::map<std::string, double> rms_by_type;  ///< px, by lens type; may be empty
   std::vector<ResidualRow> residuals;
+  /// Names of the files with pictures of one frame, and the frame's name; empty: there are none.
+  std::string sample, sample_depth, sample_frame;
 
   /// Of a parameter; 0: held, infinite: not determined.
   [[nodiscard]] double Sigma(size_t param) const {

@@ -9,7 +9,7 @@
 #include <nlohmann/json.hpp>
 #include <random>
 
-#include "tests/apps/workspace.h"
+#include "tests/apps/chessboard_images.h"
 
 namespace plenocal::testing {
 namespace {
@@ -19,6 +19,30 @@ using ::testing::HasSubstr;
 using ::testing::Not;
 using Json = nlohmann::json;
 namespace fs = std::filesystem;
+
+/// The data in a page.
+Json DataIn(const std::string& page) {
+  const std::string open = R"(<script type="application/json" id="report-data">)";
+  const size_t begin = page.find(open);
+  EXPECT_NE(begin, std::string::npos);
+  if (begin == std::string::npos) return {};
+  const size_t end = page.find("</script>", begin);
+  return Json::parse(page.substr(begin + open.size(), end - begin - open.size()));
+}
+
+std::string Base64Decoded(const std::string& text) {
+  const std::string digits = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+  std::string decoded;
+  unsigned bits = 0;
+  int count = 0;
+  for (const char c : text) {
+    const size_t digit = digits.find(c);
+    if (digit == std::string::npos) break;
+    bits = (bits << 6 | static_cast<unsigned>(digit)) & 0xffffff;
+    if ((count += 6) >= 8) decoded += static_cast<char>(bits >> (count -= 8) & 0xff);
+  }
+  return decoded;
+}
 
 class Report : public Workspace {
  protected:
@@ -32,16 +56,7 @@ class Report : public Workspace {
     ASSERT_EQ(outcome.status, kDone) << outcome.err;
   }
 
-  /// The data in a page.
-  [[nodiscard]] Json Data(const std::string& page = "out/report.html") const {
-    const std::string text = Read(page);
-    const std::string open = R"(<script type="application/json" id="report-data">)";
-    const size_t begin = text.find(open);
-    EXPECT_NE(begin, std::string::npos);
-    if (begin == std::string::npos) return {};
-    const size_t end = text.find("</script>", begin);
-    return Json::parse(text.substr(begin + open.size(), end - begin - open.size()));
-  }
+  [[nodiscard]] Json Data() const { return DataIn(Read("out/report.html")); }
 
   /// What each finding of the verdict says.
   [[nodiscard]] std::vector<std::string> Findings() const {
@@ -125,6 +140,45 @@ TEST_F(Report, CanBeLeftOut) {
   ASSERT_EQ(Run({"calibrate", "session.yaml", "-o", "out", "--no-report"}).status, kDone);
   EXPECT_FALSE(fs::exists(Path("out/report.html")));
   EXPECT_TRUE(fs::exists(Path("out/residuals.csv")));
+}
+
+TEST_F(Report, OfAnEarlierRunDoesNotStayBesideNewResults) {
+  WriteProblem(EasyProblem());
+  Calibrate();
+  ASSERT_TRUE(fs::exists(Path("out/report.html")));
+  Write("broken.yaml", Replaced(Read("session.yaml"), "target.yaml", "missing.yaml"));
+  ASSERT_EQ(Run({"calibrate", "broken.yaml", "-o", "out", "--no-report"}).status, kWrongInput);
+  EXPECT_TRUE(fs::exists(Path("out/report.html"))) << "it belongs to the results that stay";
+  ASSERT_EQ(Run({"calibrate", "session.yaml", "-o", "out", "--no-report"}).status, kDone);
+  EXPECT_FALSE(fs::exists(Path("out/report.html")));
+  EXPECT_TRUE(fs::exists(Path("out/calibration.yaml")));
+}
+
+class ReportOfImages : public Images {};
+
+TEST_F(ReportOfImages, ShowsTheFrameWithMostMarkersFromTheFilesAlone) {
+  Save("images/00.png", cv::Mat(480, 640, CV_8UC1, cv::Scalar(200)));
+  Calibrate();
+  const std::string page = Read("out/report.html");
+  const Json sample = DataIn(page)["cameras"][0]["sample"];
+  EXPECT_EQ(sample["frame"], "01");
+  const std::string source = sample["pictures"]["picture"];
+  const std::string head = "data:image/jpeg;base64,";
+  ASSERT_TRUE(source.starts_with(head));
+  const std::string jpeg = Base64Decoded(source.substr(head.size()));
+  EXPECT_TRUE(jpeg == Read("out/sample_cam0.jpg"));
+  const cv::Mat picture = cv::imread(Path("out/sample_cam0.jpg").string(), cv::IMREAD_COLOR);
+  ASSERT_EQ(picture.size(), cv::Size(640, 480));
+  cv::Mat green;
+  cv::inRange(picture, cv::Scalar(0, 150, 0), cv::Scalar(120, 255, 120), green);
+  EXPECT_GT(cv::countNonZero(green), kColumns * kRows * 5);
+
+  for (int i = 0; i < kImages; ++i) fs::remove(Path(fmt::format("images/{:02}.png", i)));
+  ASSERT_EQ(Run({"report", "out"}).status, kDone);
+  EXPECT_TRUE(Read("out/report.html") == page);
+  fs::remove(Path("out/sample_cam0.jpg"));
+  ASSERT_EQ(Run({"report", "out"}).status, kDone);
+  EXPECT_TRUE(DataIn(Read("out/report.html"))["cameras"][0]["sample"]["pictures"].empty());
 }
 
 TEST_F(Report, SaysWhatIsMissingOrDamaged) {
@@ -218,6 +272,7 @@ TEST_F(Report, DoesNotBlameTheTiltsOfAGoodSet) {
 // Adds to a page a script that draws everything and leaves what came of it in the document.
 std::string WithAudit(const std::string& page) {
   return page + R"(<script>
+window.addEventListener("load", () => {
 plenocalReport.drawAll();
 const audit = { errors: plenocalReport.errors, figures: plenocalReport.figures.map((figure) => {
   const { canvas } = figure;
@@ -225,32 +280,25 @@ const audit = { errors: plenocalReport.errors, figures: plenocalReport.figures.m
   const colours = new Set();
   for (let i = 0; i < pixels.length; i += 4) if (pixels[i + 3] > 0) colours.add((pixels[i] << 16) | (pixels[i + 1] << 8) | pixels[i + 2]);
   return { title: figure.title, count: figure.count, colours: colours.size };
-}), values: [...document.querySelectorAll("[data-value]")].map((node) => Number(node.dataset.value)), width: document.documentElement.scrollWidth };
+}), values: [...document.querySelectorAll("[data-value]")].map((node) => Number(node.dataset.value)), images: [...document.images].map((image) => image.naturalWidth), width: document.documentElement.scrollWidth };
 const node = document.createElement("pre");
 node.id = "audit";
 node.textContent = "AUDIT" + btoa(JSON.stringify(audit)) + "TIDUA";
 document.body.append(node);
+});
 </script>)";
-}
-
-std::string Base64Decoded(const std::string& text) {
-  const std::string digits = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-  std::string decoded;
-  unsigned bits = 0;
-  int count = 0;
-  for (const char c : text) {
-    const size_t digit = digits.find(c);
-    if (digit == std::string::npos) break;
-    bits = (bits << 6 | static_cast<unsigned>(digit)) & 0xffffff;
-    if ((count += 6) >= 8) decoded += static_cast<char>(bits >> (count -= 8) & 0xff);
-  }
-  return decoded;
 }
 
 TEST_F(Report, IsDrawnByABrowser) {
   const char* const browser = "/usr/bin/chromium";
   if (!fs::exists(browser)) GTEST_SKIP() << "install Debian's chromium to have the page opened";
   CalibrateExample();
+  ASSERT_TRUE(cv::imwrite(Path("out/sample_left.jpg").string(), ChessboardView(1)));
+  Write("out/calibration.yaml",
+        Replaced(Read("out/calibration.yaml"),
+                 "  left:\n",
+                 "  left:\n    sample: sample_left.jpg\n    sample_frame: '000105'\n"));
+  ASSERT_EQ(Run({"report", "out"}).status, kDone);
   Write("audit.html", WithAudit(Read("out/report.html")));
   for (const int width : {1400, 500}) {
     const std::string command = fmt::format(
@@ -273,6 +321,7 @@ TEST_F(Report, IsDrawnByABrowser) {
       EXPECT_GT(figure["count"].get<int>(), 0) << figure["title"];
       EXPECT_GT(figure["colours"].get<int>(), 5) << figure["title"];
     }
+    EXPECT_EQ(audit["images"], Json{640});
     EXPECT_LE(audit["width"].get<int>(), width) << "the page is wider than the window";
     // The figures on the page are those of the file.
     const std::vector<double> shown = audit["values"];
