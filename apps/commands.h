@@ -86,10 +86,13 @@ struct TryCommand {
   bool fresh = false;  ///< takes over nothing from earlier runs
 };
 
-/// Two calibrations of the same cameras.
+/// Two calibrations of the same cameras, or one and new images of them.
 struct CompareCommand {
-  std::filesystem::path a, b;     ///< calibration.yaml
+  std::filesystem::path a, b;     ///< calibration.yaml; b is empty when there are new images
+  std::filesystem::path session;  ///< of the new images; empty: none
   std::vector<double> distances;  ///< m; empty: 1 m and far away
+  std::filesystem::path out;      ///< for picture and table; empty: neither
+  bool json = false;              ///< new images: JSON on standard output
 };
 
 /// A camera of a calibration as another model's.
@@ -171,8 +174,9 @@ void RunImport(const ImportCommand& command, const ConsoleOptions& options);
 void RunReport(const std::filesystem::path& folder);
 /// `plenocal try`: which camera model describes the cameras best.
 void RunTry(const TryCommand& command, const ConsoleOptions& options);
-/// `plenocal compare`: how far two calibrations differ in the image and in space.
-void RunCompare(const CompareCommand& command);
+/// `plenocal compare`: how far two calibrations differ in the image and in space, or whether one
+/// still holds for new images (throws `Error` of kind kJob when not).
+void RunCompare(const CompareCommand& command, const ConsoleOptions& options);
 /// `plenocal convert`: one camera model fitted to another.
 void RunConvert(const ConvertCommand& command);
 /// `plenocal map`: remap tables of a camera.

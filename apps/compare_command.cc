@@ -3,12 +3,21 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
+#include <nlohmann/json.hpp>
 #include <numbers>
+#include <optional>
 
+#include "apps/calibration_input.h"
 #include "apps/commands.h"
+#include "apps/image_module.h"
+#include "apps/observations.h"
 #include "calib/calibration_file.h"
+#include "calib/check.h"
 #include "calib/compare.h"
 #include "calib/error.h"
+#include "calib/output_folder.h"
+#include "calib/result_files.h"
 #include "models/registry.h"
 
 namespace plenocal {
@@ -106,11 +115,180 @@ void PrintMount(const CameraDifference& master,
       1e3 * sigma.head<3>().norm());
 }
 
+// The table as a file.
+std::string TableCsv(const std::vector<CameraDifference>& differences) {
+  std::string text = "camera,distance,part,rms,largest,predicted,probability,pixels,differs\n";
+  for (const CameraDifference& camera : differences) {
+    for (const DistanceDifference& at : camera.distances) {
+      const auto line = [&](const std::string& part, const ImageDifference& difference) {
+        text +=
+            fmt::format("{},{:g},{},{:.6g},{:.6g},{},{},{},{}\n",
+                        camera.name,
+                        at.distance,
+                        part,
+                        difference.rms,
+                        difference.largest,
+                        camera.has_prediction ? fmt::format("{:.6g}", difference.predicted) : "",
+                        camera.has_prediction ? fmt::format("{:.3g}", difference.probability) : "",
+                        difference.points,
+                        difference.differs ? 1 : 0);
+      };
+      line("all", at.all);
+      for (size_t p = 0; p < at.parts.size(); ++p) line(PartText(p), at.parts[p]);
+    }
+  }
+  return text;
+}
+
+// The differences over the images.
+std::string Picture(const std::vector<CameraDifference>& differences,
+                    const std::vector<CalibratedCamera>& cameras) {
+  std::vector<FieldMap> maps;
+  double largest = 0;
+  for (size_t i = 0; i < differences.size(); ++i) {
+    for (const DistanceDifference& at : differences[i].distances) {
+      FieldMap map{
+          fmt::format(
+              "{}, {}: RMS {:.3g} px", differences[i].name, DistanceText(at.distance), at.all.rms),
+          cameras[i].image_size,
+          kComparedColumns,
+          kComparedRows,
+          {}};
+      map.vectors.resize(static_cast<size_t>(map.columns) * static_cast<size_t>(map.rows));
+      for (const PixelDifference& pixel : at.pixels) {
+        const auto column =
+            static_cast<size_t>((pixel.u_px.x() + 0.5) / map.image_size[0] * map.columns);
+        const auto row = static_cast<size_t>((pixel.u_px.y() + 0.5) / map.image_size[1] * map.rows);
+        map.vectors[row * static_cast<size_t>(map.columns) + column] = {pixel.difference_px.x(),
+                                                                        pixel.difference_px.y()};
+      }
+      largest = std::max(largest, at.all.largest);
+      maps.push_back(std::move(map));
+    }
+  }
+  return DrawFieldMapsByModule(maps, largest);
+}
+
+// Compares camera by camera and prints what it finds.
+std::vector<CameraDifference> CompareAll(const std::vector<CalibratedCamera>& a,
+                                         const CalibrationFile& b,
+                                         const std::vector<double>& distances,
+                                         bool print) {
+  std::vector<CameraDifference> differences;
+  for (const CalibratedCamera& camera : a) {
+    // Single cameras are compared whatever they are called.
+    const std::string name = a.size() == 1 && b.cameras.size() == 1 ? "" : camera.name;
+    const CalibratedCamera& other = FindCamera(b, name);
+    differences.push_back(CompareCameras(camera, other, distances));
+    if (!print) continue;
+    PrintCamera(differences.back(), camera, other);
+    if (differences.size() > 1) {
+      PrintMount(differences.front(), differences.back(), camera, other);
+    }
+    fmt::print("\n");
+  }
+  return differences;
+}
+
+nlohmann::json CheckJson(const CalibrationCheck& check) {
+  nlohmann::json cameras = nlohmann::json::array();
+  for (const CameraCheck& camera : check.cameras) {
+    cameras.push_back({{"name", camera.name},
+                       {"valid", camera.valid},
+                       {"points", camera.points},
+                       {"rms_poses_only", camera.rms_held},
+                       {"rms_expected", camera.expected},
+                       {"rms_all_free", camera.rms_free},
+                       {"probability", camera.probability},
+                       {"mount_turn", camera.mount_turn},
+                       {"mount_shift", camera.mount_shift},
+                       {"mount_probability", camera.mount_probability}});
+  }
+  return {{"valid", check.valid}, {"frames", check.frames}, {"cameras", cameras}};
+}
+
+void PrintCheck(const CalibrationCheck& check) {
+  for (const CameraCheck& camera : check.cameras) {
+    fmt::print(
+        "{}: {} points in {} frames\n"
+        "  RMS with only poses free {:.4f} px; expected of a calibration that holds {:.4f}; with "
+        "parameters of the new images' own {:.4f}\n"
+        "  probability of so large a gap by chance: {:.2g}\n",
+        camera.name,
+        camera.points,
+        check.frames,
+        camera.rms_held,
+        camera.expected,
+        camera.rms_free,
+        camera.probability);
+    if (&camera != &check.cameras.front()) {
+      fmt::print(
+          "  on the rig turned by {:.4f} degrees and shifted by {:.3f} mm: probability {:.2g}\n",
+          camera.mount_turn * 180 / std::numbers::pi,
+          1e3 * camera.mount_shift,
+          camera.mount_probability);
+    }
+    fmt::print("  {}\n\n", camera.valid ? "still valid" : "NOT VALID any more");
+  }
+}
+
+void Check(const CompareCommand& command,
+           const CalibrationFile& old,
+           const std::vector<double>& distances,
+           const ConsoleOptions& options) {
+  const Session session = ReadSession(command.session, CameraModels());
+  const Target target = ReadTarget(session.target);
+  Console console(options.quiet);
+  std::optional<OutputFolder> out;
+  std::unique_ptr<StageStore> store;
+  if (!command.out.empty()) {
+    RefuseToReplaceInputs(session, command.out, {"compare.csv", "check.json", "difference.png"});
+    out.emplace(command.out);
+    store.reset(new StageStore(OpenStageStore(command.out, session.target, false)));
+  }
+  const SessionObservations observations =
+      CollectObservations(session, target, options, {store.get(), nullptr}, &console);
+  const CalibrationCheck check =
+      CheckCalibration(old,
+                       MakeCalibrationInput(session, target, observations.cameras, &console),
+                       {.threads = options.threads, .progress = [&](const std::string& stage) {
+                          console.Progress(stage);
+                          return !Interrupted();
+                        }});
+  if (out) {
+    std::vector<CalibratedCamera> fresh;
+    for (size_t c = 0; c < check.cameras.size(); ++c) fresh.push_back(CameraOf(check.fresh, c));
+    const std::vector<CameraDifference> differences = CompareAll(fresh, old, distances, false);
+    out->Write("check.json", CheckJson(check).dump(2) + "\n");
+    out->Write("compare.csv", TableCsv(differences));
+    out->Write("difference.png", Picture(differences, fresh));
+    out->Commit();
+  }
+  if (command.json) {
+    fmt::print("{}\n", CheckJson(check).dump(2));
+  } else {
+    PrintCheck(check);
+    fmt::print(
+        "{}\n",
+        check.valid ? "the calibration is still valid" : "the calibration is not valid any more");
+  }
+  if (!check.valid) {
+    std::fflush(stdout);
+    throw Error(ErrorKind::kJob,
+                fmt::format("{} does not hold for the images of {} any more; calibrate again",
+                            old.path.string(),
+                            session.path.string()));
+  }
+}
+
 }  // namespace
 
-void RunCompare(const CompareCommand& command) {
-  const CalibrationFile a = ReadCalibration(command.a, CameraModels());
-  const CalibrationFile b = ReadCalibration(command.b, CameraModels());
+void RunCompare(const CompareCommand& command, const ConsoleOptions& options) {
+  if (command.b.empty() == command.session.empty()) {
+    throw Error(ErrorKind::kInput,
+                "give either a second calibration.yaml or --check session.yaml; see 'plenocal "
+                "compare --help'");
+  }
   std::vector<double> distances = command.distances;
   if (distances.empty()) distances = {1, std::numeric_limits<double>::infinity()};
   for (const double distance : distances) {
@@ -120,23 +298,26 @@ void RunCompare(const CompareCommand& command) {
           fmt::format("--distance {}: expected a positive number of metres, or inf", distance));
     }
   }
-  std::vector<CameraDifference> differences;
-  bool same = true, judged = true;
-  for (const CalibratedCamera& camera : a.cameras) {
-    // Single cameras are compared whatever they are called.
-    const std::string name = a.cameras.size() == 1 && b.cameras.size() == 1 ? "" : camera.name;
-    const CalibratedCamera& other = FindCamera(b, name);
-    differences.push_back(CompareCameras(camera, other, distances));
-    const CameraDifference& difference = differences.back();
-    PrintCamera(difference, camera, other);
-    if (differences.size() > 1) PrintMount(differences.front(), difference, camera, other);
-    fmt::print("\n");
-    same = same && difference.same;
-    judged = judged && difference.has_prediction;
+  const CalibrationFile a = ReadCalibration(command.a, CameraModels());
+  if (!command.session.empty()) {
+    Check(command, a, distances, options);
+    return;
   }
+  const CalibrationFile b = ReadCalibration(command.b, CameraModels());
+  std::optional<OutputFolder> out;
+  if (!command.out.empty()) out.emplace(command.out);
+  const std::vector<CameraDifference> differences = CompareAll(a.cameras, b, distances, true);
+  if (out) {
+    out->Write("compare.csv", TableCsv(differences));
+    out->Write("difference.png", Picture(differences, a.cameras));
+    out->Commit();
+  }
+  const bool judged = std::ranges::all_of(differences, &CameraDifference::has_prediction);
+  const bool same = std::ranges::all_of(differences, &CameraDifference::same);
   fmt::print("{}\n",
              !judged ? "no verdict for all cameras"
                      : (same ? "same within uncertainty" : "not the same within uncertainty"));
+  if (out) fmt::print("\nwritten to {}\n", command.out.string());
 }
 
 }  // namespace plenocal

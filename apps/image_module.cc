@@ -101,6 +101,13 @@ std::string DrawBarChartByModule(const BarChart& chart, PictureFormat format) {
   return content;
 }
 
+std::string DrawFieldMapsByModule(const std::vector<FieldMap>& maps, double largest) {
+  std::string content;
+  FromModule<decltype(plenocal_draw_field_maps)>("plenocal_draw_field_maps")(
+      maps, largest, &content);
+  return content;
+}
+
 AttenuationMap ReadAttenuationMapByModule(const std::string& tiff,
                                           const std::string& name,
                                           int longer) {

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "apps/evaluate/bar_chart.h"
+#include "apps/evaluate/field_map.h"
 #include "apps/print/print_target.h"
 #include "apps/report/attenuation_map.h"
 #include "apps/simulate/simulate.h"
@@ -43,6 +44,11 @@ extern "C" void plenocal_simulate(const plenocal::SimulateCommand& command,
 extern "C" void plenocal_draw_bar_chart(const plenocal::BarChart& chart,
                                         plenocal::PictureFormat format,
                                         std::string* content);
+
+/// What the image module exports: `DrawFieldMaps` of apps/evaluate/field_map.h.
+extern "C" void plenocal_draw_field_maps(const std::vector<plenocal::FieldMap>& maps,
+                                         double largest,
+                                         std::string* content);
 
 /// What the image module exports: `ReadAttenuationMap` of apps/report/attenuation_map.h.
 extern "C" void plenocal_read_attenuation_map(const std::string& tiff,
@@ -92,6 +98,9 @@ std::string SimulateByModule(const SimulateCommand& command, const SimulateOptio
 
 /// `DrawBarChart` by the image module.
 std::string DrawBarChartByModule(const BarChart& chart, PictureFormat format);
+
+/// `DrawFieldMaps` by the image module.
+std::string DrawFieldMapsByModule(const std::vector<FieldMap>& maps, double largest);
 
 /// `ReadAttenuationMap` by the image module.
 AttenuationMap ReadAttenuationMapByModule(const std::string& tiff,

@@ -35,6 +35,12 @@ extern "C" void plenocal_draw_bar_chart(const plenocal::BarChart& chart,
   *content = plenocal::DrawBarChart(chart, format);
 }
 
+extern "C" void plenocal_draw_field_maps(const std::vector<plenocal::FieldMap>& maps,
+                                         double largest,
+                                         std::string* content) {
+  *content = plenocal::DrawFieldMaps(maps, largest);
+}
+
 extern "C" void plenocal_read_attenuation_map(const std::string& tiff,
                                               const std::string& name,
                                               int longer,

@@ -322,17 +322,25 @@ int main(int argc, char** argv) {  // NOLINT(bugprone-exception-escape)
   CLI::App* compare = app.add_subcommand(
       "compare",
       "How far two calibrations differ in the image, beside what their sigmas predict.\n\n"
-      "  plenocal compare A/calibration.yaml B/calibration.yaml\n\n"
+      "  plenocal compare A/calibration.yaml B/calibration.yaml\n"
+      "  plenocal compare A/calibration.yaml --check session.yaml\n\n"
       "The turn and shift of the cameras' frames that the difference of the intrinsics implies is "
       "taken out first.");
   compare->add_option("a", compare_command.a, "calibration.yaml")->required();
-  compare->add_option("b", compare_command.b, "another, of any models")->required();
+  compare->add_option("b", compare_command.b, "another, of any models");
+  compare->add_option("--check",
+                      compare_command.session,
+                      "instead of another: session.yaml with new images of the same cameras. Does "
+                      "the calibration still hold for them (only poses free)? Exit status 1: no");
+  compare->add_option("-o,--out", compare_command.out, "folder for difference.png and compare.csv");
+  compare->add_flag("--json", compare_command.json, "with --check: JSON on standard output");
+  compare->add_option("--threads", options.threads, "number of threads (default: all cores)")
+      ->check(CLI::Range(1, 1024));
   compare->add_option("--distance",
                       compare_command.distances,
                       "distances of what is seen, m, or inf (default: 1 inf)");
-  // It has nothing to say beside its results; accepted as on each command.
   compare->add_flag("--quiet", options.quiet, "no messages and no progress, only errors");
-  compare->callback([&] { run = [&] { RunCompare(compare_command); }; });
+  compare->callback([&] { run = [&] { RunCompare(compare_command, options); }; });
   plenocal::ConvertCommand convert_command;
   CLI::App* convert = app.add_subcommand(
       "convert",

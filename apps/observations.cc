@@ -59,6 +59,7 @@ SessionObservations CollectObservations(const Session& session,
                       .config = camera.config,
                       .initial = camera.initial,
                       .fixed = camera.fixed,
+                      .rules = camera.rules,
                       .image_size = camera.image_size,
                       .views = {}};
     collected.sample_frames.emplace_back();

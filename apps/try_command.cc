@@ -78,7 +78,8 @@ void TellWhoseSettings(const Session& session,
                        Console* console) {
   for (const size_t c : varied) {
     const SessionCamera& camera = session.cameras[c];
-    const bool any = std::ranges::any_of(camera.initial, [](const auto& v) { return bool(v); });
+    const bool any = !camera.rules.empty() ||
+                     std::ranges::any_of(camera.initial, [](const auto& v) { return bool(v); });
     if (!any) continue;
     console->Message(
         fmt::format("{}: what the session says of parameters holds for {} alone; the other models "

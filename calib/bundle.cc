@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <deque>
+#include <limits>
 #include <map>
 #include <memory>
 #include <utility>
@@ -118,11 +120,90 @@ RobustFactor Robustify(Loss loss, double width, double s2) {
   return {};
 }
 
+// The parameters of one camera, or of several that have some in common: each value once.
+struct IntrinsicsBlock {
+  std::vector<double> values;  // before the solve
+  std::vector<bool> fixed;
+  std::vector<double> lower, upper;      // the rules'
+  std::vector<ParamRule::Prior> priors;  // with the slots that they belong to
+  std::vector<size_t> prior_slots;
+  std::vector<bool> at_bound;  // held there for now
+  double* place = nullptr;     // among the unknowns
+
+  [[nodiscard]] bool IsHeld(size_t slot) const { return fixed[slot] || at_bound[slot]; }
+};
+
+// Where one camera's parameters are.
+struct Intrinsics {
+  IntrinsicsBlock* block = nullptr;
+  std::vector<size_t> slots;  // per parameter; empty when the block is the camera's alone, in order
+};
+
+// Blocks of all cameras; two that have a parameter in common have one.
+std::vector<Intrinsics> MakeIntrinsics(const Bundle& bundle, std::deque<IntrinsicsBlock>* blocks) {
+  const size_t count = bundle.cameras.size();
+  std::vector<size_t> first(count);  // camera -> the first camera of its block
+  for (size_t c = 0; c < count; ++c) first[c] = c;
+  std::vector<bool> tied(count, false);
+  for (size_t c = 0; c < count; ++c) {
+    for (size_t k = 0; k < bundle.cameras[c].params.size(); ++k) {
+      const ParamPlace root = bundle.Root(c, k);
+      if (root == ParamPlace{c, k}) continue;
+      tied[c] = tied[root.camera] = true;
+      const size_t from = std::max(first[c], first[root.camera]);
+      const size_t to = std::min(first[c], first[root.camera]);
+      std::replace(first.begin(), first.end(), from, to);
+    }
+  }
+  std::vector<Intrinsics> all(count);
+  std::vector<std::vector<size_t>> slots(count);
+  const auto add = [&](size_t c, bool roots) {
+    const BundleCamera& camera = bundle.cameras[c];
+    IntrinsicsBlock& block = *all[c].block;
+    slots[c].resize(camera.params.size());
+    for (size_t k = 0; k < camera.params.size(); ++k) {
+      const ParamPlace root = bundle.Root(c, k);
+      const bool is_root = root == ParamPlace{c, k};
+      if (is_root != roots) continue;
+      if (is_root) {
+        slots[c][k] = block.values.size();
+        block.values.push_back(camera.params[k]);
+        block.fixed.push_back(camera.fixed[k]);
+        block.lower.push_back(-std::numeric_limits<double>::infinity());
+        block.upper.push_back(std::numeric_limits<double>::infinity());
+        block.at_bound.push_back(false);
+      } else {
+        slots[c][k] = slots[root.camera][root.param];
+      }
+      if (camera.rules.empty()) continue;
+      const size_t slot = slots[c][k];
+      const ParamRule& rule = camera.rules[k];
+      block.lower[slot] = std::max(block.lower[slot], rule.lower);
+      block.upper[slot] = std::min(block.upper[slot], rule.upper);
+      if (rule.prior) {
+        block.priors.push_back(*rule.prior);
+        block.prior_slots.push_back(slot);
+      }
+    }
+  };
+  for (size_t c = 0; c < count; ++c) {
+    if (first[c] == c) blocks->emplace_back();
+    all[c].block = first[c] == c ? &blocks->back() : all[first[c]].block;
+    add(c, true);
+  }
+  for (size_t c = 0; c < count; ++c) add(c, false);
+  for (size_t c = 0; c < count; ++c) {
+    if (tied[c]) all[c].slots = slots[c];
+  }
+  return all;
+}
+
 // All observations of one camera in one frame that fall into one block of markers.
 // Parameter blocks: intrinsics, [mount,] pose[, jitter][, markers].
 class ViewCost : public ceres::CostFunction {
  public:
   ViewCost(const BundleCamera& camera,
+           const Intrinsics& intrinsics,
            const ChartedPose* mount,
            const ChartedPose& pose,
            bool free_jitter,
@@ -131,6 +212,7 @@ class ViewCost : public ceres::CostFunction {
            bool free_markers,
            const AdjustOptions& options)
       : camera_(camera),
+        slots_(intrinsics.slots),
         mount_(mount),
         pose_(pose),
         free_jitter_(free_jitter),
@@ -140,7 +222,7 @@ class ViewCost : public ceres::CostFunction {
         options_(options) {
     set_num_residuals(static_cast<int>(observations_.size() * camera.model->measured.size()));
     auto& sizes = *mutable_parameter_block_sizes();
-    sizes.push_back(static_cast<int>(camera.params.size()));
+    sizes.push_back(static_cast<int>(intrinsics.block->values.size()));
     if (mount_ != nullptr) sizes.push_back(6);
     sizes.push_back(6);
     if (free_jitter_) sizes.push_back(6);
@@ -151,8 +233,10 @@ class ViewCost : public ceres::CostFunction {
                 double* residuals,
                 double** jacobians) const override {
     const int pose_index = mount_ != nullptr ? 2 : 1;
-    // Bounds are part of the model's domain; Ceres' own bounds would add a line search a step.
-    if (!WithinBounds(*camera_.model, parameters[0])) return false;
+    std::vector<double> gathered;
+    const double* const params = Gather(parameters[0], &gathered);
+    // Limits are part of the model's domain; Ceres' own bounds would add a line search a step.
+    if (!WithinBounds(*camera_.model, params)) return false;
     LinearisedView view;
     view.T_camera_rig = camera_.T_camera_rig;
     if (mount_ != nullptr) {
@@ -176,13 +260,18 @@ class ViewCost : public ceres::CostFunction {
     const size_t rows = camera_.model->measured.size();
     const size_t count = camera_.params.size();
     const auto block = [&](int index) { return jacobians == nullptr ? nullptr : jacobians[index]; };
-    double* const J_params = block(0);
+    double* const J_intrinsics = block(0);
     double* const J_mount = mount_ != nullptr ? block(1) : nullptr;
     double* const J_pose = block(pose_index);
     double* const J_jitter = free_jitter_ ? block(jitter_index) : nullptr;
     double* const J_markers = free_markers_ ? block(marker_index) : nullptr;
     // Ceres may ask for some blocks only; the model's own derivatives are needed for any of them.
-    std::vector<double> unasked(jacobians != nullptr && J_params == nullptr ? rows * count : 0);
+    const bool direct = J_intrinsics != nullptr && slots_.empty();
+    std::vector<double> own(jacobians != nullptr && !direct ? rows * count : 0);
+    const size_t width = static_cast<size_t>(parameter_block_sizes()[0]);
+    if (J_intrinsics != nullptr && !direct) {
+      std::fill_n(J_intrinsics, observations_.size() * rows * width, 0.0);
+    }
     for (size_t i = 0; i < observations_.size(); ++i) {
       const BundleObservation& observation = *observations_[i];
       const size_t slot = static_cast<size_t>(observation.marker) % kMarkersPerBlock;
@@ -194,16 +283,21 @@ class ViewCost : public ceres::CostFunction {
       double J_marker[kMaxObservationSize * 3];
       LinearisedRows out{.residual = residuals + row};
       if (jacobians != nullptr) {
-        out.J_params = J_params != nullptr ? J_params + row * count : unasked.data();
+        out.J_params = direct ? J_intrinsics + row * count : own.data();
         if (J_mount != nullptr) out.J_mount = J_mount + row * 6;
         if (J_pose != nullptr) out.J_pose = J_pose + row * 6;
         if (J_jitter != nullptr) out.J_jitter = J_jitter + row * 6;
         if (J_markers != nullptr) out.J_marker = J_marker;
       }
-      if (!internal::Linearise(camera_, parameters[0], view, p_target, observation.seen, out)) {
+      if (!internal::Linearise(camera_, params, view, p_target, observation.seen, out)) {
         return false;
       }
       Robustify(out);
+      for (size_t r = 0; r < rows && J_intrinsics != nullptr && !direct; ++r) {
+        for (size_t k = 0; k < count; ++k) {
+          J_intrinsics[(row + r) * width + slots_[k]] += own[r * count + k];
+        }
+      }
       if (J_markers == nullptr) continue;
       std::fill_n(J_markers + row * kMarkerBlockSize, rows * kMarkerBlockSize, 0.0);
       for (size_t r = 0; r < rows; ++r) {
@@ -214,6 +308,13 @@ class ViewCost : public ceres::CostFunction {
   }
 
  private:
+  // The camera's parameters among those of its block.
+  const double* Gather(const double* block, std::vector<double>* buffer) const {
+    if (slots_.empty()) return block;
+    for (const size_t slot : slots_) buffer->push_back(block[slot]);
+    return buffer->data();
+  }
+
   // r' = f(s^2) r, J' = (f I + 2 f' r r') J.
   void Robustify(const LinearisedRows& out) const {
     if (options_.loss == Loss::kNone) return;
@@ -242,6 +343,7 @@ class ViewCost : public ceres::CostFunction {
   }
 
   const BundleCamera& camera_;
+  const std::vector<size_t>& slots_;
   const ChartedPose* mount_;
   const ChartedPose& pose_;
   bool free_jitter_;
@@ -275,6 +377,32 @@ class MarkerPrior : public ceres::CostFunction {
  private:
   std::vector<double> nominal_;
   double sigma_;
+};
+
+// (parameter - value) / sigma.
+class ParamPriorCost : public ceres::CostFunction {
+ public:
+  ParamPriorCost(int size, size_t slot, ParamRule::Prior prior)
+      : size_(size), slot_(slot), prior_(prior) {
+    set_num_residuals(1);
+    mutable_parameter_block_sizes()->push_back(size);
+  }
+
+  bool Evaluate(double const* const* parameters,
+                double* residuals,
+                double** jacobians) const override {
+    residuals[0] = (parameters[0][slot_] - prior_.value) / prior_.sigma;
+    if (jacobians != nullptr && jacobians[0] != nullptr) {
+      std::fill_n(jacobians[0], size_, 0.0);
+      jacobians[0][slot_] = 1 / prior_.sigma;
+    }
+    return true;
+  }
+
+ private:
+  int size_;
+  size_t slot_;
+  ParamRule::Prior prior_;
 };
 
 // W delta of one view's jitter.
@@ -452,6 +580,90 @@ Matrix6d JitterWeight(const Bundle& bundle, size_t frame, size_t camera) {
          JitterWeight(bundle, frame);
 }
 
+namespace {
+
+// Holds the parameters of a block that are not to be estimated now.
+void Hold(const IntrinsicsBlock& block, bool all, ceres::Problem* problem) {
+  std::vector<int> held;
+  for (size_t slot = 0; slot < block.values.size(); ++slot) {
+    if (block.IsHeld(slot)) held.push_back(static_cast<int>(slot));
+  }
+  if (all || held.size() == block.values.size()) {
+    problem->SetParameterBlockConstant(block.place);
+    return;
+  }
+  problem->SetParameterBlockVariable(block.place);
+  problem->SetManifold(
+      block.place,
+      held.empty() ? nullptr
+                   : new ceres::SubsetManifold(static_cast<int>(block.values.size()), held));
+}
+
+// Active set of the bounds. When parameters have left them, goes back from `unknowns` towards
+// `feasible` until the first of them is at its bound, and holds it there. Otherwise releases those
+// held at bounds that would rather go inside. False when nothing remains to be done.
+bool TakeBounds(const std::vector<IntrinsicsBlock*>& blocks,
+                int pass,
+                const std::vector<double>& feasible,
+                std::vector<double>* unknowns,
+                ceres::Problem* problem) {
+  constexpr double kAll = 1;
+  double part = kAll;
+  IntrinsicsBlock* leaver = nullptr;
+  size_t leaver_slot = 0, bounded = 0;
+  for (IntrinsicsBlock* block : blocks) {
+    for (size_t slot = 0; slot < block->values.size(); ++slot) {
+      const double value = block->place[slot];
+      if (std::isfinite(block->lower[slot]) || std::isfinite(block->upper[slot])) ++bounded;
+      if (block->IsHeld(slot) || (value >= block->lower[slot] && value <= block->upper[slot])) {
+        continue;
+      }
+      const double before = feasible[static_cast<size_t>(block->place - unknowns->data()) + slot];
+      const double bound = std::clamp(value, block->lower[slot], block->upper[slot]);
+      const double until = (bound - before) / (value - before);
+      if (leaver != nullptr && until >= part) continue;
+      part = until;
+      leaver = block;
+      leaver_slot = slot;
+    }
+  }
+  if (leaver != nullptr) {
+    const double bound = std::clamp(
+        leaver->place[leaver_slot], leaver->lower[leaver_slot], leaver->upper[leaver_slot]);
+    for (size_t i = 0; i < unknowns->size(); ++i) {
+      (*unknowns)[i] = feasible[i] + part * ((*unknowns)[i] - feasible[i]);
+    }
+    leaver->place[leaver_slot] = bound;
+    leaver->at_bound[leaver_slot] = true;
+    return true;
+  }
+  // Each bound is taken and given up a few times at most; rounding could go on for ever.
+  if (pass > 2 * static_cast<int>(bounded)) return false;
+  bool released = false;
+  for (IntrinsicsBlock* block : blocks) {
+    if (std::find(block->at_bound.begin(), block->at_bound.end(), true) == block->at_bound.end()) {
+      continue;
+    }
+    problem->SetParameterBlockVariable(block->place);
+    problem->SetManifold(block->place, nullptr);
+    ceres::Problem::EvaluateOptions evaluate;
+    evaluate.parameter_blocks = {block->place};
+    std::vector<double> gradient;
+    problem->Evaluate(evaluate, nullptr, nullptr, &gradient, nullptr);
+    for (size_t slot = 0; slot < block->values.size(); ++slot) {
+      if (!block->at_bound[slot]) continue;
+      const bool at_lower = block->place[slot] == block->lower[slot];
+      if (at_lower ? gradient[slot] < 0 : gradient[slot] > 0) {
+        block->at_bound[slot] = false;
+        released = true;
+      }
+    }
+  }
+  return released;
+}
+
+}  // namespace
+
 AdjustSummary Adjust(Bundle* bundle, const AdjustOptions& options) {
   const bool free_markers = bundle->marker_sigma > 0;
   const bool free_jitter = bundle->jitter.translation_sigma > 0;
@@ -462,18 +674,21 @@ AdjustSummary Adjust(Bundle* bundle, const AdjustOptions& options) {
   size_t size =
       6 * (bundle->T_rig_target.size() + bundle->cameras.size() + bundle->jitter.delta.size()) +
       kMarkerBlockSize * block_count;  // the last block may have a spare marker
-  for (const BundleCamera& camera : bundle->cameras) size += camera.params.size();
+  std::deque<IntrinsicsBlock> blocks;
+  const std::vector<Intrinsics> intrinsics = MakeIntrinsics(*bundle, &blocks);
+  for (const IntrinsicsBlock& block : blocks) size += block.values.size();
   std::vector<double> unknowns(size, 0.0);
   double* free_place = unknowns.data();
   const auto take = [&](size_t count) { return std::exchange(free_place, free_place + count); };
 
   std::vector<ChartedPose> poses, mounts;
   for (const RigidTransform& T : bundle->T_rig_target) poses.push_back({T, take(6)});
-  std::vector<double*> params;
-  for (const BundleCamera& camera : bundle->cameras) {
-    mounts.push_back({camera.T_camera_rig, take(6)});
-    params.push_back(take(camera.params.size()));
-    std::copy(camera.params.begin(), camera.params.end(), params.back());
+  for (size_t c = 0; c < bundle->cameras.size(); ++c) {
+    mounts.push_back({bundle->cameras[c].T_camera_rig, take(6)});
+    IntrinsicsBlock& block = *intrinsics[c].block;
+    if (block.place != nullptr) continue;
+    block.place = take(block.values.size());
+    std::copy(block.values.begin(), block.values.end(), block.place);
   }
   double* const jitter = take(6 * bundle->jitter.delta.size());
   for (size_t i = 0; i < bundle->jitter.delta.size(); ++i) {
@@ -490,7 +705,7 @@ AdjustSummary Adjust(Bundle* bundle, const AdjustOptions& options) {
   problem_options.enable_fast_removal = false;
   problem_options.disable_all_safety_checks = true;
   ceres::Problem problem(problem_options);
-  auto* ordering = new ceres::ParameterBlockOrdering;
+  auto ordering = std::make_shared<ceres::ParameterBlockOrdering>();
 
   std::vector<bool> block_used(block_count, false);
   std::vector<bool> camera_used(bundle->cameras.size(), false);
@@ -518,19 +733,26 @@ AdjustSummary Adjust(Bundle* bundle, const AdjustOptions& options) {
     const BundleCamera& camera = bundle->cameras[camera_index];
     ChartedPose& pose = poses[static_cast<size_t>(first.frame)];
     ChartedPose* mount = camera.is_master ? nullptr : &mounts[camera_index];
-    std::vector<double*> blocks{params[camera_index]};
-    if (mount != nullptr) blocks.push_back(mount->delta);
-    blocks.push_back(pose.delta);
+    std::vector<double*> places{intrinsics[camera_index].block->place};
+    if (mount != nullptr) places.push_back(mount->delta);
+    places.push_back(pose.delta);
     if (free_jitter) {
       const size_t view = bundle->View(static_cast<size_t>(first.frame), camera_index);
-      blocks.push_back(jitter + 6 * view);
+      places.push_back(jitter + 6 * view);
       view_used[view] = true;
     }
-    if (free_markers) blocks.push_back(markers + block * kMarkerBlockSize);
-    problem.AddResidualBlock(
-        new ViewCost(camera, mount, pose, free_jitter, group, *bundle, free_markers, options),
-        nullptr,
-        blocks);
+    if (free_markers) places.push_back(markers + block * kMarkerBlockSize);
+    problem.AddResidualBlock(new ViewCost(camera,
+                                          intrinsics[camera_index],
+                                          mount,
+                                          pose,
+                                          free_jitter,
+                                          group,
+                                          *bundle,
+                                          free_markers,
+                                          options),
+                             nullptr,
+                             places);
     frame_used[static_cast<size_t>(first.frame)] = true;
     camera_used[camera_index] = true;
     if (free_markers) block_used[block] = true;
@@ -551,23 +773,24 @@ AdjustSummary Adjust(Bundle* bundle, const AdjustOptions& options) {
       ordering->AddElementToGroup(jitter + 6 * view, 0);
     }
   }
+  std::vector<IntrinsicsBlock*> used_blocks;
   for (size_t i = 0; i < bundle->cameras.size(); ++i) {
     if (!camera_used[i]) continue;
-    const BundleCamera& camera = bundle->cameras[i];
-    double* block = params[i];
-    ordering->AddElementToGroup(block, 1);
-    std::vector<int> held;
-    for (size_t k = 0; k < camera.params.size(); ++k) {
-      if (camera.fixed[k]) held.push_back(static_cast<int>(k));
+    IntrinsicsBlock& block = *intrinsics[i].block;
+    if (std::find(used_blocks.begin(), used_blocks.end(), &block) == used_blocks.end()) {
+      used_blocks.push_back(&block);
+      ordering->AddElementToGroup(block.place, 1);
+      dense_unknowns += block.values.size();
+      for (size_t p = 0; p < block.priors.size(); ++p) {
+        problem.AddResidualBlock(
+            new ParamPriorCost(
+                static_cast<int>(block.values.size()), block.prior_slots[p], block.priors[p]),
+            nullptr,
+            block.place);
+      }
     }
-    if (options.hold_intrinsics || held.size() == camera.params.size()) {
-      problem.SetParameterBlockConstant(block);
-    } else if (!held.empty()) {
-      problem.SetManifold(block,
-                          new ceres::SubsetManifold(static_cast<int>(camera.params.size()), held));
-    }
-    if (!camera.is_master) ordering->AddElementToGroup(mounts[i].delta, 1);
-    dense_unknowns += camera.params.size() + 6;
+    if (!bundle->cameras[i].is_master) ordering->AddElementToGroup(mounts[i].delta, 1);
+    dense_unknowns += 6;
   }
   for (size_t block = 0; block < block_count; ++block) {
     if (!block_used[block]) continue;
@@ -591,7 +814,6 @@ AdjustSummary Adjust(Bundle* bundle, const AdjustOptions& options) {
   ceres::Solver::Options solver;
   // Poses (or jitter) first: there are many, each touches few residuals, and what remains is small
   // and dense.
-  solver.linear_solver_ordering.reset(ordering);
   solver.linear_solver_type =
       dense_unknowns <= kMaxDenseUnknowns ? ceres::DENSE_SCHUR : ceres::SPARSE_SCHUR;
   solver.num_threads = 1;
@@ -604,21 +826,34 @@ AdjustSummary Adjust(Bundle* bundle, const AdjustOptions& options) {
   IterationReport report(options);
   solver.callbacks.push_back(&report);
 
-  ceres::Solver::Summary solved;
-  ceres::Solve(solver, &problem, &solved);
-
   AdjustSummary summary;
-  summary.usable = solved.IsSolutionUsable();
-  summary.converged = solved.termination_type == ceres::CONVERGENCE;
-  summary.stopped = solved.termination_type == ceres::USER_FAILURE;
-  summary.iterations = static_cast<int>(solved.iterations.size());
-  summary.cost = solved.final_cost;
-  summary.message = solved.message;
-  if (!summary.usable) return summary;
+  std::vector<double> feasible = unknowns;
+  for (int pass = 0;; ++pass) {
+    for (IntrinsicsBlock* block : used_blocks) Hold(*block, options.hold_intrinsics, &problem);
+    // The solver takes blocks that are held out of the ordering that it is given.
+    solver.linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>(*ordering);
+    ceres::Solver::Summary solved;
+    ceres::Solve(solver, &problem, &solved);
+    summary.usable = solved.IsSolutionUsable();
+    summary.converged = solved.termination_type == ceres::CONVERGENCE;
+    summary.stopped = solved.termination_type == ceres::USER_FAILURE;
+    summary.iterations += static_cast<int>(solved.iterations.size());
+    summary.cost = solved.final_cost;
+    summary.message = solved.message;
+    if (!summary.usable) return summary;
+    if (!TakeBounds(used_blocks, pass, feasible, &unknowns, &problem)) break;
+    feasible = unknowns;
+  }
 
   for (size_t i = 0; i < bundle->cameras.size(); ++i) {
-    std::copy_n(params[i], bundle->cameras[i].params.size(), bundle->cameras[i].params.begin());
-    bundle->cameras[i].T_camera_rig = mounts[i].Value();
+    BundleCamera& camera = bundle->cameras[i];
+    camera.at_bound.assign(camera.rules.empty() ? 0 : camera.params.size(), false);
+    for (size_t k = 0; k < camera.params.size(); ++k) {
+      const size_t slot = intrinsics[i].slots.empty() ? k : intrinsics[i].slots[k];
+      camera.params[k] = intrinsics[i].block->place[slot];
+      if (!camera.rules.empty()) camera.at_bound[k] = intrinsics[i].block->at_bound[slot];
+    }
+    camera.T_camera_rig = mounts[i].Value();
   }
   for (size_t i = 0; i < poses.size(); ++i) bundle->T_rig_target[i] = poses[i].Value();
   for (size_t i = 0; i < bundle->jitter.delta.size(); ++i) {

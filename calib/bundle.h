@@ -10,6 +10,7 @@
 
 #include "calib/camera_model.h"
 #include "calib/observation.h"
+#include "calib/param_rule.h"
 #include "calib/rigid_transform.h"
 
 namespace plenocal {
@@ -18,9 +19,11 @@ struct BundleCamera {
   const CameraModel* model = nullptr;
   std::vector<double> config;
   std::vector<double> params;
-  std::vector<bool> fixed;      ///< per parameter: hold it
-  RigidTransform T_camera_rig;  ///< identity for the rig's master
-  bool is_master = false;       ///< its T_camera_rig is the rig's frame and never estimated
+  std::vector<bool> fixed;            ///< per parameter: hold it
+  std::vector<ParamRule> rules = {};  ///< per parameter, or empty
+  std::vector<bool> at_bound = {};    ///< per parameter: `Adjust` left it at a bound; or empty
+  RigidTransform T_camera_rig;        ///< identity for the rig's master
+  bool is_master = false;             ///< its T_camera_rig is the rig's frame and never estimated
   /// Sigma of a residual: sqrt((noise_scale sigma)^2 + noise_floor^2) with the observation's own
   /// sigma. The scale says how right the stated sigmas are; the floor stands for errors that the
   /// detector cannot know of (model, target, motion).
@@ -67,6 +70,12 @@ struct Bundle {
   std::vector<BundleObservation> observations;
   Jitter jitter;
 
+  /// The parameter whose value a parameter takes: itself or another that it is one with.
+  [[nodiscard]] ParamPlace Root(size_t camera, size_t param) const {
+    const std::vector<ParamRule>& rules = cameras[camera].rules;
+    return rules.empty() ? ParamPlace{camera, param}
+                         : rules[param].same_as.value_or(ParamPlace{camera, param});
+  }
   [[nodiscard]] size_t View(size_t frame, size_t camera) const {
     return frame * cameras.size() + camera;
   }
@@ -100,9 +109,10 @@ struct AdjustSummary {
   std::string message;
 };
 
-/// Minimises over intrinsics, T_camera_rig, T_rig_target, jitter (where its sigmas are not zero)
-/// and markers. Every used observation must project at the start. Runs Ceres on one thread: its
-/// parallel sums depend on the schedule, and the same input must give the same bytes.
+/// Minimises over intrinsics (with their rules; the start must be within their bounds),
+/// T_camera_rig, T_rig_target, jitter (where its sigmas are not zero) and markers. Every used
+/// observation must project at the start. Runs Ceres on one thread: its parallel sums depend on the
+/// schedule, and the same input must give the same bytes.
 AdjustSummary Adjust(Bundle* bundle, const AdjustOptions& options);
 
 /// Moves T_rig_target of the chosen frames to the optimum of their used observations while all else

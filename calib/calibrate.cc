@@ -55,7 +55,7 @@ class Calibrator {
   void Start() {
     starts_.resize(CameraCount());
     ParallelFor(CameraCount(), options_.threads, [&](size_t c) {
-      starts_[c] = StartCamera(input_.cameras[c], input_.markers);
+      starts_[c] = StartCamera(Alone(c), input_.markers);
     });
     const std::vector<RigidTransform> T_camera_rig = StartRig(input_.cameras, starts_);
     for (size_t c = 0; c < CameraCount(); ++c) {
@@ -66,11 +66,32 @@ class Calibrator {
                                   .config = camera.config,
                                   .params = starts_[c].params,
                                   .fixed = camera.fixed,
+                                  .rules = camera.rules,
                                   .T_camera_rig = T_camera_rig[c],
                                   .is_master = c == 0});
     }
+    for (size_t c = 0; c < CameraCount(); ++c) {
+      for (size_t k = 0; k < bundle().cameras[c].params.size(); ++k) {
+        const ParamPlace root = bundle().Root(c, k);
+        bundle().cameras[c].params[k] = starts_[root.camera].params[root.param];
+      }
+    }
     bundle().marker_sigma = input_.marker_sigma;
     CollectObservations();
+  }
+
+  // A camera without what it has in common with others.
+  [[nodiscard]] CameraInput Alone(size_t c) const {
+    CameraInput camera = input_.cameras[c];
+    for (ParamRule& rule : camera.rules) {
+      if (!rule.same_as) continue;
+      if (rule.same_as->camera == c) {
+        rule.same_as->camera = 0;
+      } else {
+        rule.same_as.reset();
+      }
+    }
+    return camera;
   }
 
   // Frames, markers and observations that take part, in their order.
@@ -769,9 +790,45 @@ class Calibrator {
       result_.fits.push_back(fit);
     }
     WarnOfJitter();
+    WarnOfRules();
     if (!result_.converged) {
       result_.warnings.emplace_back(
           "the bundle adjustment did not converge: the values may still be moving");
+    }
+  }
+
+  // Bounds that hold an estimate, and priors that the images contradict: of a prior that is right,
+  // estimate - value has the variance sigma^2 - (variance of the estimate).
+  void WarnOfRules() {
+    constexpr double kContradiction = 4;  // sigmas
+    for (size_t c = 0; c < CameraCount(); ++c) {
+      const BundleCamera& camera = bundle().cameras[c];
+      for (size_t k = 0; k < camera.rules.size(); ++k) {
+        const std::string name =
+            fmt::format("{}.{}", result_.camera_names[c], camera.model->params[k].name);
+        if (camera.at_bound[k] && !camera.rules[k].same_as) {
+          result_.warnings.push_back(
+              fmt::format("{} is held at its bound, {:.9g}: the images ask for a value beyond. It "
+                          "has no sigma, and those of others are too small if the bound is wrong",
+                          name,
+                          camera.params[k]));
+        }
+        const auto& prior = camera.rules[k].prior;
+        const double sigma = result_.uncertainty.params[c][k];
+        if (!prior || !(sigma > 0) || !(sigma < prior->sigma)) continue;
+        const double expected = std::sqrt(prior->sigma * prior->sigma - sigma * sigma);
+        const double away = std::abs(camera.params[k] - prior->value) / expected;
+        if (away < kContradiction) continue;
+        result_.warnings.push_back(
+            fmt::format("{}: images and prior disagree by {:.1f} sigma (prior {:.6g} +- {:.2g}, "
+                        "with the images "
+                        "{:.6g}); one of them is wrong",
+                        name,
+                        away,
+                        prior->value,
+                        prior->sigma,
+                        camera.params[k]));
+      }
     }
   }
 

@@ -14,10 +14,9 @@
 namespace plenocal {
 namespace {
 
-constexpr int kColumns = 30, kRows = 20;  // pixels sampled across the image
-constexpr double kFarAway = 1e8;          // m: stands for infinity
-constexpr double kFalseAlarm = 0.01;      // of all parts and distances together
-constexpr double kLensOffset = 8;         // px, of points in micro images from their lens' centre
+constexpr double kFarAway = 1e8;      // m: stands for infinity
+constexpr double kFalseAlarm = 0.01;  // of all parts and distances together
+constexpr double kLensOffset = 8;     // px, of points in micro images from their lens' centre
 
 struct Sample {
   size_t distance = 0, part = 0;
@@ -62,14 +61,15 @@ std::vector<Sample> Samples(const CalibratedCamera& a, const std::vector<double>
       {{kLensOffset, 0}, {-kLensOffset, 0}, {0, kLensOffset}, {0, -kLensOffset}}};
   const size_t lenses = a.model->context.empty() ? 1 : kOffsets.size();
   for (size_t d = 0; d < distances.size(); ++d) {
-    for (int row = 0; row < kRows; ++row) {
-      for (int column = 0; column < kColumns; ++column) {
+    for (int row = 0; row < kComparedRows; ++row) {
+      for (int column = 0; column < kComparedColumns; ++column) {
         for (size_t lens = 0; lens < lenses; ++lens) {
           Sample sample;
           sample.distance = d;
-          sample.part = static_cast<size_t>(3 * (row * 3 / kRows) + column * 3 / kColumns);
-          const double place[2] = {(column + 0.5) / kColumns * a.image_size[0] - 0.5,
-                                   (row + 0.5) / kRows * a.image_size[1] - 0.5};
+          sample.part =
+              static_cast<size_t>(3 * (row * 3 / kComparedRows) + column * 3 / kComparedColumns);
+          const double place[2] = {(column + 0.5) / kComparedColumns * a.image_size[0] - 0.5,
+                                   (row + 0.5) / kComparedRows * a.image_size[1] - 0.5};
           const size_t measured = a.model->measured.size();
           for (size_t i = 0; i < measured; ++i) sample.values[i] = place[i % 2];
           for (size_t i = 0; i < a.model->context.size(); ++i) {
@@ -263,6 +263,8 @@ CameraDifference CompareCameras(const CalibratedCamera& a,
       const Sample& sample = samples[system.of[group]];
       if (sample.distance != d) continue;
       all.push_back(group);
+      const Eigen::Index row = rows * static_cast<Eigen::Index>(group);
+      at.pixels.push_back({{sample.values[0], sample.values[1]}, system.d.segment<2>(row)});
       parts[sample.part].push_back(group);
     }
     at.all = Judge(system, M, all, rows, result.has_prediction);

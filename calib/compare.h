@@ -3,6 +3,7 @@
 // How far two calibrations of one camera differ in the image.
 #pragma once
 
+#include <Eigen/Core>
 #include <array>
 #include <string>
 #include <vector>
@@ -22,12 +23,22 @@ struct ImageDifference {
   bool differs = false;  ///< by more than the prediction explains
 };
 
+/// A pixel of the grid that is compared.
+struct PixelDifference {
+  Eigen::Vector2d u_px;           ///< in a's image
+  Eigen::Vector2d difference_px;  ///< b's image of what a sees there, less `u_px`
+};
+
 /// Differences of all the image and of its 3 x 3 parts, row by row.
 struct DistanceDifference {
   double distance = 0;  ///< m, infinite for far away
   ImageDifference all;
   std::array<ImageDifference, 9> parts;
+  std::vector<PixelDifference> pixels;  ///< those that both image
 };
+
+/// The grid of `PixelDifference`: its cells over the image; a pixel is the middle of its own.
+inline constexpr int kComparedColumns = 30, kComparedRows = 20;
 
 struct CameraDifference {
   std::string name;

@@ -94,6 +94,12 @@ class Trials {
       camera.model = &model;
       camera.initial.assign(model.params.size(), std::nullopt);
       camera.fixed.assign(model.params.size(), false);
+      camera.rules.clear();
+      for (CameraInput& other : input.cameras) {
+        for (ParamRule& rule : other.rules) {
+          if (rule.same_as && rule.same_as->camera == c) rule.same_as.reset();
+        }
+      }
     }
     for (CameraInput& camera : input.cameras) {
       std::erase_if(camera.views, [&](const View& view) {
@@ -154,13 +160,16 @@ class Trials {
     trial->seconds =
         std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     double squares = 0, count = 0;
+    std::set<int> estimated;
     for (const size_t c : choice_.varied) {
       const CameraFit& fit = trial->calibration.fits[c];
       squares += fit.points * fit.rms * fit.rms;
       count += fit.points;
-      const std::vector<bool>& fixed = trial->calibration.bundle.cameras[c].fixed;
-      trial->free_parameters += static_cast<int>(std::count(fixed.begin(), fixed.end(), false));
+      const std::vector<int>& places = trial->calibration.uncertainty.places[c];
+      estimated.insert(places.begin(), places.end());
     }
+    estimated.erase(-1);
+    trial->free_parameters = static_cast<int>(estimated.size());
     trial->in_sample_rms = std::sqrt(squares / count);
   }
 
@@ -247,6 +256,7 @@ class Trials {
     bundle.cameras = trained.cameras;
     for (BundleCamera& camera : bundle.cameras) {
       camera.fixed.assign(camera.params.size(), true);
+      camera.rules.clear();
       camera.is_master = true;  // holds its place on the rig
     }
     bundle.markers = trained.markers;
@@ -352,32 +362,47 @@ class Trials {
     return Square(residuals_[m][p].values.data(), choice_.trials[m].model->measured.size());
   }
 
-  // Mean of squares a point over frames, and the sigma of that mean.
+  // Sum of a model's squares in each frame over the points that count.
+  [[nodiscard]] std::vector<double> FrameSquares(size_t m) const {
+    std::vector<double> sums(choice_.frames, 0.0);
+    for (size_t p = 0; p < points_.size(); ++p) {
+      if (counts_[p]) sums[points_[p].frame] += SquareOf(m, p);
+    }
+    return sums;
+  }
+
+  // Mean a point of what frames sum up to, and its sigma.
   struct Mean {
     double value = 0, sigma = 0;
   };
-  // `square` gives a point's; those with `counts_[p]` count.
-  template <typename OfPoint>
-  [[nodiscard]] Mean OverFrames(const OfPoint& square) const {
-    std::vector<double> sums(choice_.frames, 0.0), counts(choice_.frames, 0.0);
+  [[nodiscard]] Mean OverFrames(const std::vector<double>& sums) const {
     double sum = 0, count = 0;
-    for (size_t p = 0; p < points_.size(); ++p) {
-      if (!counts_[p]) continue;
-      sums[points_[p].frame] += square(p);
-      counts[points_[p].frame] += 1;
-    }
     for (size_t f = 0; f < choice_.frames; ++f) {
       sum += sums[f];
-      count += counts[f];
+      count += frame_points_[f];
     }
     Mean mean{.value = sum / count};
     double squares = 0;
     for (size_t f = 0; f < choice_.frames; ++f) {
-      squares += std::pow(sums[f] - mean.value * counts[f], 2);
+      squares += std::pow(sums[f] - mean.value * frame_points_[f], 2);
     }
     const auto n = static_cast<double>(choice_.frames), k = static_cast<double>(choice_.folds);
     mean.sigma = std::sqrt(squares * n / (n - 1) * (1 + k / (k - 1))) / count;
     return mean;
+  }
+
+  // Of how much larger a model's squares are, frame by frame, if both were equally good.
+  [[nodiscard]] double ProbabilityOfExcess(const std::vector<double>& squares,
+                                           const std::vector<double>& of_best) const {
+    std::vector<double> ratios(choice_.frames, 0.0);
+    for (size_t f = 0; f < choice_.frames; ++f) {
+      const double rounding = frame_points_[f] * kExact * kExact;
+      if (rounding == 0) continue;
+      ratios[f] = frame_points_[f] * std::log((squares[f] + rounding) / (of_best[f] + rounding));
+    }
+    const Mean mean = OverFrames(ratios);
+    if (!(mean.value > 0)) return 1;
+    return StudentTail(mean.value / mean.sigma, static_cast<double>(choice_.frames - 1));
   }
 
   void Score() {
@@ -410,12 +435,19 @@ class Trials {
         counts_[p] = counts_[p] && residuals_[m][p].imaged;
       }
     }
-    choice_.points = static_cast<size_t>(std::count(counts_.begin(), counts_.end(), true));
+    frame_points_.assign(choice_.frames, 0.0);
+    for (size_t p = 0; p < points_.size(); ++p) {
+      if (!counts_[p]) continue;
+      ++choice_.points;
+      frame_points_[points_[p].frame] += 1;
+    }
+    std::vector<std::vector<double>> squares(trials.size());
     size_t best = trials.size();
     for (size_t m = 0; m < trials.size(); ++m) {
       ModelTrial& trial = trials[m];
       if (!trial.comparable) continue;
-      const Mean mean = OverFrames([&](size_t p) { return SquareOf(m, p); });
+      squares[m] = FrameSquares(m);
+      const Mean mean = OverFrames(squares[m]);
       trial.rms = std::sqrt(mean.value);
       trial.rms_sigma = mean.value > 0 ? mean.sigma / (2 * trial.rms) : 0;
       if (best == trials.size() || trial.rms < trials[best].rms) best = m;
@@ -426,10 +458,7 @@ class Trials {
     }
     for (size_t m = 0; m < trials.size(); ++m) {
       if (!trials[m].comparable || m == best) continue;
-      const Mean worse = OverFrames([&](size_t p) { return SquareOf(m, p) - SquareOf(best, p); });
-      if (worse.value <= kExact * kExact) continue;
-      trials[m].probability =
-          StudentTail(worse.value / worse.sigma, static_cast<double>(choice_.frames - 1));
+      trials[m].probability = ProbabilityOfExcess(squares[m], squares[best]);
     }
   }
 
@@ -439,8 +468,9 @@ class Trials {
       return std::tuple(!a.failure.empty(), !a.comparable, a.comparable ? a.rms : a.unseen) <
              std::tuple(!b.failure.empty(), !b.comparable, b.comparable ? b.rms : b.unseen);
     });
+    const double near = trials[0].rms + std::max(trials[0].rms_sigma, kExact);
     for (size_t m = 1; m < trials.size(); ++m) {
-      if (trials[m].comparable && trials[m].probability >= kSignificant &&
+      if (trials[m].comparable && trials[m].probability >= kSignificant && trials[m].rms <= near &&
           trials[m].free_parameters < trials[choice_.recommended].free_parameters) {
         choice_.recommended = m;
       }
@@ -454,6 +484,7 @@ class Trials {
   std::vector<Point> points_;
   std::vector<std::vector<Residuals>> residuals_;  // per model and point, of the held-out frame
   std::vector<bool> counts_;                       // per point: it is part of the scores
+  std::vector<double> frame_points_;               // how many of these each frame has
   std::mutex mutex_;
 };
 

@@ -42,8 +42,8 @@ struct ModelTrial {
   bool comparable = false;
   double rms = 0, rms_sigma = 0;       ///< of the held-out points and its uncertainty, px
   std::vector<HeldOutPoint> held_out;  ///< those that all comparable models image
-  /// Probability of a mean square that exceeds the best model's by as much as this one's does, if
-  /// both were equally good.
+  /// Probability of squares that exceed the best model's, frame by frame, by as much as this one's
+  /// do, if both were equally good.
   double probability = 1;
 };
 
@@ -69,7 +69,10 @@ struct ModelChoice {
 /// Inference for the generalization error, Machine Learning 52, 2003).
 ///
 /// Recommended is the model with the fewest free parameters of those that are not worse than the
-/// best at the level of 5 % (paired one-sided t-test over frames).
+/// best: neither at the level of 5 % in a paired one-sided t-test over frames (of the logarithms of
+/// the ratios of the mean squares, since the squares of a model that does not fit have long tails),
+/// nor by more than the standard error of the best one's RMS (Breiman et al., Classification and
+/// Regression Trees, 1984).
 ///
 /// Throws `Error` of kind kJob when there are too few frames or no model can be calibrated.
 ModelChoice TryModels(const CalibrationInput& input,

@@ -45,20 +45,26 @@ std::string ParamMap(const CameraModel& model, const std::vector<double>& values
   return text + "}";
 }
 
+std::vector<std::string_view> AtBound(const BundleCamera& camera) {
+  std::vector<std::string_view> names;
+  for (size_t k = 0; k < camera.at_bound.size(); ++k) {
+    if (camera.at_bound[k]) names.push_back(camera.model->params[k].name);
+  }
+  return names;
+}
+
 // Correlations of a camera's parameters; held ones have none.
 Eigen::MatrixXd ParamCorrelation(const Calibration& calibration, size_t c) {
   const Uncertainty& uncertainty = calibration.uncertainty;
-  std::vector<Eigen::Index> places;  // in `correlation`; -1 for held parameters
-  for (const Param& param : calibration.bundle.cameras[c].model->params) {
-    const std::string name = calibration.camera_names[c] + "." + std::string(param.name);
-    const auto found = std::find(uncertainty.names.begin(), uncertainty.names.end(), name);
-    places.push_back(found == uncertainty.names.end() ? -1 : found - uncertainty.names.begin());
-  }
+  // A truth that was not estimated has no correlations.
+  const std::vector<int> places =
+      uncertainty.places.empty() ? std::vector<int>(calibration.bundle.cameras[c].params.size(), -1)
+                                 : uncertainty.places[c];
   const auto count = static_cast<Eigen::Index>(places.size());
   Eigen::MatrixXd correlation = Eigen::MatrixXd::Identity(count, count);
   for (Eigen::Index i = 0; i < count; ++i) {
     for (Eigen::Index j = 0; j < i; ++j) {
-      const Eigen::Index a = places[static_cast<size_t>(i)], b = places[static_cast<size_t>(j)];
+      const int a = places[static_cast<size_t>(i)], b = places[static_cast<size_t>(j)];
       if (a < 0 || b < 0) continue;
       correlation(i, j) = correlation(j, i) = uncertainty.correlation(a, b) + 0.0;  // no "-0"
     }
@@ -123,6 +129,24 @@ std::string WithSigma(double value, double sigma) {
   return fmt::format("{:.{}f} +- {:.{}f}", value, digits, sigma, digits);
 }
 
+// What was known of a parameter beside the images.
+std::string RuleText(const Calibration& calibration, size_t c, size_t k) {
+  const BundleCamera& camera = calibration.bundle.cameras[c];
+  if (camera.rules.empty()) return {};
+  const ParamPlace root = calibration.bundle.Root(c, k);
+  const ParamRule& rule = calibration.bundle.cameras[root.camera].rules[root.param];
+  std::string text;
+  if (root != ParamPlace{c, k}) {
+    text += fmt::format("  (one with {}{})",
+                        root.camera == c ? "" : calibration.camera_names[root.camera] + ".",
+                        calibration.bundle.cameras[root.camera].model->params[root.param].name);
+  }
+  if (camera.at_bound[k]) text += "  (at its bound)";
+  if (rule.prior)
+    text += fmt::format("  (prior {:g} +- {:g})", rule.prior->value, rule.prior->sigma);
+  return text;
+}
+
 // The floor beside the RMS. A gap between them is error of model or target, not noise.
 std::string FloorText(const CameraFit& fit) {
   if (!fit.floor) return {};
@@ -172,6 +196,10 @@ std::string CalibrationYaml(const Calibration& calibration,
     }
     fmt::format_to(out, "    parameters: {}\n", ParamMap(model, camera.params));
     fmt::format_to(out, "    sigma: {}\n", ParamMap(model, calibration.uncertainty.params[c]));
+    const std::vector<std::string_view> at_bound = AtBound(camera);
+    if (!at_bound.empty()) {
+      fmt::format_to(out, "    at_bound: [{}]\n", fmt::join(at_bound, ", "));
+    }
     const auto& jackknife = calibration.jackknife;
     if (jackknife) {
       fmt::format_to(out, "    sigma_jackknife: {}\n", ParamMap(model, jackknife->params[c]));
@@ -435,11 +463,12 @@ std::string Summary(const Calibration& calibration) {
       const Param& param = camera.model->params[i];
       fmt::format_to(
           out,
-          "    {:<6} {}{}{}{}\n",
+          "    {:<6} {}{}{}{}{}\n",
           param.name,
           WithSigma(camera.params[i], calibration.uncertainty.params[c][i]),
           param.unit == "1" ? "" : fmt::format(" {}", param.unit),
           camera.fixed[i] ? "  (held)" : "",
+          RuleText(calibration, c, i),
           calibration.jackknife && !camera.fixed[i]
               ? fmt::format("  (jackknife +- {:.2g})", calibration.jackknife->params[c][i])
               : "");

@@ -34,8 +34,18 @@ std::string PathBeside(const std::filesystem::path& session, const YamlNode& nod
 }
 
 void CheckCameraKeys(const YamlNode& node, const CameraModel& model) {
-  std::vector<std::string_view> known{
-      "model", "images", "white_images", "detections", "image_size", "initial", "fixed", "bayer"};
+  std::vector<std::string_view> known{"model",
+                                      "images",
+                                      "white_images",
+                                      "detections",
+                                      "image_size",
+                                      "bayer",
+                                      "initial",
+                                      "fixed",
+                                      "prior",
+                                      "bounds",
+                                      "equal",
+                                      "shared"};
   for (const Param& config : model.config) known.push_back(config.name);
   for (const auto& [key, value] : node.Entries()) {
     if (std::find(known.begin(), known.end(), key) == known.end()) {
@@ -104,6 +114,152 @@ SessionCamera ReadCamera(const std::string& name,
   return camera;
 }
 
+void ReadPriors(const YamlNode& node, SessionCamera* camera) {
+  for (const auto& [name, prior] : node.Entries()) {
+    const size_t k = ParamIndex(*camera->model, name, prior);
+    prior.CheckKeys({"value", "sigma"});
+    if (camera->fixed[k]) prior.Fail(fmt::format("'{}' is held ('fixed')", name));
+    camera->rules[k].prior = {ReadWithin(prior.At("value"), camera->model->params[k]),
+                              prior.At("sigma").AsPositive()};
+  }
+}
+
+void ReadBounds(const YamlNode& node, SessionCamera* camera) {
+  for (const auto& [name, bounds] : node.Entries()) {
+    const size_t k = ParamIndex(*camera->model, name, bounds);
+    const auto elements = bounds.Elements();
+    if (elements.size() != 2) bounds.Fail("expected [lowest, highest]");
+    ParamRule& rule = camera->rules[k];
+    rule.lower = ReadWithin(elements[0], camera->model->params[k]);
+    rule.upper = ReadWithin(elements[1], camera->model->params[k]);
+    if (!(rule.lower < rule.upper))
+      bounds.Fail("expected the lowest value first, then the highest");
+    if (camera->fixed[k]) bounds.Fail(fmt::format("'{}' is held ('fixed')", name));
+    const auto check = [&](const char* what, std::optional<double> value) {
+      if (!value || (*value >= rule.lower && *value <= rule.upper)) return;
+      bounds.Fail(fmt::format(
+          "{} of '{}', {:g}, is outside [{:g}, {:g}]", what, name, *value, rule.lower, rule.upper));
+    };
+    check("the value in 'initial'", camera->initial[k]);
+    if (rule.prior) check("the prior's value", rule.prior->value);
+  }
+}
+
+// Makes a parameter one with another, which has what the session says of both.
+void Tie(const YamlNode& node,
+         ParamPlace from,
+         ParamPlace to,
+         std::vector<SessionCamera>* cameras) {
+  SessionCamera& camera = (*cameras)[from.camera];
+  SessionCamera& other = (*cameras)[to.camera];
+  const Param& param = camera.model->params[from.param];
+  const Param& root = other.model->params[to.param];
+  const std::string root_name = from.camera == to.camera
+                                    ? std::string(root.name)
+                                    : fmt::format("{}.{}", other.name, root.name);
+  if (param.unit != root.unit) {
+    node.Fail(fmt::format("'{}' ({}) and '{}' ({}) have different units",
+                          param.name,
+                          param.unit,
+                          root_name,
+                          root.unit));
+  }
+  ParamRule& rule = camera.rules[from.param];
+  if (rule.same_as)
+    node.Fail(fmt::format("'{}' is one with another parameter already", param.name));
+  if (rule.prior || rule.lower != ParamRule().lower) {
+    node.Fail(fmt::format(
+        "'{}' has no value of its own; give prior and bounds to '{}'", param.name, root_name));
+  }
+  std::optional<double>& start = camera.initial[from.param];
+  std::optional<double>& root_start = other.initial[to.param];
+  if (start && root_start && *start != *root_start) {
+    node.Fail(fmt::format("'{}' starts at {:g}, but '{}', with which it is one, at {:g}",
+                          param.name,
+                          *start,
+                          root_name,
+                          *root_start));
+  }
+  if (!root_start) root_start = start;
+  if (camera.fixed[from.param]) other.fixed[to.param] = true;
+  rule.same_as = to;
+}
+
+void ReadEqual(const YamlNode& node, size_t c, std::vector<SessionCamera>* cameras) {
+  const CameraModel& model = *(*cameras)[c].model;
+  for (const YamlNode& group : node.Elements()) {
+    const auto names = group.Elements();
+    if (names.size() < 2) group.Fail("expected two parameters or more: [f_x, f_y]");
+    const size_t root = ParamIndex(model, names[0].AsString(), names[0]);
+    for (size_t i = 1; i < names.size(); ++i) {
+      const size_t k = ParamIndex(model, names[i].AsString(), names[i]);
+      if (k == root) names[i].Fail("named twice");
+      Tie(names[i], {c, k}, {c, root}, cameras);
+    }
+  }
+}
+
+void ReadShared(const YamlNode& node, size_t c, std::vector<SessionCamera>* cameras) {
+  std::vector<std::string_view> names;
+  for (const SessionCamera& camera : *cameras) names.push_back(camera.name);
+  for (const auto& [name, value] : node.Entries()) {
+    const size_t k = ParamIndex(*(*cameras)[c].model, name, value);
+    const std::string other = value.AsString();
+    const auto found = std::find(names.begin(), names.end(), other);
+    if (found == names.end() || other == (*cameras)[c].name) {
+      value.Fail(fmt::format("expected another camera of this session, found '{}'{}",
+                             other,
+                             SuggestName(other, names)));
+    }
+    const auto place = static_cast<size_t>(found - names.begin());
+    Tie(value, {c, k}, {place, ParamIndex(*(*cameras)[place].model, name, value)}, cameras);
+  }
+}
+
+// What the session says of parameters beside start values.
+void ReadRules(const YamlNode& cameras_node, std::vector<SessionCamera>* cameras) {
+  const auto nodes = cameras_node.Entries();
+  for (size_t c = 0; c < nodes.size(); ++c) {
+    const YamlNode& node = nodes[c].second;
+    SessionCamera& camera = (*cameras)[c];
+    camera.rules.resize(camera.model->params.size());
+    if (node.Has("prior")) ReadPriors(node.At("prior"), &camera);
+    if (node.Has("bounds")) ReadBounds(node.At("bounds"), &camera);
+  }
+  for (size_t c = 0; c < nodes.size(); ++c) {
+    const YamlNode& node = nodes[c].second;
+    if (node.Has("equal")) ReadEqual(node.At("equal"), c, cameras);
+    if (node.Has("shared")) ReadShared(node.At("shared"), c, cameras);
+  }
+  for (size_t c = 0; c < nodes.size(); ++c) {
+    SessionCamera& camera = (*cameras)[c];
+    for (size_t k = 0; k < camera.rules.size(); ++k) {
+      auto& same_as = camera.rules[k].same_as;
+      if (!same_as) continue;
+      // The end of the chain.
+      for (size_t steps = 0;; ++steps) {
+        const auto& next = (*cameras)[same_as->camera].rules[same_as->param].same_as;
+        if (!next) break;
+        if (steps > nodes.size() || *next == ParamPlace{c, k}) {
+          nodes[c].second.At("shared").Fail(
+              fmt::format("'{}' would be one with itself; share it in one direction",
+                          camera.model->params[k].name));
+        }
+        same_as = *next;
+      }
+      camera.initial[k] = (*cameras)[same_as->camera].initial[same_as->param];
+      camera.fixed[k] = (*cameras)[same_as->camera].fixed[same_as->param];
+    }
+  }
+  const bool none = std::ranges::none_of(nodes, [](const auto& entry) {
+    const YamlNode& node = entry.second;
+    return node.Has("prior") || node.Has("bounds") || node.Has("equal") || node.Has("shared");
+  });
+  for (SessionCamera& camera : *cameras) {
+    if (none) camera.rules.clear();
+  }
+}
+
 // What the last `*` of a pattern stands for in a path that matches it: of `*_*.png` and a_b_01.png
 // it is 01, since the stars before it take all they can. Nothing for a pattern without `*`.
 std::optional<std::string> LastStar(const std::string& text, const std::string& pattern) {
@@ -137,6 +293,7 @@ Session ReadSession(const std::filesystem::path& path, std::span<const CameraMod
     session.cameras.push_back(ReadCamera(name, node, path, models));
   }
   if (session.cameras.empty()) root.At("cameras").Fail("expected at least one camera");
+  ReadRules(root.At("cameras"), &session.cameras);
 
   if (root.Has("options")) {
     const YamlNode options = root.At("options");

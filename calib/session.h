@@ -10,6 +10,7 @@
 
 #include "calib/bundle.h"
 #include "calib/camera_model.h"
+#include "calib/param_rule.h"
 
 namespace plenocal {
 
@@ -31,6 +32,8 @@ struct SessionCamera {
   std::vector<double> config;                  ///< the model's config values
   std::vector<std::optional<double>> initial;  ///< per parameter
   std::vector<bool> fixed;                     ///< per parameter
+  /// Per parameter, or empty when the session has none; places refer to `Session::cameras`.
+  std::vector<ParamRule> rules;
 };
 
 /// session.yaml: what to calibrate (FORMATS.md).

@@ -105,6 +105,23 @@ struct Trial {
   double median = kInfinity;
 };
 
+// Parameters that obey the rules: those that are one have their mean, all are within bounds.
+std::vector<double> Ruled(std::vector<double> params, const std::vector<ParamRule>& rules) {
+  for (size_t k = 0; k < rules.size(); ++k) {
+    double sum = params[k], count = 1;
+    for (size_t other = 0; other < rules.size(); ++other) {
+      if (rules[other].same_as != ParamPlace{0, k}) continue;
+      sum += params[other];
+      count += 1;
+    }
+    params[k] = std::clamp(sum / count, rules[k].lower, rules[k].upper);
+  }
+  for (size_t k = 0; k < rules.size(); ++k) {
+    if (rules[k].same_as) params[k] = params[rules[k].same_as->param];
+  }
+  return params;
+}
+
 // A candidate with poses from resection.
 Trial MakeTrial(const CameraInput& camera,
                 const std::vector<double>& params,
@@ -116,6 +133,7 @@ Trial MakeTrial(const CameraInput& camera,
                             .config = camera.config,
                             .params = params,
                             .fixed = camera.fixed,
+                            .rules = camera.rules,
                             .T_camera_rig = {},
                             .is_master = true});
   std::map<int, int> index;
@@ -194,11 +212,17 @@ CameraStart StartCamera(const CameraInput& camera, const std::map<int, Eigen::Ve
                     camera.name,
                     kMinPoints));
   }
+  // A prior's value is as good a start as the user's.
+  std::vector<std::optional<double>> given = camera.initial;
+  for (size_t k = 0; k < camera.rules.size(); ++k) {
+    const ParamRule& rule = camera.rules[k];
+    if (!given[k] && rule.prior) given[k] = std::clamp(rule.prior->value, rule.lower, rule.upper);
+  }
   const StartProblem problem{.views = views,
                              .markers = &markers,
                              .image_size = camera.image_size,
                              .config = camera.config,
-                             .given = camera.initial,
+                             .given = given,
                              .fixed = &camera.fixed};
   if (camera.model->refusal != nullptr) {
     const std::string reason = camera.model->refusal(problem);
@@ -211,7 +235,7 @@ CameraStart StartCamera(const CameraInput& camera, const std::map<int, Eigen::Ve
   std::vector<Trial> trials;
   trials.reserve(candidates.size());
   for (const StartCandidate& candidate : candidates) {
-    trials.push_back(MakeTrial(camera, candidate.params, views, markers));
+    trials.push_back(MakeTrial(camera, Ruled(candidate.params, camera.rules), views, markers));
   }
   std::stable_sort(trials.begin(), trials.end(), [](const auto& a, const auto& b) {
     return a.median < b.median;

@@ -19,6 +19,7 @@ struct CameraInput {
   std::vector<double> config;
   std::vector<std::optional<double>> initial;  ///< per parameter: the user's start value
   std::vector<bool> fixed;                     ///< per parameter: hold it at `initial`
+  std::vector<ParamRule> rules = {};           ///< per parameter, or empty
   ImageSize image_size{};
   std::vector<View> views;
 };
@@ -32,7 +33,8 @@ struct CameraStart {
 
 /// Start values of one camera: the model's candidates, each adjusted on a selection of the views
 /// with the target held rigid; the one with the smallest median residual wins. Throws `Error` of
-/// kind kJob when no view shows enough of the target.
+/// kind kJob when no view shows enough of the target. The camera counts as the only one: its rules
+/// may refer to camera 0 alone, which is itself.
 CameraStart StartCamera(const CameraInput& camera, const std::map<int, Eigen::Vector3d>& markers);
 
 /// T_camera_target of one view from a part of its observations and a camera of known parameters;

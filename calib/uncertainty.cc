@@ -20,7 +20,7 @@ constexpr double kShare = 0.1;
 // Where each unknown stands in the reduced system: intrinsics and mounts of the cameras first, then
 // three coordinates a marker.
 struct Layout {
-  std::vector<std::vector<int>> params;  // per camera and parameter; -1 when held
+  std::vector<std::vector<int>> params;  // per camera and parameter; -1 when not estimated
   std::vector<int> mount;                // per camera; -1 for the master or a camera without data
   int head = 0;                          // number of unknowns before the markers
   int total = 0;
@@ -35,16 +35,38 @@ Layout MakeLayout(const Bundle& bundle, const std::vector<bool>& has_data) {
     const BundleCamera& camera = bundle.cameras[c];
     std::vector<int> places;
     for (size_t k = 0; k < camera.params.size(); ++k) {
-      places.push_back(camera.fixed[k] || !has_data[c] ? -1 : layout.head++);
+      const bool own = bundle.Root(c, k) == ParamPlace{c, k};
+      const bool held = camera.fixed[k] || (!camera.at_bound.empty() && camera.at_bound[k]);
+      places.push_back(!own || held || !has_data[c] ? -1 : layout.head++);
     }
     layout.params.push_back(places);
     const bool free = !camera.is_master && has_data[c];
     layout.mount.push_back(free ? layout.head : -1);
     if (free) layout.head += 6;
   }
+  for (size_t c = 0; c < bundle.cameras.size(); ++c) {
+    for (size_t k = 0; k < layout.params[c].size(); ++k) {
+      const ParamPlace root = bundle.Root(c, k);
+      layout.params[c][k] = layout.params[root.camera][root.param];
+    }
+  }
   layout.markers = bundle.marker_sigma > 0;
   layout.total = layout.head + (layout.markers ? 3 * static_cast<int>(bundle.markers.size()) : 0);
   return layout;
+}
+
+// What priors tell of parameters: place and 1 / sigma^2.
+std::vector<std::pair<int, double>> PriorInformation(const Bundle& bundle, const Layout& layout) {
+  std::vector<std::pair<int, double>> information;
+  for (size_t c = 0; c < bundle.cameras.size(); ++c) {
+    const std::vector<ParamRule>& rules = bundle.cameras[c].rules;
+    for (size_t k = 0; k < rules.size(); ++k) {
+      if (!rules[k].prior || layout.params[c][k] < 0) continue;
+      information.emplace_back(layout.params[c][k],
+                               1 / (rules[k].prior->sigma * rules[k].prior->sigma));
+    }
+  }
+  return information;
 }
 
 // The derivatives of one camera's observations by its own unknowns (intrinsics and mount), and
@@ -57,9 +79,11 @@ class OwnColumns {
     J_params_.resize(rows_, static_cast<Eigen::Index>(params.size()));
     for (size_t k = 0; k < params.size(); ++k) {
       if (params[k] < 0) continue;
-      free_.push_back(static_cast<int>(k));
-      places_.push_back(params[k]);
+      const auto place = std::find(places_.begin(), places_.end(), params[k]);
+      free_.emplace_back(static_cast<Eigen::Index>(k), place - places_.begin());
+      if (place == places_.end()) places_.push_back(params[k]);
     }
+    own_params_ = static_cast<Eigen::Index>(places_.size());
     mount_ = layout.mount[camera] >= 0;
     for (int i = 0; mount_ && i < 6; ++i) places_.push_back(layout.mount[camera] + i);
     J_.resize(rows_, static_cast<Eigen::Index>(places_.size()));
@@ -83,10 +107,8 @@ class OwnColumns {
                               .J_marker = J_marker_})) {
       return false;
     }
-    const auto count = static_cast<Eigen::Index>(free_.size());
-    for (Eigen::Index k = 0; k < count; ++k) {
-      J_.col(k) = J_params_.col(free_[static_cast<size_t>(k)]);
-    }
+    J_.leftCols(own_params_).setZero();
+    for (const auto& [param, column] : free_) J_.col(column) += J_params_.col(param);
     if (mount_) J_.rightCols<6>() = Rows<6>(J_mount_, rows_, 6);
     return true;
   }
@@ -110,12 +132,12 @@ class OwnColumns {
       S->block<3, 1>(marker, places_[i]) += product.col(static_cast<Eigen::Index>(i));
     }
   }
-  // The lower triangle; places ascend.
+  // The lower triangle.
   void AddTo(Eigen::MatrixXd* S) const {
     for (size_t i = 0; i < places_.size(); ++i) {
       for (size_t j = 0; j <= i; ++j) {
-        (*S)(places_[i], places_[j]) +=
-            square_(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j));
+        const auto [column, row] = std::minmax(places_[i], places_[j]);
+        (*S)(row, column) += square_(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j));
       }
     }
   }
@@ -123,8 +145,10 @@ class OwnColumns {
  private:
   int rows_;
   bool mount_ = false;
-  std::vector<int> free_;    // parameters that are estimated
-  std::vector<int> places_;  // their places in the reduced system, then those of the mount
+  // Parameters that are estimated, each with its column; equal ones have one.
+  std::vector<std::pair<Eigen::Index, Eigen::Index>> free_;
+  Eigen::Index own_params_ = 0;  // columns of parameters
+  std::vector<int> places_;      // of the columns in the reduced system
   Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> J_params_;
   double J_mount_[kMaxObservationSize * 6], J_pose_[kMaxObservationSize * 6],
       J_marker_[kMaxObservationSize * 3];
@@ -263,6 +287,9 @@ Reduced Reduce(const Bundle& bundle, const Layout& layout) {
     }
   }
   subtraction.Flush();
+  for (const auto& [place, information] : PriorInformation(bundle, layout)) {
+    S(place, place) += information;
+  }
   for (const OwnColumns& columns : own) columns.AddTo(&S);
   if (layout.markers) {
     S.diagonal().tail(layout.total - layout.head).array() +=
@@ -307,12 +334,13 @@ Uncertainty EstimateUncertainty(const Bundle& bundle,
   }
 
   Uncertainty result;
+  result.places = layout.params;
   // Natural units of the unknowns.
   Eigen::VectorXd unit(head);
   for (size_t c = 0; c < camera_count; ++c) {
     const BundleCamera& camera = bundle.cameras[c];
     for (size_t k = 0; k < camera.params.size(); ++k) {
-      if (layout.params[c][k] < 0) continue;
+      if (layout.params[c][k] < 0 || bundle.Root(c, k) != ParamPlace{c, k}) continue;
       const Param& param = camera.model->params[k];
       unit[layout.params[c][k]] = std::max({std::abs(camera.params[k]), param.scale, 1e-12});
       result.names.push_back(camera_names[c] + "." + std::string(param.name));
@@ -406,6 +434,17 @@ Uncertainty EstimateUncertainty(const Bundle& bundle,
   result.correlation =
       sigma.cwiseInverse().asDiagonal() * covariance * sigma.cwiseInverse().asDiagonal();
 
+  // A prior pays for its part of a parameter.
+  std::vector<double> paid_by_priors(camera_count, 0.0);
+  for (const auto& [place, information] : PriorInformation(bundle, layout)) {
+    for (size_t c = 0; c < camera_count; ++c) {
+      const auto& places = layout.params[c];
+      if (std::find(places.begin(), places.end(), place) == places.end()) continue;
+      paid_by_priors[c] += covariance(place, place) * information;
+      break;
+    }
+  }
+
   // Markers are shared: each camera pays in proportion to what it measured. Its own unknowns and
   // its part of the poses are its alone.
   double all_coordinates = 0;
@@ -424,7 +463,10 @@ Uncertainty EstimateUncertainty(const Bundle& bundle,
         own = 6;
       }
     }
-    for (const int place : layout.params[c]) own += place >= 0 ? 1 : 0;
+    for (size_t k = 0; k < layout.params[c].size(); ++k) {
+      own += layout.params[c][k] >= 0 && bundle.Root(c, k) == ParamPlace{c, k} ? 1 : 0;
+    }
+    own -= paid_by_priors[c];
     result.redundancy.push_back(coordinates[c] - own - reduced.pose_share[c] -
                                 marker_unknowns * coordinates[c] / std::max(1.0, all_coordinates));
   }

@@ -18,9 +18,12 @@ struct OpenDirection {
 
 /// What the data say about the unknowns of a bundle at its optimum.
 struct Uncertainty {
-  /// Per camera: sigma of each parameter; 0 for held ones, infinite for those without any
-  /// information.
+  /// Per camera: sigma of each parameter; 0 for held ones and those at a bound, infinite for those
+  /// without any information.
   std::vector<std::vector<double>> params;
+  /// Per camera and parameter: its place in `names`; -1 for one that is held, at a bound, or of a
+  /// camera without observations. Parameters that are one have one place and one sigma.
+  std::vector<std::vector<int>> places;
   /// Per camera: covariance of T_camera_rig in its chart (`Retract`); zero for the master.
   std::vector<Matrix6d> mount;
   /// Per marker: sigma of its coordinates, m; empty when the markers are held.

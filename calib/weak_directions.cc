@@ -116,6 +116,8 @@ std::vector<WeakUnknowns> FindWeakUnknowns(const Calibration& calibration) {
     }
     std::vector<std::string> large;
     for (size_t k = 0; k < camera.params.size(); ++k) {
+      const ParamPlace place{c, k};
+      if (calibration.bundle.Root(c, k) != place) continue;
       const Param& param = camera.model->params[k];
       const double sigma = uncertainty.params[c][k];
       const std::string name = prefix + std::string(param.name);

@@ -4,6 +4,9 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <opencv2/imgcodecs.hpp>
 
 #include "tests/apps/workspace.h"
 
@@ -100,6 +103,88 @@ TEST_F(CompareCommand, ConvertsBetweenModelsAndReadsTheResultAgain) {
   EXPECT_THAT(outcome.out, HasSubstr("pinhole-radial3 and pinhole-radtan"));
 }
 
+TEST_F(CompareCommand, DrawsThePictureAndWritesTheTable) {
+  CalibrateHalves();
+  const Outcome outcome = Run({"compare", "a/calibration.yaml", "b/calibration.yaml", "-o", "out"});
+  ASSERT_EQ(outcome.status, kDone) << outcome.err;
+  const Table table(Read("out/compare.csv"));
+  EXPECT_EQ(table.Rows(), 2u * 10u);  // two distances, all and nine parts
+  EXPECT_THAT(outcome.out, HasSubstr(fmt::format("{:.4f}", table.Numbers("rms")[0])));
+  const cv::Mat picture = cv::imread(Path("out/difference.png").string());
+  ASSERT_FALSE(picture.empty());
+  // Brighter where the difference is larger: the darkest and the brightest colour of the scale.
+  int dark = 0, bright = 0;
+  for (int y = 0; y < picture.rows; ++y) {
+    for (int x = 0; x < picture.cols; ++x) {
+      const auto& pixel = picture.at<cv::Vec3b>(y, x);
+      dark += pixel[0] > 70 && pixel[1] < 60 && pixel[2] < 90 ? 1 : 0;
+      bright += pixel[0] < 60 && pixel[1] > 200 && pixel[2] > 200 ? 1 : 0;
+    }
+  }
+  EXPECT_GT(dark, 1000);
+  EXPECT_GT(bright, 10);
+}
+
+TEST_F(CompareCommand, ChecksWhetherACalibrationHoldsForNewImages) {
+  // Six checks of calibrations that hold, one in a hundred of which may fail; and as many of a
+  // camera whose focal length has changed by ten sigmas.
+  int rejected = 0, found = 0;
+  constexpr int kChecks = 6;
+  for (unsigned seed = 0; seed < kChecks; ++seed) {
+    SyntheticProblem problem = MakeProblem(40 + seed, {.cameras = 1, .frames = 16, .noise = 0.1});
+    std::vector<View>& views = problem.input.cameras[0].views;
+    const std::vector<View> all = views;
+    views.assign(all.begin(), all.begin() + 8);
+    WriteProblem(problem);
+    Calibrate("old");
+    views.assign(all.begin() + 8, all.end());
+    WriteProblem(problem);
+    const Outcome outcome = Run({"compare", "old/calibration.yaml", "--check", "session.yaml"});
+    EXPECT_THAT(outcome.status, ::testing::AnyOf(kDone, kJobFailed)) << outcome.err;
+    rejected += outcome.status == kJobFailed ? 1 : 0;
+    EXPECT_THAT(outcome.out,
+                HasSubstr(outcome.status == kDone ? "is still valid" : "is not valid any more"));
+
+    const double sigma = Result("old")["cameras"].begin()->second["sigma"]["f_x"].as<double>();
+    Change("old/calibration.yaml", "changed.yaml", "f_x", 10 * sigma);
+    const Outcome changed = Run({"compare", "changed.yaml", "--check", "session.yaml", "--json"});
+    found += changed.status == kJobFailed ? 1 : 0;
+    const auto json = nlohmann::json::parse(changed.out);
+    EXPECT_EQ(json["valid"].get<bool>(), changed.status == kDone);
+    EXPECT_GT(json["cameras"][0]["rms_poses_only"].get<double>(),
+              json["cameras"][0]["rms_all_free"].get<double>());
+    if (changed.status == kJobFailed) {
+      EXPECT_THAT(changed.err,
+                  HasSubstr("changed.yaml does not hold for the images of session.yaml"));
+    }
+  }
+  EXPECT_EQ(rejected, 0);
+  EXPECT_EQ(found, kChecks);
+}
+
+TEST_F(CompareCommand, ChecksThePlacesOnTheRig) {
+  const SyntheticProblem problem = MakeProblem(9, {.cameras = 2, .frames = 16, .noise = 0.1});
+  WriteProblem(problem);
+  Calibrate("old");
+  const Outcome same =
+      Run({"compare", "old/calibration.yaml", "--check", "session.yaml", "-o", "out"});
+  EXPECT_EQ(same.status, kDone) << same.out << same.err;
+  for (const char* file : {"check.json", "compare.csv", "difference.png"}) {
+    EXPECT_TRUE(std::filesystem::exists(Path("out") / file)) << file;
+  }
+  // The second camera has been knocked by five millimetres.
+  YAML::Node file = YAML::Load(Read("old/calibration.yaml"));
+  YAML::Node row = file["cameras"]["cam1"]["T_camera_rig"][0];
+  row[3] = row[3].as<double>() + 0.005;
+  Write("knocked.yaml", YAML::Dump(file) + "\n");
+  const Outcome knocked = Run({"compare", "knocked.yaml", "--check", "session.yaml", "--json"});
+  EXPECT_EQ(knocked.status, kJobFailed);
+  const auto cameras = nlohmann::json::parse(knocked.out)["cameras"];
+  EXPECT_TRUE(cameras[0]["valid"].get<bool>());
+  EXPECT_FALSE(cameras[1]["valid"].get<bool>());
+  EXPECT_NEAR(cameras[1]["mount_shift"].get<double>(), 0.005, 0.001);
+}
+
 TEST_F(CompareCommand, RefusesWhatItCannotReadOrCompare) {
   CalibrateHalves();
   const auto fails = [&](const std::vector<std::string>& arguments, const std::string& part) {
@@ -111,6 +196,11 @@ TEST_F(CompareCommand, RefusesWhatItCannotReadOrCompare) {
   fails({"compare", "a/calibration.yaml", "absent.yaml"}, "absent.yaml");
   fails({"compare", "a/calibration.yaml", "session.yaml"}, "session.yaml");
   fails({"compare", "a/calibration.yaml", "b/calibration.yaml", "--distance", "-1"}, "--distance");
+  fails({"compare", "a/calibration.yaml"}, "--check");
+  fails({"compare", "a/calibration.yaml", "b/calibration.yaml", "--check", "session.yaml"},
+        "either");
+  Write("small.yaml", Replaced(Read("a/calibration.yaml"), "[1280, 960]", "[640, 480]"));
+  fails({"compare", "small.yaml", "--check", "session.yaml", "--quiet"}, "640 x 480");
   fails({"convert", "a/calibration.yaml", "--to", "pinhole-radtn", "-o", "x"},
         "did you mean 'pinhole-radtan'?");
   fails({"convert", "a/calibration.yaml", "--to", "focused-plenoptic", "-o", "x"},

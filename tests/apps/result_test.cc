@@ -207,5 +207,52 @@ TEST_F(Results, SummaryNamesWhatAPersonWantsToKnow) {
   }
 }
 
+TEST_F(Results, SaysWhatWasKnownOfParametersBesideTheImages) {
+  WriteProblem(EasyProblem(2));
+  const YAML::Node free = [&] {
+    Calibrate("free");
+    return Result("free")["cameras"];
+  }();
+  const double A_0 = free["cam0"]["parameters"]["A_0"].as<double>();
+  const std::string session = Read("session.yaml");
+  Write("session.yaml",
+        Replaced(Replaced(session,
+                          "    detections: cam0.csv\n",
+                          fmt::format("    detections: cam0.csv\n    equal: [[f_x, f_y]]\n"
+                                      "    bounds: {{A_0: [{}, {}]}}\n",
+                                      A_0 + 0.02,
+                                      A_0 + 0.05)),
+                 "    detections: cam1.csv\n",
+                 "    detections: cam1.csv\n    shared: {c_x: cam0}\n"
+                 "    prior: {c_y: {value: 480, sigma: 2}}\n"));
+  const Outcome outcome = Calibrate("out");
+  const YAML::Node cameras = Result("out")["cameras"];
+  for (const char* key : {"parameters", "sigma"}) {
+    EXPECT_EQ(cameras["cam0"][key]["f_x"].as<double>(), cameras["cam0"][key]["f_y"].as<double>());
+    EXPECT_EQ(cameras["cam1"][key]["c_x"].as<double>(), cameras["cam0"][key]["c_x"].as<double>());
+  }
+  EXPECT_EQ(cameras["cam0"]["correlation"][1][0].as<double>(), 1);
+  EXPECT_EQ(cameras["cam0"]["parameters"]["A_0"].as<double>(), A_0 + 0.02);
+  EXPECT_EQ(cameras["cam0"]["sigma"]["A_0"].as<double>(), 0);
+  EXPECT_EQ(cameras["cam0"]["at_bound"][0].as<std::string>(), "A_0");
+  for (const char* part : {"(one with f_x)",
+                           "(one with cam0.c_x)",
+                           "(at its bound)",
+                           "(prior 480 +- 2)",
+                           "cam0.A_0 is held at its bound"}) {
+    EXPECT_THAT(outcome.out, ::testing::HasSubstr(part));
+  }
+  // The report and `compare` read it like any other.
+  EXPECT_EQ(Run({"compare", "out/calibration.yaml", "free/calibration.yaml"}).status, kDone);
+
+  Write("session.yaml",
+        Replaced(Replaced(session,
+                          "    detections: cam0.csv\n",
+                          "    detections: cam0.csv\n    shared: {f_x: cam1}\n"),
+                 "    detections: cam1.csv\n",
+                 "    detections: cam1.csv\n    shared: {f_x: cam0}\n"));
+  ExpectFailure(kWrongInput, {"session.yaml:", "one with itself"});
+}
+
 }  // namespace
 }  // namespace plenocal::testing
