@@ -104,7 +104,7 @@ void DrawMap(cairo_t* cr, const FieldMap& map, double top, double largest) {
 }  // namespace
 
 std::string DrawFieldMaps(const std::vector<FieldMap>& maps, double largest) {
-  if (!(largest > 0)) largest = 1e-9;  // no difference at all has a scale too
+  largest = std::max(largest, 1e-6);  // below it is rounding, which is no difference
   double height = kMargin;
   for (const FieldMap& map : maps) height += kTitle + MapHeight(map) + kMargin;
   const double width = 3 * kMargin + kMapWidth + kScale;
