@@ -127,7 +127,7 @@ TEST_F(CompareCommand, DrawsThePictureAndWritesTheTable) {
 
 TEST_F(CompareCommand, ChecksWhetherACalibrationHoldsForNewImages) {
   // Six checks of calibrations that hold, one in a hundred of which may fail; and as many of a
-  // camera whose focal length has changed by ten sigmas.
+  // camera whose focal length has changed by twenty sigmas.
   int rejected = 0, found = 0;
   constexpr int kChecks = 6;
   for (unsigned seed = 0; seed < kChecks; ++seed) {
@@ -146,7 +146,7 @@ TEST_F(CompareCommand, ChecksWhetherACalibrationHoldsForNewImages) {
                 HasSubstr(outcome.status == kDone ? "is still valid" : "is not valid any more"));
 
     const double sigma = Result("old")["cameras"].begin()->second["sigma"]["f_x"].as<double>();
-    Change("old/calibration.yaml", "changed.yaml", "f_x", 10 * sigma);
+    Change("old/calibration.yaml", "changed.yaml", "f_x", 20 * sigma);
     const Outcome changed = Run({"compare", "changed.yaml", "--check", "session.yaml", "--json"});
     found += changed.status == kJobFailed ? 1 : 0;
     const auto json = nlohmann::json::parse(changed.out);
