@@ -93,18 +93,28 @@ std::vector<ProjectionMap> ProjectionMaps(const Results& results, size_t c) {
   const ImageGrid grid(camera.image_size, kCells);
   const auto cell_values = CellValues(camera, grid);
 
-  // What the camera saw holds its frame: the motion is fitted with as much weight as points.
-  std::vector<double> weight(grid.Cells(), 0);
-  for (const ResidualRow& row : camera.residuals) {
-    if (row.used) weight[grid.Cell(row.values[0], row.values[1])] += 1;
-  }
-
   std::vector<ProjectionMap> maps;
   std::vector<std::vector<std::optional<Projected>>> projected;
   std::vector<std::vector<Eigen::Matrix<double, 2, 6>>> by_motion;
   const Eigen::Index count = static_cast<Eigen::Index>(camera.params.size());
+  const auto by_frame = [](const Projected& seen, const Eigen::Vector3d& p) {
+    Eigen::Matrix<double, 3, 6> moved;
+    moved << Eigen::Matrix3d::Identity(), -Hat(p);
+    return Eigen::Matrix<double, 2, 6>(seen.by_point * moved);
+  };
+  // What the camera saw holds its frame.
   Matrix6d normal = Matrix6d::Zero();
   Eigen::MatrixXd mixed = Eigen::MatrixXd::Zero(6, count);
+  for (const ResidualRow& row : camera.residuals) {
+    if (!row.used) continue;
+    const Eigen::Vector3d p =
+        results.CameraFromTarget(c, row.frame) * results.markers.at(row.marker);
+    const std::optional<Projected> seen = Differentiate(camera, row.values.data(), p);
+    if (!seen) continue;
+    const Eigen::Matrix<double, 2, 6> J = by_frame(*seen, p);
+    normal += J.transpose() * J;
+    mixed += J.transpose() * seen->by_params;
+  }
   for (const double distance : {distances.front(),
                                 distances[distances.size() / 2],
                                 distances.back(),
@@ -120,12 +130,7 @@ std::vector<ProjectionMap> ProjectionMaps(const Results& results, size_t c) {
       const Eigen::Vector3d p = ray->origin + distance * ray->direction;
       here[cell] = Differentiate(camera, cell_values[cell]->data(), p);
       if (!here[cell]) continue;
-      Eigen::Matrix<double, 3, 6> moved;
-      moved << Eigen::Matrix3d::Identity(), -Hat(p);
-      motion[cell] = here[cell]->by_point * moved;
-      if (distance > distances.back()) continue;
-      normal += weight[cell] * motion[cell].transpose() * motion[cell];
-      mixed += weight[cell] * motion[cell].transpose() * here[cell]->by_params;
+      motion[cell] = by_frame(*here[cell], p);
     }
   }
   const Eigen::MatrixXd follow = normal.ldlt().solve(mixed);
