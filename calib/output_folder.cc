@@ -154,7 +154,11 @@ void OutputFolder::Commit() {
     }
   }
   std::string removed;
-  for (const std::string& name : removed_) removed += name + "\n";
+  for (const std::string& name : removed_) {
+    // Rename replaces a file that was written again; whoever completes these moves once more must
+    // not remove the new one.
+    if (!fs::exists(Partial() / name, error)) removed += name + "\n";
+  }
   Write(kComplete, removed);
   if (const int failure = MoveAll(Partial(), folder_); failure != 0) {
     Fail(folder_, fmt::format("cannot replace its files: {}", std::strerror(failure)));

@@ -121,6 +121,19 @@ TEST_F(Resume, KeepsPicturesOnRequest) {
   }
 }
 
+/// Names of the files that two folders do not share.
+std::string Differing(const std::map<std::string, std::string>& a,
+                      const std::map<std::string, std::string>& b) {
+  std::string names;
+  for (const auto& [of, other] : {std::pair(&a, &b), std::pair(&b, &a)}) {
+    for (const auto& [name, content] : *of) {
+      const auto found = other->find(name);
+      if (found == other->end() || found->second != content) names += " " + name;
+    }
+  }
+  return names;
+}
+
 // Killed at any moment, a run leaves the results of before or all of its own, and the next
 // finishes.
 TEST_F(Resume, KilledLeavesTheOldResultOrTheNew) {
@@ -166,7 +179,9 @@ TEST_F(Resume, KilledLeavesTheOldResultOrTheNew) {
     }
     auto left = Result("out");
     std::erase_if(left, [](const auto& file) { return file.first.starts_with(".partial/"); });
-    EXPECT_TRUE(left == results[before] || left == results[now]) << i;
+    EXPECT_TRUE(left == results[before] || left == results[now])
+        << i << ", differing from before: " << Differing(left, results[before])
+        << "; from now: " << Differing(left, results[now]);
     if (left == results[now]) before = now;
   }
   Write("session.yaml", sessions[0]);
