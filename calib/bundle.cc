@@ -127,7 +127,7 @@ struct IntrinsicsBlock {
   std::vector<double> lower, upper;      // the rules'
   std::vector<ParamRule::Prior> priors;  // with the slots that they belong to
   std::vector<size_t> prior_slots;
-  std::vector<bool> at_bound;  // held there for now
+  std::vector<bool> at_bound;  // held there during one solve
   double* place = nullptr;     // among the unknowns
 
   [[nodiscard]] bool IsHeld(size_t slot) const { return fixed[slot] || at_bound[slot]; }

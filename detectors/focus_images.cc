@@ -15,7 +15,7 @@
 #include "calib/number_text.h"
 #include "calib/raytrix_grid.h"
 #include "detectors/depth_picture.h"
-#include "detectors/focus.h"
+#include "detectors/focus_each.h"
 #include "detectors/focused_markers.h"
 #include "detectors/image.h"
 #include "detectors/white_measurement.h"
@@ -125,29 +125,12 @@ void FocusImages(const FocusRequest& request) {
                                    std::make_shared<internal::FocusedMarkers>(*request.target)](
                                   const cv::Mat& image) { return markers->FlatParts(image); };
   }
-  std::optional<Error> first;
-  size_t focused = 0;
-  for (size_t i = 0; i < request.raw_images.size(); ++i) {
-    const FrameImage& raw = request.raw_images[i];
-    if (!request.progress(i)) throw Stopped();
-    try {
-      cv::Mat image = ReadImage(raw.path);
-      const int bits = image.depth();
-      FocusedView view;
-      try {
-        view = Focus(std::move(image), camera, options);
-      } catch (const Error& error) {
-        throw Error(error.kind(), fmt::format("{}: {}", raw.path.string(), error.what()));
-      }
-      request.result(raw.frame, Files(view, bits), Summary(view));
-      ++focused;
-    } catch (const Error& error) {
-      if (request.raw_images.size() > 1)
-        request.message(fmt::format("  left out {}", error.what()));
-      if (!first) first = error;
-    }
-  }
-  if (focused == 0) throw *first;
+  FocusEach(request.raw_images,
+            camera,
+            {options, request.progress, request.message},
+            [&](const FrameImage& raw, const FocusedView& view, int depth) {
+              request.result(raw.frame, Files(view, depth), Summary(view));
+            });
 }
 
 }  // namespace plenocal

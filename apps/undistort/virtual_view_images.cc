@@ -13,7 +13,7 @@
 #include "apps/undistort/remap.h"
 #include "calib/error.h"
 #include "calib/parallel.h"
-#include "detectors/focus.h"
+#include "detectors/focus_each.h"
 #include "detectors/focused_markers.h"
 #include "detectors/image.h"
 
@@ -122,45 +122,30 @@ size_t MakeVirtualViews(const VirtualViewRequest& request) {
   const Remap remap(*request.map, request.interpolation);
   const FocusOptions options{
       .scale = request.scale, .colour = true, .threads = request.threads, .find_flat_parts = {}};
-  std::optional<Error> first;
-  size_t made = 0;
-  for (size_t i = 0; i < request.images.size(); ++i) {
-    const FrameImage& raw = request.images[i];
-    if (!request.progress(i)) throw Stopped();
-    try {
-      cv::Mat image = ReadImage(raw.path);
-      const int bits = image.depth();
-      FocusedView view;
-      try {
-        view = Focus(std::move(image), camera, options);
-      } catch (const Error& error) {
-        throw Error(error.kind(), fmt::format("{}: {}", raw.path.string(), error.what()));
-      }
-      // Grey values as in the raw image, unless the corrected ones exceed its range.
-      const cv::Mat& exact = view.colour.empty() ? view.image : view.colour;
-      const double to_8_bits = internal::ScaleTo8Bits(exact.reshape(1));
-      cv::Mat values;
-      exact.convertTo(
-          values, bits, bits == CV_8U ? std::min(1.0, to_8_bits) : std::min(1.0, to_8_bits * 257));
-      const DepthMaps maps = DepthOf(request, view.depth);
-      std::map<std::string, std::string> files{
-          {".png", EncodeImage(".png", remap(values))},
-          {"_depth.tiff", EncodeImage(".tiff", maps.z)},
-          {"_depth_sigma.tiff", EncodeImage(".tiff", maps.sigma)}};
-      if (request.cloud) {
-        cv::Mat colours;
-        exact.convertTo(colours, CV_8U, bits == CV_8U ? std::min(1.0, to_8_bits) : to_8_bits);
-        files[".ply"] = Cloud(request, view.depth, colours);
-      }
-      request.result(raw.frame, files, Summary(maps));
-      ++made;
-    } catch (const Error& error) {
-      if (request.images.size() > 1) request.message(fmt::format("  left out {}", error.what()));
-      if (!first) first = error;
-    }
-  }
-  if (made == 0) throw Error(*first);
-  return made;
+  return FocusEach(
+      request.images,
+      camera,
+      {options, request.progress, request.message},
+      [&](const FrameImage& raw, const FocusedView& view, int bits) {
+        // Grey values as in the raw image, unless the corrected ones exceed its range.
+        const cv::Mat& exact = view.colour.empty() ? view.image : view.colour;
+        const double to_8_bits = internal::ScaleTo8Bits(exact.reshape(1));
+        cv::Mat values;
+        exact.convertTo(values,
+                        bits,
+                        bits == CV_8U ? std::min(1.0, to_8_bits) : std::min(1.0, to_8_bits * 257));
+        const DepthMaps maps = DepthOf(request, view.depth);
+        std::map<std::string, std::string> files{
+            {".png", EncodeImage(".png", remap(values))},
+            {"_depth.tiff", EncodeImage(".tiff", maps.z)},
+            {"_depth_sigma.tiff", EncodeImage(".tiff", maps.sigma)}};
+        if (request.cloud) {
+          cv::Mat colours;
+          exact.convertTo(colours, CV_8U, bits == CV_8U ? std::min(1.0, to_8_bits) : to_8_bits);
+          files[".ply"] = Cloud(request, view.depth, colours);
+        }
+        request.result(raw.frame, files, Summary(maps));
+      });
 }
 
 }  // namespace plenocal
