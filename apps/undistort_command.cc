@@ -111,7 +111,7 @@ void UndistortPlenoptic(const Job& job) {
   const fs::path folder = job.calibration.path.parent_path();
   request.grid = folder / camera.micro_lenses;
   if (!camera.vignetting.empty()) request.vignetting = folder / camera.vignetting;
-  request.bayer = !job.command.resample.bayer.empty();
+  request.bayer = job.command.resample.bayer;
   request.interpolation = job.command.resample.interpolation;
   request.cloud = !job.command.cloud.empty();
   request.threads = job.options.threads;

@@ -24,7 +24,7 @@ struct VirtualViewRequest {
   ImageSize raw_size{};              ///< of the raw images, px
   std::filesystem::path grid;        ///< micro_lenses_<camera>.csv
   std::filesystem::path vignetting;  ///< attenuation TIFF; empty: the images are corrected already
-  bool bayer = false;                ///< raw images are mosaics
+  std::string bayer;                 ///< "RGGB" and the like of raw mosaics, else empty
   std::string interpolation;         ///< one of kInterpolations
   bool cloud = false;                ///< make a point cloud
   int threads = 0;                   ///< 0: all cores

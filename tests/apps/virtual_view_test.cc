@@ -139,7 +139,14 @@ TEST_F(VirtualView, DistancesOfTagsAreTrue) {
     const cv::Mat depth = Load("out/" + frame + "_depth.tiff");
     const cv::Mat sigma = Load("out/" + frame + "_depth_sigma.tiff");
     ASSERT_EQ(depth.type(), CV_32F);
-    ASSERT_EQ(Load("out/" + frame + ".png").size(), depth.size());
+    const cv::Mat view = Load("out/" + frame + ".png");
+    ASSERT_EQ(view.size(), depth.size());
+    // Grey as the raw image, whose dark seams between the micro images are gone.
+    ASSERT_EQ(view.type(), CV_8UC1);
+    const cv::Mat raw =
+        cv::imread((set_ / "plenoptic" / (frame + ".png")).string(), cv::IMREAD_UNCHANGED);
+    EXPECT_GT(cv::mean(view)[0], cv::mean(raw)[0]);
+    EXPECT_LT(cv::mean(view)[0], 2 * cv::mean(raw)[0]);
     const auto names = poses.Column("frame");
     const auto row =
         static_cast<size_t>(std::find(names.begin(), names.end(), frame) - names.begin());
