@@ -112,6 +112,8 @@ SessionObservations CollectObservations(const Session& session,
                                    "micro_lenses",
                                    fmt::format("micro_lenses_{}.csv", camera.name),
                                    std::move(found.micro_lenses)});
+      }
+      if (!found.vignetting.empty()) {
         collected.files.push_back({c,
                                    "vignetting",
                                    fmt::format("vignetting_{}.tiff", camera.name),

@@ -251,6 +251,8 @@ ImageDetections DetectImages(const std::vector<FrameImage>& images,
                     detections.image_size[1]));
   }
 
+  if (!attenuation.empty()) detections.vignetting = EncodeImage(".tiff", attenuation);
+
   MeasureByCommonLens(detections.image_size, &results);
 
   const FrameImage* fullest = nullptr;

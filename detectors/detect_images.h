@@ -26,9 +26,9 @@ struct ImageDetections {
   ImageSize image_size{};
   std::vector<LeftOut> left_out;  ///< images and markers, with reasons
   size_t reused = 0;              ///< images whose markers were taken over from an earlier run
-  /// Of a plenoptic camera: the content of micro_lenses_<camera>.csv and vignetting_<camera>.tiff.
-  std::string micro_lenses, vignetting;
-  SampleView sample;  ///< of the frame with most markers
+  std::string micro_lenses;  ///< of a plenoptic camera: the content of micro_lenses_<camera>.csv
+  std::string vignetting;    ///< of vignetting_<camera>.tiff; empty without white images
+  SampleView sample;         ///< of the frame with most markers
 };
 
 struct DetectOptions {

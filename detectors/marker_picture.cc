@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <opencv2/imgproc.hpp>
 #include <string>
+#include <vector>
 
 namespace plenocal::internal {
 
@@ -15,6 +16,10 @@ cv::Mat MarkerPicture(const cv::Mat& gray, const std::vector<Observation>& marke
   cv::resize(gray, picture, {}, factor, factor, cv::INTER_NEAREST);
   cv::cvtColor(picture, picture, cv::COLOR_GRAY2BGR);
   constexpr int kArm = 7, kFraction = 4;  // px; bits of the drawing's sub-pixels
+  constexpr int kFont = cv::FONT_HERSHEY_SIMPLEX;
+  constexpr double kSize = 0.4;
+  // A number over another could not be read.
+  std::vector<cv::Rect> numbers;
   for (const Observation& marker : markers) {
     // The centre of an enlarged pixel is not that of its first copy.
     const cv::Point2d at(factor * (marker.values[0] + 0.5) - 0.5,
@@ -33,14 +38,16 @@ cv::Mat MarkerPicture(const cv::Mat& gray, const std::vector<Observation>& marke
     };
     line(kArm, 0);
     line(0, kArm);
-    cv::putText(picture,
-                std::to_string(marker.marker),
-                cv::Point(cvRound(at.x) + kArm / 2, cvRound(at.y) - kArm / 2),
-                cv::FONT_HERSHEY_SIMPLEX,
-                0.4,
-                {0, 200, 255},
-                1,
-                cv::LINE_AA);
+    const std::string number = std::to_string(marker.marker);
+    const cv::Point corner(cvRound(at.x) + kArm / 2, cvRound(at.y) - kArm / 2);
+    const cv::Size size = cv::getTextSize(number, kFont, kSize, 1, nullptr);
+    const cv::Rect place(corner - cv::Point(0, size.height), size);
+    const bool is_free = std::none_of(numbers.begin(), numbers.end(), [&](const cv::Rect& other) {
+      return (place & other).area() > 0;
+    });
+    if (!is_free) continue;
+    numbers.push_back(place);
+    cv::putText(picture, number, corner, kFont, kSize, {0, 200, 255}, 1, cv::LINE_AA);
   }
   return picture;
 }

@@ -9,7 +9,7 @@ namespace plenocal {
 /// An attenuation image, small enough to be looked at.
 struct AttenuationMap {
   int columns = 0, rows = 0;
-  std::vector<float> values;                     ///< means of blocks, row by row
+  std::vector<float> values;                     ///< highest of each block, row by row
   std::vector<float> middle_row, middle_column;  ///< full resolution
 };
 

@@ -11,13 +11,14 @@ function section(title) {
   return node;
 }
 const note = (parent, text) => parent.append(element("p", { class: "note" }, text));
-const figures = (parent) => { const node = element("div", { class: "figures" }); parent.append(node); return node; };
+const figures = (parent, more = "") => { const node = element("div", { class: `figures ${more}` }); parent.append(node); return node; };
 const cell = (text, value) => element("td", value === undefined || value === null ? {} : { "data-value": String(value) }, text);
 const row = (...cells) => element("tr", {}, ...cells);
 const table = (caption, head, rows) => element("div", { class: "scroll" }, element("table", {},
   element("caption", {}, caption),
   element("thead", {}, row(...head.map((text) => element("th", {}, text)))), element("tbody", {}, ...rows)));
-const unitText = (unit) => (unit === "1" ? "" : unit);
+const unitText = (unit) => (unit === "1" ? "" : unit.replace(/\^-?\d+/g, (power) => [...power.slice(1)].map((c) => "⁰¹²³⁴⁵⁶⁷⁸⁹"[c] || "⁻").join("")));
+const counted = (count, thing) => `${count} ${thing}${count === 1 ? "" : "s"}`;
 
 /** value and sigma with the digits that sigma justifies. */
 function withSigma(value, sigma) {

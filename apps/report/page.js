@@ -51,23 +51,23 @@ function addResiduals(camera, parent) {
   const grid = figures(parent);
   const points = (used) => sample.x.map((unused, i) => ({ x: sample.dx[i], y: sample.dy[i], i })).filter(({ i }) => sample.used[i] === used);
   const used = points(1), rejected = points(0);
-  const reach = 1.1 * used.reduce((a, p) => Math.max(a, Math.abs(p.x), Math.abs(p.y)), 0) || 1;
+  const reach = roundUp(1.05 * used.reduce((a, p) => Math.max(a, Math.abs(p.x), Math.abs(p.y)), 0) || 1);
   const beyond = rejected.filter((p) => Math.abs(p.x) > reach || Math.abs(p.y) > reach).length;
   const name = (item) => { const { i } = item.raw; return `frame ${report.frames[sample.frame[i]].name}, marker ${sample.marker[i]}: (${brief(sample.dx[i])}, ${brief(sample.dy[i])}) px`; };
-  addFigure(grid, "Residuals", "Measured minus predicted." + (beyond ? ` ${beyond} rejected points lie outside.` : ""), used.length, (canvas) => scatter(canvas, [
+  addFigure(grid, "Residuals", "Measured minus predicted." + (beyond ? ` ${counted(beyond, "rejected point")} outside.` : ""), used.length, (canvas) => scatter(canvas, [
     { label: "used", data: used, pointRadius: 1.5, backgroundColor: Colours.faint, borderWidth: 0 },
     { label: "rejected", data: rejected, pointRadius: 2.5, backgroundColor: Colours.rejected, borderWidth: 0 },
   ], { x: axis("dx, px", { min: -reach, max: reach, ticks: { callback: (v) => brief(v, 2) } }), y: axis("dy, px", { min: -reach, max: reach, reverse: true, ticks: { callback: (v) => brief(v, 2) } }) }, { label: name }), { aspect: 1.2 });
   addArrowMap(grid, "Direction and magnitude over the image", "Means in cells; without a pattern they point anywhere.", camera.image_size, field, field.rms, "px");
-  addFigure(grid, "Histogram of both coordinates", `In units of their own sigma, with the normal distribution.` + (histogram.outside ? ` ${histogram.outside} of ${histogram.coordinates} lie outside.` : ""), histogram.coordinates, (canvas) => bars(canvas, histogram.sigmas, [
+  addFigure(grid, "Histogram of both coordinates", `In units of their own sigma, with the normal distribution.` + (histogram.outside ? ` ${histogram.outside} of ${histogram.coordinates} outside.` : ""), histogram.coordinates, (canvas) => bars(canvas, histogram.sigmas, [
     { type: "line", label: "normal", data: histogram.expected, borderColor: Colours.second, pointRadius: 0, borderWidth: 2 },
     { label: "residuals", data: histogram.counts, backgroundColor: Colours.faint },
-  ], { x: { title: { display: true, text: "residual / sigma" } }, y: axis("coordinates") }), { aspect: 1.2 });
+  ], { x: { title: { display: true, text: "residual / sigma" }, ticks: { autoSkip: false, maxRotation: 0, callback: (i) => (Number.isInteger(histogram.sigmas[i]) ? histogram.sigmas[i] : null) } }, y: axis("coordinates") }), { aspect: 1.2 });
   const groupBars = (title, text, names, group, unit) => addFigure(grid, title, text, group.points.length, (canvas) => bars(canvas, names, [
     { label: "RMS", data: group.rms, backgroundColor: Colours.main },
   ], { x: { title: { display: true, text: unit }, ticks: { maxTicksLimit: 20 } }, y: axis("RMS, px", { beginAtZero: true }) }, {
     tooltip: { afterLabel: (item) => `${group.points[item.dataIndex]} points, ${group.rejected[item.dataIndex]} rejected` },
-  }), { wide: names.length > 80, aspect: names.length > 80 ? 3.2 : 1.5 });
+  }), names.length > 150 ? { breadth: "wide", aspect: 3.5 } : names.length > 40 ? { breadth: "broad", aspect: 2.5 } : { aspect: 1.2 });
   groupBars("Per frame", "RMS of the residuals' length.", frames.frame.map((f) => report.frames[f].name), frames, "frame");
   groupBars("Per marker", "RMS of the residuals' length.", markers.marker, markers, "marker");
   if (types.type.length > 0) groupBars("Per lens type", "The numbers of the types have no meaning beyond telling them apart.", types.type, types, "lens type");
@@ -84,11 +84,11 @@ function addCoverage(camera, parent) {
     { data: points, pointRadius: 2, borderWidth: 0, backgroundColor: depths.map((z) => Colours.ramp((z - near) / (far - near || 1))) },
   ], imageScales(size), { label: (item) => `frame ${report.frames[sample.frame[item.raw.i]].name}, marker ${sample.marker[item.raw.i]}, depth ${brief(sample.depth[item.raw.i])} m` }),
   { aspect: imageAspect(size), legend: colourScale(`${brief(near)} m`, `${brief(far)} m`, Colours.ramp) });
-  addCellMap(grid, "Points in each part of the image", "White: none; the distortion there is a guess.", size, field.columns, field.rows, field.points.map((n) => (n > 0 ? n : null)), "points", [0, field.points.reduce((a, b) => Math.max(a, b), 1)]);
+  addCellMap(grid, "Points in each part of the image", "White: none; the distortion there is a guess.", size, field.columns, field.rows, field.points.map((n) => (n > 0 ? n : null)), "points", { range: [0, field.points.reduce((a, b) => Math.max(a, b), 1)] });
   if (depth.counts) {
-    addFigure(grid, "Depth", "z of the markers in the camera's frame.", depth.counts.length, (canvas) => bars(canvas, depth.middles.map((z) => brief(z)), [
+    addFigure(grid, "Depth", "z of the markers in the camera's frame.", depth.counts.length, (canvas) => bars(canvas, depth.middles.map((z) => brief(z, 2)), [
       { label: "points", data: depth.counts, backgroundColor: Colours.main },
-    ], { x: { title: { display: true, text: "depth, m" } }, y: axis("points") }), { aspect: 1.5 });
+    ], { x: { title: { display: true, text: "depth, m" }, ticks: { maxTicksLimit: 8, maxRotation: 0 } }, y: axis("points") }), { aspect: imageAspect(size) });
   }
 }
 
@@ -109,22 +109,28 @@ function addMarkers() {
   const views = [[0, 1], [0, 2], [1, 2]].filter(([a, b]) => Math.min(span[a], span[b]) > 0.02 * Math.max(...span));
   for (const [a, b] of views) {
     const c = 3 - a - b;
-    const range = (k) => { const values = moved.map((m) => 1e3 * m.place[k]); return [Math.min(...values), Math.max(...values)]; };
-    const [[x0, x1], [y0, y1]] = [range(a), range(b)], pad = 0.08 * Math.max(x1 - x0, y1 - y0);
-    const magnify = 0.08 * Math.max(x1 - x0, y1 - y0) / (1e3 * rms || 1);
-    const most = moved.reduce((w, m) => Math.max(w, Math.abs(m.moved[c])), 0) || 1;
+    const magnify = 0.08 * Math.max(span[a], span[b]) / (rms || 1);
+    const most = 1e3 * moved.reduce((w, m) => Math.max(w, Math.abs(m.moved[c])), 0) || 1;
     const points = moved.map((m) => ({ x: 1e3 * m.place[a], y: 1e3 * m.place[b], m }));
+    // The arrows' tips lie inside too.
+    const range = (k) => {
+      const values = moved.flatMap((m) => [1e3 * m.place[k], 1e3 * (m.place[k] + magnify * m.moved[k])]);
+      const low = values.reduce((u, v) => Math.min(u, v)), high = values.reduce((u, v) => Math.max(u, v)), step = roundUp((high - low) / 20);
+      return [step * Math.floor(low / step - 0.2), step * Math.ceil(high / step + 0.2)];
+    };
+    const [[x0, x1], [y0, y1]] = [range(a), range(b)];
+    const places = (title, min, max) => axis(title, { min, max, ticks: { maxTicksLimit: 8, callback: (v) => brief(v) } });
     addFigure(grid, `From nominal to refined, ${names[a]} and ${names[b]}`, `Arrows are ${brief(magnify, 2)} times as long as the displacement; colour: along ${names[c]}.`, points.length, (canvas) =>
-      scatter(canvas, [{ ...carriers(points), pointRadius: 1, backgroundColor: Colours.grey }], { x: axis(`${names[a]}, mm`, { min: x0 - pad, max: x1 + pad, ticks: { callback: (v) => brief(v) } }), y: axis(`${names[b]}, mm`, { min: y0 - pad, max: y1 + pad, ticks: { callback: (v) => brief(v) } }) }, {
+      scatter(canvas, [{ ...carriers(points), pointRadius: 1, backgroundColor: Colours.grey }], { x: places(`${names[a]}, mm`, x0, x1), y: places(`${names[b]}, mm`, y0, y1) }, {
         paint: (ctx, toX, toY) => {
           for (const { x, y, m } of points) {
             const dx = 1e3 * m.moved[a] * magnify, dy = 1e3 * m.moved[b] * magnify;
-            const part = m.moved[c] / most;
+            const part = 1e3 * m.moved[c] / most;
             drawArrow(ctx, toX(x), toY(y), toX(x + dx) - toX(x), toY(y + dy) - toY(y), Colours.ramp(0.85 * (part + 1) / 2));
           }
         },
         label: (item) => { const { m } = item.raw; return `marker ${m.number}: (${m.moved.map((v) => brief(1e3 * v)).join(", ")}) mm, sigma (${m.sigma.map((v) => brief(1e3 * v, 2)).join(", ")})`; },
-      }), { aspect: Math.min(Math.max((x1 - x0 + 2 * pad) / (y1 - y0 + 2 * pad), 0.8), 2.2), legend: colourScale(`${names[c]}: ${brief(-1e3 * most)} mm`, `${brief(1e3 * most)} mm`, (part) => Colours.ramp(0.85 * part)) });
+      }), { aspect: Math.min(Math.max((x1 - x0) / (y1 - y0), 0.8), 2.2), legend: colourScale(`${names[c]}: ${brief(-most)} mm`, `${brief(most)} mm`, (part) => Colours.ramp(0.85 * part)) });
   }
 }
 
@@ -149,22 +155,24 @@ function addCorrelations() {
         }
       },
       label: (item) => `${names[item.raw.y]}, ${names[item.raw.x]}: ${value(item.raw.y, item.raw.x)}`,
-    }), { wide: n > 10, aspect: 1.1, legend: colourScale("−1", "1", (part) => Colours.signed(2 * part - 1)) }).canvas.parentNode.style.maxWidth = "900px";
+    }), { breadth: n > 10 ? "wide" : "", aspect: 1.1, legend: colourScale("−1", "1", (part) => Colours.signed(2 * part - 1)) }).canvas.closest("figure").style.maxWidth = "900px";
 }
 
 function addPrecision() {
   const node = section("Uncertainty in use");
+  note(node, "Standard deviation of where a point is projected, from the parameters' errors, in the worst direction. What a turn or shift of the camera's frame undoes is taken off. Colours are logarithmic; white: the model says nothing there, or no point was seen.");
   for (const camera of report.cameras) {
     node.append(element("h3", {}, camera.name));
     if (camera.projection.length === 0) {
       note(node, "Not known: some parameter is not determined, or there is no correlations.csv beside this calibration.");
       continue;
     }
-    note(node, "Standard deviation of where a point is projected, from the parameters' errors, in the worst direction. What a turn or shift of the camera's frame undoes is taken off.");
-    const grid = figures(node);
-    camera.projection.forEach((map, i) => {
-      const far = i === camera.projection.length - 1 ? " (ten times the farthest marker)" : "";
-      if (map.sigma.some((v) => v !== null)) addCellMap(grid, `Points ${brief(map.distance)} m away${far}`, "", camera.image_size, map.columns, map.rows, map.sigma, "px");
+    const grid = figures(node, "small"), sigmas = camera.projection.flatMap((map) => map.sigma).filter((v) => v !== null);
+    // One scale for all distances; between an image's middle and its corners lie powers of ten.
+    const range = [sigmas.reduce((a, b) => Math.min(a, b), Infinity), sigmas.reduce((a, b) => Math.max(a, b), 0)];
+    ["As the nearest marker", "Median of the markers", "As the farthest marker", "Ten times the farthest marker"].forEach((which, i) => {
+      const map = camera.projection[i];
+      if (map.sigma.some((v) => v !== null)) addCellMap(grid, `Points ${brief(map.distance)} m away`, `${which}.`, camera.image_size, map.columns, map.rows, map.sigma, "px", { range, logarithmic: range[0] > 0 });
     });
     const { distance, calibration, noise } = camera.distance;
     if (distance.length > 0) {
@@ -172,7 +180,7 @@ function addPrecision() {
       addFigure(grid, "Measured distance of a marker", "Standard deviation of the distance that one image gives for one marker.", distance.length, (canvas) => scatter(canvas, [
         { label: "from the calibration's errors", data: series(calibration), pointRadius: 2, borderWidth: 0, backgroundColor: Colours.second },
         { label: "from the noise of its own points", data: series(noise), pointRadius: 2, borderWidth: 0, backgroundColor: Colours.faint },
-      ], { x: axis("distance, m"), y: axis("sigma, mm", { type: "logarithmic", ticks: { maxTicksLimit: 8, callback: (v) => brief(v, 1) } }) }));
+      ], { x: axis("distance, m"), y: logarithmic("sigma, mm") }), { breadth: "broad", aspect: 1.8 });
     }
   }
 }
@@ -183,14 +191,20 @@ function addWhite() {
   const node = section("White images");
   for (const camera of cameras) {
     node.append(element("h3", {}, camera.name));
-    const grid = figures(node), v = camera.vignetting, lenses = camera.micro_lenses, size = camera.image_size;
+    const grid = figures(node, "small"), v = camera.vignetting, lenses = camera.micro_lenses, size = camera.image_size;
     if (v.values) {
-      addCellMap(grid, "Vignetting", "Attenuation, means of blocks; 1 at its greatest.", size, v.columns, v.rows, v.values, "");
+      addCellMap(grid, "Vignetting", `Attenuation; 1: no light is lost.${v.detail ? " The brightest pixel of about one micro image each." : ""}`, size, v.columns, v.rows, v.values, "");
       const line = ({ step, values }) => values.map((y, i) => ({ x: (i + 0.5) * step - 0.5, y }));
       addFigure(grid, "Cross section of the vignetting", v.row.step > 1 ? `Means of ${v.row.step} px.` : "", v.row.values.length, (canvas) => scatter(canvas, [
         { label: "middle row", data: line(v.row), showLine: true, pointRadius: 0, borderWidth: 1, borderColor: Colours.main },
         { label: "middle column", data: line(v.column), showLine: true, pointRadius: 0, borderWidth: 1, borderColor: Colours.second },
-      ], { x: axis("x or y, px"), y: axis("attenuation", { beginAtZero: true }) }));
+      ], { x: axis("x or y, px", { max: Math.max(...size) }), y: axis("attenuation", { beginAtZero: true }) }), { aspect: imageAspect(size) });
+      if (v.detail) {
+        const profile = v.detail.values.map((y, i) => ({ x: v.detail.first + i, y }));
+        addFigure(grid, "Cross section of micro images", "Middle row.", profile.length, (canvas) => scatter(canvas, [
+          { data: profile, showLine: true, pointRadius: 1.5, borderWidth: 1, borderColor: Colours.main },
+        ], { x: axis("x, px", { min: profile[0].x, max: profile[profile.length - 1].x, ticks: { maxTicksLimit: 8 } }), y: axis("attenuation", { beginAtZero: true }) }), { aspect: imageAspect(size) });
+      }
     }
     if (lenses.lenses) {
       addArrowMap(grid, "Micro-image centres against a regular lattice", `${lenses.lenses} micro lenses (${lenses.types.map((t) => `type ${t.type}: ${t.lenses}`).join(", ")}), ${brief(lenses.pitch, 5)} px apart; RMS ${brief(lenses.rms)} px. Lens distortion bends the lattice.`, size, lenses, null, "px");
@@ -205,22 +219,22 @@ function addSamples() {
     note(node, "No pictures: the points came from files, or sample_<camera>.jpg is not beside this calibration.");
     return;
   }
+  note(node, "Of each camera the frame with most markers; crosses and numbers: detected markers.");
+  const grid = element("div", { class: "pictures" });
+  node.append(grid);
+  const add = (title, text, source) => grid.append(element("figure", {},
+    element("figcaption", {}, title, element("small", {}, text)), element("img", { src: source, alt: title })));
   for (const camera of cameras) {
     const { frame, pictures: { picture, depth } } = camera.sample;
-    node.append(element("h3", {}, `${camera.name}, frame ${frame}`));
-    const grid = element("div", { class: "pictures" });
-    node.append(grid);
-    const add = (title, text, source) => grid.append(element("figure", {},
-      element("figcaption", {}, title, element("small", {}, text)), element("img", { src: source, alt: title })));
-    if (picture) add(depth ? "Totally focused image" : "Image", "The frame with most markers; crosses and numbers: detected markers.", picture);
-    if (depth) add("Virtual depth", "Scale on the right; black: nothing to measure there.", depth);
+    if (picture) add(`${camera.name}, frame ${frame}`, depth ? "Totally focused image." : "Image.", picture);
+    if (depth) add(`${camera.name}, frame ${frame}`, "Virtual depth: scale on the right; black: nothing to measure there.", depth);
   }
 }
 
 function addLeftOut() {
   const node = section("Left out");
   const rejected = report.cameras.filter((camera) => camera.residuals.rejected > 0);
-  for (const camera of rejected) note(node, `${camera.name}: ${camera.residuals.rejected} points rejected as outliers or outside the model's domain (used = 0 in residuals.csv).`);
+  for (const camera of rejected) note(node, `${camera.name}: ${counted(camera.residuals.rejected, "point")} rejected as outliers or outside the model's domain (used = 0 in residuals.csv).`);
   if (report.left_out.length === 0) note(node, rejected.length ? "No image was left out." : "Nothing was left out.");
   else node.append(element("ul", { class: "list" }, ...report.left_out.map((text) => element("li", {}, text))));
 }

@@ -19,6 +19,14 @@ function brief(value, digits = 3) {
   return String(Number(value.toPrecision(digits)));
 }
 
+/** The least of 1, 1.5, 2, 3, 5, 7 times a power of ten that is not below a positive value: where an axis ends. */
+function roundUp(value) {
+  const power = 10 ** Math.floor(Math.log10(value));
+  return Number(((([1, 1.5, 2, 3, 5, 7].find((step) => step * power >= value * (1 - 1e-9)) || 10) * power).toPrecision(3)));
+}
+/** Ticks of a logarithmic axis: 1, 2 and 5. */
+const logarithmic = (title) => axis(title, { type: "logarithmic", ticks: { autoSkip: false, callback: (v) => (/^[125]/.test(v.toExponential()) ? brief(v, 1) : null) } });
+
 const Colours = {
   main: "#175a9e", second: "#c25e00", third: "#1a7f4b", faint: "rgba(23,90,158,0.35)", rejected: "#b3261e", grey: "#8a949e",
   series: ["#175a9e", "#c25e00", "#1a7f4b", "#7b3fa0", "#b3261e", "#4a8f95", "#8a6d00", "#5d6975"],
@@ -51,7 +59,7 @@ const visible = "IntersectionObserver" in window
 function addFigure(parent, title, note, count, make, options = {}) {
   const canvas = element("canvas", { role: "img", "aria-label": title });
   const plot = element("div", { class: "plot", style: `aspect-ratio:${options.aspect || 1.5}` }, canvas);
-  const node = element("figure", options.wide ? { class: "wide" } : {},
+  const node = element("figure", options.breadth ? { class: options.breadth } : {},
     element("figcaption", {}, title, note ? element("small", {}, note) : null), plot, options.legend || null);
   parent.append(node);
   const figure = { title, count, canvas, chart: null, drawn: false };
@@ -167,11 +175,12 @@ function paintCells(ctx, toX, toY, columns, rows, [width, height], colour) {
   }
 }
 
-/** A field over an image: cells in colours. `values` may hold nulls. */
-function addCellMap(parent, title, note, size, columns, rows, values, unit, range) {
+/** A field over an image: cells in colours. `values` may hold nulls. `more`: { range: [low, high], logarithmic }. */
+function addCellMap(parent, title, note, size, columns, rows, values, unit, more = {}) {
   const known = values.filter((value) => value !== null);
-  const low = range ? range[0] : Math.min(...known), high = range ? range[1] : Math.max(...known);
-  const colour = (value) => Colours.ramp((value - low) / (high - low || 1));
+  const [low, high] = more.range || [Math.min(...known), Math.max(...known)];
+  const height = more.logarithmic ? Math.log : (value) => value;
+  const colour = (value) => Colours.ramp((height(value) - height(low)) / (height(high) - height(low) || 1));
   const points = cellMiddles(columns, rows, size).filter((point) => values[point.cell] !== null);
   addFigure(parent, title, note, known.length, (canvas) => scatter(canvas, [carriers(points)], imageScales(size), {
     paint: (ctx, toX, toY) => paintCells(ctx, toX, toY, columns, rows, size, (cell) => values[cell] === null ? null : colour(values[cell])),
@@ -179,17 +188,16 @@ function addCellMap(parent, title, note, size, columns, rows, values, unit, rang
   }), { aspect: imageAspect(size), legend: colourScale(`${brief(low)} ${unit}`, `${brief(high)} ${unit}`, Colours.ramp) });
 }
 
-/** What 95 of 100 arrows of a field are shorter than. */
+/** Length of an arrow of a field that is drawn a cell and a half long: 95 of 100 are shorter, and none is longer than four cells. */
 function typicalArrow({ mean_x: dx, mean_y: dy }) {
   const lengths = dx.map((x, cell) => (x === null ? null : Math.hypot(x, dy[cell]))).filter((length) => length !== null).sort((a, b) => a - b);
-  return lengths[Math.floor(0.95 * (lengths.length - 1))];
+  return Math.max(lengths[Math.floor(0.95 * (lengths.length - 1))], 1.5 / 4 * lengths[lengths.length - 1]);
 }
 
 /** Arrows over an image, scaled to be seen; under them cells in the colours of `values`. `range`: { arrow, value } of several such maps. */
 function addArrowMap(parent, title, note, size, field, values, unit, range = {}) {
   const { columns, rows, mean_x: dx, mean_y: dy } = field;
   const points = cellMiddles(columns, rows, size).filter((point) => dx[point.cell] !== null);
-  // The longest arrows but for a few fill a cell and a half.
   const magnify = 1.5 * size[0] / columns / (range.arrow || typicalArrow(field) || 1);
   const known = values ? values.filter((value) => value !== null) : [0];
   const high = range.value || known.reduce((a, b) => Math.max(a, b), 0) || 1;
@@ -210,5 +218,9 @@ function addArrowMap(parent, title, note, size, field, values, unit, range = {})
 
 window.addEventListener("beforeprint", () => {
   plenocalReport.drawAll();
-  for (const figure of plenocalReport.figures) if (figure.chart && figure.chart.resize) figure.chart.resize();
+  for (const { chart } of plenocalReport.figures) {
+    if (!chart) continue;
+    chart.options.devicePixelRatio = 2;  // paper is finer than the window
+    chart.resize();
+  }
 });

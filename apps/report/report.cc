@@ -126,14 +126,26 @@ Json Section(const std::vector<float>& values) {
   return {{"step", step}, {"values", section}};
 }
 
-Json VignettingJson(const AttenuationMap& map) {
+// `pitch` of the micro images, px; 0: there are none.
+Json VignettingJson(const AttenuationMap& map, double pitch) {
   Json values = Json::array();
   for (const float value : map.values) values.push_back(Short(value, 3));
-  return {{"columns", map.columns},
-          {"rows", map.rows},
-          {"values", values},
-          {"row", Section(map.middle_row)},
-          {"column", Section(map.middle_column)}};
+  Json json = {{"columns", map.columns},
+               {"rows", map.rows},
+               {"values", values},
+               {"row", Section(map.middle_row)},
+               {"column", Section(map.middle_column)}};
+  if (pitch > 0) {
+    // So many micro images that their profiles can be seen.
+    constexpr double kShown = 8;
+    const double middle = static_cast<double>(map.middle_row.size()) / 2;
+    const auto first = static_cast<size_t>(std::max(0.0, middle - kShown / 2 * pitch));
+    const auto last = std::min(map.middle_row.size(), first + static_cast<size_t>(kShown * pitch));
+    Json detail = Json::array();
+    for (size_t x = first; x < last; ++x) detail.push_back(Short(map.middle_row[x], 3));
+    json["detail"] = {{"first", first}, {"values", detail}};
+  }
+  return json;
 }
 
 // Where markers came to lie against their nominal places.
@@ -228,9 +240,16 @@ class ReportData {
     }
     Json vignetting = Json::object();
     if (const std::string* tiff = File(camera.vignetting)) {
-      constexpr int kCells = 96;
-      vignetting =
-          VignettingJson(read_attenuation_(*tiff, folder_ + "/" + camera.vignetting, kCells));
+      // In blocks larger than micro images, these do not show as a moire.
+      constexpr double kCells = 96, kBlock = 1.25;
+      const double pitch = micro_lenses.value("pitch", 0.0);
+      const double most =
+          pitch > 0 ? std::max(camera.image_size[0], camera.image_size[1]) / (kBlock * pitch)
+                    : kCells;
+      vignetting = VignettingJson(read_attenuation_(*tiff,
+                                                    folder_ + "/" + camera.vignetting,
+                                                    static_cast<int>(std::min(kCells, most)) + 1),
+                                  pitch);
     }
     Json pictures = Json::object();
     for (const auto& [key, name] :

@@ -7,11 +7,12 @@ function addScene(parent, report) {
   const button = (text, title) => element("button", { type: "button", title }, text);
   const nearer = button("+", "nearer"), farther = button("−", "farther");
   const turns = [button("front", "from the front"), button("side", "from the side"), button("above", "from above")];
+  const alone = button("rig", "the rig alone, or with the target");
   parent.append(element("figure", { class: "wide" },
     element("figcaption", {}, "Target and camera poses",
       element("small", {}, "Points: markers. Pyramids: cameras of the rig, at the place of their centres; their size has no meaning. Drag to turn.")),
     canvas,
-    element("div", { class: "controls" }, nearer, farther, ...turns, element("label", {}, "frame "), slider, label)));
+    element("div", { class: "controls" }, nearer, farther, ...turns, report.cameras.length > 1 ? alone : null, element("label", {}, "frame "), slider, label)));
 
   const apply = ({ R, t }, p) => [0, 1, 2].map((r) => R[3 * r] * p[0] + R[3 * r + 1] * p[1] + R[3 * r + 2] * p[2] + t[r]);
   const inverse = ({ R, t }) => {
@@ -20,21 +21,27 @@ function addScene(parent, report) {
   };
   const rigs = report.cameras.map((camera) => inverse(camera.T_camera_rig));
   const centres = report.frames.flatMap((frame) => rigs.map((T) => apply(frame.T_target_rig, T.t)));
-  const places = report.markers.map((marker) => marker.place);
-  const all = places.concat(centres);
-  const range = [0, 1, 2].map((k) => [all.reduce((a, p) => Math.min(a, p[k]), Infinity), all.reduce((a, p) => Math.max(a, p[k]), -Infinity)]);
-  const middle = range.map(([a, b]) => (a + b) / 2);
-  const radius = Math.hypot(...range.map(([a, b]) => b - a)) / 2 || 1;
-  const size = 0.035 * radius;
-  // Corners of the pyramids in each camera's frame.
-  const pyramids = report.cameras.map(({ image_size: [w, h] }, c) => {
-    const k = size / Math.max(w, h);
-    const corners = [[-1, -1], [1, -1], [1, 1], [-1, 1]].map(([x, y]) => apply(rigs[c], [x * w * k, y * h * k, 1.6 * size]));
-    return { apex: rigs[c].t, corners };
-  });
+  // Of points: the middle, and a radius that holds all of them. Pyramids have `part` of it as their size.
+  function world(points, part) {
+    const range = [0, 1, 2].map((k) => [points.reduce((a, p) => Math.min(a, p[k]), Infinity), points.reduce((a, p) => Math.max(a, p[k]), -Infinity)]);
+    const radius = Math.hypot(...range.map(([a, b]) => b - a)) / 2 || 1, size = part * radius;
+    const pyramids = report.cameras.map(({ image_size: [w, h] }, c) => {
+      const k = size / Math.max(w, h);
+      const corners = [[-1, -1], [1, -1], [1, 1], [-1, 1]].map(([x, y]) => apply(rigs[c], [x * w * k, y * h * k, 1.6 * size]));
+      return { apex: rigs[c].t, corners };
+    });
+    return { middle: range.map(([a, b]) => (a + b) / 2), radius, size, pyramids };
+  }
+  const markers = report.markers.map((marker) => marker.place);
+  const still = { R: [1, 0, 0, 0, 1, 0, 0, 0, 1], t: [0, 0, 0] };
+  const scenes = {
+    all: { ...world(markers.concat(centres), 0.035), places: markers, poses: report.frames.map((frame) => frame.T_target_rig) },
+    rig: { ...world(rigs.map((T) => T.t), 0.25), places: [], poses: [still] },
+  };
 
-  const view = { yaw: 0.6, pitch: -0.35, zoom: 1 };
+  const view = { yaw: 0.6, pitch: -0.35, zoom: 1, scene: scenes.all };
   function draw() {
+    const { middle, radius, size, pyramids, places, poses } = view.scene;
     const width = canvas.clientWidth || 600, height = Math.min(520, Math.max(280, 0.55 * width)), dpr = window.devicePixelRatio || 1;
     canvas.width = width * dpr;
     canvas.height = height * dpr;
@@ -42,19 +49,14 @@ function addScene(parent, report) {
     const ctx = canvas.getContext("2d");
     ctx.setTransform(dpr, 0, 0, dpr, 0, 0);
     const [cy, sy, cp, sp] = [Math.cos(view.yaw), Math.sin(view.yaw), Math.cos(view.pitch), Math.sin(view.pitch)];
-    const scale = 0.42 * Math.min(width, height * 1.6) / radius * view.zoom;
+    const scale = 0.5 * Math.min(width, height * 1.4) / radius * view.zoom;
     const project = (p) => {
       const [x, y, z] = p.map((v, k) => v - middle[k]);
       const u = cy * x + sy * z, d = cy * z - sy * x;
       const f = 3.5 * radius / (3.5 * radius + (sp * y + cp * d));
       return [width / 2 + scale * u * f, height / 2 + scale * (cp * y - sp * d) * f];
     };
-    const line = (points, closed) => {
-      ctx.beginPath();
-      points.forEach((p, i) => (i ? ctx.lineTo(...project(p)) : ctx.moveTo(...project(p))));
-      if (closed) ctx.closePath();
-      ctx.stroke();
-    };
+    const line = (...points) => points.forEach((p, i) => (i ? ctx.lineTo(...project(p)) : ctx.moveTo(...project(p))));
     ctx.clearRect(0, 0, width, height);
     ctx.fillStyle = "#1c2530";
     for (const place of places) {
@@ -67,30 +69,46 @@ function addScene(parent, report) {
     for (const [name, colour, end] of axes) {
       ctx.strokeStyle = ctx.fillStyle = colour;
       ctx.lineWidth = 2;
-      line([[0, 0, 0], end], false);
+      ctx.beginPath();
+      line([0, 0, 0], end);
+      ctx.stroke();
       ctx.fillText(name, ...project(end));
     }
-    const chosen = Number(slider.value);
-    report.frames.forEach((frame, f) => {
-      if (chosen >= 0 && f !== chosen) ctx.globalAlpha = 0.12;
-      ctx.lineWidth = f === chosen ? 2 : 0.8;
+    const chosen = view.scene === scenes.all ? Number(slider.value) : -1;
+    // One path for all pyramids of a colour: a thousand frames turn as smoothly as ten.
+    const drawRigs = (some, width, alpha) => {
+      ctx.lineWidth = width;
+      ctx.globalAlpha = alpha;
       pyramids.forEach(({ apex, corners }, c) => {
         ctx.strokeStyle = Colours.series[c % Colours.series.length];
-        const a = apply(frame.T_target_rig, apex), q = corners.map((p) => apply(frame.T_target_rig, p));
-        line(q, true);
-        for (const corner of q) line([a, corner], false);
+        ctx.beginPath();
+        for (const T of some) {
+          const a = apply(T, apex), q = corners.map((p) => apply(T, p));
+          line(...q, q[0]);
+          for (const corner of q) line(a, corner);
+        }
+        ctx.stroke();
       });
-      if (pyramids.length > 1) {
-        ctx.strokeStyle = Colours.grey;
-        line(pyramids.map(({ apex }) => apply(frame.T_target_rig, apex)), false);
-      }
+      ctx.strokeStyle = Colours.grey;
+      ctx.beginPath();
+      if (pyramids.length > 1) for (const T of some) line(...pyramids.map(({ apex }) => apply(T, apex)));
+      ctx.stroke();
       ctx.globalAlpha = 1;
-    });
+    };
+    drawRigs(poses, 0.8, chosen < 0 ? 1 : 0.12);
+    if (chosen >= 0) drawRigs([poses[chosen]], 2, 1);
     report.cameras.forEach((camera, c) => {
       ctx.fillStyle = Colours.series[c % Colours.series.length];
-      ctx.fillText(camera.name, 10, 18 + 16 * c);
+      if (view.scene === scenes.rig) ctx.fillText(camera.name, ...project(pyramids[c].apex).map((v) => v + 6));
+      else ctx.fillText(camera.name, 10, 18 + 16 * c);
     });
     label.textContent = chosen < 0 ? "all frames" : report.frames[chosen].name;
+  }
+  let waiting = false;
+  function drawSoon() {
+    if (waiting) return;
+    waiting = true;
+    requestAnimationFrame(() => { waiting = false; draw(); });
   }
 
   let from = null;
@@ -102,13 +120,14 @@ function addScene(parent, report) {
     view.yaw += 0.008 * (event.clientX - from[0]);
     view.pitch = Math.min(Math.max(view.pitch - 0.008 * (event.clientY - from[1]), -1.57), 1.57);
     from = [event.clientX, event.clientY];
-    draw();
+    drawSoon();
   });
   nearer.addEventListener("click", () => { view.zoom *= 1.25; draw(); });
   farther.addEventListener("click", () => { view.zoom /= 1.25; draw(); });
   [[0, 0], [Math.PI / 2, 0], [0, -1.57]].forEach(([yaw, pitch], i) => turns[i].addEventListener("click", () => { Object.assign(view, { yaw, pitch }); draw(); }));
-  slider.addEventListener("input", draw);
-  window.addEventListener("resize", draw);
-  plenocalReport.figures.push({ title: "Target and camera poses", count: centres.length + places.length, canvas, chart: null, drawn: true, draw });
+  alone.addEventListener("click", () => { view.scene = view.scene === scenes.all ? scenes.rig : scenes.all; draw(); });
+  slider.addEventListener("input", drawSoon);
+  window.addEventListener("resize", drawSoon);
+  plenocalReport.figures.push({ title: "Target and camera poses", count: centres.length + markers.length, canvas, chart: null, drawn: true, draw });
   draw();
 }

@@ -17,7 +17,7 @@ function addTable() {
   addFigure(figures(node), "Held-out RMS", "Bars: RMS and RMS plus one sigma.", compared.length, (canvas) => bars(canvas, compared.map((model) => model.model), [
     { label: "RMS", data: compared.map((model) => model.rms), backgroundColor: Colours.main },
     { label: "RMS plus sigma", data: compared.map((model) => model.rms + model.rms_sigma), backgroundColor: Colours.faint },
-  ], { y: axis("RMS, px", { type: "logarithmic", ticks: { callback: (v) => brief(v, 2) } }) }), { wide: true, aspect: 3 });
+  ], { y: axis("RMS, px", { type: "logarithmic", ticks: { callback: (v) => brief(v, 2) } }) }), { breadth: "wide", aspect: 3 });
 }
 
 function addPatterns() {

@@ -6,6 +6,7 @@
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 
@@ -46,7 +47,7 @@ class PoseSpread {
   PoseSpread(const Results& results, size_t c) {
     const CameraResult& camera = results.cameras[c];
     std::vector<double> x, y;
-    std::map<int, std::vector<double>> depths;
+    std::map<int, std::vector<double>> distances, depths;
     std::map<int, RigidTransform> poses;
     ImageGrid grid(camera.image_size, kCells);
     std::vector<bool> seen(grid.Cells(), false);
@@ -59,7 +60,9 @@ class PoseSpread {
       if (pose == poses.end()) {
         pose = poses.emplace(row.frame, results.CameraFromTarget(c, row.frame)).first;
       }
-      depths[row.frame].push_back((pose->second * results.markers.at(row.marker)).norm());
+      const Eigen::Vector3d place = pose->second * results.markers.at(row.marker);
+      distances[row.frame].push_back(place.norm());
+      depths[row.frame].push_back(place.z());
     }
     if (x.empty()) return;
     any = true;
@@ -72,24 +75,28 @@ class PoseSpread {
     top = Quantile(y, kTail);
     bottom = Quantile(y, 1 - kTail);
 
-    nearest = std::numeric_limits<double>::infinity();
-    for (const auto& [frame, values] : depths) {
-      const double middle = Median(values);
-      nearest = std::min(nearest, middle);
-      farthest = std::max(farthest, middle);
-    }
+    // One depth all over the image is one distance too: a parallel target shows nothing else.
+    const auto [near, far] = RangeOfMedians(distances);
+    const auto [near_depth, far_depth] = RangeOfMedians(depths);
+    const bool by_depth = near_depth > 0 && far_depth / near_depth < far / near;
+    nearest = by_depth ? near_depth : near;
+    farthest = by_depth ? far_depth : far;
     MeasureTilt(results, poses);
+    FindEmptyParts(grid, seen);
   }
 
   bool any = false;
   double coverage = 0;                              // part of the image's cells with points
   double left = 0, right = 0, top = 0, bottom = 0;  // parts of width and height
-  double nearest = 0, farthest = 0;                 // of the images' median distances, m
+  double nearest = 0, farthest = 0;                 // of the images' median distances or depths, m
   bool is_plane = false;                            // the target
-  double tilt = 0;  // largest angle between the plane's normals in two images, degrees
-  double lean = 0;  // angle of their mean with the optical axis, degrees
+  // Largest angle between the plane's normals in two images, of a target in space between the
+  // directions from which they look at it, degrees.
+  double tilt = 0;
+  double lean = 0;                 // angle of their mean with the optical axis, degrees
+  std::vector<std::string> empty;  // ninths of the image without any point
 
-  /// "the upper left corner"; empty when the points are on both sides of the middle each way.
+  /// "upper left corner"; empty when the points are on both sides of the middle each way.
   [[nodiscard]] std::string Region() const {
     constexpr double kMiddle = 0.55;
     const char* across = right < kMiddle ? "left" : left > 1 - kMiddle ? "right" : "";
@@ -105,6 +112,15 @@ class PoseSpread {
  private:
   static constexpr int kCells = 10;
 
+  // Least and greatest median.
+  static std::pair<double, double> RangeOfMedians(
+      const std::map<int, std::vector<double>>& images) {
+    std::vector<double> medians;
+    for (const auto& [frame, values] : images) medians.push_back(Median(values));
+    const auto [least, greatest] = std::minmax_element(medians.begin(), medians.end());
+    return {*least, *greatest};
+  }
+
   void MeasureTilt(const Results& results, const std::map<int, RigidTransform>& poses) {
     Eigen::Vector3d mean = Eigen::Vector3d::Zero();
     for (const auto& [number, place] : results.markers) mean += place;
@@ -117,14 +133,13 @@ class PoseSpread {
     constexpr double kThin = 0.05;  // thickness over width of what still counts as a plane
     is_plane = std::sqrt(std::max(0.0, solver.eigenvalues()[0])) <=
                kThin * std::sqrt(solver.eigenvalues()[1]);
-    if (!is_plane) return;
     const Eigen::Vector3d normal = solver.eigenvectors().col(0);
     std::vector<Eigen::Vector3d> turned;
     Eigen::Vector3d sum = Eigen::Vector3d::Zero();
     for (const auto& [frame, T] : poses) {
-      turned.emplace_back(T.R * normal);
+      turned.emplace_back(is_plane ? Eigen::Vector3d(T.R * normal) : T.R.row(2).transpose());
       // The same face in every image.
-      if (turned.back().dot(T * mean) < 0) turned.back() = -turned.back();
+      if (is_plane && turned.back().dot(T * mean) < 0) turned.back() = -turned.back();
       sum += turned.back();
     }
     double least_cosine = 1;
@@ -133,6 +148,28 @@ class PoseSpread {
     }
     tilt = kDegrees * std::acos(std::max(least_cosine, -1.0));
     lean = kDegrees * std::acos(std::clamp(sum.normalized().z(), -1.0, 1.0));
+  }
+
+  void FindEmptyParts(const ImageGrid& grid, const std::vector<bool>& seen) {
+    constexpr std::array kNames{"upper left corner",
+                                "upper edge",
+                                "upper right corner",
+                                "left edge",
+                                "middle",
+                                "right edge",
+                                "lower left corner",
+                                "lower edge",
+                                "lower right corner"};
+    std::array<bool, kNames.size()> any_seen{};
+    for (size_t cell = 0; cell < seen.size(); ++cell) {
+      const auto columns = static_cast<size_t>(grid.Columns()),
+                 rows = static_cast<size_t>(grid.Rows());
+      const size_t row = cell / columns, column = cell % columns;
+      if (seen[cell]) any_seen[3 * (3 * row / rows) + 3 * column / columns] = true;
+    }
+    for (size_t part = 0; part < kNames.size(); ++part) {
+      if (!any_seen[part]) empty.emplace_back(kNames[part]);
+    }
   }
 };
 
@@ -214,9 +251,11 @@ class Judgement {
       const std::string region = spread.Region();
       Add(spread.coverage < kCoverageBad ? Grade::kBad : Grade::kWeak,
           region.empty()
-              ? fmt::format("{}: the points cover only {:.0f} % of the image.",
+              ? fmt::format("{}: the points cover only {:.0f} % of the image{}{}.",
                             camera.name,
-                            100 * spread.coverage)
+                            100 * spread.coverage,
+                            spread.empty.empty() ? "" : "; none in: ",
+                            fmt::join(spread.empty, ", "))
               : fmt::format("{}: points only in {} of the image; they cover {:.0f} % of it.",
                             camera.name,
                             region,
@@ -224,30 +263,36 @@ class Judgement {
           "Outside, the distortion is a guess. Take images with the target in the other parts of "
           "the image, its edges and corners above all.");
     }
-    // A target in space shows depth and tilt in a single image.
-    if (!spread.is_plane) return;
+    // A target in space shows depth and tilt in a single image: named, but no weakness by itself.
+    const char* const makes_up =
+        spread.is_plane ? "" : " The target's own depth has to make up for it.";
+    const auto grade = [&](Grade of_plane) { return spread.is_plane ? of_plane : Grade::kGood; };
     const double span = spread.farthest / spread.nearest;
     if (span < kDepthWeak) {
       const bool one = span < kDepthOne;
-      Add(one && spread.tilt < kTiltWeak ? Grade::kBad : Grade::kWeak,
-          fmt::format("{}: {} ({} to {}).",
+      Add(grade(one && spread.tilt < kTiltWeak ? Grade::kBad : Grade::kWeak),
+          fmt::format("{}: {} ({} to {}).{}",
                       camera.name,
                       one ? "all images are from one distance" : "the distances hardly differ",
                       Length(spread.nearest),
-                      Length(spread.farthest)),
+                      Length(spread.farthest),
+                      makes_up),
           "Take images from near, where the target fills the image, to at least twice as far.");
     }
     if (spread.tilt < kTiltWeak) {
       const bool none = spread.tilt < kTiltBad;
-      Add(none ? Grade::kBad : Grade::kWeak,
-          fmt::format("{}: {} (by at most {:.0f} degrees between two images{}).",
+      Add(grade(none ? Grade::kBad : Grade::kWeak),
+          fmt::format("{}: {} (by at most {:.0f} degrees between two images{}).{}",
                       camera.name,
                       none ? "the target was not tilted" : "the target was hardly tilted",
                       spread.tilt,
-                      spread.lean < kTiltBad ? ", it always faces the camera"
-                                             : ", it always leans the same way"),
-          "Tilt the target by 30 to 45 degrees to the left, the right, up and down: without tilt "
-          "focal length and distance cannot be told apart.");
+                      !spread.is_plane         ? ""
+                      : spread.lean < kTiltBad ? ", it always faces the camera"
+                                               : ", it always leans the same way",
+                      makes_up),
+          spread.is_plane ? "Tilt the target by 30 to 45 degrees to the left, the right, up and "
+                            "down: without tilt focal length and distance cannot be told apart."
+                          : "");
     }
   }
 

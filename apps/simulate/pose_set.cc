@@ -78,57 +78,64 @@ std::vector<Frame> MakePoses(const SimulationSpec& spec,
   for (int f = 0; f < poses.frames; ++f) {
     Random random(spec.seed, "pose", {static_cast<size_t>(f)});
     // Spread evenly over the run: every 1 / partial-th frame.
-    const bool partial = poses.kind == PoseKind::kVaried &&
+    const bool partial = !(poses.one_distance || poses.no_tilt || poses.corner) &&
                          std::floor((f + 1) * poses.partial) > std::floor(f * poses.partial);
     const size_t aim = partial ? widest : poses.aim;
     const CameraSpec& camera = spec.cameras[aim];
     bool found = false;
     for (int attempt = 0; attempt < kTries && !found; ++attempt) {
       Eigen::Vector2d share(random.Uniform(0.2, 0.8), random.Uniform(0.2, 0.8));
-      if (poses.kind == PoseKind::kCorner) share = 0.1 + 0.3 * (share.array() - 0.2);
+      // Reaching out of the image too, so that near targets fit into the corner.
+      if (poses.corner) share = share.array() - 0.4;
       if (partial) {
         const int side = static_cast<int>(random.Uniform(0, 4));
         share[side % 2] = side < 2 ? random.Uniform(0.02, 0.12) : random.Uniform(0.88, 0.98);
       }
       // Evenly in 1 / distance, which is what depth does to an image.
       double distance = 1 / random.Uniform(1 / poses.farthest, 1 / poses.nearest);
-      if (poses.kind == PoseKind::kOneDistance) distance = (poses.nearest + poses.farthest) / 2;
+      if (poses.one_distance) distance = (poses.nearest + poses.farthest) / 2;
       double tilt = poses.tilt * std::sqrt(random.Uniform(0, 1));
-      if (poses.kind == PoseKind::kNoTilt) tilt = 0;
+      if (poses.no_tilt) tilt = 0;
       const double azimuth = kGoldenAngle * f + random.Uniform(-0.5, 0.5);
       const double roll = random.Uniform(-poses.roll, poses.roll);
 
       const std::optional<Ray> ray = observer.CentralRay(aim, At(camera, share));
       if (!ray) continue;
       // Without tilt the target is parallel to the image, wherever in it.
-      const Eigen::Matrix3d to_ray =
-          poses.kind == PoseKind::kNoTilt
-              ? Eigen::Matrix3d::Identity()
-              : Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), ray->direction)
-                    .toRotationMatrix();
+      const Eigen::Matrix3d to_ray = poses.no_tilt ? Eigen::Matrix3d::Identity()
+                                                   : Eigen::Quaterniond::FromTwoVectors(
+                                                         Eigen::Vector3d::UnitZ(), ray->direction)
+                                                         .toRotationMatrix();
       const Eigen::Vector3d axis(std::cos(azimuth), std::sin(azimuth), 0);
       RigidTransform T_camera_target;
       T_camera_target.R = to_ray * ExpRotation(tilt * axis) *
                           ExpRotation(Eigen::Vector3d(0, 0, roll)) * stance.R_viewer_target;
       // One distance of a flat target is one depth.
-      const double along = poses.kind == PoseKind::kOneDistance
-                               ? (distance - ray->origin.z()) / ray->direction.z()
-                               : distance;
+      const double along =
+          poses.one_distance ? (distance - ray->origin.z()) / ray->direction.z() : distance;
       T_camera_target.t = ray->origin + along * ray->direction - T_camera_target.R * stance.middle;
       const RigidTransform T_rig_target = camera.T_camera_rig.Inverse() * T_camera_target;
-      if (CountMarkers(observer.Observe(aim, target, T_rig_target)) < fewest) continue;
+      const std::vector<Observation> seen = observer.Observe(aim, target, T_rig_target);
+      if (CountMarkers(seen) < fewest) continue;
+      const Eigen::Vector2d centre = At(camera, {0.5, 0.5});
+      if (poses.corner && std::any_of(seen.begin(), seen.end(), [&](const Observation& o) {
+            return o.values[0] > centre.x() || o.values[1] > centre.y();
+          })) {
+        continue;
+      }
       frames.push_back(
           {fmt::format("{:06}", 100 + 5 * f), partial ? "partial" : "good", T_rig_target});
       found = true;
     }
     if (!found) {
       throw Error(ErrorKind::kJob,
-                  fmt::format("{}: poses: in {} tries camera {} never saw {} markers; correct "
+                  fmt::format("{}: poses: in {} tries camera {} never saw {} markers{}; correct "
                               "distance, tilt or the camera",
                               spec.path.string(),
                               kTries,
                               camera.name,
-                              fewest));
+                              fewest,
+                              poses.corner ? " in a corner of its image and none elsewhere" : ""));
     }
   }
   return frames;

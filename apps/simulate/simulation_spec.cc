@@ -256,7 +256,17 @@ PoseSpec ReadPoseSpec(const YamlNode& node,
   if (node.Has("kind")) {
     static constexpr std::array<std::string_view, 4> kKinds{
         "varied", "one-distance", "no-tilt", "corner"};
-    poses.kind = static_cast<PoseKind>(ReadChoice(node.At("kind"), kKinds));
+    const YamlNode kind = node.At("kind");
+    std::array<bool, kKinds.size()> chosen{};
+    for (const YamlNode& item : kind.IsSequence() ? kind.Elements() : std::vector{kind}) {
+      chosen[ReadChoice(item, kKinds)] = true;
+    }
+    poses.one_distance = chosen[1];
+    poses.no_tilt = chosen[2];
+    poses.corner = chosen[3];
+    if (chosen[0] && (poses.one_distance || poses.no_tilt || poses.corner)) {
+      kind.Fail("'varied' goes with no other kind");
+    }
   }
   poses.frames = node.At("frames").AsInteger();
   ReadInteger(node, "frames", 1, 100000, &poses.frames);

@@ -53,11 +53,11 @@ struct CameraSpec {
   [[nodiscard]] bool IsPlenoptic() const { return !model->context.empty(); }
 };
 
-enum class PoseKind { kVaried, kOneDistance, kNoTilt, kCorner };
-
 /// How the rig moves before the target.
 struct PoseSpec {
-  PoseKind kind = PoseKind::kVaried;
+  // Bad on purpose; none of them: varied.
+  bool one_distance = false, no_tilt = false;
+  bool corner = false;  ///< markers are seen in the image's upper left quarter alone
   int frames = 0;
   double nearest = 0, farthest = 0;  ///< m, from the aiming camera to the target's middle
   double tilt = 0.7;                 ///< rad, largest

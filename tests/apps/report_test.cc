@@ -261,6 +261,53 @@ TEST_F(Report, NamesWhatABadPoseSetLacks) {
   EXPECT_THAT(findings, Contains(HasSubstr("the target was not tilted")));
 }
 
+TEST_F(Report, NamesEachThingThatASimulatedPoseSetLacks) {
+  const fs::path examples = fs::path(PLENOCAL_EXAMPLES) / "simulate";
+  fs::copy(examples / "board.yaml", Path("board.yaml"));
+  fs::copy(examples / "one_camera.yaml", Path("one_camera.yaml"));
+  const std::map<std::string, std::string> sayings{
+      {"one-distance", "all images are from one distance"},
+      {"no-tilt", "the target was not tilted"},
+      {"corner", "only in the upper left corner of the image"}};
+  const auto expect = [&](const std::string& kinds) {
+    Write("spec.yaml", Replaced(Read("one_camera.yaml"), "varied", kinds));
+    ASSERT_EQ(Run({"simulate", "spec.yaml", "-o", "set", "--points"}).status, kDone);
+    ASSERT_EQ(Run({"calibrate", "set/session.yaml", "-o", "out"}).status, kDone);
+    for (const auto& [kind, saying] : sayings) {
+      const auto named = Contains(HasSubstr(saying));
+      if (kinds.find(kind) != std::string::npos) {
+        EXPECT_THAT(Findings(), named) << kinds;
+      } else {
+        EXPECT_THAT(Findings(), Not(named)) << kinds;
+      }
+    }
+  };
+  for (const auto& [kind, saying] : sayings) expect(kind);
+  expect("[one-distance, no-tilt, corner]");
+  EXPECT_EQ(Data()["verdict"]["grade"], "bad");
+  expect("varied");
+  EXPECT_THAT(Findings(), ::testing::IsEmpty());
+}
+
+// A target in space shows depth and tilt in each image, so the same poses are no weakness.
+TEST_F(Report, NamesOneDistanceAndNoTiltOfATargetInSpace) {
+  const fs::path examples = fs::path(PLENOCAL_EXAMPLES) / "simulate";
+  fs::copy(examples / "target.yaml", Path("target.yaml"));
+  const std::string spec = Read(examples / "plenoptic_stereo.yaml");
+  Write("spec.yaml", Replaced(spec, "varied", "[one-distance, no-tilt]"));
+  ASSERT_EQ(Run({"simulate", "spec.yaml", "-o", "set", "--points"}).status, kDone);
+  ASSERT_EQ(Run({"calibrate", "set/session.yaml", "-o", "out"}).status, kDone);
+  const Json data = Data();
+  int said = 0;
+  for (const Json& finding : data["verdict"]["findings"]) {
+    const std::string what = finding["what"];
+    if (!what.starts_with("plenoptic: ") || what.find("own depth") == std::string::npos) continue;
+    ++said;
+    EXPECT_EQ(finding["grade"], "good") << what;
+  }
+  EXPECT_EQ(said, 2) << data["verdict"];
+}
+
 TEST_F(Report, DoesNotBlameTheTiltsOfAGoodSet) {
   WriteProblem(MakeProblem(4, {.frames = 40, .noise = 0.1}));
   Calibrate();
