@@ -53,6 +53,22 @@ std::string Verdict(const CameraDifference& camera) {
   return fmt::format("they differ by more than their sigmas explain at {}", places);
 }
 
+// Of cameras of one model; images may agree where parameters that hang together do not.
+void PrintParameters(const CalibratedCamera& a, const CalibratedCamera& b) {
+  fmt::print("  {:<10} {:>16} {:>16} {:>14} {:>10}\n", "parameter", "A", "B", "A - B", "in sigmas");
+  for (size_t i = 0; i < a.params.size(); ++i) {
+    const auto k = static_cast<Eigen::Index>(i);
+    const double difference = a.params[i] - b.params[i];
+    const double sigma = std::sqrt(a.covariance(k, k) + b.covariance(k, k));
+    fmt::print("  {:<10} {:>16.9g} {:>16.9g} {:>14.3g} {:>10}\n",
+               a.model->params[i].name,
+               a.params[i],
+               b.params[i],
+               difference,
+               sigma > 0 ? fmt::format("{:.1f}", difference / sigma) : "");
+  }
+}
+
 void PrintCamera(const CameraDifference& camera,
                  const CalibratedCamera& a,
                  const CalibratedCamera& b) {
@@ -62,6 +78,7 @@ void PrintCamera(const CameraDifference& camera,
              b.model->name,
              a.image_size[0],
              a.image_size[1]);
+  if (a.model == b.model) PrintParameters(a, b);
   const Eigen::Vector3d turn = LogRotation(camera.T_b_a.R) * 180 / std::numbers::pi;
   const Eigen::Vector3d shift = 1e3 * camera.T_b_a.t;
   fmt::print(

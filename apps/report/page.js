@@ -59,7 +59,7 @@ function addResiduals(camera, parent) {
     { label: "rejected", data: rejected, pointRadius: 2.5, backgroundColor: Colours.rejected, borderWidth: 0 },
   ], { x: axis("dx, px", { min: -reach, max: reach, ticks: { callback: (v) => brief(v, 2) } }), y: axis("dy, px", { min: -reach, max: reach, reverse: true, ticks: { callback: (v) => brief(v, 2) } }) }, { label: name }), { aspect: 1.2 });
   addArrowMap(grid, "Direction and magnitude over the image", "Means in cells; without a pattern they point anywhere.", camera.image_size, field, field.rms, "px");
-  addFigure(grid, "Histogram of both coordinates", `In units of their own sigma, with the normal distribution.` + (histogram.outside ? ` ${histogram.outside} of ${histogram.coordinates} outside.` : ""), histogram.coordinates, (canvas) => bars(canvas, histogram.sigmas, [
+  addFigure(grid, "Histogram of both coordinates", `In units of their own sigma, with the normal distribution.` + (histogram.noise_left < 0.9 ? ` The unknowns follow ${Math.round(100 * (1 - histogram.noise_left))} % of the noise.` : "") + (histogram.outside ? ` ${histogram.outside} of ${histogram.coordinates} outside.` : ""), histogram.coordinates, (canvas) => bars(canvas, histogram.sigmas, [
     { type: "line", label: "normal", data: histogram.expected, borderColor: Colours.second, pointRadius: 0, borderWidth: 2 },
     { label: "residuals", data: histogram.counts, backgroundColor: Colours.faint },
   ], { x: { title: { display: true, text: "residual / sigma" }, ticks: { autoSkip: false, maxRotation: 0, callback: (i) => (Number.isInteger(histogram.sigmas[i]) ? histogram.sigmas[i] : null) } }, y: axis("coordinates") }), { aspect: 1.2 });
@@ -130,7 +130,7 @@ function addMarkers() {
           }
         },
         label: (item) => { const { m } = item.raw; return `marker ${m.number}: (${m.moved.map((v) => brief(1e3 * v)).join(", ")}) mm, sigma (${m.sigma.map((v) => brief(1e3 * v, 2)).join(", ")})`; },
-      }), { aspect: Math.min(Math.max((x1 - x0) / (y1 - y0), 0.8), 2.2), legend: colourScale(`${names[c]}: ${brief(-most)} mm`, `${brief(most)} mm`, (part) => Colours.ramp(0.85 * part)) });
+      }), { breadth: views.length === 1 ? "broad" : "", aspect: Math.min(Math.max((x1 - x0) / (y1 - y0), 0.8), 2.2), legend: colourScale(`${names[c]}: ${brief(-most)} mm`, `${brief(most)} mm`, (part) => Colours.ramp(0.85 * part)) });
   }
 }
 

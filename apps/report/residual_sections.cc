@@ -47,8 +47,20 @@ Json SumsJson(const std::map<int, Sums>& groups, const char* key, auto name_of) 
           {"mean_y", mean_y}};
 }
 
+// Share of the noise that residuals keep; the unknowns follow the rest. Refined markers take no
+// part: as many priors hold them.
+double NoiseInResiduals(const Results& results) {
+  double coordinates = 0, unknowns = 6.0 * static_cast<double>(results.frames.size());
+  for (const CameraResult& camera : results.cameras) {
+    coordinates += 2.0 * camera.points;
+    for (size_t i = 0; i < camera.params.size(); ++i) unknowns += camera.Sigma(i) > 0 ? 1 : 0;
+    for (const double sigma : camera.sigma_xi) unknowns += sigma > 0 ? 1 : 0;
+  }
+  return coordinates > unknowns ? 1 - unknowns / coordinates : 1;
+}
+
 // Coordinates of used residuals in sigmas, against the normal density.
-Json Histogram(const CameraResult& camera) {
+Json Histogram(const CameraResult& camera, double noise_left) {
   constexpr int kBins = 49;
   constexpr double kReach = 4.9;  // sigmas
   constexpr double kWidth = 2 * kReach / kBins;
@@ -72,13 +84,16 @@ Json Histogram(const CameraResult& camera) {
   Json middles = Json::array(), expected = Json::array();
   for (int bin = 0; bin < kBins; ++bin) {
     const double left = -kReach + bin * kWidth;
-    const auto below = [](double x) { return 0.5 * std::erfc(-x / std::numbers::sqrt2); };
+    const auto below = [&](double x) {
+      return 0.5 * std::erfc(-x / std::sqrt(noise_left) / std::numbers::sqrt2);
+    };
     middles.push_back(std::round(100 * (left + kWidth / 2)) / 100);
     expected.push_back(Short(all * (below(left + kWidth) - below(left))));
   }
   return {{"sigmas", middles},
           {"counts", counts},
           {"expected", expected},
+          {"noise_left", Short(noise_left, 2)},
           {"outside", outside},
           {"coordinates", all}};
 }
@@ -243,7 +258,7 @@ Json ResidualSections(const Results& results,
   }
   return {{"sample", Sample(results, c, depths, most_points)},
           {"field", FieldJson(FieldOf(camera))},
-          {"histogram", Histogram(camera)},
+          {"histogram", Histogram(camera, NoiseInResiduals(results))},
           {"frames", SumsJson(frames, "frame", [](int frame) { return frame; })},
           {"markers", SumsJson(markers, "marker", [](int marker) { return marker; })},
           {"types", SumsJson(types, "type", [](int type) { return type; })},

@@ -191,7 +191,11 @@ class Judgement {
                                    JudgeProjection(results_.cameras[c], maps[c]));
     }
     for (const WeakResult& weak : results_.weak) JudgeUnknowns(weak, is_projection_good);
-    for (const std::string& warning : results_.warnings) Add(Grade::kWeak, warning, "");
+    for (const std::string& warning : results_.warnings) {
+      // Said above, and more gravely.
+      if (warning.starts_with("the bundle adjustment did not converge")) continue;
+      Add(Grade::kWeak, warning, "");
+    }
     std::stable_sort(verdict_.findings.begin(),
                      verdict_.findings.end(),
                      [](const auto& a, const auto& b) { return a.grade > b.grade; });

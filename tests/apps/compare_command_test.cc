@@ -56,6 +56,14 @@ TEST_F(CompareCommand, FindsTwoHalvesOfARecordingTheSameAndAChangedCameraNot) {
   EXPECT_EQ(changed.status, kDone) << changed.err;
   EXPECT_THAT(changed.out, HasSubstr("not the same within uncertainty"));
   EXPECT_THAT(changed.out, HasSubstr("differs"));
+
+  // Ten sigmas of one file are ten over the root of two of the difference between two such files.
+  const Outcome moved = Run({"compare", "b/calibration.yaml", "changed.yaml"});
+  std::string line;
+  for (const std::string& each : Lines(moved.out)) {
+    if (each.starts_with("  f_x ")) line = each;
+  }
+  EXPECT_TRUE(line.ends_with(" -7.1")) << line;
 }
 
 TEST_F(CompareCommand, TakesOutWhatATurnOfTheCameraExplains) {

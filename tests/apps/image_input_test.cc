@@ -226,6 +226,8 @@ TEST_F(Images, AreFreedOfVignettingByWhiteImages) {
   const double corrected = distance(detect("corrected"));
   RecordProperty("shaded_px", std::to_string(shaded));
   RecordProperty("corrected_px", std::to_string(corrected));
+  EXPECT_FALSE(fs::exists(Path("shaded/vignetting_cam0.tiff")));
+  EXPECT_TRUE(fs::exists(Path("corrected/vignetting_cam0.tiff")));
   EXPECT_LT(corrected, 0.01);
   EXPECT_LT(corrected, shaded / 3);
 }

@@ -181,6 +181,48 @@ TEST_F(ReportOfImages, ShowsTheFrameWithMostMarkersFromTheFilesAlone) {
   EXPECT_TRUE(DataIn(Read("out/report.html"))["cameras"][0]["sample"]["pictures"].empty());
 }
 
+// 1000 frames of two cameras stay far below 25 MB (bench/report_page): beyond the points that are
+// drawn singly a frame adds its pose and its bars.
+TEST_F(Report, StaysSmallWithManyFrames) {
+  const fs::path examples = fs::path(PLENOCAL_EXAMPLES) / "simulate";
+  fs::copy(examples / "board.yaml", Path("board.yaml"));
+  fs::copy(examples / "one_camera.yaml", Path("one_camera.yaml"));
+  std::map<int, size_t> bytes;
+  for (const int frames : {100, 300}) {
+    Write("spec.yaml",
+          Replaced(Read("one_camera.yaml"), "frames: 30", fmt::format("frames: {}", frames)));
+    ASSERT_EQ(Run({"simulate", "spec.yaml", "-o", "set", "--points"}).status, kDone);
+    ASSERT_EQ(Run({"calibrate", "set/session.yaml", "-o", "out"}).status, kDone);
+    bytes[frames] = Read("out/report.html").size();
+    const Json sample = Data()["cameras"][0]["plots"]["sample"];
+    EXPECT_GT(sample["all"].get<int>(), 100 * frames);
+    EXPECT_LE(sample["x"].size(), 6000u);
+  }
+  EXPECT_LT(bytes[100], 1'000'000u);
+  EXPECT_LT((bytes[300] - bytes[100]) / 200, 600u) << "bytes a frame";
+}
+
+// White images of an ordinary camera give its vignetting, to the result and to the page.
+TEST_F(ReportOfImages, ShowsTheVignettingOfAnOrdinaryCamera) {
+  cv::Mat white(480, 640, CV_8UC1);
+  for (int y = 0; y < white.rows; ++y) {
+    for (int x = 0; x < white.cols; ++x) {
+      white.at<unsigned char>(y, x) = cv::saturate_cast<unsigned char>(240 - 120 * x / 640.);
+    }
+  }
+  Save("white/0.png", white);
+  Write("session.yaml", Read("session.yaml") + "    white_images: white/*.png\n");
+  Calibrate();
+  EXPECT_EQ(Result()["cameras"]["cam0"]["vignetting"].Scalar(), "vignetting_cam0.tiff");
+  const Json vignetting = DataIn(Read("out/report.html"))["cameras"][0]["vignetting"];
+  const Json row = vignetting["row"]["values"];
+  ASSERT_EQ(row.size(), 640u);
+  EXPECT_NEAR(row[320].get<double>(), 180 / 240., 0.01);
+  EXPECT_NEAR(
+      vignetting["values"][vignetting["columns"].get<size_t>() - 1].get<double>(), 0.5, 0.03);
+  EXPECT_FALSE(vignetting.contains("detail"));
+}
+
 TEST_F(Report, SaysWhatIsMissingOrDamaged) {
   WriteProblem(EasyProblem());
   Calibrate();
@@ -270,7 +312,8 @@ TEST_F(Report, NamesEachThingThatASimulatedPoseSetLacks) {
       {"no-tilt", "the target was not tilted"},
       {"corner", "only in the upper left corner of the image"}};
   const auto expect = [&](const std::string& kinds) {
-    Write("spec.yaml", Replaced(Read("one_camera.yaml"), "varied", kinds));
+    const std::string spec = Replaced(Read("one_camera.yaml"), "frames: 30", "frames: 14");
+    Write("spec.yaml", Replaced(spec, "varied", kinds));
     ASSERT_EQ(Run({"simulate", "spec.yaml", "-o", "set", "--points"}).status, kDone);
     ASSERT_EQ(Run({"calibrate", "set/session.yaml", "-o", "out"}).status, kDone);
     for (const auto& [kind, saying] : sayings) {
@@ -327,7 +370,7 @@ const audit = { errors: plenocalReport.errors, figures: plenocalReport.figures.m
   const colours = new Set();
   for (let i = 0; i < pixels.length; i += 4) if (pixels[i + 3] > 0) colours.add((pixels[i] << 16) | (pixels[i + 1] << 8) | pixels[i + 2]);
   return { title: figure.title, count: figure.count, colours: colours.size };
-}), values: [...document.querySelectorAll("[data-value]")].map((node) => Number(node.dataset.value)), images: [...document.images].map((image) => image.naturalWidth), width: document.documentElement.scrollWidth };
+}), values: [...document.querySelectorAll("[data-value]")].map((node) => Number(node.dataset.value)), images: [...document.images].map((image) => image.naturalWidth), sections: [...document.querySelectorAll("h2")].map((node) => node.textContent), width: document.documentElement.scrollWidth };
 const node = document.createElement("pre");
 node.id = "audit";
 node.textContent = "AUDIT" + btoa(JSON.stringify(audit)) + "TIDUA";
@@ -338,7 +381,8 @@ document.body.append(node);
 
 TEST_F(Report, IsDrawnByABrowser) {
   const char* const browser = "/usr/bin/chromium";
-  if (!fs::exists(browser)) GTEST_SKIP() << "install Debian's chromium to have the page opened";
+  if (!fs::exists(browser))
+    GTEST_SKIP() << "the page is not opened: install Debian's chromium (scripts/test does)";
   CalibrateExample();
   ASSERT_TRUE(cv::imwrite(Path("out/sample_left.jpg").string(), ChessboardView(1)));
   Write("out/calibration.yaml",
@@ -368,6 +412,18 @@ TEST_F(Report, IsDrawnByABrowser) {
       EXPECT_GT(figure["count"].get<int>(), 0) << figure["title"];
       EXPECT_GT(figure["colours"].get<int>(), 5) << figure["title"];
     }
+    EXPECT_EQ(audit["sections"],
+              Json({"Verdict",
+                    "Parameters",
+                    "Residuals",
+                    "Coverage",
+                    "In space",
+                    "Markers",
+                    "Correlations",
+                    "Uncertainty in use",
+                    "Sample images",
+                    "Left out",
+                    "Run it again"}));
     EXPECT_EQ(audit["images"], Json{640});
     EXPECT_LE(audit["width"].get<int>(), width) << "the page is wider than the window";
     // The figures on the page are those of the file.

@@ -79,7 +79,7 @@ TEST_F(SimulateCommand, PointsCalibrateToTheTruth) {
   }
   // The true markers, which the nominal target does not know.
   EXPECT_THAT(Read("set/truth/target.yaml"), HasSubstr("markers:"));
-  EXPECT_EQ(Table(Read("set/truth/poses.csv")).Rows(), 12u);
+  EXPECT_EQ(Table(Read("set/truth/poses.csv")).Rows(), 18u);
 }
 
 TEST_F(SimulateCommand, SameSeedSameFilesWhateverTheThreads) {
@@ -100,7 +100,7 @@ TEST_F(SimulateCommand, SameSeedSameFilesWhateverTheThreads) {
 }
 
 TEST_F(SimulateCommand, ImagesAreTheSameWhateverTheThreadsAndCanBeMeasured) {
-  Change("frames: 12", "frames: 2");
+  Change("frames: 18", "frames: 2");
   Change("white_images: 5", "white_images: 2");
   Change("image_size: [800, 800]", "image_size: [400, 400]");
   Change("c_x: 402, c_y: 397", "c_x: 202, c_y: 197");
@@ -179,7 +179,8 @@ TEST_F(SimulateCommand, BadPoseSetsAreBadInTheirOwnWay) {
 TEST_F(SimulateCommand, RendersGivenPosesAgain) {
   ASSERT_EQ(Simulate({"--points"}).status, kDone);
   fs::copy(Path("set/truth/poses.csv"), Path("poses.csv"));
-  Change("{kind: varied, frames: 12, distance: [0.36, 0.7], aim: plenoptic}", "{file: poses.csv}");
+  Change("{kind: varied, frames: 18, distance: [0.36, 0.7], partial: 0.4, aim: plenoptic}",
+         "{file: poses.csv}");
   ASSERT_EQ(Simulate({"--points"}, "again").status, kDone);
   const Table first(Read("set/detections_left.csv")), second(Read("again/detections_left.csv"));
   EXPECT_EQ(first.Column("frame"), second.Column("frame"));
