@@ -161,6 +161,28 @@ TEST_F(TargetCommand, SpreadsALargeBoardOverPagesThatJoin) {
   // 550 x 400 mm in windows of 190 x 263 mm.
   EXPECT_EQ(Lines(outcome.out).size(), 6u) << outcome.out;
   ASSERT_EQ(Print("board.pdf", {"--paper", "a2"}).status, kDone);
+
+  // Cut at the marks, 10 mm from the paper's edges, and joined: 10 px a millimetre.
+  ASSERT_EQ(Print("cut.png", {"--dpi", "254", "--paper", "a4"}).status, kDone);
+  cv::Mat joined(4000, 5500, CV_8UC1, cv::Scalar(255));
+  for (int i = 0; i < 6; ++i) {
+    const cv::Mat page =
+        cv::imread(Path("cut-" + std::to_string(i + 1) + ".png").string(), cv::IMREAD_GRAYSCALE);
+    ASSERT_FALSE(page.empty());
+    const cv::Rect place = cv::Rect(1900 * (i % 3), 2630 * (i / 3), 1900, 2630) &
+                           cv::Rect(0, 0, joined.cols, joined.rows);
+    page(cv::Rect(100, 100, place.width, place.height)).copyTo(joined(place));
+  }
+  cv::Mat view;
+  cv::resize(joined, view, {}, 0.25, 0.25, cv::INTER_AREA);
+  cv::GaussianBlur(view, view, {}, 0.8);
+  const Target target = ReadTarget(Path("target.yaml"));
+  const auto found = Found(target, view);
+  ASSERT_EQ(found.size(), 54u);
+  for (const auto& [marker, place] : found) {
+    const double away = 0.0004 * (place - found.begin()->second).norm();
+    EXPECT_NEAR(away, (target.markers.at(marker) - target.markers.at(0)).norm(), 0.0001) << marker;
+  }
 }
 
 TEST_F(TargetCommand, FilesStateTheirSize) {
