@@ -22,10 +22,12 @@
 // OpenCV finds the grid of blobs; each circle is then measured by a fit of a blurred ellipse to its
 // gray values.
 //
-// What is reported is the ellipse's centre. The image of a circle's centre is not exactly there:
-// under perspective the ellipse's centre lies farther from the vanishing line, by about
+// What is reported is the image of the circle's centre. The ellipse's centre lies farther from the
+// vanishing line of the board's plane, by about
 //   r^2 sin(tilt) cos(tilt) f / Z^2   (r the circle's radius, Z its distance, f in px)
-// which for a circle of 10 px radius at f = 1000 px tilted by 45 degrees is 0.05 px.
+// which for a circle of 10 px radius at f = 1000 px tilted by 45 degrees is 0.05 px. A circle's
+// centre is the pole of the line at infinity, so its image is the pole of the vanishing line by the
+// ellipse; that line follows from the homography of the circles around.
 //
 // Numbering. An asymmetric grid's offset rows decide, when the number of rows is odd; otherwise a
 // turn by 180 degrees changes nothing, nor does a turn by 90 of a square symmetric grid. Of the
@@ -41,7 +43,8 @@ using Places = std::vector<cv::Point2f>;
 
 /// A measured circle.
 struct Circle {
-  Eigen::Vector2d p;  ///< px
+  Eigen::Vector2d p;  ///< px, the ellipse's centre
+  Eigen::Matrix2d M;  ///< px^-2, the ellipse is (x - p)^T M (x - p) = 1
   double sigma = 0;   ///< px
 };
 
@@ -184,6 +187,8 @@ std::optional<Circle> FitCircle(const cv::Mat& gray, const Eigen::Vector2d& gues
   constexpr double kModelError = 0.003;
   Circle circle;
   circle.p = fit->params.head<2>();
+  circle.M << fit->params[Model::kMxx], fit->params[Model::kMxy], fit->params[Model::kMxy],
+      fit->params[Model::kMyy];
   circle.sigma =
       std::sqrt(0.5 * (fit->covariance(0, 0) + fit->covariance(1, 1)) + kModelError * kModelError);
   if (circle.sigma > std::min(0.5, 0.1 * spacing)) return std::nullopt;
@@ -301,13 +306,48 @@ class CirclesDetector final : public MarkerDetector {
             "circle {}: its edge is not an ellipse's (hidden, blurred or a reflection)", marker));
         continue;
       }
+      const Eigen::Vector2d centre = ImageOfCentre(marker, circles, *order);
       Observation observation;
       observation.marker = marker;
-      observation.values = {circle->p.x(), circle->p.y()};
+      observation.values = {centre.x(), centre.y()};
       observation.sigma = circle->sigma;
       found.markers.push_back(observation);
     }
     return found;
+  }
+
+  /// Where circle k of the grid is on the board, in distances of its rows.
+  [[nodiscard]] Eigen::Vector2d OnBoard(int k) const {
+    const int row = k / columns_, column = k % columns_;
+    return asymmetric_ ? Eigen::Vector2d(2 * column + row % 2, row) : Eigen::Vector2d(column, row);
+  }
+
+  /// The circles around give the homography, so that a lens' distortion, which bends the whole
+  /// grid, disturbs it little; its own error is small beside that of a circle, since they are far
+  /// apart.
+  [[nodiscard]] Eigen::Vector2d ImageOfCentre(int marker,
+                                              const std::vector<std::optional<Circle>>& circles,
+                                              const GridOrder& order) const {
+    constexpr std::size_t kAround = 20;
+    std::vector<std::pair<double, int>> near;
+    for (int k = 0; k < columns_ * rows_; ++k) {
+      if (circles[order[k]]) near.emplace_back((OnBoard(k) - OnBoard(marker)).norm(), k);
+    }
+    std::sort(near.begin(), near.end());
+    near.resize(std::min(near.size(), kAround));
+    const Circle& circle = *circles[order[marker]];
+    std::vector<cv::Point2d> board, image;
+    for (const auto& [distance, k] : near) {
+      const Eigen::Vector2d place = OnBoard(k) - OnBoard(marker);
+      const Eigen::Vector2d seen = circles[order[k]]->p - circle.p;
+      board.emplace_back(place.x(), place.y());
+      image.emplace_back(seen.x(), seen.y());
+    }
+    const cv::Mat back = cv::findHomography(image, board);  // to the board
+    if (back.empty()) return circle.p;
+    // The vanishing line, x . line + back_22 = 0 about the ellipse's centre.
+    const Eigen::Vector2d line(back.at<double>(2, 0), back.at<double>(2, 1));
+    return circle.p - circle.M.inverse() * line / back.at<double>(2, 2);
   }
 
   /// Root mean square distance of the places from the nearest plane image of the grid, px.
@@ -315,8 +355,8 @@ class CirclesDetector final : public MarkerDetector {
                               const GridOrder& order) const {
     std::vector<cv::Point2f> board, image, projected;
     for (int k = 0; k < columns_ * rows_; ++k) {
-      const int row = k / columns_, column = k % columns_;
-      board.emplace_back(static_cast<float>(2 * column + row % 2), static_cast<float>(row));
+      const Eigen::Vector2d place = OnBoard(k);
+      board.emplace_back(static_cast<float>(place.x()), static_cast<float>(place.y()));
       const Eigen::Vector2d& p = points[order[k]];
       image.emplace_back(static_cast<float>(p.x()), static_cast<float>(p.y()));
     }

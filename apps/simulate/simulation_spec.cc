@@ -261,6 +261,7 @@ PoseSpec ReadPoseSpec(const YamlNode& node,
     for (const YamlNode& item : kind.IsSequence() ? kind.Elements() : std::vector{kind}) {
       chosen[ReadChoice(item, kKinds)] = true;
     }
+    if (chosen == decltype(chosen){}) kind.Fail("the list is empty; write 'varied'");
     poses.one_distance = chosen[1];
     poses.no_tilt = chosen[2];
     poses.corner = chosen[3];

@@ -193,6 +193,8 @@ TEST_F(SimulateCommand, NamesWhatIsWrongInTheSpecification) {
   const std::vector<std::array<std::string, 4>> cases{
       {"pitch: 19", "pich: 19", "spec.yaml:29", "pitch"},
       {"kind: varied", "kind: vared", "spec.yaml:7", "varied"},
+      {"kind: varied", "kind: []", "spec.yaml:7", "empty"},
+      {"kind: varied", "kind: [varied, corner]", "spec.yaml:7", "no other kind"},
       {"model: pinhole-radial3", "model: pinhole-radial", "spec.yaml:11", "pinhole-radial3"},
       {"aim: plenoptic", "aim: plenopti", "spec.yaml:7", "plenoptic"},
       {"f_x: 410, ", "", "spec.yaml:13", "f_x"},

@@ -37,23 +37,10 @@ GrayFunction Board(int columns, int rows, bool asymmetric, bool white_circles = 
   };
 }
 
-/// The centre of the ellipse that the circle's outline becomes, from the conic's image.
-Eigen::Vector2d EllipseCentre(const Eigen::Matrix3d& H,
-                              const Eigen::Vector2d& centre,
-                              double radius) {
-  Eigen::Matrix3d conic;
-  conic << 1, 0, -centre.x(), 0, 1, -centre.y(), -centre.x(), -centre.y(),
-      centre.squaredNorm() - radius * radius;
-  const Eigen::Matrix3d inverse = H.inverse();
-  const Eigen::Matrix3d image = inverse.transpose() * conic * inverse;
-  return -image.topLeftCorner<2, 2>().inverse() * image.topRightCorner<2, 1>();
-}
-
 Places Truth(int columns, int rows, bool asymmetric, const Eigen::Matrix3d& H) {
   Places places;
   for (int k = 0; k < columns * rows; ++k) {
-    places[k] = EllipseCentre(
-        H, Centre(k % columns, k / columns, asymmetric), asymmetric ? 1.4 * kRadius : kRadius);
+    places[k] = (H * Centre(k % columns, k / columns, asymmetric).homogeneous()).hnormalized();
   }
   return places;
 }
