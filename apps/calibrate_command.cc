@@ -42,7 +42,8 @@ std::string FileText(const std::filesystem::path& path) {
 
 void RunCalibrate(const SessionCommand& command, const ConsoleOptions& options) {
   const Session session = ReadSession(command.session, CameraModels());
-  const std::string session_text = FileText(command.session);
+  const std::string session_text = FileText(command.session),
+                    target_text = FileText(session.target);
   const Target target = ReadTarget(session.target);
   RefuseToReplaceInputs(session,
                         command.out,
@@ -98,9 +99,11 @@ void RunCalibrate(const SessionCommand& command, const ConsoleOptions& options) 
                                                             options.program,
                                                             command.session.string(),
                                                             command.out.string())},
+                                               {"folder", std::filesystem::current_path().string()},
                                                {"session", command.session.string()},
                                                {"target", session.target.string()},
-                                               {"session_text", session_text}});
+                                               {"session_text", session_text},
+                                               {"target_text", target_text}});
   files["target.yaml"] = RefinedTarget(target, calibration);
   files["poses.csv"] = PosesCsv(calibration);
   if (session.cameras.size() > 1) files["view_poses.csv"] = ViewPosesCsv(calibration);

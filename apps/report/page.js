@@ -242,8 +242,10 @@ function addLeftOut() {
 function addAgain() {
   const node = section("Run it again"), values = Object.fromEntries(report.provenance);
   if (values.command) node.append(element("pre", {}, values.command));
-  note(node, `Plenocal ${values.plenocal_version || "of unknown version"}; session ${values.session || "unknown"}, target ${values.target || "unknown"}.`);
-  if (values.session_text) node.append(element("h3", {}, "Session"), element("pre", {}, values.session_text));
+  note(node, `Plenocal ${values.plenocal_version || "of unknown version"}${values.folder ? ` in the folder ${values.folder}` : ""}; session ${values.session || "unknown"}, target ${values.target || "unknown"}.`);
+  for (const [title, text] of [["Session", values.session_text], ["Target, as given", values.target_text]]) {
+    if (text) node.append(element("h3", {}, title), element("pre", { class: "list" }, text));
+  }
 }
 
 document.getElementById("subtitle").textContent =

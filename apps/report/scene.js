@@ -63,8 +63,9 @@ function addScene(parent, report) {
       const [u, v] = project(place);
       ctx.fillRect(u - 1.2, v - 1.2, 2.4, 2.4);
     }
-    // Axes of the target's frame.
-    const axes = [["x", "#b3261e", [4 * size, 0, 0]], ["y", "#1a7f4b", [0, 4 * size, 0]], ["z", "#175a9e", [0, 0, 4 * size]]];
+    // Axes of the target's frame, or of the rig's.
+    const reach = (view.scene === scenes.all ? 4 : 1.2) * size;
+    const axes = [["x", "#b3261e", [reach, 0, 0]], ["y", "#1a7f4b", [0, reach, 0]], ["z", "#175a9e", [0, 0, reach]]];
     ctx.font = "12px sans-serif";
     for (const [name, colour, end] of axes) {
       ctx.strokeStyle = ctx.fillStyle = colour;

@@ -249,14 +249,12 @@ TEST_F(Report, EscapesWhatUsersWrite) {
   Write("session.yaml", Read("session.yaml") + "# " + evil + " \"quoted\" \\ \n");
   Calibrate();
   EXPECT_THAT(Read("out/report.html"), Not(HasSubstr("alert(1)</script>")));
-  bool found = false;
+  std::map<std::string, std::string> provenance;
   const Json data = Data();
-  for (const Json& pair : data["provenance"]) {
-    if (pair[0] != "session_text") continue;
-    found = true;
-    EXPECT_EQ(pair[1], Read("session.yaml"));
-  }
-  EXPECT_TRUE(found);
+  for (const Json& pair : data["provenance"]) provenance[pair[0]] = pair[1];
+  EXPECT_EQ(provenance["session_text"], Read("session.yaml"));
+  EXPECT_EQ(provenance["target_text"], Read("target.yaml"));
+  EXPECT_TRUE(fs::equivalent(provenance["folder"], Path(""))) << provenance["folder"];
 }
 
 // A board at one distance, parallel to the image, in one corner of it.
