@@ -174,6 +174,12 @@ TEST_F(SimulateCommand, BadPoseSetsAreBadInTheirOwnWay) {
   const std::vector<double> all = distances();
   EXPECT_LT(*std::max_element(all.begin(), all.end()),
             1.4 * *std::min_element(all.begin(), all.end()));
+  Change("kind: one-distance", "kind: corner");
+  ASSERT_EQ(Simulate({"--points"}).status, kDone);
+  const Table seen(Read("set/truth/detections_plenoptic.csv"));
+  EXPECT_GT(seen.Rows(), 500u);
+  for (const double x : seen.Numbers("x")) EXPECT_LE(x, 399.5);
+  for (const double y : seen.Numbers("y")) EXPECT_LE(y, 399.5);
 }
 
 TEST_F(SimulateCommand, RendersGivenPosesAgain) {
