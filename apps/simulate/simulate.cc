@@ -2,9 +2,11 @@
 #include "apps/simulate/simulate.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <iterator>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <opencv2/imgcodecs.hpp>
@@ -245,6 +247,28 @@ std::vector<View> WithNoise(std::vector<View> views, const CameraSpec& camera, s
   return views;
 }
 
+// Between which virtual depths the markers were, for whoever chooses where lens types are sharp.
+std::string VirtualDepthText(const std::vector<View>& views, const CameraSpec& camera) {
+  std::vector<double> depths;
+  for (const View& view : views) {
+    std::map<int, std::vector<const Observation*>> of_marker;
+    for (const Observation& seen : view.observations) of_marker[seen.marker].push_back(&seen);
+    for (const auto& [marker, seen] : of_marker) {
+      // x = c + (q - c) / T: x changes by 1 - 1 / T of what c does.
+      const Eigen::Map<const Eigen::Vector4d> a(seen.front()->values.data());
+      const Eigen::Map<const Eigen::Vector4d> b(seen.back()->values.data());
+      const Eigen::Vector2d x = a.head<2>() - b.head<2>(), centre = a.tail<2>() - b.tail<2>();
+      if (seen.size() > 1) depths.push_back(1 / (1 - x.dot(centre) / centre.squaredNorm()));
+    }
+  }
+  if (depths.empty()) return {};
+  const auto [least, greatest] = std::minmax_element(depths.begin(), depths.end());
+  return fmt::format(", at virtual depths from {:.2f} to {:.2f} (sharp: {:.4g})",
+                     *least,
+                     *greatest,
+                     fmt::join(camera.micro_lenses->focus, ", "));
+}
+
 }  // namespace
 }  // namespace simulate
 
@@ -311,8 +335,11 @@ std::string Simulate(const SimulateCommand& command, const SimulateOptions& opti
       out.Write(fmt::format("detections_{}.csv", camera.name),
                 DetectionsCsv(WithNoise(scene.views[c], camera, c, spec.seed), *camera.model));
     }
-    summary += fmt::format(
-        "{}: the target in {} of {} frames\n", camera.name, frames, scene.frames.size());
+    summary += fmt::format("{}: the target in {} of {} frames{}\n",
+                           camera.name,
+                           frames,
+                           scene.frames.size(),
+                           camera.micro_lenses ? VirtualDepthText(scene.views[c], camera) : "");
   }
   out.Commit();
   return summary;

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <regex>
 #include <string>
 
 #include "tests/apps/workspace.h"
@@ -141,6 +142,23 @@ TEST_F(SimulateCommand, SomeFramesShowTheTargetToSomeCamerasOnly) {
   EXPECT_GT(*std::min_element(left.begin(), left.end()), 8);
   EXPECT_EQ(*std::min_element(plenoptic.begin(), plenoptic.end()), 0);
   EXPECT_GT(*std::max_element(plenoptic.begin(), plenoptic.end()), 100);
+}
+
+TEST_F(SimulateCommand, SaysAtWhichVirtualDepthsTheTargetIs) {
+  const Outcome outcome = Simulate({"--points"});
+  std::smatch found;
+  const std::regex sentence(
+      R"(plenoptic: .* virtual depths from ([\d.]+) to ([\d.]+) \(sharp: 2.4, 3, 3.9\))");
+  ASSERT_TRUE(std::regex_search(outcome.out, found, sentence)) << outcome.out;
+  // T = a + b / z: shared/PLENOPTIC.md, section 1.
+  const double f_L = 0.0122, b_L0 = 0.01166, B = 0.00026;
+  const double a = (b_L0 + B) / B * (1 - b_L0 / f_L), b = (b_L0 + B) * b_L0 / B;
+  const double farthest = b / (std::stod(found[1]) - a), nearest = b / (std::stod(found[2]) - a);
+  // The target's middle is 0.36 to 0.7 m away, its markers up to 0.15 m from it.
+  EXPECT_GT(nearest, 0.36 - 0.15);
+  EXPECT_LT(nearest, 0.36 + 0.05);
+  EXPECT_GT(farthest, 0.7 - 0.05);
+  EXPECT_LT(farthest, 0.7 + 0.15);
 }
 
 TEST_F(SimulateCommand, BadPoseSetsAreBadInTheirOwnWay) {
