@@ -759,18 +759,25 @@ AdjustSummary Adjust(Bundle* bundle, const AdjustOptions& options) {
   }
 
   // What is eliminated first must not share residuals: the jitter of the views when there is any,
-  // else the poses.
-  size_t dense_unknowns = 0;
+  // else the poses; or the markers, where they are more unknowns. The rest is small and dense.
+  const auto count = [](const std::vector<bool>& used) {
+    return static_cast<size_t>(std::count(used.begin(), used.end(), true));
+  };
+  const size_t pose_unknowns = 6 * count(frame_used), jitter_unknowns = 6 * count(view_used);
+  const size_t marker_unknowns = kMarkerBlockSize * count(block_used);
+  const size_t many_unknowns = free_jitter ? jitter_unknowns : pose_unknowns;
+  const bool markers_first = marker_unknowns > many_unknowns;
+  size_t dense_unknowns = pose_unknowns + jitter_unknowns + marker_unknowns -
+                          (markers_first ? marker_unknowns : many_unknowns);
   for (size_t frame = 0; frame < poses.size(); ++frame) {
     if (!frame_used[frame]) continue;
-    ordering->AddElementToGroup(poses[frame].delta, free_jitter ? 1 : 0);
-    dense_unknowns += free_jitter ? 6 : 0;
+    ordering->AddElementToGroup(poses[frame].delta, free_jitter || markers_first ? 1 : 0);
     for (size_t c = 0; free_jitter && c < bundle->cameras.size(); ++c) {
       const size_t view = bundle->View(frame, c);
       if (!view_used[view]) continue;
       problem.AddResidualBlock(
           new JitterPrior(JitterWeight(*bundle, frame, c)), nullptr, jitter + 6 * view);
-      ordering->AddElementToGroup(jitter + 6 * view, 0);
+      ordering->AddElementToGroup(jitter + 6 * view, markers_first ? 1 : 0);
     }
   }
   std::vector<IntrinsicsBlock*> used_blocks;
@@ -807,13 +814,10 @@ AdjustSummary Adjust(Bundle* bundle, const AdjustOptions& options) {
       for (int i = static_cast<int>(3 * in_block); i < kMarkerBlockSize; ++i) spare.push_back(i);
       problem.SetManifold(data, new ceres::SubsetManifold(kMarkerBlockSize, spare));
     }
-    ordering->AddElementToGroup(data, 1);
-    dense_unknowns += kMarkerBlockSize;
+    ordering->AddElementToGroup(data, markers_first ? 0 : 1);
   }
 
   ceres::Solver::Options solver;
-  // Poses (or jitter) first: there are many, each touches few residuals, and what remains is small
-  // and dense.
   solver.linear_solver_type =
       dense_unknowns <= kMaxDenseUnknowns ? ceres::DENSE_SCHUR : ceres::SPARSE_SCHUR;
   solver.num_threads = 1;
