@@ -6,14 +6,12 @@
 #include <utility>
 
 #include "detectors/processors.h"
-#include "detectors/tag_step.h"
 
 namespace plenocal::internal {
 
 CellDrawing::CellDrawing(std::vector<float> cells, int n) : n_(n), cells_(std::move(cells)) {
-  for (Profile* profile : {&across_, &down_}) {
-    for (auto* values : {&profile->share, &profile->slope, &profile->bend}) values->resize(n);
-  }
+  cells_.resize(2 * n * (n + 1), 0.f);
+  for (Profile* profile : {&across_, &down_}) profile->cells.resize(n);
 }
 
 void CellDrawing::SetBeyond(float value) {
@@ -22,62 +20,74 @@ void CellDrawing::SetBeyond(float value) {
   }
 }
 
-[[gnu::always_inline]] inline void CellDrawing::Profile::Fill(float at, float blur, int n) {
-  const StepTable& step = StepTable::Get();
-  const float reach = StepTable::kReach * blur;
-  // The boundary between bits i - 1 and i is at i; the outermost bits have no end.
+PLENOCAL_LANES void CellDrawing::Profile::Fill(const Lanes& at, const Lanes& blur, int n) {
+  const Lanes reach = kNormalReach * blur;
+  // The boundary between cells i - 1 and i is at i; the outermost cells have no end.
   const float last = static_cast<float>(n - 1);
-  const float from = std::clamp(at - reach, 1.f, last);
-  const int before = static_cast<int>(from);
-  const int low = before + (static_cast<float>(before) < from ? 1 : 0);
-  const int high = static_cast<int>(std::clamp(at + reach, 1.f, last));
+  Lanes from = at - reach, to = at + reach;
+  // Also for NaN.
+  from = from > 1 ? from : Lanes{} + 1;
+  from = from < last ? from : Lanes{} + last;
+  to = to > 1 ? to : Lanes{} + 1;
+  to = to < last ? to : Lanes{} + last;
+  IntLanes low = __builtin_convertvector(from, IntLanes);
+  low = __builtin_convertvector(low, Lanes) < from ? low + 1 : low;
+  const IntLanes boundaries = __builtin_convertvector(to, IntLanes) - low + 1;
+  int most = 0;
+  for (int l = 0; l < kLanes; ++l) most = std::max(most, boundaries[l]);
   first = low - 1;
-  count = 0;
-  const float inverse = 1 / blur;
-  float cumulative = 1, density = 0, bent = 0;
-  for (int boundary = low; boundary <= high; ++boundary) {
-    const float z = (at - static_cast<float>(boundary)) * inverse;
-    float value, twice_density;
-    step(z, &value, &twice_density);
-    const float next = (1 + value) / 2, next_density = twice_density / 2;
-    const float next_bent = -z * next_density;
-    share[count] = cumulative - next;
-    slope[count] = density - next_density;
-    bend[count] = bent - next_bent;
-    ++count;
+  const Lanes inverse = 1 / blur;
+  Lanes boundary = __builtin_convertvector(low, Lanes);
+  Lanes cumulative = Lanes{} + 1, density{}, bent{};
+  for (int k = 0; k < most; ++k) {
+    const Lanes z = (at - boundary) * inverse;
+    Lanes next, next_density;
+    Normal(z, &next, &next_density);
+    const auto exists = boundary <= last;
+    next = exists ? next : Lanes{};
+    next_density = exists ? next_density : Lanes{};
+    const Lanes next_bent = -z * next_density;
+    cells[k] = {cumulative - next, density - next_density, bent - next_bent};
     cumulative = next;
     density = next_density;
     bent = next_bent;
+    boundary += 1;
   }
-  share[count] = cumulative;
-  slope[count] = density;
-  bend[count] = bent;
-  ++count;
+  cells[most] = {cumulative, density, bent};
+  count = most + 1;
 }
 
-/// The share of the bits that are known: all but the outermost.
-[[gnu::always_inline]] inline float CellDrawing::Profile::Known(int n) const {
-  float known = 0;
-  for (int i = 0; i < count; ++i) {
-    if (first + i > 0 && first + i < n - 1) known += share[i];
+/// The share of the cells that are known: all but the outermost.
+PLENOCAL_LANES void CellDrawing::Profile::AddKnown(int n, Lanes* known) const {
+  for (int k = 0; k < count; ++k) {
+    const IntLanes cell = first + k;
+    *known += (cell > 0) & (cell < n - 1) ? cells[k].share : Lanes{};
   }
-  return known;
 }
 
-[[gnu::always_inline]] inline void CellDrawing::AddProduct(
-    float u, float v, float blur_u, float blur_v, float r, float weight, Drawn* drawn) {
+PLENOCAL_LANES void CellDrawing::AddProduct(const Lanes& u,
+                                            const Lanes& v,
+                                            const Lanes& blur_u,
+                                            const Lanes& blur_v,
+                                            const Lanes& r,
+                                            const Lanes& weight,
+                                            Drawn* drawn) {
   across_.Fill(u, blur_u, n_);
   down_.Fill(v, blur_v, n_);
-  float ss = 0, sb = 0, bs = 0, dd = 0, bb = 0, ds = 0, sd = 0, bd = 0, db = 0;
+  const float* const cells = cells_.data();
+  const IntLanes corner = down_.first * n_ + across_.first;
+  Lanes ss{}, sb{}, bs{}, dd{}, bb{}, ds{}, sd{}, bd{}, db{};
   for (int i = 0; i < down_.count; ++i) {
-    const float* row = &cells_[(down_.first + i) * n_ + across_.first];
-    float share = 0, slope = 0, bend = 0;
+    Lanes share{}, slope{}, bend{};
     for (int j = 0; j < across_.count; ++j) {
-      share += row[j] * across_.share[j];
-      slope += row[j] * across_.slope[j];
-      bend += row[j] * across_.bend[j];
+      const IntLanes cell = corner + (i * n_ + j);
+      Lanes value;
+      for (int l = 0; l < kLanes; ++l) value[l] = cells[cell[l]];
+      share += value * across_.cells[j].share;
+      slope += value * across_.cells[j].slope;
+      bend += value * across_.cells[j].bend;
     }
-    const float s = down_.share[i], d = down_.slope[i], b = down_.bend[i];
+    const auto& [s, d, b] = down_.cells[i];
     ss += share * s;
     sb += share * b;
     sd += share * d;
@@ -88,58 +98,72 @@ void CellDrawing::SetBeyond(float value) {
     dd += slope * d;
     db += slope * b;
   }
-  drawn->value += weight * (ss + r * (dd + r / 2 * bb));
+  Lanes known_u{}, known_v{};
+  across_.AddKnown(n_, &known_u);
+  down_.AddKnown(n_, &known_v);
+  drawn->value += weight * (ss + r * (dd + 0.5f * r * bb));
   drawn->by_u += weight * (ds + r * bd) / blur_u;
   drawn->by_v += weight * (sd + r * db) / blur_v;
   drawn->bend += weight * (bs + sb);
   drawn->twist += weight * dd;
-  drawn->by_beyond += weight * (1 - across_.Known(n_) * down_.Known(n_));
+  drawn->by_beyond += weight * (1 - known_u * known_v);
 }
 
-PLENOCAL_FOR_EACH_PROCESSOR CellDrawing::Drawn CellDrawing::Draw(const Eigen::Matrix3f& G,
-                                                                 float blur,
-                                                                 float x,
-                                                                 float y) {
-  Drawn drawn;
-  drawn.scale = G(2, 0) * x + G(2, 1) * y + 1;
-  const float inverse = 1 / drawn.scale;
-  drawn.u = (G(0, 0) * x + G(0, 1) * y + G(0, 2)) * inverse;
-  drawn.v = (G(1, 0) * x + G(1, 1) * y + G(1, 2)) * inverse;
-  const float u_x = (G(0, 0) - drawn.u * G(2, 0)) * inverse;
-  const float u_y = (G(0, 1) - drawn.u * G(2, 1)) * inverse;
-  const float v_x = (G(1, 0) - drawn.v * G(2, 0)) * inverse;
-  const float v_y = (G(1, 1) - drawn.v * G(2, 1)) * inverse;
-  const float length_u = std::sqrt(u_x * u_x + u_y * u_y);
-  const float length_v = std::sqrt(v_x * v_x + v_y * v_y);
-  const float r = (u_x * v_x + u_y * v_y) / (length_u * length_v);
-  const float blur_u = blur * length_u, blur_v = blur * length_v;
+PLENOCAL_FOR_EACH_PROCESSOR void CellDrawing::Draw(
+    const Eigen::Matrix3f& G, float blur, const Lanes& x, const Lanes& y, Drawn* drawn) {
+  *drawn = {};
+  drawn->scale = G(2, 0) * x + G(2, 1) * y + 1;
+  const Lanes inverse = 1 / drawn->scale;
+  drawn->u = (G(0, 0) * x + G(0, 1) * y + G(0, 2)) * inverse;
+  drawn->v = (G(1, 0) * x + G(1, 1) * y + G(1, 2)) * inverse;
+  const Lanes u_x = (G(0, 0) - drawn->u * G(2, 0)) * inverse;
+  const Lanes u_y = (G(0, 1) - drawn->u * G(2, 1)) * inverse;
+  const Lanes v_x = (G(1, 0) - drawn->v * G(2, 0)) * inverse;
+  const Lanes v_y = (G(1, 1) - drawn->v * G(2, 1)) * inverse;
+  Lanes length_u = u_x * u_x + u_y * u_y, length_v = v_x * v_x + v_y * v_y;
+  Sqrt(&length_u);
+  Sqrt(&length_v);
+  const Lanes r = (u_x * v_x + u_y * v_y) / (length_u * length_v);
+  const Lanes blur_u = blur * length_u, blur_v = blur * length_v;
   constexpr float kSeries = 0.3f, kMostCommon = 0.97f;
-  const float common = std::abs(r) > kSeries ? std::min(std::abs(r), kMostCommon) : 0;
-  const float rest = std::sqrt(1 - common);
-  if (common == 0) {
-    AddProduct(drawn.u, drawn.v, blur_u, blur_v, r, 1, &drawn);
+  const Lanes size = r < 0 ? -r : r;
+  Lanes common = size < kMostCommon ? size : Lanes{} + kMostCommon;
+  common = size > kSeries ? common : Lanes{};
+  float most_common = 0;
+  for (int l = 0; l < kLanes; ++l) most_common = std::max(most_common, common[l]);
+  Lanes rest = 1 - common;
+  Sqrt(&rest);
+  if (most_common == 0) {
+    AddProduct(drawn->u, drawn->v, blur_u, blur_v, r, Lanes{} + 1, drawn);
   } else {
     // The trapezoidal rule over the common part; with this step its error is below a thousandth.
-    const float step = 1.7f * rest;
-    const int most = static_cast<int>(std::ceil(2.6f / step));
-    const float shift_u = blur_u * std::sqrt(common);
-    const float shift_v = std::copysign(blur_v * std::sqrt(common), r);
-    float total = 0;
-    for (int k = -most; k <= most; ++k) total += std::exp(-k * k * step * step / 2);
+    const Lanes step = 1.7f * rest;
+    const int most = static_cast<int>(std::ceil(2.6f / (1.7f * std::sqrt(1 - most_common))));
+    const Lanes part = common == 0 ? r : Lanes{};  // left to the series
+    Lanes shift = common;
+    Sqrt(&shift);
+    const Lanes shift_u = blur_u * shift, shift_v = r < 0 ? -blur_v * shift : blur_v * shift;
+    Lanes total{};
     for (int k = -most; k <= most; ++k) {
-      const float at = k * step, weight = std::exp(-at * at / 2) / total;
-      AddProduct(drawn.u + shift_u * at,
-                 drawn.v + shift_v * at,
+      Lanes distribution, density;
+      Normal(static_cast<float>(k) * step, &distribution, &density);
+      total += density;
+    }
+    for (int k = -most; k <= most; ++k) {
+      const Lanes at = static_cast<float>(k) * step;
+      Lanes distribution, density;
+      Normal(at, &distribution, &density);
+      AddProduct(drawn->u + shift_u * at,
+                 drawn->v + shift_v * at,
                  blur_u * rest,
                  blur_v * rest,
-                 0,
-                 weight,
-                 &drawn);
+                 part,
+                 density / total,
+                 drawn);
     }
   }
   // The heat equation: dT/dw = w times T's Laplacian.
-  drawn.by_blur = (drawn.bend + 2 * r * drawn.twist) / (blur * rest * rest);
-  return drawn;
+  drawn->by_blur = (drawn->bend + 2 * r * drawn->twist) / (blur * rest * rest);
 }
 
 }  // namespace plenocal::internal

@@ -4,6 +4,8 @@
 #include <Eigen/Core>
 #include <vector>
 
+#include "detectors/lanes.h"
+
 namespace plenocal::internal {
 
 /// A square drawing of n x n cells seen through a homography G and blurred by a Gaussian.
@@ -22,15 +24,17 @@ class CellDrawing {
   /// Gives all outermost cells one value, which `Drawn::by_beyond` belongs to.
   void SetBeyond(float value);
 
+  /// Of eight places at once.
   struct Drawn {
-    float value = 0, by_u = 0, by_v = 0, by_blur = 0, by_beyond = 0;
-    float bend = 0, twist = 0;      ///< T_aa + T_bb and T_ab, with a, b = place / blur
-    float u = 0, v = 0, scale = 0;  ///< place in cells, third homogeneous coordinate
+    Lanes value{}, by_u{}, by_v{}, by_blur{}, by_beyond{};
+    Lanes bend{}, twist{};    ///< T_aa + T_bb and T_ab, with a, b = place / blur
+    Lanes u{}, v{}, scale{};  ///< place in cells, third homogeneous coordinate
   };
-  /// The drawing at (x, y) with derivatives by its place (u, v) in cells, counted from the upper
-  /// left corner, and by the blur. G maps (x, y, 1) to cells, G(2, 2) = 1; `blur` is in the unit of
-  /// x and y.
-  Drawn Draw(const Eigen::Matrix3f& G, float blur, float x, float y);
+  /// The drawing at eight (x, y) with derivatives by its place (u, v) in cells, counted from the
+  /// upper left corner, and by the blur. G maps (x, y, 1) to cells, G(2, 2) = 1; `blur` is in the
+  /// unit of x and y.
+  void Draw(
+      const Eigen::Matrix3f& G, float blur, const Lanes& x, const Lanes& y, Drawn* drawn);
 
   [[nodiscard]] int size() const { return n_; }
 
@@ -38,17 +42,26 @@ class CellDrawing {
   /// Along one axis at a place: the share of each of some neighbouring cells, and its first two
   /// derivatives by the place / blur.
   struct Profile {
-    int first = 0, count = 0;
-    std::vector<float> share, slope, bend;
-    void Fill(float at, float blur, int n);
-    [[nodiscard]] float Known(int n) const;
+    struct Cell {
+      Lanes share, slope, bend;
+    };
+    IntLanes first{};
+    int count = 0;
+    std::vector<Cell> cells;
+    void Fill(const Lanes& at, const Lanes& blur, int n);
+    void AddKnown(int n, Lanes* known) const;
   };
   /// Adds `weight` times a drawing whose blurs (cells) are correlated by a small `r`.
-  void AddProduct(
-      float u, float v, float blur_u, float blur_v, float r, float weight, Drawn* drawn);
+  void AddProduct(const Lanes& u,
+                  const Lanes& v,
+                  const Lanes& blur_u,
+                  const Lanes& blur_v,
+                  const Lanes& r,
+                  const Lanes& weight,
+                  Drawn* drawn);
 
   int n_;
-  std::vector<float> cells_;
+  std::vector<float> cells_;  ///< and zeros, for profiles that end beyond
   Profile across_, down_;
 };
 

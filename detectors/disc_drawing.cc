@@ -1,43 +1,48 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "detectors/disc_drawing.h"
 
-#include <algorithm>
-#include <cmath>
-
-#include "detectors/patch_fit.h"
+#include "detectors/processors.h"
 
 namespace plenocal::internal {
 
-DiscDrawing::Drawn DiscDrawing::Draw(const Eigen::Matrix3f& G, float blur, float x, float y) const {
-  Drawn drawn;
-  drawn.scale = G(2, 0) * x + G(2, 1) * y + 1;
-  const float inverse = 1 / drawn.scale;
-  drawn.u = (G(0, 0) * x + G(0, 1) * y + G(0, 2)) * inverse;
-  drawn.v = (G(1, 0) * x + G(1, 1) * y + G(1, 2)) * inverse;
-  Eigen::Matrix2f slope;  // of (u, v) by (x, y)
-  slope << G(0, 0) - drawn.u * G(2, 0), G(0, 1) - drawn.u * G(2, 1), G(1, 0) - drawn.v * G(2, 0),
-      G(1, 1) - drawn.v * G(2, 1);
-  slope *= inverse;
+PLENOCAL_FOR_EACH_PROCESSOR void DiscDrawing::Draw(
+    const Eigen::Matrix3f& G, float blur, const Lanes& x, const Lanes& y, Drawn* drawn) const {
+  drawn->scale = G(2, 0) * x + G(2, 1) * y + 1;
+  const Lanes inverse = 1 / drawn->scale;
+  const Lanes u = (G(0, 0) * x + G(0, 1) * y + G(0, 2)) * inverse;
+  const Lanes v = (G(1, 0) * x + G(1, 1) * y + G(1, 2)) * inverse;
+  const Lanes u_x = (G(0, 0) - u * G(2, 0)) * inverse, u_y = (G(0, 1) - u * G(2, 1)) * inverse;
+  const Lanes v_x = (G(1, 0) - v * G(2, 0)) * inverse, v_y = (G(1, 1) - v * G(2, 1)) * inverse;
 
   // At the middle itself, where the edge is far, any direction will do.
-  const Eigen::Vector2f at(drawn.u, drawn.v);
-  const float F = std::max(at.norm(), 1e-6f * radius_);
-  const Eigen::Vector2f outward = at / F;
-  const Eigen::Vector2f normal = slope.transpose() * outward;  // grad F in the image
-  const float steepness = std::max(normal.norm(), 1e-12f);
+  const auto at_least = [](float least, Lanes* lanes) {
+    *lanes = *lanes > least ? *lanes : Lanes{} + least;
+  };
+  Lanes F = u * u + v * v;
+  Sqrt(&F);
+  at_least(1e-6f * radius_, &F);
+  const Lanes outward_u = u / F, outward_v = v / F;
+  // grad F in the image
+  const Lanes F_x = u_x * outward_u + v_x * outward_v, F_y = u_y * outward_u + v_y * outward_v;
+  Lanes steepness = F_x * F_x + F_y * F_y;
+  Sqrt(&steepness);
+  at_least(1e-12f, &steepness);
   // Of the circle's image: how grad F turns along the edge, whose direction there is `along`.
-  const Eigen::Vector2f along(-normal.y() / steepness, normal.x() / steepness);
-  const float sideways = Eigen::Vector2f(-outward.y(), outward.x()).dot(slope * along);
-  const float curvature = sideways * sideways / (radius_ * steepness);
-  const float inside = (radius_ - F) / steepness - blur * blur * curvature / 2;
-  const EdgeProfile profile = BlurredEdge(inside / blur);
-  drawn.value = static_cast<float>(profile.value);
-  const float by_inside = static_cast<float>(profile.derivative) / blur;
-  drawn.by_u = -by_inside / steepness * outward.x();
-  drawn.by_v = -by_inside / steepness * outward.y();
-  drawn.by_radius = by_inside / steepness;
-  drawn.by_blur = -by_inside * (inside / blur + blur * curvature);
-  return drawn;
+  const Lanes along_x = -F_y / steepness, along_y = F_x / steepness;
+  const Lanes sideways = outward_u * (v_x * along_x + v_y * along_y) -
+                         outward_v * (u_x * along_x + u_y * along_y);
+  const Lanes curvature = sideways * sideways / (radius_ * steepness);
+  const Lanes inside = (radius_ - F) / steepness - 0.5f * blur * blur * curvature;
+  Lanes distribution, density;
+  Normal(inside / blur, &distribution, &density);
+  drawn->u = u;
+  drawn->v = v;
+  drawn->value = 2 * distribution - 1;
+  const Lanes by_inside = 2 / blur * density;
+  drawn->by_u = -by_inside / steepness * outward_u;
+  drawn->by_v = -by_inside / steepness * outward_v;
+  drawn->by_radius = by_inside / steepness;
+  drawn->by_blur = -by_inside * (inside / blur + blur * curvature);
 }
 
 }  // namespace plenocal::internal

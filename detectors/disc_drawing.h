@@ -3,6 +3,8 @@
 
 #include <Eigen/Core>
 
+#include "detectors/lanes.h"
+
 namespace plenocal::internal {
 
 /// A disc around (0, 0) of a plane, 1 inside and -1 outside, seen through a homography and blurred
@@ -14,13 +16,15 @@ class DiscDrawing {
   explicit DiscDrawing(float radius) : radius_(radius) {}
   void SetRadius(float radius) { radius_ = radius; }
 
+  /// Of eight places at once.
   struct Drawn {
-    float value = 0, by_u = 0, by_v = 0, by_blur = 0, by_radius = 0;
-    float u = 0, v = 0, scale = 0;  ///< place in the plane, third homogeneous coordinate
+    Lanes value{}, by_u{}, by_v{}, by_blur{}, by_radius{};
+    Lanes u{}, v{}, scale{};  ///< place in the plane, third homogeneous coordinate
   };
-  /// The drawing at (x, y) with derivatives by its place (u, v) in the plane, by the blur and by
-  /// the radius. G maps (x, y, 1) to the plane, G(2, 2) = 1; `blur` is in the unit of x and y.
-  [[nodiscard]] Drawn Draw(const Eigen::Matrix3f& G, float blur, float x, float y) const;
+  /// The drawing at eight (x, y) with derivatives by its place (u, v) in the plane, by the blur and
+  /// by the radius. G maps (x, y, 1) to the plane, G(2, 2) = 1; `blur` is in the unit of x and y.
+  void Draw(
+      const Eigen::Matrix3f& G, float blur, const Lanes& x, const Lanes& y, Drawn* drawn) const;
 
  private:
   float radius_;

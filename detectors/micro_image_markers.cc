@@ -48,6 +48,8 @@ struct Priors {
 
 /// A drawing of cells as a fit sees it.
 struct CellsOfMarker {
+  using Drawn = CellDrawing::Drawn;
+
   CellDrawing drawing;
   bool beyond_unknown;
 
@@ -57,8 +59,8 @@ struct CellsOfMarker {
   void SetOwn(double value) {
     if (beyond_unknown) drawing.SetBeyond(static_cast<float>(value));
   }
-  [[nodiscard]] double ByOwn(const CellDrawing::Drawn& drawn) const {
-    return beyond_unknown ? drawn.by_beyond : 0;
+  [[nodiscard]] double ByOwn(const CellDrawing::Drawn& drawn, int lane) const {
+    return beyond_unknown ? drawn.by_beyond[lane] : 0;
   }
   /// Whether a place is on the drawing. Of tags that are next to each other the outermost cells are
   /// not of one brightness: half a cell before them is as far as their blur may be ignored.
@@ -70,13 +72,17 @@ struct CellsOfMarker {
 
 /// A disc likewise.
 struct DiscOfMarker {
+  using Drawn = DiscDrawing::Drawn;
+
   DiscDrawing drawing;
 
   static constexpr double kLeast = 0.2, kMost = 1.9;  ///< of the radius
   static constexpr double kWindow = 2;                ///< nominal radii: half-way to the next disc
 
   void SetOwn(double value) { drawing.SetRadius(static_cast<float>(value)); }
-  [[nodiscard]] static double ByOwn(const DiscDrawing::Drawn& drawn) { return drawn.by_radius; }
+  [[nodiscard]] static double ByOwn(const DiscDrawing::Drawn& drawn, int lane) {
+    return drawn.by_radius[lane];
+  }
   [[nodiscard]] static bool Knows(const Eigen::Vector2f& radii) { return radii.norm() < kWindow; }
 };
 
@@ -160,24 +166,27 @@ void Measure(const MarkerLook& look,
     Vector g = Vector::Zero();
     chi2 = 0;
     pull.setZero();
-    for (const SeenPixel& pixel : pixels) {
-      const auto drawn = drawing.drawing.Draw(sight->G,
-                                              static_cast<float>(p[kBlur]),
-                                              pixel.x - static_cast<float>(p[kShiftX]),
-                                              pixel.y - static_cast<float>(p[kShiftY]));
-      const auto& G = sight->G;
-      const double k = p[kContrast];
+    const auto& G = sight->G;
+    const double k = p[kContrast];
+    typename Drawing::Drawn drawn;
+    for (std::size_t i = 0; i < pixels.size(); ++i) {
+      const auto lane = static_cast<int>(i % kLanes);
+      if (lane == 0) {
+        Lanes x{}, y{};
+        for (std::size_t l = 0; l < kLanes && i + l < pixels.size(); ++l) {
+          x[l] = pixels[i + l].x - static_cast<float>(p[kShiftX]);
+          y[l] = pixels[i + l].y - static_cast<float>(p[kShiftY]);
+        }
+        drawing.drawing.Draw(G, static_cast<float>(p[kBlur]), x, y, &drawn);
+      }
+      const SeenPixel& pixel = pixels[i];
+      const float by_u = drawn.by_u[lane], by_v = drawn.by_v[lane];
+      const float u = drawn.u[lane], v = drawn.v[lane], scale = drawn.scale[lane];
       Vector j;
-      j << -k *
-               (drawn.by_u * (G(0, 0) - drawn.u * G(2, 0)) +
-                drawn.by_v * (G(1, 0) - drawn.v * G(2, 0))) /
-               drawn.scale,
-          -k *
-              (drawn.by_u * (G(0, 1) - drawn.u * G(2, 1)) +
-               drawn.by_v * (G(1, 1) - drawn.v * G(2, 1))) /
-              drawn.scale,
-          1, drawn.value, k * drawn.by_blur, k * drawing.ByOwn(drawn);
-      const double residual = pixel.value - p[kLevel] - k * drawn.value;
+      j << -k * (by_u * (G(0, 0) - u * G(2, 0)) + by_v * (G(1, 0) - v * G(2, 0))) / scale,
+          -k * (by_u * (G(0, 1) - u * G(2, 1)) + by_v * (G(1, 1) - v * G(2, 1))) / scale, 1,
+          drawn.value[lane], k * drawn.by_blur[lane], k * drawing.ByOwn(drawn, lane);
+      const double residual = pixel.value - p[kLevel] - k * drawn.value[lane];
       H += pixel.weight * j * j.transpose();
       g += pixel.weight * residual * j;
       // What a displacement by grad ln V does is what a shift of the drawing undoes.

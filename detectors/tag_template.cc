@@ -22,31 +22,30 @@ struct Correlation {
   }
 };
 
-/// Adds four rows of the sum of j j^T over `count` columns j of `kSize`, from column `kFrom` on, to
-/// the row-major `sums`; four, to keep the processor's adders busy.
-template <int kRow, int kFrom, int kSize>
-[[gnu::always_inline]] inline void AddFourRows(const float* columns, int count, double* sums) {
-  float rows[4][kSize - kFrom] = {};
-  for (int i = 0; i < count; ++i) {
-    const float* j = columns + i * kSize;
-    for (int a = 0; a < 4; ++a) {
-      for (int b = 0; b < kSize - kFrom; ++b) rows[a][b] += j[kRow + a] * j[kFrom + b];
+/// Adds the lower triangle of the sum of j j^T over all columns j of the block, whose row r begins
+/// at `block + r * stride`, to the kSize x kSize `sums`, column by column.
+template <int kSize>
+PLENOCAL_FOR_EACH_PROCESSOR void AddSquares(const Lanes* block,
+                                            int stride,
+                                            int count,
+                                            double* sums) {
+  constexpr int kTile = 3;
+  static_assert(kSize % kTile == 0);
+  for (int a = 0; a < kSize; a += kTile) {
+    for (int b = a; b < kSize; b += kTile) {
+      Lanes tile[kTile][kTile] = {};
+      for (int i = 0; i < count; ++i) {
+        for (int c = 0; c < kTile; ++c) {
+          for (int r = 0; r < kTile; ++r) {
+            tile[c][r] += block[(a + c) * stride + i] * block[(b + r) * stride + i];
+          }
+        }
+      }
+      for (int c = 0; c < kTile; ++c) {
+        for (int r = 0; r < kTile; ++r) sums[(a + c) * kSize + b + r] += Sum(tile[c][r]);
+      }
     }
   }
-  for (int a = 0; a < 4; ++a) {
-    for (int b = 0; b < kSize - kFrom; ++b) sums[(kRow + a) * kSize + kFrom + b] += rows[a][b];
-  }
-}
-
-/// Adds the first 20 rows of the sum of j j^T over `count` columns j of 24 to `sums`; below the
-/// diagonal only parts of them.
-PLENOCAL_FOR_EACH_PROCESSOR
-void AddSquares(const float* columns, int count, double* sums) {
-  AddFourRows<0, 0, 24>(columns, count, sums);
-  AddFourRows<4, 0, 24>(columns, count, sums);
-  AddFourRows<8, 8, 24>(columns, count, sums);
-  AddFourRows<12, 8, 24>(columns, count, sums);
-  AddFourRows<16, 16, 24>(columns, count, sums);
 }
 
 }  // namespace
@@ -149,7 +148,8 @@ void TagTemplate::UpdateCorners() {
 void TagTemplate::ChoosePixels() {
   pixels_.clear();
   if (!state_.G.allFinite()) return;
-  const double outer = 0.5 * border_.width + 0.5, inner = 0.5 * border_.width - border_.ring;
+  const auto width = static_cast<float>(border_.width), ring = static_cast<float>(border_.ring);
+  const float outer = 0.5f * width + 0.5f, inner = 0.5f * width - ring;
   Eigen::AlignedBox2d box;
   for (const auto& c : corners_) box.extend(c);
   const double room = 2 + side_ / border_.width;
@@ -157,20 +157,28 @@ void TagTemplate::ChoosePixels() {
   const int y_first = std::max(0, static_cast<int>(std::floor(box.min().y() - room)));
   const int x_last = std::min(gray_.cols - 1, static_cast<int>(std::ceil(box.max().x() + room)));
   const int y_last = std::min(gray_.rows - 1, static_cast<int>(std::ceil(box.max().y() + room)));
-  for (int y = y_first; y <= y_last; ++y) {
-    for (int x = x_first; x <= x_last; ++x) {
-      const Eigen::Vector2d at = Straight(Eigen::Vector2d(x, y));
-      const Eigen::Vector3d bits = state_.G * at.homogeneous();
-      if (bits.z() <= 0) continue;
-      const double from_middle = (bits.hnormalized().array() - 0.5 * bits_).abs().maxCoeff();
-      if (from_middle > outer) continue;
-      const double square = (Eigen::Vector2d(x, y) - centre_).squaredNorm();
-      pixels_.push_back({x,
+  const Eigen::Matrix3f G = state_.G.cast<float>();
+  const Eigen::Vector2f c = curvature_.cast<float>(), centre = centre_.cast<float>();
+  const float by_px = 1 / static_cast<float>(side_), middle = 0.5f * static_cast<float>(bits_);
+  for (int row = y_first; row <= y_last; ++row) {
+    const auto* gray = gray_.ptr<unsigned char>(row);
+    const float d_y = static_cast<float>(row) - centre.y();
+    for (int column = x_first; column <= x_last; ++column) {
+      const float d_x = static_cast<float>(column) - centre.x();
+      const float square = d_x * d_x + d_y * d_y;
+      const float x = (d_x - c.x() * square) * by_px, y = (d_y - c.y() * square) * by_px;
+      const float scale = G(2, 0) * x + G(2, 1) * y + G(2, 2);
+      const float u = G(0, 0) * x + G(0, 1) * y + G(0, 2) - middle * scale;
+      const float v = G(1, 0) * x + G(1, 1) * y + G(1, 2) - middle * scale;
+      const float from_middle = std::max(std::abs(u), std::abs(v));  // times the scale
+      if (!(scale > 0) || from_middle > outer * scale) continue;
+      pixels_.push_back({column,
+                         row,
+                         x,
                          y,
-                         static_cast<float>(at.x()),
-                         static_cast<float>(at.y()),
-                         static_cast<float>(square),
-                         from_middle < inner});
+                         square,
+                         static_cast<float>(gray[column]),
+                         from_middle < inner * scale});
     }
   }
 }
@@ -180,16 +188,39 @@ void TagTemplate::SetBeyond(double value) {
   drawing_.SetBeyond(static_cast<float>(value));
 }
 
-TagTemplate::Drawn TagTemplate::Draw(const Eigen::Matrix3f& G, float blur, float x, float y) {
-  return drawing_.Draw(G, blur / static_cast<float>(side_), x, y);
+TagTemplate::Strip TagTemplate::Draw(const State& state, std::size_t from, std::size_t stride) {
+  Strip strip;
+  for (std::size_t l = 0; l < kLanes && from + l * stride < pixels_.size(); ++l) {
+    const Pixel& p = pixels_[from + l * stride];
+    strip.x[l] = p.x;
+    strip.y[l] = p.y;
+    strip.square[l] = p.square;
+    strip.gray[l] = p.gray;
+    strip.known[l] = 1;
+    ++strip.count;
+  }
+  drawing_.Draw(state.G.cast<float>(),
+                static_cast<float>(state.blur / side_),
+                strip.x,
+                strip.y,
+                &strip.drawn);
+  return strip;
+}
+
+template <typename Use>
+void TagTemplate::ForEachDrawn(std::size_t stride, const Use& use) {
+  for (std::size_t i = 0; i < pixels_.size(); i += kLanes * stride) {
+    const Strip strip = Draw(state_, i, stride);
+    for (int l = 0; l < strip.count; ++l) {
+      use(pixels_[i + static_cast<std::size_t>(l) * stride], strip.drawn.value[l]);
+    }
+  }
 }
 
 void TagTemplate::Search(int reach) {
-  const Eigen::Matrix3f G = state_.G.cast<float>();
-  const auto blur = static_cast<float>(state_.blur);
   std::vector<float> values;
   values.reserve(pixels_.size());
-  for (const Pixel& p : pixels_) values.push_back(Draw(G, blur, p.x, p.y).value);
+  ForEachDrawn(1, [&](const Pixel&, float value) { values.push_back(value); });
   double best = -1;
   Eigen::Vector2d best_shift(0, 0);
   for (int dy = -reach; dy <= reach; ++dy) {
@@ -214,46 +245,58 @@ void TagTemplate::Search(int reach) {
 }
 
 double TagTemplate::DataCorrelation() {
-  const Eigen::Matrix3f G = state_.G.cast<float>();
-  const auto blur = static_cast<float>(state_.blur);
   Correlation data;
-  for (const Pixel& p : pixels_) {
-    if (p.data) data.Add(gray_.at<unsigned char>(p.row, p.column), Draw(G, blur, p.x, p.y).value);
-  }
+  ForEachDrawn(1, [&](const Pixel& p, float value) {
+    if (p.data) data.Add(p.gray, value);
+  });
   return data.Coefficient() * border_.outside_sign;
 }
 
-TagTemplate::Sums TagTemplate::Linearise(const State& state, std::size_t stride) {
+PLENOCAL_FOR_EACH_PROCESSOR
+void TagTemplate::Differentiate(const State& state, const Strip& strip, Lanes* rows) const {
   const Eigen::Matrix3f G = state.G.cast<float>();
-  const auto blur = static_cast<float>(state.blur);
-  // Single precision within a block of pixels only.
-  constexpr int kBlock = 64;
-  Sums sums = Sums::Zero();
-  Eigen::Matrix<float, kPadded, kBlock> block = Eigen::Matrix<float, kPadded, kBlock>::Zero();
-  int filled = 0;
-  const Eigen::Vector2f gradient = state.gradient.cast<float>();
-  const float by_px = 1 / static_cast<float>(side_);
   const float m = static_cast<float>(state.level), k = static_cast<float>(state.contrast);
-  for (std::size_t i = 0; i < pixels_.size(); i += stride) {
-    const Pixel& p = pixels_[i];
-    const Drawn drawn = Draw(G, blur, p.x, p.y);
-    const float light = 1 + gradient.x() * p.x + gradient.y() * p.y;
-    const float level = m + k * drawn.value, strength = light * k;
-    const float by_u = strength * drawn.by_u / drawn.scale;
-    const float by_v = strength * drawn.by_v / drawn.scale;
-    const float by_scale = -(by_u * drawn.u + by_v * drawn.v);
-    const float residual = gray_.at<unsigned char>(p.row, p.column) - light * level;
-    // y moves by -|d|^2 / side with c.
-    const float square = -p.square * by_px;
-    const float by_x = by_u * (G(0, 0) - drawn.u * G(2, 0)) + by_v * (G(1, 0) - drawn.v * G(2, 0));
-    const float by_y = by_u * (G(0, 1) - drawn.u * G(2, 1)) + by_v * (G(1, 1) - drawn.v * G(2, 1));
-    auto j = block.col(filled++);
-    j.head<kResidual + 1>() << by_u * p.x, by_u * p.y, by_u, by_v * p.x, by_v * p.y, by_v,
-        by_scale * p.x, by_scale * p.y, light, light * drawn.value, level * p.x, level * p.y,
-        strength * drawn.by_blur * by_px, strength * drawn.by_beyond, by_x * square, by_y * square,
-        residual;
-    if (filled == kBlock || i + stride >= pixels_.size()) {
-      AddSquares(block.data(), filled, sums.data());
+  const float g_x = static_cast<float>(state.gradient.x());
+  const float g_y = static_cast<float>(state.gradient.y());
+  const float by_px = 1 / static_cast<float>(side_);
+  const CellDrawing::Drawn& drawn = strip.drawn;
+  const Lanes light = strip.known * (1 + g_x * strip.x + g_y * strip.y);
+  const Lanes level = strip.known * (m + k * drawn.value), strength = light * k;
+  const Lanes by_u = strength * drawn.by_u / drawn.scale;
+  const Lanes by_v = strength * drawn.by_v / drawn.scale;
+  const Lanes by_scale = -(by_u * drawn.u + by_v * drawn.v);
+  // y moves by -|d|^2 / side with c.
+  const Lanes square = -by_px * strip.square;
+  int row = 0;
+  const auto put = [&](const Lanes& lanes) { rows[kBlock * row++] = lanes; };
+  put(by_u * strip.x);
+  put(by_u * strip.y);
+  put(by_u);
+  put(by_v * strip.x);
+  put(by_v * strip.y);
+  put(by_v);
+  put(by_scale * strip.x);
+  put(by_scale * strip.y);
+  put(light);
+  put(light * drawn.value);
+  put(level * strip.x);
+  put(level * strip.y);
+  put(by_px * strength * drawn.by_blur);
+  put(strength * drawn.by_beyond);
+  put(square * (by_u * (G(0, 0) - drawn.u * G(2, 0)) + by_v * (G(1, 0) - drawn.v * G(2, 0))));
+  put(square * (by_u * (G(0, 1) - drawn.u * G(2, 1)) + by_v * (G(1, 1) - drawn.v * G(2, 1))));
+  put(strip.gray - light * level);
+}
+
+TagTemplate::Sums TagTemplate::Linearise(const State& state, std::size_t stride) {
+  // Single precision within a block of pixels only.
+  Lanes block[kPadded * kBlock] = {};
+  Sums sums = Sums::Zero();
+  int filled = 0;
+  for (std::size_t i = 0; i < pixels_.size(); i += kLanes * stride) {
+    Differentiate(state, Draw(state, i, stride), block + filled++);
+    if (filled == kBlock || i + kLanes * stride >= pixels_.size()) {
+      AddSquares<kPadded>(block, kBlock, filled, sums.data());
       filled = 0;
     }
   }
@@ -365,13 +408,8 @@ TagTemplate::Sums TagTemplate::Descend() {
 }
 
 void TagTemplate::StartLevels() {
-  const Eigen::Matrix3f G = state_.G.cast<float>();
-  const auto blur = static_cast<float>(state_.blur);
   Correlation all;
-  for (std::size_t i = 0; i < pixels_.size(); i += Stride()) {
-    const Pixel& p = pixels_[i];
-    all.Add(Draw(G, blur, p.x, p.y).value, gray_.at<unsigned char>(p.row, p.column));
-  }
+  ForEachDrawn(Stride(), [&](const Pixel& p, float value) { all.Add(value, p.gray); });
   const double variance = all.n * all.xx - all.x * all.x;
   state_.contrast = variance > 0 ? (all.n * all.xy - all.x * all.y) / variance : 0;
   state_.level = (all.y - state_.contrast * all.x) / all.n;

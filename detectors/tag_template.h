@@ -73,7 +73,8 @@ class TagTemplate {
   static constexpr int kBeyond = 13;
   static constexpr int kCurvature = kParameters;  // two columns
   static constexpr int kResidual = kParameters + 2;
-  static constexpr int kPadded = 24;  // whole vectors of eight floats
+  static constexpr int kPadded = 18;  // to whole tiles of a sum of squares
+  static constexpr int kBlock = 32;   // strips
   using Vector = Eigen::Matrix<double, kParameters, 1>;
   using Sums = Eigen::Matrix<double, kPadded, kPadded>;
 
@@ -81,6 +82,7 @@ class TagTemplate {
     int column, row;
     float x, y;    ///< y of the model
     float square;  ///< |x - centre|^2, px^2
+    float gray;
     bool data;
   };
   struct State {
@@ -88,16 +90,26 @@ class TagTemplate {
     double level = 0, contrast = 0, blur = 0, beyond = 0;
     Eigen::Vector2d gradient{0, 0};
   };
-  using Drawn = CellDrawing::Drawn;
+  /// Pixels that are computed together; of those beyond the last all is zero.
+  struct Strip {
+    int count = 0;
+    Lanes x{}, y{}, square{}, gray{}, known{};
+    CellDrawing::Drawn drawn;
+  };
 
   /// y of a point of the image, and back.
   [[nodiscard]] Eigen::Vector2d Straight(const Eigen::Vector2d& x) const;
   [[nodiscard]] Eigen::Vector2d Bent(const Eigen::Vector2d& y) const;
   void ChoosePixels();
   void SetBeyond(double value);
-  Drawn Draw(const Eigen::Matrix3f& G, float blur, float x, float y);
-  /// Of j j^T over every `stride`-th pixel, j being the model's derivatives by its parameters and
-  /// by c, then the residual.
+  /// The pixels from number `from` on, `stride` apart, and the drawing there.
+  Strip Draw(const State& state, std::size_t from, std::size_t stride);
+  /// Calls use(pixel, value of the drawing) for every `stride`-th pixel.
+  template <typename Use>
+  void ForEachDrawn(std::size_t stride, const Use& use);
+  /// The model's derivatives by its parameters and by c, then the residual, `kBlock` apart.
+  void Differentiate(const State& state, const Strip& strip, Lanes* rows) const;
+  /// Of j j^T over every `stride`-th pixel, j being what `Differentiate` gives.
   Sums Linearise(const State& state, std::size_t stride);
   /// Moves the state by a step of Levenberg-Marquardt and returns the descent of the sum of squares
   /// that it promises; nothing where there is no step.

@@ -32,12 +32,19 @@ double Blurred(const Eigen::Matrix3f& G, double radius, double blur, double x, d
   return sum / weights;
 }
 
+DiscDrawing::Drawn Draw(
+    const DiscDrawing& drawing, const Eigen::Matrix3f& G, float blur, float x, float y) {
+  DiscDrawing::Drawn drawn;
+  drawing.Draw(G, blur, Lanes{} + x, Lanes{} + y, &drawn);
+  return drawn;
+}
+
 TEST(DiscDrawing, IsTheBlurredDisc) {
   const float radius = 1.1f, blur = 0.7f;
   const DiscDrawing drawing(radius);
   for (float x = -8; x <= 8; x += 1.3f) {
     for (float y = -7; y <= 7; y += 1.9f) {
-      EXPECT_NEAR(drawing.Draw(Homography(), blur, x, y).value,
+      EXPECT_NEAR(Draw(drawing, Homography(), blur, x, y).value[0],
                   Blurred(Homography(), radius, blur, x, y),
                   0.01)
           << x << " " << y;
@@ -51,19 +58,19 @@ TEST(DiscDrawing, DerivativesAreThoseOfTheValue) {
   const auto value = [&](float radius, float b, float u, float v) {
     Eigen::Matrix3f moved = Eigen::Matrix3f::Identity();
     moved(0, 2) = u, moved(1, 2) = v;
-    return DiscDrawing(radius).Draw(moved * G / (moved * G)(2, 2), b, 3.1f, 2.2f).value;
+    return Draw(DiscDrawing(radius), moved * G / (moved * G)(2, 2), b, 3.1f, 2.2f).value[0];
   };
-  const auto drawn = DiscDrawing(1.1f).Draw(G, blur, 3.1f, 2.2f);
-  ASSERT_LT(std::abs(drawn.value), 0.9f);
+  const auto drawn = Draw(DiscDrawing(1.1f), G, blur, 3.1f, 2.2f);
+  ASSERT_LT(std::abs(drawn.value[0]), 0.9f);
   // Steepness and curvature of the edge are taken as constant: their part is below a tenth.
   const double close = 0.1;
   const auto near = [&](float slope, float plus, float minus) {
     EXPECT_NEAR(slope, (plus - minus) / (2 * h), close * std::max(1.f, std::abs(slope)));
   };
-  near(drawn.by_u, value(1.1f, blur, h, 0), value(1.1f, blur, -h, 0));
-  near(drawn.by_v, value(1.1f, blur, 0, h), value(1.1f, blur, 0, -h));
-  near(drawn.by_radius, value(1.1f + h, blur, 0, 0), value(1.1f - h, blur, 0, 0));
-  near(drawn.by_blur, value(1.1f, blur + h, 0, 0), value(1.1f, blur - h, 0, 0));
+  near(drawn.by_u[0], value(1.1f, blur, h, 0), value(1.1f, blur, -h, 0));
+  near(drawn.by_v[0], value(1.1f, blur, 0, h), value(1.1f, blur, 0, -h));
+  near(drawn.by_radius[0], value(1.1f + h, blur, 0, 0), value(1.1f - h, blur, 0, 0));
+  near(drawn.by_blur[0], value(1.1f, blur + h, 0, 0), value(1.1f, blur - h, 0, 0));
 }
 
 }  // namespace
