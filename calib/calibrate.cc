@@ -621,14 +621,22 @@ class Calibrator {
       CheckEnough();
       Adjust(round == 0 ? FineTolerance() : kRoundTolerance);
       if (round == 0 || has_jitter) CountPaidCoordinates();
-      const double noise_change = std::max(EstimateNoise(Lengths()), EstimateJitter());
-      const size_t changed = Reject(Lengths());
-      DropWeakFrames();
       // The optimum moves with the square of a small change of the weights, the sigmas in
       // proportion; and with one observation in a thousand by less than a tenth of a sigma.
       constexpr double kNoiseTolerance = 5e-3, kFewChange = 1e-3;
-      const auto all = static_cast<double>(bundle().observations.size());
-      if (static_cast<double>(changed) <= kFewChange * all && noise_change < kNoiseTolerance) break;
+      const double few = kFewChange * static_cast<double>(bundle().observations.size());
+      const double jitter_change = EstimateJitter();
+      bool settled = true;
+      // Noise and rejection follow from each other. Once the worst are out, that needs no solve.
+      for (int settling = 0; settling < kMaxRounds; ++settling) {
+        const double noise_change = EstimateNoise(Lengths());
+        const size_t changed = Reject(Lengths());
+        const bool rests = static_cast<double>(changed) <= few && noise_change < kNoiseTolerance;
+        settled = settled && rests;
+        if (rests || round == 0) break;
+      }
+      DropWeakFrames();
+      if (settled && jitter_change < kNoiseTolerance) break;
     }
     CheckEnough();
     Adjust(FineTolerance());
