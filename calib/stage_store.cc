@@ -8,7 +8,7 @@
 
 #include <atomic>
 #include <fstream>
-#include <iterator>
+#include <sstream>
 #include <system_error>
 #include <utility>
 
@@ -23,9 +23,10 @@ std::string Hash(std::string_view bytes) {
 std::optional<std::string> ReadAll(const std::filesystem::path& path) {
   std::ifstream file(path, std::ios::binary);
   if (!file) return std::nullopt;
-  std::string text{std::istreambuf_iterator<char>(file), {}};
+  std::ostringstream text;
+  text << file.rdbuf();
   if (file.bad()) return std::nullopt;
-  return text;
+  return std::move(text).str();
 }
 
 // An entry is the hash of its key and content, then the content.

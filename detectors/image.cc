@@ -2,6 +2,7 @@
 #include "detectors/image.h"
 
 #include <fmt/format.h>
+#include <zlib.h>
 
 #include <algorithm>
 #include <array>
@@ -14,6 +15,7 @@
 #include <opencv2/imgproc.hpp>
 #include <optional>
 #include <span>
+#include <sstream>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -67,18 +69,7 @@ Defect CheckSize(std::uint64_t width, std::uint64_t height) {
 
 /// The CRC of PNG (ISO 3309), over chunk type and data.
 std::uint32_t Crc(View bytes) {
-  static constexpr auto kTable = [] {
-    std::array<std::uint32_t, 256> table{};
-    for (std::uint32_t n = 0; n < 256; ++n) {
-      std::uint32_t c = n;
-      for (int k = 0; k < 8; ++k) c = (c & 1) != 0 ? 0xedb88320u ^ (c >> 1) : c >> 1;
-      table[n] = c;
-    }
-    return table;
-  }();
-  std::uint32_t crc = 0xffffffffu;
-  for (const std::uint8_t b : bytes) crc = kTable[(crc ^ b) & 0xff] ^ (crc >> 8);
-  return ~crc;
+  return static_cast<std::uint32_t>(crc32_z(0, bytes.data(), bytes.size()));
 }
 
 constexpr std::string_view kPngMagic = "\x89PNG\r\n\x1a\n";
@@ -283,7 +274,10 @@ Bytes ReadFile(const fs::path& path) {
   if (status.type() == fs::file_type::directory) Refuse(path, "is a directory, not an image");
   std::ifstream file(path, std::ios::binary);
   if (!file) Refuse(path, "cannot be opened; check its permissions");
-  Bytes bytes((std::istreambuf_iterator<char>(file)), std::istreambuf_iterator<char>());
+  std::ostringstream content;
+  content << file.rdbuf();
+  const std::string text = std::move(content).str();
+  const Bytes bytes(text.begin(), text.end());
   if (file.bad()) Refuse(path, "cannot be read");
   if (bytes.empty()) Refuse(path, "is empty (0 bytes); record or copy it again");
   return bytes;

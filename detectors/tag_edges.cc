@@ -30,9 +30,11 @@
 #include <utility>
 
 #include "calib/median.h"
+#include "detectors/lanes.h"
 #include "detectors/lens_curvature.h"
+#include "detectors/processors.h"
 #include "detectors/saddle.h"
-#include "detectors/tag_step.h"
+#include "detectors/square_sums.h"
 #include "detectors/tag_template.h"
 
 namespace plenocal::internal {
@@ -43,8 +45,24 @@ enum Parameter { kA, kB, kQ, kLevel, kContrast, kGradient, kBlur };
 using ParameterVector = Eigen::Matrix<double, kParameters, 1>;
 using ParameterMatrix = Eigen::Matrix<double, kParameters, kParameters>;
 
-struct Sample {
-  float s, t, gray;
+/// Pixels beside an edge, and room for what is computed for eight of them together.
+struct Samples {
+  std::size_t count = 0;
+  std::vector<float> s, t, gray;
+
+  void Clear() {
+    count = 0;
+    for (auto* values : {&s, &t, &gray}) values->clear();
+  }
+  void Add(double at_s, double at_t, float value) {
+    s.push_back(static_cast<float>(at_s));
+    t.push_back(static_cast<float>(at_t));
+    gray.push_back(value);
+    ++count;
+  }
+  void FillUp() {
+    for (auto* values : {&s, &t, &gray}) values->resize((count + kLanes - 1) / kLanes * kLanes);
+  }
 };
 
 struct Edge {
@@ -76,8 +94,8 @@ void CollectSamples(const cv::Mat& gray,
                     double inside,
                     double outside,
                     double s_max,
-                    std::vector<Sample>* samples) {
-  samples->clear();
+                    Samples* samples) {
+  samples->Clear();
   const double l = edge.half_length;
   double low = edge.Offset(0), high = low;
   for (const double s : {-s_max, s_max}) {
@@ -116,10 +134,10 @@ void CollectSamples(const cv::Mat& gray,
       const double s = s_at_zero + s_slope * x, t = t_at_zero + t_slope * x;
       const double from_curve = t - edge.Offset(s);
       if (std::abs(s) > s_max || from_curve < -inside || from_curve > outside) continue;
-      samples->push_back(
-          {static_cast<float>(s), static_cast<float>(t), static_cast<float>(row[x])});
+      samples->Add(s, t, row[x]);
     }
   }
+  samples->FillUp();
 }
 
 /// Q(s) and B(s) of the model.
@@ -137,20 +155,26 @@ class Surroundings {
       behind_[i] = static_cast<float>(behind);
     }
   }
-  void At(float s, float* extent, float* behind) const {
-    const float at = std::clamp((s + 1) * kMiddle, 0.f, kSize - 1.f);
-    const int i = static_cast<int>(at);
-    const float f = at - static_cast<float>(i);
-    *extent = extent_[i] + f * (extent_[i + 1] - extent_[i]);
-    *behind = behind_[i] + f * (behind_[i + 1] - behind_[i]);
+  PLENOCAL_LANES void At(const Lanes& s, Lanes* extent, Lanes* behind) const {
+    Lanes at = (s + 1) * kMiddle;
+    at = at > 0 ? at : Lanes{};
+    at = at < kSize - 1 ? at : Lanes{} + (kSize - 1);
+    const IntLanes i = __builtin_convertvector(at, IntLanes);
+    Lanes extent_next, behind_next;
+    for (int l = 0; l < kLanes; ++l) {
+      (*extent)[l] = extent_[i[l]];
+      (*behind)[l] = behind_[i[l]];
+      extent_next[l] = extent_[i[l] + 1];
+      behind_next[l] = behind_[i[l] + 1];
+    }
+    const Lanes f = at - __builtin_convertvector(i, Lanes);
+    *extent += f * (extent_next - *extent);
+    *behind += f * (behind_next - *behind);
   }
 
  private:
   static double Between(double s, double from, double to, double blur) {
-    float value_from, value_to, slope;
-    StepTable::Get()(static_cast<float>((s - from) / blur), &value_from, &slope);
-    StepTable::Get()(static_cast<float>((s - to) / blur), &value_to, &slope);
-    return (value_from - value_to) / 2;
+    return (std::erf((s - from) / blur * M_SQRT1_2) - std::erf((s - to) / blur * M_SQRT1_2)) / 2;
   }
   static constexpr int kSize = 128, kMiddle = kSize / 2;
   std::array<float, kSize + 1> extent_, behind_;
@@ -159,50 +183,91 @@ class Surroundings {
 /// The sum of j j^T over the samples within `limit`, j being the derivatives of the model by its
 /// parameters, then the residual.
 constexpr int kResidual = kParameters;
-using Sums = Eigen::Matrix<float, kParameters + 1, kParameters + 1>;
+constexpr int kPadded = 9;  // for AddSquares
+using Sums = Eigen::Matrix<double, kPadded, kPadded>;
+
+/// What the model is at the samples beside its parameters.
+struct Setting {
+  float ring_mean = 0, ring_slope = 0;
+  float squares = 0;  ///< c of the model
+  const Surroundings* around = nullptr;
+};
+
+constexpr int kBlock = 32;  // of eight samples
+
+/// The columns j, `kBlock` apart, zero beyond `limit`, and the residuals of 8 * `count` samples
+/// from number `from` on.
+PLENOCAL_FOR_EACH_PROCESSOR
+void Differentiate(const Eigen::Matrix<float, kParameters, 1>& p,
+                   const Setting& setting,
+                   float limit,
+                   const Samples& samples,
+                   std::size_t from,
+                   int count,
+                   Lanes* rows,
+                   float* residuals) {
+  const float inverse_blur = 1 / p[kBlur];
+  for (int i = 0; i < count; ++i) {
+    const std::size_t first = from + static_cast<std::size_t>(kLanes * i);
+    Lanes s, t, gray, known;
+    for (int l = 0; l < kLanes; ++l) {
+      s[l] = samples.s[first + l];
+      t[l] = samples.t[first + l];
+      gray[l] = samples.gray[first + l];
+      known[l] = first + l < samples.count ? 1.f : 0.f;
+    }
+    const Lanes z = (t - p[kA] - s * (p[kB] + s * p[kQ])) * inverse_blur;
+    Lanes below, density;
+    Normal(z, &below, &density);
+    Lanes value = 2 * below - 1, slope = 2 * density;
+    Lanes slope_z = slope * z;
+    if (setting.around != nullptr) {
+      Lanes extent, behind;
+      setting.around->At(s, &extent, &behind);
+      const Lanes z_behind = z + (setting.ring_mean + s * setting.ring_slope) * inverse_blur;
+      Normal(z_behind, &below, &density);
+      value = 1 - (1 - value) * extent - setting.squares * (1 + value) * (1 - extent) +
+              2 * (1 - below) * behind;
+      const Lanes own = extent - setting.squares * (1 - extent);
+      slope_z = slope_z * own - 2 * density * z_behind * behind;
+      slope = slope * own - 2 * density * behind;
+    }
+    const Lanes light = 1 + p[kGradient] * s;
+    const Lanes level = p[kLevel] + p[kContrast] * value;
+    const Lanes residual = gray - light * level;
+    const Lanes size = residual < 0 ? -residual : residual;
+    for (int l = 0; l < kLanes; ++l) residuals[kLanes * i + l] = size[l];
+    const Lanes counts = size <= limit ? known : Lanes{};
+    const Lanes d = -counts * light * p[kContrast] * inverse_blur;
+    Lanes* j = rows + i;
+    j[kA * kBlock] = d * slope;
+    j[kB * kBlock] = d * slope * s;
+    j[kQ * kBlock] = d * slope * s * s;
+    j[kLevel * kBlock] = counts * light;
+    j[kContrast * kBlock] = counts * light * value;
+    j[kGradient * kBlock] = counts * s * level;
+    j[kBlur * kBlock] = d * slope_z;
+    j[kResidual * kBlock] = counts * residual;
+  }
+}
 
 Sums Linearise(const ParameterVector& p,
-               const Edge& edge,
-               const Surroundings* around,
-               bool corner_squares,
+               const Setting& setting,
                float limit,
-               const std::vector<Sample>& samples,
+               const Samples& samples,
                std::vector<float>* residuals) {
+  Lanes block[kPadded * kBlock] = {};
   Sums sums = Sums::Zero();
-  residuals->clear();
-  const Eigen::Matrix<float, kParameters, 1> f = p.cast<float>();
-  const float inverse_blur = 1 / f[kBlur];
-  const float ring_mean = static_cast<float>(edge.ring_mean),
-              ring_slope = static_cast<float>(edge.ring_slope);
-  const float squares = corner_squares ? 1 : 0;
-  Eigen::Matrix<float, kParameters + 1, 1> j;
-  for (const Sample& sample : samples) {
-    const float s = sample.s;
-    const float z = (sample.t - f[kA] - s * (f[kB] + s * f[kQ])) * inverse_blur;
-    float value, slope;
-    StepTable::Get()(z, &value, &slope);
-    float slope_z = slope * z;
-    if (around != nullptr) {
-      float extent, behind, value_behind, slope_behind;
-      around->At(s, &extent, &behind);
-      const float z_behind = z + (ring_mean + s * ring_slope) * inverse_blur;
-      StepTable::Get()(z_behind, &value_behind, &slope_behind);
-      value = 1 - (1 - value) * extent - squares * (1 + value) * (1 - extent) +
-              (1 - value_behind) * behind;
-      const float own = extent - squares * (1 - extent);
-      slope_z = slope_z * own - slope_behind * z_behind * behind;
-      slope = slope * own - slope_behind * behind;
-    }
-    const float light = 1 + f[kGradient] * s;
-    const float level = f[kLevel] + f[kContrast] * value;
-    const float residual = sample.gray - light * level;
-    residuals->push_back(std::abs(residual));
-    if (residuals->back() > limit) continue;
-    const float d = -light * f[kContrast] * inverse_blur;
-    j << d * slope, d * slope * s, d * slope * s * s, light, light * value, s * level, d * slope_z,
-        residual;
-    sums.noalias() += j * j.transpose();
+  residuals->resize(samples.s.size());
+  for (std::size_t from = 0; from < samples.count; from += kLanes * kBlock) {
+    const auto count =
+        static_cast<int>(std::min<std::size_t>((samples.s.size() - from) / kLanes, kBlock));
+    Differentiate(
+        p.cast<float>(), setting, limit, samples, from, count, block, residuals->data() + from);
+    AddSquares(block, kPadded, kBlock, count, sums.data());
   }
+  residuals->resize(samples.count);
+  sums.triangularView<Eigen::StrictlyUpper>() = sums.transpose();
   return sums;
 }
 
@@ -219,7 +284,7 @@ constexpr double kSmall = 64;
 constexpr double kUsualBlur = 0.8;  // px, of a lens in focus; where the fits start
 
 struct Workspace {
-  std::vector<Sample> samples;
+  Samples samples;
   std::vector<float> residuals;
 };
 
@@ -236,14 +301,14 @@ void FitEdge(const cv::Mat& gray, bool corner_squares, Edge* edge, Workspace* wo
     const double ends = std::min(2.5 * blur, 0.25 * edge->half_length * 2);
     const double s_max = 1 - ends / edge->half_length;
     CollectSamples(gray, *edge, inside, outside, s_max, &work->samples);
-    const auto& samples = work->samples;
-    if (samples.size() < 3 * kParameters) return;
+    const Samples& samples = work->samples;
+    if (samples.count < 3 * kParameters) return;
     if (round == 0) {
       double sum[2] = {0, 0};
       int count[2] = {0, 0};
-      for (const Sample& sample : samples) {
-        const int side = sample.t > 0;
-        sum[side] += sample.gray;
+      for (std::size_t i = 0; i < samples.count; ++i) {
+        const int side = samples.t[i] > 0;
+        sum[side] += samples.gray[i];
         ++count[side];
       }
       if (count[0] == 0 || count[1] == 0) return;
@@ -257,16 +322,18 @@ void FitEdge(const cv::Mat& gray, bool corner_squares, Edge* edge, Workspace* wo
     if (edge->inside - inside < 3 * blur || ends < 2.5 * blur) {
       around.emplace(edge->bounds, edge->bits, blur / edge->half_length);
     }
+    const Setting setting{static_cast<float>(edge->ring_mean),
+                          static_cast<float>(edge->ring_slope),
+                          corner_squares ? 1.f : 0.f,
+                          around ? &*around : nullptr};
     Sums sums;
     ParameterMatrix information;
     for (int iteration = 0; iteration < 6; ++iteration) {
-      sums = Linearise(
-          p, *edge, around ? &*around : nullptr, corner_squares, limit, samples, &work->residuals);
-      information = sums.topLeftCorner<kParameters, kParameters>().cast<double>();
+      sums = Linearise(p, setting, limit, samples, &work->residuals);
+      information = sums.topLeftCorner<kParameters, kParameters>();
       ParameterMatrix damped = information;
       damped.diagonal() *= 1 + 1e-6;
-      const ParameterVector step =
-          damped.ldlt().solve(sums.col(kResidual).head<kParameters>().cast<double>());
+      const ParameterVector step = damped.ldlt().solve(sums.col(kResidual).head<kParameters>());
       if (!step.allFinite()) return;
       p += step;
       p[kBlur] = std::clamp(p[kBlur], kMinimalBlur, 5.0);

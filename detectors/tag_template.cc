@@ -9,6 +9,7 @@
 #include <cmath>
 
 #include "detectors/processors.h"
+#include "detectors/square_sums.h"
 
 namespace plenocal::internal {
 namespace {
@@ -21,32 +22,6 @@ struct Correlation {
     return vx > 0 && vy > 0 ? (n * xy - x * y) / std::sqrt(vx * vy) : 0;
   }
 };
-
-/// Adds the lower triangle of the sum of j j^T over all columns j of the block, whose row r begins
-/// at `block + r * stride`, to the kSize x kSize `sums`, column by column.
-template <int kSize>
-PLENOCAL_FOR_EACH_PROCESSOR void AddSquares(const Lanes* block,
-                                            int stride,
-                                            int count,
-                                            double* sums) {
-  constexpr int kTile = 3;
-  static_assert(kSize % kTile == 0);
-  for (int a = 0; a < kSize; a += kTile) {
-    for (int b = a; b < kSize; b += kTile) {
-      Lanes tile[kTile][kTile] = {};
-      for (int i = 0; i < count; ++i) {
-        for (int c = 0; c < kTile; ++c) {
-          for (int r = 0; r < kTile; ++r) {
-            tile[c][r] += block[(a + c) * stride + i] * block[(b + r) * stride + i];
-          }
-        }
-      }
-      for (int c = 0; c < kTile; ++c) {
-        for (int r = 0; r < kTile; ++r) sums[(a + c) * kSize + b + r] += Sum(tile[c][r]);
-      }
-    }
-  }
-}
 
 }  // namespace
 
@@ -296,7 +271,7 @@ TagTemplate::Sums TagTemplate::Linearise(const State& state, std::size_t stride)
   for (std::size_t i = 0; i < pixels_.size(); i += kLanes * stride) {
     Differentiate(state, Draw(state, i, stride), block + filled++);
     if (filled == kBlock || i + kLanes * stride >= pixels_.size()) {
-      AddSquares<kPadded>(block, kBlock, filled, sums.data());
+      AddSquares(block, kPadded, kBlock, filled, sums.data());
       filled = 0;
     }
   }

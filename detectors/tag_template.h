@@ -73,7 +73,7 @@ class TagTemplate {
   static constexpr int kBeyond = 13;
   static constexpr int kCurvature = kParameters;  // two columns
   static constexpr int kResidual = kParameters + 2;
-  static constexpr int kPadded = 18;  // to whole tiles of a sum of squares
+  static constexpr int kPadded = 18;  // for AddSquares
   static constexpr int kBlock = 32;   // strips
   using Vector = Eigen::Matrix<double, kParameters, 1>;
   using Sums = Eigen::Matrix<double, kPadded, kPadded>;
