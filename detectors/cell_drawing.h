@@ -33,8 +33,7 @@ class CellDrawing {
   /// The drawing at eight (x, y) with derivatives by its place (u, v) in cells, counted from the
   /// upper left corner, and by the blur. G maps (x, y, 1) to cells, G(2, 2) = 1; `blur` is in the
   /// unit of x and y.
-  void Draw(
-      const Eigen::Matrix3f& G, float blur, const Lanes& x, const Lanes& y, Drawn* drawn);
+  void Draw(const Eigen::Matrix3f& G, float blur, const Lanes& x, const Lanes& y, Drawn* drawn);
 
   [[nodiscard]] int size() const { return n_; }
 

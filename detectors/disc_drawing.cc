@@ -29,8 +29,8 @@ PLENOCAL_FOR_EACH_PROCESSOR void DiscDrawing::Draw(
   at_least(1e-12f, &steepness);
   // Of the circle's image: how grad F turns along the edge, whose direction there is `along`.
   const Lanes along_x = -F_y / steepness, along_y = F_x / steepness;
-  const Lanes sideways = outward_u * (v_x * along_x + v_y * along_y) -
-                         outward_v * (u_x * along_x + u_y * along_y);
+  const Lanes sideways =
+      outward_u * (v_x * along_x + v_y * along_y) - outward_v * (u_x * along_x + u_y * along_y);
   const Lanes curvature = sideways * sideways / (radius_ * steepness);
   const Lanes inside = (radius_ - F) / steepness - 0.5f * blur * blur * curvature;
   Lanes distribution, density;

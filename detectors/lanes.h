@@ -9,8 +9,8 @@
 namespace plenocal::internal {
 
 inline constexpr int kLanes = 8;
-// Aligned alike for all processors. As an argument of a template they would lose that: put them into
-// a struct there.
+// Aligned alike for all processors. As an argument of a template they would lose that: put them
+// into a struct there.
 using Lanes = float __attribute__((vector_size(4 * kLanes), aligned(4 * kLanes)));
 using IntLanes = int __attribute__((vector_size(4 * kLanes), aligned(4 * kLanes)));
 
@@ -32,7 +32,8 @@ PLENOCAL_LANES void Sqrt(Lanes* lanes) {
 }
 
 /// The standard normal distribution and its density at z; beyond `kNormalReach`, 0 or 1 and 0.
-/// M. Abramowitz, I. Stegun, "Handbook of Mathematical Functions", 26.2.17; the error is below 1e-6.
+/// M. Abramowitz, I. Stegun, "Handbook of Mathematical Functions", 26.2.17; the error is below
+/// 1e-6.
 inline constexpr float kNormalReach = 4;
 PLENOCAL_LANES void Normal(const Lanes& z, Lanes* distribution, Lanes* density) {
   const Lanes size = z < 0 ? -z : z;
@@ -51,7 +52,8 @@ PLENOCAL_LANES void Normal(const Lanes& z, Lanes* distribution, Lanes* density) 
   power *= power;
   power *= power;
   const Lanes t = 1 / (1 + 0.23164190f * size);
-  Lanes tail = 0.31938153f + t * (-0.35656378f + t * (1.78147794f + t * (-1.82125598f + t * 1.33027443f)));
+  Lanes tail =
+      0.31938153f + t * (-0.35656378f + t * (1.78147794f + t * (-1.82125598f + t * 1.33027443f)));
   tail *= 0.39894228f * t * power;
   tail = near ? tail : Lanes{};
   *distribution = z < 0 ? tail : 1 - tail;

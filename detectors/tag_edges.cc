@@ -426,14 +426,6 @@ Edge MakeEdge(const SeenTag& tag, int side, const TagBorder& border) {
   return edge;
 }
 
-double MedianBlur(const std::vector<Edge>& edges) {
-  std::vector<double> blurs;
-  for (const Edge& edge : edges) {
-    if (edge.fitted) blurs.push_back(edge.blur);
-  }
-  return Median(std::move(blurs), kUsualBlur);
-}
-
 std::optional<RefinedCorner> Intersect(const Edge& before,
                                        const Edge& after,
                                        const LensCurvature& lens) {
@@ -462,24 +454,22 @@ std::optional<RefinedCorner> Intersect(const Edge& before,
                        {point, lens.At(point), inverse * offsets_by_curvature}};
 }
 
-/// The whole drawing of a tag that was seen at `tag` and whose edges are at `start`.
-std::optional<TagTemplate> FitDrawing(const cv::Mat& gray,
-                                      const SeenTag& tag,
-                                      const SeenTag& start,
-                                      const TagBorder& border,
-                                      double blur,
-                                      const Eigen::Vector2d& curvature) {
-  struct Attempt {
-    const SeenTag& from;
-    double blur;
-    int reach;
-  };
-  // Edges may mislead; the first guess may be off by more than the drawing can follow.
-  for (const Attempt& attempt :
-       {Attempt{start, blur, 0}, Attempt{tag, kUsualBlur, 0}, Attempt{tag, kUsualBlur, 2}}) {
+/// Where and how a fit of a tag's drawing starts.
+struct Attempt {
+  SeenTag from;
+  double blur;
+  int reach;  ///< px, to look around first
+};
+
+/// The whole drawing of a tag: the first attempt that succeeds.
+std::optional<TagFit> FitDrawing(const cv::Mat& gray,
+                                 const TagBorder& border,
+                                 std::initializer_list<Attempt> attempts,
+                                 const Eigen::Vector2d& curvature) {
+  for (const Attempt& attempt : attempts) {
     TagTemplate drawing(gray, attempt.from, border, attempt.blur, curvature);
     if (attempt.reach > 0) drawing.Search(attempt.reach);
-    if (drawing.Fit()) return drawing;
+    if (auto fit = drawing.Fit()) return fit;
   }
   return std::nullopt;
 }
@@ -518,53 +508,84 @@ std::optional<RefinedCorner> CrossingAt(const cv::Mat& gray,
 RefinedTags RefineTags(const cv::Mat& gray,
                        std::span<const SeenTag> tags,
                        const TagBorder& border) {
-  std::vector<Edge> edges;
+  std::vector<std::optional<TagFit>> drawings(tags.size());
+  std::vector<std::array<Edge, 4>> edges(tags.size());
+  std::vector<BentEdge> bent;
+  std::vector<double> blurs;
   Workspace work;
-  for (const SeenTag& tag : tags) {
-    for (int side = 0; side < 4; ++side) {
-      edges.push_back(MakeEdge(tag, side, border));
-      FitEdge(gray, border.corner_squares, &edges.back(), &work);
+  const auto small = [](const SeenTag& tag) { return Area(tag.corners) < kSmall * kSmall; };
+  for (std::size_t i = 0; i < tags.size(); ++i) {
+    if (small(tags[i])) {
+      drawings[i] = FitDrawing(gray, border, {{tags[i], kUsualBlur, 0}}, {0, 0});
+      if (drawings[i]) {
+        blurs.push_back(drawings[i]->blur);
+        bent.insert(bent.end(), drawings[i]->bent.begin(), drawings[i]->bent.end());
+        continue;
+      }
     }
+    for (int side = 0; side < 4; ++side) {
+      Edge& edge = edges[i][static_cast<std::size_t>(side)];
+      edge = MakeEdge(tags[i], side, border);
+      FitEdge(gray, border.corner_squares, &edge, &work);
+      if (edge.fitted) blurs.push_back(edge.blur);
+    }
+    const std::vector<BentEdge> of_tag = BentEdges(edges[i]);
+    bent.insert(bent.end(), of_tag.begin(), of_tag.end());
   }
+  const LensCurvature lens(bent, Eigen::Vector2d(gray.cols, gray.rows));
+  const double blur = Median(std::move(blurs), kUsualBlur);
   RefinedTags result;
-  const LensCurvature lens(BentEdges(edges), Eigen::Vector2d(gray.cols, gray.rows));
-  for (Edge& edge : edges) {
-    if (edge.fitted) BendByLens(lens, &edge);
-  }
-  const double blur = MedianBlur(edges);
   std::vector<RefinedQuad>& refined = result.quads;
   refined.resize(tags.size());
-  for (std::size_t i = 0; i < tags.size(); ++i) {
+  const auto use = [&](const TagFit& drawing, std::size_t i) {
+    const Eigen::Vector2d curvature = lens.At(drawing.centre);
     for (std::size_t k = 0; k < 4; ++k) {
-      refined[i][k] = Intersect(edges[4 * i + (k + 3) % 4], edges[4 * i + k], lens);
-      // No better than what was known before.
-      if (refined[i][k] && refined[i][k]->sigma > edges[4 * i + k].inside) refined[i][k].reset();
+      if (refined[i][k] && refined[i][k]->sigma < drawing.sigma[k]) continue;
+      const Eigen::Matrix2d& by_curvature = drawing.by_curvature[k];
+      refined[i][k] =
+          RefinedCorner{drawing.corners[k] + by_curvature * (curvature - drawing.curvature),
+                        drawing.sigma[k],
+                        {drawing.centre, curvature, by_curvature}};
     }
-    const bool narrow =
-        std::any_of(edges.begin() + 4 * i, edges.begin() + 4 * i + 4, [&](const Edge& edge) {
-          return std::min(edge.inside, edge.outside) < kNarrow * blur;
-        });
+    result.edges.insert(result.edges.end(), drawing.bent.begin(), drawing.bent.end());
+  };
+  for (std::size_t i = 0; i < tags.size(); ++i) {
+    if (drawings[i]) {
+      use(*drawings[i], i);
+      continue;
+    }
+    for (Edge& edge : edges[i]) {
+      if (edge.fitted) BendByLens(lens, &edge);
+    }
+    for (std::size_t k = 0; k < 4; ++k) {
+      refined[i][k] = Intersect(edges[i][(k + 3) % 4], edges[i][k], lens);
+      // No better than what was known before.
+      if (refined[i][k] && refined[i][k]->sigma > edges[i][k].inside) refined[i][k].reset();
+    }
+    const bool narrow = std::any_of(edges[i].begin(), edges[i].end(), [&](const Edge& edge) {
+      return std::min(edge.inside, edge.outside) < kNarrow * blur;
+    });
     const bool missing = std::any_of(
         refined[i].begin(), refined[i].end(), [](const auto& corner) { return !corner; });
-    std::vector<BentEdge> bent = BentEdges(std::span(edges).subspan(4 * i, 4));
-    if (narrow || missing || Area(tags[i].corners) < kSmall * kSmall) {
+    if (narrow || missing || small(tags[i])) {
       SeenTag start = tags[i];
       for (std::size_t k = 0; k < 4; ++k) {
         if (refined[i][k]) start.corners[k] = refined[i][k]->point;
       }
       const Quad& q = start.corners;
-      const Eigen::Vector2d middle = (q[0] + q[1] + q[2] + q[3]) / 4, curvature = lens.At(middle);
-      if (const auto drawing = FitDrawing(gray, tags[i], start, border, blur, curvature)) {
-        for (std::size_t k = 0; k < 4; ++k) {
-          if (refined[i][k] && refined[i][k]->sigma < drawing->sigma(k)) continue;
-          refined[i][k] = RefinedCorner{drawing->corners()[k],
-                                        drawing->sigma(k),
-                                        {middle, curvature, drawing->by_curvature(k)}};
-        }
-        bent.assign(drawing->bent().begin(), drawing->bent().end());
-      }
+      // Edges may mislead; the first guess may be off by more than the drawing can follow.
+      drawings[i] =
+          FitDrawing(gray,
+                     border,
+                     {{start, blur, 0}, {tags[i], kUsualBlur, 0}, {tags[i], kUsualBlur, 2}},
+                     lens.At((q[0] + q[1] + q[2] + q[3]) / 4));
     }
-    result.edges.insert(result.edges.end(), bent.begin(), bent.end());
+    if (drawings[i]) {
+      use(*drawings[i], i);
+    } else {
+      const std::vector<BentEdge> of_tag = BentEdges(edges[i]);
+      result.edges.insert(result.edges.end(), of_tag.begin(), of_tag.end());
+    }
   }
   if (border.corner_squares) {
     for (std::size_t i = 0; i < tags.size(); ++i) {

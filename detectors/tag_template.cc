@@ -390,9 +390,10 @@ void TagTemplate::StartLevels() {
   state_.level = (all.y - state_.contrast * all.x) / all.n;
 }
 
-void TagTemplate::MeasureCurvature(const Sums& sums,
-                                   const Eigen::Matrix<double, kParameters, kParameters>& inverse,
-                                   double variance) {
+std::array<BentEdge, 2> TagTemplate::MeasureCurvature(
+    const Sums& sums,
+    const Eigen::Matrix<double, kParameters, kParameters>& inverse,
+    double variance) const {
   // The other parameters are eliminated.
   const Eigen::Matrix<double, kParameters, 2> mixed = sums.block<kParameters, 2>(0, kCurvature);
   const Eigen::Matrix2d information =
@@ -401,18 +402,20 @@ void TagTemplate::MeasureCurvature(const Sums& sums,
       sums.block<2, 1>(kCurvature, kResidual) -
       mixed.transpose() * inverse * sums.block<kParameters, 1>(0, kResidual);
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> axes(information);
+  std::array<BentEdge, 2> bent;
   for (int i = 0; i < 2; ++i) {
     const Eigen::Vector2d axis = axes.eigenvectors().col(i);
-    bent_[static_cast<std::size_t>(i)] = {
+    bent[static_cast<std::size_t>(i)] = {
         centre_,
         axis,
         axis.dot(curvature_) + axis.dot(gradient) / axes.eigenvalues()[i],
         variance / axes.eigenvalues()[i]};
   }
+  return bent;
 }
 
-bool TagTemplate::Fit() {
-  if (pixels_.size() <= kParameters) return false;
+std::optional<TagFit> TagTemplate::Fit() {
+  if (pixels_.size() <= kParameters) return std::nullopt;
   const Quad start = corners_;
   const auto moved = [&] {
     double farthest = 0;
@@ -426,7 +429,7 @@ bool TagTemplate::Fit() {
   // The pixels were chosen to half a bit around the start.
   if (moved() > side_ / border_.width / 4) {
     ChoosePixels();
-    if (pixels_.size() <= kParameters) return false;
+    if (pixels_.size() <= kParameters) return std::nullopt;
     sums = Descend();
   }
   using Matrix = Eigen::Matrix<double, kParameters, kParameters>;
@@ -436,18 +439,24 @@ bool TagTemplate::Fit() {
   const Matrix inverse = information.ldlt().solve(Matrix::Identity());
   const Eigen::Matrix<double, 8, 2> G_by_curvature =
       -inverse.topRows<8>() * sums.block<kParameters, 2>(0, kCurvature);
-  MeasureCurvature(sums, inverse, variance);
+  TagFit fit;
+  fit.corners = corners_;
+  fit.blur = state_.blur;
+  fit.centre = centre_;
+  fit.curvature = curvature_;
+  fit.bent = MeasureCurvature(sums, inverse, variance);
   for (std::size_t k = 0; k < 4; ++k) {
     const Eigen::Matrix<double, 2, 8> by_G = CornerByG(corners_[k]);
-    by_curvature_[k] =
+    fit.by_curvature[k] =
         by_G * G_by_curvature + (corners_[k] - centre_).squaredNorm() * Eigen::Matrix2d::Identity();
     const Eigen::Matrix2d of_corner =
         variance * by_G * inverse.topLeftCorner<8, 8>() * by_G.transpose();
-    sigma_[k] = std::sqrt(of_corner.trace() / 2);
+    fit.sigma[k] = std::sqrt(of_corner.trace() / 2);
     // Also false for NaN.
-    if (!(sigma_[k] < side_ / 4)) return false;
+    if (!(fit.sigma[k] < side_ / 4)) return std::nullopt;
   }
-  return moved() < side_ / 2 && state_.contrast * border_.outside_sign > 0;
+  if (!(moved() < side_ / 2) || !(state_.contrast * border_.outside_sign > 0)) return std::nullopt;
+  return fit;
 }
 
 }  // namespace plenocal::internal

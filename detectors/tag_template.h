@@ -27,6 +27,19 @@ CellDrawing DrawTag(const std::vector<bool>& bits, const TagBorder& border);
 /// Maps the unit square of `UnitSquareHomography`, whose y axis points up, to the drawing's cells.
 Eigen::Matrix3d CellsByUnitSquare(const TagBorder& border);
 
+/// What a fit of a tag's drawing found.
+struct TagFit {
+  Quad corners;
+  std::array<double, 4> sigma{};  ///< of a coordinate of each corner, px
+  double blur = 0;                ///< px
+  Eigen::Vector2d centre;         ///< that the curvature belongs to
+  Eigen::Vector2d curvature;      ///< assumed, 1/px
+  /// How each corner moves with the lens' curvature, px^2.
+  std::array<Eigen::Matrix2d, 4> by_curvature;
+  /// What the tag itself says about the curvature: along the axes where it says most and least.
+  std::array<BentEdge, 2> bent;
+};
+
 /// A tag's drawing fitted to the image:
 ///
 ///   I(x) = (1 + g . y) (m + k T(G y, w)),   y = d - c |d|^2,   d = (x - centre) / side,
@@ -51,18 +64,10 @@ class TagTemplate {
   /// Moves the tag by whole pixels to where the image resembles it most, at most `reach` away.
   void Search(int reach);
 
-  /// Levenberg-Marquardt. False when it does not converge, or to something else than the tag.
-  bool Fit();
+  /// Levenberg-Marquardt. Nothing when it does not converge, or to something else than the tag.
+  std::optional<TagFit> Fit();
 
   [[nodiscard]] const Quad& corners() const { return corners_; }
-  [[nodiscard]] double sigma(std::size_t corner) const { return sigma_[corner]; }
-  /// How a corner moves with the lens' curvature, px^2.
-  [[nodiscard]] const Eigen::Matrix2d& by_curvature(std::size_t corner) const {
-    return by_curvature_[corner];
-  }
-
-  /// What the tag itself says about the curvature: along the two axes where it says most and least.
-  [[nodiscard]] const std::array<BentEdge, 2>& bent() const { return bent_; }
 
   /// Correlation of image and drawing over the tag's data, without its border.
   [[nodiscard]] double DataCorrelation();
@@ -122,9 +127,11 @@ class TagTemplate {
   /// To the minimum over all pixels; returns the sums there, or one short step before.
   Sums Descend();
   void StartLevels();
-  void MeasureCurvature(const Sums& sums,
-                        const Eigen::Matrix<double, kParameters, kParameters>& inverse,
-                        double variance);
+  /// The curvature along the axes where the tag says most and least about it.
+  [[nodiscard]] std::array<BentEdge, 2> MeasureCurvature(
+      const Sums& sums,
+      const Eigen::Matrix<double, kParameters, kParameters>& inverse,
+      double variance) const;
   /// Derivatives of a corner by G.
   [[nodiscard]] Eigen::Matrix<double, 2, 8> CornerByG(const Eigen::Vector2d& corner) const;
   void SetCorners(const Quad& corners);
@@ -140,9 +147,6 @@ class TagTemplate {
   double side_ = 0;
   Eigen::Vector2d curvature_;  ///< 1/px
   std::vector<Pixel> pixels_;
-  std::array<double, 4> sigma_{};
-  std::array<Eigen::Matrix2d, 4> by_curvature_;
-  std::array<BentEdge, 2> bent_;
 };
 
 }  // namespace plenocal::internal
