@@ -120,7 +120,7 @@ void TagTemplate::UpdateCorners() {
 
 /// Those on the tag and half a bit around it: farther off, what is beyond the bits known matters
 /// too much.
-void TagTemplate::ChoosePixels() {
+PLENOCAL_FOR_EACH_PROCESSOR void TagTemplate::ChoosePixels() {
   pixels_.clear();
   if (!state_.G.allFinite()) return;
   const auto width = static_cast<float>(border_.width), ring = static_cast<float>(border_.ring);
@@ -132,28 +132,38 @@ void TagTemplate::ChoosePixels() {
   const int y_first = std::max(0, static_cast<int>(std::floor(box.min().y() - room)));
   const int x_last = std::min(gray_.cols - 1, static_cast<int>(std::ceil(box.max().x() + room)));
   const int y_last = std::min(gray_.rows - 1, static_cast<int>(std::ceil(box.max().y() + room)));
-  const Eigen::Matrix3f G = state_.G.cast<float>();
+  if (x_first > x_last || y_first > y_last) return;
+  pixels_.reserve(static_cast<std::size_t>(x_last - x_first + 1) * (y_last - y_first + 1));
+  // Scaled so that the tag's middle is 0 and what is chosen is within 1.
+  Eigen::Matrix3f G = state_.G.cast<float>();
+  for (int i = 0; i < 2; ++i) G.row(i) = (G.row(i) - 0.5f * bits_ * G.row(2)) / outer;
   const Eigen::Vector2f c = curvature_.cast<float>(), centre = centre_.cast<float>();
-  const float by_px = 1 / static_cast<float>(side_), middle = 0.5f * static_cast<float>(bits_);
+  const float by_px = 1 / static_cast<float>(side_);
+  const Lanes lanes{0, 1, 2, 3, 4, 5, 6, 7};
   for (int row = y_first; row <= y_last; ++row) {
     const auto* gray = gray_.ptr<unsigned char>(row);
     const float d_y = static_cast<float>(row) - centre.y();
-    for (int column = x_first; column <= x_last; ++column) {
-      const float d_x = static_cast<float>(column) - centre.x();
-      const float square = d_x * d_x + d_y * d_y;
-      const float x = (d_x - c.x() * square) * by_px, y = (d_y - c.y() * square) * by_px;
-      const float scale = G(2, 0) * x + G(2, 1) * y + G(2, 2);
-      const float u = G(0, 0) * x + G(0, 1) * y + G(0, 2) - middle * scale;
-      const float v = G(1, 0) * x + G(1, 1) * y + G(1, 2) - middle * scale;
-      const float from_middle = std::max(std::abs(u), std::abs(v));  // times the scale
-      if (!(scale > 0) || from_middle > outer * scale) continue;
-      pixels_.push_back({column,
-                         row,
-                         x,
-                         y,
-                         square,
-                         static_cast<float>(gray[column]),
-                         from_middle < inner * scale});
+    for (int first = x_first; first <= x_last; first += kLanes) {
+      const Lanes d_x = static_cast<float>(first) + lanes - centre.x();
+      const Lanes square = d_x * d_x + d_y * d_y;
+      const Lanes x = (d_x - c.x() * square) * by_px, y = (d_y - c.y() * square) * by_px;
+      const Lanes scale = G(2, 0) * x + G(2, 1) * y + G(2, 2);
+      Lanes u = G(0, 0) * x + G(0, 1) * y + G(0, 2), v = G(1, 0) * x + G(1, 1) * y + G(1, 2);
+      u = u < 0 ? -u : u;
+      v = v < 0 ? -v : v;
+      const Lanes from_middle = u > v ? u : v;
+      const IntLanes chosen = (scale > 0) & (from_middle <= scale);
+      const IntLanes data = from_middle < inner / outer * scale;
+      for (int l = 0; l < kLanes && first + l <= x_last; ++l) {
+        if (chosen[l] == 0) continue;
+        pixels_.push_back({first + l,
+                           row,
+                           x[l],
+                           y[l],
+                           square[l],
+                           static_cast<float>(gray[first + l]),
+                           data[l] != 0});
+      }
     }
   }
 }
