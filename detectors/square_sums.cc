@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "detectors/square_sums.h"
+
+#include "detectors/processors.h"
+
+namespace plenocal::internal {
+
+PLENOCAL_FOR_EACH_PROCESSOR
+void AddSquares(const Lanes* block, int size, int stride, int count, double* sums) {
+  // As many sums at once as there are registers for.
+  constexpr int kTile = 3;
+  for (int a = 0; a < size; a += kTile) {
+    for (int b = a; b < size; b += kTile) {
+      Lanes tile[kTile][kTile] = {};
+      for (int i = 0; i < count; ++i) {
+        for (int c = 0; c < kTile; ++c) {
+          for (int r = 0; r < kTile; ++r) {
+            tile[c][r] += block[(a + c) * stride + i] * block[(b + r) * stride + i];
+          }
+        }
+      }
+      for (int c = 0; c < kTile; ++c) {
+        for (int r = 0; r < kTile; ++r) sums[(a + c) * size + b + r] += Sum(tile[c][r]);
+      }
+    }
+  }
+}
+
+}  // namespace plenocal::internal

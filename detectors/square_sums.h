@@ -1,0 +1,13 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "detectors/lanes.h"
+
+namespace plenocal::internal {
+
+/// Adds the lower triangle of the sum of j j^T to the size x size matrix `sums`, column by column.
+/// The 8 * `count` columns j have `size` values, a multiple of three; the first value of all
+/// columns begins at `block`, the next one `stride` lanes later.
+void AddSquares(const Lanes* block, int size, int stride, int count, double* sums);
+
+}  // namespace plenocal::internal
