@@ -615,11 +615,11 @@ class Calibrator {
     UseProjecting(std::vector<bool>(first.size(), true));
     DropWeakFrames();
     // Near the optimum, who is rejected and how large the noise is do not depend on the last
-    // digits.
-    constexpr double kRoundTolerance = 1e-4;
+    // digits; but the first solve must have come near.
+    constexpr double kFirstTolerance = 1e-6, kRoundTolerance = 1e-4;
     for (int round = 0; round < kMaxRounds; ++round) {
       CheckEnough();
-      Adjust(round == 0 ? FineTolerance() : kRoundTolerance);
+      Adjust(round == 0 ? kFirstTolerance : kRoundTolerance);
       if (round == 0 || has_jitter) CountPaidCoordinates();
       // The optimum moves with the square of a small change of the weights, the sigmas in
       // proportion; and with one observation in a thousand by less than a tenth of a sigma.

@@ -516,7 +516,8 @@ RefinedTags RefineTags(const cv::Mat& gray,
   const auto small = [](const SeenTag& tag) { return Area(tag.corners) < kSmall * kSmall; };
   for (std::size_t i = 0; i < tags.size(); ++i) {
     if (small(tags[i])) {
-      drawings[i] = FitDrawing(gray, border, {{tags[i], kUsualBlur, 0}}, {0, 0});
+      const double blur = blurs.empty() ? kUsualBlur : blurs.back();
+      drawings[i] = FitDrawing(gray, border, {{tags[i], blur, 0}}, {0, 0});
       if (drawings[i]) {
         blurs.push_back(drawings[i]->blur);
         bent.insert(bent.end(), drawings[i]->bent.begin(), drawings[i]->bent.end());

@@ -346,12 +346,13 @@ TagTemplate::Sums TagTemplate::Descend(std::size_t stride) {
   Sums now = Linearise(state_, stride);
   double damping = 1e-3;
   for (int step = 0; step < kSteps && damping < 1; ++step) {
-    // The square of a step in standard deviations; a tenth of one is near enough.
-    constexpr double kNear = 0.01;
+    // The square of a step in standard deviations. A tenth of one is near enough; half of one,
+    // where a step over all pixels follows.
+    const double enough = stride == 1 ? 0.01 : 0.25;
     const State before = state_;
     const double square_sum = now(kResidual, kResidual);
     const double promised = Step(now, damping).value_or(0);
-    const bool far = promised * count >= kNear * square_sum;
+    const bool far = promised * count >= enough * square_sum;
     const Sums next = far ? Linearise(state_, stride) : now;
     const double gain = square_sum / next(kResidual, kResidual) - 1;
     if (gain > 0) {
@@ -362,13 +363,13 @@ TagTemplate::Sums TagTemplate::Descend(std::size_t stride) {
       damping *= 10;
       Return(before);
     }
-    if (!far || (gain > 0 && gain * count < kNear)) break;
+    if (!far || (gain > 0 && gain * count < enough)) break;
   }
   return now;
 }
 
 std::size_t TagTemplate::Stride() const {
-  constexpr std::size_t kLeast = 20 * kParameters, kMost = 8;
+  constexpr std::size_t kLeast = 10 * kParameters, kMost = 16;
   return std::clamp<std::size_t>(pixels_.size() / kLeast, 1, kMost);
 }
 
