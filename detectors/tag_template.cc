@@ -340,12 +340,12 @@ void TagTemplate::Return(const State& to) {
   SetBeyond(to.beyond);
 }
 
-TagTemplate::Sums TagTemplate::Descend(std::size_t stride) {
+std::optional<TagTemplate::Sums> TagTemplate::Descend(std::size_t stride) {
   constexpr int kSteps = 40;
   const auto count = static_cast<double>(pixels_.size() / stride);
   Sums now = Linearise(state_, stride);
   double damping = 1e-3;
-  for (int step = 0; step < kSteps && damping < 1; ++step) {
+  for (int step = 0; step < kSteps; ++step) {
     // The square of a step in standard deviations. A tenth of one is near enough; half of one,
     // where a step over all pixels follows.
     const double enough = stride == 1 ? 0.01 : 0.25;
@@ -363,9 +363,9 @@ TagTemplate::Sums TagTemplate::Descend(std::size_t stride) {
       damping *= 10;
       Return(before);
     }
-    if (!far || (gain > 0 && gain * count < enough)) break;
+    if (!far || (gain > 0 && gain * count < enough)) return now;
   }
-  return now;
+  return std::nullopt;
 }
 
 std::size_t TagTemplate::Stride() const {
@@ -373,13 +373,14 @@ std::size_t TagTemplate::Stride() const {
   return std::clamp<std::size_t>(pixels_.size() / kLeast, 1, kMost);
 }
 
-TagTemplate::Sums TagTemplate::Descend() {
+std::optional<TagTemplate::Sums> TagTemplate::Descend() {
   const std::size_t stride = Stride();
-  Sums sums = Descend(stride);
-  if (stride == 1) return sums;
+  const std::optional<Sums> coarse = Descend(stride);
+  if (stride == 1) return coarse;
+  if (!coarse) return Descend(1);
   // The minimum over all pixels is some standard deviations away: so near that one step leads
   // there.
-  sums = Linearise(state_, 1);
+  Sums sums = Linearise(state_, 1);
   const State before = state_;
   const std::optional<double> gain = Step(sums, 0);
   const double variance = sums(kResidual, kResidual) / static_cast<double>(pixels_.size());
@@ -436,13 +437,15 @@ std::optional<TagFit> TagTemplate::Fit() {
     return farthest;
   };
   StartLevels();
-  Sums sums = Descend();
+  std::optional<Sums> descended = Descend();
   // The pixels were chosen to half a bit around the start.
   if (moved() > side_ / border_.width / 4) {
     ChoosePixels();
     if (pixels_.size() <= kParameters) return std::nullopt;
-    sums = Descend();
+    descended = Descend();
   }
+  if (!descended) return std::nullopt;
+  const Sums& sums = *descended;
   using Matrix = Eigen::Matrix<double, kParameters, kParameters>;
   const double variance =
       sums(kResidual, kResidual) / static_cast<double>(pixels_.size() - kParameters);

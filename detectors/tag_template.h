@@ -120,12 +120,13 @@ class TagTemplate {
   /// that it promises; nothing where there is no step.
   std::optional<double> Step(const Sums& sums, double damping);
   void Return(const State& to);
-  /// To the minimum over every `stride`-th of the pixels chosen; returns the sums there.
-  Sums Descend(std::size_t stride);
+  /// To the minimum over every `stride`-th of the pixels chosen; returns the sums there, nothing
+  /// when it does not get there.
+  std::optional<Sums> Descend(std::size_t stride);
   /// Which share of the pixels, 1 / stride, is enough to come near the minimum.
   [[nodiscard]] std::size_t Stride() const;
   /// To the minimum over all pixels; returns the sums there, or one short step before.
-  Sums Descend();
+  std::optional<Sums> Descend();
   void StartLevels();
   /// The curvature along the axes where the tag says most and least about it.
   [[nodiscard]] std::array<BentEdge, 2> MeasureCurvature(

@@ -319,7 +319,8 @@ TEST(TagDetector, CrossingsOfAKalibrGridDoNotMoveWhenBlackSpreads) {
 }
 
 TEST(TagDetector, AllImagesOfACameraTogetherSayHowItsLensBendsEdges) {
-  const Board board(kFamilies[3], 4, 4, 1.4);
+  // Few tags, so that one image alone says little.
+  const Board board(kFamilies[3], 2, 2, 1.4);
   const cv::Size size(400, 320);
   const Eigen::Vector2d axis(205, 150);
   constexpr double kBarrel = 1.5e-6;  // px^-2
@@ -332,7 +333,7 @@ TEST(TagDetector, AllImagesOfACameraTogetherSayHowItsLensBendsEdges) {
   constexpr int kImages = 6;
   for (int i = 0; i < kImages; ++i) {
     const Eigen::Matrix3d H =
-        Camera(board, size, 44, 10 + 3 * i, 60 * i, {30.0 * (i % 3) - 30, 20.0 * (i % 2) - 10});
+        Camera(board, size, 44, 10 + 3 * i, 60 * i, {90.0 * (i % 3) - 90, 60.0 * (i % 2) - 30});
     const testing::GrayFunction ideal = testing::View(board, H);
     const cv::Mat gray = testing::Render(
         [&](const Eigen::Vector2d& p) {
