@@ -30,10 +30,20 @@ void RunModels() {
                model.central ? "central: all rays meet in one point"
                              : "non-central: rays have no common point");
     fmt::print("  parameters ");
+    std::vector<std::string> params;
+    std::vector<std::string_view> of_field;
     for (const Param& param : model.params) {
-      fmt::print(" {} [{}]{}", param.name, param.unit, Limits(param));
-      fmt::print("{}", &param == &model.params.back() ? "\n" : ",");
+      if (param.prior_sigma > 0) {
+        of_field.push_back(param.name);
+      } else {
+        params.push_back(fmt::format("{} [{}]{}", param.name, param.unit, Limits(param)));
+      }
     }
+    fmt::print(" {}", fmt::join(params, ", "));
+    if (!of_field.empty()) {
+      fmt::print(", {} ... {}: {} coefficients", of_field.front(), of_field.back(), of_field.size());
+    }
+    fmt::print("\n");
     if (!model.config.empty()) {
       fmt::print("  given      ");
       for (const Param& param : model.config) fmt::print(" {} [{}]", param.name, param.unit);

@@ -820,6 +820,15 @@ AdjustSummary Adjust(Bundle* bundle, const AdjustOptions& options) {
   ceres::Solver::Options solver;
   solver.linear_solver_type =
       dense_unknowns <= kMaxDenseUnknowns ? ceres::DENSE_SCHUR : ceres::SPARSE_SCHUR;
+  // Which parameters of a local model a point depends on changes on the way, so that no blocks of
+  // unknowns can state it.
+  const bool local = std::any_of(bundle->cameras.begin(), bundle->cameras.end(), [](const auto& c) {
+    return c.model->local && std::find(c.fixed.begin(), c.fixed.end(), false) != c.fixed.end();
+  });
+  if (local && !options.hold_intrinsics) {
+    solver.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
+    solver.dynamic_sparsity = true;
+  }
   solver.num_threads = 1;
   solver.logging_type = ceres::SILENT;
   solver.max_num_iterations = options.max_iterations;

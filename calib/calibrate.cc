@@ -62,13 +62,9 @@ class Calibrator {
       const CameraInput& camera = input_.cameras[c];
       result_.camera_names.push_back(camera.name);
       result_.image_sizes.push_back(camera.image_size);
-      bundle().cameras.push_back({.model = camera.model,
-                                  .config = camera.config,
-                                  .params = starts_[c].params,
-                                  .fixed = camera.fixed,
-                                  .rules = camera.rules,
-                                  .T_camera_rig = T_camera_rig[c],
-                                  .is_master = c == 0});
+      bundle().cameras.push_back(MakeBundleCamera(camera, starts_[c].params));
+      bundle().cameras.back().T_camera_rig = T_camera_rig[c];
+      bundle().cameras.back().is_master = c == 0;
     }
     for (size_t c = 0; c < CameraCount(); ++c) {
       for (size_t k = 0; k < bundle().cameras[c].params.size(); ++k) {
@@ -796,6 +792,9 @@ class Calibrator {
       fit.sigma = TypicalNoise(c);
       fit.stated_sigma = has_sigmas_[c] ? typical_sigma_[c] : 0;
       result_.fits.push_back(fit);
+    }
+    for (const CameraStart& start : starts_) {
+      if (!start.misfit.empty()) result_.warnings.push_back(start.misfit);
     }
     WarnOfJitter();
     WarnOfRules();

@@ -11,6 +11,7 @@
 #include <ceres/jet.h>
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <array>
 #include <concepts>
 #include <limits>
@@ -19,6 +20,8 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <tuple>
+#include <type_traits>
 #include <vector>
 
 #include "calib/observation.h"
@@ -38,6 +41,15 @@ double ValueOf(const ceres::Jet<T, N>& value) {
   return value.a;
 }
 
+/// Whether a parameter keeps its start value.
+enum class Held {
+  kNever,
+  /// In a calibration: a motion of the camera's frame, and so the poses, can do the same.
+  kAgainstPoses,
+  /// The model's `Start` chooses it; others can do the same.
+  kAlways,
+};
+
 /// One parameter of a camera model.
 struct Param {
   std::string_view name;  ///< the symbol of the model's source: "f_x"
@@ -51,6 +63,10 @@ struct Param {
   /// The value at which the parameter has no effect; one that is held without a start value takes
   /// it.
   std::optional<double> neutral = std::nullopt;
+  Held held = Held::kNever;
+  /// Positive for one of many coefficients of a field over the image, of which points tell only in
+  /// their neighbourhood: sigma of the Gaussian prior around 0 that it has besides.
+  double prior_sigma = 0;
 };
 
 /// What a point in an image says about the scene: it lies on origin + lambda * direction, lambda >
@@ -73,6 +89,12 @@ struct StartProblem {
 /// A possible start; the best of several is chosen by adjusting each.
 struct StartCandidate {
   std::vector<double> params;
+};
+
+/// Why a model does not describe a camera.
+struct Misfit {
+  std::string reason;       ///< a sentence without its full stop; empty when it does
+  bool impossible = false;  ///< points are where the model images nothing
 };
 
 /// Where a camera has seen the target.
@@ -101,6 +123,7 @@ struct CameraModel {
   std::span<const double> example_config;  ///< likewise
   ImageSize example_size;                  ///< image that goes with the example, px
   bool central;                            ///< all rays meet in the camera frame's origin
+  bool local;  ///< the image of a point depends on few of the parameters
 
   /// Predicted measured coordinates of p_cam; false outside the model's domain.
   bool (*project)(const double* params,
@@ -123,6 +146,12 @@ struct CameraModel {
   /// Why the model cannot be calibrated with these start values and held parameters, with the way
   /// out; empty when it can. Null when the model never refuses.
   std::string (*refusal)(const StartProblem& problem);
+  /// Whether the model describes the camera, of which `params` are the best start found and leave
+  /// residuals of median length `median_error`. Null when the model does not know.
+  Misfit (*misfit)(const CameraModel& model,
+                   const StartProblem& problem,
+                   std::span<const double> params,
+                   double median_error);
   /// Why observations like these tell little of some parameters (places in `params`) and what to
   /// add, in one sentence or more; may be empty. Null when the model has nothing to say.
   std::string (*remedy)(std::span<const size_t> weak, const SeenSpan& seen);
@@ -148,9 +177,14 @@ struct CameraModel {
 ///   template <typename T> static bool Project(const T* params, const double* config,
 ///                                             const double* context, const Vector3<T>&, T*);
 ///   static std::optional<Ray> Unproject(params, config, values);
+/// A model with many parameters, of which a point depends on a few, has
+///   static std::array<size_t, n> Support(const double* params, const Eigen::Vector3d& p_cam);
+/// with their places; `Project` reads no others for that point.
 /// A model that not all data and held parameters can determine may have
 ///   static std::string Refusal(const StartProblem& problem);
 ///   static std::string Remedy(std::span<const size_t> weak, const SeenSpan& seen);
+///   static Misfit JudgeFit(const CameraModel&, const StartProblem&, std::span<const double>,
+///                          double);
 /// One that sees a marker several times in a view may have OwnFit, kKindName and TellKinds
 /// (`CameraModel::own_fit` and so on).
 template <typename M>
@@ -184,6 +218,45 @@ bool Project(const T* params,
   } else {
     return M::Project(params, config, values + M::kMeasured.size(), p_cam, predicted);
   }
+}
+
+template <typename M>
+concept HasSupport = requires(const double* params, const Eigen::Vector3d& p_cam) {
+  M::Support(params, p_cam);
+};
+
+// For models with `Support`: derivatives by the parameters that count only.
+template <CameraModelPlugin M>
+requires HasSupport<M>
+bool ProjectWithLocalJacobian(const double* params,
+                              const double* config,
+                              const double* values,
+                              const Eigen::Vector3d& p_cam,
+                              double* predicted,
+                              double* J_params,
+                              double* J_point) {
+  constexpr size_t kMeasuredCount = M::kMeasured.size();
+  const auto support = M::Support(params, p_cam);
+  constexpr size_t kCount = std::tuple_size_v<std::remove_const_t<decltype(support)>>;
+  using Jet = ceres::Jet<double, static_cast<int>(kCount) + 3>;
+  thread_local std::array<Jet, M::kParams.size()> params_jet;  // what is not read stays unset
+  for (size_t i = 0; i < kCount; ++i) {
+    params_jet[support[i]] = Jet(params[support[i]], static_cast<int>(i));
+  }
+  Vector3<Jet> p_jet;
+  for (int i = 0; i < 3; ++i) p_jet[i] = Jet(p_cam[i], static_cast<int>(kCount) + i);
+  std::array<Jet, kMeasuredCount> predicted_jet;
+  if (!Project<M>(params_jet.data(), config, values, p_jet, predicted_jet.data())) return false;
+  std::fill_n(J_params, kMeasuredCount * M::kParams.size(), 0.0);
+  for (size_t r = 0; r < kMeasuredCount; ++r) {
+    predicted[r] = predicted_jet[r].a;
+    const auto& v = predicted_jet[r].v;
+    for (size_t i = 0; i < kCount; ++i) {
+      J_params[r * M::kParams.size() + support[i]] = v[static_cast<Eigen::Index>(i)];
+    }
+    for (size_t i = 0; i < 3; ++i) J_point[r * 3 + i] = v[static_cast<Eigen::Index>(kCount + i)];
+  }
+  return true;
 }
 
 template <CameraModelPlugin M>
@@ -229,6 +302,15 @@ std::optional<Ray> Unproject(const double* params, const double* config, const d
 namespace internal {
 
 template <CameraModelPlugin M>
+constexpr auto JacobianOf() {
+  if constexpr (HasSupport<M>) {
+    return &ProjectWithLocalJacobian<M>;
+  } else {
+    return &ProjectWithJacobian<M>;
+  }
+}
+
+template <CameraModelPlugin M>
 constexpr auto RefusalOf() -> std::string (*)(const StartProblem&) {
   if constexpr (requires(const StartProblem& problem) { M::Refusal(problem); }) {
     return &M::Refusal;
@@ -240,6 +322,7 @@ constexpr auto RefusalOf() -> std::string (*)(const StartProblem&) {
 template <CameraModelPlugin M>
 constexpr void AddOptional(CameraModel* model) {
   if constexpr (requires { &M::Remedy; }) model->remedy = &M::Remedy;
+  if constexpr (requires { &M::JudgeFit; }) model->misfit = &M::JudgeFit;
   if constexpr (requires { &M::OwnFit; }) {
     model->own_fit = &M::OwnFit;
     model->kind_name = M::kKindName;
@@ -262,11 +345,13 @@ constexpr CameraModel MakeCameraModel() {
                     M::kExampleConfig,
                     M::kExampleSize,
                     M::kCentral,
+                    internal::HasSupport<M>,
                     &internal::Project<M, double>,
-                    &internal::ProjectWithJacobian<M>,
+                    internal::JacobianOf<M>(),
                     &internal::Unproject<M>,
                     &M::Start,
                     internal::RefusalOf<M>(),
+                    nullptr,
                     nullptr,
                     nullptr,
                     {},

@@ -85,8 +85,8 @@ class Trials {
     if (options_.progress && !options_.progress(stage)) throw Stopped();
   }
 
-  // The session with one model, without the frames of one fold.
-  CalibrationInput InputWith(const CameraModel& model, std::optional<size_t> without) const {
+  // The session with one model.
+  CalibrationInput InputWith(const CameraModel& model) const {
     CalibrationInput input = input_;
     for (const size_t c : choice_.varied) {
       CameraInput& camera = input.cameras[c];
@@ -100,11 +100,6 @@ class Trials {
           if (rule.same_as && rule.same_as->camera == c) rule.same_as.reset();
         }
       }
-    }
-    for (CameraInput& camera : input.cameras) {
-      std::erase_if(camera.views, [&](const View& view) {
-        return without && frames_.at(view.frame) % choice_.folds == *without;
-      });
     }
     return input;
   }
@@ -140,19 +135,16 @@ class Trials {
     choice_.folds = std::min(choice_.frames, static_cast<size_t>(options_.folds));
   }
 
-  Calibration CalibrateQuietly(const CalibrationInput& input, const std::string& stage) {
-    Stage(stage);
-    return Calibrate(input, {.threads = 1, .progress = [&](const std::string&) {
-                               Stage(stage);
-                               return true;
-                             }});
-  }
-
   void CalibrateAll(ModelTrial* trial) {
     const auto start = std::chrono::steady_clock::now();
     try {
+      const std::string stage(trial->model->name);
+      Stage(stage);
       trial->calibration =
-          CalibrateQuietly(InputWith(*trial->model, std::nullopt), std::string(trial->model->name));
+          Calibrate(InputWith(*trial->model), {.threads = 1, .progress = [&](const std::string&) {
+                                                 Stage(stage);
+                                                 return true;
+                                               }});
     } catch (const Error& error) {
       trial->failure = error.what();
       return;
@@ -235,14 +227,31 @@ class Trials {
     }
   }
 
-  // Calibrates without a fold and fills `residuals_` of that fold's points. Returns why it cannot.
+  // Adjusts without a fold, from the calibration with all frames, and fills `residuals_` of that
+  // fold's points. Returns why it cannot.
   std::string HoldOut(size_t m, size_t fold) {
-    const CameraModel& model = *choice_.trials[m].model;
+    const Calibration& calibration = choice_.trials[m].calibration;
+    const std::string stage =
+        fmt::format("{}: fold {} of {}", choice_.trials[m].model->name, fold + 1, choice_.folds);
+    Bundle trained = calibration.bundle;
+    std::set<int> seen_by;  // cameras
+    for (BundleObservation& observation : trained.observations) {
+      const std::string& frame = calibration.frames[static_cast<size_t>(observation.frame)];
+      if (frames_.at(frame) % choice_.folds == fold) observation.used = false;
+      if (observation.used) seen_by.insert(observation.camera);
+    }
     try {
-      const Calibration trained =
-          CalibrateQuietly(InputWith(model, fold),
-                           fmt::format("{}: fold {} of {}", model.name, fold + 1, choice_.folds));
-      HeldOutPoses(trained.bundle, fold, &residuals_[m]);
+      for (const size_t c : choice_.varied) {
+        if (seen_by.contains(static_cast<int>(c))) continue;
+        throw Error(ErrorKind::kJob, input_.cameras[c].name + " has no observations left");
+      }
+      const AdjustSummary summary =
+          Adjust(&trained, {.loss = input_.loss, .cost_tolerance = 1e-9, .on_iteration = [&](int, double) {
+                              Stage(stage);
+                              return true;
+                            }});
+      if (!summary.usable) throw Error(ErrorKind::kJob, summary.message);
+      HeldOutPoses(trained, fold, &residuals_[m]);
       return {};
     } catch (const Error& error) {
       return fmt::format("without fold {}: {}", fold + 1, error.what());

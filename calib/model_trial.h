@@ -59,8 +59,8 @@ struct ModelChoice {
 
 /// Calibrates the session once with each model for the `varied` cameras (which keep the session's
 /// start values and held parameters under their own model only), then once without each of K parts
-/// of the frames (every K-th frame). A held-out frame gets a pose and nothing else; markers are
-/// where the training put them.
+/// of the frames (every K-th frame), which starts there and keeps its outliers and noise. A held-out
+/// frame gets a pose and nothing else; markers are where the training put them.
 ///
 /// Outliers are the same points for all models, those that are rejected by the model which explains
 /// the observations best: it has the smallest sum of squares that are cut off where points are

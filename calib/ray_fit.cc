@@ -4,6 +4,7 @@
 #include <ceres/ceres.h>
 
 #include <algorithm>
+#include <set>
 
 namespace plenocal {
 namespace {
@@ -80,15 +81,19 @@ bool FitToRays(const CameraModel& model,
       seen_image.push_back(image[i]);
     }
   }
-  if (options.held.size() == params->size() || seen_image.size() < params->size()) return false;
-
   const auto count = static_cast<int>(params->size());
+  std::set<int> held(options.held.begin(), options.held.end());
+  for (int k = 0; k < count; ++k) {
+    if (model.params[static_cast<size_t>(k)].held == Held::kAlways) held.insert(k);
+  }
+  if (held.size() == params->size() || seen_image.size() < params->size()) return false;
+
   std::vector<double> fitted = *params;
   ceres::Problem fit;
   fit.AddParameterBlock(
       fitted.data(),
       count,
-      options.held.empty() ? nullptr : new ceres::SubsetManifold(count, options.held));
+      held.empty() ? nullptr : new ceres::SubsetManifold(count, {held.begin(), held.end()}));
   fit.AddResidualBlock(
       new DirectionCost(model, config, seen_directions, seen_image, options.within_bounds),
       nullptr,

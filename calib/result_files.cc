@@ -459,8 +459,13 @@ std::string Summary(const Calibration& calibration) {
         fit.sigma);
     if (fit.stated_sigma > 0) fmt::format_to(out, " (detector: {:.4f})", fit.stated_sigma);
     text += '\n' + FloorText(fit) + KindText(camera.model->kind_name, fit);
+    std::vector<std::string_view> of_field;
     for (size_t i = 0; i < camera.params.size(); ++i) {
       const Param& param = camera.model->params[i];
+      if (param.prior_sigma > 0) {
+        of_field.push_back(param.name);
+        continue;
+      }
       fmt::format_to(
           out,
           "    {:<6} {}{}{}{}{}\n",
@@ -472,6 +477,13 @@ std::string Summary(const Calibration& calibration) {
           calibration.jackknife && !camera.fixed[i]
               ? fmt::format("  (jackknife +- {:.2g})", calibration.jackknife->params[c][i])
               : "");
+    }
+    if (!of_field.empty()) {
+      fmt::format_to(out,
+                     "    {} ... {}: {} coefficients of a field over the image\n",
+                     of_field.front(),
+                     of_field.back(),
+                     of_field.size());
     }
     if (camera.is_master) continue;
     // Where the camera stands in the rig: its centre and how it is turned.
@@ -531,7 +543,7 @@ std::string Summary(const Calibration& calibration) {
       any = true;
       fmt::format_to(out,
                      "  {}: {}\n    {}\n",
-                     fmt::join(unknowns.names, ", "),
+                     Listed(unknowns.names),
                      unknowns.what,
                      unknowns.remedy);
     }

@@ -129,13 +129,8 @@ Trial MakeTrial(const CameraInput& camera,
                 const std::map<int, Eigen::Vector3d>& markers) {
   Trial trial;
   Bundle& bundle = trial.bundle;
-  bundle.cameras.push_back({.model = camera.model,
-                            .config = camera.config,
-                            .params = params,
-                            .fixed = camera.fixed,
-                            .rules = camera.rules,
-                            .T_camera_rig = {},
-                            .is_master = true});
+  bundle.cameras.push_back(MakeBundleCamera(camera, params));
+  bundle.cameras[0].is_master = true;
   std::map<int, int> index;
   for (const auto& [number, position] : markers) {
     index[number] = static_cast<int>(bundle.markers.size());
@@ -190,6 +185,24 @@ void AdjustTrial(Trial* trial) {
 }
 
 }  // namespace
+
+BundleCamera MakeBundleCamera(const CameraInput& camera, std::vector<double> params) {
+  BundleCamera made{.model = camera.model,
+                    .config = camera.config,
+                    .params = std::move(params),
+                    .fixed = camera.fixed,
+                    .rules = camera.rules,
+                    .T_camera_rig = {}};
+  for (size_t k = 0; k < made.params.size(); ++k) {
+    const Param& param = camera.model->params[k];
+    if (param.held != Held::kNever) made.fixed[k] = true;
+    if (!(param.prior_sigma > 0) || made.fixed[k]) continue;
+    made.rules.resize(made.params.size());
+    ParamRule& rule = made.rules[k];
+    if (!rule.prior && !rule.same_as) rule.prior = {.value = 0, .sigma = param.prior_sigma};
+  }
+  return made;
+}
 
 std::optional<RigidTransform> StartPose(const CameraModel& model,
                                         std::span<const double> config,
@@ -258,6 +271,14 @@ CameraStart StartCamera(const CameraInput& camera, const std::map<int, Eigen::Ve
   }
 
   CameraStart start;
+  if (camera.model->misfit != nullptr) {
+    const Misfit misfit = camera.model->misfit(
+        *camera.model, problem, best->bundle.cameras[0].params, best->median);
+    if (!misfit.reason.empty()) {
+      start.misfit = fmt::format("{}: {} {}", camera.name, camera.model->name, misfit.reason);
+    }
+    if (misfit.impossible) throw Error(ErrorKind::kJob, start.misfit);
+  }
   start.params = best->bundle.cameras[0].params;
   start.median_error = best->median;
   for (const View& view : camera.views) {

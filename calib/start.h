@@ -24,11 +24,16 @@ struct CameraInput {
   std::vector<View> views;
 };
 
+/// The camera in a bundle with these parameters: what its model holds is held, and the model's
+/// priors are rules where the input has none.
+BundleCamera MakeBundleCamera(const CameraInput& camera, std::vector<double> params);
+
 /// A camera with start values of its own: parameters, and where it stood in each of its views.
 struct CameraStart {
   std::vector<double> params;
   std::vector<std::optional<RigidTransform>> T_camera_target;  ///< per view
   double median_error = 0;  ///< median length of the residuals over the views tried
+  std::string misfit;       ///< why the model does not describe the camera; may be empty
 };
 
 /// Start values of one camera: the model's candidates, each adjusted on a selection of the views

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 
 namespace plenocal {
 namespace {
@@ -74,7 +75,8 @@ std::vector<std::pair<int, double>> PriorInformation(const Bundle& bundle, const
 class OwnColumns {
  public:
   OwnColumns(const Bundle& bundle, const Layout& layout, size_t camera)
-      : rows_(static_cast<int>(bundle.cameras[camera].model->measured.size())) {
+      : rows_(static_cast<int>(bundle.cameras[camera].model->measured.size())),
+        local_(bundle.cameras[camera].model->local) {
     const auto& params = layout.params[camera];
     J_params_.resize(rows_, static_cast<Eigen::Index>(params.size()));
     for (size_t k = 0; k < params.size(); ++k) {
@@ -88,6 +90,8 @@ class OwnColumns {
     for (int i = 0; mount_ && i < 6; ++i) places_.push_back(layout.mount[camera] + i);
     J_.resize(rows_, static_cast<Eigen::Index>(places_.size()));
     square_ = Eigen::MatrixXd::Zero(J_.cols(), J_.cols());
+    touched_.resize(places_.size());
+    std::iota(touched_.begin(), touched_.end(), Eigen::Index{0});
   }
 
   bool Linearise(const BundleCamera& camera,
@@ -110,6 +114,12 @@ class OwnColumns {
     J_.leftCols(own_params_).setZero();
     for (const auto& [param, column] : free_) J_.col(column) += J_params_.col(param);
     if (mount_) J_.rightCols<6>() = Rows<6>(J_mount_, rows_, 6);
+    if (local_) {
+      touched_.clear();
+      for (Eigen::Index i = 0; i < J_.cols(); ++i) {
+        if (!J_.col(i).isZero(0)) touched_.push_back(i);
+      }
+    }
     return true;
   }
 
@@ -119,17 +129,25 @@ class OwnColumns {
   [[nodiscard]] Rows<6> Pose() const { return {J_pose_, rows_, 6}; }
   [[nodiscard]] Rows<3> Marker() const { return {J_marker_, rows_, 3}; }
 
-  void AddSquare() { square_.noalias() += J_.transpose().lazyProduct(J_); }
+  void AddSquare() {
+    if (!local_) {
+      square_.noalias() += J_.transpose().lazyProduct(J_);
+      return;
+    }
+    for (const Eigen::Index i : touched_) {
+      for (const Eigen::Index j : touched_) square_(j, i) += J_.col(j).dot(J_.col(i));
+    }
+  }
   void AddCross(Eigen::MatrixXd* cross) const {
-    for (size_t i = 0; i < places_.size(); ++i) {
-      cross->row(places_[i]).noalias() +=
-          J_.col(static_cast<Eigen::Index>(i)).transpose().lazyProduct(Pose());
+    for (const Eigen::Index i : touched_) {
+      cross->row(places_[static_cast<size_t>(i)]).noalias() +=
+          J_.col(i).transpose().lazyProduct(Pose());
     }
   }
   template <typename Product>
   void AddMarkerCross(int marker, const Product& product, Eigen::MatrixXd* S) const {
-    for (size_t i = 0; i < places_.size(); ++i) {
-      S->block<3, 1>(marker, places_[i]) += product.col(static_cast<Eigen::Index>(i));
+    for (const Eigen::Index i : touched_) {
+      S->block<3, 1>(marker, places_[static_cast<size_t>(i)]) += product.col(i);
     }
   }
   // The lower triangle.
@@ -144,11 +162,13 @@ class OwnColumns {
 
  private:
   int rows_;
+  bool local_;
   bool mount_ = false;
   // Parameters that are estimated, each with its column; equal ones have one.
   std::vector<std::pair<Eigen::Index, Eigen::Index>> free_;
   Eigen::Index own_params_ = 0;  // columns of parameters
   std::vector<int> places_;      // of the columns in the reduced system
+  std::vector<Eigen::Index> touched_;  // columns that may differ from zero
   Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> J_params_;
   double J_mount_[kMaxObservationSize * 6], J_pose_[kMaxObservationSize * 6],
       J_marker_[kMaxObservationSize * 3];

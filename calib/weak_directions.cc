@@ -12,6 +12,7 @@ namespace {
 
 constexpr double kCorrelated = 0.99;
 constexpr double kLarge = 0.1;  // part of a parameter's size
+constexpr double kUntold = 0.7;  // of a prior's sigma: half of the information is the prior's
 
 constexpr const char* kGeneralRemedy =
     "Add images from other distances and at other tilts, over the whole field of view, or hold "
@@ -68,6 +69,14 @@ std::string Remedy(const Calibration& calibration, const std::vector<std::string
 
 }  // namespace
 
+std::string Listed(const std::vector<std::string>& names) {
+  constexpr size_t kShown = 12;
+  if (names.size() <= kShown + 1) return fmt::format("{}", fmt::join(names, ", "));
+  return fmt::format("{} and {} more",
+                     fmt::join(names.begin(), names.begin() + kShown, ", "),
+                     names.size() - kShown);
+}
+
 std::vector<WeakUnknowns> FindWeakUnknowns(const Calibration& calibration) {
   std::vector<WeakUnknowns> found;
   const Uncertainty& uncertainty = calibration.uncertainty;
@@ -93,10 +102,15 @@ std::vector<WeakUnknowns> FindWeakUnknowns(const Calibration& calibration) {
     // Parameters that correlate hang together in groups.
     std::vector<std::string> names;
     double strongest = 0;
+    // Neighbours in a field correlate by their nature.
+    std::vector<std::string> of_field;
+    for (const Param& param : camera.model->params) {
+      if (param.prior_sigma > 0) of_field.push_back(prefix + std::string(param.name));
+    }
     const auto of_camera = [&](size_t i) {
       const std::string& name = uncertainty.names[i];
       return name.starts_with(prefix) && !name.starts_with(prefix + "T_camera_rig") &&
-             !Holds(open, name);
+             !Holds(open, name) && !Holds(of_field, name);
     };
     for (Eigen::Index i = 0; i < uncertainty.correlation.rows(); ++i) {
       for (Eigen::Index j = 0; j < i; ++j) {
@@ -114,7 +128,7 @@ std::vector<WeakUnknowns> FindWeakUnknowns(const Calibration& calibration) {
           names,
           fmt::format("known together far better than one by one (correlation {:.4f})", strongest));
     }
-    std::vector<std::string> large;
+    std::vector<std::string> large, untold;
     for (size_t k = 0; k < camera.params.size(); ++k) {
       const ParamPlace place{c, k};
       if (calibration.bundle.Root(c, k) != place) continue;
@@ -122,10 +136,25 @@ std::vector<WeakUnknowns> FindWeakUnknowns(const Calibration& calibration) {
       const double sigma = uncertainty.params[c][k];
       const std::string name = prefix + std::string(param.name);
       const double size = std::max(std::abs(camera.params[k]), param.scale);
-      if (sigma > kLarge * size && !Holds(open, name)) large.push_back(name);
+      if (Holds(open, name)) continue;
+      if (param.prior_sigma > 0) {
+        if (sigma > kUntold * param.prior_sigma) untold.push_back(name);
+      } else if (sigma > kLarge * size) {
+        large.push_back(name);
+      }
     }
     if (!large.empty()) {
       add(false, large, fmt::format("sigma above {:.0f} % of their size", 100 * kLarge));
+    }
+    if (!untold.empty()) {
+      const size_t count = untold.size();
+      found.push_back({false,
+                       std::move(untold),
+                       fmt::format("{} of {} coefficients, told by the model's prior rather than "
+                                   "by these images",
+                                   count,
+                                   of_field.size()),
+                       "Their part of the image has no points: add images with the target there."});
     }
   }
   return found;

@@ -20,7 +20,11 @@ struct WeakUnknowns {
 
 /// First the open directions, then what is weak: parameters of one camera that correlate by more
 /// than 0.99 with each other, and single ones whose sigma is more than a tenth of their size
-/// (`Param::scale`). Remedies come from the camera models.
+/// (`Param::scale`). Of the coefficients of a field (`Param::prior_sigma`) those whose prior tells
+/// more than the images: their sigma is above 0.7 of it. Remedies come from the camera models.
 std::vector<WeakUnknowns> FindWeakUnknowns(const Calibration& calibration);
+
+/// "a, b, c", of many the first few and how many more.
+std::string Listed(const std::vector<std::string>& names);
 
 }  // namespace plenocal

@@ -20,7 +20,12 @@ namespace plenocal {
 struct Spherical : CentralModel {
   static constexpr std::string_view kName = "spherical";
   static constexpr std::string_view kSource = "Snyder, Map Projections, section 12; mrcal's LONLAT";
-  static constexpr auto kParams = WithIntrinsics<0>({});
+  static constexpr std::array kParams{
+      Param{"f_x", "px", 0},
+      Param{"f_y", "px", 0},
+      // Only turns the camera about its y axis.
+      Param{.name = "c_x", .unit = "px", .held = Held::kAgainstPoses},
+      Param{"c_y", "px"}};
   static constexpr std::array kExample{162.0, 163.0, 507.5, 161.0};
   static constexpr ImageSize kExampleSize{1016, 320};
 
@@ -48,13 +53,6 @@ struct Spherical : CentralModel {
     return Eigen::Vector3d(std::sin(longitude) * std::cos(latitude),
                            std::sin(latitude),
                            std::cos(longitude) * std::cos(latitude));
-  }
-
-  /// c_x is a turn of the camera about its y axis, which the poses have already.
-  static std::string Refusal(const StartProblem& problem) {
-    if ((*problem.fixed)[2]) return {};
-    return "c_x cannot be determined: it only turns the camera about its y axis. Hold it, best at "
-           "the image's middle column: initial: {c_x: ...}, fixed: [c_x]";
   }
 
   static std::vector<StartCandidate> Start(const StartProblem& problem) {

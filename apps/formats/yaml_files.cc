@@ -7,7 +7,9 @@
 // - MATLAB: the centre of the top-left pixel is (1, 1), sizes are rows, columns.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
+#include <cmath>
 #include <limits>
 
 #include "apps/formats/formats.h"
@@ -16,6 +18,8 @@
 #include "calib/error.h"
 #include "calib/text_file.h"
 #include "calib/yaml.h"
+#include "models/registry.h"
+#include "models/splined.h"
 
 namespace plenocal {
 namespace {
@@ -234,9 +238,58 @@ std::span<const LensForm> MrcalLenses() {
   return kForms;
 }
 
+// A spline's name holds its knots and its field of view.
+std::string MrcalSpline(std::string_view fov_deg) {
+  return fmt::format("LENSMODEL_SPLINED_STEREOGRAPHIC_order=3_Nx={}_Ny={}_fov_x_deg={}",
+                     Splined::kColumns,
+                     Splined::kRows,
+                     fov_deg);
+}
+
+Lens ToMrcalSpline(const CalibratedCamera& camera) {
+  const double fov = camera.params[Splined::kFov];
+  if (fov != std::round(fov)) {
+    throw Error(ErrorKind::kJob,
+                fmt::format("camera '{}': mrcal's splines have a fov of whole degrees, this one has "
+                            "{}; calibrate with 'initial: {{fov: {:.0f}}}'",
+                            camera.name,
+                            fov,
+                            std::ceil(fov)));
+  }
+  return {MrcalSpline(fmt::format("{:.0f}", fov)),
+          camera.params[0],
+          camera.params[1],
+          camera.params[2],
+          camera.params[3],
+          {camera.params.begin() + Splined::kFirstKnot, camera.params.end()}};
+}
+
+// `name` is that of a spline, `intrinsics` all that the file holds.
+CalibratedCamera FromMrcalSpline(const YamlNode& name, const YamlNode& intrinsics) {
+  const std::string prefix = MrcalSpline(""), text = name.AsString();
+  const std::string fov_deg = text.starts_with(prefix) ? text.substr(prefix.size()) : "";
+  const auto is_digit = [](char c) { return c >= '0' && c <= '9'; };
+  if (fov_deg.empty() || fov_deg.size() > 3 || !std::ranges::all_of(fov_deg, is_digit)) {
+    name.Fail(fmt::format("only splines of order 3 with {} x {} knots are read; make it one with "
+                          "'mrcal-convert-lensmodel {} FILE'",
+                          Splined::kColumns,
+                          Splined::kRows,
+                          MrcalSpline("...")));
+  }
+  CalibratedCamera camera;
+  camera.model = FindModel(CameraModels(), Splined::kName);
+  camera.params = intrinsics.AsNumbers(Splined::kParams.size() - 1);
+  camera.params.insert(camera.params.begin() + Splined::kFov, std::stod(fov_deg));
+  if (!WithinBounds(*camera.model, camera.params.data())) {
+    intrinsics.Fail("f_x and f_y must be positive, fov_x_deg between 0 and 360");
+  }
+  return camera;
+}
+
 std::string WriteMrcal(const std::vector<CalibratedCamera>& cameras) {
   const CalibratedCamera& camera = cameras[0];
-  const Lens lens = ToLens(camera, MrcalLenses(), "mrcal");
+  const Lens lens = camera.model->name == Splined::kName ? ToMrcalSpline(camera)
+                                                         : ToLens(camera, MrcalLenses(), "mrcal");
   std::vector<double> intrinsics{lens.f_x, lens.f_y, lens.c_x, lens.c_y};
   intrinsics.insert(intrinsics.end(), lens.coefficients.begin(), lens.coefficients.end());
   const Eigen::Vector3d w = LogRotation(camera.T_camera_rig.R), t = camera.T_camera_rig.t;
@@ -265,22 +318,24 @@ std::vector<CalibratedCamera> ReadMrcal(const CameraSource& source) {
   }
   const YamlNode root = YamlNode::Parse(text, source.path.string());
   const YamlNode lens = root.At(root.Has("lensmodel") ? "lensmodel" : "lens_model");
+  const ImageSize image_size = ReadImageSize(root.At("imagersize"));
+  CalibratedCamera camera;
   if (lens.AsString().starts_with("LENSMODEL_SPLINED")) {
-    lens.Fail(
-        "splined models are not read; fit another to it first: 'mrcal-convert-lensmodel "
-        "LENSMODEL_OPENCV8 FILE'");
+    camera = FromMrcalSpline(lens, root.At("intrinsics"));
+    camera.image_size = image_size;
+  } else {
+    const std::vector<double> intrinsics = root.At("intrinsics").AsNumbers(0);
+    if (intrinsics.size() < 4) root.At("intrinsics").Fail("expected at least four numbers");
+    camera = FromLens({lens.AsString(),
+                       intrinsics[0],
+                       intrinsics[1],
+                       intrinsics[2],
+                       intrinsics[3],
+                       {intrinsics.begin() + 4, intrinsics.end()}},
+                      image_size,
+                      MrcalLenses(),
+                      source.path.string());
   }
-  const std::vector<double> intrinsics = root.At("intrinsics").AsNumbers(0);
-  if (intrinsics.size() < 4) root.At("intrinsics").Fail("expected at least four numbers");
-  CalibratedCamera camera = FromLens({lens.AsString(),
-                                      intrinsics[0],
-                                      intrinsics[1],
-                                      intrinsics[2],
-                                      intrinsics[3],
-                                      {intrinsics.begin() + 4, intrinsics.end()}},
-                                     ReadImageSize(root.At("imagersize")),
-                                     MrcalLenses(),
-                                     source.path.string());
   const std::vector<double> rt = root.At("extrinsics").AsNumbers(6);
   camera.T_camera_rig = {ExpRotation({rt[0], rt[1], rt[2]}), {rt[3], rt[4], rt[5]}};
   return {camera};

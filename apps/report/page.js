@@ -29,6 +29,7 @@ function addParameters() {
       const [value, sigma] = withSigma(p.value, p.sigma);
       return row(cell(p.name), cell(value, p.value), cell(sigma, p.sigma), cell(unitText(p.unit)));
     })));
+    if (camera.coefficients > 0) note(node, `And ${camera.coefficients} coefficients of a field over the image; calibration.yaml holds them.`);
     tables.append(table("residuals", ["", "", ""], [
       ["RMS of the residuals' length", r.rms, "px"], ["points used", r.points, ""], ["points rejected", r.rejected, ""], ["images", r.views, ""],
       ["noise of one coordinate", r.noise, "px"], ["stated by the detector", r.detector_sigma, "px"], ["floor that the points allow", r.floor, "px"],

@@ -11,6 +11,7 @@
 #include <numbers>
 
 #include "calib/median.h"
+#include "calib/weak_directions.h"
 
 namespace plenocal {
 namespace {
@@ -228,7 +229,7 @@ class Judgement {
                           : Grade::kBad,
         fmt::format("{} determined by these images: {}{}.{}",
                     weak.determined ? "Weakly" : "Not",
-                    fmt::join(weak.parameters, ", "),
+                    Listed(weak.parameters),
                     what,
                     is_harmless ? " The projection is certain all the same." : ""),
         weak.remedy.empty() ? "Add images from other distances and at other tilts, over the whole "

@@ -22,6 +22,13 @@ struct CentralModel {
   static constexpr std::array<Param, 0> kConfig{};
   static constexpr std::array<double, 0> kExampleConfig{};
   static constexpr bool kCentral = true;
+
+  static Misfit JudgeFit(const CameraModel& model,
+                         const StartProblem& problem,
+                         std::span<const double> params,
+                         double median_error) {
+    return CentralMisfit(model, problem, params, median_error);
+  }
 };
 
 /// `f_x f_y c_x c_y`, then a lens' own parameters.

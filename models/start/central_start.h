@@ -2,6 +2,8 @@
 #pragma once
 
 #include <functional>
+#include <span>
+#include <string>
 #include <vector>
 
 #include "calib/camera_model.h"
@@ -25,5 +27,13 @@ std::vector<StartCandidate> StartCentral(
     const CameraModel& model,
     const StartProblem& problem,
     const std::function<std::vector<double>(double f, double c_x, double c_y)>& near_axis);
+
+/// Whether a fisheye (`kannala-brandt4`) explains the views far better than the central model's best
+/// start with residuals of median length `median_error`, px; impossible when it sees points 90
+/// degrees and more off the axis where the model images nothing.
+Misfit CentralMisfit(const CameraModel& model,
+                     const StartProblem& problem,
+                     std::span<const double> params,
+                     double median_error);
 
 }  // namespace plenocal

@@ -15,6 +15,7 @@
 #include <random>
 
 #include "models/registry.h"
+#include "models/splined.h"
 #include "tests/apps/workspace.h"
 
 namespace plenocal::testing {
@@ -449,6 +450,74 @@ TEST_F(Exchange, OpenCvReadsAndProjectsTheSame) {
     EXPECT_NEAR(u[0], pixels[i].x, 1e-6);
     EXPECT_NEAR(u[1], pixels[i].y, 1e-6);
   }
+}
+
+class SplinedExchange : public Exchange {
+ protected:
+  SplinedExchange() {
+    std::string params;
+    for (size_t k = 0; k < Splined::kParams.size(); ++k) {
+      params += fmt::format(
+          "{}{}: {}", k == 0 ? "" : ", ", Splined::kParams[k].name, Splined::kExample[k]);
+    }
+    Write("splined.yaml",
+          fmt::format("plenocal: 1\ncameras:\n  cam:\n    model: splined\n    image_size: [640, "
+                      "480]\n    parameters: {{{}}}\n    T_camera_rig: [[1, 0, 0, 0], [0, 1, 0, 0], "
+                      "[0, 0, 1, 0], [0, 0, 0, 1]]\n",
+                      params));
+  }
+};
+
+TEST_F(SplinedExchange, MrcalsFileHoldsAllOfIt) {
+  Export("mrcal", "cam", "splined.yaml");
+  const YAML::Node camera = Import("mrcal", "file.mrcal")["cameras"].begin()->second;
+  EXPECT_EQ(camera["model"].as<std::string>(), "splined");
+  for (size_t k = 0; k < Splined::kParams.size(); ++k) {
+    EXPECT_EQ(camera["parameters"][std::string(Splined::kParams[k].name)].as<double>(),
+              Splined::kExample[k])
+        << Splined::kParams[k].name;
+  }
+  Write("half.yaml", Replaced(Read("splined.yaml"), "fov: 160", "fov: 160.5"));
+  ExpectRefused(kJobFailed,
+                {"export", "half.yaml", "--format", "mrcal", "-o", "half.cameramodel"},
+                {"whole degrees", "fov: 161"});
+  Write("odd.cameramodel", Replaced(Read("file.mrcal"), "_deg=160", "_deg=16x"));
+  ExpectRefused(kWrongInput,
+                {"import", "odd.cameramodel", "--format", "mrcal", "-o", "out"},
+                {"odd.cameramodel:2:", "11 x 9 knots"});
+}
+
+TEST_F(SplinedExchange, MrcalProjectsTheSame) {
+  if (std::system("/usr/bin/python3 -c 'import mrcal' 2>/dev/null") != 0) {
+    GTEST_SKIP() << "no python3-mrcal";
+  }
+  Export("mrcal", "cam", "splined.yaml");
+  // To 85 degrees off the axis, so that the last cells and what lies beyond take part.
+  Write("project.py", R"(
+import mrcal, numpy as np
+t, a = np.meshgrid(np.linspace(0, 1.48, 40), np.linspace(0, 6.2, 25))
+p = np.stack((np.sin(t) * np.cos(a), np.sin(t) * np.sin(a), np.cos(t)), -1).reshape(-1, 3)
+q = mrcal.project(p, *mrcal.cameramodel('file.mrcal').intrinsics())
+print('X,Y,Z,x,y')
+for row in np.hstack((p, q)): print(','.join(f'{value:.17g}' for value in row))
+)");
+  const std::string command =
+      "cd " + Path("").string() + " && /usr/bin/python3 project.py > projected.csv";
+  ASSERT_EQ(std::system(command.c_str()), 0);
+  const Table projected(Read("projected.csv"));
+  const std::vector<double> X = projected.Numbers("X"), Y = projected.Numbers("Y"),
+                            Z = projected.Numbers("Z"), x = projected.Numbers("x"),
+                            y = projected.Numbers("y");
+  ASSERT_EQ(x.size(), 1000U);
+  int imaged = 0;
+  for (size_t i = 0; i < x.size(); ++i) {
+    double u[2];
+    if (!Splined::Project(Splined::kExample.data(), Vector3<double>(X[i], Y[i], Z[i]), u)) continue;
+    ++imaged;
+    EXPECT_NEAR(u[0], x[i], 1e-9);
+    EXPECT_NEAR(u[1], y[i], 1e-9);
+  }
+  EXPECT_GT(imaged, 900);
 }
 
 TEST_F(Exchange, MrcalReadsAndProjectsTheSame) {

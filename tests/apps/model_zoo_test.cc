@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Models of fisheye lenses on a real set with views held out (shared/data; skipped where it is
-// absent), and a camera that is held in all.
+// Models on real sets (shared/data; skipped where it is absent), with views held out, and on
+// simulated lenses; a camera that is held in all.
 #include <fmt/format.h>
 
 #include <cmath>
 #include <fstream>
 #include <sstream>
 
+#include "models/splined.h"
 #include "tests/apps/workspace.h"
 
 namespace plenocal::testing {
@@ -96,6 +97,113 @@ INSTANTIATE_TEST_SUITE_P(Models,
                            return test.param == std::string("double-sphere") ? "DoubleSphere"
                                                                              : "KannalaBrandt4";
                          });
+
+// Random cameras of one model, seen in noisy points.
+class SimulatedLens : public Workspace {
+ protected:
+  // `parameters` as in the specification; makes set/.
+  void Simulate(const std::string& model, const std::string& parameters, int frames) const {
+    Write("target.yaml", "plenocal: 1\ntype: chessboard\ncolumns: 14\nrows: 10\nsquare: 0.03\n");
+    Write("spec.yaml",
+          fmt::format("plenocal: 1\nseed: 3\ntarget: target.yaml\ntarget_error: 0\ncameras:\n  cam: "
+                      "{{model: {}, image_size: [640, 480], parameters: {{{}}}, detection_sigma: "
+                      "0.05}}\nposes: {{frames: {}, distance: [0.18, 0.45], partial: 0.3}}\n",
+                      model,
+                      parameters,
+                      frames));
+    const Outcome outcome = Run({"simulate", "spec.yaml", "--points", "-o", "set"});
+    ASSERT_EQ(outcome.status, kDone) << outcome.err;
+  }
+  void ExpectTruthWithinUncertainty() const {
+    const Outcome compared = Run({"compare", "out/calibration.yaml", "set/truth/calibration.yaml"});
+    EXPECT_EQ(compared.status, kDone) << compared.err;
+    EXPECT_THAT(compared.out, ::testing::HasSubstr("same within")) << compared.out;
+  }
+  static std::string SplinedParameters() {
+    std::string text;
+    for (size_t k = 0; k < Splined::kParams.size(); ++k) {
+      text += fmt::format(
+          "{}{}: {}", k == 0 ? "" : ", ", Splined::kParams[k].name, Splined::kExample[k]);
+    }
+    return text;
+  }
+};
+
+TEST_F(SimulatedLens, OfASplineIsFoundWithinItsUncertainty) {
+  Simulate("splined", SplinedParameters(), 30);
+  const Outcome outcome = Run({"calibrate", "set/session.yaml", "-o", "out"});
+  ASSERT_EQ(outcome.status, kDone) << outcome.err;
+  // One line for all coefficients.
+  EXPECT_THAT(outcome.out, ::testing::HasSubstr("x_00_00 ... y_10_08: 198 coefficients"));
+  EXPECT_THAT(outcome.out, ::testing::Not(::testing::HasSubstr("x_03_03 ")));
+  const YAML::Node camera = Result()["cameras"]["cam"];
+  EXPECT_EQ(camera["sigma"]["f_x"].as<double>(), 0);
+  EXPECT_GT(camera["sigma"]["x_03_03"].as<double>(), 0);
+  EXPECT_LT(camera["sigma"]["x_03_03"].as<double>(), 1e-3);
+  ExpectTruthWithinUncertainty();
+}
+
+TEST_F(SimulatedLens, SplineSaysWhichCoefficientsFollowFromItsPriorAlone) {
+  Simulate("splined", SplinedParameters(), 20);
+  // Nothing is seen in the left third of the image.
+  std::string right;
+  for (const std::string& line : Lines(Read("set/cam.csv"))) {
+    std::stringstream row(line);
+    std::string frame, marker, x;
+    std::getline(std::getline(std::getline(row, frame, ','), marker, ','), x, ',');
+    if (frame == "frame" || std::stod(x) > 213) right += line + "\n";
+  }
+  Write("set/cam.csv", right);
+  const Outcome outcome = Run({"calibrate", "set/session.yaml", "-o", "out", "--no-report"});
+  ASSERT_EQ(outcome.status, kDone) << outcome.err;
+  EXPECT_THAT(outcome.out, ::testing::HasSubstr("coefficients, told by the model's prior"));
+  const YAML::Node sigma = Result()["cameras"]["cam"]["sigma"];
+  EXPECT_GT(sigma["x_01_04"].as<double>(), 0.2);
+  EXPECT_LT(sigma["x_08_04"].as<double>(), 1e-3);
+}
+
+TEST_F(SimulatedLens, SphericalNeedsNoStartValue) {
+  Simulate("spherical", "f_x: 200, f_y: 202, c_x: 319.5, c_y: 244", 20);
+  const Outcome outcome = Run({"calibrate", "set/session.yaml", "-o", "out", "--no-report"});
+  ASSERT_EQ(outcome.status, kDone) << outcome.err;
+  EXPECT_EQ(Result()["cameras"]["cam"]["sigma"]["c_x"].as<double>(), 0);
+  ExpectTruthWithinUncertainty();
+}
+
+TEST_F(SimulatedLens, BeyondAModelsRaysIsNamedAsSuch) {
+  // 200 degrees over the image's width.
+  Simulate("kannala-brandt4", "f_x: 183, f_y: 183, c_x: 320, c_y: 240", 30);
+  Write("set/session.yaml",
+        Replaced(Read("set/session.yaml"), "model: kannala-brandt4", "model: pinhole-radtan"));
+  const Outcome outcome = Run({"calibrate", "set/session.yaml", "-o", "out"});
+  EXPECT_EQ(outcome.status, kJobFailed);
+  EXPECT_EQ(Lines(outcome.err).size(), 1U) << outcome.err;
+  EXPECT_THAT(outcome.err,
+              ::testing::AllOf(::testing::HasSubstr("90 degrees and more off the optical axis"),
+                               ::testing::HasSubstr("'plenocal try' compares models")));
+}
+
+TEST_F(SimulatedLens, RealCornersAreExplainedAsByMrcalsSpline) {
+  const fs::path set = fs::path(PLENOCAL_SHARED_DATA) / "frames/corners_mrcal_figueroa";
+  if (!fs::exists(set)) GTEST_SKIP() << set << " is absent";
+  const Outcome imported = Run(
+      {"import", (set / "corners.vnl").string(), "--format", "mrcal-corners", "-o", "corners.csv"});
+  ASSERT_EQ(imported.status, kDone) << imported.err;
+  std::string some;  // every eighth frame
+  for (const std::string& line : Lines(Read("corners.csv"))) {
+    if (line.starts_with("frame,") || std::stoi(line.substr(5)) % 8 == 0) some += line + "\n";
+  }
+  Write("corners.csv", some);
+  Write("target.yaml",
+        "plenocal: 1\ntype: chessboard\ncolumns: 10\nrows: 10\nsquare: 0.077\ntolerance: 0.002\n");
+  Write("session.yaml",
+        "plenocal: 1\ntarget: target.yaml\ncameras:\n  cam: {model: splined, detections: "
+        "corners.csv, image_size: [6016, 4016]}\n");
+  Calibrate();
+  const YAML::Node fit = Result()["cameras"]["cam"];
+  // SOURCE.md: mrcal's spline of 30 x 20 knots over all frames.
+  EXPECT_LT(fit["rms"].as<double>(), 0.6088);
+}
 
 }  // namespace
 }  // namespace plenocal::testing

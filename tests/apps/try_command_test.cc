@@ -88,19 +88,66 @@ TEST_F(TryCommand, RecommendsTheTrueModelAndNeitherATooSimpleNorATooRichOne) {
 }
 
 TEST_F(TryCommand, AModelThatFailsIsARowWithItsReason) {
-  WriteProblem(MakeProblem(5, {.cameras = 1, .frames = 8, .noise = 0.1}));
+  // A lens of 200 degrees.
+  Write("target.yaml", "plenocal: 1\ntype: chessboard\ncolumns: 14\nrows: 10\nsquare: 0.03\n");
+  Write("spec.yaml",
+        "plenocal: 1\nseed: 3\ntarget: target.yaml\ncameras:\n  cam: {model: kannala-brandt4, "
+        "image_size: [640, 480], parameters: {f_x: 183, f_y: 183, c_x: 320, c_y: 240}, "
+        "detection_sigma: 0.05}\nposes: {frames: 30, distance: [0.18, 0.45], partial: 0.3}\n");
+  ASSERT_EQ(Run({"simulate", "spec.yaml", "--points", "-o", "set"}).status, kDone);
   const Outcome outcome =
-      Run({"try", "session.yaml", "--models", "spherical,pinhole-radial3", "-o", "out"});
+      Run({"try", "set/session.yaml", "--models", "pinhole-radtan4,kannala-brandt4", "-o", "out"});
   ASSERT_EQ(outcome.status, kDone) << outcome.err;
-  EXPECT_THAT(outcome.out, HasSubstr("c_x cannot be determined"));
-  EXPECT_THAT(outcome.out, HasSubstr("recommended: pinhole-radial3"));
+  EXPECT_THAT(outcome.out, HasSubstr("90 degrees and more off the optical axis"));
+  EXPECT_THAT(outcome.out, HasSubstr("recommended: kannala-brandt4"));
   EXPECT_THAT(Read("out/try.yaml"), HasSubstr("failure: \""));
   // Alone it leaves nothing to recommend.
-  const Outcome none = Run({"try", "session.yaml", "--models", "spherical", "-o", "none"});
+  const Outcome none =
+      Run({"try", "set/session.yaml", "--models", "pinhole-radtan4", "-o", "none"});
   EXPECT_EQ(none.status, kJobFailed);
-  EXPECT_THAT(none.err, HasSubstr("c_x cannot be determined"));
+  EXPECT_THAT(none.err, HasSubstr("90 degrees and more off the optical axis"));
   EXPECT_TRUE(Results("none").empty());
 }
+
+// A small part of bench/try_simulated.
+class TryOnSimulatedLens : public TryCommand,
+                           public ::testing::WithParamInterface<std::pair<const char*, const char*>> {};
+
+TEST_P(TryOnSimulatedLens, FindsTheModelBehindIt) {
+  const auto& [model, parameters] = GetParam();
+  Write("target.yaml", "plenocal: 1\ntype: chessboard\ncolumns: 14\nrows: 10\nsquare: 0.03\n");
+  Write("spec.yaml",
+        fmt::format("plenocal: 1\nseed: 1\ntarget: target.yaml\ncameras:\n  cam: {{model: {}, "
+                    "image_size: [640, 480], parameters: {{{}}}, detection_sigma: 0.05}}\nposes: "
+                    "{{frames: 20, distance: [0.18, 0.45], partial: 0.3}}\n",
+                    model,
+                    parameters));
+  ASSERT_EQ(Run({"simulate", "spec.yaml", "--points", "-o", "set"}).status, kDone);
+  const Outcome outcome = Run({"try",
+                               "set/session.yaml",
+                               "--models",
+                               "pinhole,pinhole-radtan,kannala-brandt4,fov,ucm,eucm,double-sphere,"
+                               "division",
+                               "-o",
+                               "out"});
+  ASSERT_EQ(outcome.status, kDone) << outcome.err;
+  EXPECT_THAT(outcome.out, HasSubstr(fmt::format("\nrecommended: {}, ", model)));
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Lenses,
+    TryOnSimulatedLens,
+    ::testing::Values(
+        std::pair("pinhole-radtan", "f_x: 430, f_y: 432, c_x: 316, c_y: 244, k_1: -0.21, k_2: 0.09, "
+                                    "p_1: 0.0012, p_2: -0.0016, k_3: -0.02"),
+        std::pair("fov", "f_x: 270, f_y: 271, c_x: 325, c_y: 236, omega: 0.93"),
+        std::pair("double-sphere",
+                  "f_x: 205, f_y: 206, c_x: 316, c_y: 244, xi: -0.21, alpha: 0.58")),
+    [](const auto& test) {
+      std::string name(test.param.first);
+      std::erase(name, '-');
+      return name;
+    });
 
 TEST_F(TryCommand, VariesOneCameraOfARigOrAll) {
   SyntheticProblem problem = MakeProblem(7, {.cameras = 2, .frames = 10, .noise = 0.1});
