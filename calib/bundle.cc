@@ -133,11 +133,21 @@ struct IntrinsicsBlock {
   [[nodiscard]] bool IsHeld(size_t slot) const { return fixed[slot] || at_bound[slot]; }
 };
 
+// The place of a parameter that is held outside of the block.
+constexpr size_t kNoSlot = std::numeric_limits<size_t>::max();
+
 // Where one camera's parameters are.
 struct Intrinsics {
   IntrinsicsBlock* block = nullptr;
   std::vector<size_t> slots;  // per parameter; empty when the block is the camera's alone, in order
 };
+
+// Held parameters in a block cost Ceres a dense product for each residual block. Many that are free
+// beside some that are not have a block without these.
+bool LeavesOutHeld(const BundleCamera& camera) {
+  const auto held = std::count(camera.fixed.begin(), camera.fixed.end(), true);
+  return camera.model->local && held > 0 && held < std::ssize(camera.fixed);
+}
 
 // Blocks of all cameras; two that have a parameter in common have one.
 std::vector<Intrinsics> MakeIntrinsics(const Bundle& bundle, std::deque<IntrinsicsBlock>* blocks) {
@@ -165,7 +175,9 @@ std::vector<Intrinsics> MakeIntrinsics(const Bundle& bundle, std::deque<Intrinsi
       const ParamPlace root = bundle.Root(c, k);
       const bool is_root = root == ParamPlace{c, k};
       if (is_root != roots) continue;
-      if (is_root) {
+      if (!tied[c] && camera.fixed[k] && LeavesOutHeld(camera)) {
+        slots[c][k] = kNoSlot;
+      } else if (is_root) {
         slots[c][k] = block.values.size();
         block.values.push_back(camera.params[k]);
         block.fixed.push_back(camera.fixed[k]);
@@ -175,8 +187,8 @@ std::vector<Intrinsics> MakeIntrinsics(const Bundle& bundle, std::deque<Intrinsi
       } else {
         slots[c][k] = slots[root.camera][root.param];
       }
-      if (camera.rules.empty()) continue;
       const size_t slot = slots[c][k];
+      if (camera.rules.empty() || slot == kNoSlot) continue;
       const ParamRule& rule = camera.rules[k];
       block.lower[slot] = std::max(block.lower[slot], rule.lower);
       block.upper[slot] = std::min(block.upper[slot], rule.upper);
@@ -193,7 +205,7 @@ std::vector<Intrinsics> MakeIntrinsics(const Bundle& bundle, std::deque<Intrinsi
   }
   for (size_t c = 0; c < count; ++c) add(c, false);
   for (size_t c = 0; c < count; ++c) {
-    if (tied[c]) all[c].slots = slots[c];
+    if (tied[c] || LeavesOutHeld(bundle.cameras[c])) all[c].slots = slots[c];
   }
   return all;
 }
@@ -295,6 +307,7 @@ class ViewCost : public ceres::CostFunction {
       Robustify(out);
       for (size_t r = 0; r < rows && J_intrinsics != nullptr && !direct; ++r) {
         for (size_t k = 0; k < count; ++k) {
+          if (slots_[k] == kNoSlot) continue;
           J_intrinsics[(row + r) * width + slots_[k]] += own[r * count + k];
         }
       }
@@ -311,7 +324,10 @@ class ViewCost : public ceres::CostFunction {
   // The camera's parameters among those of its block.
   const double* Gather(const double* block, std::vector<double>* buffer) const {
     if (slots_.empty()) return block;
-    for (const size_t slot : slots_) buffer->push_back(block[slot]);
+    *buffer = camera_.params;
+    for (size_t k = 0; k < slots_.size(); ++k) {
+      if (slots_[k] != kNoSlot) (*buffer)[k] = block[slots_[k]];
+    }
     return buffer->data();
   }
 
@@ -863,6 +879,7 @@ AdjustSummary Adjust(Bundle* bundle, const AdjustOptions& options) {
     camera.at_bound.assign(camera.rules.empty() ? 0 : camera.params.size(), false);
     for (size_t k = 0; k < camera.params.size(); ++k) {
       const size_t slot = intrinsics[i].slots.empty() ? k : intrinsics[i].slots[k];
+      if (slot == kNoSlot) continue;
       camera.params[k] = intrinsics[i].block->place[slot];
       if (!camera.rules.empty()) camera.at_bound[k] = intrinsics[i].block->at_bound[slot];
     }
