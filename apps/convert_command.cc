@@ -49,6 +49,7 @@ void RunConvert(const ConvertCommand& command) {
              model->name,
              conversion.errors.size());
   for (size_t i = 0; i < model->params.size(); ++i) {
+    if (model->params[i].prior_sigma > 0) continue;  // too many to read
     fmt::print("    {:<6} {:.9g}{}\n",
                model->params[i].name,
                conversion.params[i],

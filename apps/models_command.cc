@@ -41,7 +41,8 @@ void RunModels() {
     }
     fmt::print(" {}", fmt::join(params, ", "));
     if (!of_field.empty()) {
-      fmt::print(", {} ... {}: {} coefficients", of_field.front(), of_field.back(), of_field.size());
+      fmt::print(
+          ", {} ... {}: {} coefficients", of_field.front(), of_field.back(), of_field.size());
     }
     fmt::print("\n");
     if (!model.config.empty()) {

@@ -245,11 +245,11 @@ class Trials {
         if (seen_by.contains(static_cast<int>(c))) continue;
         throw Error(ErrorKind::kJob, input_.cameras[c].name + " has no observations left");
       }
-      const AdjustSummary summary =
-          Adjust(&trained, {.loss = input_.loss, .cost_tolerance = 1e-9, .on_iteration = [&](int, double) {
-                              Stage(stage);
-                              return true;
-                            }});
+      const AdjustSummary summary = Adjust(
+          &trained, {.loss = input_.loss, .cost_tolerance = 1e-9, .on_iteration = [&](int, double) {
+                       Stage(stage);
+                       return true;
+                     }});
       if (!summary.usable) throw Error(ErrorKind::kJob, summary.message);
       HeldOutPoses(trained, fold, &residuals_[m]);
       return {};
@@ -414,6 +414,29 @@ class Trials {
     return StudentTail(mean.value / mean.sigma, static_cast<double>(choice_.frames - 1));
   }
 
+  // Of residuals that go along with the difference between this model's and the best's predictions
+  // as much as these do, if that difference were chance. Under the hypothesis the terms of frames
+  // have no mean and do not correlate, since predictions of a frame do not know its noise.
+  [[nodiscard]] double ProbabilityOfAgreement(size_t m, size_t best) const {
+    std::vector<double> sums(choice_.frames, 0.0);
+    const size_t rows = choice_.trials[m].model->measured.size();
+    for (size_t p = 0; p < points_.size(); ++p) {
+      if (!counts_[p]) continue;
+      const auto& own = residuals_[m][p].values;
+      const auto& of_best = residuals_[best][p].values;
+      for (size_t r = 0; r < rows; ++r) {
+        if (std::abs(own[r] - of_best[r]) < kExact) continue;
+        sums[points_[p].frame] += own[r] * (own[r] - of_best[r]);
+      }
+    }
+    double sum = 0, squares = 0;
+    const auto n = static_cast<double>(choice_.frames);
+    for (const double each : sums) sum += each;
+    for (const double each : sums) squares += std::pow(each - sum / n, 2);
+    if (!(sum > 0)) return 1;
+    return StudentTail(sum / std::sqrt(squares * n / (n - 1)), n - 1);
+  }
+
   void Score() {
     auto& trials = choice_.trials;
     double good = 0, most = 0;
@@ -467,7 +490,8 @@ class Trials {
     }
     for (size_t m = 0; m < trials.size(); ++m) {
       if (!trials[m].comparable || m == best) continue;
-      trials[m].probability = ProbabilityOfExcess(squares[m], squares[best]);
+      trials[m].probability =
+          std::min(ProbabilityOfExcess(squares[m], squares[best]), ProbabilityOfAgreement(m, best));
     }
   }
 

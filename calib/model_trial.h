@@ -42,8 +42,8 @@ struct ModelTrial {
   bool comparable = false;
   double rms = 0, rms_sigma = 0;       ///< of the held-out points and its uncertainty, px
   std::vector<HeldOutPoint> held_out;  ///< those that all comparable models image
-  /// Probability of squares that exceed the best model's, frame by frame, by as much as this one's
-  /// do, if both were equally good.
+  /// The smaller one of two tests' probabilities of what is seen, if this model were as good as the
+  /// best (`TryModels`).
   double probability = 1;
 };
 
@@ -59,8 +59,8 @@ struct ModelChoice {
 
 /// Calibrates the session once with each model for the `varied` cameras (which keep the session's
 /// start values and held parameters under their own model only), then once without each of K parts
-/// of the frames (every K-th frame), which starts there and keeps its outliers and noise. A held-out
-/// frame gets a pose and nothing else; markers are where the training put them.
+/// of the frames (every K-th frame), which starts there and keeps its outliers and noise. A
+/// held-out frame gets a pose and nothing else; markers are where the training put them.
 ///
 /// Outliers are the same points for all models, those that are rejected by the model which explains
 /// the observations best: it has the smallest sum of squares that are cut off where points are
@@ -69,10 +69,13 @@ struct ModelChoice {
 /// Inference for the generalization error, Machine Learning 52, 2003).
 ///
 /// Recommended is the model with the fewest free parameters of those that are not worse than the
-/// best: neither at the level of 5 % in a paired one-sided t-test over frames (of the logarithms of
-/// the ratios of the mean squares, since the squares of a model that does not fit have long tails),
-/// nor by more than the standard error of the best one's RMS (Breiman et al., Classification and
-/// Regression Trees, 1984).
+/// best: neither at the level of 5 % in one of two one-sided t-tests over frames, nor by more than
+/// the standard error of the best one's RMS (Breiman et al., Classification and Regression Trees,
+/// 1984). The first test is of the logarithms of the ratios of the mean squares, since the squares
+/// of a model that does not fit have long tails. The second finds what is much smaller than the
+/// noise: whether a model's residuals go along with the difference between its predictions and the
+/// best's (Clark and West, Approximately normal tests for equal predictive accuracy in nested
+/// models, Journal of Econometrics 138, 2007; a mean square error does not see the half of it).
 ///
 /// Throws `Error` of kind kJob when there are too few frames or no model can be calibrated.
 ModelChoice TryModels(const CalibrationInput& input,

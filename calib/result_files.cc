@@ -541,11 +541,8 @@ std::string Summary(const Calibration& calibration) {
       if (unknowns.open != open) continue;
       if (!any) text += heading;
       any = true;
-      fmt::format_to(out,
-                     "  {}: {}\n    {}\n",
-                     Listed(unknowns.names),
-                     unknowns.what,
-                     unknowns.remedy);
+      fmt::format_to(
+          out, "  {}: {}\n    {}\n", Listed(unknowns.names), unknowns.what, unknowns.remedy);
     }
   };
   list(true, "\nNOT DETERMINED by these images:\n");

@@ -272,8 +272,8 @@ CameraStart StartCamera(const CameraInput& camera, const std::map<int, Eigen::Ve
 
   CameraStart start;
   if (camera.model->misfit != nullptr) {
-    const Misfit misfit = camera.model->misfit(
-        *camera.model, problem, best->bundle.cameras[0].params, best->median);
+    const Misfit misfit =
+        camera.model->misfit(*camera.model, problem, best->bundle.cameras[0].params, best->median);
     if (!misfit.reason.empty()) {
       start.misfit = fmt::format("{}: {} {}", camera.name, camera.model->name, misfit.reason);
     }

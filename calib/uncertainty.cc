@@ -166,8 +166,8 @@ class OwnColumns {
   bool mount_ = false;
   // Parameters that are estimated, each with its column; equal ones have one.
   std::vector<std::pair<Eigen::Index, Eigen::Index>> free_;
-  Eigen::Index own_params_ = 0;  // columns of parameters
-  std::vector<int> places_;      // of the columns in the reduced system
+  Eigen::Index own_params_ = 0;        // columns of parameters
+  std::vector<int> places_;            // of the columns in the reduced system
   std::vector<Eigen::Index> touched_;  // columns that may differ from zero
   Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> J_params_;
   double J_mount_[kMaxObservationSize * 6], J_pose_[kMaxObservationSize * 6],

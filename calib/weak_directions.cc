@@ -11,7 +11,7 @@ namespace plenocal {
 namespace {
 
 constexpr double kCorrelated = 0.99;
-constexpr double kLarge = 0.1;  // part of a parameter's size
+constexpr double kLarge = 0.1;   // part of a parameter's size
 constexpr double kUntold = 0.7;  // of a prior's sigma: half of the information is the prior's
 
 constexpr const char* kGeneralRemedy =

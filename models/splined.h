@@ -31,8 +31,8 @@ namespace plenocal {
 
 /// The knots of `Splined` and their places among its parameters.
 struct SplinedGrid {
-  // 8 x 6 cells over an image of 4 : 3, each somewhat larger than the distance of a target's points:
-  // more knots than points would follow the noise.
+  // 8 x 6 cells over an image of 4 : 3, each somewhat larger than the distance of a target's
+  // points: more knots than points would follow the noise.
   static constexpr int kColumns = 11, kRows = 9, kKnots = kColumns * kRows;
   static constexpr int kFov = 4, kFirstKnot = 5;
 

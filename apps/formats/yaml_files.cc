@@ -249,12 +249,13 @@ std::string MrcalSpline(std::string_view fov_deg) {
 Lens ToMrcalSpline(const CalibratedCamera& camera) {
   const double fov = camera.params[Splined::kFov];
   if (fov != std::round(fov)) {
-    throw Error(ErrorKind::kJob,
-                fmt::format("camera '{}': mrcal's splines have a fov of whole degrees, this one has "
-                            "{}; calibrate with 'initial: {{fov: {:.0f}}}'",
-                            camera.name,
-                            fov,
-                            std::ceil(fov)));
+    throw Error(
+        ErrorKind::kJob,
+        fmt::format("camera '{}': mrcal's splines have a fov of whole degrees, this one has "
+                    "{}; calibrate with 'initial: {{fov: {:.0f}}}'",
+                    camera.name,
+                    fov,
+                    std::ceil(fov)));
   }
   return {MrcalSpline(fmt::format("{:.0f}", fov)),
           camera.params[0],
@@ -270,11 +271,12 @@ CalibratedCamera FromMrcalSpline(const YamlNode& name, const YamlNode& intrinsic
   const std::string fov_deg = text.starts_with(prefix) ? text.substr(prefix.size()) : "";
   const auto is_digit = [](char c) { return c >= '0' && c <= '9'; };
   if (fov_deg.empty() || fov_deg.size() > 3 || !std::ranges::all_of(fov_deg, is_digit)) {
-    name.Fail(fmt::format("only splines of order 3 with {} x {} knots are read; make it one with "
-                          "'mrcal-convert-lensmodel {} FILE'",
-                          Splined::kColumns,
-                          Splined::kRows,
-                          MrcalSpline("...")));
+    name.Fail(
+        fmt::format("only splines of order 3 with {} x {} knots are read; make it one with "
+                    "'mrcal-convert-lensmodel {} FILE'",
+                    Splined::kColumns,
+                    Splined::kRows,
+                    MrcalSpline("...")));
   }
   CalibratedCamera camera;
   camera.model = FindModel(CameraModels(), Splined::kName);
@@ -318,11 +320,10 @@ std::vector<CalibratedCamera> ReadMrcal(const CameraSource& source) {
   }
   const YamlNode root = YamlNode::Parse(text, source.path.string());
   const YamlNode lens = root.At(root.Has("lensmodel") ? "lensmodel" : "lens_model");
-  const ImageSize image_size = ReadImageSize(root.At("imagersize"));
   CalibratedCamera camera;
   if (lens.AsString().starts_with("LENSMODEL_SPLINED")) {
     camera = FromMrcalSpline(lens, root.At("intrinsics"));
-    camera.image_size = image_size;
+    camera.image_size = ReadImageSize(root.At("imagersize"));
   } else {
     const std::vector<double> intrinsics = root.At("intrinsics").AsNumbers(0);
     if (intrinsics.size() < 4) root.At("intrinsics").Fail("expected at least four numbers");
@@ -332,7 +333,7 @@ std::vector<CalibratedCamera> ReadMrcal(const CameraSource& source) {
                        intrinsics[2],
                        intrinsics[3],
                        {intrinsics.begin() + 4, intrinsics.end()}},
-                      image_size,
+                      ReadImageSize(root.At("imagersize")),
                       MrcalLenses(),
                       source.path.string());
   }

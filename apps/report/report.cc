@@ -265,9 +265,9 @@ class ReportData {
         {"source", camera.model->source},
         {"image_size", camera.image_size},
         {"parameters", ParametersJson(camera)},
-        {"coefficients", std::ranges::count_if(camera.model->params, [](const Param& param) {
-           return param.prior_sigma > 0;
-         })},
+        {"coefficients",
+         std::ranges::count_if(camera.model->params,
+                               [](const Param& param) { return param.prior_sigma > 0; })},
         {"T_camera_rig", Transform(camera.T_camera_rig)},
         {"xi_camera_rig", Numbers(camera.xi)},
         {"sigma_xi", Numbers({camera.sigma_xi.data(), 6})},

@@ -317,23 +317,21 @@ Misfit CentralMisfit(const CameraModel& model,
       ++all;
       farthest = std::max(farthest, std::acos(std::clamp(ray->direction.z(), -1.0, 1.0)));
       double u[2];
-      if (ray->direction.z() <= 0 && !model.project(params.data(),
-                                                    problem.config.data(),
-                                                    seen.values.data(),
-                                                    ray->direction,
-                                                    u)) {
+      if (ray->direction.z() <= 0 &&
+          !model.project(
+              params.data(), problem.config.data(), seen.values.data(), ray->direction, u)) {
         ++beyond;
       }
     }
   }
-  const bool impossible =
-      static_cast<double>(beyond) > kFewPoints * static_cast<double>(all);
+  const bool impossible = static_cast<double>(beyond) > kFewPoints * static_cast<double>(all);
   const std::string where =
-      impossible ? fmt::format("{} of {} points looked at are 90 degrees and more off the optical axis "
-                               "(up to {:.0f}), where it images nothing",
-                               beyond,
-                               all,
-                               farthest * 180 / std::numbers::pi)
+      impossible ? fmt::format(
+                       "{} of {} points looked at are 90 degrees and more off the optical axis "
+                       "(up to {:.0f}), where it images nothing",
+                       beyond,
+                       all,
+                       farthest * 180 / std::numbers::pi)
                  : fmt::format("the points are up to {:.0f} degrees off the optical axis",
                                farthest * 180 / std::numbers::pi);
   return {fmt::format("does not describe this lens: {}; start values leave residuals of {:.2g} px "

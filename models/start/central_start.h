@@ -28,8 +28,8 @@ std::vector<StartCandidate> StartCentral(
     const StartProblem& problem,
     const std::function<std::vector<double>(double f, double c_x, double c_y)>& near_axis);
 
-/// Whether a fisheye (`kannala-brandt4`) explains the views far better than the central model's best
-/// start with residuals of median length `median_error`, px; impossible when it sees points 90
+/// Whether a fisheye (`kannala-brandt4`) explains the views far better than the central model's
+/// best start with residuals of median length `median_error`, px; impossible when it sees points 90
 /// degrees and more off the axis where the model images nothing.
 Misfit CentralMisfit(const CameraModel& model,
                      const StartProblem& problem,

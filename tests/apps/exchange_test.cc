@@ -460,11 +460,12 @@ class SplinedExchange : public Exchange {
       params += fmt::format(
           "{}{}: {}", k == 0 ? "" : ", ", Splined::kParams[k].name, Splined::kExample[k]);
     }
-    Write("splined.yaml",
-          fmt::format("plenocal: 1\ncameras:\n  cam:\n    model: splined\n    image_size: [640, "
-                      "480]\n    parameters: {{{}}}\n    T_camera_rig: [[1, 0, 0, 0], [0, 1, 0, 0], "
-                      "[0, 0, 1, 0], [0, 0, 0, 1]]\n",
-                      params));
+    Write(
+        "splined.yaml",
+        fmt::format("plenocal: 1\ncameras:\n  cam:\n    model: splined\n    image_size: [640, "
+                    "480]\n    parameters: {{{}}}\n    T_camera_rig: [[1, 0, 0, 0], [0, 1, 0, 0], "
+                    "[0, 0, 1, 0], [0, 0, 0, 1]]\n",
+                    params));
   }
 };
 

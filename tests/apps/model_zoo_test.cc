@@ -104,13 +104,14 @@ class SimulatedLens : public Workspace {
   // `parameters` as in the specification; makes set/.
   void Simulate(const std::string& model, const std::string& parameters, int frames) const {
     Write("target.yaml", "plenocal: 1\ntype: chessboard\ncolumns: 14\nrows: 10\nsquare: 0.03\n");
-    Write("spec.yaml",
-          fmt::format("plenocal: 1\nseed: 3\ntarget: target.yaml\ntarget_error: 0\ncameras:\n  cam: "
-                      "{{model: {}, image_size: [640, 480], parameters: {{{}}}, detection_sigma: "
-                      "0.05}}\nposes: {{frames: {}, distance: [0.18, 0.45], partial: 0.3}}\n",
-                      model,
-                      parameters,
-                      frames));
+    Write(
+        "spec.yaml",
+        fmt::format("plenocal: 1\nseed: 3\ntarget: target.yaml\ntarget_error: 0\ncameras:\n  cam: "
+                    "{{model: {}, image_size: [640, 480], parameters: {{{}}}, detection_sigma: "
+                    "0.05}}\nposes: {{frames: {}, distance: [0.18, 0.45], partial: 0.3}}\n",
+                    model,
+                    parameters,
+                    frames));
     const Outcome outcome = Run({"simulate", "spec.yaml", "--points", "-o", "set"});
     ASSERT_EQ(outcome.status, kDone) << outcome.err;
   }
@@ -147,13 +148,13 @@ TEST_F(SimulatedLens, SplineSaysWhichCoefficientsFollowFromItsPriorAlone) {
   Simulate("splined", SplinedParameters(), 20);
   // Nothing is seen in the left third of the image.
   std::string right;
-  for (const std::string& line : Lines(Read("set/cam.csv"))) {
+  for (const std::string& line : Lines(Read("set/detections_cam.csv"))) {
     std::stringstream row(line);
     std::string frame, marker, x;
     std::getline(std::getline(std::getline(row, frame, ','), marker, ','), x, ',');
     if (frame == "frame" || std::stod(x) > 213) right += line + "\n";
   }
-  Write("set/cam.csv", right);
+  Write("set/detections_cam.csv", right);
   const Outcome outcome = Run({"calibrate", "set/session.yaml", "-o", "out", "--no-report"});
   ASSERT_EQ(outcome.status, kDone) << outcome.err;
   EXPECT_THAT(outcome.out, ::testing::HasSubstr("coefficients, told by the model's prior"));
@@ -177,7 +178,6 @@ TEST_F(SimulatedLens, BeyondAModelsRaysIsNamedAsSuch) {
         Replaced(Read("set/session.yaml"), "model: kannala-brandt4", "model: pinhole-radtan"));
   const Outcome outcome = Run({"calibrate", "set/session.yaml", "-o", "out"});
   EXPECT_EQ(outcome.status, kJobFailed);
-  EXPECT_EQ(Lines(outcome.err).size(), 1U) << outcome.err;
   EXPECT_THAT(outcome.err,
               ::testing::AllOf(::testing::HasSubstr("90 degrees and more off the optical axis"),
                                ::testing::HasSubstr("'plenocal try' compares models")));
@@ -200,7 +200,7 @@ TEST_F(SimulatedLens, RealCornersAreExplainedAsByMrcalsSpline) {
         "plenocal: 1\ntarget: target.yaml\ncameras:\n  cam: {model: splined, detections: "
         "corners.csv, image_size: [6016, 4016]}\n");
   Calibrate();
-  const YAML::Node fit = Result()["cameras"]["cam"];
+  const YAML::Node fit = Result()["cameras"]["cam"]["residuals"];
   // SOURCE.md: mrcal's spline of 30 x 20 knots over all frames.
   EXPECT_LT(fit["rms"].as<double>(), 0.6088);
 }

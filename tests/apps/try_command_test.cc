@@ -110,8 +110,9 @@ TEST_F(TryCommand, AModelThatFailsIsARowWithItsReason) {
 }
 
 // A small part of bench/try_simulated.
-class TryOnSimulatedLens : public TryCommand,
-                           public ::testing::WithParamInterface<std::pair<const char*, const char*>> {};
+class TryOnSimulatedLens
+    : public TryCommand,
+      public ::testing::WithParamInterface<std::pair<const char*, const char*>> {};
 
 TEST_P(TryOnSimulatedLens, FindsTheModelBehindIt) {
   const auto& [model, parameters] = GetParam();
@@ -137,12 +138,12 @@ TEST_P(TryOnSimulatedLens, FindsTheModelBehindIt) {
 INSTANTIATE_TEST_SUITE_P(
     Lenses,
     TryOnSimulatedLens,
-    ::testing::Values(
-        std::pair("pinhole-radtan", "f_x: 430, f_y: 432, c_x: 316, c_y: 244, k_1: -0.21, k_2: 0.09, "
-                                    "p_1: 0.0012, p_2: -0.0016, k_3: -0.02"),
-        std::pair("fov", "f_x: 270, f_y: 271, c_x: 325, c_y: 236, omega: 0.93"),
-        std::pair("double-sphere",
-                  "f_x: 205, f_y: 206, c_x: 316, c_y: 244, xi: -0.21, alpha: 0.58")),
+    ::testing::Values(std::pair("pinhole-radtan",
+                                "f_x: 430, f_y: 432, c_x: 316, c_y: 244, k_1: -0.21, k_2: 0.09, "
+                                "p_1: 0.0012, p_2: -0.0016, k_3: -0.02"),
+                      std::pair("fov", "f_x: 270, f_y: 271, c_x: 325, c_y: 236, omega: 0.93"),
+                      std::pair("double-sphere",
+                                "f_x: 205, f_y: 206, c_x: 316, c_y: 244, xi: -0.21, alpha: 0.58")),
     [](const auto& test) {
       std::string name(test.param.first);
       std::erase(name, '-');
