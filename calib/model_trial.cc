@@ -414,19 +414,19 @@ class Trials {
     return StudentTail(mean.value / mean.sigma, static_cast<double>(choice_.frames - 1));
   }
 
-  // Of residuals that go along with the difference between this model's and the best's predictions
-  // as much as these do, if that difference were chance. Under the hypothesis the terms of frames
+  // Of residuals that go along with the difference between this model's and another's predictions
+  // as much as these do, if the other knew nothing that this one does not. Then the terms of frames
   // have no mean and do not correlate, since predictions of a frame do not know its noise.
-  [[nodiscard]] double ProbabilityOfAgreement(size_t m, size_t best) const {
+  [[nodiscard]] double ProbabilityOfAgreement(size_t m, size_t other) const {
     std::vector<double> sums(choice_.frames, 0.0);
     const size_t rows = choice_.trials[m].model->measured.size();
     for (size_t p = 0; p < points_.size(); ++p) {
       if (!counts_[p]) continue;
       const auto& own = residuals_[m][p].values;
-      const auto& of_best = residuals_[best][p].values;
+      const auto& of_other = residuals_[other][p].values;
       for (size_t r = 0; r < rows; ++r) {
-        if (std::abs(own[r] - of_best[r]) < kExact) continue;
-        sums[points_[p].frame] += own[r] * (own[r] - of_best[r]);
+        if (std::abs(own[r] - of_other[r]) < kExact) continue;
+        sums[points_[p].frame] += own[r] * (own[r] - of_other[r]);
       }
     }
     double sum = 0, squares = 0;
@@ -489,9 +489,18 @@ class Trials {
       }
     }
     for (size_t m = 0; m < trials.size(); ++m) {
-      if (!trials[m].comparable || m == best) continue;
+      if (!trials[m].comparable) continue;
+      double rivals = 0, least = 1;
+      for (size_t other = 0; other < trials.size(); ++other) {
+        if (!trials[other].comparable || other == m) continue;
+        ++rivals;
+        least = std::min(least, ProbabilityOfAgreement(m, other));
+      }
+      // Of so many tests one in twenty must not fail by chance.
+      trials[m].probability = std::min(1.0, rivals * least);
+      if (m == best) continue;
       trials[m].probability =
-          std::min(ProbabilityOfExcess(squares[m], squares[best]), ProbabilityOfAgreement(m, best));
+          std::min(trials[m].probability, ProbabilityOfExcess(squares[m], squares[best]));
     }
   }
 
@@ -502,12 +511,14 @@ class Trials {
              std::tuple(!b.failure.empty(), !b.comparable, b.comparable ? b.rms : b.unseen);
     });
     const double near = trials[0].rms + std::max(trials[0].rms_sigma, kExact);
-    for (size_t m = 1; m < trials.size(); ++m) {
+    std::optional<size_t> simplest;
+    for (size_t m = 0; m < trials.size(); ++m) {
       if (trials[m].comparable && trials[m].probability >= kSignificant && trials[m].rms <= near &&
-          trials[m].free_parameters < trials[choice_.recommended].free_parameters) {
-        choice_.recommended = m;
+          (!simplest || trials[m].free_parameters < trials[*simplest].free_parameters)) {
+        simplest = m;
       }
     }
+    choice_.recommended = simplest.value_or(0);
   }
 
   const CalibrationInput& input_;

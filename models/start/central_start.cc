@@ -192,8 +192,9 @@ std::vector<double> FitToDirections(const CameraModel& model,
                                     std::vector<double> params,
                                     const std::vector<Eigen::Vector3d>& directions,
                                     const std::vector<Eigen::Vector2d>& image,
-                                    bool within_bounds) {
-  RayFitOptions options{.within_bounds = within_bounds};
+                                    bool within_bounds,
+                                    std::vector<int> held = {}) {
+  RayFitOptions options{.held = std::move(held), .within_bounds = within_bounds};
   for (size_t i = 0; i < params.size(); ++i) {
     if (!problem.given[i]) continue;
     params[i] = *problem.given[i];
@@ -236,6 +237,15 @@ std::vector<StartCandidate> StartCentral(
   const size_t stride = all_image.size() / kFitPoints + 1;
   for (size_t i = 0; i < all_image.size(); i += stride) fit_image.push_back(all_image[i]);
 
+  // The fit may end at such parameters' limits, from where no step leads back.
+  std::vector<int> confined;
+  for (size_t i = 0; i < model.params.size(); ++i) {
+    const Param& param = model.params[i];
+    if (param.neutral && (std::isfinite(param.lower) || std::isfinite(param.upper))) {
+      confined.push_back(static_cast<int>(i));
+    }
+  }
+
   std::vector<StartCandidate> candidates;
   const auto add = [&](const Profile& a) {
     std::vector<Eigen::Vector3d> directions;
@@ -251,6 +261,9 @@ std::vector<StartCandidate> StartCentral(
       params = FitToDirections(model, problem, plain, directions, fit_image, true);
     }
     candidates.push_back({std::move(params)});
+    if (confined.empty()) return;
+    candidates.push_back(
+        {FitToDirections(model, problem, plain, directions, fit_image, true, confined)});
   };
 
   // The ladder: half fields of view from 3 to 75 degrees to the image's corner.

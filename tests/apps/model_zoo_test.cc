@@ -102,13 +102,17 @@ INSTANTIATE_TEST_SUITE_P(Models,
 class SimulatedLens : public Workspace {
  protected:
   // `parameters` as in the specification; makes set/.
-  void Simulate(const std::string& model, const std::string& parameters, int frames) const {
+  void Simulate(const std::string& model,
+                const std::string& parameters,
+                int frames,
+                int seed = 3) const {
     Write("target.yaml", "plenocal: 1\ntype: chessboard\ncolumns: 14\nrows: 10\nsquare: 0.03\n");
     Write(
         "spec.yaml",
-        fmt::format("plenocal: 1\nseed: 3\ntarget: target.yaml\ntarget_error: 0\ncameras:\n  cam: "
+        fmt::format("plenocal: 1\nseed: {}\ntarget: target.yaml\ntarget_error: 0\ncameras:\n  cam: "
                     "{{model: {}, image_size: [640, 480], parameters: {{{}}}, detection_sigma: "
                     "0.05}}\nposes: {{frames: {}, distance: [0.18, 0.45], partial: 0.3}}\n",
+                    seed,
                     model,
                     parameters,
                     frames));
@@ -161,6 +165,17 @@ TEST_F(SimulatedLens, SplineSaysWhichCoefficientsFollowFromItsPriorAlone) {
   const YAML::Node sigma = Result()["cameras"]["cam"]["sigma"];
   EXPECT_GT(sigma["x_01_04"].as<double>(), 0.2);
   EXPECT_LT(sigma["x_08_04"].as<double>(), 1e-3);
+}
+
+TEST_F(SimulatedLens, DoubleSphereDoesNotStartAtTheLimitOfXi) {
+  Simulate("double-sphere",
+           "f_x: 240.4097724303577, f_y: 244.0851831359114, c_x: 324.97525366357314, c_y: "
+           "233.94686545260805, xi: -0.12750905446289162, alpha: 0.6428656885169777",
+           30,
+           344913330);
+  const Outcome outcome = Run({"calibrate", "set/session.yaml", "-o", "out", "--no-report"});
+  ASSERT_EQ(outcome.status, kDone) << outcome.err;
+  ExpectTruthWithinUncertainty();
 }
 
 TEST_F(SimulatedLens, SphericalNeedsNoStartValue) {
