@@ -11,6 +11,7 @@
 #include <set>
 
 #include "calib/error.h"
+#include "calib/frame_scatter.h"
 #include "calib/median.h"
 #include "calib/parallel.h"
 #include "calib/statistics.h"
@@ -40,6 +41,7 @@ class Calibrator {
     Stage("bundle adjustment");
     Solve();
     Stage("uncertainty");
+    TakeFrameScatter();
     JudgeOnePose();
     Report();
     return std::move(result_);
@@ -667,6 +669,26 @@ class Calibrator {
         kLastStep * kLastStep / 2 / static_cast<double>(result_.bundle.observations.size() + 1),
         1e-14,
         1e-7);
+  }
+
+  // Sigmas of cameras on which the frames disagree by more than the errors of single points explain.
+  void TakeFrameScatter() {
+    std::vector<double> factors;
+    for (const FrameScatter& scatter : ScatterOfFrames(result_.bundle, result_.uncertainty)) {
+      const size_t c = factors.size();
+      const double rest = result_.uncertainty.redundancy[c];
+      const bool disagree = TypicalNoise(c) > kExact && scatter.factor > 1 && scatter.degrees >= 1 &&
+                            FTail(scatter.factor, scatter.degrees, rest) < kFalseAlarm;
+      factors.push_back(disagree ? scatter.factor : 1);
+      if (!disagree) continue;
+      result_.warnings.push_back(fmt::format(
+          "{}: single frames ask for parameters that scatter {:.1f} times as far as the noise of "
+          "their points explains: errors that the points of a frame share. The camera's sigmas are "
+          "larger by this factor",
+          result_.camera_names[c],
+          std::sqrt(scatter.factor)));
+    }
+    ScaleCameras(factors, &result_.uncertainty);
   }
 
   // Whether every camera has each marker at the same place in all frames, up to noise. The small

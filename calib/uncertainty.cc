@@ -355,6 +355,7 @@ Uncertainty EstimateUncertainty(const Bundle& bundle,
 
   Uncertainty result;
   result.places = layout.params;
+  result.mount_places = layout.mount;
   // Natural units of the unknowns.
   Eigen::VectorXd unit(head);
   for (size_t c = 0; c < camera_count; ++c) {
@@ -450,6 +451,8 @@ Uncertainty EstimateUncertainty(const Bundle& bundle,
     }
   }
 
+  result.covariance = covariance;
+  result.marker_gain = gain;
   const Eigen::VectorXd sigma = covariance.diagonal().cwiseMax(1e-300).cwiseSqrt();
   result.correlation =
       sigma.cwiseInverse().asDiagonal() * covariance * sigma.cwiseInverse().asDiagonal();

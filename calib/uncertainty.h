@@ -24,12 +24,18 @@ struct Uncertainty {
   /// Per camera and parameter: its place in `names`; -1 for one that is held, at a bound, or of a
   /// camera without observations. Parameters that are one have one place and one sigma.
   std::vector<std::vector<int>> places;
+  /// Per camera: place of the first of its mount's six unknowns in `names`; -1 when not estimated.
+  std::vector<int> mount_places;
   /// Per camera: covariance of T_camera_rig in its chart (`Retract`); zero for the master.
   std::vector<Matrix6d> mount;
   /// Per marker: sigma of its coordinates, m; empty when the markers are held.
   std::vector<Eigen::Vector3d> markers;
-  /// Correlations of all free intrinsics and mounts, in the order of `names`.
-  Eigen::MatrixXd correlation;
+  /// Covariance (of what is determined) and correlations of all free intrinsics and mounts, in the
+  /// order of `names`.
+  Eigen::MatrixXd covariance, correlation;
+  /// How the best markers follow these unknowns: -d marker / d unknown, three rows a marker; empty
+  /// when the markers are held.
+  Eigen::MatrixXd marker_gain;
   std::vector<std::string> names;
   /// Directions that are not determined: sigma infinite or larger than 1 in natural units.
   std::vector<OpenDirection> open;

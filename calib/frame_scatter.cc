@@ -1,0 +1,217 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/frame_scatter.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+
+namespace plenocal {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+// Gradient of half the sum of squares by all cameras' unknowns, and its covariance when all points
+// err independently: of one frame, markers at their best for the unknowns, poses eliminated.
+struct Score {
+  VectorXd gradient;
+  MatrixXd covariance;
+};
+
+// Sums over observations that share a pose: information and gradient of the pose, mixed with the
+// unknowns.
+struct PoseSums {
+  Matrix6d information = Matrix6d::Zero();
+  Vector6d gradient = Vector6d::Zero();
+  MatrixXd cross;  // unknowns x 6
+
+  explicit PoseSums(Eigen::Index unknowns) : cross(MatrixXd::Zero(unknowns, 6)) {}
+  // Takes out the pose (or jitter), whose information has the given factor.
+  void Eliminate(const Eigen::LLT<Matrix6d>& factor, Score* score) const {
+    score->gradient -= cross * factor.solve(gradient);
+    score->covariance -= cross * factor.solve(cross.transpose());
+  }
+};
+
+// Derivatives of one camera's rows by all unknowns of the head.
+class Rows {
+ public:
+  Rows(const Bundle& bundle, const Uncertainty& uncertainty, size_t camera)
+      : camera_(bundle.cameras[camera]),
+        places_(uncertainty.places[camera]),
+        mount_(uncertainty.mount_places[camera]),
+        gain_(uncertainty.marker_gain),
+        J_params_(camera_.model->measured.size() * camera_.params.size()),
+        J_(static_cast<Eigen::Index>(camera_.model->measured.size()),
+           uncertainty.covariance.rows()) {}
+
+  void Add(const internal::LinearisedView& view,
+           const Bundle& bundle,
+           const BundleObservation& observation,
+           Score* score,
+           PoseSums* pose) {
+    constexpr Eigen::Index kMax = kMaxObservationSize;
+    using Block6 = Eigen::Matrix<double, kMax, 6, Eigen::RowMajor>;
+    using Block3 = Eigen::Matrix<double, kMax, 3, Eigen::RowMajor>;
+    Eigen::Matrix<double, kMax, 1> residual;
+    Block6 J_mount, J_pose;
+    Block3 J_marker;
+    const bool inside =
+        internal::Linearise(camera_,
+                            camera_.params.data(),
+                            view,
+                            bundle.markers[static_cast<size_t>(observation.marker)].position,
+                            observation.seen,
+                            {.residual = residual.data(),
+                             .J_params = J_params_.data(),
+                             .J_mount = mount_ >= 0 ? J_mount.data() : nullptr,
+                             .J_pose = J_pose.data(),
+                             .J_marker = J_marker.data()});
+    if (!inside) return;
+    const Eigen::Index rows = J_.rows();
+    J_.setZero();
+    for (size_t k = 0; k < places_.size(); ++k) {
+      for (Eigen::Index r = 0; r < rows && places_[k] >= 0; ++r) {
+        J_(r, places_[k]) += J_params_[static_cast<size_t>(r) * places_.size() + k];
+      }
+    }
+    if (mount_ >= 0) J_.middleCols<6>(mount_) = J_mount.topRows(rows);
+    if (gain_.size() > 0) {
+      J_.noalias() -= J_marker.topRows(rows) * gain_.middleRows<3>(3 * observation.marker);
+    }
+    const auto E = J_pose.topRows(rows);
+    const auto r = residual.head(rows);
+    score->gradient.noalias() += J_.transpose() * r;
+    score->covariance.noalias() += J_.transpose().lazyProduct(J_);
+    pose->information.noalias() += E.transpose().lazyProduct(E);
+    pose->gradient.noalias() += E.transpose() * r;
+    pose->cross.noalias() += J_.transpose().lazyProduct(E);
+  }
+
+ private:
+  const BundleCamera& camera_;
+  const std::vector<int>& places_;
+  int mount_;
+  const MatrixXd& gain_;
+  std::vector<double> J_params_;
+  MatrixXd J_;
+};
+
+// Per frame; frames without used observations have none.
+std::vector<Score> FrameScores(const Bundle& bundle, const Uncertainty& uncertainty) {
+  const Eigen::Index unknowns = uncertainty.covariance.rows();
+  const bool has_jitter = bundle.jitter.translation_sigma > 0;
+  std::vector<Rows> rows;
+  for (size_t c = 0; c < bundle.cameras.size(); ++c) rows.emplace_back(bundle, uncertainty, c);
+  std::vector<Score> scores;
+  const auto& observations = bundle.observations;
+  for (size_t begin = 0; begin < observations.size();) {
+    const auto frame = static_cast<size_t>(observations[begin].frame);
+    Score score{VectorXd::Zero(unknowns), MatrixXd::Zero(unknowns, unknowns)};
+    PoseSums pose(unknowns);
+    while (begin < observations.size() &&
+           observations[begin].frame == static_cast<int>(frame)) {
+      const auto c = static_cast<size_t>(observations[begin].camera);
+      const internal::LinearisedView seen{.T_camera_rig = bundle.cameras[c].T_camera_rig,
+                                          .T_rig_target = bundle.SeenPose(frame, c)};
+      PoseSums view(unknowns);
+      for (; begin < observations.size() &&
+             observations[begin].frame == static_cast<int>(frame) &&
+             observations[begin].camera == static_cast<int>(c);
+           ++begin) {
+        if (observations[begin].used) {
+          rows[c].Add(seen, bundle, observations[begin], &score, has_jitter ? &view : &pose);
+        }
+      }
+      if (!has_jitter) continue;
+      const Matrix6d W = JitterWeight(bundle, frame, c);
+      const Matrix6d Q = W.transpose() * W;
+      PoseSums jitter = view;
+      jitter.information += Q;
+      jitter.gradient += Q * bundle.jitter.delta[bundle.View(frame, c)];
+      const Eigen::LLT<Matrix6d> factor(jitter.information);
+      jitter.Eliminate(factor, &score);
+      const Matrix6d passed = factor.solve(Q);
+      pose.information += view.information * passed;
+      pose.cross += view.cross * passed;
+      pose.gradient += view.gradient - view.information * factor.solve(jitter.gradient);
+    }
+    const Eigen::LLT<Matrix6d> factor(pose.information);
+    if (factor.info() != Eigen::Success) continue;
+    pose.Eliminate(factor, &score);
+    scores.push_back(std::move(score));
+  }
+  return scores;
+}
+
+// Places of one camera's unknowns.
+std::vector<int> PlacesOf(const Uncertainty& uncertainty, size_t camera) {
+  std::vector<int> places;
+  for (const int place : uncertainty.places[camera]) {
+    if (place >= 0) places.push_back(place);
+  }
+  std::sort(places.begin(), places.end());
+  places.erase(std::unique(places.begin(), places.end()), places.end());
+  for (int i = 0; i < 6 && uncertainty.mount_places[camera] >= 0; ++i) {
+    places.push_back(uncertainty.mount_places[camera] + i);
+  }
+  return places;
+}
+
+}  // namespace
+
+std::vector<FrameScatter> ScatterOfFrames(const Bundle& bundle, const Uncertainty& uncertainty) {
+  const MatrixXd& C = uncertainty.covariance;
+  struct Sums {
+    double found = 0, expected = 0, expected2 = 0;
+  };
+  std::vector<Sums> sums(bundle.cameras.size());
+  std::vector<std::vector<int>> places;
+  std::vector<Eigen::LDLT<MatrixXd>> factors;
+  for (size_t c = 0; c < sums.size(); ++c) {
+    places.push_back(PlacesOf(uncertainty, c));
+    factors.emplace_back(MatrixXd(C(places[c], places[c])));
+  }
+  for (const Score& score : FrameScores(bundle, uncertainty)) {
+    // What the frame moves the unknowns by, beside what its points' errors make of that. The
+    // optimum has taken a part of it: the frame's own share of what is known.
+    const VectorXd moved = C * score.gradient;
+    const MatrixXd share = C * score.covariance;
+    const MatrixXd spread = (share - share * share) * C;
+    for (size_t c = 0; c < sums.size(); ++c) {
+      if (places[c].empty()) continue;
+      const VectorXd own = moved(places[c]);
+      const MatrixXd relative = factors[c].solve(MatrixXd(spread(places[c], places[c])));
+      sums[c].found += own.dot(factors[c].solve(own));
+      sums[c].expected += relative.trace();
+      sums[c].expected2 += (relative * relative).trace();
+    }
+  }
+  std::vector<FrameScatter> scatter(sums.size());
+  for (size_t c = 0; c < sums.size(); ++c) {
+    const auto& [found, expected, expected2] = sums[c];
+    if (!(expected > 0) || !(expected2 > 0)) continue;
+    scatter[c] = {found / expected, expected * expected / expected2};
+  }
+  return scatter;
+}
+
+void ScaleCameras(const std::vector<double>& factors, Uncertainty* uncertainty) {
+  VectorXd scale = VectorXd::Ones(uncertainty->covariance.rows());  // of each unknown's variance
+  for (size_t c = 0; c < factors.size(); ++c) {
+    for (const int place : PlacesOf(*uncertainty, c)) {
+      scale[place] = std::max(scale[place], factors[c]);
+    }
+  }
+  for (size_t c = 0; c < factors.size(); ++c) {
+    for (size_t k = 0; k < uncertainty->params[c].size(); ++k) {
+      const int place = uncertainty->places[c][k];
+      if (place >= 0) uncertainty->params[c][k] *= std::sqrt(scale[place]);
+    }
+    uncertainty->mount[c] *= factors[c];
+  }
+  const VectorXd root = scale.cwiseSqrt();
+  uncertainty->covariance = root.asDiagonal() * uncertainty->covariance * root.asDiagonal();
+}
+
+}  // namespace plenocal
