@@ -40,7 +40,7 @@ bool Linearise(const BundleCamera& camera,
                                         out.J_params,
                                         J_point);
   if (!inside) return false;
-  const double weight = 1 / NoiseSigma(camera, seen);
+  const double weight = 1 / OwnNoiseSigma(camera, seen);
   for (size_t r = 0; r < rows; ++r) out.residual[r] = weight * (seen.values[r] - predicted[r]);
   if (out.J_params == nullptr) return true;
 
@@ -304,7 +304,7 @@ class ViewCost : public ceres::CostFunction {
       if (!internal::Linearise(camera_, params, view, p_target, observation.seen, out)) {
         return false;
       }
-      Robustify(out);
+      Robustify(observation.seen, out);
       for (size_t r = 0; r < rows && J_intrinsics != nullptr && !direct; ++r) {
         for (size_t k = 0; k < count; ++k) {
           if (slots_[k] == kNoSlot) continue;
@@ -315,6 +315,13 @@ class ViewCost : public ceres::CostFunction {
       std::fill_n(J_markers + row * kMarkerBlockSize, rows * kMarkerBlockSize, 0.0);
       for (size_t r = 0; r < rows; ++r) {
         std::copy_n(J_marker + 3 * r, 3, J_markers + (row + r) * kMarkerBlockSize + 3 * slot);
+      }
+    }
+    if (camera_.common_noise > 0) {
+      Decorrelate(residuals, 1);
+      const std::vector<int>& sizes = parameter_block_sizes();
+      for (size_t b = 0; jacobians != nullptr && b < sizes.size(); ++b) {
+        if (jacobians[b] != nullptr) Decorrelate(jacobians[b], static_cast<size_t>(sizes[b]));
       }
     }
     return true;
@@ -331,13 +338,44 @@ class ViewCost : public ceres::CostFunction {
     return buffer->data();
   }
 
-  // r' = f(s^2) r, J' = (f I + 2 f' r r') J.
-  void Robustify(const LinearisedRows& out) const {
+  // Multiplies rows of `columns` numbers by the inverse root of their covariance under common
+  // noise, marker by marker: with u_i = 1 / sigma_i it is I - (1 - 1 / sqrt(1 + t^2 |u|^2)) u u' /
+  // |u|^2.
+  void Decorrelate(double* data, size_t columns) const {
+    const size_t rows = camera_.model->measured.size();
+    std::vector<double> u, sum(rows * columns);
+    for (size_t begin = 0, end = 0; begin < observations_.size(); begin = end) {
+      u.clear();
+      double information = 0;
+      for (;
+           end < observations_.size() && observations_[end]->marker == observations_[begin]->marker;
+           ++end) {
+        u.push_back(1 / OwnNoiseSigma(camera_, observations_[end]->seen));
+        information += u.back() * u.back();
+      }
+      const double left =
+          1 / std::sqrt(1 + camera_.common_noise * camera_.common_noise * information);
+      std::fill(sum.begin(), sum.end(), 0.0);
+      double* const first = data + begin * rows * columns;
+      for (size_t i = 0; i < u.size(); ++i) {
+        for (size_t k = 0; k < sum.size(); ++k) sum[k] += u[i] * first[i * sum.size() + k];
+      }
+      for (size_t i = 0; i < u.size(); ++i) {
+        const double part = (1 - left) * u[i] / information;
+        for (size_t k = 0; k < sum.size(); ++k) first[i * sum.size() + k] -= part * sum[k];
+      }
+    }
+  }
+
+  // r' = f(s^2) r, J' = (f I + 2 f' r r') J, where s is in sigmas of all noise.
+  void Robustify(const Observation& seen, const LinearisedRows& out) const {
     if (options_.loss == Loss::kNone) return;
     const size_t rows = camera_.model->measured.size();
+    const double part = OwnNoiseSigma(camera_, seen) / NoiseSigma(camera_, seen);
     double s2 = 0;
     for (size_t r = 0; r < rows; ++r) s2 += out.residual[r] * out.residual[r];
-    const RobustFactor robust = plenocal::Robustify(options_.loss, options_.loss_width, s2);
+    RobustFactor robust = plenocal::Robustify(options_.loss, options_.loss_width, part * part * s2);
+    robust.derivative *= part * part;
     if (robust.factor == 1 && robust.derivative == 0) return;
     const auto scale = [&](double* J, size_t columns) {
       if (J == nullptr) return;
@@ -484,9 +522,24 @@ bool Residual(const Bundle& bundle, const BundleObservation& observation, double
   return true;
 }
 
-double NoiseSigma(const BundleCamera& camera, const Observation& seen) {
+double OwnNoiseSigma(const BundleCamera& camera, const Observation& seen) {
   const double own = camera.noise_scale * seen.sigma;
   return std::sqrt(own * own + camera.noise_floor * camera.noise_floor);
+}
+
+double NoiseSigma(const BundleCamera& camera, const Observation& seen) {
+  const double own = OwnNoiseSigma(camera, seen);
+  return std::sqrt(own * own + camera.common_noise * camera.common_noise);
+}
+
+size_t EndOfMarker(const std::vector<BundleObservation>& observations, size_t begin) {
+  const BundleObservation& first = observations[begin];
+  size_t end = begin + 1;
+  while (end < observations.size() && observations[end].frame == first.frame &&
+         observations[end].camera == first.camera && observations[end].marker == first.marker) {
+    ++end;
+  }
+  return end;
 }
 
 double WeightedLength(const Bundle& bundle,
@@ -510,30 +563,44 @@ struct PoseEquations {
 PoseEquations LinearisePose(const Bundle& bundle, size_t begin, size_t end, double width) {
   PoseEquations equations;
   std::vector<double> J_params;
-  for (size_t i = begin; i < end; ++i) {
-    const BundleObservation& observation = bundle.observations[i];
-    if (!observation.used) continue;
-    const BundleCamera& camera = bundle.cameras[static_cast<size_t>(observation.camera)];
-    double residual[kMaxObservationSize], J_pose[6 * kMaxObservationSize];
-    J_params.resize(kMaxObservationSize * camera.params.size());
-    if (!internal::Linearise(
-            camera,
-            camera.params.data(),
-            {.T_camera_rig = camera.T_camera_rig,
-             .T_rig_target = bundle.SeenPose(static_cast<size_t>(observation.frame),
-                                             static_cast<size_t>(observation.camera))},
-            bundle.markers[static_cast<size_t>(observation.marker)].position,
-            observation.seen,
-            {.residual = residual, .J_params = J_params.data(), .J_pose = J_pose})) {
-      continue;
-    }
+  using J6 = Eigen::Matrix<double, kMaxObservationSize, 6, Eigen::RowMajor>;
+  using Residual = Eigen::Matrix<double, kMaxObservationSize, 1>;
+  for (size_t i = begin, of_marker = begin; i < end;) {
+    const BundleCamera& camera = bundle.cameras[static_cast<size_t>(bundle.observations[i].camera)];
     const auto rows = static_cast<Eigen::Index>(camera.model->measured.size());
-    const Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, 6, Eigen::RowMajor>> J(
-        J_pose, rows, 6);
-    const Eigen::Map<const Eigen::VectorXd> r(residual, rows);
-    const double weight = width / std::max(r.norm(), width);
-    equations.H.noalias() += weight * J.transpose().lazyProduct(J);
-    equations.g.noalias() += weight * J.transpose().lazyProduct(r);
+    J_params.resize(kMaxObservationSize * camera.params.size());
+    J6 J, J_sum = J6::Zero();  // in own sigmas
+    Residual r, r_sum = Residual::Zero();
+    double information = 0;
+    for (of_marker = EndOfMarker(bundle.observations, i); i < of_marker; ++i) {
+      const BundleObservation& observation = bundle.observations[i];
+      if (!observation.used) continue;
+      if (!internal::Linearise(
+              camera,
+              camera.params.data(),
+              {.T_camera_rig = camera.T_camera_rig,
+               .T_rig_target = bundle.SeenPose(static_cast<size_t>(observation.frame),
+                                               static_cast<size_t>(observation.camera))},
+              bundle.markers[static_cast<size_t>(observation.marker)].position,
+              observation.seen,
+              {.residual = r.data(), .J_params = J_params.data(), .J_pose = J.data()})) {
+        continue;
+      }
+      const double own = OwnNoiseSigma(camera, observation.seen);
+      const double length = r.head(rows).norm() * own / NoiseSigma(camera, observation.seen);
+      const double root = std::sqrt(width / std::max(length, width));
+      J.topRows(rows) *= root;
+      r.head(rows) *= root;
+      equations.H.noalias() += J.topRows(rows).transpose().lazyProduct(J.topRows(rows));
+      equations.g.noalias() += J.topRows(rows).transpose().lazyProduct(r.head(rows));
+      J_sum.topRows(rows) += J.topRows(rows) * (root / own);
+      r_sum.head(rows) += r.head(rows) * (root / own);
+      information += root * root / (own * own);
+    }
+    const double common = internal::CommonShare(camera.common_noise, information);
+    equations.H.noalias() -=
+        common * J_sum.topRows(rows).transpose().lazyProduct(J_sum.topRows(rows));
+    equations.g.noalias() -= common * J_sum.topRows(rows).transpose().lazyProduct(r_sum.head(rows));
   }
   return equations;
 }

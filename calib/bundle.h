@@ -29,6 +29,9 @@ struct BundleCamera {
   /// detector cannot know of (model, target, motion).
   double noise_scale = 1;
   double noise_floor = 0;
+  /// Sigma of each coordinate of the error that all observations of one marker in one view have in
+  /// common, beside their own. Where a camera sees a marker once, it cannot be told apart.
+  double common_noise = 0;
 };
 
 struct BundleMarker {
@@ -138,8 +141,13 @@ Matrix6d JitterWeight(const Bundle& bundle, size_t frame, size_t camera);
 /// Residual of one observation, measured minus predicted; false outside the model's domain.
 bool Residual(const Bundle& bundle, const BundleObservation& observation, double* residual);
 
-/// Standard deviation of each coordinate of an observation under its camera's noise.
+/// Standard deviation of each coordinate of an observation under its camera's noise: all of it, or
+/// that which it has for itself.
 double NoiseSigma(const BundleCamera& camera, const Observation& seen);
+double OwnNoiseSigma(const BundleCamera& camera, const Observation& seen);
+
+/// End of the run of observations of one marker in one view that starts at `begin`.
+size_t EndOfMarker(const std::vector<BundleObservation>& observations, size_t begin);
 
 /// Length of the residual in sigmas.
 double WeightedLength(const Bundle& bundle,
@@ -167,15 +175,24 @@ struct LinearisedRows {
   double* J_marker = nullptr;  ///< rows x 3
 };
 
-/// Residual of one observation in sigmas with its derivatives; false outside the model's domain.
-/// Shared by the solver's cost function and by the covariance, so that both mean the same. J_params
-/// is needed for any derivative; without it only the residual is computed.
+/// Residual of one observation in sigmas of its own noise with its derivatives; false outside the
+/// model's domain. Common noise is the affair of `CommonShare`. Shared by the solver's cost
+/// function and by the covariance, so that both mean the same. J_params is needed for any
+/// derivative; without it only the residual is computed.
 bool Linearise(const BundleCamera& camera,
                const double* params,
                const LinearisedView& view,
                const Eigen::Vector3d& p_target,
                const Observation& seen,
                const LinearisedRows& out);
+
+/// With rows y_i of one marker in one view in their own sigmas sigma_i, common noise t takes
+/// CommonShare(t, sum 1 / sigma_i^2) times the square of sum y_i / sigma_i from the sum of y_i^2
+/// (the inverse of diag(sigma_i^2) + t^2 1 1', by Sherman and Morrison).
+inline double CommonShare(double common_noise, double information) {
+  const double variance = common_noise * common_noise;
+  return variance / (1 + variance * information);
+}
 
 }  // namespace internal
 }  // namespace plenocal

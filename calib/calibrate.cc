@@ -10,6 +10,7 @@
 #include <numbers>
 #include <set>
 
+#include "calib/camera_noise.h"
 #include "calib/error.h"
 #include "calib/frame_scatter.h"
 #include "calib/median.h"
@@ -316,78 +317,32 @@ class Calibrator {
     const double stated = typical_sigma_[c];
     camera.noise_scale = std::clamp(sigma / stated, kSmallestNoise / stated, 1.0);
     camera.noise_floor = std::sqrt(std::max(0.0, sigma * sigma - stated * stated));
+    camera.common_noise = 0;
   }
 
   [[nodiscard]] double TypicalNoise(size_t c) const {
     return NoiseSigma(result_.bundle.cameras[c], {.sigma = typical_sigma_[c]});
   }
 
-  // Noise of each camera such that the sum of squares of its used residuals, in sigmas, equals
-  // their redundancy. Returns the largest relative change.
-  double EstimateNoise(const std::vector<double>& lengths) {
+  // Noise of each camera by the residuals that its used observations leave. Returns the largest
+  // relative change.
+  double EstimateNoise() {
     double change = 0;
     const std::vector<double> coordinates = UsedCoordinates();
     for (size_t c = 0; c < CameraCount(); ++c) {
-      const double redundancy = coordinates[c] - paid_coordinates_[c];
-      if (!(redundancy > 0)) continue;
-      std::vector<std::pair<double, double>> squares;  // residual^2, stated sigma^2
-      for (size_t i = 0; i < lengths.size(); ++i) {
-        const BundleObservation& observation = bundle().observations[i];
-        if (!observation.used || observation.camera != static_cast<int>(c)) continue;
-        const double residual = RawLength(i, lengths[i]);
-        squares.emplace_back(residual * residual, observation.seen.sigma * observation.seen.sigma);
-      }
-      const double before = TypicalNoise(c);
-      const NoiseVariance variance = FitVariance(
-          squares, static_cast<double>(bundle().cameras[c].model->measured.size()), redundancy);
+      if (!(coordinates[c] > paid_coordinates_[c].all)) continue;
       BundleCamera& camera = bundle().cameras[c];
-      camera.noise_floor = std::sqrt(variance.floor2);
-      camera.noise_scale = std::sqrt(variance.scale2);
+      const double before = TypicalNoise(c), common_before = camera.common_noise;
+      const CameraNoise noise = EstimateCameraNoise(bundle(), c, paid_coordinates_[c]);
+      camera.noise_scale = noise.scale;
+      camera.noise_floor = noise.floor;
+      camera.common_noise = noise.common;
       if (TypicalNoise(c) < kSmallestNoise) SetNoise(c, kSmallestNoise);
-      change = std::max(change, std::abs(TypicalNoise(c) / before - 1));
+      change = std::max({change,
+                         std::abs(TypicalNoise(c) / before - 1),
+                         std::abs(camera.common_noise - common_before) / before});
     }
     return change;
-  }
-
-  struct NoiseVariance {
-    double scale2 = 1, floor2 = 0;
-
-    [[nodiscard]] double Of(double sigma2) const { return scale2 * sigma2 + floor2; }
-  };
-
-  // How the residuals' variance follows the stated one: a weighted regression of residual^2 /
-  // dimension on [sigma^2, 1], whose weights 1 / variance^2 make it the Gaussian maximum-likelihood
-  // estimate. Sigmas that are all alike cannot tell scale and floor apart; then the floor is zero.
-  // Finally both are brought to the redundancy: sum of residual^2 / variance = redundancy.
-  static NoiseVariance FitVariance(const std::vector<std::pair<double, double>>& squares,
-                                   double dimension,
-                                   double redundancy) {
-    constexpr int kIterations = 20;
-    constexpr double kAlike = 1e-3;  // relative spread of sigma^2 that tells them apart
-    NoiseVariance variance;
-    for (int iteration = 0; iteration < kIterations; ++iteration) {
-      double w = 0, ws = 0, wss = 0, wy = 0, wsy = 0;
-      for (const auto& [residual2, sigma2] : squares) {
-        const double v = variance.Of(sigma2), weight = 1 / (v * v), y = residual2 / dimension;
-        w += weight;
-        ws += weight * sigma2;
-        wss += weight * sigma2 * sigma2;
-        wy += weight * y;
-        wsy += weight * sigma2 * y;
-      }
-      const double determinant = w * wss - ws * ws;
-      if (determinant <= kAlike * w * wss) {
-        variance = {wsy / wss, 0};
-        break;
-      }
-      variance = {(w * wsy - ws * wy) / determinant, (wss * wy - ws * wsy) / determinant};
-      if (variance.scale2 <= 0) variance = {0, wy / w};
-      if (variance.floor2 <= 0) variance = {wsy / wss, 0};
-    }
-    double sum = 0;
-    for (const auto& [residual2, sigma2] : squares) sum += residual2 / variance.Of(sigma2);
-    const double factor = sum > 0 ? sum / redundancy : 0;
-    return {variance.scale2 * factor, variance.floor2 * factor};
   }
 
   // Applies the rejection rule; the number of observations that it takes out or back.
@@ -627,7 +582,7 @@ class Calibrator {
       bool settled = true;
       // Noise and rejection follow from each other. Once the worst are out, that needs no solve.
       for (int settling = 0; settling < kMaxRounds; ++settling) {
-        const double noise_change = EstimateNoise(Lengths());
+        const double noise_change = EstimateNoise();
         const size_t changed = Reject(Lengths());
         const bool rests = static_cast<double>(changed) <= few && noise_change < kNoiseTolerance;
         settled = settled && rests;
@@ -653,10 +608,12 @@ class Calibrator {
 
   // How many of each camera's coordinates the unknowns take; a rejection changes it little.
   void CountPaidCoordinates() {
-    paid_coordinates_ = UsedCoordinates();
+    const std::vector<double> coordinates = UsedCoordinates();
+    paid_coordinates_.assign(CameraCount(), {});
     result_.uncertainty = EstimateUncertainty(result_.bundle, result_.camera_names);
     for (size_t c = 0; c < CameraCount(); ++c) {
-      paid_coordinates_[c] -= result_.uncertainty.redundancy[c];
+      paid_coordinates_[c] = {coordinates[c] - result_.uncertainty.redundancy[c],
+                              result_.uncertainty.paid_by_means[c]};
     }
   }
 
@@ -671,13 +628,15 @@ class Calibrator {
         1e-7);
   }
 
-  // Sigmas of cameras on which the frames disagree by more than the errors of single points explain.
+  // Sigmas of cameras on which the frames disagree by more than the errors of single points
+  // explain.
   void TakeFrameScatter() {
     std::vector<double> factors;
     for (const FrameScatter& scatter : ScatterOfFrames(result_.bundle, result_.uncertainty)) {
       const size_t c = factors.size();
       const double rest = result_.uncertainty.redundancy[c];
-      const bool disagree = TypicalNoise(c) > kExact && scatter.factor > 1 && scatter.degrees >= 1 &&
+      const bool disagree = TypicalNoise(c) > kExact && scatter.factor > 1 &&
+                            scatter.degrees >= 1 &&
                             FTail(scatter.factor, scatter.degrees, rest) < kFalseAlarm;
       factors.push_back(disagree ? scatter.factor : 1);
       if (!disagree) continue;
@@ -887,7 +846,7 @@ class Calibrator {
   std::vector<CameraStart> starts_;
   std::vector<double> typical_sigma_;
   std::vector<bool> has_sigmas_;
-  std::vector<double> paid_coordinates_;  // per camera
+  std::vector<PaidCoordinates> paid_coordinates_;  // per camera
 };
 
 }  // namespace

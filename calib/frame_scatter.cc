@@ -33,7 +33,7 @@ struct PoseSums {
   }
 };
 
-// Derivatives of one camera's rows by all unknowns of the head.
+// Derivatives of one camera's rows by all unknowns.
 class Rows {
  public:
   Rows(const Bundle& bundle, const Uncertainty& uncertainty, size_t camera)
@@ -43,31 +43,58 @@ class Rows {
         gain_(uncertainty.marker_gain),
         J_params_(camera_.model->measured.size() * camera_.params.size()),
         J_(static_cast<Eigen::Index>(camera_.model->measured.size()),
-           uncertainty.covariance.rows()) {}
+           uncertainty.covariance.rows()),
+        J_sum_(MatrixXd::Zero(J_.rows(), J_.cols())) {
+    J_pose_.setZero();
+    residual_.setZero();
+  }
 
+  // The observations [begin, end), of one marker in one view.
   void Add(const internal::LinearisedView& view,
            const Bundle& bundle,
-           const BundleObservation& observation,
+           size_t begin,
+           size_t end,
            Score* score,
            PoseSums* pose) {
-    constexpr Eigen::Index kMax = kMaxObservationSize;
-    using Block6 = Eigen::Matrix<double, kMax, 6, Eigen::RowMajor>;
-    using Block3 = Eigen::Matrix<double, kMax, 3, Eigen::RowMajor>;
-    Eigen::Matrix<double, kMax, 1> residual;
-    Block6 J_mount, J_pose;
-    Block3 J_marker;
+    double information = 0;
+    J_sum_.setZero();
+    pose_sum_.setZero();
+    residual_sum_.setZero();
+    for (size_t i = begin; i < end; ++i) {
+      const BundleObservation& observation = bundle.observations[i];
+      if (!observation.used || !Linearise(view, bundle, observation)) continue;
+      Accumulate(1, score, pose);
+      const double own = OwnNoiseSigma(camera_, observation.seen);
+      information += 1 / (own * own);
+      J_sum_ += J_ / own;
+      pose_sum_ += J_pose_ / own;
+      residual_sum_ += residual_ / own;
+    }
+    if (camera_.common_noise == 0) return;
+    J_ = J_sum_;
+    J_pose_ = pose_sum_;
+    residual_ = residual_sum_;
+    Accumulate(-internal::CommonShare(camera_.common_noise, information), score, pose);
+  }
+
+ private:
+  bool Linearise(const internal::LinearisedView& view,
+                 const Bundle& bundle,
+                 const BundleObservation& observation) {
+    Eigen::Matrix<double, kMaxObservationSize, 6, Eigen::RowMajor> J_mount;
+    Eigen::Matrix<double, kMaxObservationSize, 3, Eigen::RowMajor> J_marker;
     const bool inside =
         internal::Linearise(camera_,
                             camera_.params.data(),
                             view,
                             bundle.markers[static_cast<size_t>(observation.marker)].position,
                             observation.seen,
-                            {.residual = residual.data(),
+                            {.residual = residual_.data(),
                              .J_params = J_params_.data(),
                              .J_mount = mount_ >= 0 ? J_mount.data() : nullptr,
-                             .J_pose = J_pose.data(),
+                             .J_pose = J_pose_.data(),
                              .J_marker = J_marker.data()});
-    if (!inside) return;
+    if (!inside) return false;
     const Eigen::Index rows = J_.rows();
     J_.setZero();
     for (size_t k = 0; k < places_.size(); ++k) {
@@ -79,22 +106,27 @@ class Rows {
     if (gain_.size() > 0) {
       J_.noalias() -= J_marker.topRows(rows) * gain_.middleRows<3>(3 * observation.marker);
     }
-    const auto E = J_pose.topRows(rows);
-    const auto r = residual.head(rows);
-    score->gradient.noalias() += J_.transpose() * r;
-    score->covariance.noalias() += J_.transpose().lazyProduct(J_);
-    pose->information.noalias() += E.transpose().lazyProduct(E);
-    pose->gradient.noalias() += E.transpose() * r;
-    pose->cross.noalias() += J_.transpose().lazyProduct(E);
+    return true;
   }
 
- private:
+  void Accumulate(double weight, Score* score, PoseSums* pose) const {
+    const auto E = J_pose_.topRows(J_.rows());
+    const auto r = residual_.head(J_.rows());
+    score->gradient.noalias() += weight * J_.transpose() * r;
+    score->covariance.noalias() += weight * J_.transpose().lazyProduct(J_);
+    pose->information.noalias() += weight * E.transpose().lazyProduct(E);
+    pose->gradient.noalias() += weight * E.transpose() * r;
+    pose->cross.noalias() += weight * J_.transpose().lazyProduct(E);
+  }
+
   const BundleCamera& camera_;
   const std::vector<int>& places_;
   int mount_;
   const MatrixXd& gain_;
   std::vector<double> J_params_;
-  MatrixXd J_;
+  MatrixXd J_, J_sum_;
+  Eigen::Matrix<double, kMaxObservationSize, 6, Eigen::RowMajor> J_pose_, pose_sum_;
+  Eigen::Matrix<double, kMaxObservationSize, 1> residual_, residual_sum_;
 };
 
 // Per frame; frames without used observations have none.
@@ -109,19 +141,16 @@ std::vector<Score> FrameScores(const Bundle& bundle, const Uncertainty& uncertai
     const auto frame = static_cast<size_t>(observations[begin].frame);
     Score score{VectorXd::Zero(unknowns), MatrixXd::Zero(unknowns, unknowns)};
     PoseSums pose(unknowns);
-    while (begin < observations.size() &&
-           observations[begin].frame == static_cast<int>(frame)) {
+    while (begin < observations.size() && observations[begin].frame == static_cast<int>(frame)) {
       const auto c = static_cast<size_t>(observations[begin].camera);
       const internal::LinearisedView seen{.T_camera_rig = bundle.cameras[c].T_camera_rig,
                                           .T_rig_target = bundle.SeenPose(frame, c)};
       PoseSums view(unknowns);
-      for (; begin < observations.size() &&
-             observations[begin].frame == static_cast<int>(frame) &&
-             observations[begin].camera == static_cast<int>(c);
-           ++begin) {
-        if (observations[begin].used) {
-          rows[c].Add(seen, bundle, observations[begin], &score, has_jitter ? &view : &pose);
-        }
+      while (begin < observations.size() && observations[begin].frame == static_cast<int>(frame) &&
+             observations[begin].camera == static_cast<int>(c)) {
+        const size_t end = EndOfMarker(observations, begin);
+        rows[c].Add(seen, bundle, begin, end, &score, has_jitter ? &view : &pose);
+        begin = end;
       }
       if (!has_jitter) continue;
       const Matrix6d W = JitterWeight(bundle, frame, c);

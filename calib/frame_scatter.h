@@ -2,7 +2,8 @@
 //
 // Whether the frames agree on the cameras as well as independent errors of their points would let
 // them. Points of one frame that err together (focus that moves, a detector's bias that follows
-// depth or light) leave each frame with a camera of its own, and sigmas that count points too small.
+// depth or light) leave each frame with a camera of its own, and sigmas that count points too
+// small.
 #pragma once
 
 #include <vector>

@@ -75,10 +75,9 @@ Floor FloorOf(const Bundle& bundle,
   for (size_t begin = 0, end = 0; begin < observations.size(); begin = end) {
     const BundleObservation& first = observations[begin];
     point.clear();
-    for (; end < observations.size() && observations[end].frame == first.frame &&
-           observations[end].camera == first.camera && observations[end].marker == first.marker;
-         ++end) {
-      if (include(observations[end])) point.push_back(&observations[end].seen);
+    end = EndOfMarker(observations, begin);
+    for (size_t i = begin; i < end; ++i) {
+      if (include(observations[i])) point.push_back(&observations[i].seen);
     }
     if (first.camera != static_cast<int>(camera) || point.empty()) continue;
     residuals.resize(point.size());

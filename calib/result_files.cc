@@ -221,6 +221,9 @@ std::string CalibrationYaml(const Calibration& calibration,
     if (fit.stated_sigma > 0) {
       fmt::format_to(out, ", detector_sigma: {}", YamlNumber(fit.stated_sigma));
     }
+    if (camera.common_noise > 0) {
+      fmt::format_to(out, ", common_noise: {}", YamlNumber(camera.common_noise));
+    }
     if (fit.floor) {
       fmt::format_to(out,
                      ", floor: {}, rms_all: {}, floor_all: {}",
@@ -458,6 +461,9 @@ std::string Summary(const Calibration& calibration) {
         fit.rejected,
         fit.sigma);
     if (fit.stated_sigma > 0) fmt::format_to(out, " (detector: {:.4f})", fit.stated_sigma);
+    if (camera.common_noise > 0) {
+      fmt::format_to(out, ", {:.4f} of it common to a marker's points", camera.common_noise);
+    }
     text += '\n' + FloorText(fit) + KindText(camera.model->kind_name, fit);
     std::vector<std::string_view> of_field;
     for (size_t i = 0; i < camera.params.size(); ++i) {

@@ -89,6 +89,7 @@ class OwnColumns {
     mount_ = layout.mount[camera] >= 0;
     for (int i = 0; mount_ && i < 6; ++i) places_.push_back(layout.mount[camera] + i);
     J_.resize(rows_, static_cast<Eigen::Index>(places_.size()));
+    ClearSum();
     square_ = Eigen::MatrixXd::Zero(J_.cols(), J_.cols());
     touched_.resize(places_.size());
     std::iota(touched_.begin(), touched_.end(), Eigen::Index{0});
@@ -106,42 +107,67 @@ class OwnColumns {
                              seen,
                              {.residual = residual,
                               .J_params = J_params_.data(),
-                              .J_mount = mount_ ? J_mount_ : nullptr,
-                              .J_pose = J_pose_,
-                              .J_marker = J_marker_})) {
+                              .J_mount = mount_ ? J_mount_.data() : nullptr,
+                              .J_pose = J_pose_.data(),
+                              .J_marker = J_marker_.data()})) {
       return false;
     }
     J_.leftCols(own_params_).setZero();
     for (const auto& [param, column] : free_) J_.col(column) += J_params_.col(param);
-    if (mount_) J_.rightCols<6>() = Rows<6>(J_mount_, rows_, 6);
-    if (local_) {
-      touched_.clear();
-      for (Eigen::Index i = 0; i < J_.cols(); ++i) {
-        if (!J_.col(i).isZero(0)) touched_.push_back(i);
-      }
-    }
+    if (mount_) J_.rightCols<6>() = J_mount_.topRows(rows_);
+    if (local_) FindTouched();
     return true;
   }
 
-  template <int kColumns>
-  using Rows = Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, kColumns, Eigen::RowMajor>>;
-  [[nodiscard]] const Eigen::MatrixXd& Columns() const { return J_; }
-  [[nodiscard]] Rows<6> Pose() const { return {J_pose_, rows_, 6}; }
-  [[nodiscard]] Rows<3> Marker() const { return {J_marker_, rows_, 3}; }
+  // Sums over the observations of one marker in one view. The camera's own columns matter where
+  // there is common noise.
+  void ClearSum() {
+    information_ = 0;
+    J_sum_.resize(0, 0);
+    pose_sum_.setZero();
+    marker_sum_.setZero();
+  }
+  void AddToSum(double own_sigma, double common_noise) {
+    information_ += 1 / (own_sigma * own_sigma);
+    if (common_noise > 0) {
+      if (J_sum_.size() == 0) J_sum_ = Eigen::MatrixXd::Zero(J_.rows(), J_.cols());
+      J_sum_ += J_ / own_sigma;
+    }
+    pose_sum_.topRows(rows_) += J_pose_.topRows(rows_) / own_sigma;
+    marker_sum_.topRows(rows_) += J_marker_.topRows(rows_) / own_sigma;
+  }
+  // Makes the present rows those of the marker's mean, in its sigmas; returns the part of their
+  // squares that common noise takes away.
+  double LoadMean(double common_noise) {
+    const double root = std::sqrt(information_);
+    if (common_noise > 0) {
+      J_ = J_sum_ / root;
+      if (local_) FindTouched();
+    }
+    J_pose_ = pose_sum_ / root;
+    J_marker_ = marker_sum_ / root;
+    const double taken = internal::CommonShare(common_noise, information_) * information_;
+    ClearSum();
+    return taken;
+  }
 
-  void AddSquare() {
+  [[nodiscard]] const Eigen::MatrixXd& Columns() const { return J_; }
+  [[nodiscard]] auto Pose() const { return J_pose_.topRows(rows_); }
+  [[nodiscard]] auto Marker() const { return J_marker_.topRows(rows_); }
+
+  void AddSquare(double sign) {
     if (!local_) {
-      square_.noalias() += J_.transpose().lazyProduct(J_);
+      square_.noalias() += sign * J_.transpose().lazyProduct(J_);
       return;
     }
     for (const Eigen::Index i : touched_) {
-      for (const Eigen::Index j : touched_) square_(j, i) += J_.col(j).dot(J_.col(i));
+      for (const Eigen::Index j : touched_) square_(j, i) += sign * J_.col(j).dot(J_.col(i));
     }
   }
-  void AddCross(Eigen::MatrixXd* cross) const {
+  void AddCross(double sign, Eigen::MatrixXd* cross) const {
     for (const Eigen::Index i : touched_) {
       cross->row(places_[static_cast<size_t>(i)]).noalias() +=
-          J_.col(i).transpose().lazyProduct(Pose());
+          sign * J_.col(i).transpose().lazyProduct(Pose());
     }
   }
   template <typename Product>
@@ -161,6 +187,13 @@ class OwnColumns {
   }
 
  private:
+  void FindTouched() {
+    touched_.clear();
+    for (Eigen::Index i = 0; i < J_.cols(); ++i) {
+      if (!J_.col(i).isZero(0)) touched_.push_back(i);
+    }
+  }
+
   int rows_;
   bool local_;
   bool mount_ = false;
@@ -170,17 +203,18 @@ class OwnColumns {
   std::vector<int> places_;            // of the columns in the reduced system
   std::vector<Eigen::Index> touched_;  // columns that may differ from zero
   Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> J_params_;
-  double J_mount_[kMaxObservationSize * 6], J_pose_[kMaxObservationSize * 6],
-      J_marker_[kMaxObservationSize * 3];
-  Eigen::MatrixXd J_;
+  Eigen::Matrix<double, kMaxObservationSize, 6, Eigen::RowMajor> J_mount_, J_pose_, pose_sum_;
+  Eigen::Matrix<double, kMaxObservationSize, 3, Eigen::RowMajor> J_marker_, marker_sum_;
+  Eigen::MatrixXd J_, J_sum_;
+  double information_ = 0;
   Eigen::MatrixXd square_;
 };
 
 // Reduced normal matrix and, per camera, the number of pose and jitter unknowns that its rows pay
-// for.
+// for; those that the means of markers pay for where they have common noise.
 struct Reduced {
   Eigen::MatrixXd S;
-  std::vector<double> pose_share;
+  std::vector<double> pose_share, pose_share_of_means;
   double jitter_translations = 0, jitter_rotations = 0;  // what the data tell of the jitter
 };
 
@@ -214,6 +248,7 @@ class Subtraction {
 struct ReducedView {
   size_t camera = 0;
   Matrix6d information = Matrix6d::Zero();  // of the pose that the camera saw, E' E
+  Matrix6d of_means = Matrix6d::Zero();     // that of the means of markers
   // With jitter about the frame's pose, of information W' W = Q: W and (E' E + Q)^-1.
   Matrix6d W = Matrix6d::Zero();
   Matrix6d jitter_covariance = Matrix6d::Zero();
@@ -221,7 +256,8 @@ struct ReducedView {
 
 Reduced Reduce(const Bundle& bundle, const Layout& layout) {
   Reduced reduced{.S = Eigen::MatrixXd::Zero(layout.total, layout.total),
-                  .pose_share = std::vector<double>(bundle.cameras.size(), 0.0)};
+                  .pose_share = std::vector<double>(bundle.cameras.size(), 0.0),
+                  .pose_share_of_means = std::vector<double>(bundle.cameras.size(), 0.0)};
   Eigen::MatrixXd& S = reduced.S;
   Subtraction subtraction(&S);
   const bool has_jitter = bundle.jitter.translation_sigma > 0;
@@ -246,29 +282,42 @@ Reduced Reduce(const Bundle& bundle, const Layout& layout) {
       Eigen::MatrixXd& own_cross = has_jitter ? view_cross : cross;
       if (has_jitter) view_cross.setZero();
       ReducedView view{.camera = c};
-      for (; begin < observations.size() && observations[begin].frame == frame &&
-             observations[begin].camera == static_cast<int>(c);
-           ++begin) {
-        const BundleObservation& observation = observations[begin];
-        if (!observation.used) continue;
-        if (!own[c].Linearise(camera,
-                              linearised,
-                              bundle.markers[static_cast<size_t>(observation.marker)].position,
-                              observation.seen)) {
-          continue;
-        }
+      const auto add = [&](int marker, double sign) {
         const auto J = own[c].Columns();
         const auto E = own[c].Pose();
-        view.information.noalias() += E.transpose().lazyProduct(E);
-        own[c].AddSquare();
-        own[c].AddCross(&own_cross);
+        view.information.noalias() += sign * E.transpose().lazyProduct(E);
+        own[c].AddSquare(sign);
+        own[c].AddCross(sign, &own_cross);
         if (layout.markers) {
-          const int m = layout.Marker(observation.marker);
+          const int m = layout.Marker(marker);
           const auto M = own[c].Marker();
-          own_cross.middleRows<3>(m).noalias() += M.transpose().lazyProduct(E);
-          S.block<3, 3>(m, m).noalias() += M.transpose().lazyProduct(M);
-          own[c].AddMarkerCross(m, M.transpose().lazyProduct(J), &S);
+          own_cross.middleRows<3>(m).noalias() += sign * M.transpose().lazyProduct(E);
+          S.block<3, 3>(m, m).noalias() += sign * M.transpose().lazyProduct(M);
+          own[c].AddMarkerCross(m, sign * M.transpose().lazyProduct(J), &S);
         }
+      };
+      while (begin < observations.size() && observations[begin].frame == frame &&
+             observations[begin].camera == static_cast<int>(c)) {
+        const int marker = observations[begin].marker;
+        bool any = false;
+        for (const size_t end = EndOfMarker(observations, begin); begin < end; ++begin) {
+          const BundleObservation& observation = observations[begin];
+          if (!observation.used ||
+              !own[c].Linearise(camera,
+                                linearised,
+                                bundle.markers[static_cast<size_t>(marker)].position,
+                                observation.seen)) {
+            continue;
+          }
+          add(marker, 1);
+          own[c].AddToSum(OwnNoiseSigma(camera, observation.seen), camera.common_noise);
+          any = true;
+        }
+        if (!any) continue;
+        const double taken = own[c].LoadMean(camera.common_noise);
+        view.of_means.noalias() +=
+            (1 - taken) * own[c].Pose().transpose().lazyProduct(own[c].Pose());
+        if (taken > 0) add(marker, -taken);
       }
       if (has_jitter) {
         // Eliminate the view's jitter.
@@ -304,6 +353,7 @@ Reduced Reduce(const Bundle& bundle, const Layout& layout) {
         }
       }
       reduced.pose_share[view.camera] += (N * seen).trace();
+      reduced.pose_share_of_means[view.camera] += (view.of_means * seen).trace();
     }
   }
   subtraction.Flush();
@@ -490,8 +540,9 @@ Uncertainty EstimateUncertainty(const Bundle& bundle,
       own += layout.params[c][k] >= 0 && bundle.Root(c, k) == ParamPlace{c, k} ? 1 : 0;
     }
     own -= paid_by_priors[c];
-    result.redundancy.push_back(coordinates[c] - own - reduced.pose_share[c] -
-                                marker_unknowns * coordinates[c] / std::max(1.0, all_coordinates));
+    own += marker_unknowns * coordinates[c] / std::max(1.0, all_coordinates);
+    result.redundancy.push_back(coordinates[c] - own - reduced.pose_share[c]);
+    result.paid_by_means.push_back(own + reduced.pose_share_of_means[c]);
   }
   return result;
 }

@@ -41,6 +41,9 @@ struct Uncertainty {
   std::vector<OpenDirection> open;
   /// Per camera: number of observed coordinates less the unknowns that they pay for.
   std::vector<double> redundancy;
+  /// Per camera: how many of the unknowns the means of its markers in each view pay for, not what
+  /// the observations of one marker differ by; all of them where a camera sees a marker once.
+  std::vector<double> paid_by_means;
   /// Of the jitter's displacements and rotations, each three numbers a view: how many of them the
   /// data tell of. Zeros for a rigid, synchronous rig.
   double jitter_translation_redundancy = 0, jitter_rotation_redundancy = 0;

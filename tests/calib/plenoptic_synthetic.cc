@@ -108,12 +108,17 @@ PlenopticProblem MakePlenopticProblem(unsigned seed, const PlenopticOptions& opt
     const Eigen::Vector3d place(random.Uniform(-reach, reach), random.Uniform(-reach, reach), z);
     const RigidTransform T{R, place - R * centre};
     View view{"f" + std::to_string(1000 + f), {}};
+    const double slope = options.frame_slope > 0 ? noise.Gaussian(options.frame_slope) : 0;
     for (const auto& [number, position] : problem.markers) {
       const Eigen::Vector3d p_cam = T * position;
       if (p_cam.z() < 0.6 * distance || p_cam.z() > 1.4 * distance) continue;
       const double b_L = image_distance(p_cam.z()), v = (b_L - b_L0) / B;
       const Eigen::Vector2d x_V = p_cam.head<2>() * (b_L / p_cam.z()) / kPixel +
                                   Eigen::Vector2d(problem.params[3], problem.params[4]);
+      Eigen::Vector2d common(0, 0);
+      for (int i = 0; i < 2 && options.common_noise > 0; ++i) {
+        common[i] = noise.Gaussian(options.common_noise);
+      }
       for (const auto& [lens, type] : lenses) {
         // A generous circle; which micro image the point falls into is checked below.
         if ((lens - x_V).norm() > std::abs(v) * kPitch_px + 0.1 * kSize[0]) continue;
@@ -125,8 +130,9 @@ PlenopticProblem MakePlenopticProblem(unsigned seed, const PlenopticOptions& opt
         const Eigen::Vector2d x_R(predicted[0], predicted[1]);
         if ((x_R - lens).norm() > 0.45 * kPitch_px) continue;
         const double sigma = options.noise * options.noise_of_type[static_cast<size_t>(type)];
-        seen.values[0] = x_R.x() + noise.Gaussian(sigma);
-        seen.values[1] = x_R.y() + noise.Gaussian(sigma);
+        const Eigen::Vector2d shift = common + slope * (x_R - lens);
+        seen.values[0] = x_R.x() + shift.x() + noise.Gaussian(sigma);
+        seen.values[1] = x_R.y() + shift.y() + noise.Gaussian(sigma);
         if (options.state_sigmas) seen.sigma = options.noise;
         view.observations.push_back(seen);
       }

@@ -25,6 +25,8 @@ struct PlenopticOptions {
   int columns = 6, rows = 5;  ///< of markers
   double depth_span = 0.25;   ///< of the target's distances, to either side
   double tilt_factor = 1;
+  double common_noise = 0;  ///< px, of all micro images of a marker in a frame
+  double frame_slope = 0;   ///< sigma of a factor on x - c less one, one a frame
 };
 
 struct PlenopticProblem {

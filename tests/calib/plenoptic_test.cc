@@ -194,6 +194,48 @@ TEST(PlenopticJackknife, AgreesWithTheSigmas) {
   EXPECT_LT(sum / count, 1.8);
 }
 
+// Mean of (error / sigma)^2 over the parameters of some calibrations.
+template <typename Check>
+double MeanSquare(int problems, const testing::PlenopticOptions& options, const Check& check) {
+  double sum = 0;
+  int count = 0;
+  for (int i = 0; i < problems; ++i) {
+    const Problem problem = MakePlenopticProblem(500 + static_cast<unsigned>(i), options);
+    const Calibration calibration = Calibrate(problem.input, {});
+    check(calibration);
+    for (size_t k = 0; k < problem.params.size(); ++k) {
+      const double error = calibration.bundle.cameras[0].params[k] - problem.params[k];
+      sum += std::pow(error / calibration.uncertainty.params[0][k], 2);
+      ++count;
+    }
+  }
+  return sum / count;
+}
+
+TEST(PlenopticCommonNoise, OfTheMicroImagesOfAMarkerIsFoundAndIsInTheSigmas) {
+  // 144 squares, of parameters that correlate; sigmas of independent rows give 2.7.
+  const double mean =
+      MeanSquare(16, {.noise = 0.1, .common_noise = 0.1}, [](const Calibration& calibration) {
+        const BundleCamera& camera = calibration.bundle.cameras[0];
+        EXPECT_NEAR(camera.common_noise, 0.1, 0.015);
+        EXPECT_NEAR(OwnNoiseSigma(camera, {.sigma = 0.1}), 0.1, 0.01);
+        EXPECT_TRUE(calibration.warnings.empty());
+      });
+  EXPECT_GT(mean, 0.6);
+  EXPECT_LT(mean, 1.5);
+}
+
+TEST(PlenopticFrameScatter, OfErrorsThatAFrameSharesIsNamedAndIsInTheSigmas) {
+  // Sigmas without it give 9.6.
+  const double mean =
+      MeanSquare(16, {.noise = 0.1, .frame_slope = 0.01}, [](const Calibration& calibration) {
+        ASSERT_FALSE(calibration.warnings.empty());
+        EXPECT_THAT(calibration.warnings.back(), ::testing::HasSubstr("errors that the points"));
+      });
+  EXPECT_GT(mean, 0.5);
+  EXPECT_LT(mean, 2);
+}
+
 TEST(PlenopticWeakness, OfOneDepthIsNamedWithTheDistancesToAdd) {
   const Problem problem =
       MakePlenopticProblem(7, {.noise = 0.2, .depth_span = 0.005, .tilt_factor = 0.05});
