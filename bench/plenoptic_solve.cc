@@ -22,7 +22,8 @@ int main(int argc, char** argv) {
                                                                 .marker_tolerance = 0.0002,
                                                                 .frames = std::atoi(argv[1]),
                                                                 .columns = 16,
-                                                                .rows = 13});
+                                                                .rows = 13,
+                                                                .virtual_depth = 3.4});
   plenocal::CalibrationOptions one_thread;
   one_thread.threads = 1;
   double begin = plenocal::bench::CpuSeconds();

@@ -46,6 +46,7 @@ struct BundleObservation {
   int marker = 0;  ///< index into Bundle::markers
   Observation seen;
   bool used = true;
+  std::vector<double> shared_errors = {};  ///< as in `View`
 };
 
 /// What each image's target pose has for itself, beside the pose that all cameras of a frame share:

@@ -12,7 +12,7 @@
 
 #include "calib/camera_noise.h"
 #include "calib/error.h"
-#include "calib/frame_scatter.h"
+#include "calib/common_errors.h"
 #include "calib/median.h"
 #include "calib/parallel.h"
 #include "calib/statistics.h"
@@ -42,7 +42,7 @@ class Calibrator {
     Stage("bundle adjustment");
     Solve();
     Stage("uncertainty");
-    TakeFrameScatter();
+    TakeCommonErrors();
     JudgeOnePose();
     Report();
     return std::move(result_);
@@ -190,7 +190,8 @@ class Calibrator {
   void AddView(size_t c, size_t v, int frame, const std::map<int, int>& marker_index) {
     const View& view = input_.cameras[c].views[v];
     const size_t first = bundle().observations.size();
-    for (const Observation& observation : view.observations) {
+    for (size_t i = 0; i < view.observations.size(); ++i) {
+      const Observation& observation = view.observations[i];
       const auto marker = marker_index.find(observation.marker);
       if (marker == marker_index.end()) {
         result_.left_out.push_back(
@@ -201,6 +202,9 @@ class Calibrator {
       }
       bundle().observations.push_back(
           {static_cast<int>(c), frame, marker->second, observation, true});
+      if (!view.shared_errors.empty()) {
+        bundle().observations.back().shared_errors = view.shared_errors[i];
+      }
     }
     std::stable_sort(bundle().observations.begin() + static_cast<std::ptrdiff_t>(first),
                      bundle().observations.end(),
@@ -628,11 +632,11 @@ class Calibrator {
         1e-7);
   }
 
-  // Sigmas of cameras on which the frames disagree by more than the errors of single points
-  // explain.
-  void TakeFrameScatter() {
+  // Into the sigmas; those of frames where these disagree by more than noise explains.
+  void TakeCommonErrors() {
+    const CommonErrors errors = EstimateCommonErrors(result_.bundle, result_.uncertainty);
     std::vector<double> factors;
-    for (const FrameScatter& scatter : ScatterOfFrames(result_.bundle, result_.uncertainty)) {
+    for (const FrameScatter& scatter : errors.scatter) {
       const size_t c = factors.size();
       const double rest = result_.uncertainty.redundancy[c];
       const bool disagree = TypicalNoise(c) > kExact && scatter.factor > 1 &&
@@ -647,7 +651,7 @@ class Calibrator {
           result_.camera_names[c],
           std::sqrt(scatter.factor)));
     }
-    ScaleCameras(factors, &result_.uncertainty);
+    AddCommonErrors(factors, errors.shared, &result_.uncertainty);
   }
 
   // Whether every camera has each marker at the same place in all frames, up to noise. The small

@@ -317,13 +317,14 @@ ImageDetections DetectPlenopticImages(const std::vector<FrameImage>& images,
     store.Save(key, Pack(sample));
     detections.sample = std::move(sample);
   }
-  internal::RemoveVignettingShifts(camera.array.types, &views);
+  auto uncertain = internal::RemoveVignettingShifts(camera.array.types, &views);
   for (size_t i = 0; i < views.size(); ++i) {
     View view{frames[i], {}};
     for (const internal::MicroObservation& o : views[i]) {
       view.observations.push_back(o.seen);
       view.observations.back().kind = o.type;
     }
+    view.shared_errors = std::move(uncertain[i]);
     detections.views.push_back(std::move(view));
   }
   return detections;

@@ -51,12 +51,19 @@ class DepthLine {
   double low_ = std::numeric_limits<double>::infinity(), high_ = -low_;
 };
 
+/// The two k of each type, and a root of their covariance.
+struct Shifts {
+  Eigen::VectorXd k;
+  Eigen::MatrixXd root;
+};
+
 /// The two k of each type: all x of a marker in a view are affine in the micro-image centres.
-Eigen::VectorXd FindShifts(int types, const DepthLine& line, std::span<const MicroView> views) {
+Shifts FindShifts(int types, const DepthLine& line, std::span<const MicroView> views) {
   // px^2; the covariance over a pixel and an aperture whose blur is of a pixel's size.
   constexpr double kPrior = 1;
   const auto runs = RunsOf(views);
-  Eigen::VectorXd k = Eigen::VectorXd::Zero(2 * types);
+  Shifts shifts{Eigen::VectorXd::Zero(2 * types), {}};
+  Eigen::VectorXd& k = shifts.k;
   double mean_square = 1;  // of the residuals, in sigmas
   for (int round = 0; round < kRounds; ++round) {
     Eigen::MatrixXd information = Eigen::MatrixXd::Identity(2 * types, 2 * types);
@@ -103,24 +110,34 @@ Eigen::VectorXd FindShifts(int types, const DepthLine& line, std::span<const Mic
     }
     k = information.ldlt().solve(right);
     if (redundancy > 0 && squares > 0) mean_square = squares / redundancy;
+    if (round == kRounds - 1) {
+      shifts.root = (information.inverse() * mean_square).llt().matrixL();
+    }
   }
-  return k;
+  return shifts;
 }
 
 }  // namespace
 
-void RemoveVignettingShifts(int types, std::vector<MicroView>* views) {
+std::vector<std::vector<std::vector<double>>> RemoveVignettingShifts(
+    int types, std::vector<MicroView>* views) {
+  std::vector<std::vector<std::vector<double>>> left(views->size());
   const DepthLine line(*views);
-  const Eigen::VectorXd k = FindShifts(types, line, *views);
-  if (!k.allFinite()) return;
-  for (MicroView& view : *views) {
-    for (MicroObservation& o : view) {
-      const double own = line.At(o.inverse_depth).dot(k.segment<2>(2 * o.type));
-      for (size_t axis = 0; axis < 2; ++axis) {
-        o.seen.values[axis] -= own * o.pull[static_cast<Eigen::Index>(axis)];
+  const Shifts shifts = FindShifts(types, line, *views);
+  if (!shifts.k.allFinite() || !shifts.root.allFinite()) return left;
+  for (size_t v = 0; v < views->size(); ++v) {
+    for (MicroObservation& o : (*views)[v]) {
+      const Eigen::Vector2d weights = line.At(o.inverse_depth);
+      const double own = weights.dot(shifts.k.segment<2>(2 * o.type));
+      for (Eigen::Index axis = 0; axis < 2; ++axis) {
+        o.seen.values[static_cast<size_t>(axis)] -= own * o.pull[axis];
       }
+      const Eigen::Matrix<double, 2, Eigen::Dynamic, Eigen::RowMajor> uncertain =
+          o.pull * (weights.transpose() * shifts.root.middleRows<2>(2 * o.type));
+      left[v].emplace_back(uncertain.data(), uncertain.data() + uncertain.size());
     }
   }
+  return left;
 }
 
 }  // namespace plenocal::internal

@@ -26,7 +26,9 @@ struct MicroObservation {
 using MicroView = std::vector<MicroObservation>;
 
 /// Finds k of each lens type from all views of a camera, by how the micro images of a marker
-/// disagree, and takes the shifts out of the measurements.
-void RemoveVignettingShifts(int types, std::vector<MicroView>* views);
+/// disagree, and takes the shifts out of the measurements. What remains of them, since k is
+/// uncertain, all measurements share: returns it as in `View::shared_errors`, by view.
+std::vector<std::vector<std::vector<double>>> RemoveVignettingShifts(int types,
+                                                                     std::vector<MicroView>* views);
 
 }  // namespace plenocal::internal

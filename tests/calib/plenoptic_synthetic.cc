@@ -43,7 +43,8 @@ PlenopticProblem MakePlenopticProblem(unsigned seed, const PlenopticOptions& opt
   const double distance = std::max(12 * options.f_L, 0.12 * options.f_L / half_width);
   const double B = random.Uniform(0.35e-3, 0.6e-3);
   const auto image_distance = [&](double z) { return options.f_L * z / (z - options.f_L); };
-  const double depth = random.Uniform(2.2, 2.8);  // least virtual depth
+  double depth = random.Uniform(2.2, 2.8);  // least virtual depth
+  if (options.virtual_depth > 0) depth = options.virtual_depth;
   const double b_L0 = options.galilean ? image_distance(1.4 * distance) - depth * B
                                        : image_distance(0.6 * distance) + depth * B;
   // Distortion of some pixels in the corners.
