@@ -11,8 +11,8 @@
 #include <set>
 
 #include "calib/camera_noise.h"
-#include "calib/error.h"
 #include "calib/common_errors.h"
+#include "calib/error.h"
 #include "calib/median.h"
 #include "calib/parallel.h"
 #include "calib/statistics.h"

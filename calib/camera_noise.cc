@@ -9,7 +9,7 @@
 namespace plenocal {
 namespace {
 
-// Sigma of scale and floor of 7 %.
+// Of differences and of means: variances are then known to 14 %, or else are not told apart.
 constexpr double kLeastDegrees = 100;
 
 struct Row {
@@ -137,7 +137,7 @@ double CommonVariance(const std::vector<Mean>& means, double redundancy) {
     }
     return sum;
   };
-  if (!(redundancy > 0) || squares(0) <= redundancy) return 0;
+  if (squares(0) <= redundancy) return 0;
   double low = 0, high = largest / redundancy;
   for (int i = 0; i < 60; ++i) {
     const double middle = (low + high) / 2;
@@ -158,12 +158,13 @@ CameraNoise EstimateCameraNoise(const Bundle& bundle, size_t camera, const PaidC
   const double coordinates = dimension * static_cast<double>(all.size());
   const double of_means = dimension * static_cast<double>(markers.size());
   const double differences = coordinates - of_means - (paid.all - paid.by_means);
-  if (differences >= kLeastDegrees) {
+  const double means_left = of_means - paid.by_means;
+  if (differences >= kLeastDegrees && means_left >= kLeastDegrees) {
     const OwnVariance own = FitDifferences(markers, dimension, differences);
     if (own.scale2 + own.floor2 > 0) {
       std::vector<Mean> means;
       for (const MarkerRows& rows : markers) means.push_back(MeanOf(rows, own));
-      const double common2 = CommonVariance(means, of_means - paid.by_means);
+      const double common2 = CommonVariance(means, means_left);
       if (common2 > 0) return {std::sqrt(own.scale2), std::sqrt(own.floor2), std::sqrt(common2)};
     }
   }

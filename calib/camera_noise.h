@@ -21,8 +21,8 @@ struct PaidCoordinates {
 /// Variance components such that sums of squares, in sigmas, equal their redundancies (restricted
 /// maximum likelihood, with weights by the stated sigmas). Scale and floor follow from what the
 /// observations of one marker in one view differ by, the common noise from their means; from all
-/// residuals together, without common noise, where there are too few such differences or the means
-/// scatter no more than they let them.
+/// residuals together, without common noise, where there are too few of either or the means
+/// scatter no more than the differences let them.
 CameraNoise EstimateCameraNoise(const Bundle& bundle, size_t camera, const PaidCoordinates& paid);
 
 }  // namespace plenocal

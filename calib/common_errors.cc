@@ -85,7 +85,8 @@ class Rows {
         residual_.middleCols(first_, count_).setZero();
       } else {
         residual_.middleCols(first_, count_) =
-            Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>(
+            Eigen::Map<
+                const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>(
                 observation.shared_errors.data(), residual_.rows(), count_) /
             own;
       }

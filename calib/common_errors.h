@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Errors that observations share beyond those of one marker in one view, which sigmas by rows do not
-// know of: those of all points of a frame (focus that moves, a detector's bias that follows depth or
-// light), which leave each frame with a camera of its own, and those of all points of a camera.
+// Errors that observations share beyond those of one marker in one view, which sigmas by rows do
+// not know of: those of all points of a frame (focus that moves, a detector's bias that follows
+// depth or light), which leave each frame with a camera of its own, and those of all points of a
+// camera.
 #pragma once
 
 #include <vector>

@@ -29,9 +29,9 @@ struct Observation {
 struct View {
   std::string frame;  ///< the frame's name (FORMATS.md, "Conventions")
   std::vector<Observation> observations;
-  /// What errors that all of the camera's observations share move them by: per observation, or empty,
-  /// measured coordinates x errors, px for one sigma, row-major. The errors are independent, and
-  /// the same ones in all views of the camera (a correction that is itself uncertain).
+  /// What errors that all of the camera's observations share move them by: per observation, or
+  /// empty, measured coordinates x errors, px for one sigma, row-major. The errors are independent,
+  /// and the same ones in all views of the camera (a correction that is itself uncertain).
   std::vector<std::vector<double>> shared_errors = {};
 };
 

@@ -14,15 +14,20 @@ CellDrawing::CellDrawing(std::vector<float> cells, int n) : n_(n), cells_(std::m
   for (Profile* profile : {&across_, &down_}) profile->cells.resize(n);
 }
 
+CellDrawing::CellDrawing(std::vector<float> cells, std::vector<float> lines)
+    : CellDrawing(std::move(cells), static_cast<int>(lines.size()) - 1) {
+  lines_ = std::move(lines);
+}
+
 void CellDrawing::SetBeyond(float value) {
   for (int i = 0; i < n_; ++i) {
     for (const int cell : {i, n_ * (n_ - 1) + i, n_ * i, n_ * i + n_ - 1}) cells_[cell] = value;
   }
 }
 
-PLENOCAL_LANES void CellDrawing::Profile::Fill(const Lanes& at, const Lanes& blur, int n) {
+PLENOCAL_LANES void CellDrawing::Profile::Fill(const Lanes& at, const Lanes& blur, int n, const std::vector<float>& lines) {
   const Lanes reach = kNormalReach * blur;
-  // The boundary between cells i - 1 and i is at i; the outermost cells have no end.
+  // Boundary i is between cells i - 1 and i; the outermost cells have no end.
   const float last = static_cast<float>(n - 1);
   Lanes from = at - reach, to = at + reach;
   // Also for NaN.
@@ -32,7 +37,16 @@ PLENOCAL_LANES void CellDrawing::Profile::Fill(const Lanes& at, const Lanes& blu
   to = to < last ? to : Lanes{} + last;
   IntLanes low = __builtin_convertvector(from, IntLanes);
   low = __builtin_convertvector(low, Lanes) < from ? low + 1 : low;
-  const IntLanes boundaries = __builtin_convertvector(to, IntLanes) - low + 1;
+  IntLanes boundaries = __builtin_convertvector(to, IntLanes) - low + 1;
+  if (!lines.empty()) {
+    const auto begin = lines.begin() + 1, end = lines.end() - 1;
+    for (int l = 0; l < kLanes; ++l) {
+      const auto lowest = std::lower_bound(begin, end - 1, at[l] - reach[l]);
+      const auto highest = std::upper_bound(begin + 1, end, at[l] + reach[l]) - 1;
+      low[l] = static_cast<int>(lowest - lines.begin());
+      boundaries[l] = static_cast<int>(highest - lowest) + 1;
+    }
+  }
   int most = 0;
   for (int l = 0; l < kLanes; ++l) most = std::max(most, boundaries[l]);
   first = low - 1;
@@ -40,7 +54,11 @@ PLENOCAL_LANES void CellDrawing::Profile::Fill(const Lanes& at, const Lanes& blu
   Lanes boundary = __builtin_convertvector(low, Lanes);
   Lanes cumulative = Lanes{} + 1, density{}, bent{};
   for (int k = 0; k < most; ++k) {
-    const Lanes z = (at - boundary) * inverse;
+    Lanes place = boundary;
+    for (int l = 0; l < kLanes && !lines.empty(); ++l) {
+      place[l] = lines[static_cast<size_t>(std::min(low[l] + k, n))];
+    }
+    const Lanes z = (at - place) * inverse;
     Lanes next, next_density;
     Normal(z, &next, &next_density);
     const auto exists = boundary <= last;
@@ -72,8 +90,8 @@ PLENOCAL_LANES void CellDrawing::AddProduct(const Lanes& u,
                                             const Lanes& r,
                                             const Lanes& weight,
                                             Drawn* drawn) {
-  across_.Fill(u, blur_u, n_);
-  down_.Fill(v, blur_v, n_);
+  across_.Fill(u, blur_u, n_, lines_);
+  down_.Fill(v, blur_v, n_, lines_);
   const float* const cells = cells_.data();
   const IntLanes corner = down_.first * n_ + across_.first;
   Lanes ss{}, sb{}, bs{}, dd{}, bb{}, ds{}, sd{}, bd{}, db{};

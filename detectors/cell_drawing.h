@@ -8,7 +8,7 @@
 
 namespace plenocal::internal {
 
-/// A square drawing of n x n cells seen through a homography G and blurred by a Gaussian.
+/// A square drawing of n x n cells of one size, or between given lines, seen through a homography G and blurred by a Gaussian.
 ///
 /// The homography is taken as affine within the blur; there the drawing is a sum over its cells of
 /// products of steps along its two axes, where the axes are at right angles. Where they are not,
@@ -20,6 +20,9 @@ class CellDrawing {
   /// `cells`: n x n values by rows, the first row at the top. Those of the outermost cells go on
   /// without end.
   CellDrawing(std::vector<float> cells, int n);
+  /// Cell i of either axis lies between lines[i] and lines[i + 1], ascending; "cells" as a unit of
+  /// length is that of the lines.
+  CellDrawing(std::vector<float> cells, std::vector<float> lines);
 
   /// Gives all outermost cells one value, which `Drawn::by_beyond` belongs to.
   void SetBeyond(float value);
@@ -47,7 +50,7 @@ class CellDrawing {
     IntLanes first{};
     int count = 0;
     std::vector<Cell> cells;
-    void Fill(const Lanes& at, const Lanes& blur, int n);
+    void Fill(const Lanes& at, const Lanes& blur, int n, const std::vector<float>& lines);
     void AddKnown(int n, Lanes* known) const;
   };
   /// Adds `weight` times a drawing whose blurs (cells) are correlated by a small `r`.
@@ -61,6 +64,7 @@ class CellDrawing {
 
   int n_;
   std::vector<float> cells_;  ///< and zeros, for profiles that end beyond
+  std::vector<float> lines_;  ///< n + 1; empty: at the integers
   Profile across_, down_;
 };
 

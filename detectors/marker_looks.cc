@@ -9,6 +9,7 @@
 #include <opencv2/calib3d.hpp>
 #include <optional>
 
+#include "detectors/charuco_looks.h"
 #include "detectors/tag_looks.h"
 #include "detectors/tag_template.h"
 #include "detectors/target_drawing.h"
@@ -51,6 +52,48 @@ CellDrawing DrawCorner() {
   return {std::move(cells), kSquares};
 }
 
+/// 4 x 4 squares of a ChArUco board with the corner at square (column, row) in their middle; in
+/// white squares there are markers.
+CellDrawing DrawCharucoCorner(const CharucoLayout& board,
+                              const CharucoLooks& looks,
+                              int column,
+                              int row) {
+  constexpr int kSquares = 4;
+  const int per_square = looks.width + 2;  // with the white around the marker
+  const int n = kSquares * per_square;
+  const double marker = board.marker / board.square, gap = (1 - marker) / 2;
+  std::vector<float> lines;
+  for (int square = 0; square < kSquares; ++square) {
+    lines.push_back(static_cast<float>(square));
+    for (int i = 0; i <= looks.width; ++i) {
+      lines.push_back(static_cast<float>(square + gap + i * marker / looks.width));
+    }
+  }
+  lines.push_back(kSquares);
+  std::vector<float> cells(static_cast<size_t>(n * n), 1.f);
+  const auto cell = [&](int x, int y) -> float& { return cells[static_cast<size_t>(y * n + x)]; };
+  const Eigen::Vector2i first = looks.markers.front().square;
+  for (int y = 0; y < n; ++y) {
+    for (int x = 0; x < n; ++x) {
+      const Eigen::Vector2i square(column - kSquares / 2 + x / per_square,
+                                   row - kSquares / 2 + y / per_square);
+      const bool on_board = square.x() >= 0 && square.x() < board.columns && square.y() >= 0 &&
+                            square.y() < board.rows;
+      if (on_board && (square - first).sum() % 2 != 0) cell(x, y) = -1;
+    }
+  }
+  for (const CharucoLooks::Marker& marked : looks.markers) {
+    const int x0 = (marked.square.x() - column + kSquares / 2) * per_square + 1;
+    const int y0 = (marked.square.y() - row + kSquares / 2) * per_square + 1;
+    if (x0 < 0 || y0 < 0 || x0 >= n || y0 >= n) continue;
+    for (int i = 0; i < looks.width * looks.width; ++i) {
+      if (!marked.white[static_cast<size_t>(i)])
+        cell(x0 + i % looks.width, y0 + i / looks.width) = -1;
+    }
+  }
+  return {std::move(cells), std::move(lines)};
+}
+
 /// The homography from the image to cells that points around a marker tell. The marker itself is
 /// where it was found, whatever its neighbours say.
 std::optional<Eigen::Matrix3d> CellsByImage(const std::vector<cv::Point2d>& in_image,
@@ -68,7 +111,13 @@ std::optional<Eigen::Matrix3d> CellsByImage(const std::vector<cv::Point2d>& in_i
   return shift * cells_by_image;
 }
 
-std::vector<MarkerLook> LooksOfBoard(int columns, const std::vector<Observation>& found) {
+/// Of corners, `columns` in a row. `draw` makes the drawing of the one in a column and row, in
+/// whose middle it is, `middle` squares from its edges.
+template <typename Draw>
+std::vector<MarkerLook> LooksOfBoard(int columns,
+                                     const std::vector<Observation>& found,
+                                     int middle,
+                                     const Draw& draw) {
   std::map<int, Eigen::Vector2d> places;
   for (const Observation& seen : found) places[seen.marker] = {seen.values[0], seen.values[1]};
   std::vector<MarkerLook> looks;
@@ -80,16 +129,17 @@ std::vector<MarkerLook> LooksOfBoard(int columns, const std::vector<Observation>
         const int column = marker % columns + dx;
         const auto other = places.find(marker + dy * columns + dx);
         if (column < 0 || column >= columns || other == places.end()) continue;
-        on_board.emplace_back(3 + dx, 3 + dy);
+        on_board.emplace_back(middle + dx, middle + dy);
         in_image.emplace_back(other->second.x(), other->second.y());
       }
     }
-    const auto cells_by_image = CellsByImage(in_image, on_board, place, {3, 3});
+    const Eigen::Vector2d in_cells(middle, middle);
+    const auto cells_by_image = CellsByImage(in_image, on_board, place, in_cells);
     if (!cells_by_image) continue;
     looks.push_back({.marker = marker,
                      .place = place,
                      .cells_by_image = *cells_by_image,
-                     .drawing = DrawCorner()});
+                     .drawing = draw(marker % columns, marker / columns)});
   }
   return looks;
 }
@@ -126,10 +176,13 @@ std::vector<MarkerLook> LooksOfCircles(const Target& target,
 std::vector<MarkerLook> LooksOf(const Target& target, const std::vector<Observation>& found) {
   if (std::holds_alternative<TagLayout>(target.layout)) return LooksOfTags(target, found);
   if (const auto* board = std::get_if<ChessboardLayout>(&target.layout)) {
-    return LooksOfBoard(board->columns, found);
+    return LooksOfBoard(board->columns, found, 3, [](int, int) { return DrawCorner(); });
   }
   if (const auto* board = std::get_if<CharucoLayout>(&target.layout)) {
-    return LooksOfBoard(board->columns - 1, found);
+    const CharucoLooks looks = FindCharucoLooks(*board);
+    return LooksOfBoard(board->columns - 1, found, 2, [&](int column, int row) {
+      return DrawCharucoCorner(*board, looks, column + 1, row + 1);
+    });
   }
   if (const auto* circles = std::get_if<CirclesLayout>(&target.layout)) {
     return LooksOfCircles(target, *circles, found);

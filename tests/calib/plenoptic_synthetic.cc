@@ -98,6 +98,7 @@ PlenopticProblem MakePlenopticProblem(unsigned seed, const PlenopticOptions& opt
         lenses.emplace_back(c, LatticeColour({i, j}));
     }
   }
+  const double shared_slope = options.shared_slope > 0 ? noise.Gaussian(options.shared_slope) : 0;
   for (int f = 0; f < options.frames; ++f) {
     const double tilt = options.tilt_factor * random.Uniform(0.3, 0.8),
                  azimuth = random.Uniform(0, 6.3);
@@ -131,11 +132,15 @@ PlenopticProblem MakePlenopticProblem(unsigned seed, const PlenopticOptions& opt
         const Eigen::Vector2d x_R(predicted[0], predicted[1]);
         if ((x_R - lens).norm() > 0.45 * kPitch_px) continue;
         const double sigma = options.noise * options.noise_of_type[static_cast<size_t>(type)];
-        const Eigen::Vector2d shift = common + slope * (x_R - lens);
+        const Eigen::Vector2d shift = common + (slope + shared_slope) * (x_R - lens);
         seen.values[0] = x_R.x() + shift.x() + noise.Gaussian(sigma);
         seen.values[1] = x_R.y() + shift.y() + noise.Gaussian(sigma);
         if (options.state_sigmas) seen.sigma = options.noise;
         view.observations.push_back(seen);
+        if (options.shared_slope > 0) {
+          const Eigen::Vector2d moved = options.shared_slope * (x_R - lens);
+          view.shared_errors.push_back({moved.x(), moved.y()});
+        }
       }
     }
     camera.views.push_back(view);

@@ -236,6 +236,16 @@ TEST(PlenopticFrameScatter, OfErrorsThatAFrameSharesIsNamedAndIsInTheSigmas) {
   EXPECT_LT(mean, 2);
 }
 
+TEST(PlenopticSharedErrors, OfAllPointsOfACameraAreInTheSigmas) {
+  // One draw a problem: three parameters move as one. Sigmas without it give 30.
+  const double mean =
+      MeanSquare(16, {.noise = 0.1, .shared_slope = 0.02}, [](const Calibration& calibration) {
+        EXPECT_TRUE(calibration.warnings.empty());
+      });
+  EXPECT_GT(mean, 0.3);
+  EXPECT_LT(mean, 2.2);
+}
+
 TEST(PlenopticWeakness, OfOneDepthIsNamedWithTheDistancesToAdd) {
   const Problem problem =
       MakePlenopticProblem(7, {.noise = 0.2, .depth_span = 0.005, .tilt_factor = 0.05});
