@@ -44,6 +44,7 @@ struct Prior {
 /// own, the brightness beyond a tag or the radius of a disc.
 struct Priors {
   Prior blur, own;
+  double edge;  ///< px beside an edge that what is known of the blur reaches
 };
 
 /// A drawing of cells as a fit sees it.
@@ -68,6 +69,8 @@ struct CellsOfMarker {
     const float middle = 0.5f * static_cast<float>(drawing.size());
     return !beyond_unknown || (cells.array() - middle).abs().maxCoeff() < middle - 1.5f;
   }
+  /// Whether a fit is wrong without the light of a place.
+  [[nodiscard]] static bool Needs(const Eigen::Vector2f&, double, double) { return false; }
 };
 
 /// A disc likewise.
@@ -84,6 +87,11 @@ struct DiscOfMarker {
     return drawn.by_radius[lane];
   }
   [[nodiscard]] static bool Knows(const Eigen::Vector2f& radii) { return radii.norm() < kWindow; }
+  /// A disc whose edge is not lit all around moves with its radius, and with what the stop does to
+  /// the other side.
+  [[nodiscard]] static bool Needs(const Eigen::Vector2f& radii, double radius, double edge) {
+    return radii.norm() < radius + edge;
+  }
 };
 
 CellsOfMarker ForFit(const CellDrawing& drawing, const MarkerLook& look) {
@@ -131,11 +139,14 @@ void Measure(const MarkerLook& look,
   for (int row = 0; row < patches.size; ++row) {
     for (int column = 0; column < patches.size; ++column) {
       const int i = row * patches.size + column;
-      if (std::isnan(value[i]) || patches.Light(lens, column, row) < least) continue;
       const double x = patches.origin[lens].x() + column - sight->predicted.x();
       const double y = patches.origin[lens].y() + row - sight->predicted.y();
+      if (x * x + y * y > window * window) continue;
       const Eigen::Vector3f there(static_cast<float>(x), static_cast<float>(y), 1);
-      if (x * x + y * y > window * window || !drawing.Knows((sight->G * there).hnormalized())) {
+      const Eigen::Vector2f cells = (sight->G * there).hnormalized();
+      if (!drawing.Knows(cells)) continue;
+      if (std::isnan(value[i]) || patches.Light(lens, column, row) < least) {
+        if (drawing.Needs(cells, priors.own.mean, priors.edge / sight->cell_px)) return;
         continue;
       }
       const float light = patches.Light(lens, column, row), raw = value[i] * light;
@@ -301,8 +312,11 @@ MicroView MeasureInMicroImages(const std::vector<MarkerLook>& looks,
       const MarkerLook& look = looks[sights[i].look];
       std::visit(
           [&](const auto& drawing) {
-            Priors priors{blur_of(sights[i]), OwnPrior(drawing)};
-            if (radius) priors.own = *radius;
+            Priors priors{blur_of(sights[i]), OwnPrior(drawing), 0};
+            if (radius) {
+              priors.own = *radius;
+              priors.edge = priors.blur.mean + 0.5;  // into half a pixel
+            }
             Measure(look, ForFit(drawing, look), patches, array, noise, priors, &sights[i]);
           },
           look.drawing);

@@ -26,8 +26,8 @@ namespace plenocal::internal {
 /// flat part. Sigma comes from the fit's own residuals, or from the sensor's noise where that is
 /// larger. Pixels that have lost more than a quarter of their micro image's light are not used: the
 /// light of the neighbouring micro image falls on them, and it takes more than `pull` to say what
-/// the stop does there. Micro images in which the fit fails or moves by more than half a cell are
-/// left out.
+/// the stop does there; of a disc all of the edge must be lit. Micro images in which the fit fails
+/// or moves by more than half a cell are left out.
 MicroView MeasureInMicroImages(const std::vector<MarkerLook>& looks,
                                const VirtualDepth& depth,
                                const LensPatches& patches,
