@@ -212,6 +212,20 @@ std::vector<Score> FrameScores(const Bundle& bundle, const Uncertainty& uncertai
   return scores;
 }
 
+// Inverse of a positive semidefinite matrix where it has one.
+MatrixXd PseudoInverse(const MatrixXd& V) {
+  constexpr double kRankTolerance = 1e-10;  // of the matrix with unit diagonal
+  if (V.rows() == 0) return V;
+  const VectorXd diagonal = V.diagonal();
+  const VectorXd scale = (diagonal.array() > 0).select(diagonal.cwiseSqrt().cwiseInverse(), 0);
+  const Eigen::SelfAdjointEigenSolver<MatrixXd> spectrum(scale.asDiagonal() * V *
+                                                         scale.asDiagonal());
+  const VectorXd values = spectrum.eigenvalues();
+  const VectorXd inverse = (values.array() > kRankTolerance).select(values.cwiseInverse(), 0);
+  const MatrixXd directions = scale.asDiagonal() * spectrum.eigenvectors();
+  return directions * inverse.asDiagonal() * directions.transpose();
+}
+
 // Places of one camera's unknowns.
 std::vector<int> PlacesOf(const Uncertainty& uncertainty, size_t camera) {
   std::vector<int> places;
@@ -240,16 +254,24 @@ CommonErrors EstimateCommonErrors(const Bundle& bundle, const Uncertainty& uncer
     places.push_back(PlacesOf(uncertainty, c));
     factors.emplace_back(MatrixXd(C(places[c], places[c])));
   }
-  MatrixXd by_shared;  // what each shared error moves the unknowns by
-  for (const Score& score : FrameScores(bundle, uncertainty)) {
+  const std::vector<Score> scores = FrameScores(bundle, uncertainty);
+  if (scores.empty()) return {std::vector<FrameScatter>(sums.size()), {}};
+  Score total(C.rows(), scores[0].gradient.cols());
+  for (const Score& score : scores) {
+    total.gradient += score.gradient;
+    total.covariance += score.covariance;
+  }
+  // What each shared error moves the unknowns by.
+  const MatrixXd by_shared = C * total.gradient.rightCols(total.gradient.cols() - 1);
+  // Where the frames alone would have the unknowns: priors may hold them elsewhere.
+  const MatrixXd frames_covariance = PseudoInverse(total.covariance);
+  const VectorXd by_priors = frames_covariance * total.gradient.col(0);
+  for (const Score& score : scores) {
     // What the frame moves the unknowns by, beside what its points' errors make of that. The
-    // optimum has taken a part of it: the frame's own share of what is known.
-    const MatrixXd all_moved = C * score.gradient;
-    const VectorXd moved = all_moved.col(0);
-    if (by_shared.size() == 0) by_shared = MatrixXd::Zero(C.rows(), all_moved.cols() - 1);
-    by_shared += all_moved.rightCols(by_shared.cols());
-    const MatrixXd share = C * score.covariance;
-    const MatrixXd spread = (share - share * share) * C;
+    // optimum has taken a part of it: the frame's own share of what all frames know.
+    const VectorXd moved = C * (score.gradient.col(0) - score.covariance * by_priors);
+    const MatrixXd own_share = score.covariance * frames_covariance * score.covariance;
+    const MatrixXd spread = C * (score.covariance - own_share) * C;
     for (size_t c = 0; c < sums.size(); ++c) {
       if (places[c].empty()) continue;
       const VectorXd own = moved(places[c]);

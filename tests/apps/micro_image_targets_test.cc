@@ -73,7 +73,7 @@ TEST_F(MicroImageTargets, ChessboardCorners) {
 }
 
 TEST_F(MicroImageTargets, CharucoCornersBesideTheirMarkers) {
-  // Without the markers in the drawing half of the corners were off by a pixel.
+  // Without the markers in the drawing corners are off by a pixel.
   const std::vector<double> errors = Errors(
       "type: charuco\ncolumns: 5\nrows: 4\nsquare: 0.016\nmarker: 0.0112\ndictionary: "
       "DICT_4X4_50\n");
