@@ -25,7 +25,10 @@ void CellDrawing::SetBeyond(float value) {
   }
 }
 
-PLENOCAL_LANES void CellDrawing::Profile::Fill(const Lanes& at, const Lanes& blur, int n, const std::vector<float>& lines) {
+PLENOCAL_LANES void CellDrawing::Profile::Fill(const Lanes& at,
+                                               const Lanes& blur,
+                                               int n,
+                                               const std::vector<float>& lines) {
   const Lanes reach = kNormalReach * blur;
   // Boundary i is between cells i - 1 and i; the outermost cells have no end.
   const float last = static_cast<float>(n - 1);

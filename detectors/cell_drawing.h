@@ -8,7 +8,8 @@
 
 namespace plenocal::internal {
 
-/// A square drawing of n x n cells of one size, or between given lines, seen through a homography G and blurred by a Gaussian.
+/// A square drawing of n x n cells of one size, or between given lines, seen through a homography G
+/// and blurred by a Gaussian.
 ///
 /// The homography is taken as affine within the blur; there the drawing is a sum over its cells of
 /// products of steps along its two axes, where the axes are at right angles. Where they are not,
