@@ -51,6 +51,8 @@ std::string Pack(const ImageResult& result) {
     put(bent.place);
     put(bent.curvature);
     put(bent.by_curvature);
+    writer.Put(bent.growth);
+    put(bent.by_growth);
   });
   return writer.Text();
 }
@@ -78,6 +80,8 @@ std::optional<ImageResult> Unpack(const std::string& text) {
     get(&bent.place);
     get(&bent.curvature);
     get(&bent.by_curvature);
+    bent.growth = reader.Get<double>();
+    get(&bent.by_growth);
   });
   return reader.IsComplete() ? std::optional(result) : std::nullopt;
 }
@@ -154,9 +158,7 @@ void MeasureByCommonLens(const ImageSize& size, std::vector<ImageResult>* result
   const LensCurvature lens(edges, Eigen::Vector2d(size[0], size[1]));
   for (ImageResult& result : *results) {
     for (size_t i = 0; i < result.found.bent.size(); ++i) {
-      const BentMarker& bent = result.found.bent[i];
-      const Eigen::Vector2d change = lens.At(bent.place) - bent.curvature;
-      const Eigen::Vector2d moved = bent.by_curvature * change;
+      const Eigen::Vector2d moved = lens.Change(result.found.bent[i]);
       auto& values = result.found.markers[i].values;
       values[0] += moved.x();
       values[1] += moved.y();

@@ -71,6 +71,16 @@ Eigen::Vector2d LensCurvature::At(const Eigen::Vector2d& place) const {
           coefficients_.dot(Row(place, Eigen::Vector2d::UnitY()))};
 }
 
+double LensCurvature::Growth(const Eigen::Vector2d& place) const {
+  const Eigen::Vector2d p = (place - middle_) / radius_;
+  return (coefficients_[2] + 2 * coefficients_[3] * p.squaredNorm()) / radius_;
+}
+
+Eigen::Vector2d LensCurvature::Change(const BentMarker& bent) const {
+  return bent.by_curvature * (At(bent.place) - bent.curvature) +
+         bent.by_growth * (Growth(bent.place) - bent.growth);
+}
+
 double LensCurvature::Variance(const Eigen::Vector2d& place, const Eigen::Vector2d& normal) const {
   const Eigen::Vector4d row = Row(place, normal);
   return row.dot(covariance_ * row);

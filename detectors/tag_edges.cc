@@ -540,13 +540,15 @@ RefinedTags RefineTags(const cv::Mat& gray,
   refined.resize(tags.size());
   const auto use = [&](const TagFit& drawing, std::size_t i) {
     const Eigen::Vector2d curvature = lens.At(drawing.centre);
+    const double growth = lens.Growth(drawing.centre);
     for (std::size_t k = 0; k < 4; ++k) {
       if (refined[i][k] && refined[i][k]->sigma < drawing.sigma[k]) continue;
-      const Eigen::Matrix2d& by_curvature = drawing.by_curvature[k];
-      refined[i][k] =
-          RefinedCorner{drawing.corners[k] + by_curvature * (curvature - drawing.curvature),
-                        drawing.sigma[k],
-                        {drawing.centre, curvature, by_curvature}};
+      BentMarker owes{
+          drawing.centre, drawing.curvature, drawing.by_curvature[k], 0, drawing.by_growth[k]};
+      const Eigen::Vector2d point = drawing.corners[k] + lens.Change(owes);
+      owes.curvature = curvature;
+      owes.growth = growth;
+      refined[i][k] = RefinedCorner{point, drawing.sigma[k], owes};
     }
     result.edges.insert(result.edges.end(), drawing.bent.begin(), drawing.bent.end());
   };

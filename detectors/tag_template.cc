@@ -268,8 +268,11 @@ void TagTemplate::Differentiate(const State& state, const Strip& strip, Lanes* r
   put(level * strip.y);
   put(by_px * strength * drawn.by_blur);
   put(strength * drawn.by_beyond);
-  put(square * (by_u * (G(0, 0) - drawn.u * G(2, 0)) + by_v * (G(1, 0) - drawn.v * G(2, 0))));
-  put(square * (by_u * (G(0, 1) - drawn.u * G(2, 1)) + by_v * (G(1, 1) - drawn.v * G(2, 1))));
+  const Lanes by_x = by_u * (G(0, 0) - drawn.u * G(2, 0)) + by_v * (G(1, 0) - drawn.v * G(2, 0));
+  const Lanes by_y = by_u * (G(0, 1) - drawn.u * G(2, 1)) + by_v * (G(1, 1) - drawn.v * G(2, 1));
+  put(square * by_x);
+  put(square * by_y);
+  put(static_cast<float>(side_) * square * (strip.x * by_x + strip.y * by_y));
   put(strip.gray - light * level);
 }
 
@@ -453,6 +456,8 @@ std::optional<TagFit> TagTemplate::Fit() {
   const Matrix inverse = information.ldlt().solve(Matrix::Identity());
   const Eigen::Matrix<double, 8, 2> G_by_curvature =
       -inverse.topRows<8>() * sums.block<kParameters, 2>(0, kCurvature);
+  const Eigen::Matrix<double, 8, 1> G_by_growth =
+      -inverse.topRows<8>() * sums.block<kParameters, 1>(0, kGrowth);
   TagFit fit;
   fit.corners = corners_;
   fit.blur = state_.blur;
@@ -463,6 +468,8 @@ std::optional<TagFit> TagTemplate::Fit() {
     const Eigen::Matrix<double, 2, 8> by_G = CornerByG(corners_[k]);
     fit.by_curvature[k] =
         by_G * G_by_curvature + (corners_[k] - centre_).squaredNorm() * Eigen::Matrix2d::Identity();
+    const Eigen::Vector2d d = corners_[k] - centre_;
+    fit.by_growth[k] = by_G * G_by_growth + d.squaredNorm() * d;
     const Eigen::Matrix2d of_corner =
         variance * by_G * inverse.topLeftCorner<8, 8>() * by_G.transpose();
     fit.sigma[k] = std::sqrt(of_corner.trace() / 2);

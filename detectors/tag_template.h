@@ -36,6 +36,8 @@ struct TagFit {
   Eigen::Vector2d curvature;      ///< assumed, 1/px
   /// How each corner moves with the lens' curvature, px^2.
   std::array<Eigen::Matrix2d, 4> by_curvature;
+  /// And with its growth, taken as zero, px^3.
+  std::array<Eigen::Vector2d, 4> by_growth;
   /// What the tag itself says about the curvature: along the axes where it says most and least.
   std::array<BentEdge, 2> bent;
 };
@@ -77,7 +79,8 @@ class TagTemplate {
   static constexpr int kParameters = 14;  // G without its last, m, k, g, w, e
   static constexpr int kBeyond = 13;
   static constexpr int kCurvature = kParameters;  // two columns
-  static constexpr int kResidual = kParameters + 2;
+  static constexpr int kGrowth = kParameters + 2;
+  static constexpr int kResidual = kParameters + 3;
   static constexpr int kPadded = 18;  // for AddSquares
   static constexpr int kBlock = 32;   // strips
   using Vector = Eigen::Matrix<double, kParameters, 1>;
@@ -112,7 +115,8 @@ class TagTemplate {
   /// Calls use(pixel, value of the drawing) for every `stride`-th pixel.
   template <typename Use>
   void ForEachDrawn(std::size_t stride, const Use& use);
-  /// The model's derivatives by its parameters and by c, then the residual, `kBlock` apart.
+  /// The model's derivatives by its parameters, by c and its growth, then the residual,
+  /// `kBlock` apart.
   void Differentiate(const State& state, const Strip& strip, Lanes* rows) const;
   /// Of j j^T over every `stride`-th pixel, j being what `Differentiate` gives.
   Sums Linearise(const State& state, std::size_t stride);
