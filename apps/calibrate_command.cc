@@ -57,7 +57,7 @@ void RunCalibrate(const SessionCommand& command, const ConsoleOptions& options) 
   OutputFolder out(command.out);
   Console console(options.quiet);
 
-  StageStore store = OpenStageStore(command.out, session.target, command.fresh);
+  StageStore store = OpenStageStore(command.out, session, command.fresh);
   SessionObservations observations = CollectObservations(
       session, target, options, {&store, command.keep ? &out : nullptr}, &console);
   const CalibrationInput input =

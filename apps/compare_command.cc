@@ -262,7 +262,7 @@ void Check(const CompareCommand& command,
   if (!command.out.empty()) {
     RefuseToReplaceInputs(session, command.out, {"compare.csv", "check.json", "difference.png"});
     out.emplace(command.out);
-    store.reset(new StageStore(OpenStageStore(command.out, session.target, false)));
+    store.reset(new StageStore(OpenStageStore(command.out, session, false)));
   }
   const SessionObservations observations =
       CollectObservations(session, target, options, {store.get(), nullptr}, &console);

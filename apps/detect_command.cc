@@ -14,7 +14,7 @@ void RunDetect(const SessionCommand& command, const ConsoleOptions& options) {
   RefuseToReplaceInputs(session, command.out, {});
   OutputFolder out(command.out);
   Console console(options.quiet);
-  StageStore store = OpenStageStore(command.out, session.target, command.fresh);
+  StageStore store = OpenStageStore(command.out, session, command.fresh);
   const SessionObservations observations = CollectObservations(
       session, target, options, {&store, command.keep ? &out : nullptr}, &console);
   WriteDetections(session, observations, command.out, &out);

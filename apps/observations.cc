@@ -3,6 +3,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include "apps/image_module.h"
 #include "calib/detections.h"
 #include "calib/error.h"
@@ -28,12 +30,17 @@ bool IsSameFile(const std::filesystem::path& a, const std::filesystem::path& b) 
 
 }  // namespace
 
-StageStore OpenStageStore(const std::filesystem::path& out,
-                          const std::filesystem::path& target,
-                          bool fresh) {
-  return {out / ".cache",
-          fmt::format("plenocal {} {} {}", PLENOCAL_VERSION, ImageModuleHash(), HashFile(target)),
-          fresh};
+StageStore OpenStageStore(const std::filesystem::path& out, const Session& session, bool fresh) {
+  // Detections that are given are not kept again, and hashing the module takes as long as solving a
+  // small session.
+  const bool detects = std::any_of(
+      session.cameras.begin(), session.cameras.end(), [](auto& c) { return !c.images.empty(); });
+  const std::string program =
+      detects
+          ? fmt::format(
+                "plenocal {} {} {}", PLENOCAL_VERSION, ImageModuleHash(), HashFile(session.target))
+          : std::string();
+  return {out / ".cache", program, fresh};
 }
 
 SessionObservations CollectObservations(const Session& session,

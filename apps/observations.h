@@ -35,11 +35,9 @@ struct DetectionPlaces {
   OutputFolder* pictures = nullptr;  ///< images/<camera>/...; null: none are made
 };
 
-/// Detections that runs into the folder `out` keep for each other: those of this program and
-/// target.
-StageStore OpenStageStore(const std::filesystem::path& out,
-                          const std::filesystem::path& target,
-                          bool fresh);
+/// Detections that runs into the folder `out` keep for each other: those of this program and the
+/// session's target.
+StageStore OpenStageStore(const std::filesystem::path& out, const Session& session, bool fresh);
 
 /// Reads or detects them, tells `console` one line a camera, and throws `Stopped` after Ctrl-C.
 /// Throws `Error` when no camera of the session sees the target.

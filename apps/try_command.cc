@@ -277,7 +277,7 @@ void RunTry(const TryCommand& command, const ConsoleOptions& options) {
   RefuseToReplaceInputs(session, command.out, {"try.csv", "try.yaml", "try.html"});
   OutputFolder out(command.out);
   Console console(options.quiet);
-  StageStore store = OpenStageStore(command.out, session.target, command.fresh);
+  StageStore store = OpenStageStore(command.out, session, command.fresh);
   const SessionObservations observations =
       CollectObservations(session, target, options, {&store, nullptr}, &console);
   TellWhoseSettings(session, varied, &console);
