@@ -149,7 +149,7 @@ std::optional<Candidate> Refine(std::span<const Ray> rays,
                                 RigidTransform T) {
   constexpr int kMaxIterations = 50;
   // Far below what any image can tell; the bundle adjustment does the rest.
-  constexpr double kConverged = 1e-7;
+  constexpr double kConverged = 1e-5;
   const auto n = static_cast<Eigen::Index>(rays.size());
   std::vector<Eigen::Matrix<double, 2, 3>> bases;
   bases.reserve(rays.size());
