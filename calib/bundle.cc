@@ -522,21 +522,21 @@ bool Residual(const Bundle& bundle, const BundleObservation& observation, double
   return true;
 }
 
-double OwnNoiseSigma(const BundleCamera& camera, const Observation& seen) {
-  const double own = camera.noise_scale * seen.sigma;
-  return std::sqrt(own * own + camera.noise_floor * camera.noise_floor);
-}
-
-double NoiseSigma(const BundleCamera& camera, const Observation& seen) {
-  const double own = OwnNoiseSigma(camera, seen);
-  return std::sqrt(own * own + camera.common_noise * camera.common_noise);
-}
-
 size_t EndOfMarker(const std::vector<BundleObservation>& observations, size_t begin) {
   const BundleObservation& first = observations[begin];
   size_t end = begin + 1;
   while (end < observations.size() && observations[end].frame == first.frame &&
          observations[end].camera == first.camera && observations[end].marker == first.marker) {
+    ++end;
+  }
+  return end;
+}
+
+size_t EndOfView(const std::vector<BundleObservation>& observations, size_t begin) {
+  const BundleObservation& first = observations[begin];
+  size_t end = begin + 1;
+  while (end < observations.size() && observations[end].frame == first.frame &&
+         observations[end].camera == first.camera) {
     ++end;
   }
   return end;
@@ -632,9 +632,7 @@ std::vector<PoseStep> OwnPoseSteps(const Bundle& bundle) {
   const auto& observations = bundle.observations;
   for (size_t begin = 0, end = 0; begin < observations.size(); begin = end) {
     const BundleObservation& first = observations[begin];
-    for (; end < observations.size(); ++end) {
-      if (observations[end].frame != first.frame || observations[end].camera != first.camera) break;
-    }
+    end = EndOfView(observations, begin);
     const PoseEquations equations = LinearisePose(bundle, begin, end, kNoLoss);
     const Eigen::LLT<Matrix6d> factor(equations.H);
     if (factor.info() != Eigen::Success) continue;
@@ -934,6 +932,7 @@ AdjustSummary Adjust(Bundle* bundle, const AdjustOptions& options) {
     summary.converged = solved.termination_type == ceres::CONVERGENCE;
     summary.stopped = solved.termination_type == ceres::USER_FAILURE;
     summary.iterations += static_cast<int>(solved.iterations.size());
+    if (pass == 0) summary.cost_before = solved.initial_cost;
     summary.cost = solved.final_cost;
     summary.message = solved.message;
     if (!summary.usable) return summary;

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cmath>
 #include <functional>
 #include <string>
 #include <vector>
@@ -109,7 +110,8 @@ struct AdjustSummary {
   bool converged = false;  ///< no further improvement was possible
   bool stopped = false;    ///< `on_iteration` asked for it
   int iterations = 0;
-  double cost = 0;  ///< half the (robustified) sum of squares
+  double cost_before = 0;  ///< at the start, half the (robustified) sum of squares
+  double cost = 0;         ///< at the end
   std::string message;
 };
 
@@ -142,13 +144,21 @@ Matrix6d JitterWeight(const Bundle& bundle, size_t frame, size_t camera);
 /// Residual of one observation, measured minus predicted; false outside the model's domain.
 bool Residual(const Bundle& bundle, const BundleObservation& observation, double* residual);
 
-/// Standard deviation of each coordinate of an observation under its camera's noise: all of it, or
-/// that which it has for itself.
-double NoiseSigma(const BundleCamera& camera, const Observation& seen);
-double OwnNoiseSigma(const BundleCamera& camera, const Observation& seen);
+/// Standard deviation of each coordinate of an observation under its camera's noise: that which it
+/// has for itself, or all of it.
+inline double OwnNoiseSigma(const BundleCamera& camera, const Observation& seen) {
+  const double own = camera.noise_scale * seen.sigma;
+  return std::sqrt(own * own + camera.noise_floor * camera.noise_floor);
+}
+inline double NoiseSigma(const BundleCamera& camera, const Observation& seen) {
+  const double own = OwnNoiseSigma(camera, seen);
+  return std::sqrt(own * own + camera.common_noise * camera.common_noise);
+}
 
-/// End of the run of observations of one marker in one view that starts at `begin`.
+/// End of the run of observations of one marker in one view, or of one view, that starts at
+/// `begin`.
 size_t EndOfMarker(const std::vector<BundleObservation>& observations, size_t begin);
+size_t EndOfView(const std::vector<BundleObservation>& observations, size_t begin);
 
 /// Length of the residual in sigmas.
 double WeightedLength(const Bundle& bundle,

@@ -24,6 +24,8 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kFalseRejections = 0.05;  // expected number of good observations rejected in all
 constexpr double kFalseAlarm = 1e-3;       // of rigid, synchronous rigs that are not taken as such
 constexpr int kMaxRounds = 10;
+// The optimum moves with the square of a small change of the weights, the sigmas in proportion.
+constexpr double kNoiseTolerance = 5e-3;
 constexpr size_t kMinMarkersInFrame = 4;
 // Exact (simulated) observations have no noise to estimate; below this they count as exact, px.
 constexpr double kSmallestNoise = 1e-9;
@@ -351,50 +353,50 @@ class Calibrator {
 
   // Applies the rejection rule; the number of observations that it takes out or back.
   size_t Reject(const std::vector<double>& lengths) {
-    size_t changed = 0;
     const double p = kFalseRejections / static_cast<double>(std::max<size_t>(1, lengths.size()));
-    std::map<std::pair<int, int>, std::pair<int, int>> views;  // (frame, camera) -> (good, all)
-    std::vector<bool> good(lengths.size());
     std::vector<double> thresholds;
     for (const BundleCamera& camera : bundle().cameras) {
       thresholds.push_back(
           std::sqrt(ChiSquareQuantile(static_cast<int>(camera.model->measured.size()), p)));
     }
     result_.rejection_threshold = *std::max_element(thresholds.begin(), thresholds.end());
-    for (size_t i = 0; i < lengths.size(); ++i) {
-      const BundleObservation& observation = bundle().observations[i];
-      good[i] = lengths[i] <= thresholds[static_cast<size_t>(observation.camera)];
-      auto& [good_count, all] = views[{observation.frame, observation.camera}];
-      good_count += good[i] ? 1 : 0;
-      ++all;
-    }
-    for (size_t i = 0; i < lengths.size(); ++i) {
-      BundleObservation& observation = bundle().observations[i];
-      const auto& [good_count, all] = views.at({observation.frame, observation.camera});
+    size_t changed = 0;
+    std::vector<BundleObservation>& observations = bundle().observations;
+    for (size_t begin = 0, end = 0; begin < observations.size(); begin = end) {
+      end = EndOfView(observations, begin);
+      const double threshold = thresholds[static_cast<size_t>(observations[begin].camera)];
+      size_t good = 0;
+      for (size_t i = begin; i < end; ++i) good += lengths[i] <= threshold ? 1 : 0;
       // A view most of whose points disagree is wrong as a whole (a moved target, a false pose).
-      const bool used = good[i] && 2 * good_count >= all;
-      changed += used != observation.used ? 1 : 0;
-      observation.used = used;
+      const bool view_is_good = 2 * good >= end - begin;
+      for (size_t i = begin; i < end; ++i) {
+        const bool used = view_is_good && lengths[i] <= threshold;
+        changed += used != observations[i].used ? 1 : 0;
+        observations[i].used = used;
+      }
     }
     return changed;
   }
 
   // Frames that rejection left with too few markers cannot hold a pose.
   void DropWeakFrames() {
-    std::vector<std::set<int>> markers(result_.frames.size());
+    std::vector<size_t> markers(result_.frames.size(), 0);
+    std::vector<int> last_frame(bundle().markers.size(), -1);  // that has counted the marker
     for (const BundleObservation& observation : bundle().observations) {
-      if (observation.used) {
-        markers[static_cast<size_t>(observation.frame)].insert(observation.marker);
-      }
+      int& last = last_frame[static_cast<size_t>(observation.marker)];
+      if (!observation.used || last == observation.frame) continue;
+      last = observation.frame;
+      ++markers[static_cast<size_t>(observation.frame)];
     }
     for (BundleObservation& observation : bundle().observations) {
-      if (markers[static_cast<size_t>(observation.frame)].size() < kMinMarkersInFrame) {
+      if (markers[static_cast<size_t>(observation.frame)] < kMinMarkersInFrame) {
         observation.used = false;
       }
     }
   }
 
-  void Adjust(double cost_tolerance) {
+  // Returns the part by which the cost fell.
+  double Adjust(double cost_tolerance) {
     AdjustOptions options;
     options.loss = input_.loss;
     options.cost_tolerance = cost_tolerance;
@@ -408,6 +410,7 @@ class Calibrator {
     if (!summary.usable) {
       throw Error(ErrorKind::kJob, "the bundle adjustment failed: " + summary.message);
     }
+    return summary.cost < summary.cost_before ? 1 - summary.cost / summary.cost_before : 0;
   }
 
   // Up to `limit` frames of each camera, spread over the recording.
@@ -571,33 +574,48 @@ class Calibrator {
     AdjustPoses(&bundle(), others);
     UseProjecting(std::vector<bool>(first.size(), true));
     DropWeakFrames();
-    // Near the optimum, who is rejected and how large the noise is do not depend on the last
-    // digits; but the first solve must have come near.
-    constexpr double kFirstTolerance = 1e-6, kRoundTolerance = 1e-4;
-    for (int round = 0; round < kMaxRounds; ++round) {
+    // Who is rejected and how large the noise is do not depend on the last digits of the optimum:
+    // these wait until few are rejected any more. A fine solve that then lowers the cost by little
+    // changes neither.
+    constexpr double kCoarse = 1e-4;
+    Settling settling;
+    for (int round = 0;; ++round) {
       CheckEnough();
-      Adjust(round == 0 ? kFirstTolerance : kRoundTolerance);
+      const bool last = settling.at_once || round == kMaxRounds;
+      const double gain = Adjust(settling.calm || last ? FineTolerance() : kCoarse);
+      if (last || (settling.calm && gain < kCoarse)) break;
       if (round == 0 || has_jitter) CountPaidCoordinates();
-      // The optimum moves with the square of a small change of the weights, the sigmas in
-      // proportion; and with one observation in a thousand by less than a tenth of a sigma.
-      constexpr double kNoiseTolerance = 5e-3, kFewChange = 1e-3;
-      const double few = kFewChange * static_cast<double>(bundle().observations.size());
       const double jitter_change = EstimateJitter();
-      bool settled = true;
-      // Noise and rejection follow from each other. Once the worst are out, that needs no solve.
-      for (int settling = 0; settling < kMaxRounds; ++settling) {
-        const double noise_change = EstimateNoise();
-        const size_t changed = Reject(Lengths());
-        const bool rests = static_cast<double>(changed) <= few && noise_change < kNoiseTolerance;
-        settled = settled && rests;
-        if (rests || round == 0) break;
-      }
+      settling = SettleNoise(round == 0);
+      if (jitter_change >= kNoiseTolerance) settling = {};
       DropWeakFrames();
-      if (settled && jitter_change < kNoiseTolerance) break;
     }
-    CheckEnough();
-    Adjust(FineTolerance());
     result_.uncertainty = EstimateUncertainty(result_.bundle, result_.camera_names);
+  }
+
+  // How noise and rejections came to rest.
+  struct Settling {
+    bool at_once = false;  // the solve before has changed neither
+    bool calm = false;     // with few rejections in all
+  };
+
+  // Noise and rejection follow from each other, without a solve between them once the worst are
+  // out: not where those of the first round were in its solve.
+  Settling SettleNoise(bool first_round) {
+    // One observation in a thousand moves the optimum by less than a tenth of a sigma.
+    constexpr double kFewChange = 1e-3;
+    const double few = kFewChange * static_cast<double>(bundle().observations.size());
+    double changed = 0;
+    for (int settling = 0; settling < kMaxRounds; ++settling) {
+      const double noise_change = EstimateNoise();
+      const auto changed_now = static_cast<double>(Reject(Lengths()));
+      changed += changed_now;
+      if (changed_now <= few && noise_change < kNoiseTolerance) {
+        return {.at_once = settling == 0, .calm = changed <= few};
+      }
+      if (first_round && changed_now > few) break;
+    }
+    return {};
   }
 
   [[nodiscard]] std::vector<double> UsedCoordinates() const {
@@ -622,8 +640,8 @@ class Calibrator {
   }
 
   // A step that lowers half the sum of squares (in sigmas) by d moves the unknowns by about
-  // sqrt(2 d) sigma. The steps shrink at least tenfold each, so a last one of a hundredth of a
-  // sigma leaves a thousandth.
+  // sqrt(2 d) sigma. The solver does not take the last one, which is a hundredth of a sigma at
+  // most.
   [[nodiscard]] double FineTolerance() const {
     constexpr double kLastStep = 0.01;
     return std::clamp(
