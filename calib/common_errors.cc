@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <random>
+#include <vector>
 
 namespace plenocal {
 namespace {
@@ -12,101 +14,157 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-// Gradient of half the sum of squares by all cameras' unknowns, its change with each error that
-// observations share, and its covariance by noise: of one frame, markers at their best for the
-// unknowns, poses eliminated.
-struct Score {
-  MatrixXd gradient;  // a first column, and one each shared error
-  MatrixXd covariance;
+// Of a model with very many unknowns so many of their combinations are looked at in place of all.
+constexpr Eigen::Index kMostDirections = 32;
 
-  Score(Eigen::Index unknowns, Eigen::Index columns)
-      : gradient(MatrixXd::Zero(unknowns, columns)),
-        covariance(MatrixXd::Zero(unknowns, unknowns)) {}
-};
+using RowMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
-// Sums over observations that share a pose: information and gradient of the pose, mixed with the
-// unknowns.
-struct PoseSums {
-  Matrix6d information = Matrix6d::Zero();
-  MatrixXd gradient;  // 6 x columns
-  MatrixXd cross;     // unknowns x 6
+// Sums over rows that share a pose, with their products with B = [basis, 6 columns of the pose,
+// residual, its change with each error that observations share]: J' B by the unknowns (markers at
+// their best), whose first part is the information J' J times a basis, and E' B by the pose.
+struct Sums {
+  Eigen::Index basis;
+  MatrixXd J_B, E_B;
 
-  explicit PoseSums(const Score& score)
-      : gradient(MatrixXd::Zero(6, score.gradient.cols())),
-        cross(MatrixXd::Zero(score.gradient.rows(), 6)) {}
-  // Takes out the pose (or jitter), whose information has the given factor.
-  void Eliminate(const Eigen::LLT<Matrix6d>& factor, Score* score) const {
-    score->gradient -= cross * factor.solve(gradient);
-    score->covariance -= cross * factor.solve(cross.transpose());
+  Sums(Eigen::Index unknowns, Eigen::Index basis_columns, Eigen::Index residuals)
+      : basis(basis_columns),
+        J_B(MatrixXd::Zero(unknowns, basis + 6 + residuals)),
+        E_B(MatrixXd::Zero(6, J_B.cols())) {}
+
+  [[nodiscard]] auto Information() const { return J_B.leftCols(basis); }
+  [[nodiscard]] auto Cross() const { return J_B.middleCols<6>(basis); }
+  [[nodiscard]] auto Gradient() const { return J_B.rightCols(J_B.cols() - basis - 6); }
+  [[nodiscard]] Matrix6d PoseInformation() const { return E_B.middleCols<6>(basis); }
+
+  Sums& operator+=(const Sums& other) {
+    J_B += other.J_B;
+    E_B += other.E_B;
+    return *this;
+  }
+  // Eliminates the pose; false for one without information.
+  bool EliminatePose() {
+    const Eigen::LLT<Matrix6d> factor(PoseInformation());
+    if (factor.info() != Eigen::Success) return false;
+    Subtract(factor.solve(E_B));
+    return true;
+  }
+  // Leaves the pose to the frame's other views, but for what is the view's own jitter `delta` with
+  // the prior information Q.
+  void EliminateJitter(const Matrix6d& Q, const Vector6d& delta) {
+    MatrixXd right = E_B;
+    right.col(basis + 6) += Q * delta;
+    const Matrix6d own = PoseInformation() + Q;
+    Subtract(own.llt().solve(right));
+  }
+
+ private:
+  void Subtract(const MatrixXd& solved) {
+    const MatrixXd cross = Cross();
+    const Matrix6d pose = PoseInformation();
+    J_B.noalias() -= cross * solved;
+    E_B.noalias() -= pose * solved;
   }
 };
 
-// Derivatives of one camera's rows by all unknowns.
+// Derivatives of one camera's rows by all unknowns, view by view.
 class Rows {
  public:
-  // The camera's shared errors are columns [first, first + count) of all.
+  // The camera's shared errors are columns [first, first + count) of all residuals.
   Rows(const Bundle& bundle,
        const Uncertainty& uncertainty,
        size_t camera,
        Eigen::Index first,
        Eigen::Index count,
-       Eigen::Index columns)
-      : camera_(bundle.cameras[camera]),
+       Eigen::Index residuals)
+      : bundle_(bundle),
+        camera_(bundle.cameras[camera]),
         places_(uncertainty.places[camera]),
         mount_(uncertainty.mount_places[camera]),
         gain_(uncertainty.marker_gain),
+        dimension_(static_cast<Eigen::Index>(camera_.model->measured.size())),
         J_params_(camera_.model->measured.size() * camera_.params.size()),
-        J_(static_cast<Eigen::Index>(camera_.model->measured.size()),
-           uncertainty.covariance.rows()),
-        J_sum_(J_),
+        J_(0, uncertainty.covariance.rows()),
+        E_(0, 6),
+        residuals_(0, residuals),
         first_(first),
-        count_(count),
-        residual_(MatrixXd::Zero(J_.rows(), columns)),
-        residual_sum_(residual_) {
-    J_pose_.setZero();
-  }
+        count_(count) {}
 
-  // The observations [begin, end), of one marker in one view.
-  void Add(const internal::LinearisedView& view,
-           const Bundle& bundle,
-           size_t begin,
-           size_t end,
-           Score* score,
-           PoseSums* pose) {
-    double information = 0;
-    J_sum_.setZero();
-    pose_sum_.setZero();
-    residual_sum_.setZero();
-    for (size_t i = begin; i < end; ++i) {
-      const BundleObservation& observation = bundle.observations[i];
-      if (!observation.used || !Linearise(view, bundle, observation)) continue;
-      const double own = OwnNoiseSigma(camera_, observation.seen);
-      if (observation.shared_errors.empty()) {
-        residual_.middleCols(first_, count_).setZero();
-      } else {
-        residual_.middleCols(first_, count_) =
-            Eigen::Map<
-                const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>(
-                observation.shared_errors.data(), residual_.rows(), count_) /
-            own;
-      }
-      Accumulate(1, score, pose);
-      information += 1 / (own * own);
-      J_sum_ += J_ / own;
-      pose_sum_ += J_pose_ / own;
-      residual_sum_ += residual_ / own;
+  // Of the observations [begin, end) of one view; the basis is the identity without `basis`.
+  void AddView(const internal::LinearisedView& view,
+               size_t begin,
+               size_t end,
+               const MatrixXd* basis,
+               Sums* sums) {
+    const bool has_common = camera_.common_noise > 0;
+    const auto most = static_cast<Eigen::Index>(end - begin) * dimension_ * (has_common ? 2 : 1);
+    if (most > J_.rows()) {
+      J_.resize(most, J_.cols());
+      E_.resize(most, 6);
+      residuals_.resize(most, residuals_.cols());
+      weight_.resize(most);
     }
-    if (camera_.common_noise == 0) return;
-    J_ = J_sum_;
-    J_pose_ = pose_sum_;
-    residual_ = residual_sum_;
-    Accumulate(-internal::CommonShare(camera_.common_noise, information), score, pose);
+    used_ = 0;
+    for (size_t of_marker = begin; begin < end; begin = of_marker) {
+      of_marker = EndOfMarker(bundle_.observations, begin);
+      AddMarker(view, begin, of_marker);
+    }
+    const auto J = J_.topRows(used_), E = E_.topRows(used_);
+    MatrixXd B(used_, sums->J_B.cols());
+    if (basis != nullptr) {
+      B.leftCols(sums->basis).noalias() = J * *basis;
+    } else {
+      B.leftCols(sums->basis) = J;
+    }
+    B.middleCols<6>(sums->basis) = E;
+    B.rightCols(residuals_.cols()) = residuals_.topRows(used_);
+    if (has_common) B = weight_.head(used_).asDiagonal() * B;
+    sums->J_B.noalias() += J.transpose() * B;
+    sums->E_B.noalias() += E.transpose() * B;
   }
 
  private:
-  bool Linearise(const internal::LinearisedView& view,
-                 const Bundle& bundle,
-                 const BundleObservation& observation) {
+  // Rows of one marker in one view; where they have common noise, their sum with a negative weight.
+  void AddMarker(const internal::LinearisedView& view, size_t begin, size_t end) {
+    const Eigen::Index first_row = used_;
+    double information = 0;
+    std::vector<double> own_sigmas;
+    for (size_t i = begin; i < end; ++i) {
+      const BundleObservation& observation = bundle_.observations[i];
+      if (!observation.used || !Linearise(view, observation)) continue;
+      const double own = OwnNoiseSigma(camera_, observation.seen);
+      auto shared = residuals_.block(used_, first_, dimension_, count_);
+      if (observation.shared_errors.empty()) {
+        shared.setZero();
+      } else {
+        shared =
+            Eigen::Map<const RowMatrix>(observation.shared_errors.data(), dimension_, count_) / own;
+      }
+      weight_.segment(used_, dimension_).setOnes();
+      used_ += dimension_;
+      if (camera_.common_noise == 0) continue;
+      information += 1 / (own * own);
+      own_sigmas.push_back(own);
+    }
+    if (own_sigmas.empty()) return;
+    const auto sum = [&](auto& rows) {
+      auto target = rows.middleRows(used_, dimension_);
+      target.setZero();
+      Eigen::Index row = first_row;
+      for (const double own : own_sigmas) {
+        target += rows.middleRows(row, dimension_) / own;
+        row += dimension_;
+      }
+    };
+    sum(J_);
+    sum(E_);
+    sum(residuals_);
+    weight_.segment(used_, dimension_)
+        .setConstant(-internal::CommonShare(camera_.common_noise, information));
+    used_ += dimension_;
+  }
+
+  // Writes the next rows.
+  bool Linearise(const internal::LinearisedView& view, const BundleObservation& observation) {
     Eigen::Matrix<double, kMaxObservationSize, 6, Eigen::RowMajor> J_mount;
     Eigen::Matrix<double, kMaxObservationSize, 3, Eigen::RowMajor> J_marker;
     double residual[kMaxObservationSize];
@@ -114,51 +172,58 @@ class Rows {
         internal::Linearise(camera_,
                             camera_.params.data(),
                             view,
-                            bundle.markers[static_cast<size_t>(observation.marker)].position,
+                            bundle_.markers[static_cast<size_t>(observation.marker)].position,
                             observation.seen,
                             {.residual = residual,
                              .J_params = J_params_.data(),
                              .J_mount = mount_ >= 0 ? J_mount.data() : nullptr,
-                             .J_pose = J_pose_.data(),
+                             .J_pose = E_.row(used_).data(),
                              .J_marker = J_marker.data()});
     if (!inside) return false;
-    const Eigen::Index rows = J_.rows();
-    residual_.col(0) = Eigen::Map<const VectorXd>(residual, rows);
-    J_.setZero();
+    auto J = J_.middleRows(used_, dimension_);
+    auto residuals = residuals_.middleRows(used_, dimension_);
+    residuals.setZero();
+    residuals.col(0) = Eigen::Map<const VectorXd>(residual, dimension_);
+    if (gain_.size() > 0) {
+      J.noalias() =
+          -J_marker.topRows(dimension_).lazyProduct(gain_.middleRows<3>(3 * observation.marker));
+    } else {
+      J.setZero();
+    }
     for (size_t k = 0; k < places_.size(); ++k) {
-      for (Eigen::Index r = 0; r < rows && places_[k] >= 0; ++r) {
-        J_(r, places_[k]) += J_params_[static_cast<size_t>(r) * places_.size() + k];
+      for (Eigen::Index r = 0; r < dimension_ && places_[k] >= 0; ++r) {
+        J(r, places_[k]) += J_params_[static_cast<size_t>(r) * places_.size() + k];
       }
     }
-    if (mount_ >= 0) J_.middleCols<6>(mount_) = J_mount.topRows(rows);
-    if (gain_.size() > 0) {
-      J_.noalias() -= J_marker.topRows(rows) * gain_.middleRows<3>(3 * observation.marker);
-    }
+    if (mount_ >= 0) J.middleCols<6>(mount_) += J_mount.topRows(dimension_);
     return true;
   }
 
-  void Accumulate(double weight, Score* score, PoseSums* pose) const {
-    const auto E = J_pose_.topRows(J_.rows());
-    score->gradient.noalias() += weight * J_.transpose().lazyProduct(residual_);
-    score->covariance.noalias() += weight * J_.transpose().lazyProduct(J_);
-    pose->information.noalias() += weight * E.transpose().lazyProduct(E);
-    pose->gradient.noalias() += weight * E.transpose().lazyProduct(residual_);
-    pose->cross.noalias() += weight * J_.transpose().lazyProduct(E);
-  }
-
+  const Bundle& bundle_;
   const BundleCamera& camera_;
   const std::vector<int>& places_;
   int mount_;
   const MatrixXd& gain_;
+  Eigen::Index dimension_;
   std::vector<double> J_params_;
-  MatrixXd J_, J_sum_;
-  Eigen::Matrix<double, kMaxObservationSize, 6, Eigen::RowMajor> J_pose_, pose_sum_;
-  Eigen::Index first_, count_;
-  MatrixXd residual_, residual_sum_;  // a first column, and one each shared error
+  RowMatrix J_, E_, residuals_;  // `used_` rows count
+  VectorXd weight_;
+  Eigen::Index used_ = 0, first_, count_;
 };
 
-// Per frame; frames without used observations have none.
-std::vector<Score> FrameScores(const Bundle& bundle, const Uncertainty& uncertainty) {
+// What one frame says, its pose eliminated, in directions D: V D and D' g, with the information V
+// on all unknowns and the gradient g of half the sum of squares.
+struct Score {
+  MatrixXd V_D;
+  VectorXd D_g;
+};
+
+struct Scores {
+  std::vector<Score> frames;  // those with used observations
+  MatrixXd gradient;  // of all, and a column of its change with each error that points share
+};
+
+Scores FrameScores(const Bundle& bundle, const Uncertainty& uncertainty, const MatrixXd& D) {
   const Eigen::Index unknowns = uncertainty.covariance.rows();
   const bool has_jitter = bundle.jitter.translation_sigma > 0;
   std::vector<Eigen::Index> errors(bundle.cameras.size(), 0);  // shared by each camera's points
@@ -167,53 +232,48 @@ std::vector<Score> FrameScores(const Bundle& bundle, const Uncertainty& uncertai
     errors[c] = static_cast<Eigen::Index>(observation.shared_errors.size() /
                                           bundle.cameras[c].model->measured.size());
   }
-  const Eigen::Index columns = std::accumulate(errors.begin(), errors.end(), Eigen::Index{1});
+  const Eigen::Index residuals = std::accumulate(errors.begin(), errors.end(), Eigen::Index{1});
   std::vector<Rows> rows;
   for (size_t c = 0; c < bundle.cameras.size(); ++c) {
     const auto place = errors.begin() + static_cast<std::ptrdiff_t>(c);
     const Eigen::Index first = std::accumulate(errors.begin(), place, Eigen::Index{1});
-    rows.emplace_back(bundle, uncertainty, c, first, errors[c], columns);
+    rows.emplace_back(bundle, uncertainty, c, first, errors[c], residuals);
   }
-  std::vector<Score> scores;
+  // The cheaper order of J' J D.
+  const MatrixXd* const basis = D.cols() < unknowns ? &D : nullptr;
+  const Eigen::Index basis_columns = std::min(D.cols(), unknowns);
+  Scores scores{{}, MatrixXd::Zero(unknowns, residuals)};
   const auto& observations = bundle.observations;
-  for (size_t begin = 0; begin < observations.size();) {
+  for (size_t begin = 0, end = 0; begin < observations.size();) {
     const auto frame = static_cast<size_t>(observations[begin].frame);
-    Score score(unknowns, columns);
-    PoseSums pose(score);
-    while (begin < observations.size() && observations[begin].frame == static_cast<int>(frame)) {
+    Sums sums(unknowns, basis_columns, residuals);
+    for (; begin < observations.size() && observations[begin].frame == static_cast<int>(frame);
+         begin = end) {
       const auto c = static_cast<size_t>(observations[begin].camera);
+      end = EndOfView(observations, begin);
       const internal::LinearisedView seen{.T_camera_rig = bundle.cameras[c].T_camera_rig,
                                           .T_rig_target = bundle.SeenPose(frame, c)};
-      PoseSums view(score);
-      while (begin < observations.size() && observations[begin].frame == static_cast<int>(frame) &&
-             observations[begin].camera == static_cast<int>(c)) {
-        const size_t end = EndOfMarker(observations, begin);
-        rows[c].Add(seen, bundle, begin, end, &score, has_jitter ? &view : &pose);
-        begin = end;
+      if (!has_jitter) {
+        rows[c].AddView(seen, begin, end, basis, &sums);
+        continue;
       }
-      if (!has_jitter) continue;
+      Sums view(unknowns, basis_columns, residuals);
+      rows[c].AddView(seen, begin, end, basis, &view);
       const Matrix6d W = JitterWeight(bundle, frame, c);
-      const Matrix6d Q = W.transpose() * W;
-      PoseSums jitter = view;
-      jitter.information += Q;
-      jitter.gradient.col(0) += Q * bundle.jitter.delta[bundle.View(frame, c)];
-      const Eigen::LLT<Matrix6d> factor(jitter.information);
-      jitter.Eliminate(factor, &score);
-      const Matrix6d passed = factor.solve(Q);
-      pose.information += view.information * passed;
-      pose.cross += view.cross * passed;
-      pose.gradient += view.gradient - view.information * factor.solve(jitter.gradient);
+      view.EliminateJitter(W.transpose() * W, bundle.jitter.delta[bundle.View(frame, c)]);
+      sums += view;
     }
-    const Eigen::LLT<Matrix6d> factor(pose.information);
-    if (factor.info() != Eigen::Success) continue;
-    pose.Eliminate(factor, &score);
-    scores.push_back(std::move(score));
+    if (!sums.EliminatePose()) continue;
+    scores.gradient += sums.Gradient();
+    scores.frames.push_back(
+        {basis != nullptr ? MatrixXd(sums.Information()) : MatrixXd(sums.Information() * D),
+         D.transpose() * sums.Gradient().col(0)});
   }
   return scores;
 }
 
-// Inverse of a positive semidefinite matrix where it has one.
-MatrixXd PseudoInverse(const MatrixXd& V) {
+// N with N N' the inverse of a positive semidefinite matrix where it has one.
+MatrixXd InverseRoot(const MatrixXd& V) {
   constexpr double kRankTolerance = 1e-10;  // of the matrix with unit diagonal
   if (V.rows() == 0) return V;
   const VectorXd diagonal = V.diagonal();
@@ -221,9 +281,18 @@ MatrixXd PseudoInverse(const MatrixXd& V) {
   const Eigen::SelfAdjointEigenSolver<MatrixXd> spectrum(scale.asDiagonal() * V *
                                                          scale.asDiagonal());
   const VectorXd values = spectrum.eigenvalues();
-  const VectorXd inverse = (values.array() > kRankTolerance).select(values.cwiseInverse(), 0);
-  const MatrixXd directions = scale.asDiagonal() * spectrum.eigenvectors();
-  return directions * inverse.asDiagonal() * directions.transpose();
+  const VectorXd inverse =
+      (values.array() > kRankTolerance).select(values.cwiseSqrt().cwiseInverse(), 0);
+  return scale.asDiagonal() * spectrum.eigenvectors() * inverse.asDiagonal();
+}
+
+// Directions in a space of `unknowns` dimensions: all, or combinations with signs drawn at random.
+MatrixXd Directions(Eigen::Index unknowns) {
+  if (unknowns <= kMostDirections) return MatrixXd::Identity(unknowns, unknowns);
+  std::minstd_rand random;
+  MatrixXd signs(unknowns, kMostDirections);
+  for (double& sign : signs.reshaped()) sign = random() > random.max() / 2 ? 1 : -1;
+  return signs;
 }
 
 // Places of one camera's unknowns.
@@ -244,48 +313,49 @@ std::vector<int> PlacesOf(const Uncertainty& uncertainty, size_t camera) {
 
 CommonErrors EstimateCommonErrors(const Bundle& bundle, const Uncertainty& uncertainty) {
   const MatrixXd& C = uncertainty.covariance;
-  struct Sums {
-    double found = 0, expected = 0, expected2 = 0;
-  };
-  std::vector<Sums> sums(bundle.cameras.size());
-  std::vector<std::vector<int>> places;
-  std::vector<Eigen::LDLT<MatrixXd>> factors;
-  for (size_t c = 0; c < sums.size(); ++c) {
-    places.push_back(PlacesOf(uncertainty, c));
-    factors.emplace_back(MatrixXd(C(places[c], places[c])));
+  // Directions in each camera's unknowns, in which these have unit covariance; and what they are of
+  // the score: a step of all unknowns by C g is one of D' g there.
+  std::vector<Eigen::Index> first{0};
+  MatrixXd D(C.rows(), 0);
+  for (size_t c = 0; c < bundle.cameras.size(); ++c) {
+    const std::vector<int> places = PlacesOf(uncertainty, c);
+    const MatrixXd directions =
+        InverseRoot(C(places, places)) * Directions(static_cast<Eigen::Index>(places.size()));
+    D.conservativeResize(C.rows(), D.cols() + directions.cols());
+    D.rightCols(directions.cols()) = C(Eigen::all, places) * directions;
+    first.push_back(D.cols());
   }
-  const std::vector<Score> scores = FrameScores(bundle, uncertainty);
-  if (scores.empty()) return {std::vector<FrameScatter>(sums.size()), {}};
-  Score total(C.rows(), scores[0].gradient.cols());
-  for (const Score& score : scores) {
-    total.gradient += score.gradient;
-    total.covariance += score.covariance;
-  }
+  const Scores scores = FrameScores(bundle, uncertainty, D);
   // What each shared error moves the unknowns by.
-  const MatrixXd by_shared = C * total.gradient.rightCols(total.gradient.cols() - 1);
+  const MatrixXd by_shared = C * scores.gradient.rightCols(scores.gradient.cols() - 1);
+  CommonErrors errors{std::vector<FrameScatter>(bundle.cameras.size()),
+                      by_shared * by_shared.transpose()};
   // Where the frames alone would have the unknowns: priors may hold them elsewhere.
-  const MatrixXd frames_covariance = PseudoInverse(total.covariance);
-  const VectorXd by_priors = frames_covariance * total.gradient.col(0);
-  for (const Score& score : scores) {
+  const MatrixXd frames_root = InverseRoot(uncertainty.frames_information);
+  const VectorXd by_priors = frames_root * (frames_root.transpose() * scores.gradient.col(0));
+  struct Found {
+    double squares = 0, expected = 0, expected2 = 0;
+  };
+  std::vector<Found> found(bundle.cameras.size());
+  for (const auto& [V_D, D_g] : scores.frames) {
     // What the frame moves the unknowns by, beside what its points' errors make of that. The
     // optimum has taken a part of it: the frame's own share of what all frames know.
-    const VectorXd moved = C * (score.gradient.col(0) - score.covariance * by_priors);
-    const MatrixXd own_share = score.covariance * frames_covariance * score.covariance;
-    const MatrixXd spread = C * (score.covariance - own_share) * C;
-    for (size_t c = 0; c < sums.size(); ++c) {
-      if (places[c].empty()) continue;
-      const VectorXd own = moved(places[c]);
-      const MatrixXd relative = factors[c].solve(MatrixXd(spread(places[c], places[c])));
-      sums[c].found += own.dot(factors[c].solve(own));
-      sums[c].expected += relative.trace();
-      sums[c].expected2 += (relative * relative).trace();
+    const VectorXd moved = D_g - V_D.transpose() * by_priors;
+    const MatrixXd own_root = frames_root.transpose() * V_D;
+    for (size_t c = 0; c < found.size(); ++c) {
+      const auto of_camera = Eigen::seq(first[c], first[c + 1] - 1);
+      const auto own = own_root(Eigen::all, of_camera);
+      const MatrixXd spread =
+          D(Eigen::all, of_camera).transpose() * V_D(Eigen::all, of_camera) - own.transpose() * own;
+      found[c].squares += moved(of_camera).squaredNorm();
+      found[c].expected += spread.trace();
+      found[c].expected2 += spread.squaredNorm();
     }
   }
-  CommonErrors errors{std::vector<FrameScatter>(sums.size()), by_shared * by_shared.transpose()};
-  for (size_t c = 0; c < sums.size(); ++c) {
-    const auto& [found, expected, expected2] = sums[c];
+  for (size_t c = 0; c < found.size(); ++c) {
+    const auto& [squares, expected, expected2] = found[c];
     if (!(expected > 0) || !(expected2 > 0)) continue;
-    errors.scatter[c] = {found / expected, expected * expected / expected2};
+    errors.scatter[c] = {squares / expected, expected * expected / expected2};
   }
   return errors;
 }

@@ -210,8 +210,9 @@ class OwnColumns {
   Eigen::MatrixXd square_;
 };
 
-// Reduced normal matrix and, per camera, the number of pose and jitter unknowns that its rows pay
-// for; those that the means of markers pay for where they have common noise.
+// Reduced normal matrix (without priors of parameters) and, per camera, the number of pose and
+// jitter unknowns that its rows pay for; those that the means of markers pay for where they have
+// common noise.
 struct Reduced {
   Eigen::MatrixXd S;
   std::vector<double> pose_share, pose_share_of_means;
@@ -357,9 +358,6 @@ Reduced Reduce(const Bundle& bundle, const Layout& layout) {
     }
   }
   subtraction.Flush();
-  for (const auto& [place, information] : PriorInformation(bundle, layout)) {
-    S(place, place) += information;
-  }
   for (const OwnColumns& columns : own) columns.AddTo(&S);
   if (layout.markers) {
     S.diagonal().tail(layout.total - layout.head).array() +=
@@ -404,6 +402,14 @@ Uncertainty EstimateUncertainty(const Bundle& bundle,
   }
 
   Uncertainty result;
+  result.frames_information = C;
+  if (tail > 0) {
+    result.frames_information -=
+        gain.transpose() * gain / (bundle.marker_sigma * bundle.marker_sigma);
+  }
+  for (const auto& [place, information] : PriorInformation(bundle, layout)) {
+    C(place, place) += information;
+  }
   result.places = layout.params;
   result.mount_places = layout.mount;
   // Natural units of the unknowns.

@@ -36,6 +36,9 @@ struct Uncertainty {
   /// How the best markers follow these unknowns: -d marker / d unknown, three rows a marker; empty
   /// when the markers are held.
   Eigen::MatrixXd marker_gain;
+  /// What the frames alone tell of these unknowns, without priors, markers at their best: the
+  /// inverse of `covariance` less what priors tell.
+  Eigen::MatrixXd frames_information;
   std::vector<std::string> names;
   /// Directions that are not determined: sigma infinite or larger than 1 in natural units.
   std::vector<OpenDirection> open;

@@ -9,6 +9,7 @@
 #include <cmath>
 #include <iostream>
 #include <numbers>
+#include <optional>
 #include <random>
 #include <set>
 #include <sstream>
@@ -317,6 +318,37 @@ TEST(Outliers, AreRejectedAndLeaveTheResultWithinItsSigmas) {
     EXPECT_LE(good_rejected, 1);
     ExpectWithinSigma(problem, calibration);
     for (const CameraFit& fit : calibration.fits) EXPECT_NEAR(fit.sigma, 0.1, 0.01);
+  }
+}
+
+// Errors that the points of a frame share: each frame has a lens of its own.
+TEST(FrameScatter, OfAModelWithVeryManyUnknownsIsNamed) {
+  const CameraModel* const splined = FindModel(CameraModels(), "splined");
+  for (const double own_lens : {0.0, 5e-9}) {
+    SyntheticProblem problem = MakeProblem(11, {.frames = 20, .noise = 0.1});
+    CameraInput& camera = problem.input.cameras[0];
+    camera.model = splined;
+    camera.initial.assign(splined->params.size(), std::nullopt);
+    camera.fixed.assign(splined->params.size(), false);
+    std::mt19937 random(5);
+    std::normal_distribution<double> normal;
+    for (View& view : camera.views) {
+      const double cubic = own_lens * normal(random);
+      for (Observation& seen : view.observations) {
+        const double x = seen.values[0] - camera.image_size[0] / 2.0;
+        const double y = seen.values[1] - camera.image_size[1] / 2.0;
+        const double stretch = 1 + cubic * (x * x + y * y);
+        seen.values[0] += x * (stretch - 1);
+        seen.values[1] += y * (stretch - 1);
+      }
+    }
+    const Calibration calibration = Calibrate(problem.input, {});
+    const auto named = ::testing::HasSubstr("errors that the points of a frame share");
+    if (own_lens > 0) {
+      EXPECT_THAT(calibration.warnings, ::testing::Contains(named));
+    } else {
+      EXPECT_THAT(calibration.warnings, ::testing::Not(::testing::Contains(named)));
+    }
   }
 }
 
