@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <memory>
 #include <nlohmann/json.hpp>
 #include <numbers>
 #include <optional>
@@ -258,14 +257,14 @@ void Check(const CompareCommand& command,
   const Target target = ReadTarget(session.target);
   Console console(options.quiet);
   std::optional<OutputFolder> out;
-  std::unique_ptr<StageStore> store;
   if (!command.out.empty()) {
     RefuseToReplaceInputs(session, command.out, {"compare.csv", "check.json", "difference.png"});
     out.emplace(command.out);
-    store.reset(new StageStore(OpenStageStore(command.out, session, false)));
   }
+  StageStore store = out ? OpenStageStore(command.out, session, false)
+                         : StageStore({}, {}, false);  // keeps nothing
   const SessionObservations observations =
-      CollectObservations(session, target, options, {store.get(), nullptr}, &console);
+      CollectObservations(session, target, options, {&store, nullptr}, &console);
   const CalibrationCheck check =
       CheckCalibration(old,
                        MakeCalibrationInput(session, target, observations.cameras, &console),

@@ -12,6 +12,7 @@
 #include "apps/evaluate/trajectory_metrics.h"
 #include "apps/image_module.h"
 #include "calib/error.h"
+#include "calib/names.h"
 #include "calib/output_folder.h"
 
 namespace plenocal {
@@ -107,8 +108,7 @@ std::vector<Run> NamedRuns(const EvaluateCommand& command) {
     runs.push_back(run);
   }
   if (!command.monocular) return runs;
-  std::vector<std::string_view> names;
-  for (const Run& run : runs) names.emplace_back(run.name);
+  const std::vector<std::string_view> names = NamesOf(runs);
   for (const std::string& name : *command.monocular) {
     if (std::find(names.begin(), names.end(), name) != names.end()) continue;
     throw Error(ErrorKind::kInput,

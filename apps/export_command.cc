@@ -7,6 +7,7 @@
 #include "apps/formats/camera_format.h"
 #include "apps/image_module.h"
 #include "calib/error.h"
+#include "calib/names.h"
 #include "calib/output_folder.h"
 #include "models/registry.h"
 
@@ -15,10 +16,9 @@ namespace {
 
 const CameraFormat& FindFormat(const std::string& name, const std::filesystem::path& file) {
   if (const CameraFormat* format = FindCameraFormat(name, file)) return *format;
-  std::vector<std::string_view> names;
-  for (const CameraFormat& format : CameraFormats()) names.push_back(format.name);
-  throw Error(ErrorKind::kInput,
-              fmt::format("--format: unknown '{}'{}", name, SuggestName(name, names)));
+  throw Error(
+      ErrorKind::kInput,
+      fmt::format("--format: unknown '{}'{}", name, SuggestName(name, NamesOf(CameraFormats()))));
 }
 
 std::vector<CalibratedCamera> ChosenCameras(const CalibrationFile& calibration,
@@ -38,8 +38,6 @@ void RunExport(const ExportCommand& command, const ConsoleOptions& options) {
   const CalibrationFile calibration = ReadCalibration(command.calibration, CameraModels());
   const std::vector<CalibratedCamera> cameras = ChosenCameras(calibration, command.cameras);
   if (cameras.size() > format.most_cameras) {
-    std::vector<std::string_view> names;
-    for (const CalibratedCamera& camera : cameras) names.emplace_back(camera.name);
     throw Error(ErrorKind::kInput,
                 fmt::format("format {} holds {} camera{}, but {} has {} ({}); choose "
                             "with --camera",
@@ -48,7 +46,7 @@ void RunExport(const ExportCommand& command, const ConsoleOptions& options) {
                             format.most_cameras == 1 ? "" : "s",
                             command.calibration.string(),
                             cameras.size(),
-                            fmt::join(names, ", ")));
+                            fmt::join(NamesOf(cameras), ", ")));
   }
   if (cameras.size() > 1 && !format.holds_extrinsics) {
     console.Message(fmt::format(

@@ -4,16 +4,18 @@
 #include <fmt/format.h>
 
 #include "calib/error.h"
+#include "calib/names.h"
 #include "models/registry.h"
 
 namespace plenocal {
 
 const CameraModel* ModelOfOption(const std::string& option, const std::string& name) {
   if (const CameraModel* model = FindModel(CameraModels(), name)) return model;
-  std::vector<std::string_view> names;
-  for (const CameraModel& model : CameraModels()) names.push_back(model.name);
   throw Error(ErrorKind::kInput,
-              fmt::format("{} {}: unknown camera model{}", option, name, SuggestName(name, names)));
+              fmt::format("{} {}: unknown camera model{}",
+                          option,
+                          name,
+                          SuggestName(name, NamesOf(CameraModels()))));
 }
 
 }  // namespace plenocal

@@ -163,6 +163,7 @@ CameraNoise EstimateCameraNoise(const Bundle& bundle, size_t camera, const PaidC
     const OwnVariance own = FitDifferences(markers, dimension, differences);
     if (own.scale2 + own.floor2 > 0) {
       std::vector<Mean> means;
+      means.reserve(markers.size());
       for (const MarkerRows& rows : markers) means.push_back(MeanOf(rows, own));
       const double common2 = CommonVariance(means, means_left);
       if (common2 > 0) return {std::sqrt(own.scale2), std::sqrt(own.floor2), std::sqrt(common2)};

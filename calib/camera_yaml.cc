@@ -4,17 +4,16 @@
 #include <fmt/format.h>
 
 #include "calib/error.h"
+#include "calib/names.h"
 
 namespace plenocal {
 
 const CameraModel* ReadModel(const YamlNode& node, std::span<const CameraModel> models) {
   const std::string name = node.AsString();
   if (const CameraModel* model = FindModel(models, name)) return model;
-  std::vector<std::string_view> names;
-  for (const CameraModel& model : models) names.push_back(model.name);
   node.Fail(fmt::format("unknown camera model '{}'{}; a model from outside needs --plugin FILE",
                         name,
-                        SuggestName(name, names)));
+                        SuggestName(name, NamesOf(models))));
 }
 
 ImageSize ReadImageSize(const YamlNode& node) {

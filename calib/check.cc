@@ -164,8 +164,7 @@ CalibrationCheck CheckCalibration(const CalibrationFile& old,
     held[c].cameras[c].params = cameras[c]->params;
     held[c].cameras[c].fixed.assign(cameras[c]->params.size(), true);
     int unseen = 0, seen = 0;
-    for (size_t i = 0; i < free.observations.size(); ++i) {
-      BundleObservation& observation = free.observations[i];
+    for (BundleObservation& observation : free.observations) {
       if (observation.camera != static_cast<int>(c) || !observation.used) continue;
       double residual[kMaxObservationSize];
       observation.used = Residual(held[c], observation, residual);

@@ -280,7 +280,7 @@ MatrixXd InverseRoot(const MatrixXd& V) {
   const VectorXd scale = (diagonal.array() > 0).select(diagonal.cwiseSqrt().cwiseInverse(), 0);
   const Eigen::SelfAdjointEigenSolver<MatrixXd> spectrum(scale.asDiagonal() * V *
                                                          scale.asDiagonal());
-  const VectorXd values = spectrum.eigenvalues();
+  const VectorXd& values = spectrum.eigenvalues();
   const VectorXd inverse =
       (values.array() > kRankTolerance).select(values.cwiseSqrt().cwiseInverse(), 0);
   return scale.asDiagonal() * spectrum.eigenvectors() * inverse.asDiagonal();

@@ -66,8 +66,8 @@ std::vector<Sample> Samples(const CalibratedCamera& a, const std::vector<double>
         for (size_t lens = 0; lens < lenses; ++lens) {
           Sample sample;
           sample.distance = d;
-          sample.part =
-              static_cast<size_t>(3 * (row * 3 / kComparedRows) + column * 3 / kComparedColumns);
+          const int part = 3 * (row * 3 / kComparedRows) + column * 3 / kComparedColumns;
+          sample.part = static_cast<size_t>(part);
           const double place[2] = {(column + 0.5) / kComparedColumns * a.image_size[0] - 0.5,
                                    (row + 0.5) / kComparedRows * a.image_size[1] - 0.5};
           const size_t measured = a.model->measured.size();

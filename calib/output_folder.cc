@@ -91,10 +91,10 @@ OutputFolder::OutputFolder(fs::path folder) : folder_(std::move(folder)) {
   }
   lock_ = open(folder_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
   // File systems without locks do without. The moves of a run that was just killed take a moment.
-  constexpr int kTries = 20, kPause_us = 50000;
+  constexpr int kTries = 20, kPause = 50000;  // us
   int tries = 1;
   while (flock(lock_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK && tries++ < kTries) {
-    usleep(kPause_us);
+    usleep(kPause);
   }
   if (tries > kTries) {
     close(lock_);

@@ -11,6 +11,7 @@
 
 #include "calib/camera_yaml.h"
 #include "calib/error.h"
+#include "calib/names.h"
 #include "calib/yaml.h"
 
 namespace plenocal {
@@ -135,7 +136,8 @@ void ReadBounds(const YamlNode& node, SessionCamera* camera) {
     if (!(rule.lower < rule.upper))
       bounds.Fail("expected the lowest value first, then the highest");
     if (camera->fixed[k]) bounds.Fail(fmt::format("'{}' is held ('fixed')", name));
-    const auto check = [&](const char* what, std::optional<double> value) {
+    const auto check = [&rule, &name = name, &bounds = bounds](const char* what,
+                                                               std::optional<double> value) {
       if (!value || (*value >= rule.lower && *value <= rule.upper)) return;
       bounds.Fail(fmt::format(
           "{} of '{}', {:g}, is outside [{:g}, {:g}]", what, name, *value, rule.lower, rule.upper));
@@ -200,8 +202,7 @@ void ReadEqual(const YamlNode& node, size_t c, std::vector<SessionCamera>* camer
 }
 
 void ReadShared(const YamlNode& node, size_t c, std::vector<SessionCamera>* cameras) {
-  std::vector<std::string_view> names;
-  for (const SessionCamera& camera : *cameras) names.push_back(camera.name);
+  const std::vector<std::string_view> names = NamesOf(*cameras);
   for (const auto& [name, value] : node.Entries()) {
     const size_t k = ParamIndex(*(*cameras)[c].model, name, value);
     const std::string other = value.AsString();

@@ -82,7 +82,7 @@ PLENOCAL_LANES void CellDrawing::Profile::Fill(const Lanes& at,
 PLENOCAL_LANES void CellDrawing::Profile::AddKnown(int n, Lanes* known) const {
   for (int k = 0; k < count; ++k) {
     const IntLanes cell = first + k;
-    *known += (cell > 0) & (cell < n - 1) ? cells[k].share : Lanes{};
+    *known += ((cell > 0) & (cell < n - 1)) ? cells[k].share : Lanes{};
   }
 }
 

@@ -277,7 +277,7 @@ Bytes ReadFile(const fs::path& path) {
   std::ostringstream content;
   content << file.rdbuf();
   const std::string text = std::move(content).str();
-  const Bytes bytes(text.begin(), text.end());
+  Bytes bytes(text.begin(), text.end());
   if (file.bad()) Refuse(path, "cannot be read");
   if (bytes.empty()) Refuse(path, "is empty (0 bytes); record or copy it again");
   return bytes;
@@ -329,7 +329,7 @@ cv::Mat ReadGray(const fs::path& path) {
 }
 
 cv::Mat ReadAttenuation(const fs::path& path) {
-  const cv::Mat attenuation = Decoded(path, cv::IMREAD_UNCHANGED);
+  cv::Mat attenuation = Decoded(path, cv::IMREAD_UNCHANGED);
   if (attenuation.type() != CV_32F) {
     throw Error(
         ErrorKind::kInput,

@@ -71,7 +71,7 @@ CellDrawing DrawCharucoCorner(const CharucoLayout& board,
   }
   lines.push_back(kSquares);
   std::vector<float> cells(static_cast<size_t>(n * n), 1.f);
-  const auto cell = [&](int x, int y) -> float& { return cells[static_cast<size_t>(y * n + x)]; };
+  const auto cell = [&](int x, int y) -> float& { return cells.begin()[y * n + x]; };
   const Eigen::Vector2i first = looks.markers.front().square;
   for (int y = 0; y < n; ++y) {
     for (int x = 0; x < n; ++x) {

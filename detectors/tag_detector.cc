@@ -25,6 +25,7 @@
 #include <utility>
 
 #include "calib/error.h"
+#include "calib/names.h"
 #include "detectors/marker_detector.h"
 #include "detectors/tag_edges.h"
 #include "detectors/tag_looks.h"
@@ -56,11 +57,9 @@ const FamilyEntry& FindFamily(std::string_view name) {
   for (const FamilyEntry& entry : kFamilies) {
     if (entry.name == name) return entry;
   }
-  std::vector<std::string_view> names;
-  names.reserve(std::size(kFamilies));
-  for (const FamilyEntry& entry : kFamilies) names.push_back(entry.name);
-  throw Error(ErrorKind::kInput,
-              fmt::format("unknown tag family '{}'{}", name, SuggestName(name, names)));
+  throw Error(
+      ErrorKind::kInput,
+      fmt::format("unknown tag family '{}'{}", name, SuggestName(name, NamesOf(kFamilies))));
 }
 
 /// Some tags of a family, with a black border of any width. Subsets, because the library's table

@@ -26,9 +26,10 @@ Polygon Rectangle(double x0, double y0, double x1, double y1) {
 template <typename Place>
 void AddCells(const std::vector<bool>& white, int width, const Place& place, TargetPart* part) {
   for (int y = 0; y < width; ++y) {
+    const auto row = white.begin() + y * width;
     for (int x = 0; x < width;) {
       int end = x;
-      while (end < width && !white[static_cast<size_t>(y * width + end)]) ++end;
+      while (end < width && !row[end]) ++end;
       if (end > x) {
         Polygon polygon = Rectangle(x, y, end, y + 1);
         for (Eigen::Vector2d& p : polygon) p = place(p);
@@ -197,6 +198,7 @@ std::vector<TargetPart> Draw(const Target& target, const TagLayout& layout, bool
   }
   const auto pictures = internal::DrawTags(target);
   std::vector<TargetPart> parts;
+  parts.reserve(groups.size());
   for (const std::vector<Tag>& group : groups) {
     parts.push_back(DrawTagPart(group, layout, pictures, corner_square));
   }

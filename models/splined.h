@@ -38,7 +38,8 @@ struct SplinedGrid {
 
   /// Of knot (a, b)'s x; y follows.
   static constexpr size_t KnotPlace(int a, int b) {
-    return static_cast<size_t>(kFirstKnot + 2 * (b * kColumns + a));
+    const int x = kFirstKnot + 2 * (b * kColumns + a);
+    return static_cast<size_t>(x);
   }
 };
 
@@ -113,10 +114,11 @@ struct Splined : LensModel<Splined>, SplinedGrid {
     Stereographic(p, u);
     Place(params[kFov], u, place);
     const int a = Cell(place[0], kColumns), b = Cell(place[1], kRows);
+    auto next = support.begin() + kFirstKnot;
     for (int knot = 0; knot < 16; ++knot) {
       const size_t x = KnotPlace(a + knot % 4, b + knot / 4);
-      support[static_cast<size_t>(kFirstKnot + 2 * knot)] = x;
-      support[static_cast<size_t>(kFirstKnot + 2 * knot + 1)] = x + 1;
+      *next++ = x;
+      *next++ = x + 1;
     }
     return support;
   }
@@ -133,14 +135,15 @@ struct Splined : LensModel<Splined>, SplinedGrid {
     const Eigen::Vector2d edge((kColumns - 1) / 2.0 / s, (kRows - 1) / 2.0 / s);
     if (!m.allFinite()) return std::nullopt;
     // The map is near the identity: m itself first, then places all over the rectangle.
-    if (const auto direction = SolveFrom(k, m, m.cwiseMax(-edge).cwiseMin(edge), edge)) {
+    if (auto direction = SolveFrom(k, m, m.cwiseMax(-edge).cwiseMin(edge), edge)) {
       return direction;
     }
     constexpr int kStarts = 9;
-    for (int start = 0; start < kStarts * kStarts; ++start) {
-      const Eigen::Vector2d part(2.0 * (start % kStarts) / (kStarts - 1) - 1,
-                                 2.0 * (start / kStarts) / (kStarts - 1) - 1);
-      if (const auto direction = SolveFrom(k, m, edge.cwiseProduct(part), edge)) return direction;
+    for (int row = 0; row < kStarts; ++row) {
+      for (int column = 0; column < kStarts; ++column) {
+        const Eigen::Vector2d part(2.0 * column / (kStarts - 1) - 1, 2.0 * row / (kStarts - 1) - 1);
+        if (auto direction = SolveFrom(k, m, edge.cwiseProduct(part), edge)) return direction;
+      }
     }
     return std::nullopt;
   }
@@ -354,9 +357,11 @@ struct Splined : LensModel<Splined>, SplinedGrid {
       g(knots, Eigen::all) += weights * (m_of(pixels[i]) - places[i]).transpose();
     }
     const Eigen::MatrixXd spline = H.ldlt().solve(g);
-    for (int knot = 0; knot < 2 * kKnots; ++knot) {
-      const auto k = static_cast<size_t>(kFirstKnot + knot);
-      params[k] = problem.given[k].value_or(spline(knot / 2, knot % 2));
+    size_t k = kFirstKnot;
+    for (int knot = 0; knot < kKnots; ++knot) {
+      for (int axis = 0; axis < 2; ++axis, ++k) {
+        params[k] = problem.given[k].value_or(spline(knot, axis));
+      }
     }
     return params;
   }

@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "calib/error.h"
+#include "calib/names.h"
 #include "calib/yaml.h"
 #include "targets/target_layouts.h"
 #include "targets/target_reader.h"
@@ -332,17 +333,9 @@ void ReadRefinement(const YamlNode& node, Target* target) {
 
 }  // namespace
 
-std::vector<std::string_view> TargetTypes() {
-  std::vector<std::string_view> names;
-  for (const TargetType& type : kTypes) names.push_back(type.name);
-  return names;
-}
+std::vector<std::string_view> TargetTypes() { return NamesOf(kTypes); }
 
-std::vector<std::string_view> TagFamilies() {
-  std::vector<std::string_view> names;
-  for (const CodeBook& family : kTagFamilies) names.push_back(family.name);
-  return names;
-}
+std::vector<std::string_view> TagFamilies() { return NamesOf(kTagFamilies); }
 
 Target ReadTarget(const std::filesystem::path& path) {
   return ReadTarget(YamlNode::ReadFile(path));

@@ -64,8 +64,8 @@ void DrawMap(cairo_t* cr, const FieldMap& map, double top, double largest) {
     for (size_t cell = 0; cell < map.vectors.size(); ++cell) {
       const auto& vector = map.vectors[cell];
       if (!vector) continue;
-      const auto column = static_cast<double>(cell % static_cast<size_t>(map.columns));
-      const auto row = static_cast<double>(cell / static_cast<size_t>(map.columns));
+      const int row = static_cast<int>(cell) / map.columns;
+      const int column = static_cast<int>(cell) % map.columns;
       const double x = kMargin + column * width, y = top + row * height;
       if (arrows) {
         cairo_set_source_rgb(cr, 1, 1, 1);

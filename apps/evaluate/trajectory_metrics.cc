@@ -100,7 +100,7 @@ Similarity AlignOrFail(const Matched& matched, const std::string& what) {
 /// The same for a short segment: what lies off a line must be explained by the estimate for the
 /// most part, or the rotation found is that of its errors.
 Similarity AlignSegmentOrFail(const Matched& matched, const std::string& what) {
-  const Similarity T = AlignOrFail(matched, what);
+  Similarity T = AlignOrFail(matched, what);
   const double error =
       ((T.s * T.R * matched.estimate).colwise() + T.t - matched.truth).squaredNorm() /
       static_cast<double>(matched.truth.cols());

@@ -192,17 +192,13 @@ std::string RealList(std::span<const double> values) {
 
 std::array<double, 9> RowMajor(const Eigen::Matrix3d& R) {
   std::array<double, 9> values{};
-  for (int r = 0; r < 3; ++r) {
-    for (int c = 0; c < 3; ++c) values[static_cast<size_t>(3 * r + c)] = R(r, c);
-  }
+  Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(values.data()) = R;
   return values;
 }
 
 RigidTransform FromRectified(const std::vector<double>& R, double shift, const YamlNode& node) {
-  Eigen::Matrix3d rotation;
-  for (int r = 0; r < 3; ++r) {
-    for (int c = 0; c < 3; ++c) rotation(r, c) = R[static_cast<size_t>(3 * r + c)];
-  }
+  const Eigen::Matrix3d rotation =
+      Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(R.data());
   constexpr double kOrthonormal = 1e-3;  // matrices with few digits
   if (!((rotation * rotation.transpose() - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff() <
         kOrthonormal)) {

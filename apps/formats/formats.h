@@ -11,10 +11,10 @@ namespace plenocal {
 
 /// What MATLAB's cameraIntrinsics takes, of one camera.
 struct MatlabIntrinsics {
-  std::array<double, 2> FocalLength, PrincipalPoint;  ///< px, (1, 1) at the first pixel's centre
-  std::array<double, 2> ImageSize;                    ///< rows, columns
-  std::vector<double> RadialDistortion;               ///< three
-  std::array<double, 2> TangentialDistortion;
+  std::array<double, 2> focal_length, principal_point;  ///< px, (1, 1) at the first pixel's centre
+  std::array<double, 2> image_size;                     ///< rows, columns
+  std::vector<double> radial_distortion;                ///< three
+  std::array<double, 2> tangential_distortion;
 };
 MatlabIntrinsics ToMatlab(const CalibratedCamera& camera);
 /// Two or three radial coefficients.

@@ -71,11 +71,11 @@ std::string WriteMat(const std::vector<CalibratedCamera>& cameras) {
   for (size_t c = 0; c < cameras.size(); ++c) {
     const std::string number = cameras.size() == 1 ? "" : fmt::format("{}", c + 1);
     const MatlabIntrinsics m = ToMatlab(cameras[c]);
-    bytes += MatrixElement("FocalLength" + number, Row(m.FocalLength));
-    bytes += MatrixElement("PrincipalPoint" + number, Row(m.PrincipalPoint));
-    bytes += MatrixElement("ImageSize" + number, Row(m.ImageSize));
-    bytes += MatrixElement("RadialDistortion" + number, Row(m.RadialDistortion));
-    bytes += MatrixElement("TangentialDistortion" + number, Row(m.TangentialDistortion));
+    bytes += MatrixElement("FocalLength" + number, Row(m.focal_length));
+    bytes += MatrixElement("PrincipalPoint" + number, Row(m.principal_point));
+    bytes += MatrixElement("ImageSize" + number, Row(m.image_size));
+    bytes += MatrixElement("RadialDistortion" + number, Row(m.radial_distortion));
+    bytes += MatrixElement("TangentialDistortion" + number, Row(m.tangential_distortion));
     bytes += MatrixElement("Skew" + number, Row(std::array{0.0}));
   }
   if (cameras.size() == 2) {

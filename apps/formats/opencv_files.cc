@@ -27,12 +27,8 @@ std::string Coefficients(const std::string& key, const Lens& lens) {
 }
 
 RigidTransform FromRowMajor(const std::vector<double>& R, const std::vector<double>& t) {
-  RigidTransform T;
-  for (int r = 0; r < 3; ++r) {
-    for (int c = 0; c < 3; ++c) T.R(r, c) = R[static_cast<size_t>(3 * r + c)];
-    T.t[r] = t[static_cast<size_t>(r)];
-  }
-  return T;
+  return {Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(R.data()),
+          Eigen::Map<const Eigen::Vector3d>(t.data())};
 }
 
 YamlNode ReadStorage(const std::filesystem::path& path) {

@@ -189,7 +189,7 @@ std::vector<CalibratedCamera> ReadKalibr(const CameraSource& source) {
     const std::vector<double> intrinsics = node.At("intrinsics").AsNumbers(0);
     if (intrinsics.size() < 4) node.At("intrinsics").Fail("expected at least four numbers");
     const double* last = &intrinsics[intrinsics.size() - 4];
-    Lens lens{projection + " " + distortion, last[0], last[1], last[2], last[3], {}};
+    Lens lens{fmt::format("{} {}", projection, distortion), last[0], last[1], last[2], last[3], {}};
     lens.coefficients.assign(intrinsics.begin(), intrinsics.end() - 4);
     if (node.Has("distortion_coeffs")) {
       for (const double value : node.At("distortion_coeffs").AsNumbers(0)) {
@@ -307,6 +307,7 @@ std::string WriteMrcal(const std::vector<CalibratedCamera>& cameras) {
 
 std::vector<std::string> WriteMrcalRig(const std::vector<CalibratedCamera>& cameras) {
   std::vector<std::string> files;
+  files.reserve(cameras.size());
   for (const CalibratedCamera& camera : cameras) files.push_back(WriteMrcal({camera}));
   return files;
 }
@@ -475,11 +476,11 @@ std::string MatlabObject(const CalibratedCamera& camera, const std::string& inde
   const auto entry = [&](const char* key, std::span<const double> values) {
     return fmt::format("{}  \"{}\": [{}],\n", indent, key, RealList(values));
   };
-  return "{\n" + entry("FocalLength", m.FocalLength) + entry("PrincipalPoint", m.PrincipalPoint) +
+  return "{\n" + entry("FocalLength", m.focal_length) + entry("PrincipalPoint", m.principal_point) +
          fmt::format(
              "{}  \"ImageSize\": [{}, {}],\n", indent, camera.image_size[1], camera.image_size[0]) +
-         entry("RadialDistortion", m.RadialDistortion) +
-         entry("TangentialDistortion", m.TangentialDistortion) + indent + "  \"Skew\": 0\n" +
+         entry("RadialDistortion", m.radial_distortion) +
+         entry("TangentialDistortion", m.tangential_distortion) + indent + "  \"Skew\": 0\n" +
          indent + "}";
 }
 
@@ -508,7 +509,7 @@ CalibratedCamera ReadMatlabObject(const YamlNode& node, const std::string& where
                      pair("ImageSize"),
                      node.At("RadialDistortion").AsNumbers(0),
                      pair("TangentialDistortion")};
-  if (m.RadialDistortion.size() < 2 || m.RadialDistortion.size() > 3) {
+  if (m.radial_distortion.size() < 2 || m.radial_distortion.size() > 3) {
     node.At("RadialDistortion").Fail("expected two or three numbers");
   }
   if (node.Has("Skew") && node.At("Skew").AsNumber() != 0) {
@@ -565,19 +566,19 @@ MatlabIntrinsics ToMatlab(const CalibratedCamera& camera) {
 }
 
 CalibratedCamera FromMatlab(const MatlabIntrinsics& m, const std::string& where) {
-  std::vector<double> radial = m.RadialDistortion;
+  std::vector<double> radial = m.radial_distortion;
   radial.resize(3);
   const auto centre = [](double value) {
     return Inverted(value, value - 1, [](double x) { return x + 1; });
   };
   return FromLens(
       {"radtan",
-       m.FocalLength[0],
-       m.FocalLength[1],
-       centre(m.PrincipalPoint[0]),
-       centre(m.PrincipalPoint[1]),
-       {radial[0], radial[1], m.TangentialDistortion[0], m.TangentialDistortion[1], radial[2]}},
-      {static_cast<int>(m.ImageSize[1]), static_cast<int>(m.ImageSize[0])},
+       m.focal_length[0],
+       m.focal_length[1],
+       centre(m.principal_point[0]),
+       centre(m.principal_point[1]),
+       {radial[0], radial[1], m.tangential_distortion[0], m.tangential_distortion[1], radial[2]}},
+      {static_cast<int>(m.image_size[1]), static_cast<int>(m.image_size[0])},
       MatlabLenses(),
       where);
 }

@@ -320,7 +320,7 @@ std::vector<Page> LayOut(const Target& target,
   for (size_t i = 0; i < pages.size(); ++i) {
     std::string& name = pages[i].name;
     if (const auto* layout = std::get_if<TagLayout>(&target.layout)) {
-      name = layout->family + (name.empty() ? "" : ", ") + name;
+      name = fmt::format("{}{}{}", layout->family, name.empty() ? "" : ", ", name);
     }
     if (pages.size() > 1) name += fmt::format("   page {} of {}", i + 1, pages.size());
   }

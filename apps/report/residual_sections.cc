@@ -184,9 +184,8 @@ size_t ImageGrid::Cell(double x, double y) const {
 }
 
 Eigen::Vector2d ImageGrid::Middle(size_t cell) const {
-  const auto columns = static_cast<size_t>(columns_);
-  return {(static_cast<double>(cell % columns) + 0.5) * width_ / columns_ - 0.5,
-          (static_cast<double>(cell / columns) + 0.5) * height_ / rows_ - 0.5};
+  const int row = static_cast<int>(cell) / columns_, column = static_cast<int>(cell) % columns_;
+  return {(column + 0.5) * width_ / columns_ - 0.5, (row + 0.5) * height_ / rows_ - 0.5};
 }
 
 ResidualField FieldOf(const CameraResult& camera) {

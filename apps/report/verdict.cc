@@ -32,8 +32,7 @@ constexpr double kNoiseWeak = 2, kPatternWeak = 0.3;
 constexpr double kRejectedWeak = 0.05;
 
 double Quantile(std::vector<double> values, double part) {
-  const auto at = values.begin() +
-                  static_cast<std::ptrdiff_t>(part * static_cast<double>(values.size() - 1) + 0.5);
+  const auto at = values.begin() + std::lround(part * static_cast<double>(values.size() - 1));
   std::nth_element(values.begin(), at, values.end());
   return *at;
 }
@@ -117,6 +116,7 @@ class PoseSpread {
   static std::pair<double, double> RangeOfMedians(
       const std::map<int, std::vector<double>>& images) {
     std::vector<double> medians;
+    medians.reserve(images.size());
     for (const auto& [frame, values] : images) medians.push_back(Median(values));
     const auto [least, greatest] = std::minmax_element(medians.begin(), medians.end());
     return {*least, *greatest};

@@ -37,7 +37,7 @@ MicroLensOptics::MicroLensOptics(const CameraSpec& camera) : camera_(camera) {
   const double reach = size.norm() + (origin_ - size / 2).norm() + 2 * spec.pitch;
   most_ = static_cast<int>(reach / (spec.pitch * std::cos(step / 2))) + 2;
   const int count = 2 * most_ + 1;
-  index_.assign(static_cast<size_t>(count) * static_cast<size_t>(count), -1);
+  index_.setConstant(count, count, -1);
   for (int row = -most_; row <= most_; ++row) {
     for (int column = -most_; column <= most_; ++column) {
       const Eigen::Vector2d regular = origin_ + basis_ * Eigen::Vector2d(column, row);
@@ -46,8 +46,7 @@ MicroLensOptics::MicroLensOptics(const CameraSpec& camera) : camera_(camera) {
       const auto centre = FromSlope(slope_by_px_ * (regular - principal_));
       if (!centre || !IsInside(*centre, camera.image_size, spec.pitch)) continue;
       const int type = spec.focus.size() == 3 ? LatticeColour({column, row}) : 0;
-      index_[static_cast<size_t>((row + most_) * count + column + most_)] =
-          static_cast<int>(lenses_.size());
+      index_(column + most_, row + most_) = static_cast<int>(lenses_.size());
       lenses_.push_back({.row = row, .column = column, .centre = *centre, .type = type});
     }
   }
@@ -158,7 +157,6 @@ std::vector<Observation> MicroLensOptics::Observe(int marker, const Eigen::Vecto
   if (!slope) return {};
   const Eigen::Vector2d node = basis_.inverse() * (principal_ + px_by_slope_ * *slope - origin_);
   const int steps = static_cast<int>(reach / (spec.pitch * std::cos(std::numbers::pi / 6))) + 1;
-  const int count = 2 * most_ + 1;
   const int middle_row = static_cast<int>(std::lround(node.y()));
   const int middle_column = static_cast<int>(std::lround(node.x()));
   for (int row = std::max(middle_row - steps, -most_); row <= std::min(middle_row + steps, most_);
@@ -166,7 +164,7 @@ std::vector<Observation> MicroLensOptics::Observe(int marker, const Eigen::Vecto
     for (int column = std::max(middle_column - steps, -most_);
          column <= std::min(middle_column + steps, most_);
          ++column) {
-      const int index = index_[static_cast<size_t>((row + most_) * count + column + most_)];
+      const int index = index_(column + most_, row + most_);
       if (index < 0) continue;
       const Eigen::Vector2d& centre = lenses_[static_cast<size_t>(index)].centre;
       if (!IsInside(centre, camera_.image_size)) continue;

@@ -58,8 +58,8 @@ class MicroLensOptics {
   Eigen::Matrix2d basis_;  // px, lattice vectors e_column, e_row without distortion
   Eigen::Vector2d origin_{0, 0};
   std::vector<MicroLens> lenses_;
-  std::vector<int> index_;  // of lenses_ by row and column
-  int most_ = 0;            // rows and columns run from -most_ to most_
+  Eigen::ArrayXXi index_;  // of lenses_ by column + most_ and row + most_; -1: none
+  int most_ = 0;           // rows and columns run from -most_ to most_
 };
 
 }  // namespace plenocal::simulate

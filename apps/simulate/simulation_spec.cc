@@ -14,6 +14,7 @@
 
 #include "calib/camera_yaml.h"
 #include "calib/error.h"
+#include "calib/names.h"
 #include "calib/yaml.h"
 
 namespace plenocal::simulate {
@@ -57,9 +58,7 @@ size_t ReadChoice(const YamlNode& node, const std::array<std::string_view, N>& c
 
 // One value a parameter, all of them.
 std::vector<double> ReadParams(const YamlNode& node, std::span<const Param> params) {
-  std::vector<std::string_view> names;
-  for (const Param& param : params) names.push_back(param.name);
-  node.CheckKeys(names);
+  node.CheckKeys(NamesOf(params));
   std::vector<double> values;
   for (const Param& param : params) {
     if (!node.Has(param.name) && param.neutral) {
@@ -283,8 +282,7 @@ PoseSpec ReadPoseSpec(const YamlNode& node,
   ReadNumber(node, "partial", 0, 1, &poses.partial);
   if (node.Has("aim")) {
     const std::string name = node.At("aim").AsString();
-    std::vector<std::string_view> names;
-    for (const CameraSpec& camera : cameras) names.push_back(camera.name);
+    const std::vector<std::string_view> names = NamesOf(cameras);
     const auto found = std::find(names.begin(), names.end(), name);
     if (found == names.end()) {
       node.At("aim").Fail(fmt::format("no camera is named '{}'{}", name, SuggestName(name, names)));

@@ -38,6 +38,7 @@ Eigen::Vector3d Direction(double theta, double phi) {
 
 std::vector<double> Azimuths() {
   std::vector<double> azimuths;
+  azimuths.reserve(16);
   for (int i = 0; i < 16; ++i) azimuths.push_back(i * std::numbers::pi / 8);
   return azimuths;
 }

@@ -238,7 +238,7 @@ TEST_F(Exchange, DsoGetsTheVignetteAsAnImage) {
   const cv::Mat vignette = cv::imread(Path("dso/vignette.png").string(), cv::IMREAD_UNCHANGED);
   ASSERT_EQ(vignette.type(), CV_16U);
   EXPECT_EQ(vignette.at<ushort>(0, 0), 65535);
-  EXPECT_NEAR(vignette.at<ushort>(10, 20), 65535 / 2, 1);
+  EXPECT_NEAR(vignette.at<ushort>(10, 20), 65535 / 2.0, 1);
 }
 
 TEST_F(Exchange, MatFilesHaveTheBytesOfLevel5) {

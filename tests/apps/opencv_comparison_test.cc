@@ -45,9 +45,9 @@ struct Views {
         image.emplace_back();
       }
       const int marker = std::stoi(markers[i]);
-      board.back().emplace_back(static_cast<float>(kSquare * (marker % kColumns)),
-                                static_cast<float>(kSquare * (marker / kColumns)),
-                                0.0F);
+      const int row = marker / kColumns, column = marker % kColumns;
+      board.back().emplace_back(
+          static_cast<float>(kSquare * column), static_cast<float>(kSquare * row), 0.0F);
       image.back().emplace_back(static_cast<float>(x[i]), static_cast<float>(y[i]));
     }
     std::vector<cv::Mat> rotations, translations;
@@ -56,6 +56,8 @@ struct Views {
   }
   explicit Views(const Table& table) : Views(table, [](std::size_t) { return true; }) {}
 };
+
+const std::vector<std::string> kCameras{"left", "right"};
 
 class OpenCvComparison : public Workspace {
  protected:
@@ -121,8 +123,6 @@ class OpenCvComparison : public Workspace {
   static double Rms(const YAML::Node& result, const std::string& camera) {
     return result["cameras"][camera]["residuals"]["rms"].as<double>();
   }
-
-  const std::vector<std::string> kCameras{"left", "right"};
 };
 
 TEST_F(OpenCvComparison, EachCameraIsExplainedAsWell) {

@@ -202,7 +202,7 @@ TEST(DistanceUncertainty, IsTheScatterOfDistancesThatNoisyCalibrationsMeasure) {
       ASSERT_NEAR(own->distance, distance, 1e-12);
       marker.calibration += own->calibration * own->calibration / kTrials;
       marker.noise += own->noise * own->noise / kTrials;
-      const auto error = [&](const CameraResult& camera, const auto& seen) {
+      const auto error = [&marker = marker](const CameraResult& camera, const auto& seen) {
         return Intersect(camera, seen, marker.point).norm() - marker.point.norm();
       };
       marker.by_calibration += std::pow(error(found.cameras[0], marker.seen), 2) / kTrials;

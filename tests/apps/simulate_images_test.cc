@@ -22,7 +22,11 @@ constexpr double kSpacing = 0.02;  // m
 Target Discs() {
   Target target;
   target.layout = CirclesLayout{.columns = 3, .rows = 3, .spacing = kSpacing};
-  for (int k = 0; k < 9; ++k) target.markers[k] = {kSpacing * (k % 3), kSpacing * (k / 3), 0};
+  for (int row = 0; row < 3; ++row) {
+    for (int column = 0; column < 3; ++column) {
+      target.markers[3 * row + column] = {kSpacing * column, kSpacing * row, 0};
+    }
+  }
   target.nominal_yaml =
       "plenocal: 1\ntype: circles\ncolumns: 3\nrows: 3\nspacing: 0.02\npattern: symmetric\n";
   return target;

@@ -124,13 +124,9 @@ TEST_P(TryOnSimulatedLens, FindsTheModelBehindIt) {
                     model,
                     parameters));
   ASSERT_EQ(Run({"simulate", "spec.yaml", "--points", "-o", "set"}).status, kDone);
-  const Outcome outcome = Run({"try",
-                               "set/session.yaml",
-                               "--models",
-                               "pinhole,pinhole-radtan,kannala-brandt4,fov,ucm,eucm,double-sphere,"
-                               "division",
-                               "-o",
-                               "out"});
+  const std::string models =
+      "pinhole,pinhole-radtan,kannala-brandt4,fov,ucm,eucm,double-sphere,division";
+  const Outcome outcome = Run({"try", "set/session.yaml", "--models", models, "-o", "out"});
   ASSERT_EQ(outcome.status, kDone) << outcome.err;
   EXPECT_THAT(outcome.out, HasSubstr(fmt::format("\nrecommended: {}, ", model)));
 }

@@ -346,8 +346,8 @@ class RectifyPair : public Undistort {
     WritePair(pair);
     std::vector<std::string> arguments{"rectify", "pair.yaml", "-o", "out"};
     arguments.insert(arguments.end(), options.begin(), options.end());
-    output = Done(arguments);
-    EXPECT_THAT(output, HasSubstr("over 60 points: mean |dy| 0.0000 px, RMS 0.0000 px"));
+    output_ = Done(arguments);
+    EXPECT_THAT(output_, HasSubstr("over 60 points: mean |dy| 0.0000 px, RMS 0.0000 px"));
     const YAML::Node cameras = YAML::Load(Read("out/calibration.yaml"))["cameras"];
     for (const char* name : {"f_x", "f_y", "c_x", "c_y"}) {
       EXPECT_EQ(cameras["one"]["parameters"][name].as<double>(),
@@ -356,7 +356,7 @@ class RectifyPair : public Undistort {
     EXPECT_EQ(cameras["one"]["parameters"]["f_x"].as<double>(),
               cameras["one"]["parameters"]["f_y"].as<double>());
     EXPECT_EQ(Matrix(cameras["one"]["T_camera_rig"]), Eigen::Matrix4d(Eigen::Matrix4d::Identity()));
-    const Eigen::Matrix4d T = Matrix(cameras["two"]["T_camera_rig"]);
+    Eigen::Matrix4d T = Matrix(cameras["two"]["T_camera_rig"]);
     Eigen::Matrix4d pure = Eigen::Matrix4d::Identity();
     pure(0, 3) = T(0, 3);
     EXPECT_EQ(T, pure);
@@ -395,34 +395,34 @@ class RectifyPair : public Undistort {
       EXPECT_NEAR(a.y, b.y, 1e-6);
       std::vector<cv::Point3d> space;
       cv::perspectiveTransform(std::vector{cv::Point3d(a.x, a.y, a.x - b.x)}, space, Q);
-      const cv::Matx33d R1(R[0]);
+      const cv::Matx33d R_1(R[0]);
       const double angle = 0.7 * static_cast<double>(i);
-      const cv::Vec3d truth = R1 * cv::Vec3d(0.3 * std::sin(static_cast<double>(i)),
-                                             0.2 * std::cos(2.3 * static_cast<double>(i)),
-                                             1 + 0.4 * std::sin(angle));
+      const cv::Vec3d truth = R_1 * cv::Vec3d(0.3 * std::sin(static_cast<double>(i)),
+                                              0.2 * std::cos(2.3 * static_cast<double>(i)),
+                                              1 + 0.4 * std::sin(angle));
       EXPECT_LT(cv::norm(cv::Vec3d(space[0].x, space[0].y, space[0].z) - truth), 1e-6);
     }
   }
 
-  mutable std::string output;
+  mutable std::string output_;
 };
 
 Eigen::Matrix3d Turn(double x, double y, double z) { return ExpRotation(Eigen::Vector3d(x, y, z)); }
 
 TEST_F(RectifyPair, PointsLieInEqualRows) {
   EXPECT_LT(ExpectRectified({Turn(0.03, -0.1, 0.05), {-0.2, 0.01, 0.02}})(0, 3), 0);
-  EXPECT_THAT(output, HasSubstr("160 x 120 px"));
+  EXPECT_THAT(output_, HasSubstr("160 x 120 px"));
   // Swapped: still upright, disparities negative.
   EXPECT_GT(ExpectRectified({Turn(-0.03, 0.1, -0.05), {0.2, -0.01, -0.02}})(0, 3), 0);
-  EXPECT_THAT(output, HasSubstr("negative"));
+  EXPECT_THAT(output_, HasSubstr("negative"));
   ExpectRectified({Turn(0, 0, 0), {-0.2, 0, 0}}, {"--fov", "70", "--size", "200x80"});
-  EXPECT_THAT(output, HasSubstr("200 x 80 px"));
+  EXPECT_THAT(output_, HasSubstr("200 x 80 px"));
 }
 
 TEST_F(RectifyPair, CamerasAboveEachOtherAreTurned) {
   for (const double side : {-1.0, 1.0}) {
     EXPECT_LT(ExpectRectified({Turn(0.05, 0.01, 0.02), {0.01, 0.2 * side, 0.01}})(0, 3), 0);
-    EXPECT_THAT(output, AllOf(HasSubstr("turned"), HasSubstr("120 x 160 px")));
+    EXPECT_THAT(output_, AllOf(HasSubstr("turned"), HasSubstr("120 x 160 px")));
   }
 }
 
@@ -479,9 +479,10 @@ struct CornerPairs {
   void Add(const std::array<std::vector<cv::Point2f>, 2>& pair) {
     for (std::size_t c = 0; c < 2; ++c) corners[c].push_back(pair[c]);
     objects.emplace_back();
-    for (int i = 0; i < board.area(); ++i) {
-      objects.back().emplace_back(
-          static_cast<float>(i % board.width), static_cast<float>(i / board.width), 0.0F);
+    for (int row = 0; row < board.height; ++row) {
+      for (int column = 0; column < board.width; ++column) {
+        objects.back().emplace_back(static_cast<float>(column), static_cast<float>(row), 0.0F);
+      }
     }
   }
 };
@@ -525,7 +526,7 @@ double OpenCvEpipolarError(const CornerPairs& pairs, int flags, double f) {
                         flags,
                         to_the_end);
   }
-  cv::Mat R21, T, E, F, Q;
+  cv::Mat R_2_1, T, E, F, Q;
   cv::stereoCalibrate(pairs.objects,
                       pairs.corners[0],
                       pairs.corners[1],
@@ -534,13 +535,13 @@ double OpenCvEpipolarError(const CornerPairs& pairs, int flags, double f) {
                       K[1],
                       D[1],
                       pairs.size,
-                      R21,
+                      R_2_1,
                       T,
                       E,
                       F,
                       flags | cv::CALIB_USE_INTRINSIC_GUESS,
                       to_the_end);
-  cv::stereoRectify(K[0], D[0], K[1], D[1], pairs.size, R21, T, R[0], R[1], P[0], P[1], Q);
+  cv::stereoRectify(K[0], D[0], K[1], D[1], pairs.size, R_2_1, T, R[0], R[1], P[0], P[1], Q);
   double sum = 0;
   std::size_t count = 0;
   for (std::size_t k = 0; k < pairs.objects.size(); ++k) {

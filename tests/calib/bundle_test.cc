@@ -16,7 +16,7 @@ using testing::SyntheticProblem;
 using testing::TargetShape;
 
 // Exact observations leave residuals of rounding: 1e-16 of 1000 px, solved to 1e-10 of the cost.
-constexpr double kExact_px = 1e-8;
+constexpr double kExact = 1e-8;  // px
 // Costs are sums of some thousand terms, each rounded.
 constexpr double kSum = 1e-11;
 
@@ -93,14 +93,14 @@ SyntheticProblem Stereo(double noise = 0, double marker_tolerance = 0) {
 TEST(Adjust, ReturnsToTheTruthFromADisturbedState) {
   const SyntheticProblem problem = Stereo();
   Bundle bundle = TrueBundle(problem);
-  ASSERT_LT(LargestResidual(bundle), kExact_px);
+  ASSERT_LT(LargestResidual(bundle), kExact);
   Disturb(&bundle);
   ASSERT_GT(LargestResidual(bundle), 1);
   const AdjustSummary summary = Adjust(&bundle, {});
   EXPECT_TRUE(summary.usable) << summary.message;
   EXPECT_TRUE(summary.converged) << summary.message;
   EXPECT_FALSE(summary.stopped);
-  EXPECT_LT(LargestResidual(bundle), kExact_px);
+  EXPECT_LT(LargestResidual(bundle), kExact);
 }
 
 TEST(Adjust, NeverMovesTheMaster) {
@@ -207,7 +207,7 @@ TEST(Adjust, RefusesObservationsOutsideTheDomainAndLeavesUnusedOnesAlone) {
   bundle.observations[0].used = false;
   EXPECT_TRUE(Adjust(&bundle, {}).usable);
   bundle.observations.erase(bundle.observations.begin());
-  EXPECT_LT(LargestResidual(bundle), kExact_px);
+  EXPECT_LT(LargestResidual(bundle), kExact);
 }
 
 TEST(Adjust, MinimisesTheLossThatItStates) {

@@ -33,7 +33,7 @@ using testing::TargetShape;
 // Issue 2 asks for 1e-8 relative. A_1 and A_2 act on the image by some 1e-3 and 1e-5 of it, so that
 // their own size says little: all parameters together are judged by what they do to the image.
 constexpr double kRelative = 1e-8;
-constexpr double kShift_px = 1e-7;
+constexpr double kShift = 1e-7;  // px
 
 using ExactCase = std::tuple<double, TargetShape, int>;
 
@@ -71,7 +71,7 @@ TEST_P(ExactDetections, GiveTheParametersBackWithoutAStartValue) {
     EXPECT_TRUE(calibration.uncertainty.open.empty());
     for (size_t c = 0; c < problem.params.size(); ++c) {
       const BundleCamera& estimate = calibration.bundle.cameras[c];
-      EXPECT_LT(LargestShift(problem, calibration, c), kShift_px) << "camera " << c;
+      EXPECT_LT(LargestShift(problem, calibration, c), kShift) << "camera " << c;
       for (size_t i = 0; i < 4; ++i) {
         EXPECT_NEAR(estimate.params[i] / problem.params[c][i], 1, kRelative)
             << "camera " << c << " " << estimate.model->params[i].name;
@@ -513,7 +513,7 @@ TEST(Calibrate, LinksCamerasByChainsOfOverlap) {
   std::erase_if(cameras[0].views, [](const View& view) { return view.frame >= "0012"; });
   std::erase_if(cameras[2].views, [](const View& view) { return view.frame < "0012"; });
   const Calibration calibration = Calibrate(problem.input, {});
-  for (size_t c = 0; c < 3; ++c) EXPECT_LT(LargestShift(problem, calibration, c), kShift_px);
+  for (size_t c = 0; c < 3; ++c) EXPECT_LT(LargestShift(problem, calibration, c), kShift);
 }
 
 }  // namespace

@@ -18,7 +18,7 @@ namespace {
 
 constexpr double kPixel = 5.5e-6;
 constexpr ImageSize kSize{2048, 1800};
-constexpr double kPitch_px = 20;
+constexpr double kPitch = 20;  // px
 
 class Random {
  public:
@@ -88,7 +88,7 @@ PlenopticProblem MakePlenopticProblem(unsigned seed, const PlenopticOptions& opt
                      .image_size = kSize,
                      .views = {}};
   const double turn = random.Uniform(-0.5, 0.5);
-  const Eigen::Vector2d e_column = kPitch_px * Eigen::Vector2d(std::cos(turn), std::sin(turn));
+  const Eigen::Vector2d e_column = kPitch * Eigen::Vector2d(std::cos(turn), std::sin(turn));
   const Eigen::Vector2d e_row = Eigen::Rotation2Dd(std::numbers::pi / 3) * e_column;
   std::vector<std::pair<Eigen::Vector2d, int>> lenses;  // with the interleaved set
   for (int i = -150; i <= 150; ++i) {
@@ -123,14 +123,14 @@ PlenopticProblem MakePlenopticProblem(unsigned seed, const PlenopticOptions& opt
       }
       for (const auto& [lens, type] : lenses) {
         // A generous circle; which micro image the point falls into is checked below.
-        if ((lens - x_V).norm() > std::abs(v) * kPitch_px + 0.1 * kSize[0]) continue;
+        if ((lens - x_V).norm() > std::abs(v) * kPitch + 0.1 * kSize[0]) continue;
         Observation seen{.marker = number, .values = {0, 0, lens.x(), lens.y()}};
         double predicted[2];
         if (!model->project(problem.params.data(), &kPixel, seen.values.data(), p_cam, predicted)) {
           continue;
         }
         const Eigen::Vector2d x_R(predicted[0], predicted[1]);
-        if ((x_R - lens).norm() > 0.45 * kPitch_px) continue;
+        if ((x_R - lens).norm() > 0.45 * kPitch) continue;
         const double sigma = options.noise * options.noise_of_type[static_cast<size_t>(type)];
         const Eigen::Vector2d shift = common + (slope + shared_slope) * (x_R - lens);
         seen.values[0] = x_R.x() + shift.x() + noise.Gaussian(sigma);

@@ -40,9 +40,9 @@ std::vector<Eigen::Vector3d> Plane(int columns, int rows) {
   return points;
 }
 
-std::vector<Eigen::Vector3d> Cloud(int count, Random* random) {
-  std::vector<Eigen::Vector3d> points;
-  for (int i = 0; i < count; ++i) points.push_back(random->Vector(0.1));
+std::vector<Eigen::Vector3d> Cloud(size_t count, Random* random) {
+  std::vector<Eigen::Vector3d> points(count);
+  for (Eigen::Vector3d& point : points) point = random->Vector(0.1);
   return points;
 }
 
@@ -117,7 +117,7 @@ TEST(Resect, FindsThePoseOfATargetThatSurroundsTheCamera) {
 TEST(Resect, FindsThePoseOfACameraWithoutASingleCentre) {
   Random random(5);
   for (int i = 0; i < 20; ++i) {
-    for (auto points : {Plane(9, 6), Cloud(20, &random)}) {
+    for (const auto& points : {Plane(9, 6), Cloud(20, &random)}) {
       Scene scene = MakeScene(points, 0, &random);
       for (size_t k = 0; k < scene.points.size(); ++k) {
         Ray& ray = scene.rays[k];

@@ -57,9 +57,11 @@ GrayFunction Board(int columns, int rows, bool first_white, bool inverted = fals
 
 Places Truth(int columns, int rows, const Eigen::Matrix3d& H) {
   Places places;
-  const int inner = columns - 1;
-  for (int k = 0; k < inner * (rows - 1); ++k) {
-    places[k] = (H * Eigen::Vector3d(k % inner + 1, k / inner + 1, 1)).hnormalized();
+  int k = 0;
+  for (int row = 1; row < rows; ++row) {
+    for (int column = 1; column < columns; ++column) {
+      places[k++] = (H * Eigen::Vector3d(column, row, 1)).hnormalized();
+    }
   }
   return places;
 }

@@ -32,8 +32,11 @@ GrayFunction Board(int columns, int rows, double first = kBlack) {
 
 Places Truth(int columns, int rows, const Eigen::Matrix3d& H) {
   Places places;
-  for (int k = 0; k < columns * rows; ++k) {
-    places[k] = (H * Eigen::Vector3d(k % columns, k / columns, 1)).hnormalized();
+  int k = 0;
+  for (int row = 0; row < rows; ++row) {
+    for (int column = 0; column < columns; ++column) {
+      places[k++] = (H * Eigen::Vector3d(column, row, 1)).hnormalized();
+    }
   }
   return places;
 }

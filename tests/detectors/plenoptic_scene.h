@@ -127,8 +127,8 @@ struct PlenopticScene {
       nearest.at<float>(y, x) = r;
       double sum = 0;
       for (int k = 0; k < kSamples * kSamples; ++k) {
-        const Eigen::Vector2d sub((k % kSamples + 0.5) / kSamples - 0.5,
-                                  (k / kSamples + 0.5) / kSamples - 0.5);
+        const int row = k / kSamples, column = k % kSamples;
+        const Eigen::Vector2d sub((column + 0.5) / kSamples - 0.5, (row + 0.5) / kSamples - 0.5);
         const Eigen::Vector2d from_centre = Eigen::Vector2d(x, y) + sub - lens.centre;
         // v = depth + slope . (q - middle) and q = centre + v * from_centre, solved for v.
         const double v = Depth(lens.centre) / (1 - slope.dot(from_centre));

@@ -86,7 +86,7 @@ class Drawing {
     const int x = static_cast<int>(std::floor(p.x() * width_)) + offset;
     const int y = static_cast<int>(std::floor((1 - p.y()) * width_)) + offset;
     if (x < 0 || y < 0 || x >= total_ || y >= total_) return kWhite;
-    return white_[static_cast<std::size_t>(y * total_ + x)] ? kWhite : kBlack;
+    return white_.begin()[y * total_ + x] ? kWhite : kBlack;
   }
 
  private:
@@ -114,7 +114,8 @@ struct Board {
   }
 
   [[nodiscard]] std::array<Eigen::Vector2d, 4> Corners(int id) const {
-    const Eigen::Vector2d at(id % columns * step, id / columns * step);
+    const int row = id / columns, column = id % columns;
+    const Eigen::Vector2d at(column * step, row * step);
     return {at, at + Eigen::Vector2d(1, 0), at + Eigen::Vector2d(1, 1), at + Eigen::Vector2d(0, 1)};
   }
 
@@ -130,8 +131,8 @@ struct Board {
       if (in_gap(p.x(), columns) && in_gap(p.y(), rows)) return kBlack;
     }
     if (column < 0 || row < 0 || column >= columns || row >= rows) return kWhite;
-    return drawings[static_cast<std::size_t>(row * columns + column)](
-        {p.x() - column * step, p.y() - row * step});
+    const Drawing& drawing = drawings.begin()[row * columns + column];
+    return drawing({p.x() - column * step, p.y() - row * step});
   }
 
   int columns, rows;
@@ -474,7 +475,8 @@ Target KalibrGrid(double size) {
   layout.black_corner_squares = true;
   for (int id = 0; id < 36; ++id) {
     layout.ids.push_back(id);
-    const Eigen::Vector3d at(id % 6 * 1.3 * size, id / 6 * 1.3 * size, 0);
+    const int row = id / 6, column = id % 6;
+    const Eigen::Vector3d at(column * 1.3 * size, row * 1.3 * size, 0);
     target.markers[4 * id] = at;
     target.markers[4 * id + 1] = at + Eigen::Vector3d(size, 0, 0);
     target.markers[4 * id + 2] = at + Eigen::Vector3d(size, size, 0);
@@ -563,8 +565,7 @@ TEST(TagDetectorOnRealImages, FindsEveryTagInViewOfTheSimulatedRig) {
     ASSERT_EQ(numbers.size(), 13U) << line;
     const std::vector<double> xyz(numbers.begin() + 1, numbers.end());
     layout.ids.push_back(id);
-    for (int k = 0; k < 4; ++k)
-      target.markers[4 * id + k] = Eigen::Vector3d(&xyz[static_cast<std::size_t>(3 * k)]);
+    for (int k = 0; k < 4; ++k) target.markers[4 * id + k] = Eigen::Vector3d(xyz.data() + 3 * k);
   }
   target.layout = layout;
   const auto detector = MakeTagDetector(target);

@@ -45,8 +45,8 @@ int ForEachInclude(const std::string& folder,
 
 TEST(Includes, PointOnlyToFoldersBelow) {
   for (const auto& [folder, allowed] : kAllowed) {
-    const int count =
-        ForEachInclude(folder, [&](const fs::path& file, const std::string& included) {
+    const int count = ForEachInclude(
+        folder, [&allowed = allowed](const fs::path& file, const std::string& included) {
           const std::string to = included.substr(0, included.find('/'));
           const bool is_ours = fs::is_directory(fs::path(PLENOCAL_SOURCE) / to) && to != included;
           EXPECT_TRUE(!is_ours || allowed.contains(to)) << file << " must not include " << included;

@@ -317,13 +317,13 @@ TEST(Target, RefusesWrongTags) {
 }
 
 TEST(Target, RefusesTagsThatAreNoQuadrangles) {
-  const char* kBad[] = {
+  const char* bad[] = {
       "[[0, 0, 0], [0, 0, 0], [0, 0, 0], [0, 0, 0]]",  // one point
       "[[0, 0, 0], [1, 0, 0], [2, 0, 0], [3, 0, 0]]",  // a line
       "[[0, 0, 0], [1, 0, 0], [1, 1, 0], [1, 1, 0]]",  // a corner twice
       "[[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]]",  // crossed
   };
-  for (const char* corners : kBad) {
+  for (const char* corners : bad) {
     EXPECT_THAT(ErrorOf("plenocal: 1\ntype: apriltag\nfamily: tag36h11\ntags:\n  - {id: 0, "
                         "corners: " +
                         std::string(corners) + "}\n"),
