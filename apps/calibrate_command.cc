@@ -2,13 +2,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <fstream>
-#include <iterator>
 
 #include "apps/calibration_input.h"
 #include "apps/commands.h"
 #include "apps/image_module.h"
 #include "apps/observations.h"
+#include "apps/provenance.h"
 #include "apps/report/report.h"
 #include "calib/calibrate.h"
 #include "calib/error.h"
@@ -33,17 +32,11 @@ std::string RefinedTarget(const Target& target, const Calibration& calibration) 
   return RefinedTargetYaml(target, positions, sigmas);
 }
 
-std::string FileText(const std::filesystem::path& path) {
-  std::ifstream file(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
-}
-
 }  // namespace
 
 void RunCalibrate(const SessionCommand& command, const ConsoleOptions& options) {
   const Session session = ReadSession(command.session, CameraModels());
-  const std::string session_text = FileText(command.session),
-                    target_text = FileText(session.target);
+  const auto provenance = ProvenanceOf(options, "calibrate", session, command.out);
   const Target target = ReadTarget(session.target);
   RefuseToReplaceInputs(session,
                         command.out,
@@ -92,18 +85,7 @@ void RunCalibrate(const SessionCommand& command, const ConsoleOptions& options) 
     calibration.camera_files[c].emplace_back("sample_frame", YamlQuoted(frame));
   }
   ResultFiles files;
-  files["calibration.yaml"] = CalibrationYaml(calibration,
-                                              {{"plenocal_version", PLENOCAL_VERSION},
-                                               {"command",
-                                                fmt::format("{} calibrate {} -o {}",
-                                                            options.program,
-                                                            command.session.string(),
-                                                            command.out.string())},
-                                               {"folder", std::filesystem::current_path().string()},
-                                               {"session", command.session.string()},
-                                               {"target", session.target.string()},
-                                               {"session_text", session_text},
-                                               {"target_text", target_text}});
+  files["calibration.yaml"] = CalibrationYaml(calibration, provenance);
   files["target.yaml"] = RefinedTarget(target, calibration);
   files["poses.csv"] = PosesCsv(calibration);
   if (session.cameras.size() > 1) files["view_poses.csv"] = ViewPosesCsv(calibration);

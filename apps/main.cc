@@ -51,6 +51,15 @@ int RunAndMapErrors(const std::function<void()>& run) {
   }
 }
 
+void AddThreads(CLI::App* command, int* threads) {
+  command->add_option("--threads", *threads, "number of threads (default: all cores)")
+      ->check(CLI::Range(1, 1024));
+}
+
+void AddQuiet(CLI::App* command, bool* quiet) {
+  command->add_flag("--quiet", *quiet, "no messages and no progress, only errors");
+}
+
 }  // namespace
 
 // Declaring the commands throws only when memory is short or one is declared twice.
@@ -81,9 +90,8 @@ int main(int argc, char** argv) {  // NOLINT(bugprone-exception-escape)
         sub->add_option("session", session_command.session, "session.yaml: cameras, images, target")
             ->required();
         sub->add_option("-o,--out", session_command.out, "folder for the results")->required();
-        sub->add_option("--threads", options.threads, "number of threads (default: all cores)")
-            ->check(CLI::Range(1, 1024));
-        sub->add_flag("--quiet", options.quiet, "no messages and no progress, only errors");
+        AddThreads(sub, &options.threads);
+        AddQuiet(sub, &options.quiet);
         sub->add_flag("--keep",
                       session_command.keep,
                       "write pictures of the stages into OUT/images/<camera>: markers drawn, of a "
@@ -131,9 +139,8 @@ int main(int argc, char** argv) {  // NOLINT(bugprone-exception-escape)
           "--bayer", white_command.bayer, "colours of the top-left 2 x 2 pixels of raw mosaics")
       ->check(CLI::IsMember({"RGGB", "BGGR", "GRBG", "GBRG"}));
   white->add_option("--grid", white_command.grid, "RayCalibData XML with the micro-lens grid");
-  white->add_option("--threads", options.threads, "number of threads (default: all cores)")
-      ->check(CLI::Range(1, 1024));
-  white->add_flag("--quiet", options.quiet, "no messages and no progress, only errors");
+  AddThreads(white, &options.threads);
+  AddQuiet(white, &options.quiet);
   white->callback([&] { run = [&] { RunWhite(white_command, options); }; });
   plenocal::FocusCommand focus_command;
   CLI::App* focus = app.add_subcommand(
@@ -162,9 +169,8 @@ int main(int argc, char** argv) {  // NOLINT(bugprone-exception-escape)
   focus->add_option("--scale", focus_command.scale, "raw pixels a pixel of the results")
       ->check(CLI::Range(0.5, 16.0))
       ->capture_default_str();
-  focus->add_option("--threads", options.threads, "number of threads (default: all cores)")
-      ->check(CLI::Range(1, 1024));
-  focus->add_flag("--quiet", options.quiet, "no messages and no progress, only errors");
+  AddThreads(focus, &options.threads);
+  AddQuiet(focus, &options.quiet);
   focus->callback([&] { run = [&] { RunFocus(focus_command, options); }; });
   plenocal::SimulateCommand simulate_command;
   CLI::App* simulate = app.add_subcommand(
@@ -179,9 +185,8 @@ int main(int argc, char** argv) {  // NOLINT(bugprone-exception-escape)
   simulate->add_option("-o,--out", simulate_command.out, "folder for the session")->required();
   simulate->add_flag(
       "--points", simulate_command.points, "detections with noise in place of images");
-  simulate->add_option("--threads", options.threads, "number of threads (default: all cores)")
-      ->check(CLI::Range(1, 1024));
-  simulate->add_flag("--quiet", options.quiet, "no messages and no progress, only errors");
+  AddThreads(simulate, &options.threads);
+  AddQuiet(simulate, &options.quiet);
   simulate->callback([&] { run = [&] { RunSimulate(simulate_command, options); }; });
   plenocal::PrintCommand print_command;
   CLI::App* target = app.add_subcommand(
@@ -200,7 +205,7 @@ int main(int argc, char** argv) {  // NOLINT(bugprone-exception-escape)
       ->check(CLI::Range(30.0, 2400.0))
       ->capture_default_str();
   bool quiet_target = false;  // it has nothing to say; accepted as on each command
-  target->add_flag("--quiet", quiet_target, "no messages and no progress, only errors");
+  AddQuiet(target, &quiet_target);
   target->callback([&] { run = [&] { RunTarget(print_command); }; });
   plenocal::EvaluateCommand evaluate_command;
   CLI::App* evaluate = app.add_subcommand(
@@ -239,7 +244,7 @@ int main(int argc, char** argv) {  // NOLINT(bugprone-exception-escape)
           ->expected(0, -1);
   evaluate->add_flag("--json", evaluate_command.json, "JSON on standard output");
   evaluate->add_option("--chart", evaluate_command.chart, "bar chart: FILE.svg or FILE.png");
-  evaluate->add_flag("--quiet", options.quiet, "no messages and no progress, only errors");
+  AddQuiet(evaluate, &options.quiet);
   evaluate->callback([&] {
     if (monocular_option->count() > 0) {
       // CLI11 stands for "no names" with one empty name.
@@ -261,7 +266,7 @@ int main(int argc, char** argv) {  // NOLINT(bugprone-exception-escape)
   exporter->add_option(
       "--camera", export_command.cameras, "cameras to export, in this order (default: all)");
   exporter->add_option("-o,--out", export_command.out, "file to write")->required();
-  exporter->add_flag("--quiet", options.quiet, "no messages and no progress, only errors");
+  AddQuiet(exporter, &options.quiet);
   exporter->callback([&] { run = [&] { RunExport(export_command, options); }; });
   plenocal::ImportCommand import_command;
   CLI::App* importer = app.add_subcommand(
@@ -280,7 +285,7 @@ int main(int argc, char** argv) {  // NOLINT(bugprone-exception-escape)
                      import_command.fisheye,
                      "opencv: the coefficients are cv::fisheye's where the file does not say so");
   importer->add_option("-o,--out", import_command.out, "folder, or the file to write")->required();
-  importer->add_flag("--quiet", options.quiet, "no messages and no progress, only errors");
+  AddQuiet(importer, &options.quiet);
   importer->callback([&] { run = [&] { RunImport(import_command, options); }; });
   std::filesystem::path report_folder;
   CLI::App* report = app.add_subcommand(
@@ -290,7 +295,7 @@ int main(int argc, char** argv) {  // NOLINT(bugprone-exception-escape)
       "writes OUT/report.html: one page that opens in any browser, without network.");
   report->add_option("out", report_folder, "folder that 'plenocal calibrate' wrote")->required();
   bool quiet_report = false;  // it has nothing to say; accepted as on each command
-  report->add_flag("--quiet", quiet_report, "no messages and no progress, only errors");
+  AddQuiet(report, &quiet_report);
   report->callback([&] { run = [&] { plenocal::RunReport(report_folder); }; });
   plenocal::TryCommand try_command;
   CLI::App* tries = app.add_subcommand(
@@ -313,9 +318,8 @@ int main(int argc, char** argv) {  // NOLINT(bugprone-exception-escape)
       ->check(CLI::Range(2, 1000))
       ->capture_default_str();
   tries->add_option("-o,--out", try_command.out, "folder for the results")->required();
-  tries->add_option("--threads", options.threads, "number of threads (default: all cores)")
-      ->check(CLI::Range(1, 1024));
-  tries->add_flag("--quiet", options.quiet, "no messages and no progress, only errors");
+  AddThreads(tries, &options.threads);
+  AddQuiet(tries, &options.quiet);
   tries->add_flag("--fresh", try_command.fresh, "detect again in all images");
   tries->callback([&] { run = [&] { RunTry(try_command, options); }; });
   plenocal::CompareCommand compare_command;
@@ -334,12 +338,11 @@ int main(int argc, char** argv) {  // NOLINT(bugprone-exception-escape)
                       "the calibration still hold for them (only poses free)? Exit status 1: no");
   compare->add_option("-o,--out", compare_command.out, "folder for difference.png and compare.csv");
   compare->add_flag("--json", compare_command.json, "with --check: JSON on standard output");
-  compare->add_option("--threads", options.threads, "number of threads (default: all cores)")
-      ->check(CLI::Range(1, 1024));
+  AddThreads(compare, &options.threads);
   compare->add_option("--distance",
                       compare_command.distances,
                       "distances of what is seen, m, or inf (default: 1 inf)");
-  compare->add_flag("--quiet", options.quiet, "no messages and no progress, only errors");
+  AddQuiet(compare, &options.quiet);
   compare->callback([&] { run = [&] { RunCompare(compare_command, options); }; });
   plenocal::ConvertCommand convert_command;
   CLI::App* convert = app.add_subcommand(
@@ -351,7 +354,7 @@ int main(int argc, char** argv) {  // NOLINT(bugprone-exception-escape)
   convert->add_option("--camera", convert_command.camera, "its camera (default: the only one)");
   convert->add_option("--to", convert_command.model, "camera model")->required();
   convert->add_option("-o,--out", convert_command.out, "folder for the results")->required();
-  convert->add_flag("--quiet", options.quiet, "no messages and no progress, only errors");
+  AddQuiet(convert, &options.quiet);
   convert->callback([&] { run = [&] { RunConvert(convert_command); }; });
   const auto add_view_options = [](CLI::App* sub, plenocal::ViewArguments* view) {
     sub->add_option("--size", view->size, "WIDTHxHEIGHT of the result (default: the camera's)");
@@ -382,9 +385,8 @@ int main(int argc, char** argv) {  // NOLINT(bugprone-exception-escape)
         "--mask", resample->mask, "write mask.png: 255 where pixels have a source, else 0");
   };
   const auto add_resample_common = [&](CLI::App* sub) {
-    sub->add_option("--threads", options.threads, "number of threads (default: all cores)")
-        ->check(CLI::Range(1, 1024));
-    sub->add_flag("--quiet", options.quiet, "no messages and no progress, only errors");
+    AddThreads(sub, &options.threads);
+    AddQuiet(sub, &options.quiet);
   };
   plenocal::UndistortCommand undistort_command;
   CLI::App* undistort = app.add_subcommand(

@@ -8,6 +8,7 @@
 #include "apps/commands.h"
 #include "apps/model_option.h"
 #include "apps/observations.h"
+#include "apps/provenance.h"
 #include "apps/report/trial_page.h"
 #include "calib/compare.h"
 #include "calib/error.h"
@@ -270,6 +271,7 @@ std::string TableYaml(const ModelChoice& choice,
 
 void RunTry(const TryCommand& command, const ConsoleOptions& options) {
   const Session session = ReadSession(command.session, CameraModels());
+  const auto provenance = ProvenanceOf(options, "try", session, command.out);
   const Target target = ReadTarget(session.target);
   const std::vector<size_t> varied = VariedCameras(session, command.camera);
   const std::vector<const CameraModel*> models =
@@ -298,15 +300,7 @@ void RunTry(const TryCommand& command, const ConsoleOptions& options) {
     const ModelTrial& trial = choice.trials[m];
     if (!trial.failure.empty()) continue;
     out.Write(fmt::format("models/{}/calibration.yaml", trial.model->name),
-              CalibrationYaml(trial.calibration,
-                              {{"plenocal_version", PLENOCAL_VERSION},
-                               {"command",
-                                fmt::format("{} try {} -o {}",
-                                            options.program,
-                                            command.session.string(),
-                                            command.out.string())},
-                               {"session", command.session.string()},
-                               {"target", session.target.string()}}));
+              CalibrationYaml(trial.calibration, provenance));
   }
   out.Write("try.csv", TableCsv(rows));
   out.Write("try.yaml", TableYaml(choice, session, rows));
