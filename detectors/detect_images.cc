@@ -41,18 +41,14 @@ std::string Pack(const ImageResult& result) {
   const auto put = [&](const auto& matrix) {
     for (const double value : matrix.reshaped()) writer.Put(value);
   };
-  writer.PutAll(result.found.edges, [&](const BentEdge& edge) {
-    put(edge.place);
-    put(edge.normal);
-    writer.Put(edge.bend);
-    writer.Put(edge.variance);
+  writer.PutAll(result.found.readings, [&](const LensReading& reading) {
+    put(reading.along);
+    writer.Put(reading.value);
+    writer.Put(reading.variance);
   });
   writer.PutAll(result.found.bent, [&](const BentMarker& bent) {
-    put(bent.place);
-    put(bent.curvature);
-    put(bent.by_curvature);
-    writer.Put(bent.growth);
-    put(bent.by_growth);
+    put(bent.shape);
+    put(bent.by_shape);
   });
   return writer.Text();
 }
@@ -69,19 +65,15 @@ std::optional<ImageResult> Unpack(const std::string& text) {
     for (double& value : matrix->reshaped()) value = reader.Get<double>();
   };
   reader.GetAll([&] {
-    BentEdge& edge = result.found.edges.emplace_back();
-    get(&edge.place);
-    get(&edge.normal);
-    edge.bend = reader.Get<double>();
-    edge.variance = reader.Get<double>();
+    LensReading& reading = result.found.readings.emplace_back();
+    get(&reading.along);
+    reading.value = reader.Get<double>();
+    reading.variance = reader.Get<double>();
   });
   reader.GetAll([&] {
     BentMarker& bent = result.found.bent.emplace_back();
-    get(&bent.place);
-    get(&bent.curvature);
-    get(&bent.by_curvature);
-    bent.growth = reader.Get<double>();
-    get(&bent.by_growth);
+    get(&bent.shape);
+    get(&bent.by_shape);
   });
   return reader.IsComplete() ? std::optional(result) : std::nullopt;
 }
@@ -150,12 +142,13 @@ cv::Mat EvenGray(const std::filesystem::path& path, const cv::Mat& attenuation) 
 
 /// All images of a camera together know its lens better than each alone.
 void MeasureByCommonLens(const ImageSize& size, std::vector<ImageResult>* results) {
-  std::vector<BentEdge> edges;
+  std::vector<LensReading> readings;
   for (const ImageResult& result : *results) {
     if (result.size != size) continue;
-    edges.insert(edges.end(), result.found.edges.begin(), result.found.edges.end());
+    const std::vector<LensReading>& of_image = result.found.readings;
+    readings.insert(readings.end(), of_image.begin(), of_image.end());
   }
-  const LensCurvature lens(edges, Eigen::Vector2d(size[0], size[1]));
+  const LensCurvature lens(readings);
   for (ImageResult& result : *results) {
     for (size_t i = 0; i < result.found.bent.size(); ++i) {
       const Eigen::Vector2d moved = lens.Change(result.found.bent[i]);

@@ -17,8 +17,6 @@ using IntLanes = int __attribute__((vector_size(4 * kLanes), aligned(4 * kLanes)
 // Everything here is inlined, so that it is compiled for the processor that its caller is for.
 #define PLENOCAL_LANES [[gnu::always_inline]] inline
 
-PLENOCAL_LANES void Set(float value, Lanes* lanes) { *lanes = Lanes{} + value; }
-
 PLENOCAL_LANES float Sum(const Lanes& lanes) {
   return ((lanes[0] + lanes[4]) + (lanes[2] + lanes[6])) +
          ((lanes[1] + lanes[5]) + (lanes[3] + lanes[7]));

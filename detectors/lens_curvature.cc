@@ -31,59 +31,44 @@ double Variance(const std::vector<Deviation>& deviations) {
 
 }  // namespace
 
-LensCurvature::LensCurvature(std::span<const BentEdge> edges, const Eigen::Vector2d& size)
-    : middle_((size - Eigen::Vector2d::Ones()) / 2), radius_(size.norm() / 2) {
-  coefficients_.setZero();
-  covariance_.setZero();
+LensCurvature::LensCurvature(std::span<const LensReading> readings) {
+  using Matrix = Eigen::Matrix<double, kLensShapes, kLensShapes>;
   std::vector<Deviation> deviations;
-  for (const BentEdge& e : edges) deviations.push_back({e.bend * e.bend, e.variance});
+  for (const LensReading& r : readings) deviations.push_back({r.value * r.value, r.variance});
   const double variance = plenocal::Variance(deviations);
   if (variance == 0) return;
-  // Once without and once with what a smooth c leaves over.
+  // What the coefficients are like before any reading: of one size, and then of the size that they
+  // turn out to have (empirical Bayes; D. MacKay, "Bayesian Interpolation", 1992). Once without and
+  // once with what a smooth lens leaves over.
+  LensShape prior = LensShape::Constant(variance);
+  double rest = 0;
   for (int round = 0; round < 2; ++round) {
-    covariance_ = Eigen::Matrix4d::Identity() / variance;
-    coefficients_.setZero();
-    for (const BentEdge& e : edges) {
-      const Eigen::Vector4d row = Row(e.place, e.normal);
-      covariance_ += row * row.transpose() / (e.variance + rest_);
-      coefficients_ += row * e.bend / (e.variance + rest_);
+    Matrix information = Matrix::Zero();
+    LensShape sum = LensShape::Zero();
+    for (const LensReading& r : readings) {
+      information += r.along * r.along.transpose() / (r.variance + rest);
+      sum += r.along * r.value / (r.variance + rest);
     }
-    covariance_ = covariance_.ldlt().solve(Eigen::Matrix4d::Identity()).eval();
-    coefficients_ = (covariance_ * coefficients_).eval();
+    for (int step = 0; step < 10; ++step) {
+      Matrix all = information;
+      all.diagonal() += prior.cwiseInverse();
+      covariance_ = all.ldlt().solve(Matrix::Identity());
+      shape_ = covariance_ * sum;
+      prior = shape_.cwiseAbs2() + covariance_.diagonal();
+    }
     deviations.clear();
-    for (const BentEdge& e : edges) {
-      const double rest = e.bend - e.normal.dot(At(e.place));
-      deviations.push_back({rest * rest, e.variance});
+    for (const LensReading& r : readings) {
+      const double deviation = r.value - r.along.dot(shape_);
+      deviations.push_back({deviation * deviation, r.variance});
     }
-    rest_ = plenocal::Variance(deviations);
+    rest = plenocal::Variance(deviations);
   }
 }
 
-Eigen::Vector4d LensCurvature::Row(const Eigen::Vector2d& place,
-                                   const Eigen::Vector2d& normal) const {
-  const Eigen::Vector2d p = (place - middle_) / radius_;
-  const double along = normal.dot(p);
-  return {normal.x(), normal.y(), along, along * p.squaredNorm()};
-}
-
-Eigen::Vector2d LensCurvature::At(const Eigen::Vector2d& place) const {
-  return {coefficients_.dot(Row(place, Eigen::Vector2d::UnitX())),
-          coefficients_.dot(Row(place, Eigen::Vector2d::UnitY()))};
-}
-
-double LensCurvature::Growth(const Eigen::Vector2d& place) const {
-  const Eigen::Vector2d p = (place - middle_) / radius_;
-  return (coefficients_[2] + 2 * coefficients_[3] * p.squaredNorm()) / radius_;
-}
-
 Eigen::Vector2d LensCurvature::Change(const BentMarker& bent) const {
-  return bent.by_curvature * (At(bent.place) - bent.curvature) +
-         bent.by_growth * (Growth(bent.place) - bent.growth);
+  return bent.by_shape * (shape_ - bent.shape);
 }
 
-double LensCurvature::Variance(const Eigen::Vector2d& place, const Eigen::Vector2d& normal) const {
-  const Eigen::Vector4d row = Row(place, normal);
-  return row.dot(covariance_ * row);
-}
+double LensCurvature::Variance(const LensShape& row) const { return row.dot(covariance_ * row); }
 
 }  // namespace plenocal

@@ -17,7 +17,7 @@ struct MarkerDetections {
   std::vector<Observation> markers;   ///< x, y, sigma set; ascending marker number, no duplicates
   std::vector<std::string> left_out;  ///< markers refused, with the reason, in words for the user
   std::string failure;                ///< why `markers` is empty; empty otherwise
-  std::vector<BentEdge> edges;        ///< what the image says about the lens' curvature
+  std::vector<LensReading> readings;  ///< what the image says about the lens' curvature
   /// What the markers owe to it, in their order; empty when they do not depend on it.
   std::vector<BentMarker> bent;
 };

@@ -535,7 +535,7 @@ class TagDetector : public MarkerDetector {
           fmt::format("tag {} ({}) is not on the target", id, layout_.family));
     }
     internal::RefinedTags refined = internal::RefineTags(gray, seen, border_);
-    result.edges = std::move(refined.edges);
+    result.readings = std::move(refined.readings);
     constexpr std::array kCorners{"lower left", "lower right", "upper right", "upper left"};
     for (std::size_t i = 0; i < ids.size(); ++i) {
       for (std::size_t k = 0; k < 4; ++k) {

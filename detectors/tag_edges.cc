@@ -31,6 +31,7 @@
 
 #include "calib/median.h"
 #include "detectors/lanes.h"
+#include "detectors/lens_bend.h"
 #include "detectors/lens_curvature.h"
 #include "detectors/processors.h"
 #include "detectors/saddle.h"
@@ -74,13 +75,18 @@ struct Edge {
   std::vector<bool> bits;                ///< behind the ring: true where not of the ring's colour
   Eigen::Vector3d curve = Eigen::Vector3d::Zero();       ///< a, b, q
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  ///< of a, b, q
-  Eigen::Vector3d by_bend = Eigen::Vector3d::Zero();     ///< of a, b, q by the lens' bend, px^2
-  double blur = 0;                                       ///< px
+  double odd = 0;                                        ///< px, the lens' bend in s^3
+  Eigen::Matrix<double, 3, kLensShapes> by_shape =       ///< of a, b, q by the lens' shape, px
+      Eigen::Matrix<double, 3, kLensShapes>::Zero();
+  double blur = 0;  ///< px
   bool fitted = false;
 
-  [[nodiscard]] double Offset(double s) const { return curve.dot(Eigen::Vector3d(1, s, s * s)); }
-  [[nodiscard]] double OffsetByBend(double s) const {
-    return by_bend.dot(Eigen::Vector3d(1, s, s * s));
+  [[nodiscard]] double Offset(double s) const {
+    // Where all s are alike, a fit of a parabola takes s^3 for 3/5 s.
+    return curve.dot(Eigen::Vector3d(1, s, s * s)) + odd * s * (s * s - 0.6);
+  }
+  [[nodiscard]] LensShape OffsetByShape(double s) const {
+    return by_shape.transpose() * Eigen::Vector3d(1, s, s * s);
   }
   [[nodiscard]] double OffsetVariance(double s) const {
     const Eigen::Vector3d j(1, s, s * s);
@@ -363,28 +369,36 @@ void FitEdge(const cv::Mat& gray, bool corner_squares, Edge* edge, Workspace* wo
   edge->fitted = edge->covariance.allFinite() && edge->covariance(0, 0) > 0;
 }
 
-/// Given the curve's estimate with q free, the estimate with the lens' bend (1/px).
-void BendByLens(const LensCurvature& lens, Edge* edge) {
-  const double square = edge->half_length * edge->half_length;  // s = 1
-  const double mean = square * edge->normal.dot(lens.At(edge->middle));
-  const double variance = square * square * lens.Variance(edge->middle, edge->normal);
+/// Given the curve's estimate with q free, the estimate with the lens' bend.
+void BendByLens(const LensCurvature& lens, const Eigen::Vector2d& image_size, Edge* edge) {
+  const Eigen::Vector2d half = edge->half_length * edge->along;
+  const LensBend bend(lens.shape(), edge->middle, image_size);
+  const EdgeBend bent(bend, half, edge->normal);
+  const double square = half.squaredNorm();  // s = 1
+  const double variance = square * square * lens.Variance(bent.by_shape);
   const Eigen::Vector3d gain = edge->covariance.col(2) / (edge->covariance(2, 2) + variance);
-  edge->curve += gain * (mean - edge->curve[2]);
+  edge->curve += gain * (square * bent.bend - edge->curve[2]);
   edge->covariance -= gain * edge->covariance.row(2).eval();
-  edge->by_bend = gain * square;
+  edge->by_shape = square * gain * bent.by_shape.transpose();
+  edge->odd = (bend.At(half) - bend.At(-half)).dot(edge->normal) / 2;
 }
 
-std::vector<BentEdge> BentEdges(std::span<const Edge> edges) {
-  std::vector<BentEdge> bent;
+/// What edges say about the lens, near some shape.
+void ReadEdges(std::span<const Edge> edges,
+               const LensShape& near,
+               const Eigen::Vector2d& image_size,
+               std::vector<LensReading>* readings) {
   for (const Edge& edge : edges) {
     if (!edge.fitted) continue;
     const double square = edge.half_length * edge.half_length;  // s = 1
-    bent.push_back({edge.middle,
-                    edge.normal,
-                    edge.curve[2] / square,
-                    edge.covariance(2, 2) / (square * square)});
+    const EdgeBend bent(
+        LensBend(near, edge.middle, image_size), edge.half_length * edge.along, edge.normal);
+    const double size = bent.by_shape.norm();
+    const double more = (edge.curve[2] / square - bent.bend) / size;
+    const LensShape along = bent.by_shape / size;
+    readings->push_back(
+        {along, along.dot(near) + more, edge.covariance(2, 2) / (square * square * size * size)});
   }
-  return bent;
 }
 
 /// The edge from corner `side` to the next one, before it is fitted.
@@ -446,12 +460,11 @@ std::optional<RefinedCorner> Intersect(const Edge& before,
   }
   const Eigen::Vector2d variances(before.OffsetVariance(s_before), after.OffsetVariance(s_after));
   const Eigen::Matrix2d covariance = inverse * variances.asDiagonal() * inverse.transpose();
-  Eigen::Matrix2d offsets_by_curvature;
-  offsets_by_curvature << before.OffsetByBend(s_before) * before.normal.transpose(),
-      after.OffsetByBend(s_after) * after.normal.transpose();
-  return RefinedCorner{point,
-                       std::sqrt(covariance.trace() / 2),
-                       {point, lens.At(point), inverse * offsets_by_curvature}};
+  Eigen::Matrix<double, 2, kLensShapes> offsets_by_shape;
+  offsets_by_shape << before.OffsetByShape(s_before).transpose(),
+      after.OffsetByShape(s_after).transpose();
+  return RefinedCorner{
+      point, std::sqrt(covariance.trace() / 2), {lens.shape(), inverse * offsets_by_shape}};
 }
 
 /// Where and how a fit of a tag's drawing starts.
@@ -465,11 +478,12 @@ struct Attempt {
 std::optional<TagFit> FitDrawing(const cv::Mat& gray,
                                  const TagBorder& border,
                                  std::initializer_list<Attempt> attempts,
-                                 const Eigen::Vector2d& curvature) {
+                                 const LensShape& shape) {
   for (const Attempt& attempt : attempts) {
-    TagTemplate drawing(gray, attempt.from, border, attempt.blur, curvature);
+    TagTemplate drawing(gray, attempt.from, border, attempt.blur);
     if (attempt.reach > 0) drawing.Search(attempt.reach);
-    if (auto fit = drawing.Fit()) return fit;
+    if (!drawing.Approach()) continue;
+    if (auto fit = drawing.Fit(shape)) return fit;
   }
   return std::nullopt;
 }
@@ -488,10 +502,10 @@ std::optional<RefinedCorner> CrossingAt(const cv::Mat& gray,
   guess.p = corners[k];
   guess.u = free * (corners[(k + 1) % 4] - corners[k]);
   guess.v = free * (corners[(k + 3) % 4] - corners[k]);
-  const Eigen::Vector2d curvature = lens.At(guess.p);
+  const LensBend bend(lens.shape(), guess.p, Eigen::Vector2d(gray.cols, gray.rows));
   const auto along = [&](const Eigen::Vector2d& direction) {
-    const Eigen::Vector2d clockwise(-direction.y(), direction.x());
-    return 2 * curvature.dot(clockwise.normalized());
+    const Eigen::Vector2d clockwise = Eigen::Vector2d(-direction.y(), direction.x()).normalized();
+    return 2 * EdgeBend(bend, direction, clockwise).bend;
   };
   guess.curvature_u = along(guess.u);
   guess.curvature_v = along(guess.v);
@@ -500,7 +514,8 @@ std::optional<RefinedCorner> CrossingAt(const cv::Mat& gray,
   // The tag's own black is where u and v have equal signs.
   if (!saddle || saddle->contrast > 0) return std::nullopt;
   // Lines that bend alike on both sides cross where straight ones would.
-  return RefinedCorner{saddle->p, saddle->sigma, {guess.p, curvature, Eigen::Matrix2d::Zero()}};
+  return RefinedCorner{
+      saddle->p, saddle->sigma, {lens.shape(), Eigen::Matrix<double, 2, kLensShapes>::Zero()}};
 }
 
 }  // namespace
@@ -508,21 +523,22 @@ std::optional<RefinedCorner> CrossingAt(const cv::Mat& gray,
 RefinedTags RefineTags(const cv::Mat& gray,
                        std::span<const SeenTag> tags,
                        const TagBorder& border) {
-  std::vector<std::optional<TagFit>> drawings(tags.size());
+  std::vector<std::optional<TagTemplate>> near(tags.size());
   std::vector<std::array<Edge, 4>> edges(tags.size());
-  std::vector<BentEdge> bent;
+  const Eigen::Vector2d image_size(gray.cols, gray.rows);
+  std::vector<LensReading> readings;
   std::vector<double> blurs;
   Workspace work;
   const auto small = [](const SeenTag& tag) { return Area(tag.corners) < kSmall * kSmall; };
   for (std::size_t i = 0; i < tags.size(); ++i) {
     if (small(tags[i])) {
-      const double blur = blurs.empty() ? kUsualBlur : blurs.back();
-      drawings[i] = FitDrawing(gray, border, {{tags[i], blur, 0}}, {0, 0});
-      if (drawings[i]) {
-        blurs.push_back(drawings[i]->blur);
-        bent.insert(bent.end(), drawings[i]->bent.begin(), drawings[i]->bent.end());
+      near[i].emplace(gray, tags[i], border, blurs.empty() ? kUsualBlur : blurs.back());
+      if (const auto of_tag = near[i]->Approach()) {
+        blurs.push_back(near[i]->blur());
+        readings.insert(readings.end(), of_tag->begin(), of_tag->end());
         continue;
       }
+      near[i].reset();
     }
     for (int side = 0; side < 4; ++side) {
       Edge& edge = edges[i][static_cast<std::size_t>(side)];
@@ -530,65 +546,51 @@ RefinedTags RefineTags(const cv::Mat& gray,
       FitEdge(gray, border.corner_squares, &edge, &work);
       if (edge.fitted) blurs.push_back(edge.blur);
     }
-    const std::vector<BentEdge> of_tag = BentEdges(edges[i]);
-    bent.insert(bent.end(), of_tag.begin(), of_tag.end());
+    ReadEdges(edges[i], LensShape::Zero(), image_size, &readings);
   }
-  const LensCurvature lens(bent, Eigen::Vector2d(gray.cols, gray.rows));
+  const LensCurvature lens(readings);
   const double blur = Median(std::move(blurs), kUsualBlur);
   RefinedTags result;
   std::vector<RefinedQuad>& refined = result.quads;
   refined.resize(tags.size());
-  const auto use = [&](const TagFit& drawing, std::size_t i) {
-    const Eigen::Vector2d curvature = lens.At(drawing.centre);
-    const double growth = lens.Growth(drawing.centre);
-    for (std::size_t k = 0; k < 4; ++k) {
-      if (refined[i][k] && refined[i][k]->sigma < drawing.sigma[k]) continue;
-      BentMarker owes{
-          drawing.centre, drawing.curvature, drawing.by_curvature[k], 0, drawing.by_growth[k]};
-      const Eigen::Vector2d point = drawing.corners[k] + lens.Change(owes);
-      owes.curvature = curvature;
-      owes.growth = growth;
-      refined[i][k] = RefinedCorner{point, drawing.sigma[k], owes};
-    }
-    result.edges.insert(result.edges.end(), drawing.bent.begin(), drawing.bent.end());
-  };
   for (std::size_t i = 0; i < tags.size(); ++i) {
-    if (drawings[i]) {
-      use(*drawings[i], i);
-      continue;
-    }
-    for (Edge& edge : edges[i]) {
-      if (edge.fitted) BendByLens(lens, &edge);
-    }
-    for (std::size_t k = 0; k < 4; ++k) {
-      refined[i][k] = Intersect(edges[i][(k + 3) % 4], edges[i][k], lens);
-      // No better than what was known before.
-      if (refined[i][k] && refined[i][k]->sigma > edges[i][k].inside) refined[i][k].reset();
+    std::optional<TagFit> drawing;
+    std::vector<LensReading> of_edges;
+    if (near[i]) {
+      drawing = near[i]->Fit(lens.shape());
+    } else {
+      ReadEdges(edges[i], lens.shape(), image_size, &of_edges);
+      for (Edge& edge : edges[i]) {
+        if (edge.fitted) BendByLens(lens, image_size, &edge);
+      }
+      for (std::size_t k = 0; k < 4; ++k) {
+        refined[i][k] = Intersect(edges[i][(k + 3) % 4], edges[i][k], lens);
+        // No better than what was known before.
+        if (refined[i][k] && refined[i][k]->sigma > edges[i][k].inside) refined[i][k].reset();
+      }
     }
     const bool narrow = std::any_of(edges[i].begin(), edges[i].end(), [&](const Edge& edge) {
       return std::min(edge.inside, edge.outside) < kNarrow * blur;
     });
     const bool missing = std::any_of(
         refined[i].begin(), refined[i].end(), [](const auto& corner) { return !corner; });
-    if (narrow || missing || small(tags[i])) {
+    if (!drawing && (narrow || missing || small(tags[i]))) {
       SeenTag start = tags[i];
       for (std::size_t k = 0; k < 4; ++k) {
         if (refined[i][k]) start.corners[k] = refined[i][k]->point;
       }
-      const Quad& q = start.corners;
       // Edges may mislead; the first guess may be off by more than the drawing can follow.
-      drawings[i] =
-          FitDrawing(gray,
-                     border,
-                     {{start, blur, 0}, {tags[i], kUsualBlur, 0}, {tags[i], kUsualBlur, 2}},
-                     lens.At((q[0] + q[1] + q[2] + q[3]) / 4));
+      drawing = FitDrawing(gray,
+                           border,
+                           {{start, blur, 0}, {tags[i], kUsualBlur, 0}, {tags[i], kUsualBlur, 2}},
+                           lens.shape());
     }
-    if (drawings[i]) {
-      use(*drawings[i], i);
-    } else {
-      const std::vector<BentEdge> of_tag = BentEdges(edges[i]);
-      result.edges.insert(result.edges.end(), of_tag.begin(), of_tag.end());
+    for (std::size_t k = 0; k < 4; ++k) {
+      if (!drawing || (refined[i][k] && refined[i][k]->sigma < drawing->sigma[k])) continue;
+      refined[i][k] = RefinedCorner{drawing->corners[k], drawing->sigma[k], drawing->bent[k]};
     }
+    const std::vector<LensReading>& of_tag = drawing ? drawing->readings : of_edges;
+    result.readings.insert(result.readings.end(), of_tag.begin(), of_tag.end());
   }
   if (border.corner_squares) {
     for (std::size_t i = 0; i < tags.size(); ++i) {
@@ -632,9 +634,9 @@ std::optional<Quad> FindTag(const cv::Mat& gray,
   SeenTag there = expected;
   for (auto& c : there.corners) c = (c - origin) / reduced - half;
 
-  TagTemplate drawing(part, there, border, kUsualBlur, Eigen::Vector2d::Zero());
+  TagTemplate drawing(part, there, border, kUsualBlur);
   drawing.Search(static_cast<int>(std::ceil(reach / reduced)));
-  if (!drawing.Fit()) return std::nullopt;
+  if (!drawing.Approach() || !drawing.Fit(LensShape::Zero())) return std::nullopt;
   // Fisher's transform: five standard deviations from no correlation, one chance in three million.
   const int data = border.width - 2 * border.ring;
   const double least = std::tanh(5 / std::sqrt(data * data - 3.0));

@@ -36,14 +36,14 @@ struct TagBorder {
 struct RefinedCorner {
   Eigen::Vector2d point;  ///< px
   double sigma = 0;       ///< px, of each coordinate
-  BentMarker bent;        ///< what the point owes to the curvature assumed
+  BentMarker bent;        ///< what the point owes to the lens assumed
 };
 
 using RefinedQuad = std::array<std::optional<RefinedCorner>, 4>;
 
 struct RefinedTags {
   std::vector<RefinedQuad> quads;
-  std::vector<BentEdge> edges;  ///< what the image says about the lens
+  std::vector<LensReading> readings;  ///< what the image says about the lens
 };
 
 /// Corners of tags, from their whole drawing where they are small and else from curves fitted to

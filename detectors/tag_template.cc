@@ -68,23 +68,23 @@ Eigen::Matrix3d CellsByUnitSquare(const TagBorder& border) {
 TagTemplate::TagTemplate(const cv::Mat& gray,
                          const SeenTag& tag,
                          const TagBorder& border,
-                         double blur,
-                         const Eigen::Vector2d& curvature)
+                         double blur)
     : gray_(gray),
       border_(border),
       bits_(border.width + 2 * kAround),
-      drawing_(DrawTag(tag.bits, border)),
-      curvature_(curvature) {
+      drawing_(DrawTag(tag.bits, border)) {
   state_.blur = blur;
   SetBeyond(0);
   SetCorners(tag.corners);
   ChoosePixels();
+  start_ = corners_;
 }
 
 void TagTemplate::SetCorners(const Quad& corners) {
   corners_ = corners;
   side_ = std::sqrt(Area(corners));
   centre_ = (corners[0] + corners[1] + corners[2] + corners[3]) / 4;
+  bend_.emplace(shape_, centre_, Eigen::Vector2d(gray_.cols, gray_.rows));
   Quad straight;
   std::transform(corners.begin(), corners.end(), straight.begin(), [&](const auto& corner) {
     return Straight(corner);
@@ -95,14 +95,14 @@ void TagTemplate::SetCorners(const Quad& corners) {
 
 Eigen::Vector2d TagTemplate::Straight(const Eigen::Vector2d& x) const {
   const Eigen::Vector2d d = x - centre_;
-  return (d - curvature_ * d.squaredNorm()) / side_;
+  return (d - bend_->At(d)) / side_;
 }
 
 Eigen::Vector2d TagTemplate::Bent(const Eigen::Vector2d& y) const {
-  // d = y + c |d|^2; c is small, so a few steps do.
+  // The lens bends little, so a few steps do.
   const Eigen::Vector2d straight = side_ * y;
   Eigen::Vector2d d = straight;
-  for (int i = 0; i < 4; ++i) d = straight + curvature_ * d.squaredNorm();
+  for (int i = 0; i < 4; ++i) d = straight + bend_->At(d);
   return d + centre_;
 }
 
@@ -137,16 +137,17 @@ PLENOCAL_FOR_EACH_PROCESSOR void TagTemplate::ChoosePixels() {
   // Scaled so that the tag's middle is 0 and what is chosen is within 1.
   Eigen::Matrix3f G = state_.G.cast<float>();
   for (int i = 0; i < 2; ++i) G.row(i) = (G.row(i) - 0.5f * bits_ * G.row(2)) / outer;
-  const Eigen::Vector2f c = curvature_.cast<float>(), centre = centre_.cast<float>();
+  const Eigen::Vector2f centre = centre_.cast<float>();
   const float by_px = 1 / static_cast<float>(side_);
   const Lanes lanes{0, 1, 2, 3, 4, 5, 6, 7};
   for (int row = y_first; row <= y_last; ++row) {
     const auto* gray = gray_.ptr<unsigned char>(row);
-    const float d_y = static_cast<float>(row) - centre.y();
+    const Lanes d_y = Lanes{} + (static_cast<float>(row) - centre.y());
     for (int first = x_first; first <= x_last; first += kLanes) {
       const Lanes d_x = static_cast<float>(first) + lanes - centre.x();
-      const Lanes square = d_x * d_x + d_y * d_y;
-      const Lanes x = (d_x - c.x() * square) * by_px, y = (d_y - c.y() * square) * by_px;
+      LensBend::Bent<Eight> bent;
+      bend_->At<Eight>(d_x, d_y, &bent);
+      const Lanes x = (d_x - bent.x) * by_px, y = (d_y - bent.y) * by_px;
       const Lanes scale = G(2, 0) * x + G(2, 1) * y + G(2, 2);
       Lanes u = G(0, 0) * x + G(0, 1) * y + G(0, 2), v = G(1, 0) * x + G(1, 1) * y + G(1, 2);
       u = u < 0 ? -u : u;
@@ -156,13 +157,8 @@ PLENOCAL_FOR_EACH_PROCESSOR void TagTemplate::ChoosePixels() {
       const IntLanes data = from_middle < inner / outer * scale;
       for (int l = 0; l < kLanes && first + l <= x_last; ++l) {
         if (chosen[l] == 0) continue;
-        pixels_.push_back({first + l,
-                           row,
-                           x[l],
-                           y[l],
-                           square[l],
-                           static_cast<float>(gray[first + l]),
-                           data[l] != 0});
+        pixels_.push_back(
+            {first + l, row, x[l], y[l], static_cast<float>(gray[first + l]), data[l] != 0});
       }
     }
   }
@@ -177,9 +173,10 @@ TagTemplate::Strip TagTemplate::Draw(const State& state, std::size_t from, std::
   Strip strip;
   for (std::size_t l = 0; l < kLanes && from + l * stride < pixels_.size(); ++l) {
     const Pixel& p = pixels_[from + l * stride];
+    strip.d_x[l] = static_cast<float>(p.column - centre_.x());
+    strip.d_y[l] = static_cast<float>(p.row - centre_.y());
     strip.x[l] = p.x;
     strip.y[l] = p.y;
-    strip.square[l] = p.square;
     strip.gray[l] = p.gray;
     strip.known[l] = 1;
     ++strip.count;
@@ -227,6 +224,7 @@ void TagTemplate::Search(int reach) {
   for (auto& c : moved) c += best_shift;
   SetCorners(moved);
   ChoosePixels();
+  start_ = corners_;
 }
 
 double TagTemplate::DataCorrelation() {
@@ -238,7 +236,10 @@ double TagTemplate::DataCorrelation() {
 }
 
 PLENOCAL_FOR_EACH_PROCESSOR
-void TagTemplate::Differentiate(const State& state, const Strip& strip, Lanes* rows) const {
+void TagTemplate::Differentiate(const State& state,
+                                const Strip& strip,
+                                bool by_shape,
+                                Lanes* rows) const {
   const Eigen::Matrix3f G = state.G.cast<float>();
   const float m = static_cast<float>(state.level), k = static_cast<float>(state.contrast);
   const float g_x = static_cast<float>(state.gradient.x());
@@ -250,8 +251,6 @@ void TagTemplate::Differentiate(const State& state, const Strip& strip, Lanes* r
   const Lanes by_u = strength * drawn.by_u / drawn.scale;
   const Lanes by_v = strength * drawn.by_v / drawn.scale;
   const Lanes by_scale = -(by_u * drawn.u + by_v * drawn.v);
-  // y moves by -|d|^2 / side with c.
-  const Lanes square = -by_px * strip.square;
   int row = 0;
   const auto put = [&](const Lanes& lanes) { rows[kBlock * row++] = lanes; };
   put(by_u * strip.x);
@@ -268,23 +267,27 @@ void TagTemplate::Differentiate(const State& state, const Strip& strip, Lanes* r
   put(level * strip.y);
   put(by_px * strength * drawn.by_blur);
   put(strength * drawn.by_beyond);
+  put(strip.gray - light * level);
+  if (!by_shape) return;
   const Lanes by_x = by_u * (G(0, 0) - drawn.u * G(2, 0)) + by_v * (G(1, 0) - drawn.v * G(2, 0));
   const Lanes by_y = by_u * (G(0, 1) - drawn.u * G(2, 1)) + by_v * (G(1, 1) - drawn.v * G(2, 1));
-  put(square * by_x);
-  put(square * by_y);
-  put(static_cast<float>(side_) * square * (strip.x * by_x + strip.y * by_y));
-  put(strip.gray - light * level);
+  LensBend::Bent<Eight> bent;
+  bend_->At<Eight>(strip.d_x, strip.d_y, &bent);
+  for (int i = 0; i < kLensShapes; ++i) {
+    put(-by_px * (bent.by_shape_x[i] * by_x + bent.by_shape_y[i] * by_y));
+  }
 }
 
-TagTemplate::Sums TagTemplate::Linearise(const State& state, std::size_t stride) {
+TagTemplate::Sums TagTemplate::Linearise(const State& state, std::size_t stride, bool by_shape) {
   // Single precision within a block of pixels only.
-  Lanes block[kPadded * kBlock] = {};
-  Sums sums = Sums::Zero();
+  Lanes block[kWithShape * kBlock] = {};
+  const int columns = by_shape ? kWithShape : kWithoutShape;
+  Sums sums = Sums::Zero(columns, columns);
   int filled = 0;
   for (std::size_t i = 0; i < pixels_.size(); i += kLanes * stride) {
-    Differentiate(state, Draw(state, i, stride), block + filled++);
+    Differentiate(state, Draw(state, i, stride), by_shape, block + filled++);
     if (filled == kBlock || i + kLanes * stride >= pixels_.size()) {
-      AddSquares(block, kPadded, kBlock, filled, sums.data());
+      AddSquares(block, columns, kBlock, filled, sums.data());
       filled = 0;
     }
   }
@@ -298,7 +301,7 @@ TagTemplate::Sums TagTemplate::Linearise(const State& state, std::size_t stride)
 
 Eigen::Matrix<double, 2, 8> TagTemplate::CornerByG(const Eigen::Vector2d& corner) const {
   // The corner stays where it is on the drawing: du = U_y dy + U_G dG = 0.
-  // The curvature's part of dy is small enough to be left out.
+  // What the bend adds to dy is small enough to be left out.
   const Eigen::Vector2d y = Straight(corner);
   const Eigen::Vector3d bits = state_.G * y.homogeneous();
   const Eigen::Vector2d u = bits.hnormalized();
@@ -343,10 +346,17 @@ void TagTemplate::Return(const State& to) {
   SetBeyond(to.beyond);
 }
 
-std::optional<TagTemplate::Sums> TagTemplate::Descend(std::size_t stride) {
+TagTemplate::Minimum TagTemplate::MinimumBySums(Sums sums, std::size_t stride) const {
+  const Matrix information = sums.topLeftCorner<kParameters, kParameters>();
+  const auto pixels = static_cast<double>((pixels_.size() + stride - 1) / stride);
+  const double variance = sums(kResidual, kResidual) / (pixels - kParameters);
+  return {std::move(sums), information.ldlt().solve(Matrix::Identity()), variance};
+}
+
+std::optional<TagTemplate::Minimum> TagTemplate::Descend(std::size_t stride) {
   constexpr int kSteps = 40;
   const auto count = static_cast<double>(pixels_.size() / stride);
-  Sums now = Linearise(state_, stride);
+  Sums now = Linearise(state_, stride, false);
   double damping = 1e-3;
   for (int step = 0; step < kSteps; ++step) {
     // The square of a step in standard deviations. A tenth of one is near enough; half of one,
@@ -356,7 +366,7 @@ std::optional<TagTemplate::Sums> TagTemplate::Descend(std::size_t stride) {
     const double square_sum = now(kResidual, kResidual);
     const double promised = Step(now, damping).value_or(0);
     const bool far = promised * count >= enough * square_sum;
-    const Sums next = far ? Linearise(state_, stride) : now;
+    const Sums next = far ? Linearise(state_, stride, false) : now;
     const double gain = square_sum / next(kResidual, kResidual) - 1;
     if (gain > 0) {
       damping = std::max(damping / 10, 1e-7);
@@ -366,7 +376,9 @@ std::optional<TagTemplate::Sums> TagTemplate::Descend(std::size_t stride) {
       damping *= 10;
       Return(before);
     }
-    if (!far || (gain > 0 && gain * count < enough)) return now;
+    if (!far || (gain > 0 && gain * count < enough)) {
+      return MinimumBySums(Linearise(state_, stride, true), stride);
+    }
   }
   return std::nullopt;
 }
@@ -376,25 +388,27 @@ std::size_t TagTemplate::Stride() const {
   return std::clamp<std::size_t>(pixels_.size() / kLeast, 1, kMost);
 }
 
-std::optional<TagTemplate::Sums> TagTemplate::Descend() {
+std::optional<TagTemplate::Minimum> TagTemplate::DescendSomehow() {
   const std::size_t stride = Stride();
-  const std::optional<Sums> coarse = Descend(stride);
-  if (stride == 1) return coarse;
-  if (!coarse) return Descend(1);
+  std::optional<Minimum> coarse = Descend(stride);
+  return coarse || stride == 1 ? coarse : Descend(1);
+}
+
+std::optional<TagTemplate::Minimum> TagTemplate::Finish() {
   // The minimum over all pixels is some standard deviations away: so near that one step leads
   // there.
-  Sums sums = Linearise(state_, 1);
+  Sums sums = Linearise(state_, 1, true);
   const State before = state_;
   const std::optional<double> gain = Step(sums, 0);
   const double variance = sums(kResidual, kResidual) / static_cast<double>(pixels_.size());
   constexpr double kUnlikely = 4;
-  if (!gain || !(*gain < kUnlikely * kParameters * static_cast<double>(stride) * variance)) {
+  if (!gain || !(*gain < kUnlikely * kParameters * static_cast<double>(Stride()) * variance)) {
     Return(before);
     return Descend(1);
   }
   UpdateCorners();
   sums(kResidual, kResidual) -= *gain;
-  return sums;
+  return MinimumBySums(std::move(sums), 1);
 }
 
 void TagTemplate::StartLevels() {
@@ -405,78 +419,90 @@ void TagTemplate::StartLevels() {
   state_.level = (all.y - state_.contrast * all.x) / all.n;
 }
 
-std::array<BentEdge, 2> TagTemplate::MeasureCurvature(
-    const Sums& sums,
-    const Eigen::Matrix<double, kParameters, kParameters>& inverse,
-    double variance) const {
+std::vector<LensReading> TagTemplate::ReadShape(const Minimum& minimum) const {
+  const auto& [sums, covariance, variance] = minimum;
   // The other parameters are eliminated.
-  const Eigen::Matrix<double, kParameters, 2> mixed = sums.block<kParameters, 2>(0, kCurvature);
-  const Eigen::Matrix2d information =
-      sums.block<2, 2>(kCurvature, kCurvature) - mixed.transpose() * inverse * mixed;
-  const Eigen::Vector2d gradient =
-      sums.block<2, 1>(kCurvature, kResidual) -
-      mixed.transpose() * inverse * sums.block<kParameters, 1>(0, kResidual);
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> axes(information);
-  std::array<BentEdge, 2> bent;
-  for (int i = 0; i < 2; ++i) {
-    const Eigen::Vector2d axis = axes.eigenvectors().col(i);
-    bent[static_cast<std::size_t>(i)] = {
-        centre_,
-        axis,
-        axis.dot(curvature_) + axis.dot(gradient) / axes.eigenvalues()[i],
-        variance / axes.eigenvalues()[i]};
+  using Information = Eigen::Matrix<double, kLensShapes, kLensShapes>;
+  const Eigen::Matrix<double, kParameters, kLensShapes> mixed =
+      sums.block<kParameters, kLensShapes>(0, kShape);
+  const Information information =
+      sums.block<kLensShapes, kLensShapes>(kShape, kShape) - mixed.transpose() * covariance * mixed;
+  const LensShape gradient =
+      sums.block<kLensShapes, 1>(kShape, kResidual) -
+      mixed.transpose() * covariance * sums.block<kParameters, 1>(0, kResidual);
+  const Eigen::SelfAdjointEigenSolver<Information> axes(information);
+  // What is below is lost in the rounding of single precision.
+  const double least = 1e-4 * axes.eigenvalues()[kLensShapes - 1];
+  std::vector<LensReading> readings;
+  for (int i = 0; i < kLensShapes; ++i) {
+    const double about = axes.eigenvalues()[i];
+    if (!(about > least)) continue;
+    const LensShape along = axes.eigenvectors().col(i);
+    readings.push_back({along, along.dot(shape_) + along.dot(gradient) / about, variance / about});
+  }
+  return readings;
+}
+
+std::array<BentMarker, 4> TagTemplate::Owed(const Minimum& minimum) const {
+  const auto& [sums, covariance, variance] = minimum;
+  const Eigen::Matrix<double, 8, kLensShapes> G_by_shape =
+      -covariance.topRows<8>() * sums.block<kParameters, kLensShapes>(0, kShape);
+  std::array<BentMarker, 4> bent;
+  for (std::size_t k = 0; k < 4; ++k) {
+    bent[k] = {shape_, CornerByG(corners_[k]) * G_by_shape + bend_->ByShape(corners_[k] - centre_)};
   }
   return bent;
 }
 
-std::optional<TagFit> TagTemplate::Fit() {
+double TagTemplate::Moved() const {
+  double farthest = 0;
+  for (std::size_t k = 0; k < 4; ++k) {
+    farthest = std::max(farthest, (corners_[k] - start_[k]).norm());
+  }
+  return farthest;
+}
+
+bool TagTemplate::IsTag() const {
+  return Moved() < side_ / 2 && state_.contrast * border_.outside_sign > 0;
+}
+
+std::optional<std::vector<LensReading>> TagTemplate::Approach() {
   if (pixels_.size() <= kParameters) return std::nullopt;
-  const Quad start = corners_;
-  const auto moved = [&] {
-    double farthest = 0;
-    for (std::size_t k = 0; k < 4; ++k) {
-      farthest = std::max(farthest, (corners_[k] - start[k]).norm());
-    }
-    return farthest;
-  };
   StartLevels();
-  std::optional<Sums> descended = Descend();
+  std::optional<Minimum> minimum = DescendSomehow();
   // The pixels were chosen to half a bit around the start.
-  if (moved() > side_ / border_.width / 4) {
+  if (Moved() > side_ / border_.width / 4) {
     ChoosePixels();
     if (pixels_.size() <= kParameters) return std::nullopt;
-    descended = Descend();
+    minimum = DescendSomehow();
   }
-  if (!descended) return std::nullopt;
-  const Sums& sums = *descended;
-  using Matrix = Eigen::Matrix<double, kParameters, kParameters>;
-  const double variance =
-      sums(kResidual, kResidual) / static_cast<double>(pixels_.size() - kParameters);
-  const Matrix information = sums.topLeftCorner<kParameters, kParameters>();
-  const Matrix inverse = information.ldlt().solve(Matrix::Identity());
-  const Eigen::Matrix<double, 8, 2> G_by_curvature =
-      -inverse.topRows<8>() * sums.block<kParameters, 2>(0, kCurvature);
-  const Eigen::Matrix<double, 8, 1> G_by_growth =
-      -inverse.topRows<8>() * sums.block<kParameters, 1>(0, kGrowth);
+  if (!minimum || !IsTag()) return std::nullopt;
+  bent_ = Owed(*minimum);
+  return ReadShape(*minimum);
+}
+
+std::optional<TagFit> TagTemplate::Fit(const LensShape& shape) {
+  Quad moved = corners_;
+  for (std::size_t k = 0; k < 4; ++k) moved[k] += bent_[k].by_shape * (shape - shape_);
+  shape_ = shape;
+  SetCorners(moved);
+  ChoosePixels();
+  if (pixels_.size() <= kParameters) return std::nullopt;
+  const std::optional<Minimum> minimum = Finish();
+  if (!minimum || !IsTag()) return std::nullopt;
   TagFit fit;
   fit.corners = corners_;
   fit.blur = state_.blur;
-  fit.centre = centre_;
-  fit.curvature = curvature_;
-  fit.bent = MeasureCurvature(sums, inverse, variance);
+  fit.bent = Owed(*minimum);
+  fit.readings = ReadShape(*minimum);
   for (std::size_t k = 0; k < 4; ++k) {
     const Eigen::Matrix<double, 2, 8> by_G = CornerByG(corners_[k]);
-    fit.by_curvature[k] =
-        by_G * G_by_curvature + (corners_[k] - centre_).squaredNorm() * Eigen::Matrix2d::Identity();
-    const Eigen::Vector2d d = corners_[k] - centre_;
-    fit.by_growth[k] = by_G * G_by_growth + d.squaredNorm() * d;
     const Eigen::Matrix2d of_corner =
-        variance * by_G * inverse.topLeftCorner<8, 8>() * by_G.transpose();
+        minimum->variance * by_G * minimum->covariance.topLeftCorner<8, 8>() * by_G.transpose();
     fit.sigma[k] = std::sqrt(of_corner.trace() / 2);
     // Also false for NaN.
     if (!(fit.sigma[k] < side_ / 4)) return std::nullopt;
   }
-  if (!(moved() < side_ / 2) || !(state_.contrast * border_.outside_sign > 0)) return std::nullopt;
   return fit;
 }
 

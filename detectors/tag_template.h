@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "detectors/cell_drawing.h"
+#include "detectors/lens_bend.h"
 #include "detectors/tag_edges.h"
 
 namespace plenocal::internal {
@@ -32,44 +33,40 @@ struct TagFit {
   Quad corners;
   std::array<double, 4> sigma{};  ///< of a coordinate of each corner, px
   double blur = 0;                ///< px
-  Eigen::Vector2d centre;         ///< that the curvature belongs to
-  Eigen::Vector2d curvature;      ///< assumed, 1/px
-  /// How each corner moves with the lens' curvature, px^2.
-  std::array<Eigen::Matrix2d, 4> by_curvature;
-  /// And with its growth, taken as zero, px^3.
-  std::array<Eigen::Vector2d, 4> by_growth;
-  /// What the tag itself says about the curvature: along the axes where it says most and least.
-  std::array<BentEdge, 2> bent;
+  std::array<BentMarker, 4> bent;
+  std::vector<LensReading> readings;  ///< what the tag itself says about the lens
 };
 
 /// A tag's drawing fitted to the image:
 ///
-///   I(x) = (1 + g . y) (m + k T(G y, w)),   y = d - c |d|^2,   d = (x - centre) / side,
+///   I(x) = (1 + g . y) (m + k T(G y, w)),   y = (d - B(d)) / side,   d = x - centre,
 ///
-/// c is the lens' curvature (see lens_curvature.h), G the homography from image to tag, T is 1 in
-/// the colour around the tag, -1 in the other, and some e beyond the bit around the tag, blurred by
-/// a Gaussian of standard deviation w (px; the pixel's own area is part of it). The homography is
-/// taken as affine within the blur; there the drawing is a sum over its bits of products of steps
-/// along the tag's two axes, where the axes are at right angles. Where they are not, the blurs
-/// along them are correlated by some r. For a small r the tetrachoric series, cut after r^2,
-/// continues the sum; for a larger one both blurs are split into a common part, which is integrated
-/// numerically, and independent rests.
+/// B is the lens' bend about the tag's centre (see lens_bend.h), G the
+/// homography from image to tag, T is 1 in the colour around the tag, -1 in the other, and some e
+/// beyond the bit around the tag, blurred by a Gaussian of standard deviation w (px; the pixel's
+/// own area is part of it). The homography is taken as affine within the blur; there the drawing is
+/// a sum over its bits of products of steps along the tag's two axes, where the axes are at right
+/// angles. Where they are not, the blurs along them are correlated by some r. For a small r the
+/// tetrachoric series, cut after r^2, continues the sum; for a larger one both blurs are split into
+/// a common part, which is integrated numerically, and independent rests.
 class TagTemplate {
  public:
-  /// Starts at `tag.corners` with a blur of `blur` px; `curvature` is the lens' there (1/px).
-  TagTemplate(const cv::Mat& gray,
-              const SeenTag& tag,
-              const TagBorder& border,
-              double blur,
-              const Eigen::Vector2d& curvature);
+  /// Starts at `tag.corners` with a blur of `blur` px, as a lens without distortion would see it.
+  TagTemplate(const cv::Mat& gray, const SeenTag& tag, const TagBorder& border, double blur);
 
   /// Moves the tag by whole pixels to where the image resembles it most, at most `reach` away.
   void Search(int reach);
 
-  /// Levenberg-Marquardt. Nothing when it does not converge, or to something else than the tag.
-  std::optional<TagFit> Fit();
+  /// Levenberg-Marquardt over as many pixels as it takes to come near the minimum. Returns what
+  /// they say about the lens; nothing when it does not converge.
+  std::optional<std::vector<LensReading>> Approach();
+
+  /// From there to the minimum over all pixels, with a lens of this shape. Nothing when it does not
+  /// converge, or to something else than the tag.
+  std::optional<TagFit> Fit(const LensShape& shape);
 
   [[nodiscard]] const Quad& corners() const { return corners_; }
+  [[nodiscard]] double blur() const { return state_.blur; }  ///< px
 
   /// Correlation of image and drawing over the tag's data, without its border.
   [[nodiscard]] double DataCorrelation();
@@ -78,18 +75,18 @@ class TagTemplate {
   static constexpr int kAround = kBitsAroundTag;
   static constexpr int kParameters = 14;  // G without its last, m, k, g, w, e
   static constexpr int kBeyond = 13;
-  static constexpr int kCurvature = kParameters;  // two columns
-  static constexpr int kGrowth = kParameters + 2;
-  static constexpr int kResidual = kParameters + 3;
-  static constexpr int kPadded = 18;  // for AddSquares
-  static constexpr int kBlock = 32;   // strips
+  static constexpr int kResidual = kParameters;
+  static constexpr int kShape = kParameters + 1;             // the lens'
+  static constexpr int kWithShape = 24, kWithoutShape = 15;  // columns, padded for AddSquares
+  static constexpr int kBlock = 32;                          // strips
   using Vector = Eigen::Matrix<double, kParameters, 1>;
-  using Sums = Eigen::Matrix<double, kPadded, kPadded>;
+  using Matrix = Eigen::Matrix<double, kParameters, kParameters>;
+  using Sums = Eigen::
+      Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, kWithShape, kWithShape>;
 
   struct Pixel {
     int column, row;
-    float x, y;    ///< y of the model
-    float square;  ///< |x - centre|^2, px^2
+    float x, y;  ///< y of the model
     float gray;
     bool data;
   };
@@ -101,7 +98,7 @@ class TagTemplate {
   /// Pixels that are computed together; of those beyond the last all is zero.
   struct Strip {
     int count = 0;
-    Lanes x{}, y{}, square{}, gray{}, known{};
+    Lanes d_x{}, d_y{}, x{}, y{}, gray{}, known{};
     CellDrawing::Drawn drawn;
   };
 
@@ -115,28 +112,40 @@ class TagTemplate {
   /// Calls use(pixel, value of the drawing) for every `stride`-th pixel.
   template <typename Use>
   void ForEachDrawn(std::size_t stride, const Use& use);
-  /// The model's derivatives by its parameters, by c and its growth, then the residual,
-  /// `kBlock` apart.
-  void Differentiate(const State& state, const Strip& strip, Lanes* rows) const;
+  /// The model's derivatives by its parameters, the residual and, where asked for, the derivatives
+  /// by the lens' shape, `kBlock` apart.
+  void Differentiate(const State& state, const Strip& strip, bool by_shape, Lanes* rows) const;
   /// Of j j^T over every `stride`-th pixel, j being what `Differentiate` gives.
-  Sums Linearise(const State& state, std::size_t stride);
+  Sums Linearise(const State& state, std::size_t stride, bool by_shape);
   /// Moves the state by a step of Levenberg-Marquardt and returns the descent of the sum of squares
   /// that it promises; nothing where there is no step.
   std::optional<double> Step(const Sums& sums, double damping);
   void Return(const State& to);
-  /// To the minimum over every `stride`-th of the pixels chosen; returns the sums there, nothing
-  /// when it does not get there.
-  std::optional<Sums> Descend(std::size_t stride);
+  /// Where a descent ended.
+  struct Minimum {
+    Sums sums;            ///< with the lens' shape
+    Matrix covariance;    ///< of the other parameters
+    double variance = 0;  ///< of a pixel's noise
+  };
+  [[nodiscard]] Minimum MinimumBySums(Sums sums, std::size_t stride) const;
+  /// To the minimum over every `stride`-th of the pixels chosen; nothing when it does not get
+  /// there.
+  std::optional<Minimum> Descend(std::size_t stride);
   /// Which share of the pixels, 1 / stride, is enough to come near the minimum.
   [[nodiscard]] std::size_t Stride() const;
-  /// To the minimum over all pixels; returns the sums there, or one short step before.
-  std::optional<Sums> Descend();
+  /// To the minimum over some of the pixels, or else over all.
+  std::optional<Minimum> DescendSomehow();
+  /// To the minimum over all pixels from one that is near. What is returned may be one short step
+  /// old.
+  std::optional<Minimum> Finish();
   void StartLevels();
-  /// The curvature along the axes where the tag says most and least about it.
-  [[nodiscard]] std::array<BentEdge, 2> MeasureCurvature(
-      const Sums& sums,
-      const Eigen::Matrix<double, kParameters, kParameters>& inverse,
-      double variance) const;
+  /// How far the corners are from where the fit started, px.
+  [[nodiscard]] double Moved() const;
+  /// Whether the fit is still where it started, and black is black.
+  [[nodiscard]] bool IsTag() const;
+  /// What the tag says about the lens' shape, along independent axes.
+  [[nodiscard]] std::vector<LensReading> ReadShape(const Minimum& minimum) const;
+  [[nodiscard]] std::array<BentMarker, 4> Owed(const Minimum& minimum) const;
   /// Derivatives of a corner by G.
   [[nodiscard]] Eigen::Matrix<double, 2, 8> CornerByG(const Eigen::Vector2d& corner) const;
   void SetCorners(const Quad& corners);
@@ -147,10 +156,12 @@ class TagTemplate {
   int bits_ = 0;         ///< of the drawing: the tag and those around it
   CellDrawing drawing_;  ///< of -1, 1 and, the outermost, e
   State state_;
-  Quad corners_;
+  Quad start_, corners_;
   Eigen::Vector2d centre_;
+  std::optional<LensBend> bend_;  ///< about the centre
   double side_ = 0;
-  Eigen::Vector2d curvature_;  ///< 1/px
+  LensShape shape_ = LensShape::Zero();
+  std::array<BentMarker, 4> bent_;
   std::vector<Pixel> pixels_;
 };
 
