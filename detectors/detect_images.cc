@@ -49,6 +49,7 @@ std::string Pack(const ImageResult& result) {
   writer.PutAll(result.found.bent, [&](const BentMarker& bent) {
     put(bent.shape);
     put(bent.by_shape);
+    writer.Put(bent.sigma);
   });
   return writer.Text();
 }
@@ -74,6 +75,7 @@ std::optional<ImageResult> Unpack(const std::string& text) {
     BentMarker& bent = result.found.bent.emplace_back();
     get(&bent.shape);
     get(&bent.by_shape);
+    bent.sigma = reader.Get<double>();
   });
   return reader.IsComplete() ? std::optional(result) : std::nullopt;
 }
@@ -152,9 +154,10 @@ void MeasureByCommonLens(const ImageSize& size, std::vector<ImageResult>* result
   for (ImageResult& result : *results) {
     for (size_t i = 0; i < result.found.bent.size(); ++i) {
       const Eigen::Vector2d moved = lens.Change(result.found.bent[i]);
-      auto& values = result.found.markers[i].values;
-      values[0] += moved.x();
-      values[1] += moved.y();
+      Observation& marker = result.found.markers[i];
+      marker.values[0] += moved.x();
+      marker.values[1] += moved.y();
+      marker.sigma = lens.Sigma(result.found.bent[i]);
     }
   }
 }

@@ -112,7 +112,7 @@ class LensBend {
   LensShape shape_;
   double radius_;
   Eigen::Vector2d p_;
-  Eigen::Matrix2d inverse_;                            ///< of J
+  Eigen::Matrix2d inverse_;                          ///< of J
   std::array<Eigen::Matrix2d, kLensShapes> linear_;  ///< J^-1 times what each shape adds to J
 };
 
@@ -121,7 +121,8 @@ class LensBend {
 struct EdgeBend {
   /// `half_edge`: px, along the edge; `normal`: of length 1.
   EdgeBend(const LensBend& lens, const Eigen::Vector2d& half_edge, const Eigen::Vector2d& normal)
-      : bend((lens.At(half_edge) + lens.At(-half_edge)).dot(normal) / (2 * half_edge.squaredNorm())),
+      : bend((lens.At(half_edge) + lens.At(-half_edge)).dot(normal) /
+             (2 * half_edge.squaredNorm())),
         by_shape((lens.ByShape(half_edge) + lens.ByShape(-half_edge)).transpose() * normal /
                  (2 * half_edge.squaredNorm())) {}
 

@@ -69,6 +69,11 @@ Eigen::Vector2d LensCurvature::Change(const BentMarker& bent) const {
   return bent.by_shape * (shape_ - bent.shape);
 }
 
+double LensCurvature::Sigma(const BentMarker& bent) const {
+  const Eigen::Matrix2d of_shape = bent.by_shape * covariance_ * bent.by_shape.transpose();
+  return std::sqrt(bent.sigma * bent.sigma + of_shape.trace() / 2);
+}
+
 double LensCurvature::Variance(const LensShape& row) const { return row.dot(covariance_ * row); }
 
 }  // namespace plenocal

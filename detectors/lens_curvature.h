@@ -30,6 +30,7 @@ struct LensReading {
 struct BentMarker {
   LensShape shape;                                 ///< assumed
   Eigen::Matrix<double, 2, kLensShapes> by_shape;  ///< px
+  double sigma = 0;                                ///< px, of each coordinate, were the shape exact
 };
 
 /// The bending that a lens does to straight lines, learned from its images. Few readings, or
@@ -42,6 +43,9 @@ class LensCurvature {
 
   /// How far a marker moves with the shape that is known now, px.
   [[nodiscard]] Eigen::Vector2d Change(const BentMarker& bent) const;
+
+  /// Sigma of each of its coordinates then, px.
+  [[nodiscard]] double Sigma(const BentMarker& bent) const;
 
   /// Variance of `row` . shape.
   [[nodiscard]] double Variance(const LensShape& row) const;

@@ -463,8 +463,8 @@ std::optional<RefinedCorner> Intersect(const Edge& before,
   Eigen::Matrix<double, 2, kLensShapes> offsets_by_shape;
   offsets_by_shape << before.OffsetByShape(s_before).transpose(),
       after.OffsetByShape(s_after).transpose();
-  return RefinedCorner{
-      point, std::sqrt(covariance.trace() / 2), {lens.shape(), inverse * offsets_by_shape}};
+  const double sigma = std::sqrt(covariance.trace() / 2);
+  return RefinedCorner{point, sigma, {lens.shape(), inverse * offsets_by_shape, sigma}};
 }
 
 /// Where and how a fit of a tag's drawing starts.
@@ -515,7 +515,9 @@ std::optional<RefinedCorner> CrossingAt(const cv::Mat& gray,
   if (!saddle || saddle->contrast > 0) return std::nullopt;
   // Lines that bend alike on both sides cross where straight ones would.
   return RefinedCorner{
-      saddle->p, saddle->sigma, {lens.shape(), Eigen::Matrix<double, 2, kLensShapes>::Zero()}};
+      saddle->p,
+      saddle->sigma,
+      {lens.shape(), Eigen::Matrix<double, 2, kLensShapes>::Zero(), saddle->sigma}};
 }
 
 }  // namespace
@@ -586,11 +588,21 @@ RefinedTags RefineTags(const cv::Mat& gray,
                            lens.shape());
     }
     for (std::size_t k = 0; k < 4; ++k) {
-      if (!drawing || (refined[i][k] && refined[i][k]->sigma < drawing->sigma[k])) continue;
-      refined[i][k] = RefinedCorner{drawing->corners[k], drawing->sigma[k], drawing->bent[k]};
+      if (!drawing || (refined[i][k] && refined[i][k]->sigma < drawing->bent[k].sigma)) continue;
+      refined[i][k] = RefinedCorner{drawing->corners[k], drawing->bent[k].sigma, drawing->bent[k]};
     }
     const std::vector<LensReading>& of_tag = drawing ? drawing->readings : of_edges;
     result.readings.insert(result.readings.end(), of_tag.begin(), of_tag.end());
+  }
+  // All pixels know the lens better than the share of them that was enough to come near.
+  const LensCurvature known(result.readings);
+  for (RefinedQuad& quad : refined) {
+    for (auto& corner : quad) {
+      if (!corner) continue;
+      corner->point += known.Change(corner->bent);
+      corner->sigma = known.Sigma(corner->bent);
+      corner->bent.shape = known.shape();
+    }
   }
   if (border.corner_squares) {
     for (std::size_t i = 0; i < tags.size(); ++i) {
@@ -599,7 +611,7 @@ RefinedTags RefineTags(const cv::Mat& gray,
         if (refined[i][k]) corners[k] = refined[i][k]->point;
       }
       for (std::size_t k = 0; k < 4; ++k) {
-        const auto crossing = CrossingAt(gray, corners, k, border, lens, blur);
+        const auto crossing = CrossingAt(gray, corners, k, border, known, blur);
         if (crossing) refined[i][k] = crossing;
       }
     }

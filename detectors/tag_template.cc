@@ -449,7 +449,12 @@ std::array<BentMarker, 4> TagTemplate::Owed(const Minimum& minimum) const {
       -covariance.topRows<8>() * sums.block<kParameters, kLensShapes>(0, kShape);
   std::array<BentMarker, 4> bent;
   for (std::size_t k = 0; k < 4; ++k) {
-    bent[k] = {shape_, CornerByG(corners_[k]) * G_by_shape + bend_->ByShape(corners_[k] - centre_)};
+    const Eigen::Matrix<double, 2, 8> by_G = CornerByG(corners_[k]);
+    const Eigen::Matrix2d of_corner =
+        variance * by_G * covariance.topLeftCorner<8, 8>() * by_G.transpose();
+    bent[k] = {shape_,
+               by_G * G_by_shape + bend_->ByShape(corners_[k] - centre_),
+               std::sqrt(of_corner.trace() / 2)};
   }
   return bent;
 }
@@ -495,13 +500,9 @@ std::optional<TagFit> TagTemplate::Fit(const LensShape& shape) {
   fit.blur = state_.blur;
   fit.bent = Owed(*minimum);
   fit.readings = ReadShape(*minimum);
-  for (std::size_t k = 0; k < 4; ++k) {
-    const Eigen::Matrix<double, 2, 8> by_G = CornerByG(corners_[k]);
-    const Eigen::Matrix2d of_corner =
-        minimum->variance * by_G * minimum->covariance.topLeftCorner<8, 8>() * by_G.transpose();
-    fit.sigma[k] = std::sqrt(of_corner.trace() / 2);
+  for (const BentMarker& bent : fit.bent) {
     // Also false for NaN.
-    if (!(fit.sigma[k] < side_ / 4)) return std::nullopt;
+    if (!(bent.sigma < side_ / 4)) return std::nullopt;
   }
   return fit;
 }

@@ -31,8 +31,7 @@ Eigen::Matrix3d CellsByUnitSquare(const TagBorder& border);
 /// What a fit of a tag's drawing found.
 struct TagFit {
   Quad corners;
-  std::array<double, 4> sigma{};  ///< of a coordinate of each corner, px
-  double blur = 0;                ///< px
+  double blur = 0;  ///< px
   std::array<BentMarker, 4> bent;
   std::vector<LensReading> readings;  ///< what the tag itself says about the lens
 };
