@@ -6,6 +6,8 @@
 #include <cmath>
 #include <vector>
 
+#include "calib/median.h"
+
 namespace plenocal {
 namespace {
 
@@ -14,7 +16,7 @@ struct Deviation {
 };
 
 /// Variance of what has these deviations beside the noise: maximum likelihood by fixed-point steps.
-double Variance(const std::vector<Deviation>& deviations) {
+double SpreadBeside(const std::vector<Deviation>& deviations) {
   double variance = 0;
   for (int iteration = 0; iteration < 20; ++iteration) {
     double sum = 0, weight_sum = 0;
@@ -35,19 +37,25 @@ LensCurvature::LensCurvature(std::span<const LensReading> readings) {
   using Matrix = Eigen::Matrix<double, kLensShapes, kLensShapes>;
   std::vector<Deviation> deviations;
   for (const LensReading& r : readings) deviations.push_back({r.value * r.value, r.variance});
-  const double variance = plenocal::Variance(deviations);
+  const double variance = SpreadBeside(deviations);
   if (variance == 0) return;
   // What the coefficients are like before any reading: of one size, and then of the size that they
-  // turn out to have (empirical Bayes; D. MacKay, "Bayesian Interpolation", 1992). Once without and
-  // once with what a smooth lens leaves over.
+  // turn out to have (empirical Bayes; D. MacKay, "Bayesian Interpolation", 1992).
   LensShape prior = LensShape::Constant(variance);
-  double rest = 0;
-  for (int round = 0; round < 2; ++round) {
+  std::vector<double> in_sigmas(readings.size(), 0.0);
+  double scale = 1;  // of the readings' sigmas, for what a smooth lens leaves over
+  constexpr int kRounds = 5;
+  for (int round = 0; round < kRounds; ++round) {
     Matrix information = Matrix::Zero();
     LensShape sum = LensShape::Zero();
-    for (const LensReading& r : readings) {
-      information += r.along * r.along.transpose() / (r.variance + rest);
-      sum += r.along * r.value / (r.variance + rest);
+    for (std::size_t i = 0; i < readings.size(); ++i) {
+      const LensReading& r = readings[i];
+      // Cauchy's: a tag that is not what it was taken for says anything.
+      constexpr double kUsual = 3;
+      const double deviation = in_sigmas[i] / (kUsual * scale);
+      const double weight = 1 / (scale * scale * r.variance * (1 + deviation * deviation));
+      information += weight * r.along * r.along.transpose();
+      sum += weight * r.along * r.value;
     }
     for (int step = 0; step < 10; ++step) {
       Matrix all = information;
@@ -56,12 +64,11 @@ LensCurvature::LensCurvature(std::span<const LensReading> readings) {
       shape_ = covariance_ * sum;
       prior = shape_.cwiseAbs2() + covariance_.diagonal();
     }
-    deviations.clear();
-    for (const LensReading& r : readings) {
-      const double deviation = r.value - r.along.dot(shape_);
-      deviations.push_back({deviation * deviation, r.variance});
-    }
-    rest = plenocal::Variance(deviations);
+    std::transform(readings.begin(), readings.end(), in_sigmas.begin(), [&](const LensReading& r) {
+      return std::abs(r.value - r.along.dot(shape_)) / std::sqrt(r.variance);
+    });
+    constexpr double kSigmaPerMedian = 1.4826;
+    scale = std::max(1.0, kSigmaPerMedian * Median(in_sigmas));
   }
 }
 

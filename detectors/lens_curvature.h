@@ -6,16 +6,18 @@
 
 namespace plenocal {
 
-/// A lens' distortion as far as it bends straight lines, a_x, a_y, A_0, A_1...: what is at p would
-/// without it be at p less
+/// How a lens bends straight lines: a_x, a_y, A_0, A_1..., g_0, g_1...
 ///
-///   a |p|^2 + p (A_0 |p|^2 + A_1 |p|^4 + ...),
-///
-/// or at a projective image of that; p is counted from the image's middle in halves of its
-/// diagonal. a is for a lens whose axis is elsewhere: to second order about each place that is all
-/// that decentring does.
-inline constexpr int kRadialOrders = 5;
-inline constexpr int kLensShapes = 2 + kRadialOrders;
+/// A homography can undo all that a lens does about a place p to first order, and of second order
+/// all but two shifts of what is at a distance d from p: in complex numbers b |d|^2 and c
+/// conj(d)^2. A lens with an axis of symmetry has b along p and c along p^3, by two functions of
+/// |p|^2. Those of a weak radial distortion p (A_0 |p|^2 + A_1 |p|^4 + ...) belong together; g_0
+/// p^3 + g_1 |p|^2 p^3 is what c has beside it, for a lens that is not weak. a is added to b, for
+/// an axis that is not in the image's middle. Beyond second order the lens does what the A_n do. p
+/// and d are counted in halves of the image's diagonal, p from its middle. No ray is needed, so
+/// that this holds for fisheyes too.
+inline constexpr int kRadialOrders = 5, kOtherOrders = 2;
+inline constexpr int kLensShapes = 2 + kRadialOrders + kOtherOrders;
 using LensShape = Eigen::Matrix<double, kLensShapes, 1>;
 
 /// What a piece of an image says about the lens' shape: the value of `along` . shape, near the

@@ -372,32 +372,28 @@ void FitEdge(const cv::Mat& gray, bool corner_squares, Edge* edge, Workspace* wo
 /// Given the curve's estimate with q free, the estimate with the lens' bend.
 void BendByLens(const LensCurvature& lens, const Eigen::Vector2d& image_size, Edge* edge) {
   const Eigen::Vector2d half = edge->half_length * edge->along;
-  const LensBend bend(lens.shape(), edge->middle, image_size);
-  const EdgeBend bent(bend, half, edge->normal);
-  const double square = half.squaredNorm();  // s = 1
-  const double variance = square * square * lens.Variance(bent.by_shape);
-  const Eigen::Vector3d gain = edge->covariance.col(2) / (edge->covariance(2, 2) + variance);
-  edge->curve += gain * (square * bent.bend - edge->curve[2]);
+  const LensBend bend(edge->middle, image_size);
+  const LensShape of_edge = half.squaredNorm() * bend.OfEdge(half, edge->normal);  // at s = 1
+  const Eigen::Vector3d gain =
+      edge->covariance.col(2) / (edge->covariance(2, 2) + lens.Variance(of_edge));
+  edge->curve += gain * (of_edge.dot(lens.shape()) - edge->curve[2]);
   edge->covariance -= gain * edge->covariance.row(2).eval();
-  edge->by_shape = square * gain * bent.by_shape.transpose();
-  edge->odd = (bend.At(half) - bend.At(-half)).dot(edge->normal) / 2;
+  edge->by_shape = gain * of_edge.transpose();
+  edge->odd = edge->normal.dot((bend.At(half) - bend.At(-half)) * lens.shape()) / 2;
 }
 
-/// What edges say about the lens, near some shape.
+/// What edges say about the lens.
 void ReadEdges(std::span<const Edge> edges,
-               const LensShape& near,
                const Eigen::Vector2d& image_size,
                std::vector<LensReading>* readings) {
   for (const Edge& edge : edges) {
     if (!edge.fitted) continue;
-    const double square = edge.half_length * edge.half_length;  // s = 1
-    const EdgeBend bent(
-        LensBend(near, edge.middle, image_size), edge.half_length * edge.along, edge.normal);
-    const double size = bent.by_shape.norm();
-    const double more = (edge.curve[2] / square - bent.bend) / size;
-    const LensShape along = bent.by_shape / size;
+    const Eigen::Vector2d half = edge.half_length * edge.along;
+    const LensShape of_edge =
+        half.squaredNorm() * LensBend(edge.middle, image_size).OfEdge(half, edge.normal);
+    const double size = of_edge.norm();
     readings->push_back(
-        {along, along.dot(near) + more, edge.covariance(2, 2) / (square * square * size * size)});
+        {of_edge / size, edge.curve[2] / size, edge.covariance(2, 2) / (size * size)});
   }
 }
 
@@ -502,10 +498,10 @@ std::optional<RefinedCorner> CrossingAt(const cv::Mat& gray,
   guess.p = corners[k];
   guess.u = free * (corners[(k + 1) % 4] - corners[k]);
   guess.v = free * (corners[(k + 3) % 4] - corners[k]);
-  const LensBend bend(lens.shape(), guess.p, Eigen::Vector2d(gray.cols, gray.rows));
+  const LensBend bend(guess.p, Eigen::Vector2d(gray.cols, gray.rows));
   const auto along = [&](const Eigen::Vector2d& direction) {
     const Eigen::Vector2d clockwise = Eigen::Vector2d(-direction.y(), direction.x()).normalized();
-    return 2 * EdgeBend(bend, direction, clockwise).bend;
+    return 2 * bend.OfEdge(direction, clockwise).dot(lens.shape());
   };
   guess.curvature_u = along(guess.u);
   guess.curvature_v = along(guess.v);
@@ -548,7 +544,7 @@ RefinedTags RefineTags(const cv::Mat& gray,
       FitEdge(gray, border.corner_squares, &edge, &work);
       if (edge.fitted) blurs.push_back(edge.blur);
     }
-    ReadEdges(edges[i], LensShape::Zero(), image_size, &readings);
+    ReadEdges(edges[i], image_size, &readings);
   }
   const LensCurvature lens(readings);
   const double blur = Median(std::move(blurs), kUsualBlur);
@@ -561,7 +557,7 @@ RefinedTags RefineTags(const cv::Mat& gray,
     if (near[i]) {
       drawing = near[i]->Fit(lens.shape());
     } else {
-      ReadEdges(edges[i], lens.shape(), image_size, &of_edges);
+      ReadEdges(edges[i], image_size, &of_edges);
       for (Edge& edge : edges[i]) {
         if (edge.fitted) BendByLens(lens, image_size, &edge);
       }

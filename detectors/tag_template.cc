@@ -84,7 +84,7 @@ void TagTemplate::SetCorners(const Quad& corners) {
   corners_ = corners;
   side_ = std::sqrt(Area(corners));
   centre_ = (corners[0] + corners[1] + corners[2] + corners[3]) / 4;
-  bend_.emplace(shape_, centre_, Eigen::Vector2d(gray_.cols, gray_.rows));
+  bend_.emplace(centre_, Eigen::Vector2d(gray_.cols, gray_.rows));
   Quad straight;
   std::transform(corners.begin(), corners.end(), straight.begin(), [&](const auto& corner) {
     return Straight(corner);
@@ -95,14 +95,14 @@ void TagTemplate::SetCorners(const Quad& corners) {
 
 Eigen::Vector2d TagTemplate::Straight(const Eigen::Vector2d& x) const {
   const Eigen::Vector2d d = x - centre_;
-  return (d - bend_->At(d)) / side_;
+  return (d - bend_->At(d) * shape_) / side_;
 }
 
 Eigen::Vector2d TagTemplate::Bent(const Eigen::Vector2d& y) const {
   // The lens bends little, so a few steps do.
   const Eigen::Vector2d straight = side_ * y;
   Eigen::Vector2d d = straight;
-  for (int i = 0; i < 4; ++i) d = straight + bend_->At(d);
+  for (int i = 0; i < 4; ++i) d = straight + bend_->At(d) * shape_;
   return d + centre_;
 }
 
@@ -116,6 +116,22 @@ void TagTemplate::UpdateCorners() {
   for (std::size_t k = 0; k < 4; ++k) {
     corners_[k] = Bent((inverse * on_drawing[k]).hnormalized());
   }
+}
+
+PLENOCAL_LANES void TagTemplate::Place(const Lanes& d_x,
+                                       const Lanes& d_y,
+                                       Lanes* x,
+                                       Lanes* y) const {
+  *x = d_x;
+  *y = d_y;
+  LensBend::Shifts<Eight> shifts;
+  bend_->At<Eight>(d_x, d_y, &shifts);
+  for (int i = 0; i < kLensShapes; ++i) {
+    *x -= static_cast<float>(shape_[i]) * shifts.x[i];
+    *y -= static_cast<float>(shape_[i]) * shifts.y[i];
+  }
+  *x *= 1 / static_cast<float>(side_);
+  *y *= 1 / static_cast<float>(side_);
 }
 
 /// Those on the tag and half a bit around it: farther off, what is beyond the bits known matters
@@ -138,16 +154,14 @@ PLENOCAL_FOR_EACH_PROCESSOR void TagTemplate::ChoosePixels() {
   Eigen::Matrix3f G = state_.G.cast<float>();
   for (int i = 0; i < 2; ++i) G.row(i) = (G.row(i) - 0.5f * bits_ * G.row(2)) / outer;
   const Eigen::Vector2f centre = centre_.cast<float>();
-  const float by_px = 1 / static_cast<float>(side_);
   const Lanes lanes{0, 1, 2, 3, 4, 5, 6, 7};
   for (int row = y_first; row <= y_last; ++row) {
     const auto* gray = gray_.ptr<unsigned char>(row);
     const Lanes d_y = Lanes{} + (static_cast<float>(row) - centre.y());
     for (int first = x_first; first <= x_last; first += kLanes) {
       const Lanes d_x = static_cast<float>(first) + lanes - centre.x();
-      LensBend::Bent<Eight> bent;
-      bend_->At<Eight>(d_x, d_y, &bent);
-      const Lanes x = (d_x - bent.x) * by_px, y = (d_y - bent.y) * by_px;
+      Lanes x, y;
+      Place(d_x, d_y, &x, &y);
       const Lanes scale = G(2, 0) * x + G(2, 1) * y + G(2, 2);
       Lanes u = G(0, 0) * x + G(0, 1) * y + G(0, 2), v = G(1, 0) * x + G(1, 1) * y + G(1, 2);
       u = u < 0 ? -u : u;
@@ -160,6 +174,23 @@ PLENOCAL_FOR_EACH_PROCESSOR void TagTemplate::ChoosePixels() {
         pixels_.push_back(
             {first + l, row, x[l], y[l], static_cast<float>(gray[first + l]), data[l] != 0});
       }
+    }
+  }
+}
+
+PLENOCAL_FOR_EACH_PROCESSOR void TagTemplate::PlacePixels() {
+  const Eigen::Vector2f centre = centre_.cast<float>();
+  for (std::size_t i = 0; i < pixels_.size(); i += kLanes) {
+    const std::size_t count = std::min<std::size_t>(kLanes, pixels_.size() - i);
+    Lanes d_x{}, d_y{}, x, y;
+    for (std::size_t l = 0; l < count; ++l) {
+      d_x[l] = static_cast<float>(pixels_[i + l].column) - centre.x();
+      d_y[l] = static_cast<float>(pixels_[i + l].row) - centre.y();
+    }
+    Place(d_x, d_y, &x, &y);
+    for (std::size_t l = 0; l < count; ++l) {
+      pixels_[i + l].x = x[l];
+      pixels_[i + l].y = y[l];
     }
   }
 }
@@ -271,10 +302,10 @@ void TagTemplate::Differentiate(const State& state,
   if (!by_shape) return;
   const Lanes by_x = by_u * (G(0, 0) - drawn.u * G(2, 0)) + by_v * (G(1, 0) - drawn.v * G(2, 0));
   const Lanes by_y = by_u * (G(0, 1) - drawn.u * G(2, 1)) + by_v * (G(1, 1) - drawn.v * G(2, 1));
-  LensBend::Bent<Eight> bent;
-  bend_->At<Eight>(strip.d_x, strip.d_y, &bent);
+  LensBend::Shifts<Eight> shifts;
+  bend_->At<Eight>(strip.d_x, strip.d_y, &shifts);
   for (int i = 0; i < kLensShapes; ++i) {
-    put(-by_px * (bent.by_shape_x[i] * by_x + bent.by_shape_y[i] * by_y));
+    put(-by_px * (shifts.x[i] * by_x + shifts.y[i] * by_y));
   }
 }
 
@@ -453,7 +484,7 @@ std::array<BentMarker, 4> TagTemplate::Owed(const Minimum& minimum) const {
     const Eigen::Matrix2d of_corner =
         variance * by_G * covariance.topLeftCorner<8, 8>() * by_G.transpose();
     bent[k] = {shape_,
-               by_G * G_by_shape + bend_->ByShape(corners_[k] - centre_),
+               by_G * G_by_shape + bend_->At(corners_[k] - centre_),
                std::sqrt(of_corner.trace() / 2)};
   }
   return bent;
@@ -491,8 +522,7 @@ std::optional<TagFit> TagTemplate::Fit(const LensShape& shape) {
   for (std::size_t k = 0; k < 4; ++k) moved[k] += bent_[k].by_shape * (shape - shape_);
   shape_ = shape;
   SetCorners(moved);
-  ChoosePixels();
-  if (pixels_.size() <= kParameters) return std::nullopt;
+  PlacePixels();
   const std::optional<Minimum> minimum = Finish();
   if (!minimum || !IsTag()) return std::nullopt;
   TagFit fit;

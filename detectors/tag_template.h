@@ -38,9 +38,9 @@ struct TagFit {
 
 /// A tag's drawing fitted to the image:
 ///
-///   I(x) = (1 + g . y) (m + k T(G y, w)),   y = (d - B(d)) / side,   d = x - centre,
+///   I(x) = (1 + g . y) (m + k T(G y, w)),   y = (d - S(d) c) / side,   d = x - centre,
 ///
-/// B is the lens' bend about the tag's centre (see lens_bend.h), G the
+/// c is the lens' shape and S its shifts about the tag's centre (see lens_bend.h), G the
 /// homography from image to tag, T is 1 in the colour around the tag, -1 in the other, and some e
 /// beyond the bit around the tag, blurred by a Gaussian of standard deviation w (px; the pixel's
 /// own area is part of it). The homography is taken as affine within the blur; there the drawing is
@@ -104,7 +104,11 @@ class TagTemplate {
   /// y of a point of the image, and back.
   [[nodiscard]] Eigen::Vector2d Straight(const Eigen::Vector2d& x) const;
   [[nodiscard]] Eigen::Vector2d Bent(const Eigen::Vector2d& y) const;
+  /// The same of eight points at a distance from the centre, px.
+  void Place(const Lanes& d_x, const Lanes& d_y, Lanes* x, Lanes* y) const;
   void ChoosePixels();
+  /// Puts the pixels chosen where they are by the present centre and shape.
+  void PlacePixels();
   void SetBeyond(double value);
   /// The pixels from number `from` on, `stride` apart, and the drawing there.
   Strip Draw(const State& state, std::size_t from, std::size_t stride);
