@@ -23,7 +23,7 @@ int main(int argc, char** argv) {
                                                                 .frames = std::atoi(argv[1]),
                                                                 .columns = 16,
                                                                 .rows = 13,
-                                                                .virtual_depth = 3.4});
+                                                                .virtual_depth = 4.0});
   plenocal::CalibrationOptions one_thread;
   one_thread.threads = 1;
   double begin = plenocal::bench::CpuSeconds();
