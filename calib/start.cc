@@ -19,7 +19,8 @@ namespace {
 constexpr size_t kStartViews = 12;
 constexpr size_t kStartPoints = 40;
 constexpr size_t kMinPoints = 4;  // a pose has six unknowns, and three points leave four solutions
-constexpr size_t kAdjustedCandidates = 2;
+constexpr size_t kAdjustedCandidates = 4;
+constexpr double kAsGood = 1.5;  // times the median residual: twice that of the selection's scatter
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 // All observations of at most `limit` known markers, spread evenly over the view.
@@ -163,7 +164,9 @@ Trial MakeTrial(const CameraInput& camera,
   return trial;
 }
 
-void AdjustTrial(Trial* trial) {
+enum class Until { kNear, kConverged };
+
+void AdjustTrial(Trial* trial, Until until) {
   // Twice: the width of the loss follows the residuals down.
   for (int pass = 0; pass < 2; ++pass) {
     Bundle& bundle = trial->bundle;
@@ -174,14 +177,102 @@ void AdjustTrial(Trial* trial) {
     }
     bundle.cameras[0].noise_scale = std::max(trial->median, 1e-9);
     AdjustOptions options;
-    options.loss = Loss::kCauchy;
-    options.max_iterations = 25;
-    options.cost_tolerance = 1e-4;
+    options.loss = Loss::kHuber;
+    if (until == Until::kNear) {
+      options.loss = Loss::kCauchy;
+      options.max_iterations = 25;
+      options.cost_tolerance = 1e-4;
+    }
     if (!Adjust(&bundle, options).usable) return;
     bundle.cameras[0].noise_scale = 1;
     trial->median = Median(ResidualLengths(bundle), kInfinity);
     if (!std::isfinite(trial->median)) return;
   }
+}
+
+// Whether two sets of parameters are one camera, as far as start values go.
+bool Alike(const CameraModel& model, std::span<const double> a, std::span<const double> b) {
+  constexpr double kPart = 0.02;
+  for (size_t k = 0; k < a.size(); ++k) {
+    const double size = std::max(model.params[k].scale, std::abs(a[k]));
+    if (!(std::abs(a[k] - b[k]) <= kPart * size)) return false;
+  }
+  return true;
+}
+
+bool IsAnother(const Trial& trial, const std::vector<Trial*>& others) {
+  const BundleCamera& camera = trial.bundle.cameras[0];
+  return std::none_of(others.begin(), others.end(), [&](const Trial* other) {
+    return Alike(*camera.model, camera.params, other->bundle.cameras[0].params);
+  });
+}
+
+// Sum of Huber's loss for residuals of typical length `scale`; what is not imaged counts as a
+// coarse mistake.
+double RobustCost(const Bundle& bundle, double scale) {
+  constexpr double kMistake = 100;  // in units of `scale`
+  const double width = AdjustOptions().loss_width;
+  double cost = 0;
+  for (const double length : ResidualLengths(bundle)) {
+    const double part = std::min(length / scale, kMistake);
+    cost += part <= width ? part * part : 2 * width * part - width * width;
+  }
+  return cost;
+}
+
+// Of several minima that explain a selection of the views about as well the one that explains all
+// views best.
+Trial* BestOnAllViews(const CameraInput& camera,
+                      const std::map<int, Eigen::Vector3d>& markers,
+                      const std::vector<Trial*>& minima) {
+  std::vector<View> views;
+  for (const View& view : camera.views) {
+    View known = Thinned(view, markers, markers.size());
+    if (known.observations.size() >= kMinPoints) views.push_back(std::move(known));
+  }
+  const double scale = std::max(minima[0]->median, 1e-9);
+  Trial* best = nullptr;
+  double best_cost = kInfinity;
+  for (Trial* minimum : minima) {
+    *minimum = MakeTrial(camera, minimum->bundle.cameras[0].params, views, markers);
+    // Valleys between minima are flat.
+    AdjustTrial(minimum, Until::kConverged);
+    const double cost = RobustCost(minimum->bundle, scale);
+    if (best != nullptr && !(cost < best_cost)) continue;
+    best = minimum;
+    best_cost = cost;
+  }
+  return best;
+}
+
+// The candidate that explains the views best, adjusted; with an infinite median when none does.
+Trial BestTrial(const CameraInput& camera,
+                const std::map<int, Eigen::Vector3d>& markers,
+                const std::vector<View>& views,
+                const std::vector<StartCandidate>& candidates) {
+  std::vector<Trial> trials;
+  trials.reserve(candidates.size());
+  for (const StartCandidate& candidate : candidates) {
+    trials.push_back(MakeTrial(camera, Ruled(candidate.params, camera.rules), views, markers));
+  }
+  const auto better = [](const Trial* a, const Trial* b) { return a->median < b->median; };
+  std::vector<Trial*> ranked;
+  for (Trial& trial : trials) ranked.push_back(&trial);
+  std::stable_sort(ranked.begin(), ranked.end(), better);
+  std::vector<Trial*> adjusted;
+  for (Trial* trial : ranked) {
+    if (adjusted.size() == kAdjustedCandidates || !std::isfinite(trial->median)) break;
+    if (IsAnother(*trial, adjusted)) adjusted.push_back(trial);
+  }
+  if (adjusted.empty()) return {};
+  for (Trial* trial : adjusted) AdjustTrial(trial, Until::kNear);
+  std::stable_sort(adjusted.begin(), adjusted.end(), better);
+  std::vector<Trial*> minima;
+  for (Trial* trial : adjusted) {
+    if (trial->median > kAsGood * adjusted[0]->median) break;
+    if (IsAnother(*trial, minima)) minima.push_back(trial);
+  }
+  return std::move(minima.size() > 1 ? *BestOnAllViews(camera, markers, minima) : *minima[0]);
 }
 
 }  // namespace
@@ -245,23 +336,8 @@ CameraStart StartCamera(const CameraInput& camera, const std::map<int, Eigen::Ve
     }
   }
   const std::vector<StartCandidate> candidates = camera.model->start(problem);
-  std::vector<Trial> trials;
-  trials.reserve(candidates.size());
-  for (const StartCandidate& candidate : candidates) {
-    trials.push_back(MakeTrial(camera, Ruled(candidate.params, camera.rules), views, markers));
-  }
-  std::stable_sort(trials.begin(), trials.end(), [](const auto& a, const auto& b) {
-    return a.median < b.median;
-  });
-  const size_t adjusted = std::min(kAdjustedCandidates, trials.size());
-  for (size_t i = 0; i < adjusted; ++i) {
-    if (std::isfinite(trials[i].median)) AdjustTrial(&trials[i]);
-  }
-  const auto best =
-      std::min_element(trials.begin(), trials.end(), [](const auto& a, const auto& b) {
-        return a.median < b.median;
-      });
-  if (best == trials.end() || !std::isfinite(best->median)) {
+  const Trial best = BestTrial(camera, markers, views, candidates);
+  if (!std::isfinite(best.median)) {
     throw Error(
         ErrorKind::kJob,
         fmt::format("{}: no start values for model {} explain the detections; does the target "
@@ -273,14 +349,14 @@ CameraStart StartCamera(const CameraInput& camera, const std::map<int, Eigen::Ve
   CameraStart start;
   if (camera.model->misfit != nullptr) {
     const Misfit misfit =
-        camera.model->misfit(*camera.model, problem, best->bundle.cameras[0].params, best->median);
+        camera.model->misfit(*camera.model, problem, best.bundle.cameras[0].params, best.median);
     if (!misfit.reason.empty()) {
       start.misfit = fmt::format("{}: {} {}", camera.name, camera.model->name, misfit.reason);
     }
     if (misfit.impossible) throw Error(ErrorKind::kJob, start.misfit);
   }
-  start.params = best->bundle.cameras[0].params;
-  start.median_error = best->median;
+  start.params = best.bundle.cameras[0].params;
+  start.median_error = best.median;
   for (const View& view : camera.views) {
     start.T_camera_target.push_back(
         StartPose(*camera.model, camera.config, start.params, view, markers));

@@ -25,7 +25,9 @@ struct DoubleSphere : LensModel<DoubleSphere> {
       {Param{.name = "xi", .unit = "1", .lower = -1, .upper = 1, .scale = 1, .neutral = 0},
        Param{.name = "alpha", .unit = "1", .lower = 0, .upper = 1, .scale = 1}});
   static constexpr std::array kExample{190.0, 191.0, 322.0, 243.0, -0.18, 0.59};
-  static constexpr std::array kStart{0.0, 0.5};
+  // For most lenses the sum of squares has a minimum on each side of xi = 0.
+  static constexpr std::array kStart{
+      std::array{0.0, 0.5}, std::array{-0.3, 0.5}, std::array{0.5, 0.5}};
 
   template <typename T>
   static bool Map(const T* k, const Vector3<T>& p, T* m) {

@@ -91,7 +91,7 @@ struct PinholeRadial3 : CentralModel {
   static std::vector<StartCandidate> Start(const StartProblem& problem) {
     return StartCentral(
         MakeCameraModel<PinholeRadial3>(), problem, [](double f, double c_x, double c_y) {
-          return std::vector<double>{f, f, c_x, c_y, 0, 0, 0};
+          return std::vector<std::vector<double>>{{f, f, c_x, c_y, 0, 0, 0}};
         });
   }
 };

@@ -57,14 +57,14 @@ struct Spherical : CentralModel {
 
   static std::vector<StartCandidate> Start(const StartProblem& problem) {
     const auto near_axis = [](double f, double c_x, double c_y) {
-      return std::vector<double>{f, f, c_x, c_y};
+      return std::vector<std::vector<double>>{{f, f, c_x, c_y}};
     };
     std::vector<StartCandidate> candidates =
         StartCentral(MakeCameraModel<Spherical>(), problem, near_axis);
     // Most such images are whole panoramas.
     std::vector<double> panorama = near_axis(problem.image_size[0] / (2 * std::numbers::pi),
                                              (problem.image_size[0] - 1) / 2.0,
-                                             (problem.image_size[1] - 1) / 2.0);
+                                             (problem.image_size[1] - 1) / 2.0)[0];
     for (size_t i = 0; i < panorama.size(); ++i) {
       panorama[i] = problem.given[i].value_or(panorama[i]);
     }

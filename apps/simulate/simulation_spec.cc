@@ -189,7 +189,7 @@ CameraSpec ReadCamera(const std::string& name,
   camera.params = ReadParams(node.At("parameters"), camera.model->params);
   camera.T_camera_rig = ReadMount(node);
   camera.sensor = ReadSensor(node, camera.IsPlenoptic());
-  if (node.Has("detection_sigma")) camera.detection_sigma = node.At("detection_sigma").AsPositive();
+  ReadNumber(node, "detection_sigma", 0, 1e6, &camera.detection_sigma);
   if (camera.IsPlenoptic()) {
     camera.micro_lenses = ReadMicroLenses(node.At("micro_lenses"));
   } else if (node.Has("micro_lenses")) {

@@ -48,7 +48,7 @@ struct CameraSpec {
   RigidTransform T_camera_rig;
   SensorSpec sensor;
   std::optional<MicroLensSpec> micro_lenses;  ///< exactly of models that observe through them
-  double detection_sigma = 0.1;               ///< px, noise of each coordinate with --points
+  double detection_sigma = 0.1;  ///< px, noise of each coordinate with --points; may be 0
 
   [[nodiscard]] bool IsPlenoptic() const { return !model->context.empty(); }
 };

@@ -8,6 +8,7 @@
 #include <numeric>
 #include <optional>
 #include <string_view>
+#include <type_traits>
 
 #include "calib/camera_model.h"
 #include "models/start/central_start.h"
@@ -46,7 +47,8 @@ constexpr Param Coefficient(std::string_view name, double scale = 1) {
 
 /// Central models of the form u = (f_x m_x + c_x, f_y m_y + c_y), where the lens maps a direction
 /// to m in the plane at distance 1. The struct M supplies, with k = its parameters after c_y,
-///   static constexpr std::array kStart: k of a plain lens, from which start values are fitted
+///   static constexpr std::array kStart: k of a plain lens, from which start values are fitted; an
+///     array of such arrays where one lets the fit end in the wrong one of several minima
 ///   template <typename T> static bool Map(const T* k, const Vector3<T>& p, T* m);
 ///   static std::optional<Eigen::Vector3d> Unmap(const double* k, const Eigen::Vector2d& m);
 /// `Map` gets p scaled to a largest coordinate of 1 and returns false outside the lens' domain;
@@ -82,14 +84,26 @@ struct LensModel : CentralModel {
 
   static std::vector<StartCandidate> Start(const StartProblem& problem) {
     return StartCentral(MakeCameraModel<M>(), problem, [](double f, double c_x, double c_y) {
-      constexpr double kNearAxis = 1e-6;
-      double m[2] = {};
-      M::Map(M::kStart.data(), Vector3<double>(kNearAxis, 0, 1), m);
-      const double scaled = f * kNearAxis / m[0];
-      std::vector<double> params{scaled, scaled, c_x, c_y};
-      params.insert(params.end(), M::kStart.begin(), M::kStart.end());
-      return params;
+      std::vector<std::vector<double>> cameras;
+      for (const auto& lens : Starts()) {
+        constexpr double kNearAxis = 1e-6;
+        double m[2] = {};
+        M::Map(lens.data(), Vector3<double>(kNearAxis, 0, 1), m);
+        const double scaled = f * kNearAxis / m[0];
+        cameras.push_back({scaled, scaled, c_x, c_y});
+        cameras.back().insert(cameras.back().end(), lens.begin(), lens.end());
+      }
+      return cameras;
     });
+  }
+
+ private:
+  static constexpr auto Starts() {
+    if constexpr (requires { M::kStart[0].data(); }) {
+      return M::kStart;
+    } else {
+      return std::array<std::remove_const_t<decltype(M::kStart)>, 1>{M::kStart};
+    }
   }
 };
 

@@ -209,7 +209,7 @@ std::vector<double> FitToDirections(const CameraModel& model,
 std::vector<StartCandidate> StartCentral(
     const CameraModel& model,
     const StartProblem& problem,
-    const std::function<std::vector<double>(double, double, double)>& near_axis) {
+    const std::function<std::vector<std::vector<double>>(double, double, double)>& near_axis) {
   const Eigen::Vector2d centre((problem.image_size[0] - 1) / 2.0,
                                (problem.image_size[1] - 1) / 2.0);
   const double half_diagonal = std::max(1.0, centre.norm());
@@ -254,16 +254,20 @@ std::vector<StartCandidate> StartCentral(
       const Eigen::Vector2d q = (u - centre) / half_diagonal;
       directions.push_back(Eigen::Vector3d(q.x(), q.y(), Evaluate(a, q.norm())).normalized());
     }
-    const std::vector<double> plain = near_axis(a[0] * half_diagonal, centre.x(), centre.y());
-    // Long lenses pass through parameters out of bounds, wide ones may stay there.
-    auto params = FitToDirections(model, problem, plain, directions, fit_image, false);
-    if (!WithinBounds(model, params.data())) {
-      params = FitToDirections(model, problem, plain, directions, fit_image, true);
+    for (const std::vector<double>& plain :
+         near_axis(a[0] * half_diagonal, centre.x(), centre.y())) {
+      // Long lenses pass through parameters out of bounds, wide ones may stay there.
+      auto params = FitToDirections(model, problem, plain, directions, fit_image, false);
+      if (!WithinBounds(model, params.data())) {
+        params = FitToDirections(model, problem, plain, directions, fit_image, true);
+      }
+      candidates.push_back({std::move(params)});
+      if (confined.empty()) continue;
+      params = FitToDirections(model, problem, plain, directions, fit_image, true, confined);
+      candidates.push_back({params});
+      candidates.push_back(
+          {FitToDirections(model, problem, std::move(params), directions, fit_image, true)});
     }
-    candidates.push_back({std::move(params)});
-    if (confined.empty()) return;
-    candidates.push_back(
-        {FitToDirections(model, problem, plain, directions, fit_image, true, confined)});
   };
 
   // The ladder: half fields of view from 3 to 75 degrees to the image's corner.

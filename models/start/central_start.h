@@ -19,14 +19,15 @@ namespace plenocal {
 ///    linearly, where (u, v, F(rho)) is the direction in which the image point (u, v) looks
 ///    (Scaramuzza et al., IROS 2006). Sets that do not determine F (distant, untilted targets) get
 ///    the best of a ladder of plain focal lengths besides.
-/// 3. The model's own parameters are fitted to these directions, starting from `near_axis`, its
-///    parameters for focal length f and principal point c without distortion.
+/// 3. The model's own parameters are fitted to these directions, starting from each of `near_axis`,
+///    its parameters for plain lenses of focal length f and principal point c.
 ///
 /// Values in `problem.given` are kept.
 std::vector<StartCandidate> StartCentral(
     const CameraModel& model,
     const StartProblem& problem,
-    const std::function<std::vector<double>(double f, double c_x, double c_y)>& near_axis);
+    const std::function<std::vector<std::vector<double>>(double f, double c_x, double c_y)>&
+        near_axis);
 
 /// Whether a fisheye (`kannala-brandt4`) explains the views far better than the central model's
 /// best start with residuals of median length `median_error`, px; impossible when it sees points 90

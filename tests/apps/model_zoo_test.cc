@@ -4,6 +4,7 @@
 // simulated lenses; a camera that is held in all.
 #include <fmt/format.h>
 
+#include <array>
 #include <cmath>
 #include <fstream>
 #include <sstream>
@@ -176,6 +177,21 @@ TEST_F(SimulatedLens, DoubleSphereDoesNotStartAtTheLimitOfXi) {
   const Outcome outcome = Run({"calibrate", "set/session.yaml", "-o", "out", "--no-report"});
   ASSERT_EQ(outcome.status, kDone) << outcome.err;
   ExpectTruthWithinUncertainty();
+}
+
+TEST_F(SimulatedLens, DoubleSphereFindsTheBetterOfSeveralMinima) {
+  // A fit from xi = 0 ends at -0.24, and at the limits of xi and alpha.
+  const std::array lenses{
+      "f_x: 464.6, f_y: 457.2, c_x: 326.7, c_y: 232.4, xi: 0.89, alpha: 0.7376",
+      "f_x: 257.1, f_y: 253.4, c_x: 311.9, c_y: 238.8, xi: -0.446, alpha: 0.25",
+  };
+  for (const char* lens : lenses) {
+    Simulate("double-sphere", lens, 20);
+    const Outcome outcome = Run({"calibrate", "set/session.yaml", "-o", "out", "--no-report"});
+    ASSERT_EQ(outcome.status, kDone) << outcome.err;
+    ExpectTruthWithinUncertainty();
+    EXPECT_EQ(Result()["cameras"]["cam"]["residuals"]["rejected"].as<int>(), 0) << lens;
+  }
 }
 
 TEST_F(SimulatedLens, SphericalNeedsNoStartValue) {
