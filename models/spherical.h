@@ -68,6 +68,8 @@ struct Spherical : CentralModel {
     for (size_t i = 0; i < panorama.size(); ++i) {
       panorama[i] = problem.given[i].value_or(panorama[i]);
     }
+    // Fits to directions move c_x, which the poses do as well.
+    for (StartCandidate& candidate : candidates) candidate.params[2] = panorama[2];
     candidates.insert(candidates.begin(), {std::move(panorama)});
     return candidates;
   }

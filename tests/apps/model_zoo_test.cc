@@ -4,11 +4,13 @@
 // simulated lenses; a camera that is held in all.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <fstream>
 #include <sstream>
 
+#include "models/registry.h"
 #include "models/splined.h"
 #include "tests/apps/workspace.h"
 
@@ -106,16 +108,21 @@ class SimulatedLens : public Workspace {
   void Simulate(const std::string& model,
                 const std::string& parameters,
                 int frames,
-                int seed = 3) const {
+                int seed = 3,
+                double noise = 0.05,
+                ImageSize size = {640, 480}) const {
     Write("target.yaml", "plenocal: 1\ntype: chessboard\ncolumns: 14\nrows: 10\nsquare: 0.03\n");
     Write(
         "spec.yaml",
         fmt::format("plenocal: 1\nseed: {}\ntarget: target.yaml\ntarget_error: 0\ncameras:\n  cam: "
-                    "{{model: {}, image_size: [640, 480], parameters: {{{}}}, detection_sigma: "
-                    "0.05}}\nposes: {{frames: {}, distance: [0.18, 0.45], partial: 0.3}}\n",
+                    "{{model: {}, image_size: [{}, {}], parameters: {{{}}}, detection_sigma: "
+                    "{}}}\nposes: {{frames: {}, distance: [0.18, 0.45], partial: 0.3}}\n",
                     seed,
                     model,
+                    size[0],
+                    size[1],
                     parameters,
+                    noise,
                     frames));
     const Outcome outcome = Run({"simulate", "spec.yaml", "--points", "-o", "set"});
     ASSERT_EQ(outcome.status, kDone) << outcome.err;
@@ -125,18 +132,25 @@ class SimulatedLens : public Workspace {
     EXPECT_EQ(compared.status, kDone) << compared.err;
     EXPECT_THAT(compared.out, ::testing::HasSubstr("same within")) << compared.out;
   }
-  static std::string SplinedParameters() {
+  static std::string ExampleOf(const CameraModel& model) {
     std::string text;
-    for (size_t k = 0; k < Splined::kParams.size(); ++k) {
-      text += fmt::format(
-          "{}{}: {}", k == 0 ? "" : ", ", Splined::kParams[k].name, Splined::kExample[k]);
+    for (size_t k = 0; k < model.params.size(); ++k) {
+      text += fmt::format("{}{}: {}", k == 0 ? "" : ", ", model.params[k].name, model.example[k]);
     }
     return text;
+  }
+  // The largest difference from the truth over the image, px.
+  [[nodiscard]] double LargestDifference() const {
+    const Outcome compared =
+        Run({"compare", "out/calibration.yaml", "set/truth/calibration.yaml", "-o", "compared"});
+    EXPECT_EQ(compared.status, kDone) << compared.err;
+    const std::vector<double> largest = Table(Read("compared/compare.csv")).Numbers("largest");
+    return *std::max_element(largest.begin(), largest.end());
   }
 };
 
 TEST_F(SimulatedLens, OfASplineIsFoundWithinItsUncertainty) {
-  Simulate("splined", SplinedParameters(), 30);
+  Simulate("splined", ExampleOf(MakeCameraModel<Splined>()), 30);
   const Outcome outcome = Run({"calibrate", "set/session.yaml", "-o", "out"});
   ASSERT_EQ(outcome.status, kDone) << outcome.err;
   // One line for all coefficients.
@@ -149,8 +163,38 @@ TEST_F(SimulatedLens, OfASplineIsFoundWithinItsUncertainty) {
   ExpectTruthWithinUncertainty();
 }
 
+TEST_F(SimulatedLens, ExactPointsGiveEveryModelBack) {
+  for (const CameraModel& model : CameraModels()) {
+    if (!model.central || model.local) continue;
+    SCOPED_TRACE(model.name);
+    Simulate(std::string(model.name), ExampleOf(model), 12, 3, 0, model.example_size);
+    const Outcome outcome = Run({"calibrate", "set/session.yaml", "-o", "out", "--no-report"});
+    ASSERT_EQ(outcome.status, kDone) << outcome.err;
+    EXPECT_EQ(Result()["cameras"]["cam"]["residuals"]["rejected"].as<int>(), 0);
+    EXPECT_LT(LargestDifference(), 1e-5);
+  }
+}
+
+TEST_F(SimulatedLens, ExactPointsGiveASplineBackOnItsOwnKnots) {
+  const CameraModel model = MakeCameraModel<Splined>();
+  Simulate("splined", ExampleOf(model), 40, 3, 0);
+  std::string knots;  // what says where the knots are and how the camera's frame is turned
+  for (size_t k = 0; k < model.params.size(); ++k) {
+    if (model.params[k].held == Held::kNever) continue;
+    knots +=
+        fmt::format("{}{}: {}", knots.empty() ? "" : ", ", model.params[k].name, model.example[k]);
+  }
+  Write("set/session.yaml",
+        Replaced(Read("set/session.yaml"),
+                 "model: splined\n",
+                 fmt::format("model: splined\n    initial: {{{}}}\n", knots)));
+  const Outcome outcome = Run({"calibrate", "set/session.yaml", "-o", "out", "--no-report"});
+  ASSERT_EQ(outcome.status, kDone) << outcome.err;
+  EXPECT_LT(LargestDifference(), 1e-3);
+}
+
 TEST_F(SimulatedLens, SplineSaysWhichCoefficientsFollowFromItsPriorAlone) {
-  Simulate("splined", SplinedParameters(), 20);
+  Simulate("splined", ExampleOf(MakeCameraModel<Splined>()), 20);
   // Nothing is seen in the left third of the image.
   std::string right;
   for (const std::string& line : Lines(Read("set/detections_cam.csv"))) {
@@ -199,6 +243,7 @@ TEST_F(SimulatedLens, SphericalNeedsNoStartValue) {
   const Outcome outcome = Run({"calibrate", "set/session.yaml", "-o", "out", "--no-report"});
   ASSERT_EQ(outcome.status, kDone) << outcome.err;
   EXPECT_EQ(Result()["cameras"]["cam"]["sigma"]["c_x"].as<double>(), 0);
+  EXPECT_EQ(Result()["cameras"]["cam"]["parameters"]["c_x"].as<double>(), 319.5);
   ExpectTruthWithinUncertainty();
 }
 
