@@ -114,22 +114,16 @@ void PrintCamera(const CameraDifference& camera,
   fmt::print("  {}\n", Verdict(camera));
 }
 
-// How the cameras' places on the rig differ once each camera's frame has moved as its intrinsics
-// imply.
-void PrintMount(const CameraDifference& master,
-                const CameraDifference& camera,
-                const CalibratedCamera& a,
-                const CalibratedCamera& b) {
-  const RigidTransform expected = camera.T_b_a * a.T_camera_rig * master.T_b_a.Inverse();
-  const RigidTransform left = b.T_camera_rig * expected.Inverse();
-  const Vector6d sigma = (a.sigma_xi.cwiseAbs2() + b.sigma_xi.cwiseAbs2()).cwiseSqrt();
+void PrintMount(const MountDifference& mount) {
+  const auto degrees = [](double angle) { return angle * 180 / std::numbers::pi; };
   fmt::print(
       "  on the rig: turned by {:.4f} degrees (sigmas: {:.4f}), shifted by {:.3f} mm "
-      "(sigmas: {:.3f})\n",
-      LogRotation(left.R).norm() * 180 / std::numbers::pi,
-      sigma.tail<3>().norm() * 180 / std::numbers::pi,
-      1e3 * (b.T_camera_rig.t - expected.t).norm(),
-      1e3 * sigma.head<3>().norm());
+      "(sigmas: {:.3f}){}\n",
+      degrees(mount.turn),
+      degrees(mount.turn_sigma),
+      1e3 * mount.shift,
+      1e3 * mount.shift_sigma,
+      mount.differs ? ": more than the sigmas explain" : "");
 }
 
 // The table as a file.
@@ -186,25 +180,52 @@ std::string Picture(const std::vector<CameraDifference>& differences,
   return DrawFieldMapsByModule(maps, largest);
 }
 
-// Compares camera by camera and prints what it finds.
-std::vector<CameraDifference> CompareAll(const std::vector<CalibratedCamera>& a,
-                                         const CalibrationFile& b,
-                                         const std::vector<double>& distances,
-                                         bool print) {
+struct Comparison {
+  std::vector<CalibratedCamera> a;  ///< the cameras that both calibrations have
+  std::vector<CalibratedCamera> b;
   std::vector<CameraDifference> differences;
+  std::vector<MountDifference> mounts;  ///< of all cameras but the first
+};
+
+Comparison CompareAll(const std::vector<CalibratedCamera>& a,
+                      const CalibrationFile& b,
+                      const std::vector<double>& distances) {
+  Comparison comparison;
   for (const CalibratedCamera& camera : a) {
     // Single cameras are compared whatever they are called.
-    const std::string name = a.size() == 1 && b.cameras.size() == 1 ? "" : camera.name;
-    const CalibratedCamera& other = FindCamera(b, name);
-    differences.push_back(CompareCameras(camera, other, distances));
-    if (!print) continue;
-    PrintCamera(differences.back(), camera, other);
-    if (differences.size() > 1) {
-      PrintMount(differences.front(), differences.back(), camera, other);
-    }
-    fmt::print("\n");
+    const bool single = a.size() == 1 && b.cameras.size() == 1;
+    const auto other = std::ranges::find_if(b.cameras, [&](const CalibratedCamera& each) {
+      return single || each.name == camera.name;
+    });
+    if (other == b.cameras.end()) continue;
+    comparison.a.push_back(camera);
+    comparison.b.push_back(*other);
+    comparison.differences.push_back(CompareCameras(camera, *other, distances));
   }
-  return differences;
+  if (comparison.a.empty()) {
+    throw Error(ErrorKind::kInput,
+                fmt::format("{}: has no camera of the other calibration, whose first is '{}'",
+                            b.path.string(),
+                            a.front().name));
+  }
+  const auto counterparts = [&](size_t c) {
+    return Counterparts{comparison.a[c], comparison.b[c], comparison.differences[c]};
+  };
+  for (size_t c = 1; c < comparison.a.size(); ++c) {
+    comparison.mounts.push_back(CompareMounts(counterparts(0), counterparts(c)));
+  }
+  return comparison;
+}
+
+// Names of cameras that are not among `others`.
+std::string NamesWithout(const std::vector<CalibratedCamera>& cameras,
+                         const std::vector<CalibratedCamera>& others) {
+  std::string names;
+  for (const CalibratedCamera& camera : cameras) {
+    if (std::ranges::find(others, camera.name, &CalibratedCamera::name) != others.end()) continue;
+    names += (names.empty() ? "" : ", ") + camera.name;
+  }
+  return names;
 }
 
 nlohmann::json CheckJson(const CalibrationCheck& check) {
@@ -275,10 +296,10 @@ void Check(const CompareCommand& command,
   if (out) {
     std::vector<CalibratedCamera> fresh;
     for (size_t c = 0; c < check.cameras.size(); ++c) fresh.push_back(CameraOf(check.fresh, c));
-    const std::vector<CameraDifference> differences = CompareAll(fresh, old, distances, false);
+    const Comparison comparison = CompareAll(fresh, old, distances);
     out->Write("check.json", CheckJson(check).dump(2) + "\n");
-    out->Write("compare.csv", TableCsv(differences));
-    out->Write("difference.png", Picture(differences, fresh));
+    out->Write("compare.csv", TableCsv(comparison.differences));
+    out->Write("difference.png", Picture(comparison.differences, comparison.a));
     out->Commit();
   }
   if (command.json) {
@@ -306,6 +327,10 @@ void RunCompare(const CompareCommand& command, const ConsoleOptions& options) {
                 "give either a second calibration.yaml or --check session.yaml; see 'plenocal "
                 "compare --help'");
   }
+  if (command.json && command.session.empty()) {
+    throw Error(ErrorKind::kInput,
+                "--json goes with --check; of two calibrations -o OUT writes compare.csv");
+  }
   std::vector<double> distances = command.distances;
   if (distances.empty()) distances = {1, std::numeric_limits<double>::infinity()};
   for (const double distance : distances) {
@@ -323,14 +348,26 @@ void RunCompare(const CompareCommand& command, const ConsoleOptions& options) {
   const CalibrationFile b = ReadCalibration(command.b, CameraModels());
   std::optional<OutputFolder> out;
   if (!command.out.empty()) out.emplace(command.out);
-  const std::vector<CameraDifference> differences = CompareAll(a.cameras, b, distances, true);
+  const Comparison comparison = CompareAll(a.cameras, b, distances);
+  for (size_t c = 0; c < comparison.a.size(); ++c) {
+    PrintCamera(comparison.differences[c], comparison.a[c], comparison.b[c]);
+    if (c > 0) PrintMount(comparison.mounts[c - 1]);
+    fmt::print("\n");
+  }
   if (out) {
-    out->Write("compare.csv", TableCsv(differences));
-    out->Write("difference.png", Picture(differences, a.cameras));
+    out->Write("compare.csv", TableCsv(comparison.differences));
+    out->Write("difference.png", Picture(comparison.differences, comparison.a));
     out->Commit();
   }
-  const bool judged = std::ranges::all_of(differences, &CameraDifference::has_prediction);
-  const bool same = std::ranges::all_of(differences, &CameraDifference::same);
+  for (const auto& [own, others] : {std::pair(&a, &comparison.a), std::pair(&b, &comparison.b)}) {
+    const std::string names = NamesWithout(own->cameras, *others);
+    if (!names.empty()) fmt::print("not compared, only in {}: {}\n", own->path.string(), names);
+  }
+  const bool judged =
+      std::ranges::all_of(comparison.differences, &CameraDifference::has_prediction) &&
+      std::ranges::all_of(comparison.mounts, &MountDifference::has_prediction);
+  const bool same = std::ranges::all_of(comparison.differences, &CameraDifference::same) &&
+                    std::ranges::none_of(comparison.mounts, &MountDifference::differs);
   fmt::print("{}\n",
              !judged ? "no verdict for all cameras"
                      : (same ? "same within uncertainty" : "not the same within uncertainty"));

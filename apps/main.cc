@@ -490,7 +490,16 @@ int main(int argc, char** argv) {  // NOLINT(bugprone-exception-escape)
   } catch (const CLI::CallForVersion& version) {
     return app.exit(version);
   } catch (const CLI::ParseError& error) {
-    return Fail(kWrongInput, fmt::format("{}; see 'plenocal --help'", error.what()));
+    const auto command = app.get_subcommands();
+    const bool late = std::any_of(argv + first, argv + argc, [](const char* argument) {
+      return std::string_view(argument).starts_with("--plugin");
+    });
+    return Fail(
+        kWrongInput,
+        late ? "--plugin stands before the command: plenocal --plugin ./libmine.so COMMAND ..."
+             : fmt::format("{}; see 'plenocal {}--help'",
+                           error.what(),
+                           command.empty() ? "" : command[0]->get_name() + " "));
   }
   plenocal::CatchInterrupts();
   return RunAndMapErrors([&] {

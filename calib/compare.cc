@@ -10,6 +10,7 @@
 #include <numbers>
 
 #include "calib/error.h"
+#include "calib/statistics.h"
 
 namespace plenocal {
 namespace {
@@ -248,7 +249,10 @@ CameraDifference CompareCameras(const CalibratedCamera& a,
   Eigen::MatrixXd M = Eigen::MatrixXd::Zero(system.G.rows(), 1);
   if (result.has_prediction) {
     M = system.G * SquareRoot(covariance);
-    M -= system.H * system.H.completeOrthogonalDecomposition().solve(M);
+    const Eigen::MatrixXd motion = system.H.completeOrthogonalDecomposition().solve(M);
+    M -= system.H * motion;
+    result.T_b_a_sigma = motion.rowwise().norm();
+    result.T_b_a_sigma.head<3>() *= unit;
   }
 
   const auto rows = static_cast<Eigen::Index>(b.model->measured.size());
@@ -276,6 +280,53 @@ CameraDifference CompareCameras(const CalibratedCamera& a,
     result.distances.push_back(at);
   }
   return result;
+}
+
+namespace {
+
+// Variances of a motion's coordinates in the chart of `Retract`, in turned axes.
+Vector6d Turned(const Eigen::Matrix3d& R, const Vector6d& variance) {
+  Vector6d turned;
+  turned << R.cwiseAbs2() * variance.head<3>(), R.cwiseAbs2() * variance.tail<3>();
+  return turned;
+}
+
+// Of a camera's place in the chart of `Retract`; a bound, since files hold no correlations of the
+// se(3) vector's components.
+Vector6d MountVariance(const CalibratedCamera& camera) {
+  return (LogJacobian(camera.T_camera_rig).inverse().cwiseAbs() * camera.sigma_xi).cwiseAbs2();
+}
+
+}  // namespace
+
+MountDifference CompareMounts(const Counterparts& master, const Counterparts& camera) {
+  const RigidTransform T_camera_master_a = camera.a.T_camera_rig * master.a.T_camera_rig.Inverse();
+  const RigidTransform T_camera_master_b = camera.b.T_camera_rig * master.b.T_camera_rig.Inverse();
+  const RigidTransform expected =
+      camera.difference.T_b_a * T_camera_master_a * master.difference.T_b_a.Inverse();
+  // Errors of intrinsics and of the places that they imply cancel rather than add up.
+  Vector6d variance =
+      camera.difference.T_b_a_sigma.cwiseAbs2() + MountVariance(camera.a) + MountVariance(camera.b);
+  Vector6d of_master = master.difference.T_b_a_sigma.cwiseAbs2();
+  for (const CalibratedCamera* each : {&master.a, &master.b}) {
+    Vector6d own = MountVariance(*each);
+    own.head<3>().array() += each->T_camera_rig.t.squaredNorm() * own.tail<3>().sum();
+    of_master += own;
+  }
+  variance += Turned(T_camera_master_b.R, of_master);
+  Vector6d difference;
+  difference << T_camera_master_b.t - expected.t,
+      LogRotation(T_camera_master_b.R * expected.R.transpose());
+  MountDifference mount;
+  mount.turn = difference.tail<3>().norm();
+  mount.shift = difference.head<3>().norm();
+  mount.turn_sigma = std::sqrt(variance.tail<3>().sum());
+  mount.shift_sigma = std::sqrt(variance.head<3>().sum());
+  mount.has_prediction = variance.allFinite() && variance.minCoeff() > 0;
+  mount.differs =
+      mount.has_prediction && (difference.array().square() / variance.array()).maxCoeff() >
+                                  ChiSquareQuantile(1, kFalseAlarm / 6);
+  return mount;
 }
 
 double ImageSigma(const CalibratedCamera& camera, const std::vector<double>& distances) {

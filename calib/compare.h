@@ -45,6 +45,7 @@ struct CameraDifference {
   /// The motion of the camera's frame that the difference of the intrinsics implies: poses of the
   /// target follow it, so that it is no difference of what is seen. p_b = T_b_a p_a.
   RigidTransform T_b_a;
+  Vector6d T_b_a_sigma = Vector6d::Zero();  ///< predicted for the coordinates of `Retract`
   std::vector<DistanceDifference> distances;
   /// Whether both files have sigmas, and all of them finite.
   bool has_prediction = false;
@@ -61,6 +62,25 @@ struct CameraDifference {
 CameraDifference CompareCameras(const CalibratedCamera& a,
                                 const CalibratedCamera& b,
                                 const std::vector<double>& distances);
+
+/// A camera in both calibrations, compared.
+struct Counterparts {
+  const CalibratedCamera& a;
+  const CalibratedCamera& b;
+  const CameraDifference& difference;
+};
+
+/// How two calibrations of a rig differ in a camera's place relative to another camera.
+struct MountDifference {
+  double turn = 0, shift = 0;              ///< rad, m
+  double turn_sigma = 0, shift_sigma = 0;  ///< roots of the sums of both files' variances
+  bool has_prediction = false;             ///< sigmas are there and finite
+  bool differs = false;  ///< by more than they explain, with a false alarm in a hundred at most
+};
+
+/// The place of `camera` in the frame of `master`, which the calibrations may have on the rig as
+/// they like, once the frames of both have moved as their intrinsics imply.
+MountDifference CompareMounts(const Counterparts& master, const Counterparts& camera);
 
 /// What its covariance predicts of a camera's image at these distances, each with equal weight, px:
 /// RMS over the image of the sigma of a point's place, less what a motion of the camera's frame

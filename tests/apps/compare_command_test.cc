@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 #include <opencv2/imgcodecs.hpp>
 
+#include "calib/rigid_transform.h"
 #include "tests/apps/workspace.h"
 
 namespace plenocal::testing {
@@ -90,6 +91,37 @@ TEST_F(CompareCommand, ComparesRigsAndSaysWhereCamerasStand) {
   EXPECT_EQ(outcome.status, kDone) << outcome.err;
   EXPECT_THAT(outcome.out, HasSubstr("on the rig: turned by 0.0000 degrees"));
   EXPECT_THAT(outcome.out, HasSubstr("\nsame within uncertainty\n"));
+}
+
+TEST_F(CompareCommand, SaysThatACameraStandsElsewhereOnTheRig) {
+  WriteProblem(EasyProblem(2));
+  Calibrate("rig");
+  YAML::Node file = YAML::Load(Read("rig/calibration.yaml"));
+  const std::string master = file["cameras"].begin()->first.as<std::string>();
+  YAML::Node camera;
+  for (const auto& each : file["cameras"]) camera.reset(each.second);
+  // Moved along x by ten of its sigmas.
+  const double by = 10 * camera["sigma_xi"][0].as<double>();
+  RigidTransform T;
+  T.R = Matrix(camera["T_camera_rig"]).topLeftCorner<3, 3>();
+  T.t = Matrix(camera["T_camera_rig"]).topRightCorner<3, 1>();
+  T.t.x() += by;
+  const Vector6d xi = Log(T);
+  camera["T_camera_rig"][0][3] = T.t.x();
+  for (int i = 0; i < 6; ++i) camera["xi_camera_rig"][i] = xi[i];
+  Write("moved.yaml", YAML::Dump(file) + "\n");
+  const Outcome moved = Run({"compare", "rig/calibration.yaml", "moved.yaml"});
+  EXPECT_EQ(moved.status, kDone) << moved.err;
+  EXPECT_THAT(moved.out, HasSubstr(": more than the sigmas explain\n"));
+  EXPECT_THAT(moved.out, HasSubstr("\nnot the same within uncertainty\n"));
+
+  // The other camera alone.
+  file["cameras"].remove(master);
+  Write("one.yaml", YAML::Dump(file) + "\n");
+  const Outcome one = Run({"compare", "rig/calibration.yaml", "one.yaml"});
+  EXPECT_EQ(one.status, kDone) << one.err;
+  EXPECT_THAT(one.out, HasSubstr("not compared, only in rig/calibration.yaml: " + master + "\n"));
+  EXPECT_THAT(one.out, HasSubstr("\nsame within uncertainty\n"));
 }
 
 TEST_F(CompareCommand, ConvertsBetweenModelsAndReadsTheResultAgain) {
@@ -205,6 +237,7 @@ TEST_F(CompareCommand, RefusesWhatItCannotReadOrCompare) {
   fails({"compare", "a/calibration.yaml", "session.yaml"}, "session.yaml");
   fails({"compare", "a/calibration.yaml", "b/calibration.yaml", "--distance", "-1"}, "--distance");
   fails({"compare", "a/calibration.yaml"}, "--check");
+  fails({"compare", "a/calibration.yaml", "b/calibration.yaml", "--json"}, "--check");
   fails({"compare", "a/calibration.yaml", "b/calibration.yaml", "--check", "session.yaml"},
         "either");
   Write("small.yaml", Replaced(Read("a/calibration.yaml"), "[1280, 960]", "[640, 480]"));

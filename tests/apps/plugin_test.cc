@@ -116,6 +116,13 @@ TEST_F(Plugin, LeavesUnknownCommandsToTheMessageThatHelps) {
   EXPECT_THAT(outcome.err, HasSubstr("unknown command 'calibrat'; did you mean 'calibrate'?"));
 }
 
+TEST_F(Plugin, StandsBeforeTheCommand) {
+  const Outcome outcome =
+      Run({"calibrate", "--plugin", Library("stereographic"), "session.yaml", "-o", "out"});
+  EXPECT_EQ(outcome.status, kWrongInput);
+  EXPECT_THAT(outcome.err, HasSubstr("--plugin stands before the command"));
+}
+
 TEST_F(Plugin, ModelsCheckAcceptsARightModelAndSaysWhatIsWrongInOthers) {
   const Outcome right = RunWith("stereographic", {"models", "check", "stereographic"});
   EXPECT_EQ(right.status, kDone) << right.out << right.err;
