@@ -76,16 +76,22 @@ Conversion Convert(const CalibratedCamera& camera, const CameraModel& model) {
   };
   for (const StartCandidate& candidate : candidates) {
     Conversion conversion;
-    conversion.params = candidate.params;
-    // Twice: the second time with the rays that the first fit has made visible.
-    for (int pass = 0; pass < 2; ++pass) {
-      FitToRays(model,
-                {},
-                directions,
-                image,
-                {.max_iterations = 300, .tolerance = 1e-15},
-                &conversion.params);
-    }
+    const auto fit = [&](bool within_bounds) {
+      std::vector<double> params = candidate.params;
+      // Twice: the second time with the rays that the first fit has made visible.
+      for (int pass = 0; pass < 2; ++pass) {
+        FitToRays(model,
+                  {},
+                  directions,
+                  image,
+                  {.within_bounds = within_bounds, .max_iterations = 300, .tolerance = 1e-15},
+                  &params);
+      }
+      return params;
+    };
+    conversion.params = fit(false);
+    if (!WithinBounds(model, conversion.params.data())) conversion.params = fit(true);
+    if (!WithinBounds(model, conversion.params.data())) continue;
     double squares = 0;
     for (size_t i = 0; i < image.size(); ++i) {
       ConversionError error{image[i], std::nullopt};

@@ -45,6 +45,20 @@ std::string ParamMap(const CameraModel& model, const std::vector<double>& values
   return text + "}";
 }
 
+// Digits of a value next to a limit of the parameter do not round onto it, where no reader takes
+// it.
+std::string ParameterMap(const CameraModel& model, const std::vector<double>& params) {
+  std::string text = "{";
+  for (size_t i = 0; i < params.size(); ++i) {
+    const Param& param = model.params[i];
+    std::string number = YamlNumber(params[i]);
+    const double read = std::stod(number);
+    if (!(read > param.lower && read < param.upper)) number = fmt::format("{}", params[i]);
+    text += fmt::format("{}{}: {}", i == 0 ? "" : ", ", param.name, number);
+  }
+  return text + "}";
+}
+
 std::vector<std::string_view> AtBound(const BundleCamera& camera) {
   std::vector<std::string_view> names;
   for (size_t k = 0; k < camera.at_bound.size(); ++k) {
@@ -194,7 +208,7 @@ std::string CalibrationYaml(const Calibration& calibration,
     for (size_t i = 0; i < camera.config.size(); ++i) {
       fmt::format_to(out, "    {}: {}\n", model.config[i].name, YamlNumber(camera.config[i]));
     }
-    fmt::format_to(out, "    parameters: {}\n", ParamMap(model, camera.params));
+    fmt::format_to(out, "    parameters: {}\n", ParameterMap(model, camera.params));
     fmt::format_to(out, "    sigma: {}\n", ParamMap(model, calibration.uncertainty.params[c]));
     const std::vector<std::string_view> at_bound = AtBound(camera);
     if (!at_bound.empty()) {

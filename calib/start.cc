@@ -194,6 +194,7 @@ void AdjustTrial(Trial* trial, Until until) {
 bool Alike(const CameraModel& model, std::span<const double> a, std::span<const double> b) {
   constexpr double kPart = 0.02;
   for (size_t k = 0; k < a.size(); ++k) {
+    if (model.params[k].prior_sigma > 0) continue;  // open where there are no points
     const double size = std::max(model.params[k].scale, std::abs(a[k]));
     if (!(std::abs(a[k] - b[k]) <= kPart * size)) return false;
   }

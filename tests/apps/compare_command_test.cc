@@ -9,6 +9,7 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "calib/rigid_transform.h"
+#include "models/registry.h"
 #include "tests/apps/workspace.h"
 
 namespace plenocal::testing {
@@ -141,6 +142,24 @@ TEST_F(CompareCommand, ConvertsBetweenModelsAndReadsTheResultAgain) {
   const Outcome outcome = Run({"compare", "a/calibration.yaml", "c/calibration.yaml"});
   EXPECT_EQ(outcome.status, kDone) << outcome.err;
   EXPECT_THAT(outcome.out, HasSubstr("pinhole-radial3 and pinhole-radtan"));
+}
+
+TEST_F(CompareCommand, ConversionsToEveryModelCanBeRead) {
+  // Double sphere and fov come near it only beyond their parameters' limits.
+  Write(
+      "camera.yaml",
+      "plenocal: 1\ncameras:\n  cam:\n    model: pinhole-radial3\n    image_size: [640, 480]\n"
+      "    parameters: {f_x: 400, f_y: 402, c_x: 322, c_y: 236, A_0: -0.2, A_1: 0.06, A_2: -0.01}\n"
+      "    T_camera_rig: [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]\n");
+  for (const CameraModel& model : CameraModels()) {
+    if (!model.central) continue;
+    SCOPED_TRACE(model.name);
+    const Outcome there =
+        Run({"convert", "camera.yaml", "--to", std::string(model.name), "-o", "c"});
+    ASSERT_EQ(there.status, kDone) << there.err;
+    const Outcome outcome = Run({"compare", "camera.yaml", "c/calibration.yaml"});
+    EXPECT_EQ(outcome.status, kDone) << outcome.err;
+  }
 }
 
 TEST_F(CompareCommand, DrawsThePictureAndWritesTheTable) {
