@@ -103,6 +103,8 @@ bool FitToRays(const CameraModel& model,
   solver.logging_type = ceres::SILENT;
   solver.max_num_iterations = options.max_iterations;
   solver.function_tolerance = options.tolerance;
+  solver.parameter_tolerance = std::min(solver.parameter_tolerance, options.tolerance);
+  solver.gradient_tolerance = std::min(solver.gradient_tolerance, options.tolerance);
   ceres::Solver::Summary summary;
   ceres::Solve(solver, &fit, &summary);
   if (!summary.IsSolutionUsable()) return false;

@@ -208,9 +208,11 @@ void ReadShared(const YamlNode& node, size_t c, std::vector<SessionCamera>* came
     const std::string other = value.AsString();
     const auto found = std::find(names.begin(), names.end(), other);
     if (found == names.end() || other == (*cameras)[c].name) {
+      std::vector<std::string_view> others = names;
+      std::erase(others, (*cameras)[c].name);
       value.Fail(fmt::format("expected another camera of this session, found '{}'{}",
                              other,
-                             SuggestName(other, names)));
+                             SuggestName(other, others)));
     }
     const auto place = static_cast<size_t>(found - names.begin());
     Tie(value, {c, k}, {place, ParamIndex(*(*cameras)[place].model, name, value)}, cameras);

@@ -170,7 +170,6 @@ TEST_F(SimulatedLens, ExactPointsGiveEveryModelBack) {
     Simulate(std::string(model.name), ExampleOf(model), 12, 3, 0, model.example_size);
     const Outcome outcome = Run({"calibrate", "set/session.yaml", "-o", "out", "--no-report"});
     ASSERT_EQ(outcome.status, kDone) << outcome.err;
-    EXPECT_EQ(Result()["cameras"]["cam"]["residuals"]["rejected"].as<int>(), 0);
     EXPECT_LT(LargestDifference(), 1e-5);
   }
 }
