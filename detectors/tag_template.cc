@@ -379,14 +379,15 @@ void TagTemplate::Return(const State& to) {
 
 TagTemplate::Minimum TagTemplate::MinimumBySums(Sums sums, std::size_t stride) const {
   const Matrix information = sums.topLeftCorner<kParameters, kParameters>();
-  const auto pixels = static_cast<double>((pixels_.size() + stride - 1) / stride);
-  const double variance = sums(kResidual, kResidual) / (pixels - kParameters);
+  const std::size_t pixels = (pixels_.size() + stride - 1) / stride;
+  const double variance = sums(kResidual, kResidual) / (static_cast<double>(pixels) - kParameters);
   return {std::move(sums), information.ldlt().solve(Matrix::Identity()), variance};
 }
 
 std::optional<TagTemplate::Minimum> TagTemplate::Descend(std::size_t stride) {
   constexpr int kSteps = 40;
-  const auto count = static_cast<double>(pixels_.size() / stride);
+  const std::size_t pixels = pixels_.size() / stride;
+  const auto count = static_cast<double>(pixels);
   Sums now = Linearise(state_, stride, false);
   double damping = 1e-3;
   for (int step = 0; step < kSteps; ++step) {
