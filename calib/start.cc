@@ -258,6 +258,7 @@ Trial BestTrial(const CameraInput& camera,
   }
   const auto better = [](const Trial* a, const Trial* b) { return a->median < b->median; };
   std::vector<Trial*> ranked;
+  ranked.reserve(trials.size());
   for (Trial& trial : trials) ranked.push_back(&trial);
   std::stable_sort(ranked.begin(), ranked.end(), better);
   std::vector<Trial*> adjusted;
