@@ -269,9 +269,15 @@ Trial BestTrial(const CameraInput& camera,
   if (adjusted.empty()) return {};
   for (Trial* trial : adjusted) AdjustTrial(trial, Until::kNear);
   std::stable_sort(adjusted.begin(), adjusted.end(), better);
-  std::vector<Trial*> minima;
+  std::vector<Trial*> near;
   for (Trial* trial : adjusted) {
     if (trial->median > kAsGood * adjusted[0]->median) break;
+    if (IsAnother(*trial, near)) near.push_back(trial);
+  }
+  // Valleys are flat: those that differ on the way down may meet at the bottom.
+  std::vector<Trial*> minima;
+  for (Trial* trial : near) {
+    if (near.size() > 1) AdjustTrial(trial, Until::kConverged);
     if (IsAnother(*trial, minima)) minima.push_back(trial);
   }
   return std::move(minima.size() > 1 ? *BestOnAllViews(camera, markers, minima) : *minima[0]);
