@@ -528,7 +528,6 @@ std::optional<TagFit> TagTemplate::Fit(const LensShape& shape) {
   if (!minimum || !IsTag()) return std::nullopt;
   TagFit fit;
   fit.corners = corners_;
-  fit.blur = state_.blur;
   fit.bent = Owed(*minimum);
   fit.readings = ReadShape(*minimum);
   for (const BentMarker& bent : fit.bent) {

@@ -31,7 +31,6 @@ Eigen::Matrix3d CellsByUnitSquare(const TagBorder& border);
 /// What a fit of a tag's drawing found.
 struct TagFit {
   Quad corners;
-  double blur = 0;  ///< px
   std::array<BentMarker, 4> bent;
   std::vector<LensReading> readings;  ///< what the tag itself says about the lens
 };
