@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
+#include <glog/logging.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -64,6 +65,8 @@ void AddQuiet(CLI::App* command, bool* quiet) {
 
 // Declaring the commands throws only when memory is short or one is declared twice.
 int main(int argc, char** argv) {  // NOLINT(bugprone-exception-escape)
+  // Ceres warns of every step that it has to repeat; what a solver ends with is in its summary.
+  FLAGS_minloglevel = google::GLOG_FATAL;
   CLI::App app{
       "Plenocal calibrates ordinary and focused plenoptic cameras, alone or on one rig, from "
       "images of a "

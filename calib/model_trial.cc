@@ -494,7 +494,10 @@ class Trials {
       for (size_t other = 0; other < trials.size(); ++other) {
         if (!trials[other].comparable || other == m) continue;
         ++rivals;
-        least = std::min(least, ProbabilityOfAgreement(m, other));
+        // One that predicts worse is no reason to choose another, whatever it knows.
+        if (trials[other].rms < trials[m].rms) {
+          least = std::min(least, ProbabilityOfAgreement(m, other));
+        }
       }
       // Of so many tests one in twenty must not fail by chance.
       trials[m].probability = std::min(1.0, rivals * least);
@@ -510,15 +513,13 @@ class Trials {
       return std::tuple(!a.failure.empty(), !a.comparable, a.comparable ? a.rms : a.unseen) <
              std::tuple(!b.failure.empty(), !b.comparable, b.comparable ? b.rms : b.unseen);
     });
-    const double near = trials[0].rms + std::max(trials[0].rms_sigma, kExact);
-    std::optional<size_t> simplest;
-    for (size_t m = 0; m < trials.size(); ++m) {
-      if (trials[m].comparable && trials[m].probability >= kSignificant && trials[m].rms <= near &&
-          (!simplest || trials[m].free_parameters < trials[*simplest].free_parameters)) {
-        simplest = m;
+    // The best has probability 1.
+    for (size_t m = 1; m < trials.size(); ++m) {
+      if (trials[m].comparable && trials[m].probability >= kSignificant &&
+          trials[m].free_parameters < trials[choice_.recommended].free_parameters) {
+        choice_.recommended = m;
       }
     }
-    choice_.recommended = simplest.value_or(0);
   }
 
   const CalibrationInput& input_;

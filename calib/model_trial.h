@@ -68,15 +68,14 @@ struct ModelChoice {
 /// correlate; the variance of a mean over n frames is s^2 / n (1 + K / (K - 1)) (Nadeau and Bengio,
 /// Inference for the generalization error, Machine Learning 52, 2003).
 ///
-/// Recommended is the model with the fewest free parameters of those that are not worse than
-/// others: neither at the level of 5 % in one-sided t-tests over frames, nor by more than the
-/// standard error of the best one's RMS (Breiman et al., Classification and Regression Trees,
-/// 1984); the best when none is left. One test, against the best, is of the logarithms of the
-/// ratios of the mean squares, since the squares of a model that does not fit have long tails. The
-/// others, against each model with Bonferroni's correction, find what is much smaller than the
-/// noise: whether a model's residuals go along with the difference between its predictions and
-/// another's (Clark and West, Approximately normal tests for equal predictive accuracy in nested
-/// models, Journal of Econometrics 138, 2007; a mean square error does not see the half of it).
+/// Recommended is the model with the fewest free parameters of those that are not worse than others
+/// at the level of 5 % in one-sided t-tests over frames. One test, against the best, is of the
+/// logarithms of the ratios of the mean squares, since the squares of a model that does not fit
+/// have long tails. The others, against each model that predicts held-out points better, with
+/// Bonferroni's correction for all, find what is much smaller than the noise: whether a model's
+/// residuals go along with the difference between its predictions and the other's (Clark and West,
+/// Approximately normal tests for equal predictive accuracy in nested models, Journal of
+/// Econometrics 138, 2007; a mean square error does not see the half of it).
 ///
 /// Throws `Error` of kind kJob when there are too few frames or no model can be calibrated.
 ModelChoice TryModels(const CalibrationInput& input,

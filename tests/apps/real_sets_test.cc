@@ -16,6 +16,7 @@ namespace plenocal::testing {
 namespace {
 
 namespace fs = std::filesystem;
+using ::testing::HasSubstr;
 
 class RealSets : public Workspace {
  protected:
@@ -101,6 +102,33 @@ TEST_F(RealSets, AnamorphicStereoEndsInNoLocalMinimum) {
     EXPECT_NEAR(f_x / f_y, 1.124, 0.01) << name;
     EXPECT_LT(Rms("out", name), 0.65) << name;
   }
+}
+
+TEST_F(RealSets, AModelThatPredictsWorseIsNoReasonForAnother) {
+  // The spline knows of the bend of the board, but most of its 195 parameters follow noise.
+  const fs::path set = Set("frames/stereo_chess_opencv");
+  SKIP_WITHOUT(set);
+  WriteChessboardSession(9, 6, 0.03, {{"left", (set / "left*.jpg").string()}}, false);
+  const Outcome outcome =
+      Run({"try", "session.yaml", "--models", "pinhole,pinhole-radtan,splined", "-o", "out"});
+  EXPECT_THAT(outcome.out, HasSubstr("\nrecommended: pinhole-radtan, "));
+  const YAML::Node best = YAML::Load(Read("out/try.yaml"))["models"].begin()->second;
+  EXPECT_EQ(best["held_out"]["probability"].as<double>(), 1);
+}
+
+TEST_F(RealSets, NoFisheyeGetsAPinholeFromFourImages) {
+  const fs::path set = Set("frames/stereo_fisheye_ros");
+  SKIP_WITHOUT(set);
+  fs::create_directory(Path("few"));
+  for (const char* number : {"06", "18", "31", "39"}) {
+    const std::string name = fmt::format("right-00{}.png", number);
+    ASSERT_TRUE(fs::exists(set / name)) << name;
+    fs::create_symlink(set / name, Path("few") / name);
+  }
+  WriteChessboardSession(8, 6, 0.03, {{"right", "few/*.png"}}, false);
+  const Outcome outcome =
+      Run({"try", "session.yaml", "--models", "pinhole,pinhole-radial3,ucm", "-o", "out"});
+  EXPECT_THAT(outcome.out, HasSubstr("\nrecommended: ucm, "));
 }
 
 TEST_F(RealSets, FisheyeThatTheModelCannotDescribeShowsInTheResiduals) {
