@@ -11,12 +11,14 @@
 #include "apps/commands.h"
 #include "apps/image_module.h"
 #include "apps/observations.h"
+#include "apps/report/results.h"
 #include "calib/calibration_file.h"
 #include "calib/check.h"
 #include "calib/compare.h"
 #include "calib/error.h"
 #include "calib/output_folder.h"
 #include "calib/result_files.h"
+#include "calib/text_file.h"
 #include "models/registry.h"
 
 namespace plenocal {
@@ -114,15 +116,45 @@ void PrintCamera(const CameraDifference& camera,
   fmt::print("  {}\n", Verdict(camera));
 }
 
-void PrintMount(const MountDifference& mount) {
+// correlations.csv beside a calibration.yaml, or none when it does not belong to it.
+Correlations CorrelationsBeside(const CalibrationFile& calibration) {
+  const std::filesystem::path path = calibration.path.parent_path() / "correlations.csv";
+  if (!std::filesystem::exists(path)) return {};
+  Correlations correlations = ReadCorrelations(ReadTextFile(path), path.string());
+  constexpr double kSame = 1e-6;  // of correlations that stand in both files
+  for (const CalibratedCamera& camera : calibration.cameras) {
+    const Eigen::VectorXd sigma = camera.covariance.diagonal().cwiseSqrt();
+    std::vector<std::pair<Eigen::Index, Eigen::Index>> places;  // here and in the table
+    for (size_t k = 0; k < camera.params.size(); ++k) {
+      const std::string name = fmt::format("{}.{}", camera.name, camera.model->params[k].name);
+      const auto found = std::ranges::find(correlations.names, name);
+      const auto here = static_cast<Eigen::Index>(k);
+      if (found == correlations.names.end() || !std::isfinite(sigma[here])) continue;
+      places.emplace_back(here, found - correlations.names.begin());
+    }
+    for (const auto& [i, row] : places) {
+      for (const auto& [j, column] : places) {
+        const double expected = camera.covariance(i, j);
+        const double found = correlations.matrix(row, column) * sigma[i] * sigma[j];
+        if (std::abs(found - expected) > kSame * sigma[i] * sigma[j]) return {};
+      }
+    }
+  }
+  return correlations;
+}
+
+void PrintMount(const MountDifference& mount, bool has_correlations) {
   const auto degrees = [](double angle) { return angle * 180 / std::numbers::pi; };
   fmt::print(
       "  on the rig: turned by {:.4f} degrees (sigmas: {:.4f}), shifted by {:.3f} mm "
-      "(sigmas: {:.3f}){}\n",
+      "(sigmas: {:.3f}{}){}\n",
       degrees(mount.turn),
       degrees(mount.turn_sigma),
       1e3 * mount.shift,
       1e3 * mount.shift_sigma,
+      has_correlations
+          ? ""
+          : "; too large, without the correlations of a correlations.csv beside each file",
       mount.differs ? ": more than the sigmas explain" : "");
 }
 
@@ -185,9 +217,11 @@ struct Comparison {
   std::vector<CalibratedCamera> b;
   std::vector<CameraDifference> differences;
   std::vector<MountDifference> mounts;  ///< of all cameras but the first
+  bool has_correlations = true;         ///< between cameras, of both
 };
 
 Comparison CompareAll(const std::vector<CalibratedCamera>& a,
+                      const Correlations& of_a,
                       const CalibrationFile& b,
                       const std::vector<double>& distances) {
   Comparison comparison;
@@ -211,8 +245,10 @@ Comparison CompareAll(const std::vector<CalibratedCamera>& a,
   const auto counterparts = [&](size_t c) {
     return Counterparts{comparison.a[c], comparison.b[c], comparison.differences[c]};
   };
+  const Correlations of_b = CorrelationsBeside(b);
+  comparison.has_correlations = !of_a.names.empty() && !of_b.names.empty();
   for (size_t c = 1; c < comparison.a.size(); ++c) {
-    comparison.mounts.push_back(CompareMounts(counterparts(0), counterparts(c)));
+    comparison.mounts.push_back(CompareMounts(counterparts(0), counterparts(c), of_a, of_b));
   }
   return comparison;
 }
@@ -296,7 +332,7 @@ void Check(const CompareCommand& command,
   if (out) {
     std::vector<CalibratedCamera> fresh;
     for (size_t c = 0; c < check.cameras.size(); ++c) fresh.push_back(CameraOf(check.fresh, c));
-    const Comparison comparison = CompareAll(fresh, old, distances);
+    const Comparison comparison = CompareAll(fresh, CorrelationsOf(check.fresh), old, distances);
     out->Write("check.json", CheckJson(check).dump(2) + "\n");
     out->Write("compare.csv", TableCsv(comparison.differences));
     out->Write("difference.png", Picture(comparison.differences, comparison.a));
@@ -348,10 +384,10 @@ void RunCompare(const CompareCommand& command, const ConsoleOptions& options) {
   const CalibrationFile b = ReadCalibration(command.b, CameraModels());
   std::optional<OutputFolder> out;
   if (!command.out.empty()) out.emplace(command.out);
-  const Comparison comparison = CompareAll(a.cameras, b, distances);
+  const Comparison comparison = CompareAll(a.cameras, CorrelationsBeside(a), b, distances);
   for (size_t c = 0; c < comparison.a.size(); ++c) {
     PrintCamera(comparison.differences[c], comparison.a[c], comparison.b[c]);
-    if (c > 0) PrintMount(comparison.mounts[c - 1]);
+    if (c > 0) PrintMount(comparison.mounts[c - 1], comparison.has_correlations);
     fmt::print("\n");
   }
   if (out) {

@@ -4,11 +4,14 @@
 #include <fmt/format.h>
 
 #include <Eigen/LU>
+#include <algorithm>
 #include <array>
+#include <cmath>
 #include <limits>
 
 #include "calib/camera_yaml.h"
 #include "calib/error.h"
+#include "calib/names.h"
 #include "calib/number_text.h"
 
 namespace plenocal {
@@ -80,6 +83,44 @@ Eigen::MatrixXd CovarianceOf(std::span<const double> sigma, const Eigen::MatrixX
       const bool known = i == j || (std::isfinite(a) && std::isfinite(b));
       covariance(i, j) = known ? correlation(i, j) * a * b : 0;
     }
+  }
+  return covariance;
+}
+
+Eigen::MatrixXd JointCovariance(const std::vector<const CalibratedCamera*>& cameras,
+                                const Correlations& correlations) {
+  std::vector<double> sigma;
+  std::vector<Eigen::Index> places;  // in `correlations`; -1: not there
+  const auto add = [&](const std::string& name, double value) {
+    const auto found = std::ranges::find(correlations.names, name);
+    places.push_back(found == correlations.names.end() ? -1 : found - correlations.names.begin());
+    sigma.push_back(value);
+  };
+  std::vector<Eigen::Index> first;
+  for (const CalibratedCamera* camera : cameras) {
+    first.push_back(static_cast<Eigen::Index>(sigma.size()));
+    for (size_t k = 0; k < camera->params.size(); ++k) {
+      const auto i = static_cast<Eigen::Index>(k);
+      add(fmt::format("{}.{}", camera->name, camera->model->params[k].name),
+          std::sqrt(camera->covariance(i, i)));
+    }
+    for (size_t i = 0; i < kMountNames.size(); ++i) {
+      add(fmt::format("{}.T_camera_rig.{}", camera->name, kMountNames[i]),
+          camera->sigma_xi[static_cast<Eigen::Index>(i)]);
+    }
+  }
+  const auto count = static_cast<Eigen::Index>(sigma.size());
+  Eigen::MatrixXd correlation = Eigen::MatrixXd::Identity(count, count);
+  for (Eigen::Index i = 0; i < count; ++i) {
+    for (Eigen::Index j = 0; j < count; ++j) {
+      const Eigen::Index a = places[static_cast<size_t>(i)], b = places[static_cast<size_t>(j)];
+      if (i != j && a >= 0 && b >= 0) correlation(i, j) = correlations.matrix(a, b);
+    }
+  }
+  Eigen::MatrixXd covariance = CovarianceOf(sigma, correlation);
+  for (size_t c = 0; c < cameras.size(); ++c) {
+    const Eigen::MatrixXd& own = cameras[c]->covariance;
+    covariance.block(first[c], first[c], own.rows(), own.cols()) = own;
   }
   return covariance;
 }

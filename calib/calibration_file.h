@@ -42,6 +42,19 @@ struct CalibrationFile {
 CalibrationFile ReadCalibration(const std::filesystem::path& path,
                                 std::span<const CameraModel> models);
 
+/// Correlations of all unknowns of a calibration: parameters are called "camera.name", the
+/// coordinates of a camera's se(3) vector "camera.T_camera_rig.x", y, z, w_x, w_y, w_z.
+struct Correlations {
+  std::vector<std::string> names;
+  Eigen::MatrixXd matrix;
+};
+
+/// Covariance of the parameters and the se(3) vectors of some cameras of one file, camera by
+/// camera. What `correlations` does not name has those of `CalibratedCamera::covariance` alone.
+/// Infinite as there.
+Eigen::MatrixXd JointCovariance(const std::vector<const CalibratedCamera*>& cameras,
+                                const Correlations& correlations);
+
 /// One camera of it: the value of key `name` under `cameras`.
 CalibratedCamera ReadCalibratedCamera(const std::string& name,
                                       const YamlNode& node,

@@ -8,6 +8,7 @@
 #include <cmath>
 
 #include "calib/error.h"
+#include "calib/inverse_root.h"
 #include "calib/result_files.h"
 #include "calib/statistics.h"
 
@@ -128,20 +129,8 @@ double Common(const std::vector<double>& sigma, const std::vector<double>& by_ja
 
 // Weights of the chi-squares whose sum is the gap in units of the noise.
 Eigen::VectorXd Weights(const Eigen::MatrixXd& C_new, const Eigen::MatrixXd& C_old) {
-  constexpr double kRank = 1e-10;
-  const Eigen::VectorXd sigma = C_new.diagonal().cwiseSqrt();
-  const Eigen::VectorXd scale = (sigma.array() > 0).select(sigma.cwiseInverse(), 0);
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> spectrum(scale.asDiagonal() * C_new *
-                                                                scale.asDiagonal());
-  std::vector<Eigen::VectorXd> roots;  // rows of N^(1/2)
-  for (Eigen::Index i = 0; i < sigma.size(); ++i) {
-    const double value = spectrum.eigenvalues()[i];
-    if (value <= kRank) continue;
-    roots.emplace_back(scale.asDiagonal() * spectrum.eigenvectors().col(i) / std::sqrt(value));
-  }
-  Eigen::MatrixXd root(static_cast<Eigen::Index>(roots.size()), sigma.size());
-  for (size_t i = 0; i < roots.size(); ++i) root.row(static_cast<Eigen::Index>(i)) = roots[i];
-  const Eigen::MatrixXd M = root * C_old * root.transpose();
+  const Eigen::MatrixXd root = InverseRoot(C_new);
+  const Eigen::MatrixXd M = root.transpose() * C_old * root;
   if (M.rows() == 0) return {};
   return Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(M).eigenvalues().cwiseMax(0).array() + 1;
 }

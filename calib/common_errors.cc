@@ -8,6 +8,8 @@
 #include <random>
 #include <vector>
 
+#include "calib/inverse_root.h"
+
 namespace plenocal {
 namespace {
 
@@ -272,20 +274,6 @@ Scores FrameScores(const Bundle& bundle, const Uncertainty& uncertainty, const M
   return scores;
 }
 
-// N with N N' the inverse of a positive semidefinite matrix where it has one.
-MatrixXd InverseRoot(const MatrixXd& V) {
-  constexpr double kRankTolerance = 1e-10;  // of the matrix with unit diagonal
-  if (V.rows() == 0) return V;
-  const VectorXd diagonal = V.diagonal();
-  const VectorXd scale = (diagonal.array() > 0).select(diagonal.cwiseSqrt().cwiseInverse(), 0);
-  const Eigen::SelfAdjointEigenSolver<MatrixXd> spectrum(scale.asDiagonal() * V *
-                                                         scale.asDiagonal());
-  const VectorXd& values = spectrum.eigenvalues();
-  const VectorXd inverse =
-      (values.array() > kRankTolerance).select(values.cwiseSqrt().cwiseInverse(), 0);
-  return scale.asDiagonal() * spectrum.eigenvectors() * inverse.asDiagonal();
-}
-
 // Directions in a space of `unknowns` dimensions: all, or combinations with signs drawn at random.
 MatrixXd Directions(Eigen::Index unknowns) {
   if (unknowns <= kMostDirections) return MatrixXd::Identity(unknowns, unknowns);
@@ -319,8 +307,8 @@ CommonErrors EstimateCommonErrors(const Bundle& bundle, const Uncertainty& uncer
   MatrixXd D(C.rows(), 0);
   for (size_t c = 0; c < bundle.cameras.size(); ++c) {
     const std::vector<int> places = PlacesOf(uncertainty, c);
-    const MatrixXd directions =
-        InverseRoot(C(places, places)) * Directions(static_cast<Eigen::Index>(places.size()));
+    const MatrixXd root = InverseRoot(C(places, places));
+    const MatrixXd directions = root * Directions(root.cols());
     D.conservativeResize(C.rows(), D.cols() + directions.cols());
     D.rightCols(directions.cols()) = C(Eigen::all, places) * directions;
     first.push_back(D.cols());

@@ -10,6 +10,7 @@
 #include <numbers>
 
 #include "calib/error.h"
+#include "calib/inverse_root.h"
 #include "calib/statistics.h"
 
 namespace plenocal {
@@ -246,14 +247,12 @@ CameraDifference CompareCameras(const CalibratedCamera& a,
   covariance.topLeftCorner(n_b, n_b) = b.covariance;
   covariance.bottomRightCorner(n_a, n_a) = a.covariance;
   result.has_prediction = covariance.allFinite() && covariance.squaredNorm() > 0;
+  const Eigen::MatrixXd motion = -system.H.completeOrthogonalDecomposition().solve(system.G);
+  result.T_b_a_by_b = motion.leftCols(n_b);
+  result.T_b_a_by_a = motion.rightCols(n_a);
+  for (Eigen::MatrixXd* each : {&result.T_b_a_by_a, &result.T_b_a_by_b}) each->topRows(3) *= unit;
   Eigen::MatrixXd M = Eigen::MatrixXd::Zero(system.G.rows(), 1);
-  if (result.has_prediction) {
-    M = system.G * SquareRoot(covariance);
-    const Eigen::MatrixXd motion = system.H.completeOrthogonalDecomposition().solve(M);
-    M -= system.H * motion;
-    result.T_b_a_sigma = motion.rowwise().norm();
-    result.T_b_a_sigma.head<3>() *= unit;
-  }
+  if (result.has_prediction) M = (system.G + system.H * motion) * SquareRoot(covariance);
 
   const auto rows = static_cast<Eigen::Index>(b.model->measured.size());
   const double limit = kFalseAlarm / (9.0 * static_cast<double>(distances.size()));
@@ -284,48 +283,77 @@ CameraDifference CompareCameras(const CalibratedCamera& a,
 
 namespace {
 
-// Variances of a motion's coordinates in the chart of `Retract`, in turned axes.
-Vector6d Turned(const Eigen::Matrix3d& R, const Vector6d& variance) {
-  Vector6d turned;
-  turned << R.cwiseAbs2() * variance.head<3>(), R.cwiseAbs2() * variance.tail<3>();
-  return turned;
-}
+// A transform and its derivatives by all errors of two files, in the chart of `Retract`.
+struct ErringTransform {
+  RigidTransform T;
+  Eigen::MatrixXd J;
 
-// Of a camera's place in the chart of `Retract`; a bound, since files hold no correlations of the
-// se(3) vector's components.
-Vector6d MountVariance(const CalibratedCamera& camera) {
-  return (LogJacobian(camera.T_camera_rig).inverse().cwiseAbs() * camera.sigma_xi).cwiseAbs2();
-}
+  ErringTransform operator*(const ErringTransform& b) const {
+    ErringTransform product{T * b.T, J};
+    product.J.topRows(3) += T.R * b.J.topRows(3) - Hat(T.R * b.T.t) * J.bottomRows(3);
+    product.J.bottomRows(3) += T.R * b.J.bottomRows(3);
+    return product;
+  }
+  [[nodiscard]] ErringTransform Inverse() const {
+    ErringTransform inverse{T.Inverse(), -J};
+    inverse.J.topRows(3) -= Hat(T.t) * J.bottomRows(3);
+    inverse.J.topRows(3) = (T.R.transpose() * inverse.J.topRows(3)).eval();
+    inverse.J.bottomRows(3) = (T.R.transpose() * inverse.J.bottomRows(3)).eval();
+    return inverse;
+  }
+};
 
 }  // namespace
 
-MountDifference CompareMounts(const Counterparts& master, const Counterparts& camera) {
-  const RigidTransform T_camera_master_a = camera.a.T_camera_rig * master.a.T_camera_rig.Inverse();
-  const RigidTransform T_camera_master_b = camera.b.T_camera_rig * master.b.T_camera_rig.Inverse();
-  const RigidTransform expected =
-      camera.difference.T_b_a * T_camera_master_a * master.difference.T_b_a.Inverse();
-  // Errors of intrinsics and of the places that they imply cancel rather than add up.
-  Vector6d variance =
-      camera.difference.T_b_a_sigma.cwiseAbs2() + MountVariance(camera.a) + MountVariance(camera.b);
-  Vector6d of_master = master.difference.T_b_a_sigma.cwiseAbs2();
-  for (const CalibratedCamera* each : {&master.a, &master.b}) {
-    Vector6d own = MountVariance(*each);
-    own.head<3>().array() += each->T_camera_rig.t.squaredNorm() * own.tail<3>().sum();
-    of_master += own;
-  }
-  variance += Turned(T_camera_master_b.R, of_master);
+MountDifference CompareMounts(const Counterparts& master,
+                              const Counterparts& camera,
+                              const Correlations& of_a,
+                              const Correlations& of_b) {
+  const Eigen::MatrixXd C_a = JointCovariance({&master.a, &camera.a}, of_a);
+  const Eigen::MatrixXd C_b = JointCovariance({&master.b, &camera.b}, of_b);
+  // Places of the errors: each file's as in its covariance, those of b after those of a.
+  struct Places {
+    Eigen::Index a = 0, b = 0;
+  };
+  const Places of_master{0, C_a.rows()};
+  const Places of_camera{master.a.covariance.rows() + 6,
+                         C_a.rows() + master.b.covariance.rows() + 6};
+  const auto none = [&] { return Eigen::MatrixXd::Zero(6, C_a.rows() + C_b.rows()).eval(); };
+  const auto place_on_rig = [&](const CalibratedCamera& each, Eigen::Index first) {
+    ErringTransform result{each.T_camera_rig, none()};
+    result.J.middleCols<6>(first + each.covariance.rows()) =
+        LogJacobian(each.T_camera_rig).inverse();
+    return result;
+  };
+  const auto implied = [&](const CameraDifference& difference, const Places& first) {
+    ErringTransform result{difference.T_b_a, none()};
+    result.J.middleCols(first.a, difference.T_b_a_by_a.cols()) = difference.T_b_a_by_a;
+    result.J.middleCols(first.b, difference.T_b_a_by_b.cols()) = difference.T_b_a_by_b;
+    return result;
+  };
+  const ErringTransform found =
+      place_on_rig(camera.b, of_camera.b) * place_on_rig(master.b, of_master.b).Inverse();
+  const ErringTransform expected =
+      implied(camera.difference, of_camera) * place_on_rig(camera.a, of_camera.a) *
+      (implied(master.difference, of_master) * place_on_rig(master.a, of_master.a)).Inverse();
   Vector6d difference;
-  difference << T_camera_master_b.t - expected.t,
-      LogRotation(T_camera_master_b.R * expected.R.transpose());
+  difference << found.T.t - expected.T.t, LogRotation(found.T.R * expected.T.R.transpose());
   MountDifference mount;
-  mount.turn = difference.tail<3>().norm();
   mount.shift = difference.head<3>().norm();
-  mount.turn_sigma = std::sqrt(variance.tail<3>().sum());
-  mount.shift_sigma = std::sqrt(variance.head<3>().sum());
-  mount.has_prediction = variance.allFinite() && variance.minCoeff() > 0;
-  mount.differs =
-      mount.has_prediction && (difference.array().square() / variance.array()).maxCoeff() >
-                                  ChiSquareQuantile(1, kFalseAlarm / 6);
+  mount.turn = difference.tail<3>().norm();
+  mount.has_prediction = C_a.allFinite() && C_b.allFinite();
+  if (!mount.has_prediction) return mount;
+  const Eigen::MatrixXd J = found.J - expected.J;
+  const Matrix6d covariance = J.leftCols(C_a.rows()) * C_a * J.leftCols(C_a.rows()).transpose() +
+                              J.rightCols(C_b.rows()) * C_b * J.rightCols(C_b.rows()).transpose();
+  mount.has_prediction = covariance.diagonal().minCoeff() > 0;
+  if (!mount.has_prediction) return mount;
+  mount.shift_sigma = std::sqrt(covariance.diagonal().head<3>().sum());
+  mount.turn_sigma = std::sqrt(covariance.diagonal().tail<3>().sum());
+  const Eigen::MatrixXd root = InverseRoot(covariance);
+  mount.probability =
+      ChiSquareTail(static_cast<int>(root.cols()), (root.transpose() * difference).squaredNorm());
+  mount.differs = mount.probability < kFalseAlarm;
   return mount;
 }
 

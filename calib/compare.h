@@ -45,7 +45,8 @@ struct CameraDifference {
   /// The motion of the camera's frame that the difference of the intrinsics implies: poses of the
   /// target follow it, so that it is no difference of what is seen. p_b = T_b_a p_a.
   RigidTransform T_b_a;
-  Vector6d T_b_a_sigma = Vector6d::Zero();  ///< predicted for the coordinates of `Retract`
+  /// Its derivatives by the parameters of a and of b, in the chart of `Retract`: six rows.
+  Eigen::MatrixXd T_b_a_by_a, T_b_a_by_b;
   std::vector<DistanceDifference> distances;
   /// Whether both files have sigmas, and all of them finite.
   bool has_prediction = false;
@@ -73,14 +74,21 @@ struct Counterparts {
 /// How two calibrations of a rig differ in a camera's place relative to another camera.
 struct MountDifference {
   double turn = 0, shift = 0;              ///< rad, m
-  double turn_sigma = 0, shift_sigma = 0;  ///< roots of the sums of both files' variances
+  double turn_sigma = 0, shift_sigma = 0;  ///< what the covariances of both predict (RMS)
   bool has_prediction = false;             ///< sigmas are there and finite
-  bool differs = false;  ///< by more than they explain, with a false alarm in a hundred at most
+  double probability = 1;                  ///< of a larger difference by these errors alone
+  bool differs = false;                    ///< probability below one in a hundred
 };
 
 /// The place of `camera` in the frame of `master`, which the calibrations may have on the rig as
-/// they like, once the frames of both have moved as their intrinsics imply.
-MountDifference CompareMounts(const Counterparts& master, const Counterparts& camera);
+/// they like, once the frames of both have moved as their intrinsics imply. The prediction is
+/// linear, with the correlations between parameters and places that both files have: images leave
+/// a camera's axis and its principal point open together, so that places alone are far less certain
+/// than what is compared here. The difference is tested by chi-square.
+MountDifference CompareMounts(const Counterparts& master,
+                              const Counterparts& camera,
+                              const Correlations& of_a,
+                              const Correlations& of_b);
 
 /// What its covariance predicts of a camera's image at these distances, each with equal weight, px:
 /// RMS over the image of the sigma of a point's place, less what a motion of the camera's frame

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <iterator>
 #include <string_view>
 #include <vector>
@@ -16,5 +17,8 @@ std::vector<std::string_view> NamesOf(const Range& range) {
       range, names.begin(), [](const auto& element) -> std::string_view { return element.name; });
   return names;
 }
+
+/// What messages and tables call the coordinates of a camera's place on the rig.
+inline constexpr std::array kMountNames{"x", "y", "z", "w_x", "w_y", "w_z"};
 
 }  // namespace plenocal

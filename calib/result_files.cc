@@ -282,16 +282,17 @@ std::string CalibrationYaml(const Calibration& calibration,
   // Unknowns with a strong correlation: the reader of a sigma needs to know of them.
   constexpr double kStrong = 0.9;
   const Uncertainty& uncertainty = calibration.uncertainty;
+  const auto [names, correlation] = CorrelationsOf(calibration);
   text += "correlations:";
   bool any = false;
-  for (Eigen::Index i = 0; i < uncertainty.correlation.rows(); ++i) {
+  for (Eigen::Index i = 0; i < correlation.rows(); ++i) {
     for (Eigen::Index j = 0; j < i; ++j) {
-      if (std::abs(uncertainty.correlation(i, j)) < kStrong) continue;
+      if (std::abs(correlation(i, j)) < kStrong) continue;
       fmt::format_to(out,
                      "\n  - [{}, {}, {:.4f}]",
-                     uncertainty.names[static_cast<size_t>(j)],
-                     uncertainty.names[static_cast<size_t>(i)],
-                     uncertainty.correlation(i, j));
+                     names[static_cast<size_t>(j)],
+                     names[static_cast<size_t>(i)],
+                     correlation(i, j));
       any = true;
     }
   }
@@ -430,15 +431,35 @@ std::string ResidualsCsv(const Calibration& calibration) {
   return text;
 }
 
-std::string CorrelationsCsv(const Calibration& calibration) {
+Correlations CorrelationsOf(const Calibration& calibration) {
   const Uncertainty& uncertainty = calibration.uncertainty;
+  Correlations result{uncertainty.names, uncertainty.correlation};
+  // Mounts were estimated in another chart than files hold.
+  Eigen::VectorXd sigma = uncertainty.covariance.diagonal().cwiseMax(0).cwiseSqrt();
+  for (size_t c = 0; c < uncertainty.mount_places.size(); ++c) {
+    const int place = uncertainty.mount_places[c];
+    if (place < 0) continue;
+    Matrix6d J = LogJacobian(calibration.bundle.cameras[c].T_camera_rig) *
+                 sigma.segment<6>(place).asDiagonal();
+    const Vector6d sigma_xi =
+        (J * result.matrix.block<6, 6>(place, place) * J.transpose()).diagonal().cwiseSqrt();
+    J = sigma_xi.cwiseMax(1e-300).cwiseInverse().asDiagonal() * J;
+    result.matrix.middleRows<6>(place) = (J * result.matrix.middleRows<6>(place)).eval();
+    result.matrix.middleCols<6>(place) =
+        (result.matrix.middleCols<6>(place) * J.transpose()).eval();
+  }
+  return result;
+}
+
+std::string CorrelationsCsv(const Calibration& calibration) {
+  const auto [names, matrix] = CorrelationsOf(calibration);
   std::string text = "unknown";
-  for (const std::string& name : uncertainty.names) text += "," + name;
+  for (const std::string& name : names) text += "," + name;
   text += '\n';
-  for (Eigen::Index i = 0; i < uncertainty.correlation.rows(); ++i) {
-    text += uncertainty.names[static_cast<size_t>(i)];
-    for (Eigen::Index j = 0; j < uncertainty.correlation.cols(); ++j) {
-      fmt::format_to(std::back_inserter(text), ",{:.12g}", uncertainty.correlation(i, j));
+  for (Eigen::Index i = 0; i < matrix.rows(); ++i) {
+    text += names[static_cast<size_t>(i)];
+    for (Eigen::Index j = 0; j < matrix.cols(); ++j) {
+      fmt::format_to(std::back_inserter(text), ",{:.12g}", matrix(i, j));
     }
     text += '\n';
   }

@@ -27,8 +27,9 @@ std::string ViewPosesCsv(const Calibration& calibration);
 /// have no prediction and leave dx, dy empty. The column sigma is that of each coordinate under the
 /// camera's noise.
 std::string ResidualsCsv(const Calibration& calibration);
-/// correlations.csv: the correlation matrix of all free intrinsics and mounts, a row an unknown.
-/// With the sigmas of calibration.yaml it gives their covariance.
+/// Of all free intrinsics and mounts. With the sigmas of calibration.yaml they give the covariance.
+Correlations CorrelationsOf(const Calibration& calibration);
+/// correlations.csv: these as a matrix, a row an unknown.
 std::string CorrelationsCsv(const Calibration& calibration);
 /// What a person wants to read after a calibration; ends in a newline.
 std::string Summary(const Calibration& calibration);

@@ -7,6 +7,8 @@
 #include <limits>
 #include <numeric>
 
+#include "calib/names.h"
+
 namespace plenocal {
 namespace {
 
@@ -423,7 +425,6 @@ Uncertainty EstimateUncertainty(const Bundle& bundle,
       result.names.push_back(camera_names[c] + "." + std::string(param.name));
     }
     if (layout.mount[c] >= 0) {
-      static constexpr std::array kMountNames{"x", "y", "z", "w_x", "w_y", "w_z"};
       unit.segment<3>(layout.mount[c]).setConstant(std::max(target_distance, 1e-12));
       unit.segment<3>(layout.mount[c] + 3).setOnes();
       for (const char* name : kMountNames) {

@@ -169,13 +169,13 @@ Json MarkersJson(const Results& results) {
 
 Json CorrelationJson(const Results& results) {
   Json rows = Json::array();
-  for (Eigen::Index i = 0; i < results.correlation.rows(); ++i) {
+  for (Eigen::Index i = 0; i < results.correlations.matrix.rows(); ++i) {
     Json row = Json::array();
     // 0.9999 and 0.99999 are worlds apart.
-    for (Eigen::Index j = 0; j < i; ++j) row.push_back(Short(results.correlation(i, j), 5));
+    for (Eigen::Index j = 0; j < i; ++j) row.push_back(Short(results.correlations.matrix(i, j), 5));
     rows.push_back(std::move(row));
   }
-  return {{"names", results.correlation_names}, {"below_diagonal", rows}};
+  return {{"names", results.correlations.names}, {"below_diagonal", rows}};
 }
 
 std::string Base64(std::string_view bytes) {

@@ -25,8 +25,6 @@ class FileReader {
     return YamlNode::Parse(Text(name), Path(name));
   }
   [[nodiscard]] CsvTable Csv(const std::string& name) const { return {Text(name), Path(name)}; }
-
- private:
   [[nodiscard]] const std::string& Text(const std::string& name) const {
     const auto found = files_.find(name);
     if (found != files_.end()) return found->second;
@@ -121,7 +119,10 @@ class ResultReader {
     ReadPoses();
     if (files_.Has("view_poses.csv")) ReadViewPoses();
     ReadResiduals();
-    if (files_.Has("correlations.csv")) ReadCorrelations();
+    if (files_.Has("correlations.csv")) {
+      results_.correlations =
+          ReadCorrelations(files_.Text("correlations.csv"), files_.Path("correlations.csv"));
+    }
     return std::move(results_);
   }
 
@@ -217,20 +218,6 @@ class ResultReader {
     }
   }
 
-  void ReadCorrelations() {
-    const CsvTable table = files_.Csv("correlations.csv");
-    const auto count = static_cast<Eigen::Index>(table.Rows());
-    if (table.Header().size() != table.Rows() + 1) table.Fail(0, "the matrix is not square");
-    results_.correlation.resize(count, count);
-    for (Eigen::Index i = 0; i < count; ++i) {
-      results_.correlation_names.emplace_back(table.Text(static_cast<size_t>(i), 0));
-      for (Eigen::Index j = 0; j < count; ++j) {
-        results_.correlation(i, j) =
-            table.Number(static_cast<size_t>(i), static_cast<size_t>(j) + 1);
-      }
-    }
-  }
-
   [[nodiscard]] size_t Camera(const CsvTable& table, size_t row, size_t column) const {
     const auto found = camera_index_.find(std::string(table.Text(row, column)));
     if (found != camera_index_.end()) return found->second;
@@ -260,6 +247,21 @@ RigidTransform Results::CameraFromTarget(size_t camera, int frame) const {
 
 Results ReadResults(const ResultFiles& files, const std::string& folder) {
   return ResultReader(files, folder).Read();
+}
+
+Correlations ReadCorrelations(const std::string& text, const std::string& name) {
+  const CsvTable table(text, name);
+  const auto count = static_cast<Eigen::Index>(table.Rows());
+  if (table.Header().size() != table.Rows() + 1) table.Fail(0, "the matrix is not square");
+  Correlations correlations{{}, Eigen::MatrixXd(count, count)};
+  for (Eigen::Index i = 0; i < count; ++i) {
+    const auto row = static_cast<size_t>(i);
+    correlations.names.emplace_back(table.Text(row, 0));
+    for (Eigen::Index j = 0; j < count; ++j) {
+      correlations.matrix(i, j) = table.Number(row, static_cast<size_t>(j) + 1);
+    }
+  }
+  return correlations;
 }
 
 }  // namespace plenocal

@@ -63,8 +63,7 @@ struct Results {
   std::map<int, Eigen::Vector3d> marker_sigma;              ///< m; empty: held
   bool converged = false;
   double marker_tolerance = 0;  ///< m; 0: markers were held
-  std::vector<std::string> correlation_names;
-  Eigen::MatrixXd correlation;  ///< empty when the folder does not have it
+  Correlations correlations;    ///< empty when the folder does not have them
   std::vector<WeakResult> weak;
   std::vector<std::string> warnings, left_out;
   std::vector<std::pair<std::string, std::string>> provenance;
@@ -77,5 +76,8 @@ struct Results {
 /// view_poses.csv and correlations.csv. `folder` is for messages. Throws `Error` of kind kInput
 /// with file, line and key.
 Results ReadResults(const ResultFiles& files, const std::string& folder);
+
+/// The content of a correlations.csv; `name` stands for it in messages.
+Correlations ReadCorrelations(const std::string& text, const std::string& name);
 
 }  // namespace plenocal

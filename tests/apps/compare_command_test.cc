@@ -92,6 +92,29 @@ TEST_F(CompareCommand, ComparesRigsAndSaysWhereCamerasStand) {
   EXPECT_EQ(outcome.status, kDone) << outcome.err;
   EXPECT_THAT(outcome.out, HasSubstr("on the rig: turned by 0.0000 degrees"));
   EXPECT_THAT(outcome.out, HasSubstr("\nsame within uncertainty\n"));
+  EXPECT_THAT(outcome.out, Not(HasSubstr("without the correlations")));
+
+  // The turn's sigma without what correlates places and principal points; a table of another
+  // calibration is none.
+  const auto turn_sigma = [](const std::string& text) {
+    double sigma = 0;
+    const std::string found = text.substr(text.find("degrees (sigmas: "));
+    EXPECT_EQ(std::sscanf(found.c_str(), "degrees (sigmas: %lf", &sigma), 1) << text;
+    return sigma;
+  };
+  std::filesystem::create_directory(Path("alone"));
+  Write("alone/calibration.yaml", Read("rig/calibration.yaml"));
+  for (const bool has_table : {false, true}) {
+    if (has_table) {
+      WriteProblem(EasyProblem(3));
+      Calibrate("other");
+      Write("alone/correlations.csv", Read("other/correlations.csv"));
+    }
+    const Outcome alone = Run({"compare", "rig/calibration.yaml", "alone/calibration.yaml"});
+    EXPECT_EQ(alone.status, kDone) << alone.err;
+    EXPECT_THAT(alone.out, HasSubstr("without the correlations"));
+    EXPECT_GT(turn_sigma(alone.out), 1.2 * turn_sigma(outcome.out));
+  }
 }
 
 TEST_F(CompareCommand, SaysThatACameraStandsElsewhereOnTheRig) {

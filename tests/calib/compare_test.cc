@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/compare.h"
+
+#include <gtest/gtest.h>
+
+#include <limits>
+#include <random>
+
+#include "calib/result_files.h"
+#include "calib/statistics.h"
+#include "tests/calib/synthetic.h"
+
+namespace plenocal::testing {
+namespace {
+
+// Of the same frames with other noise.
+Calibration CalibrateWithNoise(CalibrationInput input, unsigned seed) {
+  constexpr double kNoise = 0.1;  // px
+  std::mt19937 random(seed);
+  std::normal_distribution<double> noise(0, kNoise);
+  for (CameraInput& camera : input.cameras) {
+    for (View& view : camera.views) {
+      for (Observation& observation : view.observations) {
+        for (size_t i = 0; i < 2; ++i) observation.values[i] += noise(random);
+        observation.sigma = kNoise;
+      }
+    }
+  }
+  return Calibrate(input, {});
+}
+
+TEST(CompareMounts, DifferencesAreAsLargeAsTheSigmasOfBothPredict) {
+  // Of two cameras of which neither is the one that others stand relative to in the files.
+  constexpr int kPairs = 16;
+  const std::vector<double> distances{1, std::numeric_limits<double>::infinity()};
+  double squares = 0, turn = 0, shift = 0;
+  for (unsigned pair = 0; pair < kPairs; ++pair) {
+    const SyntheticProblem problem = MakeProblem(3 + pair / 8, {.cameras = 3, .frames = 10});
+    const Calibration a = CalibrateWithNoise(problem.input, 100 + pair);
+    const Calibration b = CalibrateWithNoise(problem.input, 200 + pair);
+    std::vector<CalibratedCamera> of_a, of_b;
+    std::vector<CameraDifference> differences;
+    for (const size_t c : {1, 2}) {
+      of_a.push_back(CameraOf(a, c));
+      of_b.push_back(CameraOf(b, c));
+      differences.push_back(CompareCameras(of_a.back(), of_b.back(), distances));
+    }
+    const MountDifference mount = CompareMounts({of_a[0], of_b[0], differences[0]},
+                                                {of_a[1], of_b[1], differences[1]},
+                                                CorrelationsOf(a),
+                                                CorrelationsOf(b));
+    ASSERT_TRUE(mount.has_prediction);
+    squares += ChiSquareQuantile(6, mount.probability);
+    turn += std::pow(mount.turn / mount.turn_sigma, 2);
+    shift += std::pow(mount.shift / mount.shift_sigma, 2);
+  }
+  // Chi-square of six numbers a pair; the others have hardly more than one that counts.
+  constexpr double kChance = 1e-4;
+  EXPECT_GT(squares, ChiSquareQuantile(6 * kPairs, 1 - kChance));
+  EXPECT_LT(squares, ChiSquareQuantile(6 * kPairs, kChance));
+  for (const double sum : {turn, shift}) {
+    EXPECT_GT(sum, ChiSquareQuantile(kPairs, 1 - kChance));
+    EXPECT_LT(sum, ChiSquareQuantile(kPairs, kChance));
+  }
+}
+
+}  // namespace
+}  // namespace plenocal::testing
