@@ -36,8 +36,7 @@ std::string Pack(const RawDetections& found) {
   writer.PutAll(found.markers, [&](const internal::MicroObservation& o) {
     writer.Put(o.seen);
     writer.Put(o.inverse_depth);
-    writer.Put(o.pull.x());
-    writer.Put(o.pull.y());
+    for (const double change : o.pull.reshaped()) writer.Put(change);
     writer.Put(o.type);
   });
   writer.PutAll(found.left_out, [&](const std::string& reason) { writer.Put(reason); });
@@ -52,8 +51,7 @@ std::optional<RawDetections> UnpackDetections(const std::string& text) {
     internal::MicroObservation& o = found.markers.emplace_back();
     o.seen = reader.Get<Observation>();
     o.inverse_depth = reader.Get<double>();
-    o.pull.x() = reader.Get<double>();
-    o.pull.y() = reader.Get<double>();
+    for (double& change : o.pull.reshaped()) change = reader.Get<double>();
     o.type = reader.Get<int>();
   });
   reader.GetAll([&] { found.left_out.push_back(reader.Get<std::string>()); });

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
 #include <optional>
@@ -32,12 +33,33 @@ cv::Mat GreyOf(const cv::Mat& raw) {
   return Exact(grey);
 }
 
+/// All colours alike: where black meets white, the four pixels of the raster must be of one
+/// contrast, or the mean over 3 x 3 is another blur for each. The image as a whole is grey.
+internal::MosaicWeights GreyOfMosaic(const cv::Mat& raw, const cv::Mat& attenuation) {
+  std::array<double, 4> light{}, value{};
+  for (int y = 0; y < raw.rows; ++y) {
+    for (int x = 0; x < raw.cols; ++x) {
+      const auto place = static_cast<size_t>(2 * (y & 1) + (x & 1));
+      light[place] += attenuation.at<float>(y, x);
+      value[place] += raw.at<float>(y, x);
+    }
+  }
+  internal::MosaicWeights weights;
+  double sum = 0;
+  for (size_t i = 0; i < weights.size(); ++i) sum += light[i] / value[i];
+  for (size_t i = 0; i < weights.size(); ++i) {
+    // A colour without any light says nothing of the others.
+    weights[i] = std::isfinite(sum) ? static_cast<float>(light[i] / value[i] / sum) : 0.25f;
+  }
+  return weights;
+}
+
 internal::LensPatches CutGrey(const cv::Mat& grey, const PlenopticCamera& camera, int threads) {
   return internal::CutPatches(
       grey,
       camera.attenuation,
       camera.array,
-      camera.bayer.empty() ? std::nullopt : std::optional(internal::kGreyOfMosaic),
+      camera.bayer.empty() ? std::nullopt : std::optional(GreyOfMosaic(grey, camera.attenuation)),
       threads);
 }
 

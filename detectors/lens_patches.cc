@@ -100,6 +100,7 @@ LensPatches CutPatches(const cv::Mat& raw,
   const double limit = array.Pitch() / 2 - 0.5;
   const int reach = static_cast<int>(std::ceil(limit));
   patches.radius_px = static_cast<float>(limit);
+  patches.reach = mosaic ? 1 : 0;
   patches.size = 2 * (reach + LensPatches::kMargin) + 1;
   const size_t lenses = array.lenses.size(), area = patches.Area();
   patches.value.assign(lenses * area + kTail, kNan);

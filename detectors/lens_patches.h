@@ -27,6 +27,7 @@ struct LensPatches {
 
   int size = 0;         ///< side of a patch, px
   float radius_px = 0;  ///< farthest that a used pixel lies from its micro-image centre
+  int reach = 0;        ///< px that a value's pixels lie from its own: 1 of a mosaic, else 0
   /// lenses x size x size, raw value / attenuation, NaN where the pixel is not of this micro image.
   std::vector<float> value;
   cv::Mat attenuation;  ///< CV_32F, of the raw image
@@ -49,9 +50,6 @@ struct LensPatches {
 /// How much each pixel of the 2 x 2 raster of a raw mosaic counts, row by row from the image's top
 /// left; together 1.
 using MosaicWeights = std::array<float, 4>;
-
-/// All colours alike: grey.
-constexpr MosaicWeights kGreyOfMosaic{0.25f, 0.25f, 0.25f, 0.25f};
 
 /// Cuts `raw` (CV_32F, one channel) by the grid. A pixel belongs to a micro image where the
 /// attenuation is at least half of that micro image's highest, the edge of a blurred disc, and

@@ -32,7 +32,7 @@ struct Sight {
   double cell_px = 0;                               ///< size of a cell in the micro image
   double blur = 0;                                  ///< px, as fitted
   double own = 0;                                   ///< see `Priors`
-  Eigen::Vector2d pull{0, 0};                       ///< as in `MicroObservation`
+  Eigen::Matrix2d pull = Eigen::Matrix2d::Zero();   ///< as in `MicroObservation`
   std::optional<Observation> measured = {};
 };
 
@@ -112,7 +112,42 @@ using Matrix = Eigen::Matrix<double, kCount, kCount>;
 struct SeenPixel {
   float x, y;  ///< about the predicted place
   float value, weight;
-  Eigen::Vector2f light_slope;
+  Eigen::Matrix2d displacement;  ///< px for one of k_pixel and of k
+};
+
+/// What the stop does to the values of one micro image.
+class Stop {
+ public:
+  Stop(const LensPatches& patches, size_t lens)
+      : patches_(patches), lens_(lens), brightest_(patches.BrightestLight(lens)) {}
+
+  /// px for one of k_pixel and of k, the mean over the value's pixels. False where these have lost
+  /// too much light.
+  bool Displace(int column, int row, Eigen::Matrix2d* displacement) const {
+    displacement->setZero();
+    const int reach = patches_.reach;
+    double weights = 0;
+    for (int y = -reach; y <= reach; ++y) {
+      for (int x = -reach; x <= reach; ++x) {
+        const float V = patches_.Light(lens_, column + x, row + y) / brightest_;
+        if (V < kLeastLight) return false;
+        const double weight = (1 + reach - std::abs(x)) * (1 + reach - std::abs(y));
+        const double shape = ApertureShape(V);
+        const Eigen::Vector2d slope =
+            patches_.LightSlope(lens_, column + x, row + y).cast<double>();
+        displacement->col(0) += weight * std::sqrt(shape) * slope;
+        displacement->col(1) += weight * shape * slope;
+        weights += weight;
+      }
+    }
+    *displacement /= weights;
+    return true;
+  }
+
+ private:
+  const LensPatches& patches_;
+  size_t lens_;
+  float brightest_;
 };
 
 /// Fits the drawing to the micro image.
@@ -135,7 +170,7 @@ void Measure(const MarkerLook& look,
   // What meets at the marker, and as much as blurs into it.
   const double window = Drawing::kWindow * sight->cell_px + 2;
   double low = 1e30, high = -1e30;
-  const float least = kLeastLight * patches.BrightestLight(lens);
+  const Stop stop(patches, lens);
   for (int row = 0; row < patches.size; ++row) {
     for (int column = 0; column < patches.size; ++column) {
       const int i = row * patches.size + column;
@@ -145,7 +180,8 @@ void Measure(const MarkerLook& look,
       const Eigen::Vector3f there(static_cast<float>(x), static_cast<float>(y), 1);
       const Eigen::Vector2f cells = (sight->G * there).hnormalized();
       if (!drawing.Knows(cells)) continue;
-      if (std::isnan(value[i]) || patches.Light(lens, column, row) < least) {
+      Eigen::Matrix2d displacement;
+      if (std::isnan(value[i]) || !stop.Displace(column, row, &displacement)) {
         if (drawing.Needs(cells, priors.own.mean, priors.edge / sight->cell_px)) return;
         continue;
       }
@@ -155,7 +191,7 @@ void Measure(const MarkerLook& look,
                         static_cast<float>(y),
                         value[i],
                         light * light / variance,
-                        patches.LightSlope(lens, column, row)});
+                        displacement});
       low = std::min(low, static_cast<double>(value[i]));
       high = std::max(high, static_cast<double>(value[i]));
     }
@@ -169,7 +205,7 @@ void Measure(const MarkerLook& look,
   p[kOwn] = priors.own.mean;
   const double limit = std::max(1.0, 0.5 * sight->cell_px);
   double chi2 = 0;
-  Vector pull = Vector::Zero();
+  Eigen::Matrix<double, kCount, 2> pull;
   Matrix information = Matrix::Zero();
   for (int iteration = 0; iteration < kIterations; ++iteration) {
     drawing.SetOwn(p[kOwn]);
@@ -200,8 +236,8 @@ void Measure(const MarkerLook& look,
       const double residual = pixel.value - p[kLevel] - k * drawn.value[lane];
       H += pixel.weight * j * j.transpose();
       g += pixel.weight * residual * j;
-      // What a displacement by grad ln V does is what a shift of the drawing undoes.
-      pull -= pixel.weight * j.head<2>().dot(pixel.light_slope.cast<double>()) * j;
+      // What a displacement does is what a shift of the drawing undoes.
+      pull -= pixel.weight * j * (j.head<2>().transpose() * pixel.displacement);
       chi2 += pixel.weight * residual * residual;
     }
     const auto add_prior = [&](int at, const Prior& prior) {

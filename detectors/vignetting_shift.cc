@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
 #include <span>
 
 namespace plenocal::internal {
@@ -51,39 +52,52 @@ class DepthLine {
   double low_ = std::numeric_limits<double>::infinity(), high_ = -low_;
 };
 
-/// The two k of each type, and a root of their covariance.
+/// k_pixel and the two k of each type, and a root of their covariance.
 struct Shifts {
   Eigen::VectorXd k;
   Eigen::MatrixXd root;
 };
 
-/// The two k of each type: all x of a marker in a view are affine in the micro-image centres.
+/// Change of (x, y) with each of `Shifts::k`.
+Eigen::Matrix2Xd ByShifts(int types, const DepthLine& line, const MicroObservation& o) {
+  Eigen::Matrix2Xd by = Eigen::Matrix2Xd::Zero(2, 1 + 2 * types);
+  by.col(0) = o.pull.col(0);
+  by.middleCols<2>(1 + 2 * o.type) = o.pull.col(1) * line.At(o.inverse_depth).transpose();
+  return by;
+}
+
+/// The shifts that the micro images of markers show: all x of a marker in a view are affine in the
+/// micro-image centres.
 Shifts FindShifts(int types, const DepthLine& line, std::span<const MicroView> views) {
-  // px^2; the covariance over a pixel and an aperture whose blur is of a pixel's size.
-  constexpr double kPrior = 1;
+  // px^2. A pixel's area has a variance of 1 / 12, its point spread one of up to 0.6^2; as much as
+  // an even distribution between these. An aperture's covariance is about 1 where it blurs by a px.
+  constexpr double kLeastPixel = 1 / 12.0, kPointSpread = 0.36, kAperturePrior = 1;
   const auto runs = RunsOf(views);
-  Shifts shifts{Eigen::VectorXd::Zero(2 * types), {}};
+  const Eigen::Index count = 1 + 2 * types;
+  Eigen::VectorXd prior = Eigen::VectorXd::Zero(count);
+  prior[0] = kLeastPixel + kPointSpread / 2;
+  Eigen::VectorXd precision = Eigen::VectorXd::Constant(count, 1 / kAperturePrior);
+  precision[0] = 12 / (kPointSpread * kPointSpread);
+  Shifts shifts{prior, {}};
   Eigen::VectorXd& k = shifts.k;
   double mean_square = 1;  // of the residuals, in sigmas
   for (int round = 0; round < kRounds; ++round) {
-    Eigen::MatrixXd information = Eigen::MatrixXd::Identity(2 * types, 2 * types);
-    information *= mean_square / (kPrior * kPrior);
-    Eigen::VectorXd right = Eigen::VectorXd::Zero(2 * types);
+    Eigen::MatrixXd information = (mean_square * precision).asDiagonal();
+    Eigen::VectorXd right = information * prior;
     double squares = 0, redundancy = 0;
     for (const auto& run : runs) {
       const auto n = 2 * static_cast<Eigen::Index>(run.size());
       // x = u_0 + s c + k pull, rows divided by sigma.
       Eigen::MatrixXd own = Eigen::MatrixXd::Zero(n, 3);
-      Eigen::MatrixXd shared = Eigen::MatrixXd::Zero(n, 2 * types);
+      Eigen::MatrixXd shared = Eigen::MatrixXd::Zero(n, count);
       Eigen::VectorXd rest(n);
       Eigen::Index row = 0;
       for (const MicroObservation& o : run) {
-        const Eigen::Vector2d weights = line.At(o.inverse_depth);
+        shared.middleRows<2>(row) = ByShifts(types, line, o);
         for (Eigen::Index axis = 0; axis < 2; ++axis, ++row) {
           const auto c = static_cast<size_t>(2 + axis);
           own(row, axis) = 1;
           own(row, 2) = o.seen.values[c] - run[0].seen.values[c];
-          shared.row(row).segment<2>(2 * o.type) = o.pull[axis] * weights.transpose();
           rest[row] = o.seen.values[c - 2];
         }
         own.middleRows<2>(row - 2) /= o.seen.sigma;
@@ -119,6 +133,14 @@ Shifts FindShifts(int types, const DepthLine& line, std::span<const MicroView> v
 
 }  // namespace
 
+double ApertureShape(double V) {
+  // The segment of height e = 1 - d is 4 sqrt(2) / (3 pi) e^(3/2) (1 - 0.15 e + ..) of the disc.
+  const double first =
+      std::pow(std::max(0.0, 1 - V) * 3 * std::numbers::pi / (4 * std::sqrt(2)), 2.0 / 3);
+  const double e = std::min(1.0, first * (1 + 0.1 * first));
+  return 4.0 / 3 * e * (2 - e);
+}
+
 std::vector<std::vector<std::vector<double>>> RemoveVignettingShifts(
     int types, std::vector<MicroView>* views) {
   std::vector<std::vector<std::vector<double>>> left(views->size());
@@ -127,13 +149,10 @@ std::vector<std::vector<std::vector<double>>> RemoveVignettingShifts(
   if (!shifts.k.allFinite() || !shifts.root.allFinite()) return left;
   for (size_t v = 0; v < views->size(); ++v) {
     for (MicroObservation& o : (*views)[v]) {
-      const Eigen::Vector2d weights = line.At(o.inverse_depth);
-      const double own = weights.dot(shifts.k.segment<2>(2 * o.type));
-      for (Eigen::Index axis = 0; axis < 2; ++axis) {
-        o.seen.values[static_cast<size_t>(axis)] -= own * o.pull[axis];
-      }
-      const Eigen::Matrix<double, 2, Eigen::Dynamic, Eigen::RowMajor> uncertain =
-          o.pull * (weights.transpose() * shifts.root.middleRows<2>(2 * o.type));
+      const Eigen::Matrix2Xd by = ByShifts(types, line, o);
+      const Eigen::Vector2d moved = by * shifts.k;
+      for (size_t axis = 0; axis < 2; ++axis) o.seen.values[axis] -= moved[axis];
+      const Eigen::Matrix<double, 2, Eigen::Dynamic, Eigen::RowMajor> uncertain = by * shifts.root;
       left[v].emplace_back(uncertain.data(), uncertain.data() + uncertain.size());
     }
   }

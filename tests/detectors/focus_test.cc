@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 
 #include <algorithm>
+#include <cmath>
 #include <numbers>
 
 #include "calib/error.h"
@@ -159,6 +160,24 @@ TEST(FocusedColours, AreNotMadeOfGrey) {
   camera.attenuation = scene.Attenuation(camera.array);
   EXPECT_TRUE(Focus(scene.Raw(camera.array), camera, {.colour = true, .find_flat_parts = {}})
                   .colour.empty());
+}
+
+TEST(GreyPatches, AreTheSameUnderAnyLight) {
+  // Light that is not white: each colour of the mosaic has another contrast.
+  PlenopticScene scene{.read_noise = 0, .shot = 0};
+  PlenopticCamera camera{scene.Array(), {}, "RGGB"};
+  camera.attenuation = scene.Attenuation(camera.array);
+  const internal::LensPatches white = GreyPatches(scene.Raw(camera.array), camera, 1);
+  scene.bayer = camera.bayer;
+  const internal::LensPatches tinted = GreyPatches(scene.Raw(camera.array), camera, 1);
+  EXPECT_EQ(white.reach, 1);
+  std::vector<float> ratios;
+  for (size_t i = 0; i < white.value.size(); ++i) {
+    if (!std::isnan(white.value[i])) ratios.push_back(tinted.value[i] / white.value[i]);
+  }
+  ASSERT_FALSE(ratios.empty());
+  const auto [lowest, highest] = std::minmax_element(ratios.begin(), ratios.end());
+  EXPECT_LT(*highest / *lowest, 1.02);
 }
 
 std::string Refusal(const cv::Mat& raw, const PlenopticCamera& camera) {

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numbers>
 #include <random>
 
 namespace plenocal::internal {
@@ -16,7 +17,7 @@ constexpr double kNoise = 0.01;                 // px
 constexpr double kPitch = 18;
 
 /// k of a pixel's own area and of the aperture, px^2.
-double TrueK(int type, double z) { return 0.2 + 10 * kFocus[type] * (kFocus[type] - z); }
+Eigen::Vector2d TrueK(int type, double z) { return {0.2, 10 * kFocus[type] * (kFocus[type] - z)}; }
 
 struct Scene {
   std::vector<MicroView> measured, true_view;  // with the shifts and without them, equal noise
@@ -41,8 +42,10 @@ Scene MakeScene(double shift, int types) {
           const double r = offset.norm();
           if (r > 0.3 * kPitch) continue;
           const int type = ((i - j) % 3 + 3) % 3 % types;
-          // None up to 3 px from the centre.
-          const Eigen::Vector2d pull = 0.1 * std::max(0.0, r - 3) / std::max(r, 1e-3) * offset;
+          // None up to 3 px from the centre; the aperture's begins later.
+          const double fall = std::max(0.0, r - 3) / std::max(r, 1e-3);
+          Eigen::Matrix2d pull;
+          pull << 0.1 * fall * offset, 0.1 * fall * fall * offset;
           MicroObservation o{
               .seen = {.marker = marker, .values = {0, 0, c.x(), c.y()}, .sigma = kNoise},
               .inverse_depth = z,
@@ -50,8 +53,8 @@ Scene MakeScene(double shift, int types) {
               .type = type};
           const Eigen::Vector2d noise(kNoise * normal(engine), kNoise * normal(engine));
           for (const bool shifted : {false, true}) {
-            const Eigen::Vector2d x =
-                c + offset + noise + (shifted ? shift * TrueK(type, z) : 0.0) * pull;
+            Eigen::Vector2d x = c + offset + noise;
+            if (shifted) x += shift * pull * TrueK(type, z);
             o.seen.values[0] = x.x();
             o.seen.values[1] = x.y();
             (shifted ? measured : true_view).push_back(o);
@@ -76,6 +79,15 @@ double Difference(const std::vector<MicroView>& a, const std::vector<MicroView>&
     }
   }
   return largest;
+}
+
+TEST(ApertureShape, IsThatOfACutDisc) {
+  EXPECT_EQ(ApertureShape(1), 0);
+  EXPECT_EQ(ApertureShape(1.01), 0);
+  for (const double d : {0.4, 0.6, 0.8, 0.95}) {
+    const double segment = (std::acos(d) - d * std::sqrt(1 - d * d)) / std::numbers::pi;
+    EXPECT_NEAR(ApertureShape(1 - segment), 4.0 / 3 * (1 - d * d), 0.02) << d;
+  }
 }
 
 TEST(RemoveVignettingShifts, FindsThemByTypeAndDepth) {
@@ -106,7 +118,13 @@ TEST(RemoveVignettingShifts, AcceptsAnEmptySetAndOneOfASingleMicroImage) {
   Scene scene = MakeScene(0, 1);
   std::vector<MicroView> one{{scene.measured[0][0]}};
   RemoveVignettingShifts(1, &one);
-  EXPECT_EQ(one[0][0].seen.values, scene.measured[0][0].seen.values);
+  // What any pixel does is known before.
+  const auto& before = scene.measured[0][0];
+  for (Eigen::Index axis = 0; axis < 2; ++axis) {
+    const auto i = static_cast<size_t>(axis);
+    EXPECT_NEAR(
+        one[0][0].seen.values[i], before.seen.values[i], 0.5 * std::abs(before.pull(axis, 0)));
+  }
 }
 
 }  // namespace
