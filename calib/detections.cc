@@ -9,6 +9,7 @@
 #include <iterator>
 #include <numeric>
 #include <unordered_map>
+#include <utility>
 
 #include "calib/error.h"
 #include "calib/number_text.h"
@@ -34,6 +35,11 @@ void Split(std::string_view line, std::vector<std::string_view>* fields) {
     if (comma == std::string_view::npos) return;
     begin = comma + 1;
   }
+}
+
+// Column of what an error that all observations share moves a coordinate by; counted from 1.
+std::string SharedName(std::string_view coordinate, size_t error) {
+  return fmt::format("{}_shared_{}", coordinate, error);
 }
 
 class DetectionReader {
@@ -96,6 +102,12 @@ class DetectionReader {
     for (const std::string_view name : model_.measured) value_columns_.push_back(require(name));
     for (const std::string_view name : model_.context) value_columns_.push_back(require(name));
     sigma_column_ = FindColumn("sigma");
+    for (size_t error = 1; FindColumn(SharedName(model_.measured[0], error)) >= 0; ++error) {
+      for (const std::string_view name : model_.measured) {
+        const std::string column = SharedName(name, error);
+        shared_columns_.emplace_back(column, require(column));
+      }
+    }
   }
 
   double Number(size_t column, std::string_view what) const {
@@ -146,7 +158,21 @@ class DetectionReader {
       last_view_ = place->second;
     }
     views_[last_view_].observations.push_back(observation);
+    if (!shared_columns_.empty()) views_[last_view_].shared_errors.push_back(SharedErrors());
     lines_[last_view_].push_back(line_);
+  }
+
+  // Of the row, as `View` has them.
+  std::vector<double> SharedErrors() const {
+    const size_t dimension = model_.measured.size(), count = shared_columns_.size() / dimension;
+    std::vector<double> errors(shared_columns_.size());
+    for (size_t error = 0; error < count; ++error) {
+      for (size_t i = 0; i < dimension; ++i) {
+        const auto& [name, column] = shared_columns_[error * dimension + i];
+        errors[i * count + error] = Number(column, name);
+      }
+    }
+    return errors;
   }
 
   // The same marker through the same micro lens can be seen once.
@@ -186,6 +212,7 @@ class DetectionReader {
   std::vector<std::string_view> fields_;
   size_t column_count_ = 0, frame_column_ = 0, marker_column_ = 0;
   std::vector<size_t> value_columns_;
+  std::vector<std::pair<std::string, size_t>> shared_columns_;  // error by error
   int sigma_column_ = -1;
   std::vector<View> views_;
   std::vector<std::vector<int>> lines_;  // of the observations of `views_`
@@ -203,9 +230,20 @@ std::string DetectionsCsv(std::span<const View> views, const CameraModel& model)
   std::string text = "frame,marker";
   for (const std::string_view name : model.measured) text.append(",").append(name);
   for (const std::string_view name : model.context) text.append(",").append(name);
-  text += ",sigma\n";
+  text += ",sigma";
+  size_t errors = 0;
   for (const View& view : views) {
-    for (const Observation& observation : view.observations) {
+    if (!view.shared_errors.empty()) {
+      errors = view.shared_errors[0].size() / model.measured.size();
+    }
+  }
+  for (size_t error = 0; error < errors; ++error) {
+    for (const std::string_view name : model.measured) text += "," + SharedName(name, error + 1);
+  }
+  text += '\n';
+  for (const View& view : views) {
+    for (size_t row = 0; row < view.observations.size(); ++row) {
+      const Observation& observation = view.observations[row];
       text.append(view.frame).append(",").append(std::to_string(observation.marker));
       for (size_t i = 0; i < model.measured.size() + model.context.size(); ++i) {
         text += ',';
@@ -213,6 +251,14 @@ std::string DetectionsCsv(std::span<const View> views, const CameraModel& model)
       }
       text += ',';
       if (observation.sigma > 0) AppendFixed(observation.sigma, kCoordinateDecimals, &text);
+      for (size_t error = 0; error < errors; ++error) {
+        for (size_t i = 0; i < model.measured.size(); ++i) {
+          text += ',';
+          const double moved =
+              view.shared_errors.empty() ? 0 : view.shared_errors[row][i * errors + error];
+          AppendFixed(moved, kCoordinateDecimals, &text);
+        }
+      }
       text += '\n';
     }
   }

@@ -12,8 +12,9 @@
 namespace plenocal {
 
 /// Reads a detections CSV (FORMATS.md) with the columns of `model`: frame, marker, what the model
-/// measures, its context, and sigma, which may be absent or empty. Columns are found by name, in
-/// any order; others are ignored. Views come in the order in which their frames first appear.
+/// measures, its context, and sigma, which may be absent or empty; x_shared_1, y_shared_1,
+/// x_shared_2, ..., which may be absent, are `View::shared_errors`, px. Columns are found by name,
+/// in any order; others are ignored. Views come in the order in which their frames first appear.
 /// Throws `Error` with file and line for a missing column, a value that is no finite number, a
 /// sigma that is not positive, or a row that repeats frame, marker and context of another.
 std::vector<View> ReadDetections(const std::filesystem::path& path, const CameraModel& model);

@@ -78,6 +78,25 @@ TEST_F(Detections, WriteTheColumnsOfTheModel) {
   EXPECT_EQ(DetectionsCsv(views, Ordinary()), "frame,marker,x,y,sigma\n7,3,12.25,1,0.1\n");
 }
 
+TEST_F(Detections, KeepTheErrorsThatTheyShare) {
+  // Coordinates x errors.
+  const std::vector<View> views{
+      {"7", {{3, {12.25, 1}, 0.1}}, {{0.25, -0.5, 0.125, 1}}},
+      {"8", {{3, {2, 1}, 0.1}, {4, {2, 3}, 0.1}}, {{1, 2, 3, 4}, {5, 6, 7, 8}}}};
+  const std::string text = DetectionsCsv(views, Ordinary());
+  EXPECT_THAT(
+      text,
+      ::testing::StartsWith("frame,marker,x,y,sigma,x_shared_1,y_shared_1,x_shared_2,y_shared_2\n"
+                            "7,3,12.25,1,0.1,0.25,0.125,-0.5,1\n"));
+  const std::vector<View> again = Read(text, Ordinary());
+  ASSERT_EQ(again.size(), 2);
+  for (size_t v = 0; v < 2; ++v) EXPECT_EQ(again[v].shared_errors, views[v].shared_errors);
+  EXPECT_THAT(MessageOf("frame,marker,x,y,x_shared_1\n1,2,3,4,5\n", Ordinary()),
+              HasSubstr(":1: column 'y_shared_1' is missing"));
+  EXPECT_THAT(MessageOf("frame,marker,x,y,x_shared_1,y_shared_1\n1,2,3,4,5,\n", Ordinary()),
+              HasSubstr(":2: y_shared_1: expected a number"));
+}
+
 TEST_F(Detections, FindColumnsByNameInAnyOrderAndIgnoreOthers) {
   const auto views =
       Read("lens_y,note,y,marker,lens_x,x,frame\n2.5,hello,1,3,10,12.25,007\n", ThroughALens());
