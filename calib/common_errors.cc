@@ -231,8 +231,9 @@ Scores FrameScores(const Bundle& bundle, const Uncertainty& uncertainty, const M
   std::vector<Eigen::Index> errors(bundle.cameras.size(), 0);  // shared by each camera's points
   for (const BundleObservation& observation : bundle.observations) {
     const auto c = static_cast<size_t>(observation.camera);
-    errors[c] = static_cast<Eigen::Index>(observation.shared_errors.size() /
-                                          bundle.cameras[c].model->measured.size());
+    errors[c] = std::max(errors[c],
+                         static_cast<Eigen::Index>(observation.shared_errors.size() /
+                                                   bundle.cameras[c].model->measured.size()));
   }
   const Eigen::Index residuals = std::accumulate(errors.begin(), errors.end(), Eigen::Index{1});
   std::vector<Rows> rows;

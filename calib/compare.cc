@@ -27,25 +27,26 @@ struct Sample {
   bool used = false;
 };
 
-bool ProjectB(const CalibratedCamera& b,
-              const Sample& sample,
-              const RigidTransform& T_b_a,
-              Eigen::VectorXd* difference,
-              Eigen::MatrixXd* J_params,
-              Eigen::MatrixXd* J_point) {
-  const auto rows = static_cast<Eigen::Index>(b.model->measured.size());
-  const auto count = static_cast<Eigen::Index>(b.params.size());
+// Where a camera sees a sample's point, less where a does.
+bool Project(const CalibratedCamera& camera,
+             const Sample& sample,
+             const RigidTransform& T_camera_a,
+             Eigen::VectorXd* difference,
+             Eigen::MatrixXd* J_params,
+             Eigen::MatrixXd* J_point) {
+  const auto rows = static_cast<Eigen::Index>(camera.model->measured.size());
+  const auto count = static_cast<Eigen::Index>(camera.params.size());
   using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
   RowMajor by_params(rows, count), by_point(rows, 3);
   difference->resize(rows);
-  const Eigen::Vector3d p_b = T_b_a * sample.p_a;
-  if (!b.model->project_with_jacobian(b.params.data(),
-                                      b.config.data(),
-                                      sample.values.data(),
-                                      p_b,
-                                      difference->data(),
-                                      by_params.data(),
-                                      by_point.data())) {
+  const Eigen::Vector3d p = T_camera_a * sample.p_a;
+  if (!camera.model->project_with_jacobian(camera.params.data(),
+                                           camera.config.data(),
+                                           sample.values.data(),
+                                           p,
+                                           difference->data(),
+                                           by_params.data(),
+                                           by_point.data())) {
     return false;
   }
   for (Eigen::Index r = 0; r < rows; ++r) {
@@ -91,7 +92,7 @@ std::vector<Sample> Samples(const CalibratedCamera& a, const std::vector<double>
 }
 
 // Derivative of an image point by the pose, in the chart of `Retract`, with the translation in
-// units of the point's distance.
+// `unit` metres.
 Eigen::MatrixXd PoseColumns(const Eigen::MatrixXd& J_point,
                             const RigidTransform& T,
                             const Eigen::Vector3d& p,
@@ -111,6 +112,7 @@ struct System {
 
 System Linearise(const CalibratedCamera& a,
                  const CalibratedCamera& b,
+                 const std::vector<double>& distances,
                  const RigidTransform& T_b_a,
                  double unit,
                  std::vector<Sample>* samples) {
@@ -127,20 +129,22 @@ System Linearise(const CalibratedCamera& a,
     Sample& sample = (*samples)[i];
     Eigen::VectorXd difference;
     Eigen::MatrixXd J_params, J_point;
-    sample.used = ProjectB(b, sample, T_b_a, &difference, &J_params, &J_point);
+    sample.used = Project(b, sample, T_b_a, &difference, &J_params, &J_point);
     if (!sample.used) continue;
     // a sees the point in the same pixel when the point moves by dp: J_a,params da + J_a,point dp =
     // 0.
     Eigen::VectorXd unused;
     Eigen::MatrixXd J_a_params, J_a_point;
-    if (!ProjectB(a, sample, {}, &unused, &J_a_params, &J_a_point)) {
+    if (!Project(a, sample, {}, &unused, &J_a_params, &J_a_point)) {
       sample.used = false;
       continue;
     }
     const Eigen::MatrixXd dp =
         -J_a_point.completeOrthogonalDecomposition().pseudoInverse() * J_a_params;
     system.d.segment(at, rows) = difference;
-    system.H.middleRows(at, rows) = PoseColumns(J_point, T_b_a, sample.p_a, unit);
+    // No translation changes what is infinitely far away.
+    const double unit_here = std::isfinite(distances[sample.distance]) ? unit : 0;
+    system.H.middleRows(at, rows) = PoseColumns(J_point, T_b_a, sample.p_a, unit_here);
     system.G.block(at, 0, rows, n_b) = J_params;
     system.G.block(at, n_b, rows, n_a) = J_point * T_b_a.R * dp;
     system.of.push_back(i);
@@ -220,8 +224,8 @@ CameraDifference CompareCameras(const CalibratedCamera& a,
   CameraDifference result;
   result.name = a.name;
   std::vector<Sample> samples = Samples(a, distances);
-  double unit = kFarAway;
-  for (const double distance : distances) unit = std::min(unit, distance);
+  double unit = *std::ranges::min_element(distances);
+  if (!std::isfinite(unit)) unit = 1;
 
   // Gauss-Newton for the implied motion; where nothing tells of the translation (all is far away)
   // the shortest step leaves it alone.
@@ -229,7 +233,7 @@ CameraDifference CompareCameras(const CalibratedCamera& a,
   constexpr double kConverged = 1e-12;
   System system;
   for (int i = 0; i < kIterations; ++i) {
-    system = Linearise(a, b, result.T_b_a, unit, &samples);
+    system = Linearise(a, b, distances, result.T_b_a, unit, &samples);
     if (system.of.size() < 6) {
       throw Error(
           ErrorKind::kJob,
@@ -240,7 +244,7 @@ CameraDifference CompareCameras(const CalibratedCamera& a,
     result.T_b_a = Retract(result.T_b_a, step);
     if (step.norm() < kConverged * std::max(1.0, unit)) break;
   }
-  system = Linearise(a, b, result.T_b_a, unit, &samples);
+  system = Linearise(a, b, distances, result.T_b_a, unit, &samples);
 
   const Eigen::Index n_b = b.covariance.rows(), n_a = a.covariance.rows();
   Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(n_b + n_a, n_b + n_a);

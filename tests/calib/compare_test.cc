@@ -8,6 +8,7 @@
 
 #include "calib/result_files.h"
 #include "calib/statistics.h"
+#include "models/registry.h"
 #include "tests/calib/synthetic.h"
 
 namespace plenocal::testing {
@@ -27,6 +28,28 @@ Calibration CalibrateWithNoise(CalibrationInput input, unsigned seed) {
     }
   }
   return Calibrate(input, {});
+}
+
+TEST(CompareCameras, NoTranslationMakesUpForAFocalLengthFarAway) {
+  CalibratedCamera a{.name = "camera",
+                     .model = FindModel(CameraModels(), "pinhole"),
+                     .image_size = {640, 480},
+                     .config = {},
+                     .params = {400, 400, 319.5, 239.5},
+                     .covariance = Eigen::MatrixXd::Zero(4, 4),
+                     .T_camera_rig = {}};
+  CalibratedCamera b = a;
+  constexpr double kFactor = 1.01;
+  b.params[0] *= kFactor;
+  b.params[1] *= kFactor;
+  const CameraDifference far = CompareCameras(a, b, {std::numeric_limits<double>::infinity()});
+  EXPECT_EQ(far.T_b_a.t.norm(), 0);
+  const double radius = std::sqrt((640.0 * 640 + 480.0 * 480) / 12);  // RMS over the image
+  EXPECT_NEAR(far.distances[0].all.rms, (kFactor - 1) * radius, 0.02 * (kFactor - 1) * radius);
+  // At one distance a shift along the axis does, less off the axis than on it.
+  const double shift = CompareCameras(a, b, {2}).T_b_a.t.z() / 2;
+  EXPECT_LT(shift, kFactor - 1);
+  EXPECT_GT(shift, 0.7 * (kFactor - 1));
 }
 
 TEST(CompareMounts, DifferencesAreAsLargeAsTheSigmasOfBothPredict) {
