@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <iterator>
 #include <numbers>
 #include <set>
@@ -52,7 +53,7 @@ std::string ParameterMap(const CameraModel& model, const std::vector<double>& pa
   for (size_t i = 0; i < params.size(); ++i) {
     const Param& param = model.params[i];
     std::string number = YamlNumber(params[i]);
-    const double read = std::stod(number);
+    const double read = std::strtod(number.c_str(), nullptr);  // takes denormal numbers, too
     if (!(read > param.lower && read < param.upper)) number = fmt::format("{}", params[i]);
     text += fmt::format("{}{}: {}", i == 0 ? "" : ", ", param.name, number);
   }

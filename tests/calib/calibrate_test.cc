@@ -15,6 +15,8 @@
 #include <sstream>
 #include <tuple>
 
+#include "calib/calibration_file.h"
+#include "calib/result_files.h"
 #include "models/registry.h"
 #include "tests/calib/synthetic.h"
 
@@ -514,6 +516,17 @@ TEST(Calibrate, LinksCamerasByChainsOfOverlap) {
   std::erase_if(cameras[2].views, [](const View& view) { return view.frame < "0012"; });
   const Calibration calibration = Calibrate(problem.input, {});
   for (size_t c = 0; c < 3; ++c) EXPECT_LT(LargestShift(problem, calibration, c), kShift);
+}
+
+TEST(CalibrationYaml, HoldsAParameterThatIsHardlyAboveZero) {
+  SyntheticProblem problem = MakeProblem(12, {});
+  Calibration calibration = Calibrate(problem.input, {});
+  constexpr double kDenormal = 1e-310;
+  calibration.bundle.cameras[0].params.back() = kDenormal;
+  const YamlNode file = YamlNode::Parse(CalibrationYaml(calibration, {}), "calibration.yaml");
+  const auto [name, camera] = file.At("cameras").Entries().front();
+  EXPECT_NEAR(
+      ReadCalibratedCamera(name, camera, CameraModels()).params.back() / kDenormal, 1, 1e-6);
 }
 
 }  // namespace
