@@ -335,8 +335,6 @@ void ReadRefinement(const YamlNode& node, Target* target) {
 
 std::vector<std::string_view> TargetTypes() { return NamesOf(kTypes); }
 
-std::vector<std::string_view> TagFamilies() { return NamesOf(kTagFamilies); }
-
 Target ReadTarget(const std::filesystem::path& path) {
   return ReadTarget(YamlNode::ReadFile(path));
 }

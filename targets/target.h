@@ -70,8 +70,6 @@ struct Target {
 
 /// Names of all target types, as in the file's `type`.
 std::vector<std::string_view> TargetTypes();
-/// Names of all AprilTag families.
-std::vector<std::string_view> TagFamilies();
 
 /// Reads target.yaml of any type, or Kalibr's own target file (`target_type: aprilgrid`,
 /// `checkerboard` or `circlegrid`). Throws `Error` with file, line and key.

@@ -3,6 +3,8 @@
 // Cameras given by detections: mistakes in the CSV, and data that do not suffice.
 #include <fmt/format.h>
 
+#include <random>
+
 #include "tests/apps/workspace.h"
 
 namespace plenocal::testing {

@@ -6,12 +6,12 @@
 #include <cmath>
 #include <numbers>
 #include <optional>
-#include <random>
 #include <string>
 #include <utility>
 
 #include "calib/hexagonal_lattice.h"
 #include "models/registry.h"
+#include "tests/calib/random.h"
 
 namespace plenocal::testing {
 namespace {
@@ -19,19 +19,6 @@ namespace {
 constexpr double kPixel = 5.5e-6;
 constexpr ImageSize kSize{2048, 1800};
 constexpr double kPitch = 20;  // px
-
-class Random {
- public:
-  explicit Random(unsigned seed) : engine_(seed) {}
-  double Uniform(double low, double high) {
-    return low + (high - low) * std::generate_canonical<double, 53>(engine_);
-  }
-  double Gaussian(double sigma) { return sigma * normal_(engine_); }
-
- private:
-  std::mt19937 engine_;
-  std::normal_distribution<double> normal_;
-};
 
 }  // namespace
 

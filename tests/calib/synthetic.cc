@@ -8,25 +8,10 @@
 #include <numbers>
 
 #include "models/registry.h"
+#include "tests/calib/random.h"
 
 namespace plenocal::testing {
 namespace {
-
-class Random {
- public:
-  explicit Random(unsigned seed) : engine_(seed) {}
-  double Uniform(double low, double high) {
-    return low + (high - low) * std::generate_canonical<double, 53>(engine_);
-  }
-  double Gaussian(double sigma) { return sigma * normal_(engine_); }
-  Eigen::Vector3d Direction() {
-    return Eigen::Vector3d(Gaussian(1), Gaussian(1), Gaussian(1)).normalized();
-  }
-
- private:
-  std::mt19937 engine_;
-  std::normal_distribution<double> normal_;
-};
 
 std::map<int, Eigen::Vector3d> NominalMarkers(TargetShape shape) {
   constexpr double kSpacing = 0.03;
