@@ -13,7 +13,7 @@ function addTable() {
       cell(brief(model.probability, 2), model.probability), cell(brief(model.in_sample_rms, 4), model.in_sample_rms), cell(brief(model.image_sigma, 2), model.image_sigma),
       cell(brief(model.seconds, 2), model.seconds), element("td", { style: "text-align:left;white-space:normal;min-width:12em" }, model.undetermined.join(", ") || "–"));
   })));
-  note(node, "A held-out frame gives the camera nothing but a pose. The probability is that of a paired t-test over frames against the best model, with the overlap of the training sets allowed for.");
+  note(node, "A held-out frame gives the camera nothing but a pose. The probability is the smaller one of paired t-tests over frames: of mean squares against the best model's, with the overlap of the training sets allowed for, and of residuals that any model with a smaller RMS predicts.");
   addFigure(figures(node), "Held-out RMS", "Bars: RMS and RMS plus one sigma.", compared.length, (canvas) => bars(canvas, compared.map((model) => model.model), [
     { label: "RMS", data: compared.map((model) => model.rms), backgroundColor: Colours.main },
     { label: "RMS plus sigma", data: compared.map((model) => model.rms + model.rms_sigma), backgroundColor: Colours.faint },
