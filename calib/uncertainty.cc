@@ -368,6 +368,22 @@ Reduced Reduce(const Bundle& bundle, const Layout& layout) {
   return reduced;
 }
 
+// Of (L L')^-1: the squares of the columns of L^-1, which are zero above its diagonal.
+Eigen::VectorXd InverseDiagonal(const Eigen::LLT<Eigen::MatrixXd>& factor) {
+  constexpr Eigen::Index kColumns = 96;
+  const Eigen::Index size = factor.rows();
+  Eigen::VectorXd diagonal(size);
+  for (Eigen::Index begin = 0; begin < size; begin += kColumns) {
+    const Eigen::Index columns = std::min(kColumns, size - begin), rest = size - begin;
+    const auto L = factor.matrixLLT().bottomRightCorner(rest, rest);
+    diagonal.segment(begin, columns) = L.triangularView<Eigen::Lower>()
+                                           .solve(Eigen::MatrixXd::Identity(rest, columns))
+                                           .colwise()
+                                           .squaredNorm();
+  }
+  return diagonal;
+}
+
 }  // namespace
 
 Uncertainty EstimateUncertainty(const Bundle& bundle,
@@ -495,13 +511,13 @@ Uncertainty EstimateUncertainty(const Bundle& bundle,
 
   double marker_unknowns = 0;  // how many of the marker coordinates the data pay for
   if (tail > 0) {
-    const Eigen::MatrixXd inverse = marker_factor.solve(Eigen::MatrixXd::Identity(tail, tail));
+    const Eigen::VectorXd inverse_diagonal = InverseDiagonal(marker_factor);
     const Eigen::MatrixXd spread = gain * covariance;
     for (int m = 0; m < tail / 3; ++m) {
       Eigen::Vector3d variance;
       for (int i = 0; i < 3; ++i) {
         const int row = 3 * m + i;
-        variance[i] = inverse(row, row) + spread.row(row).dot(gain.row(row));
+        variance[i] = inverse_diagonal[row] + spread.row(row).dot(gain.row(row));
         marker_unknowns += 1 - variance[i] / (bundle.marker_sigma * bundle.marker_sigma);
       }
       result.markers.push_back(variance.cwiseSqrt());

@@ -124,11 +124,13 @@ PLENOCAL_LANES void TagTemplate::Place(const Lanes& d_x,
                                        Lanes* y) const {
   *x = d_x;
   *y = d_y;
-  LensBend::Shifts<Eight> shifts;
-  bend_->At<Eight>(d_x, d_y, &shifts);
-  for (int i = 0; i < kLensShapes; ++i) {
-    *x -= static_cast<float>(shape_[i]) * shifts.x[i];
-    *y -= static_cast<float>(shape_[i]) * shifts.y[i];
+  if (!shape_.isZero(0)) {  // as while tags are approached
+    LensBend::Shifts<Eight> shifts;
+    bend_->At<Eight>(d_x, d_y, &shifts);
+    for (int i = 0; i < kLensShapes; ++i) {
+      *x -= static_cast<float>(shape_[i]) * shifts.x[i];
+      *y -= static_cast<float>(shape_[i]) * shifts.y[i];
+    }
   }
   *x *= 1 / static_cast<float>(side_);
   *y *= 1 / static_cast<float>(side_);
