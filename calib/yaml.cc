@@ -397,11 +397,18 @@ YamlNode YamlNode::At(std::string_view key) const {
   const std::optional<size_t> found = impl_->Find(key);
   if (!found) {
     const Tree& tree = *impl_->tree;
+    std::vector<std::string_view> present;
+    for (size_t i = 0; i < tree.children.size(); i += 2) {
+      present.emplace_back(tree.children[i].scalar);
+    }
+    const std::string_view mistyped = NearestName(key, present);
     FailAt(impl_->document->file,
            tree.line,
            tree.column,
            path,
-           fmt::format("this key is missing; add '{}: ...'", key));
+           fmt::format("this key is missing; add '{}: ...'{}",
+                       key,
+                       mistyped.empty() ? "" : fmt::format(" (is '{}' meant for it?)", mistyped)));
   }
   return impl_->Child(impl_->tree->children[*found + 1], path);
 }

@@ -39,23 +39,41 @@ function addScene(parent, report) {
     rig: { ...world(rigs.map((T) => T.t), 0.25), places: [], poses: [still] },
   };
 
-  const view = { yaw: 0.6, pitch: -0.35, zoom: 1, scene: scenes.all };
+  const view = { yaw: 0.6, pitch: -0.35, zoom: 1, shift: [0, 0], scene: scenes.all };
+  // How the scene is seen: size of the canvas and where a point is in it.
+  function look() {
+    const { middle, radius } = view.scene;
+    const width = canvas.clientWidth || 600, height = Math.min(520, Math.max(280, 0.55 * width));
+    const [cy, sy, cp, sp] = [Math.cos(view.yaw), Math.sin(view.yaw), Math.cos(view.pitch), Math.sin(view.pitch)];
+    const scale = 0.5 * Math.min(width, height) / radius * view.zoom;
+    const project = (p) => {
+      const [x, y, z] = p.map((v, k) => v - middle[k]);
+      const u = cy * x + sy * z, d = cy * z - sy * x;
+      const f = 3.5 * radius / (3.5 * radius + (sp * y + cp * d));
+      return [width / 2 + scale * (u * f - view.shift[0] * radius), height / 2 + scale * ((cp * y - sp * d) * f - view.shift[1] * radius)];
+    };
+    return { width, height, project };
+  }
+  // All of the scene, seen from where it is turned to, fills the canvas.
+  function fit() {
+    Object.assign(view, { zoom: 1, shift: [0, 0] });
+    const { width, height, project } = look();
+    const { places, pyramids, poses } = view.scene;
+    const rigPoints = pyramids.flatMap(({ apex, corners }) => [apex, ...corners]);
+    const points = places.concat(poses.flatMap((T) => rigPoints.map((p) => apply(T, p)))).map(project);
+    const [across, down] = [0, 1].map((k) => [points.reduce((a, p) => Math.min(a, p[k]), Infinity), points.reduce((a, p) => Math.max(a, p[k]), -Infinity)]);
+    const half = 0.5 * Math.min(width, height);
+    view.zoom = 0.92 * Math.min(width / (across[1] - across[0]), height / (down[1] - down[0]));
+    view.shift = [(across[0] + across[1] - width) / 2 / half, (down[0] + down[1] - height) / 2 / half];
+  }
   function draw() {
-    const { middle, radius, size, pyramids, places, poses } = view.scene;
-    const width = canvas.clientWidth || 600, height = Math.min(520, Math.max(280, 0.55 * width)), dpr = window.devicePixelRatio || 1;
+    const { size, pyramids, places, poses } = view.scene;
+    const { width, height, project } = look(), dpr = window.devicePixelRatio || 1;
     canvas.width = width * dpr;
     canvas.height = height * dpr;
     canvas.style.height = `${height}px`;
     const ctx = canvas.getContext("2d");
     ctx.setTransform(dpr, 0, 0, dpr, 0, 0);
-    const [cy, sy, cp, sp] = [Math.cos(view.yaw), Math.sin(view.yaw), Math.cos(view.pitch), Math.sin(view.pitch)];
-    const scale = 0.5 * Math.min(width, height * 1.4) / radius * view.zoom;
-    const project = (p) => {
-      const [x, y, z] = p.map((v, k) => v - middle[k]);
-      const u = cy * x + sy * z, d = cy * z - sy * x;
-      const f = 3.5 * radius / (3.5 * radius + (sp * y + cp * d));
-      return [width / 2 + scale * u * f, height / 2 + scale * (cp * y - sp * d) * f];
-    };
     const line = (...points) => points.forEach((p, i) => (i ? ctx.lineTo(...project(p)) : ctx.moveTo(...project(p))));
     ctx.clearRect(0, 0, width, height);
     ctx.fillStyle = "#1c2530";
@@ -125,10 +143,11 @@ function addScene(parent, report) {
   });
   nearer.addEventListener("click", () => { view.zoom *= 1.25; draw(); });
   farther.addEventListener("click", () => { view.zoom /= 1.25; draw(); });
-  [[0, 0], [Math.PI / 2, 0], [0, -1.57]].forEach(([yaw, pitch], i) => turns[i].addEventListener("click", () => { Object.assign(view, { yaw, pitch }); draw(); }));
-  alone.addEventListener("click", () => { view.scene = view.scene === scenes.all ? scenes.rig : scenes.all; draw(); });
+  [[0, 0], [Math.PI / 2, 0], [0, -1.57]].forEach(([yaw, pitch], i) => turns[i].addEventListener("click", () => { Object.assign(view, { yaw, pitch }); fit(); draw(); }));
+  alone.addEventListener("click", () => { view.scene = view.scene === scenes.all ? scenes.rig : scenes.all; fit(); draw(); });
   slider.addEventListener("input", drawSoon);
   window.addEventListener("resize", drawSoon);
   plenocalReport.figures.push({ title: "Target and camera poses", count: centres.length + markers.length, canvas, chart: null, drawn: true, draw });
+  fit();
   draw();
 }

@@ -203,6 +203,10 @@ TEST(Yaml, RefusesUnknownKeysAndNamesTheNearest) {
 TEST(Yaml, NamesAMissingKey) {
   EXPECT_THAT(MessageOf([] { return YamlNode::Parse("a:\n  b: 1", "t.yaml").At("a").At("size"); }),
               StartsWith("t.yaml:2:3: a.size: this key is missing; add 'size: ...'"));
+  EXPECT_THAT(
+      MessageOf([] { return YamlNode::Parse("a:\n  sise: 1", "t.yaml").At("a").At("size"); }),
+      StartsWith(
+          "t.yaml:2:3: a.size: this key is missing; add 'size: ...' (is 'sise' meant for it?)"));
   EXPECT_THAT(MessageOf([] { return YamlNode::Parse("just text", "t.yaml").At("size"); }),
               HasSubstr("expected a map with the key 'size', got 'just text'"));
 }
