@@ -42,13 +42,17 @@ std::string Pack(const ImageResult& result) {
     for (const double value : matrix.reshaped()) writer.Put(value);
   };
   writer.PutAll(result.found.readings, [&](const LensReading& reading) {
+    put(reading.p);
     put(reading.along);
     writer.Put(reading.value);
     writer.Put(reading.variance);
   });
   writer.PutAll(result.found.bent, [&](const BentMarker& bent) {
-    put(bent.shape);
-    put(bent.by_shape);
+    writer.PutAll(bent.pieces, [&](const BentPiece& piece) {
+      put(piece.p);
+      put(piece.bends);
+      put(piece.by_bends);
+    });
     writer.Put(bent.sigma);
   });
   return writer.Text();
@@ -67,14 +71,19 @@ std::optional<ImageResult> Unpack(const std::string& text) {
   };
   reader.GetAll([&] {
     LensReading& reading = result.found.readings.emplace_back();
+    get(&reading.p);
     get(&reading.along);
     reading.value = reader.Get<double>();
     reading.variance = reader.Get<double>();
   });
   reader.GetAll([&] {
     BentMarker& bent = result.found.bent.emplace_back();
-    get(&bent.shape);
-    get(&bent.by_shape);
+    reader.GetAll([&] {
+      BentPiece& piece = bent.pieces.emplace_back();
+      get(&piece.p);
+      get(&piece.bends);
+      get(&piece.by_bends);
+    });
     bent.sigma = reader.Get<double>();
   });
   return reader.IsComplete() ? std::optional(result) : std::nullopt;

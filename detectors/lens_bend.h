@@ -19,17 +19,24 @@ struct Eight {
 };
 
 /// How a lens bends what is about one place of its image: without it, what is at a distance d from
-/// the place would be at d - S(d) c, or at a projective image of that; c is the lens' shape.
+/// the place would be at d - S(d) c, or at a projective image of that; c are the bends there.
 class LensBend {
  public:
   /// `size`: width and height of the image, px.
   LensBend(const Eigen::Vector2d& place, const Eigen::Vector2d& size)
-      : radius_(size.norm() / 2), p_((place - (size - Eigen::Vector2d::Ones()) / 2) / radius_) {}
+      : radius_(size.norm() / 2), p_((place - (size - Eigen::Vector2d::Ones()) / 2) / radius_) {
+    const Eigen::Vector2d e = BendDirection(p_);
+    second_ = {e.x() * e.x() - e.y() * e.y(), 2 * e.x() * e.y()};
+    fourth_ = {second_.x() * second_.x() - second_.y() * second_.y(),
+               2 * second_.x() * second_.y()};
+  }
+
+  [[nodiscard]] const Eigen::Vector2d& p() const { return p_; }
 
   /// S at d = (d_x, d_y), px.
   template <typename Kind>
   struct Shifts {
-    typename Kind::Values x[kLensShapes], y[kLensShapes];
+    typename Kind::Values x[kBends], y[kBends];
   };
   template <typename Kind>
   PLENOCAL_LANES void At(const typename Kind::Values& d_x,
@@ -38,51 +45,37 @@ class LensBend {
     using Scalar = typename Kind::Scalar;
     using Values = typename Kind::Values;
     const auto radius = static_cast<Scalar>(radius_), by_px = 1 / radius;
-    const auto p_x = static_cast<Scalar>(p_.x()), p_y = static_cast<Scalar>(p_.y());
-    const Scalar from = p_x * p_x + p_y * p_y;
+    const auto c_2 = static_cast<Scalar>(second_.x()), s_2 = static_cast<Scalar>(second_.y());
+    const auto c_4 = static_cast<Scalar>(fourth_.x()), s_4 = static_cast<Scalar>(fourth_.y());
     const Values x = d_x * by_px, y = d_y * by_px;
-    const Values square = x * x + y * y;
-    const Values more = 2 * (p_x * x + p_y * y) + square;  // of |p|^2
+    const Values u = radius * (x * x - y * y), v = radius * 2 * x * y;  // d^2
+    const Values square = radius * (x * x + y * y);
+    const Values cube_u = u * x - v * y, cube_v = u * y + v * x;
     const auto put = [&](int i, const Values& shift_x, const Values& shift_y) {
-      shifts->x[i] = radius * shift_x;
-      shifts->y[i] = radius * shift_y;
+      shifts->x[i] = shift_x;
+      shifts->y[i] = shift_y;
     };
     put(0, square, Values{});
     put(1, Values{}, square);
-    // Of |p|^2n: its change, and that without what is linear in `more`.
-    Values change = more, rest{};
-    Scalar power = 1;  // |p|^(2n - 2) at the place
-    for (int n = 1; n <= kRadialOrders; ++n) {
-      const Values curved = static_cast<Scalar>(n) * power * square + rest;
-      put(n + 1, curved * p_x + change * x, curved * p_y + change * y);
-      rest = from * rest + change * more;
-      power *= from;
-      change = change * (from + more) + power * more;
-    }
-    // p^3 conj(d)^2
-    const Scalar cube_x = p_x * (p_x * p_x - 3 * p_y * p_y);
-    const Scalar cube_y = p_y * (3 * p_x * p_x - p_y * p_y);
-    const Values real = x * x - y * y, imaginary = -2 * x * y;
-    power = 1;
-    for (int i = 2 + kRadialOrders; i < kLensShapes; ++i) {
-      put(i,
-          power * (cube_x * real - cube_y * imaginary),
-          power * (cube_x * imaginary + cube_y * real));
-      power *= from;
-    }
+    put(2, u, -v);
+    put(3, v, u);
+    put(4, square * x, square * y);
+    put(5, square * (c_2 * x + s_2 * y), square * (s_2 * x - c_2 * y));
+    put(6, c_2 * cube_u + s_2 * cube_v, c_2 * cube_v - s_2 * cube_u);
+    put(7, c_4 * cube_u + s_4 * cube_v, s_4 * cube_u - c_4 * cube_v);
   }
-  [[nodiscard]] Eigen::Matrix<double, 2, kLensShapes> At(const Eigen::Vector2d& d) const {
+  [[nodiscard]] Eigen::Matrix<double, 2, kBends> At(const Eigen::Vector2d& d) const {
     Shifts<One> shifts;
     At<One>(d.x(), d.y(), &shifts);
-    Eigen::Matrix<double, 2, kLensShapes> S;
-    for (int i = 0; i < kLensShapes; ++i) S.col(i) << shifts.x[i], shifts.y[i];
+    Eigen::Matrix<double, 2, kBends> S;
+    for (int i = 0; i < kBends; ++i) S.col(i) << shifts.x[i], shifts.y[i];
     return S;
   }
 
   /// An edge through the place, straight on the target, that goes `half_edge` (px) to either side
-  /// is bent by this . shape d^2 (px) in the direction `normal` (of length 1) at a distance d along
+  /// is bent by this . bends d^2 (px) in the direction `normal` (of length 1) at a distance d along
   /// it.
-  [[nodiscard]] LensShape OfEdge(const Eigen::Vector2d& half_edge,
+  [[nodiscard]] LensBends OfEdge(const Eigen::Vector2d& half_edge,
                                  const Eigen::Vector2d& normal) const {
     return (At(half_edge) + At(-half_edge)).transpose() * normal / (2 * half_edge.squaredNorm());
   }
@@ -90,6 +83,7 @@ class LensBend {
  private:
   double radius_;
   Eigen::Vector2d p_;
+  Eigen::Vector2d second_, fourth_;  // powers of the direction
 };
 
 }  // namespace plenocal::internal

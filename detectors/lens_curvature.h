@@ -3,59 +3,88 @@
 
 #include <Eigen/Core>
 #include <span>
+#include <vector>
 
 namespace plenocal {
 
-/// How a lens bends straight lines: a_x, a_y, A_0, A_1..., g_0, g_1...
+/// How a lens bends what is about one place p of its image, in what a homography cannot undo: of
+/// what is at a distance d from p, in complex numbers, it shifts
 ///
-/// A homography can undo all that a lens does about a place p to first order, and of second order
-/// all but two shifts of what is at a distance d from p: in complex numbers b |d|^2 and c
-/// conj(d)^2. A lens with an axis of symmetry has b along p and c along p^3, by two functions of
-/// |p|^2. Those of a weak radial distortion p (A_0 |p|^2 + A_1 |p|^4 + ...) belong together; g_0
-/// p^3 + g_1 |p|^2 p^3 is what c has beside it, for a lens that is not weak. a is added to b, for
-/// an axis that is not in the image's middle. Beyond second order the lens does what the A_n do. p
-/// and d are counted in halves of the image's diagonal, p from its middle. No ray is needed, so
-/// that this holds for fisheyes too.
-inline constexpr int kRadialOrders = 5, kOtherOrders = 2;
-inline constexpr int kLensShapes = 2 + kRadialOrders + kOtherOrders;
-using LensShape = Eigen::Matrix<double, kLensShapes, 1>;
+///   b |d|^2 + c conj(d)^2 + k_0 |d|^2 d + k_1 e^2 conj(d)^2 d + k_2 conj(e)^2 d^3
+///   + k_3 e^4 conj(d)^3,
+///
+/// e the direction of p. These are b's and c's two parts and the k: all terms to third order that a
+/// lens with an axis of symmetry has. p and d are counted in halves of the image's diagonal, p from
+/// its middle. No ray is needed, so that this holds for fisheyes too.
+inline constexpr int kBends = 8;
+using LensBends = Eigen::Matrix<double, kBends, 1>;
 
-/// What a piece of an image says about the lens' shape: the value of `along` . shape, near the
-/// shape that was assumed.
+/// The direction e of a place.
+Eigen::Vector2d BendDirection(const Eigen::Vector2d& p);
+
+/// What a piece of an image says about the lens: the value of `along` . bends, near the bends that
+/// were assumed.
 struct LensReading {
-  LensShape along;  ///< of length 1
+  Eigen::Vector2d p;  ///< the place
+  LensBends along;    ///< of length 1
   double value = 0;
   double variance = 0;  ///< of value, from the noise
 };
 
-/// How a marker, measured among bent lines, moves with the lens' shape assumed for them.
+/// How something measured among bent lines moves with the bends assumed about a place.
+struct BentPiece {
+  Eigen::Vector2d p;
+  LensBends bends;                            ///< assumed
+  Eigen::Matrix<double, 2, kBends> by_bends;  ///< px
+};
+
+/// A marker measured among bent lines.
 struct BentMarker {
-  LensShape shape;                                 ///< assumed
-  Eigen::Matrix<double, 2, kLensShapes> by_shape;  ///< px
-  double sigma = 0;                                ///< px, of each coordinate, were the shape exact
+  std::vector<BentPiece> pieces;  ///< their shifts add up
+  double sigma = 0;               ///< px, of each coordinate, were the bends exact
 };
 
 /// The bending that a lens does to straight lines, learned from its images. Few readings, or
-/// uncertain ones, say little and leave the shape near 0.
+/// uncertain ones, say little and leave it near 0.
+///
+/// The lens has an axis of symmetry through some p_0, so b is along q = p - p_0, c along q^3 and
+/// the k are real, by functions of |q|^2. Those of a weak radial distortion q (A_0 |q|^2 + A_1
+/// |q|^4 + ...) belong together; g_0 q^3 + g_1 |q|^2 q^3, h_1 |q|^2 and h_2 |q|^2 are what c, k_1
+/// and k_2 have beside it, for a lens that is not weak. a is added to b, for elements that are not
+/// centred.
 class LensCurvature {
  public:
   explicit LensCurvature(std::span<const LensReading> readings);
 
-  [[nodiscard]] const LensShape& shape() const { return shape_; }
+  [[nodiscard]] LensBends At(const Eigen::Vector2d& p) const;
 
-  /// How far a marker moves with the shape that is known now, px.
+  /// Where the axis of symmetry is, in halves of the image's diagonal from its middle.
+  [[nodiscard]] Eigen::Vector2d axis() const { return lens_.tail<2>(); }
+
+  /// How far a marker moves with the bends that are known now, px.
   [[nodiscard]] Eigen::Vector2d Change(const BentMarker& bent) const;
 
   /// Sigma of each of its coordinates then, px.
   [[nodiscard]] double Sigma(const BentMarker& bent) const;
 
-  /// Variance of `row` . shape.
-  [[nodiscard]] double Variance(const LensShape& row) const;
+  /// Variance of `row` . bends about p.
+  [[nodiscard]] double Variance(const Eigen::Vector2d& p, const LensBends& row) const;
 
  private:
-  LensShape shape_ = LensShape::Zero();
-  Eigen::Matrix<double, kLensShapes, kLensShapes> covariance_ =
-      Eigen::Matrix<double, kLensShapes, kLensShapes>::Zero();
+  static constexpr int kRadialOrders = 5, kOtherOrders = 2, kOtherThirds = 2;
+  static constexpr int kCoefficients = 2 + kRadialOrders + kOtherOrders + kOtherThirds;
+  static constexpr int kUnknowns = kCoefficients + 2;
+  using Lens = Eigen::Matrix<double, kUnknowns, 1>;  // a, A_n, g_n, h_n, p_0
+  using ByCoefficients = Eigen::Matrix<double, kBends, kCoefficients>;
+  using ByLens = Eigen::Matrix<double, kBends, kUnknowns>;
+
+  /// The bends are linear in all but the axis.
+  static ByCoefficients BendsByCoefficients(const Eigen::Vector2d& p, const Eigen::Vector2d& axis);
+  [[nodiscard]] ByLens BendsByLens(const Eigen::Vector2d& p) const;
+
+  Lens lens_ = Lens::Zero();
+  Eigen::Matrix<double, kUnknowns, kUnknowns> covariance_ =
+      Eigen::Matrix<double, kUnknowns, kUnknowns>::Zero();
 };
 
 }  // namespace plenocal

@@ -76,8 +76,10 @@ struct Edge {
   Eigen::Vector3d curve = Eigen::Vector3d::Zero();       ///< a, b, q
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  ///< of a, b, q
   double odd = 0;                                        ///< px, the lens' bend in s^3
-  Eigen::Matrix<double, 3, kLensShapes> by_shape =       ///< of a, b, q by the lens' shape, px
-      Eigen::Matrix<double, 3, kLensShapes>::Zero();
+  Eigen::Vector2d p;                                     ///< the middle, as the lens counts places
+  LensBends bends = LensBends::Zero();                   ///< assumed there
+  Eigen::Matrix<double, 3, kBends> by_bends =            ///< of a, b, q by them, px
+      Eigen::Matrix<double, 3, kBends>::Zero();
   double blur = 0;  ///< px
   bool fitted = false;
 
@@ -85,8 +87,8 @@ struct Edge {
     // Where all s are alike, a fit of a parabola takes s^3 for 3/5 s.
     return curve.dot(Eigen::Vector3d(1, s, s * s)) + odd * s * (s * s - 0.6);
   }
-  [[nodiscard]] LensShape OffsetByShape(double s) const {
-    return by_shape.transpose() * Eigen::Vector3d(1, s, s * s);
+  [[nodiscard]] LensBends OffsetByBends(double s) const {
+    return by_bends.transpose() * Eigen::Vector3d(1, s, s * s);
   }
   [[nodiscard]] double OffsetVariance(double s) const {
     const Eigen::Vector3d j(1, s, s * s);
@@ -373,13 +375,15 @@ void FitEdge(const cv::Mat& gray, bool corner_squares, Edge* edge, Workspace* wo
 void BendByLens(const LensCurvature& lens, const Eigen::Vector2d& image_size, Edge* edge) {
   const Eigen::Vector2d half = edge->half_length * edge->along;
   const LensBend bend(edge->middle, image_size);
-  const LensShape of_edge = half.squaredNorm() * bend.OfEdge(half, edge->normal);  // at s = 1
+  const LensBends of_edge = half.squaredNorm() * bend.OfEdge(half, edge->normal);  // at s = 1
   const Eigen::Vector3d gain =
-      edge->covariance.col(2) / (edge->covariance(2, 2) + lens.Variance(of_edge));
-  edge->curve += gain * (of_edge.dot(lens.shape()) - edge->curve[2]);
+      edge->covariance.col(2) / (edge->covariance(2, 2) + lens.Variance(bend.p(), of_edge));
+  edge->p = bend.p();
+  edge->bends = lens.At(edge->p);
+  edge->curve += gain * (of_edge.dot(edge->bends) - edge->curve[2]);
   edge->covariance -= gain * edge->covariance.row(2).eval();
-  edge->by_shape = gain * of_edge.transpose();
-  edge->odd = edge->normal.dot((bend.At(half) - bend.At(-half)) * lens.shape()) / 2;
+  edge->by_bends = gain * of_edge.transpose();
+  edge->odd = edge->normal.dot((bend.At(half) - bend.At(-half)) * edge->bends) / 2;
 }
 
 /// What edges say about the lens.
@@ -389,11 +393,11 @@ void ReadEdges(std::span<const Edge> edges,
   for (const Edge& edge : edges) {
     if (!edge.fitted) continue;
     const Eigen::Vector2d half = edge.half_length * edge.along;
-    const LensShape of_edge =
-        half.squaredNorm() * LensBend(edge.middle, image_size).OfEdge(half, edge.normal);
+    const LensBend bend(edge.middle, image_size);
+    const LensBends of_edge = half.squaredNorm() * bend.OfEdge(half, edge.normal);
     const double size = of_edge.norm();
     readings->push_back(
-        {of_edge / size, edge.curve[2] / size, edge.covariance(2, 2) / (size * size)});
+        {bend.p(), of_edge / size, edge.curve[2] / size, edge.covariance(2, 2) / (size * size)});
   }
 }
 
@@ -436,9 +440,7 @@ Edge MakeEdge(const SeenTag& tag, int side, const TagBorder& border) {
   return edge;
 }
 
-std::optional<RefinedCorner> Intersect(const Edge& before,
-                                       const Edge& after,
-                                       const LensCurvature& lens) {
+std::optional<RefinedCorner> Intersect(const Edge& before, const Edge& after) {
   if (!before.fitted || !after.fitted) return std::nullopt;
   // The end (s = 1) of the edge that arrives and the beginning (s = -1) of the one that leaves.
   Eigen::Matrix2d normals;
@@ -456,11 +458,12 @@ std::optional<RefinedCorner> Intersect(const Edge& before,
   }
   const Eigen::Vector2d variances(before.OffsetVariance(s_before), after.OffsetVariance(s_after));
   const Eigen::Matrix2d covariance = inverse * variances.asDiagonal() * inverse.transpose();
-  Eigen::Matrix<double, 2, kLensShapes> offsets_by_shape;
-  offsets_by_shape << before.OffsetByShape(s_before).transpose(),
-      after.OffsetByShape(s_after).transpose();
   const double sigma = std::sqrt(covariance.trace() / 2);
-  return RefinedCorner{point, sigma, {lens.shape(), inverse * offsets_by_shape, sigma}};
+  const BentMarker bent{
+      {{before.p, before.bends, inverse.col(0) * before.OffsetByBends(s_before).transpose()},
+       {after.p, after.bends, inverse.col(1) * after.OffsetByBends(s_after).transpose()}},
+      sigma};
+  return RefinedCorner{point, sigma, bent};
 }
 
 /// Where and how a fit of a tag's drawing starts.
@@ -474,12 +477,12 @@ struct Attempt {
 std::optional<TagFit> FitDrawing(const cv::Mat& gray,
                                  const TagBorder& border,
                                  std::initializer_list<Attempt> attempts,
-                                 const LensShape& shape) {
+                                 const LensCurvature& lens) {
   for (const Attempt& attempt : attempts) {
     TagTemplate drawing(gray, attempt.from, border, attempt.blur);
     if (attempt.reach > 0) drawing.Search(attempt.reach);
     if (!drawing.Approach()) continue;
-    if (auto fit = drawing.Fit(shape)) return fit;
+    if (auto fit = drawing.Fit(lens)) return fit;
   }
   return std::nullopt;
 }
@@ -499,9 +502,10 @@ std::optional<RefinedCorner> CrossingAt(const cv::Mat& gray,
   guess.u = free * (corners[(k + 1) % 4] - corners[k]);
   guess.v = free * (corners[(k + 3) % 4] - corners[k]);
   const LensBend bend(guess.p, Eigen::Vector2d(gray.cols, gray.rows));
+  const LensBends bends = lens.At(bend.p());
   const auto along = [&](const Eigen::Vector2d& direction) {
     const Eigen::Vector2d clockwise = Eigen::Vector2d(-direction.y(), direction.x()).normalized();
-    return 2 * bend.OfEdge(direction, clockwise).dot(lens.shape());
+    return 2 * bend.OfEdge(direction, clockwise).dot(bends);
   };
   guess.curvature_u = along(guess.u);
   guess.curvature_v = along(guess.v);
@@ -510,10 +514,7 @@ std::optional<RefinedCorner> CrossingAt(const cv::Mat& gray,
   // The tag's own black is where u and v have equal signs.
   if (!saddle || saddle->contrast > 0) return std::nullopt;
   // Lines that bend alike on both sides cross where straight ones would.
-  return RefinedCorner{
-      saddle->p,
-      saddle->sigma,
-      {lens.shape(), Eigen::Matrix<double, 2, kLensShapes>::Zero(), saddle->sigma}};
+  return RefinedCorner{saddle->p, saddle->sigma, {{}, saddle->sigma}};
 }
 
 }  // namespace
@@ -555,14 +556,14 @@ RefinedTags RefineTags(const cv::Mat& gray,
     std::optional<TagFit> drawing;
     std::vector<LensReading> of_edges;
     if (near[i]) {
-      drawing = near[i]->Fit(lens.shape());
+      drawing = near[i]->Fit(lens);
     } else {
       ReadEdges(edges[i], image_size, &of_edges);
       for (Edge& edge : edges[i]) {
         if (edge.fitted) BendByLens(lens, image_size, &edge);
       }
       for (std::size_t k = 0; k < 4; ++k) {
-        refined[i][k] = Intersect(edges[i][(k + 3) % 4], edges[i][k], lens);
+        refined[i][k] = Intersect(edges[i][(k + 3) % 4], edges[i][k]);
         // No better than what was known before.
         if (refined[i][k] && refined[i][k]->sigma > edges[i][k].inside) refined[i][k].reset();
       }
@@ -581,7 +582,7 @@ RefinedTags RefineTags(const cv::Mat& gray,
       drawing = FitDrawing(gray,
                            border,
                            {{start, blur, 0}, {tags[i], kUsualBlur, 0}, {tags[i], kUsualBlur, 2}},
-                           lens.shape());
+                           lens);
     }
     for (std::size_t k = 0; k < 4; ++k) {
       if (!drawing || (refined[i][k] && refined[i][k]->sigma < drawing->bent[k].sigma)) continue;
@@ -597,7 +598,7 @@ RefinedTags RefineTags(const cv::Mat& gray,
       if (!corner) continue;
       corner->point += known.Change(corner->bent);
       corner->sigma = known.Sigma(corner->bent);
-      corner->bent.shape = known.shape();
+      for (BentPiece& piece : corner->bent.pieces) piece.bends = known.At(piece.p);
     }
   }
   if (border.corner_squares) {
@@ -644,7 +645,7 @@ std::optional<Quad> FindTag(const cv::Mat& gray,
 
   TagTemplate drawing(part, there, border, kUsualBlur);
   drawing.Search(static_cast<int>(std::ceil(reach / reduced)));
-  if (!drawing.Approach() || !drawing.Fit(LensShape::Zero())) return std::nullopt;
+  if (!drawing.Approach() || !drawing.Fit(LensCurvature({}))) return std::nullopt;
   // Fisher's transform: five standard deviations from no correlation, one chance in three million.
   const int data = border.width - 2 * border.ring;
   const double least = std::tanh(5 / std::sqrt(data * data - 3.0));

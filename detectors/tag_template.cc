@@ -95,14 +95,14 @@ void TagTemplate::SetCorners(const Quad& corners) {
 
 Eigen::Vector2d TagTemplate::Straight(const Eigen::Vector2d& x) const {
   const Eigen::Vector2d d = x - centre_;
-  return (d - bend_->At(d) * shape_) / side_;
+  return (d - bend_->At(d) * bends_) / side_;
 }
 
 Eigen::Vector2d TagTemplate::Bent(const Eigen::Vector2d& y) const {
   // The lens bends little, so a few steps do.
   const Eigen::Vector2d straight = side_ * y;
   Eigen::Vector2d d = straight;
-  for (int i = 0; i < 4; ++i) d = straight + bend_->At(d) * shape_;
+  for (int i = 0; i < 4; ++i) d = straight + bend_->At(d) * bends_;
   return d + centre_;
 }
 
@@ -124,12 +124,12 @@ PLENOCAL_LANES void TagTemplate::Place(const Lanes& d_x,
                                        Lanes* y) const {
   *x = d_x;
   *y = d_y;
-  if (!shape_.isZero(0)) {  // as while tags are approached
+  if (!bends_.isZero(0)) {  // as while tags are approached
     LensBend::Shifts<Eight> shifts;
     bend_->At<Eight>(d_x, d_y, &shifts);
-    for (int i = 0; i < kLensShapes; ++i) {
-      *x -= static_cast<float>(shape_[i]) * shifts.x[i];
-      *y -= static_cast<float>(shape_[i]) * shifts.y[i];
+    for (int i = 0; i < kBends; ++i) {
+      *x -= static_cast<float>(bends_[i]) * shifts.x[i];
+      *y -= static_cast<float>(bends_[i]) * shifts.y[i];
     }
   }
   *x *= 1 / static_cast<float>(side_);
@@ -271,7 +271,7 @@ double TagTemplate::DataCorrelation() {
 PLENOCAL_FOR_EACH_PROCESSOR
 void TagTemplate::Differentiate(const State& state,
                                 const Strip& strip,
-                                bool by_shape,
+                                bool by_bends,
                                 Lanes* rows) const {
   const Eigen::Matrix3f G = state.G.cast<float>();
   const float m = static_cast<float>(state.level), k = static_cast<float>(state.contrast);
@@ -301,24 +301,24 @@ void TagTemplate::Differentiate(const State& state,
   put(by_px * strength * drawn.by_blur);
   put(strength * drawn.by_beyond);
   put(strip.gray - light * level);
-  if (!by_shape) return;
+  if (!by_bends) return;
   const Lanes by_x = by_u * (G(0, 0) - drawn.u * G(2, 0)) + by_v * (G(1, 0) - drawn.v * G(2, 0));
   const Lanes by_y = by_u * (G(0, 1) - drawn.u * G(2, 1)) + by_v * (G(1, 1) - drawn.v * G(2, 1));
   LensBend::Shifts<Eight> shifts;
   bend_->At<Eight>(strip.d_x, strip.d_y, &shifts);
-  for (int i = 0; i < kLensShapes; ++i) {
+  for (int i = 0; i < kBends; ++i) {
     put(-by_px * (shifts.x[i] * by_x + shifts.y[i] * by_y));
   }
 }
 
-TagTemplate::Sums TagTemplate::Linearise(const State& state, std::size_t stride, bool by_shape) {
+TagTemplate::Sums TagTemplate::Linearise(const State& state, std::size_t stride, bool by_bends) {
   // Single precision within a block of pixels only.
-  Lanes block[kWithShape * kBlock] = {};
-  const int columns = by_shape ? kWithShape : kWithoutShape;
+  Lanes block[kWithLens * kBlock] = {};
+  const int columns = by_bends ? kWithLens : kWithoutLens;
   Sums sums = Sums::Zero(columns, columns);
   int filled = 0;
   for (std::size_t i = 0; i < pixels_.size(); i += kLanes * stride) {
-    Differentiate(state, Draw(state, i, stride), by_shape, block + filled++);
+    Differentiate(state, Draw(state, i, stride), by_bends, block + filled++);
     if (filled == kBlock || i + kLanes * stride >= pixels_.size()) {
       AddSquares(block, columns, kBlock, filled, sums.data());
       filled = 0;
@@ -453,41 +453,41 @@ void TagTemplate::StartLevels() {
   state_.level = (all.y - state_.contrast * all.x) / all.n;
 }
 
-std::vector<LensReading> TagTemplate::ReadShape(const Minimum& minimum) const {
+std::vector<LensReading> TagTemplate::ReadLens(const Minimum& minimum) const {
   const auto& [sums, covariance, variance] = minimum;
   // The other parameters are eliminated.
-  using Information = Eigen::Matrix<double, kLensShapes, kLensShapes>;
-  const Eigen::Matrix<double, kParameters, kLensShapes> mixed =
-      sums.block<kParameters, kLensShapes>(0, kShape);
+  using Information = Eigen::Matrix<double, kBends, kBends>;
+  const Eigen::Matrix<double, kParameters, kBends> mixed =
+      sums.block<kParameters, kBends>(0, kLens);
   const Information information =
-      sums.block<kLensShapes, kLensShapes>(kShape, kShape) - mixed.transpose() * covariance * mixed;
-  const LensShape gradient =
-      sums.block<kLensShapes, 1>(kShape, kResidual) -
+      sums.block<kBends, kBends>(kLens, kLens) - mixed.transpose() * covariance * mixed;
+  const LensBends gradient =
+      sums.block<kBends, 1>(kLens, kResidual) -
       mixed.transpose() * covariance * sums.block<kParameters, 1>(0, kResidual);
   const Eigen::SelfAdjointEigenSolver<Information> axes(information);
   // What is below is lost in the rounding of single precision.
-  const double least = 1e-4 * axes.eigenvalues()[kLensShapes - 1];
+  const double least = 1e-4 * axes.eigenvalues()[kBends - 1];
   std::vector<LensReading> readings;
-  for (int i = 0; i < kLensShapes; ++i) {
+  for (int i = 0; i < kBends; ++i) {
     const double about = axes.eigenvalues()[i];
     if (!(about > least)) continue;
-    const LensShape along = axes.eigenvectors().col(i);
-    readings.push_back({along, along.dot(shape_) + along.dot(gradient) / about, variance / about});
+    const LensBends along = axes.eigenvectors().col(i);
+    readings.push_back(
+        {bend_->p(), along, along.dot(bends_) + along.dot(gradient) / about, variance / about});
   }
   return readings;
 }
 
 std::array<BentMarker, 4> TagTemplate::Owed(const Minimum& minimum) const {
   const auto& [sums, covariance, variance] = minimum;
-  const Eigen::Matrix<double, 8, kLensShapes> G_by_shape =
-      -covariance.topRows<8>() * sums.block<kParameters, kLensShapes>(0, kShape);
+  const Eigen::Matrix<double, 8, kBends> G_by_bends =
+      -covariance.topRows<8>() * sums.block<kParameters, kBends>(0, kLens);
   std::array<BentMarker, 4> bent;
   for (std::size_t k = 0; k < 4; ++k) {
     const Eigen::Matrix<double, 2, 8> by_G = CornerByG(corners_[k]);
     const Eigen::Matrix2d of_corner =
         variance * by_G * covariance.topLeftCorner<8, 8>() * by_G.transpose();
-    bent[k] = {shape_,
-               by_G * G_by_shape + bend_->At(corners_[k] - centre_),
+    bent[k] = {{{bend_->p(), bends_, by_G * G_by_bends + bend_->At(corners_[k] - centre_)}},
                std::sqrt(of_corner.trace() / 2)};
   }
   return bent;
@@ -517,13 +517,13 @@ std::optional<std::vector<LensReading>> TagTemplate::Approach() {
   }
   if (!minimum || !IsTag()) return std::nullopt;
   bent_ = Owed(*minimum);
-  return ReadShape(*minimum);
+  return ReadLens(*minimum);
 }
 
-std::optional<TagFit> TagTemplate::Fit(const LensShape& shape) {
+std::optional<TagFit> TagTemplate::Fit(const LensCurvature& lens) {
   Quad moved = corners_;
-  for (std::size_t k = 0; k < 4; ++k) moved[k] += bent_[k].by_shape * (shape - shape_);
-  shape_ = shape;
+  for (std::size_t k = 0; k < 4; ++k) moved[k] += lens.Change(bent_[k]);
+  bends_ = lens.At(bend_->p());
   SetCorners(moved);
   PlacePixels();
   const std::optional<Minimum> minimum = Finish();
@@ -531,7 +531,7 @@ std::optional<TagFit> TagTemplate::Fit(const LensShape& shape) {
   TagFit fit;
   fit.corners = corners_;
   fit.bent = Owed(*minimum);
-  fit.readings = ReadShape(*minimum);
+  fit.readings = ReadLens(*minimum);
   for (const BentMarker& bent : fit.bent) {
     // Also false for NaN.
     if (!(bent.sigma < side_ / 4)) return std::nullopt;

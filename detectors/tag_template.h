@@ -39,7 +39,7 @@ struct TagFit {
 ///
 ///   I(x) = (1 + g . y) (m + k T(G y, w)),   y = (d - S(d) c) / side,   d = x - centre,
 ///
-/// c is the lens' shape and S its shifts about the tag's centre (see lens_bend.h), G the
+/// c are the lens' bends and S its shifts about the tag's centre (see lens_bend.h), G the
 /// homography from image to tag, T is 1 in the colour around the tag, -1 in the other, and some e
 /// beyond the bit around the tag, blurred by a Gaussian of standard deviation w (px; the pixel's
 /// own area is part of it). The homography is taken as affine within the blur; there the drawing is
@@ -59,9 +59,9 @@ class TagTemplate {
   /// they say about the lens; nothing when it does not converge.
   std::optional<std::vector<LensReading>> Approach();
 
-  /// From there to the minimum over all pixels, with a lens of this shape. Nothing when it does not
-  /// converge, or to something else than the tag.
-  std::optional<TagFit> Fit(const LensShape& shape);
+  /// From there to the minimum over all pixels, with the bends of this lens. Nothing when it does
+  /// not converge, or to something else than the tag.
+  std::optional<TagFit> Fit(const LensCurvature& lens);
 
   [[nodiscard]] const Quad& corners() const { return corners_; }
   [[nodiscard]] double blur() const { return state_.blur; }  ///< px
@@ -74,13 +74,13 @@ class TagTemplate {
   static constexpr int kParameters = 14;  // G without its last, m, k, g, w, e
   static constexpr int kBeyond = 13;
   static constexpr int kResidual = kParameters;
-  static constexpr int kShape = kParameters + 1;             // the lens'
-  static constexpr int kWithShape = 24, kWithoutShape = 15;  // columns, padded for AddSquares
-  static constexpr int kBlock = 32;                          // strips
+  static constexpr int kLens = kParameters + 1;            // its bends
+  static constexpr int kWithLens = 24, kWithoutLens = 15;  // columns, padded for AddSquares
+  static constexpr int kBlock = 32;                        // strips
   using Vector = Eigen::Matrix<double, kParameters, 1>;
   using Matrix = Eigen::Matrix<double, kParameters, kParameters>;
-  using Sums = Eigen::
-      Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, kWithShape, kWithShape>;
+  using Sums =
+      Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, kWithLens, kWithLens>;
 
   struct Pixel {
     int column, row;
@@ -106,7 +106,7 @@ class TagTemplate {
   /// The same of eight points at a distance from the centre, px.
   void Place(const Lanes& d_x, const Lanes& d_y, Lanes* x, Lanes* y) const;
   void ChoosePixels();
-  /// Puts the pixels chosen where they are by the present centre and shape.
+  /// Puts the pixels chosen where they are by the present centre and bends.
   void PlacePixels();
   void SetBeyond(double value);
   /// The pixels from number `from` on, `stride` apart, and the drawing there.
@@ -115,17 +115,17 @@ class TagTemplate {
   template <typename Use>
   void ForEachDrawn(std::size_t stride, const Use& use);
   /// The model's derivatives by its parameters, the residual and, where asked for, the derivatives
-  /// by the lens' shape, `kBlock` apart.
-  void Differentiate(const State& state, const Strip& strip, bool by_shape, Lanes* rows) const;
+  /// by the bends, `kBlock` apart.
+  void Differentiate(const State& state, const Strip& strip, bool by_bends, Lanes* rows) const;
   /// Of j j^T over every `stride`-th pixel, j being what `Differentiate` gives.
-  Sums Linearise(const State& state, std::size_t stride, bool by_shape);
+  Sums Linearise(const State& state, std::size_t stride, bool by_bends);
   /// Moves the state by a step of Levenberg-Marquardt and returns the descent of the sum of squares
   /// that it promises; nothing where there is no step.
   std::optional<double> Step(const Sums& sums, double damping);
   void Return(const State& to);
   /// Where a descent ended.
   struct Minimum {
-    Sums sums;            ///< with the lens' shape
+    Sums sums;            ///< with the bends
     Matrix covariance;    ///< of the other parameters
     double variance = 0;  ///< of a pixel's noise
   };
@@ -145,8 +145,8 @@ class TagTemplate {
   [[nodiscard]] double Moved() const;
   /// Whether the fit is still where it started, and black is black.
   [[nodiscard]] bool IsTag() const;
-  /// What the tag says about the lens' shape, along independent axes.
-  [[nodiscard]] std::vector<LensReading> ReadShape(const Minimum& minimum) const;
+  /// What the tag says about the lens' bends, along independent axes.
+  [[nodiscard]] std::vector<LensReading> ReadLens(const Minimum& minimum) const;
   [[nodiscard]] std::array<BentMarker, 4> Owed(const Minimum& minimum) const;
   /// Derivatives of a corner by G.
   [[nodiscard]] Eigen::Matrix<double, 2, 8> CornerByG(const Eigen::Vector2d& corner) const;
@@ -162,7 +162,7 @@ class TagTemplate {
   Eigen::Vector2d centre_;
   std::optional<LensBend> bend_;  ///< about the centre
   double side_ = 0;
-  LensShape shape_ = LensShape::Zero();
+  LensBends bends_ = LensBends::Zero();
   std::array<BentMarker, 4> bent_;
   std::vector<Pixel> pixels_;
 };
