@@ -13,9 +13,9 @@ namespace plenocal {
 ///   b |d|^2 + c conj(d)^2 + k_0 |d|^2 d + k_1 e^2 conj(d)^2 d + k_2 conj(e)^2 d^3
 ///   + k_3 e^4 conj(d)^3,
 ///
-/// e the direction of p. These are b's and c's two parts and the k: all terms to third order that a
-/// lens with an axis of symmetry has. p and d are counted in halves of the image's diagonal, p from
-/// its middle. No ray is needed, so that this holds for fisheyes too.
+/// e the direction of p. The bends are the parts of b and c and the real k: all terms to third
+/// order that a lens with an axis of symmetry has. p and d are counted in halves of the image's
+/// diagonal, p from its middle. No ray is needed, so that this holds for fisheyes too.
 inline constexpr int kBends = 8;
 using LensBends = Eigen::Matrix<double, kBends, 1>;
 
