@@ -246,7 +246,14 @@ Comparison CompareAll(const std::vector<CalibratedCamera>& a,
     return Counterparts{comparison.a[c], comparison.b[c], comparison.differences[c]};
   };
   const Correlations of_b = CorrelationsBeside(b);
-  comparison.has_correlations = !of_a.names.empty() && !of_b.names.empty();
+  // What is exact has none.
+  const auto exact = [](const std::vector<CalibratedCamera>& cameras) {
+    return std::ranges::all_of(cameras, [](const CalibratedCamera& camera) {
+      return camera.covariance.isZero(0) && camera.sigma_xi.isZero(0);
+    });
+  };
+  comparison.has_correlations =
+      (!of_a.names.empty() || exact(a)) && (!of_b.names.empty() || exact(b.cameras));
   for (size_t c = 1; c < comparison.a.size(); ++c) {
     comparison.mounts.push_back(CompareMounts(counterparts(0), counterparts(c), of_a, of_b));
   }

@@ -115,6 +115,16 @@ TEST_F(CompareCommand, ComparesRigsAndSaysWhereCamerasStand) {
     EXPECT_THAT(alone.out, HasSubstr("without the correlations"));
     EXPECT_GT(turn_sigma(alone.out), 1.2 * turn_sigma(outcome.out));
   }
+
+  // What is exact needs none.
+  YAML::Node exact = YAML::Load(Read("rig/calibration.yaml"));
+  for (auto camera : exact["cameras"]) {
+    for (const char* key : {"sigma", "correlation", "sigma_xi"}) camera.second.remove(key);
+  }
+  Write("exact.yaml", YAML::Dump(exact) + "\n");
+  const Outcome against_truth = Run({"compare", "rig/calibration.yaml", "exact.yaml"});
+  EXPECT_EQ(against_truth.status, kDone) << against_truth.err;
+  EXPECT_THAT(against_truth.out, Not(HasSubstr("without the correlations")));
 }
 
 TEST_F(CompareCommand, SaysThatACameraStandsElsewhereOnTheRig) {
