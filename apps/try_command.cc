@@ -138,8 +138,14 @@ TrialRow MakeRow(const ModelChoice& choice, size_t m) {
 std::string Recommendation(const ModelChoice& choice) {
   const ModelTrial& recommended = choice.trials[choice.recommended];
   const ModelTrial& best = choice.trials[0];
-  std::string why = "the best; every simpler model is significantly worse";
-  if (std::ranges::count(choice.trials, true, &ModelTrial::comparable) == 1) {
+  const bool is_simplest = std::ranges::none_of(choice.trials, [&](const ModelTrial& trial) {
+    return trial.comparable && trial.free_parameters < recommended.free_parameters;
+  });
+  std::string why = is_simplest ? "the best; none is simpler"
+                                : "the best; every simpler model is significantly worse";
+  if (choice.trials.size() == 1) {
+    why = "the only model tried";
+  } else if (std::ranges::count(choice.trials, true, &ModelTrial::comparable) == 1) {
     why = "the only model that images what the camera sees";
   } else if (choice.recommended != 0) {
     why = fmt::format("the simplest model that is not significantly worse than the best, {}",

@@ -11,7 +11,7 @@ namespace plenocal {
 const CameraModel* ReadModel(const YamlNode& node, std::span<const CameraModel> models) {
   const std::string name = node.AsString();
   if (const CameraModel* model = FindModel(models, name)) return model;
-  node.Fail(fmt::format("unknown camera model '{}'{}; a model from outside needs --plugin FILE",
+  node.Fail(fmt::format("unknown camera model '{}'{} (a model from outside needs --plugin FILE)",
                         name,
                         SuggestName(name, NamesOf(models))));
 }

@@ -127,12 +127,15 @@ double Common(const std::vector<double>& sigma, const std::vector<double>& by_ja
   return count > 0 ? std::max(1.0, sum / count) : 1;
 }
 
-// Weights of the chi-squares whose sum is the gap in units of the noise.
-Eigen::VectorXd Weights(const Eigen::MatrixXd& C_new, const Eigen::MatrixXd& C_old) {
+// Weights of the chi-squares whose sum is the gap in units of the noise. The old covariance counts
+// what the points of its frames had in common; the new one, of independent errors, is `common`
+// times as large.
+Eigen::VectorXd Weights(const Eigen::MatrixXd& C_new, const Eigen::MatrixXd& C_old, double common) {
   const Eigen::MatrixXd root = InverseRoot(C_new);
   const Eigen::MatrixXd M = root.transpose() * C_old * root;
   if (M.rows() == 0) return {};
-  return Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(M).eigenvalues().cwiseMax(0).array() + 1;
+  return Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(M).eigenvalues().cwiseMax(0).array() +
+         common;
 }
 
 }  // namespace
@@ -192,7 +195,8 @@ CalibrationCheck CheckCalibration(const CalibrationFile& old,
       if (check.fresh.uncertainty.places[c][k] >= 0) estimated.push_back(static_cast<int>(k));
     }
     const Eigen::MatrixXd C_new = CameraOf(check.fresh, c).covariance(estimated, estimated);
-    const Eigen::VectorXd weights = Weights(C_new, OldCovariance(*cameras[c], estimated));
+    const double common = Common(check.fresh.uncertainty.params[c], jackknife.params[c]);
+    const Eigen::VectorXd weights = Weights(C_new, OldCovariance(*cameras[c], estimated), common);
     CameraCheck camera;
     camera.name = cameras[c]->name;
     camera.points = static_cast<int>(std::count_if(
@@ -203,13 +207,12 @@ CalibrationCheck CheckCalibration(const CalibrationFile& old,
     camera.rms_held = Rms(held[c], c);
     const double gap = std::max(0.0, squares_held - squares_free);
     const double noise2 = squares_free / redundancy;
-    const double common = Common(check.fresh.uncertainty.params[c], jackknife.params[c]);
     if (weights.size() > 0 && noise2 > 0) {
       const double sum = weights.sum();
-      camera.probability = FTail(
-          gap / sum / noise2 / common, sum * sum / weights.squaredNorm(), jackknife.groups - 1);
+      camera.probability =
+          FTail(gap / sum / noise2, sum * sum / weights.squaredNorm(), jackknife.groups - 1);
       // The squares of this camera's residuals, in px, are as many times the noise as all are.
-      camera.expected = camera.rms_free * std::sqrt(1 + common * sum * noise2 / squares_free);
+      camera.expected = camera.rms_free * std::sqrt(1 + sum * noise2 / squares_free);
     }
     if (c > 0) {
       // Both places on the rig belong to the old parameters.

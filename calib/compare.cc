@@ -11,6 +11,7 @@
 
 #include "calib/error.h"
 #include "calib/inverse_root.h"
+#include "calib/median.h"
 #include "calib/statistics.h"
 
 namespace plenocal {
@@ -162,6 +163,35 @@ Eigen::MatrixXd SquareRoot(const Eigen::MatrixXd& covariance) {
   return eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0).cwiseSqrt().asDiagonal();
 }
 
+// Of each row, 1 / the sigma that a root of the covariance of both cameras' parameters predicts, so
+// that the motion is what the image shows where both know it. No row counts more than ten typical
+// ones.
+Eigen::VectorXd Weights(const System& system, const Eigen::MatrixXd& root, Eigen::Index rows) {
+  if (root.size() == 0) return Eigen::VectorXd::Ones(system.d.size());
+  constexpr double kLeast = 0.01;
+  const Eigen::MatrixXd M = system.G * root;
+  std::vector<double> variances;
+  for (Eigen::Index at = 0; at < M.rows(); at += rows) {
+    variances.push_back(M.middleRows(at, rows).squaredNorm());
+  }
+  const double least = kLeast * Median(variances);
+  Eigen::VectorXd weights(M.rows());
+  for (size_t i = 0; i < variances.size(); ++i) {
+    weights.segment(rows * static_cast<Eigen::Index>(i), rows)
+        .setConstant(1 / std::sqrt(variances[i] + least));
+  }
+  return weights;
+}
+
+// The motion that makes up best for differences in pixels, by columns.
+Eigen::MatrixXd MotionFor(const System& system,
+                          const Eigen::VectorXd& weights,
+                          const Eigen::MatrixXd& differences) {
+  return -(weights.asDiagonal() * system.H)
+              .completeOrthogonalDecomposition()
+              .solve(weights.asDiagonal() * differences);
+}
+
 // P(X > x) of a sum of squares with weights lambda whose sum and sum of squares are given: X is
 // taken for a multiple of chi-square of fitting degrees of freedom (Satterthwaite), its cube root
 // for normal (Wilson and Hilferty 1931).
@@ -227,6 +257,14 @@ CameraDifference CompareCameras(const CalibratedCamera& a,
   double unit = *std::ranges::min_element(distances);
   if (!std::isfinite(unit)) unit = 1;
 
+  const Eigen::Index n_b = b.covariance.rows(), n_a = a.covariance.rows();
+  Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(n_b + n_a, n_b + n_a);
+  covariance.topLeftCorner(n_b, n_b) = b.covariance;
+  covariance.bottomRightCorner(n_a, n_a) = a.covariance;
+  result.has_prediction = covariance.allFinite() && covariance.squaredNorm() > 0;
+  const Eigen::MatrixXd root = result.has_prediction ? SquareRoot(covariance) : Eigen::MatrixXd();
+  const auto rows = static_cast<Eigen::Index>(b.model->measured.size());
+
   // Gauss-Newton for the implied motion; where nothing tells of the translation (all is far away)
   // the shortest step leaves it alone.
   constexpr int kIterations = 20;
@@ -239,26 +277,20 @@ CameraDifference CompareCameras(const CalibratedCamera& a,
           ErrorKind::kJob,
           fmt::format("{}: hardly a pixel of one calibration is seen by the other", a.name));
     }
-    Vector6d step = system.H.completeOrthogonalDecomposition().solve(-system.d);
+    Vector6d step = MotionFor(system, Weights(system, root, rows), system.d);
     step.head<3>() *= unit;
     result.T_b_a = Retract(result.T_b_a, step);
     if (step.norm() < kConverged * std::max(1.0, unit)) break;
   }
   system = Linearise(a, b, distances, result.T_b_a, unit, &samples);
 
-  const Eigen::Index n_b = b.covariance.rows(), n_a = a.covariance.rows();
-  Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(n_b + n_a, n_b + n_a);
-  covariance.topLeftCorner(n_b, n_b) = b.covariance;
-  covariance.bottomRightCorner(n_a, n_a) = a.covariance;
-  result.has_prediction = covariance.allFinite() && covariance.squaredNorm() > 0;
-  const Eigen::MatrixXd motion = -system.H.completeOrthogonalDecomposition().solve(system.G);
+  const Eigen::MatrixXd motion = MotionFor(system, Weights(system, root, rows), system.G);
   result.T_b_a_by_b = motion.leftCols(n_b);
   result.T_b_a_by_a = motion.rightCols(n_a);
   for (Eigen::MatrixXd* each : {&result.T_b_a_by_a, &result.T_b_a_by_b}) each->topRows(3) *= unit;
   Eigen::MatrixXd M = Eigen::MatrixXd::Zero(system.G.rows(), 1);
-  if (result.has_prediction) M = (system.G + system.H * motion) * SquareRoot(covariance);
+  if (result.has_prediction) M = (system.G + system.H * motion) * root;
 
-  const auto rows = static_cast<Eigen::Index>(b.model->measured.size());
   const double limit = kFalseAlarm / (9.0 * static_cast<double>(distances.size()));
   result.same = result.has_prediction;
   for (size_t d = 0; d < distances.size(); ++d) {

@@ -179,11 +179,6 @@ class Judgement {
   explicit Judgement(const Results& results) : results_(results) {}
 
   Verdict Make(const std::vector<std::vector<ProjectionMap>>& maps) {
-    if (!results_.converged) {
-      Add(Grade::kBad,
-          "The adjustment did not converge; no figure here can be relied on.",
-          "Give better start values ('initial'), or look for images with wrong detections.");
-    }
     std::vector<bool> is_projection_good;
     for (size_t c = 0; c < results_.cameras.size(); ++c) {
       JudgePoses(c);
@@ -192,6 +187,7 @@ class Judgement {
                                    JudgeProjection(results_.cameras[c], maps[c]));
     }
     for (const WeakResult& weak : results_.weak) JudgeUnknowns(weak, is_projection_good);
+    JudgeConvergence();
     for (const std::string& warning : results_.warnings) {
       // Said above, and more gravely.
       if (warning.starts_with("the bundle adjustment did not converge")) continue;
@@ -211,6 +207,18 @@ class Judgement {
  private:
   void Add(Grade grade, std::string what, std::string remedy) {
     verdict_.findings.push_back({grade, std::move(what), std::move(remedy)});
+  }
+
+  // After what the images leave open, which lets the adjustment go on without end.
+  void JudgeConvergence() {
+    if (results_.converged) return;
+    const bool is_open =
+        std::ranges::any_of(results_.weak, [](const WeakResult& weak) { return !weak.determined; });
+    Add(Grade::kBad,
+        "The adjustment did not converge; no figure here can be relied on.",
+        is_open
+            ? "It moves along what the images do not determine: first see to that."
+            : "Give better start values ('initial'), or look for images with wrong detections.");
   }
 
   // Parameters that are known together but not apart do no harm where the projection is certain.

@@ -52,6 +52,26 @@ TEST(CompareCameras, NoTranslationMakesUpForAFocalLengthFarAway) {
   EXPECT_GT(shift, 0.7 * (kFactor - 1));
 }
 
+TEST(CompareCameras, WhatIsUnknownInTheCornersDoesNotHideWhatIsKnownInTheMiddle) {
+  CalibratedCamera a{.name = "camera",
+                     .model = FindModel(CameraModels(), "pinhole-radial3"),
+                     .image_size = {640, 480},
+                     .config = {},
+                     .params = {500, 500, 319.5, 239.5, -0.2, 0.05, 0},
+                     .covariance = Eigen::MatrixXd::Zero(7, 7),
+                     .T_camera_rig = {}};
+  const Eigen::VectorXd sigmas{{1, 1, 1, 1, 0.05, 0.5, 3}};
+  a.covariance = sigmas.cwiseAbs2().asDiagonal();
+  const std::vector<double> distances{1, std::numeric_limits<double>::infinity()};
+  CalibratedCamera b = a;
+  for (const size_t k : {4, 5, 6}) b.params[k] += (k == 5 ? -1 : 1) * sigmas[static_cast<int>(k)];
+  EXPECT_TRUE(CompareCameras(a, b, distances).same);
+  for (const size_t k : {0, 1}) b.params[k] += 8 * sigmas[static_cast<int>(k)];
+  const CameraDifference difference = CompareCameras(a, b, distances);
+  EXPECT_FALSE(difference.same);
+  EXPECT_TRUE(difference.distances[1].parts[4].differs);
+}
+
 TEST(CompareMounts, DifferencesAreAsLargeAsTheSigmasOfBothPredict) {
   // Of two cameras of which neither is the one that others stand relative to in the files.
   constexpr int kPairs = 16;
