@@ -4,8 +4,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <string>
 
 #include "apps/commands.h"
+#include "apps/image_module.h"
 #include "apps/model_option.h"
 #include "calib/calibration_file.h"
 #include "calib/convert.h"
@@ -13,6 +15,36 @@
 #include "models/registry.h"
 
 namespace plenocal {
+namespace {
+
+// The errors over the image.
+std::string Picture(const CalibratedCamera& camera,
+                    const CameraModel& model,
+                    const Conversion& conversion) {
+  FieldMap map{fmt::format("{}, {} to {}: RMS {:.3g} px",
+                           camera.name,
+                           camera.model->name,
+                           model.name,
+                           conversion.rms),
+               camera.image_size,
+               kConvertedColumns,
+               kConvertedRows,
+               {}};
+  map.vectors.resize(static_cast<size_t>(map.columns) * static_cast<size_t>(map.rows));
+  for (const ConversionError& error : conversion.errors) {
+    if (!error.difference_px) continue;
+    const auto place = [&](double x, int size, int count) {
+      return static_cast<size_t>(std::lround(x / (size - 1) * (count - 1)));
+    };
+    const size_t column = place(error.u_px.x(), map.image_size[0], map.columns);
+    const size_t row = place(error.u_px.y(), map.image_size[1], map.rows);
+    map.vectors[row * static_cast<size_t>(map.columns) + column] = {error.difference_px->x(),
+                                                                    error.difference_px->y()};
+  }
+  return DrawFieldMapsByModule({map}, conversion.largest);
+}
+
+}  // namespace
 
 void RunConvert(const ConvertCommand& command) {
   const CalibrationFile calibration = ReadCalibration(command.calibration, CameraModels());
@@ -42,6 +74,7 @@ void RunConvert(const ConvertCommand& command) {
                              {"converted_from", command.calibration.string()},
                              {"model", std::string(camera.model->name)}}));
   out.Write("conversion_errors.csv", errors);
+  out.Write("conversion_errors.png", Picture(camera, *model, conversion));
   out.Commit();
   fmt::print("{}: {} to {}, {} pixels over the image\n",
              camera.name,

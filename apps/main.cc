@@ -348,11 +348,13 @@ int main(int argc, char** argv) {  // NOLINT(bugprone-exception-escape)
   AddQuiet(compare, &options.quiet);
   compare->callback([&] { run = [&] { RunCompare(compare_command, options); }; });
   plenocal::ConvertCommand convert_command;
-  CLI::App* convert = app.add_subcommand(
-      "convert",
-      "Fits one camera model to another over the image.\n\n"
-      "  plenocal convert calibration.yaml --camera NAME --to MODEL -o OUT\n\n"
-      "writes OUT/calibration.yaml and conversion_errors.csv, the error at pixels over the image.");
+  CLI::App* convert =
+      app.add_subcommand("convert",
+                         "Fits one camera model to another over the image.\n\n"
+                         "  plenocal convert calibration.yaml --camera NAME --to MODEL -o OUT\n\n"
+                         "writes OUT/calibration.yaml and conversion_errors.csv and .png, the "
+                         "error at pixels over the "
+                         "image.");
   convert->add_option("calibration", convert_command.calibration, "calibration.yaml")->required();
   convert->add_option("--camera", convert_command.camera, "its camera (default: the only one)");
   convert->add_option("--to", convert_command.model, "camera model")->required();

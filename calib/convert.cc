@@ -13,8 +13,6 @@
 namespace plenocal {
 namespace {
 
-constexpr int kColumns = 41, kRows = 31;  // pixels over the image, corners included
-
 std::optional<Eigen::Vector2d> Image(const CameraModel& model,
                                      const std::vector<double>& params,
                                      const Eigen::Vector3d& direction) {
@@ -37,11 +35,11 @@ Conversion Convert(const CalibratedCamera& camera, const CameraModel& model) {
   }
   std::vector<Eigen::Vector3d> directions;
   std::vector<Eigen::Vector2d> image;
-  for (int row = 0; row < kRows; ++row) {
-    for (int column = 0; column < kColumns; ++column) {
+  for (int row = 0; row < kConvertedRows; ++row) {
+    for (int column = 0; column < kConvertedColumns; ++column) {
       const double values[kMaxObservationSize] = {
-          (camera.image_size[0] - 1.0) * column / (kColumns - 1),
-          (camera.image_size[1] - 1.0) * row / (kRows - 1)};
+          (camera.image_size[0] - 1.0) * column / (kConvertedColumns - 1),
+          (camera.image_size[1] - 1.0) * row / (kConvertedRows - 1)};
       const auto ray = camera.model->unproject(camera.params.data(), nullptr, values);
       if (!ray) continue;
       directions.push_back(ray->direction);

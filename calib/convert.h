@@ -9,6 +9,9 @@
 
 namespace plenocal {
 
+/// Pixels over the image, corners included, at which a conversion is judged.
+inline constexpr int kConvertedColumns = 41, kConvertedRows = 31;
+
 /// A pixel of the original and how far from it the converted model images its ray.
 struct ConversionError {
   Eigen::Vector2d u_px;

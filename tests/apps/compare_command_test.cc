@@ -167,6 +167,7 @@ TEST_F(CompareCommand, ConvertsBetweenModelsAndReadsTheResultAgain) {
   for (const std::string column : {"dx", "dy"}) {
     for (const double error : errors.Numbers(column)) EXPECT_LT(std::abs(error), 1e-6);
   }
+  EXPECT_EQ(Read("c/conversion_errors.png").substr(1, 3), "PNG");
   const YAML::Node was = Result("a")["cameras"].begin()->second["parameters"];
   const YAML::Node is = Result("c")["cameras"].begin()->second["parameters"];
   EXPECT_NEAR(is["k_1"].as<double>(), was["A_0"].as<double>(), 1e-6);
