@@ -33,6 +33,7 @@ class FileReader {
                             Path(name)));
   }
 
+ private:
   const ResultFiles& files_;
   std::string folder_;
 };
