@@ -56,10 +56,11 @@ struct CameraDifference {
 };
 
 /// Pixels of a grid over a's image are taken out along their rays to each distance, moved by the
-/// T_b_a that makes the sum of squared differences smallest, and projected by b. The prediction is
-/// linear: covariances of both calibrations, less what a change of T_b_a takes up. The mean square
-/// difference is compared with its distribution under the prediction, a weighted sum of squares,
-/// by its first two moments (Satterthwaite 1946). Throws `Error` when the two cannot be compared.
+/// T_b_a that makes the sum of squared differences smallest, each in the sigma that both
+/// covariances give it, and projected by b. The prediction is linear: covariances of both
+/// calibrations, less what a change of T_b_a takes up. The mean square difference is compared with
+/// its distribution under the prediction, a weighted sum of squares, by its first two moments
+/// (Satterthwaite 1946). Throws `Error` when the two cannot be compared.
 CameraDifference CompareCameras(const CalibratedCamera& a,
                                 const CalibratedCamera& b,
                                 const std::vector<double>& distances);
