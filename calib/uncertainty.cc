@@ -229,6 +229,8 @@ class Subtraction {
 
   // S -= cross (L L')^-1 cross'
   void Add(const Eigen::MatrixXd& cross, const Eigen::LLT<Matrix6d>& factor) {
+    // Only poses are estimated: Eigen's solver does not take the empty matrix.
+    if (cross.rows() == 0) return;
     batch_.middleCols<6>(columns_) = factor.matrixL().solve(cross.transpose()).transpose();
     columns_ += 6;
     if (columns_ == kRows) Flush();

@@ -39,7 +39,7 @@ internal::MosaicWeights GreyOfMosaic(const cv::Mat& raw, const cv::Mat& attenuat
   std::array<double, 4> light{}, value{};
   for (int y = 0; y < raw.rows; ++y) {
     for (int x = 0; x < raw.cols; ++x) {
-      const auto place = static_cast<size_t>(2 * (y & 1) + (x & 1));
+      const size_t place = 2 * static_cast<size_t>(y & 1) + static_cast<size_t>(x & 1);
       light[place] += attenuation.at<float>(y, x);
       value[place] += raw.at<float>(y, x);
     }
