@@ -104,6 +104,40 @@ TEST_F(RealSets, AnamorphicStereoEndsInNoLocalMinimum) {
   }
 }
 
+TEST_F(RealSets, ACalibrationHoldsForTheOtherImagesButNotAtAnotherZoom) {
+  const fs::path set = Set("frames/stereo_chess_opencv");
+  SKIP_WITHOUT(set);
+  // The points of a frame share errors, which both the old and the new images have once.
+  for (const char* folder : {"odd", "even"}) fs::create_directory(Path(folder));
+  bool is_odd = false;
+  for (int number = 1; number <= 14; ++number) {
+    const std::string name = fmt::format("left{:02}.jpg", number);
+    if (!fs::exists(set / name)) continue;
+    is_odd = !is_odd;
+    fs::create_symlink(set / name, Path(is_odd ? "odd" : "even") / name);
+  }
+  for (const char* folder : {"odd", "even"}) {
+    WriteChessboardSession(9, 6, 0.025, {{"left", fmt::format("{}/*.jpg", folder)}}, false);
+    Calibrate(folder);
+  }
+  const Table points(Read("even/detections_left.csv"));
+  const auto frame = points.Column("frame"), marker = points.Column("marker");
+  const auto x = points.Numbers("x"), y = points.Numbers("y");
+  for (const double zoom : {1.0, 1.03}) {
+    std::string text = "frame,marker,x,y\n";
+    for (std::size_t i = 0; i < x.size(); ++i) {
+      const double u = 319.5 + zoom * (x[i] - 319.5), v = 239.5 + zoom * (y[i] - 239.5);
+      if (u < 0 || u > 639 || v < 0 || v > 479) continue;
+      text += fmt::format("{},{},{},{}\n", frame[i], marker[i], u, v);
+    }
+    Write("left.csv", text);
+    WriteDetectionsSession("left", "[640, 480]", false);
+    const Outcome check =
+        Run({"compare", "odd/calibration.yaml", "--check", "session.yaml", "--quiet"});
+    EXPECT_EQ(check.status, zoom == 1 ? kDone : kJobFailed) << zoom << check.out << check.err;
+  }
+}
+
 TEST_F(RealSets, AModelThatPredictsWorseIsNoReasonForAnother) {
   // The spline knows of the bend of the board, but most of its 195 parameters follow noise.
   const fs::path set = Set("frames/stereo_chess_opencv");
