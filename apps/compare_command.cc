@@ -197,13 +197,8 @@ std::string Picture(const std::vector<CameraDifference>& differences,
           kComparedColumns,
           kComparedRows,
           {}};
-      map.vectors.resize(static_cast<size_t>(map.columns) * static_cast<size_t>(map.rows));
       for (const PixelDifference& pixel : at.pixels) {
-        const auto column =
-            static_cast<size_t>((pixel.u_px.x() + 0.5) / map.image_size[0] * map.columns);
-        const auto row = static_cast<size_t>((pixel.u_px.y() + 0.5) / map.image_size[1] * map.rows);
-        map.vectors[row * static_cast<size_t>(map.columns) + column] = {pixel.difference_px.x(),
-                                                                        pixel.difference_px.y()};
+        map.Put(pixel.u_px.x(), pixel.u_px.y(), {pixel.difference_px.x(), pixel.difference_px.y()});
       }
       largest = std::max(largest, at.all.largest);
       maps.push_back(std::move(map));

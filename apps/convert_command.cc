@@ -30,16 +30,9 @@ std::string Picture(const CalibratedCamera& camera,
                kConvertedColumns,
                kConvertedRows,
                {}};
-  map.vectors.resize(static_cast<size_t>(map.columns) * static_cast<size_t>(map.rows));
   for (const ConversionError& error : conversion.errors) {
     if (!error.difference_px) continue;
-    const auto place = [&](double x, int size, int count) {
-      return static_cast<size_t>(std::lround(x / (size - 1) * (count - 1)));
-    };
-    const size_t column = place(error.u_px.x(), map.image_size[0], map.columns);
-    const size_t row = place(error.u_px.y(), map.image_size[1], map.rows);
-    map.vectors[row * static_cast<size_t>(map.columns) + column] = {error.difference_px->x(),
-                                                                    error.difference_px->y()};
+    map.Put(error.u_px.x(), error.u_px.y(), {error.difference_px->x(), error.difference_px->y()});
   }
   return DrawFieldMapsByModule({map}, conversion.largest);
 }

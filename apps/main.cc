@@ -352,9 +352,8 @@ int main(int argc, char** argv) {  // NOLINT(bugprone-exception-escape)
       app.add_subcommand("convert",
                          "Fits one camera model to another over the image.\n\n"
                          "  plenocal convert calibration.yaml --camera NAME --to MODEL -o OUT\n\n"
-                         "writes OUT/calibration.yaml and conversion_errors.csv and .png, the "
-                         "error at pixels over the "
-                         "image.");
+                         "writes OUT/calibration.yaml and the errors at pixels over the image, "
+                         "conversion_errors.csv and .png.");
   convert->add_option("calibration", convert_command.calibration, "calibration.yaml")->required();
   convert->add_option("--camera", convert_command.camera, "its camera (default: the only one)");
   convert->add_option("--to", convert_command.model, "camera model")->required();
