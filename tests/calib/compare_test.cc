@@ -4,11 +4,11 @@
 #include <gtest/gtest.h>
 
 #include <limits>
-#include <random>
 
 #include "calib/result_files.h"
 #include "calib/statistics.h"
 #include "models/registry.h"
+#include "tests/calib/random.h"
 #include "tests/calib/synthetic.h"
 
 namespace plenocal::testing {
@@ -17,12 +17,11 @@ namespace {
 // Of the same frames with other noise.
 Calibration CalibrateWithNoise(CalibrationInput input, unsigned seed) {
   constexpr double kNoise = 0.1;  // px
-  std::mt19937 random(seed);
-  std::normal_distribution<double> noise(0, kNoise);
+  Random random(seed);
   for (CameraInput& camera : input.cameras) {
     for (View& view : camera.views) {
       for (Observation& observation : view.observations) {
-        for (size_t i = 0; i < 2; ++i) observation.values[i] += noise(random);
+        for (size_t i = 0; i < 2; ++i) observation.values[i] += random.Gaussian(kNoise);
         observation.sigma = kNoise;
       }
     }
