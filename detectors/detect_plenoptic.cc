@@ -13,6 +13,7 @@
 #include "calib/error.h"
 #include "calib/stage_record.h"
 #include "detectors/depth_picture.h"
+#include "detectors/depth_shift.h"
 #include "detectors/focus.h"
 #include "detectors/focused_markers.h"
 #include "detectors/image.h"
@@ -20,6 +21,7 @@
 #include "detectors/marker_picture.h"
 #include "detectors/micro_image_markers.h"
 #include "detectors/sample_picture.h"
+#include "detectors/vignetting_shift.h"
 #include "detectors/white_camera.h"
 
 namespace plenocal {
@@ -37,6 +39,7 @@ std::string Pack(const RawDetections& found) {
     writer.Put(o.seen);
     writer.Put(o.inverse_depth);
     for (const double change : o.pull.reshaped()) writer.Put(change);
+    for (const double change : o.by_depth) writer.Put(change);
     writer.Put(o.type);
   });
   writer.PutAll(found.left_out, [&](const std::string& reason) { writer.Put(reason); });
@@ -52,6 +55,7 @@ std::optional<RawDetections> UnpackDetections(const std::string& text) {
     o.seen = reader.Get<Observation>();
     o.inverse_depth = reader.Get<double>();
     for (double& change : o.pull.reshaped()) change = reader.Get<double>();
+    for (double& change : o.by_depth) change = reader.Get<double>();
     o.type = reader.Get<int>();
   });
   reader.GetAll([&] { found.left_out.push_back(reader.Get<std::string>()); });
@@ -316,6 +320,7 @@ ImageDetections DetectPlenopticImages(const std::vector<FrameImage>& images,
     detections.sample = std::move(sample);
   }
   auto uncertain = internal::RemoveVignettingShifts(camera.array.types, &views);
+  internal::RemoveDepthShifts(&views);
   for (size_t i = 0; i < views.size(); ++i) {
     View view{frames[i], {}};
     for (const internal::MicroObservation& o : views[i]) {

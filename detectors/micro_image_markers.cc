@@ -13,13 +13,15 @@
 #include "calib/median.h"
 #include "calib/parallel.h"
 #include "detectors/marker_planes.h"
+#include "detectors/vignetting_shift.h"
 
 namespace plenocal::internal {
 namespace {
 
-/// Farther from the centre of its micro image than this part of the pitch there is no light on all
-/// sides of a marker.
-constexpr double kReach = 0.3;
+/// Farther from the centre of its micro image than this part of the pitch there is too little light
+/// on one side of a marker: what the stop does grows faster than what the longer lever says of
+/// depth.
+constexpr double kReach = 0.35;
 /// Of the light in its micro image's middle a pixel must have at least this share.
 constexpr float kLeastLight = 0.75f;
 
@@ -33,6 +35,7 @@ struct Sight {
   double blur = 0;                                  ///< px, as fitted
   double own = 0;                                   ///< see `Priors`
   Eigen::Matrix2d pull = Eigen::Matrix2d::Zero();   ///< as in `MicroObservation`
+  Eigen::Vector2d by_depth{0, 0};                   ///< likewise
   std::optional<Observation> measured = {};
 };
 
@@ -206,6 +209,7 @@ void Measure(const MarkerLook& look,
   const double limit = std::max(1.0, 0.5 * sight->cell_px);
   double chi2 = 0;
   Eigen::Matrix<double, kCount, 2> pull;
+  Vector by_depth;
   Matrix information = Matrix::Zero();
   for (int iteration = 0; iteration < kIterations; ++iteration) {
     drawing.SetOwn(p[kOwn]);
@@ -213,6 +217,7 @@ void Measure(const MarkerLook& look,
     Vector g = Vector::Zero();
     chi2 = 0;
     pull.setZero();
+    by_depth.setZero();
     const auto& G = sight->G;
     const double k = p[kContrast];
     typename Drawing::Drawn drawn;
@@ -238,6 +243,9 @@ void Measure(const MarkerLook& look,
       g += pixel.weight * residual * j;
       // What a displacement does is what a shift of the drawing undoes.
       pull -= pixel.weight * j * (j.head<2>().transpose() * pixel.displacement);
+      // A drawing of a larger depth is smaller.
+      const Eigen::Vector2d arm(pixel.x - p[kShiftX], pixel.y - p[kShiftY]);
+      by_depth += pixel.weight * j * j.head<2>().dot(arm);
       chi2 += pixel.weight * residual * residual;
     }
     const auto add_prior = [&](int at, const Prior& prior) {
@@ -275,6 +283,7 @@ void Measure(const MarkerLook& look,
   sight->blur = p[kBlur];
   sight->own = p[kOwn];
   sight->pull = covariance_of_all.topRows<2>() * pull;
+  sight->by_depth = covariance_of_all.topRows<2>() * by_depth;
   sight->measured = Observation{.marker = look.marker,
                                 .values = {place.x(), place.y(), centre.x(), centre.y()},
                                 .sigma = sigma};
@@ -390,6 +399,7 @@ MicroView MeasureInMicroImages(const std::vector<MarkerLook>& looks,
     observations.push_back({.seen = *sight.measured,
                             .inverse_depth = 1 / planes.at(look.part).dot(look.place.homogeneous()),
                             .pull = sight.pull,
+                            .by_depth = sight.by_depth,
                             .type = array.lenses[static_cast<size_t>(sight.lens)].type});
   }
   std::stable_sort(observations.begin(), observations.end(), [](const auto& a, const auto& b) {

@@ -13,7 +13,7 @@
 #include "calib/observation.h"
 #include "detectors/lens_patches.h"
 #include "detectors/marker_looks.h"
-#include "detectors/vignetting_shift.h"
+#include "detectors/micro_observation.h"
 #include "detectors/virtual_depth.h"
 
 namespace plenocal::internal {

@@ -4,7 +4,6 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <numbers>
 #include <span>
 
@@ -12,45 +11,6 @@ namespace plenocal::internal {
 namespace {
 
 constexpr int kRounds = 6;  // of reweighting
-
-/// Square root of Cauchy's weight for a residual, three typical lengths wide.
-double CauchyRoot(double residual, double mean_square) {
-  return 1 / std::sqrt(1 + residual * residual / (9 * mean_square));
-}
-
-/// Observations of one marker in one view.
-std::vector<std::span<const MicroObservation>> RunsOf(std::span<const MicroView> views) {
-  std::vector<std::span<const MicroObservation>> runs;
-  for (const MicroView& view : views) {
-    for (size_t begin = 0, end = 0; begin < view.size(); begin = end) {
-      while (end < view.size() && view[end].seen.marker == view[begin].seen.marker) ++end;
-      // Three unknowns of its own; the more beyond, the more it says.
-      if (end - begin > 2) runs.emplace_back(view.data() + begin, end - begin);
-    }
-  }
-  return runs;
-}
-
-/// k of a type is on the line through its values at the nearest and the farthest marker.
-class DepthLine {
- public:
-  explicit DepthLine(std::span<const MicroView> views) {
-    for (const MicroView& view : views) {
-      for (const MicroObservation& o : view) {
-        low_ = std::min(low_, o.inverse_depth);
-        high_ = std::max(high_, o.inverse_depth);
-      }
-    }
-  }
-  /// Weights of the two values.
-  [[nodiscard]] Eigen::Vector2d At(double z) const {
-    const double t = high_ > low_ ? (z - low_) / (high_ - low_) : 0;
-    return {1 - t, t};
-  }
-
- private:
-  double low_ = std::numeric_limits<double>::infinity(), high_ = -low_;
-};
 
 /// k_pixel and the two k of each type, and a root of their covariance.
 struct Shifts {
@@ -94,12 +54,10 @@ Shifts FindShifts(int types, const DepthLine& line, std::span<const MicroView> v
       Eigen::Index row = 0;
       for (const MicroObservation& o : run) {
         shared.middleRows<2>(row) = ByShifts(types, line, o);
-        for (Eigen::Index axis = 0; axis < 2; ++axis, ++row) {
-          const auto c = static_cast<size_t>(2 + axis);
-          own(row, axis) = 1;
-          own(row, 2) = o.seen.values[c] - run[0].seen.values[c];
-          rest[row] = o.seen.values[c - 2];
-        }
+        own.block<2, 2>(row, 0).setIdentity();
+        own.block<2, 1>(row, 2) = o.ByInverseDepth() - run[0].ByInverseDepth();
+        rest.segment<2>(row) = o.Common();
+        row += 2;
         own.middleRows<2>(row - 2) /= o.seen.sigma;
         shared.middleRows<2>(row - 2) /= o.seen.sigma;
         rest.segment<2>(row - 2) /= o.seen.sigma;
@@ -108,7 +66,7 @@ Shifts FindShifts(int types, const DepthLine& line, std::span<const MicroView> v
         const Eigen::VectorXd free = rest - shared * k;
         const Eigen::VectorXd r = free - own * own.colPivHouseholderQr().solve(free);
         for (Eigen::Index i = 0; i < n; ++i) {
-          const double weight = CauchyRoot(r[i], mean_square);
+          const double weight = std::sqrt(CauchyWeight(r[i], mean_square));
           own.row(i) *= weight;
           shared.row(i) *= weight;
           rest[i] *= weight;
@@ -150,8 +108,7 @@ std::vector<std::vector<std::vector<double>>> RemoveVignettingShifts(
   for (size_t v = 0; v < views->size(); ++v) {
     for (MicroObservation& o : (*views)[v]) {
       const Eigen::Matrix2Xd by = ByShifts(types, line, o);
-      const Eigen::Vector2d moved = by * shifts.k;
-      for (size_t axis = 0; axis < 2; ++axis) o.seen.values[axis] -= moved[axis];
+      o.Move(-by * shifts.k);
       const Eigen::Matrix<double, 2, Eigen::Dynamic, Eigen::RowMajor> uncertain = by * shifts.root;
       left[v].emplace_back(uncertain.data(), uncertain.data() + uncertain.size());
     }

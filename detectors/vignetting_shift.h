@@ -16,24 +16,11 @@
 // told from another depth.
 #pragma once
 
-#include <Eigen/Core>
 #include <vector>
 
-#include "calib/observation.h"
+#include "detectors/micro_observation.h"
 
 namespace plenocal::internal {
-
-/// A marker measured in one micro image, with what its shift depends on.
-struct MicroObservation {
-  Observation seen;          ///< x, y, lens_x, lens_y
-  double inverse_depth = 0;  ///< 1 / v
-  /// Change of (x, y) with k_pixel and with k, 1 / px.
-  Eigen::Matrix2d pull = Eigen::Matrix2d::Zero();
-  int type = 0;  ///< of the micro lens
-};
-
-/// The markers of one raw image by ascending number.
-using MicroView = std::vector<MicroObservation>;
 
 /// h(V), which makes up for that the aperture ends: an even disc of which a straight edge leaves V
 /// is displaced by h k grad ln V, with k that of a bell-shaped aperture of the same width. It is
