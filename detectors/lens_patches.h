@@ -7,6 +7,8 @@
 
 #include <Eigen/Core>
 #include <array>
+#include <cmath>
+#include <cstdlib>
 #include <opencv2/core/mat.hpp>
 #include <optional>
 #include <vector>
@@ -40,6 +42,10 @@ struct LensPatches {
   /// Attenuation at column x, row y of a patch, where its value is known.
   [[nodiscard]] float Light(size_t lens, int x, int y) const {
     return attenuation.ptr<float>(origin[lens].y() + y)[origin[lens].x() + x];
+  }
+  /// How much the pixel (x, y) px from a value's own counts in it; sums to 1 over `reach`.
+  [[nodiscard]] double Share(int x, int y) const {
+    return (1 + reach - std::abs(x)) * (1 + reach - std::abs(y)) / std::pow(1 + reach, 4);
   }
   /// The largest attenuation of a micro image's pixels; 0 without any.
   [[nodiscard]] float BrightestLight(size_t lens) const;

@@ -115,35 +115,38 @@ using Matrix = Eigen::Matrix<double, kCount, kCount>;
 struct SeenPixel {
   float x, y;  ///< about the predicted place
   float value, weight;
-  Eigen::Matrix2d displacement;  ///< px for one of k_pixel and of k
 };
 
-/// What the stop does to the values of one micro image.
+/// What a value of a fit changes with: the unknowns (with the contrast: the drawing itself),
+/// k_pixel and k.
+struct Change {
+  Vector by_unknowns = Vector::Zero();
+  Eigen::RowVector2d by_stop = Eigen::RowVector2d::Zero();
+};
+
+/// What the stop does to the raw pixels of one micro image.
 class Stop {
  public:
   Stop(const LensPatches& patches, size_t lens)
       : patches_(patches), lens_(lens), brightest_(patches.BrightestLight(lens)) {}
 
-  /// px for one of k_pixel and of k, the mean over the value's pixels. False where these have lost
-  /// too much light.
-  bool Displace(int column, int row, Eigen::Matrix2d* displacement) const {
-    displacement->setZero();
+  /// Appends px for one of k_pixel and of k, of each of the value's pixels by rows. False where one
+  /// of these has lost too much light.
+  bool Displace(int column, int row, std::vector<Eigen::Matrix2d>* displacements) const {
+    const size_t before = displacements->size();
     const int reach = patches_.reach;
-    double weights = 0;
-    for (int y = -reach; y <= reach; ++y) {
-      for (int x = -reach; x <= reach; ++x) {
-        const float V = patches_.Light(lens_, column + x, row + y) / brightest_;
-        if (V < kLeastLight) return false;
-        const double weight = (1 + reach - std::abs(x)) * (1 + reach - std::abs(y));
+    for (int y = row - reach; y <= row + reach; ++y) {
+      for (int x = column - reach; x <= column + reach; ++x) {
+        const float V = patches_.Light(lens_, x, y) / brightest_;
+        if (V < kLeastLight) {
+          displacements->resize(before);
+          return false;
+        }
         const double shape = ApertureShape(V);
-        const Eigen::Vector2d slope =
-            patches_.LightSlope(lens_, column + x, row + y).cast<double>();
-        displacement->col(0) += weight * std::sqrt(shape) * slope;
-        displacement->col(1) += weight * shape * slope;
-        weights += weight;
+        const Eigen::Vector2d slope = patches_.LightSlope(lens_, x, y).cast<double>();
+        displacements->emplace_back() << std::sqrt(shape) * slope, shape * slope;
       }
     }
-    *displacement /= weights;
     return true;
   }
 
@@ -152,6 +155,50 @@ class Stop {
   size_t lens_;
   float brightest_;
 };
+
+/// What each value changes with at p. Of a mosaic, whose values are means, so are the changes.
+template <typename Drawing>
+void Draw(Drawing& drawing,
+          const Eigen::Matrix3f& G,
+          const Vector& p,
+          const LensPatches& patches,
+          const std::vector<SeenPixel>& pixels,
+          const std::vector<Eigen::Matrix2d>& displacements,
+          std::vector<Change>* changes) {
+  std::fill(changes->begin(), changes->end(), Change{});
+  const double k = p[kContrast];
+  const size_t pixels_of_value = displacements.size() / pixels.size();
+  size_t number = 0;  // of a value's pixel
+  typename Drawing::Drawn drawn;
+  for (int down = -patches.reach; down <= patches.reach; ++down) {
+    for (int right = -patches.reach; right <= patches.reach; ++right) {
+      const double share = patches.Share(right, down);
+      for (std::size_t i = 0; i < pixels.size(); ++i) {
+        const auto lane = static_cast<int>(i % kLanes);
+        if (lane == 0) {
+          Lanes x{}, y{};
+          for (std::size_t l = 0; l < kLanes && i + l < pixels.size(); ++l) {
+            x[l] = pixels[i + l].x + static_cast<float>(right - p[kShiftX]);
+            y[l] = pixels[i + l].y + static_cast<float>(down - p[kShiftY]);
+          }
+          drawing.drawing.Draw(G, static_cast<float>(p[kBlur]), x, y, &drawn);
+        }
+        const float by_u = drawn.by_u[lane], by_v = drawn.by_v[lane];
+        const float u = drawn.u[lane], v = drawn.v[lane], scale = drawn.scale[lane];
+        Vector j;
+        j << -k * (by_u * (G(0, 0) - u * G(2, 0)) + by_v * (G(1, 0) - v * G(2, 0))) / scale,
+            -k * (by_u * (G(0, 1) - u * G(2, 1)) + by_v * (G(1, 1) - v * G(2, 1))) / scale, 1,
+            drawn.value[lane], k * drawn.by_blur[lane], k * drawing.ByOwn(drawn, lane);
+        Change& change = (*changes)[i];
+        change.by_unknowns += share * j;
+        // What a displacement does is what a shift of the drawing undoes.
+        change.by_stop -=
+            share * j.head<2>().transpose() * displacements[i * pixels_of_value + number];
+      }
+      ++number;
+    }
+  }
+}
 
 /// Fits the drawing to the micro image.
 template <typename Drawing>
@@ -170,6 +217,7 @@ void Measure(const MarkerLook& look,
   const auto lens = static_cast<size_t>(sight->lens);
   const float* value = patches.Value(lens);
   std::vector<SeenPixel> pixels;
+  std::vector<Eigen::Matrix2d> displacements;
   // What meets at the marker, and as much as blurs into it.
   const double window = Drawing::kWindow * sight->cell_px + 2;
   double low = 1e30, high = -1e30;
@@ -183,18 +231,14 @@ void Measure(const MarkerLook& look,
       const Eigen::Vector3f there(static_cast<float>(x), static_cast<float>(y), 1);
       const Eigen::Vector2f cells = (sight->G * there).hnormalized();
       if (!drawing.Knows(cells)) continue;
-      Eigen::Matrix2d displacement;
-      if (std::isnan(value[i]) || !stop.Displace(column, row, &displacement)) {
+      if (std::isnan(value[i]) || !stop.Displace(column, row, &displacements)) {
         if (drawing.Needs(cells, priors.own.mean, priors.edge / sight->cell_px)) return;
         continue;
       }
       const float light = patches.Light(lens, column, row), raw = value[i] * light;
       const float variance = noise.read + noise.shot * std::max(raw, 0.f);
-      pixels.push_back({static_cast<float>(x),
-                        static_cast<float>(y),
-                        value[i],
-                        light * light / variance,
-                        displacement});
+      pixels.push_back(
+          {static_cast<float>(x), static_cast<float>(y), value[i], light * light / variance});
       low = std::min(low, static_cast<double>(value[i]));
       high = std::max(high, static_cast<double>(value[i]));
     }
@@ -211,6 +255,7 @@ void Measure(const MarkerLook& look,
   Eigen::Matrix<double, kCount, 2> pull;
   Vector by_depth;
   Matrix information = Matrix::Zero();
+  std::vector<Change> changes(pixels.size());
   for (int iteration = 0; iteration < kIterations; ++iteration) {
     drawing.SetOwn(p[kOwn]);
     Matrix H = Matrix::Zero();
@@ -220,29 +265,14 @@ void Measure(const MarkerLook& look,
     by_depth.setZero();
     const auto& G = sight->G;
     const double k = p[kContrast];
-    typename Drawing::Drawn drawn;
+    Draw(drawing, G, p, patches, pixels, displacements, &changes);
     for (std::size_t i = 0; i < pixels.size(); ++i) {
-      const auto lane = static_cast<int>(i % kLanes);
-      if (lane == 0) {
-        Lanes x{}, y{};
-        for (std::size_t l = 0; l < kLanes && i + l < pixels.size(); ++l) {
-          x[l] = pixels[i + l].x - static_cast<float>(p[kShiftX]);
-          y[l] = pixels[i + l].y - static_cast<float>(p[kShiftY]);
-        }
-        drawing.drawing.Draw(G, static_cast<float>(p[kBlur]), x, y, &drawn);
-      }
       const SeenPixel& pixel = pixels[i];
-      const float by_u = drawn.by_u[lane], by_v = drawn.by_v[lane];
-      const float u = drawn.u[lane], v = drawn.v[lane], scale = drawn.scale[lane];
-      Vector j;
-      j << -k * (by_u * (G(0, 0) - u * G(2, 0)) + by_v * (G(1, 0) - v * G(2, 0))) / scale,
-          -k * (by_u * (G(0, 1) - u * G(2, 1)) + by_v * (G(1, 1) - v * G(2, 1))) / scale, 1,
-          drawn.value[lane], k * drawn.by_blur[lane], k * drawing.ByOwn(drawn, lane);
-      const double residual = pixel.value - p[kLevel] - k * drawn.value[lane];
+      const Vector& j = changes[i].by_unknowns;
+      const double residual = pixel.value - p[kLevel] - k * j[kContrast];
       H += pixel.weight * j * j.transpose();
       g += pixel.weight * residual * j;
-      // What a displacement does is what a shift of the drawing undoes.
-      pull -= pixel.weight * j * (j.head<2>().transpose() * pixel.displacement);
+      pull += pixel.weight * j * changes[i].by_stop;
       // A drawing of a larger depth is smaller.
       const Eigen::Vector2d arm(pixel.x - p[kShiftX], pixel.y - p[kShiftY]);
       by_depth += pixel.weight * j * j.head<2>().dot(arm);
@@ -360,7 +390,7 @@ MicroView MeasureInMicroImages(const std::vector<MarkerLook>& looks,
             Priors priors{blur_of(sights[i]), OwnPrior(drawing), 0};
             if (radius) {
               priors.own = *radius;
-              priors.edge = priors.blur.mean + 0.5;  // into half a pixel
+              priors.edge = priors.blur.mean + 0.5 + patches.reach;  // into half a pixel
             }
             Measure(look, ForFit(drawing, look), patches, array, noise, priors, &sights[i]);
           },

@@ -2,8 +2,9 @@
 //
 // Raw plenoptic images of each kind of target, from the image to the measurements in micro images.
 // (Tags: the tests on `sim_small`.)
+#include <Eigen/Core>
 #include <algorithm>
-#include <cmath>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -17,7 +18,9 @@ namespace {
 class MicroImageTargets : public Workspace {
  protected:
   // A session with images of the target, set/session.yaml.
-  void Simulate(const std::string& target, const std::string& poses) const {
+  void Simulate(const std::string& target,
+                const std::string& poses,
+                const std::string& camera = "") const {
     Write("target.yaml", "plenocal: 1\ntolerance: 0.0001\n" + target);
     Write("spec.yaml",
           "plenocal: 1\nseed: 3\ntarget: target.yaml\nwhite_images: 2\nposes: " + poses +
@@ -29,43 +32,84 @@ class MicroImageTargets : public Workspace {
               "    parameters: {f_L: 0.0125, b_L0: 0.0119876, B: 0.000244, c_x: 211, c_y: 208, "
               "A_0: -200}\n"
               "    blur: 0.35\n"
-              "    micro_lenses: {pitch: 18, rotation: 0.1, focus: [3.6, 3.35, 3.1]}\n");
+              "    micro_lenses: {pitch: 18, rotation: 0.1, focus: [3.6, 3.35, 3.1]}\n" +
+              camera);
     const Outcome made = Run({"simulate", "spec.yaml", "-o", "set"});
     EXPECT_EQ(made.status, kDone) << made.err;
   }
-  // Distances of the measured markers from where they truly are in the same micro image, px.
-  std::vector<double> Errors(const std::string& target) const {
-    Simulate(target, "{frames: 2, distance: [0.42, 0.5], tilt: 0.3, partial: 0}");
-    const Outcome detected = Run({"detect", "set/session.yaml", "-o", "out"});
+  // A measured marker, px.
+  struct Measured {
+    std::string view;
+    Eigen::Vector2d error, offset;  // from where it truly is; from there to the centre
+    double weight;
+  };
+  std::vector<Measured> Detect(const std::string& session) const {
+    const Outcome detected = Run({"detect", session, "-o", "out", "--fresh"});
     EXPECT_EQ(detected.status, kDone) << detected.err;
     struct Row {
       std::string view;
-      double x, y, lens_x, lens_y;
+      Eigen::Vector2d place, centre;
     };
-    const auto rows = [&](const std::string& file) {
-      const Table table(Read(file));
+    const auto rows = [](const Table& table) {
       const auto frame = table.Column("frame"), marker = table.Column("marker");
       const auto x = table.Numbers("x"), y = table.Numbers("y");
       const auto lens_x = table.Numbers("lens_x"), lens_y = table.Numbers("lens_y");
       std::vector<Row> all;
       for (size_t i = 0; i < x.size(); ++i) {
-        all.push_back({frame[i] + " " + marker[i], x[i], y[i], lens_x[i], lens_y[i]});
+        all.push_back({frame[i] + " " + marker[i], {x[i], y[i]}, {lens_x[i], lens_y[i]}});
       }
       return all;
     };
-    const std::vector<Row> truth = rows("set/truth/detections_plenoptic.csv");
-    std::vector<double> errors;
-    for (const Row& row : rows("out/detections_plenoptic.csv")) {
-      double error = 1e9, nearest = 1;  // px between the true centre and the one found
+    const std::vector<Row> truth = rows(Table(Read("set/truth/detections_plenoptic.csv")));
+    const Table table(Read("out/detections_plenoptic.csv"));
+    const std::vector<double> sigma = table.Numbers("sigma");
+    const std::vector<Row> found = rows(table);
+    std::vector<Measured> measured;
+    for (size_t i = 0; i < found.size(); ++i) {
+      Measured one{.view = found[i].view, .error = {1e9, 0}, .offset = {0, 0}, .weight = 0};
+      double nearest = 1;  // px between the true centre and the one found
       for (const Row& other : truth) {
-        const double away = std::hypot(other.lens_x - row.lens_x, other.lens_y - row.lens_y);
-        if (other.view != row.view || away > nearest) continue;
+        const double away = (other.centre - found[i].centre).norm();
+        if (other.view != one.view || away > nearest) continue;
         nearest = away;
-        error = std::hypot(other.x - row.x, other.y - row.y);
+        one.error = found[i].place - other.place;
+        one.offset = other.place - other.centre;
+        one.weight = 1 / (sigma[i] * sigma[i]);
       }
-      errors.push_back(error);
+      measured.push_back(one);
     }
+    return measured;
+  }
+  // Distances of the measured markers from where they truly are in the same micro image, px.
+  std::vector<double> Errors(const std::string& target) const {
+    Simulate(target, "{frames: 2, distance: [0.42, 0.5], tilt: 0.3, partial: 0}");
+    std::vector<double> errors;
+    for (const Measured& one : Detect("set/session.yaml")) errors.push_back(one.error.norm());
     return errors;
+  }
+  // Relative error of the inverse virtual depth that the micro images of all markers imply: the
+  // share of their distance from the centre that they are pushed outward.
+  static double Push(const std::vector<Measured>& measured) {
+    std::map<std::string, std::vector<const Measured*>> views;
+    for (const Measured& one : measured) {
+      if (one.error.norm() < 0.1) views[one.view].push_back(&one);
+    }
+    double right = 0, information = 0;
+    for (const auto& [view, of_marker] : views) {
+      Eigen::Vector2d error(0, 0), offset(0, 0);
+      double weights = 0;
+      for (const Measured* one : of_marker) {
+        error += one->weight * one->error;
+        offset += one->weight * one->offset;
+        weights += one->weight;
+      }
+      for (const Measured* one : of_marker) {
+        const Eigen::Vector2d arm = one->offset - offset / weights;
+        right += one->weight * arm.dot(one->error - error / weights);
+        information += one->weight * arm.squaredNorm();
+      }
+    }
+    return right / information;
   }
 };
 
@@ -92,6 +136,22 @@ TEST_F(MicroImageTargets, CirclesThatMicroImagesHoldWhole) {
   EXPECT_GT(errors.size(), 100u);
   EXPECT_LT(Median(errors), 0.02);
   EXPECT_LT(*std::max_element(errors.begin(), errors.end()), 0.1);
+}
+
+TEST_F(MicroImageTargets, TagsAreNotPushedOutward) {
+  // 0.0003 by depths that matching finds too small, 0.001 in mosaics whose drawing is not smoothed.
+  Simulate("type: aprilgrid\ncolumns: 5\nrows: 5\nsize: 0.018\nspacing: 0.3\n",
+           "{frames: 6, distance: [0.4, 0.6], tilt: 0.5, partial: 0}",
+           "    full_well: 1000000000\n    read_noise: 0\n    bits: 16\n");
+  const std::vector<Measured> grey = Detect("set/session.yaml");
+  EXPECT_GT(grey.size(), 500u);
+  EXPECT_NEAR(Push(grey), 0, 0.0002);
+  std::string session = Read("set/session.yaml");
+  session.replace(session.find("    pixel_size"), 0, "    bayer: RGGB\n");
+  Write("set/mosaic.yaml", session);
+  const std::vector<Measured> mosaic = Detect("set/mosaic.yaml");
+  EXPECT_GT(mosaic.size(), 400u);
+  EXPECT_NEAR(Push(mosaic), 0, 0.0004);
 }
 
 TEST_F(MicroImageTargets, TableOfDetectionsSaysAllThatTheImagesSay) {

@@ -58,7 +58,8 @@ TEST(RemoveDepthShifts, IsNotMovedByAWrongMarker) {
   const double before = Difference(scene.measured, scene.right);
   for (size_t v = 0; v < scene.measured.size(); v += 2) {
     for (size_t i = 0; i < scene.measured[v].size() && scene.measured[v][i].seen.marker == 0; ++i) {
-      const Eigen::Vector2d push = 0.2 * (scene.measured[v][i].Place() - scene.measured[v][i].Centre());
+      const Eigen::Vector2d push =
+          0.2 * (scene.measured[v][i].Place() - scene.measured[v][i].Centre());
       scene.measured[v][i].Move(push);
       scene.right[v][i].Move(push);
     }
