@@ -139,7 +139,7 @@ TEST_F(MicroImageTargets, CirclesThatMicroImagesHoldWhole) {
 }
 
 TEST_F(MicroImageTargets, TagsAreNotPushedOutward) {
-  // 0.0003 by depths that matching finds too small, 0.001 in mosaics whose drawing is not smoothed.
+  // In mosaics by 0.001 if the drawing is not the mean that the values are.
   Simulate("type: aprilgrid\ncolumns: 5\nrows: 5\nsize: 0.018\nspacing: 0.3\n",
            "{frames: 6, distance: [0.4, 0.6], tilt: 0.5, partial: 0}",
            "    full_well: 1000000000\n    read_noise: 0\n    bits: 16\n");

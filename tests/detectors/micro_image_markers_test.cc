@@ -1,0 +1,120 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "detectors/micro_image_markers.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "detectors/depth_shift.h"
+#include "detectors/lens_patches.h"
+#include "tests/detectors/plenoptic_scene.h"
+
+namespace plenocal::internal {
+namespace {
+
+/// Corners of a chessboard, seen through micro lenses without vignetting and without noise.
+class Chessboard {
+ public:
+  Chessboard() : array_(PlenopticScene{}.Array()) {
+    constexpr int kSamples = 8;
+    const PlenopticScene scene;
+    raw_ = cv::Mat(scene.height, scene.width, CV_32F, cv::Scalar(0));
+    for (const MicroLens& lens : array_.lenses) {
+      for (int y = 0; y < raw_.rows; ++y) {
+        for (int x = 0; x < raw_.cols; ++x) {
+          if ((Eigen::Vector2d(x, y) - lens.centre).norm() > scene.pitch / 2) continue;
+          double white = 0;
+          for (int k = 0; k < kSamples * kSamples; ++k) {
+            // Over two pixels: what the sensor and its point spread do.
+            const Eigen::Vector2d sub(2 * (k % kSamples + 0.5) / kSamples - 1,
+                                      2 * (k / kSamples + 0.5) / kSamples - 1);
+            const Eigen::Vector2d in_cells =
+                Cells(lens.centre + kDepth * (Eigen::Vector2d(x, y) + sub - lens.centre));
+            white += std::fmod(std::floor(in_cells.x()) + std::floor(in_cells.y()) + 100, 2);
+          }
+          raw_.at<float>(y, x) = static_cast<float>(50 + 100 * white / (kSamples * kSamples));
+        }
+      }
+    }
+  }
+
+  /// The corners measured by drawings for a depth that is too large by a relative error.
+  [[nodiscard]] MicroView Measure(double error) const {
+    constexpr int kCells = 20;
+    VirtualDepth depth;
+    depth.inverse =
+        cv::Mat(raw_.size(), CV_32F, cv::Scalar(1 / (kDepth * (1 + error))));
+    depth.sigma = cv::Mat(raw_.size(), CV_32F, cv::Scalar(0.01));
+    depth.known = cv::Mat(raw_.size(), CV_8U, cv::Scalar(255));
+    std::vector<float> cells;
+    for (int i = 0; i < kCells * kCells; ++i) {
+      cells.push_back((i / kCells + i % kCells) % 2 == 0 ? -1.f : 1.f);
+    }
+    std::vector<MarkerLook> looks;
+    for (int row = 6; row <= 13; ++row) {
+      for (int column = 6; column <= 13; ++column) {
+        Eigen::Matrix3d cells_by_image = Eigen::Matrix3d::Identity() / kCell;
+        cells_by_image(2, 2) = 1;
+        MarkerLook look{.marker = row * kCells + column,
+                        .place = kCell * Eigen::Vector2d(column, row),
+                        .cells_by_image = cells_by_image,
+                        .drawing = CellDrawing(cells, kCells)};
+        looks.push_back(look);
+      }
+    }
+    const cv::Mat even(raw_.size(), CV_32F, cv::Scalar(1));
+    return MeasureInMicroImages(
+        looks, depth, CutPatches(raw_, even, array_, std::nullopt, 2), array_, {0.1f, 0}, 2);
+  }
+
+ private:
+  static constexpr double kDepth = 3.5, kCell = 20;  ///< px of the virtual image
+  static Eigen::Vector2d Cells(const Eigen::Vector2d& q) { return q / kCell; }
+
+  MicroLensArray array_;
+  cv::Mat raw_;
+};
+
+/// Leaves what both have: a depth decides, too, which micro images are asked.
+void KeepCommon(MicroView* a, MicroView* b) {
+  const auto lacks = [](const MicroView& view) {
+    return [&view](const MicroObservation& o) {
+      return std::none_of(view.begin(), view.end(), [&](const MicroObservation& other) {
+        return other.seen.marker == o.seen.marker && other.Centre() == o.Centre();
+      });
+    };
+  };
+  std::erase_if(*a, lacks(*b));
+  std::erase_if(*b, lacks(*a));
+}
+
+TEST(MeasureInMicroImages, SaysWhatAWrongDepthDoes) {
+  constexpr double kError = -0.003;
+  const Chessboard board;
+  std::vector<MicroView> right{board.Measure(0)}, wrong{board.Measure(kError)};
+  KeepCommon(&right[0], &wrong[0]);
+  ASSERT_GT(right[0].size(), 150u);
+  double moved = 0, unexplained = 0, outward = 0;
+  for (size_t i = 0; i < right[0].size(); ++i) {
+    const MicroObservation &before = right[0][i], &after = wrong[0][i];
+    const Eigen::Vector2d by = after.Place() - before.Place();
+    moved += by.squaredNorm();
+    unexplained += (by - kError * after.by_depth).squaredNorm();
+    outward += by.dot((before.Place() - before.Centre()).normalized());
+  }
+  EXPECT_LT(unexplained, 0.05 * moved);
+  EXPECT_GT(outward / static_cast<double>(right[0].size()), 0.003);
+
+  // How far apart a marker's micro images have it says what is wrong.
+  RemoveDepthShifts(&right);
+  RemoveDepthShifts(&wrong);
+  double left = 0;
+  for (size_t i = 0; i < right[0].size(); ++i) {
+    left += (wrong[0][i].Place() - right[0][i].Place()).squaredNorm();
+  }
+  EXPECT_LT(left, 0.05 * moved);
+}
+
+}  // namespace
+}  // namespace plenocal::internal
