@@ -3,6 +3,7 @@
 
 #include <Eigen/Geometry>
 #include <Eigen/LU>
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <map>
@@ -18,7 +19,10 @@ namespace plenocal::internal {
 namespace {
 
 std::vector<MarkerLook> LooksOfTags(const Target& target, const std::vector<Observation>& found) {
+  // What is around a tag is drawn as far as it is known and blurs into what is next to the tag.
+  constexpr double kFarthest = 4;  // bits
   const TagLooks tags = FindTagLooks(target);
+  const int around = 1 + static_cast<int>(std::clamp(tags.border.outside, 1.0, kFarthest));
   std::map<int, std::map<int, Eigen::Vector2d>> by_tag;
   for (const Observation& seen : found) {
     by_tag[seen.marker / 4][seen.marker % 4] = {seen.values[0], seen.values[1]};
@@ -28,13 +32,13 @@ std::vector<MarkerLook> LooksOfTags(const Target& target, const std::vector<Obse
     if (corners.size() < 4) continue;
     const Quad quad{corners.at(0), corners.at(1), corners.at(2), corners.at(3)};
     const Eigen::Matrix3d cells_by_image =
-        CellsByUnitSquare(tags.border) * UnitSquareHomography(quad).inverse();
+        CellsByUnitSquare(tags.border, around) * UnitSquareHomography(quad).inverse();
     for (int k = 0; k < 4; ++k) {
       looks.push_back({.marker = 4 * id + k,
                        .place = quad[k],
                        .cells_by_image = cells_by_image,
-                       .drawing = DrawTag(tags.bits.at(id), tags.border),
-                       .beyond_unknown = true,
+                       .drawing = DrawTag(tags.bits.at(id), tags.border, around),
+                       .around = around,
                        .part = id});
     }
   }

@@ -19,8 +19,9 @@ struct MarkerLook {
   /// Homography from the image to the drawing's cells, or about a disc to its nominal radius.
   Eigen::Matrix3d cells_by_image;
   std::variant<CellDrawing, DiscDrawing> drawing;  ///< -1 and 1
-  bool beyond_unknown = false;  ///< the outermost cells are of some other brightness
-  int part = 0;                 ///< markers of one flat part of the target share it
+  /// Cells around a tag, of which the outermost are of some other brightness; 0: all are known.
+  int around = 0;
+  int part = 0;  ///< markers of one flat part of the target share it
 };
 
 /// The looks of the markers found in one image: the corners of whole tags, the corners of

@@ -55,22 +55,26 @@ struct CellsOfMarker {
   using Drawn = CellDrawing::Drawn;
 
   CellDrawing drawing;
-  bool beyond_unknown;
+  int around;  ///< as of `MarkerLook`
 
   static constexpr double kLeast = -2, kMost = 2;  ///< of the brightness beyond
   static constexpr double kWindow = 1.5;           ///< cells: those that meet at the marker
 
   void SetOwn(double value) {
-    if (beyond_unknown) drawing.SetBeyond(static_cast<float>(value));
+    if (around > 0) drawing.SetBeyond(static_cast<float>(value));
   }
   [[nodiscard]] double ByOwn(const CellDrawing::Drawn& drawn, int lane) const {
-    return beyond_unknown ? drawn.by_beyond[lane] : 0;
+    return around > 0 ? drawn.by_beyond[lane] : 0;
   }
-  /// Whether a place is on the drawing. Of tags that are next to each other the outermost cells are
-  /// not of one brightness: half a cell before them is as far as their blur may be ignored.
-  [[nodiscard]] bool Knows(const Eigen::Vector2f& cells) const {
-    const float middle = 0.5f * static_cast<float>(drawing.size());
-    return !beyond_unknown || (cells.array() - middle).abs().maxCoeff() < middle - 1.5f;
+  /// Whether a place may be used. Half a cell around a tag is enough: other tags and Kalibr's black
+  /// squares may lie a little beside their places. Of tags that are next to each other the
+  /// outermost cells are not of one brightness: half a cell before them is as far as their blur may
+  /// be ignored, and `reach` cells that a value itself spans.
+  [[nodiscard]] bool Knows(const Eigen::Vector2f& cells, double reach) const {
+    if (around == 0) return true;
+    const double middle = 0.5 * drawing.size();
+    const double off = (cells.array() - static_cast<float>(middle)).abs().maxCoeff();
+    return off < middle - around + std::min(0.5, around - 1.5 - reach);
   }
   /// Whether a fit is wrong without the light of a place.
   [[nodiscard]] static bool Needs(const Eigen::Vector2f&, double, double) { return false; }
@@ -89,7 +93,9 @@ struct DiscOfMarker {
   [[nodiscard]] static double ByOwn(const DiscDrawing::Drawn& drawn, int lane) {
     return drawn.by_radius[lane];
   }
-  [[nodiscard]] static bool Knows(const Eigen::Vector2f& radii) { return radii.norm() < kWindow; }
+  [[nodiscard]] static bool Knows(const Eigen::Vector2f& radii, double) {
+    return radii.norm() < kWindow;
+  }
   /// A disc whose edge is not lit all around moves with its radius, and with what the stop does to
   /// the other side.
   [[nodiscard]] static bool Needs(const Eigen::Vector2f& radii, double radius, double edge) {
@@ -98,7 +104,7 @@ struct DiscOfMarker {
 };
 
 CellsOfMarker ForFit(const CellDrawing& drawing, const MarkerLook& look) {
-  return {drawing, look.beyond_unknown};
+  return {drawing, look.around};
 }
 DiscOfMarker ForFit(const DiscDrawing& drawing, const MarkerLook&) { return {drawing}; }
 
@@ -230,7 +236,7 @@ void Measure(const MarkerLook& look,
       if (x * x + y * y > window * window) continue;
       const Eigen::Vector3f there(static_cast<float>(x), static_cast<float>(y), 1);
       const Eigen::Vector2f cells = (sight->G * there).hnormalized();
-      if (!drawing.Knows(cells)) continue;
+      if (!drawing.Knows(cells, patches.reach / sight->cell_px)) continue;
       if (std::isnan(value[i]) || !stop.Displace(column, row, &displacements)) {
         if (drawing.Needs(cells, priors.own.mean, priors.edge / sight->cell_px)) return;
         continue;

@@ -40,28 +40,28 @@ Eigen::Matrix3d UnitSquareHomography(const Quad& q) {
   return h;
 }
 
-/// The tag's bits with kAround bits around it.
-CellDrawing DrawTag(const std::vector<bool>& bits, const TagBorder& border) {
-  const int n = border.width + 2 * kBitsAroundTag;
+CellDrawing DrawTag(const std::vector<bool>& bits, const TagBorder& border, int around) {
+  const int n = border.width + 2 * around;
   std::vector<float> cells(static_cast<std::size_t>(n) * n, 1.f);
   for (int y = 0; y < border.width; ++y) {
     for (int x = 0; x < border.width; ++x) {
-      cells[(y + kBitsAroundTag) * n + x + kBitsAroundTag] =
-          bits[y * border.width + x] ? 1.f : -1.f;
+      cells[(y + around) * n + x + around] = bits[y * border.width + x] ? 1.f : -1.f;
     }
   }
   if (border.corner_squares) {
-    for (const int y : {1, n - 2}) {
-      for (const int x : {1, n - 2}) cells[y * n + x] = -1;
+    const auto beside = [&](int at) { return at < around || at >= n - around; };
+    for (int y = 0; y < n; ++y) {
+      for (int x = 0; x < n; ++x) {
+        if (beside(x) && beside(y)) cells[y * n + x] = -1;
+      }
     }
   }
   return {std::move(cells), n};
 }
 
-Eigen::Matrix3d CellsByUnitSquare(const TagBorder& border) {
+Eigen::Matrix3d CellsByUnitSquare(const TagBorder& border, int around) {
   Eigen::Matrix3d cells;
-  cells << border.width, 0, kBitsAroundTag, 0, -border.width, border.width + kBitsAroundTag, 0, 0,
-      1;
+  cells << border.width, 0, around, 0, -border.width, border.width + around, 0, 0, 1;
   return cells;
 }
 
@@ -72,7 +72,7 @@ TagTemplate::TagTemplate(const cv::Mat& gray,
     : gray_(gray),
       border_(border),
       bits_(border.width + 2 * kAround),
-      drawing_(DrawTag(tag.bits, border)) {
+      drawing_(DrawTag(tag.bits, border, kAround)) {
   state_.blur = blur;
   SetBeyond(0);
   SetCorners(tag.corners);
@@ -89,7 +89,7 @@ void TagTemplate::SetCorners(const Quad& corners) {
   std::transform(corners.begin(), corners.end(), straight.begin(), [&](const auto& corner) {
     return Straight(corner);
   });
-  state_.G = CellsByUnitSquare(border_) * UnitSquareHomography(straight).inverse();
+  state_.G = CellsByUnitSquare(border_, kAround) * UnitSquareHomography(straight).inverse();
   state_.G /= state_.G(2, 2);
 }
 

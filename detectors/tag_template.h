@@ -19,14 +19,12 @@ double Area(const Quad& q);
 /// Mapping and Image Warping", 1989.
 Eigen::Matrix3d UnitSquareHomography(const Quad& q);
 
-/// Around the tag its drawing has one bit of known colour, then one of what is beyond.
-inline constexpr int kBitsAroundTag = 2;
-
-/// A tag's bits and those around it: 1 in the colour around the tag, -1 in the other.
-CellDrawing DrawTag(const std::vector<bool>& bits, const TagBorder& border);
+/// A tag's bits and `around` bits on each side of it, the last of what is beyond: 1 in the colour
+/// around the tag, -1 in the other.
+CellDrawing DrawTag(const std::vector<bool>& bits, const TagBorder& border, int around);
 
 /// Maps the unit square of `UnitSquareHomography`, whose y axis points up, to the drawing's cells.
-Eigen::Matrix3d CellsByUnitSquare(const TagBorder& border);
+Eigen::Matrix3d CellsByUnitSquare(const TagBorder& border, int around);
 
 /// What a fit of a tag's drawing found.
 struct TagFit {
@@ -70,7 +68,7 @@ class TagTemplate {
   [[nodiscard]] double DataCorrelation();
 
  private:
-  static constexpr int kAround = kBitsAroundTag;
+  static constexpr int kAround = 2;
   static constexpr int kParameters = 14;  // G without its last, m, k, g, w, e
   static constexpr int kBeyond = 13;
   static constexpr int kResidual = kParameters;

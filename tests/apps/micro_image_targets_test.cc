@@ -138,20 +138,28 @@ TEST_F(MicroImageTargets, CirclesThatMicroImagesHoldWhole) {
   EXPECT_LT(*std::max_element(errors.begin(), errors.end()), 0.1);
 }
 
-TEST_F(MicroImageTargets, TagsAreNotPushedOutward) {
-  // In mosaics by 0.001 if the drawing is not the mean that the values are.
-  Simulate("type: aprilgrid\ncolumns: 5\nrows: 5\nsize: 0.018\nspacing: 0.3\n",
-           "{frames: 6, distance: [0.4, 0.6], tilt: 0.5, partial: 0}",
+TEST_F(MicroImageTargets, SmallTagsOfAGridInGreyAndInAMosaic) {
+  // Bits of 1.5 to 2.5 px: what is around a tag blurs into its corners.
+  Simulate("type: aprilgrid\ncolumns: 7\nrows: 7\nsize: 0.018\nspacing: 0.3\n",
+           "{frames: 6, distance: [0.4, 0.7], tilt: 0.5, partial: 0}",
            "    full_well: 1000000000\n    read_noise: 0\n    bits: 16\n");
+  const auto median = [](const std::vector<Measured>& measured) {
+    std::vector<double> errors;
+    for (const Measured& one : measured) errors.push_back(one.error.norm());
+    return Median(errors);
+  };
   const std::vector<Measured> grey = Detect("set/session.yaml");
   EXPECT_GT(grey.size(), 500u);
-  EXPECT_NEAR(Push(grey), 0, 0.0002);
+  EXPECT_LT(median(grey), 0.0145);
+  EXPECT_NEAR(Push(grey), 0, 0.0004);
   std::string session = Read("set/session.yaml");
   session.replace(session.find("    pixel_size"), 0, "    bayer: RGGB\n");
   Write("set/mosaic.yaml", session);
   const std::vector<Measured> mosaic = Detect("set/mosaic.yaml");
   EXPECT_GT(mosaic.size(), 400u);
-  EXPECT_NEAR(Push(mosaic), 0, 0.0004);
+  EXPECT_LT(median(mosaic), 0.0125);
+  // 0.0008 if the drawing is not the mean that the values are.
+  EXPECT_NEAR(Push(mosaic), 0, 0.0006);
 }
 
 TEST_F(MicroImageTargets, TableOfDetectionsSaysAllThatTheImagesSay) {

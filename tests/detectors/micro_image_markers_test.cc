@@ -43,8 +43,7 @@ class Chessboard {
   [[nodiscard]] MicroView Measure(double error) const {
     constexpr int kCells = 20;
     VirtualDepth depth;
-    depth.inverse =
-        cv::Mat(raw_.size(), CV_32F, cv::Scalar(1 / (kDepth * (1 + error))));
+    depth.inverse = cv::Mat(raw_.size(), CV_32F, cv::Scalar(1 / (kDepth * (1 + error))));
     depth.sigma = cv::Mat(raw_.size(), CV_32F, cv::Scalar(0.01));
     depth.known = cv::Mat(raw_.size(), CV_8U, cv::Scalar(255));
     std::vector<float> cells;
