@@ -18,14 +18,14 @@ struct Scene {
   Scene(double common, double scatter) {
     const auto make = [&](bool wrong) {
       std::mt19937 engine(3);
-      std::normal_distribution<double> normal(0, scatter);
+      std::normal_distribution<double> normal;
       int marker = -1;
       double growth = 0;
       return MakeMicroViews(3, [&](const Eigen::Vector2d& offset, MicroObservation* o) {
         // The side towards the micro image's centre is seen farther.
         o->by_depth = -0.12 * offset * (1 + 0.02 * offset.norm());
         if (o->seen.marker != marker) {
-          growth = common * (1 + (o->inverse_depth - 0.25) / 0.1) + normal(engine);
+          growth = common * (1 + (o->inverse_depth - 0.25) / 0.1) + scatter * normal(engine);
           marker = o->seen.marker;
         }
         if (!wrong) return;
