@@ -59,7 +59,8 @@ struct PlenopticModel {
       Param{.name = "A_1", .unit = "m^-4", .scale = 1e8, .neutral = 0},
       Param{.name = "B_0", .unit = "m^-1", .scale = 1e2, .neutral = 0},
       Param{.name = "B_1", .unit = "m^-1", .scale = 1e2, .neutral = 0}};
-  static constexpr std::array kConfig{Param{"pixel_size", "m", 0}};
+  // No sensor has finer or coarser pixels: a unit was mistaken.
+  static constexpr std::array kConfig{Param{"pixel_size", "m", 1e-7, 1e-3}};
   static constexpr std::array<std::string_view, 2> kMeasured{"x", "y"};
   static constexpr std::array<std::string_view, 2> kContext{"lens_x", "lens_y"};
   static constexpr bool kCentral = false;
