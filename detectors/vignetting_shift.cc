@@ -32,6 +32,7 @@ Shifts FindShifts(int types, const DepthLine& line, std::span<const MicroView> v
   // px^2. A pixel's area has a variance of 1 / 12, its point spread one of up to 0.6^2; as much as
   // an even distribution between these. An aperture's covariance is about 1 where it blurs by a px.
   constexpr double kLeastPixel = 1 / 12.0, kPointSpread = 0.36, kAperturePrior = 1;
+  constexpr double kFormula = 0.1;  // of a shift: what the two terms leave (header)
   const auto runs = RunsOf(views);
   const Eigen::Index count = 1 + 2 * types;
   Eigen::VectorXd prior = Eigen::VectorXd::Zero(count);
@@ -83,7 +84,9 @@ Shifts FindShifts(int types, const DepthLine& line, std::span<const MicroView> v
     k = information.ldlt().solve(right);
     if (redundancy > 0 && squares > 0) mean_square = squares / redundancy;
     if (round == kRounds - 1) {
-      shifts.root = (information.inverse() * mean_square).llt().matrixL();
+      Eigen::MatrixXd covariance = information.inverse() * mean_square;
+      covariance.diagonal() += (kFormula * k).cwiseAbs2();
+      shifts.root = covariance.llt().matrixL();
     }
   }
   return shifts;

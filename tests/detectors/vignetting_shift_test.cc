@@ -57,6 +57,21 @@ TEST(RemoveVignettingShifts, FindsThoseOfASingleType) {
   EXPECT_LT(Difference(scene.measured, scene.true_view), before / 10);
 }
 
+TEST(RemoveVignettingShifts, IsAsUncertainAsTheFormula) {
+  // A tenth of three terms that may err alike or against each other; noise adds little here.
+  Scene scene = MakeScene(1, 3);
+  const std::vector<MicroView> before = scene.measured;
+  const auto left = RemoveVignettingShifts(3, &scene.measured);
+  for (size_t i = 0; i < before[0].size(); ++i) {
+    const double moved = (scene.measured[0][i].Place() - before[0][i].Place()).norm();
+    if (moved < 5 * kMicroNoise) continue;
+    double square = 0;
+    for (const double one : left[0][i]) square += one * one;
+    EXPECT_GT(std::sqrt(square), 0.1 * moved / std::sqrt(3)) << i;
+    EXPECT_LT(std::sqrt(square), 0.3 * moved) << i;
+  }
+}
+
 TEST(RemoveVignettingShifts, FindsNoneWhereThereIsNone) {
   Scene scene = MakeScene(0, 3);
   RemoveVignettingShifts(3, &scene.measured);
