@@ -26,9 +26,10 @@ class Chessboard {
           if ((Eigen::Vector2d(x, y) - lens.centre).norm() > scene.pitch / 2) continue;
           double white = 0;
           for (int k = 0; k < kSamples * kSamples; ++k) {
+            const int row = k / kSamples, column = k % kSamples;
             // Over two pixels: what the sensor and its point spread do.
-            const Eigen::Vector2d sub(2 * (k % kSamples + 0.5) / kSamples - 1,
-                                      2 * (k / kSamples + 0.5) / kSamples - 1);
+            const Eigen::Vector2d sub(2 * (column + 0.5) / kSamples - 1,
+                                      2 * (row + 0.5) / kSamples - 1);
             const Eigen::Vector2d in_cells =
                 Cells(lens.centre + kDepth * (Eigen::Vector2d(x, y) + sub - lens.centre));
             white += std::fmod(std::floor(in_cells.x()) + std::floor(in_cells.y()) + 100, 2);
@@ -47,6 +48,7 @@ class Chessboard {
     depth.sigma = cv::Mat(raw_.size(), CV_32F, cv::Scalar(0.01));
     depth.known = cv::Mat(raw_.size(), CV_8U, cv::Scalar(255));
     std::vector<float> cells;
+    cells.reserve(kCells * kCells);
     for (int i = 0; i < kCells * kCells; ++i) {
       cells.push_back((i / kCells + i % kCells) % 2 == 0 ? -1.f : 1.f);
     }
