@@ -144,8 +144,10 @@ TEST_F(MicroImageTargets, SmallTagsOfAGridInGreyAndInAMosaic) {
            "{frames: 6, distance: [0.4, 0.7], tilt: 0.5, partial: 0}",
            "    full_well: 1000000000\n    read_noise: 0\n    bits: 16\n");
   const auto median = [](const std::vector<Measured>& measured) {
-    std::vector<double> errors;
-    for (const Measured& one : measured) errors.push_back(one.error.norm());
+    std::vector<double> errors(measured.size());
+    std::transform(measured.begin(), measured.end(), errors.begin(), [](const Measured& one) {
+      return one.error.norm();
+    });
     return Median(errors);
   };
   const std::vector<Measured> grey = Detect("set/session.yaml");
