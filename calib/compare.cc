@@ -157,10 +157,16 @@ System Linearise(const CalibratedCamera& a,
   return system;
 }
 
-// Columns whose outer products sum up to the covariance.
+// Columns whose outer products sum up to the covariance. Variances of different units are 1e24
+// apart (f_L and A_1 of a plenoptic camera), more than an eigenvalue can be; correlations are not.
 Eigen::MatrixXd SquareRoot(const Eigen::MatrixXd& covariance) {
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(covariance);
-  return eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0).cwiseSqrt().asDiagonal();
+  const Eigen::VectorXd sigma = covariance.diagonal().cwiseMax(0).cwiseSqrt();
+  const Eigen::VectorXd inverse =
+      (sigma.array() > 0).select(sigma.cwiseInverse(), Eigen::VectorXd::Zero(sigma.size()));
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(
+      Eigen::MatrixXd(inverse.asDiagonal() * covariance * inverse.asDiagonal()));
+  return sigma.asDiagonal() *
+         (eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0).cwiseSqrt().asDiagonal());
 }
 
 // Of each row, 1 / the sigma that a root of the covariance of both cameras' parameters predicts, so

@@ -71,6 +71,29 @@ TEST(CompareCameras, WhatIsUnknownInTheCornersDoesNotHideWhatIsKnownInTheMiddle)
   EXPECT_TRUE(difference.distances[1].parts[4].differs);
 }
 
+TEST(ImageSigma, DoesNotDependOnUnits) {
+  // Variances of 1e-12 m^2 and of 1e11 m^-8 that belong together.
+  CalibratedCamera camera{.name = "camera",
+                          .model = FindModel(CameraModels(), "focused-plenoptic"),
+                          .image_size = {800, 800},
+                          .config = {7.4e-6},
+                          .params = {0.0125, 0.012, 0.000244, 399, 401, -224, 1.43e6, 0.03, 0.02},
+                          .covariance = Eigen::MatrixXd::Identity(9, 9),
+                          .T_camera_rig = {}};
+  const auto correlate = [&](int i, int j, double by) {
+    camera.covariance(i, j) = camera.covariance(j, i) = by;
+  };
+  correlate(0, 1, 0.148), correlate(0, 2, 0.798), correlate(1, 2, -0.466);
+  correlate(0, 5, -0.199), correlate(1, 5, -0.286), correlate(0, 6, 0.190), correlate(1, 6, 0.280);
+  correlate(3, 7, 0.938), correlate(4, 8, 0.946), correlate(5, 6, -0.964);
+  const Eigen::VectorXd sigma{
+      {1.05e-6, 7.2e-7, 3.57e-7, 0.212, 0.220, 6.42, 4.43e5, 0.00373, 0.00384}};
+  camera.covariance = sigma.asDiagonal() * camera.covariance * sigma.asDiagonal();
+  const double predicted = ImageSigma(camera, {1});
+  EXPECT_GT(predicted, 0.002);
+  EXPECT_LT(predicted, 0.01);
+}
+
 TEST(CompareMounts, DifferencesAreAsLargeAsTheSigmasOfBothPredict) {
   // Of two cameras of which neither is the one that others stand relative to in the files.
   constexpr int kPairs = 16;
