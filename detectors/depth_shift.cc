@@ -19,15 +19,15 @@ Growth GrowthOf(std::span<const MicroObservation> run, const DepthLine& line) {
   double weights = 0;
   for (const MicroObservation& o : run) {
     const double weight = 1 / (o.seen.sigma * o.seen.sigma);
-    place += weight * o.Common();
-    slope += weight * o.ByInverseDepth();
+    place += weight * o.U0();
+    slope += weight * o.U0ByInverseDepth();
     weights += weight;
   }
   double information = 0, right = 0;
   for (const MicroObservation& o : run) {
-    const Eigen::Vector2d by = (o.ByInverseDepth() - slope / weights) / o.seen.sigma;
+    const Eigen::Vector2d by = (o.U0ByInverseDepth() - slope / weights) / o.seen.sigma;
     information += by.squaredNorm();
-    right += by.dot(o.Common() - place / weights) / o.seen.sigma;
+    right += by.dot(o.U0() - place / weights) / o.seen.sigma;
   }
   const double z = run.front().inverse_depth;
   return {line.At(z), -right / (information * z), information * z * z};

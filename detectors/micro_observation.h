@@ -22,12 +22,12 @@ struct MicroObservation {
 
   [[nodiscard]] Eigen::Vector2d Place() const { return {seen.values[0], seen.values[1]}; }
   [[nodiscard]] Eigen::Vector2d Centre() const { return {seen.values[2], seen.values[3]}; }
-  /// x - c (1 - 1 / v): as x = c + (q - c) / v, this is q / v, the same in all micro images of the
-  /// marker, if v is right.
-  [[nodiscard]] Eigen::Vector2d Common() const { return Place() - Centre() * (1 - inverse_depth); }
-  /// Change of `Common` with the true 1 / v, but for one that all micro images of the marker share;
+  /// u_0 of x = u_0 + s c, for s = 1 - 1 / v (models/start/plenoptic_points.h): the same in all
+  /// micro images of the marker, if v is right.
+  [[nodiscard]] Eigen::Vector2d U0() const { return Place() - Centre() * (1 - inverse_depth); }
+  /// Change of `U0` with the true 1 / v, but for one that all micro images of the marker share;
   /// x is measured with the drawing for another v.
-  [[nodiscard]] Eigen::Vector2d ByInverseDepth() const {
+  [[nodiscard]] Eigen::Vector2d U0ByInverseDepth() const {
     return by_depth / inverse_depth - Centre();
   }
   void Move(const Eigen::Vector2d& by) {

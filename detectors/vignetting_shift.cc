@@ -56,8 +56,8 @@ Shifts FindShifts(int types, const DepthLine& line, std::span<const MicroView> v
       for (const MicroObservation& o : run) {
         shared.middleRows<2>(row) = ByShifts(types, line, o);
         own.block<2, 2>(row, 0).setIdentity();
-        own.block<2, 1>(row, 2) = o.ByInverseDepth() - run[0].ByInverseDepth();
-        rest.segment<2>(row) = o.Common();
+        own.block<2, 1>(row, 2) = o.U0ByInverseDepth() - run[0].U0ByInverseDepth();
+        rest.segment<2>(row) = o.U0();
         row += 2;
         own.middleRows<2>(row - 2) /= o.seen.sigma;
         shared.middleRows<2>(row - 2) /= o.seen.sigma;

@@ -14,6 +14,7 @@ namespace plenocal::internal {
 namespace {
 
 constexpr std::array kFocus{0.40, 0.32, 0.24};  // inverse virtual depth at which a type is sharp
+
 /// k of a pixel's own area and of the aperture, px^2.
 Eigen::Vector2d TrueK(int type, double z) { return {0.2, 10 * kFocus[type] * (kFocus[type] - z)}; }
 
