@@ -8,7 +8,7 @@
 #include <cmath>
 
 #include "calib/error.h"
-#include "calib/inverse_root.h"
+#include "calib/matrix_root.h"
 #include "calib/result_files.h"
 #include "calib/statistics.h"
 

@@ -8,7 +8,7 @@
 #include <random>
 #include <vector>
 
-#include "calib/inverse_root.h"
+#include "calib/matrix_root.h"
 
 namespace plenocal {
 namespace {

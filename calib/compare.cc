@@ -10,7 +10,7 @@
 #include <numbers>
 
 #include "calib/error.h"
-#include "calib/inverse_root.h"
+#include "calib/matrix_root.h"
 #include "calib/median.h"
 #include "calib/statistics.h"
 
@@ -157,18 +157,6 @@ System Linearise(const CalibratedCamera& a,
   return system;
 }
 
-// Columns whose outer products sum up to the covariance. Variances of different units are 1e24
-// apart (f_L and A_1 of a plenoptic camera), more than an eigenvalue can be; correlations are not.
-Eigen::MatrixXd SquareRoot(const Eigen::MatrixXd& covariance) {
-  const Eigen::VectorXd sigma = covariance.diagonal().cwiseMax(0).cwiseSqrt();
-  const Eigen::VectorXd inverse =
-      (sigma.array() > 0).select(sigma.cwiseInverse(), Eigen::VectorXd::Zero(sigma.size()));
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(
-      Eigen::MatrixXd(inverse.asDiagonal() * covariance * inverse.asDiagonal()));
-  return sigma.asDiagonal() *
-         (eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0).cwiseSqrt().asDiagonal());
-}
-
 // Of each row, 1 / the sigma that a root of the covariance of both cameras' parameters predicts, so
 // that the motion is what the image shows where both know it. No row counts more than ten typical
 // ones.
@@ -268,7 +256,7 @@ CameraDifference CompareCameras(const CalibratedCamera& a,
   covariance.topLeftCorner(n_b, n_b) = b.covariance;
   covariance.bottomRightCorner(n_a, n_a) = a.covariance;
   result.has_prediction = covariance.allFinite() && covariance.squaredNorm() > 0;
-  const Eigen::MatrixXd root = result.has_prediction ? SquareRoot(covariance) : Eigen::MatrixXd();
+  const Eigen::MatrixXd root = result.has_prediction ? Root(covariance) : Eigen::MatrixXd();
   const auto rows = static_cast<Eigen::Index>(b.model->measured.size());
 
   // Gauss-Newton for the implied motion; where nothing tells of the translation (all is far away)

@@ -1,0 +1,19 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Roots of a symmetric, positive semidefinite matrix, by the eigenvalues of that with unit
+// diagonal: variances of different units are up to 1e24 apart (f_L and A_1 of a plenoptic camera),
+// more than eigenvalues of one matrix can be told from zero.
+#pragma once
+
+#include <Eigen/Core>
+
+namespace plenocal {
+
+/// N with N N' = V, square.
+Eigen::MatrixXd Root(const Eigen::MatrixXd& V);
+
+/// N with N N' the inverse of V where it has one: as many columns as the matrix with unit diagonal
+/// has eigenvalues above 1e-10.
+Eigen::MatrixXd InverseRoot(const Eigen::MatrixXd& V);
+
+}  // namespace plenocal
