@@ -11,9 +11,9 @@
 #include <optional>
 
 #include "bench/usage_seconds.h"
-#include "detectors/focused_image.h"
-#include "detectors/raw_check.h"
-#include "tests/detectors/plenoptic_scene.h"
+#include "detectors/plenoptic/depth/image_synthesis.h"
+#include "detectors/plenoptic/white/grid_mismatch.h"
+#include "tests/detectors/plenoptic/plenoptic_scene.h"
 
 int main() {
   using namespace plenocal;
@@ -45,21 +45,21 @@ int main() {
   double all = 0;
   all += time("check of the grid", [&] {
     raw.convertTo(grey, CV_32F);
-    if (!WhyNotOfThisGrid(grey, attenuation, array).empty()) fmt::print("refused\n");
+    if (!GridMismatch(grey, attenuation, array).empty()) fmt::print("refused\n");
   });
   all += time("micro images", [&] {
     index.emplace(array);
     patches = CutPatches(grey, attenuation, array, std::nullopt, kThreads);
     noise = EstimateNoise(patches);
   });
-  all += time("survey", [&] { survey = SurveyDepth(patches, array, *index, noise, kThreads); });
+  all += time("survey", [&] { survey = SurveyDepth(patches, *index, noise, kThreads); });
   all += time("depth of the pixels",
-              [&] { pixels = MatchMicroImages(array, *index, noise, survey, kThreads, &patches); });
+              [&] { pixels = MatchMicroImages(*index, noise, survey, kThreads, &patches); });
   all += time("fusion", [&] {
     depth = FuseDepth(std::move(pixels), array, patches.radius_px, kScale, kThreads);
   });
   all += time("focused image",
-              [&] { SynthesiseFocused(depth, patches, array, *index, noise, survey, kThreads); });
+              [&] { SynthesiseFocusedImage(depth, patches, *index, noise, survey, kThreads); });
   fmt::print("{:<24} {:7.3f} s {:8.1f} Mpx/s\n", "focus", all, megapixels / all);
 
   cv::Mat left, right, disparity;

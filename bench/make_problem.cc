@@ -11,7 +11,7 @@
 #include <fstream>
 #include <string>
 
-#include "calib/detections.h"
+#include "calib/files/detections.h"
 #include "tests/calib/synthetic.h"
 
 int main(int argc, char** argv) {

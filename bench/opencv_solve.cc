@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "bench/usage_seconds.h"
-#include "calib/detections.h"
+#include "calib/files/detections.h"
 #include "models/registry.h"
 
 namespace {

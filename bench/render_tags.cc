@@ -59,8 +59,8 @@ void WriteFiles(const std::filesystem::path& folder) {
   for (int id = 0; id < kColumns * kRows; ++id) {
     const double x = kPitch * (id % kColumns), y = kPitch * (id / kColumns);
     target << fmt::format(
-        "  - {{id: {0}, corners: [[{1:.4f}, {4:.4f}, 0], [{2:.4f}, {4:.4f}, 0], "
-        "[{2:.4f}, {3:.4f}, 0], [{1:.4f}, {3:.4f}, 0]]}}\n",
+        "  - {{id: {0}, corners: [[{1:.4f}, {4:.4f}, 0], [{2:.4f}, {4:.4f}, 0], [{2:.4f}, "
+        "{3:.4f}, 0], [{1:.4f}, {3:.4f}, 0]]}}\n",
         id,
         x,
         x + kSize,

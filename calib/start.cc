@@ -7,20 +7,25 @@
 #include <cmath>
 #include <limits>
 #include <set>
+#include <utility>
 
-#include "calib/error.h"
-#include "calib/median.h"
-#include "calib/resection.h"
+#include "calib/adjust/problem.h"
+#include "calib/base/error.h"
+#include "calib/base/statistics.h"
+#include "calib/camera/resection.h"
 
 namespace plenocal {
 namespace {
 
-// Enough views and points for start values; more add time and no certainty.
+// Enough views and points for an initial guess; more add time and no certainty.
 constexpr size_t kStartViews = 12;
 constexpr size_t kStartPoints = 40;
 constexpr size_t kMinPoints = 4;  // a pose has six unknowns, and three points leave four solutions
 constexpr size_t kAdjustedCandidates = 4;
-constexpr double kAsGood = 1.5;  // times the median residual: twice that of the selection's scatter
+// Candidates whose median residual is at most this factor larger than the best are kept: twice the
+// scatter that the selection of views causes.
+constexpr double kAsGood = 1.5;
+constexpr double kSmallestScale = 1e-9;  // px; keeps weights finite where residuals are zero
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 // All observations of at most `limit` known markers, spread evenly over the view.
@@ -88,37 +93,25 @@ std::optional<Resection> ResectView(const CameraModel& model,
   return Resect(rays, points);
 }
 
-// Lengths of all residuals of a bundle, infinite where a point does not project.
-std::vector<double> ResidualLengths(const Bundle& bundle) {
-  std::vector<double> lengths;
-  lengths.reserve(bundle.observations.size());
-  for (const BundleObservation& observation : bundle.observations) {
-    double residual[kMaxObservationSize];
-    lengths.push_back(Residual(bundle, observation, residual)
-                          ? WeightedLength(bundle, observation, residual)
-                          : kInfinity);
-  }
-  return lengths;
-}
-
+// A candidate with its poses.
 struct Trial {
   Bundle bundle;
-  double median = kInfinity;
+  double median = kInfinity;  // of the residuals' lengths, px
 };
 
-// Parameters that obey the rules: those that are one have their mean, all are within bounds.
+// Parameters that obey the rules: those tied together have their mean, all are within bounds.
 std::vector<double> Ruled(std::vector<double> params, const std::vector<ParamRule>& rules) {
   for (size_t k = 0; k < rules.size(); ++k) {
     double sum = params[k], count = 1;
     for (size_t other = 0; other < rules.size(); ++other) {
-      if (rules[other].same_as != ParamPlace{0, k}) continue;
+      if (rules[other].tied_to != ParamIndex{0, k}) continue;
       sum += params[other];
       count += 1;
     }
     params[k] = std::clamp(sum / count, rules[k].lower, rules[k].upper);
   }
   for (size_t k = 0; k < rules.size(); ++k) {
-    if (rules[k].same_as) params[k] = params[rules[k].same_as->param];
+    if (rules[k].tied_to) params[k] = params[rules[k].tied_to->param];
   }
   return params;
 }
@@ -149,16 +142,14 @@ Trial MakeTrial(const CameraInput& camera,
     bundle.T_rig_target.push_back(resection->T_camera_target);
     std::vector<BundleObservation> in_view;
     for (const Observation& observation : view.observations) {
-      Observation seen = observation;
-      seen.sigma = 1;
-      in_view.push_back({0, frame, index.at(observation.marker), seen, true});
+      in_view.push_back({0, frame, index.at(observation.marker), observation, true});
     }
     std::stable_sort(in_view.begin(), in_view.end(), [](const auto& a, const auto& b) {
       return a.marker < b.marker;
     });
     bundle.observations.insert(bundle.observations.end(), in_view.begin(), in_view.end());
   }
-  std::vector<double> lengths = ResidualLengths(bundle);
+  std::vector<double> lengths = WeightedLengths(bundle);
   lengths.resize(lengths.size() + without_pose, kInfinity);
   trial.median = Median(lengths, kInfinity);
   return trial;
@@ -166,31 +157,35 @@ Trial MakeTrial(const CameraInput& camera,
 
 enum class Until { kNear, kConverged };
 
+// Enough to compare candidates.
+constexpr int kNearIterations = 25;
+constexpr double kNearTolerance = 1e-4;
+
 void AdjustTrial(Trial* trial, Until until) {
   // Twice: the width of the loss follows the residuals down.
   for (int pass = 0; pass < 2; ++pass) {
     Bundle& bundle = trial->bundle;
-    bundle.cameras[0].noise_scale = 1;
-    const std::vector<double> lengths = ResidualLengths(bundle);
+    bundle.cameras[0].noise.detector_scale = 1;
+    const std::vector<double> lengths = WeightedLengths(bundle);
     for (size_t i = 0; i < lengths.size(); ++i) {
       bundle.observations[i].used = std::isfinite(lengths[i]);
     }
-    bundle.cameras[0].noise_scale = std::max(trial->median, 1e-9);
+    bundle.cameras[0].noise.detector_scale = std::max(trial->median, kSmallestScale);
     AdjustOptions options;
     options.loss = Loss::kHuber;
     if (until == Until::kNear) {
       options.loss = Loss::kCauchy;
-      options.max_iterations = 25;
-      options.cost_tolerance = 1e-4;
+      options.max_iterations = kNearIterations;
+      options.cost_tolerance = kNearTolerance;
     }
     if (!Adjust(&bundle, options).usable) return;
-    bundle.cameras[0].noise_scale = 1;
-    trial->median = Median(ResidualLengths(bundle), kInfinity);
+    bundle.cameras[0].noise.detector_scale = 1;
+    trial->median = Median(WeightedLengths(bundle), kInfinity);
     if (!std::isfinite(trial->median)) return;
   }
 }
 
-// Whether two sets of parameters are one camera, as far as start values go.
+// Whether two sets of parameters are the same initial guess.
 bool Alike(const CameraModel& model, std::span<const double> a, std::span<const double> b) {
   constexpr double kPart = 0.02;
   for (size_t k = 0; k < a.size(); ++k) {
@@ -208,21 +203,21 @@ bool IsAnother(const Trial& trial, const std::vector<Trial*>& others) {
   });
 }
 
-// Sum of Huber's loss for residuals of typical length `scale`; what is not imaged counts as a
-// coarse mistake.
+// Sum of Huber's loss for residuals of typical length `scale`; points that are not imaged count as
+// gross outliers.
 double RobustCost(const Bundle& bundle, double scale) {
-  constexpr double kMistake = 100;  // in units of `scale`
+  constexpr double kOutlier = 100;  // in units of `scale`
   const double width = AdjustOptions().loss_width;
   double cost = 0;
-  for (const double length : ResidualLengths(bundle)) {
-    const double part = std::min(length / scale, kMistake);
+  for (const double length : WeightedLengths(bundle)) {
+    const double part = std::min(length / scale, kOutlier);
     cost += part <= width ? part * part : 2 * width * part - width * width;
   }
   return cost;
 }
 
-// Of several minima that explain a selection of the views about as well the one that explains all
-// views best.
+// Of several minima that explain a selection of the views about equally well, the one that explains
+// all views best.
 Trial* BestOnAllViews(const CameraInput& camera,
                       const std::map<int, Eigen::Vector3d>& markers,
                       const std::vector<Trial*>& minima) {
@@ -231,7 +226,7 @@ Trial* BestOnAllViews(const CameraInput& camera,
     View known = Thinned(view, markers, markers.size());
     if (known.observations.size() >= kMinPoints) views.push_back(std::move(known));
   }
-  const double scale = std::max(minima[0]->median, 1e-9);
+  const double scale = std::max(minima[0]->median, kSmallestScale);
   Trial* best = nullptr;
   double best_cost = kInfinity;
   for (Trial* minimum : minima) {
@@ -283,10 +278,30 @@ Trial BestTrial(const CameraInput& camera,
   return std::move(minima.size() > 1 ? *BestOnAllViews(camera, markers, minima) : *minima[0]);
 }
 
+// The user's initial values; a prior's value serves as well.
+std::vector<std::optional<double>> InitialValues(const CameraInput& camera) {
+  std::vector<std::optional<double>> given = camera.initial;
+  for (size_t k = 0; k < camera.rules.size(); ++k) {
+    const ParamRule& rule = camera.rules[k];
+    if (!given[k] && rule.prior) given[k] = std::clamp(rule.prior->value, rule.lower, rule.upper);
+  }
+  return given;
+}
+
+void CheckNotRefused(const CameraInput& camera, const StartProblem& problem) {
+  if (camera.model->refusal == nullptr) return;
+  const std::string reason = camera.model->refusal(problem);
+  if (reason.empty()) return;
+  throw Error(ErrorKind::kInput,
+              fmt::format("{}: {}: {}", camera.name, camera.model->name, reason));
+}
+
 }  // namespace
 
 BundleCamera MakeBundleCamera(const CameraInput& camera, std::vector<double> params) {
-  BundleCamera made{.model = camera.model,
+  BundleCamera made{.name = camera.name,
+                    .image_size = camera.image_size,
+                    .model = camera.model,
                     .config = camera.config,
                     .params = std::move(params),
                     .fixed = camera.fixed,
@@ -294,28 +309,27 @@ BundleCamera MakeBundleCamera(const CameraInput& camera, std::vector<double> par
                     .T_camera_rig = {}};
   for (size_t k = 0; k < made.params.size(); ++k) {
     const Param& param = camera.model->params[k];
-    if (param.held != Held::kNever) made.fixed[k] = true;
+    if (param.fixed != Fixed::kNever) made.fixed[k] = true;
     if (!(param.prior_sigma > 0) || made.fixed[k]) continue;
     made.rules.resize(made.params.size());
     ParamRule& rule = made.rules[k];
-    if (!rule.prior && !rule.same_as) rule.prior = {.value = 0, .sigma = param.prior_sigma};
+    if (!rule.prior && !rule.tied_to) rule.prior = {.value = 0, .sigma = param.prior_sigma};
   }
   return made;
 }
 
-std::optional<RigidTransform> StartPose(const CameraModel& model,
-                                        std::span<const double> config,
-                                        std::span<const double> params,
+std::optional<RigidTransform> GuessPose(const BundleCamera& camera,
                                         const View& view,
                                         const std::map<int, Eigen::Vector3d>& markers) {
   const View thinned = Thinned(view, markers, kStartPoints);
   if (thinned.observations.size() < kMinPoints) return std::nullopt;
-  const std::optional<Resection> resection = ResectView(model, config, params, thinned, markers);
+  const std::optional<Resection> resection =
+      ResectView(*camera.model, camera.config, camera.params, thinned, markers);
   if (!resection) return std::nullopt;
   return resection->T_camera_target;
 }
 
-CameraStart StartCamera(const CameraInput& camera, const std::map<int, Eigen::Vector3d>& markers) {
+CameraGuess GuessCamera(const CameraInput& camera, const std::map<int, Eigen::Vector3d>& markers) {
   const std::vector<View> views = Selection(camera, markers, kStartViews);
   if (views.empty()) {
     throw Error(
@@ -324,132 +338,41 @@ CameraStart StartCamera(const CameraInput& camera, const std::map<int, Eigen::Ve
                     camera.name,
                     kMinPoints));
   }
-  // A prior's value is as good a start as the user's.
-  std::vector<std::optional<double>> given = camera.initial;
-  for (size_t k = 0; k < camera.rules.size(); ++k) {
-    const ParamRule& rule = camera.rules[k];
-    if (!given[k] && rule.prior) given[k] = std::clamp(rule.prior->value, rule.lower, rule.upper);
-  }
+  const std::vector<std::optional<double>> given = InitialValues(camera);
   const StartProblem problem{.views = views,
                              .markers = &markers,
                              .image_size = camera.image_size,
                              .config = camera.config,
                              .given = given,
                              .fixed = &camera.fixed};
-  if (camera.model->refusal != nullptr) {
-    const std::string reason = camera.model->refusal(problem);
-    if (!reason.empty()) {
-      throw Error(ErrorKind::kInput,
-                  fmt::format("{}: {}: {}", camera.name, camera.model->name, reason));
-    }
-  }
+  CheckNotRefused(camera, problem);
   const std::vector<StartCandidate> candidates = camera.model->start(problem);
   const Trial best = BestTrial(camera, markers, views, candidates);
   if (!std::isfinite(best.median)) {
     throw Error(
         ErrorKind::kJob,
-        fmt::format("{}: no start values for model {} explain the detections; does the target "
+        fmt::format("{}: no initial guess of model {} explains the detections; does the target "
                     "file describe the target in the images, and does the model suit the lens?",
                     camera.name,
                     camera.model->name));
   }
 
-  CameraStart start;
+  CameraGuess guess;
   if (camera.model->misfit != nullptr) {
     const Misfit misfit =
         camera.model->misfit(*camera.model, problem, best.bundle.cameras[0].params, best.median);
     if (!misfit.reason.empty()) {
-      start.misfit = fmt::format("{}: {} {}", camera.name, camera.model->name, misfit.reason);
+      guess.misfit = fmt::format("{}: {} {}", camera.name, camera.model->name, misfit.reason);
     }
-    if (misfit.impossible) throw Error(ErrorKind::kJob, start.misfit);
+    if (misfit.impossible) throw Error(ErrorKind::kJob, guess.misfit);
   }
-  start.params = best.bundle.cameras[0].params;
-  start.median_error = best.median;
+  guess.params = best.bundle.cameras[0].params;
+  guess.median_error = best.median;
+  const BundleCamera camera_of_guess = MakeBundleCamera(camera, guess.params);
   for (const View& view : camera.views) {
-    start.T_camera_target.push_back(
-        StartPose(*camera.model, camera.config, start.params, view, markers));
+    guess.T_camera_target.push_back(GuessPose(camera_of_guess, view, markers));
   }
-  return start;
-}
-
-std::vector<RigidTransform> StartRig(std::span<const CameraInput> cameras,
-                                     std::span<const CameraStart> starts) {
-  const size_t count = cameras.size();
-  std::vector<std::map<std::string_view, const RigidTransform*>> poses(count);
-  for (size_t c = 0; c < count; ++c) {
-    for (size_t v = 0; v < cameras[c].views.size(); ++v) {
-      const auto& pose = starts[c].T_camera_target[v];
-      if (pose) poses[c].emplace(cameras[c].views[v].frame, &*pose);
-    }
-  }
-  // T_a_b from every common frame.
-  const auto relative = [&](size_t a, size_t b) {
-    std::vector<RigidTransform> transforms;
-    for (const auto& [frame, T_a_target] : poses[a]) {
-      const auto other = poses[b].find(frame);
-      if (other != poses[b].end()) transforms.push_back(*T_a_target * other->second->Inverse());
-    }
-    return transforms;
-  };
-  // The one that agrees best with the others: the smallest sum of distances, of at most 100 tried.
-  const auto medoid = [](const std::vector<RigidTransform>& transforms) {
-    const size_t stride = transforms.size() / 100 + 1;
-    double size = 0;
-    for (const RigidTransform& T : transforms)
-      size += T.t.norm() / static_cast<double>(transforms.size());
-    const RigidTransform* best = &transforms[0];
-    double best_sum = kInfinity;
-    for (size_t i = 0; i < transforms.size(); i += stride) {
-      double sum = 0;
-      for (size_t j = 0; j < transforms.size(); j += stride) {
-        const RigidTransform difference = transforms[i].Inverse() * transforms[j];
-        sum += LogRotation(difference.R).norm() +
-               difference.t.norm() / std::max(size, std::numeric_limits<double>::min());
-      }
-      if (sum < best_sum) {
-        best_sum = sum;
-        best = &transforms[i];
-      }
-    }
-    return *best;
-  };
-
-  std::vector<RigidTransform> T_camera_rig(count);
-  std::vector<bool> linked(count, false);
-  linked[0] = true;
-  for (size_t step = 1; step < count; ++step) {
-    size_t best_from = 0, best_to = 0;
-    std::vector<RigidTransform> best;
-    for (size_t from = 0; from < count; ++from) {
-      if (!linked[from]) continue;
-      for (size_t to = 0; to < count; ++to) {
-        if (linked[to]) continue;
-        std::vector<RigidTransform> transforms = relative(to, from);
-        if (transforms.size() > best.size()) {
-          best = std::move(transforms);
-          best_from = from;
-          best_to = to;
-        }
-      }
-    }
-    if (best.empty()) {
-      std::string open, reached;
-      for (size_t c = 0; c < count; ++c) {
-        std::string& list = linked[c] ? reached : open;
-        list += (list.empty() ? "" : ", ") + cameras[c].name;
-      }
-      throw Error(
-          ErrorKind::kJob,
-          fmt::format("no frame in which {} sees the target together with {}: their mutual pose "
-                      "cannot be determined. Frames are matched by name (what the last '*' of "
-                      "the glob stands for); check the names, or add frames that both see",
-                      open,
-                      reached));
-    }
-    T_camera_rig[best_to] = medoid(best) * T_camera_rig[best_from];
-    linked[best_to] = true;
-  }
-  return T_camera_rig;
+  return guess;
 }
 
 }  // namespace plenocal

@@ -4,9 +4,9 @@
 // pupil's distance from the micro lenses, is a parameter of its own. Equations:
 // models/start/plenoptic_model.h.
 //
-// Beside principal point and distortion only three numbers are observable (shared/PLENOPTIC.md,
-// section 2): with f_L, b_L0, B and b_P all free a whole family of cameras has the same images. So
-// one of them must be held.
+// Beside principal point and distortion only three numbers are observable
+// (docs/plenoptic.md): with f_L, b_L0, B and b_P all free a whole family of cameras has the same
+// images. So one of them must be fixed.
 #pragma once
 
 #include <algorithm>
@@ -19,7 +19,7 @@ namespace plenocal {
 struct FocusedPlenopticPupil : PlenopticModel<9> {
   static constexpr std::string_view kName = "focused-plenoptic-pupil";
   static constexpr std::string_view kSource =
-      "as focused-plenoptic, with the exit pupil at b_P (shared/PLENOPTIC.md, section 2)";
+      "as focused-plenoptic, with the exit pupil at b_P (docs/plenoptic.md)";
   static constexpr auto kParams = [] {
     std::array<Param, kSharedParams.size() + 1> params{};
     std::copy(kSharedParams.begin(), kSharedParams.end(), params.begin());
@@ -34,9 +34,8 @@ struct FocusedPlenopticPupil : PlenopticModel<9> {
       if ((*problem.fixed)[k]) return {};
     }
     return "f_L, b_L0, B and b_P cannot all be determined: a family of cameras has the same "
-           "images. "
-           "Hold one of them, best f_L from the data sheet: initial: {f_L: ...}, fixed: [f_L]; or "
-           "use focused-plenoptic";
+           "images. Hold one of them, best f_L from the data sheet: initial: {f_L: ...}, fixed: "
+           "[f_L]; or use focused-plenoptic";
   }
 
   static std::vector<StartCandidate> Start(const StartProblem& problem) {

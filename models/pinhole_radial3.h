@@ -2,7 +2,7 @@
 //
 // Pinhole camera with three radial distortion terms.
 //
-// Source: the paper in shared/seed (stereo_plenoptic_vo_dataset.tex), "Stereo Camera Model". For
+// Source: Zeller et al., synchronized stereo and plenoptic VO dataset, "Stereo Camera Model". For
 // p_cam = (x_C, y_C, z_C):
 //
 //   x = x_C / z_C, y = y_C / z_C                                     (normalised image coordinates)
@@ -19,7 +19,7 @@
 #include <cmath>
 #include <optional>
 
-#include "calib/camera_model.h"
+#include "calib/camera/camera_model.h"
 #include "models/start/central_model.h"
 #include "models/start/central_start.h"
 

@@ -24,7 +24,7 @@ struct Spherical : CentralModel {
       Param{"f_x", "px", 0},
       Param{"f_y", "px", 0},
       // Only turns the camera about its y axis.
-      Param{.name = "c_x", .unit = "px", .held = Held::kAgainstPoses},
+      Param{.name = "c_x", .unit = "px", .fixed = Fixed::kAgainstPoses},
       Param{"c_y", "px"}};
   static constexpr std::array kExample{162.0, 163.0, 507.5, 161.0};
   static constexpr ImageSize kExampleSize{1016, 320};

@@ -17,13 +17,15 @@
 // map does not fold.
 //
 // Spline and f_x, f_y, c_x, c_y can do the same, so these and fov are chosen before the adjustment
-// and held. A turn of the camera is a quadratic field in u, which the spline contains: one knot in
-// the middle and half of one to its right are held to say how the camera's frame is turned.
+// and fixed. A rotation of the camera is a quadratic field in u, which the spline contains: one
+// knot in the middle and half of one to its right are fixed: they define the rotation of the
+// camera's frame.
 #pragma once
 
 #include <Eigen/Dense>
 #include <numbers>
 
+#include "calib/base/linear_algebra.h"
 #include "models/kannala_brandt4.h"
 #include "models/start/central_model.h"
 
@@ -71,11 +73,11 @@ struct Splined : LensModel<Splined>, SplinedGrid {
  public:
   static constexpr auto kParams = [] {
     std::array<Param, kFirstKnot + 2 * kKnots> params{
-        Param{.name = "f_x", .unit = "px", .lower = 0, .held = Held::kAlways},
-        Param{.name = "f_y", .unit = "px", .lower = 0, .held = Held::kAlways},
-        Param{.name = "c_x", .unit = "px", .held = Held::kAlways},
-        Param{.name = "c_y", .unit = "px", .held = Held::kAlways},
-        Param{.name = "fov", .unit = "deg", .lower = 0, .upper = 360, .held = Held::kAlways}};
+        Param{.name = "f_x", .unit = "px", .lower = 0, .fixed = Fixed::kAlways},
+        Param{.name = "f_y", .unit = "px", .lower = 0, .fixed = Fixed::kAlways},
+        Param{.name = "c_x", .unit = "px", .fixed = Fixed::kAlways},
+        Param{.name = "c_y", .unit = "px", .fixed = Fixed::kAlways},
+        Param{.name = "fov", .unit = "deg", .lower = 0, .upper = 360, .fixed = Fixed::kAlways}};
     for (size_t k = 0; k < kNames.size(); ++k) {
       params[kFirstKnot + k] = {.name = std::string_view(kNames[k].data(), kNames[k].size()),
                                 .unit = "1",
@@ -84,9 +86,9 @@ struct Splined : LensModel<Splined>, SplinedGrid {
                                 .prior_sigma = kPriorSigma};
     }
     constexpr int kMiddle = kColumns / 2, kRight = kMiddle + kColumns / 4;
-    params[KnotPlace(kMiddle, kRows / 2)].held = Held::kAgainstPoses;
-    params[KnotPlace(kMiddle, kRows / 2) + 1].held = Held::kAgainstPoses;
-    params[KnotPlace(kRight, kRows / 2) + 1].held = Held::kAgainstPoses;
+    params[KnotPlace(kMiddle, kRows / 2)].fixed = Fixed::kAgainstPoses;
+    params[KnotPlace(kMiddle, kRows / 2) + 1].fixed = Fixed::kAgainstPoses;
+    params[KnotPlace(kRight, kRows / 2) + 1].fixed = Fixed::kAgainstPoses;
     return params;
   }();
 
@@ -275,74 +277,114 @@ struct Splined : LensModel<Splined>, SplinedGrid {
     return std::nullopt;
   }
 
-  // The spline through a fisheye's rays of the points that the views show.
-  static std::vector<double> LikeFisheye(const double* fisheye, const StartProblem& problem) {
-    std::vector<Eigen::Vector2d> pixels, places;  // and where they are seen, u
-    const auto see = [&](const Eigen::Vector2d& pixel) -> std::optional<Eigen::Vector2d> {
-      const auto ray = KannalaBrandt4::Unproject(fisheye, pixel);
-      Eigen::Vector2d u;
-      if (!ray || !Stereographic(*ray, u.data())) return std::nullopt;
-      return u;
-    };
+  // Image points with their stereographic coordinates u.
+  struct SeenPoints {
+    std::vector<Eigen::Vector2d> pixels, u;
+  };
+
+  static std::optional<Eigen::Vector2d> SeenBy(const double* fisheye,
+                                               const Eigen::Vector2d& pixel) {
+    const auto ray = KannalaBrandt4::Unproject(fisheye, pixel);
+    Eigen::Vector2d u;
+    if (!ray || !Stereographic(*ray, u.data())) return std::nullopt;
+    return u;
+  }
+
+  static SeenPoints PointsSeenBy(const double* fisheye, const StartProblem& problem) {
+    SeenPoints points;
     for (const View& view : problem.views) {
       for (const Observation& seen : view.observations) {
         const Eigen::Vector2d pixel(seen.values[0], seen.values[1]);
-        if (const auto u = see(pixel)) {
-          pixels.push_back(pixel);
-          places.push_back(*u);
+        if (const auto u = SeenBy(fisheye, pixel)) {
+          points.pixels.push_back(pixel);
+          points.u.push_back(*u);
         }
       }
     }
+    return points;
+  }
+
+  // The spline through a fisheye's rays of the points that the views show.
+  static std::vector<double> LikeFisheye(const double* fisheye, const StartProblem& problem) {
+    const SeenPoints points = PointsSeenBy(fisheye, problem);
     std::vector<double> params(kParams.size(), 0.0);
-    // f and c of the stereographic lens that is nearest.
-    const auto n = static_cast<double>(pixels.size());
+    SetNearestStereographic(points, fisheye, problem, &params);
+    constexpr double kMostFov = 350;
+    const double edge = BorderEdge(fisheye, problem.image_size, params);
+    const double fov = std::ceil(4 * std::atan(edge / 2) * 180 / std::numbers::pi);
+    params[kFov] = problem.given[kFov].value_or(std::clamp(fov, 1.0, kMostFov));
+    const Eigen::MatrixXd spline = FitKnots(points, params);
+    size_t k = kFirstKnot;
+    for (int knot = 0; knot < kKnots; ++knot) {
+      for (int axis = 0; axis < 2; ++axis, ++k) {
+        params[k] = problem.given[k].value_or(spline(knot, axis));
+      }
+    }
+    return params;
+  }
+
+  // f and c of the nearest stereographic lens.
+  static void SetNearestStereographic(const SeenPoints& points,
+                                      const double* fisheye,
+                                      const StartProblem& problem,
+                                      std::vector<double>* params) {
+    const auto n = static_cast<double>(points.pixels.size());
     for (Eigen::Index r = 0; r < 2; ++r) {
       double su = 0, sq = 0, suu = 0, suq = 0;
-      for (size_t i = 0; i < pixels.size(); ++i) {
-        su += places[i][r];
-        sq += pixels[i][r];
-        suu += places[i][r] * places[i][r];
-        suq += places[i][r] * pixels[i][r];
+      for (size_t i = 0; i < points.pixels.size(); ++i) {
+        const double u = points.u[i][r], q = points.pixels[i][r];
+        su += u;
+        sq += q;
+        suu += u * u;
+        suq += u * q;
       }
       const double f = (n * suq - su * sq) / (n * suu - su * su);
       const auto k = static_cast<size_t>(r);
       const bool found = f > 0 && std::isfinite(f);
-      params[k] = problem.given[k].value_or(found ? f : fisheye[k]);
-      params[2 + k] =
-          problem.given[2 + k].value_or(found ? (sq - params[k] * su) / n : fisheye[2 + k]);
+      double& f_k = (*params)[k];
+      f_k = problem.given[k].value_or(found ? f : fisheye[k]);
+      (*params)[2 + k] =
+          problem.given[2 + k].value_or(found ? (sq - f_k * su) / n : fisheye[2 + k]);
     }
-    const auto m_of = [&](const Eigen::Vector2d& pixel) {
-      return Eigen::Vector2d((pixel.x() - params[2]) / params[0],
-                             (pixel.y() - params[3]) / params[1]);
-    };
-    // The knots reach over the image's border; where the fisheye is extrapolated it may err.
+  }
+
+  static Eigen::Vector2d Normalised(const std::vector<double>& params,
+                                    const Eigen::Vector2d& pixel) {
+    return {(pixel.x() - params[2]) / params[0], (pixel.y() - params[3]) / params[1]};
+  }
+
+  // Largest |u_x| that the knots must reach, over the image's border; where the fisheye is
+  // extrapolated it may err.
+  static double BorderEdge(const double* fisheye,
+                           const ImageSize& image_size,
+                           const std::vector<double>& params) {
     constexpr int kBorder = 16;
     constexpr double kMostStretch = 1.5;
     double edge = 0;
     for (int i = 0; i <= kBorder; ++i) {
-      const double w = problem.image_size[0] - 1.0, h = problem.image_size[1] - 1.0;
+      const double w = image_size[0] - 1.0, h = image_size[1] - 1.0;
       const double part = static_cast<double>(i) / kBorder;
       for (const Eigen::Vector2d& pixel : {Eigen::Vector2d(part * w, 0),
                                            Eigen::Vector2d(part * w, h),
                                            Eigen::Vector2d(0, part * h),
                                            Eigen::Vector2d(w, part * h)}) {
-        const Eigen::Vector2d m = m_of(pixel);
-        Eigen::Vector2d u = see(pixel).value_or(m);
+        const Eigen::Vector2d m = Normalised(params, pixel);
+        Eigen::Vector2d u = SeenBy(fisheye, pixel).value_or(m);
         u *= std::min(1.0, kMostStretch * m.norm() / std::max(u.norm(), 1e-9));
         edge = std::max({edge, std::abs(u.x()), std::abs(u.y()) * (kColumns - 3) / (kRows - 3)});
       }
     }
-    constexpr double kMostFov = 350;
-    const double fov = std::ceil(4 * std::atan(edge / 2) * 180 / std::numbers::pi);
-    params[kFov] = problem.given[kFov].value_or(std::clamp(fov, 1.0, kMostFov));
+    return edge;
+  }
 
-    // Linear least squares; a little of the prior where there are no points.
+  // Linear least squares of the knots; a little of the prior where there are no points.
+  static Eigen::MatrixXd FitKnots(const SeenPoints& points, const std::vector<double>& params) {
     constexpr double kLittle = 1e-4;
     Eigen::MatrixXd H = kLittle * Eigen::MatrixXd::Identity(kKnots, kKnots);
     Eigen::MatrixXd g = Eigen::MatrixXd::Zero(kKnots, 2);
-    for (size_t i = 0; i < pixels.size(); ++i) {
+    for (size_t i = 0; i < points.pixels.size(); ++i) {
       double place[2];
-      Place(params[kFov], places[i].data(), place);
+      Place(params[kFov], points.u[i].data(), place);
       if (!(std::abs(place[0]) < kColumns && std::abs(place[1]) < kRows)) continue;
       const int a = Cell(place[0], kColumns), b = Cell(place[1], kRows);
       const std::array<double, 4> along = Weights(place[0] - (a + 1)),
@@ -354,16 +396,10 @@ struct Splined : LensModel<Splined>, SplinedGrid {
         knots[knot] = (b + static_cast<int>(knot / 4)) * kColumns + a + static_cast<int>(knot % 4);
       }
       H(knots, knots) += weights * weights.transpose();
-      g(knots, Eigen::all) += weights * (m_of(pixels[i]) - places[i]).transpose();
+      g(knots, Eigen::all) +=
+          weights * (Normalised(params, points.pixels[i]) - points.u[i]).transpose();
     }
-    const Eigen::MatrixXd spline = H.ldlt().solve(g);
-    size_t k = kFirstKnot;
-    for (int knot = 0; knot < kKnots; ++knot) {
-      for (int axis = 0; axis < 2; ++axis, ++k) {
-        params[k] = problem.given[k].value_or(spline(knot, axis));
-      }
-    }
-    return params;
+    return SolveSymmetric(H, g);
   }
 };
 

@@ -1,20 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <Eigen/Core>
 #include <array>
-#include <map>
 #include <string_view>
-#include <vector>
 
-#include "targets/target.h"
-
-/// Geometry and names of the targets, for the readers of target files.
 namespace plenocal::internal {
 
-using Markers = std::map<int, Eigen::Vector3d>;
-
-/// A printed code and how many ids it has.
+/// A set of printed codes and how many it has.
 struct CodeBook {
   std::string_view name;
   int size;
@@ -35,7 +27,7 @@ inline constexpr std::array kTagFamilies = {CodeBook{"tag16h5", 30},
 inline constexpr CodeBook kDefaultFamily = kTagFamilies[3];
 static_assert(kDefaultFamily.name == "tag36h11");
 
-/// OpenCV's predefined dictionaries of ArUco markers.
+/// OpenCV's predefined dictionaries of ArUco markers, in the order of OpenCV's enumeration.
 inline constexpr std::array kArucoDictionaries = {
     CodeBook{"DICT_4X4_50", 50},           CodeBook{"DICT_4X4_100", 100},
     CodeBook{"DICT_4X4_250", 250},         CodeBook{"DICT_4X4_1000", 1000},
@@ -48,21 +40,5 @@ inline constexpr std::array kArucoDictionaries = {
     CodeBook{"DICT_ARUCO_ORIGINAL", 1024}, CodeBook{"DICT_APRILTAG_16h5", 30},
     CodeBook{"DICT_APRILTAG_25h9", 35},    CodeBook{"DICT_APRILTAG_36h10", 2320},
     CodeBook{"DICT_APRILTAG_36h11", 587}};
-
-/// A regular grid of tags as Kalibr's: ids row by row from the lower left, x right, y up, the
-/// origin in the lower left corner of the first tag.
-struct TagGrid {
-  int columns = 0, rows = 0;
-  double size = 0;     ///< m, side of a tag's black border
-  double spacing = 0;  ///< gap between tags / size
-  int first_id = 0;
-};
-
-std::vector<int> TagIds(const TagGrid& grid);
-Markers MarkersOf(const TagGrid& grid);
-/// `column_spacing` is along x, between columns; the square of the layout is between rows.
-Markers MarkersOf(const ChessboardLayout& board, double column_spacing);
-Markers MarkersOf(const CharucoLayout& board);
-Markers MarkersOf(const CirclesLayout& circles);
 
 }  // namespace plenocal::internal

@@ -5,15 +5,28 @@
 // columns, as everywhere here, which is only another frame.
 #include <fmt/format.h>
 
-#include "calib/error.h"
-#include "targets/target_reader.h"
+#include <array>
 
-namespace plenocal::internal {
+#include "targets/plane_grid.h"
+#include "targets/reading.h"
+#include "targets/tags/tag_grid.h"
+#include "targets/target.h"
+
+namespace plenocal {
 namespace {
 
+using internal::kDefaultFamily;
+using internal::ReadCount;
+using internal::TagGrid;
+
+constexpr std::array kAprilgridKeys{
+    TargetKey{"tagCols", "", "tags in a row, 1 to 1000", ""},
+    TargetKey{"tagRows", "", "tags in a column, 1 to 1000", ""},
+    TargetKey{"tagSize", "m", "side of a tag's black border", ""},
+    TargetKey{"tagSpacing", "", "gap between tags / tagSize", ""},
+    TargetKey{"codeOffset", "", "number of the lower left tag", "0"}};
+
 Target ReadAprilgrid(const YamlNode& node) {
-  CheckTargetKeys(node,
-                  {"target_type", "tagCols", "tagRows", "tagSize", "tagSpacing", "codeOffset"});
   TagGrid grid;
   grid.columns = ReadCount(node.At("tagCols"), 1);
   grid.rows = ReadCount(node.At("tagRows"), 1);
@@ -21,10 +34,11 @@ Target ReadAprilgrid(const YamlNode& node) {
   grid.spacing = node.At("tagSpacing").AsPositive();
   if (node.Has("codeOffset")) grid.first_id = node.At("codeOffset").AsInteger();
   constexpr int kBorderBits = 2;
-  Target target = TagGridTarget(grid,
-                                kDefaultFamily,
-                                kBorderBits,
-                                node.At(node.Has("codeOffset") ? "codeOffset" : "tagRows"));
+  Target target =
+      internal::TagGridTarget(grid,
+                              kDefaultFamily,
+                              kBorderBits,
+                              node.At(node.Has("codeOffset") ? "codeOffset" : "tagRows"));
   target.nominal_yaml = fmt::format(
       "plenocal: 1\ntype: aprilgrid\nfamily: {}\ncolumns: {}\nrows: {}\nsize: {}\nspacing: {}\n"
       "border_bits: {}\nfirst_id: {}\n",
@@ -38,15 +52,22 @@ Target ReadAprilgrid(const YamlNode& node) {
   return target;
 }
 
+constexpr std::array kCheckerboardKeys{
+    TargetKey{"targetCols", "", "inner corners in a row, 2 to 1000", ""},
+    TargetKey{"targetRows", "", "inner corners in a column, 2 to 1000", ""},
+    TargetKey{"rowSpacingMeters", "m", "distance between rows", ""},
+    TargetKey{"colSpacingMeters", "m", "distance between columns", ""}};
+
 Target ReadCheckerboard(const YamlNode& node) {
-  CheckTargetKeys(
-      node, {"target_type", "targetCols", "targetRows", "rowSpacingMeters", "colSpacingMeters"});
   ChessboardLayout board;
   board.columns = ReadCount(node.At("targetCols"), 2);
   board.rows = ReadCount(node.At("targetRows"), 2);
   board.square = node.At("rowSpacingMeters").AsLength();
+  const double column_spacing = node.At("colSpacingMeters").AsLength();
   Target target;
-  target.markers = MarkersOf(board, node.At("colSpacingMeters").AsLength());
+  target.markers = internal::PlaneMarkers(board.columns, board.rows, [&](int column, int row) {
+    return Eigen::Vector2d(column * column_spacing, row * board.square);
+  });
   target.layout = board;
   target.nominal_yaml =
       fmt::format("plenocal: 1\ntype: chessboard\ncolumns: {}\nrows: {}\nsquare: {}\n",
@@ -56,16 +77,19 @@ Target ReadCheckerboard(const YamlNode& node) {
   return target;
 }
 
+constexpr std::array kCirclegridKeys{TargetKey{"targetCols", "", "circles in a row, 2 to 1000", ""},
+                                     TargetKey{"targetRows", "", "rows of circles, 2 to 1000", ""},
+                                     TargetKey{"spacingMeters", "m", "distance between rows", ""},
+                                     TargetKey{"asymmetricGrid", "", "True or False", "False"}};
+
 Target ReadCirclegrid(const YamlNode& node) {
-  CheckTargetKeys(node,
-                  {"target_type", "targetCols", "targetRows", "spacingMeters", "asymmetricGrid"});
   CirclesLayout circles;
   circles.columns = ReadCount(node.At("targetCols"), 2);
   circles.rows = ReadCount(node.At("targetRows"), 2);
   circles.spacing = node.At("spacingMeters").AsLength();
   circles.asymmetric = node.Has("asymmetricGrid") && node.At("asymmetricGrid").AsBool();
   Target target;
-  target.markers = MarkersOf(circles);
+  target.markers = internal::CirclePositions(circles);
   target.layout = circles;
   target.nominal_yaml =
       fmt::format("plenocal: 1\ntype: circles\ncolumns: {}\nrows: {}\nspacing: {}\npattern: {}\n",
@@ -76,17 +100,22 @@ Target ReadCirclegrid(const YamlNode& node) {
   return target;
 }
 
+constexpr std::array kTypes{
+    TargetType{"aprilgrid",
+               kAprilgridKeys,
+               "tagCols: 6\ntagRows: 5\ntagSize: 0.088\ntagSpacing: 0.3\n",
+               ReadAprilgrid},
+    TargetType{"checkerboard",
+               kCheckerboardKeys,
+               "targetCols: 6\ntargetRows: 7\nrowSpacingMeters: 0.06\ncolSpacingMeters: 0.05\n",
+               ReadCheckerboard},
+    TargetType{"circlegrid",
+               kCirclegridKeys,
+               "targetCols: 6\ntargetRows: 7\nspacingMeters: 0.02\nasymmetricGrid: False\n",
+               ReadCirclegrid}};
+
 }  // namespace
 
-Target ReadKalibrTarget(const YamlNode& node) {
-  const YamlNode type = node.At("target_type");
-  const std::string name = type.AsString();
-  if (name == "aprilgrid") return ReadAprilgrid(node);
-  if (name == "checkerboard") return ReadCheckerboard(node);
-  if (name == "circlegrid") return ReadCirclegrid(node);
-  constexpr std::string_view kTypes[] = {"aprilgrid", "checkerboard", "circlegrid"};
-  type.Fail(
-      fmt::format("expected a target type of Kalibr, got '{}'{}", name, SuggestName(name, kTypes)));
-}
+std::span<const TargetType> KalibrTargetTypes() { return kTypes; }
 
-}  // namespace plenocal::internal
+}  // namespace plenocal

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "apps/evaluate/bar_chart.h"
+#include "apps/charts/bar_chart.h"
 
 #include <cairo/cairo-svg.h>
 #include <cairo/cairo.h>
@@ -9,7 +9,7 @@
 #include <array>
 #include <cmath>
 
-#include "apps/print/cairo_handles.h"
+#include "apps/charts/cairo_handles.h"
 
 namespace plenocal {
 namespace {
@@ -21,6 +21,7 @@ using print::Surface;
 
 // Lengths in points (SVG) or pixels at scale 1.
 constexpr double kMargin = 16, kAxis = 54, kTitle = 40, kPlotHeight = 240, kNames = 24;
+constexpr double kTop = kMargin + kTitle, kBottom = kTop + kPlotHeight;  // of the plots
 constexpr double kBar = 30, kBarGap = 14, kFont = 12;
 constexpr double kPngScale = 2;
 constexpr double kSmallestRange = 1e-4;
@@ -56,7 +57,7 @@ double Step(double range) {
   return 10 * power;
 }
 
-/// Room a run that names, values and titles fit into.
+/// Width per run into which names, values and titles fit.
 double SlotWidth(cairo_t* cr, const BarChart& chart) {
   double widest = std::max(kBar, TextWidth(cr, "0.00000"));
   for (const std::string& run : chart.runs) widest = std::max(widest, TextWidth(cr, run));
@@ -67,73 +68,93 @@ double SlotWidth(cairo_t* cr, const BarChart& chart) {
   return slot;
 }
 
-void DrawPanel(
-    cairo_t* cr, const BarChart& chart, const BarPanel& panel, double left, double slot) {
-  const double top = kMargin + kTitle, bottom = top + kPlotHeight;
-  const double width = slot * static_cast<double>(chart.runs.size());
+/// The vertical axis of a panel.
+struct Scale {
+  double base, step, limit;  ///< lowest value, between two grid lines, highest value
+
+  [[nodiscard]] double Y(double value) const {
+    return kBottom - (value - base) / (limit - base) * kPlotHeight;
+  }
+};
+
+Scale ScaleOf(const BarPanel& panel) {
+  constexpr double kHeadroom = 1.05;  // over the highest bar
   double highest = panel.base;
   for (const std::optional<double>& value : panel.values) {
     if (value && std::isfinite(*value)) highest = std::max(highest, *value);
   }
-  // A perfect run is not blown up to its rounding.
+  // A perfect run is not magnified to its rounding errors.
   const double range = std::max(highest - panel.base, kSmallestRange);
   const double step = Step(range);
-  const double limit = panel.base + step * std::ceil(1.05 * range / step);
-  const auto y_of = [&](double value) {
-    return bottom - (value - panel.base) / (limit - panel.base) * kPlotHeight;
-  };
+  return {panel.base, step, panel.base + step * std::ceil(kHeadroom * range / step)};
+}
 
-  cairo_set_source_rgb(cr, 0, 0, 0);
-  Text(cr, left + width / 2, top - 24, panel.title, Align::kCentre);
+void DrawGrid(cairo_t* cr, const Scale& scale, double left, double width) {
   cairo_set_line_width(cr, 0.5);
-  const int decimals = std::max(0, static_cast<int>(std::ceil(-std::log10(step) - 1e-9)));
-  for (int i = 0; panel.base + i * step <= limit + 0.5 * step; ++i) {
-    const double value = panel.base + i * step;
+  const int decimals = std::max(0, static_cast<int>(std::ceil(-std::log10(scale.step) - 1e-9)));
+  for (int i = 0; scale.base + i * scale.step <= scale.limit + 0.5 * scale.step; ++i) {
+    const double value = scale.base + i * scale.step, y = scale.Y(value);
     cairo_set_source_rgb(cr, 0.8, 0.8, 0.8);
-    cairo_move_to(cr, left, y_of(value));
-    cairo_line_to(cr, left + width, y_of(value));
+    cairo_move_to(cr, left, y);
+    cairo_line_to(cr, left + width, y);
     cairo_stroke(cr);
     cairo_set_source_rgb(cr, 0, 0, 0);
-    Text(cr,
-         left - 6,
-         y_of(value) + kFont / 3,
-         fmt::format("{:.{}f}", value, decimals),
-         Align::kRight);
+    Text(cr, left - 6, y + kFont / 3, fmt::format("{:.{}f}", value, decimals), Align::kRight);
   }
+}
+
+/// A hatched frame of the panel's height.
+void DrawFailedBar(cairo_t* cr, double centre) {
+  constexpr double kHatch = 8;
+  cairo_save(cr);
+  cairo_rectangle(cr, centre - kBar / 2, kTop, kBar, kPlotHeight);
+  cairo_stroke_preserve(cr);
+  cairo_clip(cr);
+  for (double y = kTop - kBar; y < kBottom; y += kHatch) {
+    cairo_move_to(cr, centre - kBar / 2, y + kBar);
+    cairo_line_to(cr, centre + kBar / 2, y);
+  }
+  cairo_stroke(cr);
+  cairo_restore(cr);
+  cairo_set_source_rgb(cr, 0, 0, 0);
+  Text(cr, centre, kTop - 4, "failed", Align::kCentre);
+}
+
+void DrawBar(cairo_t* cr, const Scale& scale, double centre, double value) {
+  const double y = scale.Y(value);
+  cairo_rectangle(cr, centre - kBar / 2, y, kBar, kBottom - y);
+  cairo_fill(cr);
+  cairo_set_source_rgb(cr, 0, 0, 0);
+  Text(cr, centre, y - 3, fmt::format("{:.5g}", value), Align::kCentre);
+}
+
+void DrawPanel(
+    cairo_t* cr, const BarChart& chart, const BarPanel& panel, double left, double slot) {
+  const double width = slot * static_cast<double>(chart.runs.size());
+  const Scale scale = ScaleOf(panel);
+  cairo_set_source_rgb(cr, 0, 0, 0);
+  Text(cr, left + width / 2, kTop - 24, panel.title, Align::kCentre);
+  DrawGrid(cr, scale, left, width);
   for (size_t i = 0; i < chart.runs.size(); ++i) {
     const double centre = left + (static_cast<double>(i) + 0.5) * slot;
     const auto& colour = kColours[i % kColours.size()];
     cairo_set_source_rgb(cr, 0, 0, 0);
-    Text(cr, centre, bottom + kFont + 6, chart.runs[i], Align::kCentre);
+    Text(cr, centre, kBottom + kFont + 6, chart.runs[i], Align::kCentre);
     const std::optional<double>& value = panel.values[i];
     if (!value) {
-      Text(cr, centre, bottom - 4, "-", Align::kCentre);
+      Text(cr, centre, kBottom - 4, "-", Align::kCentre);
       continue;
     }
     cairo_set_source_rgb(cr, colour[0], colour[1], colour[2]);
     if (std::isfinite(*value)) {
-      cairo_rectangle(cr, centre - kBar / 2, y_of(*value), kBar, bottom - y_of(*value));
-      cairo_fill(cr);
-      cairo_set_source_rgb(cr, 0, 0, 0);
-      Text(cr, centre, y_of(*value) - 3, fmt::format("{:.5g}", *value), Align::kCentre);
-      continue;
+      DrawBar(cr, scale, centre, *value);
+    } else {
+      DrawFailedBar(cr, centre);
     }
-    cairo_save(cr);
-    cairo_rectangle(cr, centre - kBar / 2, top, kBar, kPlotHeight);
-    cairo_stroke_preserve(cr);
-    cairo_clip(cr);
-    for (double y = top - kBar; y < bottom; y += 8) {
-      cairo_move_to(cr, centre - kBar / 2, y + kBar);
-      cairo_line_to(cr, centre + kBar / 2, y);
-    }
-    cairo_stroke(cr);
-    cairo_restore(cr);
-    cairo_set_source_rgb(cr, 0, 0, 0);
-    Text(cr, centre, top - 4, "failed", Align::kCentre);
   }
   cairo_set_source_rgb(cr, 0, 0, 0);
   cairo_set_line_width(cr, 1);
-  cairo_rectangle(cr, left, top, width, kPlotHeight);
+  cairo_rectangle(cr, left, kTop, width, kPlotHeight);
   cairo_stroke(cr);
 }
 

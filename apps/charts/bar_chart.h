@@ -11,7 +11,7 @@ namespace plenocal {
 struct BarPanel {
   std::string title;
   double base;  ///< value of a perfect run, where the bars begin
-  /// One a run: nothing where the run has no such metric; infinite where it failed.
+  /// One per run: nothing where the run has no such metric; infinite where it failed.
   std::vector<std::optional<double>> values;
 };
 
@@ -23,8 +23,8 @@ struct BarChart {
 
 enum class PictureFormat { kSvg, kPng };
 
-/// The content of a picture file. As in the paper's figure the bar of a failed run reaches the
-/// upper border; here it is hatched and says so as well.
+/// The content of a picture file. The bar of a failed run is hatched, reaches the upper border and
+/// is labelled.
 std::string DrawBarChart(const BarChart& chart, PictureFormat format);
 
 }  // namespace plenocal

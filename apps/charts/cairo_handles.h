@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// What cairo makes, owned; its errors and output in C++'s terms.
+// Cairo's objects, owned, and its errors and output.
 #pragma once
 
 #include <cairo/cairo.h>
@@ -8,7 +8,7 @@
 #include <memory>
 #include <string>
 
-#include "calib/error.h"
+#include "calib/base/error.h"
 
 namespace plenocal::print {
 
@@ -25,7 +25,7 @@ inline cairo_status_t Append(void* text, const unsigned char* data, unsigned int
   return CAIRO_STATUS_SUCCESS;
 }
 
-/// Throws `Error` of kind kJob for anything but success.
+/// Throws `Error` of kind kJob unless `status` is success.
 inline void Check(cairo_status_t status) {
   if (status == CAIRO_STATUS_SUCCESS) return;
   throw Error(ErrorKind::kJob, std::string("cannot draw: ") + cairo_status_to_string(status));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "apps/print/cairo_path.h"
+#include "apps/charts/cairo_path.h"
 
 #include <numbers>
 

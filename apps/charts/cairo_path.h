@@ -3,8 +3,8 @@
 
 #include <cairo/cairo.h>
 
-#include "apps/print/cairo_handles.h"
-#include "detectors/target_drawing.h"
+#include "apps/charts/cairo_handles.h"
+#include "targets/target_drawing.h"
 
 namespace plenocal::print {
 

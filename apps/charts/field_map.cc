@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "apps/evaluate/field_map.h"
+#include "apps/charts/field_map.h"
 
 #include <cairo/cairo.h>
 #include <fmt/format.h>
@@ -7,7 +7,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "apps/print/cairo_handles.h"
+#include "apps/charts/cairo_handles.h"
 
 namespace plenocal {
 namespace {

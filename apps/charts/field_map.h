@@ -26,7 +26,7 @@ struct FieldMap {
 };
 
 /// The content of a PNG file: maps below each other, length as colour with a scale from 0 to
-/// `largest` px, direction and length as arrows of one scale, which is said.
+/// `largest` px, direction and length as arrows of one scale, which is printed.
 std::string DrawFieldMaps(const std::vector<FieldMap>& maps, double largest);
 
 }  // namespace plenocal

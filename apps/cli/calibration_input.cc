@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "apps/calibration_input.h"
+#include "apps/cli/calibration_input.h"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <limits>
 
-#include "calib/median.h"
+#include "calib/base/statistics.h"
 
 namespace plenocal {
 namespace {
@@ -24,19 +24,18 @@ double MarkerSpacing(const std::map<int, Eigen::Vector3d>& markers) {
   return Median(nearest);
 }
 
-// Prior of the marker coordinates; 0 when the target is to be held rigid.
+// Standard deviation of the prior of marker coordinates, m; 0: the target is rigid.
 double MarkerSigma(const Session& session, const Target& target, Console* console) {
   if (!session.refine_target.value_or(target.tolerance.has_value())) {
     if (!session.refine_target) {
       console->Message(
           "the target states no tolerance, so it is held rigid; give it 'tolerance' (m) to have "
-          "its "
-          "markers refined");
+          "its markers refined");
     }
     return 0;
   }
   if (target.tolerance) return *target.tolerance;
-  // Asked for, but without a figure: as good as a laser printer and a hard board usually are.
+  // Refined without a stated tolerance: that of a laser printer and a hard board.
   constexpr double kPartOfSpacing = 0.01;
   const double sigma = kPartOfSpacing * MarkerSpacing(target.markers);
   console->Message(

@@ -3,15 +3,15 @@
 
 #include <vector>
 
-#include "apps/console.h"
+#include "apps/cli/console.h"
 #include "calib/calibrate.h"
-#include "calib/session.h"
+#include "calib/files/session.h"
 #include "targets/target.h"
 
 namespace plenocal {
 
-/// What a session asks to be calibrated from these observations. Tells `console` how the target's
-/// markers are taken where session and target do not say.
+/// The calibration problem of a session and its observations. Prints whether and how the target's
+/// markers are refined where session and target leave it open.
 CalibrationInput MakeCalibrationInput(const Session& session,
                                       const Target& target,
                                       std::vector<CameraInput> cameras,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "apps/console.h"
+#include "apps/cli/console.h"
 
 #include <fmt/format.h>
 #include <unistd.h>
@@ -16,7 +16,8 @@ void OnInterrupt(int) { interrupted = 1; }
 
 }  // namespace
 
-Console::Console(bool quiet) : quiet_(quiet), terminal_(isatty(STDERR_FILENO) == 1) {}
+Console::Console(const ConsoleOptions& options)
+    : quiet_(options.quiet), terminal_(isatty(STDERR_FILENO) == 1) {}
 
 Console::~Console() { ClearLine(); }
 

@@ -6,24 +6,25 @@
 
 namespace plenocal {
 
-/// Options that all commands share.
+/// Options that commands share.
 struct ConsoleOptions {
-  std::string program = "plenocal";  ///< as it was called, with what stands before the command
-  bool quiet = false;
-  int threads = 0;  ///< 0: all cores
+  std::string program =
+      "plenocal";      ///< the program as it was called, with the options before the command
+  bool quiet = false;  ///< no messages, no progress
+  int threads = 0;     ///< 0: all cores
 };
 
-/// Messages and progress on standard error. Progress is one line that rewrites itself on a
-/// terminal and nothing elsewhere; `quiet` silences both, but never errors.
+/// Messages and progress on standard error. Progress is one line that is rewritten on a terminal,
+/// and is not written to files; `quiet` silences both, but never errors.
 class Console {
  public:
-  explicit Console(bool quiet);
+  explicit Console(const ConsoleOptions& options);
   ~Console();
   Console(const Console&) = delete;
   Console& operator=(const Console&) = delete;
 
   void Message(const std::string& line);
-  /// `done` of `total` things of a stage.
+  /// `done` of `total` items of a stage.
   void Progress(const std::string& stage, size_t done, size_t total);
   void Progress(const std::string& stage);
 
@@ -35,9 +36,9 @@ class Console {
   bool line_open_ = false;
 };
 
-/// From now on Ctrl-C (SIGINT, also SIGTERM) asks the running command to stop; a second one kills.
+/// From now on Ctrl-C (SIGINT, also SIGTERM) sets `Interrupted()`; a second one kills the program.
 void CatchInterrupts();
-/// Whether the user has asked to stop.
+/// True once the user has pressed Ctrl-C: a running command throws `Stopped` as soon as it can.
 bool Interrupted();
 
 }  // namespace plenocal

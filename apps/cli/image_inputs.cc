@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "apps/image_inputs.h"
+#include "apps/cli/image_inputs.h"
 
 #include <fmt/format.h>
 
@@ -9,7 +9,7 @@
 #include <charconv>
 #include <filesystem>
 
-#include "calib/error.h"
+#include "calib/base/error.h"
 
 namespace plenocal {
 namespace {

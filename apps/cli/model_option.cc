@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "apps/model_option.h"
+#include "apps/cli/model_option.h"
 
 #include <fmt/format.h>
 
-#include "calib/error.h"
-#include "calib/names.h"
+#include "calib/base/error.h"
+#include "calib/base/names.h"
 #include "models/registry.h"
 
 namespace plenocal {

@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "calib/camera_model.h"
+#include "calib/camera/camera_model.h"
 
 namespace plenocal {
 

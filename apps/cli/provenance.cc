@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "apps/provenance.h"
+#include "apps/cli/provenance.h"
 
 #include <fmt/format.h>
 

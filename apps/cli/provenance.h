@@ -5,12 +5,12 @@
 #include <utility>
 #include <vector>
 
-#include "apps/console.h"
-#include "calib/session.h"
+#include "apps/cli/console.h"
+#include "calib/files/session.h"
 
 namespace plenocal {
 
-/// What a calibration.yaml says of the run `plenocal <command> <session> -o <out>` that made it:
+/// The part of calibration.yaml about the run `plenocal <command> <session> -o <out>` that made it:
 /// keys and values, with the texts of session and target as they are now.
 std::vector<std::pair<std::string, std::string>> ProvenanceOf(const ConsoleOptions& options,
                                                               const std::string& command,

@@ -1,41 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "apps/resample.h"
+#include "apps/cli/resample_to_folder.h"
 
 #include <fmt/format.h>
 
-#include <cmath>
 #include <map>
-#include <numbers>
 
-#include "apps/image_inputs.h"
-#include "apps/image_module.h"
-#include "calib/error.h"
+#include "apps/resample/resample_images.h"
+#include "calib/base/error.h"
 
 namespace plenocal {
 
 namespace fs = std::filesystem;
-
-ViewOptions ToViewOptions(const ViewArguments& arguments) {
-  return {
-      .size = ParseImageSize(arguments.size), .fov = arguments.fov, .balance = arguments.balance};
-}
-
-std::string ViewText(const CalibratedCamera& view) {
-  const auto angle = [&](size_t axis) {
-    const double f = view.params[axis], c = view.params[2 + axis];
-    const double degrees = 180 / std::numbers::pi;
-    return (std::atan((c + 0.5) / f) + std::atan((view.image_size[axis] - 0.5 - c) / f)) * degrees;
-  };
-  return fmt::format("{} x {} px, f {:.2f} {:.2f} px, c {:.2f} {:.2f} px, {:.1f} x {:.1f} degrees",
-                     view.image_size[0],
-                     view.image_size[1],
-                     view.params[0],
-                     view.params[1],
-                     view.params[2],
-                     view.params[3],
-                     angle(0),
-                     angle(1));
-}
 
 void CheckImageNames(const std::vector<FrameImage>& images, const fs::path& folder) {
   std::map<std::string, fs::path> seen;
@@ -62,20 +37,18 @@ void CheckImageNames(const std::vector<FrameImage>& images, const fs::path& fold
   }
 }
 
-size_t ResampleInto(const std::vector<FrameImage>& images,
-                    const CalibrationFile& calibration,
-                    const CalibratedCamera& camera,
-                    const PixelMap& map,
-                    const ResampleArguments& arguments,
-                    const ConsoleOptions& options,
-                    const std::string& prefix,
-                    OutputFolder* out) {
-  Console console(options.quiet);
+size_t ResampleToFolder(const std::vector<FrameImage>& images,
+                        const FolderResampling& resampling,
+                        const ConsoleOptions& options,
+                        OutputFolder* out) {
+  const CalibratedCamera& camera = resampling.camera;
+  const ResampleArguments& arguments = resampling.arguments;
+  Console console(options);
   ResampleRequest request;
   request.images = images;
-  request.map = &map;
+  request.map = &resampling.map;
   if (!arguments.keep_vignetting && !camera.vignetting.empty()) {
-    request.vignetting = calibration.path.parent_path() / camera.vignetting;
+    request.vignetting = resampling.calibration.path.parent_path() / camera.vignetting;
   }
   request.bayer = arguments.bayer;
   request.interpolation = arguments.interpolation;
@@ -86,9 +59,9 @@ size_t ResampleInto(const std::vector<FrameImage>& images,
     return !Interrupted();
   };
   request.result = [&](const std::string& frame, const std::string& png) {
-    out->Write(prefix + frame + ".png", png);
+    out->Write(resampling.prefix + frame + ".png", png);
   };
-  return ResampleImagesByModule(request);
+  return ResampleImages(request);
 }
 
 }  // namespace plenocal

@@ -10,8 +10,8 @@
 #include <optional>
 #include <string_view>
 
-#include "calib/error.h"
-#include "calib/text_file.h"
+#include "calib/base/error.h"
+#include "calib/base/text_file.h"
 
 namespace plenocal {
 namespace {
@@ -48,7 +48,7 @@ class NumberLines {
 
   [[nodiscard]] bool HasCommas() const { return line_.find(',') != std::string_view::npos; }
 
-  /// How many numbers the line holds.
+  /// Number of numbers in the line.
   [[nodiscard]] size_t Count() const {
     size_t count = 0;
     bool inside = false;
@@ -60,8 +60,9 @@ class NumberLines {
     return count;
   }
 
-  /// The first `count` numbers of the line, which may go on only if `more_allowed`.
-  void Read(size_t count, bool more_allowed, double* values) const {
+  enum class Rest { kNone, kIgnored };
+  /// The first `count` numbers of the line. Fails when more follow, unless the rest is ignored.
+  void Read(size_t count, Rest rest, double* values) const {
     const char* at = line_.data();
     const char* const end = at + line_.size();
     for (size_t i = 0; i < count; ++i) {
@@ -80,7 +81,7 @@ class NumberLines {
       }
       at = after;
     }
-    if (!more_allowed && at != end) {
+    if (rest == Rest::kNone && at != end) {
       Fail(fmt::format("expected {} numbers, found {}", count, Count()));
     }
   }
@@ -121,11 +122,11 @@ std::vector<double> ReadTimes(const std::filesystem::path& path) {
   const std::string text = ReadTextFile(path);
   NumberLines lines(path.string(), text);
   std::vector<double> times;
-  while (lines.Next()) lines.Read(1, false, &times.emplace_back());
+  while (lines.Next()) lines.Read(1, NumberLines::Rest::kNone, &times.emplace_back());
   return times;
 }
 
-/// What one line says, time aside.
+/// A pose T_world_camera.
 struct Pose {
   Eigen::Vector3d position;
   Eigen::Quaterniond orientation;
@@ -149,6 +150,65 @@ Pose FromMatrix(const NumberLines& lines, const double* values) {
   return {T.col(3), Eigen::Quaterniond(R).normalized()};
 }
 
+/// Adds a pose. Fails when time goes back; of poses at one time only the first is kept.
+void Append(const NumberLines& lines, double time, const Pose& pose, Trajectory* trajectory) {
+  if (!trajectory->times.empty()) {
+    const double before = trajectory->times.back();
+    if (time < before) {
+      lines.Fail(
+          fmt::format("time {:.9f} comes after {:.9f}; sort the poses by time", time, before));
+    }
+    if (time == before) {
+      ++trajectory->repeated;
+      return;
+    }
+  }
+  trajectory->times.push_back(time);
+  trajectory->positions.push_back(pose.position);
+  trajectory->orientations.push_back(pose.orientation);
+}
+
+/// Reads lines of 3 x 4 matrices from the current one on. `times_path` may be empty.
+void ReadKitti(const std::filesystem::path& times_path,
+               NumberLines* lines,
+               Trajectory* trajectory) {
+  std::optional<std::vector<double>> times;
+  if (!times_path.empty()) times = ReadTimes(times_path);
+  trajectory->has_times = times.has_value();
+  size_t row = 0;
+  do {
+    std::array<double, 12> values{};
+    lines->Read(values.size(), NumberLines::Rest::kNone, values.data());
+    const bool has_time = times && row < times->size();
+    const double time = has_time ? (*times)[row] : static_cast<double>(row);
+    Append(*lines, time, FromMatrix(*lines, values.data()), trajectory);
+    ++row;
+  } while (lines->Next());
+  if (times && times->size() != row) {
+    throw Error(ErrorKind::kInput,
+                fmt::format("{}: has {} times, but {} has {} poses",
+                            times_path.string(),
+                            times->size(),
+                            trajectory->path,
+                            row));
+  }
+}
+
+/// Reads lines of time, position and quaternion from the current one on.
+void ReadQuaternions(Form form, NumberLines* lines, Trajectory* trajectory) {
+  const bool is_euroc = form == Form::kEuroc;
+  const auto rest = is_euroc ? NumberLines::Rest::kIgnored : NumberLines::Rest::kNone;
+  std::optional<double> unit;  // s, of the times
+  do {
+    std::array<double, 8> v{};
+    lines->Read(v.size(), rest, v.data());
+    const Eigen::Quaterniond q = is_euroc ? Eigen::Quaterniond(v[4], v[5], v[6], v[7])
+                                          : Eigen::Quaterniond(v[7], v[4], v[5], v[6]);
+    if (!unit) unit = is_euroc || v[0] > kNanosecondsAbove ? kNanosecond : 1;
+    Append(*lines, v[0] * *unit, FromQuaternion(*lines, &v[1], q), trajectory);
+  } while (lines->Next());
+}
+
 }  // namespace
 
 Trajectory ReadTrajectory(const std::filesystem::path& path,
@@ -161,53 +221,10 @@ Trajectory ReadTrajectory(const std::filesystem::path& path,
     throw Error(ErrorKind::kInput, fmt::format("{}: holds no poses", path.string()));
   }
   const Form form = FormOf(lines);
-  std::optional<std::vector<double>> times;
-  if (form == Form::kKitti && !kitti_times.empty()) times = ReadTimes(kitti_times);
-  trajectory.has_times = form != Form::kKitti || times.has_value();
-
-  double unit = form == Form::kEuroc ? kNanosecond : 1;
-  size_t row = 0;
-  do {
-    std::array<double, 12> v{};
-    double time = static_cast<double>(row);
-    Pose pose;
-    if (form == Form::kKitti) {
-      lines.Read(12, false, v.data());
-      pose = FromMatrix(lines, v.data());
-      if (times && row < times->size()) time = (*times)[row];
-    } else {
-      lines.Read(8, form == Form::kEuroc, v.data());
-      const bool w_first = form == Form::kEuroc;
-      pose = FromQuaternion(lines,
-                            &v[1],
-                            w_first ? Eigen::Quaterniond(v[4], v[5], v[6], v[7])
-                                    : Eigen::Quaterniond(v[7], v[4], v[5], v[6]));
-      if (row == 0 && v[0] > kNanosecondsAbove) unit = kNanosecond;
-      time = v[0] * unit;
-    }
-    ++row;
-    if (!trajectory.times.empty()) {
-      const double before = trajectory.times.back();
-      if (time < before) {
-        lines.Fail(
-            fmt::format("time {:.9f} comes after {:.9f}; sort the poses by time", time, before));
-      }
-      if (time == before) {
-        ++trajectory.repeated;
-        continue;
-      }
-    }
-    trajectory.times.push_back(time);
-    trajectory.positions.push_back(pose.position);
-    trajectory.orientations.push_back(pose.orientation);
-  } while (lines.Next());
-  if (times && times->size() != row) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: has {} times, but {} has {} poses",
-                            kitti_times.string(),
-                            times->size(),
-                            path.string(),
-                            row));
+  if (form == Form::kKitti) {
+    ReadKitti(kitti_times, &lines, &trajectory);
+  } else {
+    ReadQuaternions(form, &lines, &trajectory);
   }
   return trajectory;
 }

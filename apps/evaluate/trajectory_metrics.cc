@@ -11,8 +11,9 @@
 #include <numbers>
 #include <numeric>
 
-#include "calib/error.h"
-#include "calib/rigid_transform.h"
+#include "calib/base/error.h"
+#include "calib/base/linear_algebra.h"
+#include "calib/camera/rigid_transform.h"
 
 namespace plenocal {
 namespace {
@@ -49,7 +50,10 @@ Matched PointsOf(const Trajectory& estimate, const Trajectory& truth, const Pose
   return matched;
 }
 
-Similarity Umeyama(const Matched& matched, bool with_scale) {
+enum class Scale { kFixed, kEstimated };
+
+Similarity Umeyama(const Matched& matched, Scale scale) {
+  const bool with_scale = scale == Scale::kEstimated;
   const Eigen::Matrix4d T = Eigen::umeyama(matched.estimate, matched.truth, with_scale);
   Similarity similarity;
   similarity.s = with_scale ? std::cbrt(T.topLeftCorner<3, 3>().determinant()) : 1;
@@ -63,9 +67,7 @@ Eigen::Vector3d Spread(const Points& points) {
   const Points centred = points.colwise() - points.rowwise().mean();
   const Eigen::Matrix3d covariance =
       centred * centred.transpose() / static_cast<double>(points.cols());
-  return Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(covariance, Eigen::EigenvaluesOnly)
-      .eigenvalues()
-      .cwiseMax(0);
+  return DecomposeSymmetric(covariance).values.cwiseMax(0);
 }
 
 [[noreturn]] void Fail(const std::string& what, const std::string& message) {
@@ -94,7 +96,7 @@ Similarity AlignOrFail(const Matched& matched, const std::string& what) {
       Fail(what, fmt::format("{} moves along a straight line, {}", whose, kOpenRotation));
     }
   }
-  return Umeyama(matched, true);
+  return Umeyama(matched, Scale::kEstimated);
 }
 
 /// The same for a short segment: what lies off a line must be explained by the estimate for the
@@ -272,7 +274,7 @@ PathErrors MeasurePath(const Trajectory& estimate,
   }
   const Matched matched = PointsOf(estimate, truth, pairs);
   const Similarity sim3 = AlignOrFail(matched, estimate.path + ": truth");
-  const Similarity se3 = Umeyama(matched, false);
+  const Similarity se3 = Umeyama(matched, Scale::kFixed);
 
   PathErrors errors{};
   errors.pairs = pairs.size();

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// How far an estimated trajectory is from the truth. Source of the loop's metrics: the paper in
-// shared/seed, "Ground Truth and Evaluation Metric"; of ATE and RPE: Sturm et al., "A Benchmark for
-// the Evaluation of RGB-D SLAM Systems", IROS 2012.
+// Errors of an estimated trajectory. Source of the loop's metrics: N. Zeller, F. Quint, U. Stilla,
+// "A Synchronized Stereo and Plenoptic Visual Odometry Dataset", arXiv:1807.09372, "Ground Truth
+// and Evaluation Metric"; of ATE and RPE: J. Sturm et al., "A Benchmark for the Evaluation of RGB-D
+// SLAM Systems", IROS 2012.
 #pragma once
 
 #include <Eigen/Core>
@@ -41,8 +42,8 @@ struct LoopTruth {
   Trajectory end;
 };
 
-/// A truth in one file, parted at its largest gap. Nothing when no gap stands out (longer than
-/// twice the next and than a tenth of the whole): then the truth covers the whole path.
+/// A ground truth in one file, split at its largest gap. Nothing when no gap stands out (longer
+/// than twice the next and than a tenth of the whole): then the truth covers the whole path.
 std::optional<LoopTruth> SplitAtLargestGap(const Trajectory& truth);
 
 /// The paper's metrics; lengths in the truth's unit.

@@ -10,14 +10,13 @@
 #include <cmath>
 #include <cstdint>
 #include <optional>
-#include <variant>
 
-#include "apps/print/cairo_handles.h"
-#include "apps/print/cairo_path.h"
-#include "calib/error.h"
-#include "calib/output_folder.h"
-#include "detectors/target_drawing.h"
+#include "apps/charts/cairo_handles.h"
+#include "apps/charts/cairo_path.h"
+#include "calib/base/error.h"
+#include "calib/base/output_folder.h"
 #include "targets/target.h"
+#include "targets/target_drawing.h"
 
 // All lengths here are in mm, places from a page's upper left corner.
 
@@ -275,8 +274,8 @@ std::string Png(const Page& page, double dpi) {
   if (scale * std::max(page.width, page.height) > kMost) {
     throw Error(
         ErrorKind::kInput,
-        fmt::format("{:.0f} x {:.0f} mm at {} dpi are more than {} pixels; lower --dpi, take "
-                    "a --paper or write SVG or PDF",
+        fmt::format("{:.0f} x {:.0f} mm at {} dpi are more than {} pixels; lower --dpi, take a "
+                    "--paper or write SVG or PDF",
                     page.width,
                     page.height,
                     dpi,
@@ -304,8 +303,7 @@ std::optional<Paper> FindPaper(const std::string& name) {
               fmt::format("--paper: no size '{}'{}", name, SuggestName(name, names)));
 }
 
-std::vector<Page> LayOut(const Target& target,
-                         const std::vector<TargetPart>& sheets,
+std::vector<Page> LayOut(const std::vector<TargetPart>& sheets,
                          const std::vector<TargetPart>& tags,
                          const std::optional<Paper>& paper) {
   const bool loose = !sheets[0].tags.empty() && !sheets[0].one_sheet;
@@ -319,9 +317,8 @@ std::vector<Page> LayOut(const Target& target,
       fits ? LayOutSheet(sheets[0], paper) : LayOutTags(tags, paper.value_or(kPapers[4]));
   for (size_t i = 0; i < pages.size(); ++i) {
     std::string& name = pages[i].name;
-    if (const auto* layout = std::get_if<TagLayout>(&target.layout)) {
-      name = fmt::format("{}{}{}", layout->family, name.empty() ? "" : ", ", name);
-    }
+    const std::string& label = sheets[0].label;
+    name = fmt::format("{}{}{}", label, label.empty() || name.empty() ? "" : ", ", name);
     if (pages.size() > 1) name += fmt::format("   page {} of {}", i + 1, pages.size());
   }
   return pages;
@@ -330,23 +327,23 @@ std::vector<Page> LayOut(const Target& target,
 }  // namespace
 }  // namespace print
 
-std::vector<std::filesystem::path> PrintTarget(const PrintCommand& command) {
+std::vector<std::filesystem::path> PrintTarget(const PrintRequest& request) {
   using namespace print;  // NOLINT(google-build-using-namespace)
-  const std::string extension = command.out.extension().string();
+  const std::string extension = request.out.extension().string();
   if (extension != ".svg" && extension != ".pdf" && extension != ".png") {
     throw Error(
         ErrorKind::kInput,
-        fmt::format("{}: expected a name that ends in .svg, .pdf or .png", command.out.string()));
+        fmt::format("{}: expected a name that ends in .svg, .pdf or .png", request.out.string()));
   }
-  const std::optional<Paper> paper = FindPaper(command.paper);
-  const Target target = NominalTarget(ReadTarget(command.target));
+  const std::optional<Paper> paper = FindPaper(request.paper);
+  const Target target = NominalTarget(ReadTarget(request.target));
   const std::vector<TargetPart> sheets = DrawTarget(target);
   const std::vector<TargetPart> tags =
-      sheets[0].tags.empty() ? std::vector<TargetPart>() : DrawTarget(target, true);
-  const std::vector<Page> pages = LayOut(target, sheets, tags, paper);
+      sheets[0].tags.empty() ? std::vector<TargetPart>() : DrawTarget(target, Pieces::kApart);
+  const std::vector<Page> pages = LayOut(sheets, tags, paper);
 
   const std::filesystem::path folder =
-      command.out.has_parent_path() ? command.out.parent_path() : std::filesystem::path(".");
+      request.out.has_parent_path() ? request.out.parent_path() : std::filesystem::path(".");
   OutputFolder out(folder);
   std::vector<std::filesystem::path> written;
   const auto write = [&](const std::string& name, const std::string& content) {
@@ -354,12 +351,12 @@ std::vector<std::filesystem::path> PrintTarget(const PrintCommand& command) {
     written.push_back(folder / name);
   };
   if (extension == ".pdf") {
-    write(command.out.filename().string(), Pdf(pages));
+    write(request.out.filename().string(), Pdf(pages));
   } else {
     for (size_t i = 0; i < pages.size(); ++i) {
-      const std::string stem = command.out.stem().string();
+      const std::string stem = request.out.stem().string();
       const std::string name = pages.size() == 1 ? stem : fmt::format("{}-{}", stem, i + 1);
-      write(name + extension, extension == ".svg" ? Svg(pages[i]) : Png(pages[i], command.dpi));
+      write(name + extension, extension == ".svg" ? Svg(pages[i]) : Png(pages[i], request.dpi));
     }
   }
   out.Commit();

@@ -7,7 +7,8 @@
 
 namespace plenocal {
 
-struct PrintCommand {
+/// The target to print and the file to write.
+struct PrintRequest {
   std::filesystem::path target;
   std::filesystem::path out;  ///< .svg, .pdf or .png
   std::string paper = "fit";  ///< a name as of --paper
@@ -17,6 +18,6 @@ struct PrintCommand {
 /// Writes the target at true scale with a ruler; what does not fit on one page is spread over
 /// several, the tags of an arrangement in space one by one with their ids and cut marks. Several
 /// pages of SVG or PNG become FILE-1, FILE-2, ... Returns the files written. Throws `Error`.
-std::vector<std::filesystem::path> PrintTarget(const PrintCommand& command);
+std::vector<std::filesystem::path> PrintTarget(const PrintRequest& request);
 
 }  // namespace plenocal

@@ -4,10 +4,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
-#include <opencv2/imgproc.hpp>
 
-#include "calib/error.h"
+#include "calib/base/error.h"
+#include "detectors/images/image_codecs.h"
 
 namespace plenocal {
 
@@ -15,7 +16,7 @@ AttenuationMap ReadAttenuationMap(const std::string& tiff, const std::string& na
   cv::Mat image;
   try {
     const std::vector<unsigned char> bytes(tiff.begin(), tiff.end());
-    image = cv::imdecode(bytes, cv::IMREAD_UNCHANGED);
+    image = DecodeImage(bytes, cv::IMREAD_UNCHANGED);
   } catch (const cv::Exception&) {
     image.release();
   }

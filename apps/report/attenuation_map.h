@@ -6,7 +6,7 @@
 
 namespace plenocal {
 
-/// An attenuation image, small enough to be looked at.
+/// An attenuation image, reduced for display.
 struct AttenuationMap {
   int columns = 0, rows = 0;
   std::vector<float> values;                     ///< highest of each block, row by row

@@ -1,30 +1,31 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/report/micro_lens_sections.h"
 
-#include <Eigen/QR>
 #include <cmath>
 #include <unordered_map>
 
-#include "apps/report/csv_table.h"
 #include "apps/report/residual_sections.h"
+#include "calib/base/csv.h"
+#include "calib/base/linear_algebra.h"
 
 namespace plenocal {
 
 using Json = nlohmann::json;
 
 MicroLensTable::MicroLensTable(const std::string& csv, const std::string& name) {
-  const CsvTable table(csv, name);
-  has_lattice_ = table.Has("row") && table.Has("column");
+  CsvReader table(csv, name);
   const size_t x = table.Column("x"), y = table.Column("y"), type = table.Column("type");
-  for (size_t i = 0; i < table.Rows(); ++i) {
-    lenses_.push_back({{table.Number(i, x), table.Number(i, y)},
-                       table.Integer(i, type),
-                       has_lattice_ ? table.Integer(i, table.Column("row")) : 0,
-                       has_lattice_ ? table.Integer(i, table.Column("column")) : 0});
+  const std::optional<size_t> row = table.Find("row"), column = table.Find("column");
+  has_lattice_ = row && column;
+  while (table.Next()) {
+    lenses_.push_back({{table.Number(x), table.Number(y)},
+                       table.Integer(type),
+                       has_lattice_ ? table.Integer(*row) : 0,
+                       has_lattice_ ? table.Integer(*column) : 0});
   }
 }
 
-std::vector<int> MicroLensTable::TypesOf(const CameraResult& camera) const {
+std::vector<int> MicroLensTable::TypesOf(const CalibratedCamera& camera) const {
   // Both files round the same centres, to different decimals.
   constexpr double kCell = 1, kSame = 0.05;  // px
   const auto key = [](int64_t column, int64_t row) { return column * 1'000'003 + row; };
@@ -64,7 +65,8 @@ Json MicroLensTable::GridSection(ImageSize image_size) const {
     A.row(i) << 1, lens.column, lens.row;
     b.row(i) = lens.centre.transpose();
   }
-  const Eigen::Matrix<double, 3, 2> fit = (A.transpose() * A).ldlt().solve(A.transpose() * b);
+  const Eigen::MatrixXd fit =
+      SolveSymmetric(Eigen::MatrixXd(A.transpose() * A), Eigen::MatrixXd(A.transpose() * b));
   const Eigen::MatrixXd off = b - A * fit;
 
   const ImageGrid grid(image_size, kCells);

@@ -5,20 +5,20 @@
 #include <string>
 #include <vector>
 
-#include "apps/report/results.h"
+#include "calib/files/calibration_record.h"
 
 namespace plenocal {
 
-/// The micro lenses of one camera as micro_lenses_<camera>.csv has them.
+/// The micro lenses of one camera, from micro_lenses_<camera>.csv.
 class MicroLensTable {
  public:
   /// `name` stands for the file in messages.
   MicroLensTable(const std::string& csv, const std::string& name);
 
   /// Type of the micro lens that each row of the residuals was seen through; -1: not in the table.
-  [[nodiscard]] std::vector<int> TypesOf(const CameraResult& camera) const;
-  /// How far the micro-image centres are from a regular lattice fitted to them. Empty when the file
-  /// has no rows and columns.
+  [[nodiscard]] std::vector<int> TypesOf(const CalibratedCamera& camera) const;
+  /// Deviations of the micro-image centres from a regular lattice fitted to them. Empty when the
+  /// file has no rows and columns.
   [[nodiscard]] nlohmann::json GridSection(ImageSize image_size) const;
 
  private:

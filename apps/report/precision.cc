@@ -7,6 +7,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "calib/base/linear_algebra.h"
+
 namespace plenocal {
 namespace {
 
@@ -18,18 +20,17 @@ struct Projected {
   Eigen::Matrix<double, 2, 3, Eigen::RowMajor> by_point;
 };
 
-std::optional<Projected> Differentiate(const CameraResult& camera,
+std::optional<Projected> Differentiate(const CalibratedCamera& camera,
                                        const double* values,
                                        const Eigen::Vector3d& p_cam) {
   Projected out{RowMatrix(2, static_cast<Eigen::Index>(camera.params.size())), {}};
   double predicted[kMaxObservationSize];
-  if (!camera.model->project_with_jacobian(camera.params.data(),
-                                           camera.config.data(),
-                                           values,
-                                           p_cam,
-                                           predicted,
-                                           out.by_params.data(),
-                                           out.by_point.data())) {
+  if (!camera.model->project_with_jacobian(
+          camera.params.data(),
+          camera.config.data(),
+          values,
+          p_cam,
+          {predicted, out.by_params.data(), out.by_point.data()})) {
     return std::nullopt;
   }
   if (!out.by_params.allFinite() || !out.by_point.allFinite()) return std::nullopt;
@@ -37,27 +38,27 @@ std::optional<Projected> Differentiate(const CameraResult& camera,
 }
 
 // Distances of the used points from the camera, sorted.
-std::vector<double> Distances(const Results& results, size_t c) {
+std::vector<double> Distances(const CalibrationRecord& calibration, size_t c) {
   std::vector<double> distances;
   std::map<int, RigidTransform> poses;
-  for (const ResidualRow& row : results.cameras[c].residuals) {
+  for (const ResidualRow& row : calibration.cameras[c].residuals) {
     if (!row.used) continue;
     auto pose = poses.find(row.frame);
     if (pose == poses.end()) {
-      pose = poses.emplace(row.frame, results.CameraFromTarget(c, row.frame)).first;
+      pose = poses.emplace(row.frame, calibration.CameraFromTarget(c, row.frame)).first;
     }
-    distances.push_back((pose->second * results.markers.at(row.marker)).norm());
+    distances.push_back((pose->second * calibration.markers.at(row.marker).position).norm());
   }
   std::sort(distances.begin(), distances.end());
   return distances;
 }
 
-// For each cell what an observation in its middle looks like. A model with a context sees through
-// something whose place only observations know: the one nearest to the middle is taken.
+// An observation in the middle of each cell. The context (micro lens) is that of the nearest
+// observation, since a model does not know where its micro lenses are.
 std::vector<std::optional<std::array<double, kMaxObservationSize>>> CellValues(
-    const CameraResult& camera, const ImageGrid& grid) {
+    const CalibratedCamera& camera, const ImageGrid& grid) {
   std::vector<std::optional<std::array<double, kMaxObservationSize>>> values(grid.Cells());
-  if (camera.model->context.empty()) {
+  if (!camera.model->plenoptic) {
     for (size_t cell = 0; cell < grid.Cells(); ++cell) {
       const Eigen::Vector2d middle = grid.Middle(cell);
       values[cell] = {middle.x(), middle.y()};
@@ -79,16 +80,17 @@ std::vector<std::optional<std::array<double, kMaxObservationSize>>> CellValues(
 
 double WorstSigma(const RowMatrix& J, const Eigen::MatrixXd& covariance) {
   const Eigen::Matrix2d spread = J * covariance * J.transpose();
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> solver(spread, Eigen::EigenvaluesOnly);
-  return std::sqrt(std::max(0.0, solver.eigenvalues()[1]));
+  const double greatest = (spread(0, 0) + spread(1, 1)) / 2 +
+                          std::hypot((spread(0, 0) - spread(1, 1)) / 2, spread(1, 0));
+  return std::sqrt(std::max(0.0, greatest));
 }
 
 }  // namespace
 
-std::vector<ProjectionMap> ProjectionMaps(const Results& results, size_t c) {
+std::vector<ProjectionMap> ProjectionMaps(const CalibrationRecord& calibration, size_t c) {
   constexpr int kCells = 24;
-  const CameraResult& camera = results.cameras[c];
-  const std::vector<double> distances = Distances(results, c);
+  const CalibratedCamera& camera = calibration.cameras[c];
+  const std::vector<double> distances = Distances(calibration, c);
   if (!camera.covariance.allFinite() || distances.empty()) return {};
   const ImageGrid grid(camera.image_size, kCells);
   const auto cell_values = CellValues(camera, grid);
@@ -102,13 +104,13 @@ std::vector<ProjectionMap> ProjectionMaps(const Results& results, size_t c) {
     moved << Eigen::Matrix3d::Identity(), -Hat(p);
     return Eigen::Matrix<double, 2, 6>(seen.by_point * moved);
   };
-  // What the camera saw holds its frame.
+  // The observed points fix the camera frame.
   Matrix6d normal = Matrix6d::Zero();
   Eigen::MatrixXd mixed = Eigen::MatrixXd::Zero(6, count);
   for (const ResidualRow& row : camera.residuals) {
     if (!row.used) continue;
     const Eigen::Vector3d p =
-        results.CameraFromTarget(c, row.frame) * results.markers.at(row.marker);
+        calibration.CameraFromTarget(c, row.frame) * calibration.markers.at(row.marker).position;
     const std::optional<Projected> seen = Differentiate(camera, row.values.data(), p);
     if (!seen) continue;
     const Eigen::Matrix<double, 2, 6> J = by_frame(*seen, p);
@@ -133,7 +135,7 @@ std::vector<ProjectionMap> ProjectionMaps(const Results& results, size_t c) {
       motion[cell] = by_frame(*here[cell], p);
     }
   }
-  const Eigen::MatrixXd follow = normal.ldlt().solve(mixed);
+  const Eigen::MatrixXd follow = SolveSymmetric(normal, mixed);
   if (!follow.allFinite()) return {};
   for (size_t m = 0; m < maps.size(); ++m) {
     for (size_t cell = 0; cell < grid.Cells(); ++cell) {
@@ -145,9 +147,11 @@ std::vector<ProjectionMap> ProjectionMaps(const Results& results, size_t c) {
   return maps;
 }
 
-std::vector<DistancePrecision> DistancePrecisions(const Results& results, size_t c, size_t most) {
-  const CameraResult& camera = results.cameras[c];
-  if (!camera.covariance.allFinite() || camera.model->context.empty()) return {};
+std::vector<DistancePrecision> DistancePrecisions(const CalibrationRecord& calibration,
+                                                  size_t c,
+                                                  size_t most) {
+  const CalibratedCamera& camera = calibration.cameras[c];
+  if (!camera.covariance.allFinite() || !camera.model->plenoptic) return {};
   std::map<std::pair<int, int>, std::vector<const ResidualRow*>> seen;  // by frame, marker
   for (const ResidualRow& row : camera.residuals) {
     if (row.used) seen[{row.frame, row.marker}].push_back(&row);
@@ -159,14 +163,14 @@ std::vector<DistancePrecision> DistancePrecisions(const Results& results, size_t
   for (const auto& [key, rows] : seen) {
     if (index++ % step != 0) continue;
     const Eigen::Vector3d p =
-        results.CameraFromTarget(c, key.first) * results.markers.at(key.second);
+        calibration.CameraFromTarget(c, key.first) * calibration.markers.at(key.second).position;
     Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
     Eigen::MatrixXd mixed =
         Eigen::MatrixXd::Zero(3, static_cast<Eigen::Index>(camera.params.size()));
     for (const ResidualRow* row : rows) {
       const std::optional<Projected> projected = Differentiate(camera, row->values.data(), p);
       if (!projected) continue;
-      const double sigma = row->sigma > 0 ? row->sigma : camera.noise;
+      const double sigma = row->noise_sigma > 0 ? row->noise_sigma : camera.fit.noise_sigma;
       if (!(sigma > 0)) continue;
       const Eigen::Matrix<double, 3, 2> weighted =
           projected->by_point.transpose() / (sigma * sigma);

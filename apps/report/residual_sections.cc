@@ -22,8 +22,8 @@ struct Sums {
       return;
     }
     ++points;
-    square += row.d.squaredNorm();
-    sum += row.d;
+    square += row.Error().squaredNorm();
+    sum += row.Error();
   }
   [[nodiscard]] double Rms() const { return points > 0 ? std::sqrt(square / points) : 0; }
 };
@@ -47,20 +47,20 @@ Json SumsJson(const std::map<int, Sums>& groups, const char* key, auto name_of) 
           {"mean_y", mean_y}};
 }
 
-// Share of the noise that residuals keep; the unknowns follow the rest. Refined markers take no
-// part: as many priors hold them.
-double NoiseInResiduals(const Results& results) {
-  double coordinates = 0, unknowns = 6.0 * static_cast<double>(results.frames.size());
-  for (const CameraResult& camera : results.cameras) {
-    coordinates += 2.0 * camera.points;
+// Part of the noise that is left in residuals; the unknowns absorb the rest. Refined markers do not
+// count, since they have as many priors.
+double NoiseInResiduals(const CalibrationRecord& calibration) {
+  double coordinates = 0, unknowns = 6.0 * static_cast<double>(calibration.frames.size());
+  for (const CalibratedCamera& camera : calibration.cameras) {
+    coordinates += 2.0 * camera.fit.points;
     for (size_t i = 0; i < camera.params.size(); ++i) unknowns += camera.Sigma(i) > 0 ? 1 : 0;
     for (const double sigma : camera.sigma_xi) unknowns += sigma > 0 ? 1 : 0;
   }
   return coordinates > unknowns ? 1 - unknowns / coordinates : 1;
 }
 
-// Coordinates of used residuals in sigmas, against the normal density.
-Json Histogram(const CameraResult& camera, double noise_left) {
+// Coordinates of used residuals divided by their noise sigma, with the normal density.
+Json Histogram(const CalibratedCamera& camera, double noise_left) {
   constexpr int kBins = 49;
   constexpr double kReach = 4.9;  // sigmas
   constexpr double kWidth = 2 * kReach / kBins;
@@ -76,10 +76,10 @@ Json Histogram(const CameraResult& camera, double noise_left) {
     }
   };
   for (const ResidualRow& row : camera.residuals) {
-    const double sigma = row.sigma > 0 ? row.sigma : camera.noise;
+    const double sigma = row.noise_sigma > 0 ? row.noise_sigma : camera.fit.noise_sigma;
     if (!row.used || !(sigma > 0)) continue;
-    add(row.d.x() / sigma);
-    add(row.d.y() / sigma);
+    add(row.Error().x() / sigma);
+    add(row.Error().y() / sigma);
   }
   Json middles = Json::array(), expected = Json::array();
   for (int bin = 0; bin < kBins; ++bin) {
@@ -98,11 +98,11 @@ Json Histogram(const CameraResult& camera, double noise_left) {
           {"coordinates", all}};
 }
 
-Json Sample(const Results& results,
+Json Sample(const CalibrationRecord& calibration,
             size_t c,
             const std::vector<double>& depths,
             size_t most_points) {
-  const CameraResult& camera = results.cameras[c];
+  const CalibratedCamera& camera = calibration.cameras[c];
   const size_t step =
       std::max<size_t>(1, (camera.residuals.size() + most_points - 1) / most_points);
   Json x = Json::array(), y = Json::array(), dx = Json::array(), dy = Json::array(),
@@ -110,14 +110,14 @@ Json Sample(const Results& results,
   size_t without = 0;
   for (size_t i = 0; i < camera.residuals.size(); i += step) {
     const ResidualRow& row = camera.residuals[i];
-    if (!row.d.allFinite()) {
+    if (!row.Error().allFinite()) {
       ++without;
       continue;
     }
     x.push_back(std::round(row.values[0] * 10) / 10);
     y.push_back(std::round(row.values[1] * 10) / 10);
-    dx.push_back(Short(row.d.x()));
-    dy.push_back(Short(row.d.y()));
+    dx.push_back(Short(row.Error().x()));
+    dy.push_back(Short(row.Error().y()));
     used.push_back(row.used ? 1 : 0);
     frame.push_back(row.frame);
     marker.push_back(row.marker);
@@ -136,7 +136,7 @@ Json Sample(const Results& results,
           {"depth", depth}};
 }
 
-Json DepthHistogram(const CameraResult& camera, const std::vector<double>& depths) {
+Json DepthHistogram(const CalibratedCamera& camera, const std::vector<double>& depths) {
   constexpr int kBins = 30;
   double nearest = std::numeric_limits<double>::infinity(), farthest = -nearest;
   for (size_t i = 0; i < depths.size(); ++i) {
@@ -188,7 +188,7 @@ Eigen::Vector2d ImageGrid::Middle(size_t cell) const {
   return {(column + 0.5) * width_ / columns_ - 0.5, (row + 0.5) * height_ / rows_ - 0.5};
 }
 
-ResidualField FieldOf(const CameraResult& camera) {
+ResidualField FieldOf(const CalibratedCamera& camera) {
   constexpr int kCells = 20;
   ResidualField field{.grid = {camera.image_size, kCells},
                       .points = {},
@@ -203,10 +203,10 @@ ResidualField FieldOf(const CameraResult& camera) {
   for (const ResidualRow& row : camera.residuals) {
     if (!row.used) continue;
     const size_t cell = field.grid.Cell(row.values[0], row.values[1]);
-    const double sigma = row.sigma > 0 ? row.sigma : camera.noise;
+    const double sigma = row.noise_sigma > 0 ? row.noise_sigma : camera.fit.noise_sigma;
     ++field.points[cell];
-    field.mean[cell] += row.d;
-    field.square[cell] += row.d.squaredNorm();
+    field.mean[cell] += row.Error();
+    field.square[cell] += row.Error().squaredNorm();
     field.variance_of_mean[cell] += sigma * sigma;
   }
   for (size_t cell = 0; cell < cells; ++cell) {
@@ -235,11 +235,11 @@ Json FieldJson(const ResidualField& field) {
           {"rms", rms}};
 }
 
-Json ResidualSections(const Results& results,
+Json ResidualSections(const CalibrationRecord& calibration,
                       size_t c,
                       size_t most_points,
                       const std::vector<int>& lens_types) {
-  const CameraResult& camera = results.cameras[c];
+  const CalibratedCamera& camera = calibration.cameras[c];
   std::map<int, Sums> frames, markers, types;
   std::map<int, RigidTransform> T_camera_target;  // by frame
   std::vector<double> depths;
@@ -251,13 +251,13 @@ Json ResidualSections(const Results& results,
     if (!lens_types.empty() && lens_types[i] >= 0) types[lens_types[i]].Add(row);
     auto T = T_camera_target.find(row.frame);
     if (T == T_camera_target.end()) {
-      T = T_camera_target.emplace(row.frame, results.CameraFromTarget(c, row.frame)).first;
+      T = T_camera_target.emplace(row.frame, calibration.CameraFromTarget(c, row.frame)).first;
     }
-    depths.push_back((T->second * results.markers.at(row.marker)).z());
+    depths.push_back((T->second * calibration.markers.at(row.marker).position).z());
   }
-  return {{"sample", Sample(results, c, depths, most_points)},
+  return {{"sample", Sample(calibration, c, depths, most_points)},
           {"field", FieldJson(FieldOf(camera))},
-          {"histogram", Histogram(camera, NoiseInResiduals(results))},
+          {"histogram", Histogram(camera, NoiseInResiduals(calibration))},
           {"frames", SumsJson(frames, "frame", [](int frame) { return frame; })},
           {"markers", SumsJson(markers, "marker", [](int marker) { return marker; })},
           {"types", SumsJson(types, "type", [](int type) { return type; })},

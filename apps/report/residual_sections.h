@@ -3,7 +3,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "apps/report/results.h"
+#include "calib/files/calibration_record.h"
 
 namespace plenocal {
 
@@ -16,7 +16,7 @@ class ImageGrid {
   [[nodiscard]] int Columns() const { return columns_; }
   [[nodiscard]] int Rows() const { return rows_; }
   [[nodiscard]] size_t Cells() const { return static_cast<size_t>(columns_) * rows_; }
-  /// Index of the cell that holds a place; the outermost cells take what lies beyond.
+  /// Index of the cell of a position; positions outside the image belong to the outermost cells.
   [[nodiscard]] size_t Cell(double x, double y) const;
   /// Middle of a cell, px.
   [[nodiscard]] Eigen::Vector2d Middle(size_t cell) const;
@@ -35,15 +35,15 @@ struct ResidualField {
   std::vector<double> variance_of_mean;  ///< of each coordinate of `mean`, from the noise, px^2
 };
 
-ResidualField FieldOf(const CameraResult& camera);
+ResidualField FieldOf(const CalibratedCamera& camera);
 
-/// As `addArrowMap` in plots.js takes it.
+/// Input of `addArrowMap` in plots.js.
 nlohmann::json FieldJson(const ResidualField& field);
 
-/// What the page shows of one camera's residuals: sample of points, field, histogram, per frame,
+/// Plots of one camera's residuals: sample of points, field, histogram, per frame,
 /// per marker, per lens type, coverage of image and depth. `most_points`: points of the sample,
 /// which is every k-th one. `lens_types`: per row of `residuals`, -1 unknown; may be empty.
-nlohmann::json ResidualSections(const Results& results,
+nlohmann::json ResidualSections(const CalibrationRecord& calibration,
                                 size_t camera,
                                 size_t most_points,
                                 const std::vector<int>& lens_types);

@@ -14,13 +14,13 @@ using Json = nlohmann::json;
 
 // Means of the residuals of one camera's held-out points over its image.
 Json HeldOutField(const ModelTrial& trial, size_t camera, ImageSize image_size) {
-  CameraResult result;
+  CalibratedCamera result;
   result.image_size = image_size;
   for (const HeldOutPoint& point : trial.held_out) {
     if (point.camera != camera) continue;
     ResidualRow row;
     row.values = point.seen.values;
-    row.d = {point.residual[0], point.residual[1]};
+    row.residual = {point.residual[0], point.residual[1]};
     result.residuals.push_back(row);
   }
   return FieldJson(FieldOf(result));
@@ -50,17 +50,18 @@ std::string TrialPage(const ModelChoice& choice,
                       const std::string& recommendation) {
   Json models = Json::array(), cameras = Json::array();
   for (const TrialRow& row : rows) models.push_back(RowJson(row));
-  const Calibration& any = rows[choice.recommended].trial->calibration;
+  const Bundle& any = rows[choice.recommended].trial->calibration.bundle;
   for (const size_t c : choice.varied) {
     Json fields = Json::array();
     for (const TrialRow& row : rows) {
       if (row.why_not.empty()) {
         fields.push_back({{"model", row.trial->model->name},
-                          {"field", HeldOutField(*row.trial, c, any.image_sizes[c])}});
+                          {"field", HeldOutField(*row.trial, c, any.cameras[c].image_size)}});
       }
     }
-    cameras.push_back(
-        {{"name", any.camera_names[c]}, {"image_size", any.image_sizes[c]}, {"fields", fields}});
+    cameras.push_back({{"name", any.cameras[c].name},
+                       {"image_size", any.cameras[c].image_size},
+                       {"fields", fields}});
   }
   return MakePage("Camera models compared",
                   {kTrialPageJs},

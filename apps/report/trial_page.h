@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// The page that shows models side by side.
+// The page that compares camera models.
 #pragma once
 
 #include <string>
 #include <vector>
 
-#include "calib/model_trial.h"
+#include "calib/judge/model_trial.h"
 
 namespace plenocal {
 
-/// One model as tables and page show it.
+/// One model in the tables and on the page.
 struct TrialRow {
   const ModelTrial* trial = nullptr;
   double image_sigma = 0;  ///< px, over the image and the varied cameras; infinite when open

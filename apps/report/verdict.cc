@@ -10,8 +10,9 @@
 #include <cmath>
 #include <numbers>
 
-#include "calib/median.h"
-#include "calib/weak_directions.h"
+#include "calib/base/linear_algebra.h"
+#include "calib/base/statistics.h"
+#include "calib/noise/weak_directions.h"
 
 namespace plenocal {
 namespace {
@@ -27,7 +28,7 @@ constexpr double kTiltWeak = 30, kTiltBad = 12;
 constexpr double kDepthWeak = 1.5, kDepthOne = 1.15;
 // Each view of a plane gives two equations on the intrinsics; the rest is redundancy.
 constexpr int kViewsWeak = 10, kViewsBad = 4;
-// Errors of model or target as large as the noise.
+// Errors of model or target are as large as the noise.
 constexpr double kNoiseWeak = 2, kPatternWeak = 0.3;
 constexpr double kRejectedWeak = 0.05;
 
@@ -44,8 +45,8 @@ std::string Length(double metres) {
 /// Where the used points are.
 class PoseSpread {
  public:
-  PoseSpread(const Results& results, size_t c) {
-    const CameraResult& camera = results.cameras[c];
+  PoseSpread(const CalibrationRecord& calibration, size_t c) {
+    const CalibratedCamera& camera = calibration.cameras[c];
     std::vector<double> x, y;
     std::map<int, std::vector<double>> distances, depths;
     std::map<int, RigidTransform> poses;
@@ -58,9 +59,9 @@ class PoseSpread {
       seen[grid.Cell(row.values[0], row.values[1])] = true;
       auto pose = poses.find(row.frame);
       if (pose == poses.end()) {
-        pose = poses.emplace(row.frame, results.CameraFromTarget(c, row.frame)).first;
+        pose = poses.emplace(row.frame, calibration.CameraFromTarget(c, row.frame)).first;
       }
-      const Eigen::Vector3d place = pose->second * results.markers.at(row.marker);
+      const Eigen::Vector3d place = pose->second * calibration.markers.at(row.marker).position;
       distances[row.frame].push_back(place.norm());
       depths[row.frame].push_back(place.z());
     }
@@ -81,7 +82,7 @@ class PoseSpread {
     const bool by_depth = near_depth > 0 && far_depth / near_depth < far / near;
     nearest = by_depth ? near_depth : near;
     farthest = by_depth ? far_depth : far;
-    MeasureTilt(results, poses);
+    MeasureTilt(calibration, poses);
     FindEmptyParts(grid, seen);
   }
 
@@ -122,19 +123,20 @@ class PoseSpread {
     return {*least, *greatest};
   }
 
-  void MeasureTilt(const Results& results, const std::map<int, RigidTransform>& poses) {
+  void MeasureTilt(const CalibrationRecord& calibration,
+                   const std::map<int, RigidTransform>& poses) {
     Eigen::Vector3d mean = Eigen::Vector3d::Zero();
-    for (const auto& [number, place] : results.markers) mean += place;
-    mean /= static_cast<double>(results.markers.size());
+    for (const auto& [number, marker] : calibration.markers) mean += marker.position;
+    mean /= static_cast<double>(calibration.markers.size());
     Eigen::Matrix3d scatter = Eigen::Matrix3d::Zero();
-    for (const auto& [number, place] : results.markers) {
-      scatter += (place - mean) * (place - mean).transpose();
+    for (const auto& [number, marker] : calibration.markers) {
+      const Eigen::Vector3d d = marker.position - mean;
+      scatter += d * d.transpose();
     }
-    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(scatter);
+    const SymmetricEigen3 axes = DecomposeSymmetric(scatter);
     constexpr double kThin = 0.05;  // thickness over width of what still counts as a plane
-    is_plane = std::sqrt(std::max(0.0, solver.eigenvalues()[0])) <=
-               kThin * std::sqrt(solver.eigenvalues()[1]);
-    const Eigen::Vector3d normal = solver.eigenvectors().col(0);
+    is_plane = std::sqrt(std::max(0.0, axes.values[0])) <= kThin * std::sqrt(axes.values[1]);
+    const Eigen::Vector3d normal = axes.vectors.col(0);
     std::vector<Eigen::Vector3d> turned;
     Eigen::Vector3d sum = Eigen::Vector3d::Zero();
     for (const auto& [frame, T] : poses) {
@@ -176,20 +178,20 @@ class PoseSpread {
 
 class Judgement {
  public:
-  explicit Judgement(const Results& results) : results_(results) {}
+  explicit Judgement(const CalibrationRecord& calibration) : calibration_(calibration) {}
 
   Verdict Make(const std::vector<std::vector<ProjectionMap>>& maps) {
     std::vector<bool> is_projection_good;
-    for (size_t c = 0; c < results_.cameras.size(); ++c) {
+    for (size_t c = 0; c < calibration_.cameras.size(); ++c) {
       JudgePoses(c);
-      JudgeResiduals(results_.cameras[c]);
+      JudgeResiduals(calibration_.cameras[c]);
       is_projection_good.push_back(!maps[c].empty() &&
-                                   JudgeProjection(results_.cameras[c], maps[c]));
+                                   JudgeProjection(calibration_.cameras[c], maps[c]));
     }
-    for (const WeakResult& weak : results_.weak) JudgeUnknowns(weak, is_projection_good);
+    for (const WeakUnknowns& weak : calibration_.weak) JudgeUnknowns(weak, is_projection_good);
     JudgeConvergence();
-    for (const std::string& warning : results_.warnings) {
-      // Said above, and more gravely.
+    for (const std::string& warning : calibration_.warnings) {
+      // JudgeConvergence reports it, with a worse grade.
       if (warning.starts_with("the bundle adjustment did not converge")) continue;
       Add(Grade::kWeak, warning, "");
     }
@@ -209,55 +211,54 @@ class Judgement {
     verdict_.findings.push_back({grade, std::move(what), std::move(remedy)});
   }
 
-  // After what the images leave open, which lets the adjustment go on without end.
+  // After undetermined parameters, along which the adjustment moves without end.
   void JudgeConvergence() {
-    if (results_.converged) return;
-    const bool is_open =
-        std::ranges::any_of(results_.weak, [](const WeakResult& weak) { return !weak.determined; });
+    if (calibration_.adjustment && calibration_.adjustment->converged) return;
+    const bool is_open = std::ranges::any_of(calibration_.weak, &WeakUnknowns::open);
     Add(Grade::kBad,
-        "The adjustment did not converge; no figure here can be relied on.",
+        "The bundle adjustment did not converge; no figure here can be relied on.",
         is_open
-            ? "It moves along what the images do not determine: first see to that."
-            : "Give better start values ('initial'), or look for images with wrong detections.");
+            ? "It moves along directions that the images do not determine; fix these first."
+            : "Give a better initial guess ('initial'), or look for images with wrong detections.");
   }
 
-  // Parameters that are known together but not apart do no harm where the projection is certain.
-  void JudgeUnknowns(const WeakResult& weak, const std::vector<bool>& is_projection_good) {
-    bool is_harmless = weak.determined;
-    for (const std::string& name : weak.parameters) {
-      for (size_t c = 0; c < results_.cameras.size(); ++c) {
-        const std::string prefix = results_.cameras[c].name + ".";
+  // Strongly correlated parameters do no harm where the projection is certain.
+  void JudgeUnknowns(const WeakUnknowns& weak, const std::vector<bool>& is_projection_good) {
+    bool is_harmless = !weak.open;
+    for (const std::string& name : weak.names) {
+      for (size_t c = 0; c < calibration_.cameras.size(); ++c) {
+        const std::string prefix = calibration_.cameras[c].name + ".";
         if (!name.starts_with(prefix)) continue;
         is_harmless &= is_projection_good[c] && !name.starts_with(prefix + "T_camera_rig");
       }
     }
     const std::string what = weak.what.empty() ? "" : ": " + weak.what;
-    Add(is_harmless       ? Grade::kGood
-        : weak.determined ? Grade::kWeak
-                          : Grade::kBad,
+    Add(is_harmless  ? Grade::kGood
+        : !weak.open ? Grade::kWeak
+                     : Grade::kBad,
         fmt::format("{} determined by these images: {}{}.{}",
-                    weak.determined ? "Weakly" : "Not",
-                    Listed(weak.parameters),
+                    weak.open ? "Not" : "Weakly",
+                    Listed(weak.names),
                     what,
-                    is_harmless ? " The projection is certain all the same." : ""),
+                    is_harmless ? " The projection is certain nevertheless." : ""),
         weak.remedy.empty() ? "Add images from other distances and at other tilts, over the whole "
-                              "image, or hold these parameters ('fixed')."
+                              "image, or fix these parameters ('fixed')."
                             : weak.remedy);
   }
 
   void JudgePoses(size_t c) {
-    const CameraResult& camera = results_.cameras[c];
-    const PoseSpread spread(results_, c);
+    const CalibratedCamera& camera = calibration_.cameras[c];
+    const PoseSpread spread(calibration_, c);
     if (!spread.any) {
       Add(Grade::kBad, camera.name + ": no point of this camera was used.", "");
       return;
     }
-    if (camera.views < kViewsWeak) {
-      Add(camera.views < kViewsBad ? Grade::kBad : Grade::kWeak,
+    if (camera.fit.views < kViewsWeak) {
+      Add(camera.fit.views < kViewsBad ? Grade::kBad : Grade::kWeak,
           fmt::format("{}: only {} image{} with the target.",
                       camera.name,
-                      camera.views,
-                      camera.views == 1 ? "" : "s"),
+                      camera.fit.views,
+                      camera.fit.views == 1 ? "" : "s"),
           "Take twenty or more, each from another place.");
     }
     if (spread.coverage < kCoverageWeak) {
@@ -273,12 +274,12 @@ class Judgement {
                             camera.name,
                             region,
                             100 * spread.coverage),
-          "Outside, the distortion is a guess. Take images with the target in the other parts of "
+          "Elsewhere the distortion is extrapolated. Take images with the target in the other parts of "
           "the image, its edges and corners above all.");
     }
-    // A target in space shows depth and tilt in a single image: named, but no weakness by itself.
+    // A 3D target shows depth and tilt in a single image: reported, but no weakness by itself.
     const char* const makes_up =
-        spread.is_plane ? "" : " The target's own depth has to make up for it.";
+        spread.is_plane ? "" : " The target's own depth has to compensate for it.";
     const auto grade = [&](Grade of_plane) { return spread.is_plane ? of_plane : Grade::kGood; };
     const double span = spread.farthest / spread.nearest;
     if (span < kDepthWeak) {
@@ -309,29 +310,31 @@ class Judgement {
     }
   }
 
-  void JudgeResiduals(const CameraResult& camera) {
-    if (camera.stated_sigma && camera.noise > kNoiseWeak * *camera.stated_sigma) {
+  void JudgeResiduals(const CalibratedCamera& camera) {
+    if (camera.fit.detector_sigma > 0 &&
+        camera.fit.noise_sigma > kNoiseWeak * camera.fit.detector_sigma) {
       Add(Grade::kWeak,
-          fmt::format("{}: the residuals ({:.3g} px a coordinate) are {:.1f} times what the "
-                      "detector states ({:.3g} px).",
-                      camera.name,
-                      camera.noise,
-                      camera.noise / *camera.stated_sigma,
-                      *camera.stated_sigma),
-          "That is no noise but error of the camera model, of the target or of motion: try a model "
-          "with more distortion terms, 'refine_target', a flatter target, a still camera.");
+          fmt::format(
+              "{}: the residuals ({:.3g} px per coordinate) are {:.1f} times the noise that "
+              "the detector states ({:.3g} px).",
+              camera.name,
+              camera.fit.noise_sigma,
+              camera.fit.noise_sigma / camera.fit.detector_sigma,
+              camera.fit.detector_sigma),
+          "The excess is an error of the camera model, of the target or motion: try a "
+          "model with more distortion terms, 'refine_target', a flatter target, a still camera.");
     }
-    const int all = camera.points + camera.rejected;
-    if (camera.rejected > kRejectedWeak * all) {
+    const int all = camera.fit.points + camera.fit.rejected;
+    if (camera.fit.rejected > kRejectedWeak * all) {
       Add(Grade::kWeak,
           fmt::format("{}: {} of {} points were rejected as outliers ({:.0f} %).",
                       camera.name,
-                      camera.rejected,
+                      camera.fit.rejected,
                       all,
-                      100.0 * camera.rejected / all),
+                      100.0 * camera.fit.rejected / all),
           "Look at the images and markers with the most rejected points below.");
     }
-    // What the means over parts of the image have beyond noise.
+    // Mean residuals in cells of the image, beyond their noise.
     const ResidualField field = FieldOf(camera);
     double pattern = 0, points = 0;
     for (size_t cell = 0; cell < field.grid.Cells(); ++cell) {
@@ -340,19 +343,19 @@ class Judgement {
       points += n;
     }
     pattern = points > 0 ? std::sqrt(std::max(0.0, pattern / points)) : 0;
-    if (camera.noise > 0 && pattern > kPatternWeak * camera.noise) {
+    if (camera.fit.noise_sigma > 0 && pattern > kPatternWeak * camera.fit.noise_sigma) {
       Add(Grade::kWeak,
           fmt::format("{}: the residuals have a pattern over the image of {:.3g} px, {:.0f} % of "
                       "the noise.",
                       camera.name,
                       pattern,
-                      100 * pattern / camera.noise),
+                      100 * pattern / camera.fit.noise_sigma),
           "The camera model does not quite fit this lens; try one with more distortion terms.");
     }
   }
 
-  // Whether the projection is certain nearly everywhere in the image.
-  bool JudgeProjection(const CameraResult& camera, const std::vector<ProjectionMap>& maps) {
+  // True when the projection is certain nearly everywhere in the image.
+  bool JudgeProjection(const CalibratedCamera& camera, const std::vector<ProjectionMap>& maps) {
     const ProjectionMap& map = maps[1];  // at the median distance
     int known = 0, poor = 0;
     double worst = 0;
@@ -360,7 +363,7 @@ class Judgement {
     for (size_t cell = 0; cell < map.sigma.size(); ++cell) {
       if (std::isnan(map.sigma[cell])) continue;
       ++known;
-      poor += map.sigma[cell] > camera.noise ? 1 : 0;
+      poor += map.sigma[cell] > camera.fit.noise_sigma ? 1 : 0;
       if (map.sigma[cell] <= worst) continue;
       worst = map.sigma[cell];
       where = map.grid.Middle(cell);
@@ -374,7 +377,7 @@ class Judgement {
                     camera.name,
                     100.0 * poor / known,
                     Length(map.distance),
-                    camera.noise,
+                    camera.fit.noise_sigma,
                     where.x(),
                     where.y(),
                     worst),
@@ -382,14 +385,15 @@ class Judgement {
     return false;
   }
 
-  const Results& results_;
+  const CalibrationRecord& calibration_;
   Verdict verdict_;
 };
 
 }  // namespace
 
-Verdict Judge(const Results& results, const std::vector<std::vector<ProjectionMap>>& maps) {
-  return Judgement(results).Make(maps);
+Verdict Judge(const CalibrationRecord& calibration,
+              const std::vector<std::vector<ProjectionMap>>& maps) {
+  return Judgement(calibration).Make(maps);
 }
 
 }  // namespace plenocal

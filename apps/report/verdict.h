@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Whether a calibration is good, in plain words.
+// Assessment of a calibration in plain words.
 #pragma once
 
 #include <string>
 #include <vector>
 
 #include "apps/report/precision.h"
-#include "apps/report/results.h"
+#include "calib/files/calibration_record.h"
 
 namespace plenocal {
 
@@ -26,6 +26,7 @@ struct Verdict {
 };
 
 /// `maps`: those of each camera.
-Verdict Judge(const Results& results, const std::vector<std::vector<ProjectionMap>>& maps);
+Verdict Judge(const CalibrationRecord& calibration,
+              const std::vector<std::vector<ProjectionMap>>& maps);
 
 }  // namespace plenocal

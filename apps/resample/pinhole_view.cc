@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "apps/undistort/pinhole_view.h"
+#include "apps/resample/pinhole_view.h"
 
 #include <fmt/format.h>
 
@@ -10,7 +10,7 @@
 #include <numbers>
 #include <vector>
 
-#include "calib/error.h"
+#include "calib/base/error.h"
 #include "models/registry.h"
 
 namespace plenocal {
@@ -169,9 +169,7 @@ SeenImage ImageOf(const CalibratedCamera& camera, const Eigen::Matrix3d& R_view_
                                            camera.config.data(),
                                            values,
                                            Eigen::Vector3d::UnitZ(),
-                                           image.c.data(),
-                                           J_params.data(),
-                                           J_point.data())) {
+                                           {image.c.data(), J_params.data(), J_point.data()})) {
     throw Error(ErrorKind::kJob,
                 fmt::format("camera '{}' does not image its optical axis", camera.name));
   }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/pixel_map.h"
+#include "apps/resample/pixel_map.h"
 
-#include "calib/parallel.h"
+#include "calib/base/parallel.h"
 
 namespace plenocal {
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "apps/undistort/point_cloud.h"
+#include "apps/resample/point_cloud.h"
 
 #include <fmt/format.h>
 

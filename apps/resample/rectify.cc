@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "apps/undistort/rectify.h"
+#include "apps/resample/rectify.h"
 
 #include <fmt/format.h>
 
@@ -11,7 +11,7 @@
 #include <string>
 #include <utility>
 
-#include "calib/error.h"
+#include "calib/base/error.h"
 
 namespace plenocal {
 namespace {

@@ -7,8 +7,8 @@
 #include <array>
 #include <span>
 
-#include "apps/undistort/pinhole_view.h"
-#include "calib/observation.h"
+#include "apps/resample/pinhole_view.h"
+#include "calib/camera/observation.h"
 
 namespace plenocal {
 
@@ -20,8 +20,8 @@ struct RectifiedPair {
   /// R_view_camera.
   std::array<Eigen::Matrix3d, 2> R_view_camera;
   double baseline = 0;  ///< m
-  /// The cameras stand above each other: the views are turned by 90 degrees, so that rows
-  /// correspond as stereo matchers need it.
+  /// The cameras are above each other: the views are rotated by 90 degrees, so that rows
+  /// correspond as stereo matchers require.
   bool turned = false;
 
   /// P1 or P2 of cv::stereoRectify, 3 x 4 row by row: from the first view's frame to a view's px.
@@ -29,12 +29,12 @@ struct RectifiedPair {
 };
 
 /// The views look along the mean of both optical axes as nearly as the baseline allows. Throws
-/// `Error` when the cameras stand in one place or one stands in front of the other.
+/// `Error` when both cameras have one position, or one is in front of the other.
 RectifiedPair Rectify(const CalibratedCamera& first,
                       const CalibratedCamera& second,
                       const ViewOptions& options);
 
-/// Difference of rows between what both views show of a marker.
+/// Differences of the rows in which both views show a marker.
 struct EpipolarErrors {
   size_t points = 0;         ///< markers seen by both cameras in one frame
   double mean_absolute = 0;  ///< px, as are all

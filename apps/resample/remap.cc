@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "apps/undistort/remap.h"
+#include "apps/resample/remap.h"
 
 #include <algorithm>
 #include <array>
 #include <opencv2/imgproc.hpp>
 
-#include "apps/undistort/resample_images.h"
+#include "apps/resample/resample_images.h"
 
 namespace plenocal {
 namespace {

@@ -4,7 +4,7 @@
 #include <opencv2/core/mat.hpp>
 #include <string>
 
-#include "calib/pixel_map.h"
+#include "apps/resample/pixel_map.h"
 
 namespace plenocal {
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "apps/undistort/resample_images.h"
+#include "apps/resample/resample_images.h"
 
 #include <fmt/format.h>
 
@@ -11,18 +11,20 @@
 #include <optional>
 #include <utility>
 
-#include "apps/undistort/remap.h"
-#include "calib/error.h"
-#include "calib/parallel.h"
-#include "detectors/image.h"
+#include "apps/resample/remap.h"
+#include "calib/base/error.h"
+#include "calib/base/parallel.h"
+#include "detectors/images/image.h"
 
 namespace plenocal {
 namespace {
 
-constexpr std::array kMosaics{std::pair("RGGB", cv::COLOR_BayerRGGB2BGR),
-                              std::pair("BGGR", cv::COLOR_BayerBGGR2BGR),
-                              std::pair("GRBG", cv::COLOR_BayerGRBG2BGR),
-                              std::pair("GBRG", cv::COLOR_BayerGBRG2BGR)};
+/// OpenCV's conversions of a mosaic to colours, by `BayerOrder`.
+constexpr std::array kDemosaicking{cv::COLOR_BayerRGGB2BGR,
+                                   cv::COLOR_BayerBGGR2BGR,
+                                   cv::COLOR_BayerGRBG2BGR,
+                                   cv::COLOR_BayerGBRG2BGR};
+static_assert(kDemosaicking.size() == kBayerOrders.size());
 
 std::string SizeText(const cv::Mat& image) {
   return fmt::format("{} x {}", image.cols, image.rows);
@@ -34,9 +36,6 @@ class Resampler {
   explicit Resampler(const ResampleRequest& request)
       : request_(request), remap_(*request.map, request.interpolation) {
     const PixelMap& map = *request.map;
-    for (const auto& [order, code] : kMosaics) {
-      if (order == request.bayer) mosaic_ = code;
-    }
     if (request.vignetting.empty()) return;
     attenuation_ = ReadAttenuation(request.vignetting);
     if (attenuation_.cols != map.source_size[0] || attenuation_.rows != map.source_size[1]) {
@@ -60,15 +59,15 @@ class Resampler {
                               size[0],
                               size[1]));
     }
-    if (!request_.bayer.empty() && image.channels() != 1) {
+    if (request_.bayer && image.channels() != 1) {
       throw Error(
           ErrorKind::kInput,
           fmt::format("{}: is no mosaic but has colours; leave --bayer out", path.string()));
     }
     if (!attenuation_.empty()) image = Even(image);
-    if (!request_.bayer.empty()) {
+    if (request_.bayer) {
       cv::Mat colours;
-      cv::cvtColor(image, colours, mosaic_);
+      cv::cvtColor(image, colours, kDemosaicking[static_cast<size_t>(*request_.bayer)]);
       image = colours;
     }
     return EncodeImage(".png", remap_(image));
@@ -92,7 +91,6 @@ class Resampler {
 
   const ResampleRequest& request_;
   Remap remap_;
-  int mosaic_ = 0;
   cv::Mat attenuation_;  // empty: vignetting stays
 };
 

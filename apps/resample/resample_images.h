@@ -1,29 +1,31 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Images as another camera would have taken them. No OpenCV type here: the command line includes
-// this header without it.
+// Images resampled into those of another camera.
 #pragma once
 
 #include <array>
 #include <filesystem>
 #include <functional>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
-#include "calib/pixel_map.h"
-#include "calib/session.h"
+#include "apps/resample/pixel_map.h"
+#include "calib/camera/bayer.h"
+#include "calib/files/frame_images.h"
 
 namespace plenocal {
 
 /// Names of the ways to interpolate.
 inline constexpr std::array kInterpolations{"linear", "nearest", "cubic", "lanczos"};
 
+/// Images of one camera and the map to resample them with.
 struct ResampleRequest {
   std::vector<FrameImage> images;
   const PixelMap* map = nullptr;
   std::filesystem::path vignetting;  ///< attenuation TIFF; empty: none is removed
-  std::string bayer;                 ///< "RGGB" and the like for raw mosaics, else empty
+  std::optional<BayerOrder> bayer;   ///< of raw mosaics
   std::string interpolation;         ///< one of kInterpolations
   int threads = 0;                   ///< 0: all cores
   std::function<void(const std::string&)> message;
@@ -35,7 +37,7 @@ struct ResampleRequest {
 };
 
 /// Resamples all images. One that cannot be read or has another size is left out with a message;
-/// throws `Error` when none is left. Returns how many were resampled.
+/// throws `Error` when none is left. Returns the number of resampled images.
 size_t ResampleImages(const ResampleRequest& request);
 
 /// Files for cv::remap: with an empty `format` map_x.tiff and map_y.tiff, 32-bit floats, and

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "apps/undistort/virtual_view_images.h"
+#include "apps/resample/virtual_view_images.h"
 
 #include <fmt/format.h>
 
@@ -9,13 +9,14 @@
 #include <opencv2/core.hpp>
 #include <optional>
 
-#include "apps/undistort/point_cloud.h"
-#include "apps/undistort/remap.h"
-#include "calib/error.h"
-#include "calib/parallel.h"
-#include "detectors/focus_each.h"
-#include "detectors/focused_markers.h"
-#include "detectors/image.h"
+#include "apps/resample/point_cloud.h"
+#include "apps/resample/remap.h"
+#include "calib/base/error.h"
+#include "calib/base/parallel.h"
+#include "detectors/images/image.h"
+#include "detectors/plenoptic/depth/image_synthesis.h"
+#include "detectors/plenoptic/depth/reconstruction.h"
+#include "detectors/plenoptic/focus_images.h"
 
 namespace plenocal {
 namespace {
@@ -120,13 +121,14 @@ size_t MakeVirtualViews(const VirtualViewRequest& request) {
           : ReadAttenuation(request.vignetting);
   camera.array = ReadMicroLenses(request.grid, request.raw_size);
   const Remap remap(*request.map, request.interpolation);
-  const FocusOptions options{
+  const ReconstructionOptions options{
       .scale = request.scale, .colour = true, .threads = request.threads, .find_flat_parts = {}};
-  return FocusEach(
+  return ReconstructImages(
       request.images,
       camera,
-      {options, request.progress, request.message},
-      [&](const FrameImage& raw, const FocusedView& view, int bits) {
+      options,
+      {request.progress, request.message},
+      [&](const FrameImage& raw, const Reconstruction& view, int bits) {
         // Grey values as in the raw image, unless the corrected ones exceed its range.
         const cv::Mat& exact = view.colour.empty() ? view.image : view.colour;
         const double to_8_bits = internal::ScaleTo8Bits(exact.reshape(1));

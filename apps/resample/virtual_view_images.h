@@ -1,37 +1,40 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Raw images of a camera with micro lenses as a pinhole camera takes them, with depth in metres. No
-// OpenCV type here: the command line includes this header without it.
+// Raw images of a camera with micro lenses, resampled into images of a pinhole camera with depth in
+// metres.
 #pragma once
 
 #include <filesystem>
 #include <functional>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
-#include "apps/undistort/virtual_image.h"
-#include "calib/pixel_map.h"
-#include "calib/session.h"
+#include "apps/resample/pixel_map.h"
+#include "apps/resample/virtual_image.h"
+#include "calib/camera/bayer.h"
+#include "calib/files/frame_images.h"
 
 namespace plenocal {
 
+/// Raw images of one camera and the view to make of them.
 struct VirtualViewRequest {
   std::vector<FrameImage> images;
   const VirtualImage* virtual_image = nullptr;
-  double scale = 2;                  ///< raw px a pixel of the virtual image
+  double scale = 2;                  ///< raw px per pixel of the virtual image
   const PixelMap* map = nullptr;     ///< from the view to the virtual image
   ImageSize raw_size{};              ///< of the raw images, px
   std::filesystem::path grid;        ///< micro_lenses_<camera>.csv
   std::filesystem::path vignetting;  ///< attenuation TIFF; empty: the images are corrected already
-  std::string bayer;                 ///< "RGGB" and the like of raw mosaics, else empty
+  std::optional<BayerOrder> bayer;   ///< of raw mosaics
   std::string interpolation;         ///< one of kInterpolations
   bool cloud = false;                ///< make a point cloud
   int threads = 0;                   ///< 0: all cores
   std::function<void(const std::string&)> message;
   /// Called before each image with the number of images done; false stops (`Stopped` is thrown).
   std::function<bool(size_t done)> progress;
-  /// Takes a frame's files, what follows its name -> content: ".png" (depth of the raw image),
+  /// Takes a frame's files, suffix of the name -> content: ".png" (depth of the raw image),
   /// "_depth.tiff" and "_depth_sigma.tiff" (z in the view's frame and its standard deviation, m,
   /// 32-bit floats, NaN where unknown) and, for `cloud`, ".ply"; with one line about them.
   std::function<void(const std::string& frame,
@@ -41,8 +44,8 @@ struct VirtualViewRequest {
 };
 
 /// Focuses the images one after another, each on all threads. One that cannot be read or focused is
-/// left out with a message; throws `Error` for what is wrong with the camera's files and when no
-/// image is left. Returns how many there were.
+/// left out with a message; throws `Error` for errors in the camera's files and when no image is
+/// left. Returns the number of images made.
 size_t MakeVirtualViews(const VirtualViewRequest& request);
 
 }  // namespace plenocal

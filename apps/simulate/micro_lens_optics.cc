@@ -10,8 +10,8 @@
 #include <numbers>
 
 #include "apps/simulate/random.h"
-#include "calib/error.h"
-#include "calib/hexagonal_lattice.h"
+#include "calib/base/error.h"
+#include "calib/camera/hexagonal_lattice.h"
 
 namespace plenocal::simulate {
 namespace {

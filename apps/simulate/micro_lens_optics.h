@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Where a plenoptic camera's micro lenses are and which rays reach a raw pixel through them.
+// Positions of a plenoptic camera's micro lenses, and the rays that reach a raw pixel through them.
 //
 // All of it follows from the camera model's `unproject(x, c)`, the ray from raw point x through the
 // middle of the micro lens with micro-image centre c, and two facts of thin lenses (undistorted raw
@@ -18,7 +18,7 @@
 #include <vector>
 
 #include "apps/simulate/simulation_spec.h"
-#include "calib/micro_lens_array.h"
+#include "calib/camera/micro_lens_array.h"
 
 namespace plenocal::simulate {
 
@@ -33,7 +33,7 @@ class MicroLensOptics {
   [[nodiscard]] const std::vector<MicroLens>& Lenses() const { return lenses_; }
   [[nodiscard]] MicroLensArray Array() const;
 
-  /// The ray through micro lens centre `c` to raw place `x`, px.
+  /// The ray to raw position `x` (px) through the micro lens with image centre `c`.
   [[nodiscard]] std::optional<Ray> RayThrough(const Eigen::Vector2d& x,
                                               const Eigen::Vector2d& c) const;
   /// Entrance pupil, m, camera frame.
@@ -41,7 +41,7 @@ class MicroLensOptics {
   /// Where a point's image by the pupil's middle alone lies, px: the micro-image centre at which it
   /// would be seen in the middle. Nothing outside the model's domain.
   [[nodiscard]] std::optional<Eigen::Vector2d> CentralImage(const Eigen::Vector3d& p_cam) const;
-  /// What a point looks like through all micro lenses that see it; x, y and context exact.
+  /// Exact observations of a point through all micro lenses that image it.
   [[nodiscard]] std::vector<Observation> Observe(int marker, const Eigen::Vector3d& p_cam) const;
 
  private:

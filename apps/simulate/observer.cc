@@ -9,18 +9,15 @@
 #include <variant>
 
 #include "apps/simulate/random.h"
-#include "calib/hexagonal_lattice.h"
+#include "calib/camera/hexagonal_lattice.h"
 
 namespace plenocal::simulate {
 namespace {
 
 using Corners = std::array<Eigen::Vector3d, 4>;
 
-Corners CornersOf(const std::map<int, Eigen::Vector3d>& markers, int tag) {
-  return {markers.at(4 * tag),
-          markers.at(4 * tag + 1),
-          markers.at(4 * tag + 2),
-          markers.at(4 * tag + 3)};
+Corners CornersOf(const MarkerPositions& markers, const MarkerQuad& quad) {
+  return {markers.at(quad[0]), markers.at(quad[1]), markers.at(quad[2]), markers.at(quad[3])};
 }
 
 // Towards the viewer of a tag whose corners are lower left, lower right, upper right, upper left.
@@ -56,7 +53,8 @@ Corners KeepShape(const Corners& nominal, const Corners& errors) {
     squares += r.squaredNorm();
   }
   const Eigen::Vector3d turn = inertia.inverse() * moment;
-  const double larger = std::sqrt(12.0 / 7);  // of 12 errors shift, turn and scale are 7
+  const double larger =
+      std::sqrt(12.0 / 7);  // translation, rotation and scale have 7 of 12 degrees of freedom
   const Eigen::Matrix3d R = (1 + larger * stretch / squares) * ExpRotation(larger * turn);
   Corners kept;
   for (size_t k = 0; k < 4; ++k) {
@@ -68,37 +66,33 @@ Corners KeepShape(const Corners& nominal, const Corners& errors) {
 
 }  // namespace
 
-TrueTarget MakeTarget(const Target& nominal, double sigma, bool rigid_tags, int seed) {
+TrueTarget MakeTarget(const Target& nominal, double sigma, TagErrors tag_errors, int seed) {
   TrueTarget target{.nominal = &nominal, .markers = nominal.markers, .normals = {}};
   Random random(seed, "target");
   for (auto& [number, position] : target.markers) {
     for (int i = 0; i < 3; ++i) position[i] += random.Gaussian(sigma);
   }
-  if (const auto* tags = std::get_if<TagLayout>(&nominal.layout)) {
-    for (const int tag : tags->ids) {
-      const Corners meant = CornersOf(nominal.markers, tag);
-      Corners errors = CornersOf(target.markers, tag);
-      for (size_t k = 0; k < 4; ++k) errors[k] -= meant[k];
-      errors = rigid_tags ? KeepShape(meant, errors) : KeepFlat(meant, errors);
-      for (int k = 0; k < 4; ++k) {
-        target.markers[4 * tag + k] =
-            meant[static_cast<size_t>(k)] + errors[static_cast<size_t>(k)];
-        target.normals[4 * tag + k] = Normal(meant);
-      }
-      // Flat to first order only: exactly so by a move of one corner, far below its error.
-      Eigen::Vector3d& last = target.markers[4 * tag + 2];
-      const Eigen::Vector3d& origin = target.markers[4 * tag];
-      const Eigen::Vector3d normal =
-          (target.markers[4 * tag + 1] - origin).cross(target.markers[4 * tag + 3] - origin);
-      last -= normal.dot(last - origin) / normal.dot(Normal(meant)) * Normal(meant);
-    }
-  } else {
-    // z = 0, x right and y down as seen from the printed side.
-    const bool is_board = !std::holds_alternative<MarkersLayout>(nominal.layout);
-    for (const auto& [number, position] : target.markers) {
-      target.normals[number] = is_board ? Eigen::Vector3d(0, 0, -1) : Eigen::Vector3d(0, 0, 0);
-    }
-  }
+  std::visit(
+      [&](const auto& layout) {
+        for (const auto& [number, position] : nominal.markers) {
+          target.normals[number] = layout.Normal(nominal.markers, number);
+        }
+        for (const MarkerQuad& quad : layout.Quads()) {
+          const Corners meant = CornersOf(nominal.markers, quad);
+          Corners errors = CornersOf(target.markers, quad);
+          for (size_t k = 0; k < 4; ++k) errors[k] -= meant[k];
+          errors =
+              tag_errors == TagErrors::kRigid ? KeepShape(meant, errors) : KeepFlat(meant, errors);
+          for (size_t k = 0; k < 4; ++k) target.markers[quad[k]] = meant[k] + errors[k];
+          // Flat to first order only: exactly so by a move of one corner, far below its error.
+          Eigen::Vector3d& last = target.markers[quad[2]];
+          const Eigen::Vector3d& origin = target.markers[quad[0]];
+          const Eigen::Vector3d normal =
+              (target.markers[quad[1]] - origin).cross(target.markers[quad[3]] - origin);
+          last -= normal.dot(last - origin) / normal.dot(Normal(meant)) * Normal(meant);
+        }
+      },
+      nominal.layout);
   return target;
 }
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// What the cameras of a simulated rig see of the target's markers.
+// Exact observations of the target's markers by the cameras of a simulated rig.
 #pragma once
 
 #include <map>
@@ -16,15 +16,17 @@ namespace plenocal::simulate {
 /// A target as it was made.
 struct TrueTarget {
   const Target* nominal = nullptr;
-  std::map<int, Eigen::Vector3d> markers;  ///< true places, m, target's frame
+  std::map<int, Eigen::Vector3d> markers;  ///< true positions, m, target's frame
   /// Unit vectors from the printed side into the room, at each marker; zero: seen from all sides.
   std::map<int, Eigen::Vector3d> normals;
 };
 
-/// Displaces the markers by `sigma` (m) in each coordinate. Tags stay flat; `rigid_tags`: and
-/// square, displaced, turned and scaled as a whole, as printed tags are that someone glues to a
-/// board.
-TrueTarget MakeTarget(const Target& nominal, double sigma, bool rigid_tags, int seed);
+/// Errors of tags as they are made. Rigid: tags are displaced, rotated and scaled as a whole, as
+/// printed tags glued to a board. Corners: each corner has an error of its own, tags stay flat.
+enum class TagErrors { kRigid, kCorners };
+
+/// Displaces the markers by `sigma` (m) in each coordinate.
+TrueTarget MakeTarget(const Target& nominal, double sigma, TagErrors tag_errors, int seed);
 
 /// The cameras of a specification with the optics that they need.
 class Observer {
@@ -36,7 +38,7 @@ class Observer {
   [[nodiscard]] std::vector<Observation> Observe(std::size_t c,
                                                  const TrueTarget& target,
                                                  const RigidTransform& T_rig_target) const;
-  /// The ray through the camera's middle that reaches pixel `u`.
+  /// The ray through the centre of the camera's pupil that reaches pixel `u`.
   [[nodiscard]] std::optional<Ray> CentralRay(std::size_t c, const Eigen::Vector2d& u) const;
   /// Null for an ordinary camera.
   [[nodiscard]] const MicroLensOptics* Optics(std::size_t c) const { return optics_[c].get(); }
@@ -46,7 +48,7 @@ class Observer {
   std::vector<std::unique_ptr<MicroLensOptics>> optics_;
 };
 
-/// How many different markers the observations are of.
+/// Number of different markers in the observations.
 int CountMarkers(const std::vector<Observation>& observations);
 
 }  // namespace plenocal::simulate

@@ -5,12 +5,14 @@
 #include <cmath>
 #include <map>
 #include <numbers>
+#include <optional>
+#include <span>
 #include <vector>
 
 #include "apps/simulate/random.h"
 #include "apps/simulate/renderer.h"
 #include "apps/simulate/sensor.h"
-#include "calib/parallel.h"
+#include "calib/base/parallel.h"
 
 namespace plenocal::simulate {
 namespace {
@@ -25,37 +27,48 @@ struct Samples {
   std::vector<float> x, y, a, b;
 };
 
-// Where light of a pixel comes from in the micro image's own sharp picture of the scene: at
-// x + spread a for a point x of the pixel and a of the micro lens, `spread` (px) the radius of the
-// defocused micro lens. So what must be even is the distribution of these sums: many pairs of
-// points are divided along two axes into n x n groups of equal size, and each group sends the pair
-// nearest to its middle.
-Samples EvenSamples(size_t n, double blur, double spread, Random* random) {
-  constexpr size_t kGroup = 32;  // pairs in a group
-  const std::vector<float> quantiles = PixelQuantiles(512, blur);
+// A point of the pixel and one of the micro lens, with the axes that pairs are ordered along.
+struct SamplePair {
+  float x, y, a, b, along, across;
+};
+
+// Points of the unit hypercube that leave no gaps: multiples of the powers of 1 / g, g^5 = g + 1.
+class GaplessSequence {
+ public:
+  explicit GaplessSequence(Random* random) {
+    constexpr double kInverse = 1 / 1.1673039782614187;
+    double power = 1;
+    for (size_t i = 0; i < 4; ++i) {
+      start_[i] = random->Uniform(0, 1);
+      step_[i] = power *= kInverse;
+    }
+  }
+
+  [[nodiscard]] std::array<double, 4> At(size_t k) const {
+    std::array<double, 4> at{};
+    for (size_t i = 0; i < 4; ++i) {
+      const double value = start_[i] + static_cast<double>(k) * step_[i];
+      at[i] = value - std::floor(value);
+    }
+    return at;
+  }
+
+ private:
+  std::array<double, 4> start_{}, step_{};
+};
+
+std::vector<SamplePair> DrawPairs(size_t count, double blur, double spread, Random* random) {
+  constexpr int kQuantiles = 512;
+  const std::vector<float> quantiles = PixelQuantiles(kQuantiles, blur);
   const auto quantile = [&](double share) {
     return quantiles[static_cast<size_t>(share * static_cast<double>(quantiles.size()))];
   };
-  // Points of the unit hypercube that leave no gaps: multiples of the powers of 1 / g, g^5 = g + 1.
-  constexpr double kInverse = 1 / 1.1673039782614187;
-  std::array<double, 4> start{}, step{};
-  double power = 1;
-  for (size_t i = 0; i < 4; ++i) {
-    start[i] = random->Uniform(0, 1);
-    step[i] = power *= kInverse;
-  }
-  struct Pair {
-    float x, y, a, b, along, across;
-  };
-  std::vector<Pair> pairs(n * n * kGroup);
+  const GaplessSequence sequence(random);
+  std::vector<SamplePair> pairs(count);
   const double axis = random->Uniform(0, std::numbers::pi);
-  for (size_t k = 0; k < pairs.size(); ++k) {
-    Pair& pair = pairs[k];
-    std::array<double, 4> at{};
-    for (size_t i = 0; i < 4; ++i) {
-      const double value = start[i] + static_cast<double>(k) * step[i];
-      at[i] = value - std::floor(value);
-    }
+  for (size_t k = 0; k < count; ++k) {
+    SamplePair& pair = pairs[k];
+    const std::array<double, 4> at = sequence.At(k);
     const double r = std::sqrt(at[2]), angle = 2 * std::numbers::pi * at[3];
     pair = {quantile(at[0]),
             quantile(at[1]),
@@ -67,27 +80,46 @@ Samples EvenSamples(size_t n, double blur, double spread, Random* random) {
     pair.along = static_cast<float>(x * std::cos(axis) + y * std::sin(axis));
     pair.across = static_cast<float>(y * std::cos(axis) - x * std::sin(axis));
   }
-  std::sort(
-      pairs.begin(), pairs.end(), [](const Pair& p, const Pair& q) { return p.along < q.along; });
+  return pairs;
+}
+
+// The pair of a group that is nearest to the group's mean.
+const SamplePair& MiddleOf(std::span<const SamplePair> group) {
+  Eigen::Vector2f middle(0, 0);
+  for (const SamplePair& pair : group) {
+    middle += Eigen::Vector2f(pair.along, pair.across) / static_cast<float>(group.size());
+  }
+  const auto distance = [&](const SamplePair& pair) {
+    return (Eigen::Vector2f(pair.along, pair.across) - middle).squaredNorm();
+  };
+  return *std::min_element(
+      group.begin(), group.end(), [&](const SamplePair& p, const SamplePair& q) {
+        return distance(p) < distance(q);
+      });
+}
+
+// n x n samples of a pixel. Its light comes from x + spread a in the micro image's sharp picture of
+// the scene, for a point x of the pixel and a of the micro lens, `spread` (px) the radius of the
+// defocused micro lens. So the distribution of these sums must be even: many pairs of points are
+// divided along two axes into n x n groups of equal size, and of each group the pair nearest to its
+// middle is the sample.
+Samples EvenSamples(size_t n, double blur, double spread, Random* random) {
+  constexpr size_t kGroup = 32;  // pairs in a group
+  std::vector<SamplePair> pairs = DrawPairs(n * n * kGroup, blur, spread, random);
+  std::sort(pairs.begin(), pairs.end(), [](const SamplePair& p, const SamplePair& q) {
+    return p.along < q.along;
+  });
   Samples samples(n * n);
   for (size_t column = 0; column < n; ++column) {
-    const auto first = pairs.begin() + static_cast<std::ptrdiff_t>(column * n * kGroup);
-    std::sort(first,
-              first + static_cast<std::ptrdiff_t>(n * kGroup),
-              [](const Pair& p, const Pair& q) { return p.across < q.across; });
+    const std::span strip = std::span(pairs).subspan(column * n * kGroup, n * kGroup);
+    std::sort(strip.begin(), strip.end(), [](const SamplePair& p, const SamplePair& q) {
+      return p.across < q.across;
+    });
     for (size_t row = 0; row < n; ++row) {
-      const auto group = first + static_cast<std::ptrdiff_t>(row * kGroup);
-      Eigen::Vector2f middle(0, 0);
-      for (size_t i = 0; i < kGroup; ++i)
-        middle += Eigen::Vector2f(group[i].along, group[i].across) / kGroup;
-      const auto chosen =
-          std::min_element(group, group + kGroup, [&](const Pair& p, const Pair& q) {
-            return (Eigen::Vector2f(p.along, p.across) - middle).squaredNorm() <
-                   (Eigen::Vector2f(q.along, q.across) - middle).squaredNorm();
-          });
+      const SamplePair& chosen = MiddleOf(strip.subspan(row * kGroup, kGroup));
       const size_t k = column * n + row;
-      samples.x[k] = chosen->x, samples.y[k] = chosen->y;
-      samples.a[k] = chosen->a, samples.b[k] = chosen->b;
+      samples.x[k] = chosen.x, samples.y[k] = chosen.y;
+      samples.a[k] = chosen.a, samples.b[k] = chosen.b;
     }
   }
   return samples;
@@ -160,60 +192,84 @@ class PlenopticRenderer : public Renderer {
     float shift = 0;                 // of x for a unit of a point on the micro lens: 1 - 1 / T_f
   };
 
-  // What a micro image shows.
+  // The part of the scene in a micro image.
   struct Scenery {
     int board = -1;    // the one that all of it shows, or -1
     float spread = 0;  // px, radius of the defocused micro lens
   };
 
+  // The ray of raw place `x` through the micro lens with image centre `centre`, both px, as `Lens`
+  // holds it; nothing where the optics have none.
+  static std::optional<Vector4f> RayAt(const MicroLensOptics& optics,
+                                       const Eigen::Vector2d& x,
+                                       const Eigen::Vector2d& centre) {
+    const auto found = optics.RayThrough(x, centre);
+    if (!found) return std::nullopt;
+    const Eigen::Vector2d slope = found->direction.head<2>() / found->direction.z();
+    const Eigen::Vector2d at =
+        found->origin.head<2>() + slope * (optics.Pupil().z() - found->origin.z());
+    return Eigen::Vector4d(
+               at.x() - optics.Pupil().x(), at.y() - optics.Pupil().y(), slope.x(), slope.y())
+        .cast<float>();
+  }
+
+  // The micro lens' rays by differences; nothing where some of them do not exist.
+  static std::optional<Lens> MakeLens(const MicroLensOptics& optics,
+                                      const Eigen::Vector2d& centre,
+                                      double pitch) {
+    const double h = 0.4 * pitch;
+    bool complete = true;
+    const auto ray = [&](const Eigen::Vector2d& x, const Eigen::Vector2d& c) -> Vector4f {
+      const auto found = RayAt(optics, x, c);
+      if (!found) complete = false;
+      return found.value_or(Vector4f::Zero());
+    };
+    std::array<std::array<Vector4f, 3>, 3> f;
+    for (int i = 0; i < 3; ++i) {
+      for (int j = 0; j < 3; ++j) {
+        f[i][j] = ray(centre + h * Eigen::Vector2d(i - 1, j - 1), centre);
+      }
+    }
+    const auto by = [&](const Eigen::Vector2d& d) -> Vector4f {
+      return (ray(centre, centre + d) - ray(centre, centre - d)) / static_cast<float>(2 * h);
+    };
+    const auto s = static_cast<float>(h);
+    Lens lens{.centre = centre.cast<float>(),
+              .ray = f[1][1],
+              .by_x = (f[2][1] - f[0][1]) / (2 * s),
+              .by_y = (f[1][2] - f[1][0]) / (2 * s),
+              .by_xx = (f[2][1] - 2 * f[1][1] + f[0][1]) / (2 * s * s),
+              .by_xy = (f[2][2] - f[2][0] - f[0][2] + f[0][0]) / (4 * s * s),
+              .by_yy = (f[1][2] - 2 * f[1][1] + f[1][0]) / (2 * s * s),
+              .by_cx = by({h, 0}),
+              .by_cy = by({0, h})};
+    if (!complete) return std::nullopt;
+    return lens;
+  }
+
   void FindLenses(const MicroLensOptics& optics, int seed) {
+    constexpr double kLeastGain = 0.05;
     const MicroLensSpec& spec = *camera_.micro_lenses;
     radius_ = static_cast<float>(spec.aperture * spec.pitch / 2);
     Random random(seed, "micro lenses");
-    const double h = 0.4 * spec.pitch;
     for (const MicroLens& micro_lens : optics.Lenses()) {
-      const Eigen::Vector2d c = micro_lens.centre;
-      bool good = true;
-      const auto ray = [&](const Eigen::Vector2d& x, const Eigen::Vector2d& centre) -> Vector4f {
-        const auto found = optics.RayThrough(x, centre);
-        if (!found) {
-          good = false;
-          return Vector4f::Zero();
-        }
-        const Eigen::Vector2d slope = found->direction.head<2>() / found->direction.z();
-        const Eigen::Vector2d at =
-            found->origin.head<2>() + slope * (optics.Pupil().z() - found->origin.z());
-        return Eigen::Vector4d(
-                   at.x() - optics.Pupil().x(), at.y() - optics.Pupil().y(), slope.x(), slope.y())
-            .cast<float>();
-      };
-      std::array<std::array<Vector4f, 3>, 3> f;
-      for (int i = 0; i < 3; ++i) {
-        for (int j = 0; j < 3; ++j) f[i][j] = ray(c + h * Eigen::Vector2d(i - 1, j - 1), c);
-      }
-      const auto by = [&](const Eigen::Vector2d& d) -> Vector4f {
-        return (ray(c, c + d) - ray(c, c - d)) / static_cast<float>(2 * h);
-      };
-      const auto s = static_cast<float>(h);
-      Lens lens{.centre = c.cast<float>(),
-                .ray = f[1][1],
-                .by_x = (f[2][1] - f[0][1]) / (2 * s),
-                .by_y = (f[1][2] - f[1][0]) / (2 * s),
-                .by_xx = (f[2][1] - 2 * f[1][1] + f[0][1]) / (2 * s * s),
-                .by_xy = (f[2][2] - f[2][0] - f[0][2] + f[0][0]) / (4 * s * s),
-                .by_yy = (f[1][2] - 2 * f[1][1] + f[1][0]) / (2 * s * s),
-                .by_cx = by({h, 0}),
-                .by_cy = by({0, h})};
+      const double gain = std::max(kLeastGain, 1 + random.Gaussian(spec.gain_sigma));
+      std::optional<Lens> lens = MakeLens(optics, micro_lens.centre, spec.pitch);
+      if (!lens) continue;
       const auto type = static_cast<size_t>(micro_lens.type);
-      lens.shift = static_cast<float>(1 - 1 / spec.focus[type]);
-      lens.gain = static_cast<float>(std::max(0.05, 1 + random.Gaussian(spec.gain_sigma)));
-      if (good) lenses_.push_back(lens);
+      lens->shift = static_cast<float>(1 - 1 / spec.focus[type]);
+      lens->gain = static_cast<float>(gain);
+      lenses_.push_back(*lens);
     }
     for (int i = 0; i < spec.dull && !lenses_.empty(); ++i) {
       const auto at = static_cast<size_t>(random.Uniform(0, static_cast<double>(lenses_.size())));
       lenses_[at].gain *= static_cast<float>(random.Uniform(0.3, 0.7));
     }
-    // The stop, from the micro image at the middle: its edge is fill / 2 pitches from the centre.
+    FindStop(spec);
+  }
+
+  // The stop, from the micro image at the middle: its edge is fill / 2 pitches from the centre.
+  void FindStop(const MicroLensSpec& spec) {
     const Eigen::Vector2d middle(camera_.image_size[0] / 2.0, camera_.image_size[1] / 2.0);
     const auto central =
         std::min_element(lenses_.begin(), lenses_.end(), [&](const Lens& a, const Lens& b) {
@@ -247,7 +303,7 @@ class PlenopticRenderer : public Renderer {
       ForEachPixel(lens, [&](int, int, float dx, float dy) {
         int passed = 0;
         for (size_t k = 0; k < points.size(); k += kWhiteBundle) {
-          AimRays(lens, dx, dy, points, k, kWhiteBundle, &rays);
+          AimRays(lens, dx, dy, {points, k, kWhiteBundle}, &rays);
           passed += rays.count;
         }
         const Vector4f ray = lens.ray + dx * lens.by_x + dy * lens.by_y;
@@ -279,14 +335,16 @@ class PlenopticRenderer : public Renderer {
     }
   }
 
-  // The rays that pass the stop, of `count` samples from `first` on.
-  void AimRays(const Lens& lens,
-               float dx,
-               float dy,
-               const Samples& samples,
-               size_t first,
-               size_t count,
-               RayBundle* rays) const {
+  // `count` of the samples from `first` on.
+  struct SampleRange {
+    const Samples& samples;
+    size_t first, count;
+  };
+
+  // The rays that pass the stop, of a pixel at (dx, dy) from the micro image's centre.
+  void AimRays(
+      const Lens& lens, float dx, float dy, const SampleRange& range, RayBundle* rays) const {
+    const auto& [samples, first, count] = range;
     std::array<std::array<float, RayBundle::kMost>, 4> found;
     for (size_t k = 0; k < count; ++k) {
       const float a = radius_ * samples.a[first + k], b = radius_ * samples.b[first + k];
@@ -323,7 +381,7 @@ class PlenopticRenderer : public Renderer {
     const auto trace = [&](const Samples& samples, float n) {
       // A sample stands for about 1 / n of a pixel's width.
       const Spread spread{.at_origin = lens.by_x[0] / n, .by_distance = lens.by_x[2] / n};
-      AimRays(lens, dx, dy, samples, 0, samples.size(), &rays);
+      AimRays(lens, dx, dy, {samples, 0, samples.size()}, &rays);
       if (rays.count == 0) return 0.f;
       surface.Radiances(rays, spread, scenery.board, &radiances);
       float sum = 0, low = 1, high = 0;
@@ -335,8 +393,8 @@ class PlenopticRenderer : public Renderer {
       return sum / static_cast<float>(rays.count);
     };
     const float first = trace(coarse_.For(scenery.spread, any), 4);
-    // Where the first rays find the same brightness everywhere, more would tell nothing new; few
-    // that pass tell nothing.
+    // Where the first rays find the same brightness everywhere, more rays would not change it; of
+    // few that pass that is not certain.
     constexpr float kEven = 0.06f;
     constexpr int kFew = 8;
     return contrast > kEven || rays.count < kFew ? trace(fine_.For(scenery.spread, any), 5) : first;

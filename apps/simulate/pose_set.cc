@@ -7,9 +7,11 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <optional>
 
 #include "apps/simulate/random.h"
-#include "calib/error.h"
+#include "calib/base/error.h"
+#include "calib/base/linear_algebra.h"
 
 namespace plenocal::simulate {
 namespace {
@@ -58,85 +60,137 @@ size_t WidestCamera(const SimulationSpec& spec, const Observer& observer) {
   return widest;
 }
 
+// A frame to be found a pose for.
+struct FramePlan {
+  int index = 0;
+  bool partial = false;  // the target is at the rim of the image
+  size_t aim = 0;        // the camera that is aimed at the target
+};
+
+FramePlan PlanFrame(const PoseSpec& poses, int index, size_t widest_camera) {
+  FramePlan plan{.index = index, .partial = false, .aim = poses.aim};
+  // Spread evenly over the run: every 1 / partial-th frame.
+  plan.partial = !(poses.one_distance || poses.no_tilt || poses.corner) &&
+                 std::floor((index + 1) * poses.partial) > std::floor(index * poses.partial);
+  if (plan.partial) plan.aim = widest_camera;
+  return plan;
+}
+
+// A random position of the target in the image and orientation before the camera.
+struct Placement {
+  Eigen::Vector2d share;                   // position in the image, in parts of its size
+  double distance = 0;                     // m
+  double tilt = 0, azimuth = 0, roll = 0;  // rad
+};
+
+Placement DrawPlacement(const PoseSpec& poses, const FramePlan& plan, Random* random) {
+  Placement drawn;
+  // The order of the draws belongs to the seeds of existing sets.
+  drawn.share.y() = random->Uniform(0.2, 0.8);
+  drawn.share.x() = random->Uniform(0.2, 0.8);
+  // Reaching out of the image too, so that near targets fit into the corner.
+  if (poses.corner) drawn.share = drawn.share.array() - 0.4;
+  if (plan.partial) {
+    const int side = static_cast<int>(random->Uniform(0, 4));
+    drawn.share[side % 2] = side < 2 ? random->Uniform(0.02, 0.12) : random->Uniform(0.88, 0.98);
+  }
+  // Uniform in 1 / distance, which is the effect of depth on an image.
+  drawn.distance = 1 / random->Uniform(1 / poses.farthest, 1 / poses.nearest);
+  if (poses.one_distance) drawn.distance = (poses.nearest + poses.farthest) / 2;
+  drawn.tilt = poses.tilt * std::sqrt(random->Uniform(0, 1));
+  if (poses.no_tilt) drawn.tilt = 0;
+  drawn.azimuth = kGoldenAngle * plan.index + random->Uniform(-0.5, 0.5);
+  drawn.roll = random->Uniform(-poses.roll, poses.roll);
+  return drawn;
+}
+
+// T_camera_target of a target whose middle is on `ray`.
+RigidTransform PlaceTarget(const PoseSpec& poses,
+                           const Placement& drawn,
+                           const Ray& ray,
+                           const Stance& stance) {
+  // Without tilt the target is parallel to the image, wherever in it.
+  const Eigen::Matrix3d to_ray = poses.no_tilt
+                                     ? Eigen::Matrix3d::Identity()
+                                     : RotationBetween(Eigen::Vector3d::UnitZ(), ray.direction);
+  const Eigen::Vector3d axis(std::cos(drawn.azimuth), std::sin(drawn.azimuth), 0);
+  RigidTransform T_camera_target;
+  T_camera_target.R = to_ray * ExpRotation(drawn.tilt * axis) *
+                      ExpRotation(Eigen::Vector3d(0, 0, drawn.roll)) * stance.R_viewer_target;
+  // One distance of a flat target is one depth.
+  const double along =
+      poses.one_distance ? (drawn.distance - ray.origin.z()) / ray.direction.z() : drawn.distance;
+  T_camera_target.t = ray.origin + along * ray.direction - T_camera_target.R * stance.middle;
+  return T_camera_target;
+}
+
+// Finds poses that show the target.
+class PoseFinder {
+ public:
+  PoseFinder(const SimulationSpec& spec, const Observer& observer, const TrueTarget& target)
+      : spec_(spec),
+        observer_(observer),
+        target_(target),
+        stance_(FindStance(target)),
+        // Fewer do not make a frame worth having; of a small target half of it.
+        fewest_(std::min(8, (static_cast<int>(target.markers.size()) + 1) / 2)) {}
+
+  [[nodiscard]] Frame Find(const FramePlan& plan) const {
+    constexpr int kTries = 300;
+    Random random(spec_.seed, "pose", {static_cast<size_t>(plan.index)});
+    const CameraSpec& camera = spec_.cameras[plan.aim];
+    for (int attempt = 0; attempt < kTries; ++attempt) {
+      const Placement drawn = DrawPlacement(spec_.poses, plan, &random);
+      const std::optional<Ray> ray = observer_.CentralRay(plan.aim, At(camera, drawn.share));
+      if (!ray) continue;
+      const RigidTransform T_rig_target =
+          camera.T_camera_rig.Inverse() * PlaceTarget(spec_.poses, drawn, *ray, stance_);
+      if (!Suits(observer_.Observe(plan.aim, target_, T_rig_target), camera)) continue;
+      return {fmt::format("{:06}", 100 + 5 * plan.index),
+              plan.partial ? "partial" : "good",
+              T_rig_target};
+    }
+    throw Error(
+        ErrorKind::kJob,
+        fmt::format(
+            "{}: poses: in {} tries camera {} never saw {} markers{}; correct distance, tilt or the camera",
+            spec_.path.string(),
+            kTries,
+            camera.name,
+            fewest_,
+            spec_.poses.corner ? " in a corner of its image and none elsewhere" : ""));
+  }
+
+ private:
+  [[nodiscard]] bool Suits(const std::vector<Observation>& seen, const CameraSpec& camera) const {
+    if (CountMarkers(seen) < fewest_) return false;
+    const Eigen::Vector2d centre = At(camera, {0.5, 0.5});
+    return !spec_.poses.corner || std::ranges::none_of(seen, [&](const Observation& o) {
+      return o.values[0] > centre.x() || o.values[1] > centre.y();
+    });
+  }
+
+  const SimulationSpec& spec_;
+  const Observer& observer_;
+  const TrueTarget& target_;
+  Stance stance_;
+  int fewest_;  // markers that a frame must show
+};
+
 }  // namespace
 
 std::vector<Frame> MakePoses(const SimulationSpec& spec,
                              const Observer& observer,
                              const TrueTarget& target) {
-  const PoseSpec& poses = spec.poses;
   std::vector<Frame> frames;
-  for (const auto& [name, T_target_rig] : poses.given) {
+  for (const auto& [name, T_target_rig] : spec.poses.given) {
     frames.push_back({name, "given", T_target_rig.Inverse()});
   }
   if (!frames.empty()) return frames;
-
-  const Stance stance = FindStance(target);
+  const PoseFinder finder(spec, observer, target);
   const size_t widest = WidestCamera(spec, observer);
-  // Fewer do not make a frame worth having; of a small target half of it.
-  const int fewest = std::min(8, (static_cast<int>(target.markers.size()) + 1) / 2);
-  constexpr int kTries = 300;
-  for (int f = 0; f < poses.frames; ++f) {
-    Random random(spec.seed, "pose", {static_cast<size_t>(f)});
-    // Spread evenly over the run: every 1 / partial-th frame.
-    const bool partial = !(poses.one_distance || poses.no_tilt || poses.corner) &&
-                         std::floor((f + 1) * poses.partial) > std::floor(f * poses.partial);
-    const size_t aim = partial ? widest : poses.aim;
-    const CameraSpec& camera = spec.cameras[aim];
-    bool found = false;
-    for (int attempt = 0; attempt < kTries && !found; ++attempt) {
-      Eigen::Vector2d share(random.Uniform(0.2, 0.8), random.Uniform(0.2, 0.8));
-      // Reaching out of the image too, so that near targets fit into the corner.
-      if (poses.corner) share = share.array() - 0.4;
-      if (partial) {
-        const int side = static_cast<int>(random.Uniform(0, 4));
-        share[side % 2] = side < 2 ? random.Uniform(0.02, 0.12) : random.Uniform(0.88, 0.98);
-      }
-      // Evenly in 1 / distance, which is what depth does to an image.
-      double distance = 1 / random.Uniform(1 / poses.farthest, 1 / poses.nearest);
-      if (poses.one_distance) distance = (poses.nearest + poses.farthest) / 2;
-      double tilt = poses.tilt * std::sqrt(random.Uniform(0, 1));
-      if (poses.no_tilt) tilt = 0;
-      const double azimuth = kGoldenAngle * f + random.Uniform(-0.5, 0.5);
-      const double roll = random.Uniform(-poses.roll, poses.roll);
-
-      const std::optional<Ray> ray = observer.CentralRay(aim, At(camera, share));
-      if (!ray) continue;
-      // Without tilt the target is parallel to the image, wherever in it.
-      const Eigen::Matrix3d to_ray = poses.no_tilt ? Eigen::Matrix3d::Identity()
-                                                   : Eigen::Quaterniond::FromTwoVectors(
-                                                         Eigen::Vector3d::UnitZ(), ray->direction)
-                                                         .toRotationMatrix();
-      const Eigen::Vector3d axis(std::cos(azimuth), std::sin(azimuth), 0);
-      RigidTransform T_camera_target;
-      T_camera_target.R = to_ray * ExpRotation(tilt * axis) *
-                          ExpRotation(Eigen::Vector3d(0, 0, roll)) * stance.R_viewer_target;
-      // One distance of a flat target is one depth.
-      const double along =
-          poses.one_distance ? (distance - ray->origin.z()) / ray->direction.z() : distance;
-      T_camera_target.t = ray->origin + along * ray->direction - T_camera_target.R * stance.middle;
-      const RigidTransform T_rig_target = camera.T_camera_rig.Inverse() * T_camera_target;
-      const std::vector<Observation> seen = observer.Observe(aim, target, T_rig_target);
-      if (CountMarkers(seen) < fewest) continue;
-      const Eigen::Vector2d centre = At(camera, {0.5, 0.5});
-      if (poses.corner && std::any_of(seen.begin(), seen.end(), [&](const Observation& o) {
-            return o.values[0] > centre.x() || o.values[1] > centre.y();
-          })) {
-        continue;
-      }
-      frames.push_back(
-          {fmt::format("{:06}", 100 + 5 * f), partial ? "partial" : "good", T_rig_target});
-      found = true;
-    }
-    if (!found) {
-      throw Error(ErrorKind::kJob,
-                  fmt::format("{}: poses: in {} tries camera {} never saw {} markers{}; correct "
-                              "distance, tilt or the camera",
-                              spec.path.string(),
-                              kTries,
-                              camera.name,
-                              fewest,
-                              poses.corner ? " in a corner of its image and none elsewhere" : ""));
-    }
+  for (int f = 0; f < spec.poses.frames; ++f) {
+    frames.push_back(finder.Find(PlanFrame(spec.poses, f, widest)));
   }
   return frames;
 }

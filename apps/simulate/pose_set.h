@@ -12,12 +12,12 @@ namespace plenocal::simulate {
 /// One instant of a simulated session.
 struct Frame {
   std::string name;
-  std::string kind;  ///< "good"; "partial": the target is at an image's rim; "given"
+  std::string kind;  ///< "good"; "partial": the target is at the rim of an image; "given"
   RigidTransform T_rig_target;
 };
 
-/// The rig's places before the target, all from the seed. Throws `Error` of kind kJob when no place
-/// of the kind asked for shows the target.
+/// The rig's poses before the target, all from the seed. Throws `Error` of kind kJob when no pose
+/// of the specified kind shows the target.
 std::vector<Frame> MakePoses(const SimulationSpec& spec,
                              const Observer& observer,
                              const TrueTarget& target);

@@ -11,13 +11,13 @@
 
 namespace plenocal::simulate {
 
-/// Light on a camera's sensor. One object may be used from several threads.
+/// Renders the light on a camera's sensor. One object may be used from several threads.
 class Renderer {
  public:
   virtual ~Renderer() = default;
-  /// CV_32F; 1: white paper where nothing is lost. `seed` is of the sampling, where it is random.
+  /// CV_32F; 1: white paper without vignetting. `seed`: of random sampling.
   [[nodiscard]] virtual cv::Mat Render(const PosedSurface& surface, std::uint64_t seed) const = 0;
-  /// What an even white field gives, CV_32F; the truth of attenuation images.
+  /// The image of a uniform white field, CV_32F: the true attenuation image.
   [[nodiscard]] virtual const cv::Mat& White() const = 0;
 };
 

@@ -36,8 +36,8 @@ cv::Mat Expose(const cv::Mat& light, const SensorSpec& sensor, Random* random) {
   // Transmission of the colour filters for the light of a lamp.
   constexpr double kRed = 0.6, kGreen = 1, kBlue = 0.7;
   const auto filter = [&](int x, int y) {
-    if (sensor.bayer.empty()) return 1.0;
-    const char colour = sensor.bayer[static_cast<size_t>(2 * (y % 2) + x % 2)];
+    if (!sensor.bayer) return 1.0;
+    const char colour = BayerColour(*sensor.bayer, x, y);
     return colour == 'R' ? kRed : colour == 'G' ? kGreen : kBlue;
   };
   const double largest = (1 << sensor.bits) - 1;

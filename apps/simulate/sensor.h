@@ -10,12 +10,13 @@
 
 namespace plenocal::simulate {
 
-/// Places within a pixel, px from its centre, that share its light equally: along each axis `count`
-/// quantiles of the point-spread function, a Gaussian of sigma `blur` on the area of the pixel.
+/// Positions within a pixel, px from its centre, that receive equal parts of its light: along each
+/// axis `count` quantiles of the point-spread function, a Gaussian of sigma `blur` on the area of
+/// the pixel.
 std::vector<float> PixelQuantiles(int count, double blur);
 
 /// An image file's pixels (CV_8U or CV_16U) from the light that reaches each (CV_32F, 1: white
-/// paper where nothing is lost): colour filters, exposure, shot and read noise, quantisation.
+/// paper without vignetting): colour filters, exposure, shot and read noise, quantisation.
 cv::Mat Expose(const cv::Mat& light, const SensorSpec& sensor, Random* random);
 
 }  // namespace plenocal::simulate

@@ -5,11 +5,11 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <functional>
 #include <iterator>
 #include <map>
 #include <memory>
 #include <mutex>
-#include <opencv2/imgcodecs.hpp>
 #include <set>
 
 #include "apps/simulate/observer.h"
@@ -19,18 +19,20 @@
 #include "apps/simulate/sensor.h"
 #include "apps/simulate/simulation_spec.h"
 #include "apps/simulate/target_surface.h"
-#include "calib/detections.h"
-#include "calib/error.h"
-#include "calib/number_text.h"
-#include "calib/output_folder.h"
-#include "calib/parallel.h"
-#include "calib/result_files.h"
+#include "calib/base/error.h"
+#include "calib/base/number_text.h"
+#include "calib/base/output_folder.h"
+#include "calib/base/parallel.h"
+#include "calib/files/calibration_file.h"
+#include "calib/files/calibration_tables.h"
+#include "calib/files/detections.h"
+#include "detectors/images/image.h"
 
 namespace plenocal {
 namespace simulate {
 namespace {
 
-// All that is known before anything is measured.
+// The simulated world, without errors of measurement.
 struct Scene {
   SimulationSpec spec;
   Target target;
@@ -39,12 +41,12 @@ struct Scene {
   std::vector<std::vector<View>> views;  // exact; by camera and frame
 };
 
-std::string SessionYaml(const Scene& scene, bool points) {
+std::string SessionYaml(const Scene& scene, const SimulateRequest& request) {
   std::string text = "plenocal: 1\ntarget: target.yaml\ncameras:\n";
   const auto out = std::back_inserter(text);
   for (const CameraSpec& camera : scene.spec.cameras) {
     fmt::format_to(out, "  {}:\n    model: {}\n", camera.name, camera.model->name);
-    if (points) {
+    if (request.points) {
       fmt::format_to(out,
                      "    detections: detections_{}.csv\n    image_size: [{}, {}]\n",
                      camera.name,
@@ -53,7 +55,9 @@ std::string SessionYaml(const Scene& scene, bool points) {
     } else {
       fmt::format_to(
           out, "    images: {0}/*.png\n    white_images: {0}_white/*.png\n", camera.name);
-      if (!camera.sensor.bayer.empty()) fmt::format_to(out, "    bayer: {}\n", camera.sensor.bayer);
+      if (camera.sensor.bayer) {
+        fmt::format_to(out, "    bayer: {}\n", BayerName(*camera.sensor.bayer));
+      }
     }
     for (size_t i = 0; i < camera.config.size(); ++i) {
       fmt::format_to(
@@ -63,32 +67,28 @@ std::string SessionYaml(const Scene& scene, bool points) {
   return text;
 }
 
-// The truth as a calibration without errors.
-Calibration TrueCalibration(const Scene& scene) {
-  Calibration truth;
-  truth.converged = true;
+// The truth as the result of a calibration without errors.
+CalibrationRecord TrueCalibration(const Scene& scene) {
+  CalibrationRecord truth;
+  truth.adjustment = AdjustmentRecord{.converged = true};
   for (size_t c = 0; c < scene.spec.cameras.size(); ++c) {
     const CameraSpec& camera = scene.spec.cameras[c];
-    truth.camera_names.push_back(camera.name);
-    truth.image_sizes.push_back(camera.image_size);
-    truth.bundle.cameras.push_back({.model = camera.model,
-                                    .config = camera.config,
-                                    .params = camera.params,
-                                    .fixed = std::vector<bool>(camera.params.size(), false),
-                                    .T_camera_rig = camera.T_camera_rig,
-                                    .is_master = c == 0});
-    truth.uncertainty.params.emplace_back(camera.params.size(), 0.0);
-    truth.uncertainty.mount.emplace_back(Matrix6d::Zero());
-    CameraFit fit;
+    const auto count = static_cast<Eigen::Index>(camera.params.size());
+    truth.cameras.push_back({.name = camera.name,
+                             .model = camera.model,
+                             .image_size = camera.image_size,
+                             .config = camera.config,
+                             .params = camera.params,
+                             .covariance = Eigen::MatrixXd::Zero(count, count),
+                             .T_camera_rig = camera.T_camera_rig});
+    CameraFit& fit = truth.cameras.back().fit;
     for (const View& view : scene.views[c]) {
       fit.points += static_cast<int>(view.observations.size());
       fit.views += view.observations.empty() ? 0 : 1;
     }
-    truth.fits.push_back(fit);
   }
   for (const Frame& frame : scene.frames) {
-    truth.frames.push_back(frame.name);
-    truth.bundle.T_rig_target.push_back(frame.T_rig_target);
+    truth.frames.push_back({frame.name, frame.T_rig_target.Inverse()});
   }
   return truth;
 }
@@ -109,58 +109,48 @@ std::string FramesCsv(const Scene& scene) {
 
 using Renderers = std::vector<std::unique_ptr<Renderer>>;
 
-std::string Encoded(const cv::Mat& image, const char* extension) {
-  std::vector<unsigned char> bytes;
-  if (!cv::imencode(extension, image, bytes)) {
-    throw Error(ErrorKind::kJob, fmt::format("OpenCV cannot write {} images", extension));
-  }
-  return {bytes.begin(), bytes.end()};
-}
-
 void WriteTruth(const Scene& scene,
                 const Observer& observer,
                 const Renderers& renderers,
-                const SimulateCommand& command,
+                const SimulateRequest& request,
                 const std::string& program,
                 OutputFolder* out) {
-  Calibration truth = TrueCalibration(scene);
-  truth.camera_files.resize(scene.spec.cameras.size());
+  CalibrationRecord truth = TrueCalibration(scene);
   for (size_t c = 0; c < scene.spec.cameras.size(); ++c) {
     const std::string& name = scene.spec.cameras[c].name;
     if (const MicroLensOptics* optics = observer.Optics(c)) {
       const std::string file = fmt::format("micro_lenses_{}.csv", name);
-      truth.camera_files[c].emplace_back("micro_lenses", file);
+      truth.cameras[c].micro_lenses = file;
       out->Write("truth/" + file, FormatMicroLenses(optics->Array()));
     }
     if (renderers[c]) {
       const std::string file = fmt::format("vignetting_{}.tiff", name);
-      truth.camera_files[c].emplace_back("vignetting", file);
-      out->Write("truth/" + file, Encoded(renderers[c]->White(), ".tiff"));
+      truth.cameras[c].vignetting = file;
+      out->Write("truth/" + file, EncodeImage(".tiff", renderers[c]->White()));
     }
     out->Write(fmt::format("truth/detections_{}.csv", name),
                DetectionsCsv(scene.views[c], *scene.spec.cameras[c].model));
   }
-  out->Write("truth/calibration.yaml",
-             CalibrationYaml(truth,
-                             {{"plenocal_version", PLENOCAL_VERSION},
-                              {"command",
-                               fmt::format("{} simulate {} -o {}{}",
-                                           program,
-                                           command.spec.string(),
-                                           command.out.string(),
-                                           command.points ? " --points" : "")},
-                              {"simulation", "the parameters are true, not estimated"}}));
+  truth.provenance = {{"plenocal_version", PLENOCAL_VERSION},
+                      {"command",
+                       fmt::format("{} simulate {} -o {}{}",
+                                   program,
+                                   request.spec.string(),
+                                   request.out.string(),
+                                   request.points ? " --points" : "")},
+                      {"simulation", "the parameters are true, not estimated"}};
+  out->Write("truth/calibration.yaml", CalibrationYaml(truth));
   out->Write("truth/target.yaml", RefinedTargetYaml(scene.target, scene.made.markers, {}));
   out->Write("truth/poses.csv", PosesCsv(truth));
   out->Write("truth/frames.csv", FramesCsv(scene));
 }
 
-// The session must not take the place of what it is made from.
-void RefuseToReplaceInputs(const SimulateCommand& command, const SimulationSpec& spec) {
-  for (const std::filesystem::path& input : {command.spec, spec.target}) {
+// The session must not replace the files that it is made from.
+void RefuseToReplaceInputs(const SimulateRequest& request, const SimulationSpec& spec) {
+  for (const std::filesystem::path& input : {request.spec, spec.target}) {
     for (const char* result : {"session.yaml", "target.yaml"}) {
       std::error_code error;
-      if (!std::filesystem::equivalent(input, command.out / result, error)) continue;
+      if (!std::filesystem::equivalent(input, request.out / result, error)) continue;
       throw Error(ErrorKind::kInput,
                   fmt::format("{}: the session would replace this input; give another folder with "
                               "-o",
@@ -241,13 +231,14 @@ std::vector<View> WithNoise(std::vector<View> views, const CameraSpec& camera, s
       for (size_t i = 0; i < camera.model->measured.size(); ++i) {
         observation.values[i] += random.Gaussian(camera.detection_sigma);
       }
-      observation.sigma = camera.detection_sigma;
+      observation.detector_sigma = camera.detection_sigma;
     }
   }
   return views;
 }
 
-// Between which virtual depths the markers were, for whoever chooses where lens types are sharp.
+// The range of the markers' virtual depths, for choosing the virtual depths at which the lens types
+// are in focus.
 std::string VirtualDepthText(const std::vector<View>& views, const CameraSpec& camera) {
   std::vector<double> depths;
   for (const View& view : views) {
@@ -269,80 +260,108 @@ std::string VirtualDepthText(const std::vector<View>& views, const CameraSpec& c
                      fmt::join(camera.micro_lenses->focus, ", "));
 }
 
-}  // namespace
-}  // namespace simulate
+using Progress = std::function<void(const std::string& stage, size_t done, size_t total)>;
 
-std::string Simulate(const SimulateCommand& command, const SimulateOptions& options) {
-  using namespace simulate;  // NOLINT(google-build-using-namespace)
-  const auto progress = [&](const std::string& stage, size_t done, size_t total) {
-    if (options.progress && !options.progress(stage, done, total)) throw Stopped{};
-  };
-  Scene scene;
-  scene.spec = ReadSimulationSpec(command.spec, options.models);
-  const SimulationSpec& spec = scene.spec;
-  scene.target = ReadTarget(spec.target);
-  RefuseToReplaceInputs(command, spec);
-  OutputFolder out(command.out);
-  const Observer observer(spec);
-  scene.made = MakeTarget(scene.target,
-                          spec.target_error.value_or(scene.target.tolerance.value_or(0)),
-                          spec.rigid_tags,
-                          spec.seed);
+// Everything but the images: target, poses and exact observations.
+void ObserveScene(const Observer& observer, int threads, const Progress& progress, Scene* scene) {
+  const SimulationSpec& spec = scene->spec;
   progress("poses", 0, 1);
-  scene.frames = MakePoses(spec, observer, scene.made);
-  scene.views.resize(spec.cameras.size());
+  scene->frames = MakePoses(spec, observer, scene->made);
+  scene->views.resize(spec.cameras.size());
   for (size_t c = 0; c < spec.cameras.size(); ++c) {
-    scene.views[c].resize(scene.frames.size());
-    ParallelFor(scene.frames.size(), options.threads, [&](size_t f) {
-      scene.views[c][f] = {scene.frames[f].name,
-                           observer.Observe(c, scene.made, scene.frames[f].T_rig_target)};
+    scene->views[c].resize(scene->frames.size());
+    ParallelFor(scene->frames.size(), threads, [&](size_t f) {
+      const Frame& frame = scene->frames[f];
+      scene->views[c][f] = {frame.name, observer.Observe(c, scene->made, frame.T_rig_target)};
     });
     progress("markers", c + 1, spec.cameras.size());
   }
+}
 
-  Renderers renderers(spec.cameras.size());
-  if (!command.points) {
-    const std::vector<Shot> shots = ListShots(scene);
-    RefuseOtherImages(shots, command.out);
-    progress("optics", 0, 1);
-    for (size_t c = 0; c < spec.cameras.size(); ++c) {
-      const MicroLensOptics* optics = observer.Optics(c);
-      renderers[c] = optics == nullptr ? MakeOrdinaryRenderer(spec.cameras[c])
-                                       : MakePlenopticRenderer(
-                                             spec.cameras[c], *optics, spec.seed, options.threads);
-    }
-    const TargetSurface surface(NominalTarget(scene.target), scene.made, spec.seed);
-    std::mutex mutex;
-    size_t done = 0;
-    ParallelFor(shots.size(), options.threads, [&](size_t i) {
-      const std::string file =
-          Encoded(TakeShot(scene, surface, *renderers[shots[i].camera], shots[i]), ".png");
-      const std::lock_guard lock(mutex);
-      out.Write(shots[i].name, file);
-      progress("images", ++done, shots.size());
-    });
-  }
-  out.Write("session.yaml", SessionYaml(scene, command.points));
-  out.Write("target.yaml", RefinedTargetYaml(scene.target, {}, {}));
-  WriteTruth(scene, observer, renderers, command, options.program, &out);
-  std::string summary;
+// Renders and writes all images; returns the renderers by camera.
+Renderers WriteImages(const Scene& scene,
+                      const Observer& observer,
+                      int threads,
+                      const Progress& progress,
+                      OutputFolder* out) {
+  const SimulationSpec& spec = scene.spec;
+  const std::vector<Shot> shots = ListShots(scene);
+  progress("optics", 0, 1);
+  Renderers renderers;
   for (size_t c = 0; c < spec.cameras.size(); ++c) {
-    const CameraSpec& camera = spec.cameras[c];
-    const auto frames = std::count_if(scene.views[c].begin(),
-                                      scene.views[c].end(),
-                                      [](const View& view) { return !view.observations.empty(); });
-    if (command.points) {
-      out.Write(fmt::format("detections_{}.csv", camera.name),
-                DetectionsCsv(WithNoise(scene.views[c], camera, c, spec.seed), *camera.model));
-    }
+    const MicroLensOptics* optics = observer.Optics(c);
+    renderers.push_back(optics == nullptr
+                            ? MakeOrdinaryRenderer(spec.cameras[c])
+                            : MakePlenopticRenderer(spec.cameras[c], *optics, spec.seed, threads));
+  }
+  const TargetSurface surface(NominalTarget(scene.target), scene.made, spec.seed);
+  std::mutex mutex;
+  size_t done = 0;
+  ParallelFor(shots.size(), threads, [&](size_t i) {
+    const std::string file =
+        EncodeImage(".png", TakeShot(scene, surface, *renderers[shots[i].camera], shots[i]));
+    const std::lock_guard lock(mutex);
+    out->Write(shots[i].name, file);
+    progress("images", ++done, shots.size());
+  });
+  return renderers;
+}
+
+void WriteDetections(const Scene& scene, OutputFolder* out) {
+  for (size_t c = 0; c < scene.spec.cameras.size(); ++c) {
+    const CameraSpec& camera = scene.spec.cameras[c];
+    out->Write(fmt::format("detections_{}.csv", camera.name),
+               DetectionsCsv(WithNoise(scene.views[c], camera, c, scene.spec.seed), *camera.model));
+  }
+}
+
+std::string Summary(const Scene& scene) {
+  std::string summary;
+  for (size_t c = 0; c < scene.spec.cameras.size(); ++c) {
+    const CameraSpec& camera = scene.spec.cameras[c];
+    const auto frames = std::ranges::count_if(
+        scene.views[c], [](const View& view) { return !view.observations.empty(); });
     summary += fmt::format("{}: the target in {} of {} frames{}\n",
                            camera.name,
                            frames,
                            scene.frames.size(),
                            camera.micro_lenses ? VirtualDepthText(scene.views[c], camera) : "");
   }
-  out.Commit();
   return summary;
+}
+
+}  // namespace
+}  // namespace simulate
+
+std::string Simulate(const SimulateRequest& request, const SimulateOptions& options) {
+  using namespace simulate;  // NOLINT(google-build-using-namespace)
+  const Progress progress = [&](const std::string& stage, size_t done, size_t total) {
+    if (options.progress && !options.progress(stage, done, total)) throw Stopped{};
+  };
+  Scene scene;
+  scene.spec = ReadSimulationSpec(request.spec, options.models);
+  const SimulationSpec& spec = scene.spec;
+  scene.target = ReadTarget(spec.target);
+  RefuseToReplaceInputs(request, spec);
+  OutputFolder out(request.out);
+  const Observer observer(spec);
+  scene.made = MakeTarget(scene.target,
+                          spec.target_error.value_or(scene.target.tolerance.value_or(0)),
+                          spec.rigid_tags ? TagErrors::kRigid : TagErrors::kCorners,
+                          spec.seed);
+  ObserveScene(observer, options.threads, progress, &scene);
+  Renderers renderers(spec.cameras.size());
+  if (request.points) {
+    WriteDetections(scene, &out);
+  } else {
+    RefuseOtherImages(ListShots(scene), request.out);
+    renderers = WriteImages(scene, observer, options.threads, progress, &out);
+  }
+  out.Write("session.yaml", SessionYaml(scene, request));
+  out.Write("target.yaml", RefinedTargetYaml(scene.target, {}, {}));
+  WriteTruth(scene, observer, renderers, request, options.program, &out);
+  out.Commit();
+  return Summary(scene);
 }
 
 }  // namespace plenocal

@@ -6,27 +6,28 @@
 #include <span>
 #include <string>
 
-#include "calib/camera_model.h"
+#include "calib/camera/camera_model.h"
 
 namespace plenocal {
 
-struct SimulateCommand {
+/// The session to simulate.
+struct SimulateRequest {
   std::filesystem::path spec;
   std::filesystem::path out;
   bool points = false;  ///< detections in place of images
 };
 
 struct SimulateOptions {
-  /// Camera models that the specification may name; plug-ins are known to the program alone.
+  /// Camera models that the specification may name; plug-ins included.
   std::span<const CameraModel> models;
   std::string program = "plenocal";  ///< as it was called, for the truth's provenance
   int threads = 0;                   ///< 0: all cores
-  /// Called with what is being done; false stops (`Stopped` is thrown).
+  /// Called with the stage and its items done; false stops (`Stopped` is thrown).
   std::function<bool(const std::string& stage, size_t done, size_t total)> progress;
 };
 
-/// Makes a session with known truth in `command.out`; returns a summary for the user. Throws
+/// Makes a session with known truth in `request.out`; returns a summary for the user. Throws
 /// `Error`.
-std::string Simulate(const SimulateCommand& command, const SimulateOptions& options);
+std::string Simulate(const SimulateRequest& request, const SimulateOptions& options);
 
 }  // namespace plenocal

@@ -6,16 +6,14 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <cmath>
-#include <fstream>
 #include <numbers>
-#include <sstream>
 
-#include "calib/camera_yaml.h"
-#include "calib/error.h"
-#include "calib/names.h"
-#include "calib/yaml.h"
+#include "calib/base/error.h"
+#include "calib/base/names.h"
+#include "calib/base/yaml.h"
+#include "calib/files/calibration_file.h"
+#include "calib/files/calibration_tables.h"
 
 namespace plenocal::simulate {
 namespace {
@@ -124,7 +122,7 @@ MicroLensSpec ReadMicroLenses(const YamlNode& node) {
   return lenses;
 }
 
-SensorSpec ReadSensor(const YamlNode& node, bool plenoptic) {
+SensorSpec ReadSensor(const YamlNode& node, const CameraSpec& camera) {
   SensorSpec sensor;
   if (node.Has("bits")) {
     sensor.bits = node.At("bits").AsInteger();
@@ -137,13 +135,12 @@ SensorSpec ReadSensor(const YamlNode& node, bool plenoptic) {
   ReadNumber(node, "read_noise", 0, 1e6, &sensor.read_noise);
   ReadNumber(node, "exposure", 0.01, 1, &sensor.exposure);
   ReadNumber(node, "blur", 0, 20, &sensor.blur);
-  if (plenoptic && node.Has("vignetting")) {
+  if (camera.IsPlenoptic() && node.Has("vignetting")) {
     node.At("vignetting").Fail("a plenoptic camera's vignetting comes from its stop; see 'fill'");
   }
   ReadNumber(node, "vignetting", 0, 0.95, &sensor.vignetting);
   if (node.Has("bayer")) {
-    static constexpr std::array<std::string_view, 4> kOrders{"RGGB", "BGGR", "GRBG", "GBRG"};
-    sensor.bayer = kOrders[ReadChoice(node.At("bayer"), kOrders)];
+    sensor.bayer = static_cast<BayerOrder>(ReadChoice(node.At("bayer"), kBayerOrders));
   }
   return sensor;
 }
@@ -188,7 +185,7 @@ CameraSpec ReadCamera(const std::string& name,
   }
   camera.params = ReadParams(node.At("parameters"), camera.model->params);
   camera.T_camera_rig = ReadMount(node);
-  camera.sensor = ReadSensor(node, camera.IsPlenoptic());
+  camera.sensor = ReadSensor(node, camera);
   ReadNumber(node, "detection_sigma", 0, 1e6, &camera.detection_sigma);
   if (camera.IsPlenoptic()) {
     camera.micro_lenses = ReadMicroLenses(node.At("micro_lenses"));
@@ -198,57 +195,17 @@ CameraSpec ReadCamera(const std::string& name,
   return camera;
 }
 
-// poses.csv of a result: frame, then T_target_rig.
-std::vector<std::pair<std::string, RigidTransform>> ReadPoses(const std::filesystem::path& path,
-                                                              const YamlNode& node) {
-  constexpr std::string_view kHeader = "frame,x,y,z,qx,qy,qz,qw";
-  std::ifstream file(path);
-  std::string line;
-  if (!std::getline(file, line)) {
-    node.Fail(fmt::format("{} cannot be read or is empty", path.string()));
-  }
-  const auto fail = [&](int number, const std::string& message) {
-    throw Error(ErrorKind::kInput, fmt::format("{}:{}: {}", path.string(), number, message));
-  };
-  if (line.ends_with('\r')) line.pop_back();
-  if (line != kHeader) fail(1, fmt::format("expected the header '{}'", kHeader));
-  std::vector<std::pair<std::string, RigidTransform>> poses;
-  for (int number = 2; std::getline(file, line); ++number) {
-    if (line.empty() || line == "\r") continue;
-    std::istringstream cells(line);
-    std::string name, cell;
-    std::getline(cells, name, ',');
-    std::array<double, 7> values{};
-    for (double& value : values) {
-      std::getline(cells, cell, ',');
-      if (cell.ends_with('\r')) cell.pop_back();
-      const auto [end, error] = std::from_chars(cell.data(), cell.data() + cell.size(), value);
-      if (error != std::errc() || end != cell.data() + cell.size() || !std::isfinite(value)) {
-        fail(number, fmt::format("expected a frame and 7 numbers, found '{}'", line));
-      }
-    }
-    const Eigen::Quaterniond q(values[6], values[3], values[4], values[5]);
-    if (name.empty() || !(std::abs(q.norm() - 1) < 1e-3)) {
-      fail(number, "expected a frame's name and a quaternion of length 1");
-    }
-    if (std::any_of(poses.begin(), poses.end(), [&](const auto& p) { return p.first == name; })) {
-      fail(number, fmt::format("frame {} stands here twice", name));
-    }
-    poses.emplace_back(name,
-                       RigidTransform{q.normalized().toRotationMatrix(),
-                                      Eigen::Vector3d(values[0], values[1], values[2])});
-  }
-  if (poses.empty()) fail(1, "expected at least one pose");
-  return poses;
-}
-
 PoseSpec ReadPoseSpec(const YamlNode& node,
                       const std::filesystem::path& spec,
                       const std::vector<CameraSpec>& cameras) {
   PoseSpec poses;
   if (node.Has("file")) {
     node.CheckKeys({"file"});
-    poses.given = ReadPoses(PathBeside(spec, node.At("file")), node.At("file"));
+    const std::filesystem::path path = PathBeside(spec, node.At("file"));
+    poses.given = ReadPoses(path);
+    if (poses.given.empty()) {
+      throw Error(ErrorKind::kInput, path.string() + ": expected at least one pose");
+    }
     return poses;
   }
   node.CheckKeys({"kind", "frames", "distance", "tilt", "roll", "partial", "aim"});

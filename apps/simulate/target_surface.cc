@@ -7,12 +7,11 @@
 #include <array>
 #include <cmath>
 #include <opencv2/imgproc.hpp>
-#include <variant>
 
-#include "apps/print/cairo_path.h"
+#include "apps/charts/cairo_path.h"
 #include "apps/simulate/random.h"
-#include "calib/error.h"
-#include "detectors/tag_template.h"
+#include "calib/base/error.h"
+#include "targets/tags/quad.h"
 
 namespace plenocal::simulate {
 namespace {
@@ -64,6 +63,54 @@ RigidTransform FrameOf(const Eigen::Vector3d& o,
   return T;
 }
 
+// The rectangle of a part's plane that its picture covers, m.
+Eigen::AlignedBox2d PictureBox(const TargetPart& part) {
+  Eigen::AlignedBox2d box = part.paper;
+  if (part.one_sheet) return box;
+  // Tags are glued to a board that is larger than they need.
+  const double rim = 0.5 * (part.tags[0].outline[1] - part.tags[0].outline[0]).norm();
+  box.extend(Eigen::Vector2d(box.min().array() - rim));
+  box.extend(Eigen::Vector2d(box.max().array() + rim));
+  return box;
+}
+
+// Size of a texel of the picture, m.
+double TexelOf(const TargetPart& part, const Eigen::AlignedBox2d& box) {
+  constexpr double kTexels = 24;        // across the finest shape
+  constexpr double kMostTexels = 6000;  // along a side
+  return std::max(part.finest / kTexels, box.sizes().maxCoeff() / kMostTexels);
+}
+
+// Draws a part over the background in `canvas`, whose first texel is at `corner`.
+void DrawPart(const TargetPart& part,
+              const Eigen::Vector2f& corner,
+              double texel,
+              cairo_surface_t* canvas) {
+  constexpr double kTolerance = 0.02;  // texels, of curves drawn as polygons
+  const print::Context context(cairo_create(canvas));
+  cairo_set_antialias(context.get(), CAIRO_ANTIALIAS_BEST);
+  cairo_set_operator(context.get(), CAIRO_OPERATOR_SOURCE);
+  cairo_set_tolerance(context.get(), kTolerance);
+  cairo_scale(context.get(), 1 / texel, 1 / texel);
+  cairo_translate(context.get(), -corner.x(), -corner.y());
+  cairo_set_source_rgba(context.get(), 0, 0, 0, 1);
+  for (const DrawnTag& tag : part.tags) print::AddPolygon(context.get(), tag.paper);
+  cairo_fill(context.get());
+  cairo_set_source_rgba(context.get(), 0, 0, 0, PosedSurface::kInk);
+  print::FillBlack(context.get(), part);
+}
+
+// The picture and coarser ones, each half as fine as the one before.
+std::vector<cv::Mat> Pyramid(const cv::Mat& picture) {
+  std::vector<cv::Mat> pyramid{picture};
+  for (int level = 1; level < kLevels; ++level) {
+    cv::Mat half;
+    cv::resize(pyramid.back(), half, {}, 0.5, 0.5, cv::INTER_AREA);
+    pyramid.push_back(half);
+  }
+  return pyramid;
+}
+
 }  // namespace
 
 TargetSurface::TargetSurface(const Target& nominal, const TrueTarget& made, int seed) {
@@ -71,28 +118,16 @@ TargetSurface::TargetSurface(const Target& nominal, const TrueTarget& made, int 
     Board board;
     board.T_target_board = part.T_target_part;
     Draw(part, seed, &board);
-    if (!part.tags.empty()) {
-      MapTags(part, made, &board);
-    } else if (std::holds_alternative<CirclesLayout>(nominal.layout)) {
-      MapCircles(nominal, made, &board);
-    } else {
-      MapNodes(nominal, made, &board);
-    }
+    if (!part.tags.empty()) MapTags(part, made, &board);
+    if (part.squares) MapSquares(*part.squares, nominal, made, &board);
+    if (!part.black_discs.empty()) MapDiscs(part, nominal, made, &board);
     boards_.push_back(std::move(board));
   }
 }
 
 void TargetSurface::Draw(const TargetPart& part, int seed, Board* board) {
-  Eigen::AlignedBox2d box = part.paper;
-  if (!part.one_sheet) {
-    // Tags are glued to a board that is larger than they need.
-    const double rim = 0.5 * (part.tags[0].outline[1] - part.tags[0].outline[0]).norm();
-    box.extend(Eigen::Vector2d(box.min().array() - rim));
-    box.extend(Eigen::Vector2d(box.max().array() + rim));
-  }
-  constexpr double kTexels = 24;        // across the finest shape
-  constexpr double kMostTexels = 6000;  // along a side
-  const double texel = std::max(part.finest / kTexels, box.sizes().maxCoeff() / kMostTexels);
+  const Eigen::AlignedBox2d box = PictureBox(part);
+  const double texel = TexelOf(part, box);
   constexpr int kMultiple = 1 << (kLevels - 1);
   const auto whole = [&](double length) {
     return (static_cast<int>(std::ceil(length / texel)) + kMultiple) / kMultiple * kMultiple;
@@ -118,25 +153,9 @@ void TargetSurface::Draw(const TargetPart& part, int seed, Board* board) {
     Spots(size, kSpot / texel, seed, boards_.size()).copyTo(canvas);
   }
   cairo_surface_mark_dirty(surface.get());
-  const print::Context context(cairo_create(surface.get()));
-  cairo_set_antialias(context.get(), CAIRO_ANTIALIAS_BEST);
-  cairo_set_operator(context.get(), CAIRO_OPERATOR_SOURCE);
-  cairo_set_tolerance(context.get(), 0.02);
-  cairo_scale(context.get(), 1 / texel, 1 / texel);
-  cairo_translate(context.get(), -board->corner.x(), -board->corner.y());
-  cairo_set_source_rgba(context.get(), 0, 0, 0, 1);
-  for (const DrawnTag& tag : part.tags) print::AddPolygon(context.get(), tag.paper);
-  cairo_fill(context.get());
-  cairo_set_source_rgba(context.get(), 0, 0, 0, PosedSurface::kInk);
-  print::FillBlack(context.get(), part);
+  DrawPart(part, board->corner, texel, surface.get());
   cairo_surface_flush(surface.get());
-
-  board->picture.push_back(canvas.clone());
-  for (int level = 1; level < kLevels; ++level) {
-    cv::Mat half;
-    cv::resize(board->picture.back(), half, {}, 0.5, 0.5, cv::INTER_AREA);
-    board->picture.push_back(half);
-  }
+  board->picture = Pyramid(canvas.clone());
   // Fine enough to tell shapes apart.
   board->which_cell = static_cast<float>(part.finest / 4);
   board->which = cv::Mat(static_cast<int>(box.sizes().y() / board->which_cell) + 1,
@@ -175,17 +194,13 @@ void TargetSurface::MapTags(const TargetPart& part, const TrueTarget& made, Boar
   }
 }
 
-void TargetSurface::MapNodes(const Target& nominal, const TrueTarget& made, Board* board) {
+void TargetSurface::MapSquares(const SquareGrid& grid,
+                               const Target& nominal,
+                               const TrueTarget& made,
+                               Board* board) {
   // Nodes: the markers and one more all around, which moves with its neighbour.
-  int columns = 0, rows = 0;
-  double square = 0, first = 0;
-  if (const auto* chessboard = std::get_if<ChessboardLayout>(&nominal.layout)) {
-    columns = chessboard->columns, rows = chessboard->rows, square = chessboard->square;
-  } else {
-    const auto& charuco = std::get<CharucoLayout>(nominal.layout);
-    columns = charuco.columns - 1, rows = charuco.rows - 1, square = charuco.square;
-    first = square;
-  }
+  const int columns = grid.columns, rows = grid.rows;
+  const double square = grid.pitch, first = grid.first;
   const auto meant = [&](int column, int row) {
     return Eigen::Vector2d(first + column * square, first + row * square);
   };
@@ -229,13 +244,16 @@ void TargetSurface::MapNodes(const Target& nominal, const TrueTarget& made, Boar
   }
 }
 
-void TargetSurface::MapCircles(const Target& nominal, const TrueTarget& made, Board* board) {
+void TargetSurface::MapDiscs(const TargetPart& part,
+                             const Target& nominal,
+                             const TrueTarget& made,
+                             Board* board) {
   std::vector<Eigen::Vector2d> centres;
-  for (const auto& [marker, position] : nominal.markers) {
-    const Eigen::Vector3d moved = made.markers.at(marker) - position;
+  for (const Disc& disc : part.black_discs) {
+    const Eigen::Vector3d moved = made.markers.at(disc.marker) - nominal.markers.at(disc.marker);
     board->maps.push_back({.T_target_plane = {Eigen::Matrix3d::Identity(), moved},
                            .picture_by_plane = Eigen::Matrix3d::Identity()});
-    centres.emplace_back(position.head<2>());
+    centres.push_back(disc.centre);
   }
   for (int y = 0; y < board->which.rows; ++y) {
     for (int x = 0; x < board->which.cols; ++x) {

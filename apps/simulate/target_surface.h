@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// How bright a made target is where a ray meets it.
+// The brightness of a target with its errors of manufacture where a ray meets it.
 //
-// Each flat part of the target has one picture of how it was meant to be. Where its shapes really
-// are is up to small maps from space to that picture, one for each tag (a homography from the
-// tag's true corners), each half of a square between corners of a chessboard (affine, so that
-// neighbours meet) or each circle (a shift).
+// Each flat part of the target has one picture of its nominal shapes. Their true positions are
+// given by small maps from space to that picture, one for each tag (a homography from the tag's
+// true corners), each half of a square between corners of a chessboard (affine, so that neighbours
+// meet) or each circle (a translation).
 #pragma once
 
 #include <Eigen/Core>
@@ -16,7 +16,7 @@
 #include <vector>
 
 #include "apps/simulate/observer.h"
-#include "detectors/target_drawing.h"
+#include "targets/target_drawing.h"
 
 namespace plenocal::simulate {
 
@@ -28,12 +28,12 @@ struct PictureMap {
   Eigen::Matrix<float, 3, 4> M;
 };
 
-/// Width of the bundle of light that a ray stands for: `at_origin` + distance * `by_distance`, m.
+/// Width of the bundle of light that a ray represents: `at_origin` + distance * `by_distance`, m.
 struct Spread {
   float at_origin = 0, by_distance = 0;
 };
 
-/// Rays that stand for one place of an image; all start at depth z and have direction (dx, dy, 1).
+/// Rays of one position in an image; all start at depth z and have direction (dx, dy, 1).
 struct RayBundle {
   static constexpr int kMost = 144;
   int count = 0;
@@ -41,7 +41,7 @@ struct RayBundle {
   std::array<float, kMost> x, y, dx, dy;
 };
 
-/// The target before it is placed before a camera.
+/// The target, independent of its pose.
 class TargetSurface {
  public:
   /// `nominal`: the target without its refinement, as printed.
@@ -61,17 +61,23 @@ class TargetSurface {
       RigidTransform T_target_plane;
       Eigen::Matrix3d picture_by_plane;
     };
-    std::vector<Map> maps;  // true places of the shapes
+    std::vector<Map> maps;  // true positions of the shapes
   };
   void Draw(const TargetPart& part, int seed, Board* board);
   static void MapTags(const TargetPart& part, const TrueTarget& made, Board* board);
-  static void MapNodes(const Target& nominal, const TrueTarget& made, Board* board);
-  static void MapCircles(const Target& nominal, const TrueTarget& made, Board* board);
+  static void MapSquares(const SquareGrid& grid,
+                         const Target& nominal,
+                         const TrueTarget& made,
+                         Board* board);
+  static void MapDiscs(const TargetPart& part,
+                       const Target& nominal,
+                       const TrueTarget& made,
+                       Board* board);
 
   std::vector<Board> boards_;
 };
 
-/// The target as a camera has it before itself.
+/// The target at a pose before a camera.
 class PosedSurface {
  public:
   PosedSurface(const TargetSurface& surface, const RigidTransform& T_camera_target);
@@ -81,8 +87,8 @@ class PosedSurface {
                                const Eigen::Vector3f& direction,
                                const Spread& spread) const;
 
-  /// The same for a whole bundle. `board`: what `BoardOf` found for all rays around these; rays of
-  /// one board are much quicker.
+  /// The radiances of a whole bundle. `board`: that of all rays around these by `BoardOf`, or -1;
+  /// rays of one board are much faster.
   void Radiances(const RayBundle& rays,
                  const Spread& spread,
                  int board,
@@ -92,7 +98,7 @@ class PosedSurface {
                                               const Eigen::Vector3f& direction) const;
 
   static constexpr float kInk = 0.04f;
-  static constexpr float kBackground = 0.15f;  ///< what is behind the target
+  static constexpr float kBackground = 0.15f;  ///< radiance of the background
   static constexpr float kBack = 0.3f;         ///< a board's back
 
  private:
@@ -101,7 +107,7 @@ class PosedSurface {
     PictureMap own;
     std::vector<PictureMap> maps;
   };
-  /// Where a ray first meets the target.
+  /// The point at which a ray first meets the target.
   struct Hit {
     const Board* board = nullptr;  ///< null: nowhere
     float distance = 0;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/stage_store.h"
+#include "calib/base/detection_cache.h"
 
 #define XXH_INLINE_ALL
 #include <fmt/format.h>
@@ -39,10 +39,10 @@ std::string HashFile(const std::filesystem::path& path) {
   return content ? Hash(*content) : std::string();
 }
 
-StageStore::StageStore(std::filesystem::path folder, std::string program, bool fresh)
+DetectionCache::DetectionCache(std::filesystem::path folder, std::string program, bool fresh)
     : folder_(std::move(folder)), program_(std::move(program)), fresh_(fresh) {}
 
-std::string StageStore::Key(std::initializer_list<std::string_view> parts) const {
+std::string DetectionCache::Key(std::initializer_list<std::string_view> parts) const {
   // Lengths, so that parts cannot run into each other.
   std::string all = program_;
   for (const std::string_view part : parts) {
@@ -53,7 +53,7 @@ std::string StageStore::Key(std::initializer_list<std::string_view> parts) const
   return Hash(all);
 }
 
-std::optional<std::string> StageStore::Load(const std::string& key) {
+std::optional<std::string> DetectionCache::Load(const std::string& key) {
   if (key.empty() || folder_.empty()) return std::nullopt;
   {
     const std::lock_guard lock(mutex_);
@@ -69,7 +69,7 @@ std::optional<std::string> StageStore::Load(const std::string& key) {
   return content;
 }
 
-void StageStore::Save(const std::string& key, const std::string& content) {
+void DetectionCache::Save(const std::string& key, const std::string& content) {
   if (key.empty() || folder_.empty()) return;
   static std::atomic<int> count{0};
   std::error_code error;
@@ -91,7 +91,7 @@ void StageStore::Save(const std::string& key, const std::string& content) {
   used_.insert(key);
 }
 
-void StageStore::RemoveUnused() {
+void DetectionCache::RemoveUnused() {
   std::error_code error;
   const std::lock_guard lock(mutex_);
   for (const auto& entry : std::filesystem::directory_iterator(folder_, error)) {

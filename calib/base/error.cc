@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/error.h"
+#include "calib/base/error.h"
 
 #include <fmt/format.h>
 

@@ -8,7 +8,7 @@
 
 namespace plenocal {
 
-/// What a failure means for the exit status of the command (FORMATS.md, "Commands").
+/// The cause of a failure, which gives the exit status of the command (docs/formats.md).
 enum class ErrorKind {
   kInput,  ///< the command line or an input file is wrong: exit status 2
   kJob,    ///< the inputs are readable, but the job cannot be done with them: exit status 1

@@ -18,7 +18,7 @@ std::vector<std::string_view> NamesOf(const Range& range) {
   return names;
 }
 
-/// What messages and tables call the coordinates of a camera's place on the rig.
-inline constexpr std::array kMountNames{"x", "y", "z", "w_x", "w_y", "w_z"};
+/// Names of the coordinates of T_camera_rig in messages and tables.
+inline constexpr std::array kExtrinsicsNames{"x", "y", "z", "w_x", "w_y", "w_z"};
 
 }  // namespace plenocal

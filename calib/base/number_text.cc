@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/number_text.h"
+#include "calib/base/number_text.h"
 
 #include <fmt/format.h>
 
@@ -7,6 +7,21 @@
 #include <cmath>
 
 namespace plenocal {
+namespace {
+
+template <typename T>
+std::optional<T> Parse(std::string_view text) {
+  T value{};
+  const char* const end = text.data() + text.size();
+  const auto [after, error] = std::from_chars(text.data(), end, value);
+  if (error != std::errc() || after != end) return std::nullopt;
+  return value;
+}
+
+}  // namespace
+
+std::optional<double> ParseDouble(std::string_view text) { return Parse<double>(text); }
+std::optional<int> ParseInt(std::string_view text) { return Parse<int>(text); }
 
 void AppendFixed(double value, int decimals, std::string* text) {
   char buffer[400];

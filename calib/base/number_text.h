@@ -1,9 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <optional>
 #include <string>
+#include <string_view>
 
 namespace plenocal {
+
+/// The number that all of `text` is, in the notation of C; nothing for anything else. Independent
+/// of the locale. Infinite and NaN are numbers here.
+std::optional<double> ParseDouble(std::string_view text);
+std::optional<int> ParseInt(std::string_view text);
 
 /// Appends `value` with up to `decimals` digits after the point, without trailing zeros: "12.5".
 /// Plain and quick, for tables of coordinates in pixels.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/output_folder.h"
+#include "calib/base/output_folder.h"
 
 #include <fcntl.h>
 #include <fmt/format.h>
@@ -15,7 +15,7 @@
 #include <system_error>
 #include <utility>
 
-#include "calib/error.h"
+#include "calib/base/error.h"
 
 namespace plenocal {
 namespace {
@@ -99,8 +99,7 @@ OutputFolder::OutputFolder(fs::path folder) : folder_(std::move(folder)) {
   if (tries > kTries) {
     close(lock_);
     Fail(folder_,
-         "another run of plenocal writes into this output folder; wait for it or give "
-         "another -o");
+         "another run of plenocal writes into this output folder; wait for it or give another -o");
   }
   if (fs::exists(Partial() / kComplete, error)) MoveAll(Partial(), folder_);
   fs::remove_all(Partial(), error);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/parallel.h"
+#include "calib/base/parallel.h"
 
 #include <algorithm>
 #include <atomic>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/statistics.h"
+#include "calib/base/statistics.h"
 
 #include <cmath>
 #include <numbers>

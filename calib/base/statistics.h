@@ -1,9 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Tails of the distributions that the tests of this project need.
+// Medians, and tails of distributions for significance tests.
 #pragma once
 
+#include <algorithm>
+#include <cstddef>
+#include <vector>
+
 namespace plenocal {
+
+/// Median; of an even number of values the upper one of the middle two. `if_empty`: for no values.
+template <typename T>
+T Median(std::vector<T> values, T if_empty = T(0)) {
+  if (values.empty()) return if_empty;
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
 
 /// P(chi-square with k degrees of freedom > x), k >= 1: Q(k/2, x/2) by its recurrence in k.
 double ChiSquareTail(int k, double x);

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/text_file.h"
+#include "calib/base/text_file.h"
 
 #include <fmt/format.h>
 
 #include <fstream>
 
-#include "calib/error.h"
+#include "calib/base/error.h"
 
 namespace plenocal {
 

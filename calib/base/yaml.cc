@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/yaml.h"
+#include "calib/base/yaml.h"
 
 #include <fmt/format.h>
 #include <yaml-cpp/depthguard.h>
@@ -18,7 +18,7 @@
 #include <system_error>
 #include <unordered_map>
 
-#include "calib/error.h"
+#include "calib/base/error.h"
 
 namespace plenocal {
 namespace {

@@ -4,8 +4,8 @@
 //
 // A camera model is one header in models/ with one struct that satisfies `CameraModelPlugin`. The
 // build finds it (models/CMakeLists.txt) and puts its `CameraModel`, the table that the rest of the
-// project works with, into the registry. Reader, writer, `plenocal models`, the bundle adjuster and
-// the property tests all run over that table; nothing outside models/ knows what a parameter means.
+// project uses, into the registry. Reader, writer, `plenocal models`, the bundle adjuster and the
+// property tests all run over that table; no parameter has a meaning outside models/.
 #pragma once
 
 #include <ceres/jet.h>
@@ -24,8 +24,8 @@
 #include <type_traits>
 #include <vector>
 
-#include "calib/observation.h"
-#include "calib/rigid_transform.h"
+#include "calib/camera/observation.h"
+#include "calib/camera/rigid_transform.h"
 
 namespace plenocal {
 
@@ -41,12 +41,12 @@ double ValueOf(const ceres::Jet<T, N>& value) {
   return value.a;
 }
 
-/// Whether a parameter keeps its start value.
-enum class Held {
+/// When a parameter keeps its initial value.
+enum class Fixed {
   kNever,
-  /// In a calibration: a motion of the camera's frame, and so the poses, can do the same.
+  /// In a calibration: a motion of the camera's frame, and so the poses, has the same effect.
   kAgainstPoses,
-  /// The model's `Start` chooses it; others can do the same.
+  /// The model's `Start` chooses it; other parameters have the same effect.
   kAlways,
 };
 
@@ -56,37 +56,36 @@ struct Param {
   std::string_view unit;  ///< "px", "m", "1"
   double lower = -std::numeric_limits<double>::infinity();  ///< a value must be above this
   double upper = std::numeric_limits<double>::infinity();   ///< and below this
-  /// A change of this size, or of the parameter's own size where that is larger, makes another
-  /// camera. Uncertainty is judged in this unit: a direction whose sigma is larger than it is not
-  /// determined by the data.
+  /// Characteristic scale: uncertainty is judged in this unit, or in the parameter's own size where
+  /// that is larger. A direction whose standard deviation exceeds it is not determined by the data.
   double scale = 0;
-  /// The value at which the parameter has no effect; one that is held without a start value takes
-  /// it.
+  /// The value at which the parameter has no effect; one that is fixed without an initial value
+  /// takes it.
   std::optional<double> neutral = std::nullopt;
-  Held held = Held::kNever;
-  /// Positive for one of many coefficients of a field over the image, of which points tell only in
-  /// their neighbourhood: sigma of the Gaussian prior around 0 that it has besides.
+  Fixed fixed = Fixed::kNever;
+  /// Positive for one of many coefficients of a field over the image, which points determine only
+  /// in their neighbourhood: standard deviation of the Gaussian prior around 0.
   double prior_sigma = 0;
 };
 
-/// What a point in an image says about the scene: it lies on origin + lambda * direction, lambda >
-/// 0, in the camera's frame. |direction| = 1.
+/// Ray of an image point, in the camera's frame: the scene point lies on origin + lambda *
+/// direction, lambda > 0. |direction| = 1.
 struct Ray {
   Eigen::Vector3d origin = Eigen::Vector3d::Zero();
   Eigen::Vector3d direction = Eigen::Vector3d::UnitZ();
 };
 
-/// From what a model must find its start values.
+/// Input of a model's initial guess.
 struct StartProblem {
   std::span<const View> views;
   const std::map<int, Eigen::Vector3d>* markers = nullptr;  ///< marker number -> point, m
   ImageSize image_size{};
   std::span<const double> config;
-  std::span<const std::optional<double>> given;  ///< the user's start value of each parameter
-  const std::vector<bool>* fixed = nullptr;      ///< parameters to be held at their start value
+  std::span<const std::optional<double>> given;  ///< the user's initial value of each parameter
+  const std::vector<bool>* fixed = nullptr;      ///< parameters that keep their initial value
 };
 
-/// A possible start; the best of several is chosen by adjusting each.
+/// One of several initial guesses; the best is chosen by adjusting each.
 struct StartCandidate {
   std::vector<double> params;
 };
@@ -94,24 +93,31 @@ struct StartCandidate {
 /// Why a model does not describe a camera.
 struct Misfit {
   std::string reason;       ///< a sentence without its full stop; empty when it does
-  bool impossible = false;  ///< points are where the model images nothing
+  bool impossible = false;  ///< points lie where the model images nothing
 };
 
-/// Where a camera has seen the target.
-struct SeenSpan {
+/// Depths at which a camera has seen the target.
+struct DepthRange {
   double nearest = 0, farthest = 0;  ///< z of the target's points in the camera's frame, m
 };
 
-/// What a fit to observations leaves of one of them.
-struct OwnResidual {
+/// Residual of one observation in a replicate fit (`CameraModel::replicate_fit`).
+struct ReplicateResidual {
   double squared = 0;     ///< squared length of the residual, px^2
-  double redundancy = 0;  ///< its coordinates less its part in the fit's unknowns
+  double redundancy = 0;  ///< its coordinates less its share of the fit's unknowns
+};
+
+/// Where a projection and its derivatives are written; row-major, one row a measured coordinate.
+struct ProjectionOutput {
+  double* predicted = nullptr;  ///< measured coordinates
+  double* J_params = nullptr;   ///< measured x params
+  double* J_point = nullptr;    ///< measured x 3, by p_cam
 };
 
 /// A camera model as the rest of the project sees it: data and functions, no assumption about what
 /// the parameters mean. Pointers refer to static storage. `values` is an observation's:
-/// `measured.size()` measured coordinates, then `context.size()` numbers that say through what they
-/// were seen (a micro lens' centre).
+/// `measured.size()` measured coordinates, then `context.size()` numbers on which its projection
+/// depends besides (a micro lens' centre).
 struct CameraModel {
   std::string_view name;
   std::string_view source;        ///< publication and equations
@@ -123,7 +129,8 @@ struct CameraModel {
   std::span<const double> example_config;  ///< likewise
   ImageSize example_size;                  ///< image that goes with the example, px
   bool central;                            ///< all rays meet in the camera frame's origin
-  bool local;  ///< the image of a point depends on few of the parameters
+  bool plenoptic;  ///< observations are made through micro lenses, whose centre is their context
+  bool local;      ///< the image of a point depends on few of the parameters
 
   /// Predicted measured coordinates of p_cam; false outside the model's domain.
   bool (*project)(const double* params,
@@ -131,46 +138,44 @@ struct CameraModel {
                   const double* values,
                   const Eigen::Vector3d& p_cam,
                   double* predicted);
-  /// The same with derivatives: J_params is measured x params, J_point measured x 3, row-major.
+  /// The same with derivatives; all pointers of `out` are needed.
   bool (*project_with_jacobian)(const double* params,
                                 const double* config,
                                 const double* values,
                                 const Eigen::Vector3d& p_cam,
-                                double* predicted,
-                                double* J_params,
-                                double* J_point);
+                                const ProjectionOutput& out);
   /// The ray on which a measured point lies; nothing outside the domain.
   std::optional<Ray> (*unproject)(const double* params, const double* config, const double* values);
-  /// Start values without a guess by the user; empty when the views do not suffice.
+  /// Initial guesses without help from the user; empty when the views do not suffice.
   std::vector<StartCandidate> (*start)(const StartProblem& problem);
-  /// Why the model cannot be calibrated with these start values and held parameters, with the way
-  /// out; empty when it can. Null when the model never refuses.
+  /// Why the model cannot be calibrated with these initial values and fixed parameters, with the
+  /// remedy; empty when it can. Null when the model never refuses.
   std::string (*refusal)(const StartProblem& problem);
-  /// Whether the model describes the camera, of which `params` are the best start found and leave
-  /// residuals of median length `median_error`. Null when the model does not know.
+  /// Whether the model describes the camera; `params` are the best initial guess found, with
+  /// residuals of median length `median_error`, px. Null for a model without such a test.
   Misfit (*misfit)(const CameraModel& model,
                    const StartProblem& problem,
                    std::span<const double> params,
                    double median_error);
-  /// Why observations like these tell little of some parameters (places in `params`) and what to
-  /// add, in one sentence or more; may be empty. Null when the model has nothing to say.
-  std::string (*remedy)(std::span<const size_t> weak, const SeenSpan& seen);
-  /// Weighted least-squares fit of what the observations of one marker in one view obey among
-  /// themselves for any parameters: no calibration leaves less. Null when they obey nothing, as
-  /// when there is only one.
-  void (*own_fit)(std::span<const Observation* const> of_marker,
-                  std::span<const double> weights,
-                  OwnResidual* residuals);
-  /// What `Observation::kind` tells apart: "lens type". Empty when all observations are alike.
-  std::string_view kind_name;
-  /// Finds the kind of observations that came without. Null when all are alike.
-  void (*tell_kinds)(std::vector<View>* views);
+  /// Why observations like these determine some parameters badly (indices into `params`) and which
+  /// images to add, in one sentence or more; may be empty. Null for a model without advice.
+  std::string (*remedy)(std::span<const size_t> weak, const DepthRange& seen);
+  /// Replicate fit: weighted least-squares fit of the relation that the observations of one marker
+  /// in one view obey for any camera parameters, a lower bound of every calibration's residuals.
+  /// Null for models that see a marker once in a view.
+  void (*replicate_fit)(std::span<const Observation* const> of_marker,
+                        std::span<const double> weights,
+                        ReplicateResidual* residuals);
+  /// Finds `Observation::lens_type` of observations that came without. Null for models with one
+  /// type.
+  void (*assign_lens_types)(std::vector<View>* views);
 };
 
-/// What a struct in models/ must have. `Project` is the model's only statement of its mathematics.
+/// Members that a struct in models/ must have. `Project` is the model's only statement of its
+/// mathematics.
 ///
 /// Models of ordinary cameras derive from `CentralModel` (models/start/central_model.h), which
-/// supplies kMeasured, kContext, kConfig, kCentral, and have the short signatures
+/// supplies kMeasured, kContext, kConfig, kCentral, kPlenoptic, and have the short signatures
 ///   template <typename T> static bool Project(const T* params, const Vector3<T>& p_cam, T* u);
 ///   static std::optional<Vector3d> Unproject(const double* params, const Vector2d& u);
 /// Others take config and context as well, after params:
@@ -179,14 +184,14 @@ struct CameraModel {
 ///   static std::optional<Ray> Unproject(params, config, values);
 /// A model with many parameters, of which a point depends on a few, has
 ///   static std::array<size_t, n> Support(const double* params, const Eigen::Vector3d& p_cam);
-/// with their places; `Project` reads no others for that point.
-/// A model that not all data and held parameters can determine may have
+/// with their indices; `Project` reads no others for that point.
+/// A model that not all data and fixed parameters can determine may have
 ///   static std::string Refusal(const StartProblem& problem);
-///   static std::string Remedy(std::span<const size_t> weak, const SeenSpan& seen);
+///   static std::string Remedy(std::span<const size_t> weak, const DepthRange& seen);
 ///   static Misfit JudgeFit(const CameraModel&, const StartProblem&, std::span<const double>,
 ///                          double);
-/// One that sees a marker several times in a view may have OwnFit, kKindName and TellKinds
-/// (`CameraModel::own_fit` and so on).
+/// One that sees a marker several times in a view may have ReplicateFit and AssignLensTypes
+/// (`CameraModel::replicate_fit`, `CameraModel::assign_lens_types`).
 template <typename M>
 concept CameraModelPlugin = requires(const StartProblem& problem) {
   { M::kName } -> std::convertible_to<std::string_view>;
@@ -196,6 +201,7 @@ concept CameraModelPlugin = requires(const StartProblem& problem) {
   {std::span<const std::string_view>(M::kMeasured)};
   {std::span<const std::string_view>(M::kContext)};
   { M::kCentral } -> std::convertible_to<bool>;
+  { M::kPlenoptic } -> std::convertible_to<bool>;
   {std::span<const double>(M::kExample)};
   {std::span<const double>(M::kExampleConfig)};
   { M::kExampleSize } -> std::convertible_to<ImageSize>;
@@ -232,9 +238,7 @@ bool ProjectWithLocalJacobian(const double* params,
                               const double* config,
                               const double* values,
                               const Eigen::Vector3d& p_cam,
-                              double* predicted,
-                              double* J_params,
-                              double* J_point) {
+                              const ProjectionOutput& out) {
   constexpr size_t kMeasuredCount = M::kMeasured.size();
   const auto support = M::Support(params, p_cam);
   constexpr size_t kCount = std::tuple_size_v<std::remove_const_t<decltype(support)>>;
@@ -247,14 +251,16 @@ bool ProjectWithLocalJacobian(const double* params,
   for (int i = 0; i < 3; ++i) p_jet[i] = Jet(p_cam[i], static_cast<int>(kCount) + i);
   std::array<Jet, kMeasuredCount> predicted_jet;
   if (!Project<M>(params_jet.data(), config, values, p_jet, predicted_jet.data())) return false;
-  std::fill_n(J_params, kMeasuredCount * M::kParams.size(), 0.0);
+  std::fill_n(out.J_params, kMeasuredCount * M::kParams.size(), 0.0);
   for (size_t r = 0; r < kMeasuredCount; ++r) {
-    predicted[r] = predicted_jet[r].a;
+    out.predicted[r] = predicted_jet[r].a;
     const auto& v = predicted_jet[r].v;
     for (size_t i = 0; i < kCount; ++i) {
-      J_params[r * M::kParams.size() + support[i]] = v[static_cast<Eigen::Index>(i)];
+      out.J_params[r * M::kParams.size() + support[i]] = v[static_cast<Eigen::Index>(i)];
     }
-    for (size_t i = 0; i < 3; ++i) J_point[r * 3 + i] = v[static_cast<Eigen::Index>(kCount + i)];
+    for (size_t i = 0; i < 3; ++i) {
+      out.J_point[r * 3 + i] = v[static_cast<Eigen::Index>(kCount + i)];
+    }
   }
   return true;
 }
@@ -264,9 +270,7 @@ bool ProjectWithJacobian(const double* params,
                          const double* config,
                          const double* values,
                          const Eigen::Vector3d& p_cam,
-                         double* predicted,
-                         double* J_params,
-                         double* J_point) {
+                         const ProjectionOutput& out) {
   constexpr int kParamCount = static_cast<int>(M::kParams.size());
   constexpr int kMeasuredCount = static_cast<int>(M::kMeasured.size());
   using Jet = ceres::Jet<double, kParamCount + 3>;
@@ -278,9 +282,9 @@ bool ProjectWithJacobian(const double* params,
   std::array<Jet, kMeasuredCount> predicted_jet;
   if (!Project<M>(params_jet.data(), config, values, p_jet, predicted_jet.data())) return false;
   for (int r = 0; r < kMeasuredCount; ++r) {
-    predicted[r] = predicted_jet[r].a;
-    for (int i = 0; i < kParamCount; ++i) J_params[r * kParamCount + i] = predicted_jet[r].v[i];
-    for (int i = 0; i < 3; ++i) J_point[r * 3 + i] = predicted_jet[r].v[kParamCount + i];
+    out.predicted[r] = predicted_jet[r].a;
+    for (int i = 0; i < kParamCount; ++i) out.J_params[r * kParamCount + i] = predicted_jet[r].v[i];
+    for (int i = 0; i < 3; ++i) out.J_point[r * 3 + i] = predicted_jet[r].v[kParamCount + i];
   }
   return true;
 }
@@ -296,10 +300,6 @@ std::optional<Ray> Unproject(const double* params, const double* config, const d
     return M::Unproject(params, config, values);
   }
 }
-
-}  // namespace internal
-
-namespace internal {
 
 template <CameraModelPlugin M>
 constexpr auto JacobianOf() {
@@ -323,10 +323,9 @@ template <CameraModelPlugin M>
 constexpr void AddOptional(CameraModel* model) {
   if constexpr (requires { &M::Remedy; }) model->remedy = &M::Remedy;
   if constexpr (requires { &M::JudgeFit; }) model->misfit = &M::JudgeFit;
-  if constexpr (requires { &M::OwnFit; }) {
-    model->own_fit = &M::OwnFit;
-    model->kind_name = M::kKindName;
-    model->tell_kinds = &M::TellKinds;
+  if constexpr (requires { &M::ReplicateFit; }) {
+    model->replicate_fit = &M::ReplicateFit;
+    model->assign_lens_types = &M::AssignLensTypes;
   }
 }
 
@@ -345,6 +344,7 @@ constexpr CameraModel MakeCameraModel() {
                     M::kExampleConfig,
                     M::kExampleSize,
                     M::kCentral,
+                    M::kPlenoptic,
                     internal::HasSupport<M>,
                     &internal::Project<M, double>,
                     internal::JacobianOf<M>(),
@@ -354,7 +354,6 @@ constexpr CameraModel MakeCameraModel() {
                     nullptr,
                     nullptr,
                     nullptr,
-                    {},
                     nullptr};
   internal::AddOptional<M>(&model);
   return model;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/hexagonal_lattice.h"
+#include "calib/camera/hexagonal_lattice.h"
 
 #include <Eigen/Cholesky>
 #include <Eigen/Geometry>
@@ -14,8 +14,10 @@
 #include <set>
 #include <unordered_map>
 
-#include "calib/error.h"
-#include "calib/median.h"
+#include "calib/base/error.h"
+#include "calib/base/linear_algebra.h"
+#include "calib/base/robust.h"
+#include "calib/base/statistics.h"
 
 namespace plenocal {
 namespace {
@@ -70,10 +72,11 @@ class PointIndex {
   std::unordered_map<std::int64_t, std::vector<size_t>> buckets_;
 };
 
-// Of a normal distribution: standard deviation per coordinate / median length of a 2D vector.
-constexpr double kSigmaPerMedianLength = 0.8493218;
-// Tukey's biweight with 95 % efficiency for normal errors; for the length of 2D residuals.
-constexpr double kTukey = 6.0;
+// Width of Tukey's biweight in standard deviations: 95 % efficiency for normal errors, for the
+// length of 2D residuals.
+constexpr double kTukeyWidth = 6.0;
+// Width of Huber's weight in the first iteration, in the same unit.
+constexpr double kHuberWidth = 2.0;
 constexpr int kMaxDegree = 7;
 // Measurements per coefficient that a degree must at least have.
 constexpr double kPointsPerCoefficient = 2;
@@ -152,74 +155,105 @@ std::optional<Matrix2d> FindLatticeBasis(std::span<const Vector2d> points, Image
   return std::nullopt;
 }
 
-std::vector<std::optional<LatticeNode>> IndexLattice(std::span<const Vector2d> points,
-                                                     const Matrix2d& basis,
-                                                     ImageSize image_size) {
-  std::vector<std::optional<LatticeNode>> nodes(points.size());
-  const double pitch = basis.colwise().norm().mean();
-  // Nearer than this to the prediction a point is the node: half-way to a neighbour is pitch / 2.
-  const double reach = 0.3 * pitch;
-  const PointIndex index(points, pitch);
+namespace {
 
-  // Start nearest to the middle, where the six neighbours are in place.
-  const Vector2d middle = Middle(image_size);
-  std::optional<size_t> start;
-  for (size_t i = 0; i < points.size(); ++i) {
-    if (start && (points[i] - middle).norm() >= (points[*start] - middle).norm()) continue;
-    const bool surrounded = std::all_of(
-        kLatticeNeighbours.begin(), kLatticeNeighbours.end(), [&](const LatticeNode& step) {
-          const Vector2d there = points[i] + basis * Vector2d(step.column, step.row);
-          return index.Nearest(there, reach).has_value();
-        });
-    if (surrounded) start = i;
+// Grows a lattice from one node to its neighbours.
+class LatticeGrowth {
+ public:
+  LatticeGrowth(std::span<const Vector2d> points, const Matrix2d& basis, ImageSize image_size)
+      : points_(points),
+        basis_(basis),
+        image_size_(image_size),
+        pitch_(basis.colwise().norm().mean()),
+        index_(points, pitch_),
+        taken_(points.size(), false) {}
+
+  std::vector<std::optional<LatticeNode>> Run() {
+    std::vector<std::optional<LatticeNode>> nodes(points_.size());
+    const std::optional<size_t> start = FindStart();
+    if (!start) return nodes;
+    Take({0, 0}, *start);
+    while (!front_.empty()) {
+      const LatticeNode node = front_.front();
+      front_.pop_front();
+      for (const LatticeNode& step : kLatticeNeighbours) {
+        const LatticeNode next = node + step;
+        if (positions_.contains(next)) continue;
+        const Vector2d predicted = Predict(next);
+        // A node on the border may be predicted just beside it.
+        if (!IsInside(predicted, image_size_, Reach())) continue;
+        const std::optional<size_t> found = index_.Nearest(predicted, Reach());
+        // Around a hole the lattice grows through its neighbours.
+        if (found && !taken_[*found]) Take(next, *found);
+      }
+    }
+    for (const auto& [node, point] : points_of_) nodes[point] = node;
+    return nodes;
   }
-  if (!start) return nodes;
-  std::map<LatticeNode, Vector2d> places;
-  std::map<LatticeNode, size_t> points_of;
-  std::vector<bool> taken(points.size(), false);
-  std::deque<LatticeNode> front{{0, 0}};
-  places[{0, 0}] = points[*start];
-  points_of[{0, 0}] = *start;
-  taken[*start] = true;
+
+ private:
+  // A point nearer than this to the prediction is the node: half-way to a neighbour is pitch / 2.
+  [[nodiscard]] double Reach() const { return 0.3 * pitch_; }
+
+  // The point nearest to the middle that has all six neighbours.
+  [[nodiscard]] std::optional<size_t> FindStart() const {
+    const Vector2d middle = Middle(image_size_);
+    std::optional<size_t> start;
+    for (size_t i = 0; i < points_.size(); ++i) {
+      if (start && (points_[i] - middle).norm() >= (points_[*start] - middle).norm()) continue;
+      const bool surrounded = std::all_of(
+          kLatticeNeighbours.begin(), kLatticeNeighbours.end(), [&](const LatticeNode& step) {
+            const Vector2d there = points_[i] + basis_ * Vector2d(step.column, step.row);
+            return index_.Nearest(there, Reach()).has_value();
+          });
+      if (surrounded) start = i;
+    }
+    return start;
+  }
+
+  void Take(const LatticeNode& node, size_t point) {
+    taken_[point] = true;
+    points_of_[node] = point;
+    positions_[node] = points_[point];
+    front_.push_back(node);
+  }
 
   // From each pair of nodes in a line the next one, averaged over the six directions; from a single
   // neighbour by the basis.
-  const auto predict = [&](const LatticeNode& node) {
+  [[nodiscard]] Vector2d Predict(const LatticeNode& node) const {
     Vector2d by_pairs(0, 0), by_basis(0, 0);
     int pairs = 0, singles = 0;
     for (const LatticeNode& step : kLatticeNeighbours) {
-      const auto one = places.find(node + step);
-      if (one == places.end()) continue;
+      const auto one = positions_.find(node + step);
+      if (one == positions_.end()) continue;
       const Vector2d there(step.column, step.row);
-      by_basis += one->second - basis * there;
+      by_basis += one->second - basis_ * there;
       ++singles;
-      const auto two = places.find(node + step + step);
-      if (two == places.end()) continue;
+      const auto two = positions_.find(node + step + step);
+      if (two == positions_.end()) continue;
       by_pairs += 2 * one->second - two->second;
       ++pairs;
     }
     return pairs > 0 ? Vector2d(by_pairs / pairs) : Vector2d(by_basis / singles);
-  };
-  while (!front.empty()) {
-    const LatticeNode node = front.front();
-    front.pop_front();
-    for (const LatticeNode& step : kLatticeNeighbours) {
-      const LatticeNode next = node + step;
-      if (places.contains(next)) continue;
-      const Vector2d predicted = predict(next);
-      // A node on the border may be predicted just beside it.
-      if (!IsInside(predicted, image_size, reach)) continue;
-      const std::optional<size_t> found = index.Nearest(predicted, reach);
-      // Around a hole the lattice grows through its neighbours.
-      if (!found || taken[*found]) continue;
-      taken[*found] = true;
-      points_of[next] = *found;
-      places[next] = points[*found];
-      front.push_back(next);
-    }
   }
-  for (const auto& [node, point] : points_of) nodes[point] = node;
-  return nodes;
+
+  std::span<const Vector2d> points_;
+  const Matrix2d& basis_;
+  ImageSize image_size_;
+  double pitch_;
+  PointIndex index_;
+  std::vector<bool> taken_;
+  std::map<LatticeNode, Vector2d> positions_;
+  std::map<LatticeNode, size_t> points_of_;
+  std::deque<LatticeNode> front_;
+};
+
+}  // namespace
+
+std::vector<std::optional<LatticeNode>> IndexLattice(std::span<const Vector2d> points,
+                                                     const Matrix2d& basis,
+                                                     ImageSize image_size) {
+  return LatticeGrowth(points, basis, image_size).Run();
 }
 
 Eigen::VectorXd SmoothLattice::Monomials(const Vector2d& coordinates, int degree) const {
@@ -233,6 +267,81 @@ Eigen::VectorXd SmoothLattice::Monomials(const Vector2d& coordinates, int degree
   }
   return terms;
 }
+
+namespace {
+
+// Least squares of the measured positions by polynomials of the lattice coordinates.
+struct LatticeEquations {
+  Eigen::MatrixXd A;  // terms by degree
+  Eigen::MatrixX2d positions;
+  Eigen::VectorXd precision;  // 1 / sigma^2
+
+  struct Solution {
+    Eigen::Matrix2Xd coefficients;
+    Eigen::VectorXd residuals;  // lengths over sigma
+  };
+  [[nodiscard]] Solution Solve(int degree, const Eigen::VectorXd& weights) const {
+    const auto B = A.leftCols(Terms(degree));
+    const Eigen::MatrixXd N = B.transpose() * weights.asDiagonal() * B;
+    const Eigen::MatrixXd right = B.transpose() * weights.asDiagonal() * positions;
+    const Eigen::MatrixXd solution = SolveSymmetric(N, right);
+    return {
+        solution.transpose(),
+        ((positions - B * solution).rowwise().norm().array() * precision.array().sqrt()).matrix()};
+  }
+
+  struct RobustSolution {
+    Eigen::Matrix2Xd coefficients;
+    Eigen::VectorXd weights;
+    double sigma = 0;
+  };
+  // Tukey's biweight from a start by Huber's weights, which has no second minimum.
+  [[nodiscard]] RobustSolution SolveRobustly(int degree) const {
+    RobustSolution robust{{}, precision, 0};
+    Solution solution = Solve(degree, robust.weights);
+    for (int iteration = 0; iteration < kRobustIterations; ++iteration) {
+      const Eigen::VectorXd& residuals = solution.residuals;
+      const double last = robust.sigma;
+      robust.sigma =
+          kSigmaPerMedianLength2d * Median(std::vector<double>(residuals.begin(), residuals.end()));
+      // Exact data have no spread: keep the weights finite.
+      robust.sigma = std::max(robust.sigma, std::numeric_limits<double>::min());
+      if (std::abs(robust.sigma - last) <= kConverged * robust.sigma && iteration > 1) break;
+      for (Eigen::Index i = 0; i < precision.size(); ++i) {
+        const double t = residuals[i] / robust.sigma;
+        robust.weights[i] =
+            precision[i] * (iteration == 0 ? HuberWeight(t / kHuberWidth)
+                                           : TukeyWeight(t * t / (kTukeyWidth * kTukeyWidth)));
+      }
+      solution = Solve(degree, robust.weights);
+    }
+    robust.coefficients = solution.coefficients;
+    return robust;
+  }
+
+  // The degree by the Bayesian information criterion with the same weights for all, so that all are
+  // judged on the same data.
+  [[nodiscard]] int BestDegree(int most, const Eigen::VectorXd& weights) const {
+    const double samples = 2 * (weights.array() / precision.array()).sum();
+    double best = std::numeric_limits<double>::infinity();
+    int best_degree = 1;
+    for (int degree = 1; degree <= most; ++degree) {
+      const Eigen::VectorXd residuals = Solve(degree, weights).residuals;
+      const double sum =
+          (residuals.array().square() * weights.array() / precision.array()).sum() / samples;
+      const double criterion =
+          samples * std::log(std::max(sum, std::numeric_limits<double>::min())) +
+          2 * Terms(degree) * std::log(samples);
+      if (criterion < best) {
+        best = criterion;
+        best_degree = degree;
+      }
+    }
+    return best_degree;
+  }
+};
+
+}  // namespace
 
 SmoothLattice SmoothLattice::Fit(std::span<const LatticeMeasurement> measurements) {
   const auto count = static_cast<Eigen::Index>(measurements.size());
@@ -252,67 +361,18 @@ SmoothLattice SmoothLattice::Fit(std::span<const LatticeMeasurement> measurement
 
   int most = 1;
   while (most < kMaxDegree && count >= kPointsPerCoefficient * Terms(most + 1)) ++most;
-  Eigen::MatrixXd A(count, Terms(most));
-  Eigen::MatrixX2d positions(count, 2);
-  Eigen::VectorXd precision(count);  // 1 / sigma^2
+  LatticeEquations equations{
+      Eigen::MatrixXd(count, Terms(most)), Eigen::MatrixX2d(count, 2), Eigen::VectorXd(count)};
   for (Eigen::Index i = 0; i < count; ++i) {
     const LatticeMeasurement& m = measurements[i];
-    A.row(i) = lattice.Monomials(Vector2d(m.node.column, m.node.row), most);
-    positions.row(i) = m.position;
-    precision[i] = 1 / (m.sigma * m.sigma);
+    equations.A.row(i) = lattice.Monomials(Vector2d(m.node.column, m.node.row), most);
+    equations.positions.row(i) = m.position;
+    equations.precision[i] = 1 / (m.sigma * m.sigma);
   }
-
-  // Least squares with weights by the lower-degree terms; returns residual lengths over sigma.
-  const auto solve = [&](int degree, const Eigen::VectorXd& weights) {
-    const auto B = A.leftCols(Terms(degree));
-    const Eigen::MatrixXd N = B.transpose() * weights.asDiagonal() * B;
-    const Eigen::MatrixXd right = B.transpose() * weights.asDiagonal() * positions;
-    const Eigen::MatrixXd solution = N.ldlt().solve(right);
-    lattice.coefficients_ = solution.transpose();
-    return Eigen::VectorXd(
-        ((positions - B * solution).rowwise().norm().array() * precision.array().sqrt()).matrix());
-  };
-  // Tukey's biweight from a start by Huber's weights, which has no second minimum.
-  const auto solve_robustly = [&](int degree, Eigen::VectorXd* weights) {
-    *weights = precision;
-    Eigen::VectorXd residuals = solve(degree, *weights);
-    double sigma = 0;
-    for (int iteration = 0; iteration < kRobustIterations; ++iteration) {
-      const double last = sigma;
-      sigma =
-          kSigmaPerMedianLength * Median(std::vector<double>(residuals.begin(), residuals.end()));
-      // Exact data have no spread: keep the weights finite.
-      sigma = std::max(sigma, std::numeric_limits<double>::min());
-      if (std::abs(sigma - last) <= kConverged * sigma && iteration > 1) break;
-      for (Eigen::Index i = 0; i < count; ++i) {
-        const double t = residuals[i] / sigma;
-        const double huber = std::min(1.0, 2 / std::max(t, 1e-300));
-        const double tukey = t < kTukey ? std::pow(1 - t * t / (kTukey * kTukey), 2) : 0;
-        (*weights)[i] = precision[i] * (iteration == 0 ? huber : tukey);
-      }
-      residuals = solve(degree, *weights);
-    }
-    lattice.sigma_ = sigma;
-  };
-
-  // The degree: the criterion on the weights of the richest model, so that all are judged on the
-  // same data.
-  Eigen::VectorXd weights;
-  solve_robustly(most, &weights);
-  const double samples = 2 * (weights.array() / precision.array()).sum();
-  double best = std::numeric_limits<double>::infinity();
-  for (int degree = 1; degree <= most; ++degree) {
-    const Eigen::VectorXd residuals = solve(degree, weights);
-    const double sum =
-        (residuals.array().square() * weights.array() / precision.array()).sum() / samples;
-    const double criterion = samples * std::log(std::max(sum, std::numeric_limits<double>::min())) +
-                             2 * Terms(degree) * std::log(samples);
-    if (criterion < best) {
-      best = criterion;
-      lattice.degree_ = degree;
-    }
-  }
-  solve_robustly(lattice.degree_, &weights);
+  lattice.degree_ = equations.BestDegree(most, equations.SolveRobustly(most).weights);
+  const LatticeEquations::RobustSolution fit = equations.SolveRobustly(lattice.degree_);
+  lattice.coefficients_ = fit.coefficients;
+  lattice.sigma_ = fit.sigma;
   return lattice;
 }
 

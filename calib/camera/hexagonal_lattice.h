@@ -11,7 +11,7 @@
 #include <span>
 #include <vector>
 
-#include "calib/observation.h"
+#include "calib/camera/observation.h"
 
 namespace plenocal {
 
@@ -57,7 +57,7 @@ struct LatticeMeasurement {
 class SmoothLattice {
  public:
   /// Robust fit (Tukey's biweight). The degree, 1 to 7 (that of a radial distortion with three
-  /// terms), is the one that the data asks for by the Bayesian information criterion. Throws
+  /// terms), is chosen by the Bayesian information criterion. Throws
   /// `Error` of kind kJob for fewer than 6 measurements.
   static SmoothLattice Fit(std::span<const LatticeMeasurement> measurements);
 

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "calib/observation.h"
+#include "calib/camera/observation.h"
 
 namespace plenocal {
 
@@ -16,7 +16,7 @@ struct MicroLens {
   /// Micro-image centre in the raw, distorted image, px, (0, 0) at the centre of the top-left
   /// pixel.
   Eigen::Vector2d centre{0, 0};
-  int type = 0;        ///< 0 .. types - 1; the numbers only tell types apart
+  int type = 0;        ///< 0 .. types - 1; the order means nothing
   bool usable = true;  ///< false for a dead or dirty micro lens
 };
 

@@ -8,25 +8,25 @@
 namespace plenocal {
 
 /// A parameter of one of several cameras.
-struct ParamPlace {
+struct ParamIndex {
   size_t camera = 0, param = 0;
 
-  friend bool operator==(const ParamPlace&, const ParamPlace&) = default;
+  friend bool operator==(const ParamIndex&, const ParamIndex&) = default;
 };
 
-/// What is known of a parameter beside the images, other than that it is held.
+/// Constraints on a parameter beside the images.
 struct ParamRule {
-  /// Gaussian: it counts like one more observation.
+  /// Gaussian prior: it counts like one more observation.
   struct Prior {
     double value = 0, sigma = 0;
   };
   std::optional<Prior> prior = std::nullopt;
-  /// The estimate is within them, or at one of them.
+  /// Bounds of the estimate, which may lie on one of them.
   double lower = -std::numeric_limits<double>::infinity();
   double upper = std::numeric_limits<double>::infinity();
-  /// The parameter that this one is one with: it has no value of its own. Never one that is itself
-  /// one with another.
-  std::optional<ParamPlace> same_as = std::nullopt;
+  /// The parameter that this one is tied to: both have one value. Never one that is itself tied to
+  /// another.
+  std::optional<ParamIndex> tied_to = std::nullopt;
 };
 
 }  // namespace plenocal

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/ray_fit.h"
+#include "calib/camera/ray_fit.h"
 
 #include <ceres/ceres.h>
 
@@ -36,13 +36,12 @@ class DirectionCost : public ceres::CostFunction {
     for (size_t i = 0; i < image_.size(); ++i) {
       const double values[kMaxObservationSize] = {image_[i].x(), image_[i].y()};
       double predicted[2];
-      if (!model_.project_with_jacobian(parameters[0],
-                                        config_.data(),
-                                        values,
-                                        directions_[i],
-                                        predicted,
-                                        J_params.data(),
-                                        J_point)) {
+      if (!model_.project_with_jacobian(
+              parameters[0],
+              config_.data(),
+              values,
+              directions_[i],
+              {.predicted = predicted, .J_params = J_params.data(), .J_point = J_point})) {
         return false;
       }
       for (size_t r = 0; r < 2; ++r) {
@@ -71,31 +70,31 @@ bool FitToRays(const CameraModel& model,
                const std::vector<Eigen::Vector2d>& image,
                const RayFitOptions& options,
                std::vector<double>* params) {
-  std::vector<Eigen::Vector3d> seen_directions;
-  std::vector<Eigen::Vector2d> seen_image;
+  std::vector<Eigen::Vector3d> imaged_directions;
+  std::vector<Eigen::Vector2d> imaged;
   for (size_t i = 0; i < image.size(); ++i) {
     double predicted[2];
     const double values[kMaxObservationSize] = {image[i].x(), image[i].y()};
     if (model.project(params->data(), config.data(), values, directions[i], predicted)) {
-      seen_directions.push_back(directions[i]);
-      seen_image.push_back(image[i]);
+      imaged_directions.push_back(directions[i]);
+      imaged.push_back(image[i]);
     }
   }
   const auto count = static_cast<int>(params->size());
-  std::set<int> held(options.held.begin(), options.held.end());
+  std::set<int> fixed(options.fixed.begin(), options.fixed.end());
   for (int k = 0; k < count; ++k) {
-    if (model.params[static_cast<size_t>(k)].held == Held::kAlways) held.insert(k);
+    if (model.params[static_cast<size_t>(k)].fixed == Fixed::kAlways) fixed.insert(k);
   }
-  if (held.size() == params->size() || seen_image.size() < params->size()) return false;
+  if (fixed.size() == params->size() || imaged.size() < params->size()) return false;
 
   std::vector<double> fitted = *params;
   ceres::Problem fit;
   fit.AddParameterBlock(
       fitted.data(),
       count,
-      held.empty() ? nullptr : new ceres::SubsetManifold(count, {held.begin(), held.end()}));
+      fixed.empty() ? nullptr : new ceres::SubsetManifold(count, {fixed.begin(), fixed.end()}));
   fit.AddResidualBlock(
-      new DirectionCost(model, config, seen_directions, seen_image, options.within_bounds),
+      new DirectionCost(model, config, imaged_directions, imaged, options.within_bounds),
       nullptr,
       fitted.data());
   ceres::Solver::Options solver;

@@ -5,13 +5,13 @@
 #include <span>
 #include <vector>
 
-#include "calib/camera_model.h"
+#include "calib/camera/camera_model.h"
 
 namespace plenocal {
 
 struct RayFitOptions {
-  std::vector<int> held = {};  ///< indices of parameters that keep their value
-  bool within_bounds = false;  ///< no step leaves the parameters' bounds
+  std::vector<int> fixed = {};  ///< indices of parameters that keep their value
+  bool within_bounds = false;   ///< no step leaves the parameters' bounds
   int max_iterations = 50;
   double tolerance = 1e-6;  ///< of the sum of squares, relative
 };

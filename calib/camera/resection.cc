@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/resection.h"
+#include "calib/camera/resection.h"
 
 #include <Eigen/Dense>
 #include <algorithm>
@@ -10,7 +10,9 @@
 #include <random>
 #include <vector>
 
-#include "calib/median.h"
+#include "calib/base/linear_algebra.h"
+#include "calib/base/robust.h"
+#include "calib/base/statistics.h"
 
 namespace plenocal {
 namespace {
@@ -36,11 +38,11 @@ Spread SpreadOf(std::span<const Eigen::Vector3d> points) {
   for (const auto& p : points) {
     scatter += (p - spread.centre) * (p - spread.centre).transpose();
   }
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(scatter /
-                                                             static_cast<double>(points.size()));
-  spread.axes = eigen.eigenvectors().rowwise().reverse();
+  const SymmetricEigen3 eigen =
+      DecomposeSymmetric(Eigen::Matrix3d(scatter / static_cast<double>(points.size())));
+  spread.axes = eigen.vectors.rowwise().reverse();
   if (spread.axes.determinant() < 0) spread.axes.col(2) *= -1;
-  spread.extent = eigen.eigenvalues().reverse().cwiseMax(0).cwiseSqrt();
+  spread.extent = eigen.values.reverse().cwiseMax(0).cwiseSqrt();
   return spread;
 }
 
@@ -64,15 +66,8 @@ Eigen::MatrixXd SolveHomogeneous(std::span<const Ray> rays, const Eigen::MatrixX
     for (Eigen::Index c = 0; c < columns; ++c) rows.middleCols<3>(3 * c) = basis * q(c, n);
     normal += rows.transpose() * rows;
   }
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(normal);
-  const Eigen::VectorXd m = eigen.eigenvectors().col(0);
+  const Eigen::VectorXd m = DecomposeSymmetric(normal).vectors.col(0);
   return Eigen::Map<const Eigen::MatrixXd>(m.data(), 3, columns);
-}
-
-Eigen::Matrix3d NearestRotation(const Eigen::Matrix3d& M) {
-  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(M, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  Eigen::Vector3d signs(1, 1, (svd.matrixU() * svd.matrixV().transpose()).determinant());
-  return svd.matrixU() * signs.asDiagonal() * svd.matrixV().transpose();
 }
 
 // Which sign of the homogeneous solution puts more points in front of their rays.
@@ -115,7 +110,7 @@ RigidTransform MirroredTilt(const RigidTransform& T) {
   const Eigen::Vector3d sight = T.t.normalized();
   const Eigen::Vector3d normal = T.R.col(2);
   const Eigen::Vector3d mirrored = 2 * sight.dot(normal) * sight - normal;
-  return {Eigen::Quaterniond::FromTwoVectors(normal, mirrored).toRotationMatrix() * T.R, T.t};
+  return {RotationBetween(normal, mirrored) * T.R, T.t};
 }
 
 double RootMeanSquare(std::span<const double> values) {
@@ -142,101 +137,136 @@ struct Candidate {
   double median = 0, largest = 0, rms = 0, best_part = 0;
 };
 
-// Levenberg-Marquardt on the angles between rays and points, reweighted by Cauchy's function with
-// the median residual as its width, so that a misread marker does not pull the pose.
-std::optional<Candidate> Refine(std::span<const Ray> rays,
-                                const Eigen::Matrix3Xd& points,
-                                RigidTransform T) {
-  constexpr int kMaxIterations = 50;
-  // Far below what any image can tell; the bundle adjustment does the rest.
-  constexpr double kConverged = 1e-5;
-  const auto n = static_cast<Eigen::Index>(rays.size());
-  std::vector<Eigen::Matrix<double, 2, 3>> bases;
-  bases.reserve(rays.size());
-  for (const Ray& ray : rays) bases.push_back(Tangent(ray.direction));
+// The sines of the angles between rays and points as residuals, two a point.
+class AngleProblem {
+ public:
+  AngleProblem(std::span<const Ray> rays, const Eigen::Matrix3Xd& points)
+      : rays_(rays), points_(points) {
+    bases_.reserve(rays.size());
+    for (const Ray& ray : rays) bases_.push_back(Tangent(ray.direction));
+  }
 
-  const auto residuals = [&](const RigidTransform& pose, Eigen::Matrix2Xd* r) {
-    r->resize(2, n);
-    for (Eigen::Index i = 0; i < n; ++i) {
-      const Ray& ray = rays[static_cast<size_t>(i)];
-      const Eigen::Vector3d p = pose * Eigen::Vector3d(points.col(i)) - ray.origin;
+  // False where a point lies in a ray's origin.
+  bool Residuals(const RigidTransform& T, Eigen::Matrix2Xd* r) const {
+    r->resize(2, Count());
+    for (Eigen::Index i = 0; i < Count(); ++i) {
+      const Ray& ray = rays_[static_cast<size_t>(i)];
+      const Eigen::Vector3d p = T * Eigen::Vector3d(points_.col(i)) - ray.origin;
       const double distance = p.norm();
       if (!(distance > 0)) return false;
-      const Eigen::Vector2d tangential = bases[static_cast<size_t>(i)] * p / distance;
+      const Eigen::Vector2d tangential = bases_[static_cast<size_t>(i)] * p / distance;
       // Behind the ray the sine shrinks again; continue it so that the error keeps growing.
       const double forward = ray.direction.dot(p) / distance;
       r->col(i) = forward >= 0 ? tangential : Eigen::Vector2d(tangential * (1 - 4 * forward));
     }
     return true;
-  };
-  Eigen::Matrix2Xd r;
-  if (!residuals(T, &r)) return std::nullopt;
+  }
 
-  double lambda = 1e-3;
-  for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
-    std::vector<double> norms(rays.size());
-    for (Eigen::Index i = 0; i < n; ++i) norms[static_cast<size_t>(i)] = r.col(i).norm();
-    const double width = std::max(3 * Median(norms), 1e-12);
-    const auto cost = [&](const Eigen::Matrix2Xd& res) {
-      return (res.colwise().squaredNorm().array() / (width * width)).log1p().sum();
-    };
-
+  // Normal equations H delta = -g in the chart of T, with Cauchy's weights.
+  struct Equations {
     Matrix6d H = Matrix6d::Zero();
     Vector6d g = Vector6d::Zero();
-    for (Eigen::Index i = 0; i < n; ++i) {
+  };
+  [[nodiscard]] Equations Linearise(const RigidTransform& T,
+                                    const Eigen::Matrix2Xd& r,
+                                    double width) const {
+    Equations equations;
+    for (Eigen::Index i = 0; i < Count(); ++i) {
       const auto k = static_cast<size_t>(i);
-      const Eigen::Vector3d rotated = T.R * points.col(i);
-      const Eigen::Vector3d p = rotated + T.t - rays[k].origin;
+      const Eigen::Vector3d rotated = T.R * points_.col(i);
+      const Eigen::Vector3d p = rotated + T.t - rays_[k].origin;
       const double distance = p.norm();
       const Eigen::Vector3d u = p / distance;
       const Eigen::Matrix<double, 2, 3> J_p =
-          bases[k] * (Eigen::Matrix3d::Identity() - u * u.transpose()) / distance;
+          bases_[k] * (Eigen::Matrix3d::Identity() - u * u.transpose()) / distance;
       Eigen::Matrix<double, 2, 6> J;
       J.leftCols<3>() = J_p;
       J.rightCols<3>() = -J_p * Hat(rotated);
-      const double weight = 1 / (1 + norms[k] * norms[k] / (width * width));
-      H += weight * J.transpose() * J;
-      g += weight * J.transpose() * r.col(i);
+      const double norm = r.col(i).norm();
+      const double weight = CauchyWeight(norm * norm / (width * width));
+      equations.H += weight * J.transpose() * J;
+      equations.g += weight * J.transpose() * r.col(i);
     }
+    return equations;
+  }
+
+  // The pose with its angles; nothing when most points are behind their rays.
+  [[nodiscard]] std::optional<Candidate> Judge(const RigidTransform& T) const {
+    std::vector<double> angles;
+    double front = 0;
+    for (Eigen::Index i = 0; i < Count(); ++i) {
+      const auto k = static_cast<size_t>(i);
+      const Eigen::Vector3d p = T * Eigen::Vector3d(points_.col(i)) - rays_[k].origin;
+      angles.push_back(std::atan2((bases_[k] * p).norm(), rays_[k].direction.dot(p)));
+      front += rays_[k].direction.dot(p) > 0 ? 1 : 0;
+    }
+    if (2 * front < static_cast<double>(Count())) return std::nullopt;
+    std::sort(angles.begin(), angles.end());
+    return Candidate{
+        .T = T,
+        .median = angles[angles.size() / 2],
+        .largest = angles.back(),
+        .rms = RootMeanSquare(angles),
+        .best_part = RootMeanSquare(std::span(angles).first(angles.size() - angles.size() / 4))};
+  }
+
+ private:
+  [[nodiscard]] Eigen::Index Count() const { return static_cast<Eigen::Index>(rays_.size()); }
+
+  std::span<const Ray> rays_;
+  const Eigen::Matrix3Xd& points_;
+  std::vector<Eigen::Matrix<double, 2, 3>> bases_;
+};
+
+// Width of Cauchy's weight: three median residuals.
+double RobustWidth(const Eigen::Matrix2Xd& r) {
+  std::vector<double> norms(static_cast<size_t>(r.cols()));
+  for (Eigen::Index i = 0; i < r.cols(); ++i) norms[static_cast<size_t>(i)] = r.col(i).norm();
+  return std::max(3 * Median(norms), 1e-12);
+}
+
+// Levenberg-Marquardt on the angles between rays and points, reweighted by Cauchy's function with
+// a width from the median residual, so that a misread marker does not pull the pose.
+std::optional<Candidate> Refine(std::span<const Ray> rays,
+                                const Eigen::Matrix3Xd& points,
+                                RigidTransform T) {
+  constexpr int kMaxIterations = 50, kMaxAttempts = 10;
+  // Far below what any image can determine; the bundle adjustment does the rest.
+  constexpr double kConverged = 1e-5;
+  constexpr double kFirstDamping = 1e-3, kLeastDamping = 1e-12;
+  const AngleProblem problem(rays, points);
+  Eigen::Matrix2Xd r;
+  if (!problem.Residuals(T, &r)) return std::nullopt;
+  double damping = kFirstDamping;
+  for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
+    const double width = RobustWidth(r);
+    const auto cost = [&](const Eigen::Matrix2Xd& residuals) {
+      return (residuals.colwise().squaredNorm().array() / (width * width)).log1p().sum();
+    };
+    const AngleProblem::Equations equations = problem.Linearise(T, r, width);
     const double before = cost(r);
     bool improved = false;
     double step_size = 0;
-    for (int attempt = 0; attempt < 10 && !improved; ++attempt) {
-      Matrix6d damped = H;
-      damped.diagonal() += lambda * H.diagonal();
-      const Vector6d delta = -damped.ldlt().solve(g);
+    for (int attempt = 0; attempt < kMaxAttempts && !improved; ++attempt) {
+      Matrix6d damped = equations.H;
+      damped.diagonal() += damping * equations.H.diagonal();
+      const Vector6d delta = -SolveSymmetric(damped, equations.g);
       if (!delta.allFinite()) return std::nullopt;
       const RigidTransform next = Retract(T, delta);
       Eigen::Matrix2Xd r_next;
-      if (residuals(next, &r_next) && cost(r_next) < before) {
+      if (problem.Residuals(next, &r_next) && cost(r_next) < before) {
         T = next;
         r = r_next;
-        lambda = std::max(lambda / 10, 1e-12);
+        damping = std::max(damping / 10, kLeastDamping);
         improved = true;
         step_size = delta.norm();
       } else {
-        lambda *= 10;
+        damping *= 10;
       }
     }
     if (!improved || step_size < kConverged) break;
   }
-
-  std::vector<double> angles;
-  double front = 0;
-  for (Eigen::Index i = 0; i < n; ++i) {
-    const auto k = static_cast<size_t>(i);
-    const Eigen::Vector3d p = T * Eigen::Vector3d(points.col(i)) - rays[k].origin;
-    angles.push_back(std::atan2((bases[k] * p).norm(), rays[k].direction.dot(p)));
-    front += rays[k].direction.dot(p) > 0 ? 1 : 0;
-  }
-  if (2 * front < static_cast<double>(n)) return std::nullopt;
-  std::sort(angles.begin(), angles.end());
-  return Candidate{
-      .T = T,
-      .median = angles[angles.size() / 2],
-      .largest = angles.back(),
-      .rms = RootMeanSquare(angles),
-      .best_part = RootMeanSquare(std::span(angles).first(angles.size() - angles.size() / 4))};
+  return problem.Judge(T);
 }
 
 /// From the closed-form starts of `chosen` markers, refined on all.

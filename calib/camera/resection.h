@@ -5,8 +5,8 @@
 #include <optional>
 #include <span>
 
-#include "calib/camera_model.h"
-#include "calib/rigid_transform.h"
+#include "calib/camera/camera_model.h"
+#include "calib/camera/rigid_transform.h"
 
 namespace plenocal {
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/rigid_transform.h"
+#include "calib/camera/rigid_transform.h"
 
 #include <cmath>
 

@@ -28,7 +28,7 @@ struct RigidTransform {
   [[nodiscard]] RigidTransform Inverse() const { return {R.transpose(), -(R.transpose() * t)}; }
 };
 
-/// exp(xi^) of se(3), xi = [v, w] with the translational part first (FORMATS.md).
+/// exp(xi^) of se(3), xi = [v, w] with the translational part first (docs/conventions.md).
 RigidTransform Exp(const Vector6d& xi);
 /// Inverse of Exp.
 Vector6d Log(const RigidTransform& T);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/raytrix_grid.h"
+#include "calib/files/raytrix_grid.h"
 
 #include <fmt/format.h>
 
@@ -13,8 +13,8 @@
 #include <pugixml.hpp>
 #include <string>
 
-#include "calib/error.h"
-#include "calib/hexagonal_lattice.h"
+#include "calib/base/error.h"
+#include "calib/camera/hexagonal_lattice.h"
 
 namespace plenocal {
 namespace {

@@ -1,24 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/session.h"
+#include "calib/files/session.h"
 
 #include <fmt/format.h>
-#include <fnmatch.h>
-#include <glob.h>
 
 #include <algorithm>
 #include <map>
 #include <optional>
 
-#include "calib/camera_yaml.h"
-#include "calib/error.h"
-#include "calib/names.h"
-#include "calib/yaml.h"
+#include "calib/base/error.h"
+#include "calib/base/names.h"
+#include "calib/base/yaml.h"
+#include "calib/files/calibration_file.h"
 
 namespace plenocal {
 namespace {
 
 // Index of the parameter that `name` stands for; fails at `node` when there is none.
-size_t ParamIndex(const CameraModel& model, const std::string& name, const YamlNode& node) {
+size_t IndexOfParam(const CameraModel& model, const std::string& name, const YamlNode& node) {
   std::vector<std::string_view> names;
   for (size_t i = 0; i < model.params.size(); ++i) {
     if (model.params[i].name == name) return i;
@@ -75,13 +73,13 @@ SessionCamera ReadCamera(const std::string& name,
   if (node.Has("detections")) camera.detections = PathBeside(session, node.At("detections"));
   if (node.Has("white_images")) camera.white_images = PathBeside(session, node.At("white_images"));
   if (node.Has("bayer")) {
-    camera.bayer = node.At("bayer").AsString();
-    static constexpr std::array<std::string_view, 4> kOrders{"RGGB", "BGGR", "GRBG", "GBRG"};
-    if (std::find(kOrders.begin(), kOrders.end(), camera.bayer) == kOrders.end()) {
+    const std::string order = node.At("bayer").AsString();
+    camera.bayer = ParseBayerOrder(order);
+    if (!camera.bayer) {
       node.At("bayer").Fail(
           fmt::format("expected the colours of the top-left 2 x 2 pixels, found '{}'{}",
-                      camera.bayer,
-                      SuggestName(camera.bayer, kOrders)));
+                      order,
+                      SuggestName(order, kBayerOrders)));
     }
   }
   if (node.Has("image_size")) {
@@ -96,17 +94,17 @@ SessionCamera ReadCamera(const std::string& name,
   camera.initial.resize(model.params.size());
   if (node.Has("initial")) {
     for (const auto& [param, value] : node.At("initial").Entries()) {
-      const size_t index = ParamIndex(model, param, value);
+      const size_t index = IndexOfParam(model, param, value);
       camera.initial[index] = ReadWithin(value, model.params[index]);
     }
   }
   camera.fixed.resize(model.params.size(), false);
   if (node.Has("fixed")) {
     for (const YamlNode& element : node.At("fixed").Elements()) {
-      const size_t index = ParamIndex(model, element.AsString(), element);
+      const size_t index = IndexOfParam(model, element.AsString(), element);
       if (!camera.initial[index]) camera.initial[index] = model.params[index].neutral;
       if (!camera.initial[index]) {
-        element.Fail(fmt::format("'{}' is to be held, but 'initial' gives no value for it",
+        element.Fail(fmt::format("'{}' is to be fixed, but 'initial' gives no value for it",
                                  element.AsString()));
       }
       camera.fixed[index] = true;
@@ -117,9 +115,10 @@ SessionCamera ReadCamera(const std::string& name,
 
 void ReadPriors(const YamlNode& node, SessionCamera* camera) {
   for (const auto& [name, prior] : node.Entries()) {
-    const size_t k = ParamIndex(*camera->model, name, prior);
+    const size_t k = IndexOfParam(*camera->model, name, prior);
     prior.CheckKeys({"value", "sigma"});
-    if (camera->fixed[k]) prior.Fail(fmt::format("'{}' is held ('fixed')", name));
+    if (camera->fixed[k])
+      prior.Fail(fmt::format("'{}' is fixed; remove it here or from 'fixed'", name));
     camera->rules[k].prior = {ReadWithin(prior.At("value"), camera->model->params[k]),
                               prior.At("sigma").AsPositive()};
   }
@@ -127,7 +126,7 @@ void ReadPriors(const YamlNode& node, SessionCamera* camera) {
 
 void ReadBounds(const YamlNode& node, SessionCamera* camera) {
   for (const auto& [name, bounds] : node.Entries()) {
-    const size_t k = ParamIndex(*camera->model, name, bounds);
+    const size_t k = IndexOfParam(*camera->model, name, bounds);
     const auto elements = bounds.Elements();
     if (elements.size() != 2) bounds.Fail("expected [lowest, highest]");
     ParamRule& rule = camera->rules[k];
@@ -135,7 +134,8 @@ void ReadBounds(const YamlNode& node, SessionCamera* camera) {
     rule.upper = ReadWithin(elements[1], camera->model->params[k]);
     if (!(rule.lower < rule.upper))
       bounds.Fail("expected the lowest value first, then the highest");
-    if (camera->fixed[k]) bounds.Fail(fmt::format("'{}' is held ('fixed')", name));
+    if (camera->fixed[k])
+      bounds.Fail(fmt::format("'{}' is fixed; remove it here or from 'fixed'", name));
     const auto check = [&rule, &name = name, &bounds = bounds](const char* what,
                                                                std::optional<double> value) {
       if (!value || (*value >= rule.lower && *value <= rule.upper)) return;
@@ -147,10 +147,10 @@ void ReadBounds(const YamlNode& node, SessionCamera* camera) {
   }
 }
 
-// Makes a parameter one with another, which has what the session says of both.
+// Ties a parameter to another, which takes over what the session gives for it.
 void Tie(const YamlNode& node,
-         ParamPlace from,
-         ParamPlace to,
+         ParamIndex from,
+         ParamIndex to,
          std::vector<SessionCamera>* cameras) {
   SessionCamera& camera = (*cameras)[from.camera];
   SessionCamera& other = (*cameras)[to.camera];
@@ -167,8 +167,7 @@ void Tie(const YamlNode& node,
                           root.unit));
   }
   ParamRule& rule = camera.rules[from.param];
-  if (rule.same_as)
-    node.Fail(fmt::format("'{}' is one with another parameter already", param.name));
+  if (rule.tied_to) node.Fail(fmt::format("'{}' is tied to another parameter already", param.name));
   if (rule.prior || rule.lower != ParamRule().lower) {
     node.Fail(fmt::format(
         "'{}' has no value of its own; give prior and bounds to '{}'", param.name, root_name));
@@ -176,15 +175,16 @@ void Tie(const YamlNode& node,
   std::optional<double>& start = camera.initial[from.param];
   std::optional<double>& root_start = other.initial[to.param];
   if (start && root_start && *start != *root_start) {
-    node.Fail(fmt::format("'{}' starts at {:g}, but '{}', with which it is one, at {:g}",
-                          param.name,
-                          *start,
-                          root_name,
-                          *root_start));
+    node.Fail(
+        fmt::format("'initial' of '{}' is {:g}, but that of '{}', to which it is tied, is {:g}",
+                    param.name,
+                    *start,
+                    root_name,
+                    *root_start));
   }
   if (!root_start) root_start = start;
   if (camera.fixed[from.param]) other.fixed[to.param] = true;
-  rule.same_as = to;
+  rule.tied_to = to;
 }
 
 void ReadEqual(const YamlNode& node, size_t c, std::vector<SessionCamera>* cameras) {
@@ -192,9 +192,9 @@ void ReadEqual(const YamlNode& node, size_t c, std::vector<SessionCamera>* camer
   for (const YamlNode& group : node.Elements()) {
     const auto names = group.Elements();
     if (names.size() < 2) group.Fail("expected two parameters or more: [f_x, f_y]");
-    const size_t root = ParamIndex(model, names[0].AsString(), names[0]);
+    const size_t root = IndexOfParam(model, names[0].AsString(), names[0]);
     for (size_t i = 1; i < names.size(); ++i) {
-      const size_t k = ParamIndex(model, names[i].AsString(), names[i]);
+      const size_t k = IndexOfParam(model, names[i].AsString(), names[i]);
       if (k == root) names[i].Fail("named twice");
       Tie(names[i], {c, k}, {c, root}, cameras);
     }
@@ -204,7 +204,7 @@ void ReadEqual(const YamlNode& node, size_t c, std::vector<SessionCamera>* camer
 void ReadShared(const YamlNode& node, size_t c, std::vector<SessionCamera>* cameras) {
   const std::vector<std::string_view> names = NamesOf(*cameras);
   for (const auto& [name, value] : node.Entries()) {
-    const size_t k = ParamIndex(*(*cameras)[c].model, name, value);
+    const size_t k = IndexOfParam(*(*cameras)[c].model, name, value);
     const std::string other = value.AsString();
     const auto found = std::find(names.begin(), names.end(), other);
     if (found == names.end() || other == (*cameras)[c].name) {
@@ -215,7 +215,7 @@ void ReadShared(const YamlNode& node, size_t c, std::vector<SessionCamera>* came
                              SuggestName(other, others)));
     }
     const auto place = static_cast<size_t>(found - names.begin());
-    Tie(value, {c, k}, {place, ParamIndex(*(*cameras)[place].model, name, value)}, cameras);
+    Tie(value, {c, k}, {place, IndexOfParam(*(*cameras)[place].model, name, value)}, cameras);
   }
 }
 
@@ -237,21 +237,21 @@ void ReadRules(const YamlNode& cameras_node, std::vector<SessionCamera>* cameras
   for (size_t c = 0; c < nodes.size(); ++c) {
     SessionCamera& camera = (*cameras)[c];
     for (size_t k = 0; k < camera.rules.size(); ++k) {
-      auto& same_as = camera.rules[k].same_as;
-      if (!same_as) continue;
-      // The end of the chain.
+      auto& tied_to = camera.rules[k].tied_to;
+      if (!tied_to) continue;
+      // The parameter at the end of a chain of ties.
       for (size_t steps = 0;; ++steps) {
-        const auto& next = (*cameras)[same_as->camera].rules[same_as->param].same_as;
+        const auto& next = (*cameras)[tied_to->camera].rules[tied_to->param].tied_to;
         if (!next) break;
-        if (steps > nodes.size() || *next == ParamPlace{c, k}) {
+        if (steps > nodes.size() || *next == ParamIndex{c, k}) {
           nodes[c].second.At("shared").Fail(
-              fmt::format("'{}' would be one with itself; share it in one direction",
+              fmt::format("'{}' would be tied to itself; share it in one direction",
                           camera.model->params[k].name));
         }
-        same_as = *next;
+        tied_to = *next;
       }
-      camera.initial[k] = (*cameras)[same_as->camera].initial[same_as->param];
-      camera.fixed[k] = (*cameras)[same_as->camera].fixed[same_as->param];
+      camera.initial[k] = (*cameras)[tied_to->camera].initial[tied_to->param];
+      camera.fixed[k] = (*cameras)[tied_to->camera].fixed[tied_to->param];
     }
   }
   const bool none = std::ranges::none_of(nodes, [](const auto& entry) {
@@ -261,25 +261,6 @@ void ReadRules(const YamlNode& cameras_node, std::vector<SessionCamera>* cameras
   for (SessionCamera& camera : *cameras) {
     if (none) camera.rules.clear();
   }
-}
-
-// What the last `*` of a pattern stands for in a path that matches it: of `*_*.png` and a_b_01.png
-// it is 01, since the stars before it take all they can. Nothing for a pattern without `*`.
-std::optional<std::string> LastStar(const std::string& text, const std::string& pattern) {
-  const size_t star = pattern.rfind('*');
-  if (star == std::string::npos) return std::nullopt;
-  const std::string before = pattern.substr(0, star), after = pattern.substr(star + 1);
-  const auto matches = [](const std::string& part, const std::string& text_part) {
-    return fnmatch(part.c_str(), text_part.c_str(), FNM_PATHNAME) == 0;
-  };
-  for (size_t begin = text.size() + 1; begin-- > 0;) {
-    if (!matches(before, text.substr(0, begin))) continue;
-    for (size_t end = text.size() + 1; end-- > begin;) {
-      const std::string name = text.substr(begin, end - begin);
-      if (name.find('/') == std::string::npos && matches(after, text.substr(end))) return name;
-    }
-  }
-  return std::nullopt;
 }
 
 }  // namespace
@@ -316,40 +297,6 @@ Session ReadSession(const std::filesystem::path& path, std::span<const CameraMod
     }
   }
   return session;
-}
-
-std::vector<FrameImage> ExpandImages(const std::string& pattern, const std::string& what) {
-  glob_t found{};
-  const int status = glob(pattern.c_str(), 0, nullptr, &found);
-  std::vector<FrameImage> images;
-  for (size_t i = 0; i < found.gl_pathc; ++i) images.push_back({"", found.gl_pathv[i]});
-  globfree(&found);
-  if (status != 0 || images.empty()) {
-    throw Error(
-        ErrorKind::kInput,
-        fmt::format("{}: no file matches '{}'; check the path (it is relative to the session "
-                    "file) and the pattern",
-                    what,
-                    pattern));
-  }
-
-  std::map<std::string, std::filesystem::path> frames;
-  for (FrameImage& image : images) {
-    const std::string text = image.path.string();
-    image.frame = LastStar(text, pattern).value_or(image.path.stem().string());
-    const auto [place, is_new] = frames.emplace(image.frame, image.path);
-    if (!is_new) {
-      throw Error(ErrorKind::kInput,
-                  fmt::format("{}: {} and {} both belong to frame '{}' (what the last '*' of '{}' "
-                              "stands for); use a pattern that tells them apart",
-                              what,
-                              place->second.string(),
-                              text,
-                              image.frame,
-                              pattern));
-    }
-  }
-  return images;
 }
 
 }  // namespace plenocal

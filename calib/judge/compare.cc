@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/compare.h"
+#include "calib/judge/compare.h"
 
 #include <fmt/format.h>
 
@@ -9,10 +9,10 @@
 #include <limits>
 #include <numbers>
 
-#include "calib/error.h"
-#include "calib/matrix_root.h"
-#include "calib/median.h"
-#include "calib/statistics.h"
+#include "calib/base/error.h"
+#include "calib/base/linear_algebra.h"
+#include "calib/base/matrix_root.h"
+#include "calib/base/statistics.h"
 
 namespace plenocal {
 namespace {
@@ -41,13 +41,12 @@ bool Project(const CalibratedCamera& camera,
   RowMajor by_params(rows, count), by_point(rows, 3);
   difference->resize(rows);
   const Eigen::Vector3d p = T_camera_a * sample.p_a;
-  if (!camera.model->project_with_jacobian(camera.params.data(),
-                                           camera.config.data(),
-                                           sample.values.data(),
-                                           p,
-                                           difference->data(),
-                                           by_params.data(),
-                                           by_point.data())) {
+  if (!camera.model->project_with_jacobian(
+          camera.params.data(),
+          camera.config.data(),
+          sample.values.data(),
+          p,
+          {difference->data(), by_params.data(), by_point.data()})) {
     return false;
   }
   for (Eigen::Index r = 0; r < rows; ++r) {
@@ -63,7 +62,7 @@ std::vector<Sample> Samples(const CalibratedCamera& a, const std::vector<double>
   // Through a micro lens the place in its image says how far away a point is, so both count.
   static constexpr std::array<std::array<double, 2>, 4> kOffsets{
       {{kLensOffset, 0}, {-kLensOffset, 0}, {0, kLensOffset}, {0, -kLensOffset}}};
-  const size_t lenses = a.model->context.empty() ? 1 : kOffsets.size();
+  const size_t lenses = a.model->plenoptic ? kOffsets.size() : 1;
   for (size_t d = 0; d < distances.size(); ++d) {
     for (int row = 0; row < kComparedRows; ++row) {
       for (int column = 0; column < kComparedColumns; ++column) {
@@ -140,8 +139,7 @@ System Linearise(const CalibratedCamera& a,
       sample.used = false;
       continue;
     }
-    const Eigen::MatrixXd dp =
-        -J_a_point.completeOrthogonalDecomposition().pseudoInverse() * J_a_params;
+    const Eigen::MatrixXd dp = -(PseudoInverse(J_a_point) * J_a_params);
     system.d.segment(at, rows) = difference;
     // No translation changes what is infinitely far away.
     const double unit_here = std::isfinite(distances[sample.distance]) ? unit : 0;
@@ -181,9 +179,8 @@ Eigen::VectorXd Weights(const System& system, const Eigen::MatrixXd& root, Eigen
 Eigen::MatrixXd MotionFor(const System& system,
                           const Eigen::VectorXd& weights,
                           const Eigen::MatrixXd& differences) {
-  return -(weights.asDiagonal() * system.H)
-              .completeOrthogonalDecomposition()
-              .solve(weights.asDiagonal() * differences);
+  return -LeastSquares(weights.asDiagonal() * system.H,
+                       Eigen::MatrixXd(weights.asDiagonal() * differences));
 }
 
 // P(X > x) of a sum of squares with weights lambda whose sum and sum of squares are given: X is
@@ -221,15 +218,11 @@ ImageDifference Judge(const System& system,
   return result;
 }
 
-}  // namespace
-
-CameraDifference CompareCameras(const CalibratedCamera& a,
-                                const CalibratedCamera& b,
-                                const std::vector<double>& distances) {
+void RefuseDifferentCameras(const CalibratedCamera& a, const CalibratedCamera& b) {
   if (a.image_size != b.image_size) {
     throw Error(ErrorKind::kInput,
-                fmt::format("{}: one calibration is of images of {} x {} px, the other of {} x {}; "
-                            "only calibrations for equal images can be compared",
+                fmt::format("{}: one calibration is of images of {} x {} px, the other of {} x "
+                            "{}; only calibrations for equal images can be compared",
                             a.name,
                             a.image_size[0],
                             a.image_size[1],
@@ -245,70 +238,114 @@ CameraDifference CompareCameras(const CalibratedCamera& a,
                             a.model->name,
                             b.model->name));
   }
-  CameraDifference result;
-  result.name = a.name;
-  std::vector<Sample> samples = Samples(a, distances);
-  double unit = *std::ranges::min_element(distances);
-  if (!std::isfinite(unit)) unit = 1;
+}
 
-  const Eigen::Index n_b = b.covariance.rows(), n_a = a.covariance.rows();
-  Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(n_b + n_a, n_b + n_a);
-  covariance.topLeftCorner(n_b, n_b) = b.covariance;
-  covariance.bottomRightCorner(n_a, n_a) = a.covariance;
-  result.has_prediction = covariance.allFinite() && covariance.squaredNorm() > 0;
-  const Eigen::MatrixXd root = result.has_prediction ? Root(covariance) : Eigen::MatrixXd();
-  const auto rows = static_cast<Eigen::Index>(b.model->measured.size());
-
-  // Gauss-Newton for the implied motion; where nothing tells of the translation (all is far away)
-  // the shortest step leaves it alone.
-  constexpr int kIterations = 20;
-  constexpr double kConverged = 1e-12;
-  System system;
-  for (int i = 0; i < kIterations; ++i) {
-    system = Linearise(a, b, distances, result.T_b_a, unit, &samples);
-    if (system.of.size() < 6) {
-      throw Error(
-          ErrorKind::kJob,
-          fmt::format("{}: hardly a pixel of one calibration is seen by the other", a.name));
-    }
-    Vector6d step = MotionFor(system, Weights(system, root, rows), system.d);
-    step.head<3>() *= unit;
-    result.T_b_a = Retract(result.T_b_a, step);
-    if (step.norm() < kConverged * std::max(1.0, unit)) break;
+// Two calibrations of one camera at some distances.
+class Comparison {
+ public:
+  Comparison(const CalibratedCamera& a,
+             const CalibratedCamera& b,
+             const std::vector<double>& distances)
+      : a_(a),
+        b_(b),
+        distances_(distances),
+        samples_(Samples(a, distances)),
+        rows_(static_cast<Eigen::Index>(b.model->measured.size())) {
+    unit_ = *std::ranges::min_element(distances);
+    if (!std::isfinite(unit_)) unit_ = 1;
+    result_.name = a.name;
+    const Eigen::Index n_b = b.covariance.rows(), n_a = a.covariance.rows();
+    Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(n_b + n_a, n_b + n_a);
+    covariance.topLeftCorner(n_b, n_b) = b.covariance;
+    covariance.bottomRightCorner(n_a, n_a) = a.covariance;
+    result_.has_prediction = covariance.allFinite() && covariance.squaredNorm() > 0;
+    if (result_.has_prediction) root_ = Root(covariance);
   }
-  system = Linearise(a, b, distances, result.T_b_a, unit, &samples);
 
-  const Eigen::MatrixXd motion = MotionFor(system, Weights(system, root, rows), system.G);
-  result.T_b_a_by_b = motion.leftCols(n_b);
-  result.T_b_a_by_a = motion.rightCols(n_a);
-  for (Eigen::MatrixXd* each : {&result.T_b_a_by_a, &result.T_b_a_by_b}) each->topRows(3) *= unit;
-  Eigen::MatrixXd M = Eigen::MatrixXd::Zero(system.G.rows(), 1);
-  if (result.has_prediction) M = (system.G + system.H * motion) * root;
+  CameraDifference Run() {
+    FindMotion();
+    const System system = LineariseHere();
+    const Eigen::MatrixXd motion = MotionFor(system, Weights(system, root_, rows_), system.G);
+    result_.T_b_a_by_b = motion.leftCols(b_.covariance.rows());
+    result_.T_b_a_by_a = motion.rightCols(a_.covariance.rows());
+    for (Eigen::MatrixXd* each : {&result_.T_b_a_by_a, &result_.T_b_a_by_b}) {
+      each->topRows(3) *= unit_;
+    }
+    Eigen::MatrixXd M = Eigen::MatrixXd::Zero(system.G.rows(), 1);
+    if (result_.has_prediction) M = (system.G + system.H * motion) * root_;
+    result_.same = result_.has_prediction;
+    for (size_t d = 0; d < distances_.size(); ++d) {
+      result_.distances.push_back(JudgeDistance(d, system, M));
+      for (const ImageDifference& part : result_.distances.back().parts) {
+        result_.same = result_.same && !part.differs;
+      }
+    }
+    return std::move(result_);
+  }
 
-  const double limit = kFalseAlarm / (9.0 * static_cast<double>(distances.size()));
-  result.same = result.has_prediction;
-  for (size_t d = 0; d < distances.size(); ++d) {
+ private:
+  System LineariseHere() { return Linearise(a_, b_, distances_, result_.T_b_a, unit_, &samples_); }
+
+  // Gauss-Newton for the implied motion. Where nothing determines the translation (all is far away)
+  // the shortest step leaves it alone.
+  void FindMotion() {
+    constexpr int kIterations = 20;
+    constexpr double kConverged = 1e-12;
+    for (int i = 0; i < kIterations; ++i) {
+      const System system = LineariseHere();
+      if (system.of.size() < 6) {
+        throw Error(
+            ErrorKind::kJob,
+            fmt::format("{}: hardly a pixel of one calibration is seen by the other", a_.name));
+      }
+      Vector6d step = MotionFor(system, Weights(system, root_, rows_), system.d);
+      step.head<3>() *= unit_;
+      result_.T_b_a = Retract(result_.T_b_a, step);
+      if (step.norm() < kConverged * std::max(1.0, unit_)) return;
+    }
+  }
+
+  [[nodiscard]] DistanceDifference JudgeDistance(size_t d,
+                                                 const System& system,
+                                                 const Eigen::MatrixXd& M) const {
+    const double limit = kFalseAlarm / (9.0 * static_cast<double>(distances_.size()));
     DistanceDifference at;
-    at.distance = distances[d];
+    at.distance = distances_[d];
     std::vector<size_t> all;
     std::array<std::vector<size_t>, 9> parts;
     for (size_t group = 0; group < system.of.size(); ++group) {
-      const Sample& sample = samples[system.of[group]];
+      const Sample& sample = samples_[system.of[group]];
       if (sample.distance != d) continue;
       all.push_back(group);
-      const Eigen::Index row = rows * static_cast<Eigen::Index>(group);
+      const Eigen::Index row = rows_ * static_cast<Eigen::Index>(group);
       at.pixels.push_back({{sample.values[0], sample.values[1]}, system.d.segment<2>(row)});
       parts[sample.part].push_back(group);
     }
-    at.all = Judge(system, M, all, rows, result.has_prediction);
+    at.all = Judge(system, M, all, rows_, result_.has_prediction);
     for (size_t p = 0; p < parts.size(); ++p) {
-      at.parts[p] = Judge(system, M, parts[p], rows, result.has_prediction);
-      at.parts[p].differs = result.has_prediction && at.parts[p].probability < limit;
-      result.same = result.same && !at.parts[p].differs;
+      at.parts[p] = Judge(system, M, parts[p], rows_, result_.has_prediction);
+      at.parts[p].differs = result_.has_prediction && at.parts[p].probability < limit;
     }
-    result.distances.push_back(at);
+    return at;
   }
-  return result;
+
+  const CalibratedCamera& a_;
+  const CalibratedCamera& b_;
+  const std::vector<double>& distances_;
+  std::vector<Sample> samples_;
+  Eigen::Index rows_;     // of one sample
+  double unit_ = 1;       // of translations, m
+  Eigen::MatrixXd root_;  // of the covariance of b's parameters, then a's; empty: not known
+  CameraDifference result_;
+};
+
+}  // namespace
+
+CameraDifference CompareCameras(const CalibratedCamera& a,
+                                const CalibratedCamera& b,
+                                const std::vector<double>& distances) {
+  RefuseDifferentCameras(a, b);
+  return Comparison(a, b, distances).Run();
 }
 
 namespace {
@@ -335,10 +372,10 @@ struct ErringTransform {
 
 }  // namespace
 
-MountDifference CompareMounts(const Counterparts& master,
-                              const Counterparts& camera,
-                              const Correlations& of_a,
-                              const Correlations& of_b) {
+ExtrinsicsDifference CompareExtrinsics(const Counterparts& master,
+                                       const Counterparts& camera,
+                                       const Correlations& of_a,
+                                       const Correlations& of_b) {
   const Eigen::MatrixXd C_a = JointCovariance({&master.a, &camera.a}, of_a);
   const Eigen::MatrixXd C_b = JointCovariance({&master.b, &camera.b}, of_b);
   // Places of the errors: each file's as in its covariance, those of b after those of a.
@@ -352,7 +389,7 @@ MountDifference CompareMounts(const Counterparts& master,
   const auto place_on_rig = [&](const CalibratedCamera& each, Eigen::Index first) {
     ErringTransform result{each.T_camera_rig, none()};
     result.J.middleCols<6>(first + each.covariance.rows()) =
-        LogJacobian(each.T_camera_rig).inverse();
+        Inverse(LogJacobian(each.T_camera_rig));
     return result;
   };
   const auto implied = [&](const CameraDifference& difference, const Places& first) {
@@ -368,23 +405,23 @@ MountDifference CompareMounts(const Counterparts& master,
       (implied(master.difference, of_master) * place_on_rig(master.a, of_master.a)).Inverse();
   Vector6d difference;
   difference << found.T.t - expected.T.t, LogRotation(found.T.R * expected.T.R.transpose());
-  MountDifference mount;
-  mount.shift = difference.head<3>().norm();
-  mount.turn = difference.tail<3>().norm();
-  mount.has_prediction = C_a.allFinite() && C_b.allFinite();
-  if (!mount.has_prediction) return mount;
+  ExtrinsicsDifference result;
+  result.translation = difference.head<3>().norm();
+  result.rotation = difference.tail<3>().norm();
+  result.has_prediction = C_a.allFinite() && C_b.allFinite();
+  if (!result.has_prediction) return result;
   const Eigen::MatrixXd J = found.J - expected.J;
   const Matrix6d covariance = J.leftCols(C_a.rows()) * C_a * J.leftCols(C_a.rows()).transpose() +
                               J.rightCols(C_b.rows()) * C_b * J.rightCols(C_b.rows()).transpose();
-  mount.has_prediction = covariance.diagonal().minCoeff() > 0;
-  if (!mount.has_prediction) return mount;
-  mount.shift_sigma = std::sqrt(covariance.diagonal().head<3>().sum());
-  mount.turn_sigma = std::sqrt(covariance.diagonal().tail<3>().sum());
+  result.has_prediction = covariance.diagonal().minCoeff() > 0;
+  if (!result.has_prediction) return result;
+  result.translation_sigma = std::sqrt(covariance.diagonal().head<3>().sum());
+  result.rotation_sigma = std::sqrt(covariance.diagonal().tail<3>().sum());
   const Eigen::MatrixXd root = InverseRoot(covariance);
-  mount.probability =
+  result.probability =
       ChiSquareTail(static_cast<int>(root.cols()), (root.transpose() * difference).squaredNorm());
-  mount.differs = mount.probability < kFalseAlarm;
-  return mount;
+  result.differs = result.probability < kFalseAlarm;
+  return result;
 }
 
 double ImageSigma(const CalibratedCamera& camera, const std::vector<double>& distances) {

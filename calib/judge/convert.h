@@ -5,20 +5,20 @@
 #include <optional>
 #include <vector>
 
-#include "calib/calibration_file.h"
+#include "calib/files/calibration_record.h"
 
 namespace plenocal {
 
 /// Pixels over the image, corners included, at which a conversion is judged.
 inline constexpr int kConvertedColumns = 41, kConvertedRows = 31;
 
-/// A pixel of the original and how far from it the converted model images its ray.
+/// A pixel of the original camera and the error of the converted model there.
 struct ConversionError {
   Eigen::Vector2d u_px;
   std::optional<Eigen::Vector2d> difference_px;  ///< nothing where the model images no such ray
 };
 
-/// A camera in terms of another model.
+/// A camera converted to another model.
 struct Conversion {
   std::vector<double> params;
   std::vector<ConversionError> errors;  ///< a grid over the image from corner to corner
@@ -27,8 +27,8 @@ struct Conversion {
   int unseen = 0;  ///< pixels whose rays the model does not image
 };
 
-/// Least squares of the image over a grid of the original's pixels, with all rays kept (no turn of
-/// the camera's frame). Throws `Error` when either model is not central or the original images
+/// Least squares of the image over a grid of the original's pixels, with all rays kept (no rotation
+/// of the camera frame). Throws `Error` when either model is not central or the original images
 /// hardly anything.
 Conversion Convert(const CalibratedCamera& camera, const CameraModel& model);
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/model_trial.h"
+#include "calib/judge/model_trial.h"
 
 #include <fmt/format.h>
 
@@ -11,10 +11,10 @@
 #include <set>
 #include <tuple>
 
-#include "calib/error.h"
-#include "calib/median.h"
-#include "calib/parallel.h"
-#include "calib/statistics.h"
+#include "calib/adjust/problem.h"
+#include "calib/base/error.h"
+#include "calib/base/parallel.h"
+#include "calib/base/statistics.h"
 
 namespace plenocal {
 namespace {
@@ -97,7 +97,7 @@ class Trials {
       camera.rules.clear();
       for (CameraInput& other : input.cameras) {
         for (ParamRule& rule : other.rules) {
-          if (rule.same_as && rule.same_as->camera == c) rule.same_as.reset();
+          if (rule.tied_to && rule.tied_to->camera == c) rule.tied_to.reset();
         }
       }
     }
@@ -157,7 +157,7 @@ class Trials {
       const CameraFit& fit = trial->calibration.fits[c];
       squares += fit.points * fit.rms * fit.rms;
       count += fit.points;
-      const std::vector<int>& places = trial->calibration.uncertainty.places[c];
+      const std::vector<int>& places = trial->calibration.uncertainty.param_index[c];
       estimated.insert(places.begin(), places.end());
     }
     estimated.erase(-1);
@@ -190,7 +190,7 @@ class Trials {
     for (const ModelTrial& trial : choice_.trials) {
       if (!trial.failure.empty()) continue;
       for (const size_t c : choice_.varied) {
-        const double sigma = std::max(kExact, trial.calibration.fits[c].sigma);
+        const double sigma = std::max(kExact, trial.calibration.fits[c].noise_sigma);
         const auto [place, is_new] = noise.emplace(c, sigma);
         place->second = std::min(place->second, sigma);
       }
@@ -325,15 +325,16 @@ class Trials {
                                       marker_index.at(point.seen->marker),
                                       *point.seen,
                                       !point.outlier});
-      if (!(point.seen->sigma > 0)) bundle->observations.back().seen.sigma = 1;
+      if (point.seen->detector_sigma > 0) {
+        bundle->observations.back().assumed_sigma = point.seen->detector_sigma;
+      }
     }
     bundle->T_rig_target.emplace_back();
     std::optional<RigidTransform> best;
     double least = 0;
     for (const auto& [place, view] : views) {
       const BundleCamera& camera = bundle->cameras[place.first];
-      const auto T_camera_target =
-          StartPose(*camera.model, camera.config, camera.params, view, markers);
+      const auto T_camera_target = GuessPose(camera, view, markers);
       if (!T_camera_target) continue;
       bundle->T_rig_target.back() = camera.T_camera_rig.Inverse() * *T_camera_target;
       const double error = MedianLength(*bundle, first);

@@ -1,20 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/camera_noise.h"
+#include "calib/noise/camera_noise.h"
 
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
+#include <utility>
 #include <vector>
+
+#include "calib/base/statistics.h"
 
 namespace plenocal {
 namespace {
 
-// Of differences and of means: variances are then known to 14 %, or else are not told apart.
+// Of differences and of means, each: their variances are then known to 14 %.
 constexpr double kLeastDegrees = 100;
 
 struct Row {
   Eigen::Vector4d residual = Eigen::Vector4d::Zero();
-  double sigma2 = 0;  // stated
+  double sigma2 = 0;  // assumed
 };
 
 // The used rows of one marker in one view.
@@ -29,7 +32,7 @@ std::vector<MarkerRows> RowsOf(const Bundle& bundle, size_t camera) {
     if (observations[begin].camera != static_cast<int>(camera)) continue;
     MarkerRows rows;
     for (size_t i = begin; i < end; ++i) {
-      Row row{.sigma2 = std::pow(observations[i].seen.sigma, 2)};
+      Row row{.sigma2 = std::pow(observations[i].assumed_sigma, 2)};
       if (observations[i].used && Residual(bundle, observations[i], row.residual.data())) {
         rows.push_back(row);
       }
@@ -39,10 +42,11 @@ std::vector<MarkerRows> RowsOf(const Bundle& bundle, size_t camera) {
   return markers;
 }
 
+// Variance of an observation's own noise by its assumed one.
 struct OwnVariance {
-  double scale2 = 1, floor2 = 0;
+  double scale2 = 1, additive2 = 0;
 
-  [[nodiscard]] double Of(double sigma2) const { return scale2 * sigma2 + floor2; }
+  [[nodiscard]] double Of(double sigma2) const { return scale2 * sigma2 + additive2; }
 };
 
 // One squared residual and how much of it the fit has left, 0 to 1.
@@ -50,13 +54,13 @@ struct Square {
   double residual2, sigma2, left;
 };
 
-// How the residuals' variance follows the stated one: a weighted regression of residual^2 /
+// Dependence of the residuals' variance on the assumed one: a weighted regression of residual^2 /
 // dimension on [sigma^2, 1], whose weights 1 / variance^2 make it the Gaussian maximum-likelihood
-// estimate. Sigmas that are all alike cannot tell scale and floor apart; then the floor is zero.
-// Finally both are brought to the redundancy: sum of residual^2 / variance = redundancy.
+// estimate. Where all sigmas are alike, scale and additive part cannot be separated, and the latter
+// is zero. Finally both are brought to the redundancy: sum of residual^2 / variance = redundancy.
 OwnVariance FitVariance(const std::vector<Square>& squares, double dimension, double redundancy) {
   constexpr int kIterations = 20;
-  constexpr double kAlike = 1e-3;  // relative spread of sigma^2 that tells them apart
+  constexpr double kAlike = 1e-3;  // relative spread of sigma^2 that separates them
   OwnVariance variance;
   for (int iteration = 0; iteration < kIterations; ++iteration) {
     double w = 0, ws = 0, wss = 0, wy = 0, wsy = 0;
@@ -76,12 +80,12 @@ OwnVariance FitVariance(const std::vector<Square>& squares, double dimension, do
     }
     variance = {(w * wsy - ws * wy) / determinant, (wss * wy - ws * wsy) / determinant};
     if (variance.scale2 <= 0) variance = {0, wy / w};
-    if (variance.floor2 <= 0) variance = {wsy / wss, 0};
+    if (variance.additive2 <= 0) variance = {wsy / wss, 0};
   }
   double sum = 0;
   for (const auto& [residual2, sigma2, left] : squares) sum += residual2 / variance.Of(sigma2);
   const double factor = sum > 0 ? sum / redundancy : 0;
-  return {variance.scale2 * factor, variance.floor2 * factor};
+  return {variance.scale2 * factor, variance.additive2 * factor};
 }
 
 // Weighted mean of a marker's residuals.
@@ -101,7 +105,7 @@ Mean MeanOf(const MarkerRows& rows, const OwnVariance& variance) {
   return mean;
 }
 
-// From what the rows of a marker differ by.
+// From the differences between the rows of a marker.
 OwnVariance FitDifferences(const std::vector<MarkerRows>& markers,
                            double dimension,
                            double redundancy) {
@@ -120,7 +124,7 @@ OwnVariance FitDifferences(const std::vector<MarkerRows>& markers,
       }
     }
     variance = FitVariance(squares, dimension, redundancy);
-    if (!(variance.scale2 + variance.floor2 > 0)) break;
+    if (!(variance.scale2 + variance.additive2 > 0)) break;
   }
   return variance;
 }
@@ -148,7 +152,7 @@ double CommonVariance(const std::vector<Mean>& means, double redundancy) {
 
 }  // namespace
 
-CameraNoise EstimateCameraNoise(const Bundle& bundle, size_t camera, const PaidCoordinates& paid) {
+NoiseModel EstimateCameraNoise(const Bundle& bundle, size_t camera, const UsedDegrees& used) {
   const auto dimension = static_cast<double>(bundle.cameras[camera].model->measured.size());
   const std::vector<MarkerRows> markers = RowsOf(bundle, camera);
   std::vector<Square> all;
@@ -157,20 +161,91 @@ CameraNoise EstimateCameraNoise(const Bundle& bundle, size_t camera, const PaidC
   }
   const double coordinates = dimension * static_cast<double>(all.size());
   const double of_means = dimension * static_cast<double>(markers.size());
-  const double differences = coordinates - of_means - (paid.all - paid.by_means);
-  const double means_left = of_means - paid.by_means;
+  const double differences = coordinates - of_means - (used.all - used.by_means);
+  const double means_left = of_means - used.by_means;
   if (differences >= kLeastDegrees && means_left >= kLeastDegrees) {
     const OwnVariance own = FitDifferences(markers, dimension, differences);
-    if (own.scale2 + own.floor2 > 0) {
+    if (own.scale2 + own.additive2 > 0) {
       std::vector<Mean> means;
       means.reserve(markers.size());
       for (const MarkerRows& rows : markers) means.push_back(MeanOf(rows, own));
       const double common2 = CommonVariance(means, means_left);
-      if (common2 > 0) return {std::sqrt(own.scale2), std::sqrt(own.floor2), std::sqrt(common2)};
+      if (common2 > 0) return {std::sqrt(own.scale2), std::sqrt(own.additive2), std::sqrt(common2)};
     }
   }
-  const OwnVariance together = FitVariance(all, dimension, coordinates - paid.all);
-  return {std::sqrt(together.scale2), std::sqrt(together.floor2), 0};
+  const OwnVariance together = FitVariance(all, dimension, coordinates - used.all);
+  return {std::sqrt(together.scale2), std::sqrt(together.additive2), 0};
+}
+
+NoiseModel NoiseOfSigma(double sigma, double typical_sigma) {
+  return {
+      .detector_scale = std::clamp(sigma / typical_sigma, kSmallestNoise / typical_sigma, 1.0),
+      .additive_sigma = std::sqrt(std::max(0.0, sigma * sigma - typical_sigma * typical_sigma))};
+}
+
+std::vector<double> UsedCoordinates(const Bundle& bundle) {
+  std::vector<double> coordinates(bundle.cameras.size(), 0.0);
+  for (const BundleObservation& observation : bundle.observations) {
+    if (!observation.used) continue;
+    const auto c = static_cast<size_t>(observation.camera);
+    coordinates[c] += static_cast<double>(bundle.cameras[c].model->measured.size());
+  }
+  return coordinates;
+}
+
+std::vector<size_t> EstimateNoiseRobustly(const std::vector<bool>& frames,
+                                          std::span<const double> typical_sigmas,
+                                          Bundle* bundle) {
+  // The unknowns absorb a part of the errors, but not all of them in any camera.
+  constexpr double kLeastRedundancy = 0.1;  // part of the coordinates
+  const std::vector<double> lengths = WeightedLengths(*bundle);
+  std::vector<std::vector<double>> own(bundle->cameras.size());  // px
+  double coordinates = 0;
+  for (size_t i = 0; i < lengths.size(); ++i) {
+    const BundleObservation& observation = bundle->observations[i];
+    if (!frames[static_cast<size_t>(observation.frame)]) continue;
+    const auto c = static_cast<size_t>(observation.camera);
+    own[c].push_back(lengths[i] * bundle->cameras[c].noise.Sigma(observation.assumed_sigma));
+    coordinates += static_cast<double>(bundle->cameras[c].model->measured.size());
+  }
+  double unknowns = 6.0 * static_cast<double>(std::count(frames.begin(), frames.end(), true));
+  for (const BundleCamera& camera : bundle->cameras) {
+    unknowns += static_cast<double>(camera.params.size());
+  }
+  if (bundle->EstimatesMarkers()) unknowns += 3.0 * static_cast<double>(bundle->markers.size());
+  const double left = std::sqrt(std::max(kLeastRedundancy, 1 - unknowns / coordinates));
+  std::vector<size_t> outside;
+  for (size_t c = 0; c < own.size(); ++c) {
+    if (own[c].empty()) continue;
+    const double median = Median(std::move(own[c]));
+    if (!std::isfinite(median)) {
+      outside.push_back(c);
+      continue;
+    }
+    const int dimension = static_cast<int>(bundle->cameras[c].model->measured.size());
+    bundle->cameras[c].noise = NoiseOfSigma(
+        median / std::sqrt(ChiSquareQuantile(dimension, 0.5)) / left, typical_sigmas[c]);
+  }
+  return outside;
+}
+
+double UpdateNoise(std::span<const double> typical_sigmas,
+                   std::span<const UsedDegrees> used,
+                   Bundle* bundle) {
+  double change = 0;
+  const std::vector<double> coordinates = UsedCoordinates(*bundle);
+  for (size_t c = 0; c < bundle->cameras.size(); ++c) {
+    if (!(coordinates[c] > used[c].all)) continue;
+    NoiseModel& noise = bundle->cameras[c].noise;
+    const double typical = typical_sigmas[c];
+    const double before = noise.Sigma(typical), common_before = noise.common_sigma;
+    noise = EstimateCameraNoise(*bundle, c, used[c]);
+    if (noise.Sigma(typical) < kSmallestNoise) noise = NoiseOfSigma(kSmallestNoise, typical);
+    change = std::max({change,
+                       std::abs(noise.Sigma(typical) / before - 1),
+                       std::abs(noise.common_sigma - common_before) / before});
+  }
+  return change;
 }
 
 }  // namespace plenocal

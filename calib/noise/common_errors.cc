@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/common_errors.h"
+#include "calib/noise/common_errors.h"
 
 #include <Eigen/Dense>
 #include <algorithm>
@@ -8,7 +8,9 @@
 #include <random>
 #include <vector>
 
-#include "calib/matrix_root.h"
+#include "calib/adjust/linearise.h"
+#include "calib/base/linear_algebra.h"
+#include "calib/base/matrix_root.h"
 
 namespace plenocal {
 namespace {
@@ -45,9 +47,9 @@ struct Sums {
   }
   // Eliminates the pose; false for one without information.
   bool EliminatePose() {
-    const Eigen::LLT<Matrix6d> factor(PoseInformation());
-    if (factor.info() != Eigen::Success) return false;
-    Subtract(factor.solve(E_B));
+    const std::optional<MatrixXd> solved = SolvePositive(PoseInformation(), E_B);
+    if (!solved) return false;
+    Subtract(*solved);
     return true;
   }
   // Leaves the pose to the frame's other views, but for what is the view's own jitter `delta` with
@@ -80,8 +82,8 @@ class Rows {
        Eigen::Index residuals)
       : bundle_(bundle),
         camera_(bundle.cameras[camera]),
-        places_(uncertainty.places[camera]),
-        mount_(uncertainty.mount_places[camera]),
+        params_(uncertainty.param_index[camera]),
+        extrinsics_(uncertainty.extrinsics_index[camera]),
         gain_(uncertainty.marker_gain),
         dimension_(static_cast<Eigen::Index>(camera_.model->measured.size())),
         J_params_(camera_.model->measured.size() * camera_.params.size()),
@@ -97,7 +99,7 @@ class Rows {
                size_t end,
                const MatrixXd* basis,
                Sums* sums) {
-    const bool has_common = camera_.common_noise > 0;
+    const bool has_common = camera_.noise.common_sigma > 0;
     const auto most = static_cast<Eigen::Index>(end - begin) * dimension_ * (has_common ? 2 : 1);
     if (most > J_.rows()) {
       J_.resize(most, J_.cols());
@@ -133,7 +135,7 @@ class Rows {
     for (size_t i = begin; i < end; ++i) {
       const BundleObservation& observation = bundle_.observations[i];
       if (!observation.used || !Linearise(view, observation)) continue;
-      const double own = OwnNoiseSigma(camera_, observation.seen);
+      const double own = camera_.noise.OwnSigma(observation.assumed_sigma);
       auto shared = residuals_.block(used_, first_, dimension_, count_);
       if (observation.shared_errors.empty()) {
         shared.setZero();
@@ -143,7 +145,7 @@ class Rows {
       }
       weight_.segment(used_, dimension_).setOnes();
       used_ += dimension_;
-      if (camera_.common_noise == 0) continue;
+      if (camera_.noise.common_sigma == 0) continue;
       information += 1 / (own * own);
       own_sigmas.push_back(own);
     }
@@ -161,13 +163,13 @@ class Rows {
     sum(E_);
     sum(residuals_);
     weight_.segment(used_, dimension_)
-        .setConstant(-internal::CommonShare(camera_.common_noise, information));
+        .setConstant(-internal::CommonShare(camera_.noise.common_sigma, information));
     used_ += dimension_;
   }
 
   // Writes the next rows.
   bool Linearise(const internal::LinearisedView& view, const BundleObservation& observation) {
-    Eigen::Matrix<double, kMaxObservationSize, 6, Eigen::RowMajor> J_mount;
+    Eigen::Matrix<double, kMaxObservationSize, 6, Eigen::RowMajor> J_extrinsics;
     Eigen::Matrix<double, kMaxObservationSize, 3, Eigen::RowMajor> J_marker;
     double residual[kMaxObservationSize];
     const bool inside =
@@ -175,10 +177,10 @@ class Rows {
                             camera_.params.data(),
                             view,
                             bundle_.markers[static_cast<size_t>(observation.marker)].position,
-                            observation.seen,
+                            observation,
                             {.residual = residual,
                              .J_params = J_params_.data(),
-                             .J_mount = mount_ >= 0 ? J_mount.data() : nullptr,
+                             .J_extrinsics = extrinsics_ >= 0 ? J_extrinsics.data() : nullptr,
                              .J_pose = E_.row(used_).data(),
                              .J_marker = J_marker.data()});
     if (!inside) return false;
@@ -192,19 +194,19 @@ class Rows {
     } else {
       J.setZero();
     }
-    for (size_t k = 0; k < places_.size(); ++k) {
-      for (Eigen::Index r = 0; r < dimension_ && places_[k] >= 0; ++r) {
-        J(r, places_[k]) += J_params_[static_cast<size_t>(r) * places_.size() + k];
+    for (size_t k = 0; k < params_.size(); ++k) {
+      for (Eigen::Index r = 0; r < dimension_ && params_[k] >= 0; ++r) {
+        J(r, params_[k]) += J_params_[static_cast<size_t>(r) * params_.size() + k];
       }
     }
-    if (mount_ >= 0) J.middleCols<6>(mount_) += J_mount.topRows(dimension_);
+    if (extrinsics_ >= 0) J.middleCols<6>(extrinsics_) += J_extrinsics.topRows(dimension_);
     return true;
   }
 
   const Bundle& bundle_;
   const BundleCamera& camera_;
-  const std::vector<int>& places_;
-  int mount_;
+  const std::vector<int>& params_;
+  int extrinsics_;
   const MatrixXd& gain_;
   Eigen::Index dimension_;
   std::vector<double> J_params_;
@@ -213,8 +215,8 @@ class Rows {
   Eigen::Index used_ = 0, first_, count_;
 };
 
-// What one frame says, its pose eliminated, in directions D: V D and D' g, with the information V
-// on all unknowns and the gradient g of half the sum of squares.
+// Information and gradient of one frame, its pose eliminated, in directions D: V D and D' g, with
+// the information V on all unknowns and the gradient g of half the sum of squares.
 struct Score {
   MatrixXd V_D;
   VectorXd D_g;
@@ -227,7 +229,7 @@ struct Scores {
 
 Scores FrameScores(const Bundle& bundle, const Uncertainty& uncertainty, const MatrixXd& D) {
   const Eigen::Index unknowns = uncertainty.covariance.rows();
-  const bool has_jitter = bundle.jitter.translation_sigma > 0;
+  const bool has_jitter = bundle.EstimatesJitter();
   std::vector<Eigen::Index> errors(bundle.cameras.size(), 0);  // shared by each camera's points
   for (const BundleObservation& observation : bundle.observations) {
     const auto c = static_cast<size_t>(observation.camera);
@@ -238,8 +240,8 @@ Scores FrameScores(const Bundle& bundle, const Uncertainty& uncertainty, const M
   const Eigen::Index residuals = std::accumulate(errors.begin(), errors.end(), Eigen::Index{1});
   std::vector<Rows> rows;
   for (size_t c = 0; c < bundle.cameras.size(); ++c) {
-    const auto place = errors.begin() + static_cast<std::ptrdiff_t>(c);
-    const Eigen::Index first = std::accumulate(errors.begin(), place, Eigen::Index{1});
+    const auto end_of_others = errors.begin() + static_cast<std::ptrdiff_t>(c);
+    const Eigen::Index first = std::accumulate(errors.begin(), end_of_others, Eigen::Index{1});
     rows.emplace_back(bundle, uncertainty, c, first, errors[c], residuals);
   }
   // The cheaper order of J' J D.
@@ -284,18 +286,18 @@ MatrixXd Directions(Eigen::Index unknowns) {
   return signs;
 }
 
-// Places of one camera's unknowns.
-std::vector<int> PlacesOf(const Uncertainty& uncertainty, size_t camera) {
-  std::vector<int> places;
-  for (const int place : uncertainty.places[camera]) {
-    if (place >= 0) places.push_back(place);
+// Indices of one camera's unknowns.
+std::vector<int> IndicesOf(const Uncertainty& uncertainty, size_t camera) {
+  std::vector<int> indices;
+  for (const int index : uncertainty.param_index[camera]) {
+    if (index >= 0) indices.push_back(index);
   }
-  std::sort(places.begin(), places.end());
-  places.erase(std::unique(places.begin(), places.end()), places.end());
-  for (int i = 0; i < 6 && uncertainty.mount_places[camera] >= 0; ++i) {
-    places.push_back(uncertainty.mount_places[camera] + i);
+  std::sort(indices.begin(), indices.end());
+  indices.erase(std::unique(indices.begin(), indices.end()), indices.end());
+  for (int i = 0; i < 6 && uncertainty.extrinsics_index[camera] >= 0; ++i) {
+    indices.push_back(uncertainty.extrinsics_index[camera] + i);
   }
-  return places;
+  return indices;
 }
 
 }  // namespace
@@ -307,19 +309,19 @@ CommonErrors EstimateCommonErrors(const Bundle& bundle, const Uncertainty& uncer
   std::vector<Eigen::Index> first{0};
   MatrixXd D(C.rows(), 0);
   for (size_t c = 0; c < bundle.cameras.size(); ++c) {
-    const std::vector<int> places = PlacesOf(uncertainty, c);
-    const MatrixXd root = InverseRoot(C(places, places));
+    const std::vector<int> indices = IndicesOf(uncertainty, c);
+    const MatrixXd root = InverseRoot(C(indices, indices));
     const MatrixXd directions = root * Directions(root.cols());
     D.conservativeResize(C.rows(), D.cols() + directions.cols());
-    D.rightCols(directions.cols()) = C(Eigen::all, places) * directions;
+    D.rightCols(directions.cols()) = C(Eigen::all, indices) * directions;
     first.push_back(D.cols());
   }
   const Scores scores = FrameScores(bundle, uncertainty, D);
-  // What each shared error moves the unknowns by.
+  // Change of the unknowns by each shared error.
   const MatrixXd by_shared = C * scores.gradient.rightCols(scores.gradient.cols() - 1);
   CommonErrors errors{std::vector<FrameScatter>(bundle.cameras.size()),
                       by_shared * by_shared.transpose()};
-  // Where the frames alone would have the unknowns: priors may hold them elsewhere.
+  // Step from the optimum to that of the frames alone, without priors.
   const MatrixXd frames_root = InverseRoot(uncertainty.frames_information);
   const VectorXd by_priors = frames_root * (frames_root.transpose() * scores.gradient.col(0));
   struct Found {
@@ -327,8 +329,8 @@ CommonErrors EstimateCommonErrors(const Bundle& bundle, const Uncertainty& uncer
   };
   std::vector<Found> found(bundle.cameras.size());
   for (const auto& [V_D, D_g] : scores.frames) {
-    // What the frame moves the unknowns by, beside what its points' errors make of that. The
-    // optimum has taken a part of it: the frame's own share of what all frames know.
+    // Step of the unknowns by this frame, and its variance by the noise of its points. The optimum
+    // has taken a part of it: the frame's own share of what all frames know.
     const VectorXd moved = D_g - V_D.transpose() * by_priors;
     const MatrixXd own_root = frames_root.transpose() * V_D;
     for (size_t c = 0; c < found.size(); ++c) {
@@ -355,25 +357,25 @@ void AddCommonErrors(const std::vector<double>& factors,
   MatrixXd& C = uncertainty->covariance;
   VectorXd scale = VectorXd::Ones(C.rows());  // of each unknown's variance
   for (size_t c = 0; c < factors.size(); ++c) {
-    for (const int place : PlacesOf(*uncertainty, c)) {
-      scale[place] = std::max(scale[place], factors[c]);
+    for (const int index : IndicesOf(*uncertainty, c)) {
+      scale[index] = std::max(scale[index], factors[c]);
     }
   }
   const VectorXd root = scale.cwiseSqrt(), before = C.diagonal();
   C = root.asDiagonal() * C * root.asDiagonal();
   if (shared.size() > 0) C += shared;
   for (size_t c = 0; c < factors.size(); ++c) {
-    for (size_t k = 0; k < uncertainty->params[c].size(); ++k) {
-      const int place = uncertainty->places[c][k];
-      if (place < 0 || !(before[place] > 0)) continue;
-      uncertainty->params[c][k] *= std::sqrt(C(place, place) / before[place]);
+    for (size_t k = 0; k < uncertainty->param_std_errors[c].size(); ++k) {
+      const int index = uncertainty->param_index[c][k];
+      if (index < 0 || !(before[index] > 0)) continue;
+      uncertainty->param_std_errors[c][k] *= std::sqrt(C(index, index) / before[index]);
     }
-    const int mount = uncertainty->mount_places[c];
+    const int first = uncertainty->extrinsics_index[c];
     // An unknown without any information stays infinite.
-    for (int i = 0; mount >= 0 && i < 6; ++i) {
+    for (int i = 0; first >= 0 && i < 6; ++i) {
       for (int j = 0; j < 6; ++j) {
-        double& entry = uncertainty->mount[c](i, j);
-        if (std::isfinite(entry)) entry = C(mount + i, mount + j);
+        double& entry = uncertainty->extrinsics_covariance[c](i, j);
+        if (std::isfinite(entry)) entry = C(first + i, first + j);
       }
     }
   }

@@ -1,31 +1,31 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Errors that observations share beyond those of one marker in one view, which sigmas by rows do
-// not know of: those of all points of a frame (focus that moves, a detector's bias that follows
-// depth or light), which leave each frame with a camera of its own, and those of all points of a
-// camera.
+// Systematic errors that observations share beyond those of one marker in one view, which standard
+// errors from independent observations do not contain: per-frame errors (a bent board, motion,
+// rolling shutter, focus that moves), which shift the estimate of each frame, and errors of all
+// points of a camera.
 #pragma once
 
 #include <vector>
 
-#include "calib/uncertainty.h"
+#include "calib/noise/uncertainty.h"
 
 namespace plenocal {
 
-/// Of one camera's unknowns (intrinsics and mount).
+/// Scatter of per-frame estimates of one camera's unknowns (parameters and extrinsics).
 struct FrameScatter {
-  /// Variance of what single frames ask for, over what the noise of their points makes of it: 1
-  /// where the points of a frame share no error.
+  /// Variance of the per-frame estimates over the variance that the noise of their points explains:
+  /// 1 where the points of a frame share no error.
   double factor = 1;
-  double degrees = 0;  ///< degrees of freedom of `factor` (Satterthwaite's); 0 when nothing tells
+  double degrees = 0;  ///< degrees of freedom of `factor` (Satterthwaite's); 0 without information
 };
 
 struct CommonErrors {
   /// Per camera. The cluster-robust ("sandwich") covariance (Liang and Zeger, Biometrika 73, 1986),
-  /// of which only the mean over all directions is taken: a few frames tell one number well, but
-  /// not a matrix.
+  /// of which only the mean over all directions is taken: a few frames determine one number well,
+  /// but not a matrix.
   std::vector<FrameScatter> scatter;
-  /// What `BundleObservation::shared_errors` add to the covariance of the unknowns.
+  /// Covariance of the unknowns from `BundleObservation::shared_errors`.
   Eigen::MatrixXd shared;
 };
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/jackknife.h"
+#include "calib/noise/jackknife.h"
 
 #include <algorithm>
 #include <atomic>
@@ -8,8 +8,9 @@
 #include <mutex>
 #include <set>
 
-#include "calib/error.h"
-#include "calib/parallel.h"
+#include "calib/adjust/problem.h"
+#include "calib/base/error.h"
+#include "calib/base/parallel.h"
 
 namespace plenocal {
 namespace {
@@ -23,6 +24,28 @@ Eigen::VectorXd Numbers(const BundleCamera& camera) {
   return numbers;
 }
 
+// Group of each frame, successive frames together; `groups` for frames without observations.
+std::vector<size_t> GroupFrames(const Bundle& bundle, const std::set<int>& frames, size_t groups) {
+  std::vector<size_t> group_of(bundle.T_rig_target.size(), groups);
+  size_t position = 0;
+  for (const int frame : frames) {
+    group_of[static_cast<size_t>(frame)] = position++ * groups / frames.size();
+  }
+  return group_of;
+}
+
+// sqrt((G - 1) / G sum (x_g - mean)^2) of one camera's numbers over the groups. A group that does
+// not see the camera leaves it unchanged.
+Eigen::VectorXd StandardErrors(const std::vector<std::vector<Eigen::VectorXd>>& results,
+                               size_t camera) {
+  const auto count = static_cast<double>(results.size());
+  Eigen::VectorXd mean = Eigen::VectorXd::Zero(results[0][camera].size());
+  for (const auto& result : results) mean += result[camera] / count;
+  Eigen::VectorXd variance = Eigen::VectorXd::Zero(mean.size());
+  for (const auto& result : results) variance += (result[camera] - mean).cwiseAbs2();
+  return (variance * (count - 1) / count).cwiseSqrt();
+}
+
 }  // namespace
 
 Jackknife EstimateByJackknife(const Bundle& bundle, const JackknifeOptions& options) {
@@ -34,12 +57,7 @@ Jackknife EstimateByJackknife(const Bundle& bundle, const JackknifeOptions& opti
   if (groups < 2) {
     throw Error(ErrorKind::kJob, "the jackknife over frames needs two frames or more");
   }
-  std::vector<size_t> group_of(bundle.T_rig_target.size(), groups);
-  size_t place = 0;
-  for (const int frame : frames) {
-    group_of[static_cast<size_t>(frame)] = place++ * groups / frames.size();
-  }
-
+  const std::vector<size_t> group_of = GroupFrames(bundle, frames, groups);
   std::vector<std::set<size_t>> seen_by(bundle.cameras.size());
   for (const BundleObservation& observation : bundle.observations) {
     if (!observation.used) continue;
@@ -69,21 +87,15 @@ Jackknife EstimateByJackknife(const Bundle& bundle, const JackknifeOptions& opti
 
   Jackknife jackknife{static_cast<int>(groups), {}, {}};
   for (size_t c = 0; c < bundle.cameras.size(); ++c) {
-    // A group that does not see the camera leaves it where it was.
-    const auto count = static_cast<double>(groups);
-    Eigen::VectorXd mean = Eigen::VectorXd::Zero(results[0][c].size());
-    for (const auto& result : results) mean += result[c] / count;
-    Eigen::VectorXd variance = Eigen::VectorXd::Zero(mean.size());
-    for (const auto& result : results) variance += (result[c] - mean).cwiseAbs2();
-    Eigen::VectorXd sigma = (variance * (count - 1) / count).cwiseSqrt();
-    if (seen_by[c].size() < 2) sigma.setConstant(std::numeric_limits<double>::infinity());
+    Eigen::VectorXd errors = StandardErrors(results, c);
+    if (seen_by[c].size() < 2) errors.setConstant(std::numeric_limits<double>::infinity());
     const auto params = static_cast<Eigen::Index>(bundle.cameras[c].params.size());
     for (Eigen::Index k = 0; k < params; ++k) {
-      if (bundle.cameras[c].fixed[static_cast<size_t>(k)]) sigma[k] = 0;
+      if (bundle.cameras[c].fixed[static_cast<size_t>(k)]) errors[k] = 0;
     }
-    jackknife.params.emplace_back(sigma.begin(), sigma.begin() + params);
-    jackknife.xi.push_back(bundle.cameras[c].is_master ? Vector6d(Vector6d::Zero())
-                                                       : Vector6d(sigma.tail<6>()));
+    jackknife.param_std_errors.emplace_back(errors.begin(), errors.begin() + params);
+    jackknife.extrinsics_std_errors.push_back(
+        bundle.cameras[c].is_master ? Vector6d(Vector6d::Zero()) : Vector6d(errors.tail<6>()));
   }
   return jackknife;
 }

@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Sigmas by leaving out frames: a check of those from the covariance that does not rely on
+// Standard errors by leaving out frames: a check of those from the covariance that does not rely on
 // independent errors of known size.
 #pragma once
 
 #include <functional>
 #include <vector>
 
-#include "calib/bundle.h"
+#include "calib/adjust/bundle.h"
+#include "calib/base/robust.h"
 
 namespace plenocal {
 
@@ -21,14 +22,15 @@ struct JackknifeOptions {
 };
 
 /// Delete-a-group jackknife: sigma^2 = (G - 1) / G sum (x_g - mean)^2 over calibrations that each
-/// leave out one of G groups of successive frames. Errors that all frames share, as those of the
-/// target's nominal shape, do not show in it.
+/// leave out one of G groups of successive frames. It does not contain errors that all frames
+/// share, as those of the target's nominal shape.
 struct Jackknife {
   int groups = 0;
-  /// Per camera: sigma of each parameter; infinite for a camera that fewer than two groups see.
-  std::vector<std::vector<double>> params;
-  /// Per camera: sigma of the se(3) vector of T_camera_rig.
-  std::vector<Vector6d> xi;
+  /// Per camera: standard error of each parameter; infinite for a camera that fewer than two groups
+  /// see.
+  std::vector<std::vector<double>> param_std_errors;
+  /// Per camera: standard errors of the se(3) vector of T_camera_rig.
+  std::vector<Vector6d> extrinsics_std_errors;
 };
 
 /// `bundle` is the calibration with all frames: each solve starts there, with its outliers and

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "detectors/boards/charuco_detector.h"
+
 #include <fmt/format.h>
 
 #include <Eigen/Core>
@@ -10,50 +12,20 @@
 #include <opencv2/core.hpp>
 #include <optional>
 #include <string>
-#include <string_view>
-#include <variant>
 #include <vector>
 
-#include "calib/error.h"
-#include "detectors/charuco_looks.h"
-#include "detectors/marker_detector.h"
-#include "detectors/saddle.h"
+#include "calib/base/error.h"
+#include "detectors/templates/saddle.h"
 
-// OpenCV finds and reads the ArUco markers; where they lie on the board, which corners they frame
-// and where these are in the image is decided here, because OpenCV changed its board between
-// versions:
-//
-//   layout   top-left square                    who prints it
-//   new      black                              OpenCV 4.7 and later
-//   legacy   white, if the rows are even        OpenCV before; `setLegacyPattern(true)` since
-//
-// In both, marker ids count the white squares row by row from the top left, and so do corner ids
-// (from 0, columns - 1 in a row) the inner corners. With an odd number of rows the layouts are the
-// same. Coordinates on the board are in squares, from its top left corner, x right, y down.
+// OpenCV finds and reads the ArUco markers; their positions on the board, the corners between them
+// and the positions of these in the image are computed here, because OpenCV has drawn the board in
+// two ways (see CharucoLayout). Coordinates on the board are in squares, from its top left corner,
+// x right, y down.
 
 namespace plenocal {
 namespace {
 
 using internal::CornerGrid;
-
-/// In the order of OpenCV's enumeration.
-constexpr std::array<std::string_view, 21> kDictionaries{
-    "DICT_4X4_50",         "DICT_4X4_100",       "DICT_4X4_250",       "DICT_4X4_1000",
-    "DICT_5X5_50",         "DICT_5X5_100",       "DICT_5X5_250",       "DICT_5X5_1000",
-    "DICT_6X6_50",         "DICT_6X6_100",       "DICT_6X6_250",       "DICT_6X6_1000",
-    "DICT_7X7_50",         "DICT_7X7_100",       "DICT_7X7_250",       "DICT_7X7_1000",
-    "DICT_ARUCO_ORIGINAL", "DICT_APRILTAG_16h5", "DICT_APRILTAG_25h9", "DICT_APRILTAG_36h10",
-    "DICT_APRILTAG_36h11"};
-
-cv::Ptr<cv::aruco::Dictionary> FindDictionary(const std::string& name) {
-  const auto* const at = std::find(kDictionaries.begin(), kDictionaries.end(), name);
-  if (at == kDictionaries.end()) {
-    throw Error(
-        ErrorKind::kInput,
-        fmt::format("dictionary: unknown name '{}'{}", name, SuggestName(name, kDictionaries)));
-  }
-  return cv::aruco::getPredefinedDictionary(static_cast<int>(at - kDictionaries.begin()));
-}
 
 /// A marker of the board as seen in the image.
 struct SeenMarker {
@@ -66,20 +38,13 @@ struct SeenMarker {
 class Layout {
  public:
   Layout(const CharucoLayout& board, bool legacy)
-      : columns_(board.columns),
-        rows_(board.rows),
-        gap_(0.5 * (1 - board.marker / board.square)),
-        white_parity_(legacy && board.rows % 2 == 0 ? 0 : 1) {
-    for (int row = 0; row < rows_; ++row) {
-      for (int column = 0; column < columns_; ++column) {
-        if ((row + column) % 2 == white_parity_) squares_.emplace_back(column, row);
-      }
-    }
-  }
+      : gap_(0.5 * (1 - board.marker / board.square)),
+        squares_(internal::MarkedSquares(board, legacy)) {}
 
   /// Share of a square between its border and its marker.
   [[nodiscard]] double gap() const { return gap_; }
-  [[nodiscard]] int white_parity() const { return white_parity_; }
+  /// Of column + row of the white squares.
+  [[nodiscard]] int white_parity() const { return squares_.front().sum() % 2; }
   [[nodiscard]] const Eigen::Vector2i& square(int id) const {
     return squares_[static_cast<std::size_t>(id)];
   }
@@ -97,9 +62,7 @@ class Layout {
   }
 
  private:
-  int columns_, rows_;
   double gap_;
-  int white_parity_;  // of column + row of the white squares
   std::vector<Eigen::Vector2i> squares_;
 };
 
@@ -183,7 +146,8 @@ class CharucoDetector final : public MarkerDetector {
  public:
   explicit CharucoDetector(const CharucoLayout& board)
       : board_(board),
-        dictionary_(FindDictionary(board.dictionary)),
+        dictionary_(
+            cv::aruco::getPredefinedDictionary(internal::ArucoDictionaryIndex(board.dictionary))),
         parameters_(cv::aruco::DetectorParameters::create()) {
     layouts_.emplace_back(board, false);
     // `legacy` changes nothing when the rows are odd.
@@ -193,8 +157,8 @@ class CharucoDetector final : public MarkerDetector {
     for (const Layout& layout : layouts_) {
       if (layout.marker_count() <= available) continue;
       throw Error(ErrorKind::kInput,
-                  fmt::format("dictionary: {} has {} markers, but a board of {} x {} squares needs "
-                              "{}; choose a larger one",
+                  fmt::format("dictionary: {} has {} markers, but a board of {} x {} squares "
+                              "needs {}; choose a larger one",
                               board.dictionary,
                               available,
                               board.columns,
@@ -246,8 +210,7 @@ class CharucoDetector final : public MarkerDetector {
     if (best.agreements == 0) {
       found.failure = fmt::format(
           "no ChArUco board found: {} of its {} markers ({}) were read, and at least two "
-          "neighbours "
-          "must be",
+          "neighbours must be",
           ids.size(),
           best_layout->marker_count(),
           board_.dictionary);
@@ -255,8 +218,8 @@ class CharucoDetector final : public MarkerDetector {
     }
     if (undecided) {
       found.failure =
-          "the few markers in view fit both layouts of OpenCV's ChArUco boards; state legacy: true "
-          "or false in the target file";
+          "the few markers in view fit both layouts of OpenCV's ChArUco boards; state legacy: "
+          "true or false in the target file";
       return found;
     }
     Measure(gray, *best_layout, best.markers, &found);
@@ -297,14 +260,13 @@ class CharucoDetector final : public MarkerDetector {
       Observation observation;
       observation.marker = corner;
       observation.values = {saddle->p.x(), saddle->p.y()};
-      observation.sigma = saddle->sigma;
+      observation.detector_sigma = saddle->sigma;
       found->markers.push_back(observation);
     }
     if (found->markers.empty()) {
       found->failure = fmt::format(
           "{} markers of the ChArUco board were read, but no corner between them is clear: the "
-          "image "
-          "is too blurred or the board too small in it",
+          "image is too blurred or the board too small in it",
           markers.size());
     }
   }
@@ -317,24 +279,9 @@ class CharucoDetector final : public MarkerDetector {
 
 }  // namespace
 
-internal::CharucoLooks internal::FindCharucoLooks(const CharucoLayout& board) {
-  const auto dictionary = FindDictionary(board.dictionary);
-  const Layout layout(board, board.legacy.value_or(false));
-  CharucoLooks looks{.width = dictionary->markerSize + 2, .markers = {}};
-  for (int id = 0; id < layout.marker_count(); ++id) {
-    cv::Mat cells;
-    dictionary->drawMarker(id, looks.width, cells, 1);  // a pixel a cell
-    CharucoLooks::Marker marker{.square = layout.square(id), .white = {}};
-    for (int y = 0; y < looks.width; ++y) {
-      for (int x = 0; x < looks.width; ++x) marker.white.push_back(cells.at<uchar>(y, x) != 0);
-    }
-    looks.markers.push_back(std::move(marker));
-  }
-  return looks;
-}
-
-std::unique_ptr<MarkerDetector> MakeCharucoDetector(const Target& target) {
-  return std::make_unique<CharucoDetector>(std::get<CharucoLayout>(target.layout));
+std::unique_ptr<MarkerDetector> MakeDetector(const CharucoLayout& layout,
+                                             const Target& /*target*/) {
+  return std::make_unique<CharucoDetector>(layout);
 }
 
 }  // namespace plenocal

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "detectors/boards/chessboard_detector.h"
+
 #include <fmt/format.h>
 
 #include <Eigen/Core>
@@ -6,25 +8,24 @@
 #include <opencv2/core.hpp>
 #include <optional>
 #include <string>
-#include <variant>
 #include <vector>
 
-#include "detectors/corner_lattice.h"
-#include "detectors/grid_order.h"
-#include "detectors/marker_detector.h"
-#include "detectors/saddle.h"
+#include "detectors/boards/corner_lattice.h"
+#include "detectors/boards/grid_order.h"
+#include "detectors/templates/board_templates.h"
+#include "detectors/templates/saddle.h"
 
 // Which corner is number 0. The inner corners' lattice (columns x rows) is symmetric under a turn
-// by 180 degrees, a square one by 90; the colours may tell the places apart. We ask that the outer
-// square at corner 0 be black, as on OpenCV's printed pattern:
+// by 180 degrees, a square one by 90; the colours may distinguish the places. The rule is that the
+// outer square at corner 0 is black, as on OpenCV's printed pattern:
 //
 //   columns + rows odd              always decided: the squares at opposite ends differ in colour
 //   columns = rows, both odd        decided up to 180 degrees
 //   otherwise                       the colours are the same after every turn
 //
-// Where more than one place remains, the corner nearest the image's top left is 0. That is all one
-// image tells: of a rig's cameras, or of frames, that see such a board turned by more than 90
-// degrees against each other, each may begin at another end. A board with columns + rows odd avoids
+// Where more than one place remains, the corner nearest the image's top left is 0. One image cannot
+// decide more: cameras of a rig, or frames, that see such a board rotated by more than 90 degrees
+// against each other may each begin at another end. A board with columns + rows odd avoids
 // it.
 
 namespace plenocal {
@@ -122,7 +123,7 @@ class ChessboardDetector final : public MarkerDetector {
       Observation observation;
       observation.marker = marker;
       observation.values = {corner->p.x(), corner->p.y()};
-      observation.sigma = corner->sigma;
+      observation.detector_sigma = corner->sigma;
       found.markers.push_back(observation);
     }
     return found;
@@ -168,8 +169,25 @@ class ChessboardDetector final : public MarkerDetector {
 
 }  // namespace
 
-std::unique_ptr<MarkerDetector> MakeChessboardDetector(const Target& target) {
-  return std::make_unique<ChessboardDetector>(std::get<ChessboardLayout>(target.layout));
+std::unique_ptr<MarkerDetector> MakeDetector(const ChessboardLayout& layout,
+                                             const Target& /*target*/) {
+  return std::make_unique<ChessboardDetector>(layout);
+}
+
+std::vector<internal::MarkerTemplate> internal::MakeTemplates(
+    const ChessboardLayout& layout,
+    const Target& /*target*/,
+    const std::vector<Observation>& found) {
+  constexpr int kSquares = 6;  // of the pattern around a corner
+  const auto draw = [](int /*column*/, int /*row*/) {
+    std::vector<float> cells;
+    cells.reserve(kSquares * kSquares);
+    for (int i = 0; i < kSquares * kSquares; ++i) {
+      cells.push_back((i / kSquares + i % kSquares) % 2 == 0 ? 1.f : -1.f);
+    }
+    return CellDrawing(std::move(cells), kSquares);
+  };
+  return CornerTemplates(layout.columns, found, kSquares, draw);
 }
 
 }  // namespace plenocal

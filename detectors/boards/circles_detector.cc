@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "detectors/boards/circles_detector.h"
+
 #include <fmt/format.h>
 
 #include <Eigen/Core>
@@ -12,17 +14,17 @@
 #include <opencv2/imgproc.hpp>
 #include <optional>
 #include <string>
-#include <variant>
 #include <vector>
 
-#include "detectors/grid_order.h"
-#include "detectors/marker_detector.h"
-#include "detectors/patch_fit.h"
+#include "calib/base/robust.h"
+#include "detectors/boards/grid_order.h"
+#include "detectors/templates/board_templates.h"
+#include "detectors/templates/patch_fit.h"
 
 // OpenCV finds the grid of blobs; each circle is then measured by a fit of a blurred ellipse to its
 // gray values.
 //
-// What is reported is the image of the circle's centre. The ellipse's centre lies farther from the
+// The result is the image of the circle's centre. The ellipse's centre lies farther from the
 // vanishing line of the board's plane, by about
 //   r^2 sin(tilt) cos(tilt) f / Z^2   (r the circle's radius, Z its distance, f in px)
 // which for a circle of 10 px radius at f = 1000 px tilted by 45 degrees is 0.05 px. A circle's
@@ -60,7 +62,7 @@ class BlurredEllipse {
 
   BlurredEllipse(const Eigen::Vector2d& guess, double reach) : guess_(guess), reach_(reach) {}
 
-  static double Width(double e) { return std::hypot(e, kPixel); }
+  static double Width(double e) { return std::hypot(e, kPixelSigma); }
 
   double operator()(const Params& params, const Pixel& pixel, Params* J) const {
     const Eigen::Vector2d q(pixel.x - params[kX], pixel.y - params[kY]);
@@ -97,7 +99,6 @@ class BlurredEllipse {
   }
 
  private:
-  static constexpr double kPixel = 0.29;  // 1 / sqrt(12), sigma of a box one pixel wide
   static constexpr double kTiny = 1e-12;
 
   Eigen::Vector2d guess_;
@@ -131,7 +132,8 @@ std::optional<Region> FindRegion(const cv::Mat& gray, const Eigen::Vector2d& gue
   const int label = labels.at<int>(seed);
   const cv::Mat mask = labels == label;
   const cv::Moments moments = cv::moments(mask, true);
-  if (moments.m00 < 4) return std::nullopt;
+  constexpr double kFewestPixels = 4;
+  if (moments.m00 < kFewestPixels) return std::nullopt;
   Region region;
   region.centre = {window.x + moments.m10 / moments.m00, window.y + moments.m01 / moments.m00};
   const double unit = 1.0 / 12;  // a pixel's own second moment
@@ -151,7 +153,8 @@ std::optional<Circle> FitCircle(const cv::Mat& gray, const Eigen::Vector2d& gues
   const double semi_axis = 2 * std::sqrt(0.5 * region->covariance.trace());
   // Half-way to the next circle's edge, which is as far beyond the middle as this one's before it.
   const double gap = std::max(spacing - 2 * semi_axis, 2.0);
-  const double margin = std::clamp(0.5 * gap, 1.5, 6.0);  // px; six show any sensible blur's foot
+  constexpr double kLeastMargin = 1.5, kMostMargin = 6;  // px; six show any sensible blur's foot
+  const double margin = std::clamp(0.5 * gap, kLeastMargin, kMostMargin);
   std::vector<Pixel> pixels;
   const int r = static_cast<int>(std::ceil(3 * semi_axis + margin));
   for (int y = static_cast<int>(region->centre.y()) - r; y <= region->centre.y() + r; ++y) {
@@ -161,7 +164,7 @@ std::optional<Circle> FitCircle(const cv::Mat& gray, const Eigen::Vector2d& gues
       const Eigen::Vector2d Mq = M * q;
       const double F = std::sqrt(q.dot(Mq));
       const double outward = Mq.norm() > 0 ? (F - 1) * F / Mq.norm() : -semi_axis;
-      // The interior of a large circle tells nothing about its edge.
+      // The interior of a large circle holds no information on its edge.
       if (outward > margin || outward < -margin) continue;
       pixels.push_back({static_cast<double>(x),
                         static_cast<double>(y),
@@ -175,23 +178,23 @@ std::optional<Circle> FitCircle(const cv::Mat& gray, const Eigen::Vector2d& gues
   start[Model::kMxx] = M(0, 0);
   start[Model::kMxy] = M(0, 1);
   start[Model::kMyy] = M(1, 1);
-  start[Model::kBlur] = 0.8;
+  start[Model::kBlur] = 0.8;  // px, of a lens in focus
   start[Model::kA] = 0.5 * (region->inside + region->outside);
   start[Model::kB] = 0.5 * (region->inside - region->outside);
   if (pixels.size() < 2 * Model::kSize) return std::nullopt;
   const double reach = std::max(0.5 * semi_axis, 1.5);
   const auto fit = internal::FitPatch<Model::kSize>(Model(region->centre, reach), pixels, start);
-  constexpr double kMinExplained = 0.6;  // as for chessboard corners
-  if (!fit || fit->explained < kMinExplained) return std::nullopt;
-  // Thousandths of a pixel that the model leaves out, as for chessboard corners.
-  constexpr double kModelError = 0.003;
+  if (!fit || fit->explained < internal::kMinExplained) return std::nullopt;
   Circle circle;
   circle.p = fit->params.head<2>();
   circle.M << fit->params[Model::kMxx], fit->params[Model::kMxy], fit->params[Model::kMxy],
       fit->params[Model::kMyy];
-  circle.sigma =
-      std::sqrt(0.5 * (fit->covariance(0, 0) + fit->covariance(1, 1)) + kModelError * kModelError);
-  if (circle.sigma > std::min(0.5, 0.1 * spacing)) return std::nullopt;
+  circle.sigma = std::sqrt(0.5 * (fit->covariance(0, 0) + fit->covariance(1, 1)) +
+                           internal::kModelError * internal::kModelError);
+  // Beyond these nothing was measured.
+  constexpr double kMaxSigma = 0.5;          // px
+  constexpr double kMaxRelativeSigma = 0.1;  // of the spacing
+  if (circle.sigma > std::min(kMaxSigma, kMaxRelativeSigma * spacing)) return std::nullopt;
   return circle;
 }
 
@@ -211,8 +214,7 @@ class CirclesDetector final : public MarkerDetector {
     }
     found.failure = fmt::format(
         "no {} grid of {} x {} circles found: only part of it is visible, or it is too blurred, "
-        "too "
-        "small or unevenly lit",
+        "too small or unevenly lit",
         asymmetric_ ? "asymmetric" : "symmetric",
         columns_,
         rows_);
@@ -292,8 +294,7 @@ class CirclesDetector final : public MarkerDetector {
     if (2 * refined < count || !order) {
       found.failure = fmt::format(
           "a pattern of {} x {} places was found, but only {} of them look like circles of the "
-          "grid: "
-          "it is too blurred, too small or partly hidden",
+          "grid: it is too blurred, too small or partly hidden",
           columns_,
           rows_,
           order ? refined : 0);
@@ -310,21 +311,20 @@ class CirclesDetector final : public MarkerDetector {
       Observation observation;
       observation.marker = marker;
       observation.values = {centre.x(), centre.y()};
-      observation.sigma = circle->sigma;
+      observation.detector_sigma = circle->sigma;
       found.markers.push_back(observation);
     }
     return found;
   }
 
-  /// Where circle k of the grid is on the board, in distances of its rows.
+  /// Place of circle k of the grid on the board, in distances of its rows.
   [[nodiscard]] Eigen::Vector2d OnBoard(int k) const {
     const int row = k / columns_, column = k % columns_;
     return asymmetric_ ? Eigen::Vector2d(2 * column + row % 2, row) : Eigen::Vector2d(column, row);
   }
 
-  /// The circles around give the homography, so that a lens' distortion, which bends the whole
-  /// grid, disturbs it little; its own error is small beside that of a circle, since they are far
-  /// apart.
+  /// The homography comes from the circles around, so that lens distortion disturbs it little; its
+  /// own error is small beside that of one circle, since they are far apart.
   [[nodiscard]] Eigen::Vector2d ImageOfCentre(int marker,
                                               const std::vector<std::optional<Circle>>& circles,
                                               const GridOrder& order) const {
@@ -404,7 +404,8 @@ class CirclesDetector final : public MarkerDetector {
     for (const Candidate& candidate : candidates) {
       // A wrong order misses by about a circle's distance, a right one by the lens's distortion,
       // which is the same from either end.
-      if (candidate.misfit < 1.1 * best + 0.1) fitting.push_back(candidate.order);
+      constexpr double kSameFit = 1.1, kRounding = 0.1;  // of the best misfit, px
+      if (candidate.misfit < kSameFit * best + kRounding) fitting.push_back(candidate.order);
     }
     return internal::NearestTopLeft(points, fitting);
   }
@@ -430,8 +431,15 @@ class CirclesDetector final : public MarkerDetector {
 
 }  // namespace
 
-std::unique_ptr<MarkerDetector> MakeCirclesDetector(const Target& target) {
-  return std::make_unique<CirclesDetector>(std::get<CirclesLayout>(target.layout));
+std::unique_ptr<MarkerDetector> MakeDetector(const CirclesLayout& layout,
+                                             const Target& /*target*/) {
+  return std::make_unique<CirclesDetector>(layout);
+}
+
+std::vector<internal::MarkerTemplate> internal::MakeTemplates(
+    const CirclesLayout& layout, const Target& target, const std::vector<Observation>& found) {
+  return DiscTemplates(
+      {.nearest = layout.NearestDistance(), .radius = layout.DrawnRadius()}, target, found);
 }
 
 }  // namespace plenocal

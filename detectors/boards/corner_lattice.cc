@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "detectors/corner_lattice.h"
+#include "detectors/boards/corner_lattice.h"
 
 #include <algorithm>
 #include <cmath>

@@ -10,7 +10,7 @@ namespace plenocal::internal {
 /// A rectangular lattice of chessboard corners, before they are measured: good to about a tenth of
 /// a square.
 struct CornerLattice {
-  int columns = 0, rows = 0;  ///< as they came: the image does not tell which is which
+  int columns = 0, rows = 0;  ///< as found: an image does not distinguish them
   /// px, row-major. Where a corner is not seen its place follows from its neighbours.
   std::vector<Eigen::Vector2d> corners;
 };

@@ -61,8 +61,8 @@ inline double Handedness(const std::vector<Eigen::Vector2d>& points,
 }
 
 /// Of equally good orders the one whose first point is nearest the image's top left. One image
-/// cannot tell more: cameras that are turned against each other by more than about 90 degrees may
-/// begin at different corners of such a board.
+/// cannot decide more: cameras that are rotated against each other by more than about 90 degrees
+/// may begin at different corners of such a board.
 inline const GridOrder& NearestTopLeft(const std::vector<Eigen::Vector2d>& points,
                                        const std::vector<GridOrder>& orders) {
   std::size_t best = 0;

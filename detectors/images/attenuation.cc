@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "detectors/attenuation.h"
+#include "detectors/images/attenuation.h"
 
 #include <fmt/format.h>
 
@@ -7,13 +7,11 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
-#include <map>
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
-#include <utility>
 #include <vector>
 
-#include "calib/error.h"
+#include "calib/base/error.h"
 
 namespace plenocal {
 namespace {
@@ -24,9 +22,10 @@ constexpr double kDarkest = 1e-4;
 /// noise out.
 constexpr double kSmoothing = 0.01;
 
-/// Calls change(plane) on each of the four colour planes and puts them back.
-cv::Mat ForBayerPlanes(const cv::Mat& mosaic,
-                       const std::function<cv::Mat(const cv::Mat&)>& change) {
+}  // namespace
+
+cv::Mat internal::ForBayerPlanes(const cv::Mat& mosaic,
+                                 const std::function<cv::Mat(const cv::Mat&)>& change) {
   cv::Mat out(mosaic.size(), CV_32F);
   for (int y = 0; y < 2; ++y) {
     for (int x = 0; x < 2; ++x) {
@@ -47,32 +46,32 @@ cv::Mat ForBayerPlanes(const cv::Mat& mosaic,
   return out;
 }
 
-cv::Mat Limited(const cv::Mat& attenuation) {
+cv::Mat internal::LimitAttenuation(const cv::Mat& attenuation) {
   cv::Mat limited;
   cv::min(attenuation, 1.0, limited);
   cv::max(limited, kDarkest, limited);
   return limited;
 }
 
-}  // namespace
-
 cv::Mat LargeScaleMean(const cv::Mat& image) {
   // Some ten independent places along a side: coarser than any micro image, as fine as shading
   // needs. Computed on a small image, as a wide filter on the full one would take seconds.
   constexpr int kCells = 64;
+  constexpr double kBlur = kCells / 12.0;               // cells
+  constexpr double kLeast = 1e-6, kLeastOfMean = 1e-3;  // keep ratios to the mean finite
   const cv::Size small(std::min(kCells, image.cols), std::min(kCells, image.rows));
   cv::Mat coarse, smooth, mean;
   cv::resize(image, coarse, small, 0, 0, cv::INTER_AREA);
-  cv::GaussianBlur(coarse, smooth, {}, kCells / 12.0, 0, cv::BORDER_REFLECT);
+  cv::GaussianBlur(coarse, smooth, {}, kBlur, 0, cv::BORDER_REFLECT);
   cv::resize(smooth, mean, image.size(), 0, 0, cv::INTER_LINEAR);
-  cv::max(mean, std::max(1e-6, 1e-3 * cv::mean(image)[0]), mean);
+  cv::max(mean, std::max(kLeast, kLeastOfMean * cv::mean(image)[0]), mean);
   return mean;
 }
 
 void CheckEvenField(const cv::Mat& white) {
   // Mean brightness of small cells against its large-scale mean, where light falls at all.
   constexpr int kCells = 32;
-  constexpr double kLit = 0.3;
+  constexpr double kLit = 0.3;  // of the brightest cell: darker corners are beyond the image circle
   // Fall-off bends by 1 to 2 % between the two scales (5 % in the corners); a fifth of the field
   // leaves room for corners.
   constexpr double kEven = 0.05, kQuantile = 0.8;
@@ -95,12 +94,12 @@ void CheckEvenField(const cv::Mat& white) {
   throw Error(
       ErrorKind::kJob,
       fmt::format(
-          "the white images show a scene: a fifth of the field differs by more than {:.0f} % "
-          "from its surroundings; record an even white field",
+          "the white images show a scene: a fifth of the field differs by more than {:.0f} % from "
+          "its surroundings; record an even white field",
           100 * *quantile));
 }
 
-cv::Mat SmoothAttenuation(const cv::Mat& white, bool bayer) {
+cv::Mat SmoothAttenuation(const cv::Mat& white, std::optional<BayerOrder> bayer) {
   const auto attenuation = [&](const cv::Mat& plane) {
     cv::Mat smooth;
     cv::GaussianBlur(plane, smooth, {}, kSmoothing * std::max(plane.cols, plane.rows));
@@ -108,62 +107,8 @@ cv::Mat SmoothAttenuation(const cv::Mat& white, bool bayer) {
     cv::minMaxLoc(smooth, nullptr, &highest);
     return cv::Mat(smooth / highest);
   };
-  return Limited(bayer ? ForBayerPlanes(white, attenuation) : attenuation(white));
-}
-
-namespace {
-
-/// Highest value of the smooth envelope of the micro images: the running maximum of their
-/// brightness, over three neighbours at a time, smoothed with a Gaussian of one pitch. Made of
-/// fitted brightnesses, as a running maximum of pixels would be raised by their noise.
-double HighestOfEnvelope(const MicroLensGrid& grid) {
-  std::map<std::pair<int, int>, double> gains, maxima;
-  for (size_t i = 0; i < grid.gains.size(); ++i) {
-    const MicroLens& lens = grid.array.lenses[i];
-    if (lens.usable) gains[{lens.column, lens.row}] = grid.gains[i];
-  }
-  for (const auto& [node, gain] : gains) {
-    const auto right = gains.find({node.first + 1, node.second});
-    const auto below = gains.find({node.first, node.second + 1});
-    if (right == gains.end() || below == gains.end()) continue;
-    maxima[node] = std::max({gain, right->second, below->second});
-  }
-  constexpr int kReach = 3;
-  double highest = 0;
-  for (const auto& [node, maximum] : maxima) {
-    double sum = 0, weights = 0;
-    for (int row = -kReach; row <= kReach; ++row) {
-      for (int column = -kReach; column <= kReach; ++column) {
-        const auto near = maxima.find({node.first + column, node.second + row});
-        if (near == maxima.end()) continue;
-        // Squared distance in pitches, of vectors 60 degrees apart.
-        const double weight = std::exp(-0.5 * (column * column + column * row + row * row));
-        sum += weight * near->second;
-        weights += weight;
-      }
-    }
-    highest = std::max(highest, sum / weights);
-  }
-  return highest;
-}
-
-}  // namespace
-
-cv::Mat MicroLensAttenuation(const cv::Mat& white, const MicroLensGrid& grid, bool bayer) {
-  const double highest = HighestOfEnvelope(grid);
-  if (!bayer) return Limited(white / highest);
-  // The grid's gains hold for planes at the level of the whole mosaic.
-  const double level = cv::mean(white)[0];
-  return Limited(ForBayerPlanes(white, [&](const cv::Mat& plane) {
-    return cv::Mat(plane * (level / cv::mean(plane)[0] / highest));
-  }));
-}
-
-cv::Mat LevelBayerPlanes(const cv::Mat& mosaic) {
-  const cv::Mat level = LargeScaleMean(mosaic);
-  const cv::Mat ratio = ForBayerPlanes(
-      mosaic, [](const cv::Mat& plane) { return cv::Mat(plane / LargeScaleMean(plane)); });
-  return ratio.mul(level);
+  return internal::LimitAttenuation(bayer ? internal::ForBayerPlanes(white, attenuation)
+                                          : attenuation(white));
 }
 
 double PlaneDifference(const cv::Mat& white) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "detectors/image.h"
+#include "detectors/images/image.h"
 
 #include <fmt/format.h>
 #include <zlib.h>
@@ -20,10 +20,11 @@
 #include <string_view>
 #include <vector>
 
-#include "calib/error.h"
+#include "calib/base/error.h"
+#include "detectors/images/image_codecs.h"
 
-// The decoders fill what is missing with gray and print to stderr, or say nothing. So a file's own
-// structure is checked first, and only what is complete reaches a decoder.
+// The decoders fill missing parts with gray, with a line on stderr or without any. So the structure
+// of a file is checked first, and only complete files reach a decoder.
 
 namespace plenocal {
 namespace {
@@ -32,8 +33,8 @@ namespace fs = std::filesystem;
 using Bytes = std::vector<std::uint8_t>;
 using View = std::span<const std::uint8_t>;
 
-/// Larger images are refused before memory is asked for: some thirty times a big sensor's, so only
-/// a broken or hostile header says so.
+/// Larger images are refused before memory is allocated: this is some thirty times a big sensor, so
+/// only broken or hostile headers exceed it.
 constexpr std::uint64_t kMaxPixels = std::uint64_t{1} << 29;
 
 /// The first defect of a file in words, or nothing.
@@ -291,7 +292,7 @@ cv::Mat Decoded(const fs::path& path, int flags) {
   }
   cv::Mat image;
   try {
-    image = cv::imdecode(bytes, flags);
+    image = DecodeImage(bytes, flags);
   } catch (const cv::Exception&) {
     image.release();
   } catch (const std::bad_alloc&) {
@@ -356,9 +357,7 @@ std::string WithoutPath(const std::string& message, const fs::path& path) {
 }
 
 std::string EncodeImage(const std::string& format, const cv::Mat& image) {
-  std::vector<std::uint8_t> bytes;
-  cv::imencode(format, image, bytes);
-  return {bytes.begin(), bytes.end()};
+  return EncodeImage(format, image, {});
 }
 
 }  // namespace plenocal

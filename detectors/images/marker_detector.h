@@ -1,25 +1,27 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <opencv2/core/mat.hpp>
 #include <string>
 #include <vector>
 
-#include "calib/observation.h"
-#include "detectors/lens_curvature.h"
-#include "targets/target.h"
+#include "calib/camera/observation.h"
+#include "detectors/images/distortion_field.h"
 
 namespace plenocal {
 
-/// What a detector found in one image.
+/// The markers of one target in one image.
 struct MarkerDetections {
   std::vector<Observation> markers;   ///< x, y, sigma set; ascending marker number, no duplicates
   std::vector<std::string> left_out;  ///< markers refused, with the reason, in words for the user
   std::string failure;                ///< why `markers` is empty; empty otherwise
-  std::vector<LensReading> readings;  ///< what the image says about the lens' curvature
-  /// What the markers owe to it, in their order; empty when they do not depend on it.
-  std::vector<BentMarker> bent;
+  /// Measurements of the lens distortion by this image.
+  std::vector<DistortionMeasurement> measurements;
+  /// Dependence of the markers on the distortion assumed, in their order; empty when they do not
+  /// depend on it.
+  std::vector<DistortionSensitivity> sensitivities;
 };
 
 /// Finds the markers of one target in gray images. One object may be used from one thread at a
@@ -32,12 +34,7 @@ class MarkerDetector {
   virtual MarkerDetections Detect(const cv::Mat& gray) = 0;
 };
 
-std::unique_ptr<MarkerDetector> MakeTagDetector(const Target& target);
-std::unique_ptr<MarkerDetector> MakeChessboardDetector(const Target& target);
-std::unique_ptr<MarkerDetector> MakeCharucoDetector(const Target& target);
-std::unique_ptr<MarkerDetector> MakeCirclesDetector(const Target& target);
-
-/// The detector for the target's type. Throws `Error` for type `markers`, which has none.
-std::unique_ptr<MarkerDetector> MakeMarkerDetector(const Target& target);
+/// Makes detectors of one target; called from several threads.
+using MarkerDetectorFactory = std::function<std::unique_ptr<MarkerDetector>()>;
 
 }  // namespace plenocal

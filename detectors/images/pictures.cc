@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "detectors/marker_picture.h"
+#include "detectors/images/pictures.h"
 
 #include <algorithm>
+#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <string>
 #include <vector>
+
+#include "detectors/images/image_codecs.h"
 
 namespace plenocal::internal {
 
@@ -50,6 +53,27 @@ cv::Mat MarkerPicture(const cv::Mat& gray, const std::vector<Observation>& marke
     cv::putText(picture, number, corner, kFont, kSize, {0, 200, 255}, 1, cv::LINE_AA);
   }
   return picture;
+}
+
+double SampleScale(const cv::Mat& image) {
+  constexpr double kLonger = 1000;  // px
+  return std::min(1.0, kLonger / std::max(image.cols, image.rows));
+}
+
+std::string EncodeSample(const cv::Mat& picture) {
+  constexpr int kQuality = 85;  // per cent; a report with many cameras stays below some megabytes
+  return EncodeImage(".jpg", picture, {cv::IMWRITE_JPEG_QUALITY, kQuality});
+}
+
+std::string SamplePicture(const cv::Mat& gray, std::vector<Observation> markers) {
+  const double scale = SampleScale(gray);
+  cv::Mat small;
+  cv::resize(gray, small, {}, scale, scale, cv::INTER_AREA);
+  for (Observation& marker : markers) {
+    // (0, 0) is the centre of a pixel, of whatever size.
+    for (const size_t i : {0, 1}) marker.values[i] = (marker.values[i] + 0.5) * scale - 0.5;
+  }
+  return EncodeSample(MarkerPicture(small, markers));
 }
 
 }  // namespace plenocal::internal

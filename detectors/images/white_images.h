@@ -4,12 +4,12 @@
 #include <opencv2/core/mat.hpp>
 #include <vector>
 
-#include "calib/observation.h"
-#include "calib/session.h"
+#include "calib/camera/observation.h"
+#include "calib/files/frame_images.h"
 
 namespace plenocal {
 
-/// The mean of a camera's white images and what was seen on the way.
+/// The mean of a camera's white images, with figures of their quality.
 struct WhiteImages {
   cv::Mat mean;           ///< CV_32F, one channel, grey values as in the files
   size_t used = 0;        ///< images in the mean
@@ -17,7 +17,7 @@ struct WhiteImages {
   double full_scale = 0;  ///< grey value of a saturated pixel
   double saturated = 0;   ///< share of pixels at full scale, mean over the images
   double black = 0;       ///< share of pixels at 0
-  /// How much brighter one side of the field is than the opposite one, relative to the middle: lens
+  /// Brightness difference between opposite sides of the field, relative to the middle: lens
   /// fall-off is the same on both, so this is the illumination (or a lens out of its place).
   double unevenness = 0;
   std::vector<LeftOut> left_out;  ///< images, with reasons

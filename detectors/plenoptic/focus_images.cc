@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "detectors/focus_images.h"
+#include "detectors/plenoptic/focus_images.h"
 
 #include <fmt/format.h>
 
@@ -11,14 +11,15 @@
 #include <optional>
 #include <utility>
 
-#include "calib/error.h"
-#include "calib/number_text.h"
-#include "calib/raytrix_grid.h"
-#include "detectors/depth_picture.h"
-#include "detectors/focus_each.h"
-#include "detectors/focused_markers.h"
-#include "detectors/image.h"
-#include "detectors/white_measurement.h"
+#include "calib/base/error.h"
+#include "calib/base/number_text.h"
+#include "calib/files/raytrix_grid.h"
+#include "detectors/images/image.h"
+#include "detectors/plenoptic/depth/depth_picture.h"
+#include "detectors/plenoptic/depth/image_synthesis.h"
+#include "detectors/plenoptic/depth/reconstruction.h"
+#include "detectors/plenoptic/markers/focused_image_detector.h"
+#include "detectors/plenoptic/white/white_camera.h"
 
 namespace plenocal {
 namespace {
@@ -30,17 +31,18 @@ bool IsXml(const fs::path& path) { return path.extension() == ".xml"; }
 PlenopticCamera CameraFromWhiteImages(const FocusRequest& request) {
   const PlenopticSource& source = request.camera;
   WhiteOptions options{.plenoptic = true,
-                       .bayer = !source.bayer.empty(),
+                       .bayer = source.bayer,
                        .grid_file = std::nullopt,
                        .raw_image = {},
                        .threads = request.threads};
   if (!source.grid.empty()) options.grid_file = source.grid;
-  internal::WhiteMeasurement white = internal::MeasureWhite(source.white_images, options);
-  for (const std::string& warning : white.camera.warnings) request.message("  " + warning);
-  for (const LeftOut& item : white.camera.left_out) {
+  cv::Mat attenuation, levelled;
+  WhiteCamera white = internal::MeasureWhite(source.white_images, options, &attenuation, &levelled);
+  for (const std::string& warning : white.warnings) request.message("  " + warning);
+  for (const LeftOut& item : white.left_out) {
     request.message(fmt::format("  left out {}: {}", item.where, item.reason));
   }
-  return {std::move(white.camera.grid->array), white.attenuation, source.bayer};
+  return {std::move(white.grid->array), attenuation, source.bayer};
 }
 
 PlenopticCamera CameraFromFiles(const FocusRequest& request) {
@@ -72,7 +74,7 @@ std::pair<cv::Mat, cv::Mat> DepthMaps(const VirtualDepth& depth) {
   return {v, sigma};
 }
 
-FrameFiles Files(const FocusedView& view, int raw_depth) {
+FrameFiles Files(const Reconstruction& view, int raw_depth) {
   const auto [v, sigma] = DepthMaps(view.depth);
   // Values as in the raw image, unless the corrected ones exceed its range.
   const double range = raw_depth == CV_8U ? 255 : 65535;
@@ -92,7 +94,7 @@ FrameFiles Files(const FocusedView& view, int raw_depth) {
                        YamlNumber(view.depth.scale))}};
 }
 
-std::string Summary(const FocusedView& view) {
+std::string Summary(const Reconstruction& view) {
   std::vector<float> known;
   for (int y = 0; y < view.depth.inverse.rows; ++y) {
     for (int x = 0; x < view.depth.inverse.cols; ++x) {
@@ -114,23 +116,55 @@ std::string Summary(const FocusedView& view) {
 
 }  // namespace
 
+size_t ReconstructImages(
+    const std::vector<FrameImage>& images,
+    const PlenopticCamera& camera,
+    const ReconstructionOptions& options,
+    const LoopReports& reports,
+    const std::function<void(const FrameImage& raw, const Reconstruction& view, int depth)>& take) {
+  std::optional<Error> first;
+  size_t taken = 0;
+  for (size_t i = 0; i < images.size(); ++i) {
+    const FrameImage& raw = images[i];
+    if (!reports.progress(i)) throw Stopped();
+    try {
+      cv::Mat image = ReadImage(raw.path);
+      const int depth = image.depth();
+      Reconstruction view;
+      try {
+        view = Reconstruct(std::move(image), camera, options);
+      } catch (const Error& error) {
+        throw Error(error.kind(), fmt::format("{}: {}", raw.path.string(), error.what()));
+      }
+      take(raw, view, depth);
+      ++taken;
+    } catch (const Error& error) {
+      if (images.size() > 1) reports.message(fmt::format("  left out {}", error.what()));
+      if (!first) first = error;
+    }
+  }
+  if (taken == 0) throw Error(*first);
+  return taken;
+}
+
 void FocusImages(const FocusRequest& request) {
   const PlenopticCamera camera = request.camera.white_images.empty()
                                      ? CameraFromFiles(request)
                                      : CameraFromWhiteImages(request);
-  FocusOptions options{
+  ReconstructionOptions options{
       .scale = request.scale, .colour = true, .threads = request.threads, .find_flat_parts = {}};
   if (request.target != nullptr) {
-    options.find_flat_parts = [markers =
-                                   std::make_shared<internal::FocusedMarkers>(*request.target)](
-                                  const cv::Mat& image) { return markers->FlatParts(image); };
+    options.find_flat_parts =
+        [markers = std::make_shared<internal::FocusedImageDetector>(*request.target)](
+            const cv::Mat& image) { return markers->FlatParts(image); };
   }
-  FocusEach(request.raw_images,
-            camera,
-            {options, request.progress, request.message},
-            [&](const FrameImage& raw, const FocusedView& view, int depth) {
-              request.result(raw.frame, Files(view, depth), Summary(view));
-            });
+  ReconstructImages(request.raw_images,
+                    camera,
+                    options,
+                    {request.progress, request.message},
+                    [&](const FrameImage& raw, const Reconstruction& view, int depth) {
+                      request.result(raw.frame, Files(view, depth), Summary(view));
+                    });
 }
 
 }  // namespace plenocal

@@ -7,22 +7,28 @@
 #include <filesystem>
 #include <functional>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
-#include "calib/session.h"
+#include "calib/camera/bayer.h"
+#include "calib/files/frame_images.h"
 #include "targets/target.h"
 
 namespace plenocal {
 
-/// Where the micro lenses and the attenuation of a camera come from.
+struct PlenopticCamera;        // detectors/plenoptic/depth/reconstruction.h
+struct Reconstruction;         // likewise
+struct ReconstructionOptions;  // likewise
+
+/// Sources of the micro lenses and the attenuation of a camera.
 struct PlenopticSource {
   std::vector<FrameImage> white_images;
   /// micro_lenses_<camera>.csv or RayCalibData XML; with white images only the latter, else needed.
   std::filesystem::path grid;
   std::filesystem::path
-      vignetting;          ///< TIFF; empty with `grid` alone: the raw images are corrected already
-  std::string bayer = {};  ///< "RGGB" and the like for raw mosaics, else empty
+      vignetting;  ///< TIFF; empty with `grid` alone: the raw images are corrected already
+  std::optional<BayerOrder> bayer = {};  ///< of raw mosaics
 };
 
 /// The result files of one frame: name -> content.
@@ -46,5 +52,22 @@ struct FocusRequest {
 /// left out with a message; throws `Error` for what is wrong with the camera's files and when no
 /// image is left.
 void FocusImages(const FocusRequest& request);
+
+/// How a loop over raw images reports what it does.
+struct LoopReports {
+  /// Called before each image with the number of images begun; false stops (`Stopped` is thrown).
+  std::function<bool(size_t begun)> progress;
+  std::function<void(const std::string&)> message;
+};
+
+/// Reads and reconstructs raw images one after another and passes each to `take` with the OpenCV
+/// depth of its file. An image for which any of this throws `Error` is left out with a message.
+/// Returns the number of images taken; throws the first image's `Error` when none was.
+size_t ReconstructImages(
+    const std::vector<FrameImage>& images,
+    const PlenopticCamera& camera,
+    const ReconstructionOptions& options,
+    const LoopReports& reports,
+    const std::function<void(const FrameImage& raw, const Reconstruction& view, int depth)>& take);
 
 }  // namespace plenocal

@@ -3,8 +3,8 @@
 
 #include <Eigen/Core>
 
-#include "detectors/lanes.h"
-#include "detectors/lens_curvature.h"
+#include "detectors/images/distortion_field.h"
+#include "detectors/templates/lanes.h"
 
 namespace plenocal::internal {
 
@@ -18,14 +18,14 @@ struct Eight {
   using Values = Lanes;
 };
 
-/// How a lens bends what is about one place of its image: without it, what is at a distance d from
-/// the place would be at d - S(d) c, or at a projective image of that; c are the bends there.
-class LensBend {
+/// The displacements that the terms of a local distortion c cause about one place: an ideal lens
+/// would image what is at a distance d from the place at d - S(d) c, up to a homography.
+class DistortionBasis {
  public:
   /// `size`: width and height of the image, px.
-  LensBend(const Eigen::Vector2d& place, const Eigen::Vector2d& size)
+  DistortionBasis(const Eigen::Vector2d& place, const Eigen::Vector2d& size)
       : radius_(size.norm() / 2), p_((place - (size - Eigen::Vector2d::Ones()) / 2) / radius_) {
-    const Eigen::Vector2d e = BendDirection(p_);
+    const Eigen::Vector2d e = RadialDirection(p_);
     second_ = {e.x() * e.x() - e.y() * e.y(), 2 * e.x() * e.y()};
     fourth_ = {second_.x() * second_.x() - second_.y() * second_.y(),
                2 * second_.x() * second_.y()};
@@ -35,13 +35,13 @@ class LensBend {
 
   /// S at d = (d_x, d_y), px.
   template <typename Kind>
-  struct Shifts {
-    typename Kind::Values x[kBends], y[kBends];
+  struct Displacements {
+    typename Kind::Values x[kDistortionTerms], y[kDistortionTerms];
   };
   template <typename Kind>
   PLENOCAL_LANES void At(const typename Kind::Values& d_x,
                          const typename Kind::Values& d_y,
-                         Shifts<Kind>* shifts) const {
+                         Displacements<Kind>* displacement) const {
     using Scalar = typename Kind::Scalar;
     using Values = typename Kind::Values;
     const auto radius = static_cast<Scalar>(radius_), by_px = 1 / radius;
@@ -52,8 +52,8 @@ class LensBend {
     const Values square = radius * (x * x + y * y);
     const Values cube_u = u * x - v * y, cube_v = u * y + v * x;
     const auto put = [&](int i, const Values& shift_x, const Values& shift_y) {
-      shifts->x[i] = shift_x;
-      shifts->y[i] = shift_y;
+      displacement->x[i] = shift_x;
+      displacement->y[i] = shift_y;
     };
     put(0, square, Values{});
     put(1, Values{}, square);
@@ -64,19 +64,19 @@ class LensBend {
     put(6, c_2 * cube_u + s_2 * cube_v, c_2 * cube_v - s_2 * cube_u);
     put(7, c_4 * cube_u + s_4 * cube_v, s_4 * cube_u - c_4 * cube_v);
   }
-  [[nodiscard]] Eigen::Matrix<double, 2, kBends> At(const Eigen::Vector2d& d) const {
-    Shifts<One> shifts;
-    At<One>(d.x(), d.y(), &shifts);
-    Eigen::Matrix<double, 2, kBends> S;
-    for (int i = 0; i < kBends; ++i) S.col(i) << shifts.x[i], shifts.y[i];
+  [[nodiscard]] Eigen::Matrix<double, 2, kDistortionTerms> At(const Eigen::Vector2d& d) const {
+    Displacements<One> displacement;
+    At<One>(d.x(), d.y(), &displacement);
+    Eigen::Matrix<double, 2, kDistortionTerms> S;
+    for (int i = 0; i < kDistortionTerms; ++i) S.col(i) << displacement.x[i], displacement.y[i];
     return S;
   }
 
-  /// An edge through the place, straight on the target, that goes `half_edge` (px) to either side
-  /// is bent by this . bends d^2 (px) in the direction `normal` (of length 1) at a distance d along
-  /// it.
-  [[nodiscard]] LensBends OfEdge(const Eigen::Vector2d& half_edge,
-                                 const Eigen::Vector2d& normal) const {
+  /// Curvature of the image of a straight edge through the place that goes `half_edge` (px) to
+  /// either side: at a distance d along the edge it is displaced by this . c d^2 (px) in the
+  /// direction `normal` (of length 1).
+  [[nodiscard]] LocalDistortion EdgeCurvature(const Eigen::Vector2d& half_edge,
+                                              const Eigen::Vector2d& normal) const {
     return (At(half_edge) + At(-half_edge)).transpose() * normal / (2 * half_edge.squaredNorm());
   }
 

@@ -1,14 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "detectors/tags/tag_detector.h"
+
 #include <apriltag/apriltag.h>
-#include <apriltag/tag16h5.h>
-#include <apriltag/tag25h9.h>
-#include <apriltag/tag36h10.h>
-#include <apriltag/tag36h11.h>
-#include <apriltag/tagCircle21h7.h>
-#include <apriltag/tagCircle49h12.h>
-#include <apriltag/tagCustom48h12.h>
-#include <apriltag/tagStandard41h12.h>
-#include <apriltag/tagStandard52h13.h>
 #include <fmt/core.h>
 #include <fmt/ranges.h>
 
@@ -24,146 +17,26 @@
 #include <set>
 #include <utility>
 
-#include "calib/error.h"
-#include "calib/names.h"
-#include "detectors/marker_detector.h"
-#include "detectors/tag_edges.h"
-#include "detectors/tag_looks.h"
+#include "calib/base/error.h"
+#include "calib/base/linear_algebra.h"
+#include "detectors/tags/tag_edges.h"
+#include "detectors/tags/tag_patterns.h"
+#include "targets/tags/tag_family.h"
 
 namespace plenocal {
 namespace {
 
+using internal::MakeTagFamily;
 using internal::Quad;
-
-struct FamilyEntry {
-  std::string_view name;
-  apriltag_family_t* (*create)();
-  void (*destroy)(apriltag_family_t*);
-};
-
-constexpr std::array kFamilies{
-    FamilyEntry{"tag16h5", tag16h5_create, tag16h5_destroy},
-    FamilyEntry{"tag25h9", tag25h9_create, tag25h9_destroy},
-    FamilyEntry{"tag36h10", tag36h10_create, tag36h10_destroy},
-    FamilyEntry{"tag36h11", tag36h11_create, tag36h11_destroy},
-    FamilyEntry{"tagCircle21h7", tagCircle21h7_create, tagCircle21h7_destroy},
-    FamilyEntry{"tagCircle49h12", tagCircle49h12_create, tagCircle49h12_destroy},
-    FamilyEntry{"tagCustom48h12", tagCustom48h12_create, tagCustom48h12_destroy},
-    FamilyEntry{"tagStandard41h12", tagStandard41h12_create, tagStandard41h12_destroy},
-    FamilyEntry{"tagStandard52h13", tagStandard52h13_create, tagStandard52h13_destroy},
-};
-
-const FamilyEntry& FindFamily(std::string_view name) {
-  for (const FamilyEntry& entry : kFamilies) {
-    if (entry.name == name) return entry;
-  }
-  throw Error(
-      ErrorKind::kInput,
-      fmt::format("unknown tag family '{}'{}", name, SuggestName(name, NamesOf(kFamilies))));
-}
-
-/// Some tags of a family, with a black border of any width. Subsets, because the library's table
-/// for decoding holds every code with every correctable error: 3 GB for all of tagStandard52h13.
-class Family {
- public:
-  Family(const FamilyEntry& entry, int border_bits) : Family(entry.create(), entry, border_bits) {}
-
-  [[nodiscard]] int size() const { return static_cast<int>(codes_.size()); }
-  [[nodiscard]] int border_bits() const { return border_bits_; }
-  [[nodiscard]] bool classic() const { return !family_.reversed_border; }
-  [[nodiscard]] int width_at_border() const { return family_.width_at_border; }
-  [[nodiscard]] int data_bits() const { return static_cast<int>(family_.nbits); }
-
-  /// `SeenTag::bits` of a tag.
-  [[nodiscard]] std::vector<bool> Bits(int id) const {
-    const int width = family_.width_at_border;
-    const std::uint64_t code = codes_[static_cast<std::size_t>(id)];
-    std::vector<bool> white(static_cast<std::size_t>(width) * width, false);
-    for (int y = 0; y < width; ++y) {
-      for (int x = 0; x < width; ++x) {
-        const int to_outline = std::min({x, y, width - 1 - x, width - 1 - y});
-        white[y * width + x] = !classic() && to_outline < border_bits_;
-      }
-    }
-    for (std::size_t i = 0; i < bit_x_.size(); ++i) {
-      const int x = static_cast<int>(bit_x_[i]), y = static_cast<int>(bit_y_[i]);
-      if (x < 0 || y < 0 || x >= width || y >= width) continue;  // outside the outline
-      white[y * width + x] = (code >> (bit_x_.size() - 1 - i) & 1) != 0;
-    }
-    if (!classic()) white.flip();
-    return white;
-  }
-
-  /// A tag with what is around its outline, as `apriltag_to_image` draws it.
-  [[nodiscard]] internal::TagPicture Picture(int id) const {
-    const int width = family_.total_width, outline = family_.width_at_border;
-    internal::TagPicture picture{.width = width, .margin = (width - outline) / 2, .white = {}};
-    picture.white.assign(static_cast<std::size_t>(width) * width, false);
-    const std::vector<bool> other = Bits(id);  // than the ring inside the outline
-    for (int y = 0; y < width; ++y) {
-      for (int x = 0; x < width; ++x) {
-        const int u = x - picture.margin, v = y - picture.margin;
-        const bool inside = u >= 0 && v >= 0 && u < outline && v < outline;
-        picture.white[y * width + x] = inside ? other[v * outline + u] == classic() : classic();
-      }
-    }
-    // Some families have data outside of their outline.
-    const std::uint64_t code = codes_[static_cast<std::size_t>(id)];
-    for (std::size_t i = 0; i < bit_x_.size(); ++i) {
-      // The library keeps negative places in unsigned numbers.
-      const int x = static_cast<int>(bit_x_[i]) + picture.margin;
-      const int y = static_cast<int>(bit_y_[i]) + picture.margin;
-      picture.white[y * width + x] = (code >> (bit_x_.size() - 1 - i) & 1) != 0;
-    }
-    return picture;
-  }
-
-  /// The family with only the tags `ids`, for the library. The pointers live as long as `this`.
-  [[nodiscard]] apriltag_family_t Subset(const std::vector<int>& ids,
-                                         std::vector<std::uint64_t>* codes) const {
-    codes->clear();
-    for (const int id : ids) codes->push_back(codes_[static_cast<std::size_t>(id)]);
-    apriltag_family_t subset = family_;
-    subset.ncodes = static_cast<std::uint32_t>(codes->size());
-    subset.codes = codes->data();
-    return subset;
-  }
-
- private:
-  Family(apriltag_family_t* original, const FamilyEntry& entry, int border_bits)
-      : family_(*original),
-        name_(entry.name),
-        border_bits_(border_bits),
-        codes_(original->codes, original->codes + original->ncodes),
-        bit_x_(original->bit_x, original->bit_x + original->nbits),
-        bit_y_(original->bit_y, original->bit_y + original->nbits) {
-    entry.destroy(original);
-    const auto wider = static_cast<std::uint32_t>(border_bits - 1);
-    for (auto* bits : {&bit_x_, &bit_y_}) {
-      for (std::uint32_t& bit : *bits) bit += wider;
-    }
-    family_.width_at_border += 2 * (border_bits - 1);
-    family_.total_width += 2 * (border_bits - 1);
-    family_.bit_x = bit_x_.data();
-    family_.bit_y = bit_y_.data();
-    family_.name = name_.data();
-    family_.impl = nullptr;
-  }
-
-  apriltag_family_t family_;
-  std::string name_;
-  int border_bits_;
-  std::vector<std::uint64_t> codes_;
-  std::vector<std::uint32_t> bit_x_, bit_y_;
-};
+using internal::TagFamily;
 
 /// A tag as the library reads it.
-struct Reading {
+struct DecodedTag {
   int id = 0;
   bool on_target = false;
   int hamming = 0;
   double margin = 0;
-  double expected_by_chance = 0;  ///< how many such readings random quads of the image would give
+  double expected_by_chance = 0;  ///< how many such decoded random quads of the image would give
   Quad corners;                   ///< px, (0, 0) at the centre of the top-left pixel
 };
 
@@ -191,33 +64,11 @@ bool Within(const Quad& q, const cv::Mat& gray) {
   });
 }
 
-/// Throws `Error` for a family, border or tag that does not exist.
-Family MakeFamily(const TagLayout& layout, int border_bits) {
-  Family family(FindFamily(layout.family), border_bits);
-  if (border_bits < 1 || (border_bits > 1 && !family.classic())) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("border_bits: {} does not suit family {}; expected {}",
-                            border_bits,
-                            layout.family,
-                            family.classic() ? "1 or more" : "1"));
-  }
-  for (const int id : layout.ids) {
-    if (id < 0 || id >= family.size()) {
-      throw Error(ErrorKind::kInput,
-                  fmt::format("tag {} is not in family {}; it has tags 0 to {}",
-                              id,
-                              layout.family,
-                              family.size() - 1));
-    }
-  }
-  return family;
-}
-
 /// The library's detector for the target's tags, read with up to two wrong bits, and for the
 /// family's other tags, read without error, so that the user can be told about them.
 class TagReader {
  public:
-  TagReader(const Family& family, const std::vector<int>& ids) : ids_(ids) {
+  TagReader(const TagFamily& family, const std::vector<int>& ids) : ids_(ids) {
     for (int id = 0; id < family.size(); ++id) {
       if (!std::binary_search(ids.begin(), ids.end(), id)) others_.push_back(id);
     }
@@ -243,31 +94,31 @@ class TagReader {
   ~TagReader() { apriltag_detector_destroy(detector_); }
 
   /// Reads `gray(region)` with quads searched on the image reduced by `decimate`.
-  std::vector<Reading> Read(const cv::Mat& gray, const cv::Rect& region, float decimate) {
+  std::vector<DecodedTag> Read(const cv::Mat& gray, const cv::Rect& region, float decimate) {
     detector_->quad_decimate = decimate;
     const cv::Mat part = gray(region);
     image_u8_t image{part.cols, part.rows, static_cast<std::int32_t>(part.step), part.data};
     zarray_t* detections = apriltag_detector_detect(detector_, &image);
-    std::vector<Reading> readings;
+    std::vector<DecodedTag> decoded;
     for (int i = 0; i < zarray_size(detections); ++i) {
       apriltag_detection_t* found = nullptr;
       zarray_get(detections, i, &found);
-      Reading reading;
-      reading.on_target = found->family == &family_;
-      reading.id = (reading.on_target ? ids_ : others_)[static_cast<std::size_t>(found->id)];
-      reading.hamming = found->hamming;
+      DecodedTag tag;
+      tag.on_target = found->family == &family_;
+      tag.id = (tag.on_target ? ids_ : others_)[static_cast<std::size_t>(found->id)];
+      tag.hamming = found->hamming;
       const double chance =
-          reading.on_target ? chance_[static_cast<std::size_t>(found->hamming)] : chance_other_;
-      reading.expected_by_chance = chance * detector_->nquads;
-      reading.margin = found->decision_margin;
+          tag.on_target ? chance_[static_cast<std::size_t>(found->hamming)] : chance_other_;
+      tag.expected_by_chance = chance * detector_->nquads;
+      tag.margin = found->decision_margin;
       for (std::size_t k = 0; k < 4; ++k) {
         // The library counts from the pixel's corner.
-        reading.corners[k] = {found->p[k][0] - 0.5 + region.x, found->p[k][1] - 0.5 + region.y};
+        tag.corners[k] = {found->p[k][0] - 0.5 + region.x, found->p[k][1] - 0.5 + region.y};
       }
-      readings.push_back(reading);
+      decoded.push_back(tag);
     }
     apriltag_detections_destroy(detections);
-    return readings;
+    return decoded;
   }
 
  private:
@@ -331,9 +182,8 @@ std::optional<Prediction> Predict(const std::map<int, TagPoints>& target,
       rows.row(row++) << Eigen::RowVector3d::Zero(), x, -u.y() * x;
     }
   }
-  const Eigen::Matrix<double, 9, 9> square = rows.transpose() * rows;
-  const Eigen::Matrix<double, 9, 1> h =
-      Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 9, 9>>(square).eigenvectors().col(0);
+  const Eigen::MatrixXd square = rows.transpose() * rows;
+  const Eigen::VectorXd h = DecomposeSymmetric(square).vectors.col(0);
   const Eigen::Matrix3d H =
       Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(h.data());
   const double front = H.row(2) * on_plane(target.at(neighbours[0].second)[0]).homogeneous();
@@ -354,14 +204,14 @@ struct Found {
   std::set<int> twice;
   std::set<int> not_on_target;
 
-  void Add(const Reading& reading) {
-    const auto [at, is_new] = tags.emplace(reading.id, reading.corners);
-    double& margin = margins[reading.id];
-    const double apart = (Centre(at->second) - Centre(reading.corners)).norm();
-    if (!is_new && apart > Side(at->second) / 2) twice.insert(reading.id);
-    if (is_new || reading.margin > margin) {
-      at->second = reading.corners;
-      margin = reading.margin;
+  void Add(const DecodedTag& tag) {
+    const auto [at, is_new] = tags.emplace(tag.id, tag.corners);
+    double& margin = margins[tag.id];
+    const double apart = (Centre(at->second) - Centre(tag.corners)).norm();
+    if (!is_new && apart > Side(at->second) / 2) twice.insert(tag.id);
+    if (is_new || tag.margin > margin) {
+      at->second = tag.corners;
+      margin = tag.margin;
     }
   }
 };
@@ -370,7 +220,7 @@ class TagDetector : public MarkerDetector {
  public:
   TagDetector(const Target& target, const TagLayout& layout)
       : layout_(layout),
-        family_(MakeFamily(layout, layout.border_bits)),
+        family_(MakeTagFamily(layout, layout.border_bits)),
         reader_(family_, layout.ids) {
     for (const int id : layout.ids) {
       bits_[id] = family_.Bits(id);
@@ -383,7 +233,7 @@ class TagDetector : public MarkerDetector {
     if (border_.corner_squares && points_.size() > 1) border_.outside = Gap();
   }
 
-  [[nodiscard]] internal::TagLooks Looks() const { return {border_, bits_}; }
+  [[nodiscard]] internal::TagPatterns Patterns() const { return {border_, bits_}; }
 
   MarkerDetections Detect(const cv::Mat& gray) override {
     // One pixel a bit is the least that can be read.
@@ -427,8 +277,8 @@ class TagDetector : public MarkerDetector {
   }
 
   /// Whether `a` is where it must be, judging by another tag alone.
-  [[nodiscard]] bool Supported(const Reading& a, const std::vector<Reading>& readings) const {
-    return std::any_of(readings.begin(), readings.end(), [&](const Reading& b) {
+  [[nodiscard]] bool Supported(const DecodedTag& a, const std::vector<DecodedTag>& decoded) const {
+    return std::any_of(decoded.begin(), decoded.end(), [&](const DecodedTag& b) {
       if (!b.on_target || b.id == a.id) return false;
       const auto expected = Predict(points_, a.id, {{b.id, b.corners}});
       if (!expected) return false;
@@ -439,16 +289,16 @@ class TagDetector : public MarkerDetector {
     });
   }
 
-  /// Adds the readings that are not chance.
-  void Keep(const cv::Mat& gray, const std::vector<Reading>& readings, Found* found) const {
-    // One wrong reading in a thousand images does no harm to a robust adjustment.
+  /// Adds the decoded that are not chance.
+  void Keep(const cv::Mat& gray, const std::vector<DecodedTag>& decoded, Found* found) const {
+    // One wrong tag in a thousand images does no harm to a robust adjustment.
     constexpr double kSure = 1e-3;
-    for (const Reading& r : readings) {
+    for (const DecodedTag& r : decoded) {
       if (!Convex(r.corners) || Side(r.corners) < family_.width_at_border()) continue;
       const bool sure = r.expected_by_chance < kSure;
       if (!r.on_target) {
         if (sure) found->not_on_target.insert(r.id);
-      } else if (sure || Supported(r, readings) ||
+      } else if (sure || Supported(r, decoded) ||
                  (r.hamming == 0 &&
                   internal::FindTag(gray, {r.corners, bits_.at(r.id)}, border_, 0))) {
         found->Add(r);
@@ -499,7 +349,7 @@ class TagDetector : public MarkerDetector {
     Quad inner = expected.corners;
     for (auto& c : inner) c += (box.center() - c).normalized() * std::min(reach, side / 2);
     if (!Within(inner, gray)) return false;
-    for (const Reading& r : reader_.Read(gray, region, 1)) {
+    for (const DecodedTag& r : reader_.Read(gray, region, 1)) {
       const bool near = (Centre(r.corners) - Centre(expected.corners)).norm() < side;
       if (r.on_target && r.id == id && near) {
         found->Add(r);
@@ -535,7 +385,7 @@ class TagDetector : public MarkerDetector {
           fmt::format("tag {} ({}) is not on the target", id, layout_.family));
     }
     internal::RefinedTags refined = internal::RefineTags(gray, seen, border_);
-    result.readings = std::move(refined.readings);
+    result.measurements = std::move(refined.measurements);
     constexpr std::array kCorners{"lower left", "lower right", "upper right", "upper left"};
     for (std::size_t i = 0; i < ids.size(); ++i) {
       for (std::size_t k = 0; k < 4; ++k) {
@@ -548,9 +398,9 @@ class TagDetector : public MarkerDetector {
         Observation observation;
         observation.marker = 4 * ids[i] + static_cast<int>(k);
         observation.values = {corner->point.x(), corner->point.y()};
-        observation.sigma = corner->sigma;
+        observation.detector_sigma = corner->sigma;
         result.markers.push_back(observation);
-        result.bent.push_back(corner->bent);
+        result.sensitivities.push_back(corner->sensitivity);
       }
     }
     if (result.markers.empty()) result.failure = Failure(gray, found, result.left_out);
@@ -569,10 +419,10 @@ class TagDetector : public MarkerDetector {
     std::string failure = fmt::format("no tag of family {} found", layout_.family);
     if (family_.classic()) {
       const int other = layout_.border_bits == 1 ? 2 : 1;
-      const Family other_family = MakeFamily(layout_, other);
+      const TagFamily other_family = MakeTagFamily(layout_, other);
       TagReader reader(other_family, layout_.ids);
-      const auto readings = reader.Read(gray, {0, 0, gray.cols, gray.rows}, 2);
-      if (std::any_of(readings.begin(), readings.end(), [](const Reading& r) {
+      const auto decoded = reader.Read(gray, {0, 0, gray.cols, gray.rows}, 2);
+      if (std::any_of(decoded.begin(), decoded.end(), [](const DecodedTag& r) {
             return r.expected_by_chance < 1e-3;
           })) {
         failure += other == 2 ? "; these look like Kalibr's 2-bit border: set border_bits: 2"
@@ -583,7 +433,7 @@ class TagDetector : public MarkerDetector {
   }
 
   TagLayout layout_;
-  Family family_;
+  TagFamily family_;
   TagReader reader_;
   internal::TagBorder border_;
   std::map<int, std::vector<bool>> bits_;
@@ -592,20 +442,12 @@ class TagDetector : public MarkerDetector {
 
 }  // namespace
 
-internal::TagLooks internal::FindTagLooks(const Target& target) {
-  return TagDetector(target, std::get<TagLayout>(target.layout)).Looks();
+internal::TagPatterns internal::FindTagPatterns(const TagLayout& layout, const Target& target) {
+  return TagDetector(target, layout).Patterns();
 }
 
-std::map<int, internal::TagPicture> internal::DrawTags(const Target& target) {
-  const auto& layout = std::get<TagLayout>(target.layout);
-  const Family family = MakeFamily(layout, layout.border_bits);
-  std::map<int, TagPicture> pictures;
-  for (const int id : layout.ids) pictures[id] = family.Picture(id);
-  return pictures;
-}
-
-std::unique_ptr<MarkerDetector> MakeTagDetector(const Target& target) {
-  return std::make_unique<TagDetector>(target, std::get<TagLayout>(target.layout));
+std::unique_ptr<MarkerDetector> MakeDetector(const TagLayout& layout, const Target& target) {
+  return std::make_unique<TagDetector>(target, layout);
 }
 
 }  // namespace plenocal

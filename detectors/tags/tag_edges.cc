@@ -18,7 +18,7 @@
 //
 // Raw pixels are compared with the model, so their noise is independent and the covariance of a
 // least-squares fit is an honest one.
-#include "detectors/tag_edges.h"
+#include "detectors/tags/tag_edges.h"
 
 #include <Eigen/Cholesky>
 #include <Eigen/Geometry>
@@ -29,14 +29,15 @@
 #include <opencv2/imgproc.hpp>
 #include <utility>
 
-#include "calib/median.h"
-#include "detectors/lanes.h"
-#include "detectors/lens_bend.h"
-#include "detectors/lens_curvature.h"
-#include "detectors/processors.h"
-#include "detectors/saddle.h"
-#include "detectors/square_sums.h"
-#include "detectors/tag_template.h"
+#include "calib/base/robust.h"
+#include "calib/base/statistics.h"
+#include "detectors/images/distortion_field.h"
+#include "detectors/tags/distortion_basis.h"
+#include "detectors/tags/tag_template.h"
+#include "detectors/templates/lanes.h"
+#include "detectors/templates/processors.h"
+#include "detectors/templates/saddle.h"
+#include "detectors/templates/square_sums.h"
 
 namespace plenocal::internal {
 namespace {
@@ -73,13 +74,14 @@ struct Edge {
   double ring_mean = 0, ring_slope = 0;  ///< px, width of the ring inside: ring_mean + ring_slope s
   std::vector<double> bounds;            ///< s of the boundaries between the bits behind the ring
   std::vector<bool> bits;                ///< behind the ring: true where not of the ring's colour
+  float squares = 0;                     ///< c of the model
   Eigen::Vector3d curve = Eigen::Vector3d::Zero();       ///< a, b, q
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  ///< of a, b, q
-  double odd = 0;                                        ///< px, the lens' bend in s^3
-  Eigen::Vector2d p;                                     ///< the middle, as the lens counts places
-  LensBends bends = LensBends::Zero();                   ///< assumed there
-  Eigen::Matrix<double, 3, kBends> by_bends =            ///< of a, b, q by them, px
-      Eigen::Matrix<double, 3, kBends>::Zero();
+  double odd = 0;     ///< px, displacement by the distortion in s^3
+  Eigen::Vector2d p;  ///< the middle, as in `LocalDistortion`
+  LocalDistortion distortion = LocalDistortion::Zero();       ///< assumed there
+  Eigen::Matrix<double, 3, kDistortionTerms> by_distortion =  ///< of a, b, q by them, px
+      Eigen::Matrix<double, 3, kDistortionTerms>::Zero();
   double blur = 0;  ///< px
   bool fitted = false;
 
@@ -87,8 +89,8 @@ struct Edge {
     // Where all s are alike, a fit of a parabola takes s^3 for 3/5 s.
     return curve.dot(Eigen::Vector3d(1, s, s * s)) + odd * s * (s * s - 0.6);
   }
-  [[nodiscard]] LensBends OffsetByBends(double s) const {
-    return by_bends.transpose() * Eigen::Vector3d(1, s, s * s);
+  [[nodiscard]] LocalDistortion OffsetByDistortion(double s) const {
+    return by_distortion.transpose() * Eigen::Vector3d(1, s, s * s);
   }
   [[nodiscard]] double OffsetVariance(double s) const {
     const Eigen::Vector3d j(1, s, s * s);
@@ -96,13 +98,35 @@ struct Edge {
   }
 };
 
-/// Samples within the band -inside < t - curve < outside and |s| < s_max.
-void CollectSamples(const cv::Mat& gray,
-                    const Edge& edge,
-                    double inside,
-                    double outside,
-                    double s_max,
-                    Samples* samples) {
+/// The pixels beside an edge that its model is compared with: -inside < t - curve < outside and
+/// |s| < s_max.
+struct Band {
+  double inside = 0, outside = 0;  ///< px
+  double s_max = 0;
+  bool isolated = false;  ///< neither the corners nor the bits behind the ring matter there
+};
+
+/// The band for an edge of this blur (px).
+Band BandFor(const Edge& edge, double blur) {
+  constexpr double kStep = 3;         // blurs: on either side of an edge, all but 0.3 % of the step
+  constexpr double kHalfPixel = 0.5;  // px
+  constexpr double kForeignFoot = 2;  // blurs: beyond, 98 % of the next tag's edge is over
+  constexpr double kLeastOutside = 0.4;  // of the ring outside, where its edges' feet fill it
+  constexpr double kCorner = 2.5;        // blurs: beyond, a corner changes less than 1 %
+  constexpr double kMostOfEnds = 0.25;   // of the edge, that is left out at either end
+  const double reach = kStep * blur + kHalfPixel;
+  Band band;
+  band.inside = std::min(edge.inside, reach);
+  band.outside =
+      std::min(std::max(edge.outside - kForeignFoot * blur, kLeastOutside * edge.outside), reach);
+  const double ends = std::min(kCorner * blur, kMostOfEnds * edge.half_length * 2);
+  band.s_max = 1 - ends / edge.half_length;
+  band.isolated = !(edge.inside - band.inside < kStep * blur || ends < kCorner * blur);
+  return band;
+}
+
+void CollectSamples(const cv::Mat& gray, const Edge& edge, const Band& band, Samples* samples) {
+  const auto& [inside, outside, s_max, isolated] = band;
   samples->Clear();
   const double l = edge.half_length;
   double low = edge.Offset(0), high = low;
@@ -194,26 +218,31 @@ constexpr int kResidual = kParameters;
 constexpr int kPadded = 9;  // for AddSquares
 using Sums = Eigen::Matrix<double, kPadded, kPadded>;
 
-/// What the model is at the samples beside its parameters.
+/// Inputs of the model beside its parameters.
 struct Setting {
   float ring_mean = 0, ring_slope = 0;
   float squares = 0;  ///< c of the model
   const Surroundings* around = nullptr;
+  float limit = std::numeric_limits<float>::infinity();  ///< residuals beyond are left out
+};
+
+/// 8 * `count` samples from number `from` on.
+struct SampleRange {
+  std::size_t from = 0;
+  int count = 0;
 };
 
 constexpr int kBlock = 32;  // of eight samples
 
-/// The columns j, `kBlock` apart, zero beyond `limit`, and the residuals of 8 * `count` samples
-/// from number `from` on.
+/// The columns j, `kBlock` apart, zero beyond the limit, and the residuals of some samples.
 PLENOCAL_FOR_EACH_PROCESSOR
 void Differentiate(const Eigen::Matrix<float, kParameters, 1>& p,
                    const Setting& setting,
-                   float limit,
                    const Samples& samples,
-                   std::size_t from,
-                   int count,
+                   const SampleRange& range,
                    Lanes* rows,
                    float* residuals) {
+  const auto [from, count] = range;
   const float inverse_blur = 1 / p[kBlur];
   for (int i = 0; i < count; ++i) {
     const std::size_t first = from + static_cast<std::size_t>(kLanes * i);
@@ -245,7 +274,7 @@ void Differentiate(const Eigen::Matrix<float, kParameters, 1>& p,
     const Lanes residual = gray - light * level;
     const Lanes size = residual < 0 ? -residual : residual;
     for (int l = 0; l < kLanes; ++l) residuals[kLanes * i + l] = size[l];
-    const Lanes counts = size <= limit ? known : Lanes{};
+    const Lanes counts = size <= setting.limit ? known : Lanes{};
     const Lanes d = -counts * light * p[kContrast] * inverse_blur;
     Lanes* j = rows + i;
     j[kA * kBlock] = d * slope;
@@ -261,7 +290,6 @@ void Differentiate(const Eigen::Matrix<float, kParameters, 1>& p,
 
 Sums Linearise(const ParameterVector& p,
                const Setting& setting,
-               float limit,
                const Samples& samples,
                std::vector<float>* residuals) {
   Lanes block[kPadded * kBlock] = {};
@@ -271,7 +299,7 @@ Sums Linearise(const ParameterVector& p,
     const auto count =
         static_cast<int>(std::min<std::size_t>((samples.s.size() - from) / kLanes, kBlock));
     Differentiate(
-        p.cast<float>(), setting, limit, samples, from, count, block, residuals->data() + from);
+        p.cast<float>(), setting, samples, {from, count}, block, residuals->data() + from);
     AddSquares(block, kPadded, kBlock, count, sums.data());
   }
   residuals->resize(samples.count);
@@ -285,119 +313,127 @@ double MedianAbsolute(std::vector<float>* values) {
   return *middle;
 }
 
-/// Where a ring is narrower than this many blurs, an edge cannot be told from the next one.
+/// In blurs: where a ring is narrower, its two edges merge.
 constexpr double kNarrow = 3.5;
 /// px; the outer edges of a larger tag measure it well enough, all its edges would take long.
 constexpr double kSmall = 64;
 constexpr double kUsualBlur = 0.8;  // px, of a lens in focus; where the fits start
+constexpr double kMostBlur = 5;     // px; more blurred tags cannot be read
 
 struct Workspace {
   Samples samples;
   std::vector<float> residuals;
 };
 
-void FitEdge(const cv::Mat& gray, bool corner_squares, Edge* edge, Workspace* work) {
-  constexpr double kMinimalBlur = 0.29;  // of the pixel's own area: 1 / sqrt(12)
+/// Level, contrast and blur before the first step; false when an edge has samples on one side only.
+bool StartLevels(const Samples& samples, double blur, ParameterVector* p) {
+  double sum[2] = {0, 0};
+  int count[2] = {0, 0};
+  for (std::size_t i = 0; i < samples.count; ++i) {
+    const int side = samples.t[i] > 0;
+    sum[side] += samples.gray[i];
+    ++count[side];
+  }
+  if (count[0] == 0 || count[1] == 0) return false;
+  const double in = sum[0] / count[0], out = sum[1] / count[1];
+  (*p)[kLevel] = (in + out) / 2;
+  (*p)[kContrast] = (out - in) / 2;
+  (*p)[kBlur] = blur;
+  return true;
+}
+
+/// Gauss-Newton steps to the minimum near `p`. Returns the sums before the last step; nothing when
+/// it leaves the edge.
+std::optional<Sums> Descend(const Edge& edge,
+                            const Setting& setting,
+                            Workspace* work,
+                            ParameterVector* p) {
+  constexpr int kSteps = 6;
+  constexpr double kDamping = 1e-6;    // of the diagonal: for parameters that are not determined
+  constexpr double kSmallStep = 0.02;  // px: the next one is of the order of its square
+  Sums sums;
+  for (int i = 0; i < kSteps; ++i) {
+    sums = Linearise(*p, setting, work->samples, &work->residuals);
+    ParameterMatrix damped = sums.topLeftCorner<kParameters, kParameters>();
+    damped.diagonal() *= 1 + kDamping;
+    const ParameterVector step = damped.ldlt().solve(sums.col(kResidual).head<kParameters>());
+    if (!step.allFinite()) return std::nullopt;
+    *p += step;
+    (*p)[kBlur] = std::clamp((*p)[kBlur], kPixelSigma, kMostBlur);
+    // Farther off, it may be the ring's other edge.
+    if (p->head<3>().cwiseAbs().maxCoeff() > std::max(edge.inside, 1.0)) return std::nullopt;
+    if (step.head<3>().cwiseAbs().maxCoeff() < kSmallStep) break;
+  }
+  return sums;
+}
+
+void FitEdge(const cv::Mat& gray, Edge* edge, Workspace* work) {
+  constexpr int kRounds = 2;          // the second one with the first one's blur and outliers
+  constexpr double kOutlier = 4;      // sigmas; of normal noise one sample in 16,000 is beyond
+  constexpr double kSameBlur = 0.25;  // relative: the samples for it would be nearly the same
   double blur = kUsualBlur;
   ParameterVector p = ParameterVector::Zero();
   float limit = std::numeric_limits<float>::infinity();
-  for (int round = 0; round < 2; ++round) {
-    // Three standard deviations of the blur show the whole step.
-    const double reach = 3 * blur + 0.5;
-    const double inside = std::min(edge->inside, reach);
-    const double outside = std::min(std::max(edge->outside - 2 * blur, 0.4 * edge->outside), reach);
-    const double ends = std::min(2.5 * blur, 0.25 * edge->half_length * 2);
-    const double s_max = 1 - ends / edge->half_length;
-    CollectSamples(gray, *edge, inside, outside, s_max, &work->samples);
-    const Samples& samples = work->samples;
-    if (samples.count < 3 * kParameters) return;
-    if (round == 0) {
-      double sum[2] = {0, 0};
-      int count[2] = {0, 0};
-      for (std::size_t i = 0; i < samples.count; ++i) {
-        const int side = samples.t[i] > 0;
-        sum[side] += samples.gray[i];
-        ++count[side];
-      }
-      if (count[0] == 0 || count[1] == 0) return;
-      const double in = sum[0] / count[0], out = sum[1] / count[1];
-      p[kLevel] = (in + out) / 2;
-      p[kContrast] = (out - in) / 2;
-      p[kBlur] = blur;
-    }
-    // What the long edge with a wide ring leaves out counts when it is within three blurs.
+  for (int round = 0; round < kRounds; ++round) {
+    const Band band = BandFor(*edge, blur);
+    CollectSamples(gray, *edge, band, &work->samples);
+    if (work->samples.count < 3 * kParameters) return;
+    if (round == 0 && !StartLevels(work->samples, blur, &p)) return;
     std::optional<Surroundings> around;
-    if (edge->inside - inside < 3 * blur || ends < 2.5 * blur) {
-      around.emplace(edge->bounds, edge->bits, blur / edge->half_length);
-    }
+    if (!band.isolated) around.emplace(edge->bounds, edge->bits, blur / edge->half_length);
     const Setting setting{static_cast<float>(edge->ring_mean),
                           static_cast<float>(edge->ring_slope),
-                          corner_squares ? 1.f : 0.f,
-                          around ? &*around : nullptr};
-    Sums sums;
-    ParameterMatrix information;
-    for (int iteration = 0; iteration < 6; ++iteration) {
-      sums = Linearise(p, setting, limit, samples, &work->residuals);
-      information = sums.topLeftCorner<kParameters, kParameters>();
-      ParameterMatrix damped = information;
-      damped.diagonal() *= 1 + 1e-6;
-      const ParameterVector step = damped.ldlt().solve(sums.col(kResidual).head<kParameters>());
-      if (!step.allFinite()) return;
-      p += step;
-      p[kBlur] = std::clamp(p[kBlur], kMinimalBlur, 5.0);
-      // Farther off, it may be the ring's other edge.
-      if (p.head<3>().cwiseAbs().maxCoeff() > std::max(edge->inside, 1.0)) return;
-      // Gauss-Newton's next step would be of the order of this one's square.
-      if (step.head<3>().cwiseAbs().maxCoeff() < 0.02) break;
-    }
+                          edge->squares,
+                          around ? &*around : nullptr,
+                          limit};
+    const std::optional<Sums> sums = Descend(*edge, setting, work, &p);
+    if (!sums) return;
     const auto used = std::count_if(
         work->residuals.begin(), work->residuals.end(), [&](float r) { return r <= limit; });
     if (used <= 2 * kParameters) return;
-    const double variance = sums(kResidual, kResidual) / static_cast<double>(used - kParameters);
-    // Of normal noise one sample in 16,000 is beyond four standard deviations.
-    constexpr double kSigmaPerMedian = 1.4826;
+    const double variance = (*sums)(kResidual, kResidual) / static_cast<double>(used - kParameters);
     const float largest = *std::max_element(work->residuals.begin(), work->residuals.end());
-    limit = static_cast<float>(4 * kSigmaPerMedian * MedianAbsolute(&work->residuals));
+    limit = static_cast<float>(kOutlier * kSigmaPerMad * MedianAbsolute(&work->residuals));
+    const ParameterMatrix information = sums->topLeftCorner<kParameters, kParameters>();
     const Eigen::LDLT<ParameterMatrix> solver(information);
     const ParameterMatrix inverse = solver.solve(ParameterMatrix::Identity());
     edge->curve = p.head<3>();
     edge->covariance = variance * inverse.topLeftCorner<3, 3>();
     edge->blur = p[kBlur];
-    // The samples for this blur would be nearly the same.
-    constexpr double kSameBlur = 0.25;
     if (largest <= limit && std::abs(edge->blur - blur) < kSameBlur * blur) break;
     blur = edge->blur;
   }
   edge->fitted = edge->covariance.allFinite() && edge->covariance(0, 0) > 0;
 }
 
-/// Given the curve's estimate with q free, the estimate with the lens' bend.
-void BendByLens(const LensCurvature& lens, const Eigen::Vector2d& image_size, Edge* edge) {
+/// From the curve's estimate with q free to the estimate with the distortion as a prior of q.
+void ApplyDistortion(const DistortionField& field, const Eigen::Vector2d& image_size, Edge* edge) {
   const Eigen::Vector2d half = edge->half_length * edge->along;
-  const LensBend bend(edge->middle, image_size);
-  const LensBends of_edge = half.squaredNorm() * bend.OfEdge(half, edge->normal);  // at s = 1
+  const DistortionBasis basis(edge->middle, image_size);
+  const LocalDistortion of_edge =
+      half.squaredNorm() * basis.EdgeCurvature(half, edge->normal);  // at s = 1
   const Eigen::Vector3d gain =
-      edge->covariance.col(2) / (edge->covariance(2, 2) + lens.Variance(bend.p(), of_edge));
-  edge->p = bend.p();
-  edge->bends = lens.At(edge->p);
-  edge->curve += gain * (of_edge.dot(edge->bends) - edge->curve[2]);
+      edge->covariance.col(2) / (edge->covariance(2, 2) + field.Variance(basis.p(), of_edge));
+  edge->p = basis.p();
+  edge->distortion = field.At(edge->p);
+  edge->curve += gain * (of_edge.dot(edge->distortion) - edge->curve[2]);
   edge->covariance -= gain * edge->covariance.row(2).eval();
-  edge->by_bends = gain * of_edge.transpose();
-  edge->odd = edge->normal.dot((bend.At(half) - bend.At(-half)) * edge->bends) / 2;
+  edge->by_distortion = gain * of_edge.transpose();
+  edge->odd = edge->normal.dot((basis.At(half) - basis.At(-half)) * edge->distortion) / 2;
 }
 
-/// What edges say about the lens.
-void ReadEdges(std::span<const Edge> edges,
-               const Eigen::Vector2d& image_size,
-               std::vector<LensReading>* readings) {
+/// Measurements of the distortion by edges.
+void MeasureDistortion(std::span<const Edge> edges,
+                       const Eigen::Vector2d& image_size,
+                       std::vector<DistortionMeasurement>* measurements) {
   for (const Edge& edge : edges) {
     if (!edge.fitted) continue;
     const Eigen::Vector2d half = edge.half_length * edge.along;
-    const LensBend bend(edge.middle, image_size);
-    const LensBends of_edge = half.squaredNorm() * bend.OfEdge(half, edge.normal);
+    const DistortionBasis basis(edge.middle, image_size);
+    const LocalDistortion of_edge = half.squaredNorm() * basis.EdgeCurvature(half, edge.normal);
     const double size = of_edge.norm();
-    readings->push_back(
-        {bend.p(), of_edge / size, edge.curve[2] / size, edge.covariance(2, 2) / (size * size)});
+    measurements->push_back(
+        {basis.p(), of_edge / size, edge.curve[2] / size, edge.covariance(2, 2) / (size * size)});
   }
 }
 
@@ -426,6 +462,7 @@ Edge MakeEdge(const SeenTag& tag, int side, const TagBorder& border) {
   const double ring_from = distance(0, ring), ring_to = distance(1, ring);
   edge.inside = std::min(ring_from, ring_to);
   edge.outside = std::min(distance(0, -outside), distance(1, -outside));
+  edge.squares = border.corner_squares ? 1.f : 0.f;
   edge.ring_mean = (ring_from + ring_to) / 2;
   edge.ring_slope = (ring_to - ring_from) / 2;
   for (int i = 0; i <= border.width; ++i) {
@@ -445,11 +482,13 @@ std::optional<RefinedCorner> Intersect(const Edge& before, const Edge& after) {
   // The end (s = 1) of the edge that arrives and the beginning (s = -1) of the one that leaves.
   Eigen::Matrix2d normals;
   normals << before.normal.transpose(), after.normal.transpose();
-  if (std::abs(normals.determinant()) < 1e-2) return std::nullopt;
+  constexpr double kParallel = 1e-2;  // sine of the angle between the edges
+  if (std::abs(normals.determinant()) < kParallel) return std::nullopt;
   const Eigen::Matrix2d inverse = normals.inverse();
   double s_before = 1, s_after = -1;
   Eigen::Vector2d point;
-  for (int iteration = 0; iteration < 3; ++iteration) {
+  constexpr int kSteps = 3;  // the curves are nearly straight
+  for (int step = 0; step < kSteps; ++step) {
     const Eigen::Vector2d offsets(before.normal.dot(before.middle) + before.Offset(s_before),
                                   after.normal.dot(after.middle) + after.Offset(s_after));
     point = inverse * offsets;
@@ -459,30 +498,32 @@ std::optional<RefinedCorner> Intersect(const Edge& before, const Edge& after) {
   const Eigen::Vector2d variances(before.OffsetVariance(s_before), after.OffsetVariance(s_after));
   const Eigen::Matrix2d covariance = inverse * variances.asDiagonal() * inverse.transpose();
   const double sigma = std::sqrt(covariance.trace() / 2);
-  const BentMarker bent{
-      {{before.p, before.bends, inverse.col(0) * before.OffsetByBends(s_before).transpose()},
-       {after.p, after.bends, inverse.col(1) * after.OffsetByBends(s_after).transpose()}},
+  const DistortionSensitivity sensitivity{
+      {{before.p,
+        before.distortion,
+        inverse.col(0) * before.OffsetByDistortion(s_before).transpose()},
+       {after.p, after.distortion, inverse.col(1) * after.OffsetByDistortion(s_after).transpose()}},
       sigma};
-  return RefinedCorner{point, sigma, bent};
+  return RefinedCorner{point, sigma, sensitivity};
 }
 
-/// Where and how a fit of a tag's drawing starts.
+/// Start of a fit of a tag's template.
 struct Attempt {
   SeenTag from;
   double blur;
   int reach;  ///< px, to look around first
 };
 
-/// The whole drawing of a tag: the first attempt that succeeds.
-std::optional<TagFit> FitDrawing(const cv::Mat& gray,
-                                 const TagBorder& border,
-                                 std::initializer_list<Attempt> attempts,
-                                 const LensCurvature& lens) {
+/// The template of a tag: the first attempt that succeeds.
+std::optional<TagFit> FitTemplate(const cv::Mat& gray,
+                                  const TagBorder& border,
+                                  std::initializer_list<Attempt> attempts,
+                                  const DistortionField& field) {
   for (const Attempt& attempt : attempts) {
-    TagTemplate drawing(gray, attempt.from, border, attempt.blur);
-    if (attempt.reach > 0) drawing.Search(attempt.reach);
-    if (!drawing.Approach()) continue;
-    if (auto fit = drawing.Fit(lens)) return fit;
+    TagTemplate tag(gray, attempt.from, border, attempt.blur);
+    if (attempt.reach > 0) tag.Search(attempt.reach);
+    if (!tag.Approach()) continue;
+    if (auto fit = tag.Fit(field)) return fit;
   }
   return std::nullopt;
 }
@@ -494,18 +535,18 @@ std::optional<RefinedCorner> CrossingAt(const cv::Mat& gray,
                                         const Quad& corners,
                                         std::size_t k,
                                         const TagBorder& border,
-                                        const LensCurvature& lens,
+                                        const DistortionField& field,
                                         double blur) {
   const double free = std::min<double>(border.ring, border.outside) / border.width;
   SaddleGuess guess;
   guess.p = corners[k];
   guess.u = free * (corners[(k + 1) % 4] - corners[k]);
   guess.v = free * (corners[(k + 3) % 4] - corners[k]);
-  const LensBend bend(guess.p, Eigen::Vector2d(gray.cols, gray.rows));
-  const LensBends bends = lens.At(bend.p());
+  const DistortionBasis basis(guess.p, Eigen::Vector2d(gray.cols, gray.rows));
+  const LocalDistortion distortion = field.At(basis.p());
   const auto along = [&](const Eigen::Vector2d& direction) {
     const Eigen::Vector2d clockwise = Eigen::Vector2d(-direction.y(), direction.x()).normalized();
-    return 2 * bend.OfEdge(direction, clockwise).dot(bends);
+    return 2 * basis.EdgeCurvature(direction, clockwise).dot(distortion);
   };
   guess.curvature_u = along(guess.u);
   guess.curvature_v = along(guess.v);
@@ -513,8 +554,166 @@ std::optional<RefinedCorner> CrossingAt(const cv::Mat& gray,
   const auto saddle = FitSaddle(gray, guess);
   // The tag's own black is where u and v have equal signs.
   if (!saddle || saddle->contrast > 0) return std::nullopt;
-  // Lines that bend alike on both sides cross where straight ones would.
+  // Lines whose curvature is alike on both sides of the crossing do not move it.
   return RefinedCorner{saddle->p, saddle->sigma, {{}, saddle->sigma}};
+}
+
+/// The tags of one image on their way to measured corners.
+class TagRefiner {
+ public:
+  TagRefiner(const cv::Mat& gray, std::span<const SeenTag> tags, const TagBorder& border)
+      : gray_(gray),
+        image_size_(gray.cols, gray.rows),
+        tags_(tags),
+        border_(border),
+        templates_(tags.size()),
+        edges_(tags.size()) {
+    result_.quads.resize(tags.size());
+  }
+
+  RefinedTags Refine() {
+    for (std::size_t i = 0; i < tags_.size(); ++i) Approach(i);
+    const DistortionField rough(measurements_);
+    blur_ = Median(std::move(blurs_), kUsualBlur);
+    for (std::size_t i = 0; i < tags_.size(); ++i) Measure(i, rough);
+    // All pixels measure the distortion better than the share of them that sufficed to come near.
+    const DistortionField field(result_.measurements);
+    UseDistortion(field);
+    if (border_.corner_squares) {
+      for (std::size_t i = 0; i < tags_.size(); ++i) UseCrossings(i, field);
+    }
+    return std::move(result_);
+  }
+
+ private:
+  [[nodiscard]] bool IsSmall(std::size_t i) const {
+    return Area(tags_[i].corners) < kSmall * kSmall;
+  }
+  /// The corners measured so far, and those seen where there are none.
+  [[nodiscard]] Quad BestCorners(std::size_t i) const;
+
+  /// Fits the template of a small tag roughly, else the edges, and measures the distortion.
+  void Approach(std::size_t i);
+  /// Measures the corners of a tag by its edges or its template, whichever is better.
+  void Measure(std::size_t i, const DistortionField& field);
+  /// Corners where the edges intersect.
+  void Intersect(std::size_t i, const DistortionField& field);
+  /// The template of a tag whose edges do not suffice: nothing for others.
+  [[nodiscard]] std::optional<TagFit> FitTemplateWhereNeeded(std::size_t i,
+                                                             const DistortionField& field) const;
+  void UseDistortion(const DistortionField& field);
+  /// Corners measured as crossings with the squares that touch them.
+  void UseCrossings(std::size_t i, const DistortionField& field);
+
+  const cv::Mat& gray_;
+  Eigen::Vector2d image_size_;
+  std::span<const SeenTag> tags_;
+  const TagBorder& border_;
+  std::vector<std::optional<TagTemplate>> templates_;
+  std::vector<std::array<Edge, 4>> edges_;
+  std::vector<DistortionMeasurement> measurements_;
+  std::vector<double> blurs_;
+  double blur_ = 0;  ///< px, of the image
+  Workspace work_;
+  RefinedTags result_;
+};
+
+void TagRefiner::Approach(std::size_t i) {
+  if (IsSmall(i)) {
+    std::optional<TagTemplate>& tag = templates_[i];
+    tag.emplace(gray_, tags_[i], border_, blurs_.empty() ? kUsualBlur : blurs_.back());
+    if (const auto of_tag = tag->Approach()) {
+      blurs_.push_back(tag->blur());
+      measurements_.insert(measurements_.end(), of_tag->begin(), of_tag->end());
+      return;
+    }
+    tag.reset();
+  }
+  for (int side = 0; side < 4; ++side) {
+    Edge& edge = edges_[i][static_cast<std::size_t>(side)];
+    edge = MakeEdge(tags_[i], side, border_);
+    FitEdge(gray_, &edge, &work_);
+    if (edge.fitted) blurs_.push_back(edge.blur);
+  }
+  MeasureDistortion(edges_[i], image_size_, &measurements_);
+}
+
+void TagRefiner::Intersect(std::size_t i, const DistortionField& field) {
+  for (Edge& edge : edges_[i]) {
+    if (edge.fitted) ApplyDistortion(field, image_size_, &edge);
+  }
+  RefinedQuad& refined = result_.quads[i];
+  for (std::size_t k = 0; k < 4; ++k) {
+    refined[k] = internal::Intersect(edges_[i][(k + 3) % 4], edges_[i][k]);
+    // No better than the corner that was detected.
+    if (refined[k] && refined[k]->sigma > edges_[i][k].inside) refined[k].reset();
+  }
+}
+
+Quad TagRefiner::BestCorners(std::size_t i) const {
+  Quad corners = tags_[i].corners;
+  for (std::size_t k = 0; k < 4; ++k) {
+    if (result_.quads[i][k]) corners[k] = result_.quads[i][k]->point;
+  }
+  return corners;
+}
+
+std::optional<TagFit> TagRefiner::FitTemplateWhereNeeded(std::size_t i,
+                                                         const DistortionField& field) const {
+  const bool narrow = std::any_of(edges_[i].begin(), edges_[i].end(), [&](const Edge& edge) {
+    return std::min(edge.inside, edge.outside) < kNarrow * blur_;
+  });
+  const RefinedQuad& refined = result_.quads[i];
+  const bool missing =
+      std::any_of(refined.begin(), refined.end(), [](const auto& corner) { return !corner; });
+  if (!narrow && !missing && !IsSmall(i)) return std::nullopt;
+  // Edges may mislead; the first guess may be off by more than the template can follow.
+  constexpr int kReach = 2;  // px, beyond which the library's corners never are
+  return FitTemplate(gray_,
+                     border_,
+                     {{{BestCorners(i), tags_[i].bits}, blur_, 0},
+                      {tags_[i], kUsualBlur, 0},
+                      {tags_[i], kUsualBlur, kReach}},
+                     field);
+}
+
+void TagRefiner::Measure(std::size_t i, const DistortionField& field) {
+  std::optional<TagFit> fit;
+  std::vector<DistortionMeasurement> of_edges;
+  if (templates_[i]) {
+    fit = templates_[i]->Fit(field);
+  } else {
+    MeasureDistortion(edges_[i], image_size_, &of_edges);
+    Intersect(i, field);
+  }
+  if (!fit) fit = FitTemplateWhereNeeded(i, field);
+  RefinedQuad& refined = result_.quads[i];
+  for (std::size_t k = 0; k < 4; ++k) {
+    if (!fit || (refined[k] && refined[k]->sigma < fit->sensitivities[k].sigma)) continue;
+    refined[k] = RefinedCorner{fit->corners[k], fit->sensitivities[k].sigma, fit->sensitivities[k]};
+  }
+  const std::vector<DistortionMeasurement>& of_tag = fit ? fit->measurements : of_edges;
+  result_.measurements.insert(result_.measurements.end(), of_tag.begin(), of_tag.end());
+}
+
+void TagRefiner::UseDistortion(const DistortionField& field) {
+  for (RefinedQuad& quad : result_.quads) {
+    for (auto& corner : quad) {
+      if (!corner) continue;
+      corner->point += field.Change(corner->sensitivity);
+      corner->sigma = field.Sigma(corner->sensitivity);
+      for (SensitivityPiece& piece : corner->sensitivity.pieces) piece.assumed = field.At(piece.p);
+    }
+  }
+}
+
+void TagRefiner::UseCrossings(std::size_t i, const DistortionField& field) {
+  const Quad corners = BestCorners(i);
+  for (std::size_t k = 0; k < 4; ++k) {
+    if (const auto crossing = CrossingAt(gray_, corners, k, border_, field, blur_)) {
+      result_.quads[i][k] = crossing;
+    }
+  }
 }
 
 }  // namespace
@@ -522,113 +721,24 @@ std::optional<RefinedCorner> CrossingAt(const cv::Mat& gray,
 RefinedTags RefineTags(const cv::Mat& gray,
                        std::span<const SeenTag> tags,
                        const TagBorder& border) {
-  std::vector<std::optional<TagTemplate>> near(tags.size());
-  std::vector<std::array<Edge, 4>> edges(tags.size());
-  const Eigen::Vector2d image_size(gray.cols, gray.rows);
-  std::vector<LensReading> readings;
-  std::vector<double> blurs;
-  Workspace work;
-  const auto small = [](const SeenTag& tag) { return Area(tag.corners) < kSmall * kSmall; };
-  for (std::size_t i = 0; i < tags.size(); ++i) {
-    if (small(tags[i])) {
-      near[i].emplace(gray, tags[i], border, blurs.empty() ? kUsualBlur : blurs.back());
-      if (const auto of_tag = near[i]->Approach()) {
-        blurs.push_back(near[i]->blur());
-        readings.insert(readings.end(), of_tag->begin(), of_tag->end());
-        continue;
-      }
-      near[i].reset();
-    }
-    for (int side = 0; side < 4; ++side) {
-      Edge& edge = edges[i][static_cast<std::size_t>(side)];
-      edge = MakeEdge(tags[i], side, border);
-      FitEdge(gray, border.corner_squares, &edge, &work);
-      if (edge.fitted) blurs.push_back(edge.blur);
-    }
-    ReadEdges(edges[i], image_size, &readings);
-  }
-  const LensCurvature lens(readings);
-  const double blur = Median(std::move(blurs), kUsualBlur);
-  RefinedTags result;
-  std::vector<RefinedQuad>& refined = result.quads;
-  refined.resize(tags.size());
-  for (std::size_t i = 0; i < tags.size(); ++i) {
-    std::optional<TagFit> drawing;
-    std::vector<LensReading> of_edges;
-    if (near[i]) {
-      drawing = near[i]->Fit(lens);
-    } else {
-      ReadEdges(edges[i], image_size, &of_edges);
-      for (Edge& edge : edges[i]) {
-        if (edge.fitted) BendByLens(lens, image_size, &edge);
-      }
-      for (std::size_t k = 0; k < 4; ++k) {
-        refined[i][k] = Intersect(edges[i][(k + 3) % 4], edges[i][k]);
-        // No better than what was known before.
-        if (refined[i][k] && refined[i][k]->sigma > edges[i][k].inside) refined[i][k].reset();
-      }
-    }
-    const bool narrow = std::any_of(edges[i].begin(), edges[i].end(), [&](const Edge& edge) {
-      return std::min(edge.inside, edge.outside) < kNarrow * blur;
-    });
-    const bool missing = std::any_of(
-        refined[i].begin(), refined[i].end(), [](const auto& corner) { return !corner; });
-    if (!drawing && (narrow || missing || small(tags[i]))) {
-      SeenTag start = tags[i];
-      for (std::size_t k = 0; k < 4; ++k) {
-        if (refined[i][k]) start.corners[k] = refined[i][k]->point;
-      }
-      // Edges may mislead; the first guess may be off by more than the drawing can follow.
-      drawing = FitDrawing(gray,
-                           border,
-                           {{start, blur, 0}, {tags[i], kUsualBlur, 0}, {tags[i], kUsualBlur, 2}},
-                           lens);
-    }
-    for (std::size_t k = 0; k < 4; ++k) {
-      if (!drawing || (refined[i][k] && refined[i][k]->sigma < drawing->bent[k].sigma)) continue;
-      refined[i][k] = RefinedCorner{drawing->corners[k], drawing->bent[k].sigma, drawing->bent[k]};
-    }
-    const std::vector<LensReading>& of_tag = drawing ? drawing->readings : of_edges;
-    result.readings.insert(result.readings.end(), of_tag.begin(), of_tag.end());
-  }
-  // All pixels know the lens better than the share of them that was enough to come near.
-  const LensCurvature known(result.readings);
-  for (RefinedQuad& quad : refined) {
-    for (auto& corner : quad) {
-      if (!corner) continue;
-      corner->point += known.Change(corner->bent);
-      corner->sigma = known.Sigma(corner->bent);
-      for (BentPiece& piece : corner->bent.pieces) piece.bends = known.At(piece.p);
-    }
-  }
-  if (border.corner_squares) {
-    for (std::size_t i = 0; i < tags.size(); ++i) {
-      Quad corners = tags[i].corners;
-      for (std::size_t k = 0; k < 4; ++k) {
-        if (refined[i][k]) corners[k] = refined[i][k]->point;
-      }
-      for (std::size_t k = 0; k < 4; ++k) {
-        const auto crossing = CrossingAt(gray, corners, k, border, known, blur);
-        if (crossing) refined[i][k] = crossing;
-      }
-    }
-  }
-  return result;
+  return TagRefiner(gray, tags, border).Refine();
 }
 
 std::optional<Quad> FindTag(const cv::Mat& gray,
                             const SeenTag& expected,
                             const TagBorder& border,
                             double reach) {
-  // Three pixels a bit are enough to know a tag by; larger ones are looked for in a reduced image.
+  constexpr double kBitPixels = 3;  // suffice to recognise a tag; larger ones are reduced
+  // Around the place expected: bits that the template covers, and px for its blur.
+  constexpr double kAroundBits = 2, kAroundPixels = 2;
   Eigen::AlignedBox2d box;
   double side = 0;
   for (std::size_t k = 0; k < 4; ++k) {
     box.extend(expected.corners[k]);
     side += (expected.corners[(k + 1) % 4] - expected.corners[k]).norm() / 4;
   }
-  const int reduced = std::max(1, static_cast<int>(side / (3 * border.width)));
-  const double room = reach + 2 * side / border.width + 2;
+  const int reduced = std::max(1, static_cast<int>(side / (kBitPixels * border.width)));
+  const double room = reach + kAroundBits * side / border.width + kAroundPixels;
   const cv::Point from(static_cast<int>(std::floor(box.min().x() - room)),
                        static_cast<int>(std::floor(box.min().y() - room)));
   const cv::Point to(static_cast<int>(std::ceil(box.max().x() + room)),
@@ -645,10 +755,11 @@ std::optional<Quad> FindTag(const cv::Mat& gray,
 
   TagTemplate drawing(part, there, border, kUsualBlur);
   drawing.Search(static_cast<int>(std::ceil(reach / reduced)));
-  if (!drawing.Approach() || !drawing.Fit(LensCurvature({}))) return std::nullopt;
-  // Fisher's transform: five standard deviations from no correlation, one chance in three million.
+  if (!drawing.Approach() || !drawing.Fit(DistortionField({}))) return std::nullopt;
+  // Standard deviations of Fisher's transform from no correlation: one chance in three million.
+  constexpr double kSure = 5;
   const int data = border.width - 2 * border.ring;
-  const double least = std::tanh(5 / std::sqrt(data * data - 3.0));
+  const double least = std::tanh(kSure / std::sqrt(data * data - 3.0));
   if (drawing.DataCorrelation() < least) return std::nullopt;
   Quad found = drawing.corners();
   for (auto& c : found) {

@@ -8,15 +8,12 @@
 #include <span>
 #include <vector>
 
-#include "detectors/lens_curvature.h"
+#include "detectors/images/distortion_field.h"
+#include "targets/tags/quad.h"
 
 namespace plenocal::internal {
 
-/// A tag's corners in the image: lower left, lower right, upper right, upper left of the upright
-/// tag.
-using Quad = std::array<Eigen::Vector2d, 4>;
-
-/// A tag as it was seen and read.
+/// A tag as detected and decoded.
 struct SeenTag {
   Quad corners;  ///< px, good to a fraction of a bit
   /// Bits within the outline, row by row from the upright tag's upper left corner: true where the
@@ -24,7 +21,7 @@ struct SeenTag {
   std::vector<bool> bits;
 };
 
-/// What all tags of a target have along their outline.
+/// The surroundings of the outline, common to all tags of a target.
 struct TagBorder {
   int width = 0;                ///< bits between the left and the right edge
   int ring = 1;                 ///< bits, width of the ring of one colour inside the outline
@@ -34,22 +31,22 @@ struct TagBorder {
 };
 
 struct RefinedCorner {
-  Eigen::Vector2d point;  ///< px
-  double sigma = 0;       ///< px, of each coordinate
-  BentMarker bent;        ///< what the point owes to the lens assumed
+  Eigen::Vector2d point;              ///< px
+  double sigma = 0;                   ///< px, of each coordinate
+  DistortionSensitivity sensitivity;  ///< to the distortion assumed
 };
 
 using RefinedQuad = std::array<std::optional<RefinedCorner>, 4>;
 
 struct RefinedTags {
   std::vector<RefinedQuad> quads;
-  std::vector<LensReading> readings;  ///< what the image says about the lens
+  std::vector<DistortionMeasurement> measurements;  ///< of the lens distortion by the image
 };
 
-/// Corners of tags, from their whole drawing where they are small and else from curves fitted to
+/// Corners of tags, from their whole template where they are small and else from curves fitted to
 /// their outer edges. An edge is a blurred step from black to white across a parabola; a parabola,
-/// because lens distortion bends it. How much the lens bends edges is learned from all tags of the
-/// image together. A corner is missing when one of its two edges cannot be measured (out of the
+/// because lens distortion bends it. The distortion is estimated from all tags of the image
+/// together. A corner is missing when one of its two edges cannot be measured (out of the
 /// image, covered, no contrast).
 RefinedTags RefineTags(const cv::Mat& gray, std::span<const SeenTag> tags, const TagBorder& border);
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "detectors/tag_template.h"
+#include "detectors/tags/tag_template.h"
 
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
@@ -8,8 +8,10 @@
 #include <algorithm>
 #include <cmath>
 
-#include "detectors/processors.h"
-#include "detectors/square_sums.h"
+#include "calib/base/linear_algebra.h"
+#include "calib/base/robust.h"
+#include "detectors/templates/processors.h"
+#include "detectors/templates/square_sums.h"
 
 namespace plenocal::internal {
 namespace {
@@ -28,16 +30,6 @@ struct Correlation {
 double Area(const Quad& q) {
   const Eigen::Vector2d a = q[2] - q[0], b = q[3] - q[1];
   return std::abs(a.x() * b.y() - a.y() * b.x()) / 2;
-}
-
-Eigen::Matrix3d UnitSquareHomography(const Quad& q) {
-  const Eigen::Vector2d sum = q[0] - q[1] + q[2] - q[3];
-  Eigen::Matrix2d d;
-  d << q[1] - q[2], q[3] - q[2];
-  const Eigen::Vector2d g = d.inverse() * sum;
-  Eigen::Matrix3d h;
-  h << q[1] - q[0] + g[0] * q[1], q[3] - q[0] + g[1] * q[3], q[0], g[0], g[1], 1;
-  return h;
 }
 
 CellDrawing DrawTag(const std::vector<bool>& bits, const TagBorder& border, int around) {
@@ -84,25 +76,25 @@ void TagTemplate::SetCorners(const Quad& corners) {
   corners_ = corners;
   side_ = std::sqrt(Area(corners));
   centre_ = (corners[0] + corners[1] + corners[2] + corners[3]) / 4;
-  bend_.emplace(centre_, Eigen::Vector2d(gray_.cols, gray_.rows));
+  basis_.emplace(centre_, Eigen::Vector2d(gray_.cols, gray_.rows));
   Quad straight;
   std::transform(corners.begin(), corners.end(), straight.begin(), [&](const auto& corner) {
-    return Straight(corner);
+    return Undistorted(corner);
   });
   state_.G = CellsByUnitSquare(border_, kAround) * UnitSquareHomography(straight).inverse();
   state_.G /= state_.G(2, 2);
 }
 
-Eigen::Vector2d TagTemplate::Straight(const Eigen::Vector2d& x) const {
+Eigen::Vector2d TagTemplate::Undistorted(const Eigen::Vector2d& x) const {
   const Eigen::Vector2d d = x - centre_;
-  return (d - bend_->At(d) * bends_) / side_;
+  return (d - basis_->At(d) * distortion_) / side_;
 }
 
-Eigen::Vector2d TagTemplate::Bent(const Eigen::Vector2d& y) const {
-  // The lens bends little, so a few steps do.
+Eigen::Vector2d TagTemplate::Distorted(const Eigen::Vector2d& y) const {
+  // The distortion within a tag is small, so a few steps suffice.
   const Eigen::Vector2d straight = side_ * y;
   Eigen::Vector2d d = straight;
-  for (int i = 0; i < 4; ++i) d = straight + bend_->At(d) * bends_;
+  for (int i = 0; i < 4; ++i) d = straight + basis_->At(d) * distortion_;
   return d + centre_;
 }
 
@@ -114,7 +106,7 @@ void TagTemplate::UpdateCorners() {
                                                   Eigen::Vector3d(high, low, 1),
                                                   Eigen::Vector3d(low, low, 1)};
   for (std::size_t k = 0; k < 4; ++k) {
-    corners_[k] = Bent((inverse * on_drawing[k]).hnormalized());
+    corners_[k] = Distorted((inverse * on_drawing[k]).hnormalized());
   }
 }
 
@@ -124,20 +116,20 @@ PLENOCAL_LANES void TagTemplate::Place(const Lanes& d_x,
                                        Lanes* y) const {
   *x = d_x;
   *y = d_y;
-  if (!bends_.isZero(0)) {  // as while tags are approached
-    LensBend::Shifts<Eight> shifts;
-    bend_->At<Eight>(d_x, d_y, &shifts);
-    for (int i = 0; i < kBends; ++i) {
-      *x -= static_cast<float>(bends_[i]) * shifts.x[i];
-      *y -= static_cast<float>(bends_[i]) * shifts.y[i];
+  if (!distortion_.isZero(0)) {  // as while tags are approached
+    DistortionBasis::Displacements<Eight> displacement;
+    basis_->At<Eight>(d_x, d_y, &displacement);
+    for (int i = 0; i < kDistortionTerms; ++i) {
+      *x -= static_cast<float>(distortion_[i]) * displacement.x[i];
+      *y -= static_cast<float>(distortion_[i]) * displacement.y[i];
     }
   }
   *x *= 1 / static_cast<float>(side_);
   *y *= 1 / static_cast<float>(side_);
 }
 
-/// Those on the tag and half a bit around it: farther off, what is beyond the bits known matters
-/// too much.
+/// Those on the tag and half a bit around it: farther off, the unknown surroundings matter too
+/// much.
 PLENOCAL_FOR_EACH_PROCESSOR void TagTemplate::ChoosePixels() {
   pixels_.clear();
   if (!state_.G.allFinite()) return;
@@ -271,7 +263,7 @@ double TagTemplate::DataCorrelation() {
 PLENOCAL_FOR_EACH_PROCESSOR
 void TagTemplate::Differentiate(const State& state,
                                 const Strip& strip,
-                                bool by_bends,
+                                Columns columns,
                                 Lanes* rows) const {
   const Eigen::Matrix3f G = state.G.cast<float>();
   const float m = static_cast<float>(state.level), k = static_cast<float>(state.contrast);
@@ -301,32 +293,32 @@ void TagTemplate::Differentiate(const State& state,
   put(by_px * strength * drawn.by_blur);
   put(strength * drawn.by_beyond);
   put(strip.gray - light * level);
-  if (!by_bends) return;
+  if (columns == Columns::kParameters) return;
   const Lanes by_x = by_u * (G(0, 0) - drawn.u * G(2, 0)) + by_v * (G(1, 0) - drawn.v * G(2, 0));
   const Lanes by_y = by_u * (G(0, 1) - drawn.u * G(2, 1)) + by_v * (G(1, 1) - drawn.v * G(2, 1));
-  LensBend::Shifts<Eight> shifts;
-  bend_->At<Eight>(strip.d_x, strip.d_y, &shifts);
-  for (int i = 0; i < kBends; ++i) {
-    put(-by_px * (shifts.x[i] * by_x + shifts.y[i] * by_y));
+  DistortionBasis::Displacements<Eight> displacement;
+  basis_->At<Eight>(strip.d_x, strip.d_y, &displacement);
+  for (int i = 0; i < kDistortionTerms; ++i) {
+    put(-by_px * (displacement.x[i] * by_x + displacement.y[i] * by_y));
   }
 }
 
-TagTemplate::Sums TagTemplate::Linearise(const State& state, std::size_t stride, bool by_bends) {
+TagTemplate::Sums TagTemplate::Linearise(const State& state, std::size_t stride, Columns columns) {
   // Single precision within a block of pixels only.
-  Lanes block[kWithLens * kBlock] = {};
-  const int columns = by_bends ? kWithLens : kWithoutLens;
-  Sums sums = Sums::Zero(columns, columns);
+  Lanes block[kWithDistortion * kBlock] = {};
+  const int count = columns == Columns::kParameters ? kWithoutDistortion : kWithDistortion;
+  Sums sums = Sums::Zero(count, count);
   int filled = 0;
   for (std::size_t i = 0; i < pixels_.size(); i += kLanes * stride) {
-    Differentiate(state, Draw(state, i, stride), by_bends, block + filled++);
+    Differentiate(state, Draw(state, i, stride), columns, block + filled++);
     if (filled == kBlock || i + kLanes * stride >= pixels_.size()) {
-      AddSquares(block, columns, kBlock, filled, sums.data());
+      AddSquares(block, count, kBlock, filled, sums.data());
       filled = 0;
     }
   }
   sums.triangularView<Eigen::StrictlyUpper>() = sums.transpose();
-  // What is beyond is about as bright as the tag, as if one pixel of one gray level's noise said
-  // so.
+  // Prior of the brightness beyond: that of the tag, with the weight of one pixel of one gray level
+  // of noise.
   sums(kBeyond, kBeyond) += 1;
   sums(kBeyond, kResidual) -= state.beyond;
   return sums;
@@ -334,8 +326,8 @@ TagTemplate::Sums TagTemplate::Linearise(const State& state, std::size_t stride,
 
 Eigen::Matrix<double, 2, 8> TagTemplate::CornerByG(const Eigen::Vector2d& corner) const {
   // The corner stays where it is on the drawing: du = U_y dy + U_G dG = 0.
-  // What the bend adds to dy is small enough to be left out.
-  const Eigen::Vector2d y = Straight(corner);
+  // The distortion changes dy by little enough to be left out.
+  const Eigen::Vector2d y = Undistorted(corner);
   const Eigen::Vector3d bits = state_.G * y.homogeneous();
   const Eigen::Vector2d u = bits.hnormalized();
   const Eigen::Matrix2d by_y =
@@ -348,8 +340,7 @@ Eigen::Matrix<double, 2, 8> TagTemplate::CornerByG(const Eigen::Vector2d& corner
 }
 
 std::optional<double> TagTemplate::Step(const Sums& sums, double damping) {
-  constexpr double kLeastBlur = 0.29;  // of the pixel's own area, 1 / sqrt(12)
-  constexpr double kMostBlur = 4;
+  constexpr double kMostBlur = 4;  // px; more blurred tags of this size cannot be read
   Eigen::Matrix<double, kParameters, kParameters> damped =
       sums.topLeftCorner<kParameters, kParameters>();
   damped.diagonal() *= 1 + damping;
@@ -360,7 +351,7 @@ std::optional<double> TagTemplate::Step(const Sums& sums, double damping) {
   for (const auto& corner : corners_) {
     largest = std::max(largest, (CornerByG(corner) * change.head<8>()).norm());
   }
-  // Never more than half a bit a step: farther off the drawing says nothing.
+  // Never more than half a bit a step: farther off the template is not informative.
   const double limit = side_ / border_.width / 2;
   const double scale = largest > limit ? limit / largest : 1;
   state_.G.row(0) += scale * change.segment<3>(0).transpose();
@@ -369,7 +360,7 @@ std::optional<double> TagTemplate::Step(const Sums& sums, double damping) {
   state_.level += change[8];
   state_.contrast += change[9];
   state_.gradient += change.segment<2>(10);
-  state_.blur = std::clamp(state_.blur + scale * change[12], kLeastBlur, kMostBlur);
+  state_.blur = std::clamp(state_.blur + scale * change[12], kPixelSigma, kMostBlur);
   SetBeyond(state_.beyond + scale * change[kBeyond]);
   return change.dot(gradient);
 }
@@ -388,30 +379,32 @@ TagTemplate::Minimum TagTemplate::MinimumBySums(Sums sums, std::size_t stride) c
 
 std::optional<TagTemplate::Minimum> TagTemplate::Descend(std::size_t stride) {
   constexpr int kSteps = 40;
+  constexpr double kFirstDamping = 1e-3, kLeastDamping = 1e-7, kDampingStep = 10;
+  // The square of a step in standard deviations that is near enough: a tenth of one; half of one,
+  // where a step over all pixels follows.
+  constexpr double kNear = 0.01, kNearBeforeFinish = 0.25;
+  const double enough = stride == 1 ? kNear : kNearBeforeFinish;
   const std::size_t pixels = pixels_.size() / stride;
   const auto count = static_cast<double>(pixels);
-  Sums now = Linearise(state_, stride, false);
-  double damping = 1e-3;
+  Sums now = Linearise(state_, stride, Columns::kParameters);
+  double damping = kFirstDamping;
   for (int step = 0; step < kSteps; ++step) {
-    // The square of a step in standard deviations. A tenth of one is near enough; half of one,
-    // where a step over all pixels follows.
-    const double enough = stride == 1 ? 0.01 : 0.25;
     const State before = state_;
     const double square_sum = now(kResidual, kResidual);
     const double promised = Step(now, damping).value_or(0);
     const bool far = promised * count >= enough * square_sum;
-    const Sums next = far ? Linearise(state_, stride, false) : now;
+    const Sums next = far ? Linearise(state_, stride, Columns::kParameters) : now;
     const double gain = square_sum / next(kResidual, kResidual) - 1;
     if (gain > 0) {
-      damping = std::max(damping / 10, 1e-7);
+      damping = std::max(damping / kDampingStep, kLeastDamping);
       now = next;
       UpdateCorners();
     } else {
-      damping *= 10;
+      damping *= kDampingStep;
       Return(before);
     }
     if (!far || (gain > 0 && gain * count < enough)) {
-      return MinimumBySums(Linearise(state_, stride, true), stride);
+      return MinimumBySums(Linearise(state_, stride, Columns::kAll), stride);
     }
   }
   return std::nullopt;
@@ -431,11 +424,11 @@ std::optional<TagTemplate::Minimum> TagTemplate::DescendSomehow() {
 std::optional<TagTemplate::Minimum> TagTemplate::Finish() {
   // The minimum over all pixels is some standard deviations away: so near that one step leads
   // there.
-  Sums sums = Linearise(state_, 1, true);
+  Sums sums = Linearise(state_, 1, Columns::kAll);
   const State before = state_;
   const std::optional<double> gain = Step(sums, 0);
   const double variance = sums(kResidual, kResidual) / static_cast<double>(pixels_.size());
-  constexpr double kUnlikely = 4;
+  constexpr double kUnlikely = 4;  // times the mean of chi^2
   if (!gain || !(*gain < kUnlikely * kParameters * static_cast<double>(Stride()) * variance)) {
     Return(before);
     return Descend(1);
@@ -453,44 +446,49 @@ void TagTemplate::StartLevels() {
   state_.level = (all.y - state_.contrast * all.x) / all.n;
 }
 
-std::vector<LensReading> TagTemplate::ReadLens(const Minimum& minimum) const {
+std::vector<DistortionMeasurement> TagTemplate::MeasureDistortion(const Minimum& minimum) const {
   const auto& [sums, covariance, variance] = minimum;
   // The other parameters are eliminated.
-  using Information = Eigen::Matrix<double, kBends, kBends>;
-  const Eigen::Matrix<double, kParameters, kBends> mixed =
-      sums.block<kParameters, kBends>(0, kLens);
+  using Information = Eigen::Matrix<double, kDistortionTerms, kDistortionTerms>;
+  const Eigen::Matrix<double, kParameters, kDistortionTerms> mixed =
+      sums.block<kParameters, kDistortionTerms>(0, kDistortion);
   const Information information =
-      sums.block<kBends, kBends>(kLens, kLens) - mixed.transpose() * covariance * mixed;
-  const LensBends gradient =
-      sums.block<kBends, 1>(kLens, kResidual) -
+      sums.block<kDistortionTerms, kDistortionTerms>(kDistortion, kDistortion) -
+      mixed.transpose() * covariance * mixed;
+  const LocalDistortion gradient =
+      sums.block<kDistortionTerms, 1>(kDistortion, kResidual) -
       mixed.transpose() * covariance * sums.block<kParameters, 1>(0, kResidual);
-  const Eigen::SelfAdjointEigenSolver<Information> axes(information);
-  // What is below is lost in the rounding of single precision.
-  const double least = 1e-4 * axes.eigenvalues()[kBends - 1];
-  std::vector<LensReading> readings;
-  for (int i = 0; i < kBends; ++i) {
-    const double about = axes.eigenvalues()[i];
+  const SymmetricEigen axes = DecomposeSymmetric(Eigen::MatrixXd(information));
+  // Smaller ones are lost in the rounding of single precision.
+  constexpr double kRounding = 1e-4;
+  const double least = kRounding * axes.values[kDistortionTerms - 1];
+  std::vector<DistortionMeasurement> measurements;
+  for (int i = 0; i < kDistortionTerms; ++i) {
+    const double about = axes.values[i];
     if (!(about > least)) continue;
-    const LensBends along = axes.eigenvectors().col(i);
-    readings.push_back(
-        {bend_->p(), along, along.dot(bends_) + along.dot(gradient) / about, variance / about});
+    const LocalDistortion along = axes.vectors.col(i);
+    measurements.push_back({basis_->p(),
+                            along,
+                            along.dot(distortion_) + along.dot(gradient) / about,
+                            variance / about});
   }
-  return readings;
+  return measurements;
 }
 
-std::array<BentMarker, 4> TagTemplate::Owed(const Minimum& minimum) const {
+std::array<DistortionSensitivity, 4> TagTemplate::Sensitivities(const Minimum& minimum) const {
   const auto& [sums, covariance, variance] = minimum;
-  const Eigen::Matrix<double, 8, kBends> G_by_bends =
-      -covariance.topRows<8>() * sums.block<kParameters, kBends>(0, kLens);
-  std::array<BentMarker, 4> bent;
+  const Eigen::Matrix<double, 8, kDistortionTerms> G_by_distortion =
+      -covariance.topRows<8>() * sums.block<kParameters, kDistortionTerms>(0, kDistortion);
+  std::array<DistortionSensitivity, 4> sensitivities;
   for (std::size_t k = 0; k < 4; ++k) {
     const Eigen::Matrix<double, 2, 8> by_G = CornerByG(corners_[k]);
     const Eigen::Matrix2d of_corner =
         variance * by_G * covariance.topLeftCorner<8, 8>() * by_G.transpose();
-    bent[k] = {{{bend_->p(), bends_, by_G * G_by_bends + bend_->At(corners_[k] - centre_)}},
-               std::sqrt(of_corner.trace() / 2)};
+    sensitivities[k] = {
+        {{basis_->p(), distortion_, by_G * G_by_distortion + basis_->At(corners_[k] - centre_)}},
+        std::sqrt(of_corner.trace() / 2)};
   }
-  return bent;
+  return sensitivities;
 }
 
 double TagTemplate::Moved() const {
@@ -505,7 +503,7 @@ bool TagTemplate::IsTag() const {
   return Moved() < side_ / 2 && state_.contrast * border_.outside_sign > 0;
 }
 
-std::optional<std::vector<LensReading>> TagTemplate::Approach() {
+std::optional<std::vector<DistortionMeasurement>> TagTemplate::Approach() {
   if (pixels_.size() <= kParameters) return std::nullopt;
   StartLevels();
   std::optional<Minimum> minimum = DescendSomehow();
@@ -516,25 +514,25 @@ std::optional<std::vector<LensReading>> TagTemplate::Approach() {
     minimum = DescendSomehow();
   }
   if (!minimum || !IsTag()) return std::nullopt;
-  bent_ = Owed(*minimum);
-  return ReadLens(*minimum);
+  sensitivities_ = Sensitivities(*minimum);
+  return MeasureDistortion(*minimum);
 }
 
-std::optional<TagFit> TagTemplate::Fit(const LensCurvature& lens) {
+std::optional<TagFit> TagTemplate::Fit(const DistortionField& field) {
   Quad moved = corners_;
-  for (std::size_t k = 0; k < 4; ++k) moved[k] += lens.Change(bent_[k]);
-  bends_ = lens.At(bend_->p());
+  for (std::size_t k = 0; k < 4; ++k) moved[k] += field.Change(sensitivities_[k]);
+  distortion_ = field.At(basis_->p());
   SetCorners(moved);
   PlacePixels();
   const std::optional<Minimum> minimum = Finish();
   if (!minimum || !IsTag()) return std::nullopt;
   TagFit fit;
   fit.corners = corners_;
-  fit.bent = Owed(*minimum);
-  fit.readings = ReadLens(*minimum);
-  for (const BentMarker& bent : fit.bent) {
+  fit.sensitivities = Sensitivities(*minimum);
+  fit.measurements = MeasureDistortion(*minimum);
+  for (const DistortionSensitivity& sensitivity : fit.sensitivities) {
     // Also false for NaN.
-    if (!(bent.sigma < side_ / 4)) return std::nullopt;
+    if (!(sensitivity.sigma < side_ / 4)) return std::nullopt;
   }
   return fit;
 }

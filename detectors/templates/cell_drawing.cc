@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "detectors/cell_drawing.h"
+#include "detectors/templates/cell_drawing.h"
 
 #include <algorithm>
 #include <cmath>
 #include <utility>
 
-#include "detectors/processors.h"
+#include "detectors/templates/processors.h"
 
 namespace plenocal::internal {
 
@@ -78,7 +78,7 @@ PLENOCAL_LANES void CellDrawing::Profile::Fill(const Lanes& at,
   count = most + 1;
 }
 
-/// The share of the cells that are known: all but the outermost.
+/// Adds the share of the cells that are not outermost ones.
 PLENOCAL_LANES void CellDrawing::Profile::AddKnown(int n, Lanes* known) const {
   for (int k = 0; k < count; ++k) {
     const IntLanes cell = first + k;
@@ -86,13 +86,10 @@ PLENOCAL_LANES void CellDrawing::Profile::AddKnown(int n, Lanes* known) const {
   }
 }
 
-PLENOCAL_LANES void CellDrawing::AddProduct(const Lanes& u,
-                                            const Lanes& v,
-                                            const Lanes& blur_u,
-                                            const Lanes& blur_v,
-                                            const Lanes& r,
+PLENOCAL_LANES void CellDrawing::AddProduct(const BlurredPlace& at,
                                             const Lanes& weight,
                                             Drawn* drawn) {
+  const auto& [u, v, blur_u, blur_v, r] = at;
   across_.Fill(u, blur_u, n_, lines_);
   down_.Fill(v, blur_v, n_, lines_);
   const float* const cells = cells_.data();
@@ -155,7 +152,7 @@ PLENOCAL_FOR_EACH_PROCESSOR void CellDrawing::Draw(
   Lanes rest = 1 - common;
   Sqrt(&rest);
   if (most_common == 0) {
-    AddProduct(drawn->u, drawn->v, blur_u, blur_v, r, Lanes{} + 1, drawn);
+    AddProduct({drawn->u, drawn->v, blur_u, blur_v, r}, Lanes{} + 1, drawn);
   } else {
     // The trapezoidal rule over the common part; with this step its error is below a thousandth.
     const Lanes step = 1.7f * rest;
@@ -174,13 +171,10 @@ PLENOCAL_FOR_EACH_PROCESSOR void CellDrawing::Draw(
       const Lanes at = static_cast<float>(k) * step;
       Lanes distribution, density;
       Normal(at, &distribution, &density);
-      AddProduct(drawn->u + shift_u * at,
-                 drawn->v + shift_v * at,
-                 blur_u * rest,
-                 blur_v * rest,
-                 part,
-                 density / total,
-                 drawn);
+      AddProduct(
+          {drawn->u + shift_u * at, drawn->v + shift_v * at, blur_u * rest, blur_v * rest, part},
+          density / total,
+          drawn);
     }
   }
   // The heat equation: dT/dw = w times T's Laplacian.

@@ -4,7 +4,7 @@
 #include <Eigen/Core>
 #include <vector>
 
-#include "detectors/lanes.h"
+#include "detectors/templates/lanes.h"
 
 namespace plenocal::internal {
 
@@ -54,14 +54,12 @@ class CellDrawing {
     void Fill(const Lanes& at, const Lanes& blur, int n, const std::vector<float>& lines);
     void AddKnown(int n, Lanes* known) const;
   };
-  /// Adds `weight` times a drawing whose blurs (cells) are correlated by a small `r`.
-  void AddProduct(const Lanes& u,
-                  const Lanes& v,
-                  const Lanes& blur_u,
-                  const Lanes& blur_v,
-                  const Lanes& r,
-                  const Lanes& weight,
-                  Drawn* drawn);
+  /// A place and the blurs along the two axes, cells, which are correlated by a small `r`.
+  struct BlurredPlace {
+    Lanes u, v, blur_u, blur_v, r;
+  };
+  /// Adds `weight` times the drawing there.
+  void AddProduct(const BlurredPlace& at, const Lanes& weight, Drawn* drawn);
 
   int n_;
   std::vector<float> cells_;  ///< and zeros, for profiles that end beyond

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "detectors/disc_drawing.h"
+#include "detectors/templates/disc_drawing.h"
 
-#include "detectors/processors.h"
+#include "detectors/templates/processors.h"
 
 namespace plenocal::internal {
 

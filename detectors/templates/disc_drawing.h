@@ -3,7 +3,7 @@
 
 #include <Eigen/Core>
 
-#include "detectors/lanes.h"
+#include "detectors/templates/lanes.h"
 
 namespace plenocal::internal {
 

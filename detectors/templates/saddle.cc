@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "detectors/saddle.h"
+#include "detectors/templates/saddle.h"
 
 #include <Eigen/Geometry>
 #include <Eigen/LU>
@@ -7,7 +7,8 @@
 #include <cmath>
 #include <opencv2/core.hpp>
 
-#include "detectors/patch_fit.h"
+#include "calib/base/robust.h"
+#include "detectors/templates/patch_fit.h"
 
 namespace plenocal::internal {
 namespace {
@@ -28,8 +29,8 @@ double Cross(const Eigen::Vector2d& a, const Eigen::Vector2d& b) {
 /// and the gray value, S being the profile of a blurred edge from -1 to 1 and s its width,
 ///   gray = a + g q + b S(d_u / s_u) S(-d_v / s_v).
 /// The product is exact for perpendicular edges under Gaussian blur. The plane g stands for uneven
-/// light: without it a gradient along an edge would move the corner. s = sqrt(e^2 + kPixel^2) with
-/// the parameter e: no edge is sharper than a pixel is wide.
+/// light: without it a gradient along an edge would move the corner. s = sqrt(e^2 + kPixelSigma^2)
+/// with the parameter e: no edge is sharper than a pixel is wide.
 class CrossingEdges {
  public:
   enum { kX, kY, kThetaU, kThetaV, kBlurU, kBlurV, kA, kB, kGx, kGy, kSize };
@@ -38,7 +39,7 @@ class CrossingEdges {
   /// `reach`: how far the corner may be from the guess.
   CrossingEdges(const SaddleGuess& guess, double reach) : guess_(guess), reach_(reach) {}
 
-  static double Width(double e) { return std::hypot(e, kPixel); }
+  static double Width(double e) { return std::hypot(e, kPixelSigma); }
 
   double operator()(const Params& params, const Pixel& pixel, Params* J) const {
     const Eigen::Vector2d q(pixel.x - params[kX], pixel.y - params[kY]);
@@ -69,8 +70,6 @@ class CrossingEdges {
   }
 
  private:
-  static constexpr double kPixel = 0.29;  // 1 / sqrt(12), sigma of a box one pixel wide
-
   struct Edge {
     Edge(double theta, double e, double k, const Eigen::Vector2d& q, double sign) {
       const Eigen::Vector2d t(std::cos(theta), std::sin(theta)), n(-t.y(), t.x());
@@ -99,11 +98,13 @@ std::vector<Pixel> Patch(const cv::Mat& gray, const SaddleGuess& guess) {
   const double h_u = area / guess.v.norm(), h_v = area / guess.u.norm();
   const auto limit = [&](double h) {
     // Blurred edges of neighbours stay out. On the smallest boards their feet must be borne.
-    return std::clamp(h - kBlurReach * guess.blur, 0.5 * h, 0.8 * h) / h;
+    constexpr double kLeast = 0.5, kMost = 0.8;  // of the distance
+    return std::clamp(h - kBlurReach * guess.blur, kLeast * h, kMost * h) / h;
   };
   const double max_u = limit(h_u), max_v = limit(h_v);
   const auto strip = [&](double h) {
-    return std::max(guess.clear - kBlurReach * guess.blur / h, 0.4 * guess.clear);
+    constexpr double kLeast = 0.4;  // of the clear strip, on the smallest boards
+    return std::max(guess.clear - kBlurReach * guess.blur / h, kLeast * guess.clear);
   };
   const double strip_u = strip(h_u), strip_v = strip(h_v);
   Eigen::Matrix2d basis;
@@ -148,7 +149,7 @@ std::optional<Eigen::Vector2d> Step(const Neighbours& n) {
   return std::nullopt;
 }
 
-/// Of the parabola through the three corners; nothing unless all are known.
+/// Curvature of the parabola through three corners; nothing unless there are all.
 std::optional<double> Curvature(const Neighbours& neighbours) {
   if (neighbours.before == nullptr || neighbours.after == nullptr) return std::nullopt;
   const Eigen::Vector2d t = (*neighbours.after - *neighbours.before).normalized();
@@ -171,17 +172,19 @@ class Points {
     const auto& point = points_[static_cast<std::size_t>(row) * columns_ + column];
     return point ? &*point : nullptr;
   }
-  Neighbours Along(int row, int column, bool columns) const {
-    const int dr = columns ? 0 : 1, dc = columns ? 1 : 0;
+  /// Along a row of the grid (from column to column) or along a column.
+  enum class Line { kRow, kColumn };
+  Neighbours Along(int row, int column, Line line) const {
+    const int dr = line == Line::kRow ? 0 : 1, dc = 1 - dr;
     return {At(row - dr, column - dc), At(row, column), At(row + dr, column + dc)};
   }
   /// At the border, the next corner's inside it.
-  double CurvatureAt(int row, int column, bool columns) const {
-    const int dr = columns ? 0 : 1, dc = columns ? 1 : 0;
+  double CurvatureAt(int row, int column, Line line) const {
+    const int dr = line == Line::kRow ? 0 : 1, dc = 1 - dr;
     for (const int shift : {0, 1, -1}) {
       const int r = row + shift * dr, c = column + shift * dc;
       if (At(r, c) == nullptr) continue;
-      if (const auto k = Curvature(Along(r, c, columns))) return *k;
+      if (const auto k = Curvature(Along(r, c, line))) return *k;
     }
     return 0;
   }
@@ -223,29 +226,29 @@ std::optional<Saddle> FitSaddle(const cv::Mat& gray, const SaddleGuess& guess) {
   start[CrossingEdges::kA] = mean / static_cast<double>(pixels.size());
   start[CrossingEdges::kB] = 0.5 * (equal / equal_count - unequal / unequal_count);
 
-  // A detector's first place is good to a pixel or two; a third of a square is nearer to this
-  // corner than to any other.
-  const double reach = std::min(0.35 * spacing, kMaxRadius / 2);
-  const auto fit =
-      FitPatch<CrossingEdges::kSize>(CrossingEdges(guess, std::max(reach, 1.5)), pixels, start);
+  // A third of a square is nearer to this corner than to any other.
+  constexpr double kReach = 0.35;      // of a square
+  constexpr double kLeastReach = 1.5;  // px: so good is a detector's first place
+  const double reach = std::min(kReach * spacing, kMaxRadius / 2);
+  const auto fit = FitPatch<CrossingEdges::kSize>(
+      CrossingEdges(guess, std::max(reach, kLeastReach)), pixels, start);
   if (!fit) return std::nullopt;
-  constexpr double kMinExplained = 0.6;  // noise, texture and single edges stay below
   if (fit->explained < kMinExplained) return std::nullopt;
   Saddle saddle;
   saddle.p = fit->params.head<2>();
   if (saddle.p.minCoeff() < 0 || saddle.p.x() > gray.cols - 1 || saddle.p.y() > gray.rows - 1) {
     return std::nullopt;
   }
-  // What the model leaves out (pixels that are squares, lines that bend) moves the corner by some
-  // thousandths of a pixel, which the residuals of a clean image do not show.
-  constexpr double kModelError = 0.003;
   saddle.sigma =
       std::sqrt(0.5 * (fit->covariance(0, 0) + fit->covariance(1, 1)) + kModelError * kModelError);
   saddle.contrast = fit->params[CrossingEdges::kB];
   saddle.blur = std::sqrt(CrossingEdges::Width(fit->params[CrossingEdges::kBlurU]) *
                           CrossingEdges::Width(fit->params[CrossingEdges::kBlurV]));
-  constexpr double kMaxSigma = 0.1;  // of a square: beyond, nothing was measured
-  if (!(saddle.sigma > 0) || saddle.sigma > std::min(0.5, kMaxSigma * spacing)) return std::nullopt;
+  // Beyond these nothing was measured.
+  constexpr double kMaxSigma = 0.5;          // px
+  constexpr double kMaxRelativeSigma = 0.1;  // of a square
+  if (!(saddle.sigma > 0)) return std::nullopt;
+  if (saddle.sigma > std::min(kMaxSigma, kMaxRelativeSigma * spacing)) return std::nullopt;
   return saddle;
 }
 
@@ -259,7 +262,7 @@ CornerGrid RefineGrid(const cv::Mat& gray,
   CornerGrid grid{columns, rows, std::vector<std::optional<Saddle>>(count)};
   std::vector<std::optional<Eigen::Vector2d>> places = guesses;
   for (const bool curved : {false, true}) {
-    // Where the first pass measured nothing the guess stays, as a neighbour.
+    // A guess that the first pass could not measure stays, as a neighbour.
     const Points points(columns, rows, places);
     std::vector<std::optional<Eigen::Vector2d>> measured_places(count);
     for (std::size_t i = 0; i < count; ++i) {
@@ -271,8 +274,8 @@ CornerGrid RefineGrid(const cv::Mat& gray,
       for (int column = 0; column < columns; ++column) {
         const std::size_t i = static_cast<std::size_t>(row) * columns + column;
         if (!places[i] || (curved && !grid.corners[i])) continue;
-        const auto u = Step(points.Along(row, column, true));
-        const auto v = Step(points.Along(row, column, false));
+        const auto u = Step(points.Along(row, column, Points::Line::kRow));
+        const auto v = Step(points.Along(row, column, Points::Line::kColumn));
         if (!u || !v) continue;
         SaddleGuess guess;
         guess.p = *places[i];
@@ -282,8 +285,8 @@ CornerGrid RefineGrid(const cv::Mat& gray,
         guess.marked_quadrants =
             (row + column) % 2 == 0 ? first_marked_quadrants : -first_marked_quadrants;
         if (curved) {
-          guess.curvature_u = measured.CurvatureAt(row, column, true);
-          guess.curvature_v = measured.CurvatureAt(row, column, false);
+          guess.curvature_u = measured.CurvatureAt(row, column, Points::Line::kRow);
+          guess.curvature_v = measured.CurvatureAt(row, column, Points::Line::kColumn);
           guess.blur = grid.corners[i]->blur;
         }
         next[i] = FitSaddle(gray, guess);

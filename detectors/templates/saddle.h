@@ -8,14 +8,14 @@
 
 namespace plenocal::internal {
 
-/// What is known about a chessboard corner before it is measured.
+/// A chessboard corner before it is measured.
 struct SaddleGuess {
   Eigen::Vector2d p;     ///< px
   Eigen::Vector2d u, v;  ///< px, to the next corner along the columns and along the rows
   /// Curvature (1/px) of the board's lines through the corner, along u and along v; positive when
   /// they bend towards the direction 90 degrees clockwise as seen in the image (x to y).
   double curvature_u = 0, curvature_v = 0;
-  double blur = 0.8;  ///< px, sigma of the edges' blur as far as known
+  double blur = 0.8;  ///< px, sigma of the edges' blur (first estimate)
   /// ChArUco: how far (in squares) the printed marker of a white square stays away from the
   /// square's border; 1: there are no markers.
   double clear = 1;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "detectors/square_sums.h"
+#include "detectors/templates/square_sums.h"
 
-#include "detectors/processors.h"
+#include "detectors/templates/processors.h"
 
 namespace plenocal::internal {
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "detectors/lanes.h"
+#include "detectors/templates/lanes.h"
 
 namespace plenocal::internal {
 

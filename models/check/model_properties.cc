@@ -123,6 +123,12 @@ class Examination {
     return inside;
   }
 
+  // Size of a change of a parameter that matters.
+  [[nodiscard]] double SizeOf(size_t param) const {
+    const double size = std::max(std::abs(Params()[param]), model_.params[param].scale);
+    return size == 0 ? 1 : size;
+  }
+
   // Compares project_with_jacobian with differences of project.
   void CheckJacobian(const Eigen::Vector3d& p_cam, const Values& values, double tolerance) {
     const size_t rows = model_.measured.size(), count = model_.params.size();
@@ -144,9 +150,7 @@ class Examination {
                                              Config(),
                                              values.data(),
                                              p_cam,
-                                             predicted.data(),
-                                             J_params.data(),
-                                             J_point.data()),
+                                             {predicted.data(), J_params.data(), J_point.data()}),
                 "point {} is not imaged",
                 Text(p_cam))) {
       return;
@@ -161,12 +165,7 @@ class Examination {
     const double image = farthest + all_J_point.cwiseAbs().maxCoeff() * p_cam.norm();
     for (size_t k = 0; k < count + 3; ++k) {
       const bool is_param = k < count;
-      // The size of a change that matters: the parameter's own, or the point's distance.
-      double size = p_cam.norm();
-      if (is_param) {
-        size = std::max(std::abs(unknowns[k]), model_.params[k].scale);
-        if (size == 0) size = 1;
-      }
+      const double size = is_param ? SizeOf(k) : p_cam.norm();
       const auto difference = [&](double step) -> Eigen::VectorXd {
         std::vector<double> up = unknowns, down = unknowns;
         up[k] += step;
@@ -363,9 +362,7 @@ std::vector<std::string> GivesNoNan(const CameraModel& model) {
                                                   check.Config(),
                                                   centre.data(),
                                                   p_cam,
-                                                  predicted.data(),
-                                                  J_params.data(),
-                                                  J_point) ||
+                                                  {predicted.data(), J_params.data(), J_point}) ||
                          check.AllFinite(predicted),
                      "with derivatives, the image of {} is not finite",
                      Text(p_cam));
@@ -440,9 +437,7 @@ std::vector<std::string> IsCentral(const CameraModel& model) {
                                                     check.Config(),
                                                     seen.data(),
                                                     p_cam,
-                                                    predicted,
-                                                    J_params.data(),
-                                                    J_point),
+                                                    {predicted, J_params.data(), J_point}),
                         "point {} is not imaged",
                         Text(p_cam))) {
         continue;

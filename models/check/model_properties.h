@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// What every camera model must obey; `plenocal models check` and the tests run the same.
+// Properties that every camera model must have; `plenocal models check` and the tests check them.
 #pragma once
 
 #include <span>
@@ -8,7 +8,7 @@
 #include <string_view>
 #include <vector>
 
-#include "calib/camera_model.h"
+#include "calib/camera/camera_model.h"
 
 namespace plenocal {
 
@@ -17,7 +17,7 @@ namespace plenocal {
 struct ModelProperty {
   std::string_view name;   ///< "FindsPixelsAgain"
   std::string_view claim;  ///< what holds, as a sentence without its full stop
-  bool central_only;       ///< asked of central models only
+  bool central_only;       ///< checked for central models only
   /// One line for each place where the model violates it; none when it holds.
   std::vector<std::string> (*violations)(const CameraModel& model);
 };

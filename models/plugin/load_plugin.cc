@@ -10,7 +10,7 @@
 #include <string>
 #include <string_view>
 
-#include "calib/error.h"
+#include "calib/base/error.h"
 #include "models/plugin/plugin.h"
 
 namespace plenocal {

@@ -4,7 +4,7 @@
 #include <filesystem>
 #include <span>
 
-#include "calib/camera_model.h"
+#include "calib/camera/camera_model.h"
 
 namespace plenocal {
 

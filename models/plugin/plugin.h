@@ -10,7 +10,7 @@
 #include <array>
 #include <span>
 
-#include "calib/camera_model.h"
+#include "calib/camera/camera_model.h"
 #include "models/plugin/interface.h"
 
 #define PLENOCAL_TEXT_OF(x) #x
@@ -23,15 +23,15 @@
 
 /// All on which the layout of what crosses the border between program and plug-in depends; where
 /// it differs, neither can read the other's data.
-#define PLENOCAL_PLUGIN_ABI \
-  PLENOCAL_PLUGIN_INTERFACE \
-  ", Eigen " PLENOCAL_TEXT(EIGEN_WORLD_VERSION) "." PLENOCAL_TEXT(                               \
-      EIGEN_MAJOR_VERSION) "." PLENOCAL_TEXT(EIGEN_MINOR_VERSION) " aligned to " PLENOCAL_TEXT(  \
-      EIGEN_MAX_STATIC_ALIGN_BYTES) ", Ceres " CERES_VERSION_STRING                              \
-                                    ", string ABI " PLENOCAL_TEXT(_GLIBCXX_USE_CXX11_ABI)        \
-                                        PLENOCAL_PLUGIN_CONTAINERS
+#define PLENOCAL_PLUGIN_ABI                                                                                           \
+  PLENOCAL_PLUGIN_INTERFACE                                                                                           \
+  ", Eigen " PLENOCAL_TEXT(EIGEN_WORLD_VERSION) "." PLENOCAL_TEXT(EIGEN_MAJOR_VERSION) "." PLENOCAL_TEXT(             \
+      EIGEN_MINOR_VERSION) " aligned to " PLENOCAL_TEXT(EIGEN_MAX_STATIC_ALIGN_BYTES) ", Ceres " CERES_VERSION_STRING \
+                                                                                      ", string ABI " PLENOCAL_TEXT(  \
+                                                                                          _GLIBCXX_USE_CXX11_ABI)     \
+                                                                                          PLENOCAL_PLUGIN_CONTAINERS
 
-/// What a plug-in exports: data only, so that nothing of it runs before the ABI is known.
+/// Symbols that a plug-in exports: data only, so that nothing of it runs before the ABI is known.
 extern "C" {
 extern const char plenocal_plugin_abi[] __attribute__((visibility("default")));
 extern const std::span<const plenocal::CameraModel> plenocal_plugin_models

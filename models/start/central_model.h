@@ -10,12 +10,12 @@
 #include <string_view>
 #include <type_traits>
 
-#include "calib/camera_model.h"
+#include "calib/camera/camera_model.h"
 #include "models/start/central_start.h"
 
 namespace plenocal {
 
-/// What all models of ordinary cameras share: a point (x, y) in the image is seen along a ray
+/// Common part of all models of ordinary cameras: a point (x, y) in the image is seen along a ray
 /// through the camera frame's origin.
 struct CentralModel {
   static constexpr std::array<std::string_view, 2> kMeasured{"x", "y"};
@@ -23,6 +23,7 @@ struct CentralModel {
   static constexpr std::array<Param, 0> kConfig{};
   static constexpr std::array<double, 0> kExampleConfig{};
   static constexpr bool kCentral = true;
+  static constexpr bool kPlenoptic = false;
 
   static Misfit JudgeFit(const CameraModel& model,
                          const StartProblem& problem,
@@ -180,7 +181,7 @@ std::optional<double> SolveIncreasing(const Value& value,
   for (int i = 0; i < kMaxIterations; ++i) {
     const bool inside = valid(r);
     const double error = value(r) - target;
-    // Outside `valid` the value says nothing; the solution is below.
+    // Outside `valid` the value means nothing; the solution is below.
     (!inside || error > 0 ? high : low) = r;
     const double next = r - error / slope(r);
     const double step = (inside && next > low && next < high ? next : (low + high) / 2) - r;

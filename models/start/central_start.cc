@@ -9,9 +9,11 @@
 #include <cmath>
 #include <numbers>
 #include <optional>
+#include <utility>
 
-#include "calib/error.h"
-#include "calib/ray_fit.h"
+#include "calib/base/error.h"
+#include "calib/base/linear_algebra.h"
+#include "calib/camera/ray_fit.h"
 #include "calib/start.h"
 #include "models/kannala_brandt4.h"
 
@@ -42,8 +44,35 @@ double Evaluate(const Profile& a, double rho) {
 Eigen::VectorXd NullVector(const Eigen::MatrixXd& A) {
   const Eigen::VectorXd scale = A.colwise().norm().cwiseMax(std::numeric_limits<double>::min());
   const Eigen::MatrixXd scaled = A * scale.cwiseInverse().asDiagonal();
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(scaled.transpose() * scaled);
-  return scale.cwiseInverse().asDiagonal() * eigen.eigenvectors().col(0);
+  const Eigen::MatrixXd square = scaled.transpose() * scaled;
+  return scale.cwiseInverse().asDiagonal() * DecomposeSymmetric(square).vectors.col(0);
+}
+
+using TwoRows = Eigen::Matrix<double, 2, 3>;
+
+// Scales the first two rows of a rotation, of which the third column is unknown, and the
+// translation to their size; returns the first two elements of the third row.
+std::optional<Eigen::Vector3d> CompletePlane(TwoRows* R, Eigen::Vector2d* t) {
+  // Columns of the rotation have unit length and are orthogonal: with A, B, C their known parts,
+  // (w - A)(w - B) = C^2 for the squared scale w.
+  const double a = R->col(0).squaredNorm(), b = R->col(1).squaredNorm();
+  const double c = R->col(0).dot(R->col(1));
+  const double w = (a + b + std::hypot(a - b, 2 * c)) / 2;
+  if (!(w > 0)) return std::nullopt;
+  *R /= std::sqrt(w);
+  *t /= std::sqrt(w);
+  const double r31 = std::sqrt(std::max(0.0, 1 - a / w));
+  const double r32 = std::sqrt(std::max(0.0, 1 - b / w)) * (c > 0 ? -1 : 1);
+  return Eigen::Vector3d(r31, r32, 0);
+}
+
+// The same for two whole rows; returns the third.
+std::optional<Eigen::Vector3d> CompleteSpace(TwoRows* R, Eigen::Vector2d* t) {
+  const double scale = (R->row(0).norm() + R->row(1).norm()) / 2;
+  if (!(scale > 0)) return std::nullopt;
+  *R /= scale;
+  *t /= scale;
+  return Eigen::Vector3d(R->row(0)).cross(Eigen::Vector3d(R->row(1)));
 }
 
 std::optional<AlignedView> Align(const std::vector<Eigen::Vector2d>& image,
@@ -54,10 +83,10 @@ std::optional<AlignedView> Align(const std::vector<Eigen::Vector2d>& image,
   centre /= static_cast<double>(n);
   Eigen::Matrix3d scatter = Eigen::Matrix3d::Zero();
   for (const auto& p : points) scatter += (p - centre) * (p - centre).transpose();
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(scatter);
-  Eigen::Matrix3d axes = eigen.eigenvectors().rowwise().reverse();
+  const SymmetricEigen3 eigen = DecomposeSymmetric(scatter);
+  Eigen::Matrix3d axes = eigen.vectors.rowwise().reverse();
   if (axes.determinant() < 0) axes.col(2) *= -1;
-  const Eigen::Vector3d extent = eigen.eigenvalues().reverse().cwiseMax(0).cwiseSqrt();
+  const Eigen::Vector3d extent = eigen.values.reverse().cwiseMax(0).cwiseSqrt();
   constexpr double kFlat = 0.05;  // thickness over width below which the points count as a plane
   const bool flat = extent[2] < kFlat * extent[1];
   const int per_row = flat ? 3 : 4;
@@ -76,30 +105,13 @@ std::optional<AlignedView> Align(const std::vector<Eigen::Vector2d>& image,
     A.row(i).tail(per_row) = image[k].x() * q;
   }
   const Eigen::VectorXd h = NullVector(A);
-  Eigen::Matrix<double, 2, 3> R = Eigen::Matrix<double, 2, 3>::Zero();
+  TwoRows R = TwoRows::Zero();
   R.row(0).head(per_row - 1) = h.head(per_row - 1);
   R.row(1).head(per_row - 1) = h.segment(per_row, per_row - 1);
   Eigen::Vector2d t(h[per_row - 1], h[2 * per_row - 1]);
 
-  Eigen::Vector3d row3;
-  if (flat) {
-    // Columns of the rotation have unit length and are orthogonal: with A, B, C their known parts,
-    // (w - A)(w - B) = C^2 for the squared scale w.
-    const double a = R.col(0).squaredNorm(), b = R.col(1).squaredNorm(), c = R.col(0).dot(R.col(1));
-    const double w = (a + b + std::hypot(a - b, 2 * c)) / 2;
-    if (!(w > 0)) return std::nullopt;
-    R /= std::sqrt(w);
-    t /= std::sqrt(w);
-    const double r31 = std::sqrt(std::max(0.0, 1 - a / w));
-    const double r32 = std::sqrt(std::max(0.0, 1 - b / w)) * (c > 0 ? -1 : 1);
-    row3 = {r31, r32, 0};
-  } else {
-    const double scale = (R.row(0).norm() + R.row(1).norm()) / 2;
-    if (!(scale > 0)) return std::nullopt;
-    R /= scale;
-    t /= scale;
-    row3 = Eigen::Vector3d(R.row(0)).cross(Eigen::Vector3d(R.row(1)));
-  }
+  const std::optional<Eigen::Vector3d> row3 = flat ? CompletePlane(&R, &t) : CompleteSpace(&R, &t);
+  if (!row3) return std::nullopt;
 
   AlignedView view;
   view.ambiguous = flat;
@@ -109,7 +121,7 @@ std::optional<AlignedView> Align(const std::vector<Eigen::Vector2d>& image,
     const Eigen::Vector2d p = R * local[k] + t;
     view.rho.push_back(image[k].norm());
     view.radial.push_back(p.norm());
-    view.zeta.push_back(row3.dot(local[k]));
+    view.zeta.push_back(row3->dot(local[k]));
   }
   return view;
 }
@@ -182,62 +194,82 @@ std::optional<Profile> SolveProfile(const std::vector<AlignedView>& views, int t
     g -= cross * t_rhs / t_square;
   }
   Profile a = Profile::Zero();
-  a.head(terms) = H.topLeftCorner(terms, terms).ldlt().solve(g.head(terms));
+  a.head(terms) = SolveSymmetric(Eigen::MatrixXd(H.topLeftCorner(terms, terms)),
+                                 Eigen::VectorXd(g.head(terms)));
   if (!a.allFinite() || !(a[0] > 0)) return std::nullopt;
   return a;
 }
 
+// Image points with the directions in which a first guess sees them.
+struct Directions {
+  std::vector<Eigen::Vector3d> directions;
+  const std::vector<Eigen::Vector2d>& image;  // px
+};
+
+// Parameters near `params` that image the directions at their points; the user's initial values and
+// those of `options.fixed` stay.
 std::vector<double> FitToDirections(const CameraModel& model,
                                     const StartProblem& problem,
                                     std::vector<double> params,
-                                    const std::vector<Eigen::Vector3d>& directions,
-                                    const std::vector<Eigen::Vector2d>& image,
-                                    bool within_bounds,
-                                    std::vector<int> held = {}) {
-  RayFitOptions options{.held = std::move(held), .within_bounds = within_bounds};
+                                    const Directions& seen,
+                                    RayFitOptions options) {
   for (size_t i = 0; i < params.size(); ++i) {
     if (!problem.given[i]) continue;
     params[i] = *problem.given[i];
-    options.held.push_back(static_cast<int>(i));
+    options.fixed.push_back(static_cast<int>(i));
   }
-  FitToRays(model, problem.config, directions, image, options, &params);
+  FitToRays(model, problem.config, seen.directions, seen.image, options, &params);
   return params;
 }
 
-}  // namespace
+// The views' points in an image of unit half-diagonal about its centre.
+class CentredImage {
+ public:
+  explicit CentredImage(const ImageSize& size)
+      : centre_((size[0] - 1) / 2.0, (size[1] - 1) / 2.0),
+        half_diagonal_(std::max(1.0, centre_.norm())) {}
 
-std::vector<StartCandidate> StartCentral(
-    const CameraModel& model,
-    const StartProblem& problem,
-    const std::function<std::vector<std::vector<double>>(double, double, double)>& near_axis) {
-  const Eigen::Vector2d centre((problem.image_size[0] - 1) / 2.0,
-                               (problem.image_size[1] - 1) / 2.0);
-  const double half_diagonal = std::max(1.0, centre.norm());
+  [[nodiscard]] const Eigen::Vector2d& Centre() const { return centre_; }
+  [[nodiscard]] double HalfDiagonal() const { return half_diagonal_; }
+  [[nodiscard]] Eigen::Vector2d Scaled(const Eigen::Vector2d& u) const {
+    return (u - centre_) / half_diagonal_;
+  }
 
+ private:
+  Eigen::Vector2d centre_;
+  double half_diagonal_;
+};
+
+struct ImagePoints {
   std::vector<AlignedView> aligned;
-  std::vector<Eigen::Vector2d> all_image;  // px
+  std::vector<Eigen::Vector2d>
+      sample;  // px; a spread of the points: more add time, not information
+};
+
+ImagePoints CollectPoints(const StartProblem& problem, const CentredImage& centred) {
+  constexpr size_t kFitPoints = 500;
+  ImagePoints points;
+  std::vector<Eigen::Vector2d> all;
   for (const View& view : problem.views) {
     std::vector<Eigen::Vector2d> image;
-    std::vector<Eigen::Vector3d> points;
+    std::vector<Eigen::Vector3d> in_target;
     for (const Observation& observation : view.observations) {
       const auto marker = problem.markers->find(observation.marker);
       if (marker == problem.markers->end()) continue;
       const Eigen::Vector2d u(observation.values[0], observation.values[1]);
-      all_image.push_back(u);
-      image.emplace_back((u - centre) / half_diagonal);
-      points.push_back(marker->second);
+      all.push_back(u);
+      image.push_back(centred.Scaled(u));
+      in_target.push_back(marker->second);
     }
-    if (auto view_aligned = Align(image, points)) aligned.push_back(std::move(*view_aligned));
+    if (auto aligned = Align(image, in_target)) points.aligned.push_back(std::move(*aligned));
   }
-  if (all_image.empty()) return {};
+  const size_t stride = all.size() / kFitPoints + 1;
+  for (size_t i = 0; i < all.size(); i += stride) points.sample.push_back(all[i]);
+  return points;
+}
 
-  // Fits use a spread of the points: more add time, not information.
-  constexpr size_t kFitPoints = 500;
-  std::vector<Eigen::Vector2d> fit_image;
-  const size_t stride = all_image.size() / kFitPoints + 1;
-  for (size_t i = 0; i < all_image.size(); i += stride) fit_image.push_back(all_image[i]);
-
-  // The fit may end at such parameters' limits, from where no step leads back.
+// Parameters with limits, at which a fit may end and from where no step leads back.
+std::vector<int> ConfinedParams(const CameraModel& model) {
   std::vector<int> confined;
   for (size_t i = 0; i < model.params.size(); ++i) {
     const Param& param = model.params[i];
@@ -245,58 +277,79 @@ std::vector<StartCandidate> StartCentral(
       confined.push_back(static_cast<int>(i));
     }
   }
+  return confined;
+}
+
+Profile PlainProfile(double half_fov_deg) {
+  return {1 / std::tan(half_fov_deg * std::numbers::pi / 180), 0, 0};
+}
+
+// The best of a ladder of half fields of view from 3 to 75 degrees to the image's corner.
+Profile BestPlainProfile(std::vector<AlignedView>* aligned) {
+  Profile best = Profile::Zero();
+  double best_error = std::numeric_limits<double>::infinity();
+  for (double half_fov_deg = 3; half_fov_deg <= 75; half_fov_deg *= 1.15) {
+    const Profile plain = PlainProfile(half_fov_deg);
+    const double error = SolveDistances(plain, aligned);
+    if (error < best_error) {
+      best_error = error;
+      best = plain;
+    }
+  }
+  return best;
+}
+
+// Alternates between the tilts' signs with distances and the profile, from few terms to all.
+Profile RefineProfile(Profile a, std::vector<AlignedView>* aligned) {
+  for (const int terms : {1, 2, kProfileTerms, kProfileTerms}) {
+    SolveDistances(a, aligned);
+    const std::optional<Profile> next = SolveProfile(*aligned, terms);
+    if (!next) break;
+    a = *next;
+  }
+  return a;
+}
+
+}  // namespace
+
+std::vector<StartCandidate> StartCentral(const CameraModel& model,
+                                         const StartProblem& problem,
+                                         const CamerasNearAxis& near_axis) {
+  const CentredImage centred(problem.image_size);
+  ImagePoints points = CollectPoints(problem, centred);
+  if (points.sample.empty()) return {};
+  const std::vector<int> confined = ConfinedParams(model);
 
   std::vector<StartCandidate> candidates;
   const auto add = [&](const Profile& a) {
-    std::vector<Eigen::Vector3d> directions;
-    directions.reserve(fit_image.size());
-    for (const auto& u : fit_image) {
-      const Eigen::Vector2d q = (u - centre) / half_diagonal;
-      directions.push_back(Eigen::Vector3d(q.x(), q.y(), Evaluate(a, q.norm())).normalized());
+    Directions seen{{}, points.sample};
+    seen.directions.reserve(points.sample.size());
+    for (const auto& u : points.sample) {
+      const Eigen::Vector2d q = centred.Scaled(u);
+      seen.directions.push_back(Eigen::Vector3d(q.x(), q.y(), Evaluate(a, q.norm())).normalized());
     }
+    const auto fit = [&](std::vector<double> params, const RayFitOptions& options) {
+      return FitToDirections(model, problem, std::move(params), seen, options);
+    };
     for (const std::vector<double>& plain :
-         near_axis(a[0] * half_diagonal, centre.x(), centre.y())) {
+         near_axis(a[0] * centred.HalfDiagonal(), centred.Centre().x(), centred.Centre().y())) {
       // Long lenses pass through parameters out of bounds, wide ones may stay there.
-      auto params = FitToDirections(model, problem, plain, directions, fit_image, false);
-      if (!WithinBounds(model, params.data())) {
-        params = FitToDirections(model, problem, plain, directions, fit_image, true);
-      }
+      auto params = fit(plain, {});
+      if (!WithinBounds(model, params.data())) params = fit(plain, {.within_bounds = true});
       candidates.push_back({std::move(params)});
       if (confined.empty()) continue;
-      params = FitToDirections(model, problem, plain, directions, fit_image, true, confined);
+      params = fit(plain, {.fixed = confined, .within_bounds = true});
       candidates.push_back({params});
-      candidates.push_back(
-          {FitToDirections(model, problem, std::move(params), directions, fit_image, true)});
+      candidates.push_back({fit(std::move(params), {.within_bounds = true})});
     }
   };
-
-  // The ladder: half fields of view from 3 to 75 degrees to the image's corner.
-  Profile best_plain = Profile::Zero();
-  double best_error = std::numeric_limits<double>::infinity();
-  for (double half_fov_deg = 3; half_fov_deg <= 75; half_fov_deg *= 1.15) {
-    const Profile plain(1 / std::tan(half_fov_deg * std::numbers::pi / 180), 0, 0);
-    const double error = SolveDistances(plain, &aligned);
-    if (!aligned.empty() && error < best_error) {
-      best_error = error;
-      best_plain = plain;
-    }
-  }
-  if (!aligned.empty()) {
-    // Alternate between the tilts' signs with distances and the profile, from few terms to all.
-    Profile a = best_plain;
-    for (const int terms : {1, 2, kProfileTerms, kProfileTerms}) {
-      SolveDistances(a, &aligned);
-      const std::optional<Profile> next = SolveProfile(aligned, terms);
-      if (!next) break;
-      a = *next;
-    }
-    add(a);
+  if (!points.aligned.empty()) {
+    const Profile best_plain = BestPlainProfile(&points.aligned);
+    add(RefineProfile(best_plain, &points.aligned));
     add(best_plain);
   }
   // Without a view good enough for alignment: ordinary, wide and long lenses.
-  for (const double half_fov_deg : {35.0, 60.0, 10.0}) {
-    add(Profile(1 / std::tan(half_fov_deg * std::numbers::pi / 180), 0, 0));
-  }
+  for (const double half_fov_deg : {35.0, 60.0, 10.0}) add(PlainProfile(half_fov_deg));
   return candidates;
 }
 
@@ -310,9 +363,9 @@ Misfit CentralMisfit(const CameraModel& model,
   if (!(median_error > kAgrees)) return {};
   CameraModel wide = MakeCameraModel<KannalaBrandt4>();
   wide.misfit = nullptr;  // what does not describe the camera either explains nothing
-  CameraStart fisheye;
+  CameraGuess fisheye;
   try {
-    fisheye = StartCamera({.name = std::string(wide.name),
+    fisheye = GuessCamera({.name = std::string(wide.name),
                            .model = &wide,
                            .config = {},
                            .initial = std::vector<std::optional<double>>(wide.params.size()),

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// What focused plenoptic cameras share: thin main lens, micro lenses as pinholes.
+// Common part of focused plenoptic cameras: thin main lens, micro lenses as pinholes.
 //
-// Source: the paper in shared/seed (stereo_plenoptic_vo_dataset.tex), "Plenoptic Camera Model". A
+// Source: Zeller et al., synchronized stereo and plenoptic VO dataset, "Plenoptic Camera Model". A
 // point x_C = (x_C, y_C, z_C) is observed through one micro lens, whose micro-image centre c_Id was
 // detected in the distorted raw image. With all image coordinates in metres about the principal
 // point, image axes turned by 180 degrees:
@@ -39,7 +39,7 @@
 #include <limits>
 #include <optional>
 
-#include "calib/camera_model.h"
+#include "calib/camera/camera_model.h"
 #include "models/start/plenoptic_points.h"
 
 namespace plenocal {
@@ -64,19 +64,19 @@ struct PlenopticModel {
   static constexpr std::array<std::string_view, 2> kMeasured{"x", "y"};
   static constexpr std::array<std::string_view, 2> kContext{"lens_x", "lens_y"};
   static constexpr bool kCentral = false;
+  static constexpr bool kPlenoptic = true;
   static constexpr std::array kExampleConfig{7.4e-6};
   static constexpr ImageSize kExampleSize{800, 780};
 
-  static std::string Remedy(std::span<const size_t> weak, const SeenSpan& seen) {
+  static std::string Remedy(std::span<const size_t> weak, const DepthRange& seen) {
     return PlenopticRemedy(weak, seen);
   }
-  static constexpr std::string_view kKindName = "lens type";
-  static void OwnFit(std::span<const Observation* const> of_marker,
-                     std::span<const double> weights,
-                     OwnResidual* residuals) {
+  static void ReplicateFit(std::span<const Observation* const> of_marker,
+                           std::span<const double> weights,
+                           ReplicateResidual* residuals) {
     FitMicroImages(of_marker, weights, residuals);
   }
-  static void TellKinds(std::vector<View>* views) { TellLensTypes(views); }
+  static void AssignLensTypes(std::vector<View>* views) { FindLensTypes(views); }
 
   /// u_px = distorted raw coordinates; `lens_px` = (lens_x, lens_y).
   template <typename T>

@@ -14,9 +14,9 @@
 #include <optional>
 #include <utility>
 
-#include "calib/hexagonal_lattice.h"
-#include "calib/median.h"
-#include "calib/own_noise.h"
+#include "calib/base/statistics.h"
+#include "calib/camera/hexagonal_lattice.h"
+#include "calib/noise/replicate_noise.h"
 
 namespace plenocal {
 namespace {
@@ -125,7 +125,7 @@ std::optional<Types> ColourLenses(const std::vector<View>& views) {
 
 void FitMicroImages(std::span<const Observation* const> of_marker,
                     std::span<const double> weights,
-                    OwnResidual* residuals) {
+                    ReplicateResidual* residuals) {
   double sum = 0;
   Vector2d mean_x(0, 0), mean_c(0, 0);
   for (size_t i = 0; i < of_marker.size(); ++i) {
@@ -142,7 +142,7 @@ void FitMicroImages(std::span<const Observation* const> of_marker,
     product += weights[i] * c.dot(Point(*of_marker[i]) - mean_x);
   }
   if (!(spread > 0)) {
-    std::fill_n(residuals, of_marker.size(), OwnResidual{});
+    std::fill_n(residuals, of_marker.size(), ReplicateResidual{});
     return;
   }
   const double s = product / spread;
@@ -153,30 +153,30 @@ void FitMicroImages(std::span<const Observation* const> of_marker,
   }
 }
 
-void TellLensTypes(std::vector<View>* views) {
+void FindLensTypes(std::vector<View>* views) {
   const auto types = ColourLenses(*views);
   if (!types) return;
-  const auto set_kinds = [&](const auto& kind_of) {
+  const auto assign = [&](const auto& type_of) {
     for (View& view : *views) {
-      for (Observation& seen : view.observations) seen.kind = kind_of(seen);
+      for (Observation& seen : view.observations) seen.lens_type = type_of(seen);
     }
   };
-  set_kinds([&](const Observation& seen) { return types->at({seen.values[2], seen.values[3]}); });
-  std::vector<std::vector<const Observation*>> points;
-  for (const View& view : *views) AddPoints(view.observations, &points);
-  const std::map<int, KindNoise> noise = NoiseByKind(points, &FitMicroImages);
+  assign([&](const Observation& seen) { return types->at({seen.values[2], seen.values[3]}); });
+  std::vector<Replicates> replicates;
+  for (const View& view : *views) AddReplicates(view.observations, &replicates);
+  const std::map<int, LensTypeNoise> noise = NoiseByLensType(replicates, &FitMicroImages);
   // Five standard deviations of log(sigma) apart.
   constexpr double kApart = 5;
-  for (const auto& [kind, a] : noise) {
+  for (const auto& [type, a] : noise) {
     for (const auto& [other, b] : noise) {
       const double sigma = std::sqrt((1 / a.redundancy + 1 / b.redundancy) / 2);
       if (std::log(a.sigma / b.sigma) > kApart * sigma) return;
     }
   }
-  set_kinds([](const Observation&) { return 0; });
+  assign([](const Observation&) { return 0; });
 }
 
-std::string PlenopticRemedy(std::span<const size_t> weak, const SeenSpan& seen) {
+std::string PlenopticRemedy(std::span<const size_t> weak, const DepthRange& seen) {
   enum { kFocal, kCentreX = 3, kA0 = 5, kB0 = 7, kPupil = 9 };
   const auto any = [&](size_t from, size_t to) {
     return std::any_of(weak.begin(), weak.end(), [&](size_t k) { return k >= from && k < to; });
@@ -211,8 +211,8 @@ std::string PlenopticRemedy(std::span<const size_t> weak, const SeenSpan& seen) 
         "more about both axes and some turned by 90 degrees.");
   }
   if (any(kA0, kB0)) {
-    add("The radial terms A_0, A_1 need points over the whole image: add views with the target in "
-        "each corner, or hold A_1 (fixed: [A_1]).");
+    add("The radial terms A_0, A_1 need points over the whole image: add views with the target "
+        "in each corner, or hold A_1 (fixed: [A_1]).");
   }
   return text;
 }

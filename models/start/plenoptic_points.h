@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// What the micro images of one point obey among themselves, whatever the camera
-// (shared/PLENOPTIC.md, section 1): x_R = u_0 + s c_I with three numbers for all of them.
-// Distortion bends this only by its change over the point's micro images, which lie close together.
+// The relation between the micro images of one point, for any camera (docs/plenoptic.md): x_R = u_0
+// + s c_I with three numbers for all of them. Distortion bends this only by its change over the
+// point's micro images, which lie close together.
 #pragma once
 
 #include <span>
 #include <string>
 #include <vector>
 
-#include "calib/camera_model.h"
-#include "calib/observation.h"
+#include "calib/camera/camera_model.h"
+#include "calib/camera/observation.h"
 
 namespace plenocal {
 
@@ -18,14 +18,14 @@ namespace plenocal {
 /// in one view. A single micro image, or several with one centre, leave no residual.
 void FitMicroImages(std::span<const Observation* const> of_marker,
                     std::span<const double> weights,
-                    OwnResidual* residuals);
+                    ReplicateResidual* residuals);
 
-/// Sets Observation::kind to the micro lens' place in the three interleaved sets of a hexagonal
-/// array, when the noise of these differs (an array of one type has none to tell apart). Leaves it
-/// alone when the centres are no lattice.
-void TellLensTypes(std::vector<View>* views);
+/// Sets Observation::lens_type to the micro lens' place in the three interleaved sets of a
+/// hexagonal array, when the noise of these differs (an array of one type has none to separate).
+/// Leaves it alone when the centres are no lattice.
+void FindLensTypes(std::vector<View>* views);
 
 /// `CameraModel::remedy` for the parameters f_L, b_L0, B, c_x, c_y, A_0, A_1, B_0, B_1 and b_P.
-std::string PlenopticRemedy(std::span<const size_t> weak, const SeenSpan& seen);
+std::string PlenopticRemedy(std::span<const size_t> weak, const DepthRange& seen);
 
 }  // namespace plenocal

@@ -7,8 +7,9 @@
 #include <map>
 #include <optional>
 
-#include "calib/error.h"
-#include "calib/median.h"
+#include "calib/base/error.h"
+#include "calib/base/linear_algebra.h"
+#include "calib/base/statistics.h"
 #include "calib/start.h"
 #include "models/pinhole_radial3.h"
 
@@ -43,7 +44,7 @@ Eigen::VectorXd RobustSolve(const Eigen::MatrixXd& rows, const Eigen::VectorXd& 
   Eigen::VectorXd x;
   for (int i = 0; i < kIterations; ++i) {
     const Eigen::MatrixXd weighted = weights.asDiagonal() * rows;
-    x = weighted.colPivHouseholderQr().solve(weights.cwiseProduct(values));
+    x = LeastSquares(weighted, Eigen::VectorXd(weights.cwiseProduct(values)));
     const Eigen::VectorXd residuals = (rows * x - values).cwiseAbs();
     const double width = 3 * Median(std::vector<double>(residuals.begin(), residuals.end()));
     if (!(width > 0)) break;
@@ -100,7 +101,7 @@ VirtualImage FitVirtualImage(std::span<const View> views) {
   return image;
 }
 
-/// What the virtual image says: an ordinary camera, and how T follows the distance.
+/// Calibration of the virtual image as an ordinary camera, and T as a function of the distance.
 struct VirtualCamera {
   std::vector<double> params;  // of the plenoptic camera: all but f_L, b_L0, B
   double focal = 0;            // m
@@ -129,26 +130,26 @@ std::optional<VirtualCamera> CalibrateVirtualImage(const StartProblem& problem) 
       pinhole.fixed[of_pinhole] = true;
     }
   }
-  std::optional<CameraStart> start;
+  std::optional<CameraGuess> guess;
   try {
-    start = StartCamera(pinhole, *problem.markers);
+    guess = GuessCamera(pinhole, *problem.markers);
   } catch (const Error&) {
-    return std::nullopt;  // the caller says that nothing explains the detections
+    return std::nullopt;  // the caller reports that nothing explains the detections
   }
 
   const double pixel_size = problem.config[0];
-  const double b_s = (start->params[0] + start->params[1]) / 2 * pixel_size;  // b_L0 + B
+  const double b_s = (guess->params[0] + guess->params[1]) / 2 * pixel_size;  // b_L0 + B
   std::vector<double> params(kCount, 0.0);
-  params[kCentreX] = start->params[2];
-  params[kCentreY] = start->params[3];
+  params[kCentreX] = guess->params[2];
+  params[kCentreY] = guess->params[3];
   // The pinhole's distortion is in units of its focal length.
-  params[kA0] = start->params[4] / (b_s * b_s);
-  params[kA1] = start->params[5] / std::pow(b_s, 4);
+  params[kA0] = guess->params[4] / (b_s * b_s);
+  params[kA1] = guess->params[5] / std::pow(b_s, 4);
   for (const int k : {kA0, kA1, kB0, kB1}) params[k] = problem.given[k].value_or(params[k]);
 
   std::vector<std::pair<double, const VirtualPoint*>> at;  // 1 / z
   for (const VirtualPoint& point : image.points) {
-    const auto& T_camera_target = start->T_camera_target[point.view];
+    const auto& T_camera_target = guess->T_camera_target[point.view];
     if (!T_camera_target) continue;
     const double z = (*T_camera_target * problem.markers->at(point.marker)).z();
     if (z > 0) at.emplace_back(1 / z, &point);

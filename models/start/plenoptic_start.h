@@ -3,12 +3,12 @@
 
 #include <vector>
 
-#include "calib/camera_model.h"
+#include "calib/camera/camera_model.h"
 
 namespace plenocal {
 
-/// Closed-form start values [f_L, b_L0, B, c_x, c_y, A_0, A_1, B_0, B_1] of a focused plenoptic
-/// camera (shared/PLENOPTIC.md, section 1). All micro images of one marker in one frame obey
+/// Closed-form initial guess [f_L, b_L0, B, c_x, c_y, A_0, A_1, B_0, B_1] of a focused plenoptic
+/// camera (docs/plenoptic.md). All micro images of one marker in one frame obey
 /// x_R = u_0 + s c_I. With T = 1 / (1 - s), the point q = u_0 T is the image of an ordinary pinhole
 /// camera of focal length b_L0 + B, and T = a + b / z:
 ///

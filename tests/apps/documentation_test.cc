@@ -4,7 +4,14 @@
 // order, in a folder that has the project's `examples`.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <regex>
+#include <string>
+#include <vector>
 
 #include "tests/apps/workspace.h"
 
@@ -64,6 +71,60 @@ TEST_F(Documentation, BadSetsOfTheRecordingGuideGetTheVerdictsItNames) {
     const YAML::Node camera = Result(fmt::format("results/{}", kind))["cameras"]["cam"];
     EXPECT_NEAR(camera["residuals"]["rms"].as<double>(), 0.132, 0.008) << kind;
   }
+}
+
+// The ```yaml blocks of a document, without the blanks that all lines of a block begin with.
+std::vector<std::string> YamlBlocks(const fs::path& document) {
+  std::ifstream file(document);
+  std::vector<std::string> blocks;
+  size_t indent = std::string::npos;  // of the block that is open
+  for (std::string line; std::getline(file, line);) {
+    const size_t first = line.find_first_not_of(' ');
+    if (indent != std::string::npos && first != std::string::npos && line.find("```") == first) {
+      indent = std::string::npos;
+    } else if (indent != std::string::npos) {
+      blocks.back() += line.substr(std::min(indent, line.size())) + "\n";
+    } else if (first != std::string::npos && line.substr(first) == "```yaml") {
+      indent = first;
+      blocks.emplace_back();
+    }
+  }
+  return blocks;
+}
+
+TEST_F(Documentation, FilesOfTheReadmeAreRead) {
+  const std::vector<std::string> blocks =
+      YamlBlocks(fs::path(PLENOCAL_DOCS).parent_path() / "README.md");
+  ASSERT_EQ(blocks.size(), 2U);
+  Write("target.yaml", blocks[0]);
+  const Outcome target = Run({"target", "target.yaml", "-o", "board.pdf"});
+  EXPECT_EQ(target.status, kDone) << target.err;
+  Write("session.yaml", blocks[1]);
+  // The images alone are missing.
+  EXPECT_THAT(Run({"calibrate", "session.yaml", "-o", "out"}).err, HasSubstr("no file matches"));
+}
+
+TEST_F(Documentation, ReadmeAndGuideHaveEachCommand) {
+  const fs::path docs = PLENOCAL_DOCS;
+  const auto text = [](const fs::path& path) {
+    std::ifstream file(path);
+    return std::string(std::istreambuf_iterator<char>(file), {});
+  };
+  const std::string readme = text(docs.parent_path() / "README.md"),
+                    guide = text(docs / "guide.md");
+  const std::string help = Run({"--help"}).out;
+  const std::string heading = "Subcommands:\n";
+  ASSERT_THAT(help, HasSubstr(heading));
+  int commands = 0;
+  for (const std::string& line : Lines(help.substr(help.find(heading) + heading.size()))) {
+    if (!line.starts_with("  ") || line.size() < 3 || line[2] == ' ') continue;
+    const std::string name = line.substr(2, line.find(' ', 2) - 2);
+    const std::regex quoted(fmt::format("`(plenocal )?{}[` ]", name));
+    EXPECT_TRUE(std::regex_search(readme, quoted)) << "README.md: " << name;
+    EXPECT_TRUE(std::regex_search(guide, quoted)) << "docs/guide.md: " << name;
+    ++commands;
+  }
+  EXPECT_GE(commands, 17);
 }
 
 }  // namespace

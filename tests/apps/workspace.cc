@@ -195,7 +195,7 @@ std::string DetectionsText(const CameraInput& camera) {
   for (const View& view : camera.views) {
     for (const Observation& o : view.observations) {
       text += fmt::format("{},{},{:.6f},{:.6f},", view.frame, o.marker, o.values[0], o.values[1]);
-      text += o.sigma > 0 ? fmt::format("{}\n", o.sigma) : "\n";
+      text += o.detector_sigma > 0 ? fmt::format("{}\n", o.detector_sigma) : "\n";
     }
   }
   return text;

@@ -15,8 +15,6 @@
 #include <sstream>
 #include <tuple>
 
-#include "calib/calibration_file.h"
-#include "calib/result_files.h"
 #include "models/registry.h"
 #include "tests/calib/synthetic.h"
 
@@ -32,8 +30,9 @@ using testing::TargetShape;
 // ---------------------------------------------------------------------------------------------
 // Exact detections
 
-// Issue 2 asks for 1e-8 relative. A_1 and A_2 act on the image by some 1e-3 and 1e-5 of it, so that
-// their own size says little: all parameters together are judged by what they do to the image.
+// Rounding leaves less than 1e-8 of all parameters together. A_1 and A_2 act on the image by some
+// 1e-3 and 1e-5 of it, so that their own size says little: all parameters together are judged by
+// what they do to the image.
 constexpr double kRelative = 1e-8;
 constexpr double kShift = 1e-7;  // px
 
@@ -111,19 +110,20 @@ struct Errors {
     for (size_t c = 0; c < problem.params.size(); ++c) {
       const BundleCamera& estimate = calibration.bundle.cameras[c];
       for (size_t i = 0; i < estimate.params.size(); ++i) {
-        if (uncertainty.params[c][i] == 0) continue;  // held
-        params.Add(estimate.params[i] - problem.params[c][i], uncertainty.params[c][i]);
+        if (uncertainty.param_std_errors[c][i] == 0) continue;  // held
+        params.Add(estimate.params[i] - problem.params[c][i], uncertainty.param_std_errors[c][i]);
       }
       if (c == 0) continue;
       Vector6d d;
       d << problem.T_camera_rig[c].t - estimate.T_camera_rig.t,
           LogRotation(problem.T_camera_rig[c].R * estimate.T_camera_rig.R.transpose());
-      for (int i = 0; i < 6; ++i) mounts.Add(d[i], std::sqrt(uncertainty.mount[c](i, i)));
+      for (int i = 0; i < 6; ++i)
+        mounts.Add(d[i], std::sqrt(uncertainty.extrinsics_covariance[c](i, i)));
     }
-    for (size_t m = 0; m < uncertainty.markers.size(); ++m) {
+    for (size_t m = 0; m < uncertainty.marker_std_errors.size(); ++m) {
       const BundleMarker& marker = calibration.bundle.markers[m];
       const Eigen::Vector3d d = marker.position - problem.markers.at(marker.number);
-      for (int i = 0; i < 3; ++i) markers.Add(d[i], uncertainty.markers[m][i]);
+      for (int i = 0; i < 3; ++i) markers.Add(d[i], uncertainty.marker_std_errors[m][i]);
     }
   }
 };
@@ -135,7 +135,7 @@ constexpr double kSigmas = 4;
 void ExpectWithinSigma(const SyntheticProblem& problem, const Calibration& calibration) {
   for (size_t c = 0; c < problem.params.size(); ++c) {
     for (size_t i = 0; i < problem.params[c].size(); ++i) {
-      const double sigma = calibration.uncertainty.params[c][i];
+      const double sigma = calibration.uncertainty.param_std_errors[c][i];
       EXPECT_GT(sigma, 0);
       EXPECT_NEAR(calibration.bundle.cameras[c].params[i], problem.params[c][i], kSigmas * sigma)
           << "camera " << c << " " << calibration.bundle.cameras[c].model->params[i].name;
@@ -143,7 +143,7 @@ void ExpectWithinSigma(const SyntheticProblem& problem, const Calibration& calib
   }
 }
 
-// Issue 2: over 100 random problems the mean over all parameters.
+// Mean of (error / sigma)^2 over all parameters of 100 random problems.
 constexpr double kLowest = 0.85, kHighest = 1.15;
 // Some 1300 intrinsics and 500 extrinsics are strongly correlated within a problem; about 3 of a
 // camera's 7 and of a mount's 6 are independent, 500 and 300 in all: sqrt(2 / 300) = 8 %, here
@@ -187,17 +187,17 @@ TEST(NoisyDetections, TellTheNoiseOfEachCamera) {
   SyntheticProblem problem =
       MakeProblem(3, {.cameras = 2, .frames = 20, .noise = 0.3, .marker_tolerance = 0.0002});
   for (View& view : problem.input.cameras[1].views) {
-    for (Observation& observation : view.observations) observation.sigma = 0;  // not given
+    for (Observation& observation : view.observations) observation.detector_sigma = 0;  // not given
   }
   const Calibration calibration = Calibrate(problem.input, {});
   // 20 views of 70 points: 2800 coordinates give sigma to 1.3 %; four times that.
   constexpr double kTolerance = 0.055;
   for (const CameraFit& fit : calibration.fits) {
-    EXPECT_NEAR(fit.sigma, 0.3, kTolerance * 0.3);
-    EXPECT_LT(fit.rms, std::sqrt(2) * fit.sigma);  // what the unknowns took away
+    EXPECT_NEAR(fit.noise_sigma, 0.3, kTolerance * 0.3);
+    EXPECT_LT(fit.rms, std::sqrt(2) * fit.noise_sigma);  // what the unknowns took away
   }
-  EXPECT_EQ(calibration.fits[0].stated_sigma, 0.3);
-  EXPECT_EQ(calibration.fits[1].stated_sigma, 0) << "no sigma was given";
+  EXPECT_EQ(calibration.fits[0].detector_sigma, 0.3);
+  EXPECT_EQ(calibration.fits[1].detector_sigma, 0) << "no sigma was given";
 }
 
 TEST(NoisyDetections, OfFramesThatAreNotSynchronousDoNotSpoilTheCameras) {
@@ -225,14 +225,14 @@ TEST(NoisyDetections, OfFramesThatAreNotSynchronousDoNotSpoilTheCameras) {
     EXPECT_THAT(calibration.warnings,
                 ::testing::Contains(::testing::HasSubstr("not taken at the same time")));
     for (size_t c = 0; c < problem.params.size(); ++c) {
-      EXPECT_NEAR(calibration.fits[c].sigma, 0.1, 0.01);
+      EXPECT_NEAR(calibration.fits[c].noise_sigma, 0.1, 0.01);
       if (seed > 1) continue;
       // As good as alone: the rig says little of the intrinsics of a camera.
       CalibrationInput alone = problem.input;
       alone.cameras = {problem.input.cameras[c]};
       const Uncertainty own = Calibrate(alone, {}).uncertainty;
       for (size_t i = 0; i < problem.params[c].size(); ++i) {
-        EXPECT_LT(calibration.uncertainty.params[c][i], 1.1 * own.params[0][i]);
+        EXPECT_LT(calibration.uncertainty.param_std_errors[c][i], 1.1 * own.param_std_errors[0][i]);
       }
     }
   }
@@ -274,9 +274,9 @@ TEST(NoisyDetections, KeepHeldParametersAtTheirInitialValue) {
   const Calibration calibration = Calibrate(problem.input, {});
   for (const size_t i : {0, 6}) {
     EXPECT_EQ(calibration.bundle.cameras[0].params[i], problem.params[0][i]);
-    EXPECT_EQ(calibration.uncertainty.params[0][i], 0);
+    EXPECT_EQ(calibration.uncertainty.param_std_errors[0][i], 0);
   }
-  EXPECT_GT(calibration.uncertainty.params[0][1], 0);
+  EXPECT_GT(calibration.uncertainty.param_std_errors[0][1], 0);
 }
 
 // ---------------------------------------------------------------------------------------------
@@ -319,7 +319,7 @@ TEST(Outliers, AreRejectedAndLeaveTheResultWithinItsSigmas) {
     // The rule loses a good observation in one calibration of twenty.
     EXPECT_LE(good_rejected, 1);
     ExpectWithinSigma(problem, calibration);
-    for (const CameraFit& fit : calibration.fits) EXPECT_NEAR(fit.sigma, 0.1, 0.01);
+    for (const CameraFit& fit : calibration.fits) EXPECT_NEAR(fit.noise_sigma, 0.1, 0.01);
   }
 }
 
@@ -345,7 +345,7 @@ TEST(FrameScatter, OfAModelWithVeryManyUnknownsIsNamed) {
       }
     }
     const Calibration calibration = Calibrate(problem.input, {});
-    const auto named = ::testing::HasSubstr("errors that the points of a frame share");
+    const auto named = ::testing::HasSubstr("points within a frame share an error");
     if (own_lens > 0) {
       EXPECT_THAT(calibration.warnings, ::testing::Contains(named));
     } else {
@@ -391,7 +391,7 @@ CalibrationInput FrontoParallel(double noise) {
     const RigidTransform T_camera_target{ExpRotation({0, 0, 0.3 * f}),
                                          {0.02 * (f % 4) - 0.1, 0.03 * (f % 3) - 0.1, 0.6}};
     for (const auto& [number, position] : input.markers) {
-      Observation observation{.marker = number, .sigma = noise};
+      Observation observation{.marker = number, .detector_sigma = noise};
       if (!model->project(params.data(),
                           nullptr,
                           observation.values.data(),
@@ -426,7 +426,8 @@ TEST(OpenDirections, NameFocalLengthAgainstDistanceOfAParallelPlane) {
   EXPECT_TRUE(named) << "f_x and f_y are open together";
   // No small sigma for what is not known: at least the focal length's own size.
   for (const size_t i : {0, 1}) {
-    EXPECT_GT(calibration.uncertainty.params[0][i], 0.5 * calibration.bundle.cameras[0].params[i]);
+    EXPECT_GT(calibration.uncertainty.param_std_errors[0][i],
+              0.5 * calibration.bundle.cameras[0].params[i]);
   }
 }
 
@@ -442,15 +443,15 @@ std::string Digest(const Calibration& calibration) {
   text << std::hexfloat;
   for (const BundleCamera& camera : calibration.bundle.cameras) {
     for (const double value : camera.params) text << value << " ";
-    text << camera.T_camera_rig.R << camera.T_camera_rig.t << camera.noise_scale << " "
-         << camera.noise_floor << "\n";
+    text << camera.T_camera_rig.R << camera.T_camera_rig.t << camera.noise.detector_scale << " "
+         << camera.noise.additive_sigma << "\n";
   }
   for (const RigidTransform& T : calibration.bundle.T_rig_target) text << T.R << T.t << "\n";
   for (const BundleMarker& marker : calibration.bundle.markers) text << marker.position << "\n";
-  for (const auto& sigmas : calibration.uncertainty.params) {
+  for (const auto& sigmas : calibration.uncertainty.param_std_errors) {
     for (const double sigma : sigmas) text << sigma << " ";
   }
-  for (const Matrix6d& mount : calibration.uncertainty.mount) text << mount << "\n";
+  for (const Matrix6d& mount : calibration.uncertainty.extrinsics_covariance) text << mount << "\n";
   return text.str();
 }
 
@@ -516,17 +517,6 @@ TEST(Calibrate, LinksCamerasByChainsOfOverlap) {
   std::erase_if(cameras[2].views, [](const View& view) { return view.frame < "0012"; });
   const Calibration calibration = Calibrate(problem.input, {});
   for (size_t c = 0; c < 3; ++c) EXPECT_LT(LargestShift(problem, calibration, c), kShift);
-}
-
-TEST(CalibrationYaml, HoldsAParameterThatIsHardlyAboveZero) {
-  SyntheticProblem problem = MakeProblem(12, {});
-  Calibration calibration = Calibrate(problem.input, {});
-  constexpr double kDenormal = 1e-310;
-  calibration.bundle.cameras[0].params.back() = kDenormal;
-  const YamlNode file = YamlNode::Parse(CalibrationYaml(calibration, {}), "calibration.yaml");
-  const auto [name, camera] = file.At("cameras").Entries().front();
-  EXPECT_NEAR(
-      ReadCalibratedCamera(name, camera, CameraModels()).params.back() / kDenormal, 1, 1e-6);
 }
 
 }  // namespace

@@ -9,7 +9,7 @@
 #include <string>
 #include <utility>
 
-#include "calib/hexagonal_lattice.h"
+#include "calib/camera/hexagonal_lattice.h"
 #include "models/registry.h"
 #include "tests/calib/random.h"
 
@@ -122,7 +122,7 @@ PlenopticProblem MakePlenopticProblem(unsigned seed, const PlenopticOptions& opt
         const Eigen::Vector2d shift = common + (slope + shared_slope) * (x_R - lens);
         seen.values[0] = x_R.x() + shift.x() + noise.Gaussian(sigma);
         seen.values[1] = x_R.y() + shift.y() + noise.Gaussian(sigma);
-        if (options.state_sigmas) seen.sigma = options.noise;
+        if (options.state_sigmas) seen.detector_sigma = options.noise;
         view.observations.push_back(seen);
         if (options.shared_slope > 0) {
           const Eigen::Vector2d moved = options.shared_slope * (x_R - lens);

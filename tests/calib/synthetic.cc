@@ -118,7 +118,8 @@ SyntheticProblem MakeProblem(unsigned seed, const SyntheticOptions& options) {
       const RigidTransform seen{ExpRotation(turned) * R,
                                 place + moved - ExpRotation(turned) * R * centre};
       for (const auto& [number, position] : problem.markers) {
-        Observation observation{.marker = number, .sigma = options.noise > 0 ? options.noise : 0};
+        Observation observation{.marker = number,
+                                .detector_sigma = options.noise > 0 ? options.noise : 0};
         const Eigen::Vector3d p_cam = problem.T_camera_rig[c] * (seen * position);
         const bool missing = random.Uniform(0, 1) < options.partial;
         if (!model->project(problem.params[c].data(),
@@ -140,6 +141,43 @@ SyntheticProblem MakeProblem(unsigned seed, const SyntheticOptions& options) {
     }
   }
   return problem;
+}
+
+Bundle TrueBundle(const SyntheticProblem& problem) {
+  Bundle bundle;
+  for (size_t c = 0; c < problem.params.size(); ++c) {
+    bundle.cameras.push_back({.name = problem.input.cameras[c].name,
+                              .image_size = problem.input.cameras[c].image_size,
+                              .model = problem.input.cameras[c].model,
+                              .config = {},
+                              .params = problem.params[c],
+                              .fixed = std::vector<bool>(problem.params[c].size(), false),
+                              .T_camera_rig = problem.T_camera_rig[c],
+                              .is_master = c == 0});
+  }
+  std::map<int, int> index;
+  for (const auto& [number, position] : problem.markers) {
+    index[number] = static_cast<int>(bundle.markers.size());
+    bundle.markers.push_back({number, position, problem.input.markers.at(number)});
+  }
+  for (const auto& [name, T_rig_target] : problem.T_rig_target) {
+    const int frame = static_cast<int>(bundle.T_rig_target.size());
+    bundle.T_rig_target.push_back(T_rig_target);
+    for (size_t c = 0; c < problem.params.size(); ++c) {
+      for (const View& view : problem.input.cameras[c].views) {
+        if (view.frame != name) continue;
+        for (const Observation& seen : view.observations) {
+          bundle.observations.push_back(
+              {static_cast<int>(c), frame, index.at(seen.marker), seen, true});
+          if (seen.detector_sigma > 0) {
+            bundle.observations.back().assumed_sigma = seen.detector_sigma;
+          }
+        }
+      }
+    }
+  }
+  bundle.marker_sigma = problem.input.marker_sigma;
+  return bundle;
 }
 
 double LargestShift(const SyntheticProblem& problem,

@@ -7,10 +7,15 @@
 #include <string>
 #include <vector>
 
-#include "calib/bundle.h"
+#include "calib/adjust/bundle.h"
 #include "calib/calibrate.h"
+#include "calib/noise/weak_directions.h"
 
 namespace plenocal::testing {
+
+inline std::vector<WeakUnknowns> WeakUnknownsOf(const Calibration& calibration) {
+  return FindWeakUnknowns(calibration.bundle, calibration.uncertainty);
+}
 
 enum class TargetShape {
   kPlane,   ///< 10 x 7 points, 30 mm apart
@@ -41,6 +46,9 @@ struct SyntheticProblem {
 
 /// A random pinhole-radial3 rig before a target, all from `seed`.
 SyntheticProblem MakeProblem(unsigned seed, const SyntheticOptions& options);
+
+/// The problem's truth as the state of an adjustment, with its noisy observations.
+Bundle TrueBundle(const SyntheticProblem& problem);
 
 /// Largest shift of the image, over all true observations, when the estimated camera takes the true
 /// one's place, px; directions are the true camera's.

@@ -13,8 +13,9 @@
 #include <string>
 #include <vector>
 
-#include "detectors/marker_detector.h"
+#include "detectors/images/marker_detector.h"
 #include "tests/detectors/render.h"
+#include "tests/optional_data.h"
 
 namespace plenocal::testing {
 
@@ -27,12 +28,12 @@ inline Places Measured(const MarkerDetections& found) {
   return places;
 }
 
-/// The files of a shared data set whose names match, sorted; empty where the set is absent.
-inline std::vector<std::filesystem::path> SharedFiles(const std::string& folder,
-                                                      const std::string& prefix,
-                                                      const std::string& extension) {
+/// The files of an optional data set whose names match, sorted; empty where the set is absent.
+inline std::vector<std::filesystem::path> OptionalFiles(const std::string& folder,
+                                                        const std::string& prefix,
+                                                        const std::string& extension) {
   std::vector<std::filesystem::path> files;
-  const auto path = std::filesystem::path(PLENOCAL_SHARED_DATA) / "frames" / folder;
+  const auto path = OptionalData("frames/" + folder);
   if (!std::filesystem::exists(path)) return files;
   for (const auto& entry : std::filesystem::directory_iterator(path)) {
     const std::string name = entry.path().filename().string();
@@ -51,7 +52,7 @@ struct Statistics {
     for (const Observation& o : found.markers) {
       const Eigen::Vector2d error = Eigen::Vector2d(o.values[0], o.values[1]) - truth.at(o.marker);
       squares += error.squaredNorm();
-      normalized_squares += error.squaredNorm() / (o.sigma * o.sigma);
+      normalized_squares += error.squaredNorm() / (o.detector_sigma * o.detector_sigma);
       ++markers;
     }
   }
@@ -99,7 +100,7 @@ inline std::vector<cv::Mat> EmptyImages() {
 inline void ExpectWellFormed(const MarkerDetections& found) {
   EXPECT_EQ(found.failure.empty(), !found.markers.empty());
   for (std::size_t i = 0; i < found.markers.size(); ++i) {
-    EXPECT_GT(found.markers[i].sigma, 0);
+    EXPECT_GT(found.markers[i].detector_sigma, 0);
     EXPECT_TRUE(i == 0 || found.markers[i - 1].marker < found.markers[i].marker);
   }
 }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Properties that every camera model must have; run on all of the registry.
-#include "calib/camera_model.h"
+#include "calib/camera/camera_model.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -15,7 +15,7 @@
 #include <string>
 #include <tuple>
 
-#include "calib/session.h"
+#include "calib/files/session.h"
 #include "models/check/model_properties.h"
 #include "models/registry.h"
 

@@ -1,28 +1,39 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "calib/judge/compare.h"
+
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
 #include <nlohmann/json.hpp>
 #include <numbers>
 #include <optional>
 
-#include "apps/calibration_input.h"
-#include "apps/commands.h"
-#include "apps/image_module.h"
-#include "apps/observations.h"
-#include "apps/report/results.h"
-#include "calib/calibration_file.h"
-#include "calib/check.h"
-#include "calib/compare.h"
-#include "calib/error.h"
-#include "calib/output_folder.h"
-#include "calib/result_files.h"
-#include "calib/text_file.h"
+#include "apps/charts/field_map.h"
+#include "apps/cli/calibration_input.h"
+#include "apps/cli/command.h"
+#include "apps/cli/options.h"
+#include "apps/cli/session_observations.h"
+#include "calib/base/error.h"
+#include "calib/base/output_folder.h"
+#include "calib/describe.h"
+#include "calib/files/calibration_file.h"
+#include "calib/files/calibration_tables.h"
+#include "calib/judge/check.h"
 #include "models/registry.h"
 
 namespace plenocal {
 namespace {
+
+/// Two calibrations of the same cameras, or one calibration and new images.
+struct CompareArguments {
+  std::filesystem::path a, b;     ///< calibration.yaml; `b` is empty when there are new images
+  std::filesystem::path session;  ///< session.yaml of the new images; empty: none
+  std::vector<double> distances;  ///< m; empty: 1 m and infinity
+  std::filesystem::path out;      ///< folder for picture and table; empty: neither
+  bool json = false;              ///< new images: JSON on standard output
+};
 
 constexpr std::array<std::string_view, 3> kRowNames{"top", "middle", "bottom"};
 constexpr std::array<std::string_view, 3> kColumnNames{"left", "centre", "right"};
@@ -84,8 +95,8 @@ void PrintCamera(const CameraDifference& camera,
   const Eigen::Vector3d turn = LogRotation(camera.T_b_a.R) * 180 / std::numbers::pi;
   const Eigen::Vector3d shift = 1e3 * camera.T_b_a.t;
   fmt::print(
-      "  taken out: a turn by ({:.4f}, {:.4f}, {:.4f}) degrees and a shift by ({:.3f}, "
-      "{:.3f}, {:.3f}) mm of the camera's frame\n",
+      "  taken out: a turn by ({:.4f}, {:.4f}, {:.4f}) degrees and a shift by ({:.3f}, {:.3f}, "
+      "{:.3f}) mm of the camera's frame\n",
       turn.x(),
       turn.y(),
       turn.z(),
@@ -117,10 +128,10 @@ void PrintCamera(const CameraDifference& camera,
 }
 
 // correlations.csv beside a calibration.yaml, or none when it does not belong to it.
-Correlations CorrelationsBeside(const CalibrationFile& calibration) {
+Correlations CorrelationsBeside(const CalibrationRecord& calibration) {
   const std::filesystem::path path = calibration.path.parent_path() / "correlations.csv";
   if (!std::filesystem::exists(path)) return {};
-  Correlations correlations = ReadCorrelations(ReadTextFile(path), path.string());
+  Correlations correlations = ReadCorrelations(path);
   constexpr double kSame = 1e-6;  // of correlations that stand in both files
   for (const CalibratedCamera& camera : calibration.cameras) {
     const Eigen::VectorXd sigma = camera.covariance.diagonal().cwiseSqrt();
@@ -143,16 +154,25 @@ Correlations CorrelationsBeside(const CalibrationFile& calibration) {
   return correlations;
 }
 
-void PrintMount(const MountDifference& mount, bool has_correlations) {
+/// The cameras that two calibrations have in common, and their differences.
+struct Comparison {
+  std::vector<CalibratedCamera> a;  ///< the cameras that both calibrations have
+  std::vector<CalibratedCamera> b;
+  std::vector<CameraDifference> differences;
+  std::vector<ExtrinsicsDifference> mounts;  ///< of all cameras but the first
+  bool has_correlations = true;              ///< between cameras, of both
+};
+
+void PrintExtrinsics(const ExtrinsicsDifference& mount, const Comparison& comparison) {
   const auto degrees = [](double angle) { return angle * 180 / std::numbers::pi; };
   fmt::print(
-      "  on the rig: turned by {:.4f} degrees (sigmas: {:.4f}), shifted by {:.3f} mm "
-      "(sigmas: {:.3f}{}){}\n",
-      degrees(mount.turn),
-      degrees(mount.turn_sigma),
-      1e3 * mount.shift,
-      1e3 * mount.shift_sigma,
-      has_correlations
+      "  on the rig: turned by {:.4f} degrees (sigmas: {:.4f}), shifted by {:.3f} mm (sigmas: "
+      "{:.3f}{}){}\n",
+      degrees(mount.rotation),
+      degrees(mount.rotation_sigma),
+      1e3 * mount.translation,
+      1e3 * mount.translation_sigma,
+      comparison.has_correlations
           ? ""
           : "; too large, without the correlations of a correlations.csv beside each file",
       mount.differs ? ": more than the sigmas explain" : "");
@@ -204,20 +224,12 @@ std::string Picture(const std::vector<CameraDifference>& differences,
       maps.push_back(std::move(map));
     }
   }
-  return DrawFieldMapsByModule(maps, largest);
+  return DrawFieldMaps(maps, largest);
 }
-
-struct Comparison {
-  std::vector<CalibratedCamera> a;  ///< the cameras that both calibrations have
-  std::vector<CalibratedCamera> b;
-  std::vector<CameraDifference> differences;
-  std::vector<MountDifference> mounts;  ///< of all cameras but the first
-  bool has_correlations = true;         ///< between cameras, of both
-};
 
 Comparison CompareAll(const std::vector<CalibratedCamera>& a,
                       const Correlations& of_a,
-                      const CalibrationFile& b,
+                      const CalibrationRecord& b,
                       const std::vector<double>& distances) {
   Comparison comparison;
   for (const CalibratedCamera& camera : a) {
@@ -241,7 +253,7 @@ Comparison CompareAll(const std::vector<CalibratedCamera>& a,
     return Counterparts{comparison.a[c], comparison.b[c], comparison.differences[c]};
   };
   const Correlations of_b = CorrelationsBeside(b);
-  // What is exact has none.
+  // An exact calibration has no correlations.
   const auto exact = [](const std::vector<CalibratedCamera>& cameras) {
     return std::ranges::all_of(cameras, [](const CalibratedCamera& camera) {
       return camera.covariance.isZero(0) && camera.sigma_xi.isZero(0);
@@ -250,7 +262,7 @@ Comparison CompareAll(const std::vector<CalibratedCamera>& a,
   comparison.has_correlations =
       (!of_a.names.empty() || exact(a)) && (!of_b.names.empty() || exact(b.cameras));
   for (size_t c = 1; c < comparison.a.size(); ++c) {
-    comparison.mounts.push_back(CompareMounts(counterparts(0), counterparts(c), of_a, of_b));
+    comparison.mounts.push_back(CompareExtrinsics(counterparts(0), counterparts(c), of_a, of_b));
   }
   return comparison;
 }
@@ -276,9 +288,9 @@ nlohmann::json CheckJson(const CalibrationCheck& check) {
                        {"rms_expected", camera.expected},
                        {"rms_all_free", camera.rms_free},
                        {"probability", camera.probability},
-                       {"mount_turn", camera.mount_turn},
-                       {"mount_shift", camera.mount_shift},
-                       {"mount_probability", camera.mount_probability}});
+                       {"mount_turn", camera.rotation},
+                       {"mount_shift", camera.translation},
+                       {"mount_probability", camera.extrinsics_probability}});
   }
   return {{"valid", check.valid}, {"frames", check.frames}, {"cameras", cameras}};
 }
@@ -300,47 +312,23 @@ void PrintCheck(const CalibrationCheck& check) {
     if (&camera != &check.cameras.front()) {
       fmt::print(
           "  on the rig turned by {:.4f} degrees and shifted by {:.3f} mm: probability {:.2g}\n",
-          camera.mount_turn * 180 / std::numbers::pi,
-          1e3 * camera.mount_shift,
-          camera.mount_probability);
+          camera.rotation * 180 / std::numbers::pi,
+          1e3 * camera.translation,
+          camera.extrinsics_probability);
     }
     fmt::print("  {}\n\n", camera.valid ? "still valid" : "NOT VALID any more");
   }
 }
 
-void Check(const CompareCommand& command,
-           const CalibrationFile& old,
-           const std::vector<double>& distances,
-           const ConsoleOptions& options) {
-  const Session session = ReadSession(command.session, CameraModels());
-  const Target target = ReadTarget(session.target);
-  Console console(options.quiet);
-  std::optional<OutputFolder> out;
-  if (!command.out.empty()) {
-    RefuseToReplaceInputs(session, command.out, {"compare.csv", "check.json", "difference.png"});
-    out.emplace(command.out);
-  }
-  StageStore store = out ? OpenStageStore(command.out, session, false)
-                         : StageStore({}, {}, false);  // keeps nothing
-  const SessionObservations observations =
-      CollectObservations(session, target, options, {&store, nullptr}, &console);
-  const CalibrationCheck check =
-      CheckCalibration(old,
-                       MakeCalibrationInput(session, target, observations.cameras, &console),
-                       {.threads = options.threads, .progress = [&](const std::string& stage) {
-                          console.Progress(stage);
-                          return !Interrupted();
-                        }});
-  if (out) {
-    std::vector<CalibratedCamera> fresh;
-    for (size_t c = 0; c < check.cameras.size(); ++c) fresh.push_back(CameraOf(check.fresh, c));
-    const Comparison comparison = CompareAll(fresh, CorrelationsOf(check.fresh), old, distances);
-    out->Write("check.json", CheckJson(check).dump(2) + "\n");
-    out->Write("compare.csv", TableCsv(comparison.differences));
-    out->Write("difference.png", Picture(comparison.differences, comparison.a));
-    out->Commit();
-  }
-  if (command.json) {
+/// Writes compare.csv and difference.png.
+void WriteComparison(const Comparison& comparison, OutputFolder* out) {
+  out->Write("compare.csv", TableCsv(comparison.differences));
+  out->Write("difference.png", Picture(comparison.differences, comparison.a));
+}
+
+/// The verdict on a calibration with new images; throws `Error` when it does not hold any more.
+void ReportCheck(const CompareArguments& arguments, const CalibrationCheck& check) {
+  if (arguments.json) {
     fmt::print("{}\n", CheckJson(check).dump(2));
   } else {
     PrintCheck(check);
@@ -348,68 +336,143 @@ void Check(const CompareCommand& command,
         "{}\n",
         check.valid ? "the calibration is still valid" : "the calibration is not valid any more");
   }
-  if (!check.valid) {
-    std::fflush(stdout);
-    throw Error(ErrorKind::kJob,
-                fmt::format("{} does not hold for the images of {} any more; calibrate again",
-                            old.path.string(),
-                            session.path.string()));
+  if (check.valid) return;
+  std::fflush(stdout);
+  throw Error(ErrorKind::kJob,
+              fmt::format("{} does not hold for the images of {} any more; calibrate again",
+                          arguments.a.string(),
+                          arguments.session.string()));
+}
+
+void CheckWithNewImages(const CompareArguments& arguments,
+                        const CalibrationRecord& old,
+                        const std::vector<double>& distances,
+                        const ConsoleOptions& shared) {
+  const Session session = ReadSession(arguments.session, CameraModels());
+  const Target target = ReadTarget(session.target);
+  Console console(shared);
+  std::optional<OutputFolder> out;
+  if (!arguments.out.empty()) {
+    RefuseToReplaceInputs(session, arguments.out, {"compare.csv", "check.json", "difference.png"});
+    out.emplace(arguments.out);
+  }
+  DetectionCache cache = out ? OpenDetectionCache(arguments.out, session, EarlierDetections::kReuse)
+                             : DetectionCache({}, {}, false);  // keeps nothing
+  const SessionObservations observations =
+      CollectObservations(session, target, shared, {&cache, nullptr}, &console);
+  const CalibrationCheck check =
+      CheckCalibration(old,
+                       MakeCalibrationInput(session, target, observations.cameras, &console),
+                       {.threads = shared.threads, .progress = [&](const std::string& stage) {
+                          console.Progress(stage);
+                          return !Interrupted();
+                        }});
+  if (out) {
+    std::vector<CalibratedCamera> fresh;
+    for (size_t c = 0; c < check.cameras.size(); ++c)
+      fresh.push_back(DescribeCamera(check.fresh, c));
+    out->Write("check.json", CheckJson(check).dump(2) + "\n");
+    WriteComparison(CompareAll(fresh, DescribeCorrelations(check.fresh), old, distances), &*out);
+    out->Commit();
+  }
+  ReportCheck(arguments, check);
+}
+
+void PrintComparison(const Comparison& comparison) {
+  for (size_t c = 0; c < comparison.a.size(); ++c) {
+    PrintCamera(comparison.differences[c], comparison.a[c], comparison.b[c]);
+    if (c > 0) PrintExtrinsics(comparison.mounts[c - 1], comparison);
+    fmt::print("\n");
   }
 }
 
-}  // namespace
+std::string Verdict(const Comparison& comparison) {
+  const bool judged =
+      std::ranges::all_of(comparison.differences, &CameraDifference::has_prediction) &&
+      std::ranges::all_of(comparison.mounts, &ExtrinsicsDifference::has_prediction);
+  if (!judged) return "no verdict for all cameras";
+  const bool same = std::ranges::all_of(comparison.differences, &CameraDifference::same) &&
+                    std::ranges::none_of(comparison.mounts, &ExtrinsicsDifference::differs);
+  return same ? "same within uncertainty" : "not the same within uncertainty";
+}
 
-void RunCompare(const CompareCommand& command, const ConsoleOptions& options) {
-  if (command.b.empty() == command.session.empty()) {
-    throw Error(ErrorKind::kInput,
-                "give either a second calibration.yaml or --check session.yaml; see 'plenocal "
-                "compare --help'");
-  }
-  if (command.json && command.session.empty()) {
-    throw Error(ErrorKind::kInput,
-                "--json goes with --check; of two calibrations -o OUT writes compare.csv");
-  }
-  std::vector<double> distances = command.distances;
-  if (distances.empty()) distances = {1, std::numeric_limits<double>::infinity()};
-  for (const double distance : distances) {
-    if (!(distance > 0)) {
-      throw Error(
-          ErrorKind::kInput,
-          fmt::format("--distance {}: expected a positive number of metres, or inf", distance));
-    }
-  }
-  const CalibrationFile a = ReadCalibration(command.a, CameraModels());
-  if (!command.session.empty()) {
-    Check(command, a, distances, options);
-    return;
-  }
-  const CalibrationFile b = ReadCalibration(command.b, CameraModels());
+void CompareCalibrations(const CompareArguments& arguments,
+                         const CalibrationRecord& a,
+                         const std::vector<double>& distances) {
+  const CalibrationRecord b = ReadCalibration(arguments.b, CameraModels());
   std::optional<OutputFolder> out;
-  if (!command.out.empty()) out.emplace(command.out);
+  if (!arguments.out.empty()) out.emplace(arguments.out);
   const Comparison comparison = CompareAll(a.cameras, CorrelationsBeside(a), b, distances);
-  for (size_t c = 0; c < comparison.a.size(); ++c) {
-    PrintCamera(comparison.differences[c], comparison.a[c], comparison.b[c]);
-    if (c > 0) PrintMount(comparison.mounts[c - 1], comparison.has_correlations);
-    fmt::print("\n");
-  }
+  PrintComparison(comparison);
   if (out) {
-    out->Write("compare.csv", TableCsv(comparison.differences));
-    out->Write("difference.png", Picture(comparison.differences, comparison.a));
+    WriteComparison(comparison, &*out);
     out->Commit();
   }
   for (const auto& [own, others] : {std::pair(&a, &comparison.a), std::pair(&b, &comparison.b)}) {
     const std::string names = NamesWithout(own->cameras, *others);
     if (!names.empty()) fmt::print("not compared, only in {}: {}\n", own->path.string(), names);
   }
-  const bool judged =
-      std::ranges::all_of(comparison.differences, &CameraDifference::has_prediction) &&
-      std::ranges::all_of(comparison.mounts, &MountDifference::has_prediction);
-  const bool same = std::ranges::all_of(comparison.differences, &CameraDifference::same) &&
-                    std::ranges::none_of(comparison.mounts, &MountDifference::differs);
-  fmt::print("{}\n",
-             !judged ? "no verdict for all cameras"
-                     : (same ? "same within uncertainty" : "not the same within uncertainty"));
-  if (out) fmt::print("\nwritten to {}\n", command.out.string());
+  fmt::print("{}\n", Verdict(comparison));
+  if (out) fmt::print("\nwritten to {}\n", arguments.out.string());
 }
+
+void CheckArguments(const CompareArguments& arguments) {
+  if (arguments.b.empty() == arguments.session.empty()) {
+    throw Error(
+        ErrorKind::kInput,
+        "give either a second calibration.yaml or --check session.yaml; see 'plenocal compare --help'");
+  }
+  if (arguments.json && arguments.session.empty()) {
+    throw Error(ErrorKind::kInput,
+                "--json goes with --check; of two calibrations -o OUT writes compare.csv");
+  }
+  for (const double distance : arguments.distances) {
+    if (distance > 0) continue;
+    throw Error(
+        ErrorKind::kInput,
+        fmt::format("--distance {}: expected a positive number of metres, or inf", distance));
+  }
+}
+
+void RunCompare(const CompareArguments& arguments, const ConsoleOptions& shared) {
+  CheckArguments(arguments);
+  std::vector<double> distances = arguments.distances;
+  if (distances.empty()) distances = {1, std::numeric_limits<double>::infinity()};
+  const CalibrationRecord a = ReadCalibration(arguments.a, CameraModels());
+  if (arguments.session.empty()) {
+    CompareCalibrations(arguments, a, distances);
+  } else {
+    CheckWithNewImages(arguments, a, distances, shared);
+  }
+}
+
+constexpr const char* kHelp =
+    "How far two calibrations differ in the image, beside the difference that their sigmas predict.\n"
+    "\n"
+    "  plenocal compare A/calibration.yaml B/calibration.yaml\n"
+    "  plenocal compare A/calibration.yaml --check session.yaml\n"
+    "\n"
+    "The rotation and translation of the camera frames that the difference of the intrinsics implies is removed first.";
+
+RunCommand Declare(CLI::App* app, ConsoleOptions* shared) {
+  const auto arguments = std::make_shared<CompareArguments>();
+  app->add_option("a", arguments->a, "calibration.yaml")->required();
+  app->add_option("b", arguments->b, "another, of any models");
+  app->add_option(
+      "--check",
+      arguments->session,
+      "instead of another: session.yaml with new images of the same cameras. Does the calibration still hold for them (only poses free)? Exit status 1: no");
+  app->add_option("-o,--out", arguments->out, "folder for difference.png and compare.csv");
+  app->add_flag("--json", arguments->json, "with --check: JSON on standard output");
+  AddThreads(app, shared);
+  app->add_option(
+      "--distance", arguments->distances, "distances of the scene, m, or inf (default: 1 inf)");
+  AddQuiet(app, shared);
+  return [arguments, shared] { RunCompare(*arguments, *shared); };
+}
+
+}  // namespace
+
+Command CompareCommand() { return {"compare", kHelp, Declare}; }
 
 }  // namespace plenocal

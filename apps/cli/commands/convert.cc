@@ -1,21 +1,32 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "calib/judge/convert.h"
+
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <memory>
 #include <string>
 
-#include "apps/commands.h"
-#include "apps/image_module.h"
-#include "apps/model_option.h"
-#include "calib/calibration_file.h"
-#include "calib/convert.h"
-#include "calib/output_folder.h"
+#include "apps/charts/field_map.h"
+#include "apps/cli/command.h"
+#include "apps/cli/model_option.h"
+#include "apps/cli/options.h"
+#include "calib/base/output_folder.h"
+#include "calib/files/calibration_file.h"
 #include "models/registry.h"
 
 namespace plenocal {
 namespace {
+
+/// A calibrated camera and the model to fit to it.
+struct ConvertArguments {
+  std::filesystem::path calibration;
+  std::string camera;  ///< empty: the only one
+  std::string model;
+  std::filesystem::path out;
+};
 
 // The errors over the image.
 std::string Picture(const CalibratedCamera& camera,
@@ -34,15 +45,13 @@ std::string Picture(const CalibratedCamera& camera,
     if (!error.difference_px) continue;
     map.Put(error.u_px.x(), error.u_px.y(), {error.difference_px->x(), error.difference_px->y()});
   }
-  return DrawFieldMapsByModule({map}, conversion.largest);
+  return DrawFieldMaps({map}, conversion.largest);
 }
 
-}  // namespace
-
-void RunConvert(const ConvertCommand& command) {
-  const CalibrationFile calibration = ReadCalibration(command.calibration, CameraModels());
-  const CalibratedCamera& camera = FindCamera(calibration, command.camera);
-  const CameraModel* model = ModelOfOption("--to", command.model);
+void RunConvert(const ConvertArguments& arguments) {
+  const CalibrationRecord calibration = ReadCalibration(arguments.calibration, CameraModels());
+  const CalibratedCamera& camera = FindCamera(calibration, arguments.camera);
+  const CameraModel* model = ModelOfOption("--to", arguments.model);
   const Conversion conversion = Convert(camera, *model);
 
   std::string errors = "x,y,dx,dy\n";
@@ -60,12 +69,12 @@ void RunConvert(const ConvertCommand& command) {
                                    .params = conversion.params,
                                    .covariance = {},
                                    .T_camera_rig = camera.T_camera_rig};
-  OutputFolder out(command.out);
+  OutputFolder out(arguments.out);
   out.Write("calibration.yaml",
-            CalibrationText(std::array{converted},
-                            {{"plenocal_version", PLENOCAL_VERSION},
-                             {"converted_from", command.calibration.string()},
-                             {"model", std::string(camera.model->name)}}));
+            GivenCamerasYaml(std::array{converted},
+                             {{"plenocal_version", PLENOCAL_VERSION},
+                              {"converted_from", arguments.calibration.string()},
+                              {"model", std::string(camera.model->name)}}));
   out.Write("conversion_errors.csv", errors);
   out.Write("conversion_errors.png", Picture(camera, *model, conversion));
   out.Commit();
@@ -89,7 +98,28 @@ void RunConvert(const ConvertCommand& command) {
   if (conversion.unseen > 0) {
     fmt::print("  {} of the pixels look where {} images nothing\n", conversion.unseen, model->name);
   }
-  fmt::print("\nwritten to {}\n", command.out.string());
+  fmt::print("\nwritten to {}\n", arguments.out.string());
 }
+
+constexpr const char* kHelp =
+    "Fits one camera model to another over the image.\n"
+    "\n"
+    "  plenocal convert calibration.yaml --camera NAME --to MODEL -o OUT\n"
+    "\n"
+    "writes OUT/calibration.yaml and the errors at pixels over the image, conversion_errors.csv and .png.";
+
+RunCommand Declare(CLI::App* app, ConsoleOptions* shared) {
+  const auto arguments = std::make_shared<ConvertArguments>();
+  app->add_option("calibration", arguments->calibration, "calibration.yaml")->required();
+  app->add_option("--camera", arguments->camera, "its camera (default: the only one)");
+  app->add_option("--to", arguments->model, "camera model")->required();
+  app->add_option("-o,--out", arguments->out, "folder for the results")->required();
+  AddQuiet(app, shared);
+  return [arguments] { RunConvert(*arguments); };
+}
+
+}  // namespace
+
+Command ConvertCommand() { return {"convert", kHelp, Declare}; }
 
 }  // namespace plenocal

@@ -3,20 +3,36 @@
 
 #include <algorithm>
 #include <limits>
+#include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string_view>
 #include <variant>
 
-#include "apps/commands.h"
+#include "apps/charts/bar_chart.h"
+#include "apps/cli/command.h"
+#include "apps/cli/options.h"
 #include "apps/evaluate/trajectory_metrics.h"
-#include "apps/image_module.h"
-#include "calib/error.h"
-#include "calib/names.h"
-#include "calib/output_folder.h"
+#include "calib/base/error.h"
+#include "calib/base/names.h"
+#include "calib/base/output_folder.h"
 
 namespace plenocal {
 namespace {
+
+/// Estimated trajectories and their ground truth.
+struct EvaluateArguments {
+  std::vector<std::string> estimates;  ///< files, or NAME=FILE
+  std::filesystem::path truth;         ///< both segments, or the whole path
+  std::filesystem::path start, end;    ///< or one file per segment
+  std::filesystem::path times;         ///< times of KITTI poses; empty: none
+  double tolerance = 0.01;             ///< s between an estimated pose and its ground truth
+  int delta = 1;                       ///< poses between the two ends of a relative error
+  std::vector<std::string> monocular;  ///< runs without scale; see `monocular_runs`
+  enum class MonocularRuns { kNone, kListed, kAll } monocular_runs = MonocularRuns::kNone;
+  bool json = false;
+  std::filesystem::path chart;  ///< SVG or PNG; empty: none
+};
 
 using Json = nlohmann::ordered_json;
 
@@ -37,9 +53,9 @@ struct Run {
 };
 
 Trajectory ReadAndReport(const std::filesystem::path& path,
-                         const EvaluateCommand& command,
+                         const EvaluateArguments& arguments,
                          Console* console) {
-  Trajectory trajectory = ReadTrajectory(path, command.times);
+  Trajectory trajectory = ReadTrajectory(path, arguments.times);
   if (trajectory.repeated > 0) {
     console->Message(fmt::format("{}: left out {} poses whose time is that of the pose before",
                                  path.string(),
@@ -48,33 +64,33 @@ Trajectory ReadAndReport(const std::filesystem::path& path,
   return trajectory;
 }
 
-Truth ReadTruth(const EvaluateCommand& command, Console* console) {
+Truth ReadTruth(const EvaluateArguments& arguments, Console* console) {
   Truth truth;
-  if (!command.truth.empty()) {
-    truth.whole = ReadAndReport(command.truth, command, console);
+  if (!arguments.truth.empty()) {
+    truth.whole = ReadAndReport(arguments.truth, arguments, console);
     truth.loop = SplitAtLargestGap(truth.whole);
     if (!truth.loop) {
       console->Message(
           fmt::format("{}: no gap stands out, so it is taken for the truth of the whole path; the "
                       "drift over a loop is left out",
-                      command.truth.string()));
+                      arguments.truth.string()));
     }
     return truth;
   }
-  truth.loop = {ReadAndReport(command.start, command, console),
-                ReadAndReport(command.end, command, console)};
+  truth.loop = {ReadAndReport(arguments.start, arguments, console),
+                ReadAndReport(arguments.end, arguments, console)};
   const LoopTruth& loop = *truth.loop;
   if (!loop.start.has_times || !loop.end.has_times) {
     throw Error(ErrorKind::kInput,
-                fmt::format("{}: KITTI poses have no times, so nothing says which part of the path "
-                            "they are; use another form",
-                            (loop.start.has_times ? command.end : command.start).string()));
+                fmt::format("{}: KITTI poses have no times, so nothing says which part of the "
+                            "path they are; use another form",
+                            (loop.start.has_times ? arguments.end : arguments.start).string()));
   }
   if (!(loop.start.times.back() < loop.end.times.front())) {
     throw Error(ErrorKind::kInput,
                 fmt::format("{}: begins before {} ends; --start and --end may be exchanged",
-                            command.end.string(),
-                            command.start.string()));
+                            arguments.end.string(),
+                            arguments.start.string()));
   }
   truth.whole = loop.start;
   const auto append = [](auto* to, const auto& more) {
@@ -87,10 +103,10 @@ Truth ReadTruth(const EvaluateCommand& command, Console* console) {
 }
 
 /// "NAME=FILE" or a file, which its stem then names.
-std::vector<Run> NamedRuns(const EvaluateCommand& command) {
+std::vector<Run> NamedRuns(const EvaluateArguments& arguments) {
   std::vector<Run> runs;
   std::error_code error;
-  for (const std::string& text : command.estimates) {
+  for (const std::string& text : arguments.estimates) {
     Run run;
     const size_t equals = text.find('=');
     const bool is_file = std::filesystem::exists(text, error);
@@ -107,31 +123,31 @@ std::vector<Run> NamedRuns(const EvaluateCommand& command) {
     }
     runs.push_back(run);
   }
-  if (!command.monocular) return runs;
+  using MonocularRuns = EvaluateArguments::MonocularRuns;
+  if (arguments.monocular_runs == MonocularRuns::kNone) return runs;
   const std::vector<std::string_view> names = NamesOf(runs);
-  for (const std::string& name : *command.monocular) {
+  for (const std::string& name : arguments.monocular) {
     if (std::find(names.begin(), names.end(), name) != names.end()) continue;
     throw Error(ErrorKind::kInput,
                 fmt::format("--monocular: no run '{}'{}", name, SuggestName(name, names)));
   }
   for (Run& run : runs) {
-    run.monocular = command.monocular->empty() ||
-                    std::find(command.monocular->begin(), command.monocular->end(), run.name) !=
-                        command.monocular->end();
+    run.monocular = arguments.monocular_runs == MonocularRuns::kAll ||
+                    std::ranges::find(arguments.monocular, run.name) != arguments.monocular.end();
   }
   return runs;
 }
 
-void Evaluate(const EvaluateCommand& command, const Truth& truth, Console* console, Run* run) {
-  const Trajectory estimate = ReadAndReport(run->path, command, console);
+void Evaluate(const EvaluateArguments& arguments, const Truth& truth, Console* console, Run* run) {
+  const Trajectory estimate = ReadAndReport(run->path, arguments, console);
   if (estimate.has_times != truth.whole.has_times) {
     throw Error(ErrorKind::kInput,
                 fmt::format("{}: KITTI poses have no times; give them with --times FILE",
                             (estimate.has_times ? truth.whole : estimate).path));
   }
-  if (truth.loop) run->loop = MeasureLoop(estimate, *truth.loop, command.tolerance);
+  if (truth.loop) run->loop = MeasureLoop(estimate, *truth.loop, arguments.tolerance);
   run->errors =
-      MeasurePath(estimate, truth.whole, command.tolerance, static_cast<size_t>(command.delta));
+      MeasurePath(estimate, truth.whole, arguments.tolerance, static_cast<size_t>(arguments.delta));
 }
 
 Json ToJson(const ErrorStatistics& s) {
@@ -153,7 +169,7 @@ Json ToJson(const Similarity& T) {
   return rows;
 }
 
-Json ToJson(const Run& run, const EvaluateCommand& command) {
+Json ToJson(const Run& run, const EvaluateArguments& arguments) {
   Json json;
   if (!run.failure.empty()) return {{"failed", run.failure}};
   if (run.loop) {
@@ -177,7 +193,7 @@ Json ToJson(const Run& run, const EvaluateCommand& command) {
     json["T_drift"] = ToJson(loop.T_drift);
   }
   const PathErrors& errors = *run.errors;
-  Json ate{{"pairs", errors.pairs}}, rpe{{"delta", command.delta}};
+  Json ate{{"pairs", errors.pairs}}, rpe{{"delta", arguments.delta}};
   if (!run.monocular) {
     ate["scale"] = errors.scale;
     ate["unaligned"] = ToJson(errors.ate_unaligned);
@@ -190,7 +206,7 @@ Json ToJson(const Run& run, const EvaluateCommand& command) {
   rpe["rotation_deg"] = ToJson(errors.rpe_rotation);
   json["ate"] = ate;
   json["rpe"] = rpe;
-  json["tolerance"] = command.tolerance;
+  json["tolerance"] = arguments.tolerance;
   return json;
 }
 
@@ -209,7 +225,8 @@ std::string Aligned(const std::vector<std::vector<std::string>>& rows) {
   return text;
 }
 
-std::string Table(const std::vector<Run>& runs, bool with_loop) {
+std::string Table(const std::vector<Run>& runs, const Truth& truth) {
+  const bool with_loop = truth.loop.has_value();
   std::vector<std::vector<std::string>> rows{{"run"}};
   if (with_loop) {
     rows[0].insert(rows[0].end(),
@@ -260,7 +277,7 @@ std::string Table(const std::vector<Run>& runs, bool with_loop) {
   return (rows.size() > 1 ? Aligned(rows) : "") + failures;
 }
 
-BarChart ChartOf(const std::vector<Run>& runs, bool with_loop) {
+BarChart ChartOf(const std::vector<Run>& runs, const Truth& truth) {
   BarChart chart;
   for (const Run& run : runs) chart.runs.push_back(run.name);
   const auto panel = [&](const std::string& title, double base, bool needs_scale, auto&& value) {
@@ -275,7 +292,7 @@ BarChart ChartOf(const std::vector<Run>& runs, bool with_loop) {
       }
     }
   };
-  if (with_loop) {
+  if (truth.loop) {
     panel("absolute scale error d_s'", 1, true, [](const Run& run) {
       return Folded(run.loop->absolute_scale);
     });
@@ -300,54 +317,115 @@ PictureFormat FormatOf(const std::filesystem::path& chart) {
               fmt::format("--chart {}: name a .svg or .png file", chart.string()));
 }
 
-}  // namespace
+void CheckArguments(const EvaluateArguments& arguments) {
+  const bool both_segments = !arguments.start.empty() && !arguments.end.empty();
+  const bool any_segment = !arguments.start.empty() || !arguments.end.empty();
+  if (arguments.truth.empty() ? both_segments : !any_segment) return;
+  throw Error(ErrorKind::kInput,
+              "give the truth either by --truth FILE or by --start FILE and --end FILE");
+}
 
-void RunEvaluate(const EvaluateCommand& command, const ConsoleOptions& options) {
-  Console console(options.quiet);
-  if (command.truth.empty() == (command.start.empty() && command.end.empty()) ||
-      command.start.empty() != command.end.empty()) {
-    throw Error(ErrorKind::kInput,
-                "give the truth either by --truth FILE or by --start FILE and --end FILE");
-  }
-  std::optional<PictureFormat> format;
-  if (!command.chart.empty()) format = FormatOf(command.chart);
-  std::vector<Run> runs = NamedRuns(command);
-  const Truth truth = ReadTruth(command, &console);
-  size_t failed = 0;
-  for (Run& run : runs) {
-    console.Progress("evaluate " + run.name);
+/// Measures all runs. Beside others a failed run is a result.
+void EvaluateAll(const EvaluateArguments& arguments,
+                 const Truth& truth,
+                 Console* console,
+                 std::vector<Run>* runs) {
+  for (Run& run : *runs) {
+    console->Progress("evaluate " + run.name);
     try {
-      Evaluate(command, truth, &console, &run);
+      Evaluate(arguments, truth, console, &run);
     } catch (const Error& error) {
-      // Beside others a failed run is a result.
-      if (runs.size() == 1) throw;
+      if (runs->size() == 1) throw;
       run.failure = error.what();
-      ++failed;
     }
     if (Interrupted()) throw Stopped();
   }
-  if (failed == runs.size()) {
-    throw Error(ErrorKind::kJob, fmt::format("all runs failed; the first: {}", runs[0].failure));
-  }
+  if (std::ranges::any_of(*runs, [](const Run& run) { return run.failure.empty(); })) return;
+  throw Error(ErrorKind::kJob,
+              fmt::format("all runs failed; the first: {}", runs->front().failure));
+}
 
-  if (format) {
-    const std::filesystem::path folder = command.chart.parent_path();
-    OutputFolder output(folder.empty() ? "." : folder);
-    output.Write(command.chart.filename().string(),
-                 DrawBarChartByModule(ChartOf(runs, truth.loop.has_value()), *format));
-    output.Commit();
-  }
-  if (!command.json) {
-    fmt::print("{}", Table(runs, truth.loop.has_value()));
-    return;
-  }
+void PrintJson(const EvaluateArguments& arguments, const std::vector<Run>& runs) {
   Json json;
   if (runs.size() == 1) {
-    json = ToJson(runs[0], command);
+    json = ToJson(runs[0], arguments);
   } else {
-    for (const Run& run : runs) json["runs"][run.name] = ToJson(run, command);
+    for (const Run& run : runs) json["runs"][run.name] = ToJson(run, arguments);
   }
   fmt::print("{}\n", json.dump(2, ' ', false, Json::error_handler_t::replace));
 }
+
+void RunEvaluate(const EvaluateArguments& arguments, const ConsoleOptions& shared) {
+  Console console(shared);
+  CheckArguments(arguments);
+  std::optional<PictureFormat> format;
+  if (!arguments.chart.empty()) format = FormatOf(arguments.chart);
+  std::vector<Run> runs = NamedRuns(arguments);
+  const Truth truth = ReadTruth(arguments, &console);
+  EvaluateAll(arguments, truth, &console, &runs);
+  if (format) {
+    const std::filesystem::path folder = arguments.chart.parent_path();
+    OutputFolder output(folder.empty() ? "." : folder);
+    output.Write(arguments.chart.filename().string(), DrawBarChart(ChartOf(runs, truth), *format));
+    output.Commit();
+  }
+  if (arguments.json) {
+    PrintJson(arguments, runs);
+  } else {
+    fmt::print("{}", Table(runs, truth));
+  }
+}
+
+constexpr const char* kHelp =
+    "Drift of visual odometry over one large loop, ATE and RPE.\n"
+    "\n"
+    "  plenocal evaluate --estimate TRAJ --truth SEGMENTS --json\n"
+    "  plenocal evaluate --estimate DSO=dso.txt ORB2=orb2.txt --monocular DSO --truth SEGMENTS --chart drift.svg\n"
+    "\n"
+    "Trajectories in the formats of TUM, ORB-SLAM, EuRoC and KITTI; docs/exchange.md.";
+
+RunCommand Declare(CLI::App* app, ConsoleOptions* shared) {
+  const auto arguments = std::make_shared<EvaluateArguments>();
+  app->add_option(
+         "--estimate", arguments->estimates, "estimated trajectories, each FILE or NAME=FILE")
+      ->required();
+  app->add_option(
+      "--truth",
+      arguments->truth,
+      "ground truth of start and end in one file, split at its largest gap; or of the whole path");
+  app->add_option("--start", arguments->start, "ground truth of the start segment");
+  app->add_option("--end", arguments->end, "ground truth of the end segment");
+  app->add_option("--times", arguments->times, "times of KITTI poses, s, one a line");
+  app->add_option(
+         "--tolerance", arguments->tolerance, "largest time between a pose and its ground truth, s")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
+  app->add_option(
+         "--delta", arguments->delta, "poses between the two ends of a relative pose error")
+      ->check(CLI::Range(1, 1000000))
+      ->capture_default_str();
+  const CLI::Option* const monocular =
+      app->add_option("--monocular",
+                      arguments->monocular,
+                      "runs that have no scale (without names: all of them)")
+          ->expected(0, -1);
+  app->add_flag("--json", arguments->json, "JSON on standard output");
+  app->add_option("--chart", arguments->chart, "bar chart: FILE.svg or FILE.png");
+  AddQuiet(app, shared);
+  return [arguments, shared, monocular] {
+    if (monocular->count() > 0) {
+      // CLI11 hands over "no names" as one empty name.
+      std::erase(arguments->monocular, "");
+      arguments->monocular_runs = arguments->monocular.empty()
+                                      ? EvaluateArguments::MonocularRuns::kAll
+                                      : EvaluateArguments::MonocularRuns::kListed;
+    }
+    RunEvaluate(*arguments, *shared);
+  };
+}
+
+}  // namespace
+
+Command EvaluateCommand() { return {"evaluate", kHelp, Declare}; }
 
 }  // namespace plenocal

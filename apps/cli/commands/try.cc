@@ -3,28 +3,41 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
 
-#include "apps/calibration_input.h"
-#include "apps/commands.h"
-#include "apps/model_option.h"
-#include "apps/observations.h"
-#include "apps/provenance.h"
+#include "apps/cli/calibration_input.h"
+#include "apps/cli/command.h"
+#include "apps/cli/model_option.h"
+#include "apps/cli/options.h"
+#include "apps/cli/provenance.h"
+#include "apps/cli/session_observations.h"
 #include "apps/report/trial_page.h"
-#include "calib/compare.h"
-#include "calib/error.h"
-#include "calib/median.h"
-#include "calib/model_trial.h"
-#include "calib/number_text.h"
-#include "calib/output_folder.h"
-#include "calib/result_files.h"
-#include "calib/weak_directions.h"
+#include "calib/base/error.h"
+#include "calib/base/number_text.h"
+#include "calib/base/output_folder.h"
+#include "calib/base/statistics.h"
+#include "calib/describe.h"
+#include "calib/files/calibration_file.h"
+#include "calib/judge/compare.h"
+#include "calib/judge/model_trial.h"
+#include "calib/noise/weak_directions.h"
 #include "models/registry.h"
 
 namespace plenocal {
 namespace {
 
-// The cameras whose model is varied: the one that is named, or all that are of one kind, ordinary
-// ones before plenoptic ones.
+/// A session and the camera models to compare on it.
+struct TryArguments {
+  std::filesystem::path session;
+  std::filesystem::path out;
+  std::vector<std::string> models;  ///< empty: all that measure what the cameras measure
+  std::string camera;               ///< the camera whose model is varied; empty: all of one type
+  int folds = 5;                    ///< of the cross-validation
+  bool fresh = false;               ///< ignore detections of earlier runs
+};
+
+// The cameras whose model is varied: the one named, else all ordinary ones, else all plenoptic
+// ones.
 std::vector<size_t> VariedCameras(const Session& session, const std::string& name) {
   std::vector<size_t> varied;
   if (!name.empty()) {
@@ -74,9 +87,7 @@ std::vector<const CameraModel*> ModelsToTry(const std::vector<std::string>& name
   return models;
 }
 
-void TellWhoseSettings(const Session& session,
-                       const std::vector<size_t>& varied,
-                       Console* console) {
+void WarnOfSettings(const Session& session, const std::vector<size_t>& varied, Console* console) {
   for (const size_t c : varied) {
     const SessionCamera& camera = session.cameras[c];
     const bool any = !camera.rules.empty() ||
@@ -120,11 +131,12 @@ TrialRow MakeRow(const ModelChoice& choice, size_t m) {
   if (!trial.failure.empty()) return row;
   for (const size_t c : choice.varied) {
     const double sigma =
-        ImageSigma(CameraOf(trial.calibration, c), {MedianDistance(trial.calibration, c)});
+        ImageSigma(DescribeCamera(trial.calibration, c), {MedianDistance(trial.calibration, c)});
     row.image_sigma += sigma * sigma / static_cast<double>(choice.varied.size());
   }
   row.image_sigma = std::sqrt(row.image_sigma);
-  for (const WeakUnknowns& weak : FindWeakUnknowns(trial.calibration)) {
+  for (const WeakUnknowns& weak :
+       FindWeakUnknowns(trial.calibration.bundle, trial.calibration.uncertainty)) {
     if (!weak.open) continue;
     for (const std::string& name : weak.names) {
       if (std::ranges::find(row.undetermined, name) == row.undetermined.end()) {
@@ -205,8 +217,7 @@ std::string Quoted(const std::string& text) {
 
 std::string TableCsv(const std::vector<TrialRow>& rows) {
   std::string text =
-      "model,parameters,held_out_rms,held_out_sigma,probability,in_sample_rms,image_sigma,unseen,"
-      "seconds,recommended,undetermined,failure\n";
+      "model,parameters,held_out_rms,held_out_sigma,probability,in_sample_rms,image_sigma,unseen,seconds,recommended,undetermined,failure\n";
   for (const TrialRow& row : rows) {
     const ModelTrial& trial = *row.trial;
     if (!trial.failure.empty()) {
@@ -273,29 +284,30 @@ std::string TableYaml(const ModelChoice& choice,
   return text;
 }
 
-}  // namespace
-
-void RunTry(const TryCommand& command, const ConsoleOptions& options) {
-  const Session session = ReadSession(command.session, CameraModels());
-  const auto provenance = ProvenanceOf(options, "try", session, command.out);
+void RunTry(const TryArguments& arguments, const ConsoleOptions& shared) {
+  const Session session = ReadSession(arguments.session, CameraModels());
+  const auto provenance = ProvenanceOf(shared, "try", session, arguments.out);
   const Target target = ReadTarget(session.target);
-  const std::vector<size_t> varied = VariedCameras(session, command.camera);
+  const std::vector<size_t> varied = VariedCameras(session, arguments.camera);
   const std::vector<const CameraModel*> models =
-      ModelsToTry(command.models, session.cameras[varied[0]]);
-  RefuseToReplaceInputs(session, command.out, {"try.csv", "try.yaml", "try.html"});
-  OutputFolder out(command.out);
-  Console console(options.quiet);
-  StageStore store = OpenStageStore(command.out, session, command.fresh);
+      ModelsToTry(arguments.models, session.cameras[varied[0]]);
+  RefuseToReplaceInputs(session, arguments.out, {"try.csv", "try.yaml", "try.html"});
+  OutputFolder out(arguments.out);
+  Console console(shared);
+  DetectionCache cache =
+      OpenDetectionCache(arguments.out,
+                         session,
+                         arguments.fresh ? EarlierDetections::kIgnore : EarlierDetections::kReuse);
   const SessionObservations observations =
-      CollectObservations(session, target, options, {&store, nullptr}, &console);
-  TellWhoseSettings(session, varied, &console);
+      CollectObservations(session, target, shared, {&cache, nullptr}, &console);
+  WarnOfSettings(session, varied, &console);
   const CalibrationInput input =
       MakeCalibrationInput(session, target, observations.cameras, &console);
   const ModelChoice choice = TryModels(input,
                                        varied,
                                        models,
-                                       {.folds = command.folds,
-                                        .threads = options.threads,
+                                       {.folds = arguments.folds,
+                                        .threads = shared.threads,
                                         .progress = [&](const std::string& stage) {
                                           console.Progress(stage);
                                           return !Interrupted();
@@ -305,17 +317,51 @@ void RunTry(const TryCommand& command, const ConsoleOptions& options) {
     rows.push_back(MakeRow(choice, m));
     const ModelTrial& trial = choice.trials[m];
     if (!trial.failure.empty()) continue;
+    CalibrationRecord record = Describe(trial.calibration);
+    record.provenance = provenance;
     out.Write(fmt::format("models/{}/calibration.yaml", trial.model->name),
-              CalibrationYaml(trial.calibration, provenance));
+              CalibrationYaml(record));
   }
   out.Write("try.csv", TableCsv(rows));
   out.Write("try.yaml", TableYaml(choice, session, rows));
   out.Write("try.html", TrialPage(choice, rows, Recommendation(choice)));
-  WriteDetections(session, observations, command.out, &out);
+  WriteDetections(session, observations, arguments.out, &out);
   out.Commit();
-  store.RemoveUnused();
+  cache.RemoveUnused();
   Print(choice, rows);
-  fmt::print("\nwritten to {}\n", command.out.string());
+  fmt::print("\nwritten to {}\n", arguments.out.string());
 }
+
+constexpr const char* kHelp =
+    "Which camera model fits best: the cameras are calibrated with each model, which is judged by frames that were held out.\n"
+    "\n"
+    "  plenocal try session.yaml --models A,B,C -o OUT\n"
+    "\n"
+    "writes OUT/try.csv, try.yaml, try.html and models/<model>/calibration.yaml.";
+
+RunCommand Declare(CLI::App* app, ConsoleOptions* shared) {
+  const auto arguments = std::make_shared<TryArguments>();
+  app->add_option("session", arguments->session, "session.yaml: cameras, images, target")
+      ->required();
+  app->add_option("--models",
+                  arguments->models,
+                  "camera models, separated by commas (default: all of the cameras' kind)")
+      ->delimiter(',');
+  app->add_option("--camera",
+                  arguments->camera,
+                  "of a rig: whose model is varied (default: all ordinary cameras)");
+  app->add_option("--folds", arguments->folds, "parts of the frames that are held out in turn")
+      ->check(CLI::Range(2, 1000))
+      ->capture_default_str();
+  app->add_option("-o,--out", arguments->out, "folder for the results")->required();
+  AddThreads(app, shared);
+  AddQuiet(app, shared);
+  app->add_flag("--fresh", arguments->fresh, "detect again in all images");
+  return [arguments, shared] { RunTry(*arguments, *shared); };
+}
+
+}  // namespace
+
+Command TryCommand() { return {"try", kHelp, Declare}; }
 
 }  // namespace plenocal

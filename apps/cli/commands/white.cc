@@ -4,18 +4,33 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <memory>
 #include <numbers>
+#include <optional>
 
-#include "apps/commands.h"
-#include "apps/image_inputs.h"
-#include "apps/image_module.h"
-#include "apps/observations.h"
-#include "calib/error.h"
-#include "calib/output_folder.h"
+#include "apps/cli/command.h"
+#include "apps/cli/image_inputs.h"
+#include "apps/cli/options.h"
+#include "calib/base/error.h"
+#include "calib/base/output_folder.h"
+#include "calib/camera/bayer.h"
+#include "calib/files/frame_images.h"
+#include "calib/files/session.h"
+#include "detectors/plenoptic/white/white_camera.h"
 #include "models/registry.h"
 
 namespace plenocal {
 namespace {
+
+/// White images: those of a session's cameras, or, with `model`, the files that `inputs` lists.
+struct WhiteArguments {
+  std::vector<std::string> inputs;  ///< session.yaml; or folders, globs and files
+  std::string model;                ///< camera model; empty: `inputs` is a session
+  std::string camera;               ///< name for the results; empty: that of the images' folder
+  std::optional<BayerOrder> bayer;  ///< of raw mosaics
+  std::optional<std::filesystem::path> grid;  ///< RayCalibData XML
+  std::filesystem::path out;
+};
 
 /// One camera's job.
 struct WhiteJob {
@@ -24,10 +39,8 @@ struct WhiteJob {
   WhiteOptions options;
 };
 
-/// Whether cameras of this model look through micro lenses: their observations name the one.
-bool IsPlenoptic(const CameraModel& model) {
-  return std::find(model.context.begin(), model.context.end(), "lens_x") != model.context.end();
-}
+/// Whether cameras of this model see through micro lenses.
+bool IsPlenoptic(const CameraModel& model) { return model.plenoptic; }
 
 bool IsPlenoptic(const std::string& name) {
   if (const CameraModel* model = FindModel(CameraModels(), name)) return IsPlenoptic(*model);
@@ -37,7 +50,7 @@ bool IsPlenoptic(const std::string& name) {
               fmt::format("--model: unknown camera model '{}'{}", name, SuggestName(name, known)));
 }
 
-std::vector<WhiteJob> SessionJobs(const WhiteCommand& command, const Session& session) {
+std::vector<WhiteJob> SessionJobs(const WhiteArguments& arguments, const Session& session) {
   std::vector<WhiteJob> jobs;
   for (const SessionCamera& camera : session.cameras) {
     const bool plenoptic = IsPlenoptic(*camera.model);
@@ -50,11 +63,11 @@ std::vector<WhiteJob> SessionJobs(const WhiteCommand& command, const Session& se
     }
     WhiteJob job{.camera = camera.name,
                  .images = ExpandImages(camera.white_images, camera.name + ": white_images"),
-                 .options = {.plenoptic = plenoptic, .bayer = !camera.bayer.empty()}};
+                 .options = {.plenoptic = plenoptic, .bayer = camera.bayer}};
     if (!camera.images.empty()) {
       job.options.raw_image = ExpandImages(camera.images, camera.name + ": images").front().path;
     }
-    if (plenoptic) job.options.grid_file = command.grid;
+    if (plenoptic) job.options.grid_file = arguments.grid;
     jobs.push_back(std::move(job));
   }
   if (jobs.empty()) {
@@ -65,12 +78,12 @@ std::vector<WhiteJob> SessionJobs(const WhiteCommand& command, const Session& se
   return jobs;
 }
 
-WhiteJob FolderJob(const WhiteCommand& command) {
-  WhiteJob job{.camera = command.camera,
-               .images = FindImageInputs(command.inputs, "white images"),
-               .options = {.plenoptic = IsPlenoptic(command.model),
-                           .bayer = !command.bayer.empty(),
-                           .grid_file = command.grid}};
+WhiteJob FolderJob(const WhiteArguments& arguments) {
+  WhiteJob job{.camera = arguments.camera,
+               .images = FindImageInputs(arguments.inputs, "white images"),
+               .options = {.plenoptic = IsPlenoptic(arguments.model),
+                           .bayer = arguments.bayer,
+                           .grid_file = arguments.grid}};
   if (job.camera.empty()) {
     const auto folder = std::filesystem::absolute(job.images[0].path).parent_path();
     job.camera = folder.filename().string();
@@ -131,29 +144,27 @@ void PrintSummary(const WhiteJob& job, const WhiteCamera& camera) {
   if (camera.grid) PrintGrid(*camera.grid);
 }
 
-}  // namespace
-
-void RunWhite(const WhiteCommand& command, const ConsoleOptions& options) {
+void RunWhite(const WhiteArguments& arguments, const ConsoleOptions& shared) {
   std::vector<WhiteJob> jobs;
-  if (command.model.empty()) {
-    if (command.inputs.size() != 1 || std::filesystem::is_directory(command.inputs[0])) {
+  if (arguments.model.empty()) {
+    if (arguments.inputs.size() != 1 || std::filesystem::is_directory(arguments.inputs[0])) {
       throw Error(ErrorKind::kInput,
                   "white: give one session.yaml, or a folder or images with --model");
     }
-    const Session session = ReadSession(command.inputs[0], CameraModels());
-    jobs = SessionJobs(command, session);
+    const Session session = ReadSession(arguments.inputs[0], CameraModels());
+    jobs = SessionJobs(arguments, session);
   } else {
-    jobs.push_back(FolderJob(command));
+    jobs.push_back(FolderJob(arguments));
   }
 
-  OutputFolder out(command.out);
-  Console console(options.quiet);
+  OutputFolder out(arguments.out);
+  Console console(shared);
   std::vector<WhiteCamera> cameras;
   for (WhiteJob& job : jobs) {
     console.Progress(job.camera + ": white images");
-    job.options.threads = options.threads;
+    job.options.threads = shared.threads;
     try {
-      cameras.push_back(MeasureWhiteImagesByModule(job.images, job.options));
+      cameras.push_back(MeasureWhiteImages(job.images, job.options));
     } catch (const Error& error) {
       throw Error(error.kind(), fmt::format("{}: {}", job.camera, error.what()));
     }
@@ -173,5 +184,31 @@ void RunWhite(const WhiteCommand& command, const ConsoleOptions& options) {
   out.Commit();
   for (size_t i = 0; i < jobs.size(); ++i) PrintSummary(jobs[i], cameras[i]);
 }
+
+constexpr const char* kHelp =
+    "From white images to micro-image centres and attenuation.\n"
+    "\n"
+    "  plenocal white session.yaml -o OUT\n"
+    "  plenocal white FOLDER --model focused-plenoptic -o OUT\n"
+    "\n"
+    "writes OUT/vignetting_<camera>.tiff and, for a plenoptic camera, micro_lenses_<camera>.csv and grid_<camera>.png.";
+
+RunCommand Declare(CLI::App* app, ConsoleOptions* shared) {
+  const auto arguments = std::make_shared<WhiteArguments>();
+  app->add_option("input", arguments->inputs, "session.yaml; with --model a folder, glob or files")
+      ->required();
+  app->add_option("-o,--out", arguments->out, "folder for the results")->required();
+  app->add_option("--model", arguments->model, "camera model of the images")->expected(1);
+  app->add_option("--camera", arguments->camera, "name for the results (default: the folder's)");
+  AddBayer(app, &arguments->bayer, "colours of the top-left 2 x 2 pixels of raw mosaics");
+  app->add_option("--grid", arguments->grid, "RayCalibData XML with the micro-lens grid");
+  AddThreads(app, shared);
+  AddQuiet(app, shared);
+  return [arguments, shared] { RunWhite(*arguments, *shared); };
+}
+
+}  // namespace
+
+Command WhiteCommand() { return {"white", kHelp, Declare}; }
 
 }  // namespace plenocal

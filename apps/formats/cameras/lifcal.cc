@@ -5,20 +5,22 @@
 // the micro lenses moved from their images' centres ("MicroLensCenterAdjustment").
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <charconv>
 #include <cmath>
 #include <pugixml.hpp>
 
-#include "apps/formats/formats.h"
-#include "calib/error.h"
-#include "calib/text_file.h"
+#include "apps/formats/camera_format.h"
+#include "apps/formats/exact_numbers.h"
+#include "calib/base/error.h"
+#include "calib/base/text_file.h"
 #include "models/registry.h"
 
 namespace plenocal {
 namespace {
 
-/// Where a parameter is and how many of LiFCal's units make ours.
+/// The element of a parameter, and the factor from our unit to LiFCal's.
 struct Place {
   std::string_view param;
   const char* group;  ///< element, possibly a group
@@ -77,65 +79,92 @@ std::string WriteLifcal(const std::vector<CalibratedCamera>& cameras) {
   return text + "  <MicroLensCenterAdjustment>true</MicroLensCenterAdjustment>\n</Root>\n";
 }
 
-std::vector<CalibratedCamera> ReadLifcal(const CameraSource& source) {
-  const std::string text = ReadTextFile(source.path);
-  const auto fail = [&](const std::string& message) {
-    throw Error(ErrorKind::kInput, fmt::format("{}: {}", source.path.string(), message));
-  };
-  pugi::xml_document document;
-  const pugi::xml_parse_result parsed = document.load_string(text.c_str());
-  if (!parsed) fail(fmt::format("not valid XML: {}", parsed.description()));
-  const pugi::xml_node root = document.child("Root");
-  if (!root) fail("expected the element <Root> of a CameraModel.xml");
-  if (std::string_view(root.child("MicroLensCenterAdjustment").child_value()) == "false") {
-    fail("was calibrated without MicroLensCenterAdjustment, which is another model");
+/// The elements of a CameraModel.xml; all members throw `Error` of kind kInput with the file.
+class ModelXml {
+ public:
+  explicit ModelXml(const std::filesystem::path& path) : where_(path.string()) {
+    const pugi::xml_parse_result parsed = document_.load_string(ReadTextFile(path).c_str());
+    if (!parsed) Fail(fmt::format("not valid XML: {}", parsed.description()));
+    root_ = document_.child("Root");
+    if (!root_) Fail("expected the element <Root> of a CameraModel.xml");
   }
-  const auto number = [&](const char* group, const char* child) {
-    pugi::xml_node node = root.child(group);
-    if (child != nullptr) node = node.child(child);
-    const std::string_view value = node.child_value();
-    double result = 0;
-    const auto [end, error] = std::from_chars(value.data(), value.data() + value.size(), result);
-    if (error != std::errc() || end != value.data() + value.size() || !std::isfinite(result)) {
-      fail(fmt::format("<{}{}{}>: expected a number, found '{}'",
+
+  [[nodiscard]] bool Has(const char* group, const char* child) const {
+    return root_.child(group).child(child);
+  }
+
+  [[nodiscard]] std::string_view Text(const char* group, const char* child = nullptr) const {
+    const pugi::xml_node node = root_.child(group);
+    return (child == nullptr ? node : node.child(child)).child_value();
+  }
+
+  [[nodiscard]] double Number(const char* group, const char* child = nullptr) const {
+    const std::string_view text = Text(group, child);
+    double value = 0;
+    const char* const end = text.data() + text.size();
+    const auto [after, error] = std::from_chars(text.data(), end, value);
+    if (error != std::errc() || after != end || !std::isfinite(value)) {
+      Fail(fmt::format("<{}{}{}>: expected a number, found '{}'",
                        group,
                        child == nullptr ? "" : "><",
                        child == nullptr ? "" : child,
-                       value));
+                       text));
     }
-    return result;
-  };
+    return value;
+  }
+
+  [[noreturn]] void Fail(const std::string& message) const {
+    throw Error(ErrorKind::kInput, fmt::format("{}: {}", where_, message));
+  }
+
+ private:
+  std::string where_;
+  pugi::xml_document document_;
+  pugi::xml_node root_;
+};
+
+double ReadParam(const ModelXml& xml, const Param& param) {
+  const Place& place = *std::ranges::find(kPlaces, param.name, &Place::param);
+  // Distortion may be left out there.
+  const bool absent = param.neutral && !xml.Has(place.group, place.child);
+  const double given = absent ? 0 : xml.Number(place.group, place.child);
+  const double value =
+      Inverted(given, given / place.scale, [&](double x) { return x * place.scale; });
+  if (!(value > param.lower && value < param.upper)) {
+    xml.Fail(fmt::format("<{}>: {} is out of bounds", place.group, given));
+  }
+  return value;
+}
+
+std::vector<CalibratedCamera> ReadLifcal(const CameraSource& source) {
+  constexpr double kMost = 1e6;  // no image has more pixels in a row
+  const ModelXml xml(source.path);
+  if (xml.Text("MicroLensCenterAdjustment") == "false") {
+    xml.Fail("was calibrated without MicroLensCenterAdjustment, which is another model");
+  }
   CalibratedCamera camera;
   camera.model = FindModel(CameraModels(), kModel);
-  const double width = number("ImageSize", "Width"), height = number("ImageSize", "Height");
-  if (!(width >= 1 && height >= 1 && width < 1e6 && height < 1e6)) {
-    fail("<ImageSize>: expected numbers of pixels");
+  const double width = xml.Number("ImageSize", "Width"), height = xml.Number("ImageSize", "Height");
+  if (!(width >= 1 && height >= 1 && width < kMost && height < kMost)) {
+    xml.Fail("<ImageSize>: expected numbers of pixels");
   }
   camera.image_size = {static_cast<int>(width), static_cast<int>(height)};
-  const double pixel_mm = number("PixelSize", nullptr);
+  const double pixel_mm = xml.Number("PixelSize");
   camera.config = {
       Inverted(pixel_mm, pixel_mm / kMillimetres, [](double x) { return x * kMillimetres; })};
-  for (const Param& param : camera.model->params) {
-    for (const Place& place : kPlaces) {
-      if (place.param != param.name) continue;
-      // Distortion may be left out there.
-      const pugi::xml_node group = root.child(place.group);
-      const bool absent = param.neutral && (!group || !group.child(place.child));
-      const double value = absent ? 0 : number(place.group, place.child);
-      camera.params.push_back(
-          Inverted(value, value / place.scale, [&](double x) { return x * place.scale; }));
-      if (!(camera.params.back() > param.lower && camera.params.back() < param.upper)) {
-        fail(fmt::format("<{}>: {} is out of bounds", place.group, value));
-      }
-    }
-  }
+  for (const Param& param : camera.model->params) camera.params.push_back(ReadParam(xml, param));
   return {camera};
 }
 
 }  // namespace
 
 CameraFormat LifcalFormat() {
-  return {"lifcal", "CameraModel.xml", 1, false, WriteLifcal, ReadLifcal};
+  return {.name = "lifcal",
+          .file = "CameraModel.xml",
+          .most_cameras = 1,
+          .holds_extrinsics = false,
+          .write = WriteLifcal,
+          .read = ReadLifcal};
 }
 
 }  // namespace plenocal

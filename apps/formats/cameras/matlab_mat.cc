@@ -15,9 +15,10 @@
 #include <cstdint>
 #include <map>
 
-#include "apps/formats/formats.h"
-#include "calib/error.h"
-#include "calib/text_file.h"
+#include "apps/formats/camera_format.h"
+#include "apps/formats/matlab_intrinsics.h"
+#include "calib/base/error.h"
+#include "calib/base/text_file.h"
 
 namespace plenocal {
 namespace {
@@ -99,7 +100,7 @@ class Elements {
   std::pair<std::uint32_t, std::string_view> Next() {
     if (bytes_.size() - at_ < kTag) Fail("truncated");
     const std::uint32_t first = Number<std::uint32_t>(bytes_.substr(at_));
-    // Up to four bytes of data may stand in the tag, whose upper half is then their number.
+    // Up to four bytes of data may be in the tag itself, whose upper half is then their number.
     if (const std::uint32_t small = first >> 16; small > 0) {
       if (small > 4) Fail("corrupt");
       const auto data = bytes_.substr(at_ + 4, small);
@@ -176,61 +177,85 @@ std::map<std::string, Variable> ReadVariables(std::string_view bytes, const std:
   return variables;
 }
 
-std::vector<CalibratedCamera> ReadMat(const CameraSource& source) {
-  const std::string where = source.path.string();
-  const std::string bytes = ReadTextFile(source.path);
-  const std::map<std::string, Variable> variables = ReadVariables(bytes, where);
-  const auto get = [&](const std::string& name, size_t least, size_t most) -> std::vector<double> {
-    const auto found = variables.find(name);
-    if (found == variables.end() || found->second.values.size() < least ||
+/// The variables of a file, by name and number of values.
+class Workspace {
+ public:
+  explicit Workspace(const std::filesystem::path& path)
+      : where_(path.string()), variables_(ReadVariables(ReadTextFile(path), where_)) {}
+
+  [[nodiscard]] const std::string& Where() const { return where_; }
+  [[nodiscard]] bool Has(const std::string& name) const { return variables_.contains(name); }
+
+  [[nodiscard]] std::vector<double> Get(const std::string& name, size_t least, size_t most) const {
+    const auto found = variables_.find(name);
+    if (found == variables_.end() || found->second.values.size() < least ||
         found->second.values.size() > most) {
-      throw Error(ErrorKind::kInput,
-                  fmt::format("{}: expected a variable '{}' of {} numbers", where, name, most));
+      Fail(fmt::format("expected a variable '{}' of {} numbers", name, most));
     }
     for (const double value : found->second.values) {
-      if (!std::isfinite(value)) {
-        throw Error(ErrorKind::kInput, fmt::format("{}: {} is not finite", where, name));
-      }
+      if (!std::isfinite(value)) Fail(fmt::format("{} is not finite", name));
     }
     return found->second.values;
-  };
-  const bool pair = variables.contains("FocalLength1");
+  }
+
+  [[nodiscard]] std::array<double, 2> GetPair(const std::string& name) const {
+    const std::vector<double> values = Get(name, 2, 2);
+    return {values[0], values[1]};
+  }
+
+  [[noreturn]] void Fail(const std::string& message) const {
+    throw Error(ErrorKind::kInput, fmt::format("{}: {}", where_, message));
+  }
+
+ private:
+  std::string where_;
+  std::map<std::string, Variable> variables_;
+};
+
+/// The camera whose variables end in `number`, which is empty for a single one.
+CalibratedCamera ReadNumbered(const Workspace& workspace, const std::string& number) {
+  constexpr double kMost = 1e6;  // no image has more rows
+  const std::array<double, 2> size = workspace.GetPair("ImageSize" + number);
+  for (const double length : size) {
+    if (length >= 1 && length < kMost && length == std::floor(length)) continue;
+    workspace.Fail(fmt::format("expected a number of pixels in ImageSize, found {}", length));
+  }
+  if (workspace.Has("Skew" + number) && workspace.Get("Skew" + number, 1, 1)[0] != 0) {
+    workspace.Fail("a skewed camera matrix is not read");
+  }
+  return FromMatlab({workspace.GetPair("FocalLength" + number),
+                     workspace.GetPair("PrincipalPoint" + number),
+                     size,
+                     workspace.Get("RadialDistortion" + number, 2, 3),
+                     workspace.GetPair("TangentialDistortion" + number)},
+                    workspace.Where());
+}
+
+std::vector<CalibratedCamera> ReadMat(const CameraSource& source) {
+  const Workspace workspace(source.path);
+  if (!workspace.Has("FocalLength1")) return {ReadNumbered(workspace, "")};
   std::vector<CalibratedCamera> cameras;
-  for (int c = 1; c <= (pair ? 2 : 1); ++c) {
-    const std::string number = pair ? fmt::format("{}", c) : "";
-    const auto two = [&](const char* name) {
-      const std::vector<double> values = get(name + number, 2, 2);
-      return std::array{values[0], values[1]};
-    };
-    const auto size = two("ImageSize");
-    for (const double length : size) {
-      if (!(length >= 1 && length < 1e6 && length == std::floor(length))) {
-        throw Error(
-            ErrorKind::kInput,
-            fmt::format("{}: expected a number of pixels in ImageSize, found {}", where, length));
-      }
-    }
-    if (variables.contains("Skew" + number) && get("Skew" + number, 1, 1)[0] != 0) {
-      throw Error(ErrorKind::kInput, where + ": a skewed camera matrix is not read");
-    }
-    cameras.push_back(FromMatlab({two("FocalLength"),
-                                  two("PrincipalPoint"),
-                                  size,
-                                  get("RadialDistortion" + number, 2, 3),
-                                  two("TangentialDistortion")},
-                                 where));
-    if (pair) cameras.back().name = "camera" + number;
+  for (const std::string number : {"1", "2"}) {
+    cameras.push_back(ReadNumbered(workspace, number));
+    cameras.back().name = "camera" + number;
   }
-  if (pair) {
-    const std::vector<double> values = get("PoseCamera2", 16, 16);
-    const Eigen::Matrix4d pose = Eigen::Map<const Eigen::Matrix4d>(values.data());
-    cameras[1].T_camera_rig = {pose.topLeftCorner<3, 3>(), pose.topRightCorner<3, 1>()};
-  }
+  const std::vector<double> values = workspace.Get("PoseCamera2", 16, 16);
+  const Eigen::Matrix4d pose = Eigen::Map<const Eigen::Matrix4d>(values.data());
+  cameras[1].T_camera_rig = {pose.topLeftCorner<3, 3>(), pose.topRightCorner<3, 1>()};
   return cameras;
 }
 
 }  // namespace
 
-CameraFormat MatFormat() { return {"mat", "camera.mat", 2, true, WriteMat, ReadMat}; }
+CameraFormat MatlabMatFormat() {
+  return {.name = "mat",
+          .file = "camera.mat",
+          .variant_of = "matlab",
+          .extension = ".mat",
+          .most_cameras = 2,
+          .holds_extrinsics = true,
+          .write = WriteMat,
+          .read = ReadMat};
+}
 
 }  // namespace plenocal

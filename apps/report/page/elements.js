@@ -1,4 +1,4 @@
-// What the sections of a page are made of; `report` is its data.
+// Building blocks of the sections of a page; `report` is the data of the page.
 
 const report = JSON.parse(document.getElementById("report-data").textContent);
 const main = document.getElementById("main");
@@ -23,7 +23,7 @@ const counted = (count, thing) => `${count} ${thing}${count === 1 ? "" : "s"}`;
 /** value and sigma with the digits that sigma justifies. */
 function withSigma(value, sigma) {
   if (sigma === null) return [brief(value, 6), "not determined"];
-  if (!(sigma > 0)) return [brief(value, 9), "held"];
+  if (!(sigma > 0)) return [brief(value, 9), "fixed"];
   const digits = 1 - Math.floor(Math.log10(sigma));
   if (Math.abs(value) >= 1e6 || (value !== 0 && Math.abs(value) < 1e-4) || digits > 9) {
     const significant = Math.max(2, Math.min(15, Math.floor(Math.log10(Math.abs(value) || 1)) + digits + 1));

@@ -6,12 +6,12 @@ function addVerdict() {
   const box = element("div", { class: `verdict ${grade}` }, element("strong", {}, headline));
   for (const camera of report.cameras) {
     const r = camera.residuals;
-    box.append(element("div", {}, `${camera.name}: RMS ${brief(r.rms, 4)} px over ${r.points} points in ${r.views} images; noise ${brief(r.noise, 3)} px a coordinate` +
+    box.append(element("div", {}, `${camera.name}: reprojection error ${brief(r.rms, 4)} px RMS over ${r.points} points in ${r.views} images; noise ${brief(r.noise, 3)} px per coordinate` +
       (r.detector_sigma ? `, detector ${brief(r.detector_sigma, 3)} px` : "") + "."));
   }
   node.append(box);
   if (findings.length === 0) {
-    note(node, "The parameters are determined, the points cover the image, distances and tilts, and what is left of them is noise.");
+    note(node, "All parameters are determined, the points cover the image and a range of distances and tilts, and the residuals are noise.");
     return;
   }
   node.append(element("ul", { class: "findings" }, ...findings.map((finding) =>
@@ -25,18 +25,18 @@ function addParameters() {
     node.append(element("h3", {}, `${camera.name}: ${camera.model}, ${camera.image_size[0]} x ${camera.image_size[1]} px`));
     const tables = element("div", { class: "tables" });
     node.append(tables);
-    tables.append(table("parameters, one standard deviation", ["", "value", "sigma", "unit"], camera.parameters.map((p) => {
+    tables.append(table("parameters", ["", "value", "standard error", "unit"], camera.parameters.map((p) => {
       const [value, sigma] = withSigma(p.value, p.sigma);
       return row(cell(p.name), cell(value, p.value), cell(sigma, p.sigma), cell(unitText(p.unit)));
     })));
-    if (camera.coefficients > 0) note(node, `And ${camera.coefficients} coefficients of a field over the image; calibration.yaml holds them.`);
+    if (camera.coefficients > 0) note(node, `The model also has ${camera.coefficients} coefficients of a field over the image; see calibration.yaml.`);
     tables.append(table("residuals", ["", "", ""], [
-      ["RMS of the residuals' length", r.rms, "px"], ["points used", r.points, ""], ["points rejected", r.rejected, ""], ["images", r.views, ""],
-      ["noise of one coordinate", r.noise, "px"], ["stated by the detector", r.detector_sigma, "px"], ["floor that the points allow", r.floor, "px"],
+      ["RMS reprojection error", r.rms, "px"], ["points used", r.points, ""], ["points rejected", r.rejected, ""], ["images", r.views, ""],
+      ["noise of one coordinate", r.noise, "px"], ["noise stated by the detector", r.detector_sigma, "px"], ["noise floor (any model)", r.noise_floor, "px"],
       ...Object.entries(r.rms_by_type).map(([type, rms]) => [`RMS of lens type ${type}`, rms, "px"]),
     ].filter(([, value]) => value !== undefined).map(([name, value, unit]) => row(cell(name), cell(brief(value, 6), value), cell(unit)))));
     if (camera.xi_camera_rig.some((v) => v !== 0)) {
-      tables.append(table("T_camera_rig as se(3) vector", ["", "value", "sigma", "unit"], ["v_x", "v_y", "v_z", "w_x", "w_y", "w_z"].map((name, i) => {
+      tables.append(table("T_camera_rig as se(3) vector", ["", "value", "standard error", "unit"], ["v_x", "v_y", "v_z", "w_x", "w_y", "w_z"].map((name, i) => {
         const [value, sigma] = withSigma(camera.xi_camera_rig[i], camera.sigma_xi[i]);
         return row(cell(name), cell(value, camera.xi_camera_rig[i]), cell(sigma, camera.sigma_xi[i]), cell(i < 3 ? "m" : "rad"));
       })));
@@ -48,7 +48,7 @@ function addParameters() {
 function addResiduals(camera, parent) {
   const { sample, field, histogram, frames, markers, types } = camera.plots;
   parent.append(element("h3", {}, camera.name));
-  if (sample.step > 1) note(parent, `Single points: every ${sample.step}th of ${sample.all}. All other plots count every point.`);
+  if (sample.step > 1) note(parent, `Plots of single points show every ${sample.step}th of ${sample.all} points; all other plots use every point.`);
   const grid = figures(parent);
   const points = (used) => sample.x.map((unused, i) => ({ x: sample.dx[i], y: sample.dy[i], i })).filter(({ i }) => sample.used[i] === used);
   const used = points(1), rejected = points(0);
@@ -59,8 +59,8 @@ function addResiduals(camera, parent) {
     { label: "used", data: used, pointRadius: 1.5, backgroundColor: Colours.faint, borderWidth: 0 },
     { label: "rejected", data: rejected, pointRadius: 2.5, backgroundColor: Colours.rejected, borderWidth: 0 },
   ], { x: axis("dx, px", { min: -reach, max: reach, ticks: { callback: (v) => brief(v, 2) } }), y: axis("dy, px", { min: -reach, max: reach, reverse: true, ticks: { callback: (v) => brief(v, 2) } }) }, { label: name }), { aspect: 1.2 });
-  addArrowMap(grid, "Direction and magnitude over the image", "Means in cells; without a pattern they point anywhere.", camera.image_size, field, field.rms, "px");
-  addFigure(grid, "Histogram of both coordinates", `In units of their own sigma, with the normal distribution.` + (histogram.noise_left < 0.9 ? ` The unknowns follow ${Math.round(100 * (1 - histogram.noise_left))} % of the noise.` : "") + (histogram.outside ? ` ${histogram.outside} of ${histogram.coordinates} outside.` : ""), histogram.coordinates, (canvas) => bars(canvas, histogram.sigmas, [
+  addArrowMap(grid, "Direction and magnitude over the image", "Mean residual in each cell. Random directions are noise; a pattern is an error of the camera model.", camera.image_size, field, field.rms, "px");
+  addFigure(grid, "Histogram of both coordinates", `Residuals divided by their noise sigma, with the normal distribution.` + (histogram.noise_left < 0.9 ? ` The estimated parameters absorb ${Math.round(100 * (1 - histogram.noise_left))} % of the noise.` : "") + (histogram.outside ? ` ${histogram.outside} of ${histogram.coordinates} outside.` : ""), histogram.coordinates, (canvas) => bars(canvas, histogram.sigmas, [
     { type: "line", label: "normal", data: histogram.expected, borderColor: Colours.second, pointRadius: 0, borderWidth: 2 },
     { label: "residuals", data: histogram.counts, backgroundColor: Colours.faint },
   ], { x: { title: { display: true, text: "residual / sigma" }, ticks: { autoSkip: false, maxRotation: 0, callback: (i) => (Number.isInteger(histogram.sigmas[i]) ? histogram.sigmas[i] : null) } }, y: axis("coordinates") }), { aspect: 1.2 });
@@ -69,9 +69,9 @@ function addResiduals(camera, parent) {
   ], { x: { title: { display: true, text: unit }, ticks: { maxTicksLimit: 20 } }, y: axis("RMS, px", { beginAtZero: true }) }, {
     tooltip: { afterLabel: (item) => `${group.points[item.dataIndex]} points, ${group.rejected[item.dataIndex]} rejected` },
   }), names.length > 150 ? { breadth: "wide", aspect: 3.5 } : names.length > 40 ? { breadth: "broad", aspect: 2.5 } : { aspect: 1.2 });
-  groupBars("Per frame", "RMS of the residuals' length.", frames.frame.map((f) => report.frames[f].name), frames, "frame");
-  groupBars("Per marker", "RMS of the residuals' length.", markers.marker, markers, "marker");
-  if (types.type.length > 0) groupBars("Per lens type", "The numbers of the types have no meaning beyond telling them apart.", types.type, types, "lens type");
+  groupBars("Per frame", "RMS reprojection error.", frames.frame.map((f) => report.frames[f].name), frames, "frame");
+  groupBars("Per marker", "RMS reprojection error.", markers.marker, markers, "marker");
+  if (types.type.length > 0) groupBars("Per lens type", "The numbers are arbitrary names of the lens types.", types.type, types, "lens type");
 }
 
 function addCoverage(camera, parent) {
@@ -85,7 +85,7 @@ function addCoverage(camera, parent) {
     { data: points, pointRadius: 2, borderWidth: 0, backgroundColor: depths.map((z) => Colours.ramp((z - near) / (far - near || 1))) },
   ], imageScales(size), { label: (item) => `frame ${report.frames[sample.frame[item.raw.i]].name}, marker ${sample.marker[item.raw.i]}, depth ${brief(sample.depth[item.raw.i])} m` }),
   { aspect: imageAspect(size), legend: colourScale(`${brief(near)} m`, `${brief(far)} m`, Colours.ramp) });
-  addCellMap(grid, "Points in each part of the image", "White: none; the distortion there is a guess.", size, field.columns, field.rows, field.points.map((n) => (n > 0 ? n : null)), "points", { range: [0, field.points.reduce((a, b) => Math.max(a, b), 1)] });
+  addCellMap(grid, "Points in each part of the image", "White: no points; the distortion is extrapolated there.", size, field.columns, field.rows, field.points.map((n) => (n > 0 ? n : null)), "points", { range: [0, field.points.reduce((a, b) => Math.max(a, b), 1)] });
   if (depth.counts) {
     addFigure(grid, "Depth", "z of the markers in the camera's frame.", depth.counts.length, (canvas) => bars(canvas, depth.middles.map((z) => brief(z, 2)), [
       { label: "points", data: depth.counts, backgroundColor: Colours.main },
@@ -97,23 +97,23 @@ function addMarkers() {
   const moved = report.markers.filter((marker) => marker.moved);
   const node = section("Markers");
   if (moved.length === 0) {
-    note(node, "The markers were held at their nominal places.");
+    note(node, "The markers were fixed at their nominal positions.");
     return;
   }
   const length = (v) => Math.hypot(...v);
   const rms = Math.sqrt(moved.reduce((sum, m) => sum + length(m.moved) ** 2, 0) / moved.length);
   const worst = moved.reduce((a, b) => (length(b.moved) > length(a.moved) ? b : a));
-  note(node, `Refined against nominal places: moved by ${brief(1e3 * rms)} mm RMS (tolerance ${brief(1e3 * report.marker_tolerance)} mm a coordinate), at most ${brief(1e3 * length(worst.moved))} mm (marker ${worst.number}).`);
+  note(node, `The refined markers are ${brief(1e3 * rms)} mm RMS from their nominal positions (tolerance ${brief(1e3 * report.marker_tolerance)} mm per coordinate), at most ${brief(1e3 * length(worst.moved))} mm (marker ${worst.number}).`);
   const grid = figures(node), names = ["x", "y", "z"];
   const span = names.map((unused, k) => moved.reduce((a, m) => Math.max(a, m.place[k]), -Infinity) - moved.reduce((a, m) => Math.min(a, m.place[k]), Infinity));
-  // A plane shows itself in two coordinates; a target in space needs another view.
+  // Two coordinates show a flat target; one in space needs a second view.
   const views = [[0, 1], [0, 2], [1, 2]].filter(([a, b]) => Math.min(span[a], span[b]) > 0.02 * Math.max(...span));
   for (const [a, b] of views) {
     const c = 3 - a - b;
     const magnify = 0.08 * Math.max(span[a], span[b]) / (rms || 1);
     const most = 1e3 * moved.reduce((w, m) => Math.max(w, Math.abs(m.moved[c])), 0) || 1;
     const points = moved.map((m) => ({ x: 1e3 * m.place[a], y: 1e3 * m.place[b], m }));
-    // The arrows' tips lie inside too.
+    // The range includes the tips of the arrows.
     const range = (k) => {
       const values = moved.flatMap((m) => [1e3 * m.place[k], 1e3 * (m.place[k] + magnify * m.moved[k])]);
       const low = values.reduce((u, v) => Math.min(u, v)), high = values.reduce((u, v) => Math.max(u, v)), step = roundUp((high - low) / 20);
@@ -147,7 +147,7 @@ function addCorrelations() {
   for (let i = 0; i < n; ++i) for (let j = 0; j < n; ++j) points.push({ x: j, y: i });
   const tick = (k) => (Number.isInteger(k) && names[k] ? names[k].replace("T_camera_rig.", "") : "");
   const scale = (more) => ({ type: "linear", min: -0.5, max: n - 0.5, grid: { display: false }, afterBuildTicks: (s) => { s.ticks = names.map((unused, k) => ({ value: k })); }, ticks: { callback: tick, autoSkip: true, font: { size: n > 25 ? 8 : 10 }, ...more } });
-  addFigure(figures(node), "Correlation matrix", "Unknowns with a correlation near 1 or -1 are known together, not apart.", points.length, (canvas) =>
+  addFigure(figures(node), "Correlation matrix", "Two unknowns with a correlation near 1 or -1 cannot be determined separately by these images.", points.length, (canvas) =>
     scatter(canvas, [carriers(points)], { x: scale({ maxRotation: 90, minRotation: 90 }), y: { ...scale({}), reverse: true } }, {
       paint: (ctx, toX, toY) => {
         for (const { x, y } of points) {
@@ -161,7 +161,7 @@ function addCorrelations() {
 
 function addPrecision() {
   const node = section("Uncertainty in use");
-  note(node, "Standard deviation of where a point is projected, from the parameters' errors, in the worst direction. What a turn or shift of the camera's frame undoes is taken off. Colours are logarithmic; white: the model says nothing there, or no point was seen.");
+  note(node, "Standard deviation of the projection of a point, in its worst direction, caused by the errors of the parameters. Errors that a rotation and translation of the camera frame compensates are not counted. Colours are logarithmic; white: outside the domain of the model, or no point was seen.");
   for (const camera of report.cameras) {
     node.append(element("h3", {}, camera.name));
     if (camera.projection.length === 0) {
@@ -171,16 +171,16 @@ function addPrecision() {
     const grid = figures(node, "small"), sigmas = camera.projection.flatMap((map) => map.sigma).filter((v) => v !== null);
     // One scale for all distances; between an image's middle and its corners lie powers of ten.
     const range = [sigmas.reduce((a, b) => Math.min(a, b), Infinity), sigmas.reduce((a, b) => Math.max(a, b), 0)];
-    ["As the nearest marker", "Median of the markers", "As the farthest marker", "Ten times the farthest marker"].forEach((which, i) => {
+    ["Distance of the nearest marker", "Median distance of the markers", "Distance of the farthest marker", "Ten times the farthest marker"].forEach((which, i) => {
       const map = camera.projection[i];
       if (map.sigma.some((v) => v !== null)) addCellMap(grid, `Points ${brief(map.distance)} m away`, `${which}.`, camera.image_size, map.columns, map.rows, map.sigma, "px", { range, logarithmic: range[0] > 0 });
     });
     const { distance, calibration, noise } = camera.distance;
     if (distance.length > 0) {
       const series = (values) => distance.map((x, i) => ({ x, y: 1e3 * values[i] }));
-      addFigure(grid, "Measured distance of a marker", "Standard deviation of the distance that one image gives for one marker.", distance.length, (canvas) => scatter(canvas, [
-        { label: "from the calibration's errors", data: series(calibration), pointRadius: 2, borderWidth: 0, backgroundColor: Colours.second },
-        { label: "from the noise of its own points", data: series(noise), pointRadius: 2, borderWidth: 0, backgroundColor: Colours.faint },
+      addFigure(grid, "Measured distance of a marker", "Standard deviation of the distance of one marker, measured from one image.", distance.length, (canvas) => scatter(canvas, [
+        { label: "from errors of the calibration", data: series(calibration), pointRadius: 2, borderWidth: 0, backgroundColor: Colours.second },
+        { label: "from noise of the marker's points", data: series(noise), pointRadius: 2, borderWidth: 0, backgroundColor: Colours.faint },
       ], { x: axis("distance, m"), y: logarithmic("sigma, mm") }), { breadth: "broad", aspect: 1.8 });
     }
   }
@@ -194,7 +194,7 @@ function addWhite() {
     node.append(element("h3", {}, camera.name));
     const grid = figures(node, "small"), v = camera.vignetting, lenses = camera.micro_lenses, size = camera.image_size;
     if (v.values) {
-      addCellMap(grid, "Vignetting", `Attenuation; 1: no light is lost.${v.detail ? " The brightest pixel of about one micro image each." : ""}`, size, v.columns, v.rows, v.values, "");
+      addCellMap(grid, "Vignetting", `Relative brightness; 1: no attenuation.${v.detail ? " Each cell shows the brightest pixel of about one micro image." : ""}`, size, v.columns, v.rows, v.values, "");
       const line = ({ step, values }) => values.map((y, i) => ({ x: (i + 0.5) * step - 0.5, y }));
       addFigure(grid, "Cross section of the vignetting", v.row.step > 1 ? `Means of ${v.row.step} px.` : "", v.row.values.length, (canvas) => scatter(canvas, [
         { label: "middle row", data: line(v.row), showLine: true, pointRadius: 0, borderWidth: 1, borderColor: Colours.main },
@@ -208,7 +208,7 @@ function addWhite() {
       }
     }
     if (lenses.lenses) {
-      addArrowMap(grid, "Micro-image centres against a regular lattice", `${lenses.lenses} micro lenses (${lenses.types.map((t) => `type ${t.type}: ${t.lenses}`).join(", ")}), ${brief(lenses.pitch, 5)} px apart; RMS ${brief(lenses.rms)} px. Lens distortion bends the lattice.`, size, lenses, null, "px");
+      addArrowMap(grid, "Micro-image centres against a regular lattice", `${lenses.lenses} micro lenses (${lenses.types.map((t) => `type ${t.type}: ${t.lenses}`).join(", ")}), ${brief(lenses.pitch, 5)} px apart; RMS ${brief(lenses.rms)} px. Distortion of the main lens deforms the lattice.`, size, lenses, null, "px");
     }
   }
 }
@@ -220,7 +220,7 @@ function addSamples() {
     note(node, "No pictures: the points came from files, or sample_<camera>.jpg is not beside this calibration.");
     return;
   }
-  note(node, "Of each camera the frame with most markers; crosses and numbers: detected markers.");
+  note(node, "The frame with the most markers of each camera; crosses and numbers mark detected markers.");
   const grid = element("div", { class: "pictures" });
   node.append(grid);
   const add = (title, text, source) => grid.append(element("figure", {},
@@ -228,7 +228,7 @@ function addSamples() {
   for (const camera of cameras) {
     const { frame, pictures: { picture, depth } } = camera.sample;
     if (picture) add(`${camera.name}, frame ${frame}`, depth ? "Totally focused image." : "Image.", picture);
-    if (depth) add(`${camera.name}, frame ${frame}`, "Virtual depth: scale on the right; black: nothing to measure there.", depth);
+    if (depth) add(`${camera.name}, frame ${frame}`, "Virtual depth: scale on the right; black: no depth could be measured.", depth);
   }
 }
 
@@ -241,7 +241,7 @@ function addLeftOut() {
 }
 
 function addAgain() {
-  const node = section("Run it again"), values = Object.fromEntries(report.provenance);
+  const node = section("Reproduce"), values = Object.fromEntries(report.provenance);
   if (values.command) node.append(element("pre", {}, values.command));
   note(node, `Plenocal ${values.plenocal_version || "of unknown version"}${values.folder ? ` in the folder ${values.folder}` : ""}; session ${values.session || "unknown"}, target ${values.target || "unknown"}.`);
   for (const [title, text] of [["Session", values.session_text], ["Target, as given", values.target_text]]) {

@@ -1,4 +1,4 @@
-// Target, camera poses and rig in space, turned by dragging.
+// Target, camera poses and rig in 3D, rotated by dragging.
 
 function addScene(parent, report) {
   const canvas = element("canvas", { class: "scene", role: "img", "aria-label": "Target and camera poses in space" });
@@ -10,7 +10,7 @@ function addScene(parent, report) {
   const alone = button("rig", "the rig alone, or with the target");
   parent.append(element("figure", { class: "wide" },
     element("figcaption", {}, "Target and camera poses",
-      element("small", {}, "Points: markers. Pyramids: cameras of the rig, at the place of their centres; their size has no meaning. Drag to turn.")),
+      element("small", {}, "Points: markers. Pyramids: cameras of the rig, at their optical centres, not to scale. Drag to rotate.")),
     canvas,
     element("div", { class: "controls" }, nearer, farther, ...turns, report.cameras.length > 1 ? alone : null, element("label", {}, "frame "), slider, label)));
 

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "detectors/depth_kernels.h"
+#include "detectors/plenoptic/depth/depth_kernels.h"
 
 #include <cmath>
 #include <limits>
 
-#include "detectors/processors.h"
+#include "calib/base/robust.h"
+#include "detectors/templates/processors.h"
 
 namespace plenocal::internal {
 
@@ -54,9 +55,8 @@ void AddEquations(const DepthPixels& pixels, const OtherPatch& patch, const Dept
   const OtherPatch other =
       patch;  // copies, so that the compiler sees that the sums do not change them
   const int pixel_count = pixels.count;
-  // Cauchy's weight, 95 % efficient for normal errors: 1 / (1 + e^2 / (2.385^2 variance)).
-  // It is taken as the weight times the variance, so that one division gives both.
-  constexpr float kInverseScale = 1 / (2.385f * 2.385f);
+  // Cauchy's weight over the variance, 1 / (variance + e^2 / width^2): one division gives both.
+  constexpr float kInverseScale = 1 / kCauchyWidthSquared<float>;
   const float inverse_length =
       1 / (other.baseline_x * other.baseline_x + other.baseline_y * other.baseline_y);
   const float* __restrict x = pixels.x;
@@ -77,7 +77,7 @@ void AddEquations(const DepthPixels& pixels, const OtherPatch& patch, const Dept
 #pragma GCC ivdep  // the sums are arrays of their own
 #endif
   for (int i = 0; i < pixel_count; ++i) {
-    // Beyond the patch is as unknown as its margin.
+    // Outside of the patch values are unknown, as in its margin.
     const float u = x[i] + other.offset_x - other.baseline_x * z[i];
     const float v = y[i] + other.offset_y - other.baseline_y * z[i];
     int column = static_cast<int>(u), row = static_cast<int>(v);

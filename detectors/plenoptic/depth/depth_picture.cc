@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "detectors/depth_picture.h"
+#include "detectors/plenoptic/depth/depth_picture.h"
 
 #include <fmt/format.h>
 
@@ -8,6 +8,8 @@
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
 #include <vector>
+
+#include "detectors/images/pictures.h"
 
 namespace plenocal::internal {
 namespace {
@@ -62,6 +64,14 @@ cv::Mat DepthPicture(const VirtualDepth& depth) {
                 cv::LINE_AA);
   }
   return picture;
+}
+
+std::string SampleDepthPicture(const VirtualDepth& depth) {
+  const double scale = SampleScale(depth.inverse);
+  VirtualDepth small;
+  cv::resize(depth.inverse, small.inverse, {}, scale, scale, cv::INTER_NEAREST);
+  cv::resize(depth.known, small.known, {}, scale, scale, cv::INTER_NEAREST);
+  return EncodeSample(DepthPicture(small));
 }
 
 }  // namespace plenocal::internal

@@ -1,15 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "detectors/marker_planes.h"
+#include "detectors/plenoptic/depth/depth_planes.h"
 
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
+#include "calib/base/robust.h"
+
 namespace plenocal::internal {
 namespace {
 
-/// The pixels of a map that a part covers.
+/// Calls `use` with each pixel of a map that a part covers.
 template <typename Use>
 void ForEachPixel(const VirtualDepth& depth, const FlatPart& part, const Use& use) {
   std::vector<cv::Point> corners;
@@ -26,16 +28,17 @@ void ForEachPixel(const VirtualDepth& depth, const FlatPart& part, const Use& us
   }
 }
 
-Eigen::Vector3d RawPlace(const VirtualDepth& depth, cv::Point at) {
+/// Homogeneous raw coordinates of a pixel of the map.
+Eigen::Vector3d RawPoint(const VirtualDepth& depth, cv::Point at) {
   return {depth.scale * at.x, depth.scale * at.y, 1};
 }
 
 }  // namespace
 
 std::optional<DepthPlane> FitDepthPlane(const VirtualDepth& depth, const FlatPart& part) {
-  constexpr int kPasses = 5;
+  constexpr int kPasses = 5;  // of reweighting
   struct Point {
-    Eigen::Vector3d place;
+    Eigen::Vector3d q;
     double v, variance;
   };
   std::vector<Point> points;
@@ -44,14 +47,14 @@ std::optional<DepthPlane> FitDepthPlane(const VirtualDepth& depth, const FlatPar
     if (depth.known.at<uchar>(at) == 0) return;
     const double v = 1.0 / depth.inverse.at<float>(at);
     const double sigma = v * v * depth.sigma.at<float>(at);
-    points.push_back({RawPlace(depth, at), v, sigma * sigma});
-    middle += points.back().place.head<2>();
+    points.push_back({RawPoint(depth, at), v, sigma * sigma});
+    middle += points.back().q.head<2>();
   });
   if (points.size() < 3) return std::nullopt;
   // About the middle the fit is well conditioned.
   Eigen::Matrix3d to_middle = Eigen::Matrix3d::Identity();
   to_middle.topRightCorner<2, 1>() = -middle / static_cast<double>(points.size());
-  for (Point& p : points) p.place = to_middle * p.place;
+  for (Point& p : points) p.q = to_middle * p.q;
 
   // Cauchy weights from the second pass on; the plane must hold for most pixels.
   Eigen::Vector3d plane = Eigen::Vector3d::Zero();
@@ -60,19 +63,20 @@ std::optional<DepthPlane> FitDepthPlane(const VirtualDepth& depth, const FlatPar
     normal.setZero();
     Eigen::Vector3d right = Eigen::Vector3d::Zero();
     for (const Point& p : points) {
-      const double off = p.v - plane.dot(p.place);
-      const double robust = pass == 0 ? 1 : 1 / (1 + off * off / (2.385 * 2.385 * p.variance));
-      normal += robust / p.variance * p.place * p.place.transpose();
-      right += robust / p.variance * p.v * p.place;
+      const double off = p.v - plane.dot(p.q);
+      const double robust =
+          pass == 0 ? 1 : CauchyWeight(off * off / (kCauchyWidthSquared<> * p.variance));
+      normal += robust / p.variance * p.q * p.q.transpose();
+      right += robust / p.variance * p.v * p.q;
     }
     const Eigen::LDLT<Eigen::Matrix3d> solver(normal);
     if (solver.info() != Eigen::Success || !solver.isPositive()) return std::nullopt;
     plane = solver.solve(right);
     if (!plane.allFinite()) return std::nullopt;
   }
-  // Estimates within one raw pixel's square of the virtual image, v px wide, and the 5 x 5 around
-  // it that it was averaged with are one measurement.
-  const double together = std::pow(5 * plane.z() / depth.scale, 2);
+  // A raw pixel covers a square of v px in the virtual image. All estimates within such a square
+  // and the window around it that it was averaged over are one measurement.
+  const double together = std::pow(kDepthWindow * plane.z() / depth.scale, 2);
   return DepthPlane{to_middle.transpose() * plane,
                     to_middle.transpose() * normal.inverse() * std::max(1.0, together) * to_middle};
 }
@@ -83,7 +87,7 @@ size_t FlattenParts(const std::vector<FlatPart>& parts, VirtualDepth* depth) {
     const auto plane = FitDepthPlane(*depth, part);
     if (!plane) continue;
     ForEachPixel(*depth, part, [&](cv::Point pixel) {
-      const Eigen::Vector3d at = RawPlace(*depth, pixel);
+      const Eigen::Vector3d at = RawPoint(*depth, pixel);
       const double v = plane->by_q.dot(at);
       depth->inverse.at<float>(pixel) = static_cast<float>(1 / v);
       depth->sigma.at<float>(pixel) =

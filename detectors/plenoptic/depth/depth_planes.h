@@ -6,7 +6,7 @@
 #include <optional>
 #include <vector>
 
-#include "detectors/virtual_depth.h"
+#include "detectors/plenoptic/depth/virtual_depth.h"
 
 namespace plenocal::internal {
 
@@ -21,10 +21,10 @@ struct DepthPlane {
   Eigen::Matrix3d covariance;  ///< of `by_q`
 };
 
-/// Robust fit to the known depths inside a part; nothing without three of them.
+/// Robust fit to the known depths inside a part; nothing for fewer than three.
 std::optional<DepthPlane> FitDepthPlane(const VirtualDepth& depth, const FlatPart& part);
 
-/// Replaces the depth in each part by its plane and returns how many parts had one.
+/// Replaces the depth in each part by its plane; returns the number of parts with a plane.
 size_t FlattenParts(const std::vector<FlatPart>& parts, VirtualDepth* depth);
 
 }  // namespace plenocal::internal

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "detectors/fill.h"
+#include "detectors/plenoptic/depth/fill_holes.h"
 
 #include <algorithm>
 #include <cmath>
@@ -8,7 +8,7 @@
 namespace plenocal::internal {
 namespace {
 
-/// One level of the pyramid. Where `weight` is 0 nothing is known.
+/// One level of the pyramid. The value is unknown where `weight` is 0.
 struct Level {
   cv::Mat value, variance, weight, reach;
 };
@@ -18,7 +18,7 @@ Level MakeLevel(int rows, int columns) {
   return {zero(), zero(), zero(), zero()};
 }
 
-/// Means over 2 x 2 pixels of what is known, weighted by how much of each is known.
+/// Means over 2 x 2 pixels, weighted by the known part of each.
 Level Coarser(const Level& fine) {
   Level coarse = MakeLevel((fine.value.rows + 1) / 2, (fine.value.cols + 1) / 2);
   for (int y = 0; y < coarse.value.rows; ++y) {
@@ -44,8 +44,7 @@ Level Coarser(const Level& fine) {
   return coarse;
 }
 
-/// Gives the unknown pixels of `fine` the values of `coarse`, which has none, between its pixels
-/// linearly.
+/// Interpolates the unknown pixels of `fine` linearly in `coarse`, which has no unknown pixels.
 void FillFrom(const Level& coarse, float reach, Level* fine) {
   const cv::Mat square = coarse.value.mul(coarse.value);
   for (int y = 0; y < fine->value.rows; ++y) {

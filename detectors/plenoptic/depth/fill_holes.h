@@ -9,13 +9,13 @@ namespace plenocal::internal {
 struct Filled {
   cv::Mat value;     ///< CV_32F; NaN only when nothing was known
   cv::Mat variance;  ///< CV_32F
-  cv::Mat
-      reach;  ///< CV_32F: side of the square that the value comes from, px; 0 where it was known
+  /// CV_32F: side of the square that the value comes from, px; 0 where it was known.
+  cv::Mat reach;
 };
 
 /// Fills the NaNs of `value` (CV_32F) from means over ever larger squares, each hole from the
-/// smallest ones around that hold something known. The variance of what is filled is that of the
-/// known values in those squares about their mean, plus their own.
+/// smallest ones around it with a known value. The variance of a filled value is that of the known
+/// values in those squares about their mean, plus their own.
 Filled FillHoles(const cv::Mat& value, const cv::Mat& variance);
 
 }  // namespace plenocal::internal

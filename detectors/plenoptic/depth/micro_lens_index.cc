@@ -1,15 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "detectors/micro_lens_index.h"
+#include "detectors/plenoptic/depth/micro_lens_index.h"
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
 
 namespace plenocal::internal {
 namespace {
 
-/// Lengths of lattice steps that differ by less than this share are one length that distortion
-/// bent.
+/// Lattice steps whose lengths differ by less than this ratio have one length; lens distortion
+/// changes it a little with the direction.
 constexpr double kSameLength = 0.05;
 
 }  // namespace
@@ -33,7 +34,11 @@ MicroLensIndex::MicroLensIndex(const MicroLensArray& array) : array_(array) {
     table_[static_cast<size_t>(lens.row - first_row_) * columns_ + lens.column - first_column_] =
         static_cast<int>(i);
   }
+  FillRaster();
+}
 
+void MicroLensIndex::FillRaster() {
+  const MicroLensArray& array = array_;
   // A cell without a micro lens within one pitch is outside the lattice.
   cells_x_ = (array.image_size[0] + kCell - 1) / kCell;
   cells_y_ = (array.image_size[1] + kCell - 1) / kCell;
@@ -59,8 +64,8 @@ MicroLensIndex::MicroLensIndex(const MicroLensArray& array) : array_(array) {
   }
 }
 
-Eigen::Vector2d MicroLensIndex::ToCells(const Eigen::Vector2d& place) {
-  return (place.array() - (kCell - 1) / 2.0) / kCell;
+Eigen::Vector2d MicroLensIndex::ToCells(const Eigen::Vector2d& point) {
+  return (point.array() - (kCell - 1) / 2.0) / kCell;
 }
 
 int MicroLensIndex::At(int row, int column) const {
@@ -74,8 +79,8 @@ int MicroLensIndex::Neighbour(int index, LatticeStep step) const {
   return At(lens.row + step.row, lens.column + step.column);
 }
 
-int MicroLensIndex::Nearest(const Eigen::Vector2d& place) const {
-  const Eigen::Vector2d cell = ToCells(place);
+int MicroLensIndex::Nearest(const Eigen::Vector2d& point) const {
+  const Eigen::Vector2d cell = ToCells(point);
   const int x = std::clamp(static_cast<int>(std::lround(cell.x())), 0, cells_x_ - 1);
   const int y = std::clamp(static_cast<int>(std::lround(cell.y())), 0, cells_y_ - 1);
   return nearest_[static_cast<size_t>(y) * cells_x_ + x];
@@ -87,7 +92,7 @@ std::vector<LatticeStep> StepsWithin(const MicroLensArray& array, double reach) 
   };
   const double limit = reach * array.Pitch() * (1 + kSameLength);
   // |a e_column + b e_row| >= sin 60 * pitch * max(|a|, |b|).
-  const int most = static_cast<int>(std::ceil(reach / std::sin(M_PI / 3))) + 1;
+  const int most = static_cast<int>(std::ceil(reach / std::sin(std::numbers::pi / 3))) + 1;
   std::vector<LatticeStep> steps;
   for (int row = -most; row <= most; ++row) {
     for (int column = -most; column <= most; ++column) {

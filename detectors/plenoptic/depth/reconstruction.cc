@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "detectors/focus.h"
+#include "detectors/plenoptic/depth/reconstruction.h"
 
 #include <fmt/format.h>
 
@@ -9,13 +9,13 @@
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
 #include <optional>
+#include <string_view>
 
-#include "calib/error.h"
-#include "detectors/focused_image.h"
-#include "detectors/raw_check.h"
+#include "calib/base/error.h"
+#include "detectors/plenoptic/depth/image_synthesis.h"
+#include "detectors/plenoptic/white/grid_mismatch.h"
 
 namespace plenocal {
-
 namespace {
 
 /// One channel as CV_32F.
@@ -48,7 +48,7 @@ internal::MosaicWeights GreyOfMosaic(const cv::Mat& raw, const cv::Mat& attenuat
   double sum = 0;
   for (size_t i = 0; i < weights.size(); ++i) sum += light[i] / value[i];
   for (size_t i = 0; i < weights.size(); ++i) {
-    // A colour without any light says nothing of the others.
+    // Without any light in one of the colours no ratio is defined.
     weights[i] = std::isfinite(sum) ? static_cast<float>(light[i] / value[i] / sum) : 0.25f;
   }
   return weights;
@@ -59,7 +59,7 @@ internal::LensPatches CutGrey(const cv::Mat& grey, const PlenopticCamera& camera
       grey,
       camera.attenuation,
       camera.array,
-      camera.bayer.empty() ? std::nullopt : std::optional(GreyOfMosaic(grey, camera.attenuation)),
+      camera.bayer ? std::optional(GreyOfMosaic(grey, camera.attenuation)) : std::nullopt,
       threads);
 }
 
@@ -69,19 +69,56 @@ internal::LensPatches CutColour(const cv::Mat& raw,
                                 const PlenopticCamera& camera,
                                 int threads) {
   using namespace internal;
-  if (camera.bayer.empty()) {
+  if (!camera.bayer) {
     cv::Mat channel;
     cv::extractChannel(raw, channel, colour);
     return CutPatches(Exact(channel), camera.attenuation, camera.array, std::nullopt, threads);
   }
   const char letter = "BGR"[colour];
-  const auto pixels =
-      static_cast<float>(std::count(camera.bayer.begin(), camera.bayer.end(), letter));
+  const std::string_view colours = BayerName(*camera.bayer);
+  const auto pixels = static_cast<float>(std::count(colours.begin(), colours.end(), letter));
   MosaicWeights weights;
-  std::transform(camera.bayer.begin(), camera.bayer.end(), weights.begin(), [&](char c) {
+  std::transform(colours.begin(), colours.end(), weights.begin(), [&](char c) {
     return c == letter ? 1 / pixels : 0;
   });
   return CutPatches(Exact(raw), camera.attenuation, camera.array, weights, threads);
+}
+
+/// Throws `Error` for a raw image that cannot be of this camera.
+void CheckFormat(const cv::Mat& raw, const PlenopticCamera& camera) {
+  if (raw.size() != camera.attenuation.size()) {
+    throw Error(
+        ErrorKind::kInput,
+        fmt::format(
+            "is {} x {} pixels, but the white images or the vignetting file are {} x {}; use "
+            "those of this camera",
+            raw.cols,
+            raw.rows,
+            camera.attenuation.cols,
+            camera.attenuation.rows));
+  }
+  if (camera.bayer && raw.channels() != 1) {
+    throw Error(ErrorKind::kInput,
+                "has colours already, so it is no raw mosaic; leave --bayer out");
+  }
+}
+
+/// The totally focused image in colour.
+cv::Mat SynthesiseColour(const cv::Mat& raw,
+                         const PlenopticCamera& camera,
+                         const VirtualDepth& depth,
+                         const internal::MicroLensIndex& index,
+                         const internal::DepthSurvey& survey,
+                         int threads) {
+  std::array<cv::Mat, 3> channels;
+  for (int c = 0; c < 3; ++c) {
+    const internal::LensPatches patches = CutColour(raw, c, camera, threads);
+    channels[c] = internal::SynthesiseFocusedImage(
+        depth, patches, index, internal::EstimateNoise(patches), survey, threads);
+  }
+  cv::Mat colour;
+  cv::merge(channels, colour);
+  return colour;
 }
 
 }  // namespace
@@ -90,67 +127,46 @@ internal::LensPatches GreyPatches(const cv::Mat& raw, const PlenopticCamera& cam
   return CutGrey(GreyOf(raw), camera, threads);
 }
 
-FocusedView Focus(cv::Mat raw, const PlenopticCamera& camera, const FocusOptions& options) {
+Reconstruction Reconstruct(cv::Mat raw,
+                           const PlenopticCamera& camera,
+                           const ReconstructionOptions& options) {
   using namespace internal;
-  if (raw.size() != camera.attenuation.size()) {
-    throw Error(
-        ErrorKind::kInput,
-        fmt::format(
-            "is {} x {} pixels, but the white images or the vignetting file are {} x {}; use those "
-            "of this camera",
-            raw.cols,
-            raw.rows,
-            camera.attenuation.cols,
-            camera.attenuation.rows));
-  }
-  if (!camera.bayer.empty() && raw.channels() != 1) {
-    throw Error(ErrorKind::kInput,
-                "has colours already, so it is no raw mosaic; leave --bayer out");
-  }
+  CheckFormat(raw, camera);
   cv::Mat grey = GreyOf(raw);
-  const bool colour = options.colour && (raw.channels() == 3 || !camera.bayer.empty());
+  const bool colour = options.colour && (raw.channels() == 3 || camera.bayer);
   if (!colour) raw.release();
-  const std::string wrong = WhyNotOfThisGrid(grey, camera.attenuation, camera.array);
-  if (!wrong.empty()) throw Error(ErrorKind::kJob, wrong);
+  const std::string mismatch = GridMismatch(grey, camera.attenuation, camera.array);
+  if (!mismatch.empty()) throw Error(ErrorKind::kJob, mismatch);
 
   const int threads = options.threads;
-  const MicroLensArray& array = camera.array;
-  const MicroLensIndex index(array);
-  FocusedView view;
+  const MicroLensIndex index(camera.array);
+  Reconstruction view;
   view.patches = CutGrey(grey, camera, threads);
   grey.release();  // the patches have all that is needed of it
   view.noise = EstimateNoise(view.patches);
-  const LensPatches& patches = view.patches;
-  const SensorNoise& noise = view.noise;
-  const DepthSurvey survey = SurveyDepth(patches, array, index, noise, threads);
+  const DepthSurvey survey = SurveyDepth(view.patches, index, view.noise, threads);
   view.keplerian = survey.range.highest < 0;
-  view.depth = FuseDepth(MatchMicroImages(array, index, noise, survey, threads, &view.patches),
-                         array,
-                         patches.radius_px,
+  view.depth = FuseDepth(MatchMicroImages(index, view.noise, survey, threads, &view.patches),
+                         camera.array,
+                         view.patches.radius_px,
                          options.scale,
                          threads);
   if (cv::countNonZero(view.depth.known) == 0) {
     throw Error(ErrorKind::kJob,
-                "has no detail that several micro images show, so no depth can be found; light the "
-                "scene or focus the "
-                "main lens");
+                "has no detail that several micro images show, so no depth can be found; light "
+                "the scene or focus the main lens");
   }
-  const auto synthesise = [&](const LensPatches& seen, const SensorNoise& its_noise) {
-    return SynthesiseFocused(view.depth, seen, array, index, its_noise, survey, threads);
+  const auto synthesise = [&] {
+    return SynthesiseFocusedImage(view.depth, view.patches, index, view.noise, survey, threads);
   };
-  view.image = synthesise(patches, noise);
+  view.image = synthesise();
   if (options.find_flat_parts) {
     view.flat_parts = FlattenParts(options.find_flat_parts(view.image), &view.depth);
-    if (view.flat_parts > 0) view.image = synthesise(patches, noise);
+    if (view.flat_parts > 0) view.image = synthesise();
   }
   if (colour) {
-    view.patches = {};  // makes room
-    std::array<cv::Mat, 3> channels;
-    for (int c = 0; c < 3; ++c) {
-      const LensPatches seen = CutColour(raw, c, camera, threads);
-      channels[c] = synthesise(seen, EstimateNoise(seen));
-    }
-    cv::merge(channels, view.colour);
+    view.patches = {};  // frees their memory
+    view.colour = SynthesiseColour(raw, camera, view.depth, index, survey, threads);
   }
   return view;
 }

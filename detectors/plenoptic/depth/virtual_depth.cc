@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "detectors/virtual_depth.h"
+#include "detectors/plenoptic/depth/virtual_depth.h"
 
 #include <algorithm>
 #include <array>
@@ -8,13 +8,18 @@
 #include <opencv2/core.hpp>
 #include <utility>
 
-#include "calib/parallel.h"
-#include "detectors/fill.h"
+#include "calib/base/parallel.h"
+#include "calib/base/robust.h"
+#include "detectors/plenoptic/depth/fill_holes.h"
 
 namespace plenocal::internal {
 namespace {
 
 constexpr int kStripRows = 64;
+/// Micro images that must agree on a depth in sum of their covers: more than one.
+constexpr float kConfirmed = 1;
+/// Neighbouring depths of one surface differ by up to this many standard deviations.
+constexpr float kSameSurface = 3;
 
 /// One estimate in the virtual image; units are pixels of the map.
 struct Hit {
@@ -22,7 +27,7 @@ struct Hit {
   float z, variance, information;
 };
 
-/// Sums of one pixel over the hits that cover it.
+/// Sums over the hits that cover one pixel.
 struct Sums {
   float cover = 0, agreeing = 0, weight = 0, z = 0, square = 0;
 };
@@ -30,7 +35,7 @@ struct Sums {
 struct Fused {
   // CV_32F, NaN where nothing is known
   cv::Mat inverse, variance;
-  cv::Mat scatter;  // variance among the micro images over what `variance` makes expect, where
+  cv::Mat scatter;  // variance among the micro images over the one expected by `variance`, where
                     // there are two or more
   cv::Mat cover;    // number of those micro images
 };
@@ -57,8 +62,7 @@ void ForEachCovered(const Hit& hit, int columns, int y0, int y1, const Use& use)
   }
 }
 
-/// Fuses the hits of one strip of rows: a mean that is repeated with weights from what lies far off
-/// it.
+/// Fuses the hits of one strip of rows: a mean, then once more with robust weights about it.
 void FuseStrip(const std::vector<Hit>& hits, int y0, int y1, Fused* fused) {
   constexpr int kPasses = 2;
   const int columns = fused->inverse.cols;
@@ -72,7 +76,7 @@ void FuseStrip(const std::vector<Hit>& hits, int y0, int y1, Fused* fused) {
         float robust = 1;
         if (pass > 0) {
           const float off = hit.z - mean[at];
-          const float scale = 2.385f * 2.385f * (hit.variance + spread[at]);
+          const float scale = kCauchyWidthSquared<float> * (hit.variance + spread[at]);
           robust = scale / (scale + off * off);
         }
         Sums& s = sums[at];
@@ -94,8 +98,8 @@ void FuseStrip(const std::vector<Hit>& hits, int y0, int y1, Fused* fused) {
     for (int x = 0; x < columns; ++x) {
       const size_t at = static_cast<size_t>(y - y0) * columns + x;
       const Sums& s = sums[at];
-      // What no second micro image confirms, or most contradict, stays unknown.
-      if (s.agreeing <= 1 || s.agreeing < s.cover / 2) continue;
+      // Unknown where no second micro image confirms the depth or most contradict it.
+      if (s.agreeing <= kConfirmed || s.agreeing < s.cover / 2) continue;
       fused->inverse.at<float>(y, x) = mean[at];
       // The N micro images that see a point share their pixels. With white noise in each the
       // optimum over all of them has the mean information of the N estimates, and their variance
@@ -127,7 +131,7 @@ Fused Fuse(std::vector<LensDepth> depths, const MicroLensArray& array, double sc
                p.variance,
                1 / p.variance};
   };
-  // So that a strip need not look at micro images that do not reach it.
+  // A strip skips the micro images that do not reach it.
   std::vector<Rows> reach(depths.size());
   for (size_t lens = 0; lens < depths.size(); ++lens) {
     for (const PixelDepth& p : depths[lens]) {
@@ -159,8 +163,9 @@ Fused Fuse(std::vector<LensDepth> depths, const MicroLensArray& array, double sc
   return fused;
 }
 
-/// Removes surfaces too small to be real: an estimate is the mean over 5 x 5 raw pixels, so a group
-/// of neighbours that agree, but cover less than that in the virtual image, is a chance match.
+/// Removes surfaces too small to be real: an estimate is the mean over a window of raw pixels, so a
+/// group of neighbours that agree, but cover less than the window does in the virtual image, is a
+/// chance match.
 void RemoveSpeckles(double scale, Fused* fused) {
   const int rows = fused->inverse.rows, columns = fused->inverse.cols;
   const auto* z = fused->inverse.ptr<float>();
@@ -174,19 +179,19 @@ void RemoveSpeckles(double scale, Fused* fused) {
     seen[start] = 1;
     for (size_t k = 0; k < group.size(); ++k) {
       const int at = group[k], x = at % columns, y = at / columns;
-      const auto visit = [&](bool inside, int next) {
-        if (!inside || seen[next] != 0 || std::isnan(z[next])) return;
+      const auto visit = [&](int next) {
+        if (seen[next] != 0 || std::isnan(z[next])) return;
         const float off = z[next] - z[at];
-        if (off * off > 9 * (variance[next] + variance[at])) return;
+        if (off * off > kSameSurface * kSameSurface * (variance[next] + variance[at])) return;
         seen[next] = 1;
         group.push_back(next);
       };
-      visit(x > 0, at - 1);
-      visit(x + 1 < columns, at + 1);
-      visit(y > 0, at - columns);
-      visit(y + 1 < rows, at + columns);
+      if (x > 0) visit(at - 1);
+      if (x + 1 < columns) visit(at + 1);
+      if (y > 0) visit(at - columns);
+      if (y + 1 < rows) visit(at + columns);
     }
-    const double side = 5 / std::abs(z[start]) / scale;
+    const double side = kDepthWindow / std::abs(z[start]) / scale;
     if (static_cast<double>(group.size()) >= side * side) continue;
     for (const int at : group) {
       fused->inverse.ptr<float>()[at] = nan;
@@ -195,8 +200,8 @@ void RemoveSpeckles(double scale, Fused* fused) {
   }
 }
 
-/// The middle one of the values that are known; `fallback` when there is none.
-float Median(const cv::Mat& values, float fallback) {
+/// Median of the known values; `fallback` when there is none.
+float MedianOfKnown(const cv::Mat& values, float fallback) {
   std::vector<float> known;
   for (int y = 0; y < values.rows; ++y) {
     for (int x = 0; x < values.cols; ++x) {
@@ -208,13 +213,14 @@ float Median(const cv::Mat& values, float fallback) {
   return known[known.size() / 2];
 }
 
-/// How much larger the variances are than the single estimates say, from the scatter between micro
-/// images: what they have in common over a window or through blur is in no single estimate.
+/// Ratio of the true variances to those of the single estimates, from the scatter between micro
+/// images: the errors that neighbouring estimates share, through a window or blur, are in none of
+/// the single variances.
 float VarianceFactor(const Fused& fused) {
-  const float freedom = Median(fused.cover, 2) - 1;
+  const float freedom = MedianOfKnown(fused.cover, 2) - 1;
   // Median of chi-square over its mean (Wilson and Hilferty).
   const float median = std::pow(1 - 2 / (9 * freedom), 3.f);
-  return Median(fused.scatter, median) / median;
+  return MedianOfKnown(fused.scatter, median) / median;
 }
 
 }  // namespace

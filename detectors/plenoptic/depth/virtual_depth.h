@@ -1,20 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Depth in the virtual image: what all micro images say about one place of it, fused.
+// Depth in the virtual image: the estimates of all micro images at each of its points, fused.
 #pragma once
 
 #include <Eigen/Core>
 #include <opencv2/core/mat.hpp>
 #include <vector>
 
-#include "calib/micro_lens_array.h"
-#include "detectors/pixel_depth.h"
+#include "calib/camera/micro_lens_array.h"
+#include "detectors/plenoptic/depth/pixel_depth.h"
 
 namespace plenocal {
 
-/// Inverse virtual depth z = 1 / v over the virtual image, that is over the points q with x = c + z
-/// (q - c) for a micro image around c (FORMATS.md, "Virtual depth"). Pixel (i, j) of the maps is at
-/// q = scale * (i, j), raw px.
+/// Inverse virtual depth z = 1 / v over the virtual image, that is over the points q that a micro
+/// image around c shows at x = c + z (q - c) (docs/plenoptic.md, "Virtual depth"). Pixel (i, j) of
+/// the maps is at q = scale * (i, j), raw px.
 struct VirtualDepth {
   double scale = 1;
   cv::Mat inverse;  ///< CV_32F, filled everywhere when anything is known, else NaN

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "detectors/raw_check.h"
+#include "detectors/plenoptic/white/grid_mismatch.h"
 
 #include <fmt/format.h>
 
@@ -11,7 +11,7 @@
 namespace plenocal::internal {
 namespace {
 
-/// Sums over cells of the regression raw - mean = s * expected.
+/// Sums over cells of the regression raw - mean = s * expected, and its standard error.
 struct Regression {
   double product = 0, square = 0;
   double product_square = 0, products = 0, squares = 0;  // over cells, for the error of s
@@ -33,23 +33,23 @@ struct Regression {
   }
 };
 
-}  // namespace
+constexpr int kParts = 3;  // along either side of the image
+constexpr double kLeastSlope = 0.5;
+/// Three standard errors between kLeastSlope and 1 distinguish the two cases.
+constexpr double kMostSigma = (1 - kLeastSlope) / 3;
 
-std::string WhyNotOfThisGrid(const cv::Mat& raw,
-                             const cv::Mat& attenuation,
-                             const MicroLensArray& array) {
-  constexpr int kParts = 3;
-  constexpr double kLeastSlope = 0.5;
-  // Three standard errors below 1, so that the two answers are told apart.
-  constexpr double kMostSigma = (1 - kLeastSlope) / 3;
-  double darkest = 0, brightest = 0;
-  cv::minMaxLoc(raw, &darkest, &brightest);
-  if (brightest <= 0) return "is black; was the lens cap on?";
-
-  // The circle around a cell of the hexagonal lattice.
-  const double radius = array.Pitch() / std::sqrt(3.0);
+/// The regressions of the parts of the image and of the whole.
+struct Regressions {
   std::array<Regression, kParts * kParts> parts;
   Regression whole;
+};
+
+Regressions CompareCells(const cv::Mat& raw,
+                         const cv::Mat& attenuation,
+                         const MicroLensArray& array) {
+  // The circle around a cell of the hexagonal lattice.
+  const double radius = array.Pitch() / std::sqrt(3.0);
+  Regressions sums;
   for (const MicroLens& lens : array.lenses) {
     const int x0 = static_cast<int>(std::ceil(lens.centre.x() - radius));
     const int x1 = static_cast<int>(std::floor(lens.centre.x() + radius));
@@ -69,29 +69,41 @@ std::string WhyNotOfThisGrid(const cv::Mat& raw,
     const double product = gain * (siv - si * sv / n), square = gain * gain * (svv - sv * sv / n);
     const int part = static_cast<int>(lens.centre.y() * kParts / raw.rows) * kParts +
                      static_cast<int>(lens.centre.x() * kParts / raw.cols);
-    parts[part].Add(product, square);
-    whole.Add(product, square);
+    sums.parts[part].Add(product, square);
+    sums.whole.Add(product, square);
   }
-  // An attenuation without micro images says nothing (that of an image that was corrected already).
+  return sums;
+}
+
+bool IsWrong(const Regression& r) {
+  return r.cells > 1 && r.square > 0 && r.Sigma() < kMostSigma && r.Slope() < kLeastSlope;
+}
+
+}  // namespace
+
+std::string GridMismatch(const cv::Mat& raw,
+                         const cv::Mat& attenuation,
+                         const MicroLensArray& array) {
+  double darkest = 0, brightest = 0;
+  cv::minMaxLoc(raw, &darkest, &brightest);
+  if (brightest <= 0) return "is black; was the lens cap on?";
+
+  const auto [parts, whole] = CompareCells(raw, attenuation, array);
+  // An attenuation without micro images (for an image that was corrected already) checks nothing.
   if (!(whole.square > 0)) return "";
-  const auto wrong = [&](const Regression& r) {
-    return r.cells > 1 && r.square > 0 && r.Sigma() < kMostSigma && r.Slope() < kLeastSlope;
-  };
-  if (wrong(whole) || whole.Sigma() >= kMostSigma) {
+  if (IsWrong(whole) || whole.Sigma() >= kMostSigma) {
     return fmt::format(
-        "does not show micro images where the grid has them (agreement {:.2f}, 1 is expected; mean "
-        "grey value "
-        "{:.1f}); it is too dark, not a raw plenoptic image, or of another camera or setting than "
-        "the white images",
+        "does not show micro images where the grid has them (agreement {:.2f}, 1 is expected; "
+        "mean grey value {:.1f}); it is too dark, not a raw plenoptic image, or of another camera "
+        "or setting than the white images",
         whole.Slope(),
         cv::mean(raw)[0]);
   }
-  const auto bad = static_cast<size_t>(std::count_if(parts.begin(), parts.end(), wrong));
+  const auto bad = static_cast<size_t>(std::count_if(parts.begin(), parts.end(), IsWrong));
   if (bad > 0) {
     return fmt::format(
         "does not show micro images where the grid has them in {} of {} parts of the image; it is "
-        "of another camera "
-        "or setting than the white images",
+        "of another camera or setting than the white images",
         bad,
         parts.size());
   }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "detectors/grid_picture.h"
+#include "detectors/plenoptic/white/grid_picture.h"
 
 #include <algorithm>
 #include <array>

@@ -1,15 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "detectors/hexagonal_period.h"
+#include "detectors/plenoptic/white/hexagonal_period.h"
 
 #include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <opencv2/core.hpp>
 #include <vector>
 
-#include "calib/hexagonal_lattice.h"
+#include "calib/camera/hexagonal_lattice.h"
 
 namespace plenocal::internal {
 namespace {
@@ -17,18 +18,19 @@ namespace {
 using Eigen::Matrix2d;
 using Eigen::Vector2d;
 
-/// More than this does not make the period better, and lens distortion would smear it.
+/// px, side of the part of the image that is used. A larger one does not make the period more
+/// precise, and lens distortion would smear the peaks.
 constexpr int kMaxPatch = 1024;
-/// Below it a micro image has no inside.
+/// px; smaller micro images have no pixels that are free of their neighbours' light.
 constexpr double kMinPitch = 5;
-/// A peak is the highest within this part of its distance from zero: lattice peaks are 1 apart, so
+/// A peak is the maximum within this part of its distance from zero: lattice peaks are 1 apart, so
 /// ripples on a peak or within a micro image do not count.
 constexpr double kPeakRadius = 0.3;
-/// How far the lattice may be from an exact hexagon, in pitches: tilted and distorted ones stay
-/// below it.
+/// Largest deviation of the lattice from an exact hexagon, pitches: that of tilted and distorted
+/// lattices is smaller.
 constexpr double kHexagonTolerance = 0.15;
-/// Neighbours of different lens types may be less alike than next neighbours of one type, but not
-/// by this part of the range.
+/// Least height of the shortest lattice peak over the range of the autocorrelation. Neighbours of
+/// different lens types are less alike than next neighbours of one type.
 constexpr double kLatticeHeight = 0.5;
 /// Peaks of the autocorrelation of pure noise stay below this many of its standard deviations.
 constexpr double kSignificance = 8;
@@ -73,7 +75,7 @@ class Autocorrelation {
     return std::max(std::abs(lag.x()), std::abs(lag.y())) + margin < reach_;
   }
 
-  /// Whether (x, y) is the highest lag within `radius`.
+  /// True when (x, y) is the maximum within `radius`.
   [[nodiscard]] bool IsPeak(int x, int y, double radius) const {
     const int r = std::max(1, static_cast<int>(radius));
     const double value = At(x, y);
@@ -85,12 +87,12 @@ class Autocorrelation {
     return true;
   }
 
-  /// The peak within `radius` of `lag` to a fraction of a pixel; nothing where the highest lag lies
-  /// on the rim.
+  /// The peak within `radius` of `lag` to a fraction of a pixel; nothing where the maximum lies on
+  /// the rim.
   [[nodiscard]] std::optional<Vector2d> PeakNear(const Vector2d& lag, double radius) const {
     if (!Covers(lag, radius + 2)) return std::nullopt;
     Eigen::Vector2i best(0, 0);
-    double highest = -1e300;
+    double highest = -std::numeric_limits<double>::infinity();
     const int r = static_cast<int>(std::ceil(radius));
     const Eigen::Vector2i middle = lag.array().round().matrix().cast<int>();
     for (int dy = -r; dy <= r; ++dy) {
@@ -104,8 +106,8 @@ class Autocorrelation {
     const Eigen::Vector2i at = middle + best;
     if (!IsPeak(at.x(), at.y(), 1)) return std::nullopt;
     const auto offset = [](double before, double here, double after) {
-      const double bend = before - 2 * here + after;
-      return bend < 0 ? 0.5 * (before - after) / bend : 0.0;
+      const double curvature = before - 2 * here + after;
+      return curvature < 0 ? 0.5 * (before - after) / curvature : 0.0;
     };
     const double here = At(at.x(), at.y());
     return Vector2d(at.x() + offset(At(at.x() - 1, at.y()), here, At(at.x() + 1, at.y())),
@@ -142,14 +144,13 @@ std::optional<Matrix2d> FitRings(const Autocorrelation& correlation, Matrix2d ba
   return basis;
 }
 
-}  // namespace
+double At(const Autocorrelation& correlation, const Vector2d& lag) {
+  return correlation.At(static_cast<int>(std::lround(lag.x())),
+                        static_cast<int>(std::lround(lag.y())));
+}
 
-std::optional<Matrix2d> FindHexagonalPeriod(const cv::Mat& flat) {
-  const cv::Size size(std::min(flat.cols, kMaxPatch), std::min(flat.rows, kMaxPatch));
-  const Autocorrelation correlation(
-      flat(cv::Rect({(flat.cols - size.width) / 2, (flat.rows - size.height) / 2}, size)));
-
-  // All peaks of the upper half plane; the lower one mirrors it.
+/// All peaks of the upper half plane, shortest first; the lower half plane mirrors it.
+std::vector<Vector2d> FindPeaks(const Autocorrelation& correlation) {
   std::vector<Vector2d> peaks;
   const int reach = correlation.Reach();
   for (int y = 0; y < reach; ++y) {
@@ -166,23 +167,31 @@ std::optional<Matrix2d> FindHexagonalPeriod(const cv::Mat& flat) {
   std::sort(peaks.begin(), peaks.end(), [](const Vector2d& a, const Vector2d& b) {
     return a.squaredNorm() < b.squaredNorm();
   });
+  return peaks;
+}
 
+/// The shortest period. The gaps between micro images repeat as well, at lower peaks.
+std::optional<Vector2d> ShortestPeriod(const Autocorrelation& correlation) {
+  const std::vector<Vector2d> peaks = FindPeaks(correlation);
   double highest = 0;
-  for (const Vector2d& peak : peaks) {
-    highest =
-        std::max(highest, correlation.At(static_cast<int>(peak.x()), static_cast<int>(peak.y())));
-  }
+  for (const Vector2d& peak : peaks) highest = std::max(highest, At(correlation, peak));
   const double lowest = correlation.Lowest();
+  for (const Vector2d& peak : peaks) {
+    if (At(correlation, peak) - lowest >= kLatticeHeight * (highest - lowest)) return peak;
+  }
+  return std::nullopt;
+}
 
-  // The shortest period; the gaps between micro images repeat as well, at weaker peaks.
-  const auto shortest = std::find_if(peaks.begin(), peaks.end(), [&](const Vector2d& peak) {
-    const double height =
-        correlation.At(static_cast<int>(peak.x()), static_cast<int>(peak.y())) - lowest;
-    return height >= kLatticeHeight * (highest - lowest);
-  });
-  if (shortest == peaks.end()) return std::nullopt;
+}  // namespace
 
-  // It must belong to a hexagon of peaks, whose second ring stands as well.
+std::optional<Matrix2d> FindHexagonalPeriod(const cv::Mat& flat) {
+  const cv::Size size(std::min(flat.cols, kMaxPatch), std::min(flat.rows, kMaxPatch));
+  const Autocorrelation correlation(
+      flat(cv::Rect({(flat.cols - size.width) / 2, (flat.rows - size.height) / 2}, size)));
+  const std::optional<Vector2d> shortest = ShortestPeriod(correlation);
+  if (!shortest) return std::nullopt;
+
+  // It must belong to a hexagon of peaks with a second ring.
   Matrix2d hexagon;
   hexagon << *shortest, Eigen::Rotation2Dd(std::numbers::pi / 3) * *shortest;
   const auto nearby = [&](const Vector2d& lag) {
@@ -191,10 +200,7 @@ std::optional<Matrix2d> FindHexagonalPeriod(const cv::Mat& flat) {
   if (!nearby(hexagon.col(1)) || !nearby(hexagon.col(1) - hexagon.col(0))) return std::nullopt;
   const std::optional<Matrix2d> basis = FitRings(correlation, hexagon);
   if (!basis) return std::nullopt;
-  const auto at = [&](const Vector2d& lag) {
-    return correlation.At(static_cast<int>(std::lround(lag.x())),
-                          static_cast<int>(std::lround(lag.y())));
-  };
+  const auto at = [&](const Vector2d& lag) { return At(correlation, lag); };
   const Vector2d a = basis->col(0), b = basis->col(1);
   const double ring = (at(a) + at(b) + at(b - a)) / 3;
   const double holes = (at((a + b) / 3) + at((2 * b - a) / 3)) / 2;  // between the nodes

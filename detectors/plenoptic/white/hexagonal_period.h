@@ -7,8 +7,8 @@
 
 namespace plenocal::internal {
 
-/// The basis (columns: next in a row, next row; px) of the hexagonal lattice with which the middle
-/// of an image repeats itself, from its autocorrelation; nothing when it has none. `flat`: CV_32F,
+/// The basis (columns: next in a row, next row; px) of the hexagonal lattice that is the period of
+/// the middle of an image, by its autocorrelation; nothing when there is none. `flat`: CV_32F,
 /// mean near zero, without large-scale shading.
 std::optional<Eigen::Matrix2d> FindHexagonalPeriod(const cv::Mat& flat);
 

@@ -1,17 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "detectors/micro_image.h"
+#include "detectors/plenoptic/white/micro_image.h"
 
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <array>
 #include <cmath>
 
+#include "calib/base/linear_algebra.h"
+
 namespace plenocal::internal {
 namespace {
 
 using Eigen::Vector2d;
 
-/// Distance of the spline's knots: a sensor's pixels and blur leave no finer detail.
+/// Distance of the spline's knots: there is no finer detail behind a sensor's pixels and blur.
 constexpr double kKnotStep = 0.5;  // px
 
 /// Calls visit(x, y, d) for the pixels with |d| <= radius, d = pixel - centre.
@@ -51,8 +53,8 @@ double Model(const RadialProfile& profile, const MicroImage& image, const Vector
   return profile.At(d.norm() / image.scale).value * (image.gain + image.gradient.dot(d));
 }
 
-/// A pixel less the known light of all micro images but `own`.
-double OwnLight(const ExplainedImage& scene, int x, int y, double own) {
+/// A pixel less the modelled light of all micro images but `own`.
+double OwnLight(const ModelledImage& scene, int x, int y, double own) {
   return scene.white.at<float>(y, x) - scene.light.at<float>(y, x) + own;
 }
 
@@ -60,6 +62,44 @@ double OwnLight(const ExplainedImage& scene, int x, int y, double own) {
 constexpr int kMaxParts = 4;
 
 int CoefficientCount(double radius) { return static_cast<int>(radius / kKnotStep) + 3; }
+
+/// A pixel of a fit, less the light of other micro images.
+struct OwnPixel {
+  double light;
+  Vector2d from_start;  // px, from the initial centre
+};
+
+constexpr int kParams = 6;  // c_x, c_y, g, h_x, h_y, s
+
+/// Normal equations of a Gauss-Newton step.
+struct Equations {
+  Eigen::Matrix<double, kParams, kParams> normal;
+  Eigen::Matrix<double, kParams, 1> right;
+  double squares = 0;  // sum of squared residuals
+
+  Equations(const RadialProfile& profile,
+            const MicroImage& fit,
+            const Vector2d& moved,
+            std::span<const OwnPixel> pixels) {
+    normal.setZero();
+    right.setZero();
+    for (const OwnPixel& pixel : pixels) {
+      const Vector2d d = pixel.from_start - moved;
+      const double r = d.norm();
+      const RadialProfile::Value p = profile.At(r / fit.scale);
+      const double brightness = fit.gain + fit.gradient.dot(d);
+      const double error = pixel.light - p.value * brightness;
+      Eigen::Matrix<double, kParams, 1> J;
+      const double by_r = r > 0 ? -p.slope * brightness / (fit.scale * r) : 0;
+      J << by_r * d.x() - p.value * fit.gradient.x(), by_r * d.y() - p.value * fit.gradient.y(),
+          p.value, p.value * d.x(), p.value * d.y(),
+          -p.slope * brightness * r / (fit.scale * fit.scale);
+      normal.noalias() += J * J.transpose();
+      right += J * error;
+      squares += error * error;
+    }
+  }
+};
 
 }  // namespace
 
@@ -78,7 +118,9 @@ RadialProfile::Value RadialProfile::At(double r) const {
 
 double RadialProfile::Normalise() {
   double highest = 0;
-  for (double r = 0; r <= radius_; r += kKnotStep / 4) highest = std::max(highest, At(r).value);
+  constexpr int kSamplesPerCell = 4;
+  for (double r = 0; r <= radius_; r += kKnotStep / kSamplesPerCell)
+    highest = std::max(highest, At(r).value);
   if (highest > 0) {
     for (Eigen::Vector4d& cell : cells_) cell /= highest;
   }
@@ -129,21 +171,21 @@ void ProfileFit::Add(const ProfileFit& other) {
 
 std::vector<RadialProfile> ProfileFit::Solve() const {
   // Few micro images on a regular raster may leave radii without a pixel, and a constant light
-  // could belong to any of the overlapping tails; a little smoothness (second differences, and zero
-  // at the end) decides there, and nowhere else.
-  constexpr double kSmoothness = 1e-6;
+  // could belong to any of the overlapping tails. A little smoothness (second differences, and zero
+  // at the end) decides there and is negligible elsewhere.
+  constexpr double kSmoothness = 1e-6;  // of the largest information of a coefficient
   Eigen::MatrixXd normal = normal_;
   const double weight = kSmoothness * normal.diagonal().maxCoeff();
   const int count = CoefficientCount(radius_);
   for (int type = 0; type < types_; ++type) {
     auto block = normal.block(type * count, type * count, count, count);
     for (int i = 1; i + 1 < count; ++i) {
-      const Eigen::Vector3d bend(1, -2, 1);
-      block.block<3, 3>(i - 1, i - 1) += weight * bend * bend.transpose();
+      const Eigen::Vector3d difference(1, -2, 1);
+      block.block<3, 3>(i - 1, i - 1) += weight * difference * difference.transpose();
     }
     block(count - 1, count - 1) += weight;
   }
-  const Eigen::VectorXd solution = normal.ldlt().solve(right_);
+  const Eigen::VectorXd solution = SolveSymmetric(normal, right_);
   std::vector<RadialProfile> profiles(types_, RadialProfile(radius_));
   for (int type = 0; type < types_; ++type) {
     // The four B-splines of a cell as powers.
@@ -160,65 +202,44 @@ std::vector<RadialProfile> ProfileFit::Solve() const {
   return profiles;
 }
 
-MicroImage FitMicroImage(const ExplainedImage& scene,
+MicroImage FitMicroImage(const ModelledImage& scene,
                          const RadialProfile& profile,
                          double radius,
                          const MicroImage& start) {
-  constexpr int kParams = 6;  // c_x, c_y, g, h_x, h_y, s
-  constexpr int kSteps = 2;   // the caller repeats the fit with better profiles
+  constexpr int kSteps = 2;  // the caller repeats the fit with better profiles
+  // The error of the lattice is smaller: there is no micro image farther off or of another size.
+  constexpr double kMostMove = 1, kMostDoublings = 1;  // px; of the size
   using Vector = Eigen::Matrix<double, kParams, 1>;
   using Matrix = Eigen::Matrix<double, kParams, kParams>;
   MicroImage fit = start;
-  Matrix normal;
-  double sum = 0;
-  struct Pixel {
-    double light;
-    Vector2d from_start;
-  };
-  std::vector<Pixel> seen;
+  std::vector<OwnPixel> seen;
   ForPixels(scene.white, start.centre, radius, [&](int x, int y, const Vector2d& d) {
     seen.push_back({OwnLight(scene, x, y, Model(profile, start, d)), d});
   });
   const auto pixels = static_cast<int>(seen.size());
   if (pixels <= kParams) return start;
-  for (int step = 0; step <= kSteps; ++step) {
-    normal.setZero();
-    Vector right = Vector::Zero();
-    sum = 0;
-    const Vector2d shift = fit.centre - start.centre;
-    for (const Pixel& pixel : seen) {
-      const Vector2d d = pixel.from_start - shift;
-      const double r = d.norm();
-      const RadialProfile::Value p = profile.At(r / fit.scale);
-      const double brightness = fit.gain + fit.gradient.dot(d);
-      const double error = pixel.light - p.value * brightness;
-      Vector J;
-      const double by_r = r > 0 ? -p.slope * brightness / (fit.scale * r) : 0;
-      J << by_r * d.x() - p.value * fit.gradient.x(), by_r * d.y() - p.value * fit.gradient.y(),
-          p.value, p.value * d.x(), p.value * d.y(),
-          -p.slope * brightness * r / (fit.scale * fit.scale);
-      normal.noalias() += J * J.transpose();
-      right += J * error;
-      sum += error * error;
-    }
-    if (step == kSteps) break;
-    const Vector change = normal.ldlt().solve(right);
+  for (int step = 0; step < kSteps; ++step) {
+    const Equations equations(profile, fit, fit.centre - start.centre, seen);
+    const Vector change = SolveSymmetric(equations.normal, equations.right);
     if (!change.allFinite()) return start;
     fit.centre += change.head<2>();
     fit.gain += change[2];
     fit.gradient += change.segment<2>(3);
     fit.scale += change[5];
-    // Farther off than the lattice can be wrong: no micro image here.
-    if ((fit.centre - start.centre).norm() > 1 || std::abs(std::log2(fit.scale)) > 1) return start;
+    if ((fit.centre - start.centre).norm() > kMostMove ||
+        std::abs(std::log2(fit.scale)) > kMostDoublings) {
+      return start;
+    }
   }
-  fit.residual = std::sqrt(sum / (pixels - kParams));
-  const Matrix covariance = normal.ldlt().solve(Matrix::Identity());
+  const Equations equations(profile, fit, fit.centre - start.centre, seen);
+  fit.residual = std::sqrt(equations.squares / (pixels - kParams));
+  const Matrix covariance = equations.normal.ldlt().solve(Matrix::Identity());
   fit.centre_sigma = std::sqrt((covariance(0, 0) + covariance(1, 1)) / 2);
   if (!std::isfinite(fit.centre_sigma)) return start;
   return fit;
 }
 
-Eigen::VectorXd RingResiduals(const ExplainedImage& scene,
+Eigen::VectorXd RingResiduals(const ModelledImage& scene,
                               const MicroImage& image,
                               double radius,
                               int rings) {

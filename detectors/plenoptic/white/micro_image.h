@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// What one micro image of a uniform field looks like: a radial profile P, common to all micro
-// lenses of a type, times a brightness that changes linearly over the micro image:
+// Model of one micro image of a uniform field: a radial profile P, common to all micro lenses of a
+// type, times a brightness that changes linearly over the micro image:
 //
 //   I(x) = P(|x - c| / s) (g + h . (x - c))
 //
-// c, g, h and the size s, which lens distortion changes, belong to the micro image. A centroid
-// takes the gradient h for a shift; this fit does not. Micro images overlap at their edges, and
-// their light adds up; so a fit sees the pixels less the light of all other micro images.
+// c, g, h and the size s, which lens distortion changes, belong to the micro image. The gradient h
+// displaces a centroid, but not this fit. Micro images overlap at their edges, where their light
+// adds up; so a fit uses the pixels less the light of all other micro images.
 #pragma once
 
 #include <Eigen/Core>
@@ -17,7 +17,7 @@
 
 namespace plenocal::internal {
 
-/// A radial function as a cubic B-spline in r, even about r = 0,.
+/// A radial function as a cubic B-spline in r, even about r = 0.
 class RadialProfile {
  public:
   /// A profile for r in [0, radius], px; zero at first.
@@ -34,8 +34,8 @@ class RadialProfile {
  private:
   friend class ProfileFit;
   double radius_;
-  // Of the cubic in each cell between knots: powers 0 .. 3 of the distance from its first knot, in
-  // cells.
+  // Coefficients of the cubic in each cell between knots: powers 0 .. 3 of the distance from the
+  // cell's first knot, in cells.
   std::vector<Eigen::Vector4d> cells_;
 };
 
@@ -45,12 +45,12 @@ struct MicroImage {
   double gain = 0;                 ///< grey values: brightness at the centre where P = 1
   Eigen::Vector2d gradient{0, 0};  ///< grey values per px
   double scale = 1;                ///< size relative to the others of its type
-  double residual = 0;             ///< root mean square of what the model leaves, grey values
+  double residual = 0;             ///< root mean square of the fit's residuals, grey values
   double centre_sigma = 0;         ///< px, for noise of one grey value; 0 when the fit failed
 };
 
-/// A white image and the light of all micro images in it as now known (both CV_32F).
-struct ExplainedImage {
+/// A white image and the modelled light of all micro images in it (both CV_32F).
+struct ModelledImage {
   cv::Mat white, light;
 };
 
@@ -69,7 +69,7 @@ struct Contribution {
 class ProfileFit {
  public:
   ProfileFit(double radius, int types);
-  /// A pixel as the sum of contributions, those beyond the radius add nothing.
+  /// A pixel as the sum of contributions; those beyond the radius are zero.
   void Add(double pixel, double weight, std::span<const Contribution> parts);
   void Add(const ProfileFit& other);
   /// The profiles, not yet scaled to a highest value of 1.
@@ -83,15 +83,15 @@ class ProfileFit {
 };
 
 /// Fits centre, gain, gradient and size (Gauss-Newton) to the pixels within `radius` of
-/// `start.centre`. The known light holds this micro image as `start`.
-MicroImage FitMicroImage(const ExplainedImage& scene,
+/// `start.centre`. The modelled light includes this micro image as `start`.
+MicroImage FitMicroImage(const ModelledImage& scene,
                          const RadialProfile& profile,
                          double radius,
                          const MicroImage& start);
 
-/// Mean of (pixel - known light) / gain in `rings` rings of equal width within `radius` of the
+/// Mean of (pixel - modelled light) / gain in `rings` rings of equal width within `radius` of the
 /// centre.
-Eigen::VectorXd RingResiduals(const ExplainedImage& scene,
+Eigen::VectorXd RingResiduals(const ModelledImage& scene,
                               const MicroImage& image,
                               double radius,
                               int rings);

@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "calib/micro_lens_array.h"
+#include "calib/camera/micro_lens_array.h"
 
 namespace cv {
 class Mat;
@@ -14,20 +14,19 @@ namespace plenocal {
 /// The micro-lens array as found in a white image.
 struct MicroLensGrid {
   MicroLensArray array;  ///< centres of the smooth lattice
-  std::vector<double>
-      gains;  ///< per micro lens: highest brightness of its micro image, grey values
+  /// Per micro lens: highest brightness of its micro image, grey values.
+  std::vector<double> gains;
 
-  // How single micro images lie about the smooth lattice, per coordinate.
-  double centre_rms = 0;    ///< px, usable micro lenses that are whole in the image
-  double centre_sigma = 0;  ///< px, robust: what the lattice's error comes from
-  int degree = 1;           ///< of the polynomial that describes the bent lattice
-  /// Share of a micro image's brightness (root mean square, median) that the profile does not
-  /// explain.
+  // Residuals of single micro images about the smooth lattice, per coordinate.
+  double centre_rms = 0;    ///< px, of usable micro lenses that are whole in the image
+  double centre_sigma = 0;  ///< px, robust
+  int degree = 1;           ///< of the polynomial that describes the distorted lattice
+  /// Residual of the profile over the brightness of a micro image (root mean square, median).
   double misfit = 0;
   /// Robust relative spread of a micro image's brightness about that of its neighbours.
   double gain_spread = 0;
   /// Share of the variance between micro images that the three interleaved sets explain, in the
-  /// ring or brightness that tells them best apart: what `array.types` was decided by.
+  /// ring or brightness that distinguishes them best; `array.types` is 3 where it is large.
   double type_share = 0;
 };
 
@@ -36,8 +35,8 @@ struct MicroLensGrid {
 /// lattice.
 MicroLensGrid FindMicroLensGrid(const cv::Mat& white, int threads);
 
-/// Measures the micro images at the centres of a grid from elsewhere, which stay as they are, types
-/// too; `usable` is decided here.
+/// Measures the micro images at the centres of a grid from another source. Keeps its centres and
+/// lens types; sets `usable`.
 MicroLensGrid MeasureMicroLensGrid(const cv::Mat& white, MicroLensArray array, int threads);
 
 }  // namespace plenocal

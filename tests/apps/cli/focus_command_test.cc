@@ -9,7 +9,7 @@
 #include <tuple>
 
 #include "tests/apps/workspace.h"
-#include "tests/detectors/plenoptic_scene.h"
+#include "tests/detectors/plenoptic/plenoptic_scene.h"
 
 namespace plenocal::testing {
 namespace {
@@ -135,7 +135,7 @@ TEST_F(FocusCommandLine, KeepsTheColoursOfARawImage) {
 }
 
 TEST_F(FocusCommandLine, TakesTheColoursOfAMosaicAsAnnounced) {
-  scene_.bayer = "RGGB";
+  scene_.bayer = BayerOrder::kRggb;
   WriteImage("raw/a.png", scene_.Raw(array_));
   for (const auto& [order, red, blue] :
        {std::tuple{"RGGB", 0.5, 0.7}, std::tuple{"BGGR", 0.7, 0.5}}) {

@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "calib/median.h"
-#include "calib/yaml.h"
+#include "calib/base/statistics.h"
+#include "calib/base/yaml.h"
 #include "tests/apps/workspace.h"
 
 namespace plenocal::testing {

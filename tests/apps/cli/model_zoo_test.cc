@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Models on real sets (shared/data; skipped where it is absent), with views held out, and on
+// Models on real sets (docs/data.md; skipped where they are absent), with views held out, and on
 // simulated lenses; a camera that is held in all.
 #include <fmt/format.h>
 
@@ -13,6 +13,7 @@
 #include "models/registry.h"
 #include "models/splined.h"
 #include "tests/apps/workspace.h"
+#include "tests/optional_data.h"
 
 namespace plenocal::testing {
 namespace {
@@ -56,8 +57,8 @@ class FisheyeHeldOut : public Workspace, public ::testing::WithParamInterface<co
 };
 
 TEST_P(FisheyeHeldOut, IsNoWorseThanTheReferenceWithoutStartValues) {
-  const fs::path set = fs::path(PLENOCAL_SHARED_DATA) / "frames/fisheye_3plane_ovcube";
-  if (!fs::exists(set)) GTEST_SKIP() << set << " is absent";
+  const fs::path set = OptionalData("frames/fisheye_3plane_ovcube");
+  if (!fs::exists(set)) GTEST_SKIP() << Absent(set);
   std::map<std::string, int> markers;
   Write("train.csv", Detections(set / "corners_train.csv", &markers));
   Write("test.csv", Detections(set / "corners_test.csv", &markers));
@@ -114,8 +115,8 @@ class SimulatedLens : public Workspace {
     Write("target.yaml", "plenocal: 1\ntype: chessboard\ncolumns: 14\nrows: 10\nsquare: 0.03\n");
     Write(
         "spec.yaml",
-        fmt::format("plenocal: 1\nseed: {}\ntarget: target.yaml\ntarget_error: 0\ncameras:\n  cam: "
-                    "{{model: {}, image_size: [{}, {}], parameters: {{{}}}, detection_sigma: "
+        fmt::format("plenocal: 1\nseed: {}\ntarget: target.yaml\ntarget_error: 0\ncameras:\n  "
+                    "cam: {{model: {}, image_size: [{}, {}], parameters: {{{}}}, detection_sigma: "
                     "{}}}\nposes: {{frames: {}, distance: [0.18, 0.45], partial: 0.3}}\n",
                     seed,
                     model,
@@ -164,14 +165,17 @@ TEST_F(SimulatedLens, OfASplineIsFoundWithinItsUncertainty) {
 }
 
 TEST_F(SimulatedLens, ExactPointsGiveEveryModelBack) {
+  int models = 0;
   for (const CameraModel& model : CameraModels()) {
     if (!model.central || model.local) continue;
+    ++models;
     SCOPED_TRACE(model.name);
     Simulate(std::string(model.name), ExampleOf(model), 12, 3, 0, model.example_size);
     const Outcome outcome = Run({"calibrate", "set/session.yaml", "-o", "out", "--no-report"});
     ASSERT_EQ(outcome.status, kDone) << outcome.err;
     EXPECT_LT(LargestDifference(), 1e-5);
   }
+  EXPECT_GT(models, 10);
 }
 
 TEST_F(SimulatedLens, ExactPointsGiveASplineBackOnItsOwnKnots) {
@@ -179,7 +183,7 @@ TEST_F(SimulatedLens, ExactPointsGiveASplineBackOnItsOwnKnots) {
   Simulate("splined", ExampleOf(model), 40, 3, 0);
   std::string knots;  // what says where the knots are and how the camera's frame is turned
   for (size_t k = 0; k < model.params.size(); ++k) {
-    if (model.params[k].held == Held::kNever) continue;
+    if (model.params[k].fixed == Fixed::kNever) continue;
     knots +=
         fmt::format("{}{}: {}", knots.empty() ? "" : ", ", model.params[k].name, model.example[k]);
   }
@@ -205,7 +209,7 @@ TEST_F(SimulatedLens, SplineSaysWhichCoefficientsFollowFromItsPriorAlone) {
   Write("set/detections_cam.csv", right);
   const Outcome outcome = Run({"calibrate", "set/session.yaml", "-o", "out", "--no-report"});
   ASSERT_EQ(outcome.status, kDone) << outcome.err;
-  EXPECT_THAT(outcome.out, ::testing::HasSubstr("coefficients, told by the model's prior"));
+  EXPECT_THAT(outcome.out, ::testing::HasSubstr("coefficients, determined by the model's prior"));
   const YAML::Node sigma = Result()["cameras"]["cam"]["sigma"];
   EXPECT_GT(sigma["x_01_04"].as<double>(), 0.2);
   EXPECT_LT(sigma["x_08_04"].as<double>(), 1e-3);
@@ -259,8 +263,8 @@ TEST_F(SimulatedLens, BeyondAModelsRaysIsNamedAsSuch) {
 }
 
 TEST_F(SimulatedLens, RealCornersAreExplainedAsByMrcalsSpline) {
-  const fs::path set = fs::path(PLENOCAL_SHARED_DATA) / "frames/corners_mrcal_figueroa";
-  if (!fs::exists(set)) GTEST_SKIP() << set << " is absent";
+  const fs::path set = OptionalData("frames/corners_mrcal_figueroa");
+  if (!fs::exists(set)) GTEST_SKIP() << Absent(set);
   const Outcome imported = Run(
       {"import", (set / "corners.vnl").string(), "--format", "mrcal-corners", "-o", "corners.csv"});
   ASSERT_EQ(imported.status, kDone) << imported.err;

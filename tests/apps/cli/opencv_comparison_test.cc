@@ -7,8 +7,9 @@
 #include <algorithm>
 #include <opencv2/calib3d.hpp>
 
-#include "calib/rigid_transform.h"
+#include "calib/camera/rigid_transform.h"
 #include "tests/apps/workspace.h"
+#include "tests/optional_data.h"
 
 namespace plenocal::testing {
 namespace {
@@ -63,9 +64,9 @@ class OpenCvComparison : public Workspace {
  protected:
   // Files of the corners: <camera>_weighted.csv as detected, <camera>.csv without sigmas.
   void SetUp() override {
-    const fs::path set = fs::path(PLENOCAL_SHARED_DATA) / "frames/stereo_chess_opencv";
+    const fs::path set = OptionalData("frames/stereo_chess_opencv");
     if (!fs::exists(set)) {
-      GTEST_SKIP() << set << " is absent: shared/data is not beside this checkout";
+      GTEST_SKIP() << Absent(set);
     }
     Write("target.yaml",
           fmt::format("plenocal: 1\ntype: chessboard\ncolumns: {}\nrows: {}\nsquare: {}\n",

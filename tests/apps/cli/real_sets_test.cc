@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Sets of shared/data, which are not part of the repository: skipped where they are absent.
+// Real and simulated image sets that are not part of the repository (docs/data.md).
 #include <fmt/format.h>
 
 #include <Eigen/Geometry>
@@ -11,6 +11,7 @@
 #include <sstream>
 
 #include "tests/apps/workspace.h"
+#include "tests/optional_data.h"
 
 namespace plenocal::testing {
 namespace {
@@ -20,7 +21,7 @@ using ::testing::HasSubstr;
 
 class RealSets : public Workspace {
  protected:
-  static fs::path Set(const std::string& name) { return fs::path(PLENOCAL_SHARED_DATA) / name; }
+  static fs::path Set(const std::string& name) { return OptionalData(name); }
 
   void WriteChessboardSession(int columns,
                               int rows,
@@ -58,8 +59,7 @@ class RealSets : public Workspace {
 };
 
 #define SKIP_WITHOUT(path) \
-  if (!fs::exists(path))   \
-  GTEST_SKIP() << (path) << " is absent: shared/data is not beside this checkout"
+  if (!fs::exists(path)) GTEST_SKIP() << Absent(path)
 
 TEST_F(RealSets, StereoChessboardIsExplainedAsWellAsByOpenCv) {
   const fs::path set = Set("frames/stereo_chess_opencv");
@@ -352,8 +352,8 @@ TEST_F(RealSets, PlenopticCameraAndStereoRigFromRawImages) {
   const YAML::Node truth =
       YAML::LoadFile((set / "truth/calibration.yaml").string())["cameras"]["plenoptic"];
   const YAML::Node camera = Result()["cameras"]["plenoptic"];
-  // Issue 4: twice what an independent, near-optimal registration of the same images reached. f_L
-  // is held to three sigma below (3e-4).
+  // Twice the error of an independent, near-optimal registration of the same images. The bound of
+  // f_L is three standard errors, below (3e-4).
   const std::map<std::string, double> bounds{{"b_L0", 2.4e-4}, {"B", 0.011}};
   for (const auto& [key, relative] : bounds) {
     const auto true_value = truth["parameters"][key].as<double>();

@@ -159,7 +159,7 @@ TEST_F(Results, HoldFixedParametersAtTheirValues) {
   EXPECT_EQ(camera["parameters"]["c_x"].as<double>(), 640);
   EXPECT_EQ(camera["sigma"]["c_x"].as<double>(), 0);
   EXPECT_GT(camera["sigma"]["c_y"].as<double>(), 0);
-  EXPECT_THAT(outcome.out, HasSubstr("(held)"));
+  EXPECT_THAT(outcome.out, HasSubstr("(fixed)"));
 }
 
 TEST_F(Results, HoldAllParametersOfACameraOnRequest) {
@@ -201,7 +201,7 @@ TEST_F(Results, SummaryNamesWhatAPersonWantsToKnow) {
                            "+-",
                            "baseline",
                            "degrees",
-                           "markers moved",
+                           "refined markers",
                            "written to out"}) {
     EXPECT_THAT(outcome.out, HasSubstr(part));
   }
@@ -235,11 +235,11 @@ TEST_F(Results, SaysWhatWasKnownOfParametersBesideTheImages) {
   EXPECT_NEAR(cameras["cam0"]["parameters"]["A_0"].as<double>(), A_0 + 0.02, 1e-9);
   EXPECT_EQ(cameras["cam0"]["sigma"]["A_0"].as<double>(), 0);
   EXPECT_EQ(cameras["cam0"]["at_bound"][0].as<std::string>(), "A_0");
-  for (const char* part : {"(one with f_x)",
-                           "(one with cam0.c_x)",
+  for (const char* part : {"(tied to f_x)",
+                           "(tied to cam0.c_x)",
                            "(at its bound)",
                            "(prior 480 +- 2)",
-                           "cam0.A_0 is held at its bound"}) {
+                           "cam0.A_0 lies on its bound"}) {
     EXPECT_THAT(outcome.out, ::testing::HasSubstr(part));
   }
   // The report and `compare` read it like any other.
@@ -251,7 +251,7 @@ TEST_F(Results, SaysWhatWasKnownOfParametersBesideTheImages) {
                           "    detections: cam0.csv\n    shared: {f_x: cam1}\n"),
                  "    detections: cam1.csv\n",
                  "    detections: cam1.csv\n    shared: {f_x: cam0}\n"));
-  ExpectFailure(kWrongInput, {"session.yaml:", "one with itself"});
+  ExpectFailure(kWrongInput, {"session.yaml:", "tied to itself"});
 }
 
 }  // namespace

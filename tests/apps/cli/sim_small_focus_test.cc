@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// `plenocal white` and `plenocal focus` on the simulated set of shared/data, which is not part of
-// the repository, against its truth; the bounds are issue 3's.
+// `plenocal white` and `plenocal focus` on an optional simulated set (docs/data.md), against its
+// truth.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -14,6 +14,7 @@
 #include <set>
 
 #include "tests/apps/workspace.h"
+#include "tests/optional_data.h"
 
 namespace plenocal::testing {
 namespace {
@@ -23,7 +24,7 @@ namespace fs = std::filesystem;
 class SimSmall : public Workspace {
  protected:
   void SetUp() override {
-    if (!fs::exists(set_)) GTEST_SKIP() << set_ << " is absent";
+    if (!fs::exists(set_)) GTEST_SKIP() << Absent(set_);
   }
 
   [[nodiscard]] static Table TableIn(const fs::path& path) {
@@ -35,7 +36,7 @@ class SimSmall : public Workspace {
     return cv::imread(path.string(), cv::IMREAD_UNCHANGED);
   }
 
-  const fs::path set_ = fs::path(PLENOCAL_SHARED_DATA) / "sim_small";
+  const fs::path set_ = OptionalData("sim_small");
 };
 
 float Quantile(std::vector<float> values, double share) {

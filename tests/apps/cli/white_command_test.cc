@@ -9,7 +9,7 @@
 #include <string>
 
 #include "tests/apps/workspace.h"
-#include "tests/detectors/white_field.h"
+#include "tests/detectors/plenoptic/white/white_field.h"
 
 namespace plenocal::testing {
 namespace {

@@ -10,6 +10,7 @@
 
 #include "apps/evaluate/trajectory_metrics.h"
 #include "tests/apps/workspace.h"
+#include "tests/optional_data.h"
 
 namespace plenocal::testing {
 namespace {
@@ -226,9 +227,8 @@ TEST_F(EvaluateCommand, WithoutAGapTheTruthIsThatOfTheWholePath) {
 }
 
 TEST_F(EvaluateCommand, AteAndRpeEqualThoseOfEvo) {
-  const std::filesystem::path folder =
-      std::filesystem::path(PLENOCAL_SHARED_DATA) / "frames/traj_tum_rgbd";
-  if (!std::filesystem::exists(folder)) GTEST_SKIP() << "no " << folder;
+  const std::filesystem::path folder = OptionalData("frames/traj_tum_rgbd");
+  if (!std::filesystem::exists(folder)) GTEST_SKIP() << Absent(folder);
   std::ifstream file(folder / "reference_metrics.json");
   int checked = 0;
   const Json references = Json::parse(file);

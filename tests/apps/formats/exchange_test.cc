@@ -8,15 +8,20 @@
 #include <array>
 #include <cstdlib>
 #include <cstring>
+#include <fstream>
 #include <nlohmann/json.hpp>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <random>
 
+#include "apps/formats/camera_format.h"
+#include "apps/formats/import_format.h"
+#include "calib/base/names.h"
 #include "models/registry.h"
 #include "models/splined.h"
 #include "tests/apps/workspace.h"
+#include "tests/optional_data.h"
 
 namespace plenocal::testing {
 namespace {
@@ -48,22 +53,11 @@ cameras:
     T_camera_rig: [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
 )";
 
-// All formats of ordinary cameras, and whether they have a place for A_2.
-struct Format {
-  const char* name;
+// A format of ordinary cameras, and whether it holds A_2.
+struct OrdinaryFormat {
+  std::string name;
   bool holds_A_2 = true;
 };
-constexpr std::array kOrdinaryFormats{Format{"opencv"},
-                                      Format{"ros"},
-                                      Format{"kalibr", false},
-                                      Format{"mrcal"},
-                                      Format{"colmap"},
-                                      Format{"orbslam2"},
-                                      Format{"orbslam3"},
-                                      Format{"dso", false},
-                                      Format{"basalt"},
-                                      Format{"matlab"},
-                                      Format{"mat"}};
 
 class Exchange : public Workspace {
  protected:
@@ -89,6 +83,30 @@ class Exchange : public Workspace {
     for (const std::string& part : parts) EXPECT_THAT(outcome.err, HasSubstr(part));
   }
 
+  /// The registered formats that hold one of the cameras of `kStereo`; A_2 of `right` is zero.
+  [[nodiscard]] std::vector<OrdinaryFormat> OrdinaryFormats() const {
+    std::vector<OrdinaryFormat> formats;
+    for (const CameraFormat& format : CameraFormats()) {
+      const std::string name(format.name);
+      const auto holds = [&](const char* camera) {
+        return Run({"export",
+                    "calibration.yaml",
+                    "--format",
+                    name,
+                    "--camera",
+                    camera,
+                    "-o",
+                    "tried"})
+                   .status == kDone;
+      };
+      const bool holds_A_2 = holds("left");
+      if (holds_A_2 || holds("right")) formats.push_back({name, holds_A_2});
+    }
+    constexpr size_t kAllButLifcal = 11;
+    EXPECT_GE(formats.size(), kAllButLifcal);
+    return formats;
+  }
+
   YAML::Node Import(const std::string& format, const std::string& file) const {
     const Outcome outcome = Run({"import", file, "--format", format, "-o", "back"});
     EXPECT_EQ(outcome.status, kDone) << outcome.err;
@@ -107,20 +125,20 @@ void ExpectSameParameters(const YAML::Node& a, const YAML::Node& b) {
 
 TEST_F(Exchange, OneCameraComesBackToTheLastDigit) {
   const YAML::Node calibration = YAML::Load(kStereo);
-  for (const auto& [format, holds_A_2] : kOrdinaryFormats) {
+  for (const auto& [format, holds_A_2] : OrdinaryFormats()) {
     SCOPED_TRACE(format);
     const char* const camera = holds_A_2 ? "left" : "right";  // whose A_2 is zero
     Export(format, camera);
-    const YAML::Node back = Import(format, std::string("file.") + format);
+    const YAML::Node back = Import(format, "file." + format);
     ASSERT_EQ(back["cameras"].size(), 1U);
     ExpectSameParameters(calibration["cameras"][camera], back["cameras"].begin()->second);
   }
 }
 
 TEST_F(Exchange, AFileComesBackAsItWas) {
-  for (const auto& [format, holds_A_2] : kOrdinaryFormats) {
+  for (const auto& [format, holds_A_2] : OrdinaryFormats()) {
     SCOPED_TRACE(format);
-    const std::string file = std::string("file.") + format;
+    const std::string file = "file." + format;
     const std::string text = Export(format, "right");
     Import(format, file);
     const std::string again = Export(format, "", "back/calibration.yaml");
@@ -324,10 +342,9 @@ TEST_F(Exchange, OmniOfKalibrIsTheUnifiedModel) {
 }
 
 TEST_F(Exchange, RealFilesAreRead) {
-  const std::filesystem::path sets = std::filesystem::path(PLENOCAL_SHARED_DATA) / "frames";
-  if (!std::filesystem::exists(sets)) GTEST_SKIP() << sets << " is absent";
   const auto read = [&](const std::string& file, std::vector<std::string> options) {
-    std::vector<std::string> arguments{"import", (sets / file).string(), "-o", "real", "--format"};
+    std::vector<std::string> arguments{
+        "import", OptionalData("frames/" + file).string(), "-o", "real", "--format"};
     arguments.insert(arguments.end(), options.begin(), options.end());
     const Outcome outcome = Run(arguments);
     EXPECT_EQ(outcome.status, kDone) << outcome.err;
@@ -336,6 +353,8 @@ TEST_F(Exchange, RealFilesAreRead) {
   YAML::Node camera = read("stereo_chess_opencv/left_intrinsics.yml", {"opencv"});
   EXPECT_EQ(camera["model"].as<std::string>(), "pinhole-radtan");
   EXPECT_NEAR(camera["parameters"]["k_1"].as<double>(), -0.26637260909660682, 1e-16);
+  const std::filesystem::path others = OptionalData("frames/stereo_fisheye_ros");
+  if (!std::filesystem::exists(others)) GTEST_SKIP() << Absent(others);
   camera = read("stereo_fisheye_ros/cam_stereo.yml", {"opencv", "--fisheye", "--size", "800x503"});
   EXPECT_EQ(camera["model"].as<std::string>(), "kannala-brandt4");
   camera = read("stereo_fisheye_ros/left.yaml", {"ros"});
@@ -397,8 +416,8 @@ TEST_F(Exchange, EachFormatHasItsOwnDirectionOfThePose) {
 
 TEST_F(Exchange, PixelZeroLiesAtTheCornerInColmapAndDsoAndOneAtTheCentreInMatlab) {
   EXPECT_THAT(Export("colmap", "left"),
-              HasSubstr("1 FULL_OPENCV 640 480 500.0 501.123456789012 320.6 241.2 -0.2 0.051 0.0 "
-                        "0.0 0.0123 0.0 0.0 0.0\n"));
+              HasSubstr("1 FULL_OPENCV 640 480 500.0 501.123456789012 320.6 241.2 -0.2 0.051 "
+                        "0.0 0.0 0.0123 0.0 0.0 0.0\n"));
   const std::vector<std::string> dso = Lines(Export("dso", "right"));
   EXPECT_THAT(dso[0],
               HasSubstr(fmt::format("RadTan {} {} {} {} -0.21 0.06 0.0 0.0",
@@ -582,8 +601,8 @@ TEST_F(Exchange, ColmapReadsAndProjectsTheSame) {
   Write("model/points3D.txt", points);
   const std::string command = "cd " + Path("").string() +
                               " && QT_QPA_PLATFORM=offscreen colmap bundle_adjuster --input_path "
-                              "model --output_path out --BundleAdjustment.max_num_iterations 1 "
-                              "> log.txt 2>&1";
+                              "model --output_path out --BundleAdjustment.max_num_iterations 1 > "
+                              "log.txt 2>&1";
   ASSERT_EQ(std::system(command.c_str()), 0) << Read("log.txt");
   const std::string log = Read("log.txt");
   const std::string label = "Initial cost : ";
@@ -652,7 +671,7 @@ TEST_F(Exchange, WhatAFormatCannotHoldIsRefusedWithTheWayOut) {
     EXPECT_FALSE(std::filesystem::exists(Path("out." + format)));
   };
   Write("plenoptic.yaml", kPlenoptic);
-  for (const auto& [format, holds_A_2] : kOrdinaryFormats) {
+  for (const auto& [format, holds_A_2] : OrdinaryFormats()) {
     refused("plenoptic.yaml", format, {"plenoptic", format, "plenocal convert"});
   }
   refused("calibration.yaml", "kalibr", {"left", "A_2", "plenocal convert"});
@@ -688,11 +707,28 @@ TEST_F(Exchange, FilesThatAreWrongAreNamed) {
   refused("lifcal", "<Root><ImageSize>", {"bad.file", "XML"});
   refused("lifcal", "<Root></Root>", {"bad.file", "Width"});
   refused("mrcal", "{ 'lensmodel': 'LENSMODEL_CAHVOR' }", {"bad.file", "intrinsics"});
-  std::vector<const char*> all{"lifcal", "mrcal-corners"};
-  for (const Format& format : kOrdinaryFormats) all.push_back(format.name);
-  for (const char* format : all) {
+  std::vector<std::string_view> all = NamesOf(CameraFormats());
+  all.push_back("mrcal-corners");
+  for (const std::string_view name : all) {
+    const std::string format(name);
     refused(format, "", {"bad.file"});
     refused(format, "hello: [world\n", {"bad.file"});
+  }
+}
+
+TEST_F(Exchange, EachFormatIsInTheHelpAndInTheDocuments) {
+  std::ifstream file(std::filesystem::path(PLENOCAL_DOCS) / "exchange.md");
+  const std::string document{std::istreambuf_iterator<char>(file), {}};
+  const std::string to_help = Run({"export", "--help"}).out;
+  const std::string from_help = Run({"import", "--help"}).out;
+  for (const CameraFormat& format : CameraFormats()) {
+    if (!format.variant_of.empty()) continue;
+    EXPECT_THAT(to_help, HasSubstr(std::string(format.name)));
+    EXPECT_THAT(document, HasSubstr(fmt::format("`{}`", format.name)));
+  }
+  for (const ImportFormat& format : ImportFormats()) {
+    EXPECT_THAT(from_help, HasSubstr(std::string(format.name)));
+    EXPECT_THAT(document, HasSubstr(fmt::format("`{}`", format.name)));
   }
 }
 

@@ -12,7 +12,7 @@
 #include <cmath>
 #include <random>
 
-#include "calib/result_files.h"
+#include "calib/describe.h"
 #include "tests/calib/plenoptic_synthetic.h"
 #include "tests/calib/synthetic.h"
 
@@ -23,19 +23,8 @@ constexpr int kTrials = 60;
 // Of a variance that is estimated from kTrials: chi-square quantiles at 1e-5 and 1 - 1e-5.
 constexpr double kLow = 0.41, kHigh = 1.95;
 
-/// What the report reads of a calibration.
-Results Calibrated(const CalibrationInput& input) {
-  const Calibration calibration = Calibrate(input, {});
-  std::string target = "plenocal: 1\ntype: markers\nmarkers:\n";
-  for (const auto& [number, p] : input.markers) {
-    target += fmt::format("  {}: [{}, {}, {}]\n", number, p.x(), p.y(), p.z());
-  }
-  return ReadResults({{"calibration.yaml", CalibrationYaml(calibration, {{"session", "none"}})},
-                      {"target.yaml", target},
-                      {"poses.csv", PosesCsv(calibration)},
-                      {"residuals.csv", ResidualsCsv(calibration)},
-                      {"correlations.csv", CorrelationsCsv(calibration)}},
-                     "out");
+CalibrationRecord Calibrated(const CalibrationInput& input) {
+  return Describe(Calibrate(input, {}));
 }
 
 CalibrationInput WithNoise(CalibrationInput input, double sigma, int seed) {
@@ -45,7 +34,7 @@ CalibrationInput WithNoise(CalibrationInput input, double sigma, int seed) {
     for (Observation& o : view.observations) {
       o.values[0] += noise(random);
       o.values[1] += noise(random);
-      o.sigma = sigma;
+      o.detector_sigma = sigma;
     }
   }
   return input;
@@ -56,29 +45,29 @@ struct Image {
   Eigen::Matrix<double, 2, 3, Eigen::RowMajor> by_point;
 };
 
-Image Project(const CameraResult& camera, const double* values, const Eigen::Vector3d& p) {
+Image Project(const CalibratedCamera& camera, const double* values, const Eigen::Vector3d& p) {
   double predicted[kMaxObservationSize];
   std::vector<double> by_params(2 * camera.params.size());
   Image image;
-  EXPECT_TRUE(camera.model->project_with_jacobian(camera.params.data(),
-                                                  camera.config.data(),
-                                                  values,
-                                                  p,
-                                                  predicted,
-                                                  by_params.data(),
-                                                  image.by_point.data()));
+  EXPECT_TRUE(
+      camera.model->project_with_jacobian(camera.params.data(),
+                                          camera.config.data(),
+                                          values,
+                                          p,
+                                          {predicted, by_params.data(), image.by_point.data()}));
   image.x = {predicted[0], predicted[1]};
   return image;
 }
 
 /// The motion of the true camera's frame with which `estimate` takes the true camera's place best.
-RigidTransform BestMotion(const Results& truth, const CameraResult& estimate) {
+RigidTransform BestMotion(const CalibrationRecord& truth, const CalibratedCamera& estimate) {
   RigidTransform T;
   for (int iteration = 0; iteration < 5; ++iteration) {
     Matrix6d normal = Matrix6d::Zero();
     Vector6d right = Vector6d::Zero();
     for (const ResidualRow& row : truth.cameras[0].residuals) {
-      const Eigen::Vector3d p = truth.CameraFromTarget(0, row.frame) * truth.markers.at(row.marker);
+      const Eigen::Vector3d p =
+          truth.CameraFromTarget(0, row.frame) * truth.markers.at(row.marker).position;
       const Image image = Project(estimate, row.values.data(), T * p);
       Eigen::Matrix<double, 3, 6> moved;
       moved << Eigen::Matrix3d::Identity(), -Hat(T.R * p);
@@ -97,8 +86,8 @@ TEST(ProjectionUncertainty, IsTheScatterOfWhatNoisyCalibrationsProject) {
   constexpr int kEvery = 29;  // cells
   constexpr double kNoise = 0.2;
   const CalibrationInput exact = MakeProblem(11, {.frames = 8}).input;
-  const Results truth = Calibrated(exact);
-  const CameraResult& camera = truth.cameras[0];
+  const CalibrationRecord truth = Calibrated(exact);
+  const CalibratedCamera& camera = truth.cameras[0];
   const std::vector<ProjectionMap> places = ProjectionMaps(truth, 0);
   ASSERT_EQ(places.size(), 4u);
   struct Place {
@@ -109,7 +98,7 @@ TEST(ProjectionUncertainty, IsTheScatterOfWhatNoisyCalibrationsProject) {
   };
   std::map<std::pair<size_t, size_t>, Place> compared;
   for (int trial = 0; trial < kTrials; ++trial) {
-    const Results found = Calibrated(WithNoise(exact, kNoise, trial));
+    const CalibrationRecord found = Calibrated(WithNoise(exact, kNoise, trial));
     const std::vector<ProjectionMap> maps = ProjectionMaps(found, 0);
     ASSERT_EQ(maps.size(), 4u);
     const RigidTransform T = BestMotion(truth, found.cameras[0]);
@@ -145,7 +134,7 @@ TEST(ProjectionUncertainty, IsTheScatterOfWhatNoisyCalibrationsProject) {
 }
 
 /// The point that observations of one marker in one image see.
-Eigen::Vector3d Intersect(const CameraResult& camera,
+Eigen::Vector3d Intersect(const CalibratedCamera& camera,
                           const std::vector<std::array<double, kMaxObservationSize>>& seen,
                           Eigen::Vector3d p) {
   for (int iteration = 0; iteration < 6; ++iteration) {
@@ -166,7 +155,7 @@ TEST(DistanceUncertainty, IsTheScatterOfDistancesThatNoisyCalibrationsMeasure) {
   constexpr double kNoise = 0.05;
   const CalibrationInput exact =
       MakePlenopticProblem(3, {.corner = true, .frames = 6, .columns = 4, .rows = 3}).input;
-  const Results truth = Calibrated(exact);
+  const CalibrationRecord truth = Calibrated(exact);
   struct Marker {
     Eigen::Vector3d point{0, 0, 0};
     std::vector<std::array<double, kMaxObservationSize>> seen;
@@ -176,7 +165,7 @@ TEST(DistanceUncertainty, IsTheScatterOfDistancesThatNoisyCalibrationsMeasure) {
   std::map<std::pair<int, int>, Marker> markers;
   for (const ResidualRow& row : truth.cameras[0].residuals) {
     Marker& marker = markers[{row.frame, row.marker}];
-    marker.point = truth.CameraFromTarget(0, row.frame) * truth.markers.at(row.marker);
+    marker.point = truth.CameraFromTarget(0, row.frame) * truth.markers.at(row.marker).position;
     marker.seen.push_back(row.values);
   }
   int index = 0;
@@ -187,13 +176,13 @@ TEST(DistanceUncertainty, IsTheScatterOfDistancesThatNoisyCalibrationsMeasure) {
   std::mt19937 random(1);
   std::normal_distribution<double> noise(0, kNoise);
   for (int trial = 0; trial < kTrials; ++trial) {
-    const Results found = Calibrated(WithNoise(exact, kNoise, trial));
+    const CalibrationRecord found = Calibrated(WithNoise(exact, kNoise, trial));
     const std::vector<DistancePrecision> precisions =
         DistancePrecisions(found, 0, std::numeric_limits<int>::max());
     for (auto& [key, marker] : markers) {
       // Precisions are known by their distance.
       const double distance =
-          (found.CameraFromTarget(0, key.first) * found.markers.at(key.second)).norm();
+          (found.CameraFromTarget(0, key.first) * found.markers.at(key.second).position).norm();
       const auto own =
           std::min_element(precisions.begin(), precisions.end(), [&](const auto& a, const auto& b) {
             return std::abs(a.distance - distance) < std::abs(b.distance - distance);
@@ -202,7 +191,7 @@ TEST(DistanceUncertainty, IsTheScatterOfDistancesThatNoisyCalibrationsMeasure) {
       ASSERT_NEAR(own->distance, distance, 1e-12);
       marker.calibration += own->calibration * own->calibration / kTrials;
       marker.noise += own->noise * own->noise / kTrials;
-      const auto error = [&marker = marker](const CameraResult& camera, const auto& seen) {
+      const auto error = [&marker = marker](const CalibratedCamera& camera, const auto& seen) {
         return Intersect(camera, seen, marker.point).norm() - marker.point.norm();
       };
       marker.by_calibration += std::pow(error(found.cameras[0], marker.seen), 2) / kTrials;

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <cstring>
 #include <nlohmann/json.hpp>
 #include <random>
 
@@ -73,8 +74,33 @@ void ExpectSame(const Json& shown, const YAML::Node& written) {
   if (std::isinf(value)) {
     EXPECT_TRUE(shown.is_null());
   } else {
-    EXPECT_EQ(shown.get<double>(), value);
+    EXPECT_NEAR(shown.get<double>(), value, 1e-11 * std::abs(value));
   }
+}
+
+// Pages made from memory and from files differ by how numbers are rounded in the files, and by
+// nothing else.
+void ExpectSamePage(const std::string& a, const std::string& b) {
+  constexpr double kRounding = 2e-3, kSmallest = 1e-5;  // residuals have five decimals in the files
+  const auto is_digit = [](char c) { return c >= '0' && c <= '9'; };
+  const char *x = a.c_str(), *y = b.c_str();
+  int numbers = 0;
+  while (*x != '\0' && *y != '\0') {
+    if (is_digit(*x) && is_digit(*y)) {
+      char *x_end = nullptr, *y_end = nullptr;
+      const double u = std::strtod(x, &x_end), v = std::strtod(y, &y_end);
+      ASSERT_NEAR(u, v, kRounding * std::max(u, kSmallest)) << std::string(x, 60);
+      x = x_end;
+      y = y_end;
+      ++numbers;
+    } else {
+      ASSERT_EQ(*x, *y) << std::string(x, std::min<size_t>(60, std::strlen(x)));
+      ++x;
+      ++y;
+    }
+  }
+  EXPECT_EQ(*x, *y);
+  EXPECT_GT(numbers, 1000);
 }
 
 TEST_F(Report, HoldsTheFiguresOfTheCalibration) {
@@ -132,7 +158,7 @@ TEST_F(Report, IsWrittenAgainFromTheFilesAlone) {
   fs::remove(Path("target.yaml"));
   const Outcome outcome = Run({"report", "elsewhere"});
   ASSERT_EQ(outcome.status, kDone) << outcome.err;
-  EXPECT_TRUE(Read("elsewhere/report.html") == page);
+  ExpectSamePage(Read("elsewhere/report.html"), page);
 }
 
 TEST_F(Report, CanBeLeftOut) {
@@ -240,7 +266,7 @@ TEST_F(Report, SaysWhatIsMissingOrDamaged) {
   Write("out/residuals.csv", residuals + "cam0,no such frame,1,1,1,1,1,1,1\n");
   expect("out", {"out/residuals.csv:", "no such frame"});
   Write("out/residuals.csv", residuals.substr(0, residuals.size() - 16));
-  expect("out", {"out/residuals.csv:", "cells"});
+  expect("out", {"out/residuals.csv:", "columns"});
 }
 
 TEST_F(Report, EscapesWhatUsersWrite) {
@@ -276,7 +302,7 @@ TEST_F(Report, NamesWhatABadPoseSetLacks) {
           T.R * middle;
     View view{fmt::format("{:02}", frame), {}};
     for (const auto& [number, place] : problem.input.markers) {
-      Observation seen{.marker = number, .values = {}, .sigma = 0.1};
+      Observation seen{.marker = number, .values = {}, .detector_sigma = 0.1};
       if (!camera.model->project(problem.params[0].data(),
                                  nullptr,
                                  seen.values.data(),
@@ -421,7 +447,7 @@ TEST_F(Report, IsDrawnByABrowser) {
                     "Uncertainty in use",
                     "Sample images",
                     "Left out",
-                    "Run it again"}));
+                    "Reproduce"}));
     EXPECT_EQ(audit["images"], Json{640});
     EXPECT_LE(audit["width"].get<int>(), width) << "the page is wider than the window";
     // The figures on the page are those of the file.

@@ -11,6 +11,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "tests/apps/workspace.h"
+#include "tests/optional_data.h"
 
 namespace plenocal::testing {
 namespace {
@@ -598,7 +599,7 @@ class RealPairs : public Undistort {
   }
 
   [[nodiscard]] static fs::path Folder(const PairSet& set) {
-    return fs::path(PLENOCAL_SHARED_DATA) / "frames" / set.name;
+    return OptionalData("frames/" + set.name);
   }
 
   // The corners that Plenocal has found.
@@ -621,7 +622,7 @@ class RealPairs : public Undistort {
   }
 
   void ExpectNotWorseThanOpenCv(const PairSet& set) {
-    if (!fs::exists(Folder(set))) GTEST_SKIP() << Folder(set) << " is absent";
+    if (!fs::exists(Folder(set))) GTEST_SKIP() << Absent(Folder(set));
     const auto [flat, f] = OurError(set, 0);
     const CornerPairs found = FindCorners(Folder(set), "left" + set.joint, set.board);
     const double theirs = OpenCvEpipolarError(found, set.flags, f);

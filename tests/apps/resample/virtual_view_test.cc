@@ -12,9 +12,10 @@
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
 
-#include "apps/undistort/virtual_image.h"
+#include "apps/resample/virtual_image.h"
 #include "models/registry.h"
 #include "tests/apps/workspace.h"
+#include "tests/optional_data.h"
 
 namespace plenocal::testing {
 namespace {
@@ -47,7 +48,7 @@ std::optional<Eigen::Vector2d> Shown(const CalibratedCamera& camera,
 TEST(VirtualImageOfModels, PointsComeBackFromWhatMicroImagesShow) {
   int models = 0;
   for (const CameraModel& model : CameraModels()) {
-    if (model.context.empty()) continue;
+    if (!model.plenoptic) continue;
     ++models;
     SCOPED_TRACE(model.name);
     const CalibratedCamera camera = ExampleOf(model);
@@ -95,7 +96,7 @@ TEST(VirtualImageOfModels, OfTheThinLensIsCentredInTheCamera) {
   const CalibratedCamera camera = ExampleOf(*thin);
   const VirtualImage image(camera);
   EXPECT_LT(image.ViewFromCamera().t.norm(), 1e-9);
-  // q is a pinhole image of focal length b_L0 + B (shared/PLENOPTIC.md, section 1).
+  // q is a pinhole image of focal length b_L0 + B (docs/plenoptic.md).
   const double f = (camera.params[1] + camera.params[2]) / camera.config[0];
   EXPECT_NEAR(image.Seen(1).f.x(), f, 1e-3 * f);
 }
@@ -103,7 +104,7 @@ TEST(VirtualImageOfModels, OfTheThinLensIsCentredInTheCamera) {
 class VirtualView : public Workspace {
  protected:
   void SetUp() override {
-    if (!fs::exists(set_)) GTEST_SKIP() << set_ << " is absent";
+    if (!fs::exists(set_)) GTEST_SKIP() << Absent(set_);
   }
   [[nodiscard]] cv::Mat Load(const std::string& name) const {
     return cv::imread(Path(name).string(), cv::IMREAD_UNCHANGED);
@@ -112,7 +113,7 @@ class VirtualView : public Workspace {
     std::ifstream file(path);
     return {std::istreambuf_iterator<char>(file), {}};
   }
-  const fs::path set_ = fs::path(PLENOCAL_SHARED_DATA) / "sim_small";
+  const fs::path set_ = OptionalData("sim_small");
 };
 
 TEST_F(VirtualView, DistancesOfTagsAreTrue) {

@@ -150,7 +150,7 @@ TEST_F(SimulateCommand, SaysAtWhichVirtualDepthsTheTargetIs) {
   const std::regex sentence(
       R"(plenoptic: .* virtual depths from ([\d.]+) to ([\d.]+) \(sharp: 2.4, 3, 3.9\))");
   ASSERT_TRUE(std::regex_search(outcome.out, found, sentence)) << outcome.out;
-  // T = a + b / z: shared/PLENOPTIC.md, section 1.
+  // Virtual depth v = a + b / z (docs/plenoptic.md).
   const double f_L = 0.0122, b_L0 = 0.01166, B = 0.00026;
   const double a = (b_L0 + B) / B * (1 - b_L0 / f_L), b = (b_L0 + B) * b_L0 / B;
   const double farthest = b / (std::stod(found[1]) - a), nearest = b / (std::stod(found[2]) - a);

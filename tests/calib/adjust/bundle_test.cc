@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/bundle.h"
+#include "calib/adjust/bundle.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 
+#include "calib/adjust/linearise.h"
+#include "calib/adjust/problem.h"
 #include "tests/calib/synthetic.h"
 
 namespace plenocal {
@@ -14,45 +16,12 @@ using testing::MakeProblem;
 using testing::SyntheticOptions;
 using testing::SyntheticProblem;
 using testing::TargetShape;
+using testing::TrueBundle;
 
 // Exact observations leave residuals of rounding: 1e-16 of 1000 px, solved to 1e-10 of the cost.
 constexpr double kExact = 1e-8;  // px
 // Costs are sums of some thousand terms, each rounded.
 constexpr double kSum = 1e-11;
-
-// The problem's truth as the state of an adjustment.
-Bundle TrueBundle(const SyntheticProblem& problem) {
-  Bundle bundle;
-  for (size_t c = 0; c < problem.params.size(); ++c) {
-    bundle.cameras.push_back({.model = problem.input.cameras[c].model,
-                              .config = {},
-                              .params = problem.params[c],
-                              .fixed = std::vector<bool>(problem.params[c].size(), false),
-                              .T_camera_rig = problem.T_camera_rig[c],
-                              .is_master = c == 0});
-  }
-  std::map<int, int> index;
-  for (const auto& [number, position] : problem.markers) {
-    index[number] = static_cast<int>(bundle.markers.size());
-    bundle.markers.push_back({number, position, problem.input.markers.at(number)});
-  }
-  for (const auto& [name, T_rig_target] : problem.T_rig_target) {
-    const int frame = static_cast<int>(bundle.T_rig_target.size());
-    bundle.T_rig_target.push_back(T_rig_target);
-    for (size_t c = 0; c < problem.params.size(); ++c) {
-      for (const View& view : problem.input.cameras[c].views) {
-        if (view.frame != name) continue;
-        for (Observation seen : view.observations) {
-          if (seen.sigma == 0) seen.sigma = 1;
-          bundle.observations.push_back(
-              {static_cast<int>(c), frame, index.at(seen.marker), seen, true});
-        }
-      }
-    }
-  }
-  bundle.marker_sigma = problem.input.marker_sigma;
-  return bundle;
-}
 
 // Moves everything that is estimated away from the truth.
 void Disturb(Bundle* bundle) {
@@ -128,14 +97,13 @@ TEST(Adjust, KeepsHeldParametersToTheBit) {
   }
 }
 
-TEST(Adjust, KeepsAllIntrinsicsOnRequest) {
+TEST(Adjust, KeepsFixedIntrinsics) {
   Bundle bundle = TrueBundle(Stereo(0.2));
   Disturb(&bundle);
+  for (BundleCamera& camera : bundle.cameras) camera.fixed.assign(camera.fixed.size(), true);
   const auto before = bundle.cameras;
   const RigidTransform pose = bundle.T_rig_target[0];
-  AdjustOptions options;
-  options.hold_intrinsics = true;
-  ASSERT_TRUE(Adjust(&bundle, options).usable);
+  ASSERT_TRUE(Adjust(&bundle, {}).usable);
   for (size_t c = 0; c < before.size(); ++c) EXPECT_EQ(bundle.cameras[c].params, before[c].params);
   EXPECT_NE(bundle.T_rig_target[0].t, pose.t);
 }
@@ -215,8 +183,8 @@ TEST(Adjust, MinimisesTheLossThatItStates) {
   for (const Loss loss : {Loss::kNone, Loss::kHuber, Loss::kCauchy}) {
     SyntheticProblem problem = Stereo(0.2, 0.0002);
     Bundle bundle = TrueBundle(problem);
-    bundle.cameras[1].noise_scale = 1.2;
-    bundle.cameras[1].noise_floor = 0.15;
+    bundle.cameras[1].noise.detector_scale = 1.2;
+    bundle.cameras[1].noise.additive_sigma = 0.15;
     for (size_t i = 0; i < bundle.observations.size(); i += 17) {
       bundle.observations[i].seen.values[0] += 3;  // 15 sigma
     }
@@ -275,42 +243,42 @@ TEST(Linearise, AgreesWithDifferencesInEveryUnknown) {
   const SyntheticProblem problem = Stereo(0.3);
   const Bundle bundle = TrueBundle(problem);
   const BundleCamera& camera = bundle.cameras[1];
-  const RigidTransform mount = camera.T_camera_rig, pose = bundle.T_rig_target[3];
-  Vector6d at_mount, at_pose, at_jitter;
-  at_mount << 0.01, -0.02, 0.005, 0.02, 0.01, -0.03;
+  const RigidTransform extrinsics = camera.T_camera_rig, pose = bundle.T_rig_target[3];
+  Vector6d at_extrinsics, at_pose, at_jitter;
+  at_extrinsics << 0.01, -0.02, 0.005, 0.02, 0.01, -0.03;
   at_pose << -0.02, 0.01, 0.03, 0.1, 0.2, -0.3;  // inside the chart its Jacobian is not 1
   at_jitter << 0.01, 0.02, -0.01, -0.2, 0.1, 0.15;
   for (const BundleObservation& observation : bundle.observations) {
     if (observation.camera != 1 || observation.marker % 40 != 0) continue;
     Eigen::VectorXd unknowns(camera.params.size() + 21);
     unknowns << Eigen::Map<const Eigen::VectorXd>(camera.params.data(), camera.params.size()),
-        at_mount, at_pose, at_jitter,
+        at_extrinsics, at_pose, at_jitter,
         bundle.markers[static_cast<size_t>(observation.marker)].position;
     const auto n = static_cast<Eigen::Index>(camera.params.size());
     const auto linearise = [&](const Eigen::VectorXd& x, internal::LinearisedRows rows) {
       const internal::LinearisedView view{
-          .T_camera_rig = Retract(mount, x.segment<6>(n)),
+          .T_camera_rig = Retract(extrinsics, x.segment<6>(n)),
           .T_rig_target = Retract(Retract(pose, x.segment<6>(n + 6)), x.segment<6>(n + 12)),
-          .chart_mount = LeftJacobian(x.segment<3>(n + 3)),
+          .chart_extrinsics = LeftJacobian(x.segment<3>(n + 3)),
           .chart_pose = ExpRotation(x.segment<3>(n + 15)) * LeftJacobian(x.segment<3>(n + 9)),
           .chart_jitter = LeftJacobian(x.segment<3>(n + 15))};
-      return internal::Linearise(camera, x.data(), view, x.tail<3>(), observation.seen, rows);
+      return internal::Linearise(camera, x.data(), view, x.tail<3>(), observation, rows);
     };
     Eigen::Vector2d residual;
     Eigen::Matrix<double, 2, 7, Eigen::RowMajor> J_params;
-    Eigen::Matrix<double, 2, 6, Eigen::RowMajor> J_mount, J_pose, J_jitter;
+    Eigen::Matrix<double, 2, 6, Eigen::RowMajor> J_extrinsics, J_pose, J_jitter;
     Eigen::Matrix<double, 2, 3, Eigen::RowMajor> J_marker;
     if (!linearise(unknowns,
                    {residual.data(),
                     J_params.data(),
-                    J_mount.data(),
+                    J_extrinsics.data(),
                     J_pose.data(),
                     J_jitter.data(),
                     J_marker.data()})) {
       continue;
     }
     Eigen::Matrix<double, 2, 28> J;
-    J << J_params, J_mount, J_pose, J_jitter, J_marker;
+    J << J_params, J_extrinsics, J_pose, J_jitter, J_marker;
     for (Eigen::Index k = 0; k < unknowns.size(); ++k) {
       const double step = kStep * std::max(1.0, std::abs(unknowns[k]));
       Eigen::VectorXd up = unknowns, down = unknowns;

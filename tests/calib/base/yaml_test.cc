@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/yaml.h"
+#include "calib/base/yaml.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -10,7 +10,7 @@
 #include <locale>
 #include <string>
 
-#include "calib/error.h"
+#include "calib/base/error.h"
 
 namespace plenocal {
 namespace {

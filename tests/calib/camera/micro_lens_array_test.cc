@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/micro_lens_array.h"
+#include "calib/camera/micro_lens_array.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -11,9 +11,10 @@
 #include <regex>
 #include <string>
 
-#include "calib/error.h"
-#include "calib/hexagonal_lattice.h"
-#include "calib/raytrix_grid.h"
+#include "calib/base/error.h"
+#include "calib/camera/hexagonal_lattice.h"
+#include "calib/files/raytrix_grid.h"
+#include "tests/optional_data.h"
 
 namespace plenocal {
 namespace {
@@ -112,12 +113,12 @@ TEST_F(MicroLensFile, TakesAMicroLensOnTheBorderOfTheSensor) {
 TEST_F(MicroLensFile, NamesTheLineOfABadNumber) {
   Write("index,x,y,type\n0,1.5,2.5,0\n1,oops,2.5,0\n");
   EXPECT_THAT(Message(),
-              ::testing::AllOf(::testing::HasSubstr(":3: x"), ::testing::HasSubstr("oops")));
+              ::testing::AllOf(::testing::HasSubstr(":3:3: x"), ::testing::HasSubstr("oops")));
 }
 
 TEST(RayCalibData, RealFilesGiveTheirPitchRotationAndTypes) {
-  const fs::path folder = fs::path(PLENOCAL_SHARED_DATA) / "plenoptic_real";
-  if (!fs::exists(folder)) GTEST_SKIP() << "no " << folder;
+  const fs::path folder = OptionalData("plenoptic_real");
+  if (!fs::exists(folder)) GTEST_SKIP() << Absent(folder);
   struct Case {
     const char* file;
     double pitch, rotation_deg;  // modulo 60

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/resection.h"
+#include "calib/camera/resection.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/rigid_transform.h"
+#include "calib/camera/rigid_transform.h"
 
 #include <gtest/gtest.h>
 
@@ -114,7 +114,7 @@ TEST(Exp, PutsTheTranslationalPartFirst) {
   EXPECT_EQ(Exp(xi).R, Eigen::Matrix3d::Identity());
 }
 
-// exp(xi^) = sum xi^^k / k!, as FORMATS.md defines it.
+// exp(xi^) = sum xi^^k / k!, as docs/conventions.md defines it.
 TEST(Exp, IsTheMatrixExponential) {
   for (const Eigen::Vector3d& axis : Axes()) {
     for (const double angle : kAngles) {

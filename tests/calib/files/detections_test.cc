@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/detections.h"
+#include "calib/files/detections.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -7,7 +7,7 @@
 
 #include <fstream>
 
-#include "calib/error.h"
+#include "calib/base/error.h"
 
 namespace plenocal {
 namespace {
@@ -64,7 +64,7 @@ TEST_F(Detections, ComeBackFromTheirTable) {
     for (size_t i = 0; i < views[v].observations.size(); ++i) {
       const Observation &a = again[v].observations[i], &b = views[v].observations[i];
       EXPECT_EQ(a.marker, b.marker);
-      EXPECT_NEAR(a.sigma, b.sigma, kWritten);
+      EXPECT_NEAR(a.detector_sigma, b.detector_sigma, kWritten);
       for (size_t k = 0; k < kMaxObservationSize; ++k)
         EXPECT_NEAR(a.values[k], b.values[k], kWritten);
     }
@@ -94,7 +94,7 @@ TEST_F(Detections, KeepTheErrorsThatTheyShare) {
   EXPECT_THAT(MessageOf("frame,marker,x,y,x_shared_1\n1,2,3,4,5\n", Ordinary()),
               HasSubstr(":1: column 'y_shared_1' is missing"));
   EXPECT_THAT(MessageOf("frame,marker,x,y,x_shared_1,y_shared_1\n1,2,3,4,5,\n", Ordinary()),
-              HasSubstr(":2: y_shared_1: expected a number"));
+              HasSubstr(":2:11: y_shared_1: expected a number"));
 }
 
 TEST_F(Detections, FindColumnsByNameInAnyOrderAndIgnoreOthers) {
@@ -106,7 +106,7 @@ TEST_F(Detections, FindColumnsByNameInAnyOrderAndIgnoreOthers) {
   const Observation& observation = views[0].observations[0];
   EXPECT_EQ(observation.marker, 3);
   EXPECT_THAT(observation.values, ::testing::ElementsAre(12.25, 1, 10, 2.5));
-  EXPECT_EQ(observation.sigma, 0);
+  EXPECT_EQ(observation.detector_sigma, 0);
 }
 
 TEST_F(Detections, GroupTheRowsOfAFrameWhereverTheyStand) {
@@ -138,13 +138,13 @@ TEST_F(Detections, AreRefusedWithFileAndLine) {
   const auto message = [&](const std::string& row) { return MessageOf(head + row, Ordinary()); };
   for (const char* row :
        {"0,2,nan,3,0.1", "0,2,inf,3,0.1", "0,2,3px,3,0.1", "0,2,,3,0.1", "0,2,1e999,3,0.1"}) {
-    EXPECT_THAT(message(row), AllOf(HasSubstr(file + ":3: x: "), HasSubstr("number"))) << row;
+    EXPECT_THAT(message(row), AllOf(HasSubstr(file + ":3:5: x: "), HasSubstr("number"))) << row;
   }
-  EXPECT_THAT(message("0,1.5,2,3,0.1"), HasSubstr(":3: marker: expected a whole number"));
-  EXPECT_THAT(message("0,2,2,3,-0.1"), HasSubstr(":3: sigma: expected a positive number"));
-  EXPECT_THAT(message("0,2,2,3,0"), HasSubstr(":3: sigma: expected a positive number"));
+  EXPECT_THAT(message("0,1.5,2,3,0.1"), HasSubstr(":3:3: marker: expected a whole number"));
+  EXPECT_THAT(message("0,2,2,3,-0.1"), HasSubstr(":3:9: sigma: expected a positive number"));
+  EXPECT_THAT(message("0,2,2,3,0"), HasSubstr(":3:9: sigma: expected a positive number"));
   EXPECT_THAT(message("0,2,2"), HasSubstr(":3: expected 5 columns"));
-  EXPECT_THAT(message(",2,2,3,0.1"), HasSubstr(":3: frame: expected a name"));
+  EXPECT_THAT(message(",2,2,3,0.1"), HasSubstr(":3:1: frame: expected a name"));
   EXPECT_THAT(message("0,1,5,5,0.1"), HasSubstr(":3: frame '0' has marker 1 in line 2 already"));
   EXPECT_THAT(MessageOf("", Ordinary()), HasSubstr("expected a header line"));
   EXPECT_THAT(MessageOf("frame,marker,x\n", Ordinary()),

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/compare.h"
+#include "calib/judge/compare.h"
 
 #include <gtest/gtest.h>
 
 #include <limits>
 
-#include "calib/result_files.h"
-#include "calib/statistics.h"
+#include "calib/base/statistics.h"
+#include "calib/describe.h"
 #include "models/registry.h"
 #include "tests/calib/random.h"
 #include "tests/calib/synthetic.h"
@@ -22,7 +22,7 @@ Calibration CalibrateWithNoise(CalibrationInput input, unsigned seed) {
     for (View& view : camera.views) {
       for (Observation& observation : view.observations) {
         for (size_t i = 0; i < 2; ++i) observation.values[i] += random.Gaussian(kNoise);
-        observation.sigma = kNoise;
+        observation.detector_sigma = kNoise;
       }
     }
   }
@@ -94,7 +94,7 @@ TEST(ImageSigma, DoesNotDependOnUnits) {
   EXPECT_LT(predicted, 0.01);
 }
 
-TEST(CompareMounts, DifferencesAreAsLargeAsTheSigmasOfBothPredict) {
+TEST(CompareExtrinsics, DifferencesAreAsLargeAsTheSigmasOfBothPredict) {
   // Of two cameras of which neither is the one that others stand relative to in the files.
   constexpr int kPairs = 16;
   const std::vector<double> distances{1, std::numeric_limits<double>::infinity()};
@@ -106,18 +106,18 @@ TEST(CompareMounts, DifferencesAreAsLargeAsTheSigmasOfBothPredict) {
     std::vector<CalibratedCamera> of_a, of_b;
     std::vector<CameraDifference> differences;
     for (const size_t c : {1, 2}) {
-      of_a.push_back(CameraOf(a, c));
-      of_b.push_back(CameraOf(b, c));
+      of_a.push_back(DescribeCamera(a, c));
+      of_b.push_back(DescribeCamera(b, c));
       differences.push_back(CompareCameras(of_a.back(), of_b.back(), distances));
     }
-    const MountDifference mount = CompareMounts({of_a[0], of_b[0], differences[0]},
-                                                {of_a[1], of_b[1], differences[1]},
-                                                CorrelationsOf(a),
-                                                CorrelationsOf(b));
+    const ExtrinsicsDifference mount = CompareExtrinsics({of_a[0], of_b[0], differences[0]},
+                                                         {of_a[1], of_b[1], differences[1]},
+                                                         DescribeCorrelations(a),
+                                                         DescribeCorrelations(b));
     ASSERT_TRUE(mount.has_prediction);
     squares += ChiSquareQuantile(6, mount.probability);
-    turn += std::pow(mount.turn / mount.turn_sigma, 2);
-    shift += std::pow(mount.shift / mount.shift_sigma, 2);
+    turn += std::pow(mount.rotation / mount.rotation_sigma, 2);
+    shift += std::pow(mount.translation / mount.translation_sigma, 2);
   }
   // Chi-square of six numbers a pair; the others have hardly more than one that counts.
   constexpr double kChance = 1e-4;

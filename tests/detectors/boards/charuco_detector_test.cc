@@ -4,10 +4,11 @@
 #include <opencv2/aruco.hpp>
 #include <sstream>
 
-#include "calib/error.h"
-#include "detectors/image.h"
-#include "detectors/marker_detector.h"
+#include "calib/base/error.h"
+#include "detectors/images/image.h"
+#include "detectors/marker_detectors.h"
 #include "tests/detectors/render_pattern.h"
+#include "tests/optional_data.h"
 
 namespace plenocal::testing {
 namespace {
@@ -68,7 +69,7 @@ Places Truth(int columns, int rows, const Eigen::Matrix3d& H) {
 
 TEST(CharucoDetector, MeasuresCornersAndStatesItsErrorHonestly) {
   constexpr int kColumns = 7, kRows = 5;
-  const auto detector = MakeCharucoDetector(Charuco(kColumns, kRows));
+  const auto detector = MakeMarkerDetector(Charuco(kColumns, kRows));
   for (const double pitch : {44.0, 28.0}) {
     Statistics statistics;
     for (unsigned seed = 1; seed <= 6; ++seed) {
@@ -94,7 +95,7 @@ TEST(CharucoDetector, TellsTheLayoutsOfOpenCvApart) {
     for (const bool legacy : {false, true}) {
       for (const bool inverted : {false, true}) {
         const bool first_white = legacy && rows % 2 == 0;
-        const auto found = MakeCharucoDetector(Charuco(columns, rows))
+        const auto found = MakeMarkerDetector(Charuco(columns, rows))
                                ->Detect(Render(View(Board(columns, rows, first_white, inverted), H),
                                                {380, 320},
                                                {.blur = 0.7}));
@@ -109,7 +110,7 @@ TEST(CharucoDetector, TellsTheLayoutsOfOpenCvApart) {
 
 TEST(CharucoDetector, ReportsThePartOfTheBoardThatIsInView) {
   const Eigen::Matrix3d H = TiltedView(40, 0, -50, -60);  // the first row and column are cut off
-  const auto found = MakeCharucoDetector(Charuco(8, 6))
+  const auto found = MakeMarkerDetector(Charuco(8, 6))
                          ->Detect(Render(View(Board(8, 6, false), H), {300, 240}, {.blur = 0.7}));
   ExpectWellFormed(found);
   EXPECT_GE(found.markers.size(), 16) << found.failure;
@@ -123,11 +124,11 @@ TEST(CharucoDetector, AsksForTheLayoutWhereTheImageCannotTell) {
   // Odd columns, even rows: without the border the layouts differ by a shift of one column.
   const Eigen::Matrix3d H = TiltedView(40, 0, -50, -60);
   const cv::Mat image = Render(View(Board(7, 6, false), H), {300, 240}, {.blur = 0.7});
-  EXPECT_THAT(MakeCharucoDetector(Charuco(7, 6))->Detect(image).failure,
+  EXPECT_THAT(MakeMarkerDetector(Charuco(7, 6))->Detect(image).failure,
               ::testing::HasSubstr("state legacy: true or false"));
   Target stated = Charuco(7, 6);
   std::get<CharucoLayout>(stated.layout).legacy = false;
-  const auto found = MakeCharucoDetector(stated)->Detect(image);
+  const auto found = MakeMarkerDetector(stated)->Detect(image);
   EXPECT_GE(found.markers.size(), 16) << found.failure;
   Statistics statistics;
   statistics.Add(found, Truth(7, 6, H));
@@ -140,14 +141,14 @@ TEST(CharucoDetector, LeavesOutCoveredCorners) {
   const Eigen::Vector2d covered = Truth(7, 5, H).at(8);
   image(cv::Rect(static_cast<int>(covered.x()) - 12, static_cast<int>(covered.y()) - 12, 25, 25)) =
       120;
-  const auto found = MakeCharucoDetector(Charuco(7, 5))->Detect(image);
+  const auto found = MakeMarkerDetector(Charuco(7, 5))->Detect(image);
   EXPECT_FALSE(Measured(found).contains(8));
   EXPECT_EQ(found.markers.size(), 23);
   EXPECT_THAT(found.left_out, ::testing::ElementsAre(::testing::StartsWith("corner 8: ")));
 }
 
 TEST(CharucoDetector, SaysWhyNothingWasFound) {
-  const auto detector = MakeCharucoDetector(Charuco(7, 5));
+  const auto detector = MakeMarkerDetector(Charuco(7, 5));
   for (const cv::Mat& image : EmptyImages()) {
     const MarkerDetections found = detector->Detect(image);
     EXPECT_TRUE(found.markers.empty());
@@ -158,9 +159,9 @@ TEST(CharucoDetector, SaysWhyNothingWasFound) {
 TEST(CharucoDetector, RefusesDictionariesThatDoNotServe) {
   Target target = Charuco(7, 5);
   std::get<CharucoLayout>(target.layout).dictionary = "DICT_4x4_100";
-  EXPECT_THROW(MakeCharucoDetector(target), Error);
+  EXPECT_THROW(MakeMarkerDetector(target), Error);
   target.layout = CharucoLayout{20, 10, 0.04, 0.03, "DICT_4X4_50", {}};
-  EXPECT_THROW(MakeCharucoDetector(target), Error);
+  EXPECT_THROW(MakeMarkerDetector(target), Error);
 }
 
 struct RealSet {
@@ -172,13 +173,12 @@ class CharucoRealSet : public ::testing::TestWithParam<RealSet> {};
 
 TEST_P(CharucoRealSet, GivesAtLeastOpenCvsCorners) {
   const std::string& name = GetParam().name;
-  const auto files = SharedFiles("charuco_lifecam/" + name, "", ".jpg");
-  if (files.empty()) GTEST_SKIP() << "charuco_lifecam is not there";
+  const auto files = OptionalFiles("charuco_lifecam/" + name, "", ".jpg");
+  if (files.empty()) GTEST_SKIP() << Absent(OptionalData("frames/charuco_lifecam"));
   // image,corner,x,y; OpenCV 4.6's ChArUco corners are half a pixel too far right and down (it adds
   // 0.5 after cornerSubPix).
   std::map<std::string, Places> reference;
-  std::ifstream csv(std::string(PLENOCAL_SHARED_DATA) + "/frames/charuco_lifecam/corners_" + name +
-                    ".csv");
+  std::ifstream csv(OptionalData("frames/charuco_lifecam/corners_" + name + ".csv"));
   std::string line;
   std::getline(csv, line);
   while (std::getline(csv, line)) {
@@ -192,7 +192,7 @@ TEST_P(CharucoRealSet, GivesAtLeastOpenCvsCorners) {
   }
   Target target;
   target.layout = CharucoLayout{8, 8, 0.0254, 0.01905, "DICT_4X4_1000", {}};
-  const auto detector = MakeCharucoDetector(target);
+  const auto detector = MakeMarkerDetector(target);
   std::size_t corners = 0;
   int compared = 0, near = 0;
   for (const auto& file : files) {

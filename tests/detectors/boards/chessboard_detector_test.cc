@@ -4,9 +4,10 @@
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
 
-#include "detectors/image.h"
-#include "detectors/marker_detector.h"
+#include "detectors/images/image.h"
+#include "detectors/marker_detectors.h"
 #include "tests/detectors/render_pattern.h"
+#include "tests/optional_data.h"
 
 namespace plenocal::testing {
 namespace {
@@ -43,7 +44,7 @@ Places Truth(int columns, int rows, const Eigen::Matrix3d& H) {
 
 TEST(ChessboardDetector, BeatsCornerSubPixAndStatesItsErrorHonestly) {
   constexpr int kColumns = 9, kRows = 6;
-  const auto detector = MakeChessboardDetector(Chessboard(kColumns, kRows));
+  const auto detector = MakeMarkerDetector(Chessboard(kColumns, kRows));
   for (const double pitch : {36.0, 14.0}) {
     Statistics ours, sub_pix;
     for (unsigned seed = 1; seed <= 6; ++seed) {
@@ -77,7 +78,7 @@ TEST(ChessboardDetector, BeatsCornerSubPixAndStatesItsErrorHonestly) {
 
 TEST(ChessboardDetector, MeasuresCornersOfABoardBentByTheLens) {
   constexpr int kColumns = 8, kRows = 5;
-  const auto detector = MakeChessboardDetector(Chessboard(kColumns, kRows));
+  const auto detector = MakeMarkerDetector(Chessboard(kColumns, kRows));
   const cv::Size size(480, 360);
   const Eigen::Vector2d centre(240, 180);
   constexpr double kBarrel = 1.5e-6;  // px^-2: 10 % at 260 px from the centre
@@ -104,7 +105,7 @@ TEST(ChessboardDetector, MeasuresCornersOfABoardBentByTheLens) {
 
 TEST(ChessboardDetector, NumbersTheSameCornersWhateverTheBoardsTurn) {
   // columns + rows odd: the colours decide.
-  const auto detector = MakeChessboardDetector(Chessboard(7, 4));
+  const auto detector = MakeMarkerDetector(Chessboard(7, 4));
   for (int turn = 0; turn < 8; ++turn) {
     const Eigen::Matrix3d H = CentredView(24, turn * M_PI / 4, {3, 1.5}, {150, 150});
     const auto found = detector->Detect(Render(View(Board(7, 4), H), {300, 300}, {.blur = 0.7}));
@@ -118,7 +119,7 @@ TEST(ChessboardDetector, NumbersTheSameCornersWhateverTheBoardsTurn) {
 
 TEST(ChessboardDetector, IsNeverMirroredAndBeginsAtTheTopLeftWhereColoursDoNotDecide) {
   for (const auto& [columns, rows] : {std::pair{6, 4}, {5, 7}, {5, 5}, {4, 4}}) {
-    const auto detector = MakeChessboardDetector(Chessboard(columns, rows));
+    const auto detector = MakeMarkerDetector(Chessboard(columns, rows));
     for (int turn = 0; turn < 4; ++turn) {
       const Eigen::Matrix3d H =
           CentredView(26, turn * M_PI / 2, {0.5 * (columns - 1), 0.5 * (rows - 1)}, {150, 150});
@@ -140,7 +141,7 @@ TEST(ChessboardDetector, IsNeverMirroredAndBeginsAtTheTopLeftWhereColoursDoNotDe
 }
 
 TEST(ChessboardDetector, SaysWhyNothingWasFound) {
-  const auto detector = MakeChessboardDetector(Chessboard(9, 6));
+  const auto detector = MakeMarkerDetector(Chessboard(9, 6));
   for (const cv::Mat& image : EmptyImages()) {
     const MarkerDetections found = detector->Detect(image);
     EXPECT_TRUE(found.markers.empty());
@@ -172,7 +173,7 @@ Eigen::Matrix3d SteepView(int columns, int rows, double tilt, double turn) {
 
 TEST(ChessboardDetector, FindsSteepSmallBlurredAndNoisyBoards) {
   constexpr int kColumns = 9, kRows = 6;
-  const auto detector = MakeChessboardDetector(Chessboard(kColumns, kRows));
+  const auto detector = MakeMarkerDetector(Chessboard(kColumns, kRows));
   const auto expect_found =
       [&](const Eigen::Matrix3d& H, const RenderOptions& options, double rms, const char* what) {
         const MarkerDetections found =
@@ -199,7 +200,7 @@ TEST(ChessboardDetector, FindsABoardSomeOfWhoseCornersAreHidden) {
                y = static_cast<int>(truth.at(hidden).y());
     image(cv::Rect(x - 12, y - 12, 25, 25)) = 120;
   }
-  const MarkerDetections found = MakeChessboardDetector(Chessboard(9, 6))->Detect(image);
+  const MarkerDetections found = MakeMarkerDetector(Chessboard(9, 6))->Detect(image);
   ASSERT_EQ(found.markers.size(), 52) << found.failure;
   EXPECT_THAT(found.left_out,
               ::testing::ElementsAre(::testing::StartsWith("corner 0: "),
@@ -210,7 +211,7 @@ TEST(ChessboardDetector, FindsABoardSomeOfWhoseCornersAreHidden) {
 }
 
 TEST(ChessboardDetector, TakesNoLongOverImagesWithoutABoard) {
-  const auto detector = MakeChessboardDetector(Chessboard(9, 6));
+  const auto detector = MakeMarkerDetector(Chessboard(9, 6));
   cv::RNG random(7);
   for (const double correlation : {0.0, 1.0, 3.0}) {  // px
     cv::Mat texture(1000, 1000, CV_32F), image;
@@ -238,10 +239,10 @@ class ChessboardRealSet : public ::testing::TestWithParam<RealSet> {};
 
 TEST_P(ChessboardRealSet, IsFoundInEveryImage) {
   const RealSet& set = GetParam();
-  const auto files = SharedFiles(set.folder, set.prefix, set.extension);
-  if (files.empty()) GTEST_SKIP() << set.folder << " is not there";
+  const auto files = OptionalFiles(set.folder, set.prefix, set.extension);
+  if (files.empty()) GTEST_SKIP() << Absent(OptionalData("frames/" + set.folder));
   EXPECT_EQ(files.size(), set.images);
-  const auto detector = MakeChessboardDetector(Chessboard(set.columns, set.rows));
+  const auto detector = MakeMarkerDetector(Chessboard(set.columns, set.rows));
   std::size_t corners = 0;
   for (const auto& file : files) {
     const MarkerDetections found = detector->Detect(ReadGray(file));
@@ -278,14 +279,14 @@ INSTANTIATE_TEST_SUITE_P(
     });
 
 TEST(ChessboardDetector, AgreesWithOpenCvsExpectedCorners) {
-  const auto files = SharedFiles("chess_corners_gt_opencv_extra", "chess_corners", ".dat");
-  if (files.empty()) GTEST_SKIP() << "chess_corners_gt_opencv_extra is not there";
+  const auto files = OptionalFiles("chess_corners_gt_opencv_extra", "chess_corners", ".dat");
+  if (files.empty()) GTEST_SKIP() << Absent(OptionalData("frames/chess_corners_gt_opencv_extra"));
   for (const auto& file : files) {
     cv::Mat expected;
     cv::FileStorage(file.string(), cv::FileStorage::READ)["corners"] >> expected;
     std::string name = file.stem().string();
     name.erase(name.find("_corners"), std::string("_corners").size());
-    const auto found = MakeChessboardDetector(Chessboard(expected.cols, expected.rows))
+    const auto found = MakeMarkerDetector(Chessboard(expected.cols, expected.rows))
                            ->Detect(ReadGray(file.parent_path() / (name + ".png")));
     ASSERT_EQ(found.markers.size(), expected.total()) << file << found.failure;
     // In whatever order: the files begin at other corners than we do.
@@ -300,10 +301,10 @@ TEST(ChessboardDetector, AgreesWithOpenCvsExpectedCorners) {
 }
 
 TEST(ChessboardDetector, NumbersBothCamerasOfARigAlike) {
-  const auto left = SharedFiles("stereo_chess_opencv", "left", ".jpg");
-  const auto right = SharedFiles("stereo_chess_opencv", "right", ".jpg");
-  if (left.empty()) GTEST_SKIP() << "stereo_chess_opencv is not there";
-  const auto detector = MakeChessboardDetector(Chessboard(9, 6));
+  const auto left = OptionalFiles("stereo_chess_opencv", "left", ".jpg");
+  const auto right = OptionalFiles("stereo_chess_opencv", "right", ".jpg");
+  if (left.empty()) GTEST_SKIP() << Absent(OptionalData("frames/stereo_chess_opencv"));
+  const auto detector = MakeMarkerDetector(Chessboard(9, 6));
   for (std::size_t i = 0; i < left.size(); ++i) {
     const Places a = Measured(detector->Detect(ReadGray(left[i])));
     const Places b = Measured(detector->Detect(ReadGray(right[i])));

@@ -2,9 +2,10 @@
 #include <opencv2/core.hpp>
 #include <opencv2/core/persistence.hpp>
 
-#include "detectors/image.h"
-#include "detectors/marker_detector.h"
+#include "detectors/images/image.h"
+#include "detectors/marker_detectors.h"
 #include "tests/detectors/render_pattern.h"
+#include "tests/optional_data.h"
 
 namespace plenocal::testing {
 namespace {
@@ -47,7 +48,7 @@ Places Truth(int columns, int rows, bool asymmetric, const Eigen::Matrix3d& H) {
 
 TEST(CirclesDetector, MeasuresEllipsesAndStatesItsErrorHonestly) {
   constexpr int kColumns = 8, kRows = 6;
-  const auto detector = MakeCirclesDetector(Circles(kColumns, kRows, false));
+  const auto detector = MakeMarkerDetector(Circles(kColumns, kRows, false));
   for (const double pitch : {30.0, 16.0}) {
     Statistics statistics;
     for (unsigned seed = 1; seed <= 6; ++seed) {
@@ -72,7 +73,7 @@ TEST(CirclesDetector, MeasuresEllipsesAndStatesItsErrorHonestly) {
 TEST(CirclesDetector, FindsWhiteCirclesOnBlack) {
   const Eigen::Matrix3d H = TiltedView(28, 0.1, 60, 50);
   const auto found =
-      MakeCirclesDetector(Circles(7, 5, false))
+      MakeMarkerDetector(Circles(7, 5, false))
           ->Detect(Render(View(Board(7, 5, false, true), H), {300, 240}, {.blur = 0.7}));
   ASSERT_EQ(found.markers.size(), 35) << found.failure;
   Statistics statistics;
@@ -82,7 +83,7 @@ TEST(CirclesDetector, FindsWhiteCirclesOnBlack) {
 
 TEST(CirclesDetector, NumbersAsymmetricGridsByTheirOffsetRows) {
   for (const int rows : {11, 10}) {
-    const auto detector = MakeCirclesDetector(Circles(4, rows, true));
+    const auto detector = MakeMarkerDetector(Circles(4, rows, true));
     for (int turn = 0; turn < 4; ++turn) {
       const Eigen::Matrix3d H =
           CentredView(20, turn * M_PI / 2 + 0.1, {3.5, 0.5 * (rows - 1)}, {160, 160});
@@ -107,7 +108,7 @@ TEST(CirclesDetector, NumbersAsymmetricGridsByTheirOffsetRows) {
 
 TEST(CirclesDetector, IsNeverMirroredAndBeginsAtTheTopLeft) {
   for (const auto& [columns, rows] : {std::pair{7, 4}, {5, 5}}) {
-    const auto detector = MakeCirclesDetector(Circles(columns, rows, false));
+    const auto detector = MakeMarkerDetector(Circles(columns, rows, false));
     for (int turn = 0; turn < 4; ++turn) {
       const Eigen::Matrix3d H = CentredView(
           30, turn * M_PI / 2 + 0.1, {0.5 * (columns - 1), 0.5 * (rows - 1)}, {150, 150});
@@ -125,7 +126,7 @@ TEST(CirclesDetector, IsNeverMirroredAndBeginsAtTheTopLeft) {
 
 TEST(CirclesDetector, SaysWhyNothingWasFound) {
   for (const bool asymmetric : {false, true}) {
-    const auto detector = MakeCirclesDetector(Circles(7, 5, asymmetric));
+    const auto detector = MakeMarkerDetector(Circles(7, 5, asymmetric));
     for (const cv::Mat& image : EmptyImages()) {
       const MarkerDetections found = detector->Detect(image);
       EXPECT_TRUE(found.markers.empty());
@@ -137,15 +138,15 @@ TEST(CirclesDetector, SaysWhyNothingWasFound) {
 void ExpectNearShipped(const std::string& name, int index, int columns, int rows, bool asymmetric) {
   const std::string folder =
       std::string("circles_opencv_extra/") + (asymmetric ? "asymmetric" : "symmetric");
-  const auto image = SharedFiles(folder, name + std::to_string(index) + ".", ".png");
-  if (image.empty()) GTEST_SKIP() << folder << " is not there";
-  const auto data = SharedFiles(folder, name + "_corners" + std::to_string(index) + ".", ".dat");
+  const auto image = OptionalFiles(folder, name + std::to_string(index) + ".", ".png");
+  if (image.empty()) GTEST_SKIP() << Absent(OptionalData("frames/" + folder));
+  const auto data = OptionalFiles(folder, name + "_corners" + std::to_string(index) + ".", ".dat");
   ASSERT_EQ(data.size(), 1);
   cv::FileStorage storage(data[0].string(), cv::FileStorage::READ);
   cv::Mat shipped;
   storage["corners"] >> shipped;
   const auto found =
-      MakeCirclesDetector(Circles(columns, rows, asymmetric))->Detect(ReadGray(image[0]));
+      MakeMarkerDetector(Circles(columns, rows, asymmetric))->Detect(ReadGray(image[0]));
   ExpectWellFormed(found);
   ASSERT_EQ(found.markers.size(), columns * rows) << image[0] << found.failure;
   for (const Observation& o : found.markers) {
@@ -166,9 +167,9 @@ TEST(CirclesDetector, AgreesWithOpenCvsAsymmetricGrids) {
 }
 
 TEST(CirclesDetector, FindsVispsGrids) {
-  const auto files = SharedFiles("circles_visp", "circles-", ".jpg");
-  if (files.empty()) GTEST_SKIP() << "circles_visp is not there";
-  const auto detector = MakeCirclesDetector(Circles(6, 6, false));
+  const auto files = OptionalFiles("circles_visp", "circles-", ".jpg");
+  if (files.empty()) GTEST_SKIP() << Absent(OptionalData("frames/circles_visp"));
+  const auto detector = MakeMarkerDetector(Circles(6, 6, false));
   for (const auto& file : files) {
     const auto found = detector->Detect(ReadGray(file));
     ExpectWellFormed(found);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "detectors/lens_curvature.h"
+#include "detectors/images/distortion_field.h"
 
 #include <gtest/gtest.h>
 
@@ -11,7 +11,7 @@
 #include <random>
 #include <vector>
 
-#include "detectors/lens_bend.h"
+#include "detectors/tags/distortion_basis.h"
 
 namespace plenocal {
 namespace {
@@ -32,94 +32,97 @@ Eigen::Vector2d Distortion(const Eigen::Vector2d& x) {
   return radius * factor * q;
 }
 
-/// How it bends an edge that goes 30 px to either side: its second difference across the edge. What
-/// a homography undoes does not bend edges.
-double Bend(const Eigen::Vector2d& place, const Eigen::Vector2d& normal) {
+/// Curvature of the image of an edge that goes 30 px to either side: its second difference across
+/// the edge. A homography keeps straight edges straight.
+double Curvature(const Eigen::Vector2d& place, const Eigen::Vector2d& normal) {
   const Eigen::Vector2d half(30 * normal.y(), -30 * normal.x());
   return normal.dot(Distortion(place + half) + Distortion(place - half) - 2 * Distortion(place)) /
          (2 * half.squaredNorm());
 }
 
-/// What such an edge says, without noise but with its variance.
-LensReading ReadEdge(const Eigen::Vector2d& place,
-                     double angle,
-                     const std::function<double(Eigen::Vector2d, Eigen::Vector2d)>& bend_of,
-                     double sigma) {
+/// The measurement by such an edge, without noise but with its variance.
+DistortionMeasurement MeasureEdge(
+    const Eigen::Vector2d& place,
+    double angle,
+    const std::function<double(Eigen::Vector2d, Eigen::Vector2d)>& curvature_of,
+    double sigma) {
   const Eigen::Vector2d normal(std::cos(angle), std::sin(angle));
-  const internal::LensBend bend(place, kSize);
-  const LensBends row = bend.OfEdge({30 * normal.y(), -30 * normal.x()}, normal);
+  const internal::DistortionBasis basis(place, kSize);
+  const LocalDistortion row = basis.EdgeCurvature({30 * normal.y(), -30 * normal.x()}, normal);
   const double size = row.norm();
-  return {bend.p(), row / size, bend_of(place, normal) / size, sigma * sigma / (size * size)};
+  return {basis.p(), row / size, curvature_of(place, normal) / size, sigma * sigma / (size * size)};
 }
 
 /// Of edges all over the image.
-std::vector<LensReading> Readings(int count, double sigma, std::mt19937* random) {
+std::vector<DistortionMeasurement> Measurements(int count, double sigma, std::mt19937* random) {
   std::uniform_real_distribution<double> uniform(0, 1);
   std::normal_distribution<double> normal;
-  std::vector<LensReading> readings;
+  std::vector<DistortionMeasurement> measurements;
   for (int i = 0; i < count; ++i) {
     const Eigen::Vector2d place(uniform(*random) * kSize.x(), uniform(*random) * kSize.y());
-    readings.push_back(ReadEdge(place, 2 * std::numbers::pi * uniform(*random), Bend, sigma));
-    readings.back().value += std::sqrt(readings.back().variance) * normal(*random);
+    measurements.push_back(
+        MeasureEdge(place, 2 * std::numbers::pi * uniform(*random), Curvature, sigma));
+    measurements.back().value += std::sqrt(measurements.back().variance) * normal(*random);
   }
-  return readings;
+  return measurements;
 }
 
-TEST(LensCurvature, IsLearnedFromManyUncertainReadings) {
+TEST(DistortionField, IsEstimatedFromManyUncertainMeasurements) {
   std::mt19937 random(5);
-  const LensCurvature lens(Readings(20000, kSigma, &random));
+  const DistortionField field(Measurements(20000, kSigma, &random));
   for (const Eigen::Vector2d& place : {Eigen::Vector2d(60, 50), {320, 400}, {560, 300}}) {
     for (const double angle : {0.0, 0.8, 1.6}) {
-      const LensReading edge = ReadEdge(place, angle, Bend, kSigma);
-      const double sigma = std::sqrt(lens.Variance(edge.p, edge.along));
+      const DistortionMeasurement edge = MeasureEdge(place, angle, Curvature, kSigma);
+      const double sigma = std::sqrt(field.Variance(edge.p, edge.along));
       EXPECT_LT(sigma, 0.05 * std::sqrt(edge.variance));
-      EXPECT_NEAR(edge.along.dot(lens.At(edge.p)), edge.value, 3 * sigma);
+      EXPECT_NEAR(edge.along.dot(field.At(edge.p)), edge.value, 3 * sigma);
     }
   }
 }
 
-TEST(LensCurvature, FindsTheAxis) {
+TEST(DistortionField, FindsTheAxis) {
   std::mt19937 random(5);
-  const LensCurvature lens(Readings(4000, 0.01 * kSigma, &random));
-  EXPECT_LT((lens.axis() - internal::LensBend(kAxis, kSize).p()).norm() * kSize.norm() / 2, 2);
+  const DistortionField field(Measurements(4000, 0.01 * kSigma, &random));
+  EXPECT_LT((field.axis() - internal::DistortionBasis(kAxis, kSize).p()).norm() * kSize.norm() / 2,
+            2);
 }
 
-TEST(LensCurvature, KnowsFromEdgesAllThatIsBent) {
+TEST(DistortionField, GivesDisplacementsThatEdgesDoNotShow) {
   std::mt19937 random(5);
-  const LensCurvature lens(Readings(4000, 0.01 * kSigma, &random));
+  const DistortionField field(Measurements(4000, 0.01 * kSigma, &random));
   const Eigen::Vector2d place(520, 90);
-  const internal::LensBend bend(place, kSize);
-  const LensBends bends = lens.At(bend.p());
+  const internal::DistortionBasis basis(place, kSize);
+  const LocalDistortion distortion = field.At(basis.p());
   // Per coordinate of 7 x 7 points: what a homography does to first order, and two vectors.
   constexpr int kSide = 7;
   Eigen::MatrixXd homography(2 * kSide * kSide, 8);
-  Eigen::MatrixX2d shifts(2 * kSide * kSide, 2);  // true, and what is left beside the bends
+  Eigen::MatrixX2d displacement(2 * kSide * kSide, 2);  // true, and what the field leaves of it
   int row = 0;
   for (int i = 0; i < kSide; ++i) {
     for (int j = 0; j < kSide; ++j, row += 2) {
       const Eigen::Vector2d d(8 * (i - kSide / 2), 8 * (j - kSide / 2));
       homography.middleRows<2>(row) << 1, 0, d.x(), 0, d.y(), 0, d.x() * d.x(), d.x() * d.y(),  //
           0, 1, 0, d.x(), 0, d.y(), d.x() * d.y(), d.y() * d.y();
-      shifts.block<2, 1>(row, 0) = Distortion(place + d);
-      shifts.block<2, 1>(row, 1) = Distortion(place + d) - bend.At(d) * bends;
+      displacement.block<2, 1>(row, 0) = Distortion(place + d);
+      displacement.block<2, 1>(row, 1) = Distortion(place + d) - basis.At(d) * distortion;
     }
   }
   const Eigen::MatrixX2d left =
-      shifts - homography * homography.colPivHouseholderQr().solve(shifts).eval();
+      displacement - homography * homography.colPivHouseholderQr().solve(displacement).eval();
   EXPECT_LT(left.col(1).norm(), 0.02 * left.col(0).norm());
 }
 
-TEST(LensCurvature, SaysHowUncertainItIs) {
+TEST(DistortionField, StatesItsUncertainty) {
   double chi2 = 0;
   int n = 0;
   for (unsigned seed = 0; seed < 100; ++seed) {
     std::mt19937 random(seed);
-    const LensCurvature lens(Readings(4000, kSigma, &random));
+    const DistortionField field(Measurements(4000, kSigma, &random));
     for (const Eigen::Vector2d& place : {Eigen::Vector2d(100, 100), Eigen::Vector2d(500, 300)}) {
       for (const double angle : {0.0, std::numbers::pi / 2}) {
-        const LensReading edge = ReadEdge(place, angle, Bend, kSigma);
-        const double error = edge.along.dot(lens.At(edge.p)) - edge.value;
-        chi2 += error * error / lens.Variance(edge.p, edge.along);
+        const DistortionMeasurement edge = MeasureEdge(place, angle, Curvature, kSigma);
+        const double error = edge.along.dot(field.At(edge.p)) - edge.value;
+        chi2 += error * error / field.Variance(edge.p, edge.along);
         ++n;
       }
     }
@@ -129,12 +132,13 @@ TEST(LensCurvature, SaysHowUncertainItIs) {
   EXPECT_LT(chi2 / n, 1.5);
 }
 
-TEST(LensCurvature, IsNoneWithoutReadingsAndSmallForFew) {
-  EXPECT_EQ(LensCurvature({}).At({0.5, 0.2}), LensBends::Zero());
+TEST(DistortionField, IsZeroWithoutMeasurementsAndSmallForFew) {
+  EXPECT_EQ(DistortionField({}).At({0.5, 0.2}), LocalDistortion::Zero());
   std::mt19937 random(7);
-  const LensCurvature lens(Readings(4, kSigma, &random));
-  const LensReading edge = ReadEdge({600, 40}, std::numbers::pi / 2, Bend, kSigma);
-  EXPECT_LT(std::abs(edge.along.dot(lens.At(edge.p))), 3 * std::sqrt(edge.variance));
+  const DistortionField field(Measurements(4, kSigma, &random));
+  const DistortionMeasurement edge =
+      MeasureEdge({600, 40}, std::numbers::pi / 2, Curvature, kSigma);
+  EXPECT_LT(std::abs(edge.along.dot(field.At(edge.p))), 3 * std::sqrt(edge.variance));
 }
 
 /// A fisheye whose rays are theta = r / f about the axis: px on the plane that
@@ -153,8 +157,8 @@ Eigen::Vector2d OnTangentPlane(const Eigen::Vector2d& place, const Eigen::Vector
   return kF * (upright * ray(x)).hnormalized();
 }
 
-/// What of the image of a straight edge is bent, px per square of d.
-double FisheyeBend(const Eigen::Vector2d& place, const Eigen::Vector2d& normal) {
+/// Curvature of the image of a straight edge, px per square of d.
+double FisheyeCurvature(const Eigen::Vector2d& place, const Eigen::Vector2d& normal) {
   // On the plane an edge through the place in the direction that `normal` is across of.
   constexpr double kStep = 0.5;
   const Eigen::Vector2d along(normal.y(), -normal.x());
@@ -176,33 +180,34 @@ double FisheyeBend(const Eigen::Vector2d& place, const Eigen::Vector2d& normal) 
   return sum / (2 * kStep * kStep);
 }
 
-TEST(LensCurvature, DescribesAFisheye) {
+TEST(DistortionField, DescribesAFisheye) {
   std::mt19937 random(3);
   std::uniform_real_distribution<double> uniform(0, 1);
-  std::vector<LensReading> readings;
+  std::vector<DistortionMeasurement> measurements;
   for (int i = 0; i < 2000; ++i) {
     const Eigen::Vector2d place(uniform(random) * kSize.x(), uniform(random) * kSize.y());
-    readings.push_back(ReadEdge(place, 2 * std::numbers::pi * uniform(random), FisheyeBend, 1e-7));
+    measurements.push_back(
+        MeasureEdge(place, 2 * std::numbers::pi * uniform(random), FisheyeCurvature, 1e-7));
   }
-  const LensCurvature lens(readings);
+  const DistortionField field(measurements);
   double square = 0, rest = 0;
-  for (const LensReading& reading : readings) {
-    // Each edge by its bend, which has the variance of all.
-    const double weight = 1 / reading.variance;
-    const double left = reading.value - reading.along.dot(lens.At(reading.p));
-    square += weight * reading.value * reading.value;
+  for (const DistortionMeasurement& measurement : measurements) {
+    // Each edge by its curvature, which has the variance of all.
+    const double weight = 1 / measurement.variance;
+    const double left = measurement.value - measurement.along.dot(field.At(measurement.p));
+    square += weight * measurement.value * measurement.value;
     rest += weight * left * left;
   }
   EXPECT_LT(std::sqrt(rest / square), 0.02);
 }
 
-TEST(LensBend, IsTheSameForEightPlacesAtOnce) {
-  const internal::LensBend bend({520, 90}, kSize);
-  internal::LensBend::Shifts<internal::Eight> eight;
-  bend.At<internal::Eight>(internal::Lanes{} + 12.f, internal::Lanes{} - 31.f, &eight);
-  const Eigen::Matrix<double, 2, kBends> one = bend.At({12, -31});
+TEST(DistortionBasis, IsTheSameForEightPlacesAtOnce) {
+  const internal::DistortionBasis basis({520, 90}, kSize);
+  internal::DistortionBasis::Displacements<internal::Eight> eight;
+  basis.At<internal::Eight>(internal::Lanes{} + 12.f, internal::Lanes{} - 31.f, &eight);
+  const Eigen::Matrix<double, 2, kDistortionTerms> one = basis.At({12, -31});
   for (int l = 0; l < internal::kLanes; ++l) {
-    for (int i = 0; i < kBends; ++i) {
+    for (int i = 0; i < kDistortionTerms; ++i) {
       EXPECT_NEAR(eight.x[i][l], one(0, i), 1e-5) << i;
       EXPECT_NEAR(eight.y[i][l], one(1, i), 1e-5) << i;
     }

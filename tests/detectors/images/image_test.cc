@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "detectors/image.h"
+#include "detectors/images/image.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "calib/error.h"
+#include "calib/base/error.h"
 
 namespace plenocal {
 namespace {
@@ -131,10 +131,7 @@ TEST_F(ReadGrayTest, KeepsTheRecordedOrientation) {
   // A JPEG with an EXIF segment that asks viewers for a quarter turn.
   const std::string exif(
       "\xff\xe1\x00\x22"
-      "Exif\0\0"
-      "II*\0\x08\0\0\0"
-      "\x01\0\x12\x01\x03\0\x01\0\0\0\x06\0\0\0"
-      "\0\0\0\0",
+      "Exif\0\0II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0\x06\0\0\0\0\0\0\0",
       36);
   std::string jpeg = Encoded(".jpg", image_);
   jpeg.insert(2, exif);

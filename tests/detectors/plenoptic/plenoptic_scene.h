@@ -11,11 +11,13 @@
 #include <numbers>
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
+#include <optional>
 #include <random>
 #include <string>
 #include <string_view>
 
-#include "calib/micro_lens_array.h"
+#include "calib/camera/bayer.h"
+#include "calib/camera/micro_lens_array.h"
 
 namespace plenocal {
 
@@ -30,11 +32,12 @@ struct PlenopticScene {
   double detail = 24;                    ///< px of the virtual image: mean size of its texture
   double brightness = 150;               ///< of white, grey values
   double read_noise = 0.8, shot = 0.03;  ///< grey values; variance per grey value
-  std::string bayer = {};                ///< "RGGB" and the like: a mosaic under `Tint`
+  std::optional<BayerOrder> bayer = {};  ///< a mosaic under `Tint`
   bool colour = false;                   ///< three channels (BGR) under `Tint`
   double hue = 0;                        ///< amplitude of what changes of the tint over the image
   /// Sigma of a Gaussian that blurs what reaches the sensor, image and attenuation as one, px: the
-  /// micro images are then shifted near their edges (detectors/pixel_depth.h, k = blur^2).
+  /// micro images are then shifted near their edges (detectors/plenoptic/depth/pixel_depth.h, k =
+  /// blur^2).
   double blur = 0;
   unsigned seed = 7;
 
@@ -96,8 +99,8 @@ struct PlenopticScene {
     std::mt19937 random(seed);
     if (!colour) {
       return Channel(array, &random, [&](int x, int y, const Eigen::Vector2d& q) {
-        if (bayer.empty()) return 1.0;
-        const char letter = bayer[static_cast<size_t>(2 * (y % 2) + x % 2)];
+        if (!bayer) return 1.0;
+        const char letter = BayerColour(*bayer, x, y);
         return Tint(static_cast<int>(std::string_view("BGR").find(letter)), q);
       });
     }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "detectors/disc_drawing.h"
+#include "detectors/templates/disc_drawing.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "detectors/marker_planes.h"
+#include "detectors/plenoptic/depth/depth_planes.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "detectors/fill.h"
+#include "detectors/plenoptic/depth/fill_holes.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "detectors/focus.h"
+#include "detectors/plenoptic/depth/reconstruction.h"
 
 #include <gmock/gmock.h>
 
@@ -7,8 +7,8 @@
 #include <cmath>
 #include <numbers>
 
-#include "calib/error.h"
-#include "tests/detectors/plenoptic_scene.h"
+#include "calib/base/error.h"
+#include "tests/detectors/plenoptic/plenoptic_scene.h"
 
 namespace plenocal {
 namespace {
@@ -34,18 +34,18 @@ void PrintTo(const Case& c, std::ostream* out) { *out << c.name; }
 
 class FocusedScene : public testing::TestWithParam<Case> {
  protected:
-  static FocusedView FocusScene(const PlenopticScene& scene) {
+  static Reconstruction FocusScene(const PlenopticScene& scene) {
     PlenopticCamera camera;
     camera.array = scene.Array();
     camera.attenuation = scene.Attenuation(camera.array);
     camera.bayer = scene.bayer;
-    return Focus(scene.Raw(camera.array), camera, {.colour = true, .find_flat_parts = {}});
+    return Reconstruct(scene.Raw(camera.array), camera, {.colour = true, .find_flat_parts = {}});
   }
 };
 
 TEST_P(FocusedScene, HasItsDepthWithHonestSigma) {
   const PlenopticScene& scene = GetParam().scene;
-  const FocusedView view = FocusScene(scene);
+  const Reconstruction view = FocusScene(scene);
   EXPECT_EQ(view.keplerian, scene.depth < 0);
   std::vector<float> relative, signed_error, pull;
   size_t inside = 0;
@@ -70,7 +70,7 @@ TEST_P(FocusedScene, HasItsDepthWithHonestSigma) {
   RecordProperty("bias", std::to_string(Quantile(signed_error, 0.5)));
   RecordProperty("median_error", std::to_string(Quantile(relative, 0.5)));
   RecordProperty("spread", std::to_string(spread));
-  // Issue 3: 1 % on tags; an even field of texture of this contrast is no harder.
+  // As on tags: an even field of texture of this contrast is no harder.
   EXPECT_LT(Quantile(relative, 0.5), 0.01);
   EXPECT_LT(std::abs(Quantile(signed_error, 0.5)), 0.001);
   EXPECT_GT(spread, 0.6);
@@ -79,7 +79,7 @@ TEST_P(FocusedScene, HasItsDepthWithHonestSigma) {
 
 TEST_P(FocusedScene, LooksLikeTheScene) {
   const PlenopticScene& scene = GetParam().scene;
-  const FocusedView view = FocusScene(scene);
+  const Reconstruction view = FocusScene(scene);
   // Relative to what a least-squares gain makes of the true texture.
   double st = 0, tt = 0, ss = 0, s1 = 0, t1 = 0, n = 0;
   for (int y = 0; y < view.image.rows; ++y) {
@@ -111,14 +111,14 @@ INSTANTIATE_TEST_SUITE_P(
                     Case{"LargePitch", {.width = 600, .height = 600, .pitch = 36, .detail = 40}},
                     Case{"BlurredWithItsEdges", {.types = 1, .blur = 0.8}},
                     Case{"Dark", {.brightness = 75}},
-                    Case{"Bayer", {.pitch = 24, .detail = 36, .bayer = "RGGB"}}),
+                    Case{"Bayer", {.pitch = 24, .detail = 36, .bayer = BayerOrder::kRggb}}),
     [](const auto& param) { return param.param.name; });
 
 using ColouredScene = FocusedScene;
 
 TEST_P(ColouredScene, HasItsColours) {
   const PlenopticScene& scene = GetParam().scene;
-  const FocusedView view = FocusScene(scene);
+  const Reconstruction view = FocusScene(scene);
   ASSERT_EQ(view.colour.type(), CV_32FC3);
   ASSERT_EQ(view.colour.size(), view.image.size());
   std::vector<float> errors, bands;
@@ -149,28 +149,29 @@ TEST_P(ColouredScene, HasItsColours) {
 INSTANTIATE_TEST_SUITE_P(
     Cameras,
     ColouredScene,
-    testing::Values(Case{"Channels", {.colour = true, .hue = 0.3}},
-                    Case{"Rggb", {.pitch = 24, .detail = 36, .bayer = "RGGB", .hue = 0.3}},
-                    Case{"Gbrg", {.pitch = 24, .detail = 36, .bayer = "GBRG", .hue = 0.3}}),
+    testing::Values(
+        Case{"Channels", {.colour = true, .hue = 0.3}},
+        Case{"Rggb", {.pitch = 24, .detail = 36, .bayer = BayerOrder::kRggb, .hue = 0.3}},
+        Case{"Gbrg", {.pitch = 24, .detail = 36, .bayer = BayerOrder::kGbrg, .hue = 0.3}}),
     [](const auto& param) { return param.param.name; });
 
 TEST(FocusedColours, AreNotMadeOfGrey) {
   const PlenopticScene scene;
   PlenopticCamera camera{scene.Array(), {}};
   camera.attenuation = scene.Attenuation(camera.array);
-  EXPECT_TRUE(Focus(scene.Raw(camera.array), camera, {.colour = true, .find_flat_parts = {}})
+  EXPECT_TRUE(Reconstruct(scene.Raw(camera.array), camera, {.colour = true, .find_flat_parts = {}})
                   .colour.empty());
 }
 
 TEST(GreyPatches, AreTheSameUnderAnyLight) {
   // Light that is not white: each colour of the mosaic has another contrast.
   PlenopticScene scene{.read_noise = 0, .shot = 0};
-  PlenopticCamera camera{scene.Array(), {}, "RGGB"};
+  PlenopticCamera camera{scene.Array(), {}, BayerOrder::kRggb};
   camera.attenuation = scene.Attenuation(camera.array);
   const internal::LensPatches white = GreyPatches(scene.Raw(camera.array), camera, 1);
   scene.bayer = camera.bayer;
   const internal::LensPatches tinted = GreyPatches(scene.Raw(camera.array), camera, 1);
-  EXPECT_EQ(white.reach, 1);
+  EXPECT_EQ(white.filter_radius, 1);
   std::vector<float> ratios;
   for (size_t i = 0; i < white.value.size(); ++i) {
     if (!std::isnan(white.value[i])) ratios.push_back(tinted.value[i] / white.value[i]);
@@ -182,7 +183,7 @@ TEST(GreyPatches, AreTheSameUnderAnyLight) {
 
 std::string Refusal(const cv::Mat& raw, const PlenopticCamera& camera) {
   try {
-    Focus(raw, camera, {});
+    Reconstruct(raw, camera, {});
   } catch (const Error& error) {
     return error.what();
   }

@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "detectors/micro_image_markers.h"
+#include "detectors/plenoptic/markers/measure_markers.h"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cmath>
 
-#include "detectors/depth_shift.h"
-#include "detectors/lens_patches.h"
-#include "tests/detectors/plenoptic_scene.h"
+#include "detectors/plenoptic/depth/lens_patches.h"
+#include "detectors/plenoptic/markers/depth_correction.h"
+#include "tests/detectors/plenoptic/plenoptic_scene.h"
 
 namespace plenocal::internal {
 namespace {
@@ -41,7 +41,7 @@ class Chessboard {
   }
 
   /// The corners measured by drawings for a depth that is too large by a relative error.
-  [[nodiscard]] MicroView Measure(double error) const {
+  [[nodiscard]] RawMeasurements Measure(double error) const {
     constexpr int kCells = 20;
     VirtualDepth depth;
     depth.inverse = cv::Mat(raw_.size(), CV_32F, cv::Scalar(1 / (kDepth * (1 + error))));
@@ -52,21 +52,21 @@ class Chessboard {
     for (int i = 0; i < kCells * kCells; ++i) {
       cells.push_back((i / kCells + i % kCells) % 2 == 0 ? -1.f : 1.f);
     }
-    std::vector<MarkerLook> looks;
+    std::vector<MarkerTemplate> markers;
     for (int row = 6; row <= 13; ++row) {
       for (int column = 6; column <= 13; ++column) {
         Eigen::Matrix3d cells_by_image = Eigen::Matrix3d::Identity() / kCell;
         cells_by_image(2, 2) = 1;
-        MarkerLook look{.marker = row * kCells + column,
-                        .place = kCell * Eigen::Vector2d(column, row),
-                        .cells_by_image = cells_by_image,
-                        .drawing = CellDrawing(cells, kCells)};
-        looks.push_back(look);
+        MarkerTemplate marker{.marker = row * kCells + column,
+                              .position = kCell * Eigen::Vector2d(column, row),
+                              .cells_by_image = cells_by_image,
+                              .pattern = CellDrawing(cells, kCells)};
+        markers.push_back(marker);
       }
     }
     const cv::Mat even(raw_.size(), CV_32F, cv::Scalar(1));
-    return MeasureInMicroImages(
-        looks, depth, CutPatches(raw_, even, array_, std::nullopt, 2), array_, {0.1f, 0}, 2);
+    return MeasureMarkers(
+        markers, depth, CutPatches(raw_, even, array_, std::nullopt, 2), array_, {0.1f, 0}, 2);
   }
 
  private:
@@ -77,12 +77,12 @@ class Chessboard {
   cv::Mat raw_;
 };
 
-/// Leaves what both have: a depth decides, too, which micro images are asked.
-void KeepCommon(MicroView* a, MicroView* b) {
-  const auto lacks = [](const MicroView& view) {
-    return [&view](const MicroObservation& o) {
-      return std::none_of(view.begin(), view.end(), [&](const MicroObservation& other) {
-        return other.seen.marker == o.seen.marker && other.Centre() == o.Centre();
+/// Keeps the measurements that both have: the depth also selects the micro images.
+void KeepCommon(RawMeasurements* a, RawMeasurements* b) {
+  const auto lacks = [](const RawMeasurements& view) {
+    return [&view](const MarkerMeasurement& o) {
+      return std::none_of(view.begin(), view.end(), [&](const MarkerMeasurement& other) {
+        return other.observation.marker == o.observation.marker && other.Centre() == o.Centre();
       });
     };
   };
@@ -90,29 +90,29 @@ void KeepCommon(MicroView* a, MicroView* b) {
   std::erase_if(*b, lacks(*a));
 }
 
-TEST(MeasureInMicroImages, SaysWhatAWrongDepthDoes) {
+TEST(MeasureMarkers, HaveTheirSensitivityToAWrongDepth) {
   constexpr double kError = -0.003;
   const Chessboard board;
-  std::vector<MicroView> right{board.Measure(0)}, wrong{board.Measure(kError)};
+  std::vector<RawMeasurements> right{board.Measure(0)}, wrong{board.Measure(kError)};
   KeepCommon(&right[0], &wrong[0]);
   ASSERT_GT(right[0].size(), 150u);
   double moved = 0, unexplained = 0, outward = 0;
   for (size_t i = 0; i < right[0].size(); ++i) {
-    const MicroObservation &before = right[0][i], &after = wrong[0][i];
-    const Eigen::Vector2d by = after.Place() - before.Place();
+    const MarkerMeasurement &before = right[0][i], &after = wrong[0][i];
+    const Eigen::Vector2d by = after.Position() - before.Position();
     moved += by.squaredNorm();
-    unexplained += (by - kError * after.by_depth).squaredNorm();
-    outward += by.dot((before.Place() - before.Centre()).normalized());
+    unexplained += (by - kError * after.depth_sensitivity).squaredNorm();
+    outward += by.dot((before.Position() - before.Centre()).normalized());
   }
   EXPECT_LT(unexplained, 0.05 * moved);
   EXPECT_GT(outward / static_cast<double>(right[0].size()), 0.003);
 
-  // How far apart a marker's micro images have it says what is wrong.
-  RemoveDepthShifts(&right);
-  RemoveDepthShifts(&wrong);
+  // The distances between a marker's micro images determine the error.
+  CorrectDepthBias(&right);
+  CorrectDepthBias(&wrong);
   double left = 0;
   for (size_t i = 0; i < right[0].size(); ++i) {
-    left += (wrong[0][i].Place() - right[0][i].Place()).squaredNorm();
+    left += (wrong[0][i].Position() - right[0][i].Position()).squaredNorm();
   }
   EXPECT_LT(left, 0.05 * moved);
 }

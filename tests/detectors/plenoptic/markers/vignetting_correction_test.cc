@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "detectors/vignetting_shift.h"
+#include "detectors/plenoptic/markers/vignetting_correction.h"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +8,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "tests/detectors/micro_views.h"
+#include "tests/detectors/plenoptic/markers/simulated_measurements.h"
 
 namespace plenocal::internal {
 namespace {
@@ -19,16 +19,18 @@ constexpr std::array kFocus{0.40, 0.32, 0.24};  // inverse virtual depth at whic
 Eigen::Vector2d TrueK(int type, double z) { return {0.2, 10 * kFocus[type] * (kFocus[type] - z)}; }
 
 struct Scene {
-  std::vector<MicroView> measured, true_view;  // with the shifts and without them, equal noise
+  std::vector<RawMeasurements> measured,
+      true_view;  // with the shifts and without them, equal noise
 };
 
 Scene MakeScene(double shift, int types) {
   const auto make = [&](bool shifted) {
-    return MakeMicroViews(types, [&](const Eigen::Vector2d& offset, MicroObservation* o) {
+    return SimulateMeasurements(types, [&](const Eigen::Vector2d& offset, MarkerMeasurement* o) {
       // None up to 3 px from the centre; the aperture's begins later.
       const double r = offset.norm(), fall = std::max(0.0, r - 3) / std::max(r, 1e-3);
-      o->pull << 0.1 * fall * offset, 0.1 * fall * fall * offset;
-      if (shifted) o->Move(shift * o->pull * TrueK(o->type, o->inverse_depth));
+      o->vignetting_sensitivity << 0.1 * fall * offset, 0.1 * fall * fall * offset;
+      if (shifted)
+        o->Move(shift * o->vignetting_sensitivity * TrueK(o->lens_type, o->inverse_depth));
     });
   };
   return {make(true), make(false)};
@@ -43,28 +45,28 @@ TEST(ApertureShape, IsThatOfACutDisc) {
   }
 }
 
-TEST(RemoveVignettingShifts, FindsThemByTypeAndDepth) {
+TEST(CorrectVignettingDisplacement, FindsThemByTypeAndDepth) {
   Scene scene = MakeScene(1, 3);
   const double before = Difference(scene.measured, scene.true_view);
   EXPECT_GT(before, 0.1);
-  RemoveVignettingShifts(3, &scene.measured);
+  CorrectVignettingDisplacement(3, &scene.measured);
   EXPECT_LT(Difference(scene.measured, scene.true_view), before / 10);
 }
 
-TEST(RemoveVignettingShifts, FindsThoseOfASingleType) {
+TEST(CorrectVignettingDisplacement, FindsThoseOfASingleType) {
   Scene scene = MakeScene(1, 1);
   const double before = Difference(scene.measured, scene.true_view);
-  RemoveVignettingShifts(1, &scene.measured);
+  CorrectVignettingDisplacement(1, &scene.measured);
   EXPECT_LT(Difference(scene.measured, scene.true_view), before / 10);
 }
 
-TEST(RemoveVignettingShifts, IsAsUncertainAsTheFormula) {
+TEST(CorrectVignettingDisplacement, IsAsUncertainAsTheFormula) {
   // A tenth of three terms that may err alike or against each other; noise adds little here.
   Scene scene = MakeScene(1, 3);
-  const std::vector<MicroView> before = scene.measured;
-  const auto left = RemoveVignettingShifts(3, &scene.measured);
+  const std::vector<RawMeasurements> before = scene.measured;
+  const auto left = CorrectVignettingDisplacement(3, &scene.measured);
   for (size_t i = 0; i < before[0].size(); ++i) {
-    const double moved = (scene.measured[0][i].Place() - before[0][i].Place()).norm();
+    const double moved = (scene.measured[0][i].Position() - before[0][i].Position()).norm();
     if (moved < 5 * kMicroNoise) continue;
     double square = 0;
     for (const double one : left[0][i]) square += one * one;
@@ -73,25 +75,26 @@ TEST(RemoveVignettingShifts, IsAsUncertainAsTheFormula) {
   }
 }
 
-TEST(RemoveVignettingShifts, FindsNoneWhereThereIsNone) {
+TEST(CorrectVignettingDisplacement, FindsNoneWhereThereIsNone) {
   Scene scene = MakeScene(0, 3);
-  RemoveVignettingShifts(3, &scene.measured);
+  CorrectVignettingDisplacement(3, &scene.measured);
   EXPECT_LT(Difference(scene.measured, scene.true_view), kMicroNoise);
 }
 
-TEST(RemoveVignettingShifts, AcceptsAnEmptySetAndOneOfASingleMicroImage) {
-  std::vector<MicroView> none;
-  RemoveVignettingShifts(3, &none);
+TEST(CorrectVignettingDisplacement, AcceptsAnEmptySetAndOneOfASingleMicroImage) {
+  std::vector<RawMeasurements> none;
+  CorrectVignettingDisplacement(3, &none);
   EXPECT_TRUE(none.empty());
   Scene scene = MakeScene(0, 1);
-  std::vector<MicroView> one{{scene.measured[0][0]}};
-  RemoveVignettingShifts(1, &one);
-  // What any pixel does is known before.
+  std::vector<RawMeasurements> one{{scene.measured[0][0]}};
+  CorrectVignettingDisplacement(1, &one);
+  // The displacement by the pixel itself is known before.
   const auto& before = scene.measured[0][0];
   for (Eigen::Index axis = 0; axis < 2; ++axis) {
     const auto i = static_cast<size_t>(axis);
-    EXPECT_NEAR(
-        one[0][0].seen.values[i], before.seen.values[i], 0.5 * std::abs(before.pull(axis, 0)));
+    EXPECT_NEAR(one[0][0].observation.values[i],
+                before.observation.values[i],
+                0.5 * std::abs(before.vignetting_sensitivity(axis, 0)));
   }
 }
 

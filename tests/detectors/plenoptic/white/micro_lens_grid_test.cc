@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "detectors/micro_lens_grid.h"
+#include "detectors/plenoptic/white/micro_lens_grid.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -12,14 +12,14 @@
 #include <string>
 #include <vector>
 
-#include "calib/error.h"
-#include "detectors/attenuation.h"
-#include "tests/detectors/white_field.h"
+#include "calib/base/error.h"
+#include "detectors/plenoptic/white/micro_lens_attenuation.h"
+#include "tests/detectors/plenoptic/white/white_field.h"
 
 namespace plenocal::testing {
 namespace {
 
-constexpr double kCentreRms = 0.02;  // px, what is asked of the lattice (2D)
+constexpr double kCentreRms = 0.02;  // px, required of the lattice (2D)
 constexpr double kBorder = 0.05;  // px: a centre as near to the sensor's edge may be on either side
 
 struct Comparison {
@@ -163,7 +163,7 @@ TEST(MicroLensGrid, TurnedAndDarkerImagesGiveTheSameGrid) {
   EXPECT_EQ(pairs.size(), 3u);
 }
 
-TEST(MicroLensGrid, SaysThatAnImageIsNotPlenoptic) {
+TEST(MicroLensGrid, RefusesAnImageThatIsNotPlenoptic) {
   cv::Mat noise(400, 500, CV_32F), squares(400, 500, CV_32F);
   cv::theRNG().state = 1;
   cv::randn(noise, 1000, 30);

@@ -15,8 +15,8 @@
 #include <utility>
 #include <vector>
 
-#include "calib/hexagonal_lattice.h"
-#include "calib/observation.h"
+#include "calib/camera/hexagonal_lattice.h"
+#include "calib/camera/observation.h"
 
 namespace plenocal::testing {
 

@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "apps/cli/command.h"
+#include "apps/cli/console.h"
+
+namespace plenocal {
+
+/// The arguments of the program: `--plugin` before the command, the command and its options.
+class CommandLine {
+ public:
+  CommandLine();
+  ~CommandLine();
+
+  /// Runs the command that the arguments name, with its options; empty after `--help` and
+  /// `--version`, which are printed. Throws `Error` of kind kInput for arguments that do not fit.
+  /// This object must outlive the function returned.
+  RunCommand Parse(int argc, char** argv);
+
+ private:
+  std::unique_ptr<CLI::App> app_;
+  ConsoleOptions shared_;
+  std::vector<std::string> plugins_;
+  std::map<const CLI::App*, RunCommand> commands_;
+};
+
+}  // namespace plenocal

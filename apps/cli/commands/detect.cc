@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
+
+#include <memory>
+
+#include "apps/cli/command.h"
+#include "apps/cli/options.h"
+#include "apps/cli/session_observations.h"
+#include "calib/base/output_folder.h"
+#include "models/registry.h"
+
+namespace plenocal {
+namespace {
+
+void RunDetect(const SessionOptions& options, const ConsoleOptions& shared) {
+  const Session session = ReadSession(options.session, CameraModels());
+  const Target target = ReadTarget(session.target);
+  RefuseToReplaceInputs(session, options.out, {});
+  OutputFolder out(options.out);
+  Console console(shared);
+  DetectionCache cache = OpenDetectionCache(
+      options.out, session, options.fresh ? EarlierDetections::kIgnore : EarlierDetections::kReuse);
+  const SessionObservations observations = CollectObservations(
+      session, target, shared, {&cache, options.keep ? &out : nullptr}, &console);
+  WriteDetections(session, observations, options.out, &out);
+  out.Commit();
+  cache.RemoveUnused();
+  for (const CameraInput& camera : observations.cameras) {
+    fmt::print("{}: {} frames, {} points -> {}\n",
+               camera.name,
+               camera.views.size(),
+               CountObservations(camera.views),
+               (options.out / DetectionsName(camera.name)).string());
+  }
+}
+
+RunCommand Declare(CLI::App* app, ConsoleOptions* shared) {
+  const auto options = std::make_shared<SessionOptions>();
+  AddSessionOptions(app, options.get(), shared);
+  return [options, shared] { RunDetect(*options, *shared); };
+}
+
+}  // namespace
+
+Command DetectCommand() {
+  return {"detect", "Only find the markers: writes OUT/detections_<camera>.csv.", Declare};
+}
+
+}  // namespace plenocal

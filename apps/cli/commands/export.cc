@@ -1,0 +1,123 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
+
+#include <memory>
+
+#include "apps/cli/command.h"
+#include "apps/cli/options.h"
+#include "apps/formats/camera_format.h"
+#include "apps/resample/resample_images.h"
+#include "calib/base/error.h"
+#include "calib/base/names.h"
+#include "calib/base/output_folder.h"
+#include "calib/files/calibration_file.h"
+#include "models/registry.h"
+
+namespace plenocal {
+namespace {
+
+/// The cameras of a calibration that another tool's file is to hold.
+struct ExportArguments {
+  std::filesystem::path calibration;
+  std::string format;
+  std::vector<std::string> cameras;  ///< empty: all
+  std::filesystem::path out;
+};
+
+const CameraFormat& FindFormat(const std::string& name, const std::filesystem::path& file) {
+  if (const CameraFormat* format = FindCameraFormat(name, file)) return *format;
+  throw Error(
+      ErrorKind::kInput,
+      fmt::format("--format: unknown '{}'{}", name, SuggestName(name, NamesOf(CameraFormats()))));
+}
+
+std::vector<CalibratedCamera> ChosenCameras(const CalibrationRecord& calibration,
+                                            const std::vector<std::string>& names) {
+  if (names.empty()) return calibration.cameras;
+  std::vector<CalibratedCamera> chosen;
+  chosen.reserve(names.size());
+  for (const std::string& name : names) chosen.push_back(FindCamera(calibration, name));
+  return chosen;
+}
+
+void RefuseTooMany(const std::vector<CalibratedCamera>& cameras,
+                   const CameraFormat& format,
+                   const std::filesystem::path& calibration) {
+  if (cameras.size() <= format.most_cameras) return;
+  throw Error(ErrorKind::kInput,
+              fmt::format("format {} holds {} camera{}, but {} has {} ({}); choose with --camera",
+                          format.name,
+                          format.most_cameras,
+                          format.most_cameras == 1 ? "" : "s",
+                          calibration.string(),
+                          cameras.size(),
+                          fmt::join(NamesOf(cameras), ", ")));
+}
+
+/// The files to write, by name: one, or of formats with one file a camera FILE_<camera>.
+std::vector<std::pair<std::string, std::string>> MakeFiles(
+    const std::vector<CalibratedCamera>& cameras,
+    const CameraFormat& format,
+    const std::filesystem::path& file) {
+  if (cameras.size() == 1 || format.write_files == nullptr) {
+    return {{file.filename().string(), format.write(cameras)}};
+  }
+  const std::vector<std::string> texts = format.write_files(cameras);
+  std::vector<std::pair<std::string, std::string>> files;
+  for (size_t c = 0; c < texts.size(); ++c) {
+    files.emplace_back(
+        fmt::format("{}_{}{}", file.stem().string(), cameras[c].name, file.extension().string()),
+        texts[c]);
+  }
+  return files;
+}
+
+void RunExport(const ExportArguments& arguments, const ConsoleOptions& shared) {
+  Console console(shared);
+  const CameraFormat& format = FindFormat(arguments.format, arguments.out);
+  const CalibrationRecord calibration = ReadCalibration(arguments.calibration, CameraModels());
+  const std::vector<CalibratedCamera> cameras = ChosenCameras(calibration, arguments.cameras);
+  RefuseTooMany(cameras, format, arguments.calibration);
+  if (cameras.size() > 1 && !format.holds_extrinsics) {
+    console.Message(fmt::format(
+        "format {} has no place for the cameras' poses in the rig; they are not in the file",
+        format.name));
+  }
+  auto files = MakeFiles(cameras, format, arguments.out);
+  if (format.holds_vignetting && !cameras[0].vignetting.empty()) {
+    files.emplace_back("vignette.png",
+                       VignettePng(calibration.path.parent_path() / cameras[0].vignetting));
+  }
+  const std::filesystem::path parent = arguments.out.parent_path();
+  OutputFolder output(parent.empty() ? "." : parent);
+  for (const auto& [name, content] : files) output.Write(name, content);
+  output.Commit();
+  for (const auto& [name, content] : files) {
+    fmt::print("written to {}\n", (parent / name).string());
+  }
+}
+
+std::string Help() {
+  return fmt::format(
+      "A calibration as another tool's file.\n\n"
+      "  plenocal export calibration.yaml --format kalibr -o camchain.yaml\n\n"
+      "Formats: {}; docs/exchange.md. Of tools with one file a camera, several become FILE_<camera>.",
+      CameraFormatList());
+}
+
+RunCommand Declare(CLI::App* app, ConsoleOptions* shared) {
+  const auto arguments = std::make_shared<ExportArguments>();
+  app->add_option("calibration", arguments->calibration, "calibration.yaml")->required();
+  app->add_option("--format", arguments->format, "the other tool")->required();
+  app->add_option(
+      "--camera", arguments->cameras, "cameras to export, in this order (default: all)");
+  app->add_option("-o,--out", arguments->out, "file to write")->required();
+  AddQuiet(app, shared);
+  return [arguments, shared] { RunExport(*arguments, *shared); };
+}
+
+}  // namespace
+
+Command ExportCommand() { return {"export", Help(), Declare}; }
+
+}  // namespace plenocal

@@ -1,0 +1,157 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <memory>
+#include <optional>
+
+#include "apps/cli/command.h"
+#include "apps/cli/image_inputs.h"
+#include "apps/cli/options.h"
+#include "calib/base/error.h"
+#include "calib/base/output_folder.h"
+#include "calib/camera/bayer.h"
+#include "detectors/plenoptic/focus_images.h"
+
+namespace plenocal {
+namespace {
+
+/// Raw plenoptic images and the source of the micro-image centres.
+struct FocusArguments {
+  std::vector<std::string> raw;      ///< folders, globs and files
+  std::vector<std::string> white;    ///< white images: folders, globs and files
+  std::filesystem::path grid;        ///< micro_lenses_<camera>.csv or RayCalibData XML; empty: none
+  std::filesystem::path vignetting;  ///< attenuation TIFF; empty: none
+  std::filesystem::path markers;     ///< target.yaml; empty: none
+  std::optional<BayerOrder> bayer;   ///< of raw mosaics
+  double scale = 2;                  ///< raw pixels per pixel of the results
+  std::filesystem::path out;
+};
+
+namespace fs = std::filesystem;
+
+PlenopticSource CameraSource(const FocusArguments& arguments) {
+  PlenopticSource source{.white_images = {},
+                         .grid = arguments.grid,
+                         .vignetting = arguments.vignetting,
+                         .bayer = arguments.bayer};
+  if (!arguments.white.empty()) {
+    source.white_images = FindImageInputs(arguments.white, "white images");
+    if (!arguments.vignetting.empty()) {
+      throw Error(
+          ErrorKind::kInput,
+          "--vignetting: the white images give the attenuation already; leave one of --white and "
+          "--vignetting out");
+    }
+  } else if (arguments.grid.empty()) {
+    throw Error(ErrorKind::kInput,
+                "focus: the micro-image centres are missing; give white images with --white, or "
+                "--grid micro_lenses.csv with --vignetting vignetting.tiff");
+  }
+  return source;
+}
+
+/// Each frame has a folder of its own, so names must differ.
+void CheckNames(const std::vector<FrameImage>& images) {
+  std::map<std::string, fs::path> seen;
+  for (const FrameImage& image : images) {
+    const auto [first, is_new] = seen.emplace(image.frame, image.path);
+    if (is_new) continue;
+    throw Error(
+        ErrorKind::kInput,
+        fmt::format("{} and {}: both results would be named '{}'; run them with different -o",
+                    first->second.string(),
+                    image.path.string(),
+                    image.frame));
+  }
+}
+
+void RefuseToReplaceRaw(const std::vector<FrameImage>& images, const fs::path& folder) {
+  for (const char* name : {"focused.png", "virtual_depth.png", "virtual_depth.tiff"}) {
+    for (const FrameImage& image : images) {
+      std::error_code error;
+      if (!fs::equivalent(image.path, folder / name, error)) continue;
+      throw Error(
+          ErrorKind::kInput,
+          fmt::format("{}: the results would replace this input; give another folder with -o",
+                      image.path.string()));
+    }
+  }
+}
+
+void RunFocus(const FocusArguments& arguments, const ConsoleOptions& shared) {
+  FocusRequest request;
+  request.raw_images = FindImageInputs(arguments.raw, "raw images");
+  request.camera = CameraSource(arguments);
+  request.scale = arguments.scale;
+  request.threads = shared.threads;
+  std::optional<Target> target;
+  if (!arguments.markers.empty()) target = ReadTarget(arguments.markers);
+  request.target = target ? &*target : nullptr;
+
+  const bool many = request.raw_images.size() > 1;
+  const auto folder = [&](const std::string& frame) {
+    return many ? arguments.out / frame : arguments.out;
+  };
+  CheckNames(request.raw_images);
+  for (const FrameImage& image : request.raw_images) {
+    RefuseToReplaceRaw(request.raw_images, folder(image.frame));
+  }
+  // Made before the work starts, so that a folder that cannot be written shows at once.
+  OutputFolder out(arguments.out);
+  Console console(shared);
+  request.message = [&](const std::string& line) { console.Message(line); };
+  request.progress = [&](size_t done) {
+    console.Progress("focus: images", done, request.raw_images.size());
+    return !Interrupted();
+  };
+  request.result =
+      [&](const std::string& frame, const FrameFiles& files, const std::string& summary) {
+        std::optional<OutputFolder> own;
+        if (many) own.emplace(folder(frame));
+        OutputFolder& to = many ? *own : out;
+        for (const auto& [name, content] : files) to.Write(name, content);
+        to.Commit();
+        console.Message(fmt::format("{}: {}", frame, summary));
+      };
+  FocusImages(request);
+  fmt::print("written to {}\n", arguments.out.string());
+}
+
+constexpr const char* kHelp =
+    "From raw images of a plenoptic camera to totally focused images and virtual depth.\n"
+    "\n"
+    "  plenocal focus RAW --white WHITE... -o OUT\n"
+    "\n"
+    "writes OUT/focused.png, virtual_depth.tiff, virtual_depth_sigma.tiff, virtual_depth.png and focused.yaml; of several raw images OUT/<frame>/...";
+
+RunCommand Declare(CLI::App* app, ConsoleOptions* shared) {
+  const auto arguments = std::make_shared<FocusArguments>();
+  app->add_option("raw", arguments->raw, "raw images: files, globs or folders")->required();
+  app->add_option("-o,--out", arguments->out, "folder for the results")->required();
+  app->add_option(
+      "--white", arguments->white, "white images of the camera: files, globs or folders");
+  app->add_option("--grid",
+                  arguments->grid,
+                  "instead of white images: micro_lenses_<camera>.csv or RayCalibData XML");
+  app->add_option("--vignetting",
+                  arguments->vignetting,
+                  "with --grid: attenuation TIFF (default: the raw images are corrected already)");
+  app->add_option("--markers",
+                  arguments->markers,
+                  "target.yaml: fit a plane to the depth of each marker found and focus again");
+  AddBayer(app, &arguments->bayer, "colours of the top-left 2 x 2 pixels of raw mosaics");
+  app->add_option("--scale", arguments->scale, "raw pixels per pixel of the results")
+      ->check(CLI::Range(0.5, 16.0))
+      ->capture_default_str();
+  AddThreads(app, shared);
+  AddQuiet(app, shared);
+  return [arguments, shared] { RunFocus(*arguments, *shared); };
+}
+
+}  // namespace
+
+Command FocusCommand() { return {"focus", kHelp, Declare}; }
+
+}  // namespace plenocal

@@ -1,0 +1,139 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cctype>
+#include <memory>
+#include <optional>
+#include <set>
+
+#include "apps/cli/command.h"
+#include "apps/cli/image_inputs.h"
+#include "apps/cli/options.h"
+#include "apps/formats/camera_format.h"
+#include "apps/formats/import_format.h"
+#include "apps/formats/poses.h"
+#include "calib/base/error.h"
+#include "calib/base/names.h"
+#include "calib/base/output_folder.h"
+#include "calib/files/calibration_file.h"
+
+namespace plenocal {
+namespace {
+
+/// Files of another tool.
+struct ImportArguments {
+  std::vector<std::filesystem::path> files;
+  std::string format;
+  std::string size;           ///< "640x480" for files that hold none, else empty
+  bool fisheye = false;       ///< for files of OpenCV that do not mark fisheye coefficients
+  std::filesystem::path out;  ///< folder, or the file to write
+};
+
+/// A name that can be a key and part of file names.
+std::string CleanName(std::string name) {
+  for (char& c : name) {
+    if (std::isalnum(static_cast<unsigned char>(c)) == 0 && c != '_' && c != '-') c = '_';
+  }
+  return name.empty() ? "camera" : name;
+}
+
+std::vector<CalibratedCamera> ReadCameras(const ImportArguments& arguments,
+                                          const CameraFormat& format,
+                                          const std::optional<ImageSize>& size) {
+  std::vector<CalibratedCamera> all;
+  std::set<std::string> names;
+  for (const std::filesystem::path& file : arguments.files) {
+    for (CalibratedCamera& camera : format.read({file, size, arguments.fisheye})) {
+      camera.name = CleanName(camera.name.empty() ? file.stem().string() : camera.name);
+      if (!names.insert(camera.name).second) {
+        throw Error(ErrorKind::kInput,
+                    fmt::format("two cameras are called '{}'; rename a file", camera.name));
+      }
+      all.push_back(std::move(camera));
+    }
+  }
+  MakeFirstMaster(&all);
+  return all;
+}
+
+[[noreturn]] void RefuseFormat(const std::string& name) {
+  std::vector<std::string_view> names = NamesOf(ImportFormats());
+  for (const CameraFormat& format : CameraFormats()) names.push_back(format.name);
+  throw Error(ErrorKind::kInput,
+              fmt::format("--format: unknown '{}'{}", name, SuggestName(name, names)));
+}
+
+void RequireOneFile(const ImportArguments& arguments) {
+  if (arguments.files.size() == 1) return;
+  throw Error(ErrorKind::kInput, fmt::format("format {} takes one file", arguments.format));
+}
+
+/// A file made, and its name where the user gives a folder.
+struct Made {
+  std::string name;
+  ImportedFile file;
+};
+
+Made Import(const ImportArguments& arguments) {
+  const std::optional<ImageSize> size = ParseImageSize(arguments.size);
+  const std::filesystem::path& source = arguments.files[0];
+  if (const CameraFormat* format = FindCameraFormat(arguments.format, source)) {
+    if (!format->holds_extrinsics) RequireOneFile(arguments);
+    return {"calibration.yaml",
+            {GivenCamerasYaml(ReadCameras(arguments, *format, size), {}), /*message=*/{}}};
+  }
+  const ImportFormat* const format = FindImportFormat(arguments.format);
+  if (format == nullptr) RefuseFormat(arguments.format);
+  RequireOneFile(arguments);
+  constexpr std::string_view kStem = "<file>";
+  std::string name(format->result);
+  if (const size_t at = name.find(kStem); at != std::string::npos) {
+    name.replace(at, kStem.size(), CleanName(source.stem().string()));
+  }
+  return {name, format->read({source, size})};
+}
+
+void RunImport(const ImportArguments& arguments, const ConsoleOptions& shared) {
+  Console console(shared);
+  const Made made = Import(arguments);
+  if (!made.file.message.empty()) console.Message(made.file.message);
+  // A path with the extension of the result is the file to write, any other a folder.
+  const bool is_file = arguments.out.extension() == std::filesystem::path(made.name).extension();
+  std::filesystem::path folder = is_file ? arguments.out.parent_path() : arguments.out;
+  if (folder.empty()) folder = ".";
+  const std::string name = is_file ? arguments.out.filename().string() : made.name;
+  OutputFolder output(folder);
+  output.Write(name, made.file.content);
+  output.Commit();
+  fmt::print("written to {}\n", (folder / name).string());
+}
+
+std::string Help() {
+  return fmt::format(
+      "Another tool's file as one of plenocal.\n\n"
+      "  plenocal import camchain.yaml --format kalibr -o OUT\n\n"
+      "Formats: those of 'plenocal export' give OUT/calibration.yaml; {}.",
+      ImportFormatList());
+}
+
+RunCommand Declare(CLI::App* app, ConsoleOptions* shared) {
+  const auto arguments = std::make_shared<ImportArguments>();
+  app->add_option("file", arguments->files, "the other tool's file; of mrcal one a camera")
+      ->required();
+  app->add_option("--format", arguments->format, "the other tool")->required();
+  app->add_option(
+      "--size", arguments->size, "WIDTHxHEIGHT of the images where the file does not hold it");
+  app->add_flag("--fisheye",
+                arguments->fisheye,
+                "opencv: the coefficients are cv::fisheye's where the file does not mark them");
+  app->add_option("-o,--out", arguments->out, "folder, or the file to write")->required();
+  AddQuiet(app, shared);
+  return [arguments, shared] { RunImport(*arguments, *shared); };
+}
+
+}  // namespace
+
+Command ImportCommand() { return {"import", Help(), Declare}; }
+
+}  // namespace plenocal

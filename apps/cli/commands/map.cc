@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
+
+#include <array>
+#include <memory>
+
+#include "apps/cli/command.h"
+#include "apps/cli/options.h"
+#include "apps/cli/view_options.h"
+#include "apps/resample/resample_images.h"
+#include "calib/base/output_folder.h"
+#include "calib/files/calibration_file.h"
+#include "models/registry.h"
+
+namespace plenocal {
+namespace {
+
+/// A camera and the pinhole camera that its remap tables lead to.
+struct MapArguments {
+  std::filesystem::path calibration;
+  std::string camera;  ///< empty: the only one
+  ViewArguments view;
+  std::filesystem::path out;  ///< a folder, or FILE.yaml or FILE.xml of OpenCV
+};
+
+void RunMap(const MapArguments& arguments, const ConsoleOptions& shared) {
+  const CalibrationRecord calibration = ReadCalibration(arguments.calibration, CameraModels());
+  const CalibratedCamera& camera = FindCamera(calibration, arguments.camera);
+  const std::array seen{ImageOf(camera, Eigen::Matrix3d::Identity())};
+  CalibratedCamera view = ChoosePinhole(seen, ToViewOptions(arguments.view));
+  view.name = camera.name;
+  view.T_camera_rig = camera.T_camera_rig;
+
+  const std::string extension = arguments.out.extension().string();
+  const bool storage = extension == ".yaml" || extension == ".yml" || extension == ".xml";
+  const std::filesystem::path folder = storage ? arguments.out.parent_path() : arguments.out;
+  OutputFolder out(folder.empty() ? "." : folder);
+  const PixelMap map = MapPixels(view, camera, Eigen::Matrix3d::Identity(), shared.threads);
+  const std::string format = extension == ".xml" ? "xml" : storage ? "yml" : "";
+  for (const auto& [name, content] : MapFiles(map, view.params, format)) {
+    out.Write(storage ? arguments.out.filename().string() : name, content);
+  }
+  if (!storage) {
+    out.Write("calibration.yaml",
+              GivenCamerasYaml(std::array{view},
+                               {{"plenocal_version", PLENOCAL_VERSION},
+                                {"undistorted_from", arguments.calibration.string()}}));
+  }
+  out.Commit();
+  fmt::print("{}: {}\nwritten to {}\n", camera.name, ViewText(view), arguments.out.string());
+}
+
+constexpr const char* kHelp =
+    "Remap tables that undistort a camera's images, for cv::remap.\n"
+    "\n"
+    "  plenocal map calibration.yaml --camera NAME -o DIR | FILE.yaml | FILE.xml\n"
+    "\n"
+    "writes DIR/map_x.tiff, map_y.tiff (32-bit floats, px, -1 both where the camera images nothing), mask.png and calibration.yaml, the new camera; or one cv::FileStorage.";
+
+RunCommand Declare(CLI::App* app, ConsoleOptions* shared) {
+  const auto arguments = std::make_shared<MapArguments>();
+  app->add_option("calibration", arguments->calibration, "calibration.yaml")->required();
+  app->add_option("--camera", arguments->camera, "its camera (default: the only one)");
+  app->add_option("-o,--out", arguments->out, "folder, or file of OpenCV")->required();
+  AddViewOptions(app, &arguments->view);
+  AddThreads(app, shared);
+  AddQuiet(app, shared);
+  return [arguments, shared] { RunMap(*arguments, *shared); };
+}
+
+}  // namespace
+
+Command MapCommand() { return {"map", kHelp, Declare}; }
+
+}  // namespace plenocal

@@ -1,0 +1,109 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+
+#include "apps/cli/command.h"
+#include "apps/cli/model_option.h"
+#include "apps/cli/options.h"
+#include "calib/base/error.h"
+#include "models/check/model_properties.h"
+#include "models/registry.h"
+
+namespace plenocal {
+namespace {
+
+std::string Limits(const Param& param) {
+  if (std::isinf(param.lower) && std::isinf(param.upper)) return "";
+  if (std::isinf(param.upper)) return fmt::format(" > {}", param.lower);
+  if (std::isinf(param.lower)) return fmt::format(" < {}", param.upper);
+  return fmt::format(" in ({}, {})", param.lower, param.upper);
+}
+
+void PrintModel(const CameraModel& model) {
+  std::vector<std::string> params;
+  std::vector<std::string_view> coefficients;  // of a field, too many to list
+  for (const Param& param : model.params) {
+    if (param.prior_sigma > 0) {
+      coefficients.push_back(param.name);
+    } else {
+      params.push_back(fmt::format("{} [{}]{}", param.name, param.unit, Limits(param)));
+    }
+  }
+  fmt::print("{}\n  source      {}\n", model.name, model.source);
+  fmt::print("  kind        {}\n",
+             model.central ? "central: all rays meet in one point"
+                           : "non-central: rays have no common point");
+  fmt::print("  parameters  {}", fmt::join(params, ", "));
+  if (!coefficients.empty()) {
+    fmt::print(", {} ... {}: {} coefficients",
+               coefficients.front(),
+               coefficients.back(),
+               coefficients.size());
+  }
+  fmt::print("\n");
+  if (!model.config.empty()) {
+    fmt::print("  given      ");
+    for (const Param& param : model.config) fmt::print(" {} [{}]", param.name, param.unit);
+    fmt::print("  (in the session, never estimated)\n");
+  }
+  fmt::print("  observes    {}", fmt::join(model.measured, ", "));
+  if (!model.context.empty()) fmt::print(" seen through {}", fmt::join(model.context, ", "));
+  fmt::print("\n\n");
+}
+
+void RunModelCheck(const std::string& name) {
+  constexpr size_t kShown = 3;  // violations of a property; the rest is of the same kind
+  const CameraModel& model = *ModelOfOption("models check", name);
+  int violated = 0;
+  for (const ModelProperty& property : ModelProperties()) {
+    if (property.central_only && !model.central) {
+      fmt::print("not asked  {} (of central models only)\n", property.claim);
+      continue;
+    }
+    const std::vector<std::string> violations = property.violations(model);
+    fmt::print("{}  {}\n", violations.empty() ? "holds    " : "VIOLATED ", property.claim);
+    for (size_t i = 0; i < std::min(violations.size(), kShown); ++i) {
+      fmt::print("             {}\n", violations[i]);
+    }
+    if (violations.size() > kShown) {
+      fmt::print("             and {} more\n", violations.size() - kShown);
+    }
+    if (!violations.empty()) ++violated;
+  }
+  if (violated > 0) {
+    throw Error(ErrorKind::kJob,
+                fmt::format("camera model {} violates {} of {} properties",
+                            model.name,
+                            violated,
+                            ModelProperties().size()));
+  }
+}
+
+constexpr const char* kHelp = "List the camera models, their parameters, units and source.";
+constexpr const char* kCheckHelp =
+    "Whether a model's projection, inverse and derivatives agree with each other.\n\n"
+    "  plenocal --plugin ./libmine.so models check NAME\n\n"
+    "runs the tests of the models of this project on any model, at its example parameters.";
+
+RunCommand Declare(CLI::App* app, ConsoleOptions* /*shared*/) {
+  const auto checked = std::make_shared<std::string>();
+  app->require_subcommand(0, 1);
+  CLI::App* const check = app->add_subcommand("check", kCheckHelp);
+  check->add_option("name", *checked, "camera model")->required();
+  return [checked, check] {
+    if (check->parsed()) {
+      RunModelCheck(*checked);
+    } else {
+      for (const CameraModel& model : CameraModels()) PrintModel(model);
+    }
+  };
+}
+
+}  // namespace
+
+Command ModelsCommand() { return {"models", kHelp, Declare}; }
+
+}  // namespace plenocal

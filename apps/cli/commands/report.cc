@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/report/report.h"
+
+#include <fmt/format.h>
+
+#include <filesystem>
+#include <memory>
+
+#include "apps/cli/command.h"
+#include "apps/cli/options.h"
+#include "calib/base/output_folder.h"
+#include "models/registry.h"
+
+namespace plenocal {
+namespace {
+
+void RunReport(const std::filesystem::path& folder) {
+  const CalibrationRecord calibration = ReadCalibrationFolder(folder, CameraModels());
+  const std::string page = ReportHtml(calibration, ReadCameraFiles(folder, calibration));
+  OutputFolder out(folder);
+  out.Write("report.html", page);
+  out.Commit();
+  fmt::print("written to {}\n", (folder / "report.html").string());
+}
+
+constexpr const char* kHelp =
+    "The report of a calibration once more, from the files in its folder alone.\n\n"
+    "  plenocal report OUT\n\n"
+    "writes OUT/report.html: one page that opens in any browser, without network.";
+
+RunCommand Declare(CLI::App* app, ConsoleOptions* shared) {
+  const auto folder = std::make_shared<std::filesystem::path>();
+  app->add_option("out", *folder, "folder that 'plenocal calibrate' wrote")->required();
+  AddQuiet(app, shared);
+  return [folder] { RunReport(*folder); };
+}
+
+}  // namespace
+
+Command ReportCommand() { return {"report", kHelp, Declare}; }
+
+}  // namespace plenocal

@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
+
+#include <memory>
+
+#include "apps/cli/command.h"
+#include "apps/cli/options.h"
+#include "apps/print/print_target.h"
+
+namespace plenocal {
+namespace {
+
+constexpr const char* kHelp =
+    "A printable target at true scale, with a ruler to check the printer.\n\n"
+    "  plenocal target target.yaml -o FILE.svg|.pdf|.png\n\n"
+    "Tags that are arranged in space are laid out one by one, with ids and cut marks.";
+
+RunCommand Declare(CLI::App* app, ConsoleOptions* shared) {
+  const auto request = std::make_shared<PrintRequest>();
+  app->add_option("target", request->target, "target.yaml")->required();
+  app->add_option("-o,--out", request->out, "FILE.svg, FILE.pdf or FILE.png")->required();
+  app->add_option(
+         "--paper", request->paper, "fit (as large as needed), a0 to a5, letter, legal or tabloid")
+      ->capture_default_str();
+  app->add_option("--dpi", request->dpi, "PNG: pixels per inch")
+      ->check(CLI::Range(30.0, 2400.0))
+      ->capture_default_str();
+  AddQuiet(app, shared);
+  return [request] {
+    for (const std::filesystem::path& file : PrintTarget(*request)) {
+      fmt::print("written to {}\n", file.string());
+    }
+  };
+}
+
+}  // namespace
+
+Command TargetCommand() { return {"target", kHelp, Declare}; }
+
+}  // namespace plenocal

@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
+#include <glog/logging.h>
+
+#include <cstdio>
+#include <exception>
+#include <new>
+#include <string_view>
+#include <system_error>
+
+#include "apps/cli/command_line.h"
+#include "apps/cli/console.h"
+#include "calib/base/error.h"
+
+namespace {
+
+enum ExitCode {
+  kDone = 0,
+  kJobFailed = 1,
+  kWrongInput = 2,
+  kInterrupted = 130 /* as the shell's after Ctrl-C */
+};
+
+ExitCode Fail(ExitCode code, std::string_view message) {
+  fmt::print(stderr, "plenocal: {}\n", message);
+  return code;
+}
+
+ExitCode Run(int argc, char** argv) {
+  try {
+    plenocal::CommandLine command_line;
+    const plenocal::RunCommand run = command_line.Parse(argc, argv);
+    plenocal::CatchInterrupts();
+    if (run) run();
+    // What is printed is a result: a full disk behind a redirection is a failure.
+    if (std::fflush(stdout) != 0) return Fail(kJobFailed, "cannot write to standard output");
+    return kDone;
+  } catch (const plenocal::Error& error) {
+    const bool is_input = error.kind() == plenocal::ErrorKind::kInput;
+    return Fail(is_input ? kWrongInput : kJobFailed, error.what());
+  } catch (const plenocal::Stopped&) {
+    return Fail(kInterrupted, "interrupted; no result files were written");
+  } catch (const std::bad_alloc&) {
+    return Fail(kJobFailed, "out of memory");
+  } catch (const std::system_error& error) {
+    // Thrown by fmt::print; files have errors of their own.
+    return Fail(kJobFailed, fmt::format("standard output: {}", error.what()));
+  } catch (const std::exception& error) {
+    return Fail(kJobFailed, fmt::format("internal error: {}", error.what()));
+  }
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  // Ceres warns of every step that it has to repeat; how a solver ended is in its summary.
+  FLAGS_minloglevel = google::GLOG_FATAL;
+  return Run(argc, argv);
+}

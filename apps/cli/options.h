@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Options that several commands have.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <filesystem>
+#include <optional>
+#include <string>
+
+#include "apps/cli/console.h"
+#include "calib/camera/bayer.h"
+
+namespace plenocal {
+
+/// Options of the commands that detect the target in a session's images.
+struct SessionOptions {
+  std::filesystem::path session;  ///< session.yaml
+  std::filesystem::path out;      ///< folder for the results
+  bool keep = false;              ///< write pictures of the stages into OUT/images
+  bool fresh = false;             ///< detect again: ignore detections of earlier runs
+};
+
+/// Declares `--threads`.
+void AddThreads(CLI::App* app, ConsoleOptions* shared);
+/// Declares `--quiet`.
+void AddQuiet(CLI::App* app, ConsoleOptions* shared);
+/// Declares `--bayer`, one of `kBayerOrders`.
+void AddBayer(CLI::App* app, std::optional<BayerOrder>* bayer, const std::string& help);
+/// Declares the session, `--out`, `--threads`, `--quiet`, `--keep` and `--fresh`.
+void AddSessionOptions(CLI::App* app, SessionOptions* options, ConsoleOptions* shared);
+
+}  // namespace plenocal

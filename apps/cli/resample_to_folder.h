@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Images of one camera, resampled into an output folder: undistort, rectify.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "apps/cli/console.h"
+#include "apps/cli/view_options.h"
+#include "apps/resample/pixel_map.h"
+#include "calib/base/output_folder.h"
+#include "calib/files/frame_images.h"
+
+namespace plenocal {
+
+/// Throws `Error` of kind kInput when the results of two images in `folder` would have one name, or
+/// replace an image.
+void CheckImageNames(const std::vector<FrameImage>& images, const std::filesystem::path& folder);
+
+/// How the images of `camera`, one of `calibration`, are resampled.
+struct FolderResampling {
+  const CalibrationRecord& calibration;
+  const CalibratedCamera& camera;
+  const PixelMap& map;
+  const ResampleArguments& arguments;
+  std::string prefix;  ///< of the names in the folder
+};
+
+/// Writes `<prefix><frame>.png` of each image into `out`. Prints messages and progress. Returns the
+/// number of images written.
+size_t ResampleToFolder(const std::vector<FrameImage>& images,
+                        const FolderResampling& resampling,
+                        const ConsoleOptions& options,
+                        OutputFolder* out);
+
+}  // namespace plenocal

@@ -1,0 +1,251 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/cli/session_observations.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <utility>
+
+#include "calib/base/error.h"
+#include "calib/files/detections.h"
+#include "calib/files/frame_images.h"
+#include "calib/files/session.h"
+#include "detectors/detect.h"
+
+namespace plenocal {
+namespace {
+
+// True when both paths lead to one existing file.
+bool IsSameFile(const std::filesystem::path& a, const std::filesystem::path& b) {
+  std::error_code error;
+  return !a.empty() && std::filesystem::equivalent(a, b, error);
+}
+
+/// The image files of one camera; empty where the session has none.
+struct CameraImages {
+  std::vector<FrameImage> images, white;
+};
+
+std::vector<CameraImages> ListImages(const Session& session) {
+  const auto list = [](const std::string& pattern, const std::string& what) {
+    return pattern.empty() ? std::vector<FrameImage>() : ExpandImages(pattern, what);
+  };
+  std::vector<CameraImages> lists;
+  for (const SessionCamera& camera : session.cameras) {
+    lists.push_back({list(camera.images, camera.name + ": images"),
+                     list(camera.white_images, camera.name + ": white_images")});
+  }
+  return lists;
+}
+
+CameraInput InputWithoutViews(const SessionCamera& camera) {
+  return {.name = camera.name,
+          .model = camera.model,
+          .config = camera.config,
+          .initial = camera.initial,
+          .fixed = camera.fixed,
+          .rules = camera.rules,
+          .image_size = camera.image_size,
+          .views = {}};
+}
+
+void CheckImageSize(const SessionCamera& camera, ImageSize found) {
+  const ImageSize stated = camera.image_size;
+  if (stated == ImageSize{} || stated == found) return;
+  throw Error(
+      ErrorKind::kInput,
+      fmt::format("{}: the images are {} x {} pixels, but the session's image_size says {} x {}",
+                  camera.name,
+                  found[0],
+                  found[1],
+                  stated[0],
+                  stated[1]));
+}
+
+/// Adds one camera of a session after the other to its `SessionObservations`.
+class Collector {
+ public:
+  Collector(const Target& target,
+            const ConsoleOptions& options,
+            const DetectionPlaces& places,
+            Console* console)
+      : target_(target), options_(options), places_(places), console_(*console) {}
+
+  void AddGiven(const SessionCamera& camera) {
+    CameraInput input = InputWithoutViews(camera);
+    input.views = ReadDetections(camera.detections, *camera.model);
+    if (camera.model->assign_lens_types != nullptr) camera.model->assign_lens_types(&input.views);
+    console_.Message(fmt::format("{}: {} frames, {} points from {}",
+                                 camera.name,
+                                 input.views.size(),
+                                 CountObservations(input.views),
+                                 camera.detections.string()));
+    collected_.sample_frames.emplace_back();
+    collected_.cameras.push_back(std::move(input));
+  }
+
+  void AddDetected(const SessionCamera& camera, const CameraImages& images) {
+    ImageDetections found = Detect(camera, images);
+    CheckImageSize(camera, found.image_size);
+    Report(camera, images.images.size(), found);
+    CameraInput input = InputWithoutViews(camera);
+    input.image_size = found.image_size;
+    input.views = std::move(found.views);
+    collected_.left_out.insert(
+        collected_.left_out.end(), found.left_out.begin(), found.left_out.end());
+    collected_.sample_frames.push_back(found.sample.frame);
+    AddFiles(camera.name, &found);
+    collected_.cameras.push_back(std::move(input));
+  }
+
+  SessionObservations Take() { return std::move(collected_); }
+
+ private:
+  ImageDetections Detect(const SessionCamera& camera, const CameraImages& images) {
+    // Observations of plenoptic models have a context, their micro lens.
+    const CameraOptics optics =
+        camera.model->plenoptic ? CameraOptics::kPlenoptic : CameraOptics::kOrdinary;
+    DetectOptions detect{.white_images = images.white,
+                         .bayer = camera.bayer,
+                         .threads = options_.threads,
+                         .cache = places_.cache,
+                         .progress = [&](size_t done) {
+                           console_.Progress(camera.name + ": images", done, images.images.size());
+                           return !Interrupted();
+                         }};
+    if (places_.pictures != nullptr) {
+      detect.keep = [&](const std::string& name, const std::string& content) {
+        places_.pictures->Write(fmt::format("images/{}/{}", camera.name, name), content);
+      };
+    }
+    try {
+      return DetectImages(images.images, target_, optics, detect);
+    } catch (const Error& error) {
+      throw Error(error.kind(), fmt::format("{}: {}", camera.name, error.what()));
+    }
+  }
+
+  /// Prints what was found; throws when that is nothing.
+  void Report(const SessionCamera& camera, size_t images, const ImageDetections& found) {
+    console_.Message(fmt::format("{}: {} images, target found in {}, {} points",
+                                 camera.name,
+                                 images,
+                                 found.views.size(),
+                                 CountObservations(found.views)));
+    if (found.reused > 0) {
+      console_.Message(
+          fmt::format("{}: detections of {} images reused", camera.name, found.reused));
+    }
+    for (const LeftOut& item : found.left_out) {
+      console_.Message(fmt::format("  left out {}: {}", item.where, item.reason));
+    }
+    if (!found.views.empty()) return;
+    throw Error(ErrorKind::kJob,
+                fmt::format("{}: none of its {} images shows the target; the first: {}: {}",
+                            camera.name,
+                            images,
+                            found.left_out[0].where,
+                            found.left_out[0].reason));
+  }
+
+  void AddFiles(const std::string& camera, ImageDetections* found) {
+    const auto add = [&](const char* key, std::string name, std::string* content) {
+      if (content->empty()) return;
+      collected_.files.push_back(
+          {collected_.cameras.size(), key, std::move(name), std::move(*content)});
+    };
+    add("micro_lenses", fmt::format("micro_lenses_{}.csv", camera), &found->micro_lenses);
+    add("vignetting", fmt::format("vignetting_{}.tiff", camera), &found->vignetting);
+    add("sample", fmt::format("sample_{}.jpg", camera), &found->sample.picture);
+    add("sample_depth", fmt::format("virtual_depth_{}.jpg", camera), &found->sample.depth);
+  }
+
+  const Target& target_;
+  const ConsoleOptions& options_;
+  const DetectionPlaces& places_;
+  Console& console_;
+  SessionObservations collected_;
+};
+
+}  // namespace
+
+std::string DetectionsName(const std::string& camera) {
+  return fmt::format("detections_{}.csv", camera);
+}
+
+size_t CountObservations(std::span<const View> views) {
+  size_t count = 0;
+  for (const View& view : views) count += view.observations.size();
+  return count;
+}
+
+DetectionCache OpenDetectionCache(const std::filesystem::path& out,
+                                  const Session& session,
+                                  EarlierDetections earlier) {
+  // Given detections are not cached, and hashing the program takes as long as solving a small
+  // session.
+  const bool detects = std::ranges::any_of(
+      session.cameras, [](const SessionCamera& camera) { return !camera.images.empty(); });
+  const std::string program = detects ? fmt::format("plenocal {} {} {}",
+                                                    PLENOCAL_VERSION,
+                                                    HashFile("/proc/self/exe"),
+                                                    HashFile(session.target))
+                                      : std::string();
+  return {out / ".cache", program, earlier == EarlierDetections::kIgnore};
+}
+
+SessionObservations CollectObservations(const Session& session,
+                                        const Target& target,
+                                        const ConsoleOptions& options,
+                                        const DetectionPlaces& places,
+                                        Console* console) {
+  // All globs first: a wrong one should not show only after minutes of work on another camera.
+  const std::vector<CameraImages> images = ListImages(session);
+  Collector collector(target, options, places, console);
+  for (size_t c = 0; c < session.cameras.size(); ++c) {
+    const SessionCamera& camera = session.cameras[c];
+    if (camera.images.empty()) {
+      collector.AddGiven(camera);
+    } else {
+      collector.AddDetected(camera, images[c]);
+    }
+  }
+  return collector.Take();
+}
+
+void RefuseToReplaceInputs(const Session& session,
+                           const std::filesystem::path& out,
+                           std::vector<std::string> results) {
+  for (const SessionCamera& camera : session.cameras)
+    results.push_back(DetectionsName(camera.name));
+  const auto refuse = [](const std::filesystem::path& input) {
+    throw Error(ErrorKind::kInput,
+                fmt::format("{}: the results would replace this input; give another folder with -o",
+                            input.string()));
+  };
+  for (const std::string& result : results) {
+    for (const auto& input : {session.path, session.target}) {
+      if (IsSameFile(input, out / result)) refuse(input);
+    }
+    for (const SessionCamera& camera : session.cameras) {
+      if (IsSameFile(camera.detections, out / result) && result != DetectionsName(camera.name)) {
+        refuse(camera.detections);
+      }
+    }
+  }
+}
+
+void WriteDetections(const Session& session,
+                     const SessionObservations& observations,
+                     const std::filesystem::path& folder,
+                     OutputFolder* out) {
+  const std::vector<CameraInput>& cameras = observations.cameras;
+  for (const CameraFile& file : observations.files) out->Write(file.name, file.content);
+  for (size_t c = 0; c < cameras.size(); ++c) {
+    const std::string name = DetectionsName(cameras[c].name);
+    if (IsSameFile(session.cameras[c].detections, folder / name)) continue;
+    out->Write(name, DetectionsCsv(cameras[c].views, *cameras[c].model));
+  }
+}
+
+}  // namespace plenocal

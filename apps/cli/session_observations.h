@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// The observations of a session's cameras, as `calibrate`, `detect`, `try` and `compare` need them.
+#pragma once
+
+#include <filesystem>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "apps/cli/console.h"
+#include "calib/base/detection_cache.h"
+#include "calib/base/output_folder.h"
+#include "calib/files/session.h"
+#include "calib/start.h"
+#include "targets/target.h"
+
+namespace plenocal {
+
+/// A result file of one camera, which calibration.yaml lists as `key: name`.
+struct CameraFile {
+  size_t camera = 0;
+  std::string key, name, content;
+};
+
+/// All observations of a session's cameras, from their images or detection files.
+struct SessionObservations {
+  std::vector<CameraInput> cameras;
+  std::vector<CameraFile>
+      files;  ///< micro lenses and vignetting of plenoptic cameras, pictures of a sample frame
+  std::vector<std::string> sample_frames;  ///< per camera: the frame of the pictures; empty: none
+  std::vector<LeftOut> left_out;           ///< images and markers, with reasons
+};
+
+/// Where `CollectObservations` keeps intermediate results.
+struct DetectionPlaces {
+  DetectionCache* cache = nullptr;   ///< detections for later runs; null: not kept
+  OutputFolder* pictures = nullptr;  ///< pictures of the stages, images/<camera>/...; null: none
+};
+
+/// Name of a camera's file of detections.
+std::string DetectionsName(const std::string& camera);
+
+/// Number of points in all views.
+size_t CountObservations(std::span<const View> views);
+
+enum class EarlierDetections { kReuse, kIgnore };
+
+/// The detections that earlier runs into the folder `out` have kept, and that this one keeps. They
+/// depend on the program and the session's target.
+DetectionCache OpenDetectionCache(const std::filesystem::path& out,
+                                  const Session& session,
+                                  EarlierDetections earlier);
+
+/// Reads the detection files of a session and detects the target in its images; prints one line per
+/// camera. Throws `Error` when the images of a camera show no target, and `Stopped` after Ctrl-C.
+SessionObservations CollectObservations(const Session& session,
+                                        const Target& target,
+                                        const ConsoleOptions& options,
+                                        const DetectionPlaces& places,
+                                        Console* console);
+
+/// Throws `Error` when a result in folder `out`, one of `results` or a camera's detections, would
+/// replace a file that the session reads. Only detections that are read from where they would be
+/// written are allowed: `WriteDetections` does not write them.
+void RefuseToReplaceInputs(const Session& session,
+                           const std::filesystem::path& out,
+                           std::vector<std::string> results);
+
+/// Writes detections_<camera>.csv of each camera and the cameras' files.
+void WriteDetections(const Session& session,
+                     const SessionObservations& observations,
+                     const std::filesystem::path& folder,
+                     OutputFolder* out);
+
+}  // namespace plenocal

@@ -1,0 +1,70 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/formats/word_lines.h"
+
+#include <fmt/format.h>
+
+#include <charconv>
+#include <cmath>
+#include <sstream>
+
+#include "apps/formats/exact_numbers.h"
+#include "calib/base/error.h"
+#include "calib/base/text_file.h"
+
+namespace plenocal {
+
+void WordLine::Fail(const std::string& message) const {
+  throw Error(ErrorKind::kInput, fmt::format("{}: {}", where, message));
+}
+
+double WordLine::Number(size_t i) const {
+  if (i >= words.size()) Fail(fmt::format("expected more than {} words", words.size()));
+  double value = 0;
+  const char* const end = words[i].data() + words[i].size();
+  const auto [after, error] = std::from_chars(words[i].data(), end, value);
+  if (error != std::errc() || after != end || !std::isfinite(value)) {
+    Fail(fmt::format("expected a number, found '{}'", words[i]));
+  }
+  return value;
+}
+
+int WordLine::Pixels(size_t i) const {
+  constexpr double kMost = 1e6;  // no image has more columns
+  const double value = Number(i);
+  if (value < 1 || value != std::floor(value) || value > kMost) {
+    Fail(fmt::format("expected a number of pixels, found '{}'", words[i]));
+  }
+  return static_cast<int>(value);
+}
+
+std::vector<double> WordLine::NumbersFrom(size_t first) const {
+  std::vector<double> numbers;
+  for (size_t i = first; i < words.size(); ++i) numbers.push_back(Number(i));
+  return numbers;
+}
+
+std::vector<WordLine> ReadWordLines(const std::filesystem::path& path) {
+  std::istringstream text(ReadTextFile(path));
+  std::vector<WordLine> lines;
+  int number = 0;
+  for (std::string line; std::getline(text, line);) {
+    ++number;
+    std::istringstream words(line.substr(0, line.find('#')));
+    WordLine read{fmt::format("{}:{}", path.string(), number), {}};
+    for (std::string word; words >> word;) read.words.push_back(word);
+    if (!read.words.empty()) lines.push_back(read);
+  }
+  if (lines.empty()) throw Error(ErrorKind::kInput, path.string() + ": holds no cameras");
+  return lines;
+}
+
+std::string BlankSeparated(std::span<const double> values) {
+  std::string text;
+  for (const double value : values) {
+    if (!text.empty()) text += ' ';
+    text += RealText(value);
+  }
+  return text;
+}
+
+}  // namespace plenocal

@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// The folder that `plenocal calibrate` wrote, read back.
+#pragma once
+
+#include <filesystem>
+#include <map>
+#include <span>
+#include <string>
+
+#include "calib/files/calibration_record.h"
+#include "targets/target.h"
+
+namespace plenocal {
+
+/// Reads calibration.yaml, target.yaml, poses.csv, residuals.csv and, if they exist, view_poses.csv
+/// and correlations.csv. Throws `Error` of kind kInput with file, line and key or column.
+CalibrationRecord ReadCalibrationFolder(const std::filesystem::path& folder,
+                                        std::span<const CameraModel> models);
+
+/// Adds the nominal marker positions of a target to a record, and markers that the record does not
+/// have.
+void AddTarget(const Target& target, CalibrationRecord* calibration);
+
+/// Files of the cameras that the report draws or embeds: micro lenses, attenuation, pictures.
+struct CameraFiles {
+  std::filesystem::path folder;                 ///< for messages
+  std::map<std::string, std::string> contents;  ///< by file name
+
+  /// Content of a file; null for an empty name or a file that is not there.
+  [[nodiscard]] const std::string* Find(const std::string& name) const;
+  /// Path of a file, for messages.
+  [[nodiscard]] std::string Path(const std::string& name) const { return (folder / name).string(); }
+};
+
+/// Reads those files that the cameras name and that exist. Throws `Error` for one that cannot be
+/// read.
+CameraFiles ReadCameraFiles(const std::filesystem::path& folder,
+                            const CalibrationRecord& calibration);
+
+}  // namespace plenocal

@@ -1,0 +1,92 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/adjust/bundle.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace plenocal {
+
+bool Residual(const Bundle& bundle, const BundleObservation& observation, double* residual) {
+  const BundleCamera& camera = bundle.cameras[static_cast<size_t>(observation.camera)];
+  const RigidTransform T_camera_target =
+      camera.T_camera_rig * bundle.SeenPose(static_cast<size_t>(observation.frame),
+                                            static_cast<size_t>(observation.camera));
+  double predicted[kMaxObservationSize];
+  if (!camera.model->project(
+          camera.params.data(),
+          camera.config.data(),
+          observation.seen.values.data(),
+          T_camera_target * bundle.markers[static_cast<size_t>(observation.marker)].position,
+          predicted)) {
+    return false;
+  }
+  for (size_t r = 0; r < camera.model->measured.size(); ++r) {
+    residual[r] = observation.seen.values[r] - predicted[r];
+    if (!std::isfinite(residual[r])) return false;
+  }
+  return true;
+}
+
+double WeightedLength(const Bundle& bundle,
+                      const BundleObservation& observation,
+                      const double* residual) {
+  const BundleCamera& camera = bundle.cameras[static_cast<size_t>(observation.camera)];
+  double sum = 0;
+  for (size_t r = 0; r < camera.model->measured.size(); ++r) sum += residual[r] * residual[r];
+  return std::sqrt(sum) / camera.noise.Sigma(observation.assumed_sigma);
+}
+
+std::vector<double> WeightedLengths(const Bundle& bundle) {
+  std::vector<double> lengths;
+  lengths.reserve(bundle.observations.size());
+  for (const BundleObservation& observation : bundle.observations) {
+    double residual[kMaxObservationSize];
+    lengths.push_back(Residual(bundle, observation, residual)
+                          ? WeightedLength(bundle, observation, residual)
+                          : std::numeric_limits<double>::infinity());
+  }
+  return lengths;
+}
+
+size_t EndOfMarker(const std::vector<BundleObservation>& observations, size_t begin) {
+  const BundleObservation& first = observations[begin];
+  size_t end = begin + 1;
+  while (end < observations.size() && observations[end].frame == first.frame &&
+         observations[end].camera == first.camera && observations[end].marker == first.marker) {
+    ++end;
+  }
+  return end;
+}
+
+size_t EndOfView(const std::vector<BundleObservation>& observations, size_t begin) {
+  const BundleObservation& first = observations[begin];
+  size_t end = begin + 1;
+  while (end < observations.size() && observations[end].frame == first.frame &&
+         observations[end].camera == first.camera) {
+    ++end;
+  }
+  return end;
+}
+
+Matrix6d JitterWeight(const Bundle& bundle, size_t frame) {
+  Eigen::Vector3d centre = Eigen::Vector3d::Zero();
+  for (const BundleMarker& marker : bundle.markers) centre += marker.nominal;
+  centre /= std::max(1.0, static_cast<double>(bundle.markers.size()));
+  // The target's centre c moves by v + w x (R c).
+  Matrix6d weight = Matrix6d::Zero();
+  weight.topLeftCorner<3, 3>().setIdentity();
+  weight.topRightCorner<3, 3>() = -Hat(bundle.T_rig_target[frame].R * centre);
+  weight.topRows<3>() /= bundle.jitter.translation_sigma;
+  weight.bottomRightCorner<3, 3>() = Eigen::Matrix3d::Identity() / bundle.jitter.rotation_sigma;
+  return weight;
+}
+
+Matrix6d JitterWeight(const Bundle& bundle, size_t frame, size_t camera) {
+  // Of the weight; zero would leave a frame undetermined whose only view is misplaced.
+  constexpr double kMisplacedWeight = 1e-3;
+  return (bundle.jitter.misplaced[bundle.View(frame, camera)] ? kMisplacedWeight : 1.0) *
+         JitterWeight(bundle, frame);
+}
+
+}  // namespace plenocal

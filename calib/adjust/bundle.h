@@ -1,0 +1,115 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// State and data of the one bundle adjustment that all cameras of a session share.
+#pragma once
+
+#include <Eigen/Core>
+#include <string>
+#include <vector>
+
+#include "calib/camera/camera_model.h"
+#include "calib/camera/noise_model.h"
+#include "calib/camera/observation.h"
+#include "calib/camera/param_rule.h"
+#include "calib/camera/rigid_transform.h"
+
+namespace plenocal {
+
+struct BundleCamera {
+  std::string name = {};
+  ImageSize image_size{};
+  const CameraModel* model = nullptr;
+  std::vector<double> config;
+  std::vector<double> params;
+  std::vector<bool> fixed;            ///< per parameter: not estimated
+  std::vector<ParamRule> rules = {};  ///< per parameter, or empty
+  std::vector<bool> at_bound = {};    ///< per parameter: `Adjust` left it at a bound; or empty
+  RigidTransform T_camera_rig;        ///< extrinsics; identity for the rig's master
+  bool is_master = false;             ///< its frame is the rig's; T_camera_rig is not estimated
+  NoiseModel noise = {};
+};
+
+struct BundleMarker {
+  int number = 0;
+  Eigen::Vector3d position;
+  Eigen::Vector3d nominal;
+};
+
+struct BundleObservation {
+  int camera = 0;
+  int frame = 0;
+  int marker = 0;  ///< index into Bundle::markers
+  Observation seen;
+  bool used = true;
+  std::vector<double> shared_errors = {};  ///< as in `View`
+  /// Standard deviation of each measured coordinate before the camera's `NoiseModel` corrects it,
+  /// px: the detector's where it states one, else an estimate, or 1 where nothing is known.
+  double assumed_sigma = 1;
+};
+
+/// Deviation of each view's target pose from the pose that all cameras of a frame share: images of
+/// one frame that were not taken at quite the same time, or extrinsics that change. All points of a
+/// view share this error, so it is estimated, with Gaussian priors whose sigmas are estimated too.
+struct Jitter {
+  /// Standard deviation of each coordinate of the target's centre, m, and of its rotation about
+  /// each axis, rad; zeros for a rigid, synchronous rig.
+  double translation_sigma = 0, rotation_sigma = 0;
+  /// Per frame and camera (frame * cameras + camera): change of T_rig_target in its chart. Empty
+  /// for a rigid, synchronous rig.
+  std::vector<Vector6d> delta;
+  /// Parallel to `delta`: deviates more than these sigmas allow. Such a view does not contribute to
+  /// the frame's pose and counts for its own camera only.
+  std::vector<bool> misplaced;
+};
+
+/// `observations` are sorted by frame, then camera, then marker.
+struct Bundle {
+  std::vector<BundleCamera> cameras;
+  std::vector<RigidTransform> T_rig_target;  ///< per frame
+  std::vector<BundleMarker> markers;
+  /// Standard deviation of each nominal marker coordinate, m; 0: markers are not estimated.
+  double marker_sigma = 0;
+  std::vector<BundleObservation> observations;
+  Jitter jitter;
+
+  [[nodiscard]] bool EstimatesMarkers() const { return marker_sigma > 0; }
+  [[nodiscard]] bool EstimatesJitter() const { return jitter.translation_sigma > 0; }
+  /// The parameter whose value a parameter has: itself or the one that it is tied to.
+  [[nodiscard]] ParamIndex Root(size_t camera, size_t param) const {
+    const std::vector<ParamRule>& rules = cameras[camera].rules;
+    return rules.empty() ? ParamIndex{camera, param}
+                         : rules[param].tied_to.value_or(ParamIndex{camera, param});
+  }
+  [[nodiscard]] size_t View(size_t frame, size_t camera) const {
+    return frame * cameras.size() + camera;
+  }
+  /// T_rig_target of a frame with the jitter of one of its views.
+  [[nodiscard]] RigidTransform SeenPose(size_t frame, size_t camera) const {
+    return jitter.delta.empty() ? T_rig_target[frame]
+                                : Retract(T_rig_target[frame], jitter.delta[View(frame, camera)]);
+  }
+};
+
+/// Residual of one observation, measured minus predicted; false outside the model's domain.
+bool Residual(const Bundle& bundle, const BundleObservation& observation, double* residual);
+
+/// Length of the residual in standard deviations of the camera's noise.
+double WeightedLength(const Bundle& bundle,
+                      const BundleObservation& observation,
+                      const double* residual);
+
+/// `WeightedLength` of all observations; infinite outside the model's domain.
+std::vector<double> WeightedLengths(const Bundle& bundle);
+
+/// End of the run of observations of one marker in one view, or of one view, that starts at
+/// `begin`.
+size_t EndOfMarker(const std::vector<BundleObservation>& observations, size_t begin);
+size_t EndOfView(const std::vector<BundleObservation>& observations, size_t begin);
+
+/// Square root W of the prior's information on the jitter in one frame: its residual is W delta,
+/// first the displacement of the target's centre, then its rotation.
+Matrix6d JitterWeight(const Bundle& bundle, size_t frame);
+/// The same for one view, which may be misplaced.
+Matrix6d JitterWeight(const Bundle& bundle, size_t frame, size_t camera);
+
+}  // namespace plenocal

@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/adjust/linearise.h"
+
+namespace plenocal::internal {
+
+bool Linearise(const BundleCamera& camera,
+               const double* params,
+               const LinearisedView& view,
+               const Eigen::Vector3d& p_target,
+               const BundleObservation& observation,
+               const LinearisedRows& out) {
+  const Eigen::Vector3d rotated = view.T_rig_target.R * p_target;
+  const Eigen::Vector3d rotated_rig = view.T_camera_rig.R * (rotated + view.T_rig_target.t);
+  const Eigen::Vector3d p_cam = rotated_rig + view.T_camera_rig.t;
+
+  const CameraModel& model = *camera.model;
+  const Observation& seen = observation.seen;
+  const size_t rows = model.measured.size();
+  double predicted[kMaxObservationSize];
+  double J_point[kMaxObservationSize * 3];
+  const bool inside =
+      out.J_params == nullptr
+          ? model.project(params, camera.config.data(), seen.values.data(), p_cam, predicted)
+          : model.project_with_jacobian(
+                params,
+                camera.config.data(),
+                seen.values.data(),
+                p_cam,
+                {.predicted = predicted, .J_params = out.J_params, .J_point = J_point});
+  if (!inside) return false;
+  const double weight = 1 / camera.noise.OwnSigma(observation.assumed_sigma);
+  for (size_t r = 0; r < rows; ++r) out.residual[r] = weight * (seen.values[r] - predicted[r]);
+  if (out.J_params == nullptr) return true;
+
+  // Residual = measured - predicted, so every derivative is minus that of the prediction. With a
+  // rotation by w before the point: row (-Hat(a)) = (a x row)'.
+  for (size_t i = 0; i < rows * model.params.size(); ++i) out.J_params[i] *= -weight;
+  for (size_t r = 0; r < rows; ++r) {
+    const Eigen::Vector3d J_cam = -weight * Eigen::Map<const Eigen::Vector3d>(J_point + 3 * r);
+    const Eigen::Vector3d J_rig = view.T_camera_rig.R.transpose() * J_cam;
+    if (out.J_extrinsics != nullptr) {
+      Eigen::Map<Eigen::Vector3d>(out.J_extrinsics + 6 * r) = J_cam;
+      Eigen::Map<Eigen::Vector3d>(out.J_extrinsics + 6 * r + 3) =
+          view.chart_extrinsics.transpose() * rotated_rig.cross(J_cam);
+    }
+    if (out.J_pose != nullptr) {
+      Eigen::Map<Eigen::Vector3d>(out.J_pose + 6 * r) = J_rig;
+      Eigen::Map<Eigen::Vector3d>(out.J_pose + 6 * r + 3) =
+          view.chart_pose.transpose() * rotated.cross(J_rig);
+    }
+    if (out.J_jitter != nullptr) {
+      Eigen::Map<Eigen::Vector3d>(out.J_jitter + 6 * r) = J_rig;
+      Eigen::Map<Eigen::Vector3d>(out.J_jitter + 6 * r + 3) =
+          view.chart_jitter.transpose() * rotated.cross(J_rig);
+    }
+    if (out.J_marker != nullptr) {
+      Eigen::Map<Eigen::Vector3d>(out.J_marker + 3 * r) = view.T_rig_target.R.transpose() * J_rig;
+    }
+  }
+  return true;
+}
+
+}  // namespace plenocal::internal

@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Residuals and their derivatives, shared by the solver's cost function and by the covariance, so
+// that both use the same linearisation.
+#pragma once
+
+#include <Eigen/Core>
+
+#include "calib/adjust/bundle.h"
+
+namespace plenocal::internal {
+
+/// Poses that one view's observations share, with the Jacobian of each chart at its present value.
+struct LinearisedView {
+  RigidTransform T_camera_rig, T_rig_target;
+  Eigen::Matrix3d chart_extrinsics = Eigen::Matrix3d::Identity();  ///< left Jacobian at the
+                                                                   ///< chart's w
+  Eigen::Matrix3d chart_pose = Eigen::Matrix3d::Identity();
+  Eigen::Matrix3d chart_jitter = Eigen::Matrix3d::Identity();
+};
+
+/// Where one observation's weighted residual and derivatives are written; row-major, one row a
+/// measured coordinate. Null pointers are not written.
+struct LinearisedRows {
+  double* residual = nullptr;
+  double* J_params = nullptr;      ///< rows x params
+  double* J_extrinsics = nullptr;  ///< rows x 6, chart of T_camera_rig
+  double* J_pose = nullptr;        ///< rows x 6, chart of T_rig_target
+  double* J_jitter = nullptr;      ///< rows x 6, chart of Jitter::delta
+  double* J_marker = nullptr;      ///< rows x 3
+};
+
+/// Residual of one observation in standard deviations of its own noise with its derivatives; false
+/// outside the model's domain. Common noise is applied to sums of rows (`CommonShare`). J_params is
+/// needed for any derivative; without it only the residual is computed.
+bool Linearise(const BundleCamera& camera,
+               const double* params,
+               const LinearisedView& view,
+               const Eigen::Vector3d& p_target,
+               const BundleObservation& observation,
+               const LinearisedRows& out);
+
+/// With rows y_i of one marker in one view in their own sigmas sigma_i, common noise t takes
+/// CommonShare(t, sum 1 / sigma_i^2) times the square of sum y_i / sigma_i from the sum of y_i^2
+/// (the inverse of diag(sigma_i^2) + t^2 1 1', by Sherman and Morrison).
+inline double CommonShare(double common_sigma, double information) {
+  const double variance = common_sigma * common_sigma;
+  return variance / (1 + variance * information);
+}
+
+}  // namespace plenocal::internal

@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// The unknowns of a bundle as blocks of numbers for the solver.
+#pragma once
+
+#include <deque>
+#include <limits>
+#include <vector>
+
+#include "calib/adjust/bundle.h"
+
+namespace plenocal::internal {
+
+/// Markers are estimated in blocks: fewer, larger blocks cost Ceres less bookkeeping.
+inline constexpr int kMarkersPerBlock = 4;
+inline constexpr int kMarkerBlockSize = 3 * kMarkersPerBlock;
+
+/// A pose in the chart around its value before the solve.
+struct ChartedPose {
+  RigidTransform origin;
+  double* delta = nullptr;  ///< its six unknowns
+
+  [[nodiscard]] RigidTransform Value() const {
+    return Retract(origin, Eigen::Map<const Vector6d>(delta));
+  }
+};
+
+/// The parameters of one camera, or of several that have some in common: each value once.
+struct IntrinsicsBlock {
+  std::vector<double> initial;  ///< before the solve
+  std::vector<bool> fixed;
+  std::vector<double> lower, upper;      ///< from the parameters' rules
+  std::vector<ParamRule::Prior> priors;  ///< with the slots that they belong to
+  std::vector<size_t> prior_slots;
+  std::vector<bool> at_bound;  ///< fixed at a bound during one solve
+  double* values = nullptr;    ///< among the unknowns
+
+  [[nodiscard]] size_t Size() const { return initial.size(); }
+  [[nodiscard]] bool IsFixed(size_t slot) const { return fixed[slot] || at_bound[slot]; }
+};
+
+/// Slot of a parameter that is fixed and not in the block.
+inline constexpr size_t kNoSlot = std::numeric_limits<size_t>::max();
+
+/// One camera's parameters in their block.
+struct Intrinsics {
+  IntrinsicsBlock* block = nullptr;
+  /// Per parameter; empty when the block is the camera's alone, in order.
+  std::vector<size_t> slots;
+
+  [[nodiscard]] size_t Slot(size_t param) const { return slots.empty() ? param : slots[param]; }
+};
+
+/// All unknowns in one array: Ceres orders the blocks of a group by their addresses, and the same
+/// input must give the same order.
+class Unknowns {
+ public:
+  explicit Unknowns(const Bundle& bundle);
+  Unknowns(const Unknowns&) = delete;
+  Unknowns& operator=(const Unknowns&) = delete;
+
+  /// Copies the values and the bounds that they lie on into the bundle.
+  void WriteTo(Bundle* bundle) const;
+
+  [[nodiscard]] size_t MarkerBlocks() const { return nominal_markers.size() / kMarkerBlockSize; }
+  [[nodiscard]] double* Jitter(size_t view) { return jitter + 6 * view; }
+  [[nodiscard]] double* MarkerBlock(size_t block) { return markers + block * kMarkerBlockSize; }
+
+  std::vector<double> values;
+  std::vector<Intrinsics> intrinsics;   ///< per camera
+  std::vector<ChartedPose> extrinsics;  ///< per camera
+  std::vector<ChartedPose> poses;       ///< per frame
+  double* jitter = nullptr;
+  double* markers = nullptr;            ///< the last block may have spare markers
+  std::vector<double> nominal_markers;  ///< parallel to `markers`
+
+ private:
+  std::deque<IntrinsicsBlock> blocks_;
+};
+
+}  // namespace plenocal::internal

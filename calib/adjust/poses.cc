@@ -1,0 +1,104 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/adjust/poses.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+
+#include "calib/adjust/linearise.h"
+#include "calib/base/linear_algebra.h"
+
+namespace plenocal {
+namespace {
+
+// Normal equations H delta = -g of a target pose, from observations in [begin, end). `width` is
+// that of Huber's loss.
+struct PoseEquations {
+  Matrix6d H = Matrix6d::Zero();
+  Vector6d g = Vector6d::Zero();
+};
+
+PoseEquations LinearisePose(const Bundle& bundle, size_t begin, size_t end, double width) {
+  PoseEquations equations;
+  std::vector<double> J_params;
+  using J6 = Eigen::Matrix<double, kMaxObservationSize, 6, Eigen::RowMajor>;
+  using Residual = Eigen::Matrix<double, kMaxObservationSize, 1>;
+  for (size_t i = begin, of_marker = begin; i < end;) {
+    const BundleCamera& camera = bundle.cameras[static_cast<size_t>(bundle.observations[i].camera)];
+    const auto rows = static_cast<Eigen::Index>(camera.model->measured.size());
+    J_params.resize(kMaxObservationSize * camera.params.size());
+    J6 J, J_sum = J6::Zero();  // in own sigmas
+    Residual r, r_sum = Residual::Zero();
+    double information = 0;
+    for (of_marker = EndOfMarker(bundle.observations, i); i < of_marker; ++i) {
+      const BundleObservation& observation = bundle.observations[i];
+      if (!observation.used) continue;
+      if (!internal::Linearise(
+              camera,
+              camera.params.data(),
+              {.T_camera_rig = camera.T_camera_rig,
+               .T_rig_target = bundle.SeenPose(static_cast<size_t>(observation.frame),
+                                               static_cast<size_t>(observation.camera))},
+              bundle.markers[static_cast<size_t>(observation.marker)].position,
+              observation,
+              {.residual = r.data(), .J_params = J_params.data(), .J_pose = J.data()})) {
+        continue;
+      }
+      const double own = camera.noise.OwnSigma(observation.assumed_sigma);
+      const double length =
+          r.head(rows).norm() * own / camera.noise.Sigma(observation.assumed_sigma);
+      const double root = std::sqrt(width / std::max(length, width));
+      J.topRows(rows) *= root;
+      r.head(rows) *= root;
+      equations.H.noalias() += J.topRows(rows).transpose().lazyProduct(J.topRows(rows));
+      equations.g.noalias() += J.topRows(rows).transpose().lazyProduct(r.head(rows));
+      J_sum.topRows(rows) += J.topRows(rows) * (root / own);
+      r_sum.head(rows) += r.head(rows) * (root / own);
+      information += root * root / (own * own);
+    }
+    const double common = internal::CommonShare(camera.noise.common_sigma, information);
+    equations.H.noalias() -=
+        common * J_sum.topRows(rows).transpose().lazyProduct(J_sum.topRows(rows));
+    equations.g.noalias() -= common * J_sum.topRows(rows).transpose().lazyProduct(r_sum.head(rows));
+  }
+  return equations;
+}
+
+}  // namespace
+
+void AdjustPoses(Bundle* bundle, const std::vector<bool>& frames) {
+  constexpr int kSteps = 4;
+  constexpr double kWidth = 3;  // of Huber's loss, sigmas
+  const auto& observations = bundle->observations;
+  for (size_t begin = 0, end = 0; begin < observations.size(); begin = end) {
+    const auto frame = static_cast<size_t>(observations[begin].frame);
+    while (end < observations.size() && observations[end].frame == observations[begin].frame) ++end;
+    if (!frames[frame]) continue;
+    RigidTransform& T_rig_target = bundle->T_rig_target[frame];
+    for (int step = 0; step < kSteps; ++step) {
+      const PoseEquations equations = LinearisePose(*bundle, begin, end, kWidth);
+      const Vector6d delta = -SolveSymmetric(equations.H, equations.g);
+      if (!delta.allFinite()) break;
+      T_rig_target = Retract(T_rig_target, delta);
+      if (delta.dot(equations.H * delta) < 1) break;  // less than a sigma; the adjustment goes on
+    }
+  }
+}
+
+std::vector<PoseStep> OwnPoseSteps(const Bundle& bundle) {
+  constexpr double kNoLoss = 1e300;
+  std::vector<PoseStep> steps;
+  const auto& observations = bundle.observations;
+  for (size_t begin = 0, end = 0; begin < observations.size(); begin = end) {
+    const BundleObservation& first = observations[begin];
+    end = EndOfView(observations, begin);
+    const PoseEquations equations = LinearisePose(bundle, begin, end, kNoLoss);
+    const std::optional<Vector6d> step = SolvePositive(equations.H, equations.g);
+    if (!step) continue;
+    const Vector6d delta = -*step;
+    steps.push_back({first.frame, first.camera, delta, -delta.dot(equations.g)});
+  }
+  return steps;
+}
+
+}  // namespace plenocal

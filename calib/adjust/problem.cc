@@ -1,0 +1,283 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/adjust/problem.h"
+
+#include <ceres/ceres.h>
+
+#include <algorithm>
+#include <memory>
+#include <vector>
+
+#include "calib/adjust/bounds.h"
+#include "calib/adjust/parameter_blocks.h"
+#include "calib/adjust/prior_costs.h"
+#include "calib/adjust/view_cost.h"
+
+namespace plenocal {
+namespace {
+
+using internal::IntrinsicsBlock;
+using internal::kMarkerBlockSize;
+using internal::kMarkersPerBlock;
+using internal::Unknowns;
+
+// Above this many unknowns beside the poses a dense reduced system costs more than a sparse one.
+constexpr size_t kMaxDenseUnknowns = 3000;
+// The first trust region is so large that the first step is Gauss-Newton's.
+constexpr double kFirstTrustRegion = 1e6;
+// Below rounding: `AdjustOptions::cost_tolerance` decides.
+constexpr double kGradientTolerance = 1e-14, kParameterTolerance = 1e-13;
+
+class IterationReport : public ceres::IterationCallback {
+ public:
+  explicit IterationReport(const AdjustOptions& options) : options_(options) {}
+  ceres::CallbackReturnType operator()(const ceres::IterationSummary& summary) override {
+    if (!options_.on_iteration) return ceres::SOLVER_CONTINUE;
+    return options_.on_iteration(summary.iteration, summary.cost) ? ceres::SOLVER_CONTINUE
+                                                                  : ceres::SOLVER_ABORT;
+  }
+
+ private:
+  const AdjustOptions& options_;
+};
+
+size_t CountTrue(const std::vector<bool>& flags) {
+  return static_cast<size_t>(std::count(flags.begin(), flags.end(), true));
+}
+
+// The solver's problem for one bundle.
+class AdjustProblem {
+ public:
+  AdjustProblem(const Bundle& bundle, const AdjustOptions& options)
+      : bundle_(bundle),
+        options_(options),
+        unknowns_(bundle),
+        problem_(ProblemOptions()),
+        marker_block_used_(unknowns_.MarkerBlocks(), false),
+        camera_used_(bundle.cameras.size(), false),
+        view_used_(bundle.jitter.delta.size(), false),
+        frame_used_(bundle.T_rig_target.size(), false) {
+    AddObservations();
+    AddJitterPriors();
+    AddParamPriors();
+    AddMarkerPriors();
+  }
+
+  AdjustSummary Solve();
+  void WriteTo(Bundle* bundle) const { unknowns_.WriteTo(bundle); }
+
+ private:
+  static ceres::Problem::Options ProblemOptions() {
+    ceres::Problem::Options options;
+    options.enable_fast_removal = false;
+    options.disable_all_safety_checks = true;
+    return options;
+  }
+
+  void AddObservations();
+  // Observations of one view and one block of markers.
+  void AddGroup(const std::vector<const BundleObservation*>& group);
+  void AddJitterPriors();
+  void AddParamPriors();
+  void AddMarkerPriors();
+  [[nodiscard]] bool EliminatesMarkersFirst() const;
+  [[nodiscard]] size_t DenseUnknowns() const;
+  [[nodiscard]] ceres::ParameterBlockOrdering Ordering();
+  [[nodiscard]] ceres::Solver::Options SolverOptions() const;
+
+  const Bundle& bundle_;
+  const AdjustOptions& options_;
+  Unknowns unknowns_;
+  ceres::Problem problem_;
+  std::vector<bool> marker_block_used_, camera_used_, view_used_, frame_used_;
+  std::vector<IntrinsicsBlock*> blocks_used_;
+};
+
+void AdjustProblem::AddObservations() {
+  const std::vector<BundleObservation>& observations = bundle_.observations;
+  std::vector<const BundleObservation*> group;
+  for (size_t begin = 0, end = 0; begin < observations.size(); begin = end) {
+    const BundleObservation& first = observations[begin];
+    group.clear();
+    for (; end < observations.size(); ++end) {
+      const BundleObservation& next = observations[end];
+      if (next.frame != first.frame || next.camera != first.camera ||
+          next.marker / kMarkersPerBlock != first.marker / kMarkersPerBlock) {
+        break;
+      }
+      if (next.used) group.push_back(&next);
+    }
+    if (!group.empty()) AddGroup(group);
+  }
+}
+
+void AdjustProblem::AddGroup(const std::vector<const BundleObservation*>& group) {
+  const auto frame = static_cast<size_t>(group[0]->frame);
+  const auto camera = static_cast<size_t>(group[0]->camera);
+  const auto marker_block = static_cast<size_t>(group[0]->marker / kMarkersPerBlock);
+  const internal::ViewUnknowns view{
+      .intrinsics = &unknowns_.intrinsics[camera],
+      .extrinsics = bundle_.cameras[camera].is_master ? nullptr : &unknowns_.extrinsics[camera],
+      .pose = &unknowns_.poses[frame]};
+  std::vector<double*> blocks{view.intrinsics->block->values};
+  if (view.extrinsics != nullptr) blocks.push_back(view.extrinsics->delta);
+  blocks.push_back(view.pose->delta);
+  if (bundle_.EstimatesJitter()) {
+    const size_t index = bundle_.View(frame, camera);
+    blocks.push_back(unknowns_.Jitter(index));
+    view_used_[index] = true;
+  }
+  if (bundle_.EstimatesMarkers()) {
+    blocks.push_back(unknowns_.MarkerBlock(marker_block));
+    marker_block_used_[marker_block] = true;
+  }
+  problem_.AddResidualBlock(
+      new internal::ViewCost(bundle_, view, group, options_), nullptr, blocks);
+  frame_used_[frame] = true;
+  camera_used_[camera] = true;
+}
+
+void AdjustProblem::AddJitterPriors() {
+  if (!bundle_.EstimatesJitter()) return;
+  for (size_t frame = 0; frame < frame_used_.size(); ++frame) {
+    for (size_t c = 0; frame_used_[frame] && c < bundle_.cameras.size(); ++c) {
+      const size_t view = bundle_.View(frame, c);
+      if (!view_used_[view]) continue;
+      problem_.AddResidualBlock(new internal::JitterPrior(JitterWeight(bundle_, frame, c)),
+                                nullptr,
+                                unknowns_.Jitter(view));
+    }
+  }
+}
+
+void AdjustProblem::AddParamPriors() {
+  for (size_t c = 0; c < bundle_.cameras.size(); ++c) {
+    if (!camera_used_[c]) continue;
+    IntrinsicsBlock& block = *unknowns_.intrinsics[c].block;
+    if (std::find(blocks_used_.begin(), blocks_used_.end(), &block) != blocks_used_.end()) continue;
+    blocks_used_.push_back(&block);
+    for (size_t p = 0; p < block.priors.size(); ++p) {
+      problem_.AddResidualBlock(
+          new internal::ParamPrior(block.Size(), block.prior_slots[p], block.priors[p]),
+          nullptr,
+          block.values);
+    }
+  }
+}
+
+void AdjustProblem::AddMarkerPriors() {
+  for (size_t block = 0; block < marker_block_used_.size(); ++block) {
+    if (!marker_block_used_[block]) continue;
+    const size_t first = block * kMarkersPerBlock;
+    const size_t in_block = std::min<size_t>(kMarkersPerBlock, bundle_.markers.size() - first);
+    problem_.AddResidualBlock(
+        new internal::MarkerPrior(
+            std::span(unknowns_.nominal_markers).subspan(block * kMarkerBlockSize, 3 * in_block),
+            bundle_.marker_sigma),
+        nullptr,
+        unknowns_.MarkerBlock(block));
+    if (in_block == kMarkersPerBlock) continue;
+    std::vector<int> spare;
+    for (int i = static_cast<int>(3 * in_block); i < kMarkerBlockSize; ++i) spare.push_back(i);
+    problem_.SetManifold(unknowns_.MarkerBlock(block),
+                         new ceres::SubsetManifold(kMarkerBlockSize, spare));
+  }
+}
+
+// The blocks that are eliminated first must not share residuals: the jitter of the views when there
+// is any, else the poses; or the markers, where they are more unknowns. The rest is small and
+// dense.
+bool AdjustProblem::EliminatesMarkersFirst() const {
+  const size_t views = 6 * CountTrue(bundle_.EstimatesJitter() ? view_used_ : frame_used_);
+  return kMarkerBlockSize * CountTrue(marker_block_used_) > views;
+}
+
+size_t AdjustProblem::DenseUnknowns() const {
+  const size_t poses = 6 * CountTrue(frame_used_), jitter = 6 * CountTrue(view_used_);
+  const size_t markers = kMarkerBlockSize * CountTrue(marker_block_used_);
+  const size_t eliminated =
+      EliminatesMarkersFirst() ? markers : (bundle_.EstimatesJitter() ? jitter : poses);
+  size_t dense = poses + jitter + markers - eliminated + 6 * CountTrue(camera_used_);
+  for (const IntrinsicsBlock* block : blocks_used_) dense += block->Size();
+  return dense;
+}
+
+ceres::ParameterBlockOrdering AdjustProblem::Ordering() {
+  const bool markers_first = EliminatesMarkersFirst(), jitter = bundle_.EstimatesJitter();
+  ceres::ParameterBlockOrdering ordering;
+  for (size_t frame = 0; frame < frame_used_.size(); ++frame) {
+    if (!frame_used_[frame]) continue;
+    ordering.AddElementToGroup(unknowns_.poses[frame].delta, jitter || markers_first ? 1 : 0);
+  }
+  for (size_t view = 0; view < view_used_.size(); ++view) {
+    if (!view_used_[view]) continue;
+    ordering.AddElementToGroup(unknowns_.Jitter(view), markers_first ? 1 : 0);
+  }
+  for (const IntrinsicsBlock* block : blocks_used_) ordering.AddElementToGroup(block->values, 1);
+  for (size_t c = 0; c < camera_used_.size(); ++c) {
+    if (!camera_used_[c] || bundle_.cameras[c].is_master) continue;
+    ordering.AddElementToGroup(unknowns_.extrinsics[c].delta, 1);
+  }
+  for (size_t block = 0; block < marker_block_used_.size(); ++block) {
+    if (!marker_block_used_[block]) continue;
+    ordering.AddElementToGroup(unknowns_.MarkerBlock(block), markers_first ? 0 : 1);
+  }
+  return ordering;
+}
+
+ceres::Solver::Options AdjustProblem::SolverOptions() const {
+  ceres::Solver::Options solver;
+  solver.linear_solver_type =
+      DenseUnknowns() <= kMaxDenseUnknowns ? ceres::DENSE_SCHUR : ceres::SPARSE_SCHUR;
+  // On which parameters of a local model a point depends changes during the solve, so that no
+  // blocks of unknowns can state it.
+  const bool local = std::any_of(bundle_.cameras.begin(), bundle_.cameras.end(), [](const auto& c) {
+    return c.model->local && std::find(c.fixed.begin(), c.fixed.end(), false) != c.fixed.end();
+  });
+  if (local) {
+    solver.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
+    solver.dynamic_sparsity = true;
+  }
+  solver.num_threads = 1;
+  solver.logging_type = ceres::SILENT;
+  solver.max_num_iterations = options_.max_iterations;
+  solver.function_tolerance = options_.cost_tolerance;
+  solver.gradient_tolerance = kGradientTolerance;
+  solver.parameter_tolerance = kParameterTolerance;
+  solver.initial_trust_region_radius = kFirstTrustRegion;
+  return solver;
+}
+
+AdjustSummary AdjustProblem::Solve() {
+  ceres::Solver::Options solver = SolverOptions();
+  IterationReport report(options_);
+  solver.callbacks.push_back(&report);
+  const ceres::ParameterBlockOrdering ordering = Ordering();
+  internal::ActiveSet bounds(blocks_used_, &unknowns_, &problem_);
+  AdjustSummary summary;
+  for (bool first = true;; first = false) {
+    for (const IntrinsicsBlock* block : blocks_used_) internal::EstimateFree(*block, &problem_);
+    // The solver removes constant blocks from the ordering that it is given.
+    solver.linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>(ordering);
+    ceres::Solver::Summary solved;
+    ceres::Solve(solver, &problem_, &solved);
+    summary.usable = solved.IsSolutionUsable();
+    summary.converged = solved.termination_type == ceres::CONVERGENCE;
+    summary.stopped = solved.termination_type == ceres::USER_FAILURE;
+    summary.iterations += static_cast<int>(solved.iterations.size());
+    if (first) summary.cost_before = solved.initial_cost;
+    summary.cost = solved.final_cost;
+    summary.message = solved.message;
+    if (!summary.usable || !bounds.Update()) return summary;
+  }
+}
+
+}  // namespace
+
+AdjustSummary Adjust(Bundle* bundle, const AdjustOptions& options) {
+  AdjustProblem problem(*bundle, options);
+  const AdjustSummary summary = problem.Solve();
+  if (summary.usable) problem.WriteTo(bundle);
+  return summary;
+}
+
+}  // namespace plenocal

@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// The bundle adjustment.
+#pragma once
+
+#include <functional>
+#include <string>
+
+#include "calib/adjust/bundle.h"
+#include "calib/base/robust.h"
+
+namespace plenocal {
+
+struct AdjustOptions {
+  Loss loss = Loss::kNone;
+  /// Width of the loss in sigmas of one observation (length of its weighted residual vector).
+  double loss_width = 3;
+  int max_iterations = 100;
+  /// The solve has converged when a step lowers the cost by less than this part of it.
+  double cost_tolerance = 1e-10;
+  /// Called after every iteration with its number and cost; false stops the solve.
+  std::function<bool(int iteration, double cost)> on_iteration;
+};
+
+struct AdjustSummary {
+  bool usable = false;     ///< the state is at least as good as before
+  bool converged = false;  ///< no further improvement was possible
+  bool stopped = false;    ///< by `on_iteration`
+  int iterations = 0;
+  double cost_before = 0;  ///< at the start, half the (robustified) sum of squares
+  double cost = 0;         ///< at the end
+  std::string message;
+};
+
+/// Minimises over intrinsics (with their rules; the start must be within their bounds),
+/// T_camera_rig, T_rig_target, jitter (where its sigmas are not zero) and markers. Every used
+/// observation must project at the start. Runs Ceres on one thread: its parallel sums depend on the
+/// schedule, and the same input must give the same bytes.
+AdjustSummary Adjust(Bundle* bundle, const AdjustOptions& options);
+
+}  // namespace plenocal

@@ -1,0 +1,224 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/adjust/view_cost.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace plenocal::internal {
+namespace {
+
+// Factor on the residual of length `s` (in sigmas) so that half its square is the loss, with its
+// derivative to s^2. Applied to the residual itself, not by ceres::LossFunction, because that acts
+// on whole residual blocks and one block holds several observations.
+struct RobustFactor {
+  double factor = 1;
+  double derivative = 0;  // d factor / d (s^2)
+};
+
+RobustFactor RobustFactorOf(Loss loss, double width, double s2) {
+  if (loss == Loss::kHuber && s2 > width * width) {
+    // rho = 2 k s - k^2
+    const double s = std::sqrt(s2);
+    const double rho = 2 * width * s - width * width;
+    const double factor = std::sqrt(rho / s2);
+    return {factor, (width / (s * s2) - rho / (s2 * s2)) / (2 * factor)};
+  }
+  if (loss == Loss::kCauchy && s2 > 0) {
+    // rho = k^2 log(1 + s^2 / k^2)
+    constexpr double kSeries = 1e-8;  // below, the first term of the series is exact to rounding
+    const double k2 = width * width, q = s2 / k2;
+    const double factor = std::sqrt(std::log1p(q) / q);
+    if (q < kSeries) return {1, -0.25 / k2};
+    return {factor, (1 / (s2 * (1 + q)) - std::log1p(q) / (q * s2)) / (2 * factor)};
+  }
+  return {};
+}
+
+}  // namespace
+
+ViewCost::ViewCost(const Bundle& bundle,
+                   const ViewUnknowns& unknowns,
+                   std::span<const BundleObservation* const> observations,
+                   const AdjustOptions& options)
+    : bundle_(bundle),
+      camera_(bundle.cameras[static_cast<size_t>(observations[0]->camera)]),
+      unknowns_(unknowns),
+      slots_(unknowns.intrinsics->slots),
+      free_jitter_(bundle.EstimatesJitter()),
+      free_markers_(bundle.EstimatesMarkers()),
+      observations_(observations.begin(), observations.end()),
+      options_(options) {
+  set_num_residuals(static_cast<int>(observations_.size() * camera_.model->measured.size()));
+  auto& sizes = *mutable_parameter_block_sizes();
+  sizes.push_back(static_cast<int>(unknowns.intrinsics->block->Size()));
+  if (unknowns_.extrinsics != nullptr) sizes.push_back(6);
+  sizes.push_back(6);
+  if (free_jitter_) sizes.push_back(6);
+  if (free_markers_) sizes.push_back(kMarkerBlockSize);
+}
+
+bool ViewCost::Evaluate(double const* const* parameters,
+                        double* residuals,
+                        double** jacobians) const {
+  std::vector<double> gathered;
+  const double* const params = Gather(parameters[0], &gathered);
+  // Limits are part of the model's domain; Ceres' own bounds would add a line search a step.
+  if (!WithinBounds(*camera_.model, params)) return false;
+  const LinearisedView view = ViewAt(parameters);
+  const Jacobians J = JacobiansOf(jacobians);
+  const size_t rows = camera_.model->measured.size();
+  const size_t count = camera_.params.size();
+  // The model's own derivatives are needed for those by any block.
+  const bool direct = J.intrinsics != nullptr && slots_.empty();
+  std::vector<double> J_params(J.any && !direct ? rows * count : 0);
+  if (J.intrinsics != nullptr && !direct) {
+    const auto width = static_cast<size_t>(parameter_block_sizes()[0]);
+    std::fill_n(J.intrinsics, observations_.size() * rows * width, 0.0);
+  }
+  for (size_t i = 0; i < observations_.size(); ++i) {
+    const BundleObservation& observation = *observations_[i];
+    const size_t slot = static_cast<size_t>(observation.marker) % kMarkersPerBlock;
+    const Eigen::Vector3d p_target =
+        free_markers_ ? Eigen::Vector3d(
+                            Eigen::Map<const Eigen::Vector3d>(parameters[MarkerBlock()] + 3 * slot))
+                      : bundle_.markers[static_cast<size_t>(observation.marker)].position;
+    const size_t row = i * rows;
+    double J_marker[kMaxObservationSize * 3];
+    LinearisedRows out{.residual = residuals + row};
+    if (J.any) {
+      out.J_params = direct ? J.intrinsics + row * count : J_params.data();
+      if (J.extrinsics != nullptr) out.J_extrinsics = J.extrinsics + row * 6;
+      if (J.pose != nullptr) out.J_pose = J.pose + row * 6;
+      if (J.jitter != nullptr) out.J_jitter = J.jitter + row * 6;
+      if (J.markers != nullptr) out.J_marker = J_marker;
+    }
+    if (!Linearise(camera_, params, view, p_target, observation, out)) return false;
+    Robustify(observation.assumed_sigma, out);
+    if (J.intrinsics != nullptr && !direct) ScatterParams(J_params, row, J.intrinsics);
+    if (J.markers == nullptr) continue;
+    std::fill_n(J.markers + row * kMarkerBlockSize, rows * kMarkerBlockSize, 0.0);
+    for (size_t r = 0; r < rows; ++r) {
+      std::copy_n(J_marker + 3 * r, 3, J.markers + (row + r) * kMarkerBlockSize + 3 * slot);
+    }
+  }
+  if (camera_.noise.common_sigma > 0) {
+    Decorrelate(residuals, 1);
+    const std::vector<int>& sizes = parameter_block_sizes();
+    for (size_t b = 0; jacobians != nullptr && b < sizes.size(); ++b) {
+      if (jacobians[b] != nullptr) Decorrelate(jacobians[b], static_cast<size_t>(sizes[b]));
+    }
+  }
+  return true;
+}
+
+ViewCost::Jacobians ViewCost::JacobiansOf(double** jacobians) const {
+  if (jacobians == nullptr) return {};
+  return {.any = true,
+          .intrinsics = jacobians[0],
+          .extrinsics = unknowns_.extrinsics != nullptr ? jacobians[1] : nullptr,
+          .pose = jacobians[PoseBlock()],
+          .jitter = free_jitter_ ? jacobians[JitterBlock()] : nullptr,
+          .markers = free_markers_ ? jacobians[MarkerBlock()] : nullptr};
+}
+
+const double* ViewCost::Gather(const double* block, std::vector<double>* buffer) const {
+  if (slots_.empty()) return block;
+  *buffer = camera_.params;
+  for (size_t k = 0; k < slots_.size(); ++k) {
+    if (slots_[k] != kNoSlot) (*buffer)[k] = block[slots_[k]];
+  }
+  return buffer->data();
+}
+
+LinearisedView ViewCost::ViewAt(double const* const* parameters) const {
+  LinearisedView view;
+  view.T_camera_rig = camera_.T_camera_rig;
+  if (unknowns_.extrinsics != nullptr) {
+    const Eigen::Map<const Vector6d> delta(parameters[1]);
+    view.T_camera_rig = Retract(unknowns_.extrinsics->origin, delta);
+    view.chart_extrinsics = LeftJacobian(delta.tail<3>());
+  }
+  const Eigen::Map<const Vector6d> delta(parameters[PoseBlock()]);
+  view.T_rig_target = Retract(unknowns_.pose->origin, delta);
+  view.chart_pose = LeftJacobian(delta.tail<3>());
+  // R = Exp(w_jitter) Exp(w_pose) R_0: a change of w_pose turns with Exp(w_jitter).
+  if (free_jitter_) {
+    const Eigen::Map<const Vector6d> jitter(parameters[JitterBlock()]);
+    view.T_rig_target = Retract(view.T_rig_target, jitter);
+    view.chart_pose = ExpRotation(jitter.tail<3>()) * view.chart_pose;
+    view.chart_jitter = LeftJacobian(jitter.tail<3>());
+  }
+  return view;
+}
+
+void ViewCost::ScatterParams(const std::vector<double>& J_params,
+                             size_t row,
+                             double* J_block) const {
+  const size_t rows = camera_.model->measured.size();
+  const size_t count = camera_.params.size();
+  const auto width = static_cast<size_t>(parameter_block_sizes()[0]);
+  for (size_t r = 0; r < rows; ++r) {
+    for (size_t k = 0; k < count; ++k) {
+      if (slots_[k] == kNoSlot) continue;
+      J_block[(row + r) * width + slots_[k]] += J_params[r * count + k];
+    }
+  }
+}
+
+// r' = f(s^2) r, J' = (f I + 2 f' r r') J, where s is in sigmas of all noise.
+void ViewCost::Robustify(double assumed_sigma, const LinearisedRows& out) const {
+  if (options_.loss == Loss::kNone) return;
+  const size_t rows = camera_.model->measured.size();
+  const double part = camera_.noise.OwnSigma(assumed_sigma) / camera_.noise.Sigma(assumed_sigma);
+  double s2 = 0;
+  for (size_t r = 0; r < rows; ++r) s2 += out.residual[r] * out.residual[r];
+  RobustFactor robust = RobustFactorOf(options_.loss, options_.loss_width, part * part * s2);
+  robust.derivative *= part * part;
+  if (robust.factor == 1 && robust.derivative == 0) return;
+  const auto scale = [&](double* J, size_t columns) {
+    if (J == nullptr) return;
+    for (size_t c = 0; c < columns; ++c) {
+      double along = 0;
+      for (size_t r = 0; r < rows; ++r) along += out.residual[r] * J[r * columns + c];
+      for (size_t r = 0; r < rows; ++r) {
+        double& entry = J[r * columns + c];
+        entry = robust.factor * entry + 2 * robust.derivative * along * out.residual[r];
+      }
+    }
+  };
+  scale(out.J_params, camera_.params.size());
+  scale(out.J_extrinsics, 6);
+  scale(out.J_pose, 6);
+  scale(out.J_jitter, 6);
+  scale(out.J_marker, 3);
+  for (size_t r = 0; r < rows; ++r) out.residual[r] *= robust.factor;
+}
+
+// Multiplies rows of `columns` numbers by the inverse root of their covariance under common noise,
+// marker by marker: with u_i = 1 / sigma_i it is I - (1 - 1 / sqrt(1 + t^2 |u|^2)) u u' / |u|^2.
+void ViewCost::Decorrelate(double* data, size_t columns) const {
+  const size_t rows = camera_.model->measured.size();
+  const double common_sigma = camera_.noise.common_sigma;
+  std::vector<double> u, sum(rows * columns);
+  for (size_t begin = 0, end = 0; begin < observations_.size(); begin = end) {
+    u.clear();
+    double information = 0;
+    for (; end < observations_.size() && observations_[end]->marker == observations_[begin]->marker;
+         ++end) {
+      u.push_back(1 / camera_.noise.OwnSigma(observations_[end]->assumed_sigma));
+      information += u.back() * u.back();
+    }
+    const double left = 1 / std::sqrt(1 + common_sigma * common_sigma * information);
+    std::fill(sum.begin(), sum.end(), 0.0);
+    double* const first = data + begin * rows * columns;
+    for (size_t i = 0; i < u.size(); ++i) {
+      for (size_t k = 0; k < sum.size(); ++k) sum[k] += u[i] * first[i * sum.size() + k];
+    }
+    for (size_t i = 0; i < u.size(); ++i) {
+      const double part = (1 - left) * u[i] / information;
+      for (size_t k = 0; k < sum.size(); ++k) first[i * sum.size() + k] -= part * sum[k];
+    }
+  }
+}
+
+}  // namespace plenocal::internal

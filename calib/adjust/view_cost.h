@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <ceres/cost_function.h>
+
+#include <span>
+#include <vector>
+
+#include "calib/adjust/linearise.h"
+#include "calib/adjust/parameter_blocks.h"
+#include "calib/adjust/problem.h"
+
+namespace plenocal::internal {
+
+/// Unknowns on which the observations of one view depend, beside its jitter and the markers.
+struct ViewUnknowns {
+  const Intrinsics* intrinsics = nullptr;
+  const ChartedPose* extrinsics = nullptr;  ///< null for the rig's master
+  const ChartedPose* pose = nullptr;
+};
+
+/// Weighted, robustified residuals of all observations of one camera in one frame that fall into
+/// one block of markers. Parameter blocks: intrinsics, [extrinsics,] pose[, jitter][, markers].
+class ViewCost : public ceres::CostFunction {
+ public:
+  /// The observations are of one view; all arguments must outlive this.
+  ViewCost(const Bundle& bundle,
+           const ViewUnknowns& unknowns,
+           std::span<const BundleObservation* const> observations,
+           const AdjustOptions& options);
+
+  bool Evaluate(double const* const* parameters,
+                double* residuals,
+                double** jacobians) const override;
+
+ private:
+  // Where the derivatives by each block are written; null for blocks that Ceres does not ask for.
+  struct Jacobians {
+    bool any = false;
+    double *intrinsics = nullptr, *extrinsics = nullptr, *pose = nullptr, *jitter = nullptr,
+           *markers = nullptr;
+  };
+
+  [[nodiscard]] int PoseBlock() const { return unknowns_.extrinsics != nullptr ? 2 : 1; }
+  [[nodiscard]] int JitterBlock() const { return PoseBlock() + 1; }
+  [[nodiscard]] int MarkerBlock() const { return JitterBlock() + (free_jitter_ ? 1 : 0); }
+  [[nodiscard]] Jacobians JacobiansOf(double** jacobians) const;
+  // The camera's parameters among those of its block.
+  const double* Gather(const double* block, std::vector<double>* buffer) const;
+  [[nodiscard]] LinearisedView ViewAt(double const* const* parameters) const;
+  // Adds the derivatives by the camera's parameters to those by its block, from row `row` on.
+  void ScatterParams(const std::vector<double>& J_params, size_t row, double* J_block) const;
+  void Robustify(double assumed_sigma, const LinearisedRows& out) const;
+  void Decorrelate(double* data, size_t columns) const;
+
+  const Bundle& bundle_;
+  const BundleCamera& camera_;
+  ViewUnknowns unknowns_;
+  const std::vector<size_t>& slots_;
+  bool free_jitter_, free_markers_;
+  std::vector<const BundleObservation*> observations_;
+  const AdjustOptions& options_;
+};
+
+}  // namespace plenocal::internal

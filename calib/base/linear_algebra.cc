@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/base/linear_algebra.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
+#include <Eigen/QR>
+#include <Eigen/SVD>
+
+namespace plenocal {
+namespace {
+
+using Matrix6d = Eigen::Matrix<double, 6, 6>;
+using Vector6d = Eigen::Vector<double, 6>;
+
+}  // namespace
+
+SymmetricEigen DecomposeSymmetric(const Eigen::MatrixXd& A) {
+  if (A.rows() == 0) return {};  // Eigen's solver does not take the empty matrix
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(A);
+  return {solver.eigenvalues(), solver.eigenvectors()};
+}
+
+SymmetricEigen3 DecomposeSymmetric(const Eigen::Matrix3d& A) {
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(A);
+  return {solver.eigenvalues(), solver.eigenvectors()};
+}
+
+Eigen::VectorXd SolveSymmetric(const Eigen::MatrixXd& A, const Eigen::VectorXd& b) {
+  return A.ldlt().solve(b);
+}
+
+Eigen::MatrixXd SolveSymmetric(const Eigen::MatrixXd& A, const Eigen::MatrixXd& B) {
+  return A.ldlt().solve(B);
+}
+
+Eigen::Vector3d SolveSymmetric(const Eigen::Matrix3d& A, const Eigen::Vector3d& b) {
+  return A.ldlt().solve(b);
+}
+
+Vector6d SolveSymmetric(const Matrix6d& A, const Vector6d& b) { return A.ldlt().solve(b); }
+
+Eigen::MatrixXd SolveSymmetric(const Matrix6d& A, const Eigen::MatrixXd& B) {
+  return A.ldlt().solve(B);
+}
+
+std::optional<Vector6d> SolvePositive(const Matrix6d& A, const Vector6d& b) {
+  const Eigen::LLT<Matrix6d> factor(A);
+  if (factor.info() != Eigen::Success) return std::nullopt;
+  return factor.solve(b);
+}
+
+std::optional<Eigen::MatrixXd> SolvePositive(const Matrix6d& A, const Eigen::MatrixXd& B) {
+  const Eigen::LLT<Matrix6d> factor(A);
+  if (factor.info() != Eigen::Success) return std::nullopt;
+  return factor.solve(B);
+}
+
+Eigen::MatrixXd Inverse(const Eigen::MatrixXd& A) { return A.inverse(); }
+
+Matrix6d Inverse(const Matrix6d& A) { return A.inverse(); }
+
+Eigen::MatrixXd PseudoInverse(const Eigen::MatrixXd& A) {
+  return A.completeOrthogonalDecomposition().pseudoInverse();
+}
+
+Eigen::MatrixXd LeastSquares(const Eigen::MatrixXd& A, const Eigen::MatrixXd& B) {
+  return A.completeOrthogonalDecomposition().solve(B);
+}
+
+Eigen::VectorXd LeastSquares(const Eigen::MatrixXd& A, const Eigen::VectorXd& b) {
+  return A.completeOrthogonalDecomposition().solve(b);
+}
+
+Eigen::Matrix3d NearestRotation(const Eigen::Matrix3d& M) {
+  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(M, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  const Eigen::Vector3d signs(1, 1, (svd.matrixU() * svd.matrixV().transpose()).determinant());
+  return svd.matrixU() * signs.asDiagonal() * svd.matrixV().transpose();
+}
+
+Eigen::Matrix3d RotationBetween(const Eigen::Vector3d& from, const Eigen::Vector3d& to) {
+  return Eigen::Quaterniond::FromTwoVectors(from, to).toRotationMatrix();
+}
+
+}  // namespace plenocal

@@ -1,0 +1,106 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/camera/micro_lens_array.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <optional>
+
+#include "calib/base/csv.h"
+#include "calib/base/error.h"
+#include "calib/base/text_file.h"
+#include "calib/camera/hexagonal_lattice.h"
+
+namespace plenocal {
+namespace {
+
+// Sets rows and columns from the centres. `lines`: of the micro lenses in the file.
+void IndexFromCentres(const std::filesystem::path& path,
+                      const std::vector<int>& lines,
+                      MicroLensArray* array) {
+  std::vector<Eigen::Vector2d> centres;
+  for (const MicroLens& lens : array->lenses) centres.push_back(lens.centre);
+  const auto basis = FindLatticeBasis(centres, array->image_size);
+  if (!basis) {
+    throw Error(ErrorKind::kInput,
+                fmt::format("{}: the centres are no hexagonal lattice", path.string()));
+  }
+  const auto nodes = IndexLattice(centres, *basis, array->image_size);
+  for (size_t i = 0; i < nodes.size(); ++i) {
+    if (!nodes[i]) {
+      throw Error(ErrorKind::kInput,
+                  fmt::format("{}:{}: the micro lens at ({:.2f}, {:.2f}) is off the lattice of "
+                              "the others",
+                              path.string(),
+                              lines[i],
+                              centres[i].x(),
+                              centres[i].y()));
+    }
+    array->lenses[i].row = nodes[i]->row;
+    array->lenses[i].column = nodes[i]->column;
+  }
+}
+
+}  // namespace
+
+void SetLatticeVectors(MicroLensArray* array) {
+  std::vector<LatticeMeasurement> measurements;
+  for (const MicroLens& lens : array->lenses) {
+    measurements.push_back({.node = {lens.column, lens.row}, .position = lens.centre});
+  }
+  const SmoothLattice lattice = SmoothLattice::Fit(measurements);
+  const Eigen::Vector2d middle =
+      lattice.Coordinates({(array->image_size[0] - 1) / 2.0, (array->image_size[1] - 1) / 2.0});
+  const Eigen::Matrix2d basis = lattice.Basis(middle.x(), middle.y());
+  array->e_column = basis.col(0);
+  array->e_row = basis.col(1);
+}
+
+std::string FormatMicroLenses(const MicroLensArray& array) {
+  fmt::memory_buffer text;
+  fmt::format_to(std::back_inserter(text), "index,x,y,type,row,column,usable\n");
+  for (size_t i = 0; i < array.lenses.size(); ++i) {
+    const MicroLens& lens = array.lenses[i];
+    fmt::format_to(std::back_inserter(text),
+                   "{},{:.5f},{:.5f},{},{},{},{}\n",
+                   i,
+                   lens.centre.x(),
+                   lens.centre.y(),
+                   lens.type,
+                   lens.row,
+                   lens.column,
+                   lens.usable ? 1 : 0);
+  }
+  return fmt::to_string(text);
+}
+
+MicroLensArray ReadMicroLenses(const std::filesystem::path& path, ImageSize image_size) {
+  const std::string text = ReadTextFile(path);
+  CsvReader table(text, path.string());
+  const size_t x = table.Column("x"), y = table.Column("y"), type = table.Column("type");
+  const std::optional<size_t> row = table.Find("row"), column = table.Find("column"),
+                              usable = table.Find("usable");
+  MicroLensArray array;
+  array.image_size = image_size;
+  std::vector<int> lines;
+  while (table.Next()) {
+    array.lenses.push_back({.row = row ? table.Integer(*row) : 0,
+                            .column = column ? table.Integer(*column) : 0,
+                            .centre = {table.Number(x), table.Number(y)},
+                            .type = table.Integer(type),
+                            .usable = !usable || table.Integer(*usable) != 0});
+    const MicroLens& lens = array.lenses.back();
+    if (lens.type < 0) table.FailAt(type, "expected 0 or more");
+    array.types = std::max(array.types, lens.type + 1);
+    lines.push_back(table.Line());
+  }
+  if (array.lenses.empty()) {
+    throw Error(ErrorKind::kInput, fmt::format("{}: has no micro lenses", path.string()));
+  }
+  if (!row || !column) IndexFromCentres(path, lines, &array);
+  SetLatticeVectors(&array);
+  return array;
+}
+
+}  // namespace plenocal

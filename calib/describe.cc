@@ -1,0 +1,165 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/describe.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "calib/files/calibration_tables.h"
+#include "calib/noise/weak_directions.h"
+
+namespace plenocal {
+namespace {
+
+// Correlations of a camera's parameters; fixed ones have none.
+Eigen::MatrixXd ParamCorrelation(const Uncertainty& uncertainty, size_t c) {
+  const std::vector<int>& places = uncertainty.param_index[c];
+  const auto count = static_cast<Eigen::Index>(places.size());
+  Eigen::MatrixXd correlation = Eigen::MatrixXd::Identity(count, count);
+  for (Eigen::Index i = 0; i < count; ++i) {
+    for (Eigen::Index j = 0; j < i; ++j) {
+      const int a = places[static_cast<size_t>(i)], b = places[static_cast<size_t>(j)];
+      if (a < 0 || b < 0) continue;
+      correlation(i, j) = correlation(j, i) = uncertainty.correlation(a, b);
+    }
+  }
+  return correlation;
+}
+
+// Standard errors of the se(3) vector of T_camera_rig, from its covariance in the chart in which it
+// was estimated.
+Vector6d SigmaXi(const Calibration& calibration, size_t c) {
+  const Matrix6d& covariance = calibration.uncertainty.extrinsics_covariance[c];
+  if (!covariance.allFinite()) return Vector6d::Constant(std::numeric_limits<double>::infinity());
+  const Matrix6d J = LogJacobian(calibration.bundle.cameras[c].T_camera_rig);
+  return (J * covariance * J.transpose()).diagonal().cwiseMax(0).cwiseSqrt();
+}
+
+// `value` with as many decimals as files hold: the number nearest to the decimal one.
+double Rounded(double value, int decimals) {
+  const double scale = std::pow(10, decimals);
+  return std::round(value * scale) / scale;
+}
+
+ResidualRow DescribeResidual(const Bundle& bundle, const BundleObservation& observation) {
+  const BundleCamera& camera = bundle.cameras[static_cast<size_t>(observation.camera)];
+  ResidualRow row;
+  row.frame = observation.frame;
+  row.marker = bundle.markers[static_cast<size_t>(observation.marker)].number;
+  row.used = observation.used;
+  row.noise_sigma = Rounded(camera.noise.Sigma(observation.assumed_sigma), kNoiseSigmaDecimals);
+  const bool projects = Residual(bundle, observation, row.residual.data());
+  for (double& value : row.residual) {
+    value = projects ? Rounded(value, kResidualDecimals) : std::numeric_limits<double>::quiet_NaN();
+  }
+  row.values = observation.seen.values;
+  for (double& value : row.values) value = Rounded(value, kResidualDecimals);
+  return row;
+}
+
+void DescribeObservations(const Calibration& calibration, CalibrationRecord* record) {
+  const Bundle& bundle = calibration.bundle;
+  const Jitter& jitter = bundle.jitter;
+  for (const BundleObservation& observation : bundle.observations) {
+    const auto c = static_cast<size_t>(observation.camera);
+    const auto f = static_cast<size_t>(observation.frame);
+    record->cameras[c].residuals.push_back(DescribeResidual(bundle, observation));
+    if (!observation.used || bundle.cameras.size() == 1) continue;
+    if (record->cameras[c].view_poses.contains(observation.frame)) continue;
+    record->cameras[c].view_poses[observation.frame] = {
+        .T_target_rig = bundle.SeenPose(f, c).Inverse(),
+        .misplaced = !jitter.delta.empty() && jitter.misplaced[bundle.View(f, c)]};
+  }
+}
+
+void DescribeMarkers(const Calibration& calibration, CalibrationRecord* record) {
+  const Bundle& bundle = calibration.bundle;
+  const std::vector<Eigen::Vector3d>& sigmas = calibration.uncertainty.marker_std_errors;
+  for (size_t i = 0; i < bundle.markers.size(); ++i) {
+    const BundleMarker& marker = bundle.markers[i];
+    // Fixed markers have no uncertainty of their own.
+    record->markers[marker.number] = {
+        .position = marker.position,
+        .nominal = marker.nominal,
+        .sigma = sigmas.empty() ? Eigen::Vector3d(Eigen::Vector3d::Zero()) : sigmas[i]};
+  }
+}
+
+}  // namespace
+
+CalibratedCamera DescribeCamera(const Calibration& calibration, size_t c) {
+  const BundleCamera& camera = calibration.bundle.cameras[c];
+  CalibratedCamera described{
+      .name = camera.name,
+      .model = camera.model,
+      .image_size = camera.image_size,
+      .config = camera.config,
+      .params = camera.params,
+      .covariance = CovarianceOf(calibration.uncertainty.param_std_errors[c],
+                                 ParamCorrelation(calibration.uncertainty, c)),
+      .T_camera_rig = camera.T_camera_rig,
+      .sigma_xi = SigmaXi(calibration, c),
+      .fit = calibration.fits[c]};
+  for (size_t k = 0; k < camera.at_bound.size(); ++k) {
+    if (camera.at_bound[k]) described.at_bound.emplace_back(camera.model->params[k].name);
+  }
+  if (calibration.jackknife) {
+    described.sigma_jackknife = calibration.jackknife->param_std_errors[c];
+    const Vector6d& xi = calibration.jackknife->extrinsics_std_errors[c];
+    described.sigma_xi_jackknife.assign(xi.begin(), xi.end());
+  }
+  return described;
+}
+
+Correlations DescribeCorrelations(const Calibration& calibration) {
+  const Uncertainty& uncertainty = calibration.uncertainty;
+  Correlations result{uncertainty.names, uncertainty.correlation};
+  // Poses in the rig were estimated in another chart than files hold.
+  const Eigen::VectorXd sigma = uncertainty.covariance.diagonal().cwiseMax(0).cwiseSqrt();
+  for (size_t c = 0; c < uncertainty.extrinsics_index.size(); ++c) {
+    const int place = uncertainty.extrinsics_index[c];
+    if (place < 0) continue;
+    Matrix6d J = LogJacobian(calibration.bundle.cameras[c].T_camera_rig) *
+                 sigma.segment<6>(place).asDiagonal();
+    const Vector6d sigma_xi =
+        (J * result.matrix.block<6, 6>(place, place) * J.transpose()).diagonal().cwiseSqrt();
+    constexpr double kLeast = 1e-300;  // an exact pose has no correlations, but not NaN
+    J = sigma_xi.cwiseMax(kLeast).cwiseInverse().asDiagonal() * J;
+    result.matrix.middleRows<6>(place) = (J * result.matrix.middleRows<6>(place)).eval();
+    result.matrix.middleCols<6>(place) =
+        (result.matrix.middleCols<6>(place) * J.transpose()).eval();
+  }
+  return result;
+}
+
+CalibrationRecord Describe(const Calibration& calibration) {
+  const Bundle& bundle = calibration.bundle;
+  CalibrationRecord record;
+  for (size_t c = 0; c < bundle.cameras.size(); ++c) {
+    record.cameras.push_back(DescribeCamera(calibration, c));
+  }
+  for (size_t f = 0; f < calibration.frames.size(); ++f) {
+    record.frames.push_back({calibration.frames[f], bundle.T_rig_target[f].Inverse()});
+  }
+  DescribeMarkers(calibration, &record);
+  DescribeObservations(calibration, &record);
+  record.adjustment = {.converged = calibration.converged,
+                       .iterations = calibration.iterations,
+                       .rejection_sigmas = calibration.rejection_threshold,
+                       .marker_sigma = bundle.marker_sigma};
+  if (const Jitter& jitter = bundle.jitter; !jitter.delta.empty()) {
+    record.jitter = {.translation_sigma = jitter.translation_sigma,
+                     .rotation_sigma = jitter.rotation_sigma,
+                     .misplaced = static_cast<int>(std::ranges::count(jitter.misplaced, true))};
+  }
+  record.correlations = DescribeCorrelations(calibration);
+  record.undetermined = calibration.uncertainty.open;
+  record.weak = FindWeakUnknowns(bundle, calibration.uncertainty);
+  record.warnings = calibration.warnings;
+  for (const LeftOut& item : calibration.left_out) {
+    record.left_out.push_back(item.where + ": " + item.reason);
+  }
+  return record;
+}
+
+}  // namespace plenocal

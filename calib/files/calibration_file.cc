@@ -1,0 +1,464 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/files/calibration_file.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <iterator>
+
+#include "calib/base/error.h"
+#include "calib/base/names.h"
+#include "calib/base/number_text.h"
+
+namespace plenocal {
+namespace {
+
+// ---- writing
+
+// As many digits as the number has; no "-0".
+std::string Exact(double value) { return fmt::format("{}", value + 0.0); }
+
+template <typename Values, typename Format>
+std::string List(const Values& values, const Format& format) {
+  std::string text = "[";
+  for (const auto& value : values) text.append(text.size() > 1 ? ", " : "").append(format(value));
+  return text + "]";
+}
+
+std::string ParamMap(const CameraModel& model,
+                     const std::vector<double>& values,
+                     std::string (*format)(double)) {
+  std::string text = "{";
+  for (size_t i = 0; i < values.size(); ++i) {
+    text += fmt::format("{}{}: {}", i == 0 ? "" : ", ", model.params[i].name, format(values[i]));
+  }
+  return text + "}";
+}
+
+std::string Matrix(const RigidTransform& T) {
+  std::string text = "[";
+  for (int r = 0; r < 3; ++r) {
+    text += List(std::array{T.R(r, 0), T.R(r, 1), T.R(r, 2), T.t[r]}, Exact) + ", ";
+  }
+  return text + "[0, 0, 0, 1]]";
+}
+
+// The lower triangle of the correlations of the parameters, a row per parameter.
+std::string CorrelationTriangle(const CalibratedCamera& camera) {
+  std::string text = "[";
+  for (size_t i = 0; i < camera.params.size(); ++i) {
+    text += i == 0 ? "[" : ", [";
+    for (size_t j = 0; j < i; ++j) {
+      const double size = camera.Sigma(i) * camera.Sigma(j);
+      const double covariance =
+          camera.covariance(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j));
+      const bool known = size > 0 && std::isfinite(size);
+      text += fmt::format("{:.12g}, ", known ? covariance / size + 0.0 : 0.0);
+    }
+    text += "1]";
+  }
+  return text + "]";
+}
+
+std::string ResidualsMap(const CameraFit& fit) {
+  std::string text = fmt::format("{{points: {}, rms: {}, rejected: {}, views: {}, noise: {}",
+                                 fit.points,
+                                 YamlNumber(fit.rms),
+                                 fit.rejected,
+                                 fit.views,
+                                 YamlNumber(fit.noise_sigma));
+  const auto add = [&](const char* key, double value) {
+    text += fmt::format(", {}: {}", key, YamlNumber(value));
+  };
+  if (fit.detector_sigma > 0) add("detector_sigma", fit.detector_sigma);
+  if (fit.common_noise > 0) add("common_noise", fit.common_noise);
+  if (fit.noise_floor && fit.noise_floor_all) {
+    add("floor", fit.noise_floor->length);
+    add("rms_all", fit.rms_all);
+    add("floor_all", fit.noise_floor_all->length);
+  }
+  if (!fit.lens_types.empty()) {
+    std::string types;
+    for (const auto& [number, type] : fit.lens_types) {
+      types += fmt::format("{}{}: {}", types.empty() ? "" : ", ", number, YamlNumber(type.rms));
+    }
+    text += ", rms_by_type: {" + types + "}";
+  }
+  return text + "}";
+}
+
+std::string CameraYaml(const CalibratedCamera& camera, bool is_estimated) {
+  const CameraModel& model = *camera.model;
+  std::string text = fmt::format("  {}:\n    model: {}\n    image_size: [{}, {}]\n",
+                                 camera.name,
+                                 model.name,
+                                 camera.image_size[0],
+                                 camera.image_size[1]);
+  const auto add = [&](std::string_view key, const std::string& value) {
+    text += fmt::format("    {}: {}\n", key, value);
+  };
+  for (size_t i = 0; i < camera.config.size(); ++i) {
+    add(model.config[i].name, Exact(camera.config[i]));
+  }
+  add("parameters", ParamMap(model, camera.params, Exact));
+  if (is_estimated) {
+    std::vector<double> sigma;
+    for (size_t i = 0; i < camera.params.size(); ++i) sigma.push_back(camera.Sigma(i));
+    add("sigma", ParamMap(model, sigma, YamlNumber));
+    if (!camera.at_bound.empty()) {
+      add("at_bound", fmt::format("[{}]", fmt::join(camera.at_bound, ", ")));
+    }
+    if (!camera.sigma_jackknife.empty()) {
+      add("sigma_jackknife", ParamMap(model, camera.sigma_jackknife, YamlNumber));
+    }
+    add("correlation", CorrelationTriangle(camera));
+  }
+  add("T_camera_rig", Matrix(camera.T_camera_rig));
+  add("xi_camera_rig", List(Log(camera.T_camera_rig), Exact));
+  if (!is_estimated) return text;
+  add("sigma_xi", List(camera.sigma_xi, YamlNumber));
+  if (!camera.sigma_xi_jackknife.empty()) {
+    add("sigma_xi_jackknife", List(camera.sigma_xi_jackknife, YamlNumber));
+  }
+  add("residuals", ResidualsMap(camera.fit));
+  for (const auto& [key, member] : kCameraTextKeys) {
+    const std::string& value = camera.*member;
+    if (!value.empty())
+      add(key, member == &CalibratedCamera::sample_frame ? YamlQuoted(value) : value);
+  }
+  return text;
+}
+
+// "key:" with one line per item, or "key: []".
+template <typename Items, typename Format>
+void AppendItems(const char* key, const Items& items, const Format& format, std::string* text) {
+  text->append(key).append(":");
+  for (const auto& item : items) text->append("\n  - ").append(format(item));
+  text->append(std::empty(items) ? " []\n" : "\n");
+}
+
+// Pairs of unknowns with a strong correlation, which a reader of their sigmas needs to know.
+std::string StrongCorrelations(const Correlations& correlations) {
+  constexpr double kStrong = 0.9;
+  std::vector<std::string> pairs;
+  for (Eigen::Index i = 0; i < correlations.matrix.rows(); ++i) {
+    for (Eigen::Index j = 0; j < i; ++j) {
+      if (std::abs(correlations.matrix(i, j)) < kStrong) continue;
+      pairs.push_back(fmt::format("[{}, {}, {:.4f}]",
+                                  correlations.names[static_cast<size_t>(j)],
+                                  correlations.names[static_cast<size_t>(i)],
+                                  correlations.matrix(i, j)));
+    }
+  }
+  std::string text;
+  AppendItems(
+      "correlations", pairs, [](const std::string& pair) { return pair; }, &text);
+  return text;
+}
+
+std::string OpenDirectionMap(const OpenDirection& direction) {
+  std::string parts;
+  for (const auto& [name, share] : direction.parts) {
+    parts += fmt::format("{}{}: {:.3f}", parts.empty() ? "" : ", ", name, share);
+  }
+  return fmt::format("{{sigma: {}, parameters: {{{}}}}}", YamlNumber(direction.sigma), parts);
+}
+
+std::string WeakUnknownsMap(const WeakUnknowns& weak) {
+  return fmt::format("{{parameters: [{}], determined: {}, what: {}, remedy: {}}}",
+                     fmt::join(weak.names, ", "),
+                     !weak.open,
+                     YamlQuoted(weak.what),
+                     YamlQuoted(weak.remedy));
+}
+
+std::string AdjustmentYaml(const CalibrationRecord& calibration) {
+  const AdjustmentRecord& adjustment = *calibration.adjustment;
+  std::string text = fmt::format(
+      "frames: {}\nadjustment: {{converged: {}, iterations: {}, rejection_sigmas: {}, "
+      "marker_sigma: {}}}\n",
+      calibration.frames.size(),
+      adjustment.converged,
+      adjustment.iterations,
+      YamlNumber(adjustment.rejection_sigmas),
+      YamlNumber(adjustment.marker_sigma));
+  if (calibration.jitter) {
+    text += fmt::format("jitter: {{translation: {}, rotation: {}, misplaced: {}}}\n",
+                        YamlNumber(calibration.jitter->translation_sigma),
+                        YamlNumber(calibration.jitter->rotation_sigma),
+                        calibration.jitter->misplaced);
+  }
+  text += StrongCorrelations(calibration.correlations);
+  AppendItems("undetermined", calibration.undetermined, OpenDirectionMap, &text);
+  AppendItems("weak", calibration.weak, WeakUnknownsMap, &text);
+  AppendItems("warnings", calibration.warnings, YamlQuoted, &text);
+  AppendItems("left_out", calibration.left_out, YamlQuoted, &text);
+  return text;
+}
+
+// ---- reading
+
+// A standard deviation: not negative, `.inf` for what is not determined.
+double ReadSigma(const YamlNode& node) {
+  if (node.AsString() == ".inf") return std::numeric_limits<double>::infinity();
+  const double sigma = node.AsNumber();
+  if (sigma < 0) node.Fail("expected a standard deviation, found a negative number");
+  return sigma;
+}
+
+std::vector<double> ReadParamSigmas(const YamlNode& node, const CameraModel& model) {
+  std::vector<double> sigma;
+  for (const Param& param : model.params) sigma.push_back(ReadSigma(node.At(param.name)));
+  return sigma;
+}
+
+std::vector<double> ReadSixSigmas(const YamlNode& node) {
+  const std::vector<YamlNode> elements = node.Elements();
+  if (elements.size() != 6) node.Fail("expected six numbers");
+  std::vector<double> sigma;
+  for (const YamlNode& element : elements) sigma.push_back(ReadSigma(element));
+  return sigma;
+}
+
+RigidTransform ReadTransform(const YamlNode& node) {
+  const auto rows = node.Elements();
+  if (rows.size() != 4) node.Fail("expected the four rows of a 4 x 4 matrix");
+  RigidTransform T;
+  for (int r = 0; r < 3; ++r) {
+    const std::vector<double> row = rows[static_cast<size_t>(r)].AsNumbers(4);
+    for (int c = 0; c < 3; ++c) T.R(r, c) = row[static_cast<size_t>(c)];
+    T.t[r] = row[3];
+  }
+  if (rows[3].AsNumbers(4) != std::vector<double>{0, 0, 0, 1}) {
+    rows[3].Fail("expected [0, 0, 0, 1]");
+  }
+  // Matrices that people typed have few digits.
+  constexpr double kOrthonormal = 1e-3;
+  if ((T.R * T.R.transpose() - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff() > kOrthonormal ||
+      T.R.determinant() < 0) {
+    node.Fail("the left 3 x 3 part is no rotation");
+  }
+  return T;
+}
+
+Eigen::MatrixXd ReadCovariance(const YamlNode& node, const CameraModel& model) {
+  const auto count = static_cast<Eigen::Index>(model.params.size());
+  const std::vector<double> sigma = node.Has("sigma")
+                                        ? ReadParamSigmas(node.At("sigma"), model)
+                                        : std::vector<double>(model.params.size(), 0.0);
+  Eigen::MatrixXd correlation = Eigen::MatrixXd::Identity(count, count);
+  if (node.Has("correlation")) {
+    const YamlNode triangle = node.At("correlation");
+    const auto rows = triangle.Elements();
+    if (static_cast<Eigen::Index>(rows.size()) != count) {
+      triangle.Fail(
+          fmt::format("expected {} rows, one per parameter, found {}", count, rows.size()));
+    }
+    for (Eigen::Index i = 0; i < count; ++i) {
+      const std::vector<double> row =
+          rows[static_cast<size_t>(i)].AsNumbers(static_cast<size_t>(i) + 1);
+      for (Eigen::Index j = 0; j < i; ++j) {
+        correlation(i, j) = correlation(j, i) = row[static_cast<size_t>(j)];
+      }
+    }
+  }
+  return CovarianceOf(sigma, correlation);
+}
+
+double NumberOr(const YamlNode& node, std::string_view key, double fallback) {
+  return node.Has(key) ? node.At(key).AsNumber() : fallback;
+}
+
+int IntegerOr(const YamlNode& node, std::string_view key, int fallback) {
+  return node.Has(key) ? node.At(key).AsInteger() : fallback;
+}
+
+CameraFit ReadFit(const YamlNode& node) {
+  CameraFit fit;
+  fit.points = IntegerOr(node, "points", 0);
+  fit.rejected = IntegerOr(node, "rejected", 0);
+  fit.views = IntegerOr(node, "views", 0);
+  fit.rms = NumberOr(node, "rms", 0);
+  fit.noise_sigma = NumberOr(node, "noise", 0);
+  fit.detector_sigma = NumberOr(node, "detector_sigma", 0);
+  fit.common_noise = NumberOr(node, "common_noise", 0);
+  fit.rms_all = NumberOr(node, "rms_all", 0);
+  if (node.Has("floor")) fit.noise_floor = NoiseFloor{.length = node.At("floor").AsNumber()};
+  if (node.Has("floor_all")) {
+    fit.noise_floor_all = NoiseFloor{.length = node.At("floor_all").AsNumber()};
+  }
+  if (node.Has("rms_by_type")) {
+    const YamlNode types = node.At("rms_by_type");
+    for (const auto& [type, rms] : types.Entries()) {
+      const std::optional<int> number = ParseInt(type);
+      if (!number) rms.Fail(fmt::format("'{}' is no number of a lens type", type));
+      fit.lens_types[*number].rms = rms.AsNumber();
+    }
+  }
+  return fit;
+}
+
+std::vector<std::string> Strings(const YamlNode& node, std::string_view key) {
+  std::vector<std::string> strings;
+  if (!node.Has(key)) return strings;
+  for (const YamlNode& item : node.At(key).Elements()) strings.push_back(item.AsString());
+  return strings;
+}
+
+CalibratedCamera ReadCamera(const std::string& name,
+                            const YamlNode& node,
+                            std::span<const CameraModel> models) {
+  CalibratedCamera camera;
+  camera.name = name;
+  camera.model = ReadModel(node.At("model"), models);
+  camera.image_size = ReadImageSize(node.At("image_size"));
+  for (const Param& param : camera.model->config) {
+    camera.config.push_back(ReadWithin(node.At(param.name), param));
+  }
+  for (const Param& param : camera.model->params) {
+    camera.params.push_back(ReadWithin(node.At("parameters").At(param.name), param));
+  }
+  camera.covariance = ReadCovariance(node, *camera.model);
+  camera.T_camera_rig = ReadTransform(node.At("T_camera_rig"));
+  if (node.Has("sigma_xi")) {
+    const std::vector<double> sigma = ReadSixSigmas(node.At("sigma_xi"));
+    camera.sigma_xi = Eigen::Map<const Vector6d>(sigma.data());
+  }
+  camera.at_bound = Strings(node, "at_bound");
+  if (node.Has("sigma_jackknife")) {
+    camera.sigma_jackknife = ReadParamSigmas(node.At("sigma_jackknife"), *camera.model);
+  }
+  if (node.Has("sigma_xi_jackknife")) {
+    camera.sigma_xi_jackknife = ReadSixSigmas(node.At("sigma_xi_jackknife"));
+  }
+  if (node.Has("residuals")) camera.fit = ReadFit(node.At("residuals"));
+  for (const auto& [key, member] : kCameraTextKeys) {
+    if (node.Has(key)) camera.*member = node.At(key).AsString();
+  }
+  return camera;
+}
+
+std::vector<OpenDirection> ReadOpenDirections(const YamlNode& node) {
+  std::vector<OpenDirection> directions;
+  for (const YamlNode& item : node.Elements()) {
+    OpenDirection direction;
+    direction.sigma = ReadSigma(item.At("sigma"));
+    for (const auto& [name, share] : item.At("parameters").Entries()) {
+      direction.parts.emplace_back(name, share.AsNumber());
+    }
+    directions.push_back(std::move(direction));
+  }
+  return directions;
+}
+
+// `weak`; files of older versions have `undetermined` alone.
+std::vector<WeakUnknowns> ReadWeakUnknowns(const YamlNode& root,
+                                           const std::vector<OpenDirection>& undetermined) {
+  std::vector<WeakUnknowns> weak;
+  if (root.Has("weak")) {
+    for (const YamlNode& item : root.At("weak").Elements()) {
+      weak.push_back({.open = !item.At("determined").AsBool(),
+                      .names = Strings(item, "parameters"),
+                      .what = item.At("what").AsString(),
+                      .remedy = item.At("remedy").AsString()});
+    }
+    return weak;
+  }
+  for (const OpenDirection& direction : undetermined) {
+    WeakUnknowns open{.open = true, .names = {}, .what = {}, .remedy = {}};
+    for (const auto& [name, share] : direction.parts) open.names.push_back(name);
+    weak.push_back(std::move(open));
+  }
+  return weak;
+}
+
+}  // namespace
+
+std::string CalibrationYaml(const CalibrationRecord& calibration) {
+  std::string text = "plenocal: 1\ncameras:\n";
+  for (const CalibratedCamera& camera : calibration.cameras) {
+    text += CameraYaml(camera, calibration.adjustment.has_value());
+  }
+  if (calibration.adjustment) text += AdjustmentYaml(calibration);
+  if (!calibration.provenance.empty()) text += "provenance:\n";
+  for (const auto& [key, value] : calibration.provenance) {
+    text += fmt::format("  {}: {}\n", key, YamlQuoted(value));
+  }
+  return text;
+}
+
+std::string GivenCamerasYaml(std::span<const CalibratedCamera> cameras,
+                             const Provenance& provenance) {
+  CalibrationRecord given;
+  given.cameras.assign(cameras.begin(), cameras.end());
+  given.provenance = provenance;
+  return CalibrationYaml(given);
+}
+
+CalibrationRecord ReadCalibration(const std::filesystem::path& path,
+                                  std::span<const CameraModel> models) {
+  const YamlNode root = YamlNode::ReadFile(path);
+  root.CheckVersion();
+  CalibrationRecord calibration;
+  calibration.path = path;
+  for (const auto& [name, node] : root.At("cameras").Entries()) {
+    calibration.cameras.push_back(ReadCamera(name, node, models));
+  }
+  if (calibration.cameras.empty()) root.At("cameras").Fail("expected at least one camera");
+  if (root.Has("adjustment")) {
+    const YamlNode node = root.At("adjustment");
+    calibration.adjustment = {.converged = node.At("converged").AsBool(),
+                              .iterations = IntegerOr(node, "iterations", 0),
+                              .rejection_sigmas = NumberOr(node, "rejection_sigmas", 0),
+                              .marker_sigma = node.At("marker_sigma").AsNumber()};
+  }
+  if (root.Has("jitter")) {
+    const YamlNode node = root.At("jitter");
+    calibration.jitter = {.translation_sigma = node.At("translation").AsNumber(),
+                          .rotation_sigma = node.At("rotation").AsNumber(),
+                          .misplaced = IntegerOr(node, "misplaced", 0)};
+  }
+  if (root.Has("undetermined")) {
+    calibration.undetermined = ReadOpenDirections(root.At("undetermined"));
+  }
+  calibration.weak = ReadWeakUnknowns(root, calibration.undetermined);
+  calibration.warnings = Strings(root, "warnings");
+  calibration.left_out = Strings(root, "left_out");
+  if (root.Has("provenance")) {
+    for (const auto& [key, value] : root.At("provenance").Entries()) {
+      calibration.provenance.emplace_back(key, value.AsString());
+    }
+  }
+  return calibration;
+}
+
+const CameraModel* ReadModel(const YamlNode& node, std::span<const CameraModel> models) {
+  const std::string name = node.AsString();
+  if (const CameraModel* model = FindModel(models, name)) return model;
+  node.Fail(fmt::format("unknown camera model '{}'{} (a model from outside needs --plugin FILE)",
+                        name,
+                        SuggestName(name, NamesOf(models))));
+}
+
+ImageSize ReadImageSize(const YamlNode& node) {
+  const std::vector<YamlNode> elements = node.Elements();
+  if (elements.size() != 2) node.Fail("expected [width, height]");
+  ImageSize size{};
+  for (size_t i = 0; i < 2; ++i) {
+    size[i] = elements[i].AsInteger();
+    if (size[i] < 1) elements[i].Fail("expected a positive number of pixels");
+  }
+  return size;
+}
+
+double ReadWithin(const YamlNode& node, const Param& param) {
+  const double value = node.AsNumber();
+  if (!(value > param.lower && value < param.upper)) {
+    node.Fail(fmt::format(
+        "{} = {} {} is outside ({}, {})", param.name, value, param.unit, param.lower, param.upper));
+  }
+  return value;
+}
+
+}  // namespace plenocal

@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/files/calibration_record.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <string_view>
+
+#include "calib/base/error.h"
+#include "calib/base/names.h"
+
+namespace plenocal {
+
+RigidTransform CalibrationRecord::CameraFromTarget(size_t camera, int frame) const {
+  const std::map<int, ViewPose>& seen = cameras[camera].view_poses;
+  const auto own = seen.find(frame);
+  const RigidTransform& T_target_rig = own == seen.end()
+                                           ? frames[static_cast<size_t>(frame)].T_target_rig
+                                           : own->second.T_target_rig;
+  return cameras[camera].T_camera_rig * T_target_rig.Inverse();
+}
+
+Eigen::MatrixXd CovarianceOf(const std::vector<double>& sigma, const Eigen::MatrixXd& correlation) {
+  const Eigen::Index count = correlation.rows();
+  Eigen::MatrixXd covariance(count, count);
+  for (Eigen::Index i = 0; i < count; ++i) {
+    for (Eigen::Index j = 0; j < count; ++j) {
+      const double a = sigma[static_cast<size_t>(i)], b = sigma[static_cast<size_t>(j)];
+      const bool known = i == j || (std::isfinite(a) && std::isfinite(b));
+      covariance(i, j) = known ? correlation(i, j) * a * b : 0;
+    }
+  }
+  return covariance;
+}
+
+Eigen::MatrixXd JointCovariance(const std::vector<const CalibratedCamera*>& cameras,
+                                const Correlations& correlations) {
+  std::vector<double> sigma;
+  std::vector<Eigen::Index> index;  // in `correlations`; -1: not there
+  const auto add = [&](const std::string& name, double value) {
+    const auto found = std::ranges::find(correlations.names, name);
+    index.push_back(found == correlations.names.end() ? -1 : found - correlations.names.begin());
+    sigma.push_back(value);
+  };
+  std::vector<Eigen::Index> first;
+  for (const CalibratedCamera* camera : cameras) {
+    first.push_back(static_cast<Eigen::Index>(sigma.size()));
+    for (size_t k = 0; k < camera->params.size(); ++k) {
+      add(fmt::format("{}.{}", camera->name, camera->model->params[k].name), camera->Sigma(k));
+    }
+    for (size_t i = 0; i < kExtrinsicsNames.size(); ++i) {
+      add(fmt::format("{}.T_camera_rig.{}", camera->name, kExtrinsicsNames[i]),
+          camera->sigma_xi[static_cast<Eigen::Index>(i)]);
+    }
+  }
+  const auto count = static_cast<Eigen::Index>(sigma.size());
+  Eigen::MatrixXd correlation = Eigen::MatrixXd::Identity(count, count);
+  for (Eigen::Index i = 0; i < count; ++i) {
+    for (Eigen::Index j = 0; j < count; ++j) {
+      const Eigen::Index a = index[static_cast<size_t>(i)], b = index[static_cast<size_t>(j)];
+      if (i != j && a >= 0 && b >= 0) correlation(i, j) = correlations.matrix(a, b);
+    }
+  }
+  Eigen::MatrixXd covariance = CovarianceOf(sigma, correlation);
+  for (size_t c = 0; c < cameras.size(); ++c) {
+    const Eigen::MatrixXd& own = cameras[c]->covariance;
+    covariance.block(first[c], first[c], own.rows(), own.cols()) = own;
+  }
+  return covariance;
+}
+
+const CalibratedCamera& FindCamera(const CalibrationRecord& calibration, const std::string& name) {
+  if (name.empty() && calibration.cameras.size() == 1) return calibration.cameras[0];
+  std::vector<std::string_view> names;
+  for (const CalibratedCamera& camera : calibration.cameras) {
+    if (camera.name == name) return camera;
+    names.push_back(camera.name);
+  }
+  throw Error(
+      ErrorKind::kInput,
+      name.empty()
+          ? fmt::format("{}: holds {} cameras; name one with --camera (the first is '{}')",
+                        calibration.path.string(),
+                        names.size(),
+                        names[0])
+          : fmt::format(
+                "{}: no camera '{}'{}", calibration.path.string(), name, SuggestName(name, names)));
+}
+
+}  // namespace plenocal

@@ -1,0 +1,315 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/noise/uncertainty.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numeric>
+#include <utility>
+
+#include "calib/base/linear_algebra.h"
+#include "calib/base/names.h"
+#include "calib/noise/camera_noise.h"
+#include "calib/noise/reduced_system.h"
+
+namespace plenocal {
+namespace {
+
+using internal::ReducedSystem;
+using internal::UnknownLayout;
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+// Eigenvalues of the reduced normal matrix with unit diagonal below this are rounding: its entries
+// are differences of sums that agree to some 1e-15 times the number of unknowns.
+constexpr double kRankTolerance = 1e-12;
+// An unknown takes part in an open direction when its share is at least this.
+constexpr double kShare = 0.1;
+// Shares of an unknown in directions without information below this are the eigenvectors' rounding.
+constexpr double kRoundingShare = 1e-6;
+constexpr double kSmallestUnit = 1e-12;
+
+// Index of a parameter with a prior in the reduced system, and 1 / sigma^2.
+using PriorInformation = std::vector<std::pair<int, double>>;
+
+PriorInformation InformationOfPriors(const Bundle& bundle, const UnknownLayout& layout) {
+  PriorInformation information;
+  for (size_t c = 0; c < bundle.cameras.size(); ++c) {
+    const std::vector<ParamRule>& rules = bundle.cameras[c].rules;
+    for (size_t k = 0; k < rules.size(); ++k) {
+      if (!rules[k].prior || layout.params[c][k] < 0) continue;
+      information.emplace_back(layout.params[c][k],
+                               1 / (rules[k].prior->sigma * rules[k].prior->sigma));
+    }
+  }
+  return information;
+}
+
+// Markers eliminated from the reduced system: their block is positive definite by their prior.
+struct MarkerElimination {
+  Eigen::LLT<Eigen::MatrixXd> factor;  // of S_mm
+  Eigen::MatrixXd gain;                // S_mm^-1 S_mh; empty when markers are not estimated
+  Eigen::MatrixXd information;         // of parameters and extrinsics
+};
+
+MarkerElimination EliminateMarkers(const Eigen::MatrixXd& S, const UnknownLayout& layout) {
+  const int head = layout.head, tail = layout.total - layout.head;
+  MarkerElimination result;
+  result.information = S.topLeftCorner(head, head).selfadjointView<Eigen::Lower>();
+  if (tail > 0) {
+    const Eigen::MatrixXd S_mh = S.bottomLeftCorner(tail, head);
+    result.factor.compute(S.bottomRightCorner(tail, tail).selfadjointView<Eigen::Lower>());
+    result.gain = result.factor.solve(S_mh);
+    result.information -= S_mh.transpose() * result.gain;
+  }
+  return result;
+}
+
+double MeanTargetDistance(const Bundle& bundle) {
+  double distance = 0, used = 0;
+  for (const BundleObservation& observation : bundle.observations) {
+    if (!observation.used) continue;
+    distance += bundle.T_rig_target[static_cast<size_t>(observation.frame)].t.norm();
+    used += 1;
+  }
+  return distance / std::max(1.0, used);
+}
+
+// Names and natural units of the unknowns before the markers.
+struct Naming {
+  std::vector<std::string> names;
+  Eigen::VectorXd unit;
+};
+
+Naming NameUnknowns(const Bundle& bundle, const UnknownLayout& layout) {
+  const double target_distance = MeanTargetDistance(bundle);
+  Naming naming{{}, Eigen::VectorXd(layout.head)};
+  for (size_t c = 0; c < bundle.cameras.size(); ++c) {
+    const BundleCamera& camera = bundle.cameras[c];
+    for (size_t k = 0; k < camera.params.size(); ++k) {
+      if (layout.params[c][k] < 0 || bundle.Root(c, k) != ParamIndex{c, k}) continue;
+      const Param& param = camera.model->params[k];
+      naming.unit[layout.params[c][k]] =
+          std::max({std::abs(camera.params[k]), param.scale, kSmallestUnit});
+      naming.names.push_back(bundle.cameras[c].name + "." + std::string(param.name));
+    }
+    const int extrinsics = layout.extrinsics[c];
+    if (extrinsics < 0) continue;
+    naming.unit.segment<3>(extrinsics).setConstant(std::max(target_distance, kSmallestUnit));
+    naming.unit.segment<3>(extrinsics + 3).setOnes();
+    for (const char* name : kExtrinsicsNames) {
+      naming.names.push_back(bundle.cameras[c].name + ".T_camera_rig." + name);
+    }
+  }
+  return naming;
+}
+
+OpenDirection Describe(const Eigen::VectorXd& direction,
+                       double sigma,
+                       const std::vector<std::string>& names) {
+  OpenDirection described{{}, sigma};
+  const double largest = direction.cwiseAbs().maxCoeff();
+  for (Eigen::Index i = 0; i < direction.size(); ++i) {
+    const double share = std::abs(direction[i]) / largest;
+    if (share >= kShare) described.parts.emplace_back(names[static_cast<size_t>(i)], share);
+  }
+  std::stable_sort(described.parts.begin(), described.parts.end(), [](auto& a, auto& b) {
+    return a.second > b.second;
+  });
+  return described;
+}
+
+// Covariance of the determined directions.
+struct CovarianceOfUnknowns {
+  Eigen::MatrixXd covariance;
+  Eigen::VectorXd open_share;  // of each unknown in directions without information, 0 to 1
+  std::vector<OpenDirection> open;
+};
+
+CovarianceOfUnknowns InvertInformation(const Eigen::MatrixXd& information, const Naming& naming) {
+  const Eigen::Index head = information.rows();
+  CovarianceOfUnknowns inverse{Eigen::MatrixXd::Zero(head, head), Eigen::VectorXd::Zero(head), {}};
+  // Eigen's solver does not take the empty matrix of cameras that are fixed in all.
+  if (head == 0) return inverse;
+  // Rank: directions without information in the matrix with unit diagonal.
+  const Eigen::VectorXd diagonal = information.diagonal().cwiseMax(0);
+  Eigen::VectorXd scale(head);
+  for (Eigen::Index i = 0; i < head; ++i) {
+    scale[i] = diagonal[i] > 0 ? 1 / std::sqrt(diagonal[i]) : 1;
+  }
+  const SymmetricEigen spectrum =
+      DecomposeSymmetric(Eigen::MatrixXd(scale.asDiagonal() * information * scale.asDiagonal()));
+  for (Eigen::Index i = 0; i < head; ++i) {
+    const Eigen::VectorXd direction = scale.asDiagonal() * spectrum.vectors.col(i);
+    if (spectrum.values[i] > kRankTolerance) {
+      inverse.covariance += direction * direction.transpose() / spectrum.values[i];
+    } else {
+      const Eigen::VectorXd in_units = direction.cwiseQuotient(naming.unit);
+      inverse.open_share =
+          inverse.open_share.cwiseMax(in_units.cwiseAbs() / in_units.cwiseAbs().maxCoeff());
+      inverse.open.push_back(Describe(in_units, kInfinity, naming.names));
+    }
+  }
+  // Directions with information that still leave a parameter open by its own size.
+  const SymmetricEigen natural = DecomposeSymmetric(
+      Eigen::MatrixXd(naming.unit.cwiseInverse().asDiagonal() * inverse.covariance *
+                      naming.unit.cwiseInverse().asDiagonal()));
+  for (Eigen::Index i = head - 1; i >= 0; --i) {
+    const double sigma = std::sqrt(std::max(0.0, natural.values[i]));
+    if (sigma > 1) {
+      inverse.open.push_back(Describe(natural.vectors.col(i), sigma, naming.names));
+    }
+  }
+  return inverse;
+}
+
+// Standard errors of the cameras' parameters and covariances of their extrinsics.
+void SetCameraErrors(const CovarianceOfUnknowns& inverse,
+                     const UnknownLayout& layout,
+                     Uncertainty* result) {
+  const Eigen::MatrixXd& covariance = inverse.covariance;
+  const auto is_open = [&](int index) { return inverse.open_share[index] > kRoundingShare; };
+  for (size_t c = 0; c < layout.params.size(); ++c) {
+    std::vector<double> errors;
+    for (const int index : layout.params[c]) {
+      errors.push_back(index < 0        ? 0
+                       : is_open(index) ? kInfinity
+                                        : std::sqrt(covariance(index, index)));
+    }
+    result->param_std_errors.push_back(errors);
+    Matrix6d extrinsics = Matrix6d::Zero();
+    const int first = layout.extrinsics[c];
+    if (first >= 0) {
+      extrinsics = covariance.block<6, 6>(first, first);
+      for (int i = 0; i < 6; ++i) {
+        if (is_open(first + i)) extrinsics(i, i) = kInfinity;
+      }
+    }
+    result->extrinsics_covariance.push_back(extrinsics);
+  }
+}
+
+// Diagonal of (L L')^-1: the squares of the columns of L^-1, which are zero above its diagonal.
+Eigen::VectorXd InverseDiagonal(const Eigen::LLT<Eigen::MatrixXd>& factor) {
+  constexpr Eigen::Index kColumns = 96;
+  const Eigen::Index size = factor.rows();
+  Eigen::VectorXd diagonal(size);
+  for (Eigen::Index begin = 0; begin < size; begin += kColumns) {
+    const Eigen::Index columns = std::min(kColumns, size - begin), rest = size - begin;
+    const auto L = factor.matrixLLT().bottomRightCorner(rest, rest);
+    diagonal.segment(begin, columns) = L.triangularView<Eigen::Lower>()
+                                           .solve(Eigen::MatrixXd::Identity(rest, columns))
+                                           .colwise()
+                                           .squaredNorm();
+  }
+  return diagonal;
+}
+
+// Standard errors of the markers; returns how many of their coordinates the data determine.
+double SetMarkerErrors(const MarkerElimination& markers, double marker_sigma, Uncertainty* result) {
+  double determined = 0;
+  const Eigen::Index tail = markers.gain.rows();
+  if (tail == 0) return determined;
+  const Eigen::VectorXd inverse_diagonal = InverseDiagonal(markers.factor);
+  const Eigen::MatrixXd spread = markers.gain * result->covariance;
+  for (Eigen::Index m = 0; m < tail / 3; ++m) {
+    Eigen::Vector3d variance;
+    for (Eigen::Index i = 0; i < 3; ++i) {
+      const Eigen::Index row = 3 * m + i;
+      variance[i] = inverse_diagonal[row] + spread.row(row).dot(markers.gain.row(row));
+      determined += 1 - variance[i] / (marker_sigma * marker_sigma);
+    }
+    result->marker_std_errors.push_back(variance.cwiseSqrt());
+  }
+  return determined;
+}
+
+// Per camera: the part of its parameters that priors determine.
+std::vector<double> DegreesOfPriors(const PriorInformation& priors,
+                                    const UnknownLayout& layout,
+                                    const Eigen::MatrixXd& covariance) {
+  std::vector<double> degrees(layout.params.size(), 0.0);
+  for (const auto& [index, information] : priors) {
+    for (size_t c = 0; c < degrees.size(); ++c) {
+      const auto& params = layout.params[c];
+      if (std::find(params.begin(), params.end(), index) == params.end()) continue;
+      degrees[c] += covariance(index, index) * information;
+      break;
+    }
+  }
+  return degrees;
+}
+
+// Degrees of freedom of each camera's own parameters and extrinsics, and those of the jitter. The
+// extrinsics are known from a mean over the frames: of their jitter, where there is any.
+std::vector<double> DegreesOfCameras(const Bundle& bundle,
+                                     const UnknownLayout& layout,
+                                     Uncertainty* result) {
+  std::vector<double> degrees(layout.params.size(), 0.0);
+  for (size_t c = 0; c < degrees.size(); ++c) {
+    if (layout.extrinsics[c] >= 0) {
+      if (bundle.EstimatesJitter()) {
+        result->jitter_translation_redundancy -= 3;
+        result->jitter_rotation_redundancy -= 3;
+      } else {
+        degrees[c] = 6;
+      }
+    }
+    for (size_t k = 0; k < layout.params[c].size(); ++k) {
+      degrees[c] += layout.params[c][k] >= 0 && bundle.Root(c, k) == ParamIndex{c, k} ? 1 : 0;
+    }
+  }
+  return degrees;
+}
+
+}  // namespace
+
+Uncertainty EstimateUncertainty(const Bundle& bundle) {
+  const std::vector<double> coordinates = UsedCoordinates(bundle);
+  std::vector<bool> has_data;
+  for (const double count : coordinates) has_data.push_back(count > 0);
+  const UnknownLayout layout = internal::MakeLayout(bundle, has_data);
+  const ReducedSystem reduced = internal::Reduce(bundle, layout);
+  const MarkerElimination markers = EliminateMarkers(reduced.S, layout);
+  const PriorInformation priors = InformationOfPriors(bundle, layout);
+
+  Uncertainty result;
+  result.frames_information = markers.information;
+  if (layout.markers) {
+    result.frames_information -=
+        markers.gain.transpose() * markers.gain / (bundle.marker_sigma * bundle.marker_sigma);
+  }
+  Eigen::MatrixXd information = markers.information;
+  for (const auto& [index, of_prior] : priors) information(index, index) += of_prior;
+  result.param_index = layout.params;
+  result.extrinsics_index = layout.extrinsics;
+  result.marker_gain = markers.gain;
+  const Naming naming = NameUnknowns(bundle, layout);
+  result.names = naming.names;
+  const CovarianceOfUnknowns inverse = InvertInformation(information, naming);
+  result.covariance = inverse.covariance;
+  result.open = inverse.open;
+  SetCameraErrors(inverse, layout, &result);
+  const double marker_degrees = SetMarkerErrors(markers, bundle.marker_sigma, &result);
+  const Eigen::VectorXd sigma = result.covariance.diagonal().cwiseMax(1e-300).cwiseSqrt();
+  result.correlation =
+      sigma.cwiseInverse().asDiagonal() * result.covariance * sigma.cwiseInverse().asDiagonal();
+
+  // Markers are shared: each camera's part of them is in proportion to its measurements. Its own
+  // unknowns and its part of the poses are its alone.
+  const double all_coordinates = std::accumulate(coordinates.begin(), coordinates.end(), 0.0);
+  result.jitter_translation_redundancy = reduced.jitter_translations;
+  result.jitter_rotation_redundancy = reduced.jitter_rotations;
+  const std::vector<double> of_priors = DegreesOfPriors(priors, layout, result.covariance);
+  std::vector<double> own = DegreesOfCameras(bundle, layout, &result);
+  for (size_t c = 0; c < coordinates.size(); ++c) {
+    own[c] -= of_priors[c];
+    own[c] += marker_degrees * coordinates[c] / std::max(1.0, all_coordinates);
+    result.redundancy.push_back(coordinates[c] - own[c] - reduced.degrees_of_poses[c]);
+    result.degrees_used_by_means.push_back(own[c] + reduced.degrees_of_poses_by_means[c]);
+  }
+  return result;
+}
+
+}  // namespace plenocal

@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "detectors/images/marker_detector.h"
+#include "detectors/templates/marker_template.h"
+#include "targets/target.h"
+
+namespace plenocal {
+
+std::unique_ptr<MarkerDetector> MakeDetector(const ChessboardLayout& layout, const Target& target);
+
+namespace internal {
+
+/// Of the corners with enough neighbours for a homography.
+std::vector<MarkerTemplate> MakeTemplates(const ChessboardLayout& layout,
+                                          const Target& target,
+                                          const std::vector<Observation>& found);
+
+}  // namespace internal
+
+}  // namespace plenocal

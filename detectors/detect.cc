@@ -1,0 +1,19 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "detectors/detect.h"
+
+#include "detectors/images/detect_images.h"
+#include "detectors/marker_detectors.h"
+#include "detectors/plenoptic/detect_plenoptic.h"
+
+namespace plenocal {
+
+ImageDetections DetectImages(const std::vector<FrameImage>& images,
+                             const Target& target,
+                             CameraOptics optics,
+                             const DetectOptions& options) {
+  if (optics == CameraOptics::kPlenoptic) return DetectPlenopticImages(images, target, options);
+  return DetectOrdinaryImages(
+      images, [&] { return MakeMarkerDetector(target); }, options);
+}
+
+}  // namespace plenocal

@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <vector>
+
+#include "calib/files/frame_images.h"
+#include "detectors/images/image_detections.h"
+#include "targets/target.h"
+
+namespace plenocal {
+
+enum class CameraOptics {
+  kOrdinary,
+  kPlenoptic,  ///< with micro lenses; the images are raw
+};
+
+/// Finds the target in all images of one camera: `DetectOrdinaryImages` or `DetectPlenopticImages`.
+ImageDetections DetectImages(const std::vector<FrameImage>& images,
+                             const Target& target,
+                             CameraOptics optics,
+                             const DetectOptions& options);
+
+}  // namespace plenocal

@@ -1,0 +1,360 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "detectors/images/detect_images.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <atomic>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <opencv2/core.hpp>
+#include <optional>
+
+#include "calib/base/detection_cache.h"
+#include "calib/base/error.h"
+#include "calib/base/parallel.h"
+#include "calib/camera/observation_entry.h"
+#include "detectors/images/attenuation.h"
+#include "detectors/images/image.h"
+#include "detectors/images/pictures.h"
+#include "detectors/images/white_images.h"
+
+namespace plenocal {
+namespace {
+
+struct ImageResult {
+  ImageSize size{};
+  MarkerDetections found;
+  std::string unreadable;
+  bool reused = false;
+};
+
+std::string Pack(const ImageResult& result) {
+  CacheEntryWriter writer;
+  for (const int length : result.size) writer.Put(length);
+  writer.PutAll(result.found.markers,
+                [&](const Observation& seen) { PutObservation(seen, &writer); });
+  writer.PutAll(result.found.left_out, [&](const std::string& reason) { writer.Put(reason); });
+  writer.Put(result.found.failure);
+  const auto put = [&](const auto& matrix) {
+    for (const double value : matrix.reshaped()) writer.Put(value);
+  };
+  writer.PutAll(result.found.measurements, [&](const DistortionMeasurement& measurement) {
+    put(measurement.p);
+    put(measurement.along);
+    writer.Put(measurement.value);
+    writer.Put(measurement.variance);
+  });
+  writer.PutAll(result.found.sensitivities, [&](const DistortionSensitivity& sensitivity) {
+    writer.PutAll(sensitivity.pieces, [&](const SensitivityPiece& piece) {
+      put(piece.p);
+      put(piece.assumed);
+      put(piece.by_distortion);
+    });
+    writer.Put(sensitivity.sigma);
+  });
+  return writer.Text();
+}
+
+std::optional<ImageResult> Unpack(const std::string& text) {
+  CacheEntryReader reader(text);
+  ImageResult result;
+  result.reused = true;
+  for (int& length : result.size) length = reader.Get<int>();
+  reader.GetAll([&] { result.found.markers.push_back(GetObservation(&reader)); });
+  reader.GetAll([&] { result.found.left_out.push_back(reader.Get<std::string>()); });
+  result.found.failure = reader.Get<std::string>();
+  const auto get = [&](auto* matrix) {
+    for (double& value : matrix->reshaped()) value = reader.Get<double>();
+  };
+  reader.GetAll([&] {
+    DistortionMeasurement& measurement = result.found.measurements.emplace_back();
+    get(&measurement.p);
+    get(&measurement.along);
+    measurement.value = reader.Get<double>();
+    measurement.variance = reader.Get<double>();
+  });
+  reader.GetAll([&] {
+    DistortionSensitivity& sensitivity = result.found.sensitivities.emplace_back();
+    reader.GetAll([&] {
+      SensitivityPiece& piece = sensitivity.pieces.emplace_back();
+      get(&piece.p);
+      get(&piece.assumed);
+      get(&piece.by_distortion);
+    });
+    sensitivity.sigma = reader.Get<double>();
+  });
+  return reader.IsComplete() ? std::optional(result) : std::nullopt;
+}
+
+/// Lens fall-off of an ordinary camera, from its white images.
+struct WhiteField {
+  cv::Mat attenuation;  ///< empty: there are no white images
+  std::vector<LeftOut> left_out;
+};
+
+WhiteField MeasureWhiteField(const DetectOptions& options) {
+  if (options.white_images.empty()) return {};
+  WhiteImages white = AverageWhiteImages(options.white_images, options.threads);
+  CheckEvenField(white.mean);
+  return {SmoothAttenuation(white.mean, options.bayer), std::move(white.left_out)};
+}
+
+/// Detectors hold tables that are costly to build: one a thread, lent to one image at a time.
+class DetectorPool {
+ public:
+  explicit DetectorPool(const MarkerDetectorFactory& make_detector)
+      : make_detector_(make_detector) {}
+
+  MarkerDetections Detect(const cv::Mat& gray) {
+    std::unique_ptr<MarkerDetector> detector = Take();
+    MarkerDetections found = detector->Detect(gray);
+    const std::lock_guard lock(mutex_);
+    idle_.push_back(std::move(detector));
+    return found;
+  }
+
+ private:
+  std::unique_ptr<MarkerDetector> Take() {
+    {
+      const std::lock_guard lock(mutex_);
+      if (!idle_.empty()) {
+        auto detector = std::move(idle_.back());
+        idle_.pop_back();
+        return detector;
+      }
+    }
+    return make_detector_();
+  }
+
+  const MarkerDetectorFactory& make_detector_;
+  std::mutex mutex_;
+  std::vector<std::unique_ptr<MarkerDetector>> idle_;
+};
+
+/// The image as an evenly bright camera would record it; darkened as a whole where its range would
+/// not suffice.
+cv::Mat Devignetted(const cv::Mat& gray, const cv::Mat& attenuation) {
+  cv::Mat exact, even;
+  gray.convertTo(exact, CV_32F);
+  exact /= attenuation;
+  double highest = 0;
+  cv::minMaxLoc(exact, nullptr, &highest);
+  exact.convertTo(even, CV_8U, std::min(1.0, 255 / std::max(highest, 1.0)));
+  return even;
+}
+
+/// An image without vignetting where that is known.
+cv::Mat EvenGray(const std::filesystem::path& path, const cv::Mat& attenuation) {
+  const cv::Mat gray = ReadGray(path);
+  return gray.size() == attenuation.size() ? Devignetted(gray, attenuation) : gray;
+}
+
+/// The images of one camera and what they share.
+class ImageRun {
+ public:
+  ImageRun(const std::vector<FrameImage>& images,
+           const MarkerDetectorFactory& make_detector,
+           const DetectOptions& options)
+      : images_(images),
+        options_(options),
+        cache_(options.cache != nullptr ? *options.cache : none_),
+        white_(MeasureWhiteField(options)),
+        white_key_(internal::WhiteKey(options)),
+        detectors_(make_detector),
+        results_(images.size()) {}
+
+  /// Throws `Stopped`.
+  void DetectAll();
+  ImageDetections Collect();
+
+ private:
+  /// Detects the markers of an image, or finds them in the cache. Returns its picture where that is
+  /// asked for.
+  std::string Detect(const FrameImage& image, ImageResult* result);
+  /// The size of most images; with as many of one as of another, the first seen.
+  [[nodiscard]] ImageSize CommonSize() const;
+  void CheckWhiteImageSize(const ImageSize& size) const;
+  /// Measures all markers again by the distortion that all images of the camera show together.
+  void UseCommonDistortion(const ImageSize& size);
+  /// The result of image number i.
+  void Collect(size_t i, ImageDetections* detections);
+  [[nodiscard]] SampleView Sample(const ImageDetections& detections) const;
+
+  const std::vector<FrameImage>& images_;
+  const DetectOptions& options_;
+  DetectionCache none_{{}, {}, true};
+  DetectionCache& cache_;
+  WhiteField white_;
+  std::string white_key_;
+  DetectorPool detectors_;
+  std::vector<ImageResult> results_;
+};
+
+std::string ImageRun::Detect(const FrameImage& image, ImageResult* result) {
+  const std::string key = cache_.Key({"markers", white_key_, HashFile(image.path)});
+  if (const auto kept = cache_.Load(key)) {
+    if (const auto known = Unpack(*kept)) *result = *known;
+  }
+  if (result->reused && !options_.keep) return {};
+  const cv::Mat gray = EvenGray(image.path, white_.attenuation);
+  result->size = {gray.cols, gray.rows};
+  if (!result->reused) {
+    result->found = detectors_.Detect(gray);
+    cache_.Save(key, Pack(*result));
+  }
+  if (!options_.keep) return {};
+  return EncodeImage(".png", internal::MarkerPicture(gray, result->found.markers));
+}
+
+void ImageRun::DetectAll() {
+  std::atomic<size_t> done{0};
+  std::atomic<bool> stop{false};
+  std::mutex progress_mutex;
+  ParallelFor(images_.size(), options_.threads, [&](size_t i) {
+    if (stop) return;
+    std::string picture;
+    try {
+      picture = Detect(images_[i], &results_[i]);
+    } catch (const Error& error) {
+      results_[i].unreadable = error.what();
+    }
+    if (!picture.empty()) options_.keep(images_[i].frame + ".png", picture);
+    const size_t count = ++done;
+    if (options_.progress) {
+      const std::lock_guard lock(progress_mutex);
+      if (!options_.progress(count)) stop = true;
+    }
+  });
+  if (stop) throw Stopped();
+}
+
+ImageSize ImageRun::CommonSize() const {
+  std::map<ImageSize, int> sizes;
+  for (const ImageResult& result : results_) {
+    if (result.unreadable.empty()) ++sizes[result.size];
+  }
+  if (sizes.empty()) {
+    throw Error(ErrorKind::kJob,
+                fmt::format("no image can be read; the first: {}", results_[0].unreadable));
+  }
+  ImageSize common{};
+  int most = 0;
+  for (const ImageResult& result : results_) {
+    if (result.unreadable.empty() && sizes[result.size] > most) {
+      most = sizes[result.size];
+      common = result.size;
+    }
+  }
+  return common;
+}
+
+void ImageRun::CheckWhiteImageSize(const ImageSize& size) const {
+  const ImageSize white_size{white_.attenuation.cols, white_.attenuation.rows};
+  if (white_.attenuation.empty() || white_size == size) return;
+  throw Error(ErrorKind::kInput,
+              fmt::format("the white images are {} x {} pixels, but the images {} x {}; record "
+                          "them with the same settings of the camera",
+                          white_size[0],
+                          white_size[1],
+                          size[0],
+                          size[1]));
+}
+
+void ImageRun::UseCommonDistortion(const ImageSize& size) {
+  std::vector<DistortionMeasurement> measurements;
+  for (const ImageResult& result : results_) {
+    if (result.size != size) continue;
+    const std::vector<DistortionMeasurement>& of_image = result.found.measurements;
+    measurements.insert(measurements.end(), of_image.begin(), of_image.end());
+  }
+  const DistortionField field(measurements);
+  for (ImageResult& result : results_) {
+    for (size_t i = 0; i < result.found.sensitivities.size(); ++i) {
+      const DistortionSensitivity& sensitivity = result.found.sensitivities[i];
+      const Eigen::Vector2d change = field.Change(sensitivity);
+      Observation& marker = result.found.markers[i];
+      marker.values[0] += change.x();
+      marker.values[1] += change.y();
+      marker.detector_sigma = field.Sigma(sensitivity);
+    }
+  }
+}
+
+void ImageRun::Collect(size_t i, ImageDetections* detections) {
+  ImageResult& result = results_[i];
+  const std::string path = images_[i].path.string();
+  const auto leave_out = [&](const std::string& reason) {
+    detections->left_out.push_back({path, reason});
+  };
+  if (result.reused) ++detections->reused;
+  if (!result.unreadable.empty()) {
+    leave_out(WithoutPath(result.unreadable, path));
+    return;
+  }
+  if (result.size != detections->image_size) {
+    leave_out(fmt::format("is {} x {} pixels, while the camera's images are {} x {}",
+                          result.size[0],
+                          result.size[1],
+                          detections->image_size[0],
+                          detections->image_size[1]));
+    return;
+  }
+  for (const std::string& reason : result.found.left_out) leave_out(reason);
+  if (result.found.markers.empty()) {
+    leave_out(result.found.failure);
+  } else {
+    detections->views.push_back({images_[i].frame, std::move(result.found.markers)});
+  }
+}
+
+SampleView ImageRun::Sample(const ImageDetections& detections) const {
+  const auto fewer = [](const View& a, const View& b) {
+    return a.observations.size() < b.observations.size();
+  };
+  const auto view = std::max_element(detections.views.begin(), detections.views.end(), fewer);
+  if (view == detections.views.end()) return {};
+  const auto image = std::find_if(images_.begin(), images_.end(), [&](const FrameImage& of) {
+    return of.frame == view->frame;
+  });
+  const cv::Mat gray = EvenGray(image->path, white_.attenuation);
+  return {view->frame, internal::SamplePicture(gray, view->observations), {}};
+}
+
+ImageDetections ImageRun::Collect() {
+  ImageDetections detections;
+  detections.image_size = CommonSize();
+  CheckWhiteImageSize(detections.image_size);
+  if (!white_.attenuation.empty()) {
+    detections.vignetting = EncodeImage(".tiff", white_.attenuation);
+  }
+  UseCommonDistortion(detections.image_size);
+  detections.left_out = std::move(white_.left_out);
+  for (size_t i = 0; i < images_.size(); ++i) Collect(i, &detections);
+  detections.sample = Sample(detections);
+  return detections;
+}
+
+}  // namespace
+
+std::string internal::WhiteKey(const DetectOptions& options) {
+  std::string key = options.bayer ? "mosaic" : "plain";
+  for (const FrameImage& image : options.white_images) {
+    key += '\n';
+    key += HashFile(image.path);
+  }
+  return key;
+}
+
+ImageDetections DetectOrdinaryImages(const std::vector<FrameImage>& images,
+                                     const MarkerDetectorFactory& make_detector,
+                                     const DetectOptions& options) {
+  // Images run in parallel; threads inside OpenCV would only compete with them.
+  cv::setNumThreads(1);
+  ImageRun run(images, make_detector, options);
+  run.DetectAll();
+  return run.Collect();
+}
+
+}  // namespace plenocal

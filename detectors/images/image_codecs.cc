@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "detectors/images/image_codecs.h"
+
+#include <dlfcn.h>
+#include <fmt/format.h>
+
+#include <opencv2/core.hpp>
+
+#include "calib/base/error.h"
+
+namespace plenocal {
+namespace {
+
+// Two functions of opencv2/imgcodecs.hpp. They are looked up by their symbols, since a linked call
+// would load the library at the start of the program.
+using Decode = cv::Mat(cv::InputArray content, int flags);
+constexpr const char* kDecodeSymbol = "_ZN2cv8imdecodeERKNS_11_InputArrayEi";
+using Encode = bool(const std::string& format,
+                    cv::InputArray image,
+                    std::vector<std::uint8_t>& content,
+                    const std::vector<int>& parameters);
+constexpr const char* kEncodeSymbol =
+    "_ZN2cv8imencodeERKNSt7__cxx1112basic_stringIcSt11char_traitsIcESaIcEEERKNS_11_InputArrayERSt6vectorIhSaIhEERKSB_IiSaIiEE";
+
+struct Codecs {
+  Decode* decode;
+  Encode* encode;
+};
+
+void* FindSymbol(void* library, const char* symbol) {
+  void* const found = dlsym(library, symbol);
+  if (found != nullptr) return found;
+  throw Error(
+      ErrorKind::kJob,
+      fmt::format(
+          "{} has no {}: it is not the OpenCV that plenocal was built with; build plenocal again",
+          PLENOCAL_IMGCODECS,
+          symbol));
+}
+
+Codecs LoadCodecs() {
+  void* const library = dlopen(PLENOCAL_IMGCODECS, RTLD_NOW | RTLD_LOCAL);
+  if (library == nullptr) {
+    throw Error(
+        ErrorKind::kJob,
+        fmt::format(
+            "cannot load {}, which reads and writes images ({}); install OpenCV's imgcodecs",
+            PLENOCAL_IMGCODECS,
+            dlerror()));
+  }
+  return {reinterpret_cast<Decode*>(FindSymbol(library, kDecodeSymbol)),
+          reinterpret_cast<Encode*>(FindSymbol(library, kEncodeSymbol))};
+}
+
+const Codecs& LoadedCodecs() {
+  static const Codecs kCodecs = LoadCodecs();
+  return kCodecs;
+}
+
+}  // namespace
+
+cv::Mat DecodeImage(const std::vector<std::uint8_t>& content, int flags) {
+  return LoadedCodecs().decode(content, flags);
+}
+
+std::string EncodeImage(const std::string& format,
+                        const cv::Mat& image,
+                        const std::vector<int>& parameters) {
+  std::vector<std::uint8_t> content;
+  if (!LoadedCodecs().encode(format, image, content, parameters)) {
+    throw Error(ErrorKind::kJob, fmt::format("OpenCV cannot write {} images", format));
+  }
+  return {content.begin(), content.end()};
+}
+
+}  // namespace plenocal

@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Pictures of detections for viewing.
+#pragma once
+
+#include <opencv2/core/mat.hpp>
+#include <string>
+#include <vector>
+
+#include "calib/camera/observation.h"
+
+namespace plenocal::internal {
+
+/// A colour picture (8 bits) of an image (CV_8U) with a cross and the number at each marker.
+cv::Mat MarkerPicture(const cv::Mat& gray, const std::vector<Observation>& markers);
+
+/// An image (CV_8U) with its markers drawn, of at most 1000 pixels a side, as the content of a JPEG
+/// file: what report.html shows.
+std::string SamplePicture(const cv::Mat& gray, std::vector<Observation> markers);
+
+/// Factor that brings an image to the size of a sample picture; at most 1.
+double SampleScale(const cv::Mat& image);
+
+/// A sample picture as the content of a JPEG file.
+std::string EncodeSample(const cv::Mat& picture);
+
+}  // namespace plenocal::internal

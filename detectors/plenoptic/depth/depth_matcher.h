@@ -1,0 +1,94 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Matching of one micro image with its neighbours: an exhaustive search in whole steps of inverse
+// virtual depth, then Gauss-Newton steps on all pixels with texture.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "detectors/plenoptic/depth/depth_kernels.h"
+#include "detectors/plenoptic/depth/depth_survey.h"
+#include "detectors/plenoptic/depth/lens_patches.h"
+#include "detectors/plenoptic/depth/micro_lens_index.h"
+
+namespace plenocal::internal {
+
+/// A squared gradient below this many times its variance is noise: the chi-square of two degrees of
+/// freedom that noise exceeds in one of 10,000 pixels.
+inline constexpr float kNoGradient = 18.42f;
+
+/// Pixels of one micro image that have texture, as arrays.
+struct TexturedPixels {
+  std::vector<float> x, y, z, value, gradient_x, gradient_y, laplacian, variance;
+  std::vector<int> at;  // in the patch
+  std::vector<float> sum_gradient, sum_information, sum_agreement, sum_count;
+
+  void Clear();
+  [[nodiscard]] DepthPixels View() const;
+  DepthEquations ResetSums();
+  /// Keeps those whose flag is set.
+  void Keep(const std::vector<char>& keep);
+};
+
+/// Working memory of one thread.
+struct MatchScratch {
+  TexturedPixels pixels;
+  std::vector<float> cost, count;  // patch
+  std::vector<float> work;         // two patches
+  std::vector<float> means;        // hypotheses x patch: mean difference in a window
+  std::vector<float> mean;         // hypotheses: those of one pixel
+  std::vector<int> lookup;         // patch: index of the pixel in `pixels`, or -1
+  std::vector<float> smooth, smooth_information;
+};
+
+/// A pixel whose depth a search found.
+struct DepthStart {
+  int at;  // in the patch
+  float z;
+};
+
+class DepthMatcher {
+ public:
+  /// Keeps references to all of them.
+  DepthMatcher(const LensPatches& patches, const MicroLensIndex& index, const SensorNoise& noise);
+
+  /// Whole range of |z|: from one pixel of parallax between neighbours to where a point is seen by
+  /// two micro images on average.
+  [[nodiscard]] ZRange Magnitudes() const;
+  /// Step of the search in z.
+  [[nodiscard]] float Step() const;
+
+  /// Collects the pixels with texture.
+  void Select(size_t lens, MatchScratch* scratch) const;
+  /// Collects those of `starts` that have texture, at their depths.
+  void Select(size_t lens, std::span<const DepthStart> starts, MatchScratch* scratch) const;
+  /// Sets each pixel to the depth whose 3 x 3 window has the least mean difference. Drops pixels
+  /// whose best depth is not clearly better than all depths that are not next to it.
+  void Search(size_t lens, ZRange range, MatchScratch* scratch) const;
+  /// Gauss-Newton steps, shortest baselines first. Sets the information to zero for pixels that
+  /// leave their initial depth, agree with less than half of their partners or have fewer than two.
+  void Refine(size_t lens, const DepthSurvey& survey, MatchScratch* scratch) const;
+
+  [[nodiscard]] const LensPatches& Patches() const { return patches_; }
+  [[nodiscard]] const MicroLensIndex& Index() const { return index_; }
+  /// Baselines of the refinement.
+  [[nodiscard]] std::span<const LatticeStep> RefineSteps() const { return refine_steps_; }
+  /// Micro image `other` as a partner of `lens`.
+  [[nodiscard]] OtherPatch Partner(size_t lens, size_t other, const DepthSurvey& survey) const;
+  /// Place of the two lens types in `DepthSurvey::misfit`.
+  [[nodiscard]] size_t TypePair(size_t lens, size_t other) const;
+
+ private:
+  void AddTextured(size_t lens, const DepthStart& start, TexturedPixels* pixels) const;
+  void AddDifferencesAt(float z, size_t lens, size_t other, MatchScratch* scratch) const;
+  void MeanDifferences(size_t lens, ZRange range, int hypotheses, MatchScratch* scratch) const;
+  void Smooth(MatchScratch* scratch) const;
+
+  const LensPatches& patches_;
+  const MicroLensIndex& index_;
+  const SensorNoise& noise_;
+  std::vector<LatticeStep> search_steps_, refine_steps_;
+};
+
+}  // namespace plenocal::internal

@@ -1,0 +1,19 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <opencv2/core/mat.hpp>
+#include <string>
+
+#include "detectors/plenoptic/depth/virtual_depth.h"
+
+namespace plenocal::internal {
+
+/// A colour picture (8 bits) of the virtual depth for inspection, with a bar of colours and
+/// numbers on the right. Colours are linear in inverse depth, whose error is uniform;
+/// unknown is black.
+cv::Mat DepthPicture(const VirtualDepth& depth);
+
+/// The same of at most 1000 pixels a side, as the content of a JPEG file: what report.html shows.
+std::string SampleDepthPicture(const VirtualDepth& depth);
+
+}  // namespace plenocal::internal

@@ -1,0 +1,274 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "detectors/plenoptic/detect_plenoptic.h"
+
+#include <fmt/format.h>
+
+#include <cstdint>
+#include <memory>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+#include <optional>
+#include <set>
+#include <utility>
+
+#include "calib/base/error.h"
+#include "detectors/images/detect_images.h"
+#include "detectors/images/image.h"
+#include "detectors/images/image_codecs.h"
+#include "detectors/images/pictures.h"
+#include "detectors/plenoptic/cached_results.h"
+#include "detectors/plenoptic/depth/depth_picture.h"
+#include "detectors/plenoptic/depth/image_synthesis.h"
+#include "detectors/plenoptic/depth/reconstruction.h"
+#include "detectors/plenoptic/markers/depth_correction.h"
+#include "detectors/plenoptic/markers/focused_image_detector.h"
+#include "detectors/plenoptic/markers/measure_markers.h"
+#include "detectors/plenoptic/markers/vignetting_correction.h"
+#include "detectors/plenoptic/white/white_camera.h"
+#include "detectors/templates/marker_template.h"
+
+namespace plenocal {
+namespace {
+
+using internal::MicroLensCalibration;
+using internal::Pictures;
+using internal::RawDetections;
+using internal::RawMeasurements;
+
+/// From the white images, or from the cache.
+MicroLensCalibration MeasureMicroLenses(const DetectOptions& options, DetectionCache* cache) {
+  const std::string key = cache->Key({"micro lenses", internal::WhiteKey(options)});
+  if (const auto kept = cache->Load(key)) {
+    if (auto known = internal::UnpackMicroLenses(*kept)) return std::move(*known);
+  }
+  WhiteCamera camera = MeasureWhiteImages(options.white_images,
+                                          {.plenoptic = true,
+                                           .bayer = options.bayer,
+                                           .grid_file = std::nullopt,
+                                           .raw_image = {},
+                                           .threads = options.threads});
+  MicroLensCalibration micro_lenses{camera.grid->array,
+                                    std::move(camera.attenuation_tiff),
+                                    std::move(camera.grid_png),
+                                    std::move(camera.left_out)};
+  cache->Save(key, Pack(micro_lenses));
+  return micro_lenses;
+}
+
+size_t CountMarkers(const RawMeasurements& image) {
+  std::set<int> markers;
+  for (const internal::MarkerMeasurement& m : image) markers.insert(m.observation.marker);
+  return markers.size();
+}
+
+/// Results of one raw image.
+struct RawResult {
+  RawDetections detections;
+  SampleView sample;  ///< without a frame's name when the detections are from the cache
+  Pictures pictures;  ///< when they are wanted
+  bool is_cached = false;
+};
+
+/// Detection in the raw images of one camera.
+class RawDetector {
+ public:
+  RawDetector(const Target& target,
+              const PlenopticCamera& camera,
+              const DetectOptions& options,
+              DetectionCache* cache)
+      : target_(target),
+        camera_(camera),
+        options_(options),
+        cache_(*cache),
+        white_key_(internal::WhiteKey(options)),
+        detector_(target) {}
+
+  /// From the cache or, where it has not all that is wanted, from the image.
+  RawResult Detect(const FrameImage& image) {
+    const std::string image_key = HashFile(image.path);
+    const std::string key = cache_.Key({"micro images", white_key_, image_key});
+    const std::string pictures_key = cache_.Key({"pictures", white_key_, image_key});
+    const bool wants_pictures = options_.keep != nullptr;
+    std::optional<RawDetections> detections;
+    std::optional<Pictures> pictures;
+    if (const auto kept = cache_.Load(key)) detections = internal::UnpackDetections(*kept);
+    if (wants_pictures) {
+      if (const auto kept = cache_.Load(pictures_key)) pictures = internal::UnpackPictures(*kept);
+    }
+    RawResult result;
+    if (detections && (pictures || !wants_pictures)) {
+      result.is_cached = true;
+      result.detections = std::move(*detections);
+      if (pictures) result.pictures = std::move(*pictures);
+      return result;
+    }
+    result = DetectInImage(image);
+    if (wants_pictures) cache_.Save(pictures_key, internal::Pack(result.pictures));
+    cache_.Save(key, internal::Pack(result.detections));
+    return result;
+  }
+
+  /// The sample of an image. `made`: from this run, without a frame's name if it was not detected.
+  SampleView Sample(const FrameImage& image, SampleView made) {
+    const std::string key = cache_.Key({"sample", white_key_, HashFile(image.path)});
+    if (made.frame.empty()) {
+      if (const auto kept = cache_.Load(key)) {
+        if (auto known = internal::UnpackSample(image.frame, *kept)) made = std::move(*known);
+      }
+    }
+    // An interrupted run keeps none.
+    if (made.frame.empty()) made = DetectInImage(image).sample;
+    cache_.Save(key, internal::Pack(made));
+    return made;
+  }
+
+ private:
+  RawResult DetectInImage(const FrameImage& image) const {
+    const cv::Mat raw = ReadImage(image.path);
+    ReconstructionOptions options{.threads = options_.threads, .find_flat_parts = {}};
+    options.find_flat_parts = [&](const cv::Mat& focused) { return detector_.FlatParts(focused); };
+    const Reconstruction view = Reconstruct(raw, camera_, options);
+    const MarkerDetections found = detector_.Detect(view.image);
+    RawResult result;
+    MakePictures(view, found, &result);
+    result.sample.frame = image.frame;
+    result.detections = {
+        .markers = Measure(raw, view, found), .left_out = found.left_out, .failure = found.failure};
+    if (result.detections.markers.empty() && found.failure.empty()) {
+      result.detections.failure =
+          "the target is in the focused image, but no micro image shows a marker well";
+    }
+    return result;
+  }
+
+  /// Measures the markers of the focused image in the micro images.
+  [[nodiscard]] RawMeasurements Measure(const cv::Mat& raw,
+                                        const Reconstruction& view,
+                                        const MarkerDetections& found) const {
+    std::vector<internal::MarkerTemplate> markers =
+        internal::MakeMarkerTemplates(target_, found.markers);
+    // From pixels of the focused image to raw pixels.
+    const double scale = view.depth.scale;
+    for (internal::MarkerTemplate& marker : markers) {
+      marker.position *= scale;
+      marker.cells_by_image.leftCols<2>() /= scale;
+    }
+    // The reconstruction has changed its own patches by its estimate of the displacement near their
+    // edges.
+    const internal::LensPatches patches = GreyPatches(raw, camera_, options_.threads);
+    return internal::MeasureMarkers(
+        markers, view.depth, patches, camera_.array, view.noise, options_.threads);
+  }
+
+  void MakePictures(const Reconstruction& view,
+                    const MarkerDetections& found,
+                    RawResult* result) const {
+    cv::Mat grey;
+    view.image.convertTo(grey, CV_8U, internal::ScaleTo8Bits(view.image));
+    result->sample.picture = internal::SamplePicture(grey, found.markers);
+    result->sample.depth = internal::SampleDepthPicture(view.depth);
+    if (!options_.keep) return;
+    result->pictures = {
+        {"_focused.png", EncodeImage(".png", grey)},
+        {"_markers.png", EncodeImage(".png", internal::MarkerPicture(grey, found.markers))},
+        {"_virtual_depth.png", EncodeImage(".png", internal::DepthPicture(view.depth))}};
+  }
+
+  const Target& target_;
+  const PlenopticCamera& camera_;
+  const DetectOptions& options_;
+  DetectionCache& cache_;
+  std::string white_key_;
+  internal::FocusedImageDetector detector_;
+};
+
+/// Corrects the measurements of all raw images of a camera and adds them as views.
+void AddViews(const std::vector<std::string>& frames,
+              int types,
+              std::vector<RawMeasurements>* images,
+              ImageDetections* detections) {
+  auto shared_errors = internal::CorrectVignettingDisplacement(types, images);
+  internal::CorrectDepthBias(images);
+  for (size_t i = 0; i < images->size(); ++i) {
+    View view{frames[i], {}};
+    for (const internal::MarkerMeasurement& m : (*images)[i]) {
+      view.observations.push_back(m.observation);
+      view.observations.back().lens_type = m.lens_type;
+    }
+    view.shared_errors = std::move(shared_errors[i]);
+    detections->views.push_back(std::move(view));
+  }
+}
+
+/// Detects the target in all images; keeps the sample of the image with most markers.
+void DetectInImages(const std::vector<FrameImage>& images,
+                    const DetectOptions& options,
+                    int types,
+                    RawDetector* detector,
+                    ImageDetections* detections) {
+  std::vector<std::string> frames;
+  std::vector<RawMeasurements> measured;
+  size_t fullest = 0, most_markers = 0;
+  SampleView sample;
+  for (size_t i = 0; i < images.size(); ++i) {
+    const std::string path = images[i].path.string();
+    RawResult result;
+    try {
+      result = detector->Detect(images[i]);
+      if (result.is_cached) ++detections->reused;
+      RawDetections& found = result.detections;
+      for (const std::string& reason : found.left_out) {
+        detections->left_out.push_back({path, reason});
+      }
+      if (found.markers.empty()) {
+        detections->left_out.push_back({path, found.failure});
+      } else {
+        if (const size_t count = CountMarkers(found.markers); count > most_markers) {
+          most_markers = count;
+          fullest = i;
+          sample = std::move(result.sample);
+        }
+        frames.push_back(images[i].frame);
+        measured.push_back(std::move(found.markers));
+      }
+    } catch (const Error& error) {
+      detections->left_out.push_back({path, WithoutPath(error.what(), path)});
+    }
+    for (const auto& [ending, content] : result.pictures) {
+      options.keep(images[i].frame + ending, content);
+    }
+    if (options.progress && !options.progress(i + 1)) throw Stopped();
+  }
+  if (most_markers > 0) detections->sample = detector->Sample(images[fullest], std::move(sample));
+  AddViews(frames, types, &measured, detections);
+}
+
+}  // namespace
+
+ImageDetections DetectPlenopticImages(const std::vector<FrameImage>& images,
+                                      const Target& target,
+                                      const DetectOptions& options) {
+  if (options.white_images.empty()) {
+    throw Error(ErrorKind::kInput,
+                "a plenoptic camera needs white_images: the micro-image centres come from them");
+  }
+  DetectionCache none({}, {}, true);
+  DetectionCache& cache = options.cache != nullptr ? *options.cache : none;
+  MicroLensCalibration micro_lenses = MeasureMicroLenses(options, &cache);
+  const std::string& tiff = micro_lenses.attenuation_tiff;
+  const PlenopticCamera camera{
+      std::move(micro_lenses.array),
+      DecodeImage(std::vector<std::uint8_t>(tiff.begin(), tiff.end()), cv::IMREAD_UNCHANGED),
+      options.bayer};
+  ImageDetections detections;
+  detections.image_size = camera.array.image_size;
+  detections.left_out = std::move(micro_lenses.left_out);
+  detections.micro_lenses = FormatMicroLenses(camera.array);
+  detections.vignetting = std::move(micro_lenses.attenuation_tiff);
+  if (options.keep) options.keep("micro_lenses.png", micro_lenses.grid_png);
+  RawDetector detector(target, camera, options, &cache);
+  DetectInImages(images, options, camera.array.types, &detector, &detections);
+  return detections;
+}
+
+}  // namespace plenocal

@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "detectors/plenoptic/markers/focused_image_detector.h"
+
+#include <map>
+#include <opencv2/imgproc.hpp>
+
+#include "detectors/marker_detectors.h"
+#include "detectors/plenoptic/depth/image_synthesis.h"
+
+namespace plenocal::internal {
+
+FocusedImageDetector::FocusedImageDetector(const Target& target)
+    : target_(target), detector_(MakeMarkerDetector(target)) {}
+
+MarkerDetections FocusedImageDetector::Detect(const cv::Mat& focused) const {
+  cv::Mat grey;
+  focused.convertTo(grey, CV_8U, ScaleTo8Bits(focused));
+  return detector_->Detect(grey);
+}
+
+std::vector<FlatPart> FocusedImageDetector::FlatParts(const cv::Mat& focused) const {
+  std::map<int, std::vector<cv::Point2f>> points;  // by part
+  for (const Observation& marker : Detect(focused).markers) {
+    points[PartOf(target_, marker.marker)].emplace_back(static_cast<float>(marker.values[0]),
+                                                        static_cast<float>(marker.values[1]));
+  }
+  std::vector<FlatPart> parts;
+  for (const auto& [number, corners] : points) {
+    if (corners.size() < 3) continue;
+    FlatPart hull;
+    cv::convexHull(corners, hull);
+    parts.push_back(hull);
+  }
+  return parts;
+}
+
+}  // namespace plenocal::internal

@@ -1,0 +1,346 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "detectors/plenoptic/white/micro_images.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <utility>
+
+#include "calib/base/parallel.h"
+#include "calib/base/robust.h"
+#include "calib/base/statistics.h"
+
+namespace plenocal::internal {
+namespace {
+
+using Eigen::Vector2d;
+
+constexpr int kSets = 3;  // interleaved sets of the hexagonal lattice
+/// An outlier lies beyond this many robust standard deviations: of normal values one in 5e8 does.
+constexpr double kOutlier = 6;
+/// A micro image within these tolerances is usable, however alike the others are: brightness
+/// relative to neighbours, misfit relative to brightness, centre in pitches.
+constexpr double kGainTolerance = 0.1;
+constexpr double kCutGainTolerance = 0.5;  // where the edge of the sensor cuts the micro image
+constexpr double kMisfitTolerance = 0.02;
+constexpr double kCentreTolerance = 0.02;
+/// Profiles reach this many pitches: over the gaps, into the edges of the neighbours.
+constexpr double kProfileRadius = 0.7;
+/// Distance, pitches, within which the pixels of a hexagonal cell lie: its corners are at 0.577.
+constexpr double kCellReach = 0.65;
+/// Grey values; keeps relative brightness finite in a black image.
+constexpr float kLeastBrightness = 1e-3f;
+
+/// Share of the variance of `values` that lies between the sets, outliers limited; nothing (0) for
+/// sets of less than three.
+double ShareBetweenSets(const std::vector<double>& values, const std::vector<int>& sets) {
+  const Spread spread = RobustSpread(values);
+  std::array<double, kSets> sums{}, counts{};
+  double total = 0, squares = 0;
+  for (size_t k = 0; k < values.size(); ++k) {
+    const double bound = kOutlier * spread.sigma;
+    const double value = std::clamp(values[k] - spread.middle, -bound, bound);
+    sums[sets[k]] += value;
+    counts[sets[k]] += 1;
+    total += value;
+    squares += value * value;
+  }
+  const double n = static_cast<double>(values.size());
+  if (*std::min_element(counts.begin(), counts.end()) < 3) return 0;
+  const double all = squares - total * total / n;
+  double between = -total * total / n;
+  for (int c = 0; c < kSets; ++c) between += sums[c] * sums[c] / counts[c];
+  return all > 0 ? between / all : 0;
+}
+
+}  // namespace
+
+Spread RobustSpread(const std::vector<double>& values) {
+  Spread spread{.middle = Median(values)};
+  std::vector<double> distances;
+  distances.reserve(values.size());
+  for (const double value : values) distances.push_back(std::abs(value - spread.middle));
+  spread.sigma = kSigmaPerMad * Median(std::move(distances));
+  return spread;
+}
+
+void MicroImages::Place(std::vector<LatticeNode> nodes, const std::vector<Vector2d>& centres) {
+  std::map<LatticeNode, MicroImage> known;
+  for (size_t i = 0; i < nodes_.size(); ++i) known[nodes_[i]] = images_[i];
+  nodes_ = std::move(nodes);
+  positions_ = centres;
+  images_.assign(nodes_.size(), {});
+  inside_.clear();
+  for (const Vector2d& centre : centres) {
+    inside_.push_back(plenocal::IsInside(centre, {scene_.white.cols, scene_.white.rows}));
+  }
+  usable_ = inside_;
+  for (size_t i = 0; i < nodes_.size(); ++i) {
+    const auto found = known.find(nodes_[i]);
+    if (found != known.end() && found->second.centre_sigma > 0) images_[i] = found->second;
+    images_[i].centre = centres[i];
+    if (images_[i].centre_sigma == 0) images_[i].gain = BrightnessNear(centres[i]);
+  }
+  sets_.clear();
+  for (const LatticeNode& node : nodes_) sets_.push_back(LatticeColour(node));
+}
+
+void MicroImages::Measure(const std::vector<int>& types, int type_count) {
+  types_ = types;
+  NormaliseSizes();
+  FitProfiles(type_count);
+  ModelLight();
+  std::vector<MicroImage> fits(nodes_.size());
+  ParallelFor(nodes_.size(), threads_, [&](size_t i) {
+    MicroImage start = images_[i];
+    start.centre_sigma = 0;
+    if (!inside_[i]) return;
+    fits[i] = FitMicroImage(scene_, profiles_[types_[i]], pitch_ / 2, start);
+  });
+  for (size_t i = 0; i < fits.size(); ++i) {
+    if (inside_[i]) images_[i] = fits[i];
+  }
+  CompleteOutside();
+  DecideUsable();
+}
+
+std::vector<LatticeMeasurement> MicroImages::Measurements() const {
+  std::vector<LatticeMeasurement> out;
+  for (size_t i = 0; i < nodes_.size(); ++i) {
+    if (usable_[i]) out.push_back({nodes_[i], images_[i].centre, images_[i].centre_sigma});
+  }
+  return out;
+}
+
+bool MicroImages::IsWhole(size_t i) const {
+  const Vector2d& c = positions_[i];
+  return std::min(c.x(), c.y()) >= pitch_ / 2 && c.x() <= scene_.white.cols - 1 - pitch_ / 2 &&
+         c.y() <= scene_.white.rows - 1 - pitch_ / 2;
+}
+
+double MicroImages::Misfit() const { return Median(misfits_); }
+
+double MicroImages::BrightnessNear(const Vector2d& centre) const {
+  const int x = std::clamp(static_cast<int>(std::lround(centre.x())), 0, scene_.white.cols - 1);
+  const int y = std::clamp(static_cast<int>(std::lround(centre.y())), 0, scene_.white.rows - 1);
+  return std::max(scene_.white.at<float>(y, x), kLeastBrightness);
+}
+
+std::map<LatticeNode, size_t> MicroImages::IndexByNode() const {
+  std::map<LatticeNode, size_t> index;
+  for (size_t i = 0; i < nodes_.size(); ++i) index[nodes_[i]] = i;
+  return index;
+}
+
+/// Makes the median size in each interleaved set 1: the profiles take up the rest.
+void MicroImages::NormaliseSizes() {
+  for (int set = 0; set < kSets; ++set) {
+    std::vector<double> scales;
+    for (size_t i = 0; i < nodes_.size(); ++i) {
+      if (sets_[i] == set && usable_[i] && IsWhole(i)) scales.push_back(images_[i].scale);
+    }
+    const double usual = scales.empty() ? 1 : Median(std::move(scales));
+    for (size_t i = 0; i < nodes_.size(); ++i) {
+      if (sets_[i] == set) images_[i].scale /= usual;
+    }
+  }
+  CompleteOutside();
+}
+
+/// Micro lenses beside the sensor, whose light falls on it, get the means of their neighbours.
+void MicroImages::CompleteOutside() {
+  const std::map<LatticeNode, size_t> index = IndexByNode();
+  for (size_t i = 0; i < nodes_.size(); ++i) {
+    if (inside_[i]) continue;
+    double gain = 0, scale = 0;
+    Vector2d gradient(0, 0);
+    int inside = 0, whole = 0;
+    for (const LatticeNode& step : kLatticeNeighbours) {
+      const auto near = index.find({nodes_[i].column + step.column, nodes_[i].row + step.row});
+      if (near == index.end() || !inside_[near->second]) continue;
+      const MicroImage& neighbour = images_[near->second];
+      gain += neighbour.gain;
+      gradient += neighbour.gradient;
+      ++inside;
+      if (!IsWhole(near->second)) continue;
+      scale += neighbour.scale;
+      ++whole;
+    }
+    if (whole > 0) images_[i].scale = scale / whole;
+    images_[i].gain = inside > 0 ? gain / inside : 0;
+    images_[i].gradient = gradient / std::max(1, inside);
+  }
+}
+
+/// The modelled light of all micro images.
+void MicroImages::ModelLight() {
+  scene_.light = cv::Mat::zeros(scene_.white.size(), CV_32F);
+  for (size_t i = 0; i < nodes_.size(); ++i) {
+    AddLight(profiles_[types_[i]], images_[i], &scene_.light);
+  }
+}
+
+/// Fits the profiles to the cells of all micro images that have their six neighbours.
+void MicroImages::FitProfiles(int type_count) {
+  const std::map<LatticeNode, size_t> index = IndexByNode();
+  const double radius = kProfileRadius * pitch_;
+  // A fixed number of parts, so that the sums do not depend on the number of threads.
+  constexpr size_t kParts = 8;
+  // Some thousand micro images have enough pixels for each coefficient of a profile; more take only
+  // time.
+  constexpr size_t kCells = 1500;
+  const size_t stride = std::max<size_t>(1, nodes_.size() / kCells);
+  std::vector<ProfileFit> parts(kParts, ProfileFit(radius, type_count));
+  ParallelFor(kParts, threads_, [&](size_t part) {
+    for (size_t i = part * stride; i < nodes_.size(); i += kParts * stride) {
+      if (!usable_[i]) continue;
+      std::vector<size_t> shared{i};
+      for (const LatticeNode& step : kLatticeNeighbours) {
+        const auto near = index.find({nodes_[i].column + step.column, nodes_[i].row + step.row});
+        if (near != index.end() && inside_[near->second]) shared.push_back(near->second);
+      }
+      if (shared.size() == 1 + kLatticeNeighbours.size()) AddCell(shared, &parts[part]);
+    }
+  });
+  for (size_t part = 1; part < kParts; ++part) parts[0].Add(parts[part]);
+  profiles_ = parts[0].Solve();
+  std::vector<double> highest;
+  for (RadialProfile& profile : profiles_) highest.push_back(profile.Normalise());
+  for (size_t i = 0; i < nodes_.size(); ++i) {
+    images_[i].gain *= highest[types_[i]];
+    images_[i].gradient *= highest[types_[i]];
+  }
+}
+
+/// Adds the pixels nearest to the first of `shared`, which may have light of all of them.
+void MicroImages::AddCell(const std::vector<size_t>& shared, ProfileFit* fit) const {
+  const MicroImage& own = images_[shared[0]];
+  const double weight = 1 / (own.gain * own.gain);
+  const double reach = kCellReach * pitch_;
+  const cv::Mat& white = scene_.white;
+  std::array<Contribution, 1 + kLatticeNeighbours.size()> parts;
+  for (int y = std::max(0, static_cast<int>(std::ceil(own.centre.y() - reach)));
+       y <= std::min(white.rows - 1.0, own.centre.y() + reach);
+       ++y) {
+    for (int x = std::max(0, static_cast<int>(std::ceil(own.centre.x() - reach)));
+         x <= std::min(white.cols - 1.0, own.centre.x() + reach);
+         ++x) {
+      bool nearest = true;
+      for (size_t k = 0; k < shared.size(); ++k) {
+        const MicroImage& image = images_[shared[k]];
+        const Vector2d d = Vector2d(x, y) - image.centre;
+        parts[k] = {types_[shared[k]], d.norm() / image.scale, image.gain + image.gradient.dot(d)};
+        nearest = nearest && parts[k].r >= parts[0].r;
+      }
+      if (nearest) fit->Add(white.at<float>(y, x), weight, parts);
+    }
+  }
+}
+
+std::vector<MicroImages::Comparison> MicroImages::CompareWithNeighbours() const {
+  std::map<LatticeNode, double> gains;
+  for (size_t i = 0; i < nodes_.size(); ++i) {
+    if (images_[i].centre_sigma > 0) gains[nodes_[i]] = images_[i].gain;
+  }
+  std::vector<Comparison> all;
+  for (size_t i = 0; i < nodes_.size(); ++i) {
+    const MicroImage& image = images_[i];
+    if (!inside_[i] || image.centre_sigma == 0 || image.gain <= 0) continue;
+    std::vector<double> around;
+    for (int row = -2; row <= 2; ++row) {
+      for (int column = -2; column <= 2; ++column) {
+        if (std::abs(column + row) > 2) continue;
+        const auto near = gains.find({nodes_[i].column + column, nodes_[i].row + row});
+        if (near != gains.end()) around.push_back(near->second);
+      }
+    }
+    all.push_back({.index = i,
+                   .gain_ratio = image.gain / Median(around),
+                   .misfit = image.residual / image.gain,
+                   .error = (image.centre - positions_[i]).norm() / image.centre_sigma});
+  }
+  return all;
+}
+
+/// A micro image is usable when it was measured, is as bright as its neighbours, fits its profile
+/// as well as the others do and lies at its expected position.
+void MicroImages::DecideUsable() {
+  const std::vector<Comparison> measured = CompareWithNeighbours();
+  usable_.assign(nodes_.size(), false);
+  gain_ratios_.clear();
+  misfits_.clear();
+  for (const Comparison& c : measured) {
+    gain_ratios_.push_back(c.gain_ratio);
+    misfits_.push_back(c.misfit);
+  }
+  // Each interleaved set by itself: lens types differ in all three.
+  for (int set = 0; set < kSets; ++set) {
+    std::vector<double> ratios, misfits, errors;
+    for (const Comparison& c : measured) {
+      if (sets_[c.index] != set) continue;
+      ratios.push_back(c.gain_ratio);
+      misfits.push_back(c.misfit);
+      errors.push_back(c.error);
+    }
+    const Spread ratio = RobustSpread(ratios), misfit = RobustSpread(misfits),
+                 error = RobustSpread(errors);
+    for (const Comparison& c : measured) {
+      const size_t i = c.index;
+      if (sets_[i] != set) continue;
+      const double gain_tolerance = IsWhole(i) ? kGainTolerance : kCutGainTolerance;
+      const bool elsewhere = c.error * images_[i].centre_sigma > kCentreTolerance * pitch_ &&
+                             c.error - error.middle > kOutlier * error.sigma;
+      usable_[i] =
+          std::abs(c.gain_ratio - ratio.middle) <=
+              std::max(gain_tolerance, kOutlier * ratio.sigma) &&
+          c.misfit - misfit.middle <= std::max(kMisfitTolerance, kOutlier * misfit.sigma) &&
+          !elsewhere;
+    }
+  }
+}
+
+/// Of each whole micro image with six neighbours: residuals in rings, and brightness relative to
+/// the neighbours, which are of the other two sets.
+std::vector<Eigen::VectorXd> MicroImages::Features(std::vector<int>* sets) const {
+  constexpr int kRings = 8;
+  std::map<LatticeNode, double> gains;
+  for (size_t i = 0; i < nodes_.size(); ++i) {
+    if (usable_[i]) gains[nodes_[i]] = images_[i].gain;
+  }
+  std::vector<Eigen::VectorXd> features;
+  for (size_t i = 0; i < nodes_.size(); ++i) {
+    if (!usable_[i] || !IsWhole(i)) continue;
+    double around = 0;
+    int count = 0;
+    for (const auto& [column, row] : kLatticeNeighbours) {
+      const auto near = gains.find({nodes_[i].column + column, nodes_[i].row + row});
+      if (near == gains.end()) continue;
+      around += near->second;
+      ++count;
+    }
+    if (count < static_cast<int>(kLatticeNeighbours.size())) continue;
+    Eigen::VectorXd feature(kRings + 1);
+    feature << RingResiduals(scene_, images_[i], pitch_ / 2, kRings),
+        images_[i].gain * count / around - 1;
+    features.push_back(feature);
+    sets->push_back(sets_[i]);
+  }
+  return features;
+}
+
+double MicroImages::TypeShare() {
+  ModelLight();
+  std::vector<int> sets;
+  const std::vector<Eigen::VectorXd> features = Features(&sets);
+  double largest = 0;
+  const Eigen::Index count = features.empty() ? 0 : features.front().size();
+  for (Eigen::Index f = 0; f < count; ++f) {
+    std::vector<double> values;
+    values.reserve(features.size());
+    for (const Eigen::VectorXd& feature : features) values.push_back(feature[f]);
+    largest = std::max(largest, ShareBetweenSets(values, sets));
+  }
+  return largest;
+}
+
+}  // namespace plenocal::internal

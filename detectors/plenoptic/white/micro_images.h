@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// All micro images of a white image and the properties they share.
+#pragma once
+
+#include <Eigen/Core>
+#include <map>
+#include <opencv2/core/mat.hpp>
+#include <vector>
+
+#include "calib/camera/hexagonal_lattice.h"
+#include "detectors/plenoptic/white/micro_image.h"
+
+namespace plenocal::internal {
+
+/// Median and robust standard deviation.
+struct Spread {
+  double middle = 0, sigma = 0;
+};
+Spread RobustSpread(const std::vector<double>& values);
+
+class MicroImages {
+ public:
+  MicroImages(const cv::Mat& white, double pitch, int threads)
+      : scene_{.white = white, .light = {}}, pitch_(pitch), threads_(threads) {}
+
+  /// Sets the nodes and their centres; the earlier measurement at a node is kept as its initial
+  /// guess.
+  void Place(std::vector<LatticeNode> nodes, const std::vector<Eigen::Vector2d>& centres);
+  /// Fits the profile of each type to the micro images as placed, then each micro image by its
+  /// profile, and decides which are usable.
+  void Measure(const std::vector<int>& types, int type_count);
+
+  /// The usable micro images.
+  [[nodiscard]] std::vector<LatticeMeasurement> Measurements() const;
+  /// The share of variance between micro images that the interleaved sets explain, at its largest
+  /// over rings of the micro image and its brightness.
+  [[nodiscard]] double TypeShare();
+
+  [[nodiscard]] const std::vector<LatticeNode>& Nodes() const { return nodes_; }
+  [[nodiscard]] const std::vector<MicroImage>& Images() const { return images_; }
+  /// The interleaved set, 0 .. 2, of each node.
+  [[nodiscard]] const std::vector<int>& Sets() const { return sets_; }
+  [[nodiscard]] bool IsInside(size_t i) const { return inside_[i]; }
+  [[nodiscard]] bool IsUsable(size_t i) const { return usable_[i]; }
+  /// True when all pixels of the profile fit lie in the image.
+  [[nodiscard]] bool IsWhole(size_t i) const;
+  /// Median of residual / brightness.
+  [[nodiscard]] double Misfit() const;
+  /// Of the brightness relative to the neighbours.
+  [[nodiscard]] double GainSpread() const { return RobustSpread(gain_ratios_).sigma; }
+
+ private:
+  /// Measured micro images by node, and what makes them comparable.
+  struct Comparison {
+    size_t index;
+    double gain_ratio;  ///< brightness over that of the nodes up to two steps away
+    double misfit;      ///< residual over brightness
+    double error;       ///< distance from the expected position, standard deviations
+  };
+
+  [[nodiscard]] double BrightnessNear(const Eigen::Vector2d& centre) const;
+  [[nodiscard]] std::map<LatticeNode, size_t> IndexByNode() const;
+  void NormaliseSizes();
+  void CompleteOutside();
+  void ModelLight();
+  void FitProfiles(int type_count);
+  void AddCell(const std::vector<size_t>& shared, ProfileFit* fit) const;
+  [[nodiscard]] std::vector<Comparison> CompareWithNeighbours() const;
+  void DecideUsable();
+  [[nodiscard]] std::vector<Eigen::VectorXd> Features(std::vector<int>* sets) const;
+
+  ModelledImage scene_;
+  double pitch_;
+  int threads_;
+  std::vector<LatticeNode> nodes_;
+  std::vector<Eigen::Vector2d> positions_;  ///< expected
+  std::vector<int> sets_, types_;
+  std::vector<MicroImage> images_;
+  std::vector<RadialProfile> profiles_;
+  std::vector<bool> inside_, usable_;
+  std::vector<double> gain_ratios_, misfits_;
+};
+
+}  // namespace plenocal::internal

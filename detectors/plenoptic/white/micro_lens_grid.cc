@@ -1,0 +1,202 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// White image -> micro-lens array (docs/plenoptic.md, "White images"): period by autocorrelation,
+// one seed per cell, profile fit of each micro image, smooth lattice.
+#include "detectors/plenoptic/white/micro_lens_grid.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
+#include <optional>
+#include <utility>
+
+#include "calib/base/error.h"
+#include "calib/base/statistics.h"
+#include "calib/camera/hexagonal_lattice.h"
+#include "detectors/images/attenuation.h"
+#include "detectors/plenoptic/white/hexagonal_period.h"
+#include "detectors/plenoptic/white/micro_images.h"
+
+namespace plenocal {
+namespace {
+
+using Eigen::Matrix2d;
+using Eigen::Vector2d;
+using internal::MicroImages;
+
+/// Micro images fill at least this part of the image: dirt and dark corners leave more of it.
+constexpr double kCoverage = 0.5;
+/// Profiles, centres and lattice improve one another: each turn reduces the remaining error by more
+/// than ten.
+constexpr int kTurns = 4;
+/// Three lens types rather than one, when the interleaved sets explain more than this share of the
+/// variance between micro images.
+constexpr double kTypeShare = 0.5;
+
+/// Local maxima of the image smoothed to about a micro image's size, to a fraction of a pixel.
+std::vector<Vector2d> FindSeeds(const cv::Mat& flat, double pitch) {
+  constexpr double kPitchesPerSigma = 4;  // twice the sigma is the radius of a micro image
+  cv::Mat smooth, highest;
+  cv::GaussianBlur(flat, smooth, {}, pitch / kPitchesPerSigma);
+  cv::dilate(smooth, highest, {});
+  std::vector<Vector2d> seeds;
+  for (int y = 1; y + 1 < flat.rows; ++y) {
+    for (int x = 1; x + 1 < flat.cols; ++x) {
+      const double here = smooth.at<float>(y, x);
+      if (here < highest.at<float>(y, x)) continue;
+      const auto offset = [&](double before, double after) {
+        const double curvature = before - 2 * here + after;
+        return curvature < 0 ? 0.5 * (before - after) / curvature : 0.0;
+      };
+      seeds.emplace_back(x + offset(smooth.at<float>(y, x - 1), smooth.at<float>(y, x + 1)),
+                         y + offset(smooth.at<float>(y - 1, x), smooth.at<float>(y + 1, x)));
+    }
+  }
+  return seeds;
+}
+
+/// The result with the micro lenses at `centres`.
+MicroLensGrid MakeGrid(const MicroImages& images,
+                       const std::vector<Vector2d>& centres,
+                       const std::vector<int>& types) {
+  MicroLensGrid grid;
+  double sum = 0;
+  int count = 0;
+  for (size_t i = 0; i < centres.size(); ++i) {
+    if (!images.IsInside(i)) continue;
+    const LatticeNode& node = images.Nodes()[i];
+    grid.array.lenses.push_back({.row = node.row,
+                                 .column = node.column,
+                                 .centre = centres[i],
+                                 .type = types[i],
+                                 .usable = images.IsUsable(i)});
+    grid.gains.push_back(images.Images()[i].gain);
+    if (images.IsUsable(i) && images.IsWhole(i)) {
+      sum += (images.Images()[i].centre - centres[i]).squaredNorm() / 2;
+      ++count;
+    }
+  }
+  grid.centre_rms = std::sqrt(sum / std::max(1, count));
+  grid.misfit = images.Misfit();
+  grid.gain_spread = images.GainSpread();
+  return grid;
+}
+
+std::vector<Vector2d> Positions(const SmoothLattice& lattice,
+                                const std::vector<LatticeNode>& nodes) {
+  std::vector<Vector2d> positions;
+  positions.reserve(nodes.size());
+  for (const LatticeNode& node : nodes)
+    positions.push_back(lattice.Position(node.column, node.row));
+  return positions;
+}
+
+/// The lattice of an image by its seeds.
+SmoothLattice FirstLattice(const cv::Mat& flat,
+                           const Matrix2d& basis,
+                           std::vector<LatticeMeasurement>* measurements) {
+  const std::vector<Vector2d> seeds = FindSeeds(flat, basis.colwise().norm().mean());
+  const auto nodes = IndexLattice(seeds, basis, {flat.cols, flat.rows});
+  for (size_t i = 0; i < seeds.size(); ++i) {
+    if (nodes[i]) measurements->push_back({.node = *nodes[i], .position = seeds[i]});
+  }
+  const double cell = std::abs(basis.determinant());
+  if (static_cast<double>(measurements->size()) * cell < kCoverage * flat.cols * flat.rows) {
+    throw Error(
+        ErrorKind::kJob,
+        "micro images fill less than half of the white images; do they show a scene? Record an "
+        "even white field");
+  }
+  return SmoothLattice::Fit(*measurements);
+}
+
+std::vector<int> LensTypes(const MicroImages& images, int types) {
+  return types == 1 ? std::vector<int>(images.Nodes().size(), 0) : images.Sets();
+}
+
+/// Sets what the lattice determines.
+void SetLattice(const SmoothLattice& lattice,
+                const std::vector<LatticeMeasurement>& measurements,
+                ImageSize size,
+                MicroLensGrid* grid) {
+  grid->degree = lattice.Degree();
+  std::vector<double> sigmas;
+  sigmas.reserve(measurements.size());
+  for (const LatticeMeasurement& m : measurements) sigmas.push_back(m.sigma);
+  grid->centre_sigma = lattice.Sigma() * Median(std::move(sigmas));
+  grid->array.image_size = size;
+  const Vector2d middle = lattice.Coordinates({(size[0] - 1) / 2.0, (size[1] - 1) / 2.0});
+  const Matrix2d there = lattice.Basis(middle.x(), middle.y());
+  grid->array.e_column = there.col(0);
+  grid->array.e_row = there.col(1);
+}
+
+}  // namespace
+
+MicroLensGrid FindMicroLensGrid(const cv::Mat& white, int threads) {
+  const ImageSize size{white.cols, white.rows};
+  const cv::Mat flat = white / LargeScaleMean(white) - 1;
+  const std::optional<Matrix2d> basis = internal::FindHexagonalPeriod(flat);
+  if (!basis) {
+    throw Error(
+        ErrorKind::kJob,
+        "the white images show no hexagonal lattice of micro images; are they of a plenoptic "
+        "camera, and in focus?");
+  }
+  const double pitch = basis->colwise().norm().mean();
+  std::vector<LatticeMeasurement> measurements;
+  SmoothLattice lattice = FirstLattice(flat, *basis, &measurements);
+
+  MicroImages images(white, pitch, threads);
+  double type_share = 0;
+  int types = 1;
+  for (int turn = 0; turn < kTurns; ++turn) {
+    std::vector<LatticeNode> inside = lattice.NodesInside(measurements, size, pitch);
+    const std::vector<Vector2d> centres = Positions(lattice, inside);
+    images.Place(std::move(inside), centres);
+    images.Measure(LensTypes(images, types), types);
+    if (turn == 1) {
+      // A profile per type once one common profile has found the positions.
+      type_share = images.TypeShare();
+      if (type_share > kTypeShare) types = 3;
+    }
+    measurements = images.Measurements();
+    lattice = SmoothLattice::Fit(measurements);
+  }
+  const std::vector<LatticeNode> inside = lattice.NodesInside(measurements, size, pitch);
+  const std::vector<Vector2d> centres = Positions(lattice, inside);
+  images.Place(inside, centres);
+  const std::vector<int> lens_types = LensTypes(images, types);
+  images.Measure(lens_types, types);
+  MicroLensGrid grid = MakeGrid(images, centres, lens_types);
+  grid.type_share = type_share;
+  grid.array.types = types;
+  SetLattice(lattice, measurements, size, &grid);
+  return grid;
+}
+
+MicroLensGrid MeasureMicroLensGrid(const cv::Mat& white, MicroLensArray array, int threads) {
+  std::vector<LatticeNode> nodes;
+  std::vector<Vector2d> centres;
+  std::vector<int> types;
+  for (const MicroLens& lens : array.lenses) {
+    nodes.push_back({lens.column, lens.row});
+    centres.push_back(lens.centre);
+    types.push_back(lens.type);
+  }
+  MicroImages images(white, array.Pitch(), threads);
+  images.Place(nodes, centres);
+  images.Measure(types, array.types);
+  MicroLensGrid grid = MakeGrid(images, centres, types);
+  grid.centre_sigma = grid.centre_rms;
+  std::vector<MicroLens> lenses = std::move(grid.array.lenses);
+  grid.array = std::move(array);
+  grid.array.lenses = std::move(lenses);
+  return grid;
+}
+
+}  // namespace plenocal

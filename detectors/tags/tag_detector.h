@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "detectors/images/marker_detector.h"
+#include "detectors/templates/marker_template.h"
+#include "targets/target.h"
+
+namespace plenocal {
+
+/// Finds tags with the AprilTag library and measures their corners. Throws `Error` for a family,
+/// border or tag that does not exist.
+std::unique_ptr<MarkerDetector> MakeDetector(const TagLayout& layout, const Target& target);
+
+namespace internal {
+
+/// Of the tags with all four corners.
+std::vector<MarkerTemplate> MakeTemplates(const TagLayout& layout,
+                                          const Target& target,
+                                          const std::vector<Observation>& found);
+
+}  // namespace internal
+
+}  // namespace plenocal

@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <map>
+#include <vector>
+
+#include "detectors/tags/tag_edges.h"
+#include "targets/target.h"
+
+namespace plenocal::internal {
+
+/// The border that all tags of a target share, and the bits of each.
+struct TagPatterns {
+  TagBorder border;
+  std::map<int, std::vector<bool>> bits;  ///< by tag, as in `SeenTag`
+};
+
+/// Throws `Error` for a family or tag that does not exist.
+TagPatterns FindTagPatterns(const TagLayout& layout, const Target& target);
+
+}  // namespace plenocal::internal

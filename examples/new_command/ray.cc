@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// A new command is one file in apps/cli/commands; this one is an example that scripts/add tries:
+// the ray of a pixel.
+#include <fmt/format.h>
+
+#include <array>
+#include <filesystem>
+#include <memory>
+
+#include "apps/cli/command.h"
+#include "apps/cli/options.h"
+#include "calib/base/error.h"
+#include "calib/files/calibration_file.h"
+#include "models/registry.h"
+
+namespace plenocal {
+namespace {
+
+struct RayArguments {
+  std::filesystem::path calibration;
+  std::string camera;  ///< empty: the only one
+  std::array<double, 2> pixel{};
+};
+
+void RunRay(const RayArguments& arguments) {
+  const CalibrationRecord calibration = ReadCalibration(arguments.calibration, CameraModels());
+  const CalibratedCamera& camera = FindCamera(calibration, arguments.camera);
+  if (!camera.model->central) {
+    throw Error(ErrorKind::kInput,
+                fmt::format("camera '{}': {} is not central: a pixel alone has no ray",
+                            camera.name,
+                            camera.model->name));
+  }
+  const auto ray =
+      camera.model->unproject(camera.params.data(), camera.config.data(), arguments.pixel.data());
+  if (!ray) throw Error(ErrorKind::kJob, "the camera images nothing at this pixel");
+  const Eigen::Vector3d d = ray->direction.normalized();
+  fmt::print("{:.9g} {:.9g} {:.9g}\n", d.x(), d.y(), d.z());
+}
+
+RunCommand Declare(CLI::App* app, ConsoleOptions* shared) {
+  const auto arguments = std::make_shared<RayArguments>();
+  app->add_option("calibration", arguments->calibration, "calibration.yaml")->required();
+  app->add_option("--camera", arguments->camera, "its camera (default: the only one)");
+  app->add_option("--pixel", arguments->pixel, "x y, px")->required();
+  AddQuiet(app, shared);
+  return [arguments] { RunRay(*arguments); };
+}
+
+}  // namespace
+
+Command RayCommand() {
+  return {"ray",
+          "Direction of the ray of a pixel, in the camera's frame.\n\n"
+          "  plenocal ray calibration.yaml --pixel 320 240",
+          Declare};
+}
+
+}  // namespace plenocal

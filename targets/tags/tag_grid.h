@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "targets/code_books.h"
+#include "targets/target.h"
+
+namespace plenocal::internal {
+
+/// A regular grid of tags as Kalibr's: ids row by row from the lower left, x right, y up, the
+/// origin in the lower left corner of the first tag.
+struct TagGrid {
+  int columns = 0, rows = 0;
+  double size = 0;     ///< m, side of a tag's black border
+  double spacing = 0;  ///< gap between tags / size
+  int first_id = 0;
+};
+
+/// Refuses an id that the family does not have; nothing would ever detect that tag.
+void CheckTagId(int id, const CodeBook& family, const YamlNode& node);
+
+/// Target of a regular tag grid; `grid_node` is where a grid with too many tags is reported.
+Target TagGridTarget(const TagGrid& grid,
+                     const CodeBook& family,
+                     int border_bits,
+                     const YamlNode& grid_node);
+
+}  // namespace plenocal::internal

@@ -1,0 +1,119 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "targets/types/charuco.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <opencv2/aruco.hpp>
+#include <utility>
+
+#include "calib/base/error.h"
+#include "calib/base/names.h"
+#include "targets/reading.h"
+#include "targets/shapes.h"
+#include "targets/target.h"
+
+namespace plenocal {
+
+Target CharucoLayout::Read(const YamlNode& node) {
+  CharucoLayout board;
+  board.columns = internal::ReadCount(node.At("columns"), 3);
+  board.rows = internal::ReadCount(node.At("rows"), 3);
+  board.square = node.At("square").AsLength();
+  board.marker = node.At("marker").AsLength();
+  if (board.marker >= board.square) {
+    node.At("marker").Fail(
+        fmt::format("expected less than the square's {}, got '{}'; both are sides in metres",
+                    board.square,
+                    board.marker));
+  }
+  const YamlNode dictionary_node = node.At("dictionary");
+  const internal::CodeBook& dictionary = internal::ReadCodeBook(
+      dictionary_node, internal::kArucoDictionaries, "a dictionary of OpenCV");
+  board.dictionary = dictionary.name;
+  const int needed = board.columns * board.rows / 2;
+  if (needed > dictionary.size) {
+    dictionary_node.Fail(
+        fmt::format("expected a dictionary with the {} markers of the board, got '{}' with {}; "
+                    "take a larger one or correct columns and rows",
+                    needed,
+                    dictionary.name,
+                    dictionary.size));
+  }
+  if (node.Has("legacy")) board.legacy = node.At("legacy").AsBool();
+  Target target;
+  target.markers =
+      internal::PlaneMarkers(board.columns - 1, board.rows - 1, [&](int column, int row) {
+        return Eigen::Vector2d((column + 1) * board.square, (row + 1) * board.square);
+      });
+  target.layout = std::move(board);
+  return target;
+}
+
+std::vector<TargetPart> CharucoLayout::Draw(const MarkerPositions& /*markers*/,
+                                            Pieces /*pieces*/) const {
+  TargetPart part;
+  const double s = square;
+  const internal::CharucoMarkers aruco = internal::DrawCharucoMarkers(*this);
+  const Eigen::Vector2i first = aruco.markers.front().square;
+  internal::AddSquares({columns, rows, 0, 0, s}, 1 - (first.x() + first.y()) % 2, &part);
+  const double gap = (s - marker) / 2, cell = marker / aruco.width;
+  for (const auto& drawn : aruco.markers) {
+    internal::AddCells(
+        drawn.white,
+        aruco.width,
+        [&](const Eigen::Vector2d& at) -> Eigen::Vector2d {
+          return s * drawn.square.cast<double>() + Eigen::Vector2d(gap, gap) + cell * at;
+        },
+        &part);
+  }
+  part.squares = SquareGrid{columns - 1, rows - 1, s, s};
+  part.paper = {Eigen::Vector2d(-0.5 * s, -0.5 * s),
+                Eigen::Vector2d((columns + 0.5) * s, (rows + 0.5) * s)};
+  part.finest = std::min(cell, gap);
+  return {part};
+}
+
+namespace internal {
+
+int ArucoDictionaryIndex(const std::string& name) {
+  for (size_t i = 0; i < kArucoDictionaries.size(); ++i) {
+    if (kArucoDictionaries[i].name == name) return static_cast<int>(i);
+  }
+  throw Error(
+      ErrorKind::kInput,
+      fmt::format(
+          "dictionary: unknown name '{}'{}", name, SuggestName(name, NamesOf(kArucoDictionaries))));
+}
+
+std::vector<Eigen::Vector2i> MarkedSquares(const CharucoLayout& board, bool legacy) {
+  const int parity = legacy && board.rows % 2 == 0 ? 0 : 1;  // of column + row
+  std::vector<Eigen::Vector2i> squares;
+  for (int row = 0; row < board.rows; ++row) {
+    for (int column = 0; column < board.columns; ++column) {
+      if ((row + column) % 2 == parity) squares.emplace_back(column, row);
+    }
+  }
+  return squares;
+}
+
+CharucoMarkers DrawCharucoMarkers(const CharucoLayout& board) {
+  const auto dictionary =
+      cv::aruco::getPredefinedDictionary(ArucoDictionaryIndex(board.dictionary));
+  CharucoMarkers drawn{.width = dictionary->markerSize + 2, .markers = {}};
+  int id = 0;
+  for (const Eigen::Vector2i& square : MarkedSquares(board, board.legacy.value_or(false))) {
+    cv::Mat cells;
+    dictionary->drawMarker(id++, drawn.width, cells, 1);  // a pixel a cell
+    CharucoMarkers::Marker marker{.square = square, .white = {}};
+    for (int y = 0; y < drawn.width; ++y) {
+      for (int x = 0; x < drawn.width; ++x) marker.white.push_back(cells.at<uchar>(y, x) != 0);
+    }
+    drawn.markers.push_back(std::move(marker));
+  }
+  return drawn;
+}
+
+}  // namespace internal
+
+}  // namespace plenocal

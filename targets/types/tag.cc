@@ -1,0 +1,132 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Tags are drawn by targets/tags/tag_drawing.cc.
+#include "targets/types/tag.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Geometry>
+#include <utility>
+
+#include "targets/reading.h"
+#include "targets/tags/tag_grid.h"
+
+namespace plenocal {
+namespace {
+
+using internal::CheckTagId;
+using internal::CodeBook;
+using internal::ReadCount;
+
+const CodeBook& ReadFamily(const YamlNode& node) {
+  return internal::ReadCodeBook(node, internal::kTagFamilies, "an AprilTag family");
+}
+
+int ReadBorderBits(const YamlNode& node, int otherwise) {
+  if (!node.Has("border_bits")) return otherwise;
+  const YamlNode bits = node.At("border_bits");
+  const int value = bits.AsInteger();
+  if (value != 1 && value != 2) {
+    bits.Fail(fmt::format("expected 1, or 2 as Kalibr prints, got '{}'", value));
+  }
+  return value;
+}
+
+using Corners = std::array<Eigen::Vector3d, 4>;
+
+// A convex quadrangle in any plane: its edges turn in the same direction at every corner.
+bool IsQuadrangle(const Corners& corners) {
+  const Eigen::Vector3d diagonal = corners[2] - corners[0];
+  const Eigen::Vector3d other = corners[3] - corners[1];
+  const Eigen::Vector3d normal = diagonal.cross(other);
+  // Relative to the squared diagonals. Corners nearer to a line than this are taken to coincide or
+  // to lie on it; of a real tag the ratio is near 0.1.
+  constexpr double kFlat = 1e-6;
+  const double area = diagonal.squaredNorm() + other.squaredNorm();
+  for (size_t k = 0; k < 4; ++k) {
+    const Eigen::Vector3d edge = corners[(k + 1) % 4] - corners[k];
+    const Eigen::Vector3d next = corners[(k + 2) % 4] - corners[(k + 1) % 4];
+    if (!(edge.cross(next).dot(normal) > kFlat * area * area)) return false;
+  }
+  return true;
+}
+
+Corners ReadCorners(const YamlNode& node, int id) {
+  const std::vector<YamlNode> elements = node.Elements();
+  Corners corners;
+  if (elements.size() != corners.size()) {
+    node.Fail(fmt::format(
+        "expected 4 corners, got {}; write [[x, y, z], [x, y, z], [x, y, z], [x, y, z]]",
+        elements.size()));
+  }
+  for (size_t k = 0; k < corners.size(); ++k) corners[k] = internal::ReadVector(elements[k]);
+  if (!IsQuadrangle(corners)) {
+    node.Fail(
+        fmt::format("the corners of tag {} coincide, lie on a line or are crossed; write them "
+                    "in the order lower left, lower right, upper right, upper left",
+                    id));
+  }
+  return corners;
+}
+
+}  // namespace
+
+Target TagLayout::ReadTags(const YamlNode& node) {
+  const CodeBook& family = ReadFamily(node.At("family"));
+  Target target;
+  TagLayout layout;
+  layout.family = family.name;
+  layout.border_bits = ReadBorderBits(node, 1);
+  const YamlNode tags = node.At("tags");
+  const std::vector<std::string_view> keys = internal::KeyNames(kTagsKeys, "tags");
+  std::map<int, int> line_of_id;
+  for (const YamlNode& tag : tags.Elements()) {
+    tag.CheckKeys(keys);
+    const YamlNode id_node = tag.At("id");
+    const int id = id_node.AsInteger();
+    CheckTagId(id, family, id_node);
+    const auto [first, is_new] = line_of_id.emplace(id, id_node.Line());
+    if (!is_new) {
+      id_node.Fail(fmt::format(
+          "tag {} stands in line {} already; give every tag its own id", id, first->second));
+    }
+    const Corners corners = ReadCorners(tag.At("corners"), id);
+    for (size_t k = 0; k < corners.size(); ++k) {
+      target.markers[4 * id + static_cast<int>(k)] = corners[k];
+    }
+  }
+  if (line_of_id.empty()) tags.Fail("expected at least one tag; write '- {id: 0, corners: ...}'");
+  for (const auto& [id, line] : line_of_id) layout.ids.push_back(id);
+  target.layout = std::move(layout);
+  return target;
+}
+
+Target TagLayout::ReadGrid(const YamlNode& node) {
+  const CodeBook& family =
+      node.Has("family") ? ReadFamily(node.At("family")) : internal::kDefaultFamily;
+  internal::TagGrid grid;
+  grid.columns = ReadCount(node.At("columns"), 1);
+  grid.rows = ReadCount(node.At("rows"), 1);
+  grid.size = node.At("size").AsLength();
+  grid.spacing = node.At("spacing").AsPositive();
+  if (node.Has("first_id")) grid.first_id = node.At("first_id").AsInteger();
+  // The type is Kalibr's, so a file without the key is taken to describe Kalibr's print.
+  return internal::TagGridTarget(
+      grid, family, ReadBorderBits(node, 2), node.At(node.Has("first_id") ? "first_id" : "rows"));
+}
+
+Eigen::Vector3d TagLayout::Normal(const MarkerPositions& markers, int marker) {
+  const int first = marker - marker % 4;
+  const Eigen::Vector3d diagonal = markers.at(first + 2) - markers.at(first);
+  const Eigen::Vector3d other = markers.at(first + 3) - markers.at(first + 1);
+  return diagonal.cross(other).normalized();
+}
+
+std::vector<MarkerQuad> TagLayout::Quads() const {
+  std::vector<MarkerQuad> quads;
+  quads.reserve(ids.size());
+  for (const int id : ids) quads.push_back({4 * id, 4 * id + 1, 4 * id + 2, 4 * id + 3});
+  return quads;
+}
+
+}  // namespace plenocal

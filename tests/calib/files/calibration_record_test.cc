@@ -1,0 +1,434 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// A calibration's result through its files and back.
+#include "calib/files/calibration_record.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <fstream>
+#include <functional>
+#include <limits>
+
+#include "calib/base/error.h"
+#include "calib/base/text_file.h"
+#include "calib/files/calibration_file.h"
+#include "calib/files/calibration_tables.h"
+#include "models/registry.h"
+
+namespace plenocal {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+
+constexpr double kInfinite = std::numeric_limits<double>::infinity();
+constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+constexpr double kFileDigits = 1e-11;  // of numbers that files hold with 12 significant digits
+constexpr double kDenormal = 1e-310;
+
+RigidTransform SomePose(double w) {
+  return Exp((Vector6d() << 0.1, w, -0.3, w, 0.2, -w).finished());
+}
+
+CalibratedCamera Ordinary() {
+  CalibratedCamera camera{.name = "left",
+                          .model = FindModel(CameraModels(), "pinhole-radial3"),
+                          .image_size = {640, 480},
+                          .config = {},
+                          .params = {500.1, 501, 319.5, 239.5, -0.2, 1.0 / 3, kDenormal},
+                          .covariance = {},
+                          .T_camera_rig = {}};
+  Eigen::MatrixXd correlation = Eigen::MatrixXd::Identity(7, 7);
+  correlation(0, 1) = correlation(1, 0) = 0.97;
+  correlation(4, 5) = correlation(5, 4) = -0.5;
+  camera.covariance = CovarianceOf({0.1, 0.2, 0, 0.3, 0.01, 0.02, kInfinite}, correlation);
+  camera.at_bound = {"c_x"};
+  camera.sigma_jackknife = {0.11, 0.21, 0, 0.31, 0.011, 0.021, kInfinite};
+  camera.sigma_xi_jackknife = {0, 0, 0, 0, 0, 0};
+  camera.fit.points = 3;
+  camera.fit.rejected = 1;
+  camera.fit.views = 2;
+  camera.fit.rms = 0.25;
+  camera.fit.noise_sigma = 0.125;
+  camera.fit.detector_sigma = 0.1;
+  camera.fit.common_noise = 0.05;
+  camera.view_poses = {{0, {SomePose(0.4), false}}, {1, {SomePose(0.5), true}}};
+  camera.residuals = {{.frame = 0,
+                       .marker = 7,
+                       .values = {12.25, 99},
+                       .residual = {0.125, -0.5},
+                       .noise_sigma = 0.1,
+                       .used = true},
+                      {.frame = 1,
+                       .marker = 8,
+                       .values = {1, 2},
+                       .residual = {kNone, kNone},
+                       .noise_sigma = 0.2,
+                       .used = false}};
+  return camera;
+}
+
+CalibratedCamera Plenoptic() {
+  const CameraModel* model = FindModel(CameraModels(), "focused-plenoptic");
+  CalibratedCamera camera{.name = "plenoptic",
+                          .model = model,
+                          .image_size = {2048, 2000},
+                          .config = {5.5e-6},
+                          .params = {0.016, 0.0155, 0.0003, 1020, 1000, 0, 0, 0, 0},
+                          .covariance = Eigen::MatrixXd::Zero(9, 9),
+                          .T_camera_rig = SomePose(0.2)};
+  camera.sigma_xi << 1e-4, 2e-4, 3e-4, 1e-3, kInfinite, 3e-3;
+  camera.micro_lenses = "micro_lenses_plenoptic.csv";
+  camera.vignetting = "vignetting_plenoptic.tiff";
+  camera.sample = "sample_plenoptic.jpg";
+  camera.sample_frame = "0001: \"quoted\"";
+  camera.fit.lens_types = {{0, {0, 0.5}}, {2, {0, 0.75}}};
+  camera.fit.noise_floor = NoiseFloor{.length = 0.4};
+  camera.fit.noise_floor_all = NoiseFloor{.length = 0.6};
+  camera.fit.rms_all = 0.7;
+  camera.residuals = {{.frame = 1,
+                       .marker = 7,
+                       .values = {1000.5, 999, 1001, 1002.25},
+                       .residual = {0.25, 0.75},
+                       .noise_sigma = 0.3,
+                       .used = true}};
+  return camera;
+}
+
+CalibrationRecord Record() {
+  CalibrationRecord record;
+  record.cameras = {Ordinary(), Plenoptic()};
+  record.frames = {{"0001", SomePose(0.1)}, {"b", SomePose(-0.6)}};
+  record.markers = {{7, {}}, {8, {}}};
+  record.adjustment = {
+      .converged = true, .iterations = 12, .rejection_sigmas = 4.5, .marker_sigma = 0.0003};
+  record.jitter = {.translation_sigma = 0.001, .rotation_sigma = 0.002, .misplaced = 1};
+  record.correlations = {{"left.f_x", "left.f_y"}, Eigen::MatrixXd::Identity(2, 2)};
+  record.correlations.matrix(0, 1) = record.correlations.matrix(1, 0) = 0.97;
+  record.undetermined = {{{{"left.A_2", 1}, {"left.f_x", -0.5}}, kInfinite}};
+  record.weak = {
+      {.open = true, .names = {"left.A_2"}, .what = "not \"seen\"", .remedy = "Do: that."},
+      {.open = false, .names = {"left.f_x", "left.f_y"}, .what = "x", .remedy = "y"}};
+  record.warnings = {"a: warning \\ with # signs"};
+  record.left_out = {"left 0001: blurred"};
+  record.provenance = {{"command", "plenocal calibrate"}, {"session_text", "a: 1\nb: \"2\"\n"}};
+  return record;
+}
+
+class RecordFiles : public ::testing::Test {
+ protected:
+  RecordFiles() { std::filesystem::create_directories(folder_); }
+  ~RecordFiles() override { std::filesystem::remove_all(folder_); }
+
+  std::filesystem::path Write(const char* name, const std::string& text) {
+    std::ofstream(folder_ / name, std::ios::binary) << text;
+    return folder_ / name;
+  }
+  CalibrationRecord Again(const CalibrationRecord& record) {
+    return ReadCalibration(Write("calibration.yaml", CalibrationYaml(record)), CameraModels());
+  }
+  static std::string MessageOf(const std::function<void()>& read) {
+    try {
+      read();
+    } catch (const Error& error) {
+      EXPECT_EQ(error.kind(), ErrorKind::kInput);
+      return error.what();
+    }
+    return "no error";
+  }
+
+  std::filesystem::path folder_ =
+      std::filesystem::temp_directory_path() / ("plenocal_record_" + std::to_string(::getpid()));
+};
+
+void ExpectSame(const RigidTransform& a, const RigidTransform& b, double tolerance) {
+  EXPECT_LE((a.R - b.R).cwiseAbs().maxCoeff(), tolerance);
+  EXPECT_LE((a.t - b.t).cwiseAbs().maxCoeff(), tolerance);
+}
+
+TEST_F(RecordFiles, KeepModelsParametersAndExtrinsicsExactly) {
+  const CalibrationRecord record = Record(), again = Again(record);
+  ASSERT_EQ(again.cameras.size(), 2);
+  for (size_t c = 0; c < 2; ++c) {
+    const CalibratedCamera &a = record.cameras[c], &b = again.cameras[c];
+    EXPECT_EQ(b.name, a.name);
+    EXPECT_EQ(b.model, a.model);
+    EXPECT_EQ(b.image_size, a.image_size);
+    EXPECT_EQ(b.config, a.config);
+    EXPECT_EQ(b.params, a.params) << "to the last digit, next to a limit and denormal ones too";
+    ExpectSame(b.T_camera_rig, a.T_camera_rig, 0);
+    for (const auto& [key, member] : kCameraTextKeys) EXPECT_EQ(b.*member, a.*member) << key;
+  }
+  EXPECT_EQ(again.provenance, record.provenance);
+}
+
+TEST_F(RecordFiles, KeepUncertainties) {
+  const CalibrationRecord record = Record(), again = Again(record);
+  for (size_t c = 0; c < 2; ++c) {
+    const CalibratedCamera &a = record.cameras[c], &b = again.cameras[c];
+    ASSERT_EQ(b.covariance.rows(), a.covariance.rows());
+    for (Eigen::Index i = 0; i < a.covariance.rows(); ++i) {
+      for (Eigen::Index j = 0; j < a.covariance.cols(); ++j) {
+        if (std::isinf(a.covariance(i, j))) {
+          EXPECT_EQ(b.covariance(i, j), a.covariance(i, j));
+        } else {
+          EXPECT_NEAR(b.covariance(i, j), a.covariance(i, j), kFileDigits);
+        }
+      }
+    }
+    EXPECT_EQ(b.sigma_xi, a.sigma_xi);
+    EXPECT_EQ(b.at_bound, a.at_bound);
+    EXPECT_EQ(b.sigma_jackknife, a.sigma_jackknife);
+    EXPECT_EQ(b.sigma_xi_jackknife, a.sigma_xi_jackknife);
+  }
+  EXPECT_TRUE(std::isinf(again.cameras[0].Sigma(6)));
+  EXPECT_EQ(again.cameras[0].Sigma(2), 0);
+}
+
+TEST_F(RecordFiles, KeepTheFitOfEachCamera) {
+  const CalibrationRecord record = Record(), again = Again(record);
+  for (size_t c = 0; c < 2; ++c) {
+    const CameraFit &a = record.cameras[c].fit, &b = again.cameras[c].fit;
+    EXPECT_EQ(b.points, a.points);
+    EXPECT_EQ(b.rejected, a.rejected);
+    EXPECT_EQ(b.views, a.views);
+    EXPECT_EQ(b.rms, a.rms);
+    EXPECT_EQ(b.noise_sigma, a.noise_sigma);
+    EXPECT_EQ(b.detector_sigma, a.detector_sigma);
+    EXPECT_EQ(b.common_noise, a.common_noise);
+    EXPECT_EQ(b.rms_all, a.rms_all);
+    ASSERT_EQ(b.noise_floor.has_value(), a.noise_floor.has_value());
+    ASSERT_EQ(b.noise_floor_all.has_value(), a.noise_floor_all.has_value());
+    if (a.noise_floor) {
+      EXPECT_EQ(b.noise_floor->length, a.noise_floor->length);
+    }
+    if (a.noise_floor_all) {
+      EXPECT_EQ(b.noise_floor_all->length, a.noise_floor_all->length);
+    }
+    ASSERT_EQ(b.lens_types.size(), a.lens_types.size());
+    for (const auto& [type, fit] : a.lens_types) EXPECT_EQ(b.lens_types.at(type).rms, fit.rms);
+  }
+}
+
+TEST_F(RecordFiles, KeepHowTheAdjustmentEnded) {
+  const CalibrationRecord record = Record(), again = Again(record);
+  ASSERT_TRUE(again.adjustment);
+  EXPECT_EQ(again.adjustment->converged, record.adjustment->converged);
+  EXPECT_EQ(again.adjustment->iterations, record.adjustment->iterations);
+  EXPECT_EQ(again.adjustment->rejection_sigmas, record.adjustment->rejection_sigmas);
+  EXPECT_EQ(again.adjustment->marker_sigma, record.adjustment->marker_sigma);
+  ASSERT_TRUE(again.jitter);
+  EXPECT_EQ(again.jitter->translation_sigma, record.jitter->translation_sigma);
+  EXPECT_EQ(again.jitter->rotation_sigma, record.jitter->rotation_sigma);
+  EXPECT_EQ(again.jitter->misplaced, record.jitter->misplaced);
+  ASSERT_EQ(again.undetermined.size(), 1);
+  EXPECT_EQ(again.undetermined[0].parts, record.undetermined[0].parts);
+  EXPECT_EQ(again.undetermined[0].sigma, kInfinite);
+  ASSERT_EQ(again.weak.size(), 2);
+  for (size_t i = 0; i < 2; ++i) {
+    EXPECT_EQ(again.weak[i].open, record.weak[i].open);
+    EXPECT_EQ(again.weak[i].names, record.weak[i].names);
+    EXPECT_EQ(again.weak[i].what, record.weak[i].what);
+    EXPECT_EQ(again.weak[i].remedy, record.weak[i].remedy);
+  }
+  EXPECT_EQ(again.warnings, record.warnings);
+  EXPECT_EQ(again.left_out, record.left_out);
+}
+
+TEST_F(RecordFiles, ListStrongCorrelationsForTheReader) {
+  EXPECT_THAT(CalibrationYaml(Record()), HasSubstr("- [left.f_x, left.f_y, 0.9700]"));
+}
+
+TEST_F(RecordFiles, OfGivenCamerasHoldParametersAlone) {
+  const CalibrationRecord record = Record();
+  const std::string text = GivenCamerasYaml(record.cameras, {{"source", "by hand"}});
+  for (const char* key : {"sigma", "residuals", "frames", "adjustment", "vignetting"}) {
+    EXPECT_THAT(text, ::testing::Not(HasSubstr(key)));
+  }
+  const CalibrationRecord again = ReadCalibration(Write("given.yaml", text), CameraModels());
+  EXPECT_FALSE(again.adjustment);
+  EXPECT_EQ(again.cameras[1].params, record.cameras[1].params);
+  EXPECT_TRUE(again.cameras[1].covariance.isZero(0));
+  EXPECT_EQ(again.provenance, Provenance({{"source", "by hand"}}));
+}
+
+TEST_F(RecordFiles, NeedOnlyWhatDescribesACamera) {
+  const CalibrationRecord truth =
+      ReadCalibration(Write("truth.yaml",
+                            "plenocal: 1\ncameras:\n  a:\n    model: pinhole\n"
+                            "    image_size: [640, 480]\n"
+                            "    parameters: {f_x: 400, f_y: 401, c_x: 320, c_y: 240}\n"
+                            "    T_camera_rig: [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], "
+                            "[0, 0, 0, 1]]\n"
+                            "    residuals: {points: 5, rms: 0.1, rejected: 0}\n"),
+                      CameraModels());
+  EXPECT_EQ(truth.cameras[0].params, std::vector<double>({400, 401, 320, 240}));
+  EXPECT_EQ(truth.cameras[0].fit.points, 5);
+}
+
+TEST_F(RecordFiles, OfOlderVersionsNameUndeterminedParametersAlone) {
+  CalibrationRecord record = Record();
+  std::string text = CalibrationYaml(record);
+  const size_t begin = text.find("weak:"), end = text.find("warnings:");
+  text.erase(begin, end - begin);
+  const CalibrationRecord again = ReadCalibration(Write("old.yaml", text), CameraModels());
+  ASSERT_EQ(again.weak.size(), 1);
+  EXPECT_TRUE(again.weak[0].open);
+  EXPECT_THAT(again.weak[0].names, ElementsAre("left.A_2", "left.f_x"));
+}
+
+TEST_F(RecordFiles, NamePlaceAndKeyOfAMistake) {
+  const std::string text = CalibrationYaml(Record());
+  const auto message = [&](const std::string& from, const std::string& to) {
+    std::string changed = text;
+    changed.replace(changed.find(from), from.size(), to);
+    const std::filesystem::path path = Write("calibration.yaml", changed);
+    return MessageOf([&] { ReadCalibration(path, CameraModels()); });
+  };
+  EXPECT_THAT(message("pinhole-radial3", "pinhole-radail3"), HasSubstr("pinhole-radial3"));
+  EXPECT_THAT(message("image_size: [640, 480]", "image_size: [640]"), HasSubstr(":5:"));
+  EXPECT_THAT(message("sigma_xi: [0.0001", "sigma_xi: [-0.0001"), HasSubstr("negative"));
+  EXPECT_THAT(message("[0, 0, 0, 1]]", "[0, 0, 1, 1]]"), HasSubstr("T_camera_rig"));
+  EXPECT_THAT(message("T_camera_rig: [[1,", "T_camera_rig: [[2,"), HasSubstr("no rotation"));
+  EXPECT_THAT(message("rms_by_type: {0:", "rms_by_type: {first:"), HasSubstr("lens type"));
+}
+
+TEST_F(RecordFiles, KeepPosesOfFramesAndViews) {
+  const CalibrationRecord record = Record();
+  CalibrationRecord again = record;
+  again.frames = ReadPoses(Write("poses.csv", PosesCsv(record)));
+  ASSERT_EQ(again.frames.size(), 2);
+  for (size_t f = 0; f < 2; ++f) {
+    EXPECT_EQ(again.frames[f].name, record.frames[f].name);
+    ExpectSame(again.frames[f].T_target_rig, record.frames[f].T_target_rig, kFileDigits);
+  }
+  for (CalibratedCamera& camera : again.cameras) camera.view_poses.clear();
+  ReadViewPoses(Write("view_poses.csv", ViewPosesCsv(record)), &again);
+  ASSERT_EQ(again.cameras[0].view_poses.size(), 2);
+  EXPECT_TRUE(again.cameras[1].view_poses.empty());
+  for (const auto& [frame, view] : record.cameras[0].view_poses) {
+    const ViewPose& read = again.cameras[0].view_poses.at(frame);
+    ExpectSame(read.T_target_rig, view.T_target_rig, kFileDigits);
+    EXPECT_EQ(read.misplaced, view.misplaced);
+    ExpectSame(again.CameraFromTarget(0, frame), view.T_target_rig.Inverse(), kFileDigits);
+  }
+  ExpectSame(again.CameraFromTarget(1, 1),
+             record.cameras[1].T_camera_rig * record.frames[1].T_target_rig.Inverse(),
+             kFileDigits);
+}
+
+TEST_F(RecordFiles, KeepResidualsOfCamerasWithDifferentColumns) {
+  const CalibrationRecord record = Record();
+  const std::string text = ResidualsCsv(record);
+  EXPECT_THAT(text,
+              ::testing::StartsWith("camera,frame,marker,x,y,dx,dy,used,lens_x,lens_y,noise_sigma\n"
+                                    "left,0001,7,12.25,99,0.125,-0.5,1,,,0.1\n"
+                                    "left,b,8,1,2,,,0,,,0.2\n"
+                                    "plenoptic,b,7,1000.5,999,0.25,0.75,1,1001,1002.25,0.3\n"));
+  CalibrationRecord again = record;
+  for (CalibratedCamera& camera : again.cameras) camera.residuals.clear();
+  ReadResiduals(Write("residuals.csv", text), &again);
+  for (size_t c = 0; c < 2; ++c) {
+    ASSERT_EQ(again.cameras[c].residuals.size(), record.cameras[c].residuals.size());
+    for (size_t i = 0; i < record.cameras[c].residuals.size(); ++i) {
+      const ResidualRow &a = record.cameras[c].residuals[i], &b = again.cameras[c].residuals[i];
+      EXPECT_EQ(b.frame, a.frame);
+      EXPECT_EQ(b.marker, a.marker);
+      EXPECT_EQ(b.values, a.values);
+      EXPECT_EQ(b.noise_sigma, a.noise_sigma);
+      EXPECT_EQ(b.used, a.used);
+      for (size_t k = 0; k < 2; ++k) {
+        EXPECT_TRUE(b.residual[k] == a.residual[k] ||
+                    (std::isnan(b.residual[k]) && std::isnan(a.residual[k])));
+      }
+    }
+  }
+}
+
+TEST_F(RecordFiles, TakeTheNoiseSigmaOfOlderVersionsFromTheColumnSigma) {
+  CalibrationRecord record = Record();
+  record.cameras.pop_back();
+  record.cameras[0].residuals.clear();
+  ReadResiduals(Write("residuals.csv",
+                      "camera,frame,marker,x,y,dx,dy,used,sigma\nleft,b,7,1,2,0.1,0.2,1,0.25\n"),
+                &record);
+  EXPECT_EQ(record.cameras[0].residuals.at(0).noise_sigma, 0.25);
+}
+
+TEST_F(RecordFiles, RefuseResidualsThatBelongToNothing) {
+  const auto message = [&](const std::string& row) {
+    CalibrationRecord record = Record();
+    record.cameras.pop_back();
+    const auto path =
+        Write("residuals.csv", "camera,frame,marker,x,y,dx,dy,used,noise_sigma\n" + row + "\n");
+    return MessageOf([&] { ReadResiduals(path, &record); });
+  };
+  EXPECT_THAT(message("right,b,7,1,2,0,0,1,1"), HasSubstr(":2:1: camera: 'right' is not in"));
+  EXPECT_THAT(message("left,c,7,1,2,0,0,1,1"), HasSubstr(":2:6: frame: 'c' is not in"));
+  EXPECT_THAT(message("left,b,9,1,2,0,0,1,1"), HasSubstr(":2:8: marker: 9 is not in"));
+  EXPECT_THAT(message("left,b,7,1,2,,0,1,1"), HasSubstr(": dx: a used observation needs"));
+  EXPECT_THAT(message("left,b,7,1,2"), HasSubstr(":2: expected 9 columns"));
+}
+
+TEST_F(RecordFiles, RefusePosesThatAreNone) {
+  const auto message = [&](const std::string& rows) {
+    const auto path = Write("poses.csv", "frame,x,y,z,qx,qy,qz,qw\n" + rows + "\n");
+    return MessageOf([&] { ReadPoses(path); });
+  };
+  EXPECT_THAT(message("a,0,0,1,0,0,0,0.9"), HasSubstr(":2:9: qx: the quaternion has length 0.9"));
+  EXPECT_THAT(message("a,0,0,1,0,0,0,1\na,0,0,1,0,0,0,1"), HasSubstr(":3:1: frame: 'a' stands"));
+  EXPECT_THAT(message(",0,0,1,0,0,0,1"), HasSubstr(":2:1: frame: expected a name"));
+}
+
+TEST_F(RecordFiles, KeepTheMatrixOfCorrelations) {
+  const Correlations written = Record().correlations;
+  const std::string text = CorrelationsCsv(written);
+  const Correlations read = ReadCorrelations(Write("correlations.csv", text));
+  EXPECT_EQ(read.names, written.names);
+  EXPECT_TRUE(read.matrix == written.matrix);
+  const auto message = [&](const std::string& changed) {
+    const auto path = Write("correlations.csv", changed);
+    return MessageOf([&] { ReadCorrelations(path); });
+  };
+  EXPECT_THAT(message(text.substr(0, text.rfind("left.f_y"))), HasSubstr("fewer rows"));
+  EXPECT_THAT(message(text + "left.c_x,0,0\n"), HasSubstr("more rows"));
+}
+
+TEST(JointCovariance, TakesCorrelationsBetweenCamerasByName) {
+  CalibratedCamera a = Ordinary(), b = Ordinary();
+  b.name = "right";
+  b.sigma_xi.setConstant(0.01);
+  const Correlations correlations{
+      {"left.f_x", "right.f_x", "right.T_camera_rig.w_x"},
+      (Eigen::Matrix3d() << 1, 0.5, 0, 0.5, 1, -0.25, 0, -0.25, 1).finished()};
+  const Eigen::MatrixXd joint = JointCovariance({&a, &b}, correlations);
+  const Eigen::Index one = 7 + 6;  // parameters and se(3) vector of a camera
+  ASSERT_EQ(joint.rows(), 2 * one);
+  EXPECT_DOUBLE_EQ(joint(0, one), 0.5 * 0.1 * 0.1);
+  EXPECT_DOUBLE_EQ(joint(one, one + 7 + 3), -0.25 * 0.1 * 0.01);
+  EXPECT_DOUBLE_EQ(joint(0, 1), a.covariance(0, 1)) << "a camera's own are in calibration.yaml";
+  EXPECT_DOUBLE_EQ(joint(one + 7, one + 7), 1e-4);
+  EXPECT_TRUE(joint == joint.transpose());
+}
+
+TEST(FindCamera, TakesTheOnlyOneWithoutAName) {
+  CalibrationRecord record = Record();
+  record.path = "c.yaml";
+  EXPECT_EQ(FindCamera(record, "plenoptic").name, "plenoptic");
+  EXPECT_THROW(FindCamera(record, ""), Error);
+  try {
+    FindCamera(record, "plenoptik");
+    ADD_FAILURE();
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(), HasSubstr("c.yaml: no camera 'plenoptik'"));
+    EXPECT_THAT(error.what(), HasSubstr("'plenoptic'"));
+  }
+  record.cameras.pop_back();
+  EXPECT_EQ(FindCamera(record, "").name, "left");
+}
+
+}  // namespace
+}  // namespace plenocal

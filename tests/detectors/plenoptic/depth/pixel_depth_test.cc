@@ -1,0 +1,130 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "detectors/plenoptic/depth/pixel_depth.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "calib/base/statistics.h"
+#include "tests/detectors/plenoptic/depth/wave_scene.h"
+
+namespace plenocal::internal {
+namespace {
+
+constexpr int kThreads = 2;
+
+SensorNoise NoiseOf(const WaveScene& scene) {
+  return {static_cast<float>(scene.noise * scene.noise), 0};
+}
+
+struct Matched {
+  DepthSurvey survey;
+  std::vector<LensDepth> depths;
+
+  explicit Matched(const WaveScene& scene) {
+    const MicroLensIndex index(scene.array);
+    LensPatches patches = scene.Patches();
+    survey = SurveyDepth(patches, index, NoiseOf(scene), kThreads);
+    depths = MatchMicroImages(index, NoiseOf(scene), survey, kThreads, &patches);
+  }
+  [[nodiscard]] size_t Count() const {
+    size_t count = 0;
+    for (const LensDepth& lens : depths) count += lens.size();
+    return count;
+  }
+};
+
+class PlaneAt : public testing::TestWithParam<double> {};
+
+TEST_P(PlaneAt, HasTheDepthOfItsPixels) {
+  const WaveScene scene{.v = GetParam()};
+  const Matched matched(scene);
+  ASSERT_GT(matched.Count(), 20000u);
+  std::vector<float> relative, pulls;
+  const auto truth = static_cast<float>(1 / scene.v);
+  for (const LensDepth& lens : matched.depths) {
+    for (const PixelDepth& pixel : lens) {
+      relative.push_back(pixel.z / truth - 1);
+      pulls.push_back(std::abs(pixel.z - truth) / std::sqrt(pixel.variance));
+    }
+  }
+  const float bias = Median(relative);
+  for (float& one : relative) one = std::abs(one);
+  std::sort(pulls.begin(), pulls.end());
+  RecordProperty("bias", std::to_string(bias));
+  RecordProperty("median_error", std::to_string(Median(relative)));
+  RecordProperty("pull_95", std::to_string(pulls[pulls.size() * 95 / 100]));
+  EXPECT_LT(std::abs(bias), 0.001);
+  EXPECT_LT(Median(relative), 0.005);
+  // The variance is that of a single pixel, not of the window's mean; so it is not too small.
+  EXPECT_LT(pulls[pulls.size() * 95 / 100], 2.5);
+}
+
+TEST_P(PlaneAt, DecidesTheSignOfDepth) {
+  const WaveScene scene{.v = GetParam()};
+  const Matched matched(scene);
+  const auto truth = static_cast<float>(1 / scene.v);
+  EXPECT_EQ(matched.survey.range.highest < 0, scene.v < 0);
+  EXPECT_LT(matched.survey.likely.lowest, truth);
+  EXPECT_GT(matched.survey.likely.highest, truth);
+  // A plane needs a fraction of the whole range.
+  EXPECT_LT(matched.survey.likely.highest - matched.survey.likely.lowest,
+            0.5F * (matched.survey.range.highest - matched.survey.range.lowest));
+}
+
+INSTANTIATE_TEST_SUITE_P(Depths,
+                         PlaneAt,
+                         testing::Values(2.6, 3.5, 5.0, -3.5),
+                         [](const auto& test) {
+                           std::string name = test.param < 0 ? "Keplerian" : "Galilean";
+                           name += std::to_string(static_cast<int>(10 * std::abs(test.param)));
+                           return name;
+                         });
+
+TEST(SurveyDepth, FindsTheDefocusOfALensType) {
+  constexpr double kBlur = 0.8;
+  WaveScene scene;
+  scene.blur = {0, kBlur, 0};
+  const Matched matched(scene);
+  const auto z = static_cast<float>(1 / scene.v);
+  const auto& defocus = matched.survey.defocus;
+  ASSERT_EQ(defocus.size(), 3u);
+  // Half the variance of the blur; a tenth of it is what the first order in the blur leaves.
+  EXPECT_NEAR(defocus[1].At(z) - defocus[0].At(z), kBlur * kBlur / 2, 0.1 * kBlur * kBlur / 2);
+  EXPECT_NEAR(defocus[2].At(z) - defocus[0].At(z), 0, 0.02);
+}
+
+TEST(SurveyDepth, FindsNoVignettingWithoutAttenuation) {
+  const Matched matched{WaveScene{}};
+  for (const LinearInZ& k : matched.survey.vignetting) {
+    EXPECT_EQ(k.offset, 0);
+    EXPECT_EQ(k.slope, 0);
+  }
+}
+
+TEST(MatchMicroImages, HasNoDepthWhereThereIsNoTexture) {
+  const WaveScene scene{.amplitude = 0};
+  const Matched matched(scene);
+  EXPECT_LT(matched.Count(), 20u);
+}
+
+TEST(MatchMicroImages, LeavesUnusableMicroLensesOut) {
+  WaveScene scene;
+  for (size_t i = 0; i < scene.array.lenses.size(); i += 7) scene.array.lenses[i].usable = false;
+  const Matched matched(scene);
+  size_t others = 0;
+  for (size_t i = 0; i < scene.array.lenses.size(); ++i) {
+    if (i % 7 == 0) {
+      EXPECT_TRUE(matched.depths[i].empty()) << i;
+    } else {
+      others += matched.depths[i].size();
+    }
+  }
+  EXPECT_GT(others, 15000u);
+}
+
+}  // namespace
+}  // namespace plenocal::internal

@@ -1,0 +1,159 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// The documents' links resolve, and no file of the repository points outside of it.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <regex>
+#include <set>
+#include <string>
+#include <vector>
+
+namespace {
+
+namespace fs = std::filesystem;
+
+std::vector<std::string> LinesOf(const fs::path& path) {
+  std::ifstream file(path);
+  std::vector<std::string> lines;
+  for (std::string line; std::getline(file, line);) lines.push_back(line);
+  return lines;
+}
+
+// The files of the repository: all but what builds and tools leave behind (.gitignore).
+std::vector<fs::path> Files() {
+  std::vector<fs::path> files;
+  const fs::path root = PLENOCAL_SOURCE;
+  for (auto it = fs::recursive_directory_iterator(root); it != fs::end(it); ++it) {
+    const std::string name = it->path().filename().string();
+    const bool is_left_behind =
+        name == ".git" || name == ".cache" || name == "build" || name == "__pycache__";
+    if (it->is_directory() && is_left_behind) it.disable_recursion_pending();
+    if (it->is_regular_file()) files.push_back(it->path());
+  }
+  return files;
+}
+
+std::string Shown(const fs::path& path) { return fs::relative(path, PLENOCAL_SOURCE).string(); }
+
+// Lines outside of ``` blocks.
+void ForEachLineOfText(const fs::path& document,
+                       const std::function<void(const std::string&)>& visit) {
+  bool in_block = false;
+  for (const std::string& line : LinesOf(document)) {
+    const size_t first = line.find_first_not_of(' ');
+    if (first != std::string::npos && line.compare(first, 3, "```") == 0) {
+      in_block = !in_block;
+    } else if (!in_block) {
+      visit(line);
+    }
+  }
+}
+
+// The name under which a heading is linked: small letters, digits, '-' and '_', '-' for a blank.
+std::string Anchor(const std::string& heading) {
+  std::string anchor;
+  for (const char c : heading) {
+    if (std::isalnum(static_cast<unsigned char>(c)) != 0 || c == '-' || c == '_') {
+      anchor += static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+    } else if (c == ' ') {
+      anchor += '-';
+    }
+  }
+  return anchor;
+}
+
+std::set<std::string> Anchors(const fs::path& document) {
+  std::set<std::string> anchors;
+  ForEachLineOfText(document, [&](const std::string& line) {
+    if (line.starts_with("#")) anchors.insert(Anchor(line.substr(line.find_first_not_of("# "))));
+  });
+  return anchors;
+}
+
+TEST(Documents, HaveLinksThatResolve) {
+  const std::regex link(R"(\]\(([^)\s]+)\))");
+  int checked = 0;
+  for (const fs::path& document : Files()) {
+    if (document.extension() != ".md") continue;
+    ForEachLineOfText(document, [&](const std::string& line) {
+      for (std::sregex_iterator it(line.begin(), line.end(), link), end; it != end; ++it) {
+        const std::string target = (*it)[1].str();
+        if (target.find("://") != std::string::npos) continue;
+        const size_t hash = target.find('#');
+        const std::string file = target.substr(0, hash);
+        const fs::path path = file.empty() ? document : document.parent_path() / file;
+        EXPECT_TRUE(fs::exists(path)) << Shown(document) << ": " << target;
+        if (hash != std::string::npos && fs::exists(path)) {
+          EXPECT_TRUE(Anchors(path).contains(target.substr(hash + 1)))
+              << Shown(document) << ": " << target << " names no heading";
+        }
+        ++checked;
+      }
+    });
+  }
+  EXPECT_GT(checked, 50);
+}
+
+TEST(Documents, AreNamedWhereTheyAre) {
+  const std::regex document(R"((docs/[a-z_]+\.md))");
+  int checked = 0;
+  for (const fs::path& path : Files()) {
+    const std::string extension = path.extension().string();
+    if (extension == ".jpg" || extension == ".png") continue;
+    for (const std::string& line : LinesOf(path)) {
+      for (std::sregex_iterator it(line.begin(), line.end(), document), end; it != end; ++it) {
+        EXPECT_TRUE(fs::exists(fs::path(PLENOCAL_SOURCE) / (*it)[1].str()))
+            << Shown(path) << ": " << line;
+        ++checked;
+      }
+    }
+  }
+  EXPECT_GT(checked, 20);
+}
+
+TEST(Documents, NameFilesThatExist) {
+  // `bench/net compare`: what follows a blank is no part of the file.
+  const std::regex file(
+      "`((calib|models|targets|detectors|apps|tests|bench|scripts|examples)/[a-z0-9_./]+)[` ]");
+  int checked = 0;
+  for (const fs::path& document : Files()) {
+    if (document.extension() != ".md") continue;
+    ForEachLineOfText(document, [&](const std::string& line) {
+      for (std::sregex_iterator it(line.begin(), line.end(), file), end; it != end; ++it) {
+        EXPECT_TRUE(fs::exists(fs::path(PLENOCAL_SOURCE) / (*it)[1].str()))
+            << Shown(document) << ": " << (*it)[1];
+        ++checked;
+      }
+    });
+  }
+  EXPECT_GT(checked, 30);
+}
+
+// A reader of the repository has nothing else.
+TEST(Repository, PointsToNothingOutsideOfIt) {
+  const std::regex outside(
+      R"((^|[^a-zA-Z_])shared/)"
+      R"(|\b(FORMATS|PLENOPTIC|PERFORMANCE|HOUSE|STYLE|WORKBENCH|SCENE|BRIEF)\.md)"
+      R"(|\b[Ii]ssues? #?[0-9]+)"
+      R"(|(^|[^.\w])/(work|w)/)");
+  int files = 0;
+  for (const fs::path& path : Files()) {
+    const std::string extension = path.extension().string();
+    if (extension == ".jpg" || extension == ".png" || path.filename() == "documents_test.cc")
+      continue;
+    ++files;
+    int number = 0;
+    for (const std::string& line : LinesOf(path)) {
+      ++number;
+      EXPECT_FALSE(std::regex_search(line, outside))
+          << Shown(path) << ":" << number << " points outside of the repository: " << line;
+    }
+  }
+  EXPECT_GT(files, 300);
+}
+
+}  // namespace
