@@ -27,12 +27,16 @@ std::string_view Trim(std::string_view text) {
 CsvReader::CsvReader(std::string_view text,
                      std::string name,
                      CsvSyntax syntax,
-                     std::string_view first_column)
+                     std::string_view first_column,
+                     std::string_view example)
     : name_(std::move(name)), syntax_(syntax), rest_(text) {
   if (rest_.starts_with(kByteOrderMark)) rest_.remove_prefix(kByteOrderMark.size());
   const bool has_header = syntax == CsvSyntax::kCsv ? NextLine(&header_) : NextLegend(first_column);
   if (!has_header) {
-    FailAtLine(1, "expected a header line with the names of the columns, found nothing");
+    FailAtLine(1,
+               fmt::format("expected a header line {}, found nothing",
+                           example.empty() ? "with the names of the columns"
+                                           : fmt::format("such as '{}'", example)));
   }
   for (size_t i = 0; i < header_.size(); ++i) {
     if (std::find(header_.begin(), header_.begin() + static_cast<std::ptrdiff_t>(i), header_[i]) !=

@@ -25,11 +25,12 @@ class CsvReader {
  public:
   /// Reads the header. `text` must outlive the reader; `name` stands for the file in messages. In
   /// vnlog the header is the first comment "# ..." that begins with `first_column`, if given.
-  /// Throws for a text without header, or one that names a column twice.
+  /// Throws for a text without header (`example` is shown then), or one that names a column twice.
   CsvReader(std::string_view text,
             std::string name,
             CsvSyntax syntax = CsvSyntax::kCsv,
-            std::string_view first_column = {});
+            std::string_view first_column = {},
+            std::string_view example = {});
 
   [[nodiscard]] const std::vector<std::string_view>& Header() const { return header_; }
   /// Index of a column, or nothing.

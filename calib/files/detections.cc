@@ -25,10 +25,17 @@ std::string SharedName(std::string_view coordinate, size_t error) {
   return fmt::format("{}_shared_{}", coordinate, error);
 }
 
+std::string ColumnsOf(const CameraModel& model) {
+  return fmt::format("frame,marker,{}{}{}",
+                     fmt::join(model.measured, ","),
+                     model.context.empty() ? "" : ",",
+                     fmt::join(model.context, ","));
+}
+
 class DetectionReader {
  public:
   DetectionReader(std::string_view text, const std::string& name, const CameraModel& model)
-      : table_(text, name), model_(model) {}
+      : table_(text, name, CsvSyntax::kCsv, {}, ColumnsOf(model)), model_(model) {}
 
   std::vector<View> Read() {
     FindColumns();
@@ -40,12 +47,10 @@ class DetectionReader {
  private:
   size_t Require(std::string_view name) const {
     if (const std::optional<size_t> column = table_.Find(name)) return *column;
-    table_.Fail(fmt::format("column '{}' is missing; model {} needs frame,marker,{}{}{}[,sigma]",
+    table_.Fail(fmt::format("column '{}' is missing; model {} needs {}[,sigma]",
                             name,
                             model_.name,
-                            fmt::join(model_.measured, ","),
-                            model_.context.empty() ? "" : ",",
-                            fmt::join(model_.context, ",")));
+                            ColumnsOf(model_)));
   }
 
   void FindColumns() {

@@ -82,7 +82,8 @@ TEST_F(MicroLensFile, ReadsWhatItWrites) {
 
 TEST_F(MicroLensFile, FindsTheLatticeOfAFileWithoutRowsAndColumns) {
   std::string text = FormatMicroLenses(Example());
-  text = std::regex_replace(text, std::regex(R"(^([^,]*,[^,]*,[^,]*,[^,\n]*),.*)"), "$1");
+  const std::regex first_four_cells(R"(^([^,]*,[^,]*,[^,]*,[^,\n]*),.*)", std::regex::multiline);
+  text = std::regex_replace(text, first_four_cells, "$1");
   Write(text);
   const MicroLensArray read = ReadMicroLenses(path_, kSize);
   EXPECT_NEAR(read.Pitch(), kPitch, 1e-4);
