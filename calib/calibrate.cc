@@ -48,25 +48,25 @@ void AddSystematicErrors(const SolveOptions& options, Calibration* calibration) 
         FTail(factor, degrees, calibration->uncertainty.redundancy[c]) < kFalseAlarm;
     factors.push_back(disagree ? factor : 1);
     if (!disagree) continue;
-    calibration->warnings.push_back(
-        WarningOfSystematicErrors(calibration->bundle.cameras[c].name, std::sqrt(factor)));
+    calibration->findings.push_back(
+        FindingOfSystematicErrors(calibration->bundle.cameras[c].name, std::sqrt(factor)));
   }
   AddCommonErrors(factors, errors.shared, &calibration->uncertainty);
 }
 
-void AddWarnings(const BundleGuess& guess, Calibration* calibration) {
-  std::vector<std::string>& warnings = calibration->warnings;
-  const auto add = [&](const std::vector<std::string>& more) {
-    warnings.insert(warnings.end(), more.begin(), more.end());
+void AddFindings(const BundleGuess& guess, Calibration* calibration) {
+  std::vector<Finding>& findings = calibration->findings;
+  const auto add = [&](const std::vector<Finding>& more) {
+    findings.insert(findings.end(), more.begin(), more.end());
   };
-  for (const CameraGuess& camera : guess.cameras) {
-    if (!camera.misfit.empty()) warnings.push_back(camera.misfit);
+  for (size_t c = 0; c < guess.cameras.size(); ++c) {
+    const std::string& misfit = guess.cameras[c].misfit;
+    if (!misfit.empty()) {
+      findings.push_back(FindingOfMisfit(calibration->bundle.cameras[c].name, misfit));
+    }
   }
-  add(WarningsOfJitter(calibration->bundle.jitter));
-  add(WarningsOfRules(*calibration));
-  if (!calibration->converged) {
-    warnings.emplace_back("the bundle adjustment did not converge: the values may still be moving");
-  }
+  add(FindingsOfJitter(calibration->bundle));
+  add(FindingsOfRules(*calibration));
 }
 
 }  // namespace
@@ -97,12 +97,12 @@ Calibration Calibrate(const CalibrationInput& input, const CalibrationOptions& o
   AddSystematicErrors(solve, &calibration);
   if (ShowsOnePose(calibration.bundle, solve.typical_sigmas)) {
     calibration.uncertainty = UncertaintyOfOnePose(calibration.bundle);
-    calibration.warnings.push_back(WarningOfOnePose(calibration.frames.size()));
+    calibration.findings.push_back(FindingOfOnePose(calibration.frames.size()));
   }
   for (size_t c = 0; c < input.cameras.size(); ++c) {
     calibration.fits.push_back(MeasureFit(calibration.bundle, c, guess.sigmas[c]));
   }
-  AddWarnings(guess, &calibration);
+  AddFindings(guess, &calibration);
   return calibration;
 }
 

@@ -13,6 +13,7 @@
 
 #include "calib/adjust/bundle.h"
 #include "calib/base/error.h"
+#include "calib/files/finding.h"
 #include "calib/base/robust.h"
 #include "calib/fit.h"
 #include "calib/noise/jackknife.h"
@@ -46,8 +47,7 @@ struct Calibration {
   /// Outliers have weighted residuals longer than this many sigmas.
   double rejection_threshold = 0;
   std::vector<LeftOut> left_out;
-  /// Findings that the user should read, in words.
-  std::vector<std::string> warnings;
+  std::vector<Finding> findings;  ///< of the estimation itself
 };
 
 /// Throws `Error` of kind kJob when the observations do not suffice.

@@ -155,7 +155,7 @@ CalibrationRecord Describe(const Calibration& calibration) {
   record.correlations = DescribeCorrelations(calibration);
   record.undetermined = calibration.uncertainty.open;
   record.weak = FindWeakUnknowns(bundle, calibration.uncertainty);
-  record.warnings = calibration.warnings;
+  record.findings = calibration.findings;
   for (const LeftOut& item : calibration.left_out) {
     record.left_out.push_back(item.where + ": " + item.reason);
   }

@@ -202,9 +202,6 @@ std::string Summary(const Calibration& calibration) {
   const std::vector<WeakUnknowns> weak = FindWeakUnknowns(bundle, calibration.uncertainty);
   text += WeakText(weak, true, "\nNOT DETERMINED by these images:\n");
   text += WeakText(weak, false, "\nweakly determined by these images:\n");
-  for (const std::string& warning : calibration.warnings) {
-    text += fmt::format("\nWARNING: {}\n", warning);
-  }
   return text;
 }
 

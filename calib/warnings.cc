@@ -9,52 +9,83 @@
 
 namespace plenocal {
 
-std::string WarningOfSystematicErrors(const std::string& camera, double ratio) {
-  return fmt::format(
-      "{}: per-frame estimates scatter {:.1f}x more than detection noise explains: points within a "
-      "frame share an error (bent board, motion). Standard errors were scaled by {:.1f}",
-      camera,
-      ratio,
-      ratio);
+Finding FindingOfSystematicErrors(const std::string& camera, double ratio) {
+  return {.code = "points_share_errors",
+          .grade = Grade::kGood,
+          .cameras = {camera},
+          .value = ratio,
+          .limit = 1,
+          .what = fmt::format(
+              "{}: standard errors were scaled by {:.1f}: per-frame estimates scatter {:.1f}x more "
+              "than detection noise explains, so points within a frame share an error (bent board, "
+              "motion, rolling shutter, a lens that the model does not quite describe).",
+              camera,
+              ratio,
+              ratio),
+          .remedy = {}};
 }
 
-std::string WarningOfOnePose(size_t frames) {
-  return fmt::format(
-      "all {} frames show the target from one pose; they count as one. Move the target or the "
-      "camera between images",
-      frames);
+Finding FindingOfOnePose(size_t frames) {
+  return {.code = "one_pose",
+          .grade = Grade::kUsable,
+          .cameras = {},
+          .value = static_cast<double>(frames),
+          .what = fmt::format("All {} frames show the target from one pose; they count as one.",
+                              frames),
+          .remedy = "Move the target or the camera between images."};
 }
 
-std::vector<std::string> WarningsOfJitter(const Jitter& jitter) {
+Finding FindingOfMisfit(const std::string& camera, const std::string& misfit) {
+  return {.code = "model_misfit",
+          .grade = Grade::kBad,
+          .cameras = {camera},
+          .what = misfit + ".",
+          .remedy = "Compare camera models with 'plenocal try'."};
+}
+
+std::vector<Finding> FindingsOfJitter(const Bundle& bundle) {
+  const Jitter& jitter = bundle.jitter;
   if (!(jitter.translation_sigma > 0)) return {};
   const auto misplaced = std::count(jitter.misplaced.begin(), jitter.misplaced.end(), true);
-  return {fmt::format(
-      "the rig is not rigid or its frames are not synchronous: within a frame the target's pose "
-      "differs between cameras by {:.2g} mm along and {:.2g} degrees about each axis (standard "
-      "deviation){}. Images of a frame that were not taken at the same time, a camera that moves on "
-      "the rig, frames with wrong names, or a model that does not suit the lens. Standard errors "
-      "include it",
-      1e3 * jitter.translation_sigma,
-      jitter.rotation_sigma * 180 / std::numbers::pi,
-      misplaced == 0 ? ""
-                     : fmt::format("; {} images that are farther off count for their camera only",
-                                   misplaced))};
+  return {
+      {.code = "rig_not_rigid",
+       .grade = Grade::kUsable,
+       .cameras = {},
+       .value = jitter.rotation_sigma * 180 / std::numbers::pi,
+       .what = fmt::format(
+           "The rig is not rigid or its frames are not synchronous: within a frame the target's "
+           "pose differs between cameras by {:.2g} mm along and {:.2g} degrees about each axis "
+           "(standard deviation){}. Standard errors include it.",
+           1e3 * jitter.translation_sigma,
+           jitter.rotation_sigma * 180 / std::numbers::pi,
+           misplaced == 0
+               ? ""
+               : fmt::format("; {} images that are farther off count for their camera only",
+                             misplaced)),
+       .remedy = "Look for images of a frame that were not taken at the same time, a camera that "
+                 "moves on the rig, frames with wrong names, or a model that does not suit the "
+                 "lens."}};
 }
 
-std::vector<std::string> WarningsOfRules(const Calibration& calibration) {
+std::vector<Finding> FindingsOfRules(const Calibration& calibration) {
   constexpr double kContradiction = 4;  // standard deviations
-  std::vector<std::string> warnings;
+  std::vector<Finding> findings;
   for (size_t c = 0; c < calibration.bundle.cameras.size(); ++c) {
     const BundleCamera& camera = calibration.bundle.cameras[c];
     for (size_t k = 0; k < camera.rules.size(); ++k) {
-      const std::string name =
-          fmt::format("{}.{}", calibration.bundle.cameras[c].name, camera.model->params[k].name);
+      const std::string name = fmt::format("{}.{}", camera.name, camera.model->params[k].name);
       if (camera.at_bound[k] && !camera.rules[k].tied_to) {
-        warnings.push_back(fmt::format(
-            "{} lies on its bound, {:.9g}: the images ask for a value beyond. It has no "
-            "standard error, and those of others are too small if the bound is wrong",
-            name,
-            camera.params[k]));
+        findings.push_back(
+            {.code = "at_bound",
+             .grade = Grade::kUsable,
+             .cameras = {camera.name},
+             .value = camera.params[k],
+             .what = fmt::format("{} lies on its bound, {:.9g}: the images ask for a value beyond. "
+                                 "It has no standard error, and those of others are too small if "
+                                 "the bound is wrong.",
+                                 name,
+                                 camera.params[k]),
+             .remedy = "Widen the bound, or look for what contradicts it."});
       }
       // With a correct prior, estimate - value has the variance sigma^2 - (variance of the
       // estimate).
@@ -64,17 +95,23 @@ std::vector<std::string> WarningsOfRules(const Calibration& calibration) {
       const double expected = std::sqrt(prior->sigma * prior->sigma - std_error * std_error);
       const double away = std::abs(camera.params[k] - prior->value) / expected;
       if (away < kContradiction) continue;
-      warnings.push_back(
-          fmt::format("{}: images and prior disagree by {:.1f} sigma (prior {:.6g} +- {:.2g}, with "
-                      "the images {:.6g}); one of them is wrong",
-                      name,
-                      away,
-                      prior->value,
-                      prior->sigma,
-                      camera.params[k]));
+      findings.push_back(
+          {.code = "prior_contradicted",
+           .grade = Grade::kUsable,
+           .cameras = {camera.name},
+           .value = away,
+           .limit = kContradiction,
+           .what = fmt::format("{}: images and prior disagree by {:.1f} sigma (prior "
+                               "{:.6g} +- {:.2g}, with the images {:.6g}).",
+                               name,
+                               away,
+                               prior->value,
+                               prior->sigma,
+                               camera.params[k]),
+           .remedy = "One of them is wrong: check the prior, then the images."});
     }
   }
-  return warnings;
+  return findings;
 }
 
 }  // namespace plenocal

@@ -1,25 +1,29 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Findings of a calibration that the user should read, in words.
+// Findings of the estimation itself (docs/diagnosis.md).
 #pragma once
 
 #include <string>
 #include <vector>
 
+#include "calib/files/finding.h"
 #include "calib/calibrate.h"
 
 namespace plenocal {
 
 /// The camera's frames scatter `ratio` times more than detection noise explains.
-std::string WarningOfSystematicErrors(const std::string& camera, double ratio);
+Finding FindingOfSystematicErrors(const std::string& camera, double ratio);
 
 /// All frames show the target from one pose.
-std::string WarningOfOnePose(size_t frames);
+Finding FindingOfOnePose(size_t frames);
 
-/// The rig is not rigid or not synchronous; empty when it is.
-std::vector<std::string> WarningsOfJitter(const Jitter& jitter);
+/// The camera's model does not describe its initial guess: `misfit` is why.
+Finding FindingOfMisfit(const std::string& camera, const std::string& misfit);
+
+/// The rig is not rigid or not synchronous; empty when it is both.
+std::vector<Finding> FindingsOfJitter(const Bundle& bundle);
 
 /// Bounds that the estimate lies on, and priors that the images contradict.
-std::vector<std::string> WarningsOfRules(const Calibration& calibration);
+std::vector<Finding> FindingsOfRules(const Calibration& calibration);
 
 }  // namespace plenocal

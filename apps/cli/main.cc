@@ -18,12 +18,25 @@ enum ExitCode {
   kDone = 0,
   kJobFailed = 1,
   kWrongInput = 2,
+  kBelowRequiredGrade = 3,
   kInterrupted = 130 /* as the shell's after Ctrl-C */
 };
 
 ExitCode Fail(ExitCode code, std::string_view message) {
   fmt::print(stderr, "plenocal: {}\n", message);
   return code;
+}
+
+ExitCode CodeOf(plenocal::ErrorKind kind) {
+  switch (kind) {
+    case plenocal::ErrorKind::kInput:
+      return kWrongInput;
+    case plenocal::ErrorKind::kJob:
+      return kJobFailed;
+    case plenocal::ErrorKind::kGrade:
+      return kBelowRequiredGrade;
+  }
+  return kJobFailed;
 }
 
 ExitCode Run(int argc, char** argv) {
@@ -36,8 +49,7 @@ ExitCode Run(int argc, char** argv) {
     if (std::fflush(stdout) != 0) return Fail(kJobFailed, "cannot write to standard output");
     return kDone;
   } catch (const plenocal::Error& error) {
-    const bool is_input = error.kind() == plenocal::ErrorKind::kInput;
-    return Fail(is_input ? kWrongInput : kJobFailed, error.what());
+    return Fail(CodeOf(error.kind()), error.what());
   } catch (const plenocal::Stopped&) {
     return Fail(kInterrupted, "interrupted; no result files were written");
   } catch (const std::bad_alloc&) {

@@ -9,10 +9,11 @@
 #include "apps/report/micro_lens_sections.h"
 #include "apps/report/page.h"
 #include "apps/report/page_parts.h"
-#include "apps/report/precision.h"
 #include "apps/report/residual_sections.h"
-#include "apps/report/verdict.h"
+#include "apps/report/verdict_json.h"
 #include "calib/base/number_text.h"
+#include "calib/judge/projection_map.h"
+#include "calib/judge/verdict.h"
 
 namespace plenocal {
 namespace {
@@ -29,28 +30,6 @@ Json Transform(const RigidTransform& T) {
     for (int c = 0; c < 3; ++c) rows.push_back(Short(T.R(r, c), 6));
   }
   return {{"R", rows}, {"t", Vector(T.t)}};
-}
-
-const char* GradeName(Grade grade) {
-  switch (grade) {
-    case Grade::kGood:
-      return "good";
-    case Grade::kWeak:
-      return "weak";
-    case Grade::kBad:
-      return "bad";
-  }
-  return "";
-}
-
-Json VerdictJson(const Verdict& verdict) {
-  Json findings = Json::array();
-  for (const Finding& finding : verdict.findings) {
-    findings.push_back(
-        {{"grade", GradeName(finding.grade)}, {"what", finding.what}, {"remedy", finding.remedy}});
-  }
-  return {
-      {"grade", GradeName(verdict.grade)}, {"headline", verdict.headline}, {"findings", findings}};
 }
 
 // A number as calibration.yaml holds it, so that a page made from results in memory is the same as
@@ -205,19 +184,20 @@ class ReportData {
       : calibration_(calibration), files_(files) {}
 
   Json Make() {
-    std::vector<std::vector<ProjectionMap>> maps;
     Json cameras = Json::array(), frames = Json::array();
     for (size_t c = 0; c < calibration_.cameras.size(); ++c) {
-      maps.push_back(ProjectionMaps(calibration_, c));
-      cameras.push_back(CameraJson(c, maps.back()));
+      cameras.push_back(CameraJson(c, ProjectionMaps(calibration_, c)));
     }
     for (const FrameRecord& frame : calibration_.frames) {
       frames.push_back({{"name", frame.name}, {"T_target_rig", Transform(frame.T_target_rig)}});
     }
     Json provenance = Json::array();
     for (const auto& [key, value] : calibration_.provenance) provenance.push_back({key, value});
+    const Verdict verdict = calibration_.verdict ? *calibration_.verdict : Judge(calibration_);
+    Json judged = VerdictJson(verdict);
+    judged["headline"] = Headline(verdict);
     return {
-        {"verdict", VerdictJson(Judge(calibration_, maps))},
+        {"verdict", judged},
         {"cameras", cameras},
         {"frames", frames},
         {"markers", MarkersJson(calibration_)},

@@ -12,6 +12,7 @@ namespace plenocal {
 enum class ErrorKind {
   kInput,  ///< the command line or an input file is wrong: exit status 2
   kJob,    ///< the inputs are readable, but the job cannot be done with them: exit status 1
+  kGrade,  ///< the results are written, but worse than the user requires: exit status 3
 };
 
 /// The one exception of the library. `what()` is a single line for the user: where it happened

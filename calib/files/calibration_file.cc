@@ -173,6 +173,24 @@ std::string WeakUnknownsMap(const WeakUnknowns& weak) {
                      YamlQuoted(weak.remedy));
 }
 
+std::string FindingMap(const Finding& finding) {
+  std::string text = fmt::format("{{code: {}, grade: {}, cameras: [{}]",
+                                 finding.code,
+                                 GradeName(finding.grade),
+                                 fmt::join(finding.cameras, ", "));
+  if (finding.value) text += fmt::format(", value: {}", YamlNumber(*finding.value));
+  if (finding.limit) text += fmt::format(", limit: {}", YamlNumber(*finding.limit));
+  return text + fmt::format(", what: {}, remedy: {}}}",
+                            YamlQuoted(finding.what),
+                            YamlQuoted(finding.remedy));
+}
+
+std::string VerdictYaml(const Verdict& verdict) {
+  std::string text = fmt::format("verdict:\n  grade: {}\n  findings:", GradeName(verdict.grade));
+  for (const Finding& finding : verdict.findings) text += "\n    - " + FindingMap(finding);
+  return text + (verdict.findings.empty() ? " []\n" : "\n");
+}
+
 std::string AdjustmentYaml(const CalibrationRecord& calibration) {
   const AdjustmentRecord& adjustment = *calibration.adjustment;
   std::string text = fmt::format(
@@ -192,17 +210,20 @@ std::string AdjustmentYaml(const CalibrationRecord& calibration) {
   text += StrongCorrelations(calibration.correlations);
   AppendItems("undetermined", calibration.undetermined, OpenDirectionMap, &text);
   AppendItems("weak", calibration.weak, WeakUnknownsMap, &text);
-  AppendItems("warnings", calibration.warnings, YamlQuoted, &text);
   AppendItems("left_out", calibration.left_out, YamlQuoted, &text);
   return text;
 }
 
 // ---- reading
 
-// A standard deviation: not negative, `.inf` for what is not determined.
+// A number; `.inf` for what is not determined.
+double ReadReal(const YamlNode& node) {
+  return node.AsString() == ".inf" ? std::numeric_limits<double>::infinity() : node.AsNumber();
+}
+
+// A standard deviation.
 double ReadSigma(const YamlNode& node) {
-  if (node.AsString() == ".inf") return std::numeric_limits<double>::infinity();
-  const double sigma = node.AsNumber();
+  const double sigma = ReadReal(node);
   if (sigma < 0) node.Fail("expected a standard deviation, found a negative number");
   return sigma;
 }
@@ -373,6 +394,35 @@ std::vector<WeakUnknowns> ReadWeakUnknowns(const YamlNode& root,
   return weak;
 }
 
+Grade ReadGrade(const YamlNode& node) {
+  const std::string name = node.AsString();
+  if (const std::optional<Grade> grade = ParseGrade(name)) return *grade;
+  node.Fail(fmt::format("expected a grade, found '{}'{}", name, SuggestName(name, kGradeNames)));
+}
+
+Verdict ReadVerdict(const YamlNode& node) {
+  Verdict verdict{.grade = ReadGrade(node.At("grade"))};
+  for (const YamlNode& item : node.At("findings").Elements()) {
+    Finding finding{.code = item.At("code").AsString(), .grade = ReadGrade(item.At("grade"))};
+    finding.cameras = Strings(item, "cameras");
+    if (item.Has("value")) finding.value = ReadReal(item.At("value"));
+    if (item.Has("limit")) finding.limit = ReadReal(item.At("limit"));
+    finding.what = item.At("what").AsString();
+    finding.remedy = item.At("remedy").AsString();
+    verdict.findings.push_back(std::move(finding));
+  }
+  return verdict;
+}
+
+// Files of version 0.1 have texts alone.
+std::vector<Finding> ReadWarnings(const YamlNode& root) {
+  std::vector<Finding> findings;
+  for (const std::string& warning : Strings(root, "warnings")) {
+    findings.push_back({.code = "warning", .grade = Grade::kUsable, .what = warning});
+  }
+  return findings;
+}
+
 }  // namespace
 
 std::string CalibrationYaml(const CalibrationRecord& calibration) {
@@ -381,6 +431,7 @@ std::string CalibrationYaml(const CalibrationRecord& calibration) {
     text += CameraYaml(camera, calibration.adjustment.has_value());
   }
   if (calibration.adjustment) text += AdjustmentYaml(calibration);
+  if (calibration.verdict) text += VerdictYaml(*calibration.verdict);
   if (!calibration.provenance.empty()) text += "provenance:\n";
   for (const auto& [key, value] : calibration.provenance) {
     text += fmt::format("  {}: {}\n", key, YamlQuoted(value));
@@ -423,7 +474,8 @@ CalibrationRecord ReadCalibration(const std::filesystem::path& path,
     calibration.undetermined = ReadOpenDirections(root.At("undetermined"));
   }
   calibration.weak = ReadWeakUnknowns(root, calibration.undetermined);
-  calibration.warnings = Strings(root, "warnings");
+  calibration.findings = ReadWarnings(root);
+  if (root.Has("verdict")) calibration.verdict = ReadVerdict(root.At("verdict"));
   calibration.left_out = Strings(root, "left_out");
   if (root.Has("provenance")) {
     for (const auto& [key, value] : root.At("provenance").Entries()) {

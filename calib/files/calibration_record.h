@@ -16,6 +16,7 @@
 #include <utility>
 #include <vector>
 
+#include "calib/files/finding.h"
 #include "calib/camera/camera_model.h"
 #include "calib/camera/observation.h"
 #include "calib/camera/rigid_transform.h"
@@ -181,7 +182,9 @@ struct CalibrationRecord {
   Correlations correlations;
   std::vector<OpenDirection> undetermined;
   std::vector<WeakUnknowns> weak;
-  std::vector<std::string> warnings;
+  /// What the estimation and the tests for causes found; in files a part of `verdict`.
+  std::vector<Finding> findings;
+  std::optional<Verdict> verdict;  ///< not set: not judged yet
   std::vector<std::string> left_out;  ///< "image or observation: why"
   Provenance provenance;
 

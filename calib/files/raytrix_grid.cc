@@ -50,6 +50,55 @@ pugi::xml_node Load(const std::filesystem::path& path, pugi::xml_document* docum
   return root;
 }
 
+// Each type is one of the three interleaved sets: its number by `LatticeColour`.
+using TypeOfColour = std::map<int, int>;
+
+// `to_nodes` maps an offset in the file to lattice coordinates.
+TypeOfColour ReadTypes(const std::filesystem::path& path,
+                       const pugi::xml_node& root,
+                       const Matrix2d& to_nodes) {
+  TypeOfColour type_of_colour;
+  for (const pugi::xml_node& type : root.children("lens_type")) {
+    const Vector2d node = to_nodes * Point(path, type, "offset");
+    type_of_colour[LatticeColour(
+        {static_cast<int>(std::lround(node.x())), static_cast<int>(std::lround(node.y()))})] =
+        type.attribute("id").as_int();
+  }
+  if (type_of_colour.size() != 1 && type_of_colour.size() != 3) {
+    Refuse(path,
+           fmt::format("has {} interleaved <lens_type>s; expected 1 or 3", type_of_colour.size()));
+  }
+  return type_of_colour;
+}
+
+// Adds all micro lenses of the lattice whose centres lie in the image.
+void FillImage(const Vector2d& origin,
+               const Matrix2d& basis,
+               const TypeOfColour& type_of_colour,
+               MicroLensArray* array) {
+  const ImageSize image_size = array->image_size;
+  // Lattice coordinates of the image's corners bound those of all micro lenses.
+  Vector2d low(1e9, 1e9), high = -low;
+  for (const double x : {-0.5, image_size[0] - 0.5}) {
+    for (const double y : {-0.5, image_size[1] - 0.5}) {
+      const Vector2d corner = basis.inverse() * (Vector2d(x, y) - origin);
+      low = low.cwiseMin(corner);
+      high = high.cwiseMax(corner);
+    }
+  }
+  for (int row = static_cast<int>(std::floor(low.y())); row <= high.y(); ++row) {
+    for (int column = static_cast<int>(std::floor(low.x())); column <= high.x(); ++column) {
+      const Vector2d centre = origin + basis * Vector2d(column, row);
+      if (!IsInside(centre, image_size)) continue;
+      const int colour = array->types == 1 ? 0 : LatticeColour({column, row});
+      array->lenses.push_back({.row = row,
+                               .column = column,
+                               .centre = centre,
+                               .type = array->types == 1 ? 0 : type_of_colour.at(colour)});
+    }
+  }
+}
+
 }  // namespace
 
 std::string UnusedRayCalibData(const std::filesystem::path& path) {
@@ -84,44 +133,13 @@ MicroLensArray ReadRayCalibData(const std::filesystem::path& path, ImageSize ima
   const Vector2d origin =
       Vector2d((image_size[0] - 1) / 2.0, (image_size[1] - 1) / 2.0) + Point(path, root, "offset");
 
-  // Each type is one of the three interleaved sets.
-  std::map<int, int> type_of_colour;
-  for (const pugi::xml_node& type : root.children("lens_type")) {
-    const Vector2d node = basis.inverse() * to_px * Point(path, type, "offset");
-    type_of_colour[LatticeColour(
-        {static_cast<int>(std::lround(node.x())), static_cast<int>(std::lround(node.y()))})] =
-        type.attribute("id").as_int();
-  }
-  if (type_of_colour.size() != 1 && type_of_colour.size() != 3) {
-    Refuse(path,
-           fmt::format("has {} interleaved <lens_type>s; expected 1 or 3", type_of_colour.size()));
-  }
-
+  const TypeOfColour type_of_colour = ReadTypes(path, root, basis.inverse() * to_px);
   MicroLensArray array;
   array.image_size = image_size;
   array.types = static_cast<int>(type_of_colour.size());
   array.e_column = basis.col(0);
   array.e_row = basis.col(1);
-  // Lattice coordinates of the image's corners bound those of all micro lenses.
-  Vector2d low(1e9, 1e9), high = -low;
-  for (const double x : {-0.5, image_size[0] - 0.5}) {
-    for (const double y : {-0.5, image_size[1] - 0.5}) {
-      const Vector2d corner = basis.inverse() * (Vector2d(x, y) - origin);
-      low = low.cwiseMin(corner);
-      high = high.cwiseMax(corner);
-    }
-  }
-  for (int row = static_cast<int>(std::floor(low.y())); row <= high.y(); ++row) {
-    for (int column = static_cast<int>(std::floor(low.x())); column <= high.x(); ++column) {
-      const Vector2d centre = origin + basis * Vector2d(column, row);
-      if (!IsInside(centre, image_size)) continue;
-      const int colour = array.types == 1 ? 0 : LatticeColour({column, row});
-      array.lenses.push_back({.row = row,
-                              .column = column,
-                              .centre = centre,
-                              .type = array.types == 1 ? 0 : type_of_colour.at(colour)});
-    }
-  }
+  FillImage(origin, basis, type_of_colour, &array);
   if (array.lenses.empty()) Refuse(path, "no micro lens lies in the image");
   return array;
 }

@@ -1,34 +1,25 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Assessment of a calibration: a grade, and findings with a stable code each (docs/diagnosis.md).
+// Assessment of a calibration by what it is worth in use: first the uncertainty of the projection
+// over the image, then what makes the stated uncertainty doubtful (noise, patterns in the
+// residuals, image parts without points), and the causes that are known.
 #pragma once
 
-#include <optional>
-#include <string>
-#include <string_view>
-#include <vector>
+#include "calib/files/calibration_record.h"
+#include "calib/files/finding.h"
 
 namespace plenocal {
 
-enum class Grade { kGood, kUsable, kBad };
+/// The grade of a calibration with its findings: those in `calibration.findings`, which the
+/// estimation and the tests for causes have made, and those of this function. A cause has the grade
+/// of the worst consequence that it explains. The same finding of several cameras is one.
+Verdict Judge(const CalibrationRecord& calibration);
 
-/// "good", "usable" or "bad", as in files and options.
-std::string_view GradeName(Grade grade);
+/// The grade as a sentence.
+std::string Headline(const Verdict& verdict);
 
-/// One defect of a calibration, or one fact that its user should read.
-struct Finding {
-  std::string code;  ///< stable: "noise_excess"; docs/diagnosis.md lists all
-  Grade grade = Grade::kGood;
-  std::vector<std::string> cameras;  ///< names; empty: the target, the rig or all
-  std::optional<double> value;       ///< what was measured, in the unit that docs/diagnosis.md states
-  std::optional<double> limit;       ///< the value at which the grade begins
-  std::string what;                  ///< one sentence or more
-  std::string remedy;                ///< what to do; empty when nothing
-};
-
-struct Verdict {
-  Grade grade = Grade::kGood;     ///< that of the worst finding
-  std::vector<Finding> findings;  ///< worst first
-};
+/// For a terminal: a paragraph for each finding that a user should read, worst last, then the
+/// grade. Ends in a newline.
+std::string VerdictText(const Verdict& verdict);
 
 }  // namespace plenocal

@@ -228,16 +228,14 @@ TEST(PlenopticCommonNoise, OfTheMicroImagesOfAMarkerIsFoundAndIsInTheSigmas) {
         const BundleCamera& camera = calibration.bundle.cameras[0];
         EXPECT_NEAR(camera.noise.common_sigma, 0.1, 0.015);
         EXPECT_NEAR(camera.noise.OwnSigma(0.1), 0.1, 0.01);
-        EXPECT_TRUE(calibration.warnings.empty());
+        EXPECT_TRUE(calibration.findings.empty());
       });
 }
 
 TEST(PlenopticFrameScatter, OfErrorsThatAFrameSharesIsNamedAndIsInTheSigmas) {
   // Sigmas without it give 9.6.
   ExpectTrueSigmas({.noise = 0.1, .frame_slope = 0.01}, 0.5, 2, [](const Calibration& calibration) {
-    ASSERT_FALSE(calibration.warnings.empty());
-    EXPECT_THAT(calibration.warnings.back(),
-                ::testing::HasSubstr("points within a frame share an error"));
+    EXPECT_THAT(CodesOf(calibration.findings), ::testing::Contains("points_share_errors"));
   });
 }
 
@@ -245,7 +243,7 @@ TEST(PlenopticSharedErrors, OfAllPointsOfACameraAreInTheSigmas) {
   // One draw a problem: three parameters move as one. Sigmas without it give 30.
   ExpectTrueSigmas(
       {.noise = 0.1, .shared_slope = 0.02}, 0.3, 2.2, [](const Calibration& calibration) {
-        EXPECT_TRUE(calibration.warnings.empty());
+        EXPECT_TRUE(calibration.findings.empty());
       });
 }
 

@@ -205,4 +205,10 @@ double LargestShift(const SyntheticProblem& problem,
   return largest;
 }
 
+std::vector<std::string> CodesOf(const std::vector<Finding>& findings) {
+  std::vector<std::string> codes;
+  for (const Finding& finding : findings) codes.push_back(finding.code);
+  return codes;
+}
+
 }  // namespace plenocal::testing

@@ -54,4 +54,7 @@ Bundle TrueBundle(const SyntheticProblem& problem);
 /// one's place, px; directions are the true camera's.
 double LargestShift(const SyntheticProblem& problem, const Calibration& calibration, size_t camera);
 
+/// The codes of findings, in their order.
+std::vector<std::string> CodesOf(const std::vector<Finding>& findings);
+
 }  // namespace plenocal::testing

@@ -3,6 +3,8 @@
 
 #include <fmt/format.h>
 
+#include <cmath>
+#include <cstdio>
 #include <map>
 #include <memory>
 #include <utility>
@@ -13,11 +15,14 @@
 #include "apps/cli/provenance.h"
 #include "apps/cli/session_observations.h"
 #include "apps/report/report.h"
+#include "apps/report/verdict_json.h"
 #include "calib/base/error.h"
 #include "calib/base/output_folder.h"
 #include "calib/describe.h"
 #include "calib/files/calibration_file.h"
 #include "calib/files/calibration_tables.h"
+#include "calib/judge/causes.h"
+#include "calib/judge/verdict.h"
 #include "calib/summary.h"
 #include "models/registry.h"
 
@@ -27,6 +32,8 @@ namespace {
 struct CalibrateArguments : SessionOptions {
   bool jackknife = false;  ///< standard errors from leaving out frames beside the others
   bool report = true;      ///< write report.html
+  bool json = false;       ///< the result on standard output as JSON
+  std::string require;     ///< name of the lowest grade that is no failure; empty: any
 };
 
 std::string RefinedTarget(const Target& target, const CalibrationRecord& calibration) {
@@ -99,6 +106,55 @@ void WriteReport(const CalibrationRecord& record,
   }
 }
 
+nlohmann::json ResultJson(const CalibrateArguments& arguments, const CalibrationRecord& record) {
+  nlohmann::json cameras = nlohmann::json::object();
+  for (const CalibratedCamera& camera : record.cameras) {
+    nlohmann::json parameters = nlohmann::json::object(), sigma = nlohmann::json::object();
+    for (size_t k = 0; k < camera.params.size(); ++k) {
+      const std::string name(camera.model->params[k].name);
+      parameters[name] = camera.params[k];
+      sigma[name] = std::isfinite(camera.Sigma(k)) ? nlohmann::json(camera.Sigma(k)) : nullptr;
+    }
+    cameras[camera.name] = {{"model", camera.model->name},
+                            {"image_size", camera.image_size},
+                            {"parameters", parameters},
+                            {"sigma", sigma},
+                            {"rms", camera.fit.rms},
+                            {"points", camera.fit.points},
+                            {"rejected", camera.fit.rejected},
+                            {"views", camera.fit.views}};
+  }
+  return {{"verdict", VerdictJson(*record.verdict)},
+          {"cameras", cameras},
+          {"frames", record.frames.size()},
+          {"output", arguments.out.string()}};
+}
+
+void Print(const CalibrateArguments& arguments,
+           const Calibration& calibration,
+           const CalibrationRecord& record) {
+  if (arguments.json) {
+    fmt::print("{}\n", ResultJson(arguments, record).dump(2));
+    return;
+  }
+  fmt::print("{}\nwritten to {}\n\n{}",
+             Summary(calibration),
+             arguments.out.string(),
+             VerdictText(*record.verdict));
+}
+
+void CheckRequirement(const CalibrateArguments& arguments, const Verdict& verdict) {
+  if (arguments.require.empty() || verdict.grade <= *ParseGrade(arguments.require)) return;
+  std::fflush(stdout);
+  throw Error(
+      ErrorKind::kGrade,
+      fmt::format("the calibration is {}, but --require asks for {} (results are in {}): {}",
+                  GradeName(verdict.grade),
+                  arguments.require,
+                  arguments.out.string(),
+                  verdict.findings.front().what));
+}
+
 void RunCalibrate(const CalibrateArguments& arguments, const ConsoleOptions& shared) {
   const Session session = ReadSession(arguments.session, CameraModels());
   const auto provenance = ProvenanceOf(shared, "calibrate", session, arguments.out);
@@ -126,6 +182,8 @@ void RunCalibrate(const CalibrateArguments& arguments, const ConsoleOptions& sha
   const Calibration calibration = Solve(input, arguments, shared.threads, &console);
   CalibrationRecord record = DescribeAll(calibration, observations);
   record.provenance = provenance;
+  for (Finding& cause : FindCauses(calibration)) record.findings.push_back(std::move(cause));
+  record.verdict = Judge(record);
   WriteResult(record, target, &out);
   WriteDetections(session, observations, arguments.out, &out);
   // An older report beside new results would be wrong.
@@ -140,7 +198,8 @@ void RunCalibrate(const CalibrateArguments& arguments, const ConsoleOptions& sha
   }
   out.Commit();
   cache.RemoveUnused();
-  fmt::print("{}\nwritten to {}\n", Summary(calibration), arguments.out.string());
+  Print(arguments, calibration, record);
+  CheckRequirement(arguments, *record.verdict);
 }
 
 constexpr const char* kHelp =
@@ -155,6 +214,10 @@ RunCommand Declare(CLI::App* app, ConsoleOptions* shared) {
                 arguments->jackknife,
                 "print beside each sigma that of a jackknife over frames");
   app->add_flag("!--no-report", arguments->report, "do not write OUT/report.html");
+  app->add_flag("--json", arguments->json, "verdict and parameters as JSON on standard output");
+  app->add_option(
+         "--require", arguments->require, "exit status 3 when the verdict is worse: good or usable")
+      ->check(CLI::IsMember({"good", "usable"}));
   return [arguments, shared] { RunCalibrate(*arguments, *shared); };
 }
 

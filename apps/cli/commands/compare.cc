@@ -46,7 +46,7 @@ std::string PartText(size_t part) {
   return part == 4 ? "centre" : fmt::format("{} {}", kRowNames[part / 3], kColumnNames[part % 3]);
 }
 
-std::string Verdict(const CameraDifference& camera) {
+std::string VerdictText(const CameraDifference& camera) {
   if (!camera.has_prediction) {
     return "no verdict: a file has no sigmas, or a parameter that is not determined";
   }
@@ -124,7 +124,7 @@ void PrintCamera(const CameraDifference& camera,
     line("all", at.all);
     for (size_t p = 0; p < at.parts.size(); ++p) line(PartText(p), at.parts[p]);
   }
-  fmt::print("  {}\n", Verdict(camera));
+  fmt::print("  {}\n", VerdictText(camera));
 }
 
 // correlations.csv beside a calibration.yaml, or none when it does not belong to it.
@@ -386,7 +386,7 @@ void PrintComparison(const Comparison& comparison) {
   }
 }
 
-std::string Verdict(const Comparison& comparison) {
+std::string VerdictText(const Comparison& comparison) {
   const bool judged =
       std::ranges::all_of(comparison.differences, &CameraDifference::has_prediction) &&
       std::ranges::all_of(comparison.mounts, &ExtrinsicsDifference::has_prediction);
@@ -412,7 +412,7 @@ void CompareCalibrations(const CompareArguments& arguments,
     const std::string names = NamesWithout(own->cameras, *others);
     if (!names.empty()) fmt::print("not compared, only in {}: {}\n", own->path.string(), names);
   }
-  fmt::print("{}\n", Verdict(comparison));
+  fmt::print("{}\n", VerdictText(comparison));
   if (out) fmt::print("\nwritten to {}\n", arguments.out.string());
 }
 

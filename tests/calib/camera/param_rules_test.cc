@@ -63,11 +63,10 @@ TEST(Prior, CountsLikeOneMoreMeasurement) {
             0.9 * without.uncertainty.param_std_errors[0][kFy]);
   // Half of the parameter is the prior's, so the data have half a coordinate more to spare.
   EXPECT_NEAR(with.uncertainty.redundancy[0] - without.uncertainty.redundancy[0], 0.5, 0.05);
-  EXPECT_TRUE(with.warnings.empty());
+  EXPECT_TRUE(with.findings.empty());
 
   Ruled(&problem).rules[kFx].prior = {value + 10 * sigma, sigma};
-  EXPECT_THAT(Calibrate(problem.input, {}).warnings,
-              ElementsAre(HasSubstr("images and prior disagree by")));
+  EXPECT_THAT(CodesOf(Calibrate(problem.input, {}).findings), ElementsAre("prior_contradicted"));
 }
 
 TEST(Prior, DeterminesWhatTheImagesDoNot) {
@@ -126,7 +125,7 @@ TEST(Bounds, HoldWhatWouldLeaveThemAndNothingElse) {
   const Calibration wide = Calibrate(problem.input, {});
   EXPECT_NEAR(wide.bundle.cameras[0].params[kFx], params[kFx], 1e-3);
   EXPECT_GT(wide.uncertainty.param_std_errors[0][kA0], 0);
-  EXPECT_TRUE(wide.warnings.empty());
+  EXPECT_TRUE(wide.findings.empty());
 
   const double bound = params[kA0] + 5 * free.uncertainty.param_std_errors[0][kA0];
   Ruled(&problem).rules[kA0].lower = bound;
@@ -134,7 +133,7 @@ TEST(Bounds, HoldWhatWouldLeaveThemAndNothingElse) {
   EXPECT_EQ(narrow.bundle.cameras[0].params[kA0], bound);
   EXPECT_EQ(narrow.uncertainty.param_std_errors[0][kA0], 0);
   EXPECT_EQ(narrow.uncertainty.param_index[0][kA0], -1);
-  EXPECT_THAT(narrow.warnings, ElementsAre(HasSubstr("A_0 lies on its bound")));
+  EXPECT_THAT(CodesOf(narrow.findings), ElementsAre("at_bound"));
 
   // The rest is as if the parameter were held there.
   Ruled(&problem).rules.clear();

@@ -112,7 +112,15 @@ CalibrationRecord Record() {
   record.weak = {
       {.open = true, .names = {"left.A_2"}, .what = "not \"seen\"", .remedy = "Do: that."},
       {.open = false, .names = {"left.f_x", "left.f_y"}, .what = "x", .remedy = "y"}};
-  record.warnings = {"a: warning \\ with # signs"};
+  record.verdict = {.grade = Grade::kBad,
+                    .findings = {{.code = "noise_excess",
+                                  .grade = Grade::kBad,
+                                  .cameras = {"left"},
+                                  .value = 2.5,
+                                  .limit = 1,
+                                  .what = "a: text \\ with # signs",
+                                  .remedy = "b"},
+                                 {.code = "projection", .what = "c"}}};
   record.left_out = {"left 0001: blurred"};
   record.provenance = {{"command", "plenocal calibrate"}, {"session_text", "a: 1\nb: \"2\"\n"}};
   return record;
@@ -234,7 +242,19 @@ TEST_F(RecordFiles, KeepHowTheAdjustmentEnded) {
     EXPECT_EQ(again.weak[i].what, record.weak[i].what);
     EXPECT_EQ(again.weak[i].remedy, record.weak[i].remedy);
   }
-  EXPECT_EQ(again.warnings, record.warnings);
+  ASSERT_TRUE(again.verdict);
+  EXPECT_EQ(again.verdict->grade, record.verdict->grade);
+  ASSERT_EQ(again.verdict->findings.size(), 2);
+  for (size_t i = 0; i < 2; ++i) {
+    const Finding &read = again.verdict->findings[i], &written = record.verdict->findings[i];
+    EXPECT_EQ(read.code, written.code);
+    EXPECT_EQ(read.grade, written.grade);
+    EXPECT_EQ(read.cameras, written.cameras);
+    EXPECT_EQ(read.value, written.value);
+    EXPECT_EQ(read.limit, written.limit);
+    EXPECT_EQ(read.what, written.what);
+    EXPECT_EQ(read.remedy, written.remedy);
+  }
   EXPECT_EQ(again.left_out, record.left_out);
 }
 
@@ -272,12 +292,16 @@ TEST_F(RecordFiles, NeedOnlyWhatDescribesACamera) {
 TEST_F(RecordFiles, OfOlderVersionsNameUndeterminedParametersAlone) {
   CalibrationRecord record = Record();
   std::string text = CalibrationYaml(record);
-  const size_t begin = text.find("weak:"), end = text.find("warnings:");
-  text.erase(begin, end - begin);
+  const size_t begin = text.find("weak:"), end = text.find("left_out:");
+  text.replace(begin, end - begin, "warnings:\n  - \"old\"\n");
+  text.erase(text.find("verdict:"), text.find("provenance:") - text.find("verdict:"));
   const CalibrationRecord again = ReadCalibration(Write("old.yaml", text), CameraModels());
   ASSERT_EQ(again.weak.size(), 1);
   EXPECT_TRUE(again.weak[0].open);
   EXPECT_THAT(again.weak[0].names, ElementsAre("left.A_2", "left.f_x"));
+  EXPECT_FALSE(again.verdict);
+  ASSERT_EQ(again.findings.size(), 1);
+  EXPECT_EQ(again.findings[0].what, "old");
 }
 
 TEST_F(RecordFiles, NamePlaceAndKeyOfAMistake) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "apps/report/precision.h"
+#include "calib/judge/projection_map.h"
 
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>

@@ -2,7 +2,7 @@
 //
 // The report's uncertainties of projection and distance against the scatter of calibrations from
 // the same true points with different noise.
-#include "apps/report/precision.h"
+#include "calib/judge/projection_map.h"
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>

@@ -5,8 +5,8 @@
 
 #include <vector>
 
-#include "apps/report/residual_sections.h"
 #include "calib/files/calibration_record.h"
+#include "calib/judge/residual_field.h"
 
 namespace plenocal {
 

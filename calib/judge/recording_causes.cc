@@ -1,0 +1,306 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/judge/recording_causes.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <numeric>
+#include <optional>
+#include <span>
+
+#include "calib/base/statistics.h"
+#include "calib/judge/view_rows.h"
+#include "calib/noise/camera_noise.h"
+
+namespace plenocal {
+namespace {
+
+constexpr double kCauseLevel = 1e-3;  // false alarms of a test, a camera
+
+// ---- the same image twice
+
+using Points = std::map<std::pair<int, int>, Eigen::Vector2d>;  // by marker and occurrence
+
+std::map<int, Points> PointsByFrame(const Bundle& bundle, size_t camera) {
+  std::map<int, Points> frames;
+  int occurrence = 0, last_marker = -1, last_frame = -1;
+  for (const BundleObservation& observation : bundle.observations) {
+    if (observation.camera != static_cast<int>(camera)) continue;
+    const bool again = observation.marker == last_marker && observation.frame == last_frame;
+    occurrence = again ? occurrence + 1 : 0;
+    last_marker = observation.marker;
+    last_frame = observation.frame;
+    frames[observation.frame][{observation.marker, occurrence}] = {observation.seen.values[0],
+                                                                   observation.seen.values[1]};
+  }
+  return frames;
+}
+
+// Mean square of a coordinate's difference between the points that two images share.
+std::optional<double> MeanSquare(const Points& a, const Points& b) {
+  constexpr size_t kLeast = 6;
+  // Of images that differ in half of their points, the others do not count.
+  double sum = 0;
+  size_t count = 0;
+  for (const auto& [key, place] : a) {
+    const auto other = b.find(key);
+    if (other == b.end()) continue;
+    sum += (place - other->second).squaredNorm();
+    ++count;
+  }
+  if (count < kLeast || 2 * count < std::max(a.size(), b.size())) return std::nullopt;
+  return sum / (2.0 * static_cast<double>(count));
+}
+
+// Two exposures of a target at rest differ by the noise of both; the same image, even compressed
+// twice, by much less.
+std::vector<Finding> FindDuplicates(const Calibration& calibration, size_t c) {
+  constexpr double kPartOfNoise = 0.5;
+  const CameraFit& fit = calibration.fits[c];
+  double noise = fit.noise_sigma;
+  if (fit.detector_sigma > 0) noise = std::min(noise, fit.detector_sigma);
+  const double limit = 2 * std::pow(kPartOfNoise * std::max(noise, kSmallestNoise), 2);
+  const std::map<int, Points> frames = PointsByFrame(calibration.bundle, c);
+  std::vector<std::string> pairs;
+  for (auto a = frames.begin(); a != frames.end(); ++a) {
+    for (auto b = std::next(a); b != frames.end(); ++b) {
+      // Most pairs differ in their first common point already.
+      const std::optional<double> square = MeanSquare(a->second, b->second);
+      if (!square || *square > limit) continue;
+      pairs.push_back(fmt::format("{} = {}",
+                                  calibration.frames[static_cast<size_t>(a->first)],
+                                  calibration.frames[static_cast<size_t>(b->first)]));
+      break;
+    }
+  }
+  if (pairs.empty()) return {};
+  const std::string& name = calibration.bundle.cameras[c].name;
+  constexpr size_t kShown = 5;
+  const auto shown = std::span(pairs).first(std::min(kShown, pairs.size()));
+  return {{.code = "duplicate_images",
+           .grade = Grade::kUsable,
+           .cameras = {name},
+           .value = static_cast<double>(pairs.size()),
+           .limit = 1,
+           .what = fmt::format("{}: {} image{} the same as another: {}{}.",
+                               name,
+                               pairs.size(),
+                               pairs.size() == 1 ? " is" : "s are",
+                               fmt::join(shown, ", "),
+                               pairs.size() > kShown ? ", ..." : ""),
+           .remedy = "Remove the copies: they count as measurements of their own, so that standard "
+                     "errors are too small."}};
+}
+
+// ---- focus or zoom that changed
+
+/// Estimate of one view's own magnification.
+struct Zoom {
+  int frame = 0;
+  double change = 0;       // relative to the camera's
+  double information = 0;  // inverse of its variance
+};
+
+std::vector<Zoom> ZoomsOf(std::span<const ViewRows> views, ImageSize image_size) {
+  std::vector<Zoom> zooms;
+  const Eigen::RowVector2d middle((image_size[0] - 1) / 2.0, (image_size[1] - 1) / 2.0);
+  for (const ViewRows& view : views) {
+    Eigen::MatrixXd X(view.residual.size(), 1);
+    for (Eigen::Index i = 0; i < view.noise.size(); ++i) {
+      X.block<2, 1>(2 * i, 0) = (view.position.row(i) - middle).transpose() / view.noise[i];
+    }
+    const Regression regression = Regress(view, X);
+    if (!(regression.information(0, 0) > 0)) continue;
+    zooms.push_back({view.frame, regression.estimate[0], regression.information(0, 0)});
+  }
+  return zooms;
+}
+
+/// Weighted mean of the zooms [begin, end) and their weighted square deviations.
+struct Segment {
+  double mean = 0, information = 0, squares = 0;
+};
+
+Segment MeanOf(std::span<const Zoom> zooms) {
+  Segment segment;
+  for (const Zoom& zoom : zooms) {
+    segment.information += zoom.information;
+    segment.mean += zoom.information * zoom.change;
+  }
+  segment.mean /= segment.information;
+  for (const Zoom& zoom : zooms) {
+    segment.squares += zoom.information * std::pow(zoom.change - segment.mean, 2);
+  }
+  return segment;
+}
+
+// A step in the magnification between two parts of the recording: the largest F over all splits.
+std::vector<Finding> FindFocusChange(const Calibration& calibration,
+                                     size_t c,
+                                     std::span<const ViewRows> views) {
+  constexpr size_t kLeastPart = 3;  // views before and after
+  const BundleCamera& camera = calibration.bundle.cameras[c];
+  const std::vector<Zoom> zooms = ZoomsOf(views, camera.image_size);
+  if (zooms.size() < 2 * kLeastPart + 2) return {};
+  const Segment all = MeanOf(zooms);
+  double best = 0, change = 0;
+  size_t split = 0;
+  for (size_t k = kLeastPart; k + kLeastPart <= zooms.size(); ++k) {
+    const Segment before = MeanOf(std::span(zooms).first(k)),
+                  after = MeanOf(std::span(zooms).subspan(k));
+    const double within = before.squares + after.squares;
+    const double degrees = static_cast<double>(zooms.size()) - 2;
+    // Not below the noise of the points.
+    const double F = (all.squares - within) / std::max(1.0, within / degrees);
+    if (F <= best) continue;
+    best = F;
+    change = after.mean - before.mean;
+    split = k;
+  }
+  const double tests = static_cast<double>(zooms.size() - 2 * kLeastPart + 1);
+  if (FTail(best, 1, static_cast<double>(zooms.size()) - 2) * tests > kCauseLevel) return {};
+  return {
+      {.code = "focus_changed",
+       .grade = Grade::kUsable,
+       .cameras = {camera.name},
+       .value = change,
+       .limit = 0,
+       .what = fmt::format("{}: focus or zoom changed during the recording: from frame {} on the "
+                           "image is {:.2f} % {} than before.",
+                           camera.name,
+                           calibration.frames[static_cast<size_t>(zooms[split].frame)],
+                           100 * std::abs(change),
+                           change > 0 ? "larger" : "smaller"),
+       .remedy = "Turn autofocus, zoom and image stabilisation off and record again, or calibrate "
+                 "the two parts as sessions of their own."}};
+}
+
+// ---- rolling shutter
+
+// The pose's derivatives times a coordinate of the point over the image: motion of the target while
+// rows (or columns) are exposed one after the other.
+Eigen::MatrixXd MotionAlong(const ViewRows& view, Eigen::Index axis, double middle, double length) {
+  Eigen::MatrixXd X = view.pose;
+  for (Eigen::Index i = 0; i < view.noise.size(); ++i) {
+    X.middleRows<2>(2 * i) *= (view.position(i, axis) - middle) / length;
+  }
+  return X;
+}
+
+std::vector<Finding> FindRollingShutter(const Calibration& calibration,
+                                        size_t c,
+                                        std::span<const ViewRows> views) {
+  const BundleCamera& camera = calibration.bundle.cameras[c];
+  const auto [width, height] = camera.image_size;
+  double gain = 0, rest = 0, degrees = 0, gain_columns = 0;
+  int for_rows = 0, all = 0;
+  for (const ViewRows& view : views) {
+    if (view.residual.size() < 36) continue;  // pose, motion and twice as many degrees again
+    const Regression rows = Regress(view, MotionAlong(view, 1, (height - 1) / 2.0, height));
+    const Regression columns = Regress(view, MotionAlong(view, 0, (width - 1) / 2.0, height));
+    gain += rows.gain;
+    gain_columns += columns.gain;
+    rest += rows.rest;
+    degrees += rows.degrees;
+    for_rows += rows.gain > columns.gain ? 1 : 0;
+    ++all;
+  }
+  constexpr int kLeastViews = 4;
+  if (all < kLeastViews || !(rest > 0)) return {};
+  // A bent board or a lens that the model does not describe gains along columns as well.
+  const double F = gain / (6.0 * all) / (rest / degrees);
+  const double decided = (for_rows - 0.5 * all) / std::sqrt(0.25 * all);  // sign test
+  constexpr double kDecided = 3;                                          // sigmas
+  if (FTail(F, 6.0 * all, degrees) > kCauseLevel || decided < kDecided) return {};
+  if (gain - 6.0 * all < 2 * (gain_columns - 6.0 * all)) return {};
+  const double moved = std::sqrt(gain / (gain + rest)) * calibration.fits[c].rms;
+  return {
+      {.code = "rolling_shutter",
+       .grade = Grade::kUsable,
+       .cameras = {camera.name},
+       .value = moved,
+       .limit = 0,
+       .what = fmt::format("{}: the residuals go with the image row and the motion of each frame "
+                           "({:.2g} px RMS): a rolling shutter and a camera or target that "
+                           "moved.",
+                           camera.name,
+                           moved),
+       .remedy = "Hold camera and target still while an image is taken, or use a camera with a "
+                 "global shutter."}};
+}
+
+// ---- single images
+
+std::vector<Finding> FindFrameOutliers(const Calibration& calibration, size_t c) {
+  const Bundle& bundle = calibration.bundle;
+  std::map<int, std::vector<double>> lengths;  // by frame, px
+  for (const BundleObservation& observation : bundle.observations) {
+    if (observation.camera != static_cast<int>(c)) continue;
+    double residual[kMaxObservationSize];
+    if (!Residual(bundle, observation, residual)) continue;
+    lengths[observation.frame].push_back(WeightedLength(bundle, observation, residual));
+  }
+  std::map<int, double> medians;
+  std::vector<double> all;
+  for (const auto& [frame, of_frame] : lengths) {
+    all.push_back(medians[frame] = Median(of_frame));
+  }
+  constexpr size_t kLeastFrames = 6;
+  if (all.size() < kLeastFrames) return {};
+  const double typical = Median(all);
+  for (double& value : all) value = std::abs(std::log(value / typical));
+  // Medians of images scatter by their size alone; an image that disagrees is far beyond the
+  // scatter.
+  constexpr double kFactor = 3;
+  const double limit = std::max(std::log(kFactor), 6 * 1.4826 * Median(all));
+  std::vector<std::string> names;
+  double worst = 1;
+  for (const auto& [frame, median] : medians) {
+    if (std::log(median / typical) < limit) continue;
+    names.push_back(calibration.frames[static_cast<size_t>(frame)]);
+    worst = std::max(worst, median / typical);
+  }
+  // Many are no exceptions.
+  if (names.empty() || 4 * names.size() > all.size()) return {};
+  const std::string& name = bundle.cameras[c].name;
+  return {{.code = "frame_outlier",
+           .grade = Grade::kUsable,
+           .cameras = {name},
+           .value = worst,
+           .limit = std::exp(limit),
+           .what = fmt::format("{}: {} with all others: {} (residuals {:.1f} times the typical "
+                               "frame's).",
+                               name,
+                               names.size() == 1 ? "one frame disagrees" : "some frames disagree",
+                               fmt::join(names, ", "),
+                               worst),
+           .remedy =
+               "Look at these images (motion, a wrong detection, another zoom, rotated by the "
+               "viewer); leave them out with 'exclude'."}};
+}
+
+}  // namespace
+
+std::vector<Finding> FindRecordingCauses(const Calibration& calibration) {
+  std::vector<Finding> findings;
+  const auto add = [&](std::vector<Finding> found) {
+    findings.insert(findings.end(),
+                    std::make_move_iterator(found.begin()),
+                    std::make_move_iterator(found.end()));
+  };
+  for (size_t c = 0; c < calibration.bundle.cameras.size(); ++c) {
+    add(FindDuplicates(calibration, c));
+    add(FindFrameOutliers(calibration, c));
+    // Exact (simulated) points have no noise to compare with.
+    if (calibration.fits[c].noise_sigma < kRoundingNoise) continue;
+    const std::vector<ViewRows> views = RowsOfViews(calibration.bundle, c);
+    add(FindFocusChange(calibration, c, views));
+    add(FindRollingShutter(calibration, c, views));
+  }
+  return findings;
+}
+
+}  // namespace plenocal

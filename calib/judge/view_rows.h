@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "calib/adjust/bundle.h"
+
+namespace plenocal {
+
+/// The observations of one view, linearised at the optimum in standard deviations of their noise:
+/// what tests for causes regress the residuals on.
+struct ViewRows {
+  int frame = 0;
+  Eigen::VectorXd residual;  ///< two rows (x, y) an observation
+  Eigen::MatrixXd pose;      ///< rows x 6: derivatives by the target's pose
+  Eigen::MatrixXd position;  ///< observations x 2: the measured image point, px
+  Eigen::VectorXd noise;     ///< per observation: sigma of a coordinate, px
+};
+
+/// The views of one camera with used observations enough for a pose, in the order of the frames; of
+/// very many observations every k-th. Only models that measure x and y.
+std::vector<ViewRows> RowsOfViews(const Bundle& bundle, size_t camera);
+
+/// Least-squares fit of regressors to the residuals of one view beside its pose.
+struct Regression {
+  Eigen::VectorXd estimate;     ///< per regressor
+  Eigen::MatrixXd information;  ///< of the estimate, sigma^-2
+  double gain = 0;              ///< by how much the sum of squares falls
+  double rest = 0;              ///< sum of squares that is left
+  double degrees = 0;           ///< rows less pose and regressors
+};
+
+/// `regressors`: rows x k. Regressors that the pose can replace get the estimate 0.
+Regression Regress(const ViewRows& view, const Eigen::MatrixXd& regressors);
+
+}  // namespace plenocal

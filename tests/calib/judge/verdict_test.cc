@@ -1,0 +1,163 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/judge/verdict.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "calib/describe.h"
+#include "calib/judge/causes.h"
+#include "tests/calib/synthetic.h"
+
+namespace plenocal::testing {
+namespace {
+
+using ::testing::Contains;
+using ::testing::Not;
+
+constexpr double kNoise = 0.1;  // px
+
+SyntheticProblem GoodProblem(unsigned seed, int cameras) {
+  SyntheticProblem problem = MakeProblem(seed, {.cameras = cameras, .frames = 30, .noise = kNoise});
+  for (CameraInput& camera : problem.input.cameras) {
+    for (View& view : camera.views) {
+      for (Observation& seen : view.observations) seen.detector_sigma = kNoise;
+    }
+  }
+  return problem;
+}
+
+Verdict VerdictOf(const SyntheticProblem& problem) {
+  const Calibration calibration = Calibrate(problem.input, {});
+  CalibrationRecord record = Describe(calibration);
+  for (Finding& cause : FindCauses(calibration)) record.findings.push_back(std::move(cause));
+  return Judge(record);
+}
+
+// Moves all points of the chosen views.
+template <typename Change>
+void Displace(SyntheticProblem* problem, size_t camera, const Change& change) {
+  CameraInput& input = problem->input.cameras[camera];
+  for (size_t v = 0; v < input.views.size(); ++v) {
+    for (Observation& seen : input.views[v].observations)
+      change(v, &seen.values[0], &seen.values[1]);
+  }
+}
+
+TEST(Verdict, OfGoodRecordingsIsGood) {
+  int good = 0;
+  constexpr int kSets = 10;
+  for (unsigned seed = 0; seed < kSets; ++seed) {
+    const Verdict verdict = VerdictOf(GoodProblem(700 + seed, 1 + static_cast<int>(seed % 2)));
+    good += verdict.grade == Grade::kGood ? 1 : 0;
+    EXPECT_EQ(verdict.grade, Grade::kGood) << seed << ": " << VerdictText(verdict);
+  }
+  EXPECT_EQ(good, kSets);
+}
+
+TEST(Verdict, NamesTheSameImageTwice) {
+  SyntheticProblem problem = GoodProblem(720, 1);
+  std::vector<View>& views = problem.input.cameras[0].views;
+  views[7].observations = views[3].observations;
+  const Verdict verdict = VerdictOf(problem);
+  EXPECT_EQ(verdict.grade, Grade::kUsable);
+  EXPECT_EQ(CodesOf(verdict.findings).front(), "duplicate_images") << VerdictText(verdict);
+}
+
+TEST(Verdict, NamesAZoomThatChanged) {
+  for (unsigned seed = 0; seed < 3; ++seed) {
+    SyntheticProblem problem = GoodProblem(730 + seed, 1);
+    const auto [width, height] = problem.input.cameras[0].image_size;
+    Displace(&problem, 0, [&](size_t view, double* x, double* y) {
+      if (view < 14) return;
+      *x += 0.01 * (*x - width / 2.0);
+      *y += 0.01 * (*y - height / 2.0);
+    });
+    const Verdict verdict = VerdictOf(problem);
+    EXPECT_EQ(CodesOf(verdict.findings).front(), "focus_changed") << VerdictText(verdict);
+  }
+}
+
+TEST(Verdict, NamesARollingShutter) {
+  for (unsigned seed = 0; seed < 3; ++seed) {
+    SyntheticProblem problem = GoodProblem(740 + seed, 1);
+    const int height = problem.input.cameras[0].image_size[1];
+    Displace(&problem, 0, [&](size_t view, double* x, double* y) {
+      const double row = *y / height - 0.5;
+      *x += row * (4.0 * static_cast<double>(view % 5) - 8);  // px from the first row to the last
+      *y += row * (3.0 * static_cast<double>(view % 3) - 3);
+    });
+    const Verdict verdict = VerdictOf(problem);
+    EXPECT_EQ(CodesOf(verdict.findings).front(), "rolling_shutter") << VerdictText(verdict);
+  }
+}
+
+TEST(Verdict, NamesAFrameThatDisagrees) {
+  SyntheticProblem problem = GoodProblem(750, 1);
+  Displace(&problem, 0, [&](size_t view, double* x, double* y) {
+    if (view != 11) return;
+    *x += 3 * std::sin(*y / 20);
+    *y += 3 * std::sin(*x / 30);
+  });
+  const Verdict verdict = VerdictOf(problem);
+  EXPECT_EQ(CodesOf(verdict.findings).front(), "frame_outlier") << VerdictText(verdict);
+}
+
+TEST(Verdict, NamesFramesThatArePairedWrongly) {
+  SyntheticProblem problem = GoodProblem(760, 2);
+  std::vector<View>& views = problem.input.cameras[1].views;
+  for (size_t v = 0; v + 1 < views.size(); ++v) views[v].observations = views[v + 1].observations;
+  views.pop_back();
+  const Verdict verdict = VerdictOf(problem);
+  EXPECT_EQ(verdict.grade, Grade::kBad);
+  EXPECT_EQ(CodesOf(verdict.findings).front(), "frames_misaligned") << VerdictText(verdict);
+  EXPECT_EQ(verdict.findings.front().value, -1);
+}
+
+TEST(Verdict, TellsImagesAtDifferentTimesFromACameraThatMoved) {
+  SyntheticOptions options{.cameras = 2, .frames = 30, .noise = kNoise};
+  options.jitter_translation = 0.002;
+  options.jitter_rotation = 0.005;
+  EXPECT_THAT(CodesOf(VerdictOf(MakeProblem(770, options)).findings), Contains("not_synchronous"));
+}
+
+TEST(Verdict, OfOnePoseIsNotGood) {
+  SyntheticProblem problem = GoodProblem(780, 1);
+  std::vector<View>& views = problem.input.cameras[0].views;
+  for (View& view : views) view.observations = views[0].observations;
+  Displace(&problem, 0, [](size_t view, double* x, double*) { *x += 0.2 * (view % 2); });
+  const Verdict verdict = VerdictOf(problem);
+  EXPECT_NE(verdict.grade, Grade::kGood);
+  EXPECT_THAT(CodesOf(verdict.findings), Contains("one_pose"));
+}
+
+TEST(Verdict, MergesOneFindingOfSeveralCameras) {
+  CalibrationRecord record;
+  for (const char* camera : {"left", "right"}) {
+    record.findings.push_back({.code = "many_outliers",
+                               .grade = Grade::kUsable,
+                               .cameras = {camera},
+                               .value = camera[0] == 'l' ? 0.1 : 0.2,
+                               .limit = 0.05,
+                               .what = camera});
+  }
+  const Verdict verdict = Judge(record);
+  ASSERT_EQ(verdict.findings.size(), 1);
+  EXPECT_EQ(verdict.findings[0].cameras, std::vector<std::string>({"left", "right"}));
+  EXPECT_EQ(verdict.findings[0].value, 0.2);
+}
+
+TEST(Verdict, GivesACauseTheGradeOfItsConsequences) {
+  CalibrationRecord record;
+  record.findings = {{.code = "noise_excess", .grade = Grade::kBad, .cameras = {"left"}},
+                     {.code = "rolling_shutter", .grade = Grade::kUsable, .cameras = {"left"}},
+                     {.code = "focus_changed", .grade = Grade::kUsable, .cameras = {"right"}}};
+  const Verdict verdict = Judge(record);
+  EXPECT_EQ(verdict.findings[0].code, "rolling_shutter");
+  EXPECT_EQ(verdict.findings[0].grade, Grade::kBad);
+  EXPECT_EQ(verdict.findings.back().grade, Grade::kUsable);
+}
+
+}  // namespace
+}  // namespace plenocal::testing
