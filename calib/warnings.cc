@@ -48,7 +48,7 @@ std::vector<Finding> FindingsOfJitter(const Bundle& bundle) {
   if (!(jitter.translation_sigma > 0)) return {};
   const auto misplaced = std::count(jitter.misplaced.begin(), jitter.misplaced.end(), true);
   return {
-      {.code = "rig_not_rigid",
+      {.code = "rig_disagrees",
        .grade = Grade::kUsable,
        .cameras = {},
        .value = jitter.rotation_sigma * 180 / std::numbers::pi,

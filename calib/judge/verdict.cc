@@ -21,6 +21,8 @@ namespace {
 // error of a pixel is larger than any detector's. Between them a projection that is as certain as
 // one measured point suffices, up to half a pixel.
 constexpr double kExact = 0.1, kPoint = 0.5, kPixel = 1;
+// Of half of the image at ten times the farthest point: focal length or centre is not known.
+constexpr double kFarBad = 3;
 // A projection map counts by what holds for this part of the image.
 constexpr double kMostOfImage = 0.9;
 // Noise beyond this many times the detector's has another cause.
@@ -40,7 +42,7 @@ constexpr double kTiltWeak = 30, kTiltNone = 12;  // degrees
 // Farthest over nearest image.
 constexpr double kDepthWeak = 1.5, kDepthOne = 1.15;
 // Each view of a plane gives two equations on the intrinsics; the rest is redundancy.
-constexpr int kViewsUsable = 10, kViewsBad = 4;
+constexpr int kViewsUsable = 10, kViewsBad = 3;
 constexpr double kRejected = 0.05;  // part of the points
 
 std::string Length(double metres) {
@@ -86,7 +88,7 @@ bool ShareACamera(const Finding& a, const Finding& b) {
 struct Certainty {
   double distance = 0;             // m
   double centre = 0, corners = 0;  // corners: the mean square of the four outermost cells
-  double most = 0;                 // quantile `kMostOfImage` over the image
+  double half = 0, most = 0;       // what half of the image and `kMostOfImage` keep
   double worst = 0;
   Eigen::Vector2d where{0, 0};  // of the worst
 };
@@ -102,9 +104,12 @@ Certainty Summarise(const ProjectionMap& map) {
     figures.where = map.grid.Middle(cell);
   }
   if (known.empty()) return figures;
-  const auto at = known.begin() + std::lround(kMostOfImage * static_cast<double>(known.size() - 1));
-  std::nth_element(known.begin(), at, known.end());
-  figures.most = *at;
+  std::ranges::sort(known);
+  const auto quantile = [&](double part) {
+    return known[static_cast<size_t>(std::lround(part * static_cast<double>(known.size() - 1)))];
+  };
+  figures.half = quantile(0.5);
+  figures.most = quantile(kMostOfImage);
   const auto columns = static_cast<size_t>(map.grid.Columns()),
              rows = static_cast<size_t>(map.grid.Rows());
   figures.centre = map.sigma[rows / 2 * columns + columns / 2];
@@ -118,20 +123,24 @@ Certainty Summarise(const ProjectionMap& map) {
   return figures;
 }
 
+/// What other findings need of a camera's projection.
+struct Projection {
+  Grade grade = Grade::kGood;
+  bool knows_corners = false;  // their standard error is within the limit
+};
+
 class Judgement {
  public:
   explicit Judgement(const CalibrationRecord& calibration) : calibration_(calibration) {}
 
   Verdict Make() {
     verdict_.findings = calibration_.findings;
-    std::vector<Grade> projection;
     for (size_t c = 0; c < calibration_.cameras.size(); ++c) {
-      projection.push_back(JudgeProjection(c));
-      JudgePoses(c, projection.back());
+      JudgePoses(c, JudgeProjection(c));
       JudgeNoise(calibration_.cameras[c]);
       JudgePattern(calibration_.cameras[c]);
     }
-    for (const WeakUnknowns& weak : calibration_.weak) JudgeUnknowns(weak, projection);
+    for (const WeakUnknowns& weak : calibration_.weak) JudgeUnknowns(weak);
     JudgeConvergence();
     MergeCameras();
     RaiseCauses();
@@ -160,8 +169,8 @@ class Judgement {
                          "detections."});
   }
 
-  // Strongly correlated parameters do no harm where the projection is certain.
-  void JudgeUnknowns(const WeakUnknowns& weak, const std::vector<Grade>& projection) {
+  // What weak parameters do to the projection is graded there; extrinsics have no other figure.
+  void JudgeUnknowns(const WeakUnknowns& weak) {
     Grade grade = weak.open ? Grade::kBad : Grade::kGood;
     std::vector<std::string> cameras;
     for (const std::string& name : weak.names) {
@@ -169,20 +178,17 @@ class Judgement {
         const std::string& camera = calibration_.cameras[c].name;
         if (!name.starts_with(camera + ".")) continue;
         if (cameras.empty() || cameras.back() != camera) cameras.push_back(camera);
-        const bool of_rig = name.starts_with(camera + ".T_camera_rig");
-        grade = std::max(grade, std::max(projection[c], of_rig ? Grade::kUsable : Grade::kGood));
+        if (name.starts_with(camera + ".T_camera_rig")) grade = std::max(grade, Grade::kUsable);
       }
     }
     Add({.code = weak.open ? "undetermined" : "weakly_determined",
          .grade = grade,
          .cameras = std::move(cameras),
-         .what =
-             fmt::format("{} determined by these images: {}{}{}.{}",
-                         weak.open ? "Not" : "Weakly",
-                         Listed(weak.names),
-                         weak.what.empty() ? "" : ": ",
-                         weak.what,
-                         grade == Grade::kGood ? " The projection is certain nevertheless." : ""),
+         .what = fmt::format("{} determined by these images: {}{}{}.",
+                             weak.open ? "Not" : "Weakly",
+                             Listed(weak.names),
+                             weak.what.empty() ? "" : ": ",
+                             weak.what),
          .remedy =
              weak.remedy.empty()
                  ? "Add images from other distances and at other tilts, over the whole image, "
@@ -191,19 +197,19 @@ class Judgement {
   }
 
   // What a camera is worth in use: the uncertainty of its projection.
-  Grade JudgeProjection(size_t c) {
+  Projection JudgeProjection(size_t c) {
     const CalibratedCamera& camera = calibration_.cameras[c];
     const std::vector<ProjectionMap> maps = ProjectionMaps(calibration_, c);
-    if (maps.empty()) return Grade::kBad;  // some parameter is not determined: `JudgeUnknowns`
+    if (maps.empty()) return {.grade = Grade::kBad};  // a parameter is open: `JudgeUnknowns`
     const Certainty here = Summarise(maps[1]), far = Summarise(maps[3]);
     const double limit = std::clamp(camera.fit.noise_sigma, kExact, kPoint);
-    const Grade grade = here.most > kPixel                       ? Grade::kBad
+    const Grade grade = here.half > kPixel || far.half > kFarBad ? Grade::kBad
                         : here.most > limit || far.most > kPixel ? Grade::kUsable
                                                                  : Grade::kGood;
     Add({.code = "projection",
          .grade = grade,
          .cameras = {camera.name},
-         .value = here.most,
+         .value = grade == Grade::kBad ? here.half : here.most,
          .limit = grade == Grade::kBad ? kPixel : limit,
          .what = fmt::format(
              "{}: standard error of the projection at {}: {:.2g} px in the middle, {:.2g} px in the "
@@ -224,10 +230,10 @@ class Judgement {
              grade == Grade::kGood
                  ? ""
                  : "Add images with the target where it is largest, and from other distances."});
-    return grade;
+    return {.grade = grade, .knows_corners = here.corners <= limit};
   }
 
-  void JudgePoses(size_t c, Grade projection) {
+  void JudgePoses(size_t c, const Projection& projection) {
     const CalibratedCamera& camera = calibration_.cameras[c];
     const PoseSpread spread = SpreadOf(calibration_, c);
     if (!spread.any) {
@@ -251,16 +257,19 @@ class Judgement {
                                camera.fit.views == 1 ? "" : "s"),
            .remedy = "Take twenty or more, each from another position."});
     }
-    JudgeSupport(camera, spread);
-    JudgeDistances(camera, spread, projection);
-    JudgeTilt(camera, spread, projection);
+    JudgeSupport(camera, spread, projection);
+    JudgeDistances(camera, spread, projection.grade);
+    JudgeTilt(camera, spread, projection.grade);
   }
 
-  void JudgeSupport(const CalibratedCamera& camera, const PoseSpread& spread) {
+  void JudgeSupport(const CalibratedCamera& camera,
+                    const PoseSpread& spread,
+                    const Projection& projection) {
     const std::string region = spread.Region();
     const bool little = spread.coverage < kCoverageUsable;
     if (!little && spread.Margin() < kMargin) return;
     const bool bad = spread.coverage < kCoverageBad;
+    if (!bad && projection.knows_corners) return;
     Add({.code = little ? "coverage" : "coverage_margin",
          .grade = bad ? Grade::kBad : Grade::kUsable,
          .cameras = {camera.name},
@@ -287,17 +296,16 @@ class Judgement {
 
   // A 3D target shows depth and tilt in a single image, and what a plane lacks does no harm where
   // the projection is certain: reported, but no defect by itself.
-  static Grade GradeOf(const PoseSpread& spread, Grade projection, Grade of_plane) {
-    return spread.is_plane && projection != Grade::kGood ? of_plane : Grade::kGood;
+  static Grade GradeOf(const PoseSpread& spread, Grade projection) {
+    return spread.is_plane && projection != Grade::kGood ? Grade::kUsable : Grade::kGood;
   }
 
   void JudgeDistances(const CalibratedCamera& camera, const PoseSpread& spread, Grade projection) {
     const double span = spread.farthest / spread.nearest;
     if (span >= kDepthWeak) return;
     const bool one = span < kDepthOne;
-    const bool is_bad = one && spread.tilt < kTiltWeak && spread.is_plane;
     Add({.code = one ? "one_distance" : "few_distances",
-         .grade = is_bad ? Grade::kBad : GradeOf(spread, projection, Grade::kUsable),
+         .grade = GradeOf(spread, projection),
          .cameras = {camera.name},
          .value = span,
          .limit = one ? kDepthOne : kDepthWeak,
@@ -316,8 +324,7 @@ class Judgement {
     if (spread.tilt >= kTiltWeak) return;
     const bool none = spread.tilt < kTiltNone;
     Add({.code = none ? "no_tilt" : "little_tilt",
-         .grade =
-             none && spread.is_plane ? Grade::kBad : GradeOf(spread, projection, Grade::kUsable),
+         .grade = GradeOf(spread, projection),
          .cameras = {camera.name},
          .value = spread.tilt,
          .limit = none ? kTiltNone : kTiltWeak,

@@ -222,7 +222,7 @@ TEST(NoisyDetections, OfFramesThatAreNotSynchronousDoNotSpoilTheCameras) {
     const Jitter& jitter = calibration.bundle.jitter;
     translation2 += std::pow(jitter.translation_sigma / kTranslation, 2) / kProblems;
     rotation2 += std::pow(jitter.rotation_sigma / kRotation, 2) / kProblems;
-    EXPECT_THAT(CodesOf(calibration.findings), ::testing::Contains("rig_disagrees"));
+    EXPECT_THAT(testing::CodesOf(calibration.findings), ::testing::Contains("rig_disagrees"));
     for (size_t c = 0; c < problem.params.size(); ++c) {
       EXPECT_NEAR(calibration.fits[c].noise_sigma, 0.1, 0.01);
       if (seed > 1) continue;
@@ -258,7 +258,7 @@ TEST(NoisyDetections, OfAViewThatIsFarOffCountForItsCameraOnly) {
   std::swap(views[4].frame, views[9].frame);  // as if files had been misnamed
   const Calibration calibration = Calibrate(problem.input, {});
   EXPECT_LT(calibration.bundle.jitter.translation_sigma, 1.3 * sigma);
-  EXPECT_THAT(CodesOf(calibration.findings), ::testing::Contains("rig_disagrees"));
+  EXPECT_THAT(testing::CodesOf(calibration.findings), ::testing::Contains("rig_disagrees"));
   EXPECT_EQ(calibration.fits[1].views, 20);
   ExpectWithinSigma(problem, calibration);
 }
@@ -344,7 +344,7 @@ TEST(FrameScatter, OfAModelWithVeryManyUnknownsIsNamed) {
       }
     }
     const Calibration calibration = Calibrate(problem.input, {});
-    EXPECT_EQ(std::ranges::count(CodesOf(calibration.findings), "points_share_errors"),
+    EXPECT_EQ(std::ranges::count(testing::CodesOf(calibration.findings), "points_share_errors"),
               own_lens > 0 ? 1 : 0);
   }
 }

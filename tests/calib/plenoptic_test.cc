@@ -235,7 +235,7 @@ TEST(PlenopticCommonNoise, OfTheMicroImagesOfAMarkerIsFoundAndIsInTheSigmas) {
 TEST(PlenopticFrameScatter, OfErrorsThatAFrameSharesIsNamedAndIsInTheSigmas) {
   // Sigmas without it give 9.6.
   ExpectTrueSigmas({.noise = 0.1, .frame_slope = 0.01}, 0.5, 2, [](const Calibration& calibration) {
-    EXPECT_THAT(CodesOf(calibration.findings), ::testing::Contains("points_share_errors"));
+    EXPECT_THAT(testing::CodesOf(calibration.findings), ::testing::Contains("points_share_errors"));
   });
 }
 

@@ -21,7 +21,7 @@
 #include "calib/describe.h"
 #include "calib/files/calibration_file.h"
 #include "calib/files/calibration_tables.h"
-#include "calib/judge/causes.h"
+#include "calib/judge/causes/diagnose.h"
 #include "calib/judge/verdict.h"
 #include "calib/summary.h"
 #include "models/registry.h"
@@ -182,8 +182,7 @@ void RunCalibrate(const CalibrateArguments& arguments, const ConsoleOptions& sha
   const Calibration calibration = Solve(input, arguments, shared.threads, &console);
   CalibrationRecord record = DescribeAll(calibration, observations);
   record.provenance = provenance;
-  for (Finding& cause : FindCauses(calibration)) record.findings.push_back(std::move(cause));
-  record.verdict = Judge(record);
+  Diagnose(input, calibration, CameraModels(), &record);
   WriteResult(record, target, &out);
   WriteDetections(session, observations, arguments.out, &out);
   // An older report beside new results would be wrong.

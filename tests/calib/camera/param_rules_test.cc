@@ -66,7 +66,8 @@ TEST(Prior, CountsLikeOneMoreMeasurement) {
   EXPECT_TRUE(with.findings.empty());
 
   Ruled(&problem).rules[kFx].prior = {value + 10 * sigma, sigma};
-  EXPECT_THAT(CodesOf(Calibrate(problem.input, {}).findings), ElementsAre("prior_contradicted"));
+  EXPECT_THAT(testing::CodesOf(Calibrate(problem.input, {}).findings),
+              ElementsAre("prior_contradicted"));
 }
 
 TEST(Prior, DeterminesWhatTheImagesDoNot) {
@@ -133,7 +134,7 @@ TEST(Bounds, HoldWhatWouldLeaveThemAndNothingElse) {
   EXPECT_EQ(narrow.bundle.cameras[0].params[kA0], bound);
   EXPECT_EQ(narrow.uncertainty.param_std_errors[0][kA0], 0);
   EXPECT_EQ(narrow.uncertainty.param_index[0][kA0], -1);
-  EXPECT_THAT(CodesOf(narrow.findings), ElementsAre("at_bound"));
+  EXPECT_THAT(testing::CodesOf(narrow.findings), ElementsAre("at_bound"));
 
   // The rest is as if the parameter were held there.
   Ruled(&problem).rules.clear();

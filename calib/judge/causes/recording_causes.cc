@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/judge/recording_causes.h"
+#include "calib/judge/causes/recording_causes.h"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -12,7 +12,7 @@
 #include <span>
 
 #include "calib/base/statistics.h"
-#include "calib/judge/view_rows.h"
+#include "calib/judge/causes/view_rows.h"
 #include "calib/noise/camera_noise.h"
 
 namespace plenocal {
@@ -180,12 +180,12 @@ std::vector<Finding> FindFocusChange(const Calibration& calibration,
 
 // ---- rolling shutter
 
-// The pose's derivatives times a coordinate of the point over the image: motion of the target while
-// rows (or columns) are exposed one after the other.
-Eigen::MatrixXd MotionAlong(const ViewRows& view, Eigen::Index axis, double middle, double length) {
+// The pose's derivatives times the row: motion of the target while rows are exposed one after the
+// other.
+Eigen::MatrixXd MotionByRow(const ViewRows& view, int height) {
   Eigen::MatrixXd X = view.pose;
   for (Eigen::Index i = 0; i < view.noise.size(); ++i) {
-    X.middleRows<2>(2 * i) *= (view.position(i, axis) - middle) / length;
+    X.middleRows<2>(2 * i) *= (view.position(i, 1) - (height - 1) / 2.0) / height;
   }
   return X;
 }
@@ -194,42 +194,38 @@ std::vector<Finding> FindRollingShutter(const Calibration& calibration,
                                         size_t c,
                                         std::span<const ViewRows> views) {
   const BundleCamera& camera = calibration.bundle.cameras[c];
-  const auto [width, height] = camera.image_size;
-  double gain = 0, rest = 0, degrees = 0, gain_columns = 0;
-  int for_rows = 0, all = 0;
-  for (const ViewRows& view : views) {
+  double gain = 0, rest = 0, degrees = 0, squares = 0;
+  int all = 0;
+  for (const ViewRows& view : views) squares += view.residual.squaredNorm();
+  // A bent board and a lens that the model does not describe are the same in all views.
+  for (const ViewRows& view : WithoutCommonPart({views.begin(), views.end()}, camera.image_size)) {
     if (view.residual.size() < 36) continue;  // pose, motion and twice as many degrees again
-    const Regression rows = Regress(view, MotionAlong(view, 1, (height - 1) / 2.0, height));
-    const Regression columns = Regress(view, MotionAlong(view, 0, (width - 1) / 2.0, height));
-    gain += rows.gain;
-    gain_columns += columns.gain;
-    rest += rows.rest;
-    degrees += rows.degrees;
-    for_rows += rows.gain > columns.gain ? 1 : 0;
+    const Regression motion = Regress(view, MotionByRow(view, camera.image_size[1]));
+    gain += motion.gain;
+    rest += motion.rest;
+    degrees += motion.degrees;
     ++all;
   }
   constexpr int kLeastViews = 4;
   if (all < kLeastViews || !(rest > 0)) return {};
-  // A bent board or a lens that the model does not describe gains along columns as well.
   const double F = gain / (6.0 * all) / (rest / degrees);
-  const double decided = (for_rows - 0.5 * all) / std::sqrt(0.25 * all);  // sign test
-  constexpr double kDecided = 3;                                          // sigmas
-  if (FTail(F, 6.0 * all, degrees) > kCauseLevel || decided < kDecided) return {};
-  if (gain - 6.0 * all < 2 * (gain_columns - 6.0 * all)) return {};
-  const double moved = std::sqrt(gain / (gain + rest)) * calibration.fits[c].rms;
-  return {
-      {.code = "rolling_shutter",
-       .grade = Grade::kUsable,
-       .cameras = {camera.name},
-       .value = moved,
-       .limit = 0,
-       .what = fmt::format("{}: the residuals go with the image row and the motion of each frame "
-                           "({:.2g} px RMS): a rolling shutter and a camera or target that "
-                           "moved.",
-                           camera.name,
-                           moved),
-       .remedy = "Hold camera and target still while an image is taken, or use a camera with a "
-                 "global shutter."}};
+  if (FTail(F, 6.0 * all, degrees) > kCauseLevel) return {};
+  constexpr double kExplains = 0.5;  // part of all squares
+  const double by_noise = 6.0 * all * rest / degrees;
+  if (gain - by_noise < kExplains * squares) return {};
+  const double moved = std::sqrt((gain - by_noise) / squares) * calibration.fits[c].rms;
+  return {{.code = "rolling_shutter",
+           .grade = Grade::kUsable,
+           .cameras = {camera.name},
+           .value = moved,
+           .limit = 0,
+           .what = fmt::format("{}: the residuals go with the image row and a motion in each frame "
+                               "({:.2g} px RMS): a rolling shutter and a camera or target that "
+                               "moved.",
+                               camera.name,
+                               moved),
+           .remedy = "Hold camera and target still while an image is taken, or use a camera with a "
+                     "global shutter."}};
 }
 
 // ---- single images

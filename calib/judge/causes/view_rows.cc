@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/judge/view_rows.h"
+#include "calib/judge/causes/view_rows.h"
 
 #include <algorithm>
+#include <map>
+#include <span>
 
 #include "calib/adjust/linearise.h"
 #include "calib/base/linear_algebra.h"
+#include "calib/judge/residual_field.h"
 
 namespace plenocal {
 namespace {
@@ -32,7 +35,9 @@ ViewRows MakeView(const Bundle& bundle, std::span<const BundleObservation* const
                 .residual = Eigen::VectorXd(2 * most),
                 .pose = Eigen::MatrixXd(2 * most, 6),
                 .position = Eigen::MatrixXd(most, 2),
-                .noise = Eigen::VectorXd(most)};
+                .noise = Eigen::VectorXd(most),
+                .markers = {},
+                .marker = {}};
   std::vector<double> J_params(2 * camera.params.size());
   Eigen::Index count = 0;
   for (const BundleObservation* observation : observations) {
@@ -51,12 +56,15 @@ ViewRows MakeView(const Bundle& bundle, std::span<const BundleObservation* const
     view.pose.middleRows<2>(2 * count) = J;
     view.position.row(count) << observation->seen.values[0], observation->seen.values[1];
     view.noise[count] = camera.noise.OwnSigma(observation->assumed_sigma);
+    view.markers.push_back(observation->marker);
     ++count;
   }
   view.residual.conservativeResize(2 * count);
   view.pose.conservativeResize(2 * count, 6);
   view.position.conservativeResize(count, 2);
   view.noise.conservativeResize(count);
+  // The pose moves the target's points in the rig's frame.
+  view.marker = view.pose.leftCols<3>() * linearised.T_rig_target.R;
   return view;
 }
 
@@ -79,6 +87,48 @@ std::vector<ViewRows> RowsOfViews(const Bundle& bundle, size_t camera) {
     ViewRows view = MakeView(bundle, chosen);
     if (view.noise.size() >= kLeastObservations) views.push_back(std::move(view));
   }
+  return views;
+}
+
+std::vector<ViewRows> WithoutCommonPart(std::vector<ViewRows> views, ImageSize image_size) {
+  constexpr int kCells = 12;           // along the image's longer side
+  constexpr double kWeakPrior = 1e-6;  // of the information on a marker
+  const ImageGrid grid(image_size, kCells);
+  std::map<int, std::pair<Eigen::Matrix3d, Eigen::Vector3d>> markers;  // normal equations
+  std::vector<Eigen::Vector2d> field(grid.Cells(), Eigen::Vector2d::Zero());
+  std::vector<double> counts(grid.Cells(), 0.0);
+  const auto for_each = [&](const auto& visit) {
+    for (ViewRows& view : views) {
+      for (Eigen::Index i = 0; i < view.noise.size(); ++i) visit(view, i);
+    }
+  };
+  for_each([&](const ViewRows& view, Eigen::Index i) {
+    const Eigen::Matrix<double, 2, 3> J = view.marker.middleRows<2>(2 * i);
+    auto& [H, g] = markers
+                       .try_emplace(view.markers[static_cast<size_t>(i)],
+                                    Eigen::Matrix3d::Zero(),
+                                    Eigen::Vector3d::Zero())
+                       .first->second;
+    H += J.transpose() * J;
+    g += J.transpose() * view.residual.segment<2>(2 * i);
+  });
+  std::map<int, Eigen::Vector3d> displacements;
+  for (auto& [index, equations] : markers) {
+    Eigen::Matrix3d& H = equations.first;
+    H.diagonal().array() += kWeakPrior * H.trace();
+    displacements[index] = SolveSymmetric(H, equations.second);
+  }
+  for_each([&](ViewRows& view, Eigen::Index i) {
+    view.residual.segment<2>(2 * i) -=
+        view.marker.middleRows<2>(2 * i) * displacements.at(view.markers[static_cast<size_t>(i)]);
+    const size_t cell = grid.Cell(view.position(i, 0), view.position(i, 1));
+    field[cell] += view.residual.segment<2>(2 * i);
+    counts[cell] += 1;
+  });
+  for_each([&](ViewRows& view, Eigen::Index i) {
+    const size_t cell = grid.Cell(view.position(i, 0), view.position(i, 1));
+    view.residual.segment<2>(2 * i) -= field[cell] / counts[cell];
+  });
   return views;
 }
 

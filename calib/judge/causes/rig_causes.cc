@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/judge/rig_causes.h"
+#include "calib/judge/causes/rig_causes.h"
 
 #include <fmt/format.h>
 
@@ -9,7 +9,7 @@
 #include <optional>
 
 #include "calib/base/statistics.h"
-#include "calib/judge/view_rows.h"
+#include "calib/judge/causes/view_rows.h"
 
 namespace plenocal {
 namespace {

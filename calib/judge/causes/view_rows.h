@@ -16,6 +16,8 @@ struct ViewRows {
   Eigen::MatrixXd pose;      ///< rows x 6: derivatives by the target's pose
   Eigen::MatrixXd position;  ///< observations x 2: the measured image point, px
   Eigen::VectorXd noise;     ///< per observation: sigma of a coordinate, px
+  std::vector<int> markers;  ///< per observation: index into Bundle::markers
+  Eigen::MatrixXd marker;    ///< rows x 3: derivatives by the position of the row's marker
 };
 
 /// The views of one camera with used observations enough for a pose, in the order of the frames; of
@@ -30,6 +32,10 @@ struct Regression {
   double rest = 0;              ///< sum of squares that is left
   double degrees = 0;           ///< rows less pose and regressors
 };
+
+/// Residuals without what is the same in all views: displacements of the markers, and the mean over
+/// the views in each part of the image.
+std::vector<ViewRows> WithoutCommonPart(std::vector<ViewRows> views, ImageSize image_size);
 
 /// `regressors`: rows x k. Regressors that the pose can replace get the estimate 0.
 Regression Regress(const ViewRows& view, const Eigen::MatrixXd& regressors);

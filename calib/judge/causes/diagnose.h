@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Causes by name: mistakes of target file, lens model and recording that users really make
+// (docs/diagnosis.md).
+#pragma once
+
+#include <span>
+
+#include "calib/calibrate.h"
+#include "calib/files/calibration_record.h"
+
+namespace plenocal {
+
+/// Judges a calibration: adds the causes that its residuals and poses show to `record->findings`
+/// and sets `record->verdict`. `record` is the result of `Describe(calibration)`. Where residuals
+/// are larger than noise, `models` are tried in place of the camera's own.
+void Diagnose(const CalibrationInput& input,
+              const Calibration& calibration,
+              std::span<const CameraModel> models,
+              CalibrationRecord* record);
+
+}  // namespace plenocal
