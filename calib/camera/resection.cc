@@ -232,7 +232,7 @@ std::optional<Candidate> Refine(std::span<const Ray> rays,
                                 RigidTransform T) {
   constexpr int kMaxIterations = 50, kMaxAttempts = 10;
   // Far below what any image can determine; the bundle adjustment does the rest.
-  constexpr double kConverged = 1e-5;
+  constexpr double kSmallStep = 1e-5;
   constexpr double kFirstDamping = 1e-3, kLeastDamping = 1e-12;
   const AngleProblem problem(rays, points);
   Eigen::Matrix2Xd r;
@@ -264,7 +264,7 @@ std::optional<Candidate> Refine(std::span<const Ray> rays,
         damping *= 10;
       }
     }
-    if (!improved || step_size < kConverged) break;
+    if (!improved || step_size < kSmallStep) break;
   }
   return problem.Judge(T);
 }

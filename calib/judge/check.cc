@@ -17,7 +17,7 @@
 namespace plenocal {
 namespace {
 
-constexpr double kFalseAlarm = 0.01;
+constexpr double kCheckLevel = 0.01;
 
 // Gives the input the old cameras; those parameters that were fixed then are fixed now.
 void TakeCameras(const CalibrationRecord& old,
@@ -163,7 +163,7 @@ class Check {
                  }});
     // Parameters of each camera, extrinsics of all but the master.
     const size_t tests = 2 * cameras_.size() - 1;
-    const double limit = kFalseAlarm / static_cast<double>(tests);
+    const double limit = kCheckLevel / static_cast<double>(tests);
     for (size_t c = 0; c < cameras_.size(); ++c) {
       CameraCheck camera = CheckCamera(c);
       camera.valid = camera.probability >= limit && camera.extrinsics_probability >= limit;

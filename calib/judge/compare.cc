@@ -18,7 +18,7 @@ namespace plenocal {
 namespace {
 
 constexpr double kFarAway = 1e8;      // m: stands for infinity
-constexpr double kFalseAlarm = 0.01;  // of all parts and distances together
+constexpr double kDifferenceLevel = 0.01;  // of all parts and distances together
 constexpr double kLensOffset = 8;     // px, of points in micro images from their lens' centre
 
 struct Sample {
@@ -308,7 +308,7 @@ class Comparison {
   [[nodiscard]] DistanceDifference JudgeDistance(size_t d,
                                                  const System& system,
                                                  const Eigen::MatrixXd& M) const {
-    const double limit = kFalseAlarm / (9.0 * static_cast<double>(distances_.size()));
+    const double limit = kDifferenceLevel / (9.0 * static_cast<double>(distances_.size()));
     DistanceDifference at;
     at.distance = distances_[d];
     std::vector<size_t> all;
@@ -420,7 +420,7 @@ ExtrinsicsDifference CompareExtrinsics(const Counterparts& master,
   const Eigen::MatrixXd root = InverseRoot(covariance);
   result.probability =
       ChiSquareTail(static_cast<int>(root.cols()), (root.transpose() * difference).squaredNorm());
-  result.differs = result.probability < kFalseAlarm;
+  result.differs = result.probability < kDifferenceLevel;
   return result;
 }
 

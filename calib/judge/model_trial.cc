@@ -25,7 +25,7 @@ constexpr double kMostUnseen = 0.01;       // part of the points beyond the most
 constexpr double kSignificant = 0.05;
 constexpr double kExact = 1e-6;  // px; smaller residuals are rounding
 
-double Square(const double* residual, size_t count) {
+double SumOfSquares(const double* residual, size_t count) {
   double square = 0;
   for (size_t r = 0; r < count; ++r) square += residual[r] * residual[r];
   return square;
@@ -179,7 +179,7 @@ class Trials {
                             kFalseRejections / static_cast<double>(bundle.observations.size()));
       double residual[kMaxObservationSize];
       sum += Residual(bundle, observation, residual)
-                 ? std::min(limit, Square(residual, count) / (c->second * c->second))
+                 ? std::min(limit, SumOfSquares(residual, count) / (c->second * c->second))
                  : limit;
     }
     return sum;
@@ -369,7 +369,7 @@ class Trials {
   }
 
   [[nodiscard]] double SquareOf(size_t m, size_t p) const {
-    return Square(residuals_[m][p].values.data(), choice_.trials[m].model->measured.size());
+    return SumOfSquares(residuals_[m][p].values.data(), choice_.trials[m].model->measured.size());
   }
 
   // Sum of a model's squares in each frame over the points that count.

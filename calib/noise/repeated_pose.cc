@@ -11,7 +11,6 @@
 namespace plenocal {
 namespace {
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 // One view determines few of a camera's parameters (a flat target's homography: two); others seem
 // determined because distortion has followed the noise. Those with a standard error above a
@@ -20,12 +19,12 @@ void OpenUncertainParameters(const Bundle& bundle, Uncertainty* uncertainty) {
   constexpr double kDetermined = 0.01;
   for (size_t c = 0; c < bundle.cameras.size(); ++c) {
     const BundleCamera& camera = bundle.cameras[c];
-    OpenDirection open{{}, kInfinity};
+    OpenDirection open{{}, std::numeric_limits<double>::infinity()};
     for (size_t k = 0; k < camera.params.size(); ++k) {
       const Param& param = camera.model->params[k];
       double& std_error = uncertainty->param_std_errors[c][k];
       if (std_error <= kDetermined * std::max(std::abs(camera.params[k]), param.scale)) continue;
-      std_error = kInfinity;
+      std_error = std::numeric_limits<double>::infinity();
       open.parts.emplace_back(bundle.cameras[c].name + "." + std::string(param.name), 1.0);
     }
     if (!open.parts.empty()) uncertainty->open.push_back(open);
