@@ -140,7 +140,7 @@ void RunCalibrate(const CalibrateArguments& arguments, const ConsoleOptions& sha
   }
   out.Commit();
   cache.RemoveUnused();
-  fmt::print("{}\nwritten to {}\n", Summary(calibration), arguments.out.string());
+  console.Print(fmt::format("{}\nwritten to {}\n", Summary(calibration), arguments.out.string()));
 }
 
 constexpr const char* kHelp =
