@@ -8,6 +8,7 @@
 #include <limits>
 #include <numbers>
 
+#include "calib/base/number_text.h"
 #include "calib/noise/weak_directions.h"
 
 namespace plenocal {
@@ -72,11 +73,11 @@ std::string LensTypeText(const CameraFit& fit) {
 
 std::string FitText(const CameraFit& fit) {
   std::string text = fmt::format(
-      "  RMS reprojection error {:.4f} px over {} points in {} images, {} rejected; noise {:.4f} px "
+      "  RMS reprojection error {:.4f} px over {} in {}, {} rejected; noise {:.4f} px "
       "per coordinate",
       fit.rms,
-      fit.points,
-      fit.views,
+      Counted(static_cast<size_t>(fit.points), "point"),
+      Counted(static_cast<size_t>(fit.views), "image"),
       fit.rejected,
       fit.noise_sigma);
   if (fit.detector_sigma > 0) text += fmt::format(" (detector: {:.4f})", fit.detector_sigma);
@@ -134,7 +135,7 @@ std::string ExtrinsicsText(const Calibration& calibration, size_t c) {
   const Eigen::Vector3d sigma = covariance.diagonal().tail<3>().cwiseMax(0).cwiseSqrt() * kDegrees;
   return fmt::format(
       "    extrinsics relative to {}: baseline {} mm, centre ({:.3f}, {:.3f}, {:.3f}) mm\n"
-      "    rotation ({}, {}, {}) degrees about x, y, z\n",
+      "    rotation vector ({}, {}, {}) degrees\n",
       calibration.bundle.cameras[0].name,
       WithSigma(centre.norm(), 1e3 * BaselineSigma(camera.T_camera_rig, covariance)),
       centre.x(),
@@ -181,12 +182,11 @@ std::string WeakText(const std::vector<WeakUnknowns>& weak, bool open, std::stri
 
 std::string Summary(const Calibration& calibration) {
   const Bundle& bundle = calibration.bundle;
-  std::string text = fmt::format("{} camera{}, {} frames, {} markers; {} iterations, {}\n",
-                                 bundle.cameras.size(),
-                                 bundle.cameras.size() == 1 ? "" : "s",
-                                 calibration.frames.size(),
-                                 bundle.markers.size(),
-                                 calibration.iterations,
+  std::string text = fmt::format("{}, {}, {}; {}, {}\n",
+                                 Counted(bundle.cameras.size(), "camera"),
+                                 Counted(calibration.frames.size(), "frame"),
+                                 Counted(bundle.markers.size(), "marker"),
+                                 Counted(static_cast<size_t>(calibration.iterations), "iteration"),
                                  calibration.converged ? "converged" : "NOT CONVERGED");
   for (size_t c = 0; c < bundle.cameras.size(); ++c) {
     const BundleCamera& camera = bundle.cameras[c];

@@ -19,6 +19,7 @@ namespace plenocal {
 
 struct DoubleSphere : LensModel<DoubleSphere> {
   static constexpr std::string_view kName = "double-sphere";
+  static constexpr Usage kUsage = Usage::kSome;
   static constexpr std::string_view kSource =
       "Usenko, Demmel and Cremers, The double sphere camera model, 3DV 2018";
   static constexpr auto kParams = WithIntrinsics<2>(

@@ -20,6 +20,7 @@ namespace plenocal {
 
 struct Eucm : LensModel<Eucm> {
   static constexpr std::string_view kName = "eucm";
+  static constexpr Usage kUsage = Usage::kSome;
   static constexpr std::string_view kSource =
       "Khomutenko et al., An enhanced unified camera model, RA-L 2016";
   static constexpr auto kParams = WithIntrinsics<2>(

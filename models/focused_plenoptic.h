@@ -11,6 +11,7 @@ namespace plenocal {
 
 struct FocusedPlenoptic : PlenopticModel<1> {
   static constexpr std::string_view kName = "focused-plenoptic";
+  static constexpr Usage kUsage = Usage::kCommon;
   static constexpr std::string_view kSource =
       "Zeller et al., synchronized stereo and plenoptic VO dataset, \"Plenoptic Camera Model\"";
   static constexpr auto kParams = kSharedParams;

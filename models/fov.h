@@ -20,6 +20,7 @@ namespace plenocal {
 
 struct Fov : LensModel<Fov> {
   static constexpr std::string_view kName = "fov";
+  static constexpr Usage kUsage = Usage::kSome;
   static constexpr std::string_view kSource =
       "Devernay and Faugeras, Straight lines have to be straight, 2001";
   static constexpr auto kParams = WithIntrinsics<1>(

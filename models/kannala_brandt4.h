@@ -22,6 +22,7 @@ namespace plenocal {
 
 struct KannalaBrandt4 : LensModel<KannalaBrandt4> {
   static constexpr std::string_view kName = "kannala-brandt4";
+  static constexpr Usage kUsage = Usage::kCommon;
   static constexpr std::string_view kSource =
       "Kannala and Brandt, PAMI 2006; OpenCV fisheye, Kalibr equidistant";
   // Scales: what changes theta_d by as much as itself at 90 degrees.

@@ -15,6 +15,7 @@ namespace plenocal {
 
 struct Pinhole : LensModel<Pinhole> {
   static constexpr std::string_view kName = "pinhole";
+  static constexpr Usage kUsage = Usage::kCommon;
   static constexpr std::string_view kSource =
       "Hartley and Zisserman, Multiple View Geometry, section 6.1";
   static constexpr auto kParams = WithIntrinsics<0>({});

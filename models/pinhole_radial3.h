@@ -27,6 +27,7 @@ namespace plenocal {
 
 struct PinholeRadial3 : CentralModel {
   static constexpr std::string_view kName = "pinhole-radial3";
+  static constexpr Usage kUsage = Usage::kCommon;
   static constexpr std::string_view kSource =
       "Zeller et al., synchronized stereo and plenoptic VO dataset, \"Stereo Camera Model\"";
   static constexpr std::array kParams{Param{"f_x", "px", 0},

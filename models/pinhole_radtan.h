@@ -11,6 +11,7 @@ namespace plenocal {
 
 struct PinholeRadtan : RadtanModel<PinholeRadtan, 5> {
   static constexpr std::string_view kName = "pinhole-radtan";
+  static constexpr Usage kUsage = Usage::kCommon;
 };
 
 }  // namespace plenocal

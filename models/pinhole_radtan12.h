@@ -11,6 +11,7 @@ namespace plenocal {
 
 struct PinholeRadtan12 : RadtanModel<PinholeRadtan12, 12> {
   static constexpr std::string_view kName = "pinhole-radtan12";
+  static constexpr Usage kUsage = Usage::kSome;
 };
 
 }  // namespace plenocal

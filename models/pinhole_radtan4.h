@@ -11,6 +11,7 @@ namespace plenocal {
 
 struct PinholeRadtan4 : RadtanModel<PinholeRadtan4, 4> {
   static constexpr std::string_view kName = "pinhole-radtan4";
+  static constexpr Usage kUsage = Usage::kCommon;
 };
 
 }  // namespace plenocal

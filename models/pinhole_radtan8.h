@@ -11,6 +11,7 @@ namespace plenocal {
 
 struct PinholeRadtan8 : RadtanModel<PinholeRadtan8, 8> {
   static constexpr std::string_view kName = "pinhole-radtan8";
+  static constexpr Usage kUsage = Usage::kCommon;
 };
 
 }  // namespace plenocal

@@ -17,6 +17,7 @@ namespace plenocal {
 
 struct Ucm : LensModel<Ucm> {
   static constexpr std::string_view kName = "ucm";
+  static constexpr Usage kUsage = Usage::kSome;
   static constexpr std::string_view kSource =
       "Geyer and Daniilidis, ECCV 2000; Usenko et al., 3DV 2018";
   static constexpr auto kParams = WithIntrinsics<1>({Eucm::kParams[4]});

@@ -25,7 +25,7 @@ double MarkerSpacing(const std::map<int, Eigen::Vector3d>& markers) {
 }
 
 // Standard deviation of the prior of marker coordinates, m; 0: the target is rigid.
-double MarkerSigma(const Session& session, const Target& target, Console* console) {
+double MarkerSigmaOfSession(const Session& session, const Target& target, Console* console) {
   if (!session.refine_target.value_or(target.tolerance.has_value())) {
     if (!session.refine_target) {
       console->Message(
@@ -34,18 +34,22 @@ double MarkerSigma(const Session& session, const Target& target, Console* consol
     }
     return 0;
   }
-  if (target.tolerance) return *target.tolerance;
-  // Refined without a stated tolerance: that of a laser printer and a hard board.
-  constexpr double kPartOfSpacing = 0.01;
-  const double sigma = kPartOfSpacing * MarkerSpacing(target.markers);
-  console->Message(
-      fmt::format("the target states no tolerance; its markers are refined with {:.3g} mm, 1 % of "
-                  "their spacing",
-                  1e3 * sigma));
+  const double sigma = RefinedMarkerSigma(target);
+  if (!target.tolerance) {
+    console->Message(
+        fmt::format("the target states no tolerance; its markers are refined with {:.3g} mm, 1 % "
+                    "of their spacing",
+                    1e3 * sigma));
+  }
   return sigma;
 }
 
 }  // namespace
+
+double RefinedMarkerSigma(const Target& target) {
+  constexpr double kPartOfSpacing = 0.01;
+  return target.tolerance.value_or(kPartOfSpacing * MarkerSpacing(target.markers));
+}
 
 CalibrationInput MakeCalibrationInput(const Session& session,
                                       const Target& target,
@@ -54,7 +58,7 @@ CalibrationInput MakeCalibrationInput(const Session& session,
   CalibrationInput input;
   input.cameras = std::move(cameras);
   input.markers = target.markers;
-  input.marker_sigma = MarkerSigma(session, target, console);
+  input.marker_sigma = MarkerSigmaOfSession(session, target, console);
   input.loss = session.loss;
   return input;
 }

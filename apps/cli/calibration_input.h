@@ -10,6 +10,10 @@
 
 namespace plenocal {
 
+/// Standard deviation of the prior of a refined target's marker coordinates, m: its tolerance, or
+/// 1 % of the markers' spacing, that of a laser printer and a hard board.
+double RefinedMarkerSigma(const Target& target);
+
 /// The calibration problem of a session and its observations. Prints whether and how the target's
 /// markers are refined where session and target leave it open.
 CalibrationInput MakeCalibrationInput(const Session& session,

@@ -5,17 +5,23 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cstdlib>
+#include <filesystem>
 #include <span>
 #include <string_view>
 
+#include "apps/cli/shell/declarations.h"
+#include "apps/cli/shell/version.h"
 #include "calib/base/error.h"
 #include "calib/base/names.h"
+#include "calib/base/number_text.h"
 #include "models/registry.h"
 
 namespace plenocal {
 namespace {
 
 constexpr std::string_view kPlugin = "--plugin";
+constexpr const char* kPluginVariable = "PLENOCAL_PLUGINS";  // files, separated by colons
 
 /// The arguments from the command on: those before it are `--plugin FILE`.
 std::span<char*> FromCommand(int argc, char** argv) {
@@ -36,6 +42,22 @@ void RefuseUnknownCommand(std::span<char*> arguments) {
                           SuggestName(arguments[0], names)));
 }
 
+/// An unknown option, with the nearest known one: it would else be reported by its consequences.
+void RefuseUnknownOption(const CLI::App& command, const std::string& path) {
+  for (const std::string& argument : command.remaining()) {
+    if (argument.size() < 2 || argument[0] != '-' || ParseDouble(argument)) continue;
+    const std::string option = argument.substr(0, argument.find('='));
+    const std::vector<std::string> names = LongNames(command);
+    const std::vector<std::string_view> known(names.begin(), names.end());
+    const std::string_view nearest = NearestName(option, known);
+    throw Error(ErrorKind::kInput,
+                fmt::format("unknown option '{}'{}; see '{} --help'",
+                            option,
+                            nearest.empty() ? "" : fmt::format("; did you mean '{}'?", nearest),
+                            path));
+  }
+}
+
 [[noreturn]] void RefuseArguments(const CLI::App& app,
                                   const CLI::ParseError& error,
                                   std::span<char*> arguments) {
@@ -46,11 +68,42 @@ void RefuseUnknownCommand(std::span<char*> arguments) {
     throw Error(ErrorKind::kInput,
                 "--plugin stands before the command: plenocal --plugin ./libmine.so COMMAND ...");
   }
-  const auto command = app.get_subcommands();
-  throw Error(ErrorKind::kInput,
-              fmt::format("{}; see 'plenocal {}--help'",
-                          error.what(),
-                          command.empty() ? "" : command[0]->get_name() + " "));
+  const CLI::App* command = &app;
+  std::string path = app.get_name();
+  RefuseUnknownOption(*command, path);
+  while (!command->get_subcommands().empty()) {
+    command = command->get_subcommands().front();
+    path += " " + command->get_name();
+    RefuseUnknownOption(*command, path);
+  }
+  throw Error(ErrorKind::kInput, fmt::format("{}; see '{} --help'", error.what(), path));
+}
+
+/// The plug-ins that the environment names, without those that the command line names as well.
+std::vector<std::string> PluginsOfEnvironment(const std::vector<std::string>& named) {
+  const char* const list = std::getenv(kPluginVariable);
+  if (list == nullptr) return {};
+  std::vector<std::string> plugins;
+  for (const std::string& plugin : CLI::detail::split(list, ':')) {
+    const auto is_same = [&](const std::string& other) {
+      std::error_code error;
+      return std::filesystem::equivalent(plugin, other, error);
+    };
+    if (plugin.empty() || std::ranges::any_of(named, is_same) ||
+        std::ranges::any_of(plugins, is_same)) {
+      continue;
+    }
+    plugins.push_back(plugin);
+  }
+  return plugins;
+}
+
+void AddModelsOfEnvironment(const std::string& plugin) {
+  try {
+    AddCameraModels(plugin);
+  } catch (const Error& error) {
+    throw Error(error.kind(), fmt::format("{}: {}", kPluginVariable, error.what()));
+  }
 }
 
 }  // namespace
@@ -60,12 +113,13 @@ CommandLine::CommandLine()
           "Plenocal calibrates ordinary and focused plenoptic cameras, alone or on one rig, from images of a target.\n\n"
           "  plenocal calibrate session.yaml -o OUT")) {
   app_->name("plenocal");
-  app_->set_version_flag("--version", PLENOCAL_VERSION);
+  app_->set_version_flag(
+      "--version", VersionText, "version and commit of the program, versions of its libraries");
   app_->require_subcommand(1);
   app_->add_option(
           std::string(kPlugin),
           plugins_,
-          "shared library with more camera models (docs/new_model.md); before the command, may stand several times")
+          "shared library with more camera models (docs/new_model.md); before the command, may stand several times; the environment variable PLENOCAL_PLUGINS names more, separated by colons")
       ->allow_extra_args(false);
   for (const Command& command : Commands()) {
     CLI::App* const declared = app_->add_subcommand(std::string(command.name), command.help);
@@ -87,9 +141,13 @@ RunCommand CommandLine::Parse(int argc, char** argv) {
     RefuseArguments(*app_, error, arguments);
   }
   return [this] {
-    for (const std::string& plugin : plugins_) {
-      AddCameraModels(plugin);
-      shared_.program += fmt::format(" {} {}", kPlugin, plugin);
+    const std::vector<std::string> more = PluginsOfEnvironment(plugins_);
+    for (const std::string& plugin : more) AddModelsOfEnvironment(plugin);
+    for (const std::string& plugin : plugins_) AddCameraModels(plugin);
+    for (const auto& plugins : {more, plugins_}) {
+      for (const std::string& plugin : plugins) {
+        shared_.program += fmt::format(" {} {}", kPlugin, plugin);
+      }
     }
     commands_.at(app_->get_subcommands().front())();
   };

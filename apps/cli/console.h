@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <string>
+#include <string_view>
 
 namespace plenocal {
 
@@ -10,12 +11,25 @@ namespace plenocal {
 struct ConsoleOptions {
   std::string program =
       "plenocal";      ///< the program as it was called, with the options before the command
-  bool quiet = false;  ///< no messages, no progress
+  bool quiet = false;  ///< errors only
   int threads = 0;     ///< 0: all cores
 };
 
-/// Messages and progress on standard error. Progress is one line that is rewritten on a terminal,
-/// and is not written to files; `quiet` silences both, but never errors.
+enum class Stream { kOut, kErr };
+enum class Style { kHeading, kGood, kWarning, kError };
+
+/// `text` in the colour of a style where the stream is a terminal with colours: not in a pipe, not
+/// with TERM=dumb, not when NO_COLOR is set (no-color.org).
+std::string Styled(Stream stream, Style style, std::string_view text);
+
+/// `text` for standard output with its headings (lines above indented ones), warnings and grades in
+/// colours, as `Styled`.
+std::string WithColours(const std::string& text);
+
+/// Messages and progress on standard error, and results that are also written to files on standard
+/// output. Progress is one line that is rewritten on a terminal, and is not written to files.
+/// `quiet` silences all of it, but never errors, nor what a command prints by other means because
+/// it is asked for.
 class Console {
  public:
   explicit Console(const ConsoleOptions& options);
@@ -27,6 +41,8 @@ class Console {
   /// `done` of `total` items of a stage.
   void Progress(const std::string& stage, size_t done, size_t total);
   void Progress(const std::string& stage);
+  /// Text of whole lines on standard output, with colours.
+  void Print(const std::string& text);
 
  private:
   void ClearLine();

@@ -23,7 +23,10 @@ enum ExitCode {
 };
 
 ExitCode Fail(ExitCode code, std::string_view message) {
-  fmt::print(stderr, "plenocal: {}\n", message);
+  fmt::print(stderr,
+             "{} {}\n",
+             plenocal::Styled(plenocal::Stream::kErr, plenocal::Style::kError, "plenocal:"),
+             message);
   return code;
 }
 

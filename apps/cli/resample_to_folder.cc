@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <map>
+#include <mutex>
 
 #include "apps/resample/resample_images.h"
 #include "calib/base/error.h"
@@ -58,8 +59,12 @@ size_t ResampleToFolder(const std::vector<FrameImage>& images,
     console.Progress(camera.name + ": images", done, images.size());
     return !Interrupted();
   };
+  std::mutex keeping;
   request.result = [&](const std::string& frame, const std::string& png) {
     out->Write(resampling.prefix + frame + ".png", png);
+    if (resampling.keep == nullptr) return;
+    const std::lock_guard lock(keeping);
+    (*resampling.keep)[frame] = png;
   };
   return ResampleImages(request);
 }

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <filesystem>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -25,7 +26,8 @@ struct FolderResampling {
   const CalibratedCamera& camera;
   const PixelMap& map;
   const ResampleArguments& arguments;
-  std::string prefix;  ///< of the names in the folder
+  std::string prefix;                                  ///< of the names in the folder
+  std::map<std::string, std::string>* keep = nullptr;  ///< the PNG of each frame; null: not kept
 };
 
 /// Writes `<prefix><frame>.png` of each image into `out`. Prints messages and progress. Returns the

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "calib/base/error.h"
+#include "calib/base/number_text.h"
 #include "calib/files/detections.h"
 #include "calib/files/frame_images.h"
 #include "calib/files/session.h"
@@ -75,10 +76,10 @@ class Collector {
     CameraInput input = InputWithoutViews(camera);
     input.views = ReadDetections(camera.detections, *camera.model);
     if (camera.model->assign_lens_types != nullptr) camera.model->assign_lens_types(&input.views);
-    console_.Message(fmt::format("{}: {} frames, {} points from {}",
+    console_.Message(fmt::format("{}: {}, {} from {}",
                                  camera.name,
-                                 input.views.size(),
-                                 CountObservations(input.views),
+                                 Counted(input.views.size(), "frame"),
+                                 Counted(CountObservations(input.views), "point"),
                                  camera.detections.string()));
     collected_.sample_frames.emplace_back();
     collected_.cameras.push_back(std::move(input));
@@ -127,14 +128,14 @@ class Collector {
 
   /// Prints what was found; throws when that is nothing.
   void Report(const SessionCamera& camera, size_t images, const ImageDetections& found) {
-    console_.Message(fmt::format("{}: {} images, target found in {}, {} points",
+    console_.Message(fmt::format("{}: {}, target found in {}, {}",
                                  camera.name,
-                                 images,
+                                 Counted(images, "image"),
                                  found.views.size(),
-                                 CountObservations(found.views)));
+                                 Counted(CountObservations(found.views), "point")));
     if (found.reused > 0) {
       console_.Message(
-          fmt::format("{}: detections of {} images reused", camera.name, found.reused));
+          fmt::format("{}: detections of {} reused", camera.name, Counted(found.reused, "image")));
     }
     for (const LeftOut& item : found.left_out) {
       console_.Message(fmt::format("  left out {}: {}", item.where, item.reason));

@@ -13,6 +13,7 @@
 
 #include "calib/base/error.h"
 #include "calib/base/linear_algebra.h"
+#include "calib/base/number_text.h"
 #include "calib/camera/rigid_transform.h"
 
 namespace plenocal {
@@ -82,9 +83,8 @@ Similarity AlignOrFail(const Matched& matched, const std::string& what) {
   const Eigen::Index count = matched.truth.cols();
   if (count < 3) {
     Fail(what,
-         fmt::format("{} pose{} of the estimate found in the truth, at least 3 are needed",
-                     count,
-                     count == 1 ? "" : "s"));
+         fmt::format("{} of the estimate found in the truth, at least 3 are needed",
+                     Counted(static_cast<size_t>(count), "pose")));
   }
   for (const auto& [whose, points] :
        {std::pair("the truth", &matched.truth), std::pair("the estimate", &matched.estimate)}) {

@@ -31,6 +31,7 @@ Json RowJson(const TrialRow& row) {
   Json json = {{"model", trial.model->name},
                {"why_not", row.why_not},
                {"recommended", row.recommended},
+               {"judgement", row.judgement},
                {"undetermined", row.undetermined}};
   if (!row.why_not.empty()) return json;
   json.update({{"parameters", trial.free_parameters},
@@ -38,7 +39,9 @@ Json RowJson(const TrialRow& row) {
                {"rms_sigma", trial.rms_sigma},
                {"probability", trial.probability},
                {"in_sample_rms", trial.in_sample_rms},
-               {"image_sigma", Short(row.image_sigma)},
+               {"difference", Short(trial.difference)},
+               {"sigma", Short(trial.sigma)},
+               {"image_sigma", Short(trial.image_sigma)},
                {"seconds", Short(trial.seconds, 3)}});
   return json;
 }
@@ -47,7 +50,7 @@ Json RowJson(const TrialRow& row) {
 
 std::string TrialPage(const ModelChoice& choice,
                       const std::vector<TrialRow>& rows,
-                      const std::string& recommendation) {
+                      const TrialRecommendations& recommended) {
   Json models = Json::array(), cameras = Json::array();
   for (const TrialRow& row : rows) models.push_back(RowJson(row));
   const Bundle& any = rows[choice.recommended].trial->calibration.bundle;
@@ -65,7 +68,8 @@ std::string TrialPage(const ModelChoice& choice,
   }
   return MakePage("Camera models compared",
                   {kTrialPageJs},
-                  {{"recommendation", recommendation},
+                  {{"recommendation", recommended.model},
+                   {"target", recommended.target},
                    {"frames", choice.frames},
                    {"folds", choice.folds},
                    {"points", choice.points},

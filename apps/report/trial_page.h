@@ -13,16 +13,21 @@ namespace plenocal {
 /// One model in the tables and on the page.
 struct TrialRow {
   const ModelTrial* trial = nullptr;
-  double image_sigma = 0;  ///< px, over the image and the varied cameras; infinite when open
   std::vector<std::string> undetermined;  ///< names of parameters
   bool recommended = false;
-  std::string why_not;  ///< why it has no score; empty when it has one
+  std::string judgement;  ///< in comparison with the best model; empty when it has no score
+  std::string why_not;    ///< why it has no score; empty when it has one
+};
+
+/// What is recommended, each a sentence.
+struct TrialRecommendations {
+  std::string model, target;
 };
 
 /// HTML: the table, scores with their uncertainty, and of each model the residuals of held-out
 /// points over the image, all at one scale. `rows` are in the order of `choice.trials`.
 std::string TrialPage(const ModelChoice& choice,
                       const std::vector<TrialRow>& rows,
-                      const std::string& recommendation);
+                      const TrialRecommendations& recommended);
 
 }  // namespace plenocal

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <utility>
 
@@ -100,15 +101,18 @@ EpipolarErrors MeasureEpipolarErrors(const RectifiedPair& pair,
   };
   for_each(0, [&](const auto& key, double row) { first_rows[key] = row; });
   EpipolarErrors errors;
+  std::set<std::string> frames;
   for_each(1, [&](const auto& key, double row) {
     const auto found = first_rows.find(key);
     if (found == first_rows.end()) return;
     const double error = std::abs(row - found->second);
     ++errors.points;
+    frames.insert(key.first);
     errors.mean_absolute += error;
     errors.rms += error * error;
     errors.largest = std::max(errors.largest, error);
   });
+  errors.frames = frames.size();
   if (errors.points == 0) return errors;
   errors.mean_absolute /= static_cast<double>(errors.points);
   errors.rms = std::sqrt(errors.rms / static_cast<double>(errors.points));

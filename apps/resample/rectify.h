@@ -37,6 +37,7 @@ RectifiedPair Rectify(const CalibratedCamera& first,
 /// Differences of the rows in which both views show a marker.
 struct EpipolarErrors {
   size_t points = 0;         ///< markers seen by both cameras in one frame
+  size_t frames = 0;         ///< in which there are such
   double mean_absolute = 0;  ///< px, as are all
   double rms = 0;
   double largest = 0;

@@ -321,10 +321,10 @@ std::string Summary(const Scene& scene) {
     const CameraSpec& camera = scene.spec.cameras[c];
     const auto frames = std::ranges::count_if(
         scene.views[c], [](const View& view) { return !view.observations.empty(); });
-    summary += fmt::format("{}: the target in {} of {} frames{}\n",
+    summary += fmt::format("{}: the target in {} of {}{}\n",
                            camera.name,
                            frames,
-                           scene.frames.size(),
+                           Counted(scene.frames.size(), "frame"),
                            camera.micro_lenses ? VirtualDepthText(scene.views[c], camera) : "");
   }
   return summary;

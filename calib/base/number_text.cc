@@ -39,6 +39,12 @@ void AppendFixed(double value, int decimals, std::string* text) {
   text->append(buffer, size);
 }
 
+std::string Counted(size_t count, std::string_view noun, std::string_view plural) {
+  if (count == 1) return fmt::format("1 {}", noun);
+  if (!plural.empty()) return fmt::format("{} {}", count, plural);
+  return fmt::format("{} {}s", count, noun);
+}
+
 std::string YamlNumber(double value) {
   if (std::isnan(value)) return ".nan";
   if (std::isinf(value)) return value > 0 ? ".inf" : "-.inf";

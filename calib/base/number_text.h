@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstddef>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -15,6 +16,9 @@ std::optional<int> ParseInt(std::string_view text);
 /// Appends `value` with up to `decimals` digits after the point, without trailing zeros: "12.5".
 /// Plain and quick, for tables of coordinates in pixels.
 void AppendFixed(double value, int decimals, std::string* text);
+
+/// "1 image", "2 images". A noun with another plural than that with an s has it in `plural`.
+std::string Counted(size_t count, std::string_view noun, std::string_view plural = {});
 
 /// `value` with 12 significant digits as YAML reads it (".inf", ".nan" included).
 std::string YamlNumber(double value);

@@ -68,6 +68,14 @@ struct Param {
   double prior_sigma = 0;
 };
 
+/// How many other programs read a model. Of models that describe a camera equally well, the one of
+/// wider use is recommended.
+enum class Usage {
+  kCommon,  ///< most: OpenCV, ROS, COLMAP
+  kSome,    ///< some: Kalibr, Basalt, DSO
+  kRare,    ///< hardly any
+};
+
 /// Ray of an image point, in the camera's frame: the scene point lies on origin + lambda *
 /// direction, lambda > 0. |direction| = 1.
 struct Ray {
@@ -169,6 +177,7 @@ struct CameraModel {
   /// Finds `Observation::lens_type` of observations that came without. Null for models with one
   /// type.
   void (*assign_lens_types)(std::vector<View>* views);
+  Usage usage = Usage::kRare;
 };
 
 /// Members that a struct in models/ must have. `Project` is the model's only statement of its
@@ -191,7 +200,9 @@ struct CameraModel {
 ///   static Misfit JudgeFit(const CameraModel&, const StartProblem&, std::span<const double>,
 ///                          double);
 /// One that sees a marker several times in a view may have ReplicateFit and AssignLensTypes
-/// (`CameraModel::replicate_fit`, `CameraModel::assign_lens_types`).
+/// (`CameraModel::replicate_fit`, `CameraModel::assign_lens_types`). A model that other programs
+/// read has
+///   static constexpr Usage kUsage
 template <typename M>
 concept CameraModelPlugin = requires(const StartProblem& problem) {
   { M::kName } -> std::convertible_to<std::string_view>;
@@ -321,6 +332,7 @@ constexpr auto RefusalOf() -> std::string (*)(const StartProblem&) {
 
 template <CameraModelPlugin M>
 constexpr void AddOptional(CameraModel* model) {
+  if constexpr (requires { M::kUsage; }) model->usage = M::kUsage;
   if constexpr (requires { &M::Remedy; }) model->remedy = &M::Remedy;
   if constexpr (requires { &M::JudgeFit; }) model->misfit = &M::JudgeFit;
   if constexpr (requires { &M::ReplicateFit; }) {

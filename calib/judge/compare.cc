@@ -318,7 +318,9 @@ class Comparison {
       if (sample.distance != d) continue;
       all.push_back(group);
       const Eigen::Index row = rows_ * static_cast<Eigen::Index>(group);
-      at.pixels.push_back({{sample.values[0], sample.values[1]}, system.d.segment<2>(row)});
+      at.pixels.push_back({{sample.values[0], sample.values[1]},
+                           system.d.segment<2>(row),
+                           M.middleRows(row, rows_).norm()});
       parts[sample.part].push_back(group);
     }
     at.all = Judge(system, M, all, rows_, result_.has_prediction);

@@ -27,6 +27,7 @@ struct ImageDifference {
 struct PixelDifference {
   Eigen::Vector2d u_px;           ///< in a's image
   Eigen::Vector2d difference_px;  ///< image in b of the point that a images at `u_px`, less `u_px`
+  double predicted_px = 0;        ///< RMS of its length that the covariances of both predict
 };
 
 /// Differences of all the image and of its 3 x 3 parts, row by row.

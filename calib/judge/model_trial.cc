@@ -6,15 +6,21 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <mutex>
+#include <numeric>
 #include <set>
 #include <tuple>
 
 #include "calib/adjust/problem.h"
 #include "calib/base/error.h"
+#include "calib/base/number_text.h"
 #include "calib/base/parallel.h"
 #include "calib/base/statistics.h"
+#include "calib/judge/held_out_frames.h"
+#include "calib/judge/held_out_scores.h"
+#include "calib/judge/projection.h"
 
 namespace plenocal {
 namespace {
@@ -22,86 +28,56 @@ namespace {
 constexpr size_t kMinFrames = 4;
 constexpr double kFalseRejections = 0.05;  // expected number of good points rejected in all
 constexpr double kMostUnseen = 0.01;       // part of the points beyond the most complete model
-constexpr double kSignificant = 0.05;
-constexpr double kExact = 1e-6;  // px; smaller residuals are rounding
-
-double SumOfSquares(const double* residual, size_t count) {
-  double square = 0;
-  for (size_t r = 0; r < count; ++r) square += residual[r] * residual[r];
-  return square;
-}
-
-// One observation of a varied camera.
-struct Point {
-  size_t camera = 0, view = 0, frame = 0;
-  const Observation* seen = nullptr;
-  bool outlier = false;
-};
+constexpr double kExact = 1e-6;            // px; smaller noise is rounding
 
 using PointName = std::tuple<size_t, std::string, int, std::array<double, kMaxObservationSize>>;
+
+bool IsSimpler(const ModelTrial& a, const ModelTrial& b) {
+  const auto size = [](const ModelTrial& trial) {
+    return std::pair(trial.marker_sigma > 0, trial.free_parameters);
+  };
+  return size(a) < size(b) && a.model->usage <= b.model->usage;
+}
+
+/// What is tried: a model of the varied cameras, and how far the target may differ from its
+/// description.
+struct Candidate {
+  const CameraModel* model = nullptr;
+  double marker_sigma = 0;  ///< of the prior of markers' coordinates, m; 0: held rigid
+  std::string name;         ///< in progress and messages
+};
 
 class Trials {
  public:
   Trials(const CalibrationInput& input,
          std::vector<size_t> varied,
-         std::span<const CameraModel* const> models,
+         std::vector<Candidate> candidates,
          const TrialOptions& options)
-      : input_(input), options_(options) {
+      : input_(input), options_(options), candidates_(std::move(candidates)) {
     choice_.varied = std::move(varied);
-    for (const CameraModel* model : models) {
+    for (const Candidate& candidate : candidates_) {
       choice_.trials.emplace_back();
-      choice_.trials.back().model = model;
+      choice_.trials.back().model = candidate.model;
+      choice_.trials.back().marker_sigma = candidate.marker_sigma;
     }
     CollectPoints();
   }
 
   ModelChoice Run() {
-    auto& trials = choice_.trials;
-    ParallelFor(trials.size(), options_.threads, [&](size_t m) { CalibrateAll(&trials[m]); });
-    FindOutliers();
-    residuals_.assign(trials.size(), std::vector<Residuals>(points_.size()));
-    std::vector<std::string> failures(trials.size() * choice_.folds);
-    ParallelFor(failures.size(), options_.threads, [&](size_t i) {
-      const size_t m = i / choice_.folds, fold = i % choice_.folds;
-      if (trials[m].failure.empty()) failures[i] = HoldOut(m, fold);
-    });
-    for (size_t i = 0; i < failures.size(); ++i) {
-      ModelTrial& trial = trials[i / choice_.folds];
-      if (trial.failure.empty()) trial.failure = failures[i];
-    }
+    ParallelFor(choice_.trials.size(), options_.threads, [&](size_t m) { CalibrateAll(m); });
+    trained_.assign(choice_.trials.size(), std::vector<Bundle>(choice_.folds));
+    ForEachFold([&](size_t m, size_t fold) { return Train(m, fold); });
+    PredictWithCommonOutliers();
     Score();
+    Sort();
     Recommend();
     return std::move(choice_);
   }
 
  private:
-  struct Residuals {
-    bool imaged = false;
-    std::array<double, kMaxObservationSize> values{};
-  };
-
   void Stage(const std::string& stage) {
     const std::lock_guard lock(mutex_);
     if (options_.progress && !options_.progress(stage)) throw Stopped();
-  }
-
-  // The session with one model.
-  CalibrationInput InputWith(const CameraModel& model) const {
-    CalibrationInput input = input_;
-    for (const size_t c : choice_.varied) {
-      CameraInput& camera = input.cameras[c];
-      if (camera.model == &model) continue;
-      camera.model = &model;
-      camera.initial.assign(model.params.size(), std::nullopt);
-      camera.fixed.assign(model.params.size(), false);
-      camera.rules.clear();
-      for (CameraInput& other : input.cameras) {
-        for (ParamRule& rule : other.rules) {
-          if (rule.tied_to && rule.tied_to->camera == c) rule.tied_to.reset();
-        }
-      }
-    }
-    return input;
   }
 
   // All observations of varied cameras, in the order of their frames.
@@ -126,25 +102,27 @@ class Trials {
     }
     choice_.frames = frames_.size();
     if (choice_.frames < kMinFrames) {
-      throw Error(ErrorKind::kJob,
-                  fmt::format("{} frames are too few to hold some out; models can be judged from "
-                              "{} frames on",
-                              choice_.frames,
-                              kMinFrames));
+      throw Error(
+          ErrorKind::kJob,
+          fmt::format("{}: too few to hold some out; models can be judged from {} frames on",
+                      Counted(choice_.frames, "frame"),
+                      kMinFrames));
     }
     choice_.folds = std::min(choice_.frames, static_cast<size_t>(options_.folds));
   }
 
-  void CalibrateAll(ModelTrial* trial) {
+  void CalibrateAll(size_t m) {
+    ModelTrial* const trial = &choice_.trials[m];
     const auto start = std::chrono::steady_clock::now();
     try {
-      const std::string stage(trial->model->name);
+      const std::string& stage = candidates_[m].name;
       Stage(stage);
-      trial->calibration =
-          Calibrate(InputWith(*trial->model), {.threads = 1, .progress = [&](const std::string&) {
-                                                 Stage(stage);
-                                                 return true;
-                                               }});
+      CalibrationInput input = WithModel(input_, choice_.varied, *trial->model);
+      input.marker_sigma = trial->marker_sigma;
+      trial->calibration = Calibrate(input, {.threads = 1, .progress = [&](const std::string&) {
+                                               Stage(stage);
+                                               return true;
+                                             }});
     } catch (const Error& error) {
       trial->failure = error.what();
       return;
@@ -165,74 +143,11 @@ class Trials {
     trial->in_sample_rms = std::sqrt(squares / count);
   }
 
-  // Sum of squares, each at most what the rejection rule allows, in the smallest noise that any
-  // model shows.
-  double CutOffSquares(const ModelTrial& trial, const std::map<size_t, double>& noise) const {
-    const Bundle& bundle = trial.calibration.bundle;
-    double sum = 0;
-    for (const BundleObservation& observation : bundle.observations) {
-      const auto c = noise.find(static_cast<size_t>(observation.camera));
-      if (c == noise.end()) continue;
-      const size_t count = bundle.cameras[c->first].model->measured.size();
-      const double limit =
-          ChiSquareQuantile(static_cast<int>(count),
-                            kFalseRejections / static_cast<double>(bundle.observations.size()));
-      double residual[kMaxObservationSize];
-      sum += Residual(bundle, observation, residual)
-                 ? std::min(limit, SumOfSquares(residual, count) / (c->second * c->second))
-                 : limit;
-    }
-    return sum;
-  }
-
-  void FindOutliers() {
-    std::map<size_t, double> noise;
-    for (const ModelTrial& trial : choice_.trials) {
-      if (!trial.failure.empty()) continue;
-      for (const size_t c : choice_.varied) {
-        const double sigma = std::max(kExact, trial.calibration.fits[c].noise_sigma);
-        const auto [place, is_new] = noise.emplace(c, sigma);
-        place->second = std::min(place->second, sigma);
-      }
-    }
-    const ModelTrial* sharpest = nullptr;
-    double least = 0;
-    for (const ModelTrial& trial : choice_.trials) {
-      if (!trial.failure.empty()) continue;
-      const double squares = CutOffSquares(trial, noise);
-      if (sharpest == nullptr || squares < least) {
-        sharpest = &trial;
-        least = squares;
-      }
-    }
-    if (sharpest == nullptr) {
-      throw Error(ErrorKind::kJob,
-                  fmt::format("no model can be calibrated; {}: {}",
-                              choice_.trials[0].model->name,
-                              choice_.trials[0].failure));
-    }
-    const Calibration& calibration = sharpest->calibration;
-    std::set<PointName> used;
-    for (const BundleObservation& observation : calibration.bundle.observations) {
-      if (!observation.used) continue;
-      used.emplace(static_cast<size_t>(observation.camera),
-                   calibration.frames[static_cast<size_t>(observation.frame)],
-                   observation.seen.marker,
-                   observation.seen.values);
-    }
-    for (Point& point : points_) {
-      const std::string& frame = input_.cameras[point.camera].views[point.view].frame;
-      point.outlier = !used.contains({point.camera, frame, point.seen->marker, point.seen->values});
-      choice_.outliers += point.outlier ? 1 : 0;
-    }
-  }
-
-  // Adjusts without a fold, from the calibration with all frames, and fills `residuals_` of that
-  // fold's points. Returns why it cannot.
-  std::string HoldOut(size_t m, size_t fold) {
+  // Adjusts without a fold, from the calibration with all frames. Returns why it cannot.
+  std::string Train(size_t m, size_t fold) {
     const Calibration& calibration = choice_.trials[m].calibration;
     const std::string stage =
-        fmt::format("{}: fold {} of {}", choice_.trials[m].model->name, fold + 1, choice_.folds);
+        fmt::format("{}, fold {} of {}", candidates_[m].name, fold + 1, choice_.folds);
     Bundle trained = calibration.bundle;
     std::set<int> seen_by;  // cameras
     for (BundleObservation& observation : trained.observations) {
@@ -251,205 +166,142 @@ class Trials {
                        return true;
                      }});
       if (!summary.usable) throw Error(ErrorKind::kJob, summary.message);
-      HeldOutPoses(trained, fold, &residuals_[m]);
-      return {};
     } catch (const Error& error) {
       return fmt::format("without fold {}: {}", fold + 1, error.what());
     }
+    Bundle& kept = trained_[m][fold];
+    kept.cameras = std::move(trained.cameras);
+    kept.markers = std::move(trained.markers);
+    kept.jitter.translation_sigma = trained.jitter.translation_sigma;
+    return {};
   }
 
-  // Gives the frames of a fold the poses that fit best with all else held. Of a rig that is not
-  // rigid each view gets its own.
-  void HeldOutPoses(const Bundle& trained, size_t fold, std::vector<Residuals>* residuals) const {
-    Bundle bundle;
-    bundle.cameras = trained.cameras;
-    for (BundleCamera& camera : bundle.cameras) {
-      camera.fixed.assign(camera.params.size(), true);
-      camera.rules.clear();
-      camera.is_master = true;  // holds its place on the rig
-    }
-    bundle.markers = trained.markers;
-    std::map<int, int> marker_index;
-    for (size_t i = 0; i < bundle.markers.size(); ++i) {
-      marker_index[bundle.markers[i].number] = static_cast<int>(i);
-    }
-    const bool own_poses = trained.jitter.translation_sigma > 0;
-    std::vector<size_t> point_of;  // per observation
-    for (size_t begin = 0; begin < points_.size();) {
-      const auto together = [&](const Point& point) {
-        return point.frame == points_[begin].frame &&
-               (!own_poses || point.camera == points_[begin].camera);
-      };
-      size_t end = begin;
-      while (end < points_.size() && together(points_[end])) ++end;
-      if (points_[begin].frame % choice_.folds == fold) {
-        AddFrame(begin, end, marker_index, &bundle, &point_of);
-      }
-      begin = end;
-    }
-    AdjustOptions adjust;
-    adjust.cost_tolerance = 1e-12;
-    const AdjustSummary summary = Adjust(&bundle, adjust);
-    if (!summary.usable) throw Error(ErrorKind::kJob, "poses cannot be found: " + summary.message);
-    for (size_t i = 0; i < point_of.size(); ++i) {
-      Residuals& result = (*residuals)[point_of[i]];
-      result.imaged = Residual(bundle, bundle.observations[i], result.values.data());
-    }
-  }
-
-  // Points [begin, end) of one frame with a pose from resection; without one they stay unimaged.
-  void AddFrame(size_t begin,
-                size_t end,
-                const std::map<int, int>& marker_index,
-                Bundle* bundle,
-                std::vector<size_t>* point_of) const {
-    std::map<std::pair<size_t, size_t>, View> views;  // by camera and view: the good points
-    for (size_t p = begin; p < end; ++p) {
-      const Point& point = points_[p];
-      if (!point.outlier) views[{point.camera, point.view}].observations.push_back(*point.seen);
-    }
-    std::map<int, Eigen::Vector3d> markers;
-    for (const BundleMarker& marker : bundle->markers) markers[marker.number] = marker.position;
-    const int frame = static_cast<int>(bundle->T_rig_target.size());
-    const size_t first = bundle->observations.size();
-    std::vector<size_t> order;
-    for (size_t p = begin; p < end; ++p) order.push_back(p);
-    std::stable_sort(order.begin(), order.end(), [&](size_t a, size_t b) {
-      return std::pair(points_[a].camera, marker_index.at(points_[a].seen->marker)) <
-             std::pair(points_[b].camera, marker_index.at(points_[b].seen->marker));
+  // Calls `work` for each model and fold without a failure so far.
+  void ForEachFold(const std::function<std::string(size_t m, size_t fold)>& work) {
+    std::vector<std::string> failures(choice_.trials.size() * choice_.folds);
+    ParallelFor(failures.size(), options_.threads, [&](size_t i) {
+      const size_t m = i / choice_.folds;
+      if (choice_.trials[m].failure.empty()) failures[i] = work(m, i % choice_.folds);
     });
-    for (const size_t p : order) {
-      const Point& point = points_[p];
-      bundle->observations.push_back({static_cast<int>(point.camera),
-                                      frame,
-                                      marker_index.at(point.seen->marker),
-                                      *point.seen,
-                                      !point.outlier});
-      if (point.seen->detector_sigma > 0) {
-        bundle->observations.back().assumed_sigma = point.seen->detector_sigma;
-      }
+    for (size_t i = 0; i < failures.size(); ++i) {
+      ModelTrial& trial = choice_.trials[i / choice_.folds];
+      if (trial.failure.empty()) trial.failure = failures[i];
     }
-    bundle->T_rig_target.emplace_back();
-    std::optional<RigidTransform> best;
-    double least = 0;
-    for (const auto& [place, view] : views) {
-      const BundleCamera& camera = bundle->cameras[place.first];
-      const auto T_camera_target = GuessPose(camera, view, markers);
-      if (!T_camera_target) continue;
-      bundle->T_rig_target.back() = camera.T_camera_rig.Inverse() * *T_camera_target;
-      const double error = MedianLength(*bundle, first);
-      if (best && error >= least) continue;
-      best = bundle->T_rig_target.back();
-      least = error;
-    }
-    if (!best) {
-      bundle->observations.resize(first);
-      bundle->T_rig_target.pop_back();
-      return;
-    }
-    bundle->T_rig_target.back() = *best;
-    for (size_t i = first; i < bundle->observations.size(); ++i) {
-      BundleObservation& observation = bundle->observations[i];
-      double residual[kMaxObservationSize];
-      observation.used = observation.used && Residual(*bundle, observation, residual);
-    }
-    point_of->insert(point_of->end(), order.begin(), order.end());
   }
 
-  static double MedianLength(const Bundle& bundle, size_t first) {
-    std::vector<double> lengths;
-    for (size_t i = first; i < bundle.observations.size(); ++i) {
-      const BundleObservation& observation = bundle.observations[i];
-      double residual[kMaxObservationSize];
-      lengths.push_back(Residual(bundle, observation, residual)
-                            ? WeightedLength(bundle, observation, residual)
-                            : std::numeric_limits<double>::infinity());
-    }
-    return Median(std::move(lengths));
+  // Fills `residuals_`; `outliers_of` are those of a model.
+  void Predict(const std::function<const std::vector<bool>&(size_t m)>& outliers_of) {
+    residuals_.assign(choice_.trials.size(), std::vector<HeldOutResidual>(points_.size()));
+    ForEachFold([&](size_t m, size_t fold) -> std::string {
+      try {
+        PredictHeldOut(
+            trained_[m][fold], {points_, choice_.folds}, fold, outliers_of(m), &residuals_[m]);
+        return {};
+      } catch (const Error& error) {
+        return fmt::format("without fold {}: {}", fold + 1, error.what());
+      }
+    });
   }
+
+  // The points that a model's calibration with all frames rejects.
+  [[nodiscard]] std::vector<bool> RejectedBy(const Calibration& calibration) const {
+    std::set<PointName> used;
+    for (const BundleObservation& observation : calibration.bundle.observations) {
+      if (!observation.used) continue;
+      used.emplace(static_cast<size_t>(observation.camera),
+                   calibration.frames[static_cast<size_t>(observation.frame)],
+                   observation.seen.marker,
+                   observation.seen.values);
+    }
+    std::vector<bool> rejected;
+    for (const TrialPoint& point : points_) {
+      const std::string& frame = input_.cameras[point.camera].views[point.view].frame;
+      rejected.push_back(
+          !used.contains({point.camera, frame, point.seen->marker, point.seen->values}));
+    }
+    return rejected;
+  }
+
+  [[nodiscard]] size_t Rows() const { return choice_.trials[0].model->measured.size(); }
 
   [[nodiscard]] double SquareOf(size_t m, size_t p) const {
-    return SumOfSquares(residuals_[m][p].values.data(), choice_.trials[m].model->measured.size());
+    const HeldOutResidual& residual = residuals_[m][p];
+    if (!residual.imaged) return std::numeric_limits<double>::infinity();
+    double square = 0;
+    for (size_t r = 0; r < Rows(); ++r) square += residual.values[r] * residual.values[r];
+    return square;
   }
 
-  // Sum of a model's squares in each frame over the points that count.
-  [[nodiscard]] std::vector<double> FrameSquares(size_t m) const {
-    std::vector<double> sums(choice_.frames, 0.0);
-    for (size_t p = 0; p < points_.size(); ++p) {
-      if (counts_[p]) sums[points_[p].frame] += SquareOf(m, p);
-    }
-    return sums;
-  }
-
-  // Mean a point of what frames sum up to, and its sigma.
-  struct Mean {
-    double value = 0, sigma = 0;
-  };
-  [[nodiscard]] Mean OverFrames(const std::vector<double>& sums) const {
-    double sum = 0, count = 0;
-    for (size_t f = 0; f < choice_.frames; ++f) {
-      sum += sums[f];
-      count += frame_points_[f];
-    }
-    Mean mean{.value = sum / count};
-    double squares = 0;
-    for (size_t f = 0; f < choice_.frames; ++f) {
-      squares += std::pow(sums[f] - mean.value * frame_points_[f], 2);
-    }
-    const auto n = static_cast<double>(choice_.frames), k = static_cast<double>(choice_.folds);
-    mean.sigma = std::sqrt(squares * n / (n - 1) * (1 + k / (k - 1))) / count;
-    return mean;
-  }
-
-  // Of how much larger a model's squares are, frame by frame, if both were equally good.
-  [[nodiscard]] double ProbabilityOfExcess(const std::vector<double>& squares,
-                                           const std::vector<double>& of_best) const {
-    std::vector<double> ratios(choice_.frames, 0.0);
-    for (size_t f = 0; f < choice_.frames; ++f) {
-      const double rounding = frame_points_[f] * kExact * kExact;
-      if (rounding == 0) continue;
-      ratios[f] = frame_points_[f] * std::log((squares[f] + rounding) / (of_best[f] + rounding));
-    }
-    const Mean mean = OverFrames(ratios);
-    if (!(mean.value > 0)) return 1;
-    return StudentTail(mean.value / mean.sigma, static_cast<double>(choice_.frames - 1));
-  }
-
-  // Of residuals that go along with the difference between this model's and another's predictions
-  // as much as these do, if the other knew nothing that this one does not. Then the terms of frames
-  // have no mean and do not correlate, since predictions of a frame do not know its noise.
-  [[nodiscard]] double ProbabilityOfAgreement(size_t m, size_t other) const {
-    std::vector<double> sums(choice_.frames, 0.0);
-    const size_t rows = choice_.trials[m].model->measured.size();
-    for (size_t p = 0; p < points_.size(); ++p) {
-      if (!counts_[p]) continue;
-      const auto& own = residuals_[m][p].values;
-      const auto& of_other = residuals_[other][p].values;
-      for (size_t r = 0; r < rows; ++r) {
-        if (std::abs(own[r] - of_other[r]) < kExact) continue;
-        sums[points_[p].frame] += own[r] * (own[r] - of_other[r]);
+  // Noise of a camera's coordinates, px: the smallest that any model shows on held-out frames, from
+  // the median of their squares. A model that follows noise shows a larger one.
+  [[nodiscard]] double HeldOutNoise(size_t camera) const {
+    double least = std::numeric_limits<double>::infinity();
+    for (size_t m = 0; m < choice_.trials.size(); ++m) {
+      if (!choice_.trials[m].failure.empty()) continue;
+      std::vector<double> squares;
+      for (size_t p = 0; p < points_.size(); ++p) {
+        if (points_[p].camera == camera) squares.push_back(SquareOf(m, p));
       }
+      least = std::min(least, Median(std::move(squares)));
     }
-    double sum = 0, squares = 0;
-    const auto n = static_cast<double>(choice_.frames);
-    for (const double each : sums) sum += each;
-    for (const double each : sums) squares += std::pow(each - sum / n, 2);
-    if (!(sum > 0)) return 1;
-    return StudentTail(sum / std::sqrt(squares * n / (n - 1)), n - 1);
+    return std::max(kExact, std::sqrt(least / ChiSquareQuantile(static_cast<int>(Rows()), 0.5)));
   }
 
+  // The outliers are the points that the best model rejects: the one with the smallest sum of
+  // squares on held-out frames, each at most what the rejection rule allows.
+  [[nodiscard]] const std::vector<bool>& CommonOutliers(
+      const std::vector<std::vector<bool>>& rejected) const {
+    std::map<size_t, double> noise;
+    for (const size_t c : choice_.varied) noise[c] = HeldOutNoise(c);
+    const double limit = ChiSquareQuantile(static_cast<int>(Rows()),
+                                           kFalseRejections / static_cast<double>(points_.size()));
+    std::optional<size_t> best;
+    double least = 0;
+    for (size_t m = 0; m < choice_.trials.size(); ++m) {
+      if (!choice_.trials[m].failure.empty()) continue;
+      double sum = 0;
+      for (size_t p = 0; p < points_.size(); ++p) {
+        sum += std::min(limit, SquareOf(m, p) / std::pow(noise.at(points_[p].camera), 2));
+      }
+      if (best && sum >= least) continue;
+      best = m;
+      least = sum;
+    }
+    if (best) return rejected[*best];
+    throw Error(ErrorKind::kJob,
+                fmt::format("no model can be calibrated; {}: {}",
+                            choice_.trials[0].model->name,
+                            choice_.trials[0].failure));
+  }
+
+  void PredictWithCommonOutliers() {
+    std::vector<std::vector<bool>> rejected;
+    for (const ModelTrial& trial : choice_.trials) {
+      rejected.push_back(trial.failure.empty() ? RejectedBy(trial.calibration)
+                                               : std::vector<bool>());
+    }
+    Predict([&](size_t m) -> const std::vector<bool>& { return rejected[m]; });
+    outliers_ = CommonOutliers(rejected);
+    Predict([&](size_t) -> const std::vector<bool>& { return outliers_; });
+  }
+
+  // RMS of each model's held-out points, and which models image as many of them as others.
   void Score() {
     auto& trials = choice_.trials;
-    double good = 0, most = 0;
-    for (const Point& point : points_) good += point.outlier ? 0 : 1;
+    std::vector<size_t> frame_of;
+    std::vector<bool> good;
+    for (size_t p = 0; p < points_.size(); ++p) {
+      frame_of.push_back(points_[p].frame);
+      good.push_back(!outliers_[p]);
+      ++(outliers_[p] ? choice_.outliers : choice_.points);
+    }
+    scores_.emplace(std::move(frame_of), choice_.frames, choice_.folds, Rows());
+    scores_->SetGood(std::move(good));
+    double most = 0;
     for (size_t m = 0; m < trials.size(); ++m) {
       if (!trials[m].failure.empty()) continue;
-      double imaged = 0;
-      for (size_t p = 0; p < points_.size(); ++p) {
-        imaged += !points_[p].outlier && residuals_[m][p].imaged ? 1 : 0;
-      }
-      trials[m].unseen = 1 - imaged / good;
-      most = std::max(most, imaged);
+      trials[m].unseen = 1 - scores_->Imaged(residuals_[m]);
+      most = std::max(most, 1 - trials[m].unseen);
     }
     if (most == 0) {
       throw Error(ErrorKind::kJob,
@@ -458,79 +310,126 @@ class Trials {
                               trials[0].failure.empty() ? "images no point of held-out frames"
                                                         : trials[0].failure));
     }
-    counts_.resize(points_.size());
-    for (size_t p = 0; p < points_.size(); ++p) counts_[p] = !points_[p].outlier;
-    for (size_t m = 0; m < trials.size(); ++m) {
-      trials[m].comparable =
-          trials[m].failure.empty() && trials[m].unseen <= 1 - most / good + kMostUnseen;
-      if (!trials[m].comparable) continue;
-      for (size_t p = 0; p < points_.size(); ++p) {
-        counts_[p] = counts_[p] && residuals_[m][p].imaged;
-      }
-    }
-    frame_points_.assign(choice_.frames, 0.0);
-    for (size_t p = 0; p < points_.size(); ++p) {
-      if (!counts_[p]) continue;
-      ++choice_.points;
-      frame_points_[points_[p].frame] += 1;
-    }
-    std::vector<std::vector<double>> squares(trials.size());
-    size_t best = trials.size();
-    for (size_t m = 0; m < trials.size(); ++m) {
+    ParallelFor(trials.size(), options_.threads, [&](size_t m) {
       ModelTrial& trial = trials[m];
-      if (!trial.comparable) continue;
-      squares[m] = FrameSquares(m);
-      const Mean mean = OverFrames(squares[m]);
-      trial.rms = std::sqrt(mean.value);
-      trial.rms_sigma = mean.value > 0 ? mean.sigma / (2 * trial.rms) : 0;
-      if (best == trials.size() || trial.rms < trials[best].rms) best = m;
-      for (size_t p = 0; p < points_.size(); ++p) {
-        if (!counts_[p]) continue;
-        trial.held_out.push_back({points_[p].camera, *points_[p].seen, residuals_[m][p].values});
+      trial.comparable = trial.failure.empty() && trial.unseen <= 1 - most + kMostUnseen;
+      if (trial.comparable) ScoreComparable(m);
+    });
+  }
+
+  void ScoreComparable(size_t m) {
+    ModelTrial& trial = choice_.trials[m];
+    const HeldOutScores::Rms rms = scores_->Score(residuals_[m]);
+    trial.rms = rms.value;
+    trial.rms_sigma = rms.sigma;
+    for (size_t p = 0; p < points_.size(); ++p) {
+      if (!scores_->Counts(p, residuals_[m])) continue;
+      trial.held_out.push_back({points_[p].camera, *points_[p].seen, residuals_[m][p].values});
+    }
+    try {
+      trial.image_sigma = TypicalImageSigma(trial.calibration, choice_.varied);
+      trial.sigma = SupportedSigma(trial.calibration, choice_.varied);
+    } catch (const Error&) {
+      trial.image_sigma = trial.sigma = std::numeric_limits<double>::infinity();
+    }
+  }
+
+  // Best models first.
+  void Sort() {
+    const auto& trials = choice_.trials;
+    std::vector<size_t> order(trials.size());
+    std::iota(order.begin(), order.end(), size_t{0});
+    const auto rank = [&](size_t m) {
+      const ModelTrial& trial = trials[m];
+      return std::tuple(
+          !trial.failure.empty(), !trial.comparable, trial.comparable ? trial.rms : trial.unseen);
+    };
+    std::ranges::stable_sort(order, [&](size_t a, size_t b) { return rank(a) < rank(b); });
+    std::vector<ModelTrial> sorted_trials;
+    std::vector<std::vector<HeldOutResidual>> sorted_residuals;
+    for (const size_t m : order) {
+      sorted_trials.push_back(std::move(choice_.trials[m]));
+      sorted_residuals.push_back(std::move(residuals_[m]));
+    }
+    choice_.trials = std::move(sorted_trials);
+    residuals_ = std::move(sorted_residuals);
+  }
+
+  // A model's uncertainty exceeds that of a simpler one, of no rarer use, by more than its gain.
+  void FindOutweighed() {
+    auto& trials = choice_.trials;
+    for (size_t m = 0; m < trials.size(); ++m) {
+      for (size_t s = 0; s < trials.size() && trials[m].comparable; ++s) {
+        if (!trials[s].comparable || !IsSimpler(trials[s], trials[m])) continue;
+        const double gain = scores_->Excess(residuals_[s], residuals_[m]);
+        const double cost = std::pow(trials[m].sigma, 2) - std::pow(trials[s].sigma, 2);
+        // Without a finite sigma of either, the simpler one is as good a choice.
+        if (cost <= gain) continue;
+        if (std::isnan(cost) && gain > 0) continue;
+        const double root = std::sqrt(std::max(0.0, gain));
+        if (trials[m].outweighed_by && trials[m].gain <= root) continue;
+        trials[m].outweighed_by = s;
+        trials[m].gain = root;
       }
     }
-    for (size_t m = 0; m < trials.size(); ++m) {
-      if (!trials[m].comparable) continue;
-      double rivals = 0, least = 1;
-      for (size_t other = 0; other < trials.size(); ++other) {
-        if (!trials[other].comparable || other == m) continue;
-        ++rivals;
-        // One that predicts worse is no reason to choose another, whatever it knows.
-        if (trials[other].rms < trials[m].rms) {
-          least = std::min(least, ProbabilityOfAgreement(m, other));
-        }
+  }
+
+  void CompareWithReference() {
+    auto& trials = choice_.trials;
+    const ModelTrial& reference = trials[choice_.reference];
+    ParallelFor(trials.size(), options_.threads, [&](size_t m) {
+      ModelTrial& trial = trials[m];
+      if (!trial.comparable || m == choice_.reference) return;
+      trial.probability = scores_->ProbabilityOfEqual(residuals_[m], residuals_[choice_.reference]);
+      try {
+        trial.difference =
+            SupportedDifference(reference.calibration, trial.calibration, choice_.varied);
+      } catch (const Error&) {
+        trial.difference = std::numeric_limits<double>::infinity();
       }
-      // Of so many tests one in twenty must not fail by chance.
-      trials[m].probability = std::min(1.0, rivals * least);
-      if (m == best) continue;
-      trials[m].probability =
-          std::min(trials[m].probability, ProbabilityOfExcess(squares[m], squares[best]));
+    });
+    double squares = 0;
+    for (const size_t c : choice_.varied) {
+      const double sigma = reference.calibration.fits[c].noise_sigma;
+      squares += sigma * sigma * static_cast<double>(reference.model->measured.size());
+    }
+    choice_.noise = std::sqrt(squares / static_cast<double>(choice_.varied.size()));
+    for (ModelTrial& trial : trials) {
+      trial.practically_equal = trial.comparable &&
+                                trial.difference < kPartOfNoise * choice_.noise &&
+                                trial.difference < kPartOfSigma * reference.sigma;
     }
   }
 
   void Recommend() {
     auto& trials = choice_.trials;
-    std::stable_sort(trials.begin(), trials.end(), [](const ModelTrial& a, const ModelTrial& b) {
-      return std::tuple(!a.failure.empty(), !a.comparable, a.comparable ? a.rms : a.unseen) <
-             std::tuple(!b.failure.empty(), !b.comparable, b.comparable ? b.rms : b.unseen);
-    });
-    // The best has probability 1.
-    for (size_t m = 1; m < trials.size(); ++m) {
-      if (trials[m].comparable && trials[m].probability >= kSignificant &&
-          trials[m].free_parameters < trials[choice_.recommended].free_parameters) {
-        choice_.recommended = m;
-      }
+    FindOutweighed();
+    for (size_t m = trials.size(); m-- > 0;) {
+      if (trials[m].comparable && !trials[m].outweighed_by) choice_.reference = m;
+    }
+    CompareWithReference();
+    choice_.recommended = choice_.reference;
+    for (size_t m = 0; m < trials.size(); ++m) {
+      const ModelTrial& trial = trials[m];
+      if (!trial.comparable || trial.outweighed_by) continue;
+      if (trial.probability < kSignificant && !trial.practically_equal) continue;
+      const auto rank = [](const ModelTrial& each) {
+        return std::tuple(each.marker_sigma > 0, each.model->usage, each.free_parameters, each.rms);
+      };
+      if (rank(trial) < rank(trials[choice_.recommended])) choice_.recommended = m;
     }
   }
 
   const CalibrationInput& input_;
   const TrialOptions& options_;
+  std::vector<Candidate> candidates_;  // in the order of the trials until these are sorted
   ModelChoice choice_;
   std::map<std::string, size_t> frames_;  // name -> place in the order of names
-  std::vector<Point> points_;
-  std::vector<std::vector<Residuals>> residuals_;  // per model and point, of the held-out frame
-  std::vector<bool> counts_;                       // per point: it is part of the scores
-  std::vector<double> frame_points_;               // how many of these each frame has
+  std::vector<TrialPoint> points_;
+  std::vector<bool> outliers_;                           // per point
+  std::vector<std::vector<Bundle>> trained_;             // per trial and fold, without observations
+  std::vector<std::vector<HeldOutResidual>> residuals_;  // per trial and point
+  std::optional<HeldOutScores> scores_;
   std::mutex mutex_;
 };
 
@@ -541,11 +440,48 @@ bool OfOneKind(const CameraModel& a, const CameraModel& b) {
          std::ranges::equal(a.config, b.config, {}, &Param::name, &Param::name);
 }
 
+CalibrationInput WithModel(const CalibrationInput& session,
+                           std::span<const size_t> varied,
+                           const CameraModel& model) {
+  CalibrationInput input = session;
+  for (const size_t c : varied) {
+    CameraInput& camera = input.cameras[c];
+    if (camera.model == &model) continue;
+    camera.model = &model;
+    camera.initial.assign(model.params.size(), std::nullopt);
+    camera.fixed.assign(model.params.size(), false);
+    camera.rules.clear();
+    for (CameraInput& other : input.cameras) {
+      for (ParamRule& rule : other.rules) {
+        if (rule.tied_to && rule.tied_to->camera == c) rule.tied_to.reset();
+      }
+    }
+  }
+  return input;
+}
+
 ModelChoice TryModels(const CalibrationInput& input,
                       std::vector<size_t> varied,
                       std::span<const CameraModel* const> models,
                       const TrialOptions& options) {
-  return Trials(input, std::move(varied), models, options).Run();
+  std::vector<Candidate> candidates;
+  for (const CameraModel* model : models) {
+    candidates.push_back(
+        {model,
+         input.marker_sigma,
+         fmt::format("model {} of {} {}", candidates.size() + 1, models.size(), model->name)});
+  }
+  return Trials(input, std::move(varied), std::move(candidates), options).Run();
+}
+
+ModelChoice TryTargets(const CalibrationInput& input,
+                       std::vector<size_t> varied,
+                       double marker_sigma,
+                       const TrialOptions& options) {
+  const CameraModel* const model = input.cameras[varied[0]].model;
+  std::vector<Candidate> candidates{{model, 0, "target 1 of 2 held rigid"},
+                                    {model, marker_sigma, "target 2 of 2 refined"}};
+  return Trials(input, std::move(varied), std::move(candidates), options).Run();
 }
 
 }  // namespace plenocal

@@ -39,15 +39,16 @@ std::vector<std::string> Split(const std::string& line, char separator) {
                           const std::vector<std::string>& arguments,
                           const std::string& out,
                           const std::string& err,
-                          std::size_t file_size_limit) {
+                          const RunOptions& options) {
   const int out_file = open(out.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0600);
   const int err_file = open(err.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0600);
   if (dup2(out_file, STDOUT_FILENO) < 0 || dup2(err_file, STDERR_FILENO) < 0) _exit(126);
   if (chdir(folder.c_str()) != 0) _exit(126);
-  if (file_size_limit > 0) {
+  for (const auto& [name, value] : options.environment) setenv(name.c_str(), value.c_str(), 1);
+  if (options.file_size_limit > 0) {
     // Ignored, so that `write` itself reports that there is no room.
     signal(SIGXFSZ, SIG_IGN);
-    const rlimit limit{file_size_limit, file_size_limit};
+    const rlimit limit{options.file_size_limit, options.file_size_limit};
     if (setrlimit(RLIMIT_FSIZE, &limit) != 0) _exit(126);
   }
   std::vector<char*> argv{const_cast<char*>("plenocal")};
@@ -131,7 +132,7 @@ Outcome Workspace::Run(const std::vector<std::string>& arguments, const RunOptio
   const std::string own_out = folder_.string() + ".stdout";
   const std::string out = options.stdout_path.empty() ? own_out : options.stdout_path;
   const pid_t child = fork();
-  if (child == 0) Execute(folder_, arguments, out, err, options.file_size_limit);
+  if (child == 0) Execute(folder_, arguments, out, err, options);
   bool interrupted = false;
   int status = 0;
   while (waitpid(child, &status, options.interrupt_when && !interrupted ? WNOHANG : 0) == 0) {

@@ -31,6 +31,7 @@ struct RunOptions {
   std::size_t file_size_limit = 0;  ///< bytes that a file may have, as on a full disk; 0: any
   std::function<bool()> interrupt_when = {};  ///< `signal` is sent once this is true
   int signal = SIGINT;
+  std::map<std::string, std::string> environment = {};  ///< variables beside the test's own
 };
 
 /// A CSV file with a header line.

@@ -132,15 +132,16 @@ nlohmann::json ResultJson(const CalibrateArguments& arguments, const Calibration
 
 void Print(const CalibrateArguments& arguments,
            const Calibration& calibration,
-           const CalibrationRecord& record) {
+           const CalibrationRecord& record,
+           Console* console) {
   if (arguments.json) {
     fmt::print("{}\n", ResultJson(arguments, record).dump(2));
     return;
   }
-  fmt::print("{}\nwritten to {}\n\n{}",
-             Summary(calibration),
-             arguments.out.string(),
-             VerdictText(*record.verdict));
+  console->Print(fmt::format("{}\nwritten to {}\n\n{}",
+                             Summary(calibration),
+                             arguments.out.string(),
+                             VerdictText(*record.verdict)));
 }
 
 void CheckRequirement(const CalibrateArguments& arguments, const Verdict& verdict) {
@@ -197,7 +198,7 @@ void RunCalibrate(const CalibrateArguments& arguments, const ConsoleOptions& sha
   }
   out.Commit();
   cache.RemoveUnused();
-  Print(arguments, calibration, record);
+  Print(arguments, calibration, record, &console);
   CheckRequirement(arguments, *record.verdict);
 }
 

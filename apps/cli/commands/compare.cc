@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <numbers>
@@ -16,6 +17,7 @@
 #include "apps/cli/options.h"
 #include "apps/cli/session_observations.h"
 #include "calib/base/error.h"
+#include "calib/base/number_text.h"
 #include "calib/base/output_folder.h"
 #include "calib/describe.h"
 #include "calib/files/calibration_file.h"
@@ -32,7 +34,14 @@ struct CompareArguments {
   std::filesystem::path session;  ///< session.yaml of the new images; empty: none
   std::vector<double> distances;  ///< m; empty: 1 m and infinity
   std::filesystem::path out;      ///< folder for picture and table; empty: neither
+  std::vector<std::string> map;   ///< NAME=NAME: cameras of other names
   bool json = false;              ///< new images: JSON on standard output
+};
+
+/// A calibration and its correlations between cameras; these are empty where no file has them.
+struct Correlated {
+  CalibrationRecord record;
+  Correlations correlations;
 };
 
 constexpr std::array<std::string_view, 3> kRowNames{"top", "middle", "bottom"};
@@ -86,7 +95,7 @@ void PrintCamera(const CameraDifference& camera,
                  const CalibratedCamera& a,
                  const CalibratedCamera& b) {
   fmt::print("{}  ({} and {}, {} x {} px)\n",
-             camera.name,
+             Styled(Stream::kOut, Style::kHeading, camera.name),
              a.model->name,
              b.model->name,
              a.image_size[0],
@@ -95,8 +104,8 @@ void PrintCamera(const CameraDifference& camera,
   const Eigen::Vector3d turn = LogRotation(camera.T_b_a.R) * 180 / std::numbers::pi;
   const Eigen::Vector3d shift = 1e3 * camera.T_b_a.t;
   fmt::print(
-      "  taken out: a turn by ({:.4f}, {:.4f}, {:.4f}) degrees and a shift by ({:.3f}, {:.3f}, "
-      "{:.3f}) mm of the camera's frame\n",
+      "  taken out: a rotation vector ({:.4f}, {:.4f}, {:.4f}) degrees and a translation ({:.3f}, "
+      "{:.3f}, {:.3f}) mm of the camera's frame\n",
       turn.x(),
       turn.y(),
       turn.z(),
@@ -152,6 +161,81 @@ Correlations CorrelationsBeside(const CalibrationRecord& calibration) {
     }
   }
   return correlations;
+}
+
+Correlated ReadCorrelated(const std::filesystem::path& path) {
+  Correlated calibration{ReadCalibration(path, CameraModels()), {}};
+  calibration.correlations = CorrelationsBeside(calibration.record);
+  return calibration;
+}
+
+// Gives a camera another name, in the correlations too.
+void Rename(const std::string& from, const std::string& to, Correlated* calibration) {
+  const auto camera = std::ranges::find(calibration->record.cameras, from, &CalibratedCamera::name);
+  camera->name = to;
+  for (std::string& name : calibration->correlations.names) {
+    if (name.starts_with(from + ".")) name = to + name.substr(from.size());
+  }
+}
+
+// Gives cameras of `calibration` the names of their counterparts in `others`, as `--map` states:
+// OTHER=OWN.
+void ApplyMap(const std::vector<std::string>& map,
+              const std::vector<std::string>& others,
+              Correlated* calibration) {
+  std::vector<std::string> own;
+  for (const CalibratedCamera& camera : calibration->record.cameras) own.push_back(camera.name);
+  const auto require = [](const std::string& entry,
+                          const std::string& name,
+                          const std::vector<std::string>& names) {
+    if (std::ranges::find(names, name) != names.end()) return;
+    const std::vector<std::string_view> known(names.begin(), names.end());
+    throw Error(ErrorKind::kInput,
+                fmt::format("--map {}: no camera '{}'{}", entry, name, SuggestName(name, known)));
+  };
+  std::map<std::string, std::string> renamed;  // own name -> new one
+  for (const std::string& entry : map) {
+    const size_t equals = entry.find('=');
+    if (equals == std::string::npos) {
+      throw Error(ErrorKind::kInput,
+                  fmt::format("--map {}: expected NAME=NAME, a camera of the first file and its "
+                              "counterpart",
+                              entry));
+    }
+    const std::string other = entry.substr(0, equals), name = entry.substr(equals + 1);
+    require(entry, other, others);
+    require(entry, name, own);
+    if (!renamed.emplace(name, other).second) {
+      throw Error(ErrorKind::kInput, fmt::format("--map {}: '{}' stands twice", entry, name));
+    }
+  }
+  for (const auto& [name, other] : renamed) {
+    if (std::ranges::find(own, other) == own.end() || renamed.contains(other)) continue;
+    throw Error(ErrorKind::kInput,
+                fmt::format("--map {}={}: {} has a camera '{}' already; map that one too",
+                            other,
+                            name,
+                            calibration->record.path.string(),
+                            other));
+  }
+  // By way of names that no camera has, since names may be exchanged.
+  for (const auto& [name, other] : renamed) Rename(name, "=" + other, calibration);
+  for (const auto& [name, other] : renamed) Rename("=" + other, other, calibration);
+}
+
+// "; name counterparts by --map left=cam0,right=cam1" for cameras without equal names.
+std::string MapSuggestion(const std::vector<std::string>& a, const std::vector<std::string>& b) {
+  std::vector<std::string> pairs;
+  for (size_t c = 0; c < std::min(a.size(), b.size()); ++c) {
+    pairs.push_back(fmt::format("{}={}", a[c], b[c]));
+  }
+  return fmt::format("name counterparts by --map, for instance --map {}", fmt::join(pairs, ","));
+}
+
+std::vector<std::string> CameraNames(const std::vector<CalibratedCamera>& cameras) {
+  std::vector<std::string> names;
+  for (const CalibratedCamera& camera : cameras) names.push_back(camera.name);
+  return names;
 }
 
 /// The cameras that two calibrations have in common, and their differences.
@@ -229,8 +313,9 @@ std::string Picture(const std::vector<CameraDifference>& differences,
 
 Comparison CompareAll(const std::vector<CalibratedCamera>& a,
                       const Correlations& of_a,
-                      const CalibrationRecord& b,
+                      const Correlated& of_b,
                       const std::vector<double>& distances) {
+  const CalibrationRecord& b = of_b.record;
   Comparison comparison;
   for (const CalibratedCamera& camera : a) {
     // Single cameras are compared whatever they are called.
@@ -245,14 +330,13 @@ Comparison CompareAll(const std::vector<CalibratedCamera>& a,
   }
   if (comparison.a.empty()) {
     throw Error(ErrorKind::kInput,
-                fmt::format("{}: has no camera of the other calibration, whose first is '{}'",
+                fmt::format("{}: has no camera of the other calibration; {}",
                             b.path.string(),
-                            a.front().name));
+                            MapSuggestion(CameraNames(a), CameraNames(b.cameras))));
   }
   const auto counterparts = [&](size_t c) {
     return Counterparts{comparison.a[c], comparison.b[c], comparison.differences[c]};
   };
-  const Correlations of_b = CorrelationsBeside(b);
   // An exact calibration has no correlations.
   const auto exact = [](const std::vector<CalibratedCamera>& cameras) {
     return std::ranges::all_of(cameras, [](const CalibratedCamera& camera) {
@@ -260,21 +344,21 @@ Comparison CompareAll(const std::vector<CalibratedCamera>& a,
     });
   };
   comparison.has_correlations =
-      (!of_a.names.empty() || exact(a)) && (!of_b.names.empty() || exact(b.cameras));
+      (!of_a.names.empty() || exact(a)) && (!of_b.correlations.names.empty() || exact(b.cameras));
   for (size_t c = 1; c < comparison.a.size(); ++c) {
-    comparison.mounts.push_back(CompareExtrinsics(counterparts(0), counterparts(c), of_a, of_b));
+    comparison.mounts.push_back(
+        CompareExtrinsics(counterparts(0), counterparts(c), of_a, of_b.correlations));
   }
   return comparison;
 }
 
 // Names of cameras that are not among `others`.
-std::string NamesWithout(const std::vector<CalibratedCamera>& cameras,
-                         const std::vector<CalibratedCamera>& others) {
-  std::string names;
-  for (const CalibratedCamera& camera : cameras) {
-    if (std::ranges::find(others, camera.name, &CalibratedCamera::name) != others.end()) continue;
-    names += (names.empty() ? "" : ", ") + camera.name;
-  }
+std::vector<std::string> NamesWithout(const std::vector<CalibratedCamera>& cameras,
+                                      const std::vector<CalibratedCamera>& others) {
+  std::vector<std::string> names = CameraNames(cameras);
+  std::erase_if(names, [&](const std::string& name) {
+    return std::ranges::find(others, name, &CalibratedCamera::name) != others.end();
+  });
   return names;
 }
 
@@ -298,13 +382,13 @@ nlohmann::json CheckJson(const CalibrationCheck& check) {
 void PrintCheck(const CalibrationCheck& check) {
   for (const CameraCheck& camera : check.cameras) {
     fmt::print(
-        "{}: {} points in {} frames\n"
+        "{}: {} in {}\n"
         "  RMS with only poses free {:.4f} px; expected of a calibration that holds {:.4f}; with "
         "parameters of the new images' own {:.4f}\n"
         "  probability of so large a gap by chance: {:.2g}\n",
         camera.name,
-        camera.points,
-        check.frames,
+        Counted(static_cast<size_t>(camera.points), "point"),
+        Counted(static_cast<size_t>(check.frames), "frame"),
         camera.rms_held,
         camera.expected,
         camera.rms_free,
@@ -316,7 +400,9 @@ void PrintCheck(const CalibrationCheck& check) {
           1e3 * camera.translation,
           camera.extrinsics_probability);
     }
-    fmt::print("  {}\n\n", camera.valid ? "still valid" : "NOT VALID any more");
+    fmt::print("  {}\n\n",
+               camera.valid ? Styled(Stream::kOut, Style::kGood, "still valid")
+                            : Styled(Stream::kOut, Style::kError, "NOT VALID any more"));
   }
 }
 
@@ -345,10 +431,15 @@ void ReportCheck(const CompareArguments& arguments, const CalibrationCheck& chec
 }
 
 void CheckWithNewImages(const CompareArguments& arguments,
-                        const CalibrationRecord& old,
                         const std::vector<double>& distances,
                         const ConsoleOptions& shared) {
+  Correlated old = ReadCorrelated(arguments.a);
   const Session session = ReadSession(arguments.session, CameraModels());
+  if (!arguments.map.empty()) {
+    std::vector<std::string> names;
+    for (const SessionCamera& camera : session.cameras) names.push_back(camera.name);
+    ApplyMap(arguments.map, names, &old);
+  }
   const Target target = ReadTarget(session.target);
   Console console(shared);
   std::optional<OutputFolder> out;
@@ -361,7 +452,7 @@ void CheckWithNewImages(const CompareArguments& arguments,
   const SessionObservations observations =
       CollectObservations(session, target, shared, {&cache, nullptr}, &console);
   const CalibrationCheck check =
-      CheckCalibration(old,
+      CheckCalibration(old.record,
                        MakeCalibrationInput(session, target, observations.cameras, &console),
                        {.threads = shared.threads, .progress = [&](const std::string& stage) {
                           console.Progress(stage);
@@ -396,22 +487,33 @@ std::string VerdictText(const Comparison& comparison) {
   return same ? "same within uncertainty" : "not the same within uncertainty";
 }
 
-void CompareCalibrations(const CompareArguments& arguments,
-                         const CalibrationRecord& a,
-                         const std::vector<double>& distances) {
-  const CalibrationRecord b = ReadCalibration(arguments.b, CameraModels());
+// The cameras that only one of the calibrations has, and how to compare them all the same.
+void PrintLeftOver(const Comparison& comparison,
+                   const CalibrationRecord& a,
+                   const CalibrationRecord& b) {
+  const std::vector<std::string> of_a = NamesWithout(a.cameras, comparison.a),
+                                 of_b = NamesWithout(b.cameras, comparison.b);
+  for (const auto& [calibration, names] : {std::pair(&a, &of_a), std::pair(&b, &of_b)}) {
+    if (names->empty()) continue;
+    fmt::print(
+        "not compared, only in {}: {}\n", calibration->path.string(), fmt::join(*names, ", "));
+  }
+  if (!of_a.empty() && !of_b.empty()) fmt::print("  {}\n", MapSuggestion(of_a, of_b));
+}
+
+void CompareCalibrations(const CompareArguments& arguments, const std::vector<double>& distances) {
+  const Correlated a = ReadCorrelated(arguments.a);
+  Correlated b = ReadCorrelated(arguments.b);
+  ApplyMap(arguments.map, CameraNames(a.record.cameras), &b);
   std::optional<OutputFolder> out;
   if (!arguments.out.empty()) out.emplace(arguments.out);
-  const Comparison comparison = CompareAll(a.cameras, CorrelationsBeside(a), b, distances);
+  const Comparison comparison = CompareAll(a.record.cameras, a.correlations, b, distances);
   PrintComparison(comparison);
   if (out) {
     WriteComparison(comparison, &*out);
     out->Commit();
   }
-  for (const auto& [own, others] : {std::pair(&a, &comparison.a), std::pair(&b, &comparison.b)}) {
-    const std::string names = NamesWithout(own->cameras, *others);
-    if (!names.empty()) fmt::print("not compared, only in {}: {}\n", own->path.string(), names);
-  }
+  PrintLeftOver(comparison, a.record, b.record);
   fmt::print("{}\n", VerdictText(comparison));
   if (out) fmt::print("\nwritten to {}\n", arguments.out.string());
 }
@@ -438,11 +540,10 @@ void RunCompare(const CompareArguments& arguments, const ConsoleOptions& shared)
   CheckArguments(arguments);
   std::vector<double> distances = arguments.distances;
   if (distances.empty()) distances = {1, std::numeric_limits<double>::infinity()};
-  const CalibrationRecord a = ReadCalibration(arguments.a, CameraModels());
   if (arguments.session.empty()) {
-    CompareCalibrations(arguments, a, distances);
+    CompareCalibrations(arguments, distances);
   } else {
-    CheckWithNewImages(arguments, a, distances, shared);
+    CheckWithNewImages(arguments, distances, shared);
   }
 }
 
@@ -463,6 +564,11 @@ RunCommand Declare(CLI::App* app, ConsoleOptions* shared) {
       arguments->session,
       "instead of another: session.yaml with new images of the same cameras. Does the calibration still hold for them (only poses free)? Exit status 1: no");
   app->add_option("-o,--out", arguments->out, "folder for difference.png and compare.csv");
+  app->add_option(
+         "--map",
+         arguments->map,
+         "cameras of other names, separated by commas: left=cam0,right=cam1 for 'left' of the first file, or of the new images, that is 'cam0' in the other")
+      ->delimiter(',');
   app->add_flag("--json", arguments->json, "with --check: JSON on standard output");
   AddThreads(app, shared);
   app->add_option(

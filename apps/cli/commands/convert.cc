@@ -13,6 +13,7 @@
 #include "apps/cli/command.h"
 #include "apps/cli/model_option.h"
 #include "apps/cli/options.h"
+#include "calib/base/number_text.h"
 #include "calib/base/output_folder.h"
 #include "calib/files/calibration_file.h"
 #include "models/registry.h"
@@ -48,7 +49,35 @@ std::string Picture(const CalibratedCamera& camera,
   return DrawFieldMaps({map}, conversion.largest);
 }
 
-void RunConvert(const ConvertArguments& arguments) {
+std::string SummaryOf(const CalibratedCamera& camera,
+                      const CameraModel& model,
+                      const Conversion& conversion) {
+  std::string text = fmt::format("{}: {} to {}, {} over the image\n",
+                                 camera.name,
+                                 camera.model->name,
+                                 model.name,
+                                 Counted(conversion.errors.size(), "pixel"));
+  for (size_t i = 0; i < model.params.size(); ++i) {
+    if (model.params[i].prior_sigma > 0) continue;  // too many to read
+    text +=
+        fmt::format("    {:<6} {:.9g}{}\n",
+                    model.params[i].name,
+                    conversion.params[i],
+                    model.params[i].unit == "1" ? "" : fmt::format(" {}", model.params[i].unit));
+  }
+  text += fmt::format("  error {:.3g} px RMS, at most {:.3g} px at ({:.0f}, {:.0f})\n",
+                      conversion.rms,
+                      conversion.largest,
+                      conversion.largest_at.x(),
+                      conversion.largest_at.y());
+  if (conversion.unseen > 0) {
+    text += fmt::format(
+        "  {} of the pixels look where {} images nothing\n", conversion.unseen, model.name);
+  }
+  return text;
+}
+
+void RunConvert(const ConvertArguments& arguments, const ConsoleOptions& shared) {
   const CalibrationRecord calibration = ReadCalibration(arguments.calibration, CameraModels());
   const CalibratedCamera& camera = FindCamera(calibration, arguments.camera);
   const CameraModel* model = ModelOfOption("--to", arguments.model);
@@ -78,27 +107,8 @@ void RunConvert(const ConvertArguments& arguments) {
   out.Write("conversion_errors.csv", errors);
   out.Write("conversion_errors.png", Picture(camera, *model, conversion));
   out.Commit();
-  fmt::print("{}: {} to {}, {} pixels over the image\n",
-             camera.name,
-             camera.model->name,
-             model->name,
-             conversion.errors.size());
-  for (size_t i = 0; i < model->params.size(); ++i) {
-    if (model->params[i].prior_sigma > 0) continue;  // too many to read
-    fmt::print("    {:<6} {:.9g}{}\n",
-               model->params[i].name,
-               conversion.params[i],
-               model->params[i].unit == "1" ? "" : fmt::format(" {}", model->params[i].unit));
-  }
-  fmt::print("  error {:.3g} px RMS, at most {:.3g} px at ({:.0f}, {:.0f})\n",
-             conversion.rms,
-             conversion.largest,
-             conversion.largest_at.x(),
-             conversion.largest_at.y());
-  if (conversion.unseen > 0) {
-    fmt::print("  {} of the pixels look where {} images nothing\n", conversion.unseen, model->name);
-  }
-  fmt::print("\nwritten to {}\n", arguments.out.string());
+  Console(shared).Print(fmt::format(
+      "{}\nwritten to {}\n", SummaryOf(camera, *model, conversion), arguments.out.string()));
 }
 
 constexpr const char* kHelp =
@@ -115,7 +125,7 @@ RunCommand Declare(CLI::App* app, ConsoleOptions* shared) {
   app->add_option("--to", arguments->model, "camera model")->required();
   app->add_option("-o,--out", arguments->out, "folder for the results")->required();
   AddQuiet(app, shared);
-  return [arguments] { RunConvert(*arguments); };
+  return [arguments, shared] { RunConvert(*arguments, *shared); };
 }
 
 }  // namespace

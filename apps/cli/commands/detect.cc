@@ -6,6 +6,7 @@
 #include "apps/cli/command.h"
 #include "apps/cli/options.h"
 #include "apps/cli/session_observations.h"
+#include "calib/base/number_text.h"
 #include "calib/base/output_folder.h"
 #include "models/registry.h"
 
@@ -26,11 +27,11 @@ void RunDetect(const SessionOptions& options, const ConsoleOptions& shared) {
   out.Commit();
   cache.RemoveUnused();
   for (const CameraInput& camera : observations.cameras) {
-    fmt::print("{}: {} frames, {} points -> {}\n",
-               camera.name,
-               camera.views.size(),
-               CountObservations(camera.views),
-               (options.out / DetectionsName(camera.name)).string());
+    console.Print(fmt::format("{}: {}, {} -> {}\n",
+                              camera.name,
+                              Counted(camera.views.size(), "frame"),
+                              Counted(CountObservations(camera.views), "point"),
+                              (options.out / DetectionsName(camera.name)).string()));
   }
 }
 

@@ -15,6 +15,7 @@
 #include "apps/evaluate/trajectory_metrics.h"
 #include "calib/base/error.h"
 #include "calib/base/names.h"
+#include "calib/base/number_text.h"
 #include "calib/base/output_folder.h"
 
 namespace plenocal {
@@ -57,9 +58,9 @@ Trajectory ReadAndReport(const std::filesystem::path& path,
                          Console* console) {
   Trajectory trajectory = ReadTrajectory(path, arguments.times);
   if (trajectory.repeated > 0) {
-    console->Message(fmt::format("{}: left out {} poses whose time is that of the pose before",
+    console->Message(fmt::format("{}: left out {} whose time is that of the pose before",
                                  path.string(),
-                                 trajectory.repeated));
+                                 Counted(static_cast<size_t>(trajectory.repeated), "pose")));
   }
   return trajectory;
 }

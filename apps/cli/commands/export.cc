@@ -9,6 +9,7 @@
 #include "apps/resample/resample_images.h"
 #include "calib/base/error.h"
 #include "calib/base/names.h"
+#include "calib/base/number_text.h"
 #include "calib/base/output_folder.h"
 #include "calib/files/calibration_file.h"
 #include "models/registry.h"
@@ -45,10 +46,9 @@ void RefuseTooMany(const std::vector<CalibratedCamera>& cameras,
                    const std::filesystem::path& calibration) {
   if (cameras.size() <= format.most_cameras) return;
   throw Error(ErrorKind::kInput,
-              fmt::format("format {} holds {} camera{}, but {} has {} ({}); choose with --camera",
+              fmt::format("format {} holds {}, but {} has {} ({}); choose with --camera",
                           format.name,
-                          format.most_cameras,
-                          format.most_cameras == 1 ? "" : "s",
+                          Counted(format.most_cameras, "camera"),
                           calibration.string(),
                           cameras.size(),
                           fmt::join(NamesOf(cameras), ", ")));
@@ -93,7 +93,7 @@ void RunExport(const ExportArguments& arguments, const ConsoleOptions& shared) {
   for (const auto& [name, content] : files) output.Write(name, content);
   output.Commit();
   for (const auto& [name, content] : files) {
-    fmt::print("written to {}\n", (parent / name).string());
+    console.Print(fmt::format("written to {}\n", (parent / name).string()));
   }
 }
 

@@ -102,8 +102,10 @@ void RunFocus(const FocusArguments& arguments, const ConsoleOptions& shared) {
   OutputFolder out(arguments.out);
   Console console(shared);
   request.message = [&](const std::string& line) { console.Message(line); };
+  std::string place;  // "2 of 7"
   request.progress = [&](size_t done) {
-    console.Progress("focus: images", done, request.raw_images.size());
+    place = fmt::format("{} of {}", done + 1, request.raw_images.size());
+    console.Progress(fmt::format("focus: image {}, {}", place, request.raw_images[done].frame));
     return !Interrupted();
   };
   request.result =
@@ -113,10 +115,10 @@ void RunFocus(const FocusArguments& arguments, const ConsoleOptions& shared) {
         OutputFolder& to = many ? *own : out;
         for (const auto& [name, content] : files) to.Write(name, content);
         to.Commit();
-        console.Message(fmt::format("{}: {}", frame, summary));
+        console.Message(fmt::format("image {}, {}: {}", place, frame, summary));
       };
   FocusImages(request);
-  fmt::print("written to {}\n", arguments.out.string());
+  console.Print(fmt::format("written to {}\n", arguments.out.string()));
 }
 
 constexpr const char* kHelp =

@@ -106,7 +106,7 @@ void RunImport(const ImportArguments& arguments, const ConsoleOptions& shared) {
   OutputFolder output(folder);
   output.Write(name, made.file.content);
   output.Commit();
-  fmt::print("written to {}\n", (folder / name).string());
+  console.Print(fmt::format("written to {}\n", (folder / name).string()));
 }
 
 std::string Help() {

@@ -47,7 +47,8 @@ void RunMap(const MapArguments& arguments, const ConsoleOptions& shared) {
                                 {"undistorted_from", arguments.calibration.string()}}));
   }
   out.Commit();
-  fmt::print("{}: {}\nwritten to {}\n", camera.name, ViewText(view), arguments.out.string());
+  Console(shared).Print(
+      fmt::format("{}: {}\nwritten to {}\n", camera.name, ViewText(view), arguments.out.string()));
 }
 
 constexpr const char* kHelp =

@@ -14,13 +14,13 @@
 namespace plenocal {
 namespace {
 
-void RunReport(const std::filesystem::path& folder) {
+void RunReport(const std::filesystem::path& folder, const ConsoleOptions& shared) {
   const CalibrationRecord calibration = ReadCalibrationFolder(folder, CameraModels());
   const std::string page = ReportHtml(calibration, ReadCameraFiles(folder, calibration));
   OutputFolder out(folder);
   out.Write("report.html", page);
   out.Commit();
-  fmt::print("written to {}\n", (folder / "report.html").string());
+  Console(shared).Print(fmt::format("written to {}\n", (folder / "report.html").string()));
 }
 
 constexpr const char* kHelp =
@@ -32,7 +32,7 @@ RunCommand Declare(CLI::App* app, ConsoleOptions* shared) {
   const auto folder = std::make_shared<std::filesystem::path>();
   app->add_option("out", *folder, "folder that 'plenocal calibrate' wrote")->required();
   AddQuiet(app, shared);
-  return [folder] { RunReport(*folder); };
+  return [folder, shared] { RunReport(*folder, *shared); };
 }
 
 }  // namespace

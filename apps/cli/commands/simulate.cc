@@ -24,7 +24,7 @@ void RunSimulate(const SimulateRequest& request, const ConsoleOptions& shared) {
                   console.Progress(stage, done, total);
                   return !Interrupted();
                 }});
-  fmt::print("{}written to {}\n", summary, request.out.string());
+  console.Print(fmt::format("{}written to {}\n", summary, request.out.string()));
 }
 
 constexpr const char* kHelp =

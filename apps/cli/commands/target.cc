@@ -26,9 +26,9 @@ RunCommand Declare(CLI::App* app, ConsoleOptions* shared) {
       ->check(CLI::Range(30.0, 2400.0))
       ->capture_default_str();
   AddQuiet(app, shared);
-  return [request] {
+  return [request, shared] {
     for (const std::filesystem::path& file : PrintTarget(*request)) {
-      fmt::print("written to {}\n", file.string());
+      Console(*shared).Print(fmt::format("written to {}\n", file.string()));
     }
   };
 }

@@ -2,7 +2,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
 #include <memory>
 
 #include "apps/cli/calibration_input.h"
@@ -15,10 +14,8 @@
 #include "calib/base/error.h"
 #include "calib/base/number_text.h"
 #include "calib/base/output_folder.h"
-#include "calib/base/statistics.h"
 #include "calib/describe.h"
 #include "calib/files/calibration_file.h"
-#include "calib/judge/compare.h"
 #include "calib/judge/model_trial.h"
 #include "calib/noise/weak_directions.h"
 #include "models/registry.h"
@@ -101,25 +98,25 @@ void WarnOfSettings(const Session& session, const std::vector<size_t>& varied, C
   }
 }
 
-double MedianDistance(const Calibration& calibration, size_t camera) {
-  std::vector<double> distances;
-  const Bundle& bundle = calibration.bundle;
-  for (const BundleObservation& observation : bundle.observations) {
-    if (observation.camera != static_cast<int>(camera) || !observation.used) continue;
-    const RigidTransform T_camera_target =
-        bundle.cameras[camera].T_camera_rig *
-        bundle.SeenPose(static_cast<size_t>(observation.frame), camera);
-    distances.push_back(
-        (T_camera_target * bundle.markers[static_cast<size_t>(observation.marker)].position)
-            .norm());
-  }
-  return Median(std::move(distances));
-}
-
 std::string WhyNotComparable(const ModelTrial& trial) {
   if (!trial.failure.empty()) return trial.failure;
   if (trial.comparable) return {};
   return fmt::format("does not image {:.1f} % of the held-out points", 100 * trial.unseen);
+}
+
+std::string Judgement(const ModelChoice& choice, size_t m) {
+  const ModelTrial& trial = choice.trials[m];
+  if (m == choice.recommended) return "recommended";
+  if (!trial.comparable) return {};
+  if (trial.outweighed_by) {
+    const std::string_view simpler = choice.trials[*trial.outweighed_by].model->name;
+    if (!(trial.gain > 0)) return fmt::format("sigma grows without a gain over {}", simpler);
+    return fmt::format(
+        "sigma grows by more than its gain of {:.2g} px over {}", trial.gain, simpler);
+  }
+  if (m == choice.reference) return "best";
+  if (trial.practically_equal) return "practically equal to the best";
+  return trial.probability < kSignificant ? "worse than the best" : "not distinguishable";
 }
 
 TrialRow MakeRow(const ModelChoice& choice, size_t m) {
@@ -127,14 +124,9 @@ TrialRow MakeRow(const ModelChoice& choice, size_t m) {
   TrialRow row{.trial = &trial,
                .undetermined = {},
                .recommended = m == choice.recommended,
+               .judgement = Judgement(choice, m),
                .why_not = WhyNotComparable(trial)};
   if (!trial.failure.empty()) return row;
-  for (const size_t c : choice.varied) {
-    const double sigma =
-        ImageSigma(DescribeCamera(trial.calibration, c), {MedianDistance(trial.calibration, c)});
-    row.image_sigma += sigma * sigma / static_cast<double>(choice.varied.size());
-  }
-  row.image_sigma = std::sqrt(row.image_sigma);
   for (const WeakUnknowns& weak :
        FindWeakUnknowns(trial.calibration.bundle, trial.calibration.uncertainty)) {
     if (!weak.open) continue;
@@ -147,63 +139,130 @@ TrialRow MakeRow(const ModelChoice& choice, size_t m) {
   return row;
 }
 
+std::vector<TrialRow> MakeRows(const ModelChoice& choice) {
+  std::vector<TrialRow> rows;
+  for (size_t m = 0; m < choice.trials.size(); ++m) rows.push_back(MakeRow(choice, m));
+  return rows;
+}
+
+// The difference of the recommended from the reference, beside what it is compared with.
+std::string DifferenceText(const ModelChoice& choice) {
+  return fmt::format(
+      "projections differ by {:.4f} px; the noise is {:.4f} px, the projection's "
+      "sigma {:.4f} px",
+      choice.trials[choice.recommended].difference,
+      choice.noise,
+      choice.trials[choice.reference].sigma);
+}
+
+std::string Reason(const ModelChoice& choice) {
+  const ModelTrial& recommended = choice.trials[choice.recommended];
+  if (choice.trials.size() == 1) return "the only model tried";
+  if (std::ranges::count(choice.trials, true, &ModelTrial::comparable) == 1) {
+    return "the only model that images what the camera sees";
+  }
+  if (choice.recommended == choice.reference) {
+    const bool is_simplest = std::ranges::none_of(choice.trials, [&](const ModelTrial& trial) {
+      return trial.comparable && trial.free_parameters < recommended.free_parameters;
+    });
+    return fmt::format(
+        "{}; {}",
+        choice.reference == 0 ? "the best" : "the best that is worth its uncertainty",
+        is_simplest ? "none is simpler" : "every simpler model is significantly worse");
+  }
+  const std::string_view simplest = recommended.model->usage == Usage::kCommon
+                                        ? "the simplest common model that is"
+                                        : "the simplest model that is";
+  const std::string_view best = choice.trials[choice.reference].model->name;
+  if (recommended.practically_equal) {
+    return fmt::format(
+        "{} practically equal to the best, {} ({})", simplest, best, DifferenceText(choice));
+  }
+  return fmt::format(
+      "{} not significantly worse than the best, {} ({})", simplest, best, DifferenceText(choice));
+}
+
 std::string Recommendation(const ModelChoice& choice) {
   const ModelTrial& recommended = choice.trials[choice.recommended];
-  const ModelTrial& best = choice.trials[0];
-  const bool is_simplest = std::ranges::none_of(choice.trials, [&](const ModelTrial& trial) {
-    return trial.comparable && trial.free_parameters < recommended.free_parameters;
-  });
-  std::string why = is_simplest ? "the best; none is simpler"
-                                : "the best; every simpler model is significantly worse";
-  if (choice.trials.size() == 1) {
-    why = "the only model tried";
-  } else if (std::ranges::count(choice.trials, true, &ModelTrial::comparable) == 1) {
-    why = "the only model that images what the camera sees";
-  } else if (choice.recommended != 0) {
-    why = fmt::format("the simplest model that is not significantly worse than the best, {}",
-                      best.model->name);
-  }
-  return fmt::format("{}, {} ({} parameters; {:.4f} +- {:.4f} px on frames that it has not seen)",
+  return fmt::format("{}, {}; {}, {:.4f} +- {:.4f} px on frames that it has not seen",
                      recommended.model->name,
-                     why,
-                     recommended.free_parameters,
+                     Reason(choice),
+                     Counted(static_cast<size_t>(recommended.free_parameters), "parameter"),
                      recommended.rms,
                      recommended.rms_sigma);
 }
 
-// The table on standard output.
-void Print(const ModelChoice& choice, const std::vector<TrialRow>& rows) {
-  fmt::print("{} frames, {} folds; {} points count for all models, {} are outliers\n\n",
-             choice.frames,
-             choice.folds,
-             choice.points,
-             choice.outliers);
-  fmt::print("  {:<18} {:>10} {:>19} {:>12} {:>14} {:>7}  {}\n",
-             "model",
-             "parameters",
-             "held-out RMS px",
-             "in-sample px",
-             "image sigma px",
-             "s",
-             "not determined");
+// "held" or "refined", as in session and try.yaml.
+std::string_view TargetName(const ModelTrial& trial) {
+  return trial.marker_sigma > 0 ? "refined" : "held";
+}
+
+std::string TargetRecommendation(const ModelChoice& targets) {
+  const ModelTrial& recommended = targets.trials[targets.recommended];
+  const auto other = std::ranges::find_if(targets.trials, [&](const ModelTrial& trial) {
+    return TargetName(trial) != TargetName(recommended);
+  });
+  if (!other->failure.empty() || !other->comparable) {
+    return fmt::format("{}; {}, it cannot be judged", TargetName(recommended), TargetName(*other));
+  }
+  const std::string_view reason =
+      recommended.marker_sigma > 0    ? "held rigid it predicts held-out frames worse"
+      : other->outweighed_by          ? "to refine it gains less than it costs in uncertainty"
+      : recommended.practically_equal ? "to refine it makes practically no difference"
+                                      : "refined it predicts held-out frames no better";
+  return fmt::format(
+      "{}, {} ({:.4f} +- {:.4f} px, {} {:.4f} +- {:.4f} px; projections differ by "
+      "{:.4f} px)",
+      TargetName(recommended),
+      reason,
+      recommended.rms,
+      recommended.rms_sigma,
+      TargetName(*other),
+      other->rms,
+      other->rms_sigma,
+      std::max(recommended.difference, other->difference));
+}
+
+std::string HeldOutText(const ModelTrial& trial) {
+  return fmt::format("{:.4f} +- {:.4f}", trial.rms, trial.rms_sigma);
+}
+
+// The tables on standard output.
+std::string Table(const ModelChoice& choice, const std::vector<TrialRow>& rows) {
+  std::string text =
+      fmt::format("{}, {}; {} count, {}\n\n  {:<18} {:>10} {:>19} {:>12} {:>8} {:>14} {:>7}  {}\n",
+                  Counted(choice.frames, "frame"),
+                  Counted(choice.folds, "fold"),
+                  Counted(choice.points, "point"),
+                  Counted(choice.outliers, "outlier"),
+                  "model",
+                  "parameters",
+                  "held-out RMS px",
+                  "from best px",
+                  "sigma px",
+                  "image sigma px",
+                  "s",
+                  "judgement");
   for (const TrialRow& row : rows) {
     const ModelTrial& trial = *row.trial;
     if (!row.why_not.empty()) {
-      fmt::print("  {:<18} {}\n", trial.model->name, row.why_not);
+      text += fmt::format("  {:<18} {}\n", trial.model->name, row.why_not);
       continue;
     }
-    fmt::print(
-        "{} {:<18} {:>10} {:>19} {:>12.4f} {:>14.4f} {:>7.2f}  {}\n",
-        row.recommended ? "*" : " ",
-        trial.model->name,
-        trial.free_parameters,
-        fmt::format("{:.4f} +- {:.4f}", trial.rms, trial.rms_sigma),
-        trial.in_sample_rms,
-        row.image_sigma,
-        trial.seconds,
-        row.undetermined.empty() ? "-" : fmt::format("{}", fmt::join(row.undetermined, " ")));
+    text += fmt::format("{} {:<18} {:>10} {:>19} {:>12.4f} {:>8.4f} {:>14.4f} {:>7.2f}  {}\n",
+                        row.recommended ? "*" : " ",
+                        trial.model->name,
+                        trial.free_parameters,
+                        HeldOutText(trial),
+                        trial.difference,
+                        trial.sigma,
+                        trial.image_sigma,
+                        trial.seconds,
+                        row.judgement);
+    if (row.undetermined.empty()) continue;
+    text += fmt::format("    not determined: {}\n", fmt::join(row.undetermined, " "));
   }
-  fmt::print("\nrecommended: {}\n", Recommendation(choice));
+  return text;
 }
 
 std::string Quoted(const std::string& text) {
@@ -217,71 +276,129 @@ std::string Quoted(const std::string& text) {
 
 std::string TableCsv(const std::vector<TrialRow>& rows) {
   std::string text =
-      "model,parameters,held_out_rms,held_out_sigma,probability,in_sample_rms,image_sigma,unseen,seconds,recommended,undetermined,failure\n";
+      "model,parameters,held_out_rms,held_out_sigma,probability,difference,sigma,in_sample_rms,image_sigma,unseen,seconds,recommended,judgement,undetermined,failure\n";
   for (const TrialRow& row : rows) {
     const ModelTrial& trial = *row.trial;
     if (!trial.failure.empty()) {
-      text += fmt::format("{},,,,,,,,,0,,{}\n", trial.model->name, Quoted(trial.failure));
+      text += fmt::format("{},,,,,,,,,,,0,,,{}\n", trial.model->name, Quoted(trial.failure));
       continue;
     }
-    text += fmt::format(
-        "{},{},{},{:.6g},{:.6g},{:.6g},{:.3f},{},{},\n",
-        trial.model->name,
-        trial.free_parameters,
-        trial.comparable
-            ? fmt::format("{:.6g},{:.3g},{:.3g}", trial.rms, trial.rms_sigma, trial.probability)
-            : ",,",
-        trial.in_sample_rms,
-        row.image_sigma,
-        trial.unseen,
-        trial.seconds,
-        row.recommended ? 1 : 0,
-        fmt::join(row.undetermined, " "));
+    text += fmt::format("{},{},{},{:.6g},{},{:.6g},{:.3f},{},{},{},\n",
+                        trial.model->name,
+                        trial.free_parameters,
+                        trial.comparable ? fmt::format("{:.6g},{:.3g},{:.3g},{:.3g},{:.3g}",
+                                                       trial.rms,
+                                                       trial.rms_sigma,
+                                                       trial.probability,
+                                                       trial.difference,
+                                                       trial.sigma)
+                                         : ",,,,",
+                        trial.in_sample_rms,
+                        trial.comparable ? fmt::format("{:.6g}", trial.image_sigma) : "",
+                        trial.unseen,
+                        trial.seconds,
+                        row.recommended ? 1 : 0,
+                        Quoted(row.judgement),
+                        fmt::join(row.undetermined, " "));
   }
   return text;
 }
 
-std::string TableYaml(const ModelChoice& choice,
-                      const Session& session,
-                      const std::vector<TrialRow>& rows) {
+std::string HeldOutYaml(const ModelTrial& trial) {
+  return fmt::format("held_out: {{rms: {}, sigma: {}, probability: {}}}\n",
+                     YamlNumber(trial.rms),
+                     YamlNumber(trial.rms_sigma),
+                     YamlNumber(trial.probability));
+}
+
+std::string ModelYaml(const TrialRow& row) {
+  const ModelTrial& trial = *row.trial;
+  std::string text = fmt::format("  {}:\n", trial.model->name);
+  if (!trial.failure.empty()) {
+    return text + fmt::format("    failure: {}\n", YamlQuoted(trial.failure));
+  }
+  text += fmt::format("    parameters: {}\n", trial.free_parameters);
+  if (trial.comparable) {
+    text += fmt::format(
+        "    {}    difference: {}\n    sigma: {}\n    image_sigma: {}\n    judgement: {}\n",
+        HeldOutYaml(trial),
+        YamlNumber(trial.difference),
+        YamlNumber(trial.sigma),
+        YamlNumber(trial.image_sigma),
+        YamlQuoted(row.judgement));
+  }
+  return text + fmt::format(
+                    "    unseen: {}\n    in_sample_rms: {}\n    seconds: {:.3f}\n"
+                    "    undetermined: [{}]\n    calibration: models/{}/calibration.yaml\n",
+                    YamlNumber(trial.unseen),
+                    YamlNumber(trial.in_sample_rms),
+                    trial.seconds,
+                    fmt::join(row.undetermined, ", "),
+                    trial.model->name);
+}
+
+std::string TargetYaml(const ModelChoice& targets) {
+  std::string text = fmt::format("target:\n  recommended: {}\n  why: {}\n",
+                                 TargetName(targets.trials[targets.recommended]),
+                                 YamlQuoted(TargetRecommendation(targets)));
+  for (const ModelTrial& trial : targets.trials) {
+    if (!trial.comparable) continue;
+    text += fmt::format("  {}:\n    tolerance: {}\n    {}    difference: {}\n    sigma: {}\n",
+                        TargetName(trial),
+                        YamlNumber(trial.marker_sigma),
+                        HeldOutYaml(trial),
+                        YamlNumber(trial.difference),
+                        YamlNumber(trial.sigma));
+  }
+  return text;
+}
+
+/// All that a trial of a session found.
+struct SessionTrial {
+  const Session& session;
+  ModelChoice models;
+  ModelChoice targets;         ///< with the recommended model
+  std::vector<TrialRow> rows;  ///< of `models`
+};
+
+std::string TrialYaml(const SessionTrial& trial) {
+  const ModelChoice& choice = trial.models;
   std::vector<std::string> cameras;
-  for (const size_t c : choice.varied) cameras.push_back(session.cameras[c].name);
+  for (const size_t c : choice.varied) cameras.push_back(trial.session.cameras[c].name);
   std::string text = fmt::format(
       "plenocal: 1\nsession: {}\ncameras: [{}]\nframes: {}\nfolds: {}\npoints: {}\n"
-      "outliers: {}\nrecommended: {}\nwhy: {}\nmodels:\n",
-      YamlQuoted(session.path.string()),
+      "outliers: {}\nrecommended: {}\nwhy: {}\nreference: {}\nnoise: {}\n",
+      YamlQuoted(trial.session.path.string()),
       fmt::join(cameras, ", "),
       choice.frames,
       choice.folds,
       choice.points,
       choice.outliers,
       choice.trials[choice.recommended].model->name,
-      YamlQuoted(Recommendation(choice)));
-  for (const TrialRow& row : rows) {
-    const ModelTrial& trial = *row.trial;
-    text += fmt::format("  {}:\n", trial.model->name);
-    if (!trial.failure.empty()) {
-      text += fmt::format("    failure: {}\n", YamlQuoted(trial.failure));
-      continue;
-    }
-    text += fmt::format("    parameters: {}\n", trial.free_parameters);
-    if (trial.comparable) {
-      text += fmt::format("    held_out: {{rms: {}, sigma: {}, probability: {}}}\n",
-                          YamlNumber(trial.rms),
-                          YamlNumber(trial.rms_sigma),
-                          YamlNumber(trial.probability));
-    }
-    text += fmt::format(
-        "    unseen: {}\n    in_sample_rms: {}\n    image_sigma: {}\n    seconds: {:.3f}\n"
-        "    undetermined: [{}]\n    calibration: models/{}/calibration.yaml\n",
-        YamlNumber(trial.unseen),
-        YamlNumber(trial.in_sample_rms),
-        YamlNumber(row.image_sigma),
-        trial.seconds,
-        fmt::join(row.undetermined, ", "),
-        trial.model->name);
-  }
+      YamlQuoted(Recommendation(choice)),
+      choice.trials[choice.reference].model->name,
+      YamlNumber(choice.noise));
+  text += TargetYaml(trial.targets) + "models:\n";
+  for (const TrialRow& row : trial.rows) text += ModelYaml(row);
   return text;
+}
+
+void WriteTrial(const SessionTrial& trial,
+                const std::vector<std::pair<std::string, std::string>>& provenance,
+                OutputFolder* out) {
+  for (const ModelTrial& model : trial.models.trials) {
+    if (!model.failure.empty()) continue;
+    CalibrationRecord record = Describe(model.calibration);
+    record.provenance = provenance;
+    out->Write(fmt::format("models/{}/calibration.yaml", model.model->name),
+               CalibrationYaml(record));
+  }
+  out->Write("try.csv", TableCsv(trial.rows));
+  out->Write("try.yaml", TrialYaml(trial));
+  out->Write("try.html",
+             TrialPage(trial.models,
+                       trial.rows,
+                       {Recommendation(trial.models), TargetRecommendation(trial.targets)}));
 }
 
 void RunTry(const TryArguments& arguments, const ConsoleOptions& shared) {
@@ -303,37 +420,32 @@ void RunTry(const TryArguments& arguments, const ConsoleOptions& shared) {
   WarnOfSettings(session, varied, &console);
   const CalibrationInput input =
       MakeCalibrationInput(session, target, observations.cameras, &console);
-  const ModelChoice choice = TryModels(input,
-                                       varied,
-                                       models,
-                                       {.folds = arguments.folds,
-                                        .threads = shared.threads,
-                                        .progress = [&](const std::string& stage) {
-                                          console.Progress(stage);
-                                          return !Interrupted();
-                                        }});
-  std::vector<TrialRow> rows;
-  for (size_t m = 0; m < choice.trials.size(); ++m) {
-    rows.push_back(MakeRow(choice, m));
-    const ModelTrial& trial = choice.trials[m];
-    if (!trial.failure.empty()) continue;
-    CalibrationRecord record = Describe(trial.calibration);
-    record.provenance = provenance;
-    out.Write(fmt::format("models/{}/calibration.yaml", trial.model->name),
-              CalibrationYaml(record));
-  }
-  out.Write("try.csv", TableCsv(rows));
-  out.Write("try.yaml", TableYaml(choice, session, rows));
-  out.Write("try.html", TrialPage(choice, rows, Recommendation(choice)));
+  const TrialOptions options{.folds = arguments.folds,
+                             .threads = shared.threads,
+                             .progress = [&](const std::string& stage) {
+                               console.Progress(stage);
+                               return !Interrupted();
+                             }};
+  SessionTrial trial{session, TryModels(input, varied, models, options), {}, {}};
+  trial.targets =
+      TryTargets(WithModel(input, varied, *trial.models.trials[trial.models.recommended].model),
+                 varied,
+                 RefinedMarkerSigma(target),
+                 options);
+  trial.rows = MakeRows(trial.models);
+  WriteTrial(trial, provenance, &out);
   WriteDetections(session, observations, arguments.out, &out);
   out.Commit();
   cache.RemoveUnused();
-  Print(choice, rows);
-  fmt::print("\nwritten to {}\n", arguments.out.string());
+  console.Print(fmt::format("{}\nrecommended: {}\ntarget: {}\n\nwritten to {}\n",
+                            Table(trial.models, trial.rows),
+                            Recommendation(trial.models),
+                            TargetRecommendation(trial.targets),
+                            arguments.out.string()));
 }
 
 constexpr const char* kHelp =
-    "Which camera model fits best: the cameras are calibrated with each model, which is judged by frames that were held out.\n"
+    "Which camera model fits best: the cameras are calibrated with each model, which is judged by frames that were held out; the target likewise, held rigid and refined.\n"
     "\n"
     "  plenocal try session.yaml --models A,B,C -o OUT\n"
     "\n"

@@ -14,6 +14,7 @@
 #include "apps/resample/virtual_image.h"
 #include "apps/resample/virtual_view_images.h"
 #include "calib/base/error.h"
+#include "calib/base/number_text.h"
 #include "calib/files/calibration_file.h"
 #include "models/registry.h"
 
@@ -57,11 +58,12 @@ void Finish(const Job& job, const NewCamera& made, size_t count, OutputFolder* o
                               {{"plenocal_version", PLENOCAL_VERSION},
                                {"undistorted_from", job.arguments.calibration.string()}}));
   out->Commit();
-  fmt::print("{}: {} images; {}\nwritten to {}\n",
-             made.view.name,
-             count,
-             ViewText(made.view),
-             job.arguments.out.string());
+  Console(job.shared)
+      .Print(fmt::format("{}: {}; {}\nwritten to {}\n",
+                         made.view.name,
+                         Counted(count, "image"),
+                         ViewText(made.view),
+                         job.arguments.out.string()));
 }
 
 void UndistortOrdinary(const Job& job) {
@@ -158,8 +160,10 @@ void UndistortPlenoptic(const Job& job) {
   request.cloud = !job.arguments.cloud.empty();
   request.threads = job.shared.threads;
   request.message = [&](const std::string& line) { console.Message(line); };
+  std::string place;  // "2 of 7"
   request.progress = [&](size_t done) {
-    console.Progress(camera.name + ": images", done, job.images.size());
+    place = fmt::format("{} of {}", done + 1, job.images.size());
+    console.Progress(fmt::format("{}: image {}, {}", camera.name, place, job.images[done].frame));
     return !Interrupted();
   };
   request.result = [&](const std::string& frame, const auto& files, const std::string& summary) {
@@ -170,7 +174,7 @@ void UndistortPlenoptic(const Job& job) {
         out.Write(frame + suffix, content);
       }
     }
-    console.Message(fmt::format("{}: {}", frame, summary));
+    console.Message(fmt::format("image {}, {}: {}", place, frame, summary));
   };
   const size_t count = MakeVirtualViews(request);
   if (cloud_out) cloud_out->Commit();

@@ -12,6 +12,7 @@
 #include "apps/cli/image_inputs.h"
 #include "apps/cli/options.h"
 #include "calib/base/error.h"
+#include "calib/base/number_text.h"
 #include "calib/base/output_folder.h"
 #include "calib/camera/bayer.h"
 #include "calib/files/frame_images.h"
@@ -93,7 +94,7 @@ WhiteJob FolderJob(const WhiteArguments& arguments) {
 
 double Degrees(double radians) { return radians * 180 / std::numbers::pi; }
 
-void PrintGrid(const MicroLensGrid& grid) {
+std::string GridText(const MicroLensGrid& grid) {
   const MicroLensArray& array = grid.array;
   std::array<size_t, 3> by_type{};
   size_t unusable = 0;
@@ -101,47 +102,51 @@ void PrintGrid(const MicroLensGrid& grid) {
     ++by_type[static_cast<size_t>(lens.type)];
     if (!lens.usable) ++unusable;
   }
-  fmt::print("  {} micro lenses, {} unusable, {}\n",
-             array.lenses.size(),
-             unusable,
-             array.types == 1
-                 ? std::string("one type")
-                 : fmt::format("three types: {}, {}, {}", by_type[0], by_type[1], by_type[2]));
-  fmt::print(
+  std::string text =
+      fmt::format("  {}, {} unusable, {}\n",
+                  Counted(array.lenses.size(), "micro lens", "micro lenses"),
+                  unusable,
+                  array.types == 1
+                      ? std::string("one type")
+                      : fmt::format("three types: {}, {}, {}", by_type[0], by_type[1], by_type[2]));
+  text += fmt::format(
       "  pitch {:.4f} px, rotation {:.4f} deg, in the middle; rows 60 deg apart to {:.3f} deg\n",
       array.Pitch(),
       Degrees(std::atan2(array.e_column.y(), array.e_column.x())),
       std::abs(60 - Degrees(std::acos(array.e_column.dot(array.e_row) /
                                       (array.e_column.norm() * array.e_row.norm())))));
-  fmt::print(
+  text += fmt::format(
       "  single centres about the lattice: {:.4f} px RMS, {:.4f} px robust, per coordinate{}\n",
       grid.centre_rms,
       grid.centre_sigma,
       grid.degree > 0 ? fmt::format(" (lattice bent by order {})", grid.degree) : "");
-  fmt::print(
+  text += fmt::format(
       "  micro images: brightness varies by {:.2f} % between neighbours, profile fits to {:.2f} "
       "%\n",
       100 * grid.gain_spread,
       100 * grid.misfit);
+  return text;
 }
 
-void PrintSummary(const WhiteJob& job, const WhiteCamera& camera) {
-  fmt::print("{}: {} of {} white images, {} x {} px, mean {:.1f} of {:.0f} grey values\n",
-             job.camera,
-             camera.images,
-             job.images.size(),
-             camera.image_size[0],
-             camera.image_size[1],
-             camera.level,
-             camera.full_scale);
-  fmt::print(
+std::string SummaryText(const WhiteJob& job, const WhiteCamera& camera) {
+  std::string text =
+      fmt::format("{}: {} of {} white images, {} x {} px, mean {:.1f} of {:.0f} grey values\n",
+                  job.camera,
+                  camera.images,
+                  job.images.size(),
+                  camera.image_size[0],
+                  camera.image_size[1],
+                  camera.level,
+                  camera.full_scale);
+  text += fmt::format(
       "  saturated {:.3f} %, black {:.3f} % of the pixels; illumination uneven by {:.1f} % from "
       "side to side\n",
       100 * camera.saturated,
       100 * camera.black,
       100 * camera.unevenness);
-  fmt::print("  attenuation from {:.3f} to 1\n", camera.darkest);
-  if (camera.grid) PrintGrid(*camera.grid);
+  text += fmt::format("  attenuation from {:.3f} to 1\n", camera.darkest);
+  if (camera.grid) text += GridText(*camera.grid);
+  return text;
 }
 
 void RunWhite(const WhiteArguments& arguments, const ConsoleOptions& shared) {
@@ -170,7 +175,9 @@ void RunWhite(const WhiteArguments& arguments, const ConsoleOptions& shared) {
     }
     if (Interrupted()) throw Stopped();
     const WhiteCamera& camera = cameras.back();
-    for (const std::string& warning : camera.warnings) console.Message("  " + warning);
+    for (const std::string& warning : camera.warnings)
+      console.Message(
+          fmt::format("  {} {}", Styled(Stream::kErr, Style::kWarning, "warning:"), warning));
     for (const LeftOut& item : camera.left_out) {
       console.Message(fmt::format("  left out {}: {}", item.where, item.reason));
     }
@@ -182,7 +189,7 @@ void RunWhite(const WhiteArguments& arguments, const ConsoleOptions& shared) {
     }
   }
   out.Commit();
-  for (size_t i = 0; i < jobs.size(); ++i) PrintSummary(jobs[i], cameras[i]);
+  for (size_t i = 0; i < jobs.size(); ++i) console.Print(SummaryText(jobs[i], cameras[i]));
 }
 
 constexpr const char* kHelp =

@@ -194,18 +194,18 @@ function typicalArrow({ mean_x: dx, mean_y: dy }) {
   return Math.max(lengths[Math.floor(0.95 * (lengths.length - 1))], 1.5 / 4 * lengths[lengths.length - 1]);
 }
 
-/** Arrows over an image, scaled to be seen; under them cells in the colours of `values`. `range`: { arrow, value } of several such maps. */
+/** Arrows over an image, scaled to be seen; under them cells in the colours of `values`. `range`: { arrow, low, value } of several such maps. */
 function addArrowMap(parent, title, note, size, field, values, unit, range = {}) {
   const { columns, rows, mean_x: dx, mean_y: dy } = field;
   const points = cellMiddles(columns, rows, size).filter((point) => dx[point.cell] !== null);
   const magnify = 1.5 * size[0] / columns / (range.arrow || typicalArrow(field) || 1);
   const known = values ? values.filter((value) => value !== null) : [0];
-  const high = range.value || known.reduce((a, b) => Math.max(a, b), 0) || 1;
+  const low = range.low || 0, high = range.value || known.reduce((a, b) => Math.max(a, b), 0) || 1;
   const tint = (part) => Colours.ramp(part).replace("rgb", "rgba").replace(")", ",0.45)");
   addFigure(parent, title, `${note} Arrows are ${brief(magnify, 2)} times as long as what they stand for.`, points.length, (canvas) =>
     scatter(canvas, [carriers(points)], imageScales(size), {
       paint: (ctx, toX, toY) => {
-        if (values) paintCells(ctx, toX, toY, columns, rows, size, (cell) => values[cell] === null ? null : tint(values[cell] / high));
+        if (values) paintCells(ctx, toX, toY, columns, rows, size, (cell) => values[cell] === null ? null : tint((values[cell] - low) / (high - low)));
         for (const point of points) {
           const x = toX(point.x), y = toY(point.y);
           drawArrow(ctx, x, y, toX(point.x + magnify * dx[point.cell]) - x, toY(point.y + magnify * dy[point.cell]) - y, "#1c2530");
@@ -213,7 +213,7 @@ function addArrowMap(parent, title, note, size, field, values, unit, range = {})
       },
       label: (item) => `mean (${brief(dx[item.raw.cell])}, ${brief(dy[item.raw.cell])}) ${unit}` +
         (values ? `; RMS ${brief(values[item.raw.cell])} ${unit}` : "") + `; ${field.points[item.raw.cell]} points`,
-    }), { aspect: imageAspect(size), legend: values ? colourScale(`RMS 0 ${unit}`, `${brief(high)} ${unit}`, tint) : null });
+    }), { aspect: imageAspect(size), legend: values ? colourScale(`RMS ${brief(low)} ${unit}`, `${brief(high)} ${unit}`, tint) : null });
 }
 
 window.addEventListener("beforeprint", () => {

@@ -76,9 +76,9 @@ TEST_F(CompareCommand, TakesOutWhatATurnOfTheCameraExplains) {
   Change("a/calibration.yaml", "moved.yaml", "c_x", 1);
   const Outcome outcome = Run({"compare", "a/calibration.yaml", "moved.yaml", "--distance", "inf"});
   EXPECT_EQ(outcome.status, kDone) << outcome.err;
-  const std::string turn = outcome.out.substr(outcome.out.find("a turn by ("));
+  const std::string turn = outcome.out.substr(outcome.out.find("a rotation vector ("));
   double x = 0, y = 0;
-  ASSERT_EQ(std::sscanf(turn.c_str(), "a turn by (%lf, %lf", &x, &y), 2) << outcome.out;
+  ASSERT_EQ(std::sscanf(turn.c_str(), "a rotation vector (%lf, %lf", &x, &y), 2) << outcome.out;
   // Where the lens compresses the border, a pixel is more of a turn.
   EXPECT_GT(std::abs(y), 0.8 * 180 / M_PI / f_x);
   EXPECT_LT(std::abs(y), 2 * 180 / M_PI / f_x);
@@ -156,6 +156,49 @@ TEST_F(CompareCommand, SaysThatACameraStandsElsewhereOnTheRig) {
   EXPECT_EQ(one.status, kDone) << one.err;
   EXPECT_THAT(one.out, HasSubstr("not compared, only in rig/calibration.yaml: " + master + "\n"));
   EXPECT_THAT(one.out, HasSubstr("\nsame within uncertainty\n"));
+}
+
+TEST_F(CompareCommand, MapsCamerasOfOtherNames) {
+  WriteProblem(EasyProblem(2));
+  Calibrate("rig");
+  const Outcome same = Run({"compare", "rig/calibration.yaml", "rig/calibration.yaml"});
+  std::filesystem::create_directory(Path("renamed"));
+  for (const char* file : {"calibration.yaml", "correlations.csv"}) {
+    std::string text = Read(fmt::format("rig/{}", file));
+    for (const auto& [from, to] : {std::pair("cam0", "left"), std::pair("cam1", "right")}) {
+      for (size_t at = 0; (at = text.find(from, at)) != std::string::npos;) {
+        text.replace(at, std::string(from).size(), to);
+      }
+    }
+    Write(fmt::format("renamed/{}", file), text);
+  }
+  const std::vector<std::string> compare{
+      "compare", "rig/calibration.yaml", "renamed/calibration.yaml"};
+  const auto with_map = [&](const std::string& map) {
+    std::vector<std::string> arguments = compare;
+    arguments.insert(arguments.end(), {"--map", map});
+    return Run(arguments);
+  };
+  const Outcome without = Run(compare);
+  EXPECT_EQ(without.status, kWrongInput);
+  EXPECT_THAT(without.err, HasSubstr("--map cam0=left,cam1=right"));
+  const Outcome mapped = with_map("cam0=left,cam1=right");
+  EXPECT_EQ(mapped.status, kDone) << mapped.err;
+  // As with equal names; the correlations are found under the other names too.
+  EXPECT_EQ(mapped.out, same.out);
+
+  const Outcome one = with_map("cam1=right");
+  EXPECT_EQ(one.status, kDone) << one.err;
+  EXPECT_THAT(one.out, HasSubstr("not compared, only in renamed/calibration.yaml: left\n"));
+  EXPECT_THAT(one.out, HasSubstr("--map cam0=left"));
+  for (const auto& [map, message] : {std::pair("cam0", "NAME=NAME"),
+                                     std::pair("cam2=left", "no camera 'cam2'"),
+                                     std::pair("cam0=lefd", "did you mean 'left'?"),
+                                     std::pair("cam0=left,cam1=left", "stands twice")}) {
+    const Outcome wrong = with_map(map);
+    EXPECT_EQ(wrong.status, kWrongInput) << map;
+    EXPECT_THAT(wrong.err, HasSubstr(message));
+  }
 }
 
 TEST_F(CompareCommand, ConvertsBetweenModelsAndReadsTheResultAgain) {

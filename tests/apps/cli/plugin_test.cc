@@ -81,6 +81,22 @@ TEST_F(Plugin, MayStandBesideOthers) {
                     HasSubstr("\nwrong-derivative\n")));
 }
 
+TEST_F(Plugin, MayBeNamedByTheEnvironment) {
+  const std::string both = Library("stereographic") + "::" + Library("wrong_models");
+  const Outcome outcome = Run({"models"}, {.environment = {{"PLENOCAL_PLUGINS", both}}});
+  EXPECT_EQ(outcome.status, kDone) << outcome.err;
+  EXPECT_THAT(outcome.out, AllOf(HasSubstr("\nstereographic\n"), HasSubstr("\nwrong-inverse\n")));
+  // Named twice, by the user's profile and for this command, it is one plug-in.
+  const Outcome again = Run({"--plugin", Library("stereographic"), "models"},
+                            {.environment = {{"PLENOCAL_PLUGINS", both}}});
+  EXPECT_EQ(again.status, kDone) << again.err;
+  const Outcome missing = Run({"models"}, {.environment = {{"PLENOCAL_PLUGINS", "nowhere.so"}}});
+  EXPECT_EQ(missing.status, kWrongInput);
+  EXPECT_THAT(
+      missing.err,
+      AllOf(HasSubstr("PLENOCAL_PLUGINS"), HasSubstr("nowhere.so"), HasSubstr("no such file")));
+}
+
 TEST_F(Plugin, IsRefusedWithOneMessageWhereItCannotBeUsed) {
   ExpectRefused("nowhere.so", "no such file");
   fs::create_directory(Path("folder.so"));

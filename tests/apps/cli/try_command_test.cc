@@ -27,6 +27,8 @@ class TryCommand : public Workspace {
                                "held_out_rms",
                                "held_out_sigma",
                                "probability",
+                               "difference",
+                               "judgement",
                                "in_sample_rms",
                                "image_sigma",
                                "unseen",
@@ -68,6 +70,14 @@ TEST_F(TryCommand, RecommendsTheTrueModelAndNeitherATooSimpleNorATooRichOne) {
   EXPECT_GT(Number("pinhole", "held_out_rms"), 3 * rms);
   EXPECT_LT(Number("pinhole", "probability"), 0.01);
   EXPECT_EQ(Row("pinhole-radial3").at("parameters"), "7");
+
+  // What matters stands beside each model, in pixels.
+  EXPECT_EQ(Row("pinhole-radial3").at("judgement"), "\"recommended\"");
+  EXPECT_EQ(Row("pinhole").at("judgement"), "\"worse than the best\"");
+  EXPECT_GT(Number("pinhole", "difference"), 3 * kNoise);
+  EXPECT_LT(Number("pinhole-radtan12", "difference"), kNoise);
+  EXPECT_EQ(result["target"]["recommended"].as<std::string>(), "held");
+  EXPECT_THAT(outcome.out, HasSubstr("\ntarget: held, "));
 
   // The calibrations are files like others.
   const Outcome compare = Run({"compare",
@@ -198,7 +208,7 @@ TEST_F(TryCommand, RefusesWhatItCannotTry) {
   fails({"--models", "focused-plenoptic"}, kWrongInput, "do not measure the same");
   fails({"--camera", "nobody"}, kWrongInput, "no such camera");
   fails({"--folds", "1"}, kWrongInput, "--folds");
-  fails({"--models", "pinhole"}, kJobFailed, "3 frames are too few");
+  fails({"--models", "pinhole"}, kJobFailed, "3 frames: too few");
 }
 
 }  // namespace

@@ -348,7 +348,7 @@ class RectifyPair : public Undistort {
     std::vector<std::string> arguments{"rectify", "pair.yaml", "-o", "out"};
     arguments.insert(arguments.end(), options.begin(), options.end());
     output_ = Done(arguments);
-    EXPECT_THAT(output_, HasSubstr("over 60 points: mean |dy| 0.0000 px, RMS 0.0000 px"));
+    EXPECT_THAT(output_, HasSubstr("over 60 points in 1 pair: RMS 0.0000 px, mean |dy| 0.0000 px"));
     const YAML::Node cameras = YAML::Load(Read("out/calibration.yaml"))["cameras"];
     for (const char* name : {"f_x", "f_y", "c_x", "c_y"}) {
       EXPECT_EQ(cameras["one"]["parameters"][name].as<double>(),
@@ -469,6 +469,71 @@ TEST_F(RectifyPair, ImagesArePairedByFrame) {
   WritePair({Turn(0, 0, 0), {-0.2, 0, 0}});
   fs::remove(Path("detections_two.csv"));
   EXPECT_THAT(Done({"rectify", "pair.yaml", "-o", "out"}), HasSubstr("--detections"));
+}
+
+TEST_F(RectifyPair, FoldersArePairs) {
+  WritePair({Turn(0.03, -0.1, 0.05), {-0.2, 0.01, 0.02}});
+  for (const char* name : {"l/left01.png", "l/left02.png", "r/right01.png", "r/right03.png"}) {
+    fs::create_directories(Path(name).parent_path());
+    SaveColours(name);
+  }
+  EXPECT_THAT(
+      Done({"rectify", "pair.yaml", "l", "r", "-o", "folders"}),
+      AllOf(HasSubstr("1 and 1 images"), HasSubstr("left02.png"), HasSubstr("right03.png")));
+  EXPECT_TRUE(fs::exists(Path("folders/one/01.png")));
+  EXPECT_TRUE(fs::exists(Path("folders/two/01.png")));
+  // One folder of both cameras, with their names as subfolders or in the files' names.
+  for (const char* name : {"set/one/a.png", "set/two/a.png", "flat/one_a.png", "flat/a_two.png"}) {
+    fs::create_directories(Path(name).parent_path());
+    SaveColours(name);
+  }
+  for (const char* folder : {"set", "flat"}) {
+    EXPECT_THAT(Done({"rectify", "pair.yaml", folder, "-o", "single"}),
+                HasSubstr("1 and 1 images"));
+    fs::remove_all(Path("single"));
+  }
+  ExpectRefused(
+      kWrongInput, {"rectify", "pair.yaml", "l", "-o", "out"}, {"neither a folder 'one'", "LEFT"});
+}
+
+TEST_F(RectifyPair, OneFileIsNoPair) {
+  WritePair({Turn(0.03, -0.1, 0.05), {-0.2, 0.01, 0.02}});
+  SaveColours("a1.png");
+  SaveColours("a2.png");
+  fs::create_directory(Path("folder"));
+  fs::create_symlink("../a1.png", Path("folder/b1.png"));
+  for (const std::vector<std::string>& pair : {std::vector<std::string>{"a1.png", "a1.png"},
+                                               {"a1.png", "./folder/../a1.png"},
+                                               {"a1.png", "folder/b1.png"},
+                                               {"a*.png", "a*.png"},
+                                               {".", "."}}) {
+    ExpectRefused(kWrongInput,
+                  {"rectify", "pair.yaml", pair[0], pair[1], "-o", "out"},
+                  {"a1.png", "one file"});
+  }
+}
+
+TEST_F(RectifyPair, PreviewShowsBothImagesWithLines) {
+  WritePair({Turn(0.03, -0.1, 0.05), {-0.2, 0.01, 0.02}});
+  SaveColours("l1.png");
+  SaveColours("r1.png");
+  Done({"rectify", "pair.yaml", "l*.png", "r*.png", "-o", "out", "--preview"});
+  const cv::Mat preview = Load("out/preview/1.png");
+  ASSERT_EQ(preview.type(), CV_8UC3);
+  ASSERT_EQ(preview.size(), cv::Size(320, 120));
+  cv::Mat left = Load("out/one/1.png");
+  left.convertTo(left, CV_8U, 1.0 / 257);
+  int equal = 0, lines = 0;
+  for (int y = 0; y < preview.rows; ++y) {
+    const bool same = cv::norm(preview.row(y).colRange(0, 160), left.row(y), cv::NORM_INF) == 0;
+    const cv::Mat one_colour = cv::repeat(preview.row(y).col(0), 1, preview.cols);
+    const bool line = cv::norm(preview.row(y), one_colour, cv::NORM_INF) == 0;
+    equal += same ? 1 : 0;
+    lines += line ? 1 : 0;
+  }
+  EXPECT_EQ(equal, 100);
+  EXPECT_GE(lines, 20);
+  ExpectRefused(kWrongInput, {"rectify", "pair.yaml", "-o", "none", "--preview"}, {"--preview"});
 }
 
 // Corners of pairs of images, as OpenCV's calibration takes them.

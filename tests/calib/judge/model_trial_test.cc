@@ -76,6 +76,67 @@ TEST(TryModels, PreferTheSimplerModelWhenBothExplainTheImages) {
   EXPECT_EQ(choice.trials[choice.recommended].model->name, "pinhole");
 }
 
+TEST(TryModels, APoorModelBesideThemChangesNothing) {
+  const SyntheticProblem problem = MakeProblem(5, {.frames = 16, .noise = kNoise});
+  const ModelChoice two =
+      TryModels(problem.input, {0}, Models({"pinhole-radial3", "pinhole-radtan12"}), {});
+  const ModelChoice three =
+      TryModels(problem.input, {0}, Models({"pinhole", "pinhole-radial3", "pinhole-radtan12"}), {});
+  EXPECT_EQ(two.trials[two.recommended].model, three.trials[three.recommended].model);
+  EXPECT_EQ(two.noise, three.noise);
+  for (const char* name : {"pinhole-radial3", "pinhole-radtan12"}) {
+    const ModelTrial &a = TrialOf(two, name), &b = TrialOf(three, name);
+    EXPECT_EQ(a.rms, b.rms) << name;
+    EXPECT_EQ(a.rms_sigma, b.rms_sigma) << name;
+    EXPECT_EQ(a.probability, b.probability) << name;
+    EXPECT_EQ(a.difference, b.difference) << name;
+    EXPECT_EQ(a.sigma, b.sigma) << name;
+  }
+}
+
+TEST(TryModels, PreferTheCommonModelOfTwoThatAreEqual) {
+  const SyntheticProblem problem =
+      MakeProblem(7, {.frames = 12, .noise = kNoise, .distorted = false});
+  // Both describe a lens without distortion; one parameter less does not make up for rare use.
+  const ModelChoice choice =
+      TryModels(problem.input, {0}, Models({"division", "pinhole-radial3"}), {});
+  EXPECT_EQ(choice.trials[choice.recommended].model->name, "pinhole-radial3");
+  EXPECT_LT(TrialOf(choice, "division").free_parameters,
+            TrialOf(choice, "pinhole-radial3").free_parameters);
+}
+
+TEST(TryModels, MeasureTheDifferenceToTheReferenceInPixels) {
+  const SyntheticProblem problem = MakeProblem(5, {.frames = 16, .noise = kNoise});
+  const ModelChoice choice =
+      TryModels(problem.input, {0}, Models({"pinhole", "pinhole-radial3", "pinhole-radtan12"}), {});
+  EXPECT_EQ(choice.trials[choice.reference].difference, 0);
+  EXPECT_NEAR(choice.noise, std::sqrt(2) * kNoise, 0.1 * kNoise);
+  const ModelTrial &rich = TrialOf(choice, "pinhole-radtan12"), &poor = TrialOf(choice, "pinhole");
+  EXPECT_LT(rich.difference, kPartOfNoise * choice.noise);
+  EXPECT_GT(poor.difference, choice.noise);
+  EXPECT_FALSE(poor.practically_equal);
+  // Five coefficients that describe nothing cost more than they gain.
+  ASSERT_TRUE(rich.outweighed_by);
+  EXPECT_EQ(choice.trials[*rich.outweighed_by].model->name, "pinhole-radial3");
+  EXPECT_LT(rich.gain, rich.sigma);
+}
+
+TEST(TryTargets, FindsWhetherTheBoardIsAsDescribed) {
+  constexpr double kTolerance = 1e-3;  // m
+  for (const double bent : {0.0, kTolerance}) {
+    SyntheticProblem problem =
+        MakeProblem(8, {.frames = 16, .noise = kNoise, .marker_tolerance = bent});
+    problem.input.marker_sigma = 0;  // what the session states does not matter
+    const ModelChoice choice = TryTargets(problem.input, {0}, kTolerance, {});
+    ASSERT_EQ(choice.trials.size(), 2);
+    EXPECT_EQ(choice.trials[choice.recommended].marker_sigma, bent);
+    const ModelTrial& held = choice.trials[choice.trials[0].marker_sigma == 0 ? 0 : 1];
+    if (bent > 0) {
+      EXPECT_GT(held.difference, choice.noise / 3);
+    }
+  }
+}
+
 TEST(TryModels, NeedFramesToHoldOut) {
   const SyntheticProblem problem = MakeProblem(5, {.frames = 2, .noise = kNoise});
   try {
@@ -83,7 +144,7 @@ TEST(TryModels, NeedFramesToHoldOut) {
     ADD_FAILURE();
   } catch (const Error& error) {
     EXPECT_EQ(error.kind(), ErrorKind::kJob);
-    EXPECT_THAT(error.what(), HasSubstr("2 frames are too few"));
+    EXPECT_THAT(error.what(), HasSubstr("2 frames: too few"));
   }
 }
 

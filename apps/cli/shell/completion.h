@@ -1,0 +1,17 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <string>
+
+namespace CLI {
+class App;
+}
+
+namespace plenocal {
+
+/// Scripts that complete the commands, options and fixed values of `app` in a shell, and file
+/// names elsewhere.
+std::string BashCompletion(const CLI::App& app);
+std::string ZshCompletion(const CLI::App& app);
+
+}  // namespace plenocal
