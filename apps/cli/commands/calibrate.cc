@@ -18,6 +18,7 @@
 #include "calib/describe.h"
 #include "calib/files/calibration_file.h"
 #include "calib/files/calibration_tables.h"
+#include "calib/judge/target/target_causes.h"
 #include "calib/summary.h"
 #include "models/registry.h"
 
@@ -59,6 +60,45 @@ Calibration Solve(const CalibrationInput& input,
     console->Message(fmt::format("  left out {}: {}", item.where, item.reason));
   }
   return calibration;
+}
+
+// "code: what", then the remedy, of each.
+std::string CausesText(const std::vector<Finding>& causes) {
+  std::string text;
+  for (const Finding& cause : causes) {
+    text += fmt::format("\n{}: {}\n  {}\n", cause.code, cause.what, cause.remedy);
+  }
+  return text;
+}
+
+// The calibration and what is wrong with the target. Where the calibration fails, the message of
+// the error has the causes.
+std::pair<Calibration, std::vector<Finding>> SolveWithCauses(const CalibrationInput& input,
+                                                             const Target& target,
+                                                             const CalibrateArguments& arguments,
+                                                             int threads,
+                                                             Console* console) {
+  const auto find = [&](const Calibration* calibration) {
+    return FindTargetCauses(input, DoubtsAbout(target), calibration, [&] {
+      console->Progress("causes in the target");
+      return !Interrupted();
+    });
+  };
+  try {
+    Calibration calibration = Solve(input, arguments, threads, console);
+    std::vector<Finding> causes = find(&calibration);
+    return {std::move(calibration), std::move(causes)};
+  } catch (const Error& error) {
+    if (error.kind() != ErrorKind::kJob) throw;
+    const std::vector<Finding> causes = find(nullptr);
+    if (causes.empty()) throw;
+    throw Error(ErrorKind::kJob,
+                fmt::format("{}; the cause is in the target ({}): {}; {}",
+                            error.what(),
+                            causes.front().code,
+                            causes.front().what,
+                            causes.front().remedy));
+  }
 }
 
 // The result with the files of the cameras, and with the images and markers left out.
@@ -123,7 +163,8 @@ void RunCalibrate(const CalibrateArguments& arguments, const ConsoleOptions& sha
       session, target, shared, {&cache, arguments.keep ? &out : nullptr}, &console);
   const CalibrationInput input =
       MakeCalibrationInput(session, target, observations.cameras, &console);
-  const Calibration calibration = Solve(input, arguments, shared.threads, &console);
+  const auto [calibration, causes] =
+      SolveWithCauses(input, target, arguments, shared.threads, &console);
   CalibrationRecord record = DescribeAll(calibration, observations);
   record.provenance = provenance;
   WriteResult(record, target, &out);
@@ -140,7 +181,8 @@ void RunCalibrate(const CalibrateArguments& arguments, const ConsoleOptions& sha
   }
   out.Commit();
   cache.RemoveUnused();
-  fmt::print("{}\nwritten to {}\n", Summary(calibration), arguments.out.string());
+  fmt::print(
+      "{}{}\nwritten to {}\n", Summary(calibration), CausesText(causes), arguments.out.string());
 }
 
 constexpr const char* kHelp =
