@@ -1,7 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <fmt/format.h>
+
 #include <Eigen/Core>
+#include <algorithm>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
 
 #include "targets/target_type.h"
 
@@ -19,6 +26,35 @@ MarkerPositions PlaneMarkers(int columns, int rows, Position position) {
     }
   }
   return markers;
+}
+
+/// A grid whose numbers run in rows of another length than `columns`; `position` and `markers` as
+/// of `PlaneMarkers`, `what` is what is numbered ("corners").
+template <typename Position>
+std::vector<TargetHypothesis> OtherRows(int columns,
+                                        int rows,
+                                        std::string_view what,
+                                        Position position) {
+  constexpr int kMostColumns = 60;  // longer rows are not printed
+  const int count = columns * rows;
+  std::vector<TargetHypothesis> hypotheses;
+  for (int other = 2; other <= std::min(count / 2, kMostColumns); ++other) {
+    if (other == columns) continue;
+    TargetHypothesis hypothesis{
+        .code = "target_layout",
+        .what = fmt::format("the {} are numbered in rows of {}, not of {}", what, other, columns),
+        .remedy = fmt::format("set columns: {} and {}",
+                              other,
+                              count % other == 0 ? fmt::format("rows: {}", count / other)
+                                                 : std::string("the rows that go with it")),
+        .places = {}};
+    for (int i = 0; i < count; ++i) {
+      const Eigen::Vector2d xy = position(i % other, i / other);
+      hypothesis.places[i] = {Eigen::Vector3d(xy.x(), xy.y(), 0)};
+    }
+    hypotheses.push_back(std::move(hypothesis));
+  }
+  return hypotheses;
 }
 
 /// To the viewer of a board in the plane z = 0 whose y axis points down.

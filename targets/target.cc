@@ -156,6 +156,17 @@ Target NominalTarget(const Target& target) {
   return nominal;
 }
 
+TargetDoubts DoubtsAbout(const Target& target) {
+  const YamlNode nominal = YamlNode::Parse(target.nominal_yaml, "target");
+  return std::visit(
+      [&](const auto& layout) {
+        TargetDoubts doubts = layout.Doubts(nominal);
+        doubts.quads = layout.Quads();
+        return doubts;
+      },
+      target.layout);
+}
+
 std::string RefinedTargetYaml(const Target& target,
                               const MarkerPositions& positions,
                               const MarkerPositions& sigmas) {

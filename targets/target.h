@@ -48,6 +48,9 @@ int PartOf(const Target& target, int marker);
 /// `markers` has no others and stays as it is.
 Target NominalTarget(const Target& target);
 
+/// Mistakes in the target's file that images can show, for `FindTargetCauses`.
+TargetDoubts DoubtsAbout(const Target& target);
+
 /// The text of the refined target's file (docs/formats.md): all keys of the nominal one, then
 /// `markers` and `sigma` of each marker in `positions`. Markers of the target that are not in
 /// `positions` keep their position (and get no sigma): they are written only where it is not the

@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "calib/base/yaml.h"
+#include "calib/camera/target_hypothesis.h"
 #include "targets/target_drawing.h"
 
 namespace plenocal {
@@ -48,21 +49,27 @@ struct TargetType {
 };
 
 /// The parts of a target type:
-
+///
 ///   kHasNominalMarkers  positions follow from the keys; else they are the file's key `markers`
 ///   Part(marker)        number of the flat part of the target on which a marker lies
 ///   Normal(...)         unit vector from a marker to the viewer of the printed side; zero: the
 ///                       marker is visible from everywhere
 ///   Quads()             rigid flat pieces with a marker at each corner, none for boards
+///   Doubts(nominal)     mistakes in the file's keys (its nominal ones) that images can show;
+///                       without `quads`
 ///   Draw(...)           black shapes on white parts, with every marker where the map has it
 template <typename Layout>
-concept IsTargetLayout =
-    requires(const Layout& layout, const MarkerPositions& markers, int marker, Pieces pieces) {
+concept IsTargetLayout = requires(const Layout& layout,
+                                  const MarkerPositions& markers,
+                                  const YamlNode& nominal,
+                                  int marker,
+                                  Pieces pieces) {
   {std::span<const TargetType>(Layout::kTypes)};
   { Layout::kHasNominalMarkers } -> std::convertible_to<bool>;
   { layout.Part(marker) } -> std::same_as<int>;
   { layout.Normal(markers, marker) } -> std::same_as<Eigen::Vector3d>;
   { layout.Quads() } -> std::same_as<std::vector<MarkerQuad>>;
+  { layout.Doubts(nominal) } -> std::same_as<TargetDoubts>;
   { layout.Draw(markers, pieces) } -> std::same_as<std::vector<TargetPart>>;
 };
 

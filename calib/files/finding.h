@@ -32,6 +32,9 @@ struct Finding {
   std::string remedy = {};                     ///< what to do; empty when nothing
 };
 
+/// Moves `more` to the end of `findings`.
+void Append(std::vector<Finding> more, std::vector<Finding>* findings);
+
 struct Verdict {
   Grade grade = Grade::kGood;          ///< that of the worst finding
   std::vector<Finding> findings = {};  ///< worst first

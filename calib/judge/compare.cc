@@ -17,9 +17,9 @@
 namespace plenocal {
 namespace {
 
-constexpr double kFarAway = 1e8;      // m: stands for infinity
+constexpr double kFarAway = 1e8;           // m: stands for infinity
 constexpr double kDifferenceLevel = 0.01;  // of all parts and distances together
-constexpr double kLensOffset = 8;     // px, of points in micro images from their lens' centre
+constexpr double kLensOffset = 8;          // px, of points in micro images from their lens' centre
 
 struct Sample {
   size_t distance = 0, part = 0;

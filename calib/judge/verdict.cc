@@ -50,16 +50,7 @@ std::string Length(double metres) {
 }
 
 // Findings that explain bad figures: each takes the grade of the worst consequence in its cameras.
-constexpr std::array<std::string_view, 22> kCauses{"target_spacing",
-                                                   "target_tag_size",
-                                                   "target_layout",
-                                                   "target_corner_order",
-                                                   "target_legacy",
-                                                   "target_border_bits",
-                                                   "target_ids_twice",
-                                                   "target_scale",
-                                                   "target_not_flat",
-                                                   "model_misfit",
+constexpr std::array<std::string_view, 13> kCauses{"model_misfit",
                                                    "strong_distortion_pinhole",
                                                    "images_mirrored",
                                                    "images_rotated",
@@ -74,7 +65,9 @@ constexpr std::array<std::string_view, 22> kCauses{"target_spacing",
                                                    "few_images"};
 
 bool IsCause(const Finding& finding) {
-  return finding.grade != Grade::kGood && std::ranges::find(kCauses, finding.code) != kCauses.end();
+  return finding.grade != Grade::kGood &&
+         (finding.code.starts_with("target_") ||
+          std::ranges::find(kCauses, finding.code) != kCauses.end());
 }
 
 bool ShareACamera(const Finding& a, const Finding& b) {

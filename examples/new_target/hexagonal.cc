@@ -8,6 +8,14 @@
 
 namespace plenocal {
 
+namespace {
+
+Eigen::Vector2d CircleAt(double spacing, int column, int row) {
+  return {spacing * (column + (row % 2) / 2.0), spacing * row * std::sqrt(3.0) / 2};
+}
+
+}  // namespace
+
 Target HexagonalLayout::Read(const YamlNode& node) {
   HexagonalLayout circles;
   circles.columns = internal::ReadCount(node.At("columns"), 2);
@@ -16,10 +24,19 @@ Target HexagonalLayout::Read(const YamlNode& node) {
   Target target;
   target.layout = circles;
   target.markers = internal::PlaneMarkers(circles.columns, circles.rows, [&](int column, int row) {
-    return Eigen::Vector2d(circles.spacing * (column + (row % 2) / 2.0),
-                           circles.spacing * row * std::sqrt(3.0) / 2);
+    return CircleAt(circles.spacing, column, row);
   });
   return target;
+}
+
+TargetDoubts HexagonalLayout::Doubts(const YamlNode& /*nominal*/) const {
+  return {.hypotheses = internal::OtherRows(
+              columns,
+              rows,
+              "circles",
+              [&](int column, int row) { return CircleAt(spacing, column, row); }),
+          .numbers = {},
+          .quads = {}};
 }
 
 std::vector<TargetPart> HexagonalLayout::Draw(const MarkerPositions& markers,

@@ -32,6 +32,7 @@ struct HexagonalLayout {
     return internal::BoardNormal();
   }
   [[nodiscard]] static std::vector<MarkerQuad> Quads() { return {}; }
+  [[nodiscard]] TargetDoubts Doubts(const YamlNode& nominal) const;
   [[nodiscard]] std::vector<TargetPart> Draw(const MarkerPositions& markers, Pieces pieces) const;
 };
 

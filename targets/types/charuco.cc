@@ -50,6 +50,74 @@ Target CharucoLayout::Read(const YamlNode& node) {
   return target;
 }
 
+namespace {
+
+// Where a detector that expects `stated` finds the corners of the board `real`: each is measured
+// beside one of the ArUco markers that it is expected to touch. Adds to `places`.
+void AddMisreadCorners(const CharucoLayout& stated_board,
+                       bool stated_legacy,
+                       const std::vector<Eigen::Vector2i>& real,
+                       std::map<int, std::vector<Eigen::Vector3d>>* places) {
+  const std::vector<Eigen::Vector2i> stated = internal::MarkedSquares(stated_board, stated_legacy);
+  for (size_t id = 0; id < std::min(stated.size(), real.size()); ++id) {
+    for (const Eigen::Vector2i& corner : {Eigen::Vector2i(0, 0),
+                                          Eigen::Vector2i(1, 0),
+                                          Eigen::Vector2i(1, 1),
+                                          Eigen::Vector2i(0, 1)}) {
+      const Eigen::Vector2i at = stated[id] + corner;  // inner corners count from 1
+      if (at.minCoeff() < 1 || at.x() >= stated_board.columns || at.y() >= stated_board.rows) {
+        continue;
+      }
+      std::vector<Eigen::Vector3d>& of_corner =
+          (*places)[(at.y() - 1) * (stated_board.columns - 1) + at.x() - 1];
+      const Eigen::Vector2d real_at = stated_board.square * (real[id] + corner).cast<double>();
+      const Eigen::Vector3d place(real_at.x(), real_at.y(), 0);
+      if (std::ranges::find(of_corner, place) == of_corner.end()) of_corner.push_back(place);
+    }
+  }
+}
+
+// The layouts that the detector of a board tries.
+std::vector<bool> TriedLayouts(const CharucoLayout& board) {
+  if (board.legacy) return {*board.legacy};
+  return {false, true};
+}
+
+}  // namespace
+
+TargetDoubts CharucoLayout::Doubts(const YamlNode& /*nominal*/) const {
+  TargetDoubts doubts;
+  if (legacy && rows % 2 == 0) {
+    TargetHypothesis hypothesis{
+        .code = "target_legacy",
+        .what = fmt::format("the board has OpenCV's {} layout", *legacy ? "new" : "legacy"),
+        .remedy = fmt::format("set legacy: {}, or leave the key out", !*legacy),
+        .places = {}};
+    AddMisreadCorners(*this, *legacy, internal::MarkedSquares(*this, !*legacy), &hypothesis.places);
+    doubts.hypotheses.push_back(std::move(hypothesis));
+  }
+  constexpr int kMostColumns = 20;  // of a board whose markers can still be read
+  for (int other = 3; other <= kMostColumns; ++other) {
+    if (other == columns) continue;
+    CharucoLayout board = *this;
+    board.columns = other;
+    board.rows = std::max(3, (columns * rows + other - 1) / other);
+    TargetHypothesis hypothesis{
+        .code = "target_layout",
+        .what = fmt::format("the board has {} squares in a row, not {}", other, columns),
+        .remedy = other == rows
+                      ? fmt::format("set columns: {} and rows: {}", rows, columns)
+                      : fmt::format("set columns: {} and the rows that go with it", other),
+        .places = {}};
+    for (const bool tried : TriedLayouts(*this)) {
+      AddMisreadCorners(
+          *this, tried, internal::MarkedSquares(board, legacy.value_or(false)), &hypothesis.places);
+    }
+    doubts.hypotheses.push_back(std::move(hypothesis));
+  }
+  return doubts;
+}
+
 std::vector<TargetPart> CharucoLayout::Draw(const MarkerPositions& /*markers*/,
                                             Pieces /*pieces*/) const {
   TargetPart part;

@@ -54,6 +54,7 @@ struct CharucoLayout {
     return internal::BoardNormal();
   }
   [[nodiscard]] static std::vector<MarkerQuad> Quads() { return {}; }
+  [[nodiscard]] TargetDoubts Doubts(const YamlNode& nominal) const;
   /// Without a statement of the file: the new pattern.
   [[nodiscard]] std::vector<TargetPart> Draw(const MarkerPositions& markers, Pieces pieces) const;
 };

@@ -20,6 +20,16 @@ Target ChessboardLayout::Read(const YamlNode& node) {
   return target;
 }
 
+TargetDoubts ChessboardLayout::Doubts(const YamlNode& /*nominal*/) const {
+  return {.hypotheses = internal::OtherRows(
+              columns,
+              rows,
+              "corners",
+              [&](int column, int row) { return Eigen::Vector2d(column * square, row * square); }),
+          .numbers = {},
+          .quads = {}};
+}
+
 std::vector<TargetPart> ChessboardLayout::Draw(const MarkerPositions& /*markers*/,
                                                Pieces /*pieces*/) const {
   TargetPart part;

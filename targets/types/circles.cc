@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <string>
+#include <utility>
 
 #include "calib/base/error.h"
 #include "targets/reading.h"
@@ -12,10 +13,18 @@
 
 namespace plenocal {
 
+namespace {
+
+Eigen::Vector2d CircleAt(const CirclesLayout& circles, int column, int row) {
+  const int step = circles.asymmetric ? 2 * column + row % 2 : column;
+  return {step * circles.spacing, row * circles.spacing};
+}
+
+}  // namespace
+
 MarkerPositions internal::CirclePositions(const CirclesLayout& circles) {
   return PlaneMarkers(circles.columns, circles.rows, [&](int column, int row) {
-    const int step = circles.asymmetric ? 2 * column + row % 2 : column;
-    return Eigen::Vector2d(step * circles.spacing, row * circles.spacing);
+    return CircleAt(circles, column, row);
   });
 }
 
@@ -36,6 +45,28 @@ Target CirclesLayout::Read(const YamlNode& node) {
   target.layout = circles;
   target.markers = internal::CirclePositions(circles);
   return target;
+}
+
+TargetDoubts CirclesLayout::Doubts(const YamlNode& /*nominal*/) const {
+  TargetDoubts doubts{.hypotheses = internal::OtherRows(
+                          columns,
+                          rows,
+                          "circles",
+                          [&](int column, int row) { return CircleAt(*this, column, row); }),
+                      .numbers = {},
+                      .quads = {}};
+  CirclesLayout other = *this;
+  other.asymmetric = !asymmetric;
+  const char* pattern = other.asymmetric ? "asymmetric" : "symmetric";
+  TargetHypothesis hypothesis{.code = "target_layout",
+                              .what = fmt::format("the circles form a grid that is {}", pattern),
+                              .remedy = fmt::format("set pattern: {}", pattern),
+                              .places = {}};
+  for (const auto& [number, place] : internal::CirclePositions(other)) {
+    hypothesis.places[number] = {place};
+  }
+  doubts.hypotheses.push_back(std::move(hypothesis));
+  return doubts;
 }
 
 double CirclesLayout::NearestDistance() const {

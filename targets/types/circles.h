@@ -36,6 +36,7 @@ struct CirclesLayout {
     return internal::BoardNormal();
   }
   [[nodiscard]] static std::vector<MarkerQuad> Quads() { return {}; }
+  [[nodiscard]] TargetDoubts Doubts(const YamlNode& nominal) const;
   [[nodiscard]] std::vector<TargetPart> Draw(const MarkerPositions& markers, Pieces pieces) const;
 
   /// m, from a circle to the nearest other one.

@@ -22,6 +22,7 @@ struct MarkersLayout {
     return Eigen::Vector3d::Zero();
   }
   [[nodiscard]] static std::vector<MarkerQuad> Quads() { return {}; }
+  [[nodiscard]] static TargetDoubts Doubts(const YamlNode& /*nominal*/) { return {}; }
   /// Throws `Error` of kind kInput: nothing is known about the points' appearance.
   [[nodiscard]] static std::vector<TargetPart> Draw(const MarkerPositions& markers, Pieces pieces);
 };

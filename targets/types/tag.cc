@@ -6,8 +6,11 @@
 #include <fmt/format.h>
 
 #include <Eigen/Geometry>
+#include <algorithm>
+#include <string>
 #include <utility>
 
+#include "calib/camera/corner_orders.h"
 #include "targets/reading.h"
 #include "targets/tags/tag_grid.h"
 
@@ -113,6 +116,108 @@ Target TagLayout::ReadGrid(const YamlNode& node) {
   // The type is Kalibr's, so a file without the key is taken to describe Kalibr's print.
   return internal::TagGridTarget(
       grid, family, ReadBorderBits(node, 2), node.At(node.Has("first_id") ? "first_id" : "rows"));
+}
+
+namespace {
+
+// The tags' corners in another order than the stated one.
+void AddCornerOrders(const std::vector<int>& ids,
+                     const MarkerPositions& markers,
+                     bool is_grid,
+                     std::vector<TargetHypothesis>* hypotheses) {
+  for (size_t i = 0; i < kCornerOrders.size(); ++i) {
+    TargetHypothesis hypothesis{
+        .code = "target_corner_order",
+        .what = fmt::format("the corners of each tag run {}", CornerOrderText(i)),
+        .remedy = is_grid ? "number the detections' markers 4 * id + 0 lower left, 1 lower right, "
+                            "2 upper right, 3 upper left of the upright tag"
+                          : "write each tag's corners in the order lower left, lower right, upper "
+                            "right, upper left of the upright tag",
+        .places = {}};
+    for (const int id : ids) {
+      for (size_t k = 0; k < 4; ++k) {
+        hypothesis.places[4 * id + static_cast<int>(k)] = {
+            markers.at(4 * id + static_cast<int>(kCornerOrders[i][k]))};
+      }
+    }
+    hypotheses->push_back(std::move(hypothesis));
+  }
+}
+
+// A grid whose ids run in rows of `columns` from `first_id` on.
+TargetHypothesis OtherGrid(const internal::TagGrid& stated, int columns, int first_id) {
+  TargetHypothesis hypothesis{.code = "target_layout", .what = {}, .remedy = {}, .places = {}};
+  const double pitch = (1 + stated.spacing) * stated.size, s = stated.size;
+  for (int i = 0; i < stated.columns * stated.rows; ++i) {
+    const int id = stated.first_id + i, from = id - first_id;
+    const int column = (from % columns + columns) % columns;
+    const int row = (from - column) / columns;
+    const Eigen::Vector3d corner(column * pitch, row * pitch, 0);
+    hypothesis.places[4 * id] = {corner};
+    hypothesis.places[4 * id + 1] = {corner + Eigen::Vector3d(s, 0, 0)};
+    hypothesis.places[4 * id + 2] = {corner + Eigen::Vector3d(s, s, 0)};
+    hypothesis.places[4 * id + 3] = {corner + Eigen::Vector3d(0, s, 0)};
+  }
+  return hypothesis;
+}
+
+void AddGrids(const internal::TagGrid& stated, std::vector<TargetHypothesis>* hypotheses) {
+  constexpr int kMostColumns = 60;  // longer rows are not printed
+  const int count = stated.columns * stated.rows;
+  for (int columns = 1; columns <= std::min(count, kMostColumns); ++columns) {
+    if (columns == stated.columns) continue;
+    TargetHypothesis hypothesis = OtherGrid(stated, columns, stated.first_id);
+    hypothesis.what =
+        fmt::format("the ids run in rows of {} tags, not of {}", columns, stated.columns);
+    hypothesis.remedy = fmt::format("set columns: {} and {}",
+                                    columns,
+                                    count % columns == 0 ? fmt::format("rows: {}", count / columns)
+                                                         : std::string("the rows that go with it"));
+    hypotheses->push_back(std::move(hypothesis));
+  }
+  for (int first = 1; first < stated.columns; ++first) {
+    TargetHypothesis hypothesis = OtherGrid(stated, stated.columns, stated.first_id + first);
+    hypothesis.what = fmt::format(
+        "a row begins with tag {}, not with tag {}", stated.first_id + first, stated.first_id);
+    hypothesis.remedy =
+        fmt::format("set first_id to the id of the board's lower left tag: {} or some rows later",
+                    stated.first_id + first);
+    hypotheses->push_back(std::move(hypothesis));
+  }
+}
+
+TargetNumber GridSpacing(const internal::TagGrid& stated) {
+  TargetNumber number{.code = "target_spacing",
+                      .key = "spacing",
+                      .meaning = "gap between tags / size",
+                      .stated = stated.spacing,
+                      .least = 0.01,
+                      .most = 4,
+                      .by_number = {}};
+  for (int i = 0; i < stated.columns * stated.rows; ++i) {
+    const Eigen::Vector3d slope(
+        i % stated.columns * stated.size, static_cast<int>(i / stated.columns) * stated.size, 0);
+    for (int k = 0; k < 4; ++k) number.by_number[4 * (stated.first_id + i) + k] = slope;
+  }
+  return number;
+}
+
+}  // namespace
+
+TargetDoubts TagLayout::Doubts(const YamlNode& nominal) const {
+  TargetDoubts doubts;
+  const bool is_grid = nominal.Has("columns");
+  const MarkerPositions markers = (is_grid ? ReadGrid(nominal) : ReadTags(nominal)).markers;
+  AddCornerOrders(ids, markers, is_grid, &doubts.hypotheses);
+  if (!is_grid) return doubts;
+  const internal::TagGrid stated{.columns = nominal.At("columns").AsInteger(),
+                                 .rows = nominal.At("rows").AsInteger(),
+                                 .size = nominal.At("size").AsLength(),
+                                 .spacing = nominal.At("spacing").AsPositive(),
+                                 .first_id = ids.front()};
+  AddGrids(stated, &doubts.hypotheses);
+  doubts.numbers.push_back(GridSpacing(stated));
+  return doubts;
 }
 
 Eigen::Vector3d TagLayout::Normal(const MarkerPositions& markers, int marker) {

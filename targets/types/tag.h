@@ -55,6 +55,7 @@ struct TagLayout {
   [[nodiscard]] static int Part(int marker) { return marker / 4; }
   [[nodiscard]] static Eigen::Vector3d Normal(const MarkerPositions& markers, int marker);
   [[nodiscard]] std::vector<MarkerQuad> Quads() const;
+  [[nodiscard]] TargetDoubts Doubts(const YamlNode& nominal) const;
   [[nodiscard]] std::vector<TargetPart> Draw(const MarkerPositions& markers, Pieces pieces) const;
 };
 

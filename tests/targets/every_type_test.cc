@@ -22,6 +22,7 @@ namespace {
 using testing::ErrorOf;
 using testing::ExpectAt;
 using ::testing::HasSubstr;
+using testing::kRounding;
 using ::testing::Not;
 using testing::Read;
 using ::testing::UnorderedElementsAre;
@@ -70,6 +71,37 @@ TEST_P(EveryTargetType, ReadsItsExample) {
   const Target nominal = NominalTarget(target);
   EXPECT_EQ(nominal.layout.index(), target.layout.index());
   EXPECT_EQ(nominal.markers.size(), target.markers.size());
+}
+
+TEST_P(EveryTargetType, DoubtsOnlyWhatItHas) {
+  const Target target = Read(GetParam().text);
+  const TargetDoubts doubts = DoubtsAbout(target);
+  for (const TargetHypothesis& hypothesis : doubts.hypotheses) {
+    EXPECT_EQ(hypothesis.code.substr(0, 7), "target_");
+    EXPECT_FALSE(hypothesis.what.empty() || hypothesis.remedy.empty());
+    bool differs = false;
+    for (const auto& [number, places] : hypothesis.places) {
+      ASSERT_TRUE(target.markers.contains(number)) << hypothesis.what;
+      ASSERT_FALSE(places.empty());
+      differs = differs || places.size() > 1 ||
+                (places.front() - target.markers.at(number)).norm() > kRounding;
+    }
+    EXPECT_TRUE(differs) << hypothesis.what;
+  }
+  for (const TargetNumber& number : doubts.numbers) {
+    EXPECT_GT(number.stated, number.least);
+    EXPECT_LT(number.stated, number.most);
+    // The file with another value has the markers that the derivatives predict.
+    const Target nominal = NominalTarget(target);
+    std::string text = nominal.nominal_yaml;
+    const size_t begin = text.find("\n" + number.key + ":") + 1, end = text.find('\n', begin);
+    text.replace(begin, end - begin, number.key + ": 1.5");
+    for (const auto& [marker, p] : Read(text).markers) {
+      const Eigen::Vector3d expected =
+          nominal.markers.at(marker) + (1.5 - number.stated) * number.by_number.at(marker);
+      EXPECT_LT((p - expected).norm(), kRounding) << marker;
+    }
+  }
 }
 
 TEST_P(EveryTargetType, RefusesUnknownKeys) {

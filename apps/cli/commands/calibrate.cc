@@ -22,6 +22,7 @@
 #include "calib/files/calibration_file.h"
 #include "calib/files/calibration_tables.h"
 #include "calib/judge/causes/diagnose.h"
+#include "calib/judge/target/target_causes.h"
 #include "calib/judge/verdict.h"
 #include "calib/summary.h"
 #include "models/registry.h"
@@ -66,6 +67,36 @@ Calibration Solve(const CalibrationInput& input,
     console->Message(fmt::format("  left out {}: {}", item.where, item.reason));
   }
   return calibration;
+}
+
+// The calibration and what is wrong with the target. Where the calibration fails, the message of
+// the error has the causes.
+std::pair<Calibration, std::vector<Finding>> SolveWithCauses(const CalibrationInput& input,
+                                                             const Target& target,
+                                                             const CalibrateArguments& arguments,
+                                                             int threads,
+                                                             Console* console) {
+  const auto find = [&](const Calibration* calibration) {
+    return FindTargetCauses(input, DoubtsAbout(target), calibration, [&] {
+      console->Progress("causes in the target");
+      return !Interrupted();
+    });
+  };
+  try {
+    Calibration calibration = Solve(input, arguments, threads, console);
+    std::vector<Finding> causes = find(&calibration);
+    return {std::move(calibration), std::move(causes)};
+  } catch (const Error& error) {
+    if (error.kind() != ErrorKind::kJob) throw;
+    const std::vector<Finding> causes = find(nullptr);
+    if (causes.empty()) throw;
+    throw Error(ErrorKind::kJob,
+                fmt::format("{}; the cause is in the target ({}): {}; {}",
+                            error.what(),
+                            causes.front().code,
+                            causes.front().what,
+                            causes.front().remedy));
+  }
 }
 
 // The result with the files of the cameras, and with the images and markers left out.
@@ -180,9 +211,11 @@ void RunCalibrate(const CalibrateArguments& arguments, const ConsoleOptions& sha
       session, target, shared, {&cache, arguments.keep ? &out : nullptr}, &console);
   const CalibrationInput input =
       MakeCalibrationInput(session, target, observations.cameras, &console);
-  const Calibration calibration = Solve(input, arguments, shared.threads, &console);
+  const auto [calibration, causes] =
+      SolveWithCauses(input, target, arguments, shared.threads, &console);
   CalibrationRecord record = DescribeAll(calibration, observations);
   record.provenance = provenance;
+  record.findings.insert(record.findings.begin(), causes.begin(), causes.end());
   Diagnose(input, calibration, CameraModels(), &record);
   WriteResult(record, target, &out);
   WriteDetections(session, observations, arguments.out, &out);

@@ -2,7 +2,6 @@
 #include "calib/judge/causes/diagnose.h"
 
 #include <algorithm>
-#include <iterator>
 
 #include "calib/judge/causes/lens_causes.h"
 #include "calib/judge/causes/recording_causes.h"
@@ -11,11 +10,6 @@
 
 namespace plenocal {
 namespace {
-
-void Append(std::vector<Finding> more, std::vector<Finding>* findings) {
-  findings->insert(
-      findings->end(), std::make_move_iterator(more.begin()), std::make_move_iterator(more.end()));
-}
 
 // Whether the residuals of a camera are larger than its noise, without a known cause.
 bool IsUnexplained(const Verdict& verdict, const std::string& camera) {
@@ -26,6 +20,12 @@ bool IsUnexplained(const Verdict& verdict, const std::string& camera) {
   });
 }
 
+bool IsTargetWrong(const std::vector<Finding>& findings) {
+  return std::ranges::any_of(findings, [](const Finding& finding) {
+    return finding.grade != Grade::kGood && finding.code.starts_with("target_");
+  });
+}
+
 }  // namespace
 
 void Diagnose(const CalibrationInput& input,
@@ -33,6 +33,12 @@ void Diagnose(const CalibrationInput& input,
               std::span<const CameraModel> models,
               CalibrationRecord* record) {
   Append(FindRigCauses(calibration), &record->findings);
+  Append(FindRepeatedImages(calibration), &record->findings);
+  // A wrong target has residuals of any shape, which look like those of other causes.
+  if (IsTargetWrong(record->findings)) {
+    record->verdict = Judge(*record);
+    return;
+  }
   Append(FindRecordingCauses(calibration), &record->findings);
   record->verdict = Judge(*record);
   for (size_t c = 0; c < input.cameras.size(); ++c) {

@@ -280,21 +280,23 @@ std::vector<Finding> FindFrameOutliers(const Calibration& calibration, size_t c)
 
 }  // namespace
 
+std::vector<Finding> FindRepeatedImages(const Calibration& calibration) {
+  std::vector<Finding> findings;
+  for (size_t c = 0; c < calibration.bundle.cameras.size(); ++c) {
+    Append(FindDuplicates(calibration, c), &findings);
+  }
+  return findings;
+}
+
 std::vector<Finding> FindRecordingCauses(const Calibration& calibration) {
   std::vector<Finding> findings;
-  const auto add = [&](std::vector<Finding> found) {
-    findings.insert(findings.end(),
-                    std::make_move_iterator(found.begin()),
-                    std::make_move_iterator(found.end()));
-  };
   for (size_t c = 0; c < calibration.bundle.cameras.size(); ++c) {
-    add(FindDuplicates(calibration, c));
-    add(FindFrameOutliers(calibration, c));
+    Append(FindFrameOutliers(calibration, c), &findings);
     // Exact (simulated) points have no noise to compare with.
     if (calibration.fits[c].noise_sigma < kRoundingNoise) continue;
     const std::vector<ViewRows> views = RowsOfViews(calibration.bundle, c);
-    add(FindFocusChange(calibration, c, views));
-    add(FindRollingShutter(calibration, c, views));
+    Append(FindFocusChange(calibration, c, views), &findings);
+    Append(FindRollingShutter(calibration, c, views), &findings);
   }
   return findings;
 }

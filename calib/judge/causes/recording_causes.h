@@ -10,9 +10,11 @@
 
 namespace plenocal {
 
-/// Which mistakes of the recording the calibration shows: the same image twice, focus or zoom that
-/// changed, a rolling shutter, single images that disagree with all others; of a rig frames that
-/// belong to different instants. Each by a significance test whose false-alarm rate is 1e-3 a
+/// Frames of a camera that are the same image.
+std::vector<Finding> FindRepeatedImages(const Calibration& calibration);
+
+/// Which mistakes of the recording the residuals show: focus or zoom that changed, a rolling
+/// shutter, single images that disagree with all others. Tests have a false-alarm rate of 1e-3 a
 /// camera.
 std::vector<Finding> FindRecordingCauses(const Calibration& calibration);
 

@@ -1,0 +1,177 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/judge/target/flatness.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <optional>
+#include <string>
+
+#include "calib/base/error.h"
+#include "calib/base/linear_algebra.h"
+#include "calib/base/statistics.h"
+#include "calib/describe.h"
+#include "calib/judge/compare.h"
+#include "calib/judge/target/plane_view.h"
+#include "calib/solve.h"
+
+namespace plenocal {
+namespace {
+
+constexpr double kFalseAlarm = 1e-6;
+// Differences of the projection, px. Whoever measures in images takes a tenth of a pixel for exact;
+// a pixel is larger than any detector's error.
+constexpr double kExact = 0.1, kPixel = 1;
+// Prior of free markers, of the target's radius: sheets that bend farther are no targets.
+constexpr double kLoose = 0.02;
+
+std::map<int, Eigen::Vector3d> Nominal(const Bundle& bundle) {
+  std::map<int, Eigen::Vector3d> markers;
+  for (const BundleMarker& marker : bundle.markers) markers[marker.number] = marker.nominal;
+  return markers;
+}
+
+std::vector<double> TypicalSigmas(const Bundle& bundle) {
+  std::vector<std::vector<double>> sigmas(bundle.cameras.size());
+  for (const BundleObservation& observation : bundle.observations) {
+    sigmas[static_cast<size_t>(observation.camera)].push_back(observation.assumed_sigma);
+  }
+  std::vector<double> typical;
+  for (const std::vector<double>& of_camera : sigmas) typical.push_back(Median(of_camera, 1.0));
+  return typical;
+}
+
+// The same calibration with free markers; nothing when it fails.
+std::optional<Calibration> FreeMarkers(const Calibration& held,
+                                       double marker_sigma,
+                                       SolveOptions options) {
+  Calibration free = held;
+  free.bundle.marker_sigma = marker_sigma;
+  try {
+    free.uncertainty = Solve(options, &free.bundle).uncertainty;
+  } catch (const Error&) {
+    return std::nullopt;
+  }
+  return free;
+}
+
+// Probability that free markers improve the residuals so much when the target is as stated.
+double ChanceOfGain(const Calibration& held,
+                    const Calibration& free,
+                    const std::vector<double>& typical) {
+  double gain = 0, unknowns = 0, left = 0;
+  for (size_t c = 0; c < typical.size(); ++c) {
+    const double before = held.bundle.cameras[c].noise.Sigma(typical[c]);
+    const double after = free.bundle.cameras[c].noise.Sigma(typical[c]);
+    const double of_held = held.uncertainty.redundancy[c];
+    const double of_free = free.uncertainty.redundancy[c];
+    gain += of_held * before * before / (after * after) - of_free;
+    unknowns += of_held - of_free;
+    left += of_free;
+  }
+  return gain > 0 && unknowns > 1 && left > 1 ? FTail(gain / unknowns, unknowns, left) : 1;
+}
+
+double TypicalDistance(const Calibration& calibration, size_t camera) {
+  std::vector<double> distances;
+  for (const RigidTransform& T_rig_target : calibration.bundle.T_rig_target) {
+    distances.push_back((calibration.bundle.cameras[camera].T_camera_rig * T_rig_target).t.norm());
+  }
+  return Median(distances, 1.0);
+}
+
+/// Effect on one camera.
+struct Effect {
+  double projection = 0;     ///< RMS over the image, px
+  std::string focal_change;  ///< "f_x by +0.8 %"
+};
+
+Effect EffectOn(const Calibration& held, const Calibration& free, size_t c) {
+  const CalibratedCamera a = DescribeCamera(held, c), b = DescribeCamera(free, c);
+  const CameraDifference difference = CompareCameras(a, b, {TypicalDistance(held, c)});
+  const ImageDifference& all = difference.distances.front().all;
+  Effect effect;
+  // Less is what free markers cost in certainty.
+  if (!difference.has_prediction || all.rms > all.predicted) effect.projection = all.rms;
+  for (size_t k = 0; k < a.params.size(); ++k) {
+    const std::string_view name = a.model->params[k].name;
+    if (name != "f_x" && name != "f_L") continue;
+    effect.focal_change =
+        fmt::format("{} of {} by {:+.2g} %", name, a.name, 100 * (b.params[k] / a.params[k] - 1));
+  }
+  return effect;
+}
+
+/// Deviations of the free markers from the stated ones.
+struct Shape {
+  double out_of_plane = 0;  ///< peak to peak, m
+  double coordinate = 0;    ///< RMS of a coordinate, m
+};
+
+Shape ShapeOf(const Bundle& free, const MarkerPlane& plane) {
+  // Without the displacement and tilt of the whole, a x + b y + c.
+  const auto count = static_cast<Eigen::Index>(free.markers.size());
+  const Eigen::Vector3d normal = plane.x.cross(plane.y);
+  Eigen::MatrixXd A(count, 3);
+  Eigen::VectorXd z(count);
+  double sum = 0;
+  for (Eigen::Index i = 0; i < count; ++i) {
+    const BundleMarker& marker = free.markers[static_cast<size_t>(i)];
+    const Eigen::Vector2d at = plane(marker.nominal);
+    A.row(i) << at.x(), at.y(), 1;
+    z[i] = normal.dot(marker.position - marker.nominal);
+    sum += (marker.position - marker.nominal).squaredNorm();
+  }
+  const Eigen::VectorXd off = z - A * LeastSquares(A, z);
+  return {off.maxCoeff() - off.minCoeff(), std::sqrt(sum / (3.0 * static_cast<double>(count)))};
+}
+
+}  // namespace
+
+std::vector<Finding> FindBentTarget(const Calibration& calibration,
+                                    Loss loss,
+                                    const std::function<bool()>& go_on) {
+  const Bundle& bundle = calibration.bundle;
+  const std::optional<MarkerPlane> plane = FindPlane(Nominal(bundle));
+  if (bundle.EstimatesMarkers() || !plane) return {};
+  const std::vector<double> typical = TypicalSigmas(bundle);
+  const std::optional<Calibration> free =
+      FreeMarkers(calibration, kLoose * plane->extent, {typical, loss, go_on});
+  if (!free || ChanceOfGain(calibration, *free, typical) > kFalseAlarm) return {};
+  double largest = 0;
+  std::string focal_change;
+  std::vector<std::string> cameras;
+  for (size_t c = 0; c < bundle.cameras.size(); ++c) {
+    const Effect effect = EffectOn(calibration, *free, c);
+    if (effect.projection < kExact) continue;
+    cameras.push_back(bundle.cameras[c].name);
+    if (effect.projection > largest) {
+      largest = effect.projection;
+      focal_change = effect.focal_change;
+    }
+  }
+  if (cameras.empty()) return {};
+  const Shape shape = ShapeOf(free->bundle, *plane);
+  return {
+      {.code = "target_not_flat",
+       .grade = largest < kPixel ? Grade::kUsable : Grade::kBad,
+       .cameras = cameras,
+       .value = largest,
+       .limit = largest < kPixel ? kExact : kPixel,
+       .what = fmt::format("the target is not as stated: {:.2g} mm out of its plane from peak to "
+                           "peak, {:.2g} mm RMS per coordinate in all; estimated with the "
+                           "cameras it changes the projection by {:.2g} px{}{}",
+                           1e3 * shape.out_of_plane,
+                           1e3 * shape.coordinate,
+                           largest,
+                           focal_change.empty() ? "" : ", ",
+                           focal_change),
+       .remedy = fmt::format("set tolerance: {:.1g} in the target's file, so that its shape is "
+                             "estimated too, or use a flat board",
+                             shape.coordinate)}};
+}
+
+}  // namespace plenocal

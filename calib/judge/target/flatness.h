@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Whether a target that was held flat is flat, and what it does to the cameras if not.
+#pragma once
+
+#include <functional>
+#include <vector>
+
+#include "calib/calibrate.h"
+#include "calib/files/finding.h"
+
+namespace plenocal {
+
+/// A second calibration with free markers, compared with the first: an F-test of its residuals (one
+/// false alarm in a million), and the projection of each camera's model by both. The grade follows
+/// from the RMS difference over the image at the target's distance. One finding or none; none for
+/// calibrations that have estimated the markers and for targets that lie in no plane. `go_on` as in
+/// `SolveOptions`.
+std::vector<Finding> FindBentTarget(const Calibration& calibration,
+                                    Loss loss,
+                                    const std::function<bool()>& go_on);
+
+}  // namespace plenocal

@@ -1,0 +1,140 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/judge/target/plane_map.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+#include "calib/base/linear_algebra.h"
+#include "calib/base/robust.h"
+#include "calib/base/statistics.h"
+
+namespace plenocal {
+namespace {
+
+constexpr int kMaxOrder = 3;
+constexpr int kMaxTerms = (kMaxOrder + 1) * (kMaxOrder + 2) / 2;
+// D is 1 in the middle of the points; nearer to zero than this the plane vanishes.
+constexpr double kLeastDenominator = 0.02;
+
+int Terms(int order) { return (order + 1) * (order + 2) / 2; }
+
+// 1, x, y, x^2, xy, y^2, ...
+std::array<double, kMaxTerms> Monomials(const Eigen::Vector2d& at, int order) {
+  std::array<double, kMaxTerms> terms{1};
+  size_t k = 1, before = 0;  // `before`: the first term of one degree less
+  for (size_t degree = 1; degree <= static_cast<size_t>(order); ++degree) {
+    for (size_t j = 0; j < degree; ++j) terms[k + j] = terms[before + j] * at.x();
+    terms[k + degree] = terms[before + degree - 1] * at.y();
+    before = k;
+    k += degree + 1;
+  }
+  return terms;
+}
+
+// Middle of the points and their largest distance from it.
+double Frame(const std::vector<Eigen::Vector2d>& points, Eigen::Vector2d* middle) {
+  middle->setZero();
+  for (const Eigen::Vector2d& p : points) *middle += p / static_cast<double>(points.size());
+  double scale = 0;
+  for (const Eigen::Vector2d& p : points) scale = std::max(scale, (p - *middle).norm());
+  return scale > 0 ? scale : 1;
+}
+
+}  // namespace
+
+int PlaneMap::Unknowns(int order) { return 2 * Terms(order) + 2; }
+
+int PlaneMap::OrderFor(size_t points) {
+  for (int order = kMaxOrder; order > 1; --order) {
+    if (static_cast<int>(points) >= Unknowns(order)) return order;
+  }
+  return 1;
+}
+
+std::optional<PlaneMap> PlaneMap::Fit(const Pairs& pairs,
+                                      const std::vector<double>& weights,
+                                      int order) {
+  const size_t count = pairs.plane.size();
+  if (2 * count < static_cast<size_t>(Unknowns(order))) return std::nullopt;
+  PlaneMap map;
+  map.order_ = order;
+  map.plane_scale_ = Frame(pairs.plane, &map.plane_middle_);
+  map.image_scale_ = Frame(pairs.image, &map.image_middle_);
+  const int terms = Terms(order), unknowns = Unknowns(order);
+  // The equations are multiplied by D, so they are weighted by the last D.
+  constexpr int kRounds = 3;
+  Eigen::MatrixXd A(2 * count, unknowns);
+  Eigen::VectorXd b(2 * count);
+  for (int round = 0; round < kRounds; ++round) {
+    A.setZero();
+    for (size_t i = 0; i < count; ++i) {
+      const Eigen::Vector2d at = (pairs.plane[i] - map.plane_middle_) / map.plane_scale_;
+      const Eigen::Vector2d seen = (pairs.image[i] - map.image_middle_) / map.image_scale_;
+      const auto monomials = Monomials(at, order);
+      const double denominator =
+          round == 0 ? 1 : std::max(kLeastDenominator, 1 + map.coefficients_.tail<2>().dot(at));
+      const double weight = std::sqrt(weights[i]) / denominator;
+      for (Eigen::Index axis = 0; axis < 2; ++axis) {
+        const auto row = 2 * static_cast<Eigen::Index>(i) + axis;
+        for (int k = 0; k < terms; ++k) {
+          A(row, axis * terms + k) = weight * monomials[static_cast<size_t>(k)];
+        }
+        A.row(row).tail<2>() = -weight * seen[axis] * at;
+        b[row] = weight * seen[axis];
+      }
+    }
+    // Keeps a direction that the points leave open at zero, far below what they determine.
+    constexpr double kRidge = 1e-12;
+    Eigen::MatrixXd square = A.transpose() * A;
+    square.diagonal().array() += kRidge * square.diagonal().maxCoeff();
+    map.coefficients_ = SolveSymmetric(square, Eigen::VectorXd(A.transpose() * b));
+    if (!map.coefficients_.allFinite()) return std::nullopt;
+  }
+  return map;
+}
+
+std::optional<PlaneMap> PlaneMap::FitRobustly(const Pairs& pairs, int order) {
+  constexpr int kRounds = 4;
+  constexpr double kSmallest = 1e-9;  // px; keeps weights finite where residuals are zero
+  std::vector<double> weights(pairs.plane.size(), 1.0);
+  std::optional<PlaneMap> map;
+  for (int now = 1; now <= order; ++now) {
+    for (int round = 0; round < kRounds; ++round) {
+      map = Fit(pairs, weights, now);
+      if (!map) return std::nullopt;
+      const std::vector<double> lengths = map->Lengths(pairs);
+      const double width =
+          kCauchyWidth<> * std::max(kSmallest, kSigmaPerMedianLength2d * Median(lengths));
+      for (size_t i = 0; i < weights.size(); ++i) {
+        weights[i] = CauchyWeight(lengths[i] * lengths[i] / (width * width));
+      }
+    }
+  }
+  return map;
+}
+
+Eigen::Vector2d PlaneMap::operator()(const Eigen::Vector2d& plane) const {
+  const Eigen::Vector2d at = (plane - plane_middle_) / plane_scale_;
+  const double denominator = 1 + coefficients_.tail<2>().dot(at);
+  if (denominator < kLeastDenominator) {
+    return Eigen::Vector2d::Constant(std::numeric_limits<double>::infinity());
+  }
+  const int terms = Terms(order_);
+  const auto monomials = Monomials(at, order_);
+  const Eigen::Map<const Eigen::VectorXd> m(monomials.data(), terms);
+  const Eigen::Vector2d image(coefficients_.head(terms).dot(m),
+                              coefficients_.segment(terms, terms).dot(m));
+  return image_middle_ + image_scale_ / denominator * image;
+}
+
+std::vector<double> PlaneMap::Lengths(const Pairs& pairs) const {
+  std::vector<double> lengths;
+  for (size_t i = 0; i < pairs.plane.size(); ++i) {
+    lengths.push_back(((*this)(pairs.plane[i]) - pairs.image[i]).norm());
+  }
+  return lengths;
+}
+
+}  // namespace plenocal

@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Points whose place on the plane is one of several, and points that follow two maps.
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "calib/judge/target/plane_map.h"
+
+namespace plenocal {
+
+/// An image point (px) and the places on the plane where it may be.
+struct PlaneChoice {
+  Eigen::Vector2d image;
+  const std::vector<Eigen::Vector2d>* places = nullptr;
+};
+
+/// Each point with the place that agrees best with the others: the homography of four points with
+/// most others near it (random samples, M. A. Fischler and R. C. Bolles, "Random Sample Consensus",
+/// 1981), then the nearest places under a map fitted to all. `spacing`: of the points, px.
+PlaneMap::Pairs ChoosePlaces(const std::vector<PlaneChoice>& choices, double spacing);
+
+/// Whether the points consist of two groups, each on its own smooth map, so that neither fits the
+/// other's.
+bool FollowsTwoMaps(const PlaneMap::Pairs& pairs, double spacing);
+
+}  // namespace plenocal
