@@ -35,9 +35,7 @@ double MarkerSigma(const Session& session, const Target& target, Console* consol
     return 0;
   }
   if (target.tolerance) return *target.tolerance;
-  // Refined without a stated tolerance: that of a laser printer and a hard board.
-  constexpr double kPartOfSpacing = 0.01;
-  const double sigma = kPartOfSpacing * MarkerSpacing(target.markers);
+  const double sigma = UsualMarkerSigma(target);
   console->Message(
       fmt::format("the target states no tolerance; its markers are refined with {:.3g} mm, 1 % of "
                   "their spacing",
@@ -46,6 +44,11 @@ double MarkerSigma(const Session& session, const Target& target, Console* consol
 }
 
 }  // namespace
+
+double UsualMarkerSigma(const Target& target) {
+  constexpr double kPartOfSpacing = 0.01;
+  return kPartOfSpacing * MarkerSpacing(target.markers);
+}
 
 CalibrationInput MakeCalibrationInput(const Session& session,
                                       const Target& target,

@@ -17,4 +17,8 @@ CalibrationInput MakeCalibrationInput(const Session& session,
                                       std::vector<CameraInput> cameras,
                                       Console* console);
 
+/// Standard deviation of marker coordinates where a target states no tolerance and is refined all
+/// the same, m: that of a laser printer and a hard board.
+double UsualMarkerSigma(const Target& target);
+
 }  // namespace plenocal

@@ -14,6 +14,7 @@
 #include "apps/cli/calibration_input.h"
 #include "apps/cli/command.h"
 #include "apps/cli/options.h"
+#include "apps/cli/session/open_session.h"
 #include "apps/cli/session_observations.h"
 #include "calib/base/error.h"
 #include "calib/base/output_folder.h"
@@ -348,7 +349,7 @@ void CheckWithNewImages(const CompareArguments& arguments,
                         const CalibrationRecord& old,
                         const std::vector<double>& distances,
                         const ConsoleOptions& shared) {
-  const Session session = ReadSession(arguments.session, CameraModels());
+  const Session session = OpenSession(arguments.session);
   const Target target = ReadTarget(session.target);
   Console console(shared);
   std::optional<OutputFolder> out;

@@ -11,6 +11,7 @@
 #include "apps/cli/image_inputs.h"
 #include "apps/cli/options.h"
 #include "apps/cli/resample_to_folder.h"
+#include "apps/cli/session/open_session.h"
 #include "apps/cli/view_options.h"
 #include "apps/formats/opencv_storage.h"
 #include "apps/formats/poses.h"
@@ -59,7 +60,7 @@ Cameras ChooseCameras(const CalibrationRecord& calibration, const std::vector<st
 
 PairImages FindImages(const RectifyArguments& arguments, const Cameras& cameras) {
   if (!arguments.session.empty()) {
-    const Session session = ReadSession(arguments.session, CameraModels());
+    const Session session = OpenSession(arguments.session);
     PairImages images;
     for (size_t c = 0; c < 2; ++c) {
       const auto found =

@@ -10,6 +10,7 @@
 #include "apps/cli/model_option.h"
 #include "apps/cli/options.h"
 #include "apps/cli/provenance.h"
+#include "apps/cli/session/open_session.h"
 #include "apps/cli/session_observations.h"
 #include "apps/report/trial_page.h"
 #include "calib/base/error.h"
@@ -285,7 +286,7 @@ std::string TableYaml(const ModelChoice& choice,
 }
 
 void RunTry(const TryArguments& arguments, const ConsoleOptions& shared) {
-  const Session session = ReadSession(arguments.session, CameraModels());
+  const Session session = OpenSession(arguments.session);
   const auto provenance = ProvenanceOf(shared, "try", session, arguments.out);
   const Target target = ReadTarget(session.target);
   const std::vector<size_t> varied = VariedCameras(session, arguments.camera);
