@@ -140,7 +140,11 @@ void AddView(const CameraInput& camera,
     if (marker == marker_index.end()) {
       guess->left_out.push_back(
           {fmt::format("{} frame {} marker {}", camera.name, view.frame, observation.marker),
-           "the target has no such marker"});
+           "the target has no such marker",
+           false,
+           camera.name,
+           view.frame,
+           fmt::format("{}", observation.marker)});
       continue;
     }
     observations.push_back(
@@ -165,7 +169,10 @@ void AddFrames(const CalibrationInput& input, BundleGuess* guess) {
       guess->left_out.push_back(
           {fmt::format("frame {}", name),
            fmt::format("no camera sees {} or more markers from which its pose follows",
-                       kMinMarkersInFrame)});
+                       kMinMarkersInFrame),
+           true,
+           {},
+           name});
       continue;
     }
     guess->frames.push_back(name);

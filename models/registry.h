@@ -12,10 +12,10 @@ namespace plenocal {
 /// makes this table from the headers.
 std::span<const CameraModel> CameraModels();
 
-/// Adds the models of a plug-in (docs/new_model.md). Models keep their places; a span from before
-/// lacks the new ones. Not to be called while another thread uses the table. Throws `Error` of kind
-/// kInput when the file is no plug-in, belongs to another version, or has a model whose name is
-/// taken.
+/// Adds the models of a plug-in (docs/new_model.md), once however often it is named. Models keep
+/// their places; a span from before lacks the new ones. Not to be called while another thread uses
+/// the table. Throws `Error` of kind kInput when the file is no plug-in, belongs to another
+/// version, or has a model whose name is taken.
 void AddCameraModels(const std::filesystem::path& plugin);
 
 }  // namespace plenocal

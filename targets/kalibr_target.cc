@@ -17,6 +17,7 @@ namespace {
 
 using internal::kDefaultFamily;
 using internal::ReadCount;
+using internal::ReadPrintedLength;
 using internal::TagGrid;
 
 constexpr std::array kAprilgridKeys{
@@ -30,7 +31,7 @@ Target ReadAprilgrid(const YamlNode& node) {
   TagGrid grid;
   grid.columns = ReadCount(node.At("tagCols"), 1);
   grid.rows = ReadCount(node.At("tagRows"), 1);
-  grid.size = node.At("tagSize").AsLength();
+  grid.size = ReadPrintedLength(node.At("tagSize"));
   grid.spacing = node.At("tagSpacing").AsPositive();
   if (node.Has("codeOffset")) grid.first_id = node.At("codeOffset").AsInteger();
   constexpr int kBorderBits = 2;
@@ -62,8 +63,8 @@ Target ReadCheckerboard(const YamlNode& node) {
   ChessboardLayout board;
   board.columns = ReadCount(node.At("targetCols"), 2);
   board.rows = ReadCount(node.At("targetRows"), 2);
-  board.square = node.At("rowSpacingMeters").AsLength();
-  const double column_spacing = node.At("colSpacingMeters").AsLength();
+  board.square = ReadPrintedLength(node.At("rowSpacingMeters"));
+  const double column_spacing = ReadPrintedLength(node.At("colSpacingMeters"));
   Target target;
   target.markers = internal::PlaneMarkers(board.columns, board.rows, [&](int column, int row) {
     return Eigen::Vector2d(column * column_spacing, row * board.square);
@@ -86,7 +87,7 @@ Target ReadCirclegrid(const YamlNode& node) {
   CirclesLayout circles;
   circles.columns = ReadCount(node.At("targetCols"), 2);
   circles.rows = ReadCount(node.At("targetRows"), 2);
-  circles.spacing = node.At("spacingMeters").AsLength();
+  circles.spacing = ReadPrintedLength(node.At("spacingMeters"));
   circles.asymmetric = node.Has("asymmetricGrid") && node.At("asymmetricGrid").AsBool();
   Target target;
   target.markers = internal::CirclePositions(circles);

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "calib/base/error.h"
+#include "calib/base/number_text.h"
 
 namespace plenocal::internal {
 
@@ -21,8 +22,30 @@ int ReadCount(const YamlNode& node, int least) {
   return count;
 }
 
+double ReadPrintedLength(const YamlNode& node) {
+  constexpr double kLongest = 2, kShortest = 1e-4;  // m
+  const double length = node.AsLength();
+  const std::string number = node.AsString();
+  if ((length >= kShortest && length <= kLongest) || ParseLength(number)->has_unit) return length;
+  if (length < kShortest) {
+    node.Fail(
+        fmt::format("{} m, which is {:.4g} mm? if {:.4g} mm are meant, write {:.4g} mm; if "
+                    "not, write {:.4g} mm",
+                    number,
+                    1e3 * length,
+                    1e6 * length,
+                    1e6 * length,
+                    1e3 * length));
+  }
+  constexpr double kFewMillimetres = 10;  // then centimetres are as likely
+  node.Fail(fmt::format(
+      "{0} m? if millimetres are meant, write {0} mm{1}; if metres, write {0} m",
+      number,
+      length < kFewMillimetres ? fmt::format("; if centimetres, {} cm", number) : std::string()));
+}
+
 Eigen::Vector3d ReadVector(const YamlNode& node) {
-  const std::vector<double> numbers = node.AsNumbers(3);
+  const std::vector<double> numbers = node.AsSignedLengths(3);
   return {numbers[0], numbers[1], numbers[2]};
 }
 

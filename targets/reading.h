@@ -17,7 +17,11 @@ namespace plenocal::internal {
 /// Number of columns or rows, from `least` to 1000.
 int ReadCount(const YamlNode& node, int least);
 
-/// Three finite numbers.
+/// Side or distance of a printed pattern, m. One above 2 m or below 0.1 mm is a slip of the unit,
+/// unless the unit is written.
+double ReadPrintedLength(const YamlNode& node);
+
+/// Three coordinates, m.
 Eigen::Vector3d ReadVector(const YamlNode& node);
 
 /// The entry of `books` that `node` names.

@@ -45,6 +45,8 @@ Target ReadTyped(const YamlNode& node,
                  std::string_view type_key,
                  std::span<const TargetType> types,
                  std::string_view what) {
+  const std::array type_keys{type_key};
+  node.RequireKeys(type_keys, fmt::format("{}: {}", type_key, types.front().name));
   const YamlNode type_node = node.At(type_key);
   const std::string name = type_node.AsString();
   for (const TargetType& type : types) {
@@ -55,6 +57,12 @@ Target ReadTyped(const YamlNode& node,
     keys.insert(keys.end(), own.begin(), own.end());
     keys.insert(keys.end(), {kTolerance.name, kMarkers.name, kSigma.name});
     node.CheckKeys(keys);
+    std::vector<std::string_view> required;
+    for (const TargetKey& key : type.keys) {
+      const bool of_list = key.name.find('.') != std::string_view::npos;
+      if (key.otherwise.empty() && !of_list) required.push_back(key.name);
+    }
+    node.RequireKeys(required, type.example);
     return type.read(node);
   }
   type_node.Fail(
@@ -63,7 +71,6 @@ Target ReadTyped(const YamlNode& node,
 
 // Layout and nominal positions of our own file; of type `markers` the layout alone.
 Target ReadNominal(const YamlNode& node) {
-  node.CheckVersion();
   return ReadTyped(node, "type", TargetTypes(), "a target type");
 }
 
@@ -115,21 +122,7 @@ void ReadRefinement(const YamlNode& node, Target* target) {
   }
 }
 
-}  // namespace
-
-std::vector<TargetType> TargetTypes() { return TypesOf(std::type_identity<TargetLayout>()); }
-
-std::span<const TargetKey> CommonTargetKeys() { return kCommonKeys; }
-
-int PartOf(const Target& target, int marker) {
-  return std::visit([&](const auto& layout) { return layout.Part(marker); }, target.layout);
-}
-
-Target ReadTarget(const std::filesystem::path& path) {
-  return ReadTarget(YamlNode::ReadFile(path));
-}
-
-Target ReadTarget(const YamlNode& node) {
+Target ReadKeys(const YamlNode& node) {
   Target target;
   if (!node.Has("plenocal") && node.Has("target_type")) {
     target = ReadTyped(node, "target_type", KalibrTargetTypes(), "a target type of Kalibr");
@@ -146,6 +139,35 @@ Target ReadTarget(const YamlNode& node) {
   }
   ReadRefinement(node, &target);
   return target;
+}
+
+}  // namespace
+
+std::vector<TargetType> TargetTypes() { return TypesOf(std::type_identity<TargetLayout>()); }
+
+std::span<const TargetKey> CommonTargetKeys() { return kCommonKeys; }
+
+int PartOf(const Target& target, int marker) {
+  return std::visit([&](const auto& layout) { return layout.Part(marker); }, target.layout);
+}
+
+Target ReadTarget(const std::filesystem::path& path) {
+  return ReadTarget(YamlNode::ReadFile(path));
+}
+
+Target ReadTarget(const YamlNode& node) {
+  if (!node.Has("target_type")) node.CheckVersion();
+  return ReadKeys(node);
+}
+
+Target ReadTarget(const TargetSource& source) {
+  if (!source.keys) return ReadTarget(source.file);
+  if (!source.keys->IsScalar()) return ReadKeys(*source.keys);
+  try {
+    return TargetOfWord(source.keys->AsString());
+  } catch (const Error& error) {
+    source.keys->Fail(error.what());
+  }
 }
 
 Target NominalTarget(const Target& target) {

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "calib/base/yaml.h"
+#include "calib/files/session.h"
 #include "targets/target_layouts.h"
 #include "targets/target_type.h"
 
@@ -40,6 +41,17 @@ std::span<const TargetType> KalibrTargetTypes();
 Target ReadTarget(const std::filesystem::path& path);
 /// The same of a file's root node.
 Target ReadTarget(const YamlNode& node);
+/// The target of a session: its file, or what the session itself has.
+Target ReadTarget(const TargetSource& source);
+
+/// A target in one word, as options and sessions have it: type, columns x rows, and the values of
+/// `TargetType::word`, then any `key=value`.
+///   chessboard:9x6:25mm                 inner corners, side of a square
+///   aprilgrid:6x6:88mm:0.3[:tag36h11]   tags, side of a tag, gap / side, family
+///   charuco:5x7:36mm:18mm:6X6_250       squares, side of a square and of a marker, dictionary
+///   circles:10x7:25mm[:asymmetric]      circles, distance
+/// Throws `Error` of kind kInput that begins with the word.
+Target TargetOfWord(const std::string& word);
 
 /// Number of the flat part of the target on which a marker lies: a tag's id; boards are one part.
 int PartOf(const Target& target, int marker);

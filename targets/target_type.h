@@ -46,6 +46,10 @@ struct TargetType {
   std::string_view example;
   /// Layout and nominal markers of a file's root node. Throws `Error` with file, line and key.
   Target (*read)(const YamlNode& node);
+  /// Keys whose values follow columns and rows where the target is one word ("square" for
+  /// chessboard:9x6:25mm), separated by ':', with "=value" for one that may be left out; empty: the
+  /// type cannot be described in a word.
+  std::string_view word = {};
 };
 
 /// The parts of a target type:

@@ -3,56 +3,20 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <array>
-#include <cctype>
 #include <charconv>
 #include <filesystem>
 
 #include "calib/base/error.h"
 
 namespace plenocal {
-namespace {
-
-std::vector<FrameImage> ImagesInFolder(const std::string& folder, const std::string& what) {
-  static constexpr std::array kExtensions{
-      ".png", ".tif", ".tiff", ".jpg", ".jpeg", ".bmp", ".pgm", ".ppm"};
-  std::vector<FrameImage> images;
-  for (const auto& entry : std::filesystem::directory_iterator(folder)) {
-    std::string extension = entry.path().extension().string();
-    std::transform(extension.begin(), extension.end(), extension.begin(), [](unsigned char c) {
-      return static_cast<char>(std::tolower(c));
-    });
-    if (std::find(kExtensions.begin(), kExtensions.end(), extension) == kExtensions.end()) continue;
-    images.push_back({.frame = entry.path().stem().string(), .path = entry.path()});
-  }
-  std::sort(images.begin(), images.end(), [](const FrameImage& a, const FrameImage& b) {
-    return a.path < b.path;
-  });
-  if (images.empty()) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: no {} (png, tiff, jpeg, bmp, pgm) in this folder", folder, what));
-  }
-  return images;
-}
-
-}  // namespace
-
 std::vector<FrameImage> FindImageInputs(const std::vector<std::string>& inputs,
                                         const std::string& what) {
   std::vector<FrameImage> images;
   for (const std::string& input : inputs) {
-    std::vector<FrameImage> found;
-    if (std::filesystem::is_directory(input)) {
-      found = ImagesInFolder(input, what);
-    } else if (std::filesystem::exists(input)) {
-      // A shell has expanded globs already; a name of its own may hold any character.
-      found = {{.frame = std::filesystem::path(input).stem().string(), .path = input}};
-    } else if (input.find('*') == std::string::npos) {
+    if (!std::filesystem::exists(input) && input.find('*') == std::string::npos) {
       throw Error(ErrorKind::kInput, fmt::format("{}: no such file; check the path", input));
-    } else {
-      found = ExpandImages(input, what);
     }
+    const std::vector<FrameImage> found = ExpandImages(input, what);
     images.insert(images.end(), found.begin(), found.end());
   }
   return images;

@@ -21,6 +21,10 @@ void AddBayer(CLI::App* app, std::optional<BayerOrder>* bayer, const std::string
 
 void AddSessionOptions(CLI::App* app, SessionOptions* options, ConsoleOptions* shared) {
   app->add_option("session", options->session, "session.yaml: cameras, images, target")->required();
+  AddResultOptions(app, options, shared);
+}
+
+void AddResultOptions(CLI::App* app, SessionOptions* options, ConsoleOptions* shared) {
   app->add_option("-o,--out", options->out, "folder for the results")->required();
   AddThreads(app, shared);
   AddQuiet(app, shared);

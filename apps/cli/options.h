@@ -27,6 +27,8 @@ void AddThreads(CLI::App* app, ConsoleOptions* shared);
 void AddQuiet(CLI::App* app, ConsoleOptions* shared);
 /// Declares `--bayer`, one of `kBayerOrders`.
 void AddBayer(CLI::App* app, std::optional<BayerOrder>* bayer, const std::string& help);
+/// Declares `--out`, `--threads`, `--quiet`, `--keep` and `--fresh`.
+void AddResultOptions(CLI::App* app, SessionOptions* options, ConsoleOptions* shared);
 /// Declares the session, `--out`, `--threads`, `--quiet`, `--keep` and `--fresh`.
 void AddSessionOptions(CLI::App* app, SessionOptions* options, ConsoleOptions* shared);
 

@@ -3,18 +3,7 @@
 
 #include <fmt/format.h>
 
-#include <fstream>
-#include <iterator>
-
 namespace plenocal {
-namespace {
-
-std::string FileText(const std::filesystem::path& path) {
-  std::ifstream file(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
-}
-
-}  // namespace
 
 std::vector<std::pair<std::string, std::string>> ProvenanceOf(const ConsoleOptions& options,
                                                               const std::string& command,
@@ -26,9 +15,9 @@ std::vector<std::pair<std::string, std::string>> ProvenanceOf(const ConsoleOptio
                "{} {} {} -o {}", options.program, command, session.path.string(), out.string())},
           {"folder", std::filesystem::current_path().string()},
           {"session", session.path.string()},
-          {"target", session.target.string()},
-          {"session_text", FileText(session.path)},
-          {"target_text", FileText(session.target)}};
+          {"target", session.target.file.string()},
+          {"session_text", session.text},
+          {"target_text", session.target.Text()}};
 }
 
 }  // namespace plenocal

@@ -6,9 +6,12 @@
 #include <algorithm>
 #include <utility>
 
+#include "apps/cli/session/left_out.h"
+#include "apps/cli/session/proposal_text.h"
 #include "calib/base/error.h"
 #include "calib/base/number_text.h"
 #include "calib/files/detections.h"
+#include "calib/files/exclusion.h"
 #include "calib/files/frame_images.h"
 #include "calib/files/session.h"
 #include "detectors/detect.h"
@@ -28,8 +31,8 @@ struct CameraImages {
 };
 
 std::vector<CameraImages> ListImages(const Session& session) {
-  const auto list = [](const std::string& pattern, const std::string& what) {
-    return pattern.empty() ? std::vector<FrameImage>() : ExpandImages(pattern, what);
+  const auto list = [](const std::vector<std::string>& patterns, const std::string& what) {
+    return patterns.empty() ? std::vector<FrameImage>() : ExpandImages(patterns, what);
   };
   std::vector<CameraImages> lists;
   for (const SessionCamera& camera : session.cameras) {
@@ -66,40 +69,61 @@ void CheckImageSize(const SessionCamera& camera, ImageSize found) {
 /// Adds one camera of a session after the other to its `SessionObservations`.
 class Collector {
  public:
-  Collector(const Target& target,
+  Collector(const Session& session,
+            const Target& target,
             const ConsoleOptions& options,
             const DetectionPlaces& places,
             Console* console)
-      : target_(target), options_(options), places_(places), console_(*console) {}
+      : target_(target),
+        options_(options),
+        places_(places),
+        console_(*console),
+        exclusion_(session.exclude) {}
 
   void AddGiven(const SessionCamera& camera) {
     CameraInput input = InputWithoutViews(camera);
     input.views = ReadDetections(camera.detections, *camera.model);
+    std::vector<LeftOut> left_out;
+    exclusion_.RemoveViews(camera.name, {}, &input.views, &left_out);
     if (camera.model->assign_lens_types != nullptr) camera.model->assign_lens_types(&input.views);
     console_.Message(fmt::format("{}: {}, {} from {}",
                                  camera.name,
                                  Counted(input.views.size(), "frame"),
                                  Counted(CountObservations(input.views), "point"),
                                  camera.detections.string()));
+    PrintLeftOut(left_out);
+    AddLeftOut(std::move(left_out));
     collected_.sample_frames.emplace_back();
     collected_.cameras.push_back(std::move(input));
   }
 
-  void AddDetected(const SessionCamera& camera, const CameraImages& images) {
+  void AddDetected(const SessionCamera& camera, CameraImages images) {
+    std::vector<LeftOut> excluded;
+    exclusion_.RemoveImages(camera.name, &images.images, &excluded);
+    if (images.images.empty()) {
+      throw Error(ErrorKind::kInput,
+                  fmt::format("{}: the session's 'exclude' leaves out all images; take back a rule",
+                              camera.name));
+    }
     ImageDetections found = Detect(camera, images);
     CheckImageSize(camera, found.image_size);
-    Report(camera, images.images.size(), found);
+    for (LeftOut& item : found.left_out) Locate(camera.name, images.images, &item);
+    exclusion_.RemoveViews(camera.name, images.images, &found.views, &excluded);
+    found.left_out.insert(found.left_out.begin(), excluded.begin(), excluded.end());
+    Report(camera, images, found);
     CameraInput input = InputWithoutViews(camera);
     input.image_size = found.image_size;
     input.views = std::move(found.views);
-    collected_.left_out.insert(
-        collected_.left_out.end(), found.left_out.begin(), found.left_out.end());
+    AddLeftOut(std::move(found.left_out));
     collected_.sample_frames.push_back(found.sample.frame);
     AddFiles(camera.name, &found);
     collected_.cameras.push_back(std::move(input));
   }
 
-  SessionObservations Take() { return std::move(collected_); }
+  SessionObservations Take() {
+    for (const std::string& rule : exclusion_.Unused()) console_.Message(rule);
+    return std::move(collected_);
+  }
 
  private:
   ImageDetections Detect(const SessionCamera& camera, const CameraImages& images) {
@@ -127,26 +151,54 @@ class Collector {
   }
 
   /// Prints what was found; throws when that is nothing.
-  void Report(const SessionCamera& camera, size_t images, const ImageDetections& found) {
+  void Report(const SessionCamera& camera,
+              const CameraImages& images,
+              const ImageDetections& found) {
+    const size_t count = images.images.size();
     console_.Message(fmt::format("{}: {}, target found in {}, {}",
                                  camera.name,
-                                 Counted(images, "image"),
+                                 Counted(count, "image"),
                                  found.views.size(),
                                  Counted(CountObservations(found.views), "point")));
     if (found.reused > 0) {
       console_.Message(
           fmt::format("{}: detections of {} reused", camera.name, Counted(found.reused, "image")));
     }
-    for (const LeftOut& item : found.left_out) {
-      console_.Message(fmt::format("  left out {}: {}", item.where, item.reason));
-    }
+    PrintLeftOut(found.left_out);
     if (!found.views.empty()) return;
-    throw Error(ErrorKind::kJob,
-                fmt::format("{}: none of its {} images shows the target; the first: {}: {}",
-                            camera.name,
-                            images,
-                            found.left_out[0].where,
-                            found.left_out[0].reason));
+    const std::string mend = Mend(camera, images.images);
+    const LeftOut& first = found.left_out[0];
+    throw Error(
+        ErrorKind::kJob,
+        fmt::format(
+            "{}: none of its {} images shows the target; {}",
+            camera.name,
+            count,
+            mend.empty() ? fmt::format("the first: {}: {}", first.where, first.reason) : mend));
+  }
+
+  /// How the target must be changed to be the one in the images; empty when they show none.
+  std::string Mend(const SessionCamera& camera, const std::vector<FrameImage>& images) {
+    if (camera.model->plenoptic) return {};
+    return MendOf(LookForTargets(images, options_, &console_), target_);
+  }
+
+  void PrintLeftOut(const std::vector<LeftOut>& items) {
+    for (const std::string& line : GroupedByReason(items)) console_.Message("  " + line);
+  }
+
+  void AddLeftOut(std::vector<LeftOut> items) {
+    collected_.left_out.insert(collected_.left_out.end(), items.begin(), items.end());
+  }
+
+  /// Camera and frame of what detection has left out.
+  static void Locate(const std::string& camera,
+                     const std::vector<FrameImage>& images,
+                     LeftOut* item) {
+    item->camera = camera;
+    const auto image = std::ranges::find_if(
+        images, [&](const FrameImage& each) { return each.path.string() == item->where; });
+    if (image != images.end()) item->frame = image->frame;
   }
 
   void AddFiles(const std::string& camera, ImageDetections* found) {
@@ -165,6 +217,7 @@ class Collector {
   const ConsoleOptions& options_;
   const DetectionPlaces& places_;
   Console& console_;
+  Exclusion exclusion_;
   SessionObservations collected_;
 };
 
@@ -190,7 +243,7 @@ DetectionCache OpenDetectionCache(const std::filesystem::path& out,
   const std::string program = detects ? fmt::format("plenocal {} {} {}",
                                                     PLENOCAL_VERSION,
                                                     HashFile("/proc/self/exe"),
-                                                    HashFile(session.target))
+                                                    session.target.Text())
                                       : std::string();
   return {out / ".cache", program, earlier == EarlierDetections::kIgnore};
 }
@@ -202,7 +255,7 @@ SessionObservations CollectObservations(const Session& session,
                                         Console* console) {
   // All globs first: a wrong one should not show only after minutes of work on another camera.
   const std::vector<CameraImages> images = ListImages(session);
-  Collector collector(target, options, places, console);
+  Collector collector(session, target, options, places, console);
   for (size_t c = 0; c < session.cameras.size(); ++c) {
     const SessionCamera& camera = session.cameras[c];
     if (camera.images.empty()) {
@@ -225,7 +278,7 @@ void RefuseToReplaceInputs(const Session& session,
                             input.string()));
   };
   for (const std::string& result : results) {
-    for (const auto& input : {session.path, session.target}) {
+    for (const auto& input : {session.path, session.target.file}) {
       if (IsSameFile(input, out / result)) refuse(input);
     }
     for (const SessionCamera& camera : session.cameras) {

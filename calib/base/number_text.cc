@@ -23,6 +23,34 @@ std::optional<T> Parse(std::string_view text) {
 std::optional<double> ParseDouble(std::string_view text) { return Parse<double>(text); }
 std::optional<int> ParseInt(std::string_view text) { return Parse<int>(text); }
 
+std::optional<Length> ParseLength(std::string_view text) {
+  // Fractions, so that 36 mm and 0.036 m are the same number.
+  struct Unit {
+    std::string_view name;
+    double numerator, denominator;
+  };
+  static constexpr Unit kUnits[] = {{"m", 1, 1},
+                                    {"cm", 1, 1e2},
+                                    {"mm", 1, 1e3},
+                                    {"um", 1, 1e6},
+                                    {"\u00b5m", 1, 1e6},
+                                    {"\u03bcm", 1, 1e6},
+                                    {"nm", 1, 1e9},
+                                    {"in", 254, 1e4},
+                                    {"inch", 254, 1e4}};
+  if (text.size() > 1 && text[0] == '+' && text[1] != '-') text.remove_prefix(1);
+  double value = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error != std::errc() || !std::isfinite(value)) return std::nullopt;
+  text.remove_prefix(static_cast<size_t>(end - text.data()));
+  if (text.empty()) return Length{value, false};
+  while (text.starts_with(' ')) text.remove_prefix(1);
+  for (const Unit& unit : kUnits) {
+    if (text == unit.name) return Length{value * unit.numerator / unit.denominator, true};
+  }
+  return std::nullopt;
+}
+
 void AppendFixed(double value, int decimals, std::string* text) {
   char buffer[400];
   const auto [end, error] =

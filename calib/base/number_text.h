@@ -13,6 +13,15 @@ namespace plenocal {
 std::optional<double> ParseDouble(std::string_view text);
 std::optional<int> ParseInt(std::string_view text);
 
+/// A length as a person writes it.
+struct Length {
+  double metres = 0;
+  bool has_unit = false;  ///< stated with the number; without one a length is in metres
+};
+/// "0.025", "25 mm", "2.5cm", "1 in": a finite number, then one of m, cm, mm, um, nm, in; nothing
+/// for anything else.
+std::optional<Length> ParseLength(std::string_view text);
+
 /// Appends `value` with up to `decimals` digits after the point, without trailing zeros: "12.5".
 /// Plain and quick, for tables of coordinates in pixels.
 void AppendFixed(double value, int decimals, std::string* text);

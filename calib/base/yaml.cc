@@ -2,6 +2,7 @@
 #include "calib/base/yaml.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <yaml-cpp/depthguard.h>
 #include <yaml-cpp/emitter.h>
 #include <yaml-cpp/eventhandler.h>
@@ -19,6 +20,7 @@
 #include <unordered_map>
 
 #include "calib/base/error.h"
+#include "calib/base/number_text.h"
 
 namespace plenocal {
 namespace {
@@ -343,6 +345,12 @@ struct YamlNode::Impl {
     if (!value) Expected(what, NumberHint(tree->scalar, example));
     return *value;
   }
+  [[nodiscard]] double SignedLength(std::string_view what) const {
+    const std::optional<Length> length =
+        tree->kind == Tree::Kind::kScalar ? ParseLength(tree->scalar) : std::nullopt;
+    if (!length) Expected(what, NumberHint(tree->scalar, "one such as 0.05 or 50 mm"));
+    return length->metres;
+  }
   [[nodiscard]] double Positive(std::string_view what, std::string_view example) const {
     const double value = Number(what, example);
     if (value <= 0) Expected(what, fmt::format("; write a number above 0, such as {}", example));
@@ -442,7 +450,27 @@ std::string YamlNode::AsString() const {
 
 double YamlNode::AsNumber() const { return impl_->Number("a finite number", "one such as 0.05"); }
 double YamlNode::AsPositive() const { return impl_->Positive("a positive number", "0.05"); }
-double YamlNode::AsLength() const { return impl_->Positive("a length in metres", "0.05"); }
+
+double YamlNode::AsLength() const {
+  const char* what = "a length in metres or with its unit";
+  const double value = impl_->SignedLength(what);
+  if (value <= 0) impl_->Expected(what, "; write a number above 0, such as 0.05 or 50 mm");
+  return value;
+}
+
+double YamlNode::AsSignedLength() const {
+  return impl_->SignedLength("a length in metres or with its unit");
+}
+
+std::vector<double> YamlNode::AsSignedLengths(std::size_t count) const {
+  const std::vector<YamlNode> elements = IsSequence() ? Elements() : std::vector<YamlNode>();
+  if (elements.size() != count) {
+    impl_->Expected(fmt::format("{} lengths", count), "; write [number, number, ...]");
+  }
+  std::vector<double> lengths;
+  for (const YamlNode& element : elements) lengths.push_back(element.AsSignedLength());
+  return lengths;
+}
 
 int YamlNode::AsInteger() const {
   const char* what = "a whole number";
@@ -503,6 +531,32 @@ void YamlNode::CheckKeys(std::span<const std::string_view> known) const {
            Join(impl_->path, key.scalar),
            "unknown key" + SuggestName(key.scalar, known));
   }
+}
+
+void YamlNode::RequireKeys(std::span<const std::string_view> keys, std::string_view example) const {
+  impl_->Require(Tree::Kind::kMap, "a map", "; write 'key: value' lines");
+  std::vector<std::string> missing, lines;
+  for (const std::string_view key : keys) {
+    if (Has(key)) continue;
+    missing.emplace_back(key);
+    std::string line = fmt::format("{}: ...", key);
+    std::istringstream text{std::string(example)};
+    for (std::string each; std::getline(text, each);) {
+      if (each.starts_with(fmt::format("{}: ", key))) line = each;
+    }
+    lines.push_back(line);
+  }
+  if (missing.empty()) return;
+  if (missing.size() == 1) {
+    FailAt(impl_->document->file,
+           impl_->tree->line,
+           impl_->tree->column,
+           Join(impl_->path, missing[0]),
+           fmt::format("this key is missing; add, for example, '{}'", lines[0]));
+  }
+  Fail(fmt::format("these keys are missing: {}; add, for example, '{}'",
+                   fmt::join(missing, ", "),
+                   fmt::join(lines, "', '")));
 }
 
 void YamlNode::CheckVersion() const {

@@ -18,8 +18,8 @@ namespace plenocal {
 /// Every failure throws `Error` of kind `kInput` whose message starts with
 /// "file:line:column: key.path: " and says what was expected, what was found and what to write
 /// instead. Stricter than yaml-cpp: equal keys in one map, unknown keys (`CheckKeys`), trailing
-/// text after a number ("0.088m") and NaN or infinite numbers are refused. So are anchors and
-/// aliases, which nobody needs here, and a second document in the file.
+/// text after a number ("0.088x"; a length may have its unit) and NaN or infinite numbers are
+/// refused. So are anchors and aliases, which nobody needs here, and a second document in the file.
 class YamlNode {
  public:
   /// Reads a whole file. Throws for a missing, unreadable, empty or malformed file.
@@ -41,15 +41,21 @@ class YamlNode {
   [[nodiscard]] std::string AsString() const;
   [[nodiscard]] double AsNumber() const;    ///< finite
   [[nodiscard]] double AsPositive() const;  ///< finite and > 0
-  [[nodiscard]] double AsLength() const;    ///< finite and > 0; messages speak of metres
+  [[nodiscard]] double AsLength() const;    ///< m, > 0; "0.025" or with a unit, "25 mm"
   [[nodiscard]] int AsInteger() const;
   [[nodiscard]] bool AsBool() const;  ///< true or false (also True, TRUE, as YAML has it)
   /// A sequence of exactly `count` finite numbers (any number of them for `count` = 0).
   [[nodiscard]] std::vector<double> AsNumbers(std::size_t count) const;
+  /// A coordinate or another length that may be negative or 0, m, as `AsLength` reads it.
+  [[nodiscard]] double AsSignedLength() const;
+  /// A sequence of exactly `count` of these.
+  [[nodiscard]] std::vector<double> AsSignedLengths(std::size_t count) const;
 
   /// Throws, naming the nearest known key, when this map has a key that is not in `known`.
   void CheckKeys(std::initializer_list<std::string_view> known) const;
   void CheckKeys(std::span<const std::string_view> known) const;
+  /// Throws, naming all of `keys` that this map lacks. `example` has a line "key: value" for each.
+  void RequireKeys(std::span<const std::string_view> keys, std::string_view example) const;
   /// Throws unless the map says `plenocal: 1`.
   void CheckVersion() const;
   /// Throws `Error` at this place: "file:line:column: key.path: message".

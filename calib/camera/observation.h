@@ -40,8 +40,12 @@ using ImageSize = std::array<int, 2>;
 
 /// An image or marker that was left out, in words for the user.
 struct LeftOut {
-  std::string where;   ///< file or "camera frame marker"
-  std::string reason;  ///< what is wrong and, where it helps, what to do
+  std::string where;        ///< file or "camera frame marker"
+  std::string reason;       ///< what is wrong and, where it helps, what to do
+  bool whole = false;       ///< the whole image or frame, not markers in it
+  std::string camera = {};  ///< names, where they are known
+  std::string frame = {};   ///< likewise
+  std::string marker = {};  ///< number; empty: the whole image, or `reason` names it
 };
 
 }  // namespace plenocal

@@ -505,7 +505,7 @@ ImageSize ReadImageSize(const YamlNode& node) {
 }
 
 double ReadWithin(const YamlNode& node, const Param& param) {
-  const double value = node.AsNumber();
+  const double value = param.unit == "m" ? node.AsSignedLength() : node.AsNumber();
   if (!(value > param.lower && value < param.upper)) {
     node.Fail(fmt::format(
         "{} = {} {} is outside ({}, {})", param.name, value, param.unit, param.lower, param.upper));

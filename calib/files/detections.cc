@@ -47,10 +47,8 @@ class DetectionReader {
  private:
   size_t Require(std::string_view name) const {
     if (const std::optional<size_t> column = table_.Find(name)) return *column;
-    table_.Fail(fmt::format("column '{}' is missing; model {} needs {}[,sigma]",
-                            name,
-                            model_.name,
-                            ColumnsOf(model_)));
+    table_.Fail(fmt::format(
+        "column '{}' is missing; model {} needs {}[,sigma]", name, model_.name, ColumnsOf(model_)));
   }
 
   void FindColumns() {

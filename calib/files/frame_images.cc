@@ -5,6 +5,9 @@
 #include <fnmatch.h>
 #include <glob.h>
 
+#include <algorithm>
+#include <array>
+#include <cctype>
 #include <map>
 #include <optional>
 
@@ -32,9 +35,25 @@ std::optional<std::string> LastStar(const std::string& text, const std::string& 
   return std::nullopt;
 }
 
-}  // namespace
+std::vector<FrameImage> ImagesInFolder(const std::string& folder, const std::string& what) {
+  std::vector<FrameImage> images;
+  for (const auto& entry : std::filesystem::directory_iterator(folder)) {
+    if (!HasImageName(entry.path())) continue;
+    images.push_back({.frame = entry.path().stem().string(), .path = entry.path()});
+  }
+  std::ranges::sort(images, {}, &FrameImage::path);
+  if (images.empty()) {
+    throw Error(
+        ErrorKind::kInput,
+        fmt::format("{}: no image (png, tiff, jpeg, bmp, pgm) in the folder {}; give a folder "
+                    "below it, or find the cameras by 'plenocal init'",
+                    what,
+                    folder));
+  }
+  return images;
+}
 
-std::vector<FrameImage> ExpandImages(const std::string& pattern, const std::string& what) {
+std::vector<FrameImage> MatchGlob(const std::string& pattern, const std::string& what) {
   glob_t found{};
   const int status = glob(pattern.c_str(), 0, nullptr, &found);
   std::vector<FrameImage> images;
@@ -43,26 +62,62 @@ std::vector<FrameImage> ExpandImages(const std::string& pattern, const std::stri
   if (status != 0 || images.empty()) {
     throw Error(
         ErrorKind::kInput,
-        fmt::format("{}: no file matches '{}'; check the path (it is relative to the session "
-                    "file) and the pattern",
+        fmt::format("{}: no file matches '{}'; check the path (in a session it is relative to the "
+                    "session file) and the pattern",
                     what,
                     pattern));
   }
-
-  std::map<std::string, std::filesystem::path> frames;
   for (FrameImage& image : images) {
-    const std::string text = image.path.string();
-    image.frame = LastStar(text, pattern).value_or(image.path.stem().string());
-    const auto [place, is_new] = frames.emplace(image.frame, image.path);
-    if (!is_new) {
-      throw Error(ErrorKind::kInput,
-                  fmt::format("{}: {} and {} both belong to frame '{}' (what the last '*' of '{}' "
-                              "stands for); use a pattern that tells them apart",
-                              what,
-                              place->second.string(),
-                              text,
-                              image.frame,
-                              pattern));
+    image.frame = LastStar(image.path.string(), pattern).value_or(image.path.stem().string());
+  }
+  return images;
+}
+
+}  // namespace
+
+bool HasImageName(const std::filesystem::path& path) {
+  static constexpr std::array kExtensions{
+      ".png", ".tif", ".tiff", ".jpg", ".jpeg", ".bmp", ".pgm", ".ppm"};
+  std::string extension = path.extension().string();
+  std::ranges::transform(extension, extension.begin(), [](unsigned char c) {
+    return static_cast<char>(std::tolower(c));
+  });
+  return !path.filename().string().starts_with('.') &&
+         std::ranges::find(kExtensions, extension) != kExtensions.end();
+}
+
+std::vector<FrameImage> ExpandImages(const std::string& pattern, const std::string& what) {
+  return ExpandImages(std::vector{pattern}, what);
+}
+
+std::vector<FrameImage> ExpandImages(const std::vector<std::string>& patterns,
+                                     const std::string& what) {
+  std::vector<FrameImage> images;
+  std::map<std::string, std::filesystem::path> frames;
+  for (const std::string& pattern : patterns) {
+    std::vector<FrameImage> found;
+    if (std::filesystem::is_directory(pattern)) {
+      found = ImagesInFolder(pattern, what);
+    } else if (std::filesystem::exists(pattern)) {
+      // A name of its own may hold any character.
+      found = {{.frame = std::filesystem::path(pattern).stem().string(), .path = pattern}};
+    } else {
+      found = MatchGlob(pattern, what);
+    }
+    for (FrameImage& image : found) {
+      const auto [place, is_new] = frames.emplace(image.frame, image.path);
+      if (!is_new) {
+        throw Error(
+            ErrorKind::kInput,
+            fmt::format("{}: {} and {} both belong to frame '{}' (what the last '*' of '{}' "
+                        "stands for); use a pattern that tells them apart",
+                        what,
+                        place->second.string(),
+                        image.path.string(),
+                        image.frame,
+                        pattern));
+      }
+      images.push_back(std::move(image));
     }
   }
   return images;

@@ -13,10 +13,16 @@ struct FrameImage {
   std::filesystem::path path;
 };
 
-/// The files that match a glob, sorted by name. The frame of each is the part of its path that
-/// matches the last `*`, or the file's name without extension for a pattern without `*`. Throws
-/// `Error` when nothing matches or two files have the same frame; `what` ("left: images") begins
-/// the message.
+/// True for a name that ends as one of an image does (".png", ".JPG"), and is not hidden.
+bool HasImageName(const std::filesystem::path& path);
+
+/// The image files of a folder, or the files that match a glob, sorted by name. The frame of each
+/// is the part of its path that matches the last `*`; of a folder, or for a pattern without `*`,
+/// the file's name without extension. Throws `Error` when nothing matches or two files have the
+/// same frame; `what` ("left: images") begins the message.
 std::vector<FrameImage> ExpandImages(const std::string& pattern, const std::string& what);
+/// The same of several globs, folders and files, one after the other.
+std::vector<FrameImage> ExpandImages(const std::vector<std::string>& patterns,
+                                     const std::string& what);
 
 }  // namespace plenocal

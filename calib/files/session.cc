@@ -9,7 +9,7 @@
 
 #include "calib/base/error.h"
 #include "calib/base/names.h"
-#include "calib/base/yaml.h"
+#include "calib/base/text_file.h"
 #include "calib/files/calibration_file.h"
 
 namespace plenocal {
@@ -53,6 +53,29 @@ void CheckCameraKeys(const YamlNode& node, const CameraModel& model) {
   }
 }
 
+// One path or several: globs, folders, files.
+std::vector<std::string> PathsBeside(const std::filesystem::path& session, const YamlNode& node) {
+  if (!node.IsSequence()) return {PathBeside(session, node)};
+  std::vector<std::string> paths;
+  for (const YamlNode& element : node.Elements()) paths.push_back(PathBeside(session, element));
+  if (paths.empty()) node.Fail("expected a glob, a folder or a list of files, got an empty list");
+  return paths;
+}
+
+// All keys that the camera lacks are named together.
+void RequireCameraKeys(const YamlNode& node, const CameraModel* model) {
+  std::vector<std::string_view> required{"model"};
+  std::string example = "model: pinhole-radtan\nimages: images/*.png\n";
+  for (const Param& config : model != nullptr ? model->config : std::span<const Param>()) {
+    required.push_back(config.name);
+    example += fmt::format("{}: {}\n", config.name, config.unit == "m" ? "5.5 um" : "1");
+  }
+  const bool source = node.Has("images") || node.Has("detections");
+  const bool others = std::ranges::all_of(required, [&](auto key) { return node.Has(key); });
+  if (!source && !others) required.push_back("images");
+  node.RequireKeys(required, example);
+}
+
 SessionCamera ReadCamera(const std::string& name,
                          const YamlNode& node,
                          const std::filesystem::path& session,
@@ -62,16 +85,18 @@ SessionCamera ReadCamera(const std::string& name,
   if (name.empty() || name.find_first_of("/\\,\n\r\t ") != std::string::npos) {
     node.Fail("a camera's name becomes part of file names; use letters, digits, '_' and '-'");
   }
+  if (!node.Has("model")) RequireCameraKeys(node, nullptr);
   camera.model = ReadModel(node.At("model"), models);
   const CameraModel& model = *camera.model;
   CheckCameraKeys(node, model);
+  RequireCameraKeys(node, &model);
 
   if (node.Has("images") == node.Has("detections")) {
-    node.Fail("give either 'images' (a glob) or 'detections' (a CSV file)");
+    node.Fail("give either 'images' (a glob, a folder or a list) or 'detections' (a CSV file)");
   }
-  if (node.Has("images")) camera.images = PathBeside(session, node.At("images"));
+  if (node.Has("images")) camera.images = PathsBeside(session, node.At("images"));
   if (node.Has("detections")) camera.detections = PathBeside(session, node.At("detections"));
-  if (node.Has("white_images")) camera.white_images = PathBeside(session, node.At("white_images"));
+  if (node.Has("white_images")) camera.white_images = PathsBeside(session, node.At("white_images"));
   if (node.Has("bayer")) {
     const std::string order = node.At("bayer").AsString();
     camera.bayer = ParseBayerOrder(order);
@@ -116,7 +141,9 @@ SessionCamera ReadCamera(const std::string& name,
 void ReadPriors(const YamlNode& node, SessionCamera* camera) {
   for (const auto& [name, prior] : node.Entries()) {
     const size_t k = IndexOfParam(*camera->model, name, prior);
-    prior.CheckKeys({"value", "sigma"});
+    static constexpr std::array<std::string_view, 2> kKeys{"value", "sigma"};
+    prior.CheckKeys(kKeys);
+    prior.RequireKeys(kKeys, "value: 805\nsigma: 2\n");
     if (camera->fixed[k])
       prior.Fail(fmt::format("'{}' is fixed; remove it here or from 'fixed'", name));
     camera->rules[k].prior = {ReadWithin(prior.At("value"), camera->model->params[k]),
@@ -263,39 +290,131 @@ void ReadRules(const YamlNode& cameras_node, std::vector<SessionCamera>* cameras
   }
 }
 
-}  // namespace
+// A word such as chessboard:9x6:25mm, unless a file is called so.
+bool IsWord(const std::string& text, const std::filesystem::path& file) {
+  const size_t colon = text.find(':');
+  const bool begins = colon != std::string::npos && colon > 0 &&
+                      text.find_first_not_of("abcdefghijklmnopqrstuvwxyz") == colon;
+  return begins && !std::filesystem::exists(file);
+}
 
-Session ReadSession(const std::filesystem::path& path, std::span<const CameraModel> models) {
-  const YamlNode root = YamlNode::ReadFile(path);
+TargetSource ReadTargetSource(const YamlNode& node, const std::filesystem::path& session) {
+  TargetSource source;
+  if (node.IsMap()) {
+    source.keys = node;
+    return source;
+  }
+  const std::filesystem::path file = PathBeside(session, node);
+  if (IsWord(node.AsString(), file)) {
+    source.keys = node;
+  } else {
+    source.file = file;
+  }
+  return source;
+}
+
+ExcludeRule ReadExcludeRule(const YamlNode& node, const std::vector<SessionCamera>& cameras) {
+  node.CheckKeys({"camera", "frame", "markers", "note"});
+  ExcludeRule rule;
+  if (!node.Has("frame") && !node.Has("markers")) {
+    node.Fail("expected 'frame' (a name or glob), 'markers' (a list of numbers) or both");
+  }
+  if (node.Has("camera")) {
+    rule.camera = node.At("camera").AsString();
+    const auto names = NamesOf(cameras);
+    if (std::ranges::find(names, rule.camera) == names.end()) {
+      node.At("camera").Fail(fmt::format("expected a camera of this session, got '{}'{}",
+                                         rule.camera,
+                                         SuggestName(rule.camera, names)));
+    }
+  }
+  if (node.Has("frame")) rule.frame = node.At("frame").AsString();
+  if (node.Has("markers")) {
+    for (const YamlNode& marker : node.At("markers").Elements()) {
+      rule.markers.push_back(marker.AsInteger());
+    }
+    if (rule.markers.empty()) node.At("markers").Fail("expected marker numbers, got an empty list");
+  }
+  if (node.Has("note")) rule.note = node.At("note").AsString();
+  return rule;
+}
+
+void ReadOptions(const YamlNode& options, Session* session) {
+  options.CheckKeys({"refine_target", "loss"});
+  if (options.Has("refine_target")) session->refine_target = options.At("refine_target").AsBool();
+  if (!options.Has("loss")) return;
+  static const std::map<std::string, Loss> kLosses{
+      {"none", Loss::kNone}, {"huber", Loss::kHuber}, {"cauchy", Loss::kCauchy}};
+  const YamlNode node = options.At("loss");
+  const auto found = kLosses.find(node.AsString());
+  if (found == kLosses.end()) {
+    static constexpr std::array<std::string_view, 3> kNames{"huber", "cauchy", "none"};
+    node.Fail(
+        fmt::format("unknown loss '{}'{}", node.AsString(), SuggestName(node.AsString(), kNames)));
+  }
+  session->loss = found->second;
+}
+
+Session ReadRoot(const YamlNode& root,
+                 const std::filesystem::path& path,
+                 std::span<const CameraModel> models) {
   root.CheckVersion();
-  root.CheckKeys({"plenocal", "target", "cameras", "options"});
+  root.CheckKeys({"plenocal", "target", "cameras", "options", "exclude", "plugins"});
+  static constexpr std::array<std::string_view, 2> kRequired{"target", "cameras"};
+  root.RequireKeys(
+      kRequired,
+      "target: target.yaml\ncameras: {cam: {model: pinhole-radtan, images: images/*.png}}\n");
 
   Session session;
   session.path = path;
-  session.target = PathBeside(path, root.At("target"));
+  session.target = ReadTargetSource(root.At("target"), path);
   for (const auto& [name, node] : root.At("cameras").Entries()) {
     session.cameras.push_back(ReadCamera(name, node, path, models));
   }
   if (session.cameras.empty()) root.At("cameras").Fail("expected at least one camera");
   ReadRules(root.At("cameras"), &session.cameras);
-
-  if (root.Has("options")) {
-    const YamlNode options = root.At("options");
-    options.CheckKeys({"refine_target", "loss"});
-    if (options.Has("refine_target")) session.refine_target = options.At("refine_target").AsBool();
-    if (options.Has("loss")) {
-      static const std::map<std::string, Loss> kLosses{
-          {"none", Loss::kNone}, {"huber", Loss::kHuber}, {"cauchy", Loss::kCauchy}};
-      const YamlNode node = options.At("loss");
-      const auto found = kLosses.find(node.AsString());
-      if (found == kLosses.end()) {
-        static constexpr std::array<std::string_view, 3> kNames{"huber", "cauchy", "none"};
-        node.Fail(fmt::format(
-            "unknown loss '{}'{}", node.AsString(), SuggestName(node.AsString(), kNames)));
-      }
-      session.loss = found->second;
+  if (root.Has("options")) ReadOptions(root.At("options"), &session);
+  if (root.Has("exclude")) {
+    for (const YamlNode& rule : root.At("exclude").Elements()) {
+      session.exclude.push_back(ReadExcludeRule(rule, session.cameras));
     }
   }
+  return session;
+}
+
+}  // namespace
+
+std::string TargetSource::Text() const {
+  if (keys) return keys->Dump();
+  std::error_code error;
+  return std::filesystem::is_regular_file(file, error) ? ReadTextFile(file) : std::string();
+}
+
+std::vector<std::filesystem::path> ReadSessionPlugins(const std::filesystem::path& path) {
+  std::vector<std::filesystem::path> plugins;
+  const YamlNode root = YamlNode::ReadFile(path);
+  if (!root.Has("plugins")) return plugins;
+  for (const YamlNode& node : root.At("plugins").Elements()) {
+    plugins.push_back(std::filesystem::absolute(PathBeside(path, node)));
+    if (!std::filesystem::exists(plugins.back())) {
+      node.Fail(fmt::format("{}: no such file; check the path of the shared library",
+                            plugins.back().string()));
+    }
+  }
+  return plugins;
+}
+
+Session ReadSession(const std::filesystem::path& path, std::span<const CameraModel> models) {
+  Session session = ReadRoot(YamlNode::ReadFile(path), path, models);
+  session.text = ReadTextFile(path);
+  return session;
+}
+
+Session ParseSession(const std::string& text,
+                     const std::filesystem::path& path,
+                     std::span<const CameraModel> models) {
+  Session session = ReadRoot(YamlNode::Parse(text, path.string()), path, models);
+  session.text = text;
   return session;
 }
 

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "calib/base/robust.h"
+#include "calib/base/yaml.h"
 #include "calib/camera/bayer.h"
 #include "calib/camera/camera_model.h"
 #include "calib/camera/param_rule.h"
@@ -19,9 +20,9 @@ namespace plenocal {
 struct SessionCamera {
   std::string name;
   const CameraModel* model = nullptr;
-  std::string images;               ///< glob, absolute; empty when there is none
-  std::string white_images;         ///< likewise
-  std::optional<BayerOrder> bayer;  ///< of raw mosaics
+  std::vector<std::string> images;        ///< globs, folders and files; empty when there are none
+  std::vector<std::string> white_images;  ///< likewise
+  std::optional<BayerOrder> bayer;        ///< of raw mosaics
   std::filesystem::path detections;
   ImageSize image_size{};                      ///< {0, 0}: taken from the images
   std::vector<double> config;                  ///< the model's config values
@@ -31,17 +32,43 @@ struct SessionCamera {
   std::vector<ParamRule> rules;
 };
 
+/// The target of a session: a file, or what the session has in place of its path.
+struct TargetSource {
+  std::filesystem::path file;    ///< empty: `keys` is set
+  std::optional<YamlNode> keys;  ///< a map with the keys of target.yaml, or a target in one word
+
+  /// The content of the file, or the keys as YAML; empty when the file cannot be read.
+  [[nodiscard]] std::string Text() const;
+};
+
+/// What a session leaves out on purpose. An image belongs to the rule if camera and frame do.
+struct ExcludeRule {
+  std::string camera;        ///< empty: all
+  std::string frame;         ///< name of a frame or of its file, or a glob of these; empty: all
+  std::vector<int> markers;  ///< empty: the whole image
+  std::string note;          ///< the reason, in the user's words; may be empty
+};
+
 /// session.yaml: the cameras to calibrate with their images, target and options (docs/formats.md).
 struct Session {
   std::filesystem::path path;
-  std::filesystem::path target;
+  std::string text;  ///< of the file
+  TargetSource target;
   std::vector<SessionCamera> cameras;  ///< the first is the rig's master
   /// Not set: marker positions are refined when the target has a tolerance.
   std::optional<bool> refine_target;
   Loss loss = Loss::kHuber;
+  std::vector<ExcludeRule> exclude;
 };
+
+/// The shared libraries with camera models that a session names; absolute paths.
+std::vector<std::filesystem::path> ReadSessionPlugins(const std::filesystem::path& path);
 
 /// Reads and checks a session. Throws `Error` with file, line and key.
 Session ReadSession(const std::filesystem::path& path, std::span<const CameraModel> models);
+/// The same of `text`, which is or will be the content of `path`.
+Session ParseSession(const std::string& text,
+                     const std::filesystem::path& path,
+                     std::span<const CameraModel> models);
 
 }  // namespace plenocal

@@ -25,7 +25,6 @@
 namespace plenocal {
 namespace {
 
-constexpr size_t kMinFrames = 4;
 constexpr double kFalseRejections = 0.05;  // expected number of good points rejected in all
 constexpr double kMostUnseen = 0.01;       // part of the points beyond the most complete model
 constexpr double kExact = 1e-6;            // px; smaller noise is rounding
@@ -101,12 +100,12 @@ class Trials {
       }
     }
     choice_.frames = frames_.size();
-    if (choice_.frames < kMinFrames) {
+    if (choice_.frames < kFewestTrialFrames) {
       throw Error(
           ErrorKind::kJob,
           fmt::format("{}: too few to hold some out; models can be judged from {} frames on",
                       Counted(choice_.frames, "frame"),
-                      kMinFrames));
+                      kFewestTrialFrames));
     }
     choice_.folds = std::min(choice_.frames, static_cast<size_t>(options_.folds));
   }

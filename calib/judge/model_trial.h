@@ -15,6 +15,9 @@
 
 namespace plenocal {
 
+/// Fewer frames are too few to hold some out.
+inline constexpr size_t kFewestTrialFrames = 4;
+
 struct TrialOptions {
   int folds = 5;    ///< at most; as many as there are frames when these are fewer
   int threads = 0;  ///< 0: all cores

@@ -286,7 +286,7 @@ void ImageRun::Collect(size_t i, ImageDetections* detections) {
   ImageResult& result = results_[i];
   const std::string path = images_[i].path.string();
   const auto leave_out = [&](const std::string& reason) {
-    detections->left_out.push_back({path, reason});
+    detections->left_out.push_back({path, reason, true});
   };
   if (result.reused) ++detections->reused;
   if (!result.unreadable.empty()) {
@@ -301,7 +301,9 @@ void ImageRun::Collect(size_t i, ImageDetections* detections) {
                           detections->image_size[1]));
     return;
   }
-  for (const std::string& reason : result.found.left_out) leave_out(reason);
+  for (const std::string& reason : result.found.left_out) {
+    detections->left_out.push_back({path, reason});
+  }
   if (result.found.markers.empty()) {
     leave_out(result.found.failure);
   } else {

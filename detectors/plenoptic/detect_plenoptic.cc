@@ -221,7 +221,7 @@ void DetectInImages(const std::vector<FrameImage>& images,
         detections->left_out.push_back({path, reason});
       }
       if (found.markers.empty()) {
-        detections->left_out.push_back({path, found.failure});
+        detections->left_out.push_back({path, found.failure, true});
       } else {
         if (const size_t count = CountMarkers(found.markers); count > most_markers) {
           most_markers = count;
@@ -232,7 +232,7 @@ void DetectInImages(const std::vector<FrameImage>& images,
         measured.push_back(std::move(found.markers));
       }
     } catch (const Error& error) {
-      detections->left_out.push_back({path, WithoutPath(error.what(), path)});
+      detections->left_out.push_back({path, WithoutPath(error.what(), path), true});
     }
     for (const auto& [ending, content] : result.pictures) {
       options.keep(images[i].frame + ending, content);

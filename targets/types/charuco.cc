@@ -19,8 +19,8 @@ Target CharucoLayout::Read(const YamlNode& node) {
   CharucoLayout board;
   board.columns = internal::ReadCount(node.At("columns"), 3);
   board.rows = internal::ReadCount(node.At("rows"), 3);
-  board.square = node.At("square").AsLength();
-  board.marker = node.At("marker").AsLength();
+  board.square = internal::ReadPrintedLength(node.At("square"));
+  board.marker = internal::ReadPrintedLength(node.At("marker"));
   if (board.marker >= board.square) {
     node.At("marker").Fail(
         fmt::format("expected less than the square's {}, got '{}'; both are sides in metres",

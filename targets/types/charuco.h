@@ -46,7 +46,8 @@ struct CharucoLayout {
       TargetType{"charuco",
                  kKeys,
                  "columns: 7\nrows: 5\nsquare: 0.04\nmarker: 0.03\ndictionary: DICT_5X5_100\n",
-                 Read}};
+                 Read,
+                 "square:marker:dictionary"}};
 
   static constexpr bool kHasNominalMarkers = true;
   [[nodiscard]] static int Part(int /*marker*/) { return 0; }

@@ -11,7 +11,7 @@ Target ChessboardLayout::Read(const YamlNode& node) {
   ChessboardLayout board;
   board.columns = internal::ReadCount(node.At("columns"), 2);
   board.rows = internal::ReadCount(node.At("rows"), 2);
-  board.square = node.At("square").AsLength();
+  board.square = internal::ReadPrintedLength(node.At("square"));
   Target target;
   target.layout = board;
   target.markers = internal::PlaneMarkers(board.columns, board.rows, [&](int column, int row) {

@@ -21,7 +21,7 @@ struct ChessboardLayout {
       TargetKey{"rows", "", "inner corners in a column, 2 to 1000", ""},
       TargetKey{"square", "m", "side of a square", ""}};
   static constexpr std::array kTypes{
-      TargetType{"chessboard", kKeys, "columns: 6\nrows: 5\nsquare: 0.03\n", Read}};
+      TargetType{"chessboard", kKeys, "columns: 6\nrows: 5\nsquare: 0.03\n", Read, "square"}};
 
   static constexpr bool kHasNominalMarkers = true;
   [[nodiscard]] static int Part(int /*marker*/) { return 0; }

@@ -32,7 +32,7 @@ Target CirclesLayout::Read(const YamlNode& node) {
   CirclesLayout circles;
   circles.columns = internal::ReadCount(node.At("columns"), 2);
   circles.rows = internal::ReadCount(node.At("rows"), 2);
-  circles.spacing = node.At("spacing").AsLength();
+  circles.spacing = internal::ReadPrintedLength(node.At("spacing"));
   const YamlNode pattern = node.At("pattern");
   const std::string name = pattern.AsString();
   circles.asymmetric = name == "asymmetric";

@@ -27,8 +27,12 @@ struct CirclesLayout {
                 "twice this distance (asymmetric)",
                 ""},
       TargetKey{"pattern", "", "symmetric or asymmetric", ""}};
-  static constexpr std::array kTypes{TargetType{
-      "circles", kKeys, "columns: 4\nrows: 7\nspacing: 0.02\npattern: asymmetric\n", Read}};
+  static constexpr std::array kTypes{
+      TargetType{"circles",
+                 kKeys,
+                 "columns: 4\nrows: 7\nspacing: 0.02\npattern: asymmetric\n",
+                 Read,
+                 "spacing:pattern=symmetric"}};
 
   static constexpr bool kHasNominalMarkers = true;
   [[nodiscard]] static int Part(int /*marker*/) { return 0; }

@@ -10,6 +10,7 @@
 #include <string>
 #include <utility>
 
+#include "calib/base/number_text.h"
 #include "calib/camera/corner_orders.h"
 #include "targets/reading.h"
 #include "targets/tags/tag_grid.h"
@@ -20,6 +21,7 @@ namespace {
 using internal::CheckTagId;
 using internal::CodeBook;
 using internal::ReadCount;
+using internal::ReadPrintedLength;
 
 const CodeBook& ReadFamily(const YamlNode& node) {
   return internal::ReadCodeBook(node, internal::kTagFamilies, "an AprilTag family");
@@ -72,6 +74,12 @@ Corners ReadCorners(const YamlNode& node, int id) {
   return corners;
 }
 
+// The gap between tags in units of their side; a gap with its unit is a length.
+double ReadGap(const YamlNode& node, double size) {
+  const auto length = node.IsScalar() ? ParseLength(node.AsString()) : std::nullopt;
+  return length && length->has_unit ? ReadPrintedLength(node) / size : node.AsPositive();
+}
+
 }  // namespace
 
 Target TagLayout::ReadTags(const YamlNode& node) {
@@ -110,8 +118,8 @@ Target TagLayout::ReadGrid(const YamlNode& node) {
   internal::TagGrid grid;
   grid.columns = ReadCount(node.At("columns"), 1);
   grid.rows = ReadCount(node.At("rows"), 1);
-  grid.size = node.At("size").AsLength();
-  grid.spacing = node.At("spacing").AsPositive();
+  grid.size = ReadPrintedLength(node.At("size"));
+  grid.spacing = ReadGap(node.At("spacing"), grid.size);
   if (node.Has("first_id")) grid.first_id = node.At("first_id").AsInteger();
   // The type is Kalibr's, so a file without the key is taken to describe Kalibr's print.
   return internal::TagGridTarget(

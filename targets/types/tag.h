@@ -48,8 +48,11 @@ struct TagLayout {
                  "  - {id: 2, corners: [[0, 0, 0], [0.1, 0, 0], [0.1, 0.1, 0], [0, 0.1, 0]]}\n"
                  "  - {id: 7, corners: [[1, 0, 0], [1.1, 0, 0], [1.1, 0, 0.1], [1, 0, 0.1]]}\n",
                  ReadTags},
-      TargetType{
-          "aprilgrid", kGridKeys, "columns: 3\nrows: 2\nsize: 0.08\nspacing: 0.25\n", ReadGrid}};
+      TargetType{"aprilgrid",
+                 kGridKeys,
+                 "columns: 3\nrows: 2\nsize: 0.08\nspacing: 0.25\n",
+                 ReadGrid,
+                 "size:spacing:family=tag36h11"}};
 
   static constexpr bool kHasNominalMarkers = true;
   [[nodiscard]] static int Part(int marker) { return marker / 4; }

@@ -7,12 +7,18 @@
 #include <cstdio>
 #include <map>
 #include <memory>
+#include <optional>
 #include <utility>
 
 #include "apps/cli/calibration_input.h"
 #include "apps/cli/command.h"
+#include "apps/cli/model_option.h"
 #include "apps/cli/options.h"
 #include "apps/cli/provenance.h"
+#include "apps/cli/session/auto_model.h"
+#include "apps/cli/session/image_session.h"
+#include "apps/cli/session/left_out.h"
+#include "apps/cli/session/open_session.h"
 #include "apps/cli/session_observations.h"
 #include "apps/report/report.h"
 #include "apps/report/verdict_json.h"
@@ -21,20 +27,23 @@
 #include "calib/describe.h"
 #include "calib/files/calibration_file.h"
 #include "calib/files/calibration_tables.h"
+#include "calib/files/frame_images.h"
 #include "calib/judge/causes/diagnose.h"
 #include "calib/judge/target/target_causes.h"
 #include "calib/judge/verdict.h"
 #include "calib/summary.h"
-#include "models/registry.h"
 
 namespace plenocal {
 namespace {
 
 struct CalibrateArguments : SessionOptions {
-  bool jackknife = false;  ///< standard errors from leaving out frames beside the others
-  bool report = true;      ///< write report.html
-  bool json = false;       ///< the result on standard output as JSON
-  std::string require;     ///< name of the lowest grade that is no failure; empty: any
+  std::vector<std::string> inputs;  ///< session.yaml, or the images of one camera
+  ImageArguments images;            ///< without the images of `inputs`
+  std::string model = "auto";       ///< of images
+  bool jackknife = false;           ///< standard errors from leaving out frames beside the others
+  bool report = true;               ///< write report.html
+  bool json = false;                ///< the result on standard output as JSON
+  std::string require;              ///< name of the lowest grade that is no failure; empty: any
 };
 
 std::string RefinedTarget(const Target& target, const CalibrationRecord& calibration) {
@@ -63,8 +72,8 @@ Calibration Solve(const CalibrationInput& input,
            return !Interrupted();
          }});
   }
-  for (const LeftOut& item : calibration.left_out) {
-    console->Message(fmt::format("  left out {}: {}", item.where, item.reason));
+  for (const std::string& line : GroupedByReason(calibration.left_out)) {
+    console->Message("  " + line);
   }
   return calibration;
 }
@@ -99,10 +108,9 @@ std::pair<Calibration, std::vector<Finding>> SolveWithCauses(const CalibrationIn
   }
 }
 
-// The result with the files of the cameras, and with the images and markers left out.
-CalibrationRecord DescribeAll(Calibration calibration, const SessionObservations& observations) {
-  calibration.left_out.insert(
-      calibration.left_out.begin(), observations.left_out.begin(), observations.left_out.end());
+// The result with the files of the cameras.
+CalibrationRecord DescribeAll(const Calibration& calibration,
+                              const SessionObservations& observations) {
   CalibrationRecord record = Describe(calibration);
   for (const CameraFile& file : observations.files) {
     for (const auto& [key, member] : kCameraTextKeys) {
@@ -187,21 +195,98 @@ void CheckRequirement(const CalibrateArguments& arguments, const Verdict& verdic
                   verdict.findings.front().what));
 }
 
-void RunCalibrate(const CalibrateArguments& arguments, const ConsoleOptions& shared) {
-  const Session session = ReadSession(arguments.session, CameraModels());
-  const auto provenance = ProvenanceOf(shared, "calibrate", session, arguments.out);
-  const Target target = ReadTarget(session.target);
+void CheckInputs(const Session& session, const std::filesystem::path& out) {
   RefuseToReplaceInputs(session,
-                        arguments.out,
+                        out,
                         {"calibration.yaml",
                          "target.yaml",
                          "poses.csv",
                          "view_poses.csv",
                          "residuals.csv",
                          "correlations.csv",
+                         "left_out.csv",
                          "report.html"});
-  OutputFolder out(arguments.out);
+}
+
+// A session from its file, or from images, for which model and target are chosen.
+struct Job {
+  std::optional<ImageSession> images;  // without a session file
+  const CameraModel* model = nullptr;  // of images; null: to be chosen
+  Session session;
+  Target target;
+};
+
+bool IsSessionFile(const std::vector<std::string>& inputs) {
+  return inputs.size() == 1 && std::filesystem::is_regular_file(inputs[0]) &&
+         !HasImageName(inputs[0]);
+}
+
+// The session file that the arguments name; empty when they name images.
+std::string SessionFile(const CalibrateArguments& arguments) {
+  const ImageArguments& images = arguments.images;
+  const bool image_options = !images.right.empty() || !images.cameras.empty() ||
+                             !images.target.empty() || arguments.model != "auto";
+  if (arguments.inputs.empty() && images.cameras.empty()) {
+    throw Error(
+        ErrorKind::kInput,
+        "calibrate: give session.yaml, or images (a glob, files or a folder) with --target");
+  }
+  const std::string& first = arguments.inputs.empty() ? std::string() : arguments.inputs[0];
+  const bool named_so = first.ends_with(".yaml") || first.ends_with(".yml");
+  if (!IsSessionFile(arguments.inputs) && !(named_so && arguments.inputs.size() == 1)) return {};
+  if (!image_options) return first;
+  throw Error(ErrorKind::kInput,
+              fmt::format("{}: a session has cameras, target and model itself; --target, --right, "
+                          "--camera and --model go with images",
+                          first));
+}
+
+Job MakeJob(const CalibrateArguments& arguments, const ConsoleOptions& shared, Console* console) {
+  Job job;
+  if (const std::string file = SessionFile(arguments); !file.empty()) {
+    job.session = OpenSession(file);
+    job.target = ReadTarget(job.session.target);
+    return job;
+  }
+  if (arguments.model != "auto") {
+    job.model = ModelOfOption("--model", arguments.model);
+    if (!job.model->config.empty() || job.model->plenoptic) {
+      throw Error(ErrorKind::kInput,
+                  fmt::format("--model {}: needs more than images; write a session, for instance "
+                              "by 'plenocal init'",
+                              arguments.model));
+    }
+  }
+  ImageArguments images = arguments.images;
+  images.images = arguments.inputs;
+  job.images.emplace(images, arguments.out, shared, console);
+  job.target = job.images->target();
+  job.session = job.images->With(job.model != nullptr ? *job.model : UsualModel(), {});
+  return job;
+}
+
+// Settles model and target of images, and writes session and target.
+void CompleteJob(const ConsoleOptions& shared,
+                 Job* job,
+                 SessionObservations* observations,
+                 Console* console,
+                 OutputFolder* out) {
+  if (!job->images) return;
+  const ImageChoice choice =
+      ChooseByHeldOutFrames(job->model, job->target, *observations, shared, console);
+  job->session = job->images->With(*choice.model, choice.refine_target);
+  UseCamerasOf(job->session, observations);
+  out->Write(ImageSession::kSessionName, job->session.text);
+  out->Write(ImageSession::kTargetName, job->images->target_text());
+}
+
+void RunCalibrate(const CalibrateArguments& arguments, const ConsoleOptions& shared) {
   Console console(shared);
+  Job job = MakeJob(arguments, shared, &console);
+  const Session& session = job.session;
+  const Target& target = job.target;
+  CheckInputs(session, arguments.out);
+  OutputFolder out(arguments.out);
 
   DetectionCache cache =
       OpenDetectionCache(arguments.out,
@@ -209,15 +294,19 @@ void RunCalibrate(const CalibrateArguments& arguments, const ConsoleOptions& sha
                          arguments.fresh ? EarlierDetections::kIgnore : EarlierDetections::kReuse);
   SessionObservations observations = CollectObservations(
       session, target, shared, {&cache, arguments.keep ? &out : nullptr}, &console);
+  CompleteJob(shared, &job, &observations, &console, &out);
+  const auto provenance = ProvenanceOf(shared, "calibrate", session, arguments.out);
   const CalibrationInput input =
       MakeCalibrationInput(session, target, observations.cameras, &console);
-  const auto [calibration, causes] =
-      SolveWithCauses(input, target, arguments, shared.threads, &console);
+  auto [calibration, causes] = SolveWithCauses(input, target, arguments, shared.threads, &console);
+  calibration.left_out.insert(
+      calibration.left_out.begin(), observations.left_out.begin(), observations.left_out.end());
   CalibrationRecord record = DescribeAll(calibration, observations);
   record.provenance = provenance;
   record.findings.insert(record.findings.begin(), causes.begin(), causes.end());
   Diagnose(input, calibration, CameraModels(), &record);
   WriteResult(record, target, &out);
+  out.Write("left_out.csv", LeftOutCsv(calibration.left_out));
   WriteDetections(session, observations, arguments.out, &out);
   // An older report beside new results would be wrong.
   out.Remove("report.html");
@@ -237,12 +326,34 @@ void RunCalibrate(const CalibrateArguments& arguments, const ConsoleOptions& sha
 
 constexpr const char* kHelp =
     "From images (or detections) to camera parameters, poses and target.\n\n"
-    "  plenocal calibrate session.yaml -o OUT\n\n"
-    "writes OUT/calibration.yaml, target.yaml, poses.csv, view_poses.csv (of a rig), residuals.csv, correlations.csv, detections_<camera>.csv and report.html, and prints a summary.";
+    "  plenocal calibrate session.yaml -o OUT\n"
+    "  plenocal calibrate 'images/*.jpg' --target chessboard:9x6:25mm -o OUT\n\n"
+    "writes OUT/calibration.yaml, target.yaml, poses.csv, view_poses.csv (of a rig), residuals.csv, correlations.csv, detections_<camera>.csv, left_out.csv and report.html, and prints a summary. From images it writes OUT/session.yaml and nominal_target.yaml as well, from which the next step can start.";
 
 RunCommand Declare(CLI::App* app, ConsoleOptions* shared) {
   const auto arguments = std::make_shared<CalibrateArguments>();
-  AddSessionOptions(app, arguments.get(), shared);
+  app->add_option(
+      "input",
+      arguments->inputs,
+      "session.yaml; or images of a camera: a glob in quotation marks, files or a folder");
+  app->add_option(
+      "--target",
+      arguments->images.target,
+      "of images: chessboard:9x6:25mm (inner corners, square), aprilgrid:6x6:88mm:0.3, "
+      "charuco:5x7:36mm:18mm:6X6_250, circles:10x7:25mm[:asymmetric], or a target file; "
+      "without it, the target is looked for in the images");
+  app->add_option("--right", arguments->images.right, "images of a second camera on the same rig")
+      ->expected(1);
+  app->add_option(
+         "--camera", arguments->images.cameras, "NAME=GLOB: images of a camera; several are a rig")
+      ->expected(1)
+      ->take_all();
+  app->add_option("--model",
+                  arguments->model,
+                  "of images: camera model; auto: the simplest common one that predicts held-out "
+                  "frames as well as any")
+      ->capture_default_str();
+  AddResultOptions(app, arguments.get(), shared);
   app->add_flag("--jackknife",
                 arguments->jackknife,
                 "print beside each sigma that of a jackknife over frames");

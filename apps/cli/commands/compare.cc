@@ -15,6 +15,7 @@
 #include "apps/cli/calibration_input.h"
 #include "apps/cli/command.h"
 #include "apps/cli/options.h"
+#include "apps/cli/session/open_session.h"
 #include "apps/cli/session_observations.h"
 #include "calib/base/error.h"
 #include "calib/base/number_text.h"
@@ -434,7 +435,7 @@ void CheckWithNewImages(const CompareArguments& arguments,
                         const std::vector<double>& distances,
                         const ConsoleOptions& shared) {
   Correlated old = ReadCorrelated(arguments.a);
-  const Session session = ReadSession(arguments.session, CameraModels());
+  const Session session = OpenSession(arguments.session);
   if (!arguments.map.empty()) {
     std::vector<std::string> names;
     for (const SessionCamera& camera : session.cameras) names.push_back(camera.name);

@@ -5,16 +5,16 @@
 
 #include "apps/cli/command.h"
 #include "apps/cli/options.h"
+#include "apps/cli/session/open_session.h"
 #include "apps/cli/session_observations.h"
 #include "calib/base/number_text.h"
 #include "calib/base/output_folder.h"
-#include "models/registry.h"
 
 namespace plenocal {
 namespace {
 
 void RunDetect(const SessionOptions& options, const ConsoleOptions& shared) {
-  const Session session = ReadSession(options.session, CameraModels());
+  const Session session = OpenSession(options.session);
   const Target target = ReadTarget(session.target);
   RefuseToReplaceInputs(session, options.out, {});
   OutputFolder out(options.out);

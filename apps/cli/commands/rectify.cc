@@ -12,6 +12,7 @@
 #include "apps/cli/image_inputs.h"
 #include "apps/cli/options.h"
 #include "apps/cli/resample_to_folder.h"
+#include "apps/cli/session/open_session.h"
 #include "apps/cli/view_options.h"
 #include "apps/formats/opencv_storage.h"
 #include "apps/formats/poses.h"
@@ -88,7 +89,7 @@ StereoImages FolderOfBoth(const fs::path& folder, const Cameras& cameras) {
 
 StereoImages FindImages(const RectifyArguments& arguments, const Cameras& cameras) {
   if (!arguments.session.empty()) {
-    const Session session = ReadSession(arguments.session, CameraModels());
+    const Session session = OpenSession(arguments.session);
     StereoImages images;
     for (size_t c = 0; c < 2; ++c) {
       const auto found =

@@ -9,6 +9,7 @@
 #include "apps/cli/model_option.h"
 #include "apps/cli/options.h"
 #include "apps/cli/provenance.h"
+#include "apps/cli/session/open_session.h"
 #include "apps/cli/session_observations.h"
 #include "apps/report/trial_page.h"
 #include "calib/base/error.h"
@@ -402,7 +403,7 @@ void WriteTrial(const SessionTrial& trial,
 }
 
 void RunTry(const TryArguments& arguments, const ConsoleOptions& shared) {
-  const Session session = ReadSession(arguments.session, CameraModels());
+  const Session session = OpenSession(arguments.session);
   const auto provenance = ProvenanceOf(shared, "try", session, arguments.out);
   const Target target = ReadTarget(session.target);
   const std::vector<size_t> varied = VariedCameras(session, arguments.camera);

@@ -11,6 +11,7 @@
 #include "apps/cli/command.h"
 #include "apps/cli/image_inputs.h"
 #include "apps/cli/options.h"
+#include "apps/cli/session/open_session.h"
 #include "calib/base/error.h"
 #include "calib/base/number_text.h"
 #include "calib/base/output_folder.h"
@@ -156,7 +157,7 @@ void RunWhite(const WhiteArguments& arguments, const ConsoleOptions& shared) {
       throw Error(ErrorKind::kInput,
                   "white: give one session.yaml, or a folder or images with --model");
     }
-    const Session session = ReadSession(arguments.inputs[0], CameraModels());
+    const Session session = OpenSession(arguments.inputs[0]);
     jobs = SessionJobs(arguments, session);
   } else {
     jobs.push_back(FolderJob(arguments));

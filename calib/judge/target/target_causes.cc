@@ -74,10 +74,6 @@ std::vector<Finding> FindWrongUnit(const std::map<int, Eigen::Vector3d>& markers
   return {};
 }
 
-void Append(std::vector<Finding> more, std::vector<Finding>* findings) {
-  std::ranges::move(more, std::back_inserter(*findings));
-}
-
 }  // namespace
 
 std::vector<Finding> FindTargetCauses(const CalibrationInput& input,

@@ -1,0 +1,250 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <map>
+#include <memory>
+#include <optional>
+#include <set>
+
+#include "apps/cli/command.h"
+#include "apps/cli/options.h"
+#include "apps/cli/session/auto_model.h"
+#include "apps/cli/session/find_cameras.h"
+#include "apps/cli/session/image_names.h"
+#include "apps/cli/session/proposal_text.h"
+#include "calib/base/error.h"
+#include "calib/base/output_folder.h"
+#include "calib/files/frame_images.h"
+#include "detectors/plenoptic/white/white_camera.h"
+
+namespace plenocal {
+namespace {
+
+struct InitArguments {
+  std::filesystem::path folder;
+  std::filesystem::path session = "session.yaml";
+};
+
+/// A camera as it will stand in the session.
+struct InitCamera : FoundCamera {
+  bool plenoptic = false;
+  std::set<std::string> frames;
+};
+
+// White images of a plenoptic camera show the hexagonal lattice of its micro images.
+bool ShowsMicroLenses(const FoundCamera& camera, int threads) {
+  if (camera.white.empty()) return false;
+  std::vector<FrameImage> images = ExpandImages(camera.white, camera.name + ": white images");
+  images.resize(1);
+  try {
+    return MeasureWhiteImages(images, {.plenoptic = true, .threads = threads}).grid.has_value();
+  } catch (const Error&) {
+    return false;
+  }
+}
+
+// Gives cameras of a rig globs by which they share frames, where their names allow it.
+void NameFrames(std::vector<InitCamera>* cameras, Console* console) {
+  std::vector<std::string> names;
+  std::vector<std::vector<std::string>> images;
+  for (const InitCamera& camera : *cameras) {
+    names.push_back(camera.name);
+    images.push_back(camera.images);
+  }
+  try {
+    ShareFrames(names, &images);
+  } catch (const Error& error) {
+    console->Message(error.what());
+  }
+  for (size_t c = 0; c < cameras->size(); ++c) {
+    InitCamera& camera = (*cameras)[c];
+    camera.images = images[c];
+    for (const FrameImage& image : ExpandImages(camera.images, camera.name)) {
+      camera.frames.insert(image.frame);
+    }
+  }
+}
+
+std::vector<InitCamera> CamerasOf(const InitArguments& arguments,
+                                  const ConsoleOptions& shared,
+                                  Console* console) {
+  if (!std::filesystem::is_directory(arguments.folder)) {
+    throw Error(ErrorKind::kInput,
+                fmt::format("{}: no such folder; check the path", arguments.folder.string()));
+  }
+  std::vector<InitCamera> cameras;
+  for (const FoundCamera& found : FindCameras(arguments.folder)) {
+    InitCamera& camera = cameras.emplace_back();
+    static_cast<FoundCamera&>(camera) = found;
+    if (!found.white.empty()) console->Progress(found.name + ": white images");
+    camera.plenoptic = ShowsMicroLenses(found, shared.threads);
+    if (Interrupted()) throw Stopped();
+  }
+  NameFrames(&cameras, console);
+  return cameras;
+}
+
+size_t CommonFrames(const std::vector<InitCamera>& cameras) {
+  return static_cast<size_t>(
+      std::ranges::count_if(cameras[0].frames, [&](const std::string& frame) {
+        return std::ranges::all_of(
+            cameras, [&](const InitCamera& camera) { return camera.frames.contains(frame); });
+      }));
+}
+
+TargetProposals LookAtAll(const std::vector<InitCamera>& cameras,
+                          const ConsoleOptions& shared,
+                          Console* console) {
+  std::vector<FrameImage> images;
+  for (const InitCamera& camera : cameras) {
+    if (camera.plenoptic) continue;  // its raw images show a target in pieces
+    const auto found = ExpandImages(camera.images, camera.name + ": images");
+    images.insert(images.end(), found.begin(), found.end());
+  }
+  return images.empty() ? TargetProposals() : LookForTargets(images, shared, console);
+}
+
+std::string PathsYaml(const std::vector<std::string>& paths, const std::filesystem::path& folder) {
+  if (paths.size() == 1) return YamlPath(paths[0], folder);
+  std::string list;
+  for (const std::string& path : paths) list += "\n      - " + YamlPath(path, folder);
+  return list;
+}
+
+std::string SessionText(const std::vector<InitCamera>& cameras,
+                        const std::filesystem::path& folder,
+                        const std::string& target) {
+  std::string text = fmt::format(
+      "# What to calibrate, found by 'plenocal init'. All keys: docs/formats.md\n"
+      "plenocal: 1\ntarget: {}\ncameras:{}\n",
+      target,
+      cameras.size() > 1 ? "  # on one rig; the first is its master. Images with equal names (or "
+                           "equal parts at the '*') belong together"
+                         : "");
+  for (const InitCamera& camera : cameras) {
+    text += fmt::format("  {}:  # {} images\n", camera.name, camera.frames.size());
+    text += camera.plenoptic ? "    model: focused-plenoptic\n"
+                               "    pixel_size:  # state it, from the data sheet: 5.5 um\n"
+                               "    # bayer: RGGB  # of single-channel raw mosaics\n"
+                             : fmt::format("    model: {}  # 'plenocal try' compares models\n",
+                                           UsualModel().name);
+    text += fmt::format("    images: {}\n", PathsYaml(camera.images, folder));
+    if (camera.white.empty()) continue;
+    text += fmt::format(
+        "    white_images: {}  # {} images\n", PathsYaml(camera.white, folder), camera.white_count);
+  }
+  return text +
+         "# exclude:  # what is not to be used, with the reason\n"
+         "#   - {frame: '01', note: blurred}\n";
+}
+
+// What to measure, and how.
+std::string MeasureLine(const std::string& key) {
+  static const std::map<std::string, std::string> kHow{
+      {"square", "side of a square, such as 25 mm"},
+      {"marker", "side of a marker with its black border, such as 18 mm"},
+      {"size", "side of a tag's black border, such as 88 mm"},
+      {"spacing", "distance of neighbouring circles (asymmetric: of rows), such as 20 mm"},
+      {"tags", "list of {id: 0, corners: [[x, y, z], ...]}"}};
+  return fmt::format("{}:  # measure and state it: {}\n", key, kHow.at(key));
+}
+
+std::string TargetText(const TargetProposals& proposals) {
+  std::string text = "# The target. All types and keys: docs/formats.md\nplenocal: 1\n";
+  if (proposals.found.empty() || proposals.found[0].keys.empty()) {
+    return text +
+           "type:  # state it: chessboard, charuco, circles, aprilgrid or apriltag\n"
+           "# Of a chessboard:\n"
+           "# columns: 9      # inner corners\n"
+           "# rows: 6\n"
+           "# square: 25 mm\n";
+  }
+  const TargetProposal& best = proposals.found[0];
+  text += fmt::format(
+      "# Found: {} in {}\n{}", best.what, OfImages(best.images, proposals.looked_at), best.keys);
+  for (const std::string& key : best.measure) text += MeasureLine(key);
+  return text + "# tolerance: 0.2 mm  # how well it was made; then its points are refined\n";
+}
+
+// The session and the target are the user's: nothing is replaced.
+void RefuseExisting(const std::filesystem::path& file) {
+  if (!std::filesystem::exists(file)) return;
+  throw Error(
+      ErrorKind::kInput,
+      fmt::format("{}: exists and is not replaced; give another file with -o", file.string()));
+}
+
+void PrintFound(const std::vector<InitCamera>& cameras, const TargetProposals& proposals) {
+  for (const InitCamera& camera : cameras) {
+    fmt::print("{}: {} images, {}{}\n",
+               camera.name,
+               camera.frames.size(),
+               camera.images.size() == 1 ? camera.images[0] : "listed one by one",
+               camera.white.empty() ? std::string()
+                                    : fmt::format("; {} white images{}",
+                                                  camera.white_count,
+                                                  camera.plenoptic ? " with micro lenses" : ""));
+  }
+  if (cameras.size() > 1) {
+    fmt::print("{} frames that all cameras have\n", CommonFrames(cameras));
+  }
+  for (const TargetProposal& proposal : proposals.found) {
+    fmt::print("{} in {}\n", proposal.what, OfImages(proposal.images, proposals.looked_at));
+  }
+  if (proposals.found.empty()) fmt::print("no target found in the images\n");
+}
+
+void RunInit(const InitArguments& arguments, const ConsoleOptions& shared) {
+  Console console(shared);
+  const std::filesystem::path folder = std::filesystem::absolute(arguments.session).parent_path();
+  const std::string session = arguments.session.filename().string();
+  // Beside a session of another name its target has that name too.
+  const std::string target = session == "session.yaml"
+                                 ? std::string("target.yaml")
+                                 : arguments.session.stem().string() + "_target.yaml";
+  RefuseExisting(folder / session);
+  RefuseExisting(folder / target);
+  const std::vector<InitCamera> cameras = CamerasOf(arguments, shared, &console);
+  const TargetProposals proposals = LookAtAll(cameras, shared, &console);
+  OutputFolder out(folder);
+  out.Write(session, SessionText(cameras, folder, target));
+  out.Write(target, TargetText(proposals));
+  out.Commit();
+  PrintFound(cameras, proposals);
+  std::vector<std::string> open;
+  if (proposals.found.empty() || proposals.found[0].keys.empty()) {
+    open.emplace_back("the target");
+  } else {
+    open = proposals.found[0].measure;
+  }
+  if (std::ranges::any_of(cameras, &InitCamera::plenoptic)) open.emplace_back("pixel_size");
+  fmt::print("written to {} and {}; state {} there, then\n  plenocal calibrate {} -o OUT\n",
+             arguments.session.string(),
+             (arguments.session.parent_path() / target).string(),
+             fmt::join(open, ", "),
+             arguments.session.string());
+}
+
+constexpr const char* kHelp =
+    "Finds cameras, white images and target in a folder of images, and writes session and target files to be completed.\n\n"
+    "  plenocal init FOLDER -o session.yaml\n\n"
+    "Cameras are subfolders, or images of one folder whose names differ as left01.jpg and right01.jpg do. Images in <camera>_white are white images.";
+
+RunCommand Declare(CLI::App* app, ConsoleOptions* shared) {
+  const auto arguments = std::make_shared<InitArguments>();
+  app->add_option("folder", arguments->folder, "folder with images, in it or below")->required();
+  app->add_option(
+         "-o,--out", arguments->session, "the session file; the target file is written beside it")
+      ->capture_default_str();
+  AddThreads(app, shared);
+  AddQuiet(app, shared);
+  return [arguments, shared] { RunInit(*arguments, *shared); };
+}
+
+}  // namespace
+
+Command InitCommand() { return {"init", kHelp, Declare}; }
+
+}  // namespace plenocal

@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <optional>
+
+#include "apps/cli/console.h"
+#include "apps/cli/session_observations.h"
+#include "calib/files/session.h"
+#include "targets/target.h"
+
+namespace plenocal {
+
+/// How images are calibrated of which the user says no more.
+struct ImageChoice {
+  const CameraModel* model = nullptr;
+  std::optional<bool> refine_target = {};  ///< empty: as the target's file has it
+};
+
+/// Model and target that predict held-out frames best, of a few common models the simplest that is
+/// not worse; the target is rigid or refined unless its file states a tolerance. Prints one line on
+/// each. `model`: the user's; null: to be chosen.
+ImageChoice ChooseByHeldOutFrames(const CameraModel* model,
+                                  const Target& target,
+                                  const SessionObservations& observations,
+                                  const ConsoleOptions& options,
+                                  Console* console);
+
+/// The model with which images are detected, and calibrated when they are too few for a choice.
+const CameraModel& UsualModel();
+
+/// Gives the cameras the models and what else `session` has for them.
+void UseCamerasOf(const Session& session, SessionObservations* observations);
+
+}  // namespace plenocal

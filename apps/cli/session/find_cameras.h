@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+namespace plenocal {
+
+/// A camera as folders and names of image files suggest it.
+struct FoundCamera {
+  std::string name;
+  std::vector<std::string> images;    ///< globs, a folder or files, as a session has them
+  std::vector<std::string> white;     ///< likewise; empty: there are no white images
+  size_t count = 0, white_count = 0;  ///< files
+};
+
+/// The cameras whose images lie in one folder: one, or those whose names share frames, such as
+/// left01.jpg and right01.jpg, 001_cam0.png and 001_cam1.png. Throws `Error` without images.
+std::vector<FoundCamera> CamerasInFolder(const std::filesystem::path& folder);
+
+/// The cameras in a folder and those below it. Images in `*_white` or `white` are the white images
+/// of the camera beside or above. Folders of results and hidden ones are passed over.
+std::vector<FoundCamera> FindCameras(const std::filesystem::path& folder);
+
+}  // namespace plenocal
