@@ -32,6 +32,7 @@
 #include "calib/judge/target/target_causes.h"
 #include "calib/judge/verdict.h"
 #include "calib/summary.h"
+#include "models/registry.h"
 
 namespace plenocal {
 namespace {
