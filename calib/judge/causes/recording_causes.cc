@@ -39,20 +39,24 @@ std::map<int, Points> PointsByFrame(const Bundle& bundle, size_t camera) {
   return frames;
 }
 
-// Mean square of a coordinate's difference between the points that two images share.
-std::optional<double> MeanSquare(const Points& a, const Points& b) {
+// Whether two images have the same points: the mean square of a coordinate's difference is at most
+// `limit`, px^2.
+bool AreSame(const Points& a, const Points& b, double limit) {
   constexpr size_t kLeast = 6;
-  // Of images that differ in half of their points, the others do not count.
+  // Of equal images no single point is so far off; most pairs differ in their first one.
+  constexpr double kFarOff = 100;
   double sum = 0;
   size_t count = 0;
   for (const auto& [key, place] : a) {
     const auto other = b.find(key);
     if (other == b.end()) continue;
-    sum += (place - other->second).squaredNorm();
+    const double square = (place - other->second).squaredNorm();
+    if (square > kFarOff * limit) return false;
+    sum += square;
     ++count;
   }
-  if (count < kLeast || 2 * count < std::max(a.size(), b.size())) return std::nullopt;
-  return sum / (2.0 * static_cast<double>(count));
+  return count >= kLeast && 2 * count >= std::max(a.size(), b.size()) &&
+         sum <= limit * 2.0 * static_cast<double>(count);
 }
 
 // Two exposures of a target at rest differ by the noise of both; the same image, even compressed
@@ -67,9 +71,7 @@ std::vector<Finding> FindDuplicates(const Calibration& calibration, size_t c) {
   std::vector<std::string> pairs;
   for (auto a = frames.begin(); a != frames.end(); ++a) {
     for (auto b = std::next(a); b != frames.end(); ++b) {
-      // Most pairs differ in their first common point already.
-      const std::optional<double> square = MeanSquare(a->second, b->second);
-      if (!square || *square > limit) continue;
+      if (!AreSame(a->second, b->second, limit)) continue;
       pairs.push_back(fmt::format("{} = {}",
                                   calibration.frames[static_cast<size_t>(a->first)],
                                   calibration.frames[static_cast<size_t>(b->first)]));

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <map>
@@ -13,8 +14,7 @@
 #include "calib/base/error.h"
 #include "calib/base/linear_algebra.h"
 #include "calib/base/statistics.h"
-#include "calib/describe.h"
-#include "calib/judge/compare.h"
+#include "calib/judge/projection.h"
 #include "calib/judge/target/plane_view.h"
 #include "calib/solve.h"
 
@@ -44,18 +44,18 @@ std::vector<double> TypicalSigmas(const Bundle& bundle) {
   return typical;
 }
 
-// The same calibration with free markers; nothing when it fails.
-std::optional<Calibration> FreeMarkers(const Calibration& held,
+// The same calibration with another prior of the markers; 0: they are held. Nothing when it fails.
+std::optional<Calibration> WithMarkers(const Calibration& calibration,
                                        double marker_sigma,
                                        SolveOptions options) {
-  Calibration free = held;
-  free.bundle.marker_sigma = marker_sigma;
+  Calibration other = calibration;
+  other.bundle.marker_sigma = marker_sigma;
   try {
-    free.uncertainty = Solve(options, &free.bundle).uncertainty;
+    other.uncertainty = Solve(options, &other.bundle).uncertainty;
   } catch (const Error&) {
     return std::nullopt;
   }
-  return free;
+  return other;
 }
 
 // Probability that free markers improve the residuals so much when the target is as stated.
@@ -75,27 +75,19 @@ double ChanceOfGain(const Calibration& held,
   return gain > 0 && unknowns > 1 && left > 1 ? FTail(gain / unknowns, unknowns, left) : 1;
 }
 
-double TypicalDistance(const Calibration& calibration, size_t camera) {
-  std::vector<double> distances;
-  for (const RigidTransform& T_rig_target : calibration.bundle.T_rig_target) {
-    distances.push_back((calibration.bundle.cameras[camera].T_camera_rig * T_rig_target).t.norm());
-  }
-  return Median(distances, 1.0);
-}
-
 /// Effect on one camera.
 struct Effect {
-  double projection = 0;     ///< RMS over the image, px
+  double projection = 0;     ///< RMS over the supported image, px
   std::string focal_change;  ///< "f_x by +0.8 %"
 };
 
 Effect EffectOn(const Calibration& held, const Calibration& free, size_t c) {
-  const CalibratedCamera a = DescribeCamera(held, c), b = DescribeCamera(free, c);
-  const CameraDifference difference = CompareCameras(a, b, {TypicalDistance(held, c)});
-  const ImageDifference& all = difference.distances.front().all;
+  const std::array camera{c};
+  const double difference = SupportedDifference(held, free, camera);
   Effect effect;
   // Less is what free markers cost in certainty.
-  if (!difference.has_prediction || all.rms > all.predicted) effect.projection = all.rms;
+  if (difference > SupportedSigma(free, camera)) effect.projection = difference;
+  const BundleCamera &a = held.bundle.cameras[c], &b = free.bundle.cameras[c];
   for (size_t k = 0; k < a.params.size(); ++k) {
     const std::string_view name = a.model->params[k].name;
     if (name != "f_x" && name != "f_L") continue;
@@ -138,14 +130,16 @@ std::vector<Finding> FindBentTarget(const Calibration& calibration,
   const std::optional<MarkerPlane> plane = FindPlane(Nominal(bundle));
   if (bundle.EstimatesMarkers() || !plane) return {};
   const std::vector<double> typical = TypicalSigmas(bundle);
-  const std::optional<Calibration> free =
-      FreeMarkers(calibration, kLoose * plane->extent, {typical, loss, go_on});
-  if (!free || ChanceOfGain(calibration, *free, typical) > kFalseAlarm) return {};
+  const SolveOptions options{typical, loss, go_on};
+  // Solved again, since `calibration` may be a part of a longer one.
+  const std::optional<Calibration> held = WithMarkers(calibration, 0, options);
+  const std::optional<Calibration> free = WithMarkers(calibration, kLoose * plane->extent, options);
+  if (!held || !free || ChanceOfGain(*held, *free, typical) > kFalseAlarm) return {};
   double largest = 0;
   std::string focal_change;
   std::vector<std::string> cameras;
   for (size_t c = 0; c < bundle.cameras.size(); ++c) {
-    const Effect effect = EffectOn(calibration, *free, c);
+    const Effect effect = EffectOn(*held, *free, c);
     if (effect.projection < kExact) continue;
     cameras.push_back(bundle.cameras[c].name);
     if (effect.projection > largest) {
