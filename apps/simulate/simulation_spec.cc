@@ -228,7 +228,7 @@ PoseSpec ReadPoseSpec(const YamlNode& node,
   poses.frames = node.At("frames").AsInteger();
   ReadInteger(node, "frames", 1, 100000, &poses.frames);
   const YamlNode distance = node.At("distance");
-  const std::vector<double> range = distance.AsNumbers(2);
+  const std::vector<double> range = distance.AsSignedLengths(2);
   poses.nearest = range[0];
   poses.farthest = range[1];
   if (!(poses.nearest > 0 && poses.farthest >= poses.nearest)) {

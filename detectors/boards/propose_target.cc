@@ -206,7 +206,7 @@ std::optional<TargetProposal> ProposeChessboard(const std::vector<Seen>& images)
       .shows = shows,
       .word = fmt::format("chessboard:{}x{}:SIZE", columns, rows),
       .keys = fmt::format("type: chessboard\ncolumns: {}\nrows: {}\n", columns, rows),
-      .measure = {"square"},
+      .measure = {{"square", "side of a square, such as 25 mm"}},
       .images = count};
 }
 
@@ -226,7 +226,9 @@ std::optional<TargetProposal> ProposeCircles(const std::vector<Seen>& images) {
       .word = fmt::format("circles:{}x{}:SPACING:{}", columns, rows, pattern),
       .keys = fmt::format(
           "type: circles\ncolumns: {}\nrows: {}\npattern: {}\n", columns, rows, pattern),
-      .measure = {"spacing"},
+      .measure = {{"spacing",
+                   asymmetric ? "distance of neighbouring rows, such as 20 mm"
+                              : "distance of neighbouring circles, such as 20 mm"}},
       .images = count};
 }
 
@@ -246,17 +248,20 @@ TargetProposal TagGridProposal(const Code& code, const MarkerLayout& layout) {
   return {
       .what = fmt::format("AprilGrid with {}, gaps of about {} of a tag", shows, spacing),
       .shows = shows,
-      .word = fmt::format("aprilgrid:{}x{}:SIZE:{}{}", layout.columns, layout.rows, spacing, more),
-      .keys = fmt::format(
-          "type: aprilgrid\nfamily: {}\ncolumns: {}\nrows: {}\nspacing: {}\nborder_bits: {}\n"
-          "first_id: {}\n",
-          code.name,
-          layout.columns,
-          layout.rows,
-          spacing,
-          code.border_bits,
-          layout.first_id),
-      .measure = {"size"}};
+      .word = fmt::format("aprilgrid:{}x{}:SIZE:SPACING{}", layout.columns, layout.rows, more),
+      .keys = fmt::format("type: aprilgrid\nfamily: {}\ncolumns: {}\nrows: {}\nborder_bits: {}\n"
+                          "first_id: {}\n",
+                          code.name,
+                          layout.columns,
+                          layout.rows,
+                          spacing,
+                          code.border_bits,
+                          layout.first_id),
+      .measure = {{"size", "side of a tag's black border, such as 88 mm"},
+                  {"spacing",
+                   fmt::format("gap between tags / size, or the gap with its unit; the images "
+                               "show about {}",
+                               spacing)}}};
 }
 
 /// The smallest dictionary with so many markers that begins as `name` does.
@@ -285,7 +290,11 @@ TargetProposal CharucoProposal(const Code& code, const MarkerLayout& layout) {
                               layout.columns,
                               layout.rows,
                               dictionary),
-          .measure = {"square", "marker"}};
+          .measure = {{"square", "side of a square, such as 36 mm"},
+                      {"marker",
+                       fmt::format("side of a marker with its black border, such as 18 mm; the "
+                                   "images show about {:.2g} of a square",
+                                   1 / layout.pitch)}}};
 }
 
 /// ArUco markers in a grid, which no target type describes.
@@ -302,7 +311,7 @@ TargetProposal LooseTags(const Code& code, size_t ids) {
           .shows = shows,
           .keys = fmt::format(
               "type: apriltag\nfamily: {}\nborder_bits: {}\n", code.name, code.border_bits),
-          .measure = {"tags"}};
+          .measure = {{"tags", "list of {id: 0, corners: [[x, y, z], ...]}"}}};
 }
 
 std::optional<TargetProposal> ProposeMarkers(const std::vector<Seen>& images, const Code& code) {

@@ -13,6 +13,12 @@
 
 namespace plenocal {
 
+/// A key of target.yaml whose value must be measured on the target.
+struct MeasuredKey {
+  std::string name;  ///< "square"
+  std::string what;  ///< "side of a square, such as 25 mm"
+};
+
 /// A target as far as images show it: all but its size.
 struct TargetProposal {
   std::string what;   ///< "chessboard with 9 x 6 inner corners"
@@ -21,7 +27,7 @@ struct TargetProposal {
   /// "chessboard:9x6:SIZE"; empty: no target type describes it.
   std::string word = {};
   std::string keys = {};                  ///< lines of target.yaml, without those in `measure`
-  std::vector<std::string> measure = {};  ///< keys whose values images cannot show: "square"
+  std::vector<MeasuredKey> measure = {};  ///< keys whose values images cannot show: "square"
   size_t images = 0;                      ///< that show it
 };
 

@@ -223,6 +223,7 @@ class FormatsPage : public Workspace {
       if (name == "poses.csv") SeeColumns(file, "Columns of poses.csv");
       if (name == "view_poses.csv") SeeColumns(file, "Columns of view_poses.csv");
       if (name == "residuals.csv") SeeColumns(file, "Columns of residuals.csv");
+      if (name == "left_out.csv") SeeColumns(file, "Columns of left_out.csv");
       if (name.starts_with("detections_")) {
         SeeColumns(file, "Columns of detections", [](const std::string& column) {
           return std::regex_replace(column, std::regex("_shared_[0-9]+"), "_shared_<n>");
@@ -322,6 +323,8 @@ TEST_F(FormatsPage, HasTheKeysOfSessions) {
       "Keys of a `prior`");
   ExpectSessionKeys(head + fmt::format("cameras: {{a: {{{}}}}}\noptions: {{qqqq: 1}}\n", camera),
                     "Keys of `options`");
+  ExpectSessionKeys(head + fmt::format("cameras: {{a: {{{}}}}}\nexclude: [{{qqqq: 1}}]\n", camera),
+                    "Keys of a rule in `exclude`");
 }
 
 TEST_F(FormatsPage, HasTheKeysOfTargets) {

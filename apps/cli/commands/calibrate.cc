@@ -218,8 +218,8 @@ struct Job {
 };
 
 bool IsSessionFile(const std::vector<std::string>& inputs) {
-  return inputs.size() == 1 && std::filesystem::is_regular_file(inputs[0]) &&
-         !HasImageName(inputs[0]);
+  return inputs.size() == 1 && std::filesystem::exists(inputs[0]) &&
+         !std::filesystem::is_directory(inputs[0]) && !HasImageName(inputs[0]);
 }
 
 // The session file that the arguments name; empty when they name images.
@@ -228,9 +228,12 @@ std::string SessionFile(const CalibrateArguments& arguments) {
   const bool image_options = !images.right.empty() || !images.cameras.empty() ||
                              !images.target.empty() || arguments.model != "auto";
   if (arguments.inputs.empty() && images.cameras.empty()) {
-    throw Error(
-        ErrorKind::kInput,
-        "calibrate: give session.yaml, or images (a glob, files or a folder) with --target");
+    throw Error(ErrorKind::kInput,
+                images.right.empty()
+                    ? "calibrate: give session.yaml, or images (a glob, files or a folder) with "
+                      "--target"
+                    : "calibrate: --right takes all that follows; give the first camera's images "
+                      "before it");
   }
   const std::string& first = arguments.inputs.empty() ? std::string() : arguments.inputs[0];
   const bool named_so = first.ends_with(".yaml") || first.ends_with(".yml");
@@ -343,8 +346,9 @@ RunCommand Declare(CLI::App* app, ConsoleOptions* shared) {
       "of images: chessboard:9x6:25mm (inner corners, square), aprilgrid:6x6:88mm:0.3, "
       "charuco:5x7:36mm:18mm:6X6_250, circles:10x7:25mm[:asymmetric], or a target file; "
       "without it, the target is looked for in the images");
-  app->add_option("--right", arguments->images.right, "images of a second camera on the same rig")
-      ->expected(1);
+  app->add_option("--right",
+                  arguments->images.right,
+                  "images of a second camera on the same rig; after those of the first");
   app->add_option(
          "--camera", arguments->images.cameras, "NAME=GLOB: images of a camera; several are a rig")
       ->expected(1)

@@ -3,9 +3,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
-#include <map>
 #include <memory>
-#include <optional>
 #include <set>
 
 #include "apps/cli/command.h"
@@ -120,9 +118,9 @@ std::string SessionText(const std::vector<InitCamera>& cameras,
       "# What to calibrate, found by 'plenocal init'. All keys: docs/formats.md\n"
       "plenocal: 1\ntarget: {}\ncameras:{}\n",
       target,
-      cameras.size() > 1 ? "  # on one rig; the first is its master. Images with equal names (or "
-                           "equal parts at the '*') belong together"
-                         : "");
+      cameras.size() > 1
+          ? "  # on one rig; the first is its master. Cameras that are not get a session each"
+          : "");
   for (const InitCamera& camera : cameras) {
     text += fmt::format("  {}:  # {} images\n", camera.name, camera.frames.size());
     text += camera.plenoptic ? "    model: focused-plenoptic\n"
@@ -140,17 +138,6 @@ std::string SessionText(const std::vector<InitCamera>& cameras,
          "#   - {frame: '01', note: blurred}\n";
 }
 
-// What to measure, and how.
-std::string MeasureLine(const std::string& key) {
-  static const std::map<std::string, std::string> kHow{
-      {"square", "side of a square, such as 25 mm"},
-      {"marker", "side of a marker with its black border, such as 18 mm"},
-      {"size", "side of a tag's black border, such as 88 mm"},
-      {"spacing", "distance of neighbouring circles (asymmetric: of rows), such as 20 mm"},
-      {"tags", "list of {id: 0, corners: [[x, y, z], ...]}"}};
-  return fmt::format("{}:  # measure and state it: {}\n", key, kHow.at(key));
-}
-
 std::string TargetText(const TargetProposals& proposals) {
   std::string text = "# The target. All types and keys: docs/formats.md\nplenocal: 1\n";
   if (proposals.found.empty() || proposals.found[0].keys.empty()) {
@@ -164,7 +151,9 @@ std::string TargetText(const TargetProposals& proposals) {
   const TargetProposal& best = proposals.found[0];
   text += fmt::format(
       "# Found: {} in {}\n{}", best.what, OfImages(best.images, proposals.looked_at), best.keys);
-  for (const std::string& key : best.measure) text += MeasureLine(key);
+  for (const MeasuredKey& key : best.measure) {
+    text += fmt::format("{}:  # measure and state it: {}\n", key.name, key.what);
+  }
   return text + "# tolerance: 0.2 mm  # how well it was made; then its points are refined\n";
 }
 
@@ -217,7 +206,7 @@ void RunInit(const InitArguments& arguments, const ConsoleOptions& shared) {
   if (proposals.found.empty() || proposals.found[0].keys.empty()) {
     open.emplace_back("the target");
   } else {
-    open = proposals.found[0].measure;
+    for (const MeasuredKey& key : proposals.found[0].measure) open.push_back(key.name);
   }
   if (std::ranges::any_of(cameras, &InitCamera::plenoptic)) open.emplace_back("pixel_size");
   fmt::print("written to {} and {}; state {} there, then\n  plenocal calibrate {} -o OUT\n",

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cctype>
 #include <map>
 #include <optional>
@@ -186,6 +187,12 @@ bool IsWhiteName(std::string name) {
   return false;
 }
 
+// Of folders that any camera may have.
+bool IsGeneral(const std::string& name) {
+  constexpr std::array kGeneral{"data", "images", "image", "imgs", "img", "frames", "raw"};
+  return std::ranges::find(kGeneral, name) != kGeneral.end();
+}
+
 // Whose white images a folder has: plenoptic_white of plenoptic, left/white of left.
 fs::path OwnerOf(const fs::path& white) {
   const std::string name = white.filename().string();
@@ -215,15 +222,17 @@ void AddImageFolders(const fs::path& folder, int depth, std::vector<fs::path>* f
 }
 
 // The parts of the folders' paths in which they differ: cam0 of cam0/data, beside cam1/data.
-std::string NameOfFolder(const fs::path& folder, const std::vector<fs::path>& all) {
-  for (fs::path part = folder; part.has_relative_path(); part = part.parent_path()) {
+std::string NameOfFolder(const fs::path& folder,
+                         const fs::path& top,
+                         const std::vector<fs::path>& all) {
+  for (fs::path part = folder; part != top && part.has_relative_path(); part = part.parent_path()) {
     const std::string name = part.filename().string();
     const bool unique = std::ranges::none_of(all, [&](const fs::path& other) {
       return other != folder && std::ranges::find(other, fs::path(name)) != other.end();
     });
-    if (unique) return CleanName(name);
+    if (unique && !IsGeneral(name)) return CleanName(name);
   }
-  return CleanName(folder.filename().string());
+  return all.size() == 1 ? "cam" : CleanName(folder.filename().string());
 }
 
 void MakeNamesUnique(std::vector<FoundCamera>* cameras) {
@@ -267,9 +276,10 @@ std::vector<FoundCamera> CamerasInFolder(const fs::path& folder) {
   return cameras;
 }
 
-std::vector<FoundCamera> FindCameras(const fs::path& folder) {
+std::vector<FoundCamera> FindCameras(const fs::path& given) {
   constexpr int kDepth = 3;
   std::vector<fs::path> folders, white;
+  const fs::path folder = given.has_filename() ? given : given.parent_path();
   AddImageFolders(folder, kDepth, &folders);
   std::erase_if(folders, [&](const fs::path& each) {
     if (each == folder || !IsWhiteName(each.filename().string())) return false;
@@ -284,11 +294,13 @@ std::vector<FoundCamera> FindCameras(const fs::path& folder) {
   std::vector<FoundCamera> cameras;
   for (const fs::path& each : folders) {
     std::vector<FoundCamera> here = CamerasInFolder(each);
-    if (here.size() == 1 && each != folder) here[0].name = NameOfFolder(each, folders);
+    if (here.size() == 1 && each != folder) here[0].name = NameOfFolder(each, folder, folders);
     for (FoundCamera& camera : here) {
       for (const fs::path& of : white) {
         const bool only = folders.size() == 1 && here.size() == 1;
-        if (OwnerOf(of) != each && !only) continue;
+        const fs::path owner = OwnerOf(of);
+        const bool above = IsGeneral(each.filename().string()) && each.parent_path() == owner;
+        if (owner != each && !above && !only) continue;
         camera.white = {of.string()};
         camera.white_count = ExpandImages(camera.white, "white images").size();
       }

@@ -73,7 +73,7 @@ ImageSession::ImageSession(const ImageArguments& arguments,
   }
   if (!arguments.right.empty()) {
     names.emplace_back("right");
-    images.push_back(AsGlobs({arguments.right}, "--right"));
+    images.push_back(AsGlobs(arguments.right, "--right"));
   }
   for (const std::string& camera : arguments.cameras) {
     const size_t equal = camera.find('=');

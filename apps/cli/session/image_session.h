@@ -17,7 +17,7 @@ namespace plenocal {
 /// The options of the command line that stand for a session.
 struct ImageArguments {
   std::vector<std::string> images;   ///< of one camera: globs, files or a folder
-  std::string right;                 ///< of a second camera; empty: there is none
+  std::vector<std::string> right;    ///< of a second camera; empty: there is none
   std::vector<std::string> cameras;  ///< "NAME=GLOB", in place of `images`
   std::string target;                ///< in one word, or a file; empty: to be found in the images
 };

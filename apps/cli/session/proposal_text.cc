@@ -7,6 +7,7 @@
 #include <map>
 
 #include "calib/base/error.h"
+#include "calib/base/names.h"
 #include "calib/base/yaml.h"
 
 namespace plenocal {
@@ -57,13 +58,13 @@ void FailWithProposal(const std::vector<std::string>& cameras,
                             "(docs/formats.md) and give --target FILE",
                             best.what,
                             in,
-                            fmt::join(best.measure, " and ")));
+                            fmt::join(NamesOf(best.measure), " and ")));
   }
   throw Error(ErrorKind::kInput,
               fmt::format("--target is missing: {} in {}; state the {}: --target {}",
                           best.what,
                           in,
-                          fmt::join(best.measure, " and the "),
+                          fmt::join(NamesOf(best.measure), " and the "),
                           best.word));
 }
 
@@ -83,8 +84,7 @@ std::string MendOf(const TargetProposals& proposals, const Target& target) {
         present.Has(key)
             ? present.At(key).IsScalar() && present.At(key).AsString() == value.AsString()
             : default_value != kDefaults.end() && default_value->second == value.AsString();
-    // The images tell the gap between tags to a few per cent, which finds no other markers.
-    if (!same && key != "spacing") changes.push_back(fmt::format("{}: {}", key, value.AsString()));
+    if (!same) changes.push_back(fmt::format("{}: {}", key, value.AsString()));
   }
   if (changes.empty()) return {};
   const bool same_type = !changes[0].starts_with("type: ");

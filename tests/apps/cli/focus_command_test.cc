@@ -165,7 +165,7 @@ TEST_F(FocusCommandLine, SaysThatThereAreNoWhiteImages) {
   fs::create_directories(Path("white"));
   ExpectRefused(Run({"focus", "raw", "--white", "white", "-o", "out"}),
                 kWrongInput,
-                {"white: no white images"});
+                {"white images", "no image", "folder white"});
 }
 
 TEST_F(FocusCommandLine, NamesARawImageOfAnotherSize) {

@@ -66,6 +66,13 @@ TEST_F(Plugin, IsKnownToEveryCommand) {
   EXPECT_THAT(done({"try", "set/session.yaml", "--models", "stereographic,pinhole", "-o", "tried"}),
               HasSubstr("\nrecommended: stereographic, "));
 
+  // The session may name it; given twice it is loaded once.
+  Write("set/with.yaml",
+        Read("set/session.yaml") + fmt::format("plugins: [{}]\n", Library("stereographic")));
+  const Outcome named = Run({"calibrate", "set/with.yaml", "-o", "named", "--no-report"});
+  EXPECT_EQ(named.status, kDone) << named.err;
+  done({"calibrate", "set/with.yaml", "-o", "named", "--no-report"});
+
   const Outcome without = Run({"calibrate", "set/session.yaml", "-o", "without"});
   EXPECT_EQ(without.status, kWrongInput);
   EXPECT_THAT(without.err, AllOf(HasSubstr("'stereographic'"), HasSubstr("--plugin")));

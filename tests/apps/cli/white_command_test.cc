@@ -141,7 +141,7 @@ TEST_F(WhiteCommand, WarnsOfAMosaicThatWasNotAnnounced) {
 }
 
 TEST_F(WhiteCommand, SaysThatThereAreNoWhiteImages) {
-  ExpectRefused(kWrongInput, {"white", "no white images"});
+  ExpectRefused(kWrongInput, {"white images", "no image"});
 }
 
 TEST_F(WhiteCommand, NamesAWhiteImageOfAnotherSize) {

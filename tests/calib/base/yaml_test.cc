@@ -4,11 +4,14 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <array>
 #include <chrono>
 #include <filesystem>
 #include <fstream>
 #include <locale>
 #include <string>
+#include <string_view>
+#include <vector>
 
 #include "calib/base/error.h"
 
@@ -128,15 +131,28 @@ TEST(Yaml, RefusesWhatIsNoFiniteNumber) {
 }
 
 TEST(Yaml, RefusesLengthsThatAreNotPositive) {
-  const YamlNode node = YamlNode::Parse("a: 0\nb: -0.1\nc: 3 mm\nd: 0.1", "t.yaml");
+  const YamlNode node = YamlNode::Parse("a: 0\nb: -0.1\nc: 3 ft\nd: 0.1", "t.yaml");
   EXPECT_THAT(
       MessageOf([&] { return node.At("a").AsPositive(); }),
       HasSubstr("t.yaml:1:4: a: expected a positive number, got '0'; write a number above"));
   EXPECT_THAT(MessageOf([&] { return node.At("b").AsLength(); }),
-              HasSubstr("t.yaml:2:4: b: expected a length in metres, got '-0.1'"));
+              HasSubstr("t.yaml:2:4: b: expected a length in metres or with its unit, got '-0.1'"));
   EXPECT_THAT(MessageOf([&] { return node.At("c").AsLength(); }),
-              HasSubstr("write 0.003 (metres)"));
+              HasSubstr("got '3 ft'; write one such as 0.05 or 50 mm"));
   EXPECT_EQ(node.At("d").AsLength(), 0.1);
+}
+
+TEST(Yaml, ReadsLengthsWithTheirUnits) {
+  const YamlNode node = YamlNode::Parse(
+      "[36 mm, 36mm, 2.5cm, 1 in, 1 inch, 5.5 um, 5.5\u00b5m, 0.5 m, 550 nm, 0.036]", "t.yaml");
+  std::vector<double> lengths;
+  for (const YamlNode& each : node.Elements()) lengths.push_back(each.AsLength());
+  EXPECT_EQ(lengths,
+            (std::vector{0.036, 0.036, 0.025, 0.0254, 0.0254, 5.5e-6, 5.5e-6, 0.5, 5.5e-7, 0.036}));
+  EXPECT_EQ(YamlNode::Parse("[-1 mm, 0, 0.2]", "t.yaml").AsSignedLengths(3),
+            (std::vector{-0.001, 0.0, 0.2}));
+  EXPECT_THAT(MessageOf([] { YamlNode::Parse("[1, 2]", "t.yaml").AsSignedLengths(3); }),
+              HasSubstr("expected 3 lengths, got a list of 2"));
 }
 
 TEST(Yaml, ReadsWholeNumbersOnly) {
@@ -209,6 +225,19 @@ TEST(Yaml, NamesAMissingKey) {
           "t.yaml:2:3: a.size: this key is missing; add 'size: ...' (is 'sise' meant for it?)"));
   EXPECT_THAT(MessageOf([] { return YamlNode::Parse("just text", "t.yaml").At("size"); }),
               HasSubstr("expected a map with the key 'size', got 'just text'"));
+}
+
+TEST(Yaml, NamesAllMissingKeysWithAnExample) {
+  const YamlNode node = YamlNode::Parse("cam:\n  b: 1", "t.yaml").At("cam");
+  constexpr std::array<std::string_view, 3> kKeys{"a", "b", "c"};
+  EXPECT_THAT(MessageOf([&] { node.RequireKeys(kKeys, "a: 7\nc: x.png\n"); }),
+              StartsWith("t.yaml:2:3: cam: these keys are missing: a, c; add, for example, 'a: 7', "
+                         "'c: x.png'"));
+  constexpr std::array<std::string_view, 2> kOne{"b", "c"};
+  EXPECT_THAT(MessageOf([&] { node.RequireKeys(kOne, "c: x.png\n"); }),
+              StartsWith("t.yaml:2:3: cam.c: this key is missing; add, for example, 'c: x.png'"));
+  constexpr std::array<std::string_view, 1> kNone{"b"};
+  node.RequireKeys(kNone, "");
 }
 
 TEST(Yaml, PlacesAnEmptyValueAtItsKey) {

@@ -1,0 +1,71 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/files/exclusion.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+namespace plenocal {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+
+std::vector<FrameImage> Images() {
+  return {{"01", "a/left01.png"}, {"02", "a/left02.png"}, {"11", "a/left11.png"}};
+}
+
+std::vector<std::string> FramesLeft(Exclusion exclusion, const std::string& camera) {
+  std::vector<FrameImage> images = Images();
+  std::vector<LeftOut> left_out;
+  exclusion.RemoveImages(camera, &images, &left_out);
+  EXPECT_EQ(images.size() + left_out.size(), Images().size());
+  std::vector<std::string> frames;
+  for (const FrameImage& image : images) frames.push_back(image.frame);
+  return frames;
+}
+
+TEST(Exclusion, LeavesOutImagesByFrameGlobAndFile) {
+  EXPECT_THAT(FramesLeft(Exclusion({{.frame = "02"}}), "left"), ElementsAre("01", "11"));
+  EXPECT_THAT(FramesLeft(Exclusion({{.frame = "0*"}}), "left"), ElementsAre("11"));
+  EXPECT_THAT(FramesLeft(Exclusion({{.frame = "left11.png"}}), "left"), ElementsAre("01", "02"));
+  EXPECT_THAT(FramesLeft(Exclusion({{.frame = "left11"}}), "left"), ElementsAre("01", "02"));
+  EXPECT_THAT(FramesLeft(Exclusion({{.camera = "right", .frame = "*"}}), "left"),
+              ElementsAre("01", "02", "11"));
+}
+
+TEST(Exclusion, StatesTheReason) {
+  Exclusion exclusion({{.camera = "left", .frame = "02", .note = "blurred"}});
+  std::vector<FrameImage> images = Images();
+  std::vector<LeftOut> left_out;
+  exclusion.RemoveImages("left", &images, &left_out);
+  ASSERT_EQ(left_out.size(), 1U);
+  EXPECT_EQ(left_out[0].where, "a/left02.png");
+  EXPECT_EQ(left_out[0].reason, "excluded by the session: blurred");
+  EXPECT_EQ(left_out[0].camera, "left");
+  EXPECT_EQ(left_out[0].frame, "02");
+  EXPECT_TRUE(left_out[0].whole);
+  EXPECT_THAT(exclusion.Unused(), IsEmpty());
+}
+
+TEST(Exclusion, LeavesOutMarkersWithTheirSharedErrors) {
+  std::vector<View> views{{.frame = "a",
+                           .observations = {{.marker = 3}, {.marker = 4}, {.marker = 3}},
+                           .shared_errors = {{1}, {2}, {3}}},
+                          {.frame = "b", .observations = {{.marker = 3}}}};
+  Exclusion exclusion({{.markers = {3, 9}}, {.frame = "zzz", .markers = {4}}});
+  std::vector<LeftOut> left_out;
+  exclusion.RemoveViews("cam", {}, &views, &left_out);
+  ASSERT_EQ(views.size(), 1U) << "a view without points is none";
+  ASSERT_EQ(views[0].observations.size(), 1U);
+  EXPECT_EQ(views[0].observations[0].marker, 4);
+  EXPECT_EQ(views[0].shared_errors, (std::vector<std::vector<double>>{{2}}));
+  ASSERT_EQ(left_out.size(), 2U) << "one a marker and view, however often it was seen";
+  EXPECT_EQ(left_out[0].where, "cam frame a marker 3");
+  EXPECT_EQ(left_out[0].marker, "3");
+  EXPECT_FALSE(left_out[0].whole);
+  EXPECT_THAT(exclusion.Unused(), ElementsAre(HasSubstr("exclude[1] (frame: zzz, markers: [4])")));
+}
+
+}  // namespace
+}  // namespace plenocal
