@@ -3,11 +3,15 @@
 
 #include <cmath>
 
+#include "calib/base/number_text.h"
+
 namespace plenocal {
 namespace {
 
+// A number with the digits of calibration.yaml, so that both are the same.
 nlohmann::json NumberOrNull(const std::optional<double>& value) {
-  return value && std::isfinite(*value) ? nlohmann::json(*value) : nlohmann::json();
+  if (!value || !std::isfinite(*value)) return nullptr;
+  return *ParseDouble(YamlNumber(*value));
 }
 
 }  // namespace

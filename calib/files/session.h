@@ -43,10 +43,10 @@ struct TargetSource {
 
 /// What a session leaves out on purpose. An image belongs to the rule if camera and frame do.
 struct ExcludeRule {
-  std::string camera;        ///< empty: all
-  std::string frame;         ///< name of a frame or of its file, or a glob of these; empty: all
-  std::vector<int> markers;  ///< empty: the whole image
-  std::string note;          ///< the reason, in the user's words; may be empty
+  std::string camera = {};  ///< empty: all
+  std::string frame = {};   ///< name of a frame or of its file, or a glob of these; empty: all
+  std::vector<int> markers = {};  ///< empty: the whole image
+  std::string note = {};          ///< the reason, in the user's words; may be empty
 };
 
 /// session.yaml: the cameras to calibrate with their images, target and options (docs/formats.md).

@@ -44,7 +44,7 @@ TEST_F(CommandLine, AnUnknownOptionIsNamed) {
 }
 
 TEST_F(CommandLine, SessionAndOutputAreRequired) {
-  ExpectRefused({"calibrate"}, {"session", "required"});
+  ExpectRefused({"calibrate", "-o", "out"}, {"session.yaml", "--target"});
   ExpectRefused({"calibrate", "session.yaml"}, {"--out", "required"});
 }
 

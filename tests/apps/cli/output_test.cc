@@ -105,7 +105,8 @@ TEST_F(Output, IsTheSameForTheSameInput) {
 }
 
 TEST_F(Output, OnAFullStandardOutputFails) {
-  const Outcome outcome = RunInto("out", {.stdout_path = "/dev/full"});
+  const Outcome outcome =
+      Run({"calibrate", "session.yaml", "-o", "out"}, {.stdout_path = "/dev/full"});
   EXPECT_EQ(outcome.status, kJobFailed);
   EXPECT_THAT(outcome.err, HasSubstr("standard output"));
 }

@@ -121,8 +121,14 @@ TEST_F(Plugin, IsRefusedWithOneMessageWhereItCannotBeUsed) {
                 "was built against another version (plenocal 0.0.1, interface 01234567; this is "
                 "plenocal ");
 
+  // The same file again (PLENOCAL_PLUGINS, a session) changes nothing; a copy of it is another.
+  EXPECT_EQ(
+      Run({"--plugin", Library("stereographic"), "--plugin", Library("stereographic"), "models"})
+          .status,
+      kDone);
+  fs::copy(Library("stereographic"), Path("copy.so"));
   const Outcome twice =
-      Run({"--plugin", Library("stereographic"), "--plugin", Library("stereographic"), "models"});
+      Run({"--plugin", Library("stereographic"), "--plugin", "copy.so", "models"});
   EXPECT_EQ(twice.status, kWrongInput);
   EXPECT_THAT(twice.err, HasSubstr("there is a camera model 'stereographic' already"));
 }

@@ -290,7 +290,7 @@ TEST_F(Undistort, WhatCannotBeIsRefused) {
                     "small.png",
                     "-o",
                     "out"}),
-              AllOf(HasSubstr("left out small.png"), HasSubstr("1 images")));
+              AllOf(HasSubstr("left out small.png"), HasSubstr("1 image;")));
 }
 
 // Two cameras, the second in T_second_first, and what both see of a cloud of points.

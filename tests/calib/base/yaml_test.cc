@@ -151,7 +151,7 @@ TEST(Yaml, ReadsLengthsWithTheirUnits) {
             (std::vector{0.036, 0.036, 0.025, 0.0254, 0.0254, 5.5e-6, 5.5e-6, 0.5, 5.5e-7, 0.036}));
   EXPECT_EQ(YamlNode::Parse("[-1 mm, 0, 0.2]", "t.yaml").AsSignedLengths(3),
             (std::vector{-0.001, 0.0, 0.2}));
-  EXPECT_THAT(MessageOf([] { YamlNode::Parse("[1, 2]", "t.yaml").AsSignedLengths(3); }),
+  EXPECT_THAT(MessageOf([] { (void)YamlNode::Parse("[1, 2]", "t.yaml").AsSignedLengths(3); }),
               HasSubstr("expected 3 lengths, got a list of 2"));
 }
 

@@ -49,7 +49,7 @@ TEST_F(FrameImages, OfAListAreThoseOfItsPatterns) {
 
 TEST_F(FrameImages, MustBeToldApart) {
   try {
-    Frames({Path("a*.png"), Path("b*.png")});
+    (void)Frames({Path("a*.png"), Path("b*.png")});
     FAIL() << "two images of frame 1";
   } catch (const Error& error) {
     EXPECT_THAT(error.what(), HasSubstr("both belong to frame '1'"));
