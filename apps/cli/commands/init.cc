@@ -104,13 +104,6 @@ TargetProposals LookAtAll(const std::vector<InitCamera>& cameras,
   return images.empty() ? TargetProposals() : LookForTargets(images, shared, console);
 }
 
-std::string PathsYaml(const std::vector<std::string>& paths, const std::filesystem::path& folder) {
-  if (paths.size() == 1) return YamlPath(paths[0], folder);
-  std::string list;
-  for (const std::string& path : paths) list += "\n      - " + YamlPath(path, folder);
-  return list;
-}
-
 std::string SessionText(const std::vector<InitCamera>& cameras,
                         const std::filesystem::path& folder,
                         const std::string& target) {

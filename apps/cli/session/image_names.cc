@@ -53,6 +53,27 @@ std::set<std::string> FramesOf(const std::vector<std::string>& images, const std
   return frames;
 }
 
+// `pattern` relative to `folder`, in the notation of YAML.
+std::string YamlPath(const std::string& pattern, const fs::path& folder) {
+  // Only existing parts can be made relative.
+  fs::path base, rest;
+  for (const fs::path& part : fs::absolute(pattern).lexically_normal()) {
+    (rest.empty() && !HasWildcard(part.string()) ? base : rest) /= part;
+  }
+  const fs::path to = fs::weakly_canonical(base), from = fs::weakly_canonical(folder);
+  // Where the root alone is common, the whole path is easier to read.
+  const auto top = [](const fs::path& path) {
+    return *std::next(path.begin(), path.has_relative_path() ? 1 : 0);
+  };
+  const fs::path all = (top(to) == top(from) ? fs::relative(to, from) : to) / rest;
+  const std::string text = all.lexically_normal().string();
+  const bool plain = std::ranges::all_of(text, [](unsigned char c) {
+    return std::isalnum(c) != 0 ||
+           std::string_view("_-./*").find(static_cast<char>(c)) != std::string_view::npos;
+  });
+  return plain && text[0] != '*' && text[0] != '-' ? text : YamlQuoted(text);
+}
+
 }  // namespace
 
 std::string GlobOf(const std::vector<FrameImage>& files,
@@ -125,24 +146,11 @@ void ShareFrames(const std::vector<std::string>& names,
                           fmt::join(examples, ", ")));
 }
 
-std::string YamlPath(const std::string& pattern, const fs::path& folder) {
-  // Only existing parts can be made relative.
-  fs::path base, rest;
-  for (const fs::path& part : fs::absolute(pattern).lexically_normal()) {
-    (rest.empty() && !HasWildcard(part.string()) ? base : rest) /= part;
-  }
-  const fs::path to = fs::weakly_canonical(base), from = fs::weakly_canonical(folder);
-  // Where the root alone is common, the whole path is easier to read.
-  const auto top = [](const fs::path& path) {
-    return *std::next(path.begin(), path.has_relative_path() ? 1 : 0);
-  };
-  const fs::path all = (top(to) == top(from) ? fs::relative(to, from) : to) / rest;
-  const std::string text = all.lexically_normal().string();
-  const bool plain = std::ranges::all_of(text, [](unsigned char c) {
-    return std::isalnum(c) != 0 ||
-           std::string_view("_-./*").find(static_cast<char>(c)) != std::string_view::npos;
-  });
-  return plain && text[0] != '*' && text[0] != '-' ? text : YamlQuoted(text);
+std::string PathsYaml(const std::vector<std::string>& patterns, const fs::path& folder) {
+  if (patterns.size() == 1) return YamlPath(patterns[0], folder);
+  std::string list;
+  for (const std::string& pattern : patterns) list += "\n      - " + YamlPath(pattern, folder);
+  return list;
 }
 
 }  // namespace plenocal

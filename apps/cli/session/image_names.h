@@ -31,7 +31,9 @@ std::vector<std::string> AsGlobs(const std::vector<std::string>& inputs, const s
 void ShareFrames(const std::vector<std::string>& names,
                  std::vector<std::vector<std::string>>* images);
 
-/// `pattern` relative to `folder`, in the notation of YAML.
-std::string YamlPath(const std::string& pattern, const std::filesystem::path& folder);
+/// The value of a camera's `images` in a session file in `folder`: one pattern, or a list of them
+/// with the indentation that it has there.
+std::string PathsYaml(const std::vector<std::string>& patterns,
+                      const std::filesystem::path& folder);
 
 }  // namespace plenocal

@@ -39,13 +39,6 @@ void CheckReplaceable(const fs::path& session) {
                           session.string()));
 }
 
-std::string JoinOptions(const std::vector<std::string>& patterns, const fs::path& folder) {
-  if (patterns.size() == 1) return YamlPath(patterns[0], folder);
-  std::string list;
-  for (const std::string& pattern : patterns) list += "\n      - " + YamlPath(pattern, folder);
-  return list;
-}
-
 }  // namespace
 
 ImageSession::ImageSession(const ImageArguments& arguments,
@@ -106,7 +99,7 @@ std::string ImageSession::Text(const CameraModel& model, std::optional<bool> ref
     text += fmt::format("  {}:\n    model: {}\n    images: {}\n",
                         camera.name,
                         model.name,
-                        JoinOptions(camera.images, out_));
+                        PathsYaml(camera.images, out_));
   }
   if (refine_target) {
     text += fmt::format("options:\n  refine_target: {}\n", *refine_target);

@@ -10,13 +10,19 @@ namespace {
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
-using Rules = std::vector<ExcludeRule>;
 
 std::vector<FrameImage> Images() {
   return {{"01", "a/left01.png"}, {"02", "a/left02.png"}, {"11", "a/left11.png"}};
 }
 
-std::vector<std::string> FramesLeft(Exclusion exclusion, const std::string& camera) {
+ExcludeRule Rule(const std::string& frame,
+                 const std::vector<int>& markers = {},
+                 const std::string& camera = {}) {
+  return {.camera = camera, .frame = frame, .markers = markers, .note = {}};
+}
+
+std::vector<std::string> FramesLeft(const ExcludeRule& rule, const std::string& camera) {
+  Exclusion exclusion({rule});
   std::vector<FrameImage> images = Images();
   std::vector<LeftOut> left_out;
   exclusion.RemoveImages(camera, &images, &left_out);
@@ -27,16 +33,17 @@ std::vector<std::string> FramesLeft(Exclusion exclusion, const std::string& came
 }
 
 TEST(Exclusion, LeavesOutImagesByFrameGlobAndFile) {
-  EXPECT_THAT(FramesLeft(Exclusion(Rules{{.frame = "02"}}), "left"), ElementsAre("01", "11"));
-  EXPECT_THAT(FramesLeft(Exclusion(Rules{{.frame = "0*"}}), "left"), ElementsAre("11"));
-  EXPECT_THAT(FramesLeft(Exclusion(Rules{{.frame = "left11.png"}}), "left"), ElementsAre("01", "02"));
-  EXPECT_THAT(FramesLeft(Exclusion(Rules{{.frame = "left11"}}), "left"), ElementsAre("01", "02"));
-  EXPECT_THAT(FramesLeft(Exclusion(Rules{{.camera = "right", .frame = "*"}}), "left"),
-              ElementsAre("01", "02", "11"));
+  EXPECT_THAT(FramesLeft(Rule("02"), "left"), ElementsAre("01", "11"));
+  EXPECT_THAT(FramesLeft(Rule("0*"), "left"), ElementsAre("11"));
+  EXPECT_THAT(FramesLeft(Rule("left11.png"), "left"), ElementsAre("01", "02"));
+  EXPECT_THAT(FramesLeft(Rule("left11"), "left"), ElementsAre("01", "02"));
+  EXPECT_THAT(FramesLeft(Rule("*", {}, "right"), "left"), ElementsAre("01", "02", "11"));
 }
 
 TEST(Exclusion, StatesTheReason) {
-  Exclusion exclusion(Rules{{.camera = "left", .frame = "02", .note = "blurred"}});
+  ExcludeRule rule = Rule("02", {}, "left");
+  rule.note = "blurred";
+  Exclusion exclusion({rule});
   std::vector<FrameImage> images = Images();
   std::vector<LeftOut> left_out;
   exclusion.RemoveImages("left", &images, &left_out);
@@ -54,7 +61,7 @@ TEST(Exclusion, LeavesOutMarkersWithTheirSharedErrors) {
                            .observations = {{.marker = 3}, {.marker = 4}, {.marker = 3}},
                            .shared_errors = {{1}, {2}, {3}}},
                           {.frame = "b", .observations = {{.marker = 3}}}};
-  Exclusion exclusion(Rules{{.markers = {3, 9}}, {.frame = "zzz", .markers = {4}}});
+  Exclusion exclusion({Rule("", {3, 9}), Rule("zzz", {4})});
   std::vector<LeftOut> left_out;
   exclusion.RemoveViews("cam", {}, &views, &left_out);
   ASSERT_EQ(views.size(), 1U) << "a view without points is none";
