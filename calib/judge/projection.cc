@@ -14,7 +14,8 @@
 namespace plenocal {
 namespace {
 
-double MedianDistance(const Bundle& bundle, size_t camera) {
+// Distances of a camera's points from it, m, in ascending order.
+std::vector<double> PointDistances(const Bundle& bundle, size_t camera) {
   std::vector<double> distances;
   for (const BundleObservation& observation : bundle.observations) {
     if (observation.camera != static_cast<int>(camera) || !observation.used) continue;
@@ -25,40 +26,60 @@ double MedianDistance(const Bundle& bundle, size_t camera) {
         (T_camera_target * bundle.markers[static_cast<size_t>(observation.marker)].position)
             .norm());
   }
-  return Median(std::move(distances));
+  std::ranges::sort(distances);
+  return distances;
 }
 
-// The cells of the compared grid that have points of a camera, and their neighbours.
+// The cells of the compared grid that have points of a camera, with gaps of a cell or two between
+// them closed. Beyond the outermost points a rich model extrapolates.
 class Support {
  public:
   Support(const Bundle& bundle, size_t camera) : size_(bundle.cameras[camera].image_size) {
+    Cells seen{};
     for (const BundleObservation& observation : bundle.observations) {
       if (observation.camera != static_cast<int>(camera) || !observation.used) continue;
-      const auto [column, row] = Cell(observation.seen.values[0], observation.seen.values[1]);
-      for (int y = std::max(row - 1, 0); y <= std::min(row + 1, kComparedRows - 1); ++y) {
-        for (int x = std::max(column - 1, 0); x <= std::min(column + 1, kComparedColumns - 1);
-             ++x) {
-          cells_[static_cast<size_t>(y * kComparedColumns + x)] = true;
-        }
-      }
+      seen[Index(observation.seen.values[0], observation.seen.values[1])] = true;
+    }
+    Cells near{};
+    for (size_t cell = 0; cell < near.size(); ++cell) {
+      near[cell] = CountAround(seen, cell) > 0;
+    }
+    constexpr int kAll = 9;
+    for (size_t cell = 0; cell < near.size(); ++cell) {
+      cells_[cell] = seen[cell] || CountAround(near, cell) == kAll;
     }
   }
 
   [[nodiscard]] bool Has(const Eigen::Vector2d& u_px) const {
-    const auto [column, row] = Cell(u_px.x(), u_px.y());
-    return cells_[static_cast<size_t>(row * kComparedColumns + column)];
+    return cells_[Index(u_px.x(), u_px.y())];
   }
 
  private:
-  [[nodiscard]] std::pair<int, int> Cell(double x, double y) const {
+  using Cells = std::array<bool, static_cast<size_t>(kComparedColumns* kComparedRows)>;
+
+  [[nodiscard]] size_t Index(double x, double y) const {
     const auto place = [](double u, int pixels, int cells) {
       return std::clamp(static_cast<int>((u + 0.5) / pixels * cells), 0, cells - 1);
     };
-    return {place(x, size_[0], kComparedColumns), place(y, size_[1], kComparedRows)};
+    return static_cast<size_t>(place(y, size_[1], kComparedRows) * kComparedColumns +
+                               place(x, size_[0], kComparedColumns));
+  }
+
+  // Of a cell and its eight neighbours, those in the image that are set.
+  static int CountAround(const Cells& cells, size_t cell) {
+    const int column = static_cast<int>(cell) % kComparedColumns;
+    const int row = static_cast<int>(cell) / kComparedColumns;
+    int count = 0;
+    for (int y = std::max(row - 1, 0); y <= std::min(row + 1, kComparedRows - 1); ++y) {
+      for (int x = std::max(column - 1, 0); x <= std::min(column + 1, kComparedColumns - 1); ++x) {
+        count += cells[static_cast<size_t>(y * kComparedColumns + x)] ? 1 : 0;
+      }
+    }
+    return count;
   }
 
   ImageSize size_;
-  std::array<bool, static_cast<size_t>(kComparedColumns* kComparedRows)> cells_{};
+  Cells cells_{};
 };
 
 // Mean over the supported pixels.
@@ -73,15 +94,13 @@ double MeanSquare(const CameraDifference& camera,
       ++count;
     }
   }
-  return sum / count;
+  return count > 0 ? sum / count : std::numeric_limits<double>::infinity();
 }
 
-std::vector<double> Distances(const Bundle& bundle, size_t camera) {
-  std::vector<double> distances{MedianDistance(bundle, camera)};
-  if (bundle.cameras[camera].model->central) {
-    distances.push_back(std::numeric_limits<double>::infinity());
-  }
-  return distances;
+// Between them lie four fifths of the points.
+std::vector<double> SupportedDistances(const Bundle& bundle, size_t camera) {
+  const std::vector<double> sorted = PointDistances(bundle, camera);
+  return {sorted[sorted.size() / 10], sorted[sorted.size() - 1 - sorted.size() / 10]};
 }
 
 }  // namespace
@@ -90,7 +109,7 @@ double TypicalImageSigma(const Calibration& calibration, std::span<const size_t>
   double squares = 0;
   for (const size_t c : cameras) {
     const double sigma =
-        ImageSigma(DescribeCamera(calibration, c), {MedianDistance(calibration.bundle, c)});
+        ImageSigma(DescribeCamera(calibration, c), {Median(PointDistances(calibration.bundle, c))});
     squares += sigma * sigma;
   }
   return std::sqrt(squares / static_cast<double>(cameras.size()));
@@ -103,7 +122,7 @@ double SupportedSigma(const Calibration& calibration, std::span<const size_t> ca
     if (!camera.covariance.allFinite()) return std::numeric_limits<double>::infinity();
     CalibratedCamera exact = camera;
     exact.covariance.setZero();
-    squares += MeanSquare(CompareCameras(camera, exact, Distances(calibration.bundle, c)),
+    squares += MeanSquare(CompareCameras(camera, exact, SupportedDistances(calibration.bundle, c)),
                           Support(calibration.bundle, c),
                           [](const PixelDifference& pixel) { return pixel.predicted_px; });
   }
@@ -116,7 +135,7 @@ double SupportedDifference(const Calibration& a,
   double squares = 0;
   for (const size_t c : cameras) {
     squares += MeanSquare(
-        CompareCameras(DescribeCamera(a, c), DescribeCamera(b, c), Distances(a.bundle, c)),
+        CompareCameras(DescribeCamera(a, c), DescribeCamera(b, c), SupportedDistances(a.bundle, c)),
         Support(a.bundle, c),
         [](const PixelDifference& pixel) { return pixel.difference_px.norm(); });
   }

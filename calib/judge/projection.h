@@ -14,8 +14,8 @@ namespace plenocal {
 /// over the cameras (`ImageSigma`). Infinite when a parameter is not determined.
 double TypicalImageSigma(const Calibration& calibration, std::span<const size_t> cameras);
 
-/// The next two are over the supported image: the cells of a grid that have a point, or a neighbour
-/// that has one; at the target's median distance and, of central cameras, far away. px, RMS over
+/// The next two are over the supported image: the cells of a grid that have a point, or lie
+/// between such cells; at two distances between which four fifths of the points lie. px, RMS over
 /// these places and the cameras. They throw `Error` when a camera images nothing.
 
 /// Standard error of the projection; infinite when a parameter is not determined.

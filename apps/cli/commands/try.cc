@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <memory>
 
 #include "apps/cli/calibration_input.h"
@@ -156,31 +157,35 @@ std::string DifferenceText(const ModelChoice& choice) {
       choice.trials[choice.reference].sigma);
 }
 
+// Why the reference is recommended.
+std::string ReasonOfReference(const ModelChoice& choice) {
+  const ModelTrial& recommended = choice.trials[choice.recommended];
+  bool any_simpler = false, any_good = false;
+  for (const ModelTrial& trial : choice.trials) {
+    if (!trial.comparable || trial.free_parameters >= recommended.free_parameters) continue;
+    any_simpler = true;
+    any_good |= trial.practically_equal || trial.probability >= kSignificant;
+  }
+  return fmt::format("{}; {}",
+                     choice.reference == 0 ? "the best" : "the best that is worth its uncertainty",
+                     !any_simpler ? "none is simpler"
+                     : any_good   ? "simpler ones are worse or of rarer use"
+                                  : "every simpler model is significantly worse");
+}
+
 std::string Reason(const ModelChoice& choice) {
   const ModelTrial& recommended = choice.trials[choice.recommended];
   if (choice.trials.size() == 1) return "the only model tried";
   if (std::ranges::count(choice.trials, true, &ModelTrial::comparable) == 1) {
     return "the only model that images what the camera sees";
   }
-  if (choice.recommended == choice.reference) {
-    const bool is_simplest = std::ranges::none_of(choice.trials, [&](const ModelTrial& trial) {
-      return trial.comparable && trial.free_parameters < recommended.free_parameters;
-    });
-    return fmt::format(
-        "{}; {}",
-        choice.reference == 0 ? "the best" : "the best that is worth its uncertainty",
-        is_simplest ? "none is simpler" : "every simpler model is significantly worse");
-  }
-  const std::string_view simplest = recommended.model->usage == Usage::kCommon
-                                        ? "the simplest common model that is"
-                                        : "the simplest model that is";
-  const std::string_view best = choice.trials[choice.reference].model->name;
-  if (recommended.practically_equal) {
-    return fmt::format(
-        "{} practically equal to the best, {} ({})", simplest, best, DifferenceText(choice));
-  }
+  if (choice.recommended == choice.reference) return ReasonOfReference(choice);
   return fmt::format(
-      "{} not significantly worse than the best, {} ({})", simplest, best, DifferenceText(choice));
+      "the simplest {}model that is {} the best, {} ({})",
+      recommended.model->usage == Usage::kCommon ? "common " : "",
+      recommended.practically_equal ? "practically equal to" : "not significantly worse than",
+      choice.trials[choice.reference].model->name,
+      DifferenceText(choice));
 }
 
 std::string Recommendation(const ModelChoice& choice) {
@@ -228,6 +233,11 @@ std::string HeldOutText(const ModelTrial& trial) {
   return fmt::format("{:.4f} +- {:.4f}", trial.rms, trial.rms_sigma);
 }
 
+std::string PixelText(double value) {
+  constexpr double kMost = 1000;  // more is no image of this camera
+  return value < kMost ? fmt::format("{:.4f}", value) : std::isinf(value) ? "inf" : "> 1000";
+}
+
 // The tables on standard output.
 std::string Table(const ModelChoice& choice, const std::vector<TrialRow>& rows) {
   std::string text =
@@ -250,14 +260,14 @@ std::string Table(const ModelChoice& choice, const std::vector<TrialRow>& rows) 
       text += fmt::format("  {:<18} {}\n", trial.model->name, row.why_not);
       continue;
     }
-    text += fmt::format("{} {:<18} {:>10} {:>19} {:>12.4f} {:>8.4f} {:>14.4f} {:>7.2f}  {}\n",
+    text += fmt::format("{} {:<18} {:>10} {:>19} {:>12} {:>8} {:>14} {:>7.2f}  {}\n",
                         row.recommended ? "*" : " ",
                         trial.model->name,
                         trial.free_parameters,
                         HeldOutText(trial),
-                        trial.difference,
-                        trial.sigma,
-                        trial.image_sigma,
+                        PixelText(trial.difference),
+                        PixelText(trial.sigma),
+                        PixelText(trial.image_sigma),
                         trial.seconds,
                         row.judgement);
     if (row.undetermined.empty()) continue;

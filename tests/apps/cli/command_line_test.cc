@@ -228,7 +228,7 @@ class Terminal : public Workspace {
 
 TEST_F(Terminal, HasColoursUnlessTheUserForbidsThem) {
   WriteProblem(EasyProblem());
-  const std::string heading = "cam0  (pinhole-radial3, 640 x 480 px)";
+  const std::string heading = "cam0  (pinhole-radial3, 1280 x 960 px)";
   EXPECT_THAT(Shown({{"TERM", "xterm"}}), HasSubstr("\033[1m" + heading + "\033[0m"));
   for (const auto& environment :
        {std::map<std::string, std::string>{{"TERM", "xterm"}, {"NO_COLOR", "1"}},

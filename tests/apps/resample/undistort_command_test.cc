@@ -533,7 +533,8 @@ TEST_F(RectifyPair, PreviewShowsBothImagesWithLines) {
   }
   EXPECT_EQ(equal, 100);
   EXPECT_GE(lines, 20);
-  ExpectRefused(kWrongInput, {"rectify", "pair.yaml", "-o", "none", "--preview"}, {"--preview"});
+  fs::remove_all(Path("out"));
+  ExpectRefused(kWrongInput, {"rectify", "pair.yaml", "-o", "out", "--preview"}, {"--preview"});
 }
 
 // Corners of pairs of images, as OpenCV's calibration takes them.
