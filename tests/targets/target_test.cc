@@ -50,7 +50,7 @@ TEST(Target, RefusesWrongMarkersAndSigmas) {
   EXPECT_THAT(ErrorOf(kChess + "markers: {x: [0, 0, 0]}\n"), HasSubstr("a marker's number as key"));
   EXPECT_THAT(ErrorOf(kChess + "markers:\n  1: [0, 0, 0]\n  01: [0, 0, 0]\n"),
               HasSubstr("marker 1 stands in line "));
-  EXPECT_THAT(ErrorOf(kChess + "markers: {1: [0, 0]}\n"), HasSubstr("expected 3 numbers"));
+  EXPECT_THAT(ErrorOf(kChess + "markers: {1: [0, 0]}\n"), HasSubstr("expected 3 lengths"));
   EXPECT_THAT(ErrorOf(kChess + "sigma: {1: [0, 0, 0]}\n"),
               HasSubstr(".yaml:6:12: sigma.1: a sigma needs its marker"));
   EXPECT_THAT(ErrorOf(kChess + "markers: {1: [0, 0, 0]}\nsigma: {1: [0, 0, -1]}\n"),

@@ -243,7 +243,7 @@ TEST(Yaml, NamesAllMissingKeysWithAnExample) {
 TEST(Yaml, PlacesAnEmptyValueAtItsKey) {
   const YamlNode node = YamlNode::Parse("a: 1\nsize:\n\n\nb: 2", "t.yaml");
   EXPECT_THAT(MessageOf([&] { return node.At("size").AsLength(); }),
-              StartsWith("t.yaml:2:1: size: expected a length in metres, got nothing"));
+              StartsWith("t.yaml:2:1: size: expected a length in metres or with its unit, got nothing"));
 }
 
 TEST(Yaml, ChecksTheVersion) {
@@ -299,10 +299,10 @@ TEST(Yaml, SaysWhatIsWrongWithAFile) {
   EXPECT_THAT(MessageOf([&] { return YamlNode::ReadFile(folder / "absent.yaml"); }),
               HasSubstr("absent.yaml: cannot be read: No such file or directory; check the path"));
   EXPECT_THAT(MessageOf([&] { return YamlNode::ReadFile(folder); }), HasSubstr("got a directory"));
-  std::ofstream(folder / "good.yaml") << "plenocal: 1\r\nsize: 0.088m\r\n";
+  std::ofstream(folder / "good.yaml") << "plenocal: 1\r\nsize: 0.088q\r\n";
   EXPECT_THAT(
       MessageOf([&] { return YamlNode::ReadFile(folder / "good.yaml").At("size").AsLength(); }),
-      HasSubstr("good.yaml:2:7: size: expected a length in metres, got '0.088m'; write 0.088"));
+      HasSubstr("good.yaml:2:7: size: expected a length in metres or with its unit, got '0.088q'"));
   std::filesystem::remove_all(folder);
 }
 

@@ -77,9 +77,9 @@ TEST(TagTarget, RefusesWrongTags) {
   EXPECT_THAT(tags("  - {id: 6, corners: [[0, 0, 0], [1, 0, 0], [1, 1, 0]]}\n"),
               HasSubstr("tags[1].corners: expected 4 corners, got 3"));
   EXPECT_THAT(tags("  - {id: 6, corners: [[0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]}\n"),
-              HasSubstr("tags[1].corners[0]: expected 3 numbers, got a list of 2"));
+              HasSubstr("tags[1].corners[0]: expected 3 lengths, got a list of 2"));
   EXPECT_THAT(tags("  - {id: 6, corners: [[0, 0, .inf], [1, 0, 0], [1, 1, 0], [0, 1, 0]]}\n"),
-              HasSubstr("tags[1].corners[0][2]: expected a finite number, got '.inf'"));
+              HasSubstr("tags[1].corners[0][2]: expected a length"));
   EXPECT_THAT(tags("  - {id: 6, corner: " + kTag + "}\n"), HasSubstr("did you mean 'corners'?"));
   EXPECT_THAT(tags("", "tag36h111"),
               HasSubstr("family: expected an AprilTag family, got 'tag36h111'; did you mean "
