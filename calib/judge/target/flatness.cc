@@ -25,6 +25,9 @@ constexpr double kFalseAlarm = 1e-6;
 // Differences of the projection, px. Whoever measures in images takes a tenth of a pixel for exact;
 // a pixel is larger than any detector's error.
 constexpr double kExact = 0.1, kPixel = 1;
+// Noise with held markers over that with free ones: from here on more than half of the variance is
+// the target's.
+constexpr double kExplains = 1.4142;
 // Prior of free markers, of the target's radius: sheets that bend farther are no targets.
 constexpr double kLoose = 0.02;
 
@@ -85,7 +88,7 @@ Effect EffectOn(const Calibration& held, const Calibration& free, size_t c) {
   const std::array camera{c};
   const double difference = SupportedDifference(held, free, camera);
   Effect effect;
-  // Less is what free markers cost in certainty.
+  // What both calibrations state as their uncertainty may be chance.
   if (difference > SupportedSigma(free, camera)) effect.projection = difference;
   const BundleCamera &a = held.bundle.cameras[c], &b = free.bundle.cameras[c];
   for (size_t k = 0; k < a.params.size(); ++k) {
@@ -139,8 +142,10 @@ std::vector<Finding> FindBentTarget(const Calibration& calibration,
   std::string focal_change;
   std::vector<std::string> cameras;
   for (size_t c = 0; c < bundle.cameras.size(); ++c) {
+    const double ratio = held->bundle.cameras[c].noise.Sigma(typical[c]) /
+                         free->bundle.cameras[c].noise.Sigma(typical[c]);
     const Effect effect = EffectOn(*held, *free, c);
-    if (effect.projection < kExact) continue;
+    if (effect.projection < kExact && ratio < kExplains) continue;
     cameras.push_back(bundle.cameras[c].name);
     if (effect.projection > largest) {
       largest = effect.projection;
@@ -149,23 +154,25 @@ std::vector<Finding> FindBentTarget(const Calibration& calibration,
   }
   if (cameras.empty()) return {};
   const Shape shape = ShapeOf(free->bundle, *plane);
-  return {
-      {.code = "target_not_flat",
-       .grade = largest < kPixel ? Grade::kUsable : Grade::kBad,
-       .cameras = cameras,
-       .value = largest,
-       .limit = largest < kPixel ? kExact : kPixel,
-       .what = fmt::format("the target is not as stated: {:.2g} mm out of its plane from peak to "
-                           "peak, {:.2g} mm RMS per coordinate in all; estimated with the "
-                           "cameras it changes the projection by {:.2g} px{}{}",
-                           1e3 * shape.out_of_plane,
-                           1e3 * shape.coordinate,
-                           largest,
-                           focal_change.empty() ? "" : ", ",
-                           focal_change),
-       .remedy = fmt::format("set tolerance: {:.1g} in the target's file, so that its shape is "
-                             "estimated too, or use a flat board",
-                             shape.coordinate)}};
+  return {{.code = "target_not_flat",
+           .grade = largest < kPixel ? Grade::kUsable : Grade::kBad,
+           .cameras = cameras,
+           .value = largest,
+           .limit = largest < kPixel ? kExact : kPixel,
+           .what = fmt::format(
+               "the target is not as stated: {:.2g} mm out of its plane from peak to "
+               "peak, {:.2g} mm RMS per coordinate in all; estimated with the "
+               "cameras it changes {}",
+               1e3 * shape.out_of_plane,
+               1e3 * shape.coordinate,
+               largest > 0 ? fmt::format("the projection by {:.2g} px{}{}",
+                                         largest,
+                                         focal_change.empty() ? "" : ", ",
+                                         focal_change)
+                           : std::string("the noise of the residuals, hardly the cameras")),
+           .remedy = fmt::format("set tolerance: {:.1g} in the target's file, so that its shape is "
+                                 "estimated too, or use a flat board",
+                                 shape.coordinate)}};
 }
 
 }  // namespace plenocal

@@ -13,9 +13,10 @@ namespace plenocal {
 
 /// A second calibration with free markers, compared with the first: an F-test of its residuals (one
 /// false alarm in a million), and the projection of each camera's model by both. The grade follows
-/// from the RMS difference over the image at the target's distance. One finding or none; none for
-/// calibrations that have estimated the markers and for targets that lie in no plane. `go_on` as in
-/// `SolveOptions`.
+/// from the RMS difference over the image at the target's distance; a target that causes more than
+/// half of the residuals' variance is named whatever it does to the cameras. One finding or none;
+/// none for calibrations that have estimated the markers and for targets that lie in no plane.
+/// `go_on` as in `SolveOptions`.
 std::vector<Finding> FindBentTarget(const Calibration& calibration,
                                     Loss loss,
                                     const std::function<bool()>& go_on);

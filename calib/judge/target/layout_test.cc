@@ -4,7 +4,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <optional>
 #include <string>
@@ -59,21 +61,37 @@ Places OnPlane(const MarkerPlane& plane, const std::map<int, Eigen::Vector3d>& m
   return places;
 }
 
+// Strengths of distortion, radius^2 lambda of the division model (A. Fitzgibbon, "Simultaneous
+// linear estimation of multiple view geometry and lens distortion", 2001), from a pinhole to a
+// fisheye of 170 degrees across its image; maps take what is between them.
+constexpr std::array<double, 5> kDistortions{0, -0.25, -0.5, -0.75, -0.95};
+
+// An image point without distortion, and px in the image per px there (along the radius).
+std::pair<Eigen::Vector2d, double> Undistort(const PlaneView& view,
+                                             const Eigen::Vector2d& image,
+                                             double distortion) {
+  constexpr double kLeast = 0.03;  // what a longer lens than the strongest images beyond 90 degrees
+  const Eigen::Vector2d at = image - view.centre;
+  const double stretch = distortion * at.squaredNorm() / (view.radius * view.radius);
+  const double divisor = std::max(kLeast, 1 + stretch);
+  return {at / divisor, divisor * divisor / (1 - stretch)};
+}
+
 // The view's points with their places; those without one are left out.
-PlaneMap::Pairs PairsOf(const PlaneView& view, const Places& places) {
+PlaneMap::Pairs PairsOf(const PlaneView& view, const Places& places, double distortion) {
   std::vector<PlaneChoice> choices;
   bool open = false;
   for (const PlanePoint& point : view.points) {
     const auto found = places.find(point.marker);
     if (found == places.end()) continue;
-    choices.push_back({point.image, &found->second});
+    const auto [image, scale] = Undistort(view, point.image, distortion);
+    choices.push_back({image, scale, &found->second});
     open = open || found->second.size() > 1;
   }
   if (open) return ChoosePlaces(choices, view.spacing);
   PlaneMap::Pairs pairs;
   for (const PlaneChoice& choice : choices) {
-    pairs.plane.push_back(choice.places->front());
-    pairs.image.push_back(choice.image);
+    pairs.Add(choice.places->front(), choice.image, choice.scale);
   }
   return pairs;
 }
@@ -86,37 +104,72 @@ double VarianceOf(std::vector<double> squares) {
   return *at / kQuantileOfVariance;
 }
 
-Fit FitAll(const Views& cameras, const Places& places) {
-  Fit fit;
-  for (const std::vector<PlaneView>& views : cameras) {
-    std::vector<double> squares, spacings;
-    double redundancy = 0;
-    for (const PlaneView& view : views) {
-      const PlaneMap::Pairs pairs = PairsOf(view, places);
-      if (pairs.plane.size() < kLeastPoints) continue;
-      const int order = PlaneMap::OrderFor(pairs.plane.size());
-      const std::optional<PlaneMap> map = PlaneMap::FitRobustly(pairs, order);
-      if (!map) continue;
-      const double equations = 2.0 * static_cast<double>(pairs.plane.size());
-      const double left = equations - PlaneMap::Unknowns(order);
-      for (const double length : map->Lengths(pairs)) {
-        squares.push_back(length * length * equations / left);
-      }
-      spacings.push_back(view.spacing);
-      redundancy += left;
+// Residuals of one camera.
+struct CameraResiduals {
+  std::vector<double> squares, spacings;
+  double redundancy = 0;
+};
+
+CameraResiduals Residuals(const std::vector<PlaneView>& views,
+                          const Places& places,
+                          double distortion) {
+  CameraResiduals residuals;
+  for (const PlaneView& view : views) {
+    const PlaneMap::Pairs pairs = PairsOf(view, places, distortion);
+    if (pairs.plane.size() < kLeastPoints) continue;
+    const int order = PlaneMap::OrderFor(pairs.plane.size());
+    const std::optional<PlaneMap> map = PlaneMap::FitRobustly(pairs, order);
+    if (!map) continue;
+    const double equations = 2.0 * static_cast<double>(pairs.plane.size());
+    const double left = equations - PlaneMap::Unknowns(order);
+    for (const double length : map->Lengths(pairs)) {
+      residuals.squares.push_back(length * length * equations / left);
     }
-    if (squares.empty()) continue;
-    constexpr double kSmallest = 1e-12;  // px^2; of exact points
-    const double variance = std::max(kSmallest, VarianceOf(squares));
-    const auto count = static_cast<double>(squares.size());
-    fit.log_variance += count * std::log(variance);
-    fit.relative = std::max(fit.relative, std::sqrt(variance) / Median(spacings));
-    fit.redundancy += redundancy;
-    fit.points += squares.size();
+    residuals.spacings.push_back(view.spacing);
+    residuals.redundancy += left;
+  }
+  return residuals;
+}
+
+// With the distortion of each camera: one of `kDistortions`, or, for each camera in `distortions`
+// that is not empty, that one.
+Fit FitAll(const Views& cameras, const Places& places, std::vector<double>* distortions) {
+  constexpr double kSmallest = 1e-12;  // px^2; of exact points
+  const bool choose = distortions->empty();
+  if (choose) distortions->resize(cameras.size());
+  Fit fit;
+  for (size_t c = 0; c < cameras.size(); ++c) {
+    double least = kInfinity;
+    CameraResiduals best;
+    const auto try_one = [&](double distortion) {
+      CameraResiduals residuals = Residuals(cameras[c], places, distortion);
+      if (residuals.squares.size() < best.squares.size() || residuals.squares.empty()) return;
+      const double variance = std::max(kSmallest, VarianceOf(residuals.squares));
+      if (variance >= least) return;
+      least = variance;
+      best = std::move(residuals);
+      (*distortions)[c] = distortion;
+    };
+    if (choose) {
+      std::ranges::for_each(kDistortions, try_one);
+    } else {
+      try_one((*distortions)[c]);
+    }
+    if (best.squares.empty()) continue;
+    const auto count = static_cast<double>(best.squares.size());
+    fit.log_variance += count * std::log(least);
+    fit.relative = std::max(fit.relative, std::sqrt(least) / Median(best.spacings));
+    fit.redundancy += best.redundancy;
+    fit.points += best.squares.size();
   }
   fit.log_variance =
       fit.points > 0 ? fit.log_variance / static_cast<double>(fit.points) : kInfinity;
   return fit;
+}
+
+Fit FitAll(const Views& cameras, const Places& places) {
+  std::vector<double> distortions;
+  return FitAll(cameras, places, &distortions);
 }
 
 // Whether `other` explains the images decisively better than `stated`.
@@ -152,24 +205,48 @@ Places WithNumber(const MarkerPlane& plane,
   return places;
 }
 
-Estimate EstimateNumber(const Views& views,
-                        const MarkerPlane& plane,
-                        const std::map<int, Eigen::Vector3d>& markers,
-                        const TargetNumber& number) {
-  const auto fit = [&](double log_value) {
-    return FitAll(views, WithNumber(plane, markers, number, std::exp(log_value)));
-  };
-  // A rough search, then the golden section.
+// Logarithms between which the best value is searched.
+struct Bracket {
+  double low = 0, high = 0;
+  std::vector<double> distortions;
+};
+
+// Where the stated value is right but for some per cent, the search stays near it.
+Bracket FindBracket(const Views& views,
+                    const TargetNumber& number,
+                    const Fit& stated,
+                    const std::function<Places(double)>& places) {
+  constexpr double kNearby = 0.2;
+  const double at = std::log(number.stated);
+  Bracket bracket{at - kNearby, at + kNearby, {}};
+  if (stated.relative < kSuspicious) {
+    FitAll(views, places(at), &bracket.distortions);
+    return bracket;
+  }
   constexpr int kSteps = 24;
   const double first = std::log(number.least);
   const double step = (std::log(number.most) - first) / kSteps;
-  double best = first, least = kInfinity;
+  double least = kInfinity;
   for (int i = 0; i <= kSteps; ++i) {
-    const double now = fit(first + i * step).log_variance;
-    if (now < least) least = now, best = first + i * step;
+    std::vector<double> distortions;
+    const double now = FitAll(views, places(first + i * step), &distortions).log_variance;
+    if (now >= least) continue;
+    least = now;
+    bracket = {first + (i - 1) * step, first + (i + 1) * step, distortions};
   }
-  constexpr double kGolden = 0.381966, kPrecision = 1e-5;
-  double low = best - step, high = best + step;
+  return bracket;
+}
+
+Estimate EstimateNumber(const Views& views,
+                        const TargetNumber& number,
+                        const Fit& stated,
+                        const std::function<Places(double)>& places) {
+  Bracket bracket = FindBracket(views, number, stated, places);
+  const auto fit = [&](double log_value) {
+    return FitAll(views, places(log_value), &bracket.distortions);
+  };
+  constexpr double kGolden = 0.381966, kPrecision = 1e-4;
+  double low = bracket.low, high = bracket.high;
   double a = low + kGolden * (high - low), b = high - kGolden * (high - low);
   double of_a = fit(a).log_variance, of_b = fit(b).log_variance;
   while (high - low > kPrecision) {
@@ -270,7 +347,9 @@ std::vector<Finding> TestFlat(const Views& views,
     }
   }
   for (const TargetNumber& number : doubts.numbers) {
-    const Estimate estimate = EstimateNumber(views, plane, markers, number);
+    const Estimate estimate = EstimateNumber(views, number, stated, [&](double log_value) {
+      return WithNumber(plane, markers, number, std::exp(log_value));
+    });
     best.Offer(estimate.fit, stated, [&] { return NumberFinding(number, estimate); });
   }
   return ListOf(std::move(best.finding));
@@ -352,7 +431,12 @@ std::vector<Finding> FindTargetTwice(const std::vector<CameraInput>& cameras,
   for (const std::vector<PlaneView>& views : ViewsOf(cameras)) {
     for (const PlaneView& view : views) {
       ++all;
-      if (FollowsTwoMaps(PairsOf(view, places), view.spacing)) ++twice;
+      const auto any = [&](const auto& test) {
+        return std::ranges::any_of(kDistortions, [&](double distortion) {
+          return test(PairsOf(view, places, distortion), view.spacing);
+        });
+      };
+      if (!any(FollowsOneMap) && any(FollowsTwoMaps)) ++twice;
     }
   }
   // Reflections and false readings are no second target: they do not follow a map, image by image.

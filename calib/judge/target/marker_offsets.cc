@@ -31,7 +31,6 @@ constexpr double kMostMoved = 0.5;
 struct Offset {
   Eigen::Vector2d offset{0, 0};  ///< from its nominal position along the piece's axes, m
   double gain = 0;               ///< px per m
-  double noise = 0;              ///< of a coordinate, px
 };
 
 /// Index of a view (frame, camera) -> offset.
@@ -102,7 +101,6 @@ std::map<int, Offsets> MeasureOffsets(const Bundle& bundle, const std::map<int, 
     offset.offset = inverse * sums.right / determinant +
                     axes->second.transpose() * (marker.position - marker.nominal);
     offset.gain = std::sqrt(sums.square.trace() / 2 / sums.count);
-    offset.noise = bundle.cameras[camera].noise.Sigma(first.assumed_sigma);
   }
   return offsets;
 }
@@ -125,22 +123,27 @@ Typical TypicalOf(const std::vector<double>& values) {
 
 /// What a piece (a tag, a board's marker) does over the views.
 struct Piece {
-  int number = 0;              ///< tag's id or marker's number
-  double side = 0;             ///< m; 0: a marker
-  size_t views = 0;            ///< in which it was measured
-  Typical x = {}, y = {};      ///< displacement, m
-  Typical scale = {};          ///< 1: twice the size
-  double gain = 0, noise = 0;  ///< px per m, px
-  size_t far = 0, near = 0;    ///< views with a displacement above half a side, below a fifth
+  int number = 0;                  ///< tag's id or marker's number
+  double side = 0;                 ///< m; 0: a marker
+  Eigen::Vector3d place{0, 0, 0};  ///< nominal, m
+  Axes axes;                       ///< of `x` and `y`
+  size_t views = 0;                ///< in which it was measured
+  Typical x = {}, y = {};          ///< displacement, m
+  Typical scale = {};              ///< 1: twice the size
+  double shift = 0;  ///< length of the displacement beside what is smooth over the target, m
+  double gain = 0;   ///< px per m
+  size_t far = 0, near = 0;  ///< views with a displacement above half a side, below a fifth
   std::array<size_t, kCornerOrders.size()> orders{};  ///< views that show this order of the corners
 
-  [[nodiscard]] double Shift() const { return std::hypot(x.value, y.value); }
   [[nodiscard]] double ShiftSigma() const { return std::max(x.sigma, y.sigma); }
+  /// Of a displacement in one view, px.
+  [[nodiscard]] double Scatter() const {
+    return gain * std::hypot(x.sigma, y.sigma) * std::sqrt(static_cast<double>(views) / 2);
+  }
 };
 
 void Summarise(const std::vector<Eigen::Vector3d>& motions,
                const std::vector<double>& gains,
-               const std::vector<double>& noises,
                Piece* piece) {
   const auto column = [&](Eigen::Index k) {
     std::vector<double> values;
@@ -152,24 +155,28 @@ void Summarise(const std::vector<Eigen::Vector3d>& motions,
   piece->y = column(1);
   piece->scale = column(2);
   piece->gain = Median(gains);
-  piece->noise = Median(noises);
+  piece->shift = std::hypot(piece->x.value, piece->y.value);
 }
 
 constexpr size_t kLeastViews = 3;  // of a piece
 
-std::vector<Piece> MarkerPieces(const std::map<int, Offsets>& offsets) {
+std::vector<Piece> MarkerPieces(const std::map<int, Offsets>& offsets,
+                                const std::map<int, Eigen::Vector3d>& nominal,
+                                const Axes& axes) {
   std::vector<Piece> pieces;
   for (const auto& [number, by_view] : offsets) {
     if (by_view.size() < kLeastViews) continue;
     std::vector<Eigen::Vector3d> motions;
-    std::vector<double> gains, noises;
+    std::vector<double> gains;
     for (const auto& [view, offset] : by_view) {
       motions.emplace_back(offset.offset.x(), offset.offset.y(), 0);
       gains.push_back(offset.gain);
-      noises.push_back(offset.noise);
     }
-    Piece piece{.number = number};
-    Summarise(motions, gains, noises, &piece);
+    Piece piece;
+    piece.number = number;
+    piece.place = nominal.at(number);
+    piece.axes = axes;
+    Summarise(motions, gains, &piece);
     pieces.push_back(piece);
   }
   return pieces;
@@ -214,7 +221,9 @@ std::optional<size_t> SeenOrder(const Corners& corners, const std::array<const O
 Piece TagPiece(const std::array<int, 4>& quad,
                const Corners& corners,
                const std::map<int, Offsets>& offsets) {
-  Piece piece{.number = quad[0] / 4, .side = (corners[1] - corners[0]).norm()};
+  Piece piece;
+  piece.number = quad[0] / 4;
+  piece.side = (corners[1] - corners[0]).norm();
   std::map<size_t, std::array<const Offset*, 4>> views;
   for (size_t k = 0; k < 4; ++k) {
     const auto found = offsets.find(quad[k]);
@@ -222,7 +231,7 @@ Piece TagPiece(const std::array<int, 4>& quad,
     for (const auto& [view, offset] : found->second) views[view][k] = &offset;
   }
   std::vector<Eigen::Vector3d> motions;
-  std::vector<double> gains, noises;
+  std::vector<double> gains;
   for (const auto& [view, seen] : views) {
     const auto count = std::ranges::count_if(seen, [](const Offset* o) { return o != nullptr; });
     if (count < 3) continue;
@@ -234,11 +243,10 @@ Piece TagPiece(const std::array<int, 4>& quad,
       if (const std::optional<size_t> order = SeenOrder(corners, seen)) ++piece.orders[*order];
     }
     motions.push_back(motion);
-    const Offset& any = **std::ranges::find_if(seen, [](const Offset* o) { return o != nullptr; });
-    gains.push_back(any.gain);
-    noises.push_back(any.noise);
+    gains.push_back(
+        (*std::ranges::find_if(seen, [](const Offset* o) { return o != nullptr; }))->gain);
   }
-  if (motions.size() >= kLeastViews) Summarise(motions, gains, noises, &piece);
+  if (motions.size() >= kLeastViews) Summarise(motions, gains, &piece);
   return piece;
 }
 
@@ -271,13 +279,15 @@ double ChanceLimit(double sigma, size_t count) {
 class Sorting {
  public:
   explicit Sorting(const std::vector<Piece>& pieces) : pieces_(pieces) {
-    std::vector<double> shifts, scales;
+    std::vector<double> shifts, scales, scatters;
     for (const Piece& piece : pieces) {
-      shifts.push_back(piece.Shift());
+      shifts.push_back(piece.shift);
+      scatters.push_back(piece.Scatter());
       scales.push_back(std::abs(piece.scale.value));
     }
     shift_limit_ = ChanceLimit(kSigmaPerMedianLength2d * Median(shifts), pieces.size());
     scale_limit_ = ChanceLimit(kSigmaPerMad * Median(scales), pieces.size());
+    noise_ = Median(scatters);
     for (const Piece& piece : pieces) Sort(piece);
   }
 
@@ -309,10 +319,10 @@ class Sorting {
     const bool tag = piece.side > 0;
     const std::string name = fmt::format("{} {}", tag ? "tag" : "marker", piece.number);
     if (tag && SortSpecialTag(piece, name)) return;
-    const double shift = piece.Shift(), change = piece.scale.value * piece.side;
+    const double shift = piece.shift, change = piece.scale.value * piece.side;
     const auto counts = [&](double length, double sigma, double limit) {
       return length > limit && length > kStandardErrors * sigma &&
-             length * piece.gain > kNoises * piece.noise;
+             length * piece.gain > kNoises * noise_;
     };
     if (tag && std::abs(change) > shift &&
         counts(std::abs(change), piece.scale.sigma * piece.side, scale_limit_ * piece.side)) {
@@ -384,8 +394,72 @@ class Sorting {
 
   const std::vector<Piece>& pieces_;
   double shift_limit_ = 0, scale_limit_ = 0;
+  double noise_ = 0;  // of a piece in one view, px
   Group twice_, order_, size_, moved_;
 };
+
+// 1, x, y, x^2, ...: as many terms as half of the points determine.
+Eigen::MatrixXd Polynomials(const std::vector<Eigen::Vector2d>& at) {
+  constexpr Eigen::Index kLinear = 3, kQuadratic = 6, kCubic = 10;
+  const auto count = static_cast<Eigen::Index>(at.size());
+  const Eigen::Index terms = count >= 2 * kCubic       ? kCubic
+                             : count >= 2 * kQuadratic ? kQuadratic
+                                                       : kLinear;
+  Eigen::MatrixXd A(count, kCubic);
+  for (Eigen::Index i = 0; i < count; ++i) {
+    const double x = at[static_cast<size_t>(i)].x(), y = at[static_cast<size_t>(i)].y();
+    A.row(i) << 1, x, y, x * x, x * y, y * y, x * x * x, x * x * y, x * y * y, y * y * y;
+  }
+  return A.leftCols(terms);
+}
+
+// Rows of `values` less a robust fit of the columns of `A`.
+Eigen::MatrixXd LessSmooth(const Eigen::MatrixXd& A, const Eigen::MatrixXd& values) {
+  constexpr int kRounds = 10;
+  constexpr double kSmallest = 1e-15;
+  Eigen::MatrixXd rest = values;
+  Eigen::VectorXd root = Eigen::VectorXd::Ones(A.rows());
+  for (int round = 0; round < kRounds; ++round) {
+    const Eigen::MatrixXd weighted = root.asDiagonal() * A;
+    rest = values - A * LeastSquares(weighted, Eigen::MatrixXd(root.asDiagonal() * values));
+    std::vector<double> lengths;
+    for (Eigen::Index i = 0; i < rest.rows(); ++i) lengths.push_back(rest.row(i).norm());
+    const double width =
+        kCauchyWidth<> * std::max(kSmallest, kSigmaPerMedianLength2d * Median(lengths));
+    for (Eigen::Index i = 0; i < rest.rows(); ++i) {
+      root[i] = std::sqrt(CauchyWeight(rest.row(i).squaredNorm() / (width * width)));
+    }
+  }
+  return rest;
+}
+
+// A bent board, a stretched print and an imperfect camera model displace the pieces smoothly: what
+// is left beside a polynomial over the plane is what single pieces do.
+void TakeOffSmoothPart(std::vector<Piece>* pieces) {
+  constexpr size_t kLeastPieces = 6;  // for a linear one
+  std::map<int, Eigen::Vector3d> places;
+  for (const Piece& piece : *pieces) places[piece.number] = piece.place;
+  const std::optional<MarkerPlane> plane = FindPlane(places);
+  if (!plane || pieces->size() < kLeastPieces) return;
+  const auto count = static_cast<Eigen::Index>(pieces->size());
+  std::vector<Eigen::Vector2d> at;
+  Eigen::MatrixXd motions(count, 2), scales(count, 1);
+  for (Eigen::Index i = 0; i < count; ++i) {
+    const Piece& piece = (*pieces)[static_cast<size_t>(i)];
+    const Eigen::Vector3d motion = piece.axes * Eigen::Vector2d(piece.x.value, piece.y.value);
+    at.emplace_back((*plane)(piece.place) / plane->extent);
+    motions.row(i) << plane->x.dot(motion), plane->y.dot(motion);
+    scales(i, 0) = piece.scale.value;
+  }
+  const Eigen::MatrixXd A = Polynomials(at);
+  motions = LessSmooth(A, motions);
+  scales = LessSmooth(A, scales);
+  for (Eigen::Index i = 0; i < count; ++i) {
+    Piece& piece = (*pieces)[static_cast<size_t>(i)];
+    piece.shift = motions.row(i).norm();
+    piece.scale.value = scales(i, 0);
+  }
+}
 
 // Tags by their corners.
 std::vector<Piece> TagPieces(const Bundle& bundle, const TargetDoubts& doubts) {
@@ -413,7 +487,9 @@ std::vector<Piece> TagPieces(const Bundle& bundle, const TargetDoubts& doubts) {
   const std::map<int, Offsets> offsets = MeasureOffsets(bundle, axes_of);
   std::vector<Piece> pieces;
   for (const auto& [quad, corners] : tags) {
-    const Piece piece = TagPiece(quad, corners, offsets);
+    Piece piece = TagPiece(quad, corners, offsets);
+    piece.axes = axes_of.at(quad[0]);
+    for (const int number : quad) piece.place += nominal.at(number) / 4;
     if (piece.views > 0) pieces.push_back(piece);
   }
   return pieces;
@@ -429,7 +505,7 @@ std::vector<Piece> BoardPieces(const Bundle& bundle) {
   axes << plane->x, plane->y;
   std::map<int, Axes> axes_of;
   for (const auto& [number, place] : nominal) axes_of[number] = axes;
-  return MarkerPieces(MeasureOffsets(bundle, axes_of));
+  return MarkerPieces(MeasureOffsets(bundle, axes_of), nominal, axes);
 }
 
 }  // namespace
@@ -437,9 +513,10 @@ std::vector<Piece> BoardPieces(const Bundle& bundle) {
 std::vector<Finding> FindMovedMarkers(const Calibration& calibration, const TargetDoubts& doubts) {
   constexpr size_t kLeastPieces = 3;  // one cannot disagree with all others otherwise
   const Bundle& bundle = calibration.bundle;
-  const std::vector<Piece> pieces =
+  std::vector<Piece> pieces =
       doubts.quads.empty() ? BoardPieces(bundle) : TagPieces(bundle, doubts);
   if (pieces.size() < kLeastPieces) return {};
+  TakeOffSmoothPart(&pieces);
   return Sorting(pieces).Findings();
 }
 

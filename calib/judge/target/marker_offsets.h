@@ -15,8 +15,8 @@ namespace plenocal {
 /// and compared over the views: a marker or tag that is displaced, a tag of another size, whose
 /// corners have another order, or that exists twice. A displacement counts when it is six standard
 /// errors (from its scatter over the views) long, stands out among the displacements of all others
-/// (one false alarm in ten thousand sessions, Rayleigh's distribution), and exceeds three times the
-/// noise in the image. Of targets in one plane and of tags anywhere.
+/// beside a smooth field (one false alarm in ten thousand sessions, Rayleigh's distribution), and
+/// exceeds three times the scatter in one image. Of targets in one plane and of tags anywhere.
 std::vector<Finding> FindMovedMarkers(const Calibration& calibration, const TargetDoubts& doubts);
 
 }  // namespace plenocal

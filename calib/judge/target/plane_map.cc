@@ -75,7 +75,7 @@ std::optional<PlaneMap> PlaneMap::Fit(const Pairs& pairs,
       const auto monomials = Monomials(at, order);
       const double denominator =
           round == 0 ? 1 : std::max(kLeastDenominator, 1 + map.coefficients_.tail<2>().dot(at));
-      const double weight = std::sqrt(weights[i]) / denominator;
+      const double weight = pairs.scale[i] * std::sqrt(weights[i]) / denominator;
       for (Eigen::Index axis = 0; axis < 2; ++axis) {
         const auto row = 2 * static_cast<Eigen::Index>(i) + axis;
         for (int k = 0; k < terms; ++k) {
@@ -132,7 +132,7 @@ Eigen::Vector2d PlaneMap::operator()(const Eigen::Vector2d& plane) const {
 std::vector<double> PlaneMap::Lengths(const Pairs& pairs) const {
   std::vector<double> lengths;
   for (size_t i = 0; i < pairs.plane.size(); ++i) {
-    lengths.push_back(((*this)(pairs.plane[i]) - pairs.image[i]).norm());
+    lengths.push_back(pairs.scale[i] * ((*this)(pairs.plane[i]) - pairs.image[i]).norm());
   }
   return lengths;
 }

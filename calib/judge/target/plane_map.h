@@ -13,9 +13,16 @@ namespace plenocal {
 /// with the distortion that a lens adds over one view. Order 1 is the homography itself.
 class PlaneMap {
  public:
-  /// Pairs of a point on the plane (any unit) and its image (px).
+  /// Pairs of a point on the plane (any unit) and its image.
   struct Pairs {
     std::vector<Eigen::Vector2d> plane, image;
+    std::vector<double> scale;  ///< px of the measured image per unit of `image`
+
+    void Add(const Eigen::Vector2d& on_plane, const Eigen::Vector2d& in_image, double px) {
+      plane.push_back(on_plane);
+      image.push_back(in_image);
+      scale.push_back(px);
+    }
   };
 
   /// By weighted least squares. Nothing when there are too few pairs or they lie on a line.
@@ -30,7 +37,7 @@ class PlaneMap {
   /// Unknowns of a map.
   static int Unknowns(int order);
 
-  /// px; infinite beyond the line that D maps to infinity.
+  /// In units of `image`; infinite beyond the line that D maps to infinity.
   [[nodiscard]] Eigen::Vector2d operator()(const Eigen::Vector2d& plane) const;
   /// Lengths of the residuals, px.
   [[nodiscard]] std::vector<double> Lengths(const Pairs& pairs) const;

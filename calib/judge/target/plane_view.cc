@@ -68,6 +68,8 @@ std::vector<PlaneView> MakePlaneViews(const CameraInput& camera, size_t limit, s
     }
     if (plane.points.size() < least) continue;
     plane.spacing = TypicalSpacing(plane.points);
+    plane.centre = Eigen::Vector2d(camera.image_size[0] - 1, camera.image_size[1] - 1) / 2;
+    plane.radius = plane.centre.norm();
     views.push_back(std::move(plane));
   }
   std::stable_sort(views.begin(), views.end(), [](const PlaneView& a, const PlaneView& b) {

@@ -21,7 +21,9 @@ struct PlanePoint {
 /// One view of the target.
 struct PlaneView {
   std::vector<PlanePoint> points;
-  double spacing = 0;  ///< px, typical distance of neighbouring points
+  double spacing = 0;            ///< px, typical distance of neighbouring points
+  Eigen::Vector2d centre{0, 0};  ///< of the image, px
+  double radius = 1;             ///< from there to the image's corners, px
 };
 
 /// Up to `limit` views with most points, those with fewer than `least` points left out. A marker

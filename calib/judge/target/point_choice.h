@@ -10,9 +10,11 @@
 
 namespace plenocal {
 
-/// An image point (px) and the places on the plane where it may be.
+/// An image point and the places on the plane where it may be; `image` and `scale` as in
+/// `PlaneMap::Pairs`.
 struct PlaneChoice {
   Eigen::Vector2d image;
+  double scale = 1;
   const std::vector<Eigen::Vector2d>* places = nullptr;
 };
 
@@ -21,8 +23,10 @@ struct PlaneChoice {
 /// 1981), then the nearest places under a map fitted to all. `spacing`: of the points, px.
 PlaneMap::Pairs ChoosePlaces(const std::vector<PlaneChoice>& choices, double spacing);
 
-/// Whether the points consist of two groups, each on its own smooth map, so that neither fits the
-/// other's.
+/// Whether one smooth map fits all points but a few.
+bool FollowsOneMap(const PlaneMap::Pairs& pairs, double spacing);
+
+/// Whether the points consist of two groups, each on its own smooth map.
 bool FollowsTwoMaps(const PlaneMap::Pairs& pairs, double spacing);
 
 }  // namespace plenocal

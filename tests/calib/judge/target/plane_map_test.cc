@@ -22,8 +22,7 @@ PlaneMap::Pairs Grid(double k) {
   for (int row = 0; row < 7; ++row) {
     for (int column = 0; column < 9; ++column) {
       const Eigen::Vector2d p(0.1 * (column - 4), 0.1 * (row - 3));
-      pairs.plane.push_back(p);
-      pairs.image.push_back(See(p, k));
+      pairs.Add(p, See(p, k), 1);
     }
   }
   return pairs;
@@ -63,6 +62,7 @@ TEST(PlaneMap, NeedsEnoughPoints) {
   PlaneMap::Pairs pairs = Grid(0);
   pairs.plane.resize(9);
   pairs.image.resize(9);
+  pairs.scale.resize(9);
   EXPECT_EQ(PlaneMap::OrderFor(9), 1);
   EXPECT_FALSE(PlaneMap::Fit(pairs, std::vector<double>(9, 1.0), 3));
 }

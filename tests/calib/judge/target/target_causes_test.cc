@@ -182,7 +182,7 @@ TEST(TargetCauses, NameMarkersThatHaveMoved) {
   problem.input.markers[61].y() -= 0.003;
   const std::vector<Finding> causes = Find(problem.input, {});
   ASSERT_THAT(CodesOf(causes), ElementsAre("target_marker_moved"));
-  EXPECT_THAT(causes[0].what, HasSubstr("marker 33 by 1.99 mm"));
+  EXPECT_THAT(causes[0].what, HasSubstr("marker 33 by 2 mm"));
   EXPECT_THAT(causes[0].what, HasSubstr("marker 61 by 2.97 mm"));
   EXPECT_NEAR(causes[0].value.value(), 0.003, 1e-4);
 }
