@@ -411,7 +411,9 @@ class Trials {
     for (size_t m = 0; m < trials.size(); ++m) {
       const ModelTrial& trial = trials[m];
       if (!trial.comparable || trial.outweighed_by) continue;
-      if (trial.probability < kSignificant && !trial.practically_equal) continue;
+      // What few frames cannot decide is no reason for more parameters.
+      const bool is_richer = trial.free_parameters > trials[choice_.reference].free_parameters;
+      if (!trial.practically_equal && (trial.probability < kSignificant || is_richer)) continue;
       const auto rank = [](const ModelTrial& each) {
         return std::tuple(each.marker_sigma > 0, each.model->usage, each.free_parameters, each.rms);
       };

@@ -97,8 +97,8 @@ struct ModelChoice {
 /// smallest sum of squares on held-out frames, each cut off at the rejection threshold. Each model is scored over the
 /// points that it images.
 ///
-/// A model is acceptable when it is not worse than the reference at the level of 5 %, or when both
-/// are practically equal, unless its uncertainty outweighs its gain over a simpler one. Recommended
+/// A model is acceptable when it has no more parameters than the reference and is not worse at the
+/// level of 5 %, or when both are practically equal, unless its uncertainty outweighs its gain over a simpler one. Recommended
 /// is, of the acceptable ones, the one of the widest use, then the one with the fewest parameters.
 /// All tests are between pairs, so that a model that is neither reference nor recommended has no
 /// influence.

@@ -11,6 +11,7 @@
 #include <memory>
 #include <mutex>
 #include <numeric>
+#include <set>
 #include <opencv2/aruco.hpp>
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
@@ -173,7 +174,7 @@ Seen Look(const std::filesystem::path& path) {
     // Between circles brightness has saddles as at corners, and dark squares look like circles;
     // both are fewer than what they lie between.
     const int circles = seen.circles->columns * seen.circles->rows;
-    if (circles > seen.corners->first * seen.corners->second) {
+    if (circles >= seen.corners->first * seen.corners->second) {
       seen.corners.reset();
     } else {
       seen.circles.reset();
@@ -314,6 +315,15 @@ TargetProposal LooseTags(const Code& code, size_t ids) {
           .measure = {{"tags", "list of {id: 0, corners: [[x, y, z], ...]}"}}};
 }
 
+/// Whether one image shows the same number twice, as chance does where texture is read as tags.
+bool HasRepeatedNumbers(const std::vector<std::vector<NumberedSquare>>& images) {
+  return std::ranges::any_of(images, [](const std::vector<NumberedSquare>& squares) {
+    std::set<int> ids;
+    return !std::ranges::all_of(
+        squares, [&](const NumberedSquare& square) { return ids.insert(square.id).second; });
+  });
+}
+
 std::optional<TargetProposal> ProposeMarkers(const std::vector<Seen>& images, const Code& code) {
   std::vector<std::vector<NumberedSquare>> squares;
   std::map<int, size_t> ids;
@@ -336,7 +346,7 @@ std::optional<TargetProposal> ProposeMarkers(const std::vector<Seen>& images, co
     constexpr size_t kOften = 2;
     const auto often = std::ranges::count_if(
         ids, [&](const auto& entry) { return entry.second >= std::min(kOften, images.size()); });
-    if (often == 0) return std::nullopt;
+    if (often == 0 || HasRepeatedNumbers(squares)) return std::nullopt;
     proposal = LooseTags(code, ids.size());
   } else {
     return std::nullopt;

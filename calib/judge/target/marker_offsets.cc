@@ -278,7 +278,9 @@ double ChanceLimit(double sigma, size_t count) {
 // Sorts the pieces that stand out into the groups of their defects.
 class Sorting {
  public:
-  explicit Sorting(const std::vector<Piece>& pieces) : pieces_(pieces) {
+  // `tolerance`: standard deviation that the target states for its coordinates, m; 0: none.
+  Sorting(const std::vector<Piece>& pieces, double tolerance)
+      : pieces_(pieces), tolerance_(tolerance) {
     std::vector<double> shifts, scales, scatters;
     for (const Piece& piece : pieces) {
       shifts.push_back(piece.shift);
@@ -321,7 +323,7 @@ class Sorting {
     if (tag && SortSpecialTag(piece, name)) return;
     const double shift = piece.shift, change = piece.scale.value * piece.side;
     const auto counts = [&](double length, double sigma, double limit) {
-      return length > limit && length > kStandardErrors * sigma &&
+      return length > limit && length > kStandardErrors * std::hypot(sigma, tolerance_) &&
              length * piece.gain > kNoises * noise_;
     };
     if (tag && std::abs(change) > shift &&
@@ -393,6 +395,7 @@ class Sorting {
   }
 
   const std::vector<Piece>& pieces_;
+  double tolerance_;
   double shift_limit_ = 0, scale_limit_ = 0;
   double noise_ = 0;  // of a piece in one view, px
   Group twice_, order_, size_, moved_;
@@ -517,7 +520,7 @@ std::vector<Finding> FindMovedMarkers(const Calibration& calibration, const Targ
       doubts.quads.empty() ? BoardPieces(bundle) : TagPieces(bundle, doubts);
   if (pieces.size() < kLeastPieces) return {};
   TakeOffSmoothPart(&pieces);
-  return Sorting(pieces).Findings();
+  return Sorting(pieces, bundle.marker_sigma).Findings();
 }
 
 }  // namespace plenocal
