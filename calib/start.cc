@@ -26,7 +26,7 @@ constexpr size_t kAdjustedCandidates = 4;
 // scatter that the selection of views causes.
 constexpr double kAsGood = 1.5;
 constexpr double kSmallestScale = 1e-9;  // px; keeps weights finite where residuals are zero
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr double kNoResidual = std::numeric_limits<double>::infinity();
 
 // All observations of at most `limit` known markers, spread evenly over the view.
 View Thinned(const View& view, const std::map<int, Eigen::Vector3d>& markers, size_t limit) {
@@ -96,7 +96,7 @@ std::optional<Resection> ResectView(const CameraModel& model,
 // A candidate with its poses.
 struct Trial {
   Bundle bundle;
-  double median = kInfinity;  // of the residuals' lengths, px
+  double median = kNoResidual;  // of the residuals' lengths, px
 };
 
 // Parameters that obey the rules: those tied together have their mean, all are within bounds.
@@ -150,8 +150,8 @@ Trial MakeTrial(const CameraInput& camera,
     bundle.observations.insert(bundle.observations.end(), in_view.begin(), in_view.end());
   }
   std::vector<double> lengths = WeightedLengths(bundle);
-  lengths.resize(lengths.size() + without_pose, kInfinity);
-  trial.median = Median(lengths, kInfinity);
+  lengths.resize(lengths.size() + without_pose, kNoResidual);
+  trial.median = Median(lengths, kNoResidual);
   return trial;
 }
 
@@ -180,7 +180,7 @@ void AdjustTrial(Trial* trial, Until until) {
     }
     if (!Adjust(&bundle, options).usable) return;
     bundle.cameras[0].noise.detector_scale = 1;
-    trial->median = Median(WeightedLengths(bundle), kInfinity);
+    trial->median = Median(WeightedLengths(bundle), kNoResidual);
     if (!std::isfinite(trial->median)) return;
   }
 }
@@ -228,7 +228,7 @@ Trial* BestOnAllViews(const CameraInput& camera,
   }
   const double scale = std::max(minima[0]->median, kSmallestScale);
   Trial* best = nullptr;
-  double best_cost = kInfinity;
+  double best_cost = kNoResidual;
   for (Trial* minimum : minima) {
     *minimum = MakeTrial(camera, minimum->bundle.cameras[0].params, views, markers);
     // Valleys between minima are flat.

@@ -20,7 +20,7 @@ namespace {
 // Errors of the projection, px. Whoever measures in images takes a tenth of a pixel for exact; an
 // error of a pixel is larger than any detector's. Between them a projection that is as certain as
 // one measured point suffices, up to half a pixel.
-constexpr double kExact = 0.1, kPoint = 0.5, kPixel = 1;
+constexpr double kExactProjection = 0.1, kPoint = 0.5, kWholePixelError = 1;
 // Of half of the image at ten times the farthest point: focal length or centre is not known.
 constexpr double kFarBad = 3;
 // A projection map counts by what holds for this part of the image.
@@ -195,15 +195,15 @@ class Judgement {
     const std::vector<ProjectionMap> maps = ProjectionMaps(calibration_, c);
     if (maps.empty()) return {.grade = Grade::kBad};  // a parameter is open: `JudgeUnknowns`
     const Certainty here = Summarise(maps[1]), far = Summarise(maps[3]);
-    const double limit = std::clamp(camera.fit.noise_sigma, kExact, kPoint);
-    const Grade grade = here.half > kPixel || far.half > kFarBad ? Grade::kBad
-                        : here.most > limit || far.most > kPixel ? Grade::kUsable
-                                                                 : Grade::kGood;
+    const double limit = std::clamp(camera.fit.noise_sigma, kExactProjection, kPoint);
+    const Grade grade = here.half > kWholePixelError || far.half > kFarBad ? Grade::kBad
+                        : here.most > limit || far.most > kWholePixelError ? Grade::kUsable
+                                                                           : Grade::kGood;
     Add({.code = "projection",
          .grade = grade,
          .cameras = {camera.name},
          .value = grade == Grade::kBad ? here.half : here.most,
-         .limit = grade == Grade::kBad ? kPixel : limit,
+         .limit = grade == Grade::kBad ? kWholePixelError : limit,
          .what = fmt::format(
              "{}: standard error of the projection at {}: {:.2g} px in the middle, {:.2g} px in the "
              "corners, at most {:.2g} px in {:.0f} % of the image (worst {:.2g} px at ({:.0f}, "
@@ -345,7 +345,7 @@ class Judgement {
             : fit.noise_sigma;
     // Without a stated sigma all noise may be the detector's.
     const double usable = stated ? kPoint : kUnstatedNoise;
-    const double bad = stated ? kPixel : 3 * kUnstatedNoise;
+    const double bad = stated ? kWholePixelError : 3 * kUnstatedNoise;
     const bool is_large = !stated || fit.noise_sigma > kNoiseRatio * fit.detector_sigma;
     if (is_large && (stated || excess > usable)) {
       const Grade grade = excess > bad      ? Grade::kBad
@@ -389,14 +389,14 @@ class Judgement {
   void JudgePattern(const CalibratedCamera& camera) {
     const double pattern = FieldOf(camera).Pattern();
     if (!(camera.fit.noise_sigma > 0) || pattern <= kPatternRatio * camera.fit.noise_sigma) return;
-    const Grade grade = pattern > kPoint   ? Grade::kBad
-                        : pattern > kExact ? Grade::kUsable
-                                           : Grade::kGood;
+    const Grade grade = pattern > kPoint             ? Grade::kBad
+                        : pattern > kExactProjection ? Grade::kUsable
+                                                     : Grade::kGood;
     Add({.code = "residual_pattern",
          .grade = grade,
          .cameras = {camera.name},
          .value = pattern,
-         .limit = grade == Grade::kBad ? kPoint : kExact,
+         .limit = grade == Grade::kBad ? kPoint : kExactProjection,
          .what = fmt::format("{}: the residuals have a pattern over the image of {:.3g} px ({:.0f} "
                              "% of the noise){}.",
                              camera.name,

@@ -15,7 +15,7 @@
 namespace plenocal {
 namespace {
 
-constexpr double kHalfPixel = 0.5;  // (0, 0) is the corner of the top-left pixel there
+constexpr double kShift = 0.5;  // (0, 0) is the corner of the top-left pixel there
 
 std::span<const LensForm> DsoLenses() {
   static const std::vector<LensForm> kForms{
@@ -34,8 +34,8 @@ std::string WriteDso(const std::vector<CalibratedCamera>& cameras) {
   const double width = camera.image_size[0], height = camera.image_size[1];
   std::vector<double> values{lens.f_x / width,
                              lens.f_y / height,
-                             (lens.c_x + kHalfPixel) / width,
-                             (lens.c_y + kHalfPixel) / height};
+                             (lens.c_x + kShift) / width,
+                             (lens.c_y + kShift) / height};
   if (!(values[2] < 1 && values[3] < 1)) {
     throw Error(ErrorKind::kJob,
                 fmt::format("camera '{}': the principal point lies right of or below the image, "
@@ -63,7 +63,7 @@ std::vector<CalibratedCamera> ReadDso(const CameraSource& source) {
   if (values[2] < 1 && values[3] < 1) {
     for (size_t i = 0; i < 4; ++i) {
       const double extent = size[i % 2];
-      const double offset = i < 2 ? 0 : kHalfPixel;
+      const double offset = i < 2 ? 0 : kShift;
       values[i] = Inverted(
           values[i], values[i] * extent - offset, [&](double x) { return (x + offset) / extent; });
     }

@@ -21,13 +21,13 @@
 namespace plenocal {
 namespace {
 
-constexpr double kFalseAlarm = 1e-6;
+constexpr double kBentFalseAlarm = 1e-6;
 // Differences of the projection, px. Whoever measures in images takes a tenth of a pixel for exact;
 // a pixel is larger than any detector's error.
-constexpr double kExact = 0.1, kPixel = 1;
+constexpr double kNegligible = 0.1, kWholePixel = 1;
 // Noise with held markers over that with free ones: from here on more than half of the variance is
 // the target's.
-constexpr double kExplains = 1.4142;
+constexpr double kBentExplains = 1.4142;
 // Prior of free markers, of the target's radius: sheets that bend farther are no targets.
 constexpr double kLoose = 0.02;
 
@@ -137,7 +137,7 @@ std::vector<Finding> FindBentTarget(const Calibration& calibration,
   // Solved again, since `calibration` may be a part of a longer one.
   const std::optional<Calibration> held = WithMarkers(calibration, 0, options);
   const std::optional<Calibration> free = WithMarkers(calibration, kLoose * plane->extent, options);
-  if (!held || !free || ChanceOfGain(*held, *free, typical) > kFalseAlarm) return {};
+  if (!held || !free || ChanceOfGain(*held, *free, typical) > kBentFalseAlarm) return {};
   double largest = 0;
   std::string focal_change;
   std::vector<std::string> cameras;
@@ -145,7 +145,7 @@ std::vector<Finding> FindBentTarget(const Calibration& calibration,
     const double ratio = held->bundle.cameras[c].noise.Sigma(typical[c]) /
                          free->bundle.cameras[c].noise.Sigma(typical[c]);
     const Effect effect = EffectOn(*held, *free, c);
-    if (effect.projection < kExact && ratio < kExplains) continue;
+    if (effect.projection < kNegligible && ratio < kBentExplains) continue;
     cameras.push_back(bundle.cameras[c].name);
     if (effect.projection > largest) {
       largest = effect.projection;
@@ -155,10 +155,10 @@ std::vector<Finding> FindBentTarget(const Calibration& calibration,
   if (cameras.empty()) return {};
   const Shape shape = ShapeOf(free->bundle, *plane);
   return {{.code = "target_not_flat",
-           .grade = largest < kPixel ? Grade::kUsable : Grade::kBad,
+           .grade = largest < kWholePixel ? Grade::kUsable : Grade::kBad,
            .cameras = cameras,
            .value = largest,
-           .limit = largest < kPixel ? kExact : kPixel,
+           .limit = largest < kWholePixel ? kNegligible : kWholePixel,
            .what = fmt::format(
                "the target is not as stated: {:.2g} mm out of its plane from peak to "
                "peak, {:.2g} mm RMS per coordinate in all; estimated with the "

@@ -32,9 +32,9 @@ constexpr double kQuantile = 0.8;
 // Quantile over variance for normal errors, -2 ln(1 - 0.8), and the efficiency of the estimate, (1
 // - 0.8) ln(1 - 0.8)^2 / 0.8, relative to the mean square's.
 constexpr double kQuantileOfVariance = 3.2189, kEfficiency = 0.65;
-constexpr double kFalseAlarm = 1e-6;
+constexpr double kLayoutFalseAlarm = 1e-6;
 // A mistake that adds less than the noise is no cause of anything.
-constexpr double kExplains = 2;  // ratio of variances
+constexpr double kLayoutExplains = 2;  // ratio of variances
 // Of the points' spacing. A right target is nearer: noise and what a smooth map leaves of a lens.
 constexpr double kFits = 0.05;
 // A wrong number, order or row moves many points by half a spacing or more; where the stated target
@@ -179,9 +179,9 @@ bool Explains(const Fit& other, const Fit& stated) {
     return false;
   }
   const double ratio = std::exp(stated.log_variance - other.log_variance);
-  return ratio > kExplains && other.relative < kFits &&
+  return ratio > kLayoutExplains && other.relative < kFits &&
          FTail(ratio, kEfficiency * stated.redundancy, kEfficiency * other.redundancy) <
-             kFalseAlarm;
+             kLayoutFalseAlarm;
 }
 
 // A number of the target's file, estimated.
@@ -303,7 +303,7 @@ Finding HypothesisFinding(const TargetHypothesis& hypothesis, double ratio) {
           .grade = Grade::kBad,
           .cameras = {},
           .value = std::sqrt(ratio),
-          .limit = std::sqrt(kExplains),
+          .limit = std::sqrt(kLayoutExplains),
           .what = fmt::format("{}: the points of the images then fit {:.0f} times better than to "
                               "the target's file",
                               hypothesis.what,

@@ -21,7 +21,7 @@
 namespace plenocal {
 namespace {
 
-constexpr double kFalseAlarm = 1e-4;  // of all markers of a session together
+constexpr double kMovedFalseAlarm = 1e-4;  // of all markers of a session together
 constexpr double kStandardErrors = 6;
 constexpr double kNoises = 3;  // less cannot be seen in one image
 // A pose takes the place of a target most of whose pieces have moved.
@@ -270,9 +270,9 @@ struct Group {
   }
 };
 
-// Length that one of `count` displacements exceeds by chance once in 1 / kFalseAlarm sessions.
+// Length that one of `count` displacements exceeds by chance once in 1 / kMovedFalseAlarm sessions.
 double ChanceLimit(double sigma, size_t count) {
-  return sigma * std::sqrt(-2 * std::log(kFalseAlarm / static_cast<double>(count)));
+  return sigma * std::sqrt(-2 * std::log(kMovedFalseAlarm / static_cast<double>(count)));
 }
 
 // Sorts the pieces that stand out into the groups of their defects.
