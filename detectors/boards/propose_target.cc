@@ -11,11 +11,11 @@
 #include <memory>
 #include <mutex>
 #include <numeric>
-#include <set>
 #include <opencv2/aruco.hpp>
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
 #include <optional>
+#include <set>
 #include <utility>
 
 #include "calib/base/error.h"
@@ -171,10 +171,10 @@ Seen Look(const std::filesystem::path& path) {
   if (smaller < 1) cv::resize(gray, gray, {}, smaller, smaller, cv::INTER_AREA);
   seen.circles = internal::FindBlobGrid(gray);
   if (seen.circles && seen.corners) {
-    // Between circles brightness has saddles as at corners, and dark squares look like circles;
-    // both are fewer than what they lie between.
+    // Between circles brightness has saddles as at corners, and dark squares look like circles in
+    // an asymmetric grid, fewer than their corners.
     const int circles = seen.circles->columns * seen.circles->rows;
-    if (circles >= seen.corners->first * seen.corners->second) {
+    if (!seen.circles->asymmetric || circles >= seen.corners->first * seen.corners->second) {
       seen.corners.reset();
     } else {
       seen.circles.reset();
@@ -378,6 +378,9 @@ std::vector<TargetProposal> Propose(const std::vector<Seen>& images) {
     if (auto chessboard = ProposeChessboard(images)) proposals.push_back(std::move(*chessboard));
     if (auto circles = ProposeCircles(images)) proposals.push_back(std::move(*circles));
   }
+  // Without codes, texture looks like a small grid now and then, but not twice like the same.
+  const size_t least = std::min<size_t>(2, (images.size() + 1) / 2);
+  std::erase_if(proposals, [&](const TargetProposal& each) { return each.images < least; });
   std::ranges::stable_sort(proposals, std::ranges::greater(), &TargetProposal::images);
   return proposals;
 }
