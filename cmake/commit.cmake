@@ -2,6 +2,7 @@
 #
 # Writes a header with the git commit of the sources, `kCommit`; the file stays as it is, and nothing is compiled again,
 # when the commit has not changed. A build outside of a repository has "unknown".
+cmake_minimum_required(VERSION 3.25)
 set(commit "unknown")
 find_program(git git)
 if(git AND EXISTS ${SOURCE}/.git)

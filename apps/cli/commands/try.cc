@@ -189,10 +189,12 @@ std::string Reason(const ModelChoice& choice) {
 }
 
 std::string Recommendation(const ModelChoice& choice) {
+  constexpr size_t kFew = 10;  // frames: tests over fewer find little
   const ModelTrial& recommended = choice.trials[choice.recommended];
-  return fmt::format("{}, {}; {}, {:.4f} +- {:.4f} px on frames that it has not seen",
+  return fmt::format("{}, {}{}; {}, {:.4f} +- {:.4f} px on frames that it has not seen",
                      recommended.model->name,
                      Reason(choice),
+                     choice.frames < kFew ? "; but so few frames can hardly tell models apart" : "",
                      Counted(static_cast<size_t>(recommended.free_parameters), "parameter"),
                      recommended.rms,
                      recommended.rms_sigma);
@@ -203,7 +205,8 @@ std::string_view TargetName(const ModelTrial& trial) {
   return trial.marker_sigma > 0 ? "refined" : "held";
 }
 
-std::string TargetRecommendation(const ModelChoice& targets) {
+// `session_sigma`: the prior's standard deviation that the session gives the markers, 0: held.
+std::string TargetRecommendation(const ModelChoice& targets, double session_sigma) {
   const ModelTrial& recommended = targets.trials[targets.recommended];
   const auto other = std::ranges::find_if(targets.trials, [&](const ModelTrial& trial) {
     return TargetName(trial) != TargetName(recommended);
@@ -216,9 +219,13 @@ std::string TargetRecommendation(const ModelChoice& targets) {
       : other->outweighed_by          ? "to refine it gains less than it costs in uncertainty"
       : recommended.practically_equal ? "to refine it makes practically no difference"
                                       : "refined it predicts held-out frames no better";
+  const bool refined = recommended.marker_sigma > 0;
+  const std::string remedy =
+      refined == (session_sigma > 0)
+          ? ""
+          : fmt::format("; the session's options lack refine_target: {}", refined);
   return fmt::format(
-      "{}, {} ({:.4f} +- {:.4f} px, {} {:.4f} +- {:.4f} px; projections differ by "
-      "{:.4f} px)",
+      "{}, {} ({:.4f} +- {:.4f} px, {} {:.4f} +- {:.4f} px; projections differ by {:.4f} px){}",
       TargetName(recommended),
       reason,
       recommended.rms,
@@ -226,7 +233,8 @@ std::string TargetRecommendation(const ModelChoice& targets) {
       TargetName(*other),
       other->rms,
       other->rms_sigma,
-      std::max(recommended.difference, other->difference));
+      std::max(recommended.difference, other->difference),
+      remedy);
 }
 
 std::string HeldOutText(const ModelTrial& trial) {
@@ -348,10 +356,10 @@ std::string ModelYaml(const TrialRow& row) {
                     trial.model->name);
 }
 
-std::string TargetYaml(const ModelChoice& targets) {
+std::string TargetYaml(const ModelChoice& targets, double session_sigma) {
   std::string text = fmt::format("target:\n  recommended: {}\n  why: {}\n",
                                  TargetName(targets.trials[targets.recommended]),
-                                 YamlQuoted(TargetRecommendation(targets)));
+                                 YamlQuoted(TargetRecommendation(targets, session_sigma)));
   for (const ModelTrial& trial : targets.trials) {
     if (!trial.comparable) continue;
     text += fmt::format("  {}:\n    tolerance: {}\n    {}    difference: {}\n    sigma: {}\n",
@@ -367,6 +375,7 @@ std::string TargetYaml(const ModelChoice& targets) {
 /// All that a trial of a session found.
 struct SessionTrial {
   const Session& session;
+  double marker_sigma = 0;  ///< that the session gives the target, m
   ModelChoice models;
   ModelChoice targets;         ///< with the recommended model
   std::vector<TrialRow> rows;  ///< of `models`
@@ -389,7 +398,7 @@ std::string TrialYaml(const SessionTrial& trial) {
       YamlQuoted(Recommendation(choice)),
       choice.trials[choice.reference].model->name,
       YamlNumber(choice.noise));
-  text += TargetYaml(trial.targets) + "models:\n";
+  text += TargetYaml(trial.targets, trial.marker_sigma) + "models:\n";
   for (const TrialRow& row : trial.rows) text += ModelYaml(row);
   return text;
 }
@@ -409,7 +418,8 @@ void WriteTrial(const SessionTrial& trial,
   out->Write("try.html",
              TrialPage(trial.models,
                        trial.rows,
-                       {Recommendation(trial.models), TargetRecommendation(trial.targets)}));
+                       {Recommendation(trial.models),
+                        TargetRecommendation(trial.targets, trial.marker_sigma)}));
 }
 
 void RunTry(const TryArguments& arguments, const ConsoleOptions& shared) {
@@ -437,7 +447,8 @@ void RunTry(const TryArguments& arguments, const ConsoleOptions& shared) {
                                console.Progress(stage);
                                return !Interrupted();
                              }};
-  SessionTrial trial{session, TryModels(input, varied, models, options), {}, {}};
+  SessionTrial trial{
+      session, input.marker_sigma, TryModels(input, varied, models, options), {}, {}};
   trial.targets =
       TryTargets(WithModel(input, varied, *trial.models.trials[trial.models.recommended].model),
                  varied,
@@ -451,7 +462,7 @@ void RunTry(const TryArguments& arguments, const ConsoleOptions& shared) {
   console.Print(fmt::format("{}\nrecommended: {}\ntarget: {}\n\nwritten to {}\n",
                             Table(trial.models, trial.rows),
                             Recommendation(trial.models),
-                            TargetRecommendation(trial.targets),
+                            TargetRecommendation(trial.targets, trial.marker_sigma),
                             arguments.out.string()));
 }
 
