@@ -138,7 +138,7 @@ void AppendItems(const char* key, const Items& items, const Format& format, std:
   text->append(std::empty(items) ? " []\n" : "\n");
 }
 
-// Pairs of unknowns with a strong correlation, which a reader of their sigmas needs to know.
+// Pairs of unknowns with a strong correlation: their sigmas alone would mislead.
 std::string StrongCorrelations(const Correlations& correlations) {
   constexpr double kStrong = 0.9;
   std::vector<std::string> pairs;

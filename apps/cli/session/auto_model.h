@@ -10,7 +10,7 @@
 
 namespace plenocal {
 
-/// How images are calibrated of which the user says no more.
+/// Camera model and treatment of the target for images that come without a session file.
 struct ImageChoice {
   const CameraModel* model = nullptr;
   std::optional<bool> refine_target = {};  ///< empty: as the target's file has it

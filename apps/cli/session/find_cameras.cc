@@ -49,7 +49,7 @@ NameParts PartsOf(const FrameImage& file) {
 /// Files of one camera by a key of their names.
 using Groups = std::map<std::string, std::vector<NameParts>>;
 
-/// What is left of the numbers tells the frame.
+/// Names of the frames: the numbers in the file names without that of the camera.
 std::set<std::vector<std::string>> FramesOf(const std::vector<NameParts>& files,
                                             std::optional<size_t> camera_number) {
   std::set<std::vector<std::string>> frames;

@@ -21,8 +21,8 @@ std::string GlobOf(const std::vector<FrameImage>& files,
 bool FramesAreShared(const std::vector<std::string>& names,
                      const std::vector<std::vector<std::string>>& images);
 
-/// The globs, folder or files of one camera as few words as tell them: of files of one folder that
-/// differ in one part of their names the glob, if nothing else matches it.
+/// The shortest list of globs, folders or files that stands for one camera's images: files of one
+/// folder whose names differ in one part become a glob, if nothing else matches it.
 std::vector<std::string> AsGlobs(const std::vector<std::string>& inputs, const std::string& what);
 
 /// Makes globs of the cameras' names that differ in the frame alone, where the cameras share no

@@ -32,8 +32,8 @@ class ImageSession {
                const ConsoleOptions& options,
                Console* console);
 
-  /// The session with one model for all cameras. `refine_target`: what its options say of that;
-  /// empty: nothing.
+  /// The session with one model for all cameras. `refine_target`: the session's option of
+  /// that name; empty: the option is left out.
   [[nodiscard]] Session With(const CameraModel& model, std::optional<bool> refine_target) const;
   [[nodiscard]] const Target& target() const { return target_; }
   /// The target file that the session names.
