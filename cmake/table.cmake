@@ -1,3 +1,18 @@
+# plenocal_camel_case(<variable> <stem>): x_y becomes XY.
+function(plenocal_camel_case variable stem)
+  string(REPLACE "_" ";" words ${stem})
+  set(name "")
+  foreach(word IN LISTS words)
+    string(SUBSTRING ${word} 0 1 initial)
+    string(SUBSTRING ${word} 1 -1 rest)
+    string(TOUPPER ${initial} initial)
+    string(APPEND name ${initial}${rest})
+  endforeach()
+  set(${variable}
+      ${name}
+      PARENT_SCOPE)
+endfunction()
+
 # plenocal_table(<variable> FOLDER <folder> NAME <function> TYPE <type> SUFFIX <suffix> HEADER <header>)
 #
 # The table of a folder whose file x_y.cc defines `<type> XY<suffix>()`: puts the folder's files and a generated source,
@@ -14,14 +29,7 @@ function(plenocal_table variable)
   set(entries "")
   foreach(source IN LISTS sources)
     get_filename_component(stem ${source} NAME_WE)
-    string(REPLACE "_" ";" words ${stem})
-    set(entry "")
-    foreach(word IN LISTS words)
-      string(SUBSTRING ${word} 0 1 initial)
-      string(SUBSTRING ${word} 1 -1 rest)
-      string(TOUPPER ${initial} initial)
-      string(APPEND entry ${initial}${rest})
-    endforeach()
+    plenocal_camel_case(entry ${stem})
     string(APPEND declarations "${arg_TYPE} ${entry}${arg_SUFFIX}();\n")
     string(APPEND entries "${entry}${arg_SUFFIX}(), ")
   endforeach()

@@ -29,9 +29,8 @@ struct ImportedFile {
 
 /// One tool's file format.
 struct ImportFormat {
-  std::string_view name;  ///< as `--format` takes it
-  std::string_view
-      source;  ///< name of the tool's files, for `--help`; empty: the format's name
+  std::string_view name;    ///< as `--format` takes it
+  std::string_view source;  ///< name of the tool's files, for `--help`; empty: the format's name
   std::string_view
       result;  ///< name of the file made; "<file>" stands for the stem of the tool's file
   /// Throws `Error` of kind kInput with file and place.
