@@ -398,6 +398,14 @@ bool YamlNode::IsScalar() const { return impl_->tree->kind == Tree::Kind::kScala
 
 bool YamlNode::Has(std::string_view key) const { return IsMap() && impl_->Find(key).has_value(); }
 
+// " (is 'modle' meant for it?)" where a key of the map resembles the missing one.
+static std::string SuggestPresent(const Tree& map, std::string_view missing) {
+  std::vector<std::string_view> present;
+  for (size_t i = 0; i < map.children.size(); i += 2) present.emplace_back(map.children[i].scalar);
+  const std::string_view mistyped = NearestName(missing, present);
+  return mistyped.empty() ? "" : fmt::format(" (is '{}' meant for it?)", mistyped);
+}
+
 YamlNode YamlNode::At(std::string_view key) const {
   impl_->Require(
       Tree::Kind::kMap, fmt::format("a map with the key '{}'", key), "; write 'key: value' lines");
@@ -405,18 +413,11 @@ YamlNode YamlNode::At(std::string_view key) const {
   const std::optional<size_t> found = impl_->Find(key);
   if (!found) {
     const Tree& tree = *impl_->tree;
-    std::vector<std::string_view> present;
-    for (size_t i = 0; i < tree.children.size(); i += 2) {
-      present.emplace_back(tree.children[i].scalar);
-    }
-    const std::string_view mistyped = NearestName(key, present);
     FailAt(impl_->document->file,
            tree.line,
            tree.column,
            path,
-           fmt::format("this key is missing; add '{}: ...'{}",
-                       key,
-                       mistyped.empty() ? "" : fmt::format(" (is '{}' meant for it?)", mistyped)));
+           fmt::format("this key is missing; add '{}: ...'{}", key, SuggestPresent(tree, key)));
   }
   return impl_->Child(impl_->tree->children[*found + 1], path);
 }
@@ -538,7 +539,7 @@ void YamlNode::RequireKeys(std::span<const std::string_view> keys, std::string_v
   std::vector<std::string> missing, lines;
   for (const std::string_view key : keys) {
     if (Has(key)) continue;
-    missing.emplace_back(key);
+    missing.push_back(std::string(key) + SuggestPresent(*impl_->tree, key));
     std::string line = fmt::format("{}: ...", key);
     std::istringstream text{std::string(example)};
     for (std::string each; std::getline(text, each);) {
@@ -548,11 +549,15 @@ void YamlNode::RequireKeys(std::span<const std::string_view> keys, std::string_v
   }
   if (missing.empty()) return;
   if (missing.size() == 1) {
+    const std::string_view absent =
+        *std::ranges::find_if(keys, [&](std::string_view key) { return !Has(key); });
     FailAt(impl_->document->file,
            impl_->tree->line,
            impl_->tree->column,
-           Join(impl_->path, missing[0]),
-           fmt::format("this key is missing; add, for example, '{}'", lines[0]));
+           Join(impl_->path, absent),
+           fmt::format("this key is missing; add, for example, '{}'{}",
+                       lines[0],
+                       SuggestPresent(*impl_->tree, absent)));
   }
   Fail(fmt::format("these keys are missing: {}; add, for example, '{}'",
                    fmt::join(missing, ", "),

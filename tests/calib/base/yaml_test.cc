@@ -240,10 +240,22 @@ TEST(Yaml, NamesAllMissingKeysWithAnExample) {
   node.RequireKeys(kNone, "");
 }
 
+TEST(Yaml, SuggestsAKeyThatResemblesAMissingOne) {
+  const YamlNode node = YamlNode::Parse("modle: pinhole", "t.yaml");
+  const std::array<std::string_view, 2> keys{"model", "images"};
+  EXPECT_THAT(MessageOf([&] { node.RequireKeys(keys, ""); }),
+              HasSubstr("model (is 'modle' meant for it?), images"));
+  EXPECT_THAT(
+      MessageOf([&] { node.RequireKeys(std::span(keys).first(1), ""); }),
+      HasSubstr(
+          "model: this key is missing; add, for example, 'model: ...' (is 'modle' meant for it?)"));
+}
+
 TEST(Yaml, PlacesAnEmptyValueAtItsKey) {
   const YamlNode node = YamlNode::Parse("a: 1\nsize:\n\n\nb: 2", "t.yaml");
-  EXPECT_THAT(MessageOf([&] { return node.At("size").AsLength(); }),
-              StartsWith("t.yaml:2:1: size: expected a length in metres or with its unit, got nothing"));
+  EXPECT_THAT(
+      MessageOf([&] { return node.At("size").AsLength(); }),
+      StartsWith("t.yaml:2:1: size: expected a length in metres or with its unit, got nothing"));
 }
 
 TEST(Yaml, ChecksTheVersion) {
