@@ -31,7 +31,7 @@ namespace {
 
 namespace fs = std::filesystem;
 using Bytes = std::vector<std::uint8_t>;
-using View = std::span<const std::uint8_t>;
+using ByteView = std::span<const std::uint8_t>;
 
 /// Larger images are refused before memory is allocated: this is some thirty times a big sensor, so
 /// only broken or hostile headers exceed it.
@@ -40,19 +40,19 @@ constexpr std::uint64_t kMaxPixels = std::uint64_t{1} << 29;
 /// The first defect of a file in words, or nothing.
 using Defect = std::optional<std::string>;
 
-std::uint32_t BigEndian(View bytes, std::size_t at, int size) {
+std::uint32_t BigEndian(ByteView bytes, std::size_t at, int size) {
   std::uint32_t value = 0;
   for (int k = 0; k < size; ++k) value = value << 8 | bytes[at + k];
   return value;
 }
 
-std::uint32_t LittleEndian(View bytes, std::size_t at, int size) {
+std::uint32_t LittleEndian(ByteView bytes, std::size_t at, int size) {
   std::uint32_t value = 0;
   for (int k = size - 1; k >= 0; --k) value = value << 8 | bytes[at + k];
   return value;
 }
 
-bool StartsWith(View bytes, std::string_view magic) {
+bool StartsWith(ByteView bytes, std::string_view magic) {
   return bytes.size() >= magic.size() &&
          std::equal(magic.begin(), magic.end(), bytes.begin(), [](char c, std::uint8_t b) {
            return static_cast<std::uint8_t>(c) == b;
@@ -69,7 +69,7 @@ Defect CheckSize(std::uint64_t width, std::uint64_t height) {
 }
 
 /// The CRC of PNG (ISO 3309), over chunk type and data.
-std::uint32_t Crc(View bytes) {
+std::uint32_t Crc(ByteView bytes) {
   return static_cast<std::uint32_t>(crc32_z(0, bytes.data(), bytes.size()));
 }
 
@@ -78,7 +78,7 @@ constexpr std::string_view kPngMagic = "\x89PNG\r\n\x1a\n";
 /// Walks the chunks up to IEND, and drops the ancillary ones from `bytes`: libpng would complain on
 /// stderr about colour profiles that do not matter here.
 Defect CheckPng(Bytes* bytes) {
-  const View in(*bytes);
+  const ByteView in(*bytes);
   Bytes kept(in.begin(), in.begin() + kPngMagic.size());
   std::size_t at = kPngMagic.size();
   std::string last = "signature";
@@ -115,7 +115,7 @@ Defect CheckPng(Bytes* bytes) {
 }
 
 /// Walks the segments and the entropy-coded scans up to EOI; bytes after it do no harm.
-Defect CheckJpeg(View in) {
+Defect CheckJpeg(ByteView in) {
   std::size_t at = 2;
   bool in_scan = false;
   while (true) {
@@ -150,7 +150,7 @@ Defect CheckJpeg(View in) {
   }
 }
 
-Defect CheckBmp(View in) {
+Defect CheckBmp(ByteView in) {
   constexpr std::size_t kHeader = 30;
   if (in.size() < kHeader) return "truncated BMP (the file ends inside its header)";
   if (LittleEndian(in, 14, 4) < 40) return std::nullopt;  // OS/2's: left to the decoder
@@ -171,7 +171,7 @@ Defect CheckBmp(View in) {
 }
 
 /// Binary PGM and PPM.
-Defect CheckPnm(View in) {
+Defect CheckPnm(ByteView in) {
   std::size_t at = 2;
   std::array<std::uint64_t, 3> numbers{};  // width, height, largest value
   for (std::uint64_t& number : numbers) {
@@ -199,7 +199,7 @@ Defect CheckPnm(View in) {
 }
 
 /// The strips or tiles of the first image must lie within the file.
-Defect CheckTiff(View in) {
+Defect CheckTiff(ByteView in) {
   const bool big = in[0] == 'M';
   const auto read = [&](std::uint64_t at, int size) -> std::optional<std::uint64_t> {
     if (at + size > in.size()) return std::nullopt;
@@ -254,7 +254,7 @@ Defect CheckTiff(View in) {
 }
 
 Defect CheckIntegrity(Bytes* bytes) {
-  const View in(*bytes);
+  const ByteView in(*bytes);
   if (StartsWith(in, kPngMagic)) return CheckPng(bytes);
   if (StartsWith(in, "\xff\xd8")) return CheckJpeg(in);
   if (StartsWith(in, "BM")) return CheckBmp(in);

@@ -216,7 +216,7 @@ class Surroundings {
 /// parameters, then the residual.
 constexpr int kResidual = kParameters;
 constexpr int kPadded = 9;  // for AddSquares
-using Sums = Eigen::Matrix<double, kPadded, kPadded>;
+using EdgeSums = Eigen::Matrix<double, kPadded, kPadded>;
 
 /// Inputs of the model beside its parameters.
 struct Setting {
@@ -288,12 +288,12 @@ void Differentiate(const Eigen::Matrix<float, kParameters, 1>& p,
   }
 }
 
-Sums Linearise(const ParameterVector& p,
-               const Setting& setting,
-               const Samples& samples,
-               std::vector<float>* residuals) {
+EdgeSums Linearise(const ParameterVector& p,
+                   const Setting& setting,
+                   const Samples& samples,
+                   std::vector<float>* residuals) {
   Lanes block[kPadded * kBlock] = {};
-  Sums sums = Sums::Zero();
+  EdgeSums sums = EdgeSums::Zero();
   residuals->resize(samples.s.size());
   for (std::size_t from = 0; from < samples.count; from += kLanes * kBlock) {
     const auto count =
@@ -344,14 +344,14 @@ bool StartLevels(const Samples& samples, double blur, ParameterVector* p) {
 
 /// Gauss-Newton steps to the minimum near `p`. Returns the sums before the last step; nothing when
 /// it leaves the edge.
-std::optional<Sums> Descend(const Edge& edge,
-                            const Setting& setting,
-                            Workspace* work,
-                            ParameterVector* p) {
+std::optional<EdgeSums> Descend(const Edge& edge,
+                                const Setting& setting,
+                                Workspace* work,
+                                ParameterVector* p) {
   constexpr int kSteps = 6;
   constexpr double kDamping = 1e-6;    // of the diagonal: for parameters that are not determined
   constexpr double kSmallStep = 0.02;  // px: the next one is of the order of its square
-  Sums sums;
+  EdgeSums sums;
   for (int i = 0; i < kSteps; ++i) {
     sums = Linearise(*p, setting, work->samples, &work->residuals);
     ParameterMatrix damped = sums.topLeftCorner<kParameters, kParameters>();
@@ -386,7 +386,7 @@ void FitEdge(const cv::Mat& gray, Edge* edge, Workspace* work) {
                           edge->squares,
                           around ? &*around : nullptr,
                           limit};
-    const std::optional<Sums> sums = Descend(*edge, setting, work, &p);
+    const std::optional<EdgeSums> sums = Descend(*edge, setting, work, &p);
     if (!sums) return;
     const auto used = std::count_if(
         work->residuals.begin(), work->residuals.end(), [&](float r) { return r <= limit; });

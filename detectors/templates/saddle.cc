@@ -92,7 +92,7 @@ class CrossingEdges {
 };
 
 /// The pixels between the neighbouring corners' edges and outside of printed markers.
-std::vector<Pixel> Patch(const cv::Mat& gray, const SaddleGuess& guess) {
+std::vector<Pixel> CornerPixels(const cv::Mat& gray, const SaddleGuess& guess) {
   const double area = std::abs(Cross(guess.u, guess.v));
   // Distances from one line of the board to the next.
   const double h_u = area / guess.v.norm(), h_v = area / guess.u.norm();
@@ -201,7 +201,7 @@ std::optional<Saddle> FitSaddle(const cv::Mat& gray, const SaddleGuess& guess) {
   const double area = std::abs(Cross(guess.u, guess.v));
   const double spacing = area / std::max(guess.u.norm(), guess.v.norm());
   if (!(spacing >= kMinSpacing)) return std::nullopt;
-  const std::vector<Pixel> pixels = Patch(gray, guess);
+  const std::vector<Pixel> pixels = CornerPixels(gray, guess);
   if (pixels.size() < 2 * CrossingEdges::kSize) return std::nullopt;
 
   // The linear parameters' start: mean gray, and the contrast between the two pairs of quadrants.

@@ -210,7 +210,7 @@ void CheckInputs(const Session& session, const std::filesystem::path& out) {
 }
 
 // A session from its file, or from images, for which model and target are chosen.
-struct Job {
+struct CalibrateJob {
   std::optional<ImageSession> images;  // without a session file
   const CameraModel* model = nullptr;  // of images; null: to be chosen
   Session session;
@@ -245,8 +245,10 @@ std::string SessionFile(const CalibrateArguments& arguments) {
                           first));
 }
 
-Job MakeJob(const CalibrateArguments& arguments, const ConsoleOptions& shared, Console* console) {
-  Job job;
+CalibrateJob MakeCalibrateJob(const CalibrateArguments& arguments,
+                              const ConsoleOptions& shared,
+                              Console* console) {
+  CalibrateJob job;
   if (const std::string file = SessionFile(arguments); !file.empty()) {
     job.session = OpenSession(file);
     job.target = ReadTarget(job.session.target);
@@ -271,7 +273,7 @@ Job MakeJob(const CalibrateArguments& arguments, const ConsoleOptions& shared, C
 
 // Settles model and target of images, and writes session and target.
 void CompleteJob(const ConsoleOptions& shared,
-                 Job* job,
+                 CalibrateJob* job,
                  SessionObservations* observations,
                  Console* console,
                  OutputFolder* out) {
@@ -286,7 +288,7 @@ void CompleteJob(const ConsoleOptions& shared,
 
 void RunCalibrate(const CalibrateArguments& arguments, const ConsoleOptions& shared) {
   Console console(shared);
-  Job job = MakeJob(arguments, shared, &console);
+  CalibrateJob job = MakeCalibrateJob(arguments, shared, &console);
   const Session& session = job.session;
   const Target& target = job.target;
   CheckInputs(session, arguments.out);
@@ -328,13 +330,13 @@ void RunCalibrate(const CalibrateArguments& arguments, const ConsoleOptions& sha
   CheckRequirement(arguments, *record.verdict);
 }
 
-constexpr const char* kHelp =
+constexpr const char* kCalibrateHelp =
     "From images (or detections) to camera parameters, poses and target.\n\n"
     "  plenocal calibrate session.yaml -o OUT\n"
     "  plenocal calibrate 'images/*.jpg' --target chessboard:9x6:25mm -o OUT\n\n"
     "writes OUT/calibration.yaml, target.yaml, poses.csv, view_poses.csv (of a rig), residuals.csv, correlations.csv, detections_<camera>.csv, left_out.csv and report.html, and prints a summary. From images it writes OUT/session.yaml and nominal_target.yaml as well, from which the next step can start.";
 
-RunCommand Declare(CLI::App* app, ConsoleOptions* shared) {
+RunCommand DeclareCalibrate(CLI::App* app, ConsoleOptions* shared) {
   const auto arguments = std::make_shared<CalibrateArguments>();
   app->add_option(
       "input",
@@ -372,6 +374,6 @@ RunCommand Declare(CLI::App* app, ConsoleOptions* shared) {
 
 }  // namespace
 
-Command CalibrateCommand() { return {"calibrate", kHelp, Declare}; }
+Command CalibrateCommand() { return {"calibrate", kCalibrateHelp, DeclareCalibrate}; }
 
 }  // namespace plenocal

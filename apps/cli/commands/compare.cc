@@ -548,7 +548,7 @@ void RunCompare(const CompareArguments& arguments, const ConsoleOptions& shared)
   }
 }
 
-constexpr const char* kHelp =
+constexpr const char* kCompareHelp =
     "How far two calibrations differ in the image, beside the difference that their sigmas predict.\n"
     "\n"
     "  plenocal compare A/calibration.yaml B/calibration.yaml\n"
@@ -556,7 +556,7 @@ constexpr const char* kHelp =
     "\n"
     "The rotation and translation of the camera frames that the difference of the intrinsics implies is removed first.";
 
-RunCommand Declare(CLI::App* app, ConsoleOptions* shared) {
+RunCommand DeclareCompare(CLI::App* app, ConsoleOptions* shared) {
   const auto arguments = std::make_shared<CompareArguments>();
   app->add_option("a", arguments->a, "calibration.yaml")->required();
   app->add_option("b", arguments->b, "another, of any models");
@@ -580,6 +580,6 @@ RunCommand Declare(CLI::App* app, ConsoleOptions* shared) {
 
 }  // namespace
 
-Command CompareCommand() { return {"compare", kHelp, Declare}; }
+Command CompareCommand() { return {"compare", kCompareHelp, DeclareCompare}; }
 
 }  // namespace plenocal

@@ -11,7 +11,7 @@
 namespace plenocal {
 namespace {
 
-constexpr const char* kHelp =
+constexpr const char* kCompletionHelp =
     "A script that completes commands and options in a shell.\n"
     "\n"
     "  source <(plenocal completion bash)\n"
@@ -19,7 +19,7 @@ constexpr const char* kHelp =
     "\n"
     "An installed program has both scripts where the shells look for them.";
 
-RunCommand Declare(CLI::App* app, ConsoleOptions* /*shared*/) {
+RunCommand DeclareCompletion(CLI::App* app, ConsoleOptions* /*shared*/) {
   const auto shell = std::make_shared<std::string>();
   app->add_option("shell", *shell, "the shell")
       ->required()
@@ -32,6 +32,6 @@ RunCommand Declare(CLI::App* app, ConsoleOptions* /*shared*/) {
 
 }  // namespace
 
-Command CompletionCommand() { return {"completion", kHelp, Declare}; }
+Command CompletionCommand() { return {"completion", kCompletionHelp, DeclareCompletion}; }
 
 }  // namespace plenocal

@@ -111,14 +111,14 @@ void RunConvert(const ConvertArguments& arguments, const ConsoleOptions& shared)
       "{}\nwritten to {}\n", SummaryOf(camera, *model, conversion), arguments.out.string()));
 }
 
-constexpr const char* kHelp =
+constexpr const char* kConvertHelp =
     "Fits one camera model to another over the image.\n"
     "\n"
     "  plenocal convert calibration.yaml --camera NAME --to MODEL -o OUT\n"
     "\n"
     "writes OUT/calibration.yaml and the errors at pixels over the image, conversion_errors.csv and .png.";
 
-RunCommand Declare(CLI::App* app, ConsoleOptions* shared) {
+RunCommand DeclareConvert(CLI::App* app, ConsoleOptions* shared) {
   const auto arguments = std::make_shared<ConvertArguments>();
   app->add_option("calibration", arguments->calibration, "calibration.yaml")->required();
   app->add_option("--camera", arguments->camera, "its camera (default: the only one)");
@@ -130,6 +130,6 @@ RunCommand Declare(CLI::App* app, ConsoleOptions* shared) {
 
 }  // namespace
 
-Command ConvertCommand() { return {"convert", kHelp, Declare}; }
+Command ConvertCommand() { return {"convert", kConvertHelp, DeclareConvert}; }
 
 }  // namespace plenocal

@@ -35,7 +35,7 @@ void RunDetect(const SessionOptions& options, const ConsoleOptions& shared) {
   }
 }
 
-RunCommand Declare(CLI::App* app, ConsoleOptions* shared) {
+RunCommand DeclareDetect(CLI::App* app, ConsoleOptions* shared) {
   const auto options = std::make_shared<SessionOptions>();
   AddSessionOptions(app, options.get(), shared);
   return [options, shared] { RunDetect(*options, *shared); };
@@ -44,7 +44,7 @@ RunCommand Declare(CLI::App* app, ConsoleOptions* shared) {
 }  // namespace
 
 Command DetectCommand() {
-  return {"detect", "Only find the markers: writes OUT/detections_<camera>.csv.", Declare};
+  return {"detect", "Only find the markers: writes OUT/detections_<camera>.csv.", DeclareDetect};
 }
 
 }  // namespace plenocal

@@ -377,7 +377,7 @@ void RunEvaluate(const EvaluateArguments& arguments, const ConsoleOptions& share
   }
 }
 
-constexpr const char* kHelp =
+constexpr const char* kEvaluateHelp =
     "Drift of visual odometry over one large loop, ATE and RPE.\n"
     "\n"
     "  plenocal evaluate --estimate TRAJ --truth SEGMENTS --json\n"
@@ -385,7 +385,7 @@ constexpr const char* kHelp =
     "\n"
     "Trajectories in the formats of TUM, ORB-SLAM, EuRoC and KITTI; docs/exchange.md.";
 
-RunCommand Declare(CLI::App* app, ConsoleOptions* shared) {
+RunCommand DeclareEvaluate(CLI::App* app, ConsoleOptions* shared) {
   const auto arguments = std::make_shared<EvaluateArguments>();
   app->add_option(
          "--estimate", arguments->estimates, "estimated trajectories, each FILE or NAME=FILE")
@@ -427,6 +427,6 @@ RunCommand Declare(CLI::App* app, ConsoleOptions* shared) {
 
 }  // namespace
 
-Command EvaluateCommand() { return {"evaluate", kHelp, Declare}; }
+Command EvaluateCommand() { return {"evaluate", kEvaluateHelp, DeclareEvaluate}; }
 
 }  // namespace plenocal

@@ -97,7 +97,7 @@ void RunExport(const ExportArguments& arguments, const ConsoleOptions& shared) {
   }
 }
 
-std::string Help() {
+std::string ExportHelp() {
   return fmt::format(
       "A calibration as another tool's file.\n\n"
       "  plenocal export calibration.yaml --format kalibr -o camchain.yaml\n\n"
@@ -105,7 +105,7 @@ std::string Help() {
       CameraFormatList());
 }
 
-RunCommand Declare(CLI::App* app, ConsoleOptions* shared) {
+RunCommand DeclareExport(CLI::App* app, ConsoleOptions* shared) {
   const auto arguments = std::make_shared<ExportArguments>();
   app->add_option("calibration", arguments->calibration, "calibration.yaml")->required();
   app->add_option("--format", arguments->format, "the other tool")->required();
@@ -118,6 +118,6 @@ RunCommand Declare(CLI::App* app, ConsoleOptions* shared) {
 
 }  // namespace
 
-Command ExportCommand() { return {"export", Help(), Declare}; }
+Command ExportCommand() { return {"export", ExportHelp(), DeclareExport}; }
 
 }  // namespace plenocal

@@ -121,14 +121,14 @@ void RunFocus(const FocusArguments& arguments, const ConsoleOptions& shared) {
   console.Print(fmt::format("written to {}\n", arguments.out.string()));
 }
 
-constexpr const char* kHelp =
+constexpr const char* kFocusHelp =
     "From raw images of a plenoptic camera to totally focused images and virtual depth.\n"
     "\n"
     "  plenocal focus RAW --white WHITE... -o OUT\n"
     "\n"
     "writes OUT/focused.png, virtual_depth.tiff, virtual_depth_sigma.tiff, virtual_depth.png and focused.yaml; of several raw images OUT/<frame>/...";
 
-RunCommand Declare(CLI::App* app, ConsoleOptions* shared) {
+RunCommand DeclareFocus(CLI::App* app, ConsoleOptions* shared) {
   const auto arguments = std::make_shared<FocusArguments>();
   app->add_option("raw", arguments->raw, "raw images: files, globs or folders")->required();
   app->add_option("-o,--out", arguments->out, "folder for the results")->required();
@@ -154,6 +154,6 @@ RunCommand Declare(CLI::App* app, ConsoleOptions* shared) {
 
 }  // namespace
 
-Command FocusCommand() { return {"focus", kHelp, Declare}; }
+Command FocusCommand() { return {"focus", kFocusHelp, DeclareFocus}; }
 
 }  // namespace plenocal

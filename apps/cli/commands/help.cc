@@ -51,12 +51,12 @@ void RunHelp(const HelpArguments& arguments, const CLI::App& root) {
   fmt::print("{}", app->get_formatter()->make_help(app, name, CLI::AppFormatMode::Normal));
 }
 
-constexpr const char* kHelp =
+constexpr const char* kHelpHelp =
     "The options of a command, as its --help.\n"
     "\n"
     "  plenocal help calibrate";
 
-RunCommand Declare(CLI::App* app, ConsoleOptions* /*shared*/) {
+RunCommand DeclareHelp(CLI::App* app, ConsoleOptions* /*shared*/) {
   const auto arguments = std::make_shared<HelpArguments>();
   app->add_option("command", arguments->words, "the command (default: the list of commands)");
   app->add_option("--man", arguments->man, "folder for man pages of all commands")->group("");
@@ -65,6 +65,6 @@ RunCommand Declare(CLI::App* app, ConsoleOptions* /*shared*/) {
 
 }  // namespace
 
-Command HelpCommand() { return {"help", kHelp, Declare}; }
+Command HelpCommand() { return {"help", kHelpHelp, DeclareHelp}; }
 
 }  // namespace plenocal

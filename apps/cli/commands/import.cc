@@ -31,7 +31,7 @@ struct ImportArguments {
 };
 
 /// A name that can be a key and part of file names.
-std::string CleanName(std::string name) {
+std::string NameInFile(std::string name) {
   for (char& c : name) {
     if (std::isalnum(static_cast<unsigned char>(c)) == 0 && c != '_' && c != '-') c = '_';
   }
@@ -45,7 +45,7 @@ std::vector<CalibratedCamera> ReadCameras(const ImportArguments& arguments,
   std::set<std::string> names;
   for (const std::filesystem::path& file : arguments.files) {
     for (CalibratedCamera& camera : format.read({file, size, arguments.fisheye})) {
-      camera.name = CleanName(camera.name.empty() ? file.stem().string() : camera.name);
+      camera.name = NameInFile(camera.name.empty() ? file.stem().string() : camera.name);
       if (!names.insert(camera.name).second) {
         throw Error(ErrorKind::kInput,
                     fmt::format("two cameras are called '{}'; rename a file", camera.name));
@@ -89,7 +89,7 @@ Made Import(const ImportArguments& arguments) {
   constexpr std::string_view kStem = "<file>";
   std::string name(format->result);
   if (const size_t at = name.find(kStem); at != std::string::npos) {
-    name.replace(at, kStem.size(), CleanName(source.stem().string()));
+    name.replace(at, kStem.size(), NameInFile(source.stem().string()));
   }
   return {name, format->read({source, size})};
 }
@@ -109,7 +109,7 @@ void RunImport(const ImportArguments& arguments, const ConsoleOptions& shared) {
   console.Print(fmt::format("written to {}\n", (folder / name).string()));
 }
 
-std::string Help() {
+std::string ImportHelp() {
   return fmt::format(
       "Another tool's file as one of plenocal.\n\n"
       "  plenocal import camchain.yaml --format kalibr -o OUT\n\n"
@@ -117,7 +117,7 @@ std::string Help() {
       ImportFormatList());
 }
 
-RunCommand Declare(CLI::App* app, ConsoleOptions* shared) {
+RunCommand DeclareImport(CLI::App* app, ConsoleOptions* shared) {
   const auto arguments = std::make_shared<ImportArguments>();
   app->add_option("file", arguments->files, "the other tool's file; of mrcal one a camera")
       ->required();
@@ -134,6 +134,6 @@ RunCommand Declare(CLI::App* app, ConsoleOptions* shared) {
 
 }  // namespace
 
-Command ImportCommand() { return {"import", Help(), Declare}; }
+Command ImportCommand() { return {"import", ImportHelp(), DeclareImport}; }
 
 }  // namespace plenocal

@@ -209,12 +209,12 @@ void RunInit(const InitArguments& arguments, const ConsoleOptions& shared) {
              arguments.session.string());
 }
 
-constexpr const char* kHelp =
+constexpr const char* kInitHelp =
     "Finds cameras, white images and target in a folder of images, and writes session and target files to be completed.\n\n"
     "  plenocal init FOLDER -o session.yaml\n\n"
     "Cameras are subfolders, or images of one folder whose names differ as left01.jpg and right01.jpg do. Images in <camera>_white are white images.";
 
-RunCommand Declare(CLI::App* app, ConsoleOptions* shared) {
+RunCommand DeclareInit(CLI::App* app, ConsoleOptions* shared) {
   const auto arguments = std::make_shared<InitArguments>();
   app->add_option("folder", arguments->folder, "folder with images, in it or below")->required();
   app->add_option(
@@ -227,6 +227,6 @@ RunCommand Declare(CLI::App* app, ConsoleOptions* shared) {
 
 }  // namespace
 
-Command InitCommand() { return {"init", kHelp, Declare}; }
+Command InitCommand() { return {"init", kInitHelp, DeclareInit}; }
 
 }  // namespace plenocal

@@ -51,14 +51,14 @@ void RunMap(const MapArguments& arguments, const ConsoleOptions& shared) {
       fmt::format("{}: {}\nwritten to {}\n", camera.name, ViewText(view), arguments.out.string()));
 }
 
-constexpr const char* kHelp =
+constexpr const char* kMapHelp =
     "Remap tables that undistort a camera's images, for cv::remap.\n"
     "\n"
     "  plenocal map calibration.yaml --camera NAME -o DIR | FILE.yaml | FILE.xml\n"
     "\n"
     "writes DIR/map_x.tiff, map_y.tiff (32-bit floats, px, -1 both where the camera images nothing), mask.png and calibration.yaml, the new camera; or one cv::FileStorage.";
 
-RunCommand Declare(CLI::App* app, ConsoleOptions* shared) {
+RunCommand DeclareMap(CLI::App* app, ConsoleOptions* shared) {
   const auto arguments = std::make_shared<MapArguments>();
   app->add_option("calibration", arguments->calibration, "calibration.yaml")->required();
   app->add_option("--camera", arguments->camera, "its camera (default: the only one)");
@@ -71,6 +71,6 @@ RunCommand Declare(CLI::App* app, ConsoleOptions* shared) {
 
 }  // namespace
 
-Command MapCommand() { return {"map", kHelp, Declare}; }
+Command MapCommand() { return {"map", kMapHelp, DeclareMap}; }
 
 }  // namespace plenocal

@@ -82,13 +82,13 @@ void RunModelCheck(const std::string& name) {
   }
 }
 
-constexpr const char* kHelp = "List the camera models, their parameters, units and source.";
+constexpr const char* kModelsHelp = "List the camera models, their parameters, units and source.";
 constexpr const char* kCheckHelp =
     "Whether a model's projection, inverse and derivatives agree with each other.\n\n"
     "  plenocal --plugin ./libmine.so models check NAME\n\n"
     "runs the tests of the models of this project on any model, at its example parameters.";
 
-RunCommand Declare(CLI::App* app, ConsoleOptions* /*shared*/) {
+RunCommand DeclareModels(CLI::App* app, ConsoleOptions* /*shared*/) {
   const auto checked = std::make_shared<std::string>();
   app->require_subcommand(0, 1);
   CLI::App* const check = app->add_subcommand("check", kCheckHelp);
@@ -104,6 +104,6 @@ RunCommand Declare(CLI::App* app, ConsoleOptions* /*shared*/) {
 
 }  // namespace
 
-Command ModelsCommand() { return {"models", kHelp, Declare}; }
+Command ModelsCommand() { return {"models", kModelsHelp, DeclareModels}; }
 
 }  // namespace plenocal

@@ -256,7 +256,7 @@ void RunRectify(const RectifyArguments& arguments, const ConsoleOptions& shared)
                             arguments.out.string()));
 }
 
-constexpr const char* kHelp =
+constexpr const char* kRectifyHelp =
     "Stereo pairs whose points lie in equal rows.\n"
     "\n"
     "  plenocal rectify calibration.yaml 'left/*.png' 'right/*.png' -o DIR\n"
@@ -265,7 +265,7 @@ constexpr const char* kHelp =
     "\n"
     "writes DIR/<camera>/<frame>.png, DIR/calibration.yaml (two pinhole cameras of equal parameters, baseline along x) and rectification.yaml (R1 R2 P1 P2 Q of OpenCV); prints the epipolar error of the calibration's detections.";
 
-RunCommand Declare(CLI::App* app, ConsoleOptions* shared) {
+RunCommand DeclareRectify(CLI::App* app, ConsoleOptions* shared) {
   const auto arguments = std::make_shared<RectifyArguments>();
   app->add_option("calibration", arguments->calibration, "calibration.yaml")->required();
   app->add_option("left",
@@ -293,6 +293,6 @@ RunCommand Declare(CLI::App* app, ConsoleOptions* shared) {
 
 }  // namespace
 
-Command RectifyCommand() { return {"rectify", kHelp, Declare}; }
+Command RectifyCommand() { return {"rectify", kRectifyHelp, DeclareRectify}; }
 
 }  // namespace plenocal

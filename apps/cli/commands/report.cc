@@ -23,12 +23,12 @@ void RunReport(const std::filesystem::path& folder, const ConsoleOptions& shared
   Console(shared).Print(fmt::format("written to {}\n", (folder / "report.html").string()));
 }
 
-constexpr const char* kHelp =
+constexpr const char* kReportHelp =
     "The report of a calibration once more, from the files in its folder alone.\n\n"
     "  plenocal report OUT\n\n"
     "writes OUT/report.html: one page that opens in any browser, without network.";
 
-RunCommand Declare(CLI::App* app, ConsoleOptions* shared) {
+RunCommand DeclareReport(CLI::App* app, ConsoleOptions* shared) {
   const auto folder = std::make_shared<std::filesystem::path>();
   app->add_option("out", *folder, "folder that 'plenocal calibrate' wrote")->required();
   AddQuiet(app, shared);
@@ -37,6 +37,6 @@ RunCommand Declare(CLI::App* app, ConsoleOptions* shared) {
 
 }  // namespace
 
-Command ReportCommand() { return {"report", kHelp, Declare}; }
+Command ReportCommand() { return {"report", kReportHelp, DeclareReport}; }
 
 }  // namespace plenocal

@@ -27,12 +27,12 @@ void RunSimulate(const SimulateRequest& request, const ConsoleOptions& shared) {
   console.Print(fmt::format("{}written to {}\n", summary, request.out.string()));
 }
 
-constexpr const char* kHelp =
+constexpr const char* kSimulateHelp =
     "A session with known truth: images, white images, target and truth.\n\n"
     "  plenocal simulate spec.yaml -o DIR\n\n"
     "then 'plenocal calibrate DIR/session.yaml -o OUT' can be compared with DIR/truth. docs/simulate.md describes the specification.";
 
-RunCommand Declare(CLI::App* app, ConsoleOptions* shared) {
+RunCommand DeclareSimulate(CLI::App* app, ConsoleOptions* shared) {
   const auto request = std::make_shared<SimulateRequest>();
   app->add_option("spec", request->spec, "spec.yaml: cameras, target, poses")->required();
   app->add_option("-o,--out", request->out, "folder for the session")->required();
@@ -44,6 +44,6 @@ RunCommand Declare(CLI::App* app, ConsoleOptions* shared) {
 
 }  // namespace
 
-Command SimulateCommand() { return {"simulate", kHelp, Declare}; }
+Command SimulateCommand() { return {"simulate", kSimulateHelp, DeclareSimulate}; }
 
 }  // namespace plenocal

@@ -10,12 +10,12 @@
 namespace plenocal {
 namespace {
 
-constexpr const char* kHelp =
+constexpr const char* kTargetHelp =
     "A printable target at true scale, with a ruler to check the printer.\n\n"
     "  plenocal target target.yaml -o FILE.svg|.pdf|.png\n\n"
     "Tags that are arranged in space are laid out one by one, with ids and cut marks.";
 
-RunCommand Declare(CLI::App* app, ConsoleOptions* shared) {
+RunCommand DeclareTarget(CLI::App* app, ConsoleOptions* shared) {
   const auto request = std::make_shared<PrintRequest>();
   app->add_option("target", request->target, "target.yaml")->required();
   app->add_option("-o,--out", request->out, "FILE.svg, FILE.pdf or FILE.png")->required();
@@ -35,6 +35,6 @@ RunCommand Declare(CLI::App* app, ConsoleOptions* shared) {
 
 }  // namespace
 
-Command TargetCommand() { return {"target", kHelp, Declare}; }
+Command TargetCommand() { return {"target", kTargetHelp, DeclareTarget}; }
 
 }  // namespace plenocal

@@ -284,7 +284,7 @@ std::string Table(const ModelChoice& choice, const std::vector<TrialRow>& rows) 
   return text;
 }
 
-std::string Quoted(const std::string& text) {
+std::string QuotedField(const std::string& text) {
   std::string quoted = "\"";
   for (const char c : text) {
     if (c == '"') quoted += '"';
@@ -299,7 +299,7 @@ std::string TableCsv(const std::vector<TrialRow>& rows) {
   for (const TrialRow& row : rows) {
     const ModelTrial& trial = *row.trial;
     if (!trial.failure.empty()) {
-      text += fmt::format("{},,,,,,,,,,,0,,,{}\n", trial.model->name, Quoted(trial.failure));
+      text += fmt::format("{},,,,,,,,,,,0,,,{}\n", trial.model->name, QuotedField(trial.failure));
       continue;
     }
     text += fmt::format("{},{},{},{:.6g},{},{:.6g},{:.3f},{},{},{},\n",
@@ -317,7 +317,7 @@ std::string TableCsv(const std::vector<TrialRow>& rows) {
                         trial.unseen,
                         trial.seconds,
                         row.recommended ? 1 : 0,
-                        Quoted(row.judgement),
+                        QuotedField(row.judgement),
                         fmt::join(row.undetermined, " "));
   }
   return text;
@@ -466,14 +466,14 @@ void RunTry(const TryArguments& arguments, const ConsoleOptions& shared) {
                             arguments.out.string()));
 }
 
-constexpr const char* kHelp =
+constexpr const char* kTryHelp =
     "Which camera model fits best: the cameras are calibrated with each model, which is judged by frames that were held out; the target likewise, held rigid and refined.\n"
     "\n"
     "  plenocal try session.yaml --models A,B,C -o OUT\n"
     "\n"
     "writes OUT/try.csv, try.yaml, try.html and models/<model>/calibration.yaml.";
 
-RunCommand Declare(CLI::App* app, ConsoleOptions* shared) {
+RunCommand DeclareTry(CLI::App* app, ConsoleOptions* shared) {
   const auto arguments = std::make_shared<TryArguments>();
   app->add_option("session", arguments->session, "session.yaml: cameras, images, target")
       ->required();
@@ -496,6 +496,6 @@ RunCommand Declare(CLI::App* app, ConsoleOptions* shared) {
 
 }  // namespace
 
-Command TryCommand() { return {"try", kHelp, Declare}; }
+Command TryCommand() { return {"try", kTryHelp, DeclareTry}; }
 
 }  // namespace plenocal

@@ -35,7 +35,7 @@ struct UndistortArguments {
 namespace fs = std::filesystem;
 
 /// The camera and its images, as ordinary and plenoptic cameras both need them.
-struct Job {
+struct UndistortJob {
   const UndistortArguments& arguments;
   const ConsoleOptions& shared;
   const CalibrationRecord& calibration;
@@ -49,7 +49,7 @@ struct NewCamera {
   PixelMap map;
 };
 
-void Finish(const Job& job, const NewCamera& made, size_t count, OutputFolder* out) {
+void Finish(const UndistortJob& job, const NewCamera& made, size_t count, OutputFolder* out) {
   if (job.arguments.resample.mask) {
     out->Write("mask.png", MapFiles(made.map, {}, "").at("mask.png"));
   }
@@ -66,7 +66,7 @@ void Finish(const Job& job, const NewCamera& made, size_t count, OutputFolder* o
                          job.arguments.out.string()));
 }
 
-void UndistortOrdinary(const Job& job) {
+void UndistortOrdinary(const UndistortJob& job) {
   if (!job.arguments.cloud.empty()) {
     throw Error(ErrorKind::kInput,
                 fmt::format("--cloud: camera '{}' has no depth; only a plenoptic camera has",
@@ -89,7 +89,7 @@ void UndistortOrdinary(const Job& job) {
 
 constexpr double kScale = 2;  // raw px per pixel of the virtual image, as for `plenocal focus`
 
-void CheckPlenopticJob(const Job& job) {
+void CheckPlenopticJob(const UndistortJob& job) {
   if (job.camera.micro_lenses.empty()) {
     throw Error(
         ErrorKind::kInput,
@@ -104,7 +104,7 @@ void CheckPlenopticJob(const Job& job) {
   }
 }
 
-CalibratedCamera ChooseView(const Job& job, const VirtualImage& virtual_image) {
+CalibratedCamera ChooseView(const UndistortJob& job, const VirtualImage& virtual_image) {
   const std::array seen{virtual_image.Seen(kScale)};
   CalibratedCamera view = ChoosePinhole(seen, ToViewOptions(job.arguments.view));
   view.name = job.camera.name;
@@ -113,7 +113,7 @@ CalibratedCamera ChooseView(const Job& job, const VirtualImage& virtual_image) {
 }
 
 PixelMap MapVirtualImage(const CalibratedCamera& view,
-                         const Job& job,
+                         const UndistortJob& job,
                          const VirtualImage& virtual_image) {
   return MapPixels(
       view,
@@ -136,7 +136,7 @@ std::optional<OutputFolder> OwnCloudFolder(const UndistortArguments& arguments) 
   return std::optional<OutputFolder>(std::in_place, folder);
 }
 
-void UndistortPlenoptic(const Job& job) {
+void UndistortPlenoptic(const UndistortJob& job) {
   const CalibratedCamera& camera = job.camera;
   const VirtualImage virtual_image(camera);
   NewCamera made{ChooseView(job, virtual_image), {}};
@@ -184,7 +184,7 @@ void UndistortPlenoptic(const Job& job) {
 void RunUndistort(const UndistortArguments& arguments, const ConsoleOptions& shared) {
   const CalibrationRecord calibration = ReadCalibration(arguments.calibration, CameraModels());
   const CalibratedCamera& camera = FindCamera(calibration, arguments.camera);
-  const Job job{
+  const UndistortJob job{
       arguments, shared, calibration, camera, FindImageInputs(arguments.images, "images")};
   CheckImageNames(job.images, arguments.out);
   if (camera.model->central) {
@@ -194,14 +194,14 @@ void RunUndistort(const UndistortArguments& arguments, const ConsoleOptions& sha
   }
 }
 
-constexpr const char* kHelp =
+constexpr const char* kUndistortHelp =
     "Images without distortion, as a pinhole camera takes them.\n"
     "\n"
     "  plenocal undistort calibration.yaml --camera NAME IMAGES... -o DIR\n"
     "\n"
     "writes DIR/<image>.png (depth and colours of the image; black without source) and DIR/calibration.yaml, the new camera; of raw plenoptic images the totally focused image, DIR/<image>_depth.tiff and _depth_sigma.tiff (z and its sigma in metres, NaN unknown).";
 
-RunCommand Declare(CLI::App* app, ConsoleOptions* shared) {
+RunCommand DeclareUndistort(CLI::App* app, ConsoleOptions* shared) {
   const auto arguments = std::make_shared<UndistortArguments>();
   app->add_option("calibration", arguments->calibration, "calibration.yaml")->required();
   app->add_option("images", arguments->images, "images: files, globs or folders")->required();
@@ -219,6 +219,6 @@ RunCommand Declare(CLI::App* app, ConsoleOptions* shared) {
 
 }  // namespace
 
-Command UndistortCommand() { return {"undistort", kHelp, Declare}; }
+Command UndistortCommand() { return {"undistort", kUndistortHelp, DeclareUndistort}; }
 
 }  // namespace plenocal

@@ -193,7 +193,7 @@ void RunWhite(const WhiteArguments& arguments, const ConsoleOptions& shared) {
   for (size_t i = 0; i < jobs.size(); ++i) console.Print(SummaryText(jobs[i], cameras[i]));
 }
 
-constexpr const char* kHelp =
+constexpr const char* kWhiteHelp =
     "From white images to micro-image centres and attenuation.\n"
     "\n"
     "  plenocal white session.yaml -o OUT\n"
@@ -201,7 +201,7 @@ constexpr const char* kHelp =
     "\n"
     "writes OUT/vignetting_<camera>.tiff and, for a plenoptic camera, micro_lenses_<camera>.csv and grid_<camera>.png.";
 
-RunCommand Declare(CLI::App* app, ConsoleOptions* shared) {
+RunCommand DeclareWhite(CLI::App* app, ConsoleOptions* shared) {
   const auto arguments = std::make_shared<WhiteArguments>();
   app->add_option("input", arguments->inputs, "session.yaml; with --model a folder, glob or files")
       ->required();
@@ -217,6 +217,6 @@ RunCommand Declare(CLI::App* app, ConsoleOptions* shared) {
 
 }  // namespace
 
-Command WhiteCommand() { return {"white", kHelp, Declare}; }
+Command WhiteCommand() { return {"white", kWhiteHelp, DeclareWhite}; }
 
 }  // namespace plenocal

@@ -9,6 +9,8 @@
 #include <set>
 #include <utility>
 
+#include "calib/base/number_text.h"
+
 namespace plenocal {
 namespace {
 
@@ -21,10 +23,6 @@ std::string WithoutNumbers(const std::string& reason) {
     text += digit ? '#' : c;
   }
   return text;
-}
-
-std::string Counted(size_t count, const char* one) {
-  return fmt::format("{} {}{}", count, one, count == 1 ? "" : "s");
 }
 
 std::string Quoted(std::string text) {

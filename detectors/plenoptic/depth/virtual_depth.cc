@@ -28,7 +28,7 @@ struct Hit {
 };
 
 /// Sums over the hits that cover one pixel.
-struct Sums {
+struct PixelSums {
   float cover = 0, agreeing = 0, weight = 0, z = 0, square = 0;
 };
 
@@ -66,10 +66,10 @@ void ForEachCovered(const Hit& hit, int columns, int y0, int y1, const Use& use)
 void FuseStrip(const std::vector<Hit>& hits, int y0, int y1, Fused* fused) {
   constexpr int kPasses = 2;
   const int columns = fused->inverse.cols;
-  std::vector<Sums> sums(static_cast<size_t>(y1 - y0) * columns);
+  std::vector<PixelSums> sums(static_cast<size_t>(y1 - y0) * columns);
   std::vector<float> mean(sums.size()), spread(sums.size());
   for (int pass = 0; pass < kPasses; ++pass) {
-    std::fill(sums.begin(), sums.end(), Sums());
+    std::fill(sums.begin(), sums.end(), PixelSums());
     for (const Hit& hit : hits) {
       ForEachCovered(hit, columns, y0, y1, [&](int x, int y, float share) {
         const size_t at = static_cast<size_t>(y - y0) * columns + x;
@@ -79,7 +79,7 @@ void FuseStrip(const std::vector<Hit>& hits, int y0, int y1, Fused* fused) {
           const float scale = kCauchyWidthSquared<float> * (hit.variance + spread[at]);
           robust = scale / (scale + off * off);
         }
-        Sums& s = sums[at];
+        PixelSums& s = sums[at];
         const float weight = share * robust * hit.information;
         s.cover += share;
         s.agreeing += share * robust;
@@ -97,7 +97,7 @@ void FuseStrip(const std::vector<Hit>& hits, int y0, int y1, Fused* fused) {
   for (int y = y0; y < y1; ++y) {
     for (int x = 0; x < columns; ++x) {
       const size_t at = static_cast<size_t>(y - y0) * columns + x;
-      const Sums& s = sums[at];
+      const PixelSums& s = sums[at];
       // Unknown where no second micro image confirms the depth or most contradict it.
       if (s.agreeing <= kConfirmed || s.agreeing < s.cover / 2) continue;
       fused->inverse.at<float>(y, x) = mean[at];

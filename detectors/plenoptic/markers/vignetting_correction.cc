@@ -12,7 +12,7 @@
 namespace plenocal::internal {
 namespace {
 
-constexpr int kRounds = 6;  // of reweighting
+constexpr int kReweightings = 6;  // of reweighting
 
 /// k_pixel, px^2: a pixel's area has a variance of 1 / 12, its point spread one of up to 0.6^2.
 constexpr double kPixelArea = 1 / 12.0, kPointSpread = 0.36;
@@ -103,7 +103,7 @@ Displacement FindDisplacement(int types,
   Eigen::VectorXd& k = displacement.k;
   Eigen::MatrixXd information;
   double mean_square = 1;  // of the residuals, in sigmas
-  for (int round = 0; round < kRounds; ++round) {
+  for (int round = 0; round < kReweightings; ++round) {
     information = (mean_square * precision).asDiagonal();
     Eigen::VectorXd right = information * prior;
     double squares = 0, redundancy = 0;

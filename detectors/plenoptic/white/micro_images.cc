@@ -17,7 +17,7 @@ using Eigen::Vector2d;
 
 constexpr int kSets = 3;  // interleaved sets of the hexagonal lattice
 /// An outlier lies beyond this many robust standard deviations: of normal values one in 5e8 does.
-constexpr double kOutlier = 6;
+constexpr double kOutlierSigmas = 6;
 /// A micro image within these tolerances is usable, however alike the others are: brightness
 /// relative to neighbours, misfit relative to brightness, centre in pitches.
 constexpr double kGainTolerance = 0.1;
@@ -38,7 +38,7 @@ double ShareBetweenSets(const std::vector<double>& values, const std::vector<int
   std::array<double, kSets> sums{}, counts{};
   double total = 0, squares = 0;
   for (size_t k = 0; k < values.size(); ++k) {
-    const double bound = kOutlier * spread.sigma;
+    const double bound = kOutlierSigmas * spread.sigma;
     const double value = std::clamp(values[k] - spread.middle, -bound, bound);
     sums[sets[k]] += value;
     counts[sets[k]] += 1;
@@ -289,11 +289,11 @@ void MicroImages::DecideUsable() {
       if (sets_[i] != set) continue;
       const double gain_tolerance = IsWhole(i) ? kGainTolerance : kCutGainTolerance;
       const bool elsewhere = c.error * images_[i].centre_sigma > kCentreTolerance * pitch_ &&
-                             c.error - error.middle > kOutlier * error.sigma;
+                             c.error - error.middle > kOutlierSigmas * error.sigma;
       usable_[i] =
           std::abs(c.gain_ratio - ratio.middle) <=
-              std::max(gain_tolerance, kOutlier * ratio.sigma) &&
-          c.misfit - misfit.middle <= std::max(kMisfitTolerance, kOutlier * misfit.sigma) &&
+              std::max(gain_tolerance, kOutlierSigmas * ratio.sigma) &&
+          c.misfit - misfit.middle <= std::max(kMisfitTolerance, kOutlierSigmas * misfit.sigma) &&
           !elsewhere;
     }
   }
