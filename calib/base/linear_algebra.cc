@@ -13,6 +13,15 @@ namespace {
 using Matrix6d = Eigen::Matrix<double, 6, 6>;
 using Vector6d = Eigen::Vector<double, 6>;
 
+// Column by column: the solver for matrices takes as long to compile as that for vectors, again.
+template <typename Factor>
+Eigen::MatrixXd SolveColumns(const Factor& factor, const Eigen::MatrixXd& B) {
+  Eigen::MatrixXd X(B.rows(), B.cols());
+  using Column = Eigen::Vector<double, Factor::MatrixType::RowsAtCompileTime>;
+  for (Eigen::Index k = 0; k < B.cols(); ++k) X.col(k) = factor.solve(Column(B.col(k)));
+  return X;
+}
+
 }  // namespace
 
 SymmetricEigen DecomposeSymmetric(const Eigen::MatrixXd& A) {
@@ -31,7 +40,7 @@ Eigen::VectorXd SolveSymmetric(const Eigen::MatrixXd& A, const Eigen::VectorXd& 
 }
 
 Eigen::MatrixXd SolveSymmetric(const Eigen::MatrixXd& A, const Eigen::MatrixXd& B) {
-  return A.ldlt().solve(B);
+  return SolveColumns(A.ldlt(), B);
 }
 
 Eigen::Vector3d SolveSymmetric(const Eigen::Matrix3d& A, const Eigen::Vector3d& b) {
@@ -41,7 +50,7 @@ Eigen::Vector3d SolveSymmetric(const Eigen::Matrix3d& A, const Eigen::Vector3d& 
 Vector6d SolveSymmetric(const Matrix6d& A, const Vector6d& b) { return A.ldlt().solve(b); }
 
 Eigen::MatrixXd SolveSymmetric(const Matrix6d& A, const Eigen::MatrixXd& B) {
-  return A.ldlt().solve(B);
+  return SolveColumns(A.ldlt(), B);
 }
 
 std::optional<Vector6d> SolvePositive(const Matrix6d& A, const Vector6d& b) {
@@ -53,12 +62,12 @@ std::optional<Vector6d> SolvePositive(const Matrix6d& A, const Vector6d& b) {
 std::optional<Eigen::MatrixXd> SolvePositive(const Matrix6d& A, const Eigen::MatrixXd& B) {
   const Eigen::LLT<Matrix6d> factor(A);
   if (factor.info() != Eigen::Success) return std::nullopt;
-  return factor.solve(B);
+  return SolveColumns(factor, B);
 }
 
 Eigen::MatrixXd Inverse(const Eigen::MatrixXd& A) { return A.inverse(); }
 
-Matrix6d Inverse(const Matrix6d& A) { return A.inverse(); }
+Matrix6d Inverse(const Matrix6d& A) { return Inverse(Eigen::MatrixXd(A)); }
 
 Eigen::MatrixXd PseudoInverse(const Eigen::MatrixXd& A) {
   return A.completeOrthogonalDecomposition().pseudoInverse();
@@ -69,7 +78,7 @@ Eigen::MatrixXd LeastSquares(const Eigen::MatrixXd& A, const Eigen::MatrixXd& B)
 }
 
 Eigen::VectorXd LeastSquares(const Eigen::MatrixXd& A, const Eigen::VectorXd& b) {
-  return A.completeOrthogonalDecomposition().solve(b);
+  return LeastSquares(A, Eigen::MatrixXd(b));
 }
 
 Eigen::Matrix3d NearestRotation(const Eigen::Matrix3d& M) {
@@ -79,7 +88,16 @@ Eigen::Matrix3d NearestRotation(const Eigen::Matrix3d& M) {
 }
 
 Eigen::Matrix3d RotationBetween(const Eigen::Vector3d& from, const Eigen::Vector3d& to) {
-  return Eigen::Quaterniond::FromTwoVectors(from, to).toRotationMatrix();
+  // Rodrigues' formula with sin = |axis|; 1 - cos = sin^2 / (1 + cos).
+  const Eigen::Vector3d a = from.normalized(), b = to.normalized(), axis = a.cross(b);
+  const double cosine = a.dot(b);
+  if (cosine < -1 + 1e-12) {  // opposite directions: by 180 degrees about any axis at right angles
+    const Eigen::Vector3d u = a.unitOrthogonal();
+    return 2 * u * u.transpose() - Eigen::Matrix3d::Identity();
+  }
+  Eigen::Matrix3d S;
+  S << 0, -axis.z(), axis.y(), axis.z(), 0, -axis.x(), -axis.y(), axis.x(), 0;
+  return Eigen::Matrix3d::Identity() + S + S * S / (1 + cosine);
 }
 
 }  // namespace plenocal
