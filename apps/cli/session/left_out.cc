@@ -9,6 +9,8 @@
 #include <set>
 #include <utility>
 
+#include "calib/base/quoted_text.h"
+
 namespace plenocal {
 namespace {
 
@@ -27,10 +29,11 @@ std::string Counted(size_t count, const char* one) {
   return fmt::format("{} {}{}", count, one, count == 1 ? "" : "s");
 }
 
-std::string Quoted(std::string text) {
+// Always in quotation marks, since most of these texts need them.
+std::string Quoted(const std::string& reason) {
+  std::string text = Escaped(reason);
   for (size_t at = 0; (at = text.find('"', at)) != std::string::npos; at += 2)
     text.insert(at, 1, '"');
-  std::ranges::replace(text, '\n', ' ');
   return '"' + text + '"';
 }
 
@@ -68,8 +71,8 @@ std::string LeftOutCsv(const std::vector<LeftOut>& items) {
   std::string csv = "camera,frame,marker,where,reason\n";
   for (const LeftOut& item : items) {
     csv += fmt::format("{},{},{},{},{}\n",
-                       item.camera,
-                       item.frame,
+                       CsvCell(item.camera),
+                       CsvCell(item.frame),
                        item.marker,
                        Quoted(item.where),
                        Quoted(item.reason));
