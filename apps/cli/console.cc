@@ -1,22 +1,54 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/cli/console.h"
 
+#include <fcntl.h>
 #include <fmt/format.h>
 #include <unistd.h>
 
 #include <array>
+#include <cerrno>
+#include <chrono>
 #include <csignal>
-#include <cstdio>
 #include <cstdlib>
+#include <thread>
 #include <utility>
 #include <vector>
+
+#include "calib/base/output_folder.h"
+#include "calib/base/quoted_text.h"
 
 namespace plenocal {
 namespace {
 
 volatile std::sig_atomic_t interrupted = 0;
+int wake_up[2] = {-1, -1};  // a pipe from the signal handler to `EndWhenInterrupted`
 
-void OnInterrupt(int) { interrupted = 1; }
+void OnInterrupt(int) {
+  interrupted = 1;
+  const char byte = 0;
+  // Nothing can be done here when it fails; loops look at `interrupted` themselves.
+  if (write(wake_up[1], &byte, 1) < 0) return;
+}
+
+// Ends the program for work that does not look at `interrupted` within a moment.
+void EndWhenInterrupted() {
+  char byte = 0;
+  while (read(wake_up[0], &byte, 1) != 1) {
+    if (errno != EINTR) return;
+  }
+  constexpr auto kPatience = std::chrono::milliseconds(600);
+  std::this_thread::sleep_for(kPatience);
+  AbandonOutput();
+  PrintError(
+      fmt::format("{} {}\n", Styled(Stream::kErr, Style::kError, "plenocal:"), kInterrupted));
+  _exit(kInterruptedStatus);
+}
+
+// A copy of standard error as it was at the start: decoders of images have it closed to them.
+int ErrorFile() {
+  static const int file = fcntl(STDERR_FILENO, F_DUPFD_CLOEXEC, STDERR_FILENO + 1);
+  return file;
+}
 
 bool HasColours(int file) {
   const char* const no_color = std::getenv("NO_COLOR");
@@ -72,7 +104,7 @@ std::string ColouredLine(std::string_view line, std::string_view next) {
 }  // namespace
 
 std::string Styled(Stream stream, Style style, std::string_view text) {
-  static const bool out = HasColours(STDOUT_FILENO), err = HasColours(STDERR_FILENO);
+  static const bool out = HasColours(STDOUT_FILENO), err = HasColours(ErrorFile());
   if (!(stream == Stream::kOut ? out : err)) return std::string(text);
   return fmt::format("{}{}\033[0m", ColourCode(style), text);
 }
@@ -88,19 +120,26 @@ std::string WithColours(const std::string& text) {
 }
 
 Console::Console(const ConsoleOptions& options)
-    : quiet_(options.quiet), terminal_(isatty(STDERR_FILENO) == 1) {}
+    : quiet_(options.quiet), terminal_(isatty(ErrorFile()) == 1) {}
 
 Console::~Console() { ClearLine(); }
 
 void Console::ClearLine() {
-  if (line_open_) std::fputs("\r\033[K", stderr);
+  if (line_open_) PrintError("\r\033[K");
   line_open_ = false;
 }
 
 void Console::Message(const std::string& line) {
   if (quiet_) return;
   ClearLine();
-  fmt::print(stderr, "{}\n", line);
+  PrintError(Escaped(line) + "\n");
+}
+
+void Console::Warning(const std::string& line) {
+  if (quiet_) return;
+  ClearLine();
+  PrintError(
+      fmt::format("  {} {}\n", Styled(Stream::kErr, Style::kWarning, "warning:"), Escaped(line)));
 }
 
 void Console::Progress(const std::string& stage, size_t done, size_t total) {
@@ -109,18 +148,36 @@ void Console::Progress(const std::string& stage, size_t done, size_t total) {
 
 void Console::Progress(const std::string& stage) {
   if (quiet_ || !terminal_) return;
-  fmt::print(stderr, "\r\033[K{}", stage);
-  std::fflush(stderr);
+  PrintError(fmt::format("\r\033[K{}", Escaped(stage)));
   line_open_ = true;
 }
 
 void Console::Print(const std::string& text) {
   if (quiet_) return;
   ClearLine();
-  fmt::print("{}", WithColours(text));
+  fmt::print("{}", WithColours(Escaped(text, "\n")));
+}
+
+void OpenStandardStreams() {
+  for (const int file : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO}) {
+    // The lowest free number is given: a result file must not get that of a stream. What is written
+    // there is reported as on a full disk, hence read-only.
+    if (fcntl(file, F_GETFD) == -1 && open("/dev/null", O_RDONLY) != file) _exit(kJobFailedStatus);
+  }
+  ErrorFile();
+}
+
+void PrintError(std::string_view text) {
+  while (!text.empty()) {
+    const ssize_t count = write(ErrorFile(), text.data(), text.size());
+    if (count < 0 && errno == EINTR) continue;
+    if (count <= 0) return;
+    text.remove_prefix(static_cast<size_t>(count));
+  }
 }
 
 void CatchInterrupts() {
+  if (pipe2(wake_up, O_CLOEXEC) == 0) std::thread(EndWhenInterrupted).detach();
   struct sigaction action {};
   action.sa_handler = OnInterrupt;
   action.sa_flags = static_cast<int>(SA_RESETHAND);

@@ -37,7 +37,10 @@ class Console {
   Console(const Console&) = delete;
   Console& operator=(const Console&) = delete;
 
+  /// A line, whose control characters are shown escaped: names in it come from outside.
   void Message(const std::string& line);
+  /// "  warning: ", in colour, and the line.
+  void Warning(const std::string& line);
   /// `done` of `total` items of a stage.
   void Progress(const std::string& stage, size_t done, size_t total);
   void Progress(const std::string& stage);
@@ -52,7 +55,22 @@ class Console {
   bool line_open_ = false;
 };
 
-/// From now on Ctrl-C (SIGINT, also SIGTERM) sets `Interrupted()`; a second one kills the program.
+/// Exit statuses of the program (docs/formats.md) beside those of `ErrorKind`.
+inline constexpr int kJobFailedStatus = 1;
+inline constexpr int kInterruptedStatus = 130;  ///< as the shell's after Ctrl-C
+inline constexpr const char* kInterrupted = "interrupted; no result files were written";
+
+/// Opens those of the standard streams that are closed: at the start of the program, before files
+/// are opened.
+void OpenStandardStreams();
+
+/// Writes text to standard error. Nothing happens where it is closed or full: a message that cannot
+/// be shown is no reason to stop.
+void PrintError(std::string_view text);
+
+/// From now on Ctrl-C (SIGINT, also SIGTERM) sets `Interrupted()`, and ends the program within a
+/// second where the work does not stop by itself, without the files that it has not committed. A
+/// second one kills the program.
 void CatchInterrupts();
 /// True once the user has pressed Ctrl-C: a running command throws `Stopped` as soon as it can.
 bool Interrupted();

@@ -13,7 +13,7 @@ namespace plenocal {
 
 namespace fs = std::filesystem;
 
-void CheckImageNames(const std::vector<FrameImage>& images, const fs::path& folder) {
+void CheckImageNames(const std::vector<FrameImage>& images) {
   std::map<std::string, fs::path> seen;
   for (const FrameImage& image : images) {
     const auto [first, is_new] = seen.emplace(image.frame, image.path);
@@ -24,16 +24,6 @@ void CheckImageNames(const std::vector<FrameImage>& images, const fs::path& fold
                               first->second.string(),
                               image.path.string(),
                               image.frame));
-    }
-  }
-  for (const FrameImage& image : images) {
-    for (const auto& [frame, path] : seen) {
-      std::error_code error;
-      if (!fs::equivalent(image.path, folder / (frame + ".png"), error)) continue;
-      throw Error(ErrorKind::kInput,
-                  fmt::format("{}: the results would replace this input; give another folder with "
-                              "-o",
-                              image.path.string()));
     }
   }
 }

@@ -16,9 +16,8 @@
 
 namespace plenocal {
 
-/// Throws `Error` of kind kInput when the results of two images in `folder` would have one name, or
-/// replace an image.
-void CheckImageNames(const std::vector<FrameImage>& images, const std::filesystem::path& folder);
+/// Throws `Error` of kind kInput when the results of two images would have one name.
+void CheckImageNames(const std::vector<FrameImage>& images);
 
 /// How the images of `camera`, one of `calibration`, are resampled.
 struct FolderResampling {

@@ -267,28 +267,6 @@ SessionObservations CollectObservations(const Session& session,
   return collector.Take();
 }
 
-void RefuseToReplaceInputs(const Session& session,
-                           const std::filesystem::path& out,
-                           std::vector<std::string> results) {
-  for (const SessionCamera& camera : session.cameras)
-    results.push_back(DetectionsName(camera.name));
-  const auto refuse = [](const std::filesystem::path& input) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: the results would replace this input; give another folder with -o",
-                            input.string()));
-  };
-  for (const std::string& result : results) {
-    for (const auto& input : {session.path, session.target.file}) {
-      if (IsSameFile(input, out / result)) refuse(input);
-    }
-    for (const SessionCamera& camera : session.cameras) {
-      if (IsSameFile(camera.detections, out / result) && result != DetectionsName(camera.name)) {
-        refuse(camera.detections);
-      }
-    }
-  }
-}
-
 void WriteDetections(const Session& session,
                      const SessionObservations& observations,
                      const std::filesystem::path& folder,

@@ -60,14 +60,8 @@ SessionObservations CollectObservations(const Session& session,
                                         const DetectionPlaces& places,
                                         Console* console);
 
-/// Throws `Error` when a result in folder `out`, one of `results` or a camera's detections, would
-/// replace a file that the session reads. Only detections that are read from where they would be
-/// written are allowed: `WriteDetections` does not write them.
-void RefuseToReplaceInputs(const Session& session,
-                           const std::filesystem::path& out,
-                           std::vector<std::string> results);
-
-/// Writes detections_<camera>.csv of each camera and the cameras' files.
+/// Writes detections_<camera>.csv of each camera, unless it was read from there, and the cameras'
+/// files.
 void WriteDetections(const Session& session,
                      const SessionObservations& observations,
                      const std::filesystem::path& folder,

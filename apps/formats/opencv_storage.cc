@@ -6,7 +6,7 @@
 #include <array>
 
 #include "apps/formats/exact_numbers.h"
-#include "calib/base/text_file.h"
+#include "calib/base/input_file.h"
 
 namespace plenocal {
 std::string OpenCvMatrix(
@@ -29,7 +29,7 @@ std::string Coefficients(const std::string& key, const Lens& lens) {
 }
 
 YamlNode ReadStorage(const std::filesystem::path& path) {
-  std::string text = ReadTextFile(path);
+  std::string text = ReadTextFile(path, InputLimit::kDocument);
   // OpenCV's first line is not a YAML directive.
   if (text.starts_with("%YAML:1.0")) text.replace(0, 1, "#");
   return YamlNode::Parse(text, path.string());

@@ -9,7 +9,7 @@
 
 #include "apps/formats/exact_numbers.h"
 #include "calib/base/error.h"
-#include "calib/base/text_file.h"
+#include "calib/base/input_file.h"
 
 namespace plenocal {
 

@@ -134,6 +134,9 @@ Page EmptyPage(const Paper& paper, const Eigen::Vector2d& content) {
   return across ? Page{paper.height, paper.width, {}, {}} : Page{paper.width, paper.height, {}, {}};
 }
 
+// Far more pages than anybody joins: each draws the whole target.
+constexpr int kMostPages = 400;
+
 // A flat target, over as many pages as it needs.
 std::vector<Page> LayOutSheet(const TargetPart& part, const std::optional<Paper>& paper) {
   const Eigen::Vector2d size = SizeOf(part);
@@ -146,8 +149,19 @@ std::vector<Page> LayOutSheet(const TargetPart& part, const std::optional<Paper>
   }
   const Page empty = EmptyPage(*paper, size);
   const Eigen::Vector2d window(empty.width - 2 * kMargin, empty.height - 2 * kMargin - kFoot);
-  const int columns = static_cast<int>(std::ceil(size.x() / window.x() - 1e-9));
-  const int rows = static_cast<int>(std::ceil(size.y() / window.y() - 1e-9));
+  const double across = std::ceil(size.x() / window.x() - 1e-9);
+  const double down = std::ceil(size.y() / window.y() - 1e-9);
+  if (!(across * down <= kMostPages)) {
+    throw Error(ErrorKind::kInput,
+                fmt::format("{:.0f} x {:.0f} mm need {:.3g} pages of paper {}; at most {} can be "
+                            "joined: check the target's unit, take a larger --paper or 'fit'",
+                            size.x(),
+                            size.y(),
+                            across * down,
+                            paper->name,
+                            kMostPages));
+  }
+  const int columns = static_cast<int>(across), rows = static_cast<int>(down);
   std::vector<Page> pages;
   for (int row = 0; row < rows; ++row) {
     for (int column = 0; column < columns; ++column) {

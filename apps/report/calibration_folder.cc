@@ -4,7 +4,7 @@
 #include <fmt/format.h>
 
 #include "calib/base/error.h"
-#include "calib/base/text_file.h"
+#include "calib/base/input_file.h"
 #include "calib/base/yaml.h"
 #include "calib/files/calibration_file.h"
 #include "calib/files/calibration_tables.h"
@@ -81,7 +81,7 @@ CameraFiles ReadCameraFiles(const fs::path& folder, const CalibrationRecord& cal
          {camera.micro_lenses, camera.vignetting, camera.sample, camera.sample_depth}) {
       std::error_code error;
       if (name.empty() || !fs::is_regular_file(folder / name, error)) continue;
-      files.contents[name] = ReadTextFile(folder / name);
+      files.contents[name] = ReadInput(folder / name, InputLimit::kTable);
     }
   }
   return files;

@@ -102,13 +102,14 @@ size_t ResampleImages(const ResampleRequest& request) {
   std::atomic<size_t> done = 0;
   ParallelFor(request.images.size(), request.threads, [&](size_t i) {
     const FrameImage& image = request.images[i];
+    std::string png;
     try {
-      request.result(image.frame, resampler.Png(image.path));
+      png = resampler.Png(image.path);
     } catch (const Error& error) {
-      // Results that cannot be written are no fault of the image.
       if (error.kind() != ErrorKind::kInput) throw;
       failures[i] = error;
     }
+    if (!failures[i]) request.result(image.frame, png);
     if (!request.progress(++done)) throw Stopped();
   });
   size_t resampled = 0;

@@ -23,6 +23,7 @@
 #include "calib/base/number_text.h"
 #include "calib/base/output_folder.h"
 #include "calib/base/parallel.h"
+#include "calib/base/quoted_text.h"
 #include "calib/files/calibration_file.h"
 #include "calib/files/calibration_tables.h"
 #include "calib/files/detections.h"
@@ -45,7 +46,7 @@ std::string SessionYaml(const Scene& scene, const SimulateRequest& request) {
   std::string text = "plenocal: 1\ntarget: target.yaml\ncameras:\n";
   const auto out = std::back_inserter(text);
   for (const CameraSpec& camera : scene.spec.cameras) {
-    fmt::format_to(out, "  {}:\n    model: {}\n", camera.name, camera.model->name);
+    fmt::format_to(out, "  {}:\n    model: {}\n", YamlText(camera.name), camera.model->name);
     if (request.points) {
       fmt::format_to(out,
                      "    detections: detections_{}.csv\n    image_size: [{}, {}]\n",
@@ -98,7 +99,7 @@ std::string FramesCsv(const Scene& scene) {
   for (const CameraSpec& camera : scene.spec.cameras) text += ",markers_" + camera.name;
   text += '\n';
   for (size_t f = 0; f < scene.frames.size(); ++f) {
-    text += scene.frames[f].name + "," + scene.frames[f].kind;
+    text += CsvCell(scene.frames[f].name) + "," + scene.frames[f].kind;
     for (const auto& views : scene.views) {
       fmt::format_to(std::back_inserter(text), ",{}", CountMarkers(views[f].observations));
     }
@@ -143,20 +144,6 @@ void WriteTruth(const Scene& scene,
   out->Write("truth/target.yaml", RefinedTargetYaml(scene.target, scene.made.markers, {}));
   out->Write("truth/poses.csv", PosesCsv(truth));
   out->Write("truth/frames.csv", FramesCsv(scene));
-}
-
-// The session must not replace the files that it is made from.
-void RefuseToReplaceInputs(const SimulateRequest& request, const SimulationSpec& spec) {
-  for (const std::filesystem::path& input : {request.spec, spec.target}) {
-    for (const char* result : {"session.yaml", "target.yaml"}) {
-      std::error_code error;
-      if (!std::filesystem::equivalent(input, request.out / result, error)) continue;
-      throw Error(ErrorKind::kInput,
-                  fmt::format("{}: the session would replace this input; give another folder with "
-                              "-o",
-                              input.string()));
-    }
-  }
 }
 
 // An image of the session that is to be made.
@@ -342,8 +329,8 @@ std::string Simulate(const SimulateRequest& request, const SimulateOptions& opti
   scene.spec = ReadSimulationSpec(request.spec, options.models);
   const SimulationSpec& spec = scene.spec;
   scene.target = ReadTarget(spec.target);
-  RefuseToReplaceInputs(request, spec);
   OutputFolder out(request.out);
+  out.RefuseInputs({"session.yaml", "target.yaml"});
   const Observer observer(spec);
   scene.made = MakeTarget(scene.target,
                           spec.target_error.value_or(scene.target.tolerance.value_or(0)),

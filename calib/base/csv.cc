@@ -5,10 +5,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
 
 #include "calib/base/error.h"
 #include "calib/base/number_text.h"
+#include "calib/base/quoted_text.h"
 
 namespace plenocal {
 namespace {
@@ -105,13 +107,41 @@ std::string_view CsvReader::TakeLine() {
   return Trim(line);
 }
 
-void CsvReader::SplitAtCommas(std::string_view line, std::vector<std::string_view>* cells) const {
+void CsvReader::SplitAtCommas(std::string_view line, std::vector<std::string_view>* cells) {
   for (size_t begin = 0;;) {
-    const size_t comma = line.find(',', begin);
-    cells->push_back(Trim(line.substr(begin, comma - begin)));
-    if (comma == std::string_view::npos) return;
+    begin = std::min(line.find_first_not_of(kBlanks, begin), line.size());
+    const bool quoted = begin < line.size() && line[begin] == '"';
+    const size_t comma =
+        quoted ? TakeQuoted(line, begin, cells) : std::min(line.find(',', begin), line.size());
+    if (!quoted) cells->push_back(Trim(line.substr(begin, comma - begin)));
+    if (comma == line.size()) return;
     begin = comma + 1;
   }
+}
+
+// Adds the cell whose quotation mark is at `begin`; returns where the comma after it, or the end
+// of the line is.
+size_t CsvReader::TakeQuoted(std::string_view line,
+                             size_t begin,
+                             std::vector<std::string_view>* cells) {
+  size_t end = line.find('"', begin + 1);
+  const bool has_quotes = end != std::string_view::npos && line.substr(end).starts_with("\"\"");
+  std::string text;
+  for (size_t from = begin + 1; end != std::string_view::npos; end = line.find('"', from)) {
+    text += line.substr(from, end - from);
+    if (!line.substr(end).starts_with("\"\"")) break;
+    text += '"';
+    from = end + 2;
+  }
+  const size_t next =
+      end == std::string_view::npos ? end : line.find_first_not_of(kBlanks, end + 1);
+  if (end == std::string_view::npos || (next != std::string_view::npos && line[next] != ',')) {
+    Fail(fmt::format("a cell in quotation marks does not end with one: {}",
+                     Escaped(line.substr(begin))));
+  }
+  cells->push_back(has_quotes ? unquoted_.emplace_back(std::move(text))
+                              : line.substr(begin + 1, end - begin - 1));
+  return std::min(next, line.size());
 }
 
 void CsvReader::SplitAtBlanks(std::string_view line, std::vector<std::string_view>* cells) const {
@@ -149,11 +179,14 @@ int CsvReader::Integer(size_t column) const {
 }
 
 void CsvReader::FailAt(size_t column, const std::string& message) const {
+  // A cell with quotes inside is a copy: its row is named from the first character.
+  const char* const cell = cells_[column].data();
+  const bool in_line = !std::less<>()(cell, begin_) && !std::less<>()(rest_.data(), cell);
   throw Error(ErrorKind::kInput,
               fmt::format("{}:{}:{}: {}: {}",
                           name_,
                           line_,
-                          cells_[column].data() - begin_ + 1,
+                          in_line ? cell - begin_ + 1 : 1,
                           header_[column],
                           message));
 }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <deque>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -17,7 +18,8 @@ enum class CsvSyntax {
 
 /// Reads a table row by row; the only reader of CSV files. The header names the columns, which may
 /// come in any order. Empty lines and comments are skipped, blanks around a cell and a byte order
-/// mark are ignored; cells have no quotes.
+/// mark are ignored. A cell of a CSV file may stand in double quotes (RFC 4180), then it keeps
+/// commas and blanks; it ends in its line.
 ///
 /// Every failure throws `Error` of kind kInput whose message starts with "file:line:column: " (the
 /// column counts characters from 1; where no single cell is wrong, "file:line: ").
@@ -61,7 +63,8 @@ class CsvReader {
   bool NextLine(std::vector<std::string_view>* cells);
   bool NextLegend(std::string_view first_column);
   std::string_view TakeLine();
-  void SplitAtCommas(std::string_view line, std::vector<std::string_view>* cells) const;
+  void SplitAtCommas(std::string_view line, std::vector<std::string_view>* cells);
+  size_t TakeQuoted(std::string_view line, size_t begin, std::vector<std::string_view>* cells);
   void SplitAtBlanks(std::string_view line, std::vector<std::string_view>* cells) const;
 
   std::string name_;
@@ -70,6 +73,7 @@ class CsvReader {
   const char* begin_ = nullptr;  // of the present line
   int line_ = 0;
   std::vector<std::string_view> header_, cells_;
+  std::deque<std::string> unquoted_;  // texts of cells that have quotes inside
 };
 
 }  // namespace plenocal

@@ -8,9 +8,11 @@
 
 #include <atomic>
 #include <fstream>
-#include <sstream>
 #include <system_error>
 #include <utility>
+
+#include "calib/base/error.h"
+#include "calib/base/input_file.h"
 
 namespace plenocal {
 namespace {
@@ -20,23 +22,36 @@ std::string Hash(std::string_view bytes) {
   return fmt::format("{:016x}{:016x}", hash.high64, hash.low64);
 }
 
-std::optional<std::string> ReadAll(const std::filesystem::path& path) {
-  std::ifstream file(path, std::ios::binary);
-  if (!file) return std::nullopt;
-  std::ostringstream text;
-  text << file.rdbuf();
-  if (file.bad()) return std::nullopt;
-  return std::move(text).str();
-}
-
 // An entry is the hash of its key and content, then the content.
 std::string Seal(const std::string& key, const std::string& content) { return Hash(key + content); }
+
+// True for "<key>" and for "<key>.<process>.<count>", the temporary file of an entry.
+bool IsNameOfEntry(std::string_view name) {
+  constexpr size_t kKey = 2 * sizeof(XXH128_hash_t);
+  const std::string_view key = name.substr(0, kKey), rest = name.substr(key.size());
+  return key.size() == kKey &&
+         key.find_first_not_of("0123456789abcdef") == std::string_view::npos &&
+         (rest.empty() || rest[0] == '.') &&
+         rest.find_first_not_of(".0123456789") == std::string_view::npos;
+}
+
+// The content of an entry; empty when there is none.
+std::string ReadEntry(const std::filesystem::path& path) {
+  try {
+    return ReadEarlierResult(path);
+  } catch (const Error&) {
+    return {};
+  }
+}
 
 }  // namespace
 
 std::string HashFile(const std::filesystem::path& path) {
-  const std::optional<std::string> content = ReadAll(path);
-  return content ? Hash(*content) : std::string();
+  try {
+    return Hash(ReadInput(path, InputLimit::kTable));
+  } catch (const Error&) {
+    return {};
+  }
 }
 
 DetectionCache::DetectionCache(std::filesystem::path folder, std::string program, bool fresh)
@@ -59,11 +74,12 @@ std::optional<std::string> DetectionCache::Load(const std::string& key) {
     const std::lock_guard lock(mutex_);
     if (fresh_ && !used_.contains(key)) return std::nullopt;
   }
-  std::optional<std::string> entry = ReadAll(folder_ / key);
+  std::string content = ReadEntry(folder_ / key);
   const size_t seal = 2 * sizeof(XXH128_hash_t);
-  if (!entry || entry->size() < seal) return std::nullopt;
-  std::string content = entry->substr(seal);
-  if (entry->compare(0, seal, Seal(key, content)) != 0) return std::nullopt;
+  if (content.size() < seal) return std::nullopt;
+  const std::string found = content.substr(0, seal);
+  content.erase(0, seal);
+  if (found != Seal(key, content)) return std::nullopt;
   const std::lock_guard lock(mutex_);
   used_.insert(key);
   return content;
@@ -94,8 +110,10 @@ void DetectionCache::Save(const std::string& key, const std::string& content) {
 void DetectionCache::RemoveUnused() {
   std::error_code error;
   const std::lock_guard lock(mutex_);
+  if (std::filesystem::is_symlink(folder_, error)) return;
   for (const auto& entry : std::filesystem::directory_iterator(folder_, error)) {
-    if (!used_.contains(entry.path().filename().string())) {
+    const std::string name = entry.path().filename().string();
+    if (IsNameOfEntry(name) && !used_.contains(name)) {
       std::filesystem::remove(entry.path(), error);
     }
   }

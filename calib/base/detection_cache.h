@@ -37,7 +37,7 @@ class DetectionCache {
   std::optional<std::string> Load(const std::string& key);
   void Save(const std::string& key, const std::string& content);
   /// Removes the entries that this object neither loaded nor saved, and the temporary files of
-  /// killed runs.
+  /// killed runs; nothing else, and nothing where the folder is a symbolic link.
   void RemoveUnused();
 
  private:

@@ -79,17 +79,4 @@ std::string YamlNumber(double value) {
   return fmt::format("{:.12g}", value == 0 ? 0.0 : value);
 }
 
-std::string YamlQuoted(const std::string& text) {
-  std::string quoted = "\"";
-  for (const char c : text) {
-    if (c == '"' || c == '\\') quoted += '\\';
-    if (c == '\n') {
-      quoted += "\\n";
-    } else {
-      quoted += c;
-    }
-  }
-  return quoted + "\"";
-}
-
 }  // namespace plenocal

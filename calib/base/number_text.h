@@ -32,7 +32,4 @@ std::string Counted(size_t count, std::string_view noun, std::string_view plural
 /// `value` with 12 significant digits as YAML reads it (".inf", ".nan" included).
 std::string YamlNumber(double value);
 
-/// `text` in double quotes as YAML reads it.
-std::string YamlQuoted(const std::string& text);
-
 }  // namespace plenocal

@@ -4,6 +4,7 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <sys/file.h>
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -12,10 +13,15 @@
 #include <cstdio>
 #include <cstring>
 #include <fstream>
+#include <mutex>
+#include <optional>
+#include <set>
 #include <system_error>
 #include <utility>
 
 #include "calib/base/error.h"
+#include "calib/base/input_file.h"
+#include "calib/base/quoted_text.h"
 
 namespace plenocal {
 namespace {
@@ -25,9 +31,77 @@ namespace fs = std::filesystem;
 // Announces that the files beside it are complete and belong one folder up; lists what goes from
 // there.
 constexpr const char* kComplete = "complete";
+constexpr const char* kIncomplete = "incomplete";  // its name until it is on the disk
+constexpr const char* kPartial = ".partial";
 
 [[noreturn]] void Fail(const fs::path& path, const std::string& what) {
   throw Error(ErrorKind::kJob, fmt::format("{}: {}", path.string(), what));
+}
+
+// A file descriptor; `Fail`s for what cannot be opened.
+class Descriptor {
+ public:
+  Descriptor(const fs::path& path, int flags)
+      : path_(path), number_(open(path.c_str(), flags | O_CLOEXEC, 0666)) {
+    if (number_ < 0) Fail(path, fmt::format("cannot be written: {}", std::strerror(errno)));
+  }
+  ~Descriptor() {
+    if (number_ >= 0) close(number_);
+  }
+  Descriptor(const Descriptor&) = delete;
+  Descriptor& operator=(const Descriptor&) = delete;
+
+  // Reports no result; throws what would be lost.
+  void WriteAll(const std::string& content) const {
+    for (size_t written = 0; written < content.size();) {
+      const ssize_t count = write(number_, content.data() + written, content.size() - written);
+      if (count < 0 && errno == EINTR) continue;
+      if (count <= 0) FailToWrite(count < 0 ? errno : ENOSPC);
+      written += static_cast<size_t>(count);
+    }
+  }
+  // Waits until the content is on the disk. Some file systems cannot tell, and some report a full
+  // disk only here or in `Close`.
+  void Sync() const {
+    if (fsync(number_) != 0 && errno != EINVAL && errno != ENOTSUP) FailToWrite(errno);
+  }
+  void Close() {
+    if (close(std::exchange(number_, -1)) != 0) FailToWrite(errno);
+  }
+
+ private:
+  [[noreturn]] void FailToWrite(int error) const {
+    Fail(path_,
+         fmt::format("cannot be written: {}; nothing was changed in the output folder",
+                     std::strerror(error)));
+  }
+
+  fs::path path_;
+  int number_;
+};
+
+// A folder that may be entered but not read cannot be waited for.
+void SyncFolder(const fs::path& folder) {
+  if (access(folder.c_str(), R_OK) == 0) Descriptor(folder, O_RDONLY | O_DIRECTORY).Sync();
+}
+
+// The place of a result: `folder` / `name`. Names come from files as well: a place outside of the
+// folder, also by a symbolic link, is refused.
+fs::path PlaceOf(const fs::path& folder, const fs::path& name) {
+  const auto refuse = [&](const char* reason) {
+    Fail(folder, fmt::format("'{}' {}", Escaped(name.string()), reason));
+  };
+  if (name.empty() || name.is_absolute() || !name.has_filename()) refuse("is no name of a result");
+  fs::path place = folder;
+  for (const fs::path& part : name) {
+    if (part == "..") refuse("leads out of the output folder; give cameras and frames other names");
+    std::error_code error;
+    if (place != folder && fs::is_symlink(place, error)) {
+      refuse("lies behind a symbolic link; remove the link or give another -o");
+    }
+    place /= part;
+  }
+  return place;
 }
 
 // The files in `partial`, relative to it; the one that says "calibration" last, so that who waits
@@ -35,8 +109,10 @@ constexpr const char* kComplete = "complete";
 std::vector<fs::path> FilesIn(const fs::path& partial) {
   std::vector<fs::path> files;
   for (const auto& entry : fs::recursive_directory_iterator(partial)) {
-    if (entry.is_directory() || entry.path() == partial / kComplete) continue;
-    files.push_back(fs::relative(entry.path(), partial));
+    if (!entry.is_regular_file() || entry.is_symlink() || entry.path() == partial / kComplete) {
+      continue;
+    }
+    files.push_back(entry.path().lexically_relative(partial));
   }
   std::sort(files.begin(), files.end(), [](const fs::path& a, const fs::path& b) {
     return std::pair(a == "calibration.yaml", a) < std::pair(b == "calibration.yaml", b);
@@ -44,25 +120,40 @@ std::vector<fs::path> FilesIn(const fs::path& partial) {
   return files;
 }
 
-// Moves the files of a complete `partial` to their places; 0 or the error's number. In a child
-// process, which a signal to this one (or to its terminal) does not reach.
-int MoveAll(const fs::path& partial, const fs::path& folder) {
-  std::vector<std::pair<std::string, std::string>> moves;
-  for (const fs::path& file : FilesIn(partial)) {
-    fs::create_directories((folder / file).parent_path());
-    moves.emplace_back((partial / file).string(), (folder / file).string());
-  }
+// What takes the files of a complete ".partial" to their places.
+struct Moves {
   std::vector<std::string> removed;
+  std::vector<std::pair<std::string, std::string>> renamed;
+  std::set<fs::path> folders;  // of the places
+};
+
+Moves ListMoves(const fs::path& partial, const fs::path& folder) {
+  Moves moves{{}, {}, {folder}};
+  for (const fs::path& file : FilesIn(partial)) {
+    const fs::path place = PlaceOf(folder, file);
+    for (fs::path part = place.parent_path(); part != folder; part = part.parent_path()) {
+      moves.folders.insert(part);
+    }
+    moves.renamed.emplace_back((partial / file).string(), place.string());
+  }
   std::ifstream list(partial / kComplete);
-  for (std::string name; std::getline(list, name);) removed.push_back((folder / name).string());
+  for (std::string name; std::getline(list, name);) {
+    moves.removed.push_back(PlaceOf(folder, name).string());
+  }
+  return moves;
+}
+
+// Makes the moves; 0 or the error's number. In a child process, which a signal to this one (or to
+// its terminal) does not reach.
+int MakeInChild(const Moves& moves) {
   const pid_t child = fork();
   if (child == 0) {
     // Other threads do not exist here and may have held locks: system calls only.
     setsid();
-    for (const std::string& path : removed) {
+    for (const std::string& path : moves.removed) {
       if (unlink(path.c_str()) != 0 && errno != ENOENT) _exit(std::min(errno, 255));
     }
-    for (const auto& [from, to] : moves) {
+    for (const auto& [from, to] : moves.renamed) {
       if (std::rename(from.c_str(), to.c_str()) != 0) _exit(std::min(errno, 255));
     }
     _exit(0);
@@ -73,6 +164,55 @@ int MoveAll(const fs::path& partial, const fs::path& folder) {
     if (errno != EINTR) return errno;
   }
   return WIFEXITED(status) ? WEXITSTATUS(status) : EINTR;
+}
+
+// Moves the files of a complete `partial` to their places and waits until that is on the disk. A
+// part of the moves is left to the next run when it fails.
+void MoveAll(const fs::path& partial, const fs::path& folder) {
+  const Moves moves = ListMoves(partial, folder);
+  for (const fs::path& place : moves.folders) {
+    std::error_code error;
+    fs::create_directories(place, error);
+    if (error) Fail(place, "this folder cannot be made: " + error.message());
+  }
+  if (const int failure = MakeInChild(moves); failure != 0) {
+    Fail(folder,
+         fmt::format("some of its files are replaced and others cannot be: {}; mend this, and the "
+                     "next run that uses this folder completes it",
+                     std::strerror(failure)));
+  }
+  for (const fs::path& place : moves.folders) SyncFolder(place);
+}
+
+// True where a killed run left complete files in `folder`. Those of another user are not moved:
+// who can write into a shared folder could have others' files replaced.
+bool IsAnnounced(const fs::path& folder) {
+  const fs::path partial = folder / kPartial;
+  struct stat subfolder {
+  }, complete{};
+  if (lstat(partial.c_str(), &subfolder) != 0 ||
+      lstat((partial / kComplete).c_str(), &complete) != 0) {
+    return false;
+  }
+  const auto is_own = [](const struct stat& file) { return file.st_uid == geteuid(); };
+  if (S_ISDIR(subfolder.st_mode) && S_ISREG(complete.st_mode) && is_own(subfolder) &&
+      is_own(complete)) {
+    return true;
+  }
+  Fail(partial,
+       "looks like results that a killed run of another user left half moved; let that user run "
+       "plenocal here, or remove it");
+}
+
+// The folders of this process, and the right to write and commit.
+struct OpenFolders {
+  std::mutex mutex;
+  std::set<OutputFolder*> folders;
+};
+
+OpenFolders& AllOpenFolders() {
+  static OpenFolders all;
+  return all;
 }
 
 }  // namespace
@@ -89,6 +229,19 @@ OutputFolder::OutputFolder(fs::path folder) : folder_(std::move(folder)) {
   if (access(folder_.c_str(), W_OK | X_OK) != 0) {
     Fail(folder_, fmt::format("cannot write into this output folder: {}", std::strerror(errno)));
   }
+  Lock();
+  try {
+    if (IsAnnounced(folder_)) MoveAll(Partial(), folder_);
+  } catch (...) {
+    close(lock_);
+    throw;
+  }
+  fs::remove_all(Partial(), error);
+  const std::lock_guard lock(AllOpenFolders().mutex);
+  AllOpenFolders().folders.insert(this);
+}
+
+void OutputFolder::Lock() {
   lock_ = open(folder_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
   // File systems without locks do without. The moves of a run that was just killed take a moment.
   constexpr int kTries = 20, kPause = 50000;  // us
@@ -101,48 +254,59 @@ OutputFolder::OutputFolder(fs::path folder) : folder_(std::move(folder)) {
     Fail(folder_,
          "another run of plenocal writes into this output folder; wait for it or give another -o");
   }
-  if (fs::exists(Partial() / kComplete, error)) MoveAll(Partial(), folder_);
-  fs::remove_all(Partial(), error);
 }
 
 OutputFolder::~OutputFolder() {
-  std::error_code error;
-  fs::remove_all(Partial(), error);
+  const std::lock_guard lock(AllOpenFolders().mutex);
+  AllOpenFolders().folders.erase(this);
+  Discard();
   close(lock_);
+}
+
+void OutputFolder::Discard() {
+  std::error_code error;
+  // What was announced is completed by the next run.
+  if (!announced_) fs::remove_all(Partial(), error);
   // Removes empty folders only.
   for (const auto& made : made_) fs::remove(made, error);
 }
 
+void OutputFolder::RefuseInputs(const std::vector<std::string>& names) const {
+  for (const std::string& name : names) {
+    const std::optional<fs::path> input = InputAt(PlaceOf(folder_, name));
+    if (!input) continue;
+    throw Error(ErrorKind::kInput,
+                fmt::format("{}: the results would replace this input; give another place with -o",
+                            input->string()));
+  }
+}
+
 void OutputFolder::Write(const std::string& name, const std::string& content) {
+  const std::lock_guard lock(AllOpenFolders().mutex);
+  RefuseInputs({name});
   const fs::path path = Partial() / name;
   std::error_code error;
   fs::create_directories(path.parent_path(), error);
   if (error) Fail(path.parent_path(), "this folder cannot be made: " + error.message());
-  const int file = open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
-  if (file < 0) Fail(path, fmt::format("cannot be written: {}", std::strerror(errno)));
-  size_t written = 0;
-  bool good = true;
-  while (good && written < content.size()) {
-    const ssize_t count = write(file, content.data() + written, content.size() - written);
-    if (count < 0 && errno == EINTR) continue;
-    good = count > 0;
-    if (good) written += static_cast<size_t>(count);
-  }
-  const int write_error = errno;
-  // Some file systems report a full disk only here.
-  const bool closed = close(file) == 0;
-  if (!good || !closed) {
-    Fail(path,
-         fmt::format("cannot be written: {}; nothing was changed in the output folder",
-                     std::strerror(good ? errno : write_error)));
+  try {
+    Descriptor file(path, O_WRONLY | O_CREAT | O_TRUNC);
+    file.WriteAll(content);
+    file.Close();
+  } catch (const Error&) {
+    // A part of a file must not be committed by whoever goes on without it.
+    fs::remove(path, error);
+    throw;
   }
 }
 
 void OutputFolder::Commit() {
+  const std::lock_guard lock(AllOpenFolders().mutex);
   // Before the first is replaced, so that it is all or none.
   std::error_code error;
   if (!fs::exists(Partial(), error)) return;
-  for (const fs::path& file : FilesIn(Partial())) {
+  const std::vector<fs::path> files = FilesIn(Partial());
+  for (const fs::path& file : files) {
+    RefuseInputs({file.string()});
     if (fs::is_directory(folder_ / file, error)) {
       Fail(folder_ / file, "is a folder where a result file belongs; move it or give another -o");
     }
@@ -152,18 +316,55 @@ void OutputFolder::Commit() {
       }
     }
   }
-  std::string removed;
+  std::set<fs::path> folders{Partial()};
+  for (const fs::path& file : files) {
+    Descriptor(Partial() / file, O_RDONLY).Sync();
+    folders.insert((Partial() / file).parent_path());
+  }
+  Descriptor complete(Partial() / kIncomplete, O_WRONLY | O_CREAT | O_TRUNC);
   for (const std::string& name : removed_) {
     // Rename replaces a file that was written again; whoever completes these moves once more must
     // not remove the new one.
-    if (!fs::exists(Partial() / name, error)) removed += name + "\n";
+    if (!fs::exists(Partial() / name, error)) complete.WriteAll(name + "\n");
   }
-  Write(kComplete, removed);
-  if (const int failure = MoveAll(Partial(), folder_); failure != 0) {
-    Fail(folder_, fmt::format("cannot replace its files: {}", std::strerror(failure)));
-  }
-  fs::remove_all(Partial(), error);
+  complete.Sync();
+  complete.Close();
+  for (const fs::path& made : made_) folders.insert(made.parent_path());
+  for (const fs::path& folder : folders) SyncFolder(folder);
+  fs::rename(Partial() / kIncomplete, Partial() / kComplete, error);
+  if (error) Fail(Partial() / kComplete, "cannot be written: " + error.message());
+  announced_ = true;
+  SyncFolder(Partial());
+  SyncFolder(folder_);
+  MoveAll(Partial(), folder_);
+  announced_ = false;
   made_.clear();
+  fs::remove_all(Partial(), error);
+}
+
+void CompleteResultsAround(const fs::path& path) {
+  constexpr int kLevels = 3;  // OUT/images/left/01.png
+  std::error_code error;
+  fs::path folder = fs::absolute(path, error).lexically_normal();
+  for (int level = 0; level < kLevels; ++level) {
+    folder = folder.parent_path();
+    if (folder.filename() == kPartial || !IsAnnounced(folder)) continue;
+    try {
+      const OutputFolder completed(folder);
+    } catch (const Error& failure) {
+      throw Error(ErrorKind::kJob,
+                  fmt::format("{}: a killed run left its results half moved, and they cannot be "
+                              "completed: {}",
+                              folder.string(),
+                              failure.what()));
+    }
+  }
+}
+
+void AbandonOutput() {
+  // Kept for good: other threads may still be at work.
+  AllOpenFolders().mutex.lock();
+  for (OutputFolder* const folder : AllOpenFolders().folders) folder->Discard();
 }
 
 }  // namespace plenocal

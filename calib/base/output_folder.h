@@ -11,9 +11,13 @@ namespace plenocal {
 /// ".partial" and moved together by `Commit`. Without `Commit` the destructor removes them, and the
 /// folder too if this object made it and nothing else is inside.
 ///
-/// A run that is killed (also by SIGKILL) leaves the old files or all new ones: the moves are made
-/// by a process of their own, which outlives this one, and are announced by a file in ".partial",
-/// so that after a power cut the next run completes them. What was not announced it removes.
+/// No file is written or removed outside of the folder, and none that this run has read
+/// (input_file.h) is replaced, whatever names it is given.
+///
+/// A run that is killed (also by SIGKILL) or loses power leaves the old files or all new ones: the
+/// files are on the disk before a file "complete" in ".partial" announces them, the moves are made
+/// by a process of their own, which outlives this one, and where it is stopped as well, the next
+/// run that writes or reads there completes the moves. What was not announced it removes.
 class OutputFolder {
  public:
   /// Makes the folder if needed and checks that files can be written there, before the long work
@@ -24,8 +28,12 @@ class OutputFolder {
   OutputFolder(const OutputFolder&) = delete;
   OutputFolder& operator=(const OutputFolder&) = delete;
 
+  /// Throws `Error` of kind kInput when a result of one of these names would replace an input:
+  /// before the long work rather than in `Write`.
+  void RefuseInputs(const std::vector<std::string>& names) const;
   /// Writes one file of the run; `name` may have folders ("images/left/01.png"). May be called from
-  /// several threads. Throws `Error` of kind kJob, for instance when the disk is full.
+  /// several threads. Throws `Error` of kind kJob, for instance when the disk is full or the name
+  /// leads out of the folder, and of kind kInput when it would replace an input.
   void Write(const std::string& name, const std::string& content);
   /// A file of an earlier run that this run, if it ends well, leaves out: `Commit` removes it,
   /// unless it was written again.
@@ -34,12 +42,24 @@ class OutputFolder {
   void Commit();
 
  private:
+  friend void AbandonOutput();
   [[nodiscard]] std::filesystem::path Partial() const { return folder_ / ".partial"; }
+  void Lock();
+  void Discard();
 
   std::filesystem::path folder_;
   std::vector<std::string> removed_;
   std::vector<std::filesystem::path> made_;  // folders that this object made, innermost first
   int lock_ = -1;                            // of the folder
+  bool announced_ = false;                   // the files in ".partial" are complete
 };
+
+/// Completes the moves of a killed run in the folder of `path` and the two above it, so that no
+/// reader takes old and new files together. Throws `Error` of kind kJob where that is not possible.
+void CompleteResultsAround(const std::filesystem::path& path);
+
+/// Removes what this process has written and not committed, and lets no thread write or commit from
+/// now on: for a process that is about to end. Waits for a commit that has begun.
+void AbandonOutput();
 
 }  // namespace plenocal

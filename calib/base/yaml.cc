@@ -12,21 +12,18 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
-#include <fstream>
 #include <numbers>
 #include <optional>
 #include <sstream>
-#include <system_error>
 #include <unordered_map>
 
 #include "calib/base/error.h"
+#include "calib/base/input_file.h"
 #include "calib/base/number_text.h"
+#include "calib/base/quoted_text.h"
 
 namespace plenocal {
 namespace {
-
-// No file that people read and edit comes near; it keeps an image named by mistake out of memory.
-constexpr size_t kLargestFile = 256 << 20;
 
 // Our own tree instead of YAML::Node: the parser's events tell the place of every key, show both of
 // two equal keys and cannot be converted unsaid.
@@ -44,15 +41,12 @@ struct Tree {
 std::string Printable(std::string_view text) {
   constexpr size_t kLongest = 60;
   std::string printable(text.substr(0, kLongest));
-  for (char& c : printable) {
-    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = ' ';
-  }
   // Do not cut an UTF-8 character in two.
   if (text.size() > kLongest) {
     while (!printable.empty() && (printable.back() & 0x80) != 0) printable.pop_back();
     printable += "...";
   }
-  return printable;
+  return Escaped(printable);
 }
 
 std::string Describe(const Tree& tree) {
@@ -359,31 +353,7 @@ struct YamlNode::Impl {
 };
 
 YamlNode YamlNode::ReadFile(const std::filesystem::path& path) {
-  const auto fail = [&path](const std::string& message) {
-    throw Error(ErrorKind::kInput, fmt::format("{}: {}", path.string(), message));
-  };
-  std::error_code error;
-  const std::filesystem::file_status status = std::filesystem::status(path, error);
-  if (!std::filesystem::exists(status)) {
-    // Not there, or behind something that cannot be entered: the system says which.
-    fail(fmt::format("cannot be read: {}; check the path",
-                     error ? error.message() : "No such file or directory"));
-  }
-  if (std::filesystem::is_directory(status)) {
-    fail("expected a YAML file, got a directory; name the file in it");
-  }
-  std::ifstream file(path, std::ios::binary);
-  if (!file) fail("cannot be opened; check its permissions");
-  std::string text;
-  char buffer[1 << 16];
-  while (file.read(buffer, sizeof buffer) || file.gcount() > 0) {
-    text.append(buffer, static_cast<size_t>(file.gcount()));
-    if (text.size() > kLargestFile) {
-      fail(fmt::format("larger than {} MB; expected a YAML file", kLargestFile >> 20));
-    }
-  }
-  if (file.bad()) fail("reading failed; check the disk");
-  return Parse(text, path.string());
+  return Parse(ReadTextFile(path, InputLimit::kDocument), path.string());
 }
 
 YamlNode YamlNode::Parse(const std::string& text, const std::string& name) {

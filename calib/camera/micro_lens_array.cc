@@ -4,12 +4,12 @@
 #include <fmt/format.h>
 
 #include <Eigen/LU>
-#include <algorithm>
+#include <map>
 #include <optional>
 
 #include "calib/base/csv.h"
 #include "calib/base/error.h"
-#include "calib/base/text_file.h"
+#include "calib/base/input_file.h"
 #include "calib/camera/hexagonal_lattice.h"
 
 namespace plenocal {
@@ -57,6 +57,19 @@ void SetLatticeVectors(MicroLensArray* array) {
   array->e_row = basis.col(1);
 }
 
+std::optional<size_t> NumberLensTypes(MicroLensArray* array) {
+  std::map<int, int> numbers;
+  for (size_t i = 0; i < array->lenses.size(); ++i) {
+    numbers.emplace(array->lenses[i].type, 0);
+    if (numbers.size() > kMostLensTypes) return i;
+  }
+  int count = 0;
+  for (auto& [type, number] : numbers) number = count++;
+  for (MicroLens& lens : array->lenses) lens.type = numbers.at(lens.type);
+  array->types = count;
+  return std::nullopt;
+}
+
 std::string FormatMicroLenses(const MicroLensArray& array) {
   fmt::memory_buffer text;
   fmt::format_to(std::back_inserter(text), "index,x,y,type,row,column,usable\n");
@@ -90,13 +103,16 @@ MicroLensArray ReadMicroLenses(const std::filesystem::path& path, ImageSize imag
                             .centre = {table.Number(x), table.Number(y)},
                             .type = table.Integer(type),
                             .usable = !usable || table.Integer(*usable) != 0});
-    const MicroLens& lens = array.lenses.back();
-    if (lens.type < 0) table.FailAt(type, "expected 0 or more");
-    array.types = std::max(array.types, lens.type + 1);
     lines.push_back(table.Line());
   }
   if (array.lenses.empty()) {
     throw Error(ErrorKind::kInput, fmt::format("{}: has no micro lenses", path.string()));
+  }
+  if (const std::optional<size_t> lens = NumberLensTypes(&array)) {
+    table.FailAtLine(lines[*lens],
+                     fmt::format("lens type {} is one too many; an array has at most {} types",
+                                 array.lenses[*lens].type,
+                                 kMostLensTypes));
   }
   if (!row || !column) IndexFromCentres(path, lines, &array);
   SetLatticeVectors(&array);

@@ -2,7 +2,9 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstddef>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -19,6 +21,10 @@ struct MicroLens {
   int type = 0;        ///< 0 .. types - 1; the order means nothing
   bool usable = true;  ///< false for a dead or dirty micro lens
 };
+
+/// Lens types that an array may have: the sets of micro lenses that a hexagonal lattice
+/// interleaves.
+inline constexpr int kMostLensTypes = 3;
 
 /// The micro-lens array of a plenoptic camera: all micro lenses whose micro-image centre lies on
 /// the sensor. Plain data, so that camera models and the pipeline share it.
@@ -39,12 +45,16 @@ struct MicroLensArray {
 /// lenses.
 void SetLatticeVectors(MicroLensArray* array);
 
+/// Numbers the types from 0 without gaps, in the order of their numbers, and counts them. Returns
+/// the first micro lens of a type too many, if there is one: at most `kMostLensTypes` are kept.
+std::optional<size_t> NumberLensTypes(MicroLensArray* array);
+
 /// The text of micro_lenses_<camera>.csv: index, x, y, type, then row, column, usable.
 std::string FormatMicroLenses(const MicroLensArray& array);
 
 /// Reads such a file; `row`, `column` and `usable` may be missing (other programs' files: index, x,
-/// y, type), then the lattice is found from the centres. Throws `Error` of kind kInput with file
-/// and line.
+/// y, type), then the lattice is found from the centres. Types are numbered as by
+/// `NumberLensTypes`. Throws `Error` of kind kInput with file and line.
 MicroLensArray ReadMicroLenses(const std::filesystem::path& path, ImageSize image_size);
 
 }  // namespace plenocal

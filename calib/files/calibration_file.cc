@@ -10,6 +10,7 @@
 #include "calib/base/error.h"
 #include "calib/base/names.h"
 #include "calib/base/number_text.h"
+#include "calib/base/quoted_text.h"
 
 namespace plenocal {
 namespace {
@@ -91,7 +92,7 @@ std::string ResidualsMap(const CameraFit& fit) {
 std::string CameraYaml(const CalibratedCamera& camera, bool is_estimated) {
   const CameraModel& model = *camera.model;
   std::string text = fmt::format("  {}:\n    model: {}\n    image_size: [{}, {}]\n",
-                                 camera.name,
+                                 YamlText(camera.name),
                                  model.name,
                                  camera.image_size[0],
                                  camera.image_size[1]);
@@ -107,7 +108,7 @@ std::string CameraYaml(const CalibratedCamera& camera, bool is_estimated) {
     for (size_t i = 0; i < camera.params.size(); ++i) sigma.push_back(camera.Sigma(i));
     add("sigma", ParamMap(model, sigma, YamlNumber));
     if (!camera.at_bound.empty()) {
-      add("at_bound", fmt::format("[{}]", fmt::join(camera.at_bound, ", ")));
+      add("at_bound", List(camera.at_bound, YamlText));
     }
     if (!camera.sigma_jackknife.empty()) {
       add("sigma_jackknife", ParamMap(model, camera.sigma_jackknife, YamlNumber));
@@ -125,7 +126,7 @@ std::string CameraYaml(const CalibratedCamera& camera, bool is_estimated) {
   for (const auto& [key, member] : kCameraTextKeys) {
     const std::string& value = camera.*member;
     if (!value.empty())
-      add(key, member == &CalibratedCamera::sample_frame ? YamlQuoted(value) : value);
+      add(key, member == &CalibratedCamera::sample_frame ? YamlQuoted(value) : YamlText(value));
   }
   return text;
 }
@@ -146,8 +147,8 @@ std::string StrongCorrelations(const Correlations& correlations) {
     for (Eigen::Index j = 0; j < i; ++j) {
       if (std::abs(correlations.matrix(i, j)) < kStrong) continue;
       pairs.push_back(fmt::format("[{}, {}, {:.4f}]",
-                                  correlations.names[static_cast<size_t>(j)],
-                                  correlations.names[static_cast<size_t>(i)],
+                                  YamlText(correlations.names[static_cast<size_t>(j)]),
+                                  YamlText(correlations.names[static_cast<size_t>(i)]),
                                   correlations.matrix(i, j)));
     }
   }
@@ -160,24 +161,24 @@ std::string StrongCorrelations(const Correlations& correlations) {
 std::string OpenDirectionMap(const OpenDirection& direction) {
   std::string parts;
   for (const auto& [name, share] : direction.parts) {
-    parts += fmt::format("{}{}: {:.3f}", parts.empty() ? "" : ", ", name, share);
+    parts += fmt::format("{}{}: {:.3f}", parts.empty() ? "" : ", ", YamlText(name), share);
   }
   return fmt::format("{{sigma: {}, parameters: {{{}}}}}", YamlNumber(direction.sigma), parts);
 }
 
 std::string WeakUnknownsMap(const WeakUnknowns& weak) {
-  return fmt::format("{{parameters: [{}], determined: {}, what: {}, remedy: {}}}",
-                     fmt::join(weak.names, ", "),
+  return fmt::format("{{parameters: {}, determined: {}, what: {}, remedy: {}}}",
+                     List(weak.names, YamlText),
                      !weak.open,
                      YamlQuoted(weak.what),
                      YamlQuoted(weak.remedy));
 }
 
 std::string FindingMap(const Finding& finding) {
-  std::string text = fmt::format("{{code: {}, grade: {}, cameras: [{}]",
+  std::string text = fmt::format("{{code: {}, grade: {}, cameras: {}",
                                  finding.code,
                                  GradeName(finding.grade),
-                                 fmt::join(finding.cameras, ", "));
+                                 List(finding.cameras, YamlText));
   if (finding.value) text += fmt::format(", value: {}", YamlNumber(*finding.value));
   if (finding.limit) text += fmt::format(", limit: {}", YamlNumber(*finding.limit));
   return text + fmt::format(", what: {}, remedy: {}}}",
@@ -454,6 +455,7 @@ CalibrationRecord ReadCalibration(const std::filesystem::path& path,
   CalibrationRecord calibration;
   calibration.path = path;
   for (const auto& [name, node] : root.At("cameras").Entries()) {
+    CheckCameraName(name, node);
     calibration.cameras.push_back(ReadCamera(name, node, models));
   }
   if (calibration.cameras.empty()) root.At("cameras").Fail("expected at least one camera");
@@ -483,6 +485,12 @@ CalibrationRecord ReadCalibration(const std::filesystem::path& path,
     }
   }
   return calibration;
+}
+
+void CheckCameraName(const std::string& name, const YamlNode& node) {
+  if (const std::optional<std::string> defect = CameraNameDefect(name)) {
+    node.Fail("this camera's name " + *defect);
+  }
 }
 
 const CameraModel* ReadModel(const YamlNode& node, std::span<const CameraModel> models) {

@@ -29,6 +29,9 @@ std::string GivenCamerasYaml(std::span<const CalibratedCamera> cameras,
 CalibrationRecord ReadCalibration(const std::filesystem::path& path,
                                   std::span<const CameraModel> models);
 
+/// Throws at the node of a camera whose name cannot be one (`CameraNameDefect`).
+void CheckCameraName(const std::string& name, const YamlNode& node);
+
 /// The model in `models` whose name `node` holds. Throws `Error` with file, line and key.
 const CameraModel* ReadModel(const YamlNode& node, std::span<const CameraModel> models);
 

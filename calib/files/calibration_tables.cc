@@ -12,8 +12,9 @@
 #include <unordered_map>
 
 #include "calib/base/csv.h"
+#include "calib/base/input_file.h"
 #include "calib/base/number_text.h"
-#include "calib/base/text_file.h"
+#include "calib/base/quoted_text.h"
 
 namespace plenocal {
 namespace {
@@ -128,7 +129,7 @@ struct ResidualColumns {
 std::string PosesCsv(const CalibrationRecord& calibration) {
   std::string text = "frame,x,y,z,qx,qy,qz,qw\n";
   for (const FrameRecord& frame : calibration.frames) {
-    text.append(frame.name).append(PoseCells(frame.T_target_rig)).append("\n");
+    text.append(CsvCell(frame.name)).append(PoseCells(frame.T_target_rig)).append("\n");
   }
   return text;
 }
@@ -141,7 +142,9 @@ std::vector<FrameRecord> ReadPoses(const std::filesystem::path& path) {
   std::vector<FrameRecord> frames;
   std::set<std::string_view> names;
   while (table.Next()) {
-    if (table.Text(name).empty()) table.FailAt(name, "expected a name, found nothing");
+    if (const auto defect = FrameNameDefect(table.Text(name))) {
+      table.FailAt(name, "this frame's name " + *defect);
+    }
     if (!names.insert(table.Text(name)).second) {
       table.FailAt(name, fmt::format("'{}' stands here twice", table.Text(name)));
     }
@@ -154,9 +157,9 @@ std::string ViewPosesCsv(const CalibrationRecord& calibration) {
   std::string text = "camera,frame,x,y,z,qx,qy,qz,qw,misplaced\n";
   for (const CalibratedCamera& camera : calibration.cameras) {
     for (const auto& [frame, view] : camera.view_poses) {
-      text.append(camera.name)
+      text.append(CsvCell(camera.name))
           .append(",")
-          .append(calibration.frames[static_cast<size_t>(frame)].name)
+          .append(CsvCell(calibration.frames[static_cast<size_t>(frame)].name))
           .append(PoseCells(view.T_target_rig))
           .append(view.misplaced ? ",1\n" : ",0\n");
     }
@@ -191,9 +194,9 @@ std::string ResidualsCsv(const CalibrationRecord& calibration) {
   for (const CalibratedCamera& camera : calibration.cameras) {
     const CameraModel& model = *camera.model;
     for (const ResidualRow& row : camera.residuals) {
-      text.append(camera.name)
+      text.append(CsvCell(camera.name))
           .append(",")
-          .append(calibration.frames[static_cast<size_t>(row.frame)].name)
+          .append(CsvCell(calibration.frames[static_cast<size_t>(row.frame)].name))
           .append(",")
           .append(std::to_string(row.marker));
       AppendCells(measured, model.measured, row.values.data(), &text);
@@ -247,10 +250,10 @@ void ReadResiduals(const std::filesystem::path& path, CalibrationRecord* calibra
 std::string CorrelationsCsv(const Correlations& correlations) {
   const Eigen::MatrixXd& matrix = correlations.matrix;
   std::string text = "unknown";
-  for (const std::string& name : correlations.names) text.append(",").append(name);
+  for (const std::string& name : correlations.names) text.append(",").append(CsvCell(name));
   text += '\n';
   for (Eigen::Index i = 0; i < matrix.rows(); ++i) {
-    text += correlations.names[static_cast<size_t>(i)];
+    text += CsvCell(correlations.names[static_cast<size_t>(i)]);
     for (Eigen::Index j = 0; j < matrix.cols(); ++j) {
       fmt::format_to(std::back_inserter(text), ",{:.12g}", matrix(i, j));
     }

@@ -11,8 +11,9 @@
 #include <utility>
 
 #include "calib/base/csv.h"
+#include "calib/base/input_file.h"
 #include "calib/base/number_text.h"
-#include "calib/base/text_file.h"
+#include "calib/base/quoted_text.h"
 
 namespace plenocal {
 namespace {
@@ -79,9 +80,11 @@ class DetectionReader {
       }
     }
     const std::string_view frame = table_.Text(frame_column_);
-    if (frame.empty()) table_.FailAt(frame_column_, "expected a name, found nothing");
     // Rows of one frame usually follow each other.
     if (views_.empty() || views_[last_view_].frame != frame) {
+      if (const auto defect = FrameNameDefect(frame)) {
+        table_.FailAt(frame_column_, "this frame's name " + *defect);
+      }
       const auto [place, is_new] = view_of_frame_.emplace(std::string(frame), views_.size());
       if (is_new) {
         views_.push_back({std::string(frame), {}});
@@ -177,7 +180,7 @@ std::string DetectionsCsv(std::span<const View> views, const CameraModel& model)
   for (const View& view : views) {
     for (size_t row = 0; row < view.observations.size(); ++row) {
       const Observation& observation = view.observations[row];
-      text.append(view.frame).append(",").append(std::to_string(observation.marker));
+      text.append(CsvCell(view.frame)).append(",").append(std::to_string(observation.marker));
       for (size_t i = 0; i < model.measured.size() + model.context.size(); ++i) {
         text += ',';
         AppendFixed(observation.values[i], kCoordinateDecimals, &text);

@@ -12,6 +12,7 @@
 #include <optional>
 
 #include "calib/base/error.h"
+#include "calib/base/quoted_text.h"
 
 namespace plenocal {
 namespace {
@@ -105,6 +106,14 @@ std::vector<FrameImage> ExpandImages(const std::vector<std::string>& patterns,
       found = MatchGlob(pattern, what);
     }
     for (FrameImage& image : found) {
+      if (const auto defect = FrameNameDefect(image.frame)) {
+        throw Error(ErrorKind::kInput,
+                    fmt::format("{}: {}: the name of its frame, '{}', {}; rename the file",
+                                what,
+                                image.path.string(),
+                                image.frame,
+                                *defect));
+      }
       const auto [place, is_new] = frames.emplace(image.frame, image.path);
       if (!is_new) {
         throw Error(

@@ -14,6 +14,7 @@
 #include <string>
 
 #include "calib/base/error.h"
+#include "calib/base/input_file.h"
 #include "calib/camera/hexagonal_lattice.h"
 
 namespace plenocal {
@@ -43,7 +44,8 @@ Vector2d Point(const std::filesystem::path& path, const pugi::xml_node& parent, 
 }
 
 pugi::xml_node Load(const std::filesystem::path& path, pugi::xml_document* document) {
-  const pugi::xml_parse_result parsed = document->load_file(path.c_str());
+  const pugi::xml_parse_result parsed =
+      document->load_string(ReadTextFile(path, InputLimit::kDocument).c_str());
   if (!parsed) Refuse(path, fmt::format("cannot be read as XML: {}", parsed.description()));
   const pugi::xml_node root = document->child("RayCalibData");
   if (!root) Refuse(path, "has no <RayCalibData>; expected a calibration file of RxLive");
@@ -60,6 +62,8 @@ TypeOfColour ReadTypes(const std::filesystem::path& path,
   TypeOfColour type_of_colour;
   for (const pugi::xml_node& type : root.children("lens_type")) {
     const Vector2d node = to_nodes * Point(path, type, "offset");
+    constexpr double kFarthest = 1000;  // lenses
+    if (!(node.norm() < kFarthest)) Refuse(path, "<lens_type>: <offset>: is no neighbouring lens");
     type_of_colour[LatticeColour(
         {static_cast<int>(std::lround(node.x())), static_cast<int>(std::lround(node.y()))})] =
         type.attribute("id").as_int();
@@ -126,12 +130,21 @@ MicroLensArray ReadRayCalibData(const std::filesystem::path& path, ImageSize ima
   const double lacking = std::remainder(angle - std::atan2(bases(1, 0), bases(0, 0)), sixty);
   const Matrix2d to_px = diameter * Eigen::Rotation2Dd(lacking).toRotationMatrix();
   bases = to_px * bases;
-  if (std::abs(bases.determinant()) < 0.5 * diameter * diameter) {
+  // Of a hexagonal lattice they have the lenses' distance as length and sqrt(3)/2 of its square as
+  // determinant.
+  const double longest = bases.colwise().norm().maxCoeff();
+  if (!(std::abs(bases.determinant()) > 0.5 * diameter * diameter && longest < 2 * diameter)) {
     Refuse(path, "<lens_base_x> and <lens_base_y> span no hexagonal lattice");
   }
   const Matrix2d basis = CanonicalLatticeBasis(bases);
-  const Vector2d origin =
-      Vector2d((image_size[0] - 1) / 2.0, (image_size[1] - 1) / 2.0) + Point(path, root, "offset");
+  // The offset of the lens at the middle of the image.
+  const Vector2d offset = Point(path, root, "offset");
+  if (!(offset.norm() < image_size[0] + image_size[1])) {
+    Refuse(path,
+           fmt::format(
+               "<offset>: ({:.6g}, {:.6g}) px is outside of the image", offset.x(), -offset.y()));
+  }
+  const Vector2d origin = Vector2d((image_size[0] - 1) / 2.0, (image_size[1] - 1) / 2.0) + offset;
 
   const TypeOfColour type_of_colour = ReadTypes(path, root, basis.inverse() * to_px);
   MicroLensArray array;
@@ -141,6 +154,7 @@ MicroLensArray ReadRayCalibData(const std::filesystem::path& path, ImageSize ima
   array.e_row = basis.col(1);
   FillImage(origin, basis, type_of_colour, &array);
   if (array.lenses.empty()) Refuse(path, "no micro lens lies in the image");
+  NumberLensTypes(&array);
   return array;
 }
 

@@ -8,8 +8,8 @@
 #include <optional>
 
 #include "calib/base/error.h"
+#include "calib/base/input_file.h"
 #include "calib/base/names.h"
-#include "calib/base/text_file.h"
 #include "calib/files/calibration_file.h"
 
 namespace plenocal {
@@ -82,9 +82,7 @@ SessionCamera ReadCamera(const std::string& name,
                          std::span<const CameraModel> models) {
   SessionCamera camera;
   camera.name = name;
-  if (name.empty() || name.find_first_of("/\\,\n\r\t ") != std::string::npos) {
-    node.Fail("a camera's name becomes part of file names; use letters, digits, '_' and '-'");
-  }
+  CheckCameraName(name, node);
   if (!node.Has("model")) RequireCameraKeys(node, nullptr);
   camera.model = ReadModel(node.At("model"), models);
   const CameraModel& model = *camera.model;

@@ -10,9 +10,9 @@
 #include "calib/adjust/problem.h"
 #include "calib/base/error.h"
 #include "calib/base/linear_algebra.h"
-#include "calib/base/matrix_root.h"
 #include "calib/base/statistics.h"
 #include "calib/describe.h"
+#include "calib/noise/matrix_root.h"
 
 namespace plenocal {
 namespace {

@@ -11,8 +11,8 @@
 
 #include "calib/base/error.h"
 #include "calib/base/linear_algebra.h"
-#include "calib/base/matrix_root.h"
 #include "calib/base/statistics.h"
+#include "calib/noise/matrix_root.h"
 
 namespace plenocal {
 namespace {

@@ -10,7 +10,7 @@
 
 #include "calib/adjust/linearise.h"
 #include "calib/base/linear_algebra.h"
-#include "calib/base/matrix_root.h"
+#include "calib/noise/matrix_root.h"
 
 namespace plenocal {
 namespace {

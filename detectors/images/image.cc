@@ -9,18 +9,17 @@
 #include <bit>
 #include <cmath>
 #include <cstdint>
-#include <fstream>
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <optional>
 #include <span>
-#include <sstream>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "calib/base/error.h"
+#include "calib/base/input_file.h"
 #include "detectors/images/image_codecs.h"
 
 // The decoders fill missing parts with gray, with a line on stderr or without any. So the structure
@@ -269,19 +268,9 @@ Defect CheckIntegrity(Bytes* bytes) {
 }
 
 Bytes ReadFile(const fs::path& path) {
-  std::error_code error;
-  const fs::file_status status = fs::status(path, error);
-  if (status.type() == fs::file_type::not_found) Refuse(path, "no such file");
-  if (status.type() == fs::file_type::directory) Refuse(path, "is a directory, not an image");
-  std::ifstream file(path, std::ios::binary);
-  if (!file) Refuse(path, "cannot be opened; check its permissions");
-  std::ostringstream content;
-  content << file.rdbuf();
-  const std::string text = std::move(content).str();
-  Bytes bytes(text.begin(), text.end());
-  if (file.bad()) Refuse(path, "cannot be read");
-  if (bytes.empty()) Refuse(path, "is empty (0 bytes); record or copy it again");
-  return bytes;
+  const std::string content = ReadInput(path, InputLimit::kTable);
+  if (content.empty()) Refuse(path, "is empty (0 bytes); record or copy it again");
+  return {content.begin(), content.end()};
 }
 
 /// The decoded file; `flags` of cv::imdecode.

@@ -2,8 +2,12 @@
 #include "detectors/images/image_codecs.h"
 
 #include <dlfcn.h>
+#include <fcntl.h>
 #include <fmt/format.h>
+#include <unistd.h>
 
+#include <cstdio>
+#include <mutex>
 #include <opencv2/core.hpp>
 
 #include "calib/base/error.h"
@@ -57,17 +61,51 @@ const Codecs& LoadedCodecs() {
   return kCodecs;
 }
 
+// Closes standard error to the codecs while an object of this class lives: libpng, libtiff and
+// OpenCV write there about files that they are given, without a way to ask them not to. The file
+// number is the process's, so the first object of several threads turns it away and the last one
+// brings it back.
+class SilentCodecs {
+ public:
+  SilentCodecs() {
+    const std::lock_guard lock(mutex);
+    if (users++ > 0) return;
+    std::fflush(stderr);
+    standard_error = fcntl(STDERR_FILENO, F_DUPFD_CLOEXEC, STDERR_FILENO + 1);
+    const int nowhere = open("/dev/null", O_WRONLY | O_CLOEXEC);
+    if (standard_error >= 0 && nowhere >= 0) dup2(nowhere, STDERR_FILENO);
+    if (nowhere >= 0) close(nowhere);
+  }
+  ~SilentCodecs() {
+    const std::lock_guard lock(mutex);
+    if (--users > 0 || standard_error < 0) return;
+    std::fflush(stderr);
+    dup2(standard_error, STDERR_FILENO);
+    close(standard_error);
+  }
+  SilentCodecs(const SilentCodecs&) = delete;
+  SilentCodecs& operator=(const SilentCodecs&) = delete;
+
+ private:
+  static inline std::mutex mutex;
+  static inline int users = 0, standard_error = -1;
+};
+
 }  // namespace
 
 cv::Mat DecodeImage(const std::vector<std::uint8_t>& content, int flags) {
-  return LoadedCodecs().decode(content, flags);
+  const Codecs& codecs = LoadedCodecs();
+  const SilentCodecs silent;
+  return codecs.decode(content, flags);
 }
 
 std::string EncodeImage(const std::string& format,
                         const cv::Mat& image,
                         const std::vector<int>& parameters) {
   std::vector<std::uint8_t> content;
-  if (!LoadedCodecs().encode(format, image, content, parameters)) {
+  const Codecs& codecs = LoadedCodecs();
+  const SilentCodecs silent;
+  if (!codecs.encode(format, image, content, parameters)) {
     throw Error(ErrorKind::kJob, fmt::format("OpenCV cannot write {} images", format));
   }
   return {content.begin(), content.end()};

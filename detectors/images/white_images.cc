@@ -209,9 +209,9 @@ WhiteSum::WhiteSum(const std::vector<FrameImage>& images, int threads)
 
 void WhiteSum::Add(const cv::Mat& gray, double factor) {
   cv::Mat exact;
-  gray.convertTo(exact, CV_32F, factor);
+  gray.convertTo(exact, CV_64F, factor);
   const std::lock_guard lock(sum_mutex_);
-  if (sum_.empty()) sum_ = cv::Mat::zeros(gray.size(), CV_32F);
+  if (sum_.empty()) sum_ = cv::Mat::zeros(gray.size(), CV_64F);
   if (sum_.size() == gray.size()) sum_ += exact;
 }
 
@@ -313,7 +313,7 @@ WhiteImages WhiteSum::Mean() && {
   const auto count = static_cast<double>(used_.size());
   white_.saturated /= count;
   white_.black /= count;
-  white_.mean = sum_ / count;
+  cv::Mat(sum_ / count).convertTo(white_.mean, CV_32F);
   white_.level = cv::mean(white_.mean)[0];
   white_.unevenness = Unevenness(white_.mean);
   return std::move(white_);

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "detectors/plenoptic/cached_results.h"
 
+#include <algorithm>
+
 #include "calib/base/detection_cache.h"
 #include "calib/camera/observation_entry.h"
 
@@ -55,7 +57,13 @@ std::optional<MicroLensCalibration> UnpackMicroLenses(const std::string& bytes) 
     auto where = reader.Get<std::string>();
     micro_lenses.left_out.push_back({std::move(where), reader.Get<std::string>()});
   });
-  return reader.IsComplete() ? std::optional(micro_lenses) : std::nullopt;
+  // The types are indices.
+  const MicroLensArray& array = micro_lenses.array;
+  const bool good = array.types <= kMostLensTypes &&
+                    std::ranges::all_of(array.lenses, [&](const MicroLens& lens) {
+                      return lens.type >= 0 && lens.type < array.types;
+                    });
+  return good && reader.IsComplete() ? std::optional(micro_lenses) : std::nullopt;
 }
 
 std::string Pack(const RawDetections& found) {

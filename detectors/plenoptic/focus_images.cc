@@ -114,6 +114,18 @@ std::string Summary(const Reconstruction& view) {
       view.flat_parts > 0 ? fmt::format(", {} flat parts", view.flat_parts) : "");
 }
 
+/// `Reconstruct`, whose errors name the file.
+Reconstruction ReconstructNamed(const std::filesystem::path& path,
+                                cv::Mat image,
+                                const PlenopticCamera& camera,
+                                const ReconstructionOptions& options) {
+  try {
+    return Reconstruct(std::move(image), camera, options);
+  } catch (const Error& error) {
+    throw Error(error.kind(), fmt::format("{}: {}", path.string(), error.what()));
+  }
+}
+
 }  // namespace
 
 size_t ReconstructImages(
@@ -127,21 +139,19 @@ size_t ReconstructImages(
   for (size_t i = 0; i < images.size(); ++i) {
     const FrameImage& raw = images[i];
     if (!reports.progress(i)) throw Stopped();
+    Reconstruction view;
+    int depth = 0;
     try {
       cv::Mat image = ReadImage(raw.path);
-      const int depth = image.depth();
-      Reconstruction view;
-      try {
-        view = Reconstruct(std::move(image), camera, options);
-      } catch (const Error& error) {
-        throw Error(error.kind(), fmt::format("{}: {}", raw.path.string(), error.what()));
-      }
-      take(raw, view, depth);
-      ++taken;
+      depth = image.depth();
+      view = ReconstructNamed(raw.path, std::move(image), camera, options);
     } catch (const Error& error) {
       if (images.size() > 1) reports.message(fmt::format("  left out {}", error.what()));
       if (!first) first = error;
+      continue;
     }
+    take(raw, view, depth);
+    ++taken;
   }
   if (taken == 0) throw Error(*first);
   return taken;

@@ -40,10 +40,13 @@ std::vector<std::string> Split(const std::string& line, char separator) {
                           const std::string& out,
                           const std::string& err,
                           const RunOptions& options) {
-  const int out_file = open(out.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0600);
-  const int err_file = open(err.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0600);
+  const int out_file = open(out.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600);
+  const int err_file = open(err.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600);
   if (dup2(out_file, STDOUT_FILENO) < 0 || dup2(err_file, STDERR_FILENO) < 0) _exit(126);
   if (chdir(folder.c_str()) != 0) _exit(126);
+  if (options.close_streams) {
+    for (const int file : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO}) close(file);
+  }
   for (const auto& [name, value] : options.environment) setenv(name.c_str(), value.c_str(), 1);
   if (options.file_size_limit > 0) {
     // Ignored, so that `write` itself reports that there is no room.
@@ -128,7 +131,8 @@ std::vector<std::string> Workspace::Results(const std::string& folder) const {
 
 Outcome Workspace::Run(const std::vector<std::string>& arguments, const RunOptions& options) const {
   // Beside the folder, so that tests can list what the program wrote.
-  const std::string err = folder_.string() + ".stderr";
+  const std::string own_err = folder_.string() + ".stderr";
+  const std::string err = options.stderr_path.empty() ? own_err : options.stderr_path;
   const std::string own_out = folder_.string() + ".stdout";
   const std::string out = options.stdout_path.empty() ? own_out : options.stdout_path;
   const pid_t child = fork();
@@ -144,10 +148,10 @@ Outcome Workspace::Run(const std::vector<std::string>& arguments, const RunOptio
   }
   Outcome outcome;
   outcome.status = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
-  outcome.err = ReadText(err);
+  if (options.stderr_path.empty()) outcome.err = ReadText(own_err);
   if (options.stdout_path.empty()) outcome.out = ReadText(own_out);
   std::error_code error;
-  fs::remove(err, error);
+  fs::remove(own_err, error);
   fs::remove(own_out, error);
   return outcome;
 }

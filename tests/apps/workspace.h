@@ -28,6 +28,8 @@ struct Outcome {
 
 struct RunOptions {
   std::string stdout_path = {};     ///< where standard output goes; empty: into Outcome::out
+  std::string stderr_path = {};     ///< the same of standard error
+  bool close_streams = false;       ///< standard input, output and error are closed
   std::size_t file_size_limit = 0;  ///< bytes that a file may have, as on a full disk; 0: any
   std::function<bool()> interrupt_when = {};  ///< `signal` is sent once this is true
   int signal = SIGINT;

@@ -138,12 +138,15 @@ void WriteReport(const CalibrationRecord& record,
                  Console* console,
                  OutputFolder* out) {
   console->Progress("report");
+  std::string html;
   // A calibration is not lost because its report fails.
   try {
-    out->Write("report.html", ReportHtml(record, files));
+    html = ReportHtml(record, files);
   } catch (const Error& error) {
     console->Message(fmt::format("report.html was not written: {}", error.what()));
+    return;
   }
+  out->Write("report.html", html);
 }
 
 nlohmann::json ResultJson(const CalibrateArguments& arguments, const CalibrationRecord& record) {
@@ -175,7 +178,10 @@ void Print(const CalibrateArguments& arguments,
            const CalibrationRecord& record,
            Console* console) {
   if (arguments.json) {
-    fmt::print("{}\n", ResultJson(arguments, record).dump(2));
+    using Json = nlohmann::json;
+    const Json result = ResultJson(arguments, record);
+    // Paths may be no UTF-8.
+    fmt::print("{}\n", result.dump(2, ' ', false, Json::error_handler_t::replace));
     return;
   }
   console->Print(fmt::format("{}\nwritten to {}\n\n{}",
@@ -196,18 +202,14 @@ void CheckRequirement(const CalibrateArguments& arguments, const Verdict& verdic
                   verdict.findings.front().what));
 }
 
-void CheckInputs(const Session& session, const std::filesystem::path& out) {
-  RefuseToReplaceInputs(session,
-                        out,
-                        {"calibration.yaml",
-                         "target.yaml",
-                         "poses.csv",
-                         "view_poses.csv",
-                         "residuals.csv",
-                         "correlations.csv",
-                         "left_out.csv",
-                         "report.html"});
-}
+const std::vector<std::string> kResults{"calibration.yaml",
+                                        "target.yaml",
+                                        "poses.csv",
+                                        "view_poses.csv",
+                                        "residuals.csv",
+                                        "correlations.csv",
+                                        "left_out.csv",
+                                        "report.html"};
 
 // A session from its file, or from images, for which model and target are chosen.
 struct CalibrateJob {
@@ -291,8 +293,8 @@ void RunCalibrate(const CalibrateArguments& arguments, const ConsoleOptions& sha
   CalibrateJob job = MakeCalibrateJob(arguments, shared, &console);
   const Session& session = job.session;
   const Target& target = job.target;
-  CheckInputs(session, arguments.out);
   OutputFolder out(arguments.out);
+  out.RefuseInputs(kResults);
 
   DetectionCache cache =
       OpenDetectionCache(arguments.out,

@@ -20,6 +20,7 @@
 #include "calib/base/error.h"
 #include "calib/base/number_text.h"
 #include "calib/base/output_folder.h"
+#include "calib/base/quoted_text.h"
 #include "calib/describe.h"
 #include "calib/files/calibration_file.h"
 #include "calib/files/calibration_tables.h"
@@ -271,7 +272,7 @@ std::string TableCsv(const std::vector<CameraDifference>& differences) {
       const auto line = [&](const std::string& part, const ImageDifference& difference) {
         text +=
             fmt::format("{},{:g},{},{:.6g},{:.6g},{},{},{},{}\n",
-                        camera.name,
+                        CsvCell(camera.name),
                         at.distance,
                         part,
                         difference.rms,
@@ -445,8 +446,8 @@ void CheckWithNewImages(const CompareArguments& arguments,
   Console console(shared);
   std::optional<OutputFolder> out;
   if (!arguments.out.empty()) {
-    RefuseToReplaceInputs(session, arguments.out, {"compare.csv", "check.json", "difference.png"});
     out.emplace(arguments.out);
+    out->RefuseInputs({"compare.csv", "check.json", "difference.png"});
   }
   DetectionCache cache = out ? OpenDetectionCache(arguments.out, session, EarlierDetections::kReuse)
                              : DetectionCache({}, {}, false);  // keeps nothing

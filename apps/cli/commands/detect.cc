@@ -16,7 +16,6 @@ namespace {
 void RunDetect(const SessionOptions& options, const ConsoleOptions& shared) {
   const Session session = OpenSession(options.session);
   const Target target = ReadTarget(session.target);
-  RefuseToReplaceInputs(session, options.out, {});
   OutputFolder out(options.out);
   Console console(shared);
   DetectionCache cache = OpenDetectionCache(

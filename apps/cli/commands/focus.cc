@@ -67,19 +67,6 @@ void CheckNames(const std::vector<FrameImage>& images) {
   }
 }
 
-void RefuseToReplaceRaw(const std::vector<FrameImage>& images, const fs::path& folder) {
-  for (const char* name : {"focused.png", "virtual_depth.png", "virtual_depth.tiff"}) {
-    for (const FrameImage& image : images) {
-      std::error_code error;
-      if (!fs::equivalent(image.path, folder / name, error)) continue;
-      throw Error(
-          ErrorKind::kInput,
-          fmt::format("{}: the results would replace this input; give another folder with -o",
-                      image.path.string()));
-    }
-  }
-}
-
 void RunFocus(const FocusArguments& arguments, const ConsoleOptions& shared) {
   FocusRequest request;
   request.raw_images = FindImageInputs(arguments.raw, "raw images");
@@ -95,10 +82,6 @@ void RunFocus(const FocusArguments& arguments, const ConsoleOptions& shared) {
     return many ? arguments.out / frame : arguments.out;
   };
   CheckNames(request.raw_images);
-  for (const FrameImage& image : request.raw_images) {
-    RefuseToReplaceRaw(request.raw_images, folder(image.frame));
-  }
-  // Made before the work starts, so that a folder that cannot be written shows at once.
   OutputFolder out(arguments.out);
   Console console(shared);
   request.message = [&](const std::string& line) { console.Message(line); };

@@ -14,6 +14,7 @@
 #include "apps/cli/session/proposal_text.h"
 #include "calib/base/error.h"
 #include "calib/base/output_folder.h"
+#include "calib/base/quoted_text.h"
 #include "calib/files/frame_images.h"
 #include "detectors/plenoptic/white/white_camera.h"
 
@@ -115,7 +116,7 @@ std::string SessionText(const std::vector<InitCamera>& cameras,
           ? "  # on one rig; the first is its master. Cameras that are not get a session each"
           : "");
   for (const InitCamera& camera : cameras) {
-    text += fmt::format("  {}:  # {} images\n", camera.name, camera.frames.size());
+    text += fmt::format("  {}:  # {} images\n", YamlText(camera.name), camera.frames.size());
     text += camera.plenoptic ? "    model: focused-plenoptic\n"
                                "    pixel_size:  # state it, from the data sheet: 5.5 um\n"
                                "    # bayer: RGGB  # of single-channel raw mosaics\n"

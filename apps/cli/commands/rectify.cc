@@ -218,8 +218,9 @@ void RunRectify(const RectifyArguments& arguments, const ConsoleOptions& shared)
   }
 
   std::array<size_t, 2> counts{};
-  for (size_t c = 0; c < 2; ++c) CheckImageNames(images[c], arguments.out / cameras[c]->name);
+  for (size_t c = 0; c < 2; ++c) CheckImageNames(images[c]);
   OutputFolder out(arguments.out);
+  out.RefuseInputs({"calibration.yaml"});
   Encoded encoded;
   for (size_t c = 0; c < 2; ++c) {
     const PixelMap map =

@@ -16,6 +16,7 @@
 #include "calib/base/error.h"
 #include "calib/base/number_text.h"
 #include "calib/base/output_folder.h"
+#include "calib/base/quoted_text.h"
 #include "calib/describe.h"
 #include "calib/files/calibration_file.h"
 #include "calib/judge/model_trial.h"
@@ -332,6 +333,8 @@ std::string HeldOutYaml(const ModelTrial& trial) {
 
 std::string ModelYaml(const TrialRow& row) {
   const ModelTrial& trial = *row.trial;
+  std::vector<std::string> undetermined;
+  for (const std::string& name : row.undetermined) undetermined.push_back(YamlText(name));
   std::string text = fmt::format("  {}:\n", trial.model->name);
   if (!trial.failure.empty()) {
     return text + fmt::format("    failure: {}\n", YamlQuoted(trial.failure));
@@ -352,7 +355,7 @@ std::string ModelYaml(const TrialRow& row) {
                     YamlNumber(trial.unseen),
                     YamlNumber(trial.in_sample_rms),
                     trial.seconds,
-                    fmt::join(row.undetermined, ", "),
+                    fmt::join(undetermined, ", "),
                     trial.model->name);
 }
 
@@ -384,7 +387,9 @@ struct SessionTrial {
 std::string TrialYaml(const SessionTrial& trial) {
   const ModelChoice& choice = trial.models;
   std::vector<std::string> cameras;
-  for (const size_t c : choice.varied) cameras.push_back(trial.session.cameras[c].name);
+  for (const size_t c : choice.varied) {
+    cameras.push_back(YamlText(trial.session.cameras[c].name));
+  }
   std::string text = fmt::format(
       "plenocal: 1\nsession: {}\ncameras: [{}]\nframes: {}\nfolds: {}\npoints: {}\n"
       "outliers: {}\nrecommended: {}\nwhy: {}\nreference: {}\nnoise: {}\n",
@@ -429,8 +434,8 @@ void RunTry(const TryArguments& arguments, const ConsoleOptions& shared) {
   const std::vector<size_t> varied = VariedCameras(session, arguments.camera);
   const std::vector<const CameraModel*> models =
       ModelsToTry(arguments.models, session.cameras[varied[0]]);
-  RefuseToReplaceInputs(session, arguments.out, {"try.csv", "try.yaml", "try.html"});
   OutputFolder out(arguments.out);
+  out.RefuseInputs({"try.csv", "try.yaml", "try.html"});
   Console console(shared);
   DetectionCache cache =
       OpenDetectionCache(arguments.out,

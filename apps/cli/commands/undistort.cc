@@ -78,6 +78,7 @@ void UndistortOrdinary(const UndistortJob& job) {
   made.view.name = job.camera.name;
   made.view.T_camera_rig = job.camera.T_camera_rig;
   OutputFolder out(job.arguments.out);
+  out.RefuseInputs({"calibration.yaml"});
   made.map = MapPixels(made.view, job.camera, no_rotation, job.shared.threads);
   const size_t count = ResampleToFolder(
       job.images,
@@ -142,6 +143,7 @@ void UndistortPlenoptic(const UndistortJob& job) {
   NewCamera made{ChooseView(job, virtual_image), {}};
   CheckPlenopticJob(job);
   OutputFolder out(job.arguments.out);
+  out.RefuseInputs({"calibration.yaml"});
   std::optional<OutputFolder> cloud_out = OwnCloudFolder(job.arguments);
   made.map = MapVirtualImage(made.view, job, virtual_image);
 
@@ -186,7 +188,7 @@ void RunUndistort(const UndistortArguments& arguments, const ConsoleOptions& sha
   const CalibratedCamera& camera = FindCamera(calibration, arguments.camera);
   const UndistortJob job{
       arguments, shared, calibration, camera, FindImageInputs(arguments.images, "images")};
-  CheckImageNames(job.images, arguments.out);
+  CheckImageNames(job.images);
   if (camera.model->central) {
     UndistortOrdinary(job);
   } else {

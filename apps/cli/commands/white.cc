@@ -176,9 +176,7 @@ void RunWhite(const WhiteArguments& arguments, const ConsoleOptions& shared) {
     }
     if (Interrupted()) throw Stopped();
     const WhiteCamera& camera = cameras.back();
-    for (const std::string& warning : camera.warnings)
-      console.Message(
-          fmt::format("  {} {}", Styled(Stream::kErr, Style::kWarning, "warning:"), warning));
+    for (const std::string& warning : camera.warnings) console.Warning(warning);
     for (const LeftOut& item : camera.left_out) {
       console.Message(fmt::format("  left out {}: {}", item.where, item.reason));
     }

@@ -13,6 +13,7 @@
 
 #include "calib/base/error.h"
 #include "calib/base/number_text.h"
+#include "calib/base/quoted_text.h"
 
 namespace plenocal {
 namespace {

@@ -9,7 +9,8 @@
 #include "apps/cli/session/image_names.h"
 #include "apps/cli/session/proposal_text.h"
 #include "calib/base/error.h"
-#include "calib/base/text_file.h"
+#include "calib/base/input_file.h"
+#include "calib/base/quoted_text.h"
 #include "models/registry.h"
 
 namespace plenocal {
@@ -32,7 +33,7 @@ TargetSource SourceOf(const std::string& target) {
 }
 
 void CheckReplaceable(const fs::path& session) {
-  if (!fs::exists(session) || ReadTextFile(session).starts_with(kMark)) return;
+  if (!fs::exists(session) || ReadEarlierResult(session).starts_with(kMark)) return;
   throw Error(ErrorKind::kInput,
               fmt::format("{}: was not written from images on the command line and would be "
                           "replaced; give another folder with -o",
@@ -97,7 +98,7 @@ std::string ImageSession::Text(const CameraModel& model, std::optional<bool> ref
       cameras_.size() > 1 ? "  # the first is the rig's master" : "");
   for (const Camera& camera : cameras_) {
     text += fmt::format("  {}:\n    model: {}\n    images: {}\n",
-                        camera.name,
+                        YamlText(camera.name),
                         model.name,
                         PathsYaml(camera.images, out_));
   }

@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "calib/base/number_text.h"
+#include "calib/base/quoted_text.h"
 
 namespace plenocal {
 namespace {
@@ -25,10 +26,11 @@ std::string WithoutNumbers(const std::string& reason) {
   return text;
 }
 
-std::string Quoted(std::string text) {
+// Always in quotation marks, since most of these texts need them.
+std::string Quoted(const std::string& reason) {
+  std::string text = Escaped(reason);
   for (size_t at = 0; (at = text.find('"', at)) != std::string::npos; at += 2)
     text.insert(at, 1, '"');
-  std::ranges::replace(text, '\n', ' ');
   return '"' + text + '"';
 }
 
@@ -66,8 +68,8 @@ std::string LeftOutCsv(const std::vector<LeftOut>& items) {
   std::string csv = "camera,frame,marker,where,reason\n";
   for (const LeftOut& item : items) {
     csv += fmt::format("{},{},{},{},{}\n",
-                       item.camera,
-                       item.frame,
+                       CsvCell(item.camera),
+                       CsvCell(item.frame),
                        item.marker,
                        Quoted(item.where),
                        Quoted(item.reason));

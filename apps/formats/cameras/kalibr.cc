@@ -9,6 +9,7 @@
 #include "apps/formats/exact_numbers.h"
 #include "apps/formats/lens_form.h"
 #include "apps/formats/poses.h"
+#include "calib/base/quoted_text.h"
 #include "calib/base/yaml.h"
 #include "calib/files/calibration_file.h"
 
@@ -73,15 +74,14 @@ std::string WriteKalibr(const std::vector<CalibratedCamera>& cameras) {
     }
     text += fmt::format(
         "  cam_overlaps: []\n  camera_model: {}\n  distortion_coeffs: [{}]\n"
-        "  distortion_model: {}\n  intrinsics: [{}]\n  resolution: [{}, {}]\n  rostopic: "
-        "/{}/image_raw\n",
+        "  distortion_model: {}\n  intrinsics: [{}]\n  resolution: [{}, {}]\n  rostopic: {}\n",
         projection,
         RealList(distortion),
         lens.name.substr(blank + 1),
         RealList(intrinsics),
         camera.image_size[0],
         camera.image_size[1],
-        camera.name);
+        YamlText(fmt::format("/{}/image_raw", camera.name)));
   }
   return text;
 }

@@ -14,7 +14,7 @@
 #include "apps/formats/camera_format.h"
 #include "apps/formats/exact_numbers.h"
 #include "calib/base/error.h"
-#include "calib/base/text_file.h"
+#include "calib/base/input_file.h"
 #include "models/registry.h"
 
 namespace plenocal {
@@ -83,7 +83,8 @@ std::string WriteLifcal(const std::vector<CalibratedCamera>& cameras) {
 class ModelXml {
  public:
   explicit ModelXml(const std::filesystem::path& path) : where_(path.string()) {
-    const pugi::xml_parse_result parsed = document_.load_string(ReadTextFile(path).c_str());
+    const pugi::xml_parse_result parsed =
+        document_.load_string(ReadTextFile(path, InputLimit::kDocument).c_str());
     if (!parsed) Fail(fmt::format("not valid XML: {}", parsed.description()));
     root_ = document_.child("Root");
     if (!root_) Fail("expected the element <Root> of a CameraModel.xml");

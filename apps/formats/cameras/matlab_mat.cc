@@ -18,7 +18,7 @@
 #include "apps/formats/camera_format.h"
 #include "apps/formats/matlab_intrinsics.h"
 #include "calib/base/error.h"
-#include "calib/base/text_file.h"
+#include "calib/base/input_file.h"
 
 namespace plenocal {
 namespace {
@@ -181,7 +181,8 @@ std::map<std::string, Variable> ReadVariables(std::string_view bytes, const std:
 class Workspace {
  public:
   explicit Workspace(const std::filesystem::path& path)
-      : where_(path.string()), variables_(ReadVariables(ReadTextFile(path), where_)) {}
+      : where_(path.string()),
+        variables_(ReadVariables(ReadInput(path, InputLimit::kDocument), where_)) {}
 
   [[nodiscard]] const std::string& Where() const { return where_; }
   [[nodiscard]] bool Has(const std::string& name) const { return variables_.contains(name); }

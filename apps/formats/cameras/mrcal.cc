@@ -13,7 +13,7 @@
 #include "apps/formats/exact_numbers.h"
 #include "apps/formats/lens_form.h"
 #include "calib/base/error.h"
-#include "calib/base/text_file.h"
+#include "calib/base/input_file.h"
 #include "calib/base/yaml.h"
 #include "calib/files/calibration_file.h"
 #include "models/registry.h"
@@ -112,7 +112,7 @@ std::vector<std::string> WriteMrcalRig(const std::vector<CalibratedCamera>& came
 }
 
 std::vector<CalibratedCamera> ReadMrcal(const CameraSource& source) {
-  std::string text = ReadTextFile(source.path);
+  std::string text = ReadTextFile(source.path, InputLimit::kDocument);
   // A packed blob that only mrcal reads.
   if (const size_t blob = text.find("'optimization_inputs'"); blob != std::string::npos) {
     const size_t end = text.find('\n', blob);

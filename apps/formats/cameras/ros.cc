@@ -10,6 +10,7 @@
 #include "apps/formats/lens_form.h"
 #include "apps/formats/poses.h"
 #include "apps/resample/rectify.h"
+#include "calib/base/quoted_text.h"
 #include "calib/base/yaml.h"
 
 namespace plenocal {
@@ -40,7 +41,7 @@ std::string RosFile(const CalibratedCamera& camera,
   std::string text = fmt::format("image_width: {}\nimage_height: {}\ncamera_name: {}\n",
                                  camera.image_size[0],
                                  camera.image_size[1],
-                                 camera.name);
+                                 YamlText(camera.name));
   text += matrix("camera_matrix",
                  3,
                  3,

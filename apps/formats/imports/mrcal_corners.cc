@@ -16,7 +16,7 @@
 
 #include "apps/formats/import_format.h"
 #include "calib/base/error.h"
-#include "calib/base/text_file.h"
+#include "calib/base/input_file.h"
 
 namespace plenocal {
 namespace {

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <mutex>
+#include <vector>
 
 #include "calib/base/linear_algebra.h"
 #include "calib/base/parallel.h"
@@ -18,9 +18,8 @@ namespace {
 
 /// Unknowns of a survey: defocus offset and slope, vignetting offset and slope of each lens type.
 constexpr int kPerType = 4;
-/// Types of a multi-focus array: three at most, so that the matrices of single pixels stay on the
-/// stack.
-constexpr int kMostUnknowns = 3 * kPerType;
+/// Fixed, so that the matrices of single pixels stay on the stack.
+constexpr int kMostUnknowns = kMostLensTypes * kPerType;
 using SurveyMatrix =
     Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMostUnknowns, kMostUnknowns>;
 using SurveyVector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMostUnknowns, 1>;
@@ -245,12 +244,11 @@ SurveySums MatchSample(const DepthMatcher& matcher, const DepthSurvey& survey, i
   constexpr size_t kSample = 400;  // micro images: some ten thousand pixels with texture
   const MicroLensArray& array = matcher.Index().Array();
   const size_t stride = std::max<size_t>(1, array.lenses.size() / kSample);
-  SurveySums sums(array.types);
-  std::mutex mutex;
-  ParallelFor(array.lenses.size() / stride, threads, [&](size_t task) {
+  std::vector<SurveySums> parts(array.lenses.size() / stride, SurveySums(array.types));
+  ParallelFor(parts.size(), threads, [&](size_t task) {
     const size_t lens = task * stride;
     MatchScratch scratch;
-    SurveySums own(array.types);
+    SurveySums& own = parts[task];
     matcher.Select(lens, &scratch);
     matcher.Search(lens, survey.likely, &scratch);
     matcher.Refine(lens, survey, &scratch);
@@ -258,9 +256,10 @@ SurveySums MatchSample(const DepthMatcher& matcher, const DepthSurvey& survey, i
       if (scratch.pixels.sum_information[i] > 0) own.depths.push_back(scratch.pixels.z[i]);
     }
     LensComparison(matcher, survey, lens, &scratch.pixels).AddTo(&own);
-    const std::lock_guard lock(mutex);
-    sums.Add(own);
   });
+  // In a fixed order: sums are rounded, and the order of threads differs from run to run.
+  SurveySums sums(array.types);
+  for (const SurveySums& part : parts) sums.Add(part);
   return sums;
 }
 

@@ -226,7 +226,7 @@ TEST_F(SimulateCommand, NamesWhatIsWrongInTheSpecification) {
       {"focus: [2.4, 3.0, 3.9]", "focus: [2.4, 3.0]", "spec.yaml:31", "one virtual depth or three"},
       {"focus: [2.4, 3.0, 3.9]", "focus: [0.5]", "spec.yaml:31", "at least 1"},
       {"blur: 0.35", "vignetting: 0.35", "spec.yaml:27", "fill"},
-      {"target: target.yaml", "target: other.yaml", "other.yaml", "cannot be read"}};
+      {"target: target.yaml", "target: other.yaml", "other.yaml", "no such file"}};
   for (const auto& [from, to, place, part] : cases) {
     SCOPED_TRACE(to);
     Write("spec.yaml", Replaced(good, from, to));

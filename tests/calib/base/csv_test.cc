@@ -53,6 +53,30 @@ TEST(Csv, SkipsEmptyLinesCommentsBlanksAndTheByteOrderMark) {
   EXPECT_FALSE(table.Next());
 }
 
+TEST(Csv, ReadsCellsInQuotationMarks) {
+  const std::string text = "\"a\", b\n\"1,5\" , \"say \"\"hi\"\"\"\n\" x \",\"\"\n";
+  CsvReader table(text, "t.csv");
+  EXPECT_THAT(table.Header(), ElementsAre("a", "b"));
+  ASSERT_TRUE(table.Next());
+  EXPECT_EQ(table.Text(0), "1,5");
+  EXPECT_EQ(table.Text(1), "say \"hi\"");
+  EXPECT_EQ(MessageOf([&] { (void)table.Number(0); }),
+            "t.csv:2:2: a: expected a number, found '1,5'");
+  EXPECT_THAT(MessageOf([&] { (void)table.Number(1); }),
+              StartsWith("t.csv:2:1: b: expected a number"));
+  ASSERT_TRUE(table.Next());
+  EXPECT_EQ(table.Text(0), " x ");
+  EXPECT_EQ(table.Text(1), "");
+  for (const char* bad : {"\"1,2\n", "\"1\"x,2\n", "\"1\"\",2\n"}) {
+    const std::string broken = std::string("a,b\n") + bad;
+    EXPECT_THAT(MessageOf([&] {
+                  CsvReader reader(broken, "t.csv");
+                  reader.Next();
+                }),
+                StartsWith("t.csv:2: a cell in quotation marks does not end with one"));
+  }
+}
+
 TEST(Csv, NamesFileLineAndColumnOfABadCell) {
   const std::string text = "a,b\n1,2\n 3, four\n";
   CsvReader table(text, "d/t.csv");

@@ -80,6 +80,25 @@ TEST_F(MicroLensFile, ReadsWhatItWrites) {
   EXPECT_NEAR(read.Pitch(), kPitch, kDigits);
 }
 
+TEST_F(MicroLensFile, NumbersItsTypesFromZero) {
+  MicroLensArray array = Example();
+  for (MicroLens& lens : array.lenses) lens.type = 7 * lens.type - 5;
+  Write(FormatMicroLenses(array));
+  const MicroLensArray read = ReadMicroLenses(path_, kSize);
+  EXPECT_EQ(read.types, 3);
+  for (const MicroLens& lens : read.lenses) {
+    EXPECT_EQ(lens.type, LatticeColour({lens.column, lens.row}));
+  }
+}
+
+// What uses the types as indices has room for three.
+TEST_F(MicroLensFile, WithMoreTypesThanALatticeHasSetsIsRefused) {
+  MicroLensArray array = Example();
+  array.lenses[20].type = 158;
+  Write(FormatMicroLenses(array));
+  EXPECT_THAT(Message(), ::testing::HasSubstr(".csv:22: lens type 158 is one too many"));
+}
+
 TEST_F(MicroLensFile, FindsTheLatticeOfAFileWithoutRowsAndColumns) {
   std::string text = FormatMicroLenses(Example());
   const std::regex first_four_cells(R"(^([^,]*,[^,]*,[^,]*,[^,\n]*),.*)", std::regex::multiline);

@@ -13,7 +13,7 @@
 #include <limits>
 
 #include "calib/base/error.h"
-#include "calib/base/text_file.h"
+#include "calib/base/input_file.h"
 #include "calib/files/calibration_file.h"
 #include "calib/files/calibration_tables.h"
 #include "models/registry.h"
@@ -404,7 +404,7 @@ TEST_F(RecordFiles, RefusePosesThatAreNone) {
   };
   EXPECT_THAT(message("a,0,0,1,0,0,0,0.9"), HasSubstr(":2:9: qx: the quaternion has length 0.9"));
   EXPECT_THAT(message("a,0,0,1,0,0,0,1\na,0,0,1,0,0,0,1"), HasSubstr(":3:1: frame: 'a' stands"));
-  EXPECT_THAT(message(",0,0,1,0,0,0,1"), HasSubstr(":2:1: frame: expected a name"));
+  EXPECT_THAT(message(",0,0,1,0,0,0,1"), HasSubstr(":2:1: frame: this frame's name is empty"));
 }
 
 TEST_F(RecordFiles, KeepTheMatrixOfCorrelations) {

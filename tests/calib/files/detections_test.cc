@@ -144,7 +144,7 @@ TEST_F(Detections, AreRefusedWithFileAndLine) {
   EXPECT_THAT(message("0,2,2,3,-0.1"), HasSubstr(":3:9: sigma: expected a positive number"));
   EXPECT_THAT(message("0,2,2,3,0"), HasSubstr(":3:9: sigma: expected a positive number"));
   EXPECT_THAT(message("0,2,2"), HasSubstr(":3: expected 5 columns"));
-  EXPECT_THAT(message(",2,2,3,0.1"), HasSubstr(":3:1: frame: expected a name"));
+  EXPECT_THAT(message(",2,2,3,0.1"), HasSubstr(":3:1: frame: this frame's name is empty"));
   EXPECT_THAT(message("0,1,5,5,0.1"), HasSubstr(":3: frame '0' has marker 1 in line 2 already"));
   EXPECT_THAT(MessageOf("", Ordinary()), HasSubstr("expected a header line"));
   EXPECT_THAT(MessageOf("frame,marker,x\n", Ordinary()),

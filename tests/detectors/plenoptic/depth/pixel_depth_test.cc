@@ -97,6 +97,30 @@ TEST(SurveyDepth, FindsTheDefocusOfALensType) {
   EXPECT_NEAR(defocus[2].At(z) - defocus[0].At(z), 0, 0.02);
 }
 
+TEST(SurveyDepth, IsTheSameToTheLastBitForAnyNumberOfThreads) {
+  const WaveScene scene;
+  const MicroLensIndex index(scene.array);
+  const LensPatches patches = scene.Patches();
+  const auto numbers = [&](int threads) {
+    const DepthSurvey survey = SurveyDepth(patches, index, NoiseOf(scene), threads);
+    std::vector<float> all{survey.likely.lowest, survey.likely.highest};
+    for (const auto* properties : {&survey.defocus, &survey.vignetting}) {
+      for (const LinearInZ& one : *properties) {
+        all.push_back(one.offset);
+        all.push_back(one.slope);
+      }
+    }
+    all.insert(all.end(), survey.misfit.begin(), survey.misfit.end());
+    return all;
+  };
+  const std::vector<float> alone = numbers(1);
+  constexpr int kRuns = 10;  // threads end in another order each time
+  for (int run = 0; run < kRuns; ++run) {
+    EXPECT_EQ(numbers(2), alone);
+    EXPECT_EQ(numbers(5), alone);
+  }
+}
+
 TEST(SurveyDepth, FindsNoVignettingWithoutAttenuation) {
   const Matched matched{WaveScene{}};
   for (const LinearInZ& k : matched.survey.vignetting) {

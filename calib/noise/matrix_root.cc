@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/base/matrix_root.h"
+#include "calib/noise/matrix_root.h"
 
 #include "calib/base/linear_algebra.h"
 

@@ -1,0 +1,145 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/base/input_file.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <map>
+#include <mutex>
+#include <utility>
+
+#include "calib/base/error.h"
+#include "calib/base/output_folder.h"
+
+namespace plenocal {
+namespace {
+
+namespace fs = std::filesystem;
+
+// The inputs of this run by device and number of the file.
+class Inputs {
+ public:
+  void Add(const struct stat& file, const fs::path& path) {
+    const std::lock_guard lock(mutex_);
+    paths_.emplace(Key(file), path);
+  }
+
+  std::optional<fs::path> Find(const struct stat& file) {
+    const std::lock_guard lock(mutex_);
+    const auto found = paths_.find(Key(file));
+    // The number of a file that was removed may be that of a new one.
+    struct stat now {};
+    if (found == paths_.end() || stat(found->second.c_str(), &now) != 0 || Key(now) != Key(file)) {
+      return std::nullopt;
+    }
+    return found->second;
+  }
+
+ private:
+  static std::pair<dev_t, ino_t> Key(const struct stat& file) { return {file.st_dev, file.st_ino}; }
+
+  std::mutex mutex_;
+  std::map<std::pair<dev_t, ino_t>, fs::path> paths_;
+};
+
+Inputs& InputsOfRun() {
+  static Inputs inputs;
+  return inputs;
+}
+
+[[noreturn]] void RefuseInput(const fs::path& path, const std::string& reason) {
+  throw Error(ErrorKind::kInput, fmt::format("{}: {}", path.string(), reason));
+}
+
+// A file descriptor that is closed with its scope.
+class OpenFile {
+ public:
+  // Without O_NONBLOCK a pipe that nobody writes would be waited for.
+  explicit OpenFile(const fs::path& path)
+      : number_(open(path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC)) {}
+  ~OpenFile() {
+    if (number_ >= 0) close(number_);
+  }
+  OpenFile(const OpenFile&) = delete;
+  OpenFile& operator=(const OpenFile&) = delete;
+  [[nodiscard]] int Number() const { return number_; }
+
+ private:
+  int number_;
+};
+
+struct stat StatusOf(const OpenFile& file, const fs::path& path) {
+  const int opening = errno;
+  struct stat status {};
+  if (file.Number() < 0 || fstat(file.Number(), &status) != 0) {
+    if (opening == ENOENT || opening == ENOTDIR) RefuseInput(path, "no such file; check the path");
+    RefuseInput(path, fmt::format("cannot be read: {}", std::strerror(opening)));
+  }
+  if (S_ISDIR(status.st_mode)) RefuseInput(path, "is a directory; name the file in it");
+  if (!S_ISREG(status.st_mode)) {
+    RefuseInput(path, "is a device, pipe or socket; copy what it gives into a file");
+  }
+  return status;
+}
+
+std::string ReadAll(const OpenFile& file, const fs::path& path, size_t size, size_t limit) {
+  const auto refuse_large = [&] {
+    RefuseInput(path, fmt::format("larger than {} MB; is it the right file?", limit >> 20));
+  };
+  if (size > limit) refuse_large();
+  // One byte more than expected shows the end; files of /proc have size 0.
+  constexpr size_t kLeast = 1 << 16;
+  std::string content(std::max(size + 1, kLeast), '\0');
+  size_t length = 0;
+  while (true) {
+    const ssize_t count = read(file.Number(), content.data() + length, content.size() - length);
+    if (count < 0 && errno == EINTR) continue;
+    if (count < 0) RefuseInput(path, fmt::format("cannot be read: {}", std::strerror(errno)));
+    if (count == 0) break;
+    length += static_cast<size_t>(count);
+    if (length > limit) refuse_large();
+    if (length == content.size()) content.resize(2 * length);
+  }
+  content.resize(length);
+  return content;
+}
+
+std::string ReadFileAt(const fs::path& path, InputLimit limit, bool is_input) {
+  CompleteResultsAround(path);
+  const OpenFile file(path);
+  const struct stat status = StatusOf(file, path);
+  if (is_input) InputsOfRun().Add(status, path);
+  return ReadAll(file, path, static_cast<size_t>(status.st_size), static_cast<size_t>(limit));
+}
+
+std::string Text(std::string content, const fs::path& path) {
+  if (content.find('\0') == std::string::npos) return content;
+  RefuseInput(path, "expected text in UTF-8, found binary data; is it the right file?");
+}
+
+}  // namespace
+
+std::string ReadInput(const fs::path& path, InputLimit limit) {
+  return ReadFileAt(path, limit, true);
+}
+
+std::string ReadTextFile(const fs::path& path, InputLimit limit) {
+  return Text(ReadFileAt(path, limit, true), path);
+}
+
+std::string ReadEarlierResult(const fs::path& path) {
+  return ReadFileAt(path, InputLimit::kTable, false);
+}
+
+std::optional<fs::path> InputAt(const fs::path& path) {
+  struct stat status {};
+  if (stat(path.c_str(), &status) != 0) return std::nullopt;
+  return InputsOfRun().Find(status);
+}
+
+}  // namespace plenocal

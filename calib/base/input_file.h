@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// The only opener of input files. Each file that it has read is an input of this run, which no
+// output replaces (output_folder.h).
+#pragma once
+
+#include <cstddef>
+#include <filesystem>
+#include <optional>
+#include <string>
+
+namespace plenocal {
+
+/// Largest size of a file, in bytes: no file that people use comes near, and one named by mistake
+/// does not fill the memory.
+enum class InputLimit : std::size_t {
+  kDocument = std::size_t{256} << 20,  ///< YAML, JSON, XML, MAT
+  kTable = std::size_t{2} << 30,       ///< tables, trajectories, images
+};
+
+/// The content of a regular file: folders, devices, pipes and sockets are refused without waiting
+/// for them. Completes the folder's results first where a killed run left them half moved. Throws
+/// `Error` of kind kInput, naming the file, when there is none or it cannot be read.
+std::string ReadInput(const std::filesystem::path& path, InputLimit limit);
+
+/// The same of text: refuses content with zero bytes, which no text in ASCII or UTF-8 has.
+std::string ReadTextFile(const std::filesystem::path& path, InputLimit limit = InputLimit::kTable);
+
+/// Like `ReadInput` for a result of an earlier run, which this run may replace.
+std::string ReadEarlierResult(const std::filesystem::path& path);
+
+/// The path of the input that was read from the file which `path` is too; nothing when `path` is no
+/// input.
+std::optional<std::filesystem::path> InputAt(const std::filesystem::path& path);
+
+}  // namespace plenocal

@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Results are complete or not there, whatever the disk does.
+#include "tests/apps/workspace.h"
+
+namespace plenocal::testing {
+namespace {
+
+using ::testing::HasSubstr;
+namespace fs = std::filesystem;
+
+class Commit : public Workspace {
+ protected:
+  Commit() { WriteProblem(EasyProblem()); }
+};
+
+TEST_F(Commit, OfAReportThatDoesNotFitFailsAsAWhole) {
+  Calibrate();
+  const auto before = Files("out");
+  size_t largest = 0;
+  for (const auto& [name, text] : before) {
+    if (name != "report.html") largest = std::max(largest, text.size());
+  }
+  const size_t limit = largest + 1000;
+  ASSERT_GT(before.at("report.html").size(), limit);
+  Write("session.yaml", Replaced(Read("session.yaml"), "huber", "cauchy"));
+  const Outcome outcome =
+      Run({"calibrate", "session.yaml", "-o", "out", "--quiet"}, {.file_size_limit = limit});
+  EXPECT_EQ(outcome.status, kJobFailed);
+  EXPECT_THAT(outcome.err, HasSubstr("report.html: cannot be written"));
+  EXPECT_EQ(Files("out"), before);
+}
+
+TEST_F(Commit, ThatWasStoppedHalfWayIsCompletedByTheNextReader) {
+  Calibrate("old");
+  Write("session.yaml", Replaced(Read("session.yaml"), "huber", "cauchy"));
+  Calibrate("new");
+  fs::copy(Path("old"), Path("out"), fs::copy_options::recursive);
+  fs::copy(Path("new"), Path("out/.partial"), fs::copy_options::recursive);
+  fs::rename(Path("out/.partial/poses.csv"), Path("out/poses.csv"));
+  Write("out/.partial/complete", "");
+  EXPECT_EQ(Run({"convert", "out/calibration.yaml", "--to", "pinhole-radtan", "-o", "x"}).status,
+            kDone);
+  for (const auto& [name, text] : Files("new")) EXPECT_EQ(Read("out/" + name), text) << name;
+  EXPECT_FALSE(fs::exists(Path("out/.partial")));
+}
+
+}  // namespace
+}  // namespace plenocal::testing
