@@ -13,8 +13,8 @@
 
 #include "calib/adjust/bundle.h"
 #include "calib/base/error.h"
-#include "calib/files/finding.h"
 #include "calib/base/robust.h"
+#include "calib/files/finding.h"
 #include "calib/fit.h"
 #include "calib/noise/jackknife.h"
 #include "calib/noise/uncertainty.h"

@@ -364,7 +364,7 @@ CameraGuess GuessCamera(const CameraInput& camera, const std::map<int, Eigen::Ve
     if (!misfit.reason.empty()) {
       guess.misfit = fmt::format("{}: {} {}", camera.name, camera.model->name, misfit.reason);
     }
-    if (misfit.impossible) throw Error(ErrorKind::kJob, guess.misfit);
+    if (misfit.impossible) throw Error(ErrorKind::kJob, guess.misfit + " (model_misfit)");
   }
   guess.params = best.bundle.cameras[0].params;
   guess.median_error = best.median;

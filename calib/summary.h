@@ -8,8 +8,8 @@
 namespace plenocal {
 
 /// A calibration as text for the terminal: per camera the reprojection error, the parameters with
-/// their standard errors and the extrinsics, then the refined target and weakly determined unknowns.
-/// Ends in a newline.
+/// their standard errors and the extrinsics, then the refined target and weakly determined
+/// unknowns. Ends in a newline.
 std::string Summary(const Calibration& calibration);
 
 }  // namespace plenocal

@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "calib/files/finding.h"
 #include "calib/calibrate.h"
+#include "calib/files/finding.h"
 
 namespace plenocal {
 

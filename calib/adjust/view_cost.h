@@ -34,7 +34,8 @@ class ViewCost : public ceres::CostFunction {
                 double** jacobians) const override;
 
  private:
-  // Where the derivatives by each block are written; null for blocks whose derivatives Ceres does not need.
+  // Where the derivatives by each block are written; null for blocks whose derivatives Ceres does
+  // not need.
   struct Jacobians {
     bool any = false;
     double *intrinsics = nullptr, *extrinsics = nullptr, *pose = nullptr, *jitter = nullptr,

@@ -16,10 +16,10 @@
 #include <utility>
 #include <vector>
 
-#include "calib/files/finding.h"
 #include "calib/camera/camera_model.h"
 #include "calib/camera/observation.h"
 #include "calib/camera/rigid_transform.h"
+#include "calib/files/finding.h"
 
 namespace plenocal {
 
@@ -184,7 +184,7 @@ struct CalibrationRecord {
   std::vector<WeakUnknowns> weak;
   /// What the estimation and the tests for causes found; in files a part of `verdict`.
   std::vector<Finding> findings;
-  std::optional<Verdict> verdict;  ///< not set: not judged yet
+  std::optional<Verdict> verdict;     ///< not set: not judged yet
   std::vector<std::string> left_out;  ///< "image or observation: why"
   Provenance provenance;
 

@@ -60,7 +60,8 @@ struct ModelTrial {
   /// Of residuals as bad as these, if the model were as good as the reference: the smaller p-value
   /// of two tests (`HeldOutScores`).
   double probability = 1;
-  /// Of the projection from the reference's over the supported image, px RMS (`SupportedDifference`).
+  /// Of the projection from the reference's over the supported image, px RMS
+  /// (`SupportedDifference`).
   double difference = 0;
   bool practically_equal = false;  ///< `difference` is less than matters
 };
@@ -94,14 +95,14 @@ struct ModelChoice {
 /// frames.
 ///
 /// Outliers are the same points for all models: those that the best model rejects, the one with the
-/// smallest sum of squares on held-out frames, each cut off at the rejection threshold. Each model is scored over the
-/// points that it images.
+/// smallest sum of squares on held-out frames, each cut off at the rejection threshold. Each model
+/// is scored over the points that it images.
 ///
 /// A model is acceptable when it has no more parameters than the reference and is not worse at the
-/// level of 5 %, or when both are practically equal, unless its uncertainty outweighs its gain over a simpler one. Recommended
-/// is, of the acceptable ones, the one of the widest use, then the one with the fewest parameters.
-/// All tests are between pairs, so that a model that is neither reference nor recommended has no
-/// influence.
+/// level of 5 %, or when both are practically equal, unless its uncertainty outweighs its gain over
+/// a simpler one. Recommended is, of the acceptable ones, the one of the widest use, then the one
+/// with the fewest parameters. All tests are between pairs, so that a model that is neither
+/// reference nor recommended has no influence.
 ///
 /// Throws `Error` of kind kJob when there are too few frames or no model can be calibrated.
 ModelChoice TryModels(const CalibrationInput& input,

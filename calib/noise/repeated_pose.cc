@@ -11,7 +11,6 @@
 namespace plenocal {
 namespace {
 
-
 // One view determines few of a camera's parameters (a flat target's homography: two); others seem
 // determined because distortion has followed the noise. Those with a standard error above a
 // hundredth of their own size are undetermined.

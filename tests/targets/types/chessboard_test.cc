@@ -34,10 +34,12 @@ TEST(ChessboardTarget, RefusesWrongSizesAndCounts) {
     return ErrorOf("plenocal: 1\ntype: chessboard\nrows: 3\ncolumns: " + columns +
                    "\nsquare: " + square + "\n");
   };
-  EXPECT_THAT(chess("4", "0"),
-              HasSubstr(".yaml:5:9: square: expected a length in metres or with its unit, got '0'"));
+  EXPECT_THAT(
+      chess("4", "0"),
+      HasSubstr(".yaml:5:9: square: expected a length in metres or with its unit, got '0'"));
   EXPECT_THAT(chess("4", "-1"), HasSubstr("write a number above 0"));
-  EXPECT_THAT(chess("4", ".nan"), HasSubstr("square: expected a length in metres or with its unit, got '.nan'"));
+  EXPECT_THAT(chess("4", ".nan"),
+              HasSubstr("square: expected a length in metres or with its unit, got '.nan'"));
   EXPECT_EQ(chess("4", "30mm"), "no error");
   EXPECT_THAT(chess("1", "0.03"),
               HasSubstr(".yaml:4:10: columns: expected a number from 2 to 1000, got '1'"));
