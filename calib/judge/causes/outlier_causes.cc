@@ -65,8 +65,8 @@ bool IsUpsideDown(const BundleCamera& camera,
                   double noise,
                   const View& view,
                   const Positions& markers) {
-  constexpr double kFits = 3;       // sigmas: the median of a view that fits is near 1.2
-  constexpr double kDecisive = 2;   // residuals as they are over those turned
+  constexpr double kFits = 3;      // sigmas: the median of a view that fits is near 1.2
+  constexpr double kDecisive = 2;  // residuals as they are over those turned
   const std::optional<double> stated = ResidualOfView(camera, view, markers);
   if (!stated || *stated < kFits * noise) return false;
   const std::optional<double> turned =
@@ -98,20 +98,21 @@ std::vector<Finding> FindRotatedImages(const Calibration& calibration, size_t c)
     }
   }
   if (names.empty()) return {};
-  return {{.code = "images_rotated",
-           .grade = Grade::kUsable,
-           .cameras = {camera.name},
-           .value = static_cast<double>(names.size()),
-           .limit = 1,
-           .what = fmt::format("{}: {} of {} images {} upside down: turned by 180 degrees they agree "
-                               "with the others: {}.",
-                               camera.name,
-                               names.size(),
-                               views.size(),
-                               names.size() == 1 ? "is" : "are",
-                               FirstOf(names)),
-           .remedy = "Use all images as the sensor recorded them: programs turn them by their "
-                     "orientation tag (EXIF), and cameras held upside down do it themselves."}};
+  return {
+      {.code = "images_rotated",
+       .grade = Grade::kUsable,
+       .cameras = {camera.name},
+       .value = static_cast<double>(names.size()),
+       .limit = 1,
+       .what = fmt::format("{}: {} of {} images {} upside down: turned by 180 degrees they agree "
+                           "with the others: {}.",
+                           camera.name,
+                           names.size(),
+                           views.size(),
+                           names.size() == 1 ? "is" : "are",
+                           FirstOf(names)),
+       .remedy = "Use all images as the sensor recorded them: programs turn them by their "
+                 "orientation tag (EXIF), and cameras held upside down do it themselves."}};
 }
 
 // ---- markers
@@ -132,9 +133,9 @@ double ChanceOf(const Share& share, double probability) {
 }
 
 std::vector<Finding> FindMarkerOutliers(const Calibration& calibration, size_t c) {
-  constexpr double kMostPoints = 0.3;     // of a marker; less than that are single bad points
-  constexpr double kFewMarkers = 0.25;    // many are no exceptions
-  constexpr double kLeastShare = 0.01;    // rejected in any recording
+  constexpr double kMostPoints = 0.3;   // of a marker; less than that are single bad points
+  constexpr double kFewMarkers = 0.25;  // many are no exceptions
+  constexpr double kLeastShare = 0.01;  // rejected in any recording
   const Bundle& bundle = calibration.bundle;
   std::map<int, Share> shares;
   Share total;

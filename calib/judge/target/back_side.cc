@@ -52,11 +52,12 @@ std::vector<Finding> FindMirroredImages(const Calibration& calibration,
          .cameras = {name},
          .value = part,
          .limit = kNearlyAll,
-         .what = fmt::format("{}: its images are mirrored: they show the printed side of the target "
-                             "from behind ({} of {:.0f} images).",
-                             name,
-                             sides[c].back,
-                             all),
+         .what =
+             fmt::format("{}: its images are mirrored: they show the printed side of the target "
+                         "from behind ({} of {:.0f} images).",
+                         name,
+                         sides[c].back,
+                         all),
          .remedy = "Record without mirroring (many webcams and phones flip a preview): parameters "
                    "of mirrored images do not hold for the camera. Where the points come from a "
                    "file, its numbering of the markers may be mirrored instead; then only the "
