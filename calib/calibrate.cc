@@ -2,6 +2,8 @@
 #include "calib/calibrate.h"
 
 #include <cmath>
+#include <set>
+#include <string>
 #include <utility>
 
 #include "calib/base/statistics.h"
@@ -16,10 +18,51 @@
 namespace plenocal {
 namespace {
 
+// A distortion coefficient: without effect at 0.
+bool IsCoefficient(const Param& param) { return param.unit == "1" && param.neutral == 0.0; }
+
+// Whether coefficients replace each other without any effect on the images, while all else is
+// determined.
+bool LeavesOnlyCoefficientsOpen(const Bundle& bundle, const Uncertainty& uncertainty) {
+  std::set<std::string> coefficients;
+  for (const BundleCamera& camera : bundle.cameras) {
+    for (const Param& param : camera.model->params) {
+      if (IsCoefficient(param)) coefficients.insert(camera.name + "." + std::string(param.name));
+    }
+  }
+  bool any = false;
+  for (const OpenDirection& direction : uncertainty.open) {
+    if (!std::isinf(direction.sigma)) continue;
+    any = true;
+    for (const auto& [name, share] : direction.parts) {
+      if (!coefficients.contains(name)) return false;
+    }
+  }
+  return any;
+}
+
+// Weak priors around "no effect" on the coefficients that are open. Without them the adjustment
+// runs along the open direction to where numerator and denominator of a rational model vanish
+// together, in the middle of the image.
+void HoldOpenCoefficients(const Uncertainty& uncertainty, std::vector<CameraInput>* cameras) {
+  constexpr double kSizes = 3;  // prior's sigma; lenses have coefficients of about one `scale`
+  for (size_t c = 0; c < cameras->size(); ++c) {
+    CameraInput& camera = (*cameras)[c];
+    camera.rules.resize(camera.model->params.size());
+    for (size_t k = 0; k < camera.rules.size(); ++k) {
+      const Param& param = camera.model->params[k];
+      ParamRule& rule = camera.rules[k];
+      if (!IsCoefficient(param) || !std::isinf(uncertainty.param_std_errors[c][k])) continue;
+      if (!rule.prior && !rule.tied_to) rule.prior = {.value = 0, .sigma = kSizes * param.scale};
+    }
+  }
+}
+
 // A rig is taken as rigid and its frames as synchronous unless its frames disagree.
 void SolveRig(const CalibrationInput& input,
-              const BundleGuess& guess,
               const SolveOptions& options,
+              int threads,
+              BundleGuess* guess,
               Calibration* calibration) {
   const auto solve = [&] {
     Solution solution = Solve(options, &calibration->bundle);
@@ -29,9 +72,16 @@ void SolveRig(const CalibrationInput& input,
     calibration->rejection_threshold = solution.rejection_threshold;
   };
   solve();
+  if (LeavesOnlyCoefficientsOpen(calibration->bundle, calibration->uncertainty)) {
+    CalibrationInput held = input;
+    HoldOpenCoefficients(calibration->uncertainty, &held.cameras);
+    *guess = GuessBundle(held, threads);
+    calibration->bundle = guess->bundle;
+    solve();
+  }
   if (FramesAgree(calibration->bundle, calibration->uncertainty, options.typical_sigmas)) return;
-  calibration->bundle = guess.bundle;
-  StartJitter(input.cameras, guess.cameras, calibration->frames, &calibration->bundle);
+  calibration->bundle = guess->bundle;
+  StartJitter(input.cameras, guess->cameras, calibration->frames, &calibration->bundle);
   solve();
 }
 
@@ -80,7 +130,7 @@ Calibration Calibrate(const CalibrationInput& input, const CalibrationOptions& o
     if (!go_on(stage)) throw Stopped();
   };
   enter("initial guess");
-  const BundleGuess guess = GuessBundle(input, options.threads);
+  BundleGuess guess = GuessBundle(input, options.threads);
   Calibration calibration;
   calibration.frames = guess.frames;
   calibration.bundle = guess.bundle;
@@ -91,7 +141,7 @@ Calibration Calibrate(const CalibrationInput& input, const CalibrationOptions& o
   for (const AssumedSigmas& sigmas : guess.sigmas) solve.typical_sigmas.push_back(sigmas.typical);
 
   enter("bundle adjustment");
-  SolveRig(input, guess, solve, &calibration);
+  SolveRig(input, solve, options.threads, &guess, &calibration);
 
   enter("uncertainty");
   AddSystematicErrors(solve, &calibration);

@@ -26,6 +26,8 @@ constexpr size_t kAdjustedCandidates = 4;
 // scatter that the selection of views causes.
 constexpr double kAsGood = 1.5;
 constexpr double kSmallestScale = 1e-9;  // px; keeps weights finite where residuals are zero
+// A guess that leaves more, px, may have ended in a wrong minimum.
+constexpr double kSuspiciousMedian = 1;
 constexpr double kNoResidual = std::numeric_limits<double>::infinity();
 
 // All observations of at most `limit` known markers, spread evenly over the view.
@@ -288,6 +290,25 @@ std::vector<std::optional<double>> InitialValues(const CameraInput& camera) {
   return given;
 }
 
+// The same from candidates without distortion: where views are few or noisy, coefficients that are
+// fitted before the adjustment may lead to another minimum.
+Trial PlainTrial(const CameraInput& camera,
+                 const std::map<int, Eigen::Vector3d>& markers,
+                 const StartProblem& problem) {
+  std::vector<std::optional<double>> given(problem.given.begin(), problem.given.end());
+  for (size_t k = 0; k < given.size(); ++k) {
+    if (!given[k]) given[k] = camera.model->params[k].neutral;
+  }
+  const StartProblem plain{.views = problem.views,
+                           .markers = problem.markers,
+                           .image_size = problem.image_size,
+                           .config = problem.config,
+                           .given = given,
+                           .fixed = problem.fixed};
+  return BestTrial(
+      camera, markers, {problem.views.begin(), problem.views.end()}, camera.model->start(plain));
+}
+
 void CheckNotRefused(const CameraInput& camera, const StartProblem& problem) {
   if (camera.model->refusal == nullptr) return;
   const std::string reason = camera.model->refusal(problem);
@@ -347,7 +368,11 @@ CameraGuess GuessCamera(const CameraInput& camera, const std::map<int, Eigen::Ve
                              .fixed = &camera.fixed};
   CheckNotRefused(camera, problem);
   const std::vector<StartCandidate> candidates = camera.model->start(problem);
-  const Trial best = BestTrial(camera, markers, views, candidates);
+  Trial best = BestTrial(camera, markers, views, candidates);
+  if (best.median > kSuspiciousMedian) {
+    Trial plain = PlainTrial(camera, markers, problem);
+    if (plain.median < best.median) best = std::move(plain);
+  }
   if (!std::isfinite(best.median)) {
     throw Error(
         ErrorKind::kJob,
@@ -364,7 +389,7 @@ CameraGuess GuessCamera(const CameraInput& camera, const std::map<int, Eigen::Ve
     if (!misfit.reason.empty()) {
       guess.misfit = fmt::format("{}: {} {}", camera.name, camera.model->name, misfit.reason);
     }
-    if (misfit.impossible) throw Error(ErrorKind::kJob, guess.misfit);
+    if (misfit.impossible) throw Error(ErrorKind::kJob, guess.misfit + " (model_misfit)");
   }
   guess.params = best.bundle.cameras[0].params;
   guess.median_error = best.median;

@@ -184,6 +184,10 @@ TargetDoubts DoubtsAbout(const Target& target) {
       [&](const auto& layout) {
         TargetDoubts doubts = layout.Doubts(nominal);
         doubts.quads = layout.Quads();
+        for (const auto& [number, position] : target.markers) {
+          const Eigen::Vector3d normal = layout.Normal(target.markers, number);
+          if (!normal.isZero()) doubts.normals[number] = normal;
+        }
         return doubts;
       },
       target.layout);

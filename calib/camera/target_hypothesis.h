@@ -39,6 +39,9 @@ struct TargetDoubts {
   /// Markers at the corners of rigid flat pieces (tags): lower left, lower right, upper right,
   /// upper left.
   std::vector<std::array<int, 4>> quads;
+  /// Unit vector from a marker to the viewer of the printed side; none for markers that are visible
+  /// from everywhere.
+  std::map<int, Eigen::Vector3d> normals = {};
 };
 
 }  // namespace plenocal

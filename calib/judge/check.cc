@@ -6,6 +6,9 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <functional>
+#include <numbers>
+#include <utility>
 
 #include "calib/adjust/problem.h"
 #include "calib/base/error.h"
@@ -163,7 +166,7 @@ class Check {
                  }});
     // Parameters of each camera, extrinsics of all but the master.
     const size_t tests = 2 * cameras_.size() - 1;
-    const double limit = kCheckLevel / static_cast<double>(tests);
+    const double limit = check_.level = kCheckLevel / static_cast<double>(tests);
     for (size_t c = 0; c < cameras_.size(); ++c) {
       CameraCheck camera = CheckCamera(c);
       camera.valid = camera.probability >= limit && camera.extrinsics_probability >= limit;
@@ -272,6 +275,46 @@ CalibrationCheck CheckCalibration(const CalibrationRecord& old,
                                   CalibrationInput input,
                                   const CalibrationOptions& options) {
   return Check(old, std::move(input), options).Run();
+}
+
+Verdict JudgeCheck(const CalibrationCheck& check) {
+  Verdict verdict;
+  const auto add = [&](Finding finding, double probability) {
+    finding.grade = probability < check.level ? Grade::kBad : Grade::kGood;
+    finding.value = probability;
+    finding.limit = check.level;
+    if (finding.grade == Grade::kGood) finding.remedy.clear();
+    verdict.grade = std::max(verdict.grade, finding.grade);
+    verdict.findings.push_back(std::move(finding));
+  };
+  for (const CameraCheck& camera : check.cameras) {
+    add({.code = "parameters_changed",
+         .cameras = {camera.name},
+         .what = fmt::format("{}: the old parameters leave {:.3g} px RMS in the new images, those "
+                             "of the new images' own {:.3g} px; so large a gap has a probability "
+                             "of {:.2g} if the calibration holds.",
+                             camera.name,
+                             camera.rms_held,
+                             camera.rms_free,
+                             camera.probability),
+         .remedy = "Calibrate again: lens, focus or zoom have changed, or the images are of "
+                   "another camera."},
+        camera.probability);
+    if (&camera == &check.cameras.front()) continue;
+    add({.code = "mount_changed",
+         .cameras = {camera.name},
+         .what = fmt::format("{}: on the rig turned by {:.4f} degrees and shifted by {:.3f} mm; so "
+                             "large a difference has a probability of {:.2g} if the calibration "
+                             "holds.",
+                             camera.name,
+                             camera.rotation * 180 / std::numbers::pi,
+                             1e3 * camera.translation,
+                             camera.extrinsics_probability),
+         .remedy = "Fasten the cameras and calibrate again."},
+        camera.extrinsics_probability);
+  }
+  std::ranges::stable_sort(verdict.findings, std::ranges::greater(), &Finding::grade);
+  return verdict;
 }
 
 }  // namespace plenocal

@@ -29,6 +29,8 @@ struct CameraCheck {
 struct CalibrationCheck {
   std::vector<CameraCheck> cameras;
   int frames = 0;
+  double level =
+      0;  ///< of each test: all together show a false difference once in a hundred checks
   bool valid = true;
   Calibration fresh;  ///< with all parameters free
 };
@@ -49,5 +51,9 @@ struct CalibrationCheck {
 CalibrationCheck CheckCalibration(const CalibrationRecord& old,
                                   CalibrationInput input,
                                   const CalibrationOptions& options);
+
+/// The outcome as findings: for each camera `parameters_changed`, for each but the master
+/// `mount_changed`, bad where the test fails, else good.
+Verdict JudgeCheck(const CalibrationCheck& check);
 
 }  // namespace plenocal

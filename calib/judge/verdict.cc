@@ -70,11 +70,37 @@ bool IsCause(const Finding& finding) {
           std::ranges::find(kCauses, finding.code) != kCauses.end());
 }
 
+// Defects of single images or points, which robust adjustment leaves out or which change standard
+// errors alone. They explain no figure, but say what to do.
+constexpr std::array<std::string_view, 3> kDefects{
+    "duplicate_images", "frame_outlier", "marker_outlier"};
+
+int Rank(const Finding& finding) {
+  if (IsCause(finding)) return 2;
+  return std::ranges::find(kDefects, finding.code) != kDefects.end() ? 1 : 0;
+}
+
 bool ShareACamera(const Finding& a, const Finding& b) {
   if (a.cameras.empty() || b.cameras.empty()) return true;
   return std::ranges::any_of(a.cameras, [&](const std::string& name) {
     return std::ranges::find(b.cameras, name) != b.cameras.end();
   });
+}
+
+// Noise beyond the detector's, px; all of it where the detector states none.
+double ExcessOf(const CameraFit& fit) {
+  return std::sqrt(
+      std::max(0.0, fit.noise_sigma * fit.noise_sigma - fit.detector_sigma * fit.detector_sigma));
+}
+
+bool IsNoiseLarge(const CameraFit& fit) {
+  return fit.detector_sigma > 0 ? fit.noise_sigma > kNoiseRatio * fit.detector_sigma
+                                : fit.noise_sigma > kUnstatedNoise;
+}
+
+// Whether a pattern of the residuals stands out of the noise.
+bool IsPattern(const CalibratedCamera& camera, double pattern) {
+  return camera.fit.noise_sigma > 0 && pattern > kPatternRatio * camera.fit.noise_sigma;
 }
 
 /// Figures of one map of the projection's sigma, px.
@@ -119,6 +145,7 @@ Certainty Summarise(const ProjectionMap& map) {
 /// What other findings need of a camera's projection.
 struct Projection {
   Grade grade = Grade::kGood;
+  bool known = true;           // its standard error is finite
   bool knows_corners = false;  // their standard error is within the limit
 };
 
@@ -129,7 +156,8 @@ class Judgement {
   Verdict Make() {
     verdict_.findings = calibration_.findings;
     for (size_t c = 0; c < calibration_.cameras.size(); ++c) {
-      JudgePoses(c, JudgeProjection(c));
+      projections_.push_back(JudgeProjection(c));
+      JudgePoses(c, projections_.back());
       JudgeNoise(calibration_.cameras[c]);
       JudgePattern(calibration_.cameras[c]);
     }
@@ -137,9 +165,9 @@ class Judgement {
     JudgeConvergence();
     MergeCameras();
     RaiseCauses();
-    // Of one grade the causes first.
+    // Of one grade the causes first, then what is to be removed.
     std::ranges::stable_sort(verdict_.findings, [](const Finding& a, const Finding& b) {
-      return std::pair(a.grade, IsCause(a)) > std::pair(b.grade, IsCause(b));
+      return std::pair(a.grade, Rank(a)) > std::pair(b.grade, Rank(b));
     });
     if (!verdict_.findings.empty()) verdict_.grade = verdict_.findings.front().grade;
     return std::move(verdict_);
@@ -162,26 +190,41 @@ class Judgement {
                          "detections."});
   }
 
-  // What weak parameters do to the projection is graded there; extrinsics have no other figure.
+  // What open and weak intrinsics do to the projection is graded there: coefficients of a rich
+  // model replace each other. Extrinsics, and the depth of a plenoptic camera, have no other
+  // figure.
+  Grade GradeOfUnknown(size_t c, const std::string& name, bool open) const {
+    const CalibratedCamera& camera = calibration_.cameras[c];
+    if (name.starts_with(camera.name + ".T_camera_rig")) {
+      return open ? Grade::kBad : Grade::kUsable;
+    }
+    if (!open) return Grade::kGood;
+    return projections_[c].known && !camera.model->plenoptic ? projections_[c].grade : Grade::kBad;
+  }
+
   void JudgeUnknowns(const WeakUnknowns& weak) {
-    Grade grade = weak.open ? Grade::kBad : Grade::kGood;
+    Grade grade = Grade::kGood;
     std::vector<std::string> cameras;
     for (const std::string& name : weak.names) {
       for (size_t c = 0; c < calibration_.cameras.size(); ++c) {
         const std::string& camera = calibration_.cameras[c].name;
         if (!name.starts_with(camera + ".")) continue;
         if (cameras.empty() || cameras.back() != camera) cameras.push_back(camera);
-        if (name.starts_with(camera + ".T_camera_rig")) grade = std::max(grade, Grade::kUsable);
+        grade = std::max(grade, GradeOfUnknown(c, name, weak.open));
       }
     }
     Add({.code = weak.open ? "undetermined" : "weakly_determined",
          .grade = grade,
          .cameras = std::move(cameras),
-         .what = fmt::format("{} determined by these images: {}{}{}.",
+         .what = fmt::format("{} determined by these images: {}{}{}.{}",
                              weak.open ? "Not" : "Weakly",
                              Listed(weak.names),
                              weak.what.empty() ? "" : ": ",
-                             weak.what),
+                             weak.what,
+                             weak.open && grade == Grade::kGood
+                                 ? " These parameters replace each other: the projection is "
+                                   "certain all the same."
+                                 : ""),
          .remedy =
              weak.remedy.empty()
                  ? "Add images from other distances and at other tilts, over the whole image, "
@@ -193,7 +236,7 @@ class Judgement {
   Projection JudgeProjection(size_t c) {
     const CalibratedCamera& camera = calibration_.cameras[c];
     const std::vector<ProjectionMap> maps = ProjectionMaps(calibration_, c);
-    if (maps.empty()) return {.grade = Grade::kBad};  // a parameter is open: `JudgeUnknowns`
+    if (maps.empty()) return {.grade = Grade::kBad, .known = false};  // `JudgeUnknowns`
     const Certainty here = Summarise(maps[1]), far = Summarise(maps[3]);
     const double limit = std::clamp(camera.fit.noise_sigma, kExactProjection, kPoint);
     const Grade grade = here.half > kWholePixelError || far.half > kFarBad ? Grade::kBad
@@ -288,9 +331,11 @@ class Judgement {
   }
 
   // A 3D target shows depth and tilt in a single image, and what a plane lacks does no harm where
-  // the projection is certain: reported, but no defect by itself.
+  // the projection is certain: reported, but no defect by itself. Without any tilt that certainty
+  // rests on the distortion model alone, which no lens follows exactly.
   static Grade GradeOf(const PoseSpread& spread, Grade projection) {
-    return spread.is_plane && projection != Grade::kGood ? Grade::kUsable : Grade::kGood;
+    if (!spread.is_plane) return Grade::kGood;
+    return projection != Grade::kGood || spread.tilt < kTiltNone ? Grade::kUsable : Grade::kGood;
   }
 
   void JudgeDistances(const CalibratedCamera& camera, const PoseSpread& spread, Grade projection) {
@@ -338,16 +383,11 @@ class Judgement {
   void JudgeNoise(const CalibratedCamera& camera) {
     const CameraFit& fit = camera.fit;
     const bool stated = fit.detector_sigma > 0;
-    const double excess =
-        stated
-            ? std::sqrt(std::max(
-                  0.0, fit.noise_sigma * fit.noise_sigma - fit.detector_sigma * fit.detector_sigma))
-            : fit.noise_sigma;
+    const double excess = ExcessOf(fit);
     // Without a stated sigma all noise may be the detector's.
     const double usable = stated ? kPoint : kUnstatedNoise;
     const double bad = stated ? kWholePixelError : 3 * kUnstatedNoise;
-    const bool is_large = !stated || fit.noise_sigma > kNoiseRatio * fit.detector_sigma;
-    if (is_large && (stated || excess > usable)) {
+    if (IsNoiseLarge(fit)) {
       const Grade grade = excess > bad      ? Grade::kBad
                           : excess > usable ? Grade::kUsable
                                             : Grade::kGood;
@@ -388,7 +428,7 @@ class Judgement {
   // Mean residuals in cells of the image, beyond their noise: what the model gets wrong there.
   void JudgePattern(const CalibratedCamera& camera) {
     const double pattern = FieldOf(camera).Pattern();
-    if (!(camera.fit.noise_sigma > 0) || pattern <= kPatternRatio * camera.fit.noise_sigma) return;
+    if (!IsPattern(camera, pattern)) return;
     const Grade grade = pattern > kPoint             ? Grade::kBad
                         : pattern > kExactProjection ? Grade::kUsable
                                                      : Grade::kGood;
@@ -446,10 +486,17 @@ class Judgement {
   static constexpr const char* kMakesUp = " The target's own depth has to compensate for it.";
 
   const CalibrationRecord& calibration_;
+  std::vector<Projection> projections_;  // by camera
   Verdict verdict_;
 };
 
 }  // namespace
+
+bool HasUnexplainedResiduals(const CalibratedCamera& camera) {
+  const double pattern = FieldOf(camera).Pattern();
+  return (IsNoiseLarge(camera.fit) && ExcessOf(camera.fit) > kExactProjection) ||
+         (IsPattern(camera, pattern) && pattern > kExactProjection);
+}
 
 Verdict Judge(const CalibrationRecord& calibration) { return Judgement(calibration).Make(); }
 

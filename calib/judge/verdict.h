@@ -15,6 +15,10 @@ namespace plenocal {
 /// of the worst consequence that it explains. The same finding of several cameras is one.
 Verdict Judge(const CalibrationRecord& calibration);
 
+/// Whether a camera's residuals are larger than its detector's noise, or have a pattern over the
+/// image, by more than a tenth of a pixel: something does not describe the images.
+bool HasUnexplainedResiduals(const CalibratedCamera& camera);
+
 /// The grade as a sentence.
 std::string Headline(const Verdict& verdict);
 

@@ -255,7 +255,6 @@ TargetProposal TagGridProposal(const Code& code, const MarkerLayout& layout) {
                           code.name,
                           layout.columns,
                           layout.rows,
-                          spacing,
                           code.border_bits,
                           layout.first_id),
       .measure = {{"size", "side of a tag's black border, such as 88 mm"},

@@ -259,10 +259,36 @@ class TagDetector : public MarkerDetector {
       Keep(gray, reader_.Read(gray, whole, 1), &found);
       Search(gray, &found);
     }
+    if (const std::string other = OtherBorder(gray, found.margins.size()); !other.empty()) {
+      MarkerDetections none;
+      none.failure = other;
+      return none;
+    }
     return Measure(gray, found);
   }
 
  private:
+  /// Whether more tags can be read with a border of another width than the `read` ones with that of
+  /// the target, in words; empty: not so. Tags that are read by the wrong border are chance or
+  /// neighbours, and have wrong corners.
+  [[nodiscard]] std::string OtherBorder(const cv::Mat& gray, std::size_t read) const {
+    constexpr double kSureTag = 1e-3;
+    if (!family_.classic() || read == layout_.ids.size()) return {};
+    const int other = layout_.border_bits == 1 ? 2 : 1;
+    const TagFamily other_family = MakeTagFamily(layout_, other);
+    TagReader reader(other_family, layout_.ids);
+    const auto decoded = reader.Read(gray, {0, 0, gray.cols, gray.rows}, 2);
+    const auto sure = std::ranges::count_if(
+        decoded, [](const DecodedTag& r) { return r.expected_by_chance < kSureTag; });
+    if (static_cast<std::size_t>(sure) <= read) return {};
+    return fmt::format(
+        "no usable tag of family {} found; these look like {}: set border_bits: {} "
+        "(target_border_bits)",
+        layout_.family,
+        other == 2 ? "Kalibr's 2-bit border" : "tags with a 1-bit border",
+        other);
+  }
+
   /// Width of the gap between neighbouring tags, in bits.
   [[nodiscard]] double Gap() const {
     double gap = std::numeric_limits<double>::infinity();
@@ -403,12 +429,11 @@ class TagDetector : public MarkerDetector {
         result.sensitivities.push_back(corner->sensitivity);
       }
     }
-    if (result.markers.empty()) result.failure = Failure(gray, found, result.left_out);
+    if (result.markers.empty()) result.failure = Failure(found, result.left_out);
     return result;
   }
 
-  [[nodiscard]] std::string Failure(const cv::Mat& gray,
-                                    const Found& found,
+  [[nodiscard]] std::string Failure(const Found& found,
                                     const std::vector<std::string>& left_out) const {
     if (!found.not_on_target.empty() && found.tags.empty()) {
       return fmt::format("no tag of the target found; of family {} the image shows {}",
@@ -416,20 +441,7 @@ class TagDetector : public MarkerDetector {
                          fmt::join(found.not_on_target, ", "));
     }
     if (!left_out.empty()) return fmt::format("no usable tag: {}", fmt::join(left_out, "; "));
-    std::string failure = fmt::format("no tag of family {} found", layout_.family);
-    if (family_.classic()) {
-      const int other = layout_.border_bits == 1 ? 2 : 1;
-      const TagFamily other_family = MakeTagFamily(layout_, other);
-      TagReader reader(other_family, layout_.ids);
-      const auto decoded = reader.Read(gray, {0, 0, gray.cols, gray.rows}, 2);
-      if (std::any_of(decoded.begin(), decoded.end(), [](const DecodedTag& r) {
-            return r.expected_by_chance < 1e-3;
-          })) {
-        failure += other == 2 ? "; these look like Kalibr's 2-bit border: set border_bits: 2"
-                              : "; these look like tags with a 1-bit border: set border_bits: 1";
-      }
-    }
-    return failure;
+    return fmt::format("no tag of family {} found", layout_.family);
   }
 
   TagLayout layout_;

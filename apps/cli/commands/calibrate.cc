@@ -87,10 +87,8 @@ std::pair<Calibration, std::vector<Finding>> SolveWithCauses(const CalibrationIn
                                                              int threads,
                                                              Console* console) {
   const auto find = [&](const Calibration* calibration) {
-    return FindTargetCauses(input, DoubtsAbout(target), calibration, [&] {
-      console->Progress("causes in the target");
-      return !Interrupted();
-    });
+    console->Progress("causes in the target");
+    return FindTargetCauses(input, DoubtsAbout(target), calibration);
   };
   try {
     Calibration calibration = Solve(input, arguments, threads, console);
@@ -312,7 +310,11 @@ void RunCalibrate(const CalibrateArguments& arguments, const ConsoleOptions& sha
   CalibrationRecord record = DescribeAll(calibration, observations);
   record.provenance = provenance;
   record.findings.insert(record.findings.begin(), causes.begin(), causes.end());
-  Diagnose(input, calibration, CameraModels(), &record);
+  const auto go_on = [&] {
+    console.Progress("causes");
+    return !Interrupted();
+  };
+  Diagnose(input, calibration, CameraModels(), go_on, &record);
   WriteResult(record, target, &out);
   out.Write("left_out.csv", LeftOutCsv(calibration.left_out));
   WriteDetections(session, observations, arguments.out, &out);

@@ -17,6 +17,7 @@
 #include "apps/cli/options.h"
 #include "apps/cli/session/open_session.h"
 #include "apps/cli/session_observations.h"
+#include "apps/report/verdict_json.h"
 #include "calib/base/error.h"
 #include "calib/base/number_text.h"
 #include "calib/base/output_folder.h"
@@ -378,34 +379,37 @@ nlohmann::json CheckJson(const CalibrationCheck& check) {
                        {"mount_shift", camera.translation},
                        {"mount_probability", camera.extrinsics_probability}});
   }
-  return {{"valid", check.valid}, {"frames", check.frames}, {"cameras", cameras}};
+  return {{"valid", check.valid},
+          {"frames", check.frames},
+          {"verdict", VerdictJson(JudgeCheck(check))},
+          {"cameras", cameras}};
 }
 
 void PrintCheck(const CalibrationCheck& check) {
   for (const CameraCheck& camera : check.cameras) {
     fmt::print(
-        "{}: {} in {}\n"
-        "  RMS with only poses free {:.4f} px; expected of a calibration that holds {:.4f}; with "
-        "parameters of the new images' own {:.4f}\n"
-        "  probability of so large a gap by chance: {:.2g}\n",
+        "{}: {} in {}; RMS with only poses free {:.4f} px; expected of a calibration that "
+        "holds {:.4f}\n",
         camera.name,
         Counted(static_cast<size_t>(camera.points), "point"),
         Counted(static_cast<size_t>(check.frames), "frame"),
         camera.rms_held,
-        camera.expected,
-        camera.rms_free,
-        camera.probability);
-    if (&camera != &check.cameras.front()) {
-      fmt::print(
-          "  on the rig turned by {:.4f} degrees and shifted by {:.3f} mm: probability {:.2g}\n",
-          camera.rotation * 180 / std::numbers::pi,
-          1e3 * camera.translation,
-          camera.extrinsics_probability);
-    }
-    fmt::print("  {}\n\n",
-               camera.valid ? Styled(Stream::kOut, Style::kGood, "still valid")
-                            : Styled(Stream::kOut, Style::kError, "NOT VALID any more"));
+        camera.expected);
   }
+  const Verdict verdict = JudgeCheck(check);
+  for (const Finding& finding : verdict.findings) {
+    fmt::print("{}{}\n",
+               finding.grade == Grade::kGood
+                   ? std::string()
+                   : fmt::format("{} [{}] ", GradeName(finding.grade), finding.code),
+               finding.what);
+    if (!finding.remedy.empty()) fmt::print("    {}\n", finding.remedy);
+  }
+  fmt::print("verdict: {}. {}\n",
+             GradeName(verdict.grade),
+             check.valid
+                 ? Styled(Stream::kOut, Style::kGood, "the calibration is still valid")
+                 : Styled(Stream::kOut, Style::kError, "the calibration is not valid any more"));
 }
 
 /// Writes compare.csv and difference.png.
@@ -420,9 +424,6 @@ void ReportCheck(const CompareArguments& arguments, const CalibrationCheck& chec
     fmt::print("{}\n", CheckJson(check).dump(2));
   } else {
     PrintCheck(check);
-    fmt::print(
-        "{}\n",
-        check.valid ? "the calibration is still valid" : "the calibration is not valid any more");
   }
   if (check.valid) return;
   std::fflush(stdout);

@@ -77,21 +77,31 @@ std::string MendOf(const TargetProposals& proposals, const Target& target) {
       {"family", "tag36h11"}, {"border_bits", "2"}, {"first_id", "0"}};
   const YamlNode keys = YamlNode::Parse(best.keys, "proposal");
   const YamlNode present = YamlNode::Parse(target.nominal_yaml, "target");
+  // What diagnosis calls a wrong value.
+  static const std::map<std::string, std::string> kCodes{{"columns", "target_layout"},
+                                                         {"rows", "target_layout"},
+                                                         {"first_id", "target_layout"},
+                                                         {"border_bits", "target_border_bits"},
+                                                         {"legacy", "target_legacy"}};
   std::vector<std::string> changes;
+  std::string code;
   for (const auto& [key, value] : keys.Entries()) {
     const auto default_value = kDefaults.find(key);
     const bool same =
         present.Has(key)
             ? present.At(key).IsScalar() && present.At(key).AsString() == value.AsString()
             : default_value != kDefaults.end() && default_value->second == value.AsString();
-    if (!same) changes.push_back(fmt::format("{}: {}", key, value.AsString()));
+    if (same) continue;
+    changes.push_back(fmt::format("{}: {}", key, value.AsString()));
+    if (code.empty() && kCodes.contains(key)) code = fmt::format(" ({})", kCodes.at(key));
   }
   if (changes.empty()) return {};
   const bool same_type = !changes[0].starts_with("type: ");
-  return fmt::format("{} show {}: set {}",
+  return fmt::format("{} show {}: set {}{}",
                      OfImages(best.images, proposals.looked_at),
                      same_type ? best.shows : best.what,
-                     fmt::join(changes, ", "));
+                     fmt::join(changes, ", "),
+                     same_type ? code : std::string());
 }
 
 }  // namespace plenocal

@@ -2,28 +2,84 @@
 #include "calib/judge/causes/diagnose.h"
 
 #include <algorithm>
+#include <map>
+#include <optional>
+#include <utility>
 
 #include "calib/judge/causes/lens_causes.h"
+#include "calib/judge/causes/outlier_causes.h"
 #include "calib/judge/causes/recording_causes.h"
 #include "calib/judge/causes/rig_causes.h"
+#include "calib/judge/target/flatness.h"
+#include "calib/judge/target/frame_choice.h"
 #include "calib/judge/verdict.h"
 
 namespace plenocal {
 namespace {
 
-// Whether the residuals of a camera are larger than its noise, without a known cause.
-bool IsUnexplained(const Verdict& verdict, const std::string& camera) {
-  return std::ranges::any_of(verdict.findings, [&](const Finding& finding) {
-    const bool is_symptom = finding.code == "residual_pattern" || finding.code == "noise_excess";
-    return is_symptom && finding.grade != Grade::kGood &&
-           std::ranges::find(finding.cameras, camera) != finding.cameras.end();
+bool IsTargetCause(const Finding& finding) {
+  return finding.grade != Grade::kGood && finding.code.starts_with("target_");
+}
+
+// By camera.
+using LensCauses = std::map<size_t, LensCause>;
+
+LensCauses FindAllLensCauses(const CalibrationInput& input,
+                             const CalibrationRecord& record,
+                             std::span<const CameraModel> models) {
+  LensCauses causes;
+  for (size_t c = 0; c < input.cameras.size(); ++c) {
+    if (!HasUnexplainedResiduals(record.cameras[c])) continue;
+    if (std::optional<LensCause> cause = FindLensCause(input, c, models)) causes[c] = *cause;
+  }
+  return causes;
+}
+
+// A wrong lens model bends the target that is estimated beside it, and a bent target asks for
+// another lens model. What leaves the smaller residuals is the cause; markers have so many unknowns
+// that equal residuals speak for the lens.
+bool IsLensInstead(const BentTarget& bent, const LensCauses& lenses) {
+  constexpr double kEqual = 1.2;
+  return std::ranges::any_of(lenses, [&](const auto& lens) {
+    return lens.second.residual < kEqual * bent.residual[lens.first];
   });
 }
 
-bool IsTargetWrong(const std::vector<Finding>& findings) {
-  return std::ranges::any_of(findings, [](const Finding& finding) {
-    return finding.grade != Grade::kGood && finding.code.starts_with("target_");
+// Motion by rows is tested on what is not the same in all frames, and it explains more than half of
+// all residuals.
+bool IsMotionInstead(const std::vector<Finding>& findings) {
+  return std::ranges::any_of(
+      findings, [](const Finding& finding) { return finding.code == "rolling_shutter"; });
+}
+
+// Whether the points of a camera fit another lens model up to noise. No mistake of target or rig
+// looks like that.
+bool ExplainsAll(const LensCause& cause, const CameraFit& fit) {
+  constexpr double kNoise = 2, kUnstated = 0.1;
+  return cause.residual <
+         (fit.detector_sigma > 0 ? kNoise * fit.detector_sigma : kUnstated * fit.noise_sigma);
+}
+
+// Large residuals of a wrong lens model make markers, tags and poses disagree.
+void DropConsequences(const LensCauses& causes, CalibrationRecord* record) {
+  const bool all = std::ranges::any_of(causes, [&](const auto& cause) {
+    return ExplainsAll(cause.second, record->cameras[cause.first].fit);
   });
+  if (!all) return;
+  std::erase_if(record->findings, [](const Finding& finding) {
+    return IsTargetCause(finding) || finding.code == "not_synchronous" ||
+           finding.code == "rig_not_rigid";
+  });
+}
+
+void AddLensCauses(LensCauses causes, std::vector<Finding>* findings) {
+  for (auto& [camera, cause] : causes) {
+    // It names the model as well, which the estimation's own finding does not.
+    std::erase_if(*findings, [&](const Finding& finding) {
+      return finding.code == "model_misfit" && finding.cameras == cause.finding.cameras;
+    });
+    findings->push_back(std::move(cause.finding));
+  }
 }
 
 }  // namespace
@@ -31,27 +87,23 @@ bool IsTargetWrong(const std::vector<Finding>& findings) {
 void Diagnose(const CalibrationInput& input,
               const Calibration& calibration,
               std::span<const CameraModel> models,
+              const std::function<bool()>& go_on,
               CalibrationRecord* record) {
-  Append(FindRigCauses(calibration), &record->findings);
-  Append(FindRepeatedImages(calibration), &record->findings);
+  std::vector<Finding>& findings = record->findings;
+  Append(FindRigCauses(calibration), &findings);
+  Append(FindRepeatedImages(calibration), &findings);
+  LensCauses lenses = FindAllLensCauses(input, *record, models);
+  DropConsequences(lenses, record);
   // A wrong target has residuals of any shape, which look like those of other causes.
-  if (IsTargetWrong(record->findings)) {
-    record->verdict = Judge(*record);
-    return;
-  }
-  Append(FindRecordingCauses(calibration), &record->findings);
-  record->verdict = Judge(*record);
-  for (size_t c = 0; c < input.cameras.size(); ++c) {
-    const std::string& name = input.cameras[c].name;
-    if (!IsUnexplained(*record->verdict, name)) continue;
-    std::vector<Finding> found = FindLensCauses(input, c, models);
-    // It names the model as well, which the estimation's own finding does not.
-    if (!found.empty()) {
-      std::erase_if(record->findings, [&](const Finding& finding) {
-        return finding.code == "model_misfit" && finding.cameras == std::vector{name};
-      });
+  if (std::ranges::none_of(findings, IsTargetCause)) {
+    Append(FindOutlierCauses(calibration), &findings);
+    Append(FindRecordingCauses(calibration), &findings);
+    std::optional<BentTarget> bent = FindBentTarget(ChooseFrames(calibration), input.loss, go_on);
+    if (bent && !IsLensInstead(*bent, lenses) && !IsMotionInstead(findings)) {
+      findings.push_back(std::move(bent->finding));
+      lenses.clear();
     }
-    Append(std::move(found), &record->findings);
+    AddLensCauses(std::move(lenses), &findings);
   }
   record->verdict = Judge(*record);
 }

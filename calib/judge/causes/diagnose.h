@@ -4,6 +4,7 @@
 // (docs/diagnosis.md).
 #pragma once
 
+#include <functional>
 #include <span>
 
 #include "calib/calibrate.h"
@@ -13,10 +14,12 @@ namespace plenocal {
 
 /// Judges a calibration: adds the causes that its residuals and poses show to `record->findings`
 /// and sets `record->verdict`. `record` is the result of `Describe(calibration)`. Where residuals
-/// are larger than noise, `models` are tried in place of the camera's own.
+/// are larger than noise, `models` are tried in place of the camera's own, and free markers in
+/// place of a flat target: what explains the residuals best is named. `go_on` as in `SolveOptions`.
 void Diagnose(const CalibrationInput& input,
               const Calibration& calibration,
               std::span<const CameraModel> models,
+              const std::function<bool()>& go_on,
               CalibrationRecord* record);
 
 }  // namespace plenocal

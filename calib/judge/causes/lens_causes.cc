@@ -7,6 +7,8 @@
 #include <optional>
 
 #include "calib/base/error.h"
+#include "calib/base/robust.h"
+#include "calib/base/statistics.h"
 #include "calib/judge/model_trial.h"
 #include "calib/start.h"
 
@@ -40,9 +42,9 @@ bool HasDistortion(const CameraModel& model) {
 
 }  // namespace
 
-std::vector<Finding> FindLensCauses(const CalibrationInput& input,
-                                    size_t c,
-                                    std::span<const CameraModel> models) {
+std::optional<LensCause> FindLensCause(const CalibrationInput& input,
+                                       size_t c,
+                                       std::span<const CameraModel> models) {
   const CameraInput& camera = input.cameras[c];
   const std::optional<double> own = MedianUnder(*camera.model, camera, input.markers);
   std::vector<Candidate> candidates;
@@ -57,7 +59,9 @@ std::vector<Finding> FindLensCauses(const CalibrationInput& input,
   }
   // Half of the residuals' length is more than one more term gains on a lens that fits.
   constexpr double kDecisive = 0.5, kAsGood = 1.1;
-  if (!(least < kDecisive * own.value_or(std::numeric_limits<double>::infinity()))) return {};
+  if (!(least < kDecisive * own.value_or(std::numeric_limits<double>::infinity()))) {
+    return std::nullopt;
+  }
   // Of those that are as good as the best, the one with the fewest parameters.
   const Candidate* best = nullptr;
   for (const Candidate& candidate : candidates) {
@@ -67,21 +71,23 @@ std::vector<Finding> FindLensCauses(const CalibrationInput& input,
     }
   }
   const bool linear = !HasDistortion(*camera.model);
-  return {{.code = linear ? "strong_distortion_pinhole" : "model_misfit",
-           .grade = Grade::kUsable,
-           .cameras = {camera.name},
-           .value = own,
-           .limit = best->median,
-           .what = fmt::format("{}: {} does not describe this lens{}: median residual {} px at the "
-                               "initial guess, {:.2g} px with {}.",
-                               camera.name,
-                               camera.model->name,
-                               linear ? ", which has distortion" : "",
-                               own ? fmt::format("{:.2g}", *own) : "beyond measure",
-                               best->median,
-                               best->model->name),
-           .remedy = fmt::format("Set model: {}, or compare models with 'plenocal try'.",
-                                 best->model->name)}};
+  return LensCause{
+      {.code = linear ? "strong_distortion_pinhole" : "model_misfit",
+       .grade = Grade::kUsable,
+       .cameras = {camera.name},
+       .value = own,
+       .limit = best->median,
+       .what = fmt::format("{}: {} does not describe this lens{}: median residual {} px at the "
+                           "initial guess, {:.2g} px with {}.",
+                           camera.name,
+                           camera.model->name,
+                           linear ? ", which has distortion" : "",
+                           own ? fmt::format("{:.2g}", *own) : "beyond measure",
+                           best->median,
+                           best->model->name),
+       .remedy =
+           fmt::format("Set model: {}, or compare models with 'plenocal try'.", best->model->name)},
+      kSigmaPerMedianLength2d * best->median};
 }
 
 }  // namespace plenocal

@@ -10,12 +10,14 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <utility>
 
 #include "calib/base/error.h"
 #include "calib/base/linear_algebra.h"
 #include "calib/base/statistics.h"
 #include "calib/judge/projection.h"
 #include "calib/judge/target/plane_view.h"
+#include "calib/noise/common_errors.h"
 #include "calib/solve.h"
 
 namespace plenocal {
@@ -47,6 +49,16 @@ std::vector<double> TypicalSigmas(const Bundle& bundle) {
   return typical;
 }
 
+// What else makes the frames disagree moves free markers too.
+void AddFrameErrors(Calibration* calibration) {
+  const CommonErrors errors = EstimateCommonErrors(calibration->bundle, calibration->uncertainty);
+  std::vector<double> factors;
+  for (const FrameScatter& scatter : errors.scatter) {
+    factors.push_back(scatter.degrees >= 1 ? std::max(1.0, scatter.factor) : 1);
+  }
+  AddCommonErrors(factors, errors.shared, &calibration->uncertainty);
+}
+
 // The same calibration with another prior of the markers; 0: they are held. Nothing when it fails.
 std::optional<Calibration> WithMarkers(const Calibration& calibration,
                                        double marker_sigma,
@@ -55,6 +67,7 @@ std::optional<Calibration> WithMarkers(const Calibration& calibration,
   other.bundle.marker_sigma = marker_sigma;
   try {
     other.uncertainty = Solve(options, &other.bundle).uncertainty;
+    AddFrameErrors(&other);
   } catch (const Error&) {
     return std::nullopt;
   }
@@ -89,7 +102,8 @@ Effect EffectOn(const Calibration& held, const Calibration& free, size_t c) {
   const double difference = SupportedDifference(held, free, camera);
   Effect effect;
   // What both calibrations state as their uncertainty may be chance.
-  if (difference > SupportedSigma(free, camera)) effect.projection = difference;
+  constexpr double kChance = 3;  // standard errors
+  if (difference > kChance * SupportedSigma(free, camera)) effect.projection = difference;
   const BundleCamera &a = held.bundle.cameras[c], &b = free.bundle.cameras[c];
   for (size_t k = 0; k < a.params.size(); ++k) {
     const std::string_view name = a.model->params[k].name;
@@ -126,24 +140,25 @@ Shape ShapeOf(const Bundle& free, const MarkerPlane& plane) {
 
 }  // namespace
 
-std::vector<Finding> FindBentTarget(const Calibration& calibration,
-                                    Loss loss,
-                                    const std::function<bool()>& go_on) {
+std::optional<BentTarget> FindBentTarget(const Calibration& calibration,
+                                         Loss loss,
+                                         const std::function<bool()>& go_on) {
   const Bundle& bundle = calibration.bundle;
   const std::optional<MarkerPlane> plane = FindPlane(Nominal(bundle));
-  if (bundle.EstimatesMarkers() || !plane) return {};
+  if (bundle.EstimatesMarkers() || !plane) return std::nullopt;
   const std::vector<double> typical = TypicalSigmas(bundle);
   const SolveOptions options{typical, loss, go_on};
   // Solved again, since `calibration` may be a part of a longer one.
   const std::optional<Calibration> held = WithMarkers(calibration, 0, options);
   const std::optional<Calibration> free = WithMarkers(calibration, kLoose * plane->extent, options);
-  if (!held || !free || ChanceOfGain(*held, *free, typical) > kBentFalseAlarm) return {};
+  if (!held || !free || ChanceOfGain(*held, *free, typical) > kBentFalseAlarm) return std::nullopt;
   double largest = 0;
   std::string focal_change;
   std::vector<std::string> cameras;
+  std::vector<double> residual;
   for (size_t c = 0; c < bundle.cameras.size(); ++c) {
-    const double ratio = held->bundle.cameras[c].noise.Sigma(typical[c]) /
-                         free->bundle.cameras[c].noise.Sigma(typical[c]);
+    residual.push_back(free->bundle.cameras[c].noise.Sigma(typical[c]));
+    const double ratio = held->bundle.cameras[c].noise.Sigma(typical[c]) / residual.back();
     const Effect effect = EffectOn(*held, *free, c);
     if (effect.projection < kNegligible && ratio < kBentExplains) continue;
     cameras.push_back(bundle.cameras[c].name);
@@ -152,27 +167,29 @@ std::vector<Finding> FindBentTarget(const Calibration& calibration,
       focal_change = effect.focal_change;
     }
   }
-  if (cameras.empty()) return {};
+  if (cameras.empty()) return std::nullopt;
   const Shape shape = ShapeOf(free->bundle, *plane);
-  return {{.code = "target_not_flat",
-           .grade = largest < kWholePixel ? Grade::kUsable : Grade::kBad,
-           .cameras = cameras,
-           .value = largest,
-           .limit = largest < kWholePixel ? kNegligible : kWholePixel,
-           .what = fmt::format(
-               "the target is not as stated: {:.2g} mm out of its plane from peak to "
-               "peak, {:.2g} mm RMS per coordinate in all; estimated with the "
-               "cameras it changes {}",
-               1e3 * shape.out_of_plane,
-               1e3 * shape.coordinate,
-               largest > 0 ? fmt::format("the projection by {:.2g} px{}{}",
-                                         largest,
-                                         focal_change.empty() ? "" : ", ",
-                                         focal_change)
-                           : std::string("the noise of the residuals, hardly the cameras")),
-           .remedy = fmt::format("set tolerance: {:.1g} in the target's file, so that its shape is "
-                                 "estimated too, or use a flat board",
-                                 shape.coordinate)}};
+  Finding finding{
+      .code = "target_not_flat",
+      .grade = largest < kWholePixel ? Grade::kUsable : Grade::kBad,
+      .cameras = cameras,
+      .value = largest,
+      .limit = largest < kWholePixel ? kNegligible : kWholePixel,
+      .what =
+          fmt::format("the target is not as stated: {:.2g} mm out of its plane from peak to "
+                      "peak, {:.2g} mm RMS per coordinate in all; estimated with the "
+                      "cameras it changes {}",
+                      1e3 * shape.out_of_plane,
+                      1e3 * shape.coordinate,
+                      largest > 0 ? fmt::format("the projection by {:.2g} px{}{}",
+                                                largest,
+                                                focal_change.empty() ? "" : ", ",
+                                                focal_change)
+                                  : std::string("the noise of the residuals, hardly the cameras")),
+      .remedy = fmt::format("set tolerance: {:.1g} in the target's file, so that its shape is "
+                            "estimated too, or use a flat board",
+                            shape.coordinate)};
+  return BentTarget{std::move(finding), std::move(residual)};
 }
 
 }  // namespace plenocal

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <vector>
 
 #include "calib/calibrate.h"
@@ -11,14 +12,19 @@
 
 namespace plenocal {
 
+struct BentTarget {
+  Finding finding;
+  std::vector<double> residual;  ///< per camera: noise of a coordinate with free markers, px
+};
+
 /// A second calibration with free markers, compared with the first: an F-test of its residuals (one
 /// false alarm in a million), and the projection of each camera's model by both. The grade follows
-/// from the RMS difference over the image at the target's distance; a target that causes more than
-/// half of the residuals' variance is named whatever it does to the cameras. One finding or none;
-/// none for calibrations that have estimated the markers and for targets that lie in no plane.
-/// `go_on` as in `SolveOptions`.
-std::vector<Finding> FindBentTarget(const Calibration& calibration,
-                                    Loss loss,
-                                    const std::function<bool()>& go_on);
+/// from the RMS difference over the image at the target's distance, where that is beyond three
+/// standard errors; a target that causes more than half of the residuals' variance is named
+/// whatever it does to the cameras. Nothing for calibrations that have estimated the markers and
+/// for targets that lie in no plane. `go_on` as in `SolveOptions`.
+std::optional<BentTarget> FindBentTarget(const Calibration& calibration,
+                                         Loss loss,
+                                         const std::function<bool()>& go_on);
 
 }  // namespace plenocal

@@ -10,7 +10,7 @@
 #include <string_view>
 
 #include "calib/base/statistics.h"
-#include "calib/judge/target/flatness.h"
+#include "calib/judge/target/back_side.h"
 #include "calib/judge/target/frame_choice.h"
 #include "calib/judge/target/layout_test.h"
 #include "calib/judge/target/marker_offsets.h"
@@ -79,17 +79,15 @@ std::vector<Finding> FindWrongUnit(const std::map<int, Eigen::Vector3d>& markers
 
 std::vector<Finding> FindTargetCauses(const CalibrationInput& input,
                                       const TargetDoubts& doubts,
-                                      const Calibration* calibration,
-                                      const std::function<bool()>& go_on) {
+                                      const Calibration* calibration) {
   const std::vector<CameraInput> cameras = ChooseFrames(input.cameras);
   std::vector<Finding> findings = FindWrongLayout(cameras, input.markers, doubts);
   if (findings.empty()) findings = FindTargetTwice(cameras, input.markers);
   // The rest measures with a calibration, which a wrong layout has spoilt.
   if (!findings.empty() || calibration == nullptr) return findings;
   Append(FindWrongUnit(input.markers, *calibration), &findings);
-  const Calibration few = ChooseFrames(*calibration);
-  Append(FindMovedMarkers(few, doubts), &findings);
-  if (findings.empty()) Append(FindBentTarget(few, input.loss, go_on), &findings);
+  Append(FindMirroredImages(*calibration, doubts), &findings);
+  Append(FindMovedMarkers(ChooseFrames(*calibration), doubts), &findings);
   std::ranges::stable_sort(findings, std::ranges::greater(), &Finding::grade);
   return findings;
 }

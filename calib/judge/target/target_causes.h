@@ -3,7 +3,6 @@
 // What is wrong with the target or its file, by name.
 #pragma once
 
-#include <functional>
 #include <vector>
 
 #include "calib/calibrate.h"
@@ -13,13 +12,11 @@
 namespace plenocal {
 
 /// The causes in the target, worst first: another layout than stated (layout_test.h), two targets
-/// with equal numbers, a wrong unit of length, single markers or tags (marker_offsets.h), a bent
-/// board (flatness.h). `calibration`: of `input`, null where it has failed; without it only the
-/// first two can be tested. `go_on` is asked before each iteration of a second calibration; false
-/// stops it (`Stopped` is thrown).
+/// with equal numbers, a wrong unit of length, single markers or tags (marker_offsets.h).
+/// `calibration`: of `input`, null where it has failed; without it only the first two can be
+/// tested. Whether a board is bent is for `Diagnose`: a wrong lens model looks like it.
 std::vector<Finding> FindTargetCauses(const CalibrationInput& input,
                                       const TargetDoubts& doubts,
-                                      const Calibration* calibration,
-                                      const std::function<bool()>& go_on);
+                                      const Calibration* calibration);
 
 }  // namespace plenocal

@@ -1,0 +1,190 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/judge/causes/outlier_causes.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <optional>
+#include <span>
+
+#include "calib/base/statistics.h"
+#include "calib/start.h"
+
+namespace plenocal {
+namespace {
+
+constexpr double kOutlierLevel = 1e-4;  // false alarms of a test, a camera
+
+std::string FirstOf(const std::vector<std::string>& names) {
+  constexpr size_t kMost = 5;
+  const auto shown = std::span(names).first(std::min(kMost, names.size()));
+  return fmt::format("{}{}", fmt::join(shown, ", "), names.size() > kMost ? ", ..." : "");
+}
+
+// ---- images upside down
+
+using Positions = std::map<int, Eigen::Vector3d>;
+
+// Median length of a view's residuals with the best pose and the camera's own parameters, px.
+std::optional<double> ResidualOfView(const BundleCamera& camera,
+                                     const View& view,
+                                     const Positions& markers) {
+  const std::optional<RigidTransform> pose = GuessPose(camera, view, markers);
+  if (!pose) return std::nullopt;
+  std::vector<double> lengths;
+  for (const Observation& seen : view.observations) {
+    double predicted[kMaxObservationSize];
+    if (!camera.model->project(camera.params.data(),
+                               camera.config.data(),
+                               seen.values.data(),
+                               *pose * markers.at(seen.marker),
+                               predicted)) {
+      continue;
+    }
+    lengths.push_back(std::hypot(seen.values[0] - predicted[0], seen.values[1] - predicted[1]));
+  }
+  constexpr size_t kLeastSeen = 8;
+  if (lengths.size() < kLeastSeen) return std::nullopt;
+  return Median(std::move(lengths));
+}
+
+View UpsideDown(View view, ImageSize image_size) {
+  for (Observation& seen : view.observations) {
+    for (size_t axis = 0; axis < 2; ++axis) {
+      seen.values[axis] = image_size[axis] - 1 - seen.values[axis];
+    }
+  }
+  return view;
+}
+
+// Whether the view fits far better when it is turned. Views that fit as they are need no test.
+bool IsUpsideDown(const BundleCamera& camera,
+                  double noise,
+                  const View& view,
+                  const Positions& markers) {
+  constexpr double kFits = 3;      // sigmas: the median of a view that fits is near 1.2
+  constexpr double kDecisive = 2;  // residuals as they are over those turned
+  const std::optional<double> stated = ResidualOfView(camera, view, markers);
+  if (!stated || *stated < kFits * noise) return false;
+  const std::optional<double> turned =
+      ResidualOfView(camera, UpsideDown(view, camera.image_size), markers);
+  if (!turned || *stated < kDecisive * *turned) return false;
+  // A median has 0.64 times the information of a mean.
+  const double degrees = 0.64 * (2 * static_cast<double>(view.observations.size()) - 6);
+  const double ratio = *stated / std::max(*turned, noise);
+  return FTail(ratio * ratio, degrees, degrees) < kOutlierLevel;
+}
+
+std::vector<Finding> FindRotatedImages(const Calibration& calibration, size_t c) {
+  const Bundle& bundle = calibration.bundle;
+  const BundleCamera& camera = bundle.cameras[c];
+  if (camera.model->plenoptic) return {};
+  Positions markers;
+  for (const BundleMarker& marker : bundle.markers) markers[marker.number] = marker.position;
+  std::map<int, View> views;
+  for (const BundleObservation& observation : bundle.observations) {
+    if (observation.camera != static_cast<int>(c)) continue;
+    Observation seen = observation.seen;
+    seen.marker = bundle.markers[static_cast<size_t>(observation.marker)].number;
+    views[observation.frame].observations.push_back(seen);
+  }
+  std::vector<std::string> names;
+  for (const auto& [frame, view] : views) {
+    if (IsUpsideDown(camera, calibration.fits[c].noise_sigma, view, markers)) {
+      names.push_back(calibration.frames[static_cast<size_t>(frame)]);
+    }
+  }
+  if (names.empty()) return {};
+  return {
+      {.code = "images_rotated",
+       .grade = Grade::kUsable,
+       .cameras = {camera.name},
+       .value = static_cast<double>(names.size()),
+       .limit = 1,
+       .what = fmt::format("{}: {} of {} images {} upside down: turned by 180 degrees they agree "
+                           "with the others: {}.",
+                           camera.name,
+                           names.size(),
+                           views.size(),
+                           names.size() == 1 ? "is" : "are",
+                           FirstOf(names)),
+       .remedy = "Use all images as the sensor recorded them: programs turn them by their "
+                 "orientation tag (EXIF), and cameras held upside down do it themselves."}};
+}
+
+// ---- markers
+
+/// Points of one marker.
+struct Share {
+  int all = 0, rejected = 0;
+};
+
+// Probability of so many rejections among `share.all` points when each is rejected with
+// `probability`: Chernoff's bound.
+double ChanceOf(const Share& share, double probability) {
+  const double part = static_cast<double>(share.rejected) / share.all;
+  if (part <= probability) return 1;
+  double information = part * std::log(part / probability);
+  if (part < 1) information += (1 - part) * std::log((1 - part) / (1 - probability));
+  return std::exp(-share.all * information);
+}
+
+std::vector<Finding> FindMarkerOutliers(const Calibration& calibration, size_t c) {
+  constexpr double kMostPoints = 0.3;   // of a marker; less than that are single bad points
+  constexpr double kFewMarkers = 0.25;  // many are no exceptions
+  constexpr double kLeastShare = 0.01;  // rejected in any recording
+  const Bundle& bundle = calibration.bundle;
+  std::map<int, Share> shares;
+  Share total;
+  for (const BundleObservation& observation : bundle.observations) {
+    if (observation.camera != static_cast<int>(c)) continue;
+    Share& share = shares[bundle.markers[static_cast<size_t>(observation.marker)].number];
+    for (Share* one : {&share, &total}) {
+      ++one->all;
+      if (!observation.used) ++one->rejected;
+    }
+  }
+  std::vector<std::string> names;
+  double worst = 0;
+  for (const auto& [number, share] : shares) {
+    const double part = static_cast<double>(share.rejected) / share.all;
+    const int others = std::max(1, total.all - share.all);
+    const double usual =
+        std::max(kLeastShare, static_cast<double>(total.rejected - share.rejected) / others);
+    if (part < kMostPoints || usual >= 1 ||
+        ChanceOf(share, usual) > kOutlierLevel / static_cast<double>(shares.size())) {
+      continue;
+    }
+    names.push_back(fmt::format("{} ({} of {})", number, share.rejected, share.all));
+    worst = std::max(worst, part);
+  }
+  if (names.empty() || static_cast<double>(names.size()) > kFewMarkers * shares.size()) return {};
+  const std::string& name = bundle.cameras[c].name;
+  return {{.code = "marker_outlier",
+           .grade = Grade::kUsable,
+           .cameras = {name},
+           .value = worst,
+           .limit = kMostPoints,
+           .what = fmt::format("{}: {} with all others in most images; points rejected: {}.",
+                               name,
+                               names.size() == 1 ? "one marker disagrees" : "some markers disagree",
+                               FirstOf(names)),
+           .remedy = "Look for a reflection, dirt or damage there, and leave these markers out "
+                     "('exclude')."}};
+}
+
+}  // namespace
+
+std::vector<Finding> FindOutlierCauses(const Calibration& calibration) {
+  std::vector<Finding> findings;
+  for (size_t c = 0; c < calibration.bundle.cameras.size(); ++c) {
+    Append(FindRotatedImages(calibration, c), &findings);
+    Append(FindMarkerOutliers(calibration, c), &findings);
+  }
+  return findings;
+}
+
+}  // namespace plenocal

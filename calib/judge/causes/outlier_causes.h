@@ -1,0 +1,17 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Images and markers that disagree with all others in a way that has a name (docs/diagnosis.md).
+#pragma once
+
+#include <vector>
+
+#include "calib/calibrate.h"
+#include "calib/files/finding.h"
+
+namespace plenocal {
+
+/// Images that agree with the others after a rotation by 180 degrees, and markers most of whose
+/// points were rejected. The tests have a false-alarm rate of 1e-4 a camera.
+std::vector<Finding> FindOutlierCauses(const Calibration& calibration);
+
+}  // namespace plenocal
