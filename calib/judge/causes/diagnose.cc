@@ -2,8 +2,10 @@
 #include "calib/judge/causes/diagnose.h"
 
 #include <algorithm>
+#include <array>
 #include <map>
 #include <optional>
+#include <string_view>
 #include <utility>
 
 #include "calib/judge/causes/lens_causes.h"
@@ -19,6 +21,16 @@ namespace {
 
 bool IsTargetCause(const Finding& finding) {
   return finding.grade != Grade::kGood && finding.code.starts_with("target_");
+}
+
+// Causes in the target that residuals show: those of a wrong lens may look like them. All others
+// are tested without a camera.
+constexpr std::array<std::string_view, 3> kByResiduals{
+    "target_ids_twice", "target_marker_moved", "target_tag_size"};
+
+bool IsCertain(const Finding& finding) {
+  return IsTargetCause(finding) &&
+         std::ranges::find(kByResiduals, finding.code) == kByResiduals.end();
 }
 
 // By camera.
@@ -46,10 +58,11 @@ bool IsLensInstead(const BentTarget& bent, const LensCauses& lenses) {
 }
 
 // Motion by rows is tested on what is not the same in all frames, and it explains more than half of
-// all residuals.
-bool IsMotionInstead(const std::vector<Finding>& findings) {
-  return std::ranges::any_of(
-      findings, [](const Finding& finding) { return finding.code == "rolling_shutter"; });
+// all residuals. Images upside down do not agree with any target.
+bool IsRecordingInstead(const std::vector<Finding>& findings) {
+  return std::ranges::any_of(findings, [](const Finding& finding) {
+    return finding.code == "rolling_shutter" || finding.code == "images_rotated";
+  });
 }
 
 // Whether the points of a camera fit another lens model up to noise. No mistake of target or rig
@@ -92,14 +105,17 @@ void Diagnose(const CalibrationInput& input,
   std::vector<Finding>& findings = record->findings;
   Append(FindRigCauses(calibration), &findings);
   Append(FindRepeatedImages(calibration), &findings);
-  LensCauses lenses = FindAllLensCauses(input, *record, models);
-  DropConsequences(lenses, record);
+  LensCauses lenses;
+  if (std::ranges::none_of(findings, IsCertain)) {
+    lenses = FindAllLensCauses(input, *record, models);
+    DropConsequences(lenses, record);
+  }
   // A wrong target has residuals of any shape, which look like those of other causes.
   if (std::ranges::none_of(findings, IsTargetCause)) {
     Append(FindOutlierCauses(calibration), &findings);
     Append(FindRecordingCauses(calibration), &findings);
     std::optional<BentTarget> bent = FindBentTarget(ChooseFrames(calibration), input.loss, go_on);
-    if (bent && !IsLensInstead(*bent, lenses) && !IsMotionInstead(findings)) {
+    if (bent && !IsLensInstead(*bent, lenses) && !IsRecordingInstead(findings)) {
       findings.push_back(std::move(bent->finding));
       lenses.clear();
     }

@@ -296,6 +296,8 @@ TEST_F(CompareCommand, ChecksWhetherACalibrationHoldsForNewImages) {
     found += changed.status == kJobFailed ? 1 : 0;
     const auto json = nlohmann::json::parse(changed.out);
     EXPECT_EQ(json["valid"].get<bool>(), changed.status == kDone);
+    EXPECT_EQ(json["verdict"]["grade"], changed.status == kDone ? "good" : "bad");
+    EXPECT_EQ(json["verdict"]["findings"][0]["code"], "parameters_changed");
     EXPECT_GT(json["cameras"][0]["rms_poses_only"].get<double>(),
               json["cameras"][0]["rms_all_free"].get<double>());
     if (changed.status == kJobFailed) {
@@ -328,6 +330,7 @@ TEST_F(CompareCommand, ChecksThePlacesOnTheRig) {
   EXPECT_TRUE(cameras[0]["valid"].get<bool>());
   EXPECT_FALSE(cameras[1]["valid"].get<bool>());
   EXPECT_NEAR(cameras[1]["mount_shift"].get<double>(), 0.005, 0.001);
+  EXPECT_EQ(nlohmann::json::parse(knocked.out)["verdict"]["findings"][0]["code"], "mount_changed");
 }
 
 TEST_F(CompareCommand, RefusesWhatItCannotReadOrCompare) {

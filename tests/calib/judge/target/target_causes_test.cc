@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "calib/judge/target/flatness.h"
 #include "tests/calib/synthetic.h"
 
 namespace plenocal {
@@ -42,7 +43,7 @@ TargetDoubts Tags() {
 
 std::vector<Finding> Find(const CalibrationInput& input, const TargetDoubts& doubts) {
   const Calibration calibration = Calibrate(input, {.threads = 1, .progress = {}});
-  return FindTargetCauses(input, doubts, &calibration, [] { return true; });
+  return FindTargetCauses(input, doubts, &calibration);
 }
 
 std::vector<std::string> CodesOf(const std::vector<Finding>& findings) {
@@ -85,7 +86,7 @@ TEST(TargetCauses, NameRowsOfAnotherLength) {
   SyntheticProblem problem = Board(1);
   for (auto& [number, p] : problem.input.markers) p = Rows(7).at(number).front();
   // Without a calibration, which may have failed.
-  const std::vector<Finding> causes = FindTargetCauses(problem.input, OtherRows(), nullptr, {});
+  const std::vector<Finding> causes = FindTargetCauses(problem.input, OtherRows(), nullptr);
   ASSERT_THAT(CodesOf(causes), ElementsAre("target_layout"));
   EXPECT_THAT(causes[0].what, HasSubstr("rows of 10"));
   EXPECT_EQ(causes[0].grade, Grade::kBad);
@@ -135,7 +136,7 @@ TEST(TargetCauses, ChooseBetweenPlaces) {
       }
     }
   }
-  EXPECT_THAT(CodesOf(FindTargetCauses(problem.input, {{hypothesis}, {}, {}}, nullptr, {})),
+  EXPECT_THAT(CodesOf(FindTargetCauses(problem.input, {{hypothesis}, {}, {}}, nullptr)),
               ElementsAre("target_legacy"));
 }
 
@@ -146,7 +147,7 @@ TEST(TargetCauses, SeeTwoTargets) {
       if (o.marker * 13 % 10 < 4) o.values[0] += 0.4 * o.values[1] + 200;
     }
   }
-  EXPECT_THAT(CodesOf(FindTargetCauses(problem.input, OtherRows(), nullptr, {})),
+  EXPECT_THAT(CodesOf(FindTargetCauses(problem.input, OtherRows(), nullptr)),
               ElementsAre("target_ids_twice"));
 }
 
@@ -159,21 +160,40 @@ TEST(TargetCauses, NameAWrongUnit) {
   EXPECT_THAT(causes[0].remedy, HasSubstr("multiply them by 0.001"));
 }
 
-TEST(TargetCauses, MeasureABentBoard) {
+TEST(BentTarget, IsMeasured) {
   SyntheticProblem problem = Board(6);
   // 3 mm from the middle to the edges.
   for (auto& [number, p] : problem.input.markers) {
     p.z() = 0.003 * std::pow((p.x() - 4.5 * kSpacing) / (4.5 * kSpacing), 2);
   }
-  const std::vector<Finding> causes = Find(problem.input, {});
-  ASSERT_THAT(CodesOf(causes), ElementsAre("target_not_flat"));
-  EXPECT_THAT(causes[0].what, HasSubstr("3.2 mm out of its plane"));
-  EXPECT_THAT(causes[0].what, HasSubstr("f_x of cam0 by"));
-  EXPECT_THAT(causes[0].remedy, HasSubstr("set tolerance: 0.00"));
-  EXPECT_GT(causes[0].value.value(), 0.1);
+  const auto find = [&] {
+    return FindBentTarget(Calibrate(problem.input, {}), problem.input.loss, [] { return true; });
+  };
+  const std::optional<BentTarget> bent = find();
+  ASSERT_TRUE(bent.has_value());
+  EXPECT_EQ(bent->finding.code, "target_not_flat");
+  EXPECT_THAT(bent->finding.what, HasSubstr("3.2 mm out of its plane"));
+  EXPECT_THAT(bent->finding.what, HasSubstr("f_x of cam0 by"));
+  EXPECT_THAT(bent->finding.remedy, HasSubstr("set tolerance: 0.00"));
+  EXPECT_GT(bent->finding.value.value(), 0.1);
+  EXPECT_NEAR(bent->residual[0], 0.1, 0.01);
   // With a tolerance the calibration has estimated the shape.
   problem.input.marker_sigma = 0.001;
-  EXPECT_THAT(Find(problem.input, {}), IsEmpty());
+  EXPECT_FALSE(find().has_value());
+}
+
+TEST(TargetCauses, NameMirroredImages) {
+  SyntheticProblem problem = Board(9);
+  TargetDoubts doubts;
+  for (const auto& [number, p] : problem.input.markers) {
+    doubts.normals[number] = Eigen::Vector3d(0, 0, -1);
+  }
+  EXPECT_THAT(Find(problem.input, doubts), IsEmpty());
+  const int width = problem.input.cameras[0].image_size[0];
+  for (View& view : problem.input.cameras[0].views) {
+    for (Observation& o : view.observations) o.values[0] = width - 1 - o.values[0];
+  }
+  EXPECT_THAT(CodesOf(Find(problem.input, doubts)), ElementsAre("images_mirrored"));
 }
 
 TEST(TargetCauses, NameMarkersThatHaveMoved) {
