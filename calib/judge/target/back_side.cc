@@ -48,7 +48,7 @@ std::vector<Finding> FindMirroredImages(const Calibration& calibration,
     const std::string& name = calibration.bundle.cameras[c].name;
     findings.push_back(
         {.code = "images_mirrored",
-         .grade = Grade::kUsable,
+         .grade = Grade::kBad,
          .cameras = {name},
          .value = part,
          .limit = kNearlyAll,
