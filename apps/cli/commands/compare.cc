@@ -412,6 +412,11 @@ void PrintCheck(const CalibrationCheck& check) {
                  : Styled(Stream::kOut, Style::kError, "the calibration is not valid any more"));
 }
 
+/// Paths in it may be no UTF-8.
+std::string CheckText(const CalibrationCheck& check) {
+  return CheckJson(check).dump(2, ' ', false, nlohmann::json::error_handler_t::replace);
+}
+
 /// Writes compare.csv and difference.png.
 void WriteComparison(const Comparison& comparison, OutputFolder* out) {
   out->Write("compare.csv", TableCsv(comparison.differences));
@@ -421,7 +426,7 @@ void WriteComparison(const Comparison& comparison, OutputFolder* out) {
 /// The verdict on a calibration with new images; throws `Error` when it does not hold any more.
 void ReportCheck(const CompareArguments& arguments, const CalibrationCheck& check) {
   if (arguments.json) {
-    fmt::print("{}\n", CheckJson(check).dump(2));
+    fmt::print("{}\n", CheckText(check));
   } else {
     PrintCheck(check);
   }
@@ -465,7 +470,7 @@ void CheckWithNewImages(const CompareArguments& arguments,
     std::vector<CalibratedCamera> fresh;
     for (size_t c = 0; c < check.cameras.size(); ++c)
       fresh.push_back(DescribeCamera(check.fresh, c));
-    out->Write("check.json", CheckJson(check).dump(2) + "\n");
+    out->Write("check.json", CheckText(check) + "\n");
     WriteComparison(CompareAll(fresh, DescribeCorrelations(check.fresh), old, distances), &*out);
     out->Commit();
   }

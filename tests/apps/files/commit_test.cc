@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Results are complete or not there, whatever the disk does.
+#include <unistd.h>
+
 #include "tests/apps/workspace.h"
 
 namespace plenocal::testing {
@@ -43,6 +45,32 @@ TEST_F(Commit, ThatWasStoppedHalfWayIsCompletedByTheNextReader) {
             kDone);
   for (const auto& [name, text] : Files("new")) EXPECT_EQ(Read("out/" + name), text) << name;
   EXPECT_FALSE(fs::exists(Path("out/.partial")));
+}
+
+TEST_F(Commit, GivesTheSamePdfAtAnotherTime) {
+  EXPECT_EQ(Run({"target", "target.yaml", "-o", "a.pdf"}).status, kDone);
+  sleep(1);  // a date in it would count seconds
+  EXPECT_EQ(Run({"target", "target.yaml", "-o", "b.pdf"}).status, kDone);
+  EXPECT_EQ(Read("a.pdf"), Read("b.pdf"));
+}
+
+// A locale that is not installed changes nothing; where it is, its decimal comma must not either.
+TEST_F(Commit, GivesTheSameBytesInAnyLocaleTimeZoneAndNumberOfThreads) {
+  Calibrate();
+  const auto expected = Files("out");
+  for (const auto& [variable, value] : std::map<std::string, std::string>{
+           {"LC_ALL", "de_DE.UTF-8"}, {"LC_NUMERIC", "fr_FR.UTF-8"}, {"TZ", "Asia/Tokyo"}}) {
+    fs::remove_all(Path("out"));
+    EXPECT_EQ(Run({"calibrate", "session.yaml", "-o", "out"}, {.environment = {{variable, value}}})
+                  .status,
+              kDone);
+    EXPECT_EQ(Files("out"), expected) << variable;
+  }
+  for (const char* threads : {"1", "2", "3", "7"}) {
+    fs::remove_all(Path("out"));
+    EXPECT_EQ(Run({"calibrate", "session.yaml", "-o", "out", "--threads", threads}).status, kDone);
+    EXPECT_EQ(Files("out"), expected) << threads;
+  }
 }
 
 }  // namespace

@@ -82,7 +82,14 @@ TEST_F(Inputs, AreReplacedByNoCommand) {
         {"convert", calibration, "--camera", "cam0", "--to", "pinhole", "-o", "out"},
         {"undistort", calibration, "--camera", "cam0", "image.pgm", "-o", "out"},
         {"rectify", calibration, "image.pgm", "right.pgm", "-o", "out"},
-        {"evaluate", "--estimate", "poses.png", "--truth", "poses.txt", "--chart", "poses.png", "--quiet"},
+        {"evaluate",
+         "--estimate",
+         "poses.png",
+         "--truth",
+         "poses.txt",
+         "--chart",
+         "poses.png",
+         "--quiet"},
         {"calibrate", "session.yaml", "-o", "."}}) {
     SCOPED_TRACE(arguments[0]);
     ExpectRefused(arguments, {"the results would replace this input", "-o"});
@@ -128,7 +135,8 @@ TEST_F(Inputs, OfHugeTargetsAreNotPrinted) {
       EXPECT_EQ(outcome.status, kWrongInput) << outcome.err;
       EXPECT_EQ(Lines(outcome.err).size(), 1U) << outcome.err;
     }
-    ExpectRefused({"target", "board.yaml", "--paper", "a4", "-o", "new.pdf"}, {"pages of paper a4"});
+    ExpectRefused({"target", "board.yaml", "--paper", "a4", "-o", "new.pdf"},
+                  {"pages of paper a4"});
   }
 }
 

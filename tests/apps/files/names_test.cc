@@ -24,7 +24,8 @@ class Names : public Workspace {
 };
 
 TEST_F(Names, OfCamerasComeBackFromTheResult) {
-  for (const std::string name : {"{a}", "[left]", "&a", "@a", "null", "true", "1", "#a", "=", "é"}) {
+  for (const std::string name :
+       {"{a}", "[left]", "&a", "@a", "null", "true", "1", "#a", "=", "é"}) {
     NameCamera("\"" + name + "\"");
     Calibrate();
     const YAML::Node result = Result();

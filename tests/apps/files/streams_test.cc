@@ -23,8 +23,8 @@ class Streams : public Workspace {
 TEST_F(Streams, OfMessagesMayBeFullOrClosed) {
   EXPECT_EQ(Run({"nonsense"}, {.stderr_path = "/dev/full"}).status, kWrongInput);
   EXPECT_EQ(Run({"nonsense"}, {.close_streams = true}).status, kWrongInput);
-  EXPECT_EQ(
-      Run({"calibrate", "session.yaml", "-o", "out"}, {.stderr_path = "/dev/full"}).status, kDone);
+  EXPECT_EQ(Run({"calibrate", "session.yaml", "-o", "out"}, {.stderr_path = "/dev/full"}).status,
+            kDone);
 }
 
 TEST_F(Streams, ThatAreClosedAreNotResultFiles) {
@@ -42,8 +42,13 @@ TEST_F(Streams, OfAnyCommandEndWithinASecondOfASignal) {
   Calibrate();
   WriteProblem(MakeProblem(3, {.frames = 400, .noise = 0.1}));
   for (const std::vector<std::string>& arguments :
-       {std::vector<std::string>{"map", "out/calibration.yaml", "--size", "16000x16000", "--quiet",
-                                 "-o", "slow/map.yml"},
+       {std::vector<std::string>{"map",
+                                 "out/calibration.yaml",
+                                 "--size",
+                                 "16000x16000",
+                                 "--quiet",
+                                 "-o",
+                                 "slow/map.yml"},
         {"try", "session.yaml", "--quiet", "-o", "slow"}}) {
     SCOPED_TRACE(arguments[0]);
     using Clock = std::chrono::steady_clock;
@@ -70,8 +75,7 @@ std::string BrokenPng() {
   };
   const auto chunk = [&](const std::string& type, const std::string& data) {
     const std::string body = type + data;
-    const auto crc =
-        crc32_z(0, reinterpret_cast<const unsigned char*>(body.data()), body.size());
+    const auto crc = crc32_z(0, reinterpret_cast<const unsigned char*>(body.data()), body.size());
     return bytes(static_cast<std::uint32_t>(data.size())) + body +
            bytes(static_cast<std::uint32_t>(crc));
   };

@@ -132,9 +132,11 @@ TEST_F(Results, AreWrittenNowhereElse) {
   fs::create_directory(root_ / "elsewhere");
   fs::create_directory_symlink(root_ / "elsewhere", out_ / "link");
   OutputFolder out(out_);
-  for (const std::string& name : {std::string("../evil"), (root_ / "evil").string(),
-                                 std::string("a/../../evil"), std::string("link/evil"),
-                                 std::string("")}) {
+  for (const std::string& name : {std::string("../evil"),
+                                  (root_ / "evil").string(),
+                                  std::string("a/../../evil"),
+                                  std::string("link/evil"),
+                                  std::string("")}) {
     EXPECT_NE(MessageOf([&] { out.Write(name, "x"); }, ErrorKind::kJob), "no error") << name;
   }
   out.Commit();

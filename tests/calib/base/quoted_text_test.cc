@@ -25,15 +25,14 @@ namespace fs = std::filesystem;
 
 // Names that a reader of YAML or CSV would take for something else, and random ones.
 std::vector<std::string> HostileNames() {
-  std::vector<std::string> names{"{a}",  "[left]", "&a",   "@a",    "\"",     "null",  "true",
-                                 "No",   "y",      "1",    "1e3",   "0x1F",   "0o7",   "1_000",
-                                 "~",    ".inf",   ".nan", "=",     "<<",     "- a",   "a: b",
-                                 "a,b",  "#a",     "a #b", " a",    "a ",     "a\"b",  "\"a\"",
-                                 "'a'",  "\\",     "a\\n", "%TAG",  "!x",     "*a",    "|",
-                                 ">",    "?",      "é",    "相机",  "a'b,c",  "12:30", "2026-11-22",
-                                 "---",  "...",    "`",    "$(ls)", "a\tb\"", "😀",    "007"};
+  std::vector<std::string> names{
+      "{a}",   "[left]",     "&a",  "@a",    "\"", "null",  "true",   "No",    "y",    "1",
+      "1e3",   "0x1F",       "0o7", "1_000", "~",  ".inf",  ".nan",   "=",     "<<",   "- a",
+      "a: b",  "a,b",        "#a",  "a #b",  " a", "a ",    "a\"b",   "\"a\"", "'a'",  "\\",
+      "a\\n",  "%TAG",       "!x",  "*a",    "|",  ">",     "?",      "é",     "相机", "a'b,c",
+      "12:30", "2026-11-22", "---", "...",   "`",  "$(ls)", "a\tb\"", "😀",     "007"};
   static constexpr const char* kCharacters[] = {
-      "a", "Z", "0", "9", ".", ",", "\"", "'", "#", ":", "-", " ", "{", "}", "[", "]", "&", "*",
+      "a", "Z", "0", "9", ".", ",", "\"", "'", "#", ":", "-", " ", "{", "}",  "[", "]", "&", "*",
       "!", "|", ">", "%", "@", "`", "\\", "/", "?", "=", "~", "_", "é", "相", "😀", "+", "e"};
   std::mt19937 random(1);
   for (int i = 0; i < 2000; ++i) {
@@ -134,8 +133,20 @@ TEST(QuotedText, OfNamesIsChecked) {
   for (const char* good : {"cam0", "{a}", "[left]", "null", "1", "相机", "a.b", "&a"}) {
     EXPECT_FALSE(CameraNameDefect(good)) << good;
   }
-  for (const char* bad : {"", "..", ".a", "-o", "a/b", "/a", "a\\b", "a b", "a,b", "a\"", "a\n",
-                          "a\x1b", "\xff", "a\xc2\xa0"}) {
+  for (const char* bad : {"",
+                          "..",
+                          ".a",
+                          "-o",
+                          "a/b",
+                          "/a",
+                          "a\\b",
+                          "a b",
+                          "a,b",
+                          "a\"",
+                          "a\n",
+                          "a\x1b",
+                          "\xff",
+                          "a\xc2\xa0"}) {
     ASSERT_TRUE(CameraNameDefect(bad)) << bad;
     EXPECT_THAT(*CameraNameDefect(bad), HasSubstr("use letters"));
   }

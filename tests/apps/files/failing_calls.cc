@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Preloaded into the program (LD_PRELOAD), lets one system call fail that changes files: the n-th
+// of PLENOCAL_FAIL_CALL, counted from 1, as on a full or broken disk. Makes the file
+// PLENOCAL_FAIL_MARK when it does.
+#include <dlfcn.h>
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <cerrno>
+#include <cstdarg>
+#include <cstdlib>
+
+namespace {
+
+bool Fails() {
+  static std::atomic<long> count{0};
+  static const char* const number = std::getenv("PLENOCAL_FAIL_CALL");
+  static const char* const mark = std::getenv("PLENOCAL_FAIL_MARK");
+  if (number == nullptr || ++count != std::atol(number)) return false;
+  // Parent and child count on their own after a fork; one call of both fails.
+  if (syscall(SYS_faccessat, AT_FDCWD, mark, F_OK) == 0) return false;
+  syscall(SYS_close, syscall(SYS_openat, AT_FDCWD, mark, O_CREAT | O_WRONLY, 0600));
+  errno = ENOSPC;
+  return true;
+}
+
+template <typename Function>
+Function* Next(const char* name) {
+  return reinterpret_cast<Function*>(dlsym(RTLD_NEXT, name));
+}
+
+using Open = int(const char*, int, ...);
+
+int OpenUnlessItFails(const char* name, const char* path, int flags, mode_t mode) {
+  const bool writes = (flags & (O_WRONLY | O_RDWR | O_CREAT)) != 0;
+  if (writes && Fails()) return -1;
+  return Next<Open>(name)(path, flags, mode);
+}
+
+}  // namespace
+
+extern "C" {
+
+int open(const char* path, int flags, ...) {
+  va_list rest;
+  va_start(rest, flags);
+  const mode_t mode = (flags & O_CREAT) != 0 ? va_arg(rest, mode_t) : 0;
+  va_end(rest);
+  return OpenUnlessItFails("open", path, flags, mode);
+}
+
+int open64(const char* path, int flags, ...) {
+  va_list rest;
+  va_start(rest, flags);
+  const mode_t mode = (flags & O_CREAT) != 0 ? va_arg(rest, mode_t) : 0;
+  va_end(rest);
+  return OpenUnlessItFails("open64", path, flags, mode);
+}
+
+ssize_t write(int file, const void* data, size_t size) {
+  // What goes to standard streams, also by another number, is no result file.
+  struct stat status {}, error {};
+  const bool is_message =
+      file <= STDERR_FILENO || (fstat(file, &status) == 0 && fstat(STDERR_FILENO, &error) == 0 &&
+                                status.st_dev == error.st_dev && status.st_ino == error.st_ino);
+  if (!is_message && Fails()) return -1;
+  return Next<ssize_t(int, const void*, size_t)>("write")(file, data, size);
+}
+
+int fsync(int file) { return Fails() ? -1 : Next<int(int)>("fsync")(file); }
+
+int rename(const char* from, const char* to) {
+  return Fails() ? -1 : Next<int(const char*, const char*)>("rename")(from, to);
+}
+
+int mkdir(const char* path, mode_t mode) {
+  return Fails() ? -1 : Next<int(const char*, mode_t)>("mkdir")(path, mode);
+}
+
+int unlink(const char* path) { return Fails() ? -1 : Next<int(const char*)>("unlink")(path); }
+
+}  // extern "C"
