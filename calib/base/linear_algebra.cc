@@ -88,16 +88,15 @@ Eigen::Matrix3d NearestRotation(const Eigen::Matrix3d& M) {
 }
 
 Eigen::Matrix3d RotationBetween(const Eigen::Vector3d& from, const Eigen::Vector3d& to) {
-  // Rodrigues' formula with sin = |axis|; 1 - cos = sin^2 / (1 + cos).
-  const Eigen::Vector3d a = from.normalized(), b = to.normalized(), axis = a.cross(b);
-  const double cosine = a.dot(b);
-  if (cosine < -1 + 1e-12) {  // opposite directions: by 180 degrees about any axis at right angles
-    const Eigen::Vector3d u = a.unitOrthogonal();
-    return 2 * u * u.transpose() - Eigen::Matrix3d::Identity();
-  }
-  Eigen::Matrix3d S;
-  S << 0, -axis.z(), axis.y(), axis.z(), 0, -axis.x(), -axis.y(), axis.x(), 0;
-  return Eigen::Matrix3d::Identity() + S + S * S / (1 + cosine);
+  // Two half-turns: about `from`, then about the direction in the middle of both, which for
+  // opposite directions is any at right angles.
+  const Eigen::Vector3d a = from.normalized(), sum = a + to.normalized();
+  constexpr double kOpposite = 1e-9;
+  const Eigen::Vector3d middle = sum.norm() < kOpposite ? a.unitOrthogonal() : sum.normalized();
+  const auto half_turn = [](const Eigen::Vector3d& axis) -> Eigen::Matrix3d {
+    return 2 * axis * axis.transpose() - Eigen::Matrix3d::Identity();
+  };
+  return half_turn(middle) * half_turn(a);
 }
 
 }  // namespace plenocal

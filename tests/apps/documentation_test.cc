@@ -95,11 +95,8 @@ std::vector<std::string> YamlBlocks(const fs::path& document) {
 TEST_F(Documentation, FilesOfTheReadmeAreRead) {
   const std::vector<std::string> blocks =
       YamlBlocks(fs::path(PLENOCAL_DOCS).parent_path() / "README.md");
-  ASSERT_EQ(blocks.size(), 2U);
-  Write("target.yaml", blocks[0]);
-  const Outcome target = Run({"target", "target.yaml", "-o", "board.pdf"});
-  EXPECT_EQ(target.status, kDone) << target.err;
-  Write("session.yaml", blocks[1]);
+  ASSERT_EQ(blocks.size(), 1U);
+  Write("session.yaml", blocks[0]);
   // The images alone are missing.
   EXPECT_THAT(Run({"calibrate", "session.yaml", "-o", "out"}).err, HasSubstr("no file matches"));
 }

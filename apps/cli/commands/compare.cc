@@ -579,8 +579,10 @@ RunCommand DeclareCompare(CLI::App* app, ConsoleOptions* shared) {
       ->delimiter(',');
   app->add_flag("--json", arguments->json, "with --check: JSON on standard output");
   AddThreads(app, shared);
+  // Not FLOAT, which must be finite.
   app->add_option(
-      "--distance", arguments->distances, "distances of the scene, m, or inf (default: 1 inf)");
+         "--distance", arguments->distances, "distances of the scene, m, or inf (default: 1 inf)")
+      ->type_name("METRES");
   AddQuiet(app, shared);
   return [arguments, shared] { RunCompare(*arguments, *shared); };
 }
