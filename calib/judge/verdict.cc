@@ -103,6 +103,11 @@ bool IsPattern(const CalibratedCamera& camera, double pattern) {
   return camera.fit.noise_sigma > 0 && pattern > kPatternRatio * camera.fit.noise_sigma;
 }
 
+// A figure of `Certainty`: not a number where the lens forms no image.
+std::string PixelsText(double pixels) {
+  return std::isnan(pixels) ? "no image" : fmt::format("{:.2g} px", pixels);
+}
+
 /// Figures of one map of the projection's sigma, px.
 struct Certainty {
   double distance = 0;             // m
@@ -248,13 +253,13 @@ class Judgement {
          .value = grade == Grade::kBad ? here.half : here.most,
          .limit = grade == Grade::kBad ? kWholePixelError : limit,
          .what = fmt::format(
-             "{}: standard error of the projection at {}: {:.2g} px in the middle, {:.2g} px in the "
-             "corners, at most {:.2g} px in {:.0f} % of the image (worst {:.2g} px at ({:.0f}, "
+             "{}: standard error of the projection at {}: {} in the middle, {} in the corners, "
+             "at most {:.2g} px in {:.0f} % of the image (worst {:.2g} px at ({:.0f}, "
              "{:.0f})); at {}: {:.2g} px.",
              camera.name,
              Length(here.distance),
-             here.centre,
-             here.corners,
+             PixelsText(here.centre),
+             PixelsText(here.corners),
              here.most,
              100 * kMostOfImage,
              here.worst,

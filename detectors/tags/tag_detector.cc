@@ -273,7 +273,8 @@ class TagDetector : public MarkerDetector {
   /// neighbours, and have wrong corners.
   [[nodiscard]] std::string OtherBorder(const cv::Mat& gray, std::size_t read) const {
     constexpr double kSureTag = 1e-3;
-    if (!family_.classic() || read == layout_.ids.size()) return {};
+    // More than half of the target is more than neighbours or chance can be.
+    if (!family_.classic() || 2 * read > layout_.ids.size()) return {};
     const int other = layout_.border_bits == 1 ? 2 : 1;
     const TagFamily other_family = MakeTagFamily(layout_, other);
     TagReader reader(other_family, layout_.ids);

@@ -240,6 +240,7 @@ void ExpectNoNan(const YAML::Node& node, const std::string& path) {
     EXPECT_THAT(node.Scalar(),
                 ::testing::Not(::testing::MatchesRegex("[-+]?[.]?[nN][aA][nN]|[-+]?inf")))
         << path;
+    EXPECT_THAT(node.Scalar(), ::testing::Not(::testing::HasSubstr("nan px"))) << path;
   }
 }
 

@@ -181,6 +181,23 @@ TEST_F(RealSets, FisheyeThatTheModelCannotDescribeShowsInTheResiduals) {
       << outcome.out;
 }
 
+// Its image is a circle: the corners are black.
+TEST_F(RealSets, FisheyeHasNoFiguresWhereItFormsNoImage) {
+  const fs::path set = Set("frames/mono_fisheye_camodocal");
+  SKIP_WITHOUT(set);
+  const Outcome outcome = Run({"calibrate",
+                               (set / "img*.png").string(),
+                               "--target",
+                               "chessboard:9x6:30mm",
+                               "--model",
+                               "kannala-brandt4",
+                               "-o",
+                               "out"});
+  ASSERT_EQ(outcome.status, kDone) << outcome.err;
+  EXPECT_THAT(outcome.out, HasSubstr("no image in the corners"));
+  ExpectNoNan(Result());
+}
+
 TEST_F(RealSets, OmnidirectionalCameraShowsInTheResiduals) {
   const fs::path set = Set("frames/omni_corners_opencv");
   SKIP_WITHOUT(set);
