@@ -8,6 +8,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <span>
 
 #include "calib/judge/pose_spread.h"
 #include "calib/judge/projection_map.h"
@@ -75,9 +76,25 @@ bool IsCause(const Finding& finding) {
 constexpr std::array<std::string_view, 3> kDefects{
     "duplicate_images", "frame_outlier", "marker_outlier"};
 
-int Rank(const Finding& finding) {
-  if (IsCause(finding)) return 2;
-  return std::ranges::find(kDefects, finding.code) != kDefects.end() ? 1 : 0;
+bool HasOneOf(const std::vector<Finding>& findings, std::span<const std::string_view> codes) {
+  return std::ranges::any_of(findings, [&](const Finding& finding) {
+    return finding.grade != Grade::kGood && std::ranges::find(codes, finding.code) != codes.end();
+  });
+}
+
+// Moves causes in front of their consequences and of what is no cause; the order stays otherwise.
+void SortFindings(std::vector<Finding>* findings) {
+  constexpr std::array<std::string_view, 3> kOpenPoses{"one_pose", "one_distance", "no_tilt"};
+  // Poses that the images leave undetermined disagree between the cameras of a rig as well.
+  const bool open_poses = HasOneOf(*findings, kOpenPoses);
+  const auto rank = [&](const Finding& finding) {
+    const bool of_poses = finding.code == "not_synchronous" || finding.code == "rig_not_rigid";
+    if (IsCause(finding) && !(open_poses && of_poses)) return 2;
+    return std::ranges::find(kDefects, finding.code) != kDefects.end() ? 1 : 0;
+  };
+  std::ranges::stable_sort(*findings, [&](const Finding& a, const Finding& b) {
+    return std::pair(a.grade, rank(a)) > std::pair(b.grade, rank(b));
+  });
 }
 
 bool ShareACamera(const Finding& a, const Finding& b) {
@@ -170,10 +187,7 @@ class Judgement {
     JudgeConvergence();
     MergeCameras();
     RaiseCauses();
-    // Of one grade the causes first, then what is to be removed.
-    std::ranges::stable_sort(verdict_.findings, [](const Finding& a, const Finding& b) {
-      return std::pair(a.grade, Rank(a)) > std::pair(b.grade, Rank(b));
-    });
+    SortFindings(&verdict_.findings);
     if (!verdict_.findings.empty()) verdict_.grade = verdict_.findings.front().grade;
     return std::move(verdict_);
   }

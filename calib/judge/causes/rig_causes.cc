@@ -74,25 +74,43 @@ int OffsetOf(const Poses& master, const Poses& camera) {
   return best;
 }
 
-// Correlation of the disagreement in one frame with that in the next: near 1 for a camera that was
-// displaced once or drifts, near 0 where each frame has an error of its own.
-double Persistence(const Bundle& bundle, size_t c) {
-  double product = 0, square = 0;
-  const size_t frames = bundle.T_rig_target.size();
-  Vector6d mean = Vector6d::Zero();
-  for (size_t f = 0; f < frames; ++f) mean += bundle.jitter.delta[bundle.View(f, c)];
-  mean /= static_cast<double>(frames);
-  Vector6d scale;
-  scale << Eigen::Vector3d::Constant(1 / bundle.jitter.translation_sigma),
-      Eigen::Vector3d::Constant(1 / bundle.jitter.rotation_sigma);
-  const auto deviation = [&](size_t f) -> Vector6d {
-    return scale.cwiseProduct(bundle.jitter.delta[bundle.View(f, c)] - mean);
-  };
-  for (size_t f = 0; f < frames; ++f) {
-    square += deviation(f).squaredNorm();
-    if (f + 1 < frames) product += deviation(f).dot(deviation(f + 1));
+// Probability by chance of the largest change of the mean of `errors` at one frame, among all
+// splits of the recording. One degree of freedom for all three components: they may be one motion.
+double ChangeByChance(const std::vector<Eigen::Vector3d>& errors) {
+  constexpr size_t kLeast = 3;  // frames on each side
+  const size_t n = errors.size();
+  if (n < 2 * kLeast + 1) return 1;
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  double squares = 0;
+  for (const Eigen::Vector3d& error : errors) sum += error, squares += error.squaredNorm();
+  const double total = squares - sum.squaredNorm() / static_cast<double>(n);
+  double largest = 0;
+  Eigen::Vector3d before = Eigen::Vector3d::Zero();
+  for (size_t k = 1; k + kLeast <= n; ++k) {
+    before += errors[k - 1];
+    if (k < kLeast) continue;
+    const auto first = static_cast<double>(k), rest = static_cast<double>(n - k);
+    const Eigen::Vector3d step = before / first - (sum - before) / rest;
+    largest = std::max(largest, first * rest / static_cast<double>(n) * step.squaredNorm());
   }
-  return square > 0 ? product / square : 0;
+  const double degrees = static_cast<double>(n) - 2;
+  const auto splits = static_cast<double>(n - 2 * kLeast + 1);
+  if (largest >= total) return 0;
+  return splits * FTail(largest / ((total - largest) / degrees), 1, degrees);
+}
+
+// Whether the disagreement of the camera's poses persists: it was displaced once, or drifts. Where
+// the images were taken at different times each frame has an error of its own.
+bool HasMoved(const Bundle& bundle, size_t c, const Poses& master, const Poses& camera) {
+  constexpr double kLevel = 1e-3;
+  std::vector<Eigen::Vector3d> translations, rotations;
+  for (const auto& [frame, pose] : camera) {
+    if (!master.contains(frame)) continue;
+    const Vector6d& delta = bundle.jitter.delta[bundle.View(static_cast<size_t>(frame), c)];
+    translations.emplace_back(delta.head<3>());
+    rotations.emplace_back(delta.tail<3>());
+  }
+  return 2 * std::min(ChangeByChance(translations), ChangeByChance(rotations)) < kLevel;
 }
 
 // RMS displacement in the images that the disagreement makes, px.
@@ -136,17 +154,16 @@ std::vector<Finding> FindRigCauses(const Calibration& calibration) {
   if (bundle.jitter.delta.empty()) return {};
   std::vector<Finding> findings;
   const Poses master = PosesOf(bundle, 0);
-  double persistence = 0;
+  bool moved = false;
   for (size_t c = 1; c < bundle.cameras.size(); ++c) {
-    const int offset = OffsetOf(master, PosesOf(bundle, c));
+    const Poses camera = PosesOf(bundle, c);
+    const int offset = OffsetOf(master, camera);
     if (offset != 0) {
       findings.push_back(Misaligned(bundle.cameras[0].name, bundle.cameras[c].name, offset));
     }
-    persistence = std::max(persistence, Persistence(bundle, c));
+    moved = moved || HasMoved(bundle, c, master, camera);
   }
   if (!findings.empty()) return findings;
-  constexpr double kPersistent = 0.5;
-  const bool moved = persistence > kPersistent;
   const double displacement = Displacement(bundle);
   findings.push_back(
       {.code = moved ? "rig_not_rigid" : "not_synchronous",

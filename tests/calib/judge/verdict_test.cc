@@ -130,6 +130,16 @@ TEST(Verdict, TellsImagesAtDifferentTimesFromACameraThatMoved) {
   EXPECT_THAT(CodesOf(VerdictOf(MakeProblem(770, options)).findings), Contains("not_synchronous"));
 }
 
+// From the middle of the recording on its points are those of a rotated camera, to first order.
+TEST(Verdict, NamesACameraThatWasKnocked) {
+  SyntheticProblem problem = GoodProblem(771, 2);
+  Displace(&problem, 1, [](size_t view, double* x, double* y) {
+    if (view < 15) return;
+    *x += 3, *y -= 2;
+  });
+  EXPECT_THAT(CodesOf(VerdictOf(problem).findings), Contains("rig_not_rigid"));
+}
+
 TEST(Verdict, NamesTheModelThatALensNeeds) {
   SyntheticProblem problem = GoodProblem(775, 1);
   CameraInput& camera = problem.input.cameras[0];
