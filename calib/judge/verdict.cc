@@ -75,8 +75,25 @@ bool IsCause(const Finding& finding) {
 constexpr std::array<std::string_view, 3> kDefects{
     "duplicate_images", "frame_outlier", "marker_outlier"};
 
+// Images whose points are worse than others: they explain what is worse for noise, and it alone.
+constexpr std::array<std::string_view, 3> kImageDefects{
+    "blurred_images", "saturated_images", "few_pixels"};
+constexpr std::array<std::string_view, 4> kByNoise{
+    "projection", "noise_excess", "many_outliers", "frame_outlier"};
+
+bool IsImageDefect(const Finding& finding) {
+  return std::ranges::find(kImageDefects, finding.code) != kImageDefects.end();
+}
+
+bool CanExplain(const Finding& cause, const Finding& other) {
+  if (IsCause(other) || IsImageDefect(other)) return false;
+  return IsImageDefect(cause) ? std::ranges::find(kByNoise, other.code) != kByNoise.end()
+                              : IsCause(cause);
+}
+
 int Rank(const Finding& finding) {
-  if (IsCause(finding)) return 2;
+  if (IsCause(finding)) return 3;
+  if (IsImageDefect(finding)) return 2;
   return std::ranges::find(kDefects, finding.code) != kDefects.end() ? 1 : 0;
 }
 
@@ -474,9 +491,8 @@ class Judgement {
 
   void RaiseCauses() {
     for (Finding& cause : verdict_.findings) {
-      if (!IsCause(cause)) continue;
       for (const Finding& other : verdict_.findings) {
-        if (!IsCause(other) && ShareACamera(cause, other)) {
+        if (CanExplain(cause, other) && ShareACamera(cause, other)) {
           cause.grade = std::max(cause.grade, other.grade);
         }
       }

@@ -18,6 +18,7 @@
 #include "detectors/images/attenuation.h"
 #include "detectors/images/image.h"
 #include "detectors/images/pictures.h"
+#include "detectors/images/target_area.h"
 #include "detectors/images/white_images.h"
 
 namespace plenocal {
@@ -35,6 +36,8 @@ std::string Pack(const ImageResult& result) {
   CacheEntryWriter writer;
   for (const int length : result.size) writer.Put(length);
   writer.Put(result.traits.orientation);
+  writer.Put(result.traits.blur);
+  writer.Put(result.traits.saturated);
   writer.PutAll(result.found.markers,
                 [&](const Observation& seen) { PutObservation(seen, &writer); });
   writer.PutAll(result.found.left_out, [&](const std::string& reason) { writer.Put(reason); });
@@ -65,6 +68,8 @@ std::optional<ImageResult> Unpack(const std::string& text) {
   result.reused = true;
   for (int& length : result.size) length = reader.Get<int>();
   result.traits.orientation = reader.Get<int>();
+  result.traits.blur = reader.Get<double>();
+  result.traits.saturated = reader.Get<double>();
   reader.GetAll([&] { result.found.markers.push_back(GetObservation(&reader)); });
   reader.GetAll([&] { result.found.left_out.push_back(reader.Get<std::string>()); });
   result.found.failure = reader.Get<std::string>();
@@ -200,11 +205,13 @@ std::string ImageRun::Detect(const FrameImage& image, ImageResult* result) {
     if (const auto known = Unpack(*kept)) *result = *known;
   }
   if (result->reused && !options_.keep) return {};
-  const cv::Mat gray = Even(ReadGray(image.path), white_.attenuation);
+  const cv::Mat recorded = ReadGray(image.path);
+  const cv::Mat gray = Even(recorded, white_.attenuation);
   result->size = {gray.cols, gray.rows};
   if (!result->reused) {
     result->found = detectors_.Detect(gray);
-    result->traits.orientation = ReadOrientation(image.path);
+    const internal::TargetArea area = internal::MeasureTargetArea(recorded, result->found.markers);
+    result->traits = {ReadOrientation(image.path), area.blur, area.saturated};
     cache_.Save(key, Pack(*result));
   }
   if (!options_.keep) return {};

@@ -119,6 +119,10 @@ void Diagnose(const CalibrationInput& input,
   if (std::ranges::none_of(findings, IsTargetCause)) {
     Append(FindOutlierCauses(calibration), &findings);
     Append(FindRecordingCauses(calibration), &findings);
+    for (size_t c = 0; c < input.cameras.size(); ++c) {
+      Append(FindWorseImages(calibration, c, c < traits.size() ? traits[c] : CameraTraits()),
+             &findings);
+    }
     std::optional<BentTarget> bent = FindBentTarget(ChooseFrames(calibration), input.loss, go_on);
     if (bent && !IsLensInstead(*bent, lenses) && !IsRecordingInstead(findings)) {
       findings.push_back(std::move(bent->finding));

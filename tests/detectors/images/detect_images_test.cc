@@ -83,5 +83,22 @@ TEST_F(DetectOrdinary, KeepsTheOrientationTagsOfItsImages) {
   }
 }
 
+TEST_F(DetectOrdinary, MeasuresBlurAndSaturationOfTheTarget) {
+  Save(Encoded(".png", Image({.blur = 0.7, .noise = 2})));
+  Save(Encoded(".png", Image({.blur = 2.5, .noise = 2})));
+  cv::Mat light = Image();
+  light *= 1.6;
+  Save(Encoded(".png", light));
+  for (const size_t reused : {0, 3}) {
+    const ImageDetections found = Detect();
+    ASSERT_THAT(found.views, SizeIs(3));
+    EXPECT_EQ(found.reused, reused);
+    EXPECT_NEAR(found.traits.at("0").blur, 0.7, 0.3);
+    EXPECT_NEAR(found.traits.at("1").blur, 2.5, 0.6);
+    EXPECT_EQ(found.traits.at("0").saturated, 0);
+    EXPECT_NEAR(found.traits.at("2").saturated, 0.5, 0.1);
+  }
+}
+
 }  // namespace
 }  // namespace plenocal::testing
