@@ -6,14 +6,18 @@
 
 #include <random>
 
+#include "calib/describe.h"
+#include "calib/judge/causes/diagnose.h"
 #include "calib/judge/verdict.h"
 #include "tests/calib/synthetic.h"
 
 namespace plenocal::testing {
 namespace {
 
+using ::testing::Contains;
 using ::testing::ElementsAre;
 using ::testing::IsEmpty;
+using ::testing::Not;
 
 constexpr double kNoise = 0.05;  // px
 constexpr double kWorse = 5;     // noise of bad images over that of others
@@ -57,6 +61,14 @@ struct Recording {
 
   [[nodiscard]] std::vector<Finding> Worse() const {
     return FindWorseImages(Calibrate(problem.input, {}), 0, traits);
+  }
+
+  [[nodiscard]] Verdict Judged(const CameraTraits& known) const {
+    const Calibration calibration = Calibrate(problem.input, {});
+    CalibrationRecord record = Describe(calibration);
+    Diagnose(
+        problem.input, calibration, {{known}}, {}, [] { return true; }, &record);
+    return *record.verdict;
   }
 };
 
@@ -108,6 +120,16 @@ TEST(ImageCauses, NamesNothingWithoutConsequences) {
     recording.ForBadImages([&](View* view) { recording.traits[view->frame].saturated = 0.4; });
     EXPECT_THAT(CodesOf(recording.Worse()), IsEmpty()) << seed;
   }
+}
+
+TEST(ImageCauses, AreNamedFirstWhereTheCalibrationIsWorseForThem) {
+  Recording recording(803);
+  recording.AddNoise(false);
+  recording.Blur();
+  const Verdict verdict = recording.Judged(recording.traits);
+  EXPECT_EQ(verdict.findings.front().code, "blurred_images") << VerdictText(verdict);
+  EXPECT_NE(verdict.grade, Grade::kGood);
+  EXPECT_THAT(CodesOf(recording.Judged({}).findings), Not(Contains("blurred_images")));
 }
 
 TEST(ImageCauses, GetTheGradeOfWhatNoiseMakesWorse) {
