@@ -14,6 +14,7 @@
 #include "calib/files/exclusion.h"
 #include "calib/files/frame_images.h"
 #include "calib/files/session.h"
+#include "calib/judge/causes/image_causes.h"
 #include "detectors/detect.h"
 
 namespace plenocal {
@@ -94,6 +95,7 @@ class Collector {
     PrintLeftOut(left_out);
     AddLeftOut(std::move(left_out));
     collected_.sample_frames.emplace_back();
+    collected_.traits.emplace_back();
     collected_.cameras.push_back(std::move(input));
   }
 
@@ -116,6 +118,7 @@ class Collector {
     input.views = std::move(found.views);
     AddLeftOut(std::move(found.left_out));
     collected_.sample_frames.push_back(found.sample.frame);
+    collected_.traits.push_back(std::move(found.traits));
     AddFiles(camera.name, &found);
     collected_.cameras.push_back(std::move(input));
   }
@@ -163,6 +166,9 @@ class Collector {
     if (found.reused > 0) {
       console_.Message(
           fmt::format("{}: detections of {} reused", camera.name, Counted(found.reused, "image")));
+    }
+    for (const Finding& note : FindOrientationTags(camera.name, found.traits)) {
+      console_.Message(fmt::format("{} {}", note.what, note.remedy));
     }
     PrintLeftOut(found.left_out);
     if (!found.views.empty()) return;

@@ -11,6 +11,7 @@
 #include "apps/cli/console.h"
 #include "calib/base/detection_cache.h"
 #include "calib/base/output_folder.h"
+#include "calib/camera/image_traits.h"
 #include "calib/files/session.h"
 #include "calib/start.h"
 #include "targets/target.h"
@@ -29,6 +30,7 @@ struct SessionObservations {
   std::vector<CameraFile>
       files;  ///< micro lenses and vignetting of plenoptic cameras, pictures of a sample frame
   std::vector<std::string> sample_frames;  ///< per camera: the frame of the pictures; empty: none
+  std::vector<CameraTraits> traits;        ///< per camera: what its images show beside markers
   std::vector<LeftOut> left_out;           ///< images and markers, with reasons
 };
 

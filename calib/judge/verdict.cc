@@ -76,6 +76,22 @@ bool IsCause(const Finding& finding) {
 constexpr std::array<std::string_view, 3> kDefects{
     "duplicate_images", "frame_outlier", "marker_outlier"};
 
+// Images whose points are worse than others: they explain what is worse for noise, and it alone.
+constexpr std::array<std::string_view, 3> kImageDefects{
+    "blurred_images", "saturated_images", "few_pixels"};
+constexpr std::array<std::string_view, 4> kByNoise{
+    "projection", "noise_excess", "many_outliers", "frame_outlier"};
+
+bool IsImageDefect(const Finding& finding) {
+  return std::ranges::find(kImageDefects, finding.code) != kImageDefects.end();
+}
+
+bool CanExplain(const Finding& cause, const Finding& other) {
+  if (IsCause(other) || IsImageDefect(other)) return false;
+  return IsImageDefect(cause) ? std::ranges::find(kByNoise, other.code) != kByNoise.end()
+                              : IsCause(cause);
+}
+
 bool HasOneOf(const std::vector<Finding>& findings, std::span<const std::string_view> codes) {
   return std::ranges::any_of(findings, [&](const Finding& finding) {
     return finding.grade != Grade::kGood && std::ranges::find(codes, finding.code) != codes.end();
@@ -89,7 +105,8 @@ void SortFindings(std::vector<Finding>* findings) {
   const bool open_poses = HasOneOf(*findings, kOpenPoses);
   const auto rank = [&](const Finding& finding) {
     const bool of_poses = finding.code == "not_synchronous" || finding.code == "rig_not_rigid";
-    if (IsCause(finding) && !(open_poses && of_poses)) return 2;
+    if (IsCause(finding) && !(open_poses && of_poses)) return 3;
+    if (IsImageDefect(finding)) return 2;
     return std::ranges::find(kDefects, finding.code) != kDefects.end() ? 1 : 0;
   };
   std::ranges::stable_sort(*findings, [&](const Finding& a, const Finding& b) {
@@ -493,9 +510,8 @@ class Judgement {
 
   void RaiseCauses() {
     for (Finding& cause : verdict_.findings) {
-      if (!IsCause(cause)) continue;
       for (const Finding& other : verdict_.findings) {
-        if (!IsCause(other) && ShareACamera(cause, other)) {
+        if (CanExplain(cause, other) && ShareACamera(cause, other)) {
           cause.grade = std::max(cause.grade, other.grade);
         }
       }

@@ -18,6 +18,7 @@
 #include "detectors/images/attenuation.h"
 #include "detectors/images/image.h"
 #include "detectors/images/pictures.h"
+#include "detectors/images/target_area.h"
 #include "detectors/images/white_images.h"
 
 namespace plenocal {
@@ -26,6 +27,7 @@ namespace {
 struct ImageResult {
   ImageSize size{};
   MarkerDetections found;
+  ImageTraits traits;
   std::string unreadable;
   bool reused = false;
 };
@@ -33,6 +35,9 @@ struct ImageResult {
 std::string Pack(const ImageResult& result) {
   CacheEntryWriter writer;
   for (const int length : result.size) writer.Put(length);
+  writer.Put(result.traits.orientation);
+  writer.Put(result.traits.blur);
+  writer.Put(result.traits.saturated);
   writer.PutAll(result.found.markers,
                 [&](const Observation& seen) { PutObservation(seen, &writer); });
   writer.PutAll(result.found.left_out, [&](const std::string& reason) { writer.Put(reason); });
@@ -62,6 +67,9 @@ std::optional<ImageResult> Unpack(const std::string& text) {
   ImageResult result;
   result.reused = true;
   for (int& length : result.size) length = reader.Get<int>();
+  result.traits.orientation = reader.Get<int>();
+  result.traits.blur = reader.Get<double>();
+  result.traits.saturated = reader.Get<double>();
   reader.GetAll([&] { result.found.markers.push_back(GetObservation(&reader)); });
   reader.GetAll([&] { result.found.left_out.push_back(reader.Get<std::string>()); });
   result.found.failure = reader.Get<std::string>();
@@ -146,8 +154,7 @@ cv::Mat Devignetted(const cv::Mat& gray, const cv::Mat& attenuation) {
 }
 
 /// An image without vignetting where that is known.
-cv::Mat EvenGray(const std::filesystem::path& path, const cv::Mat& attenuation) {
-  const cv::Mat gray = ReadGray(path);
+cv::Mat Even(const cv::Mat& gray, const cv::Mat& attenuation) {
   return gray.size() == attenuation.size() ? Devignetted(gray, attenuation) : gray;
 }
 
@@ -198,10 +205,13 @@ std::string ImageRun::Detect(const FrameImage& image, ImageResult* result) {
     if (const auto known = Unpack(*kept)) *result = *known;
   }
   if (result->reused && !options_.keep) return {};
-  const cv::Mat gray = EvenGray(image.path, white_.attenuation);
+  const cv::Mat recorded = ReadGray(image.path);
+  const cv::Mat gray = Even(recorded, white_.attenuation);
   result->size = {gray.cols, gray.rows};
   if (!result->reused) {
     result->found = detectors_.Detect(gray);
+    const internal::TargetArea area = internal::MeasureTargetArea(recorded, result->found.markers);
+    result->traits = {ReadOrientation(image.path), area.blur, area.saturated};
     cache_.Save(key, Pack(*result));
   }
   if (!options_.keep) return {};
@@ -301,6 +311,7 @@ void ImageRun::Collect(size_t i, ImageDetections* detections) {
                           detections->image_size[1]));
     return;
   }
+  detections->traits[images_[i].frame] = result.traits;
   for (const std::string& reason : result.found.left_out) {
     detections->left_out.push_back({path, reason});
   }
@@ -320,7 +331,7 @@ SampleView ImageRun::Sample(const ImageDetections& detections) const {
   const auto image = std::find_if(images_.begin(), images_.end(), [&](const FrameImage& of) {
     return of.frame == view->frame;
   });
-  const cv::Mat gray = EvenGray(image->path, white_.attenuation);
+  const cv::Mat gray = Even(ReadGray(image->path), white_.attenuation);
   return {view->frame, internal::SamplePicture(gray, view->observations), {}};
 }
 

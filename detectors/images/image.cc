@@ -13,14 +13,15 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <optional>
-#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "calib/base/error.h"
 #include "calib/base/input_file.h"
+#include "detectors/images/bytes.h"
 #include "detectors/images/image_codecs.h"
+#include "detectors/images/orientation_tag.h"
 
 // The decoders fill missing parts with gray, with a line on stderr or without any. So the structure
 // of a file is checked first, and only complete files reach a decoder.
@@ -30,7 +31,7 @@ namespace {
 
 namespace fs = std::filesystem;
 using Bytes = std::vector<std::uint8_t>;
-using ByteView = std::span<const std::uint8_t>;
+using internal::BigEndian, internal::ByteView, internal::LittleEndian, internal::StartsWith;
 
 /// Larger images are refused before memory is allocated: this is some thirty times a big sensor, so
 /// only broken or hostile headers exceed it.
@@ -38,25 +39,6 @@ constexpr std::uint64_t kMaxPixels = std::uint64_t{1} << 29;
 
 /// The first defect of a file in words, or nothing.
 using Defect = std::optional<std::string>;
-
-std::uint32_t BigEndian(ByteView bytes, std::size_t at, int size) {
-  std::uint32_t value = 0;
-  for (int k = 0; k < size; ++k) value = value << 8 | bytes[at + k];
-  return value;
-}
-
-std::uint32_t LittleEndian(ByteView bytes, std::size_t at, int size) {
-  std::uint32_t value = 0;
-  for (int k = size - 1; k >= 0; --k) value = value << 8 | bytes[at + k];
-  return value;
-}
-
-bool StartsWith(ByteView bytes, std::string_view magic) {
-  return bytes.size() >= magic.size() &&
-         std::equal(magic.begin(), magic.end(), bytes.begin(), [](char c, std::uint8_t b) {
-           return static_cast<std::uint8_t>(c) == b;
-         });
-}
 
 Defect CheckSize(std::uint64_t width, std::uint64_t height) {
   if (width == 0 || height == 0)
@@ -317,6 +299,8 @@ cv::Mat ReadGray(const fs::path& path) {
   image.convertTo(gray, CV_8U, std::min(1.0, 255.0 / (range - 1.0)));
   return gray;
 }
+
+int ReadOrientation(const fs::path& path) { return internal::OrientationTag(ReadFile(path)); }
 
 cv::Mat ReadAttenuation(const fs::path& path) {
   cv::Mat attenuation = Decoded(path, cv::IMREAD_UNCHANGED);

@@ -17,6 +17,10 @@ cv::Mat ReadGray(const std::filesystem::path& path);
 /// `ReadGray` does.
 cv::Mat ReadImage(const std::filesystem::path& path);
 
+/// The orientation tag (EXIF, 1 to 8) of a JPEG file, by which viewers turn it and the functions
+/// here do not; 1 where there is none. Throws as `ReadGray` does for a file that is missing.
+int ReadOrientation(const std::filesystem::path& path);
+
 /// Reads an attenuation image: TIFF of one 32-bit channel, values from 0 to 1.
 cv::Mat ReadAttenuation(const std::filesystem::path& path);
 

@@ -11,6 +11,7 @@
 
 #include "calib/base/detection_cache.h"
 #include "calib/camera/bayer.h"
+#include "calib/camera/image_traits.h"
 #include "calib/camera/observation.h"
 #include "calib/files/frame_images.h"
 
@@ -33,6 +34,7 @@ struct ImageDetections {
   std::string micro_lenses;  ///< of a plenoptic camera: the content of micro_lenses_<camera>.csv
   std::string vignetting;    ///< of vignetting_<camera>.tiff; empty without white images
   SampleView sample;         ///< of the frame with most markers
+  CameraTraits traits;       ///< of all images of that size; of a plenoptic camera none
 };
 
 struct DetectOptions {

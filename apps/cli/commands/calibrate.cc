@@ -314,7 +314,7 @@ void RunCalibrate(const CalibrateArguments& arguments, const ConsoleOptions& sha
     console.Progress("causes");
     return !Interrupted();
   };
-  Diagnose(input, calibration, CameraModels(), go_on, &record);
+  Diagnose(input, calibration, observations.traits, CameraModels(), go_on, &record);
   WriteResult(record, target, &out);
   out.Write("left_out.csv", LeftOutCsv(calibration.left_out));
   WriteDetections(session, observations, arguments.out, &out);

@@ -8,6 +8,7 @@
 #include <string_view>
 #include <utility>
 
+#include "calib/judge/causes/image_causes.h"
 #include "calib/judge/causes/lens_causes.h"
 #include "calib/judge/causes/outlier_causes.h"
 #include "calib/judge/causes/recording_causes.h"
@@ -99,12 +100,16 @@ void AddLensCauses(LensCauses causes, std::vector<Finding>* findings) {
 
 void Diagnose(const CalibrationInput& input,
               const Calibration& calibration,
+              std::span<const CameraTraits> traits,
               std::span<const CameraModel> models,
               const std::function<bool()>& go_on,
               CalibrationRecord* record) {
   std::vector<Finding>& findings = record->findings;
   Append(FindRigCauses(calibration), &findings);
   Append(FindRepeatedImages(calibration), &findings);
+  for (size_t c = 0; c < traits.size(); ++c) {
+    Append(FindOrientationTags(input.cameras[c].name, traits[c]), &findings);
+  }
   LensCauses lenses;
   if (std::ranges::none_of(findings, IsCertain)) {
     lenses = FindAllLensCauses(input, *record, models);
@@ -114,6 +119,10 @@ void Diagnose(const CalibrationInput& input,
   if (std::ranges::none_of(findings, IsTargetCause)) {
     Append(FindOutlierCauses(calibration), &findings);
     Append(FindRecordingCauses(calibration), &findings);
+    for (size_t c = 0; c < input.cameras.size(); ++c) {
+      Append(FindWorseImages(calibration, c, c < traits.size() ? traits[c] : CameraTraits()),
+             &findings);
+    }
     std::optional<BentTarget> bent = FindBentTarget(ChooseFrames(calibration), input.loss, go_on);
     if (bent && !IsLensInstead(*bent, lenses) && !IsRecordingInstead(findings)) {
       findings.push_back(std::move(bent->finding));

@@ -34,7 +34,7 @@ Verdict VerdictOf(const SyntheticProblem& problem) {
   const Calibration calibration = Calibrate(problem.input, {});
   CalibrationRecord record = Describe(calibration);
   Diagnose(
-      problem.input, calibration, CameraModels(), [] { return true; }, &record);
+      problem.input, calibration, {}, CameraModels(), [] { return true; }, &record);
   return *record.verdict;
 }
 

@@ -136,6 +136,8 @@ TEST_F(ReadGrayTest, KeepsTheRecordedOrientation) {
   std::string jpeg = Encoded(".jpg", image_);
   jpeg.insert(2, exif);
   EXPECT_EQ(ReadGray(Write("a.jpg", jpeg)).size(), image_.size());
+  EXPECT_EQ(ReadOrientation(Write("a.jpg", jpeg)), 6);
+  EXPECT_EQ(ReadOrientation(Write("a.png", Encoded(".png", image_))), 1);
 }
 
 }  // namespace

@@ -1,0 +1,20 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <map>
+#include <string>
+
+namespace plenocal {
+
+/// What an image shows beside its markers.
+struct ImageTraits {
+  int orientation = 1;  ///< tag (EXIF) by which viewers turn the image; 1: not at all
+  /// Standard deviation of the blur of the target's edges, px; 0: not measured.
+  double blur = 0;
+  double saturated = 0;  ///< part of the target's area that has the largest gray level
+};
+
+/// The images of one camera by frame; empty where they are not at hand.
+using CameraTraits = std::map<std::string, ImageTraits>;
+
+}  // namespace plenocal

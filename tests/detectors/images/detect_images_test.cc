@@ -1,0 +1,104 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "detectors/images/detect_images.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <opencv2/imgcodecs.hpp>
+
+#include "detectors/marker_detectors.h"
+#include "tests/detectors/render_pattern.h"
+
+namespace plenocal::testing {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::SizeIs;
+
+constexpr int kColumns = 7, kRows = 5;
+
+/// Images of a chessboard from above, files of a folder of their own.
+class DetectOrdinary : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    folder_ = fs::path(::testing::TempDir()) /
+              (std::string("plenocal_detect_") +
+               ::testing::UnitTest::GetInstance()->current_test_info()->name());
+    fs::remove_all(folder_);
+    fs::create_directories(folder_);
+    target_.layout = ChessboardLayout{kColumns, kRows, 0.03};
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+
+  static cv::Mat Image(const RenderOptions& options = {.blur = 0.7, .noise = 2}) {
+    const GrayFunction board = [](const Eigen::Vector2d& p) {
+      if (p.x() < -1 || p.y() < -1 || p.x() > kColumns || p.y() > kRows) return 200.0;
+      return static_cast<int>(std::floor(p.x()) + std::floor(p.y())) % 2 == 0 ? 50.0 : 200.0;
+    };
+    return Render(View(board, TiltedView(24, 0.2, 60, 50)), {280, 220}, options);
+  }
+  /// Adds the frame 0, 1, ...
+  void Save(const std::string& content) {
+    const std::string frame = std::to_string(images_.size());
+    images_.push_back({frame, folder_ / frame});
+    std::ofstream(images_.back().path, std::ios::binary) << content;
+  }
+  ImageDetections Detect() {
+    DetectionCache cache(folder_ / "cache", "test", false);
+    DetectOptions options;
+    options.cache = &cache;
+    return DetectOrdinaryImages(
+        images_, [this] { return MakeMarkerDetector(target_); }, options);
+  }
+
+  static std::string Encoded(const std::string& extension, const cv::Mat& image) {
+    std::vector<uchar> bytes;
+    cv::imencode(extension, image, bytes);
+    return {bytes.begin(), bytes.end()};
+  }
+
+  fs::path folder_;
+  Target target_;
+  std::vector<FrameImage> images_;
+};
+
+TEST_F(DetectOrdinary, KeepsTheOrientationTagsOfItsImages) {
+  std::string turned = Encoded(".jpg", Image());
+  turned.insert(
+      2,
+      std::string("\xff\xe1\x00\x22"
+                  "Exif\0\0MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x08\0\0\0\0\0\0",
+                  36));
+  Save(turned);
+  Save(Encoded(".png", Image()));
+  for (const size_t reused : {0, 2}) {
+    const ImageDetections found = Detect();
+    ASSERT_THAT(found.views, SizeIs(2));
+    EXPECT_EQ(found.reused, reused);
+    EXPECT_EQ(found.image_size, (ImageSize{280, 220}));
+    EXPECT_EQ(found.traits.at("0").orientation, 8);
+    EXPECT_EQ(found.traits.at("1").orientation, 1);
+  }
+}
+
+TEST_F(DetectOrdinary, MeasuresBlurAndSaturationOfTheTarget) {
+  Save(Encoded(".png", Image({.blur = 0.7, .noise = 2})));
+  Save(Encoded(".png", Image({.blur = 2.5, .noise = 2})));
+  cv::Mat light = Image();
+  light *= 1.6;
+  Save(Encoded(".png", light));
+  for (const size_t reused : {0, 3}) {
+    const ImageDetections found = Detect();
+    ASSERT_THAT(found.views, SizeIs(3));
+    EXPECT_EQ(found.reused, reused);
+    EXPECT_NEAR(found.traits.at("0").blur, 0.7, 0.3);
+    EXPECT_NEAR(found.traits.at("1").blur, 2.5, 0.6);
+    EXPECT_EQ(found.traits.at("0").saturated, 0);
+    EXPECT_NEAR(found.traits.at("2").saturated, 0.5, 0.1);
+  }
+}
+
+}  // namespace
+}  // namespace plenocal::testing
