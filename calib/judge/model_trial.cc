@@ -40,7 +40,7 @@ bool IsSimpler(const ModelTrial& a, const ModelTrial& b) {
 
 /// What is tried: a model of the varied cameras, and how far the target may differ from its
 /// description.
-struct Candidate {
+struct ModelCandidate {
   const CameraModel* model = nullptr;
   double marker_sigma = 0;  ///< of the prior of markers' coordinates, m; 0: held rigid
   std::string name;         ///< in progress and messages
@@ -50,11 +50,11 @@ class Trials {
  public:
   Trials(const CalibrationInput& input,
          std::vector<size_t> varied,
-         std::vector<Candidate> candidates,
+         std::vector<ModelCandidate> candidates,
          const TrialOptions& options)
       : input_(input), options_(options), candidates_(std::move(candidates)) {
     choice_.varied = std::move(varied);
-    for (const Candidate& candidate : candidates_) {
+    for (const ModelCandidate& candidate : candidates_) {
       choice_.trials.emplace_back();
       choice_.trials.back().model = candidate.model;
       choice_.trials.back().marker_sigma = candidate.marker_sigma;
@@ -423,7 +423,7 @@ class Trials {
 
   const CalibrationInput& input_;
   const TrialOptions& options_;
-  std::vector<Candidate> candidates_;  // in the order of the trials until these are sorted
+  std::vector<ModelCandidate> candidates_;  // in the order of the trials until these are sorted
   ModelChoice choice_;
   std::map<std::string, size_t> frames_;  // name -> place in the order of names
   std::vector<TrialPoint> points_;
@@ -465,7 +465,7 @@ ModelChoice TryModels(const CalibrationInput& input,
                       std::vector<size_t> varied,
                       std::span<const CameraModel* const> models,
                       const TrialOptions& options) {
-  std::vector<Candidate> candidates;
+  std::vector<ModelCandidate> candidates;
   for (const CameraModel* model : models) {
     candidates.push_back(
         {model,
@@ -480,8 +480,8 @@ ModelChoice TryTargets(const CalibrationInput& input,
                        double marker_sigma,
                        const TrialOptions& options) {
   const CameraModel* const model = input.cameras[varied[0]].model;
-  std::vector<Candidate> candidates{{model, 0, "target 1 of 2 held rigid"},
-                                    {model, marker_sigma, "target 2 of 2 refined"}};
+  std::vector<ModelCandidate> candidates{{model, 0, "target 1 of 2 held rigid"},
+                                         {model, marker_sigma, "target 2 of 2 refined"}};
   return Trials(input, std::move(varied), std::move(candidates), options).Run();
 }
 

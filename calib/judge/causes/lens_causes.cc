@@ -16,7 +16,7 @@ namespace plenocal {
 namespace {
 
 /// A model with the median residual that it leaves, px.
-struct Candidate {
+struct LensCandidate {
   const CameraModel* model = nullptr;
   double median = 0;
 };
@@ -47,7 +47,7 @@ std::optional<LensCause> FindLensCause(const CalibrationInput& input,
                                        std::span<const CameraModel> models) {
   const CameraInput& camera = input.cameras[c];
   const std::optional<double> own = MedianUnder(*camera.model, camera, input.markers);
-  std::vector<Candidate> candidates;
+  std::vector<LensCandidate> candidates;
   double least = own.value_or(std::numeric_limits<double>::infinity());
   for (const CameraModel& model : models) {
     // A model of local coefficients describes any lens: it explains nothing.
@@ -63,8 +63,8 @@ std::optional<LensCause> FindLensCause(const CalibrationInput& input,
     return std::nullopt;
   }
   // Of those that are as good as the best, the one with the fewest parameters.
-  const Candidate* best = nullptr;
-  for (const Candidate& candidate : candidates) {
+  const LensCandidate* best = nullptr;
+  for (const LensCandidate& candidate : candidates) {
     if (candidate.median > kAsGood * least) continue;
     if (best == nullptr || candidate.model->params.size() < best->model->params.size()) {
       best = &candidate;
