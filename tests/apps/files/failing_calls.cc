@@ -63,7 +63,8 @@ int open64(const char* path, int flags, ...) {
 
 ssize_t write(int file, const void* data, size_t size) {
   // What goes to standard streams, also by another number, is no result file.
-  struct stat status {}, error {};
+  struct stat status {
+  }, error{};
   const bool is_message =
       file <= STDERR_FILENO || (fstat(file, &status) == 0 && fstat(STDERR_FILENO, &error) == 0 &&
                                 status.st_dev == error.st_dev && status.st_ino == error.st_ino);

@@ -88,7 +88,8 @@ TEST_P(Fault, LeavesOldOrNewResults) {
     if (HasFailure()) return;
   }
   EXPECT_GT(failures, 5);
-  std::cout << fmt::format("{}: {} calls, {} of them end the run\n", GetParam().name, n - 1, failures);
+  std::cout << fmt::format(
+      "{}: {} calls, {} of them end the run\n", GetParam().name, n - 1, failures);
 }
 
 // One thread: calls come in one order.
@@ -104,8 +105,9 @@ INSTANTIATE_TEST_SUITE_P(
                {"export", "given/calibration.yaml", "--format", "kalibr", "-o", "out/chain.yaml"}},
         Writer{"map", {"map", "given/calibration.yaml", "--size", "64x48", "-o", "out/map.yml"}},
         Writer{"target", {"target", "target.yaml", "--paper", "a4", "-o", "out/target.pdf"}},
-        Writer{"undistort",
-               {"undistort", "given/calibration.yaml", "image.pgm", "--threads", "1", "-o", "out"}}),
+        Writer{
+            "undistort",
+            {"undistort", "given/calibration.yaml", "image.pgm", "--threads", "1", "-o", "out"}}),
     [](const auto& writer) { return writer.param.name; });
 
 }  // namespace

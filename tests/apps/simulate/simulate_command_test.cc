@@ -238,7 +238,7 @@ TEST_F(SimulateCommand, RefusesToReplaceItsInputs) {
   const std::string target = Read("target.yaml");
   const Outcome outcome = Simulate({"--points"}, ".");
   EXPECT_EQ(outcome.status, kWrongInput);
-  EXPECT_THAT(outcome.err, HasSubstr("target.yaml: the session would replace this input"));
+  EXPECT_THAT(outcome.err, HasSubstr("target.yaml: the results would replace this input"));
   EXPECT_EQ(Read("target.yaml"), target);
 }
 
