@@ -140,7 +140,7 @@ TEST_F(Inputs, OfHugeTargetsAreNotPrinted) {
   }
 }
 
-TEST_F(Inputs, OnTheCommandLineAreFiniteNumbers) {
+TEST_F(Inputs, OnTheCommandLineAreNumbers) {
   Calibrate();
   for (const std::string number : {"nan", "inf", "-inf", "NaN"}) {
     // Those outside of a range are refused for that.
