@@ -59,15 +59,16 @@ void RefuseUnknownOption(const CLI::App& command, const std::string& path) {
   }
 }
 
-/// "nan" is a number for CLI11, and passes its ranges; no option means it.
-void RefuseNoNumbers(const CLI::App& command) {
+/// "nan" and "inf" are numbers for CLI11, and pass its ranges; no option means them.
+void RefuseInfiniteNumbers(const CLI::App& command) {
   for (const CLI::Option* option : command.get_options()) {
     if (option->get_type_name().find("FLOAT") == std::string::npos) continue;
     for (const std::string& result : option->results()) {
       const std::optional<double> value = ParseDouble(result);
-      if (!value || !std::isnan(*value)) continue;
-      throw Error(ErrorKind::kInput,
-                  fmt::format("{}: expected a number, found '{}'", option->get_name(), result));
+      if (!value || std::isfinite(*value)) continue;
+      throw Error(
+          ErrorKind::kInput,
+          fmt::format("{}: expected a finite number, found '{}'", option->get_name(), result));
     }
   }
 }
@@ -154,7 +155,7 @@ RunCommand CommandLine::Parse(int argc, char** argv) {
   } catch (const CLI::ParseError& error) {
     RefuseArguments(*app_, error, arguments);
   }
-  for (const CLI::App* command : app_->get_subcommands()) RefuseNoNumbers(*command);
+  for (const CLI::App* command : app_->get_subcommands()) RefuseInfiniteNumbers(*command);
   return [this] {
     const std::vector<std::string> more = PluginsOfEnvironment(plugins_);
     for (const std::string& plugin : more) AddModelsOfEnvironment(plugin);
