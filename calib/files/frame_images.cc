@@ -106,6 +106,8 @@ std::vector<FrameImage> ExpandImages(const std::vector<std::string>& patterns,
       found = MatchGlob(pattern, what);
     }
     for (FrameImage& image : found) {
+      // "left*.png" matches left.png too, which belongs to right.png of "right*.png".
+      if (image.frame.empty()) image.frame.assign(1, '_');
       if (const auto defect = FrameNameDefect(image.frame)) {
         throw Error(ErrorKind::kInput,
                     fmt::format("{}: {}: the name of its frame, '{}', {}; rename the file",

@@ -71,6 +71,18 @@ TEST_F(Names, OfFramesComeBackFromTheResult) {
   }
 }
 
+// An image for which the '*' of a pattern stands for nothing; here it cannot be read.
+TEST_F(Names, OfFramesAreNeverEmpty) {
+  fs::create_directory(Path("images"));
+  Write("images/left.png", "");
+  Write("session.yaml",
+        "plenocal: 1\ntarget: target.yaml\ncameras:\n  cam:\n    model: pinhole-radial3\n"
+        "    images: images/left*.png\n");
+  const Outcome outcome = Run({"calibrate", "session.yaml", "-o", "out"});
+  EXPECT_EQ(outcome.status, kJobFailed) << outcome.err;
+  EXPECT_THAT(outcome.err, HasSubstr("is empty (0 bytes)"));
+}
+
 TEST_F(Names, OfFramesThatCannotBeWrittenAreRefused) {
   fs::create_directory(Path("images"));
   Write("session.yaml",
