@@ -9,6 +9,7 @@
 #include <cstdlib>
 
 #include "bench/usage_seconds.h"
+#include "calib/adjust/problem.h"
 #include "calib/calibrate.h"
 #include "tests/calib/plenoptic_synthetic.h"
 

@@ -27,9 +27,8 @@ int QuantileOf(const GrayCounts& counts, double part) {
 GrayCounts CountGray(const cv::Mat& gray, const cv::Mat& inside) {
   GrayCounts counts{};
   for (int y = 0; y < gray.rows; ++y) {
-    for (int x = 0; x < gray.cols; ++x) {
-      if (inside.at<uchar>(y, x) != 0) ++counts[gray.at<uchar>(y, x)];
-    }
+    const auto *level = gray.ptr<uchar>(y), *is_inside = inside.ptr<uchar>(y);
+    for (int x = 0; x < gray.cols; ++x) counts[level[x]] += is_inside[x];
   }
   return counts;
 }
@@ -40,18 +39,29 @@ struct GradientSums {
 };
 using EdgeDirections = std::array<GradientSums, 4>;  // multiples of 45 degrees
 
+/// The multiple of 45 degrees that a gradient's line is nearest to.
+size_t DirectionOf(double dx, double dy) {
+  constexpr double kTan = M_SQRT2 - 1;  // of 22.5 degrees
+  const double across = std::abs(dx), down = std::abs(dy);
+  if (down <= kTan * across) return 0;
+  if (across <= kTan * down) return 2;
+  return (dx > 0) == (dy > 0) ? 1 : 3;
+}
+
 /// Sums of the gradients of `smooth` (CV_32FC1) that are longer than `least`, gray levels a pixel.
 EdgeDirections SumGradients(const cv::Mat& smooth, const cv::Mat& inside, double least) {
   EdgeDirections sums{};
   for (int y = 1; y + 1 < smooth.rows; ++y) {
+    const auto *above = smooth.ptr<float>(y - 1), *row = smooth.ptr<float>(y),
+               *below = smooth.ptr<float>(y + 1);
+    const auto* is_inside = inside.ptr<uchar>(y);
     for (int x = 1; x + 1 < smooth.cols; ++x) {
-      if (inside.at<uchar>(y, x) == 0) continue;
-      const double dx = (smooth.at<float>(y, x + 1) - smooth.at<float>(y, x - 1)) / 2;
-      const double dy = (smooth.at<float>(y + 1, x) - smooth.at<float>(y - 1, x)) / 2;
+      if (is_inside[x] == 0) continue;
+      const double dx = (row[x + 1] - row[x - 1]) / 2;
+      const double dy = (below[x] - above[x]) / 2;
       const double square = dx * dx + dy * dy;
       if (square < least * least) continue;
-      const auto eighth = static_cast<size_t>(std::lround(std::atan2(dy, dx) / (M_PI / 4) + 4));
-      GradientSums& sum = sums[eighth % sums.size()];
+      GradientSums& sum = sums[DirectionOf(dx, dy)];
       sum.lengths += std::sqrt(square);
       sum.squares += square;
     }
