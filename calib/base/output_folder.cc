@@ -60,6 +60,8 @@ class Descriptor {
       written += static_cast<size_t>(count);
     }
   }
+  // Has the content written to the disk without waiting; errors show in `Sync`.
+  void StartSync() const { sync_file_range(number_, 0, 0, SYNC_FILE_RANGE_WRITE); }
   // Waits until the content is on the disk. Some file systems cannot tell, and some report a full
   // disk only here or in `Close`.
   void Sync() const {
@@ -118,6 +120,18 @@ std::vector<fs::path> FilesIn(const fs::path& partial) {
     return std::pair(a == "calibration.yaml", a) < std::pair(b == "calibration.yaml", b);
   });
   return files;
+}
+
+// Waits until these files in `partial` and their folders are on the disk.
+void SyncFiles(const fs::path& partial, const std::vector<fs::path>& files) {
+  // All are under way before the first is waited for: a journal then takes them together.
+  for (const fs::path& file : files) Descriptor(partial / file, O_RDONLY).StartSync();
+  std::set<fs::path> folders{partial};
+  for (const fs::path& file : files) {
+    Descriptor(partial / file, O_RDONLY).Sync();
+    folders.insert((partial / file).parent_path());
+  }
+  for (const fs::path& folder : folders) SyncFolder(folder);
 }
 
 // What takes the files of a complete ".partial" to their places.
@@ -316,21 +330,15 @@ void OutputFolder::Commit() {
       }
     }
   }
-  std::set<fs::path> folders{Partial()};
-  for (const fs::path& file : files) {
-    Descriptor(Partial() / file, O_RDONLY).Sync();
-    folders.insert((Partial() / file).parent_path());
-  }
-  Descriptor complete(Partial() / kIncomplete, O_WRONLY | O_CREAT | O_TRUNC);
+  Descriptor list(Partial() / kIncomplete, O_WRONLY | O_CREAT | O_TRUNC);
   for (const std::string& name : removed_) {
     // Rename replaces a file that was written again; whoever completes these moves once more must
     // not remove the new one.
-    if (!fs::exists(Partial() / name, error)) complete.WriteAll(name + "\n");
+    if (!fs::exists(Partial() / name, error)) list.WriteAll(name + "\n");
   }
-  complete.Sync();
-  complete.Close();
-  for (const fs::path& made : made_) folders.insert(made.parent_path());
-  for (const fs::path& folder : folders) SyncFolder(folder);
+  list.Close();
+  SyncFiles(Partial(), FilesIn(Partial()));
+  for (const fs::path& made : made_) SyncFolder(made.parent_path());
   fs::rename(Partial() / kIncomplete, Partial() / kComplete, error);
   if (error) Fail(Partial() / kComplete, "cannot be written: " + error.message());
   announced_ = true;
