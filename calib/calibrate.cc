@@ -45,7 +45,7 @@ bool LeavesOnlyCoefficientsOpen(const Bundle& bundle, const Uncertainty& uncerta
 // runs along the open direction to where numerator and denominator of a rational model vanish
 // together, in the middle of the image.
 void HoldOpenCoefficients(const Uncertainty& uncertainty, std::vector<CameraInput>* cameras) {
-  constexpr double kSizes = 3;  // prior's sigma; lenses have coefficients of about one `scale`
+  constexpr double kSizes = 1;  // prior's sigma; lenses have coefficients of about one `scale`
   for (size_t c = 0; c < cameras->size(); ++c) {
     CameraInput& camera = (*cameras)[c];
     camera.rules.resize(camera.model->params.size());

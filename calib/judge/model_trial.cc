@@ -380,12 +380,8 @@ class Trials {
       ModelTrial& trial = trials[m];
       if (!trial.comparable || m == choice_.reference) return;
       trial.probability = scores_->ProbabilityOfEqual(residuals_[m], residuals_[choice_.reference]);
-      try {
-        trial.difference =
-            SupportedDifference(reference.calibration, trial.calibration, choice_.varied);
-      } catch (const Error&) {
-        trial.difference = std::numeric_limits<double>::infinity();
-      }
+      trial.difference =
+          SupportedDifference(reference.calibration, trial.calibration, choice_.varied);
     });
     double squares = 0;
     for (const size_t c : choice_.varied) {

@@ -5,8 +5,10 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <vector>
 
+#include "calib/base/error.h"
 #include "calib/base/statistics.h"
 #include "calib/describe.h"
 #include "calib/judge/compare.h"
@@ -82,12 +84,34 @@ class Support {
   Cells cells_{};
 };
 
-// Mean over the supported pixels.
-double MeanSquare(const CameraDifference& camera,
-                  const Support& support,
+// Between them lie four fifths of the points.
+std::vector<double> SupportedDistances(const Bundle& bundle, size_t camera) {
+  const std::vector<double> sorted = PointDistances(bundle, camera);
+  return {sorted[sorted.size() / 10], sorted[sorted.size() - 1 - sorted.size() / 10]};
+}
+
+// Of two cameras, one of which may be far from any lens, so that they have no pixel in common.
+std::optional<CameraDifference> TryToCompare(const CalibratedCamera& a,
+                                             const CalibratedCamera& b,
+                                             const std::vector<double>& distances) {
+  try {
+    return CompareCameras(a, b, distances);
+  } catch (const Error&) {
+    return std::nullopt;
+  }
+}
+
+// Mean over the pixels that points of a camera of `bundle` support.
+double MeanSquare(const CalibratedCamera& a,
+                  const CalibratedCamera& b,
+                  const Bundle& bundle,
+                  size_t camera,
                   double (*length)(const PixelDifference&)) {
+  const auto difference = TryToCompare(a, b, SupportedDistances(bundle, camera));
+  if (!difference) return std::numeric_limits<double>::infinity();
+  const Support support(bundle, camera);
   double sum = 0, count = 0;
-  for (const DistanceDifference& at : camera.distances) {
+  for (const DistanceDifference& at : difference->distances) {
     for (const PixelDifference& pixel : at.pixels) {
       if (!support.Has(pixel.u_px)) continue;
       sum += length(pixel) * length(pixel);
@@ -95,12 +119,6 @@ double MeanSquare(const CameraDifference& camera,
     }
   }
   return count > 0 ? sum / count : std::numeric_limits<double>::infinity();
-}
-
-// Between them lie four fifths of the points.
-std::vector<double> SupportedDistances(const Bundle& bundle, size_t camera) {
-  const std::vector<double> sorted = PointDistances(bundle, camera);
-  return {sorted[sorted.size() / 10], sorted[sorted.size() - 1 - sorted.size() / 10]};
 }
 
 }  // namespace
@@ -122,9 +140,9 @@ double SupportedSigma(const Calibration& calibration, std::span<const size_t> ca
     if (!camera.covariance.allFinite()) return std::numeric_limits<double>::infinity();
     CalibratedCamera exact = camera;
     exact.covariance.setZero();
-    squares += MeanSquare(CompareCameras(camera, exact, SupportedDistances(calibration.bundle, c)),
-                          Support(calibration.bundle, c),
-                          [](const PixelDifference& pixel) { return pixel.predicted_px; });
+    squares += MeanSquare(camera, exact, calibration.bundle, c, [](const PixelDifference& pixel) {
+      return pixel.predicted_px;
+    });
   }
   return std::sqrt(squares / static_cast<double>(cameras.size()));
 }
@@ -135,9 +153,9 @@ double SupportedDifference(const Calibration& a,
   double squares = 0;
   for (const size_t c : cameras) {
     squares += MeanSquare(
-        CompareCameras(DescribeCamera(a, c), DescribeCamera(b, c), SupportedDistances(a.bundle, c)),
-        Support(a.bundle, c),
-        [](const PixelDifference& pixel) { return pixel.difference_px.norm(); });
+        DescribeCamera(a, c), DescribeCamera(b, c), a.bundle, c, [](const PixelDifference& pixel) {
+          return pixel.difference_px.norm();
+        });
   }
   return std::sqrt(squares / static_cast<double>(cameras.size()));
 }

@@ -16,9 +16,9 @@ double TypicalImageSigma(const Calibration& calibration, std::span<const size_t>
 
 /// The next two are over the supported image: the cells of a grid that have a point, or lie
 /// between such cells; at two distances between which four fifths of the points lie. px, RMS over
-/// these places and the cameras. They throw `Error` when a camera images nothing.
+/// these places and the cameras. Infinite where a camera images nothing of what the other does.
 
-/// Standard error of the projection; infinite when a parameter is not determined.
+/// Standard error of the projection; infinite when a parameter is not determined, too.
 double SupportedSigma(const Calibration& calibration, std::span<const size_t> cameras);
 
 /// Difference between the projections of both calibrations after the best rigid motion.

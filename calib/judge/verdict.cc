@@ -73,8 +73,8 @@ bool IsCause(const Finding& finding) {
 
 // Defects of single images or points, which robust adjustment leaves out or which change standard
 // errors alone. They explain no figure, but say what to do.
-constexpr std::array<std::string_view, 3> kDefects{
-    "duplicate_images", "frame_outlier", "marker_outlier"};
+constexpr std::array<std::string_view, 4> kDefects{
+    "duplicate_images", "frame_outlier", "marker_outlier", "border_points"};
 
 // Images whose points are worse than others: they explain what is worse for noise, and it alone.
 constexpr std::array<std::string_view, 3> kImageDefects{

@@ -5,12 +5,15 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <map>
 #include <optional>
 #include <span>
+#include <utility>
 
 #include "calib/base/statistics.h"
+#include "calib/noise/camera_noise.h"
 #include "calib/start.h"
 
 namespace plenocal {
@@ -176,6 +179,89 @@ std::vector<Finding> FindMarkerOutliers(const Calibration& calibration, size_t c
                      "('exclude')."}};
 }
 
+// ---- points on the border of the image
+
+/// A band of the image along its border.
+struct BorderBand {
+  double width = 0;        ///< px
+  size_t points = 0;       ///< in it
+  double ratio = 1;        ///< of the residuals there to those inside of it
+  double probability = 1;  ///< that they are so much larger by chance
+};
+
+/// Distance from the border, px, and logarithm of the length of the residual.
+using BorderPoint = std::pair<double, double>;
+
+// All points of a camera, rejected ones too.
+std::vector<BorderPoint> BorderPointsOf(const Bundle& bundle, size_t c) {
+  std::vector<BorderPoint> points;
+  const ImageSize size = bundle.cameras[c].image_size;
+  for (const BundleObservation& observation : bundle.observations) {
+    double residual[kMaxObservationSize];
+    if (observation.camera != static_cast<int>(c) || !Residual(bundle, observation, residual)) {
+      continue;
+    }
+    const double x = observation.seen.values[0], y = observation.seen.values[1];
+    const double margin = 0.5 + std::min({x, y, size[0] - 1 - x, size[1] - 1 - y});
+    const double length = std::hypot(residual[0], residual[1]);
+    if (length > 0) points.emplace_back(margin, std::log(length));
+  }
+  return points;
+}
+
+// Student's test of the points in a band against those of the next, twice as wide: errors of the
+// lens model hardly differ between them.
+BorderBand TestBand(const std::vector<BorderPoint>& points, double width) {
+  constexpr double kLeastPoints = 10;
+  std::array<double, 2> count{}, sum{}, squares{};
+  for (const auto& [margin, log_length] : points) {
+    if (margin >= 3 * width) continue;
+    const size_t part = margin < width ? 0 : 1;
+    count[part] += 1;
+    sum[part] += log_length;
+    squares[part] += log_length * log_length;
+  }
+  BorderBand band{.width = width, .points = static_cast<size_t>(count[0])};
+  if (std::min(count[0], count[1]) < kLeastPoints) return band;
+  const double difference = sum[0] / count[0] - sum[1] / count[1];
+  double rest = 0;
+  for (size_t part = 0; part < 2; ++part) {
+    rest += squares[part] - sum[part] * sum[part] / count[part];
+  }
+  const double degrees = count[0] + count[1] - 2;
+  const double variance = rest / degrees * (1 / count[0] + 1 / count[1]);
+  band.ratio = std::exp(difference);
+  band.probability = StudentTail(difference / std::sqrt(variance), degrees);
+  return band;
+}
+
+std::vector<Finding> FindBorderPoints(const Calibration& calibration, size_t c) {
+  // Half widths of the windows in which detectors measure points.
+  constexpr std::array<double, 4> kWidths{4, 8, 16, 32};
+  constexpr double kPlainlyWorse = 2;
+  const BundleCamera& camera = calibration.bundle.cameras[c];
+  if (camera.model->plenoptic || calibration.fits[c].noise_sigma < kRoundingNoise) return {};
+  const std::vector<BorderPoint> points = BorderPointsOf(calibration.bundle, c);
+  BorderBand worst;
+  for (const double width : kWidths) {
+    const BorderBand band = TestBand(points, width);
+    if (band.ratio > kPlainlyWorse && band.probability < worst.probability) worst = band;
+  }
+  if (worst.probability > kOutlierLevel / kWidths.size()) return {};
+  return {{.code = "border_points",
+           .grade = Grade::kUsable,
+           .cameras = {camera.name},
+           .value = worst.ratio,
+           .limit = kPlainlyWorse,
+           .what = fmt::format("{}: the {} points within {:g} px of the image's border have {:.1f} "
+                               "times the residuals of their neighbours.",
+                               camera.name,
+                               worst.points,
+                               worst.width,
+                               worst.ratio),
+           .remedy = "The detector's window was cut off there: leave these points out."}};
+}
+
 }  // namespace
 
 std::vector<Finding> FindOutlierCauses(const Calibration& calibration) {
@@ -183,6 +269,7 @@ std::vector<Finding> FindOutlierCauses(const Calibration& calibration) {
   for (size_t c = 0; c < calibration.bundle.cameras.size(); ++c) {
     Append(FindRotatedImages(calibration, c), &findings);
     Append(FindMarkerOutliers(calibration, c), &findings);
+    Append(FindBorderPoints(calibration, c), &findings);
   }
   return findings;
 }

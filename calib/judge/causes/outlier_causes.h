@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Images and markers that disagree with all others in a way that has a name (docs/diagnosis.md).
+// Images, markers and points that disagree with all others in a way that has a name
+// (docs/diagnosis.md).
 #pragma once
 
 #include <vector>
@@ -10,8 +11,9 @@
 
 namespace plenocal {
 
-/// Images that agree with the others after a rotation by 180 degrees, and markers most of whose
-/// points were rejected. The tests have a false-alarm rate of 1e-4 a camera.
+/// Images that agree with the others after a rotation by 180 degrees, markers most of whose points
+/// were rejected, and worse points along the image's border. The tests have a false-alarm rate of
+/// 1e-4 a camera.
 std::vector<Finding> FindOutlierCauses(const Calibration& calibration);
 
 }  // namespace plenocal

@@ -93,7 +93,7 @@ double ChanceOfGain(const Calibration& held,
 
 /// Effect on one camera.
 struct Effect {
-  double projection = 0;     ///< RMS over the supported image, px
+  double projection = 0;     ///< RMS over the supported image, px; infinite: no pixel in common
   std::string focal_change;  ///< "f_x by +0.8 %"
 };
 
@@ -103,7 +103,9 @@ Effect EffectOn(const Calibration& held, const Calibration& free, size_t c) {
   Effect effect;
   // What both calibrations state as their uncertainty may be chance.
   constexpr double kChance = 3;  // standard errors
-  if (difference > kChance * SupportedSigma(free, camera)) effect.projection = difference;
+  if (std::isinf(difference) || difference > kChance * SupportedSigma(free, camera)) {
+    effect.projection = difference;
+  }
   const BundleCamera &a = held.bundle.cameras[c], &b = free.bundle.cameras[c];
   for (size_t k = 0; k < a.params.size(); ++k) {
     const std::string_view name = a.model->params[k].name;
@@ -160,6 +162,7 @@ std::optional<BentTarget> FindBentTarget(const Calibration& calibration,
     residual.push_back(free->bundle.cameras[c].noise.Sigma(typical[c]));
     const double ratio = held->bundle.cameras[c].noise.Sigma(typical[c]) / residual.back();
     const Effect effect = EffectOn(*held, *free, c);
+    if (std::isinf(effect.projection)) return std::nullopt;  // one of them is no lens any more
     if (effect.projection < kNegligible && ratio < kBentExplains) continue;
     cameras.push_back(bundle.cameras[c].name);
     if (effect.projection > largest) {

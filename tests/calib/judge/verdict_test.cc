@@ -197,6 +197,27 @@ TEST(Verdict, NamesAMarkerThatDisagrees) {
   EXPECT_THAT(verdict.findings.front().what, ::testing::HasSubstr("33 ("));
 }
 
+TEST(Verdict, NamesPointsWhoseWindowsTheBorderCutsOff) {
+  SyntheticProblem problem = GoodProblem(781, 1);
+  constexpr double kCrop = 200, kHalf = 12, kPull = 1;  // px
+  CameraInput& camera = problem.input.cameras[0];
+  for (int& pixels : camera.image_size) pixels -= static_cast<int>(2 * kCrop);
+  for (View& view : camera.views) {
+    std::erase_if(view.observations, [&](Observation& seen) {
+      bool outside = false;
+      for (size_t axis = 0; axis < 2; ++axis) {
+        const double near = seen.values[axis] - kCrop, far = camera.image_size[axis] - 1 - near;
+        outside = outside || near < 0 || far < 0;
+        seen.values[axis] =
+            near + kPull * (std::max(0.0, 1 - near / kHalf) - std::max(0.0, 1 - far / kHalf));
+      }
+      return outside;
+    });
+  }
+  const Verdict verdict = VerdictOf(problem);
+  EXPECT_EQ(CodesOf(verdict.findings).front(), "border_points") << VerdictText(verdict);
+}
+
 // The coefficients of a rational model replace each other in a lens of little distortion.
 TEST(Verdict, IsAboutTheProjectionWhereCoefficientsAreOpen) {
   constexpr int kSets = 6;
