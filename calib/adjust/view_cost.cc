@@ -34,6 +34,15 @@ RobustFactor RobustFactorOf(Loss loss, double width, double s2) {
   return {};
 }
 
+// Sets the derivatives of `rows` rows by `params` parameters to zero.
+void ClearDerivatives(const LinearisedRows& out, size_t rows, size_t params) {
+  std::fill_n(out.J_params, rows * params, 0.0);
+  for (double* J : {out.J_extrinsics, out.J_pose, out.J_jitter}) {
+    if (J != nullptr) std::fill_n(J, rows * 6, 0.0);
+  }
+  if (out.J_marker != nullptr) std::fill_n(out.J_marker, rows * 3, 0.0);
+}
+
 }  // namespace
 
 ViewCost::ViewCost(const Bundle& bundle,
@@ -92,7 +101,13 @@ bool ViewCost::Evaluate(double const* const* parameters,
       if (J.jitter != nullptr) out.J_jitter = J.jitter + row * 6;
       if (J.markers != nullptr) out.J_marker = J_marker;
     }
-    if (!Linearise(camera_, params, view, p_target, observation, out)) return false;
+    if (!Linearise(camera_, params, view, p_target, observation, out)) {
+      // Within rounding of the edge of the domain, where a step has ended, derivatives may not
+      // exist although the residual does; the point then does not count for the next step.
+      const LinearisedRows edge{.residual = out.residual};
+      if (!J.any || !Linearise(camera_, params, view, p_target, observation, edge)) return false;
+      ClearDerivatives(out, rows, count);
+    }
     Robustify(observation.assumed_sigma, out);
     if (J.intrinsics != nullptr && !direct) ScatterParams(J_params, row, J.intrinsics);
     if (J.markers == nullptr) continue;

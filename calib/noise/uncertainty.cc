@@ -23,7 +23,7 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 // Eigenvalues of the reduced normal matrix with unit diagonal below this are rounding: its entries
 // are differences of sums that agree to some 1e-15 times the number of unknowns.
-constexpr double kRankTolerance = 1e-12;
+constexpr double kRankTolerance = 1e-13;
 // An unknown takes part in an open direction when its share is at least this.
 constexpr double kShare = 0.1;
 // Shares of an unknown in directions without information below this are the eigenvectors' rounding.

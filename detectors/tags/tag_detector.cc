@@ -245,7 +245,8 @@ class TagDetector : public MarkerDetector {
     }
     Found found;
     const cv::Rect whole(0, 0, gray.cols, gray.rows);
-    Keep(gray, reader_.Read(gray, whole, 2), &found);
+    const std::vector<DecodedTag> decoded = reader_.Read(gray, whole, 2);
+    Keep(gray, decoded, &found);
     bool anywhere = Search(gray, &found);
     if (anywhere && border_.corner_squares) {
       // Where black has spread, tags hang together with the squares at their corners, and the
@@ -259,7 +260,7 @@ class TagDetector : public MarkerDetector {
       Keep(gray, reader_.Read(gray, whole, 1), &found);
       Search(gray, &found);
     }
-    if (const std::string other = OtherBorder(gray, found.margins.size()); !other.empty()) {
+    if (const std::string other = OtherBorder(gray, CountExact(decoded)); !other.empty()) {
       MarkerDetections none;
       none.failure = other;
       return none;
@@ -268,20 +269,24 @@ class TagDetector : public MarkerDetector {
   }
 
  private:
-  /// Whether more tags can be read with a border of another width than the `read` ones with that of
-  /// the target, in words; empty: not so. Tags that are read by the wrong border are chance or
-  /// neighbours, and have wrong corners.
-  [[nodiscard]] std::string OtherBorder(const cv::Mat& gray, std::size_t read) const {
+  // Without a wrong bit, and not by chance.
+  [[nodiscard]] static std::ptrdiff_t CountExact(const std::vector<DecodedTag>& decoded) {
     constexpr double kSureTag = 1e-3;
+    return std::ranges::count_if(decoded, [](const DecodedTag& r) {
+      return r.on_target && r.hamming == 0 && r.expected_by_chance < kSureTag;
+    });
+  }
+
+  /// Whether more tags can be read exactly with a border of another width than the `exact` ones
+  /// with that of the target, in words; empty: not so. Where a 2-bit border is stated for tags with
+  /// 1 bit, samples lie in the right inner cells, so that many are read with a wrong bit or two.
+  [[nodiscard]] std::string OtherBorder(const cv::Mat& gray, std::ptrdiff_t exact) const {
     // More than half of the target is more than neighbours or chance can be.
-    if (!family_.classic() || 2 * read > layout_.ids.size()) return {};
+    if (!family_.classic() || 2 * exact > std::ssize(layout_.ids)) return {};
     const int other = layout_.border_bits == 1 ? 2 : 1;
     const TagFamily other_family = MakeTagFamily(layout_, other);
     TagReader reader(other_family, layout_.ids);
-    const auto decoded = reader.Read(gray, {0, 0, gray.cols, gray.rows}, 2);
-    const auto sure = std::ranges::count_if(
-        decoded, [](const DecodedTag& r) { return r.expected_by_chance < kSureTag; });
-    if (static_cast<std::size_t>(sure) <= read) return {};
+    if (CountExact(reader.Read(gray, {0, 0, gray.cols, gray.rows}, 2)) <= exact) return {};
     return fmt::format(
         "no usable tag of family {} found; these look like {}: set border_bits: {} "
         "(target_border_bits)",

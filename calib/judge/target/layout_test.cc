@@ -327,7 +327,49 @@ std::vector<Finding> ListOf(std::optional<Finding> finding) {
   return finding ? std::vector<Finding>{*std::move(finding)} : std::vector<Finding>{};
 }
 
+// Residuals of a camera's initial guess with one target.
+Fit GuessFit(const CameraInput& camera,
+             const PlaneView& typical,
+             const std::map<int, Eigen::Vector3d>& markers) {
+  Fit fit{.log_variance = kInfinity};
+  try {
+    const CameraGuess guess = GuessCamera(camera, markers);
+    const double sigma = kSigmaPerMedianLength2d * guess.median_error;
+    fit.log_variance = 2 * std::log(std::max(sigma, 1e-6));
+    fit.relative = sigma / typical.spacing;
+    for (const View& view : camera.views) fit.points += view.observations.size();
+    fit.redundancy = static_cast<double>(2 * fit.points) -
+                     static_cast<double>(6 * camera.views.size() + camera.model->params.size());
+  } catch (const Error&) {
+    // The views do not suffice with this target.
+  }
+  return fit;
+}
+
+/// A camera and one of its views.
+struct Witness {
+  const CameraInput& camera;
+  const PlaneView& typical;
+};
+
+// Of a lens that sees more than a smooth map of the plane describes, the residuals of such maps are
+// large with any target; a camera of its own model tells whether the number is right.
+Fit Confirmed(const Witness& witness,
+              const TargetNumber& number,
+              double value,
+              std::map<int, Eigen::Vector3d> markers,
+              Fit fit) {
+  if (fit.relative < kFits) return fit;
+  for (const auto& [marker, slope] : number.by_number) {
+    markers[marker] += (value - number.stated) * slope;
+  }
+  fit.relative =
+      std::min(fit.relative, GuessFit(witness.camera, witness.typical, markers).relative);
+  return fit;
+}
+
 std::vector<Finding> TestFlat(const Views& views,
+                              const Witness& witness,
                               const MarkerPlane& plane,
                               const std::map<int, Eigen::Vector3d>& markers,
                               const TargetDoubts& doubts) {
@@ -350,45 +392,26 @@ std::vector<Finding> TestFlat(const Views& views,
     const Estimate estimate = EstimateNumber(views, number, stated, [&](double log_value) {
       return WithNumber(plane, markers, number, std::exp(log_value));
     });
-    best.Offer(estimate.fit, stated, [&] { return NumberFinding(number, estimate); });
+    const Fit fit = Confirmed(witness, number, estimate.value, markers, estimate.fit);
+    best.Offer(fit, stated, [&] { return NumberFinding(number, estimate); });
   }
   return ListOf(std::move(best.finding));
 }
 
-// Residuals of a camera's initial guess with one target.
-Fit GuessFit(const CameraInput& camera,
-             const PlaneView& typical,
-             const std::map<int, Eigen::Vector3d>& markers) {
-  Fit fit{.log_variance = kInfinity};
-  try {
-    const CameraGuess guess = GuessCamera(camera, markers);
-    const double sigma = kSigmaPerMedianLength2d * guess.median_error;
-    fit.log_variance = 2 * std::log(std::max(sigma, 1e-6));
-    fit.relative = sigma / typical.spacing;
-    for (const View& view : camera.views) fit.points += view.observations.size();
-    fit.redundancy = static_cast<double>(2 * fit.points) -
-                     static_cast<double>(6 * camera.views.size() + camera.model->params.size());
-  } catch (const Error&) {
-    // The views do not suffice with this target.
-  }
-  return fit;
-}
-
-std::vector<Finding> TestSolid(const CameraInput& camera,
-                               const PlaneView& typical,
+std::vector<Finding> TestSolid(const Witness& witness,
                                const std::map<int, Eigen::Vector3d>& markers,
                                const TargetDoubts& doubts) {
-  Fit stated = GuessFit(camera, typical, markers);
+  Fit stated = GuessFit(witness.camera, witness.typical, markers);
   if (stated.relative < kSuspicious && stated.points > 0) return {};
   Best best;
   for (const TargetHypothesis& hypothesis : doubts.hypotheses) {
     std::map<int, Eigen::Vector3d> places;
     for (const auto& [number, candidates] : hypothesis.places) places[number] = candidates.front();
-    const Fit fit = GuessFit(camera, typical, places);
+    const Fit fit = GuessFit(witness.camera, witness.typical, places);
     if (stated.points == 0) {
       // No guess at all: as far off as a spacing.
       stated = fit;
-      stated.log_variance = 2 * std::log(typical.spacing);
+      stated.log_variance = 2 * std::log(witness.typical.spacing);
     }
     best.Offer(fit, stated, [&] {
       return HypothesisFinding(hypothesis, std::exp(stated.log_variance - fit.log_variance));
@@ -413,13 +436,12 @@ std::vector<Finding> FindWrongLayout(const std::vector<CameraInput>& cameras,
                                      const TargetDoubts& doubts) {
   if (doubts.hypotheses.empty() && doubts.numbers.empty()) return {};
   const Views views = ViewsOf(cameras);
-  if (const std::optional<MarkerPlane> plane = FindPlane(markers)) {
-    return TestFlat(views, *plane, markers, doubts);
-  }
   const auto most = std::ranges::max_element(views, {}, &std::vector<PlaneView>::size);
   if (most == views.end() || most->empty()) return {};
-  return TestSolid(
-      cameras[static_cast<size_t>(most - views.begin())], most->front(), markers, doubts);
+  const Witness witness{cameras[static_cast<size_t>(most - views.begin())], most->front()};
+  const std::optional<MarkerPlane> plane = FindPlane(markers);
+  return plane ? TestFlat(views, witness, *plane, markers, doubts)
+               : TestSolid(witness, markers, doubts);
 }
 
 std::vector<Finding> FindTargetTwice(const std::vector<CameraInput>& cameras,
