@@ -7,6 +7,7 @@
 
 #include "calib/adjust/linearise.h"
 #include "calib/adjust/problem.h"
+#include "models/registry.h"
 #include "tests/calib/synthetic.h"
 
 namespace plenocal {
@@ -175,6 +176,30 @@ TEST(Adjust, RefusesObservationsOutsideTheDomainAndLeavesUnusedOnesAlone) {
   bundle.observations[0].used = false;
   EXPECT_TRUE(Adjust(&bundle, {}).usable);
   bundle.observations.erase(bundle.observations.begin());
+  EXPECT_LT(LargestResidual(bundle), kExact);
+}
+
+const CameraModel& PinholeRadial3() { return *FindModel(CameraModels(), "pinhole-radial3"); }
+
+// Without derivatives for points on the right: the other half of the observations decides.
+bool ProjectWithHalfOfTheJacobians(const double* params,
+                                   const double* config,
+                                   const double* values,
+                                   const Eigen::Vector3d& p_cam,
+                                   const ProjectionOutput& out) {
+  return p_cam.x() < 0 &&
+         PinholeRadial3().project_with_jacobian(params, config, values, p_cam, out);
+}
+
+// Derivatives at the edge of a domain may not exist where the residual still does.
+TEST(Adjust, GoesOnWhereOnlyDerivativesAreMissing) {
+  CameraModel model = PinholeRadial3();
+  model.project_with_jacobian = ProjectWithHalfOfTheJacobians;
+  Bundle bundle = TrueBundle(Stereo());
+  Disturb(&bundle);
+  for (BundleCamera& camera : bundle.cameras) camera.model = &model;
+  EXPECT_TRUE(Adjust(&bundle, {}).usable);
+  for (BundleCamera& camera : bundle.cameras) camera.model = &PinholeRadial3();
   EXPECT_LT(LargestResidual(bundle), kExact);
 }
 

@@ -231,6 +231,22 @@ TEST(TagDetector, FindsEveryFamilyWithItsCornersInOrder) {
   }
 }
 
+// The inner cells of a tag with a border of 1 bit lie where those of 2 bits are looked for, so that
+// many tags are read all the same.
+TEST(TagDetector, NamesABorderThatIsStatedTooWide) {
+  const Board board(kFamilies[3], 6, 5, 1.4);
+  Target target = board.target;
+  std::get<TagLayout>(target.layout).border_bits = 2;
+  const cv::Size size(800, 600);
+  for (const double tilt : {0.0, 15.0, 30.0, 45.0}) {
+    const Eigen::Matrix3d H = Camera(board, size, 70, tilt, 10);
+    const cv::Mat gray = testing::Render(testing::View(board, H), size, {0.7, 2, 1, 4});
+    EXPECT_THAT(MakeMarkerDetector(target)->Detect(gray).failure, HasSubstr("set border_bits: 1"))
+        << tilt;
+    EXPECT_THAT(MakeMarkerDetector(board.target)->Detect(gray).failure, IsEmpty()) << tilt;
+  }
+}
+
 TEST(TagDetector, CornersAreBetterThanTheLibrarysAndTheirSigmasHonest) {
   const Board board(kFamilies[3], 2, 2, 1.5);
   Score all;

@@ -8,10 +8,12 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <random>
 #include <string>
 #include <vector>
 
 #include "calib/judge/target/flatness.h"
+#include "models/registry.h"
 #include "tests/calib/synthetic.h"
 
 namespace plenocal {
@@ -92,9 +94,8 @@ TEST(TargetCauses, NameRowsOfAnotherLength) {
   EXPECT_EQ(causes[0].grade, Grade::kBad);
 }
 
-TEST(TargetCauses, EstimateAWrongNumber) {
-  SyntheticProblem problem = Board(2);
-  // Pairs of columns one part apart, the pairs `gap` parts apart: 1 in truth, 0.4 stated.
+// Pairs of columns one part apart, the pairs `gap` parts apart: 1 in truth, 0.4 stated.
+TargetNumber StateAWrongGap(CalibrationInput* input) {
   TargetNumber gap{.code = "target_spacing",
                    .key = "spacing",
                    .meaning = "gap / size",
@@ -102,15 +103,58 @@ TEST(TargetCauses, EstimateAWrongNumber) {
                    .least = 0.01,
                    .most = 4,
                    .by_number = {}};
-  for (auto& [number, p] : problem.input.markers) {
+  for (auto& [number, p] : input->markers) {
     const Eigen::Vector3d slope(kSpacing * (number % 10 / 2), 0, 0);
     gap.by_number[number] = slope;
     p += (gap.stated - 1) * slope;
   }
+  return gap;
+}
+
+TEST(TargetCauses, EstimateAWrongNumber) {
+  SyntheticProblem problem = Board(2);
+  const TargetNumber gap = StateAWrongGap(&problem.input);
   const std::vector<Finding> causes = Find(problem.input, {{}, {gap}, {}});
   ASSERT_THAT(CodesOf(causes), ElementsAre("target_spacing"));
   EXPECT_NEAR(causes[0].value.value(), 1, 0.003);
   EXPECT_THAT(causes[0].remedy, HasSubstr("set spacing: "));
+}
+
+// The same views through a fisheye, from so near that no smooth map of the plane describes them.
+void LookThroughAFisheye(SyntheticProblem* problem) {
+  CameraInput& camera = problem->input.cameras[0];
+  camera.model = FindModel(CameraModels(), "kannala-brandt4");
+  const std::vector<double> params{350, 350, 640, 480, 0, 0, 0, 0};
+  camera.initial.assign(params.size(), std::nullopt);
+  camera.fixed.assign(params.size(), false);
+  std::mt19937 random(1);
+  std::normal_distribution<double> noise(0, 0.1);
+  camera.views.clear();
+  for (auto [frame, T_camera_target] : problem->T_rig_target) {
+    T_camera_target.t *= 0.25;
+    View view{frame, {}};
+    for (const auto& [number, p] : problem->markers) {
+      Observation seen{.marker = number, .detector_sigma = 0.1};
+      double* px = seen.values.data();
+      if (!camera.model->project(params.data(), nullptr, px, T_camera_target * p, px)) continue;
+      for (int axis = 0; axis < 2; ++axis) px[axis] += noise(random);
+      if (std::abs(px[0] - 640) < 640 && std::abs(px[1] - 480) < 480) {
+        view.observations.push_back(seen);
+      }
+    }
+    if (view.observations.size() >= 12) camera.views.push_back(view);
+  }
+}
+
+TEST(TargetCauses, EstimateAWrongNumberThroughAFisheye) {
+  for (const unsigned seed : {4, 5, 6}) {
+    SyntheticProblem problem = Board(seed);
+    LookThroughAFisheye(&problem);
+    const TargetNumber gap = StateAWrongGap(&problem.input);
+    const std::vector<Finding> causes = FindTargetCauses(problem.input, {{}, {gap}, {}}, nullptr);
+    ASSERT_THAT(CodesOf(causes), ElementsAre("target_spacing")) << seed;
+    EXPECT_NEAR(causes[0].value.value(), 1, 0.02) << seed;
+  }
 }
 
 TEST(TargetCauses, ChooseBetweenPlaces) {
