@@ -131,7 +131,7 @@ void LookThroughAFisheye(SyntheticProblem* problem) {
   std::normal_distribution<double> noise(0, 0.1);
   camera.views.clear();
   for (auto [frame, T_camera_target] : problem->T_rig_target) {
-    T_camera_target.t *= 0.25;
+    T_camera_target.t *= 0.12;
     View view{frame, {}};
     for (const auto& [number, p] : problem->markers) {
       Observation seen{.marker = number, .detector_sigma = 0.1};
@@ -153,7 +153,7 @@ TEST(TargetCauses, EstimateAWrongNumberThroughAFisheye) {
     const TargetNumber gap = StateAWrongGap(&problem.input);
     const std::vector<Finding> causes = FindTargetCauses(problem.input, {{}, {gap}, {}}, nullptr);
     ASSERT_THAT(CodesOf(causes), ElementsAre("target_spacing")) << seed;
-    EXPECT_NEAR(causes[0].value.value(), 1, 0.02) << seed;
+    EXPECT_NEAR(causes[0].value.value(), 1, 0.05) << seed;
   }
 }
 
