@@ -123,7 +123,10 @@ class WeakUnknownsFinder {
       }
     }
     if (!large.empty()) {
-      Add(false, large, fmt::format("standard error above {:.0f} % of their size", 100 * kLarge));
+      const char* whose = large.size() == 1 ? "its" : "their";
+      Add(false,
+          large,
+          fmt::format("standard error above {:.0f} % of {} size", 100 * kLarge, whose));
     }
     if (by_prior.empty()) return;
     const size_t count = by_prior.size();

@@ -95,6 +95,11 @@ const std::map<std::string, std::vector<Child>>& Children() {
       {"Keys of check.json",
        {{"verdict", Below::kMap, "Keys of `verdict`"},
         {"cameras", Below::kListOfMaps, "Keys of a camera in check.json"}}},
+      {"Keys of calibrate --json",
+       {{"verdict", Below::kMap, "Keys of `verdict`"},
+        {"cameras", Below::kMapOfMaps, "Keys of a camera in calibrate --json"}}},
+      {"Keys of a camera in calibrate --json",
+       {{"parameters", Below::kFree}, {"sigma", Below::kFree}}},
       {"Keys of evaluate --json",
        {{"ate", Below::kMap, "Keys of `ate` and `rpe`"},
         {"rpe", Below::kMap, "Keys of `ate` and `rpe`"},
@@ -448,7 +453,9 @@ TEST_F(FormatsPage, HasWhatCalibrationsWrite) {
 
 TEST_F(FormatsPage, HasWhatJudgingCommandsWrite) {
   WriteProblem(EasyProblem(2, 0.0005));
-  ASSERT_EQ(Run({"calibrate", "session.yaml", "-o", "out", "--no-report"}).status, kDone);
+  const Outcome result = Run({"calibrate", "session.yaml", "-o", "out", "--no-report", "--json"});
+  ASSERT_EQ(result.status, kDone) << result.err;
+  SeeKeys(YAML::Load(result.out), "Keys of calibrate --json", "calibrate --json");
   const Outcome check = Run(
       {"compare", "out/calibration.yaml", "--check", "session.yaml", "--json", "-o", "compared"});
   ASSERT_EQ(check.status, kDone) << check.err;

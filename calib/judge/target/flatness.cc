@@ -189,9 +189,9 @@ std::optional<BentTarget> FindBentTarget(const Calibration& calibration,
                                                 focal_change.empty() ? "" : ", ",
                                                 focal_change)
                                   : std::string("the noise of the residuals, hardly the cameras")),
-      .remedy = fmt::format("set tolerance: {:.1g} in the target's file, so that its shape is "
+      .remedy = fmt::format("set tolerance: {:.1g} mm in the target's file, so that its shape is "
                             "estimated too, or use a flat board",
-                            shape.coordinate)};
+                            1e3 * shape.coordinate)};
   return BentTarget{std::move(finding), std::move(residual)};
 }
 
