@@ -222,8 +222,8 @@ void ReadTimesFile(const fs::path& path) {
 
 // ---- files of other tools
 
-void ReadCameraFile(const CameraFormat& format, const fs::path& path) {
-  std::vector<CalibratedCamera> cameras = format.read({path, kImageSize});
+void ReadCamerasOf(const CameraFormat& format, const fs::path& path) {
+  std::vector<CalibratedCamera> cameras = ReadCameraFile(format, {path, kImageSize});
   for (size_t i = 0; i < cameras.size(); ++i) cameras[i].name = fmt::format("camera{}", i);
   MakeFirstMaster(&cameras);
   CheckCameras(cameras);
@@ -312,7 +312,7 @@ std::vector<Reader> MakeReaders() {
   for (const CameraFormat& format : CameraFormats()) {
     readers.push_back({fmt::format("camera_{}", format.name),
                        std::string(format.file),
-                       [&format](const fs::path& path) { ReadCameraFile(format, path); }});
+                       [&format](const fs::path& path) { ReadCamerasOf(format, path); }});
   }
   for (const ImportFormat& format : ImportFormats()) {
     readers.push_back({fmt::format("import_{}", format.name),
