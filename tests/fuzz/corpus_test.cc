@@ -121,7 +121,7 @@ TEST_P(EveryReader, ReadsOrRefusesItsCorpus) {
 }
 
 TEST_P(EveryReader, ReadsOrRefusesDamagedFiles) {
-  constexpr int kInputs = 2000;
+  constexpr int kInputs = 1000;
   Damage damage(inputs_);
   for (int i = 0; i < kInputs && !HasFailure(); ++i) Read(damage.Next());
 }
