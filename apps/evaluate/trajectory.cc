@@ -118,11 +118,22 @@ Form FormOf(const NumberLines& lines) {
                   count));
 }
 
+/// Fails when time goes back.
+void CheckOrder(const NumberLines& lines, double before, double time) {
+  if (time >= before) return;
+  lines.Fail(fmt::format("time {:.9f} comes after {:.9f}; sort the poses by time", time, before));
+}
+
 std::vector<double> ReadTimes(const std::filesystem::path& path) {
   const std::string text = ReadTextFile(path);
   NumberLines lines(path.string(), text);
   std::vector<double> times;
-  while (lines.Next()) lines.Read(1, NumberLines::Rest::kNone, &times.emplace_back());
+  while (lines.Next()) {
+    double time = 0;
+    lines.Read(1, NumberLines::Rest::kNone, &time);
+    if (!times.empty()) CheckOrder(lines, times.back(), time);
+    times.push_back(time);
+  }
   return times;
 }
 
@@ -154,10 +165,7 @@ Pose FromMatrix(const NumberLines& lines, const double* values) {
 void Append(const NumberLines& lines, double time, const Pose& pose, Trajectory* trajectory) {
   if (!trajectory->times.empty()) {
     const double before = trajectory->times.back();
-    if (time < before) {
-      lines.Fail(
-          fmt::format("time {:.9f} comes after {:.9f}; sort the poses by time", time, before));
-    }
+    CheckOrder(lines, before, time);
     if (time == before) {
       ++trajectory->repeated;
       return;
@@ -179,9 +187,12 @@ void ReadKitti(const std::filesystem::path& times_path,
   do {
     std::array<double, 12> values{};
     lines->Read(values.size(), NumberLines::Rest::kNone, values.data());
-    const bool has_time = times && row < times->size();
-    const double time = has_time ? (*times)[row] : static_cast<double>(row);
-    Append(*lines, time, FromMatrix(*lines, values.data()), trajectory);
+    const Pose pose = FromMatrix(*lines, values.data());
+    if (!times) {
+      Append(*lines, static_cast<double>(row), pose, trajectory);
+    } else if (row < times->size()) {
+      Append(*lines, (*times)[row], pose, trajectory);
+    }
     ++row;
   } while (lines->Next());
   if (times && times->size() != row) {

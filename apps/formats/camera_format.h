@@ -52,6 +52,12 @@ std::span<const CameraFormat> CameraFormats();
 /// The format of that name for such a file, or null.
 const CameraFormat* FindCameraFormat(std::string_view name, const std::filesystem::path& file);
 
+/// The cameras of a tool's file, as a calibration.yaml can hold them: rotations of few digits
+/// become the nearest ones. Throws `Error` of kind kInput with the file for what is no camera of a
+/// rig: a size, parameter or pose that none has.
+std::vector<CalibratedCamera> ReadCameraFile(const CameraFormat& format,
+                                             const CameraSource& source);
+
 /// The formats for `--help`: "basalt, colmap, ..., matlab (FILE or FILE.mat), ...".
 std::string CameraFormatList();
 

@@ -80,7 +80,9 @@ class CacheEntryReader {
   template <typename T>
   T Get() {
     T value{};
-    if constexpr (std::is_arithmetic_v<T>) {
+    if constexpr (std::is_same_v<T, bool>) {
+      value = Get<unsigned char>() != 0;  // no other byte may become a bool
+    } else if constexpr (std::is_arithmetic_v<T>) {
       if (Has(sizeof value)) std::memcpy(&value, rest_.data(), sizeof value);
       Skip(sizeof value);
     } else {

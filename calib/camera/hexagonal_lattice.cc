@@ -133,6 +133,7 @@ std::optional<Matrix2d> FindLatticeBasis(std::span<const Vector2d> points, Image
     for (size_t i = 0; i < near.size(); ++i) near[i] = i;
     std::partial_sort(near.begin(), near.begin() + kRing + 1, near.end(), nearer(centre));
     const Vector2d a = points[near[1]] - centre;
+    if (!(a.norm() > 1)) continue;  // px: two micro images do not share a pixel
     // A ring of six at one distance, 60 degrees apart: half of 60 degrees is a miss of half a
     // pitch.
     constexpr double kTolerance = 0.25;
@@ -290,6 +291,12 @@ struct LatticeEquations {
         ((positions - B * solution).rowwise().norm().array() * precision.array().sqrt()).matrix()};
   }
 
+  // Residuals below it are rounding, which high degrees would follow: files have 1e-5 px.
+  [[nodiscard]] double Resolution() const {
+    constexpr double kResolution = 1e-4;  // px
+    return kResolution * std::sqrt(precision.maxCoeff());
+  }
+
   struct RobustSolution {
     Eigen::Matrix2Xd coefficients;
     Eigen::VectorXd weights;
@@ -304,8 +311,7 @@ struct LatticeEquations {
       const double last = robust.sigma;
       robust.sigma =
           kSigmaPerMedianLength2d * Median(std::vector<double>(residuals.begin(), residuals.end()));
-      // Exact data have no spread: keep the weights finite.
-      robust.sigma = std::max(robust.sigma, std::numeric_limits<double>::min());
+      robust.sigma = std::max(robust.sigma, Resolution());
       if (std::abs(robust.sigma - last) <= kConverged * robust.sigma && iteration > 1) break;
       for (Eigen::Index i = 0; i < precision.size(); ++i) {
         const double t = residuals[i] / robust.sigma;
@@ -329,9 +335,8 @@ struct LatticeEquations {
       const Eigen::VectorXd residuals = Solve(degree, weights).residuals;
       const double sum =
           (residuals.array().square() * weights.array() / precision.array()).sum() / samples;
-      const double criterion =
-          samples * std::log(std::max(sum, std::numeric_limits<double>::min())) +
-          2 * Terms(degree) * std::log(samples);
+      const double criterion = samples * std::log(std::max(sum, Resolution() * Resolution())) +
+                               2 * Terms(degree) * std::log(samples);
       if (criterion < best) {
         best = criterion;
         best_degree = degree;

@@ -4,6 +4,8 @@
 #include <fmt/format.h>
 
 #include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
 #include <map>
 #include <optional>
 
@@ -39,6 +41,45 @@ void IndexFromCentres(const std::filesystem::path& path,
     }
     array->lenses[i].row = nodes[i]->row;
     array->lenses[i].column = nodes[i]->column;
+  }
+}
+
+// A micro lens that an array may have: its lattice is fitted to them all.
+void CheckMicroLens(const CsvReader& table, const MicroLens& lens, ImageSize image_size) {
+  // Lenses beyond the image do no harm, but those in the middle of it must remain neighbours.
+  const int around = image_size[0] + image_size[1];
+  if (!IsInside(lens.centre, image_size, around)) {
+    table.Fail(fmt::format("the micro lens at ({:.6g}, {:.6g}) is far outside of the image",
+                           lens.centre.x(),
+                           lens.centre.y()));
+  }
+  constexpr int kMost = 1'000'000;  // no image has more pixels in a row
+  const auto [least, most] = std::minmax(lens.row, lens.column);
+  if (least < -kMost || most > kMost) {
+    table.Fail(fmt::format("row {}, column {}: no array has so many", lens.row, lens.column));
+  }
+}
+
+// Rows and columns, where the file has none, and the lattice vectors.
+void SetLatticeOfFile(const std::filesystem::path& path,
+                      const std::vector<int>& lines,
+                      bool is_indexed,
+                      MicroLensArray* array) {
+  try {
+    if (!is_indexed) IndexFromCentres(path, lines, array);
+    SetLatticeVectors(array);
+  } catch (const Error& error) {
+    const std::string message = error.what();
+    if (message.starts_with(path.string())) throw;
+    throw Error(ErrorKind::kInput, fmt::format("{}: {}", path.string(), message));
+  }
+  Eigen::Matrix2d basis;
+  basis << array->e_column, array->e_row;
+  // Of a hexagonal lattice it is sqrt(3)/2 of the square of the pitch.
+  const double pitch = array->Pitch();
+  if (!(std::isfinite(pitch) && std::abs(basis.determinant()) > 0.5 * pitch * pitch)) {
+    throw Error(ErrorKind::kInput,
+                fmt::format("{}: rows and columns do not belong to the centres", path.string()));
   }
 }
 
@@ -103,6 +144,7 @@ MicroLensArray ReadMicroLenses(const std::filesystem::path& path, ImageSize imag
                             .centre = {table.Number(x), table.Number(y)},
                             .type = table.Integer(type),
                             .usable = !usable || table.Integer(*usable) != 0});
+    CheckMicroLens(table, array.lenses.back(), image_size);
     lines.push_back(table.Line());
   }
   if (array.lenses.empty()) {
@@ -114,8 +156,7 @@ MicroLensArray ReadMicroLenses(const std::filesystem::path& path, ImageSize imag
                                  array.lenses[*lens].type,
                                  kMostLensTypes));
   }
-  if (!row || !column) IndexFromCentres(path, lines, &array);
-  SetLatticeVectors(&array);
+  SetLatticeOfFile(path, lines, row && column, &array);
   return array;
 }
 

@@ -121,7 +121,10 @@ MicroLensArray ReadRayCalibData(const std::filesystem::path& path, ImageSize ima
   pugi::xml_document document;
   const pugi::xml_node root = Load(path, &document);
   const double diameter = Number(path, root, "diameter");
-  if (diameter <= 1) Refuse(path, "<diameter>: expected more than one pixel");
+  constexpr double kLeast = 4;  // px: a smaller micro image shows nothing, and many fill the memory
+  if (!(diameter >= kLeast)) {
+    Refuse(path, fmt::format("<diameter>: expected at least {} pixels", kLeast));
+  }
   Matrix2d bases;
   bases << Point(path, root, "lens_base_x"), Point(path, root, "lens_base_y");
   // With y down, angles turn the other way.

@@ -40,11 +40,21 @@ constexpr std::uint64_t kMaxPixels = std::uint64_t{1} << 29;
 /// The first defect of a file in words, or nothing.
 using Defect = std::optional<std::string>;
 
-Defect CheckSize(std::uint64_t width, std::uint64_t height) {
+/// `bits` a pixel in a file of `bytes`: no codec packs an image more than deflate does at best, so
+/// the memory for an image is bounded by its file's size.
+Defect CheckSize(std::uint64_t width,
+                 std::uint64_t height,
+                 std::uint64_t bits,
+                 std::uint64_t bytes) {
+  constexpr std::uint64_t kMostBytesOfOne = 1032;
   if (width == 0 || height == 0)
     return fmt::format("the header says {} x {} pixels", width, height);
   if (width > kMaxPixels || height > kMaxPixels || width * height > kMaxPixels) {
     return fmt::format("the header says {} x {} pixels, more than can be an image", width, height);
+  }
+  if (width * height * bits / 8 > kMostBytesOfOne * bytes) {
+    return fmt::format(
+        "the header says {} x {} pixels, more than {} bytes can hold", width, height, bytes);
   }
   return std::nullopt;
 }
@@ -78,7 +88,9 @@ Defect CheckPng(Bytes* bytes) {
     }
     if (at == kPngMagic.size()) {
       if (type != "IHDR" || length < 13) return "corrupt PNG (it does not begin with IHDR)";
-      if (auto defect = CheckSize(BigEndian(in, at + 8, 4), BigEndian(in, at + 12, 4))) {
+      // Of the colour types grey and palette have one channel, which is the least.
+      if (auto defect = CheckSize(
+              BigEndian(in, at + 8, 4), BigEndian(in, at + 12, 4), in[at + 16], in.size())) {
         return defect;
       }
     }
@@ -122,7 +134,8 @@ Defect CheckJpeg(ByteView in) {
     const bool start_of_frame =
         marker >= 0xc0 && marker <= 0xcf && marker != 0xc4 && marker != 0xc8 && marker != 0xcc;
     if (start_of_frame && length >= 7) {
-      if (auto defect = CheckSize(BigEndian(in, at + 7, 2), BigEndian(in, at + 5, 2))) {
+      if (auto defect =
+              CheckSize(BigEndian(in, at + 7, 2), BigEndian(in, at + 5, 2), 8, in.size())) {
         return defect;
       }
     }
@@ -139,10 +152,10 @@ Defect CheckBmp(ByteView in) {
   const auto height = static_cast<std::int32_t>(LittleEndian(in, 22, 4));
   const std::uint64_t rows = std::abs(static_cast<std::int64_t>(height));
   if (width < 0) return "corrupt BMP (negative width)";
-  if (auto defect = CheckSize(width, rows)) return defect;
+  const std::uint64_t bits = LittleEndian(in, 28, 2);
+  if (auto defect = CheckSize(width, rows, bits, in.size())) return defect;
   constexpr std::size_t kCompression = 30;
   if (in.size() < kCompression + 4 || LittleEndian(in, kCompression, 4) != 0) return std::nullopt;
-  const std::uint64_t bits = LittleEndian(in, 28, 2);
   const std::uint64_t row_bytes = (width * bits + 31) / 32 * 4;
   const std::uint64_t expected = LittleEndian(in, 10, 4) + row_bytes * rows;
   if (in.size() < expected) {
@@ -168,7 +181,7 @@ Defect CheckPnm(ByteView in) {
       number = number * 10 + (in[at++] - '0');
     }
   }
-  if (auto defect = CheckSize(numbers[0], numbers[1])) return defect;
+  if (auto defect = CheckSize(numbers[0], numbers[1], 8, in.size())) return defect;
   const std::uint64_t channels = in[1] == '6' ? 3 : 1;
   const std::uint64_t expected =
       at + 1 + numbers[0] * numbers[1] * channels * (numbers[2] > 255 ? 2 : 1);
@@ -191,7 +204,7 @@ Defect CheckTiff(ByteView in) {
   const std::uint64_t directory = *read(4, 4);
   const auto entries = read(directory, 2);
   if (!entries) return truncated;
-  std::uint64_t width = 1, height = 1;
+  std::uint64_t width = 1, height = 1, bits = 1, channels = 1;
   std::vector<std::uint64_t> offsets, counts;
   for (std::uint64_t k = 0; k < *entries; ++k) {
     const std::uint64_t at = directory + 2 + 12 * k;
@@ -205,8 +218,8 @@ Defect CheckTiff(ByteView in) {
       for (std::uint64_t i = 0; i < *count; ++i) out[i] = *read(start + i * size, size);
       return out;
     };
-    constexpr int kWidth = 256, kHeight = 257, kStripOffsets = 273, kStripCounts = 279,
-                  kTileOffsets = 324, kTileCounts = 325;
+    constexpr int kWidth = 256, kHeight = 257, kBits = 258, kStripOffsets = 273, kChannels = 277,
+                  kStripCounts = 279, kTileOffsets = 324, kTileCounts = 325;
     switch (*tag) {
       case kWidth:
         width = *read(at + 8, size);
@@ -214,6 +227,15 @@ Defect CheckTiff(ByteView in) {
       case kHeight:
         height = *read(at + 8, size);
         break;
+      case kChannels:
+        channels = *read(at + 8, size);
+        break;
+      case kBits: {
+        const auto all = values();
+        if (!all) return truncated;
+        if (!all->empty()) bits = all->front();
+        break;
+      }
       case kStripOffsets:
       case kTileOffsets:
       case kStripCounts:
@@ -227,7 +249,10 @@ Defect CheckTiff(ByteView in) {
         break;
     }
   }
-  if (auto defect = CheckSize(width, height)) return defect;
+  // Of a 16-bit field both are at most 65535, so that the product of all is far from overflow.
+  if (auto defect = CheckSize(width, height, (bits & 0xffff) * (channels & 0xffff), in.size())) {
+    return defect;
+  }
   for (std::size_t i = 0; i < std::min(offsets.size(), counts.size()); ++i) {
     if (offsets[i] + counts[i] > in.size()) return truncated;
   }

@@ -20,9 +20,9 @@ namespace {
   throw Error(ErrorKind::kInput, fmt::format("{}: {}", path.string(), reason));
 }
 
-/// Why the file cannot be loaded at all; empty when the loader may try. The loader itself dies of a
-/// file that was cut off.
-std::string WhyNotLoadable(const std::filesystem::path& path) {
+}  // namespace
+
+std::string internal::WhyNotLoadable(const std::filesystem::path& path) {
   std::error_code error;
   const std::filesystem::file_status status = std::filesystem::status(path, error);
   if (!std::filesystem::exists(status)) return "no such file";
@@ -36,16 +36,16 @@ std::string WhyNotLoadable(const std::filesystem::path& path) {
     return "is no shared library; docs/new_model.md says how a plug-in is built";
   }
   // The section table is what a linker writes last.
-  if (header.e_shoff + std::uintmax_t{header.e_shnum} * header.e_shentsize > size) {
+  const std::uintmax_t table = std::uintmax_t{header.e_shnum} * header.e_shentsize;
+  if (header.e_shoff > size || table > size - header.e_shoff) {
     return "is cut off; build the plug-in again";
   }
   return {};
 }
 
-}  // namespace
-
 std::span<const CameraModel> LoadPlugin(const std::filesystem::path& path) {
-  if (const std::string reason = WhyNotLoadable(path); !reason.empty()) Refuse(path, reason);
+  if (const std::string reason = internal::WhyNotLoadable(path); !reason.empty())
+    Refuse(path, reason);
   // A name without a slash would be sought in the system's folders.
   void* const plugin = dlopen(std::filesystem::absolute(path).c_str(), RTLD_NOW | RTLD_LOCAL);
   if (plugin == nullptr) Refuse(path, fmt::format("cannot be loaded: {}", dlerror()));

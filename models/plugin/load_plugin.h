@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <span>
+#include <string>
 
 #include "calib/camera/camera_model.h"
 
@@ -12,5 +13,13 @@ namespace plenocal {
 /// kInput when the file is no plug-in or was built against another version; nothing of it has been
 /// called then.
 std::span<const CameraModel> LoadPlugin(const std::filesystem::path& path);
+
+namespace internal {
+
+/// Why the file cannot be loaded at all; empty when the system's loader may try, which itself dies
+/// of a file that was cut off.
+std::string WhyNotLoadable(const std::filesystem::path& path);
+
+}  // namespace internal
 
 }  // namespace plenocal

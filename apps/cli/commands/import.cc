@@ -44,7 +44,7 @@ std::vector<CalibratedCamera> ReadCameras(const ImportArguments& arguments,
   std::vector<CalibratedCamera> all;
   std::set<std::string> names;
   for (const std::filesystem::path& file : arguments.files) {
-    for (CalibratedCamera& camera : format.read({file, size, arguments.fisheye})) {
+    for (CalibratedCamera& camera : ReadCameraFile(format, {file, size, arguments.fisheye})) {
       camera.name = NameInFile(camera.name.empty() ? file.stem().string() : camera.name);
       if (!names.insert(camera.name).second) {
         throw Error(ErrorKind::kInput,

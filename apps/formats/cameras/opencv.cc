@@ -25,7 +25,12 @@ std::optional<YamlNode> Find(const YamlNode& root, std::span<const std::string> 
 
 ImageSize SizeOf(const YamlNode& root, const std::string& suffix, const CameraSource& source) {
   if (const std::string key = "image_size" + suffix; root.Has(key)) {
-    const std::vector<double> size = MatrixData(root.At(key), 2);
+    const YamlNode node = root.At(key);
+    const std::vector<double> size = MatrixData(node, 2);
+    constexpr double kMost = 1e6;  // no image has more columns
+    for (const double length : size) {
+      if (!(length >= 1 && length < kMost)) node.Fail("expected a width and a height in pixels");
+    }
     return {static_cast<int>(size[0]), static_cast<int>(size[1])};
   }
   for (const auto& [width, height] : {std::pair("image_width", "image_height"),

@@ -7,116 +7,81 @@
 // left out, as mrcal does.
 #include <fmt/format.h>
 
-#include <charconv>
 #include <cmath>
 #include <map>
-#include <sstream>
+#include <optional>
 #include <string>
-#include <vector>
 
 #include "apps/formats/import_format.h"
-#include "calib/base/error.h"
+#include "calib/base/csv.h"
 #include "calib/base/input_file.h"
+#include "calib/base/quoted_text.h"
 
 namespace plenocal {
 namespace {
 
-std::vector<std::string> Words(const std::string& line) {
-  std::istringstream stream(line);
-  std::vector<std::string> words;
-  for (std::string word; stream >> word;) words.push_back(word);
-  return words;
-}
+bool IsEmpty(const CsvReader& table, size_t column) { return table.Text(column) == "-"; }
 
-/// Goes through the rows of the table; all members throw `Error` of kind kInput with file and line.
-class VnlTable {
+/// Weights of corners, relative to one at full resolution.
+class Weights {
  public:
-  explicit VnlTable(const std::filesystem::path& path)
-      : path_(path.string()), text_(ReadTextFile(path)) {}
+  explicit Weights(const CsvReader& table)
+      : level_(table.Find("level")), weight_(table.Find("weight")) {}
 
-  /// Moves to the next row; false after the last.
-  bool Next() {
-    for (std::string line; std::getline(text_, line);) {
-      ++line_;
-      words_ = Words(line);
-      if (words_.empty() || words_[0].starts_with("##") || words_[0].starts_with("#!")) continue;
-      if (words_[0].starts_with('#')) {
-        ReadHeader();
-        continue;
-      }
-      if (columns_.empty()) Fail("expected the line '# filename x y level' first");
-      if (words_.size() != columns_.size()) {
-        Fail(fmt::format("expected {} columns, found {}", columns_.size(), words_.size()));
-      }
-      return true;
+  /// Of the present row; not positive: left out.
+  [[nodiscard]] double Read(const CsvReader& table) const {
+    const std::optional<size_t> column = level_ ? level_ : weight_;
+    if (!column) return 1;
+    if (IsEmpty(table, *column)) return 0;
+    const double value = table.Number(*column), weight = level_ ? std::exp2(-value) : value;
+    if (std::isinf(weight) || (weight > 0 && std::isinf(1 / weight)) || (level_ && weight == 0)) {
+      table.FailAt(*column, fmt::format("no corner has {}", value));
     }
-    return false;
-  }
-
-  [[nodiscard]] bool Has(const std::string& column) const { return columns_.contains(column); }
-  [[nodiscard]] const std::string& Text(const std::string& column) const {
-    return words_[columns_.at(column)];
-  }
-  [[nodiscard]] bool IsEmpty(const std::string& column) const { return Text(column) == "-"; }
-
-  [[nodiscard]] double Number(const std::string& column) const {
-    const std::string& word = Text(column);
-    double value = 0;
-    const char* const end = word.data() + word.size();
-    const auto [after, error] = std::from_chars(word.data(), end, value);
-    if (error != std::errc() || after != end || !std::isfinite(value)) {
-      Fail(fmt::format("expected a number, found '{}'", word));
-    }
-    return value;
-  }
-
-  [[noreturn]] void Fail(const std::string& message) const {
-    throw Error(ErrorKind::kInput, fmt::format("{}:{}: {}", path_, line_, message));
+    return weight;
   }
 
  private:
-  /// The first line with a single '#' names the columns, as in all vnlog files; a comment does not.
-  void ReadHeader() {
-    words_[0].erase(0, 1);
-    if (words_[0].empty()) words_.erase(words_.begin());
-    if (!columns_.empty() || words_.empty() || words_[0] != "filename") return;
-    for (size_t i = 0; i < words_.size(); ++i) columns_[words_[i]] = i;
-    for (const char* needed : {"x", "y"}) {
-      if (!columns_.contains(needed)) Fail(fmt::format("column '{}' is missing", needed));
-    }
-  }
-
-  std::string path_;
-  std::istringstream text_;
-  int line_ = 0;
-  std::map<std::string, size_t> columns_;
-  std::vector<std::string> words_;
+  std::optional<size_t> level_, weight_;
 };
 
-/// Weight of a corner, relative to one at full resolution; not positive: left out.
-double Weight(const VnlTable& table) {
-  if (table.Has("level")) return table.IsEmpty("level") ? 0 : std::exp2(-table.Number("level"));
-  if (table.Has("weight")) return table.IsEmpty("weight") ? 0 : table.Number("weight");
-  return 1;
+/// The frame of an image. Two images of one name are refused.
+std::string FrameOf(const std::string& file,
+                    const CsvReader& table,
+                    std::map<std::string, std::string>* files) {
+  std::string frame = std::filesystem::path(file).stem().string();
+  if (const auto defect = FrameNameDefect(frame)) table.Fail("the image's name " + *defect);
+  if (const std::string& other = files->emplace(frame, file).first->second; other != file) {
+    table.Fail(fmt::format(
+        "'{}' and '{}' would both be frame '{}'; import the images of one camera at a time",
+        other,
+        file,
+        frame));
+  }
+  return frame;
 }
 
 ImportedFile ReadCornersVnl(const ImportSource& source) {
-  VnlTable table(source.path);
-  std::map<std::string, int> next;  // per image: marker of its next row
+  const std::string text = ReadTextFile(source.path);
+  CsvReader table(
+      text, source.path.string(), CsvSyntax::kVnlog, "filename", "# filename x y level");
+  const size_t name = table.Column("filename"), x = table.Column("x"), y = table.Column("y");
+  const Weights weights(table);
+  std::map<std::string, int> next;           // per image: marker of its next row
+  std::map<std::string, std::string> files;  // per frame: its image
   std::string csv = "frame,marker,x,y,sigma\n";
   while (table.Next()) {
-    const std::string& file = table.Text("filename");
+    const std::string file(table.Text(name));
     const int marker = next[file]++;
     // mrcal writes one line "file - - -" for an image without target.
-    if (table.IsEmpty("x") || table.IsEmpty("y")) continue;
-    const double weight = Weight(table);
+    if (IsEmpty(table, x) || IsEmpty(table, y)) continue;
+    const double weight = weights.Read(table);
     if (!(weight > 0)) continue;
-    for (const char* column : {"x", "y"}) static_cast<void>(table.Number(column));
+    for (const size_t column : {x, y}) static_cast<void>(table.Number(column));
     csv += fmt::format("{},{},{},{},{}\n",
-                       std::filesystem::path(file).stem().string(),
+                       CsvCell(FrameOf(file, table, &files)),
                        marker,
-                       table.Text("x"),
-                       table.Text("y"),
+                       table.Text(x),
+                       table.Text(y),
                        1 / weight);
   }
   if (next.empty()) table.Fail("holds no corners");

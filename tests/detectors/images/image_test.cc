@@ -140,5 +140,18 @@ TEST_F(ReadGrayTest, KeepsTheRecordedOrientation) {
   EXPECT_EQ(ReadOrientation(Write("a.png", Encoded(".png", image_))), 1);
 }
 
+// Nothing is packed more than an image of one grey value.
+TEST_F(ReadGrayTest, ReadsEmptyImagesAndRefusesHeadersOfMoreThanTheirFileHolds) {
+  const cv::Mat empty(3000, 3000, CV_8UC1, cv::Scalar(255));
+  for (const std::string format : {".png", ".jpg", ".tiff"}) {
+    EXPECT_EQ(Message(Write("empty" + format, Encoded(format, empty))), "(it was read)");
+  }
+  std::string jpeg = Encoded(".jpg", image_);
+  const size_t frame = jpeg.find("\xff\xc0");
+  ASSERT_NE(frame, std::string::npos);
+  jpeg.replace(frame + 5, 4, "\x4e\x20\x4e\x20");  // 20000 x 20000
+  EXPECT_THAT(Message(Write("large.jpg", jpeg)), HasSubstr("bytes can hold"));
+}
+
 }  // namespace
 }  // namespace plenocal

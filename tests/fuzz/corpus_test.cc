@@ -1,0 +1,142 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Every reader reads its files in the corpus, which bench/fuzz started from and to which each input
+// that broke a reader was added, and damaged copies of them.
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+#include <sys/resource.h>
+
+#include <algorithm>
+#include <chrono>
+#include <fstream>
+#include <iterator>
+#include <random>
+
+#include "tests/fuzz/readers.h"
+
+namespace plenocal::fuzz {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr double kLongest = 10;         // s, for one input
+constexpr long kMostMemory = 1L << 20;  // kB
+
+std::vector<std::string> InputsOf(const Reader& reader) {
+  std::vector<fs::path> paths;
+  for (const auto& entry : fs::directory_iterator(fs::path(PLENOCAL_CORPUS) / reader.name)) {
+    paths.push_back(entry.path());
+  }
+  std::sort(paths.begin(), paths.end());
+  std::vector<std::string> inputs;
+  for (const fs::path& path : paths) {
+    std::ifstream file(path, std::ios::binary);
+    inputs.emplace_back(std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>());
+  }
+  return inputs;
+}
+
+// Damages inputs as libFuzzer does, the same way in every run.
+class Damage {
+ public:
+  explicit Damage(const std::vector<std::string>& inputs) : inputs_(inputs) {}
+
+  std::string Next() {
+    std::string input = inputs_[Below(inputs_.size())];
+    for (size_t steps = 1 + Below(4); steps > 0; --steps) Step(&input);
+    return input;
+  }
+
+ private:
+  size_t Below(size_t count) { return count == 0 ? 0 : random_() % count; }
+
+  void Step(std::string* input) {
+    static constexpr std::string_view kWords[] = {
+        "nan", "inf",  "-1",  "0", "1e308", "-1e-320", "2147483648", "18446744073709551615",
+        "1e9", "\"",   "'",   "[", "]",     "{",       "}",          ":",
+        ",",   "\n",   "-",   "#", "%",     "*",       "&",          "<",
+        ">",   "\xff", "\x7f"};
+    const std::string_view word = kWords[Below(std::size(kWords))];
+    const size_t at = Below(input->size() + 1), size = Below(input->size() - at + 1);
+    switch (Below(6)) {
+      case 0:
+        if (at < input->size()) (*input)[at] = static_cast<char>(random_());
+        break;
+      case 1:
+        input->erase(at, size);
+        break;
+      case 2:
+        input->insert(at, input->substr(at, size));
+        break;
+      case 3:
+        input->insert(at, word);
+        break;
+      case 4:
+        input->replace(at, size, inputs_[Below(inputs_.size())], 0, Below(1000));
+        break;
+      default:
+        ReplaceNumber(at, word, input);
+    }
+  }
+
+  // The first number after `at`.
+  static void ReplaceNumber(size_t at, std::string_view word, std::string* input) {
+    constexpr const char* kDigits = "0123456789.+-e";
+    const size_t begin = input->find_first_of("0123456789", at);
+    if (begin == std::string::npos) return;
+    const size_t end = std::min(input->find_first_not_of(kDigits, begin), input->size());
+    input->replace(begin, end - begin, word);
+  }
+
+  const std::vector<std::string>& inputs_;
+  std::mt19937 random_;  // the same numbers in every run
+};
+
+class EveryReader : public ::testing::TestWithParam<std::string> {
+ protected:
+  // True when the input is accepted.
+  bool Read(const std::string& input) {
+    const auto start = std::chrono::steady_clock::now();
+    bool accepted = false;
+    EXPECT_NO_THROW(accepted = fuzz::Read(reader_, input)) << "input: " << input;
+    const std::chrono::duration<double> time = std::chrono::steady_clock::now() - start;
+    EXPECT_LT(time.count(), kLongest) << "input: " << input;
+    return accepted;
+  }
+
+  void TearDown() override {
+    rusage usage{};
+    getrusage(RUSAGE_SELF, &usage);
+    EXPECT_LT(usage.ru_maxrss, kMostMemory);
+  }
+
+  const Reader& reader_ = FindReader(GetParam());
+  const std::vector<std::string> inputs_ = InputsOf(reader_);
+};
+
+TEST_P(EveryReader, ReadsOrRefusesItsCorpus) {
+  size_t accepted = 0;
+  for (const std::string& input : inputs_) accepted += Read(input) ? 1 : 0;
+  EXPECT_GT(accepted, 0U) << "no file of the corpus is a good one";
+}
+
+TEST_P(EveryReader, ReadsOrRefusesDamagedFiles) {
+  constexpr int kInputs = 1000;
+  Damage damage(inputs_);
+  for (int i = 0; i < kInputs && !HasFailure(); ++i) Read(damage.Next());
+}
+
+std::vector<std::string> Names() {
+  std::vector<std::string> names;
+  for (const Reader& reader : Readers()) names.push_back(reader.name);
+  return names;
+}
+
+INSTANTIATE_TEST_SUITE_P(Fuzz, EveryReader, ::testing::ValuesIn(Names()), [](const auto& param) {
+  std::string name = param.param;
+  std::ranges::replace(name, '-', '_');
+  return name;
+});
+
+}  // namespace
+}  // namespace plenocal::fuzz

@@ -1,0 +1,354 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tests/fuzz/readers.h"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+#include <iterator>
+#include <opencv2/core.hpp>
+#include <span>
+#include <sstream>
+#include <stdexcept>
+
+#include "apps/cli/command_line.h"
+#include "apps/evaluate/trajectory.h"
+#include "apps/formats/camera_format.h"
+#include "apps/formats/import_format.h"
+#include "apps/formats/poses.h"
+#include "apps/simulate/simulation_spec.h"
+#include "calib/base/detection_cache.h"
+#include "calib/base/error.h"
+#include "calib/files/calibration_file.h"
+#include "calib/files/calibration_tables.h"
+#include "calib/files/detections.h"
+#include "calib/files/session.h"
+#include "detectors/images/image.h"
+#include "detectors/plenoptic/cached_results.h"
+#include "models/plugin/load_plugin.h"
+#include "models/registry.h"
+#include "targets/target.h"
+
+namespace plenocal::fuzz {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr ImageSize kImageSize{640, 480};
+
+// A folder in memory that is removed at the end of the program.
+class Folder {
+ public:
+  Folder() : path_(fmt::format("/dev/shm/plenocal_fuzz_{}", getpid())) {
+    fs::create_directories(path_);
+  }
+  ~Folder() {
+    std::error_code error;
+    fs::remove_all(path_, error);
+  }
+  Folder(const Folder&) = delete;
+  Folder& operator=(const Folder&) = delete;
+
+  fs::path Write(const std::string& name, std::string_view content) const {
+    std::ofstream(path_ / name, std::ios::binary) << content;
+    return path_ / name;
+  }
+
+ private:
+  fs::path path_;
+};
+
+const Folder& FolderOfRun() {
+  static const Folder folder;
+  return folder;
+}
+
+std::string TextOf(const fs::path& path) {
+  std::ifstream file(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(file), {}};
+}
+
+void RequireFinite(const char* what, std::span<const double> numbers) {
+  if (std::ranges::all_of(numbers, [](double number) { return std::isfinite(number); })) return;
+  throw std::logic_error(fmt::format("{} that are not finite: {}", what, fmt::join(numbers, " ")));
+}
+
+template <typename Matrix>
+void RequireFiniteMatrix(const char* what, const Matrix& matrix) {
+  RequireFinite(what, {matrix.data(), static_cast<size_t>(matrix.size())});
+}
+
+void RequireFinitePose(const RigidTransform& T) {
+  RequireFiniteMatrix("rotations", T.R);
+  RequireFiniteMatrix("translations", T.t);
+}
+
+// What was written from a result is read again; a refusal is a defect.
+void RequireReadable(const std::string& name,
+                     const std::string& content,
+                     const std::function<void(const fs::path&)>& read) {
+  try {
+    read(FolderOfRun().Write(name, content));
+  } catch (const Error& error) {
+    throw std::logic_error(fmt::format("a file made from the input is refused: {}", error.what()));
+  }
+}
+
+// ---- files of ours
+
+void ReadSessionFile(const fs::path& path) {
+  static_cast<void>(ReadSessionPlugins(path));
+  const Session session = ReadSession(path, CameraModels());
+  for (const SessionCamera& camera : session.cameras) {
+    RequireFinite("config values", camera.config);
+    for (const std::optional<double>& value : camera.initial) {
+      if (value) RequireFinite("initial values", {&*value, 1});
+    }
+  }
+  if (session.target.keys) static_cast<void>(ReadTarget(session.target));
+}
+
+void CheckTarget(const Target& target) {
+  for (const auto& [number, position] : target.markers) RequireFiniteMatrix("markers", position);
+  static_cast<void>(DoubtsAbout(target));
+  const std::string refined =
+      RefinedTargetYaml(target, target.markers, NominalTarget(target).markers);
+  RequireReadable("refined.yaml", refined.substr(0, refined.find("\nsigma:") + 1), [](auto& path) {
+    ReadTarget(path);
+  });
+}
+
+// A word that users type, in place of a file.
+void ReadTargetWord(const fs::path& path) { CheckTarget(TargetOfWord(TextOf(path))); }
+
+void CheckCameras(const std::vector<CalibratedCamera>& cameras) {
+  for (const CalibratedCamera& camera : cameras) {
+    RequireFinite("parameters", camera.params);
+    RequireFinite("config values", camera.config);
+    RequireFinitePose(camera.T_camera_rig);
+  }
+  RequireReadable("again.yaml", GivenCamerasYaml(cameras, {}), [](const fs::path& path) {
+    ReadCalibration(path, CameraModels());
+  });
+}
+
+void ReadCalibrationFile(const fs::path& path) {
+  CheckCameras(ReadCalibration(path, CameraModels()).cameras);
+}
+
+void ReadSpecFile(const fs::path& path) {
+  for (const auto& camera : simulate::ReadSimulationSpec(path, CameraModels()).cameras) {
+    RequireFinite("parameters", camera.params);
+    RequireFinitePose(camera.T_camera_rig);
+  }
+}
+
+// ---- tables
+
+const CameraModel& ModelNamed(std::string_view name) { return *FindModel(CameraModels(), name); }
+
+void ReadDetectionsOf(const CameraModel& model, const fs::path& path) {
+  const std::vector<View> views = ReadDetections(path, model);
+  for (const View& view : views) {
+    for (const Observation& seen : view.observations) RequireFinite("coordinates", seen.values);
+    for (const auto& errors : view.shared_errors) RequireFinite("shared errors", errors);
+  }
+}
+
+// What the rows of view_poses.csv and residuals.csv refer to.
+CalibrationRecord SmallRecord() {
+  CalibrationRecord record;
+  for (const char* name : {"left", "plenoptic"}) {
+    CalibratedCamera& camera = record.cameras.emplace_back();
+    camera.name = name;
+    camera.model = &ModelNamed(camera.name == "left" ? "pinhole-radtan" : "focused-plenoptic");
+  }
+  for (const char* name : {"00", "01"}) record.frames.push_back({.name = name, .T_target_rig = {}});
+  for (int marker = 0; marker < 4; ++marker) record.markers[marker] = {};
+  return record;
+}
+
+void ReadPosesFile(const fs::path& path) {
+  for (const FrameRecord& frame : ReadPoses(path)) RequireFinitePose(frame.T_target_rig);
+}
+
+void ReadViewPosesFile(const fs::path& path) {
+  CalibrationRecord record = SmallRecord();
+  ReadViewPoses(path, &record);
+  for (const CalibratedCamera& camera : record.cameras) {
+    for (const auto& [frame, view] : camera.view_poses) RequireFinitePose(view.T_target_rig);
+  }
+}
+
+void ReadResidualsFile(const fs::path& path) {
+  CalibrationRecord record = SmallRecord();
+  ReadResiduals(path, &record);
+  for (const CalibratedCamera& camera : record.cameras) {
+    for (const ResidualRow& row : camera.residuals) {
+      RequireFinite("coordinates", row.values);
+      if (row.used) RequireFinite("residuals", row.residual);
+    }
+  }
+}
+
+void ReadCorrelationsFile(const fs::path& path) {
+  RequireFiniteMatrix("correlations", ReadCorrelations(path).matrix);
+}
+
+void CheckMicroLenses(const MicroLensArray& array) {
+  for (const Eigen::Vector2d& e : {array.e_column, array.e_row}) {
+    RequireFiniteMatrix("lattice vectors", e);
+  }
+  for (const MicroLens& lens : array.lenses) RequireFiniteMatrix("centres", lens.centre);
+}
+
+void ReadMicroLensFile(const fs::path& path) {
+  CheckMicroLenses(ReadMicroLenses(path, kImageSize));
+}
+
+void CheckTrajectory(const Trajectory& trajectory) {
+  RequireFinite("times", trajectory.times);
+  for (const auto& position : trajectory.positions) RequireFiniteMatrix("positions", position);
+  for (const auto& q : trajectory.orientations) RequireFiniteMatrix("quaternions", q.coeffs());
+}
+
+void ReadTimesFile(const fs::path& path) {
+  constexpr const char* kPoses = "1 0 0 0 0 1 0 0 0 0 1 0\n1 0 0 1 0 1 0 0 0 0 1 0\n";
+  CheckTrajectory(ReadTrajectory(FolderOfRun().Write("poses.txt", kPoses), path));
+}
+
+// ---- files of other tools
+
+void ReadCamerasOf(const CameraFormat& format, const fs::path& path) {
+  std::vector<CalibratedCamera> cameras = ReadCameraFile(format, {path, kImageSize});
+  for (size_t i = 0; i < cameras.size(); ++i) cameras[i].name = fmt::format("camera{}", i);
+  MakeFirstMaster(&cameras);
+  CheckCameras(cameras);
+}
+
+void ReadImportFile(const ImportFormat& format, const fs::path& path) {
+  const ImportedFile made = format.read({path, kImageSize});
+  RequireReadable("made", made.content, [&](const fs::path& file) {
+    if (format.result == "target.yaml") {
+      ReadTarget(file);
+    } else if (format.result.starts_with("detections")) {
+      ReadDetections(file, ModelNamed("pinhole"));
+    } else {
+      ReadMicroLenses(file, kImageSize);
+    }
+  });
+}
+
+// ---- images, cache, plug-ins, command line
+
+void ReadImageFile(const fs::path& path) {
+  const int orientation = ReadOrientation(path);
+  if (orientation < 1 || orientation > 8) throw std::logic_error("an orientation that is none");
+  static_cast<void>(ReadGray(path));
+}
+
+void ReadAttenuationFile(const fs::path& path) {
+  if (!cv::checkRange(ReadAttenuation(path))) throw std::logic_error("attenuations that are none");
+}
+
+void ReadCacheEntry(const fs::path& path) {
+  DetectionCache cache(path.parent_path(), "program", /*fresh=*/false);
+  static_cast<void>(cache.Load(path.filename().string()));
+  const std::string content = TextOf(path);
+  static_cast<void>(internal::UnpackMicroLenses(content));
+  static_cast<void>(internal::UnpackDetections(content));
+  static_cast<void>(internal::UnpackPictures(content));
+  static_cast<void>(internal::UnpackSample("frame", content));
+}
+
+// What stands before the system's loader, which would run the file's code.
+void ReadPlugin(const fs::path& path) { static_cast<void>(internal::WhyNotLoadable(path)); }
+
+// One argument a line; the command is not run.
+void ReadCommandLine(const fs::path& path) {
+  std::istringstream text(TextOf(path));
+  std::vector<std::string> words{"plenocal"};
+  for (std::string word; std::getline(text, word);) {
+    // Both end in text on the terminal.
+    if (word == "--version" || word.starts_with("--help") || word.starts_with("-h")) return;
+    words.push_back(word);
+  }
+  std::vector<char*> arguments;
+  for (std::string& word : words) arguments.push_back(word.data());
+  arguments.push_back(nullptr);
+  CommandLine command_line;
+  command_line.Parse(static_cast<int>(words.size()), arguments.data());
+}
+
+std::vector<Reader> MakeReaders() {
+  const auto detections_of = [](std::string_view model) {
+    return [model](const fs::path& path) { ReadDetectionsOf(ModelNamed(model), path); };
+  };
+  const auto target = [](const fs::path& path) { CheckTarget(ReadTarget(path)); };
+  const auto trajectory = [](const fs::path& path) { CheckTrajectory(ReadTrajectory(path, {})); };
+  std::vector<Reader> readers{
+      {"session", "session.yaml", ReadSessionFile},
+      {"target", "target.yaml", target},
+      {"target_word", "word", ReadTargetWord, /*names_file=*/false},
+      {"calibration", "calibration.yaml", ReadCalibrationFile},
+      {"simulation", "spec.yaml", ReadSpecFile},
+      {"detections", "detections.csv", detections_of("pinhole-radtan")},
+      {"plenoptic_detections", "detections.csv", detections_of("focused-plenoptic")},
+      {"poses", "poses.csv", ReadPosesFile},
+      {"view_poses", "view_poses.csv", ReadViewPosesFile},
+      {"residuals", "residuals.csv", ReadResidualsFile},
+      {"correlations", "correlations.csv", ReadCorrelationsFile},
+      {"micro_lenses", "micro_lenses.csv", ReadMicroLensFile},
+      {"trajectory", "trajectory.txt", trajectory},
+      {"trajectory_times", "times.txt", ReadTimesFile},
+      {"image", "image", ReadImageFile},
+      {"attenuation", "attenuation.tiff", ReadAttenuationFile},
+      {"cache", "entry", ReadCacheEntry, /*names_file=*/false},
+      {"plugin", "libplugin.so", ReadPlugin},
+      {"command_line", "arguments", ReadCommandLine, /*names_file=*/false}};
+  for (const CameraFormat& format : CameraFormats()) {
+    readers.push_back({fmt::format("camera_{}", format.name),
+                       std::string(format.file),
+                       [&format](const fs::path& path) { ReadCamerasOf(format, path); }});
+  }
+  for (const ImportFormat& format : ImportFormats()) {
+    readers.push_back({fmt::format("import_{}", format.name),
+                       "imported",
+                       [&format](const fs::path& path) { ReadImportFile(format, path); }});
+  }
+  return readers;
+}
+
+}  // namespace
+
+const std::vector<Reader>& Readers() {
+  static const std::vector<Reader> readers = MakeReaders();
+  return readers;
+}
+
+const Reader& FindReader(std::string_view name) {
+  const auto found = std::ranges::find(Readers(), name, &Reader::name);
+  if (found != Readers().end()) return *found;
+  std::string names;
+  for (const Reader& reader : Readers()) names += " " + reader.name;
+  throw std::logic_error(fmt::format("no reader '{}'; there are:{}", name, names));
+}
+
+bool Read(const Reader& reader, std::string_view input) {
+  const fs::path path = FolderOfRun().Write(reader.file, input);
+  try {
+    reader.read(path);
+    return true;
+  } catch (const Error& error) {
+    const std::string_view message = error.what();
+    if (reader.names_file && !message.starts_with(path.string())) {
+      throw std::logic_error(fmt::format("a refusal that does not name the file: {}", message));
+    }
+    return false;
+  }
+}
+
+}  // namespace plenocal::fuzz
