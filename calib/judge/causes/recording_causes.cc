@@ -59,6 +59,25 @@ bool AreSame(const Points& a, const Points& b, double limit) {
          sum <= limit * 2.0 * static_cast<double>(count);
 }
 
+double PlaceOf(const Bundle& bundle, int frame) {
+  return bundle.T_rig_target[static_cast<size_t>(frame)].t.x();
+}
+
+std::vector<int> SortedByPlace(const std::map<int, Points>& frames, const Bundle& bundle) {
+  std::vector<int> sorted;
+  for (const auto& [frame, points] : frames) sorted.push_back(frame);
+  std::ranges::stable_sort(sorted, {}, [&](int frame) { return PlaceOf(bundle, frame); });
+  return sorted;
+}
+
+// Whether two frames may show the same image: whatever part of the points was found, the target is
+// at one place. So that the time does not grow with the square of the number of frames.
+bool AreNear(const Bundle& bundle, int a, int b) {
+  constexpr double kPart = 0.05;  // of the distance; poses are far more exact
+  return std::abs(PlaceOf(bundle, b) - PlaceOf(bundle, a)) <=
+         kPart * bundle.T_rig_target[static_cast<size_t>(a)].t.norm();
+}
+
 // Two exposures of a target at rest differ by the noise of both; the same image, even compressed
 // twice, by much less.
 std::vector<Finding> FindDuplicates(const Calibration& calibration, size_t c) {
@@ -68,17 +87,24 @@ std::vector<Finding> FindDuplicates(const Calibration& calibration, size_t c) {
   if (fit.detector_sigma > 0) noise = std::min(noise, fit.detector_sigma);
   const double limit = 2 * std::pow(kPartOfNoise * std::max(noise, kSmallestNoise), 2);
   const std::map<int, Points> frames = PointsByFrame(calibration.bundle, c);
-  std::vector<std::string> pairs;
-  for (auto a = frames.begin(); a != frames.end(); ++a) {
-    for (auto b = std::next(a); b != frames.end(); ++b) {
-      if (!AreSame(a->second, b->second, limit)) continue;
-      pairs.push_back(fmt::format("{} = {}",
-                                  calibration.frames[static_cast<size_t>(a->first)],
-                                  calibration.frames[static_cast<size_t>(b->first)]));
-      break;
+  std::map<int, int> copies;  // frame to the next that is the same
+  const std::vector<int> sorted = SortedByPlace(frames, calibration.bundle);
+  for (size_t i = 0; i < sorted.size(); ++i) {
+    for (size_t j = i + 1; j < sorted.size(); ++j) {
+      if (!AreNear(calibration.bundle, sorted[i], sorted[j])) break;
+      const auto [a, b] = std::minmax(sorted[i], sorted[j]);
+      const auto known = copies.find(a);
+      if (known != copies.end() && known->second < b) continue;
+      if (AreSame(frames.at(a), frames.at(b), limit)) copies[a] = b;
     }
   }
-  if (pairs.empty()) return {};
+  if (copies.empty()) return {};
+  std::vector<std::string> pairs;
+  for (const auto& [a, b] : copies) {
+    pairs.push_back(fmt::format("{} = {}",
+                                calibration.frames[static_cast<size_t>(a)],
+                                calibration.frames[static_cast<size_t>(b)]));
+  }
   const std::string& name = calibration.bundle.cameras[c].name;
   constexpr size_t kShown = 5;
   const auto shown = std::span(pairs).first(std::min(kShown, pairs.size()));
