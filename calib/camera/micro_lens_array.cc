@@ -60,18 +60,12 @@ void CheckMicroLens(const CsvReader& table, const MicroLens& lens, ImageSize ima
   }
 }
 
-// Rows and columns, where the file has none, and the lattice vectors.
-void SetLatticeOfFile(const std::filesystem::path& path,
-                      const std::vector<int>& lines,
-                      bool is_indexed,
-                      MicroLensArray* array) {
+// The lattice vectors of an array from a file; a lattice that no array has is refused.
+void SetLatticeOfFile(const std::filesystem::path& path, MicroLensArray* array) {
   try {
-    if (!is_indexed) IndexFromCentres(path, lines, array);
     SetLatticeVectors(array);
   } catch (const Error& error) {
-    const std::string message = error.what();
-    if (message.starts_with(path.string())) throw;
-    throw Error(ErrorKind::kInput, fmt::format("{}: {}", path.string(), message));
+    throw Error(ErrorKind::kInput, fmt::format("{}: {}", path.string(), error.what()));
   }
   Eigen::Matrix2d basis;
   basis << array->e_column, array->e_row;
@@ -156,7 +150,8 @@ MicroLensArray ReadMicroLenses(const std::filesystem::path& path, ImageSize imag
                                  array.lenses[*lens].type,
                                  kMostLensTypes));
   }
-  SetLatticeOfFile(path, lines, row && column, &array);
+  if (!row || !column) IndexFromCentres(path, lines, &array);
+  SetLatticeOfFile(path, &array);
   return array;
 }
 

@@ -269,11 +269,13 @@ class TagDetector : public MarkerDetector {
   }
 
  private:
+  // One wrong tag in a thousand images does no harm to a robust adjustment.
+  static constexpr double kSure = 1e-3;
+
   // Without a wrong bit, and not by chance.
   [[nodiscard]] static std::ptrdiff_t CountExact(const std::vector<DecodedTag>& decoded) {
-    constexpr double kSureTag = 1e-3;
     return std::ranges::count_if(decoded, [](const DecodedTag& r) {
-      return r.on_target && r.hamming == 0 && r.expected_by_chance < kSureTag;
+      return r.on_target && r.hamming == 0 && r.expected_by_chance < kSure;
     });
   }
 
@@ -323,8 +325,6 @@ class TagDetector : public MarkerDetector {
 
   /// Adds the decoded that are not chance.
   void Keep(const cv::Mat& gray, const std::vector<DecodedTag>& decoded, Found* found) const {
-    // One wrong tag in a thousand images does no harm to a robust adjustment.
-    constexpr double kSure = 1e-3;
     for (const DecodedTag& r : decoded) {
       if (!Convex(r.corners) || Side(r.corners) < family_.width_at_border()) continue;
       const bool sure = r.expected_by_chance < kSure;

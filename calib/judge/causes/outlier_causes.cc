@@ -189,8 +189,10 @@ struct BorderBand {
   double probability = 1;  ///< that they are so much larger by chance
 };
 
-/// Distance from the border, px, and logarithm of the length of the residual.
-using BorderPoint = std::pair<double, double>;
+struct BorderPoint {
+  double margin = 0;      ///< distance from the image's border, px
+  double log_length = 0;  ///< logarithm of the length of the residual
+};
 
 // All points of a camera, rejected ones too.
 std::vector<BorderPoint> BorderPointsOf(const Bundle& bundle, size_t c) {
@@ -204,7 +206,7 @@ std::vector<BorderPoint> BorderPointsOf(const Bundle& bundle, size_t c) {
     const double x = observation.seen.values[0], y = observation.seen.values[1];
     const double margin = 0.5 + std::min({x, y, size[0] - 1 - x, size[1] - 1 - y});
     const double length = std::hypot(residual[0], residual[1]);
-    if (length > 0) points.emplace_back(margin, std::log(length));
+    if (length > 0) points.push_back({margin, std::log(length)});
   }
   return points;
 }

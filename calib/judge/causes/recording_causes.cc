@@ -59,22 +59,23 @@ bool AreSame(const Points& a, const Points& b, double limit) {
          sum <= limit * 2.0 * static_cast<double>(count);
 }
 
-double PlaceOf(const Bundle& bundle, int frame) {
+// x of the target in the rig, m.
+double TargetX(const Bundle& bundle, int frame) {
   return bundle.T_rig_target[static_cast<size_t>(frame)].t.x();
 }
 
-std::vector<int> SortedByPlace(const std::map<int, Points>& frames, const Bundle& bundle) {
+std::vector<int> SortedByTargetX(const std::map<int, Points>& frames, const Bundle& bundle) {
   std::vector<int> sorted;
   for (const auto& [frame, points] : frames) sorted.push_back(frame);
-  std::ranges::stable_sort(sorted, {}, [&](int frame) { return PlaceOf(bundle, frame); });
+  std::ranges::stable_sort(sorted, {}, [&](int frame) { return TargetX(bundle, frame); });
   return sorted;
 }
 
-// Whether two frames may show the same image: whatever part of the points was found, the target is
-// at one place. So that the time does not grow with the square of the number of frames.
+// Whether two frames may be the same image: whatever part of the points was found, the target is at
+// one place. Only such frames are compared, since all pairs of a long recording take too long.
 bool AreNear(const Bundle& bundle, int a, int b) {
   constexpr double kPart = 0.05;  // of the distance; poses are far more exact
-  return std::abs(PlaceOf(bundle, b) - PlaceOf(bundle, a)) <=
+  return std::abs(TargetX(bundle, b) - TargetX(bundle, a)) <=
          kPart * bundle.T_rig_target[static_cast<size_t>(a)].t.norm();
 }
 
@@ -88,7 +89,7 @@ std::vector<Finding> FindDuplicates(const Calibration& calibration, size_t c) {
   const double limit = 2 * std::pow(kPartOfNoise * std::max(noise, kSmallestNoise), 2);
   const std::map<int, Points> frames = PointsByFrame(calibration.bundle, c);
   std::map<int, int> copies;  // frame to the next that is the same
-  const std::vector<int> sorted = SortedByPlace(frames, calibration.bundle);
+  const std::vector<int> sorted = SortedByTargetX(frames, calibration.bundle);
   for (size_t i = 0; i < sorted.size(); ++i) {
     for (size_t j = i + 1; j < sorted.size(); ++j) {
       if (!AreNear(calibration.bundle, sorted[i], sorted[j])) break;

@@ -346,30 +346,30 @@ Fit GuessFit(const CameraInput& camera,
   return fit;
 }
 
-/// A camera and one of its views.
-struct Witness {
+/// The camera with the most views of the target, by whose model a target can be tested.
+struct ReferenceCamera {
   const CameraInput& camera;
-  const PlaneView& typical;
+  const PlaneView& typical;  ///< one of its views
 };
 
-// Of a lens that sees more than a smooth map of the plane describes, the residuals of such maps are
-// large with any target; a camera of its own model tells whether the number is right.
-Fit Confirmed(const Witness& witness,
-              const TargetNumber& number,
-              double value,
-              std::map<int, Eigen::Vector3d> markers,
-              Fit fit) {
+// The fit with an estimated number, relative to the spacing also by the initial guess of a camera:
+// through a wide lens smooth maps of the plane leave large residuals with any target.
+Fit CheckedByCamera(const ReferenceCamera& reference,
+                    const TargetNumber& number,
+                    double value,
+                    std::map<int, Eigen::Vector3d> markers,
+                    Fit fit) {
   if (fit.relative < kFits) return fit;
   for (const auto& [marker, slope] : number.by_number) {
     markers[marker] += (value - number.stated) * slope;
   }
   fit.relative =
-      std::min(fit.relative, GuessFit(witness.camera, witness.typical, markers).relative);
+      std::min(fit.relative, GuessFit(reference.camera, reference.typical, markers).relative);
   return fit;
 }
 
 std::vector<Finding> TestFlat(const Views& views,
-                              const Witness& witness,
+                              const ReferenceCamera& reference,
                               const MarkerPlane& plane,
                               const std::map<int, Eigen::Vector3d>& markers,
                               const TargetDoubts& doubts) {
@@ -392,26 +392,26 @@ std::vector<Finding> TestFlat(const Views& views,
     const Estimate estimate = EstimateNumber(views, number, stated, [&](double log_value) {
       return WithNumber(plane, markers, number, std::exp(log_value));
     });
-    const Fit fit = Confirmed(witness, number, estimate.value, markers, estimate.fit);
+    const Fit fit = CheckedByCamera(reference, number, estimate.value, markers, estimate.fit);
     best.Offer(fit, stated, [&] { return NumberFinding(number, estimate); });
   }
   return ListOf(std::move(best.finding));
 }
 
-std::vector<Finding> TestSolid(const Witness& witness,
+std::vector<Finding> TestSolid(const ReferenceCamera& reference,
                                const std::map<int, Eigen::Vector3d>& markers,
                                const TargetDoubts& doubts) {
-  Fit stated = GuessFit(witness.camera, witness.typical, markers);
+  Fit stated = GuessFit(reference.camera, reference.typical, markers);
   if (stated.relative < kSuspicious && stated.points > 0) return {};
   Best best;
   for (const TargetHypothesis& hypothesis : doubts.hypotheses) {
     std::map<int, Eigen::Vector3d> places;
     for (const auto& [number, candidates] : hypothesis.places) places[number] = candidates.front();
-    const Fit fit = GuessFit(witness.camera, witness.typical, places);
+    const Fit fit = GuessFit(reference.camera, reference.typical, places);
     if (stated.points == 0) {
       // No guess at all: as far off as a spacing.
       stated = fit;
-      stated.log_variance = 2 * std::log(witness.typical.spacing);
+      stated.log_variance = 2 * std::log(reference.typical.spacing);
     }
     best.Offer(fit, stated, [&] {
       return HypothesisFinding(hypothesis, std::exp(stated.log_variance - fit.log_variance));
@@ -438,10 +438,11 @@ std::vector<Finding> FindWrongLayout(const std::vector<CameraInput>& cameras,
   const Views views = ViewsOf(cameras);
   const auto most = std::ranges::max_element(views, {}, &std::vector<PlaneView>::size);
   if (most == views.end() || most->empty()) return {};
-  const Witness witness{cameras[static_cast<size_t>(most - views.begin())], most->front()};
+  const ReferenceCamera reference{cameras[static_cast<size_t>(most - views.begin())],
+                                  most->front()};
   const std::optional<MarkerPlane> plane = FindPlane(markers);
-  return plane ? TestFlat(views, witness, *plane, markers, doubts)
-               : TestSolid(witness, markers, doubts);
+  return plane ? TestFlat(views, reference, *plane, markers, doubts)
+               : TestSolid(reference, markers, doubts);
 }
 
 std::vector<Finding> FindTargetTwice(const std::vector<CameraInput>& cameras,
