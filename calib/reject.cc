@@ -5,12 +5,28 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "calib/base/error.h"
+#include "calib/base/linear_algebra.h"
 #include "calib/base/statistics.h"
 #include "calib/noise/camera_noise.h"
+#include "calib/noise/landmark_system.h"
 
 namespace plenocal {
+namespace {
+
+bool IsRejected(const Bundle& bundle, size_t observation) {
+  return bundle.markers[static_cast<size_t>(bundle.observations[observation].marker)].rejected;
+}
+
+std::vector<bool> UsedFlags(const Bundle& bundle) {
+  std::vector<bool> used;
+  for (const BundleObservation& observation : bundle.observations) used.push_back(observation.used);
+  return used;
+}
+
+}  // namespace
 
 Rejection RejectOutliers(Bundle* bundle) {
   const std::vector<double> lengths = WeightedLengths(*bundle);
@@ -29,7 +45,7 @@ Rejection RejectOutliers(Bundle* bundle) {
     for (size_t i = begin; i < end; ++i) good += lengths[i] <= threshold ? 1 : 0;
     const bool view_is_good = 2 * good >= end - begin;
     for (size_t i = begin; i < end; ++i) {
-      const bool used = view_is_good && lengths[i] <= threshold;
+      const bool used = view_is_good && lengths[i] <= threshold && !IsRejected(*bundle, i);
       rejection.changed += used != observations[i].used ? 1 : 0;
       observations[i].used = used;
     }
@@ -41,7 +57,8 @@ void UseProjecting(const std::vector<bool>& frames, Bundle* bundle) {
   const std::vector<double> lengths = WeightedLengths(*bundle);
   for (size_t i = 0; i < lengths.size(); ++i) {
     BundleObservation& observation = bundle->observations[i];
-    observation.used = std::isfinite(lengths[i]) && frames[static_cast<size_t>(observation.frame)];
+    observation.used = std::isfinite(lengths[i]) && !IsRejected(*bundle, i) &&
+                       frames[static_cast<size_t>(observation.frame)];
   }
 }
 
@@ -59,6 +76,38 @@ void DropWeakFrames(Bundle* bundle) {
       observation.used = false;
     }
   }
+}
+
+Rejection RejectLandmarks(Bundle* bundle) {
+  constexpr double kMostRejected = 1.0 / 3;
+  // Beyond this part of the distance the cost along the ray is far from quadratic.
+  constexpr double kLargestDepthSigma = 0.25;
+  const std::vector<bool> before = UsedFlags(*bundle);
+  Rejection rejection = RejectOutliers(bundle);
+  std::vector<double> all(bundle->markers.size(), 0), used(all);
+  std::vector<double> distance(all.size(), std::numeric_limits<double>::infinity());
+  for (const BundleObservation& observation : bundle->observations) {
+    const auto m = static_cast<size_t>(observation.marker);
+    const RigidTransform& T = bundle->T_rig_target[static_cast<size_t>(observation.frame)];
+    all[m] += 1;
+    used[m] += observation.used ? 1 : 0;
+    distance[m] = std::min(distance[m], (T * bundle->markers[m].position).norm());
+  }
+  const std::vector<Eigen::Matrix3d> information = LandmarkInformation(*bundle);
+  std::vector<bool> out(all.size());
+  for (size_t m = 0; m < all.size(); ++m) {
+    BundleMarker& marker = bundle->markers[m];
+    marker.rejected = marker.rejected || all[m] - used[m] > kMostRejected * all[m];
+    const double least = DecomposeSymmetric(information[m]).values[0];
+    out[m] = marker.rejected || !(least * std::pow(kLargestDepthSigma * distance[m], 2) > 1);
+  }
+  for (BundleObservation& observation : bundle->observations) {
+    if (out[static_cast<size_t>(observation.marker)]) observation.used = false;
+  }
+  const std::vector<bool> after = UsedFlags(*bundle);
+  rejection.changed = 0;
+  for (size_t i = 0; i < before.size(); ++i) rejection.changed += before[i] != after[i] ? 1 : 0;
+  return rejection;
 }
 
 std::vector<bool> SelectFrames(const Bundle& bundle, size_t limit) {

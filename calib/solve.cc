@@ -10,6 +10,7 @@
 #include "calib/adjust/problem.h"
 #include "calib/base/error.h"
 #include "calib/noise/camera_noise.h"
+#include "calib/noise/landmark_system.h"
 #include "calib/reject.h"
 #include "calib/rig_test.h"
 
@@ -49,9 +50,13 @@ class Rounds {
   Rounds(const SolveOptions& options, Bundle* bundle) : options_(options), bundle_(*bundle) {}
 
   Solution Run() {
-    StartWithSomeFrames();
+    if (bundle_.HasLandmarks()) {
+      StartWithLandmarks();
+    } else {
+      StartWithSomeFrames();
+    }
     RepeatUntilConverged();
-    solution_.uncertainty = EstimateUncertainty(bundle_);
+    if (options_.estimate_uncertainty) solution_.uncertainty = EstimateUncertainty(bundle_);
     return std::move(solution_);
   }
 
@@ -73,6 +78,19 @@ class Rounds {
     DropWeakFrames(&bundle_);
   }
 
+  // Few landmarks are seen in some frames only, and their start is good.
+  void StartWithLandmarks() {
+    const std::vector<bool> all(bundle_.T_rig_target.size(), true);
+    EstimateRobustNoise(all);
+    UseProjecting(all, &bundle_);
+    UpdateRejections();
+    DropWeakFrames(&bundle_);
+  }
+
+  Rejection UpdateRejections() {
+    return bundle_.HasLandmarks() ? RejectLandmarks(&bundle_) : RejectOutliers(&bundle_);
+  }
+
   void RepeatUntilConverged() {
     Convergence convergence;
     for (int round = 0;; ++round) {
@@ -82,7 +100,7 @@ class Rounds {
           AdjustOnce(convergence.calm || last ? FineTolerance(bundle_) : kCoarseTolerance);
       if (last || (convergence.calm && gain < kCoarseTolerance)) return;
       // Rejections change the degrees of freedom little.
-      if (round == 0 || bundle_.EstimatesJitter()) CountUsedDegrees();
+      if (round == 0 || bundle_.EstimatesJitter() || bundle_.HasLandmarks()) CountUsedDegrees();
       const double jitter_change = UpdateJitter(solution_.uncertainty, &bundle_);
       convergence = UpdateNoiseAndRejections(round == 0);
       if (jitter_change >= kNoiseTolerance) convergence = {};
@@ -119,6 +137,13 @@ class Rounds {
 
   void CountUsedDegrees() {
     const std::vector<double> coordinates = UsedCoordinates(bundle_);
+    if (bundle_.HasLandmarks()) {
+      used_degrees_.clear();
+      for (const double count : DegreesWithLandmarks(bundle_)) {
+        used_degrees_.push_back({count, count});
+      }
+      return;
+    }
     solution_.uncertainty = EstimateUncertainty(bundle_);
     used_degrees_.resize(coordinates.size());
     for (size_t c = 0; c < coordinates.size(); ++c) {
@@ -136,7 +161,7 @@ class Rounds {
     double changed = 0;
     for (int pass = 0; pass < kMaxRounds; ++pass) {
       const double noise_change = UpdateNoise(options_.typical_sigmas, used_degrees_, &bundle_);
-      const Rejection rejection = RejectOutliers(&bundle_);
+      const Rejection rejection = UpdateRejections();
       solution_.rejection_threshold = rejection.threshold;
       const auto changed_now = static_cast<double>(rejection.changed);
       changed += changed_now;

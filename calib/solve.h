@@ -17,6 +17,8 @@ struct SolveOptions {
   std::vector<double> typical_sigmas;  ///< per camera: `AssumedSigmas::typical`
   Loss loss = Loss::kHuber;
   std::function<bool()> go_on;  ///< called in each iteration; false stops (`Stopped` is thrown)
+  /// False: the caller estimates it; `Solution::uncertainty` stays empty.
+  bool estimate_uncertainty = true;
 };
 
 struct Solution {

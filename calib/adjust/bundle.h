@@ -4,6 +4,8 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cmath>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -25,7 +27,8 @@ struct BundleCamera {
   std::vector<ParamRule> rules = {};  ///< per parameter, or empty
   std::vector<bool> at_bound = {};    ///< per parameter: `Adjust` left it at a bound; or empty
   RigidTransform T_camera_rig;        ///< extrinsics; identity for the rig's master
-  bool is_master = false;             ///< its frame is the rig's; T_camera_rig is not estimated
+  /// T_camera_rig is not estimated: its frame is the rig's, or the extrinsics are given.
+  bool is_master = false;
   NoiseModel noise = {};
 };
 
@@ -33,6 +36,7 @@ struct BundleMarker {
   int number = 0;
   Eigen::Vector3d position;
   Eigen::Vector3d nominal;
+  bool rejected = false;  ///< a landmark whose observations contradict each other
 };
 
 struct BundleObservation {
@@ -62,17 +66,44 @@ struct Jitter {
   std::vector<bool> misplaced;
 };
 
+/// A measured distance between two landmarks.
+struct MarkerDistance {
+  int marker_a = 0, marker_b = 0;  ///< indices into Bundle::markers
+  double length = 0, sigma = 0;    ///< m
+};
+
+/// Knowledge of an earlier calibration: a Gaussian prior on parameters and extrinsics together.
+struct CalibrationPrior {
+  /// One number: a parameter of a camera or a component of its extrinsics.
+  struct Unknown {
+    size_t camera = 0;
+    std::optional<size_t> param = {};  ///< not set: a component of T_camera_rig
+    Eigen::Index component = 0;   ///< in the chart about `T_camera_rig` below (`Retract`)
+    double value = 0;             ///< of a parameter
+  };
+  std::vector<Unknown> unknowns;
+  std::vector<RigidTransform> T_camera_rig;  ///< per camera of the bundle
+  Eigen::MatrixXd weight;                    ///< W; W' W is the inverse covariance of `unknowns`
+};
+
 /// `observations` are sorted by frame, then camera, then marker.
 struct Bundle {
   std::vector<BundleCamera> cameras;
   std::vector<RigidTransform> T_rig_target;  ///< per frame
   std::vector<BundleMarker> markers;
-  /// Standard deviation of each nominal marker coordinate, m; 0: markers are not estimated.
+  /// Standard deviation of each nominal marker coordinate, m; 0: markers are not estimated;
+  /// infinite: they are landmarks, scene points without nominal positions.
   double marker_sigma = 0;
+  std::vector<MarkerDistance> distances = {};  ///< between landmarks
+  std::optional<CalibrationPrior> prior = {};
+  /// The frame whose pose is not estimated: without nominal positions nothing else places the
+  /// landmarks' frame.
+  std::optional<size_t> held_frame = {};
   std::vector<BundleObservation> observations;
   Jitter jitter;
 
   [[nodiscard]] bool EstimatesMarkers() const { return marker_sigma > 0; }
+  [[nodiscard]] bool HasLandmarks() const { return std::isinf(marker_sigma); }
   [[nodiscard]] bool EstimatesJitter() const { return jitter.translation_sigma > 0; }
   /// The parameter whose value a parameter has: itself or the one that it is tied to.
   [[nodiscard]] ParamIndex Root(size_t camera, size_t param) const {

@@ -106,10 +106,12 @@ class BlockMaker {
 }  // namespace
 
 Unknowns::Unknowns(const Bundle& bundle) {
-  const size_t marker_blocks = (bundle.markers.size() + kMarkersPerBlock - 1) / kMarkersPerBlock;
+  const auto per_block = static_cast<size_t>(MarkersPerBlock(bundle));
+  marker_block_size = 3 * per_block;
+  const size_t marker_blocks = (bundle.markers.size() + per_block - 1) / per_block;
   size_t size =
       6 * (bundle.T_rig_target.size() + bundle.cameras.size() + bundle.jitter.delta.size()) +
-      kMarkerBlockSize * marker_blocks;
+      marker_block_size * marker_blocks;
   intrinsics = BlockMaker(bundle, &blocks_).Make();
   for (const IntrinsicsBlock& block : blocks_) size += block.Size();
   values.assign(size, 0.0);
@@ -128,8 +130,8 @@ Unknowns::Unknowns(const Bundle& bundle) {
   for (size_t i = 0; i < bundle.jitter.delta.size(); ++i) {
     Eigen::Map<Vector6d>(Jitter(i)) = bundle.jitter.delta[i];
   }
-  markers = take(kMarkerBlockSize * marker_blocks);
-  nominal_markers.assign(kMarkerBlockSize * marker_blocks, 0.0);
+  markers = take(marker_block_size * marker_blocks);
+  nominal_markers.assign(marker_block_size * marker_blocks, 0.0);
   for (size_t i = 0; i < bundle.markers.size(); ++i) {
     Eigen::Map<Eigen::Vector3d>(markers + 3 * i) = bundle.markers[i].position;
     Eigen::Map<Eigen::Vector3d>(nominal_markers.data() + 3 * i) = bundle.markers[i].nominal;

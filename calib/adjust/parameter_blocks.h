@@ -11,9 +11,9 @@
 
 namespace plenocal::internal {
 
-/// Markers are estimated in blocks: fewer, larger blocks cost Ceres less bookkeeping.
-inline constexpr int kMarkersPerBlock = 4;
-inline constexpr int kMarkerBlockSize = 3 * kMarkersPerBlock;
+/// Markers of a target are estimated in blocks: fewer, larger blocks cost Ceres less bookkeeping.
+/// Landmarks, which few frames have in common, are estimated one by one.
+inline int MarkersPerBlock(const Bundle& bundle) { return bundle.HasLandmarks() ? 1 : 4; }
 
 /// A pose in the chart around its value before the solve.
 struct ChartedPose {
@@ -62,15 +62,16 @@ class Unknowns {
   /// Copies the values and the bounds that they lie on into the bundle.
   void WriteTo(Bundle* bundle) const;
 
-  [[nodiscard]] size_t MarkerBlocks() const { return nominal_markers.size() / kMarkerBlockSize; }
+  [[nodiscard]] size_t MarkerBlocks() const { return nominal_markers.size() / marker_block_size; }
   [[nodiscard]] double* Jitter(size_t view) { return jitter + 6 * view; }
-  [[nodiscard]] double* MarkerBlock(size_t block) { return markers + block * kMarkerBlockSize; }
+  [[nodiscard]] double* MarkerBlock(size_t block) { return markers + block * marker_block_size; }
 
   std::vector<double> values;
   std::vector<Intrinsics> intrinsics;   ///< per camera
   std::vector<ChartedPose> extrinsics;  ///< per camera
   std::vector<ChartedPose> poses;       ///< per frame
   double* jitter = nullptr;
+  size_t marker_block_size = 3;
   double* markers = nullptr;            ///< the last block may have spare markers
   std::vector<double> nominal_markers;  ///< parallel to `markers`
 

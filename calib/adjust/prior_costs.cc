@@ -3,14 +3,12 @@
 
 #include <algorithm>
 
-#include "calib/adjust/parameter_blocks.h"
-
 namespace plenocal::internal {
 
-MarkerPrior::MarkerPrior(std::span<const double> nominal, double sigma)
+MarkerPrior::MarkerPrior(std::span<const double> nominal, size_t block_size, double sigma)
     : nominal_(nominal.begin(), nominal.end()), sigma_(sigma) {
   set_num_residuals(static_cast<int>(nominal.size()));
-  mutable_parameter_block_sizes()->push_back(kMarkerBlockSize);
+  mutable_parameter_block_sizes()->push_back(static_cast<int>(block_size));
 }
 
 bool MarkerPrior::Evaluate(double const* const* parameters,
@@ -19,8 +17,9 @@ bool MarkerPrior::Evaluate(double const* const* parameters,
   const size_t size = nominal_.size();
   for (size_t i = 0; i < size; ++i) residuals[i] = (parameters[0][i] - nominal_[i]) / sigma_;
   if (jacobians != nullptr && jacobians[0] != nullptr) {
-    std::fill_n(jacobians[0], size * kMarkerBlockSize, 0.0);
-    for (size_t i = 0; i < size; ++i) jacobians[0][i * kMarkerBlockSize + i] = 1 / sigma_;
+    const auto width = static_cast<size_t>(parameter_block_sizes()[0]);
+    std::fill_n(jacobians[0], size * width, 0.0);
+    for (size_t i = 0; i < size; ++i) jacobians[0][i * width + i] = 1 / sigma_;
   }
   return true;
 }
@@ -38,6 +37,89 @@ bool ParamPrior::Evaluate(double const* const* parameters,
   if (jacobians != nullptr && jacobians[0] != nullptr) {
     std::fill_n(jacobians[0], size_, 0.0);
     jacobians[0][slot_] = 1 / prior_.sigma;
+  }
+  return true;
+}
+
+bool DistanceCost::Evaluate(double const* const* parameters,
+                            double* residuals,
+                            double** jacobians) const {
+  const Eigen::Vector3d apart =
+      Eigen::Map<const Eigen::Vector3d>(parameters[0]) - Eigen::Map<const Eigen::Vector3d>(parameters[1]);
+  const double length = apart.norm();
+  if (length == 0) return false;
+  residuals[0] = (length - distance_.length) / distance_.sigma;
+  for (int i = 0; jacobians != nullptr && i < 2; ++i) {
+    if (jacobians[i] == nullptr) continue;
+    Eigen::Map<Eigen::Vector3d> J(jacobians[i]);
+    J = (i == 0 ? 1 : -1) / (length * distance_.sigma) * apart;
+  }
+  return true;
+}
+
+CalibrationPriorCost::CalibrationPriorCost(const Bundle& bundle, Unknowns* unknowns)
+    : prior_(*bundle.prior) {
+  for (const CalibrationPrior::Unknown& unknown : prior_.unknowns) {
+    if (unknown.param) {
+      const Intrinsics& intrinsics = unknowns->intrinsics[unknown.camera];
+      places_.push_back({.block = AddBlock(intrinsics.block->values, intrinsics.block->Size()),
+                         .slot = intrinsics.Slot(*unknown.param)});
+    } else {
+      const ChartedPose& pose = unknowns->extrinsics[unknown.camera];
+      places_.push_back({.block = AddBlock(pose.delta, 6),
+                         .slot = static_cast<size_t>(unknown.component),
+                         .pose = &pose});
+    }
+  }
+  set_num_residuals(static_cast<int>(prior_.weight.rows()));
+}
+
+size_t CalibrationPriorCost::AddBlock(double* values, size_t size) {
+  const auto found = std::find(blocks_.begin(), blocks_.end(), values);
+  if (found != blocks_.end()) return static_cast<size_t>(found - blocks_.begin());
+  blocks_.push_back(values);
+  mutable_parameter_block_sizes()->push_back(static_cast<int>(size));
+  return blocks_.size() - 1;
+}
+
+bool CalibrationPriorCost::Evaluate(double const* const* parameters,
+                                    double* residuals,
+                                    double** jacobians) const {
+  const auto count = static_cast<Eigen::Index>(prior_.unknowns.size());
+  Eigen::VectorXd deviation(count);
+  std::vector<Eigen::MatrixXd> derivatives;  // of `deviation` by each block
+  for (const int size : parameter_block_sizes()) {
+    derivatives.push_back(Eigen::MatrixXd::Zero(count, size));
+  }
+  for (Eigen::Index i = 0; i < count; ++i) {
+    const CalibrationPrior::Unknown& unknown = prior_.unknowns[static_cast<size_t>(i)];
+    const Place& place = places_[static_cast<size_t>(i)];
+    Eigen::MatrixXd& J = derivatives[place.block];
+    const double* const block = parameters[place.block];
+    if (place.pose == nullptr) {
+      deviation[i] = block[place.slot] - unknown.value;
+      J(i, static_cast<Eigen::Index>(place.slot)) = 1;
+      continue;
+    }
+    const RigidTransform T = Retract(place.pose->origin, Eigen::Map<const Vector6d>(block));
+    const RigidTransform& T_prior = prior_.T_camera_rig[unknown.camera];
+    const Eigen::Vector3d w = LogRotation(T.R * T_prior.R.transpose());
+    if (unknown.component < 3) {
+      deviation[i] = (T.t - T_prior.t)[unknown.component];
+      J(i, unknown.component) = 1;
+    } else {
+      // Exp(w) = Exp(delta_w) R_0 R_prior': dw = J(w)^-1 J(delta_w) d delta_w.
+      const Eigen::Matrix3d turn = LeftJacobian(w).inverse() *
+                                   LeftJacobian(Eigen::Map<const Vector6d>(block).tail<3>());
+      deviation[i] = w[unknown.component - 3];
+      J.block<1, 3>(i, 3) = turn.row(unknown.component - 3);
+    }
+  }
+  Eigen::Map<Eigen::VectorXd>(residuals, num_residuals()) = prior_.weight * deviation;
+  for (size_t b = 0; jacobians != nullptr && b < derivatives.size(); ++b) {
+    if (jacobians[b] == nullptr) continue;
+    Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>(
+        jacobians[b], num_residuals(), derivatives[b].cols()) = prior_.weight * derivatives[b];
   }
   return true;
 }

@@ -3,20 +3,20 @@
 // Gaussian priors as residuals in sigmas.
 #pragma once
 
-#include <ceres/cost_function.h>
+#include <ceres/sized_cost_function.h>
 
 #include <span>
 #include <vector>
 
-#include "calib/camera/param_rule.h"
-#include "calib/camera/rigid_transform.h"
+#include "calib/adjust/bundle.h"
+#include "calib/adjust/parameter_blocks.h"
 
 namespace plenocal::internal {
 
 /// (marker - nominal) / sigma for the markers of one block; a last block may have spare ones.
 class MarkerPrior : public ceres::CostFunction {
  public:
-  MarkerPrior(std::span<const double> nominal, double sigma);
+  MarkerPrior(std::span<const double> nominal, size_t block_size, double sigma);
   bool Evaluate(double const* const* parameters,
                 double* residuals,
                 double** jacobians) const override;
@@ -38,6 +38,43 @@ class ParamPrior : public ceres::CostFunction {
   size_t size_;
   size_t slot_;
   ParamRule::Prior prior_;
+};
+
+/// (|a - b| - length) / sigma for two landmarks.
+class DistanceCost : public ceres::SizedCostFunction<1, 3, 3> {
+ public:
+  explicit DistanceCost(const MarkerDistance& distance) : distance_(distance) {}
+  bool Evaluate(double const* const* parameters,
+                double* residuals,
+                double** jacobians) const override;
+
+ private:
+  MarkerDistance distance_;
+};
+
+/// Residual of `CalibrationPrior`. Parameter blocks: those of the unknowns' intrinsics and
+/// extrinsics, each once, in the order of `Blocks`.
+class CalibrationPriorCost : public ceres::CostFunction {
+ public:
+  CalibrationPriorCost(const Bundle& bundle, Unknowns* unknowns);
+  [[nodiscard]] const std::vector<double*>& Blocks() const { return blocks_; }
+  bool Evaluate(double const* const* parameters,
+                double* residuals,
+                double** jacobians) const override;
+
+ private:
+  // Where an unknown of the prior is found: block and slot. Chart of an extrinsics block about the
+  // solve's start, in the chart about the prior's pose.
+  struct Place {
+    size_t block = 0, slot = 0;
+    const ChartedPose* pose = nullptr;
+  };
+
+  size_t AddBlock(double* values, size_t size);
+
+  const CalibrationPrior& prior_;
+  std::vector<double*> blocks_;
+  std::vector<Place> places_;
 };
 
 /// W delta of one view's jitter (`JitterWeight`).

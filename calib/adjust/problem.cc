@@ -16,12 +16,11 @@ namespace plenocal {
 namespace {
 
 using internal::IntrinsicsBlock;
-using internal::kMarkerBlockSize;
-using internal::kMarkersPerBlock;
 using internal::Unknowns;
 
-// Above this many unknowns beside the poses a dense reduced system costs more than a sparse one.
-constexpr size_t kMaxDenseUnknowns = 3000;
+// Above this many unknowns a dense reduced system costs more than a sparse one. Where landmarks
+// are eliminated, few poses have none in common.
+constexpr size_t kMaxDenseUnknowns = 3000, kMaxDensePoses = 7000;
 // The first trust region is so large that the first step is Gauss-Newton's.
 constexpr double kFirstTrustRegion = 1e6;
 // Below rounding: `AdjustOptions::cost_tolerance` decides.
@@ -55,11 +54,15 @@ class AdjustProblem {
         marker_block_used_(unknowns_.MarkerBlocks(), false),
         camera_used_(bundle.cameras.size(), false),
         view_used_(bundle.jitter.delta.size(), false),
-        frame_used_(bundle.T_rig_target.size(), false) {
+        frame_used_(bundle.T_rig_target.size(), false),
+        has_distance_(unknowns_.MarkerBlocks(), false) {
     AddObservations();
     AddJitterPriors();
     AddParamPriors();
     AddMarkerPriors();
+    AddDistances();
+    AddCalibrationPrior();
+    HoldFrame();
   }
 
   AdjustSummary Solve();
@@ -79,6 +82,9 @@ class AdjustProblem {
   void AddJitterPriors();
   void AddParamPriors();
   void AddMarkerPriors();
+  void AddDistances();
+  void AddCalibrationPrior();
+  void HoldFrame();
   [[nodiscard]] bool EliminatesMarkersFirst() const;
   [[nodiscard]] size_t DenseUnknowns() const;
   [[nodiscard]] ceres::ParameterBlockOrdering Ordering();
@@ -89,11 +95,13 @@ class AdjustProblem {
   Unknowns unknowns_;
   ceres::Problem problem_;
   std::vector<bool> marker_block_used_, camera_used_, view_used_, frame_used_;
+  std::vector<bool> has_distance_;  // per marker block: shares a residual with another
   std::vector<IntrinsicsBlock*> blocks_used_;
 };
 
 void AdjustProblem::AddObservations() {
   const std::vector<BundleObservation>& observations = bundle_.observations;
+  const int per_block = internal::MarkersPerBlock(bundle_);
   std::vector<const BundleObservation*> group;
   for (size_t begin = 0, end = 0; begin < observations.size(); begin = end) {
     const BundleObservation& first = observations[begin];
@@ -101,7 +109,7 @@ void AdjustProblem::AddObservations() {
     for (; end < observations.size(); ++end) {
       const BundleObservation& next = observations[end];
       if (next.frame != first.frame || next.camera != first.camera ||
-          next.marker / kMarkersPerBlock != first.marker / kMarkersPerBlock) {
+          next.marker / per_block != first.marker / per_block) {
         break;
       }
       if (next.used) group.push_back(&next);
@@ -113,7 +121,7 @@ void AdjustProblem::AddObservations() {
 void AdjustProblem::AddGroup(const std::vector<const BundleObservation*>& group) {
   const auto frame = static_cast<size_t>(group[0]->frame);
   const auto camera = static_cast<size_t>(group[0]->camera);
-  const auto marker_block = static_cast<size_t>(group[0]->marker / kMarkersPerBlock);
+  const auto marker_block = static_cast<size_t>(group[0]->marker / internal::MarkersPerBlock(bundle_));
   const internal::ViewUnknowns view{
       .intrinsics = &unknowns_.intrinsics[camera],
       .extrinsics = bundle_.cameras[camera].is_master ? nullptr : &unknowns_.extrinsics[camera],
@@ -165,22 +173,56 @@ void AdjustProblem::AddParamPriors() {
 }
 
 void AdjustProblem::AddMarkerPriors() {
+  if (bundle_.HasLandmarks()) return;
+  const size_t block_size = unknowns_.marker_block_size, per_block = block_size / 3;
   for (size_t block = 0; block < marker_block_used_.size(); ++block) {
     if (!marker_block_used_[block]) continue;
-    const size_t first = block * kMarkersPerBlock;
-    const size_t in_block = std::min<size_t>(kMarkersPerBlock, bundle_.markers.size() - first);
+    const size_t first = block * per_block;
+    const size_t in_block = std::min(per_block, bundle_.markers.size() - first);
     problem_.AddResidualBlock(
         new internal::MarkerPrior(
-            std::span(unknowns_.nominal_markers).subspan(block * kMarkerBlockSize, 3 * in_block),
+            std::span(unknowns_.nominal_markers).subspan(block * block_size, 3 * in_block),
+            block_size,
             bundle_.marker_sigma),
         nullptr,
         unknowns_.MarkerBlock(block));
-    if (in_block == kMarkersPerBlock) continue;
+    if (in_block == per_block) continue;
     std::vector<int> spare;
-    for (int i = static_cast<int>(3 * in_block); i < kMarkerBlockSize; ++i) spare.push_back(i);
+    for (size_t i = 3 * in_block; i < block_size; ++i) spare.push_back(static_cast<int>(i));
     problem_.SetManifold(unknowns_.MarkerBlock(block),
-                         new ceres::SubsetManifold(kMarkerBlockSize, spare));
+                         new ceres::SubsetManifold(static_cast<int>(block_size), spare));
   }
+}
+
+void AdjustProblem::AddDistances() {
+  for (const MarkerDistance& distance : bundle_.distances) {
+    const auto a = static_cast<size_t>(distance.marker_a);
+    const auto b = static_cast<size_t>(distance.marker_b);
+    if (!marker_block_used_[a] || !marker_block_used_[b]) continue;
+    has_distance_[a] = has_distance_[b] = true;
+    problem_.AddResidualBlock(new internal::DistanceCost(distance),
+                              nullptr,
+                              unknowns_.MarkerBlock(a),
+                              unknowns_.MarkerBlock(b));
+  }
+}
+
+// Cameras without used observations keep the prior's values, since nothing moves them.
+void AdjustProblem::AddCalibrationPrior() {
+  if (!bundle_.prior) return;
+  auto* const cost = new internal::CalibrationPriorCost(bundle_, &unknowns_);
+  problem_.AddResidualBlock(cost, nullptr, cost->Blocks());
+  for (const CalibrationPrior::Unknown& unknown : bundle_.prior->unknowns) {
+    camera_used_[unknown.camera] = true;
+    IntrinsicsBlock* const block = unknowns_.intrinsics[unknown.camera].block;
+    if (!unknown.param || std::ranges::find(blocks_used_, block) != blocks_used_.end()) continue;
+    blocks_used_.push_back(block);
+  }
+}
+
+void AdjustProblem::HoldFrame() {
+  if (!bundle_.held_frame || !frame_used_[*bundle_.held_frame]) return;
+  problem_.SetParameterBlockConstant(unknowns_.poses[*bundle_.held_frame].delta);
 }
 
 // The blocks that are eliminated first must not share residuals: the jitter of the views when there
@@ -188,12 +230,12 @@ void AdjustProblem::AddMarkerPriors() {
 // dense.
 bool AdjustProblem::EliminatesMarkersFirst() const {
   const size_t views = 6 * CountTrue(bundle_.EstimatesJitter() ? view_used_ : frame_used_);
-  return kMarkerBlockSize * CountTrue(marker_block_used_) > views;
+  return unknowns_.marker_block_size * CountTrue(marker_block_used_) > views;
 }
 
 size_t AdjustProblem::DenseUnknowns() const {
   const size_t poses = 6 * CountTrue(frame_used_), jitter = 6 * CountTrue(view_used_);
-  const size_t markers = kMarkerBlockSize * CountTrue(marker_block_used_);
+  const size_t markers = unknowns_.marker_block_size * CountTrue(marker_block_used_);
   const size_t eliminated =
       EliminatesMarkersFirst() ? markers : (bundle_.EstimatesJitter() ? jitter : poses);
   size_t dense = poses + jitter + markers - eliminated + 6 * CountTrue(camera_used_);
@@ -219,7 +261,8 @@ ceres::ParameterBlockOrdering AdjustProblem::Ordering() {
   }
   for (size_t block = 0; block < marker_block_used_.size(); ++block) {
     if (!marker_block_used_[block]) continue;
-    ordering.AddElementToGroup(unknowns_.MarkerBlock(block), markers_first ? 0 : 1);
+    ordering.AddElementToGroup(unknowns_.MarkerBlock(block),
+                               markers_first && !has_distance_[block] ? 0 : 1);
   }
   return ordering;
 }
@@ -227,7 +270,9 @@ ceres::ParameterBlockOrdering AdjustProblem::Ordering() {
 ceres::Solver::Options AdjustProblem::SolverOptions() const {
   ceres::Solver::Options solver;
   solver.linear_solver_type =
-      DenseUnknowns() <= kMaxDenseUnknowns ? ceres::DENSE_SCHUR : ceres::SPARSE_SCHUR;
+      DenseUnknowns() <= (bundle_.HasLandmarks() ? kMaxDensePoses : kMaxDenseUnknowns)
+          ? ceres::DENSE_SCHUR
+          : ceres::SPARSE_SCHUR;
   // On which parameters of a local model a point depends changes during the solve, so that no
   // blocks of unknowns can state it.
   const bool local = std::any_of(bundle_.cameras.begin(), bundle_.cameras.end(), [](const auto& c) {

@@ -55,6 +55,7 @@ ViewCost::ViewCost(const Bundle& bundle,
       slots_(unknowns.intrinsics->slots),
       free_jitter_(bundle.EstimatesJitter()),
       free_markers_(bundle.EstimatesMarkers()),
+      markers_per_block_(static_cast<size_t>(MarkersPerBlock(bundle))),
       observations_(observations.begin(), observations.end()),
       options_(options) {
   set_num_residuals(static_cast<int>(observations_.size() * camera_.model->measured.size()));
@@ -63,7 +64,7 @@ ViewCost::ViewCost(const Bundle& bundle,
   if (unknowns_.extrinsics != nullptr) sizes.push_back(6);
   sizes.push_back(6);
   if (free_jitter_) sizes.push_back(6);
-  if (free_markers_) sizes.push_back(kMarkerBlockSize);
+  if (free_markers_) sizes.push_back(static_cast<int>(3 * markers_per_block_));
 }
 
 bool ViewCost::Evaluate(double const* const* parameters,
@@ -77,6 +78,7 @@ bool ViewCost::Evaluate(double const* const* parameters,
   const Jacobians J = JacobiansOf(jacobians);
   const size_t rows = camera_.model->measured.size();
   const size_t count = camera_.params.size();
+  const size_t marker_width = 3 * markers_per_block_;
   // The model's own derivatives are needed for those by any block.
   const bool direct = J.intrinsics != nullptr && slots_.empty();
   std::vector<double> J_params(J.any && !direct ? rows * count : 0);
@@ -86,7 +88,7 @@ bool ViewCost::Evaluate(double const* const* parameters,
   }
   for (size_t i = 0; i < observations_.size(); ++i) {
     const BundleObservation& observation = *observations_[i];
-    const size_t slot = static_cast<size_t>(observation.marker) % kMarkersPerBlock;
+    const size_t slot = static_cast<size_t>(observation.marker) % markers_per_block_;
     const Eigen::Vector3d p_target =
         free_markers_ ? Eigen::Vector3d(
                             Eigen::Map<const Eigen::Vector3d>(parameters[MarkerBlock()] + 3 * slot))
@@ -111,9 +113,9 @@ bool ViewCost::Evaluate(double const* const* parameters,
     Robustify(observation.assumed_sigma, out);
     if (J.intrinsics != nullptr && !direct) ScatterParams(J_params, row, J.intrinsics);
     if (J.markers == nullptr) continue;
-    std::fill_n(J.markers + row * kMarkerBlockSize, rows * kMarkerBlockSize, 0.0);
+    std::fill_n(J.markers + row * marker_width, rows * marker_width, 0.0);
     for (size_t r = 0; r < rows; ++r) {
-      std::copy_n(J_marker + 3 * r, 3, J.markers + (row + r) * kMarkerBlockSize + 3 * slot);
+      std::copy_n(J_marker + 3 * r, 3, J.markers + (row + r) * marker_width + 3 * slot);
     }
   }
   if (camera_.noise.common_sigma > 0) {

@@ -59,6 +59,7 @@ class ViewCost : public ceres::CostFunction {
   ViewUnknowns unknowns_;
   const std::vector<size_t>& slots_;
   bool free_jitter_, free_markers_;
+  size_t markers_per_block_;
   std::vector<const BundleObservation*> observations_;
   const AdjustOptions& options_;
 };

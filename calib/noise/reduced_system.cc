@@ -368,7 +368,7 @@ UnknownLayout MakeLayout(const Bundle& bundle, const std::vector<bool>& has_data
       layout.params[c][k] = layout.params[root.camera][root.param];
     }
   }
-  layout.markers = bundle.EstimatesMarkers();
+  layout.markers = bundle.EstimatesMarkers() && !bundle.HasLandmarks();
   layout.total = layout.head + (layout.markers ? 3 * static_cast<int>(bundle.markers.size()) : 0);
   return layout;
 }

@@ -11,6 +11,7 @@
 #include "calib/base/linear_algebra.h"
 #include "calib/base/names.h"
 #include "calib/noise/camera_noise.h"
+#include "calib/noise/landmark_system.h"
 #include "calib/noise/reduced_system.h"
 
 namespace plenocal {
@@ -263,6 +264,44 @@ std::vector<double> DegreesOfCameras(const Bundle& bundle,
   return degrees;
 }
 
+void AddPriors(const PriorInformation& priors, Eigen::MatrixXd* information) {
+  for (const auto& [index, of_prior] : priors) (*information)(index, index) += of_prior;
+}
+
+// What follows from the information on parameters and extrinsics, priors included.
+void SetFromInformation(const Bundle& bundle,
+                        const UnknownLayout& layout,
+                        const Eigen::MatrixXd& information,
+                        Uncertainty* result) {
+  result->param_index = layout.params;
+  result->extrinsics_index = layout.extrinsics;
+  const Naming naming = NameUnknowns(bundle, layout);
+  result->names = naming.names;
+  const CovarianceOfUnknowns inverse = InvertInformation(information, naming);
+  result->covariance = inverse.covariance;
+  result->open = inverse.open;
+  SetCameraErrors(inverse, layout, result);
+  const Eigen::VectorXd sigma = result->covariance.diagonal().cwiseMax(1e-300).cwiseSqrt();
+  result->correlation =
+      sigma.cwiseInverse().asDiagonal() * result->covariance * sigma.cwiseInverse().asDiagonal();
+}
+
+Uncertainty UncertaintyWithLandmarks(const Bundle& bundle,
+                                     const UnknownLayout& layout,
+                                     const std::vector<double>& coordinates) {
+  const PoseSystem system = EliminateLandmarks(bundle, layout);
+  Uncertainty result;
+  result.frames_information = HeadInformation(system);
+  Eigen::MatrixXd information = result.frames_information;
+  AddPriors(InformationOfPriors(bundle, layout), &information);
+  SetFromInformation(bundle, layout, information, &result);
+  result.degrees_used_by_means = DegreesWithLandmarks(bundle);
+  for (size_t c = 0; c < coordinates.size(); ++c) {
+    result.redundancy.push_back(coordinates[c] - result.degrees_used_by_means[c]);
+  }
+  return result;
+}
+
 }  // namespace
 
 Uncertainty EstimateUncertainty(const Bundle& bundle) {
@@ -270,6 +309,7 @@ Uncertainty EstimateUncertainty(const Bundle& bundle) {
   std::vector<bool> has_data;
   for (const double count : coordinates) has_data.push_back(count > 0);
   const UnknownLayout layout = internal::MakeLayout(bundle, has_data);
+  if (bundle.HasLandmarks()) return UncertaintyWithLandmarks(bundle, layout, coordinates);
   const ReducedSystem reduced = internal::Reduce(bundle, layout);
   const MarkerElimination markers = EliminateMarkers(reduced.S, layout);
   const PriorInformation priors = InformationOfPriors(bundle, layout);
@@ -281,20 +321,10 @@ Uncertainty EstimateUncertainty(const Bundle& bundle) {
         markers.gain.transpose() * markers.gain / (bundle.marker_sigma * bundle.marker_sigma);
   }
   Eigen::MatrixXd information = markers.information;
-  for (const auto& [index, of_prior] : priors) information(index, index) += of_prior;
-  result.param_index = layout.params;
-  result.extrinsics_index = layout.extrinsics;
+  AddPriors(priors, &information);
   result.marker_gain = markers.gain;
-  const Naming naming = NameUnknowns(bundle, layout);
-  result.names = naming.names;
-  const CovarianceOfUnknowns inverse = InvertInformation(information, naming);
-  result.covariance = inverse.covariance;
-  result.open = inverse.open;
-  SetCameraErrors(inverse, layout, &result);
+  SetFromInformation(bundle, layout, information, &result);
   const double marker_degrees = SetMarkerErrors(markers, bundle.marker_sigma, &result);
-  const Eigen::VectorXd sigma = result.covariance.diagonal().cwiseMax(1e-300).cwiseSqrt();
-  result.correlation =
-      sigma.cwiseInverse().asDiagonal() * result.covariance * sigma.cwiseInverse().asDiagonal();
 
   // Markers are shared: each camera's part of them is in proportion to its measurements. Its own
   // unknowns and its part of the poses are its alone.

@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Initial poses and landmarks of a scene that calibrated cameras have seen: frame by frame from
+// the points that are known already (P3P in a least-median search), and points from the rays of
+// the frames that are.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "calib/adjust/bundle.h"
+
+namespace plenocal {
+
+/// A bundle with landmarks whose poses and positions are being found.
+struct SceneState {
+  Bundle* bundle = nullptr;
+  std::vector<bool> has_pose;   ///< per frame
+  std::vector<bool> has_point;  ///< per marker
+};
+
+SceneState MakeSceneState(Bundle* bundle);
+
+/// A frame's pose from the points known so far.
+struct PoseSearch {
+  RigidTransform T_rig_target;
+  size_t inliers = 0;     ///< landmarks that agree
+  size_t candidates = 0;  ///< landmarks with a position that the frame shows
+  double sigma = 0;       ///< robust, of one coordinate of the inliers' residuals, px
+};
+
+/// Nothing when fewer than `kFewestLandmarks` are known or most of them contradict each other. The
+/// search is deterministic.
+std::optional<PoseSearch> FindPose(const SceneState& state, size_t frame);
+inline constexpr size_t kFewestLandmarks = 8;
+
+/// Positions of the landmarks that `frame` shows and that have none: from the rays of its cameras,
+/// where several see the point, or from the first and last of the frames with poses that show it.
+/// A point counts when it lies in front of the cameras and its residuals, in px, are below
+/// `largest_residual`.
+void Triangulate(size_t frame, double largest_residual, SceneState* state);
+
+/// Poses of `frames`, in this order; the first of them has its pose already, or gets the identity
+/// when no landmark is known. A frame without a pose is left out.
+void FollowFrames(const std::vector<size_t>& frames, SceneState* state);
+
+}  // namespace plenocal

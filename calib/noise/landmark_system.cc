@@ -1,0 +1,364 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/noise/landmark_system.h"
+
+#include <algorithm>
+#include <set>
+#include <utility>
+
+#include "calib/adjust/linearise.h"
+#include "calib/base/error.h"
+#include "calib/noise/camera_noise.h"
+
+namespace plenocal {
+namespace {
+
+using internal::UnknownLayout;
+using RowMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+
+// Used observations of each landmark, in the bundle's order.
+std::vector<std::vector<size_t>> ObservationsByLandmark(const Bundle& bundle) {
+  std::vector<std::vector<size_t>> of_landmark(bundle.markers.size());
+  for (size_t i = 0; i < bundle.observations.size(); ++i) {
+    const BundleObservation& observation = bundle.observations[i];
+    if (observation.used) of_landmark[static_cast<size_t>(observation.marker)].push_back(i);
+  }
+  return of_landmark;
+}
+
+// The rows of one observation: their derivatives by parameters, extrinsics and pose side by side,
+// with the index of each column in the whole system, and those by the landmark.
+struct ObservationRows {
+  std::vector<int> columns;
+  Eigen::MatrixXd J;
+  Eigen::Matrix<double, Eigen::Dynamic, 3> J_landmark;
+
+  void Add(double factor, const ObservationRows& other) {
+    J += factor * other.J;
+    J_landmark += factor * other.J_landmark;
+  }
+};
+
+// Parts of the system that one landmark touches: sums by global index.
+class LandmarkSums {
+ public:
+  explicit LandmarkSums(size_t unknowns) : place_(unknowns, -1) {}
+
+  void Clear() {
+    for (const int column : columns_) place_[static_cast<size_t>(column)] = -1;
+    columns_.clear();
+    V_.setZero();
+    W_.setZero();
+  }
+  // Adds sign * rows' rows: the part without the landmark to `S`, the others here.
+  void Add(double sign, const ObservationRows& rows, Eigen::MatrixXd* S) {
+    const Eigen::MatrixXd square = sign * rows.J.transpose() * rows.J;
+    const Eigen::MatrixXd cross = sign * rows.J.transpose() * rows.J_landmark;
+    V_ += sign * rows.J_landmark.transpose() * rows.J_landmark;
+    const auto count = static_cast<Eigen::Index>(rows.columns.size());
+    for (Eigen::Index i = 0; i < count; ++i) {
+      const int column = rows.columns[static_cast<size_t>(i)];
+      W_.row(PlaceOf(column)) += cross.row(i);
+      for (Eigen::Index j = 0; j <= i; ++j) {
+        const auto [low, high] = std::minmax(column, rows.columns[static_cast<size_t>(j)]);
+        (*S)(high, low) += square(i, j);
+        // Two columns of one index (tied parameters) stand for both halves of the square.
+        if (i != j && low == high) (*S)(high, low) += square(i, j);
+      }
+    }
+  }
+  // S -= W V^-1 W'
+  void Eliminate(Eigen::MatrixXd* S) {
+    const Eigen::LLT<Eigen::Matrix3d> factor(V_);
+    if (factor.info() != Eigen::Success) return;
+    const auto count = static_cast<Eigen::Index>(columns_.size());
+    const Eigen::MatrixXd half =
+        factor.matrixL().solve(W_.topRows(count).transpose());  // 3 x count
+    std::vector<Eigen::Index> order(columns_.size());
+    for (size_t i = 0; i < order.size(); ++i) order[i] = static_cast<Eigen::Index>(i);
+    std::ranges::sort(order, {}, [&](Eigen::Index i) { return columns_[static_cast<size_t>(i)]; });
+    for (size_t j = 0; j < order.size(); ++j) {
+      const Eigen::Vector3d column = half.col(order[j]);
+      double* const out = &(*S)(0, columns_[static_cast<size_t>(order[j])]);
+      for (size_t i = j; i < order.size(); ++i) {
+        out[columns_[static_cast<size_t>(order[i])]] -= half.col(order[i]).dot(column);
+      }
+    }
+  }
+  // For a landmark that stays, at `index` of S.
+  void Keep(int index, Eigen::MatrixXd* S) const {
+    S->block<3, 3>(index, index) += V_;
+    for (size_t i = 0; i < columns_.size(); ++i) {
+      S->block<3, 1>(index, columns_[i]) += W_.row(static_cast<Eigen::Index>(i)).transpose();
+    }
+  }
+
+ private:
+  Eigen::Index PlaceOf(int column) {
+    int& place = place_[static_cast<size_t>(column)];
+    if (place < 0) {
+      place = static_cast<int>(columns_.size());
+      columns_.push_back(column);
+      if (W_.rows() <= place) W_.conservativeResizeLike(Eigen::MatrixXd::Zero(2 * place + 32, 3));
+    }
+    return place;
+  }
+
+  std::vector<int> place_;    // of a global column in W_; -1: not touched
+  std::vector<int> columns_;  // the global columns
+  Eigen::Matrix3d V_ = Eigen::Matrix3d::Zero();
+  Eigen::MatrixXd W_ = Eigen::MatrixXd::Zero(32, 3);
+};
+
+class LandmarkReduction {
+ public:
+  LandmarkReduction(const Bundle& bundle, const UnknownLayout& layout)
+      : bundle_(bundle), layout_(layout), by_landmark_(ObservationsByLandmark(bundle)) {
+    system_.head = layout.head;
+    int next = layout.head;
+    std::vector<bool> observed(bundle.T_rig_target.size(), false);
+    for (const auto& observations : by_landmark_) {
+      for (const size_t i : observations) {
+        observed[static_cast<size_t>(bundle.observations[i].frame)] = true;
+      }
+    }
+    for (size_t frame = 0; frame < observed.size(); ++frame) {
+      const bool free = observed[frame] && bundle.held_frame != frame;
+      system_.pose.push_back(free ? std::exchange(next, next + 6) : -1);
+    }
+    system_.landmark.assign(bundle.markers.size(), -1);
+    for (const MarkerDistance& distance : bundle.distances) {
+      const auto a = static_cast<size_t>(distance.marker_a);
+      const auto b = static_cast<size_t>(distance.marker_b);
+      if (by_landmark_[a].empty() || by_landmark_[b].empty()) continue;
+      for (const size_t m : {a, b}) {
+        if (system_.landmark[m] < 0) system_.landmark[m] = std::exchange(next, next + 3);
+      }
+    }
+    system_.information = Eigen::MatrixXd::Zero(next, next);
+  }
+
+  PoseSystem Run() {
+    LandmarkSums sums(static_cast<size_t>(system_.Size()));
+    for (size_t m = 0; m < by_landmark_.size(); ++m) {
+      if (by_landmark_[m].empty()) continue;
+      sums.Clear();
+      AddLandmark(by_landmark_[m], &sums);
+      if (system_.landmark[m] < 0) {
+        sums.Eliminate(&system_.information);
+      } else {
+        sums.Keep(system_.landmark[m], &system_.information);
+      }
+    }
+    AddDistances();
+    AddCalibrationPrior(bundle_, layout_, &system_.information);
+    return std::move(system_);
+  }
+
+ private:
+  // All observations of one landmark, those of one view with their common noise.
+  void AddLandmark(const std::vector<size_t>& observations, LandmarkSums* sums) {
+    for (size_t begin = 0, end = 0; begin < observations.size(); begin = end) {
+      const BundleObservation& first = bundle_.observations[observations[begin]];
+      const BundleCamera& camera = bundle_.cameras[static_cast<size_t>(first.camera)];
+      const double common = camera.noise.common_sigma;
+      double information = 0;
+      ObservationRows sum;
+      for (; end < observations.size(); ++end) {
+        const BundleObservation& observation = bundle_.observations[observations[end]];
+        if (observation.frame != first.frame || observation.camera != first.camera) break;
+        if (!Linearise(observation)) continue;
+        sums->Add(1, rows_, &system_.information);
+        if (common == 0) continue;
+        const double weight = 1 / camera.noise.OwnSigma(observation.assumed_sigma);
+        information += weight * weight;
+        if (sum.columns.empty()) {
+          sum = rows_;
+          sum.J *= weight;
+          sum.J_landmark *= weight;
+        } else {
+          sum.Add(weight, rows_);
+        }
+      }
+      if (information > 0) {
+        sums->Add(-internal::CommonShare(common, information), sum, &system_.information);
+      }
+    }
+  }
+
+  // Sets `rows_`; false outside the model's domain.
+  bool Linearise(const BundleObservation& observation) {
+    const auto c = static_cast<size_t>(observation.camera);
+    const auto frame = static_cast<size_t>(observation.frame);
+    const BundleCamera& camera = bundle_.cameras[c];
+    const auto count = static_cast<Eigen::Index>(camera.model->measured.size());
+    const std::vector<int>& params = layout_.params[c];
+    J_params_.resize(count, static_cast<Eigen::Index>(params.size()));
+    const bool extrinsics = layout_.extrinsics[c] >= 0;
+    double residual[kMaxObservationSize];
+    if (!internal::Linearise(
+            camera,
+            camera.params.data(),
+            {.T_camera_rig = camera.T_camera_rig, .T_rig_target = bundle_.T_rig_target[frame]},
+            bundle_.markers[static_cast<size_t>(observation.marker)].position,
+            observation,
+            {.residual = residual,
+             .J_params = J_params_.data(),
+             .J_extrinsics = extrinsics ? J_extrinsics_.data() : nullptr,
+             .J_pose = J_pose_.data(),
+             .J_marker = J_marker_.data()})) {
+      return false;
+    }
+    rows_.columns.clear();
+    rows_.J.resize(count, static_cast<Eigen::Index>(params.size()) + 12);
+    Eigen::Index next = 0;
+    for (size_t k = 0; k < params.size(); ++k) {
+      const auto column = static_cast<Eigen::Index>(k);
+      if (params[k] < 0 || (camera.model->local && J_params_.col(column).isZero(0))) continue;
+      rows_.columns.push_back(params[k]);
+      rows_.J.col(next++) = J_params_.col(column);
+    }
+    const auto add_six = [&](int first, const auto& J) {
+      for (int i = 0; first >= 0 && i < 6; ++i) {
+        rows_.columns.push_back(first + i);
+        rows_.J.col(next++) = J.col(i).head(count);
+      }
+    };
+    add_six(layout_.extrinsics[c], J_extrinsics_);
+    add_six(system_.pose[frame], J_pose_);
+    rows_.J.conservativeResize(Eigen::NoChange, next);
+    rows_.J_landmark = J_marker_.topRows(count);
+    return true;
+  }
+
+  void AddDistances() {
+    for (const MarkerDistance& distance : bundle_.distances) {
+      const int a = system_.landmark[static_cast<size_t>(distance.marker_a)];
+      const int b = system_.landmark[static_cast<size_t>(distance.marker_b)];
+      if (a < 0 || b < 0) continue;
+      const Eigen::Vector3d apart =
+          bundle_.markers[static_cast<size_t>(distance.marker_a)].position -
+          bundle_.markers[static_cast<size_t>(distance.marker_b)].position;
+      const Eigen::Vector3d row = apart.normalized() / distance.sigma;
+      const Eigen::Matrix3d square = row * row.transpose();
+      system_.information.block<3, 3>(a, a) += square;
+      system_.information.block<3, 3>(b, b) += square;
+      system_.information.block<3, 3>(std::max(a, b), std::min(a, b)) -= square;
+    }
+  }
+
+  const Bundle& bundle_;
+  const UnknownLayout& layout_;
+  std::vector<std::vector<size_t>> by_landmark_;
+  PoseSystem system_;
+  ObservationRows rows_;
+  RowMatrix J_params_;
+  Eigen::Matrix<double, kMaxObservationSize, 6, Eigen::RowMajor> J_extrinsics_, J_pose_;
+  Eigen::Matrix<double, kMaxObservationSize, 3, Eigen::RowMajor> J_marker_;
+};
+
+}  // namespace
+
+PoseSystem EliminateLandmarks(const Bundle& bundle, const UnknownLayout& layout) {
+  return LandmarkReduction(bundle, layout).Run();
+}
+
+UnknownLayout LayoutOf(const Bundle& bundle) {
+  std::vector<bool> has_data;
+  for (const double count : UsedCoordinates(bundle)) has_data.push_back(count > 0);
+  return internal::MakeLayout(bundle, has_data);
+}
+
+Eigen::MatrixXd HeadInformation(const PoseSystem& system) {
+  const Eigen::Index head = system.head, tail = system.Size() - head;
+  Eigen::MatrixXd information =
+      system.information.topLeftCorner(head, head).selfadjointView<Eigen::Lower>();
+  if (tail == 0 || head == 0) return information;
+  const Eigen::LLT<Eigen::MatrixXd> factor(
+      system.information.bottomRightCorner(tail, tail).selfadjointView<Eigen::Lower>());
+  if (factor.info() != Eigen::Success) {
+    throw Error(ErrorKind::kJob,
+                "the scene points do not determine the poses of all frames; images that overlap "
+                "more, or more of them, may");
+  }
+  const Eigen::MatrixXd half =
+      factor.matrixL().solve(system.information.bottomLeftCorner(tail, head));
+  information -= half.transpose() * half;
+  return information;
+}
+
+std::vector<Eigen::Matrix3d> LandmarkInformation(const Bundle& bundle) {
+  std::vector<Eigen::Matrix3d> information(bundle.markers.size(), Eigen::Matrix3d::Zero());
+  std::vector<double> J_params;
+  for (const BundleObservation& observation : bundle.observations) {
+    if (!observation.used) continue;
+    const BundleCamera& camera = bundle.cameras[static_cast<size_t>(observation.camera)];
+    const auto rows = static_cast<Eigen::Index>(camera.model->measured.size());
+    J_params.resize(static_cast<size_t>(rows) * camera.params.size());
+    double residual[kMaxObservationSize];
+    Eigen::Matrix<double, kMaxObservationSize, 3, Eigen::RowMajor> J;
+    if (!internal::Linearise(
+            camera,
+            camera.params.data(),
+            {.T_camera_rig = camera.T_camera_rig,
+             .T_rig_target = bundle.T_rig_target[static_cast<size_t>(observation.frame)]},
+            bundle.markers[static_cast<size_t>(observation.marker)].position,
+            observation,
+            {.residual = residual, .J_params = J_params.data(), .J_marker = J.data()})) {
+      continue;
+    }
+    information[static_cast<size_t>(observation.marker)] +=
+        J.topRows(rows).transpose() * J.topRows(rows);
+  }
+  return information;
+}
+
+std::vector<double> DegreesWithLandmarks(const Bundle& bundle) {
+  const std::vector<double> coordinates = UsedCoordinates(bundle);
+  std::set<int> frames, landmarks;
+  for (const BundleObservation& observation : bundle.observations) {
+    if (!observation.used) continue;
+    frames.insert(observation.frame);
+    landmarks.insert(observation.marker);
+  }
+  const double shared = 6 * static_cast<double>(frames.size()) - (bundle.held_frame ? 6 : 0) +
+                        3 * static_cast<double>(landmarks.size()) -
+                        static_cast<double>(bundle.distances.size());
+  double all = 0;
+  for (const double count : coordinates) all += count;
+  const UnknownLayout layout = LayoutOf(bundle);
+  std::vector<double> degrees;
+  for (size_t c = 0; c < coordinates.size(); ++c) {
+    degrees.push_back(shared * coordinates[c] / std::max(1.0, all));
+    if (bundle.prior) continue;  // which determines what the images leave open
+    degrees.back() += layout.extrinsics[c] >= 0 ? 6 : 0;
+    for (size_t k = 0; k < layout.params[c].size(); ++k) {
+      const bool own = bundle.Root(c, k) == ParamIndex{c, k};
+      degrees.back() += own && layout.params[c][k] >= 0 ? 1 : 0;
+    }
+  }
+  return degrees;
+}
+
+void AddCalibrationPrior(const Bundle& bundle,
+                         const UnknownLayout& layout,
+                         Eigen::MatrixXd* information) {
+  if (!bundle.prior) return;
+  const CalibrationPrior& prior = *bundle.prior;
+  const auto count = static_cast<Eigen::Index>(prior.unknowns.size());
+  std::vector<int> columns;
+  for (const CalibrationPrior::Unknown& unknown : prior.unknowns) {
+    const int extrinsics = layout.extrinsics[unknown.camera];
+    columns.push_back(unknown.param    ? layout.params[unknown.camera][*unknown.param]
+                      : extrinsics < 0 ? -1
+                                       : extrinsics + static_cast<int>(unknown.component));
+  }
+  const Eigen::MatrixXd square = prior.weight.transpose() * prior.weight;
+  for (Eigen::Index i = 0; i < count; ++i) {
+    for (Eigen::Index j = 0; j < count; ++j) {
+      const int row = columns[static_cast<size_t>(i)], column = columns[static_cast<size_t>(j)];
+      if (row >= column && column >= 0) (*information)(row, column) += square(i, j);
+    }
+  }
+}
+
+}  // namespace plenocal

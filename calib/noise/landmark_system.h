@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// The normal equations of a bundle with landmarks, these eliminated (Schur complement). The poses
+// stay, since ground truth needs their covariance.
+#pragma once
+
+#include <Eigen/Cholesky>
+#include <Eigen/Core>
+#include <vector>
+
+#include "calib/adjust/bundle.h"
+#include "calib/noise/reduced_system.h"
+
+namespace plenocal {
+
+/// Information on parameters and extrinsics (the first `head` unknowns, in the order of
+/// `internal::UnknownLayout`) and on the chart of T_rig_target in each frame.
+struct PoseSystem {
+  Eigen::MatrixXd information;  ///< lower triangle; with all priors
+  int head = 0;
+  std::vector<int> pose;  ///< per frame: index of its six unknowns; -1: held or not observed
+  /// Index of the three unknowns of landmarks that are not eliminated, since a measured distance
+  /// ties them to others; -1: eliminated.
+  std::vector<int> landmark;
+
+  [[nodiscard]] Eigen::Index Size() const { return information.rows(); }
+};
+
+/// REQUIRES: `bundle.HasLandmarks()`, no jitter.
+PoseSystem EliminateLandmarks(const Bundle& bundle, const internal::UnknownLayout& layout);
+
+/// `layout` of a bundle's used observations.
+internal::UnknownLayout LayoutOf(const Bundle& bundle);
+
+/// Information on parameters and extrinsics alone, poses at their best. Throws `Error` of kind kJob
+/// when the poses are not determined.
+Eigen::MatrixXd HeadInformation(const PoseSystem& system);
+
+/// Information 3 x 3 of the used observations of each landmark on its position, all else known.
+std::vector<Eigen::Matrix3d> LandmarkInformation(const Bundle& bundle);
+
+/// Per camera: degrees of freedom of its used observations that the unknowns use. Poses and
+/// landmarks are shared in proportion to the measured coordinates.
+std::vector<double> DegreesWithLandmarks(const Bundle& bundle);
+
+/// Information of `Bundle::prior` on the unknowns of a layout, added to the lower triangle of
+/// `information`.
+void AddCalibrationPrior(const Bundle& bundle,
+                         const internal::UnknownLayout& layout,
+                         Eigen::MatrixXd* information);
+
+}  // namespace plenocal
