@@ -112,22 +112,27 @@ std::vector<Observation> Observer::Observe(std::size_t c,
     const Eigen::Vector3d p_cam = T_camera_target * position;
     const Eigen::Vector3d& normal = target.normals.at(number);
     if (!normal.isZero() && !((T_camera_target.R * normal).dot(p_cam) < 0)) continue;
-    if (optics_[c]) {
-      const std::vector<Observation> through = optics_[c]->Observe(number, p_cam);
-      seen.insert(seen.end(), through.begin(), through.end());
-      continue;
-    }
-    Observation observation{.marker = number};
-    if (camera.model->project(camera.params.data(),
-                              camera.config.data(),
-                              nullptr,
-                              p_cam,
-                              observation.values.data()) &&
-        IsInside({observation.values[0], observation.values[1]}, camera.image_size)) {
-      seen.push_back(observation);
-    }
+    const std::vector<Observation> of_marker = ObservePoint(c, number, p_cam);
+    seen.insert(seen.end(), of_marker.begin(), of_marker.end());
   }
   return seen;
+}
+
+std::vector<Observation> Observer::ObservePoint(std::size_t c,
+                                                int marker,
+                                                const Eigen::Vector3d& p_cam) const {
+  if (optics_[c]) return optics_[c]->Observe(marker, p_cam);
+  const CameraSpec& camera = spec_.cameras[c];
+  Observation observation{.marker = marker};
+  if (camera.model->project(camera.params.data(),
+                            camera.config.data(),
+                            nullptr,
+                            p_cam,
+                            observation.values.data()) &&
+      IsInside({observation.values[0], observation.values[1]}, camera.image_size)) {
+    return {observation};
+  }
+  return {};
 }
 
 std::optional<Ray> Observer::CentralRay(std::size_t c, const Eigen::Vector2d& u) const {

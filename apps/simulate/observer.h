@@ -38,6 +38,11 @@ class Observer {
   [[nodiscard]] std::vector<Observation> Observe(std::size_t c,
                                                  const TrueTarget& target,
                                                  const RigidTransform& T_rig_target) const;
+  /// Exact observations of one point, p_cam in the camera's frame: none, one or, by a plenoptic
+  /// camera, one through each micro lens that images it.
+  [[nodiscard]] std::vector<Observation> ObservePoint(std::size_t c,
+                                                      int marker,
+                                                      const Eigen::Vector3d& p_cam) const;
   /// The ray through the centre of the camera's pupil that reaches pixel `u`.
   [[nodiscard]] std::optional<Ray> CentralRay(std::size_t c, const Eigen::Vector2d& u) const;
   /// Null for an ordinary camera.

@@ -14,8 +14,10 @@
 
 #include "apps/simulate/observer.h"
 #include "apps/simulate/pose_set.h"
+#include "apps/simulate/provenance.h"
 #include "apps/simulate/random.h"
 #include "apps/simulate/renderer.h"
+#include "apps/simulate/scene/simulate_scene.h"
 #include "apps/simulate/sensor.h"
 #include "apps/simulate/simulation_spec.h"
 #include "apps/simulate/target_surface.h"
@@ -73,15 +75,7 @@ CalibrationRecord TrueCalibration(const Scene& scene) {
   CalibrationRecord truth;
   truth.adjustment = AdjustmentRecord{.converged = true};
   for (size_t c = 0; c < scene.spec.cameras.size(); ++c) {
-    const CameraSpec& camera = scene.spec.cameras[c];
-    const auto count = static_cast<Eigen::Index>(camera.params.size());
-    truth.cameras.push_back({.name = camera.name,
-                             .model = camera.model,
-                             .image_size = camera.image_size,
-                             .config = camera.config,
-                             .params = camera.params,
-                             .covariance = Eigen::MatrixXd::Zero(count, count),
-                             .T_camera_rig = camera.T_camera_rig});
+    truth.cameras.push_back(TrueCamera(scene.spec.cameras[c]));
     CameraFit& fit = truth.cameras.back().fit;
     for (const View& view : scene.views[c]) {
       fit.points += static_cast<int>(view.observations.size());
@@ -132,14 +126,7 @@ void WriteTruth(const Scene& scene,
     out->Write(fmt::format("truth/detections_{}.csv", name),
                DetectionsCsv(scene.views[c], *scene.spec.cameras[c].model));
   }
-  truth.provenance = {{"plenocal_version", PLENOCAL_VERSION},
-                      {"command",
-                       fmt::format("{} simulate {} -o {}{}",
-                                   program,
-                                   request.spec.string(),
-                                   request.out.string(),
-                                   request.points ? " --points" : "")},
-                      {"simulation", "the parameters are true, not estimated"}};
+  truth.provenance = SimulationProvenance(request, program, kTrueParameters);
   out->Write("truth/calibration.yaml", CalibrationYaml(truth));
   out->Write("truth/target.yaml", RefinedTargetYaml(scene.target, scene.made.markers, {}));
   out->Write("truth/poses.csv", PosesCsv(truth));
@@ -328,6 +315,7 @@ std::string Simulate(const SimulateRequest& request, const SimulateOptions& opti
   Scene scene;
   scene.spec = ReadSimulationSpec(request.spec, options.models);
   const SimulationSpec& spec = scene.spec;
+  if (spec.scenery) return SimulateScene(spec, request, options, progress);
   scene.target = ReadTarget(spec.target);
   OutputFolder out(request.out);
   out.RefuseInputs({"session.yaml", "target.yaml"});

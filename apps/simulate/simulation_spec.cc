@@ -9,6 +9,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "apps/simulate/spec_values.h"
 #include "calib/base/error.h"
 #include "calib/base/names.h"
 #include "calib/base/yaml.h"
@@ -17,42 +18,6 @@
 
 namespace plenocal::simulate {
 namespace {
-
-std::filesystem::path PathBeside(const std::filesystem::path& spec, const YamlNode& node) {
-  const std::string text = node.AsString();
-  if (text.empty()) node.Fail("expected a path, found nothing");
-  return spec.parent_path() / text;
-}
-
-// The number of `key`, if it is there, within [low, high].
-void ReadNumber(
-    const YamlNode& node, std::string_view key, double low, double high, double* value) {
-  if (!node.Has(key)) return;
-  const YamlNode number = node.At(key);
-  *value = number.AsNumber();
-  if (!(*value >= low && *value <= high)) {
-    number.Fail(fmt::format("expected a number from {} to {}, found {}", low, high, *value));
-  }
-}
-
-void ReadInteger(const YamlNode& node, std::string_view key, int low, int high, int* value) {
-  if (!node.Has(key)) return;
-  const YamlNode number = node.At(key);
-  *value = number.AsInteger();
-  if (*value < low || *value > high) {
-    number.Fail(fmt::format("expected {} to {}, found {}", low, high, *value));
-  }
-}
-
-template <size_t N>
-size_t ReadChoice(const YamlNode& node, const std::array<std::string_view, N>& choices) {
-  const std::string text = node.AsString();
-  for (size_t i = 0; i < N; ++i) {
-    if (choices[i] == text) return i;
-  }
-  node.Fail(fmt::format(
-      "expected {}, found '{}'{}", fmt::join(choices, " or "), text, SuggestName(text, choices)));
-}
 
 // One value a parameter, all of them.
 std::vector<double> ReadParams(const YamlNode& node, std::span<const Param> params) {
@@ -249,7 +214,48 @@ PoseSpec ReadPoseSpec(const YamlNode& node,
   return poses;
 }
 
+void ReadTargetAndPoses(const YamlNode& root, SimulationSpec* spec) {
+  for (const char* key : {"trajectory", "calibration_sigma"}) {
+    if (root.Has(key)) root.At(key).Fail("goes with 'scene' in place of 'target' only");
+  }
+  spec->target = PathBeside(spec->path, root.At("target"));
+  if (root.Has("target_error")) {
+    spec->target_error = 0;
+    ReadNumber(root, "target_error", 0, 1, &*spec->target_error);
+  }
+  if (root.Has("rigid_tags")) spec->rigid_tags = root.At("rigid_tags").AsBool();
+  spec->poses = ReadPoseSpec(root.At("poses"), spec->path, spec->cameras);
+}
+
+void CheckParameterSigmas(const YamlNode& root, const std::vector<CameraSpec>& cameras) {
+  if (!root.Has("calibration_sigma") || !root.At("calibration_sigma").Has("parameters")) return;
+  const YamlNode sigmas = root.At("calibration_sigma").At("parameters");
+  sigmas.CheckKeys(NamesOf(cameras));
+  for (const CameraSpec& camera : cameras) {
+    if (sigmas.Has(camera.name)) sigmas.At(camera.name).CheckKeys(NamesOf(camera.model->params));
+  }
+}
+
+void ReadSceneAndTrajectory(const YamlNode& root, SimulationSpec* spec) {
+  for (const char* key : {"target", "target_error", "rigid_tags", "poses"}) {
+    if (root.Has(key)) root.At(key).Fail("'scene' is in place of 'target' and 'poses'");
+  }
+  spec->scenery = ReadScenery(root, spec->path);
+  CheckParameterSigmas(root, spec->cameras);
+}
+
 }  // namespace
+
+CalibratedCamera TrueCamera(const CameraSpec& camera) {
+  const auto count = static_cast<Eigen::Index>(camera.params.size());
+  return {.name = camera.name,
+          .model = camera.model,
+          .image_size = camera.image_size,
+          .config = camera.config,
+          .params = camera.params,
+          .covariance = Eigen::MatrixXd::Zero(count, count),
+          .T_camera_rig = camera.T_camera_rig};
+}
 
 SimulationSpec ReadSimulationSpec(const std::filesystem::path& path,
                                   std::span<const CameraModel> models) {
@@ -262,26 +268,27 @@ SimulationSpec ReadSimulationSpec(const std::filesystem::path& path,
                   "rigid_tags",
                   "cameras",
                   "poses",
+                  "scene",
+                  "trajectory",
+                  "calibration_sigma",
                   "white_images"});
   SimulationSpec spec;
   spec.path = path;
   ReadInteger(root, "seed", 0, std::numeric_limits<int>::max(), &spec.seed);
-  spec.target = PathBeside(path, root.At("target"));
-  if (root.Has("target_error")) {
-    spec.target_error = 0;
-    ReadNumber(root, "target_error", 0, 1, &*spec.target_error);
-  }
-  if (root.Has("rigid_tags")) spec.rigid_tags = root.At("rigid_tags").AsBool();
-  for (const auto& [name, node] : root.At("cameras").Entries()) {
+  const YamlNode cameras = root.At("cameras");
+  for (const auto& [name, node] : cameras.Entries()) {
     spec.cameras.push_back(ReadCamera(name, node, models));
   }
-  const YamlNode cameras = root.At("cameras");
   if (spec.cameras.empty()) cameras.Fail("expected at least one camera");
   const RigidTransform& master = spec.cameras.front().T_camera_rig;
   if (!(master.R.isIdentity(1e-9) && master.t.norm() < 1e-9)) {
     cameras.Fail("the first camera is the rig's frame; give it no T_camera_rig");
   }
-  spec.poses = ReadPoseSpec(root.At("poses"), path, spec.cameras);
+  if (root.Has("scene")) {
+    ReadSceneAndTrajectory(root, &spec);
+  } else {
+    ReadTargetAndPoses(root, &spec);
+  }
   ReadInteger(root, "white_images", 1, 1000, &spec.white_images);
   return spec;
 }

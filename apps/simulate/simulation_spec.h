@@ -11,6 +11,7 @@
 #include <utility>
 #include <vector>
 
+#include "apps/simulate/scene/scene_spec.h"
 #include "calib/camera/bayer.h"
 #include "calib/camera/camera_model.h"
 #include "calib/camera/rigid_transform.h"
@@ -78,8 +79,13 @@ struct SimulationSpec {
   bool rigid_tags = true;  ///< tags keep their shape; else each corner has an error of its own
   std::vector<CameraSpec> cameras;  ///< the first is the rig's master
   PoseSpec poses;
+  /// A scene in place of the target; target and poses are not set then.
+  std::optional<ScenerySpec> scenery;
   int white_images = 5;  ///< per camera
 };
+
+/// The camera as a perfect calibration gives it.
+CalibratedCamera TrueCamera(const CameraSpec& camera);
 
 /// Reads and checks a specification. Throws `Error` with file, line and key.
 SimulationSpec ReadSimulationSpec(const std::filesystem::path& path,
