@@ -255,6 +255,19 @@ bool AcceptPoint(const std::vector<size_t>& observations,
   return true;
 }
 
+// A landmark's observations in the first frame with a pose.
+std::vector<size_t> SightInFirstFrame(const SceneState& state, int marker) {
+  const auto& observations = state.bundle->observations;
+  std::vector<size_t> first;
+  for (const size_t i : state.observations_of[static_cast<size_t>(marker)]) {
+    const int frame = observations[i].frame;
+    if (!state.has_pose[static_cast<size_t>(frame)]) continue;
+    if (!first.empty() && observations[first[0]].frame != frame) break;
+    first.push_back(i);
+  }
+  return first;
+}
+
 // Residual below which the rays of a frame's cameras agree: a robust sigma of its own points.
 double OwnResidualLimit(size_t frame, SceneState* state) {
   const Bundle& bundle = *state->bundle;
@@ -274,9 +287,14 @@ double OwnResidualLimit(size_t frame, SceneState* state) {
 }  // namespace
 
 SceneState MakeSceneState(Bundle* bundle) {
-  return {bundle,
-          std::vector<bool>(bundle->T_rig_target.size(), false),
-          std::vector<bool>(bundle->markers.size(), false)};
+  SceneState state{bundle,
+                   std::vector<bool>(bundle->T_rig_target.size(), false),
+                   std::vector<bool>(bundle->markers.size(), false),
+                   std::vector<std::vector<size_t>>(bundle->markers.size())};
+  for (size_t i = 0; i < bundle->observations.size(); ++i) {
+    state.observations_of[static_cast<size_t>(bundle->observations[i].marker)].push_back(i);
+  }
+  return state;
 }
 
 std::optional<PoseSearch> FindPose(const SceneState& state, size_t frame) {
@@ -292,8 +310,21 @@ void Triangulate(size_t frame, double largest_residual, SceneState* state) {
     if (!state->has_point[static_cast<size_t>(marker)]) of_marker[marker].push_back(i);
   }
   for (const auto& [marker, observations] : of_marker) {
-    AcceptPoint(observations, largest_residual, state);
+    if (observations.size() > 1 && AcceptPoint(observations, largest_residual, state)) continue;
+    std::vector<size_t> with_first = SightInFirstFrame(*state, marker);
+    if (with_first.empty() || bundle.observations[with_first[0]].frame == static_cast<int>(frame)) {
+      continue;
+    }
+    with_first.insert(with_first.end(), observations.begin(), observations.end());
+    AcceptPoint(with_first, largest_residual, state);
   }
+}
+
+void KeepStarted(const SceneState& state, Bundle* bundle) {
+  std::erase_if(bundle->observations, [&](const BundleObservation& observation) {
+    return !state.has_pose[static_cast<size_t>(observation.frame)] ||
+           !state.has_point[static_cast<size_t>(observation.marker)];
+  });
 }
 
 void FollowFrames(const std::vector<size_t>& frames, SceneState* state) {

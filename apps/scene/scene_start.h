@@ -18,6 +18,7 @@ struct SceneState {
   Bundle* bundle = nullptr;
   std::vector<bool> has_pose;   ///< per frame
   std::vector<bool> has_point;  ///< per marker
+  std::vector<std::vector<size_t>> observations_of;  ///< per marker, indices in the bundle's order
 };
 
 SceneState MakeSceneState(Bundle* bundle);
@@ -36,7 +37,7 @@ std::optional<PoseSearch> FindPose(const SceneState& state, size_t frame);
 inline constexpr size_t kFewestLandmarks = 8;
 
 /// Positions of the landmarks that `frame` shows and that have none: from the rays of its cameras,
-/// where several see the point, or from the first and last of the frames with poses that show it.
+/// where several see the point, else also from those of the first frame with a pose that shows it.
 /// A point counts when it lies in front of the cameras and its residuals, in px, are below
 /// `largest_residual`.
 void Triangulate(size_t frame, double largest_residual, SceneState* state);
@@ -44,5 +45,8 @@ void Triangulate(size_t frame, double largest_residual, SceneState* state);
 /// Poses of `frames`, in this order; the first of them has its pose already, or gets the identity
 /// when no landmark is known. A frame without a pose is left out.
 void FollowFrames(const std::vector<size_t>& frames, SceneState* state);
+
+/// Leaves in the bundle the observations of frames with a pose and of landmarks with a position.
+void KeepStarted(const SceneState& state, Bundle* bundle);
 
 }  // namespace plenocal

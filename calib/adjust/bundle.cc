@@ -5,6 +5,8 @@
 #include <cmath>
 #include <limits>
 
+#include "calib/base/names.h"
+
 namespace plenocal {
 
 bool Residual(const Bundle& bundle, const BundleObservation& observation, double* residual) {
@@ -67,6 +69,33 @@ size_t EndOfView(const std::vector<BundleObservation>& observations, size_t begi
     ++end;
   }
   return end;
+}
+
+Eigen::VectorXd DeviationFromPrior(const Bundle& bundle) {
+  const CalibrationPrior& prior = *bundle.prior;
+  Eigen::VectorXd deviation(static_cast<Eigen::Index>(prior.unknowns.size()));
+  for (size_t i = 0; i < prior.unknowns.size(); ++i) {
+    const CalibrationPrior::Unknown& unknown = prior.unknowns[i];
+    const BundleCamera& camera = bundle.cameras[unknown.camera];
+    double& value = deviation[static_cast<Eigen::Index>(i)];
+    if (unknown.param) {
+      value = camera.params[*unknown.param] - unknown.value;
+      continue;
+    }
+    const RigidTransform& T_prior = prior.T_camera_rig[unknown.camera];
+    value = unknown.component < 3
+                ? (camera.T_camera_rig.t - T_prior.t)[unknown.component]
+                : LogRotation(camera.T_camera_rig.R *
+                              T_prior.R.transpose())[unknown.component - 3];
+  }
+  return deviation;
+}
+
+std::string NameOfPriorUnknown(const Bundle& bundle, size_t unknown) {
+  const CalibrationPrior::Unknown& of = bundle.prior->unknowns[unknown];
+  const BundleCamera& camera = bundle.cameras[of.camera];
+  if (of.param) return camera.name + "." + std::string(camera.model->params[*of.param].name);
+  return camera.name + ".T_camera_rig." + kExtrinsicsNames[static_cast<size_t>(of.component)];
 }
 
 Matrix6d JitterWeight(const Bundle& bundle, size_t frame) {

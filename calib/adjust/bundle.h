@@ -137,6 +137,11 @@ std::vector<double> WeightedLengths(const Bundle& bundle);
 size_t EndOfMarker(const std::vector<BundleObservation>& observations, size_t begin);
 size_t EndOfView(const std::vector<BundleObservation>& observations, size_t begin);
 
+/// Present values of the prior's unknowns less those of the prior. REQUIRES: `bundle.prior`.
+Eigen::VectorXd DeviationFromPrior(const Bundle& bundle);
+/// "left.f_x", "right.T_camera_rig.w_y".
+std::string NameOfPriorUnknown(const Bundle& bundle, size_t unknown);
+
 /// Square root W of the prior's information on the jitter in one frame: its residual is W delta,
 /// first the displacement of the target's centre, then its rotation.
 Matrix6d JitterWeight(const Bundle& bundle, size_t frame);

@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <span>
+#include <string>
+#include <vector>
+
+#include "calib/adjust/bundle.h"
+#include "calib/camera/observation.h"
+
+namespace plenocal {
+
+/// Scene points followed through the images of a rig: one number a point over all cameras.
+struct SceneTracks {
+  std::vector<std::string> frames;       ///< names, in the order of the recording
+  std::vector<double> times;             ///< per frame, s; empty: not known
+  std::vector<std::vector<View>> views;  ///< per camera; their frames are in `frames`
+};
+
+/// A bundle of the points that at least two views show, of unknown poses and positions, and the
+/// cameras given.
+Bundle MakeSceneBundle(const SceneTracks& tracks, const std::vector<BundleCamera>& cameras);
+
+/// Median of `BundleObservation::assumed_sigma` per camera, px.
+std::vector<double> TypicalSigmas(const Bundle& bundle);
+
+}  // namespace plenocal
