@@ -7,18 +7,14 @@
 #include <cmath>
 #include <limits>
 
+#include "calib/adjust/landmarks.h"
 #include "calib/base/error.h"
 #include "calib/base/linear_algebra.h"
 #include "calib/base/statistics.h"
 #include "calib/noise/camera_noise.h"
-#include "calib/noise/landmark_system.h"
 
 namespace plenocal {
 namespace {
-
-bool IsRejected(const Bundle& bundle, size_t observation) {
-  return bundle.markers[static_cast<size_t>(bundle.observations[observation].marker)].rejected;
-}
 
 std::vector<bool> UsedFlags(const Bundle& bundle) {
   std::vector<bool> used;
@@ -45,7 +41,7 @@ Rejection RejectOutliers(Bundle* bundle) {
     for (size_t i = begin; i < end; ++i) good += lengths[i] <= threshold ? 1 : 0;
     const bool view_is_good = 2 * good >= end - begin;
     for (size_t i = begin; i < end; ++i) {
-      const bool used = view_is_good && lengths[i] <= threshold && !IsRejected(*bundle, i);
+      const bool used = view_is_good && lengths[i] <= threshold;
       rejection.changed += used != observations[i].used ? 1 : 0;
       observations[i].used = used;
     }
@@ -57,8 +53,7 @@ void UseProjecting(const std::vector<bool>& frames, Bundle* bundle) {
   const std::vector<double> lengths = WeightedLengths(*bundle);
   for (size_t i = 0; i < lengths.size(); ++i) {
     BundleObservation& observation = bundle->observations[i];
-    observation.used = std::isfinite(lengths[i]) && !IsRejected(*bundle, i) &&
-                       frames[static_cast<size_t>(observation.frame)];
+    observation.used = std::isfinite(lengths[i]) && frames[static_cast<size_t>(observation.frame)];
   }
 }
 
@@ -82,31 +77,37 @@ Rejection RejectLandmarks(Bundle* bundle) {
   constexpr double kMostRejected = 1.0 / 3;
   // Beyond this part of the distance the cost along the ray is far from quadratic.
   constexpr double kLargestDepthSigma = 0.25;
+  const std::vector<std::vector<size_t>> of_marker = ObservationsOfMarkers(*bundle);
+  std::vector<BundleObservation>& observations = bundle->observations;
+  const auto is_used = [&](size_t i) { return observations[i].used; };
   const std::vector<bool> before = UsedFlags(*bundle);
+  for (const std::vector<size_t>& indices : of_marker) {
+    if (std::ranges::none_of(indices, is_used)) AdjustLandmark(indices, bundle);
+  }
   Rejection rejection = RejectOutliers(bundle);
-  std::vector<double> all(bundle->markers.size(), 0), used(all);
-  std::vector<double> distance(all.size(), std::numeric_limits<double>::infinity());
-  for (const BundleObservation& observation : bundle->observations) {
-    const auto m = static_cast<size_t>(observation.marker);
-    const RigidTransform& T = bundle->T_rig_target[static_cast<size_t>(observation.frame)];
-    all[m] += 1;
-    used[m] += observation.used ? 1 : 0;
-    distance[m] = std::min(distance[m], (T * bundle->markers[m].position).norm());
+  std::vector<size_t> used;
+  for (size_t m = 0; m < of_marker.size(); ++m) {
+    used.clear();
+    double distance = std::numeric_limits<double>::infinity();
+    for (const size_t i : of_marker[m]) {
+      const RigidTransform& T = bundle->T_rig_target[static_cast<size_t>(observations[i].frame)];
+      distance = std::min(distance, (T * bundle->markers[m].position).norm());
+      if (is_used(i)) used.push_back(i);
+    }
+    const auto all = static_cast<double>(of_marker[m].size());
+    const Eigen::Matrix3d H =
+        LineariseLandmark(*bundle, used, std::numeric_limits<double>::max()).H;
+    const double least = DecomposeSymmetric(H).values[0];
+    if (static_cast<double>(used.size()) >= (1 - kMostRejected) * all &&
+        least * std::pow(kLargestDepthSigma * distance, 2) > 1) {
+      continue;
+    }
+    for (const size_t i : used) observations[i].used = false;
   }
-  const std::vector<Eigen::Matrix3d> information = LandmarkInformation(*bundle);
-  std::vector<bool> out(all.size());
-  for (size_t m = 0; m < all.size(); ++m) {
-    BundleMarker& marker = bundle->markers[m];
-    marker.rejected = marker.rejected || all[m] - used[m] > kMostRejected * all[m];
-    const double least = DecomposeSymmetric(information[m]).values[0];
-    out[m] = marker.rejected || !(least * std::pow(kLargestDepthSigma * distance[m], 2) > 1);
-  }
-  for (BundleObservation& observation : bundle->observations) {
-    if (out[static_cast<size_t>(observation.marker)]) observation.used = false;
-  }
-  const std::vector<bool> after = UsedFlags(*bundle);
   rejection.changed = 0;
-  for (size_t i = 0; i < before.size(); ++i) rejection.changed += before[i] != after[i] ? 1 : 0;
+  for (size_t i = 0; i < before.size(); ++i) {
+    rejection.changed += before[i] != observations[i].used ? 1 : 0;
+  }
   return rejection;
 }
 

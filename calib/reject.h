@@ -33,9 +33,10 @@ void UseProjecting(const std::vector<bool>& frames, Bundle* bundle);
 /// Leaves out frames that rejection left with too few markers for a pose.
 void DropWeakFrames(Bundle* bundle);
 
-/// Rejects observations as `RejectOutliers` does, and leaves out for good the landmarks whose
-/// observations contradict each other (points that move, wrong matches): more than a third are
-/// rejected. Those whose used observations do not determine their depth are left out for now.
+/// Rejects observations as `RejectOutliers` does, then the landmarks whose observations contradict
+/// each other (points that move, wrong matches: more than a third are rejected) and those whose
+/// depth their observations do not determine. Landmarks that did not take part are estimated first,
+/// so that they can come back.
 Rejection RejectLandmarks(Bundle* bundle);
 
 /// Up to `limit` frames of each camera, spread over the recording.

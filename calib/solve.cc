@@ -83,7 +83,7 @@ class Rounds {
     const std::vector<bool> all(bundle_.T_rig_target.size(), true);
     EstimateRobustNoise(all);
     UseProjecting(all, &bundle_);
-    UpdateRejections();
+    RejectLandmarks(&bundle_);
     DropWeakFrames(&bundle_);
   }
 

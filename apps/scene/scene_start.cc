@@ -4,11 +4,14 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <map>
 #include <opencv2/calib3d.hpp>
 #include <random>
+#include <utility>
 
+#include "calib/adjust/poses.h"
 #include "calib/base/linear_algebra.h"
 #include "calib/base/statistics.h"
 
@@ -134,27 +137,25 @@ class PoseFinder {
       const auto m = static_cast<size_t>(bundle_.observations[i].marker);
       if (state.has_point[m]) known_.push_back(i);
     }
+    std::sample(known_.begin(), known_.end(), std::back_inserter(judges_), kJudges, random_);
   }
 
   std::optional<PoseSearch> Run() {
     std::optional<PoseSearch> best;
     double best_median = kInfinity;
     const RigidTransform before = bundle_.T_rig_target[frame_];
-    for (size_t c = 0; c < bundle_.cameras.size(); ++c) {
-      const Sight sight = SightOf(state_, frame_, static_cast<int>(c));
-      if (sight.points.size() < kFewestLandmarks) continue;
-      for (int sample = 0; sample < kSamples; ++sample) {
-        for (const RigidTransform& T_camera_target : Hypotheses(sight)) {
-          const RigidTransform T =
-              bundle_.cameras[c].T_camera_rig.Inverse() * T_camera_target;
-          const double median = MedianResidual(T);
-          if (median >= best_median) continue;
-          best_median = median;
-          best = PoseSearch{.T_rig_target = T};
-        }
+    const auto [camera, sight] = BestSight();
+    const RigidTransform T_rig_camera = bundle_.cameras[camera].T_camera_rig.Inverse();
+    for (int sample = 0; sample < kSamples && !sight.points.empty(); ++sample) {
+      for (const RigidTransform& T_camera_target : Hypotheses(sight)) {
+        const RigidTransform T = T_rig_camera * T_camera_target;
+        const double median = MedianResidual(T);
+        if (median >= best_median) continue;
+        best_median = median;
+        best = PoseSearch{.T_rig_target = T};
       }
     }
-    if (best) CountInliers(best_median, &*best);
+    if (best) Refine(best_median, &*best);
     bundle_.T_rig_target[frame_] = before;
     if (best && 2 * best->inliers < best->candidates) return std::nullopt;
     return best;
@@ -163,6 +164,19 @@ class PoseFinder {
  private:
   // Half of the landmarks wrong: one sample of four in 16 is good; none in 150 are 6e-5.
   static constexpr int kSamples = 150;
+  // The median of so many residuals is known to a tenth.
+  static constexpr size_t kJudges = 200;
+
+  // The camera that shows most landmarks, if they suffice.
+  std::pair<size_t, Sight> BestSight() const {
+    std::pair<size_t, Sight> best;
+    for (size_t c = 0; c < bundle_.cameras.size(); ++c) {
+      Sight sight = SightOf(state_, frame_, static_cast<int>(c));
+      if (sight.points.size() < std::max(kFewestLandmarks, best.second.points.size() + 1)) continue;
+      best = {c, std::move(sight)};
+    }
+    return best;
+  }
 
   std::vector<RigidTransform> Hypotheses(const Sight& sight) {
     std::vector<cv::Point3d> points;
@@ -196,7 +210,7 @@ class PoseFinder {
   double MedianResidual(const RigidTransform& T) {
     bundle_.T_rig_target[frame_] = T;
     residuals_.clear();
-    for (const size_t i : known_) {
+    for (const size_t i : judges_) {
       residuals_.push_back(ResidualLength(bundle_, bundle_.observations[i]));
     }
     const auto middle = residuals_.begin() + static_cast<std::ptrdiff_t>(residuals_.size() / 2);
@@ -204,10 +218,28 @@ class PoseFinder {
     return *middle;
   }
 
-  void CountInliers(double median, PoseSearch* search) {
+  // Inliers of the best hypothesis refine it and decide again.
+  void Refine(double median, PoseSearch* search) {
+    const Range range = ObservationsOf(bundle_, frame_);
     bundle_.T_rig_target[frame_] = search->T_rig_target;
-    // Of a residual of two coordinates.
-    search->sigma = median / std::sqrt(ChiSquareQuantile(2, 0.5));
+    search->sigma = SigmaOfMedian(median);
+    for (size_t i = range.begin; i < range.end; ++i) bundle_.observations[i].used = false;
+    for (const size_t i : known_) {
+      BundleObservation& observation = bundle_.observations[i];
+      observation.used = ResidualLength(bundle_, observation) <= kInlierSigmas * search->sigma;
+    }
+    AdjustPose(range.begin, range.end, &bundle_);
+    search->T_rig_target = bundle_.T_rig_target[frame_];
+    search->sigma = SigmaOfMedian(MedianResidual(search->T_rig_target));
+    CountInliers(search);
+  }
+
+  // Of a residual of two coordinates.
+  static double SigmaOfMedian(double median) {
+    return median / std::sqrt(ChiSquareQuantile(2, 0.5));
+  }
+
+  void CountInliers(PoseSearch* search) {
     std::map<int, bool> agrees;
     for (const size_t i : known_) {
       const BundleObservation& observation = bundle_.observations[i];
@@ -222,7 +254,8 @@ class PoseFinder {
   const SceneState& state_;
   Bundle& bundle_;
   size_t frame_;
-  std::vector<size_t> known_;  // observations of landmarks with positions
+  std::vector<size_t> known_;   // observations of landmarks with positions
+  std::vector<size_t> judges_;  // some of them
   std::vector<double> residuals_;
   std::mt19937 random_;
 };

@@ -36,7 +36,6 @@ struct BundleMarker {
   int number = 0;
   Eigen::Vector3d position;
   Eigen::Vector3d nominal;
-  bool rejected = false;  ///< a landmark whose observations contradict each other
 };
 
 struct BundleObservation {

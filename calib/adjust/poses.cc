@@ -66,22 +66,26 @@ PoseEquations LinearisePose(const Bundle& bundle, size_t begin, size_t end, doub
 
 }  // namespace
 
-void AdjustPoses(Bundle* bundle, const std::vector<bool>& frames) {
+void AdjustPose(size_t begin, size_t end, Bundle* bundle) {
   constexpr int kSteps = 4;
   constexpr double kWidth = 3;  // of Huber's loss, sigmas
+  RigidTransform& T_rig_target =
+      bundle->T_rig_target[static_cast<size_t>(bundle->observations[begin].frame)];
+  for (int step = 0; step < kSteps; ++step) {
+    const PoseEquations equations = LinearisePose(*bundle, begin, end, kWidth);
+    const Vector6d delta = -SolveSymmetric(equations.H, equations.g);
+    if (!delta.allFinite()) break;
+    T_rig_target = Retract(T_rig_target, delta);
+    if (delta.dot(equations.H * delta) < 1) break;  // less than a sigma; the adjustment goes on
+  }
+}
+
+void AdjustPoses(Bundle* bundle, const std::vector<bool>& frames) {
   const auto& observations = bundle->observations;
   for (size_t begin = 0, end = 0; begin < observations.size(); begin = end) {
     const auto frame = static_cast<size_t>(observations[begin].frame);
     while (end < observations.size() && observations[end].frame == observations[begin].frame) ++end;
-    if (!frames[frame]) continue;
-    RigidTransform& T_rig_target = bundle->T_rig_target[frame];
-    for (int step = 0; step < kSteps; ++step) {
-      const PoseEquations equations = LinearisePose(*bundle, begin, end, kWidth);
-      const Vector6d delta = -SolveSymmetric(equations.H, equations.g);
-      if (!delta.allFinite()) break;
-      T_rig_target = Retract(T_rig_target, delta);
-      if (delta.dot(equations.H * delta) < 1) break;  // less than a sigma; the adjustment goes on
-    }
+    if (frames[frame]) AdjustPose(begin, end, bundle);
   }
 }
 

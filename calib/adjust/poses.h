@@ -14,6 +14,9 @@ namespace plenocal {
 /// `Adjust`.
 void AdjustPoses(Bundle* bundle, const std::vector<bool>& frames);
 
+/// The same for one frame, whose observations are [begin, end).
+void AdjustPose(size_t begin, size_t end, Bundle* bundle);
+
 /// Step of the target's pose to the optimum of one view alone.
 struct PoseStep {
   int frame = 0, camera = 0;

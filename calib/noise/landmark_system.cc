@@ -5,6 +5,7 @@
 #include <set>
 #include <utility>
 
+#include "calib/adjust/landmarks.h"
 #include "calib/adjust/linearise.h"
 #include "calib/base/error.h"
 #include "calib/noise/camera_noise.h"
@@ -16,13 +17,12 @@ using internal::UnknownLayout;
 using RowMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
 // Used observations of each landmark, in the bundle's order.
-std::vector<std::vector<size_t>> ObservationsByLandmark(const Bundle& bundle) {
-  std::vector<std::vector<size_t>> of_landmark(bundle.markers.size());
-  for (size_t i = 0; i < bundle.observations.size(); ++i) {
-    const BundleObservation& observation = bundle.observations[i];
-    if (observation.used) of_landmark[static_cast<size_t>(observation.marker)].push_back(i);
+std::vector<std::vector<size_t>> UsedByLandmark(const Bundle& bundle) {
+  std::vector<std::vector<size_t>> of_marker = ObservationsOfMarkers(bundle);
+  for (std::vector<size_t>& indices : of_marker) {
+    std::erase_if(indices, [&](size_t i) { return !bundle.observations[i].used; });
   }
-  return of_landmark;
+  return of_marker;
 }
 
 // The rows of one observation: their derivatives by parameters, extrinsics and pose side by side,
@@ -112,7 +112,7 @@ class LandmarkSums {
 class LandmarkReduction {
  public:
   LandmarkReduction(const Bundle& bundle, const UnknownLayout& layout)
-      : bundle_(bundle), layout_(layout), by_landmark_(ObservationsByLandmark(bundle)) {
+      : bundle_(bundle), layout_(layout), by_landmark_(UsedByLandmark(bundle)) {
     system_.head = layout.head;
     int next = layout.head;
     std::vector<bool> observed(bundle.T_rig_target.size(), false);
@@ -283,32 +283,6 @@ Eigen::MatrixXd HeadInformation(const PoseSystem& system) {
   const Eigen::MatrixXd half =
       factor.matrixL().solve(system.information.bottomLeftCorner(tail, head));
   information -= half.transpose() * half;
-  return information;
-}
-
-std::vector<Eigen::Matrix3d> LandmarkInformation(const Bundle& bundle) {
-  std::vector<Eigen::Matrix3d> information(bundle.markers.size(), Eigen::Matrix3d::Zero());
-  std::vector<double> J_params;
-  for (const BundleObservation& observation : bundle.observations) {
-    if (!observation.used) continue;
-    const BundleCamera& camera = bundle.cameras[static_cast<size_t>(observation.camera)];
-    const auto rows = static_cast<Eigen::Index>(camera.model->measured.size());
-    J_params.resize(static_cast<size_t>(rows) * camera.params.size());
-    double residual[kMaxObservationSize];
-    Eigen::Matrix<double, kMaxObservationSize, 3, Eigen::RowMajor> J;
-    if (!internal::Linearise(
-            camera,
-            camera.params.data(),
-            {.T_camera_rig = camera.T_camera_rig,
-             .T_rig_target = bundle.T_rig_target[static_cast<size_t>(observation.frame)]},
-            bundle.markers[static_cast<size_t>(observation.marker)].position,
-            observation,
-            {.residual = residual, .J_params = J_params.data(), .J_marker = J.data()})) {
-      continue;
-    }
-    information[static_cast<size_t>(observation.marker)] +=
-        J.topRows(rows).transpose() * J.topRows(rows);
-  }
   return information;
 }
 

@@ -36,9 +36,6 @@ internal::UnknownLayout LayoutOf(const Bundle& bundle);
 /// when the poses are not determined.
 Eigen::MatrixXd HeadInformation(const PoseSystem& system);
 
-/// Information 3 x 3 of the used observations of each landmark on its position, all else known.
-std::vector<Eigen::Matrix3d> LandmarkInformation(const Bundle& bundle);
-
 /// Per camera: degrees of freedom of its used observations that the unknowns use. Poses and
 /// landmarks are shared in proportion to the measured coordinates.
 std::vector<double> DegreesWithLandmarks(const Bundle& bundle);
