@@ -48,6 +48,16 @@ CsvReader::CsvReader(std::string_view text,
   }
 }
 
+CsvReader::CsvReader(std::string_view text,
+                     std::string name,
+                     CsvSyntax syntax,
+                     GivenColumns columns)
+    : name_(std::move(name)), syntax_(syntax), rest_(text), given_(std::move(columns)) {
+  if (rest_.starts_with(kByteOrderMark)) rest_.remove_prefix(kByteOrderMark.size());
+  header_.assign(given_.names.begin(), given_.names.end());
+  while (line_ < given_.skip && !rest_.empty()) TakeLine();
+}
+
 std::optional<size_t> CsvReader::Find(std::string_view column) const {
   const auto found = std::find(header_.begin(), header_.end(), column);
   if (found == header_.end()) return std::nullopt;
@@ -61,11 +71,17 @@ size_t CsvReader::Column(std::string_view column) const {
 
 bool CsvReader::Next() {
   if (!NextLine(&cells_)) return false;
-  if (cells_.size() != header_.size()) {
-    Fail(fmt::format("expected {} columns as in the header, found {} (is the file truncated?)",
-                     header_.size(),
-                     cells_.size()));
+  const size_t missing = header_.size() - std::min(header_.size(), cells_.size());
+  if (cells_.size() > header_.size() || missing > given_.optional) {
+    Fail(fmt::format(
+        "expected {} columns{}, found {} (is the file truncated?)",
+        header_.size(),
+        given_.names.empty() ? " as in the header" : fmt::format(" ({})", fmt::join(header_, ",")),
+        cells_.size()));
   }
+  // Views of the line, so that messages find their place in it.
+  while (cells_.size() < header_.size())
+    cells_.push_back(cells_.back().substr(cells_.back().size()));
   return true;
 }
 

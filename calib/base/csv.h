@@ -34,6 +34,15 @@ class CsvReader {
             std::string_view first_column = {},
             std::string_view example = {});
 
+  /// The columns of a text without header, which the caller knows.
+  struct GivenColumns {
+    std::vector<std::string> names;
+    size_t optional = 0;  ///< of the last columns: a row may end before them, their cells are empty
+    int skip = 0;         ///< lines at the beginning that are no rows
+  };
+  /// Reads a text without header.
+  CsvReader(std::string_view text, std::string name, CsvSyntax syntax, GivenColumns columns);
+
   [[nodiscard]] const std::vector<std::string_view>& Header() const { return header_; }
   /// Index of a column, or nothing.
   [[nodiscard]] std::optional<size_t> Find(std::string_view column) const;
@@ -72,6 +81,7 @@ class CsvReader {
   std::string_view rest_;        // text after the present line
   const char* begin_ = nullptr;  // of the present line
   int line_ = 0;
+  GivenColumns given_;
   std::vector<std::string_view> header_, cells_;
   std::deque<std::string> unquoted_;  // texts of cells that have quotes inside
 };

@@ -65,9 +65,12 @@ class OpenFile {
   ~OpenFile() {
     if (number_ >= 0) close(number_);
   }
+  OpenFile(OpenFile&& other) noexcept : number_(other.Release()) {}
   OpenFile(const OpenFile&) = delete;
   OpenFile& operator=(const OpenFile&) = delete;
   [[nodiscard]] int Number() const { return number_; }
+  /// The number, which the caller closes.
+  [[nodiscard]] int Release() { return std::exchange(number_, -1); }
 
  private:
   int number_;
@@ -87,6 +90,17 @@ struct stat StatusOf(const OpenFile& file, const fs::path& path) {
   return status;
 }
 
+// The number of bytes read into `content` from `at` on; 0 at the end of the file.
+size_t ReadSome(const OpenFile& file, const fs::path& path, size_t at, std::string* content) {
+  while (true) {
+    const ssize_t count = read(file.Number(), content->data() + at, content->size() - at);
+    if (count >= 0) return static_cast<size_t>(count);
+    if (errno != EINTR) {
+      RefuseInput(path, fmt::format("cannot be read: {}", std::strerror(errno)));
+    }
+  }
+}
+
 std::string ReadAll(const OpenFile& file, const fs::path& path, size_t size, size_t limit) {
   const auto refuse_large = [&] {
     RefuseInput(path, fmt::format("larger than {} MB; is it the right file?", limit >> 20));
@@ -96,12 +110,8 @@ std::string ReadAll(const OpenFile& file, const fs::path& path, size_t size, siz
   constexpr size_t kLeast = 1 << 16;
   std::string content(std::max(size + 1, kLeast), '\0');
   size_t length = 0;
-  while (true) {
-    const ssize_t count = read(file.Number(), content.data() + length, content.size() - length);
-    if (count < 0 && errno == EINTR) continue;
-    if (count < 0) RefuseInput(path, fmt::format("cannot be read: {}", std::strerror(errno)));
-    if (count == 0) break;
-    length += static_cast<size_t>(count);
+  while (const size_t count = ReadSome(file, path, length, &content)) {
+    length += count;
     if (length > limit) refuse_large();
     if (length == content.size()) content.resize(2 * length);
   }
@@ -109,12 +119,23 @@ std::string ReadAll(const OpenFile& file, const fs::path& path, size_t size, siz
   return content;
 }
 
-std::string ReadFileAt(const fs::path& path, InputLimit limit, bool is_input) {
+// A file that was checked, and its size in bytes.
+struct CheckedFile {
+  OpenFile file;
+  size_t size;
+};
+
+CheckedFile OpenChecked(const fs::path& path, bool is_input) {
   CompleteResultsAround(path);
-  const OpenFile file(path);
+  OpenFile file(path);
   const struct stat status = StatusOf(file, path);
   if (is_input) InputsOfRun().Add(status, path);
-  return ReadAll(file, path, static_cast<size_t>(status.st_size), static_cast<size_t>(limit));
+  return {std::move(file), static_cast<size_t>(status.st_size)};
+}
+
+std::string ReadFileAt(const fs::path& path, InputLimit limit, bool is_input) {
+  const CheckedFile opened = OpenChecked(path, is_input);
+  return ReadAll(opened.file, path, opened.size, static_cast<size_t>(limit));
 }
 
 std::string Text(std::string content, const fs::path& path) {
@@ -131,6 +152,21 @@ std::string ReadInput(const fs::path& path, InputLimit limit) {
 std::string ReadTextFile(const fs::path& path, InputLimit limit) {
   return Text(ReadFileAt(path, limit, true), path);
 }
+
+std::string ReadInputStart(const fs::path& path, size_t size) {
+  const CheckedFile opened = OpenChecked(path, true);
+  std::string content(std::min(size, opened.size), '\0');
+  size_t length = 0;
+  while (length < content.size()) {
+    const size_t count = ReadSome(opened.file, path, length, &content);
+    if (count == 0) break;
+    length += count;
+  }
+  content.resize(length);
+  return content;
+}
+
+int OpenInput(const fs::path& path) { return OpenChecked(path, true).file.Release(); }
 
 std::string ReadEarlierResult(const fs::path& path) {
   return ReadFileAt(path, InputLimit::kTable, false);

@@ -26,6 +26,13 @@ std::string ReadInput(const std::filesystem::path& path, InputLimit limit);
 /// The same of text: refuses content with zero bytes, which no text in ASCII or UTF-8 has.
 std::string ReadTextFile(const std::filesystem::path& path, InputLimit limit = InputLimit::kTable);
 
+/// The first `size` bytes of the file, or all of a shorter one: for the headers of many files.
+std::string ReadInputStart(const std::filesystem::path& path, std::size_t size);
+
+/// The same file opened for a library that reads parts of it: a descriptor that the caller closes.
+/// Its size is not limited.
+int OpenInput(const std::filesystem::path& path);
+
 /// Like `ReadInput` for a result of an earlier run, which this run may replace.
 std::string ReadEarlierResult(const std::filesystem::path& path);
 

@@ -11,6 +11,7 @@
 #include "calib/base/input_file.h"
 #include "calib/base/names.h"
 #include "calib/files/calibration_file.h"
+#include "calib/files/image_keys.h"
 
 namespace plenocal {
 namespace {
@@ -24,12 +25,6 @@ size_t IndexOfParam(const CameraModel& model, const std::string& name, const Yam
   }
   node.Fail(fmt::format(
       "'{}' is no parameter of model {}{}", name, model.name, SuggestName(name, names)));
-}
-
-std::string PathBeside(const std::filesystem::path& session, const YamlNode& node) {
-  const std::string text = node.AsString();
-  if (text.empty()) node.Fail("expected a path, found nothing");
-  return (session.parent_path() / text).string();
 }
 
 void CheckCameraKeys(const YamlNode& node, const CameraModel& model) {
@@ -51,15 +46,6 @@ void CheckCameraKeys(const YamlNode& node, const CameraModel& model) {
       value.Fail(fmt::format("unknown key{}", SuggestName(key, known)));
     }
   }
-}
-
-// One path or several: globs, folders, files.
-std::vector<std::string> PathsBeside(const std::filesystem::path& session, const YamlNode& node) {
-  if (!node.IsSequence()) return {PathBeside(session, node)};
-  std::vector<std::string> paths;
-  for (const YamlNode& element : node.Elements()) paths.push_back(PathBeside(session, element));
-  if (paths.empty()) node.Fail("expected a glob, a folder or a list of files, got an empty list");
-  return paths;
 }
 
 // All keys that the camera lacks are named together.
@@ -95,16 +81,7 @@ SessionCamera ReadCamera(const std::string& name,
   if (node.Has("images")) camera.images = PathsBeside(session, node.At("images"));
   if (node.Has("detections")) camera.detections = PathBeside(session, node.At("detections"));
   if (node.Has("white_images")) camera.white_images = PathsBeside(session, node.At("white_images"));
-  if (node.Has("bayer")) {
-    const std::string order = node.At("bayer").AsString();
-    camera.bayer = ParseBayerOrder(order);
-    if (!camera.bayer) {
-      node.At("bayer").Fail(
-          fmt::format("expected the colours of the top-left 2 x 2 pixels, found '{}'{}",
-                      order,
-                      SuggestName(order, kBayerOrders)));
-    }
-  }
+  if (node.Has("bayer")) camera.bayer = ReadBayerOrder(node.At("bayer"));
   if (node.Has("image_size")) {
     camera.image_size = ReadImageSize(node.At("image_size"));
   } else if (node.Has("detections")) {

@@ -274,15 +274,19 @@ Defect CheckIntegrity(Bytes* bytes) {
   throw Error(ErrorKind::kInput, fmt::format("{}: {}", path.string(), reason));
 }
 
-Bytes ReadFile(const fs::path& path) {
-  const std::string content = ReadInput(path, InputLimit::kTable);
+void RefuseEmpty(const Bytes& content, const fs::path& path) {
   if (content.empty()) Refuse(path, "is empty (0 bytes); record or copy it again");
-  return {content.begin(), content.end()};
 }
 
-/// The decoded file; `flags` of cv::imdecode.
-cv::Mat Decoded(const fs::path& path, int flags) {
-  Bytes bytes = ReadFile(path);
+Bytes ReadFile(const fs::path& path) {
+  const std::string content = ReadInput(path, InputLimit::kTable);
+  Bytes bytes(content.begin(), content.end());
+  RefuseEmpty(bytes, path);
+  return bytes;
+}
+
+/// The image of a file's content; `flags` of cv::imdecode.
+cv::Mat Decoded(Bytes bytes, const fs::path& path, int flags) {
   if (const Defect defect = CheckIntegrity(&bytes)) {
     Refuse(path, *defect + "; record or copy it again");
   }
@@ -299,10 +303,11 @@ cv::Mat Decoded(const fs::path& path, int flags) {
 }
 
 /// The same of 8 or 16 bits.
-cv::Mat ReadPixels(const fs::path& path, int flags) {
+cv::Mat DecodePixels(Bytes bytes, const fs::path& path, int flags) {
   // A camera's pixels as they were recorded: the orientation that a viewer would turn them by
   // (EXIF) would exchange width and height between images of one camera.
-  cv::Mat image = Decoded(path, flags | cv::IMREAD_ANYDEPTH | cv::IMREAD_IGNORE_ORIENTATION);
+  cv::Mat image =
+      Decoded(std::move(bytes), path, flags | cv::IMREAD_ANYDEPTH | cv::IMREAD_IGNORE_ORIENTATION);
   if (image.depth() != CV_8U && image.depth() != CV_16U) {
     Refuse(path, "expected 8 or 16 bits a channel; convert it");
   }
@@ -311,10 +316,17 @@ cv::Mat ReadPixels(const fs::path& path, int flags) {
 
 }  // namespace
 
-cv::Mat ReadImage(const fs::path& path) { return ReadPixels(path, cv::IMREAD_ANYCOLOR); }
+cv::Mat ReadImage(const fs::path& path) {
+  return DecodePixels(ReadFile(path), path, cv::IMREAD_ANYCOLOR);
+}
+
+cv::Mat DecodeRawGray(std::vector<std::uint8_t> content, const fs::path& place) {
+  RefuseEmpty(content, place);
+  return DecodePixels(std::move(content), place, cv::IMREAD_GRAYSCALE);
+}
 
 cv::Mat ReadGray(const fs::path& path) {
-  cv::Mat image = ReadPixels(path, cv::IMREAD_GRAYSCALE);
+  cv::Mat image = DecodePixels(ReadFile(path), path, cv::IMREAD_GRAYSCALE);
   if (image.depth() == CV_8U) return image;
   double largest = 0;
   cv::minMaxLoc(image, nullptr, &largest);
@@ -328,7 +340,7 @@ cv::Mat ReadGray(const fs::path& path) {
 int ReadOrientation(const fs::path& path) { return internal::OrientationTag(ReadFile(path)); }
 
 cv::Mat ReadAttenuation(const fs::path& path) {
-  cv::Mat attenuation = Decoded(path, cv::IMREAD_UNCHANGED);
+  cv::Mat attenuation = Decoded(ReadFile(path), path, cv::IMREAD_UNCHANGED);
   if (attenuation.type() != CV_32F) {
     throw Error(
         ErrorKind::kInput,

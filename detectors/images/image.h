@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <opencv2/core/mat.hpp>
 #include <string>
+#include <vector>
 
 namespace plenocal {
 
@@ -16,6 +18,10 @@ cv::Mat ReadGray(const std::filesystem::path& path);
 /// Reads an image file as it is: 8 or 16 bits, raw values, one channel or three (BGR). Throws as
 /// `ReadGray` does.
 cv::Mat ReadImage(const std::filesystem::path& path);
+
+/// The image of a file's content as single-channel gray of the file's own depth: 8 or 16 bits, raw
+/// values. `place` names the file in messages. Throws as `ReadGray` does.
+cv::Mat DecodeRawGray(std::vector<std::uint8_t> content, const std::filesystem::path& place);
 
 /// The orientation tag (EXIF, 1 to 8) of a JPEG file, by which viewers turn it and the functions
 /// here do not; 1 where there is none. Throws as `ReadGray` does for a file that is missing.

@@ -100,6 +100,14 @@ const std::map<std::string, std::vector<Child>>& Children() {
         {"cameras", Below::kMapOfMaps, "Keys of a camera in calibrate --json"}}},
       {"Keys of a camera in calibrate --json",
        {{"parameters", Below::kFree}, {"sigma", Below::kFree}}},
+      {"Keys of recording --json",
+       {{"cameras", Below::kMapOfMaps, "Keys of a camera in recording --json"},
+        {"pairs", Below::kMapOfMaps, "Keys of a camera in `pairs`"},
+        {"left_out", Below::kListOfMaps, "Keys of an item of `left_out` in recording --json"},
+        {"lacks", Below::kFree}}},
+      {"Keys of a camera in recording --json",
+       {{"gaps", Below::kListOfMaps, "Keys of an item of `gaps`"},
+        {"exposure", Below::kMap, "Keys of `exposure`"}}},
       {"Keys of evaluate --json",
        {{"ate", Below::kMap, "Keys of `ate` and `rpe`"},
         {"rpe", Below::kMap, "Keys of `ate` and `rpe`"},
@@ -361,6 +369,42 @@ TEST_F(FormatsPage, HasTheKeysOfKalibrTargets) {
     }
   }
   EXPECT_EQ(checked, 3);
+}
+
+TEST_F(FormatsPage, HasTheKeysOfRecordings) {
+  const auto expect = [&](const std::string& text, const std::string& heading) {
+    Write("recording.yaml", text);
+    ExpectKnownKeys({"recording", "recording.yaml"}, {heading});
+  };
+  const std::string cameras = "plenocal: 1\ncameras: {a: {images: a}}\n";
+  expect("plenocal: 1\nqqqq: 1\n", "Keys of recording.yaml");
+  expect("plenocal: 1\ncameras: {a: {qqqq: 1}}\n", "Keys of a camera in recording.yaml");
+  expect(cameras + "pairing: {qqqq: 1}\n", "Keys of `pairing`");
+  expect(cameras + "markers: {a: {qqqq: 1}}\n", "Keys of a camera in `markers`");
+}
+
+TEST_F(FormatsPage, HasWhatRecordingWrites) {
+  constexpr std::array kExposures{1, 2, 0, 1, 3};
+  std::string times;
+  for (const char* camera : {"left", "right"}) {
+    fs::create_directories(Path(camera));
+    for (size_t i = 0; i < kExposures.size(); ++i) {
+      const int rows = i == 2 ? 8 : 16;  // one is of another size, so that there is a gap
+      ASSERT_TRUE(cv::imwrite(Path(fmt::format("{}/{}.png", camera, i)).string(),
+                              cv::Mat(rows, 16, CV_8U, cv::Scalar(100))));
+    }
+  }
+  for (size_t i = 0; i < kExposures.size(); ++i) {
+    times += fmt::format("{} {} {}\n", i, i, kExposures[i]);
+  }
+  Write("times.txt", times);
+  Write("recording.yaml",
+        "plenocal: 1\ncameras: {left: {images: left, times: times.txt, bayer: RGGB}, right: "
+        "{images: right, times: times.txt}}\n");
+  const Outcome outcome = Run({"recording", "recording.yaml", "--json"});
+  ASSERT_EQ(outcome.status, kDone) << outcome.err;
+  SeeKeys(YAML::Load(outcome.out), "Keys of recording --json", "recording --json");
+  ExpectAllSeen();
 }
 
 TEST_F(FormatsPage, HasTheKeysOfSpecifications) {

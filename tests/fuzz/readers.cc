@@ -19,6 +19,9 @@
 #include "apps/formats/camera_format.h"
 #include "apps/formats/import_format.h"
 #include "apps/formats/poses.h"
+#include "apps/recording/recording_file.h"
+#include "apps/recording/times.h"
+#include "apps/recording/zip_archive.h"
 #include "apps/simulate/simulation_spec.h"
 #include "calib/base/detection_cache.h"
 #include "calib/base/error.h"
@@ -220,6 +223,26 @@ void ReadTimesFile(const fs::path& path) {
   CheckTrajectory(ReadTrajectory(FolderOfRun().Write("poses.txt", kPoses), path));
 }
 
+// ---- recordings
+
+// The images are not there: what the file says is read.
+void ReadRecordingYaml(const fs::path& path) {
+  for (const CameraSource& camera : ReadRecordingFile(path).cameras) {
+    if (camera.pixel_size) RequireFinite("pixel sizes", std::vector{*camera.pixel_size});
+  }
+}
+
+void ReadImageTimesFile(const fs::path& path) {
+  for (const ImageTime& row : ReadImageTimes(path, ExposureUnit::kMilliseconds).rows) {
+    RequireFinite("times", std::vector{row.time, row.exposure.value_or(0)});
+  }
+}
+
+void ReadArchive(const fs::path& path) {
+  const ZipArchive archive(path);
+  for (size_t i = 0; i < archive.Names().size(); ++i) static_cast<void>(archive.Read(i));
+}
+
 // ---- files of other tools
 
 void ReadCamerasOf(const CameraFormat& format, const fs::path& path) {
@@ -304,6 +327,10 @@ std::vector<Reader> MakeReaders() {
       {"micro_lenses", "micro_lenses.csv", ReadMicroLensFile},
       {"trajectory", "trajectory.txt", trajectory},
       {"trajectory_times", "times.txt", ReadTimesFile},
+      {"recording", "recording.yaml", ReadRecordingYaml},
+      {"recording_times", "times.txt", ReadImageTimesFile},
+      {"recording_euroc", "data.csv", ReadImageTimesFile},
+      {"recording_zip", "images.zip", ReadArchive},
       {"image", "image", ReadImageFile},
       {"attenuation", "attenuation.tiff", ReadAttenuationFile},
       {"cache", "entry", ReadCacheEntry, /*names_file=*/false},

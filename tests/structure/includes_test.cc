@@ -53,8 +53,17 @@ const std::map<std::string, Rooms> kAllowed = [] {
   add("apps/resample", {"calib/judge", "detectors", "models"});
   add("apps/formats", {"apps/resample"});
   add("apps/report", {"calib/judge", "models", "detectors"});
+  add("apps/recording", {"detectors"});
+  add("apps/scene", {"apps/recording", "calib/adjust", "calib/noise", "calib/scene", "detectors"});
   add("apps/simulate", {"apps/charts", "apps/evaluate", "calib/judge", "detectors", "models"});
-  add("apps/cli", {"apps/print", "apps/evaluate", "apps/formats", "apps/report", "apps/simulate"});
+  add("apps/cli",
+      {"apps/print",
+       "apps/evaluate",
+       "apps/formats",
+       "apps/recording",
+       "apps/report",
+       "apps/scene",
+       "apps/simulate"});
   add("apps", {"apps/cli"});
   return allowed;
 }();

@@ -5,9 +5,9 @@
 
 #include <utility>
 
-#include "apps/cli/session/find_cameras.h"
-#include "apps/cli/session/image_names.h"
 #include "apps/cli/session/proposal_text.h"
+#include "apps/recording/find_cameras.h"
+#include "apps/recording/image_names.h"
 #include "calib/base/error.h"
 #include "calib/base/input_file.h"
 #include "calib/base/quoted_text.h"

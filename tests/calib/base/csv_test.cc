@@ -128,6 +128,21 @@ TEST(Csv, RefusesTablesThatAreCutOffOrAmbiguous) {
               StartsWith("t.csv:3: expected 2 columns as in the header, found 1"));
 }
 
+TEST(Csv, ReadsTextWithoutHeaderIntoGivenColumns) {
+  CsvReader table("a title\n7 1.5 0.1\n# note\n8 2\n9\n",
+                  "t.txt",
+                  CsvSyntax::kVnlog,
+                  {.names = {"id", "time", "exposure"}, .optional = 1, .skip = 1});
+  ASSERT_TRUE(table.Next());
+  EXPECT_EQ(table.Line(), 2);
+  EXPECT_EQ(table.Number(table.Column("exposure")), 0.1);
+  ASSERT_TRUE(table.Next());
+  EXPECT_EQ(table.Number(table.Column("time")), 2);
+  EXPECT_FALSE(table.NumberIfAny(table.Column("exposure")));
+  EXPECT_THAT(MessageOf([&] { table.Next(); }),
+              StartsWith("t.txt:5: expected 3 columns (id,time,exposure), found 1"));
+}
+
 TEST(Vnlog, SplitsAtBlanksBelowALegend) {
   CsvReader table(
       "## generated\n#! more\n# filename  x y\nleft/01.png 1.5\t-2\n## note\nb.png - -\n",

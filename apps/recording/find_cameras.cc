@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "apps/cli/session/find_cameras.h"
+#include "apps/recording/find_cameras.h"
 
 #include <fmt/format.h>
 
@@ -11,7 +11,7 @@
 #include <set>
 #include <utility>
 
-#include "apps/cli/session/image_names.h"
+#include "apps/recording/image_names.h"
 #include "calib/base/error.h"
 #include "calib/files/frame_images.h"
 
@@ -204,13 +204,13 @@ fs::path OwnerOf(const fs::path& white) {
 }
 
 void AddImageFolders(const fs::path& folder, int depth, std::vector<fs::path>* folders) {
-  if (fs::exists(folder / "calibration.yaml")) return;  // of results
   std::vector<fs::path> below;
   bool any = false;
   for (const auto& entry : fs::directory_iterator(folder)) {
     if (entry.path().filename().string().starts_with('.')) continue;
     if (entry.is_directory()) {
-      below.push_back(entry.path());
+      const bool of_results = fs::exists(entry.path() / "calibration.yaml");
+      if (!of_results) below.push_back(entry.path());
     } else {
       any = any || HasImageName(entry.path());
     }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "apps/cli/session/image_names.h"
+#include "apps/recording/image_names.h"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>

@@ -20,7 +20,7 @@ struct FoundCamera {
 std::vector<FoundCamera> CamerasInFolder(const std::filesystem::path& folder);
 
 /// The cameras in a folder and those below it. Images in `*_white` or `white` are the white images
-/// of the camera beside or above. Folders of results and hidden ones are passed over.
+/// of the camera beside or above. Folders of results below it and hidden ones are passed over.
 std::vector<FoundCamera> FindCameras(const std::filesystem::path& folder);
 
 }  // namespace plenocal

@@ -1,0 +1,313 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/recording/recording.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <iterator>
+#include <map>
+#include <set>
+#include <utility>
+
+#include "apps/recording/layouts.h"
+#include "apps/recording/pairing.h"
+#include "calib/base/error.h"
+#include "calib/base/quoted_text.h"
+#include "detectors/images/attenuation.h"
+#include "detectors/images/image.h"
+#include "detectors/images/image_header.h"
+
+namespace plenocal {
+namespace {
+
+/// An image file and what is known of it.
+struct Candidate {
+  ImageFile file;
+  RecordedImage image;
+};
+
+void LeaveOut(const std::string& camera,
+              const std::string& where,
+              const std::string& image,
+              const std::string& reason,
+              std::vector<LeftOut>* left_out) {
+  left_out->push_back(
+      {.where = where, .reason = reason, .whole = true, .camera = camera, .frame = image});
+}
+
+// ---- times
+
+[[noreturn]] void RefuseTimes(const ImageTimes& times, const std::string& message) {
+  throw Error(ErrorKind::kInput, fmt::format("{}: {}", times.path.string(), message));
+}
+
+void AssignInOrder(const ImageTimes& times,
+                   const std::string& camera,
+                   std::vector<Candidate>* images) {
+  if (times.rows.size() != images->size()) {
+    RefuseTimes(times,
+                fmt::format("has {} times, but camera {} has {} images; times without names of "
+                            "images must be one per image",
+                            times.rows.size(),
+                            camera,
+                            images->size()));
+  }
+  for (size_t i = 0; i < images->size(); ++i) (*images)[i].image.time = times.rows[i].time;
+}
+
+void AssignByName(const ImageTimes& times,
+                  const std::string& camera,
+                  std::vector<Candidate>* images,
+                  std::vector<LeftOut>* left_out) {
+  std::vector<std::string> names;
+  std::vector<std::filesystem::path> files;
+  for (const Candidate& image : *images) {
+    names.push_back(image.image.name);
+    files.push_back(image.file.path);
+  }
+  const ImageIndex index(names, files);
+  std::vector<int> line_of(images->size(), 0);
+  for (const ImageTime& row : times.rows) {
+    const std::optional<size_t> found = index.Find(row.id);
+    const std::string where = fmt::format("{}:{}", times.path.string(), row.line);
+    if (!found) {
+      LeaveOut(camera, where, row.id, "has a time, but there is no such image", left_out);
+      continue;
+    }
+    int& line = line_of[*found];
+    if (line != 0) {
+      throw Error(ErrorKind::kInput,
+                  fmt::format("{}: image '{}' has a time in line {} already; remove one of them",
+                              where,
+                              row.id,
+                              line));
+    }
+    line = row.line;
+    (*images)[*found].image.time = row.time;
+    (*images)[*found].image.exposure = row.exposure;
+  }
+  if (std::ranges::all_of(line_of, [](int line) { return line == 0; })) {
+    RefuseTimes(times,
+                fmt::format("names no image of camera {}: it has '{}', the images are called '{}'; "
+                            "is it the right file?",
+                            camera,
+                            times.rows[0].id,
+                            images->front().image.name));
+  }
+}
+
+/// Exposures that the camera did not give, from the neighbours in time. Returns their number.
+size_t FillExposures(std::vector<Candidate>* images) {
+  std::vector<size_t> known;
+  for (size_t i = 0; i < images->size(); ++i) {
+    if ((*images)[i].image.exposure) known.push_back(i);
+  }
+  if (known.empty()) return 0;
+  for (size_t i = 0; i < images->size(); ++i) {
+    const auto after = std::ranges::lower_bound(known, i);
+    if (after != known.end() && *after == i) continue;
+    // At the ends there is one neighbour.
+    const size_t next = after == known.end() ? known.back() : *after;
+    const size_t before = after == known.begin() ? known.front() : *std::prev(after);
+    (*images)[i].image.exposure =
+        (*(*images)[before].image.exposure + *(*images)[next].image.exposure) / 2;
+  }
+  return images->size() - known.size();
+}
+
+/// Removes the images for which reason(i) is not empty.
+template <typename Reason>
+void RemoveImages(const std::string& camera,
+                  const Reason& reason,
+                  std::vector<Candidate>* images,
+                  std::vector<LeftOut>* left_out) {
+  std::vector<Candidate> kept;
+  for (size_t i = 0; i < images->size(); ++i) {
+    Candidate& image = (*images)[i];
+    if (const std::string why = reason(i); !why.empty()) {
+      LeaveOut(camera, image.file.path.string(), image.image.name, why, left_out);
+    } else {
+      kept.push_back(std::move(image));
+    }
+  }
+  *images = std::move(kept);
+}
+
+void AssignTimes(const CameraSource& source,
+                 std::vector<Candidate>* images,
+                 std::vector<LeftOut>* left_out) {
+  const ImageTimes times = ReadImageTimes(source.times, source.exposure_unit);
+  if (!times.has_ids) {
+    AssignInOrder(times, source.name, images);
+    return;
+  }
+  AssignByName(times, source.name, images, left_out);
+  const std::string untimed = fmt::format("has no time in {}", source.times.string());
+  RemoveImages(
+      source.name,
+      [&](size_t i) { return (*images)[i].image.time ? std::string() : untimed; },
+      images,
+      left_out);
+  std::ranges::stable_sort(*images, {}, [](const Candidate& image) { return *image.image.time; });
+}
+
+// ---- sizes
+
+/// From the header: of most files it is in the first part.
+std::optional<ImageSize> HeaderSizeOf(const ImageSource& source, size_t index) {
+  constexpr size_t kStart = 1 << 14;  // bytes
+  const std::vector<unsigned char> start = source.Start(index, kStart);
+  const std::optional<ImageSize> size = SizeInHeader(start);
+  return size || start.size() < kStart ? size : SizeInHeader(source.Bytes(index));
+}
+
+/// Leaves out images whose size is not that of most; returns this size.
+ImageSize KeepOneSize(const CameraSource& camera,
+                      std::vector<Candidate>* images,
+                      std::vector<LeftOut>* left_out) {
+  std::vector<ImageFile> files;
+  for (const Candidate& image : *images) files.push_back(image.file);
+  const std::shared_ptr<const ImageSource> source = MakeImageSource(std::move(files));
+  std::vector<std::string> defects(images->size());
+  std::vector<ImageSize> sizes(images->size());
+  std::map<ImageSize, size_t> counts;
+  for (size_t i = 0; i < images->size(); ++i) {
+    try {
+      const std::optional<ImageSize> size = HeaderSizeOf(*source, i);
+      if (!size) defects[i] = "is no image, or damaged at its beginning";
+      if (size) ++counts[sizes[i] = *size];
+    } catch (const Error& error) {
+      defects[i] = WithoutPath(error.what(), source->Place(i));
+    }
+  }
+  if (counts.empty()) {
+    throw Error(ErrorKind::kInput,
+                fmt::format("{}: none of {} files is an image that can be read; the first, {}, {}",
+                            camera.where,
+                            images->size(),
+                            source->Place(0),
+                            defects[0]));
+  }
+  const auto usual = std::ranges::max_element(counts, {}, [](const auto& c) { return c.second; });
+  const ImageSize size = usual->first;
+  RemoveImages(
+      camera.name,
+      [&](size_t i) {
+        if (!defects[i].empty() || sizes[i] == size) return defects[i];
+        return fmt::format(
+            "has {} x {} px, most have {} x {}", sizes[i][0], sizes[i][1], size[0], size[1]);
+      },
+      images,
+      left_out);
+  return size;
+}
+
+// ---- raw mosaics
+
+/// Refuses a mosaic that would be taken for a grey image: its 2 x 2 raster is edges everywhere.
+void RefuseMosaic(const CameraSource& source, const RecordedCamera& camera) {
+  if (camera.bayer) return;
+  double least = 1;
+  bool seen = false;
+  const size_t last = camera.images.size() - 1;
+  for (const size_t index : std::set<size_t>{0, last / 2, last}) {
+    cv::Mat image;
+    try {
+      camera.Read(index).convertTo(image, CV_32F);
+    } catch (const Error&) {
+      continue;  // a damaged image is refused where it is used
+    }
+    seen = true;
+    least = std::min(least, PlaneDifference(image));
+  }
+  if (!seen || least == 0) return;
+  throw Error(
+      ErrorKind::kInput,
+      fmt::format("{}: the images of camera {} are raw colour mosaics (the four pixels of their 2 "
+                  "x 2 raster differ by {:.0f} %); state the order of colours in recording.yaml, "
+                  "such as 'bayer: RGGB', or convert them to grey",
+                  source.where,
+                  camera.name,
+                  100 * least));
+}
+
+// ---- cameras
+
+RecordedCamera ReadRecordedCamera(const CameraSource& source, std::vector<LeftOut>* left_out) {
+  std::vector<Candidate> images;
+  for (ImageFile& file : FindImageFiles(source.images, source.where)) {
+    RecordedImage image{.name = file.name, .time = {}, .exposure = {}};
+    images.push_back({std::move(file), std::move(image)});
+  }
+  RecordedCamera camera;
+  camera.name = source.name;
+  camera.bayer = source.bayer;
+  camera.pixel_size = source.pixel_size;
+  camera.vignetting = source.vignetting;
+  camera.response = source.response;
+  camera.markers = source.markers;
+  if (!source.times.empty()) AssignTimes(source, &images, left_out);
+  camera.exposures_filled = FillExposures(&images);
+  camera.image_size = KeepOneSize(source, &images, left_out);
+  std::vector<ImageFile> files;
+  for (Candidate& image : images) {
+    camera.images.push_back(std::move(image.image));
+    files.push_back(std::move(image.file));
+  }
+  camera.source = MakeImageSource(std::move(files));
+  if (!source.white_images.empty()) {
+    camera.white_images = ExpandImages(source.white_images, source.name + ": white images");
+  }
+  RefuseMosaic(source, camera);
+  return camera;
+}
+
+/// Names of folders are not checked by whoever made them.
+void CheckCameraNames(const RecordingFile& file) {
+  std::set<std::string> names;
+  for (const CameraSource& camera : file.cameras) {
+    const auto defect = CameraNameDefect(camera.name);
+    if (defect || !names.insert(camera.name).second) {
+      throw Error(ErrorKind::kInput,
+                  fmt::format("{}: the name of the camera, '{}', {}; write a recording.yaml with "
+                              "the names of the cameras",
+                              camera.where,
+                              camera.name,
+                              defect.value_or("is that of another one too")));
+    }
+  }
+}
+
+}  // namespace
+
+cv::Mat RecordedCamera::Read(size_t index) const {
+  return DecodeRawGray(source->Bytes(index), source->Place(index));
+}
+
+bool Recording::HasTimes() const {
+  return std::ranges::all_of(
+      cameras, [](const RecordedCamera& camera) { return camera.images.front().time.has_value(); });
+}
+
+const RecordedCamera* Recording::FindCamera(const std::string& name) const {
+  const auto found = std::ranges::find(cameras, name, &RecordedCamera::name);
+  return found == cameras.end() ? nullptr : &*found;
+}
+
+Recording ReadRecording(const std::filesystem::path& path) {
+  RecordingFile file = FindRecordingFile(path);
+  CheckCameraNames(file);
+  Recording recording;
+  recording.path = file.path;
+  recording.layout = file.layout;
+  recording.calibration = file.calibration;
+  recording.truth = file.truth;
+  recording.foreign = std::move(file.foreign);
+  for (const CameraSource& camera : file.cameras) {
+    recording.cameras.push_back(ReadRecordedCamera(camera, &recording.left_out));
+  }
+  PairImages(file.pairing, &recording);
+  return recording;
+}
+
+}  // namespace plenocal

@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// What a recording consists of, before its images are looked at: told by recording.yaml
+// (docs/formats.md), or found in the layouts of other programs (layouts.h).
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "apps/recording/times.h"
+#include "calib/camera/bayer.h"
+
+namespace plenocal {
+
+/// Detections of another program: a text file of columns between blanks or commas.
+struct MarkerFile {
+  std::filesystem::path path;
+  std::vector<std::string> columns;  ///< names; of detections those that they have, others ignored
+  double pixel_origin = 0;           ///< coordinate of the centre of the top-left pixel
+  int skip = 0;                      ///< lines before the first row
+};
+
+/// A camera of a recording.
+struct CameraSource {
+  std::string name;
+  std::string where;                ///< begins messages about its images
+  std::vector<std::string> images;  ///< globs, folders, files, archives, "archive.zip/folder"
+  std::filesystem::path times;      ///< empty: none
+  ExposureUnit exposure_unit = ExposureUnit::kMilliseconds;
+  std::vector<std::string> white_images;  ///< globs, folders, files
+  std::optional<BayerOrder> bayer;
+  std::optional<double> pixel_size;  ///< m
+  std::filesystem::path vignetting, response;
+  std::optional<MarkerFile> markers;
+};
+
+/// Which images belong to one frame.
+struct Pairing {
+  enum class By { kName, kTime };
+  std::optional<By> by = {};             ///< nothing: by time if all cameras have times
+  std::optional<double> tolerance = {};  ///< s; nothing: half of the usual interval
+};
+
+/// A calibration in another program's form.
+struct ForeignCalibration {
+  std::filesystem::path path;
+  std::string format;  ///< as `plenocal import` takes it; empty: none reads it
+};
+
+struct RecordingFile {
+  std::filesystem::path path;  ///< recording.yaml, or the folder or archive that was looked at
+  /// "recording.yaml", "TUM monoVO", "EuRoC", "KITTI", "folders" or "archive".
+  std::string layout;
+  std::vector<CameraSource> cameras = {};
+  Pairing pairing = {};
+  std::filesystem::path calibration = {}, truth = {};  ///< empty: none
+  std::vector<ForeignCalibration> foreign = {};
+};
+
+/// Reads recording.yaml. Throws `Error` with file, line and key.
+RecordingFile ReadRecordingFile(const std::filesystem::path& path);
+
+}  // namespace plenocal
