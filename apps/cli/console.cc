@@ -21,6 +21,7 @@ namespace plenocal {
 namespace {
 
 volatile std::sig_atomic_t interrupted = 0;
+constexpr auto kLogPause = std::chrono::seconds(10);  // between lines of progress in a file
 int wake_up[2] = {-1, -1};  // a pipe from the signal handler to `EndWhenInterrupted`
 
 void OnInterrupt(int) {
@@ -120,7 +121,9 @@ std::string WithColours(const std::string& text) {
 }
 
 Console::Console(const ConsoleOptions& options)
-    : quiet_(options.quiet), terminal_(isatty(ErrorFile()) == 1) {}
+    : quiet_(options.quiet),
+      terminal_(isatty(ErrorFile()) == 1),
+      next_line_(std::chrono::steady_clock::now() + kLogPause) {}
 
 Console::~Console() { ClearLine(); }
 
@@ -147,9 +150,14 @@ void Console::Progress(const std::string& stage, size_t done, size_t total) {
 }
 
 void Console::Progress(const std::string& stage) {
-  if (quiet_ || !terminal_) return;
-  PrintError(fmt::format("\r\033[K{}", Escaped(stage)));
-  line_open_ = true;
+  if (quiet_) return;
+  if (terminal_) {
+    PrintError(fmt::format("\r\033[K{}", Escaped(stage)));
+    line_open_ = true;
+  } else if (const auto now = std::chrono::steady_clock::now(); now >= next_line_) {
+    PrintError(Escaped(stage) + "\n");
+    next_line_ = now + kLogPause;
+  }
 }
 
 void Console::Print(const std::string& text) {

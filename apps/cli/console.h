@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <chrono>
 #include <cstddef>
 #include <string>
 #include <string_view>
@@ -27,7 +28,8 @@ std::string Styled(Stream stream, Style style, std::string_view text);
 std::string WithColours(const std::string& text);
 
 /// Messages and progress on standard error, and results that are also written to files on standard
-/// output. Progress is one line that is rewritten on a terminal, and is not written to files.
+/// output. Progress is one line that is rewritten on a terminal, and a line every ten seconds in a
+/// file or pipe.
 /// `quiet` silences all of it, but never errors, nor what a command prints by other means because
 /// it is asked for.
 class Console {
@@ -53,6 +55,7 @@ class Console {
   bool quiet_;
   bool terminal_;
   bool line_open_ = false;
+  std::chrono::steady_clock::time_point next_line_;  ///< of progress, where there is no terminal
 };
 
 /// Exit statuses of the program (docs/formats.md) beside those of `ErrorKind`.

@@ -3,7 +3,9 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <linux/capability.h>
 #include <signal.h>
+#include <sys/prctl.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -47,6 +49,7 @@ std::vector<std::string> Split(const std::string& line, char separator) {
   if (options.close_streams) {
     for (const int file : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO}) close(file);
   }
+  if (options.no_environment) clearenv();
   for (const auto& [name, value] : options.environment) setenv(name.c_str(), value.c_str(), 1);
   if (options.file_size_limit > 0) {
     // Ignored, so that `write` itself reports that there is no room.
@@ -54,6 +57,12 @@ std::vector<std::string> Split(const std::string& line, char separator) {
     const rlimit limit{options.file_size_limit, options.file_size_limit};
     if (setrlimit(RLIMIT_FSIZE, &limit) != 0) _exit(126);
   }
+  if (options.open_files_limit > 0) {
+    const rlimit limit{options.open_files_limit, options.open_files_limit};
+    if (setrlimit(RLIMIT_NOFILE, &limit) != 0) _exit(126);
+  }
+  // Root obeys the permissions of files as other users do, who have nothing to drop.
+  prctl(PR_CAPBSET_DROP, CAP_DAC_OVERRIDE);
   std::vector<char*> argv{const_cast<char*>("plenocal")};
   for (const std::string& argument : arguments) argv.push_back(const_cast<char*>(argument.c_str()));
   argv.push_back(nullptr);

@@ -27,10 +27,12 @@ struct Outcome {
 };
 
 struct RunOptions {
-  std::string stdout_path = {};     ///< where standard output goes; empty: into Outcome::out
-  std::string stderr_path = {};     ///< the same of standard error
-  bool close_streams = false;       ///< standard input, output and error are closed
-  std::size_t file_size_limit = 0;  ///< bytes that a file may have, as on a full disk; 0: any
+  std::string stdout_path = {};      ///< where standard output goes; empty: into Outcome::out
+  std::string stderr_path = {};      ///< the same of standard error
+  bool close_streams = false;        ///< standard input, output and error are closed
+  std::size_t file_size_limit = 0;   ///< bytes that a file may have, as on a full disk; 0: any
+  std::size_t open_files_limit = 0;  ///< 0: as the test's own
+  bool no_environment = false;       ///< only the variables of `environment`
   std::function<bool()> interrupt_when = {};  ///< `signal` is sent once this is true
   int signal = SIGINT;
   std::map<std::string, std::string> environment = {};  ///< variables beside the test's own

@@ -296,14 +296,14 @@ std::string QuotedField(const std::string& text) {
 
 std::string TableCsv(const std::vector<TrialRow>& rows) {
   std::string text =
-      "model,parameters,held_out_rms,held_out_sigma,probability,difference,sigma,in_sample_rms,image_sigma,unseen,seconds,recommended,judgement,undetermined,failure\n";
+      "model,parameters,held_out_rms,held_out_sigma,probability,difference,sigma,in_sample_rms,image_sigma,unseen,recommended,judgement,undetermined,failure\n";
   for (const TrialRow& row : rows) {
     const ModelTrial& trial = *row.trial;
     if (!trial.failure.empty()) {
-      text += fmt::format("{},,,,,,,,,,,0,,,{}\n", trial.model->name, QuotedField(trial.failure));
+      text += fmt::format("{},,,,,,,,,,0,,,{}\n", trial.model->name, QuotedField(trial.failure));
       continue;
     }
-    text += fmt::format("{},{},{},{:.6g},{},{:.6g},{:.3f},{},{},{},\n",
+    text += fmt::format("{},{},{},{:.6g},{},{:.6g},{},{},{},\n",
                         trial.model->name,
                         trial.free_parameters,
                         trial.comparable ? fmt::format("{:.6g},{:.3g},{:.3g},{:.3g},{:.3g}",
@@ -316,7 +316,6 @@ std::string TableCsv(const std::vector<TrialRow>& rows) {
                         trial.in_sample_rms,
                         trial.comparable ? fmt::format("{:.6g}", trial.image_sigma) : "",
                         trial.unseen,
-                        trial.seconds,
                         row.recommended ? 1 : 0,
                         QuotedField(row.judgement),
                         fmt::join(row.undetermined, " "));
@@ -350,11 +349,10 @@ std::string ModelYaml(const TrialRow& row) {
         YamlQuoted(row.judgement));
   }
   return text + fmt::format(
-                    "    unseen: {}\n    in_sample_rms: {}\n    seconds: {:.3f}\n"
+                    "    unseen: {}\n    in_sample_rms: {}\n"
                     "    undetermined: [{}]\n    calibration: models/{}/calibration.yaml\n",
                     YamlNumber(trial.unseen),
                     YamlNumber(trial.in_sample_rms),
-                    trial.seconds,
                     fmt::join(undetermined, ", "),
                     trial.model->name);
 }

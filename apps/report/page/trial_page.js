@@ -6,14 +6,14 @@ function addTable() {
   const node = section("Models");
   node.append(element("div", { class: "verdict good" }, element("strong", {}, `Recommended: ${report.recommendation}`),
     element("p", {}, `Target: ${report.target}`)));
-  const head = ["", "judgement", "parameters", "held-out RMS, px", "standard error", "difference from the best, px", "P(as bad by chance)", "in-sample RMS, px", "standard error of the projection, supported image, px", "whole image, px", "run time, s", "not determined"];
+  const head = ["", "judgement", "parameters", "held-out RMS, px", "standard error", "difference from the best, px", "P(as bad by chance)", "in-sample RMS, px", "standard error of the projection, supported image, px", "whole image, px", "not determined"];
   node.append(table("each model on held-out frames", head, report.models.map((model) => {
     const name = cell(model.recommended ? `${model.model} (recommended)` : model.model);
     if (model.why_not) return row(name, element("td", { colspan: String(head.length - 1), style: "text-align:left;white-space:normal" }, model.why_not));
     return row(name, element("td", { style: "text-align:left;white-space:normal;min-width:14em" }, model.judgement), cell(model.parameters),
       cell(brief(model.rms, 4), model.rms), cell(brief(model.rms_sigma, 2), model.rms_sigma),
       cell(brief(model.difference, 2), model.difference), cell(brief(model.probability, 2), model.probability), cell(brief(model.in_sample_rms, 4), model.in_sample_rms), cell(brief(model.sigma, 2), model.sigma), cell(brief(model.image_sigma, 2), model.image_sigma),
-      cell(brief(model.seconds, 2), model.seconds), element("td", { style: "text-align:left;white-space:normal;min-width:12em" }, model.undetermined.join(", ") || "–"));
+      element("td", { style: "text-align:left;white-space:normal;min-width:12em" }, model.undetermined.join(", ") || "–"));
   })));
   note(node, "Of a held-out frame only the pose is estimated. The difference is that of the projection over the supported image, after the best rigid motion. The probability is the smaller one of two paired t-tests over frames against the best model: of the mean squared residuals, corrected for the overlap of the training sets, and of the share of the residuals that the best model predicts.");
   addFigure(figures(node), "Held-out RMS", "Bars: RMS, and RMS plus its standard error.", compared.length, (canvas) => bars(canvas, compared.map((model) => model.model), [

@@ -66,6 +66,19 @@ TEST_F(Streams, OfAnyCommandEndWithinASecondOfASignal) {
   }
 }
 
+// A log shows what a run of minutes is at.
+TEST_F(Streams, ThatAreFilesHaveALineOfProgressNowAndThen) {
+  WriteProblem(MakeProblem(3, {.frames = 400, .noise = 0.1}));
+  const std::string log = Path("log").string();
+  constexpr size_t kLines = 3;  // two of messages, one of progress
+  const auto has_line = [&] { return fs::exists(log) && Lines(Read("log")).size() >= kLines; };
+  const Outcome outcome =
+      Run({"try", "session.yaml", "-o", "slow"}, {.stderr_path = log, .interrupt_when = has_line});
+  EXPECT_EQ(outcome.status, kInterrupted);
+  EXPECT_THAT(Lines(Read("log")).at(kLines - 1), HasSubstr("model "));
+  EXPECT_THAT(Read("log"), Not(HasSubstr("\r")));
+}
+
 // A PNG of 8 x 8 grey pixels whose compressed data are broken, with checksums that fit.
 std::string BrokenPng() {
   const auto bytes = [](std::uint32_t value) {
