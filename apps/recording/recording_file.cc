@@ -36,17 +36,22 @@ fs::path FileBeside(const fs::path& file, const YamlNode& node) {
 }
 
 CameraSource ReadCameraSource(const std::string& name, const YamlNode& node, const fs::path& file) {
-  static constexpr std::array<std::string_view, 6> kKeys{
-      "images", "times", "exposure_unit", "white_images", "bayer", "pixel_size"};
+  static constexpr std::array<std::string_view, 7> kKeys{
+      "images", "tracks", "times", "exposure_unit", "white_images", "bayer", "pixel_size"};
   static constexpr std::array<std::string_view, 3> kUnits{"s", "ms", "us"};
   CheckCameraName(name, node);
   node.CheckKeys(kKeys);
-  node.RequireKeys(std::array<std::string_view, 1>{"images"}, "images: left/*.png\n");
   CameraSource camera;
   camera.name = name;
-  const YamlNode images = node.At("images");
-  camera.where = fmt::format("{}:{}: cameras.{}.images", file.string(), images.Line(), name);
-  camera.images = PathsBeside(file, images);
+  if (node.Has("tracks")) camera.tracks = FileBeside(file, node.At("tracks"));
+  if (node.Has("images") || !node.Has("tracks")) {
+    node.RequireKeys(std::array<std::string_view, 1>{"images"}, "images: left/*.png\n");
+    const YamlNode images = node.At("images");
+    camera.where = fmt::format("{}:{}: cameras.{}.images", file.string(), images.Line(), name);
+    camera.images = PathsBeside(file, images);
+  } else {
+    camera.where = fmt::format("{}:{}: cameras.{}", file.string(), node.Line(), name);
+  }
   if (node.Has("times")) camera.times = PathBeside(file, node.At("times"));
   if (node.Has("exposure_unit")) {
     camera.exposure_unit = static_cast<ExposureUnit>(OneOf(node.At("exposure_unit"), kUnits));

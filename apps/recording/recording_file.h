@@ -33,6 +33,7 @@ struct CameraSource {
   std::optional<BayerOrder> bayer;
   std::optional<double> pixel_size;  ///< m
   std::filesystem::path vignetting, response;
+  std::filesystem::path tracks;  ///< scene points followed through the images; empty: none
   std::optional<MarkerFile> markers;
 };
 

@@ -16,11 +16,6 @@
 
 namespace plenocal {
 
-/// Frames of the two segments: indices into `SceneTracks::frames`, ascending.
-struct LoopSegments {
-  std::vector<size_t> start, end;
-};
-
 struct LoopTruthInput {
   const CalibratedRig* rig = nullptr;
   const SceneTracks* tracks = nullptr;

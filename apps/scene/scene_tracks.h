@@ -17,6 +17,11 @@ struct SceneTracks {
   std::vector<std::vector<View>> views;  ///< per camera; their frames are in `frames`
 };
 
+/// Frames of the two segments: indices into `SceneTracks::frames`, ascending.
+struct LoopSegments {
+  std::vector<size_t> start, end;
+};
+
 /// A bundle of the points that at least two views show, of unknown poses and positions, and the
 /// cameras given.
 Bundle MakeSceneBundle(const SceneTracks& tracks, const std::vector<BundleCamera>& cameras);

@@ -23,14 +23,14 @@ constexpr Eigen::Index kMostDirections = 32;
 
 using RowMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
-// Sums over rows that share a pose, with their products with B = [basis, 6 columns of the pose,
+// ViewSums over rows that share a pose, with their products with B = [basis, 6 columns of the pose,
 // residual, its change with each error that observations share]: J' B by the unknowns (markers at
 // their best), whose first part is the information J' J times a basis, and E' B by the pose.
-struct Sums {
+struct ViewSums {
   Eigen::Index basis;
   MatrixXd J_B, E_B;
 
-  Sums(Eigen::Index unknowns, Eigen::Index basis_columns, Eigen::Index residuals)
+  ViewSums(Eigen::Index unknowns, Eigen::Index basis_columns, Eigen::Index residuals)
       : basis(basis_columns),
         J_B(MatrixXd::Zero(unknowns, basis + 6 + residuals)),
         E_B(MatrixXd::Zero(6, J_B.cols())) {}
@@ -40,7 +40,7 @@ struct Sums {
   [[nodiscard]] auto Gradient() const { return J_B.rightCols(J_B.cols() - basis - 6); }
   [[nodiscard]] Matrix6d PoseInformation() const { return E_B.middleCols<6>(basis); }
 
-  Sums& operator+=(const Sums& other) {
+  ViewSums& operator+=(const ViewSums& other) {
     J_B += other.J_B;
     E_B += other.E_B;
     return *this;
@@ -98,7 +98,7 @@ class Rows {
                size_t begin,
                size_t end,
                const MatrixXd* basis,
-               Sums* sums) {
+               ViewSums* sums) {
     const bool has_common = camera_.noise.common_sigma > 0;
     const auto most = static_cast<Eigen::Index>(end - begin) * dimension_ * (has_common ? 2 : 1);
     if (most > J_.rows()) {
@@ -251,7 +251,7 @@ Scores FrameScores(const Bundle& bundle, const Uncertainty& uncertainty, const M
   const auto& observations = bundle.observations;
   for (size_t begin = 0, end = 0; begin < observations.size();) {
     const auto frame = static_cast<size_t>(observations[begin].frame);
-    Sums sums(unknowns, basis_columns, residuals);
+    ViewSums sums(unknowns, basis_columns, residuals);
     for (; begin < observations.size() && observations[begin].frame == static_cast<int>(frame);
          begin = end) {
       const auto c = static_cast<size_t>(observations[begin].camera);
@@ -262,7 +262,7 @@ Scores FrameScores(const Bundle& bundle, const Uncertainty& uncertainty, const M
         rows[c].AddView(seen, begin, end, basis, &sums);
         continue;
       }
-      Sums view(unknowns, basis_columns, residuals);
+      ViewSums view(unknowns, basis_columns, residuals);
       rows[c].AddView(seen, begin, end, basis, &view);
       const Matrix6d W = JitterWeight(bundle, frame, c);
       view.EliminateJitter(W.transpose() * W, bundle.jitter.delta[bundle.View(frame, c)]);

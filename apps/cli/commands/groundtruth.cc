@@ -1,0 +1,126 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
+
+#include <memory>
+
+#include "apps/cli/command.h"
+#include "apps/cli/options.h"
+#include "apps/recording/layouts.h"
+#include "apps/scene/loop_truth_files.h"
+#include "apps/scene/recorded_tracks.h"
+#include "calib/base/error.h"
+#include "calib/base/number_text.h"
+#include "calib/base/output_folder.h"
+#include "calib/files/calibration_file.h"
+#include "calib/files/calibration_tables.h"
+#include "models/registry.h"
+
+namespace plenocal {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct GroundtruthArguments {
+  fs::path recording;
+  fs::path calibration;              ///< empty: that of the recording
+  std::vector<std::string> cameras;  ///< empty: those of the calibration that the recording has
+  SegmentChoice segments;
+  fs::path out;
+};
+
+CalibrationRecord ReadRigCalibration(const GroundtruthArguments& arguments,
+                                     const RecordingFile& recording) {
+  const fs::path& path =
+      arguments.calibration.empty() ? recording.calibration : arguments.calibration;
+  if (path.empty()) {
+    throw Error(ErrorKind::kInput,
+                fmt::format("{}: names no calibration; give --calibration calibration.yaml",
+                            recording.path.string()));
+  }
+  CalibrationRecord calibration = ReadCalibration(path, CameraModels());
+  const fs::path correlations = path.parent_path() / "correlations.csv";
+  if (fs::exists(correlations)) calibration.correlations = ReadCorrelations(correlations);
+  return calibration;
+}
+
+/// The chosen cameras, or those that recording and calibration have in common.
+std::vector<std::string> ChooseCameras(const GroundtruthArguments& arguments,
+                                       const RecordingFile& recording,
+                                       const CalibrationRecord& calibration) {
+  if (!arguments.cameras.empty()) return arguments.cameras;
+  std::vector<std::string> names;
+  for (const CalibratedCamera& camera : calibration.cameras) {
+    const auto same = [&](const CameraSource& source) { return source.name == camera.name; };
+    if (std::ranges::any_of(recording.cameras, same)) names.push_back(camera.name);
+  }
+  if (!names.empty()) return names;
+  throw Error(ErrorKind::kInput,
+              fmt::format("{}: has none of the cameras of {}; their names must be the same",
+                          recording.path.string(),
+                          calibration.path.string()));
+}
+
+void RunGroundtruth(const GroundtruthArguments& arguments, const ConsoleOptions& shared) {
+  Console console(shared);
+  const RecordingFile recording = FindRecordingFile(arguments.recording);
+  const CalibrationRecord calibration = ReadRigCalibration(arguments, recording);
+  const CalibratedRig rig =
+      MakeCalibratedRig(calibration, ChooseCameras(arguments, recording, calibration));
+  OutputFolder output(arguments.out);
+  const SceneTracks tracks = ReadRecordedTracks(recording, rig.cameras);
+  const LoopTruthResult truth = EstimateLoopTruth(
+      {.rig = &rig,
+       .tracks = &tracks,
+       .segments = ChooseSegments(tracks, arguments.segments),
+       .progress = [&](const std::string& stage) {
+         console.Progress(stage);
+         return !Interrupted();
+       }});
+  for (const SegmentTruth* segment : {&truth.start, &truth.end}) {
+    for (const size_t frame : segment->left_out) {
+      console.Message(fmt::format("  left out {}: too few points agree", tracks.frames[frame]));
+    }
+  }
+  const std::vector<std::string> findings = FindingsOf(truth);
+  for (const std::string& finding : findings) console.Warning(finding);
+  const LoopTruthContext context{
+      .tracks = &tracks,
+      .findings = findings,
+      .provenance = {{"recording", recording.path.string()},
+                     {"calibration", calibration.path.string()}}};
+  for (const auto& [name, content] : LoopTruthFiles(truth, context)) output.Write(name, content);
+  output.Commit();
+  console.Print(LoopTruthSummary(truth));
+  console.Print(fmt::format("written to {}\n", arguments.out.string()));
+}
+
+constexpr const char* kGroundtruthHelp =
+    "Ground truth of a loop: the poses of its start and end in one frame, from scene points.\n"
+    "\n"
+    "  plenocal groundtruth RECORDING --calibration calibration.yaml -o OUT\n"
+    "  plenocal groundtruth RECORDING --cameras left,right --start 0:12 --end 301:320 -o OUT\n"
+    "\n"
+    "Writes segments_<camera>.txt, which `plenocal evaluate --truth` reads, their covariance and the "
+    "points; docs/groundtruth.md.";
+
+RunCommand DeclareGroundtruth(CLI::App* app, ConsoleOptions* shared) {
+  const auto arguments = std::make_shared<GroundtruthArguments>();
+  app->add_option("recording", arguments->recording, "recording.yaml, or a folder")->required();
+  app->add_option("--calibration",
+                  arguments->calibration,
+                  "calibration.yaml of the rig; else the one that the recording names");
+  app->add_option("--cameras", arguments->cameras, "cameras to use; the first one's is the path")
+      ->delimiter(',');
+  app->add_option("--start", arguments->segments.start, "start segment A:B, seconds or frames");
+  app->add_option("--end", arguments->segments.end, "end segment A:B, seconds or frames");
+  app->add_option("-o,--out", arguments->out, "folder for the results")->required();
+  AddQuiet(app, shared);
+  AddThreads(app, shared);
+  return [arguments, shared] { RunGroundtruth(*arguments, *shared); };
+}
+
+}  // namespace
+
+Command GroundtruthCommand() { return {"groundtruth", kGroundtruthHelp, DeclareGroundtruth}; }
+
+}  // namespace plenocal
