@@ -185,10 +185,10 @@ SimulatedScene::SimulatedScene(const SimulationSpec& spec,
   }
   BuildRoom(scenery, path);
   const std::vector<const RigInstant*> instants = Sparse(path);
-  // One a metre of the path, but enough for a camera that stays in its place.
-  constexpr double kFewest = 24, kBoxesPerMetre = 1;
-  const int count = scenery.scene.boxes.value_or(
-      static_cast<int>(std::max(kFewest, kBoxesPerMetre * path.circumference)));
+  // Some ten in every view, for a camera that stays in its place too.
+  constexpr double kFewest = 48, kBoxesPerRange = 12;
+  const int count = scenery.scene.boxes.value_or(static_cast<int>(
+      std::max(kFewest, kBoxesPerRange * path.circumference / scenery.scene.farthest)));
   if (period_ == 0) {
     still_.boxes = DrawBoxes(spec, observer, instants, still_, count);
   } else {

@@ -11,10 +11,10 @@
 namespace plenocal::simulate {
 namespace {
 
-constexpr int kTile = 1024;      // texels, of a tile's side
-constexpr int kOctaves = 8;      // structures of 1, 2, 4, ..., 128 texels
-constexpr int kTileLevels = 9;   // of the tile, each half as fine
-constexpr float kMean = 0.45f;   // brightness
+constexpr int kTile = 1024;        // texels, of a tile's side
+constexpr int kOctaves = 8;        // structures of 1, 2, 4, ..., 128 texels
+constexpr int kTileLevels = 9;     // of the tile, each half as fine
+constexpr float kMean = 0.45f;     // brightness
 constexpr float kContrast = 0.2f;  // standard deviation of the brightness of one point
 
 // Periodic noise with structures of `size` texels.
@@ -136,11 +136,12 @@ void PosedScene::AddFace(const Eigen::Matrix3d& axes,
   const Eigen::Vector3d shift = axes * T_frame_camera.t;
   // Faces of equal orientation differ in their texture by where they are.
   const Eigen::Vector3d start = 7.13 * Eigen::Vector3d(axes.row(2)) + 3.71 * point;
-  faces_.push_back({.normal = by_camera.row(2).cast<float>(),
-                    .offset = static_cast<float>(axes.row(2).dot(point) - shift.z()),
-                    .axes = by_camera.topRows<2>().cast<float>(),
-                    .shift = (shift.head<2>() + Eigen::Vector2d(start.sum(), start.x() - start.y()))
-                                 .cast<float>()});
+  faces_.push_back(
+      {.normal = by_camera.row(2).cast<float>(),
+       .offset = static_cast<float>(axes.row(2).dot(point) - shift.z()),
+       .axes = by_camera.topRows<2>().cast<float>(),
+       .shift =
+           (shift.head<2>() + Eigen::Vector2d(start.sum(), start.x() - start.y())).cast<float>()});
 }
 
 std::pair<int, float> PosedScene::FaceOf(const Eigen::Vector3f& origin,
@@ -167,7 +168,8 @@ std::pair<int, float> PosedScene::FaceOf(const Eigen::Vector3f& origin,
     for (int i = 0; i < 3; ++i) {
       const float inverse = 1 / d[i];
       const float low = (-box.half[i] - o[i]) * inverse, high = (box.half[i] - o[i]) * inverse;
-      if (std::min(low, high) > enter) enter = std::min(low, high), side = 2 * i + (d[i] < 0 ? 1 : 0);
+      if (std::min(low, high) > enter)
+        enter = std::min(low, high), side = 2 * i + (d[i] < 0 ? 1 : 0);
       leave = std::min(leave, std::max(low, high));
     }
     if (side < 0 || !(enter < leave)) continue;
@@ -206,8 +208,7 @@ void PosedScene::Radiances(const RayBundle& rays,
       continue;
     }
     const Face& face = faces_[static_cast<size_t>(face_index)];
-    const float distance =
-        (face.offset - face.normal.dot(origin)) / face.normal.dot(direction);
+    const float distance = (face.offset - face.normal.dot(origin)) / face.normal.dot(direction);
     (*radiances)[k] = Brightness(face, origin + distance * direction, spread, distance);
   }
 }
