@@ -124,11 +124,8 @@ std::vector<Observation> Observer::ObservePoint(std::size_t c,
   if (optics_[c]) return optics_[c]->Observe(marker, p_cam);
   const CameraSpec& camera = spec_.cameras[c];
   Observation observation{.marker = marker};
-  if (camera.model->project(camera.params.data(),
-                            camera.config.data(),
-                            nullptr,
-                            p_cam,
-                            observation.values.data()) &&
+  if (camera.model->project(
+          camera.params.data(), camera.config.data(), nullptr, p_cam, observation.values.data()) &&
       IsInside({observation.values[0], observation.values[1]}, camera.image_size)) {
     return {observation};
   }

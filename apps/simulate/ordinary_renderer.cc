@@ -29,7 +29,7 @@ class OrdinaryRenderer : public Renderer {
     }
   }
 
-  [[nodiscard]] cv::Mat Render(const PosedSurface& surface, std::uint64_t) const override {
+  [[nodiscard]] cv::Mat Render(const Surface& surface, std::uint64_t) const override {
     cv::Mat light(white_.size(), CV_32F);
     for (int first = 0; first < light.rows; first += kStrip) {
       const int rows = std::min(kStrip, light.rows - first);
@@ -76,7 +76,7 @@ class OrdinaryRenderer : public Renderer {
   }
 
   // (x, y): of the fine image with margins. Between corners rays are as good as linear.
-  [[nodiscard]] float Sample(const PosedSurface& surface, int x, int y) const {
+  [[nodiscard]] float Sample(const Surface& surface, int x, int y) const {
     const size_t at =
         static_cast<size_t>(y / kSamples) * stride_ + static_cast<size_t>(x / kSamples);
     const float fx = (static_cast<float>(x % kSamples) + 0.5f) / kSamples;
@@ -86,7 +86,7 @@ class OrdinaryRenderer : public Renderer {
              fy * ((1 - fx) * corners[at + stride_] + fx * corners[at + stride_ + 1]);
     };
     for (const size_t corner : {at, at + 1, at + stride_, at + stride_ + 1}) {
-      if (directions_[corner].isZero()) return PosedSurface::kBackground;
+      if (directions_[corner].isZero()) return Surface::kBackground;
     }
     const float pixel = (directions_[at + 1] - directions_[at]).norm();
     return surface.Radiance(origins_.empty() ? Eigen::Vector3f::Zero() : between(origins_),
@@ -105,6 +105,14 @@ class OrdinaryRenderer : public Renderer {
 
 std::unique_ptr<Renderer> MakeOrdinaryRenderer(const CameraSpec& camera) {
   return std::make_unique<OrdinaryRenderer>(camera);
+}
+
+std::unique_ptr<Renderer> MakeRenderer(const CameraSpec& camera,
+                                       const MicroLensOptics* optics,
+                                       int seed,
+                                       int threads) {
+  if (optics == nullptr) return MakeOrdinaryRenderer(camera);
+  return MakePlenopticRenderer(camera, *optics, seed, threads);
 }
 
 }  // namespace plenocal::simulate

@@ -161,7 +161,7 @@ class PlenopticRenderer : public Renderer {
     FindWhite(seed, threads);
   }
 
-  [[nodiscard]] cv::Mat Render(const PosedSurface& surface, std::uint64_t seed) const override {
+  [[nodiscard]] cv::Mat Render(const Surface& surface, std::uint64_t seed) const override {
     cv::Mat light(white_.size(), CV_32F, cv::Scalar(0));
     for (const Lens& lens : lenses_) {
       const Scenery scenery = SceneryOf(surface, lens);
@@ -194,7 +194,7 @@ class PlenopticRenderer : public Renderer {
 
   // The part of the scene in a micro image.
   struct Scenery {
-    int board = -1;    // the one that all of it shows, or -1
+    int face = -1;     // the one that all of it shows, or -1
     float spread = 0;  // px, radius of the defocused micro lens
   };
 
@@ -369,7 +369,7 @@ class PlenopticRenderer : public Renderer {
   }
 
   // Over the rays that pass the stop.
-  float MeanRadiance(const PosedSurface& surface,
+  float MeanRadiance(const Surface& surface,
                      const Lens& lens,
                      const Scenery& scenery,
                      float dx,
@@ -383,7 +383,7 @@ class PlenopticRenderer : public Renderer {
       const Spread spread{.at_origin = lens.by_x[0] / n, .by_distance = lens.by_x[2] / n};
       AimRays(lens, dx, dy, {samples, 0, samples.size()}, &rays);
       if (rays.count == 0) return 0.f;
-      surface.Radiances(rays, spread, scenery.board, &radiances);
+      surface.Radiances(rays, spread, scenery.face, &radiances);
       float sum = 0, low = 1, high = 0;
       for (size_t k = 0; k < static_cast<size_t>(rays.count); ++k) {
         sum += radiances[k];
@@ -400,7 +400,7 @@ class PlenopticRenderer : public Renderer {
     return contrast > kEven || rays.count < kFew ? trace(fine_.For(scenery.spread, any), 5) : first;
   }
 
-  Scenery SceneryOf(const PosedSurface& surface, const Lens& lens) const {
+  Scenery SceneryOf(const Surface& surface, const Lens& lens) const {
     Scenery scenery;
     constexpr int kSteps = 3;
     for (int i = -kSteps; i <= kSteps; ++i) {
@@ -408,10 +408,10 @@ class PlenopticRenderer : public Renderer {
         const float dx = lens.reach * static_cast<float>(i) / kSteps;
         const float dy = lens.reach * static_cast<float>(j) / kSteps;
         const Vector4f ray = lens.ray + dx * lens.by_x + dy * lens.by_y;
-        const auto [board, distance] =
-            surface.BoardOf(pupil_ + Eigen::Vector3f(ray[0], ray[1], 0), {ray[2], ray[3], 1});
-        if (i == -kSteps && j == -kSteps) scenery.board = board;
-        if (board != scenery.board) scenery.board = -1;
+        const auto [face, distance] =
+            surface.FaceOf(pupil_ + Eigen::Vector3f(ray[0], ray[1], 0), {ray[2], ray[3], 1});
+        if (i == -kSteps && j == -kSteps) scenery.face = face;
+        if (face != scenery.face) scenery.face = -1;
         if (i == 0 && j == 0 && distance > 0) {
           // By how much a point of the scene moves for a px of the pixel and of the micro lens.
           const float by_x = lens.by_x[0] + distance * lens.by_x[2];

@@ -7,7 +7,7 @@
 
 #include "apps/simulate/micro_lens_optics.h"
 #include "apps/simulate/simulation_spec.h"
-#include "apps/simulate/target_surface.h"
+#include "apps/simulate/surface.h"
 
 namespace plenocal::simulate {
 
@@ -16,7 +16,7 @@ class Renderer {
  public:
   virtual ~Renderer() = default;
   /// CV_32F; 1: white paper without vignetting. `seed`: of random sampling.
-  [[nodiscard]] virtual cv::Mat Render(const PosedSurface& surface, std::uint64_t seed) const = 0;
+  [[nodiscard]] virtual cv::Mat Render(const Surface& surface, std::uint64_t seed) const = 0;
   /// The image of a uniform white field, CV_32F: the true attenuation image.
   [[nodiscard]] virtual const cv::Mat& White() const = 0;
 };
@@ -32,5 +32,11 @@ std::unique_ptr<Renderer> MakePlenopticRenderer(const CameraSpec& camera,
                                                 const MicroLensOptics& optics,
                                                 int seed,
                                                 int threads);
+
+/// The renderer that suits the camera; `optics`: null for an ordinary one.
+std::unique_ptr<Renderer> MakeRenderer(const CameraSpec& camera,
+                                       const MicroLensOptics* optics,
+                                       int seed,
+                                       int threads);
 
 }  // namespace plenocal::simulate

@@ -9,9 +9,8 @@
 #include <iterator>
 #include <map>
 #include <memory>
-#include <mutex>
-#include <set>
 
+#include "apps/simulate/image_set.h"
 #include "apps/simulate/observer.h"
 #include "apps/simulate/pose_set.h"
 #include "apps/simulate/provenance.h"
@@ -133,68 +132,16 @@ void WriteTruth(const Scene& scene,
   out->Write("truth/frames.csv", FramesCsv(scene));
 }
 
-// An image of the session that is to be made.
-struct Shot {
-  size_t camera = 0;
-  std::optional<size_t> frame;  // none: of the white field
-  size_t index = 0;             // of the white image
-  std::string name;
-};
-
-std::vector<Shot> ListShots(const Scene& scene) {
-  std::vector<Shot> shots;
-  for (size_t c = 0; c < scene.spec.cameras.size(); ++c) {
-    const std::string& camera = scene.spec.cameras[c].name;
-    for (size_t f = 0; f < scene.frames.size(); ++f) {
-      shots.push_back({c, f, 0, fmt::format("{}/{}.png", camera, scene.frames[f].name)});
-    }
-    for (size_t i = 0; i < static_cast<size_t>(scene.spec.white_images); ++i) {
-      shots.push_back({c, std::nullopt, i, fmt::format("{}_white/white_{:02}.png", camera, i)});
-    }
-  }
-  // The slow ones first, so that all threads end at about the same time.
-  std::stable_sort(shots.begin(), shots.end(), [&](const Shot& a, const Shot& b) {
-    const auto is_slow = [&](const Shot& shot) {
-      return shot.frame && scene.spec.cameras[shot.camera].IsPlenoptic();
-    };
-    return is_slow(a) && !is_slow(b);
-  });
-  return shots;
-}
-
-// Images of another run would become part of the session.
-void RefuseOtherImages(const std::vector<Shot>& shots, const std::filesystem::path& out) {
-  std::set<std::filesystem::path> expected, folders;
-  for (const Shot& shot : shots) {
-    expected.insert(out / shot.name);
-    folders.insert((out / shot.name).parent_path());
-  }
-  for (const std::filesystem::path& folder : folders) {
-    std::error_code error;
-    for (const auto& entry : std::filesystem::directory_iterator(folder, error)) {
-      if (entry.path().extension() != ".png" || expected.contains(entry.path())) continue;
-      throw Error(ErrorKind::kInput,
-                  fmt::format("{}: is no image of this session but would be taken for one; remove "
-                              "it or give another folder with -o",
-                              entry.path().string()));
-    }
-  }
-}
-
-cv::Mat TakeShot(const Scene& scene,
-                 const TargetSurface& surface,
-                 const Renderer& renderer,
-                 const Shot& shot) {
-  const CameraSpec& camera = scene.spec.cameras[shot.camera];
-  if (!shot.frame) {
-    Random random(scene.spec.seed, "white", {shot.camera, shot.index});
-    constexpr double kFlicker = 0.01;  // of the lamp
-    return Expose(renderer.White() * (1 + random.Gaussian(kFlicker)), camera.sensor, &random);
-  }
-  Random random(scene.spec.seed, "image", {shot.camera, *shot.frame});
-  const PosedSurface posed(surface, camera.T_camera_rig * scene.frames[*shot.frame].T_rig_target);
+cv::Mat TakeFrame(const Scene& scene,
+                  const TargetSurface& surface,
+                  const Renderer& renderer,
+                  size_t c,
+                  size_t frame) {
+  const CameraSpec& camera = scene.spec.cameras[c];
+  Random random(scene.spec.seed, "image", {c, frame});
+  const PosedSurface posed(surface, camera.T_camera_rig * scene.frames[frame].T_rig_target);
   const std::uint64_t sampling =
-      static_cast<std::uint64_t>(scene.spec.seed) * 1000003 + shot.camera * 65537 + *shot.frame;
+      static_cast<std::uint64_t>(scene.spec.seed) * 1000003 + c * 65537 + frame;
   return Expose(renderer.Render(posed, sampling), camera.sensor, &random);
 }
 
@@ -252,33 +199,35 @@ void ObserveScene(const Observer& observer, int threads, const Progress& progres
   }
 }
 
-// Renders and writes all images; returns the renderers by camera.
-Renderers WriteImages(const Scene& scene,
-                      const Observer& observer,
-                      int threads,
-                      const Progress& progress,
-                      OutputFolder* out) {
-  const SimulationSpec& spec = scene.spec;
-  const std::vector<Shot> shots = ListShots(scene);
-  progress("optics", 0, 1);
+Renderers MakeRenderers(const SimulationSpec& spec, const Observer& observer, int threads) {
   Renderers renderers;
   for (size_t c = 0; c < spec.cameras.size(); ++c) {
-    const MicroLensOptics* optics = observer.Optics(c);
-    renderers.push_back(optics == nullptr
-                            ? MakeOrdinaryRenderer(spec.cameras[c])
-                            : MakePlenopticRenderer(spec.cameras[c], *optics, spec.seed, threads));
+    renderers.push_back(MakeRenderer(spec.cameras[c], observer.Optics(c), spec.seed, threads));
   }
-  const TargetSurface surface(NominalTarget(scene.target), scene.made, spec.seed);
-  std::mutex mutex;
-  size_t done = 0;
-  ParallelFor(shots.size(), threads, [&](size_t i) {
-    const std::string file =
-        EncodeImage(".png", TakeShot(scene, surface, *renderers[shots[i].camera], shots[i]));
-    const std::lock_guard lock(mutex);
-    out->Write(shots[i].name, file);
-    progress("images", ++done, shots.size());
-  });
   return renderers;
+}
+
+// All images; the slow ones first, so that all threads end at about the same time.
+std::vector<ImageTask> ListImages(const Scene& scene,
+                                  const TargetSurface& surface,
+                                  const Renderers& renderers) {
+  const SimulationSpec& spec = scene.spec;
+  std::vector<ImageTask> slow, quick;
+  for (size_t c = 0; c < spec.cameras.size(); ++c) {
+    const CameraSpec& camera = spec.cameras[c];
+    const Renderer& renderer = *renderers[c];
+    std::vector<ImageTask>& tasks = camera.IsPlenoptic() ? slow : quick;
+    for (size_t f = 0; f < scene.frames.size(); ++f) {
+      tasks.push_back({fmt::format("{}/{}.png", camera.name, scene.frames[f].name),
+                       [&, c, f] { return TakeFrame(scene, surface, renderer, c, f); }});
+    }
+    for (size_t i = 0; i < static_cast<size_t>(spec.white_images); ++i) {
+      quick.push_back({fmt::format("{}_white/white_{:02}.png", camera.name, i),
+                       [&, c, i] { return TakeWhite(renderer, camera, spec.seed, c, i); }});
+    }
+  }
+  slow.insert(slow.end(), quick.begin(), quick.end());
+  return slow;
 }
 
 void WriteDetections(const Scene& scene, OutputFolder* out) {
@@ -329,8 +278,16 @@ std::string Simulate(const SimulateRequest& request, const SimulateOptions& opti
   if (request.points) {
     WriteDetections(scene, &out);
   } else {
-    RefuseOtherImages(ListShots(scene), request.out);
-    renderers = WriteImages(scene, observer, options.threads, progress, &out);
+    const TargetSurface surface(NominalTarget(scene.target), scene.made, spec.seed);
+    progress("optics", 0, 1);
+    renderers = MakeRenderers(spec, observer, options.threads);
+    const std::vector<ImageTask> images = ListImages(scene, surface, renderers);
+    RefuseOtherImages(images, request.out);
+    WriteImages(
+        images,
+        options.threads,
+        [&](size_t done, size_t total) { progress("images", done, total); },
+        &out);
   }
   out.Write("session.yaml", SessionYaml(scene, request));
   out.Write("target.yaml", RefinedTargetYaml(scene.target, {}, {}));

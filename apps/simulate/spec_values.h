@@ -13,7 +13,7 @@
 #include <string>
 #include <string_view>
 
-#include "calib/base/names.h"
+#include "calib/base/error.h"
 #include "calib/base/yaml.h"
 
 namespace plenocal::simulate {
@@ -22,8 +22,7 @@ namespace plenocal::simulate {
 std::filesystem::path PathBeside(const std::filesystem::path& spec, const YamlNode& node);
 
 /// Sets `value` to the number of `key`, if it is there; within [low, high].
-void ReadNumber(
-    const YamlNode& node, std::string_view key, double low, double high, double* value);
+void ReadNumber(const YamlNode& node, std::string_view key, double low, double high, double* value);
 void ReadInteger(const YamlNode& node, std::string_view key, int low, int high, int* value);
 
 /// Index of the text of `node` in `choices`.

@@ -310,8 +310,8 @@ PosedSurface::Hit PosedSurface::FindHit(const Eigen::Vector3f& origin,
   return hit;
 }
 
-std::pair<int, float> PosedSurface::BoardOf(const Eigen::Vector3f& origin,
-                                            const Eigen::Vector3f& direction) const {
+std::pair<int, float> PosedSurface::FaceOf(const Eigen::Vector3f& origin,
+                                           const Eigen::Vector3f& direction) const {
   const Hit hit = FindHit(origin, direction);
   if (hit.board == nullptr || hit.board->own.normal.dot(direction) < 0) return {-1, 0};
   return {static_cast<int>(hit.board - boards_.data()), hit.distance};

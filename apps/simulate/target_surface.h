@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "apps/simulate/observer.h"
+#include "apps/simulate/surface.h"
 #include "targets/target_drawing.h"
 
 namespace plenocal::simulate {
@@ -26,19 +27,6 @@ struct PictureMap {
   Eigen::Vector3f normal{0, 0, 0};
   float offset = 0;  ///< the plane is normal . p = offset
   Eigen::Matrix<float, 3, 4> M;
-};
-
-/// Width of the bundle of light that a ray represents: `at_origin` + distance * `by_distance`, m.
-struct Spread {
-  float at_origin = 0, by_distance = 0;
-};
-
-/// Rays of one position in an image; all start at depth z and have direction (dx, dy, 1).
-struct RayBundle {
-  static constexpr int kMost = 144;
-  int count = 0;
-  float z = 0;
-  std::array<float, kMost> x, y, dx, dy;
 };
 
 /// The target, independent of its pose.
@@ -78,28 +66,23 @@ class TargetSurface {
 };
 
 /// The target at a pose before a camera.
-class PosedSurface {
+class PosedSurface : public Surface {
  public:
   PosedSurface(const TargetSurface& surface, const RigidTransform& T_camera_target);
 
-  /// Radiance along a ray of the camera frame, 1: white paper. `direction` need not have length 1.
   [[nodiscard]] float Radiance(const Eigen::Vector3f& origin,
                                const Eigen::Vector3f& direction,
-                               const Spread& spread) const;
-
-  /// The radiances of a whole bundle. `board`: that of all rays around these by `BoardOf`, or -1;
-  /// rays of one board are much faster.
+                               const Spread& spread) const override;
+  /// Faces are the fronts of boards.
   void Radiances(const RayBundle& rays,
                  const Spread& spread,
                  int board,
-                 std::array<float, RayBundle::kMost>* radiances) const;
-  /// The board whose front a ray meets, -1: none, or a back; and how far from the origin.
-  [[nodiscard]] std::pair<int, float> BoardOf(const Eigen::Vector3f& origin,
-                                              const Eigen::Vector3f& direction) const;
+                 std::array<float, RayBundle::kMost>* radiances) const override;
+  [[nodiscard]] std::pair<int, float> FaceOf(const Eigen::Vector3f& origin,
+                                             const Eigen::Vector3f& direction) const override;
 
   static constexpr float kInk = 0.04f;
-  static constexpr float kBackground = 0.15f;  ///< radiance of the background
-  static constexpr float kBack = 0.3f;         ///< a board's back
+  static constexpr float kBack = 0.3f;  ///< a board's back
 
  private:
   struct Board {

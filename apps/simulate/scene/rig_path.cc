@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <numbers>
@@ -107,6 +108,7 @@ RigPath LoopPath(const TrajectorySpec& spec, int seed) {
   path.circumference = Circumference(spec);
   const ClosedCurve curve(path.circumference, spec.straight ? spec.segment * spec.speed : 0);
   const double amplitude = spec.straight || spec.rotation ? 0 : spec.amplitude.value_or(0.6);
+  const double towards = spec.one_depth ? 0 : 0.5;
   Random random(seed, "path");
   // Not in step with each other, so that the rig does not move along a line.
   const Wave winding(Eigen::Vector3d(0.73, 0.73, 1) / spec.seconds, &random);
@@ -118,7 +120,7 @@ RigPath LoopPath(const TrajectorySpec& spec, int seed) {
     const double time = static_cast<double>(i) / spec.rate;
     RigidTransform T = curve.At(spec.speed * time);
     const Eigen::Vector3d wound = winding.At(time);
-    T.t += amplitude * (wound.z() * Eigen::Vector3d::UnitZ() + 0.5 * wound.x() * T.R.col(2));
+    T.t += amplitude * (wound.z() * Eigen::Vector3d::UnitZ() + towards * wound.x() * T.R.col(2));
     const RigidTransform shaken = shake.At(time);
     T.R = T.R * ExpRotation(turning.At(time).cwiseProduct(largest_turn)) * shaken.R;
     T.t += shaken.t;
@@ -198,6 +200,18 @@ void MarkSegments(const TrajectorySpec& spec, RigPath* path) {
   UseEvenly(std::move(end), spec.frames);
 }
 
+// From the neighbours of each instant.
+void FindVelocities(std::vector<RigInstant>* instants) {
+  for (size_t i = 0; i < instants->size(); ++i) {
+    const RigInstant& before = (*instants)[i == 0 ? 0 : i - 1];
+    const RigInstant& after = (*instants)[std::min(i + 1, instants->size() - 1)];
+    const double seconds = after.time - before.time;
+    if (seconds > 0) {
+      (*instants)[i].velocity = (after.T_world_rig.t - before.T_world_rig.t) / seconds;
+    }
+  }
+}
+
 }  // namespace
 
 std::vector<const RigInstant*> RigPath::Used() const {
@@ -209,12 +223,20 @@ std::vector<const RigInstant*> RigPath::Used() const {
 }
 
 RigPath MakeRigPath(const TrajectorySpec& spec, double nearest, double farthest, int seed) {
-  if (spec.shape == TrajectorySpec::Shape::kHandheld) {
-    return HandheldPath(spec, nearest, farthest, seed);
+  RigPath path;
+  switch (spec.shape) {
+    case TrajectorySpec::Shape::kHandheld:
+      path = HandheldPath(spec, nearest, farthest, seed);
+      break;
+    case TrajectorySpec::Shape::kGiven:
+      path = GivenPath(spec.given);
+      MarkSegments(spec, &path);
+      break;
+    case TrajectorySpec::Shape::kLoop:
+      path = LoopPath(spec, seed);
+      MarkSegments(spec, &path);
   }
-  RigPath path = spec.shape == TrajectorySpec::Shape::kGiven ? GivenPath(spec.given)
-                                                             : LoopPath(spec, seed);
-  MarkSegments(spec, &path);
+  FindVelocities(&path.instants);
   return path;
 }
 

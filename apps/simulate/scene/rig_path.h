@@ -19,6 +19,7 @@ struct RigInstant {
   Part part = Part::kBetween;
   bool used = false;  ///< images or tracks are made of it
   RigidTransform T_world_rig;
+  Eigen::Vector3d velocity{0, 0, 0};  ///< m/s, of the rig
 };
 
 /// The rig's path; the world's z axis points up.

@@ -88,8 +88,7 @@ std::string RecordingYaml(const SimulationSpec& spec, bool points) {
 std::string SceneSessionYaml(const SimulationSpec& spec,
                              bool points,
                              const std::vector<std::string>& distances) {
-  std::string text =
-      fmt::format("plenocal: 1\nscene:\n  points: {}\n", spec.scenery->scene.points);
+  std::string text = fmt::format("plenocal: 1\nscene:\n  points: {}\n", spec.scenery->scene.points);
   if (!distances.empty()) text += "  distances:\n";
   for (const std::string& distance : distances) text += "    - " + distance + "\n";
   text += "cameras:\n";
@@ -213,9 +212,9 @@ std::vector<std::string> DrawDistances(const SimulationSpec& spec,
     constexpr int kPairs = 20;
     Random random(spec.seed, "distance", {static_cast<size_t>(k)});
     const auto draw = [&] {
-      return known[std::min(known.size() - 1,
-                            static_cast<size_t>(
-                                random.Uniform(0, static_cast<double>(known.size()))))];
+      return known[std::min(
+          known.size() - 1,
+          static_cast<size_t>(random.Uniform(0, static_cast<double>(known.size()))))];
     };
     const ScenePoint *a = known[0], *b = known[0];
     const auto length = [](const ScenePoint* from, const ScenePoint* to) {

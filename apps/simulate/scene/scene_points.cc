@@ -70,21 +70,30 @@ ScenePoint DrawStillPoint(const SimulationSpec& spec,
   return best->point;
 }
 
-// On the surface of a moving box, even over its area.
-ScenePoint DrawMovingPoint(const SimulationSpec& spec, const SimulatedScene& scene, size_t index) {
-  Random random(spec.seed, "moving point", {index});
+// On the faces of a moving box, even over their area.
+ScenePoint DrawOnBox(const MovingBox& moving, Random* random) {
   ScenePoint point;
-  point.box = index % scene.Moving().size();
-  const Eigen::Vector3d& half = scene.Moving()[*point.box].box.half;
-  // A face by its area, then a position on it.
+  const Eigen::Vector3d& half = moving.box.half;
   const Eigen::Vector3d areas(half.y() * half.z(), half.z() * half.x(), half.x() * half.y());
-  double drawn = random.Uniform(0, areas.sum());
+  double drawn = random->Uniform(0, areas.sum());
   int axis = 0;
   while (axis < 2 && drawn > areas[axis]) drawn -= areas[axis++];
-  const double side = random.Uniform(0, 1) < 0.5 ? -1 : 1;
-  for (int i = 0; i < 3; ++i) point.position[i] = half[i] * random.Uniform(-1, 1);
+  const double side = random->Uniform(0, 1) < 0.5 ? -1 : 1;
+  for (int i = 0; i < 3; ++i) point.position[i] = half[i] * random->Uniform(-1, 1);
   point.position[axis] = side * half[axis];
   point.normal[axis] = side;
+  return point;
+}
+
+// On a face that the rig sees which the box was placed before.
+ScenePoint DrawMovingPoint(const SimulationSpec& spec, const SimulatedScene& scene, size_t index) {
+  Random random(spec.seed, "moving point", {index});
+  const size_t box = index % scene.Moving().size();
+  const MovingBox& moving = scene.Moving()[box];
+  const Eigen::Vector3d viewer = moving.box.T_world_box.Inverse() * moving.viewer;
+  ScenePoint point = DrawOnBox(moving, &random);
+  while (!(point.normal.dot(viewer - point.position) > 0)) point = DrawOnBox(moving, &random);
+  point.box = box;
   return point;
 }
 
@@ -230,15 +239,13 @@ std::vector<ScenePoint> DrawPoints(const SimulationSpec& spec,
                                    const SimulatedScene& scene) {
   const SceneSpec& wanted = spec.scenery->scene;
   const auto count = static_cast<size_t>(wanted.points);
-  const auto moving = scene.Moving().empty()
-                          ? 0
-                          : static_cast<size_t>(std::lround(wanted.moving * wanted.points));
+  const auto moving =
+      scene.Moving().empty() ? 0 : static_cast<size_t>(std::lround(wanted.moving * wanted.points));
   const std::vector<const RigInstant*> used = path.Used();
   std::vector<ScenePoint> points;
   for (size_t i = 0; i < count; ++i) {
-    ScenePoint point = i + moving < count
-                           ? DrawStillPoint(spec, observer, used, scene.Still(), i)
-                           : DrawMovingPoint(spec, scene, i);
+    ScenePoint point = i + moving < count ? DrawStillPoint(spec, observer, used, scene.Still(), i)
+                                          : DrawMovingPoint(spec, scene, i);
     point.number = static_cast<int>(i);
     const bool merges = Random(spec.seed, "merged", {i}).Uniform(0, 1) < wanted.merged;
     point.number_at_end = static_cast<int>(merges ? i : i + count);

@@ -13,8 +13,8 @@ namespace plenocal::simulate {
 /// A point on a surface of the scene.
 struct ScenePoint {
   Eigen::Vector3d position{0, 0, 0}, normal{0, 0, 0};  ///< m; of the world or of its box
-  std::optional<std::size_t> box;  ///< the moving box that it lies on
-  int number = 0;                  ///< marker number in tracks
+  std::optional<std::size_t> box;                      ///< the moving box that it lies on
+  int number = 0;                                      ///< marker number in tracks
   /// Its number in the end segment; none: it is not tracked there. Another number than `number`
   /// stands for a point that was not recognised, or was mistaken for another.
   std::optional<int> number_at_end = 0;

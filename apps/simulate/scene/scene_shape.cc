@@ -46,22 +46,26 @@ double DrawDepth(const SceneSpec& spec, Random* random) {
   return 1 / random->Uniform(1 / spec.farthest, 1 / spec.nearest);
 }
 
-// The middle of a box before one of the cameras, and its distance.
+// The middle of a box before one of the cameras, and its depth, m.
 struct BoxPlace {
   const RigInstant* instant = nullptr;
   Eigen::Vector3d centre{0, 0, 0};
   double depth = 0;
 };
 
+// Nothing if surfaces of `still` would hide it.
 std::optional<BoxPlace> DrawPlace(const SimulationSpec& spec,
                                   const Observer& observer,
                                   const std::vector<const RigInstant*>& instants,
+                                  const SceneShape& still,
                                   Random* random) {
   const auto sight = DrawSight(spec, observer, instants, random);
   const double depth = DrawDepth(spec.scenery->scene, random);
   if (!sight) return std::nullopt;
   const double slope = sight->T_camera_world.R.row(2).dot(sight->ray.direction);
   if (!(slope > 0)) return std::nullopt;
+  const auto hit = still.Cast(sight->ray.origin, sight->ray.direction);
+  if (!hit || hit->distance < depth / slope) return std::nullopt;
   return BoxPlace{sight->instant, sight->ray.origin + depth / slope * sight->ray.direction, depth};
 }
 
@@ -69,13 +73,14 @@ std::optional<BoxPlace> DrawPlace(const SimulationSpec& spec,
 std::vector<Box> DrawBoxes(const SimulationSpec& spec,
                            const Observer& observer,
                            const std::vector<const RigInstant*>& instants,
+                           const SceneShape& room,
                            int count) {
-  constexpr int kTries = 20;
+  constexpr int kTries = 50;
   std::vector<Box> boxes;
   for (int i = 0; i < count; ++i) {
     Random random(spec.seed, "box", {static_cast<size_t>(i)});
     for (int attempt = 0; attempt < kTries; ++attempt) {
-      const auto place = DrawPlace(spec, observer, instants, &random);
+      const auto place = DrawPlace(spec, observer, instants, room, &random);
       if (!place) continue;
       const Box box = DrawBox(place->centre, place->depth, &random);
       const double free = 0.6 * spec.scenery->scene.nearest + box.half.norm();
@@ -93,25 +98,30 @@ std::vector<Box> DrawBoxes(const SimulationSpec& spec,
 // Some tens of points lie on each.
 std::vector<MovingBox> DrawMovingBoxes(const SimulationSpec& spec,
                                        const Observer& observer,
-                                       const std::vector<const RigInstant*>& instants) {
+                                       const std::vector<const RigInstant*>& instants,
+                                       const SceneShape& still) {
   constexpr double kPointsPerBox = 30;
   const SceneSpec& scene = spec.scenery->scene;
-  const auto count =
-      static_cast<size_t>(std::ceil(scene.moving * static_cast<double>(scene.points) / kPointsPerBox));
+  const auto count = static_cast<size_t>(
+      std::ceil(scene.moving * static_cast<double>(scene.points) / kPointsPerBox));
   std::vector<MovingBox> boxes;
   for (size_t i = 0; i < count; ++i) {
     Random random(spec.seed, "moving box", {i});
     std::optional<BoxPlace> place;
     for (int attempt = 0; attempt < 100 && !place; ++attempt) {
-      place = DrawPlace(spec, observer, instants, &random);
+      place = DrawPlace(spec, observer, instants, still, &random);
     }
     if (!place) continue;
     const double course = random.Uniform(0, 2 * std::numbers::pi);
-    const double speed = place->depth * random.Uniform(0.08, 0.25);
+    const double speed = place->depth * random.Uniform(0.05, 0.2);
+    // Some go along with the rig and stay long in view.
+    const double along = random.Uniform(0, 1);
     boxes.push_back({.box = DrawBox(place->centre, place->depth, &random),
                      .time = place->instant->time,
-                     .velocity = speed * Eigen::Vector3d(std::cos(course), std::sin(course), 0),
-                     .turning = random.Uniform(-0.5, 0.5)});
+                     .velocity = along * place->instant->velocity +
+                                 speed * Eigen::Vector3d(std::cos(course), std::sin(course), 0),
+                     .turning = random.Uniform(-0.5, 0.5),
+                     .viewer = place->instant->T_world_rig.t});
   }
   return boxes;
 }
@@ -136,7 +146,7 @@ Box MovingBox::At(double t) const {
 
 std::optional<SurfaceHit> SceneShape::Cast(const Eigen::Vector3d& origin,
                                            const Eigen::Vector3d& direction) const {
-  SurfaceHit nearest{std::numeric_limits<double>::infinity(), {}};
+  SurfaceHit nearest{.distance = std::numeric_limits<double>::infinity()};
   for (const Wall& wall : walls) {
     const double towards = wall.normal.dot(direction);
     const double gap = wall.offset - wall.normal.dot(origin);
@@ -164,7 +174,9 @@ bool SceneShape::Hides(const Eigen::Vector3d& point, const Eigen::Vector3d& view
   });
 }
 
-SimulatedScene::SimulatedScene(const SimulationSpec& spec, const Observer& observer, const RigPath& path) {
+SimulatedScene::SimulatedScene(const SimulationSpec& spec,
+                               const Observer& observer,
+                               const RigPath& path) {
   const ScenerySpec& scenery = *spec.scenery;
   if (scenery.trajectory.repeated) {
     // Three times in the start segment, so that its scene is seen again one period off.
@@ -173,32 +185,32 @@ SimulatedScene::SimulatedScene(const SimulationSpec& spec, const Observer& obser
   }
   BuildRoom(scenery, path);
   const std::vector<const RigInstant*> instants = Sparse(path);
-  // One a metre of the path, but enough for a camera that stays in its place.
-  constexpr double kFewest = 24, kBoxesPerMetre = 1;
-  const int count = scenery.scene.boxes.value_or(
-      static_cast<int>(std::max(kFewest, kBoxesPerMetre * path.circumference)));
+  // Some ten in every view, for a camera that stays in its place too.
+  constexpr double kFewest = 48, kBoxesPerRange = 12;
+  const int count = scenery.scene.boxes.value_or(static_cast<int>(
+      std::max(kFewest, kBoxesPerRange * path.circumference / scenery.scene.farthest)));
   if (period_ == 0) {
-    still_.boxes = DrawBoxes(spec, observer, instants, count);
+    still_.boxes = DrawBoxes(spec, observer, instants, still_, count);
   } else {
     const double copies = 2 * std::numbers::pi / period_;
     const auto first =
-        DrawBoxes(spec, observer, instants, static_cast<int>(std::ceil(count / copies)));
+        DrawBoxes(spec, observer, instants, still_, static_cast<int>(std::ceil(count / copies)));
     for (int k = 0; k < static_cast<int>(std::lround(copies)); ++k) {
       const RigidTransform turn{AboutVertical(k * period_), Eigen::Vector3d::Zero()};
       for (const Box& box : first) still_.boxes.push_back({turn * box.T_world_box, box.half});
     }
   }
-  moving_ = DrawMovingBoxes(spec, observer, path.Used());
+  moving_ = DrawMovingBoxes(spec, observer, path.Used(), still_);
 }
 
 // Walls in many directions, each as far outside of the path, a floor and a ceiling.
 void SimulatedScene::BuildRoom(const ScenerySpec& spec, const RigPath& path) {
-  constexpr double kWalls = 24;  // at least
+  // At least; a room for one depth is all but round.
+  const double least = spec.trajectory.one_depth ? 96 : 24;
   const double copies = period_ > 0 ? std::round(2 * std::numbers::pi / period_) : 1;
-  const int count = static_cast<int>(copies * std::ceil(kWalls / copies));
-  const double gap = spec.trajectory.one_depth
-                         ? std::sqrt(spec.scene.nearest * spec.scene.farthest)
-                         : 0.9 * spec.scene.farthest;
+  const int count = static_cast<int>(copies * std::ceil(least / copies));
+  const double gap = spec.trajectory.one_depth ? std::sqrt(spec.scene.nearest * spec.scene.farthest)
+                                               : 0.9 * spec.scene.farthest;
   const double height = 0.45 * spec.scene.farthest;
   const auto farthest = [&](const Eigen::Vector3d& normal) {
     double offset = -std::numeric_limits<double>::infinity();

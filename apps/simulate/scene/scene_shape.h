@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "apps/simulate/observer.h"
+#include "apps/simulate/random.h"
 #include "apps/simulate/scene/rig_path.h"
 
 namespace plenocal::simulate {
@@ -25,17 +26,18 @@ struct Box {
 
 /// A box that moves and turns about the vertical steadily.
 struct MovingBox {
-  Box box;          ///< at `time`
-  double time = 0;  ///< s
+  Box box;                            ///< at `time`
+  double time = 0;                    ///< s
   Eigen::Vector3d velocity{0, 0, 0};  ///< m/s
   double turning = 0;                 ///< rad/s
+  Eigen::Vector3d viewer{0, 0, 0};    ///< m, the rig that it was placed before, at `time`
 
   [[nodiscard]] Box At(double t) const;
 };
 
 /// Where a ray meets a surface.
 struct SurfaceHit {
-  double distance = 0;  ///< in lengths of the ray's direction
+  double distance = 0;              ///< in lengths of the ray's direction
   Eigen::Vector3d normal{0, 0, 0};  ///< towards the ray's origin
 };
 

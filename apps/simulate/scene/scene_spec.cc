@@ -81,11 +81,11 @@ void CheckLoop(const YamlNode& node, const TrajectorySpec& spec) {
   const double segment = spec.segment * spec.speed;
   const YamlNode& place = node.Has("length") ? node.At("length") : node;
   if (!(spec.length >= 2 * segment)) {
-    place.Fail(fmt::format(
-        "{} m are walked in {:.4g} s: shorter than a start and an end of {:.4g} s each",
-        spec.length,
-        spec.length / spec.speed,
-        spec.segment));
+    place.Fail(
+        fmt::format("{} m are walked in {:.4g} s: shorter than a start and an end of {:.4g} s each",
+                    spec.length,
+                    spec.length / spec.speed,
+                    spec.segment));
   }
   // Half circles of a radius of 0.5 m join the straight sides.
   const double least = (2 + spec.overlap) * segment + std::numbers::pi;
@@ -117,8 +117,8 @@ void ReadTrajectorySpec(const YamlNode& node,
     ReadMotion(node, spec);
   }
   ReadNumber(node, "segment", 0.01, 1e5, &spec->segment);
-  if (node.Has("frames")) {
-    spec->frames = 2;
+  if (node.Has("frames") || spec->shape == TrajectorySpec::Shape::kHandheld) {
+    spec->frames = node.At("frames").AsInteger();
     ReadInteger(node, "frames", 2, 1000000, &*spec->frames);
   }
   if (node.Has("whole")) spec->whole = node.At("whole").AsBool();
@@ -189,7 +189,6 @@ ScenerySpec ReadScenery(const YamlNode& root, const std::filesystem::path& path)
     spec.scene.nearest = 25;
     spec.scene.farthest = 80;
   }
-  if (kinds[kHandheld] && !trajectory.Has("frames")) trajectory.At("frames");
   ReadTrajectorySpec(trajectory, path, &motion);
   ReadSceneSpec(root.At("scene"), &spec.scene);
   if (motion.one_depth) {

@@ -22,8 +22,8 @@ struct SceneSpec {
   double moving = 0;                 ///< share of the points that lie on moving boxes
   double track_length = 0;           ///< frames, mean until a track is lost; 0: while it is seen
   double wrong_matches = 0;          ///< share of observations that are another point's
-  double merged = 1;      ///< share of the points that keep their number in the end segment
-  int distances = 0;      ///< measured distances between points
+  double merged = 1;  ///< share of the points that keep their number in the end segment
+  int distances = 0;  ///< measured distances between points
   double distance_sigma = 0.0005;  ///< m
 };
 
@@ -32,17 +32,17 @@ struct TrajectorySpec {
   enum class Shape { kLoop, kHandheld, kGiven };
   Shape shape = Shape::kLoop;
   // Faulty on purpose.
-  bool straight = false;    ///< start and end move along a line
-  bool rotation = false;    ///< the rig turns in one place
-  bool no_turning = false;  ///< the rig keeps its orientation
-  bool one_depth = false;   ///< all points lie at one depth
-  bool no_overlap = false;  ///< the end sees nothing of the start's scene
-  bool repeated = false;    ///< the scene repeats itself along the path
-  double length = 100;      ///< m, without winding
-  double speed = 1;         ///< m/s
-  double rate = 30;         ///< frames a second
-  double segment = 15;      ///< s, of the start and of the end
-  double overlap = 1;       ///< share of the start's path that the end covers again
+  bool straight = false;                 ///< start and end move along a line
+  bool rotation = false;                 ///< the rig turns in one place
+  bool no_turning = false;               ///< the rig keeps its orientation
+  bool one_depth = false;                ///< all points lie at one depth
+  bool no_overlap = false;               ///< the end sees nothing of the start's scene
+  bool repeated = false;                 ///< the scene repeats itself along the path
+  double length = 100;                   ///< m, without winding
+  double speed = 1;                      ///< m/s
+  double rate = 30;                      ///< frames a second
+  double segment = 15;                   ///< s, of the start and of the end
+  double overlap = 1;                    ///< share of the start's path that the end covers again
   std::optional<double> amplitude = {};  ///< m, of the winding; of a hand-held path in all axes
   double seconds = 8;                    ///< period of the winding
   double shake = 1;                      ///< of the hand, about 1 degree and 8 mm for 1
@@ -54,7 +54,7 @@ struct TrajectorySpec {
 
 /// Standard deviations of the errors of the calibration that goes with the recording.
 struct CalibrationSigma {
-  double baseline = 20e-6;   ///< m, of each coordinate of a camera's translation in the rig
+  double baseline = 20e-6;    ///< m, of each coordinate of a camera's translation in the rig
   double rotation = 0.05e-3;  ///< rad, likewise
   double focal = 0.15;        ///< px, of each parameter in pixels
   /// By camera and parameter; these take precedence.
