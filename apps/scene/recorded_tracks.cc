@@ -10,6 +10,7 @@
 #include <set>
 
 #include "apps/evaluate/trajectory_metrics.h"
+#include "apps/recording/image_files.h"
 #include "calib/base/error.h"
 #include "calib/base/number_text.h"
 #include "calib/files/detections.h"
