@@ -30,8 +30,8 @@ fs::path FolderOrArchive(const fs::path& path) {
   return fs::is_regular_file(archive) ? archive : fs::path();
 }
 
-CameraSource CameraAt(const std::string& name, const fs::path& images, const fs::path& times) {
-  CameraSource camera;
+RecordedFiles CameraAt(const std::string& name, const fs::path& images, const fs::path& times) {
+  RecordedFiles camera;
   camera.name = name;
   camera.where = images.string();
   camera.images = {images.string()};
@@ -81,7 +81,7 @@ std::optional<RecordingFile> FindTum(const fs::path& folder) {
   const fs::path images = FolderOrArchive(folder / "images"), times = folder / "times.txt";
   if (images.empty() || !fs::exists(times)) return std::nullopt;
   RecordingFile file{.path = folder, .layout = "TUM monoVO"};
-  CameraSource camera = CameraAt("cam", images, times);
+  RecordedFiles camera = CameraAt("cam", images, times);
   camera.response = IfExists(folder / "pcalib.txt");
   camera.vignetting = IfExists(folder / "vignette.png");
   file.cameras.push_back(std::move(camera));
@@ -104,7 +104,7 @@ RecordingFile FindFolders(const fs::path& folder) {
   }
   try {
     for (const FoundCamera& found : FindCameras(folder)) {
-      CameraSource camera = CameraAt(found.name, found.images[0], {});
+      RecordedFiles camera = CameraAt(found.name, found.images[0], {});
       camera.images = found.images;
       camera.white_images = found.white;
       camera.times = TimesBeside(found.name, found.images[0], folder);

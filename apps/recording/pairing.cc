@@ -146,7 +146,7 @@ double UsualInterval(const std::vector<double>& values) {
   return Median(std::move(intervals));
 }
 
-void PairImages(const Pairing& pairing, Recording* recording) {
+void MakeFrames(const Pairing& pairing, Recording* recording) {
   const bool timed = std::ranges::all_of(recording->cameras, AllTimed);
   recording->paired_by = pairing.by.value_or(timed ? Pairing::By::kTime : Pairing::By::kName);
   if (!pairing.by && !timed) CheckCounts(*recording);

@@ -13,7 +13,7 @@ namespace plenocal {
 ///
 /// Throws `Error` of kind kInput where times are missing that `pairing` needs, and for cameras that
 /// share no name.
-void PairImages(const Pairing& pairing, Recording* recording);
+void MakeFrames(const Pairing& pairing, Recording* recording);
 
 /// Median of the intervals between successive values; 0 of fewer than two values.
 double UsualInterval(const std::vector<double>& values);

@@ -133,7 +133,7 @@ void RemoveImages(const std::string& camera,
   *images = std::move(kept);
 }
 
-void AssignTimes(const CameraSource& source,
+void AssignTimes(const RecordedFiles& source,
                  std::vector<Candidate>* images,
                  std::vector<LeftOut>* left_out) {
   const ImageTimes times = ReadImageTimes(source.times, source.exposure_unit);
@@ -162,7 +162,7 @@ std::optional<ImageSize> HeaderSizeOf(const ImageSource& source, size_t index) {
 }
 
 /// Leaves out images whose size is not that of most; returns this size.
-ImageSize KeepOneSize(const CameraSource& camera,
+ImageSize KeepOneSize(const RecordedFiles& camera,
                       std::vector<Candidate>* images,
                       std::vector<LeftOut>* left_out) {
   std::vector<ImageFile> files;
@@ -205,7 +205,7 @@ ImageSize KeepOneSize(const CameraSource& camera,
 // ---- raw mosaics
 
 /// Refuses a mosaic that would be taken for a grey image: its 2 x 2 raster is edges everywhere.
-void RefuseMosaic(const CameraSource& source, const RecordedCamera& camera) {
+void RefuseMosaic(const RecordedFiles& source, const RecordedCamera& camera) {
   if (camera.bayer) return;
   double least = 1;
   bool seen = false;
@@ -233,7 +233,7 @@ void RefuseMosaic(const CameraSource& source, const RecordedCamera& camera) {
 
 // ---- cameras
 
-RecordedCamera ReadRecordedCamera(const CameraSource& source, std::vector<LeftOut>* left_out) {
+RecordedCamera ReadRecordedCamera(const RecordedFiles& source, std::vector<LeftOut>* left_out) {
   std::vector<Candidate> images;
   for (ImageFile& file : FindImageFiles(source.images, source.where)) {
     RecordedImage image{.name = file.name, .time = {}, .exposure = {}};
@@ -265,7 +265,7 @@ RecordedCamera ReadRecordedCamera(const CameraSource& source, std::vector<LeftOu
 /// Names of folders are not checked by whoever made them.
 void CheckCameraNames(const RecordingFile& file) {
   std::set<std::string> names;
-  for (const CameraSource& camera : file.cameras) {
+  for (const RecordedFiles& camera : file.cameras) {
     const auto defect = CameraNameDefect(camera.name);
     if (defect || !names.insert(camera.name).second) {
       throw Error(ErrorKind::kInput,
@@ -303,10 +303,10 @@ Recording ReadRecording(const std::filesystem::path& path) {
   recording.calibration = file.calibration;
   recording.truth = file.truth;
   recording.foreign = std::move(file.foreign);
-  for (const CameraSource& camera : file.cameras) {
+  for (const RecordedFiles& camera : file.cameras) {
     recording.cameras.push_back(ReadRecordedCamera(camera, &recording.left_out));
   }
-  PairImages(file.pairing, &recording);
+  MakeFrames(file.pairing, &recording);
   return recording;
 }
 

@@ -35,13 +35,15 @@ fs::path FileBeside(const fs::path& file, const YamlNode& node) {
   return path;
 }
 
-CameraSource ReadCameraSource(const std::string& name, const YamlNode& node, const fs::path& file) {
+RecordedFiles ReadRecordedFiles(const std::string& name,
+                                const YamlNode& node,
+                                const fs::path& file) {
   static constexpr std::array<std::string_view, 7> kKeys{
       "images", "tracks", "times", "exposure_unit", "white_images", "bayer", "pixel_size"};
   static constexpr std::array<std::string_view, 3> kUnits{"s", "ms", "us"};
   CheckCameraName(name, node);
   node.CheckKeys(kKeys);
-  CameraSource camera;
+  RecordedFiles camera;
   camera.name = name;
   if (node.Has("tracks")) camera.tracks = FileBeside(file, node.At("tracks"));
   if (node.Has("images") || !node.Has("tracks")) {
@@ -118,7 +120,7 @@ template <typename Set>
 void ForCameras(const YamlNode& root, std::string_view key, RecordingFile* file, const Set& set) {
   if (!root.Has(key)) return;
   for (const auto& [name, value] : root.At(key).Entries()) {
-    const auto camera = std::ranges::find(file->cameras, name, &CameraSource::name);
+    const auto camera = std::ranges::find(file->cameras, name, &RecordedFiles::name);
     if (camera == file->cameras.end()) {
       value.Fail(
           fmt::format("no camera is called so{}", SuggestName(name, NamesOf(file->cameras))));
@@ -145,19 +147,19 @@ RecordingFile ReadRecordingFile(const fs::path& path) {
                    "cameras: {left: {images: left/*.png}}\n");
   RecordingFile file{.path = path, .layout = "recording.yaml"};
   for (const auto& [name, node] : root.At("cameras").Entries()) {
-    file.cameras.push_back(ReadCameraSource(name, node, path));
+    file.cameras.push_back(ReadRecordedFiles(name, node, path));
   }
   if (file.cameras.empty()) root.At("cameras").Fail("expected at least one camera");
   if (root.Has("pairing")) file.pairing = ReadPairing(root.At("pairing"));
   if (root.Has("calibration")) file.calibration = FileBeside(path, root.At("calibration"));
   if (root.Has("truth")) file.truth = FileBeside(path, root.At("truth"));
-  ForCameras(root, "response", &file, [&](CameraSource* camera, const YamlNode& node) {
+  ForCameras(root, "response", &file, [&](RecordedFiles* camera, const YamlNode& node) {
     camera->response = FileBeside(path, node);
   });
-  ForCameras(root, "vignetting", &file, [&](CameraSource* camera, const YamlNode& node) {
+  ForCameras(root, "vignetting", &file, [&](RecordedFiles* camera, const YamlNode& node) {
     camera->vignetting = FileBeside(path, node);
   });
-  ForCameras(root, "markers", &file, [&](CameraSource* camera, const YamlNode& node) {
+  ForCameras(root, "markers", &file, [&](RecordedFiles* camera, const YamlNode& node) {
     camera->markers = ReadMarkerFileKeys(node, path);
   });
   return file;

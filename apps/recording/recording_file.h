@@ -23,7 +23,7 @@ struct MarkerFile {
 };
 
 /// A camera of a recording.
-struct CameraSource {
+struct RecordedFiles {
   std::string name;
   std::string where;                ///< begins messages about its images
   std::vector<std::string> images;  ///< globs, folders, files, archives, "archive.zip/folder"
@@ -54,7 +54,7 @@ struct RecordingFile {
   std::filesystem::path path;  ///< recording.yaml, or the folder or archive that was looked at
   /// "recording.yaml", "TUM monoVO", "EuRoC", "KITTI", "folders" or "archive".
   std::string layout;
-  std::vector<CameraSource> cameras = {};
+  std::vector<RecordedFiles> cameras = {};
   Pairing pairing = {};
   std::filesystem::path calibration = {}, truth = {};  ///< empty: none
   std::vector<ForeignCalibration> foreign = {};

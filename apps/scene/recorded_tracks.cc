@@ -21,8 +21,8 @@ namespace {
 constexpr double kStartSeconds = 15;
 constexpr double kStartShare = 1.0 / 6;  // of frames without times
 
-const CameraSource& SourceOf(const RecordingFile& recording, const std::string& name) {
-  for (const CameraSource& camera : recording.cameras) {
+const RecordedFiles& SourceOf(const RecordingFile& recording, const std::string& name) {
+  for (const RecordedFiles& camera : recording.cameras) {
     if (camera.name != name) continue;
     if (!camera.tracks.empty()) return camera;
     throw Error(ErrorKind::kInput,
@@ -38,7 +38,7 @@ const CameraSource& SourceOf(const RecordingFile& recording, const std::string& 
 }
 
 // Times of the frames by name.
-void AddTimes(const CameraSource& camera, std::map<std::string, double>* times) {
+void AddTimes(const RecordedFiles& camera, std::map<std::string, double>* times) {
   if (camera.times.empty()) return;
   for (const ImageTime& row : ReadImageTimes(camera.times, camera.exposure_unit).rows) {
     if (!row.id.empty()) times->emplace(row.id, row.time);
@@ -148,7 +148,7 @@ SceneTracks ReadRecordedTracks(const RecordingFile& recording,
   std::map<std::string, double> times;
   std::vector<std::string> names;
   for (const BundleCamera& camera : cameras) {
-    const CameraSource& source = SourceOf(recording, camera.name);
+    const RecordedFiles& source = SourceOf(recording, camera.name);
     tracks.views.push_back(ReadDetections(source.tracks, *camera.model));
     AddTimes(source, &times);
     for (const View& view : tracks.views.back()) names.push_back(view.frame);

@@ -227,7 +227,7 @@ void ReadTimesFile(const fs::path& path) {
 
 // The images are not there: what the file says is read.
 void ReadRecordingYaml(const fs::path& path) {
-  for (const CameraSource& camera : ReadRecordingFile(path).cameras) {
+  for (const RecordedFiles& camera : ReadRecordingFile(path).cameras) {
     if (camera.pixel_size) RequireFinite("pixel sizes", std::vector{*camera.pixel_size});
   }
 }

@@ -50,7 +50,7 @@ std::vector<std::string> ChooseCameras(const GroundtruthArguments& arguments,
   if (!arguments.cameras.empty()) return arguments.cameras;
   std::vector<std::string> names;
   for (const CalibratedCamera& camera : calibration.cameras) {
-    const auto same = [&](const CameraSource& source) { return source.name == camera.name; };
+    const auto same = [&](const RecordedFiles& source) { return source.name == camera.name; };
     if (std::ranges::any_of(recording.cameras, same)) names.push_back(camera.name);
   }
   if (!names.empty()) return names;

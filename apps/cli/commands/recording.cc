@@ -8,8 +8,8 @@
 #include "apps/cli/command.h"
 #include "apps/cli/options.h"
 #include "apps/cli/session_observations.h"
-#include "apps/recording/marker_detections.h"
 #include "apps/recording/summary.h"
+#include "apps/recording/supplied_detections.h"
 #include "calib/base/error.h"
 #include "calib/base/number_text.h"
 #include "calib/base/output_folder.h"
@@ -31,7 +31,7 @@ void WriteMarkers(const Recording& recording, const std::filesystem::path& out, 
   for (size_t c = 0; c < recording.cameras.size(); ++c) {
     const RecordedCamera& camera = recording.cameras[c];
     if (!camera.markers) continue;
-    const MarkerDetections detections = ReadMarkerDetections(recording, c);
+    const SuppliedDetections detections = ReadSuppliedDetections(recording, c);
     console->Message(fmt::format("{}: {}", camera.name, Counted(detections.points, "point")));
     if (detections.left_out > 0) {
       console->Warning(fmt::format("{}:{}: {} of images that the recording does not have",

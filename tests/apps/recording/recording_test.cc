@@ -4,8 +4,8 @@
 #include <cmath>
 #include <functional>
 
-#include "apps/recording/marker_detections.h"
 #include "apps/recording/summary.h"
+#include "apps/recording/supplied_detections.h"
 #include "calib/base/error.h"
 #include "models/registry.h"
 #include "tests/apps/recording/small_images.h"
@@ -357,16 +357,16 @@ TEST_F(Recordings, GiveSuppliedMarkersAsDetections) {
     WriteFile("recording.yaml",
               "plenocal: 1\ncameras: {left: {images: left}}\nmarkers: {left: {file: m.txt, " +
                   keys + "}}\n");
-    return ReadMarkerDetections(Read(""), 0);
+    return ReadSuppliedDetections(Read(""), 0);
   };
-  const MarkerDetections one =
+  const SuppliedDetections one =
       markers("columns: [frame, quality, marker, x, y], pixel_origin: 0.5, skip: 1",
               "a title, of words\n1 0.9 7 10.5 20\n0002.png 0.9 7 11 21\n99 0.9 7 0 0\n");
   EXPECT_EQ(one.csv, "frame,marker,x,y\n0001,7,10,19.5\n0002,7,10.5,20.5\n");
   EXPECT_EQ(one.points, 2U);
   EXPECT_EQ(one.left_out, 1U);
   EXPECT_EQ(one.first_left_out, 4);
-  const MarkerDetections two =
+  const SuppliedDetections two =
       markers("columns: [marker, y, x, frame, sigma]", "7,20,10,0001,0.1\n8,20,10,0001,\n");
   EXPECT_EQ(two.csv, "frame,marker,x,y,sigma\n0001,7,10,20,0.1\n0001,8,10,20,\n");
   EXPECT_THROW(markers("columns: [frame, marker, x, y]", "1 7 10 20\n0001 7 10 21\n"), Error);

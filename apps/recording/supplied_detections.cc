@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "apps/recording/marker_detections.h"
+#include "apps/recording/supplied_detections.h"
 
 #include <fmt/format.h>
 
@@ -104,13 +104,13 @@ class MarkerRows {
 
 }  // namespace
 
-MarkerDetections ReadMarkerDetections(const Recording& recording, size_t camera) {
+SuppliedDetections ReadSuppliedDetections(const Recording& recording, size_t camera) {
   const RecordedCamera& recorded = recording.cameras[camera];
   const std::vector<std::string> frames = FrameNames(recording, camera);
   const ImageIndex index = IndexOf(recorded);
   const std::string text = ReadTextFile(recorded.markers->path);
   MarkerRows rows(*recorded.markers, text);
-  MarkerDetections detections{.csv = rows.Header()};
+  SuppliedDetections detections{.csv = rows.Header()};
   while (rows.Next()) {
     if (const std::optional<size_t> image = index.Find(rows.Frame())) {
       detections.csv += rows.Row(frames[*image]);

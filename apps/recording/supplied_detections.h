@@ -9,7 +9,7 @@
 namespace plenocal {
 
 /// Supplied detections as a detections CSV (docs/formats.md).
-struct MarkerDetections {
+struct SuppliedDetections {
   std::string csv;
   size_t points = 0;       ///< rows
   size_t left_out = 0;     ///< rows of images that the recording does not have
@@ -20,6 +20,6 @@ struct MarkerDetections {
 /// called as in the recording, pixels count from the centre of the top-left one. Throws `Error` of
 /// kind kInput with file and line for what is no number, two rows of one point, and a file that
 /// names no image of the camera.
-MarkerDetections ReadMarkerDetections(const Recording& recording, size_t camera);
+SuppliedDetections ReadSuppliedDetections(const Recording& recording, size_t camera);
 
 }  // namespace plenocal
