@@ -140,9 +140,11 @@ RigPath HandheldPath(const TrajectorySpec& spec, double nearest, double farthest
   const Wave moving(Eigen::Vector3d(3.1, 4.3, 5.3) / seconds, &random);
   const Wave turning(Eigen::Vector3d(4.7, 3.7, 2.3) / seconds, &random);
   const HandShake shake(spec.shake, &random);
-  const double amplitude = spec.amplitude.value_or(0.25 * std::sqrt(nearest * farthest));
-  // Forward: not into the nearest things.
-  const Eigen::Vector3d reach(std::min(amplitude, 0.4 * nearest), amplitude, 0.7 * amplitude);
+  const double share = spec.one_depth ? 0.1 : 0.25;
+  const double amplitude = spec.amplitude.value_or(share * std::sqrt(nearest * farthest));
+  // Forward: not into the nearest things, and not at all where the depth shall be one.
+  const double forward = spec.one_depth ? 0 : std::min(amplitude, 0.4 * nearest);
+  const Eigen::Vector3d reach(forward, amplitude, 0.7 * amplitude);
   const Eigen::Vector3d largest_turn(spec.turn, spec.turn, spec.roll);
   for (size_t i = 0; i < count; ++i) {
     const auto number = i * static_cast<size_t>(std::max(steps, 1.0));

@@ -271,7 +271,7 @@ TEST_F(SimulateScene, BadPathsAreBadInTheirOwnWay) {
   Make();
   EXPECT_GT(start_extent()[1], 0.1 * start_extent()[0]);
   Change("kind: loop", "kind: straight");
-  Change("shake: 1", "shake: 0");
+  Change("  rate: 10 ", "  shake: 0\n  rate: 10 ");
   Make();
   EXPECT_LT(start_extent()[1], 0.05 * start_extent()[0]);
   Change("kind: straight", "kind: rotation");
@@ -283,7 +283,6 @@ TEST_F(SimulateScene, BadPathsAreBadInTheirOwnWay) {
   const CalibratedCamera left = Calibration("set/truth/calibration.yaml").cameras[0];
   const auto points = Points();
   const auto poses = Poses();
-  std::set<std::pair<std::string, std::string>> wrong;
   for (const View& view : Tracks(left)) {
     for (const Observation& seen : view.observations) {
       if (!points.contains(seen.marker)) continue;
