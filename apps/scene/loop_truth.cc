@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <optional>
 #include <set>
 
@@ -33,6 +34,7 @@ struct Registration {
 
 std::optional<Registration> Register(const SceneState& state,
                                      const std::vector<size_t>& frames,
+                                     std::optional<double> limit,
                                      size_t* most_known) {
   constexpr size_t kTried = 20;
   const std::vector<std::set<int>> markers = MarkersOfFrames(*state.bundle);
@@ -46,7 +48,7 @@ std::optional<Registration> Register(const SceneState& state,
   *most_known = known.empty() ? 0 : known[0].first;
   std::optional<Registration> best;
   for (size_t i = 0; i < std::min(kTried, known.size()); ++i) {
-    const std::optional<PoseSearch> pose = FindPose(state, known[i].second);
+    const std::optional<PoseSearch> pose = FindPose(state, known[i].second, limit);
     if (!pose || (best && pose->inliers <= best->pose.inliers)) continue;
     best = Registration{known[i].second, *pose};
   }
@@ -59,7 +61,7 @@ class LoopEstimation {
 
   LoopTruthResult Run() {
     Enter("start segment");
-    FollowFrames(input_.segments.start, &state_);
+    limit_ = FollowFrames(input_.segments.start, &state_);
     result_.start = Posed(input_.segments.start);
     if (result_.start.frames.size() < kFewestFrames) {
       throw Error(ErrorKind::kJob,
@@ -104,7 +106,12 @@ class LoopEstimation {
   void RegisterEnd() {
     size_t most_known = 0;
     const std::vector<size_t>& frames = input_.segments.end;
-    const std::optional<Registration> found = Register(state_, frames, &most_known);
+    const std::vector<Match> matches = PlaceMatches();
+    const std::optional<Registration> found =
+        Register(state_,
+                 frames,
+                 matches.empty() ? std::nullopt : std::optional(kMatchLimits * limit_),
+                 &most_known);
     if (!found) {
       throw Error(
           ErrorKind::kJob,
@@ -117,14 +124,80 @@ class LoopEstimation {
     result_.bundle.T_rig_target[found->frame] = found->pose.T_rig_target;
     state_.has_pose[found->frame] = true;
     const auto at = std::ranges::find(frames, found->frame);
+    // Of the points that look the same, those that the pose confirms lead to the other frames.
+    for (const Match& match : matches) {
+      if (!AgreesIn(found->frame, match.end)) state_.has_point[match.end] = false;
+    }
     FollowFrames({at, frames.end()}, &state_);
     FollowFrames({std::make_reverse_iterator(std::next(at)), frames.rend()}, &state_);
     result_.end = Posed(frames);
+    MergeMatches(matches);
     if (result_.end.frames.size() >= kFewestFrames) return;
     throw Error(ErrorKind::kJob,
                 fmt::format("end segment: poses for {} of {} only; the images overlap too little",
                             result_.end.frames.size(),
                             Counted(frames.size(), "frame")));
+  }
+
+  // Indices of markers that look the same.
+  struct Match {
+    size_t start = 0, end = 0;
+  };
+  // Points of the end are where the start's are up to the error of the path between its frames.
+  static constexpr double kMatchLimits = 2;
+
+  // Gives the end's points the positions of those of the start that look the same.
+  std::vector<Match> PlaceMatches() {
+    std::map<int, size_t> index;
+    for (size_t m = 0; m < result_.bundle.markers.size(); ++m) {
+      index.emplace(result_.bundle.markers[m].number, m);
+    }
+    std::vector<Match> matches;
+    for (const auto& [end, start] : input_.tracks->matches) {
+      const auto of_end = index.find(end), of_start = index.find(start);
+      if (of_end == index.end() || of_start == index.end()) continue;
+      if (!state_.has_point[of_start->second]) continue;
+      matches.push_back({of_start->second, of_end->second});
+      Place(matches.back());
+    }
+    return matches;
+  }
+
+  void Place(const Match& match) {
+    result_.bundle.markers[match.end].position = result_.bundle.markers[match.start].position;
+    state_.has_point[match.end] = true;
+  }
+
+  // Whether a frame shows a marker, where it should.
+  bool AgreesIn(size_t frame, size_t marker) const {
+    for (const size_t i : state_.observations_of[marker]) {
+      const BundleObservation& observation = result_.bundle.observations[i];
+      if (observation.frame != static_cast<int>(frame)) continue;
+      if (ResidualLength(result_.bundle, observation) <= kMatchLimits * limit_) return true;
+    }
+    return false;
+  }
+
+  // The end's observations of a point that agree with the start's become observations of this.
+  void MergeMatches(const std::vector<Match>& matches) {
+    Bundle& bundle = result_.bundle;
+    for (const Match& match : matches) {
+      const Eigen::Vector3d own = bundle.markers[match.end].position;
+      bundle.markers[match.end].position = bundle.markers[match.start].position;
+      size_t shown = 0, agree = 0;
+      for (const size_t i : state_.observations_of[match.end]) {
+        const BundleObservation& observation = bundle.observations[i];
+        if (!state_.has_pose[static_cast<size_t>(observation.frame)]) continue;
+        ++shown;
+        agree += ResidualLength(bundle, observation) <= kMatchLimits * limit_ ? 1 : 0;
+      }
+      bundle.markers[match.end].position = own;
+      if (2 * agree <= shown) continue;
+      for (const size_t i : state_.observations_of[match.end]) {
+        bundle.observations[i].marker = static_cast<int>(match.start);
+      }
+    }
+    SortObservations(&bundle);
   }
 
   void Adjust() {
@@ -206,6 +279,7 @@ class LoopEstimation {
   const LoopTruthInput& input_;
   LoopTruthResult result_;
   SceneState state_;
+  double limit_ = 0;  // of the residuals of good points, px
 };
 
 }  // namespace

@@ -5,6 +5,7 @@
 
 #include "apps/recording/recording_file.h"
 #include "apps/scene/scene_tracks.h"
+#include "apps/scene/segments.h"
 #include "calib/adjust/bundle.h"
 
 namespace plenocal {
@@ -14,18 +15,11 @@ namespace plenocal {
 SceneTracks ReadRecordedTracks(const RecordingFile& recording,
                                const std::vector<BundleCamera>& cameras);
 
-/// Where the segments begin and end: "A:B", in seconds of the recording's times or in names of
-/// frames; either may be missing. Empty: not given.
-struct SegmentChoice {
-  std::string start, end;
-};
-
 /// Frames of the segments. Not given: the recording's largest gap splits it; where none stands out,
 /// the start is its first 15 s (of frames without times: the first sixth), and the end begins with
 /// the first frame after the middle that shows `kFewestCommon` points of the start. Throws `Error`
 /// of kind kInput for a choice that names no frames, and of kind kJob when start and end have too
 /// few points in common.
 LoopSegments ChooseSegments(const SceneTracks& tracks, const SegmentChoice& choice);
-inline constexpr size_t kFewestCommon = 30;
 
 }  // namespace plenocal

@@ -46,24 +46,6 @@ std::optional<Ray> RigRay(const Bundle& bundle, const BundleObservation& observa
   return Ray{T_rig_camera * ray->origin, T_rig_camera.R * ray->direction};
 }
 
-// Length of an observation's residual with the present pose and point, px.
-double ResidualLength(const Bundle& bundle, const BundleObservation& observation) {
-  const BundleCamera& camera = bundle.cameras[static_cast<size_t>(observation.camera)];
-  const RigidTransform& T = bundle.T_rig_target[static_cast<size_t>(observation.frame)];
-  const Eigen::Vector3d p =
-      camera.T_camera_rig * (T * bundle.markers[static_cast<size_t>(observation.marker)].position);
-  double predicted[kMaxObservationSize];
-  const double* const values = observation.seen.values.data();
-  if (!camera.model->project(camera.params.data(), camera.config.data(), values, p, predicted)) {
-    return kInfinity;
-  }
-  double square = 0;
-  for (size_t r = 0; r < camera.model->measured.size(); ++r) {
-    square += (values[r] - predicted[r]) * (values[r] - predicted[r]);
-  }
-  return std::sqrt(square);
-}
-
 // Point nearest to all rays, with the smallest part of its information: the squared sine of the
 // parallax, about.
 struct RayPoint {
@@ -130,8 +112,12 @@ RigidTransform PoseOf(const cv::Mat& rotation, const cv::Mat& translation) {
 // Least-median search for the pose of one frame.
 class PoseFinder {
  public:
-  PoseFinder(const SceneState& state, size_t frame)
-      : state_(state), bundle_(*state.bundle), frame_(frame), random_(static_cast<unsigned>(frame)) {
+  PoseFinder(const SceneState& state, size_t frame, std::optional<double> limit)
+      : state_(state),
+        bundle_(*state.bundle),
+        frame_(frame),
+        limit_(limit),
+        random_(static_cast<unsigned>(frame)) {
     const Range range = ObservationsOf(bundle_, frame);
     for (size_t i = range.begin; i < range.end; ++i) {
       const auto m = static_cast<size_t>(bundle_.observations[i].marker);
@@ -142,28 +128,33 @@ class PoseFinder {
 
   std::optional<PoseSearch> Run() {
     std::optional<PoseSearch> best;
-    double best_median = kInfinity;
+    double best_cost = kInfinity;
+    const int samples = limit_ ? kSamplesAmongMany : kSamples;
     const RigidTransform before = bundle_.T_rig_target[frame_];
     const auto [camera, sight] = BestSight();
     const RigidTransform T_rig_camera = bundle_.cameras[camera].T_camera_rig.Inverse();
-    for (int sample = 0; sample < kSamples && !sight.points.empty(); ++sample) {
+    for (int sample = 0; sample < samples && !sight.points.empty(); ++sample) {
       for (const RigidTransform& T_camera_target : Hypotheses(sight)) {
         const RigidTransform T = T_rig_camera * T_camera_target;
-        const double median = MedianResidual(T);
-        if (median >= best_median) continue;
-        best_median = median;
+        const double cost = Cost(T);
+        if (cost >= best_cost) continue;
+        best_cost = cost;
         best = PoseSearch{.T_rig_target = T};
       }
     }
-    if (best) Refine(best_median, &*best);
+    if (best) Refine(&*best);
     bundle_.T_rig_target[frame_] = before;
-    if (best && 2 * best->inliers < best->candidates) return std::nullopt;
+    if (best && best->inliers < (limit_ ? kFewestAgreeing : (best->candidates + 1) / 2)) {
+      return std::nullopt;
+    }
     return best;
   }
 
  private:
   // Half of the landmarks wrong: one sample of four in 16 is good; none in 150 are 6e-5.
   static constexpr int kSamples = 150;
+  // A fifth of them good: one sample of three in 125; none in 1000 are 3e-4.
+  static constexpr int kSamplesAmongMany = 1000;
   // The median of so many residuals is known to a tenth.
   static constexpr size_t kJudges = 200;
 
@@ -207,22 +198,33 @@ class PoseFinder {
     return poses;
   }
 
-  double MedianResidual(const RigidTransform& T) {
+  // Median of the residuals, or less the number of those below the limit.
+  double Cost(const RigidTransform& T) {
     bundle_.T_rig_target[frame_] = T;
     residuals_.clear();
     for (const size_t i : judges_) {
       residuals_.push_back(ResidualLength(bundle_, bundle_.observations[i]));
+    }
+    if (limit_) {
+      const auto agrees = [&](double length) { return length <= *limit_; };
+      return -static_cast<double>(std::ranges::count_if(residuals_, agrees));
     }
     const auto middle = residuals_.begin() + static_cast<std::ptrdiff_t>(residuals_.size() / 2);
     std::nth_element(residuals_.begin(), middle, residuals_.end());
     return *middle;
   }
 
+  // Robust sigma of a coordinate with this pose.
+  double SigmaOf(const RigidTransform& T) {
+    if (limit_) return *limit_ / kInlierSigmas;
+    return Cost(T) / std::sqrt(ChiSquareQuantile(2, 0.5));
+  }
+
   // Inliers of the best hypothesis refine it and decide again.
-  void Refine(double median, PoseSearch* search) {
+  void Refine(PoseSearch* search) {
     const Range range = ObservationsOf(bundle_, frame_);
+    search->sigma = SigmaOf(search->T_rig_target);
     bundle_.T_rig_target[frame_] = search->T_rig_target;
-    search->sigma = SigmaOfMedian(median);
     for (size_t i = range.begin; i < range.end; ++i) bundle_.observations[i].used = false;
     for (const size_t i : known_) {
       BundleObservation& observation = bundle_.observations[i];
@@ -230,13 +232,9 @@ class PoseFinder {
     }
     AdjustPose(range.begin, range.end, &bundle_);
     search->T_rig_target = bundle_.T_rig_target[frame_];
-    search->sigma = SigmaOfMedian(MedianResidual(search->T_rig_target));
+    search->sigma = SigmaOf(search->T_rig_target);
+    bundle_.T_rig_target[frame_] = search->T_rig_target;
     CountInliers(search);
-  }
-
-  // Of a residual of two coordinates.
-  static double SigmaOfMedian(double median) {
-    return median / std::sqrt(ChiSquareQuantile(2, 0.5));
   }
 
   void CountInliers(PoseSearch* search) {
@@ -254,6 +252,7 @@ class PoseFinder {
   const SceneState& state_;
   Bundle& bundle_;
   size_t frame_;
+  std::optional<double> limit_;
   std::vector<size_t> known_;   // observations of landmarks with positions
   std::vector<size_t> judges_;  // some of them
   std::vector<double> residuals_;
@@ -319,6 +318,23 @@ double OwnResidualLimit(size_t frame, SceneState* state) {
 
 }  // namespace
 
+double ResidualLength(const Bundle& bundle, const BundleObservation& observation) {
+  const BundleCamera& camera = bundle.cameras[static_cast<size_t>(observation.camera)];
+  const RigidTransform& T = bundle.T_rig_target[static_cast<size_t>(observation.frame)];
+  const Eigen::Vector3d p =
+      camera.T_camera_rig * (T * bundle.markers[static_cast<size_t>(observation.marker)].position);
+  double predicted[kMaxObservationSize];
+  const double* const values = observation.seen.values.data();
+  if (!camera.model->project(camera.params.data(), camera.config.data(), values, p, predicted)) {
+    return kInfinity;
+  }
+  double square = 0;
+  for (size_t r = 0; r < camera.model->measured.size(); ++r) {
+    square += (values[r] - predicted[r]) * (values[r] - predicted[r]);
+  }
+  return std::sqrt(square);
+}
+
 SceneState MakeSceneState(Bundle* bundle) {
   SceneState state{bundle,
                    std::vector<bool>(bundle->T_rig_target.size(), false),
@@ -330,8 +346,10 @@ SceneState MakeSceneState(Bundle* bundle) {
   return state;
 }
 
-std::optional<PoseSearch> FindPose(const SceneState& state, size_t frame) {
-  return PoseFinder(state, frame).Run();
+std::optional<PoseSearch> FindPose(const SceneState& state,
+                                   size_t frame,
+                                   std::optional<double> limit) {
+  return PoseFinder(state, frame, limit).Run();
 }
 
 void Triangulate(size_t frame, double largest_residual, SceneState* state) {
@@ -360,7 +378,7 @@ void KeepStarted(const SceneState& state, Bundle* bundle) {
   });
 }
 
-void FollowFrames(const std::vector<size_t>& frames, SceneState* state) {
+double FollowFrames(const std::vector<size_t>& frames, SceneState* state) {
   double limit = 0;
   for (const size_t frame : frames) {
     Bundle& bundle = *state->bundle;
@@ -377,6 +395,7 @@ void FollowFrames(const std::vector<size_t>& frames, SceneState* state) {
     if (limit == 0) limit = OwnResidualLimit(frame, state);
     Triangulate(frame, limit, state);
   }
+  return limit;
 }
 
 }  // namespace plenocal

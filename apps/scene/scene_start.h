@@ -31,9 +31,15 @@ struct PoseSearch {
   double sigma = 0;       ///< robust, of one coordinate of the inliers' residuals, px
 };
 
-/// Nothing when fewer than `kFewestLandmarks` are known or most of them contradict each other. The
-/// search is deterministic.
-std::optional<PoseSearch> FindPose(const SceneState& state, size_t frame);
+/// Nothing when fewer than `kFewestLandmarks` are known or most of them contradict each other (least
+/// median). With `limit`, the residual in px below which a landmark agrees, most may: the pose with
+/// the most that agree wins, and nothing is found below `kFewestAgreeing`. The search is
+/// deterministic.
+std::optional<PoseSearch> FindPose(const SceneState& state,
+                                   size_t frame,
+                                   std::optional<double> limit = std::nullopt);
+/// A wrong pose agrees with three by its making, and hardly with so many more by chance.
+inline constexpr size_t kFewestAgreeing = 12;
 inline constexpr size_t kFewestLandmarks = 8;
 
 /// Positions of the landmarks that `frame` shows and that have none: from the rays of its cameras,
@@ -43,8 +49,12 @@ inline constexpr size_t kFewestLandmarks = 8;
 void Triangulate(size_t frame, double largest_residual, SceneState* state);
 
 /// Poses of `frames`, in this order; the first of them has its pose already, or gets the identity
-/// when no landmark is known. A frame without a pose is left out.
-void FollowFrames(const std::vector<size_t>& frames, SceneState* state);
+/// when no landmark is known. A frame without a pose is left out. Returns the last frame's limit of
+/// the residuals of good points, px.
+double FollowFrames(const std::vector<size_t>& frames, SceneState* state);
+
+/// Lengths of the residuals of observations with the present poses and positions, px.
+double ResidualLength(const Bundle& bundle, const BundleObservation& observation);
 
 /// Leaves in the bundle the observations of frames with a pose and of landmarks with a position.
 void KeepStarted(const SceneState& state, Bundle* bundle);

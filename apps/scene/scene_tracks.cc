@@ -59,10 +59,14 @@ Bundle MakeSceneBundle(const SceneTracks& tracks, const std::vector<BundleCamera
       }
     }
   }
-  std::ranges::stable_sort(bundle.observations, {}, [](const BundleObservation& o) {
+  SortObservations(&bundle);
+  return bundle;
+}
+
+void SortObservations(Bundle* bundle) {
+  std::ranges::stable_sort(bundle->observations, {}, [](const BundleObservation& o) {
     return std::tuple(o.frame, o.camera, o.marker);
   });
-  return bundle;
 }
 
 std::vector<double> TypicalSigmas(const Bundle& bundle) {

@@ -3,6 +3,7 @@
 
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "calib/adjust/bundle.h"
@@ -15,6 +16,8 @@ struct SceneTracks {
   std::vector<std::string> frames;       ///< names, in the order of the recording
   std::vector<double> times;             ///< per frame, s; empty: not known
   std::vector<std::vector<View>> views;  ///< per camera; their frames are in `frames`
+  /// Numbers of the end's points with those of the start's that look the same; some are wrong.
+  std::vector<std::pair<int, int>> matches = {};
 };
 
 /// Frames of the two segments: indices into `SceneTracks::frames`, ascending.
@@ -25,6 +28,9 @@ struct LoopSegments {
 /// A bundle of the points that at least two views show, of unknown poses and positions, and the
 /// cameras given.
 Bundle MakeSceneBundle(const SceneTracks& tracks, const std::vector<BundleCamera>& cameras);
+
+/// Brings the observations into the bundle's order.
+void SortObservations(Bundle* bundle);
 
 /// Median of `BundleObservation::assumed_sigma` per camera, px.
 std::vector<double> TypicalSigmas(const Bundle& bundle);

@@ -6,6 +6,8 @@
 #include "apps/cli/command.h"
 #include "apps/cli/options.h"
 #include "apps/recording/layouts.h"
+#include "apps/recording/recording.h"
+#include "apps/scene/image_tracks.h"
 #include "apps/scene/loop_truth_files.h"
 #include "apps/scene/recorded_tracks.h"
 #include "calib/base/error.h"
@@ -25,6 +27,7 @@ struct GroundtruthArguments {
   fs::path calibration;              ///< empty: that of the recording
   std::vector<std::string> cameras;  ///< empty: those of the calibration that the recording has
   SegmentChoice segments;
+  int points = 1000;  ///< followed at a time
   fs::path out;
 };
 
@@ -60,6 +63,28 @@ std::vector<std::string> ChooseCameras(const GroundtruthArguments& arguments,
                           calibration.path.string()));
 }
 
+/// The recording's own tracks, or those of its images.
+LoopTracks CollectTracks(const GroundtruthArguments& arguments,
+                         const RecordingFile& recording,
+                         const CalibratedRig& rig,
+                         Console* console) {
+  const auto has_tracks = [](const RecordedFiles& camera) { return !camera.tracks.empty(); };
+  if (std::ranges::any_of(recording.cameras, has_tracks)) {
+    LoopTracks loop;
+    loop.tracks = ReadRecordedTracks(recording, rig.cameras);
+    loop.segments = ChooseSegments(loop.tracks, arguments.segments);
+    return loop;
+  }
+  ImageTrackOptions options;
+  options.segments = arguments.segments;
+  options.features.wanted = arguments.points;
+  options.progress = [&](const std::string& stage, size_t done, size_t total) {
+    console->Progress(stage, done, total);
+    return !Interrupted();
+  };
+  return TrackLoop(ReadRecording(arguments.recording), rig.cameras, options);
+}
+
 void RunGroundtruth(const GroundtruthArguments& arguments, const ConsoleOptions& shared) {
   Console console(shared);
   const RecordingFile recording = FindRecordingFile(arguments.recording);
@@ -67,11 +92,12 @@ void RunGroundtruth(const GroundtruthArguments& arguments, const ConsoleOptions&
   const CalibratedRig rig =
       MakeCalibratedRig(calibration, ChooseCameras(arguments, recording, calibration));
   OutputFolder output(arguments.out);
-  const SceneTracks tracks = ReadRecordedTracks(recording, rig.cameras);
+  const LoopTracks loop = CollectTracks(arguments, recording, rig, &console);
+  const SceneTracks& tracks = loop.tracks;
   const LoopTruthResult truth = EstimateLoopTruth(
       {.rig = &rig,
        .tracks = &tracks,
-       .segments = ChooseSegments(tracks, arguments.segments),
+       .segments = loop.segments,
        .progress = [&](const std::string& stage) {
          console.Progress(stage);
          return !Interrupted();
@@ -113,6 +139,9 @@ RunCommand DeclareGroundtruth(CLI::App* app, ConsoleOptions* shared) {
       ->delimiter(',');
   app->add_option("--start", arguments->segments.start, "start segment A:B, seconds or frames");
   app->add_option("--end", arguments->segments.end, "end segment A:B, seconds or frames");
+  app->add_option("--points", arguments->points, "scene points to follow at a time")
+      ->check(CLI::Range(50, 100000))
+      ->capture_default_str();
   app->add_option("-o,--out", arguments->out, "folder for the results")->required();
   AddQuiet(app, shared);
   AddThreads(app, shared);

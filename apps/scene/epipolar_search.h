@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <opencv2/core.hpp>
+#include <optional>
+
+#include "calib/adjust/bundle.h"
+
+namespace plenocal {
+
+/// A camera and its 8-bit grey image.
+struct CameraImage {
+  const BundleCamera* camera = nullptr;
+  const cv::Mat* image = nullptr;
+};
+
+/// Where `second` shows the point that `first` shows at `point`, to about a pixel: the place along
+/// the epipolar curve whose patch correlates best. Nothing when no place is clearly the best.
+std::optional<cv::Point2f> SearchEpipolarCurve(const CameraImage& first,
+                                               const cv::Point2f& point,
+                                               const CameraImage& second);
+
+}  // namespace plenocal
