@@ -302,6 +302,13 @@ TEST_F(Recordings, RefuseMosaicsThatAreNotCalledSo) {
   EXPECT_EQ(Read("").cameras[0].bayer, BayerOrder::kRggb);
 }
 
+TEST_F(Recordings, TakeNoRampForAMosaic) {
+  std::string ramp = "P5\n64 48\n255\n";
+  for (int i = 0; i < 64 * 48; ++i) ramp += static_cast<char>(i % 64);
+  WriteFile("cam/1.pgm", ramp);
+  EXPECT_EQ(Read("").frames.size(), 1U);
+}
+
 TEST_F(Recordings, NameTheKeyThatIsWrong) {
   WriteImages("left", 0);
   const auto refusal = [&](const std::string& text) {
@@ -312,6 +319,8 @@ TEST_F(Recordings, NameTheKeyThatIsWrong) {
   EXPECT_THAT(refusal("plenocal: 1\ncameras: {left: {image: left}}\n"),
               AllOf(HasSubstr("recording.yaml:2:"), HasSubstr("did you mean 'images'?")));
   EXPECT_THAT(refusal("plenocal: 1\ncameras: {left: {times: t.txt}}\n"), HasSubstr("images"));
+  EXPECT_THAT(refusal("plenocal: 1\ncameras: {left: {images: left, times: t.txt}}\n"),
+              AllOf(HasSubstr("recording.yaml:2:"), HasSubstr("t.txt: no such file")));
   EXPECT_THAT(refusal("plenocal: 1\ncameras: {left: {images: right/*.png}}\n"),
               HasSubstr("recording.yaml:2: cameras.left.images: no file matches"));
   EXPECT_THAT(refusal("plenocal: 1\n"), HasSubstr("cameras"));
