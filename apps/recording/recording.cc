@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <iterator>
 #include <map>
+#include <opencv2/imgproc.hpp>
 #include <set>
 #include <utility>
 
@@ -204,6 +205,16 @@ ImageSize KeepOneSize(const RecordedFiles& camera,
 
 // ---- raw mosaics
 
+/// `PlaneDifference` of the image relative to its surroundings: a brightness that rises along the
+/// image would differ between the planes too. The weights 1 2 1 take all four planes alike.
+double MosaicDifference(const cv::Mat& grey) {
+  cv::Mat image, level;
+  grey.convertTo(image, CV_32F);
+  cv::GaussianBlur(image, level, {3, 3}, 0, 0, cv::BORDER_REFLECT_101);
+  cv::max(level, 1, level);
+  return PlaneDifference(image / level);
+}
+
 /// Refuses a mosaic that would be taken for a grey image: its 2 x 2 raster is edges everywhere.
 void RefuseMosaic(const RecordedFiles& source, const RecordedCamera& camera) {
   if (camera.bayer) return;
@@ -211,14 +222,12 @@ void RefuseMosaic(const RecordedFiles& source, const RecordedCamera& camera) {
   bool seen = false;
   const size_t last = camera.images.size() - 1;
   for (const size_t index : std::set<size_t>{0, last / 2, last}) {
-    cv::Mat image;
     try {
-      camera.Read(index).convertTo(image, CV_32F);
+      least = std::min(least, MosaicDifference(camera.Read(index)));
+      seen = true;
     } catch (const Error&) {
       continue;  // a damaged image is refused where it is used
     }
-    seen = true;
-    least = std::min(least, PlaneDifference(image));
   }
   if (!seen || least == 0) return;
   throw Error(
@@ -234,6 +243,11 @@ void RefuseMosaic(const RecordedFiles& source, const RecordedCamera& camera) {
 // ---- cameras
 
 RecordedCamera ReadRecordedCamera(const RecordedFiles& source, std::vector<LeftOut>* left_out) {
+  if (source.images.empty()) {
+    throw Error(ErrorKind::kInput,
+                fmt::format("{}: has tracks and no images; `plenocal groundtruth` takes the tracks",
+                            source.where));
+  }
   std::vector<Candidate> images;
   for (ImageFile& file : FindImageFiles(source.images, source.where)) {
     RecordedImage image{.name = file.name, .time = {}, .exposure = {}};

@@ -54,7 +54,7 @@ RecordedFiles ReadRecordedFiles(const std::string& name,
   } else {
     camera.where = fmt::format("{}:{}: cameras.{}", file.string(), node.Line(), name);
   }
-  if (node.Has("times")) camera.times = PathBeside(file, node.At("times"));
+  if (node.Has("times")) camera.times = FileBeside(file, node.At("times"));
   if (node.Has("exposure_unit")) {
     camera.exposure_unit = static_cast<ExposureUnit>(OneOf(node.At("exposure_unit"), kUnits));
   }
@@ -83,7 +83,7 @@ MarkerFile ReadMarkerFileKeys(const YamlNode& node, const fs::path& file) {
   node.CheckKeys({"file", "columns", "pixel_origin", "skip"});
   node.RequireKeys(std::array<std::string_view, 2>{"file", "columns"},
                    "file: markers.txt\ncolumns: [frame, marker, x, y]\n");
-  MarkerFile markers{.path = PathBeside(file, node.At("file")), .columns = {}};
+  MarkerFile markers{.path = FileBeside(file, node.At("file")), .columns = {}};
   const YamlNode columns = node.At("columns");
   for (const YamlNode& column : columns.Elements()) {
     const std::string name = column.AsString();

@@ -25,8 +25,9 @@ std::vector<double> PlacesOf(const RecordedCamera& camera) {
   return places;
 }
 
-std::vector<Gap> GapsOf(const RecordedCamera& camera) {
+std::optional<std::vector<Gap>> GapsOf(const RecordedCamera& camera) {
   const std::vector<double> places = PlacesOf(camera);
+  if (places.empty()) return std::nullopt;
   const double usual = UsualInterval(places);
   std::vector<Gap> gaps;
   if (!(usual > 0)) return gaps;
@@ -82,8 +83,7 @@ std::vector<std::string> CalibrationLacks(const Recording& recording,
                           foreign.format,
                           (foreign.path.parent_path() / "calibration.yaml").string())};
     }
-    return {
-        "a calibration: 'calibration' in recording.yaml, or calibration.yaml beside the images"};
+    return {"a calibration ('calibration' in recording.yaml, or calibration.yaml in the folder)"};
   }
   std::vector<std::string> lacks;
   const CalibrationRecord record = ReadCalibration(recording.calibration, models);
@@ -109,7 +109,7 @@ std::vector<std::string> ExposureLacks(const RecordingSummary& summary) {
   for (const CameraSummary& camera : summary.cameras) {
     if (!camera.exposure) {
       lacks.push_back(
-          fmt::format("exposure times of {}: third column of its 'times'", camera.name));
+          fmt::format("exposure times of {} (third column of its 'times')", camera.name));
     } else if (camera.exposure->changes == 0) {
       lacks.push_back(fmt::format("exposures of {} that differ", camera.name));
     }
@@ -132,14 +132,14 @@ std::vector<CommandNeeds> NeedsOf(const Recording& recording,
   }
   for (const RecordedCamera& camera : recording.cameras) {
     if (!camera.response.empty()) continue;
-    vignette.lacks.push_back(fmt::format("the response of {}: 'response'", camera.name));
+    vignette.lacks.push_back(fmt::format("the response of {} ('response')", camera.name));
   }
-  return {{"calibrate", {"a session with the target: plenocal init"}},
+  return {{"calibrate", {"a session with the target (plenocal init)"}},
           std::move(ground_truth),
           {"response", ExposureLacks(summary)},
           std::move(vignette),
           {"evaluate",
-           recording.truth.empty() ? std::vector<std::string>{"the trajectory's truth: 'truth'"}
+           recording.truth.empty() ? std::vector<std::string>{"the true trajectory ('truth')"}
                                    : std::vector<std::string>{}}};
 }
 
@@ -147,7 +147,7 @@ std::vector<CommandNeeds> NeedsOf(const Recording& recording,
 
 size_t CameraSummary::Missing() const {
   size_t missing = 0;
-  for (const Gap& gap : gaps) missing += gap.missing;
+  for (const Gap& gap : gaps.value_or(std::vector<Gap>())) missing += gap.missing;
   return missing;
 }
 

@@ -28,7 +28,7 @@ struct ExposureSummary {
 
 struct CameraSummary {
   std::string name;
-  std::vector<Gap> gaps;
+  std::optional<std::vector<Gap>> gaps;     ///< nothing: neither times nor numbers show them
   std::optional<ExposureSummary> exposure;  ///< nothing: not known
   [[nodiscard]] size_t Missing() const;
 };

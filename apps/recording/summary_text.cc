@@ -46,6 +46,14 @@ std::string PairingText(const Recording& recording) {
   return fmt::format("paired by time, at most {:.3g} ms apart", recording.tolerance / kMillisecond);
 }
 
+std::string FrameText(const Recording& recording, const RecordingSummary& summary) {
+  return recording.cameras.size() == 1 ? fmt::format("{}", recording.frames.size())
+                                       : fmt::format("{}, {} with images of all cameras ({})",
+                                                     recording.frames.size(),
+                                                     summary.complete,
+                                                     PairingText(recording));
+}
+
 std::string TimeLine(const Recording& recording, const RecordingSummary& summary) {
   if (!recording.HasTimes()) return Line("times", "none: the order is that of the names");
   return Line("times", fmt::format("{:.3f} s, {:.4g} frames/s", summary.duration, summary.rate));
@@ -66,23 +74,31 @@ std::string PairLines(const Recording& recording, const RecordingSummary& summar
   return text;
 }
 
+std::string GapsText(const std::vector<Gap>& gaps) {
+  std::vector<std::string> texts;
+  for (size_t i = 0; i < std::min(kShownGaps, gaps.size()); ++i) {
+    texts.push_back(fmt::format("{} after {}", gaps[i].missing, gaps[i].after));
+  }
+  if (gaps.size() > kShownGaps) {
+    texts.push_back(fmt::format("{} more gaps", gaps.size() - kShownGaps));
+  }
+  return fmt::format("{}", fmt::join(texts, ", "));
+}
+
 std::string MissingLines(const RecordingSummary& summary) {
   std::string text;
   for (const CameraSummary& camera : summary.cameras) {
-    if (camera.gaps.empty()) continue;
-    std::vector<std::string> gaps;
-    for (size_t i = 0; i < std::min(kShownGaps, camera.gaps.size()); ++i) {
-      gaps.push_back(fmt::format("{} after {}", camera.gaps[i].missing, camera.gaps[i].after));
+    std::string line = camera.name + ": ";
+    if (!camera.gaps) {
+      line += "not known, as there are neither times nor numbers";
+    } else if (camera.gaps->empty()) {
+      line += "none, no interval is larger than usual";
+    } else {
+      line += fmt::format("{} ({})", Counted(camera.Missing(), "image"), GapsText(*camera.gaps));
     }
-    if (camera.gaps.size() > kShownGaps) {
-      gaps.push_back(fmt::format("{} more gaps", camera.gaps.size() - kShownGaps));
-    }
-    text += Line(
-        text.empty() ? "missing" : "",
-        fmt::format(
-            "{}: {} ({})", camera.name, Counted(camera.Missing(), "image"), fmt::join(gaps, ", ")));
+    text += Line(text.empty() ? "missing" : "", line);
   }
-  return text.empty() ? Line("missing", "no image: no interval is larger than usual") : text;
+  return text;
 }
 
 std::string ExposureLines(const Recording& recording, const RecordingSummary& summary) {
@@ -159,10 +175,12 @@ Json ToJson(const RecordedCamera& camera, const CameraSummary& summary) {
   Json json{{"images", camera.images.size()}, {"image_size", camera.image_size}};
   if (camera.bayer) json["bayer"] = BayerName(*camera.bayer);
   json["white_images"] = camera.white_images.size();
-  json["missing"] = summary.Missing();
-  json["gaps"] = Json::array();
-  for (const Gap& gap : summary.gaps) {
-    json["gaps"].push_back({{"after", gap.after}, {"missing", gap.missing}});
+  if (summary.gaps) {
+    json["missing"] = summary.Missing();
+    json["gaps"] = Json::array();
+    for (const Gap& gap : *summary.gaps) {
+      json["gaps"].push_back({{"after", gap.after}, {"missing", gap.missing}});
+    }
   }
   if (summary.exposure) {
     json["exposure"] = {{"least", summary.exposure->least},
@@ -178,12 +196,7 @@ Json ToJson(const RecordedCamera& camera, const CameraSummary& summary) {
 
 std::string SummaryText(const Recording& recording, const RecordingSummary& summary) {
   const std::string text = fmt::format("{} ({})\n", recording.path.string(), recording.layout) +
-                           CameraLines(recording) +
-                           Line("frames",
-                                fmt::format("{}, {} with images of all cameras ({})",
-                                            recording.frames.size(),
-                                            summary.complete,
-                                            PairingText(recording))) +
+                           CameraLines(recording) + Line("frames", FrameText(recording, summary)) +
                            TimeLine(recording, summary) + PairLines(recording, summary) +
                            MissingLines(summary) + ExposureLines(recording, summary) +
                            LeftOutLines(recording) + FileLines(recording) + NeedLines(summary);

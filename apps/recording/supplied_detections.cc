@@ -46,7 +46,8 @@ class MarkerRows {
       : file_(file),
         table_(text,
                file.path.string(),
-               text.find(',') == std::string_view::npos ? CsvSyntax::kVnlog : CsvSyntax::kCsv,
+               FirstRow(text, file.skip).find(',') == std::string_view::npos ? CsvSyntax::kVnlog
+                                                                             : CsvSyntax::kCsv,
                {.names = file.columns, .skip = file.skip}),
         frame_(table_.Column("frame")),
         marker_(table_.Column("marker")) {

@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <string_view>
 
 #include "calib/base/csv.h"
@@ -19,17 +20,6 @@ constexpr double kLeastNanoseconds = 1e11;
 constexpr double kOneNanosecond = 1e-9;  // s
 
 enum class TimesForm { kIdTimeExposure, kTime, kTimeFile };
-
-// The first line that is no comment.
-std::string_view FirstRow(std::string_view text) {
-  while (!text.empty()) {
-    const std::string_view line = text.substr(0, text.find('\n'));
-    const size_t first = line.find_first_not_of(" \t\r");
-    if (first != std::string_view::npos && line[first] != '#') return line.substr(first);
-    text.remove_prefix(std::min(line.size() + 1, text.size()));
-  }
-  return {};
-}
 
 TimesForm FormOfRow(std::string_view row) {
   if (row.find(',') != std::string_view::npos) return TimesForm::kTimeFile;
@@ -70,9 +60,20 @@ std::optional<double> ExposureIn(const CsvReader& table, ExposureUnit unit) {
 
 }  // namespace
 
+std::string_view FirstRow(std::string_view text, int skip) {
+  for (int line = 0; !text.empty(); ++line) {
+    const std::string_view row = text.substr(0, text.find('\n'));
+    const size_t first = row.find_first_not_of(" \t\r");
+    const bool filled = first != std::string_view::npos && row[first] != '#';
+    if (line >= skip && filled) return row.substr(first);
+    text.remove_prefix(std::min(row.size() + 1, text.size()));
+  }
+  return {};
+}
+
 ImageTimes ReadImageTimes(const fs::path& path, ExposureUnit unit) {
   const std::string text = ReadTextFile(path);
-  const TimesForm form = FormOfRow(FirstRow(text));
+  const TimesForm form = FormOfRow(FirstRow(text, 0));
   CsvReader table(text,
                   path.string(),
                   form == TimesForm::kTimeFile ? CsvSyntax::kCsv : CsvSyntax::kVnlog,

@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace plenocal {
@@ -33,5 +34,9 @@ struct ImageTimes {
 /// Times are in seconds, those above 1e11 in nanoseconds. Throws `Error` of kind kInput with file
 /// and line: no times, what is no number, times that do not increase, negative exposures.
 ImageTimes ReadImageTimes(const std::filesystem::path& path, ExposureUnit unit);
+
+/// The first line after `skip` lines that is neither empty nor a comment, without blanks before it;
+/// empty if there is none.
+std::string_view FirstRow(std::string_view text, int skip);
 
 }  // namespace plenocal

@@ -194,8 +194,8 @@ TEST_F(Recordings, PairByTimeImagesThatAreNearestToEachOther) {
   EXPECT_EQ(summary.pairs[0].frames, static_cast<size_t>(kFrames - 1));
   EXPECT_NEAR(summary.pairs[0].largest, 0.02 * kInterval, 1e-9);
   EXPECT_EQ(summary.cameras[0].Missing(), 0U);
-  ASSERT_EQ(summary.cameras[1].gaps.size(), 1U);
-  EXPECT_EQ(summary.cameras[1].gaps[0].after, "001");
+  ASSERT_EQ(summary.cameras[1].gaps->size(), 1U);
+  EXPECT_EQ(summary.cameras[1].gaps->front().after, "001");
   EXPECT_NEAR(summary.rate, 1 / kInterval, 1e-6);
 
   // By a tolerance that is less than the difference nothing is a pair; all names are unique.
@@ -252,8 +252,8 @@ TEST_F(Recordings, AreInTheOrderOfNumbers) {
   for (const RecordedFrame& frame : Read("").frames) names.push_back(frame.name);
   EXPECT_THAT(names, ElementsAre("1", "2", "9", "10", "11"));
   const RecordingSummary summary = Summarise(Read(""), CameraModels());
-  ASSERT_EQ(summary.cameras[0].gaps.size(), 1U);
-  EXPECT_EQ(summary.cameras[0].gaps[0].missing, 6U);
+  ASSERT_EQ(summary.cameras[0].gaps->size(), 1U);
+  EXPECT_EQ(summary.cameras[0].gaps->front().missing, 6U);
 }
 
 TEST_F(Recordings, RefuseTimesThatDoNotFit) {
@@ -302,6 +302,13 @@ TEST_F(Recordings, RefuseMosaicsThatAreNotCalledSo) {
   EXPECT_EQ(Read("").cameras[0].bayer, BayerOrder::kRggb);
 }
 
+TEST_F(Recordings, TakeNoRampForAMosaic) {
+  std::string ramp = "P5\n64 48\n255\n";
+  for (int i = 0; i < 64 * 48; ++i) ramp += static_cast<char>(i % 64);
+  WriteFile("cam/1.pgm", ramp);
+  EXPECT_EQ(Read("").frames.size(), 1U);
+}
+
 TEST_F(Recordings, NameTheKeyThatIsWrong) {
   WriteImages("left", 0);
   const auto refusal = [&](const std::string& text) {
@@ -312,6 +319,8 @@ TEST_F(Recordings, NameTheKeyThatIsWrong) {
   EXPECT_THAT(refusal("plenocal: 1\ncameras: {left: {image: left}}\n"),
               AllOf(HasSubstr("recording.yaml:2:"), HasSubstr("did you mean 'images'?")));
   EXPECT_THAT(refusal("plenocal: 1\ncameras: {left: {times: t.txt}}\n"), HasSubstr("images"));
+  EXPECT_THAT(refusal("plenocal: 1\ncameras: {left: {images: left, times: t.txt}}\n"),
+              AllOf(HasSubstr("recording.yaml:2:"), HasSubstr("t.txt: no such file")));
   EXPECT_THAT(refusal("plenocal: 1\ncameras: {left: {images: right/*.png}}\n"),
               HasSubstr("recording.yaml:2: cameras.left.images: no file matches"));
   EXPECT_THAT(refusal("plenocal: 1\n"), HasSubstr("cameras"));
@@ -320,6 +329,7 @@ TEST_F(Recordings, NameTheKeyThatIsWrong) {
   EXPECT_THAT(refusal(cameras + "response: {lift: p.txt}\n"), HasSubstr("did you mean 'left'?"));
   EXPECT_THAT(refusal(cameras + "calibration: none.yaml\n"),
               AllOf(HasSubstr("recording.yaml:3:"), HasSubstr("no such file")));
+  WriteFile("m.txt", "1 2 3\n");
   EXPECT_THAT(refusal(cameras + "markers: {left: {file: m.txt, columns: [frame, x, y]}}\n"),
               HasSubstr("'marker' is missing"));
   EXPECT_THAT(refusal("plenocal: 1\ncameras: {left: {images: left, bayer: RGB}}\n"),
@@ -343,11 +353,15 @@ TEST_F(Recordings, RefuseDamagedArchives) {
   }
   WriteZip(Path("tum/images.zip"), files);
   std::string bytes = Workspace::Read("tum/images.zip");
-  bytes[bytes.size() / 12] ^= 0x55;  // in the first image
+  constexpr size_t kBefore = 60;  // the second file: in the content of the first
+  bytes[bytes.find("PK\x03\x04", 4) - kBefore] ^= 0x55;
   Write("tum/images.zip", bytes);
   const Recording recording = Read("tum");
-  EXPECT_THROW(static_cast<void>(recording.cameras[0].Read(0)), Error);
-  EXPECT_EQ(recording.cameras[0].Read(1).rows, 64);
+  EXPECT_EQ(recording.cameras[0].images.size(), static_cast<size_t>(kFrames - 1));
+  ASSERT_EQ(recording.left_out.size(), 1U);
+  EXPECT_THAT(recording.left_out[0].where, HasSubstr("images.zip/0001.pgm"));
+  EXPECT_THAT(recording.left_out[0].reason, HasSubstr("damaged"));
+  EXPECT_EQ(recording.cameras[0].Read(0).rows, 64);
 }
 
 TEST_F(Recordings, GiveSuppliedMarkersAsDetections) {
