@@ -104,7 +104,7 @@ std::string YamlList(std::span<const double> values) {
   return text + "]";
 }
 
-// A circle of this length through the start, in the plane of the start segment's widest extent.
+// A circle of this length through the start, level in the frame of the first rig pose.
 std::vector<Eigen::Vector3d> Circle(const PathSegment& start, double length) {
   constexpr int kPoints = 360;
   const double radius = length / (2 * std::numbers::pi);
@@ -153,11 +153,8 @@ std::string GroundTruthYaml(const LoopTruthResult& truth, const LoopTruthContext
                  "scale: {{source: calibration, sigma: {}}}\n",
                  YamlNumber(truth.covariance.scale_sigma));
   fmt::format_to(out, "floor_of_alignment_error:  # m, of a circle of that length, m\n");
-  for (const double length : kLoopLengths) {
-    fmt::format_to(out,
-                   "  {}: {}\n",
-                   length,
-                   YamlNumber(truth.covariance.AlignmentFloor(start, end, Circle(start, length))));
+  for (const auto& [length, floor] : AlignmentFloors(truth)) {
+    fmt::format_to(out, "  {}: {}\n", length, YamlNumber(floor));
   }
   text += "# Small similarities [x, y, z, w_x, w_y, w_z, scale] of start and end about these centres\n";
   text += "segment_covariance:\n";
@@ -224,6 +221,17 @@ std::vector<std::string> FindingsOf(const LoopTruthResult& truth) {
   return findings;
 }
 
+std::vector<std::pair<double, double>> AlignmentFloors(const LoopTruthResult& truth) {
+  const PathSegment start = MakeSegment(truth.bundle, 0, truth.start.frames);
+  const PathSegment end = MakeSegment(truth.bundle, 0, truth.end.frames);
+  std::vector<std::pair<double, double>> floors;
+  for (const double length : kLoopLengths) {
+    floors.emplace_back(length,
+                        truth.covariance.AlignmentFloor(start, end, Circle(start, length)));
+  }
+  return floors;
+}
+
 std::vector<std::pair<std::string, std::string>> LoopTruthFiles(const LoopTruthResult& truth,
                                                                 const LoopTruthContext& context) {
   std::vector<std::pair<std::string, std::string>> files;
@@ -243,8 +251,6 @@ std::vector<std::pair<std::string, std::string>> LoopTruthFiles(const LoopTruthR
 
 std::string LoopTruthSummary(const LoopTruthResult& truth) {
   const Matrix7d relative = truth.covariance.Relative();
-  const PathSegment start = MakeSegment(truth.bundle, 0, truth.start.frames);
-  const PathSegment end = MakeSegment(truth.bundle, 0, truth.end.frames);
   std::string text;
   const auto out = std::back_inserter(text);
   fmt::format_to(out,
@@ -266,10 +272,10 @@ std::string LoopTruthSummary(const LoopTruthResult& truth) {
                  1e3 * std::sqrt(relative.block<3, 3>(3, 3).trace()),
                  100 * std::sqrt(relative(6, 6)));
   text += "alignment error of a perfect estimate:";
-  for (const double length : kLoopLengths) {
+  for (const auto& [length, floor] : AlignmentFloors(truth)) {
     fmt::format_to(out,
-                   " {:.2g} mm over {} m{}",
-                   1e3 * truth.covariance.AlignmentFloor(start, end, Circle(start, length)),
+                   " {:.1f} mm over {} m{}",
+                   1e3 * floor,
                    length,
                    length == kLoopLengths.back() ? "\n" : ",");
   }

@@ -25,6 +25,9 @@ std::string SegmentsText(const LoopTruthResult& truth, const SceneTracks& tracks
 /// What the result shows to be wrong or weak, in sentences with what to do.
 std::vector<std::string> FindingsOf(const LoopTruthResult& truth);
 
+/// Floor of the alignment error of loops of some lengths (circles): (m, m).
+std::vector<std::pair<double, double>> AlignmentFloors(const LoopTruthResult& truth);
+
 /// Names and contents of all result files but the report.
 std::vector<std::pair<std::string, std::string>> LoopTruthFiles(const LoopTruthResult& truth,
                                                                 const LoopTruthContext& context);

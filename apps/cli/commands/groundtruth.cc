@@ -8,7 +8,7 @@
 #include "apps/recording/layouts.h"
 #include "apps/recording/recording.h"
 #include "apps/scene/image_tracks.h"
-#include "apps/scene/loop_truth_files.h"
+#include "apps/scene/loop_truth_page.h"
 #include "apps/scene/recorded_tracks.h"
 #include "calib/base/error.h"
 #include "calib/base/number_text.h"
@@ -115,6 +115,7 @@ void RunGroundtruth(const GroundtruthArguments& arguments, const ConsoleOptions&
       .provenance = {{"recording", recording.path.string()},
                      {"calibration", calibration.path.string()}}};
   for (const auto& [name, content] : LoopTruthFiles(truth, context)) output.Write(name, content);
+  output.Write("report.html", LoopTruthPage(truth, context));
   output.Commit();
   console.Print(LoopTruthSummary(truth));
   console.Print(fmt::format("written to {}\n", arguments.out.string()));
