@@ -76,7 +76,7 @@ void DropWeakFrames(Bundle* bundle) {
 Rejection RejectLandmarks(Bundle* bundle) {
   constexpr double kMostRejected = 1.0 / 3;
   // Beyond this part of the distance the cost along the ray is far from quadratic.
-  constexpr double kLargestDepthSigma = 0.25;
+  constexpr double kLargestDepthSigma = 0.1;
   const std::vector<std::vector<size_t>> of_marker = ObservationsOfMarkers(*bundle);
   std::vector<BundleObservation>& observations = bundle->observations;
   const auto is_used = [&](size_t i) { return observations[i].used; };

@@ -68,7 +68,7 @@ class Rounds {
     const std::vector<bool> all(first.size(), true);
     EstimateRobustNoise(first);
     UseProjecting(first, &bundle_);
-    AdjustOnce(kFirstTolerance);
+    AdjustOnce(kFirstTolerance, options_.loss);
     EstimateRobustNoise(first);
     std::vector<bool> others = first;
     others.flip();
@@ -96,8 +96,10 @@ class Rounds {
     for (int round = 0;; ++round) {
       CheckAllCamerasUsed(bundle_);
       const bool last = convergence.at_once || round == kMaxRounds;
-      const double gain =
-          AdjustOnce(convergence.calm || last ? FineTolerance(bundle_) : kCoarseTolerance);
+      const bool fine = convergence.calm || last;
+      // Landmarks with few observations, all of them in the linear part of a loss, converge slowly.
+      const double gain = AdjustOnce(fine ? FineTolerance(bundle_) : kCoarseTolerance,
+                                     fine && bundle_.HasLandmarks() ? Loss::kNone : options_.loss);
       if (last || (convergence.calm && gain < kCoarseTolerance)) return;
       // Rejections change the degrees of freedom little.
       if (round == 0 || bundle_.EstimatesJitter() || bundle_.HasLandmarks()) CountUsedDegrees();
@@ -120,9 +122,9 @@ class Rounds {
   }
 
   // Returns the part by which the cost fell.
-  double AdjustOnce(double cost_tolerance) {
+  double AdjustOnce(double cost_tolerance, Loss loss) {
     AdjustOptions adjust;
-    adjust.loss = options_.loss;
+    adjust.loss = loss;
     adjust.cost_tolerance = cost_tolerance;
     adjust.on_iteration = [&](int, double) { return options_.go_on(); };
     const AdjustSummary summary = Adjust(&bundle_, adjust);
@@ -155,9 +157,11 @@ class Rounds {
   // Noise and rejections follow from each other, without a solve between them once the worst
   // outliers are out, which took part in the solve before the first round.
   Convergence UpdateNoiseAndRejections(bool first_round) {
-    // One observation in a thousand moves the optimum by less than a tenth of a sigma.
-    constexpr double kFewChange = 1e-3;
-    const double few = kFewChange * static_cast<double>(bundle_.observations.size());
+    // One observation in a thousand moves the optimum by less than a tenth of a sigma. Of landmarks,
+    // which come and go as a whole, more change places without an end.
+    constexpr double kFewChange = 1e-3, kFewOfLandmarks = 5e-3;
+    const double few = (bundle_.HasLandmarks() ? kFewOfLandmarks : kFewChange) *
+                       static_cast<double>(bundle_.observations.size());
     double changed = 0;
     for (int pass = 0; pass < kMaxRounds; ++pass) {
       const double noise_change = UpdateNoise(options_.typical_sigmas, used_degrees_, &bundle_);

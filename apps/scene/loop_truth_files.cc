@@ -152,6 +152,7 @@ std::string GroundTruthYaml(const LoopTruthResult& truth, const LoopTruthContext
   fmt::format_to(out,
                  "scale: {{source: calibration, sigma: {}}}\n",
                  YamlNumber(truth.covariance.scale_sigma));
+  fmt::format_to(out, "track_factor: {}\n", YamlNumber(truth.covariance.track_factor));
   fmt::format_to(out, "floor_of_alignment_error:  # m, of a circle of that length, m\n");
   for (const auto& [length, floor] : AlignmentFloors(truth)) {
     fmt::format_to(out, "  {}: {}\n", length, YamlNumber(floor));
@@ -197,6 +198,7 @@ std::string SegmentsText(const LoopTruthResult& truth, const SceneTracks& tracks
 std::vector<std::string> FindingsOf(const LoopTruthResult& truth) {
   constexpr double kPoorScale = 0.01;
   constexpr double kStaleSigmas = 4;
+  constexpr double kSharedErrors = 2;  // of the variance
   std::vector<std::string> findings;
   AddExtentFinding("start", MakeSegment(truth.bundle, 0, truth.start.frames), &findings);
   AddExtentFinding("end", MakeSegment(truth.bundle, 0, truth.end.frames), &findings);
@@ -216,6 +218,12 @@ std::vector<std::string> FindingsOf(const LoopTruthResult& truth) {
     findings.emplace_back(
         "the calibration states no standard errors: its parameters were held, and the sigmas given "
         "here leave out their errors");
+  }
+  if (truth.covariance.track_factor > kSharedErrors) {
+    findings.push_back(fmt::format(
+        "observations of one track share errors (patches that look different from another side, "
+        "points that are none): the standard errors are {:.1f} times those of the noise alone",
+        std::sqrt(truth.covariance.track_factor)));
   }
   if (!truth.converged) findings.emplace_back("the bundle adjustment has not converged");
   return findings;

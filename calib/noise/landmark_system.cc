@@ -31,10 +31,12 @@ struct ObservationRows {
   std::vector<int> columns;
   Eigen::MatrixXd J;
   Eigen::Matrix<double, Eigen::Dynamic, 3> J_landmark;
+  Eigen::VectorXd residual;
 
   void Add(double factor, const ObservationRows& other) {
     J += factor * other.J;
     J_landmark += factor * other.J_landmark;
+    residual += factor * other.residual;
   }
 };
 
@@ -142,7 +144,9 @@ class LandmarkReduction {
     for (size_t m = 0; m < by_landmark_.size(); ++m) {
       if (by_landmark_[m].empty()) continue;
       sums.Clear();
-      AddLandmark(by_landmark_[m], &sums);
+      VisitLandmark(by_landmark_[m], [&](double sign, const ObservationRows& rows) {
+        sums.Add(sign, rows, &system_.information);
+      });
       if (system_.landmark[m] < 0) {
         sums.Eliminate(&system_.information);
       } else {
@@ -154,9 +158,26 @@ class LandmarkReduction {
     return std::move(system_);
   }
 
+  Eigen::MatrixXd Gradients(const Eigen::MatrixXd& directions) {
+    Eigen::MatrixXd gradients =
+        Eigen::MatrixXd::Zero(directions.cols(), static_cast<Eigen::Index>(by_landmark_.size()));
+    for (size_t m = 0; m < by_landmark_.size(); ++m) {
+      auto gradient = gradients.col(static_cast<Eigen::Index>(m));
+      VisitLandmark(by_landmark_[m], [&](double sign, const ObservationRows& rows) {
+        const Eigen::VectorXd g = sign * rows.J.transpose() * rows.residual;
+        for (size_t i = 0; i < rows.columns.size(); ++i) {
+          gradient += g[static_cast<Eigen::Index>(i)] * directions.row(rows.columns[i]).transpose();
+        }
+      });
+    }
+    return gradients;
+  }
+
  private:
-  // All observations of one landmark, those of one view with their common noise.
-  void AddLandmark(const std::vector<size_t>& observations, LandmarkSums* sums) {
+  // Calls add(sign, rows) for the observations of one landmark, those of one view with their common
+  // noise.
+  template <typename Add>
+  void VisitLandmark(const std::vector<size_t>& observations, const Add& add) {
     for (size_t begin = 0, end = 0; begin < observations.size(); begin = end) {
       const BundleObservation& first = bundle_.observations[observations[begin]];
       const BundleCamera& camera = bundle_.cameras[static_cast<size_t>(first.camera)];
@@ -167,7 +188,7 @@ class LandmarkReduction {
         const BundleObservation& observation = bundle_.observations[observations[end]];
         if (observation.frame != first.frame || observation.camera != first.camera) break;
         if (!Linearise(observation)) continue;
-        sums->Add(1, rows_, &system_.information);
+        add(1.0, rows_);
         if (common == 0) continue;
         const double weight = 1 / camera.noise.OwnSigma(observation.assumed_sigma);
         information += weight * weight;
@@ -175,12 +196,13 @@ class LandmarkReduction {
           sum = rows_;
           sum.J *= weight;
           sum.J_landmark *= weight;
+          sum.residual *= weight;
         } else {
           sum.Add(weight, rows_);
         }
       }
       if (information > 0) {
-        sums->Add(-internal::CommonShare(common, information), sum, &system_.information);
+        add(-internal::CommonShare(common, information), sum);
       }
     }
   }
@@ -227,6 +249,7 @@ class LandmarkReduction {
     add_six(system_.pose[frame], J_pose_);
     rows_.J.conservativeResize(Eigen::NoChange, next);
     rows_.J_landmark = J_marker_.topRows(count);
+    rows_.residual = Eigen::Map<const Eigen::VectorXd>(residual, count);
     return true;
   }
 
@@ -260,6 +283,12 @@ class LandmarkReduction {
 
 PoseSystem EliminateLandmarks(const Bundle& bundle, const UnknownLayout& layout) {
   return LandmarkReduction(bundle, layout).Run();
+}
+
+Eigen::MatrixXd LandmarkGradients(const Bundle& bundle,
+                                  const UnknownLayout& layout,
+                                  const Eigen::MatrixXd& directions) {
+  return LandmarkReduction(bundle, layout).Gradients(directions);
 }
 
 UnknownLayout LayoutOf(const Bundle& bundle) {

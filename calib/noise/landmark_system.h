@@ -32,6 +32,13 @@ PoseSystem EliminateLandmarks(const Bundle& bundle, const internal::UnknownLayou
 /// `layout` of a bundle's used observations.
 internal::UnknownLayout LayoutOf(const Bundle& bundle);
 
+/// Half the gradient of each landmark's sum of squares along `directions` (unknowns of the system x
+/// directions): a column a landmark. Where each observation has an error of its own, the covariance of these gradients is
+/// the landmark's information; an error that the observations of a landmark share makes it larger.
+Eigen::MatrixXd LandmarkGradients(const Bundle& bundle,
+                                  const internal::UnknownLayout& layout,
+                                  const Eigen::MatrixXd& directions);
+
 /// Information on parameters and extrinsics alone, poses at their best. Throws `Error` of kind kJob
 /// when the poses are not determined.
 Eigen::MatrixXd HeadInformation(const PoseSystem& system);

@@ -77,6 +77,23 @@ Matrix6d InverseChart(const RigidTransform& T) {
   return LogJacobian(T.Inverse()) * J;
 }
 
+// A covariance, no smaller in any direction than another estimate of it.
+struct Widened {
+  Eigen::MatrixXd covariance;
+  double factor = 1;  // mean over the directions
+};
+
+Widened Widen(const Eigen::MatrixXd& covariance, const Eigen::MatrixXd& other) {
+  const Eigen::LLT<Eigen::MatrixXd> root(covariance);
+  if (root.info() != Eigen::Success) return {covariance};
+  const Eigen::MatrixXd left = root.matrixL().solve(other);
+  const SymmetricEigen spectrum =
+      DecomposeSymmetric(Eigen::MatrixXd(root.matrixL().solve(left.transpose())));
+  const Eigen::VectorXd factors = spectrum.values.cwiseMax(1);
+  const Eigen::MatrixXd directions = root.matrixL() * spectrum.vectors;
+  return {directions * factors.asDiagonal() * directions.transpose(), factors.mean()};
+}
+
 }  // namespace
 
 Eigen::Matrix<double, 3, 7> SimilarityEffect(const Eigen::Vector3d& p,
@@ -152,15 +169,24 @@ LoopCovariance EstimateLoopCovariance(const Bundle& bundle,
   both.insert(both.end(), end.begin(), end.end());
   Eigen::MatrixXd rows(21, system.Size());
   rows << rows_of(start), rows_of(end), rows_of(both);
-  const Eigen::MatrixXd half = factor.matrixL().solve(rows.transpose());
-  const Eigen::MatrixXd covariance = half.transpose() * half;
+  const Eigen::MatrixXd directions = factor.solve(rows.transpose());
+  const Eigen::MatrixXd covariance = rows * directions;
+  const Eigen::MatrixXd gradients = LandmarkGradients(bundle, layout, directions);
+  Eigen::MatrixXd of_prior = Eigen::MatrixXd::Zero(system.Size(), system.Size());
+  AddCalibrationPrior(bundle, layout, &of_prior);
+  const Eigen::MatrixXd by_tracks =
+      gradients * gradients.transpose() +
+      directions.transpose() * (of_prior.selfadjointView<Eigen::Lower>() * directions);
   LoopCovariance result;
-  result.segments = covariance.topLeftCorner<14, 14>();
-  result.scale_sigma = std::sqrt(covariance(20, 20));
+  const Widened widened =
+      Widen(covariance.topLeftCorner(14, 14), by_tracks.topLeftCorner(14, 14));
+  result.segments = widened.covariance;
+  result.track_factor = widened.factor;
+  result.scale_sigma = std::sqrt(std::max(covariance(20, 20), by_tracks(20, 20)));
   result.poses = PoseBlocks(factor, system.pose);
   for (size_t frame = 0; frame < result.poses.size(); ++frame) {
     const Matrix6d J = InverseChart(bundle.T_rig_target[frame]);
-    result.poses[frame] = J * result.poses[frame] * J.transpose();
+    result.poses[frame] = widened.factor * J * result.poses[frame] * J.transpose();
   }
   return result;
 }
