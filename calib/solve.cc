@@ -157,8 +157,8 @@ class Rounds {
   // Noise and rejections follow from each other, without a solve between them once the worst
   // outliers are out, which took part in the solve before the first round.
   Convergence UpdateNoiseAndRejections(bool first_round) {
-    // One observation in a thousand moves the optimum by less than a tenth of a sigma. Of landmarks,
-    // which come and go as a whole, more change places without an end.
+    // One observation in a thousand moves the optimum by less than a tenth of a sigma. Of
+    // landmarks, which come and go as a whole, more change places without an end.
     constexpr double kFewChange = 1e-3, kFewOfLandmarks = 5e-3;
     const double few = (bundle_.HasLandmarks() ? kFewOfLandmarks : kFewChange) *
                        static_cast<double>(bundle_.observations.size());

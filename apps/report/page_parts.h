@@ -13,7 +13,7 @@ extern const std::string_view kSceneJs;       ///< scene.js
 extern const std::string_view kElementsJs;    ///< elements.js
 extern const std::string_view kPageJs;        ///< page.js
 extern const std::string_view kTrialPageJs;   ///< trial_page.js
-extern const std::string_view kTruthPageJs;  ///< truth_page.js
+extern const std::string_view kTruthPageJs;   ///< truth_page.js
 extern const std::string_view kChartLibrary;  ///< Chart.js of Debian's libjs-chart.js
 
 }  // namespace plenocal

@@ -63,8 +63,8 @@ std::vector<cv::Point> CurvePixels(const Ray& ray,
   const int steps = std::min(kMostSteps, second.image->cols);
   for (int i = 0; i <= steps; ++i) {
     const double inverse = static_cast<double>(i) / steps / nearest;
-    const Eigen::Vector3d direction = T_second_first.R * (ray.direction + inverse * ray.origin) +
-                                      inverse * T_second_first.t;
+    const Eigen::Vector3d direction =
+        T_second_first.R * (ray.direction + inverse * ray.origin) + inverse * T_second_first.t;
     double u[kMaxObservationSize];
     const double values[kMaxObservationSize] = {};
     if (!camera.model->project(camera.params.data(), camera.config.data(), values, direction, u)) {

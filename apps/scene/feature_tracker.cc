@@ -247,10 +247,8 @@ void FeatureTracker::FindInOthers(size_t first_track,
     std::vector<size_t> indices;
     std::vector<cv::Point2f> from, guess;
     for (size_t i = first_track; i < tracks_.size(); ++i) {
-      const std::optional<cv::Point2f> found =
-          SearchEpipolarCurve({&cameras_[0], images.data()},
-                              *tracks_[i].now[0],
-                              {&cameras_[c], &images[c]});
+      const std::optional<cv::Point2f> found = SearchEpipolarCurve(
+          {&cameras_[0], images.data()}, *tracks_[i].now[0], {&cameras_[c], &images[c]});
       if (!found) continue;
       indices.push_back(i);
       from.push_back(tracks_[i].in_key);

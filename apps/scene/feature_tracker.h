@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Scene points followed through the images of a calibrated rig of ordinary cameras: found by SIFT in
-// the first camera, in the others along the epipolar curve, followed by optical flow, and measured
-// against the image in which they were found, so that their errors do not add up along the track.
+// Scene points followed through the images of a calibrated rig of ordinary cameras: found by SIFT
+// in the first camera, in the others along the epipolar curve, followed by optical flow, and
+// measured against the image in which they were found, so that their errors do not add up along the
+// track.
 #pragma once
 
 #include <map>

@@ -142,9 +142,8 @@ class LoopTracker {
       }
     }
     result_.segments.start = StartFrames(tracks, options_.segments.start);
-    result_.segments.end = options_.segments.end.empty()
-                               ? FramesThatSeeAgain()
-                               : EndFrames(tracks, options_.segments.end);
+    result_.segments.end = options_.segments.end.empty() ? FramesThatSeeAgain()
+                                                         : EndFrames(tracks, options_.segments.end);
     CheckOrder(result_.segments);
   }
 
@@ -181,7 +180,9 @@ class LoopTracker {
                             Counted(most, "point")));
   }
 
-  FeatureTracker Track(const std::vector<size_t>& frames, const char* name, int first_number) const {
+  FeatureTracker Track(const std::vector<size_t>& frames,
+                       const char* name,
+                       int first_number) const {
     FeatureTracker tracker(cameras_, options_.features, first_number);
     for (size_t i = 0; i < frames.size(); ++i) {
       Report(fmt::format("follow points of the {}", name), i, frames.size());

@@ -75,8 +75,8 @@ class LoopEstimation {
     Enter("bundle adjustment");
     Adjust();
     Enter("uncertainty");
-    result_.covariance = EstimateLoopCovariance(
-        result_.bundle, 0, result_.start.frames, result_.end.frames);
+    result_.covariance =
+        EstimateLoopCovariance(result_.bundle, 0, result_.start.frames, result_.end.frames);
     Measure();
     return std::move(result_);
   }
@@ -200,8 +200,24 @@ class LoopEstimation {
     SortObservations(&bundle);
   }
 
+  // A frame whose start followed a moving object contradicts the others afterwards: it is looked
+  // for again among the points that the adjustment has kept.
   void Adjust() {
-    KeepStarted(state_, &result_.bundle);
+    constexpr int kRevisions = 3;
+    const std::vector<BundleObservation> all = result_.bundle.observations;
+    for (int i = 0;; ++i) {
+      result_.start = Posed(input_.segments.start);
+      result_.end = Posed(input_.segments.end);
+      KeepStarted(state_, &result_.bundle);
+      SolveOnce();
+      if (i == kRevisions || !ReviseFrames(all)) break;
+    }
+    MoveToFirstFrame();
+    DropUnused(&result_.start);
+    DropUnused(&result_.end);
+  }
+
+  void SolveOnce() {
     result_.bundle.held_frame = result_.start.frames.front();
     SolveOptions options;
     options.typical_sigmas = TypicalSigmas(result_.bundle);
@@ -209,9 +225,60 @@ class LoopEstimation {
     options.go_on = [&] { return !input_.progress || input_.progress("bundle adjustment"); };
     const Solution solution = Solve(options, &result_.bundle);
     result_.converged = solution.converged;
-    result_.iterations = solution.iterations;
-    DropUnused(&result_.start);
-    DropUnused(&result_.end);
+    result_.iterations += solution.iterations;
+  }
+
+  // Landmarks that a frame shows and those of them that are used.
+  struct FrameCount {
+    std::set<int> shown, used;
+  };
+
+  // False when no frame has a better pose; the bundle is as before then. `all`: the observations
+  // before any was left out.
+  bool ReviseFrames(const std::vector<BundleObservation>& all) {
+    Bundle& bundle = result_.bundle;
+    std::vector<BundleObservation> kept = bundle.observations;
+    std::vector<FrameCount> counts(bundle.T_rig_target.size());
+    state_.has_point.assign(bundle.markers.size(), false);
+    for (const BundleObservation& observation : kept) {
+      if (!observation.used) continue;
+      state_.has_point[static_cast<size_t>(observation.marker)] = true;
+      counts[static_cast<size_t>(observation.frame)].used.insert(observation.marker);
+    }
+    for (const BundleObservation& observation : all) {
+      if (!state_.has_point[static_cast<size_t>(observation.marker)]) continue;
+      counts[static_cast<size_t>(observation.frame)].shown.insert(observation.marker);
+    }
+    bundle.observations = all;
+    bool changed = false;
+    for (const std::vector<size_t>* segment : {&input_.segments.start, &input_.segments.end}) {
+      for (const size_t frame : *segment) changed = ReviseFrame(frame, counts[frame]) || changed;
+    }
+    if (!changed) {
+      bundle.observations = std::move(kept);
+      return false;
+    }
+    for (size_t frame = 0; frame < counts.size(); ++frame) {
+      if (state_.has_pose[frame]) Triangulate(frame, limit_, &state_);
+    }
+    return true;
+  }
+
+  bool ReviseFrame(size_t frame, const FrameCount& count) {
+    if (2 * count.used.size() >= count.shown.size()) return false;
+    const std::optional<PoseSearch> found = FindPose(state_, frame, limit_);
+    if (!found || found->inliers <= count.used.size()) return false;
+    result_.bundle.T_rig_target[frame] = found->T_rig_target;
+    state_.has_pose[frame] = true;
+    return true;
+  }
+
+  // Poses and points relative to the first frame's pose.
+  void MoveToFirstFrame() {
+    Bundle& bundle = result_.bundle;
+    const RigidTransform T_first_world = bundle.T_rig_target[*bundle.held_frame];
+    for (RigidTransform& T : bundle.T_rig_target) T = T * T_first_world.Inverse();
+    for (BundleMarker& marker : bundle.markers) marker.position = T_first_world * marker.position;
   }
 
   // The adjustment may have rejected all of a frame's points.
@@ -266,8 +333,9 @@ class LoopEstimation {
     result_.prior_unknowns = static_cast<int>(prior.unknowns.size());
     result_.prior_change = (prior.weight * deviation).squaredNorm();
     const Eigen::MatrixXd covariance =
-        (prior.weight.transpose() * prior.weight).ldlt().solve(
-            Eigen::MatrixXd::Identity(deviation.size(), deviation.size()));
+        (prior.weight.transpose() * prior.weight)
+            .ldlt()
+            .solve(Eigen::MatrixXd::Identity(deviation.size(), deviation.size()));
     for (Eigen::Index i = 0; i < deviation.size(); ++i) {
       const double sigmas = std::abs(deviation[i]) / std::sqrt(covariance(i, i));
       if (sigmas <= result_.most_changed_sigmas) continue;

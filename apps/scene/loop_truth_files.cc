@@ -149,15 +149,15 @@ std::string GroundTruthYaml(const LoopTruthResult& truth, const LoopTruthContext
                  truth.common,
                  truth.observations,
                  truth.converged);
-  fmt::format_to(out,
-                 "scale: {{source: calibration, sigma: {}}}\n",
-                 YamlNumber(truth.covariance.scale_sigma));
+  fmt::format_to(
+      out, "scale: {{source: calibration, sigma: {}}}\n", YamlNumber(truth.covariance.scale_sigma));
   fmt::format_to(out, "track_factor: {}\n", YamlNumber(truth.covariance.track_factor));
   fmt::format_to(out, "floor_of_alignment_error:  # m, of a circle of that length, m\n");
   for (const auto& [length, floor] : AlignmentFloors(truth)) {
     fmt::format_to(out, "  {}: {}\n", length, YamlNumber(floor));
   }
-  text += "# Small similarities [x, y, z, w_x, w_y, w_z, scale] of start and end about these centres\n";
+  text +=
+      "# Small similarities [x, y, z, w_x, w_y, w_z, scale] of start and end about these centres\n";
   text += "segment_covariance:\n";
   fmt::format_to(out,
                  "  start_centre: {}\n  end_centre: {}\n  matrix:\n",
@@ -234,8 +234,7 @@ std::vector<std::pair<double, double>> AlignmentFloors(const LoopTruthResult& tr
   const PathSegment end = MakeSegment(truth.bundle, 0, truth.end.frames);
   std::vector<std::pair<double, double>> floors;
   for (const double length : kLoopLengths) {
-    floors.emplace_back(length,
-                        truth.covariance.AlignmentFloor(start, end, Circle(start, length)));
+    floors.emplace_back(length, truth.covariance.AlignmentFloor(start, end, Circle(start, length)));
   }
   return floors;
 }

@@ -55,8 +55,8 @@ Json MarkersJson(const LoopTruthResult& truth, const Sightings& seen) {
   size_t i = 0;
   for (size_t m = 0; m < seen.start.size(); ++m) {
     if (!seen.Any(m) || i++ % step != 0) continue;
-    markers.push_back({{"place", VectorJson(truth.bundle.markers[m].position)},
-                       {"common", seen.Common(m)}});
+    markers.push_back(
+        {{"place", VectorJson(truth.bundle.markers[m].position)}, {"common", seen.Common(m)}});
   }
   return markers;
 }
@@ -81,14 +81,13 @@ Json FramesJson(const LoopTruthResult& truth, const SceneTracks& tracks, const S
   }
   Json frames = Json::array();
   for (const auto& [frame, sum] : sums) {
-    frames.push_back(
-        {{"name", tracks.frames[frame]},
-         {"T_target_rig", TransformJson(truth.bundle.T_rig_target[frame].Inverse())},
-         {"observations", sum.observations},
-         {"common", sum.common},
-         {"rms", std::sqrt(sum.square / static_cast<double>(sum.observations))},
-         {"position_sigma",
-          std::sqrt(truth.covariance.poses[frame].topLeftCorner<3, 3>().trace())}});
+    frames.push_back({{"name", tracks.frames[frame]},
+                      {"T_target_rig", TransformJson(truth.bundle.T_rig_target[frame].Inverse())},
+                      {"observations", sum.observations},
+                      {"common", sum.common},
+                      {"rms", std::sqrt(sum.square / static_cast<double>(sum.observations))},
+                      {"position_sigma",
+                       std::sqrt(truth.covariance.poses[frame].topLeftCorner<3, 3>().trace())}});
   }
   return frames;
 }
@@ -121,26 +120,25 @@ std::string LoopTruthPage(const LoopTruthResult& truth, const LoopTruthContext& 
                        {"T_camera_rig", TransformJson(camera.T_camera_rig)}});
   }
   for (const auto& [length, floor] : AlignmentFloors(truth)) floors.push_back({length, floor});
-  return MakePage(
-      "Ground truth of a loop",
-      {kSceneJs, kTruthPageJs},
-      {{"cameras", cameras},
-       {"frames", FramesJson(truth, tracks, seen)},
-       {"markers", MarkersJson(truth, seen)},
-       {"truth",
-        {{"points", truth.points},
-         {"common", truth.common},
-         {"observations", truth.observations},
-         {"scale_sigma", truth.covariance.scale_sigma},
-         {"relative",
-          {{"position", std::sqrt(relative.topLeftCorner<3, 3>().trace())},
-           {"rotation", std::sqrt(relative.block<3, 3>(3, 3).trace())},
-           {"scale", std::sqrt(relative(6, 6))}}},
-         {"floors", floors},
-         {"findings", context.findings},
-         {"segments",
-          {{"start", SegmentJson(truth, truth.start, tracks)},
-           {"end", SegmentJson(truth, truth.end, tracks)}}}}}});
+  return MakePage("Ground truth of a loop",
+                  {kSceneJs, kTruthPageJs},
+                  {{"cameras", cameras},
+                   {"frames", FramesJson(truth, tracks, seen)},
+                   {"markers", MarkersJson(truth, seen)},
+                   {"truth",
+                    {{"points", truth.points},
+                     {"common", truth.common},
+                     {"observations", truth.observations},
+                     {"scale_sigma", truth.covariance.scale_sigma},
+                     {"relative",
+                      {{"position", std::sqrt(relative.topLeftCorner<3, 3>().trace())},
+                       {"rotation", std::sqrt(relative.block<3, 3>(3, 3).trace())},
+                       {"scale", std::sqrt(relative(6, 6))}}},
+                     {"floors", floors},
+                     {"findings", context.findings},
+                     {"segments",
+                      {{"start", SegmentJson(truth, truth.start, tracks)},
+                       {"end", SegmentJson(truth, truth.end, tracks)}}}}}});
 }
 
 }  // namespace plenocal

@@ -85,10 +85,9 @@ SceneTracks ReadRecordedTracks(const RecordingFile& recording,
   if (!times.empty()) {
     for (const std::string& name : names) {
       if (times.contains(name)) continue;
-      throw Error(ErrorKind::kInput,
-                  fmt::format("{}: no time for frame '{}' of the tracks",
-                              recording.path.string(),
-                              name));
+      throw Error(
+          ErrorKind::kInput,
+          fmt::format("{}: no time for frame '{}' of the tracks", recording.path.string(), name));
     }
     std::ranges::stable_sort(names, {}, [&](const std::string& name) { return times.at(name); });
     for (const std::string& name : names) tracks.times.push_back(times.at(name));

@@ -90,8 +90,8 @@ Sight SightOf(const SceneState& state, size_t frame, int camera) {
     const auto m = static_cast<size_t>(observation.marker);
     if (observation.camera != camera || !state.has_point[m]) continue;
     const BundleCamera& of = bundle.cameras[static_cast<size_t>(camera)];
-    const std::optional<Ray> ray = of.model->unproject(
-        of.params.data(), of.config.data(), observation.seen.values.data());
+    const std::optional<Ray> ray =
+        of.model->unproject(of.params.data(), of.config.data(), observation.seen.values.data());
     if (!ray || ray->direction.z() < std::sqrt(1 - kWidestSine * kWidestSine)) continue;
     const Eigen::Vector3d& p = bundle.markers[m].position;
     sight.observations.push_back(i);
@@ -103,8 +103,7 @@ Sight SightOf(const SceneState& state, size_t frame, int camera) {
 }
 
 RigidTransform PoseOf(const cv::Mat& rotation, const cv::Mat& translation) {
-  const Eigen::Vector3d w(
-      rotation.at<double>(0), rotation.at<double>(1), rotation.at<double>(2));
+  const Eigen::Vector3d w(rotation.at<double>(0), rotation.at<double>(1), rotation.at<double>(2));
   return {ExpRotation(w),
           {translation.at<double>(0), translation.at<double>(1), translation.at<double>(2)}};
 }
@@ -162,6 +161,7 @@ class PoseFinder {
   std::pair<size_t, Sight> BestSight() const {
     std::pair<size_t, Sight> best;
     for (size_t c = 0; c < bundle_.cameras.size(); ++c) {
+      if (!bundle_.cameras[c].model->central) continue;
       Sight sight = SightOf(state_, frame_, static_cast<int>(c));
       if (sight.points.size() < std::max(kFewestLandmarks, best.second.points.size() + 1)) continue;
       best = {c, std::move(sight)};
@@ -177,8 +177,9 @@ class PoseFinder {
     for (size_t i = 0; i < chosen.size(); ++i) {
       do {
         chosen[i] = any(random_);
-      } while (std::find(chosen.begin(), chosen.begin() + static_cast<std::ptrdiff_t>(i), chosen[i]) !=
-               chosen.begin() + static_cast<std::ptrdiff_t>(i));
+      } while (std::find(chosen.begin(),
+                         chosen.begin() + static_cast<std::ptrdiff_t>(i),
+                         chosen[i]) != chosen.begin() + static_cast<std::ptrdiff_t>(i));
       points.push_back(sight.points[chosen[i]]);
       directions.push_back(sight.directions[chosen[i]]);
     }
@@ -269,8 +270,7 @@ bool AcceptPoint(const std::vector<size_t>& observations,
     const BundleObservation& observation = bundle.observations[i];
     const std::optional<Ray> ray = RigRay(bundle, observation);
     if (!ray) return false;
-    const RigidTransform T =
-        bundle.T_rig_target[static_cast<size_t>(observation.frame)].Inverse();
+    const RigidTransform T = bundle.T_rig_target[static_cast<size_t>(observation.frame)].Inverse();
     rays.push_back({T * ray->origin, T.R * ray->direction});
   }
   const std::optional<RayPoint> point = IntersectRays(rays);

@@ -16,8 +16,8 @@ namespace plenocal {
 /// A bundle with landmarks whose poses and positions are being found.
 struct SceneState {
   Bundle* bundle = nullptr;
-  std::vector<bool> has_pose;   ///< per frame
-  std::vector<bool> has_point;  ///< per marker
+  std::vector<bool> has_pose;                        ///< per frame
+  std::vector<bool> has_point;                       ///< per marker
   std::vector<std::vector<size_t>> observations_of;  ///< per marker, indices in the bundle's order
 };
 
@@ -31,9 +31,9 @@ struct PoseSearch {
   double sigma = 0;       ///< robust, of one coordinate of the inliers' residuals, px
 };
 
-/// Nothing when fewer than `kFewestLandmarks` are known or most of them contradict each other (least
-/// median). With `limit`, the residual in px below which a landmark agrees, most may: the pose with
-/// the most that agree wins, and nothing is found below `kFewestAgreeing`. The search is
+/// Nothing when fewer than `kFewestLandmarks` are known or most of them contradict each other
+/// (least median). With `limit`, the residual in px below which a landmark agrees, most may: the
+/// pose with the most that agree wins, and nothing is found below `kFewestAgreeing`. The search is
 /// deterministic.
 std::optional<PoseSearch> FindPose(const SceneState& state,
                                    size_t frame,

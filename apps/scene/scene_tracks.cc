@@ -37,8 +37,9 @@ Bundle MakeSceneBundle(const SceneTracks& tracks, const std::vector<BundleCamera
   for (const auto& [number, views] : CountViews(tracks)) {
     if (views < 2) continue;
     index.emplace(number, static_cast<int>(bundle.markers.size()));
-    bundle.markers.push_back(
-        {.number = number, .position = Eigen::Vector3d::Zero(), .nominal = Eigen::Vector3d::Zero()});
+    bundle.markers.push_back({.number = number,
+                              .position = Eigen::Vector3d::Zero(),
+                              .nominal = Eigen::Vector3d::Zero()});
   }
   std::map<std::string, int> frame_index;
   for (size_t i = 0; i < tracks.frames.size(); ++i) {

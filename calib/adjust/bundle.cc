@@ -85,8 +85,7 @@ Eigen::VectorXd DeviationFromPrior(const Bundle& bundle) {
     const RigidTransform& T_prior = prior.T_camera_rig[unknown.camera];
     value = unknown.component < 3
                 ? (camera.T_camera_rig.t - T_prior.t)[unknown.component]
-                : LogRotation(camera.T_camera_rig.R *
-                              T_prior.R.transpose())[unknown.component - 3];
+                : LogRotation(camera.T_camera_rig.R * T_prior.R.transpose())[unknown.component - 3];
   }
   return deviation;
 }

@@ -77,8 +77,8 @@ struct CalibrationPrior {
   struct Unknown {
     size_t camera = 0;
     std::optional<size_t> param = {};  ///< not set: a component of T_camera_rig
-    Eigen::Index component = 0;   ///< in the chart about `T_camera_rig` below (`Retract`)
-    double value = 0;             ///< of a parameter
+    Eigen::Index component = 0;        ///< in the chart about `T_camera_rig` below (`Retract`)
+    double value = 0;                  ///< of a parameter
   };
   std::vector<Unknown> unknowns;
   std::vector<RigidTransform> T_camera_rig;  ///< per camera of the bundle

@@ -44,8 +44,8 @@ bool ParamPrior::Evaluate(double const* const* parameters,
 bool DistanceCost::Evaluate(double const* const* parameters,
                             double* residuals,
                             double** jacobians) const {
-  const Eigen::Vector3d apart =
-      Eigen::Map<const Eigen::Vector3d>(parameters[0]) - Eigen::Map<const Eigen::Vector3d>(parameters[1]);
+  const Eigen::Vector3d apart = Eigen::Map<const Eigen::Vector3d>(parameters[0]) -
+                                Eigen::Map<const Eigen::Vector3d>(parameters[1]);
   const double length = apart.norm();
   if (length == 0) return false;
   residuals[0] = (length - distance_.length) / distance_.sigma;
@@ -109,8 +109,8 @@ bool CalibrationPriorCost::Evaluate(double const* const* parameters,
       J(i, unknown.component) = 1;
     } else {
       // Exp(w) = Exp(delta_w) R_0 R_prior': dw = J(w)^-1 J(delta_w) d delta_w.
-      const Eigen::Matrix3d turn = LeftJacobian(w).inverse() *
-                                   LeftJacobian(Eigen::Map<const Vector6d>(block).tail<3>());
+      const Eigen::Matrix3d turn =
+          LeftJacobian(w).inverse() * LeftJacobian(Eigen::Map<const Vector6d>(block).tail<3>());
       deviation[i] = w[unknown.component - 3];
       J.block<1, 3>(i, 3) = turn.row(unknown.component - 3);
     }

@@ -121,7 +121,8 @@ void AdjustProblem::AddObservations() {
 void AdjustProblem::AddGroup(const std::vector<const BundleObservation*>& group) {
   const auto frame = static_cast<size_t>(group[0]->frame);
   const auto camera = static_cast<size_t>(group[0]->camera);
-  const auto marker_block = static_cast<size_t>(group[0]->marker / internal::MarkersPerBlock(bundle_));
+  const auto marker_block =
+      static_cast<size_t>(group[0]->marker / internal::MarkersPerBlock(bundle_));
   const internal::ViewUnknowns view{
       .intrinsics = &unknowns_.intrinsics[camera],
       .extrinsics = bundle_.cameras[camera].is_master ? nullptr : &unknowns_.extrinsics[camera],

@@ -33,8 +33,9 @@ PoseSystem EliminateLandmarks(const Bundle& bundle, const internal::UnknownLayou
 internal::UnknownLayout LayoutOf(const Bundle& bundle);
 
 /// Half the gradient of each landmark's sum of squares along `directions` (unknowns of the system x
-/// directions): a column a landmark. Where each observation has an error of its own, the covariance of these gradients is
-/// the landmark's information; an error that the observations of a landmark share makes it larger.
+/// directions): a column a landmark. Where each observation has an error of its own, the covariance
+/// of these gradients is the landmark's information; an error that the observations of a landmark
+/// share makes it larger.
 Eigen::MatrixXd LandmarkGradients(const Bundle& bundle,
                                   const internal::UnknownLayout& layout,
                                   const Eigen::MatrixXd& directions);

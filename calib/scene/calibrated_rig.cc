@@ -45,8 +45,8 @@ RelativeChart ChartOfRelative(const RigidTransform& T_camera_rig,
   return chart;
 }
 
-// The rows of the prior's unknowns among all numbers of the cameras: per camera its parameters, then
-// the chart of its extrinsics.
+// The rows of the prior's unknowns among all numbers of the cameras: per camera its parameters,
+// then the chart of its extrinsics.
 class PriorMaker {
  public:
   explicit PriorMaker(const std::vector<const CalibratedCamera*>& cameras) : cameras_(cameras) {

@@ -41,8 +41,8 @@ Eigen::MatrixXd SegmentRows(const Bundle& bundle,
   for (size_t i = 0; i < frames.size(); ++i) {
     const auto A = SimilarityEffect(segment.positions[i], segment.centre);
     normal += A.transpose() * A;
-    const PositionDerivative dp = DifferentiatePosition(bundle.T_rig_target[frames[i]],
-                                                        bundle.cameras[camera].T_camera_rig);
+    const PositionDerivative dp =
+        DifferentiatePosition(bundle.T_rig_target[frames[i]], bundle.cameras[camera].T_camera_rig);
     const int pose = system.pose[frames[i]];
     if (pose >= 0) rows.middleCols<6>(pose) += A.transpose() * dp.by_pose;
     if (extrinsics >= 0) rows.middleCols<6>(extrinsics) += A.transpose() * dp.by_extrinsics;
@@ -154,8 +154,7 @@ LoopCovariance EstimateLoopCovariance(const Bundle& bundle,
                                       std::span<const size_t> end) {
   const internal::UnknownLayout layout = LayoutOf(bundle);
   const PoseSystem system = EliminateLandmarks(bundle, layout);
-  const Eigen::LLT<Eigen::MatrixXd> factor(
-      system.information.selfadjointView<Eigen::Lower>());
+  const Eigen::LLT<Eigen::MatrixXd> factor(system.information.selfadjointView<Eigen::Lower>());
   if (factor.info() != Eigen::Success) {
     throw Error(ErrorKind::kJob,
                 "the scene points do not determine all poses and the scale; images with more "
@@ -178,8 +177,7 @@ LoopCovariance EstimateLoopCovariance(const Bundle& bundle,
       gradients * gradients.transpose() +
       directions.transpose() * (of_prior.selfadjointView<Eigen::Lower>() * directions);
   LoopCovariance result;
-  const Widened widened =
-      Widen(covariance.topLeftCorner(14, 14), by_tracks.topLeftCorner(14, 14));
+  const Widened widened = Widen(covariance.topLeftCorner(14, 14), by_tracks.topLeftCorner(14, 14));
   result.segments = widened.covariance;
   result.track_factor = widened.factor;
   result.scale_sigma = std::sqrt(std::max(covariance(20, 20), by_tracks(20, 20)));

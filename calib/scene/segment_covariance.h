@@ -41,9 +41,9 @@ struct LoopCovariance {
   /// (m), rotation (rad), scale.
   Eigen::Matrix<double, 14, 14> segments;
   double scale_sigma = 0;  ///< of the whole truth's scale
-  /// Factor on the variances for errors that the observations of one track share (a patch that looks
-  /// different from another side): the gradients of the tracks scatter more than the noise of single
-  /// observations explains. It is in all covariances here.
+  /// Factor on the variances for errors that the observations of one track share (a patch that
+  /// looks different from another side): the gradients of the tracks scatter more than the noise of
+  /// single observations explains. It is in all covariances here.
   double track_factor = 1;
   /// Per frame of the bundle: covariance of T_world_rig's se(3) vector relative to the held frame;
   /// zero for that frame and for frames that were not observed.
@@ -58,10 +58,10 @@ struct LoopCovariance {
                                       std::span<const Eigen::Vector3d> path) const;
 };
 
-/// At the optimum of a bundle with landmarks; segments of camera `camera`. The covariance is that of
-/// the adjustment, and in no direction smaller than what the scatter of the tracks' gradients gives
-/// (the "sandwich" with a cluster a track: Liang and Zeger, Biometrika 73, 1986). Throws `Error` of kind
-/// kJob when the observations do not determine all poses.
+/// At the optimum of a bundle with landmarks; segments of camera `camera`. The covariance is that
+/// of the adjustment, and in no direction smaller than what the scatter of the tracks' gradients
+/// gives (the "sandwich" with a cluster a track: Liang and Zeger, Biometrika 73, 1986). Throws
+/// `Error` of kind kJob when the observations do not determine all poses.
 LoopCovariance EstimateLoopCovariance(const Bundle& bundle,
                                       size_t camera,
                                       std::span<const size_t> start,

@@ -91,17 +91,20 @@ void RunGroundtruth(const GroundtruthArguments& arguments, const ConsoleOptions&
   const CalibrationRecord calibration = ReadRigCalibration(arguments, recording);
   const CalibratedRig rig =
       MakeCalibratedRig(calibration, ChooseCameras(arguments, recording, calibration));
+  if (std::ranges::none_of(rig.cameras, [](const auto& camera) { return camera.model->central; })) {
+    throw Error(ErrorKind::kInput,
+                "--cameras: poses are found by an ordinary camera; name one beside the plenoptic");
+  }
   OutputFolder output(arguments.out);
   const LoopTracks loop = CollectTracks(arguments, recording, rig, &console);
   const SceneTracks& tracks = loop.tracks;
-  const LoopTruthResult truth = EstimateLoopTruth(
-      {.rig = &rig,
-       .tracks = &tracks,
-       .segments = loop.segments,
-       .progress = [&](const std::string& stage) {
-         console.Progress(stage);
-         return !Interrupted();
-       }});
+  const LoopTruthResult truth = EstimateLoopTruth({.rig = &rig,
+                                                   .tracks = &tracks,
+                                                   .segments = loop.segments,
+                                                   .progress = [&](const std::string& stage) {
+                                                     console.Progress(stage);
+                                                     return !Interrupted();
+                                                   }});
   for (const SegmentTruth* segment : {&truth.start, &truth.end}) {
     for (const size_t frame : segment->left_out) {
       console.Message(fmt::format("  left out {}: too few points agree", tracks.frames[frame]));
@@ -109,11 +112,10 @@ void RunGroundtruth(const GroundtruthArguments& arguments, const ConsoleOptions&
   }
   const std::vector<std::string> findings = FindingsOf(truth);
   for (const std::string& finding : findings) console.Warning(finding);
-  const LoopTruthContext context{
-      .tracks = &tracks,
-      .findings = findings,
-      .provenance = {{"recording", recording.path.string()},
-                     {"calibration", calibration.path.string()}}};
+  const LoopTruthContext context{.tracks = &tracks,
+                                 .findings = findings,
+                                 .provenance = {{"recording", recording.path.string()},
+                                                {"calibration", calibration.path.string()}}};
   for (const auto& [name, content] : LoopTruthFiles(truth, context)) output.Write(name, content);
   output.Write("report.html", LoopTruthPage(truth, context));
   output.Commit();
