@@ -119,6 +119,7 @@ class LoopTracker {
     for (const auto& [i, j] : MatchDescriptors(end.Descriptors(), start.Descriptors())) {
       result_.tracks.matches.emplace_back(start.Descriptors().rows + i, j);
     }
+    cv::vconcat(start.Descriptors(), end.Descriptors(), result_.descriptors);
     return std::move(result_);
   }
 

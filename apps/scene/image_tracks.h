@@ -17,6 +17,7 @@ namespace plenocal {
 struct LoopTracks {
   SceneTracks tracks;
   LoopSegments segments;
+  cv::Mat descriptors;  ///< row i is of track i; empty where the recording supplies the tracks
 };
 
 struct ImageTrackOptions {

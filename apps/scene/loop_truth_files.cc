@@ -9,6 +9,7 @@
 #include <iterator>
 #include <numbers>
 
+#include "apps/scene/locate.h"
 #include "calib/base/number_text.h"
 #include "calib/base/quoted_text.h"
 
@@ -94,6 +95,23 @@ std::string PointsPly(const LoopTruthResult& truth) {
              "property int track\nend_header\n",
              count) +
          rows;
+}
+
+// The used landmarks as a map for `locate`.
+LandmarkMap MapOf(const LoopTruthResult& truth, const cv::Mat& descriptors) {
+  std::vector<bool> used(truth.bundle.markers.size(), false);
+  for (const BundleObservation& observation : truth.bundle.observations) {
+    if (observation.used) used[static_cast<size_t>(observation.marker)] = true;
+  }
+  LandmarkMap map;
+  for (size_t m = 0; m < used.size(); ++m) {
+    const BundleMarker& marker = truth.bundle.markers[m];
+    if (!used[m]) continue;
+    map.points.emplace(marker.number, marker.position);
+    map.numbers.push_back(marker.number);
+    if (!descriptors.empty()) map.descriptors.push_back(descriptors.row(marker.number));
+  }
+  return map;
 }
 
 std::string YamlList(std::span<const double> values) {
@@ -252,6 +270,9 @@ std::vector<std::pair<std::string, std::string>> LoopTruthFiles(const LoopTruthR
   }
   files.emplace_back("covariance.csv", CovarianceCsv(truth, *context.tracks));
   files.emplace_back("points.ply", PointsPly(truth));
+  const LandmarkMap map = MapOf(truth, context.descriptors);
+  files.emplace_back("points.csv", PointsCsv(map));
+  if (!map.descriptors.empty()) files.emplace_back("descriptors.png", DescriptorsPng(map));
   files.emplace_back("groundtruth.yaml", GroundTruthYaml(truth, context));
   return files;
 }

@@ -3,6 +3,7 @@
 // The result files of `groundtruth` (docs/formats.md).
 #pragma once
 
+#include <opencv2/core.hpp>
 #include <string>
 #include <utility>
 #include <vector>
@@ -14,6 +15,7 @@ namespace plenocal {
 /// What the files need besides the result.
 struct LoopTruthContext {
   const SceneTracks* tracks = nullptr;
+  cv::Mat descriptors = {};           ///< row i is of track i; empty: not known
   std::vector<std::string> findings;  ///< warnings, in sentences
   std::vector<std::pair<std::string, std::string>> provenance;
 };

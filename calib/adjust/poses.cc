@@ -11,6 +11,8 @@
 namespace plenocal {
 namespace {
 
+constexpr double kNoLoss = 1e300;  // width of Huber's loss
+
 // Normal equations H delta = -g of a target pose, from observations in [begin, end). `width` is
 // that of Huber's loss.
 struct PoseEquations {
@@ -89,8 +91,11 @@ void AdjustPoses(Bundle* bundle, const std::vector<bool>& frames) {
   }
 }
 
+Matrix6d PoseInformation(const Bundle& bundle, size_t begin, size_t end) {
+  return LinearisePose(bundle, begin, end, kNoLoss).H;
+}
+
 std::vector<PoseStep> OwnPoseSteps(const Bundle& bundle) {
-  constexpr double kNoLoss = 1e300;
   std::vector<PoseStep> steps;
   const auto& observations = bundle.observations;
   for (size_t begin = 0, end = 0; begin < observations.size(); begin = end) {

@@ -17,6 +17,9 @@ void AdjustPoses(Bundle* bundle, const std::vector<bool>& frames);
 /// The same for one frame, whose observations are [begin, end).
 void AdjustPose(size_t begin, size_t end, Bundle* bundle);
 
+/// Information of the used observations in [begin, end), of one frame, on its pose in its chart.
+Matrix6d PoseInformation(const Bundle& bundle, size_t begin, size_t end);
+
 /// Step of the target's pose to the optimum of one view alone.
 struct PoseStep {
   int frame = 0, camera = 0;

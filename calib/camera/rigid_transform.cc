@@ -80,4 +80,14 @@ Matrix6d LogJacobian(const RigidTransform& T) {
   return J;
 }
 
+Matrix6d InverseLogJacobian(const RigidTransform& T) {
+  // T^-1 = (R', -R' t): R' Exp(-w) = Exp(-R' w) R'; its t changes by -R' v - R' Hat(t) w.
+  Matrix6d J = Matrix6d::Zero();
+  const Eigen::Matrix3d Rt = T.R.transpose();
+  J.topLeftCorner<3, 3>() = -Rt;
+  J.topRightCorner<3, 3>() = -Rt * Hat(T.t);
+  J.bottomRightCorner<3, 3>() = -Rt;
+  return LogJacobian(T.Inverse()) * J;
+}
+
 }  // namespace plenocal

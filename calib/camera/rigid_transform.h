@@ -39,5 +39,7 @@ RigidTransform Retract(const RigidTransform& T, const Vector6d& delta);
 /// Derivative of Log(Retract(T, delta)) at delta = 0: carries the covariance of a pose from its
 /// chart to the se(3) vector that files hold.
 Matrix6d LogJacobian(const RigidTransform& T);
+/// Derivative of Log(Retract(T, delta).Inverse()) at delta = 0: to the se(3) vector of the inverse.
+Matrix6d InverseLogJacobian(const RigidTransform& T);
 
 }  // namespace plenocal

@@ -66,17 +66,6 @@ std::vector<Matrix6d> PoseBlocks(const Eigen::LLT<Eigen::MatrixXd>& factor,
   return blocks;
 }
 
-// From the chart of T_rig_target to the se(3) vector of its inverse.
-Matrix6d InverseChart(const RigidTransform& T) {
-  // T^-1 = (R', -R' t): R' Exp(-w) = Exp(-R' w) R'; its t changes by -R' v - R' Hat(t) w.
-  Matrix6d J = Matrix6d::Zero();
-  const Eigen::Matrix3d Rt = T.R.transpose();
-  J.topLeftCorner<3, 3>() = -Rt;
-  J.topRightCorner<3, 3>() = -Rt * Hat(T.t);
-  J.bottomRightCorner<3, 3>() = -Rt;
-  return LogJacobian(T.Inverse()) * J;
-}
-
 // A covariance, no smaller in any direction than another estimate of it.
 struct Widened {
   Eigen::MatrixXd covariance;
@@ -183,7 +172,7 @@ LoopCovariance EstimateLoopCovariance(const Bundle& bundle,
   result.scale_sigma = std::sqrt(std::max(covariance(20, 20), by_tracks(20, 20)));
   result.poses = PoseBlocks(factor, system.pose);
   for (size_t frame = 0; frame < result.poses.size(); ++frame) {
-    const Matrix6d J = InverseChart(bundle.T_rig_target[frame]);
+    const Matrix6d J = InverseLogJacobian(bundle.T_rig_target[frame]);
     result.poses[frame] = widened.factor * J * result.poses[frame] * J.transpose();
   }
   return result;

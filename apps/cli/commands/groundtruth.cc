@@ -113,7 +113,8 @@ void RunGroundtruth(const GroundtruthArguments& arguments, const ConsoleOptions&
   const std::vector<std::string> findings = FindingsOf(truth);
   for (const std::string& finding : findings) console.Warning(finding);
   const LoopTruthContext context{.tracks = &tracks,
-                                 .findings = findings,
+                                 .descriptors = loop.descriptors,
+      .findings = findings,
                                  .provenance = {{"recording", recording.path.string()},
                                                 {"calibration", calibration.path.string()}}};
   for (const auto& [name, content] : LoopTruthFiles(truth, context)) output.Write(name, content);
