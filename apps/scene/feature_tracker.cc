@@ -14,6 +14,9 @@ namespace {
 
 const cv::Size kWindow(21, 21);
 constexpr int kLevels = 3;
+// SIFT works on the image at twice its size, whose pixels lie a quarter of a pixel off; OpenCV
+// divides by two only.
+const cv::Point2f kUpscaled(0.25F, 0.25F);
 constexpr double kContrast = 0.01;  // of SIFT: weak features serve as well
 // There and back again, px.
 constexpr float kRoundTrip = 0.5F;
@@ -113,7 +116,7 @@ ImageFeatures FindFeatures(const cv::Mat& image,
   if (keys.empty()) return features;
   sift->compute(image, keys, features.descriptors);
   MakeRoot(&features.descriptors);
-  for (const cv::KeyPoint& key : keys) features.points.push_back(key.pt);
+  for (const cv::KeyPoint& key : keys) features.points.push_back(key.pt - kUpscaled);
   return features;
 }
 
