@@ -244,9 +244,16 @@ LoopMetrics MeasureLoop(const Trajectory& estimate, const LoopTruth& truth, doub
     const PosePairs pairs = AssociateOrFail(estimate, segment, tolerance, what);
     return AlignSegmentOrFail(PointsOf(estimate, segment, pairs), estimate.path + ": " + what);
   };
+  const Similarity T_s_gt = align(truth.start, "start segment");
+  return MeasureDrift(estimate, T_s_gt, align(truth.end, "end segment"));
+}
+
+LoopMetrics MeasureDrift(const Trajectory& estimate,
+                         const Similarity& T_s_gt,
+                         const Similarity& T_e_gt) {
   LoopMetrics metrics{};
-  metrics.T_s_gt = align(truth.start, "start segment");
-  metrics.T_e_gt = align(truth.end, "end segment");
+  metrics.T_s_gt = T_s_gt;
+  metrics.T_e_gt = T_e_gt;
   metrics.T_drift = metrics.T_e_gt * metrics.T_s_gt.Inverse();
   metrics.rotation_drift_deg = LogRotation(metrics.T_drift.R).norm() * kDegrees;
   metrics.translation_drift = metrics.T_drift.t.norm();

@@ -66,6 +66,11 @@ struct LoopMetrics {
 /// max(x, 1 / x): how far a scale is from 1 either way.
 double Folded(double scale);
 
+/// The metrics of an estimate with these alignments.
+LoopMetrics MeasureDrift(const Trajectory& estimate,
+                         const Similarity& T_s_gt,
+                         const Similarity& T_e_gt);
+
 /// Throws `Error` of kind kJob when a segment does not determine a similarity: fewer than three
 /// pairs, no motion, motion along a line.
 LoopMetrics MeasureLoop(const Trajectory& estimate, const LoopTruth& truth, double tolerance);

@@ -13,6 +13,7 @@
 #include "apps/cli/command.h"
 #include "apps/cli/options.h"
 #include "apps/evaluate/trajectory_metrics.h"
+#include "apps/evaluate/truth_uncertainty.h"
 #include "calib/base/error.h"
 #include "calib/base/names.h"
 #include "calib/base/number_text.h"
@@ -24,7 +25,8 @@ namespace {
 /// Estimated trajectories and their ground truth.
 struct EvaluateArguments {
   std::vector<std::string> estimates;  ///< files, or NAME=FILE
-  std::filesystem::path truth;         ///< both segments, or the whole path
+  std::filesystem::path truth;         ///< both segments, the whole path, or groundtruth.yaml
+  std::string camera;                  ///< of groundtruth.yaml; empty: its first
   std::filesystem::path start, end;    ///< or one file per segment
   std::filesystem::path times;         ///< times of KITTI poses; empty: none
   double tolerance = 0.01;             ///< s between an estimated pose and its ground truth
@@ -39,8 +41,9 @@ using Json = nlohmann::ordered_json;
 
 /// The truth of all runs.
 struct Truth {
-  Trajectory whole;               ///< both segments, when there are two
-  std::optional<LoopTruth> loop;  ///< nothing: the truth covers the whole path
+  Trajectory whole;                                  ///< both segments, when there are two
+  std::optional<LoopTruth> loop;                     ///< nothing: the truth covers the whole path
+  std::optional<TruthUncertainty> uncertainty = {};  ///< of both segments
 };
 
 /// One run of an algorithm: what was measured, or why nothing could be.
@@ -49,6 +52,7 @@ struct Run {
   std::filesystem::path path;
   bool monocular = false;
   std::optional<LoopMetrics> loop;
+  std::optional<LoopMetricErrors> loop_errors;
   std::optional<PathErrors> errors;
   std::string failure;
 };
@@ -65,16 +69,24 @@ Trajectory ReadAndReport(const std::filesystem::path& path,
   return trajectory;
 }
 
+bool IsGroundTruthFile(const std::filesystem::path& truth) { return truth.extension() == ".yaml"; }
+
 Truth ReadTruth(const EvaluateArguments& arguments, Console* console) {
   Truth truth;
   if (!arguments.truth.empty()) {
-    truth.whole = ReadAndReport(arguments.truth, arguments, console);
+    std::filesystem::path path = arguments.truth;
+    if (IsGroundTruthFile(path)) {
+      GroundTruthFile file = ReadGroundTruth(path, arguments.camera);
+      path = file.segments;
+      truth.uncertainty = std::move(file.uncertainty);
+    }
+    truth.whole = ReadAndReport(path, arguments, console);
     truth.loop = SplitAtLargestGap(truth.whole);
     if (!truth.loop) {
       console->Message(
           fmt::format("{}: no gap stands out, so it is taken for the truth of the whole path; the "
                       "drift over a loop is left out",
-                      arguments.truth.string()));
+                      path.string()));
     }
     return truth;
   }
@@ -147,6 +159,9 @@ void Evaluate(const EvaluateArguments& arguments, const Truth& truth, Console* c
                             (estimate.has_times ? truth.whole : estimate).path));
   }
   if (truth.loop) run->loop = MeasureLoop(estimate, *truth.loop, arguments.tolerance);
+  if (run->loop && truth.uncertainty) {
+    run->loop_errors = ErrorsByTruth(*run->loop, estimate, *truth.uncertainty);
+  }
   run->errors =
       MeasurePath(estimate, truth.whole, arguments.tolerance, static_cast<size_t>(arguments.delta));
 }
@@ -168,6 +183,19 @@ Json ToJson(const Similarity& T) {
     rows.push_back({matrix(r, 0), matrix(r, 1), matrix(r, 2), matrix(r, 3)});
   }
   return rows;
+}
+
+Json ToJson(const MetricError& error) {
+  return {{"sigma", error.sigma}, {"floor", error.floor}, {"resolved", error.resolved}};
+}
+
+Json ToJson(const LoopMetricErrors& errors, bool monocular) {
+  Json json{{"scale_drift", ToJson(errors.scale_drift)},
+            {"rotation_drift_deg", ToJson(errors.rotation_drift_deg)},
+            {"translation_drift", ToJson(errors.translation_drift)},
+            {"alignment_error", ToJson(errors.alignment_error)}};
+  if (!monocular) json["absolute_scale"] = ToJson(errors.absolute_scale);
+  return json;
 }
 
 Json ToJson(const Run& run, const EvaluateArguments& arguments) {
@@ -192,6 +220,7 @@ Json ToJson(const Run& run, const EvaluateArguments& arguments) {
     json["T_s_gt"] = ToJson(loop.T_s_gt);
     json["T_e_gt"] = ToJson(loop.T_e_gt);
     json["T_drift"] = ToJson(loop.T_drift);
+    if (run.loop_errors) json["errors_by_truth"] = ToJson(*run.loop_errors, run.monocular);
   }
   const PathErrors& errors = *run.errors;
   Json ate{{"pairs", errors.pairs}}, rpe{{"delta", arguments.delta}};
@@ -226,6 +255,68 @@ std::string Aligned(const std::vector<std::vector<std::string>>& rows) {
   return text;
 }
 
+// Marks a value that is below the floor of its metric.
+constexpr const char* kNotResolved = "*";
+
+void AddLoopCells(const Run& run, std::vector<std::string>* row) {
+  const LoopMetrics& loop = *run.loop;
+  const LoopMetricErrors errors = run.loop_errors.value_or(LoopMetricErrors{});
+  const auto add = [&](const std::string& value, const MetricError& error) {
+    row->push_back(value + (error.resolved ? "" : kNotResolved));
+  };
+  const auto add_length = [&](double value, const MetricError& error) {
+    add(fmt::format("{:.4g}", value), error);
+  };
+  row->push_back(fmt::format("{}", loop.frames));
+  add_length(loop.path_length, {});
+  add(fmt::format("{:.5f}", Folded(loop.ScaleDrift())), errors.scale_drift);
+  add_length(loop.rotation_drift_deg, errors.rotation_drift_deg);
+  add_length(loop.translation_drift, errors.translation_drift);
+  add_length(loop.alignment_error, errors.alignment_error);
+  add_length(100 * loop.alignment_error / loop.path_length, errors.alignment_error);
+  if (run.monocular) {
+    row->insert(row->end(), 3, "-");
+    return;
+  }
+  add(fmt::format("{:.5f}", Folded(loop.absolute_scale)), errors.absolute_scale);
+  for (const double scale : {loop.ScaleMin(), loop.ScaleMax()}) {
+    row->push_back(fmt::format("{:.5f}", scale));
+  }
+}
+
+// Standard errors of the loop's metrics by those of the truth; empty where they are not known.
+std::string TruthErrorTable(const std::vector<Run>& runs) {
+  std::vector<std::vector<std::string>> rows{
+      {"errors by the truth", "e_s'", "e_r deg", "e_t m", "e_align m", "its floor m", "d_s'"}};
+  bool resolved = true;
+  for (const Run& run : runs) {
+    if (!run.loop_errors) continue;
+    const LoopMetricErrors& errors = *run.loop_errors;
+    const auto cell = [&](double value) { return fmt::format("{:.2g}", value); };
+    rows.push_back({run.name,
+                    cell(errors.scale_drift.sigma),
+                    cell(errors.rotation_drift_deg.sigma),
+                    cell(errors.translation_drift.sigma),
+                    cell(errors.alignment_error.sigma),
+                    cell(errors.alignment_error.floor),
+                    run.monocular ? "-" : cell(errors.absolute_scale.sigma)});
+    for (const MetricError* error : {&errors.scale_drift,
+                                     &errors.rotation_drift_deg,
+                                     &errors.translation_drift,
+                                     &errors.alignment_error,
+                                     &errors.absolute_scale}) {
+      resolved =
+          resolved && (error->resolved || (run.monocular && error == &errors.absolute_scale));
+    }
+  }
+  if (rows.size() == 1) return "";
+  return "\n" + Aligned(rows) +
+         (resolved ? ""
+                   : fmt::format("{} not resolved: an estimate without errors has as much by "
+                                 "those of the truth\n",
+                                 kNotResolved));
+}
+
 std::string Table(const std::vector<Run>& runs, const Truth& truth) {
   const bool with_loop = truth.loop.has_value();
   std::vector<std::vector<std::string>> rows{{"run"}};
@@ -254,19 +345,7 @@ std::string Table(const std::vector<Run>& runs, const Truth& truth) {
     const auto add = [&](double value, bool needs_scale = false) {
       row.push_back(needs_scale && run.monocular ? "-" : fmt::format("{:.4g}", value));
     };
-    if (with_loop) {
-      const LoopMetrics& loop = *run.loop;
-      row.push_back(fmt::format("{}", loop.frames));
-      add(loop.path_length);
-      row.push_back(fmt::format("{:.5f}", Folded(loop.ScaleDrift())));
-      add(loop.rotation_drift_deg);
-      add(loop.translation_drift);
-      add(loop.alignment_error);
-      add(100 * loop.alignment_error / loop.path_length);
-      for (const double scale : {Folded(loop.absolute_scale), loop.ScaleMin(), loop.ScaleMax()}) {
-        row.push_back(run.monocular ? "-" : fmt::format("{:.5f}", scale));
-      }
-    }
+    if (with_loop) AddLoopCells(run, &row);
     const PathErrors& errors = *run.errors;
     row.push_back(fmt::format("{}", errors.pairs));
     add(errors.ate_se3.rmse, true);
@@ -275,7 +354,7 @@ std::string Table(const std::vector<Run>& runs, const Truth& truth) {
     add(errors.rpe_sim3.rmse);
     add(errors.rpe_rotation.rmse);
   }
-  return (rows.size() > 1 ? Aligned(rows) : "") + failures;
+  return (rows.size() > 1 ? Aligned(rows) + TruthErrorTable(runs) : "") + failures;
 }
 
 BarChart ChartOf(const std::vector<Run>& runs, const Truth& truth) {
@@ -321,6 +400,11 @@ PictureFormat FormatOf(const std::filesystem::path& chart) {
 void CheckArguments(const EvaluateArguments& arguments) {
   const bool both_segments = !arguments.start.empty() && !arguments.end.empty();
   const bool any_segment = !arguments.start.empty() || !arguments.end.empty();
+  if (!arguments.camera.empty() && !IsGroundTruthFile(arguments.truth)) {
+    throw Error(ErrorKind::kInput,
+                "--camera chooses one of the cameras of --truth groundtruth.yaml; other files of "
+                "the truth hold one path only");
+  }
   if (arguments.truth.empty() ? both_segments : !any_segment) return;
   throw Error(ErrorKind::kInput,
               "give the truth either by --truth FILE or by --start FILE and --end FILE");
@@ -394,6 +478,7 @@ RunCommand DeclareEvaluate(CLI::App* app, ConsoleOptions* shared) {
       "--truth",
       arguments->truth,
       "ground truth of start and end in one file, split at its largest gap; or of the whole path");
+  app->add_option("--camera", arguments->camera, "camera of groundtruth.yaml; else its first");
   app->add_option("--start", arguments->start, "ground truth of the start segment");
   app->add_option("--end", arguments->end, "ground truth of the end segment");
   app->add_option("--times", arguments->times, "times of KITTI poses, s, one a line");
