@@ -5,6 +5,7 @@
 // the frames that are.
 #pragma once
 
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -16,8 +17,8 @@ namespace plenocal {
 /// A bundle with landmarks whose poses and positions are being found.
 struct SceneState {
   Bundle* bundle = nullptr;
-  std::vector<bool> has_pose;   ///< per frame
-  std::vector<bool> has_point;  ///< per marker
+  std::vector<bool> has_pose;                        ///< per frame
+  std::vector<bool> has_point;                       ///< per marker
   std::vector<std::vector<size_t>> observations_of;  ///< per marker, indices in the bundle's order
 };
 
@@ -45,6 +46,10 @@ void Triangulate(size_t frame, double largest_residual, SceneState* state);
 /// Poses of `frames`, in this order; the first of them has its pose already, or gets the identity
 /// when no landmark is known. A frame without a pose is left out.
 void FollowFrames(const std::vector<size_t>& frames, SceneState* state);
+
+/// Poses of all frames that the landmarks known so far reach, the frame with most of them first;
+/// `posed` is called after each with the number of frames that have a pose, which is returned.
+size_t FollowByOverlap(const std::function<void(size_t)>& posed, SceneState* state);
 
 /// Leaves in the bundle the observations of frames with a pose and of landmarks with a position.
 void KeepStarted(const SceneState& state, Bundle* bundle);

@@ -51,6 +51,12 @@ std::vector<double> WeightedLengths(const Bundle& bundle) {
   return lengths;
 }
 
+std::vector<MarkerDistance> Bundle::AllDistances() const {
+  std::vector<MarkerDistance> all = distances;
+  if (held_distance) all.push_back(*held_distance);
+  return all;
+}
+
 size_t EndOfMarker(const std::vector<BundleObservation>& observations, size_t begin) {
   const BundleObservation& first = observations[begin];
   size_t end = begin + 1;
@@ -85,8 +91,7 @@ Eigen::VectorXd DeviationFromPrior(const Bundle& bundle) {
     const RigidTransform& T_prior = prior.T_camera_rig[unknown.camera];
     value = unknown.component < 3
                 ? (camera.T_camera_rig.t - T_prior.t)[unknown.component]
-                : LogRotation(camera.T_camera_rig.R *
-                              T_prior.R.transpose())[unknown.component - 3];
+                : LogRotation(camera.T_camera_rig.R * T_prior.R.transpose())[unknown.component - 3];
   }
   return deviation;
 }

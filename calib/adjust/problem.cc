@@ -121,7 +121,8 @@ void AdjustProblem::AddObservations() {
 void AdjustProblem::AddGroup(const std::vector<const BundleObservation*>& group) {
   const auto frame = static_cast<size_t>(group[0]->frame);
   const auto camera = static_cast<size_t>(group[0]->camera);
-  const auto marker_block = static_cast<size_t>(group[0]->marker / internal::MarkersPerBlock(bundle_));
+  const auto marker_block =
+      static_cast<size_t>(group[0]->marker / internal::MarkersPerBlock(bundle_));
   const internal::ViewUnknowns view{
       .intrinsics = &unknowns_.intrinsics[camera],
       .extrinsics = bundle_.cameras[camera].is_master ? nullptr : &unknowns_.extrinsics[camera],
@@ -195,7 +196,7 @@ void AdjustProblem::AddMarkerPriors() {
 }
 
 void AdjustProblem::AddDistances() {
-  for (const MarkerDistance& distance : bundle_.distances) {
+  for (const MarkerDistance& distance : bundle_.AllDistances()) {
     const auto a = static_cast<size_t>(distance.marker_a);
     const auto b = static_cast<size_t>(distance.marker_b);
     if (!marker_block_used_[a] || !marker_block_used_[b]) continue;
