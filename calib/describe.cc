@@ -78,6 +78,10 @@ void DescribeMarkers(const Calibration& calibration, CalibrationRecord* record) 
   for (size_t i = 0; i < bundle.markers.size(); ++i) {
     const BundleMarker& marker = bundle.markers[i];
     // Fixed markers have no uncertainty of their own.
+    if (bundle.HasLandmarks()) {
+      record->markers[marker.number] = {.position = marker.position};
+      continue;
+    }
     record->markers[marker.number] = {
         .position = marker.position,
         .nominal = marker.nominal,

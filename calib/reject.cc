@@ -131,10 +131,12 @@ void CheckAllCamerasUsed(const Bundle& bundle) {
   const std::vector<double> coordinates = UsedCoordinates(bundle);
   for (size_t c = 0; c < coordinates.size(); ++c) {
     if (coordinates[c] > 0) continue;
-    throw Error(ErrorKind::kJob,
-                fmt::format("{}: no observation is left that agrees with the others; check that "
-                            "the target file describes the target in the images",
-                            bundle.cameras[c].name));
+    throw Error(
+        ErrorKind::kJob,
+        fmt::format("{}: no observation is left that agrees with the others; check that {}",
+                    bundle.cameras[c].name,
+                    bundle.HasLandmarks() ? "the points have one number in all cameras and frames"
+                                          : "the target file describes the target in the images"));
   }
 }
 

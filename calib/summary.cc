@@ -147,7 +147,7 @@ std::string ExtrinsicsText(const Calibration& calibration, size_t c) {
 }
 
 std::string TargetText(const Bundle& bundle) {
-  if (!(bundle.marker_sigma > 0)) return {};
+  if (!(bundle.marker_sigma > 0) || bundle.HasLandmarks()) return {};
   double sum = 0, largest = 0;
   int worst = 0;
   for (const BundleMarker& marker : bundle.markers) {
@@ -182,12 +182,13 @@ std::string WeakText(const std::vector<WeakUnknowns>& weak, bool open, std::stri
 
 std::string Summary(const Calibration& calibration) {
   const Bundle& bundle = calibration.bundle;
-  std::string text = fmt::format("{}, {}, {}; {}, {}\n",
-                                 Counted(bundle.cameras.size(), "camera"),
-                                 Counted(calibration.frames.size(), "frame"),
-                                 Counted(bundle.markers.size(), "marker"),
-                                 Counted(static_cast<size_t>(calibration.iterations), "iteration"),
-                                 calibration.converged ? "converged" : "NOT CONVERGED");
+  std::string text =
+      fmt::format("{}, {}, {}; {}, {}\n",
+                  Counted(bundle.cameras.size(), "camera"),
+                  Counted(calibration.frames.size(), "frame"),
+                  Counted(bundle.markers.size(), bundle.HasLandmarks() ? "scene point" : "marker"),
+                  Counted(static_cast<size_t>(calibration.iterations), "iteration"),
+                  calibration.converged ? "converged" : "NOT CONVERGED");
   for (size_t c = 0; c < bundle.cameras.size(); ++c) {
     const BundleCamera& camera = bundle.cameras[c];
     text += fmt::format("\n{}  ({}, {} x {} px)\n",

@@ -161,6 +161,10 @@ Target ReadTarget(const YamlNode& node) {
 }
 
 Target ReadTarget(const TargetSource& source) {
+  if (!source.keys && source.file.empty()) {
+    throw Error(ErrorKind::kInput,
+                "the session has a scene in place of a target, which this command needs");
+  }
   if (!source.keys) return ReadTarget(source.file);
   if (!source.keys->IsScalar()) return ReadKeys(*source.keys);
   try {

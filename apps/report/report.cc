@@ -202,6 +202,7 @@ class ReportData {
         {"frames", frames},
         {"markers", MarkersJson(calibration_)},
         {"marker_tolerance", calibration_.adjustment ? calibration_.adjustment->marker_sigma : 0},
+        {"scene", calibration_.HasScene()},
         {"correlation", CorrelationJson(calibration_)},
         {"left_out", calibration_.left_out},
         {"provenance", provenance}};

@@ -9,6 +9,7 @@
 #include <map>
 #include <opencv2/calib3d.hpp>
 #include <random>
+#include <set>
 #include <utility>
 
 #include "calib/adjust/poses.h"
@@ -81,23 +82,39 @@ struct Sight {
 // Directions beyond this angle to the axis stretch x / z.
 constexpr double kWidestSine = 0.97;
 
+// Direction of a landmark in a camera's frame, from its observations in one view. The rays of a
+// plenoptic camera have no common origin: they meet near the landmark, more or less far along the
+// ray through the lens' middle.
+std::optional<Eigen::Vector3d> DirectionOf(const Bundle& bundle, Range observations) {
+  std::vector<Ray> rays;
+  for (size_t i = observations.begin; i < observations.end; ++i) {
+    const BundleObservation& seen = bundle.observations[i];
+    const BundleCamera& camera = bundle.cameras[static_cast<size_t>(seen.camera)];
+    const std::optional<Ray> ray = camera.model->unproject(
+        camera.params.data(), camera.config.data(), seen.seen.values.data());
+    if (ray) rays.push_back(*ray);
+  }
+  if (rays.empty()) return std::nullopt;
+  if (rays.size() == 1) return rays[0].direction;
+  const std::optional<RayPoint> point = IntersectRays(rays);
+  return point ? std::optional(point->position.normalized()) : std::nullopt;
+}
+
 Sight SightOf(const SceneState& state, size_t frame, int camera) {
   const Bundle& bundle = *state.bundle;
   const Range range = ObservationsOf(bundle, frame);
   Sight sight;
-  for (size_t i = range.begin; i < range.end; ++i) {
+  for (size_t i = range.begin, end = i; i < range.end; i = end) {
+    end = EndOfMarker(bundle.observations, i);
     const BundleObservation& observation = bundle.observations[i];
     const auto m = static_cast<size_t>(observation.marker);
     if (observation.camera != camera || !state.has_point[m]) continue;
-    const BundleCamera& of = bundle.cameras[static_cast<size_t>(camera)];
-    const std::optional<Ray> ray =
-        of.model->unproject(of.params.data(), of.config.data(), observation.seen.values.data());
-    if (!ray || ray->direction.z() < std::sqrt(1 - kWidestSine * kWidestSine)) continue;
+    const std::optional<Eigen::Vector3d> direction = DirectionOf(bundle, {i, end});
+    if (!direction || direction->z() < std::sqrt(1 - kWidestSine * kWidestSine)) continue;
     const Eigen::Vector3d& p = bundle.markers[m].position;
     sight.observations.push_back(i);
     sight.points.emplace_back(p.x(), p.y(), p.z());
-    sight.directions.emplace_back(ray->direction.x() / ray->direction.z(),
-                                  ray->direction.y() / ray->direction.z());
+    sight.directions.emplace_back(direction->x() / direction->z(), direction->y() / direction->z());
   }
   return sight;
 }
@@ -157,14 +174,20 @@ class PoseFinder {
   // The median of so many residuals is known to a tenth.
   static constexpr size_t kJudges = 200;
 
-  // The camera that shows most landmarks, if they suffice.
+  // The camera that shows most landmarks, if they suffice; a camera without a common origin of its
+  // rays only where no other does.
   std::pair<size_t, Sight> BestSight() const {
     std::pair<size_t, Sight> best;
-    for (size_t c = 0; c < bundle_.cameras.size(); ++c) {
-      if (!bundle_.cameras[c].model->central) continue;
-      Sight sight = SightOf(state_, frame_, static_cast<int>(c));
-      if (sight.points.size() < std::max(kFewestLandmarks, best.second.points.size() + 1)) continue;
-      best = {c, std::move(sight)};
+    for (const bool central : {true, false}) {
+      for (size_t c = 0; c < bundle_.cameras.size(); ++c) {
+        if (bundle_.cameras[c].model->central != central) continue;
+        Sight sight = SightOf(state_, frame_, static_cast<int>(c));
+        if (sight.points.size() < std::max(kFewestLandmarks, best.second.points.size() + 1)) {
+          continue;
+        }
+        best = {c, std::move(sight)};
+      }
+      if (!best.second.points.empty()) break;
     }
     return best;
   }
@@ -300,6 +323,15 @@ std::vector<size_t> SightInFirstFrame(const SceneState& state, int marker) {
   return first;
 }
 
+// Markers that each frame shows.
+std::vector<std::set<int>> MarkersByFrame(const Bundle& bundle) {
+  std::vector<std::set<int>> markers(bundle.T_rig_target.size());
+  for (const BundleObservation& observation : bundle.observations) {
+    markers[static_cast<size_t>(observation.frame)].insert(observation.marker);
+  }
+  return markers;
+}
+
 // Residual below which the rays of a frame's cameras agree: a robust sigma of its own points.
 double OwnResidualLimit(size_t frame, SceneState* state) {
   const Bundle& bundle = *state->bundle;
@@ -368,6 +400,30 @@ void Triangulate(size_t frame, double largest_residual, SceneState* state) {
     }
     with_first.insert(with_first.end(), observations.begin(), observations.end());
     AcceptPoint(with_first, largest_residual, state);
+  }
+}
+
+size_t FollowByOverlap(const std::function<void(size_t)>& posed, SceneState* state) {
+  const std::vector<std::set<int>> markers = MarkersByFrame(*state->bundle);
+  std::vector<bool> failed(markers.size(), false);
+  size_t count = static_cast<size_t>(std::ranges::count(state->has_pose, true));
+  while (true) {
+    size_t best = markers.size(), most = kFewestLandmarks - 1;
+    for (size_t frame = 0; frame < markers.size(); ++frame) {
+      if (state->has_pose[frame] || failed[frame]) continue;
+      const auto known = static_cast<size_t>(std::ranges::count_if(
+          markers[frame], [&](int m) { return state->has_point[static_cast<size_t>(m)]; }));
+      if (known <= most) continue;
+      most = known;
+      best = frame;
+    }
+    if (best == markers.size()) return count;
+    FollowFrames({best}, state);
+    failed[best] = !state->has_pose[best];
+    if (failed[best]) continue;
+    // New points may place a frame that the others did not.
+    failed.assign(failed.size(), false);
+    posed(++count);
   }
 }
 

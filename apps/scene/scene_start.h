@@ -5,6 +5,7 @@
 // the frames that are.
 #pragma once
 
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -55,6 +56,10 @@ double FollowFrames(const std::vector<size_t>& frames, SceneState* state);
 
 /// Lengths of the residuals of observations with the present poses and positions, px.
 double ResidualLength(const Bundle& bundle, const BundleObservation& observation);
+
+/// Poses of all frames that the landmarks known so far reach, the frame with most of them first;
+/// `posed` is called after each with the number of frames that have a pose, which is returned.
+size_t FollowByOverlap(const std::function<void(size_t)>& posed, SceneState* state);
 
 /// Leaves in the bundle the observations of frames with a pose and of landmarks with a position.
 void KeepStarted(const SceneState& state, Bundle* bundle);

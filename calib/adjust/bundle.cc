@@ -51,6 +51,12 @@ std::vector<double> WeightedLengths(const Bundle& bundle) {
   return lengths;
 }
 
+std::vector<MarkerDistance> Bundle::AllDistances() const {
+  std::vector<MarkerDistance> all = distances;
+  if (held_distance) all.push_back(*held_distance);
+  return all;
+}
+
 size_t EndOfMarker(const std::vector<BundleObservation>& observations, size_t begin) {
   const BundleObservation& first = observations[begin];
   size_t end = begin + 1;

@@ -98,11 +98,16 @@ struct Bundle {
   /// The frame whose pose is not estimated: without nominal positions nothing else places the
   /// landmarks' frame.
   std::optional<size_t> held_frame = {};
+  /// Where nothing gives the landmarks' scale: the distance that holds it. Its sigma is small
+  /// against all others.
+  std::optional<MarkerDistance> held_distance = {};
   std::vector<BundleObservation> observations;
   Jitter jitter;
 
   [[nodiscard]] bool EstimatesMarkers() const { return marker_sigma > 0; }
   [[nodiscard]] bool HasLandmarks() const { return std::isinf(marker_sigma); }
+  /// The measured distances and the one that is held.
+  [[nodiscard]] std::vector<MarkerDistance> AllDistances() const;
   [[nodiscard]] bool EstimatesJitter() const { return jitter.translation_sigma > 0; }
   /// The parameter whose value a parameter has: itself or the one that it is tied to.
   [[nodiscard]] ParamIndex Root(size_t camera, size_t param) const {

@@ -196,7 +196,7 @@ void AdjustProblem::AddMarkerPriors() {
 }
 
 void AdjustProblem::AddDistances() {
-  for (const MarkerDistance& distance : bundle_.distances) {
+  for (const MarkerDistance& distance : bundle_.AllDistances()) {
     const auto a = static_cast<size_t>(distance.marker_a);
     const auto b = static_cast<size_t>(distance.marker_b);
     if (!marker_block_used_[a] || !marker_block_used_[b]) continue;

@@ -464,7 +464,7 @@ CalibrationRecord ReadCalibration(const std::filesystem::path& path,
     calibration.adjustment = {.converged = node.At("converged").AsBool(),
                               .iterations = IntegerOr(node, "iterations", 0),
                               .rejection_sigmas = NumberOr(node, "rejection_sigmas", 0),
-                              .marker_sigma = node.At("marker_sigma").AsNumber()};
+                              .marker_sigma = ReadSigma(node.At("marker_sigma"))};
   }
   if (root.Has("jitter")) {
     const YamlNode node = root.At("jitter");

@@ -136,7 +136,9 @@ struct AdjustmentRecord {
   int iterations = 0;
   /// Observations with a weighted residual longer than this are outliers, in sigmas.
   double rejection_sigmas = 0;
-  double marker_sigma = 0;  ///< prior of each marker coordinate, m; 0: the markers were fixed
+  /// Prior of each marker coordinate, m; 0: the markers were fixed; infinite: they are scene
+  /// points.
+  double marker_sigma = 0;
 };
 
 /// Motion between the images of one frame, for a rig that is not rigid or not synchronous.
@@ -187,6 +189,9 @@ struct CalibrationRecord {
   std::optional<Verdict> verdict;     ///< not set: not judged yet
   std::vector<std::string> left_out;  ///< "image or observation: why"
   Provenance provenance;
+
+  /// Whether the markers are scene points, of a calibration without a target.
+  [[nodiscard]] bool HasScene() const { return adjustment && std::isinf(adjustment->marker_sigma); }
 
   /// Pose of the target in a camera's frame.
   [[nodiscard]] RigidTransform CameraFromTarget(size_t camera, int frame) const;

@@ -39,7 +39,9 @@ void CheckCameraKeys(const YamlNode& node, const CameraModel& model) {
                                       "prior",
                                       "bounds",
                                       "equal",
-                                      "shared"};
+                                      "shared",
+                                      "prior_from",
+                                      "free"};
   for (const Param& config : model.config) known.push_back(config.name);
   for (const auto& [key, value] : node.Entries()) {
     if (std::find(known.begin(), known.end(), key) == known.end()) {
@@ -265,6 +267,26 @@ void ReadRules(const YamlNode& cameras_node, std::vector<SessionCamera>* cameras
   }
 }
 
+// What a camera takes from the earlier calibration of the session.
+void ReadEarlierParams(const YamlNode& node, bool has_from, SessionCamera* camera) {
+  for (const char* key : {"prior_from", "free"}) {
+    if (!node.Has(key)) continue;
+    const YamlNode list = node.At(key);
+    if (!has_from) {
+      list.Fail("refers to an earlier calibration; give it: 'from: earlier/calibration.yaml'");
+    }
+    std::vector<size_t> params;
+    for (const YamlNode& element : list.Elements()) {
+      params.push_back(IndexOfParam(*camera->model, element.AsString(), element));
+    }
+    if (std::string_view(key) == "free") {
+      camera->earlier.free = std::move(params);
+    } else {
+      camera->earlier.prior = std::move(params);
+    }
+  }
+}
+
 // A word such as chessboard:9x6:25mm, unless a file is called so.
 bool IsWord(const std::string& text, const std::filesystem::path& file) {
   const size_t colon = text.find(':');
@@ -330,21 +352,44 @@ void ReadOptions(const YamlNode& options, Session* session) {
   session->loss = found->second;
 }
 
+// The target, or the scene in its place with the calibration that comes before.
+void ReadWhatIsSeen(const YamlNode& root, const std::filesystem::path& path, Session* session) {
+  if (!root.Has("scene")) {
+    session->target = ReadTargetSource(root.At("target"), path);
+    if (root.Has("from")) {
+      root.At("from").Fail(
+          "an earlier calibration goes with 'scene'; remove it, or give its values "
+          "to the cameras: 'initial', 'prior'");
+    }
+    return;
+  }
+  if (root.Has("target")) {
+    root.At("scene").Fail("a session has either 'target' or 'scene'; remove one of them");
+  }
+  session->scene = ReadSceneKeys(root.At("scene"));
+  if (root.Has("from")) session->from = PathBeside(path, root.At("from"));
+}
+
 Session ReadRoot(const YamlNode& root,
                  const std::filesystem::path& path,
                  std::span<const CameraModel> models) {
   root.CheckVersion();
-  root.CheckKeys({"plenocal", "target", "cameras", "options", "exclude", "plugins"});
+  root.CheckKeys(
+      {"plenocal", "target", "scene", "from", "cameras", "options", "exclude", "plugins"});
   static constexpr std::array<std::string_view, 2> kRequired{"target", "cameras"};
+  const bool has_scene = root.Has("scene");
   root.RequireKeys(
-      kRequired,
-      "target: target.yaml\ncameras: {cam: {model: pinhole-radtan, images: images/*.png}}\n");
+      has_scene ? std::span(kRequired).subspan(1) : std::span(kRequired),
+      has_scene
+          ? "cameras: {cam: {model: pinhole-radtan, images: images/*.png}}\n"
+          : "target: target.yaml\ncameras: {cam: {model: pinhole-radtan, images: images/*.png}}\n");
 
   Session session;
   session.path = path;
-  session.target = ReadTargetSource(root.At("target"), path);
+  ReadWhatIsSeen(root, path, &session);
   for (const auto& [name, node] : root.At("cameras").Entries()) {
     session.cameras.push_back(ReadCamera(name, node, path, models));
+    ReadEarlierParams(node, !session.from.empty(), &session.cameras.back());
   }
   if (session.cameras.empty()) root.At("cameras").Fail("expected at least one camera");
   ReadRules(root.At("cameras"), &session.cameras);

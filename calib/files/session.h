@@ -13,6 +13,7 @@
 #include "calib/camera/bayer.h"
 #include "calib/camera/camera_model.h"
 #include "calib/camera/param_rule.h"
+#include "calib/files/scene_keys.h"
 
 namespace plenocal {
 
@@ -30,6 +31,7 @@ struct SessionCamera {
   std::vector<bool> fixed;                     ///< per parameter
   /// Per parameter, or empty when the session has none; cameras are indices of `Session::cameras`.
   std::vector<ParamRule> rules;
+  EarlierParams earlier;  ///< of a session with `from`
 };
 
 /// The target of a session: a file, or what the session has in place of its path.
@@ -54,6 +56,8 @@ struct Session {
   std::filesystem::path path;
   std::string text;  ///< of the file
   TargetSource target;
+  std::optional<SceneKeys> scene;      ///< in place of a target
+  std::filesystem::path from;          ///< earlier calibration.yaml; empty: none
   std::vector<SessionCamera> cameras;  ///< the first is the rig's master
   /// Not set: marker positions are refined when the target has a tolerance.
   std::optional<bool> refine_target;

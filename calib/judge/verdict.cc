@@ -51,7 +51,7 @@ std::string Length(double metres) {
 }
 
 // Findings that explain bad figures: each takes the grade of the worst consequence in its cameras.
-constexpr std::array<std::string_view, 13> kCauses{"model_misfit",
+constexpr std::array<std::string_view, 17> kCauses{"model_misfit",
                                                    "strong_distortion_pinhole",
                                                    "images_mirrored",
                                                    "images_rotated",
@@ -63,6 +63,10 @@ constexpr std::array<std::string_view, 13> kCauses{"model_misfit",
                                                    "rig_not_rigid",
                                                    "focus_changed",
                                                    "rolling_shutter",
+                                                   "scene_no_scale",
+                                                   "scene_one_depth",
+                                                   "scene_no_turning",
+                                                   "scene_no_parallax",
                                                    "few_images"};
 
 bool IsCause(const Finding& finding) {
@@ -299,8 +303,9 @@ class Judgement {
              Length(far.distance),
              far.most),
          .remedy =
-             grade == Grade::kGood
-                 ? ""
+             grade == Grade::kGood ? ""
+             : calibration_.HasScene()
+                 ? "Add frames, and points where it is largest and at other distances."
                  : "Add images with the target where it is largest, and from other distances."});
     return {.grade = grade, .knows_corners = here.corners <= limit};
   }
@@ -323,13 +328,15 @@ class Judgement {
            .cameras = {camera.name},
            .value = camera.fit.views,
            .limit = bad ? kViewsBad : kViewsUsable,
-           .what = fmt::format("{}: only {} image{} with the target.",
+           .what = fmt::format("{}: only {} image{}{}.",
                                camera.name,
                                camera.fit.views,
-                               camera.fit.views == 1 ? "" : "s"),
+                               camera.fit.views == 1 ? "" : "s",
+                               calibration_.HasScene() ? "" : " with the target"),
            .remedy = "Take twenty or more, each from another position."});
     }
     JudgeSupport(camera, spread, projection);
+    if (calibration_.HasScene()) return;  // its depths and the path have findings of their own
     JudgeDistances(camera, spread, projection.grade);
     JudgeTilt(camera, spread, projection.grade);
   }
@@ -362,8 +369,10 @@ class Judgement {
                                    camera.name,
                                    region,
                                    100 * spread.coverage),
-         .remedy = "Elsewhere the distortion is extrapolated. Take images with the target in the "
-                   "other parts of the image, its edges and corners above all."});
+         .remedy =
+             fmt::format("Elsewhere the distortion is extrapolated. Take images with {} in the "
+                         "other parts of the image, its edges and corners above all.",
+                         calibration_.HasScene() ? "points" : "the target")});
   }
 
   // A 3D target shows depth and tilt in a single image, and what a plane lacks does no harm where

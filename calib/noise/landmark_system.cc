@@ -128,7 +128,7 @@ class LandmarkReduction {
       system_.pose.push_back(free ? std::exchange(next, next + 6) : -1);
     }
     system_.landmark.assign(bundle.markers.size(), -1);
-    for (const MarkerDistance& distance : bundle.distances) {
+    for (const MarkerDistance& distance : bundle.AllDistances()) {
       const auto a = static_cast<size_t>(distance.marker_a);
       const auto b = static_cast<size_t>(distance.marker_b);
       if (by_landmark_[a].empty() || by_landmark_[b].empty()) continue;
@@ -254,7 +254,7 @@ class LandmarkReduction {
   }
 
   void AddDistances() {
-    for (const MarkerDistance& distance : bundle_.distances) {
+    for (const MarkerDistance& distance : bundle_.AllDistances()) {
       const int a = system_.landmark[static_cast<size_t>(distance.marker_a)];
       const int b = system_.landmark[static_cast<size_t>(distance.marker_b)];
       if (a < 0 || b < 0) continue;
@@ -325,7 +325,7 @@ std::vector<double> DegreesWithLandmarks(const Bundle& bundle) {
   }
   const double shared = 6 * static_cast<double>(frames.size()) - (bundle.held_frame ? 6 : 0) +
                         3 * static_cast<double>(landmarks.size()) -
-                        static_cast<double>(bundle.distances.size());
+                        static_cast<double>(bundle.AllDistances().size());
   double all = 0;
   for (const double count : coordinates) all += count;
   const UnknownLayout layout = LayoutOf(bundle);

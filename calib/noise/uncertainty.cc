@@ -268,6 +268,50 @@ void AddPriors(const PriorInformation& priors, Eigen::MatrixXd* information) {
   for (const auto& [index, of_prior] : priors) (*information)(index, index) += of_prior;
 }
 
+// The unknowns that change with the scale of all lengths: translations in the rig, and the lengths
+// inside of plenoptic cameras. Those inside of others have no unit of length.
+std::vector<bool> ScaledUnknowns(const Bundle& bundle, const UnknownLayout& layout) {
+  std::vector<bool> scaled(static_cast<size_t>(layout.head), false);
+  for (size_t c = 0; c < bundle.cameras.size(); ++c) {
+    const CameraModel& model = *bundle.cameras[c].model;
+    for (size_t k = 0; k < layout.params[c].size(); ++k) {
+      if (layout.params[c][k] < 0 || model.params[k].unit != "m") continue;
+      scaled[static_cast<size_t>(layout.params[c][k])] = true;
+    }
+    for (int i = 0; layout.extrinsics[c] >= 0 && i < 3; ++i) {
+      scaled[static_cast<size_t>(layout.extrinsics[c] + i)] = true;
+    }
+  }
+  return scaled;
+}
+
+// Adds to `inverse`, in which a distance holds the scale, that nothing determines it: the direction
+// of the smallest information without that distance.
+void OpenScale(const Bundle& bundle,
+               const UnknownLayout& layout,
+               const Naming& naming,
+               CovarianceOfUnknowns* inverse) {
+  const std::vector<bool> scaled = ScaledUnknowns(bundle, layout);
+  if (std::ranges::find(scaled, true) == scaled.end()) return;
+  Bundle without = bundle;
+  without.held_distance.reset();
+  Eigen::MatrixXd information = HeadInformation(EliminateLandmarks(without, layout));
+  AddPriors(InformationOfPriors(bundle, layout), &information);
+  const Eigen::VectorXd scale = information.diagonal()
+                                    .cwiseMax(std::numeric_limits<double>::min())
+                                    .cwiseSqrt()
+                                    .cwiseInverse();
+  const SymmetricEigen spectrum =
+      DecomposeSymmetric(Eigen::MatrixXd(scale.asDiagonal() * information * scale.asDiagonal()));
+  Eigen::VectorXd direction = (scale.asDiagonal() * spectrum.vectors.col(0)).eval();
+  for (Eigen::Index i = 0; i < direction.size(); ++i) {
+    direction[i] = scaled[static_cast<size_t>(i)] ? direction[i] / naming.unit[i] : 0;
+  }
+  inverse->open_share =
+      inverse->open_share.cwiseMax(direction.cwiseAbs() / direction.cwiseAbs().maxCoeff());
+  inverse->open.push_back(Describe(direction, kInfinity, naming.names));
+}
+
 // What follows from the information on parameters and extrinsics, priors included.
 void SetFromInformation(const Bundle& bundle,
                         const UnknownLayout& layout,
@@ -277,7 +321,8 @@ void SetFromInformation(const Bundle& bundle,
   result->extrinsics_index = layout.extrinsics;
   const Naming naming = NameUnknowns(bundle, layout);
   result->names = naming.names;
-  const CovarianceOfUnknowns inverse = InvertInformation(information, naming);
+  CovarianceOfUnknowns inverse = InvertInformation(information, naming);
+  if (bundle.held_distance) OpenScale(bundle, layout, naming, &inverse);
   result->covariance = inverse.covariance;
   result->open = inverse.open;
   SetCameraErrors(inverse, layout, result);

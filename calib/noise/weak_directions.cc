@@ -19,6 +19,14 @@ constexpr const char* kGeneralRemedy =
     "Add images from other distances and at other tilts, over the whole field of view, or fix "
     "these parameters ('fixed').";
 
+// The models' advice is about targets.
+constexpr const char* kSceneRemedy =
+    "Add frames with points at half and at twice the distance, turn the camera about both image "
+    "axes and roll it, or fix these parameters ('fixed').";
+
+constexpr const char* kScaleRemedy =
+    "no scale: give the stereo pair, a distance, tags of known size or B.";
+
 DepthRange DepthRangeOf(const Bundle& bundle, size_t c) {
   DepthRange range{std::numeric_limits<double>::infinity(), 0};
   for (const BundleObservation& observation : bundle.observations) {
@@ -71,6 +79,9 @@ class WeakUnknownsFinder {
           std::isinf(direction.sigma)
               ? std::string("nothing in the data separates them")
               : fmt::format("uncertain by {:.1f} times their own size", direction.sigma));
+      if (!bundle_.held_distance || !std::isinf(direction.sigma)) continue;
+      found_.back().what = "nothing gives the scale";
+      found_.back().remedy = kScaleRemedy;
     }
   }
 
@@ -141,6 +152,7 @@ class WeakUnknownsFinder {
 
   // Advice of the models of the cameras concerned.
   [[nodiscard]] std::string Remedy(const std::vector<std::string>& names) const {
+    if (bundle_.HasLandmarks()) return kSceneRemedy;
     std::string text;
     const auto add = [&](const std::string& sentence) {
       if (!sentence.empty() && text.find(sentence) == std::string::npos) {

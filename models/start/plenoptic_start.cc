@@ -170,6 +170,10 @@ std::optional<VirtualCamera> CalibrateVirtualImage(const StartProblem& problem) 
 
 }  // namespace
 
+std::vector<View> VirtualImageViews(std::span<const View> views) {
+  return FitVirtualImage(views).views;
+}
+
 std::vector<StartCandidate> StartPlenoptic(const StartProblem& problem) {
   const auto camera = CalibrateVirtualImage(problem);
   if (!camera) return {};

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <span>
 #include <vector>
 
 #include "calib/camera/camera_model.h"
@@ -24,5 +25,9 @@ std::vector<StartCandidate> StartPlenoptic(const StartProblem& problem);
 ///
 ///   F = f_L (b_P + B) / (e + b_P),  a = e F / (f_L B),  b = f_L b_P F / ((e + b_P) B).
 std::vector<StartCandidate> StartPlenopticPupil(const StartProblem& problem);
+
+/// The virtual image of each view, in which the camera is an ordinary one of focal length b_L0 + B:
+/// one observation (x, y) for each marker that at least two micro images show, px.
+std::vector<View> VirtualImageViews(std::span<const View> views);
 
 }  // namespace plenocal

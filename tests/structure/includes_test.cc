@@ -54,7 +54,7 @@ const std::map<std::string, Rooms> kAllowed = [] {
   add("apps/formats", {"apps/resample"});
   add("apps/report", {"calib/judge", "models", "detectors"});
   add("apps/recording", {"detectors"});
-  add("apps/scene", {"apps/recording", "apps/evaluate", "apps/report"});
+  add("apps/scene", {"apps/recording", "apps/evaluate", "apps/report", "models"});
   add("apps/simulate", {"apps/charts", "apps/evaluate", "calib/judge", "detectors", "models"});
   add("apps/cli",
       {"apps/print",

@@ -19,6 +19,7 @@
 #include "apps/cli/session/image_session.h"
 #include "apps/cli/session/left_out.h"
 #include "apps/cli/session/open_session.h"
+#include "apps/cli/session/scene_session.h"
 #include "apps/cli/session_observations.h"
 #include "apps/report/report.h"
 #include "apps/report/verdict_json.h"
@@ -107,6 +108,11 @@ std::pair<Calibration, std::vector<Finding>> SolveWithCauses(const CalibrationIn
   }
 }
 
+void AddLeftOut(const SessionObservations& observations, Calibration* calibration) {
+  calibration->left_out.insert(
+      calibration->left_out.begin(), observations.left_out.begin(), observations.left_out.end());
+}
+
 // The result with the files of the cameras.
 CalibrationRecord DescribeAll(const Calibration& calibration,
                               const SessionObservations& observations) {
@@ -122,9 +128,9 @@ CalibrationRecord DescribeAll(const Calibration& calibration,
   return record;
 }
 
-void WriteResult(const CalibrationRecord& record, const Target& target, OutputFolder* out) {
+// All but the target or the scene points.
+void WriteResult(const CalibrationRecord& record, OutputFolder* out) {
   out->Write("calibration.yaml", CalibrationYaml(record));
-  out->Write("target.yaml", RefinedTarget(target, record));
   out->Write("poses.csv", PosesCsv(record));
   if (record.cameras.size() > 1) out->Write("view_poses.csv", ViewPosesCsv(record));
   out->Write("residuals.csv", ResidualsCsv(record));
@@ -202,6 +208,7 @@ void CheckRequirement(const CalibrateArguments& arguments, const Verdict& verdic
 
 const std::vector<std::string> kResults{"calibration.yaml",
                                         "target.yaml",
+                                        "points.ply",
                                         "poses.csv",
                                         "view_poses.csv",
                                         "residuals.csv",
@@ -251,7 +258,7 @@ CalibrateJob MakeCalibrateJob(const CalibrateArguments& arguments,
   CalibrateJob job;
   if (const std::string file = SessionFile(arguments); !file.empty()) {
     job.session = OpenSession(file);
-    job.target = ReadTarget(job.session.target);
+    if (!job.session.scene) job.target = ReadTarget(job.session.target);
     return job;
   }
   if (arguments.model != "auto") {
@@ -286,11 +293,64 @@ void CompleteJob(const ConsoleOptions& shared,
   out->Write(ImageSession::kTargetName, job->images->target_text());
 }
 
+// The calibration and its description with a verdict.
+struct JudgedCalibration {
+  Calibration calibration;
+  CalibrationRecord record;
+};
+
+JudgedCalibration CalibrateWithTarget(const CalibrateArguments& arguments,
+                                      const ConsoleOptions& shared,
+                                      const CalibrateJob& job,
+                                      const SessionObservations& observations,
+                                      Console* console,
+                                      OutputFolder* out) {
+  const CalibrationInput input =
+      MakeCalibrationInput(job.session, job.target, observations.cameras, console);
+  auto [calibration, causes] =
+      SolveWithCauses(input, job.target, arguments, shared.threads, console);
+  JudgedCalibration judged{std::move(calibration), {}};
+  AddLeftOut(observations, &judged.calibration);
+  judged.record = DescribeAll(judged.calibration, observations);
+  judged.record.findings.insert(judged.record.findings.begin(), causes.begin(), causes.end());
+  const auto go_on = [&] {
+    console->Progress("causes");
+    return !Interrupted();
+  };
+  Diagnose(input, judged.calibration, observations.traits, CameraModels(), go_on, &judged.record);
+  out->Write("target.yaml", RefinedTarget(job.target, judged.record));
+  return judged;
+}
+
+JudgedCalibration CalibrateWithScene(const ConsoleOptions& shared,
+                                     const Session& session,
+                                     const SessionObservations& observations,
+                                     Console* console,
+                                     OutputFolder* out) {
+  const SceneCalibrationInput input = MakeSceneInput(session, observations.cameras);
+  JudgedCalibration judged{CalibrateScene(input,
+                                          {.threads = shared.threads,
+                                           .progress =
+                                               [&](const std::string& stage) {
+                                                 console->Progress(stage);
+                                                 return !Interrupted();
+                                               }}),
+                           {}};
+  for (const std::string& line : GroupedByReason(judged.calibration.left_out)) {
+    console->Message("  " + line);
+  }
+  AddLeftOut(observations, &judged.calibration);
+  judged.record = DescribeAll(judged.calibration, observations);
+  judged.record.verdict = Judge(judged.record);
+  out->Write("points.ply", ScenePointsPly(judged.calibration));
+  return judged;
+}
+
 void RunCalibrate(const CalibrateArguments& arguments, const ConsoleOptions& shared) {
   Console console(shared);
   CalibrateJob job = MakeCalibrateJob(arguments, shared, &console);
   const Session& session = job.session;
-  const Target& target = job.target;
+  if (session.scene) CheckSceneSession(session, arguments.jackknife);
   OutputFolder out(arguments.out);
   out.RefuseInputs(kResults);
 
@@ -299,23 +359,14 @@ void RunCalibrate(const CalibrateArguments& arguments, const ConsoleOptions& sha
                          session,
                          arguments.fresh ? EarlierDetections::kIgnore : EarlierDetections::kReuse);
   SessionObservations observations = CollectObservations(
-      session, target, shared, {&cache, arguments.keep ? &out : nullptr}, &console);
+      session, job.target, shared, {&cache, arguments.keep ? &out : nullptr}, &console);
   CompleteJob(shared, &job, &observations, &console, &out);
   const auto provenance = ProvenanceOf(shared, "calibrate", session, arguments.out);
-  const CalibrationInput input =
-      MakeCalibrationInput(session, target, observations.cameras, &console);
-  auto [calibration, causes] = SolveWithCauses(input, target, arguments, shared.threads, &console);
-  calibration.left_out.insert(
-      calibration.left_out.begin(), observations.left_out.begin(), observations.left_out.end());
-  CalibrationRecord record = DescribeAll(calibration, observations);
+  auto [calibration, record] =
+      session.scene ? CalibrateWithScene(shared, session, observations, &console, &out)
+                    : CalibrateWithTarget(arguments, shared, job, observations, &console, &out);
   record.provenance = provenance;
-  record.findings.insert(record.findings.begin(), causes.begin(), causes.end());
-  const auto go_on = [&] {
-    console.Progress("causes");
-    return !Interrupted();
-  };
-  Diagnose(input, calibration, observations.traits, CameraModels(), go_on, &record);
-  WriteResult(record, target, &out);
+  WriteResult(record, &out);
   out.Write("left_out.csv", LeftOutCsv(calibration.left_out));
   WriteDetections(session, observations, arguments.out, &out);
   // An older report beside new results would be wrong.
@@ -325,7 +376,7 @@ void RunCalibrate(const CalibrateArguments& arguments, const ConsoleOptions& sha
     for (CameraFile& file : observations.files) {
       files.contents[file.name] = std::move(file.content);
     }
-    AddTarget(target, &record);
+    if (!session.scene) AddTarget(job.target, &record);
     WriteReport(record, files, &console, &out);
   }
   out.Commit();
@@ -338,7 +389,7 @@ constexpr const char* kCalibrateHelp =
     "From images (or detections) to camera parameters, poses and target.\n\n"
     "  plenocal calibrate session.yaml -o OUT\n"
     "  plenocal calibrate 'images/*.jpg' --target chessboard:9x6:25mm -o OUT\n\n"
-    "writes OUT/calibration.yaml, target.yaml, poses.csv, view_poses.csv (of a rig), residuals.csv, correlations.csv, detections_<camera>.csv, left_out.csv and report.html, and prints a summary. From images it writes OUT/session.yaml and nominal_target.yaml as well, from which the next step can start.";
+    "writes OUT/calibration.yaml, target.yaml (or points.ply, of a session with a scene in place of a target), poses.csv, view_poses.csv (of a rig), residuals.csv, correlations.csv, detections_<camera>.csv, left_out.csv and report.html, and prints a summary. From images it writes OUT/session.yaml and nominal_target.yaml as well, from which the next step can start.";
 
 RunCommand DeclareCalibrate(CLI::App* app, ConsoleOptions* shared) {
   const auto arguments = std::make_shared<CalibrateArguments>();

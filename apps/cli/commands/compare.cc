@@ -448,6 +448,14 @@ void CheckWithNewImages(const CompareArguments& arguments,
     for (const SessionCamera& camera : session.cameras) names.push_back(camera.name);
     ApplyMap(arguments.map, names, &old);
   }
+  if (session.scene) {
+    throw Error(ErrorKind::kInput,
+                fmt::format("{0}: has a scene in place of a target, and no poses without a "
+                            "calibration of its own; calibrate it, then compare both: plenocal "
+                            "calibrate {0} -o NEW; plenocal compare {1} NEW/calibration.yaml",
+                            arguments.session.string(),
+                            arguments.a.string()));
+  }
   const Target target = ReadTarget(session.target);
   Console console(shared);
   std::optional<OutputFolder> out;

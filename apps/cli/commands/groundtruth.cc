@@ -7,9 +7,9 @@
 #include "apps/cli/options.h"
 #include "apps/recording/layouts.h"
 #include "apps/recording/recording.h"
-#include "apps/scene/image_tracks.h"
-#include "apps/scene/loop_truth_page.h"
-#include "apps/scene/recorded_tracks.h"
+#include "apps/scene/loop/image_tracks.h"
+#include "apps/scene/loop/loop_truth_page.h"
+#include "apps/scene/loop/recorded_tracks.h"
 #include "calib/base/error.h"
 #include "calib/base/number_text.h"
 #include "calib/base/output_folder.h"
@@ -91,10 +91,6 @@ void RunGroundtruth(const GroundtruthArguments& arguments, const ConsoleOptions&
   const CalibrationRecord calibration = ReadRigCalibration(arguments, recording);
   const CalibratedRig rig =
       MakeCalibratedRig(calibration, ChooseCameras(arguments, recording, calibration));
-  if (std::ranges::none_of(rig.cameras, [](const auto& camera) { return camera.model->central; })) {
-    throw Error(ErrorKind::kInput,
-                "--cameras: poses are found by an ordinary camera; name one beside the plenoptic");
-  }
   OutputFolder output(arguments.out);
   const LoopTracks loop = CollectTracks(arguments, recording, rig, &console);
   const SceneTracks& tracks = loop.tracks;

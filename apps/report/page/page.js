@@ -97,7 +97,7 @@ function addMarkers() {
   const moved = report.markers.filter((marker) => marker.moved);
   const node = section("Markers");
   if (moved.length === 0) {
-    note(node, "The markers were fixed at their nominal positions.");
+    note(node, report.scene ? "The points are of the scene: they have no nominal positions." : "The markers were fixed at their nominal positions.");
     return;
   }
   const length = (v) => Math.hypot(...v);

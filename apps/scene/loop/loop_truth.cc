@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "apps/scene/loop_truth.h"
+#include "apps/scene/loop/loop_truth.h"
 
 #include <fmt/format.h>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "apps/scene/image_tracks.h"
+#include "apps/scene/loop/image_tracks.h"
 
 #include <fmt/format.h>
 

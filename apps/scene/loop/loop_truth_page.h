@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "apps/scene/loop_truth_files.h"
+#include "apps/scene/loop/loop_truth_files.h"
 
 namespace plenocal {
 

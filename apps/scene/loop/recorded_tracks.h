@@ -5,7 +5,7 @@
 
 #include "apps/recording/recording_file.h"
 #include "apps/scene/scene_tracks.h"
-#include "apps/scene/segments.h"
+#include "apps/scene/loop/segments.h"
 #include "calib/adjust/bundle.h"
 
 namespace plenocal {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "apps/scene/loop_truth_page.h"
+#include "apps/scene/loop/loop_truth_page.h"
 
 #include <cmath>
 #include <map>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "apps/scene/segments.h"
+#include "apps/scene/loop/segments.h"
 
 #include <fmt/format.h>
 

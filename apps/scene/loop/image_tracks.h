@@ -9,7 +9,7 @@
 
 #include "apps/recording/recording.h"
 #include "apps/scene/feature_tracker.h"
-#include "apps/scene/recorded_tracks.h"
+#include "apps/scene/loop/recorded_tracks.h"
 
 namespace plenocal {
 

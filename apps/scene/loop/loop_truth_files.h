@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "apps/scene/loop_truth.h"
+#include "apps/scene/loop/loop_truth.h"
 
 namespace plenocal {
 

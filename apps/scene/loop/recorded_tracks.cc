@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "apps/scene/recorded_tracks.h"
+#include "apps/scene/loop/recorded_tracks.h"
 
 #include <fmt/format.h>
 

@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Calibration from scene points whose positions nobody knows: the shared bundle adjustment with
+// landmarks in place of a target's markers.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "apps/scene/scene_rig.h"
+#include "calib/calibrate.h"
+#include "calib/files/scene_keys.h"
+
+namespace plenocal {
+
+struct SceneCalibrationInput {
+  SceneCameras cameras;
+  std::vector<SceneDistance> distances;
+  Loss loss = Loss::kHuber;
+};
+
+/// Throws `Error` of kind kInput for distances between points that no two views show, and of kind
+/// kJob when the tracks do not give a start. Where nothing gives the scale, the bundle has a
+/// `held_distance`, and lengths have infinite standard errors.
+Calibration CalibrateScene(const SceneCalibrationInput& input, const CalibrationOptions& options);
+
+/// The landmarks with used observations as ASCII PLY with their numbers.
+std::string ScenePointsPly(const Calibration& calibration);
+
+}  // namespace plenocal
