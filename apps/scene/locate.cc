@@ -99,10 +99,9 @@ void SetNoise(bool robust, Bundle* bundle) {
     count += rows;
   }
   constexpr double kPoseUnknowns = 6, kLeast = 1e-6;
-  const double sigma =
-      robust ? Median(std::move(lengths)) /
-                   std::sqrt(ChiSquareQuantile(static_cast<int>(rows), 0.5))
-             : std::sqrt(square / std::max(1.0, count - kPoseUnknowns));
+  const double sigma = robust ? Median(std::move(lengths)) /
+                                    std::sqrt(ChiSquareQuantile(static_cast<int>(rows), 0.5))
+                              : std::sqrt(square / std::max(1.0, count - kPoseUnknowns));
   noise.detector_scale = std::max(kLeast, before * sigma);
 }
 
@@ -117,17 +116,16 @@ RigidTransform PoseWith(const Bundle& bundle, size_t param, double shift) {
 // Change of the pose's chart by each parameter.
 Eigen::MatrixXd PoseByParams(const CalibratedCamera& camera, const Bundle& bundle) {
   const RigidTransform& T = bundle.T_rig_target[0];
-  Eigen::MatrixXd gain =
-      Eigen::MatrixXd::Zero(6, static_cast<Eigen::Index>(camera.params.size()));
+  Eigen::MatrixXd gain = Eigen::MatrixXd::Zero(6, static_cast<Eigen::Index>(camera.params.size()));
   for (size_t k = 0; k < camera.params.size(); ++k) {
     const double sigma = camera.Sigma(k);
     if (!(sigma > 0) || !std::isfinite(sigma)) continue;
     const RigidTransform above = PoseWith(bundle, k, sigma), below = PoseWith(bundle, k, -sigma);
     auto column = gain.col(static_cast<Eigen::Index>(k));
     column.head<3>() = (above.t - below.t) / (2 * sigma);
-    column.tail<3>() = (LogRotation(above.R * T.R.transpose()) -
-                        LogRotation(below.R * T.R.transpose())) /
-                       (2 * sigma);
+    column.tail<3>() =
+        (LogRotation(above.R * T.R.transpose()) - LogRotation(below.R * T.R.transpose())) /
+        (2 * sigma);
   }
   return gain;
 }

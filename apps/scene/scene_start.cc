@@ -22,8 +22,9 @@ namespace {
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 // Residuals within this many robust sigmas are inliers: one Gaussian one in 200 is longer.
 constexpr double kInlierSigmas = 3.3;
-// Below this angle between its rays a point has no depth yet.
-constexpr double kLeastParallax = 1.0 / 60;
+// Below this angle between its rays a point has no depth yet: a fifth of it is a pixel's error of a
+// usual camera.
+constexpr double kLeastParallax = 1.0 / 200;
 
 struct Range {
   size_t begin = 0, end = 0;

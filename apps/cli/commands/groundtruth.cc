@@ -110,7 +110,7 @@ void RunGroundtruth(const GroundtruthArguments& arguments, const ConsoleOptions&
   for (const std::string& finding : findings) console.Warning(finding);
   const LoopTruthContext context{.tracks = &tracks,
                                  .descriptors = loop.descriptors,
-      .findings = findings,
+                                 .findings = findings,
                                  .provenance = {{"recording", recording.path.string()},
                                                 {"calibration", calibration.path.string()}}};
   for (const auto& [name, content] : LoopTruthFiles(truth, context)) output.Write(name, content);

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "apps/scene/locate.h"
+
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -9,7 +11,6 @@
 #include "apps/cli/command.h"
 #include "apps/cli/image_inputs.h"
 #include "apps/cli/options.h"
-#include "apps/scene/locate.h"
 #include "calib/base/error.h"
 #include "calib/base/number_text.h"
 #include "calib/base/output_folder.h"
@@ -163,18 +164,19 @@ std::string HeaderText() {
 std::string RowText(const std::string& name, const LocatedView& located) {
   const Eigen::Quaterniond q(located.T_map_camera.R);
   const Eigen::Vector3d& t = located.T_map_camera.t;
-  std::string text = fmt::format("{},{},{},{:.6g},{:.12g},{:.12g},{:.12g},{:.12g},{:.12g},{:.12g},{:.12g}",
-                                 CsvCell(name),
-                                 located.points,
-                                 located.used,
-                                 located.rms,
-                                 t.x(),
-                                 t.y(),
-                                 t.z(),
-                                 q.x(),
-                                 q.y(),
-                                 q.z(),
-                                 q.w());
+  std::string text =
+      fmt::format("{},{},{},{:.6g},{:.12g},{:.12g},{:.12g},{:.12g},{:.12g},{:.12g},{:.12g}",
+                  CsvCell(name),
+                  located.points,
+                  located.used,
+                  located.rms,
+                  t.x(),
+                  t.y(),
+                  t.z(),
+                  q.x(),
+                  q.y(),
+                  q.z(),
+                  q.w());
   for (Eigen::Index i = 0; i < 6; ++i) {
     for (Eigen::Index j = i; j < 6; ++j) text += fmt::format(",{:.9g}", located.covariance(i, j));
   }
@@ -201,17 +203,18 @@ nlohmann::ordered_json JsonOf(const std::string& name, const LocatedView& locate
 std::string LineText(const std::string& name, const LocatedView& located) {
   const Eigen::Vector3d& t = located.T_map_camera.t;
   const Vector6d sigma = located.covariance.diagonal().cwiseSqrt();
-  return fmt::format("{}: ({:.5f}, {:.5f}, {:.5f}) m +- {:.2g} mm, {:.2g} mrad; {} of {} points, "
-                     "RMS {:.3f} px\n",
-                     Escaped(name),
-                     t.x(),
-                     t.y(),
-                     t.z(),
-                     1e3 * sigma.head<3>().norm(),
-                     1e3 * sigma.tail<3>().norm(),
-                     located.used,
-                     located.points,
-                     located.rms);
+  return fmt::format(
+      "{}: ({:.5f}, {:.5f}, {:.5f}) m +- {:.2g} mm, {:.2g} mrad; {} of {} points, "
+      "RMS {:.3f} px\n",
+      Escaped(name),
+      t.x(),
+      t.y(),
+      t.z(),
+      1e3 * sigma.head<3>().norm(),
+      1e3 * sigma.tail<3>().norm(),
+      located.used,
+      located.points,
+      located.rms);
 }
 
 void RunLocate(const LocateArguments& arguments, const ConsoleOptions& shared) {
@@ -266,7 +269,8 @@ constexpr const char* kLocateHelp =
 RunCommand DeclareLocate(CLI::App* app, ConsoleOptions* shared) {
   const auto arguments = std::make_shared<LocateArguments>();
   app->add_option("calibration", arguments->calibration, "calibration.yaml")->required();
-  app->add_option("map", arguments->map, "target.yaml, or points.csv of an earlier run")->required();
+  app->add_option("map", arguments->map, "target.yaml, or points.csv of an earlier run")
+      ->required();
   app->add_option("images", arguments->inputs, "images, or detections (CSV)")->required();
   app->add_option("--camera", arguments->camera, "camera of the calibration");
   app->add_option("--white", arguments->white, "white images of a plenoptic camera");

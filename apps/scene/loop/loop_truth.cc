@@ -61,7 +61,7 @@ class LoopEstimation {
 
   LoopTruthResult Run() {
     Enter("start segment");
-    limit_ = FollowFrames(input_.segments.start, &state_);
+    FollowBothWays(input_.segments.start, FrameWithMostPoints(input_.segments.start));
     result_.start = Posed(input_.segments.start);
     if (result_.start.frames.size() < kFewestFrames) {
       throw Error(ErrorKind::kJob,
@@ -103,6 +103,25 @@ class LoopEstimation {
     return segment;
   }
 
+  // The frame whose cameras show most points from two sides.
+  size_t FrameWithMostPoints(const std::vector<size_t>& frames) const {
+    std::map<std::pair<size_t, int>, std::set<int>> cameras;  // of a frame's marker
+    for (const BundleObservation& observation : result_.bundle.observations) {
+      cameras[{static_cast<size_t>(observation.frame), observation.marker}].insert(
+          observation.camera);
+    }
+    std::map<size_t, size_t> points;
+    for (const auto& [place, seen_by] : cameras) points[place.first] += seen_by.size() > 1 ? 1 : 0;
+    return *std::ranges::max_element(frames, {}, [&](size_t frame) { return points[frame]; });
+  }
+
+  // From a frame that has a pose, or is to be the first.
+  void FollowBothWays(const std::vector<size_t>& frames, size_t from) {
+    const auto at = std::ranges::find(frames, from);
+    limit_ = std::max(limit_, FollowFrames({at, frames.end()}, &state_));
+    FollowFrames({std::make_reverse_iterator(std::next(at)), frames.rend()}, &state_);
+  }
+
   void RegisterEnd() {
     size_t most_known = 0;
     const std::vector<size_t>& frames = input_.segments.end;
@@ -123,13 +142,11 @@ class LoopEstimation {
     }
     result_.bundle.T_rig_target[found->frame] = found->pose.T_rig_target;
     state_.has_pose[found->frame] = true;
-    const auto at = std::ranges::find(frames, found->frame);
     // Of the points that look the same, those that the pose confirms lead to the other frames.
     for (const Match& match : matches) {
       if (!AgreesIn(found->frame, match.end)) state_.has_point[match.end] = false;
     }
-    FollowFrames({at, frames.end()}, &state_);
-    FollowFrames({std::make_reverse_iterator(std::next(at)), frames.rend()}, &state_);
+    FollowBothWays(frames, found->frame);
     result_.end = Posed(frames);
     MergeMatches(matches);
     if (result_.end.frames.size() >= kFewestFrames) return;

@@ -4,8 +4,8 @@
 #include <vector>
 
 #include "apps/recording/recording_file.h"
-#include "apps/scene/scene_tracks.h"
 #include "apps/scene/loop/segments.h"
+#include "apps/scene/scene_tracks.h"
 #include "calib/adjust/bundle.h"
 
 namespace plenocal {

@@ -60,8 +60,7 @@ TEST_F(ImageLoop, IsRegisteredWhereItsEndSeesTheStart) {
 TEST_F(ImageLoop, IsRefusedWhereTheEndIsElsewhere) {
   const std::filesystem::path data = OptionalData("scene_real/stereo_walk_backyard");
   if (!std::filesystem::exists(data)) GTEST_SKIP() << Absent(data);
-  const Outcome run =
-      GroundTruth(data, {"--points", "300", "--start", ":0010", "--end", "0180:"});
+  const Outcome run = GroundTruth(data, {"--points", "300", "--start", ":0010", "--end", "0180:"});
   EXPECT_EQ(run.status, kJobFailed);
   EXPECT_THAT(run.err, HasSubstr("start and end do not see the same scene"));
   EXPECT_TRUE(Files("truth").empty());

@@ -22,12 +22,8 @@ class Locate : public Workspace {
 };
 
 TEST_F(Locate, FindsThePosesOfTheCalibration) {
-  const Outcome run = Run({"locate",
-                           "out/calibration.yaml",
-                           "target.yaml",
-                           Detections(),
-                           "-o",
-                           "poses.csv"});
+  const Outcome run =
+      Run({"locate", "out/calibration.yaml", "target.yaml", Detections(), "-o", "poses.csv"});
   ASSERT_EQ(run.status, kDone) << run.err;
   const Table located(Read("poses.csv")), calibrated(Read("out/poses.csv"));
   ASSERT_EQ(located.Column("image"), calibrated.Column("frame"));
@@ -65,8 +61,8 @@ TEST_F(Locate, LeavesOutWrongPoints) {
   const Table table(Read(Detections()));
   const double x = table.Numbers("x")[0];
   const std::string frame = table.Column("frame")[0];
-  std::string text = lines[0] + "\n" +
-                     Replaced(lines[1], table.Column("x")[0], std::to_string(x + 40)) + "\n";
+  std::string text =
+      lines[0] + "\n" + Replaced(lines[1], table.Column("x")[0], std::to_string(x + 40)) + "\n";
   for (size_t i = 2; i < lines.size(); ++i) text += lines[i] + "\n";
   Write("wrong.csv", text);
   const Outcome run =
@@ -77,15 +73,14 @@ TEST_F(Locate, LeavesOutWrongPoints) {
 }
 
 TEST_F(Locate, RefusesWhatCannotBeLocated) {
-  const auto expect = [&](const std::vector<std::string>& arguments,
-                          int status,
-                          const std::string& message) {
-    std::vector<std::string> all{"locate", "out/calibration.yaml"};
-    all.insert(all.end(), arguments.begin(), arguments.end());
-    const Outcome run = Run(all);
-    EXPECT_EQ(run.status, status) << run.err;
-    EXPECT_THAT(run.err, HasSubstr(message));
-  };
+  const auto expect =
+      [&](const std::vector<std::string>& arguments, int status, const std::string& message) {
+        std::vector<std::string> all{"locate", "out/calibration.yaml"};
+        all.insert(all.end(), arguments.begin(), arguments.end());
+        const Outcome run = Run(all);
+        EXPECT_EQ(run.status, status) << run.err;
+        EXPECT_THAT(run.err, HasSubstr(message));
+      };
   Write("twice.csv", "marker,x,y,z\n1,0,0,1\n1,0,0,2\n");
   Write("far.csv", "marker,x,y,z\n100000,0,0,1\n");
   expect({"target.yaml", Detections(), "--camera", "nobody"}, kWrongInput, "nobody");
