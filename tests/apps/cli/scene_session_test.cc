@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // `plenocal calibrate` of sessions with a scene in place of a target, on simulated tracks.
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <string>
@@ -153,7 +154,7 @@ TEST_F(SceneSession, RecalibrationAfterRefocusing) {
 }
 
 TEST_F(SceneSession, OneDepthIsNamedAndNeverGood) {
-  Simulate({{"kind: handheld", "kind: one-depth"}});
+  Simulate({{"kind: handheld", "kind: [handheld, one-depth]"}});
   WritePair();
   YAML::Node session = Session({"left", "right", "plenoptic"});
   session["scene"].remove("distances");
