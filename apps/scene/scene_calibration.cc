@@ -389,24 +389,51 @@ class SceneCalibration {
     bundle.markers = std::move(markers);
   }
 
+  // A point that has no position takes its distance with it, if others are left.
   void AddDistances() {
     Bundle& bundle = calibration_.bundle;
-    const auto index_of = [&](int number, const SceneDistance& distance) {
-      const auto found = std::ranges::find(bundle.markers, number, &BundleMarker::number);
-      if (found == bundle.markers.end()) {
-        distance.place.Fail(
-            fmt::format("point {} has no position: no two views that agree show it; "
-                        "name another point, or remove this distance",
-                        number));
-      }
-      return static_cast<int>(found - bundle.markers.begin());
-    };
     for (const SceneDistance& distance : input_.distances) {
-      bundle.distances.push_back({.marker_a = index_of(distance.point_a, distance),
-                                  .marker_b = index_of(distance.point_b, distance),
-                                  .length = distance.length,
-                                  .sigma = distance.sigma});
+      CheckTracked(distance.point_a, distance);
+      CheckTracked(distance.point_b, distance);
+      const std::optional<int> a = MarkerIndex(distance.point_a), b = MarkerIndex(distance.point_b);
+      if (a && b) {
+        bundle.distances.push_back(
+            {.marker_a = *a, .marker_b = *b, .length = distance.length, .sigma = distance.sigma});
+        continue;
+      }
+      calibration_.left_out.push_back(
+          {.where = fmt::format("distance of points {} and {}", distance.point_a, distance.point_b),
+           .reason = fmt::format("no two views that agree show point {}",
+                                 a ? distance.point_b : distance.point_a)});
     }
+    if (!bundle.distances.empty() || input_.distances.empty()) return;
+    const SceneDistance& first = input_.distances.front();
+    FailWithoutPosition(MarkerIndex(first.point_a) ? first.point_b : first.point_a, first);
+  }
+
+  // A number that no view has is a slip of the user.
+  void CheckTracked(int number, const SceneDistance& distance) const {
+    for (const std::vector<View>& views : tracks_.views) {
+      for (const View& view : views) {
+        const auto same = [&](const Observation& seen) { return seen.marker == number; };
+        if (std::ranges::any_of(view.observations, same)) return;
+      }
+    }
+    FailWithoutPosition(number, distance);
+  }
+
+  [[noreturn]] static void FailWithoutPosition(int number, const SceneDistance& distance) {
+    distance.place.Fail(
+        fmt::format("point {} has no position: no two views that agree show it; "
+                    "name another point, or remove this distance",
+                    number));
+  }
+
+  std::optional<int> MarkerIndex(int number) const {
+    const std::vector<BundleMarker>& markers = calibration_.bundle.markers;
+    const auto found = std::ranges::find(markers, number, &BundleMarker::number);
+    if (found == markers.end()) return std::nullopt;
+    return static_cast<int>(found - markers.begin());
   }
 
   Solution SolveBundle() {

@@ -22,10 +22,6 @@ namespace {
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 // Residuals within this many robust sigmas are inliers: one Gaussian one in 200 is longer.
 constexpr double kInlierSigmas = 3.3;
-// Below this angle between its rays a point has no depth yet: a fifth of it is a pixel's error of a
-// usual camera.
-constexpr double kLeastParallax = 1.0 / 200;
-
 struct Range {
   size_t begin = 0, end = 0;
 };
@@ -298,7 +294,7 @@ bool AcceptPoint(const std::vector<size_t>& observations,
     rays.push_back({T * ray->origin, T.R * ray->direction});
   }
   const std::optional<RayPoint> point = IntersectRays(rays);
-  if (!point || point->spread < std::pow(kLeastParallax / 2, 2)) return false;
+  if (!point || point->spread < std::pow(state->least_parallax / 2, 2)) return false;
   const auto m = static_cast<size_t>(bundle.observations[observations[0]].marker);
   const Eigen::Vector3d before = bundle.markers[m].position;
   bundle.markers[m].position = point->position;

@@ -49,7 +49,7 @@ const std::map<std::string, Rooms> kAllowed = [] {
   add("detectors", {"detectors/plenoptic"});
   add("apps/charts", {"detectors/templates"});
   add("apps/print", {"apps/charts", "detectors"});
-  add("apps/evaluate", {"calib/camera"});
+  add("apps/evaluate", {"calib"});
   add("apps/resample", {"calib/judge", "detectors", "models"});
   add("apps/formats", {"apps/resample"});
   add("apps/report", {"calib/judge", "models", "detectors"});

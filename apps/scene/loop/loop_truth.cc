@@ -82,13 +82,17 @@ class LoopEstimation {
   }
 
  private:
+  // A fifth of it is a pixel's error of a usual camera.
+  static constexpr double kLeastParallax = 1.0 / 200;
   // A similarity needs three positions.
   static constexpr size_t kFewestFrames = 3;
 
   SceneState MakeState() {
     result_.bundle = MakeSceneBundle(*input_.tracks, input_.rig->cameras);
     result_.bundle.prior = input_.rig->prior;
-    return MakeSceneState(&result_.bundle);
+    SceneState state = MakeSceneState(&result_.bundle);
+    state.least_parallax = kLeastParallax;
+    return state;
   }
 
   void Enter(const char* stage) const {

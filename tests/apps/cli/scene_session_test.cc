@@ -4,6 +4,9 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <functional>
+#include <map>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -32,6 +35,31 @@ class SceneSession : public Workspace {
       if (std::ranges::find(cameras, name) == cameras.end()) session["cameras"].remove(name);
     }
     return session;
+  }
+  // True distances between the points that a camera shows in most frames.
+  [[nodiscard]] YAML::Node DistancesSeenBy(const std::string& camera) const {
+    constexpr size_t kPoints = 5;
+    const Table tracks(Read("tracks_" + camera + ".csv")), truth(Read("truth/points.csv"));
+    std::map<std::string, std::set<std::string>> frames;
+    const auto markers = tracks.Column("marker"), names = tracks.Column("frame");
+    for (size_t i = 0; i < markers.size(); ++i) frames[markers[i]].insert(names[i]);
+    std::map<std::string, Eigen::Vector3d> places;
+    const auto numbers = truth.Column("marker");
+    const auto x = truth.Numbers("x"), y = truth.Numbers("y"), z = truth.Numbers("z");
+    for (size_t i = 0; i < numbers.size(); ++i) places[numbers[i]] = {x[i], y[i], z[i]};
+    std::vector<std::string> most;
+    for (const auto& [number, of_point] : frames) most.push_back(number);
+    std::ranges::stable_sort(
+        most, std::greater<>(), [&](const std::string& number) { return frames[number].size(); });
+    YAML::Node distances(YAML::NodeType::Sequence);
+    for (size_t i = 1; i < kPoints; ++i) {
+      YAML::Node distance;
+      distance["between"] = std::vector<std::string>{"point " + most[0], "point " + most[i]};
+      distance["value"] = (places.at(most[0]) - places.at(most[i])).norm();
+      distance["sigma"] = 0.0005;
+      distances.push_back(distance);
+    }
+    return distances;
   }
   void WriteSession(const YAML::Node& session) const {
     YAML::Emitter out;
@@ -93,7 +121,9 @@ TEST_F(SceneSession, StereoPairGivesTheScaleOfAPlenopticCamera) {
 
 TEST_F(SceneSession, DistancesGiveTheScaleOfAPlenopticCameraAlone) {
   Simulate();
-  WriteSession(Session({"plenoptic"}));
+  YAML::Node session = Session({"plenoptic"});
+  session["scene"]["distances"] = DistancesSeenBy("plenoptic");
+  WriteSession(session);
   Calibrate();
   ExpectTrue("plenoptic", {{"f_L", 0.01}, {"b_L0", 0.01}, {"B", 0.05}});
 }
@@ -135,7 +165,8 @@ TEST_F(SceneSession, RecalibrationAfterRefocusing) {
   for (const auto& param : truth) camera["sigma"][param.first.as<std::string>()] = 0;
   camera["sigma"]["f_L"] = 4e-6;
   camera["sigma"]["B"] = 1.3e-6;
-  camera["sigma"]["c_x"] = camera["sigma"]["c_y"] = 0.3;
+  camera["sigma"]["c_x"] = 0.3;
+  camera["sigma"]["c_y"] = 0.3;
   YAML::Emitter out;
   out << earlier;
   Write("earlier.yaml", std::string(out.c_str()) + "\n");

@@ -18,7 +18,7 @@ class Locate : public Workspace {
 
   /// Names of the CSV with the detections of the problem's camera, and of the camera.
   [[nodiscard]] std::string Camera() const { return EasyProblem().input.cameras[0].name; }
-  [[nodiscard]] std::string Detections() const { return "detections_" + Camera() + ".csv"; }
+  [[nodiscard]] std::string Detections() const { return Camera() + ".csv"; }
 };
 
 TEST_F(Locate, FindsThePosesOfTheCalibration) {
@@ -85,7 +85,8 @@ TEST_F(Locate, RefusesWhatCannotBeLocated) {
   Write("far.csv", "marker,x,y,z\n100000,0,0,1\n");
   expect({"target.yaml", Detections(), "--camera", "nobody"}, kWrongInput, "nobody");
   expect({"nothing.yaml", Detections()}, kWrongInput, "nothing.yaml");
-  expect({"twice.csv", Detections()}, kWrongInput, "twice.csv:3:1: point 1 stands here twice");
+  expect(
+      {"twice.csv", Detections()}, kWrongInput, "twice.csv:3:1: marker: point 1 stands here twice");
   expect({"far.csv", Detections()}, kJobFailed, "far.csv");
   expect({"far.csv", "nothing.png"}, kWrongInput, "descriptors.png");
 }
