@@ -12,7 +12,7 @@ namespace plenocal {
 /// - TUM monoVO: images/ or images.zip, times.txt; camera.txt, pcalib.txt, vignette.png
 /// - EuRoC: mav0/cam0/data.csv and data/, mav0/cam1 ...
 /// - KITTI: image_0/, image_1/ ..., times.txt
-/// - any other: a folder or an archive per camera, or names that tell cameras apart (left01.jpg,
+/// - any other: a folder or an archive per camera, or names that contain the camera (left01.jpg,
 ///   right01.jpg); times.txt in the camera's folder, or times_<camera>.txt or times.txt beside.
 /// In each a calibration.yaml beside the images is the calibration. Throws `Error` of kind kInput
 /// when there are no images.

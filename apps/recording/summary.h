@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// What `plenocal recording` says about a recording.
+// Summary of a recording, the output of `plenocal recording`.
 #pragma once
 
 #include <cstddef>

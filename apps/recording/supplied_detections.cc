@@ -87,7 +87,7 @@ class MarkerRows {
 
  private:
   static constexpr std::array<std::string_view, 4> kCoordinates{"x", "y", "lens_x", "lens_y"};
-  static constexpr size_t kMeasured = 2;  // of the coordinates: the others say through which lens
+  static constexpr size_t kMeasured = 2;  // x and y; the others are the micro lens' centre
 
   [[nodiscard]] std::string Sigma() const {
     const std::optional<double> sigma = table_.NumberIfAny(*sigma_);

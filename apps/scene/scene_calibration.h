@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Calibration from scene points whose positions nobody knows: the shared bundle adjustment with
+// Calibration from scene points without nominal positions: the shared bundle adjustment with
 // landmarks in place of a target's markers.
 #pragma once
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Cameras of a calibration without a target before it: their start values, and what an earlier
-// calibration knows of them.
+// Cameras of a calibration without a target before it: their start values, and the prior of an
+// earlier calibration.
 #pragma once
 
 #include <optional>

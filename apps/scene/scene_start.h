@@ -20,8 +20,8 @@ struct SceneState {
   std::vector<bool> has_pose;                        ///< per frame
   std::vector<bool> has_point;                       ///< per marker
   std::vector<std::vector<size_t>> observations_of;  ///< per marker, indices in the bundle's order
-  /// Below this angle between its rays a point has no depth yet. Cameras that know their places on
-  /// the rig need less than those whose first poses are guessed.
+  /// Least angle between the rays of a new point, rad. Cameras with calibrated extrinsics need less
+  /// than those whose first poses are guessed.
   double least_parallax = 1.0 / 60;
 };
 

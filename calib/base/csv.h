@@ -34,7 +34,7 @@ class CsvReader {
             std::string_view first_column = {},
             std::string_view example = {});
 
-  /// The columns of a text without header, which the caller knows.
+  /// Names of the columns of a text without header.
   struct GivenColumns {
     std::vector<std::string> names;
     size_t optional = 0;  ///< of the last columns: a row may end before them, their cells are empty

@@ -396,7 +396,7 @@ CommonErrors EstimateCommonErrors(const Bundle& bundle, const Uncertainty& uncer
         const MatrixXd V_D = sums.Information()(touched, Eigen::all);
         const VectorXd D_g = D.transpose() * sums.Gradient().col(0);
         // Step of the unknowns by this frame, and its variance by the noise of its points. The
-        // optimum has taken a part of it: the frame's own share of what all frames know.
+        // optimum has taken a part of it: the frame's share of the information of all frames.
         const VectorXd moved = D_g - V_D.transpose() * by_priors(touched);
         const MatrixXd own_root = frames_root(touched, Eigen::all).transpose() * V_D;
         for (size_t c = 0; c < found.size(); ++c) {
