@@ -71,32 +71,6 @@ std::string CovarianceCsv(const LoopTruthResult& truth, const SceneTracks& track
   return text;
 }
 
-std::string PointsPly(const LoopTruthResult& truth) {
-  std::vector<bool> used(truth.bundle.markers.size(), false);
-  for (const BundleObservation& observation : truth.bundle.observations) {
-    if (observation.used) used[static_cast<size_t>(observation.marker)] = true;
-  }
-  std::string rows;
-  size_t count = 0;
-  for (size_t m = 0; m < used.size(); ++m) {
-    if (!used[m]) continue;
-    const Eigen::Vector3d& p = truth.bundle.markers[m].position;
-    fmt::format_to(std::back_inserter(rows),
-                   "{:.6f} {:.6f} {:.6f} {}\n",
-                   p.x(),
-                   p.y(),
-                   p.z(),
-                   truth.bundle.markers[m].number);
-    ++count;
-  }
-  return fmt::format(
-             "ply\nformat ascii 1.0\ncomment landmarks in the frame of the first rig pose, m\n"
-             "element vertex {}\nproperty double x\nproperty double y\nproperty double z\n"
-             "property int track\nend_header\n",
-             count) +
-         rows;
-}
-
 // The used landmarks as a map for `locate`.
 LandmarkMap MapOf(const LoopTruthResult& truth, const cv::Mat& descriptors) {
   std::vector<bool> used(truth.bundle.markers.size(), false);
@@ -112,6 +86,20 @@ LandmarkMap MapOf(const LoopTruthResult& truth, const cv::Mat& descriptors) {
     if (!descriptors.empty()) map.descriptors.push_back(descriptors.row(marker.number));
   }
   return map;
+}
+
+std::string PointsPly(const LandmarkMap& map) {
+  std::string text = fmt::format(
+      "ply\nformat ascii 1.0\ncomment landmarks in the frame of the first rig pose, m\n"
+      "element vertex {}\nproperty double x\nproperty double y\nproperty double z\n"
+      "property int track\nend_header\n",
+      map.numbers.size());
+  for (const int number : map.numbers) {
+    const Eigen::Vector3d& p = map.points.at(number);
+    fmt::format_to(
+        std::back_inserter(text), "{:.6f} {:.6f} {:.6f} {}\n", p.x(), p.y(), p.z(), number);
+  }
+  return text;
 }
 
 std::string YamlList(std::span<const double> values) {
@@ -269,8 +257,8 @@ std::vector<std::pair<std::string, std::string>> LoopTruthFiles(const LoopTruthR
                        PathText(truth, *context.tracks, c, truth.end.frames));
   }
   files.emplace_back("covariance.csv", CovarianceCsv(truth, *context.tracks));
-  files.emplace_back("points.ply", PointsPly(truth));
   const LandmarkMap map = MapOf(truth, context.descriptors);
+  files.emplace_back("points.ply", PointsPly(map));
   files.emplace_back("points.csv", PointsCsv(map));
   if (!map.descriptors.empty()) files.emplace_back("descriptors.png", DescriptorsPng(map));
   files.emplace_back("groundtruth.yaml", GroundTruthYaml(truth, context));

@@ -8,7 +8,7 @@
 #include <chrono>
 #include <cstdlib>
 
-#include "tests/apps/workspace.h"
+#include "tests/apps/files/small_inputs.h"
 
 namespace plenocal::testing {
 namespace {
@@ -22,23 +22,8 @@ struct NamedCommand {
   std::string largest;  // of its results
 };
 
-class Surroundings : public Workspace, public ::testing::WithParamInterface<NamedCommand> {
+class Surroundings : public SmallInputs, public ::testing::WithParamInterface<NamedCommand> {
  protected:
-  Surroundings() {
-    const SyntheticProblem problem = EasyProblem();
-    WriteProblem(problem);
-    Write("session.yaml", Replaced(Read("session.yaml"), "pinhole-radial3", "pinhole-radtan4"));
-    EXPECT_EQ(Run({"calibrate", "session.yaml", "-o", "given", "--quiet"}).status, kDone);
-    const auto [width, height] = problem.input.cameras[0].image_size;
-    Write("image.pgm",
-          fmt::format("P5 {} {} 255\n", width, height) +
-              std::string(static_cast<size_t>(width) * static_cast<size_t>(height), 'x'));
-    Write("spec.yaml",
-          "plenocal: 1\ntarget: target.yaml\nposes: {frames: 3, distance: [0.4, 0.6]}\n"
-          "cameras:\n  cam:\n    model: pinhole\n    image_size: [160, 120]\n"
-          "    parameters: {f_x: 130, f_y: 130, c_x: 80, c_y: 60}\n");
-  }
-
   [[nodiscard]] Outcome RunIt(const RunOptions& options = {}) const {
     std::vector<std::string> arguments = GetParam().arguments;
     arguments.insert(arguments.end(), {"-o", "out"});

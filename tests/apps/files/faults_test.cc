@@ -6,7 +6,7 @@
 
 #include <iostream>
 
-#include "tests/apps/workspace.h"
+#include "tests/apps/files/small_inputs.h"
 
 namespace plenocal::testing {
 namespace {
@@ -21,23 +21,8 @@ struct Writer {
   Arguments arguments;
 };
 
-class Fault : public Workspace, public ::testing::WithParamInterface<Writer> {
+class Fault : public SmallInputs, public ::testing::WithParamInterface<Writer> {
  protected:
-  Fault() {
-    const SyntheticProblem problem = EasyProblem();
-    WriteProblem(problem);
-    Write("session.yaml", Replaced(Read("session.yaml"), "pinhole-radial3", "pinhole-radtan4"));
-    EXPECT_EQ(Run({"calibrate", "session.yaml", "-o", "given", "--quiet"}).status, kDone);
-    const auto [width, height] = problem.input.cameras[0].image_size;
-    Write("image.pgm",
-          fmt::format("P5 {} {} 255\n", width, height) +
-              std::string(static_cast<size_t>(width) * static_cast<size_t>(height), 'x'));
-    Write("spec.yaml",
-          "plenocal: 1\ntarget: target.yaml\nposes: {frames: 3, distance: [0.4, 0.6]}\n"
-          "cameras:\n  cam:\n    model: pinhole\n    image_size: [160, 120]\n"
-          "    parameters: {f_x: 130, f_y: 130, c_x: 80, c_y: 60}\n");
-  }
-
   // The results alone: without the folders that the program keeps for itself.
   [[nodiscard]] Contents Out() const {
     Contents files = Files("out");
