@@ -59,6 +59,7 @@ class SceneCalibration {
           MeasureFit(calibration_.bundle, c, {.typical = typical_[c], .stated = StatesSigma(c)}));
     }
     Append(FindingsOfScene(calibration_), &calibration_.findings);
+    if (input_.from_images) calibration_.findings.push_back(FindingOfPatches());
     return std::move(calibration_);
   }
 

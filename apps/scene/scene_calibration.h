@@ -22,6 +22,7 @@ struct SceneCalibrationInput {
   /// A track and an earlier camera's that looks like the same point, to about a pixel: used for the
   /// initial guess alone.
   std::vector<std::pair<int, int>> alike = {};
+  bool from_images = false;  ///< the tracks are patches followed through images
 };
 
 /// Throws `Error` of kind kInput for distances between points that no two views show, and of kind

@@ -292,4 +292,15 @@ std::vector<Finding> FindingsOfScene(const Calibration& calibration) {
   return SceneFindings(calibration).Find();
 }
 
+Finding FindingOfPatches() {
+  return {.code = "scene_patches",
+          .grade = Grade::kUsable,
+          .what =
+              "the points are patches of images: errors that all observations of a patch share, by "
+              "depth inside of it or by blur, are not in the standard errors.",
+          .remedy =
+              "Compare with a calibration from a target or from other images before trusting "
+              "differences of a few standard errors."};
+}
+
 }  // namespace plenocal

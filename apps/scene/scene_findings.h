@@ -18,6 +18,9 @@ bool HasScale(const Bundle& bundle);
 /// parameters are certain all the same, the grade is good.
 std::vector<Finding> FindingsOfScene(const Calibration& calibration);
 
+/// That patches of images were followed, whose common errors the standard errors do not contain.
+Finding FindingOfPatches();
+
 /// The range of T (the depth factor of docs/plenoptic.md, 1 / (1 - dx_R / dc_I)) over the used
 /// points of a plenoptic camera: two and 98 % of them are below.
 struct DepthFactors {

@@ -20,10 +20,9 @@
 #include "detectors/plenoptic/depth/depth_picture.h"
 #include "detectors/plenoptic/depth/image_synthesis.h"
 #include "detectors/plenoptic/depth/reconstruction.h"
-#include "detectors/plenoptic/markers/depth_correction.h"
+#include "detectors/plenoptic/markers/corrected_views.h"
 #include "detectors/plenoptic/markers/focused_image_detector.h"
 #include "detectors/plenoptic/markers/measure_markers.h"
-#include "detectors/plenoptic/markers/vignetting_correction.h"
 #include "detectors/plenoptic/white/white_camera.h"
 #include "detectors/templates/marker_template.h"
 
@@ -182,24 +181,6 @@ class RawDetector {
   internal::FocusedImageDetector detector_;
 };
 
-/// Corrects the measurements of all raw images of a camera and adds them as views.
-void AddViews(const std::vector<std::string>& frames,
-              int types,
-              std::vector<RawMeasurements>* images,
-              ImageDetections* detections) {
-  auto shared_errors = internal::CorrectVignettingDisplacement(types, images);
-  internal::CorrectDepthBias(images);
-  for (size_t i = 0; i < images->size(); ++i) {
-    View view{frames[i], {}};
-    for (const internal::MarkerMeasurement& m : (*images)[i]) {
-      view.observations.push_back(m.observation);
-      view.observations.back().lens_type = m.lens_type;
-    }
-    view.shared_errors = std::move(shared_errors[i]);
-    detections->views.push_back(std::move(view));
-  }
-}
-
 /// Detects the target in all images; keeps the sample of the image with most markers.
 void DetectInImages(const std::vector<FrameImage>& images,
                     const DetectOptions& options,
@@ -240,7 +221,7 @@ void DetectInImages(const std::vector<FrameImage>& images,
     if (options.progress && !options.progress(i + 1)) throw Stopped();
   }
   if (most_markers > 0) detections->sample = detector->Sample(images[fullest], std::move(sample));
-  AddViews(frames, types, &measured, detections);
+  detections->views = CorrectedViews(frames, types, std::move(measured));
 }
 
 }  // namespace

@@ -331,6 +331,7 @@ JudgedCalibration CalibrateWithScene(const ConsoleOptions& shared,
   const SessionObservations& observations = scene.session;
   SceneCalibrationInput input = MakeSceneInput(session, observations.cameras);
   input.alike = scene.alike;
+  input.from_images = FollowsImages(session);
   JudgedCalibration judged{CalibrateScene(input,
                                           {.threads = shared.threads,
                                            .progress =

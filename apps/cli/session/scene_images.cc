@@ -48,15 +48,15 @@ class SceneImageFollower {
                   .threads = options_.threads};
     std::vector<size_t> all(frames_.size());
     for (size_t i = 0; i < all.size(); ++i) all[i] = i;
-    FollowedPoints points = FollowPoints(
-        rig,
-        all,
-        {.wanted = session_.scene->points, .calibrated = calibrated_},
-        0,
-        [&](size_t done, size_t total) {
-          console_.Progress("follow points: images", done, total);
-          if (Interrupted()) throw Stopped();
-        });
+    FollowedPoints points =
+        FollowPoints(rig,
+                     all,
+                     {.wanted = session_.scene->points, .calibrated = calibrated_},
+                     0,
+                     [&](size_t done, size_t total) {
+                       console_.Progress("follow points: images", done, total);
+                       if (Interrupted()) throw Stopped();
+                     });
     result_.alike = std::move(points.alike);
     Append(std::move(points.left_out));
     for (size_t c = 0; c < images_.size(); ++c) AddCamera(c, rig, &points);
@@ -92,14 +92,15 @@ class SceneImageFollower {
       throw Error(ErrorKind::kInput, fmt::format("{}: {}", camera.name, failure));
     }
     if (camera.image_size != ImageSize{} && camera.image_size != of.size) {
-      throw Error(ErrorKind::kInput,
-                  fmt::format("{}: the images are {} x {} pixels, but the session's image_size says "
-                              "{} x {}",
-                              camera.name,
-                              of.size[0],
-                              of.size[1],
-                              camera.image_size[0],
-                              camera.image_size[1]));
+      throw Error(
+          ErrorKind::kInput,
+          fmt::format("{}: the images are {} x {} pixels, but the session's image_size says "
+                      "{} x {}",
+                      camera.name,
+                      of.size[0],
+                      of.size[1],
+                      camera.image_size[0],
+                      camera.image_size[1]));
     }
   }
 
@@ -126,8 +127,8 @@ class SceneImageFollower {
     calibrated_ = true;
     for (size_t c = 0; c < inputs.size(); ++c) {
       const CameraInput& input = known.inputs[c];
-      const bool has_all = std::ranges::all_of(
-          input.initial, [](const auto& value) { return value.has_value(); });
+      const bool has_all =
+          std::ranges::all_of(input.initial, [](const auto& value) { return value.has_value(); });
       std::vector<double> params(input.initial.size(), 0);
       if (has_all) {
         for (size_t k = 0; k < params.size(); ++k) params[k] = *input.initial[k];
@@ -182,8 +183,7 @@ class SceneImageFollower {
     CameraInput input = InputWithoutViews(camera);
     input.image_size = images_[c].size;
     input.views = std::move(points->views[c]);
-    exclusion_.RemoveViews(
-        camera.name, images_[c].images, &input.views, &result_.session.left_out);
+    exclusion_.RemoveViews(camera.name, images_[c].images, &input.views, &result_.session.left_out);
     console_.Message(fmt::format("{}: {}, points followed in {}, {}",
                                  camera.name,
                                  Counted(images_[c].images.size(), "image"),
@@ -223,11 +223,12 @@ bool FollowsImages(const Session& session) {
   if (std::ranges::all_of(session.cameras, has_images)) return true;
   const auto camera = std::ranges::find_if(session.cameras, has_images);
   if (camera == session.cameras.end()) return false;
-  throw Error(ErrorKind::kInput,
-              fmt::format("{}: cameras.{} has images, other cameras have tracks, whose numbers mean "
-                          "other points; give all cameras images or all 'detections'",
-                          session.path.string(),
-                          camera->name));
+  throw Error(
+      ErrorKind::kInput,
+      fmt::format("{}: cameras.{} has images, other cameras have tracks, whose numbers mean "
+                  "other points; give all cameras images or all 'detections'",
+                  session.path.string(),
+                  camera->name));
 }
 
 SceneObservations FollowSceneImages(const Session& session,

@@ -18,8 +18,8 @@ std::map<std::string, SeenPoints> PointsByFrame(const std::vector<View>& views) 
   for (const View& view : views) {
     SeenPoints& points = frames[view.frame];
     for (const Observation& seen : view.observations) {
-      points[seen.marker] = cv::Point2f(static_cast<float>(seen.values[0]),
-                                        static_cast<float>(seen.values[1]));
+      points[seen.marker] =
+          cv::Point2f(static_cast<float>(seen.values[0]), static_cast<float>(seen.values[1]));
     }
   }
   return frames;
@@ -105,7 +105,7 @@ class PointFollower {
         LeaveOut(camera, frames_[i], error);
       }
     }
-    result_.views[camera] = tracker.Views();
+    result_.views[camera] = tracker.CorrectedViews();
     AddGroup(tracker.Descriptors(), tracker.FocusedViews());
   }
 

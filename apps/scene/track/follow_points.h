@@ -22,8 +22,8 @@ struct RigImages {
   const std::vector<BundleCamera>* cameras = nullptr;
   std::map<size_t, PlenopticCamera> optics;  ///< of the plenoptic ones, by index
   std::vector<std::string> frames;           ///< names
-  /// The image of a camera in a frame: of an ordinary one grey with 8 bits, of a plenoptic one as in
-  /// its file; empty where there is none. May throw `Error` for one that cannot be read.
+  /// The image of a camera in a frame: of an ordinary one grey with 8 bits, of a plenoptic one as
+  /// in its file; empty where there is none. May throw `Error` for one that cannot be read.
   std::function<cv::Mat(size_t camera, size_t frame)> read;
   int threads = 0;  ///< 0: all cores
 };

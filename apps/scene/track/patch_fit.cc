@@ -12,9 +12,9 @@ constexpr int kSide = 2 * kPatchRadius + 1;
 constexpr int kPatchPixels = kSide * kSide;
 // Translation 0 and 1, affine 2 to 5, gain, offset.
 constexpr int kGain = 6, kOffset = 7, kPatchUnknowns = 8;
-constexpr float kFarthest = 2;               // px
-constexpr double kLeastAlike = 0.8;          // correlation
-constexpr float kMostStretch = 2;            // of the patch, in any direction
+constexpr float kFarthest = 2;       // px
+constexpr double kLeastAlike = 0.8;  // correlation
+constexpr float kMostStretch = 2;    // of the patch, in any direction
 using PatchVector = Eigen::Matrix<float, kPatchUnknowns, 1>;
 using PatchMatrix = Eigen::Matrix<float, kPatchUnknowns, kPatchUnknowns>;
 using PatchRows = Eigen::Matrix<float, kPatchPixels, 1>;
@@ -85,10 +85,8 @@ class PatchFitter {
       const float gain = solution[kGain];
       if (!solution.allFinite() || !(gain > 0)) return std::nullopt;
       const cv::Vec2f t(solution[0] / gain, solution[1] / gain);
-      const cv::Matx22f B(1 + solution[2] / gain,
-                          solution[3] / gain,
-                          solution[4] / gain,
-                          1 + solution[5] / gain);
+      const cv::Matx22f B(
+          1 + solution[2] / gain, solution[3] / gain, solution[4] / gain, 1 + solution[5] / gain);
       if (!(std::abs(cv::determinant(B)) > 1 / kMostStretch)) return std::nullopt;
       place.A = place.A * B.inv();
       const cv::Vec2f step = place.A * t;
@@ -109,10 +107,9 @@ class PatchFitter {
   }
 
   bool Read(const PatchPlace& place, PatchRows* seen) const {
-    const float reach =
-        static_cast<float>(kPatchRadius) *
-        std::max(std::abs(place.A(0, 0)) + std::abs(place.A(0, 1)),
-                 std::abs(place.A(1, 0)) + std::abs(place.A(1, 1)));
+    const float reach = static_cast<float>(kPatchRadius) *
+                        std::max(std::abs(place.A(0, 0)) + std::abs(place.A(0, 1)),
+                                 std::abs(place.A(1, 0)) + std::abs(place.A(1, 1)));
     if (!IsInside(image_, place.point, reach + 1)) return false;
     for (int row = 0; row < kPatchPixels; ++row) {
       const float x = patch_.away(row, 0), y = patch_.away(row, 1);

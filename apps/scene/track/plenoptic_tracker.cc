@@ -7,6 +7,7 @@
 
 #include "detectors/images/image_codecs.h"
 #include "detectors/plenoptic/depth/image_synthesis.h"
+#include "detectors/plenoptic/markers/corrected_views.h"
 #include "detectors/plenoptic/markers/patch_measurement.h"
 #include "detectors/plenoptic/white/white_camera.h"
 
@@ -76,9 +77,12 @@ void PlenopticTracker::AddFrame(const std::string& name, const cv::Mat& raw) {
   }
   // The reconstruction has corrected its own patches.
   const internal::LensPatches patches = GreyPatches(raw, optics_, threads_);
-  View measured{.frame = name,
-                .observations = MeasurePatches(points, view, patches, optics_.array, threads_)};
-  if (!measured.observations.empty()) views_.push_back(std::move(measured));
+  frames_.push_back(name);
+  measured_.push_back(MeasurePatches(points, view, patches, optics_.array, threads_));
+}
+
+std::vector<View> PlenopticTracker::CorrectedViews() const {
+  return plenocal::CorrectedViews(frames_, optics_.array.types, measured_);
 }
 
 cv::Mat FocusedImage(const cv::Mat& raw, const PlenopticCamera& optics, int threads) {

@@ -13,6 +13,7 @@
 #include "calib/camera/bayer.h"
 #include "calib/files/frame_images.h"
 #include "detectors/plenoptic/depth/reconstruction.h"
+#include "detectors/plenoptic/markers/marker_measurement.h"
 
 namespace plenocal {
 
@@ -36,8 +37,9 @@ class PlenopticTracker {
   /// counts as one without an image.
   void AddFrame(const std::string& name, const cv::Mat& raw);
 
-  /// All frames so far: x, y, lens_x, lens_y of each point in the micro images.
-  [[nodiscard]] const std::vector<View>& Views() const { return views_; }
+  /// All frames so far: x, y, lens_x, lens_y of each point in the micro images, corrected by what
+  /// all of them show of vignetting and depth.
+  [[nodiscard]] std::vector<View> CorrectedViews() const;
   /// In the totally focused images, px of them.
   [[nodiscard]] const std::vector<View>& FocusedViews() const { return tracker_.Views()[0]; }
   [[nodiscard]] const cv::Mat& Descriptors() const { return tracker_.Descriptors(); }
@@ -48,7 +50,8 @@ class PlenopticTracker {
   FeatureTracker tracker_;
   int threads_;
   std::optional<double> brightness_;  // factor to 8 bits: that of the first image, for all
-  std::vector<View> views_;
+  std::vector<std::string> frames_;
+  std::vector<internal::RawMeasurements> measured_;  // parallel to frames_
 };
 
 /// The totally focused image of a raw image with 8 bits.

@@ -7,9 +7,11 @@
 #include <map>
 #include <opencv2/imgproc.hpp>
 #include <optional>
+#include <utility>
 
 #include "calib/base/parallel.h"
 #include "calib/base/statistics.h"
+#include "detectors/plenoptic/markers/vignetting_correction.h"
 
 namespace plenocal {
 namespace {
@@ -62,6 +64,9 @@ struct LensMeasurement {
   size_t lens = 0;
   Eigen::Vector2d position{0, 0};  // raw px
   double sigma = 0;                // of a coordinate, px
+  double inverse_depth = 0;        // of the template
+  Eigen::Matrix2d vignetting_sensitivity = Eigen::Matrix2d::Zero();
+  Eigen::Vector2d depth_sensitivity{0, 0};
 };
 
 // One point in one raw image.
@@ -134,18 +139,21 @@ class PatchFit {
     using Vector = Eigen::Matrix<double, kFitUnknowns, 1>;
     using Matrix = Eigen::Matrix<double, kFitUnknowns, kFitUnknowns>;
     const Eigen::Vector2d origin = patches_.origin[lens].cast<double>();
-    const float dark = kLeastLight * patches_.HighestAttenuation(lens);
-    const Eigen::Matrix2d to_reference =
-        point_.by_reference.inverse() / (z * view_.depth.scale);
+    const float brightest = patches_.HighestAttenuation(lens);
+    const Eigen::Matrix2d to_reference = point_.by_reference.inverse() / (z * view_.depth.scale);
     Eigen::Vector2d position = expected;
     double gain = 0, offset = 0;
     constexpr int kIterations = 10;
     constexpr double kConverged = 1e-3;  // px
     Matrix H;
+    Eigen::Matrix<double, kFitUnknowns, 2> vignetting;
+    Vector depth;
     double chi2 = 0, sum = 0, sum2 = 0;
     int count = 0;
     for (int iteration = 0; iteration < kIterations; ++iteration) {
       H.setZero();
+      vignetting.setZero();
+      depth.setZero();
       Vector g = Vector::Zero();
       chi2 = sum = sum2 = 0;
       count = 0;
@@ -154,17 +162,21 @@ class PatchFit {
           const float value =
               patches_.Value(lens)[static_cast<size_t>(y) * static_cast<size_t>(patches_.size) +
                                    static_cast<size_t>(x)];
-          if (!std::isfinite(value) || patches_.Attenuation(lens, x, y) < dark) continue;
+          if (!std::isfinite(value) || patches_.Attenuation(lens, x, y) < kLeastLight * brightest) {
+            continue;
+          }
           const Eigen::Vector2d away = to_reference * (origin + Eigen::Vector2d(x, y) - position);
           if (away.cwiseAbs().maxCoeff() > kHalfSide) continue;
-          const auto drawn = SampleAt(reference_,
-                                      point_.in_reference.x() + away.x(),
-                                      point_.in_reference.y() + away.y());
+          const auto drawn = SampleAt(
+              reference_, point_.in_reference.x() + away.x(), point_.in_reference.y() + away.y());
           if (!drawn) continue;
           const Eigen::Vector2d slope =
               to_reference.transpose() * Eigen::Vector2d(drawn->by_x, drawn->by_y);
           const Vector j(-gain * slope.x(), -gain * slope.y(), drawn->value, 1);
           const double residual = value - gain * drawn->value - offset;
+          // A displacement of the image is a translation of the template the other way.
+          vignetting -= j * (j.head<2>().transpose() * DisplacementAt(lens, brightest, x, y));
+          depth += j * j.head<2>().dot(origin + Eigen::Vector2d(x, y) - position);
           H += j * j.transpose();
           g += residual * j;
           chi2 += residual * residual;
@@ -195,10 +207,26 @@ class PatchFit {
     const double noise = chi2 / (count - kFitUnknowns);
     const double light = sum / count;
     const double least = view_.noise.read + view_.noise.shot * std::max(0.0, light);
-    const Matrix covariance = H.inverse() * std::max(noise, least);
-    const double sigma = std::sqrt(covariance.topLeftCorner<2, 2>().trace() / 2);
+    const Matrix inverse = H.inverse();
+    const double sigma =
+        std::sqrt(inverse.topLeftCorner<2, 2>().trace() / 2 * std::max(noise, least));
     if (!(sigma < kMostShift / 3)) return std::nullopt;
-    return LensMeasurement{lens, position, sigma};
+    return LensMeasurement{.lens = lens,
+                           .position = position,
+                           .sigma = sigma,
+                           .inverse_depth = z,
+                           .vignetting_sensitivity = inverse.topRows<2>() * vignetting,
+                           .depth_sensitivity = inverse.topRows<2>() * depth};
+  }
+
+  // Of a raw pixel by vignetting, px per px^2 of k_pixel and of k (vignetting_correction.h).
+  [[nodiscard]] Eigen::Matrix2d DisplacementAt(size_t lens, float brightest, int x, int y) const {
+    const float light = patches_.Attenuation(lens, x, y) / brightest;
+    const double shape = internal::ApertureShape(light);
+    const Eigen::Vector2d slope = patches_.LogAttenuationGradient(lens, x, y).cast<double>();
+    Eigen::Matrix2d displacement;
+    displacement << std::sqrt(shape) * slope, shape * slope;
+    return displacement;
   }
 
   // Leaves the measurements that lie on one line x = u_0 + s c; its 1 / v = 1 - s. Nothing when
@@ -246,11 +274,11 @@ class PatchFit {
 
 }  // namespace
 
-std::vector<Observation> MeasurePatches(const std::vector<ScenePatch>& points,
-                                        const Reconstruction& view,
-                                        const LensPatches& patches,
-                                        const MicroLensArray& array,
-                                        int threads) {
+internal::RawMeasurements MeasurePatches(const std::vector<ScenePatch>& points,
+                                         const Reconstruction& view,
+                                         const LensPatches& patches,
+                                         const MicroLensArray& array,
+                                         int threads) {
   std::map<const cv::Mat*, cv::Mat> references;  // as floats
   for (const ScenePatch& point : points) {
     cv::Mat& reference = references[point.reference];
@@ -261,19 +289,24 @@ std::vector<Observation> MeasurePatches(const std::vector<ScenePatch>& points,
     found[i] =
         PatchFit(points[i], references.at(points[i].reference), view, patches, array).Measure();
   });
-  std::vector<Observation> observations;
+  internal::RawMeasurements measurements;
   for (size_t i = 0; i < points.size(); ++i) {
     for (const LensMeasurement& m : found[i]) {
       const MicroLens& lens = array.lenses[m.lens];
-      observations.push_back(
-          {.marker = points[i].number,
-           .values = {m.position.x(), m.position.y(), lens.centre.x(), lens.centre.y()},
-           .detector_sigma = m.sigma,
+      measurements.push_back(
+          {.observation =
+               {.marker = points[i].number,
+                .values = {m.position.x(), m.position.y(), lens.centre.x(), lens.centre.y()},
+                .detector_sigma = m.sigma},
+           .inverse_depth = m.inverse_depth,
+           .vignetting_sensitivity = m.vignetting_sensitivity,
+           .depth_sensitivity = m.depth_sensitivity,
            .lens_type = lens.type});
     }
   }
-  std::ranges::stable_sort(observations, {}, &Observation::marker);
-  return observations;
+  std::ranges::stable_sort(
+      measurements, {}, [](const internal::MarkerMeasurement& m) { return m.observation.marker; });
+  return measurements;
 }
 
 }  // namespace plenocal

@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Scene points followed through rendered images of a stereo pair and a plenoptic camera.
+#include "tests/apps/workspace.h"
+
+namespace plenocal::testing {
+namespace {
+
+using ::testing::HasSubstr;
+
+constexpr const char* kSpecification = R"(plenocal: 1
+seed: 4
+scene: {points: 50, near: 0.35, far: 0.9}
+trajectory: {kind: loop, length: 3, speed: 0.1, rate: 10, segment: 3, frames: 8, winding: {amplitude: 0.1, seconds: 3}}
+cameras:
+  left:
+    model: pinhole-radial3
+    image_size: [320, 256]
+    parameters: {f_x: 410, f_y: 411, c_x: 158, c_y: 129, A_0: -0.1, A_1: 0.03, A_2: 0}
+    blur: 0.6
+  right:
+    model: pinhole-radial3
+    image_size: [320, 256]
+    parameters: {f_x: 405, f_y: 404, c_x: 161, c_y: 125, A_0: -0.1, A_1: 0.03, A_2: 0}
+    xi_camera_rig: [-0.05, 0.001, -0.002, 0.005, -0.02, 0.01]
+    blur: 0.6
+  plenoptic:
+    model: focused-plenoptic
+    image_size: [300, 300]
+    pixel_size: 7.4e-6
+    parameters: {f_L: 0.0122, b_L0: 0.01166, B: 0.00026, c_x: 151, c_y: 148, A_0: 0, A_1: 0, B_0: 0, B_1: 0}
+    xi_camera_rig: [-0.03, 0.02, -0.008, -0.01, 0.01, 0.005]
+    blur: 0.35
+    micro_lenses: {pitch: 19, rotation: 0.006, focus: [2.4, 3.0, 3.9], aperture: 0.7, fill: 0.92}
+)";
+
+class ImageScene : public Workspace {
+ protected:
+  void Simulate() {
+    Write("spec.yaml", kSpecification);
+    const Outcome outcome = Run({"simulate", "spec.yaml", "-o", "set"});
+    ASSERT_EQ(outcome.status, kDone) << outcome.err;
+  }
+  Outcome Calibrate(const std::string& session) {
+    Write("session.yaml", session);
+    return Run({"calibrate", "session.yaml", "--no-report", "-o", "out"});
+  }
+};
+
+TEST_F(ImageScene, OfAStereoPairAndRawPlenopticImagesIsARecalibration) {
+  Simulate();
+  const Outcome outcome = Calibrate(
+      "plenocal: 1\nscene: {points: 300}\nfrom: set/calibration.yaml\ncameras:\n"
+      "  left: {model: pinhole-radial3, images: 'set/left/0000*.png'}\n"
+      "  right: {model: pinhole-radial3, images: 'set/right/0000*.png'}\n"
+      "  plenoptic: {model: focused-plenoptic, images: 'set/plenoptic/0000*.png',\n"
+      "    white_images: 'set/plenoptic_white/*.png', pixel_size: 7.4e-6}\n");
+  ASSERT_EQ(outcome.status, kDone) << outcome.err;
+  const YAML::Node cameras = YAML::Load(Read("out/calibration.yaml"))["cameras"];
+  const auto value = [&](const char* camera, const char* name) {
+    return cameras[camera]["parameters"][name].as<double>();
+  };
+  EXPECT_NEAR(value("left", "f_x"), 410, 0.4);
+  EXPECT_NEAR(value("plenoptic", "f_L"), 0.0122, 0.003 * 0.0122);
+  EXPECT_NEAR(value("plenoptic", "B"), 0.00026, 0.02 * 0.00026);
+  EXPECT_LT(cameras["plenoptic"]["rms"].as<double>(), 0.2);
+  EXPECT_TRUE(Files("out").contains("micro_lenses_plenoptic.csv"));
+  EXPECT_TRUE(Files("out").contains("detections_plenoptic.csv"));
+  EXPECT_THAT(outcome.out, HasSubstr("scene_patches"));
+}
+
+TEST_F(ImageScene, RefusesWhatItCannotFollow) {
+  Simulate();
+  const std::string plenoptic =
+      "plenocal: 1\nscene: {points: 300}\nfrom: set/calibration.yaml\ncameras:\n"
+      "  plenoptic: {model: focused-plenoptic, images: 'set/plenoptic/0000*.png', pixel_size: 7.4e-6}\n";
+  Outcome outcome = Calibrate(plenoptic);
+  EXPECT_EQ(outcome.status, kWrongInput);
+  EXPECT_THAT(outcome.err, HasSubstr("white_images"));
+  outcome = Calibrate(
+      "plenocal: 1\nscene: {points: 300}\ncameras:\n"
+      "  left: {model: pinhole-radial3, images: 'set/left/0000*.png'}\n"
+      "  right: {model: pinhole-radial3, image_size: [320, 256], detections: tracks.csv}\n");
+  EXPECT_EQ(outcome.status, kWrongInput);
+  EXPECT_THAT(outcome.err, HasSubstr("all cameras images or all 'detections'"));
+  EXPECT_TRUE(Files("out").empty());
+}
+
+}  // namespace
+}  // namespace plenocal::testing
