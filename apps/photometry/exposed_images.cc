@@ -19,19 +19,19 @@ const RecordedCamera& ChooseRecordedCamera(const Recording& recording, const std
                             fmt::join(names, ", ")));
   }
   if (const RecordedCamera* camera = recording.FindCamera(name)) return *camera;
-  throw Error(ErrorKind::kInput,
-              fmt::format("{}: has no camera '{}'{}",
-                          recording.path.string(),
-                          name,
-                          SuggestName(name, names)));
+  throw Error(
+      ErrorKind::kInput,
+      fmt::format(
+          "{}: has no camera '{}'{}", recording.path.string(), name, SuggestName(name, names)));
 }
 
 cv::Mat ReadExposed(const RecordedCamera& camera, std::size_t index) {
   cv::Mat image = camera.Read(index);
   if (image.depth() == CV_8U) return image;
-  throw Error(ErrorKind::kInput,
-              fmt::format("{}: has 16 bits; a response holds 256 values: record with 8 bits a pixel",
-                          camera.source->Place(index)));
+  throw Error(
+      ErrorKind::kInput,
+      fmt::format("{}: has 16 bits; a response holds 256 values: record with 8 bits a pixel",
+                  camera.source->Place(index)));
 }
 
 std::vector<double> ExposuresOf(const Recording& recording,

@@ -110,8 +110,8 @@ std::vector<std::string> FindingsOf(const ResponseEstimate& estimate, const Expo
   std::vector<std::string> off;
   for (size_t i = 0; i < sizes.size(); ++i) {
     if (sizes[i] > kFarOff * sigma) {
-      off.push_back(fmt::format(
-          "{} ({:+.1f} %)", sweep.frames[i], 100 * estimate.exposure_errors[i]));
+      off.push_back(
+          fmt::format("{} ({:+.1f} %)", sweep.frames[i], 100 * estimate.exposure_errors[i]));
     }
   }
   if (!off.empty()) {
@@ -126,10 +126,9 @@ std::vector<std::string> FindingsOf(const ResponseEstimate& estimate, const Expo
   constexpr double kManyMoving = 0.02;
   if (static_cast<double>(estimate.moving) >
       kManyMoving * static_cast<double>(estimate.moving + estimate.pixels)) {
-    findings.push_back(
-        fmt::format("{:.1f} % of the pixels were left out: the scene moved there",
-                    100.0 * static_cast<double>(estimate.moving) /
-                        static_cast<double>(estimate.moving + estimate.pixels)));
+    findings.push_back(fmt::format("{:.1f} % of the pixels were left out: the scene moved there",
+                                   100.0 * static_cast<double>(estimate.moving) /
+                                       static_cast<double>(estimate.moving + estimate.pixels)));
   }
   return findings;
 }

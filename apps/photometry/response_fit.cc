@@ -27,9 +27,7 @@ constexpr int kStartRounds = 6;  // with means in place of borders
 constexpr int kRounds = 12;
 constexpr double kFarOff = 4;  // standard deviations
 
-double NormalDensity(double x) {
-  return std::exp(-x * x / 2) / std::sqrt(2 * std::numbers::pi);
-}
+double NormalDensity(double x) { return std::exp(-x * x / 2) / std::sqrt(2 * std::numbers::pi); }
 double NormalDistribution(double x) { return 0.5 * std::erfc(-x / std::numbers::sqrt2); }
 
 double SquareOf(double x) { return x * x; }
@@ -303,8 +301,8 @@ class SetFit {
     for (size_t k = 1; k + 1 < kGreys; ++k) {
       if (information_[k - 1] == 0 || information_[k] == 0) continue;
       values[k] = (borders_[k - 1] + borders_[k]) / 2;
-      const bool cubic = k >= 2 && k + 2 < kGreys && information_[k - 2] > 0 &&
-                         information_[k + 1] > 0;
+      const bool cubic =
+          k >= 2 && k + 2 < kGreys && information_[k - 2] > 0 && information_[k + 1] > 0;
       if (cubic) {
         values[k] = (9 * (borders_[k - 1] + borders_[k]) - borders_[k - 2] - borders_[k + 1]) / 16;
       }
@@ -318,9 +316,9 @@ class SetFit {
     Tabulate();
   }
 
-  // Root of sum phi(x) (lower - n Phi(x)). Beside likelihood's equation it lacks 1 / (Phi (1 - Phi)),
-  // which gives the weight to far tails, where a small error of sigma decides. `information` is 0
-  // where too few pixels are near the border.
+  // Root of sum phi(x) (lower - n Phi(x)). Beside likelihood's equation it lacks 1 / (Phi (1 -
+  // Phi)), which gives the weight to far tails, where a small error of sigma decides. `information`
+  // is 0 where too few pixels are near the border.
   void FitBorder(const LightHistogram& histogram, size_t k) {
     constexpr int kSteps = 3;
     double& border = borders_[k];
@@ -329,15 +327,15 @@ class SetFit {
       double slope = 0, information = 0, below = 0, above = 0;
       const double low = std::sqrt(std::max(border - reach, 0.0) / LightHistogram::kMostLight);
       const double high = std::sqrt((border + reach) / LightHistogram::kMostLight);
-      const auto last = std::min(LightHistogram::kBins - 1,
-                                 static_cast<size_t>(high * LightHistogram::kBins));
+      const auto last =
+          std::min(LightHistogram::kBins - 1, static_cast<size_t>(high * LightHistogram::kBins));
       for (auto b = static_cast<size_t>(low * LightHistogram::kBins); b <= last; ++b) {
         const double n = histogram.pixels[b];
         if (n == 0) continue;
         const double u = histogram.light[b];
         // Rounding is what the borders describe.
-        const double sigma = std::sqrt(std::max(
-            noise_.gain * u + SquareOf(noise_.read) + histogram.variance[b], 1e-12));
+        const double sigma = std::sqrt(
+            std::max(noise_.gain * u + SquareOf(noise_.read) + histogram.variance[b], 1e-12));
         const double x = (border - u) / sigma;
         const double density = NormalDensity(x);
         const double lower = histogram.count[b * kGreys + k];
@@ -406,7 +404,9 @@ void CheckSweep(const ExposureSweep& sweep, const std::string& where) {
 }
 
 // Mean of the sets' values and its standard deviation, both up to one factor.
-void Combine(const std::vector<SetFit>& sets, ResponseCurve::Table* mean, ResponseEstimate* result) {
+void Combine(const std::vector<SetFit>& sets,
+             ResponseCurve::Table* mean,
+             ResponseEstimate* result) {
   const auto count = static_cast<double>(sets.size());
   mean->fill(0);
   for (const SetFit& set : sets) {
@@ -529,8 +529,8 @@ ResponseEstimate FitResponse(const ExposureSweep& sweep, const std::string& wher
   }
   MakeRising(values, weights);
   for (size_t k = 0; k < kGreys; ++k) {
-    const bool seen = k > 0 && k < kBorders && is_known(information[k - 1]) &&
-                      is_known(information[k]);
+    const bool seen =
+        k > 0 && k < kBorders && is_known(information[k - 1]) && is_known(information[k]);
     if (!seen) result.sigma[k] = kNaN;
   }
   result.curve = ResponseCurve(values);

@@ -35,17 +35,17 @@ struct ExposureSweep {
 
 struct ResponseEstimate {
   ResponseCurve curve;
-  /// Standard deviation of U(k) up to a common factor of all, from its scatter over disjoint sets of
-  /// pixels and from errors of exposures; NaN where the sweep does not have the value.
+  /// Standard deviation of U(k) up to a common factor of all, from its scatter over disjoint sets
+  /// of pixels and from errors of exposures; NaN where the sweep does not have the value.
   std::array<double, ResponseCurve::kValues> sigma{};
   std::array<std::size_t, ResponseCurve::kValues> count{};  ///< pixels of each grey value
   SensorNoise noise;
-  double exposure_sigma = 0;   ///< relative error of single exposures
+  double exposure_sigma = 0;            ///< relative error of single exposures
   std::vector<double> exposure_errors;  ///< relative, by image, against the others
-  double rms = 0;              ///< of U(I) - t E, light
-  std::size_t pixels = 0;      ///< used
-  std::size_t moving = 0;      ///< left out: no constant light
-  int first = 0, last = 255;   ///< grey values between which borders were measured
+  double rms = 0;                       ///< of U(I) - t E, light
+  std::size_t pixels = 0;               ///< used
+  std::size_t moving = 0;               ///< left out: no constant light
+  int first = 0, last = 255;            ///< grey values between which borders were measured
 };
 
 /// Throws `Error` of kind kJob, whose message ends with the remedy, when the exposures hardly

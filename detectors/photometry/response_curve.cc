@@ -81,10 +81,8 @@ ResponseCurve ReadResponse(const std::filesystem::path& path) {
     light[k] = *value;
     if (k > 0 && !(light[k] > light[k - 1])) {
       Refuse(path,
-             fmt::format("value {} ({}) does not exceed the one before ({})",
-                         k,
-                         light[k],
-                         light[k - 1]));
+             fmt::format(
+                 "value {} ({}) does not exceed the one before ({})", k, light[k], light[k - 1]));
     }
   }
   return ResponseCurve(light);

@@ -36,8 +36,8 @@ class ResponseCurve {
   Table light_;
 };
 
-/// Reads pcalib.txt, as DSO and the TUM monocular benchmark have it: 256 numbers that rise strictly.
-/// Throws `Error` of kind kInput that names the file and what is wrong.
+/// Reads pcalib.txt, as DSO and the TUM monocular benchmark have it: 256 numbers that rise
+/// strictly. Throws `Error` of kind kInput that names the file and what is wrong.
 ResponseCurve ReadResponse(const std::filesystem::path& path);
 /// The content of pcalib.txt.
 std::string PcalibText(const ResponseCurve& response);

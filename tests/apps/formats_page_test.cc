@@ -436,6 +436,19 @@ TEST_F(FormatsPage, HasTheKeysOfSpecifications) {
                           "Keys of `winding`");
   ExpectSpecificationKeys(scene + "trajectory: {}\nscene: {}\ncalibration_sigma: {qqqq: 1}\n",
                           "Keys of `calibration_sigma`");
+  ExpectSpecificationKeys(head + fmt::format("cameras: {{a: {{{}}}}}\nwall: {{qqqq: 1}}\n", simple),
+                          "Keys of `wall`");
+  ExpectSpecificationKeys(
+      head + fmt::format("cameras: {{a: {{{}}}}}\nexposures: {{qqqq: 1}}\n", simple),
+      "Keys of `exposures`");
+  ExpectSpecificationKeys(
+      head +
+          fmt::format("cameras: {{a: {{{}}}}}\nexposures: {{range: [1, 2], late: {{qqqq: 1}}}}\n",
+                      simple),
+      "Keys of `late`");
+  ExpectSpecificationKeys(
+      head + fmt::format("cameras: {{a: {{{}, vignetting: {{qqqq: 1}}}}}}\n", simple),
+      "Keys of `vignetting`");
   // `file` stands alone, so that the reader does not name it among the others.
   ExpectKeysBesideFile(scene + "trajectory: {qqqq: 1}\nscene: {}\n", "Keys of `trajectory`");
   ExpectKeysBesideFile(head + fmt::format("cameras: {{a: {{{}}}}}\nposes: {{qqqq: 1}}\n", simple),

@@ -23,8 +23,8 @@ Exposures DrawExposures(const SimulationSpec& spec, std::size_t frames) {
     for (size_t c = 0; c < spec.cameras.size(); ++c) {
       Random random(spec.seed, "shutter", {c, f});
       const double error = random.Gaussian(wanted.error);
-      const bool late = spec.cameras[c].name == wanted.late_camera &&
-                        random.Uniform(0, 1) < wanted.late_share;
+      const bool late =
+          spec.cameras[c].name == wanted.late_camera && random.Uniform(0, 1) < wanted.late_share;
       exposures[c][f] = {written, written * (1 + error) * (late ? 1 + wanted.late_change : 1)};
     }
   }
@@ -42,8 +42,7 @@ std::string PhotometryRecordingYaml(const SimulationSpec& spec) {
                    camera.name,
                    camera.name);
     if (camera.sensor.bayer) {
-      fmt::format_to(
-          std::back_inserter(text), "    bayer: {}\n", BayerName(*camera.sensor.bayer));
+      fmt::format_to(std::back_inserter(text), "    bayer: {}\n", BayerName(*camera.sensor.bayer));
     }
   }
   return text + "pairing: {by: name}\ncalibration: truth/calibration.yaml\n";

@@ -38,8 +38,8 @@ struct WallSpec {
   double structure = 0.004;  ///< m, finest structure
   double light = 0.3;        ///< part of the light that is lost 1 m from the lamp's foot
   double gloss = 0;          ///< largest reflection of the lamp, 1: white paper
-  double shading = 0;  ///< change of the light by the tangent from the camera's axis along the wall's
-                       ///< x: it goes with the camera but does not roll with it
+  double shading = 0;  ///< change of the light by the tangent from the camera's axis along the
+                       ///< wall's x: it goes with the camera but does not roll with it
   std::optional<double> fold = {};  ///< m, x at which the wall is folded
   double fold_angle = 0.3;          ///< rad
 };
@@ -50,10 +50,10 @@ struct ExposureSpec {
   double nominal = 5;              ///< ms; at it a camera's `exposure` holds
   bool sweep = false;              ///< rising through the range; else random
   bool known = true;               ///< written to times.txt
-  double error = 0;                ///< relative standard deviation of the true about the written ones
-  std::string late_camera;         ///< its exposure differs in single frames; empty: none
-  double late_change = 0.1;        ///< relative
-  double late_share = 0.02;        ///< of the frames
+  double error = 0;          ///< relative standard deviation of the true about the written ones
+  std::string late_camera;   ///< its exposure differs in single frames; empty: none
+  double late_change = 0.1;  ///< relative
+  double late_share = 0.02;  ///< of the frames
 };
 
 /// `response`: {gamma: 2.2} or {file: pcalib.txt}. Functions throw `Error` with file, line and key.

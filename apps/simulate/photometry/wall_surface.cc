@@ -82,8 +82,7 @@ void WallSurface::Radiances(const RayBundle& rays,
                             int,
                             std::array<float, RayBundle::kMost>* radiances) const {
   for (size_t i = 0; i < static_cast<size_t>(rays.count); ++i) {
-    (*radiances)[i] =
-        Radiance({rays.x[i], rays.y[i], rays.z}, {rays.dx[i], rays.dy[i], 1}, spread);
+    (*radiances)[i] = Radiance({rays.x[i], rays.y[i], rays.z}, {rays.dx[i], rays.dy[i], 1}, spread);
   }
 }
 

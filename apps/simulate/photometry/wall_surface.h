@@ -31,7 +31,7 @@ class WallSurface : public Surface {
   /// Where a ray meets the wall, target's frame, and the distance in lengths of `direction`.
   struct Hit {
     Eigen::Vector3f point;
-    float distance = -1;         ///< negative: nowhere
+    float distance = -1;          ///< negative: nowhere
     Eigen::Vector2f place{0, 0};  ///< along the unfolded wall, m
   };
   [[nodiscard]] Hit Meet(const Eigen::Vector3f& origin, const Eigen::Vector3f& direction) const;
