@@ -11,8 +11,14 @@
 
 namespace plenocal {
 
-/// Conditions that the user should know, in words.
-std::vector<std::string> FindingsOf(const VignetteEstimate& estimate);
+/// Conditions that the user should know, in words. `frames`: names of the views.
+std::vector<std::string> FindingsOf(const VignetteEstimate& estimate,
+                                    const std::vector<std::string>& frames);
+/// exposures.csv: frame, camera, exposure_ms (recorded times gain), relative (gain - 1), sigma.
+std::string ExposuresCsv(const VignetteEstimate& estimate,
+                         const std::string& camera,
+                         const std::vector<std::string>& frames,
+                         const std::vector<double>& exposures);
 /// A summary for the terminal.
 std::string VignetteSummary(const VignetteEstimate& estimate,
                             const std::string& camera,

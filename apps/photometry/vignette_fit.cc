@@ -24,8 +24,8 @@ namespace {
 constexpr float kNoBrightness = std::numeric_limits<float>::quiet_NaN();
 constexpr double kGainSigma = 0.02;  // of exposures that are known, as shutters and lamps have it
 constexpr double kUnknownGain = 3;   // ln units: any
-constexpr double kCoarseCells = 8;  // of the spline, along the longer side
-constexpr size_t kParts = 16;                        // of the work, each with sums of its own
+constexpr double kCoarseCells = 8;   // of the spline, along the longer side
+constexpr size_t kParts = 16;        // of the work, each with sums of its own
 // Width of Tukey's weight, in standard deviations: specular spots lie beyond.
 constexpr double kTukeyWidth = 6;
 // Smallest effective number of samples per pixel: of samples far apart, each the mean of up to four
@@ -36,8 +36,8 @@ double Square(double x) { return x * x; }
 
 // Normal equations of the coarse unknowns: coefficients of v, then gains.
 struct CoarseSystem {
-  Eigen::MatrixXd S;        // the brightness of the wall eliminated
-  Eigen::MatrixXd known;    // of v alone, as if wall and gains were known
+  Eigen::MatrixXd S;      // the brightness of the wall eliminated
+  Eigen::MatrixXd known;  // of v alone, as if wall and gains were known
   Eigen::VectorXd b;
 };
 
@@ -164,10 +164,10 @@ class VignetteSolver {
   }
   void TabulateNoise() {
     for (size_t i = 0; i < log_variances_.size(); ++i) {
-      const double light = 256 * (static_cast<double>(i) + 0.5) / static_cast<double>(log_variances_.size());
-      log_variances_[i] = static_cast<float>(
-          (noise_gain_ * light + noise_read_ + Rounding(light)) /
-          Square(light * wall_.reduction));
+      const double light =
+          256 * (static_cast<double>(i) + 0.5) / static_cast<double>(log_variances_.size());
+      log_variances_[i] = static_cast<float>((noise_gain_ * light + noise_read_ + Rounding(light)) /
+                                             Square(light * wall_.reduction));
     }
   }
   // Of the logarithm of a reduced pixel's light.
@@ -185,8 +185,7 @@ class VignetteSolver {
     const double variance = LogVariance(s.light);
     const double weight = 1 / (variance * std::max<double>(s.density, kLeastDensity));
     if (!robust_) return weight;
-    return weight *
-           TukeyWeight(Square(residual) / (Square(kTukeyWidth) * variance * Mixing(s)));
+    return weight * TukeyWeight(Square(residual) / (Square(kTukeyWidth) * variance * Mixing(s)));
   }
 
   // ---- the wall
@@ -217,8 +216,8 @@ class VignetteSolver {
   struct SamplePlace {
     size_t part, row, column;
   };
-  // Calls body(place, sample, residual, share of its variance that the residual has) for all samples
-  // of cells that have a brightness.
+  // Calls body(place, sample, residual, share of its variance that the residual has) for all
+  // samples of cells that have a brightness.
   template <typename Body>
   void ForSamples(const Body& body) const {
     ParallelFor(kParts, threads_, [&](size_t part) {
@@ -235,7 +234,10 @@ class VignetteSolver {
           for (size_t i = row.begin[cell]; i < row.begin[cell + 1]; ++i) {
             const WallSample& s = row.samples[i];
             const double residual = s.brightness - Predicted(s) - c;
-            body(SamplePlace{part, r, cell}, s, residual, std::max(1 - Weight(s, residual) / total, 0.1));
+            body(SamplePlace{part, r, cell},
+                 s,
+                 residual,
+                 std::max(1 - Weight(s, residual) / total, 0.1));
           }
         }
       }
@@ -250,7 +252,8 @@ class VignetteSolver {
     const Eigen::Index n = nv + static_cast<Eigen::Index>(gains_.size());
     // The work grows with the square of the unknowns; thinned cells are as good a sample.
     constexpr double kMostWork = 4e10;
-    const double work = static_cast<double>(grid_.rows) * grid_.columns * static_cast<double>(n * n);
+    const double work =
+        static_cast<double>(grid_.rows) * grid_.columns * static_cast<double>(n * n);
     const auto step = static_cast<size_t>(std::max(1.0, std::ceil(work / kMostWork)));
     std::vector<CoarseSystem> parts(kParts);
     ParallelFor(kParts, threads_, [&](size_t part) {
@@ -345,8 +348,7 @@ class VignetteSolver {
     Eigen::VectorXd mean = Eigen::VectorXd::Zero(coarse_.Coefficients());
     for (int y = 0; y < v_.rows; ++y) {
       for (int x = 0; x < v_.cols; ++x) {
-        const ImageSpline::Basis basis =
-            coarse_.At(projector_.Enlarge(x), projector_.Enlarge(y));
+        const ImageSpline::Basis basis = coarse_.At(projector_.Enlarge(x), projector_.Enlarge(y));
         for (size_t k = 0; k < ImageSpline::kSupport; ++k) mean[basis.index[k]] += basis.weight[k];
       }
     }
@@ -413,8 +415,8 @@ class VignetteSolver {
     fine_coefficients_ = MakeFineFit().Solve();
     for (int y = 0; y < v_.rows; ++y) {
       for (int x = 0; x < v_.cols; ++x) {
-        v_.at<float>(y, x) = static_cast<float>(fine_.Evaluate(
-            fine_coefficients_, projector_.Enlarge(x), projector_.Enlarge(y)));
+        v_.at<float>(y, x) = static_cast<float>(
+            fine_.Evaluate(fine_coefficients_, projector_.Enlarge(x), projector_.Enlarge(y)));
       }
     }
   }
@@ -456,12 +458,14 @@ class VignetteSolver {
         const Eigen::RowVector2d gradient =
             Eigen::RowVector2d(right - left, below - above) / wall_.reduction;
         const Eigen::RowVector3d by_point =
-            gradient * Eigen::Map<const Eigen::Matrix<double, 2, 3, Eigen::RowMajor>>(J_point.data());
+            gradient *
+            Eigen::Map<const Eigen::Matrix<double, 2, 3, Eigen::RowMajor>>(J_point.data());
         // Retract: R' = Exp(w) R, t' = t + v.
         Vector6d J;
         J << by_point.transpose(), (-by_point * Hat(p - view.T_camera_wall.t)).transpose();
         const double variance = LogVariance(Interpolate(view.light, seen.x, seen.y));
-        const double w = CauchyWeight(Square(residual) / (kCauchyWidthSquared<> * variance)) / variance;
+        const double w =
+            CauchyWeight(Square(residual) / (kCauchyWidthSquared<> * variance)) / variance;
         N += w * J * J.transpose();
         b -= w * J * residual;
       }
@@ -492,7 +496,11 @@ class VignetteSolver {
     // are not, which the coarse system has.
     const Eigen::Index nv = coarse_.Coefficients();
     const Eigen::MatrixXd fine_covariance = MakeFineFit().Covariance();
-    const Eigen::MatrixXd covariance = Inverse(system.S).topLeftCorner(nv, nv);
+    const Eigen::MatrixXd all = Inverse(system.S);
+    const Eigen::MatrixXd covariance = all.topLeftCorner(nv, nv);
+    for (Eigen::Index i = nv; i < all.rows(); ++i) {
+      result->gain_sigma.push_back(std::sqrt(all(i, i)));
+    }
     const Eigen::MatrixXd excess = covariance - Inverse(system.known);
     cv::Mat sigma(v_.size(), CV_32F);
     ParallelFor(static_cast<size_t>(v_.rows), threads_, [&](size_t row) {
@@ -525,21 +533,21 @@ class VignetteSolver {
         shapes.row(at) << x - 0.5, y - 0.5, Square(x - 0.5) + Square(y - 0.5) - 1.0 / 6;
       }
     }
-    const SymmetricEigen modes = DecomposeSymmetric(Eigen::MatrixXd(B * covariance * B.transpose()));
+    const SymmetricEigen modes =
+        DecomposeSymmetric(Eigen::MatrixXd(B * covariance * B.transpose()));
     for (Eigen::Index m = kPlaces - 1; m >= 0; --m) {
       const double sigma = std::sqrt(std::max(modes.values[m], 0.0) / kPlaces);
       if (sigma < kOpen) break;
       static constexpr std::array<const char*, 3> kNames{
           "a tilt along x", "a tilt along y", "a fall-off towards the border"};
       Eigen::Index best = 0;
-      const Eigen::VectorXd likeness =
-          (shapes.transpose() * modes.vectors.col(m)).array().abs() /
-          shapes.colwise().norm().transpose().array();
+      const Eigen::VectorXd likeness = (shapes.transpose() * modes.vectors.col(m)).array().abs() /
+                                       shapes.colwise().norm().transpose().array();
       likeness.maxCoeff(&best);
       constexpr double kAlike = 0.7;
-      result->open.push_back({likeness[best] > kAlike ? kNames[static_cast<size_t>(best)]
-                                                      : "a slowly varying pattern",
-                              sigma});
+      result->open.push_back(
+          {likeness[best] > kAlike ? kNames[static_cast<size_t>(best)] : "a slowly varying pattern",
+           sigma});
     }
   }
 
@@ -572,8 +580,7 @@ class VignetteSolver {
       const Eigen::Vector3d p =
           T * grid_.At(static_cast<int>(place.column), static_cast<int>(place.row));
       const double cosine = std::min(std::abs(T.R.col(2).dot(p)) / p.norm(), 1.0);
-      const auto bin =
-          static_cast<size_t>(std::acos(cosine) / std::numbers::pi * 2 * (kBins - 1));
+      const auto bin = static_cast<size_t>(std::acos(cosine) / std::numbers::pi * 2 * (kBins - 1));
       const double w = Weight(s, residual);
       sums.weight[bin] += w;
       sums.residual[bin] += w * residual;
@@ -598,6 +605,7 @@ class VignetteSolver {
       all.outliers += part.outliers;
       all.count += part.count;
     }
+    result->unevenness = Unevenness();
     result->residual = std::sqrt(all.squares / all.robust);
     result->expected = std::sqrt(all.spread / all.robust);
     result->outliers = all.outliers / all.count;
@@ -616,6 +624,28 @@ class VignetteSolver {
         weight = residual = 0;
       }
     }
+  }
+
+  [[nodiscard]] double Unevenness() const {
+    // Fewer residuals have a variance that scatters by itself.
+    constexpr size_t kFewest = 10;
+    std::vector<double> variances;
+    for (size_t r = 0; r < rows_.size(); ++r) {
+      const WallRow& row = rows_[r];
+      for (size_t cell = 0; cell + 1 < row.begin.size(); ++cell) {
+        const size_t count = row.begin[cell + 1] - row.begin[cell];
+        if (count < kFewest || std::isnan(c_[r][cell])) continue;
+        double sum = 0;
+        for (size_t i = row.begin[cell]; i < row.begin[cell + 1]; ++i) {
+          const WallSample& s = row.samples[i];
+          sum += Square(s.brightness - Predicted(s) - c_[r][cell]) /
+                 (LogVariance(s.light) * Mixing(s));
+        }
+        variances.push_back(sum / static_cast<double>(count - 1));
+      }
+    }
+    if (variances.empty()) return 0;
+    return Quantile(&variances, 0.9) / Quantile(&variances, 0.2);
   }
 
   // Views with a roll near that of most, and those turned by 90 or 180 degrees, must find the same
@@ -669,10 +699,10 @@ class VignetteSolver {
     const Eigen::MatrixXd terms_covariance = fit * covariance * fit.transpose();
     const double chi_square = terms.dot(SolveSymmetric(terms_covariance, terms));
     test.chance = ChiSquareTail(kTerms, chi_square);
-    const Eigen::MatrixXd centred = P.leftCols(kTerms).rowwise() - P.leftCols(kTerms).colwise().mean();
+    const Eigen::MatrixXd centred =
+        P.leftCols(kTerms).rowwise() - P.leftCols(kTerms).colwise().mean();
     test.difference = (centred * terms).norm() / kSide;
-    test.sigma =
-        std::sqrt((centred * terms_covariance * centred.transpose()).trace()) / kSide;
+    test.sigma = std::sqrt((centred * terms_covariance * centred.transpose()).trace()) / kSide;
     return test;
   }
 
@@ -685,7 +715,7 @@ class VignetteSolver {
   cv::Mat v_;                  // of the reduced image
   Eigen::VectorXd fine_coefficients_;
   std::vector<WallRow> rows_;
-  std::vector<std::vector<float>> c_;  // by row and column of the grid
+  std::vector<std::vector<float>> c_;       // by row and column of the grid
   double noise_gain_ = 0, noise_read_ = 0;  // variance of a pixel's light: gain * light + read
   std::array<float, 1024> log_variances_{};
   bool robust_ = false;
@@ -704,11 +734,12 @@ VignetteEstimate FitVignette(WallRecording wall,
   VignetteSolver solver(std::move(wall), where, threads);
   constexpr size_t kFewest = 20000;
   if (solver.Measurements() < kFewest) {
-    throw Error(ErrorKind::kJob,
-                fmt::format("{}: the images have only {} measurements of points that at least three "
-                            "of them show; move the camera less between images, avoid saturation",
-                            where,
-                            solver.Measurements()));
+    throw Error(
+        ErrorKind::kJob,
+        fmt::format("{}: the images have only {} measurements of points that at least three "
+                    "of them show; move the camera less between images, avoid saturation",
+                    where,
+                    solver.Measurements()));
   }
   report("wall: first rounds");
   solver.Round();

@@ -32,17 +32,20 @@ struct ShadingTest {
 };
 
 struct VignetteEstimate {
-  cv::Mat attenuation;  ///< CV_32F, largest value 1
-  cv::Mat sigma;        ///< CV_32F, relative, up to a common factor of all pixels
-  cv::Mat wall;         ///< CV_32F, brightness of the wall / largest; NaN: not seen
-  double wall_cell = 0;                 ///< m, side of its pixels
-  std::vector<double> gains;            ///< by view, relative
-  double residual = 0;                  ///< robust RMS of y, relative
-  double expected = 0;                  ///< the same by shot, read and rounding noise
-  double outliers = 0;                  ///< share of measurements beyond 3 standard deviations
+  cv::Mat attenuation;   ///< CV_32F, largest value 1
+  cv::Mat sigma;         ///< CV_32F, relative, up to a common factor of all pixels
+  cv::Mat wall;          ///< CV_32F, brightness of the wall / largest; NaN: not seen
+  double wall_cell = 0;  ///< m, side of its pixels
+  std::vector<double> gains, gain_sigma;  ///< by view, relative to the recorded exposures
+  double residual = 0;                    ///< robust RMS of y, relative
+  double expected = 0;                    ///< the same by shot, read and rounding noise
+  double outliers = 0;                    ///< share of measurements beyond 3 standard deviations
+  /// Residual variance of the wall's worst tenth of points / that of the best fifth; of noise alone
+  /// about 2, larger where the wall is not flat or something moved before it.
+  double unevenness = 0;
   std::size_t measurements = 0;
-  std::array<double, 5> by_angle{};     ///< mean residual in fifths of the views' angles
-  std::array<double, 6> angle_limits{}; ///< rad, from the wall's normal
+  std::array<double, 5> by_angle{};      ///< mean residual in fifths of the views' angles
+  std::array<double, 6> angle_limits{};  ///< rad, from the wall's normal
   std::vector<OpenMode> open;
   ShadingTest shading;
 };

@@ -18,15 +18,14 @@ constexpr float kNotSeen = std::numeric_limits<float>::quiet_NaN();
 constexpr double kMostCells = 400000;
 constexpr double kLeastCosine = 0.2;  // a wall seen at a smaller angle has no useful texture
 
-// Value at a share of sorted values.
+}  // namespace
+
 double Quantile(std::vector<double>* values, double share) {
   const auto at = values->begin() +
                   static_cast<std::ptrdiff_t>(share * static_cast<double>(values->size() - 1));
   std::nth_element(values->begin(), at, values->end());
   return *at;
 }
-
-}  // namespace
 
 WallProjector::WallProjector(const WallRecording& wall)
     : camera_(*wall.camera), reduction_(wall.reduction) {
@@ -71,8 +70,7 @@ float Interpolate(const cv::Mat& image, double x, double y) {
   const auto fx = static_cast<float>(x - column), fy = static_cast<float>(y - row);
   const float* top = image.ptr<float>(row) + column;
   const float* below = image.ptr<float>(row + 1) + column;
-  return (1 - fy) * ((1 - fx) * top[0] + fx * top[1]) +
-         fy * ((1 - fx) * below[0] + fx * below[1]);
+  return (1 - fy) * ((1 - fx) * top[0] + fx * top[1]) + fy * ((1 - fx) * below[0] + fx * below[1]);
 }
 
 WallGrid ChooseGrid(const WallRecording& wall, const std::string& where) {

@@ -60,6 +60,9 @@ class WallProjector {
   double pixels_ = 0;  // reduced px^2 per steradian in the middle of the image
 };
 
+/// The value that a share of the values is below; reorders them. REQUIRES: a value.
+double Quantile(std::vector<double>* values, double share);
+
 /// Bilinear; NaN beyond the image and beside values that are NaN.
 float Interpolate(const cv::Mat& image, double x, double y);
 

@@ -60,9 +60,7 @@ void SetBrightness(const cv::Mat& grey,
                    WallView* view) {
   constexpr int kReach = 2;  // px, as far as charge of a full pixel flows
   cv::Mat saturated;
-  cv::dilate(grey == kSaturated,
-             saturated,
-             cv::Mat::ones(2 * kReach + 1, 2 * kReach + 1, CV_8U));
+  cv::dilate(grey == kSaturated, saturated, cv::Mat::ones(2 * kReach + 1, 2 * kReach + 1, CV_8U));
   const cv::Size size(grey.cols / reduction, grey.rows / reduction);
   const cv::Rect whole(0, 0, size.width * reduction, size.height * reduction);
   cv::Mat part;
@@ -78,9 +76,9 @@ void SetBrightness(const cv::Mat& grey,
     for (int x = 0; x < size.width; ++x) {
       const float light = view->light.at<float>(y, x);
       const bool usable = light > least && part.at<float>(y, x) == 0;
-      view->brightness.at<float>(y, x) =
-          usable ? std::log(light / static_cast<float>(view->exposure))
-                 : std::numeric_limits<float>::quiet_NaN();
+      view->brightness.at<float>(y, x) = usable
+                                             ? std::log(light / static_cast<float>(view->exposure))
+                                             : std::numeric_limits<float>::quiet_NaN();
     }
   }
 }

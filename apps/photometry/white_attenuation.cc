@@ -60,9 +60,8 @@ Attenuation AttenuationOfWhite(const std::vector<FrameImage>& images,
                                const ImageSize& size,
                                int threads) {
   std::vector<cv::Mat> blocks(images.size());
-  ParallelFor(images.size(), threads, [&](size_t i) {
-    blocks[i] = ReadBlocks(images[i], response, size);
-  });
+  ParallelFor(
+      images.size(), threads, [&](size_t i) { blocks[i] = ReadBlocks(images[i], response, size); });
   const auto count = static_cast<double>(images.size());
   cv::Mat mean = cv::Mat::zeros(blocks[0].size(), CV_32F), scatter = mean.clone();
   for (const cv::Mat& block : blocks) mean += block / count;

@@ -26,9 +26,10 @@ constexpr const char* kCamera =
 class PhotometryCommand : public Workspace {
  protected:
   PhotometryCommand() {
-    Write("tag.yaml",
-          "plenocal: 1\ntype: apriltag\nfamily: tag36h11\ntags:\n  - {id: 0, corners: [[-0.2, -0.2, "
-          "0], [0.2, -0.2, 0], [0.2, 0.2, 0], [-0.2, 0.2, 0]]}\n");
+    Write(
+        "tag.yaml",
+        "plenocal: 1\ntype: apriltag\nfamily: tag36h11\ntags:\n  - {id: 0, corners: [[-0.2, -0.2, "
+        "0], [0.2, -0.2, 0], [0.2, 0.2, 0], [-0.2, 0.2, 0]]}\n");
   }
   void Simulate(const std::string& folder, const std::string& rest) const {
     Write("spec.yaml", "plenocal: 1\nseed: 4\ntarget: tag.yaml\n" + rest + kCamera);
@@ -69,7 +70,9 @@ class PhotometryCommand : public Workspace {
   struct Difference {
     double rms = 0, chi_square = 0;
   };
-  [[nodiscard]] static Difference Compare(const cv::Mat& a, const cv::Mat& b, const cv::Mat& sigma) {
+  [[nodiscard]] static Difference Compare(const cv::Mat& a,
+                                          const cv::Mat& b,
+                                          const cv::Mat& sigma) {
     cv::Mat difference;
     cv::log(a / b, difference);
     difference -= cv::mean(difference)[0];
@@ -121,11 +124,8 @@ TEST_F(PhotometryCommand, FindsTheVignettingOfAWallAndComparesItWithWhiteImages)
   EXPECT_THAT(table.Column("section"), ::testing::Contains("radial"));
 
   // The same by the command for any two, and the formats of DSO as another reader has them.
-  const Outcome compared = Run({"compare",
-                                "out/vignetting_left.tiff",
-                                "wall/truth/vignetting_left.tiff",
-                                "-o",
-                                "compared"});
+  const Outcome compared = Run(
+      {"compare", "out/vignetting_left.tiff", "wall/truth/vignetting_left.tiff", "-o", "compared"});
   ASSERT_EQ(compared.status, kDone) << compared.err;
   EXPECT_THAT(compared.out, HasSubstr("in the corners"));
   EXPECT_THAT(Read("compared/report.html"), HasSubstr("Two vignettings"));
@@ -147,6 +147,25 @@ TEST_F(PhotometryCommand, NamesTheTiltThatUnknownExposuresLeaveOpenWithoutRoll) 
   EXPECT_THAT(outcome.err, HasSubstr("was not tested"));
 }
 
+TEST_F(PhotometryCommand, ListsExposuresThatDifferFromThoseRecorded) {
+  SimulateWall("{range: [2, 5], late: {camera: left, change: 0.1, share: 0.1}}");
+  const Outcome outcome = Vignette();
+  ASSERT_EQ(outcome.status, kDone) << outcome.err;
+  EXPECT_THAT(outcome.err, HasSubstr("exposures differ from those recorded in"));
+  const Table found(Read("out/exposures.csv")), truth(Read("wall/truth/exposures.csv"));
+  const std::vector<double> exposures = found.Numbers("exposure_ms");
+  const std::vector<double> exact = truth.Numbers("exposure_ms");
+  ASSERT_EQ(exposures.size(), exact.size());
+  // A factor that all share is open.
+  double factor = 1;
+  for (size_t i = 0; i < exact.size(); ++i) {
+    factor *= std::pow(exposures[i] / exact[i], 1 / static_cast<double>(exact.size()));
+  }
+  for (size_t i = 0; i < exact.size(); ++i) {
+    EXPECT_NEAR(exposures[i] / exact[i] / factor, 1, 0.005) << found.Column("frame")[i];
+  }
+}
+
 TEST_F(PhotometryCommand, FindsLightThatGoesWithTheCamera) {
   SimulateWall("{range: [2, 5]}", ", shading: 0.06");
   const Outcome outcome = Vignette();
@@ -155,9 +174,10 @@ TEST_F(PhotometryCommand, FindsLightThatGoesWithTheCamera) {
 }
 
 TEST_F(PhotometryCommand, RefusesRecordingsThatLackWhatItNeeds) {
-  Simulate("wall",
-           "wall: {}\nwhite_images: 1\nexposures: {range: [1, 1], known: false}\nposes: {frames: 12, "
-           "distance: [1.3, 2], partial: 0}\n");
+  Simulate(
+      "wall",
+      "wall: {}\nwhite_images: 1\nexposures: {range: [1, 1], known: false}\nposes: {frames: 12, "
+      "distance: [1.3, 2], partial: 0}\n");
   const Outcome no_exposures = Run({"response", "wall/recording.yaml", "-o", "out"});
   EXPECT_EQ(no_exposures.status, kWrongInput);
   EXPECT_THAT(no_exposures.err, HasSubstr("12 of 12 images have no exposure time; write lines"));

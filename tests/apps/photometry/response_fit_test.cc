@@ -143,7 +143,9 @@ TEST(RisingValues, FillGapsWithoutLeavingTheirNeighbours) {
 TEST(ImageSpline, HoldsCubicsAndItsWeightsAddUpToOne) {
   const ImageSpline spline({200, 100}, 20);
   SplineFit fit(spline);
-  const auto cubic = [](double x, double y) { return 1 + 0.01 * x - 1e-6 * x * x * x + 1e-4 * x * y; };
+  const auto cubic = [](double x, double y) {
+    return 1 + 0.01 * x - 1e-6 * x * x * x + 1e-4 * x * y;
+  };
   for (int y = 0; y < 100; y += 2) {
     for (int x = 0; x < 200; x += 2) fit.Add(x, y, cubic(x, y), 1e4);
   }
@@ -155,8 +157,8 @@ TEST(ImageSpline, HoldsCubicsAndItsWeightsAddUpToOne) {
     // Hardly bent: the weak prior costs some 1e-3 at the border.
     EXPECT_NEAR(spline.Evaluate(coefficients, x, 50), cubic(x, 50), 2e-3);
   }
-  // 50 x 100 values of standard deviation 0.01 determine some 130 coefficients.
-  EXPECT_NEAR(std::sqrt(VarianceAt(spline.At(100, 50), fit.Covariance())), 0.01 * 0.16, 5e-4);
+  // A cell of 20 x 20 px has 100 values of standard deviation 0.01.
+  EXPECT_NEAR(std::sqrt(VarianceAt(spline.At(100, 50), fit.Covariance())), 0.01 * 0.1, 2e-4);
 }
 
 class ResponseFile : public Workspace {

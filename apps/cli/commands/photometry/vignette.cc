@@ -78,16 +78,20 @@ void RunVignette(const VignetteArguments& arguments, const ConsoleOptions& share
   if (!wall.exposures_known) {
     console.Warning("exposure times are not known: the brightness of each image is estimated too");
   }
+  const bool exposures_known = wall.exposures_known;
   std::vector<std::string> frames;
-  for (const WallView& view : wall.views) frames.push_back(view.frame);
-  const VignetteEstimate estimate =
-      FitVignette(std::move(wall),
-                  recording.path.string() + ": camera " + images.name,
-                  shared.threads,
-                  [&](const std::string& stage) {
-                    console.Progress(stage);
-                    return !Interrupted();
-                  });
+  std::vector<double> exposures;
+  for (const WallView& view : wall.views) {
+    frames.push_back(view.frame);
+    exposures.push_back(view.exposure);
+  }
+  const VignetteEstimate estimate = FitVignette(std::move(wall),
+                                                recording.path.string() + ": camera " + images.name,
+                                                shared.threads,
+                                                [&](const std::string& stage) {
+                                                  console.Progress(stage);
+                                                  return !Interrupted();
+                                                });
   const std::vector<FrameImage> white = arguments.white.empty()
                                             ? images.white_images
                                             : FindImageInputs(arguments.white, "white images");
@@ -99,7 +103,8 @@ void RunVignette(const VignetteArguments& arguments, const ConsoleOptions& share
     comparison = CompareAttenuations({estimate.attenuation, estimate.sigma}, of_white);
     output.Write("vignetting_compare.csv", ComparisonCsv(*comparison));
   }
-  const std::vector<std::string> findings = FindingsOf(estimate);
+  const std::vector<std::string> findings =
+      FindingsOf(estimate, exposures_known ? frames : std::vector<std::string>());
   for (const std::string& finding : findings) console.Warning(finding);
   output.Write(fmt::format("vignetting_{}.tiff", images.name),
                EncodeImage(".tiff", estimate.attenuation));
@@ -107,12 +112,12 @@ void RunVignette(const VignetteArguments& arguments, const ConsoleOptions& share
                EncodeImage(".tiff", estimate.sigma));
   output.Write("vignette.png", VignettePng(estimate.attenuation));
   output.Write("wall.png", WallPng(estimate));
-  output.Write("report.html",
-               VignettePage(estimate,
-                            images.name,
-                            frames,
-                            findings,
-                            comparison ? &*comparison : nullptr));
+  if (exposures_known) {
+    output.Write("exposures.csv", ExposuresCsv(estimate, images.name, frames, exposures));
+  }
+  output.Write(
+      "report.html",
+      VignettePage(estimate, images.name, frames, findings, comparison ? &*comparison : nullptr));
   output.Commit();
   console.Print(VignetteSummary(estimate, images.name, frames.size()));
   if (comparison) console.Print("  " + ComparisonText(*comparison, "wall", "white images"));
@@ -141,9 +146,8 @@ RunCommand DeclareVignette(CLI::App* app, ConsoleOptions* shared) {
   app->add_option("--response",
                   arguments->response,
                   "pcalib.txt; else the one that the recording names, or a linear response");
-  app->add_option("--white",
-                  arguments->white,
-                  "white images to compare with; else those of the recording");
+  app->add_option(
+      "--white", arguments->white, "white images to compare with; else those of the recording");
   app->add_option("-o,--out", arguments->out, "folder for the results")->required();
   AddQuiet(app, shared);
   AddThreads(app, shared);
