@@ -411,6 +411,29 @@ class VignetteSolver {
     return fit;
   }
 
+  // Variance of what is left of blocks of a quarter of the spline's cells / that of independent
+  // noise: neighbouring samples have errors in common, or opposite ones, where the wall's texture
+  // is finer than a pixel.
+  [[nodiscard]] double CommonNoise() const {
+    const PixelSums sums = SumPixels();
+    const double side = Longer() / fine_.Columns() / 2;  // px, about half a cell
+    const int block = std::max(1, static_cast<int>(std::lround(side / wall_.reduction)));
+    double chi_square = 0, blocks = 0;
+    for (int y = 0; y < v_.rows; y += block) {
+      for (int x = 0; x < v_.cols; x += block) {
+        const cv::Rect part = cv::Rect(x, y, block, block) & cv::Rect(0, 0, v_.cols, v_.rows);
+        cv::Mat v;
+        v_(part).convertTo(v, CV_64F);
+        const double weight = cv::sum(sums.weight(part))[0];
+        if (!(weight > 0)) continue;
+        const double sum = cv::sum(sums.value(part))[0] - sums.weight(part).dot(v);
+        chi_square += sum * sum / weight;
+        blocks += 1;
+      }
+    }
+    return chi_square / std::max(blocks - fine_.Coefficients(), 1.0);
+  }
+
   void FitFine() {
     fine_coefficients_ = MakeFineFit().Solve();
     for (int y = 0; y < v_.rows; ++y) {
@@ -502,6 +525,7 @@ class VignetteSolver {
       result->gain_sigma.push_back(std::sqrt(all(i, i)));
     }
     const Eigen::MatrixXd excess = covariance - Inverse(system.known);
+    const double common_noise = CommonNoise();
     cv::Mat sigma(v_.size(), CV_32F);
     ParallelFor(static_cast<size_t>(v_.rows), threads_, [&](size_t row) {
       const int y = static_cast<int>(row);
@@ -509,7 +533,7 @@ class VignetteSolver {
         const double px = projector_.Enlarge(x), py = projector_.Enlarge(y);
         const double variance = VarianceAt(fine_.At(px, py), fine_covariance) +
                                 std::max(VarianceAt(coarse_.At(px, py), excess), 0.0);
-        sigma.at<float>(y, x) = static_cast<float>(std::sqrt(variance));
+        sigma.at<float>(y, x) = static_cast<float>(std::sqrt(common_noise * variance));
       }
     });
     cv::resize(sigma, result->sigma, {size[0], size[1]}, 0, 0, cv::INTER_LINEAR);
