@@ -15,7 +15,7 @@ endfunction()
 
 # plenocal_table(<variable> FOLDER <folder> NAME <function> TYPE <type> SUFFIX <suffix> HEADER <header>)
 #
-# The table of a folder whose file x_y.cc defines `<type> XY<suffix>()`: puts the folder's files and a generated source,
+# The table of a folder, with those in it, whose file x_y.cc defines `<type> XY<suffix>()`: puts the folder's files and a generated source,
 # which defines `std::span<const <type>> <function>()` of <header>, into <variable>. So a new file is in the table without
 # another edit. The order is that of the file names; nothing runs before main().
 function(plenocal_table variable)
@@ -23,8 +23,8 @@ function(plenocal_table variable)
   file(
     GLOB sources
     RELATIVE ${CMAKE_CURRENT_SOURCE_DIR}
-    CONFIGURE_DEPENDS ${arg_FOLDER}/*.cc)
-  list(SORT sources)
+    CONFIGURE_DEPENDS ${arg_FOLDER}/*.cc ${arg_FOLDER}/*/*.cc)
+  list(SORT sources COMPARE FILE_BASENAME)
   set(declarations "")
   set(entries "")
   foreach(source IN LISTS sources)

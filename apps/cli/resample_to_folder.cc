@@ -41,6 +41,7 @@ size_t ResampleToFolder(const std::vector<FrameImage>& images,
   if (!arguments.keep_vignetting && !camera.vignetting.empty()) {
     request.vignetting = resampling.calibration.path.parent_path() / camera.vignetting;
   }
+  request.response = ResponseOf(arguments, camera.name);
   request.bayer = arguments.bayer;
   request.interpolation = arguments.interpolation;
   request.threads = options.threads;

@@ -10,6 +10,7 @@
 #include "apps/cli/image_inputs.h"
 #include "apps/cli/options.h"
 #include "apps/resample/resample_images.h"
+#include "calib/base/error.h"
 
 namespace plenocal {
 
@@ -34,10 +35,29 @@ void AddResampleOptions(CLI::App* app, ResampleArguments* resample) {
   AddBayer(app,
            &resample->bayer,
            "colours of the top-left 2 x 2 pixels of raw mosaics, which become colour images");
+  app->add_option(
+         "--photometric",
+         resample->photometric,
+         "pcalib.txt of 'plenocal response': results are proportional to the light, 16 bits; "
+         "of several cameras NAME=pcalib.txt,NAME=...")
+      ->delimiter(',');
   app->add_flag("--keep-vignetting",
                 resample->keep_vignetting,
                 "leave it in the images (default: removed where the calibration has it)");
   app->add_flag("--mask", resample->mask, "write mask.png: 255 where pixels have a source, else 0");
+}
+
+std::optional<ResponseCurve> ResponseOf(const ResampleArguments& arguments,
+                                        const std::string& camera) {
+  for (const std::string& given : arguments.photometric) {
+    const size_t equals = given.find('=');
+    if (equals == std::string::npos) return ReadResponse(given);
+    if (given.substr(0, equals) == camera) return ReadResponse(given.substr(equals + 1));
+  }
+  if (arguments.photometric.empty()) return std::nullopt;
+  throw Error(
+      ErrorKind::kInput,
+      fmt::format("--photometric: names no response of camera '{0}'; add {0}=pcalib.txt", camera));
 }
 
 ViewOptions ToViewOptions(const ViewArguments& arguments) {

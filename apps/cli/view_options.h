@@ -6,9 +6,11 @@
 #include <CLI/CLI.hpp>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "apps/resample/pinhole_view.h"
 #include "calib/camera/bayer.h"
+#include "detectors/photometry/response_curve.h"
 
 namespace plenocal {
 
@@ -24,13 +26,20 @@ struct ResampleArguments {
   std::string interpolation = "linear";
   std::optional<BayerOrder> bayer;  ///< of raw mosaics
   bool keep_vignetting = false;     ///< do not remove the vignetting that the calibration has
-  bool mask = false;                ///< write mask.png: the pixels that have a source
+  /// pcalib.txt of a response that is to be undone, of all cameras, or NAME=pcalib.txt of one.
+  std::vector<std::string> photometric;
+  bool mask = false;  ///< write mask.png: the pixels that have a source
 };
 
 /// Declares `--size`, `--fov` and `--balance`.
 void AddViewOptions(CLI::App* app, ViewArguments* view);
-/// Declares `--interpolation`, `--bayer`, `--keep-vignetting` and `--mask`.
+/// Declares `--interpolation`, `--bayer`, `--keep-vignetting`, `--photometric` and `--mask`.
 void AddResampleOptions(CLI::App* app, ResampleArguments* resample);
+
+/// The response of a camera that `--photometric` names; nothing without the option. Throws `Error`
+/// of kind kInput when it names others only.
+std::optional<ResponseCurve> ResponseOf(const ResampleArguments& arguments,
+                                        const std::string& camera);
 
 /// Throws `Error` of kind kInput when `size` is not a size.
 ViewOptions ToViewOptions(const ViewArguments& arguments);

@@ -64,6 +64,15 @@ class Resampler {
           ErrorKind::kInput,
           fmt::format("{}: is no mosaic but has colours; leave --bayer out", path.string()));
     }
+    if (request_.response) {
+      if (image.depth() != CV_8U) {
+        throw Error(ErrorKind::kInput,
+                    fmt::format("{}: has 16 bits, but the response is of grey values of 8 bits",
+                                path.string()));
+      }
+      constexpr double kScale = 65535.0 / 255;
+      LightOf(image, *request_.response).convertTo(image, CV_16U, kScale);
+    }
     if (!attenuation_.empty()) image = Even(image);
     if (request_.bayer) {
       cv::Mat colours;
@@ -146,13 +155,16 @@ std::map<std::string, std::string> MapFiles(const PixelMap& map,
   return {{"", storage.releaseAndGetString()}};
 }
 
-std::string VignettePng(const std::filesystem::path& attenuation) {
-  const cv::Mat exact = ReadAttenuation(attenuation);
+std::string VignettePng(const cv::Mat& attenuation) {
   double largest = 0;
-  cv::minMaxLoc(exact, nullptr, &largest);
+  cv::minMaxLoc(attenuation, nullptr, &largest);
   cv::Mat image;
-  exact.convertTo(image, CV_16U, 65535 / largest);
+  attenuation.convertTo(image, CV_16U, 65535 / largest);
   return EncodeImage(".png", image);
+}
+
+std::string VignettePng(const std::filesystem::path& attenuation) {
+  return VignettePng(ReadAttenuation(attenuation));
 }
 
 }  // namespace plenocal

@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <functional>
 #include <map>
+#include <opencv2/core/mat.hpp>
 #include <optional>
 #include <string>
 #include <vector>
@@ -14,6 +15,7 @@
 #include "apps/resample/pixel_map.h"
 #include "calib/camera/bayer.h"
 #include "calib/files/frame_images.h"
+#include "detectors/photometry/response_curve.h"
 
 namespace plenocal {
 
@@ -25,9 +27,12 @@ struct ResampleRequest {
   std::vector<FrameImage> images;
   const PixelMap* map = nullptr;
   std::filesystem::path vignetting;  ///< attenuation TIFF; empty: none is removed
-  std::optional<BayerOrder> bayer;   ///< of raw mosaics
-  std::string interpolation;         ///< one of kInterpolations
-  int threads = 0;                   ///< 0: all cores
+  /// Grey values become light by it, for images of 8 bits, and results have 16 bits: 65535 is light
+  /// 255. Nothing: they stay.
+  std::optional<ResponseCurve> response = {};
+  std::optional<BayerOrder> bayer;  ///< of raw mosaics
+  std::string interpolation;        ///< one of kInterpolations
+  int threads = 0;                  ///< 0: all cores
   std::function<void(const std::string&)> message;
   /// Called, from several threads, after each image; false stops (`Stopped` is thrown).
   std::function<bool(size_t done)> progress;
@@ -47,7 +52,9 @@ std::map<std::string, std::string> MapFiles(const PixelMap& map,
                                             const std::vector<double>& pinhole,
                                             const std::string& format);
 
-/// An attenuation TIFF as PNG of 16 bits whose largest value is 65535, as DSO reads it.
+/// An attenuation (CV_32F) as PNG of 16 bits whose largest value is 65535, as DSO reads it.
+std::string VignettePng(const cv::Mat& attenuation);
+/// The same of a TIFF.
 std::string VignettePng(const std::filesystem::path& attenuation);
 
 }  // namespace plenocal

@@ -18,13 +18,11 @@ class OrdinaryRenderer : public Renderer {
   explicit OrdinaryRenderer(const CameraSpec& camera)
       : camera_(camera), margin_(static_cast<int>(std::ceil(4 * camera.sensor.blur)) + 1) {
     FindRays();
-    const double width = camera.image_size[0], height = camera.image_size[1];
     white_.create(camera.image_size[1], camera.image_size[0], CV_32F);
     for (int y = 0; y < white_.rows; ++y) {
       for (int x = 0; x < white_.cols; ++x) {
-        const double u = x - (width - 1) / 2, v = y - (height - 1) / 2;
-        const double share = (u * u + v * v) / ((width * width + height * height) / 4);
-        white_.at<float>(y, x) = static_cast<float>(1 - camera.sensor.vignetting * share);
+        white_.at<float>(y, x) =
+            static_cast<float>(camera.sensor.vignetting.At(x, y, camera.image_size));
       }
     }
   }

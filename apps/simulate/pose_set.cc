@@ -60,6 +60,8 @@ size_t WidestCamera(const SimulationSpec& spec, const Observer& observer) {
   return widest;
 }
 
+std::string FrameName(int index) { return fmt::format("{:06}", 100 + 5 * index); }
+
 // A frame to be found a pose for.
 struct FramePlan {
   int index = 0;
@@ -146,9 +148,7 @@ class PoseFinder {
       const RigidTransform T_rig_target =
           camera.T_camera_rig.Inverse() * PlaceTarget(spec_.poses, drawn, *ray, stance_);
       if (!Suits(observer_.Observe(plan.aim, target_, T_rig_target), camera)) continue;
-      return {fmt::format("{:06}", 100 + 5 * plan.index),
-              plan.partial ? "partial" : "good",
-              T_rig_target};
+      return {FrameName(plan.index), plan.partial ? "partial" : "good", T_rig_target};
     }
     throw Error(
         ErrorKind::kJob,
@@ -190,7 +190,11 @@ std::vector<Frame> MakePoses(const SimulationSpec& spec,
   const PoseFinder finder(spec, observer, target);
   const size_t widest = WidestCamera(spec, observer);
   for (int f = 0; f < spec.poses.frames; ++f) {
-    frames.push_back(finder.Find(PlanFrame(spec.poses, f, widest)));
+    if (spec.poses.still && f > 0) {
+      frames.push_back({FrameName(f), frames[0].kind, frames[0].T_rig_target});
+    } else {
+      frames.push_back(finder.Find(PlanFrame(spec.poses, f, widest)));
+    }
   }
   return frames;
 }

@@ -41,14 +41,19 @@ cv::Mat Expose(const cv::Mat& light, const SensorSpec& sensor, Random* random) {
     return colour == 'R' ? kRed : colour == 'G' ? kGreen : kBlue;
   };
   const double largest = (1 << sensor.bits) - 1;
+  const auto gray_of = [&](double level) {  // level 1: a full pixel
+    if (!sensor.response) return std::clamp(std::round(level * largest), 0.0, largest);
+    const ResponseCurve::Borders& borders = sensor.response->borders;
+    return static_cast<double>(std::ranges::upper_bound(borders, level * largest) -
+                               borders.begin());
+  };
   cv::Mat image(light.size(), sensor.bits == 8 ? CV_8U : CV_16U);
   for (int y = 0; y < light.rows; ++y) {
     for (int x = 0; x < light.cols; ++x) {
       const double electrons =
           sensor.full_well * sensor.exposure * filter(x, y) * light.at<float>(y, x);
       const double noise = std::sqrt(electrons + sensor.read_noise * sensor.read_noise);
-      const double level = (electrons + random->Gaussian(noise)) / sensor.full_well * largest;
-      const double gray = std::clamp(std::round(level), 0.0, largest);
+      const double gray = gray_of((electrons + random->Gaussian(noise)) / sensor.full_well);
       if (sensor.bits == 8) {
         image.at<std::uint8_t>(y, x) = static_cast<std::uint8_t>(gray);
       } else {

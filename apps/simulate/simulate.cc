@@ -9,9 +9,13 @@
 #include <iterator>
 #include <map>
 #include <memory>
+#include <mutex>
+#include <optional>
 
 #include "apps/simulate/image_set.h"
 #include "apps/simulate/observer.h"
+#include "apps/simulate/photometry/exposures.h"
+#include "apps/simulate/photometry/wall_surface.h"
 #include "apps/simulate/pose_set.h"
 #include "apps/simulate/provenance.h"
 #include "apps/simulate/random.h"
@@ -37,6 +41,8 @@ namespace {
 // The simulated world, without errors of measurement.
 struct Scene {
   SimulationSpec spec;
+  std::optional<SceneTexture> texture;  // of the wall
+  Exposures exposures;                  // empty: equal
   Target target;
   TrueTarget made;
   std::vector<Frame> frames;
@@ -122,6 +128,10 @@ void WriteTruth(const Scene& scene,
       truth.cameras[c].vignetting = file;
       out->Write("truth/" + file, EncodeImage(".tiff", renderers[c]->White()));
     }
+    if (scene.spec.cameras[c].sensor.response) {
+      out->Write(fmt::format("truth/pcalib_{}.txt", name),
+                 PcalibText(scene.spec.cameras[c].sensor.response->curve));
+    }
     out->Write(fmt::format("truth/detections_{}.csv", name),
                DetectionsCsv(scene.views[c], *scene.spec.cameras[c].model));
   }
@@ -132,17 +142,51 @@ void WriteTruth(const Scene& scene,
   out->Write("truth/frames.csv", FramesCsv(scene));
 }
 
-cv::Mat TakeFrame(const Scene& scene,
-                  const TargetSurface& surface,
-                  const Renderer& renderer,
-                  size_t c,
-                  size_t frame) {
-  const CameraSpec& camera = scene.spec.cameras[c];
-  Random random(scene.spec.seed, "image", {c, frame});
-  const PosedSurface posed(surface, camera.T_camera_rig * scene.frames[frame].T_rig_target);
+cv::Mat RenderFrame(const Scene& scene,
+                    const TargetSurface& surface,
+                    const Renderer& renderer,
+                    size_t c,
+                    size_t frame) {
+  const RigidTransform T_camera_target =
+      scene.spec.cameras[c].T_camera_rig * scene.frames[frame].T_rig_target;
+  const PosedSurface posed(surface, T_camera_target);
   const std::uint64_t sampling =
       static_cast<std::uint64_t>(scene.spec.seed) * 1000003 + c * 65537 + frame;
-  return Expose(renderer.Render(posed, sampling), camera.sensor, &random);
+  if (!scene.spec.wall) return renderer.Render(posed, sampling);
+  return renderer.Render(WallSurface(*scene.spec.wall, *scene.texture, posed, T_camera_target),
+                         sampling);
+}
+
+// The light of a camera's frames; of a rig that stands still it is made once.
+class FrameLight {
+ public:
+  FrameLight(const Scene& scene, const TargetSurface& surface, const Renderer& renderer, size_t c)
+      : scene_(scene), surface_(surface), renderer_(renderer), camera_(c) {}
+
+  [[nodiscard]] cv::Mat Of(size_t frame) {
+    if (!scene_.spec.poses.still) {
+      return RenderFrame(scene_, surface_, renderer_, camera_, frame);
+    }
+    std::call_once(once_, [&] { still_ = RenderFrame(scene_, surface_, renderer_, camera_, 0); });
+    return still_;
+  }
+
+ private:
+  const Scene& scene_;
+  const TargetSurface& surface_;
+  const Renderer& renderer_;
+  size_t camera_;
+  std::once_flag once_;
+  cv::Mat still_;
+};
+
+cv::Mat TakeFrame(const Scene& scene, FrameLight* light, size_t c, size_t frame) {
+  Random random(scene.spec.seed, "image", {c, frame});
+  const cv::Mat nominal = light->Of(frame);
+  const SensorSpec& sensor = scene.spec.cameras[c].sensor;
+  if (scene.exposures.empty()) return Expose(nominal, sensor, &random);
+  const double factor = scene.exposures[c][frame].exact / scene.spec.exposures->nominal;
+  return Expose(nominal * factor, sensor, &random);
 }
 
 std::vector<View> WithNoise(std::vector<View> views, const CameraSpec& camera, size_t c, int seed) {
@@ -217,9 +261,10 @@ std::vector<ImageTask> ListImages(const Scene& scene,
     const CameraSpec& camera = spec.cameras[c];
     const Renderer& renderer = *renderers[c];
     std::vector<ImageTask>& tasks = camera.IsPlenoptic() ? slow : quick;
+    const auto light = std::make_shared<FrameLight>(scene, surface, renderer, c);
     for (size_t f = 0; f < scene.frames.size(); ++f) {
       tasks.push_back({fmt::format("{}/{}.png", camera.name, scene.frames[f].name),
-                       [&, c, f] { return TakeFrame(scene, surface, renderer, c, f); }});
+                       [&, light, c, f] { return TakeFrame(scene, light.get(), c, f); }});
     }
     for (size_t i = 0; i < static_cast<size_t>(spec.white_images); ++i) {
       quick.push_back({fmt::format("{}_white/white_{:02}.png", camera.name, i),
@@ -228,6 +273,18 @@ std::vector<ImageTask> ListImages(const Scene& scene,
   }
   slow.insert(slow.end(), quick.begin(), quick.end());
   return slow;
+}
+
+// The recording, for photometric calibration.
+void WriteExposures(const Scene& scene, OutputFolder* out) {
+  std::vector<std::string> names;
+  for (const Frame& frame : scene.frames) names.push_back(frame.name);
+  for (size_t c = 0; c < scene.spec.cameras.size(); ++c) {
+    out->Write(fmt::format("times_{}.txt", scene.spec.cameras[c].name),
+               ExposureTimesText(names, scene.exposures[c], scene.spec.exposures->known));
+  }
+  out->Write("recording.yaml", PhotometryRecordingYaml(scene.spec));
+  out->Write("truth/exposures.csv", TrueExposuresCsv(scene.spec, names, scene.exposures));
 }
 
 void WriteDetections(const Scene& scene, OutputFolder* out) {
@@ -274,6 +331,8 @@ std::string Simulate(const SimulateRequest& request, const SimulateOptions& opti
                           spec.rigid_tags ? TagErrors::kRigid : TagErrors::kCorners,
                           spec.seed);
   ObserveScene(observer, options.threads, progress, &scene);
+  if (spec.exposures) scene.exposures = DrawExposures(spec, scene.frames.size());
+  if (spec.wall) scene.texture.emplace(spec.wall->structure, spec.seed);
   Renderers renderers(spec.cameras.size());
   if (request.points) {
     WriteDetections(scene, &out);
@@ -288,6 +347,7 @@ std::string Simulate(const SimulateRequest& request, const SimulateOptions& opti
         options.threads,
         [&](size_t done, size_t total) { progress("images", done, total); },
         &out);
+    if (spec.exposures) WriteExposures(scene, &out);
   }
   out.Write("session.yaml", SessionYaml(scene, request));
   out.Write("target.yaml", RefinedTargetYaml(scene.target, {}, {}));

@@ -87,7 +87,9 @@ MicroLensSpec ReadMicroLenses(const YamlNode& node) {
   return lenses;
 }
 
-SensorSpec ReadSensor(const YamlNode& node, const CameraSpec& camera) {
+SensorSpec ReadSensor(const YamlNode& node,
+                      const CameraSpec& camera,
+                      const std::filesystem::path& spec) {
   SensorSpec sensor;
   if (node.Has("bits")) {
     sensor.bits = node.At("bits").AsInteger();
@@ -103,7 +105,17 @@ SensorSpec ReadSensor(const YamlNode& node, const CameraSpec& camera) {
   if (camera.IsPlenoptic() && node.Has("vignetting")) {
     node.At("vignetting").Fail("a plenoptic camera's vignetting comes from its stop; see 'fill'");
   }
-  ReadNumber(node, "vignetting", 0, 0.95, &sensor.vignetting);
+  if (node.Has("vignetting") && node.At("vignetting").IsMap()) {
+    sensor.vignetting = ReadVignettingSpec(node.At("vignetting"));
+  } else {
+    double lost = -sensor.vignetting.polynomial[0];
+    ReadNumber(node, "vignetting", 0, 0.95, &lost);
+    sensor.vignetting.polynomial[0] = -lost;
+  }
+  if (node.Has("response")) {
+    sensor.response = ReadToneSpec(node.At("response"), spec);
+    if (sensor.bits != 8) node.At("response").Fail("goes with 8 'bits' only");
+  }
   if (node.Has("bayer")) {
     sensor.bayer = static_cast<BayerOrder>(ReadChoice(node.At("bayer"), kBayerOrders));
   }
@@ -112,6 +124,7 @@ SensorSpec ReadSensor(const YamlNode& node, const CameraSpec& camera) {
 
 CameraSpec ReadCamera(const std::string& name,
                       const YamlNode& node,
+                      const std::filesystem::path& spec,
                       std::span<const CameraModel> models) {
   CameraSpec camera;
   camera.name = name;
@@ -134,6 +147,7 @@ CameraSpec ReadCamera(const std::string& name,
                                       "exposure",
                                       "blur",
                                       "vignetting",
+                                      "response",
                                       "bayer",
                                       "micro_lenses",
                                       "detection_sigma"};
@@ -150,7 +164,7 @@ CameraSpec ReadCamera(const std::string& name,
   }
   camera.params = ReadParams(node.At("parameters"), camera.model->params);
   camera.T_camera_rig = ReadMount(node);
-  camera.sensor = ReadSensor(node, camera);
+  camera.sensor = ReadSensor(node, camera, spec);
   ReadNumber(node, "detection_sigma", 0, 1e6, &camera.detection_sigma);
   if (camera.IsPlenoptic()) {
     camera.micro_lenses = ReadMicroLenses(node.At("micro_lenses"));
@@ -175,8 +189,8 @@ PoseSpec ReadPoseSpec(const YamlNode& node,
   }
   node.CheckKeys({"kind", "frames", "distance", "tilt", "roll", "partial", "aim"});
   if (node.Has("kind")) {
-    static constexpr std::array<std::string_view, 4> kKinds{
-        "varied", "one-distance", "no-tilt", "corner"};
+    static constexpr std::array<std::string_view, 5> kKinds{
+        "varied", "one-distance", "no-tilt", "corner", "still"};
     const YamlNode kind = node.At("kind");
     std::array<bool, kKinds.size()> chosen{};
     for (const YamlNode& item : kind.IsSequence() ? kind.Elements() : std::vector{kind}) {
@@ -186,6 +200,7 @@ PoseSpec ReadPoseSpec(const YamlNode& node,
     poses.one_distance = chosen[1];
     poses.no_tilt = chosen[2];
     poses.corner = chosen[3];
+    poses.still = chosen[4];
     if (chosen[0] && (poses.one_distance || poses.no_tilt || poses.corner)) {
       kind.Fail("'varied' goes with no other kind");
     }
@@ -224,6 +239,11 @@ void ReadTargetAndPoses(const YamlNode& root, SimulationSpec* spec) {
     ReadNumber(root, "target_error", 0, 1, &*spec->target_error);
   }
   if (root.Has("rigid_tags")) spec->rigid_tags = root.At("rigid_tags").AsBool();
+  if (root.Has("wall")) spec->wall = ReadWallSpec(root.At("wall"));
+  if (root.Has("exposures")) {
+    const std::vector<std::string_view> names = NamesOf(spec->cameras);
+    spec->exposures = ReadExposureSpec(root.At("exposures"), {names.begin(), names.end()});
+  }
   spec->poses = ReadPoseSpec(root.At("poses"), spec->path, spec->cameras);
 }
 
@@ -237,7 +257,7 @@ void CheckParameterSigmas(const YamlNode& root, const std::vector<CameraSpec>& c
 }
 
 void ReadSceneAndTrajectory(const YamlNode& root, SimulationSpec* spec) {
-  for (const char* key : {"target", "target_error", "rigid_tags", "poses"}) {
+  for (const char* key : {"target", "target_error", "rigid_tags", "poses", "wall", "exposures"}) {
     if (root.Has(key)) root.At(key).Fail("'scene' is in place of 'target' and 'poses'");
   }
   spec->scenery = ReadScenery(root, spec->path);
@@ -268,6 +288,8 @@ SimulationSpec ReadSimulationSpec(const std::filesystem::path& path,
                   "rigid_tags",
                   "cameras",
                   "poses",
+                  "wall",
+                  "exposures",
                   "scene",
                   "trajectory",
                   "calibration_sigma",
@@ -277,7 +299,7 @@ SimulationSpec ReadSimulationSpec(const std::filesystem::path& path,
   ReadInteger(root, "seed", 0, std::numeric_limits<int>::max(), &spec.seed);
   const YamlNode cameras = root.At("cameras");
   for (const auto& [name, node] : cameras.Entries()) {
-    spec.cameras.push_back(ReadCamera(name, node, models));
+    spec.cameras.push_back(ReadCamera(name, node, path, models));
   }
   if (spec.cameras.empty()) cameras.Fail("expected at least one camera");
   const RigidTransform& master = spec.cameras.front().T_camera_rig;

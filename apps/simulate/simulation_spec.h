@@ -11,6 +11,7 @@
 #include <utility>
 #include <vector>
 
+#include "apps/simulate/photometry/photometry_spec.h"
 #include "apps/simulate/scene/scene_spec.h"
 #include "calib/camera/bayer.h"
 #include "calib/camera/camera_model.h"
@@ -39,8 +40,9 @@ struct SensorSpec {
   double read_noise = 8;     ///< electrons
   double exposure = 0.8;     ///< white paper where nothing is lost / the largest grey value
   double blur = 0.5;         ///< px, sigma of the point-spread function before the pixel's own area
-  double vignetting = 0.2;   ///< ordinary cameras: part of the light that is lost in the corners
-  std::optional<BayerOrder> bayer = {};  ///< empty: monochrome
+  VignettingSpec vignetting = {};         ///< of ordinary cameras
+  std::optional<ToneSpec> response = {};  ///< empty: grey values proportional to the light
+  std::optional<BayerOrder> bayer = {};   ///< empty: monochrome
 };
 
 struct CameraSpec {
@@ -61,6 +63,7 @@ struct PoseSpec {
   // Deliberately bad sets; varied poses when none is set.
   bool one_distance = false, no_tilt = false;
   bool corner = false;  ///< markers are seen in the image's upper left quarter alone
+  bool still = false;   ///< all frames from one pose
   int frames = 0;
   double nearest = 0, farthest = 0;  ///< m, from the aiming camera to the target's middle
   double tilt = 0.7;                 ///< rad, largest
@@ -79,6 +82,8 @@ struct SimulationSpec {
   bool rigid_tags = true;  ///< tags keep their shape; else each corner has an error of its own
   std::vector<CameraSpec> cameras;  ///< the first is the rig's master
   PoseSpec poses;
+  std::optional<WallSpec> wall;           ///< that the target hangs on; empty: nothing is behind it
+  std::optional<ExposureSpec> exposures;  ///< empty: equal, and there is no recording
   /// A scene in place of the target; target and poses are not set then.
   std::optional<ScenerySpec> scenery;
   int white_images = 5;  ///< per camera

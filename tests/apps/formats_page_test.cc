@@ -436,6 +436,19 @@ TEST_F(FormatsPage, HasTheKeysOfSpecifications) {
                           "Keys of `winding`");
   ExpectSpecificationKeys(scene + "trajectory: {}\nscene: {}\ncalibration_sigma: {qqqq: 1}\n",
                           "Keys of `calibration_sigma`");
+  ExpectSpecificationKeys(head + fmt::format("cameras: {{a: {{{}}}}}\nwall: {{qqqq: 1}}\n", simple),
+                          "Keys of `wall`");
+  ExpectSpecificationKeys(
+      head + fmt::format("cameras: {{a: {{{}}}}}\nexposures: {{qqqq: 1}}\n", simple),
+      "Keys of `exposures`");
+  ExpectSpecificationKeys(
+      head +
+          fmt::format("cameras: {{a: {{{}}}}}\nexposures: {{range: [1, 2], late: {{qqqq: 1}}}}\n",
+                      simple),
+      "Keys of `late`");
+  ExpectSpecificationKeys(
+      head + fmt::format("cameras: {{a: {{{}, vignetting: {{qqqq: 1}}}}}}\n", simple),
+      "Keys of `vignetting`");
   // `file` stands alone, so that the reader does not name it among the others.
   ExpectKeysBesideFile(scene + "trajectory: {qqqq: 1}\nscene: {}\n", "Keys of `trajectory`");
   ExpectKeysBesideFile(head + fmt::format("cameras: {{a: {{{}}}}}\nposes: {{qqqq: 1}}\n", simple),
@@ -554,6 +567,24 @@ TEST_F(FormatsPage, HasWhatWhiteAndFocusWrite) {
       EXPECT_THAT(page, HasSubstr(std::regex_replace(name, std::regex("_cam[.]"), "_<camera>.")));
     }
   }
+}
+
+TEST_F(FormatsPage, HasWhatResponseAndComparisonsOfAttenuationsWrite) {
+  Write("target.yaml", "plenocal: 1\ntype: chessboard\ncolumns: 8\nrows: 5\nsquare: 0.03\n");
+  Write("spec.yaml",
+        "plenocal: 1\ntarget: target.yaml\nwall: {}\nexposures: {range: [0.1, 20], nominal: 5, "
+        "order: sweep}\nwhite_images: 1\nposes: {kind: still, frames: 20, distance: [1, 1]}\n"
+        "cameras: {cam: {model: pinhole, image_size: [160, 120], parameters: {f_x: 100, f_y: 100, "
+        "c_x: 80, c_y: 60}}}\n");
+  ASSERT_EQ(Run({"simulate", "spec.yaml", "-o", "set"}).status, kDone);
+  const Outcome response = Run({"response", "set/recording.yaml", "-o", "response"});
+  ASSERT_EQ(response.status, kDone) << response.err;
+  SeeColumns("response/response.csv", "Columns of response.csv");
+  const std::string attenuation = "set/truth/vignetting_cam.tiff";
+  const Outcome compared = Run({"compare", attenuation, attenuation, "-o", "compared"});
+  ASSERT_EQ(compared.status, kDone) << compared.err;
+  SeeColumns("compared/vignetting_compare.csv", "Columns of vignetting_compare.csv");
+  ExpectAllSeen();
 }
 
 TEST_F(FormatsPage, HasWhatEvaluateWrites) {

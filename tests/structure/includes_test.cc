@@ -46,7 +46,8 @@ const std::map<std::string, Rooms> kAllowed = [] {
   add("detectors/plenoptic/markers",
       {"detectors/plenoptic/depth", "detectors/tags", "detectors/boards"});
   add("detectors/plenoptic", {"detectors/plenoptic/markers"});
-  add("detectors", {"detectors/plenoptic"});
+  add("detectors/photometry", {"detectors/images"});
+  add("detectors", {"detectors/plenoptic", "detectors/photometry"});
   add("apps/charts", {"detectors/templates"});
   add("apps/print", {"apps/charts", "detectors"});
   add("apps/evaluate", {"calib"});
@@ -55,11 +56,13 @@ const std::map<std::string, Rooms> kAllowed = [] {
   add("apps/report", {"calib/judge", "models", "detectors"});
   add("apps/recording", {"detectors"});
   add("apps/scene", {"apps/recording", "apps/evaluate", "apps/report", "models"});
+  add("apps/photometry", {"apps/scene"});
   add("apps/simulate", {"apps/charts", "apps/evaluate", "calib/judge", "detectors", "models"});
   add("apps/cli",
       {"apps/print",
        "apps/evaluate",
        "apps/formats",
+       "apps/photometry",
        "apps/recording",
        "apps/report",
        "apps/scene",

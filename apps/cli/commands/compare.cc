@@ -17,6 +17,7 @@
 #include "apps/cli/options.h"
 #include "apps/cli/session/open_session.h"
 #include "apps/cli/session_observations.h"
+#include "apps/photometry/attenuation_compare.h"
 #include "apps/report/verdict_json.h"
 #include "calib/base/error.h"
 #include "calib/base/number_text.h"
@@ -552,8 +553,45 @@ void CheckArguments(const CompareArguments& arguments) {
   }
 }
 
+bool IsTiff(const std::filesystem::path& path) {
+  return path.extension() == ".tiff" || path.extension() == ".tif";
+}
+
+/// Two attenuation images.
+void CompareVignetting(const CompareArguments& arguments) {
+  if (!IsTiff(arguments.b) || !arguments.map.empty() || !arguments.distances.empty()) {
+    throw Error(ErrorKind::kInput,
+                "attenuations are compared with each other: give two TIFF files and -o only");
+  }
+  std::optional<OutputFolder> out;
+  if (!arguments.out.empty()) out.emplace(arguments.out);
+  const Attenuation a = ReadAttenuationWithSigma(arguments.a),
+                    b = ReadAttenuationWithSigma(arguments.b);
+  if (a.values.size() != b.values.size()) {
+    throw Error(ErrorKind::kInput,
+                fmt::format("{} is {} x {} pixels, {} is {} x {}; they must be of one camera",
+                            arguments.a.string(),
+                            a.values.cols,
+                            a.values.rows,
+                            arguments.b.string(),
+                            b.values.cols,
+                            b.values.rows));
+  }
+  const AttenuationComparison comparison = CompareAttenuations(a, b);
+  fmt::print("{}", ComparisonText(comparison, arguments.a.string(), arguments.b.string()));
+  if (!out) return;
+  out->Write("vignetting_compare.csv", ComparisonCsv(comparison));
+  out->Write("report.html", ComparisonPage(comparison, arguments.a.string(), arguments.b.string()));
+  out->Commit();
+  fmt::print("written to {}\n", arguments.out.string());
+}
+
 void RunCompare(const CompareArguments& arguments, const ConsoleOptions& shared) {
   CheckArguments(arguments);
+  if (IsTiff(arguments.a)) {
+    CompareVignetting(arguments);
+    return;
+  }
   std::vector<double> distances = arguments.distances;
   if (distances.empty()) distances = {1, std::numeric_limits<double>::infinity()};
   if (arguments.session.empty()) {
@@ -568,18 +606,22 @@ constexpr const char* kCompareHelp =
     "\n"
     "  plenocal compare A/calibration.yaml B/calibration.yaml\n"
     "  plenocal compare A/calibration.yaml --check session.yaml\n"
+    "  plenocal compare A/vignetting_left.tiff B/vignetting_left.tiff\n"
     "\n"
     "The rotation and translation of the camera frames that the difference of the intrinsics implies is removed first.";
 
 RunCommand DeclareCompare(CLI::App* app, ConsoleOptions* shared) {
   const auto arguments = std::make_shared<CompareArguments>();
-  app->add_option("a", arguments->a, "calibration.yaml")->required();
+  app->add_option("a", arguments->a, "calibration.yaml, or an attenuation (TIFF)")->required();
   app->add_option("b", arguments->b, "another, of any models");
   app->add_option(
       "--check",
       arguments->session,
       "instead of another: session.yaml with new images of the same cameras. Does the calibration still hold for them (only poses free)? Exit status 1: no");
-  app->add_option("-o,--out", arguments->out, "folder for difference.png and compare.csv");
+  app->add_option(
+      "-o,--out",
+      arguments->out,
+      "folder for difference.png and compare.csv; of attenuations vignetting_compare.csv and a page");
   app->add_option(
          "--map",
          arguments->map,

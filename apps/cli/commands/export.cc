@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include <memory>
+#include <optional>
 
 #include "apps/cli/command.h"
 #include "apps/cli/options.h"
@@ -12,6 +13,7 @@
 #include "calib/base/number_text.h"
 #include "calib/base/output_folder.h"
 #include "calib/files/calibration_file.h"
+#include "detectors/photometry/response_curve.h"
 #include "models/registry.h"
 
 namespace plenocal {
@@ -22,6 +24,7 @@ struct ExportArguments {
   std::filesystem::path calibration;
   std::string format;
   std::vector<std::string> cameras;  ///< empty: all
+  std::filesystem::path response;    ///< pcalib.txt, for formats that hold a vignetting
   std::filesystem::path out;
 };
 
@@ -75,6 +78,15 @@ std::vector<std::pair<std::string, std::string>> MakeFiles(
 void RunExport(const ExportArguments& arguments, const ConsoleOptions& shared) {
   Console console(shared);
   const CameraFormat& format = FindFormat(arguments.format, arguments.out);
+  std::optional<ResponseCurve> response;
+  if (!arguments.response.empty()) {
+    if (!format.holds_vignetting) {
+      throw Error(
+          ErrorKind::kInput,
+          fmt::format("--response: format {} has no place for a response; dso has", format.name));
+    }
+    response = ReadResponse(arguments.response);
+  }
   const CalibrationRecord calibration = ReadCalibration(arguments.calibration, CameraModels());
   const std::vector<CalibratedCamera> cameras = ChosenCameras(calibration, arguments.cameras);
   RefuseTooMany(cameras, format, arguments.calibration);
@@ -88,6 +100,7 @@ void RunExport(const ExportArguments& arguments, const ConsoleOptions& shared) {
     files.emplace_back("vignette.png",
                        VignettePng(calibration.path.parent_path() / cameras[0].vignetting));
   }
+  if (response) files.emplace_back("pcalib.txt", PcalibText(*response));
   const std::filesystem::path parent = arguments.out.parent_path();
   OutputFolder output(parent.empty() ? "." : parent);
   for (const auto& [name, content] : files) output.Write(name, content);
@@ -111,6 +124,9 @@ RunCommand DeclareExport(CLI::App* app, ConsoleOptions* shared) {
   app->add_option("--format", arguments->format, "the other tool")->required();
   app->add_option(
       "--camera", arguments->cameras, "cameras to export, in this order (default: all)");
+  app->add_option("--response",
+                  arguments->response,
+                  "pcalib.txt of 'plenocal response', to be written beside (dso)");
   app->add_option("-o,--out", arguments->out, "file to write")->required();
   AddQuiet(app, shared);
   return [arguments, shared] { RunExport(*arguments, *shared); };

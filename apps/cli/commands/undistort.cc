@@ -91,6 +91,11 @@ void UndistortOrdinary(const UndistortJob& job) {
 constexpr double kScale = 2;  // raw px per pixel of the virtual image, as for `plenocal focus`
 
 void CheckPlenopticJob(const UndistortJob& job) {
+  if (!job.arguments.resample.photometric.empty()) {
+    throw Error(ErrorKind::kInput,
+                fmt::format("--photometric: goes with ordinary cameras; '{}' is plenoptic",
+                            job.camera.name));
+  }
   if (job.camera.micro_lenses.empty()) {
     throw Error(
         ErrorKind::kInput,

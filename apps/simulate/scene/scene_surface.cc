@@ -11,11 +11,9 @@
 namespace plenocal::simulate {
 namespace {
 
-constexpr int kTile = 1024;        // texels, of a tile's side
-constexpr int kOctaves = 8;        // structures of 1, 2, 4, ..., 128 texels
-constexpr int kTileLevels = 9;     // of the tile, each half as fine
-constexpr float kMean = 0.45f;     // brightness
-constexpr float kContrast = 0.2f;  // standard deviation of the brightness of one point
+constexpr int kTile = 1024;     // texels, of a tile's side
+constexpr int kOctaves = 8;     // structures of 1, 2, 4, ..., 128 texels
+constexpr int kTileLevels = 9;  // of the tile, each half as fine
 
 // Periodic noise with structures of `size` texels.
 cv::Mat Octave(int size, Random* random) {

@@ -21,6 +21,9 @@ class SceneTexture {
   /// Mean brightness, 1: white paper, of a spot of some width around (u, v), all m.
   [[nodiscard]] float At(float u, float v, float width) const;
 
+  static constexpr float kMean = 0.45f;     ///< brightness
+  static constexpr float kContrast = 0.2f;  ///< standard deviation of the brightness of one point
+
  private:
   [[nodiscard]] float Sample(int level, float u, float v) const;
 

@@ -1,0 +1,77 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
+
+#include <memory>
+
+#include "apps/cli/command.h"
+#include "apps/cli/options.h"
+#include "apps/photometry/exposed_images.h"
+#include "apps/photometry/response_files.h"
+#include "calib/base/output_folder.h"
+
+namespace plenocal {
+namespace {
+
+struct ResponseArguments {
+  std::filesystem::path recording;
+  std::string camera;  ///< empty: the only one
+  std::filesystem::path out;
+};
+
+void RunResponse(const ResponseArguments& arguments, const ConsoleOptions& shared) {
+  Console console(shared);
+  console.Progress("read " + arguments.recording.string());
+  const Recording recording = ReadRecording(arguments.recording);
+  const RecordedCamera& camera = ChooseRecordedCamera(recording, arguments.camera);
+  OutputFolder output(arguments.out);
+  std::vector<LeftOut> left_out;
+  const ExposureSweep sweep = ReadExposureSweep(
+      recording,
+      camera,
+      shared.threads,
+      [&](size_t done, size_t total) {
+        console.Progress(camera.name + ": images", done, total);
+        return !Interrupted();
+      },
+      &left_out);
+  for (const LeftOut& item : left_out) {
+    console.Message(fmt::format("  left out {}: {}", item.where, item.reason));
+  }
+  console.Progress("fit the response");
+  const ResponseEstimate estimate =
+      FitResponse(sweep, recording.path.string() + ": camera " + camera.name, shared.threads);
+  if (Interrupted()) throw Stopped();
+  const std::vector<std::string> findings = FindingsOf(estimate, sweep);
+  for (const std::string& finding : findings) console.Warning(finding);
+  output.Write("pcalib.txt", PcalibText(estimate.curve));
+  output.Write("response.csv", ResponseCsv(estimate));
+  output.Write("report.html", ResponsePage(estimate, sweep, camera.name, findings));
+  output.Commit();
+  console.Print(ResponseSummary(estimate, camera.name));
+  console.Print(fmt::format("written to {}\n", arguments.out.string()));
+}
+
+constexpr const char* kResponseHelp =
+    "Response of a camera, light by grey value, from images of a static scene at many exposures.\n"
+    "\n"
+    "  plenocal response RECORDING --camera left -o OUT\n"
+    "\n"
+    "Writes pcalib.txt, as DSO reads it, response.csv with standard deviations, and a report; "
+    "docs/photometry.md.";
+
+RunCommand DeclareResponse(CLI::App* app, ConsoleOptions* shared) {
+  const auto arguments = std::make_shared<ResponseArguments>();
+  app->add_option("recording", arguments->recording, "recording.yaml, or a folder")->required();
+  app->add_option("--camera", arguments->camera, "camera of the recording (default: the only)")
+      ->expected(1);
+  app->add_option("-o,--out", arguments->out, "folder for the results")->required();
+  AddQuiet(app, shared);
+  AddThreads(app, shared);
+  return [arguments, shared] { RunResponse(*arguments, *shared); };
+}
+
+}  // namespace
+
+Command ResponseCommand() { return {"response", kResponseHelp, DeclareResponse}; }
+
+}  // namespace plenocal

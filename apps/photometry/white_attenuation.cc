@@ -1,0 +1,111 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/photometry/white_attenuation.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+
+#include "apps/photometry/image_spline.h"
+#include "calib/base/error.h"
+#include "calib/base/parallel.h"
+#include "detectors/images/image.h"
+
+namespace plenocal {
+namespace {
+
+constexpr double kBlock = 4;  // px, side of the blocks whose means are fitted
+
+// Mean light of blocks / that of the image, so that the lamp's flicker is out.
+cv::Mat ReadBlocks(const FrameImage& image, const ResponseCurve& response, const ImageSize& size) {
+  const std::string path = image.path.string();
+  cv::Mat grey = ReadImage(image.path);
+  if (grey.channels() == 3) cv::cvtColor(grey, grey, cv::COLOR_BGR2GRAY);
+  if (grey.cols != size[0] || grey.rows != size[1]) {
+    throw Error(ErrorKind::kInput,
+                fmt::format("{}: is {} x {} pixels, but the camera's images are {} x {}",
+                            path,
+                            grey.cols,
+                            grey.rows,
+                            size[0],
+                            size[1]));
+  }
+  if (grey.depth() != CV_8U) {
+    throw Error(ErrorKind::kInput,
+                fmt::format("{}: has 16 bits; a response holds 256 values: give white images of 8 "
+                            "bits, as the wall's",
+                            path));
+  }
+  constexpr double kMostSaturated = 1e-3;
+  if (cv::countNonZero(grey == 255) > kMostSaturated * static_cast<double>(grey.total())) {
+    throw Error(ErrorKind::kInput, fmt::format("{}: is saturated; use a shorter exposure", path));
+  }
+  cv::Mat blocks;
+  cv::resize(LightOf(grey, response),
+             blocks,
+             {static_cast<int>(size[0] / kBlock), static_cast<int>(size[1] / kBlock)},
+             0,
+             0,
+             cv::INTER_AREA);
+  const double mean = cv::mean(blocks)[0];
+  if (!(mean > 0)) throw Error(ErrorKind::kInput, fmt::format("{}: is black", path));
+  return blocks / mean;
+}
+
+}  // namespace
+
+Attenuation AttenuationOfWhite(const std::vector<FrameImage>& images,
+                               const ResponseCurve& response,
+                               const ImageSize& size,
+                               int threads) {
+  std::vector<cv::Mat> blocks(images.size());
+  ParallelFor(
+      images.size(), threads, [&](size_t i) { blocks[i] = ReadBlocks(images[i], response, size); });
+  const auto count = static_cast<double>(images.size());
+  cv::Mat mean = cv::Mat::zeros(blocks[0].size(), CV_32F), scatter = mean.clone();
+  for (const cv::Mat& block : blocks) mean += block / count;
+  for (const cv::Mat& block : blocks) scatter += (block - mean).mul(block - mean);
+  // Shot noise: the relative variance of a block falls with its light.
+  cv::Mat relative = scatter / mean;
+  const double noise = images.size() > 1 ? cv::mean(relative)[0] / (count - 1) / count : 0;
+
+  const ImageSpline spline = MakeAttenuationSpline(size);
+  SplineFit fit(spline);
+  const double across = static_cast<double>(size[0]) / mean.cols;
+  const double down = static_cast<double>(size[1]) / mean.rows;
+  for (int y = 0; y < mean.rows; ++y) {
+    for (int x = 0; x < mean.cols; ++x) {
+      const double light = mean.at<float>(y, x);
+      if (!(light > 0)) continue;
+      fit.Add((x + 0.5) * across - 0.5,
+              (y + 0.5) * down - 0.5,
+              std::log(light),
+              light / std::max(noise, 1e-12));
+    }
+  }
+  const Eigen::VectorXd coefficients = fit.Solve();
+  const Eigen::MatrixXd covariance = fit.Covariance();
+  Attenuation attenuation{cv::Mat(size[1], size[0], CV_32F), {}};
+  cv::Mat sigma(mean.size(), CV_32F);
+  ParallelFor(static_cast<size_t>(size[1]), threads, [&](size_t row) {
+    const int y = static_cast<int>(row);
+    for (int x = 0; x < size[0]; ++x) {
+      attenuation.values.at<float>(y, x) = static_cast<float>(spline.Evaluate(coefficients, x, y));
+    }
+  });
+  ParallelFor(static_cast<size_t>(mean.rows), threads, [&](size_t row) {
+    const int y = static_cast<int>(row);
+    for (int x = 0; x < mean.cols; ++x) {
+      const auto basis = spline.At((x + 0.5) * across - 0.5, (y + 0.5) * down - 0.5);
+      sigma.at<float>(y, x) = static_cast<float>(std::sqrt(VarianceAt(basis, covariance)));
+    }
+  });
+  double largest = 0;
+  cv::minMaxLoc(attenuation.values, nullptr, &largest);
+  cv::exp(attenuation.values - largest, attenuation.values);
+  if (images.size() > 1) cv::resize(sigma, attenuation.sigma, {size[0], size[1]});
+  return attenuation;
+}
+
+}  // namespace plenocal
