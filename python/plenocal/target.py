@@ -72,7 +72,10 @@ def detect(image: Any, target: Target | PathLike) -> Table:
     else:
         import numpy as np
 
-        pixels = np.asarray(image)
+        try:
+            pixels = np.asarray(image)
+        except ValueError as error:
+            raise InputError("image: expected a gray image, found rows of different lengths") from error
         if pixels.ndim != 2 or pixels.size == 0 or pixels.dtype not in (np.uint8, np.uint16):
             raise InputError(
                 "image: expected a gray image of shape (H, W), uint8 or uint16, found "

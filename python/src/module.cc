@@ -47,6 +47,8 @@ void SetPythonError(const Error& error, const std::string& output) {
 
 NB_MODULE(_core, module) {
   using namespace plenocal::python;
+  // Objects that live until the interpreter ends are none of its users' business.
+  nb::set_leak_warnings(false);
   module.attr("__version__") = PLENOCAL_VERSION;
   nb::register_exception_translator(&Translate);
   BindProgram(module);

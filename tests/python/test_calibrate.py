@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import filecmp
+import json
 import os
 import pathlib
 import signal
@@ -234,3 +235,29 @@ def test_the_package_is_a_program() -> None:
 def test_import_does_not_load_numpy() -> None:
     code = "import sys, plenocal; sys.exit('numpy' in sys.modules)"
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_transforms_json_has_the_poses_of_the_images(
+    calibration: plenocal.Calibration, tmp_path: pathlib.Path
+) -> None:
+    calibration.export(tmp_path / "transforms.json", "nerfstudio")
+    content = json.loads((tmp_path / "transforms.json").read_text())
+    poses = calibration.poses
+    assert [f["file_path"] for f in content["frames"]] == [
+        f"images/{frame}.png" for frame in poses["frame"]
+    ]
+    # The points of the target fall where the calibration has seen them, by OpenGL's axes.
+    positions = {row["marker"]: row["position"] for row in calibration.markers}
+    residuals = calibration.residuals()
+    for frame in content["frames"][:3]:
+        world_from_camera = np.array(frame["transform_matrix"])
+        seen = residuals[residuals["frame"] == pathlib.Path(frame["file_path"]).stem]
+        p = np.array([[*positions[marker], 1] for marker in seen["marker"]])
+        x, y, z, _ = np.linalg.inv(world_from_camera) @ p.T
+        x, y = x / -z, y / z
+        r2 = x * x + y * y
+        radial = 1 + r2 * (content["k1"] + r2 * (content["k2"] + r2 * content["k3"]))
+        u = content["fl_x"] * x * radial + content["cx"] - 0.5
+        v = content["fl_y"] * y * radial + content["cy"] - 0.5
+        np.testing.assert_allclose(u, seen["x"] - seen["residual_x"], atol=1e-3)
+        np.testing.assert_allclose(v, seen["y"] - seen["residual_y"], atol=1e-3)
