@@ -198,7 +198,7 @@ class Calibration:
             picture = self._native.residual_picture(index)
             if picture:
                 data = base64.b64encode(picture).decode()
-                html.append(f'<img alt="mean residuals" src="data:image/png;base64,{data}">')
+                html.append(f'<img alt="mean residuals" style="max-width: 40em" src="data:image/png;base64,{data}">')
         return "".join(html)
 
     def __repr__(self) -> str:
