@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import pathlib
+import re
 from typing import Any, Callable
 
 import numpy as np
@@ -245,3 +247,15 @@ def test_maps_rectify() -> None:
         for m in (first, second)
     ]
     assert rows[0] == pytest.approx(rows[1], abs=1e-9)
+
+
+def test_the_stub_names_what_the_extension_has() -> None:
+    import plenocal._core as core
+
+    stub = (pathlib.Path(plenocal.__file__).parent / "_core.pyi").read_text()
+    for name, value in vars(core).items():
+        if name.startswith("_"):
+            continue
+        assert re.search(rf"(def|class) {name}\b", stub), name
+        for member in vars(value) if isinstance(value, type) else ():
+            assert member.startswith("_") or f"def {member}(" in stub, f"{name}.{member}"

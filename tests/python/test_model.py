@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import os
 import pathlib
 from typing import Any, ClassVar, Sequence
 
@@ -10,6 +11,8 @@ import numpy as np
 import pytest
 
 import plenocal
+
+PLUGIN = os.environ.get("PLENOCAL_TEST_PLUGIN", "")
 
 SPECIFICATION = """\
 plenocal: 1
@@ -129,6 +132,24 @@ def test_an_exception_in_project_is_raised(tmp_path: pathlib.Path) -> None:
     pathlib.Path(session.path).write_text(text)
     with pytest.raises(ZeroDivisionError, match="in the model"):
         plenocal.calibrate(session, report=False)
+
+
+@pytest.mark.skipif(not PLUGIN, reason="PLENOCAL_TEST_PLUGIN names no plug-in")
+def test_a_plug_in_is_the_same_model(tmp_path: pathlib.Path) -> None:
+    plenocal.load_plugin(PLUGIN)
+    plenocal.load_plugin(PLUGIN)  # once, however often it is named
+    assert "stereographic" in plenocal.models()
+    info = plenocal.model_info("stereographic")
+    plugin = plenocal.Camera("stereographic", info["example_size"], Stereographic.example)
+    python = plenocal.Camera(Stereographic.name, info["example_size"], Stereographic.example)
+    points = np.random.default_rng(2).normal(size=(50, 3)) * [1, 1, 0.3] + [0, 0, 1]
+    a, b = plugin.project(points), python.project(points)
+    both = np.isfinite(a).all(axis=1) & np.isfinite(b).all(axis=1)
+    assert both.sum() > 30
+    np.testing.assert_allclose(a[both], b[both], rtol=0, atol=1e-9)
+    (tmp_path / "libnone.so").write_text("no library")
+    with pytest.raises(plenocal.InputError, match="libnone.so: is no shared library"):
+        plenocal.load_plugin(tmp_path / "libnone.so")
 
 
 def test_wrong_models_are_refused() -> None:
