@@ -70,6 +70,25 @@ def _fov(p: F, k: F) -> Any:
     return p[:, :2] / p[:, 2:] * (d / r)[:, None]
 
 
+def _radial3(p: F, k: F) -> Any:
+    """Zeller et al.: A_0 A_1 A_2."""
+    m = p[:, :2] / p[:, 2:]
+    r2 = np.sum(m * m, axis=1)
+    return m * (1 + k[0] * r2 + k[1] * r2**2 + k[2] * r2**3)[:, None]
+
+
+def _division(p: F, k: F) -> Any:
+    """Fitzgibbon (2001), inverted: lambda."""
+    r2 = np.sum(p[:, :2] ** 2, axis=1)
+    return 2 * p[:, :2] / (p[:, 2] + np.sqrt(p[:, 2] ** 2 - 4 * k[0] * r2))[:, None]
+
+
+def _spherical(p: F, k: F) -> Any:
+    """Snyder, section 12."""
+    longitude = np.arctan2(p[:, 0], p[:, 2])
+    return np.stack([longitude, np.arcsin(p[:, 1] / np.linalg.norm(p, axis=1))], axis=1)
+
+
 LENSES: dict[str, Lens] = {
     "pinhole": _pinhole,
     "pinhole-radtan": _radtan,
@@ -81,6 +100,9 @@ LENSES: dict[str, Lens] = {
     "eucm": _eucm,
     "double-sphere": _double_sphere,
     "fov": _fov,
+    "pinhole-radial3": _radial3,
+    "division": _division,
+    "spherical": _spherical,
 }
 
 
@@ -108,6 +130,45 @@ def test_projects_as_its_formula(model: str) -> None:
     inside = np.isfinite(found).all(axis=1)
     assert inside.sum() > 100
     np.testing.assert_allclose(found[inside], expected[inside], rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("model", ["focused-plenoptic", "focused-plenoptic-pupil"])
+def test_projects_through_micro_lenses_as_the_paper_has_it(model: str) -> None:
+    """Zeller et al., "Plenoptic Camera Model", eqs. projected_micro_lens to _4_new, as they stand."""
+    camera = example(model)
+    f_L, b_L0, B, c_x, c_y, A_0, A_1, B_0, B_1, *b_P = camera.params
+    pupil = b_P[0] if b_P else b_L0
+    pixel_size = camera.config[0]
+
+    def distorted(m: F) -> Any:
+        x, y = m.T
+        r2 = x * x + y * y
+        radial = A_0 * r2 + A_1 * r2 * r2
+        return np.stack(
+            [
+                x + x * radial + B_0 * (r2 + 2 * x * x) + 2 * B_1 * x * y,
+                y + y * radial + B_1 * (r2 + 2 * y * y) + 2 * B_0 * x * y,
+            ],
+            axis=1,
+        )
+
+    rng = np.random.default_rng(11)
+    centres = rng.uniform(50, 730, (100, 2))
+    p = rng.uniform([-0.05, -0.05, 0.4], [0.05, 0.05, 1.5], (100, 3))
+    c_Id = (centres - [c_x, c_y]) * pixel_size
+    c_I = c_Id.copy()
+    for _ in range(100):
+        c_I += c_Id - distorted(c_I)
+    c_ML = c_I * pupil / (pupil + B)
+    p_ML = c_ML * f_L / (b_L0 - f_L)
+    z_C0 = f_L * b_L0 / (f_L - b_L0)
+    x_p = (p[:, :2] - p_ML) / (p[:, 2:] + z_C0)
+    x_ML = x_p * f_L * B / (f_L - b_L0) - c_ML * B / (f_L - b_L0)
+    expected = distorted(x_ML + c_ML) / pixel_size + [c_x, c_y]
+    found = camera.project(p, centres)
+    inside = np.isfinite(found).all(axis=1)
+    assert inside.sum() > 80
+    np.testing.assert_allclose(found[inside], expected[inside], rtol=0, atol=1e-6)
 
 
 def context_of(camera: plenocal.Camera, count: int) -> F | None:
