@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <span>
+#include <string>
 
 #include "calib/camera/camera_model.h"
 
@@ -17,5 +18,9 @@ std::span<const CameraModel> CameraModels();
 /// the table. Throws `Error` of kind kInput when the file is no plug-in, belongs to another
 /// version, or has a model whose name is taken.
 void AddCameraModels(const std::filesystem::path& plugin);
+
+/// Adds models of the running program, whose data must stay. `where` begins the messages. Throws
+/// likewise.
+void AddCameraModels(std::span<const CameraModel> models, const std::string& where);
 
 }  // namespace plenocal

@@ -21,8 +21,11 @@ namespace plenocal {
 namespace {
 
 volatile std::sig_atomic_t interrupted = 0;
+const ConsoleSink* sink = nullptr;
 constexpr auto kLogPause = std::chrono::seconds(10);  // between lines of progress in a file
 int wake_up[2] = {-1, -1};  // a pipe from the signal handler to `EndWhenInterrupted`
+
+void RememberInterrupt(int) { interrupted = 1; }
 
 void OnInterrupt(int) {
   interrupted = 1;
@@ -104,7 +107,10 @@ std::string ColouredLine(std::string_view line, std::string_view next) {
 
 }  // namespace
 
+void UseConsoleSink(const ConsoleSink* new_sink) { sink = new_sink; }
+
 std::string Styled(Stream stream, Style style, std::string_view text) {
+  if (sink != nullptr) return std::string(text);
   static const bool out = HasColours(STDOUT_FILENO), err = HasColours(ErrorFile());
   if (!(stream == Stream::kOut ? out : err)) return std::string(text);
   return fmt::format("{}{}\033[0m", ColourCode(style), text);
@@ -134,12 +140,14 @@ void Console::ClearLine() {
 
 void Console::Message(const std::string& line) {
   if (quiet_) return;
+  if (sink != nullptr) return sink->message(line, /*warning=*/false);
   ClearLine();
   PrintError(Escaped(line) + "\n");
 }
 
 void Console::Warning(const std::string& line) {
   if (quiet_) return;
+  if (sink != nullptr) return sink->message(line, /*warning=*/true);
   ClearLine();
   PrintError(
       fmt::format("  {} {}\n", Styled(Stream::kErr, Style::kWarning, "warning:"), Escaped(line)));
@@ -151,6 +159,7 @@ void Console::Progress(const std::string& stage, size_t done, size_t total) {
 
 void Console::Progress(const std::string& stage) {
   if (quiet_) return;
+  if (sink != nullptr) return sink->progress(stage);
   if (terminal_) {
     PrintError(fmt::format("\r\033[K{}", Escaped(stage)));
     line_open_ = true;
@@ -194,5 +203,20 @@ void CatchInterrupts() {
 }
 
 bool Interrupted() { return interrupted != 0; }
+
+void Interrupt() { interrupted = 1; }
+
+InterruptScope::InterruptScope(bool catch_ctrl_c) : catches_(catch_ctrl_c) {
+  interrupted = 0;
+  if (!catches_) return;
+  struct sigaction action {};
+  action.sa_handler = RememberInterrupt;
+  sigaction(SIGINT, &action, &before_);
+}
+
+InterruptScope::~InterruptScope() {
+  interrupted = 0;
+  if (catches_) sigaction(SIGINT, &before_, nullptr);
+}
 
 }  // namespace plenocal

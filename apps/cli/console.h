@@ -2,7 +2,9 @@
 #pragma once
 
 #include <chrono>
+#include <csignal>
 #include <cstddef>
+#include <functional>
 #include <string>
 #include <string_view>
 
@@ -15,6 +17,17 @@ struct ConsoleOptions {
   bool quiet = false;  ///< errors only
   int threads = 0;     ///< 0: all cores
 };
+
+/// Takes the place of the standard streams where commands run inside of another program. Called
+/// from any thread of the running command.
+struct ConsoleSink {
+  std::function<void(const std::string& line, bool warning)> message;
+  std::function<void(const std::string& stage)> progress;
+};
+
+/// From now on consoles give messages and progress to `*sink`, and text is without colours; null:
+/// the standard streams again. Not to be called while a command runs.
+void UseConsoleSink(const ConsoleSink* sink);
 
 enum class Stream { kOut, kErr };
 enum class Style { kHeading, kGood, kWarning, kError };
@@ -77,5 +90,22 @@ void PrintError(std::string_view text);
 void CatchInterrupts();
 /// True once the user has pressed Ctrl-C: a running command throws `Stopped` as soon as it can.
 bool Interrupted();
+
+/// For a command inside of a program that goes on afterwards: while an object of this class lives,
+/// `Interrupt` stops the command, and so does Ctrl-C if wanted; then all is as before. One at a
+/// time.
+class InterruptScope {
+ public:
+  explicit InterruptScope(bool catch_ctrl_c);
+  ~InterruptScope();
+  InterruptScope(const InterruptScope&) = delete;
+  InterruptScope& operator=(const InterruptScope&) = delete;
+
+ private:
+  bool catches_;
+  struct sigaction before_ {};
+};
+/// As Ctrl-C does.
+void Interrupt();
 
 }  // namespace plenocal

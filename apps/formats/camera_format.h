@@ -43,6 +43,9 @@ struct CameraFormat {
   /// For formats with one file a camera, of a pair or rig: the files, in the order of the cameras.
   /// Null: all cameras are in one file.
   std::vector<std::string> (*write_files)(const std::vector<CalibratedCamera>& cameras) = nullptr;
+  /// For formats that hold the poses of images: the file of one camera of a calibration that has
+  /// frames. Null: the format has no place for them.
+  std::string (*write_views)(const CalibrationRecord& calibration, size_t camera) = nullptr;
   bool holds_vignetting = false;  ///< an image beside the file holds the attenuation
 };
 

@@ -325,8 +325,7 @@ cv::Mat DecodeRawGray(std::vector<std::uint8_t> content, const fs::path& place) 
   return DecodePixels(std::move(content), place, cv::IMREAD_GRAYSCALE);
 }
 
-cv::Mat ReadGray(const fs::path& path) {
-  cv::Mat image = DecodePixels(ReadFile(path), path, cv::IMREAD_GRAYSCALE);
+cv::Mat ScaledTo8Bits(const cv::Mat& image) {
   if (image.depth() == CV_8U) return image;
   double largest = 0;
   cv::minMaxLoc(image, nullptr, &largest);
@@ -335,6 +334,10 @@ cv::Mat ReadGray(const fs::path& path) {
   // Values up to range - 1 onto 0..255; an image of 8 significant bits keeps its values.
   image.convertTo(gray, CV_8U, std::min(1.0, 255.0 / (range - 1.0)));
   return gray;
+}
+
+cv::Mat ReadGray(const fs::path& path) {
+  return ScaledTo8Bits(DecodePixels(ReadFile(path), path, cv::IMREAD_GRAYSCALE));
 }
 
 int ReadOrientation(const fs::path& path) { return internal::OrientationTag(ReadFile(path)); }

@@ -15,6 +15,9 @@ namespace plenocal {
 /// image, corrupt or truncated (a truncated PNG or JPEG must be refused, not filled with gray).
 cv::Mat ReadGray(const std::filesystem::path& path);
 
+/// A single-channel image of 8 or 16 bits in 8 bits, as `ReadGray` scales it.
+cv::Mat ScaledTo8Bits(const cv::Mat& image);
+
 /// Reads an image file as it is: 8 or 16 bits, raw values, one channel or three (BGR). Throws as
 /// `ReadGray` does.
 cv::Mat ReadImage(const std::filesystem::path& path);

@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <memory>
 #include <optional>
 
 #include "apps/cli/command.h"
 #include "apps/cli/options.h"
 #include "apps/formats/camera_format.h"
+#include "apps/report/calibration_folder.h"
 #include "apps/resample/resample_images.h"
 #include "calib/base/error.h"
 #include "calib/base/names.h"
@@ -57,15 +59,32 @@ void RefuseTooMany(const std::vector<CalibratedCamera>& cameras,
                           fmt::join(NamesOf(cameras), ", ")));
 }
 
+/// The contents of the files to write: one, or one a camera.
+std::vector<std::string> MakeTexts(const CalibrationRecord& calibration,
+                                   const std::vector<CalibratedCamera>& cameras,
+                                   const CameraFormat& format) {
+  if (format.write_views != nullptr && !calibration.frames.empty()) {
+    std::vector<std::string> texts;
+    for (const CalibratedCamera& camera : cameras) {
+      const auto found =
+          std::ranges::find(calibration.cameras, camera.name, &CalibratedCamera::name);
+      texts.push_back(format.write_views(calibration,
+                                         static_cast<size_t>(found - calibration.cameras.begin())));
+    }
+    return texts;
+  }
+  if (cameras.size() == 1 || format.write_files == nullptr) return {format.write(cameras)};
+  return format.write_files(cameras);
+}
+
 /// The files to write, by name: one, or of formats with one file a camera FILE_<camera>.
 std::vector<std::pair<std::string, std::string>> MakeFiles(
+    const CalibrationRecord& calibration,
     const std::vector<CalibratedCamera>& cameras,
     const CameraFormat& format,
     const std::filesystem::path& file) {
-  if (cameras.size() == 1 || format.write_files == nullptr) {
-    return {{file.filename().string(), format.write(cameras)}};
-  }
-  const std::vector<std::string> texts = format.write_files(cameras);
+  const std::vector<std::string> texts = MakeTexts(calibration, cameras, format);
+  if (texts.size() == 1) return {{file.filename().string(), texts[0]}};
   std::vector<std::pair<std::string, std::string>> files;
   for (size_t c = 0; c < texts.size(); ++c) {
     files.emplace_back(
@@ -73,6 +92,15 @@ std::vector<std::pair<std::string, std::string>> MakeFiles(
         texts[c]);
   }
   return files;
+}
+
+/// The calibration; for a format that holds the poses of images, with those beside it.
+CalibrationRecord ReadForFormat(const std::filesystem::path& file, const CameraFormat& format) {
+  const std::filesystem::path folder = file.parent_path();
+  const bool has_poses =
+      file.filename() == "calibration.yaml" && std::filesystem::exists(folder / "poses.csv");
+  if (format.write_views == nullptr || !has_poses) return ReadCalibration(file, CameraModels());
+  return ReadCalibrationFolder(folder.empty() ? "." : folder, CameraModels());
 }
 
 void RunExport(const ExportArguments& arguments, const ConsoleOptions& shared) {
@@ -87,15 +115,15 @@ void RunExport(const ExportArguments& arguments, const ConsoleOptions& shared) {
     }
     response = ReadResponse(arguments.response);
   }
-  const CalibrationRecord calibration = ReadCalibration(arguments.calibration, CameraModels());
+  const CalibrationRecord calibration = ReadForFormat(arguments.calibration, format);
   const std::vector<CalibratedCamera> cameras = ChosenCameras(calibration, arguments.cameras);
   RefuseTooMany(cameras, format, arguments.calibration);
-  if (cameras.size() > 1 && !format.holds_extrinsics) {
+  if (cameras.size() > 1 && !format.holds_extrinsics && format.write_views == nullptr) {
     console.Message(fmt::format(
         "format {} has no place for the cameras' poses in the rig; they are not in the file",
         format.name));
   }
-  auto files = MakeFiles(cameras, format, arguments.out);
+  auto files = MakeFiles(calibration, cameras, format, arguments.out);
   if (format.holds_vignetting && !cameras[0].vignetting.empty()) {
     files.emplace_back("vignette.png",
                        VignettePng(calibration.path.parent_path() / cameras[0].vignetting));

@@ -1,0 +1,77 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/cli/program.h"
+
+#include <fmt/format.h>
+#include <glog/logging.h>
+
+#include <cstdio>
+#include <exception>
+#include <filesystem>
+#include <new>
+#include <string_view>
+#include <system_error>
+
+#include "apps/cli/command_line.h"
+#include "apps/cli/console.h"
+#include "calib/base/error.h"
+#include "calib/base/quoted_text.h"
+
+namespace plenocal {
+namespace {
+
+int Fail(int status, std::string_view message) {
+  PrintError(
+      fmt::format("{} {}\n", Styled(Stream::kErr, Style::kError, "plenocal:"), Escaped(message)));
+  return status;
+}
+
+int StatusOf(ErrorKind kind) {
+  constexpr int kWrongInput = 2, kBelowRequiredGrade = 3;
+  switch (kind) {
+    case ErrorKind::kInput:
+      return kWrongInput;
+    case ErrorKind::kJob:
+      return kJobFailedStatus;
+    case ErrorKind::kGrade:
+      return kBelowRequiredGrade;
+  }
+  return kJobFailedStatus;
+}
+
+int ParseAndRun(int argc, char** argv) {
+  constexpr int kFailed = kJobFailedStatus;
+  try {
+    CommandLine command_line;
+    const RunCommand run = command_line.Parse(argc, argv);
+    CatchInterrupts();
+    if (run) run();
+    // What is printed is a result: a full disk behind a redirection is a failure.
+    if (std::fflush(stdout) != 0) return Fail(kFailed, "cannot write to standard output");
+    return 0;
+  } catch (const Error& error) {
+    return Fail(StatusOf(error.kind()), error.what());
+  } catch (const Stopped&) {
+    return Fail(kInterruptedStatus, kInterrupted);
+  } catch (const std::bad_alloc&) {
+    return Fail(kFailed, "out of memory");
+  } catch (const std::filesystem::filesystem_error& error) {
+    return Fail(kFailed, fmt::format("{}: {}", error.path1().string(), error.code().message()));
+  } catch (const std::system_error& error) {
+    // Thrown by fmt::print; files have errors of their own.
+    return Fail(kFailed, fmt::format("standard output: {}", error.what()));
+  } catch (const std::exception& error) {
+    return Fail(kFailed, fmt::format("internal error: {}", error.what()));
+  }
+}
+
+}  // namespace
+
+void SilenceSolver() { FLAGS_minloglevel = google::GLOG_FATAL; }
+
+int RunProgram(int argc, char** argv) {
+  OpenStandardStreams();
+  SilenceSolver();
+  return ParseAndRun(argc, argv);
+}
+
+}  // namespace plenocal

@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "models/api/camera.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "calib/camera/camera_model.h"
+#include "calib/files/calibration_file.h"
+#include "models/registry.h"
+
+namespace plenocal::api {
+
+struct Camera::Data {
+  CalibratedCamera camera;
+};
+
+Camera::Camera(std::shared_ptr<const Data> data) : data_(std::move(data)) {}
+
+std::vector<Camera> Camera::Read(const std::string& calibration_yaml) {
+  std::vector<Camera> cameras;
+  for (CalibratedCamera& camera : ReadCalibration(calibration_yaml, CameraModels()).cameras) {
+    if (!camera.model->central) continue;
+    cameras.push_back(Camera(std::make_shared<const Data>(Data{std::move(camera)})));
+  }
+  return cameras;
+}
+
+std::string Camera::name() const { return data_->camera.name; }
+std::string Camera::model() const { return std::string(data_->camera.model->name); }
+std::array<int, 2> Camera::image_size() const { return data_->camera.image_size; }
+
+std::array<double, 16> Camera::T_camera_rig() const {
+  using RowMajor = Eigen::Matrix<double, 4, 4, Eigen::RowMajor>;
+  std::array<double, 16> values{};
+  Eigen::Map<RowMajor> matrix(values.data());
+  matrix.setIdentity();
+  matrix.topLeftCorner<3, 3>() = data_->camera.T_camera_rig.R;
+  matrix.topRightCorner<3, 1>() = data_->camera.T_camera_rig.t;
+  return values;
+}
+
+std::optional<std::array<double, 2>> Camera::Project(const std::array<double, 3>& p_camera) const {
+  const CalibratedCamera& camera = data_->camera;
+  std::array<double, kMaxObservationSize> values{};
+  std::array<double, 2> pixel{};
+  if (!camera.model->project(camera.params.data(),
+                             camera.config.data(),
+                             values.data(),
+                             {p_camera[0], p_camera[1], p_camera[2]},
+                             pixel.data())) {
+    return std::nullopt;
+  }
+  return pixel;
+}
+
+std::optional<std::array<double, 3>> Camera::Unproject(const std::array<double, 2>& pixel) const {
+  const CalibratedCamera& camera = data_->camera;
+  std::array<double, kMaxObservationSize> values{};
+  std::ranges::copy(pixel, values.begin());
+  const std::optional<Ray> ray =
+      camera.model->unproject(camera.params.data(), camera.config.data(), values.data());
+  if (!ray) return std::nullopt;
+  return std::array{ray->direction.x(), ray->direction.y(), ray->direction.z()};
+}
+
+RemapTables Camera::Undistort(const std::array<int, 2>& size,
+                              double f,
+                              double c_x,
+                              double c_y) const {
+  RemapTables tables;
+  for (int v = 0; v < size[1]; ++v) {
+    for (int u = 0; u < size[0]; ++u) {
+      const auto place = Project({(u - c_x) / f, (v - c_y) / f, 1});
+      tables.x.push_back(place ? static_cast<float>((*place)[0]) : -1);
+      tables.y.push_back(place ? static_cast<float>((*place)[1]) : -1);
+    }
+  }
+  return tables;
+}
+
+}  // namespace plenocal::api

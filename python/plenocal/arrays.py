@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Arguments as arrays of the right type and shape, and tables as structured arrays."""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING, Any, Mapping, Union
+
+from .errors import InputError
+
+if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
+
+    FloatArray = npt.NDArray[np.float64]
+    Table = npt.NDArray[np.void]
+
+PathLike = Union[str, "os.PathLike[str]"]
+
+
+def floats(value: Any, name: str, columns: int | None = None) -> FloatArray:
+    """`value` as rows (N, `columns`) of 64-bit numbers, or as it is shaped; copied only if need be.
+
+    Raises `InputError` for another shape or what are no real numbers.
+    """
+    import numpy as np
+
+    expected = "numbers" if columns is None else f"an array of shape (N, {columns})"
+    try:
+        array = np.asarray(value)
+    except ValueError as error:
+        raise InputError(f"{name}: expected {expected}, found rows of different lengths") from error
+    if array.dtype.kind not in "fiu":
+        raise InputError(f"{name}: expected {expected} of real numbers, found {array.dtype}")
+    if columns is not None and (array.ndim != 2 or array.shape[1] != columns):
+        raise InputError(f"{name}: expected {expected}, found shape {array.shape}")
+    return np.ascontiguousarray(array, dtype=np.float64)
+
+
+def transform(value: Any, name: str) -> FloatArray:
+    """A rigid transform as a matrix of shape (4, 4); raises `InputError` for what is none."""
+    import numpy as np
+
+    matrix = floats(value, name, 4)
+    rotation = matrix[:3, :3]
+    tolerance = 1e-6  # of matrices that were written with few digits
+    if (
+        matrix.shape != (4, 4)
+        or not np.isfinite(matrix).all()
+        or not np.allclose(matrix[3], [0, 0, 0, 1])
+        or not np.allclose(rotation @ rotation.T, np.eye(3), atol=tolerance)
+        or np.linalg.det(rotation) < 0
+    ):
+        raise InputError(f"{name}: expected a 4 x 4 matrix of a rotation and a translation")
+    return matrix
+
+
+def table(columns: Mapping[str, Any]) -> Table:
+    """A structured array of columns of one length."""
+    import numpy as np
+
+    arrays = {name: np.asarray(column) for name, column in columns.items()}
+    for name, array in arrays.items():
+        if array.size == 0 and isinstance(columns[name], list):
+            arrays[name] = np.empty(0, dtype="U1")
+    count = len(next(iter(arrays.values())))
+    records = np.empty(
+        count, dtype=[(name, array.dtype, array.shape[1:]) for name, array in arrays.items()]
+    )
+    for name, array in arrays.items():
+        records[name] = array
+    return records

@@ -1,0 +1,208 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The result of a calibration: cameras, poses, target, residuals, verdict."""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+from typing import TYPE_CHECKING, Any, Iterator, Sequence
+
+from . import _core
+from .arrays import table
+from .camera import Camera
+from .errors import InputError
+
+if TYPE_CHECKING:
+    from .arrays import FloatArray, PathLike, Table
+
+
+class Calibration:
+    """Calibrated cameras and, of a folder that `calibrate` wrote, all else that it found.
+
+    >>> from plenocal import Camera
+    >>> camera = Camera("pinhole", (640, 480), [500.0, 500.0, 319.5, 239.5], name="left")
+    >>> calibration = Calibration.of_cameras([camera])
+    >>> calibration["left"].model
+    'pinhole'
+    """
+
+    _native: _core.Record
+
+    def __init__(self, path: PathLike) -> None:
+        """As `Calibration.load`."""
+        self._native = _core.Record.load(os.fspath(path))
+        self._cameras = [Camera._of(camera) for camera in self._native.cameras]
+        self._folder: tempfile.TemporaryDirectory[str] | None = None
+        #: What the command printed, of a calibration that this process has made.
+        self.summary = ""
+
+    @classmethod
+    def load(cls, path: PathLike) -> Calibration:
+        """Reads a folder that `plenocal calibrate` wrote, or a calibration.yaml alone (without
+        frames, markers and residuals). Raises `InputError` with file, line and key."""
+        return cls(path)
+
+    @classmethod
+    def of_cameras(cls, cameras: Sequence[Camera]) -> Calibration:
+        """A rig of given cameras, the first of which is the master. Raises `InputError`."""
+        names = [camera.name for camera in cameras]
+        if not names or len(set(names)) < len(names):
+            raise InputError(f"cameras: expected cameras with different names, found {names}")
+        calibration = cls.__new__(cls)
+        calibration._native = _core.Record.of_cameras([camera._native for camera in cameras])
+        calibration._cameras = list(cameras)
+        calibration._folder = None
+        calibration.summary = ""
+        return calibration
+
+    def save(self, path: PathLike) -> None:
+        """Writes calibration.yaml (parameters and poses with all digits)."""
+        self._native.save(os.fspath(path))
+
+    @property
+    def path(self) -> str:
+        """The file that was read, or will have been."""
+        return self._native.path
+
+    @property
+    def cameras(self) -> list[Camera]:
+        """All cameras, the rig's master first."""
+        return list(self._cameras)
+
+    def __getitem__(self, name: str | int) -> Camera:
+        """A camera by name or place."""
+        if isinstance(name, int):
+            return self._cameras[name]
+        for camera in self._cameras:
+            if camera.name == name:
+                return camera
+        raise KeyError(f"no camera '{name}'; known: {', '.join(c.name for c in self._cameras)}")
+
+    def __len__(self) -> int:
+        return len(self._cameras)
+
+    def __iter__(self) -> Iterator[Camera]:
+        return iter(self._cameras)
+
+    @property
+    def verdict(self) -> dict[str, Any] | None:
+        """`{"grade": "good", "findings": [...]}` (docs/diagnosis.md); None: not judged."""
+        verdict: dict[str, Any] | None = json.loads(self._native.verdict())
+        return verdict
+
+    @property
+    def poses(self) -> Table:
+        """A row a frame: frame, T_target_rig (4, 4), p_target = T_target_rig p_rig, m."""
+        return table(self._native.poses())
+
+    @property
+    def markers(self) -> Table:
+        """A row a marker of the target: marker, position (3,), sigma (3,), m; NaN: not estimated."""
+        return table(self._native.markers())
+
+    def residuals(self, camera: str | int = 0) -> Table:
+        """A row an observation: frame, marker, measured coordinates and context (px), residual_x,
+        residual_y (measured minus predicted, px; NaN outside the model's domain), noise_sigma (px)
+        and used (false: rejected). pandas.DataFrame takes it as it is."""
+        index = [c.name for c in self._cameras].index(self[camera].name)
+        columns = self._native.residuals(index)
+        columns["used"] = columns["used"].astype(bool)
+        return table(columns)
+
+    @property
+    def correlations(self) -> tuple[list[str], FloatArray]:
+        """Names of all unknowns and the (K, K) matrix of their correlations."""
+        return self._native.correlations
+
+    @property
+    def left_out(self) -> list[str]:
+        """Images and points that were left out, with reasons."""
+        return self._native.left_out
+
+    @property
+    def provenance(self) -> dict[str, str]:
+        """From what and how the calibration was made."""
+        return self._native.provenance
+
+    def report(self, path: PathLike) -> None:
+        """Writes the report, one HTML page that needs no network. Needs a whole folder."""
+        page = self._native.report()
+        with open(path, "w", encoding="utf-8") as file:
+            file.write(page)
+
+    def export(
+        self, path: PathLike, format: str, *, cameras: Sequence[str] = ()
+    ) -> str:
+        """Writes another tool's file (`plenocal export`; docs/exchange.md lists the formats).
+
+        Returns what the command prints. Raises `JobError` for what the format cannot hold.
+        """
+        from .commands import run
+
+        arguments = ["--format", format, "-o", os.fspath(path)]
+        for name in cameras:
+            arguments += ["--camera", name]
+        if os.path.exists(self.path):
+            return run(["export", self.path, *arguments])
+        with tempfile.TemporaryDirectory() as folder:
+            file = os.path.join(folder, "calibration.yaml")
+            self.save(file)
+            return run(["export", file, *arguments])
+
+    def to_opencv(self, path: PathLike) -> str:
+        """Writes a cv::FileStorage (.yml, .xml or .json)."""
+        return self.export(path, "opencv")
+
+    def to_ros(self, path: PathLike, camera: str = "") -> str:
+        """Writes camera_info of one camera."""
+        return self.export(path, "ros", cameras=[camera] if camera else [])
+
+    def to_kalibr(self, path: PathLike) -> str:
+        """Writes camchain.yaml."""
+        return self.export(path, "kalibr")
+
+    def to_mrcal(self, path: PathLike) -> str:
+        """Writes a .cameramodel."""
+        return self.export(path, "mrcal")
+
+    def to_colmap(self, path: PathLike) -> str:
+        """Writes cameras.txt."""
+        return self.export(path, "colmap")
+
+    def _repr_html_(self) -> str:
+        """For notebooks: the verdict, the parameters and the mean residuals over the images."""
+        import base64
+        from html import escape
+
+        html = []
+        verdict = self.verdict
+        if verdict is not None:
+            findings = "".join(f"<li>{escape(f['what'])}</li>" for f in verdict["findings"])
+            html.append(f"<p><b>verdict: {escape(verdict['grade'])}</b></p><ul>{findings}</ul>")
+        for index, camera in enumerate(self._cameras):
+            width, height = camera.image_size
+            fit = camera.fit
+            points = f", RMS {fit['rms']:.4f} px over {fit['points']} points" if fit["points"] else ""
+            html.append(
+                f"<h4>{escape(camera.name)}</h4><p>{escape(camera.model)}, {width} x {height} px"
+                f"{points}</p><table><tr><th>parameter</th><th>value</th><th>sigma</th><th>unit</th></tr>"
+            )
+            many = 40  # coefficients of a splined model are no table
+            for row in camera.parameters[:many]:
+                html.append(
+                    f"<tr><td>{row['name']}</td><td>{row['value']:.8g}</td>"
+                    f"<td>{row['sigma']:.2g}</td><td>{row['unit']}</td></tr>"
+                )
+            html.append("</table>")
+            picture = self._native.residual_picture(index)
+            if picture:
+                data = base64.b64encode(picture).decode()
+                html.append(f'<img alt="mean residuals" style="max-width: 40em" src="data:image/png;base64,{data}">')
+        return "".join(html)
+
+    def __repr__(self) -> str:
+        verdict = self.verdict
+        grade = f", {verdict['grade']}" if verdict else ""
+        names = ", ".join(f"{c.name} ({c.model})" for c in self._cameras)
+        return f"<plenocal.Calibration {names}{grade}>"

@@ -1,0 +1,351 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The commands of the program, in this process.
+
+Each function runs the command of its name by the same code as the program, so that all files it
+writes are the same, byte for byte. The options of all are
+
+out: folder for the results; None: a temporary one, where the function returns what is in it.
+threads: 0: all cores. progress: called with a text on the present stage, from any thread
+(`tqdm.set_description` fits); an exception in it stops the command. Ctrl-C stops it as well.
+
+Messages go to the logger "plenocal". Commands of several threads run one after the other.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import tempfile
+from typing import TYPE_CHECKING, Any, Callable, Sequence
+
+from . import _core
+from .calibration import Calibration
+from .camera import Camera
+from .errors import InputError
+from .session import Session
+from .target import Target
+
+if TYPE_CHECKING:
+    from .arrays import FloatArray, PathLike
+
+Progress = Callable[[str], object]
+
+
+def run(arguments: Sequence[PathLike], *, progress: Progress | None = None) -> str:
+    """Runs a command as the program does and returns what it prints.
+
+    Raises `InputError`, `JobError`, `GradeError` (exit statuses 2, 1, 3) with the message of the
+    program, and `KeyboardInterrupt` after Ctrl-C; no result files are written then.
+
+    >>> print(run(["models"]).splitlines()[0])
+    division
+    """
+    import logging
+    import threading
+
+    if isinstance(arguments, (str, bytes)):
+        raise InputError("arguments: expected a list of words, found one text")
+    words = [os.fspath(argument) for argument in arguments]
+    for word in words:
+        if not isinstance(word, str) or "\0" in word:
+            raise InputError(f"arguments: expected texts, found {word!r}")
+    logger = logging.getLogger("plenocal")
+
+    def message(line: str, warning: bool) -> None:
+        logger.log(logging.WARNING if warning else logging.INFO, "%s", line.strip())
+
+    in_main_thread = threading.current_thread() is threading.main_thread()
+    return _core.run(words, progress, message, in_main_thread)
+
+
+def calibrate(
+    session: Session | PathLike | None = None,
+    out: PathLike | None = None,
+    *,
+    images: PathLike | Sequence[PathLike] = (),
+    target: Target | PathLike = "",
+    model: str = "auto",
+    jackknife: bool = False,
+    keep: bool = False,
+    fresh: bool = False,
+    report: bool = True,
+    require: str = "",
+    threads: int = 0,
+    progress: Progress | None = None,
+) -> Calibration:
+    """Calibrates the cameras of a session, or one camera from its images and a target.
+
+    Runs `plenocal calibrate` (see `Calibration` for what it returns, and `run` for what it raises).
+    """
+    if (session is None) == (not images):
+        raise InputError("calibrate: give a session, or images with a target")
+    if session is not None:
+        words = ["calibrate", session.path if isinstance(session, Session) else os.fspath(session)]
+        if target or model != "auto":
+            raise InputError("calibrate: a session has target and model itself; they go with images")
+    else:
+        words = ["calibrate", *_paths(images), "--model", model]
+    with_out = _Out(out)
+    if isinstance(target, Target):
+        file = os.path.join(with_out.made(), "given_target.yaml")
+        with open(file, "w", encoding="utf-8") as stream:
+            stream.write(target.yaml)
+        words += ["--target", file]
+    elif target:
+        words += ["--target", os.fspath(target)]
+    words += _flags(jackknife=jackknife, keep=keep, fresh=fresh, no_report=not report)
+    if require:
+        words += ["--require", require]
+    summary = run([*words, "-o", with_out.folder, *_threads(threads)], progress=progress)
+    calibration = Calibration(with_out.folder)
+    calibration._folder = with_out.temporary
+    calibration.summary = summary
+    return calibration
+
+
+def detect_session(
+    session: Session | PathLike,
+    out: PathLike,
+    *,
+    keep: bool = False,
+    fresh: bool = False,
+    threads: int = 0,
+    progress: Progress | None = None,
+) -> str:
+    """Detects the target in all images of a session: OUT/detections_<camera>.csv."""
+    flags = _flags(keep=keep, fresh=fresh)
+    return run(["detect", _session(session), "-o", out, *flags, *_threads(threads)], progress=progress)
+
+
+def try_models(
+    session: Session | PathLike,
+    out: PathLike | None = None,
+    *,
+    models: Sequence[str] = (),
+    camera: str = "",
+    folds: int = 5,
+    threads: int = 0,
+    progress: Progress | None = None,
+) -> list[dict[str, Any]]:
+    """Which camera model predicts frames that it has not seen best (`plenocal try`).
+
+    Returns the rows of try.csv: model, parameters, held_out_rms (px), recommended, judgement, ...
+    """
+    with_out = _Out(out)
+    words = ["try", _session(session), "-o", with_out.folder, "--folds", str(folds)]
+    words += ["--models", ",".join(models)] if models else []
+    words += ["--camera", camera] if camera else []
+    run([*words, *_threads(threads)], progress=progress)
+    return _rows(os.path.join(with_out.folder, "try.csv"))
+
+
+def check(
+    calibration: Calibration | PathLike,
+    session: Session | PathLike,
+    *,
+    threads: int = 0,
+    progress: Progress | None = None,
+) -> dict[str, Any]:
+    """Whether a calibration still holds for new images (`plenocal compare --check`).
+
+    Returns the content of check.json: valid, cameras, verdict.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        path = os.path.join(folder, "out")
+        words = ["compare", _calibration(calibration, folder), "--check", _session(session), "-o", path]
+        try:
+            run([*words, *_threads(threads)], progress=progress)
+        except Exception:
+            # A calibration that does not hold is exit status 1 of the program.
+            if not os.path.exists(os.path.join(path, "check.json")):
+                raise
+        with open(os.path.join(path, "check.json"), encoding="utf-8") as file:
+            result: dict[str, Any] = json.load(file)
+            return result
+
+
+def compare(
+    a: Calibration | PathLike, b: Calibration | PathLike, *, distances: Sequence[float] = ()
+) -> list[dict[str, Any]]:
+    """How far two calibrations differ in the image (`plenocal compare`).
+
+    Returns the rows of compare.csv: camera, distance (m), part, rms, largest, predicted (px),
+    probability, pixels, differs.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        files = [_calibration(c, os.path.join(folder, name)) for c, name in ((a, "a"), (b, "b"))]
+        words = ["compare", *files, "-o", os.path.join(folder, "out")]
+        for distance in distances:
+            words += ["--distance", repr(float(distance))]
+        run(words)
+        return _rows(os.path.join(folder, "out", "compare.csv"))
+
+
+def simulate(
+    specification: PathLike,
+    out: PathLike,
+    *,
+    points: bool = False,
+    threads: int = 0,
+    progress: Progress | None = None,
+) -> Session:
+    """Makes a session with known truth (`plenocal simulate`); points: detections, no images."""
+    words = ["simulate", specification, "-o", out, *_flags(points=points), *_threads(threads)]
+    run(words, progress=progress)
+    return Session(os.path.join(os.fspath(out), "session.yaml"))
+
+
+def white(
+    images: Session | PathLike | Sequence[PathLike],
+    out: PathLike,
+    *,
+    model: str = "",
+    camera: str = "",
+    threads: int = 0,
+    progress: Progress | None = None,
+) -> str:
+    """Micro-lens grid and attenuation from white images (`plenocal white`)."""
+    inputs = [images.path] if isinstance(images, Session) else _paths(images)
+    words = ["white", *inputs, "-o", os.fspath(out)]
+    words += ["--model", model] if model else []
+    words += ["--camera", camera] if camera else []
+    return run([*words, *_threads(threads)], progress=progress)
+
+
+def focus(
+    images: PathLike | Sequence[PathLike],
+    out: PathLike,
+    *,
+    white: PathLike | Sequence[PathLike] = (),
+    grid: PathLike = "",
+    vignetting: PathLike = "",
+    scale: float = 2,
+    threads: int = 0,
+    progress: Progress | None = None,
+) -> str:
+    """Totally focused image and virtual depth of raw plenoptic images (`plenocal focus`)."""
+    words = ["focus", *_paths(images), "-o", os.fspath(out), "--scale", repr(float(scale))]
+    for folder in _paths(white):
+        words += ["--white", folder]
+    words += ["--grid", os.fspath(grid)] if grid else []
+    words += ["--vignetting", os.fspath(vignetting)] if vignetting else []
+    return run([*words, *_threads(threads)], progress=progress)
+
+
+def rectify(
+    calibration: Calibration | PathLike,
+    left: PathLike,
+    right: PathLike,
+    out: PathLike,
+    *,
+    threads: int = 0,
+    progress: Progress | None = None,
+) -> str:
+    """Rectified stereo pairs of image files (`plenocal rectify`); `rectify_maps` gives the tables."""
+    with tempfile.TemporaryDirectory() as folder:
+        words = ["rectify", _calibration(calibration, folder), left, right, "-o", out]
+        return run([*words, *_threads(threads)], progress=progress)
+
+
+def undistort_maps(
+    camera: Camera,
+    *,
+    size: Sequence[int] | None = None,
+    fov: float | None = None,
+    balance: float | None = None,
+    threads: int = 0,
+) -> tuple[FloatArray, FloatArray, Camera]:
+    """Tables for cv2.remap, and the pinhole camera whose images they make (`plenocal map`).
+
+    size: width, height, px (None: the camera's). fov: horizontal field of view, degrees. balance:
+    0: every pixel has a source, 1: all that the camera images. Returns map_x and map_y, (H, W)
+    float32, px, -1 where the camera images nothing.
+    """
+    x, y, view = _core.undistort_maps(camera._native, _size(size), fov, balance, threads)
+    return x, y, Camera._of(view)
+
+
+def rectify_maps(
+    first: Camera,
+    second: Camera,
+    *,
+    size: Sequence[int] | None = None,
+    fov: float | None = None,
+    balance: float | None = None,
+    threads: int = 0,
+) -> tuple[tuple[FloatArray, FloatArray, Camera], tuple[FloatArray, FloatArray, Camera], float]:
+    """Tables for cv2.remap of a stereo pair, whose points then lie in equal rows.
+
+    Returns for each camera map_x, map_y, new camera as `undistort_maps` does, and the baseline, m
+    (negative when the second camera lies on the left).
+    """
+    one, two, baseline = _core.rectify_maps(
+        first._native, second._native, _size(size), fov, balance, threads
+    )
+    return (*one[:2], Camera._of(one[2])), (*two[:2], Camera._of(two[2])), baseline
+
+
+class _Out:
+    """A folder for results, temporary if none is given."""
+
+    def __init__(self, out: PathLike | None) -> None:
+        self.temporary = tempfile.TemporaryDirectory(prefix="plenocal-") if out is None else None
+        self.folder = self.temporary.name if self.temporary else os.fspath(out or "")
+
+    def made(self) -> str:
+        os.makedirs(self.folder, exist_ok=True)
+        return self.folder
+
+
+def _paths(paths: PathLike | Sequence[PathLike]) -> list[str]:
+    if isinstance(paths, (str, os.PathLike)):
+        return [os.fspath(paths)]
+    return [os.fspath(path) for path in paths]
+
+
+def _session(session: Session | PathLike) -> str:
+    return session.path if isinstance(session, Session) else os.fspath(session)
+
+
+def _calibration(calibration: Calibration | PathLike, folder: str) -> str:
+    """The calibration.yaml, written into the folder if the object has none."""
+    if not isinstance(calibration, Calibration):
+        path = os.fspath(calibration)
+        return os.path.join(path, "calibration.yaml") if os.path.isdir(path) else path
+    if os.path.exists(calibration.path):
+        return calibration.path
+    os.makedirs(folder, exist_ok=True)
+    path = os.path.join(folder, "calibration.yaml")
+    calibration.save(path)
+    return path
+
+
+def _flags(**flags: bool) -> list[str]:
+    return ["--" + name.replace("_", "-") for name, wanted in flags.items() if wanted]
+
+
+def _threads(threads: int) -> list[str]:
+    return ["--threads", str(int(threads))] if threads else []
+
+
+def _size(size: Sequence[int] | None) -> list[int] | None:
+    if size is None:
+        return None
+    values = [int(v) for v in size]
+    if len(values) != 2 or not all(0 < v < 2**15 for v in values):
+        raise InputError(f"size: expected width and height in pixels, found {size}")
+    return values
+
+
+def _rows(path: str) -> list[dict[str, Any]]:
+    """The rows of a CSV file with its numbers as numbers."""
+
+    def value(text: str) -> Any:
+        try:
+            return float(text) if text else None
+        except ValueError:
+            return text
+
+    with open(path, newline="", encoding="utf-8") as file:
+        return [{key: value(text) for key, text in row.items()} for row in csv.DictReader(file)]

@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Sessions: cameras, images and target of a calibration."""
+
+from __future__ import annotations
+
+import json
+import os
+from typing import TYPE_CHECKING, Any, Mapping, Sequence
+
+from . import _core
+from .arrays import floats
+from .errors import InputError
+from .target import Target
+
+if TYPE_CHECKING:
+    from .arrays import PathLike
+
+
+class Session:
+    """A session.yaml (docs/formats.md)."""
+
+    _native: _core.Session
+
+    def __init__(self, path: PathLike) -> None:
+        """Reads and checks a session. Raises `InputError` with file, line and key."""
+        self._native = _core.Session.load(os.fspath(path))
+
+    @classmethod
+    def from_points(
+        cls,
+        folder: PathLike,
+        target: Target | PathLike,
+        cameras: Mapping[str, Mapping[str, Any]],
+        *,
+        options: Mapping[str, Any] | None = None,
+    ) -> Session:
+        """Writes a session of measured points into a folder, and reads it.
+
+        cameras: for each name `{"model": ..., "image_size": (width, height), "points": {frame:
+        table}}`, the first being the rig's master; a table has the columns marker, x, y (px) and
+        may have sigma (px), as `detect` returns them. Frames of one name belong together. options:
+        the session's `options`. Raises `InputError`.
+        """
+        import numpy as np
+
+        target = target if isinstance(target, Target) else Target(target)
+        folder = os.fspath(folder)
+        os.makedirs(folder, exist_ok=True)
+        files = {"target.yaml": target.yaml}
+        entries = {}
+        for name, camera in cameras.items():
+            frames: list[str] = []
+            markers, rows = [], []
+            for frame, points in camera["points"].items():
+                try:
+                    numbers = np.asarray(points["marker"], dtype=np.int32)
+                    sigma = points["sigma"] if "sigma" in points.dtype.names else np.ones(len(points))
+                    columns = [floats(column, f"{name}: {frame}") for column in (points["x"], points["y"], sigma)]
+                except (AttributeError, IndexError, KeyError, TypeError, ValueError) as error:
+                    raise InputError(
+                        f"{name}: {frame}: expected a table with the columns marker, x, y "
+                        f"(and sigma), as plenocal.detect returns it"
+                    ) from error
+                rows.append(np.stack(columns, axis=1))
+                if not np.isfinite(rows[-1]).all() or not (rows[-1][:, 2] > 0).all():
+                    raise InputError(f"{name}: {frame}: expected finite numbers and positive sigmas")
+                markers.append(numbers)
+                frames += [str(frame)] * len(numbers)
+            if not frames:
+                raise InputError(f"{name}: has no points")
+            files[f"points_{name}.csv"] = _core.detections_table(
+                frames, np.concatenate(markers), np.concatenate(rows)
+            )
+            entries[name] = {
+                "model": camera["model"],
+                "detections": f"points_{name}.csv",
+                "image_size": [int(v) for v in camera["image_size"]],
+            }
+        session: dict[str, Any] = {"plenocal": 1, "target": "target.yaml", "cameras": entries}
+        if options:
+            session["options"] = dict(options)
+        files["session.yaml"] = json.dumps(session, indent=1)  # JSON is YAML
+        for file, text in files.items():
+            with open(os.path.join(folder, file), "w", encoding="utf-8") as stream:
+                stream.write(text)
+        return cls(os.path.join(folder, "session.yaml"))
+
+    @property
+    def path(self) -> str:
+        """The file."""
+        return self._native.path
+
+    @property
+    def text(self) -> str:
+        """Its text."""
+        return self._native.text
+
+    @property
+    def cameras(self) -> list[dict[str, Any]]:
+        """Of each camera name, model, images, white_images (globs, folders, files), detections."""
+        return self._native.cameras()
+
+    @property
+    def target(self) -> Target:
+        """The session's target. Raises `InputError`."""
+        return Target._of(self._native.target())
+
+    def __repr__(self) -> str:
+        cameras: Sequence[str] = [f"{c['name']} ({c['model']})" for c in self.cameras]
+        return f"<plenocal.Session {self.path}: {', '.join(cameras)}>"

@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// The parts of the extension module plenocal._core. Each adds its functions and classes; the
+// package's Python files check arguments, so that here arrays have the right type and shape.
+#pragma once
+
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+
+#include <Eigen/Core>
+#include <initializer_list>
+#include <string>
+#include <vector>
+
+#include "calib/base/error.h"
+#include "calib/files/calibration_record.h"
+
+namespace plenocal::python {
+
+namespace nb = nanobind;
+
+void BindProgram(nb::module_& module);
+void BindCamera(nb::module_& module);
+void BindCalibration(nb::module_& module);
+void BindTarget(nb::module_& module);
+void BindViews(nb::module_& module);
+void BindModels(nb::module_& module);
+
+/// Rows of numbers that numpy owns.
+using Rows = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using Numbers = nb::ndarray<nb::numpy, double>;
+
+/// A new array of this shape, whose content the caller writes.
+Numbers NewArray(std::initializer_list<size_t> shape);
+/// A copy of numbers and matrices.
+Numbers ToArray(const std::vector<double>& values);
+Numbers ToArray(const Eigen::MatrixXd& matrix);
+/// 4 x 4, row by row.
+Numbers ToArray(const RigidTransform& transform);
+RigidTransform ToTransform(const Rows& matrix);
+
+/// Column of a table.
+template <typename T>
+nb::ndarray<nb::numpy, T> ToColumn(std::vector<T> values) {
+  auto* const kept = new std::vector<T>(std::move(values));
+  nb::capsule owner(kept, [](void* p) noexcept { delete static_cast<std::vector<T>*>(p); });
+  return nb::ndarray<nb::numpy, T>(kept->data(), {kept->size()}, owner);
+}
+
+/// Sets the exception of an error (plenocal/errors.py: a class each kind), and what the command had
+/// printed.
+void SetPythonError(const Error& error, const std::string& output = {});
+
+/// Throws the exception that a camera model written in Python has raised since the last call, if
+/// any. With the GIL.
+void RethrowFromModel();
+
+}  // namespace plenocal::python

@@ -1,0 +1,384 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
+#include <nanobind/stl/array.h>
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/pair.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/vector.h>
+
+#include <cmath>
+#include <limits>
+
+#include "calib/base/error.h"
+#include "calib/base/names.h"
+#include "calib/files/calibration_file.h"
+#include "calib/judge/compare.h"
+#include "calib/judge/convert.h"
+#include "models/registry.h"
+#include "python/src/bindings.h"
+
+namespace plenocal::python {
+namespace {
+
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+
+const CameraModel& ModelOf(const std::string& name) {
+  if (const CameraModel* model = FindModel(CameraModels(), name)) return *model;
+  const std::vector<std::string_view> known = NamesOf(CameraModels());
+  throw Error(ErrorKind::kInput,
+              fmt::format("unknown camera model '{}'{}", name, SuggestName(name, known)));
+}
+
+void CheckParams(const CameraModel& model, const std::vector<double>& params) {
+  for (size_t i = 0; i < params.size(); ++i) {
+    const Param& param = model.params[i];
+    if (params[i] > param.lower && params[i] < param.upper) continue;
+    throw Error(ErrorKind::kInput,
+                fmt::format("{}: {} must be above {} and below {}, found {}",
+                            model.name,
+                            param.name,
+                            param.lower,
+                            param.upper,
+                            params[i]));
+  }
+}
+
+CalibratedCamera MakeCamera(const std::string& name,
+                            const std::string& model_name,
+                            ImageSize image_size,
+                            const std::vector<double>& params,
+                            const std::vector<double>& config,
+                            const Rows& T_camera_rig,
+                            const std::optional<Rows>& covariance) {
+  const CameraModel& model = ModelOf(model_name);
+  const auto require = [&](const char* what, size_t expected, size_t found) {
+    if (expected == found) return;
+    throw Error(
+        ErrorKind::kInput,
+        fmt::format("{}: {}: expected {} values, found {}", model.name, what, expected, found));
+  };
+  require("params", model.params.size(), params.size());
+  require("config", model.config.size(), config.size());
+  CheckParams(model, params);
+  if (image_size[0] <= 0 || image_size[1] <= 0) {
+    throw Error(ErrorKind::kInput, "image_size: expected two positive numbers of pixels");
+  }
+  const auto n = static_cast<Eigen::Index>(params.size());
+  CalibratedCamera camera{.name = name,
+                          .model = &model,
+                          .image_size = image_size,
+                          .config = config,
+                          .params = params,
+                          .covariance = Eigen::MatrixXd::Zero(n, n),
+                          .T_camera_rig = ToTransform(T_camera_rig)};
+  if (covariance) {
+    require("covariance", params.size() * params.size(), covariance->size());
+    camera.covariance = Eigen::Map<const Eigen::MatrixXd>(covariance->data(), n, n);
+  }
+  return camera;
+}
+
+/// The numbers of an observation that its model takes beside the point.
+class Contexts {
+ public:
+  Contexts(const CameraModel& model, const Rows* context) : model_(model), context_(context) {}
+
+  /// Puts those of row i behind the measured coordinates.
+  void Put(size_t i, double* values) const {
+    if (context_ == nullptr) return;
+    const size_t n = model_.context.size();
+    std::copy_n(context_->data() + i * n, n, values + model_.measured.size());
+  }
+
+ private:
+  const CameraModel& model_;
+  const Rows* context_;
+};
+
+Numbers Project(const CalibratedCamera& camera,
+                const Rows& points,
+                const std::optional<Rows>& context) {
+  const CameraModel& model = *camera.model;
+  const size_t count = points.shape(0), measured = model.measured.size();
+  Numbers projected = NewArray({count, measured});
+  double* const out = projected.data();
+  const double* const p = points.data();
+  const Contexts contexts(model, context ? &*context : nullptr);
+  {
+    const nb::gil_scoped_release release;
+    std::array<double, kMaxObservationSize> values{};
+    for (size_t i = 0; i < count; ++i) {
+      contexts.Put(i, values.data());
+      const Eigen::Vector3d p_cam(p[3 * i], p[3 * i + 1], p[3 * i + 2]);
+      if (!model.project(camera.params.data(),
+                         camera.config.data(),
+                         values.data(),
+                         p_cam,
+                         out + i * measured)) {
+        std::fill_n(out + i * measured, measured, kNan);
+      }
+    }
+  }
+  RethrowFromModel();
+  return projected;
+}
+
+/// Calls `use(i, predicted, J_params, J_point)` for all points, whose numbers are NaN outside of
+/// the model's domain.
+template <typename Use>
+void ForEachJacobian(const CalibratedCamera& camera,
+                     const Rows& points,
+                     const std::optional<Rows>& context,
+                     const Use& use) {
+  const CameraModel& model = *camera.model;
+  const size_t measured = model.measured.size(), params = model.params.size();
+  const Contexts contexts(model, context ? &*context : nullptr);
+  std::array<double, kMaxObservationSize> values{};
+  std::vector<double> predicted(measured), J_params(measured * params), J_point(measured * 3);
+  for (size_t i = 0; i < points.shape(0); ++i) {
+    contexts.Put(i, values.data());
+    const Eigen::Vector3d p_cam(points(i, 0), points(i, 1), points(i, 2));
+    if (!model.project_with_jacobian(camera.params.data(),
+                                     camera.config.data(),
+                                     values.data(),
+                                     p_cam,
+                                     {predicted.data(), J_params.data(), J_point.data()})) {
+      std::ranges::fill(predicted, kNan);
+      std::ranges::fill(J_params, kNan);
+      std::ranges::fill(J_point, kNan);
+    }
+    use(i, predicted, J_params, J_point);
+  }
+}
+
+nb::tuple Jacobian(const CalibratedCamera& camera,
+                   const Rows& points,
+                   const std::optional<Rows>& context) {
+  const size_t count = points.shape(0), measured = camera.model->measured.size(),
+               params = camera.params.size();
+  Numbers values = NewArray({count, measured}), by_params = NewArray({count, measured, params}),
+          by_point = NewArray({count, measured, 3});
+  double *const v = values.data(), *const a = by_params.data(), *const b = by_point.data();
+  {
+    const nb::gil_scoped_release release;
+    ForEachJacobian(
+        camera,
+        points,
+        context,
+        [&](size_t i, const auto& predicted, const auto& J_params, const auto& J_point) {
+          std::ranges::copy(predicted, v + i * measured);
+          std::ranges::copy(J_params, a + i * measured * params);
+          std::ranges::copy(J_point, b + i * measured * 3);
+        });
+  }
+  RethrowFromModel();
+  return nb::make_tuple(values, by_params, by_point);
+}
+
+/// J C J^T of each point. A parameter that was not determined makes infinite what depends on it.
+Numbers Uncertainty(const CalibratedCamera& camera,
+                    const Rows& points,
+                    const std::optional<Rows>& context) {
+  using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  const auto measured = static_cast<Eigen::Index>(camera.model->measured.size()),
+             params = static_cast<Eigen::Index>(camera.params.size());
+  Numbers covariances =
+      NewArray({points.shape(0), static_cast<size_t>(measured), static_cast<size_t>(measured)});
+  double* const out = covariances.data();
+  {
+    const nb::gil_scoped_release release;
+    Eigen::MatrixXd finite = camera.covariance;
+    std::vector<Eigen::Index> open;
+    for (Eigen::Index k = 0; k < params; ++k) {
+      if (std::isfinite(finite(k, k))) continue;
+      finite.row(k).setZero();
+      finite.col(k).setZero();
+      open.push_back(k);
+    }
+    ForEachJacobian(
+        camera, points, context, [&](size_t i, const auto&, const auto& J_params, const auto&) {
+          const Eigen::Map<const Matrix> J(J_params.data(), measured, params);
+          Matrix covariance = J * finite * J.transpose();
+          for (const Eigen::Index k : open) {
+            for (Eigen::Index r = 0; r < measured; ++r) {
+              if (J(r, k) != 0) covariance(r, r) = std::numeric_limits<double>::infinity();
+            }
+          }
+          std::copy_n(covariance.data(),
+                      covariance.size(),
+                      out + i * static_cast<size_t>(covariance.size()));
+        });
+  }
+  RethrowFromModel();
+  return covariances;
+}
+
+nb::tuple Rays(const CalibratedCamera& camera,
+               const Rows& pixels,
+               const std::optional<Rows>& context) {
+  const CameraModel& model = *camera.model;
+  const size_t count = pixels.shape(0), measured = model.measured.size();
+  Numbers origins = NewArray({count, 3}), directions = NewArray({count, 3});
+  double *const o = origins.data(), *const d = directions.data();
+  const Contexts contexts(model, context ? &*context : nullptr);
+  {
+    const nb::gil_scoped_release release;
+    std::array<double, kMaxObservationSize> values{};
+    for (size_t i = 0; i < count; ++i) {
+      std::copy_n(pixels.data() + i * measured, measured, values.data());
+      contexts.Put(i, values.data());
+      const std::optional<Ray> ray =
+          model.unproject(camera.params.data(), camera.config.data(), values.data());
+      for (Eigen::Index k = 0; k < 3; ++k) {
+        o[3 * i + static_cast<size_t>(k)] = ray ? ray->origin[k] : kNan;
+        d[3 * i + static_cast<size_t>(k)] = ray ? ray->direction[k] : kNan;
+      }
+    }
+  }
+  RethrowFromModel();
+  return nb::make_tuple(origins, directions);
+}
+
+nb::dict FitOf(const CameraFit& fit) {
+  nb::dict result;
+  result["points"] = fit.points;
+  result["rejected"] = fit.rejected;
+  result["views"] = fit.views;
+  result["rms"] = fit.rms;
+  result["noise_sigma"] = fit.noise_sigma;
+  result["detector_sigma"] = fit.detector_sigma;
+  return result;
+}
+
+nb::list NamesAndUnits(const CameraModel& model) {
+  nb::list entries;
+  for (const Param& param : model.params) {
+    entries.append(nb::make_tuple(std::string(param.name), std::string(param.unit)));
+  }
+  return entries;
+}
+
+std::vector<std::string> Strings(std::span<const std::string_view> names) {
+  return {names.begin(), names.end()};
+}
+
+nb::list DistancesOf(const CameraDifference& difference) {
+  nb::list rows;
+  for (const DistanceDifference& at : difference.distances) {
+    nb::dict row;
+    row["distance"] = at.distance;
+    row["points"] = at.all.points;
+    row["rms"] = at.all.rms;
+    row["largest"] = at.all.largest;
+    row["predicted"] = difference.has_prediction ? at.all.predicted : kNan;
+    row["probability"] = difference.has_prediction ? at.all.probability : kNan;
+    row["differs"] = at.all.differs;
+    Numbers pixels = NewArray({at.pixels.size(), 5});
+    double* out = pixels.data();
+    for (const PixelDifference& pixel : at.pixels) {
+      for (const double value : {pixel.u_px.x(),
+                                 pixel.u_px.y(),
+                                 pixel.difference_px.x(),
+                                 pixel.difference_px.y(),
+                                 pixel.predicted_px}) {
+        *out++ = value;
+      }
+    }
+    row["pixels"] = pixels;
+    rows.append(row);
+  }
+  return rows;
+}
+
+nb::dict Compare(const CalibratedCamera& a,
+                 const CalibratedCamera& b,
+                 const std::vector<double>& distances) {
+  const CameraDifference difference = [&] {
+    const nb::gil_scoped_release release;
+    return CompareCameras(a, b, distances);
+  }();
+  nb::dict result;
+  result["name"] = difference.name;
+  result["T_b_a"] = ToArray(difference.T_b_a);
+  result["distances"] = DistancesOf(difference);
+  result["has_prediction"] = difference.has_prediction;
+  result["same"] = difference.same;
+  return result;
+}
+
+nb::tuple ConvertTo(const CalibratedCamera& camera, const std::string& name) {
+  const CameraModel& model = ModelOf(name);
+  const Conversion conversion = [&] {
+    const nb::gil_scoped_release release;
+    return Convert(camera, model);
+  }();
+  CalibratedCamera converted{.name = camera.name,
+                             .model = &model,
+                             .image_size = camera.image_size,
+                             .config = {},
+                             .params = conversion.params,
+                             .covariance = {},
+                             .T_camera_rig = camera.T_camera_rig};
+  const auto n = static_cast<Eigen::Index>(conversion.params.size());
+  converted.covariance = Eigen::MatrixXd::Zero(n, n);
+  return nb::make_tuple(converted, conversion.rms, conversion.largest, conversion.unseen);
+}
+
+}  // namespace
+
+void BindCamera(nb::module_& module) {
+  using Camera = CalibratedCamera;
+  nb::class_<Camera>(module, "Camera")
+      .def_static("make",
+                  &MakeCamera,
+                  nb::arg("name"),
+                  nb::arg("model"),
+                  nb::arg("image_size"),
+                  nb::arg("params"),
+                  nb::arg("config"),
+                  nb::arg("T_camera_rig"),
+                  nb::arg("covariance").none())
+      .def_ro("name", &Camera::name)
+      .def_ro("image_size", &Camera::image_size)
+      .def_ro("at_bound", &Camera::at_bound)
+      .def_prop_ro("model", [](const Camera& camera) { return std::string(camera.model->name); })
+      .def_prop_ro("central", [](const Camera& camera) { return camera.model->central; })
+      .def_prop_ro("plenoptic", [](const Camera& camera) { return camera.model->plenoptic; })
+      .def_prop_ro("measured", [](const Camera& camera) { return Strings(camera.model->measured); })
+      .def_prop_ro("context", [](const Camera& camera) { return Strings(camera.model->context); })
+      .def_prop_ro(
+          "names_and_units",
+          [](const Camera& camera) { return NamesAndUnits(*camera.model); },
+          nb::rv_policy::move)
+      .def_prop_ro(
+          "params",
+          [](const Camera& camera) { return ToArray(camera.params); },
+          nb::rv_policy::move)
+      .def_prop_ro(
+          "config",
+          [](const Camera& camera) { return ToArray(camera.config); },
+          nb::rv_policy::move)
+      .def_prop_ro(
+          "covariance",
+          [](const Camera& camera) { return ToArray(camera.covariance); },
+          nb::rv_policy::move)
+      .def_prop_ro(
+          "T_camera_rig",
+          [](const Camera& camera) { return ToArray(camera.T_camera_rig); },
+          nb::rv_policy::move)
+      .def_prop_ro(
+          "fit", [](const Camera& camera) { return FitOf(camera.fit); }, nb::rv_policy::move)
+      .def("project", &Project, nb::arg("points"), nb::arg("context").none())
+      .def("jacobian", &Jacobian, nb::arg("points"), nb::arg("context").none())
+      .def("uncertainty", &Uncertainty, nb::arg("points"), nb::arg("context").none())
+      .def("rays", &Rays, nb::arg("pixels"), nb::arg("context").none())
+      .def("compare", &Compare, nb::arg("other"), nb::arg("distances"))
+      .def("convert", &ConvertTo, nb::arg("model"))
+      .def("image_sigma",
+           &ImageSigma,
+           nb::arg("distances"),
+           nb::call_guard<nb::gil_scoped_release>())
+      .def("yaml", [](const Camera& camera) { return GivenCamerasYaml(std::array{camera}, {}); });
+}
+
+}  // namespace plenocal::python

@@ -1,0 +1,263 @@
+# SPDX-License-Identifier: Apache-2.0
+from __future__ import annotations
+
+import filecmp
+import json
+import os
+import pathlib
+import signal
+import subprocess
+import sys
+import threading
+
+import numpy as np
+import pytest
+
+import plenocal
+
+from conftest import CHESSBOARDS, ROOT
+
+PROGRAM = os.environ.get("PLENOCAL_PROGRAM", "")
+
+
+def test_finds_the_simulated_camera(
+    session: plenocal.Session, calibration: plenocal.Calibration
+) -> None:
+    truth = plenocal.Calibration(
+        pathlib.Path(session.path).parent / "truth" / "calibration.yaml"
+    )
+    camera = calibration[0]
+    error = (camera.params - truth[0].params) / np.sqrt(np.diag(camera.covariance))
+    assert np.abs(error).max() < 4
+    assert calibration.verdict is not None and calibration.verdict["grade"] in ("good", "usable")
+    assert "verdict" in calibration.summary
+    table = camera.parameters
+    assert list(table.dtype.names or ()) == ["name", "value", "sigma", "unit"]
+    assert (table["value"] == camera.params).all()
+
+
+def test_residuals_and_poses_are_tables(calibration: plenocal.Calibration) -> None:
+    residuals = calibration.residuals()
+    assert {"frame", "marker", "x", "y", "residual_x", "residual_y", "used"} <= set(
+        residuals.dtype.names or ()
+    )
+    poses = calibration.poses
+    camera = calibration[0]
+    positions = {row["marker"]: row["position"] for row in calibration.markers}
+    T_target_rig = {row["frame"]: row["T_target_rig"] for row in poses}
+    p = np.array(
+        [
+            np.linalg.inv(T_target_rig[row["frame"]]) @ [*positions[row["marker"]], 1]
+            for row in residuals
+        ]
+    )[:, :3]
+    predicted = camera.project(p @ camera.T_camera_rig[:3, :3].T + camera.T_camera_rig[:3, 3])
+    measured = np.stack([residuals["x"], residuals["y"]], axis=1)
+    found = np.stack([residuals["residual_x"], residuals["residual_y"]], axis=1)
+    np.testing.assert_allclose(measured - predicted, found, atol=1e-4)  # as files round them
+    used = residuals["used"]
+    rms = np.sqrt(np.mean(np.sum(found[used] ** 2, axis=1)))
+    assert rms == pytest.approx(camera.fit["rms"], abs=1e-4)
+
+
+@pytest.mark.skipif(not PROGRAM, reason="PLENOCAL_PROGRAM names no program")
+def test_writes_the_files_of_the_program_byte_for_byte(
+    session: plenocal.Session, tmp_path: pathlib.Path
+) -> None:
+    out = tmp_path / "out"
+    subprocess.run(
+        [PROGRAM, "calibrate", session.path, "-o", out], check=True, capture_output=True
+    )
+    program = tmp_path / "program"
+    out.rename(program)
+    plenocal.calibrate(session, out)
+    names = sorted(p.name for p in program.iterdir() if p.is_file())
+    assert "calibration.yaml" in names and "residuals.csv" in names
+    match, mismatch, errors = filecmp.cmpfiles(program, out, names, shallow=False)
+    assert not mismatch and not errors
+
+
+def test_a_calibration_of_real_images(tmp_path: pathlib.Path) -> None:
+    stages: list[str] = []
+    result = plenocal.calibrate(
+        images=sorted(CHESSBOARDS.glob("left*.jpg")),
+        target="chessboard:9x6:25mm",
+        model="pinhole-radtan",
+        progress=stages.append,
+        report=False,
+    )
+    assert result[0].fit["rms"] < 0.3
+    assert result[0].params[0] == pytest.approx(536, abs=3)
+    assert len(stages) > 3
+
+
+def test_points_from_detect_calibrate_a_camera(tmp_path: pathlib.Path) -> None:
+    target = plenocal.Target("chessboard:9x6:25mm")
+    files = sorted(CHESSBOARDS.glob("left*.jpg"))[:8]
+    points = {file.stem: plenocal.detect(file, target) for file in files}
+    assert all(len(table) == 54 for table in points.values())
+    cameras = {"left": {"model": "pinhole-radtan4", "image_size": (640, 480), "points": points}}
+    session = plenocal.Session.from_points(tmp_path / "session", target, cameras)
+    result = plenocal.calibrate(session, report=False)
+    assert result["left"].params[0] == pytest.approx(536, abs=5)
+
+
+def test_detect_takes_arrays() -> None:
+    size, square = 480, 40
+    board = np.indices((size, size)).sum(axis=0) * 0
+    for row in range(7):
+        for column in range(10):
+            if (row + column) % 2 == 0:
+                y, x = 60 + row * square, 40 + column * square
+                board[y : y + square, x : x + square] = 1
+    image = np.full((size, size), 230, dtype=np.uint8)
+    image[board == 1] = 20
+    found = plenocal.detect(image, "chessboard:9x6:25mm")
+    # Corners lie between pixels.
+    assert sorted(set(np.round(found["x"] - 0.5 + 1e-9).astype(int) % square)) == [39]
+    wide = (image.astype(np.uint16)) * 16
+    again = plenocal.detect(wide, "chessboard:9x6:25mm")
+    np.testing.assert_allclose(again["x"], found["x"], atol=0.01)
+    with pytest.raises(plenocal.JobError, match="image: "):
+        plenocal.detect(np.zeros((100, 100), np.uint8), "chessboard:9x6:25mm")
+    with pytest.raises(plenocal.InputError, match="gray image"):
+        plenocal.detect(np.zeros((100, 100, 3), np.uint8), "chessboard:9x6:25mm")
+
+
+def test_files_come_back(calibration: plenocal.Calibration, tmp_path: pathlib.Path) -> None:
+    calibration.save(tmp_path / "calibration.yaml")
+    again = plenocal.Calibration.load(tmp_path / "calibration.yaml")
+    np.testing.assert_array_equal(again[0].params, calibration[0].params)
+    np.testing.assert_array_equal(again[0].T_camera_rig, calibration[0].T_camera_rig)
+    calibration.to_opencv(tmp_path / "camera.yml")
+    assert "camera_matrix" in (tmp_path / "camera.yml").read_text()
+    calibration.report(tmp_path / "report.html")
+    assert "<html" in (tmp_path / "report.html").read_text()
+    html = calibration._repr_html_()
+    assert "verdict" in html and "data:image/png;base64," in html
+
+
+def test_given_cameras_are_exported(tmp_path: pathlib.Path) -> None:
+    camera = plenocal.Camera("pinhole", (640, 480), [500, 500, 320, 240], name="left")
+    calibration = plenocal.Calibration.of_cameras([camera])
+    calibration.export(tmp_path / "cameras.txt", "colmap")
+    assert "PINHOLE 640 480" in (tmp_path / "cameras.txt").read_text()
+
+
+def test_commands(session: plenocal.Session, calibration: plenocal.Calibration, tmp_path: pathlib.Path) -> None:
+    rows = plenocal.try_models(session, models=["pinhole", calibration[0].model], folds=2)
+    assert {row["model"] for row in rows} == {"pinhole", calibration[0].model}
+    check = plenocal.check(calibration, session)
+    assert check["valid"] is True
+    differences = plenocal.compare(calibration, calibration)
+    assert differences[0]["largest"] < 1e-9
+
+
+def test_messages_are_those_of_the_program(tmp_path: pathlib.Path) -> None:
+    with pytest.raises(plenocal.InputError, match="missing.yaml"):
+        plenocal.calibrate(tmp_path / "missing.yaml")
+    with pytest.raises(plenocal.InputError, match="unknown command 'calibrat'; did you mean 'calibrate'?"):
+        plenocal.run(["calibrat"])
+    with pytest.raises(plenocal.InputError, match="unknown option"):
+        plenocal.run(["calibrate", "x.yaml", "--outt", "y"])
+    broken = tmp_path / "session.yaml"
+    broken.write_text("plenocal: 1\ncameras: 3\n")
+    with pytest.raises(plenocal.InputError, match=r"session\.yaml:1:1: target: this key is missing"):
+        plenocal.Session(broken)
+    assert "plenocal" in plenocal.run(["--help"])
+
+
+def test_an_exception_in_a_callback_stops_the_command(
+    session: plenocal.Session, tmp_path: pathlib.Path
+) -> None:
+    def fail(stage: str) -> None:
+        raise ZeroDivisionError(stage)
+
+    out = tmp_path / "out"
+    with pytest.raises(ZeroDivisionError):
+        plenocal.calibrate(session, out, progress=fail)
+    assert not (out / "calibration.yaml").exists()
+
+    def nested(stage: str) -> None:
+        plenocal.run(["models"])
+
+    with pytest.raises(plenocal.InputError, match="a command runs already"):
+        plenocal.calibrate(session, out, progress=nested)
+
+
+def test_ctrl_c_stops_a_command(session: plenocal.Session, tmp_path: pathlib.Path) -> None:
+    pressed: list[str] = []
+
+    def press(stage: str) -> None:
+        if not pressed:
+            os.kill(os.getpid(), signal.SIGINT)
+        pressed.append(stage)
+
+    out = tmp_path / "out"
+    with pytest.raises(KeyboardInterrupt):
+        plenocal.calibrate(session, out, progress=press)
+    assert not (out / "calibration.yaml").exists()
+    # Then Python's own handler is back.
+    with pytest.raises(KeyboardInterrupt):
+        os.kill(os.getpid(), signal.SIGINT)
+        signal.sigtimedwait([], 1)
+
+
+def test_threads_that_call_at_once(session: plenocal.Session, tmp_path: pathlib.Path) -> None:
+    results: list[plenocal.Calibration] = []
+    camera = plenocal.Camera("pinhole", (640, 480), [500, 500, 320, 240])
+
+    def work(i: int) -> None:
+        camera.project(np.ones((100, 3)))
+        results.append(plenocal.calibrate(session, tmp_path / str(i), report=False))
+
+    threads = [threading.Thread(target=work, args=(i,)) for i in range(3)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(results) == 3
+    for result in results[1:]:
+        np.testing.assert_array_equal(result[0].params, results[0][0].params)
+
+
+def test_the_package_is_a_program() -> None:
+    version = subprocess.run(
+        [sys.executable, "-m", "plenocal", "--version"], check=True, capture_output=True, text=True
+    )
+    assert plenocal.__version__ in version.stdout
+    wrong = subprocess.run(
+        [sys.executable, "-m", "plenocal", "calibrat"], capture_output=True, text=True
+    )
+    assert wrong.returncode == 2 and "unknown command" in wrong.stderr
+
+
+def test_import_does_not_load_numpy() -> None:
+    code = "import sys, plenocal; sys.exit('numpy' in sys.modules)"
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_transforms_json_has_the_poses_of_the_images(
+    calibration: plenocal.Calibration, tmp_path: pathlib.Path
+) -> None:
+    calibration.export(tmp_path / "transforms.json", "nerfstudio")
+    content = json.loads((tmp_path / "transforms.json").read_text())
+    poses = calibration.poses
+    assert [f["file_path"] for f in content["frames"]] == [
+        f"images/{frame}.png" for frame in poses["frame"]
+    ]
+    # The points of the target fall where the calibration has seen them, by OpenGL's axes.
+    positions = {row["marker"]: row["position"] for row in calibration.markers}
+    residuals = calibration.residuals()
+    for frame in content["frames"][:3]:
+        world_from_camera = np.array(frame["transform_matrix"])
+        seen = residuals[residuals["frame"] == pathlib.Path(frame["file_path"]).stem]
+        p = np.array([[*positions[marker], 1] for marker in seen["marker"]])
+        x, y, z, _ = np.linalg.inv(world_from_camera) @ p.T
+        x, y = x / -z, y / z
+        r2 = x * x + y * y
+        radial = 1 + r2 * (content["k1"] + r2 * (content["k2"] + r2 * content["k3"]))
+        u = content["fl_x"] * x * radial + content["cx"] - 0.5
+        v = content["fl_y"] * y * radial + content["cy"] - 0.5
+        np.testing.assert_allclose(u, seen["x"] - seen["residual_x"], atol=1e-3)
+        np.testing.assert_allclose(v, seen["y"] - seen["residual_y"], atol=1e-3)
