@@ -54,12 +54,14 @@ const std::map<std::string, Rooms> kAllowed = [] {
   add("apps/formats", {"apps/resample"});
   add("apps/report", {"calib/judge", "models", "detectors"});
   add("apps/recording", {"detectors"});
+  add("apps/guide", {"apps/charts", "calib/judge"});
   add("apps/scene", {"apps/recording", "apps/evaluate", "apps/report", "models"});
   add("apps/simulate", {"apps/charts", "apps/evaluate", "calib/judge", "detectors", "models"});
   add("apps/cli",
       {"apps/print",
        "apps/evaluate",
        "apps/formats",
+       "apps/guide",
        "apps/recording",
        "apps/report",
        "apps/scene",
