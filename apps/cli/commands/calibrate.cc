@@ -28,6 +28,7 @@
 #include "calib/describe.h"
 #include "calib/files/calibration_file.h"
 #include "calib/files/calibration_tables.h"
+#include "calib/files/exclusion.h"
 #include "calib/files/frame_images.h"
 #include "calib/judge/causes/diagnose.h"
 #include "calib/judge/target/target_causes.h"
@@ -258,6 +259,7 @@ CalibrateJob MakeCalibrateJob(const CalibrateArguments& arguments,
   CalibrateJob job;
   if (const std::string file = SessionFile(arguments); !file.empty()) {
     job.session = OpenSession(file);
+    AddExcludeRules(arguments.exclude, &job.session);
     if (!job.session.scene) job.target = ReadTarget(job.session.target);
     return job;
   }
@@ -275,11 +277,13 @@ CalibrateJob MakeCalibrateJob(const CalibrateArguments& arguments,
   job.images.emplace(images, arguments.out, shared, console);
   job.target = job.images->target();
   job.session = job.images->With(job.model != nullptr ? *job.model : UsualModel(), {});
+  AddExcludeRules(arguments.exclude, &job.session);
   return job;
 }
 
 // Settles model and target of images, and writes session and target.
-void CompleteJob(const ConsoleOptions& shared,
+void CompleteJob(const CalibrateArguments& arguments,
+                 const ConsoleOptions& shared,
                  CalibrateJob* job,
                  SessionObservations* observations,
                  Console* console,
@@ -288,6 +292,7 @@ void CompleteJob(const ConsoleOptions& shared,
   const ImageChoice choice =
       ChooseByHeldOutFrames(job->model, job->target, *observations, shared, console);
   job->session = job->images->With(*choice.model, choice.refine_target);
+  AddExcludeRules(arguments.exclude, &job->session);
   UseCamerasOf(job->session, observations);
   out->Write(ImageSession::kSessionName, job->session.text);
   out->Write(ImageSession::kTargetName, job->images->target_text());
@@ -355,12 +360,12 @@ void RunCalibrate(const CalibrateArguments& arguments, const ConsoleOptions& sha
   out.RefuseInputs(kResults);
 
   DetectionCache cache =
-      OpenDetectionCache(arguments.out,
+      OpenDetectionCache(arguments.cache.empty() ? arguments.out : arguments.cache,
                          session,
                          arguments.fresh ? EarlierDetections::kIgnore : EarlierDetections::kReuse);
   SessionObservations observations = CollectObservations(
       session, job.target, shared, {&cache, arguments.keep ? &out : nullptr}, &console);
-  CompleteJob(shared, &job, &observations, &console, &out);
+  CompleteJob(arguments, shared, &job, &observations, &console, &out);
   const auto provenance = ProvenanceOf(shared, "calibrate", session, arguments.out);
   auto [calibration, record] =
       session.scene ? CalibrateWithScene(shared, session, observations, &console, &out)
@@ -380,7 +385,8 @@ void RunCalibrate(const CalibrateArguments& arguments, const ConsoleOptions& sha
     WriteReport(record, files, &console, &out);
   }
   out.Commit();
-  cache.RemoveUnused();
+  // Other runs may need what is in a cache of its own.
+  if (arguments.cache.empty()) cache.RemoveUnused();
   Print(arguments, calibration, record, &console);
   CheckRequirement(arguments, *record.verdict);
 }
