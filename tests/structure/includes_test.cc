@@ -57,6 +57,7 @@ const std::map<std::string, Rooms> kAllowed = [] {
   add("apps/guide", {"apps/charts", "calib/judge"});
   add("apps/scene", {"apps/recording", "apps/evaluate", "apps/report", "models"});
   add("apps/simulate", {"apps/charts", "apps/evaluate", "calib/judge", "detectors", "models"});
+  add("apps/workbench", {"apps/report"});
   add("apps/cli",
       {"apps/print",
        "apps/evaluate",
@@ -65,7 +66,8 @@ const std::map<std::string, Rooms> kAllowed = [] {
        "apps/recording",
        "apps/report",
        "apps/scene",
-       "apps/simulate"});
+       "apps/simulate",
+       "apps/workbench"});
   add("apps", {"apps/cli"});
   return allowed;
 }();

@@ -46,8 +46,8 @@ using EventsOfImages = Images;
 
 TEST_F(EventsOfImages, TellWhatWasFoundInEach) {
   Save("images/99.png", cv::Mat(480, 640, CV_8UC1, cv::Scalar(128)));
-  const Outcome outcome = Run(
-      {"detect", "session.yaml", "-o", "out", "--quiet", "--cache", "cache", "--events", "2"});
+  const Outcome outcome =
+      Run({"detect", "session.yaml", "-o", "out", "--quiet", "--cache", "cache", "--events", "2"});
   ASSERT_EQ(outcome.status, kDone) << outcome.err;
   std::map<std::string, nlohmann::json> found;
   for (const nlohmann::json& event : EventsOf(outcome)) {
@@ -59,8 +59,7 @@ TEST_F(EventsOfImages, TellWhatWasFoundInEach) {
   EXPECT_EQ(found["99"]["points"], 0);
   EXPECT_NE(found["99"]["why"], "");
   EXPECT_FALSE(std::filesystem::exists(Path("out/.cache")));
-  const Outcome again =
-      Run({"detect", "session.yaml", "-o", "other", "--cache", "cache"});
+  const Outcome again = Run({"detect", "session.yaml", "-o", "other", "--cache", "cache"});
   EXPECT_THAT(again.err, HasSubstr("detections of 9 images reused"));
 }
 
@@ -76,12 +75,20 @@ using ExcludeOption = Workspace;
 TEST_F(ExcludeOption, LeavesOutFramesAsTheSessionDoes) {
   const SyntheticProblem problem = EasyProblem();
   WriteProblem(problem);
-  ASSERT_EQ(Run({"calibrate", "session.yaml", "-o", "by_option", "--no-report", "--exclude",
-                 "frame: '0003', note: blurred", "--exclude", "markers: [5]"})
+  ASSERT_EQ(Run({"calibrate",
+                 "session.yaml",
+                 "-o",
+                 "by_option",
+                 "--no-report",
+                 "--exclude",
+                 "frame: '0003', note: blurred",
+                 "--exclude",
+                 "markers: [5]"})
                 .status,
             kDone);
-  Write("session.yaml",
-        Read("session.yaml") + "exclude:\n  - {frame: '0003', note: blurred}\n  - {markers: [5]}\n");
+  Write(
+      "session.yaml",
+      Read("session.yaml") + "exclude:\n  - {frame: '0003', note: blurred}\n  - {markers: [5]}\n");
   ASSERT_EQ(Run({"calibrate", "session.yaml", "-o", "by_session", "--no-report"}).status, kDone);
   EXPECT_EQ(Read("by_option/residuals.csv"), Read("by_session/residuals.csv"));
   EXPECT_EQ(Read("by_option/left_out.csv"), Read("by_session/left_out.csv"));
