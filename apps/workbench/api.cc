@@ -133,7 +133,8 @@ Answer Api::State() {
                {"redo", version.redo}};
   }
   Json runs = Json::array();
-  for (const int run : project_->Runs()) runs.push_back(RunBriefJson(project_->RunFolder(run), run));
+  for (const int run : project_->Runs())
+    runs.push_back(RunBriefJson(project_->RunFolder(run), run));
   return JsonAnswer({{"root", project_->Root().string()},
                      {"session", session},
                      {"jobs", jobs_->All()},
@@ -249,8 +250,8 @@ Answer Api::SessionRequest(const Request& request) {
 Answer Api::Exclude(const Request& request) {
   const ExcludeRule rule = RuleOf(BodyOf(request));
   const SessionVersion now = project_->ReadVersion();
-  const std::string text = request.path[2] == "exclude" ? WithRule(now.text, rule)
-                                                        : WithoutRule(now.text, rule);
+  const std::string text =
+      request.path[2] == "exclude" ? WithRule(now.text, rule) : WithoutRule(now.text, rule);
   // A text that cannot be read is not written.
   (void)ParseSession(text, project_->SessionFile(), CameraModels());
   return Changed(project_->Write(text, now.hash));
@@ -269,14 +270,28 @@ Answer Api::AddJob(const Request& request) {
     job = jobs_->Add(kind, {"init", ".", "-o", session});
   } else if (kind == "detect") {
     job = jobs_->Add(kind,
-                     {"detect", session, "-o", ".plenocal/detections", "--cache", ".plenocal/cache",
-                      "--events", events, "--quiet"});
+                     {"detect",
+                      session,
+                      "-o",
+                      ".plenocal/detections",
+                      "--cache",
+                      ".plenocal/cache",
+                      "--events",
+                      events,
+                      "--quiet"});
   } else if (kind == "calibrate") {
     const int run = project_->NextRun();
     const std::string out = fmt::format("runs/{}", run);
     job = jobs_->Add(kind,
-                     {"calibrate", session, "-o", out, "--cache", ".plenocal/cache", "--events",
-                      events, "--quiet"},
+                     {"calibrate",
+                      session,
+                      "-o",
+                      out,
+                      "--cache",
+                      ".plenocal/cache",
+                      "--events",
+                      events,
+                      "--quiet"},
                      {{"run", run}});
   } else if (kind == "try") {
     job = jobs_->Add(kind, {"try", session, "-o", ".plenocal/try"});
@@ -293,8 +308,7 @@ Answer Api::Image(const Request& request) {
     if (each.name != camera) continue;
     for (const FrameImage& image : ExpandImages(each.images, camera + ": images")) {
       if (image.frame != frame) continue;
-      const int width =
-          request.Query("w").empty() ? 0 : NumberOf(request.Query("w"), "w");
+      const int width = request.Query("w").empty() ? 0 : NumberOf(request.Query("w"), "w");
       return ImageAnswer(project_->Root(), image.path, width);
     }
   }
@@ -312,6 +326,7 @@ Answer Api::Run(const Request& request) {
   if (Is(request, "GET", {"runs", "*", "points"})) {
     return JsonAnswer(PointsJson(folder, request.Query("camera"), request.Query("frame")));
   }
+  if (Is(request, "GET", {"runs", "*", "space"})) return JsonAnswer(SpaceJson(folder));
   if (Is(request, "GET", {"runs", "*", "maps"})) {
     return JsonAnswer(MapsJson(folder, request.Query("camera")));
   }
@@ -328,8 +343,12 @@ Answer Api::Run(const Request& request) {
 Answer Api::Suggest(const Request& request) const {
   const Json body = BodyOf(request);
   const int run = body.value("run", 0), count = body.value("count", 5);
-  return {.body = OutputOf(RunChild({"suggest", project_->RunFolder(run).string(), "--count",
-                                     std::to_string(count), "--json", "--quiet"},
+  return {.body = OutputOf(RunChild({"suggest",
+                                     project_->RunFolder(run).string(),
+                                     "--count",
+                                     std::to_string(count),
+                                     "--json",
+                                     "--quiet"},
                                     project_->Root().string()))};
 }
 
@@ -354,8 +373,7 @@ Answer Api::Export(const Request& request) const {
                                      "-o",
                                      (out / (format + ".txt")).string()};
   if (!request.Query("camera").empty()) {
-    arguments.insert(arguments.end(),
-                     {"--camera", PlainName(request.Query("camera"), "camera")});
+    arguments.insert(arguments.end(), {"--camera", PlainName(request.Query("camera"), "camera")});
   }
   fs::create_directories(out);
   OutputOf(RunChild(arguments, project_->Root().string()));

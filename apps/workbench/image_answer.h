@@ -9,8 +9,6 @@ namespace plenocal::workbench {
 
 /// An image file beneath `root` as JPEG, at most `width` pixels wide (0: as it is). Throws `Error`
 /// of kind kInput for one that lies elsewhere, is no image, or has more than 200 megapixels.
-Answer ImageAnswer(const std::filesystem::path& root,
-                   const std::filesystem::path& file,
-                   int width);
+Answer ImageAnswer(const std::filesystem::path& root, const std::filesystem::path& file, int width);
 
 }  // namespace plenocal::workbench

@@ -91,8 +91,7 @@ Json CameraJson(const CalibrationRecord& record, const CalibratedCamera& camera)
 Json RunBriefJson(const fs::path& folder, int number) {
   Json brief = {{"run", number}};
   try {
-    const CalibrationRecord record =
-        ReadCalibration(folder / "calibration.yaml", CameraModels());
+    const CalibrationRecord record = ReadCalibration(folder / "calibration.yaml", CameraModels());
     Json rms = Json::array();
     for (const CalibratedCamera& camera : record.cameras) rms.push_back(Finite(camera.fit.rms));
     brief["rms"] = rms;
@@ -132,6 +131,30 @@ Json PointsJson(const fs::path& folder, const std::string& camera, const std::st
                       row.used ? 1 : 0});
   }
   return {{"camera", camera}, {"frame", frame}, {"points", points}};
+}
+
+Json SpaceJson(const fs::path& folder) {
+  const auto record = RecordOf(folder);
+  const auto rows = [](const RigidTransform& T) {
+    Json numbers = Json::array();
+    for (int r = 0; r < 3; ++r) {
+      for (int c = 0; c < 3; ++c) numbers.push_back(T.R(r, c));
+      numbers.push_back(T.t[r]);
+    }
+    return numbers;
+  };
+  Json markers = Json::array(), cameras = Json::array(), frames = Json::array();
+  for (const auto& [number, marker] : record->markers) {
+    markers.push_back({marker.position.x(), marker.position.y(), marker.position.z()});
+  }
+  for (const CalibratedCamera& camera : record->cameras) {
+    cameras.push_back(
+        {{"name", camera.name}, {"T_rig_camera", rows(camera.T_camera_rig.Inverse())}});
+  }
+  for (const FrameRecord& frame : record->frames) {
+    frames.push_back({{"name", frame.name}, {"T_target_rig", rows(frame.T_target_rig)}});
+  }
+  return {{"markers", markers}, {"cameras", cameras}, {"frames", frames}};
 }
 
 Json MapsJson(const fs::path& folder, const std::string& name) {

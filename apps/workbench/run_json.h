@@ -20,6 +20,10 @@ nlohmann::json PointsJson(const std::filesystem::path& folder,
                           const std::string& camera,
                           const std::string& frame);
 
+/// Markers (m, in the target's frame), cameras with T_rig_camera, frames with T_target_rig;
+/// transforms as twelve numbers, the rows of [R t].
+nlohmann::json SpaceJson(const std::filesystem::path& folder);
+
 /// Sigma of the projection over a camera's image, at each distance.
 nlohmann::json MapsJson(const std::filesystem::path& folder, const std::string& camera);
 

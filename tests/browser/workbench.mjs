@@ -139,6 +139,26 @@ async function editorBesideThePage(page, steps) {
   await page.getByText("left: 13 images").waitFor({ timeout: kPatience });
 }
 
+async function inSpace(page, steps) {
+  steps("cameras in space: hover names one, a click opens its image");
+  await page.getByRole("button", { name: "Space", exact: true }).click();
+  const canvas = page.locator("canvas[data-cameras='12']");
+  await canvas.waitFor({ timeout: kPatience });
+  await picture(page, "space");
+  const box = await canvas.boundingBox();
+  let name = "";
+  for (let y = 0.1; y < 0.95 && !name; y += 0.03) {
+    for (let x = 0.05; x < 0.95 && !name; x += 0.03) {
+      await page.mouse.move(box.x + x * box.width, box.y + y * box.height);
+      name = (await page.locator("[data-hover]").getAttribute("data-hover")) ?? "";
+    }
+  }
+  assert.match(name, /^left\/left\d\d$/);
+  await page.mouse.down();
+  await page.mouse.up();
+  await page.getByRole("heading", { name: name.replace("/", " / ") }).waitFor({ timeout: kPatience });
+}
+
 async function suggestCompareExport(page, steps) {
   steps("next views, comparison, export with the command line");
   await page.getByRole("button", { name: "Next views" }).click();
@@ -235,6 +255,7 @@ try {
   await folderToResult(page, steps);
   await excludeAndUndo(page, steps);
   await editorBesideThePage(page, steps);
+  await inSpace(page, steps);
   await suggestCompareExport(page, steps);
   await page.close();
   assert.deepEqual(problems, []);

@@ -16,8 +16,8 @@ class EventLog {
   /// `json` without line breaks.
   void Add(const std::string& name, const std::string& json);
   [[nodiscard]] size_t Last() const;
-  /// The events after number `*seen` as server-sent events, and `*seen` set to the last; of one that
-  /// is no longer kept, a single event `reset`.
+  /// The events after number `*seen` as server-sent events, and `*seen` set to the last; of one
+  /// that is no longer kept, a single event `reset`.
   std::string After(size_t* seen) const;
 
  private:

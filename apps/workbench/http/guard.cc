@@ -138,7 +138,8 @@ std::optional<Answer> Refuse(const Request& request, size_t hosts, std::string_v
   constexpr std::string_view kBearer = "Bearer ";
   if (!authorization.starts_with(kBearer) ||
       !SameSecret(std::string_view(authorization).substr(kBearer.size()), token)) {
-    return ErrorAnswer(401, "the token is missing or that of an earlier start",
+    return ErrorAnswer(401,
+                       "the token is missing or that of an earlier start",
                        "open the address that 'plenocal workbench' printed");
   }
   if (!request.body.empty() && !request.Header("content-type").starts_with("application/json")) {

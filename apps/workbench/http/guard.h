@@ -33,8 +33,8 @@ struct Answer {
 /// {"error": {"what": ..., "remedy": ...}}
 Answer ErrorAnswer(int status, const std::string& what, const std::string& remedy = {});
 
-/// Path and query of a request's target, decoded; nothing for one that is longer than 4 kB, does not
-/// begin with '/', or has a part that is "..", or with '/', '\' or a control character in it.
+/// Path and query of a request's target, decoded; nothing for one that is longer than 4 kB, does
+/// not begin with '/', or has a part that is "..", or with '/', '\' or a control character in it.
 struct Address {
   std::vector<std::string> path;
   std::map<std::string, std::string> query;

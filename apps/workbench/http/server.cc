@@ -98,8 +98,10 @@ struct Server::State {
     if (last != message.end()) {
       seen = std::strtoul(std::string(last->value()).c_str(), nullptr, 10);
     }
-    std::string text = "HTTP/1.1 200 OK\r\nContent-Type: text/event-stream\r\nConnection: close\r\n";
-    for (const auto& [name, value] : SafetyHeaders()) text += fmt::format("{}: {}\r\n", name, value);
+    std::string text =
+        "HTTP/1.1 200 OK\r\nContent-Type: text/event-stream\r\nConnection: close\r\n";
+    for (const auto& [name, value] : SafetyHeaders())
+      text += fmt::format("{}: {}\r\n", name, value);
     text += fmt::format("\r\nid: {}\nevent: open\ndata: {{}}\n\n", seen);
     asio::steady_timer timer(co_await asio::this_coro::executor);
     auto written = std::chrono::steady_clock::now();
@@ -152,7 +154,8 @@ struct Server::State {
   static void Close(beast::tcp_stream& stream, const boost::system::error_code& error) {
     const bool too_large = error == http::error::header_limit || error == http::error::body_limit ||
                            error == http::error::buffer_overflow;
-    if (!too_large && error.category() != http::make_error_code(http::error::bad_method).category()) {
+    if (!too_large &&
+        error.category() != http::make_error_code(http::error::bad_method).category()) {
       return;
     }
     if (error == http::error::end_of_stream || error == http::error::partial_message) return;
@@ -167,8 +170,8 @@ struct Server::State {
   asio::awaitable<void> Accept() {
     for (;;) {
       boost::system::error_code error;
-      tcp::socket socket = co_await acceptor.async_accept(
-          asio::redirect_error(use_awaitable, error));
+      tcp::socket socket =
+          co_await acceptor.async_accept(asio::redirect_error(use_awaitable, error));
       if (!acceptor.is_open()) co_return;
       if (error) continue;
       if (connections >= kMostConnections) continue;  // closes it

@@ -39,8 +39,8 @@ class OpenFile {
 }  // namespace
 
 fs::path RelativeTo(const fs::path& root, const fs::path& file) {
-  const fs::path relative =
-      fs::absolute(file).lexically_normal().lexically_relative(fs::absolute(root).lexically_normal());
+  const fs::path relative = fs::absolute(file).lexically_normal().lexically_relative(
+      fs::absolute(root).lexically_normal());
   if (relative.empty() || *relative.begin() == "..") {
     RefuseFile(file, "lies outside of the folder of this workbench");
   }
@@ -54,8 +54,8 @@ std::vector<std::uint8_t> ReadBeneath(const fs::path& root, const fs::path& file
   // A pipe would else wait for a writer.
   how.flags = O_RDONLY | O_CLOEXEC | O_NONBLOCK;
   how.resolve = RESOLVE_BENEATH | RESOLVE_NO_MAGICLINKS;
-  const OpenFile opened(static_cast<int>(
-      syscall(SYS_openat2, folder.Number(), relative.c_str(), &how, sizeof how)));
+  const OpenFile opened(
+      static_cast<int>(syscall(SYS_openat2, folder.Number(), relative.c_str(), &how, sizeof how)));
   if (opened.Number() < 0) RefuseFile(file, std::strerror(errno));
   struct stat about {};
   if (fstat(opened.Number(), &about) != 0 || !S_ISREG(about.st_mode)) {

@@ -18,12 +18,12 @@ using ::testing::StartsWith;
 constexpr const char* kToken = "0123456789abcdef";
 
 Request ApiRequest(std::map<std::string, std::string> more = {}) {
-  Request request{.method = "GET",
-                  .path = {"api", "state"},
-                  .query = {},
-                  .headers = {{"host", "127.0.0.1:4711"},
-                              {"authorization", std::string("Bearer ") + kToken}},
-                  .body = {}};
+  Request request{
+      .method = "GET",
+      .path = {"api", "state"},
+      .query = {},
+      .headers = {{"host", "127.0.0.1:4711"}, {"authorization", std::string("Bearer ") + kToken}},
+      .body = {}};
   for (const auto& [name, value] : more) request.headers[name] = value;
   return request;
 }
@@ -38,15 +38,26 @@ TEST(Guard, LetsThePageIn) {
   EXPECT_EQ(StatusOf(ApiRequest({{"host", "localhost:80"}})), 200);
   EXPECT_EQ(StatusOf(ApiRequest({{"host", "[::1]:4711"}})), 200);
   EXPECT_EQ(StatusOf(ApiRequest({{"host", "localhost"}})), 200);
-  EXPECT_EQ(StatusOf(ApiRequest({{"origin", "http://127.0.0.1:4711"},
-                                 {"sec-fetch-site", "same-origin"}})),
+  EXPECT_EQ(StatusOf(ApiRequest(
+                {{"origin", "http://127.0.0.1:4711"}, {"sec-fetch-site", "same-origin"}})),
             200);
 }
 
 TEST(Guard, RefusesNamesThatAreNotThisMachine) {
-  for (const char* host : {"evil.test", "127.0.0.1.evil.test", "localhost.", "LOCALHOST.evil", "",
-                           "127.0.0.1:", "127.0.0.1:80:80", "127.0.0.1:8o", "127.0.0.1:123456",
-                           "[::1", "[::1]evil", "0.0.0.0", "127.0.0.2", "localhost@evil.test",
+  for (const char* host : {"evil.test",
+                           "127.0.0.1.evil.test",
+                           "localhost.",
+                           "LOCALHOST.evil",
+                           "",
+                           "127.0.0.1:",
+                           "127.0.0.1:80:80",
+                           "127.0.0.1:8o",
+                           "127.0.0.1:123456",
+                           "[::1",
+                           "[::1]evil",
+                           "0.0.0.0",
+                           "127.0.0.2",
+                           "localhost@evil.test",
                            "127.0.0.1%00"}) {
     EXPECT_EQ(StatusOf(ApiRequest({{"host", host}})), 403) << host;
     // The page's own files are refused as well.
@@ -59,7 +70,10 @@ TEST(Guard, RefusesNamesThatAreNotThisMachine) {
 }
 
 TEST(Guard, RefusesOtherOrigins) {
-  for (const char* origin : {"http://evil.test", "null", "http://127.0.0.1:4712", "https://127.0.0.1:4711",
+  for (const char* origin : {"http://evil.test",
+                             "null",
+                             "http://127.0.0.1:4712",
+                             "https://127.0.0.1:4711",
                              "http://localhost:4711"}) {
     EXPECT_EQ(StatusOf(ApiRequest({{"origin", origin}})), 403) << origin;
   }
@@ -69,8 +83,13 @@ TEST(Guard, RefusesOtherOrigins) {
 }
 
 TEST(Guard, RefusesRequestsWithoutTheToken) {
-  for (const char* authorization : {"", "Bearer", "Bearer ", "Bearer 0123456789abcdeF", "Basic x",
-                                    "0123456789abcdef", "Bearer 0123456789abcdef0",
+  for (const char* authorization : {"",
+                                    "Bearer",
+                                    "Bearer ",
+                                    "Bearer 0123456789abcdeF",
+                                    "Basic x",
+                                    "0123456789abcdef",
+                                    "Bearer 0123456789abcdef0",
                                     "Bearer 0123456789abcde"}) {
     EXPECT_EQ(StatusOf(ApiRequest({{"authorization", authorization}})), 401) << authorization;
   }
@@ -78,7 +97,8 @@ TEST(Guard, RefusesRequestsWithoutTheToken) {
 
 TEST(Guard, TakesBodiesOfJsonAlone) {
   // Forms of other pages can send these without asking.
-  for (const char* type : {"", "text/plain", "application/x-www-form-urlencoded", "multipart/form-data"}) {
+  for (const char* type :
+       {"", "text/plain", "application/x-www-form-urlencoded", "multipart/form-data"}) {
     Request request = ApiRequest({{"content-type", type}});
     request.body = "{}";
     EXPECT_EQ(StatusOf(request), 415) << type;
@@ -111,9 +131,23 @@ TEST(Address, IsDecodedByParts) {
 }
 
 TEST(Address, LeadsNowhereElse) {
-  for (const char* target : {"", "api", "http://evil/", "/..", "/api/../..", "/api/%2e%2e/x", "/a/..%2fb",
-                             "/a%5cb", "/a%5c..%5cb", "/a%00b", "/a%0d%0ab", "/%", "/%g0", "/%2", "/a/.",
-                             "/x?a=%00", "/x?a=%zz"}) {
+  for (const char* target : {"",
+                             "api",
+                             "http://evil/",
+                             "/..",
+                             "/api/../..",
+                             "/api/%2e%2e/x",
+                             "/a/..%2fb",
+                             "/a%5cb",
+                             "/a%5c..%5cb",
+                             "/a%00b",
+                             "/a%0d%0ab",
+                             "/%",
+                             "/%g0",
+                             "/%2",
+                             "/a/.",
+                             "/x?a=%00",
+                             "/x?a=%zz"}) {
     EXPECT_FALSE(ParseAddress(target)) << target;
   }
   EXPECT_FALSE(ParseAddress("/" + std::string(5000, 'a')));

@@ -62,8 +62,16 @@ TEST_F(BeneathRoot, NothingElseIs) {
   fs::create_directory_symlink(folder_ / "data-x", folder_ / "data/folder");
   fs::create_symlink("a", folder_ / "data/inside");
   ASSERT_EQ(mkfifo((folder_ / "data/pipe").c_str(), 0600), 0);
-  for (const char* name : {"secret", "data/../secret", "data-x/b", "data/link", "data/folder/b",
-                           "data/pipe", "data/long", "data/none", "data", "data/"}) {
+  for (const char* name : {"secret",
+                           "data/../secret",
+                           "data-x/b",
+                           "data/link",
+                           "data/folder/b",
+                           "data/pipe",
+                           "data/long",
+                           "data/none",
+                           "data",
+                           "data/"}) {
     EXPECT_THROW(ReadSafely(folder_ / name), Error) << name;
   }
   EXPECT_THROW(ReadSafely("/proc/self/environ"), Error);
@@ -77,8 +85,9 @@ TEST(SessionText, GetsARuleAndNothingElse) {
   const ExcludeRule first{.camera = "left", .frame = "0012", .note = "blurred: badly"},
       second{.frame = "<img>", .markers = {17, 18}};
   const std::string once = WithRule(kText, first);
-  EXPECT_EQ(once, std::string(kText) +
-                      "\nexclude:\n  - {camera: left, frame: \"0012\", note: \"blurred: badly\"}\n");
+  EXPECT_EQ(once,
+            std::string(kText) +
+                "\nexclude:\n  - {camera: left, frame: \"0012\", note: \"blurred: badly\"}\n");
   const std::string twice = WithRule(once + "options: {}\n", second);
   EXPECT_EQ(twice, once + "  - {frame: \"<img>\", markers: [17, 18]}\noptions: {}\n");
   EXPECT_EQ(WithoutRule(twice, second), once + "options: {}\n");

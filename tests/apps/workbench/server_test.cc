@@ -29,7 +29,8 @@ class ServerOnASocket : public ::testing::Test {
                        if (request.path.size() > 1 && request.path[1] == "throws") {
                          throw std::runtime_error("a bug");
                        }
-                       return Answer{.body = "{\"length\":" + std::to_string(request.body.size()) + "}"};
+                       return Answer{.body = "{\"length\":" + std::to_string(request.body.size()) +
+                                             "}"};
                      },
                  .events = &events_}),
         thread_([this] { server_.Run([this] { return !stop_; }); }) {}
@@ -68,12 +69,9 @@ class ServerOnASocket : public ::testing::Test {
     return Send("GET " + path + " HTTP/1.1\r\nConnection: close\r\n" + headers + "\r\n");
   }
 
-  static constexpr const char* kGood =
-      "Host: 127.0.0.1\r\nAuthorization: Bearer secret\r\n";
+  static constexpr const char* kGood = "Host: 127.0.0.1\r\nAuthorization: Bearer secret\r\n";
 
-  void ExpectAlive() const {
-    EXPECT_THAT(Get("/api/state", kGood), StartsWith("HTTP/1.1 200"));
-  }
+  void ExpectAlive() const { EXPECT_THAT(Get("/api/state", kGood), StartsWith("HTTP/1.1 200")); }
 
   EventLog events_;
   std::atomic<bool> stop_{false};
@@ -100,17 +98,22 @@ TEST_F(ServerOnASocket, ListensOnThisMachineAlone) {
 
 TEST_F(ServerOnASocket, SurvivesWhatNoBrowserSends) {
   const std::string good = kGood;
-  for (const std::string& request :
-       {std::string("\r\n\r\n"), std::string("GET\r\n\r\n"), std::string("\x16\x03\x01\x02\x00\x01", 6),
-        "GET / HTTP/1.1\r\nHost: " + std::string(64 * 1024, 'a') + "\r\n\r\n",
-        "GET /" + std::string(64 * 1024, 'a') + " HTTP/1.1\r\n" + good + "\r\n",
-        "GET /../../etc/passwd HTTP/1.1\r\nConnection: close\r\n" + good + "\r\n",
-        "POST /api/x HTTP/1.1\r\nContent-Type: application/json\r\nContent-Length: 99999999999\r\n" + good + "\r\n",
-        "POST /api/x HTTP/1.1\r\nContent-Type: application/json\r\nContent-Length: -1\r\n" + good + "\r\n",
-        "POST /api/x HTTP/1.1\r\nContent-Type: application/json\r\nTransfer-Encoding: chunked\r\n" + good +
-            "\r\n-5\r\nhello\r\n0\r\n\r\n",
-        "POST /api/x HTTP/1.1\r\nContent-Type: application/json\r\nTransfer-Encoding: chunked\r\n" + good +
-            "\r\nFFFFFFFF\r\n" + std::string(2 * 1024 * 1024, 'x')}) {
+  for (
+      const std::string& request :
+      {std::string("\r\n\r\n"),
+       std::string("GET\r\n\r\n"),
+       std::string("\x16\x03\x01\x02\x00\x01", 6),
+       "GET / HTTP/1.1\r\nHost: " + std::string(64 * 1024, 'a') + "\r\n\r\n",
+       "GET /" + std::string(64 * 1024, 'a') + " HTTP/1.1\r\n" + good + "\r\n",
+       "GET /../../etc/passwd HTTP/1.1\r\nConnection: close\r\n" + good + "\r\n",
+       "POST /api/x HTTP/1.1\r\nContent-Type: application/json\r\nContent-Length: 99999999999\r\n" +
+           good + "\r\n",
+       "POST /api/x HTTP/1.1\r\nContent-Type: application/json\r\nContent-Length: -1\r\n" + good +
+           "\r\n",
+       "POST /api/x HTTP/1.1\r\nContent-Type: application/json\r\nTransfer-Encoding: chunked\r\n" +
+           good + "\r\n-5\r\nhello\r\n0\r\n\r\n",
+       "POST /api/x HTTP/1.1\r\nContent-Type: application/json\r\nTransfer-Encoding: chunked\r\n" +
+           good + "\r\nFFFFFFFF\r\n" + std::string(2 * 1024 * 1024, 'x')}) {
     const std::string answer = Send(request);
     EXPECT_THAT(answer, Not(HasSubstr(" 200 "))) << request.substr(0, 60);
     ExpectAlive();

@@ -92,6 +92,13 @@ export interface Run {
 }
 /** Marker, x, y, dx, dy, used. */
 export type Point = [number, number, number, number | null, number | null, number];
+/** Rows of [R t]. */
+export type Transform = number[];
+export interface Space {
+  markers: [number, number, number][];
+  cameras: { name: string; T_rig_camera: Transform }[];
+  frames: { name: string; T_target_rig: Transform }[];
+}
 export interface SigmaMap {
   distance: number;
   columns: number;

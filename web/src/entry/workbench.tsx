@@ -10,11 +10,13 @@ import { Images } from "../views/images";
 import { excludeChosen, Look, step } from "../views/look";
 import { Next } from "../views/next";
 import { SetUp } from "../views/setup";
+import { InSpace } from "../views/space";
 
 const kViews: [string, string, ComponentType][] = [
   ["setup", "Set up", SetUp],
   ["images", "Images", Images],
   ["look", "Look", Look],
+  ["space", "Space", InSpace],
   ["next", "Next views", Next],
   ["compare", "Compare", Compare],
   ["export", "Export", Export],

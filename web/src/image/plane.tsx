@@ -73,6 +73,8 @@ function draw(element: HTMLCanvasElement, image: HTMLImageElement | null, looks:
     canvas.beginPath();
     outline.forEach(([u, v], i) => (i === 0 ? canvas.moveTo(...at(u, v)) : canvas.lineTo(...at(u, v))));
     canvas.closePath();
+    canvas.fillStyle = "rgb(255 255 255 / 35%)";
+    canvas.fill();
     canvas.stroke();
   }
   if (looks.excluded) {

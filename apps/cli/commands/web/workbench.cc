@@ -32,12 +32,13 @@ class OpenedBrowser {
  public:
   explicit OpenedBrowser(const std::string& address) {
     std::string file = std::filesystem::temp_directory_path() / "plenocal-XXXXXX.html";
-    constexpr int kEnding = 5;  // ".html"
+    constexpr int kEnding = 5;                           // ".html"
     const int written = mkstemps(file.data(), kEnding);  // mode 0600
     if (written < 0) return;
     const std::string page = fmt::format(
         "<!doctype html><meta http-equiv=\"refresh\" content=\"0; url={}\">\n", address);
-    const bool complete = write(written, page.data(), page.size()) == static_cast<ssize_t>(page.size());
+    const bool complete =
+        write(written, page.data(), page.size()) == static_cast<ssize_t>(page.size());
     close(written);
     file_ = file;
     if (!complete) return;
