@@ -65,12 +65,23 @@ bool Is(const Request& request, const char* method, std::initializer_list<const 
   return true;
 }
 
-// A name that no option is taken for.
+// A name that is no option and no path.
 std::string PlainName(const std::string& name, const char* what) {
-  if (name.empty() || name.starts_with('-')) {
+  if (name.empty() || name.starts_with('-') || name.starts_with('.') ||
+      name.find('/') != std::string::npos) {
     throw Error(ErrorKind::kInput, fmt::format("{}: '{}' is no name", what, name));
   }
   return name;
+}
+
+// A whole number of a body.
+int NumberOf(const Json& body, const char* key, int otherwise) {
+  const auto found = body.find(key);
+  if (found == body.end()) return otherwise;
+  if (!found->is_number_integer()) {
+    throw Error(ErrorKind::kInput, fmt::format("{}: expected a number", key));
+  }
+  return found->get<int>();
 }
 
 ExcludeRule RuleOf(const Json& body) {
@@ -144,10 +155,11 @@ Answer Api::State() {
 
 // Folders with images beneath the root, to begin with.
 Answer Api::Files(const Request& request) const {
-  const fs::path folder = project_->Root() / request.Query("dir");
+  std::error_code error;
+  const fs::path folder = fs::canonical(project_->Root() / request.Query("dir"), error);
+  // No link leads out of the root.
   (void)RelativeTo(project_->Root(), folder);
   Json entries = Json::array();
-  std::error_code error;
   constexpr size_t kMost = 10'000;
   size_t images = 0;
   for (const auto& entry : fs::directory_iterator(folder, error)) {
@@ -201,7 +213,7 @@ Answer Api::SessionAnswer(const SessionVersion& version) {
                                  {"markers", rule.markers},
                                  {"note", rule.note}});
     }
-    if (!session.target.file.empty()) {
+    if (IsBeneath(project_->Root(), session.target.file)) {
       json["target"] = RelativeTo(project_->Root(), session.target.file).string();
       const auto text = ReadBeneath(project_->Root(), session.target.file, kMostText);
       json["target_text"] = std::string(text.begin(), text.end());
@@ -342,7 +354,7 @@ Answer Api::Run(const Request& request) {
 
 Answer Api::Suggest(const Request& request) const {
   const Json body = BodyOf(request);
-  const int run = body.value("run", 0), count = body.value("count", 5);
+  const int run = NumberOf(body, "run", 0), count = NumberOf(body, "count", 5);
   return {.body = OutputOf(RunChild({"suggest",
                                      project_->RunFolder(run).string(),
                                      "--count",

@@ -126,6 +126,7 @@ async function excludeAndUndo(page, steps) {
   await page.locator("main[data-view=look][data-run='2']").waitFor({ timeout: kPatience });
   assert.ok(!text("runs/2/residuals.csv").includes(`left,${frame},`));
   await page.getByText(/Against run 1/).waitFor({ timeout: kPatience });
+  assert.equal(await page.locator(".bar.hatched").count(), 1, "the excluded frame can be chosen");
 }
 
 async function editorBesideThePage(page, steps) {

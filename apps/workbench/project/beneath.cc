@@ -38,13 +38,17 @@ class OpenFile {
 
 }  // namespace
 
-fs::path RelativeTo(const fs::path& root, const fs::path& file) {
+bool IsBeneath(const fs::path& root, const fs::path& file) {
+  if (file.empty()) return false;
   const fs::path relative = fs::absolute(file).lexically_normal().lexically_relative(
       fs::absolute(root).lexically_normal());
-  if (relative.empty() || *relative.begin() == "..") {
-    RefuseFile(file, "lies outside of the folder of this workbench");
-  }
-  return relative;
+  return !relative.empty() && *relative.begin() != "..";
+}
+
+fs::path RelativeTo(const fs::path& root, const fs::path& file) {
+  if (!IsBeneath(root, file)) RefuseFile(file, "lies outside of the folder of this workbench");
+  return fs::absolute(file).lexically_normal().lexically_relative(
+      fs::absolute(root).lexically_normal());
 }
 
 std::vector<std::uint8_t> ReadBeneath(const fs::path& root, const fs::path& file, size_t most) {

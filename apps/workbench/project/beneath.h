@@ -15,6 +15,9 @@ std::vector<std::uint8_t> ReadBeneath(const std::filesystem::path& root,
                                       const std::filesystem::path& file,
                                       size_t most);
 
+/// Whether a path lies beneath `root`, by components, links in it not followed.
+bool IsBeneath(const std::filesystem::path& root, const std::filesystem::path& file);
+
 /// The path of a file as one relative to `root`, by components, links in it not followed. Throws
 /// `Error` of kind kInput when it lies elsewhere.
 std::filesystem::path RelativeTo(const std::filesystem::path& root,

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // A bar a frame, as buttons: RMS of its points. Excluded frames are hatched.
 import type { CameraResult } from "../api/types";
-import { ruleOf } from "../state/project";
+import { ruleOf, session } from "../state/project";
 
 interface Bars {
   camera: CameraResult;
@@ -11,7 +11,12 @@ interface Bars {
 }
 
 export function FrameBars({ camera, selected, order, onSelect }: Bars) {
-  const frames = [...camera.frames];
+  // Excluded frames that this run did not see keep their place, to be included again.
+  const known = new Set(camera.frames.map((frame) => frame.frame));
+  const left = (session.value?.cameras.find((each) => each.name === camera.name)?.frames ?? [])
+    .filter((frame) => !known.has(frame) && ruleOf(camera.name, frame))
+    .map((frame) => ({ frame, points: 0, rejected: 0, rms: null }));
+  const frames = [...camera.frames, ...left].sort((a, b) => a.frame.localeCompare(b.frame, "en", { numeric: true }));
   if (order === "rms") frames.sort((a, b) => (b.rms ?? 0) - (a.rms ?? 0));
   const most = Math.max(1e-9, ...frames.map((frame) => frame.rms ?? 0));
   return (
@@ -26,7 +31,7 @@ export function FrameBars({ camera, selected, order, onSelect }: Bars) {
           aria-pressed={frame.frame === selected}
           onClick={() => onSelect(frame.frame)}
         >
-          <span style={`height: ${(100 * (frame.rms ?? 0)) / most}%`} />
+          <span style={`height: ${frame.rms === null ? 100 : (100 * frame.rms) / most}%`} />
         </button>
       ))}
     </div>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Target and camera poses in space.
-import { useEffect, useRef, useState } from "preact/hooks";
+import { useEffect, useMemo, useRef, useState } from "preact/hooks";
 import { ask } from "../api/client";
 import type { Space, Transform } from "../api/types";
 import { colourOf } from "../plot/sigma_map";
@@ -49,9 +49,25 @@ function extent(points: Vector[]): { middle: Vector; radius: number } {
   return { middle, radius: Math.hypot(...range.map(([a, b]) => b - a)) / 2 || 1 };
 }
 
+/** What is drawn, in the target's frame. */
+interface World {
+  markers: Vector[];
+  cameras: Camera[];
+  middle: Vector;
+  radius: number;
+}
+
+function worldOf(space: Space): World {
+  const apexes = space.frames.map((frame) => apply(frame.T_target_rig, [0, 0, 0]));
+  const { middle, radius } = extent([...space.markers, ...apexes]);
+  return { markers: space.markers, cameras: camerasOf(space, 0.04 * radius), middle, radius };
+}
+
 function camerasOf(space: Space, size: number): Camera[] {
-  const rmsOf = (camera: string, frame: string): number =>
-    run.value?.cameras.find((each) => each.name === camera)?.frames.find((each) => each.frame === frame)?.rms ?? NaN;
+  const rms = new Map<string, number>();
+  for (const camera of run.value?.cameras ?? []) {
+    for (const frame of camera.frames) rms.set(`${camera.name}/${frame.frame}`, frame.rms ?? NaN);
+  }
   return space.frames.flatMap((frame) =>
     space.cameras.map(({ name, T_rig_camera }) => {
       const at = (p: Vector): Vector => apply(frame.T_target_rig, apply(T_rig_camera, p));
@@ -59,7 +75,7 @@ function camerasOf(space: Space, size: number): Camera[] {
       return {
         camera: name,
         frame: frame.name,
-        rms: rmsOf(name, frame.name),
+        rms: rms.get(`${name}/${frame.name}`) ?? NaN,
         apex: at([0, 0, 0]),
         base: corners.map(([x, y]) => at([x * size, y * size, 1.6 * size])),
       };
@@ -67,7 +83,13 @@ function camerasOf(space: Space, size: number): Camera[] {
   );
 }
 
-function draw(element: HTMLCanvasElement, space: Space, turn: Turn, hover: string): Drawn[] {
+/** 0.05 to 1 px on the scale that is made for 0.01 to 10 px, in steps: one path a colour. */
+function stepOf(rms: number): number {
+  const part = Math.log(rms / 0.05) / Math.log(20);
+  return Number.isFinite(part) ? Math.round(16 * Math.min(1, Math.max(0, part))) : -1;
+}
+
+function draw(element: HTMLCanvasElement, world: World, turn: Turn, hover: string): Drawn[] {
   const canvas = element.getContext("2d");
   if (!canvas) return [];
   const dots = window.devicePixelRatio || 1;
@@ -76,8 +98,7 @@ function draw(element: HTMLCanvasElement, space: Space, turn: Turn, hover: strin
   element.height = height * dots;
   canvas.setTransform(dots, 0, 0, dots, 0, 0);
   const style = getComputedStyle(document.documentElement);
-  const apexes = space.frames.map((frame) => apply(frame.T_target_rig, [0, 0, 0]));
-  const { middle, radius } = extent([...space.markers, ...apexes]);
+  const { middle, radius } = world;
   const [cy, sy, cp, sp] = [Math.cos(turn.yaw), Math.sin(turn.yaw), Math.cos(turn.pitch), Math.sin(turn.pitch)];
   const scale = (0.5 * Math.min(width, height) * turn.zoom) / radius;
   const project = (p: Vector): [number, number] => {
@@ -88,26 +109,35 @@ function draw(element: HTMLCanvasElement, space: Space, turn: Turn, hover: strin
     return [width / 2 + turn.x + scale * u * f, height / 2 + turn.y + scale * (cp * y - sp * d) * f];
   };
   canvas.fillStyle = style.getPropertyValue("--text");
-  for (const marker of space.markers) {
+  for (const marker of world.markers) {
     const [x, y] = project(marker);
     canvas.fillRect(x - 1, y - 1, 2, 2);
   }
-  return camerasOf(space, 0.04 * radius).map((camera) => {
+  const paths = new Map<number, Path2D>();
+  const drawn = world.cameras.map((camera) => {
     const apex = project(camera.apex);
     const base = camera.base.map(project);
-    // 0.05 to 1 px on the scale that is made for 0.01 to 10 px.
-    const part = Math.log(camera.rms / 0.05) / Math.log(20);
-    canvas.strokeStyle = Number.isFinite(part) ? colourOf(0.01 * 1000 ** part) : style.getPropertyValue("--line");
-    canvas.lineWidth = `${camera.camera}/${camera.frame}` === hover ? 3 : 1.2;
-    canvas.beginPath();
+    const step = stepOf(camera.rms);
+    const path = paths.get(step) ?? new Path2D();
+    paths.set(step, path);
     base.forEach((corner, i) => {
-      canvas.moveTo(...apex);
-      canvas.lineTo(...corner);
-      canvas.lineTo(...(base[(i + 1) % base.length] ?? corner));
+      path.moveTo(...apex);
+      path.lineTo(...corner);
+      path.lineTo(...(base[(i + 1) % base.length] ?? corner));
     });
-    canvas.stroke();
     return { camera, x: apex[0], y: apex[1] };
   });
+  canvas.lineWidth = 1.2;
+  for (const [step, path] of paths) {
+    canvas.strokeStyle = step < 0 ? style.getPropertyValue("--line") : colourOf(0.01 * 1000 ** (step / 16));
+    canvas.stroke(path);
+  }
+  const named = drawn.find(({ camera }) => `${camera.camera}/${camera.frame}` === hover);
+  if (named) {
+    canvas.strokeStyle = style.getPropertyValue("--accent");
+    canvas.strokeRect(named.x - 7, named.y - 7, 14, 14);
+  }
+  return drawn;
 }
 
 const kFront: Turn = { yaw: 0.6, pitch: -0.35, zoom: 0.9, x: 0, y: 0 };
@@ -116,6 +146,7 @@ export function InSpace() {
   const element = useRef<HTMLCanvasElement>(null);
   const drawn = useRef<Drawn[]>([]);
   const [space, setSpace] = useState<Space | null>(null);
+  const world = useMemo(() => (space ? worldOf(space) : null), [space, run.value]);
   const [turn, setTurn] = useState<Turn>(kFront);
   const [hover, setHover] = useState("");
   const [width, setWidth] = useState(0);
@@ -132,8 +163,8 @@ export function InSpace() {
     return () => watch.disconnect();
   }, [space]);
   useEffect(() => {
-    if (element.current && space && width > 0) drawn.current = draw(element.current, space, turn, hover);
-  }, [space, turn, hover, width]);
+    if (element.current && world && width > 0) drawn.current = draw(element.current, world, turn, hover);
+  }, [world, turn, hover, width]);
   if (number === null) return <p>No result yet: calibrate in Set up.</p>;
   if (!space) return <p>…</p>;
   const nearest = (x: number, y: number): Camera | null => {
