@@ -173,7 +173,12 @@ class Choice {
 
   void Score(size_t markers) {
     ParallelFor(candidates_.size(), options_.threads, [&](size_t i) {
-      const auto information = predictor_.Information(candidates_[i].T_rig_target, markers);
+      const RigidTransform& T_rig_target = candidates_[i].T_rig_target;
+      // The words are for the camera before which the pose was made.
+      const bool found =
+          predictor_.SightOf(candidates_[i].pose.camera, T_rig_target, markers).found;
+      const auto information =
+          found ? predictor_.Information(T_rig_target, markers) : std::optional<Eigen::MatrixXd>();
       candidates_[i].score = information ? state_.Gain(*information) : -kInfinity;
     });
   }

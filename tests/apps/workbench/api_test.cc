@@ -29,7 +29,8 @@ class ApiOfAFolder : public ::testing::Test {
     std::string name = fs::temp_directory_path() / "workbench-test-XXXXXX";
     folder_ = mkdtemp(name.data());
     Write("root/session.yaml", kSession);
-    Write("root/target.yaml", "plenocal: 1\ntype: chessboard\ncolumns: 9\nrows: 6\nsquare: 0.025\n");
+    Write("root/target.yaml",
+          "plenocal: 1\ntype: chessboard\ncolumns: 9\nrows: 6\nsquare: 0.025\n");
     Write("root/left/<img src=x onerror=alert(1)>.png", "no image");
     Write("root/left/b.png", "no image either");
     Write("outside/secret.png", "secret");
@@ -63,8 +64,11 @@ class ApiOfAFolder : public ::testing::Test {
              std::map<std::string, std::string> query = {}) {
     path.insert(path.begin(), "api");
     try {
-      return api_->Handle(
-          {.method = method, .path = std::move(path), .query = std::move(query), .headers = {}, .body = body});
+      return api_->Handle({.method = method,
+                           .path = std::move(path),
+                           .query = std::move(query),
+                           .headers = {},
+                           .body = body});
     } catch (const Error& error) {
       return ErrorAnswer(400, error.what());
     }
@@ -113,8 +117,14 @@ TEST_F(ApiOfAFolder, ExcludesWhatSuchANameMatches) {
 }
 
 TEST_F(ApiOfAFolder, RefusesWrongBodiesAndChangesNothing) {
-  for (const char* body : {"[]", "{", "\"a\"", "{}", "{\"frame\": 3}", "{\"markers\": \"x\"}",
-                           "{\"markers\": [1.5]}", "{\"frame\": \"a\", \"camera\": \"nobody\"}"}) {
+  for (const char* body : {"[]",
+                           "{",
+                           "\"a\"",
+                           "{}",
+                           "{\"frame\": 3}",
+                           "{\"markers\": \"x\"}",
+                           "{\"markers\": [1.5]}",
+                           "{\"frame\": \"a\", \"camera\": \"nobody\"}"}) {
     EXPECT_EQ(Ask("POST", {"session", "exclude"}, body).status, 400) << body;
   }
   EXPECT_EQ(Session(), kSession);

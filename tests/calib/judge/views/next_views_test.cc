@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numbers>
@@ -235,6 +236,10 @@ TEST(NextViews, OfARigAreSeenByBothCameras) {
   const NextViews next = ChooseNextViews(known.rig, BoardOf(problem.markers), {.count = 2});
   ASSERT_EQ(next.views.size(), 2u);
   EXPECT_EQ(next.views[0].cameras.size(), 2u);
+  for (const NextView& view : next.views) {
+    EXPECT_TRUE(std::ranges::count(view.cameras, view.pose.camera) == 1)
+        << "the words name a camera that sees it";
+  }
   EXPECT_THAT(WordsOf(next.views[0], known.rig), HasSubstr("seen by cam0, cam1"));
 }
 
