@@ -43,17 +43,6 @@ std::vector<CameraImages> ListImages(const Session& session) {
   return lists;
 }
 
-CameraInput InputWithoutViews(const SessionCamera& camera) {
-  return {.name = camera.name,
-          .model = camera.model,
-          .config = camera.config,
-          .initial = camera.initial,
-          .fixed = camera.fixed,
-          .rules = camera.rules,
-          .image_size = camera.image_size,
-          .views = {}};
-}
-
 void CheckImageSize(const SessionCamera& camera, ImageSize found) {
   const ImageSize stated = camera.image_size;
   if (stated == ImageSize{} || stated == found) return;
@@ -234,6 +223,17 @@ class Collector {
 };
 
 }  // namespace
+
+CameraInput InputWithoutViews(const SessionCamera& camera) {
+  return {.name = camera.name,
+          .model = camera.model,
+          .config = camera.config,
+          .initial = camera.initial,
+          .fixed = camera.fixed,
+          .rules = camera.rules,
+          .image_size = camera.image_size,
+          .views = {}};
+}
 
 std::string DetectionsName(const std::string& camera) {
   return fmt::format("detections_{}.csv", camera);

@@ -43,6 +43,9 @@ struct DetectionPlaces {
 /// Name of a camera's file of detections.
 std::string DetectionsName(const std::string& camera);
 
+/// What the session gives of a camera.
+CameraInput InputWithoutViews(const SessionCamera& camera);
+
 /// Number of points in all views.
 size_t CountObservations(std::span<const View> views);
 

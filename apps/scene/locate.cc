@@ -8,8 +8,8 @@
 #include <iterator>
 #include <set>
 
-#include "apps/scene/feature_tracker.h"
 #include "apps/scene/scene_start.h"
+#include "apps/scene/track/feature_tracker.h"
 #include "calib/adjust/poses.h"
 #include "calib/base/csv.h"
 #include "calib/base/error.h"

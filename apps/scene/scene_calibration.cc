@@ -12,63 +12,14 @@
 #include "apps/scene/scene_findings.h"
 #include "apps/scene/scene_start.h"
 #include "apps/scene/scene_views.h"
+#include "apps/scene/virtual_camera.h"
 #include "calib/base/error.h"
 #include "calib/base/statistics.h"
 #include "calib/solve.h"
 #include "calib/start_rig.h"
-#include "models/pinhole_radial3.h"
-#include "models/start/plenoptic_start.h"
 
 namespace plenocal {
 namespace {
-
-const CameraModel& VirtualCameraModel() {
-  static constexpr CameraModel kModel = MakeCameraModel<PinholeRadial3>();
-  return kModel;
-}
-
-size_t ParamOf(const CameraModel& model, std::string_view name) {
-  const auto found = std::ranges::find(model.params, name, &Param::name);
-  return static_cast<size_t>(found - model.params.begin());
-}
-
-bool IsFocal(const Param& param) { return param.unit == "px" && param.name.starts_with("f"); }
-
-// Parameters of an ordinary camera from what is given, focal length `focal`, px, where it is not,
-// and an optical axis through the middle of the image.
-std::vector<double> OrdinaryStart(const CameraInput& camera, double focal) {
-  std::vector<double> params;
-  for (size_t k = 0; k < camera.model->params.size(); ++k) {
-    const Param& param = camera.model->params[k];
-    const double usual = IsFocal(param)        ? focal
-                         : param.name == "c_x" ? (camera.image_size[0] - 1) / 2.0
-                         : param.name == "c_y" ? (camera.image_size[1] - 1) / 2.0
-                                               : param.neutral.value_or(0);
-    params.push_back(camera.initial[k].value_or(usual));
-  }
-  return params;
-}
-
-// A plenoptic camera's virtual image as an ordinary camera.
-CameraInput VirtualCamera(const CameraInput& camera) {
-  const CameraModel& model = VirtualCameraModel();
-  CameraInput image{.name = camera.name,
-                    .model = &model,
-                    .config = {},
-                    .initial = std::vector<std::optional<double>>(model.params.size()),
-                    .fixed = std::vector<bool>(model.params.size(), false),
-                    .image_size = camera.image_size,
-                    .views = VirtualImageViews(camera.views)};
-  const auto& lens = camera.initial[ParamOf(*camera.model, "b_L0")];
-  const auto& sensor = camera.initial[ParamOf(*camera.model, "B")];
-  if (lens && sensor) {
-    for (const size_t k : {0, 1}) image.initial[k] = (*lens + *sensor) / camera.config[0];
-  }
-  for (const auto& [of_image, name] : {std::pair{2, "c_x"}, std::pair{3, "c_y"}}) {
-    image.initial[static_cast<size_t>(of_image)] = camera.initial[ParamOf(*camera.model, name)];
-  }
-  return image;
-}
 
 SceneTracks TracksOf(const std::vector<CameraInput>& cameras) {
   SceneTracks tracks;
@@ -86,8 +37,9 @@ class SceneCalibration {
   SceneCalibration(const SceneCalibrationInput& input, const CalibrationOptions& options)
       : input_(input),
         options_(options),
-        cameras_(input.cameras.inputs),
-        tracks_(TracksOf(cameras_)) {}
+        start_number_(input.alike.begin(), input.alike.end()),
+        cameras_(WithStartNumbers(input.cameras.inputs)),
+        tracks_(TracksOf(input.cameras.inputs)) {}
 
   Calibration Run() {
     Enter("initial guess");
@@ -114,6 +66,20 @@ class SceneCalibration {
   bool GoOn(const char* stage) const { return !options_.progress || options_.progress(stage); }
   void Enter(const char* stage) const {
     if (!GoOn(stage)) throw Stopped();
+  }
+
+  [[nodiscard]] int StartNumber(int number) const {
+    const auto found = start_number_.find(number);
+    return found == start_number_.end() ? number : found->second;
+  }
+
+  [[nodiscard]] std::vector<CameraInput> WithStartNumbers(std::vector<CameraInput> cameras) const {
+    for (CameraInput& camera : cameras) {
+      for (View& view : camera.views) {
+        for (Observation& seen : view.observations) seen.marker = StartNumber(seen.marker);
+      }
+    }
+    return cameras;
   }
 
   [[nodiscard]] bool StatesSigma(size_t c) const {
@@ -205,7 +171,8 @@ class SceneCalibration {
   void ScaleByDistances() {
     std::vector<double> factors;
     for (const SceneDistance& distance : input_.distances) {
-      const auto a = scene_.points.find(distance.point_a), b = scene_.points.find(distance.point_b);
+      const auto a = scene_.points.find(StartNumber(distance.point_a));
+      const auto b = scene_.points.find(StartNumber(distance.point_b));
       if (a == scene_.points.end() || b == scene_.points.end()) continue;
       factors.push_back(distance.length / (a->second - b->second).norm());
     }
@@ -336,7 +303,7 @@ class SceneCalibration {
       posed.push_back(frame);
     }
     for (size_t m = 0; m < bundle.markers.size(); ++m) {
-      const auto found = scene_.points.find(bundle.markers[m].number);
+      const auto found = scene_.points.find(StartNumber(bundle.markers[m].number));
       if (found == scene_.points.end()) continue;
       bundle.markers[m].position = found->second;
       state.has_point[m] = true;
@@ -448,7 +415,8 @@ class SceneCalibration {
 
   const SceneCalibrationInput& input_;
   const CalibrationOptions& options_;
-  const std::vector<CameraInput>& cameras_;
+  std::map<int, int> start_number_;   // of points that look alike: that of the first camera's
+  std::vector<CameraInput> cameras_;  // with these numbers
   SceneTracks tracks_;
   std::vector<size_t> first_;              // cameras from which poses and points start
   std::vector<CameraInput> first_inputs_;  // of these

@@ -6,6 +6,7 @@
 
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "apps/scene/scene_rig.h"
@@ -18,6 +19,9 @@ struct SceneCalibrationInput {
   SceneCameras cameras;
   std::vector<SceneDistance> distances;
   Loss loss = Loss::kHuber;
+  /// A track and an earlier camera's that looks like the same point, to about a pixel: used for the
+  /// initial guess alone.
+  std::vector<std::pair<int, int>> alike = {};
 };
 
 /// Throws `Error` of kind kInput for distances between points that no two views show, and of kind

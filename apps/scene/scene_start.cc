@@ -280,6 +280,25 @@ class PoseFinder {
   std::mt19937 random_;
 };
 
+// Least root mean square of the sines between the rays of a new point and their mean. One view of a
+// plenoptic camera needs no pose: there the noise of its own rays is the limit.
+double LeastSpread(const std::vector<size_t>& observations, const SceneState& state) {
+  constexpr double kDepthSigmas = 10;  // distance over its standard error
+  const Bundle& bundle = *state.bundle;
+  const BundleObservation& first = bundle.observations[observations[0]];
+  const double least = state.least_parallax / 2;
+  for (const size_t i : observations) {
+    const BundleObservation& seen = bundle.observations[i];
+    if (seen.frame != first.frame || seen.camera != first.camera) return least;
+  }
+  BundleObservation beside = first;
+  beside.seen.values[0] += 1;
+  const std::optional<Ray> a = RigRay(bundle, first), b = RigRay(bundle, beside);
+  if (!a || !b) return least;
+  const double radians_per_px = a->direction.normalized().cross(b->direction.normalized()).norm();
+  return std::min(least, kDepthSigmas * radians_per_px * first.assumed_sigma);
+}
+
 // Gives a landmark the point of these observations if they agree with it.
 bool AcceptPoint(const std::vector<size_t>& observations,
                  double largest_residual,
@@ -294,7 +313,7 @@ bool AcceptPoint(const std::vector<size_t>& observations,
     rays.push_back({T * ray->origin, T.R * ray->direction});
   }
   const std::optional<RayPoint> point = IntersectRays(rays);
-  if (!point || point->spread < std::pow(state->least_parallax / 2, 2)) return false;
+  if (!point || point->spread < std::pow(LeastSpread(observations, *state), 2)) return false;
   const auto m = static_cast<size_t>(bundle.observations[observations[0]].marker);
   const Eigen::Vector3d before = bundle.markers[m].position;
   bundle.markers[m].position = point->position;
@@ -329,6 +348,12 @@ std::vector<std::set<int>> MarkersByFrame(const Bundle& bundle) {
   return markers;
 }
 
+// Three robust sigmas of one coordinate from lengths of residuals that are one coordinate's.
+double LimitOf(std::vector<double> lengths) {
+  if (lengths.empty()) return 0;
+  return kInlierSigmas / std::sqrt(ChiSquareQuantile(1, 0.5)) * Median(std::move(lengths));
+}
+
 // Residual below which the rays of a frame's cameras agree: a robust sigma of its own points.
 double OwnResidualLimit(size_t frame, SceneState* state) {
   const Bundle& bundle = *state->bundle;
@@ -341,8 +366,7 @@ double OwnResidualLimit(size_t frame, SceneState* state) {
     lengths.push_back(ResidualLength(bundle, bundle.observations[i]));
   }
   state->has_point = before.has_point;
-  if (lengths.empty()) return 0;
-  return kInlierSigmas / std::sqrt(ChiSquareQuantile(1, 0.5)) * Median(std::move(lengths));
+  return LimitOf(std::move(lengths));
 }
 
 }  // namespace
@@ -362,6 +386,43 @@ double ResidualLength(const Bundle& bundle, const BundleObservation& observation
     square += (values[r] - predicted[r]) * (values[r] - predicted[r]);
   }
   return std::sqrt(square);
+}
+
+double ResidualLimit(const SceneState& state) {
+  std::vector<double> lengths;
+  for (const BundleObservation& seen : state.bundle->observations) {
+    if (!state.has_pose[static_cast<size_t>(seen.frame)] ||
+        !state.has_point[static_cast<size_t>(seen.marker)]) {
+      continue;
+    }
+    lengths.push_back(ResidualLength(*state.bundle, seen));
+  }
+  return LimitOf(std::move(lengths));
+}
+
+std::optional<double> ScaleByOwnDistances(const SceneState& state) {
+  const Bundle& bundle = *state.bundle;
+  std::vector<double> ratios;
+  for (size_t i = 0, end = 0; i < bundle.observations.size(); i = end) {
+    const BundleObservation& first = bundle.observations[i];
+    std::vector<Ray> rays;
+    for (end = i; end < bundle.observations.size(); ++end) {
+      const BundleObservation& seen = bundle.observations[end];
+      if (seen.frame != first.frame || seen.camera != first.camera || seen.marker != first.marker) {
+        break;
+      }
+      if (const std::optional<Ray> ray = RigRay(bundle, seen)) rays.push_back(*ray);
+    }
+    const auto frame = static_cast<size_t>(first.frame), marker = static_cast<size_t>(first.marker);
+    if (rays.size() < 2 || !state.has_pose[frame] || !state.has_point[marker]) continue;
+    const std::optional<RayPoint> point = IntersectRays(rays);
+    if (!point) continue;
+    const Eigen::Vector3d placed = bundle.T_rig_target[frame] * bundle.markers[marker].position;
+    ratios.push_back(point->position.z() / placed.z());
+  }
+  if (ratios.empty()) return std::nullopt;
+  const double scale = Median(std::move(ratios));
+  return scale > 0 ? std::optional(scale) : std::nullopt;
 }
 
 SceneState MakeSceneState(Bundle* bundle) {

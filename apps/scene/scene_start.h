@@ -60,6 +60,14 @@ double FollowFrames(const std::vector<size_t>& frames, SceneState* state);
 /// Lengths of the residuals of observations with the present poses and positions, px.
 double ResidualLength(const Bundle& bundle, const BundleObservation& observation);
 
+/// Residual below which an observation agrees with the present poses and positions, px: three
+/// robust sigmas of all of them; 0 when there are none.
+double ResidualLimit(const SceneState& state);
+
+/// Factor from the present distances of landmarks to those that the rays of single views show, of a
+/// plenoptic camera without ordinary ones: their median. Nothing when no view shows one.
+std::optional<double> ScaleByOwnDistances(const SceneState& state);
+
 /// Poses of all frames that the landmarks known so far reach, the frame with most of them first;
 /// `posed` is called after each with the number of frames that have a pose, which is returned.
 size_t FollowByOverlap(const std::function<void(size_t)>& posed, SceneState* state);

@@ -101,11 +101,11 @@ std::optional<TwoViews> BestTwoViews(const Bundle& bundle) {
   return best;
 }
 
-class Reconstruction {
+class SceneReconstruction {
  public:
-  Reconstruction(const SceneTracks& tracks,
-                 const std::vector<BundleCamera>& cameras,
-                 const std::optional<CalibrationPrior>& prior)
+  SceneReconstruction(const SceneTracks& tracks,
+                      const std::vector<BundleCamera>& cameras,
+                      const std::optional<CalibrationPrior>& prior)
       : bundle_(MakeSceneBundle(tracks, cameras)), state_(MakeSceneState(&bundle_)) {
     bundle_.prior = prior;
   }
@@ -159,26 +159,7 @@ class Reconstruction {
     FollowFrames({static_cast<size_t>(most - counts.begin())}, &state_);
   }
 
-  // Adjusts what has started, robustly, and keeps its result as the new start.
-  void Adjust() {
-    Bundle started = bundle_;
-    KeepStarted(state_, &started);
-    const auto first = std::ranges::find(state_.has_pose, true);
-    if (first == state_.has_pose.end() || started.observations.empty()) return;
-    started.held_frame = static_cast<size_t>(first - state_.has_pose.begin());
-    EstimateNoiseRobustly(state_.has_pose, TypicalSigmas(started), &started);
-    UseProjecting(state_.has_pose, &started);
-    RejectLandmarks(&started);
-    if (started.cameras.size() == 1) HoldScale(&started);
-    AdjustOptions options;
-    options.loss = Loss::kHuber;
-    options.cost_tolerance = kStartTolerance;
-    const AdjustSummary summary = plenocal::Adjust(&started, options);
-    if (!summary.usable) return;
-    bundle_.cameras = started.cameras;
-    bundle_.T_rig_target = started.T_rig_target;
-    bundle_.markers = started.markers;
-  }
+  void Adjust() { AdjustStarted(bundle_.cameras.size() == 1, &state_); }
 
   ReconstructedScene Result() {
     ReconstructedScene scene{.cameras = bundle_.cameras, .T_rig_target = {}, .points = {}};
@@ -208,7 +189,27 @@ class Reconstruction {
 ReconstructedScene ReconstructScene(const SceneTracks& tracks,
                                     const std::vector<BundleCamera>& cameras,
                                     const std::optional<CalibrationPrior>& prior) {
-  return Reconstruction(tracks, cameras, prior).Run();
+  return SceneReconstruction(tracks, cameras, prior).Run();
+}
+
+void AdjustStarted(bool hold_scale, SceneState* state) {
+  Bundle& bundle = *state->bundle;
+  Bundle started = bundle;
+  KeepStarted(*state, &started);
+  const auto first = std::ranges::find(state->has_pose, true);
+  if (first == state->has_pose.end() || started.observations.empty()) return;
+  started.held_frame = static_cast<size_t>(first - state->has_pose.begin());
+  EstimateNoiseRobustly(state->has_pose, TypicalSigmas(started), &started);
+  UseProjecting(state->has_pose, &started);
+  RejectLandmarks(&started);
+  if (hold_scale) HoldScale(&started);
+  AdjustOptions options;
+  options.loss = Loss::kHuber;
+  options.cost_tolerance = kStartTolerance;
+  if (!Adjust(&started, options).usable) return;
+  bundle.cameras = started.cameras;
+  bundle.T_rig_target = started.T_rig_target;
+  bundle.markers = started.markers;
 }
 
 void HoldScale(Bundle* bundle) {

@@ -7,6 +7,7 @@
 #include <optional>
 #include <vector>
 
+#include "apps/scene/scene_start.h"
 #include "apps/scene/scene_tracks.h"
 
 namespace plenocal {
@@ -27,6 +28,10 @@ struct ReconstructedScene {
 ReconstructedScene ReconstructScene(const SceneTracks& tracks,
                                     const std::vector<BundleCamera>& cameras,
                                     const std::optional<CalibrationPrior>& prior);
+
+/// Adjusts robustly what has started and keeps the result as the new start: poses, positions and
+/// free parameters. `hold_scale`: nothing gives the scale.
+void AdjustStarted(bool hold_scale, SceneState* state);
 
 /// Holds the distance of two landmarks that many frames show, at its present length: nothing else
 /// gives the scale.

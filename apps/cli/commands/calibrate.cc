@@ -19,6 +19,7 @@
 #include "apps/cli/session/image_session.h"
 #include "apps/cli/session/left_out.h"
 #include "apps/cli/session/open_session.h"
+#include "apps/cli/session/scene_images.h"
 #include "apps/cli/session/scene_session.h"
 #include "apps/cli/session_observations.h"
 #include "apps/report/report.h"
@@ -329,10 +330,12 @@ JudgedCalibration CalibrateWithTarget(const CalibrateArguments& arguments,
 
 JudgedCalibration CalibrateWithScene(const ConsoleOptions& shared,
                                      const Session& session,
-                                     const SessionObservations& observations,
+                                     const SceneObservations& scene,
                                      Console* console,
                                      OutputFolder* out) {
-  const SceneCalibrationInput input = MakeSceneInput(session, observations.cameras);
+  const SessionObservations& observations = scene.session;
+  SceneCalibrationInput input = MakeSceneInput(session, observations.cameras);
+  input.alike = scene.alike;
   JudgedCalibration judged{CalibrateScene(input,
                                           {.threads = shared.threads,
                                            .progress =
@@ -363,12 +366,18 @@ void RunCalibrate(const CalibrateArguments& arguments, const ConsoleOptions& sha
       OpenDetectionCache(arguments.cache.empty() ? arguments.out : arguments.cache,
                          session,
                          arguments.fresh ? EarlierDetections::kIgnore : EarlierDetections::kReuse);
-  SessionObservations observations = CollectObservations(
-      session, job.target, shared, {&cache, arguments.keep ? &out : nullptr}, &console);
+  SceneObservations found;
+  if (session.scene && FollowsImages(session)) {
+    found = FollowSceneImages(session, shared, &console);
+  } else {
+    found.session = CollectObservations(
+        session, job.target, shared, {&cache, arguments.keep ? &out : nullptr}, &console);
+  }
+  SessionObservations& observations = found.session;
   CompleteJob(arguments, shared, &job, &observations, &console, &out);
   const auto provenance = ProvenanceOf(shared, "calibrate", session, arguments.out);
   auto [calibration, record] =
-      session.scene ? CalibrateWithScene(shared, session, observations, &console, &out)
+      session.scene ? CalibrateWithScene(shared, session, found, &console, &out)
                     : CalibrateWithTarget(arguments, shared, job, observations, &console, &out);
   record.provenance = provenance;
   WriteResult(record, &out);

@@ -5,6 +5,7 @@
 
 #include "apps/cli/command.h"
 #include "apps/cli/options.h"
+#include "apps/cli/session/left_out.h"
 #include "apps/recording/layouts.h"
 #include "apps/recording/recording.h"
 #include "apps/scene/loop/image_tracks.h"
@@ -67,6 +68,7 @@ std::vector<std::string> ChooseCameras(const GroundtruthArguments& arguments,
 LoopTracks CollectTracks(const GroundtruthArguments& arguments,
                          const RecordingFile& recording,
                          const CalibratedRig& rig,
+                         int threads,
                          Console* console) {
   const auto has_tracks = [](const RecordedFiles& camera) { return !camera.tracks.empty(); };
   if (std::ranges::any_of(recording.cameras, has_tracks)) {
@@ -78,6 +80,7 @@ LoopTracks CollectTracks(const GroundtruthArguments& arguments,
   ImageTrackOptions options;
   options.segments = arguments.segments;
   options.features.wanted = arguments.points;
+  options.threads = threads;
   options.progress = [&](const std::string& stage, size_t done, size_t total) {
     console->Progress(stage, done, total);
     return !Interrupted();
@@ -92,7 +95,8 @@ void RunGroundtruth(const GroundtruthArguments& arguments, const ConsoleOptions&
   const CalibratedRig rig =
       MakeCalibratedRig(calibration, ChooseCameras(arguments, recording, calibration));
   OutputFolder output(arguments.out);
-  const LoopTracks loop = CollectTracks(arguments, recording, rig, &console);
+  const LoopTracks loop = CollectTracks(arguments, recording, rig, shared.threads, &console);
+  for (const std::string& line : GroupedByReason(loop.left_out)) console.Message("  " + line);
   const SceneTracks& tracks = loop.tracks;
   const LoopTruthResult truth = EstimateLoopTruth({.rig = &rig,
                                                    .tracks = &tracks,

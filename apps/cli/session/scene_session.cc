@@ -32,15 +32,6 @@ void CheckSceneSession(const Session& session, bool jackknife) {
                             "each; leave the option out",
                             session.path.string()));
   }
-  for (const SessionCamera& camera : session.cameras) {
-    if (camera.images.empty()) continue;
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: cameras.{}: scene points are not looked for in images; give their "
-                            "tracks: 'detections: tracks_{}.csv'",
-                            session.path.string(),
-                            camera.name,
-                            camera.name));
-  }
 }
 
 SceneCalibrationInput MakeSceneInput(const Session& session, std::vector<CameraInput> cameras) {

@@ -4,9 +4,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <opencv2/calib3d.hpp>
 #include <opencv2/imgproc.hpp>
 
+#include "apps/scene/track/follow_points.h"
 #include "calib/base/error.h"
 #include "calib/base/number_text.h"
 
@@ -36,13 +36,6 @@ std::vector<size_t> FindCameras(const Recording& recording,
                               found->image_size[1],
                               camera.image_size[0],
                               camera.image_size[1]));
-    }
-    if (camera.model->plenoptic) {
-      throw Error(ErrorKind::kInput,
-                  fmt::format("{}: camera '{}' is plenoptic: its scene points are not followed in "
-                              "raw images; choose others by --cameras, or supply its tracks",
-                              recording.path.string(),
-                              camera.name));
     }
     indices.push_back(static_cast<size_t>(found - recording.cameras.begin()));
   }
@@ -76,18 +69,39 @@ class Recogniser {
         a.push_back(features.points[static_cast<size_t>(i)]);
         b.push_back(known.points[static_cast<size_t>(j)]);
       }
-      std::vector<unsigned char> inlier;
-      cv::findFundamentalMat(a, b, inlier, cv::FM_RANSAC, kEpipolarError, 0.99);
-      most = std::max(most, static_cast<size_t>(std::ranges::count(inlier, 1)));
+      const std::vector<bool> agrees = OnOneEpipolarGeometry(a, b);
+      most = std::max(most, static_cast<size_t>(std::ranges::count(agrees, true)));
     }
     return most;
   }
 
  private:
   static constexpr int kFeatures = 800;
-  static constexpr double kEpipolarError = 2;  // px
   std::vector<ImageFeatures> known_;
 };
+
+// Micro lenses of the plenoptic cameras, by index, from the recording's white images.
+std::map<size_t, PlenopticCamera> MeasureOptics(const Recording& recording,
+                                                const std::vector<BundleCamera>& cameras,
+                                                int threads,
+                                                std::vector<LeftOut>* left_out) {
+  std::map<size_t, PlenopticCamera> optics;
+  for (size_t c = 0; c < cameras.size(); ++c) {
+    if (!cameras[c].model->plenoptic) continue;
+    const RecordedCamera& recorded = *recording.FindCamera(cameras[c].name);
+    if (recorded.white_images.empty()) {
+      throw Error(
+          ErrorKind::kInput,
+          fmt::format("{}: camera '{}' is plenoptic and has no white_images, from which the "
+                      "micro-image centres come",
+                      recording.path.string(),
+                      recorded.name));
+    }
+    optics.emplace(
+        c, MeasurePlenopticCamera(recorded.white_images, recorded.bayer, threads, left_out));
+  }
+  return optics;
+}
 
 class LoopTracker {
  public:
@@ -97,29 +111,38 @@ class LoopTracker {
       : recording_(recording),
         cameras_(cameras),
         options_(options),
-        indices_(FindCameras(recording, cameras)) {
+        indices_(FindCameras(recording, cameras)),
+        images_{.cameras = &cameras,
+                .optics = MeasureOptics(recording, cameras, options.threads, &result_.left_out),
+                .frames = {},
+                .read = [this](size_t camera, size_t frame) { return ReadImage(camera, frame); },
+                .threads = options.threads} {
     cv::setNumThreads(0);  // the same bytes for any number of threads
     for (const RecordedFrame& frame : recording.frames) {
       result_.tracks.frames.push_back(frame.name);
       if (recording.HasTimes()) result_.tracks.times.push_back(frame.time);
     }
+    images_.frames = result_.tracks.frames;
     result_.tracks.views.resize(cameras.size());
   }
 
   LoopTracks Run() {
     ChooseFrames();
-    const FeatureTracker start = Track(result_.segments.start, "start", 0);
-    const FeatureTracker end = Track(result_.segments.end, "end", start.Descriptors().rows);
-    for (const FeatureTracker* segment : {&start, &end}) {
+    const FollowedPoints start = Follow(result_.segments.start, "start", 0);
+    const FollowedPoints end = Follow(result_.segments.end, "end", start.descriptors.rows);
+    for (const FollowedPoints* segment : {&start, &end}) {
       for (size_t c = 0; c < cameras_.size(); ++c) {
         std::vector<View>& views = result_.tracks.views[c];
-        views.insert(views.end(), segment->Views()[c].begin(), segment->Views()[c].end());
+        views.insert(views.end(), segment->views[c].begin(), segment->views[c].end());
       }
+      result_.left_out.insert(
+          result_.left_out.end(), segment->left_out.begin(), segment->left_out.end());
     }
-    for (const auto& [i, j] : MatchDescriptors(end.Descriptors(), start.Descriptors())) {
-      result_.tracks.matches.emplace_back(start.Descriptors().rows + i, j);
+    for (const auto& [i, j] : MatchDescriptors(end.descriptors, start.descriptors)) {
+      if (end.group[static_cast<size_t>(i)] != start.group[static_cast<size_t>(j)]) continue;
+      result_.tracks.matches.emplace_back(start.descriptors.rows + i, j);
     }
-    cv::vconcat(start.Descriptors(), end.Descriptors(), result_.descriptors);
+    cv::vconcat(start.descriptors, end.descriptors, result_.descriptors);
     return std::move(result_);
   }
 
@@ -131,7 +154,16 @@ class LoopTracker {
   [[nodiscard]] cv::Mat ReadImage(size_t camera, size_t frame) const {
     const std::optional<size_t> image = recording_.frames[frame].image[indices_[camera]];
     if (!image) return {};
-    return EightBits(recording_.cameras[indices_[camera]].Read(*image));
+    const cv::Mat read = recording_.cameras[indices_[camera]].Read(*image);
+    return images_.optics.contains(camera) ? read : EightBits(read);
+  }
+
+  // As features are found in it.
+  [[nodiscard]] cv::Mat ReadGrey(size_t camera, size_t frame) const {
+    const cv::Mat image = ReadImage(camera, frame);
+    const auto optics = images_.optics.find(camera);
+    if (image.empty() || optics == images_.optics.end()) return image;
+    return FocusedImage(image, optics->second, options_.threads);
   }
 
   void ChooseFrames() {
@@ -154,7 +186,7 @@ class LoopTracker {
     Recogniser recogniser;
     for (size_t i = 0; i < kOfStart; ++i) {
       Report("look at the start", i, kOfStart);
-      const cv::Mat image = ReadImage(0, start[i * start.size() / kOfStart]);
+      const cv::Mat image = ReadGrey(0, start[i * start.size() / kOfStart]);
       if (!image.empty()) recogniser.Add(image);
     }
     const size_t count = recording_.frames.size(), first = std::max(count / 2, start.back() + 1);
@@ -163,7 +195,7 @@ class LoopTracker {
     size_t most = 0;
     for (size_t frame = first; frame < count; frame += step) {
       Report("look for the end", frame - first, count - first);
-      const cv::Mat image = ReadImage(0, frame);
+      const cv::Mat image = ReadGrey(0, frame);
       const size_t common = image.empty() ? 0 : recogniser.CountCommon(image);
       most = std::max(most, common);
       // Twice in a row: once may be chance.
@@ -181,17 +213,13 @@ class LoopTracker {
                             Counted(most, "point")));
   }
 
-  FeatureTracker Track(const std::vector<size_t>& frames,
-                       const char* name,
-                       int first_number) const {
-    FeatureTracker tracker(cameras_, options_.features, first_number);
-    for (size_t i = 0; i < frames.size(); ++i) {
-      Report(fmt::format("follow points of the {}", name), i, frames.size());
-      std::vector<cv::Mat> images;
-      for (size_t c = 0; c < cameras_.size(); ++c) images.push_back(ReadImage(c, frames[i]));
-      tracker.AddFrame(result_.tracks.frames[frames[i]], images);
-    }
-    return tracker;
+  FollowedPoints Follow(const std::vector<size_t>& frames,
+                        const char* name,
+                        int first_number) const {
+    return FollowPoints(
+        images_, frames, options_.features, first_number, [&](size_t done, size_t total) {
+          Report(fmt::format("follow points of the {}", name), done, total);
+        });
   }
 
   const Recording& recording_;
@@ -199,6 +227,7 @@ class LoopTracker {
   const ImageTrackOptions& options_;
   std::vector<size_t> indices_;  // in the recording
   LoopTracks result_;
+  RigImages images_;
 };
 
 }  // namespace

@@ -10,9 +10,12 @@
 #include <set>
 
 #include "apps/scene/scene_start.h"
+#include "apps/scene/scene_views.h"
+#include "apps/scene/virtual_camera.h"
 #include "calib/base/error.h"
 #include "calib/base/number_text.h"
 #include "calib/solve.h"
+#include "calib/start_bundle.h"
 
 namespace plenocal {
 namespace {
@@ -61,17 +64,11 @@ class LoopEstimation {
 
   LoopTruthResult Run() {
     Enter("start segment");
-    FollowBothWays(input_.segments.start, FrameWithMostPoints(input_.segments.start));
-    result_.start = Posed(input_.segments.start);
-    if (result_.start.frames.size() < kFewestFrames) {
-      throw Error(ErrorKind::kJob,
-                  fmt::format("start segment: poses for {} of {} only; the images overlap too "
-                              "little, or the calibration does not fit them",
-                              result_.start.frames.size(),
-                              Counted(input_.segments.start.size(), "frame")));
+    if (HasOnlyPlenopticCameras()) {
+      StartFromVirtualImage();
+    } else {
+      StartFromRays();
     }
-    Enter("end segment");
-    RegisterEnd();
     Enter("bundle adjustment");
     Adjust();
     Enter("uncertainty");
@@ -86,6 +83,101 @@ class LoopEstimation {
   static constexpr double kLeastParallax = 1.0 / 200;
   // A similarity needs three positions.
   static constexpr size_t kFewestFrames = 3;
+
+  bool HasOnlyPlenopticCameras() const {
+    return std::ranges::all_of(input_.rig->cameras,
+                               [](const BundleCamera& camera) { return camera.model->plenoptic; });
+  }
+
+  // Points from the cameras of one frame, then frame by frame.
+  void StartFromRays() {
+    FollowBothWays(input_.segments.start, FrameWithMostPoints(input_.segments.start));
+    result_.start = Posed(input_.segments.start);
+    CheckStart();
+    Enter("end segment");
+    RegisterEnd();
+  }
+
+  // A plenoptic camera's own distances are too noisy to place points by one view: with them a
+  // narrow image cannot tell translation from rotation. Its virtual image is an ordinary camera's,
+  // whose poses and points follow up to scale; the median of all distances is the scale.
+  void StartFromVirtualImage() {
+    Bundle& bundle = result_.bundle;
+    const BundleCamera& camera = bundle.cameras[0];
+    const std::map<int, int> start_number(input_.tracks->matches.begin(),
+                                          input_.tracks->matches.end());
+    const auto number_of = [&](int number) {
+      const auto found = start_number.find(number);
+      return found == start_number.end() ? number : found->second;
+    };
+    CameraInput input{.name = camera.name,
+                      .model = camera.model,
+                      .config = camera.config,
+                      .initial = {camera.params.begin(), camera.params.end()},
+                      .fixed = std::vector<bool>(camera.params.size(), false),
+                      .image_size = camera.image_size,
+                      .views = ViewsOfSegments()};
+    for (View& view : input.views) {
+      for (Observation& seen : view.observations) seen.marker = number_of(seen.marker);
+    }
+    const CameraInput image = VirtualCamera(input);
+    const ReconstructedScene scene =
+        ReconstructScene({.frames = input_.tracks->frames, .times = {}, .views = {image.views}},
+                         {MakeBundleCamera(image, OrdinaryStart(image, image.image_size[0]))},
+                         std::nullopt);
+    const RigidTransform T_rig_camera = camera.T_camera_rig.Inverse();
+    for (size_t frame = 0; frame < scene.T_rig_target.size(); ++frame) {
+      if (!scene.T_rig_target[frame]) continue;
+      bundle.T_rig_target[frame] = T_rig_camera * *scene.T_rig_target[frame];
+      state_.has_pose[frame] = true;
+    }
+    for (size_t m = 0; m < bundle.markers.size(); ++m) {
+      const auto found = scene.points.find(number_of(bundle.markers[m].number));
+      if (found == scene.points.end()) continue;
+      bundle.markers[m].position = found->second;
+      state_.has_point[m] = true;
+    }
+    Rescale(ScaleByOwnDistances(state_).value_or(1));
+    limit_ = ResidualLimit(state_);
+    result_.start = Posed(input_.segments.start);
+    CheckStart();
+    result_.end = Posed(input_.segments.end);
+    CheckEnd();
+    MergeMatches(FindMatches());
+    AdjustStarted(false, &state_);
+  }
+
+  std::vector<View> ViewsOfSegments() const {
+    std::set<std::string> frames;
+    for (const auto* segment : {&input_.segments.start, &input_.segments.end}) {
+      for (const size_t frame : *segment) frames.insert(input_.tracks->frames[frame]);
+    }
+    std::vector<View> views = input_.tracks->views[0];
+    std::erase_if(views, [&](const View& view) { return !frames.contains(view.frame); });
+    return views;
+  }
+
+  void Rescale(double factor) {
+    for (RigidTransform& T : result_.bundle.T_rig_target) T.t *= factor;
+    for (BundleMarker& marker : result_.bundle.markers) marker.position *= factor;
+  }
+
+  void CheckStart() const {
+    if (result_.start.frames.size() >= kFewestFrames) return;
+    throw Error(ErrorKind::kJob,
+                fmt::format("start segment: poses for {} of {} only; the images overlap too "
+                            "little, or the calibration does not fit them",
+                            result_.start.frames.size(),
+                            Counted(input_.segments.start.size(), "frame")));
+  }
+
+  void CheckEnd() const {
+    if (result_.end.frames.size() >= kFewestFrames) return;
+    throw Error(ErrorKind::kJob,
+                fmt::format("end segment: poses for {} of {} only; the images overlap too little",
+                            result_.end.frames.size(),
+                            Counted(input_.segments.end.size(), "frame")));
+  }
 
   SceneState MakeState() {
     result_.bundle = MakeSceneBundle(*input_.tracks, input_.rig->cameras);
@@ -129,7 +221,8 @@ class LoopEstimation {
   void RegisterEnd() {
     size_t most_known = 0;
     const std::vector<size_t>& frames = input_.segments.end;
-    const std::vector<Match> matches = PlaceMatches();
+    const std::vector<Match> matches = FindMatches();
+    for (const Match& match : matches) Place(match);
     const std::optional<Registration> found =
         Register(state_,
                  frames,
@@ -153,11 +246,7 @@ class LoopEstimation {
     FollowBothWays(frames, found->frame);
     result_.end = Posed(frames);
     MergeMatches(matches);
-    if (result_.end.frames.size() >= kFewestFrames) return;
-    throw Error(ErrorKind::kJob,
-                fmt::format("end segment: poses for {} of {} only; the images overlap too little",
-                            result_.end.frames.size(),
-                            Counted(frames.size(), "frame")));
+    CheckEnd();
   }
 
   // Indices of markers that look the same.
@@ -167,8 +256,8 @@ class LoopEstimation {
   // Points of the end are where the start's are up to the error of the path between its frames.
   static constexpr double kMatchLimits = 2;
 
-  // Gives the end's points the positions of those of the start that look the same.
-  std::vector<Match> PlaceMatches() {
+  // Markers of the end that look like one of the start with a position.
+  std::vector<Match> FindMatches() const {
     std::map<int, size_t> index;
     for (size_t m = 0; m < result_.bundle.markers.size(); ++m) {
       index.emplace(result_.bundle.markers[m].number, m);
@@ -177,9 +266,7 @@ class LoopEstimation {
     for (const auto& [end, start] : input_.tracks->matches) {
       const auto of_end = index.find(end), of_start = index.find(start);
       if (of_end == index.end() || of_start == index.end()) continue;
-      if (!state_.has_point[of_start->second]) continue;
-      matches.push_back({of_start->second, of_end->second});
-      Place(matches.back());
+      if (state_.has_point[of_start->second]) matches.push_back({of_start->second, of_end->second});
     }
     return matches;
   }

@@ -166,19 +166,22 @@ class Choice {
                   "--far");
     }
     ParallelFor(candidates_.size(), options_.threads, [&](size_t i) {
-      candidates_[i].information =
-          predictor_.Information(candidates_[i].T_rig_target, kFineMarkers);
+      candidates_[i].information = InformationOf(candidates_[i], kFineMarkers);
     });
+  }
+
+  // Nothing where the camera before which the pose was made, and which its words name, does not
+  // find the target, even if another one does.
+  std::optional<Eigen::MatrixXd> InformationOf(const Candidate& candidate, size_t markers) const {
+    const bool found =
+        predictor_.SightOf(candidate.pose.camera, candidate.T_rig_target, markers).found;
+    if (!found) return std::nullopt;
+    return predictor_.Information(candidate.T_rig_target, markers);
   }
 
   void Score(size_t markers) {
     ParallelFor(candidates_.size(), options_.threads, [&](size_t i) {
-      const RigidTransform& T_rig_target = candidates_[i].T_rig_target;
-      // The words are for the camera before which the pose was made.
-      const bool found =
-          predictor_.SightOf(candidates_[i].pose.camera, T_rig_target, markers).found;
-      const auto information =
-          found ? predictor_.Information(T_rig_target, markers) : std::optional<Eigen::MatrixXd>();
+      const auto information = InformationOf(candidates_[i], markers);
       candidates_[i].score = information ? state_.Gain(*information) : -kInfinity;
     });
   }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "apps/scene/epipolar_search.h"
+#include "apps/scene/track/epipolar_search.h"
 
 #include <array>
 #include <cmath>

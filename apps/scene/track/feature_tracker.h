@@ -14,6 +14,7 @@
 #include <string>
 #include <vector>
 
+#include "apps/scene/track/patch_fit.h"
 #include "calib/adjust/bundle.h"
 #include "calib/camera/observation.h"
 
@@ -21,6 +22,9 @@ namespace plenocal {
 
 struct FeatureOptions {
   int wanted = 1000;  ///< points followed at a time
+  /// Parameters and extrinsics are known: a point of the first camera lies on the epipolar curve in
+  /// the others. Else it is recognised there by its descriptor.
+  bool calibrated = true;
 };
 
 /// SIFT features of an image, spread over it, with root descriptors (one row each).
@@ -39,6 +43,11 @@ ImageFeatures FindFeatures(const cv::Mat& image,
 /// Rows of `a` and `b` that are each other's best and clearly better than the second best (0.8).
 std::vector<std::pair<int, int>> MatchDescriptors(const cv::Mat& a, const cv::Mat& b);
 
+/// Which pairs of positions in two images, px, agree on one epipolar geometry (RANSAC): none when
+/// they are too few to show one.
+std::vector<bool> OnOneEpipolarGeometry(const std::vector<cv::Point2f>& a,
+                                        const std::vector<cv::Point2f>& b);
+
 class FeatureTracker {
  public:
   /// `first_number`: of the first track. `cameras` must outlive this.
@@ -49,33 +58,43 @@ class FeatureTracker {
   /// The next frame: one 8-bit grey image a camera, empty where there is none.
   void AddFrame(const std::string& name, const std::vector<cv::Mat>& images);
 
+  /// A point that the first camera shows in the last frame.
+  struct Followed {
+    int number = 0;
+    const cv::Mat* key_image = nullptr;  ///< in which it was found; valid until the next frame
+    cv::Point2f in_key;
+    PatchPlace now;
+  };
+  [[nodiscard]] std::vector<Followed> FollowedNow() const;
   /// Per camera, all frames so far.
   [[nodiscard]] const std::vector<std::vector<View>>& Views() const { return views_; }
   /// Descriptors of the tracks, by number less that of the first.
   [[nodiscard]] const cv::Mat& Descriptors() const { return descriptors_; }
 
  private:
-  // An image in which points were found, at the scales of the optical flow.
-  struct KeyImage {
-    cv::Mat image;
-    std::vector<cv::Mat> pyramid;
-  };
   struct Track {
     int number = 0;
-    std::shared_ptr<const KeyImage> key;
+    std::shared_ptr<const cv::Mat> key;  // the image in which it was found
     cv::Point2f in_key;
-    std::vector<std::optional<cv::Point2f>> now;  // per camera, in the last frame
+    std::vector<std::optional<PatchPlace>> now;  // per camera, in the last frame
   };
 
   using Pyramid = std::vector<cv::Mat>;
 
-  void Follow(size_t camera, const Pyramid& pyramid);
-  void MeasureAgainstKeys(size_t camera, const Pyramid& pyramid);
+  std::vector<size_t> Follow(size_t camera, const Pyramid& pyramid);
+  void MeasureAgainstKeys(size_t camera, const cv::Mat& image, const std::vector<size_t>& found);
+  void FindAgain(const cv::Mat& image);
   void DropLost();
-  void FindNew(const std::vector<cv::Mat>& images, const std::vector<Pyramid>& pyramids);
-  void FindInOthers(size_t first_track,
-                    const std::vector<cv::Mat>& images,
-                    const std::vector<Pyramid>& pyramids);
+  void FindNew(const cv::Mat& image);
+  void FindInOthers(size_t first_track, const std::vector<cv::Mat>& images);
+  // About where a camera shows the tracks from `first_track` on that have no place in it, by index
+  // of the track.
+  std::map<size_t, cv::Point2f> GuessAlongCurves(size_t camera,
+                                                 size_t first_track,
+                                                 const std::vector<cv::Mat>& images) const;
+  std::map<size_t, cv::Point2f> GuessByDescriptors(size_t camera,
+                                                   size_t first_track,
+                                                   const cv::Mat& image) const;
 
   const std::vector<BundleCamera>& cameras_;
   FeatureOptions options_;

@@ -1,18 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "apps/scene/feature_tracker.h"
+#include "apps/scene/track/feature_tracker.h"
 
 #include <algorithm>
 #include <cmath>
 #include <memory>
+#include <opencv2/calib3d.hpp>
 #include <opencv2/features2d.hpp>
 #include <opencv2/video/tracking.hpp>
 
-#include "apps/scene/epipolar_search.h"
+#include "apps/scene/track/epipolar_search.h"
 
 namespace plenocal {
 namespace {
 
-const cv::Size kWindow(21, 21);
+const cv::Size kWindow(2 * kPatchRadius + 1, 2 * kPatchRadius + 1);
 constexpr int kLevels = 3;
 // SIFT works on the image at twice its size, whose pixels lie a quarter of a pixel off; OpenCV
 // divides by two only.
@@ -20,8 +21,6 @@ const cv::Point2f kUpscaled(0.25F, 0.25F);
 constexpr double kContrast = 0.01;  // of SIFT: weak features serve as well
 // There and back again, px.
 constexpr float kRoundTrip = 0.5F;
-// Between optical flow from the last image and from the one in which the point was found, px.
-constexpr float kFromKey = 2;
 // New points are found when so many of the wanted ones are left.
 constexpr double kRefill = 0.7;
 // Motion that optical flow has lost, as after a jerk: descriptors find the points again.
@@ -45,9 +44,8 @@ struct Flow {
 Flow FlowBetween(const std::vector<cv::Mat>& from,
                  const std::vector<cv::Mat>& to,
                  const std::vector<cv::Point2f>& points,
-                 const std::vector<cv::Point2f>& guess,
                  int levels) {
-  Flow flow{guess, std::vector<bool>(points.size(), false)};
+  Flow flow{points, std::vector<bool>(points.size(), false)};
   if (points.empty()) return flow;
   std::vector<unsigned char> there, back;
   std::vector<float> error;
@@ -135,6 +133,18 @@ std::vector<std::pair<int, int>> MatchDescriptors(const cv::Mat& a, const cv::Ma
   return pairs;
 }
 
+std::vector<bool> OnOneEpipolarGeometry(const std::vector<cv::Point2f>& a,
+                                        const std::vector<cv::Point2f>& b) {
+  constexpr double kFromEpipolarLine = 2;  // px
+  constexpr size_t kFewestPairs = 15;      // eight always fit
+  std::vector<bool> agrees(a.size(), false);
+  if (a.size() < kFewestPairs) return agrees;
+  std::vector<unsigned char> inlier;
+  cv::findFundamentalMat(a, b, inlier, cv::FM_RANSAC, kFromEpipolarLine, 0.99);
+  for (size_t i = 0; i < inlier.size(); ++i) agrees[i] = inlier[i] != 0;
+  return agrees;
+}
+
 FeatureTracker::FeatureTracker(const std::vector<BundleCamera>& cameras,
                                const FeatureOptions& options,
                                int first_number)
@@ -148,27 +158,29 @@ FeatureTracker::FeatureTracker(const std::vector<BundleCamera>& cameras,
 void FeatureTracker::AddFrame(const std::string& name, const std::vector<cv::Mat>& images) {
   std::vector<Pyramid> pyramids;
   for (const cv::Mat& image : images) pyramids.push_back(MakePyramid(image));
-  const size_t before = tracks_.size();
   for (size_t c = 0; c < images.size(); ++c) {
-    Follow(c, pyramids[c]);
-    MeasureAgainstKeys(c, pyramids[c]);
+    MeasureAgainstKeys(c, images[c], Follow(c, pyramids[c]));
   }
-  DropLost();
   if (!images[0].empty()) {
+    const auto has_place = [](const Track& track) { return track.now[0].has_value(); };
+    const auto found = static_cast<double>(std::ranges::count_if(tracks_, has_place));
+    const bool jerk = found < kLost * static_cast<double>(tracks_.size());
+    if (jerk) FindAgain(images[0]);
+    DropLost();
     const size_t first_new = tracks_.size();
-    const bool jerk = static_cast<double>(tracks_.size()) < kLost * static_cast<double>(before);
     if (jerk || static_cast<double>(tracks_.size()) < kRefill * options_.wanted) {
-      FindNew(images, pyramids);
+      FindNew(images[0]);
     }
-    FindInOthers(first_new, images, pyramids);
+    FindInOthers(jerk ? 0 : first_new, images);
   }
   for (size_t c = 0; c < images.size(); ++c) {
     View view{.frame = name, .observations = {}};
     for (const Track& track : tracks_) {
       if (!track.now[c]) continue;
       Observation seen{.marker = track.number};
-      seen.values[0] = track.now[c]->x;
-      seen.values[1] = track.now[c]->y;
+      seen.values[0] = track.now[c]->point.x;
+      seen.values[1] = track.now[c]->point.y;
+      seen.detector_sigma = track.now[c]->sigma;
       view.observations.push_back(seen);
     }
     if (!view.observations.empty()) views_[c].push_back(std::move(view));
@@ -176,46 +188,48 @@ void FeatureTracker::AddFrame(const std::string& name, const std::vector<cv::Mat
   last_ = std::move(pyramids);
 }
 
-// Optical flow from the last image of this camera.
-void FeatureTracker::Follow(size_t camera, const Pyramid& pyramid) {
-  std::vector<size_t> followed;
+// Optical flow from the last image of this camera. Returns the tracks that it finds.
+std::vector<size_t> FeatureTracker::Follow(size_t camera, const Pyramid& pyramid) {
+  std::vector<size_t> followed, found;
+  std::vector<PatchPlace> last;
   std::vector<cv::Point2f> points;
   for (size_t i = 0; i < tracks_.size(); ++i) {
-    std::optional<cv::Point2f>& now = tracks_[i].now[camera];
+    std::optional<PatchPlace>& now = tracks_[i].now[camera];
     if (!now) continue;
     followed.push_back(i);
-    points.push_back(*now);
+    last.push_back(*now);
+    points.push_back(now->point);
     now.reset();
   }
-  if (pyramid.empty() || last_[camera].empty()) return;
-  const Flow flow = FlowBetween(last_[camera], pyramid, points, points, kLevels);
+  if (pyramid.empty() || last_[camera].empty()) return found;
+  const Flow flow = FlowBetween(last_[camera], pyramid, points, kLevels);
   for (size_t i = 0; i < followed.size(); ++i) {
-    if (flow.found[i]) tracks_[followed[i]].now[camera] = flow.points[i];
+    if (!flow.found[i]) continue;
+    tracks_[followed[i]].now[camera] = PatchPlace{.point = flow.points[i], .A = last[i].A};
+    found.push_back(followed[i]);
   }
+  return found;
 }
 
 // The same patch for all observations of a track: its errors do not add up.
-void FeatureTracker::MeasureAgainstKeys(size_t camera, const Pyramid& pyramid) {
-  std::map<const KeyImage*, std::vector<size_t>> by_key;
-  for (size_t i = 0; i < tracks_.size(); ++i) {
-    if (tracks_[i].now[camera]) by_key[tracks_[i].key.get()].push_back(i);
+void FeatureTracker::MeasureAgainstKeys(size_t camera,
+                                        const cv::Mat& image,
+                                        const std::vector<size_t>& found) {
+  for (const size_t i : found) {
+    std::optional<PatchPlace>& now = tracks_[i].now[camera];
+    now = FitPatch(*tracks_[i].key, tracks_[i].in_key, image, *now);
   }
-  for (const auto& [key, indices] : by_key) {
-    std::vector<cv::Point2f> from, guess;
-    for (const size_t i : indices) {
-      from.push_back(tracks_[i].in_key);
-      guess.push_back(*tracks_[i].now[camera]);
-    }
-    const Flow flow = FlowBetween(key->pyramid, pyramid, from, guess, 0);
-    for (size_t i = 0; i < indices.size(); ++i) {
-      std::optional<cv::Point2f>& now = tracks_[indices[i]].now[camera];
-      if (flow.found[i] && cv::norm(flow.points[i] - guess[i]) <= kFromKey) {
-        now = flow.points[i];
-      } else {
-        now.reset();
-      }
-    }
+}
+
+// Tracks that optical flow has lost, by their descriptors.
+void FeatureTracker::FindAgain(const cv::Mat& image) {
+  const std::map<size_t, cv::Point2f> guesses = GuessByDescriptors(0, 0, image);
+  std::vector<size_t> found;
+  for (const auto& [i, place] : guesses) {
+    tracks_[i].now[0] = PatchPlace{.point = place};
+    found.push_back(i);
   }
+  MeasureAgainstKeys(0, image, found);
 }
 
 // A track lives in the first camera.
@@ -223,47 +237,79 @@ void FeatureTracker::DropLost() {
   std::erase_if(tracks_, [](const Track& track) { return !track.now[0]; });
 }
 
-void FeatureTracker::FindNew(const std::vector<cv::Mat>& images,
-                             const std::vector<Pyramid>& pyramids) {
+void FeatureTracker::FindNew(const cv::Mat& image) {
   constexpr double kApart = 5;  // px
   std::vector<cv::Point2f> taken;
-  for (const Track& track : tracks_) taken.push_back(*track.now[0]);
-  const ImageFeatures features = FindFeatures(images[0], options_.wanted, taken, kApart);
-  const auto key = std::make_shared<const KeyImage>(KeyImage{images[0], pyramids[0]});
-  for (const cv::Point2f& point : features.points) {
+  for (const Track& track : tracks_) taken.push_back(track.now[0]->point);
+  const ImageFeatures features = FindFeatures(image, options_.wanted, taken, kApart);
+  const auto key = std::make_shared<const cv::Mat>(image);
+  for (size_t i = 0; i < features.points.size(); ++i) {
     Track track{.number = next_number_++,
                 .key = key,
-                .in_key = point,
-                .now = std::vector<std::optional<cv::Point2f>>(images.size())};
-    track.now[0] = point;
-    tracks_.push_back(std::move(track));
+                .in_key = features.points[i],
+                .now = std::vector<std::optional<PatchPlace>>(views_.size())};
+    // The fit to itself gives the sigma.
+    track.now[0] = FitPatch(image, track.in_key, image, {.point = track.in_key});
+    descriptors_.push_back(features.descriptors.row(static_cast<int>(i)));
+    if (track.now[0]) tracks_.push_back(std::move(track));
   }
-  if (!features.points.empty()) descriptors_.push_back(features.descriptors);
 }
 
-// Points that another camera does not show yet are searched along the epipolar curve.
-void FeatureTracker::FindInOthers(size_t first_track,
-                                  const std::vector<cv::Mat>& images,
-                                  const std::vector<Pyramid>& pyramids) {
+std::map<size_t, cv::Point2f> FeatureTracker::GuessAlongCurves(
+    size_t camera, size_t first_track, const std::vector<cv::Mat>& images) const {
+  std::map<size_t, cv::Point2f> guesses;
+  for (size_t i = first_track; i < tracks_.size(); ++i) {
+    if (tracks_[i].now[camera]) continue;
+    const std::optional<cv::Point2f> found =
+        SearchEpipolarCurve({&cameras_[0], images.data()},
+                            tracks_[i].now[0]->point,
+                            {&cameras_[camera], &images[camera]});
+    if (found) guesses.emplace(i, *found);
+  }
+  return guesses;
+}
+
+std::map<size_t, cv::Point2f> FeatureTracker::GuessByDescriptors(size_t camera,
+                                                                 size_t first_track,
+                                                                 const cv::Mat& image) const {
+  std::vector<size_t> searched;
+  cv::Mat looks;
+  for (size_t i = first_track; i < tracks_.size(); ++i) {
+    if (tracks_[i].now[camera]) continue;
+    searched.push_back(i);
+    looks.push_back(descriptors_.row(tracks_[i].number - first_number_));
+  }
+  if (searched.empty()) return {};
+  const ImageFeatures features = FindFeatures(image, 2 * options_.wanted, {}, 0);
+  std::map<size_t, cv::Point2f> guesses;
+  for (const auto& [i, j] : MatchDescriptors(looks, features.descriptors)) {
+    guesses.emplace(searched[static_cast<size_t>(i)], features.points[static_cast<size_t>(j)]);
+  }
+  return guesses;
+}
+
+// Tracks from `first_track` on that other cameras do not show yet.
+void FeatureTracker::FindInOthers(size_t first_track, const std::vector<cv::Mat>& images) {
   for (size_t c = 1; c < images.size(); ++c) {
     if (images[c].empty()) continue;
-    std::vector<size_t> indices;
-    std::vector<cv::Point2f> from, guess;
-    for (size_t i = first_track; i < tracks_.size(); ++i) {
-      const std::optional<cv::Point2f> found = SearchEpipolarCurve(
-          {&cameras_[0], images.data()}, *tracks_[i].now[0], {&cameras_[c], &images[c]});
-      if (!found) continue;
-      indices.push_back(i);
-      from.push_back(tracks_[i].in_key);
-      guess.push_back(*found);
+    std::vector<size_t> found;
+    for (const auto& [i, place] : options_.calibrated
+                                      ? GuessAlongCurves(c, first_track, images)
+                                      : GuessByDescriptors(c, first_track, images[c])) {
+      tracks_[i].now[c] = PatchPlace{.point = place};
+      found.push_back(i);
     }
-    const Flow flow = FlowBetween(pyramids[0], pyramids[c], from, guess, 0);
-    for (size_t i = 0; i < indices.size(); ++i) {
-      if (flow.found[i] && cv::norm(flow.points[i] - guess[i]) <= kFromKey) {
-        tracks_[indices[i]].now[c] = flow.points[i];
-      }
-    }
+    MeasureAgainstKeys(c, images[c], found);
   }
+}
+
+std::vector<FeatureTracker::Followed> FeatureTracker::FollowedNow() const {
+  std::vector<Followed> followed;
+  for (const Track& track : tracks_) {
+    if (!track.now[0]) continue;
+    followed.push_back({track.number, track.key.get(), track.in_key, *track.now[0]});
+  }
+  return followed;
 }
 
 }  // namespace plenocal
