@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Seconds in which a model's example camera projects the points of a file (64-bit x y z), best of 15:
+// Seconds in which a model's example camera projects the points of a file (64-bit x y z), best of
+// 15:
 //   project_points MODEL FILE
 #include <fmt/format.h>
 
@@ -17,8 +18,7 @@
 int main(int argc, char** argv) {
   using Clock = std::chrono::steady_clock;
   if (argc != 3) return 2;
-  const plenocal::CameraModel* const model =
-      plenocal::FindModel(plenocal::CameraModels(), argv[1]);
+  const plenocal::CameraModel* const model = plenocal::FindModel(plenocal::CameraModels(), argv[1]);
   std::vector<Eigen::Vector3d> points(std::filesystem::file_size(argv[2]) / sizeof(points[0]));
   std::ifstream file(argv[2], std::ios::binary);
   if (model == nullptr || points.empty() ||

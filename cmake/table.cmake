@@ -13,17 +13,21 @@ function(plenocal_camel_case variable stem)
       PARENT_SCOPE)
 endfunction()
 
-# plenocal_table(<variable> FOLDER <folder> NAME <function> TYPE <type> SUFFIX <suffix> HEADER <header>)
+# plenocal_table(<variable> FOLDER <folder> [ALSO <folder>...] NAME <function> TYPE <type> SUFFIX <suffix>
+#                HEADER <header>)
 #
-# The table of a folder, with those in it, whose file x_y.cc defines `<type> XY<suffix>()`: puts the folder's files and a generated source,
+# The table of a folder, and of others beside it, whose file x_y.cc defines `<type> XY<suffix>()`: puts the folder's files and a generated source,
 # which defines `std::span<const <type>> <function>()` of <header>, into <variable>. So a new file is in the table without
 # another edit. The order is that of the file names; nothing runs before main().
 function(plenocal_table variable)
-  cmake_parse_arguments(arg "" "FOLDER;NAME;TYPE;SUFFIX;HEADER" "" ${ARGN})
+  cmake_parse_arguments(arg "" "FOLDER;NAME;TYPE;SUFFIX;HEADER" "ALSO" ${ARGN})
+  set(patterns ${arg_FOLDER})
+  list(APPEND patterns ${arg_ALSO})
+  list(TRANSFORM patterns APPEND /*.cc)
   file(
     GLOB sources
     RELATIVE ${CMAKE_CURRENT_SOURCE_DIR}
-    CONFIGURE_DEPENDS ${arg_FOLDER}/*.cc ${arg_FOLDER}/*/*.cc)
+    CONFIGURE_DEPENDS ${patterns})
   list(SORT sources COMPARE FILE_BASENAME)
   set(declarations "")
   set(entries "")

@@ -10,6 +10,7 @@
 #include <chrono>
 #include <csignal>
 #include <cstdlib>
+#include <nlohmann/json.hpp>
 #include <thread>
 #include <utility>
 #include <vector>
@@ -96,6 +97,11 @@ std::vector<std::string_view> LinesOf(std::string_view text) {
   return lines;
 }
 
+// Names of files may be no UTF-8.
+std::string EventText(const nlohmann::json& event) {
+  return event.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+}
+
 std::string ColouredLine(std::string_view line, std::string_view next) {
   for (const auto& [beginning, style] : kBeginnings) {
     if (!line.starts_with(beginning)) continue;
@@ -128,6 +134,7 @@ std::string WithColours(const std::string& text) {
 
 Console::Console(const ConsoleOptions& options)
     : quiet_(options.quiet),
+      events_(options.events),
       terminal_(isatty(ErrorFile()) == 1),
       next_line_(std::chrono::steady_clock::now() + kLogPause) {}
 
@@ -138,14 +145,39 @@ void Console::ClearLine() {
   line_open_ = false;
 }
 
+void Console::Event(std::string_view json) const {
+  std::string line = std::string(json) + "\n";
+  std::string_view rest = line;
+  while (!rest.empty()) {
+    const ssize_t count = write(events_, rest.data(), rest.size());
+    if (count < 0 && errno == EINTR) continue;
+    if (count <= 0) return;  // nobody reads: the work goes on
+    rest.remove_prefix(static_cast<size_t>(count));
+  }
+}
+
 void Console::Message(const std::string& line) {
+  if (events_ >= 0) Event(EventText({{"event", "message"}, {"text", line}}));
   if (quiet_) return;
   if (sink != nullptr) return sink->message(line, /*warning=*/false);
   ClearLine();
   PrintError(Escaped(line) + "\n");
 }
 
+void Console::Detection(const std::string& camera,
+                        const std::string& frame,
+                        size_t points,
+                        const std::string& why) {
+  if (events_ < 0) return;
+  Event(EventText({{"event", "detection"},
+                   {"camera", camera},
+                   {"frame", frame},
+                   {"points", points},
+                   {"why", why}}));
+}
+
 void Console::Warning(const std::string& line) {
+  if (events_ >= 0) Event(EventText({{"event", "warning"}, {"text", line}}));
   if (quiet_) return;
   if (sink != nullptr) return sink->message(line, /*warning=*/true);
   ClearLine();
@@ -154,10 +186,18 @@ void Console::Warning(const std::string& line) {
 }
 
 void Console::Progress(const std::string& stage, size_t done, size_t total) {
-  Progress(fmt::format("{}: {} of {}", stage, done, total));
+  if (events_ >= 0) {
+    Event(EventText({{"event", "progress"}, {"stage", stage}, {"done", done}, {"total", total}}));
+  }
+  ProgressLine(fmt::format("{}: {} of {}", stage, done, total));
 }
 
 void Console::Progress(const std::string& stage) {
+  if (events_ >= 0) Event(EventText({{"event", "progress"}, {"stage", stage}}));
+  ProgressLine(stage);
+}
+
+void Console::ProgressLine(const std::string& stage) {
   if (quiet_) return;
   if (sink != nullptr) return sink->progress(stage);
   if (terminal_) {

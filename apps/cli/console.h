@@ -16,6 +16,7 @@ struct ConsoleOptions {
       "plenocal";      ///< the program as it was called, with the options before the command
   bool quiet = false;  ///< errors only
   int threads = 0;     ///< 0: all cores
+  int events = -1;     ///< open file that takes progress as JSON lines (docs/formats.md); -1: none
 };
 
 /// Takes the place of the standard streams where commands run inside of another program. Called
@@ -59,13 +60,21 @@ class Console {
   /// `done` of `total` items of a stage.
   void Progress(const std::string& stage, size_t done, size_t total);
   void Progress(const std::string& stage);
+  /// What was found in one image, for `ConsoleOptions::events` alone.
+  void Detection(const std::string& camera,
+                 const std::string& frame,
+                 size_t points,
+                 const std::string& why);
   /// Text of whole lines on standard output, with colours.
   void Print(const std::string& text);
 
  private:
   void ClearLine();
+  void ProgressLine(const std::string& line);
+  void Event(std::string_view json) const;
 
   bool quiet_;
+  int events_;
   bool terminal_;
   bool line_open_ = false;
   std::chrono::steady_clock::time_point next_line_;  ///< of progress, where there is no terminal

@@ -1,6 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/cli/options.h"
 
+#include <fcntl.h>
+#include <fmt/format.h>
+
+#include <csignal>
+
+#include "calib/base/error.h"
+
 namespace plenocal {
 
 void AddThreads(CLI::App* app, ConsoleOptions* shared) {
@@ -11,6 +18,22 @@ void AddThreads(CLI::App* app, ConsoleOptions* shared) {
 
 void AddQuiet(CLI::App* app, ConsoleOptions* shared) {
   app->add_flag("--quiet", shared->quiet, "no messages and no progress, only errors");
+}
+
+void AddEvents(CLI::App* app, ConsoleOptions* shared) {
+  app->add_option_function<int>(
+         "--events",
+         [shared](int file) {
+           if (fcntl(file, F_GETFD) == -1) {
+             throw Error(ErrorKind::kInput,
+                         fmt::format("--events {}: no open file has this number", file));
+           }
+           // Who reads may end first.
+           std::signal(SIGPIPE, SIG_IGN);
+           shared->events = file;
+         },
+         "number of an open file that takes progress as JSON lines: for programs that run this one")
+      ->check(CLI::Range(1, 1 << 20));
 }
 
 void AddBayer(CLI::App* app, std::optional<BayerOrder>* bayer, const std::string& help) {
@@ -28,6 +51,17 @@ void AddResultOptions(CLI::App* app, SessionOptions* options, ConsoleOptions* sh
   app->add_option("-o,--out", options->out, "folder for the results")->required();
   AddThreads(app, shared);
   AddQuiet(app, shared);
+  AddEvents(app, shared);
+  app->add_option("--exclude",
+                  options->exclude,
+                  "leave out what matches, beside the session's 'exclude': \"camera: left, frame: "
+                  "'07'\", \"frame: '1*'\", \"markers: [17, 18]\"; may stand several times")
+      ->expected(1)
+      ->take_all();
+  app->add_option(
+      "--cache",
+      options->cache,
+      "folder that keeps detections for later runs, which may write elsewhere (default: OUT)");
   app->add_flag(
       "--keep",
       options->keep,

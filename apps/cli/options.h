@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "apps/cli/console.h"
 #include "calib/camera/bayer.h"
@@ -15,21 +16,26 @@ namespace plenocal {
 
 /// Options of the commands that detect the target in a session's images.
 struct SessionOptions {
-  std::filesystem::path session;  ///< session.yaml
-  std::filesystem::path out;      ///< folder for the results
-  bool keep = false;              ///< write pictures of the stages into OUT/images
-  bool fresh = false;             ///< detect again: ignore detections of earlier runs
+  std::filesystem::path session;     ///< session.yaml
+  std::filesystem::path out;         ///< folder for the results
+  bool keep = false;                 ///< write pictures of the stages into OUT/images
+  std::vector<std::string> exclude;  ///< rules beside the session's, in YAML
+  std::filesystem::path cache;       ///< folder of the detections kept for later runs; empty: `out`
+  bool fresh = false;                ///< detect again: ignore detections of earlier runs
 };
 
 /// Declares `--threads`.
 void AddThreads(CLI::App* app, ConsoleOptions* shared);
 /// Declares `--quiet`.
 void AddQuiet(CLI::App* app, ConsoleOptions* shared);
+/// Declares `--events`: an open file descriptor.
+void AddEvents(CLI::App* app, ConsoleOptions* shared);
 /// Declares `--bayer`, one of `kBayerOrders`.
 void AddBayer(CLI::App* app, std::optional<BayerOrder>* bayer, const std::string& help);
-/// Declares `--out`, `--threads`, `--quiet`, `--keep` and `--fresh`.
+/// Declares `--out`, `--threads`, `--quiet`, `--events`, `--exclude`, `--cache`, `--keep` and
+/// `--fresh`.
 void AddResultOptions(CLI::App* app, SessionOptions* options, ConsoleOptions* shared);
-/// Declares the session, `--out`, `--threads`, `--quiet`, `--keep` and `--fresh`.
+/// Declares the session and the same.
 void AddSessionOptions(CLI::App* app, SessionOptions* options, ConsoleOptions* shared);
 
 }  // namespace plenocal

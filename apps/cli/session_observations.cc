@@ -122,14 +122,20 @@ class Collector {
     // Observations of plenoptic models have a context, their micro lens.
     const CameraOptics optics =
         camera.model->plenoptic ? CameraOptics::kPlenoptic : CameraOptics::kOrdinary;
-    DetectOptions detect{.white_images = images.white,
-                         .bayer = camera.bayer,
-                         .threads = options_.threads,
-                         .cache = places_.cache,
-                         .progress = [&](size_t done) {
-                           console_.Progress(camera.name + ": images", done, images.images.size());
-                           return !Interrupted();
-                         }};
+    DetectOptions detect{
+        .white_images = images.white,
+        .bayer = camera.bayer,
+        .threads = options_.threads,
+        .cache = places_.cache,
+        .report =
+            [&](const ImageReport& report) {
+              console_.Detection(camera.name, report.frame, report.points, report.why);
+            },
+        .progress =
+            [&](size_t done) {
+              console_.Progress(camera.name + ": images", done, images.images.size());
+              return !Interrupted();
+            }};
     if (places_.pictures != nullptr) {
       detect.keep = [&](const std::string& name, const std::string& content) {
         places_.pictures->Write(fmt::format("images/{}/{}", camera.name, name), content);

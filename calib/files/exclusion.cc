@@ -8,7 +8,10 @@
 #include <algorithm>
 #include <filesystem>
 #include <set>
+#include <string_view>
 #include <utility>
+
+#include "calib/base/names.h"
 
 namespace plenocal {
 namespace {
@@ -62,6 +65,7 @@ Exclusion::Exclusion(std::vector<ExcludeRule> rules)
 void Exclusion::RemoveImages(const std::string& camera,
                              std::vector<FrameImage>* images,
                              std::vector<LeftOut>* left_out) {
+  for (const FrameImage& image : *images) frames_.insert(image.frame);
   std::erase_if(*images, [&](const FrameImage& image) {
     for (size_t r = 0; r < rules_.size(); ++r) {
       if (!rules_[r].markers.empty()) continue;
@@ -78,6 +82,7 @@ void Exclusion::RemoveViews(const std::string& camera,
                             const std::vector<FrameImage>& images,
                             std::vector<View>* views,
                             std::vector<LeftOut>* left_out) {
+  for (const View& view : *views) frames_.insert(view.frame);
   for (size_t r = 0; r < rules_.size(); ++r) {
     const ExcludeRule& rule = rules_[r];
     std::erase_if(*views, [&](View& view) {
@@ -115,10 +120,12 @@ std::vector<std::string> Exclusion::Unused() const {
     if (!rule.markers.empty()) {
       parts.push_back(fmt::format("markers: [{}]", fmt::join(rule.markers, ", ")));
     }
+    const std::vector<std::string_view> known(frames_.begin(), frames_.end());
     unused.push_back(
-        fmt::format("exclude[{}] ({}) leaves out nothing: no image or point is called so",
+        fmt::format("exclude[{}] ({}) leaves out nothing: no image or point is called so{}",
                     r,
-                    fmt::join(parts, ", ")));
+                    fmt::join(parts, ", "),
+                    rule.frame.empty() ? "" : SuggestName(rule.frame, known)));
   }
   return unused;
 }

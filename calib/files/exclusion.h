@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <set>
 #include <string>
 #include <vector>
 
@@ -9,6 +10,10 @@
 #include "calib/files/session.h"
 
 namespace plenocal {
+
+/// Adds rules in YAML ("camera: left, frame: '07'") to a session, and to its text. Throws `Error`
+/// that begins with the rule.
+void AddExcludeRules(const std::vector<std::string>& rules, Session* session);
 
 /// What a session leaves out on purpose (`exclude`), applied to one camera after the other.
 class Exclusion {
@@ -26,12 +31,13 @@ class Exclusion {
                    std::vector<View>* views,
                    std::vector<LeftOut>* left_out);
 
-  /// A sentence for each rule that has removed nothing so far.
+  /// A sentence for each rule that has removed nothing so far, with the nearest name of a frame.
   [[nodiscard]] std::vector<std::string> Unused() const;
 
  private:
   std::vector<ExcludeRule> rules_;
-  std::vector<bool> used_;  // per rule
+  std::vector<bool> used_;        // per rule
+  std::set<std::string> frames_;  // all that were seen, to name the nearest
 };
 
 }  // namespace plenocal

@@ -11,6 +11,7 @@
 #include "calib/base/input_file.h"
 #include "calib/base/names.h"
 #include "calib/files/calibration_file.h"
+#include "calib/files/exclusion.h"
 #include "calib/files/image_keys.h"
 
 namespace plenocal {
@@ -403,6 +404,18 @@ Session ReadRoot(const YamlNode& root,
 }
 
 }  // namespace
+
+void AddExcludeRules(const std::vector<std::string>& rules, Session* session) {
+  if (rules.empty()) return;
+  // A second block of the same name would be no YAML.
+  const bool has_block = !session->exclude.empty();
+  session->text += has_block ? "# excluded by the command line as well:\n" : "exclude:\n";
+  for (const std::string& rule : rules) {
+    const YamlNode node = YamlNode::Parse("{" + rule + "}", fmt::format("--exclude \"{}\"", rule));
+    session->exclude.push_back(ReadExcludeRule(node, session->cameras));
+    session->text += fmt::format("{}  - {{{}}}\n", has_block ? "#" : "", rule);
+  }
+}
 
 std::string TargetSource::Text() const {
   if (keys) return keys->Dump();

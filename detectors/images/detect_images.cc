@@ -232,8 +232,14 @@ void ImageRun::DetectAll() {
     }
     if (!picture.empty()) options_.keep(images_[i].frame + ".png", picture);
     const size_t count = ++done;
+    const std::lock_guard lock(progress_mutex);
+    if (options_.report) {
+      const ImageResult& result = results_[i];
+      options_.report({images_[i].frame,
+                       result.found.markers.size(),
+                       result.unreadable.empty() ? result.found.failure : result.unreadable});
+    }
     if (options_.progress) {
-      const std::lock_guard lock(progress_mutex);
       if (!options_.progress(count)) stop = true;
     }
   });

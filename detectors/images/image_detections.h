@@ -37,6 +37,13 @@ struct ImageDetections {
   CameraTraits traits;       ///< of all images of that size; of a plenoptic camera none
 };
 
+/// What was found in one image.
+struct ImageReport {
+  std::string frame;
+  size_t points = 0;
+  std::string why;  ///< there are none; empty when there are
+};
+
 struct DetectOptions {
   /// White images of the camera: its vignetting is corrected before detection. May be empty.
   std::vector<FrameImage> white_images = {};
@@ -48,6 +55,8 @@ struct DetectOptions {
   /// Receives pictures for viewing (name and file content), from several threads; empty: none are
   /// made.
   std::function<void(const std::string& name, const std::string& content)> keep = {};
+  /// Called for each image when it is done, one call at a time; empty: not called.
+  std::function<void(const ImageReport&)> report = {};
   /// Called after each image with the number of images done; false stops (`Stopped` is thrown).
   std::function<bool(size_t done)> progress;
 };

@@ -194,6 +194,7 @@ void DetectInImages(const std::vector<FrameImage>& images,
   for (size_t i = 0; i < images.size(); ++i) {
     const std::string path = images[i].path.string();
     RawResult result;
+    ImageReport report{images[i].frame, 0, {}};
     try {
       result = detector->Detect(images[i]);
       if (result.is_cached) ++detections->reused;
@@ -203,21 +204,25 @@ void DetectInImages(const std::vector<FrameImage>& images,
       }
       if (found.markers.empty()) {
         detections->left_out.push_back({path, found.failure, true});
+        report.why = found.failure;
       } else {
         if (const size_t count = CountMarkers(found.markers); count > most_markers) {
           most_markers = count;
           fullest = i;
           sample = std::move(result.sample);
         }
+        report.points = CountMarkers(found.markers);
         frames.push_back(images[i].frame);
         measured.push_back(std::move(found.markers));
       }
     } catch (const Error& error) {
-      detections->left_out.push_back({path, WithoutPath(error.what(), path), true});
+      report.why = WithoutPath(error.what(), path);
+      detections->left_out.push_back({path, report.why, true});
     }
     for (const auto& [ending, content] : result.pictures) {
       options.keep(images[i].frame + ending, content);
     }
+    if (options.report) options.report(report);
     if (options.progress && !options.progress(i + 1)) throw Stopped();
   }
   if (most_markers > 0) detections->sample = detector->Sample(images[fullest], std::move(sample));

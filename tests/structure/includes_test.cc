@@ -55,18 +55,22 @@ const std::map<std::string, Rooms> kAllowed = [] {
   add("apps/formats", {"apps/resample"});
   add("apps/report", {"calib/judge", "models", "detectors"});
   add("apps/recording", {"detectors"});
+  add("apps/guide", {"apps/charts", "calib/judge"});
   add("apps/scene", {"apps/recording", "apps/evaluate", "apps/report", "models"});
   add("apps/photometry", {"apps/scene"});
   add("apps/simulate", {"apps/charts", "apps/evaluate", "calib/judge", "detectors", "models"});
+  add("apps/workbench", {"apps/report"});
   add("apps/cli",
       {"apps/print",
        "apps/evaluate",
        "apps/formats",
        "apps/photometry",
+       "apps/guide",
        "apps/recording",
        "apps/report",
        "apps/scene",
-       "apps/simulate"});
+       "apps/simulate",
+       "apps/workbench"});
   add("apps", {"apps/cli"});
   add("python", {"apps/cli"});
   return allowed;

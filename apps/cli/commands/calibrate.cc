@@ -29,6 +29,7 @@
 #include "calib/describe.h"
 #include "calib/files/calibration_file.h"
 #include "calib/files/calibration_tables.h"
+#include "calib/files/exclusion.h"
 #include "calib/files/frame_images.h"
 #include "calib/judge/causes/diagnose.h"
 #include "calib/judge/target/target_causes.h"
@@ -259,6 +260,7 @@ CalibrateJob MakeCalibrateJob(const CalibrateArguments& arguments,
   CalibrateJob job;
   if (const std::string file = SessionFile(arguments); !file.empty()) {
     job.session = OpenSession(file);
+    AddExcludeRules(arguments.exclude, &job.session);
     if (!job.session.scene) job.target = ReadTarget(job.session.target);
     return job;
   }
@@ -276,11 +278,13 @@ CalibrateJob MakeCalibrateJob(const CalibrateArguments& arguments,
   job.images.emplace(images, arguments.out, shared, console);
   job.target = job.images->target();
   job.session = job.images->With(job.model != nullptr ? *job.model : UsualModel(), {});
+  AddExcludeRules(arguments.exclude, &job.session);
   return job;
 }
 
 // Settles model and target of images, and writes session and target.
-void CompleteJob(const ConsoleOptions& shared,
+void CompleteJob(const CalibrateArguments& arguments,
+                 const ConsoleOptions& shared,
                  CalibrateJob* job,
                  SessionObservations* observations,
                  Console* console,
@@ -289,6 +293,7 @@ void CompleteJob(const ConsoleOptions& shared,
   const ImageChoice choice =
       ChooseByHeldOutFrames(job->model, job->target, *observations, shared, console);
   job->session = job->images->With(*choice.model, choice.refine_target);
+  AddExcludeRules(arguments.exclude, &job->session);
   UseCamerasOf(job->session, observations);
   out->Write(ImageSession::kSessionName, job->session.text);
   out->Write(ImageSession::kTargetName, job->images->target_text());
@@ -359,7 +364,7 @@ void RunCalibrate(const CalibrateArguments& arguments, const ConsoleOptions& sha
   out.RefuseInputs(kResults);
 
   DetectionCache cache =
-      OpenDetectionCache(arguments.out,
+      OpenDetectionCache(arguments.cache.empty() ? arguments.out : arguments.cache,
                          session,
                          arguments.fresh ? EarlierDetections::kIgnore : EarlierDetections::kReuse);
   SceneObservations found;
@@ -370,7 +375,7 @@ void RunCalibrate(const CalibrateArguments& arguments, const ConsoleOptions& sha
         session, job.target, shared, {&cache, arguments.keep ? &out : nullptr}, &console);
   }
   SessionObservations& observations = found.session;
-  CompleteJob(shared, &job, &observations, &console, &out);
+  CompleteJob(arguments, shared, &job, &observations, &console, &out);
   const auto provenance = ProvenanceOf(shared, "calibrate", session, arguments.out);
   auto [calibration, record] =
       session.scene ? CalibrateWithScene(shared, session, found, &console, &out)
@@ -390,7 +395,8 @@ void RunCalibrate(const CalibrateArguments& arguments, const ConsoleOptions& sha
     WriteReport(record, files, &console, &out);
   }
   out.Commit();
-  cache.RemoveUnused();
+  // Other runs may need what is in a cache of its own.
+  if (arguments.cache.empty()) cache.RemoveUnused();
   Print(arguments, calibration, record, &console);
   CheckRequirement(arguments, *record.verdict);
 }

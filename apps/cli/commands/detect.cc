@@ -9,22 +9,27 @@
 #include "apps/cli/session_observations.h"
 #include "calib/base/number_text.h"
 #include "calib/base/output_folder.h"
+#include "calib/files/exclusion.h"
 
 namespace plenocal {
 namespace {
 
 void RunDetect(const SessionOptions& options, const ConsoleOptions& shared) {
-  const Session session = OpenSession(options.session);
+  Session session = OpenSession(options.session);
+  AddExcludeRules(options.exclude, &session);
   const Target target = ReadTarget(session.target);
   OutputFolder out(options.out);
   Console console(shared);
-  DetectionCache cache = OpenDetectionCache(
-      options.out, session, options.fresh ? EarlierDetections::kIgnore : EarlierDetections::kReuse);
+  DetectionCache cache =
+      OpenDetectionCache(options.cache.empty() ? options.out : options.cache,
+                         session,
+                         options.fresh ? EarlierDetections::kIgnore : EarlierDetections::kReuse);
   const SessionObservations observations = CollectObservations(
       session, target, shared, {&cache, options.keep ? &out : nullptr}, &console);
   WriteDetections(session, observations, options.out, &out);
   out.Commit();
-  cache.RemoveUnused();
+  // Other runs may need what is in a cache of its own.
+  if (options.cache.empty()) cache.RemoveUnused();
   for (const CameraInput& camera : observations.cameras) {
     console.Print(fmt::format("{}: {}, {} -> {}\n",
                               camera.name,

@@ -56,6 +56,15 @@ TEST(Exclusion, StatesTheReason) {
   EXPECT_THAT(exclusion.Unused(), IsEmpty());
 }
 
+TEST(Exclusion, NamesTheNearestFrameOfARuleThatLeavesOutNothing) {
+  Exclusion exclusion({Rule("img_0012")});
+  std::vector<FrameImage> images{{"img_0001", "a.png"}, {"img_0013", "b.png"}};
+  std::vector<LeftOut> left_out;
+  exclusion.RemoveImages("left", &images, &left_out);
+  ASSERT_EQ(exclusion.Unused().size(), 1U);
+  EXPECT_THAT(exclusion.Unused()[0], HasSubstr("did you mean 'img_0013'?"));
+}
+
 TEST(Exclusion, LeavesOutMarkersWithTheirSharedErrors) {
   std::vector<View> views{{.frame = "a",
                            .observations = {{.marker = 3}, {.marker = 4}, {.marker = 3}},

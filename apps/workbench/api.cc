@@ -1,0 +1,406 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/workbench/api.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <charconv>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "apps/workbench/image_answer.h"
+#include "apps/workbench/project/beneath.h"
+#include "apps/workbench/project/child.h"
+#include "apps/workbench/project/session_text.h"
+#include "apps/workbench/run_json.h"
+#include "calib/base/error.h"
+#include "calib/files/frame_images.h"
+#include "models/registry.h"
+#include "targets/target.h"
+
+namespace plenocal::workbench {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::json;
+
+constexpr size_t kMostText = 1024 * 1024;
+
+Answer JsonAnswer(const Json& json, int status = 200) {
+  return {.status = status, .body = json.dump(-1, ' ', false, Json::error_handler_t::replace)};
+}
+
+Json BodyOf(const Request& request) {
+  Json body = Json::parse(request.body.empty() ? "{}" : request.body, nullptr, false);
+  if (!body.is_object()) throw Error(ErrorKind::kInput, "the request's body is no JSON object");
+  return body;
+}
+
+std::string TextOf(const Json& body, const char* key) {
+  const auto found = body.find(key);
+  if (found == body.end() || found->is_null()) return {};
+  if (!found->is_string()) {
+    throw Error(ErrorKind::kInput, fmt::format("{}: expected text", key));
+  }
+  return found->get<std::string>();
+}
+
+int NumberOf(const std::string& text, const char* what) {
+  int number = 0;
+  const auto parsed = std::from_chars(text.data(), text.data() + text.size(), number);
+  if (parsed.ec != std::errc() || parsed.ptr != text.data() + text.size() || number < 0) {
+    throw Error(ErrorKind::kInput, fmt::format("{}: expected a number, got '{}'", what, text));
+  }
+  return number;
+}
+
+bool Is(const Request& request, const char* method, std::initializer_list<const char*> path) {
+  if (request.method != method || request.path.size() != path.size() + 1) return false;
+  size_t i = 1;
+  for (const char* part : path) {
+    if (std::string_view(part) != "*" && request.path[i] != part) return false;
+    ++i;
+  }
+  return true;
+}
+
+// A name that is no option and no path.
+std::string PlainName(const std::string& name, const char* what) {
+  if (name.empty() || name.starts_with('-') || name.starts_with('.') ||
+      name.find('/') != std::string::npos) {
+    throw Error(ErrorKind::kInput, fmt::format("{}: '{}' is no name", what, name));
+  }
+  return name;
+}
+
+// A whole number of a body.
+int NumberOf(const Json& body, const char* key, int otherwise) {
+  const auto found = body.find(key);
+  if (found == body.end()) return otherwise;
+  if (!found->is_number_integer()) {
+    throw Error(ErrorKind::kInput, fmt::format("{}: expected a number", key));
+  }
+  return found->get<int>();
+}
+
+ExcludeRule RuleOf(const Json& body) {
+  ExcludeRule rule{.camera = TextOf(body, "camera"),
+                   .frame = TextOf(body, "frame"),
+                   .note = TextOf(body, "note")};
+  if (const auto markers = body.find("markers"); markers != body.end()) {
+    if (!markers->is_array()) throw Error(ErrorKind::kInput, "markers: expected a list");
+    for (const Json& marker : *markers) {
+      if (!marker.is_number_integer()) throw Error(ErrorKind::kInput, "markers: expected numbers");
+      rule.markers.push_back(marker.get<int>());
+    }
+  }
+  if (rule.frame.empty() && rule.markers.empty()) {
+    throw Error(ErrorKind::kInput, "give the frame or the markers to exclude");
+  }
+  return rule;
+}
+
+// What a command printed, or its message as an error.
+std::string OutputOf(const ChildResult& child) {
+  if (child.status == 0) return child.out;
+  std::string message = child.err;
+  while (!message.empty() && message.back() == '\n') message.pop_back();
+  const size_t line = message.rfind('\n');
+  throw Error(ErrorKind::kJob, line == std::string::npos ? message : message.substr(line + 1));
+}
+
+}  // namespace
+
+Api::Api(Project* project, Jobs* jobs, EventLog* events)
+    : project_(project), jobs_(jobs), events_(events) {}
+
+Answer Api::Handle(const Request& request) {
+  if (Is(request, "GET", {"state"})) return State();
+  if (Is(request, "GET", {"files"})) return Files(request);
+  if (request.path.size() >= 2 && request.path[1] == "session") return SessionRequest(request);
+  if (Is(request, "POST", {"jobs"})) return AddJob(request);
+  if (Is(request, "DELETE", {"jobs", "*"})) {
+    const bool stopped = jobs_->Stop(NumberOf(request.path[2], "job"));
+    return stopped ? JsonAnswer(Json::object()) : ErrorAnswer(404, "no such job is running");
+  }
+  if (Is(request, "GET", {"image", "*", "*"})) return Image(request);
+  if (request.method == "GET" && request.path.size() >= 3 && request.path[1] == "runs") {
+    return Run(request);
+  }
+  if (Is(request, "POST", {"suggest"})) return Suggest(request);
+  if (Is(request, "GET", {"compare"})) return Compare(request);
+  if (Is(request, "GET", {"target.svg"})) return TargetDrawing();
+  return ErrorAnswer(404, "the workbench has no such address");
+}
+
+Answer Api::State() {
+  Json session = nullptr;
+  if (project_->HasSession()) {
+    const SessionVersion version = project_->ReadVersion();
+    session = {{"path", project_->SessionFile().string()},
+               {"hash", version.hash},
+               {"undo", version.undo},
+               {"redo", version.redo}};
+  }
+  Json runs = Json::array();
+  for (const int run : project_->Runs())
+    runs.push_back(RunBriefJson(project_->RunFolder(run), run));
+  return JsonAnswer({{"root", project_->Root().string()},
+                     {"session", session},
+                     {"jobs", jobs_->All()},
+                     {"runs", runs},
+                     {"event", events_->Last()}});
+}
+
+// Folders with images beneath the root, to begin with.
+Answer Api::Files(const Request& request) const {
+  std::error_code error;
+  const fs::path folder = fs::canonical(project_->Root() / request.Query("dir"), error);
+  // No link leads out of the root.
+  (void)RelativeTo(project_->Root(), folder);
+  Json entries = Json::array();
+  constexpr size_t kMost = 10'000;
+  size_t images = 0;
+  for (const auto& entry : fs::directory_iterator(folder, error)) {
+    const std::string name = entry.path().filename().string();
+    if (name.starts_with('.') || entries.size() > kMost) continue;
+    if (entry.is_directory(error) && !entry.is_symlink(error)) {
+      size_t count = 0;
+      for (const auto& file : fs::directory_iterator(entry.path(), error)) {
+        if (HasImageName(file.path())) ++count;
+      }
+      entries.push_back({{"name", name}, {"kind", "dir"}, {"count", count}});
+    } else if (HasImageName(entry.path())) {
+      ++images;
+    }
+  }
+  return JsonAnswer({{"dir", request.Query("dir")}, {"images", images}, {"entries", entries}});
+}
+
+Json Api::CamerasJson(const Session& session) const {
+  Json cameras = Json::array();
+  for (const SessionCamera& camera : session.cameras) {
+    Json frames = Json::array();
+    if (!camera.images.empty()) {
+      for (const FrameImage& image : ExpandImages(camera.images, camera.name + ": images")) {
+        frames.push_back(image.frame);
+      }
+    }
+    cameras.push_back({{"name", camera.name},
+                       {"model", camera.model->name},
+                       {"plenoptic", camera.model->plenoptic},
+                       {"frames", frames}});
+  }
+  return cameras;
+}
+
+Answer Api::SessionAnswer(const SessionVersion& version) {
+  Json json = {{"text", version.text},
+               {"hash", version.hash},
+               {"undo", version.undo},
+               {"redo", version.redo},
+               {"cameras", Json::array()},
+               {"exclude", Json::array()},
+               {"target", nullptr},
+               {"target_text", nullptr},
+               {"problem", nullptr}};
+  try {
+    const Session session = ParseSession(version.text, project_->SessionFile(), CameraModels());
+    for (const ExcludeRule& rule : session.exclude) {
+      json["exclude"].push_back({{"camera", rule.camera},
+                                 {"frame", rule.frame},
+                                 {"markers", rule.markers},
+                                 {"note", rule.note}});
+    }
+    if (IsBeneath(project_->Root(), session.target.file)) {
+      json["target"] = RelativeTo(project_->Root(), session.target.file).string();
+      const auto text = ReadBeneath(project_->Root(), session.target.file, kMostText);
+      json["target_text"] = std::string(text.begin(), text.end());
+    }
+    json["cameras"] = CamerasJson(session);
+    if (!session.scene) (void)ReadTarget(session.target);
+  } catch (const Error& error) {
+    json["problem"] = error.what();
+  }
+  return JsonAnswer(json);
+}
+
+Answer Api::Changed(const std::optional<SessionVersion>& version) {
+  if (!version) {
+    return ErrorAnswer(
+        409, "the session has changed meanwhile", "look at the new text, then change it again");
+  }
+  events_->Add("session", Json{{"hash", version->hash}}.dump());
+  return SessionAnswer(*version);
+}
+
+Answer Api::SessionRequest(const Request& request) {
+  if (!project_->HasSession()) {
+    return ErrorAnswer(404, "there is no session yet", "propose one from the images");
+  }
+  if (Is(request, "GET", {"session"})) return SessionAnswer(project_->ReadVersion());
+  if (Is(request, "PUT", {"session"})) {
+    return Changed(project_->Write(TextOf(BodyOf(request), "text"), request.Header("if-match")));
+  }
+  if (Is(request, "PUT", {"session", "target"})) {
+    const Session session = project_->Parsed();
+    const fs::path file = project_->Root() / RelativeTo(project_->Root(), session.target.file);
+    // Read first: so it is a file beneath the root to which no link leads.
+    (void)ReadBeneath(project_->Root(), file, kMostText);
+    project_->WriteFile(file, TextOf(BodyOf(request), "text"));
+    return Changed(project_->ReadVersion());
+  }
+  if (Is(request, "POST", {"session", "undo"})) return Changed(project_->Undo());
+  if (Is(request, "POST", {"session", "redo"})) return Changed(project_->Redo());
+  if (Is(request, "POST", {"session", "exclude"}) || Is(request, "POST", {"session", "include"})) {
+    return Exclude(request);
+  }
+  return ErrorAnswer(404, "the workbench has no such address");
+}
+
+Answer Api::Exclude(const Request& request) {
+  const ExcludeRule rule = RuleOf(BodyOf(request));
+  const SessionVersion now = project_->ReadVersion();
+  const std::string text =
+      request.path[2] == "exclude" ? WithRule(now.text, rule) : WithoutRule(now.text, rule);
+  // A text that cannot be read is not written.
+  (void)ParseSession(text, project_->SessionFile(), CameraModels());
+  return Changed(project_->Write(text, now.hash));
+}
+
+Answer Api::AddJob(const Request& request) {
+  const Json body = BodyOf(request);
+  const std::string kind = TextOf(body, "kind");
+  const std::string session = project_->SessionFile().filename().string();
+  const std::string events = std::to_string(kEventsFile);
+  Json job;
+  if (kind == "init") {
+    if (project_->HasSession()) {
+      return ErrorAnswer(409, "there is a session already", "edit its text");
+    }
+    job = jobs_->Add(kind, {"init", ".", "-o", session});
+  } else if (kind == "detect") {
+    job = jobs_->Add(kind,
+                     {"detect",
+                      session,
+                      "-o",
+                      ".plenocal/detections",
+                      "--cache",
+                      ".plenocal/cache",
+                      "--events",
+                      events,
+                      "--quiet"});
+  } else if (kind == "calibrate") {
+    const int run = project_->NextRun();
+    const std::string out = fmt::format("runs/{}", run);
+    job = jobs_->Add(kind,
+                     {"calibrate",
+                      session,
+                      "-o",
+                      out,
+                      "--cache",
+                      ".plenocal/cache",
+                      "--events",
+                      events,
+                      "--quiet"},
+                     {{"run", run}});
+  } else if (kind == "try") {
+    job = jobs_->Add(kind, {"try", session, "-o", ".plenocal/try"});
+  } else {
+    return ErrorAnswer(400, fmt::format("'{}' is no kind of job", kind));
+  }
+  return JsonAnswer(job, 202);
+}
+
+Answer Api::Image(const Request& request) {
+  const std::string &camera = request.path[2], &frame = request.path[3];
+  const Session session = project_->Parsed();
+  for (const SessionCamera& each : session.cameras) {
+    if (each.name != camera) continue;
+    for (const FrameImage& image : ExpandImages(each.images, camera + ": images")) {
+      if (image.frame != frame) continue;
+      const int width = request.Query("w").empty() ? 0 : NumberOf(request.Query("w"), "w");
+      return ImageAnswer(project_->Root(), image.path, width);
+    }
+  }
+  return ErrorAnswer(404, fmt::format("the session has no image {} of {}", frame, camera));
+}
+
+Answer Api::Run(const Request& request) {
+  const int number = NumberOf(request.path[2], "run");
+  const fs::path folder = project_->RunFolder(number);
+  const std::vector<int> runs = project_->Runs();
+  if (std::ranges::find(runs, number) == runs.end()) {
+    return ErrorAnswer(404, fmt::format("there is no run {}", number));
+  }
+  if (request.path.size() == 3) return JsonAnswer(RunJson(folder, number));
+  if (Is(request, "GET", {"runs", "*", "points"})) {
+    return JsonAnswer(PointsJson(folder, request.Query("camera"), request.Query("frame")));
+  }
+  if (Is(request, "GET", {"runs", "*", "space"})) return JsonAnswer(SpaceJson(folder));
+  if (Is(request, "GET", {"runs", "*", "maps"})) {
+    return JsonAnswer(MapsJson(folder, request.Query("camera")));
+  }
+  if (Is(request, "GET", {"runs", "*", "report.html"})) {
+    const auto page = ReadBeneath(project_->Root(), folder / "report.html", 512 * kMostText);
+    return {.type = "application/octet-stream",
+            .body = std::string(page.begin(), page.end()),
+            .headers = {{"Content-Disposition", "attachment; filename=report.html"}}};
+  }
+  if (Is(request, "GET", {"runs", "*", "export"})) return Export(request);
+  return ErrorAnswer(404, "the workbench has no such address");
+}
+
+Answer Api::Suggest(const Request& request) const {
+  const Json body = BodyOf(request);
+  const int run = NumberOf(body, "run", 0), count = NumberOf(body, "count", 5);
+  return {.body = OutputOf(RunChild({"suggest",
+                                     project_->RunFolder(run).string(),
+                                     "--count",
+                                     std::to_string(count),
+                                     "--json",
+                                     "--quiet"},
+                                    project_->Root().string()))};
+}
+
+Answer Api::Compare(const Request& request) const {
+  const auto file = [&](const char* name) {
+    return (project_->RunFolder(NumberOf(request.Query(name), name)) / "calibration.yaml").string();
+  };
+  const std::vector<std::string> arguments{"compare", file("a"), file("b")};
+  return JsonAnswer({{"command", CommandLineText(arguments)},
+                     {"text", OutputOf(RunChild(arguments, project_->Root().string()))}});
+}
+
+// The file of another program, with the command line that makes it.
+Answer Api::Export(const Request& request) const {
+  const int run = NumberOf(request.path[2], "run");
+  const std::string format = PlainName(request.Query("format"), "format");
+  const fs::path out = project_->Root() / ".plenocal" / "export";
+  std::vector<std::string> arguments{"export",
+                                     (project_->RunFolder(run) / "calibration.yaml").string(),
+                                     "--format",
+                                     format,
+                                     "-o",
+                                     (out / (format + ".txt")).string()};
+  if (!request.Query("camera").empty()) {
+    arguments.insert(arguments.end(), {"--camera", PlainName(request.Query("camera"), "camera")});
+  }
+  fs::create_directories(out);
+  OutputOf(RunChild(arguments, project_->Root().string()));
+  const auto content = ReadBeneath(project_->Root(), out / (format + ".txt"), 64 * kMostText);
+  return JsonAnswer({{"command", CommandLineText(arguments)},
+                     {"text", std::string(content.begin(), content.end())}});
+}
+
+Answer Api::TargetDrawing() const {
+  const Session session = project_->Parsed();
+  const fs::path out = project_->Root() / ".plenocal" / "target.svg";
+  OutputOf(RunChild({"target", session.target.file.string(), "-o", out.string(), "--quiet"},
+                    project_->Root().string()));
+  const auto content = ReadBeneath(project_->Root(), out, 64 * kMostText);
+  return {.type = "image/svg+xml", .body = std::string(content.begin(), content.end())};
+}
+
+}  // namespace plenocal::workbench

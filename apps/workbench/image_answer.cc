@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/workbench/image_answer.h"
+
+#include <algorithm>
+#include <opencv2/imgproc.hpp>
+#include <utility>
+#include <vector>
+
+#include "apps/workbench/project/beneath.h"
+#include "detectors/images/image.h"
+
+namespace plenocal::workbench {
+
+Answer ImageAnswer(const std::filesystem::path& root,
+                   const std::filesystem::path& file,
+                   int width) {
+  constexpr size_t kMostBytes = size_t{2} << 30;
+  cv::Mat gray = DecodeRawGray(ReadBeneath(root, file, kMostBytes), file);
+  if (gray.depth() != CV_8U) {
+    double highest = 0;
+    cv::minMaxLoc(gray, nullptr, &highest);
+    gray.convertTo(gray, CV_8U, 255 / std::max(highest, 1.0));
+  }
+  if (width > 0 && width < gray.cols) {
+    const double scale = static_cast<double>(width) / gray.cols;
+    cv::resize(gray, gray, {}, scale, scale, cv::INTER_AREA);
+  }
+  return {.type = "image/jpeg", .body = EncodeImage(".jpg", gray)};
+}
+
+}  // namespace plenocal::workbench

@@ -1,0 +1,20 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Edits of a session's text that leave all other bytes as they are.
+#pragma once
+
+#include <string>
+
+#include "calib/files/session.h"
+
+namespace plenocal::workbench {
+
+/// With one more rule in `exclude`, which is added where there is none. Nothing but this line
+/// changes.
+std::string WithRule(const std::string& text, const ExcludeRule& rule);
+
+/// Without the line of a rule that `WithRule` wrote, and without `exclude:` when it was the only
+/// one. Throws `Error` of kind kInput when no line is that rule: the text is to be edited then.
+std::string WithoutRule(const std::string& text, const ExcludeRule& rule);
+
+}  // namespace plenocal::workbench

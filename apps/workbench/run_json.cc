@@ -1,0 +1,177 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/workbench/run_json.h"
+
+#include <cmath>
+#include <map>
+#include <memory>
+#include <mutex>
+
+#include "apps/report/report.h"
+#include "apps/report/verdict_json.h"
+#include "calib/base/error.h"
+#include "calib/files/calibration_file.h"
+#include "calib/judge/projection_map.h"
+#include "calib/judge/verdict.h"
+#include "models/registry.h"
+
+namespace plenocal::workbench {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::json;
+
+Json Finite(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
+
+Verdict VerdictOf(const CalibrationRecord& record) {
+  return record.verdict ? *record.verdict : Judge(record);
+}
+
+// Reading residuals of a large run takes a second: the last one is kept.
+std::shared_ptr<const CalibrationRecord> RecordOf(const fs::path& folder) {
+  static std::mutex mutex;
+  static fs::path last;
+  static fs::file_time_type time;
+  static std::shared_ptr<const CalibrationRecord> record;
+  const std::lock_guard lock(mutex);
+  const auto written = fs::last_write_time(folder / "calibration.yaml");
+  if (!record || last != folder || time != written) {
+    record = std::make_shared<CalibrationRecord>(ReadCalibrationFolder(folder, CameraModels()));
+    last = folder;
+    time = written;
+  }
+  return record;
+}
+
+struct FrameSums {
+  int used = 0, rejected = 0;
+  double squares = 0;
+};
+
+Json FramesJson(const CalibrationRecord& record, const CalibratedCamera& camera) {
+  std::map<int, FrameSums> frames;
+  for (const ResidualRow& row : camera.residuals) {
+    FrameSums& sums = frames[row.frame];
+    row.used ? ++sums.used : ++sums.rejected;
+    if (row.used) sums.squares += row.Error().squaredNorm();
+  }
+  Json list = Json::array();
+  for (const auto& [frame, sums] : frames) {
+    list.push_back({{"frame", record.frames[static_cast<size_t>(frame)].name},
+                    {"points", sums.used},
+                    {"rejected", sums.rejected},
+                    {"rms", sums.used > 0 ? Json(std::sqrt(sums.squares / sums.used)) : nullptr}});
+  }
+  return list;
+}
+
+Json CameraJson(const CalibrationRecord& record, const CalibratedCamera& camera) {
+  Json parameters = Json::array();
+  for (size_t k = 0; k < camera.params.size(); ++k) {
+    const Param& param = camera.model->params[k];
+    if (param.prior_sigma > 0) continue;
+    parameters.push_back({{"name", param.name},
+                          {"unit", param.unit},
+                          {"value", camera.params[k]},
+                          {"sigma", Finite(camera.Sigma(k))}});
+  }
+  return {{"name", camera.name},
+          {"model", camera.model->name},
+          {"image_size", camera.image_size},
+          {"parameters", parameters},
+          {"rms", Finite(camera.fit.rms)},
+          {"noise", Finite(camera.fit.noise_sigma)},
+          {"detector_sigma", Finite(camera.fit.detector_sigma)},
+          {"points", camera.fit.points},
+          {"rejected", camera.fit.rejected},
+          {"frames", FramesJson(record, camera)}};
+}
+
+}  // namespace
+
+Json RunBriefJson(const fs::path& folder, int number) {
+  Json brief = {{"run", number}};
+  try {
+    const CalibrationRecord record = ReadCalibration(folder / "calibration.yaml", CameraModels());
+    Json rms = Json::array();
+    for (const CalibratedCamera& camera : record.cameras) rms.push_back(Finite(camera.fit.rms));
+    brief["rms"] = rms;
+    if (record.verdict) brief["grade"] = GradeName(record.verdict->grade);
+  } catch (const Error& error) {
+    brief["problem"] = error.what();
+  }
+  return brief;
+}
+
+Json RunJson(const fs::path& folder, int number) {
+  const auto record = RecordOf(folder);
+  const Verdict verdict = VerdictOf(*record);
+  Json judged = VerdictJson(verdict);
+  judged["headline"] = Headline(verdict);
+  Json cameras = Json::array();
+  for (const CalibratedCamera& camera : record->cameras) {
+    cameras.push_back(CameraJson(*record, camera));
+  }
+  return {{"run", number},
+          {"verdict", judged},
+          {"cameras", cameras},
+          {"left_out", record->left_out},
+          {"folder", folder.string()}};
+}
+
+Json PointsJson(const fs::path& folder, const std::string& camera, const std::string& frame) {
+  const auto record = RecordOf(folder);
+  Json points = Json::array();
+  for (const ResidualRow& row : FindCamera(*record, camera).residuals) {
+    if (record->frames[static_cast<size_t>(row.frame)].name != frame) continue;
+    points.push_back({row.marker,
+                      row.values[0],
+                      row.values[1],
+                      Finite(row.residual[0]),
+                      Finite(row.residual[1]),
+                      row.used ? 1 : 0});
+  }
+  return {{"camera", camera}, {"frame", frame}, {"points", points}};
+}
+
+Json SpaceJson(const fs::path& folder) {
+  const auto record = RecordOf(folder);
+  const auto rows = [](const RigidTransform& T) {
+    Json numbers = Json::array();
+    for (int r = 0; r < 3; ++r) {
+      for (int c = 0; c < 3; ++c) numbers.push_back(T.R(r, c));
+      numbers.push_back(T.t[r]);
+    }
+    return numbers;
+  };
+  Json markers = Json::array(), cameras = Json::array(), frames = Json::array();
+  for (const auto& [number, marker] : record->markers) {
+    markers.push_back({marker.position.x(), marker.position.y(), marker.position.z()});
+  }
+  for (const CalibratedCamera& camera : record->cameras) {
+    cameras.push_back(
+        {{"name", camera.name}, {"T_rig_camera", rows(camera.T_camera_rig.Inverse())}});
+  }
+  for (const FrameRecord& frame : record->frames) {
+    frames.push_back({{"name", frame.name}, {"T_target_rig", rows(frame.T_target_rig)}});
+  }
+  return {{"markers", markers}, {"cameras", cameras}, {"frames", frames}};
+}
+
+Json MapsJson(const fs::path& folder, const std::string& name) {
+  const auto record = RecordOf(folder);
+  Json maps = Json::array();
+  for (size_t c = 0; c < record->cameras.size(); ++c) {
+    if (record->cameras[c].name != name) continue;
+    for (const ProjectionMap& map : ProjectionMaps(*record, c)) {
+      Json sigma = Json::array();
+      for (const double value : map.sigma) sigma.push_back(Finite(value));
+      maps.push_back({{"distance", map.distance},
+                      {"columns", map.grid.Columns()},
+                      {"rows", map.grid.Rows()},
+                      {"sigma", sigma}});
+    }
+  }
+  return maps;
+}
+
+}  // namespace plenocal::workbench

@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Results of a run for the page.
+#pragma once
+
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <string>
+
+namespace plenocal::workbench {
+
+/// Number, grade, RMS and number of frames of a run; only the number of one that cannot be read.
+nlohmann::json RunBriefJson(const std::filesystem::path& folder, int number);
+
+/// Verdict, cameras with parameters and sigmas, frames with points and RMS, what was left out.
+nlohmann::json RunJson(const std::filesystem::path& folder, int number);
+
+/// The points of one image: marker, x, y, dx, dy, used.
+nlohmann::json PointsJson(const std::filesystem::path& folder,
+                          const std::string& camera,
+                          const std::string& frame);
+
+/// Markers (m, in the target's frame), cameras with T_rig_camera, frames with T_target_rig;
+/// transforms as twelve numbers, the rows of [R t].
+nlohmann::json SpaceJson(const std::filesystem::path& folder);
+
+/// Sigma of the projection over a camera's image, at each distance.
+nlohmann::json MapsJson(const std::filesystem::path& folder, const std::string& camera);
+
+}  // namespace plenocal::workbench

@@ -1,0 +1,442 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Frames until a goal: suggested views against random ones and greedy coverage, in simulation
+// (docs/suggest.md). Usage: suggest_views CAMERAS_OF_EACH_CLASS SEED; CSV on standard output.
+#include <fmt/format.h>
+
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <map>
+#include <numbers>
+#include <optional>
+#include <random>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "calib/base/error.h"
+#include "calib/calibrate.h"
+#include "calib/describe.h"
+#include "calib/judge/compare.h"
+#include "calib/judge/views/next_views.h"
+#include "calib/judge/views/view_information.h"
+#include "models/registry.h"
+
+namespace plenocal {
+namespace {
+
+constexpr double kDegree = std::numbers::pi / 180;
+constexpr int kStart = 4, kRandomFrames = 20, kMostFrames = 40;
+constexpr double kNoise = 0.1, kFrameError = 0.03;  // px
+constexpr double kBend = 0.0003;                    // m
+constexpr double kExecutionAngle = 5 * kDegree, kExecutionPart = 0.05;
+constexpr ImageSize kImage{1280, 960};
+
+class Dice {
+ public:
+  explicit Dice(unsigned seed) : engine_(seed) {}
+  double Uniform(double a, double b) { return std::uniform_real_distribution(a, b)(engine_); }
+  double Gaussian(double sigma) { return std::normal_distribution(0.0, sigma)(engine_); }
+  size_t Index(size_t count) {
+    return std::uniform_int_distribution<size_t>(0, count - 1)(engine_);
+  }
+
+ private:
+  std::mt19937 engine_;
+};
+
+// 6 x 6 tags of 88 mm, gaps of 26 mm.
+ViewTarget Board() {
+  ViewTarget board{.markers = {}};
+  for (int tag = 0; tag < 36; ++tag) {
+    for (int k = 0; k < 4; ++k) {
+      const double x = tag % 6 * 0.1144 + (k == 1 || k == 2 ? 0.088 : 0),
+                   y = tag / 6 * 0.1144 + (k >= 2 ? 0.088 : 0);
+      board.markers[4 * tag + k] = {x, y, 0};
+      board.normals[4 * tag + k] = -Eigen::Vector3d::UnitZ();
+    }
+  }
+  board.outlines = {{{0, 0, 0}, {0.66, 0, 0}, {0.66, 0.66, 0}, {0, 0.66, 0}}};
+  board.finest = 0.011;  // a bit
+  board.found_in_part = true;
+  return board;
+}
+
+struct World {
+  std::string name;
+  RigKnowledge truth;
+  std::map<int, Eigen::Vector3d> markers;  // of the bent board
+};
+
+BundleCamera Lens(const std::string& kind, Dice* dice, bool master) {
+  double lo = 30, hi = 95;
+  if (kind == "narrow") lo = 10, hi = 30;
+  if (kind == "fisheye") lo = 110, hi = 190;
+  const double half = dice->Uniform(lo, hi) / 2 * kDegree;
+  const bool fisheye = kind == "fisheye";
+  BundleCamera camera{
+      .name = master ? "left" : "right",
+      .image_size = kImage,
+      .model = FindModel(CameraModels(), fisheye ? "kannala-brandt4" : "pinhole-radtan4"),
+      .config = {},
+      .params = {},
+      .fixed = std::vector<bool>(8, false),
+      .T_camera_rig = {},
+      .is_master = master};
+  const double f = fisheye ? 640 / half : 640 / std::tan(half);
+  const double c_x = 639.5 + dice->Uniform(-40, 40), c_y = 479.5 + dice->Uniform(-30, 30);
+  const double edge = fisheye ? half : std::tan(half);
+  const auto term = [&](double low, double high, int power) {
+    return dice->Uniform(low, high) / std::pow(edge, power);
+  };
+  if (fisheye) {
+    camera.params = {f, f, c_x, c_y, term(-0.05, 0.05, 2), term(-0.01, 0.01, 4), 0, 0};
+  } else {
+    camera.params = {f,
+                     f * dice->Uniform(0.99, 1.01),
+                     c_x,
+                     c_y,
+                     term(-0.15, 0.05, 2),
+                     term(0, 0.03, 4),
+                     dice->Uniform(-1e-3, 1e-3),
+                     dice->Uniform(-1e-3, 1e-3)};
+  }
+  return camera;
+}
+
+World MakeWorld(const std::string& kind, unsigned seed) {
+  Dice dice(seed);
+  World world{fmt::format("{}{}", kind, seed), {}, Board().markers};
+  const std::string lens = kind == "stereo" ? "normal" : kind;
+  Bundle& bundle = world.truth.bundle;
+  bundle.cameras.push_back(Lens(lens, &dice, true));
+  if (kind == "stereo") {
+    bundle.cameras.push_back(Lens(lens, &dice, false));
+    bundle.cameras[1].T_camera_rig = {
+        ExpRotation({dice.Gaussian(0.03), dice.Gaussian(0.03), dice.Gaussian(0.03)}),
+        {-0.12, 0, 0}};
+  }
+  for (auto& [number, p] : world.markers) {
+    const double x = p.x() / 0.33 - 1, y = p.y() / 0.33 - 1;
+    p.z() += kBend * (x * x - 0.5 * y * y);
+    bundle.markers.push_back({number, p, p});
+  }
+  world.truth.sigma_px.assign(bundle.cameras.size(), kNoise);
+  world.truth.factors.assign(bundle.cameras.size(), 1);
+  world.truth.lenses.resize(bundle.cameras.size());
+  return world;
+}
+
+// Poses that a person may take before the true cameras.
+struct Pool {
+  std::vector<TargetPose> poses;
+  std::vector<RigidTransform> T_rig_target;
+  std::vector<std::vector<Sight>> sights;  // per pose and camera
+};
+
+Pool Feasible(const World& world, const ViewTarget& board) {
+  Pool pool;
+  const RigKnowledge& truth = world.truth;
+  const RigUnknowns unknowns = UnknownsOf(truth.bundle, 1);
+  const ViewPredictor predictor(truth, unknowns, board);
+  for (size_t c = 0; c < truth.bundle.cameras.size(); ++c) {
+    const ViewRange range = RangeOf(truth, c, board, {}, {});
+    for (const TargetPose& pose : PosesBefore(truth, c, board, range, 50 * kDegree)) {
+      const auto T = PlaceTarget(truth, board, pose);
+      if (!T) continue;
+      const RigidTransform T_rig_target = truth.bundle.cameras[c].T_camera_rig.Inverse() * *T;
+      std::vector<Sight> sights;
+      for (size_t other = 0; other < truth.bundle.cameras.size(); ++other) {
+        sights.push_back(predictor.SightOf(other, T_rig_target, 40));
+      }
+      if (!sights[c].found) continue;
+      pool.poses.push_back(pose);
+      pool.T_rig_target.push_back(T_rig_target);
+      pool.sights.push_back(std::move(sights));
+    }
+  }
+  return pool;
+}
+
+RigidTransform Execute(const World& world,
+                       const TargetPose& pose,
+                       const RigidTransform& T,
+                       Dice* dice) {
+  const RigidTransform& T_camera_rig = world.truth.bundle.cameras[pose.camera].T_camera_rig;
+  const RigidTransform T_camera_target = T_camera_rig * T;
+  const Eigen::Vector3d middle = T_camera_target * Eigen::Vector3d(0.33, 0.33, 0);
+  const double angle = kExecutionAngle / std::sqrt(3.0);
+  const Eigen::Matrix3d R =
+      ExpRotation({dice->Gaussian(angle), dice->Gaussian(angle), dice->Gaussian(angle)}) *
+      T_camera_target.R;
+  const Eigen::Vector3d place = (1 + dice->Gaussian(kExecutionPart)) * middle;
+  return T_camera_rig.Inverse() * RigidTransform{R, place - R * Eigen::Vector3d(0.33, 0.33, 0)};
+}
+
+// Images of one frame. The noise grows with tilt and distance by a law that nobody is told.
+void Record(const World& world,
+            const ViewTarget& board,
+            const RigidTransform& T_rig_target,
+            int frame,
+            Dice* dice,
+            std::vector<CameraInput>* cameras) {
+  const RigUnknowns unknowns = UnknownsOf(world.truth.bundle, 1);
+  for (size_t c = 0; c < cameras->size(); ++c) {
+    const BundleCamera& camera = world.truth.bundle.cameras[c];
+    const RigidTransform T = camera.T_camera_rig * T_rig_target;
+    View view{.frame = fmt::format("{:03}", frame), .observations = {}};
+    Eigen::Matrix2d shared;
+    for (double& value : shared.reshaped()) value = dice->Gaussian(kFrameError);
+    for (const auto& [number, position] : world.markers) {
+      const Eigen::Vector3d p = T * position;
+      const double facing = -(T.R * -Eigen::Vector3d::UnitZ()).dot(p.normalized());
+      Eigen::Vector2d u, moved;
+      if (facing < 0.2 ||
+          !camera.model->project(camera.params.data(), nullptr, nullptr, p, u.data()) ||
+          !camera.model->project(camera.params.data(),
+                                 nullptr,
+                                 nullptr,
+                                 p + T.R * Eigen::Vector3d(board.finest, 0, 0),
+                                 moved.data())) {
+        continue;
+      }
+      if (u.minCoeff() < 3 || u.x() > kImage[0] - 4 || u.y() > kImage[1] - 4) continue;
+      const std::array<double, 4> values{u.x(), u.y()};
+      const auto ray = camera.model->unproject(camera.params.data(), nullptr, values.data());
+      if (!ray || ray->direction.dot(p.normalized()) < 0.999) continue;
+      const double bit = (moved - u).norm();
+      const double sigma = kNoise * std::sqrt(0.7 + 0.3 / (facing * facing) + 4 / (bit * bit));
+      u += shared * Eigen::Vector2d(u.x() / 640 - 1, u.y() / 480 - 1);
+      view.observations.push_back(
+          {.marker = number,
+           .values = {u.x() + dice->Gaussian(sigma), u.y() + dice->Gaussian(sigma)},
+           .detector_sigma = kNoise});
+    }
+    if (view.observations.size() >= 72) (*cameras)[c].views.push_back(view);
+  }
+}
+
+struct Solved {
+  CalibrationRecord record;
+  RigKnowledge rig;
+  double phi = 0, error = 0;  // px
+};
+
+double PhiOf(const RigKnowledge& rig,
+             const ViewTarget& board,
+             const std::vector<double>& distances) {
+  const RigUnknowns unknowns = UnknownsOf(rig.bundle, distances[0]);
+  const Eigen::MatrixXd S = ViewPredictor(rig, unknowns, board).InformationSoFar();
+  return ProjectionSigma(rig, unknowns, distances)
+      .Of(S.llt().solve(Eigen::MatrixXd::Identity(S.rows(), S.cols())));
+}
+
+std::optional<Solved> Solve(const World& world,
+                            const ViewTarget& board,
+                            const std::vector<CameraInput>& cameras,
+                            const std::vector<double>& distances) {
+  try {
+    const CalibrationInput input{
+        .cameras = cameras, .markers = board.markers, .marker_sigma = kBend, .loss = Loss::kHuber};
+    Solved solved{Describe(Calibrate(input, {.threads = 1, .progress = {}})), {}};
+    solved.rig = KnowledgeOf(solved.record);
+    SetFactors(solved.record, board, &solved.rig);
+    solved.phi = PhiOf(solved.rig, board, distances);
+    double squares = 0, count = 0;
+    for (size_t c = 0; c < cameras.size(); ++c) {
+      CalibratedCamera truth = solved.record.cameras[c];
+      truth.params = world.truth.bundle.cameras[c].params;
+      for (const auto& at : CompareCameras(truth, solved.record.cameras[c], distances).distances) {
+        squares += at.all.rms * at.all.rms;
+        ++count;
+      }
+    }
+    solved.error = std::sqrt(squares / count);
+    return solved;
+  } catch (const Error&) {
+    return std::nullopt;
+  }
+}
+
+size_t CellOf(const Eigen::Vector2d& u, size_t camera) {
+  return camera * 1000 + static_cast<size_t>(u.y() / kImage[1] * 6) * 8 +
+         static_cast<size_t>(u.x() / kImage[0] * 8);
+}
+
+// Greedy coverage of image cells, tilt classes and distance classes.
+class Coverage {
+ public:
+  explicit Coverage(const Pool& pool) : pool_(pool) {
+    for (const TargetPose& pose : pool.poses) {
+      nearest_ = std::min(nearest_, pose.distance);
+      farthest_ = std::max(farthest_, pose.distance);
+    }
+  }
+  void Add(size_t i) {
+    for (const size_t key : Keys(i)) ++seen_[key];
+  }
+  size_t Best(Dice* dice) const {
+    double best = -1;
+    std::vector<size_t> all;
+    for (size_t i = 0; i < pool_.poses.size(); ++i) {
+      double score = 0;
+      for (const size_t key : Keys(i)) {
+        const auto found = seen_.find(key);
+        const double weight = key >= 100000 ? 6 : 1;
+        score += weight / (1 + (found == seen_.end() ? 0 : found->second));
+      }
+      if (score > best + 1e-9) best = score, all.clear();
+      if (score > best - 1e-9) all.push_back(i);
+    }
+    return all[dice->Index(all.size())];
+  }
+
+ private:
+  std::set<size_t> Keys(size_t i) const {
+    std::set<size_t> keys;
+    for (size_t c = 0; c < pool_.sights[i].size(); ++c) {
+      for (const Eigen::Vector2d& u : pool_.sights[i][c].u_px) keys.insert(CellOf(u, c));
+    }
+    const TargetPose& pose = pool_.poses[i];
+    const auto tilt = pose.tilt < 0.1
+                          ? size_t{0}
+                          : 1 + static_cast<size_t>(std::lround(pose.away / kDegree / 45)) % 8;
+    const double part =
+        farthest_ > nearest_ ? (pose.distance - nearest_) / (farthest_ - nearest_) : 0;
+    keys.insert(100000 + tilt);
+    keys.insert(200000 + std::min<size_t>(2, static_cast<size_t>(3 * part)));
+    return keys;
+  }
+  const Pool& pool_;
+  std::map<size_t, double> seen_;
+  double nearest_ = 1e9, farthest_ = 0;
+};
+
+struct Outcome {
+  int frames = kMostFrames;  // until the goal, after the start
+  double phi = 0, error = 0;
+  std::vector<double> predicted;  // over computed
+};
+
+Outcome RunPolicy(const World& world,
+                  const ViewTarget& board,
+                  const Pool& pool,
+                  const std::string& policy,
+                  const std::vector<double>& distances,
+                  double goal,
+                  unsigned seed) {
+  Dice start(seed), dice(seed + 1000), noise(seed + 2000);
+  std::vector<CameraInput> cameras;
+  for (const BundleCamera& camera : world.truth.bundle.cameras) {
+    cameras.push_back({.name = camera.name,
+                       .model = camera.model,
+                       .config = {},
+                       .initial = std::vector<std::optional<double>>(8),
+                       .fixed = std::vector<bool>(8, false),
+                       .image_size = kImage,
+                       .views = {}});
+  }
+  Coverage coverage(pool);
+  for (int f = 0; f < kStart; ++f) {
+    const size_t i = start.Index(pool.poses.size());
+    coverage.Add(i);
+    Record(world,
+           board,
+           Execute(world, pool.poses[i], pool.T_rig_target[i], &start),
+           f,
+           &noise,
+           &cameras);
+  }
+  Outcome outcome;
+  std::optional<Solved> solved = Solve(world, board, cameras, distances);
+  const int last = policy == "random" ? kRandomFrames - kStart : kMostFrames;
+  for (int f = 0; f < last; ++f) {
+    double predicted = 0;
+    RigidTransform T;
+    TargetPose pose;
+    if (policy == "suggest" && solved) {
+      // The range as the user of the bench's cameras has it, as for the others.
+      const NextViews next = ChooseNextViews(solved->rig, board, {.count = 1, .threads = 1});
+      if (next.views.empty()) break;
+      pose = next.views[0].pose;
+      T = next.views[0].T_rig_target;
+      predicted = next.views[0].criterion == ViewCriterion::kSigma ? 1 : 0;
+      // Sigma after it at the distances of the bench.
+      if (predicted > 0) {
+        RigKnowledge rig = solved->rig;
+        const RigUnknowns unknowns = UnknownsOf(rig.bundle, distances[0]);
+        const ViewPredictor predictor(rig, unknowns, board);
+        Eigen::MatrixXd S = predictor.InformationSoFar();
+        const RigidTransform& T_c = rig.bundle.cameras[pose.camera].T_camera_rig;
+        const auto executed = Executions(T_c * T, board, kExecutionAngle, kExecutionPart);
+        for (const RigidTransform& each : executed) {
+          if (const auto more = predictor.Information(T_c.Inverse() * each, 200))
+            S += *more / executed.size();
+        }
+        predicted = ProjectionSigma(rig, unknowns, distances)
+                        .Of(S.llt().solve(Eigen::MatrixXd::Identity(S.rows(), S.cols())));
+      }
+    } else {
+      const size_t i = policy == "coverage" ? coverage.Best(&dice) : dice.Index(pool.poses.size());
+      coverage.Add(i);
+      pose = pool.poses[i];
+      T = pool.T_rig_target[i];
+    }
+    Record(world, board, Execute(world, pose, T, &dice), kStart + f, &noise, &cameras);
+    solved = Solve(world, board, cameras, distances);
+    if (!solved) continue;
+    if (predicted > 0) outcome.predicted.push_back(predicted / solved->phi);
+    outcome.phi = solved->phi;
+    outcome.error = solved->error;
+    if (goal > 0 && solved->phi <= goal) {
+      outcome.frames = f + 1;
+      break;
+    }
+  }
+  if (policy == "random") outcome.frames = last;
+  return outcome;
+}
+
+int Main(int argc, char** argv) {
+  const int count = argc > 1 ? std::atoi(argv[1]) : 2;
+  const unsigned seed = argc > 2 ? static_cast<unsigned>(std::atoi(argv[2])) : 1;
+  fmt::print("camera,policy,frames,goal_px,sigma_px,error_px,predicted_over_computed\n");
+  const ViewTarget board = Board();
+  for (const char* kind : {"narrow", "normal", "fisheye", "stereo"}) {
+    for (int i = 0; i < count; ++i) {
+      const World world = MakeWorld(kind, seed + static_cast<unsigned>(i));
+      const Pool pool = Feasible(world, board);
+      double nearest = 1e9, farthest = 0;
+      for (const TargetPose& pose : pool.poses) {
+        nearest = std::min(nearest, pose.distance);
+        farthest = std::max(farthest, pose.distance);
+      }
+      const std::vector<double> distances{nearest, farthest, 10 * farthest};
+      double goal = 0;
+      for (const char* policy : {"random", "coverage", "suggest"}) {
+        const Outcome outcome =
+            RunPolicy(world, board, pool, policy, distances, goal, seed + 31 * i);
+        if (goal == 0) goal = outcome.phi;
+        std::string predicted;
+        for (const double ratio : outcome.predicted)
+          predicted += fmt::format("{}{:.3f}", predicted.empty() ? "" : " ", ratio);
+        fmt::print("{},{},{},{:.4f},{:.4f},{:.4f},{}\n",
+                   world.name,
+                   policy,
+                   outcome.frames,
+                   goal,
+                   outcome.phi,
+                   outcome.error,
+                   predicted);
+        std::fflush(stdout);
+      }
+    }
+  }
+  return 0;
+}
+
+}  // namespace
+}  // namespace plenocal
+
+int main(int argc, char** argv) { return plenocal::Main(argc, argv); }

@@ -1,0 +1,153 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/workbench/api.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <sstream>
+
+#include "calib/base/error.h"
+
+namespace plenocal::workbench {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::HasSubstr;
+using ::testing::Not;
+using Json = nlohmann::json;
+
+constexpr const char* kSession =
+    "plenocal: 1  # <script>alert(1)</script>\n"
+    "target: target.yaml\n"
+    "cameras:\n"
+    "  left: {model: pinhole-radtan, images: left/*.png}\n";
+
+class ApiOfAFolder : public ::testing::Test {
+ protected:
+  ApiOfAFolder() {
+    std::string name = fs::temp_directory_path() / "workbench-test-XXXXXX";
+    folder_ = mkdtemp(name.data());
+    Write("root/session.yaml", kSession);
+    Write("root/target.yaml",
+          "plenocal: 1\ntype: chessboard\ncolumns: 9\nrows: 6\nsquare: 0.025\n");
+    Write("root/left/<img src=x onerror=alert(1)>.png", "no image");
+    Write("root/left/b.png", "no image either");
+    Write("outside/secret.png", "secret");
+    fs::create_directory_symlink(folder_ / "outside", folder_ / "root/link");
+    fs::create_symlink(folder_ / "outside/secret.png", folder_ / "root/left/c.png");
+    project_.emplace(folder_ / "root");
+    jobs_.emplace(project_->Root().string(), &events_);
+    api_.emplace(&*project_, &*jobs_, &events_);
+  }
+  ~ApiOfAFolder() override {
+    api_.reset();
+    jobs_.reset();
+    project_.reset();
+    fs::remove_all(folder_);
+  }
+
+  void Write(const std::string& name, const std::string& text) const {
+    fs::create_directories((folder_ / name).parent_path());
+    std::ofstream(folder_ / name) << text;
+  }
+  [[nodiscard]] std::string Session() const {
+    std::ostringstream text;
+    text << std::ifstream(folder_ / "root/session.yaml").rdbuf();
+    return text.str();
+  }
+
+  // The answer, or one of status 400 with the message as the server makes it.
+  Answer Ask(const std::string& method,
+             std::vector<std::string> path,
+             const std::string& body = {},
+             std::map<std::string, std::string> query = {}) {
+    path.insert(path.begin(), "api");
+    try {
+      return api_->Handle({.method = method,
+                           .path = std::move(path),
+                           .query = std::move(query),
+                           .headers = {},
+                           .body = body});
+    } catch (const Error& error) {
+      return ErrorAnswer(400, error.what());
+    }
+  }
+
+  fs::path folder_;
+  EventLog events_;
+  std::optional<Project> project_;
+  std::optional<Jobs> jobs_;
+  std::optional<Api> api_;
+};
+
+TEST_F(ApiOfAFolder, ListsNothingBeyondIt) {
+  const Json here = Json::parse(Ask("GET", {"files"}).body);
+  EXPECT_EQ(here["entries"].size(), 1u) << "the link is not listed";
+  for (const char* dir : {"..", "../outside", "link", "left/../..", "/etc"}) {
+    const Answer answer = Ask("GET", {"files"}, {}, {{"dir", dir}});
+    EXPECT_EQ(answer.status, 400) << dir;
+    EXPECT_THAT(answer.body, Not(HasSubstr("entries"))) << dir;
+  }
+}
+
+TEST_F(ApiOfAFolder, ShowsImagesOfTheSessionAlone) {
+  EXPECT_THAT(Ask("GET", {"image", "left", "c"}).body, Not(HasSubstr("secret")));
+  EXPECT_EQ(Ask("GET", {"image", "left", "c"}).status, 400);
+  EXPECT_EQ(Ask("GET", {"image", "left", "b"}).status, 400);
+  EXPECT_EQ(Ask("GET", {"image", "right", "b"}).status, 404);
+  EXPECT_EQ(Ask("GET", {"image", "left", "secret"}).status, 404);
+  EXPECT_EQ(Ask("GET", {"image", "left", "b"}, {}, {{"w", "-3"}}).status, 400);
+}
+
+TEST_F(ApiOfAFolder, GivesNamesOfStrangersAsText) {
+  const Json session = Json::parse(Ask("GET", {"session"}).body);
+  EXPECT_EQ(session["problem"], nullptr);
+  EXPECT_EQ(session["cameras"][0]["frames"][0], "<img src=x onerror=alert(1)>");
+  EXPECT_EQ(session["text"], kSession);
+}
+
+TEST_F(ApiOfAFolder, ExcludesWhatSuchANameMatches) {
+  const std::string rule = Json{{"frame", "<img src=x onerror=alert(1)>"}}.dump();
+  ASSERT_EQ(Ask("POST", {"session", "exclude"}, rule).status, 200);
+  EXPECT_EQ(Session(),
+            std::string(kSession) + "exclude:\n  - {frame: \"<img src=x onerror=alert(1)>\"}\n");
+  ASSERT_EQ(Ask("POST", {"session", "include"}, rule).status, 200);
+  EXPECT_EQ(Session(), kSession);
+}
+
+TEST_F(ApiOfAFolder, RefusesWrongBodiesAndChangesNothing) {
+  for (const char* body : {"[]",
+                           "{",
+                           "\"a\"",
+                           "{}",
+                           "{\"frame\": 3}",
+                           "{\"markers\": \"x\"}",
+                           "{\"markers\": [1.5]}",
+                           "{\"frame\": \"a\", \"camera\": \"nobody\"}"}) {
+    EXPECT_EQ(Ask("POST", {"session", "exclude"}, body).status, 400) << body;
+  }
+  EXPECT_EQ(Session(), kSession);
+  EXPECT_EQ(Ask("POST", {"suggest"}, "{\"run\": \"1\"}").status, 400);
+  EXPECT_EQ(Ask("POST", {"jobs"}, "{\"kind\": \"rm\"}").status, 400);
+  EXPECT_EQ(Ask("POST", {"jobs"}, "{\"kind\": \"init\"}").status, 409) << "there is a session";
+  EXPECT_EQ(Ask("DELETE", {"jobs", "7"}).status, 404);
+  EXPECT_EQ(Ask("GET", {"runs", "7"}).status, 404);
+  EXPECT_EQ(Ask("GET", {"runs", "x"}).status, 400);
+  EXPECT_EQ(Ask("GET", {"nothing"}).status, 404);
+  EXPECT_EQ(Ask("GET", {}).status, 404);
+  Write("root/calibration.yaml", "plenocal: 1\n");
+  for (const char* format : {"../x", "--help", ".x", ""}) {
+    EXPECT_EQ(Ask("GET", {"runs", "0", "export"}, {}, {{"format", format}}).status, 400) << format;
+  }
+}
+
+TEST_F(ApiOfAFolder, WritesNoTargetThatLiesElsewhere) {
+  fs::remove(folder_ / "root/target.yaml");
+  fs::create_symlink(folder_ / "outside/secret.png", folder_ / "root/target.yaml");
+  EXPECT_EQ(Ask("PUT", {"session", "target"}, "{\"text\": \"mine\"}").status, 400);
+  EXPECT_EQ(fs::file_size(folder_ / "outside/secret.png"), 6u);
+}
+
+}  // namespace
+}  // namespace plenocal::workbench

@@ -1,0 +1,194 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/workbench/project/project.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+
+#include <fstream>
+#include <random>
+#include <sstream>
+
+#include "apps/workbench/project/beneath.h"
+#include "apps/workbench/project/child.h"
+#include "apps/workbench/project/session_text.h"
+#include "calib/base/error.h"
+
+namespace plenocal::workbench {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::ElementsAre;
+
+class Folder : public ::testing::Test {
+ protected:
+  Folder() {
+    std::string name = fs::temp_directory_path() / "workbench-test-XXXXXX";
+    folder_ = mkdtemp(name.data());
+  }
+  ~Folder() override { fs::remove_all(folder_); }
+
+  void Write(const std::string& name, const std::string& text) const {
+    fs::create_directories((folder_ / name).parent_path());
+    std::ofstream(folder_ / name) << text;
+  }
+  [[nodiscard]] std::string Read(const std::string& name) const {
+    std::ostringstream text;
+    text << std::ifstream(folder_ / name).rdbuf();
+    return text.str();
+  }
+  [[nodiscard]] std::string ReadSafely(const fs::path& file) const {
+    const auto content = ReadBeneath(folder_ / "data", file, 1000);
+    return {content.begin(), content.end()};
+  }
+
+  fs::path folder_;
+};
+
+using BeneathRoot = Folder;
+
+TEST_F(BeneathRoot, FilesAreRead) {
+  Write("data/left/a.png", "picture");
+  EXPECT_EQ(ReadSafely(folder_ / "data/left/a.png"), "picture");
+  EXPECT_EQ(ReadSafely(folder_ / "data/x/../left/a.png"), "picture");
+}
+
+TEST_F(BeneathRoot, NothingElseIs) {
+  Write("data/a", "a");
+  Write("secret", "secret");
+  Write("data-x/b", "b");
+  Write("data/long", std::string(2000, 'a'));
+  fs::create_symlink(folder_ / "secret", folder_ / "data/link");
+  fs::create_directory_symlink(folder_ / "data-x", folder_ / "data/folder");
+  fs::create_symlink("a", folder_ / "data/inside");
+  ASSERT_EQ(mkfifo((folder_ / "data/pipe").c_str(), 0600), 0);
+  for (const char* name : {"secret",
+                           "data/../secret",
+                           "data-x/b",
+                           "data/link",
+                           "data/folder/b",
+                           "data/pipe",
+                           "data/long",
+                           "data/none",
+                           "data",
+                           "data/"}) {
+    EXPECT_THROW(ReadSafely(folder_ / name), Error) << name;
+  }
+  EXPECT_THROW(ReadSafely("/proc/self/environ"), Error);
+  EXPECT_THROW(ReadSafely("/etc/passwd"), Error);
+  EXPECT_EQ(ReadSafely(folder_ / "data/inside"), "a");
+}
+
+constexpr const char* kText = "plenocal: 1  # mine\ncameras: {}  # to come";
+
+TEST(SessionText, GetsARuleAndNothingElse) {
+  const ExcludeRule first{.camera = "left", .frame = "0012", .note = "blurred: badly"},
+      second{.frame = "<img>", .markers = {17, 18}};
+  const std::string once = WithRule(kText, first);
+  EXPECT_EQ(once,
+            std::string(kText) +
+                "\nexclude:\n  - {camera: left, frame: \"0012\", note: \"blurred: badly\"}\n");
+  const std::string twice = WithRule(once + "options: {}\n", second);
+  EXPECT_EQ(twice, once + "  - {frame: \"<img>\", markers: [17, 18]}\noptions: {}\n");
+  EXPECT_EQ(WithoutRule(twice, second), once + "options: {}\n");
+  EXPECT_EQ(WithoutRule(once, first), std::string(kText) + "\n");
+}
+
+TEST(SessionText, KeepsRulesByHand) {
+  const std::string by_hand = "exclude:\n- frame: '1'\n  note: mine\n# a comment\n";
+  EXPECT_EQ(WithRule(by_hand, {.frame = "a"}),
+            "exclude:\n- frame: '1'\n  note: mine\n- {frame: a}\n# a comment\n");
+  EXPECT_THROW(WithoutRule(by_hand, {.frame = "1", .note = "mine"}), Error);
+  EXPECT_THROW(WithoutRule("a: 1\n", {.frame = "1"}), Error);
+  EXPECT_THROW(WithRule("exclude: [{frame: a}]\n", {.frame = "b"}), Error);
+}
+
+using ProjectFolder = Folder;
+
+TEST_F(ProjectFolder, UndoesAndRedoesOverARestart) {
+  Write("session.yaml", "one\n");
+  {
+    Project project(folder_);
+    EXPECT_FALSE(project.ReadVersion().undo);
+    ASSERT_TRUE(project.Write("two\n", ""));
+    ASSERT_TRUE(project.Write("three\n", ""));
+    EXPECT_EQ(project.Undo()->text, "two\n");
+  }
+  Project project(folder_);
+  EXPECT_TRUE(project.ReadVersion().redo);
+  EXPECT_EQ(project.Redo()->text, "three\n");
+  EXPECT_EQ(project.Undo()->text, "two\n");
+  EXPECT_EQ(project.Undo()->text, "one\n");
+  EXPECT_FALSE(project.Undo());
+  EXPECT_EQ(Read("session.yaml"), "one\n");
+}
+
+TEST_F(ProjectFolder, RefusesToWriteOverWhatAnEditorWrote) {
+  Write("session.yaml", "one\n");
+  Project project(folder_);
+  const std::string hash = project.ReadVersion().hash;
+  Write("session.yaml", "by an editor\n");
+  EXPECT_FALSE(project.Write("two\n", hash));
+  EXPECT_EQ(Read("session.yaml"), "by an editor\n");
+  // The editor's text is a version like any other.
+  ASSERT_TRUE(project.Write("two\n", project.ReadVersion().hash));
+  EXPECT_EQ(project.Undo()->text, "by an editor\n");
+  EXPECT_EQ(project.Undo()->text, "one\n");
+}
+
+TEST_F(ProjectFolder, ComesBackFromAnySequenceOfEditsAndUndos) {
+  Write("session.yaml", "0\n");
+  std::mt19937 dice(5);
+  Project project(folder_);
+  std::vector<std::string> undo, redo;
+  std::string now = project.ReadVersion().text;
+  for (int i = 1; i <= 200; ++i) {
+    const auto choice = dice() % 4;
+    if (choice == 0 && !undo.empty()) {
+      redo.push_back(now);
+      now = undo.back();
+      undo.pop_back();
+      ASSERT_EQ(project.Undo()->text, now);
+    } else if (choice == 1 && !redo.empty()) {
+      undo.push_back(now);
+      now = redo.back();
+      redo.pop_back();
+      ASSERT_EQ(project.Redo()->text, now);
+    } else {
+      undo.push_back(now);
+      redo.clear();
+      now = std::to_string(i) + "\n";
+      if (choice == 2) {
+        ASSERT_TRUE(project.Write(now, ""));
+      } else {
+        Write("session.yaml", now);
+        ASSERT_EQ(project.ReadVersion().text, now);
+      }
+    }
+    ASSERT_EQ(Read("session.yaml"), now);
+  }
+}
+
+TEST_F(ProjectFolder, IsOfOneWorkbenchAtATime) {
+  const Project project(folder_);
+  EXPECT_THROW(Project second(folder_), Error);
+}
+
+TEST_F(ProjectFolder, ListsItsRuns) {
+  Write("runs/2/calibration.yaml", "");
+  Write("runs/10/calibration.yaml", "");
+  Write("runs/3/other", "");
+  Write("runs/x1/calibration.yaml", "");
+  const Project project(folder_);
+  EXPECT_THAT(project.Runs(), ElementsAre(2, 10));
+  EXPECT_EQ(project.NextRun(), 1);
+  EXPECT_THROW(Project(folder_ / "none"), Error);
+}
+
+TEST(CommandLineText, IsTakenByAShellAsItWas) {
+  EXPECT_EQ(CommandLineText({"calibrate", "a b.yaml", "$(touch x)", "it's", ""}),
+            "plenocal calibrate 'a b.yaml' '$(touch x)' 'it'\\''s' ''");
+}
+
+}  // namespace
+}  // namespace plenocal::workbench

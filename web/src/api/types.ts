@@ -1,0 +1,121 @@
+// SPDX-License-Identifier: Apache-2.0
+// Answers of the server (apps/workbench/api.cc, run_json.cc).
+
+export interface Job {
+  id: number;
+  kind: string;
+  command: string;
+  state: "waiting" | "running" | "done" | "failed" | "stopped";
+  stage?: string;
+  done?: number;
+  total?: number;
+  error?: string;
+  run?: number;
+}
+export interface RunBrief {
+  run: number;
+  grade?: string;
+  rms?: (number | null)[];
+  problem?: string;
+}
+export interface State {
+  root: string;
+  session: { path: string; hash: string; undo: boolean; redo: boolean } | null;
+  jobs: Job[];
+  runs: RunBrief[];
+  event: number;
+}
+export interface Rule {
+  camera: string;
+  frame: string;
+  markers: number[];
+  note: string;
+}
+export interface SessionCamera {
+  name: string;
+  model: string;
+  plenoptic: boolean;
+  frames: string[];
+}
+export interface Session {
+  text: string;
+  hash: string;
+  undo: boolean;
+  redo: boolean;
+  cameras: SessionCamera[];
+  exclude: Rule[];
+  target: string | null;
+  target_text: string | null;
+  problem: string | null;
+}
+export interface Files {
+  dir: string;
+  images: number;
+  entries: { name: string; kind: string; count: number }[];
+}
+export interface Detection {
+  camera: string;
+  frame: string;
+  points: number;
+  why: string;
+}
+export interface Finding {
+  code: string;
+  grade: string;
+  what: string;
+  remedy: string;
+}
+export interface FrameResult {
+  frame: string;
+  points: number;
+  rejected: number;
+  rms: number | null;
+}
+export interface CameraResult {
+  name: string;
+  model: string;
+  image_size: [number, number];
+  parameters: { name: string; unit: string; value: number; sigma: number | null }[];
+  rms: number | null;
+  noise: number | null;
+  detector_sigma: number | null;
+  points: number;
+  rejected: number;
+  frames: FrameResult[];
+}
+export interface Run {
+  run: number;
+  verdict: { grade: string; headline: string; findings: Finding[] };
+  cameras: CameraResult[];
+  left_out: string[];
+  folder: string;
+}
+/** Marker, x, y, dx, dy, used. */
+export type Point = [number, number, number, number | null, number | null, number];
+/** Rows of [R t]. */
+export type Transform = number[];
+export interface Space {
+  markers: [number, number, number][];
+  cameras: { name: string; T_rig_camera: Transform }[];
+  frames: { name: string; T_target_rig: Transform }[];
+}
+export interface SigmaMap {
+  distance: number;
+  columns: number;
+  rows: number;
+  sigma: (number | null)[];
+}
+export interface Suggestions {
+  sigma_now: number | null;
+  goal: number;
+  reached: boolean;
+  exhausted: boolean;
+  frames: number;
+  views: {
+    words: string;
+    camera: string;
+    cameras: string[];
+    outline: Record<string, [number, number][][]>;
+    sigma_after: number | null;
+  }[];
+}

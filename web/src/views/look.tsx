@@ -1,0 +1,209 @@
+// SPDX-License-Identifier: Apache-2.0
+// Result: verdict, bars of the frames, the chosen image with its residuals, parameters, sigma maps.
+import { useEffect, useState } from "preact/hooks";
+import { ask } from "../api/client";
+import type { CameraResult, Point, Run, SigmaMap } from "../api/types";
+import { Plane } from "../image/plane";
+import { FrameBars } from "../plot/frame_bars";
+import { SigmaPicture } from "../plot/sigma_map";
+import { activeJob, addJob, attempt, exclude, go, include, place, project, ruleOf, run, session } from "../state/project";
+
+function Verdict({ now }: { now: Run }) {
+  const shown = now.verdict.findings.filter((finding) => finding.grade !== "good").slice(0, 3);
+  return (
+    <section class={`verdict ${now.verdict.grade}`}>
+      <h2>
+        {now.verdict.grade}: {now.verdict.headline}
+      </h2>
+      <ul>
+        {shown.map((finding) => (
+          <li key={finding.code}>
+            {finding.what} <i>{finding.remedy}</i>
+          </li>
+        ))}
+      </ul>
+    </section>
+  );
+}
+
+/** The run before the shown one, when both have the same cameras: what a change of the session did. */
+function Change({ now }: { now: Run }) {
+  const runs = project.value?.runs ?? [];
+  const before = runs[runs.findIndex((each) => each.run === now.run) - 1];
+  const [worst, setWorst] = useState<[number, number] | null>(null);
+  const camera = now.cameras[0]?.name ?? "";
+  useEffect(() => {
+    setWorst(null);
+    if (!before) return;
+    const largest = async (number: number): Promise<number> => {
+      const maps = await ask<SigmaMap[]>("GET", `/api/runs/${number}/maps?camera=${encodeURIComponent(camera)}`);
+      return Math.max(...(maps[1]?.sigma ?? []).filter((sigma): sigma is number => sigma !== null));
+    };
+    Promise.all([largest(before.run), largest(now.run)])
+      .then((pair) => setWorst(pair))
+      .catch(() => setWorst(null));
+  }, [now.run]);
+  if (!before || !worst || !before.rms) return null;
+  const [was, is] = worst;
+  const rms = now.cameras[0]?.rms ?? NaN;
+  const worse = is > 1.05 * was;
+  return (
+    <p class={worse ? "problem" : "quiet"} data-change={worse ? "worse" : "same"}>
+      Against run {before.run}: RMS {before.rms[0]?.toFixed(3)} → {rms.toFixed(3)} px, largest sigma of the image {was.toPrecision(2)} →{" "}
+      {is.toPrecision(2)} px{worse ? ": worse, whatever the RMS" : ""}
+    </p>
+  );
+}
+
+function Parameters({ camera }: { camera: CameraResult }) {
+  return (
+    <div class="scroll">
+      <table>
+        <caption>
+          {camera.name}: {camera.model}, RMS {camera.rms?.toFixed(3)} px, noise {camera.noise?.toFixed(3)} px
+          {camera.detector_sigma ? ` (detector ${camera.detector_sigma.toFixed(3)})` : ""}, {camera.points} points, {camera.rejected} rejected
+        </caption>
+        <tbody>
+          {camera.parameters.map((parameter) => (
+            <tr key={parameter.name}>
+              <th scope="row">{parameter.name}</th>
+              <td>{parameter.value.toPrecision(8)}</td>
+              <td>± {parameter.sigma === null ? "not determined" : parameter.sigma === 0 ? "fixed" : parameter.sigma.toPrecision(2)}</td>
+              <td>{parameter.unit}</td>
+            </tr>
+          ))}
+        </tbody>
+      </table>
+    </div>
+  );
+}
+
+function Maps({ number, camera }: { number: number; camera: string }) {
+  const [maps, setMaps] = useState<SigmaMap[]>([]);
+  useEffect(() => {
+    void attempt(async () => setMaps(await ask("GET", `/api/runs/${number}/maps?camera=${encodeURIComponent(camera)}`)));
+  }, [number, camera]);
+  return (
+    <div class="row">
+      {maps.map((map) => (
+        <SigmaPicture key={map.distance} map={map} />
+      ))}
+    </div>
+  );
+}
+
+interface Chosen {
+  number: number;
+  camera: CameraResult;
+  frame: string;
+}
+
+function Frame({ number, camera, frame }: Chosen) {
+  const [points, setPoints] = useState<Point[]>([]);
+  const [factor, setFactor] = useState(50);
+  useEffect(() => {
+    const query = `camera=${encodeURIComponent(camera.name)}&frame=${encodeURIComponent(frame)}`;
+    void attempt(async () => setPoints((await ask<{ points: Point[] }>("GET", `/api/runs/${number}/points?${query}`)).points));
+  }, [number, camera.name, frame]);
+  const rule = ruleOf(camera.name, frame);
+  const result = camera.frames.find((each) => each.frame === frame);
+  return (
+    <section>
+      <h2>
+        {camera.name} / {frame}
+      </h2>
+      <p>
+        {result ? `${result.points} points used, ${result.rejected} rejected, RMS ${result.rms?.toFixed(3) ?? "-"} px` : "no points in this run"}
+      </p>
+      <Plane camera={camera.name} frame={frame} size={camera.image_size} points={points} factor={factor} excluded={rule !== undefined} />
+      <div class="row">
+        {rule ? (
+          <button onClick={() => include(rule)}>Include again</button>
+        ) : (
+          <button onClick={() => exclude({ camera: camera.name, frame })}>Exclude (x)</button>
+        )}
+        <label>
+          residuals ×
+          <select value={factor} onChange={(event) => setFactor(Number(event.currentTarget.value))}>
+            {[1, 10, 50, 200, 1000].map((value) => (
+              <option key={value} value={value}>
+                {value}
+              </option>
+            ))}
+          </select>
+        </label>
+      </div>
+    </section>
+  );
+}
+
+/** Camera and frame of the address, or the worst frame of the first camera. */
+function chosenOf(now: Run): Chosen | null {
+  const [name, frame] = place.value.parts;
+  const camera = now.cameras.find((each) => each.name === name) ?? now.cameras[0];
+  if (!camera) return null;
+  const worst = [...camera.frames].sort((a, b) => (b.rms ?? 0) - (a.rms ?? 0))[0];
+  return { number: now.run, camera, frame: frame ?? worst?.frame ?? "" };
+}
+
+export function step(by: number): void {
+  const now = run.value;
+  const chosen = now && chosenOf(now);
+  if (!chosen) return;
+  const frames = chosen.camera.frames.map((each) => each.frame);
+  const next = frames[frames.indexOf(chosen.frame) + by];
+  if (next) go("look", [chosen.camera.name, next], chosen.number);
+}
+
+export function excludeChosen(): void {
+  const chosen = run.value && chosenOf(run.value);
+  if (!chosen || !session.value) return;
+  const rule = ruleOf(chosen.camera.name, chosen.frame);
+  void (rule ? include(rule) : exclude({ camera: chosen.camera.name, frame: chosen.frame }));
+}
+
+export function Look() {
+  const [order, setOrder] = useState<"name" | "rms">("name");
+  const now = run.value;
+  if (!now) return <p>No result yet: calibrate in Set up.</p>;
+  const chosen = chosenOf(now);
+  if (!chosen) return <p>This run has no camera.</p>;
+  return (
+    <>
+      <Verdict now={now} />
+      <Change now={now} />
+      <div class="row">
+        <button class="main" disabled={activeJob.value !== null || !session.value} onClick={() => addJob("calibrate")}>
+          Calibrate again (c)
+        </button>
+        <button onClick={() => go("next", [], now.run)}>What to record next</button>
+        <label>
+          order
+          <select value={order} onChange={(event) => setOrder(event.currentTarget.value === "rms" ? "rms" : "name")}>
+            <option value="name">by name</option>
+            <option value="rms">by RMS</option>
+          </select>
+        </label>
+      </div>
+      <div class="columns">
+        <div>
+          {now.cameras.map((camera) => (
+            <section key={camera.name}>
+              <h2>{camera.name}: RMS of the frames</h2>
+              <FrameBars
+                camera={camera}
+                order={order}
+                selected={camera.name === chosen.camera.name ? chosen.frame : ""}
+                onSelect={(frame) => go("look", [camera.name, frame], now.run)}
+              />
+            </section>
+          ))}
+          <Parameters camera={chosen.camera} />
+          <h2>Sigma of the projection</h2>
+          <Maps number={now.run} camera={chosen.camera.name} />
+        </div>
+        <Frame {...chosen} />
+      </div>
+    </>
+  );
+}
