@@ -24,13 +24,17 @@ void AddEvents(CLI::App* app, ConsoleOptions* shared) {
   app->add_option_function<int>(
          "--events",
          [shared](int file) {
-           if (fcntl(file, F_GETFD) == -1) {
+           // A copy of its own: decoders of images may write to standard error, which is led
+           // elsewhere meanwhile.
+           constexpr int kBehindStandard = 3;
+           const int copy = fcntl(file, F_DUPFD_CLOEXEC, kBehindStandard);
+           if (copy == -1) {
              throw Error(ErrorKind::kInput,
                          fmt::format("--events {}: no open file has this number", file));
            }
            // Who reads may end first.
            std::signal(SIGPIPE, SIG_IGN);
-           shared->events = file;
+           shared->events = copy;
          },
          "number of an open file that takes progress as JSON lines: for programs that run this one")
       ->check(CLI::Range(1, 1 << 20));

@@ -235,7 +235,26 @@ class SceneCalibration {
     return guess;
   }
 
-  bool IsFirst(size_t c) const { return std::ranges::find(first_, c) != first_.end(); }
+  // Poses by cameras of known extrinsics place a camera that is known too.
+  bool IsKnown(size_t c) const {
+    return first_.size() > 1 && input_.cameras.T_camera_rig[c] &&
+           std::ranges::all_of(cameras_[c].initial,
+                               [](const auto& value) { return value.has_value(); });
+  }
+
+  CameraGuess GuessOfKnown(size_t c) const {
+    CameraGuess guess;
+    for (const auto& value : cameras_[c].initial) guess.params.push_back(*value);
+    const RigidTransform T_camera_first = *input_.cameras.T_camera_rig[c] *
+                                          input_.cameras.T_camera_rig[first_[0]]->Inverse() *
+                                          scene_.cameras[0].T_camera_rig;
+    for (const View& view : cameras_[c].views) {
+      const auto frame = std::ranges::lower_bound(tracks_.frames, view.frame);
+      const auto& T = scene_.T_rig_target[static_cast<size_t>(frame - tracks_.frames.begin())];
+      guess.T_camera_target.push_back(T ? std::optional(T_camera_first * *T) : std::nullopt);
+    }
+    return guess;
+  }
 
   void GuessCameras() {
     const auto guess_all = [&] {
@@ -243,7 +262,9 @@ class SceneCalibration {
       for (size_t c = 0; c < cameras_.size(); ++c) {
         const auto i = static_cast<size_t>(std::ranges::find(first_, c) - first_.begin());
         const bool as_it_is = i < first_.size() && !cameras_[c].model->plenoptic;
-        guesses_.push_back(as_it_is ? GuessOfFirst(i) : GuessFromPoints(cameras_[c]));
+        guesses_.push_back(as_it_is     ? GuessOfFirst(i)
+                           : IsKnown(c) ? GuessOfKnown(c)
+                                        : GuessFromPoints(cameras_[c]));
       }
       T_camera_rig_ = GuessRig(cameras_, guesses_);
     };

@@ -53,7 +53,7 @@ TEST_F(EventsOfImages, TellWhatWasFoundInEach) {
   for (const nlohmann::json& event : EventsOf(outcome)) {
     if (event["event"] == "detection") found[event["frame"]] = event;
   }
-  ASSERT_EQ(found.size(), kImages + 1u);
+  ASSERT_EQ(found.size(), kImages + 1u) << outcome.err;
   EXPECT_EQ(found["00"]["points"], kColumns * kRows);
   EXPECT_EQ(found["00"]["camera"], "cam0");
   EXPECT_EQ(found["99"]["points"], 0);

@@ -63,7 +63,7 @@ TEST_F(ImageScene, OfAStereoPairAndRawPlenopticImagesIsARecalibration) {
   EXPECT_NEAR(value("left", "f_x"), 410, 0.4);
   EXPECT_NEAR(value("plenoptic", "f_L"), 0.0122, 0.003 * 0.0122);
   EXPECT_NEAR(value("plenoptic", "B"), 0.00026, 0.02 * 0.00026);
-  EXPECT_LT(cameras["plenoptic"]["rms"].as<double>(), 0.2);
+  EXPECT_LT(cameras["plenoptic"]["residuals"]["rms"].as<double>(), 0.2);
   EXPECT_TRUE(Files("out").contains("micro_lenses_plenoptic.csv"));
   EXPECT_TRUE(Files("out").contains("detections_plenoptic.csv"));
   EXPECT_THAT(outcome.out, HasSubstr("scene_patches"));
