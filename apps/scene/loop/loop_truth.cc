@@ -320,9 +320,48 @@ class LoopEstimation {
       SolveOnce();
       if (i == kRevisions || !ReviseFrames(all)) break;
     }
-    MoveToFirstFrame();
+    LeaveOutLooseFrames();
     DropUnused(&result_.start);
     DropUnused(&result_.end);
+    result_.bundle.held_frame = result_.start.frames.front();
+    MoveToFirstFrame();
+  }
+
+  // Rejection can leave frames, or a whole stretch of them, that have fewer points in common with
+  // the others than a pose needs: their place among these is open.
+  void LeaveOutLooseFrames() {
+    Bundle& bundle = result_.bundle;
+    std::map<int, std::set<int>> landmarks;  // used ones, by frame
+    for (const BundleObservation& seen : bundle.observations) {
+      if (seen.used) landmarks[seen.frame].insert(seen.marker);
+    }
+    std::set<int> best, placed;
+    for (const auto& [frame, own] : landmarks) {
+      if (placed.contains(frame)) continue;
+      const std::set<int> group = GrowGroup(frame, landmarks);
+      placed.insert(group.begin(), group.end());
+      if (group.size() > best.size()) best = group;
+    }
+    for (BundleObservation& seen : bundle.observations) {
+      seen.used = seen.used && best.contains(seen.frame);
+    }
+  }
+
+  // The frames that follow from `first` by enough points in common with those that have followed.
+  static std::set<int> GrowGroup(int first, const std::map<int, std::set<int>>& landmarks) {
+    std::set<int> group{first}, known = landmarks.at(first);
+    for (bool grows = true; grows;) {
+      grows = false;
+      for (const auto& [frame, own] : landmarks) {
+        if (group.contains(frame)) continue;
+        const auto common = std::ranges::count_if(own, [&](int m) { return known.contains(m); });
+        if (static_cast<size_t>(common) < kFewestLandmarks) continue;
+        group.insert(frame);
+        known.insert(own.begin(), own.end());
+        grows = true;
+      }
+    }
+    return group;
   }
 
   void SolveOnce() {
