@@ -440,7 +440,10 @@ class LoopEstimation {
       return true;
     });
     std::ranges::sort(segment->left_out);
-    if (segment->frames.size() >= kFewestFrames) return;
+    if (segment->frames.size() < kFewestFrames) RefuseContradiction();
+  }
+
+  [[noreturn]] static void RefuseContradiction() {
     throw Error(ErrorKind::kJob,
                 "most points contradict each other; does the calibration belong to this rig, and "
                 "are the images of a frame taken at one time?");
@@ -469,6 +472,11 @@ class LoopEstimation {
     }
     for (size_t c = 0; c < squares.size(); ++c) {
       result_.rms.push_back(std::sqrt(squares[c] / std::max(1.0, counts[c])));
+      // Directions wrong by about half a degree are no noise: the poses are not those of the
+      // frames.
+      constexpr double kMostRms = 0.01;  // of the image's diagonal
+      const ImageSize size = bundle.cameras[c].image_size;
+      if (result_.rms.back() > kMostRms * std::hypot(size[0], size[1])) RefuseContradiction();
     }
     MeasurePriorChange();
   }
