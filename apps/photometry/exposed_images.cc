@@ -31,7 +31,7 @@ cv::Mat ReadExposed(const RecordedCamera& camera, std::size_t index) {
   throw Error(
       ErrorKind::kInput,
       fmt::format("{}: has 16 bits; a response holds 256 values: record with 8 bits a pixel",
-                  camera.source->Place(index)));
+                  camera.files[index].path.string()));
 }
 
 std::vector<double> ExposuresOf(const Recording& recording,

@@ -77,11 +77,12 @@ ExposureSweep ReadExposureSweep(const Recording& recording,
   ExposureSweep sweep;
   for (size_t i = 0; i < count; ++i) {
     if (failures[i]) {
-      left_out->push_back({.where = camera.source->Place(i),
-                           .reason = WithoutPath(failures[i]->what(), camera.source->Place(i)),
-                           .whole = true,
-                           .camera = camera.name,
-                           .frame = camera.images[i].name});
+      left_out->push_back(
+          {.where = camera.files[i].path.string(),
+           .reason = WithoutPath(failures[i]->what(), camera.files[i].path.string()),
+           .whole = true,
+           .camera = camera.name,
+           .frame = camera.images[i].name});
       continue;
     }
     sweep.frames.push_back(camera.images[i].name);

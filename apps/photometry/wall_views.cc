@@ -171,7 +171,7 @@ WallRecording ReadWall(const WallOptions& options) {
     if (views[i]) {
       wall.views.push_back(std::move(*views[i]));
     } else {
-      wall.left_out.push_back({.where = images.source->Place(i),
+      wall.left_out.push_back({.where = images.files[i].path.string(),
                                .reason = reasons[i],
                                .whole = true,
                                .camera = images.name,

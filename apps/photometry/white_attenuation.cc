@@ -20,8 +20,7 @@ constexpr double kBlock = 4;  // px, side of the blocks whose means are fitted
 // Mean light of blocks / that of the image, so that the lamp's flicker is out.
 cv::Mat ReadBlocks(const FrameImage& image, const ResponseCurve& response, const ImageSize& size) {
   const std::string path = image.path.string();
-  cv::Mat grey = ReadImage(image.path);
-  if (grey.channels() == 3) cv::cvtColor(grey, grey, cv::COLOR_BGR2GRAY);
+  const cv::Mat grey = ToGray(ReadImage(image));
   if (grey.cols != size[0] || grey.rows != size[1]) {
     throw Error(ErrorKind::kInput,
                 fmt::format("{}: is {} x {} pixels, but the camera's images are {} x {}",

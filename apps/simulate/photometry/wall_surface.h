@@ -5,7 +5,7 @@
 
 #include "apps/simulate/photometry/photometry_spec.h"
 #include "apps/simulate/scene/scene_surface.h"
-#include "apps/simulate/target_surface.h"
+#include "apps/simulate/targets/target_surface.h"
 
 namespace plenocal::simulate {
 

@@ -227,5 +227,45 @@ TEST_F(PhotometryCommand, WritesImagesThatAreProportionalToTheLight) {
   EXPECT_THAT(exported.err, HasSubstr("has no place for a response"));
 }
 
+TEST_F(PhotometryCommand, FindsFramesWhoseSecondCameraIsLate) {
+  const std::string left = kCamera;
+  std::string right = left.substr(left.find("  left:"));
+  right.replace(right.find("left"), 4, "right");
+  Write("spec.yaml",
+        "plenocal: 1\nseed: 6\ntarget: tag.yaml\nwall: {contrast: 0.4, light: 0.2, structure: "
+        "0.01}\nexposures: {range: [2, 5], late: {camera: right, share: 0.2, change: 0.1}}\n"
+        "poses: {frames: 15, distance: [1.3, 1.8], partial: 0}\n" +
+            left + right + "    xi_camera_rig: [-0.1, 0, 0, 0, 0, 0]\n");
+  ASSERT_EQ(Run({"simulate", "spec.yaml", "-o", "pair"}).status, kDone);
+  // Without the photometric calibration the grey values' ratio depends on the brightness.
+  Write("pair/recording.yaml",
+        Read("pair/recording.yaml") +
+            "response: {left: truth/pcalib_left.txt, right: truth/pcalib_right.txt}\n"
+            "vignetting: {left: truth/vignetting_left.tiff, right: truth/vignetting_right.tiff}\n");
+  const Outcome outcome = Run({"recording", "pair/recording.yaml", "--exposures", "-o", "out"});
+  ASSERT_EQ(outcome.status, kDone) << outcome.err;
+  const Table found(Read("out/exposures.csv")), truth(Read("pair/truth/exposures.csv"));
+  ASSERT_EQ(found.Column("camera"), truth.Column("camera"));
+  ASSERT_EQ(found.Column("frame"), truth.Column("frame"));
+  int late = 0;
+  for (size_t i = 0; i < found.Rows(); ++i) {
+    EXPECT_NEAR(found.Numbers("exposure_ms")[i] / truth.Numbers("exposure_ms")[i], 1, 0.01) << i;
+    if (std::abs(found.Numbers("relative")[i]) > 0.05) ++late;
+  }
+  EXPECT_GT(late, 0);
+  EXPECT_THAT(outcome.out, HasSubstr(fmt::format("exposures differ in {} of 15 images", late)));
+  // They are read back.
+  Write("pair/recording.yaml", Read("pair/recording.yaml") + "exposures: ../out/exposures.csv\n");
+  const Outcome again = Run({"recording", "pair/recording.yaml", "--exposures", "-o", "again"});
+  EXPECT_THAT(again.out, HasSubstr("exposures differ in 0 of 15 images")) << again.err;
+}
+
+TEST_F(PhotometryCommand, OneCameraHasNoOtherToCompareWith) {
+  SimulateSweep();
+  const Outcome outcome = Run({"recording", "sweep/recording.yaml", "--exposures", "-o", "out"});
+  EXPECT_EQ(outcome.status, 2);
+  EXPECT_THAT(outcome.err, HasSubstr("has one camera"));
+}
+
 }  // namespace
 }  // namespace plenocal::testing

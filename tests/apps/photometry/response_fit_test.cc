@@ -3,6 +3,7 @@
 // The response of a simulated sensor with a known one.
 #include "apps/photometry/response_fit.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -192,9 +193,9 @@ TEST_F(ResponseFile, IsReadAsItWasWritten) {
 TEST_F(ResponseFile, IsRefusedWithWhatIsWrong) {
   EXPECT_THAT(MessageOf("1 2 3"), HasSubstr("pcalib.txt: expected 256 numbers, found 3"));
   std::string text;
-  for (int k = 0; k < 256; ++k) text += std::to_string(k == 7 ? 6 : k) + " ";
+  for (int k = 0; k < 256; ++k) text += fmt::format("{} ", k == 7 ? 6 : k);
   EXPECT_THAT(MessageOf(text), HasSubstr("value 7 (6) does not exceed"));
-  text.replace(0, 1, "x");
+  text[0] = 'x';
   EXPECT_THAT(MessageOf(text), HasSubstr("value 0: expected a number, found 'x'"));
 }
 

@@ -1,0 +1,274 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "detectors/photometry/photon_transfer.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
+#include <utility>
+
+#include "calib/base/number_text.h"
+#include "calib/base/robust.h"
+#include "calib/base/statistics.h"
+#include "detectors/images/image.h"
+#include "detectors/images/white_images.h"
+
+namespace plenocal {
+namespace {
+
+/// Side of the square, px, over which a white image and the mean of all may differ by a factor: the
+/// lamp flickers and is moved. It takes a thousandth of the degrees of freedom.
+constexpr int kShadingSide = 31;
+/// Levels of the curve, of equal numbers of pixels.
+constexpr size_t kLevels = 32;
+/// A good pixel is called defective with this probability over the whole image.
+constexpr double kFalseAlarm = 0.01;
+/// Good pixels differ in sensitivity with longer tails than a normal distribution has.
+constexpr double kDefectSigmas = 10;
+
+/// What the white images have at each pixel.
+struct PixelSums {
+  cv::Mat squares;          ///< CV_32F: of deviations from the mean
+  cv::Mat lowest, highest;  ///< CV_32F
+  int degrees_of_freedom = 0;
+};
+
+/// A pixel's mean grey value and variance over the images.
+struct PixelNoise {
+  float level = 0, variance = 0;
+  std::int32_t index = 0;
+};
+
+PixelSums SumPixels(const std::vector<FrameImage>& images, const WhiteImages& white) {
+  const cv::Size window(kShadingSide, kShadingSide);
+  cv::Mat smooth_mean;
+  cv::blur(white.mean, smooth_mean, window, {-1, -1}, cv::BORDER_REFLECT);
+  cv::max(smooth_mean, 1, smooth_mean);
+  PixelSums sums{.squares = cv::Mat::zeros(white.mean.size(), CV_32F),
+                 .lowest = cv::Mat(white.mean.size(), CV_32F, cv::Scalar(1e9)),
+                 .highest = cv::Mat::zeros(white.mean.size(), CV_32F),
+                 .degrees_of_freedom = static_cast<int>(white.members.size()) - 1};
+  for (const size_t i : white.members) {
+    cv::Mat image, shading;
+    ToGray(ReadImage(images[i])).convertTo(image, CV_32F);
+    cv::min(sums.lowest, image, sums.lowest);
+    cv::max(sums.highest, image, sums.highest);
+    cv::blur(image, shading, window, {-1, -1}, cv::BORDER_REFLECT);
+    const cv::Mat deviation = image - white.mean.mul(shading / smooth_mean);
+    cv::accumulateSquare(deviation, sums.squares);
+  }
+  return sums;
+}
+
+// Pixels that are clipped in no image, by brightness.
+std::vector<PixelNoise> UsablePixels(const WhiteImages& white, const PixelSums& sums) {
+  std::vector<PixelNoise> pixels;
+  const auto dof = static_cast<float>(sums.degrees_of_freedom);
+  for (int y = 0; y < white.mean.rows; ++y) {
+    for (int x = 0; x < white.mean.cols; ++x) {
+      if (sums.lowest.at<float>(y, x) <= 0) continue;
+      if (sums.highest.at<float>(y, x) >= static_cast<float>(white.full_scale)) continue;
+      pixels.push_back({white.mean.at<float>(y, x),
+                        sums.squares.at<float>(y, x) / dof,
+                        y * white.mean.cols + x});
+    }
+  }
+  std::ranges::sort(pixels, [](const PixelNoise& a, const PixelNoise& b) {
+    return std::pair(a.level, a.index) < std::pair(b.level, b.index);
+  });
+  return pixels;
+}
+
+// Without pixels of far more noise than the others, which would else be the level's.
+NoiseLevel LevelOf(const PixelNoise* begin, const PixelNoise* end, int dof) {
+  const double count = static_cast<double>(end - begin);
+  const double ratio = ChiSquareQuantile(dof, kFalseAlarm / count) / dof;
+  NoiseLevel level;
+  double limit = std::numeric_limits<double>::infinity();
+  for (int round = 0; round < 4; ++round) {
+    double used = 0, levels = 0, variances = 0;
+    for (const PixelNoise* pixel = begin; pixel != end; ++pixel) {
+      if (pixel->variance > limit) continue;
+      ++used;
+      levels += pixel->level;
+      variances += pixel->variance;
+    }
+    level = {levels / used, variances / used, variances / used * std::sqrt(2 / (dof * used))};
+    limit = ratio * level.variance;
+  }
+  return level;
+}
+
+std::vector<NoiseLevel> LevelsOf(const std::vector<PixelNoise>& pixels, int dof) {
+  std::vector<NoiseLevel> levels;
+  const size_t count = std::min(kLevels, pixels.size() / 100 + 1);
+  for (size_t k = 0; k < count; ++k) {
+    const PixelNoise* data = pixels.data();
+    levels.push_back(
+        LevelOf(data + k * pixels.size() / count, data + (k + 1) * pixels.size() / count, dof));
+  }
+  return levels;
+}
+
+// Weighted line through the levels; standard errors from their scatter where it is larger than
+// theirs.
+void FitLine(PhotonTransfer* noise) {
+  double w_sum = 0, x_sum = 0, y_sum = 0;
+  for (const NoiseLevel& level : noise->levels) {
+    const double w = 1 / std::max(level.sigma * level.sigma, 1e-12);
+    w_sum += w;
+    x_sum += w * level.level;
+    y_sum += w * level.variance;
+  }
+  const double x_mean = x_sum / w_sum, y_mean = y_sum / w_sum;
+  double xx = 0, xy = 0;
+  for (const NoiseLevel& level : noise->levels) {
+    const double w = 1 / std::max(level.sigma * level.sigma, 1e-12);
+    xx += w * (level.level - x_mean) * (level.level - x_mean);
+    xy += w * (level.level - x_mean) * (level.variance - y_mean);
+  }
+  const double infinity = std::numeric_limits<double>::infinity();
+  double slope = xx > 0 ? std::max(xy / xx, 0.0) : 0;
+  // A sensor's variance has no negative part: what a steeper line saves there is noise.
+  if (x_mean > 0) slope = std::min(slope, y_mean / x_mean);
+  const double offset = y_mean - slope * x_mean;
+  double chi_square = 0, squares = 0;
+  for (const NoiseLevel& level : noise->levels) {
+    const double expected = offset + slope * level.level, r = level.variance - expected;
+    chi_square += r * r / std::max(level.sigma * level.sigma, 1e-12);
+    squares += r * r / std::max(expected * expected, 1e-12);
+  }
+  const auto count = static_cast<double>(noise->levels.size());
+  const double factor = count > 2 ? std::max(1.0, chi_square / (count - 2)) : 1;
+  noise->gain = slope;
+  noise->gain_sigma = xx > 0 ? std::sqrt(factor / xx) : infinity;
+  noise->read = std::sqrt(offset);
+  const double offset_sigma =
+      xx > 0 ? std::sqrt(factor * (1 / w_sum + x_mean * x_mean / xx)) : infinity;
+  noise->read_sigma = offset_sigma / std::max(2 * noise->read, std::sqrt(offset_sigma));
+  noise->misfit = std::sqrt(squares / count);
+}
+
+// Means of the eight nearest pixels of the same colour; the highest and the lowest of them.
+struct Neighbours {
+  cv::Mat mean, highest, lowest;
+};
+
+Neighbours NeighboursOf(const cv::Mat& image, std::optional<BayerOrder> bayer) {
+  const int step = bayer ? 2 : 1;
+  cv::Mat kernel = cv::Mat::zeros(2 * step + 1, 2 * step + 1, CV_32F);
+  for (int y = 0; y <= 2; ++y) {
+    for (int x = 0; x <= 2; ++x) kernel.at<float>(y * step, x * step) = x == 1 && y == 1 ? 0 : 1;
+  }
+  cv::Mat shape;
+  kernel.convertTo(shape, CV_8U);
+  Neighbours around;
+  cv::filter2D(image, around.mean, CV_32F, kernel / 8, {-1, -1}, 0, cv::BORDER_REFLECT_101);
+  cv::dilate(image, around.highest, shape, {-1, -1}, 1, cv::BORDER_REFLECT_101);
+  cv::erode(image, around.lowest, shape, {-1, -1}, 1, cv::BORDER_REFLECT_101);
+  return around;
+}
+
+// Robust standard deviation of pixels of one level about their neighbours. The flanks of micro
+// images, where neighbours differ, belong to the level too.
+double ScatterOf(const std::vector<PixelNoise>& level, const cv::Mat& neighbour_mean) {
+  std::vector<float> scatter;
+  for (const PixelNoise& pixel : level) {
+    const int x = pixel.index % neighbour_mean.cols, y = pixel.index / neighbour_mean.cols;
+    scatter.push_back(std::abs(pixel.level - neighbour_mean.at<float>(y, x)));
+  }
+  return kSigmaPerMad * Median(std::move(scatter), 0.0F);
+}
+
+std::vector<DefectivePixel> FindDefects(const WhiteImages& white,
+                                        const std::vector<PixelNoise>& pixels,
+                                        const PhotonTransfer& noise,
+                                        int dof,
+                                        std::optional<BayerOrder> bayer) {
+  std::vector<DefectivePixel> defects;
+  // Twice the noise of its level at least: the levels themselves are not that exact.
+  const double most_variance =
+      std::max(4.0, ChiSquareQuantile(dof, kFalseAlarm / static_cast<double>(pixels.size())) / dof);
+  const Neighbours around = NeighboursOf(white.mean, bayer);
+  for (size_t k = 0; k < noise.levels.size(); ++k) {
+    const auto at = [&](size_t i) {
+      return pixels.begin() + static_cast<std::ptrdiff_t>(i * pixels.size() / noise.levels.size());
+    };
+    const std::vector<PixelNoise> level(at(k), at(k + 1));
+    const double sigma = std::max(ScatterOf(level, around.mean), 1e-9);
+    for (const PixelNoise& pixel : level) {
+      const int x = pixel.index % white.mean.cols, y = pixel.index / white.mean.cols;
+      const double variance = pixel.variance / noise.levels[k].variance;
+      const double above = (pixel.level - around.highest.at<float>(y, x)) / sigma;
+      const double below = (around.lowest.at<float>(y, x) - pixel.level) / sigma;
+      if (variance > most_variance) {
+        defects.push_back({x, y, PixelDefect::kNoisy, std::sqrt(variance)});
+      } else if (above > kDefectSigmas) {
+        defects.push_back({x, y, PixelDefect::kBright, above});
+      } else if (below > kDefectSigmas) {
+        defects.push_back({x, y, PixelDefect::kDark, below});
+      }
+    }
+  }
+  std::ranges::sort(defects, {}, [](const DefectivePixel& d) { return std::pair(d.y, d.x); });
+  return defects;
+}
+
+const char* NameOf(PixelDefect defect) {
+  static constexpr std::array<const char*, 3> kNames = {"bright", "dark", "noisy"};
+  return kNames[static_cast<size_t>(defect)];
+}
+
+}  // namespace
+
+std::optional<PhotonTransfer> MeasurePhotonTransfer(const std::vector<FrameImage>& images,
+                                                    const WhiteImages& white,
+                                                    std::optional<BayerOrder> bayer) {
+  if (white.members.size() < 2) return {};
+  const PixelSums sums = SumPixels(images, white);
+  const std::vector<PixelNoise> pixels = UsablePixels(white, sums);
+  if (pixels.empty()) return {};
+  PhotonTransfer noise{.saturation = white.full_scale};
+  noise.levels = LevelsOf(pixels, sums.degrees_of_freedom);
+  FitLine(&noise);
+  noise.defects = FindDefects(white, pixels, noise, sums.degrees_of_freedom, bayer);
+  return noise;
+}
+
+std::string PhotonTransferYaml(const PhotonTransfer& noise) {
+  std::string text = fmt::format(
+      "plenocal: 1\n"
+      "gain: {{value: {}, sigma: {}}}\n"
+      "read: {{value: {}, sigma: {}}}\n"
+      "saturation: {}\n"
+      "misfit: {}\n"
+      "levels:  # mean grey value, variance and its standard error\n",
+      YamlNumber(noise.gain),
+      YamlNumber(noise.gain_sigma),
+      YamlNumber(noise.read),
+      YamlNumber(noise.read_sigma),
+      YamlNumber(noise.saturation),
+      YamlNumber(noise.misfit));
+  for (const NoiseLevel& level : noise.levels) {
+    text += fmt::format("  - [{}, {}, {}]\n",
+                        YamlNumber(level.level),
+                        YamlNumber(level.variance),
+                        YamlNumber(level.sigma));
+  }
+  text += noise.defects.empty() ? "defects: []\n" : "defects:\n";
+  for (const DefectivePixel& pixel : noise.defects) {
+    text += fmt::format("  - {{x: {}, y: {}, defect: {}, excess: {:.1f}}}\n",
+                        pixel.x,
+                        pixel.y,
+                        NameOf(pixel.defect),
+                        pixel.excess);
+  }
+  return text;
+}
+
+}  // namespace plenocal
