@@ -9,22 +9,54 @@
 
 namespace plenocal {
 
+void AddNuisances(std::span<const View> views, BundleCamera* camera) {
+  size_t count = camera->params.size();
+  for (const View& view : views) {
+    if (view.by_nuisance.empty()) continue;
+    count = std::max(
+        count, camera->ModelParams() + view.by_nuisance[0].size() / camera->model->measured.size());
+  }
+  if (count == camera->params.size()) return;
+  camera->rules.resize(camera->params.size());
+  camera->rules.resize(count, {.prior = ParamRule::Prior{.value = 0, .sigma = 1}});
+  camera->params.resize(count, 0.0);
+  camera->fixed.resize(count, false);
+}
+
+std::string NuisanceName(const BundleCamera& camera, size_t index) {
+  return camera.name + ".nuisance_" + std::to_string(index - camera.ModelParams() + 1);
+}
+
+Observation WithoutDisplacement(const BundleObservation& observation,
+                                const BundleCamera& camera,
+                                const double* params) {
+  Observation seen = observation.seen;
+  const std::vector<double>& by_nuisance = observation.by_nuisance;
+  const size_t rows = camera.model->measured.size(), count = by_nuisance.size() / rows;
+  const double* const nuisances = params + camera.ModelParams();
+  for (size_t r = 0; r < rows; ++r) {
+    for (size_t k = 0; k < count; ++k) seen.values[r] -= by_nuisance[r * count + k] * nuisances[k];
+  }
+  return seen;
+}
+
 bool Residual(const Bundle& bundle, const BundleObservation& observation, double* residual) {
   const BundleCamera& camera = bundle.cameras[static_cast<size_t>(observation.camera)];
   const RigidTransform T_camera_target =
       camera.T_camera_rig * bundle.SeenPose(static_cast<size_t>(observation.frame),
                                             static_cast<size_t>(observation.camera));
+  const Observation seen = WithoutDisplacement(observation, camera, camera.params.data());
   double predicted[kMaxObservationSize];
   if (!camera.model->project(
           camera.params.data(),
           camera.config.data(),
-          observation.seen.values.data(),
+          seen.values.data(),
           T_camera_target * bundle.markers[static_cast<size_t>(observation.marker)].position,
           predicted)) {
     return false;
   }
   for (size_t r = 0; r < camera.model->measured.size(); ++r) {
-    residual[r] = observation.seen.values[r] - predicted[r];
+    residual[r] = seen.values[r] - predicted[r];
     if (!std::isfinite(residual[r])) return false;
   }
   return true;

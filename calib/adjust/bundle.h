@@ -6,6 +6,7 @@
 #include <Eigen/Core>
 #include <cmath>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -22,7 +23,7 @@ struct BundleCamera {
   ImageSize image_size{};
   const CameraModel* model = nullptr;
   std::vector<double> config;
-  std::vector<double> params;
+  std::vector<double> params;         ///< the model's, then the nuisance parameters
   std::vector<bool> fixed;            ///< per parameter: not estimated
   std::vector<ParamRule> rules = {};  ///< per parameter, or empty
   std::vector<bool> at_bound = {};    ///< per parameter: `Adjust` left it at a bound; or empty
@@ -30,12 +31,25 @@ struct BundleCamera {
   /// T_camera_rig is not estimated: its frame is the rig's, or the extrinsics are given.
   bool is_master = false;
   NoiseModel noise = {};
+
+  /// Parameters of the model; those that follow in `params` are nuisance parameters
+  /// (`BundleObservation::by_nuisance`).
+  [[nodiscard]] size_t ModelParams() const { return model->params.size(); }
+  [[nodiscard]] size_t Nuisances() const { return params.size() - model->params.size(); }
 };
 
 struct BundleMarker {
   int number = 0;
-  Eigen::Vector3d position;
-  Eigen::Vector3d nominal;
+  Eigen::Vector3d position;  ///< in the frame of the first target
+  Eigen::Vector3d nominal;   ///< likewise; moves with the marker's target
+  int target = 0;            ///< index into Bundle::targets, where there are several
+};
+
+/// One of several targets that stay where they are with respect to each other.
+struct BundleTarget {
+  std::string name;
+  RigidTransform T_target_own;  ///< from its own frame to that of the first target
+  bool is_fixed = true;         ///< the first target, or one of known pose
 };
 
 struct BundleObservation {
@@ -44,7 +58,8 @@ struct BundleObservation {
   int marker = 0;  ///< index into Bundle::markers
   Observation seen;
   bool used = true;
-  std::vector<double> shared_errors = {};  ///< as in `View`
+  /// Derivatives by the camera's nuisance parameters as in `View`; empty: zeros.
+  std::vector<double> by_nuisance = {};
   /// Standard deviation of each measured coordinate before the camera's `NoiseModel` corrects it,
   /// px: the detector's where it states one, else an estimate, or 1 where nothing is known.
   double assumed_sigma = 1;
@@ -90,6 +105,8 @@ struct Bundle {
   std::vector<BundleCamera> cameras;
   std::vector<RigidTransform> T_rig_target;  ///< per frame
   std::vector<BundleMarker> markers;
+  /// Several targets, of which the markers are parts; empty: one.
+  std::vector<BundleTarget> targets = {};
   /// Standard deviation of each nominal marker coordinate, m; 0: markers are not estimated;
   /// infinite: they are landmarks, scene points without nominal positions.
   double marker_sigma = 0;
@@ -108,6 +125,12 @@ struct Bundle {
   [[nodiscard]] bool HasLandmarks() const { return std::isinf(marker_sigma); }
   /// The measured distances and the one that is held.
   [[nodiscard]] std::vector<MarkerDistance> AllDistances() const;
+  /// Index of the target whose pose a marker follows; nothing where that is not estimated.
+  [[nodiscard]] std::optional<size_t> FreeTarget(int marker) const {
+    if (targets.empty()) return std::nullopt;
+    const auto target = static_cast<size_t>(markers[static_cast<size_t>(marker)].target);
+    return targets[target].is_fixed ? std::nullopt : std::optional(target);
+  }
   [[nodiscard]] bool EstimatesJitter() const { return jitter.translation_sigma > 0; }
   /// The parameter whose value a parameter has: itself or the one that it is tied to.
   [[nodiscard]] ParamIndex Root(size_t camera, size_t param) const {
@@ -125,7 +148,21 @@ struct Bundle {
   }
 };
 
-/// Residual of one observation, measured minus predicted; false outside the model's domain.
+/// Gives a camera as many nuisance parameters as its views state; the prior of each is standard
+/// normal. Those that it has already keep their values.
+void AddNuisances(std::span<const View> views, BundleCamera* camera);
+
+/// "left.nuisance_1": of the parameter at `index` of `camera.params`.
+std::string NuisanceName(const BundleCamera& camera, size_t index);
+
+/// The observation with its measured coordinates as they are without systematic displacements.
+/// `params`: the camera's.
+Observation WithoutDisplacement(const BundleObservation& observation,
+                                const BundleCamera& camera,
+                                const double* params);
+
+/// Residual of one observation, measured without displacement minus predicted; false outside the
+/// model's domain.
 bool Residual(const Bundle& bundle, const BundleObservation& observation, double* residual);
 
 /// Length of the residual in standard deviations of the camera's noise.

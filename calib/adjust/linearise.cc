@@ -1,7 +1,29 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "calib/adjust/linearise.h"
 
+#include <algorithm>
+
 namespace plenocal::internal {
+namespace {
+
+// Spreads rows of derivatives by the model's parameters so that each is followed by those by the
+// nuisance parameters.
+void AppendNuisances(const BundleCamera& camera,
+                     const BundleObservation& observation,
+                     double weight,
+                     double* J_params) {
+  const size_t rows = camera.model->measured.size(), own = camera.ModelParams();
+  const size_t width = camera.params.size(), stated = observation.by_nuisance.size() / rows;
+  for (size_t r = rows; r-- > 0;) {
+    double* const row = J_params + r * width;
+    if (r > 0) std::copy_backward(J_params + r * own, J_params + (r + 1) * own, row + own);
+    for (size_t k = 0; k < camera.Nuisances(); ++k) {
+      row[own + k] = k < stated ? -weight * observation.by_nuisance[r * stated + k] : 0;
+    }
+  }
+}
+
+}  // namespace
 
 bool Linearise(const BundleCamera& camera,
                const double* params,
@@ -14,7 +36,7 @@ bool Linearise(const BundleCamera& camera,
   const Eigen::Vector3d p_cam = rotated_rig + view.T_camera_rig.t;
 
   const CameraModel& model = *camera.model;
-  const Observation& seen = observation.seen;
+  const Observation seen = WithoutDisplacement(observation, camera, params);
   const size_t rows = model.measured.size();
   double predicted[kMaxObservationSize];
   double J_point[kMaxObservationSize * 3];
@@ -35,6 +57,7 @@ bool Linearise(const BundleCamera& camera,
   // Residual = measured - predicted, so every derivative is minus that of the prediction. With a
   // rotation by w before the point: row (-Hat(a)) = (a x row)'.
   for (size_t i = 0; i < rows * model.params.size(); ++i) out.J_params[i] *= -weight;
+  if (camera.Nuisances() > 0) AppendNuisances(camera, observation, weight, out.J_params);
   for (size_t r = 0; r < rows; ++r) {
     const Eigen::Vector3d J_cam = -weight * Eigen::Map<const Eigen::Vector3d>(J_point + 3 * r);
     const Eigen::Vector3d J_rig = view.T_camera_rig.R.transpose() * J_cam;

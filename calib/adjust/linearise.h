@@ -40,6 +40,15 @@ bool Linearise(const BundleCamera& camera,
                const BundleObservation& observation,
                const LinearisedRows& out);
 
+/// Derivative of a point at `p_target`, in the frame of the first target, by the chart of the pose
+/// of the target on which it is.
+inline Eigen::Matrix<double, 3, 6> PointByTargetPose(const RigidTransform& T_target_own,
+                                                     const Eigen::Vector3d& p_target) {
+  Eigen::Matrix<double, 3, 6> J;
+  J << Eigen::Matrix3d::Identity(), -Hat(p_target - T_target_own.t);
+  return J;
+}
+
 /// With rows y_i of one marker in one view in their own sigmas sigma_i, common noise t takes
 /// CommonShare(t, sum 1 / sigma_i^2) times the square of sum y_i / sigma_i from the sum of y_i^2
 /// (the inverse of diag(sigma_i^2) + t^2 1 1', by Sherman and Morrison).

@@ -109,9 +109,9 @@ Unknowns::Unknowns(const Bundle& bundle) {
   const auto per_block = static_cast<size_t>(MarkersPerBlock(bundle));
   marker_block_size = 3 * per_block;
   const size_t marker_blocks = (bundle.markers.size() + per_block - 1) / per_block;
-  size_t size =
-      6 * (bundle.T_rig_target.size() + bundle.cameras.size() + bundle.jitter.delta.size()) +
-      marker_block_size * marker_blocks;
+  size_t size = 6 * (bundle.T_rig_target.size() + bundle.cameras.size() + bundle.targets.size() +
+                     bundle.jitter.delta.size()) +
+                marker_block_size * marker_blocks;
   intrinsics = BlockMaker(bundle, &blocks_).Make();
   for (const IntrinsicsBlock& block : blocks_) size += block.Size();
   values.assign(size, 0.0);
@@ -125,6 +125,9 @@ Unknowns::Unknowns(const Bundle& bundle) {
     if (block.values != nullptr) continue;
     block.values = take(block.Size());
     std::copy(block.initial.begin(), block.initial.end(), block.values);
+  }
+  for (const BundleTarget& target : bundle.targets) {
+    targets.push_back({target.T_target_own, take(6)});
   }
   jitter = take(6 * bundle.jitter.delta.size());
   for (size_t i = 0; i < bundle.jitter.delta.size(); ++i) {
@@ -155,9 +158,18 @@ void Unknowns::WriteTo(Bundle* bundle) const {
   for (size_t i = 0; i < bundle->jitter.delta.size(); ++i) {
     bundle->jitter.delta[i] = Eigen::Map<const Vector6d>(jitter + 6 * i);
   }
-  if (!bundle->EstimatesMarkers()) return;
-  for (size_t i = 0; i < bundle->markers.size(); ++i) {
+  for (size_t i = 0; bundle->EstimatesMarkers() && i < bundle->markers.size(); ++i) {
     bundle->markers[i].position = Eigen::Map<const Eigen::Vector3d>(markers + 3 * i);
+  }
+  for (size_t k = 0; k < targets.size(); ++k) {
+    if (bundle->targets[k].is_fixed) continue;
+    bundle->targets[k].T_target_own = targets[k].Value();
+    const RigidTransform moved = targets[k].Value() * targets[k].origin.Inverse();
+    for (BundleMarker& marker : bundle->markers) {
+      if (marker.target != static_cast<int>(k)) continue;
+      marker.position = moved * marker.position;
+      marker.nominal = moved * marker.nominal;
+    }
   }
 }
 

@@ -70,9 +70,12 @@ class Unknowns {
   std::vector<Intrinsics> intrinsics;   ///< per camera
   std::vector<ChartedPose> extrinsics;  ///< per camera
   std::vector<ChartedPose> poses;       ///< per frame
+  std::vector<ChartedPose> targets;     ///< per target
   double* jitter = nullptr;
   size_t marker_block_size = 3;
-  double* markers = nullptr;            ///< the last block may have spare markers
+  /// Those of targets with a pose of their own are where they were before the solve: the change of
+  /// the pose moves them. The last block may have spare markers.
+  double* markers = nullptr;
   std::vector<double> nominal_markers;  ///< parallel to `markers`
 
  private:

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "calib/adjust/bounds.h"
@@ -55,6 +56,7 @@ class AdjustProblem {
         camera_used_(bundle.cameras.size(), false),
         view_used_(bundle.jitter.delta.size(), false),
         frame_used_(bundle.T_rig_target.size(), false),
+        target_used_(bundle.targets.size(), false),
         has_distance_(unknowns_.MarkerBlocks(), false) {
     AddObservations();
     AddJitterPriors();
@@ -94,7 +96,7 @@ class AdjustProblem {
   const AdjustOptions& options_;
   Unknowns unknowns_;
   ceres::Problem problem_;
-  std::vector<bool> marker_block_used_, camera_used_, view_used_, frame_used_;
+  std::vector<bool> marker_block_used_, camera_used_, view_used_, frame_used_, target_used_;
   std::vector<bool> has_distance_;  // per marker block: shares a residual with another
   std::vector<IntrinsicsBlock*> blocks_used_;
 };
@@ -109,7 +111,8 @@ void AdjustProblem::AddObservations() {
     for (; end < observations.size(); ++end) {
       const BundleObservation& next = observations[end];
       if (next.frame != first.frame || next.camera != first.camera ||
-          next.marker / per_block != first.marker / per_block) {
+          next.marker / per_block != first.marker / per_block ||
+          bundle_.FreeTarget(next.marker) != bundle_.FreeTarget(first.marker)) {
         break;
       }
       if (next.used) group.push_back(&next);
@@ -123,10 +126,12 @@ void AdjustProblem::AddGroup(const std::vector<const BundleObservation*>& group)
   const auto camera = static_cast<size_t>(group[0]->camera);
   const auto marker_block =
       static_cast<size_t>(group[0]->marker / internal::MarkersPerBlock(bundle_));
+  const std::optional<size_t> target = bundle_.FreeTarget(group[0]->marker);
   const internal::ViewUnknowns view{
       .intrinsics = &unknowns_.intrinsics[camera],
       .extrinsics = bundle_.cameras[camera].is_master ? nullptr : &unknowns_.extrinsics[camera],
-      .pose = &unknowns_.poses[frame]};
+      .pose = &unknowns_.poses[frame],
+      .target = target ? &unknowns_.targets[*target] : nullptr};
   std::vector<double*> blocks{view.intrinsics->block->values};
   if (view.extrinsics != nullptr) blocks.push_back(view.extrinsics->delta);
   blocks.push_back(view.pose->delta);
@@ -134,6 +139,10 @@ void AdjustProblem::AddGroup(const std::vector<const BundleObservation*>& group)
     const size_t index = bundle_.View(frame, camera);
     blocks.push_back(unknowns_.Jitter(index));
     view_used_[index] = true;
+  }
+  if (target) {
+    blocks.push_back(view.target->delta);
+    target_used_[*target] = true;
   }
   if (bundle_.EstimatesMarkers()) {
     blocks.push_back(unknowns_.MarkerBlock(marker_block));
@@ -239,7 +248,8 @@ size_t AdjustProblem::DenseUnknowns() const {
   const size_t markers = unknowns_.marker_block_size * CountTrue(marker_block_used_);
   const size_t eliminated =
       EliminatesMarkersFirst() ? markers : (bundle_.EstimatesJitter() ? jitter : poses);
-  size_t dense = poses + jitter + markers - eliminated + 6 * CountTrue(camera_used_);
+  size_t dense = poses + jitter + markers - eliminated + 6 * CountTrue(camera_used_) +
+                 6 * CountTrue(target_used_);
   for (const IntrinsicsBlock* block : blocks_used_) dense += block->Size();
   return dense;
 }
@@ -259,6 +269,9 @@ ceres::ParameterBlockOrdering AdjustProblem::Ordering() {
   for (size_t c = 0; c < camera_used_.size(); ++c) {
     if (!camera_used_[c] || bundle_.cameras[c].is_master) continue;
     ordering.AddElementToGroup(unknowns_.extrinsics[c].delta, 1);
+  }
+  for (size_t k = 0; k < target_used_.size(); ++k) {
+    if (target_used_[k]) ordering.AddElementToGroup(unknowns_.targets[k].delta, 1);
   }
   for (size_t block = 0; block < marker_block_used_.size(); ++block) {
     if (!marker_block_used_[block]) continue;

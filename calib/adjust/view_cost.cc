@@ -64,6 +64,7 @@ ViewCost::ViewCost(const Bundle& bundle,
   if (unknowns_.extrinsics != nullptr) sizes.push_back(6);
   sizes.push_back(6);
   if (free_jitter_) sizes.push_back(6);
+  if (unknowns_.target != nullptr) sizes.push_back(6);
   if (free_markers_) sizes.push_back(static_cast<int>(3 * markers_per_block_));
 }
 
@@ -89,10 +90,7 @@ bool ViewCost::Evaluate(double const* const* parameters,
   for (size_t i = 0; i < observations_.size(); ++i) {
     const BundleObservation& observation = *observations_[i];
     const size_t slot = static_cast<size_t>(observation.marker) % markers_per_block_;
-    const Eigen::Vector3d p_target =
-        free_markers_ ? Eigen::Vector3d(
-                            Eigen::Map<const Eigen::Vector3d>(parameters[MarkerBlock()] + 3 * slot))
-                      : bundle_.markers[static_cast<size_t>(observation.marker)].position;
+    const Eigen::Vector3d p_target = PointAt(parameters, observation);
     const size_t row = i * rows;
     double J_marker[kMaxObservationSize * 3];
     LinearisedRows out{.residual = residuals + row};
@@ -101,7 +99,7 @@ bool ViewCost::Evaluate(double const* const* parameters,
       if (J.extrinsics != nullptr) out.J_extrinsics = J.extrinsics + row * 6;
       if (J.pose != nullptr) out.J_pose = J.pose + row * 6;
       if (J.jitter != nullptr) out.J_jitter = J.jitter + row * 6;
-      if (J.markers != nullptr) out.J_marker = J_marker;
+      if (J.markers != nullptr || J.target != nullptr) out.J_marker = J_marker;
     }
     if (!Linearise(camera_, params, view, p_target, observation, out)) {
       // Within rounding of the edge of the domain, where a step has ended, derivatives may not
@@ -112,6 +110,10 @@ bool ViewCost::Evaluate(double const* const* parameters,
     }
     Robustify(observation.assumed_sigma, out);
     if (J.intrinsics != nullptr && !direct) ScatterParams(J_params, row, J.intrinsics);
+    if (unknowns_.target != nullptr && out.J_marker != nullptr) {
+      MoveWithTarget(
+          parameters, p_target, J.target == nullptr ? nullptr : J.target + row * 6, J_marker);
+    }
     if (J.markers == nullptr) continue;
     std::fill_n(J.markers + row * marker_width, rows * marker_width, 0.0);
     for (size_t r = 0; r < rows; ++r) {
@@ -135,7 +137,40 @@ ViewCost::Jacobians ViewCost::JacobiansOf(double** jacobians) const {
           .extrinsics = unknowns_.extrinsics != nullptr ? jacobians[1] : nullptr,
           .pose = jacobians[PoseBlock()],
           .jitter = free_jitter_ ? jacobians[JitterBlock()] : nullptr,
+          .target = unknowns_.target != nullptr ? jacobians[TargetBlock()] : nullptr,
           .markers = free_markers_ ? jacobians[MarkerBlock()] : nullptr};
+}
+
+Eigen::Vector3d ViewCost::PointAt(double const* const* parameters,
+                                  const BundleObservation& observation) const {
+  const size_t slot = static_cast<size_t>(observation.marker) % markers_per_block_;
+  Eigen::Vector3d point = bundle_.markers[static_cast<size_t>(observation.marker)].position;
+  if (free_markers_) {
+    point = Eigen::Map<const Eigen::Vector3d>(parameters[MarkerBlock()] + 3 * slot);
+  }
+  if (unknowns_.target == nullptr) return point;
+  const Eigen::Map<const Vector6d> delta(parameters[TargetBlock()]);
+  const Eigen::Vector3d& origin = unknowns_.target->origin.t;
+  return ExpRotation(delta.tail<3>()) * (point - origin) + origin + delta.head<3>();
+}
+
+// p = Exp(w) (q - t_0) + t_0 + v with the marker's position q before the solve.
+void ViewCost::MoveWithTarget(double const* const* parameters,
+                              const Eigen::Vector3d& p_target,
+                              double* J_target,
+                              double* J_marker) const {
+  const Eigen::Map<const Vector6d> delta(parameters[TargetBlock()]);
+  const Eigen::Vector3d arm = p_target - unknowns_.target->origin.t - delta.head<3>();
+  const Eigen::Matrix3d chart = LeftJacobian(delta.tail<3>());
+  const Eigen::Matrix3d R = ExpRotation(delta.tail<3>());
+  for (size_t r = 0; r < camera_.model->measured.size(); ++r) {
+    Eigen::Map<Eigen::Vector3d> J(J_marker + 3 * r);
+    if (J_target != nullptr) {
+      Eigen::Map<Eigen::Vector3d>(J_target + 6 * r) = J;
+      Eigen::Map<Eigen::Vector3d>(J_target + 6 * r + 3) = chart.transpose() * arm.cross(J);
+    }
+    J = (R.transpose() * J).eval();
+  }
 }
 
 const double* ViewCost::Gather(const double* block, std::vector<double>* buffer) const {

@@ -17,10 +17,12 @@ struct ViewUnknowns {
   const Intrinsics* intrinsics = nullptr;
   const ChartedPose* extrinsics = nullptr;  ///< null for the rig's master
   const ChartedPose* pose = nullptr;
+  const ChartedPose* target = nullptr;  ///< null: its pose is not estimated
 };
 
 /// Weighted, robustified residuals of all observations of one camera in one frame that fall into
-/// one block of markers. Parameter blocks: intrinsics, [extrinsics,] pose[, jitter][, markers].
+/// one block of markers of one target. Parameter blocks: intrinsics, [extrinsics,] pose[, jitter]
+/// [, target][, markers].
 class ViewCost : public ceres::CostFunction {
  public:
   /// The observations are of one view; all arguments must outlive this.
@@ -39,18 +41,30 @@ class ViewCost : public ceres::CostFunction {
   struct Jacobians {
     bool any = false;
     double *intrinsics = nullptr, *extrinsics = nullptr, *pose = nullptr, *jitter = nullptr,
-           *markers = nullptr;
+           *target = nullptr, *markers = nullptr;
   };
 
   [[nodiscard]] int PoseBlock() const { return unknowns_.extrinsics != nullptr ? 2 : 1; }
   [[nodiscard]] int JitterBlock() const { return PoseBlock() + 1; }
-  [[nodiscard]] int MarkerBlock() const { return JitterBlock() + (free_jitter_ ? 1 : 0); }
+  [[nodiscard]] int TargetBlock() const { return JitterBlock() + (free_jitter_ ? 1 : 0); }
+  [[nodiscard]] int MarkerBlock() const {
+    return TargetBlock() + (unknowns_.target != nullptr ? 1 : 0);
+  }
   [[nodiscard]] Jacobians JacobiansOf(double** jacobians) const;
   // The camera's parameters among those of its block.
   const double* Gather(const double* block, std::vector<double>* buffer) const;
   [[nodiscard]] LinearisedView ViewAt(double const* const* parameters) const;
   // Adds the derivatives by the camera's parameters to those by its block, from row `row` on.
   void ScatterParams(const std::vector<double>& J_params, size_t row, double* J_block) const;
+  // The marker's position where its target is now.
+  [[nodiscard]] Eigen::Vector3d PointAt(double const* const* parameters,
+                                        const BundleObservation& observation) const;
+  // From derivatives by the point to those by the pose of its target and by the marker in its
+  // block, in `J_target` (if not null) and in place.
+  void MoveWithTarget(double const* const* parameters,
+                      const Eigen::Vector3d& p_target,
+                      double* J_target,
+                      double* J_marker) const;
   void Robustify(double assumed_sigma, const LinearisedRows& out) const;
   void Decorrelate(double* data, size_t columns) const;
 

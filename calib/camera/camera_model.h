@@ -125,7 +125,7 @@ struct ProjectionOutput {
 /// A camera model as the rest of the project sees it: data and functions, no assumption about what
 /// the parameters mean. Pointers refer to static storage. `values` is an observation's:
 /// `measured.size()` measured coordinates, then `context.size()` numbers on which its projection
-/// depends besides (a micro lens' centre).
+/// depends besides (a micro lens' centre), then those of `optional_context`; others are zero.
 struct CameraModel {
   std::string_view name;
   std::string_view source;        ///< publication and equations
@@ -178,6 +178,9 @@ struct CameraModel {
   /// type.
   void (*assign_lens_types)(std::vector<View>* views);
   Usage usage = Usage::kRare;
+  /// Numbers of an observation that may follow `context`: zeros where it has none, and files may
+  /// lack their columns.
+  std::span<const std::string_view> optional_context = {};
 };
 
 /// Members that a struct in models/ must have. `Project` is the model's only statement of its
@@ -200,8 +203,8 @@ struct CameraModel {
 ///   static Misfit JudgeFit(const CameraModel&, const StartProblem&, std::span<const double>,
 ///                          double);
 /// One that sees a marker several times in a view may have ReplicateFit and AssignLensTypes
-/// (`CameraModel::replicate_fit`, `CameraModel::assign_lens_types`). A model that other programs
-/// read has
+/// (`CameraModel::replicate_fit`, `CameraModel::assign_lens_types`), and kOptionalContext. A model
+/// that other programs read has
 ///   static constexpr Usage kUsage
 template <typename M>
 concept CameraModelPlugin = requires(const StartProblem& problem) {
@@ -333,6 +336,7 @@ constexpr auto RefusalOf() -> std::string (*)(const StartProblem&) {
 template <CameraModelPlugin M>
 constexpr void AddOptional(CameraModel* model) {
   if constexpr (requires { M::kUsage; }) model->usage = M::kUsage;
+  if constexpr (requires { M::kOptionalContext; }) model->optional_context = M::kOptionalContext;
   if constexpr (requires { &M::Remedy; }) model->remedy = &M::Remedy;
   if constexpr (requires { &M::JudgeFit; }) model->misfit = &M::JudgeFit;
   if constexpr (requires { &M::ReplicateFit; }) {

@@ -12,7 +12,7 @@
 #include "calib/base/csv.h"
 #include "calib/base/error.h"
 #include "calib/base/input_file.h"
-#include "calib/camera/hexagonal_lattice.h"
+#include "calib/camera/lens_lattice.h"
 
 namespace plenocal {
 namespace {
@@ -26,7 +26,8 @@ void IndexFromCentres(const std::filesystem::path& path,
   const auto basis = FindLatticeBasis(centres, array->image_size);
   if (!basis) {
     throw Error(ErrorKind::kInput,
-                fmt::format("{}: the centres are no hexagonal lattice", path.string()));
+                fmt::format("{}: the centres are neither a hexagonal nor a rectangular lattice",
+                            path.string()));
   }
   const auto nodes = IndexLattice(centres, *basis, array->image_size);
   for (size_t i = 0; i < nodes.size(); ++i) {
@@ -69,15 +70,22 @@ void SetLatticeOfFile(const std::filesystem::path& path, MicroLensArray* array) 
   }
   Eigen::Matrix2d basis;
   basis << array->e_column, array->e_row;
-  // Of a hexagonal lattice it is sqrt(3)/2 of the square of the pitch.
-  const double pitch = array->Pitch();
-  if (!(std::isfinite(pitch) && std::abs(basis.determinant()) > 0.5 * pitch * pitch)) {
+  // Of a hexagonal lattice the determinant is sqrt(3)/2 of the lengths' product, of a rectangular
+  // one all of it.
+  const double product = array->e_column.norm() * array->e_row.norm();
+  if (!(std::isfinite(product) && std::abs(basis.determinant()) > 0.5 * product)) {
     throw Error(ErrorKind::kInput,
                 fmt::format("{}: rows and columns do not belong to the centres", path.string()));
   }
 }
 
 }  // namespace
+
+LatticeKind MicroLensArray::Lattice() const {
+  Eigen::Matrix2d basis;
+  basis << e_column, e_row;
+  return KindOfLattice(basis);
+}
 
 void SetLatticeVectors(MicroLensArray* array) {
   std::vector<LatticeMeasurement> measurements;

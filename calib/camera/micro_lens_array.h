@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "calib/camera/lens_lattice.h"
 #include "calib/camera/observation.h"
 
 namespace plenocal {
@@ -22,9 +23,9 @@ struct MicroLens {
   bool usable = true;  ///< false for a dead or dirty micro lens
 };
 
-/// Lens types that an array may have: the sets of micro lenses that a hexagonal lattice
+/// Lens types that an array may have: the sets of micro lenses that a rectangular lattice
 /// interleaves.
-inline constexpr int kMostLensTypes = 3;
+inline constexpr int kMostLensTypes = 4;
 
 /// The micro-lens array of a plenoptic camera: all micro lenses whose micro-image centre lies on
 /// the sensor. Plain data, so that camera models and the pipeline share it.
@@ -32,11 +33,13 @@ struct MicroLensArray {
   ImageSize image_size{};
   int types = 1;
   /// Lattice vectors at the middle of the image, px: to the next micro lens in a row, and to the
-  /// next row. Hexagonal: |e_column| = |e_row|, 60 degrees apart; lens distortion changes them
-  /// slowly.
+  /// next row. Hexagonal: |e_column| = |e_row|, 60 degrees apart; rectangular: 90 degrees. Lens
+  /// distortion changes them slowly.
   Eigen::Vector2d e_column{0, 0}, e_row{0, 0};
   std::vector<MicroLens> lenses;
 
+  /// Arrangement of the micro lenses.
+  [[nodiscard]] LatticeKind Lattice() const;
   /// Mean distance of neighbours at the middle of the image, px.
   [[nodiscard]] double Pitch() const { return (e_column.norm() + e_row.norm()) / 2; }
 };

@@ -8,12 +8,12 @@
 namespace plenocal {
 
 /// Most numbers that one observation of any camera model has.
-inline constexpr int kMaxObservationSize = 4;
+inline constexpr int kMaxObservationSize = 7;
 
 /// One marker measured once. The camera model defines what `values` hold (`CameraModel::measured`,
-/// then `CameraModel::context`): x, y for ordinary cameras; x, y, lens_x, lens_y for the focused
-/// plenoptic camera. Image coordinates are in pixels with (0, 0) at the centre of the top-left
-/// pixel.
+/// then `CameraModel::context` and `optional_context`): x, y for ordinary cameras; x, y, lens_x,
+/// lens_y, depth, x_depth, y_depth for the focused plenoptic camera. Image coordinates are in
+/// pixels with (0, 0) at the centre of the top-left pixel.
 struct Observation {
   int marker = 0;
   std::array<double, kMaxObservationSize> values{};
@@ -29,10 +29,11 @@ struct Observation {
 struct View {
   std::string frame;  ///< the frame's name (docs/conventions.md)
   std::vector<Observation> observations;
-  /// Derivatives of the observations by systematic errors that all of the camera's views share (a
-  /// correction that is itself uncertain): per observation, or empty; measured coordinates x
-  /// errors, px for one standard deviation of each error, row-major. The errors are independent.
-  std::vector<std::vector<double>> shared_errors = {};
+  /// Derivatives of the measured coordinates by the camera's nuisance parameters: the sizes of
+  /// systematic displacements that all of its views share, which the bundle adjustment estimates
+  /// with standard normal priors. Per observation, or empty; measured coordinates x parameters, px
+  /// for one standard deviation of the prior, row-major.
+  std::vector<std::vector<double>> by_nuisance = {};
 };
 
 /// Width and height in pixels.

@@ -15,8 +15,10 @@ namespace {
 // Of differences and of means, each: their variances are then known to 14 %.
 constexpr double kLeastDegrees = 100;
 
+using ResidualVector = Eigen::Matrix<double, kMaxObservationSize, 1>;
+
 struct Row {
-  Eigen::Vector4d residual = Eigen::Vector4d::Zero();
+  ResidualVector residual = ResidualVector::Zero();
   double sigma2 = 0;  // assumed
 };
 
@@ -24,7 +26,6 @@ struct Row {
 using MarkerRows = std::vector<Row>;
 
 std::vector<MarkerRows> RowsOf(const Bundle& bundle, size_t camera) {
-  static_assert(kMaxObservationSize == 4);
   std::vector<MarkerRows> markers;
   const auto& observations = bundle.observations;
   for (size_t begin = 0, end = 0; begin < observations.size(); begin = end) {
@@ -90,7 +91,7 @@ OwnVariance FitVariance(const std::vector<Square>& squares, double dimension, do
 
 // Weighted mean of a marker's residuals.
 struct Mean {
-  Eigen::Vector4d residual = Eigen::Vector4d::Zero();
+  ResidualVector residual = ResidualVector::Zero();
   double information = 0;  // of its own noise
 };
 

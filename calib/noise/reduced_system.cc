@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <optional>
 #include <utility>
 
 #include "calib/adjust/linearise.h"
@@ -12,13 +13,20 @@
 namespace plenocal::internal {
 namespace {
 
-// The derivatives of one camera's observations by its own unknowns (parameters and extrinsics), and
-// their sums: those by the same unknowns are collected in a small matrix.
+// The target of a marker whose pose is estimated.
+struct MovingTarget {
+  size_t index = 0;
+  const RigidTransform* pose = nullptr;
+};
+
+// The derivatives of one camera's observations by its own unknowns (parameters and extrinsics) and
+// by the poses of targets, and their sums: those by the same unknowns are collected in a small
+// matrix.
 class OwnColumns {
  public:
   OwnColumns(const Bundle& bundle, const UnknownLayout& layout, size_t camera)
       : rows_(static_cast<int>(bundle.cameras[camera].model->measured.size())),
-        local_(bundle.cameras[camera].model->local) {
+        local_(bundle.cameras[camera].model->local || bundle.targets.size() > 1) {
     const auto& params = layout.params[camera];
     J_params_.resize(rows_, static_cast<Eigen::Index>(params.size()));
     for (size_t k = 0; k < params.size(); ++k) {
@@ -30,6 +38,10 @@ class OwnColumns {
     own_params_ = static_cast<Eigen::Index>(columns_.size());
     extrinsics_ = layout.extrinsics[camera] >= 0;
     for (int i = 0; extrinsics_ && i < 6; ++i) columns_.push_back(layout.extrinsics[camera] + i);
+    for (const int target : layout.targets) {
+      target_columns_.push_back(static_cast<Eigen::Index>(columns_.size()));
+      for (int i = 0; target >= 0 && i < 6; ++i) columns_.push_back(target + i);
+    }
     J_.resize(rows_, static_cast<Eigen::Index>(columns_.size()));
     ClearSum();
     square_ = Eigen::MatrixXd::Zero(J_.cols(), J_.cols());
@@ -40,6 +52,7 @@ class OwnColumns {
   bool Linearise(const BundleCamera& camera,
                  const internal::LinearisedView& view,
                  const Eigen::Vector3d& p_target,
+                 const MovingTarget* target,
                  const BundleObservation& observation) {
     double residual[kMaxObservationSize];
     if (!internal::Linearise(camera,
@@ -54,9 +67,13 @@ class OwnColumns {
                               .J_marker = J_marker_.data()})) {
       return false;
     }
-    J_.leftCols(own_params_).setZero();
+    J_.setZero();
     for (const auto& [param, column] : free_) J_.col(column) += J_params_.col(param);
-    if (extrinsics_) J_.rightCols<6>() = J_extrinsics_.topRows(rows_);
+    if (extrinsics_) J_.middleCols<6>(own_params_) = J_extrinsics_.topRows(rows_);
+    if (target != nullptr) {
+      J_.middleCols<6>(target_columns_[target->index]) =
+          J_marker_.topRows(rows_) * internal::PointByTargetPose(*target->pose, p_target);
+    }
     if (local_) FindTouched();
     return true;
   }
@@ -141,9 +158,10 @@ class OwnColumns {
   bool extrinsics_ = false;
   // Parameters that are estimated, each with its column; equal ones have one.
   std::vector<std::pair<Eigen::Index, Eigen::Index>> free_;
-  Eigen::Index own_params_ = 0;        // columns of parameters
-  std::vector<int> columns_;           // index of each column in the reduced system
-  std::vector<Eigen::Index> touched_;  // columns that may differ from zero
+  Eigen::Index own_params_ = 0;               // columns of parameters
+  std::vector<Eigen::Index> target_columns_;  // per target: first of its six columns
+  std::vector<int> columns_;                  // index of each column in the reduced system
+  std::vector<Eigen::Index> touched_;         // columns that may differ from zero
   Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> J_params_;
   Eigen::Matrix<double, kMaxObservationSize, 6, Eigen::RowMajor> J_extrinsics_, J_pose_, pose_sum_;
   Eigen::Matrix<double, kMaxObservationSize, 3, Eigen::RowMajor> J_marker_, marker_sum_;
@@ -254,6 +272,9 @@ class Reduction {
   void AddMarker(const LinearisedView& linearised, size_t begin, size_t end, ReducedView* view) {
     const int marker = bundle_.observations[begin].marker;
     const BundleCamera& camera = bundle_.cameras[view->camera];
+    const std::optional<size_t> target = bundle_.FreeTarget(marker);
+    const MovingTarget moving{target.value_or(0),
+                              target ? &bundle_.targets[*target].T_target_own : nullptr};
     OwnColumns& own = own_[view->camera];
     bool any = false;
     for (; begin < end; ++begin) {
@@ -261,6 +282,7 @@ class Reduction {
       if (!observation.used || !own.Linearise(camera,
                                               linearised,
                                               bundle_.markers[static_cast<size_t>(marker)].position,
+                                              target ? &moving : nullptr,
                                               observation)) {
         continue;
       }
@@ -361,6 +383,10 @@ UnknownLayout MakeLayout(const Bundle& bundle, const std::vector<bool>& has_data
     const bool free = !camera.is_master && has_data[c];
     layout.extrinsics.push_back(free ? layout.head : -1);
     if (free) layout.head += 6;
+  }
+  for (const BundleTarget& target : bundle.targets) {
+    layout.targets.push_back(target.is_fixed ? -1 : layout.head);
+    if (!target.is_fixed) layout.head += 6;
   }
   for (size_t c = 0; c < bundle.cameras.size(); ++c) {
     for (size_t k = 0; k < layout.params[c].size(); ++k) {

@@ -15,6 +15,7 @@ namespace plenocal::internal {
 struct UnknownLayout {
   std::vector<std::vector<int>> params;  ///< per camera and parameter; -1 when not estimated
   std::vector<int> extrinsics;           ///< per camera; -1 for the master or a camera without data
+  std::vector<int> targets;              ///< per target; -1 where its pose is not estimated
   int head = 0;                          ///< number of unknowns before the markers
   int total = 0;
   bool markers = false;

@@ -19,7 +19,7 @@ void OpenUncertainParameters(const Bundle& bundle, Uncertainty* uncertainty) {
   for (size_t c = 0; c < bundle.cameras.size(); ++c) {
     const BundleCamera& camera = bundle.cameras[c];
     OpenDirection open{{}, std::numeric_limits<double>::infinity()};
-    for (size_t k = 0; k < camera.params.size(); ++k) {
+    for (size_t k = 0; k < camera.ModelParams(); ++k) {
       const Param& param = camera.model->params[k];
       double& std_error = uncertainty->param_std_errors[c][k];
       if (std_error <= kDetermined * std::max(std::abs(camera.params[k]), param.scale)) continue;

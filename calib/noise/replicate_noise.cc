@@ -90,16 +90,22 @@ NoiseFloor EstimateNoiseFloor(const Bundle& bundle,
   if (model.replicate_fit == nullptr) return floor;
   double squared = 0;  // sum of the squared residuals of unweighted fits, px^2
   Replicates replicates;
+  std::vector<Observation> seen;  // of the replicates
   std::vector<ReplicateResidual> residuals;
   const auto& observations = bundle.observations;
   for (size_t begin = 0, end = 0; begin < observations.size(); begin = end) {
     const BundleObservation& first = observations[begin];
     replicates.clear();
+    seen.clear();
     end = EndOfMarker(observations, begin);
+    if (first.camera != static_cast<int>(camera)) continue;
     for (size_t i = begin; i < end; ++i) {
-      if (include(observations[i])) replicates.push_back(&observations[i].seen);
+      if (!include(observations[i])) continue;
+      seen.push_back(WithoutDisplacement(
+          observations[i], bundle.cameras[camera], bundle.cameras[camera].params.data()));
     }
-    if (first.camera != static_cast<int>(camera) || replicates.empty()) continue;
+    if (seen.empty()) continue;
+    for (const Observation& one : seen) replicates.push_back(&one);
     residuals.resize(replicates.size());
     model.replicate_fit(replicates, std::vector<double>(replicates.size(), 1.0), residuals.data());
     for (const ReplicateResidual& residual : residuals) {

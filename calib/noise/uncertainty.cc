@@ -30,6 +30,8 @@ constexpr double kShare = 0.1;
 // Shares of an unknown in directions without information below this are the eigenvectors' rounding.
 constexpr double kRoundingShare = 1e-6;
 constexpr double kSmallestUnit = 1e-12;
+// The prior of a nuisance parameter, of standard deviation 1, determines it.
+constexpr double kNuisanceUnit = 2;
 
 // Index of a parameter with a prior in the reduced system, and 1 / sigma^2.
 using PriorInformation = std::vector<std::pair<int, double>>;
@@ -90,6 +92,11 @@ Naming NameUnknowns(const Bundle& bundle, const UnknownLayout& layout) {
     const BundleCamera& camera = bundle.cameras[c];
     for (size_t k = 0; k < camera.params.size(); ++k) {
       if (layout.params[c][k] < 0 || bundle.Root(c, k) != ParamIndex{c, k}) continue;
+      if (k >= camera.ModelParams()) {
+        naming.unit[layout.params[c][k]] = kNuisanceUnit;
+        naming.names.push_back(NuisanceName(camera, k));
+        continue;
+      }
       const Param& param = camera.model->params[k];
       naming.unit[layout.params[c][k]] =
           std::max({std::abs(camera.params[k]), param.scale, kSmallestUnit});
@@ -101,6 +108,15 @@ Naming NameUnknowns(const Bundle& bundle, const UnknownLayout& layout) {
     naming.unit.segment<3>(extrinsics + 3).setOnes();
     for (const char* name : kExtrinsicsNames) {
       naming.names.push_back(bundle.cameras[c].name + ".T_camera_rig." + name);
+    }
+  }
+  for (size_t k = 0; k < layout.targets.size(); ++k) {
+    const int target = layout.targets[k];
+    if (target < 0) continue;
+    naming.unit.segment<3>(target).setConstant(std::max(target_distance, kSmallestUnit));
+    naming.unit.segment<3>(target + 3).setOnes();
+    for (const char* name : kExtrinsicsNames) {
+      naming.names.push_back(bundle.targets[k].name + ".T_target." + name);
     }
   }
   return naming;
@@ -264,6 +280,29 @@ std::vector<double> DegreesOfCameras(const Bundle& bundle,
   return degrees;
 }
 
+// Information of the earlier calibration on all unknowns before the markers.
+Eigen::MatrixXd InformationOfEarlier(const Bundle& bundle, const UnknownLayout& layout) {
+  Eigen::MatrixXd lower = Eigen::MatrixXd::Zero(layout.head, layout.head);
+  AddCalibrationPrior(bundle, layout, &lower);
+  return lower.selfadjointView<Eigen::Lower>();
+}
+
+// Adds the degrees of freedom of each camera's unknowns that the earlier calibration determines.
+void AddDegreesOfEarlier(const Eigen::MatrixXd& earlier,
+                         const UnknownLayout& layout,
+                         const Eigen::MatrixXd& covariance,
+                         std::vector<double>* degrees) {
+  const Eigen::VectorXd determined = covariance.cwiseProduct(earlier).rowwise().sum();
+  for (size_t c = 0; c < degrees->size(); ++c) {
+    for (size_t k = 0; k < layout.params[c].size(); ++k) {
+      if (layout.params[c][k] >= 0) (*degrees)[c] += determined[layout.params[c][k]];
+    }
+    if (layout.extrinsics[c] >= 0) {
+      (*degrees)[c] += determined.segment<6>(layout.extrinsics[c]).sum();
+    }
+  }
+}
+
 void AddPriors(const PriorInformation& priors, Eigen::MatrixXd* information) {
   for (const auto& [index, of_prior] : priors) (*information)(index, index) += of_prior;
 }
@@ -274,7 +313,7 @@ std::vector<bool> ScaledUnknowns(const Bundle& bundle, const UnknownLayout& layo
   std::vector<bool> scaled(static_cast<size_t>(layout.head), false);
   for (size_t c = 0; c < bundle.cameras.size(); ++c) {
     const CameraModel& model = *bundle.cameras[c].model;
-    for (size_t k = 0; k < layout.params[c].size(); ++k) {
+    for (size_t k = 0; k < model.params.size(); ++k) {
       if (layout.params[c][k] < 0 || model.params[k].unit != "m") continue;
       scaled[static_cast<size_t>(layout.params[c][k])] = true;
     }
@@ -319,6 +358,7 @@ void SetFromInformation(const Bundle& bundle,
                         Uncertainty* result) {
   result->param_index = layout.params;
   result->extrinsics_index = layout.extrinsics;
+  result->target_index = layout.targets;
   const Naming naming = NameUnknowns(bundle, layout);
   result->names = naming.names;
   CovarianceOfUnknowns inverse = InvertInformation(information, naming);
@@ -367,20 +407,28 @@ Uncertainty EstimateUncertainty(const Bundle& bundle) {
   }
   Eigen::MatrixXd information = markers.information;
   AddPriors(priors, &information);
+  Eigen::MatrixXd of_earlier;
+  if (bundle.prior) {
+    of_earlier = InformationOfEarlier(bundle, layout);
+    information += of_earlier;
+  }
   result.marker_gain = markers.gain;
   SetFromInformation(bundle, layout, information, &result);
   const double marker_degrees = SetMarkerErrors(markers, bundle.marker_sigma, &result);
 
-  // Markers are shared: each camera's part of them is in proportion to its measurements. Its own
-  // unknowns and its part of the poses are its alone.
+  // Markers and targets are shared: each camera's part of them is in proportion to its
+  // measurements. Its own unknowns and its part of the poses are its alone.
+  const auto free_targets =
+      static_cast<double>(std::ranges::count(bundle.targets, false, &BundleTarget::is_fixed));
   const double all_coordinates = std::accumulate(coordinates.begin(), coordinates.end(), 0.0);
   result.jitter_translation_redundancy = reduced.jitter_translations;
   result.jitter_rotation_redundancy = reduced.jitter_rotations;
-  const std::vector<double> of_priors = DegreesOfPriors(priors, layout, result.covariance);
+  std::vector<double> of_priors = DegreesOfPriors(priors, layout, result.covariance);
+  if (bundle.prior) AddDegreesOfEarlier(of_earlier, layout, result.covariance, &of_priors);
   std::vector<double> own = DegreesOfCameras(bundle, layout, &result);
   for (size_t c = 0; c < coordinates.size(); ++c) {
     own[c] -= of_priors[c];
-    own[c] += marker_degrees * coordinates[c] / std::max(1.0, all_coordinates);
+    own[c] += (marker_degrees + 6 * free_targets) * coordinates[c] / std::max(1.0, all_coordinates);
     result.redundancy.push_back(coordinates[c] - own[c] - reduced.degrees_of_poses[c]);
     result.degrees_used_by_means.push_back(own[c] + reduced.degrees_of_poses_by_means[c]);
   }

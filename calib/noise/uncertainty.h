@@ -21,6 +21,8 @@ struct Uncertainty {
   /// Per camera: index of the first of the six unknowns of its extrinsics in `names`; -1 when they
   /// are not estimated.
   std::vector<int> extrinsics_index;
+  /// Per target: the same of its pose (`BundleTarget::T_target_own`).
+  std::vector<int> target_index = {};
   /// Per camera: covariance of T_camera_rig in its chart (`Retract`); zero for the master.
   std::vector<Matrix6d> extrinsics_covariance;
   /// Per marker: standard errors of its coordinates, m; empty when markers are not estimated.

@@ -95,7 +95,7 @@ class WeakUnknownsFinder {
     const auto of_camera = [&](size_t i) {
       const std::string& name = uncertainty_.names[i];
       return name.starts_with(prefix) && !name.starts_with(prefix + "T_camera_rig") &&
-             !IsOpen(name) && !Contains(of_field, name);
+             !IsOpen(name) && !Contains(of_field, name) && !name.starts_with(prefix + "nuisance_");
     };
     std::vector<std::string> names;
     double strongest = 0;
@@ -121,7 +121,7 @@ class WeakUnknownsFinder {
     const BundleCamera& camera = bundle_.cameras[c];
     std::vector<std::string> large, by_prior;
     size_t of_field = 0;
-    for (size_t k = 0; k < camera.params.size(); ++k) {
+    for (size_t k = 0; k < camera.ModelParams(); ++k) {
       const Param& param = camera.model->params[k];
       if (param.prior_sigma > 0) ++of_field;
       const std::string name = Prefix(c) + std::string(param.name);
@@ -160,6 +160,9 @@ class WeakUnknownsFinder {
       }
     };
     bool extrinsics = false;
+    const bool several = std::any_of(names.begin(), names.end(), [](const auto& name) {
+      return name.find(".T_target.") != std::string::npos;
+    });
     for (size_t c = 0; c < bundle_.cameras.size(); ++c) {
       const CameraModel& model = *bundle_.cameras[c].model;
       std::vector<size_t> weak;
@@ -172,8 +175,12 @@ class WeakUnknownsFinder {
       if (weak.empty() || model.remedy == nullptr) continue;
       add(model.remedy(weak, DepthRangeOf(bundle_, c)));
     }
+    if (several) {
+      add("Cameras and targets that share no view are placed by motion: add frames between which "
+          "the rig is turned about another axis by 15 degrees or more.");
+    }
     if (text.empty()) add(kGeneralRemedy);
-    if (extrinsics) {
+    if (extrinsics && !several) {
       add("The extrinsics of a camera follow from frames that it shares with others: add frames in "
           "which both see the target, at other positions and tilts.");
     }

@@ -20,8 +20,8 @@
 #include "detectors/plenoptic/depth/depth_picture.h"
 #include "detectors/plenoptic/depth/image_synthesis.h"
 #include "detectors/plenoptic/depth/reconstruction.h"
-#include "detectors/plenoptic/markers/corrected_views.h"
 #include "detectors/plenoptic/markers/focused_image_detector.h"
+#include "detectors/plenoptic/markers/marker_views.h"
 #include "detectors/plenoptic/markers/measure_markers.h"
 #include "detectors/plenoptic/white/white_camera.h"
 #include "detectors/templates/marker_template.h"
@@ -84,7 +84,7 @@ class RawDetector {
 
   /// From the cache or, where it has not all that is wanted, from the image.
   RawResult Detect(const FrameImage& image) {
-    const std::string image_key = HashFile(image.path);
+    const std::string image_key = HashImage(image);
     const std::string key = cache_.Key({"micro images", white_key_, image_key});
     const std::string pictures_key = cache_.Key({"pictures", white_key_, image_key});
     const bool wants_pictures = options_.keep != nullptr;
@@ -109,7 +109,7 @@ class RawDetector {
 
   /// The sample of an image. `made`: from this run, without a frame's name if it was not detected.
   SampleView Sample(const FrameImage& image, SampleView made) {
-    const std::string key = cache_.Key({"sample", white_key_, HashFile(image.path)});
+    const std::string key = cache_.Key({"sample", white_key_, HashImage(image)});
     if (made.frame.empty()) {
       if (const auto kept = cache_.Load(key)) {
         if (auto known = internal::UnpackSample(image.frame, *kept)) made = std::move(*known);
@@ -123,7 +123,7 @@ class RawDetector {
 
  private:
   RawResult DetectInImage(const FrameImage& image) const {
-    const cv::Mat raw = ReadImage(image.path);
+    const cv::Mat raw = ReadImage(image);
     ReconstructionOptions options{.threads = options_.threads, .find_flat_parts = {}};
     options.find_flat_parts = [&](const cv::Mat& focused) { return detector_.FlatParts(focused); };
     const Reconstruction view = Reconstruct(raw, camera_, options);
@@ -226,7 +226,7 @@ void DetectInImages(const std::vector<FrameImage>& images,
     if (options.progress && !options.progress(i + 1)) throw Stopped();
   }
   if (most_markers > 0) detections->sample = detector->Sample(images[fullest], std::move(sample));
-  detections->views = CorrectedViews(frames, types, std::move(measured));
+  detections->views = MarkerViews(frames, types, measured);
 }
 
 }  // namespace

@@ -13,56 +13,14 @@
 
 #include "calib/base/error.h"
 #include "calib/base/number_text.h"
-#include "calib/files/raytrix_grid.h"
 #include "detectors/images/image.h"
 #include "detectors/plenoptic/depth/depth_picture.h"
 #include "detectors/plenoptic/depth/image_synthesis.h"
 #include "detectors/plenoptic/depth/reconstruction.h"
 #include "detectors/plenoptic/markers/focused_image_detector.h"
-#include "detectors/plenoptic/white/white_camera.h"
 
 namespace plenocal {
 namespace {
-
-namespace fs = std::filesystem;
-
-bool IsXml(const fs::path& path) { return path.extension() == ".xml"; }
-
-PlenopticCamera CameraFromWhiteImages(const FocusRequest& request) {
-  const PlenopticSource& source = request.camera;
-  WhiteOptions options{.plenoptic = true,
-                       .bayer = source.bayer,
-                       .grid_file = std::nullopt,
-                       .raw_image = {},
-                       .threads = request.threads};
-  if (!source.grid.empty()) options.grid_file = source.grid;
-  cv::Mat attenuation, levelled;
-  WhiteCamera white = internal::MeasureWhite(source.white_images, options, &attenuation, &levelled);
-  for (const std::string& warning : white.warnings) request.message("  " + warning);
-  for (const LeftOut& item : white.left_out) {
-    request.message(fmt::format("  left out {}: {}", item.where, item.reason));
-  }
-  return {std::move(white.grid->array), attenuation, source.bayer};
-}
-
-PlenopticCamera CameraFromFiles(const FocusRequest& request) {
-  const PlenopticSource& source = request.camera;
-  PlenopticCamera camera;
-  camera.bayer = source.bayer;
-  camera.attenuation =
-      source.vignetting.empty()
-          ? cv::Mat(ReadImage(request.raw_images[0].path).size(), CV_32F, cv::Scalar(1))
-          : ReadAttenuation(source.vignetting);
-  const ImageSize size{camera.attenuation.cols, camera.attenuation.rows};
-  if (IsXml(source.grid)) {
-    camera.array = ReadRayCalibData(source.grid, size);
-    const std::string unused = UnusedRayCalibData(source.grid);
-    if (!unused.empty()) request.message("  " + unused);
-  } else {
-    camera.array = ReadMicroLenses(source.grid, size);
-  }
-  return camera;
-}
 
 /// Virtual depth and its sigma, NaN where it is unknown.
 std::pair<cv::Mat, cv::Mat> DepthMaps(const VirtualDepth& depth) {
@@ -85,6 +43,7 @@ FrameFiles Files(const Reconstruction& view, int raw_depth) {
   return {{"focused.png", EncodeImage(".png", image)},
           {"virtual_depth.tiff", EncodeImage(".tiff", v)},
           {"virtual_depth_sigma.tiff", EncodeImage(".tiff", sigma)},
+          {"virtual_depth_16bit.png", EncodeImage(".png", internal::RxLiveDepth(view.depth))},
           {"virtual_depth.png", EncodeImage(".png", internal::DepthPicture(view.depth))},
           {"focused.yaml",
            fmt::format("plenocal: 1\n"
@@ -142,7 +101,7 @@ size_t ReconstructImages(
     Reconstruction view;
     int depth = 0;
     try {
-      cv::Mat image = ReadImage(raw.path);
+      cv::Mat image = ReadImage(raw);
       depth = image.depth();
       view = ReconstructNamed(raw.path, std::move(image), camera, options);
     } catch (const Error& error) {
@@ -158,9 +117,8 @@ size_t ReconstructImages(
 }
 
 void FocusImages(const FocusRequest& request) {
-  const PlenopticCamera camera = request.camera.white_images.empty()
-                                     ? CameraFromFiles(request)
-                                     : CameraFromWhiteImages(request);
+  const PlenopticCamera camera =
+      LoadPlenopticCamera(request.camera, request.raw_images[0], request.threads, request.message);
   ReconstructionOptions options{
       .scale = request.scale, .colour = true, .threads = request.threads, .find_flat_parts = {}};
   if (request.target != nullptr) {

@@ -4,32 +4,19 @@
 // line includes this header without it.
 #pragma once
 
-#include <filesystem>
 #include <functional>
 #include <map>
-#include <optional>
 #include <string>
 #include <vector>
 
-#include "calib/camera/bayer.h"
 #include "calib/files/frame_images.h"
+#include "detectors/plenoptic/plenoptic_source.h"
 #include "targets/target.h"
 
 namespace plenocal {
 
-struct PlenopticCamera;        // detectors/plenoptic/depth/reconstruction.h
-struct Reconstruction;         // likewise
+struct Reconstruction;         // detectors/plenoptic/depth/reconstruction.h
 struct ReconstructionOptions;  // likewise
-
-/// Sources of the micro lenses and the attenuation of a camera.
-struct PlenopticSource {
-  std::vector<FrameImage> white_images;
-  /// micro_lenses_<camera>.csv or RayCalibData XML; with white images only the latter, else needed.
-  std::filesystem::path grid;
-  std::filesystem::path
-      vignetting;  ///< TIFF; empty with `grid` alone: the raw images are corrected already
-  std::optional<BayerOrder> bayer = {};  ///< of raw mosaics
-};
 
 /// The result files of one frame: name -> content.
 using FrameFiles = std::map<std::string, std::string>;

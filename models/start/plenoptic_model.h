@@ -29,6 +29,15 @@
 //   y_d = y + y (A_0 r^2 + A_1 r^4) + B_1 (r^2 + 2 y^2) + 2 B_0 x y
 //   x_Rd' = x_d / pixel_size + c_x, likewise y                   (pixels)
 //
+// The array may be tilted against the sensor about its middle by small angles: then the micro lens
+// at c_ML is delta = t . c_ML farther from the sensor and nearer to the main lens. With the sensor
+// at D = b_P + B from the pupil, k = t . c_I / D, it is delta = b_P k / (1 + k), and all equations
+// hold with b_P - delta, b_L0 - delta, B + delta in place of b_P, b_L0, B.
+//
+// A marker may have been measured by a template that was scaled for the virtual depth v_t (that of
+// docs/plenoptic.md, by micro-image centres), which is not quite right: then it is displaced by
+// (1 - v_t / v) (x_depth, y_depth), the change of the measured position with ln v_t.
+//
 // Defined for z_C > f_L (a real image exists), for virtual image points not between the micro
 // lenses and the sensor (1/v < 1), and where the distortion does not fold the image over.
 #pragma once
@@ -45,8 +54,8 @@
 namespace plenocal {
 
 /// Parameters f_L, b_L0, B, c_x, c_y, A_0, A_1, B_0, B_1 and what a model adds; `kPupil` is the
-/// place of b_P among them.
-template <int kPupil>
+/// place of b_P among them, `kTilt` that of the first of two angles t of the array, or -1.
+template <int kPupil, int kTilt = -1>
 struct PlenopticModel {
   // The scales of the distortion are of an image 10 mm wide that it would make another.
   static constexpr std::array kSharedParams{
@@ -63,6 +72,7 @@ struct PlenopticModel {
   static constexpr std::array kConfig{Param{"pixel_size", "m", 1e-7, 1e-3}};
   static constexpr std::array<std::string_view, 2> kMeasured{"x", "y"};
   static constexpr std::array<std::string_view, 2> kContext{"lens_x", "lens_y"};
+  static constexpr std::array<std::string_view, 3> kOptionalContext{"depth", "x_depth", "y_depth"};
   static constexpr bool kCentral = false;
   static constexpr bool kPlenoptic = true;
   static constexpr std::array kExampleConfig{7.4e-6};
@@ -78,14 +88,14 @@ struct PlenopticModel {
   }
   static void AssignLensTypes(std::vector<View>* views) { FindLensTypes(views); }
 
-  /// u_px = distorted raw coordinates; `lens_px` = (lens_x, lens_y).
+  /// u_px = distorted raw coordinates; `lens_px` = (lens_x, lens_y, depth, x_depth, y_depth).
   template <typename T>
   static bool Project(const T* params,
                       const double* config,
                       const double* lens_px,
                       const Vector3<T>& p_cam,
                       T* u_px) {
-    const T &f_L = params[0], &b_L0 = params[1], &B = params[2];
+    const T& f_L = params[0];
     const double pixel_size = config[0];
     const Vector2<T> c(params[3], params[4]);
     Vector2<T> c_I;
@@ -95,8 +105,9 @@ struct PlenopticModel {
             &c_I)) {
       return false;
     }
-    const T& b_P = params[kPupil];
-    const Vector2<T> c_ML = c_I * (b_P / (b_P + B));
+    const auto [b_P, b_L0, B] = DistancesAt(params, c_I);
+    const T pupil = b_P / (b_P + B);
+    const Vector2<T> c_ML = c_I * pupil;
     const T& z_C = p_cam.z();
     if (!(z_C > f_L)) return false;
     const T d = f_L * z_C - b_L0 * (z_C - f_L);
@@ -108,6 +119,11 @@ struct PlenopticModel {
     const Vector2<T> x_Rd = Distort(params, x_R);
     u_px[0] = x_Rd.x() / pixel_size + c.x();
     u_px[1] = x_Rd.y() / pixel_size + c.y();
+    if (const double v_t = lens_px[2]; v_t != 0) {
+      const T depth_error = 1.0 - v_t * (1.0 - pupil * (1.0 - inverse_v));
+      u_px[0] -= depth_error * lens_px[3];
+      u_px[1] -= depth_error * lens_px[4];
+    }
     return true;
   }
 
@@ -116,7 +132,7 @@ struct PlenopticModel {
   static std::optional<Ray> Unproject(const double* params,
                                       const double* config,
                                       const double* values) {
-    const double f_L = params[0], b_L0 = params[1], B = params[2];
+    const double f_L = params[0];
     const Eigen::Vector2d c(params[3], params[4]);
     Eigen::Vector2d x_R, c_I;
     if (!Undistort(params,
@@ -127,7 +143,7 @@ struct PlenopticModel {
                    &c_I)) {
       return std::nullopt;
     }
-    const double b_P = params[kPupil];
+    const auto [b_P, b_L0, B] = DistancesAt(params, c_I);
     const Eigen::Vector2d c_ML = c_I * (b_P / (b_P + B));
     const Eigen::Vector2d x_ML = x_R - c_ML;
     // The images of the ray's points behind the main lens lie on x_ML / B. Its point at infinity is
@@ -141,6 +157,23 @@ struct PlenopticModel {
   }
 
  private:
+  /// Distances pupil - micro lens, main lens - micro lens, micro lens - sensor.
+  template <typename T>
+  struct Distances {
+    T b_P, b_L0, B;
+  };
+  template <typename T>
+  static Distances<T> DistancesAt(const T* params, const Vector2<T>& c_I) {
+    const T &b_P = params[kPupil], &b_L0 = params[1], &B = params[2];
+    if constexpr (kTilt < 0) {
+      return {b_P, b_L0, B};
+    } else {
+      const T k = (params[kTilt] * c_I.x() + params[kTilt + 1] * c_I.y()) / (b_P + B);
+      const T delta = b_P * k / (1.0 + k);
+      return {b_P - delta, b_L0 - delta, B + delta};
+    }
+  }
+
   template <typename T>
   static Vector2<T> Distort(const T* params, const Vector2<T>& p) {
     const T &A_0 = params[5], &A_1 = params[6], &B_0 = params[7], &B_1 = params[8];

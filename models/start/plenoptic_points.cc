@@ -15,7 +15,7 @@
 #include <utility>
 
 #include "calib/base/statistics.h"
-#include "calib/camera/hexagonal_lattice.h"
+#include "calib/camera/lens_lattice.h"
 #include "calib/noise/replicate_noise.h"
 
 namespace plenocal {
@@ -25,6 +25,21 @@ using Eigen::Vector2d;
 
 Vector2d Point(const Observation& seen) { return {seen.values[0], seen.values[1]}; }
 Vector2d Centre(const Observation& seen) { return {seen.values[2], seen.values[3]}; }
+
+/// Point and centre of an observation by a template of the right depth. x + s_t (1 - v_t / v) is
+/// affine in c with 1 - 1 / v, s_t being the change of x with ln v_t; so are x + s_t (1 - v_t) and
+/// c - s_t v_t, in which v does not stand.
+struct AtRightDepth {
+  Vector2d point, centre;
+
+  explicit AtRightDepth(const Observation& seen) : point(Point(seen)), centre(Centre(seen)) {
+    const double v_t = seen.values[4];
+    if (v_t == 0) return;
+    const Vector2d by_log_depth(seen.values[5], seen.values[6]);
+    point += (1 - v_t) * by_log_depth;
+    centre -= v_t * by_log_depth;
+  }
+};
 
 using Types = std::map<std::pair<double, double>, int>;  // by micro-image centre
 
@@ -128,18 +143,21 @@ void FitMicroImages(std::span<const Observation* const> of_marker,
                     ReplicateResidual* residuals) {
   double sum = 0;
   Vector2d mean_x(0, 0), mean_c(0, 0);
+  std::vector<AtRightDepth> seen;
+  seen.reserve(of_marker.size());
   for (size_t i = 0; i < of_marker.size(); ++i) {
+    seen.emplace_back(*of_marker[i]);
     sum += weights[i];
-    mean_x += weights[i] * Point(*of_marker[i]);
-    mean_c += weights[i] * Centre(*of_marker[i]);
+    mean_x += weights[i] * seen[i].point;
+    mean_c += weights[i] * seen[i].centre;
   }
   mean_x /= sum;
   mean_c /= sum;
   double spread = 0, product = 0;
   for (size_t i = 0; i < of_marker.size(); ++i) {
-    const Vector2d c = Centre(*of_marker[i]) - mean_c;
+    const Vector2d c = seen[i].centre - mean_c;
     spread += weights[i] * c.squaredNorm();
-    product += weights[i] * c.dot(Point(*of_marker[i]) - mean_x);
+    product += weights[i] * c.dot(seen[i].point - mean_x);
   }
   if (!(spread > 0)) {
     std::fill_n(residuals, of_marker.size(), ReplicateResidual{});
@@ -147,8 +165,8 @@ void FitMicroImages(std::span<const Observation* const> of_marker,
   }
   const double s = product / spread;
   for (size_t i = 0; i < of_marker.size(); ++i) {
-    const Vector2d c = Centre(*of_marker[i]) - mean_c;
-    residuals[i] = {(Point(*of_marker[i]) - mean_x - s * c).squaredNorm(),
+    const Vector2d c = seen[i].centre - mean_c;
+    residuals[i] = {(seen[i].point - mean_x - s * c).squaredNorm(),
                     2 - 2 * weights[i] / sum - weights[i] * c.squaredNorm() / spread};
   }
 }

@@ -74,4 +74,13 @@ std::string SampleDepthPicture(const VirtualDepth& depth) {
   return EncodeSample(DepthPicture(small));
 }
 
+cv::Mat RxLiveDepth(const VirtualDepth& depth) {
+  constexpr double kFullScale = 65535;
+  cv::Mat values;
+  cv::Mat share = 1 - depth.inverse;
+  share.setTo(0, (depth.known == 0) | (share > 1) | (share < 0));
+  share.convertTo(values, CV_16U, kFullScale);
+  return values;
+}
+
 }  // namespace plenocal::internal

@@ -16,4 +16,8 @@ cv::Mat DepthPicture(const VirtualDepth& depth);
 /// The same of at most 1000 pixels a side, as the content of a JPEG file: what report.html shows.
 std::string SampleDepthPicture(const VirtualDepth& depth);
 
+/// Virtual depth in the convention of Raytrix' RxLive: CV_16U, 65535 (1 - 1 / v), 0 where it is
+/// unknown or, of a Keplerian camera, negative.
+cv::Mat RxLiveDepth(const VirtualDepth& depth);
+
 }  // namespace plenocal::internal

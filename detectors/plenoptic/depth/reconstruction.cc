@@ -26,12 +26,7 @@ cv::Mat Exact(const cv::Mat& channel) {
 }
 
 /// A mosaic stays one.
-cv::Mat GreyOf(const cv::Mat& raw) {
-  if (raw.channels() == 1) return Exact(raw);
-  cv::Mat grey;
-  cv::cvtColor(raw, grey, cv::COLOR_BGR2GRAY);
-  return Exact(grey);
-}
+cv::Mat GreyOf(const cv::Mat& raw) { return Exact(ToGray(raw)); }
 
 /// All colours alike: where black meets white, the four pixels of the raster must be of one
 /// contrast, or the mean over 3 x 3 is another blur for each. The image as a whole is grey.

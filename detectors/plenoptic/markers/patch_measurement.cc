@@ -11,7 +11,7 @@
 
 #include "calib/base/parallel.h"
 #include "calib/base/statistics.h"
-#include "detectors/plenoptic/markers/vignetting_correction.h"
+#include "detectors/plenoptic/markers/aperture_shape.h"
 
 namespace plenocal {
 namespace {
@@ -219,7 +219,7 @@ class PatchFit {
                            .depth_sensitivity = inverse.topRows<2>() * depth};
   }
 
-  // Of a raw pixel by vignetting, px per px^2 of k_pixel and of k (vignetting_correction.h).
+  // Of a raw pixel by vignetting, px per px^2 of k_pixel and of k (aperture_shape.h).
   [[nodiscard]] Eigen::Matrix2d DisplacementAt(size_t lens, float brightest, int x, int y) const {
     const float light = patches_.Attenuation(lens, x, y) / brightest;
     const double shape = internal::ApertureShape(light);

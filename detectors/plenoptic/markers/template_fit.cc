@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "calib/base/robust.h"
-#include "detectors/plenoptic/markers/vignetting_correction.h"
+#include "detectors/plenoptic/markers/aperture_shape.h"
 
 namespace plenocal::internal {
 namespace {

@@ -15,7 +15,6 @@ namespace {
 
 using Eigen::Vector2d;
 
-constexpr int kSets = 3;  // interleaved sets of the hexagonal lattice
 /// An outlier lies beyond this many robust standard deviations: of normal values one in 5e8 does.
 constexpr double kOutlierSigmas = 6;
 /// A micro image within these tolerances is usable, however alike the others are: brightness
@@ -26,16 +25,21 @@ constexpr double kMisfitTolerance = 0.02;
 constexpr double kCentreTolerance = 0.02;
 /// Profiles reach this many pitches: over the gaps, into the edges of the neighbours.
 constexpr double kProfileRadius = 0.7;
-/// Distance, pitches, within which the pixels of a hexagonal cell lie: its corners are at 0.577.
-constexpr double kCellReach = 0.65;
+/// Distance, pitches, within which the pixels of a cell lie: the corners of a hexagon are at 0.577,
+/// those of a square at 0.707.
+constexpr double kCellReach = 0.75;
+/// Most micro images whose light a pixel may have: a node and those around it.
+constexpr size_t kMostShared = 9;
 /// Grey values; keeps relative brightness finite in a black image.
 constexpr float kLeastBrightness = 1e-3f;
 
 /// Share of the variance of `values` that lies between the sets, outliers limited; nothing (0) for
 /// sets of less than three.
-double ShareBetweenSets(const std::vector<double>& values, const std::vector<int>& sets) {
+double ShareBetweenSets(const std::vector<double>& values,
+                        const std::vector<int>& sets,
+                        int set_count) {
   const Spread spread = RobustSpread(values);
-  std::array<double, kSets> sums{}, counts{};
+  std::vector<double> sums(static_cast<size_t>(set_count)), counts(sums);
   double total = 0, squares = 0;
   for (size_t k = 0; k < values.size(); ++k) {
     const double bound = kOutlierSigmas * spread.sigma;
@@ -49,7 +53,7 @@ double ShareBetweenSets(const std::vector<double>& values, const std::vector<int
   if (*std::min_element(counts.begin(), counts.end()) < 3) return 0;
   const double all = squares - total * total / n;
   double between = -total * total / n;
-  for (int c = 0; c < kSets; ++c) between += sums[c] * sums[c] / counts[c];
+  for (int c = 0; c < set_count; ++c) between += sums[c] * sums[c] / counts[c];
   return all > 0 ? between / all : 0;
 }
 
@@ -82,7 +86,7 @@ void MicroImages::Place(std::vector<LatticeNode> nodes, const std::vector<Vector
     if (images_[i].centre_sigma == 0) images_[i].gain = BrightnessNear(centres[i]);
   }
   sets_.clear();
-  for (const LatticeNode& node : nodes_) sets_.push_back(LatticeColour(node));
+  for (const LatticeNode& node : nodes_) sets_.push_back(LatticeColour(node, kind_));
 }
 
 void MicroImages::Measure(const std::vector<int>& types, int type_count) {
@@ -134,7 +138,7 @@ std::map<LatticeNode, size_t> MicroImages::IndexByNode() const {
 
 /// Makes the median size in each interleaved set 1: the profiles take up the rest.
 void MicroImages::NormaliseSizes() {
-  for (int set = 0; set < kSets; ++set) {
+  for (int set = 0; set < LatticeSets(kind_); ++set) {
     std::vector<double> scales;
     for (size_t i = 0; i < nodes_.size(); ++i) {
       if (sets_[i] == set && usable_[i] && IsWhole(i)) scales.push_back(images_[i].scale);
@@ -155,7 +159,7 @@ void MicroImages::CompleteOutside() {
     double gain = 0, scale = 0;
     Vector2d gradient(0, 0);
     int inside = 0, whole = 0;
-    for (const LatticeNode& step : kLatticeNeighbours) {
+    for (const LatticeNode& step : LatticeNeighbours(kind_)) {
       const auto near = index.find({nodes_[i].column + step.column, nodes_[i].row + step.row});
       if (near == index.end() || !inside_[near->second]) continue;
       const MicroImage& neighbour = images_[near->second];
@@ -180,7 +184,7 @@ void MicroImages::ModelLight() {
   }
 }
 
-/// Fits the profiles to the cells of all micro images that have their six neighbours.
+/// Fits the profiles to the cells of all micro images that have all their neighbours.
 void MicroImages::FitProfiles(int type_count) {
   const std::map<LatticeNode, size_t> index = IndexByNode();
   const double radius = kProfileRadius * pitch_;
@@ -195,11 +199,11 @@ void MicroImages::FitProfiles(int type_count) {
     for (size_t i = part * stride; i < nodes_.size(); i += kParts * stride) {
       if (!usable_[i]) continue;
       std::vector<size_t> shared{i};
-      for (const LatticeNode& step : kLatticeNeighbours) {
+      for (const LatticeNode& step : LatticeNeighbours(kind_)) {
         const auto near = index.find({nodes_[i].column + step.column, nodes_[i].row + step.row});
         if (near != index.end() && inside_[near->second]) shared.push_back(near->second);
       }
-      if (shared.size() == 1 + kLatticeNeighbours.size()) AddCell(shared, &parts[part]);
+      if (shared.size() == 1 + LatticeNeighbours(kind_).size()) AddCell(shared, &parts[part]);
     }
   });
   for (size_t part = 1; part < kParts; ++part) parts[0].Add(parts[part]);
@@ -218,7 +222,7 @@ void MicroImages::AddCell(const std::vector<size_t>& shared, ProfileFit* fit) co
   const double weight = 1 / (own.gain * own.gain);
   const double reach = kCellReach * pitch_;
   const cv::Mat& white = scene_.white;
-  std::array<Contribution, 1 + kLatticeNeighbours.size()> parts;
+  std::array<Contribution, kMostShared> parts;
   for (int y = std::max(0, static_cast<int>(std::ceil(own.centre.y() - reach)));
        y <= std::min(white.rows - 1.0, own.centre.y() + reach);
        ++y) {
@@ -232,7 +236,7 @@ void MicroImages::AddCell(const std::vector<size_t>& shared, ProfileFit* fit) co
         parts[k] = {types_[shared[k]], d.norm() / image.scale, image.gain + image.gradient.dot(d)};
         nearest = nearest && parts[k].r >= parts[0].r;
       }
-      if (nearest) fit->Add(white.at<float>(y, x), weight, parts);
+      if (nearest) fit->Add(white.at<float>(y, x), weight, std::span(parts).first(shared.size()));
     }
   }
 }
@@ -249,7 +253,7 @@ std::vector<MicroImages::Comparison> MicroImages::CompareWithNeighbours() const 
     std::vector<double> around;
     for (int row = -2; row <= 2; ++row) {
       for (int column = -2; column <= 2; ++column) {
-        if (std::abs(column + row) > 2) continue;
+        if (kind_ == LatticeKind::kHexagonal && std::abs(column + row) > 2) continue;
         const auto near = gains.find({nodes_[i].column + column, nodes_[i].row + row});
         if (near != gains.end()) around.push_back(near->second);
       }
@@ -274,7 +278,7 @@ void MicroImages::DecideUsable() {
     misfits_.push_back(c.misfit);
   }
   // Each interleaved set by itself: lens types differ in all three.
-  for (int set = 0; set < kSets; ++set) {
+  for (int set = 0; set < LatticeSets(kind_); ++set) {
     std::vector<double> ratios, misfits, errors;
     for (const Comparison& c : measured) {
       if (sets_[c.index] != set) continue;
@@ -299,8 +303,8 @@ void MicroImages::DecideUsable() {
   }
 }
 
-/// Of each whole micro image with six neighbours: residuals in rings, and brightness relative to
-/// the neighbours, which are of the other two sets.
+/// Of each whole micro image with all neighbours: residuals in rings, and brightness relative to
+/// the neighbours, which are of the other sets.
 std::vector<Eigen::VectorXd> MicroImages::Features(std::vector<int>* sets) const {
   constexpr int kRings = 8;
   std::map<LatticeNode, double> gains;
@@ -312,13 +316,13 @@ std::vector<Eigen::VectorXd> MicroImages::Features(std::vector<int>* sets) const
     if (!usable_[i] || !IsWhole(i)) continue;
     double around = 0;
     int count = 0;
-    for (const auto& [column, row] : kLatticeNeighbours) {
+    for (const auto& [column, row] : LatticeNeighbours(kind_)) {
       const auto near = gains.find({nodes_[i].column + column, nodes_[i].row + row});
       if (near == gains.end()) continue;
       around += near->second;
       ++count;
     }
-    if (count < static_cast<int>(kLatticeNeighbours.size())) continue;
+    if (count < static_cast<int>(LatticeNeighbours(kind_).size())) continue;
     Eigen::VectorXd feature(kRings + 1);
     feature << RingResiduals(scene_, images_[i], pitch_ / 2, kRings),
         images_[i].gain * count / around - 1;
@@ -338,7 +342,7 @@ double MicroImages::TypeShare() {
     std::vector<double> values;
     values.reserve(features.size());
     for (const Eigen::VectorXd& feature : features) values.push_back(feature[f]);
-    largest = std::max(largest, ShareBetweenSets(values, sets));
+    largest = std::max(largest, ShareBetweenSets(values, sets, LatticeSets(kind_)));
   }
   return largest;
 }

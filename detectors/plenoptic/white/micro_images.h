@@ -8,7 +8,7 @@
 #include <opencv2/core/mat.hpp>
 #include <vector>
 
-#include "calib/camera/hexagonal_lattice.h"
+#include "calib/camera/lens_lattice.h"
 #include "detectors/plenoptic/white/micro_image.h"
 
 namespace plenocal::internal {
@@ -21,8 +21,12 @@ Spread RobustSpread(const std::vector<double>& values);
 
 class MicroImages {
  public:
-  MicroImages(const cv::Mat& white, double pitch, int threads)
-      : scene_{.white = white, .light = {}}, pitch_(pitch), threads_(threads) {}
+  /// `basis`: of the lattice, px.
+  MicroImages(const cv::Mat& white, const Eigen::Matrix2d& basis, int threads)
+      : scene_{.white = white, .light = {}},
+        kind_(KindOfLattice(basis)),
+        pitch_(basis.colwise().norm().mean()),
+        threads_(threads) {}
 
   /// Sets the nodes and their centres; the earlier measurement at a node is kept as its initial
   /// guess.
@@ -39,7 +43,7 @@ class MicroImages {
 
   [[nodiscard]] const std::vector<LatticeNode>& Nodes() const { return nodes_; }
   [[nodiscard]] const std::vector<MicroImage>& Images() const { return images_; }
-  /// The interleaved set, 0 .. 2, of each node.
+  /// The interleaved set of each node.
   [[nodiscard]] const std::vector<int>& Sets() const { return sets_; }
   [[nodiscard]] bool IsInside(size_t i) const { return inside_[i]; }
   [[nodiscard]] bool IsUsable(size_t i) const { return usable_[i]; }
@@ -71,6 +75,7 @@ class MicroImages {
   [[nodiscard]] std::vector<Eigen::VectorXd> Features(std::vector<int>* sets) const;
 
   ModelledImage scene_;
+  LatticeKind kind_;
   double pitch_;
   int threads_;
   std::vector<LatticeNode> nodes_;

@@ -16,9 +16,9 @@
 
 #include "calib/base/error.h"
 #include "calib/base/statistics.h"
-#include "calib/camera/hexagonal_lattice.h"
+#include "calib/camera/lens_lattice.h"
 #include "detectors/images/attenuation.h"
-#include "detectors/plenoptic/white/hexagonal_period.h"
+#include "detectors/plenoptic/white/lattice_period.h"
 #include "detectors/plenoptic/white/micro_images.h"
 
 namespace plenocal {
@@ -33,8 +33,8 @@ constexpr double kCoverage = 0.5;
 /// Profiles, centres and lattice improve one another: each turn reduces the remaining error by more
 /// than ten.
 constexpr int kTurns = 4;
-/// Three lens types rather than one, when the interleaved sets explain more than this share of the
-/// variance between micro images.
+/// Several lens types rather than one, when the interleaved sets explain more than this share of
+/// the variance between micro images.
 constexpr double kTypeShare = 0.5;
 
 /// Local maxima of the image smoothed to about a micro image's size, to a fraction of a pixel.
@@ -140,18 +140,18 @@ void SetLattice(const SmoothLattice& lattice,
 MicroLensGrid FindMicroLensGrid(const cv::Mat& white, int threads) {
   const ImageSize size{white.cols, white.rows};
   const cv::Mat flat = white / LargeScaleMean(white) - 1;
-  const std::optional<Matrix2d> basis = internal::FindHexagonalPeriod(flat);
+  const std::optional<Matrix2d> basis = internal::FindLatticePeriod(flat);
   if (!basis) {
     throw Error(
         ErrorKind::kJob,
-        "the white images show no hexagonal lattice of micro images; are they of a plenoptic "
+        "the white images show no hexagonal or rectangular lattice of micro images; are they of a plenoptic "
         "camera, and in focus?");
   }
   const double pitch = basis->colwise().norm().mean();
   std::vector<LatticeMeasurement> measurements;
   SmoothLattice lattice = FirstLattice(flat, *basis, &measurements);
 
-  MicroImages images(white, pitch, threads);
+  MicroImages images(white, *basis, threads);
   double type_share = 0;
   int types = 1;
   for (int turn = 0; turn < kTurns; ++turn) {
@@ -162,7 +162,7 @@ MicroLensGrid FindMicroLensGrid(const cv::Mat& white, int threads) {
     if (turn == 1) {
       // A profile per type once one common profile has found the positions.
       type_share = images.TypeShare();
-      if (type_share > kTypeShare) types = 3;
+      if (type_share > kTypeShare) types = LatticeSets(KindOfLattice(*basis));
     }
     measurements = images.Measurements();
     lattice = SmoothLattice::Fit(measurements);
@@ -188,7 +188,9 @@ MicroLensGrid MeasureMicroLensGrid(const cv::Mat& white, MicroLensArray array, i
     centres.push_back(lens.centre);
     types.push_back(lens.type);
   }
-  MicroImages images(white, array.Pitch(), threads);
+  Matrix2d basis;
+  basis << array.e_column, array.e_row;
+  MicroImages images(white, basis, threads);
   images.Place(nodes, centres);
   images.Measure(types, array.types);
   MicroLensGrid grid = MakeGrid(images, centres, types);

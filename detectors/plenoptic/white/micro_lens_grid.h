@@ -25,14 +25,14 @@ struct MicroLensGrid {
   double misfit = 0;
   /// Robust relative spread of a micro image's brightness about that of its neighbours.
   double gain_spread = 0;
-  /// Share of the variance between micro images that the three interleaved sets explain, in the
-  /// ring or brightness that distinguishes them best; `array.types` is 3 where it is large.
+  /// Share of the variance between micro images that the interleaved sets explain, in the
+  /// ring or brightness that distinguishes them best; `array.types` is their number where it is
+  /// large.
   double type_share = 0;
 };
 
 /// Finds all micro lenses whose micro-image centre is on the sensor. `white`: CV_32F, mean white
-/// image, Bayer planes of one level. Throws `Error` of kind kJob when there is no hexagonal
-/// lattice.
+/// image, Bayer planes of one level. Throws `Error` of kind kJob when there is no lattice.
 MicroLensGrid FindMicroLensGrid(const cv::Mat& white, int threads);
 
 /// Measures the micro images at the centres of a grid from another source. Keeps its centres and

@@ -94,7 +94,7 @@ WhiteCamera MeasureWhite(const std::vector<FrameImage>& images,
   const WhiteImages white = AverageWhiteImages(images, options.threads);
   if (!options.raw_image.empty()) CheckRawImage(options.raw_image, white.mean);
   WhiteCamera camera{.image_size = {white.mean.cols, white.mean.rows},
-                     .images = white.used,
+                     .images = white.members.size(),
                      .level = white.level,
                      .full_scale = white.full_scale,
                      .saturated = white.saturated,
@@ -112,6 +112,7 @@ WhiteCamera MeasureWhite(const std::vector<FrameImage>& images,
     *attenuation = SmoothAttenuation(white.mean, options.bayer);
   }
   cv::minMaxLoc(*attenuation, &camera.darkest);
+  if (options.measure_noise) camera.noise = MeasurePhotonTransfer(images, white, options.bayer);
   return camera;
 }
 

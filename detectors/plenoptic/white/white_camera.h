@@ -12,6 +12,7 @@
 #include "calib/camera/micro_lens_array.h"
 #include "calib/camera/observation.h"
 #include "calib/files/frame_images.h"
+#include "detectors/photometry/photon_transfer.h"
 #include "detectors/plenoptic/white/micro_lens_grid.h"
 
 namespace cv {
@@ -29,6 +30,8 @@ struct WhiteOptions {
   /// A raw image of the camera, whose size the white images must have; empty: none.
   std::filesystem::path raw_image = {};
   int threads = 0;  ///< 0: all cores
+  /// The sensor's noise too, for which the images are read once more.
+  bool measure_noise = false;
 };
 
 /// Properties of a camera from its white images.
@@ -41,9 +44,10 @@ struct WhiteCamera {
   double darkest = 0;                ///< lowest attenuation
   std::vector<LeftOut> left_out = {};
   std::vector<std::string> warnings = {};
-  std::optional<MicroLensGrid> grid = {};  ///< of a plenoptic camera
-  std::string attenuation_tiff = {};       ///< content of a file with 32 bits per pixel
-  std::string grid_png = {};               ///< likewise; empty for an ordinary camera
+  std::optional<MicroLensGrid> grid = {};    ///< of a plenoptic camera
+  std::string attenuation_tiff = {};         ///< content of a file with 32 bits per pixel
+  std::optional<PhotonTransfer> noise = {};  ///< of two white images and more
+  std::string grid_png = {};                 ///< likewise; empty for an ordinary camera
 };
 
 /// Averages and measures. Throws `Error` with the file or the reason.

@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
@@ -12,7 +13,7 @@
 #include <string>
 
 #include "calib/base/error.h"
-#include "calib/camera/hexagonal_lattice.h"
+#include "calib/camera/lens_lattice.h"
 #include "calib/files/raytrix_grid.h"
 #include "tests/optional_data.h"
 
@@ -91,12 +92,13 @@ TEST_F(MicroLensFile, NumbersItsTypesFromZero) {
   }
 }
 
-// What uses the types as indices has room for three.
+// What uses the types as indices has room for four.
 TEST_F(MicroLensFile, WithMoreTypesThanALatticeHasSetsIsRefused) {
   MicroLensArray array = Example();
-  array.lenses[20].type = 158;
+  array.lenses[20].type = 157;
+  array.lenses[21].type = 158;
   Write(FormatMicroLenses(array));
-  EXPECT_THAT(Message(), ::testing::HasSubstr(".csv:22: lens type 158 is one too many"));
+  EXPECT_THAT(Message(), ::testing::HasSubstr(".csv:23: lens type 158 is one too many"));
 }
 
 TEST_F(MicroLensFile, FindsTheLatticeOfAFileWithoutRowsAndColumns) {
@@ -158,6 +160,49 @@ TEST(RayCalibData, RealFilesGiveTheirPitchRotationAndTypes) {
     const double expected = 964 * 670 / (c.pitch * c.pitch * std::sqrt(0.75));
     EXPECT_NEAR(static_cast<double>(array.lenses.size()), expected, 0.1 * expected);
   }
+}
+
+TEST(RayCalibData, IsReadAsItIsWritten) {
+  for (const int types : {1, 3}) {
+    MicroLensArray array;
+    array.image_size = {400, 300};
+    array.types = types;
+    const Eigen::Vector2d e_column(17.3, 1.4), origin(201.2, 148.7);
+    const Eigen::Vector2d e_row = Eigen::Rotation2Dd(std::numbers::pi / 3) * e_column;
+    for (int row = -20; row <= 20; ++row) {
+      for (int column = -20; column <= 20; ++column) {
+        const Eigen::Vector2d c = origin + column * e_column + row * e_row;
+        if (!IsInside(c, array.image_size)) continue;
+        array.lenses.push_back({.row = row,
+                                .column = column,
+                                .centre = c,
+                                .type = types == 1 ? 0 : (LatticeColour({column, row}) + 1) % 3});
+      }
+    }
+    SetLatticeVectors(&array);
+    const fs::path path = fs::temp_directory_path() / "plenocal_written_ray_calib.xml";
+    std::ofstream(path) << RayCalibDataXml(array);
+    const MicroLensArray read = ReadRayCalibData(path, array.image_size);
+    fs::remove(path);
+    EXPECT_EQ(read.types, types);
+    ASSERT_EQ(read.lenses.size(), array.lenses.size());
+    size_t checked = 0;
+    for (const MicroLens& lens : array.lenses) {
+      for (const MicroLens& other : read.lenses) {
+        if ((lens.centre - other.centre).norm() > 1e-6) continue;
+        EXPECT_EQ(other.type, lens.type);
+        ++checked;
+      }
+    }
+    EXPECT_EQ(checked, array.lenses.size());
+  }
+}
+
+TEST(RayCalibData, HoldsNoRectangularLattice) {
+  MicroLensArray array;
+  array.e_column = {20, 0};
+  array.e_row = {0, 20};
+  EXPECT_THROW(RayCalibDataXml(array), Error);
 }
 
 TEST(RayCalibData, SaysWhatIsWrong) {

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <map>
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
@@ -13,8 +14,10 @@
 #include <vector>
 
 #include "calib/base/error.h"
+#include "detectors/images/image.h"
 #include "detectors/plenoptic/white/micro_lens_attenuation.h"
 #include "tests/detectors/plenoptic/white/white_field.h"
+#include "tests/optional_data.h"
 
 namespace plenocal::testing {
 namespace {
@@ -57,7 +60,8 @@ Comparison Compare(const RenderedField& truth,
     }
     hit[best] = true;
     sum += error * error;
-    ++types[field.types == 1 ? 0 : LatticeColour(lens.node)][array.lenses[best].type];
+    ++types[field.types == 1 ? 0 : LatticeColour(lens.node, field.lattice)]
+           [array.lenses[best].type];
   }
   for (size_t i = 0; i < hit.size(); ++i) {
     if (!hit[i] && !near_edge(array.lenses[i].centre)) ++result.invented;
@@ -87,7 +91,8 @@ TEST_P(MicroLensGridCases, FindsEveryCentreAndType) {
   EXPECT_EQ(found.invented, 0);
   EXPECT_EQ(grid.array.types, field.types);
   EXPECT_EQ(found.wrong_types, 0);
-  EXPECT_NEAR(grid.array.Pitch(), field.pitch, 0.01 * field.pitch);
+  EXPECT_NEAR(grid.array.Pitch(), field.pitch * (1 + field.aspect) / 2, 0.01 * field.pitch);
+  EXPECT_EQ(grid.array.Lattice(), field.lattice);
   const auto unusable = std::count_if(grid.array.lenses.begin(),
                                       grid.array.lenses.end(),
                                       [](const MicroLens& lens) { return !lens.usable; });
@@ -123,7 +128,23 @@ INSTANTIATE_TEST_SUITE_P(
                       WhiteField{.size = {400, 300}, .pitch = 9, .types = 1, .bayer = true},
                       WhiteField{.size = {700, 600}, .pitch = 34.9, .rotation_deg = 12},
                       WhiteField{.size = {900, 800}, .pitch = 60, .rotation_deg = -25},
-                      WhiteField{.size = {900, 800}, .pitch = 60, .types = 1, .distortion = -0.02}),
+                      WhiteField{.size = {900, 800}, .pitch = 60, .types = 1, .distortion = -0.02},
+                      WhiteField{.size = {436, 436},
+                                 .pitch = 15.57,
+                                 .rotation_deg = 0.3,
+                                 .types = 1,
+                                 .lattice = LatticeKind::kRectangular},
+                      WhiteField{.pitch = 20,
+                                 .rotation_deg = 31,
+                                 .types = 1,
+                                 .distortion = 0.02,
+                                 .lattice = LatticeKind::kRectangular},
+                      WhiteField{.pitch = 20,
+                                 .rotation_deg = -12,
+                                 .types = 1,
+                                 .lattice = LatticeKind::kRectangular,
+                                 .aspect = 1.2},
+                      WhiteField{.pitch = 22, .types = 4, .lattice = LatticeKind::kRectangular}),
     [](const ::testing::TestParamInfo<WhiteField>& test) {
       const WhiteField& f = test.param;
       std::string name = "Case" + std::to_string(test.index) + "Pitch" +
@@ -131,6 +152,7 @@ INSTANTIATE_TEST_SUITE_P(
                          std::to_string(f.types);
       if (f.bayer) name += "Bayer";
       if (f.distortion != 0) name += "Distorted";
+      if (f.lattice == LatticeKind::kRectangular) name += "Rectangular";
       return name;
     });
 
@@ -164,22 +186,37 @@ TEST(MicroLensGrid, TurnedAndDarkerImagesGiveTheSameGrid) {
 }
 
 TEST(MicroLensGrid, RefusesAnImageThatIsNotPlenoptic) {
-  cv::Mat noise(400, 500, CV_32F), squares(400, 500, CV_32F);
+  cv::Mat noise(400, 500, CV_32F), bars(400, 500, CV_32F);
   cv::theRNG().state = 1;
   cv::randn(noise, 1000, 30);
-  for (int y = 0; y < squares.rows; ++y) {
-    for (int x = 0; x < squares.cols; ++x) {
-      squares.at<float>(y, x) = (x / 25 + y / 25) % 2 == 0 ? 100 : 1000;
+  for (int y = 0; y < bars.rows; ++y) {
+    for (int x = 0; x < bars.cols; ++x) {
+      bars.at<float>(y, x) = (x / 25) % 2 == 0 ? 100 : 1000;
     }
   }
-  for (const cv::Mat& image : {noise, squares, cv::Mat(400, 500, CV_32F, cv::Scalar(1000))}) {
+  for (const cv::Mat& image : {noise, bars, cv::Mat(400, 500, CV_32F, cv::Scalar(1000))}) {
     try {
       FindMicroLensGrid(image, 2);
       ADD_FAILURE() << "a grid was found";
     } catch (const Error& error) {
-      EXPECT_THAT(error.what(), ::testing::HasSubstr("no hexagonal lattice"));
+      EXPECT_THAT(error.what(), ::testing::HasSubstr("no hexagonal or rectangular lattice"));
     }
   }
+}
+
+// The array of an unfocused light-field microscope: 100 um by design, before pixels of 6.5 um.
+TEST(MicroLensGridRealSet, FindsTheSquareArrayOfAMicroscope) {
+  const auto path = OptionalData("scene_real/lfm_guv_square") / "Radiometry_GUVExperim1.tif";
+  if (!std::filesystem::exists(path)) GTEST_SKIP() << Absent(path);
+  cv::Mat white;
+  ReadImage(path).convertTo(white, CV_32F);
+  const MicroLensGrid grid = FindMicroLensGrid(white, 2);
+  EXPECT_EQ(grid.array.Lattice(), LatticeKind::kRectangular);
+  EXPECT_EQ(grid.array.types, 1);
+  EXPECT_EQ(grid.array.lenses.size(), 28U * 28);
+  EXPECT_NEAR(grid.array.e_column.norm(), 100 / 6.5, 0.05);
+  EXPECT_NEAR(grid.array.e_row.norm(), 100 / 6.5, 0.05);
+  EXPECT_LT(grid.centre_rms, 0.03);
 }
 
 }  // namespace

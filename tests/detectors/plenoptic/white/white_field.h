@@ -15,7 +15,7 @@
 #include <utility>
 #include <vector>
 
-#include "calib/camera/hexagonal_lattice.h"
+#include "calib/camera/lens_lattice.h"
 #include "calib/camera/observation.h"
 
 namespace plenocal::testing {
@@ -34,6 +34,8 @@ struct WhiteField {
   std::set<std::pair<int, int>> dead = {};  // column, row
   bool bayer = false;
   unsigned seed = 1;
+  LatticeKind lattice = LatticeKind::kHexagonal;
+  double aspect = 1;  ///< of a rectangular lattice: distance of rows over `pitch`
 };
 
 struct TrueLens {
@@ -58,15 +60,17 @@ inline RenderedField Render(const WhiteField& field) {
   };
   Eigen::Matrix2d basis;
   const double angle = field.rotation_deg * std::numbers::pi / 180;
+  const bool hexagonal = field.lattice == LatticeKind::kHexagonal;
   basis << Eigen::Rotation2Dd(angle) * Eigen::Vector2d(field.pitch, 0),
-      Eigen::Rotation2Dd(angle + std::numbers::pi / 3) * Eigen::Vector2d(field.pitch, 0);
+      Eigen::Rotation2Dd(angle + std::numbers::pi / (hexagonal ? 3 : 2)) *
+          Eigen::Vector2d(field.pitch * field.aspect, 0);
 
   RenderedField out{.white = cv::Mat::zeros(field.size[1], field.size[0], CV_32F), .lenses = {}};
   std::mt19937 random(field.seed);
   std::normal_distribution<double> normal;
   const int reach = static_cast<int>(2 * (w + h) / field.pitch);
   // Edges: blur of about the pixel, and defocus that differs by type.
-  const std::array<double, 3> radii{0.46, 0.44, 0.47}, blurs{0.03, 0.09, 0.05};
+  const std::array<double, 4> radii{0.46, 0.44, 0.47, 0.42}, blurs{0.03, 0.09, 0.05, 0.12};
   for (int row = -reach; row <= reach; ++row) {
     for (int column = -reach; column <= reach; ++column) {
       const Eigen::Vector2d regular = middle + field.offset + basis * Eigen::Vector2d(column, row);
@@ -77,7 +81,7 @@ inline RenderedField Render(const WhiteField& field) {
       if (c.x() < -margin || c.y() < -margin || c.x() > w + margin || c.y() > h + margin) continue;
       const LatticeNode node{column, row};
       if (IsInside(c, field.size)) out.lenses.push_back({node, c});
-      const int type = field.types == 1 ? 0 : LatticeColour(node);
+      const int type = field.types == 1 ? 0 : LatticeColour(node, field.lattice);
       const double gain =
           field.dead.contains({column, row}) ? 0.05 : 1 + field.gain_scatter * normal(random);
       // Mean of the radial and the tangential stretch of the distortion.

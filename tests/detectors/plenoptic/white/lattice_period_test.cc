@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "detectors/plenoptic/white/hexagonal_period.h"
+#include "detectors/plenoptic/white/lattice_period.h"
 
 #include <gtest/gtest.h>
 
@@ -27,11 +27,11 @@ cv::Mat Waves(double pitch, double rotation) {
   return image;
 }
 
-TEST(FindHexagonalPeriod, FindsPitchAndRotation) {
+TEST(FindLatticePeriod, FindsPitchAndRotation) {
   for (const double pitch : {8.0, 13.3, 24.7, 51.0}) {
     for (const double degrees : {0.0, 7.0, -23.0, 29.0}) {
       const double rotation = degrees * std::numbers::pi / 180;
-      const auto basis = FindHexagonalPeriod(Waves(pitch, rotation));
+      const auto basis = FindLatticePeriod(Waves(pitch, rotation));
       ASSERT_TRUE(basis) << pitch << " " << degrees;
       Eigen::Matrix2d truth;
       truth << Eigen::Rotation2Dd(rotation) * Eigen::Vector2d(pitch, 0),
@@ -41,18 +41,33 @@ TEST(FindHexagonalPeriod, FindsPitchAndRotation) {
   }
 }
 
-TEST(FindHexagonalPeriod, FindsNoneInNoiseOrInASquareLattice) {
+TEST(FindLatticePeriod, FindsRectangles) {
+  for (const double across : {16.0, 21.0}) {
+    cv::Mat image(400, 500, CV_32F);
+    for (int y = 0; y < image.rows; ++y) {
+      for (int x = 0; x < image.cols; ++x) {
+        image.at<float>(y, x) = static_cast<float>(std::cos(2 * std::numbers::pi * x / 16) +
+                                                   std::cos(2 * std::numbers::pi * y / across));
+      }
+    }
+    const auto basis = FindLatticePeriod(image);
+    ASSERT_TRUE(basis) << across;
+    EXPECT_LT((*basis - Eigen::Vector2d(16, across).asDiagonal().toDenseMatrix()).norm(), 0.1);
+  }
+}
+
+TEST(FindLatticePeriod, FindsNoneInNoiseOrStripes) {
   cv::Mat noise(400, 500, CV_32F);
   cv::theRNG().state = 7;
   cv::randn(noise, 0, 1);
-  EXPECT_FALSE(FindHexagonalPeriod(noise));
-  cv::Mat square(400, 500, CV_32F);
-  for (int y = 0; y < square.rows; ++y) {
-    for (int x = 0; x < square.cols; ++x) {
-      square.at<float>(y, x) = static_cast<float>(std::cos(0.4 * x) + std::cos(0.4 * y));
+  EXPECT_FALSE(FindLatticePeriod(noise));
+  cv::Mat stripes(400, 500, CV_32F);
+  for (int y = 0; y < stripes.rows; ++y) {
+    for (int x = 0; x < stripes.cols; ++x) {
+      stripes.at<float>(y, x) = static_cast<float>(std::cos(0.4 * x));
     }
   }
-  EXPECT_FALSE(FindHexagonalPeriod(square));
+  EXPECT_FALSE(FindLatticePeriod(stripes));
 }
 
 }  // namespace

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/camera/hexagonal_lattice.h"
+#include "calib/camera/lens_lattice.h"
 
 #include <Eigen/Cholesky>
 #include <Eigen/Geometry>
@@ -93,25 +93,96 @@ bool IsInside(const Vector2d& position, ImageSize image_size, double margin) {
          position.x() < image_size[0] + margin - 0.5 && position.y() < image_size[1] + margin - 0.5;
 }
 
-int LatticeColour(const LatticeNode& node) { return ((node.column - node.row) % 3 + 3) % 3; }
+LatticeKind KindOfLattice(const Matrix2d& basis) {
+  // Half-way between 60 and 90 degrees.
+  const double limit = std::cos(75 * std::numbers::pi / 180);
+  const double cosine =
+      basis.col(0).dot(basis.col(1)) / (basis.col(0).norm() * basis.col(1).norm());
+  return std::abs(cosine) < limit ? LatticeKind::kRectangular : LatticeKind::kHexagonal;
+}
+
+std::span<const LatticeNode> LatticeNeighbours(LatticeKind kind) {
+  static constexpr std::array<LatticeNode, 6> kHexagonal{
+      {{1, 0}, {0, 1}, {-1, 1}, {-1, 0}, {0, -1}, {1, -1}}};
+  static constexpr std::array<LatticeNode, 8> kRectangular{
+      {{1, 0}, {0, 1}, {-1, 0}, {0, -1}, {1, 1}, {-1, 1}, {-1, -1}, {1, -1}}};
+  if (kind == LatticeKind::kHexagonal) return kHexagonal;
+  return kRectangular;
+}
+
+int LatticeColour(const LatticeNode& node, LatticeKind kind) {
+  if (kind == LatticeKind::kRectangular) return 2 * (node.row & 1) + (node.column & 1);
+  return ((node.column - node.row) % 3 + 3) % 3;
+}
 
 Matrix2d CanonicalLatticeBasis(const Matrix2d& basis) {
-  // The second vector may be 60 or 120 degrees from the first, on either side.
+  // The second vector may be 60, 90 or 120 degrees from the first, on either side.
   const Vector2d a = basis.col(0), b = basis.col(1);
-  const Vector2d c = a.dot(b) > 0 ? Vector2d(b - a) : Vector2d(a + b);
-  std::array<Vector2d, 6> ring{a, b, c, -a, -b, -c};
+  std::vector<Vector2d> ring{a, b, -a, -b};
+  if (KindOfLattice(basis) == LatticeKind::kHexagonal) {
+    const Vector2d c = a.dot(b) > 0 ? Vector2d(b - a) : Vector2d(a + b);
+    ring.insert(ring.end(), {c, -c});
+  }
   const auto angle = [](const Vector2d& v) { return std::atan2(v.y(), v.x()); };
   std::sort(ring.begin(), ring.end(), [&](const Vector2d& p, const Vector2d& q) {
     return angle(p) < angle(q);
   });
   size_t first = 0;
-  for (size_t k = 0; k < 6; ++k) {
+  for (size_t k = 0; k < ring.size(); ++k) {
     if (std::abs(angle(ring[k])) < std::abs(angle(ring[first]))) first = k;
   }
   Matrix2d canonical;
-  canonical << ring[first], ring[(first + 1) % 6];
+  canonical << ring[first], ring[(first + 1) % ring.size()];
   return canonical;
 }
+
+namespace {
+
+/// Two vectors from a point to its neighbours, if these lie on all sides of it: `near` has the
+/// point itself and then the others, nearest first.
+std::optional<Matrix2d> BasisAround(std::span<const Vector2d> points,
+                                    const std::vector<size_t>& near) {
+  // A miss of half of 60 degrees is one of half a pitch.
+  constexpr double kTolerance = 0.25;
+  const Vector2d& centre = points[near[0]];
+  const auto neighbour = [&](const Vector2d& at, double tolerance) -> std::optional<Vector2d> {
+    for (size_t i = 1; i < near.size(); ++i) {
+      const Vector2d seen = points[near[i]] - centre;
+      if ((seen - at).norm() <= tolerance) return seen;
+    }
+    return std::nullopt;
+  };
+  const Vector2d a = points[near[1]] - centre;
+  if (!(a.norm() > 1)) return std::nullopt;  // px: two micro images do not share a pixel
+  Matrix2d basis;
+  const auto turned = [&](int sixths) -> Vector2d {
+    return Eigen::Rotation2Dd(sixths * std::numbers::pi / 3) * a;
+  };
+  const double tolerance = kTolerance * a.norm();
+  bool hexagonal = true;
+  for (int step = 0; step < 6; ++step) {
+    hexagonal = hexagonal && neighbour(turned(step), tolerance).has_value();
+  }
+  if (hexagonal) {
+    basis << a, *neighbour(turned(1), tolerance);
+    return basis;
+  }
+  // The nearest point across, however far, and the corners of the cell.
+  for (size_t i = 1; i < near.size(); ++i) {
+    const Vector2d b = points[near[i]] - centre;
+    if (std::abs(a.dot(b)) > kTolerance * a.norm() * b.norm()) continue;
+    for (const Vector2d& corner : {Vector2d(-a), Vector2d(-b), Vector2d(a + b), Vector2d(a - b)}) {
+      if (!neighbour(corner, tolerance)) return std::nullopt;
+    }
+    // In a hexagonal lattice with a hole.
+    if (neighbour((a + b) / 2, tolerance)) return std::nullopt;
+    basis << a, b;
+    return basis;
+  }
+  return std::nullopt;
+}
+
+}  // namespace
 
 std::optional<Matrix2d> FindLatticeBasis(std::span<const Vector2d> points, ImageSize image_size) {
   std::vector<size_t> order(points.size());
@@ -122,36 +193,19 @@ std::optional<Matrix2d> FindLatticeBasis(std::span<const Vector2d> points, Image
       return (points[a] - from).squaredNorm() < (points[b] - from).squaredNorm();
     };
   };
-  // A few centres are tried: a lattice may have holes.
-  constexpr size_t kCentres = 20, kRing = 6;
-  if (points.size() <= kRing) return std::nullopt;
+  // A few centres are tried: a lattice may have holes. Of a rectangle twice as long as wide, the
+  // neighbours across and at the corners are among the next sixteen.
+  constexpr size_t kCentres = 20, kRing = 16, kFewest = 6;
+  if (points.size() <= kFewest) return std::nullopt;
   const size_t centres = std::min(kCentres, points.size());
+  const size_t ring = std::min(kRing, points.size() - 1);
   std::partial_sort(order.begin(), order.begin() + centres, order.end(), nearer(middle));
   for (size_t k = 0; k < centres; ++k) {
-    const Vector2d& centre = points[order[k]];
     std::vector<size_t> near(points.size());
     for (size_t i = 0; i < near.size(); ++i) near[i] = i;
-    std::partial_sort(near.begin(), near.begin() + kRing + 1, near.end(), nearer(centre));
-    const Vector2d a = points[near[1]] - centre;
-    if (!(a.norm() > 1)) continue;  // px: two micro images do not share a pixel
-    // A ring of six at one distance, 60 degrees apart: half of 60 degrees is a miss of half a
-    // pitch.
-    constexpr double kTolerance = 0.25;
-    int hits = 0;
-    std::optional<Vector2d> second;
-    for (int step = 0; step < 6; ++step) {
-      const Vector2d expected = Eigen::Rotation2Dd(step * std::numbers::pi / 3) * a;
-      for (size_t i = 1; i <= kRing; ++i) {
-        const Vector2d seen = points[near[i]] - centre;
-        if ((seen - expected).norm() > kTolerance * a.norm()) continue;
-        ++hits;
-        if (step == 1) second = seen;
-      }
-    }
-    if (hits != static_cast<int>(kRing) || !second) continue;
-    Matrix2d basis;
-    basis << a, *second;
-    return CanonicalLatticeBasis(basis);
+    std::partial_sort(near.begin(), near.begin() + ring + 1, near.end(), nearer(points[order[k]]));
+    near.resize(ring + 1);
+    if (const auto basis = BasisAround(points, near)) return CanonicalLatticeBasis(*basis);
   }
   return std::nullopt;
 }
@@ -164,8 +218,9 @@ class LatticeGrowth {
   LatticeGrowth(std::span<const Vector2d> points, const Matrix2d& basis, ImageSize image_size)
       : points_(points),
         basis_(basis),
+        neighbours_(LatticeNeighbours(KindOfLattice(basis))),
         image_size_(image_size),
-        pitch_(basis.colwise().norm().mean()),
+        pitch_(basis.colwise().norm().minCoeff()),
         index_(points, pitch_),
         taken_(points.size(), false) {}
 
@@ -177,7 +232,7 @@ class LatticeGrowth {
     while (!front_.empty()) {
       const LatticeNode node = front_.front();
       front_.pop_front();
-      for (const LatticeNode& step : kLatticeNeighbours) {
+      for (const LatticeNode& step : neighbours_) {
         const LatticeNode next = node + step;
         if (positions_.contains(next)) continue;
         const Vector2d predicted = Predict(next);
@@ -196,14 +251,14 @@ class LatticeGrowth {
   // A point nearer than this to the prediction is the node: half-way to a neighbour is pitch / 2.
   [[nodiscard]] double Reach() const { return 0.3 * pitch_; }
 
-  // The point nearest to the middle that has all six neighbours.
+  // The point nearest to the middle that has all neighbours.
   [[nodiscard]] std::optional<size_t> FindStart() const {
     const Vector2d middle = Middle(image_size_);
     std::optional<size_t> start;
     for (size_t i = 0; i < points_.size(); ++i) {
       if (start && (points_[i] - middle).norm() >= (points_[*start] - middle).norm()) continue;
-      const bool surrounded = std::all_of(
-          kLatticeNeighbours.begin(), kLatticeNeighbours.end(), [&](const LatticeNode& step) {
+      const bool surrounded =
+          std::all_of(neighbours_.begin(), neighbours_.end(), [&](const LatticeNode& step) {
             const Vector2d there = points_[i] + basis_ * Vector2d(step.column, step.row);
             return index_.Nearest(there, Reach()).has_value();
           });
@@ -219,12 +274,12 @@ class LatticeGrowth {
     front_.push_back(node);
   }
 
-  // From each pair of nodes in a line the next one, averaged over the six directions; from a single
+  // From each pair of nodes in a line the next one, averaged over the directions; from a single
   // neighbour by the basis.
   [[nodiscard]] Vector2d Predict(const LatticeNode& node) const {
     Vector2d by_pairs(0, 0), by_basis(0, 0);
     int pairs = 0, singles = 0;
-    for (const LatticeNode& step : kLatticeNeighbours) {
+    for (const LatticeNode& step : neighbours_) {
       const auto one = positions_.find(node + step);
       if (one == positions_.end()) continue;
       const Vector2d there(step.column, step.row);
@@ -240,6 +295,7 @@ class LatticeGrowth {
 
   std::span<const Vector2d> points_;
   const Matrix2d& basis_;
+  std::span<const LatticeNode> neighbours_;
   ImageSize image_size_;
   double pitch_;
   PointIndex index_;
@@ -426,7 +482,7 @@ std::vector<LatticeNode> SmoothLattice::NodesInside(std::span<const LatticeMeasu
     front.pop_front();
     if (!IsInside(Position(node.column, node.row), image_size, margin)) continue;
     inside.insert(node);
-    for (const LatticeNode& step : kLatticeNeighbours) {
+    for (const LatticeNode& step : LatticeNeighbours(LatticeKind::kHexagonal)) {
       if (seen.insert(node + step).second) front.push_back(node + step);
     }
   }

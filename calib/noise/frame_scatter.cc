@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/noise/common_errors.h"
+#include "calib/noise/frame_scatter.h"
 
 #include <Eigen/Dense>
 #include <algorithm>
@@ -23,7 +23,7 @@ constexpr Eigen::Index kMostDirections = 32;
 
 using RowMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
-// Indices of one camera's unknowns.
+// Indices of one camera's unknowns and of the poses of targets, which all cameras share.
 std::vector<int> IndicesOf(const Uncertainty& uncertainty, size_t camera) {
   std::vector<int> indices;
   for (const int index : uncertainty.param_index[camera]) {
@@ -34,24 +34,27 @@ std::vector<int> IndicesOf(const Uncertainty& uncertainty, size_t camera) {
   for (int i = 0; i < 6 && uncertainty.extrinsics_index[camera] >= 0; ++i) {
     indices.push_back(uncertainty.extrinsics_index[camera] + i);
   }
+  for (const int target : uncertainty.target_index) {
+    for (int i = 0; i < 6 && target >= 0; ++i) indices.push_back(target + i);
+  }
   return indices;
 }
 
 // Sums over rows that share a pose, of their products with B = [J D with the directions D, 6
-// columns of the pose, residual, its change with each error that observations share]: J' B, whose
-// first part is the information J' J times D, and E' B by the pose.
+// columns of the pose, residual]: J' B, whose first part is the information J' J times D, and E' B
+// by the pose.
 struct PoseSums {
   Eigen::Index directions;
   MatrixXd J_B, E_B;
 
-  PoseSums(Eigen::Index rows, Eigen::Index directions_count, Eigen::Index residuals)
+  PoseSums(Eigen::Index rows, Eigen::Index directions_count)
       : directions(directions_count),
-        J_B(MatrixXd::Zero(rows, directions + 6 + residuals)),
+        J_B(MatrixXd::Zero(rows, directions + 7)),
         E_B(MatrixXd::Zero(6, J_B.cols())) {}
 
   [[nodiscard]] auto Information() const { return J_B.leftCols(directions); }
   [[nodiscard]] auto Cross() const { return J_B.middleCols<6>(directions); }
-  [[nodiscard]] auto Gradient() const { return J_B.rightCols(J_B.cols() - directions - 6); }
+  [[nodiscard]] auto Gradient() const { return J_B.col(directions + 6); }
   [[nodiscard]] Matrix6d PoseInformation() const { return E_B.middleCols<6>(directions); }
 
   // Eliminates the pose; false for one without information.
@@ -85,7 +88,13 @@ struct RowContext {
   const Uncertainty& uncertainty;
   const MatrixXd& D;       // directions in all unknowns
   MatrixXd marker_D = {};  // change of the best markers with these, its sign changed; empty: held
-  Eigen::Index residuals = 1;  // columns: the residual, then shared errors of all cameras
+};
+
+// Sums over the rows of one marker in all frames, of the derivatives b by the directions with poses
+// and markers at their best: b' residual and b' b.
+struct MarkerSums {
+  VectorXd score;
+  MatrixXd information;
 };
 
 // Derivatives of one camera's rows, view by view. They touch its own unknowns and, where markers
@@ -93,8 +102,7 @@ struct RowContext {
 // frame.
 class Rows {
  public:
-  // The camera's shared errors are columns [first, first + count) of all residuals.
-  Rows(const RowContext& context, size_t camera, Eigen::Index first, Eigen::Index count)
+  Rows(const RowContext& context, size_t camera)
       : context_(context),
         camera_(context.bundle.cameras[camera]),
         own_(IndicesOf(context.uncertainty, camera)),
@@ -104,9 +112,7 @@ class Rows {
         J_(0, D_.rows()),
         E_(0, 6),
         J_marker_(0, 3),
-        residuals_(0, context.residuals),
-        first_(first),
-        count_(count) {
+        residuals_(0) {
     const auto column_of = [&](int index) {
       const auto found = std::ranges::find(own_, index);
       return found == own_.end() ? -1 : static_cast<int>(found - own_.begin());
@@ -115,6 +121,7 @@ class Rows {
       params_.push_back(column_of(index));
     }
     extrinsics_ = column_of(context.uncertainty.extrinsics_index[camera]);
+    for (const int index : context.uncertainty.target_index) targets_.push_back(column_of(index));
   }
 
   // Indices of the camera's own unknowns.
@@ -132,18 +139,20 @@ class Rows {
       AddMarker(view, begin, of_marker);
       spans_.push_back({context_.bundle.observations[begin].marker, first_row, used_ - first_row});
     }
-    PoseSums sums(J_.cols() + context_.marker_D.rows(), D_.cols(), residuals_.cols());
+    PoseSums sums(J_.cols() + context_.marker_D.rows(), D_.cols());
     const auto J = J_.topRows(used_), E = E_.topRows(used_);
-    MatrixXd B(used_, sums.J_B.cols());
+    MatrixXd& B = B_;
+    B.resize(used_, sums.J_B.cols());
     B.leftCols(D_.cols()).noalias() = J * D_;
     B.middleCols<6>(D_.cols()) = E;
-    B.rightCols(residuals_.cols()) = residuals_.topRows(used_);
+    B.rightCols<1>() = residuals_.head(used_);
     const bool has_markers = context_.marker_D.rows() > 0;
     for (const auto& [marker, first, count] : spans_) {
       if (!has_markers) break;
       B.block(first, 0, count, D_.cols()).noalias() -=
           J_marker_.middleRows(first, count) * context_.marker_D.middleRows<3>(3 * marker);
     }
+    unweighted_ = B;
     if (camera_.noise.common_sigma > 0) B = weight_.head(used_).asDiagonal() * B;
     sums.J_B.topRows(J.cols()).noalias() = J.transpose() * B;
     for (const auto& [marker, first, count] : spans_) {
@@ -153,6 +162,21 @@ class Rows {
     }
     sums.E_B.noalias() = E.transpose() * B;
     return sums;
+  }
+
+  // Adds the rows of the last view to the sums of their markers. `pose_D`: change of the best pose
+  // with the directions, its sign changed.
+  void AddToMarkers(const MatrixXd& pose_D, std::vector<MarkerSums>* markers) const {
+    const Eigen::Index count = D_.cols();
+    const MatrixXd b = unweighted_.leftCols(count) - unweighted_.middleCols<6>(count) * pose_D;
+    const MatrixXd weighted = B_.leftCols(count) - B_.middleCols<6>(count) * pose_D;
+    for (const Span& span : spans_) {
+      MarkerSums& sums = (*markers)[static_cast<size_t>(span.marker)];
+      const auto rows = weighted.middleRows(span.first, span.count);
+      sums.score.noalias() +=
+          rows.transpose() * unweighted_.col(count + 6).segment(span.first, span.count);
+      sums.information.noalias() += rows.transpose() * b.middleRows(span.first, span.count);
+    }
   }
 
  private:
@@ -166,7 +190,7 @@ class Rows {
     J_.resize(rows, J_.cols());
     E_.resize(rows, 6);
     J_marker_.resize(rows, 3);
-    residuals_.resize(rows, residuals_.cols());
+    residuals_.resize(rows);
     weight_.resize(rows);
   }
 
@@ -179,13 +203,6 @@ class Rows {
       const BundleObservation& observation = context_.bundle.observations[i];
       if (!observation.used || !Linearise(view, observation)) continue;
       const double own = camera_.noise.OwnSigma(observation.assumed_sigma);
-      auto shared = residuals_.block(used_, first_, dimension_, count_);
-      if (observation.shared_errors.empty()) {
-        shared.setZero();
-      } else {
-        shared =
-            Eigen::Map<const RowMatrix>(observation.shared_errors.data(), dimension_, count_) / own;
-      }
       weight_.segment(used_, dimension_).setOnes();
       used_ += dimension_;
       if (camera_.noise.common_sigma == 0) continue;
@@ -229,9 +246,7 @@ class Rows {
                              .J_marker = J_marker_.row(used_).data()});
     if (!inside) return false;
     auto J = J_.middleRows(used_, dimension_);
-    auto residuals = residuals_.middleRows(used_, dimension_);
-    residuals.setZero();
-    residuals.col(0) = Eigen::Map<const VectorXd>(residual, dimension_);
+    residuals_.segment(used_, dimension_) = Eigen::Map<const VectorXd>(residual, dimension_);
     J.setZero();
     for (size_t k = 0; k < params_.size(); ++k) {
       for (Eigen::Index r = 0; r < dimension_ && params_[k] >= 0; ++r) {
@@ -239,23 +254,31 @@ class Rows {
       }
     }
     if (extrinsics_ >= 0) J.middleCols<6>(extrinsics_) = J_extrinsics.topRows(dimension_);
+    if (const auto target = context_.bundle.FreeTarget(observation.marker)) {
+      J.middleCols<6>(targets_[*target]) =
+          J_marker_.middleRows(used_, dimension_) *
+          internal::PointByTargetPose(context_.bundle.targets[*target].T_target_own,
+                                      context_.bundle.markers[marker].position);
+    }
     return true;
   }
 
   const RowContext& context_;
   const BundleCamera& camera_;
-  std::vector<int> own_;     // indices of the camera's unknowns: the columns of J_
-  std::vector<int> params_;  // per parameter its column, or -1
-  int extrinsics_ = -1;      // first column; -1: not estimated
-  MatrixXd D_;               // rows of the directions
+  std::vector<int> own_;      // indices of the camera's unknowns: the columns of J_
+  std::vector<int> params_;   // per parameter its column, or -1
+  int extrinsics_ = -1;       // first column; -1: not estimated
+  std::vector<int> targets_;  // the same per target
+  MatrixXd D_;                // rows of the directions
   Eigen::Index dimension_;
   std::vector<double> J_params_;
   RowMatrix J_, E_;
   Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor> J_marker_;
-  RowMatrix residuals_;  // `used_` rows count, here and above
+  VectorXd residuals_;  // `used_` rows count, here and above
   VectorXd weight_;
+  MatrixXd B_, unweighted_;  // of the last view, with the rows' weights and without
   std::vector<Span> spans_;
-  Eigen::Index used_ = 0, first_, count_;
+  Eigen::Index used_ = 0;
 };
 
 // Goes through the observations frame by frame.
@@ -264,59 +287,78 @@ class FrameScores {
   FrameScores(const Bundle& bundle, const Uncertainty& uncertainty, const MatrixXd& D)
       : context_{.bundle = bundle, .uncertainty = uncertainty, .D = D} {
     if (uncertainty.marker_gain.size() > 0) context_.marker_D = uncertainty.marker_gain * D;
-    std::vector<Eigen::Index> errors(bundle.cameras.size(), 0);  // shared by each camera's points
-    for (const BundleObservation& observation : bundle.observations) {
-      const auto c = static_cast<size_t>(observation.camera);
-      errors[c] = std::max(errors[c],
-                           static_cast<Eigen::Index>(observation.shared_errors.size() /
-                                                     bundle.cameras[c].model->measured.size()));
-    }
-    std::vector<Eigen::Index> first;
-    for (const Eigen::Index count : errors) {
-      first.push_back(context_.residuals);
-      context_.residuals += count;
-    }
-    for (size_t c = 0; c < bundle.cameras.size(); ++c) {
-      rows_.emplace_back(context_, c, first[c], errors[c]);
-    }
+    for (size_t c = 0; c < bundle.cameras.size(); ++c) rows_.emplace_back(context_, c);
   }
   FrameScores(const FrameScores&) = delete;
   FrameScores& operator=(const FrameScores&) = delete;
-
-  [[nodiscard]] Eigen::Index Residuals() const { return context_.residuals; }
 
   // Calls `use` with the sums of each frame that has a pose, this eliminated, and with the unknowns
   // that they depend on: rows of others are zero.
   template <typename Use>
   void ForEach(const Use& use) {
-    const auto& observations = context_.bundle.observations;
-    for (size_t begin = 0, end = 0; begin < observations.size(); begin = end) {
-      const auto same = [&](const BundleObservation& o) {
-        return o.frame == observations[begin].frame;
-      };
-      const auto first = observations.begin() + static_cast<std::ptrdiff_t>(begin);
-      end = static_cast<size_t>(std::find_if_not(first, observations.end(), same) -
-                                observations.begin());
+    const size_t count = context_.bundle.observations.size();
+    for (size_t begin = 0, end = 0; begin < count; begin = end) {
+      end = EndOfFrame(begin);
       std::vector<int> touched;
       PoseSums sums = SumFrame(begin, end, &touched);
       if (sums.EliminatePose()) use(touched, sums);
     }
   }
 
+  // The sums of each marker. REQUIRES: no jitter.
+  std::vector<MarkerSums> SumMarkers() {
+    const Bundle& bundle = context_.bundle;
+    const Eigen::Index count = context_.D.cols();
+    std::vector<MarkerSums> markers(bundle.markers.size(),
+                                    {VectorXd::Zero(count), MatrixXd::Zero(count, count)});
+    for (size_t begin = 0, end = 0; begin < bundle.observations.size(); begin = end) {
+      end = EndOfFrame(begin);
+      std::vector<int> touched;
+      const PoseSums sums = SumFrame(begin, end, &touched);
+      const std::optional<MatrixXd> pose_D =
+          SolvePositive(sums.PoseInformation(), MatrixXd(sums.E_B.leftCols(count)));
+      if (!pose_D) continue;
+      for (size_t next = 0; begin < end; begin = next) {
+        next = EndOfView(bundle.observations, begin);
+        const auto c = static_cast<size_t>(bundle.observations[begin].camera);
+        SumView(begin, next);
+        rows_[c].AddToMarkers(*pose_D, &markers);
+      }
+    }
+    return markers;
+  }
+
  private:
+  [[nodiscard]] size_t EndOfFrame(size_t begin) const {
+    const auto& observations = context_.bundle.observations;
+    const auto first = observations.begin() + static_cast<std::ptrdiff_t>(begin);
+    const auto other = std::find_if_not(first, observations.end(), [&](const auto& o) {
+      return o.frame == observations[begin].frame;
+    });
+    return static_cast<size_t>(other - observations.begin());
+  }
+
+  // Of the observations [begin, end) of one view.
+  PoseSums SumView(size_t begin, size_t end) {
+    const Bundle& bundle = context_.bundle;
+    const auto frame = static_cast<size_t>(bundle.observations[begin].frame);
+    const auto c = static_cast<size_t>(bundle.observations[begin].camera);
+    return rows_[c].SumView(
+        {.T_camera_rig = bundle.cameras[c].T_camera_rig, .T_rig_target = bundle.SeenPose(frame, c)},
+        begin,
+        end);
+  }
+
   PoseSums SumFrame(size_t begin, size_t end, std::vector<int>* touched) {
     const Bundle& bundle = context_.bundle;
     const Eigen::Index unknowns = context_.D.rows(), markers = context_.marker_D.rows();
     const auto frame = static_cast<size_t>(bundle.observations[begin].frame);
-    PoseSums sums(unknowns, context_.D.cols(), context_.residuals);
+    PoseSums sums(unknowns, context_.D.cols());
     MatrixXd of_markers = MatrixXd::Zero(markers, sums.J_B.cols());
     for (size_t next = 0; begin < end; begin = next) {
       const auto c = static_cast<size_t>(bundle.observations[begin].camera);
       next = EndOfView(bundle.observations, begin);
-      PoseSums view = rows_[c].SumView({.T_camera_rig = bundle.cameras[c].T_camera_rig,
-                                        .T_rig_target = bundle.SeenPose(frame, c)},
-                                       begin,
-                                       next);
+      PoseSums view = SumView(begin, next);
       if (bundle.EstimatesJitter()) {
         const Matrix6d W = JitterWeight(bundle, frame, c);
         view.EliminateJitter(W.transpose() * W, bundle.jitter.delta[bundle.View(frame, c)]);
@@ -350,76 +392,107 @@ MatrixXd Directions(Eigen::Index unknowns) {
   return signs;
 }
 
-// Gradient of half the sum of squares over all frames by the unknowns, and columns of its change
-// with each error that points share.
-MatrixXd GradientOfFrames(const Bundle& bundle, const Uncertainty& uncertainty) {
+// Gradient of half the sum of squares over all frames by the unknowns.
+VectorXd GradientOfFrames(const Bundle& bundle, const Uncertainty& uncertainty) {
   const MatrixXd none(uncertainty.covariance.rows(), 0);
   FrameScores scores(bundle, uncertainty, none);
-  MatrixXd gradient = MatrixXd::Zero(none.rows(), scores.Residuals());
+  VectorXd gradient = VectorXd::Zero(none.rows());
   scores.ForEach([&](const std::vector<int>& /*touched*/, const PoseSums& sums) {
     gradient += sums.Gradient();
   });
   return gradient;
 }
 
+// Directions in each camera's unknowns, in which these have unit covariance: columns [first[c],
+// first[c + 1]) in all unknowns. A step of all unknowns by C g is one of D' g there.
+struct CameraDirections {
+  MatrixXd D;
+  std::vector<Eigen::Index> first{0};
+
+  CameraDirections(const Bundle& bundle, const Uncertainty& uncertainty)
+      : D(uncertainty.covariance.rows(), 0) {
+    const MatrixXd& C = uncertainty.covariance;
+    for (size_t c = 0; c < bundle.cameras.size(); ++c) {
+      const std::vector<int> indices = IndicesOf(uncertainty, c);
+      const MatrixXd root = InverseRoot(C(indices, indices));
+      const MatrixXd directions = root * Directions(root.cols());
+      D.conservativeResize(C.rows(), D.cols() + directions.cols());
+      D.rightCols(directions.cols()) = C(Eigen::all, indices) * directions;
+      first.push_back(D.cols());
+    }
+  }
+  [[nodiscard]] auto Of(size_t camera) const {
+    return Eigen::seq(first[camera], first[camera + 1] - 1);
+  }
+};
+
+// Squares of the scores of clusters of rows, with what independent noise makes of them.
+struct FoundScatter {
+  double squares = 0, expected = 0, expected2 = 0;
+
+  void Add(double square, const MatrixXd& spread) {
+    squares += square;
+    expected += spread.trace();
+    expected2 += spread.squaredNorm();
+  }
+  [[nodiscard]] Scatter Result() const {
+    if (!(expected > 0) || !(expected2 > 0)) return {};
+    return {squares / expected, expected * expected / expected2};
+  }
+};
+
 }  // namespace
 
-CommonErrors EstimateCommonErrors(const Bundle& bundle, const Uncertainty& uncertainty) {
-  const MatrixXd& C = uncertainty.covariance;
-  // Directions in each camera's unknowns, in which these have unit covariance; and what they are of
-  // the score: a step of all unknowns by C g is one of D' g there.
-  std::vector<Eigen::Index> first{0};
-  MatrixXd D(C.rows(), 0);
-  for (size_t c = 0; c < bundle.cameras.size(); ++c) {
-    const std::vector<int> indices = IndicesOf(uncertainty, c);
-    const MatrixXd root = InverseRoot(C(indices, indices));
-    const MatrixXd directions = root * Directions(root.cols());
-    D.conservativeResize(C.rows(), D.cols() + directions.cols());
-    D.rightCols(directions.cols()) = C(Eigen::all, indices) * directions;
-    first.push_back(D.cols());
-  }
-  const MatrixXd gradient = GradientOfFrames(bundle, uncertainty);
-  // Change of the unknowns by each shared error.
-  const MatrixXd by_shared = C * gradient.rightCols(gradient.cols() - 1);
-  CommonErrors errors{std::vector<FrameScatter>(bundle.cameras.size()),
-                      by_shared * by_shared.transpose()};
+std::vector<Scatter> EstimateFrameScatter(const Bundle& bundle, const Uncertainty& uncertainty) {
+  const CameraDirections directions(bundle, uncertainty);
+  const MatrixXd& D = directions.D;
+  const VectorXd gradient = GradientOfFrames(bundle, uncertainty);
   // Step from the optimum to that of the frames alone, without priors.
   const MatrixXd frames_root = InverseRoot(uncertainty.frames_information);
-  const VectorXd by_priors = frames_root * (frames_root.transpose() * gradient.col(0));
-  struct Found {
-    double squares = 0, expected = 0, expected2 = 0;
-  };
-  std::vector<Found> found(bundle.cameras.size());
+  const VectorXd by_priors = frames_root * (frames_root.transpose() * gradient);
+  std::vector<FoundScatter> found(bundle.cameras.size());
   FrameScores(bundle, uncertainty, D)
       .ForEach([&](const std::vector<int>& touched, const PoseSums& sums) {
         // Information and gradient of the frame in the directions.
         const MatrixXd V_D = sums.Information()(touched, Eigen::all);
-        const VectorXd D_g = D.transpose() * sums.Gradient().col(0);
+        const VectorXd D_g = D.transpose() * sums.Gradient();
         // Step of the unknowns by this frame, and its variance by the noise of its points. The
         // optimum has taken a part of it: the frame's share of the information of all frames.
         const VectorXd moved = D_g - V_D.transpose() * by_priors(touched);
         const MatrixXd own_root = frames_root(touched, Eigen::all).transpose() * V_D;
         for (size_t c = 0; c < found.size(); ++c) {
-          const auto of_camera = Eigen::seq(first[c], first[c + 1] - 1);
+          const auto of_camera = directions.Of(c);
           const auto own = own_root(Eigen::all, of_camera);
-          const MatrixXd spread = D(touched, of_camera).transpose() * V_D(Eigen::all, of_camera) -
-                                  own.transpose() * own;
-          found[c].squares += moved(of_camera).squaredNorm();
-          found[c].expected += spread.trace();
-          found[c].expected2 += spread.squaredNorm();
+          found[c].Add(moved(of_camera).squaredNorm(),
+                       D(touched, of_camera).transpose() * V_D(Eigen::all, of_camera) -
+                           own.transpose() * own);
         }
       });
-  for (size_t c = 0; c < found.size(); ++c) {
-    const auto& [squares, expected, expected2] = found[c];
-    if (!(expected > 0) || !(expected2 > 0)) continue;
-    errors.scatter[c] = {squares / expected, expected * expected / expected2};
-  }
-  return errors;
+  std::vector<Scatter> scatter;
+  for (const FoundScatter& one : found) scatter.push_back(one.Result());
+  return scatter;
 }
 
-void AddCommonErrors(const std::vector<double>& factors,
-                     const MatrixXd& shared,
-                     Uncertainty* uncertainty) {
+std::vector<Scatter> EstimateMarkerScatter(const Bundle& bundle, const Uncertainty& uncertainty) {
+  std::vector<FoundScatter> found(bundle.cameras.size());
+  if (!bundle.EstimatesJitter() && !bundle.HasLandmarks()) {
+    const CameraDirections directions(bundle, uncertainty);
+    for (const MarkerSums& marker : FrameScores(bundle, uncertainty, directions.D).SumMarkers()) {
+      for (size_t c = 0; c < found.size(); ++c) {
+        const auto of_camera = directions.Of(c);
+        // In these directions the information of all rows is 1, of which the optimum has taken the
+        // marker's share.
+        const MatrixXd own = marker.information(of_camera, of_camera);
+        found[c].Add(marker.score(of_camera).squaredNorm(), own - own * own);
+      }
+    }
+  }
+  std::vector<Scatter> scatter;
+  for (const FoundScatter& one : found) scatter.push_back(one.Result());
+  return scatter;
+}
+
+void ScaleByScatter(const std::vector<double>& factors, Uncertainty* uncertainty) {
   MatrixXd& C = uncertainty->covariance;
   VectorXd scale = VectorXd::Ones(C.rows());  // of each unknown's variance
   for (size_t c = 0; c < factors.size(); ++c) {
@@ -429,7 +502,6 @@ void AddCommonErrors(const std::vector<double>& factors,
   }
   const VectorXd root = scale.cwiseSqrt(), before = C.diagonal();
   C = root.asDiagonal() * C * root.asDiagonal();
-  if (shared.size() > 0) C += shared;
   for (size_t c = 0; c < factors.size(); ++c) {
     for (size_t k = 0; k < uncertainty->param_std_errors[c].size(); ++k) {
       const int index = uncertainty->param_index[c][k];

@@ -18,22 +18,11 @@
 // that k can be distinguished from another depth.
 #pragma once
 
-#include <vector>
-
-#include "detectors/plenoptic/markers/marker_measurement.h"
-
 namespace plenocal::internal {
 
 /// h(V), the correction for the finite aperture: an even disc of which a straight edge leaves V is
 /// displaced by h k grad ln V, with k that of a bell-shaped aperture of the same width. It is
 /// 4/3 (1 - d^2) with the edge at d radii, to 0.02.
 double ApertureShape(double V);
-
-/// Estimates k_pixel and k of each lens type from all raw images of a camera, by the disagreement
-/// of the micro images of each marker, and removes the displacement from the measurements. The
-/// rest, by the uncertainty of k, is common to all measurements: returned as in
-/// `View::shared_errors`, by image.
-std::vector<std::vector<std::vector<double>>> CorrectVignettingDisplacement(
-    int types, std::vector<RawMeasurements>* images);
 
 }  // namespace plenocal::internal

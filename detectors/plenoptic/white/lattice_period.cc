@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "detectors/plenoptic/white/hexagonal_period.h"
+#include "detectors/plenoptic/white/lattice_period.h"
 
 #include <Eigen/Cholesky>
 #include <Eigen/Geometry>
@@ -10,7 +10,7 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
-#include "calib/camera/hexagonal_lattice.h"
+#include "calib/camera/lens_lattice.h"
 
 namespace plenocal::internal {
 namespace {
@@ -26,9 +26,11 @@ constexpr double kMinPitch = 5;
 /// A peak is the maximum within this part of its distance from zero: lattice peaks are 1 apart, so
 /// ripples on a peak or within a micro image do not count.
 constexpr double kPeakRadius = 0.3;
-/// Largest deviation of the lattice from an exact hexagon, pitches: that of tilted and distorted
-/// lattices is smaller.
-constexpr double kHexagonTolerance = 0.15;
+/// Largest deviation of the lattice from an exact hexagon or right angle, pitches: that of tilted
+/// and distorted lattices is smaller.
+constexpr double kShapeTolerance = 0.15;
+/// Longest side of a rectangular cell over its shortest.
+constexpr double kMostElongated = 2;
 /// Least height of the shortest lattice peak over the range of the autocorrelation. Neighbours of
 /// different lens types are less alike than next neighbours of one type.
 constexpr double kLatticeHeight = 0.5;
@@ -122,16 +124,18 @@ class Autocorrelation {
 
 /// Fits the basis to all peaks of the two inner rings; nothing when one of them is missing.
 std::optional<Matrix2d> FitRings(const Autocorrelation& correlation, Matrix2d basis) {
+  const bool hexagonal = KindOfLattice(basis) == LatticeKind::kHexagonal;
   // The inner ring first: it predicts the outer one well.
   for (const int rings : {1, 2}) {
     Matrix2d lags_nodes = Matrix2d::Zero(), nodes_nodes = Matrix2d::Zero();
     for (int row = 0; row <= rings; ++row) {
       for (int column = -rings; column <= rings; ++column) {
-        const int distance = std::max({std::abs(column), row, std::abs(column + row)});
+        const int distance =
+            std::max({std::abs(column), row, hexagonal ? std::abs(column + row) : 0});
         if (distance == 0 || distance > rings || (row == 0 && column < 0)) continue;
         const Vector2d node(column, row);
         const Vector2d expected = basis * node;
-        const double radius = kPeakRadius * basis.col(0).norm();
+        const double radius = kPeakRadius * basis.colwise().norm().minCoeff();
         if (rings == 2 && !correlation.Covers(expected, radius + 2)) continue;
         const auto peak = correlation.PeakNear(expected, radius);
         if (!peak) return std::nullopt;
@@ -170,41 +174,64 @@ std::vector<Vector2d> FindPeaks(const Autocorrelation& correlation) {
   return peaks;
 }
 
-/// The shortest period. The gaps between micro images repeat as well, at lower peaks.
-std::optional<Vector2d> ShortestPeriod(const Autocorrelation& correlation) {
-  const std::vector<Vector2d> peaks = FindPeaks(correlation);
+/// The periods of the image, shortest first. The gaps between micro images repeat as well, at lower
+/// peaks.
+std::vector<Vector2d> FindPeriods(const Autocorrelation& correlation) {
+  std::vector<Vector2d> peaks = FindPeaks(correlation);
   double highest = 0;
   for (const Vector2d& peak : peaks) highest = std::max(highest, At(correlation, peak));
   const double lowest = correlation.Lowest();
-  for (const Vector2d& peak : peaks) {
-    if (At(correlation, peak) - lowest >= kLatticeHeight * (highest - lowest)) return peak;
+  std::erase_if(peaks, [&](const Vector2d& peak) {
+    return At(correlation, peak) - lowest < kLatticeHeight * (highest - lowest);
+  });
+  return peaks;
+}
+
+/// Two sides of a cell by the periods: of a hexagon of peaks around zero, or of a rectangle.
+std::optional<Matrix2d> FindCell(const Autocorrelation& correlation,
+                                 const std::vector<Vector2d>& periods) {
+  if (periods.empty()) return std::nullopt;
+  const Vector2d a = periods[0], b = Eigen::Rotation2Dd(std::numbers::pi / 3) * a;
+  const auto nearby = [&](const Vector2d& lag) {
+    return correlation.PeakNear(lag, kShapeTolerance * a.norm()).has_value();
+  };
+  Matrix2d cell;
+  if (nearby(b) && nearby(b - a)) {
+    cell << a, b;
+    return cell;
+  }
+  for (const Vector2d& across : periods) {
+    if (across.norm() > kMostElongated * a.norm()) break;
+    if (std::abs(a.dot(across)) > kShapeTolerance * a.norm() * across.norm()) continue;
+    if (!nearby(a + across) || !nearby(a - across)) continue;
+    cell << a, across;
+    return CanonicalLatticeBasis(cell);
   }
   return std::nullopt;
 }
 
+/// Mean height of the peaks nearest to zero above that between them.
+double HeightOfPeaks(const Autocorrelation& correlation, const Matrix2d& basis) {
+  const auto at = [&](const Vector2d& lag) { return At(correlation, lag); };
+  const Vector2d a = basis.col(0), b = basis.col(1);
+  if (KindOfLattice(basis) == LatticeKind::kRectangular) {
+    return (at(a) + at(b)) / 2 - (at((a + b) / 2) + at((a - b) / 2)) / 2;
+  }
+  return (at(a) + at(b) + at(b - a)) / 3 - (at((a + b) / 3) + at((2 * b - a) / 3)) / 2;
+}
+
 }  // namespace
 
-std::optional<Matrix2d> FindHexagonalPeriod(const cv::Mat& flat) {
+std::optional<Matrix2d> FindLatticePeriod(const cv::Mat& flat) {
   const cv::Size size(std::min(flat.cols, kMaxPatch), std::min(flat.rows, kMaxPatch));
   const Autocorrelation correlation(
       flat(cv::Rect({(flat.cols - size.width) / 2, (flat.rows - size.height) / 2}, size)));
-  const std::optional<Vector2d> shortest = ShortestPeriod(correlation);
-  if (!shortest) return std::nullopt;
-
-  // It must belong to a hexagon of peaks with a second ring.
-  Matrix2d hexagon;
-  hexagon << *shortest, Eigen::Rotation2Dd(std::numbers::pi / 3) * *shortest;
-  const auto nearby = [&](const Vector2d& lag) {
-    return correlation.PeakNear(lag, kHexagonTolerance * shortest->norm());
-  };
-  if (!nearby(hexagon.col(1)) || !nearby(hexagon.col(1) - hexagon.col(0))) return std::nullopt;
-  const std::optional<Matrix2d> basis = FitRings(correlation, hexagon);
-  if (!basis) return std::nullopt;
-  const auto at = [&](const Vector2d& lag) { return At(correlation, lag); };
-  const Vector2d a = basis->col(0), b = basis->col(1);
-  const double ring = (at(a) + at(b) + at(b - a)) / 3;
-  const double holes = (at((a + b) / 3) + at((2 * b - a) / 3)) / 2;  // between the nodes
-  if (ring - holes < kSignificance * correlation.Noise()) return std::nullopt;
+  const std::optional<Matrix2d> cell = FindCell(correlation, FindPeriods(correlation));
+  if (!cell) return std::nullopt;
+  const std::optional<Matrix2d> basis = FitRings(correlation, *cell);
+  if (!basis || HeightOfPeaks(correlation, *basis) < kSignificance * correlation.Noise()) {
+    return std::nullopt;
+  }
   return CanonicalLatticeBasis(*basis);
 }
 

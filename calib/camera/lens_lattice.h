@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// A hexagonal lattice as an image shows it. The lattice itself is regular; lens distortion, which
-// is smooth, bends its image. So a node's place is a low-order polynomial of its lattice
-// coordinates.
+// A lattice of micro lenses, hexagonal or rectangular, as an image shows it. The lattice itself is
+// regular; lens distortion, which is smooth, bends its image. So a node's place is a low-order
+// polynomial of its lattice coordinates.
 #pragma once
 
 #include <Eigen/Core>
@@ -21,21 +21,32 @@ struct LatticeNode {
   auto operator<=>(const LatticeNode&) const = default;  // NOLINT(modernize-use-nullptr)
 };
 
-/// Steps to the six neighbours of a node.
-inline constexpr std::array<LatticeNode, 6> kLatticeNeighbours{
-    {{1, 0}, {0, 1}, {-1, 1}, {-1, 0}, {0, -1}, {1, -1}}};
+/// Arrangement of the nodes. The canonical basis of a hexagonal lattice spans 60 degrees, that of a
+/// rectangular (or square) one 90.
+enum class LatticeKind { kHexagonal, kRectangular };
 
-/// Which of three interleaved sets a node belongs to, 0 .. 2: the one way to colour the lattice
-/// with three colours such that neighbours differ.
-int LatticeColour(const LatticeNode& node);
+/// The arrangement that a canonical basis spans.
+LatticeKind KindOfLattice(const Eigen::Matrix2d& basis);
 
-/// The vectors to the next node of a row (turned by less than 30 degrees from the x axis) and to
-/// the next row (60 degrees on, from x to y) as columns, of the lattice that any two of its
-/// shortest vectors span.
+/// Steps to the nodes around a node: six, or eight with those across the corners.
+std::span<const LatticeNode> LatticeNeighbours(LatticeKind kind);
+
+/// Number of interleaved sets into which a lattice is divided: types of micro lenses repeat from
+/// set to set.
+inline constexpr int LatticeSets(LatticeKind kind) {
+  return kind == LatticeKind::kHexagonal ? 3 : 4;
+}
+
+/// Which of the interleaved sets a node belongs to, 0 .. sets - 1. Hexagonal: the one way to colour
+/// the lattice with three colours such that neighbours differ. Rectangular: 2 x 2 nodes.
+int LatticeColour(const LatticeNode& node, LatticeKind kind = LatticeKind::kHexagonal);
+
+/// The vectors to the next node of a row (nearest to the x axis) and to the next row (60 or 90
+/// degrees on, from x to y) as columns, of the lattice that two vectors to neighbours span.
 Eigen::Matrix2d CanonicalLatticeBasis(const Eigen::Matrix2d& basis);
 
-/// The lattice basis around the middle of hexagonally arranged points; nothing when no point there
-/// has neighbours on all sides.
+/// The canonical basis around the middle of points in a lattice; nothing when no point there has
+/// neighbours on all sides.
 std::optional<Eigen::Matrix2d> FindLatticeBasis(std::span<const Eigen::Vector2d> points,
                                                 ImageSize image_size);
 
