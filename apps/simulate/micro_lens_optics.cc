@@ -11,7 +11,7 @@
 
 #include "apps/simulate/random.h"
 #include "calib/base/error.h"
-#include "calib/camera/hexagonal_lattice.h"
+#include "calib/camera/lens_lattice.h"
 
 namespace plenocal::simulate {
 namespace {
@@ -22,20 +22,30 @@ constexpr int kIterations = 40;
   throw Error(ErrorKind::kInput, fmt::format("cameras.{}: {}", camera.name, message));
 }
 
+int TypeOf(const MicroLensSpec& spec, const LatticeNode& node) {
+  const int colour = LatticeColour(node, spec.lattice);
+  const auto types = static_cast<int>(spec.focus.size());
+  if (types == LatticeSets(spec.lattice)) return colour;
+  return types == 2 ? (node.column + node.row) & 1 : 0;
+}
+
 }  // namespace
 
 MicroLensOptics::MicroLensOptics(const CameraSpec& camera) : camera_(camera) {
   FindPrincipalPoint();
   const MicroLensSpec& spec = *camera.micro_lenses;
-  const double step = std::numbers::pi / 3;
+  const bool hexagonal = spec.lattice == LatticeKind::kHexagonal;
+  const double step = hexagonal ? std::numbers::pi / 3 : std::numbers::pi / 2;
+  const double row_pitch = hexagonal ? spec.pitch : spec.row_pitch;
+  const double least = std::min(spec.pitch, row_pitch);
   basis_.col(0) = Eigen::Rotation2Dd(spec.rotation) * Eigen::Vector2d(spec.pitch, 0);
-  basis_.col(1) = Eigen::Rotation2Dd(spec.rotation + step) * Eigen::Vector2d(spec.pitch, 0);
+  basis_.col(1) = Eigen::Rotation2Dd(spec.rotation + step) * Eigen::Vector2d(row_pitch, 0);
   origin_ = principal_ + spec.offset;
 
   // Rows and columns are oblique, so that they run farther than the image's diagonal.
   const Eigen::Vector2d size(camera.image_size[0], camera.image_size[1]);
   const double reach = size.norm() + (origin_ - size / 2).norm() + 2 * spec.pitch;
-  most_ = static_cast<int>(reach / (spec.pitch * std::cos(step / 2))) + 2;
+  most_ = static_cast<int>(reach / (least * std::cos(step / 2))) + 2;
   const int count = 2 * most_ + 1;
   index_.setConstant(count, count, -1);
   for (int row = -most_; row <= most_; ++row) {
@@ -45,7 +55,7 @@ MicroLensOptics::MicroLensOptics(const CameraSpec& camera) : camera_(camera) {
       if (!IsInside(regular, camera.image_size, 0.2 * size.maxCoeff())) continue;
       const auto centre = FromSlope(slope_by_px_ * (regular - principal_));
       if (!centre || !IsInside(*centre, camera.image_size, spec.pitch)) continue;
-      const int type = spec.focus.size() == 3 ? LatticeColour({column, row}) : 0;
+      const int type = TypeOf(spec, {column, row});
       index_(column + most_, row + most_) = static_cast<int>(lenses_.size());
       lenses_.push_back({.row = row, .column = column, .centre = *centre, .type = type});
     }
@@ -133,10 +143,10 @@ std::optional<Eigen::Vector2d> MicroLensOptics::CentralImage(const Eigen::Vector
 std::vector<Observation> MicroLensOptics::Observe(int marker, const Eigen::Vector3d& p_cam) const {
   const MicroLensSpec& spec = *camera_.micro_lenses;
   const auto project = [&](const Eigen::Vector2d& c) -> std::optional<Eigen::Vector2d> {
-    const std::array values{0.0, 0.0, c.x(), c.y()};
+    const double values[kMaxObservationSize] = {0, 0, c.x(), c.y()};
     Eigen::Vector2d x;
     if (!camera_.model->project(
-            camera_.params.data(), camera_.config.data(), values.data(), p_cam, x.data())) {
+            camera_.params.data(), camera_.config.data(), values, p_cam, x.data())) {
       return std::nullopt;
     }
     return x;
@@ -156,7 +166,8 @@ std::vector<Observation> MicroLensOptics::Observe(int marker, const Eigen::Vecto
   const auto slope = Slope(*q);
   if (!slope) return {};
   const Eigen::Vector2d node = basis_.inverse() * (principal_ + px_by_slope_ * *slope - origin_);
-  const int steps = static_cast<int>(reach / (spec.pitch * std::cos(std::numbers::pi / 6))) + 1;
+  const double least = basis_.colwise().norm().minCoeff();
+  const int steps = static_cast<int>(reach / (least * std::cos(std::numbers::pi / 6))) + 1;
   const int middle_row = static_cast<int>(std::lround(node.y()));
   const int middle_column = static_cast<int>(std::lround(node.x()));
   for (int row = std::max(middle_row - steps, -most_); row <= std::min(middle_row + steps, most_);

@@ -9,7 +9,7 @@
 #include <variant>
 
 #include "apps/simulate/random.h"
-#include "calib/camera/hexagonal_lattice.h"
+#include "calib/camera/lens_lattice.h"
 
 namespace plenocal::simulate {
 namespace {

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <numbers>
 #include <optional>
+#include <utility>
 
 #include "apps/simulate/random.h"
 #include "calib/base/error.h"
@@ -67,10 +68,20 @@ struct FramePlan {
   int index = 0;
   bool partial = false;  // the target is at the rim of the image
   size_t aim = 0;        // the camera that is aimed at the target
+  size_t target = 0;
 };
 
-FramePlan PlanFrame(const PoseSpec& poses, int index, size_t widest_camera) {
-  FramePlan plan{.index = index, .partial = false, .aim = poses.aim};
+FramePlan PlanFrame(const SimulationSpec& spec, int index, size_t widest_camera) {
+  const PoseSpec& poses = spec.poses;
+  FramePlan plan{.index = index, .partial = false, .aim = poses.aim, .target = 0};
+  const auto turn = static_cast<size_t>(index), targets = std::max<size_t>(1, spec.targets.size());
+  plan.target = turn % targets;
+  if (poses.aim_all) {
+    // With as many cameras as targets, or a multiple, each still meets each.
+    plan.aim = turn % spec.cameras.size();
+    plan.target = (turn / spec.cameras.size() + turn) % targets;
+    return plan;
+  }
   // Spread evenly over the run: every 1 / partial-th frame.
   plan.partial = !(poses.one_distance || poses.no_tilt || poses.corner) &&
                  std::floor((index + 1) * poses.partial) > std::floor(index * poses.partial);
@@ -129,27 +140,35 @@ RigidTransform PlaceTarget(const PoseSpec& poses,
 // Finds poses that show the target.
 class PoseFinder {
  public:
-  PoseFinder(const SimulationSpec& spec, const Observer& observer, const TrueTarget& target)
-      : spec_(spec),
-        observer_(observer),
-        target_(target),
-        stance_(FindStance(target)),
-        // Fewer do not make a frame worth having; of a small target half of it.
-        fewest_(std::min(8, (static_cast<int>(target.markers.size()) + 1) / 2)) {}
+  PoseFinder(const SimulationSpec& spec,
+             const Observer& observer,
+             const std::vector<TrueTarget>& targets)
+      : spec_(spec), observer_(observer), targets_(targets) {
+    for (const TrueTarget& target : targets) {
+      stances_.push_back(FindStance(target));
+      // Fewer do not make a frame worth having; of a small target half of it.
+      fewest_.push_back(std::min(8, (static_cast<int>(target.markers.size()) + 1) / 2));
+    }
+  }
 
   [[nodiscard]] Frame Find(const FramePlan& plan) const {
     constexpr int kTries = 300;
     Random random(spec_.seed, "pose", {static_cast<size_t>(plan.index)});
     const CameraSpec& camera = spec_.cameras[plan.aim];
+    std::optional<Frame> alone;  // a frame in which no second camera sees a target
     for (int attempt = 0; attempt < kTries; ++attempt) {
       const Placement drawn = DrawPlacement(spec_.poses, plan, &random);
       const std::optional<Ray> ray = observer_.CentralRay(plan.aim, At(camera, drawn.share));
       if (!ray) continue;
       const RigidTransform T_rig_target =
-          camera.T_camera_rig.Inverse() * PlaceTarget(spec_.poses, drawn, *ray, stance_);
-      if (!Suits(observer_.Observe(plan.aim, target_, T_rig_target), camera)) continue;
-      return {FrameName(plan.index), plan.partial ? "partial" : "good", T_rig_target};
+          camera.T_camera_rig.Inverse() *
+          PlaceTarget(spec_.poses, drawn, *ray, stances_[plan.target]);
+      if (!Suits(plan, T_rig_target, camera)) continue;
+      Frame frame{FrameName(plan.index), plan.partial ? "partial" : "good", T_rig_target};
+      if (!spec_.poses.aim_all || SecondSees(plan.aim, T_rig_target)) return frame;
+      if (!alone) alone = std::move(frame);
     }
+    if (alone) return *alone;
     throw Error(
         ErrorKind::kJob,
         fmt::format(
@@ -157,43 +176,59 @@ class PoseFinder {
             spec_.path.string(),
             kTries,
             camera.name,
-            fewest_,
+            fewest_[plan.target],
             spec_.poses.corner ? " in a corner of its image and none elsewhere" : ""));
   }
 
  private:
-  [[nodiscard]] bool Suits(const std::vector<Observation>& seen, const CameraSpec& camera) const {
-    if (CountMarkers(seen) < fewest_) return false;
+  [[nodiscard]] bool Suits(const FramePlan& plan,
+                           const RigidTransform& T_rig_target,
+                           const CameraSpec& camera) const {
+    const std::vector<Observation> seen =
+        observer_.Observe(plan.aim, targets_[plan.target], T_rig_target);
+    if (CountMarkers(seen) < fewest_[plan.target]) return false;
     const Eigen::Vector2d centre = At(camera, {0.5, 0.5});
     return !spec_.poses.corner || std::ranges::none_of(seen, [&](const Observation& o) {
       return o.values[0] > centre.x() || o.values[1] > centre.y();
     });
   }
 
+  // Whether a camera beside this one sees a target.
+  [[nodiscard]] bool SecondSees(size_t aim, const RigidTransform& T_rig_target) const {
+    for (size_t c = 0; c < spec_.cameras.size(); ++c) {
+      for (size_t k = 0; c != aim && k < targets_.size(); ++k) {
+        if (CountMarkers(observer_.Observe(c, targets_[k], T_rig_target)) >= fewest_[k]) {
+          return true;
+        }
+      }
+    }
+    return false;
+  }
+
   const SimulationSpec& spec_;
   const Observer& observer_;
-  const TrueTarget& target_;
-  Stance stance_;
-  int fewest_;  // markers that a frame must show
+  const std::vector<TrueTarget>& targets_;
+  std::vector<Stance> stances_;  // per target
+  std::vector<int> fewest_;      // per target: markers that a frame must show
 };
 
 }  // namespace
 
 std::vector<Frame> MakePoses(const SimulationSpec& spec,
                              const Observer& observer,
-                             const TrueTarget& target) {
+                             const std::vector<TrueTarget>& targets) {
   std::vector<Frame> frames;
   for (const auto& [name, T_target_rig] : spec.poses.given) {
     frames.push_back({name, "given", T_target_rig.Inverse()});
   }
   if (!frames.empty()) return frames;
-  const PoseFinder finder(spec, observer, target);
+  const PoseFinder finder(spec, observer, targets);
   const size_t widest = WidestCamera(spec, observer);
   for (int f = 0; f < spec.poses.frames; ++f) {
     if (spec.poses.still && f > 0) {
       frames.push_back({FrameName(f), frames[0].kind, frames[0].T_rig_target});
     } else {
-      frames.push_back(finder.Find(PlanFrame(spec.poses, f, widest)));
+      frames.push_back(finder.Find(PlanFrame(spec, f, widest)));
     }
   }
   return frames;

@@ -16,10 +16,11 @@ struct Frame {
   RigidTransform T_rig_target;
 };
 
-/// The rig's poses before the target, all from the seed. Throws `Error` of kind kJob when no pose
-/// of the specified kind shows the target.
+/// The rig's poses before the target, all from the seed; of several targets (in the frame of the
+/// first) each has its turn. Throws `Error` of kind kJob when no pose of the specified kind shows
+/// the target.
 std::vector<Frame> MakePoses(const SimulationSpec& spec,
                              const Observer& observer,
-                             const TrueTarget& target);
+                             const std::vector<TrueTarget>& targets);
 
 }  // namespace plenocal::simulate

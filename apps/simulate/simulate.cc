@@ -23,7 +23,8 @@
 #include "apps/simulate/scene/simulate_scene.h"
 #include "apps/simulate/sensor.h"
 #include "apps/simulate/simulation_spec.h"
-#include "apps/simulate/target_surface.h"
+#include "apps/simulate/targets/several_targets.h"
+#include "apps/simulate/targets/target_surface.h"
 #include "calib/base/error.h"
 #include "calib/base/number_text.h"
 #include "calib/base/output_folder.h"
@@ -43,14 +44,17 @@ struct Scene {
   SimulationSpec spec;
   std::optional<SceneTexture> texture;  // of the wall
   Exposures exposures;                  // empty: equal
-  Target target;
-  TrueTarget made;
+  Target target;                        // of several, all together
+  TrueTarget made;                      // likewise
+  std::vector<TargetInRoom> targets;    // several; empty: one
   std::vector<Frame> frames;
   std::vector<std::vector<View>> views;  // exact; by camera and frame
 };
 
 std::string SessionYaml(const Scene& scene, const SimulateRequest& request) {
-  std::string text = "plenocal: 1\ntarget: target.yaml\ncameras:\n";
+  std::string text = "plenocal: 1\n";
+  text += scene.targets.empty() ? "target: target.yaml\n" : TargetsOfSession(scene.targets);
+  text += "cameras:\n";
   const auto out = std::back_inserter(text);
   for (const CameraSpec& camera : scene.spec.cameras) {
     fmt::format_to(out, "  {}:\n    model: {}\n", YamlText(camera.name), camera.model->name);
@@ -134,6 +138,11 @@ void WriteTruth(const Scene& scene,
     }
     out->Write(fmt::format("truth/detections_{}.csv", name),
                DetectionsCsv(scene.views[c], *scene.spec.cameras[c].model));
+  }
+  for (const TargetInRoom& target : scene.targets) {
+    truth.targets.push_back({.name = target.name, .T_target_own = target.T_target_own});
+    out->Write("truth/" + TargetFile(target),
+               RefinedTargetYaml(target.target, target.made.markers, {}));
   }
   truth.provenance = SimulationProvenance(request, program, kTrueParameters);
   out->Write("truth/calibration.yaml", CalibrationYaml(truth));
@@ -231,7 +240,12 @@ using Progress = std::function<void(const std::string& stage, size_t done, size_
 void ObserveScene(const Observer& observer, int threads, const Progress& progress, Scene* scene) {
   const SimulationSpec& spec = scene->spec;
   progress("poses", 0, 1);
-  scene->frames = MakePoses(spec, observer, scene->made);
+  std::vector<TrueTarget> targets;
+  for (size_t k = 0; k < scene->targets.size(); ++k) {
+    targets.push_back(InFrameOfFirst(scene->targets[k], k));
+  }
+  if (targets.empty()) targets.push_back(scene->made);
+  scene->frames = MakePoses(spec, observer, targets);
   scene->views.resize(spec.cameras.size());
   for (size_t c = 0; c < spec.cameras.size(); ++c) {
     scene->views[c].resize(scene->frames.size());
@@ -322,14 +336,18 @@ std::string Simulate(const SimulateRequest& request, const SimulateOptions& opti
   scene.spec = ReadSimulationSpec(request.spec, options.models);
   const SimulationSpec& spec = scene.spec;
   if (spec.scenery) return SimulateScene(spec, request, options, progress);
-  scene.target = ReadTarget(spec.target);
+  const TagErrors tag_errors = spec.rigid_tags ? TagErrors::kRigid : TagErrors::kCorners;
+  scene.targets = MakeTargets(spec, tag_errors);
+  scene.target = scene.targets.empty() ? ReadTarget(spec.target) : StatedTogether(scene.targets);
   OutputFolder out(request.out);
   out.RefuseInputs({"session.yaml", "target.yaml"});
   const Observer observer(spec);
-  scene.made = MakeTarget(scene.target,
-                          spec.target_error.value_or(scene.target.tolerance.value_or(0)),
-                          spec.rigid_tags ? TagErrors::kRigid : TagErrors::kCorners,
-                          spec.seed);
+  scene.made = scene.targets.empty()
+                   ? MakeTarget(scene.target,
+                                spec.target_error.value_or(scene.target.tolerance.value_or(0)),
+                                tag_errors,
+                                spec.seed)
+                   : Together(scene.targets);
   ObserveScene(observer, options.threads, progress, &scene);
   if (spec.exposures) scene.exposures = DrawExposures(spec, scene.frames.size());
   if (spec.wall) scene.texture.emplace(spec.wall->structure, spec.seed);
@@ -337,7 +355,9 @@ std::string Simulate(const SimulateRequest& request, const SimulateOptions& opti
   if (request.points) {
     WriteDetections(scene, &out);
   } else {
-    const TargetSurface surface(NominalTarget(scene.target), scene.made, spec.seed);
+    const TargetSurface surface =
+        scene.targets.empty() ? TargetSurface(NominalTarget(scene.target), scene.made, spec.seed)
+                              : SurfaceOf(scene.targets, spec.seed);
     progress("optics", 0, 1);
     renderers = MakeRenderers(spec, observer, options.threads);
     const std::vector<ImageTask> images = ListImages(scene, surface, renderers);
@@ -350,7 +370,12 @@ std::string Simulate(const SimulateRequest& request, const SimulateOptions& opti
     if (spec.exposures) WriteExposures(scene, &out);
   }
   out.Write("session.yaml", SessionYaml(scene, request));
-  out.Write("target.yaml", RefinedTargetYaml(scene.target, {}, {}));
+  if (scene.targets.empty()) {
+    out.Write("target.yaml", RefinedTargetYaml(scene.target, {}, {}));
+  }
+  for (const TargetInRoom& target : scene.targets) {
+    out.Write(TargetFile(target), RefinedTargetYaml(target.target, {}, {}));
+  }
   WriteTruth(scene, observer, renderers, request, options.program, &out);
   out.Commit();
   return Summary(scene);

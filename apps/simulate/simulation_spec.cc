@@ -33,16 +33,18 @@ std::vector<double> ReadParams(const YamlNode& node, std::span<const Param> para
   return values;
 }
 
-RigidTransform ReadMount(const YamlNode& node) {
-  if (node.Has("xi_camera_rig") && node.Has("T_camera_rig")) {
-    node.At("xi_camera_rig").Fail("give either this or T_camera_rig");
+// The pose of the keys T_... and xi_... with this ending; identity without them.
+RigidTransform ReadPose(const YamlNode& node, const std::string& ending) {
+  const std::string T_key = "T_" + ending, xi_key = "xi_" + ending;
+  if (node.Has(xi_key) && node.Has(T_key)) {
+    node.At(xi_key).Fail(fmt::format("give either this or {}", T_key));
   }
-  if (node.Has("xi_camera_rig")) {
-    const std::vector<double> xi = node.At("xi_camera_rig").AsNumbers(6);
+  if (node.Has(xi_key)) {
+    const std::vector<double> xi = node.At(xi_key).AsNumbers(6);
     return Exp(Eigen::Map<const Vector6d>(xi.data()));
   }
-  if (!node.Has("T_camera_rig")) return {};
-  const YamlNode matrix = node.At("T_camera_rig");
+  if (!node.Has(T_key)) return {};
+  const YamlNode matrix = node.At(T_key);
   const std::vector<YamlNode> rows = matrix.Elements();
   RigidTransform T;
   if (rows.size() != 4) matrix.Fail("expected a 4 x 4 matrix, row by row");
@@ -60,11 +62,32 @@ RigidTransform ReadMount(const YamlNode& node) {
 }
 
 MicroLensSpec ReadMicroLenses(const YamlNode& node) {
-  node.CheckKeys(
-      {"pitch", "rotation", "offset", "focus", "aperture", "fill", "gain_sigma", "dull"});
+  node.CheckKeys({"lattice",
+                  "pitch",
+                  "row_pitch",
+                  "rotation",
+                  "offset",
+                  "focus",
+                  "aperture",
+                  "fill",
+                  "gain_sigma",
+                  "dull"});
   MicroLensSpec lenses;
+  if (node.Has("lattice")) {
+    const YamlNode lattice = node.At("lattice");
+    const std::string name = lattice.AsString();
+    if (name != "hexagonal" && name != "rectangular") {
+      lattice.Fail(fmt::format("expected hexagonal or rectangular, found '{}'", name));
+    }
+    if (name == "rectangular") lenses.lattice = LatticeKind::kRectangular;
+  }
   lenses.pitch = node.At("pitch").AsPositive();
   ReadNumber(node, "pitch", 6, 500, &lenses.pitch);
+  lenses.row_pitch = lenses.pitch;
+  if (node.Has("row_pitch") && lenses.lattice == LatticeKind::kHexagonal) {
+    node.At("row_pitch").Fail("the rows of a hexagonal lattice follow from 'pitch'");
+  }
+  ReadNumber(node, "row_pitch", 6, 500, &lenses.row_pitch);
   ReadNumber(node, "rotation", -2 * std::numbers::pi, 2 * std::numbers::pi, &lenses.rotation);
   if (node.Has("offset")) {
     const std::vector<double> offset = node.At("offset").AsNumbers(2);
@@ -72,8 +95,11 @@ MicroLensSpec ReadMicroLenses(const YamlNode& node) {
   }
   const YamlNode focus = node.At("focus");
   lenses.focus = focus.AsNumbers(0);
-  if (lenses.focus.size() != 1 && lenses.focus.size() != 3) {
-    focus.Fail(fmt::format("expected one virtual depth or three, found {}", lenses.focus.size()));
+  const bool hexagonal = lenses.lattice == LatticeKind::kHexagonal;
+  const size_t types = lenses.focus.size();
+  if (types != 1 && !(hexagonal ? types == 3 : types == 2 || types == 4)) {
+    focus.Fail(fmt::format(
+        "expected one virtual depth or {}, found {}", hexagonal ? "three" : "two or four", types));
   }
   for (const double depth : lenses.focus) {
     if (!(std::abs(depth) >= 1)) {
@@ -163,7 +189,7 @@ CameraSpec ReadCamera(const std::string& name,
     camera.config.push_back(ReadWithin(node.At(config.name), config));
   }
   camera.params = ReadParams(node.At("parameters"), camera.model->params);
-  camera.T_camera_rig = ReadMount(node);
+  camera.T_camera_rig = ReadPose(node, "camera_rig");
   camera.sensor = ReadSensor(node, camera, spec);
   ReadNumber(node, "detection_sigma", 0, 1e6, &camera.detection_sigma);
   if (camera.IsPlenoptic()) {
@@ -221,6 +247,10 @@ PoseSpec ReadPoseSpec(const YamlNode& node,
     const std::string name = node.At("aim").AsString();
     const std::vector<std::string_view> names = NamesOf(cameras);
     const auto found = std::find(names.begin(), names.end(), name);
+    if (found == names.end() && name == "all") {
+      poses.aim_all = true;
+      return poses;
+    }
     if (found == names.end()) {
       node.At("aim").Fail(fmt::format("no camera is named '{}'{}", name, SuggestName(name, names)));
     }
@@ -229,11 +259,32 @@ PoseSpec ReadPoseSpec(const YamlNode& node,
   return poses;
 }
 
+// A file, or {target, T_target_own} of another target than the first.
+TargetSpec ReadTargetSpec(const std::string& name,
+                          const YamlNode& node,
+                          const std::filesystem::path& spec) {
+  CheckCameraName(name, node);  // it becomes part of file names too
+  if (!node.IsMap()) return {.name = name, .file = PathBeside(spec, node), .T_target_own = {}};
+  node.CheckKeys({"target", "T_target_own", "xi_target_own"});
+  return {.name = name,
+          .file = PathBeside(spec, node.At("target")),
+          .T_target_own = ReadPose(node, "target_own")};
+}
+
 void ReadTargetAndPoses(const YamlNode& root, SimulationSpec* spec) {
   for (const char* key : {"trajectory", "calibration_sigma"}) {
     if (root.Has(key)) root.At(key).Fail("goes with 'scene' in place of 'target' only");
   }
-  spec->target = PathBeside(spec->path, root.At("target"));
+  if (root.Has("targets")) {
+    if (root.Has("target")) root.At("targets").Fail("give either this or 'target'");
+    if (root.Has("wall")) root.At("wall").Fail("goes with one target only");
+    for (const auto& [name, node] : root.At("targets").Entries()) {
+      spec->targets.push_back(ReadTargetSpec(name, node, spec->path));
+    }
+    if (spec->targets.empty()) root.At("targets").Fail("expected targets: 'floor: floor.yaml'");
+  } else {
+    spec->target = PathBeside(spec->path, root.At("target"));
+  }
   if (root.Has("target_error")) {
     spec->target_error = 0;
     ReadNumber(root, "target_error", 0, 1, &*spec->target_error);
@@ -257,7 +308,8 @@ void CheckParameterSigmas(const YamlNode& root, const std::vector<CameraSpec>& c
 }
 
 void ReadSceneAndTrajectory(const YamlNode& root, SimulationSpec* spec) {
-  for (const char* key : {"target", "target_error", "rigid_tags", "poses", "wall", "exposures"}) {
+  for (const char* key :
+       {"target", "targets", "target_error", "rigid_tags", "poses", "wall", "exposures"}) {
     if (root.Has(key)) root.At(key).Fail("'scene' is in place of 'target' and 'poses'");
   }
   spec->scenery = ReadScenery(root, spec->path);
@@ -284,6 +336,7 @@ SimulationSpec ReadSimulationSpec(const std::filesystem::path& path,
   root.CheckKeys({"plenocal",
                   "seed",
                   "target",
+                  "targets",
                   "target_error",
                   "rigid_tags",
                   "cameras",

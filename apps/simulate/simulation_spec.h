@@ -15,6 +15,7 @@
 #include "apps/simulate/scene/scene_spec.h"
 #include "calib/camera/bayer.h"
 #include "calib/camera/camera_model.h"
+#include "calib/camera/lens_lattice.h"
 #include "calib/camera/rigid_transform.h"
 #include "calib/files/calibration_record.h"
 
@@ -22,10 +23,13 @@ namespace plenocal::simulate {
 
 /// The micro-lens array of a plenoptic camera, as it appears in white images.
 struct MicroLensSpec {
-  double pitch = 0;              ///< px, distance of micro-image centres
+  LatticeKind lattice = LatticeKind::kHexagonal;
+  double pitch = 0;              ///< px, distance of micro-image centres in a row
+  double row_pitch = 0;          ///< px, distance of the rows of a rectangular lattice
   double rotation = 0;           ///< rad, of the lattice's rows about the x axis
   Eigen::Vector2d offset{0, 0};  ///< px, of a centre from the principal point
-  /// Virtual depth (docs/plenoptic.md) at which each lens type is in focus: one value or three.
+  /// Virtual depth (docs/plenoptic.md) at which each lens type is in focus: one value or, of a
+  /// hexagonal lattice three, of a rectangular one two (as on a chessboard) or four (2 x 2).
   std::vector<double> focus = {};
   double aperture = 0.7;  ///< diameter of a micro lens / pitch
   double fill = 0.92;  ///< diameter of the main lens' stop, as it appears in a micro image / pitch
@@ -58,6 +62,13 @@ struct CameraSpec {
   [[nodiscard]] bool IsPlenoptic() const { return model->plenoptic; }
 };
 
+/// One of several targets.
+struct TargetSpec {
+  std::string name;
+  std::filesystem::path file;
+  RigidTransform T_target_own;  ///< to the frame of the first
+};
+
 /// The rig's poses before the target.
 struct PoseSpec {
   // Deliberately bad sets; varied poses when none is set.
@@ -70,6 +81,8 @@ struct PoseSpec {
   double roll = 0.6;                 ///< rad, largest
   double partial = 0.2;              ///< share of frames with the target at the rim of the image
   std::size_t aim = 0;               ///< index of the camera that the target is placed before
+  /// Each camera in turn, at each target in turn; where possible a second camera sees one too.
+  bool aim_all = false;
   /// Given poses (name, T_target_rig) in place of generated ones.
   std::vector<FrameRecord> given;
 };
@@ -78,6 +91,7 @@ struct SimulationSpec {
   std::filesystem::path path;
   int seed = 1;
   std::filesystem::path target;
+  std::vector<TargetSpec> targets;     ///< in place of `target`: several
   std::optional<double> target_error;  ///< m, sigma of each marker coordinate; else the tolerance
   bool rigid_tags = true;  ///< tags keep their shape; else each corner has an error of its own
   std::vector<CameraSpec> cameras;  ///< the first is the rig's master

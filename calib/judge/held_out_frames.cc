@@ -96,7 +96,8 @@ class FramePoses {
                                     static_cast<int>(bundle_.T_rig_target.size()),
                                     marker_index_.at(point.seen->marker),
                                     *point.seen,
-                                    !outliers_[p]});
+                                    !outliers_[p],
+                                    {point.by_nuisance.begin(), point.by_nuisance.end()}});
     if (point.seen->detector_sigma > 0) {
       bundle_.observations.back().assumed_sigma = point.seen->detector_sigma;
     }

@@ -13,6 +13,7 @@ namespace plenocal {
 struct TrialPoint {
   size_t camera = 0, view = 0, frame = 0;
   const Observation* seen = nullptr;
+  std::span<const double> by_nuisance = {};  ///< as in `View`
 };
 
 /// Frames that were held out, every `folds`-th of them in one part.

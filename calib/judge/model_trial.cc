@@ -94,8 +94,12 @@ class Trials {
         if (std::find(choice_.varied.begin(), choice_.varied.end(), c) == choice_.varied.end()) {
           continue;
         }
-        for (const Observation& seen : input_.cameras[c].views[v].observations) {
-          if (input_.markers.contains(seen.marker)) points_.push_back({c, v, frame, &seen});
+        const View& view = input_.cameras[c].views[v];
+        for (size_t i = 0; i < view.observations.size(); ++i) {
+          const Observation& seen = view.observations[i];
+          if (!input_.markers.contains(seen.marker)) continue;
+          points_.push_back({c, v, frame, &seen, {}});
+          if (!view.by_nuisance.empty()) points_.back().by_nuisance = view.by_nuisance[i];
         }
       }
     }

@@ -17,7 +17,7 @@
 #include "calib/base/statistics.h"
 #include "calib/judge/projection.h"
 #include "calib/judge/target/plane_view.h"
-#include "calib/noise/common_errors.h"
+#include "calib/noise/frame_scatter.h"
 #include "calib/solve.h"
 
 namespace plenocal {
@@ -51,12 +51,12 @@ std::vector<double> TypicalSigmas(const Bundle& bundle) {
 
 // What else makes the frames disagree moves free markers too.
 void AddFrameErrors(Calibration* calibration) {
-  const CommonErrors errors = EstimateCommonErrors(calibration->bundle, calibration->uncertainty);
   std::vector<double> factors;
-  for (const FrameScatter& scatter : errors.scatter) {
+  for (const Scatter& scatter :
+       EstimateFrameScatter(calibration->bundle, calibration->uncertainty)) {
     factors.push_back(scatter.degrees >= 1 ? std::max(1.0, scatter.factor) : 1);
   }
-  AddCommonErrors(factors, errors.shared, &calibration->uncertainty);
+  ScaleByScatter(factors, &calibration->uncertainty);
 }
 
 // The same calibration with another prior of the markers; 0: they are held. Nothing when it fails.

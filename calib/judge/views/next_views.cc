@@ -12,6 +12,7 @@
 #include "calib/base/error.h"
 #include "calib/base/linear_algebra.h"
 #include "calib/base/parallel.h"
+#include "calib/judge/views/information_state.h"
 #include "calib/judge/views/view_information.h"
 
 namespace plenocal {
@@ -22,61 +23,12 @@ constexpr double kDegrees = 57.29577951308232;
 // Sizes of the stages from coarse to fine: markers and candidates.
 constexpr size_t kCoarseMarkers = 12, kFineMarkers = 80;
 constexpr size_t kKept = 400, kExecuted = 16;
-constexpr double kDetermined = 5;  // px; above it sigma depends on the weak prior
 
 struct Candidate {
   TargetPose pose;
   RigidTransform T_rig_target;
   std::optional<Eigen::MatrixXd> information = std::nullopt;
   double score = 0;
-};
-
-// The criterion at one state of knowledge, and the gain of information added to it.
-class State {
- public:
-  // `head`: number of unknowns that the images have to determine.
-  State(Eigen::MatrixXd information, Eigen::Index head, const ProjectionSigma& projection)
-      : information_(std::move(information)), head_(head), projection_(&projection) {
-    Update();
-  }
-
-  void Add(const Eigen::MatrixXd& information) {
-    information_ += information;
-    Update();
-  }
-  [[nodiscard]] const Eigen::MatrixXd& Covariance() const { return covariance_; }
-  [[nodiscard]] double Sigma() const { return projection_->Of(covariance_); }
-  // Of an unknown, in units: one above half is the prior's, not the images'.
-  [[nodiscard]] bool IsDetermined() const {
-    constexpr double kPriors = 0.5;
-    return covariance_.diagonal().head(head_).maxCoeff() < kPriors && Sigma() < kDetermined;
-  }
-  [[nodiscard]] ViewCriterion Criterion() const {
-    return IsDetermined() ? ViewCriterion::kSigma : ViewCriterion::kEntropy;
-  }
-  // Larger is better.
-  [[nodiscard]] double Gain(const Eigen::MatrixXd& more) const {
-    const Eigen::LLT<Eigen::MatrixXd> factor(information_ + more);
-    if (factor.info() != Eigen::Success) return -kInfinity;
-    if (Criterion() == ViewCriterion::kEntropy) {
-      return 2 * factor.matrixLLT().diagonal().array().log().sum() - log_determinant_;
-    }
-    const Eigen::MatrixXd covariance =
-        factor.solve(Eigen::MatrixXd::Identity(information_.rows(), information_.cols()));
-    return Sigma() - projection_->Of(covariance);
-  }
-
- private:
-  void Update() {
-    const Eigen::LLT<Eigen::MatrixXd> factor(information_);
-    covariance_ = factor.solve(Eigen::MatrixXd::Identity(information_.rows(), information_.cols()));
-    log_determinant_ = 2 * factor.matrixLLT().diagonal().array().log().sum();
-  }
-
-  Eigen::MatrixXd information_, covariance_;
-  double log_determinant_ = 0;
-  Eigen::Index head_;
-  const ProjectionSigma* projection_;
 };
 
 // Whether a person sees two suggestions as different.
@@ -314,7 +266,7 @@ class Choice {
   RigUnknowns unknowns_;
   ViewPredictor predictor_;
   ProjectionSigma projection_;
-  State state_;
+  InformationState state_;
   std::vector<Candidate> candidates_;
 };
 

@@ -10,7 +10,7 @@
 #include "apps/simulate/observer.h"
 #include "apps/simulate/renderer.h"
 #include "apps/simulate/sensor.h"
-#include "apps/simulate/target_surface.h"
+#include "apps/simulate/targets/target_surface.h"
 #include "models/registry.h"
 
 namespace plenocal::simulate {

@@ -34,6 +34,8 @@ class TargetSurface {
  public:
   /// `nominal`: the target without its refinement, as printed.
   TargetSurface(const Target& nominal, const TrueTarget& made, int seed);
+  /// Adds the boards of another target at a pose.
+  void Append(const TargetSurface& other, const RigidTransform& T_this_other);
 
  private:
   friend class PosedSurface;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "apps/simulate/target_surface.h"
+#include "apps/simulate/targets/target_surface.h"
 
 #include <Eigen/Geometry>
 #include <Eigen/LU>
@@ -7,6 +7,7 @@
 #include <array>
 #include <cmath>
 #include <opencv2/imgproc.hpp>
+#include <utility>
 
 #include "apps/charts/cairo_path.h"
 #include "apps/simulate/random.h"
@@ -265,6 +266,14 @@ void TargetSurface::MapDiscs(const TargetPart& part,
           });
       board->which.at<std::int32_t>(y, x) = static_cast<std::int32_t>(nearest - centres.begin());
     }
+  }
+}
+
+void TargetSurface::Append(const TargetSurface& other, const RigidTransform& T_this_other) {
+  for (Board board : other.boards_) {
+    board.T_target_board = T_this_other * board.T_target_board;
+    for (Board::Map& map : board.maps) map.T_target_plane = T_this_other * map.T_target_plane;
+    boards_.push_back(std::move(board));
   }
 }
 

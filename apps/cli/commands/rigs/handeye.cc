@@ -1,0 +1,251 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <numbers>
+
+#include "apps/cli/command.h"
+#include "apps/cli/options.h"
+#include "apps/cli/program.h"
+#include "calib/base/error.h"
+#include "calib/base/input_file.h"
+#include "calib/base/number_text.h"
+#include "calib/base/output_folder.h"
+#include "calib/files/calibration_tables.h"
+#include "calib/rig/outside_poses.h"
+
+namespace plenocal {
+namespace {
+
+struct HandEyeArguments {
+  std::filesystem::path folder;  ///< of a calibration
+  std::filesystem::path poses;   ///< from outside
+  std::string mount = "gripper";
+  bool free_scale = false;
+  std::filesystem::path out;  ///< handeye.yaml
+};
+
+// Poses from outside with the frames of a calibration that have one.
+struct MatchedPoses {
+  std::vector<std::string> frames;
+  std::vector<OutsidePose> poses;
+  size_t without = 0;  // frames of the calibration
+};
+
+MatchedPoses Match(const HandEyeArguments& arguments) {
+  const std::filesystem::path table = arguments.folder / "poses.csv";
+  const std::vector<FrameRecord> calibrated = ReadPoses(table),
+                                 outside = ReadPoses(arguments.poses);
+  MatchedPoses matched;
+  for (const FrameRecord& frame : calibrated) {
+    const auto found = std::ranges::find(outside, frame.name, &FrameRecord::name);
+    if (found == outside.end()) {
+      ++matched.without;
+      continue;
+    }
+    matched.frames.push_back(frame.name);
+    matched.poses.push_back({found->T_target_rig, frame.T_target_rig.Inverse()});
+  }
+  constexpr size_t kFewest = 3;
+  if (matched.poses.size() >= kFewest) return matched;
+  throw Error(ErrorKind::kInput,
+              fmt::format("{}: {} of its {} poses have a frame of {} ('{}', ...; there '{}', ...); "
+                          "the column 'frame' must have the names of the images",
+                          arguments.poses.string(),
+                          matched.poses.size(),
+                          outside.size(),
+                          table.string(),
+                          outside.empty() ? "" : outside[0].name,
+                          calibrated.empty() ? "" : calibrated[0].name));
+}
+
+// Throws where lengths differ as units do.
+void CheckUnits(const MatchedPoses& matched, const std::filesystem::path& file) {
+  constexpr double kApart = 30;
+  const double ratio = RatioOfLengths(matched.poses);
+  if (ratio < kApart && ratio > 1 / kApart) return;
+  throw Error(ErrorKind::kInput,
+              fmt::format("{}: its positions move {:.3g} times as far as those of the calibration; "
+                          "are they in {}? Give them in metres",
+                          file.string(),
+                          ratio,
+                          ratio > 1 ? "millimetres" : "another unit"));
+}
+
+RigMount Other(RigMount mount) {
+  return mount == RigMount::kOnGripper ? RigMount::kOnBase : RigMount::kOnGripper;
+}
+
+// Scatter as the way a point moves at the distance of the target.
+double Misfit(const OutsideFit& fit, const MatchedPoses& matched) {
+  double distance = 0;
+  for (const OutsidePose& pose : matched.poses) {
+    distance += pose.T_rig_target.t.norm() / static_cast<double>(matched.poses.size());
+  }
+  const auto left_out = static_cast<double>(std::ranges::count(fit.used, false)) /
+                        static_cast<double>(fit.used.size());
+  return (fit.translation_sigma + distance * fit.rotation_sigma) / std::max(0.1, 1 - left_out);
+}
+
+OutsideFit Fit(const HandEyeArguments& arguments, const MatchedPoses& matched) {
+  const RigMount mount = arguments.mount == "gripper" ? RigMount::kOnGripper : RigMount::kOnBase;
+  const OutsideScale scale = arguments.free_scale ? OutsideScale::kFree : OutsideScale::kHeld;
+  const auto fit = FitOutsidePoses(matched.poses, {mount, scale});
+  const auto other = FitOutsidePoses(matched.poses, {Other(mount), scale});
+  // The other reading of a true pose leaves errors as large as the motion.
+  constexpr double kClearly = 5;
+  if (other && (!fit || Misfit(*fit, matched) > kClearly * Misfit(*other, matched))) {
+    throw Error(
+        ErrorKind::kJob,
+        fmt::format("{}: the poses fit the other way round only (to {:.2g} mm, {:.2g} degrees). "
+                    "Either they map the base to the gripper, and must be inverted, or the rig is "
+                    "mounted on the {}: --mount {}",
+                    arguments.poses.string(),
+                    1e3 * other->translation_sigma,
+                    other->rotation_sigma * 180 / std::numbers::pi,
+                    mount == RigMount::kOnGripper ? "base" : "gripper",
+                    mount == RigMount::kOnGripper ? "base" : "gripper"));
+  }
+  if (!fit) {
+    throw Error(ErrorKind::kJob,
+                arguments.poses.string() +
+                    ": no mount explains these motions; are the poses those of the frames?");
+  }
+  return *fit;
+}
+
+std::string PoseYaml(const std::string& name, const RigidTransform& T, const Vector6d& sigma) {
+  std::string text = fmt::format("T_{}: [", name);
+  for (int r = 0; r < 3; ++r) {
+    text += fmt::format(
+        "[{:.12g}, {:.12g}, {:.12g}, {:.12g}], ", T.R(r, 0), T.R(r, 1), T.R(r, 2), T.t[r]);
+  }
+  return text +
+         fmt::format("[0, 0, 0, 1]]\nsigma_{}: [{:.6g}, {:.6g}, {:.6g}, {:.6g}, {:.6g}, {:.6g}]\n",
+                     name,
+                     sigma[0],
+                     sigma[1],
+                     sigma[2],
+                     sigma[3],
+                     sigma[4],
+                     sigma[5]);
+}
+
+std::string HandEyeYaml(const HandEyeArguments& arguments, const OutsideFit& fit) {
+  const bool on_gripper = arguments.mount == "gripper";
+  std::string text = "plenocal: 1\nmount: " + arguments.mount + "\n";
+  text += PoseYaml(on_gripper ? "gripper_rig" : "base_rig", fit.T_mount_rig, fit.rig_sigma);
+  text +=
+      PoseYaml(on_gripper ? "base_target" : "gripper_target", fit.T_other_target, fit.target_sigma);
+  text += fmt::format("scale: {:.12g}\nsigma_scale: {:.6g}\n", fit.scale, fit.scale_sigma);
+  text += fmt::format("scatter: {{translation: {:.6g}, rotation: {:.6g}}}\n",
+                      fit.translation_sigma,
+                      fit.rotation_sigma);
+  return text + fmt::format("frames: {}\nleft_out: {}\n",
+                            fit.used.size(),
+                            std::ranges::count(fit.used, false));
+}
+
+std::string PoseText(const char* what, const RigidTransform& T, const Vector6d& sigma) {
+  constexpr double kDegrees = 180 / std::numbers::pi;
+  const Eigen::Vector3d w = kDegrees * LogRotation(T.R);
+  return fmt::format(
+      "{}: ({:.3f}, {:.3f}, {:.3f}) +- ({:.3f}, {:.3f}, {:.3f}) mm, rotation vector "
+      "({:.4f}, {:.4f}, {:.4f}) +- ({:.4f}, {:.4f}, {:.4f}) degrees\n",
+      what,
+      1e3 * T.t.x(),
+      1e3 * T.t.y(),
+      1e3 * T.t.z(),
+      1e3 * sigma[0],
+      1e3 * sigma[1],
+      1e3 * sigma[2],
+      w.x(),
+      w.y(),
+      w.z(),
+      kDegrees * sigma[3],
+      kDegrees * sigma[4],
+      kDegrees * sigma[5]);
+}
+
+std::string HandEyeText(const HandEyeArguments& arguments,
+                        const MatchedPoses& matched,
+                        const OutsideFit& fit) {
+  constexpr double kDegrees = 180 / std::numbers::pi;
+  const bool on_gripper = arguments.mount == "gripper";
+  std::string text = PoseText(on_gripper ? "rig in the gripper's frame" : "rig in the base's frame",
+                              fit.T_mount_rig,
+                              fit.rig_sigma);
+  text += PoseText(on_gripper ? "target in the base's frame" : "target in the gripper's frame",
+                   fit.T_other_target,
+                   fit.target_sigma);
+  if (arguments.free_scale) {
+    text +=
+        fmt::format("lengths from outside are {:.5f} +- {:.5f} times those of the calibration\n",
+                    fit.scale,
+                    fit.scale_sigma);
+  }
+  text += fmt::format(
+      "poses from outside scatter by {:.3f} mm and {:.4f} degrees about it, over {} "
+      "frames\n",
+      1e3 * fit.translation_sigma,
+      kDegrees * fit.rotation_sigma,
+      fit.used.size());
+  for (size_t i = 0; i < fit.used.size(); ++i) {
+    if (!fit.used[i])
+      text += fmt::format("  left out: frame {}, which is far off\n", matched.frames[i]);
+  }
+  if (matched.without > 0) text += fmt::format("  frames without a pose: {}\n", matched.without);
+  if (fit.gap == HandEyeGap::kAlongAxis) {
+    text +=
+        "NOT DETERMINED: all rotations are about one axis; the translation along it is open. "
+        "Turn the gripper about a second axis by 15 degrees or more.\n";
+  } else if (fit.gap == HandEyeGap::kTranslation) {
+    text +=
+        "NOT DETERMINED: the gripper hardly turned; turn it about two axes by 15 degrees or more.\n";
+  }
+  return text;
+}
+
+void RunHandEye(const HandEyeArguments& arguments, const ConsoleOptions& shared) {
+  Console console(shared);
+  const MatchedPoses matched = Match(arguments);
+  CheckUnits(matched, arguments.poses);
+  const OutsideFit fit = Fit(arguments, matched);
+  if (!arguments.out.empty()) {
+    std::filesystem::path folder = arguments.out.parent_path();
+    OutputFolder output(folder.empty() ? "." : folder);
+    output.Write(arguments.out.filename().string(), HandEyeYaml(arguments, fit));
+    output.Commit();
+  }
+  console.Print(HandEyeText(arguments, matched, fit));
+}
+
+constexpr const char* kHandEyeHelp =
+    "Where a rig is mounted on a robot, from a calibration and the robot's poses.\n\n"
+    "  plenocal handeye OUT --poses robot.csv -o handeye.yaml\n\n"
+    "OUT is the folder that 'plenocal calibrate' wrote. The file of poses has the columns of poses.csv: frame,x,y,z,qx,qy,qz,qw, T_base_gripper in metres. With --mount base the rig stands in the base's frame and the target is on the gripper.";
+
+RunCommand DeclareHandEye(CLI::App* app, ConsoleOptions* shared) {
+  const auto arguments = std::make_shared<HandEyeArguments>();
+  app->add_option("folder", arguments->folder, "folder of the calibration")->required();
+  app->add_option("--poses", arguments->poses, "CSV of T_base_gripper, a row a frame")->required();
+  app->add_option("--mount",
+                  arguments->mount,
+                  "where the rig is: gripper (eye-in-hand) or base (eye-to-hand)")
+      ->check(CLI::IsMember({"gripper", "base"}))
+      ->capture_default_str();
+  app->add_flag("--scale",
+                arguments->free_scale,
+                "estimate the scale of the target, whose size nobody measured");
+  app->add_option("-o,--out", arguments->out, "handeye.yaml to write");
+  AddQuiet(app, shared);
+  return [arguments, shared] { RunHandEye(*arguments, *shared); };
+}
+
+}  // namespace
+
+Command HandeyeCommand() { return {"handeye", kHandEyeHelp, DeclareHandEye}; }
+
+}  // namespace plenocal

@@ -1,0 +1,97 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/simulate/targets/several_targets.h"
+
+#include <fmt/format.h>
+
+#include <utility>
+
+#include "calib/base/quoted_text.h"
+#include "calib/calibrate.h"
+
+namespace plenocal::simulate {
+namespace {
+
+// Each target has errors of its own.
+int SeedOf(const SimulationSpec& spec, size_t index) {
+  constexpr int kStep = 7919;
+  return spec.seed + kStep * static_cast<int>(index);
+}
+
+}  // namespace
+
+std::vector<TargetInRoom> MakeTargets(const SimulationSpec& spec, TagErrors tag_errors) {
+  std::vector<TargetInRoom> targets;
+  for (const TargetSpec& each : spec.targets) {
+    TargetInRoom& target = targets.emplace_back();
+    target.name = each.name;
+    target.target = ReadTarget(each.file);
+    target.T_target_own = each.T_target_own;
+  }
+  for (size_t k = 0; k < targets.size(); ++k) {
+    const Target& stated = targets[k].target;
+    targets[k].made = MakeTarget(stated,
+                                 spec.target_error.value_or(stated.tolerance.value_or(0)),
+                                 tag_errors,
+                                 SeedOf(spec, k));
+  }
+  return targets;
+}
+
+TrueTarget InFrameOfFirst(const TargetInRoom& target, size_t index) {
+  TrueTarget moved;
+  moved.nominal = &target.target;
+  const int first = static_cast<int>(index) * kMarkersPerTarget;
+  for (const auto& [number, position] : target.made.markers) {
+    moved.markers[first + number] = target.T_target_own * position;
+    moved.normals[first + number] = target.T_target_own.R * target.made.normals.at(number);
+  }
+  return moved;
+}
+
+TrueTarget Together(const std::vector<TargetInRoom>& targets) {
+  TrueTarget together = InFrameOfFirst(targets[0], 0);
+  for (size_t k = 1; k < targets.size(); ++k) {
+    const TrueTarget more = InFrameOfFirst(targets[k], k);
+    together.markers.insert(more.markers.begin(), more.markers.end());
+    together.normals.insert(more.normals.begin(), more.normals.end());
+  }
+  return together;
+}
+
+Target StatedTogether(const std::vector<TargetInRoom>& targets) {
+  std::string markers;
+  for (size_t k = 0; k < targets.size(); ++k) {
+    for (const auto& [number, position] : targets[k].target.markers) {
+      const Eigen::Vector3d p = targets[k].T_target_own * position;
+      markers += fmt::format("  {}: [{:.12g}, {:.12g}, {:.12g}]\n",
+                             static_cast<int>(k) * kMarkersPerTarget + number,
+                             p.x(),
+                             p.y(),
+                             p.z());
+    }
+  }
+  return ReadTarget(YamlNode::Parse("plenocal: 1\ntype: markers\nmarkers:\n" + markers, "targets"));
+}
+
+TargetSurface SurfaceOf(const std::vector<TargetInRoom>& targets, int seed) {
+  TargetSurface all(NominalTarget(targets[0].target), targets[0].made, seed);
+  for (size_t k = 1; k < targets.size(); ++k) {
+    all.Append(TargetSurface(NominalTarget(targets[k].target), targets[k].made, seed),
+               targets[k].T_target_own);
+  }
+  return all;
+}
+
+std::string TargetsOfSession(const std::vector<TargetInRoom>& targets) {
+  std::string text = "targets:\n";
+  for (const TargetInRoom& target : targets) {
+    text += fmt::format("  {}: {}\n", YamlText(target.name), TargetFile(target));
+  }
+  return text;
+}
+
+std::string TargetFile(const TargetInRoom& target) {
+  return fmt::format("target_{}.yaml", target.name);
+}
+
+}  // namespace plenocal::simulate

@@ -1,0 +1,289 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Sessions with several targets, cameras that share no view, and earlier calibrations as priors, on
+// simulated points.
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "tests/apps/workspace.h"
+
+namespace plenocal::testing {
+namespace {
+
+using ::testing::HasSubstr;
+namespace fs = std::filesystem;
+
+constexpr double kSigmas = 4.5;  // one in 10^5 of Gaussian errors is larger
+
+class Rigs : public Workspace {
+ protected:
+  // The ring of examples/simulate with these changes of its specification.
+  void SimulateRing(const std::vector<std::pair<std::string, std::string>>& changes = {}) const {
+    const fs::path ring = fs::path(PLENOCAL_EXAMPLES) / "simulate" / "ring";
+    for (const char* name : {"ring.yaml", "front.yaml", "side.yaml"}) {
+      fs::copy_file(ring / name, Path(name));
+    }
+    for (const auto& [from, to] : changes)
+      Write("ring.yaml", Replaced(Read("ring.yaml"), from, to));
+    const Outcome simulated = Run({"simulate", "ring.yaml", "--points", "-o", "."});
+    ASSERT_EQ(simulated.status, kDone) << simulated.err;
+  }
+
+  // A pair before a board; another seed has other poses.
+  void SimulatePair(const std::string& folder, int seed, const std::string& focal) const {
+    Write("board.yaml", "plenocal: 1\ntype: chessboard\ncolumns: 9\nrows: 7\nsquare: 30 mm\n");
+    const std::string camera =
+        "    model: pinhole-radial3\n    image_size: [1280, 1024]\n    parameters: {f_x: " + focal +
+        ", f_y: 1101, c_x: 640, c_y: 512, A_0: -0.2, A_1: 0.06, A_2: -0.01}\n";
+    Write(folder + ".yaml",
+          "plenocal: 1\nseed: " + std::to_string(seed) +
+              "\ntarget: board.yaml\ncameras:\n  left:\n" + camera + "  right:\n" + camera +
+              "    xi_camera_rig: [-0.1, 0, 0, 0, 0.02, 0]\n"
+              "poses: {frames: 20, distance: [0.4, 1.2]}\n");
+    const Outcome simulated = Run({"simulate", folder + ".yaml", "--points", "-o", folder});
+    ASSERT_EQ(simulated.status, kDone) << simulated.err;
+  }
+
+  // Adds lines to the session of a simulated pair, in front of `cameras`, and calibrates it.
+  YAML::Node CalibratePair(const std::string& folder, const std::string& lines) const {
+    const std::string session = folder + "/session.yaml";
+    Write(session, Replaced(Read(session), "cameras:\n", lines + "cameras:\n"));
+    const std::string out = folder + "/out";
+    const Outcome outcome = Run({"calibrate", session, "-o", out, "--no-report"});
+    EXPECT_EQ(outcome.status, kDone) << outcome.err;
+    return Result(out);
+  }
+
+  static void ExpectNear(const YAML::Node& found,
+                         const YAML::Node& truth,
+                         const std::string& xi,
+                         const std::string& what) {
+    for (int i = 0; i < 6; ++i) {
+      const auto sigma = found["sigma_xi"][i].as<double>();
+      EXPECT_GT(sigma, 0) << what;
+      EXPECT_LT(std::abs(found[xi][i].as<double>() - truth[xi][i].as<double>()), kSigmas * sigma)
+          << what << " " << i;
+    }
+  }
+
+  static std::vector<std::string> Codes(const YAML::Node& result) {
+    std::vector<std::string> codes;
+    for (const YAML::Node& finding : result["verdict"]["findings"]) {
+      codes.push_back(finding["code"].as<std::string>());
+    }
+    return codes;
+  }
+  static bool Has(const std::vector<std::string>& codes, const std::string& code) {
+    return std::ranges::find(codes, code) != codes.end();
+  }
+};
+
+TEST_F(Rigs, CamerasWithoutACommonViewAreCalibratedByTwoBoards) {
+  SimulateRing();
+  Calibrate();
+  const YAML::Node result = Result(), truth = YAML::LoadFile(Path("truth/calibration.yaml"));
+  for (const char* name : {"cam1", "cam2", "cam3", "cam4", "cam5"}) {
+    ExpectNear(result["cameras"][name], truth["cameras"][name], "xi_camera_rig", name);
+  }
+  ExpectNear(result["targets"]["side"], truth["targets"]["side"], "xi_target_own", "side");
+  ExpectNoNan(result);
+  // Each target in a file of its own, with the numbers of its tags.
+  for (const char* name : {"out/target_front.yaml", "out/target_side.yaml", "out/target.yaml"}) {
+    EXPECT_TRUE(fs::exists(Path(name))) << name;
+  }
+  EXPECT_EQ(Run({"report", "out"}).status, kDone);
+  EXPECT_THAT(Read("out/report.html"), HasSubstr("\"sightings\""));
+}
+
+TEST_F(Rigs, CamerasThatNothingConnectsAreNamed) {
+  SimulateRing();
+  // Only one of the boards: no two cameras see it in one frame.
+  Write("session.yaml", Replaced(Read("session.yaml"), "  side: target_side.yaml\n", ""));
+  ExpectFailure(kJobFailed, {"cam1", "together"});
+}
+
+TEST_F(Rigs, KnownAndMovingTargetsAreTakenAsSuch) {
+  SimulateRing();
+  const YAML::Node truth = YAML::LoadFile(Path("truth/calibration.yaml"));
+  YAML::Emitter matrix;
+  matrix << YAML::Flow << truth["targets"]["side"]["T_target_own"];
+  Write(
+      "session.yaml",
+      Replaced(Read("session.yaml"),
+               "  side: target_side.yaml\n",
+               std::string("  side: {target: target_side.yaml, pose: ") + matrix.c_str() + "}\n"));
+  Calibrate();
+  const YAML::Node result = Result();
+  ExpectNear(result["cameras"]["cam3"], truth["cameras"]["cam3"], "xi_camera_rig", "cam3");
+  EXPECT_EQ(result["targets"]["side"]["sigma_xi"][0].as<double>(), 0);
+
+  // A board that moves by itself connects nothing here.
+  YAML::Node session = YAML::LoadFile(Path("session.yaml"));
+  session["targets"]["side"]["pose"] = "free";
+  YAML::Emitter text;
+  text << session;
+  Write("session.yaml", std::string(text.c_str()) + "\n");
+  fs::remove_all(Path("out"));
+  ExpectFailure(kJobFailed, {"nothing connects these cameras", "cam1", "two axes"});
+}
+
+TEST_F(Rigs, TargetsThatLookAlikeAreRefused) {
+  SimulateRing();
+  YAML::Node session = YAML::LoadFile(Path("session.yaml"));
+  session["targets"]["side"] = "target_front.yaml";
+  for (const auto& camera : session["cameras"]) {
+    YAML::Node keys = camera.second;
+    keys.remove("detections");
+    keys["images"] = "*.png";
+  }
+  YAML::Emitter text;
+  text << session;
+  Write("session.yaml", std::string(text.c_str()) + "\n");
+  ExpectFailure(kWrongInput, {"front", "side", "look alike", "first_id"});
+}
+
+TEST_F(Rigs, ASecondCalibrationFromTheFirstEqualsBothTogether) {
+  SimulatePair("a", 1, "1100");
+  SimulatePair("b", 2, "1100");
+  CalibratePair("a", "");
+  const YAML::Node then = CalibratePair("b", "from: ../a/out/calibration.yaml\n");
+  // Both halves in one session.
+  fs::create_directory(Path("joint"));
+  Write("joint/target.yaml", Read("a/target.yaml"));
+  Write("joint/session.yaml",
+        Replaced(Read("b/session.yaml"), "from: ../a/out/calibration.yaml\n", ""));
+  for (const char* name : {"detections_left.csv", "detections_right.csv"}) {
+    const std::vector<std::string> a = Lines(Read(std::string("a/") + name));
+    const std::vector<std::string> b = Lines(Read(std::string("b/") + name));
+    std::string rows = a[0] + "\n";
+    for (size_t i = 1; i < a.size(); ++i) rows += "a" + a[i] + "\n";
+    for (size_t i = 1; i < b.size(); ++i) rows += "b" + b[i] + "\n";
+    Write(std::string("joint/") + name, rows);
+  }
+  const YAML::Node joint = CalibratePair("joint", "");
+  constexpr double kAway = 0.1, kRatio = 0.03;  // sigma; part
+  for (const char* camera : {"left", "right"}) {
+    const YAML::Node one = then["cameras"][camera], both = joint["cameras"][camera];
+    for (const auto& entry : both["parameters"]) {
+      const auto name = entry.first.as<std::string>();
+      const auto sigma = both["sigma"][name].as<double>();
+      EXPECT_LT(std::abs(one["parameters"][name].as<double>() - entry.second.as<double>()),
+                kAway * sigma)
+          << camera << " " << name;
+      EXPECT_NEAR(one["sigma"][name].as<double>() / sigma, 1, kRatio) << camera << " " << name;
+    }
+  }
+  for (int i = 0; i < 6; ++i) {
+    const YAML::Node one = then["cameras"]["right"], both = joint["cameras"]["right"];
+    const auto sigma = both["sigma_xi"][i].as<double>();
+    EXPECT_NEAR(one["sigma_xi"][i].as<double>() / sigma, 1, kRatio) << i;
+    EXPECT_LT(
+        std::abs(one["xi_camera_rig"][i].as<double>() - both["xi_camera_rig"][i].as<double>()),
+        kAway * sigma)
+        << i;
+  }
+  EXPECT_FALSE(Has(Codes(then), "prior_contradicted"));
+}
+
+TEST_F(Rigs, AnEarlierCalibrationThatTheImagesContradictIsNamed) {
+  SimulatePair("a", 1, "1100");
+  SimulatePair("b", 2, "1108");  // refocused
+  CalibratePair("a", "");
+  const YAML::Node result = CalibratePair("b", "from: ../a/out/calibration.yaml\n");
+  bool named = false;
+  for (const YAML::Node& finding : result["verdict"]["findings"]) {
+    if (finding["code"].as<std::string>() != "prior_contradicted") continue;
+    const auto what = finding["what"].as<std::string>();
+    named =
+        named || (what.find(".f_x") != std::string::npos && what.find("px") != std::string::npos);
+  }
+  EXPECT_TRUE(named);
+}
+
+TEST_F(Rigs, ExtrinsicsOnlyKeepsTheParameters) {
+  SimulatePair("a", 1, "1100");
+  SimulatePair("b", 2, "1100");
+  const YAML::Node earlier = CalibratePair("a", "");
+  const YAML::Node result =
+      CalibratePair("b", "from: ../a/out/calibration.yaml\nextrinsics_only: true\n");
+  const YAML::Node left = result["cameras"]["left"];
+  EXPECT_EQ(left["parameters"]["f_x"].as<double>(),
+            earlier["cameras"]["left"]["parameters"]["f_x"].as<double>());
+  EXPECT_EQ(left["sigma"]["f_x"].as<double>(), 0);
+  EXPECT_GT(result["cameras"]["right"]["sigma_xi"][0].as<double>(), 0);
+  EXPECT_TRUE(Has(Codes(result), "intrinsics_held"));
+}
+
+// poses.csv with positions times `factor`.
+std::string Stretched(const std::string& poses, double factor) {
+  std::string text;
+  for (const std::string& line : Lines(poses)) {
+    if (text.empty()) {
+      text = line + "\n";
+      continue;
+    }
+    std::istringstream cells(line);
+    std::string cell;
+    for (int i = 0; std::getline(cells, cell, ','); ++i) {
+      if (i > 0) text += ",";
+      text += i >= 1 && i <= 3 ? std::to_string(factor * std::stod(cell)) : cell;
+    }
+    text += "\n";
+  }
+  return text;
+}
+
+TEST_F(Rigs, RobotPosesGiveTheMountAndNameTheirMistakes) {
+  SimulatePair("a", 1, "1100");
+  CalibratePair("a", "");
+  // A robot whose poses are the rig's true ones: the rig is its gripper, the target its base.
+  const std::string truth = Read("a/truth/poses.csv");
+  Write("robot.csv", truth);
+  const Outcome found =
+      Run({"handeye", "a/out", "--poses", "robot.csv", "-o", "handeye.yaml", "--scale"});
+  ASSERT_EQ(found.status, kDone) << found.err;
+  const YAML::Node result = YAML::LoadFile(Path("handeye.yaml"));
+  const Eigen::Matrix4d mount = Matrix(result["T_gripper_rig"]);
+  constexpr double kNear = 1e-3;  // m and rad
+  EXPECT_LT((mount - Eigen::Matrix4d::Identity()).norm(), kNear);
+  EXPECT_NEAR(result["scale"].as<double>(), 1, 1e-3);
+  ExpectNoNan(result);
+
+  const Outcome wrong = Run({"handeye", "a/out", "--poses", "robot.csv", "--mount", "base"});
+  EXPECT_EQ(wrong.status, kJobFailed);
+  EXPECT_THAT(wrong.err, HasSubstr("the other way round"));
+  Write("robot.csv", Stretched(truth, 1000));
+  const Outcome unit = Run({"handeye", "a/out", "--poses", "robot.csv"});
+  EXPECT_EQ(unit.status, kWrongInput);
+  EXPECT_THAT(unit.err, HasSubstr("millimetres"));
+  Write("robot.csv", "frame,x,y,z,qx,qy,qz,qw\nother,0,0,1,0,0,0,1\n");
+  const Outcome names = Run({"handeye", "a/out", "--poses", "robot.csv"});
+  EXPECT_EQ(names.status, kWrongInput);
+  EXPECT_THAT(names.err, HasSubstr("names of the images"));
+}
+
+TEST_F(Rigs, EarlierCalibrationsMustFitTheSession) {
+  SimulatePair("a", 1, "1100");
+  CalibratePair("a", "");
+  const std::string session = Read("a/session.yaml");
+  const auto expect = [&](const std::string& lines, const std::vector<std::string>& parts) {
+    Write("a/session.yaml", Replaced(session, "cameras:\n", lines + "cameras:\n"));
+    const Outcome outcome = Run({"calibrate", "a/session.yaml", "-o", "a/again"});
+    EXPECT_EQ(outcome.status, kWrongInput) << lines;
+    for (const std::string& part : parts) EXPECT_THAT(outcome.err, HasSubstr(part));
+  };
+  expect("from: nowhere.yaml\n", {"nowhere.yaml", "no such file"});
+  expect("extrinsics_only: true\n", {"extrinsics_only", "left", "from"});
+  Write("a/other.yaml",
+        Replaced(Replaced(Read("a/out/calibration.yaml"), "  left:\n", "  links:\n"),
+                 "  right:\n",
+                 "  rechts:\n"));
+  expect("from: other.yaml\n", {"other.yaml", "none of the session's cameras"});
+}
+
+}  // namespace
+}  // namespace plenocal::testing

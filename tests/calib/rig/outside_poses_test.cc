@@ -1,0 +1,106 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/rig/outside_poses.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <vector>
+
+#include "tests/calib/random.h"
+
+namespace plenocal {
+namespace {
+
+constexpr double kPositionNoise = 2e-4, kAngleNoise = 3.5e-4;  // m, rad
+
+struct Robot {
+  RigidTransform T_gripper_rig{ExpRotation({0.3, -2, 0.4}), {0.05, -0.03, 0.1}};
+  RigidTransform T_base_target{ExpRotation({-1, 0.2, 0.5}), {0.6, 0.1, -0.2}};
+  double target_scale = 1;  // of the true target over the stated one
+
+  [[nodiscard]] std::vector<OutsidePose> Poses(unsigned seed, double noise) const {
+    testing::Random random(seed);
+    std::vector<OutsidePose> poses;
+    constexpr int kFrames = 30;
+    for (int i = 0; i < kFrames; ++i) {
+      const auto draw = [&] { return random.Uniform(-1, 1); };
+      const RigidTransform T_rig_target{ExpRotation({0.5 * draw(), 0.5 * draw(), 0.5 * draw()}),
+                                        {0.2 * draw(), 0.2 * draw(), 0.7 + 0.2 * draw()}};
+      RigidTransform T = T_base_target * T_rig_target.Inverse() * T_gripper_rig.Inverse();
+      for (int k = 0; k < 3; ++k) T.t[k] += random.Gaussian(noise * kPositionNoise);
+      Eigen::Vector3d w;
+      for (double& angle : w) angle = random.Gaussian(noise * kAngleNoise);
+      T.R = T.R * ExpRotation(w);
+      poses.push_back({T, {T_rig_target.R, T_rig_target.t / target_scale}});
+    }
+    return poses;
+  }
+};
+
+TEST(OutsidePoses, GiveMountAndTargetOfExactPoses) {
+  const Robot robot;
+  const auto fit = FitOutsidePoses(robot.Poses(1, 0), {});
+  ASSERT_TRUE(fit);
+  constexpr double kRounding = 1e-7;
+  EXPECT_LT((fit->T_mount_rig.t - robot.T_gripper_rig.t).norm(), kRounding);
+  EXPECT_LT((fit->T_mount_rig.R - robot.T_gripper_rig.R).norm(), kRounding);
+  EXPECT_LT((fit->T_other_target.t - robot.T_base_target.t).norm(), kRounding);
+}
+
+TEST(OutsidePoses, StateTheErrorsThatSeedsShow) {
+  Robot robot;
+  robot.target_scale = 0.99;
+  constexpr unsigned kSeeds = 40;
+  double mount = 0, target = 0, scale = 0, position = 0;
+  for (unsigned seed = 1; seed <= kSeeds; ++seed) {
+    const auto fit =
+        FitOutsidePoses(robot.Poses(seed, 1), {RigMount::kOnGripper, OutsideScale::kFree});
+    ASSERT_TRUE(fit);
+    const auto squares =
+        [](const RigidTransform& found, const RigidTransform& truth, const Vector6d& sigma) {
+          Vector6d error;
+          error << found.t - truth.t, LogRotation(found.R * truth.R.transpose());
+          return error.cwiseQuotient(sigma).squaredNorm() / 6;
+        };
+    mount += squares(fit->T_mount_rig, robot.T_gripper_rig, fit->rig_sigma) / kSeeds;
+    target += squares(fit->T_other_target, robot.T_base_target, fit->target_sigma) / kSeeds;
+    scale += std::pow((fit->scale - robot.target_scale) / fit->scale_sigma, 2) / kSeeds;
+    position += fit->translation_sigma / kSeeds;
+  }
+  // 240 numbers that correlate; the last is one a seed.
+  EXPECT_NEAR(mount, 1, 0.3);
+  EXPECT_NEAR(target, 1, 0.3);
+  EXPECT_NEAR(scale, 1, 0.7);
+  EXPECT_NEAR(position / kPositionNoise, 1, 0.05);
+}
+
+TEST(OutsidePoses, LeaveOutWrongOnes) {
+  const Robot robot;
+  std::vector<OutsidePose> poses = robot.Poses(2, 1);
+  poses[7].T_base_gripper.t.x() += 0.02;
+  const auto fit = FitOutsidePoses(poses, {});
+  ASSERT_TRUE(fit);
+  for (size_t i = 0; i < poses.size(); ++i) EXPECT_EQ(fit->used[i], i != 7) << i;
+}
+
+TEST(OutsidePoses, OfARigOnTheBaseAreInverse) {
+  Robot robot;
+  std::vector<OutsidePose> poses = robot.Poses(3, 0);
+  for (OutsidePose& pose : poses) pose.T_base_gripper = pose.T_base_gripper.Inverse();
+  const auto fit = FitOutsidePoses(poses, {RigMount::kOnBase, OutsideScale::kHeld});
+  ASSERT_TRUE(fit);
+  EXPECT_LT((fit->T_mount_rig.t - robot.T_gripper_rig.t).norm(), 1e-7);
+  // The other way round nothing fits.
+  const auto wrong = FitOutsidePoses(poses, {});
+  EXPECT_TRUE(!wrong || wrong->translation_sigma > 0.01);
+}
+
+TEST(OutsidePoses, InMillimetresMoveAThousandTimesAsFar) {
+  std::vector<OutsidePose> poses = Robot().Poses(4, 0);
+  EXPECT_NEAR(RatioOfLengths(poses), 1, 0.5);
+  for (OutsidePose& pose : poses) pose.T_base_gripper.t *= 1000;
+  EXPECT_GT(RatioOfLengths(poses), 500);
+}
+
+}  // namespace
+}  // namespace plenocal
