@@ -1,109 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/recording/image_files.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cctype>
 #include <set>
-#include <utility>
 
-#include "calib/base/error.h"
-#include "calib/base/input_file.h"
-#include "calib/base/quoted_text.h"
-#include "calib/files/frame_images.h"
+#include "apps/recording/stores/image_lister.h"
 
 namespace plenocal {
 namespace {
 
 namespace fs = std::filesystem;
-
-class FileSource : public ImageSource {
- public:
-  explicit FileSource(std::vector<ImageFile> files) : files_(std::move(files)) {}
-
-  std::vector<unsigned char> Bytes(size_t index) const override {
-    const ImageFile& file = files_[index];
-    if (file.archive) return file.archive->Read(file.entry);
-    const std::string content = ReadInput(file.path, InputLimit::kTable);
-    return {content.begin(), content.end()};
-  }
-  std::vector<unsigned char> Start(size_t index, size_t most) const override {
-    const ImageFile& file = files_[index];
-    if (file.archive) return file.archive->Read(file.entry, most);
-    const std::string content = ReadInputStart(file.path, most);
-    return {content.begin(), content.end()};
-  }
-  std::string Place(size_t index) const override { return files_[index].path.string(); }
-
- private:
-  std::vector<ImageFile> files_;
-};
-
-/// An archive, and the folder in it that is meant; empty: all of it.
-struct ArchivePart {
-  fs::path archive;
-  std::string folder;
-};
-
-/// Nothing for a pattern that leads into no archive.
-std::optional<ArchivePart> ArchivePartOf(const fs::path& pattern) {
-  fs::path archive;
-  for (auto part = pattern.begin(); part != pattern.end(); ++part) {
-    archive /= *part;
-    std::error_code error;
-    if (!IsArchiveName(archive) || !fs::is_regular_file(archive, error)) continue;
-    fs::path folder;
-    while (++part != pattern.end()) folder /= *part;
-    std::string name = folder.generic_string();
-    while (name.ends_with('/')) name.pop_back();
-    return ArchivePart{archive, name};
-  }
-  return std::nullopt;
-}
-
-void AddFilesOf(const ArchivePart& part, const std::string& what, std::vector<ImageFile>* files) {
-  const auto archive = std::make_shared<const ZipArchive>(part.archive);
-  const size_t before = files->size();
-  for (size_t entry = 0; entry < archive->Names().size(); ++entry) {
-    const fs::path name = archive->Names()[entry];
-    if (!HasImageName(name)) continue;
-    if (!part.folder.empty() && name.parent_path().generic_string() != part.folder) continue;
-    files->push_back({.name = name.stem().string(),
-                      .path = archive->Place(entry),
-                      .archive = archive,
-                      .entry = entry});
-  }
-  if (files->size() > before) return;
-  throw Error(ErrorKind::kInput,
-              fmt::format("{}: no image (png, tiff, jpeg, bmp, pgm) in {}{}",
-                          what,
-                          part.folder.empty() ? "" : fmt::format("the folder {} of ", part.folder),
-                          part.archive.string()));
-}
-
-void CheckNames(const std::vector<ImageFile>& files, const std::string& what) {
-  for (const ImageFile& file : files) {
-    if (const auto defect = FrameNameDefect(file.name)) {
-      throw Error(ErrorKind::kInput,
-                  fmt::format("{}: {}: the name of its frame, '{}', {}; rename the file",
-                              what,
-                              file.path.string(),
-                              file.name,
-                              *defect));
-    }
-  }
-  const auto twin = std::ranges::adjacent_find(files, std::ranges::equal_to{}, &ImageFile::name);
-  if (twin == files.end()) return;
-  throw Error(
-      ErrorKind::kInput,
-      fmt::format("{}: {} and {} both belong to frame '{}'; name one folder of the archive, "
-                  "such as archive.zip/left, or use a pattern that tells them apart",
-                  what,
-                  twin->path.string(),
-                  std::next(twin)->path.string(),
-                  twin->name));
-}
 
 /// Of a name that is a number the number without leading zeros.
 std::string NumberKey(const std::string& name) {
@@ -133,27 +40,12 @@ std::optional<size_t> ImageIndex::Find(const std::string& text) const {
   return std::nullopt;
 }
 
-std::vector<ImageFile> FindImageFiles(const std::vector<std::string>& patterns,
-                                      const std::string& what) {
-  std::vector<ImageFile> files;
-  std::vector<std::string> on_disk;
-  for (const std::string& pattern : patterns) {
-    if (const auto part = ArchivePartOf(pattern)) {
-      AddFilesOf(*part, what, &files);
-    } else {
-      on_disk.push_back(pattern);
-    }
-  }
-  for (FrameImage& image : ExpandImages(on_disk, what)) {
-    files.push_back({.name = std::move(image.frame), .path = std::move(image.path)});
-  }
-  std::ranges::stable_sort(files, NaturalLess, &ImageFile::name);
-  CheckNames(files, what);
-  return files;
-}
-
-std::shared_ptr<const ImageSource> MakeImageSource(std::vector<ImageFile> files) {
-  return std::make_shared<const FileSource>(std::move(files));
+std::vector<FrameImage> FindImageFiles(const std::vector<std::string>& patterns,
+                                       const std::string& what,
+                                       ImageLister* lister) {
+  std::vector<FrameImage> images = lister->List(patterns, what);
+  std::ranges::stable_sort(images, NaturalLess, &FrameImage::frame);
+  return images;
 }
 
 std::vector<std::string> ImageFoldersIn(const ZipArchive& archive) {

@@ -11,6 +11,7 @@
 #include <string_view>
 #include <utility>
 
+#include "apps/recording/stores/image_lister.h"
 #include "calib/base/error.h"
 #include "calib/base/number_text.h"
 #include "calib/base/quoted_text.h"
@@ -50,8 +51,14 @@ std::string ExactGlobOf(const std::vector<FrameImage>& files) {
 
 std::set<std::string> FramesOf(const std::vector<std::string>& images, const std::string& name) {
   std::set<std::string> frames;
-  for (const FrameImage& image : ExpandImages(images, name)) frames.insert(image.frame);
+  for (const FrameImage& image : ListImages(images, name)) frames.insert(image.frame);
   return frames;
+}
+
+bool HoldStores(const std::vector<std::string>& patterns) {
+  return std::ranges::any_of(patterns, [](const std::string& pattern) {
+    return !SplitStorePattern(pattern).file.empty();
+  });
 }
 
 // `pattern` relative to `folder`, in the notation of YAML.
@@ -113,6 +120,7 @@ bool FramesAreShared(const std::vector<std::string>& names,
 }
 
 std::vector<std::string> AsGlobs(const std::vector<std::string>& inputs, const std::string& what) {
+  if (HoldStores(inputs)) return inputs;
   for (const std::string& input : inputs) {
     if (!fs::exists(input) && !HasWildcard(input)) {
       throw Error(ErrorKind::kInput,
@@ -126,6 +134,8 @@ std::vector<std::string> AsGlobs(const std::vector<std::string>& inputs, const s
 
 void ShareFrames(const std::vector<std::string>& names,
                  std::vector<std::vector<std::string>>* images) {
+  // Their images are paired by time, or by names that no glob can change.
+  if (std::ranges::any_of(*images, HoldStores)) return;
   if (images->size() < 2 || FramesAreShared(names, *images)) return;
   std::vector<std::vector<std::string>> globs;
   for (size_t c = 0; c < images->size(); ++c) {

@@ -9,6 +9,8 @@
 
 #include "apps/recording/find_cameras.h"
 #include "apps/recording/image_files.h"
+#include "apps/recording/stores/recorded_topics.h"
+#include "apps/recording/stores/video_store.h"
 #include "calib/base/error.h"
 
 namespace plenocal {
@@ -100,7 +102,8 @@ RecordingFile FindFolders(const fs::path& folder) {
   RecordingFile file{.path = folder, .layout = "folders"};
   std::vector<fs::path> archives;
   for (const fs::path& entry : EntriesOf(folder)) {
-    if (IsArchiveName(entry) && fs::is_regular_file(entry)) archives.push_back(entry);
+    const bool named = IsArchiveName(entry) || IsVideoName(entry);
+    if (named && fs::is_regular_file(entry)) archives.push_back(entry);
   }
   try {
     for (const FoundCamera& found : FindCameras(folder)) {
@@ -142,6 +145,12 @@ RecordingFile FindRecordingFile(const fs::path& path) {
                 fmt::format("{}: no such file or folder; check the path", path.string()));
   }
   if (IsArchiveName(path)) return FindInArchive(path);
+  if (IsMessageFileName(path) || IsMessageFolder(path)) return FindInMessages(path);
+  if (IsVideoName(path)) {
+    RecordingFile file{.path = path, .layout = "video"};
+    file.cameras.push_back(CameraAt(path.stem().string(), path, {}));
+    return file;
+  }
   if (!fs::is_directory(path)) return ReadRecordingFile(path);
   if (fs::exists(path / "recording.yaml")) return ReadRecordingFile(path / "recording.yaml");
   for (const auto find : {FindEuroc, FindKitti, FindTum}) {

@@ -8,7 +8,7 @@
 namespace plenocal {
 
 /// What a recording consists of: `path` is a recording.yaml, a folder that holds one, a zip archive
-/// of images, or a folder in one of these layouts:
+/// of images, a recording of messages (MCAP, ROS), a video, or a folder in one of these layouts:
 /// - TUM monoVO: images/ or images.zip, times.txt; camera.txt, pcalib.txt, vignette.png
 /// - EuRoC: mav0/cam0/data.csv and data/, mav0/cam1 ...
 /// - KITTI: image_0/, image_1/ ..., times.txt

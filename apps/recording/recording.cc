@@ -5,14 +5,18 @@
 
 #include <algorithm>
 #include <iterator>
+#include <limits>
 #include <map>
 #include <opencv2/imgproc.hpp>
 #include <set>
 #include <utility>
 
+#include "apps/recording/frames/pairing.h"
+#include "apps/recording/image_files.h"
 #include "apps/recording/layouts.h"
-#include "apps/recording/pairing.h"
+#include "apps/recording/stores/image_lister.h"
 #include "calib/base/error.h"
+#include "calib/base/input_file.h"
 #include "calib/base/quoted_text.h"
 #include "detectors/images/attenuation.h"
 #include "detectors/images/image.h"
@@ -23,7 +27,7 @@ namespace {
 
 /// An image file and what is known of it.
 struct Candidate {
-  ImageFile file;
+  FrameImage file;
   RecordedImage image;
 };
 
@@ -116,6 +120,27 @@ size_t FillExposures(std::vector<Candidate>* images) {
   return images->size() - known.size();
 }
 
+/// Replaces the exposures that the table has of the camera's images.
+void TakeExposures(const std::filesystem::path& table, RecordedCamera* camera) {
+  const auto exposures = ReadExposureTable(table);
+  bool found = false;
+  for (RecordedImage& image : camera->images) {
+    const auto row = exposures.find({camera->name, image.name});
+    if (row == exposures.end()) continue;
+    image.exposure = row->second;
+    found = true;
+  }
+  const bool named = std::ranges::any_of(
+      exposures, [&](const auto& row) { return row.first.first == camera->name; });
+  if (found || !named) return;
+  throw Error(ErrorKind::kInput,
+              fmt::format("{}: names no image of camera {}: the images are called '{}'; is it the "
+                          "right file?",
+                          table.string(),
+                          camera->name,
+                          camera->images.front().name));
+}
+
 /// Removes the images for which reason(i) is not empty.
 template <typename Reason>
 void RemoveImages(const std::string& camera,
@@ -155,30 +180,39 @@ void AssignTimes(const RecordedFiles& source,
 // ---- sizes
 
 /// From the header: of most files it is in the first part.
-std::optional<ImageSize> HeaderSizeOf(const ImageSource& source, size_t index) {
+std::optional<ImageSize> HeaderSizeOf(const FrameImage& image) {
   constexpr size_t kStart = 1 << 14;  // bytes
-  const std::vector<unsigned char> start = source.Start(index, kStart);
-  const std::optional<ImageSize> size = SizeInHeader(start);
-  return size || start.size() < kStart ? size : SizeInHeader(source.Bytes(index));
+  constexpr size_t kAll = std::numeric_limits<size_t>::max();
+  for (const size_t most : {kStart, kAll}) {
+    StoredImage start;
+    if (image.store) {
+      start = image.store->Start(image.index, most);
+    } else {
+      const std::string content = most == kStart ? ReadInputStart(image.path, most)
+                                                 : ReadInput(image.path, InputLimit::kTable);
+      start.bytes.assign(content.begin(), content.end());
+    }
+    if (!start.encoding.empty()) return start.size;
+    const std::optional<ImageSize> size = SizeInHeader(start.bytes);
+    if (size || start.bytes.size() < kStart) return size;
+  }
+  return std::nullopt;
 }
 
 /// Leaves out images whose size is not that of most; returns this size.
 ImageSize KeepOneSize(const RecordedFiles& camera,
                       std::vector<Candidate>* images,
                       std::vector<LeftOut>* left_out) {
-  std::vector<ImageFile> files;
-  for (const Candidate& image : *images) files.push_back(image.file);
-  const std::shared_ptr<const ImageSource> source = MakeImageSource(std::move(files));
   std::vector<std::string> defects(images->size());
   std::vector<ImageSize> sizes(images->size());
   std::map<ImageSize, size_t> counts;
   for (size_t i = 0; i < images->size(); ++i) {
     try {
-      const std::optional<ImageSize> size = HeaderSizeOf(*source, i);
+      const std::optional<ImageSize> size = HeaderSizeOf((*images)[i].file);
       if (!size) defects[i] = "is no image, or damaged at its beginning";
       if (size) ++counts[sizes[i] = *size];
     } catch (const Error& error) {
-      defects[i] = WithoutPath(error.what(), source->Place(i));
+      defects[i] = WithoutPath(error.what(), (*images)[i].file.path);
     }
   }
   if (counts.empty()) {
@@ -186,7 +220,7 @@ ImageSize KeepOneSize(const RecordedFiles& camera,
                 fmt::format("{}: none of {} files is an image that can be read; the first, {}, {}",
                             camera.where,
                             images->size(),
-                            source->Place(0),
+                            images->front().file.path.string(),
                             defects[0]));
   }
   const auto usual = std::ranges::max_element(counts, {}, [](const auto& c) { return c.second; });
@@ -242,15 +276,17 @@ void RefuseMosaic(const RecordedFiles& source, const RecordedCamera& camera) {
 
 // ---- cameras
 
-RecordedCamera ReadRecordedCamera(const RecordedFiles& source, std::vector<LeftOut>* left_out) {
+RecordedCamera ReadRecordedCamera(const RecordedFiles& source,
+                                  ImageLister* lister,
+                                  std::vector<LeftOut>* left_out) {
   if (source.images.empty()) {
     throw Error(ErrorKind::kInput,
                 fmt::format("{}: has tracks and no images; `plenocal groundtruth` takes the tracks",
                             source.where));
   }
   std::vector<Candidate> images;
-  for (ImageFile& file : FindImageFiles(source.images, source.where)) {
-    RecordedImage image{.name = file.name, .time = {}, .exposure = {}};
+  for (FrameImage& file : FindImageFiles(source.images, source.where, lister)) {
+    RecordedImage image{.name = file.frame, .time = file.time, .exposure = {}};
     images.push_back({std::move(file), std::move(image)});
   }
   RecordedCamera camera;
@@ -263,14 +299,12 @@ RecordedCamera ReadRecordedCamera(const RecordedFiles& source, std::vector<LeftO
   if (!source.times.empty()) AssignTimes(source, &images, left_out);
   camera.exposures_filled = FillExposures(&images);
   camera.image_size = KeepOneSize(source, &images, left_out);
-  std::vector<ImageFile> files;
   for (Candidate& image : images) {
     camera.images.push_back(std::move(image.image));
-    files.push_back(std::move(image.file));
+    camera.files.push_back(std::move(image.file));
   }
-  camera.source = MakeImageSource(std::move(files));
   if (!source.white_images.empty()) {
-    camera.white_images = ExpandImages(source.white_images, source.name + ": white images");
+    camera.white_images = ListImages(source.white_images, source.name + ": white images");
   }
   RefuseMosaic(source, camera);
   return camera;
@@ -294,9 +328,7 @@ void CheckCameraNames(const RecordingFile& file) {
 
 }  // namespace
 
-cv::Mat RecordedCamera::Read(size_t index) const {
-  return DecodeRawGray(source->Bytes(index), source->Place(index));
-}
+cv::Mat RecordedCamera::Read(size_t index) const { return ReadRawGray(files[index]); }
 
 bool Recording::HasTimes() const {
   return std::ranges::all_of(
@@ -317,9 +349,16 @@ Recording ReadRecording(const std::filesystem::path& path) {
   recording.calibration = file.calibration;
   recording.truth = file.truth;
   recording.foreign = std::move(file.foreign);
+  ImageLister lister;
+  if (file.log) lister.Use(file.log);
   for (const RecordedFiles& camera : file.cameras) {
-    recording.cameras.push_back(ReadRecordedCamera(camera, &recording.left_out));
+    recording.cameras.push_back(ReadRecordedCamera(camera, &lister, &recording.left_out));
+    if (!file.exposures.empty()) TakeExposures(file.exposures, &recording.cameras.back());
   }
+  recording.notes = lister.Notes();
+  recording.topics = std::move(file.topics);
+  recording.other_topics = std::move(file.other_topics);
+  recording.log = file.log;
   MakeFrames(file.pairing, &recording);
   return recording;
 }

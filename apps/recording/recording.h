@@ -6,13 +6,11 @@
 
 #include <cstddef>
 #include <filesystem>
-#include <memory>
 #include <opencv2/core/mat.hpp>
 #include <optional>
 #include <string>
 #include <vector>
 
-#include "apps/recording/image_files.h"
 #include "apps/recording/recording_file.h"
 #include "calib/camera/observation.h"
 #include "calib/files/frame_images.h"
@@ -21,15 +19,15 @@ namespace plenocal {
 
 /// An image of a recording.
 struct RecordedImage {
-  std::string name;                ///< of its frame, as `ImageFile` has it
+  std::string name;                ///< of its frame
   std::optional<double> time;      ///< s
   std::optional<double> exposure;  ///< ms
 };
 
 struct RecordedCamera {
   std::string name;
-  std::vector<RecordedImage> images;          ///< by time, without times by name
-  std::shared_ptr<const ImageSource> source;  ///< of `images`, by the same index
+  std::vector<RecordedImage> images;  ///< by time, without times by name
+  std::vector<FrameImage> files;      ///< of `images`, by the same index
   ImageSize image_size{};
   std::vector<FrameImage> white_images;
   std::optional<BayerOrder> bayer;   ///< of raw mosaics
@@ -57,10 +55,14 @@ struct Recording {
   Pairing::By paired_by{};     ///< how the frames were made
   double tolerance = 0;        ///< s, of the pairing by time
   std::vector<RecordedCamera> cameras;
-  std::vector<RecordedFrame> frames;  ///< in the order of the recording; names are unique
-  std::vector<LeftOut> left_out;      ///< images that cannot be used
-  std::filesystem::path calibration;  ///< calibration.yaml; empty: none
-  std::filesystem::path truth;        ///< trajectory; empty: none
+  std::vector<RecordedFrame> frames;       ///< in the order of the recording; names are unique
+  std::vector<LeftOut> left_out;           ///< images that cannot be used
+  std::shared_ptr<const MessageLog> log;   ///< of a recording of messages; else null
+  std::vector<ImageTopic> topics;          ///< of `log`
+  std::vector<MessageTopic> other_topics;  ///< of `log`, without images
+  std::vector<std::string> notes;          ///< what is unusual in its files, in whole sentences
+  std::filesystem::path calibration;       ///< calibration.yaml; empty: none
+  std::filesystem::path truth;             ///< trajectory; empty: none
   /// Calibrations of other programs that lie beside the images, and how to import them.
   std::vector<ForeignCalibration> foreign;
 

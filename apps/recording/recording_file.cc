@@ -38,8 +38,8 @@ fs::path FileBeside(const fs::path& file, const YamlNode& node) {
 RecordedFiles ReadRecordedFiles(const std::string& name,
                                 const YamlNode& node,
                                 const fs::path& file) {
-  static constexpr std::array<std::string_view, 7> kKeys{
-      "images", "tracks", "times", "exposure_unit", "white_images", "bayer", "pixel_size"};
+  static constexpr std::array<std::string_view, 8> kKeys{
+      "images", "topic", "tracks", "times", "exposure_unit", "white_images", "bayer", "pixel_size"};
   static constexpr std::array<std::string_view, 3> kUnits{"s", "ms", "us"};
   CheckCameraName(name, node);
   node.CheckKeys(kKeys);
@@ -50,7 +50,7 @@ RecordedFiles ReadRecordedFiles(const std::string& name,
     node.RequireKeys(std::array<std::string_view, 1>{"images"}, "images: left/*.png\n");
     const YamlNode images = node.At("images");
     camera.where = fmt::format("{}:{}: cameras.{}.images", file.string(), images.Line(), name);
-    camera.images = PathsBeside(file, images);
+    camera.images = ReadImagePatterns(file, node);
   } else {
     camera.where = fmt::format("{}:{}: cameras.{}", file.string(), node.Line(), name);
   }
@@ -62,20 +62,6 @@ RecordedFiles ReadRecordedFiles(const std::string& name,
   if (node.Has("bayer")) camera.bayer = ReadBayerOrder(node.At("bayer"));
   if (node.Has("pixel_size")) camera.pixel_size = node.At("pixel_size").AsLength();
   return camera;
-}
-
-Pairing ReadPairing(const YamlNode& node) {
-  static constexpr std::array<std::string_view, 2> kBy{"name", "time"};
-  node.CheckKeys({"by", "tolerance"});
-  Pairing pairing;
-  if (node.Has("by")) pairing.by = static_cast<Pairing::By>(OneOf(node.At("by"), kBy));
-  if (node.Has("tolerance")) {
-    if (pairing.by == Pairing::By::kName) {
-      node.At("tolerance").Fail("is of pairing by time, but 'by' is 'name'; remove one of them");
-    }
-    pairing.tolerance = node.At("tolerance").AsPositive();
-  }
-  return pairing;
 }
 
 MarkerFile ReadMarkerFileKeys(const YamlNode& node, const fs::path& file) {
@@ -132,11 +118,12 @@ void ForCameras(const YamlNode& root, std::string_view key, RecordingFile* file,
 }  // namespace
 
 RecordingFile ReadRecordingFile(const fs::path& path) {
-  static constexpr std::array<std::string_view, 8> kKeys{"plenocal",
+  static constexpr std::array<std::string_view, 9> kKeys{"plenocal",
                                                          "cameras",
                                                          "pairing",
                                                          "calibration",
                                                          "truth",
+                                                         "exposures",
                                                          "response",
                                                          "vignetting",
                                                          "markers"};
@@ -153,6 +140,7 @@ RecordingFile ReadRecordingFile(const fs::path& path) {
   if (root.Has("pairing")) file.pairing = ReadPairing(root.At("pairing"));
   if (root.Has("calibration")) file.calibration = FileBeside(path, root.At("calibration"));
   if (root.Has("truth")) file.truth = FileBeside(path, root.At("truth"));
+  if (root.Has("exposures")) file.exposures = FileBeside(path, root.At("exposures"));
   ForCameras(root, "response", &file, [&](RecordedFiles* camera, const YamlNode& node) {
     camera->response = FileBeside(path, node);
   });

@@ -5,12 +5,15 @@
 #pragma once
 
 #include <filesystem>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "apps/recording/stores/message_log.h"
 #include "apps/recording/times.h"
 #include "calib/camera/bayer.h"
+#include "calib/files/pairing_key.h"
 
 namespace plenocal {
 
@@ -37,13 +40,6 @@ struct RecordedFiles {
   std::optional<MarkerFile> markers;
 };
 
-/// Which images belong to one frame.
-struct Pairing {
-  enum class By { kName, kTime };
-  std::optional<By> by = {};             ///< nothing: by time if all cameras have times
-  std::optional<double> tolerance = {};  ///< s; nothing: half of the usual interval
-};
-
 /// A calibration in another program's form.
 struct ForeignCalibration {
   std::filesystem::path path;
@@ -52,12 +48,18 @@ struct ForeignCalibration {
 
 struct RecordingFile {
   std::filesystem::path path;  ///< recording.yaml, or the folder or archive that was looked at
-  /// "recording.yaml", "TUM monoVO", "EuRoC", "KITTI", "folders" or "archive".
+  /// "recording.yaml", "TUM monoVO", "EuRoC", "KITTI", "folders", "archive",
+  /// "MCAP", "ROS 1 bag", "ROS 2 bag" or "video".
   std::string layout;
   std::vector<RecordedFiles> cameras = {};
   Pairing pairing = {};
   std::filesystem::path calibration = {}, truth = {};  ///< empty: none
+  std::filesystem::path exposures =
+      {};  ///< table in place of those in the files of times; empty: none
   std::vector<ForeignCalibration> foreign = {};
+  std::shared_ptr<const MessageLog> log = {};   ///< of a recording of messages; else null
+  std::vector<ImageTopic> topics = {};          ///< of `log`
+  std::vector<MessageTopic> other_topics = {};  ///< of `log`, without images
 };
 
 /// Reads recording.yaml. Throws `Error` with file, line and key.

@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/recording/summary.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cctype>
 #include <cmath>
 
-#include "apps/recording/pairing.h"
+#include "apps/recording/frames/time_pairs.h"
 #include "calib/base/number_text.h"
 #include "calib/base/statistics.h"
 #include "calib/files/calibration_file.h"

@@ -41,6 +41,34 @@ std::string CameraLines(const Recording& recording) {
   return text;
 }
 
+/// Topics of a recording of messages: those with images, then the others.
+std::string TopicLines(const Recording& recording) {
+  std::string text;
+  for (const ImageTopic& topic : recording.topics) {
+    std::string line = fmt::format("{}: {}", topic.name, Counted(topic.count, "image"));
+    if (topic.defect.empty()) {
+      line += fmt::format(", {}, {} x {} px", topic.encoding, topic.size[0], topic.size[1]);
+    }
+    if (topic.rate > 0) line += fmt::format(", {:.4g} a second", topic.rate);
+    if (!topic.camera.empty()) line += ", camera " + topic.camera;
+    if (!topic.camera_info.empty()) line += ", intrinsics in " + topic.camera_info;
+    if (!topic.defect.empty()) line += ", not used: " + topic.defect;
+    text += Line(text.empty() ? "topics" : "", line);
+  }
+  for (const MessageTopic& topic : recording.other_topics) {
+    const std::string line = fmt::format(
+        "{}: no images, {} of {}", topic.name, Counted(topic.count, "message"), topic.type);
+    text += Line(text.empty() ? "topics" : "", line);
+  }
+  return text;
+}
+
+std::string NoteLines(const Recording& recording) {
+  std::string text;
+  for (const std::string& note : recording.notes) text += Line(text.empty() ? "notes" : "", note);
+  return text;
+}
+
 std::string PairingText(const Recording& recording) {
   if (recording.paired_by == Pairing::By::kName) return "paired by name";
   return fmt::format("paired by time, at most {:.3g} ms apart", recording.tolerance / kMillisecond);
@@ -195,11 +223,12 @@ Json ToJson(const RecordedCamera& camera, const CameraSummary& summary) {
 }  // namespace
 
 std::string SummaryText(const Recording& recording, const RecordingSummary& summary) {
-  const std::string text = fmt::format("{} ({})\n", recording.path.string(), recording.layout) +
-                           CameraLines(recording) + Line("frames", FrameText(recording, summary)) +
-                           TimeLine(recording, summary) + PairLines(recording, summary) +
-                           MissingLines(summary) + ExposureLines(recording, summary) +
-                           LeftOutLines(recording) + FileLines(recording) + NeedLines(summary);
+  const std::string text =
+      fmt::format("{} ({})\n", recording.path.string(), recording.layout) + TopicLines(recording) +
+      CameraLines(recording) + Line("frames", FrameText(recording, summary)) +
+      TimeLine(recording, summary) + PairLines(recording, summary) + MissingLines(summary) +
+      ExposureLines(recording, summary) + LeftOutLines(recording) + NoteLines(recording) +
+      FileLines(recording) + NeedLines(summary);
   return Escaped(text, "\n");
 }
 
@@ -208,6 +237,20 @@ std::string SummaryJson(const Recording& recording, const RecordingSummary& summ
   for (size_t c = 0; c < recording.cameras.size(); ++c) {
     json["cameras"][recording.cameras[c].name] = ToJson(recording.cameras[c], summary.cameras[c]);
   }
+  for (const ImageTopic& topic : recording.topics) {
+    json["topics"][topic.name] = {{"type", topic.type},
+                                  {"count", topic.count},
+                                  {"encoding", topic.encoding},
+                                  {"image_size", topic.size},
+                                  {"rate", topic.rate},
+                                  {"camera", topic.camera},
+                                  {"camera_info", topic.camera_info},
+                                  {"defect", topic.defect}};
+  }
+  for (const MessageTopic& topic : recording.other_topics) {
+    json["topics"][topic.name] = {{"type", topic.type}, {"count", topic.count}};
+  }
+  json["notes"] = recording.notes;
   json["frames"] = recording.frames.size();
   json["complete"] = summary.complete;
   json["paired_by"] = recording.paired_by == Pairing::By::kName ? "name" : "time";

@@ -9,6 +9,7 @@
 #include <string_view>
 #include <vector>
 
+#include "apps/recording/image_files.h"
 #include "calib/base/csv.h"
 #include "calib/base/error.h"
 #include "calib/base/input_file.h"
@@ -34,7 +35,7 @@ ImageIndex IndexOf(const RecordedCamera& camera) {
   std::vector<std::filesystem::path> files;
   for (size_t i = 0; i < camera.images.size(); ++i) {
     names.push_back(camera.images[i].name);
-    files.emplace_back(camera.source->Place(i));
+    files.emplace_back(camera.files[i].path.string());
   }
   return {names, files};
 }

@@ -110,4 +110,26 @@ ImageTimes ReadImageTimes(const fs::path& path, ExposureUnit unit) {
   return times;
 }
 
+std::map<std::pair<std::string, std::string>, double> ReadExposureTable(const fs::path& path) {
+  const std::string text = ReadTextFile(path);
+  CsvReader table(text, path.string());
+  const size_t frame = table.Column("frame"), camera = table.Column("camera");
+  const size_t exposure = table.Column("exposure_ms");
+  std::map<std::pair<std::string, std::string>, double> exposures;
+  while (table.Next()) {
+    const std::optional<double> value = table.NumberIfAny(exposure);
+    if (!value) continue;
+    if (*value <= 0) {
+      table.FailAt(exposure, fmt::format("expected a positive number, found '{}'", *value));
+    }
+    if (!exposures.emplace(std::pair(table.Text(camera), table.Text(frame)), *value).second) {
+      table.Fail(
+          fmt::format("image '{}' of camera '{}' has an exposure already; remove one of them",
+                      table.Text(frame),
+                      table.Text(camera)));
+    }
+  }
+  return exposures;
+}
+
 }  // namespace plenocal

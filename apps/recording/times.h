@@ -2,9 +2,11 @@
 #pragma once
 
 #include <filesystem>
+#include <map>
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 namespace plenocal {
@@ -34,6 +36,13 @@ struct ImageTimes {
 /// Times are in seconds, those above 1e11 in nanoseconds. Throws `Error` of kind kInput with file
 /// and line: no times, what is no number, times that do not increase, negative exposures.
 ImageTimes ReadImageTimes(const std::filesystem::path& path, ExposureUnit unit);
+
+/// Exposures, ms, by camera and image, of a table with the columns frame, camera and exposure_ms
+/// (`plenocal recording --exposures`); rows without an exposure are left out. Throws `Error` of
+/// kind kInput with file and line: columns that are missing, what is no positive number, an image
+/// twice.
+std::map<std::pair<std::string, std::string>, double> ReadExposureTable(
+    const std::filesystem::path& path);
 
 /// The first line after `skip` lines that is neither empty nor a comment, without blanks before it;
 /// empty if there is none.

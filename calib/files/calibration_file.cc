@@ -89,6 +89,18 @@ std::string ResidualsMap(const CameraFit& fit) {
   return text + "}";
 }
 
+std::string TargetsYaml(const std::vector<TargetRecord>& targets) {
+  std::string text = targets.empty() ? "" : "targets:\n";
+  for (const TargetRecord& target : targets) {
+    text += fmt::format("  {}:\n    T_target_own: {}\n    xi_target_own: {}\n    sigma_xi: {}\n",
+                        YamlText(target.name),
+                        Matrix(target.T_target_own),
+                        List(Log(target.T_target_own), Exact),
+                        List(target.sigma_xi, YamlNumber));
+  }
+  return text;
+}
+
 std::string CameraYaml(const CalibratedCamera& camera, bool is_estimated) {
   const CameraModel& model = *camera.model;
   std::string text = fmt::format("  {}:\n    model: {}\n    image_size: [{}, {}]\n",
@@ -431,6 +443,7 @@ std::string CalibrationYaml(const CalibrationRecord& calibration) {
   for (const CalibratedCamera& camera : calibration.cameras) {
     text += CameraYaml(camera, calibration.adjustment.has_value());
   }
+  text += TargetsYaml(calibration.targets);
   if (calibration.adjustment) text += AdjustmentYaml(calibration);
   if (calibration.verdict) text += VerdictYaml(*calibration.verdict);
   if (!calibration.provenance.empty()) text += "provenance:\n";
@@ -459,6 +472,15 @@ CalibrationRecord ReadCalibration(const std::filesystem::path& path,
     calibration.cameras.push_back(ReadCamera(name, node, models));
   }
   if (calibration.cameras.empty()) root.At("cameras").Fail("expected at least one camera");
+  if (root.Has("targets")) {
+    for (const auto& [name, node] : root.At("targets").Entries()) {
+      const std::vector<double> xi = node.At("xi_target_own").AsNumbers(6);
+      TargetRecord target{.name = name, .T_target_own = Exp(Eigen::Map<const Vector6d>(xi.data()))};
+      if (node.Has("sigma_xi"))
+        target.sigma_xi = Eigen::Map<const Vector6d>(ReadSixSigmas(node.At("sigma_xi")).data());
+      calibration.targets.push_back(target);
+    }
+  }
   if (root.Has("adjustment")) {
     const YamlNode node = root.At("adjustment");
     calibration.adjustment = {.converged = node.At("converged").AsBool(),

@@ -130,6 +130,13 @@ struct MarkerRecord {
   std::optional<Eigen::Vector3d> sigma = std::nullopt;
 };
 
+/// One of several targets.
+struct TargetRecord {
+  std::string name;
+  RigidTransform T_target_own;           ///< its frame to that of the first target of its body
+  Vector6d sigma_xi = Vector6d::Zero();  ///< of the se(3) vector; zero: the first, known, or unseen
+};
+
 /// How the bundle adjustment ended.
 struct AdjustmentRecord {
   bool converged = false;
@@ -179,6 +186,7 @@ struct CalibrationRecord {
   std::vector<CalibratedCamera> cameras;  ///< the first is the rig's master
   std::vector<FrameRecord> frames;
   std::map<int, MarkerRecord> markers;         ///< by number
+  std::vector<TargetRecord> targets;           ///< of several; empty: one target
   std::optional<AdjustmentRecord> adjustment;  ///< not set: the parameters were not estimated
   std::optional<JitterRecord> jitter;          ///< not set: a rigid, synchronous rig
   Correlations correlations;

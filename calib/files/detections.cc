@@ -57,6 +57,9 @@ class DetectionReader {
     marker_column_ = Require("marker");
     for (const std::string_view name : model_.measured) value_columns_.push_back(Require(name));
     for (const std::string_view name : model_.context) value_columns_.push_back(Require(name));
+    for (const std::string_view name : model_.optional_context) {
+      optional_columns_.push_back(table_.Find(name));
+    }
     sigma_column_ = table_.Find("sigma");
     for (size_t error = 1; table_.Find(SharedName(model_.measured[0], error)); ++error) {
       for (const std::string_view name : model_.measured) {
@@ -70,6 +73,10 @@ class DetectionReader {
     observation.marker = table_.Integer(marker_column_);
     for (size_t i = 0; i < value_columns_.size(); ++i) {
       observation.values[i] = table_.Number(value_columns_[i]);
+    }
+    for (size_t i = 0; i < optional_columns_.size(); ++i) {
+      if (!optional_columns_[i]) continue;
+      observation.values[value_columns_.size() + i] = table_.Number(*optional_columns_[i]);
     }
     if (const auto sigma = sigma_column_ ? table_.NumberIfAny(*sigma_column_) : std::nullopt) {
       observation.detector_sigma = *sigma;
@@ -93,7 +100,7 @@ class DetectionReader {
       last_view_ = place->second;
     }
     views_[last_view_].observations.push_back(observation);
-    if (!shared_columns_.empty()) views_[last_view_].shared_errors.push_back(SharedErrors());
+    if (!shared_columns_.empty()) views_[last_view_].by_nuisance.push_back(SharedErrors());
     lines_[last_view_].push_back(table_.Line());
   }
 
@@ -144,7 +151,8 @@ class DetectionReader {
   CsvReader table_;
   const CameraModel& model_;
   size_t frame_column_ = 0, marker_column_ = 0;
-  std::vector<size_t> value_columns_;   // measured, then context
+  std::vector<size_t> value_columns_;  // measured, then context
+  std::vector<std::optional<size_t>> optional_columns_;
   std::vector<size_t> shared_columns_;  // error by error
   std::optional<size_t> sigma_column_;
   std::vector<View> views_;
@@ -152,6 +160,18 @@ class DetectionReader {
   std::unordered_map<std::string, size_t> view_of_frame_;
   size_t last_view_ = 0;
 };
+
+bool HasOptionalContext(std::span<const View> views, const CameraModel& model) {
+  const size_t first = model.measured.size() + model.context.size();
+  for (const View& view : views) {
+    for (const Observation& seen : view.observations) {
+      for (size_t i = 0; i < model.optional_context.size(); ++i) {
+        if (seen.values[first + i] != 0) return true;
+      }
+    }
+  }
+  return false;
+}
 
 }  // namespace
 
@@ -165,10 +185,14 @@ std::string DetectionsCsv(std::span<const View> views, const CameraModel& model)
   for (const std::string_view name : model.measured) text.append(",").append(name);
   for (const std::string_view name : model.context) text.append(",").append(name);
   text += ",sigma";
+  const bool has_optional = HasOptionalContext(views, model);
+  if (has_optional) {
+    for (const std::string_view name : model.optional_context) text.append(",").append(name);
+  }
   size_t errors = 0;
   for (const View& view : views) {
-    if (!view.shared_errors.empty()) {
-      errors = view.shared_errors[0].size() / model.measured.size();
+    if (!view.by_nuisance.empty()) {
+      errors = view.by_nuisance[0].size() / model.measured.size();
     }
   }
   for (size_t error = 0; error < errors; ++error) {
@@ -189,11 +213,17 @@ std::string DetectionsCsv(std::span<const View> views, const CameraModel& model)
       if (observation.detector_sigma > 0) {
         AppendFixed(observation.detector_sigma, kCoordinateDecimals, &text);
       }
+      for (size_t i = 0; has_optional && i < model.optional_context.size(); ++i) {
+        text += ',';
+        AppendFixed(observation.values[model.measured.size() + model.context.size() + i],
+                    kCoordinateDecimals,
+                    &text);
+      }
       for (size_t error = 0; error < errors; ++error) {
         for (size_t i = 0; i < model.measured.size(); ++i) {
           text += ',';
           const double moved =
-              view.shared_errors.empty() ? 0 : view.shared_errors[row][i * errors + error];
+              view.by_nuisance.empty() ? 0 : view.by_nuisance[row][i * errors + error];
           AppendFixed(moved, kCoordinateDecimals, &text);
         }
       }

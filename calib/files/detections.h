@@ -14,7 +14,7 @@ namespace plenocal {
 /// Reads a detections CSV (docs/formats.md) with the columns of `model`: frame, marker, the
 /// measured coordinates, the context, and sigma (`Observation::detector_sigma`), which may be
 /// absent or empty; x_shared_1, y_shared_1, x_shared_2, ..., which may be absent, are
-/// `View::shared_errors`, px. Columns are found by name, in any order; others are ignored. Views
+/// `View::by_nuisance`, px. Columns are found by name, in any order; others are ignored. Views
 /// are in the order in which their frames first appear. Throws `Error` with file, line and column
 /// for a missing column, a value that is no finite number, a sigma that is not positive, or a row
 /// that repeats frame, marker and context of another.

@@ -51,7 +51,7 @@ std::set<int> RemoveMarkers(const ExcludeRule& rule, View* view) {
       continue;
     }
     rest.observations.push_back(observation);
-    if (!view->shared_errors.empty()) rest.shared_errors.push_back(view->shared_errors[i]);
+    if (!view->by_nuisance.empty()) rest.by_nuisance.push_back(view->by_nuisance[i]);
   }
   if (!removed.empty()) *view = std::move(rest);
   return removed;

@@ -2,15 +2,22 @@
 #pragma once
 
 #include <filesystem>
+#include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "calib/files/image_store.h"
+
 namespace plenocal {
 
-/// An image file and the frame that it belongs to.
+/// An image and the frame that it belongs to.
 struct FrameImage {
   std::string frame;
-  std::filesystem::path path;
+  std::filesystem::path path;  ///< of an image in a store its place there, for messages
+  std::shared_ptr<const ImageStore> store = {};  ///< null: an image file
+  size_t index = 0;                              ///< in the store
+  std::optional<double> time = {};               ///< s
 };
 
 /// True for a name that ends as one of an image does (".png", ".JPG"), and is not hidden.

@@ -19,6 +19,10 @@ std::string PathBeside(const std::filesystem::path& file, const YamlNode& node);
 /// One path or a list of them: globs, folders, files.
 std::vector<std::string> PathsBeside(const std::filesystem::path& file, const YamlNode& node);
 
+/// The images of a camera: `images`, of a recording with its `topic` behind it.
+std::vector<std::string> ReadImagePatterns(const std::filesystem::path& file,
+                                           const YamlNode& camera);
+
 /// The colours of a raw mosaic, one of `kBayerOrders`.
 BayerOrder ReadBayerOrder(const YamlNode& node);
 

@@ -12,10 +12,12 @@
 #include <numbers>
 #include <pugixml.hpp>
 #include <string>
+#include <string_view>
+#include <utility>
 
 #include "calib/base/error.h"
 #include "calib/base/input_file.h"
-#include "calib/camera/hexagonal_lattice.h"
+#include "calib/camera/lens_lattice.h"
 
 namespace plenocal {
 namespace {
@@ -103,7 +105,85 @@ void FillImage(const Vector2d& origin,
   }
 }
 
+/// centre = origin + basis (column, row) by least squares.
+struct RegularLattice {
+  Vector2d origin{0, 0};
+  Matrix2d basis;
+
+  explicit RegularLattice(const MicroLensArray& array) {
+    Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
+    Eigen::Matrix<double, 3, 2> right = Eigen::Matrix<double, 3, 2>::Zero();
+    for (const MicroLens& lens : array.lenses) {
+      const Eigen::Vector3d row(1, lens.column, lens.row);
+      normal += row * row.transpose();
+      right += row * lens.centre.transpose();
+    }
+    const Eigen::Matrix<double, 3, 2> solved = normal.inverse() * right;
+    origin = solved.row(0);
+    basis = solved.bottomRows<2>().transpose();
+  }
+};
+
+std::string PointXml(std::string_view name, std::string_view units, const Vector2d& p, int indent) {
+  const std::string space(static_cast<size_t>(indent), ' ');
+  return fmt::format(
+      "{0}<{1} units=\"{2}\">\n{0}  <x>{3:.12f}</x>\n{0}  <y>{4:.12f}</y>\n{0}</{1}>\n",
+      space,
+      name,
+      units,
+      p.x(),
+      -p.y());  // y up
+}
+
+std::string TypesXml(const MicroLensArray& array,
+                     const MicroLens& middle,
+                     const Matrix2d& to_lens) {
+  std::string text;
+  for (const auto& [column, row] : {std::pair{0, 0}, {1, 0}, {0, 1}}) {
+    const auto found = std::ranges::find_if(array.lenses, [&](const MicroLens& lens) {
+      return lens.column == middle.column + column && lens.row == middle.row + row;
+    });
+    if (found == array.lenses.end() || (column + row > 0 && array.types == 1)) continue;
+    text += fmt::format("  <lens_type id=\"{}\">\n", found->type);
+    text += PointXml("offset", "lens", to_lens * Vector2d(column, row), 4);
+    text +=
+        "    <depth_range units=\"virtual_depth\">\n      <min>1</min>\n      <max>100</max>\n"
+        "    </depth_range>\n  </lens_type>\n";
+  }
+  return text;
+}
+
 }  // namespace
+
+std::string RayCalibDataXml(const MicroLensArray& array) {
+  if (array.Lattice() != LatticeKind::kHexagonal) {
+    throw Error(ErrorKind::kInput,
+                "RayCalibData holds hexagonal lattices, this one is rectangular");
+  }
+  const RegularLattice lattice(array);
+  const Vector2d image_middle((array.image_size[0] - 1) / 2.0, (array.image_size[1] - 1) / 2.0);
+  const auto place = [&](const MicroLens& lens) -> Vector2d {
+    return lattice.origin + lattice.basis * Vector2d(lens.column, lens.row);
+  };
+  const MicroLens& middle = *std::ranges::min_element(array.lenses, {}, [&](const MicroLens& lens) {
+    return (place(lens) - image_middle).squaredNorm();
+  });
+  const double diameter = lattice.basis.col(0).norm();
+  const Matrix2d in_lenses = lattice.basis / diameter;
+  return fmt::format("<RayCalibData version=\"1.0\">\n{}",
+                     PointXml("offset", "pix", place(middle) - image_middle, 2)) +
+         fmt::format("  <diameter units=\"pix\">{:.12f}</diameter>\n", diameter) +
+         fmt::format("  <rotation units=\"rad\">{:.12f}</rotation>\n",
+                     -std::atan2(in_lenses(1, 0), in_lenses(0, 0))) +
+         "  <lens_border units=\"pix\">1</lens_border>\n  <tcp units=\"virtual_depth\">2</tcp>\n" +
+         PointXml("lens_base_x", "lens", in_lenses.col(0), 2) +
+         PointXml("lens_base_y", "lens", in_lenses.col(1), 2) +
+         PointXml("sub_grid_base", "lens", in_lenses * Vector2d(1, 1), 2) +
+         "  <distortion type=\"radial\">\n    <function>constant</function>\n"
+         "    <parameter count=\"0\">0</parameter>\n" +
+         PointXml("offset", "pix", {0, 0}, 4) + "  </distortion>\n" +
+         TypesXml(array, middle, in_lenses) + "</RayCalibData>\n";
+}
 
 std::string UnusedRayCalibData(const std::filesystem::path& path) {
   pugi::xml_document document;
@@ -136,7 +216,8 @@ MicroLensArray ReadRayCalibData(const std::filesystem::path& path, ImageSize ima
   // Of a hexagonal lattice they have the lenses' distance as length and sqrt(3)/2 of its square as
   // determinant.
   const double longest = bases.colwise().norm().maxCoeff();
-  if (!(std::abs(bases.determinant()) > 0.5 * diameter * diameter && longest < 2 * diameter)) {
+  if (KindOfLattice(bases) != LatticeKind::kHexagonal || longest >= 2 * diameter ||
+      !(std::abs(bases.determinant()) > 0.5 * diameter * diameter)) {
     Refuse(path, "<lens_base_x> and <lens_base_y> span no hexagonal lattice");
   }
   const Matrix2d basis = CanonicalLatticeBasis(bases);

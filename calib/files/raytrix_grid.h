@@ -20,6 +20,11 @@ namespace plenocal {
 /// Throws `Error` of kind kInput with file and element.
 MicroLensArray ReadRayCalibData(const std::filesystem::path& path, ImageSize image_size);
 
+/// The text of such a file: the regular lattice that fits the centres best, and the lens types.
+/// What RxLive derives from it but the centres do not show (depth ranges, distortion) is neutral.
+/// Throws `Error` of kind kInput for a rectangular lattice, which the format cannot hold.
+std::string RayCalibDataXml(const MicroLensArray& array);
+
 /// A note for the user about data of such a file that are not used (lens distortion). Empty when
 /// there are none. Throws as above.
 std::string UnusedRayCalibData(const std::filesystem::path& path);

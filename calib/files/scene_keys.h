@@ -28,6 +28,7 @@ struct SceneKeys {
 struct EarlierParams {
   std::optional<std::vector<size_t>> prior = {};  ///< these have a prior; not set: all
   std::vector<size_t> free = {};                  ///< these have a start value alone
+  bool free_extrinsics = false;                   ///< so has T_camera_rig
 };
 
 /// Reads the map `scene`. Throws `Error` with file, line and key.

@@ -31,6 +31,7 @@ size_t IndexOfParam(const CameraModel& model, const std::string& name, const Yam
 void CheckCameraKeys(const YamlNode& node, const CameraModel& model) {
   std::vector<std::string_view> known{"model",
                                       "images",
+                                      "topic",
                                       "white_images",
                                       "detections",
                                       "image_size",
@@ -42,7 +43,8 @@ void CheckCameraKeys(const YamlNode& node, const CameraModel& model) {
                                       "equal",
                                       "shared",
                                       "prior_from",
-                                      "free"};
+                                      "free",
+                                      "from"};
   for (const Param& config : model.config) known.push_back(config.name);
   for (const auto& [key, value] : node.Entries()) {
     if (std::find(known.begin(), known.end(), key) == known.end()) {
@@ -65,10 +67,52 @@ void RequireCameraKeys(const YamlNode& node, const CameraModel* model) {
   node.RequireKeys(required, example);
 }
 
+// A path, or {file, format} of another tool's file.
+EarlierFile ReadEarlierFile(const YamlNode& node, const std::filesystem::path& session) {
+  EarlierFile file;
+  if (node.IsMap()) {
+    node.CheckKeys({"file", "format"});
+    static constexpr std::array<std::string_view, 2> kRequired{"file", "format"};
+    node.RequireKeys(kRequired, "file: camchain.yaml\nformat: kalibr\n");
+    file.format = node.At("format").AsString();
+  }
+  const YamlNode path = node.IsMap() ? node.At("file") : node;
+  file.path = PathBeside(session, path);
+  if (!std::filesystem::exists(file.path)) {
+    path.Fail(fmt::format("{}: no such file", file.path.string()));
+  }
+  return file;
+}
+
+// What a camera takes from the earlier calibration of the session.
+void ReadEarlierParams(const YamlNode& node, bool has_from, SessionCamera* camera) {
+  for (const char* key : {"prior_from", "free"}) {
+    if (!node.Has(key)) continue;
+    const YamlNode list = node.At(key);
+    if (!has_from) {
+      list.Fail("refers to an earlier calibration; give it: 'from: earlier/calibration.yaml'");
+    }
+    std::vector<size_t> params;
+    for (const YamlNode& element : list.Elements()) {
+      if (std::string_view(key) == "free" && element.AsString() == "extrinsics") {
+        camera->earlier.free_extrinsics = true;
+        continue;
+      }
+      params.push_back(IndexOfParam(*camera->model, element.AsString(), element));
+    }
+    if (std::string_view(key) == "free") {
+      camera->earlier.free = std::move(params);
+    } else {
+      camera->earlier.prior = std::move(params);
+    }
+  }
+}
+
 SessionCamera ReadCamera(const std::string& name,
                          const YamlNode& node,
-                         const std::filesystem::path& session,
+                         const Session& session_so_far,
                          std::span<const CameraModel> models) {
+  const std::filesystem::path& session = session_so_far.path;
   SessionCamera camera;
   camera.name = name;
   CheckCameraName(name, node);
@@ -81,7 +125,7 @@ SessionCamera ReadCamera(const std::string& name,
   if (node.Has("images") == node.Has("detections")) {
     node.Fail("give either 'images' (a glob, a folder or a list) or 'detections' (a CSV file)");
   }
-  if (node.Has("images")) camera.images = PathsBeside(session, node.At("images"));
+  if (node.Has("images")) camera.images = ReadImagePatterns(session, node);
   if (node.Has("detections")) camera.detections = PathBeside(session, node.At("detections"));
   if (node.Has("white_images")) camera.white_images = PathsBeside(session, node.At("white_images"));
   if (node.Has("bayer")) camera.bayer = ReadBayerOrder(node.At("bayer"));
@@ -94,6 +138,10 @@ SessionCamera ReadCamera(const std::string& name,
     camera.config.push_back(ReadWithin(node.At(config.name), config));
   }
 
+  if (node.Has("from")) camera.from = ReadEarlierFile(node.At("from"), session);
+  const bool has_from = !camera.from.path.empty() || !session_so_far.from.path.empty();
+  ReadEarlierParams(node, has_from, &camera);
+
   camera.initial.resize(model.params.size());
   if (node.Has("initial")) {
     for (const auto& [param, value] : node.At("initial").Entries()) {
@@ -105,8 +153,10 @@ SessionCamera ReadCamera(const std::string& name,
   if (node.Has("fixed")) {
     for (const YamlNode& element : node.At("fixed").Elements()) {
       const size_t index = IndexOfParam(model, element.AsString(), element);
-      if (!camera.initial[index]) camera.initial[index] = model.params[index].neutral;
-      if (!camera.initial[index]) {
+      if (!camera.initial[index] && !has_from) {
+        camera.initial[index] = model.params[index].neutral;
+      }
+      if (!camera.initial[index] && !has_from) {
         element.Fail(fmt::format("'{}' is to be fixed, but 'initial' gives no value for it",
                                  element.AsString()));
       }
@@ -268,26 +318,6 @@ void ReadRules(const YamlNode& cameras_node, std::vector<SessionCamera>* cameras
   }
 }
 
-// What a camera takes from the earlier calibration of the session.
-void ReadEarlierParams(const YamlNode& node, bool has_from, SessionCamera* camera) {
-  for (const char* key : {"prior_from", "free"}) {
-    if (!node.Has(key)) continue;
-    const YamlNode list = node.At(key);
-    if (!has_from) {
-      list.Fail("refers to an earlier calibration; give it: 'from: earlier/calibration.yaml'");
-    }
-    std::vector<size_t> params;
-    for (const YamlNode& element : list.Elements()) {
-      params.push_back(IndexOfParam(*camera->model, element.AsString(), element));
-    }
-    if (std::string_view(key) == "free") {
-      camera->earlier.free = std::move(params);
-    } else {
-      camera->earlier.prior = std::move(params);
-    }
-  }
-}
-
 // A word such as chessboard:9x6:25mm, unless a file is called so.
 bool IsWord(const std::string& text, const std::filesystem::path& file) {
   const size_t colon = text.find(':');
@@ -309,6 +339,76 @@ TargetSource ReadTargetSource(const YamlNode& node, const std::filesystem::path&
     source.file = file;
   }
   return source;
+}
+
+// A 4 x 4 matrix, row by row.
+RigidTransform ReadRigidTransform(const YamlNode& node) {
+  constexpr double kOrthogonal = 1e-6;
+  const std::vector<YamlNode> rows = node.Elements();
+  if (rows.size() != 4) node.Fail("expected a 4 x 4 matrix, row by row");
+  RigidTransform T;
+  for (int r = 0; r < 3; ++r) {
+    const std::vector<double> row = rows[static_cast<size_t>(r)].AsNumbers(4);
+    T.R.row(r) << row[0], row[1], row[2];
+    T.t[r] = row[3];
+  }
+  if (!((T.R * T.R.transpose() - Eigen::Matrix3d::Identity()).norm() < kOrthogonal &&
+        T.R.determinant() > 0)) {
+    node.Fail("expected a rotation in the upper left 3 x 3 block");
+  }
+  return T;
+}
+
+// A target, or {target, pose}.
+SessionTarget ReadSessionTarget(const std::string& name,
+                                const YamlNode& node,
+                                const std::filesystem::path& session) {
+  SessionTarget target{.name = name, .source = {}, .moves = false, .known = {}};
+  CheckCameraName(name, node);  // it becomes part of file names too
+  if (!node.IsMap() || !node.Has("target")) {
+    target.source = ReadTargetSource(node, session);
+    return target;
+  }
+  node.CheckKeys({"target", "pose"});
+  target.source = ReadTargetSource(node.At("target"), session);
+  if (!node.Has("pose")) return target;
+  const YamlNode pose = node.At("pose");
+  if (pose.IsSequence()) {
+    target.known = ReadRigidTransform(pose);
+    return target;
+  }
+  static constexpr std::array<std::string_view, 2> kPoses{"fixed", "free"};
+  const std::string word = pose.AsString();
+  if (std::ranges::find(kPoses, word) == kPoses.end()) {
+    pose.Fail(
+        fmt::format("expected 'fixed' (it stays where it is, the pose is estimated), 'free' "
+                    "(it moves by itself) or a 4 x 4 matrix, its frame to that of the first "
+                    "target{}",
+                    SuggestName(word, kPoses)));
+  }
+  target.moves = word == "free";
+  return target;
+}
+
+void ReadTargets(const YamlNode& node, Session* session) {
+  for (const auto& [name, entry] : node.Entries()) {
+    session->targets.push_back(ReadSessionTarget(name, entry, session->path));
+  }
+  std::vector<SessionTarget>& targets = session->targets;
+  if (targets.empty()) node.Fail("expected targets: 'floor: floor.yaml'");
+  SessionTarget& first = targets.front();
+  const bool any_known =
+      std::ranges::any_of(targets, [](const auto& target) { return target.known.has_value(); });
+  if (first.known)
+    node.Entries()[0].second.Fail(
+        "poses are given in the frame of this first target; give it none");
+  if (any_known && first.moves) {
+    node.Entries()[0].second.Fail(
+        "poses of others are given in the frame of this target, which moves; name another first");
+  }
+  if (any_known) first.known = RigidTransform{};
+  session->target = first.source;
+  if (targets.size() == 1) targets.clear();
 }
 
 ExcludeRule ReadExcludeRule(const YamlNode& node, const std::vector<SessionCamera>& cameras) {
@@ -338,7 +438,16 @@ ExcludeRule ReadExcludeRule(const YamlNode& node, const std::vector<SessionCamer
 }
 
 void ReadOptions(const YamlNode& options, Session* session) {
-  options.CheckKeys({"refine_target", "loss"});
+  options.CheckKeys({"refine_target", "loss", "frames"});
+  if (options.Has("frames")) {
+    const YamlNode frames = options.At("frames");
+    session->all_frames = frames.AsString() == "all";
+    if (!session->all_frames) {
+      const int most = frames.AsInteger();
+      if (most < 1) frames.Fail("expected a number of frames, 1 or more, or all");
+      session->frames = static_cast<size_t>(most);
+    }
+  }
   if (options.Has("refine_target")) session->refine_target = options.At("refine_target").AsBool();
   if (!options.Has("loss")) return;
   static const std::map<std::string, Loss> kLosses{
@@ -353,32 +462,58 @@ void ReadOptions(const YamlNode& options, Session* session) {
   session->loss = found->second;
 }
 
-// The target, or the scene in its place with the calibration that comes before.
+// The target, or the scene in its place, with the calibration that comes before.
 void ReadWhatIsSeen(const YamlNode& root, const std::filesystem::path& path, Session* session) {
+  if (root.Has("from")) session->from = ReadEarlierFile(root.At("from"), path);
+  if (root.Has("extrinsics_only")) {
+    session->extrinsics_only = root.At("extrinsics_only").AsBool();
+  }
   if (!root.Has("scene")) {
-    session->target = ReadTargetSource(root.At("target"), path);
-    if (root.Has("from")) {
-      root.At("from").Fail(
-          "an earlier calibration goes with 'scene'; remove it, or give its values "
-          "to the cameras: 'initial', 'prior'");
+    if (root.Has("targets") && root.Has("target")) {
+      root.At("targets").Fail("give either this or 'target'");
+    }
+    if (root.Has("targets")) {
+      ReadTargets(root.At("targets"), session);
+    } else {
+      session->target = ReadTargetSource(root.At("target"), path);
     }
     return;
   }
-  if (root.Has("target")) {
+  if (root.Has("target") || root.Has("targets")) {
     root.At("scene").Fail("a session has either 'target' or 'scene'; remove one of them");
   }
   session->scene = ReadSceneKeys(root.At("scene"));
-  if (root.Has("from")) session->from = PathBeside(path, root.At("from"));
+}
+
+// `extrinsics_only` needs the parameters of every camera.
+void CheckExtrinsicsOnly(const YamlNode& root, const Session& session) {
+  if (!session.extrinsics_only) return;
+  for (const SessionCamera& camera : session.cameras) {
+    if (!camera.from.path.empty() || !session.from.path.empty()) continue;
+    root.At("extrinsics_only")
+        .Fail(
+            fmt::format("{} has no earlier calibration; give it: 'from: earlier/calibration.yaml'",
+                        camera.name));
+  }
 }
 
 Session ReadRoot(const YamlNode& root,
                  const std::filesystem::path& path,
                  std::span<const CameraModel> models) {
   root.CheckVersion();
-  root.CheckKeys(
-      {"plenocal", "target", "scene", "from", "cameras", "options", "exclude", "plugins"});
+  root.CheckKeys({"plenocal",
+                  "target",
+                  "targets",
+                  "scene",
+                  "from",
+                  "extrinsics_only",
+                  "cameras",
+                  "options",
+                  "exclude",
+                  "pairing",
+                  "plugins"});
   static constexpr std::array<std::string_view, 2> kRequired{"target", "cameras"};
-  const bool has_scene = root.Has("scene");
+  const bool has_scene = root.Has("scene") || root.Has("targets");
   root.RequireKeys(
       has_scene ? std::span(kRequired).subspan(1) : std::span(kRequired),
       has_scene
@@ -389,12 +524,18 @@ Session ReadRoot(const YamlNode& root,
   session.path = path;
   ReadWhatIsSeen(root, path, &session);
   for (const auto& [name, node] : root.At("cameras").Entries()) {
-    session.cameras.push_back(ReadCamera(name, node, path, models));
-    ReadEarlierParams(node, !session.from.empty(), &session.cameras.back());
+    session.cameras.push_back(ReadCamera(name, node, session, models));
   }
+  CheckExtrinsicsOnly(root, session);
   if (session.cameras.empty()) root.At("cameras").Fail("expected at least one camera");
   ReadRules(root.At("cameras"), &session.cameras);
+  for (const SessionTarget& target : session.targets) {
+    const auto names = NamesOf(session.cameras);
+    if (std::ranges::find(names, target.name) == names.end()) continue;
+    root.At("targets").At(target.name).Fail("is the name of a camera too; rename one of them");
+  }
   if (root.Has("options")) ReadOptions(root.At("options"), &session);
+  if (root.Has("pairing")) session.pairing = ReadPairing(root.At("pairing"));
   if (root.Has("exclude")) {
     for (const YamlNode& rule : root.At("exclude").Elements()) {
       session.exclude.push_back(ReadExcludeRule(rule, session.cameras));

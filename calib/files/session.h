@@ -13,9 +13,17 @@
 #include "calib/camera/bayer.h"
 #include "calib/camera/camera_model.h"
 #include "calib/camera/param_rule.h"
+#include "calib/camera/rigid_transform.h"
+#include "calib/files/pairing_key.h"
 #include "calib/files/scene_keys.h"
 
 namespace plenocal {
+
+/// The file of an earlier calibration.
+struct EarlierFile {
+  std::filesystem::path path;  ///< empty: none
+  std::string format;          ///< of another tool's file, as `plenocal import` takes it; or empty
+};
 
 /// One camera of session.yaml. Exactly one of `images` and `detections` is given.
 struct SessionCamera {
@@ -31,7 +39,8 @@ struct SessionCamera {
   std::vector<bool> fixed;                     ///< per parameter
   /// Per parameter, or empty when the session has none; cameras are indices of `Session::cameras`.
   std::vector<ParamRule> rules;
-  EarlierParams earlier;  ///< of a session with `from`
+  EarlierFile from;       ///< its own earlier calibration; empty: the session's
+  EarlierParams earlier;  ///< of a camera with `from`
 };
 
 /// The target of a session: a file, or what the session has in place of its path.
@@ -41,6 +50,14 @@ struct TargetSource {
 
   /// The content of the file, or the keys as YAML; empty when the file cannot be read.
   [[nodiscard]] std::string Text() const;
+};
+
+/// One of several targets of a session.
+struct SessionTarget {
+  std::string name;
+  TargetSource source;
+  bool moves = false;                   ///< with respect to the others, from frame to frame
+  std::optional<RigidTransform> known;  ///< its frame to that of the first target
 };
 
 /// What a session leaves out on purpose. An image belongs to the rule if camera and frame do.
@@ -54,15 +71,20 @@ struct ExcludeRule {
 /// session.yaml: the cameras to calibrate with their images, target and options (docs/formats.md).
 struct Session {
   std::filesystem::path path;
-  std::string text;  ///< of the file
-  TargetSource target;
+  std::string text;                    ///< of the file
+  TargetSource target;                 ///< of several, the first
+  std::vector<SessionTarget> targets;  ///< empty: `target` is the only one
   std::optional<SceneKeys> scene;      ///< in place of a target
-  std::filesystem::path from;          ///< earlier calibration.yaml; empty: none
+  EarlierFile from;                    ///< of all cameras that name none themselves
+  bool extrinsics_only = false;        ///< parameters stay those of `from`
   std::vector<SessionCamera> cameras;  ///< the first is the rig's master
   /// Not set: marker positions are refined when the target has a tolerance.
   std::optional<bool> refine_target;
   Loss loss = Loss::kHuber;
   std::vector<ExcludeRule> exclude;
+  Pairing pairing;
+  std::optional<size_t> frames;  ///< most frames to use, of more the best; nothing: as usual
+  bool all_frames = false;       ///< however many there are
 };
 
 /// The shared libraries with camera models that a session names; absolute paths.

@@ -172,11 +172,13 @@ class ImageRun {
         detectors_(make_detector),
         results_(images.size()) {}
 
-  /// Throws `Stopped`.
-  void DetectAll();
+  /// Calls then(i) after each image, from several threads. Throws `Stopped`.
+  void DetectAll(const std::function<void(size_t)>& then = {});
+  std::vector<ImageSketch> Sketch();
   ImageDetections Collect();
 
  private:
+  [[nodiscard]] ImageReport ReportOf(size_t i) const;
   /// Detects the markers of an image, or finds them in the cache. Returns its picture where that is
   /// asked for.
   std::string Detect(const FrameImage& image, ImageResult* result);
@@ -200,25 +202,25 @@ class ImageRun {
 };
 
 std::string ImageRun::Detect(const FrameImage& image, ImageResult* result) {
-  const std::string key = cache_.Key({"markers", white_key_, HashFile(image.path)});
+  const std::string key = cache_.Key({"markers", white_key_, HashImage(image)});
   if (const auto kept = cache_.Load(key)) {
     if (const auto known = Unpack(*kept)) *result = *known;
   }
   if (result->reused && !options_.keep) return {};
-  const cv::Mat recorded = ReadGray(image.path);
+  const cv::Mat recorded = ReadGray(image);
   const cv::Mat gray = Even(recorded, white_.attenuation);
   result->size = {gray.cols, gray.rows};
   if (!result->reused) {
     result->found = detectors_.Detect(gray);
     const internal::TargetArea area = internal::MeasureTargetArea(recorded, result->found.markers);
-    result->traits = {ReadOrientation(image.path), area.blur, area.saturated};
+    result->traits = {ReadOrientation(image), area.blur, area.saturated};
     cache_.Save(key, Pack(*result));
   }
   if (!options_.keep) return {};
   return EncodeImage(".png", internal::MarkerPicture(gray, result->found.markers));
 }
 
-void ImageRun::DetectAll() {
+void ImageRun::DetectAll(const std::function<void(size_t)>& then) {
   std::atomic<size_t> done{0};
   std::atomic<bool> stop{false};
   std::mutex progress_mutex;
@@ -232,12 +234,11 @@ void ImageRun::DetectAll() {
     }
     if (!picture.empty()) options_.keep(images_[i].frame + ".png", picture);
     const size_t count = ++done;
+    const ImageReport report = ReportOf(i);
+    if (then) then(i);
     const std::lock_guard lock(progress_mutex);
     if (options_.report) {
-      const ImageResult& result = results_[i];
-      options_.report({images_[i].frame,
-                       result.found.markers.size(),
-                       result.unreadable.empty() ? result.found.failure : result.unreadable});
+      options_.report(report);
     }
     if (options_.progress) {
       if (!options_.progress(count)) stop = true;
@@ -337,8 +338,29 @@ SampleView ImageRun::Sample(const ImageDetections& detections) const {
   const auto image = std::find_if(images_.begin(), images_.end(), [&](const FrameImage& of) {
     return of.frame == view->frame;
   });
-  const cv::Mat gray = Even(ReadGray(image->path), white_.attenuation);
+  const cv::Mat gray = Even(ReadGray(*image), white_.attenuation);
   return {view->frame, internal::SamplePicture(gray, view->observations), {}};
+}
+
+ImageReport ImageRun::ReportOf(size_t i) const {
+  const ImageResult& result = results_[i];
+  return {images_[i].frame,
+          result.found.markers.size(),
+          result.unreadable.empty() ? result.found.failure : result.unreadable};
+}
+
+std::vector<ImageSketch> ImageRun::Sketch() {
+  std::vector<ImageSketch> sketches(images_.size());
+  DetectAll([&](size_t i) {
+    ImageResult result = std::move(results_[i]);
+    results_[i] = {};
+    sketches[i] = {.size = result.size,
+                   .points = std::move(result.found.markers),
+                   .blur = result.traits.blur,
+                   .why = result.unreadable.empty() ? result.found.failure : result.unreadable};
+    sketches[i].points.shrink_to_fit();
+  });
+  return sketches;
 }
 
 ImageDetections ImageRun::Collect() {
@@ -361,9 +383,16 @@ std::string internal::WhiteKey(const DetectOptions& options) {
   std::string key = options.bayer ? "mosaic" : "plain";
   for (const FrameImage& image : options.white_images) {
     key += '\n';
-    key += HashFile(image.path);
+    key += HashImage(image);
   }
   return key;
+}
+
+std::vector<ImageSketch> SketchOrdinaryImages(const std::vector<FrameImage>& images,
+                                              const MarkerDetectorFactory& make_detector,
+                                              const DetectOptions& options) {
+  cv::setNumThreads(1);
+  return ImageRun(images, make_detector, options).Sketch();
 }
 
 ImageDetections DetectOrdinaryImages(const std::vector<FrameImage>& images,

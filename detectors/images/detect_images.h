@@ -25,4 +25,10 @@ std::string WhiteKey(const DetectOptions& options);
 
 }  // namespace internal
 
+/// The same of very many images: each is detected and only its sketch kept; what was detected goes
+/// to the cache, from which a run over a few of them takes it.
+std::vector<ImageSketch> SketchOrdinaryImages(const std::vector<FrameImage>& images,
+                                              const MarkerDetectorFactory& make_detector,
+                                              const DetectOptions& options);
+
 }  // namespace plenocal

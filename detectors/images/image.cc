@@ -17,11 +17,13 @@
 #include <string_view>
 #include <vector>
 
+#include "calib/base/detection_cache.h"
 #include "calib/base/error.h"
 #include "calib/base/input_file.h"
 #include "detectors/images/bytes.h"
 #include "detectors/images/image_codecs.h"
 #include "detectors/images/orientation_tag.h"
+#include "detectors/images/stored/stored_pixels.h"
 
 // The decoders fill missing parts with gray, with a line on stderr or without any. So the structure
 // of a file is checked first, and only complete files reach a decoder.
@@ -285,6 +287,13 @@ Bytes ReadFile(const fs::path& path) {
   return bytes;
 }
 
+/// An image in a store.
+StoredImage ReadStored(const FrameImage& image) {
+  StoredImage stored = image.store->Read(image.index);
+  RefuseEmpty(stored.bytes, image.path);
+  return stored;
+}
+
 /// The image of a file's content; `flags` of cv::imdecode.
 cv::Mat Decoded(Bytes bytes, const fs::path& path, int flags) {
   if (const Defect defect = CheckIntegrity(&bytes)) {
@@ -316,6 +325,13 @@ cv::Mat DecodePixels(Bytes bytes, const fs::path& path, int flags) {
 
 }  // namespace
 
+cv::Mat ToGray(const cv::Mat& image) {
+  if (image.channels() == 1) return image;
+  cv::Mat gray;
+  cv::cvtColor(image, gray, cv::COLOR_BGR2GRAY);
+  return gray;
+}
+
 cv::Mat ReadImage(const fs::path& path) {
   return DecodePixels(ReadFile(path), path, cv::IMREAD_ANYCOLOR);
 }
@@ -340,7 +356,34 @@ cv::Mat ReadGray(const fs::path& path) {
   return ScaledTo8Bits(DecodePixels(ReadFile(path), path, cv::IMREAD_GRAYSCALE));
 }
 
+cv::Mat ReadRawGray(const FrameImage& image) {
+  if (!image.store) return DecodePixels(ReadFile(image.path), image.path, cv::IMREAD_GRAYSCALE);
+  StoredImage stored = ReadStored(image);
+  if (!stored.encoding.empty()) return internal::GrayOfPixels(stored, image.path);
+  return DecodeRawGray(std::move(stored.bytes), image.path);
+}
+
+cv::Mat ReadGray(const FrameImage& image) { return ScaledTo8Bits(ReadRawGray(image)); }
+
+cv::Mat ReadImage(const FrameImage& image) {
+  if (!image.store) return ReadImage(image.path);
+  StoredImage stored = ReadStored(image);
+  if (!stored.encoding.empty()) return internal::ImageOfPixels(stored, image.path);
+  return DecodePixels(std::move(stored.bytes), image.path, cv::IMREAD_ANYCOLOR);
+}
+
 int ReadOrientation(const fs::path& path) { return internal::OrientationTag(ReadFile(path)); }
+
+int ReadOrientation(const FrameImage& image) {
+  if (!image.store) return ReadOrientation(image.path);
+  if (!image.store->HasFiles()) return 1;
+  const StoredImage stored = ReadStored(image);
+  return stored.encoding.empty() ? internal::OrientationTag(stored.bytes) : 1;
+}
+
+std::string HashImage(const FrameImage& image) {
+  return image.store ? image.store->Hash(image.index) : HashFile(image.path);
+}
 
 cv::Mat ReadAttenuation(const fs::path& path) {
   cv::Mat attenuation = Decoded(ReadFile(path), path, cv::IMREAD_UNCHANGED);

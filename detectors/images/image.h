@@ -7,6 +7,8 @@
 #include <string>
 #include <vector>
 
+#include "calib/files/frame_images.h"
+
 namespace plenocal {
 
 /// Reads an image file (8 or 16 bit; gray, colour) as single-channel 8-bit gray. Sixteen-bit images
@@ -15,20 +17,33 @@ namespace plenocal {
 /// image, corrupt or truncated (a truncated PNG or JPEG must be refused, not filled with gray).
 cv::Mat ReadGray(const std::filesystem::path& path);
 
+/// The same of an image that may lie in a store, whose pixels become grey as those of a PNG do.
+cv::Mat ReadGray(const FrameImage& image);
+
 /// A single-channel image of 8 or 16 bits in 8 bits, as `ReadGray` scales it.
 cv::Mat ScaledTo8Bits(const cv::Mat& image);
 
 /// Reads an image file as it is: 8 or 16 bits, raw values, one channel or three (BGR). Throws as
 /// `ReadGray` does.
 cv::Mat ReadImage(const std::filesystem::path& path);
+cv::Mat ReadImage(const FrameImage& image);
+
+/// The same in one channel: colours weighted as the eye does.
+cv::Mat ToGray(const cv::Mat& image);
 
 /// The image of a file's content as single-channel gray of the file's own depth: 8 or 16 bits, raw
 /// values. `place` names the file in messages. Throws as `ReadGray` does.
 cv::Mat DecodeRawGray(std::vector<std::uint8_t> content, const std::filesystem::path& place);
+/// The same of an image that may lie in a store.
+cv::Mat ReadRawGray(const FrameImage& image);
 
 /// The orientation tag (EXIF, 1 to 8) of a JPEG file, by which viewers turn it and the functions
 /// here do not; 1 where there is none. Throws as `ReadGray` does for a file that is missing.
 int ReadOrientation(const std::filesystem::path& path);
+int ReadOrientation(const FrameImage& image);
+
+/// Differs for images that differ, wherever they lie; empty when the image cannot be read.
+std::string HashImage(const FrameImage& image);
 
 /// Reads an attenuation image: TIFF of one 32-bit channel, values from 0 to 1.
 cv::Mat ReadAttenuation(const std::filesystem::path& path);

@@ -37,6 +37,14 @@ struct ImageDetections {
   CameraTraits traits;       ///< of all images of that size; of a plenoptic camera none
 };
 
+/// What an image of many shows, in little memory.
+struct ImageSketch {
+  ImageSize size{};
+  std::vector<Observation> points;  ///< not yet corrected by the distortion of all images together
+  double blur = 0;                  ///< px, as in `ImageTraits`
+  std::string why;                  ///< there are no points; empty when there are
+};
+
 /// What was found in one image.
 struct ImageReport {
   std::string frame;

@@ -49,13 +49,6 @@ struct Summary {
   cv::Mat shading;        ///< kCells x kCells, CV_64F, mean 1
 };
 
-cv::Mat ToGray(const cv::Mat& image) {
-  if (image.channels() == 1) return image;
-  cv::Mat gray;
-  cv::cvtColor(image, gray, cv::COLOR_BGR2GRAY);
-  return gray;
-}
-
 template <typename T>
 unsigned AllBits(const cv::Mat& image) {
   unsigned bits = 0;
@@ -189,7 +182,7 @@ WhiteSum::WhiteSum(const std::vector<FrameImage>& images, int threads)
     : images_(images), summaries_(images.size()) {
   ParallelFor(images.size(), threads, [&](size_t i) {
     try {
-      const cv::Mat image = ReadImage(images[i].path);
+      const cv::Mat image = ReadImage(images[i]);
       const cv::Mat gray = ToGray(image);
       summaries_[i] = Summarise(image, gray);
       Add(gray, 1);
@@ -217,7 +210,7 @@ void WhiteSum::Add(const cv::Mat& gray, double factor) {
 
 void WhiteSum::LeaveOut(size_t i, const std::string& reason) {
   white_.left_out.push_back({Path(i), reason});
-  Add(ToGray(ReadImage(images_[i].path)), -1);
+  Add(ToGray(ReadImage(images_[i])), -1);
 }
 
 void WhiteSum::CheckSizes() const {
@@ -309,7 +302,7 @@ WhiteImages WhiteSum::Mean() && {
     white_.saturated += summary.largest >= white_.full_scale ? summary.at_largest : 0;
     white_.black += summary.black;
   }
-  white_.used = used_.size();
+  white_.members = used_;
   const auto count = static_cast<double>(used_.size());
   white_.saturated /= count;
   white_.black /= count;

@@ -11,12 +11,12 @@ namespace plenocal {
 
 /// The mean of a camera's white images, with figures of their quality.
 struct WhiteImages {
-  cv::Mat mean;           ///< CV_32F, one channel, grey values as in the files
-  size_t used = 0;        ///< images in the mean
-  double level = 0;       ///< mean grey value
-  double full_scale = 0;  ///< grey value of a saturated pixel
-  double saturated = 0;   ///< share of pixels at full scale, mean over the images
-  double black = 0;       ///< share of pixels at 0
+  cv::Mat mean;                 ///< CV_32F, one channel, grey values as in the files
+  std::vector<size_t> members;  ///< indices of the images in the mean
+  double level = 0;             ///< mean grey value
+  double full_scale = 0;        ///< grey value of a saturated pixel
+  double saturated = 0;         ///< share of pixels at full scale, mean over the images
+  double black = 0;             ///< share of pixels at 0
   /// Brightness difference between opposite sides of the field, relative to the middle: lens
   /// fall-off is the same on both, so this is the illumination (or a lens out of its place).
   double unevenness = 0;

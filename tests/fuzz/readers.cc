@@ -20,6 +20,7 @@
 #include "apps/formats/import_format.h"
 #include "apps/formats/poses.h"
 #include "apps/recording/recording_file.h"
+#include "apps/recording/stores/message_log.h"
 #include "apps/recording/times.h"
 #include "apps/recording/zip_archive.h"
 #include "apps/simulate/simulation_spec.h"
@@ -157,7 +158,7 @@ void ReadDetectionsOf(const CameraModel& model, const fs::path& path) {
   const std::vector<View> views = ReadDetections(path, model);
   for (const View& view : views) {
     for (const Observation& seen : view.observations) RequireFinite("coordinates", seen.values);
-    for (const auto& errors : view.shared_errors) RequireFinite("shared errors", errors);
+    for (const auto& errors : view.by_nuisance) RequireFinite("shared errors", errors);
   }
 }
 
@@ -273,6 +274,25 @@ void ReadImageFile(const fs::path& path) {
   static_cast<void>(ReadGray(path));
 }
 
+/// All images of all topics, and the intrinsics beside them.
+void ReadMessages(const fs::path& path) {
+  const auto log = std::make_shared<const MessageLog>(path);
+  for (const ImageTopic& topic : log->ImageTopics()) {
+    if (!topic.camera_info.empty()) {
+      const std::optional<CameraInfo> info = log->ReadInfo(topic.camera_info);
+      if (info) static_cast<void>(RosCameraYaml(*info, "camera"));
+    }
+    std::vector<std::string> notes;
+    for (const FrameImage& image : log->Images(topic.name, &notes)) {
+      try {
+        static_cast<void>(ReadGray(image));
+      } catch (const Error&) {
+        continue;  // one image alone is damaged
+      }
+    }
+  }
+}
+
 void ReadAttenuationFile(const fs::path& path) {
   if (!cv::checkRange(ReadAttenuation(path))) throw std::logic_error("attenuations that are none");
 }
@@ -331,6 +351,9 @@ std::vector<Reader> MakeReaders() {
       {"recording_times", "times.txt", ReadImageTimesFile},
       {"recording_euroc", "data.csv", ReadImageTimesFile},
       {"recording_zip", "images.zip", ReadArchive},
+      {"recording_mcap", "drive.mcap", ReadMessages},
+      {"recording_bag", "drive.bag", ReadMessages},
+      {"recording_db3", "drive.db3", ReadMessages},
       {"image", "image", ReadImageFile},
       {"attenuation", "attenuation.tiff", ReadAttenuationFile},
       {"cache", "entry", ReadCacheEntry, /*names_file=*/false},

@@ -90,7 +90,7 @@ TEST_F(Detections, KeepTheErrorsThatTheyShare) {
                             "7,3,12.25,1,0.1,0.25,0.125,-0.5,1\n"));
   const std::vector<View> again = Read(text, Ordinary());
   ASSERT_EQ(again.size(), 2);
-  for (size_t v = 0; v < 2; ++v) EXPECT_EQ(again[v].shared_errors, views[v].shared_errors);
+  for (size_t v = 0; v < 2; ++v) EXPECT_EQ(again[v].by_nuisance, views[v].by_nuisance);
   EXPECT_THAT(MessageOf("frame,marker,x,y,x_shared_1\n1,2,3,4,5\n", Ordinary()),
               HasSubstr(":1: column 'y_shared_1' is missing"));
   EXPECT_THAT(MessageOf("frame,marker,x,y,x_shared_1,y_shared_1\n1,2,3,4,5,\n", Ordinary()),
@@ -105,7 +105,7 @@ TEST_F(Detections, FindColumnsByNameInAnyOrderAndIgnoreOthers) {
   ASSERT_EQ(views[0].observations.size(), 1);
   const Observation& observation = views[0].observations[0];
   EXPECT_EQ(observation.marker, 3);
-  EXPECT_THAT(observation.values, ::testing::ElementsAre(12.25, 1, 10, 2.5));
+  EXPECT_THAT(observation.values, ::testing::ElementsAre(12.25, 1, 10, 2.5, 0, 0, 0));
   EXPECT_EQ(observation.detector_sigma, 0);
 }
 

@@ -68,7 +68,7 @@ TEST(Exclusion, NamesTheNearestFrameOfARuleThatLeavesOutNothing) {
 TEST(Exclusion, LeavesOutMarkersWithTheirSharedErrors) {
   std::vector<View> views{{.frame = "a",
                            .observations = {{.marker = 3}, {.marker = 4}, {.marker = 3}},
-                           .shared_errors = {{1}, {2}, {3}}},
+                           .by_nuisance = {{1}, {2}, {3}}},
                           {.frame = "b", .observations = {{.marker = 3}}}};
   Exclusion exclusion({Rule("", {3, 9}), Rule("zzz", {4})});
   std::vector<LeftOut> left_out;
@@ -76,7 +76,7 @@ TEST(Exclusion, LeavesOutMarkersWithTheirSharedErrors) {
   ASSERT_EQ(views.size(), 1U) << "a view without points is none";
   ASSERT_EQ(views[0].observations.size(), 1U);
   EXPECT_EQ(views[0].observations[0].marker, 4);
-  EXPECT_EQ(views[0].shared_errors, (std::vector<std::vector<double>>{{2}}));
+  EXPECT_EQ(views[0].by_nuisance, (std::vector<std::vector<double>>{{2}}));
   ASSERT_EQ(left_out.size(), 2U) << "one a marker and view, however often it was seen";
   EXPECT_EQ(left_out[0].where, "cam frame a marker 3");
   EXPECT_EQ(left_out[0].marker, "3");

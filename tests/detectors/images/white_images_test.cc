@@ -86,7 +86,7 @@ class AverageWhiteImagesTest : public ::testing::Test {
 TEST_F(AverageWhiteImagesTest, IsTheMeanOfTheField) {
   AddEven(9);
   const WhiteImages white = AverageWhiteImages(images_, 2);
-  EXPECT_EQ(white.used, 9u);
+  EXPECT_EQ(white.members.size(), 9u);
   EXPECT_THAT(white.left_out, IsEmpty());
   EXPECT_EQ(white.full_scale, 255);
   EXPECT_EQ(white.saturated, 0);
@@ -116,7 +116,7 @@ TEST_F(AverageWhiteImagesTest, LeavesOutWhatDiffersFromTheRest) {
   AddEven(1, 60);  // a lamp that was off
   Add(Sample([](int x, int) { return x < kWidth / 2 ? 56.0 : 136.0; }, CV_8U, 99));
   const WhiteImages white = AverageWhiteImages(images_, 2);
-  EXPECT_EQ(white.used, 8u);
+  EXPECT_EQ(white.members.size(), 8u);
   ASSERT_THAT(white.left_out, SizeIs(4));
   const std::vector<std::string> reasons{"saturated", "black", "brightness", "shading"};
   for (std::size_t i = 0; i < reasons.size(); ++i) {
@@ -131,7 +131,7 @@ TEST_F(AverageWhiteImagesTest, LeavesOutUnreadableFiles) {
   AddEven(3);
   images_.push_back({"gone", folder_ / "gone.png"});
   const WhiteImages white = AverageWhiteImages(images_, 1);
-  EXPECT_EQ(white.used, 3u);
+  EXPECT_EQ(white.members.size(), 3u);
   ASSERT_THAT(white.left_out, SizeIs(1));
   EXPECT_THAT(white.left_out[0].reason, HasSubstr("no such file"));
 }

@@ -15,7 +15,4 @@ namespace plenocal {
 /// share no name.
 void MakeFrames(const Pairing& pairing, Recording* recording);
 
-/// Median of the intervals between successive values; 0 of fewer than two values.
-double UsualInterval(const std::vector<double>& values);
-
 }  // namespace plenocal

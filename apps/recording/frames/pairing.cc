@@ -1,17 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "apps/recording/pairing.h"
+#include "apps/recording/frames/pairing.h"
 
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
-#include <iterator>
 #include <limits>
 #include <map>
 #include <set>
 
+#include "apps/recording/frames/time_pairs.h"
+#include "apps/recording/image_files.h"
 #include "calib/base/error.h"
-#include "calib/base/statistics.h"
 
 namespace plenocal {
 namespace {
@@ -66,34 +65,6 @@ void PairByName(Recording* recording) {
   }
 }
 
-/// Index of the value that is nearest to `time`; of two the earlier one. `sorted` is not empty.
-size_t NearestIndex(const std::vector<double>& sorted, double time) {
-  const auto after = std::ranges::lower_bound(sorted, time);
-  const auto index = static_cast<size_t>(after - sorted.begin());
-  if (after == sorted.begin()) return 0;
-  if (after == sorted.end()) return index - 1;
-  return time - sorted[index - 1] <= sorted[index] - time ? index - 1 : index;
-}
-
-void AddCameraByTime(size_t camera, Recording* recording) {
-  const std::vector<double> times = TimesOf(recording->cameras[camera]);
-  std::vector<double> frame_times;
-  for (const RecordedFrame& frame : recording->frames) frame_times.push_back(frame.time);
-  std::vector<RecordedFrame> alone;
-  for (size_t i = 0; i < times.size(); ++i) {
-    const size_t nearest = NearestIndex(frame_times, times[i]);
-    const bool pair = std::abs(times[i] - frame_times[nearest]) <= recording->tolerance &&
-                      NearestIndex(times, frame_times[nearest]) == i;
-    if (pair) {
-      recording->frames[nearest].image[camera] = i;
-    } else {
-      alone.push_back(FrameOf(*recording, camera, i));
-    }
-  }
-  std::ranges::move(alone, std::back_inserter(recording->frames));
-  std::ranges::stable_sort(recording->frames, {}, &RecordedFrame::time);
-}
-
 void PairByTime(const Pairing& pairing, Recording* recording) {
   for (const RecordedCamera& camera : recording->cameras) {
     if (AllTimed(camera)) continue;
@@ -101,13 +72,16 @@ void PairByTime(const Pairing& pairing, Recording* recording) {
                   fmt::format("'pairing' is by time, but camera {} has no times; add its 'times'",
                               camera.name));
   }
-  const RecordedCamera& first = recording->cameras[0];
-  // Beyond half of an interval an image is nearer to another frame's time.
-  recording->tolerance = pairing.tolerance.value_or(UsualInterval(TimesOf(first)) / 2);
-  for (size_t i = 0; i < first.images.size(); ++i) {
-    recording->frames.push_back(FrameOf(*recording, 0, i));
+  std::vector<std::vector<double>> times;
+  for (const RecordedCamera& camera : recording->cameras) times.push_back(TimesOf(camera));
+  const TimePairs pairs = PairTimes(times, pairing.tolerance);
+  recording->tolerance = pairs.tolerance;
+  for (const auto& images : pairs.frames) {
+    const auto has = std::ranges::find_if(images, [](const auto& i) { return i.has_value(); });
+    recording->frames.push_back(
+        FrameOf(*recording, static_cast<size_t>(has - images.begin()), **has));
+    recording->frames.back().image = images;
   }
-  for (size_t c = 1; c < recording->cameras.size(); ++c) AddCameraByTime(c, recording);
 }
 
 /// Without times nothing shows at which place an image is missing.
@@ -139,12 +113,6 @@ void MakeNamesDiffer(Recording* recording) {
 }
 
 }  // namespace
-
-double UsualInterval(const std::vector<double>& values) {
-  std::vector<double> intervals;
-  for (size_t i = 1; i < values.size(); ++i) intervals.push_back(values[i] - values[i - 1]);
-  return Median(std::move(intervals));
-}
 
 void MakeFrames(const Pairing& pairing, Recording* recording) {
   const bool timed = std::ranges::all_of(recording->cameras, AllTimed);

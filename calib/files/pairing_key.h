@@ -1,0 +1,20 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <optional>
+
+#include "calib/base/yaml.h"
+
+namespace plenocal {
+
+/// Which images of several cameras belong to one frame.
+struct Pairing {
+  enum class By { kName, kTime };
+  std::optional<By> by = {};             ///< nothing: by time if all cameras have times
+  std::optional<double> tolerance = {};  ///< s; nothing: from the scatter of the times
+};
+
+/// The key `pairing` of sessions and recordings. Throws `Error` with file, line and key.
+Pairing ReadPairing(const YamlNode& node);
+
+}  // namespace plenocal
