@@ -8,8 +8,10 @@
 
 #include "calib/base/statistics.h"
 #include "calib/noise/camera_noise.h"
-#include "calib/noise/common_errors.h"
+#include "calib/noise/frame_scatter.h"
 #include "calib/noise/repeated_pose.h"
+#include "calib/prior/prior_agreement.h"
+#include "calib/rig/link_targets.h"
 #include "calib/rig_test.h"
 #include "calib/solve.h"
 #include "calib/start_bundle.h"
@@ -81,27 +83,39 @@ void SolveRig(const CalibrationInput& input,
   }
   if (FramesAgree(calibration->bundle, calibration->uncertainty, options.typical_sigmas)) return;
   calibration->bundle = guess->bundle;
-  StartJitter(input.cameras, guess->cameras, calibration->frames, &calibration->bundle);
+  StartJitter(guess->linked ? guess->linked->cameras : input.cameras,
+              guess->cameras,
+              calibration->frames,
+              &calibration->bundle);
   solve();
 }
 
-// Scales the standard errors of cameras whose frames disagree by more than noise explains, and adds
-// errors that all of a camera's points share.
+// Scales the standard errors of cameras whose frames, or whose markers, disagree by more than noise
+// explains. Errors that a marker shares in all frames are no finding: each camera may show a
+// marker's edges a little differently.
 void AddSystematicErrors(const SolveOptions& options, Calibration* calibration) {
-  const CommonErrors errors = EstimateCommonErrors(calibration->bundle, calibration->uncertainty);
+  const std::vector<Scatter> of_frames =
+      EstimateFrameScatter(calibration->bundle, calibration->uncertainty);
+  const std::vector<Scatter> of_markers =
+      EstimateMarkerScatter(calibration->bundle, calibration->uncertainty);
   std::vector<double> factors;
-  for (size_t c = 0; c < errors.scatter.size(); ++c) {
-    const auto& [factor, degrees] = errors.scatter[c];
+  for (size_t c = 0; c < of_frames.size(); ++c) {
     const double noise = calibration->bundle.cameras[c].noise.Sigma(options.typical_sigmas[c]);
-    const bool disagree =
-        noise > kRoundingNoise && factor > 1 && degrees >= 1 &&
-        FTail(factor, degrees, calibration->uncertainty.redundancy[c]) < kFalseAlarm;
-    factors.push_back(disagree ? factor : 1);
-    if (!disagree) continue;
+    // Part of the variance that noise does not explain.
+    const auto excess = [&](const Scatter& scatter) {
+      const bool disagree =
+          noise > kRoundingNoise && scatter.factor > 1 && scatter.degrees >= 1 &&
+          FTail(scatter.factor, scatter.degrees, calibration->uncertainty.redundancy[c]) <
+              kFalseAlarm;
+      return disagree ? scatter.factor - 1 : 0;
+    };
+    const double by_frames = excess(of_frames[c]);
+    factors.push_back(1 + by_frames + excess(of_markers[c]));
+    if (by_frames == 0) continue;
     calibration->findings.push_back(
-        FindingOfSystematicErrors(calibration->bundle.cameras[c].name, std::sqrt(factor)));
+        FindingOfSystematicErrors(calibration->bundle.cameras[c].name, std::sqrt(1 + by_frames)));
   }
-  AddCommonErrors(factors, errors.shared, &calibration->uncertainty);
+  ScaleByScatter(factors, &calibration->uncertainty);
 }
 
 void AddFindings(const BundleGuess& guess, Calibration* calibration) {
@@ -144,6 +158,9 @@ Calibration Calibrate(const CalibrationInput& input, const CalibrationOptions& o
   SolveRig(input, solve, options.threads, &guess, &calibration);
 
   enter("uncertainty");
+  calibration.findings = JudgeLinks(guess.findings, calibration);
+  const std::vector<Finding> of_prior = FindingsOfPrior(calibration);
+  calibration.findings.insert(calibration.findings.end(), of_prior.begin(), of_prior.end());
   AddSystematicErrors(solve, &calibration);
   if (ShowsOnePose(calibration.bundle, solve.typical_sigmas)) {
     calibration.uncertainty = UncertaintyOfOnePose(calibration.bundle);

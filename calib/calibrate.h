@@ -22,11 +22,28 @@
 
 namespace plenocal {
 
+/// Of several targets, number `k` has the markers from k times this on.
+inline constexpr int kMarkersPerTarget = 100000;
+inline size_t TargetOfMarker(int number) { return static_cast<size_t>(number / kMarkersPerTarget); }
+
+/// One of several targets.
+struct InputTarget {
+  std::string name;
+  bool moves = false;                   ///< with respect to all others
+  std::optional<RigidTransform> known;  ///< its frame to that of the first target
+};
+
 struct CalibrationInput {
   std::vector<CameraInput> cameras;  ///< the first is the rig's master
+  /// By number, m. Of several targets, each in its target's own frame.
   std::map<int, Eigen::Vector3d> markers;
+  std::vector<InputTarget> targets = {};  ///< empty: one target
   double marker_sigma = 0;  ///< prior of each marker coordinate, m; 0: markers are not estimated
   Loss loss = Loss::kHuber;
+  /// Of earlier calibrations: the prior of parameters and extrinsics, and T_camera_rig of each
+  /// camera (per camera, or empty).
+  std::optional<CalibrationPrior> prior = {};
+  std::vector<std::optional<RigidTransform>> earlier_T_camera_rig = {};
 };
 
 struct CalibrationOptions {

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <set>
 
 #include "calib/files/calibration_tables.h"
 #include "calib/noise/weak_directions.h"
@@ -11,10 +12,10 @@
 namespace plenocal {
 namespace {
 
-// Correlations of a camera's parameters; fixed ones have none.
-Eigen::MatrixXd ParamCorrelation(const Uncertainty& uncertainty, size_t c) {
+// Correlations of a camera's first `params` parameters; fixed ones have none.
+Eigen::MatrixXd ParamCorrelation(const Uncertainty& uncertainty, size_t c, size_t params) {
   const std::vector<int>& places = uncertainty.param_index[c];
-  const auto count = static_cast<Eigen::Index>(places.size());
+  const auto count = static_cast<Eigen::Index>(params);
   Eigen::MatrixXd correlation = Eigen::MatrixXd::Identity(count, count);
   for (Eigen::Index i = 0; i < count; ++i) {
     for (Eigen::Index j = 0; j < i; ++j) {
@@ -26,12 +27,11 @@ Eigen::MatrixXd ParamCorrelation(const Uncertainty& uncertainty, size_t c) {
   return correlation;
 }
 
-// Standard errors of the se(3) vector of T_camera_rig, from its covariance in the chart in which it
-// was estimated.
-Vector6d SigmaXi(const Calibration& calibration, size_t c) {
-  const Matrix6d& covariance = calibration.uncertainty.extrinsics_covariance[c];
+// Standard errors of the se(3) vector of a pose, from its covariance in the chart in which it was
+// estimated.
+Vector6d SigmaXi(const Matrix6d& covariance, const RigidTransform& T) {
   if (!covariance.allFinite()) return Vector6d::Constant(std::numeric_limits<double>::infinity());
-  const Matrix6d J = LogJacobian(calibration.bundle.cameras[c].T_camera_rig);
+  const Matrix6d J = LogJacobian(T);
   return (J * covariance * J.transpose()).diagonal().cwiseMax(0).cwiseSqrt();
 }
 
@@ -52,7 +52,7 @@ ResidualRow DescribeResidual(const Bundle& bundle, const BundleObservation& obse
   for (double& value : row.residual) {
     value = projects ? Rounded(value, kResidualDecimals) : std::numeric_limits<double>::quiet_NaN();
   }
-  row.values = observation.seen.values;
+  row.values = WithoutDisplacement(observation, camera, camera.params.data()).values;
   for (double& value : row.values) value = Rounded(value, kResidualDecimals);
   return row;
 }
@@ -89,26 +89,66 @@ void DescribeMarkers(const Calibration& calibration, CalibrationRecord* record) 
   }
 }
 
+// The rest of `all` without the nuisance parameters, which files do not hold.
+Correlations WithoutNuisances(const Calibration& calibration, const Correlations& all) {
+  std::set<int> nuisances;
+  for (size_t c = 0; c < calibration.bundle.cameras.size(); ++c) {
+    const std::vector<int>& index = calibration.uncertainty.param_index[c];
+    for (size_t k = calibration.bundle.cameras[c].ModelParams(); k < index.size(); ++k) {
+      nuisances.insert(index[k]);
+    }
+  }
+  std::vector<int> kept;
+  Correlations rest;
+  for (int i = 0; i < static_cast<int>(all.names.size()); ++i) {
+    if (nuisances.contains(i)) continue;
+    kept.push_back(i);
+    rest.names.push_back(all.names[static_cast<size_t>(i)]);
+  }
+  rest.matrix = all.matrix(kept, kept);
+  return rest;
+}
+
+std::vector<TargetRecord> DescribeTargets(const Calibration& calibration) {
+  std::vector<TargetRecord> records;
+  const Uncertainty& uncertainty = calibration.uncertainty;
+  for (size_t k = 0; k < calibration.bundle.targets.size(); ++k) {
+    const BundleTarget& target = calibration.bundle.targets[k];
+    TargetRecord record{.name = target.name, .T_target_own = target.T_target_own};
+    const int place = uncertainty.target_index[k];
+    if (place >= 0) {
+      record.sigma_xi =
+          SigmaXi(uncertainty.covariance.block<6, 6>(place, place), target.T_target_own);
+    }
+    records.push_back(record);
+  }
+  return records;
+}
+
 }  // namespace
 
 CalibratedCamera DescribeCamera(const Calibration& calibration, size_t c) {
   const BundleCamera& camera = calibration.bundle.cameras[c];
+  const std::vector<double>& std_errors = calibration.uncertainty.param_std_errors[c];
+  const auto own = static_cast<std::ptrdiff_t>(camera.ModelParams());
   CalibratedCamera described{
       .name = camera.name,
       .model = camera.model,
       .image_size = camera.image_size,
       .config = camera.config,
-      .params = camera.params,
-      .covariance = CovarianceOf(calibration.uncertainty.param_std_errors[c],
-                                 ParamCorrelation(calibration.uncertainty, c)),
+      .params = {camera.params.begin(), camera.params.begin() + own},
+      .covariance =
+          CovarianceOf({std_errors.begin(), std_errors.begin() + own},
+                       ParamCorrelation(calibration.uncertainty, c, camera.ModelParams())),
       .T_camera_rig = camera.T_camera_rig,
-      .sigma_xi = SigmaXi(calibration, c),
+      .sigma_xi = SigmaXi(calibration.uncertainty.extrinsics_covariance[c], camera.T_camera_rig),
       .fit = calibration.fits[c]};
-  for (size_t k = 0; k < camera.at_bound.size(); ++k) {
+  for (size_t k = 0; k < std::min(camera.at_bound.size(), camera.ModelParams()); ++k) {
     if (camera.at_bound[k]) described.at_bound.emplace_back(camera.model->params[k].name);
   }
   if (calibration.jackknife) {
-    described.sigma_jackknife = calibration.jackknife->param_std_errors[c];
+    const std::vector<double>& jackknife = calibration.jackknife->param_std_errors[c];
+    described.sigma_jackknife.assign(jackknife.begin(), jackknife.begin() + own);
     const Vector6d& xi = calibration.jackknife->extrinsics_std_errors[c];
     described.sigma_xi_jackknife.assign(xi.begin(), xi.end());
   }
@@ -120,11 +160,9 @@ Correlations DescribeCorrelations(const Calibration& calibration) {
   Correlations result{uncertainty.names, uncertainty.correlation};
   // Poses in the rig were estimated in another chart than files hold.
   const Eigen::VectorXd sigma = uncertainty.covariance.diagonal().cwiseMax(0).cwiseSqrt();
-  for (size_t c = 0; c < uncertainty.extrinsics_index.size(); ++c) {
-    const int place = uncertainty.extrinsics_index[c];
-    if (place < 0) continue;
-    Matrix6d J = LogJacobian(calibration.bundle.cameras[c].T_camera_rig) *
-                 sigma.segment<6>(place).asDiagonal();
+  const auto convert = [&](int place, const RigidTransform& T) {
+    if (place < 0) return;
+    Matrix6d J = LogJacobian(T) * sigma.segment<6>(place).asDiagonal();
     const Vector6d sigma_xi =
         (J * result.matrix.block<6, 6>(place, place) * J.transpose()).diagonal().cwiseSqrt();
     constexpr double kLeast = 1e-300;  // an exact pose has no correlations, but not NaN
@@ -132,8 +170,14 @@ Correlations DescribeCorrelations(const Calibration& calibration) {
     result.matrix.middleRows<6>(place) = (J * result.matrix.middleRows<6>(place)).eval();
     result.matrix.middleCols<6>(place) =
         (result.matrix.middleCols<6>(place) * J.transpose()).eval();
+  };
+  for (size_t c = 0; c < uncertainty.extrinsics_index.size(); ++c) {
+    convert(uncertainty.extrinsics_index[c], calibration.bundle.cameras[c].T_camera_rig);
   }
-  return result;
+  for (size_t k = 0; k < uncertainty.target_index.size(); ++k) {
+    convert(uncertainty.target_index[k], calibration.bundle.targets[k].T_target_own);
+  }
+  return WithoutNuisances(calibration, result);
 }
 
 CalibrationRecord Describe(const Calibration& calibration) {
@@ -146,6 +190,7 @@ CalibrationRecord Describe(const Calibration& calibration) {
     record.frames.push_back({calibration.frames[f], bundle.T_rig_target[f].Inverse()});
   }
   DescribeMarkers(calibration, &record);
+  record.targets = DescribeTargets(calibration);
   DescribeObservations(calibration, &record);
   record.adjustment = {.converged = calibration.converged,
                        .iterations = calibration.iterations,

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <map>
 
@@ -14,6 +15,7 @@
 #include "calib/noise/camera_noise.h"
 #include "calib/noise/replicate_noise.h"
 #include "calib/reject.h"
+#include "calib/rig/link_targets.h"
 #include "calib/start_rig.h"
 
 namespace plenocal {
@@ -33,9 +35,24 @@ CameraInput Alone(const CalibrationInput& input, size_t c) {
   return camera;
 }
 
-void AddCameras(const CalibrationInput& input, BundleGuess* guess) {
+// The camera with the parameters of the earlier calibration: few images do not give all of them.
+// Where these do not describe the images, as after refocusing, they are estimated from the images.
+CameraGuess GuessWithPrior(const CalibrationInput& input, size_t c) {
+  const CameraInput alone = Alone(input, c);
+  if (!input.prior) return GuessCamera(alone, input.markers);
+  CameraInput held = alone;
+  for (const CalibrationPrior::Unknown& unknown : input.prior->unknowns) {
+    if (unknown.camera == c && unknown.param) held.fixed[*unknown.param] = true;
+  }
+  CameraGuess guess = GuessCamera(held, input.markers);
+  return guess.misfit.empty() || held.fixed == alone.fixed ? guess
+                                                           : GuessCamera(alone, input.markers);
+}
+
+void AddCameras(const CalibrationInput& input,
+                const std::vector<RigidTransform>& T_camera_rig,
+                BundleGuess* guess) {
   Bundle& bundle = guess->bundle;
-  const std::vector<RigidTransform> T_camera_rig = GuessRig(input.cameras, guess->cameras);
   for (size_t c = 0; c < input.cameras.size(); ++c) {
     bundle.cameras.push_back(MakeBundleCamera(input.cameras[c], guess->cameras[c].params));
     bundle.cameras.back().T_camera_rig = T_camera_rig[c];
@@ -46,6 +63,7 @@ void AddCameras(const CalibrationInput& input, BundleGuess* guess) {
       const ParamIndex root = bundle.Root(c, k);
       bundle.cameras[c].params[k] = guess->cameras[root.camera].params[root.param];
     }
+    AddNuisances(input.cameras[c].views, &bundle.cameras[c]);
   }
 }
 
@@ -149,7 +167,7 @@ void AddView(const CameraInput& camera,
     }
     observations.push_back(
         {static_cast<int>(in_frame.camera), frame, marker->second, observation, true});
-    if (!view.shared_errors.empty()) observations.back().shared_errors = view.shared_errors[i];
+    if (!view.by_nuisance.empty()) observations.back().by_nuisance = view.by_nuisance[i];
   }
   std::stable_sort(observations.begin() + static_cast<std::ptrdiff_t>(first),
                    observations.end(),
@@ -161,7 +179,8 @@ void AddFrames(const CalibrationInput& input, BundleGuess* guess) {
   std::map<int, int> marker_index;
   for (const auto& [number, position] : input.markers) {
     marker_index[number] = static_cast<int>(guess->bundle.markers.size());
-    guess->bundle.markers.push_back({number, position, position});
+    const int target = guess->bundle.targets.empty() ? 0 : static_cast<int>(TargetOfMarker(number));
+    guess->bundle.markers.push_back({number, position, position, target});
   }
   for (const auto& [name, views] : FramesOf(input.cameras)) {
     const std::optional<RigidTransform> T_rig_target = FramePose(input, *guess, views);
@@ -229,16 +248,42 @@ AssumedSigmas AssumeSigmas(const CameraInput& camera,
   return assumed;
 }
 
+// The cameras by views of one target each, then all targets as parts of one; T_camera_rig.
+std::vector<RigidTransform> GuessWithTargets(
+    const CalibrationInput& input,
+    const std::function<void(const CalibrationInput&)>& guess_cameras,
+    BundleGuess* guess) {
+  CalibrationInput split = input;
+  split.cameras = SplitViews(input);
+  guess_cameras(split);
+  LinkedInput linked = LinkTargets(input, split.cameras, guess->cameras);
+  guess->cameras = std::move(linked.guesses);
+  guess->linked = std::move(linked.input);
+  guess->bundle.targets = std::move(linked.targets);
+  guess->findings = std::move(linked.findings);
+  return std::move(linked.T_camera_rig);
+}
+
 }  // namespace
 
-BundleGuess GuessBundle(const CalibrationInput& input, int threads) {
+BundleGuess GuessBundle(const CalibrationInput& given, int threads) {
   BundleGuess guess;
-  guess.cameras.resize(input.cameras.size());
-  ParallelFor(input.cameras.size(), threads, [&](size_t c) {
-    guess.cameras[c] = GuessCamera(Alone(input, c), input.markers);
-  });
-  AddCameras(input, &guess);
+  guess.cameras.resize(given.cameras.size());
+  const auto guess_cameras = [&](const CalibrationInput& of) {
+    ParallelFor(
+        of.cameras.size(), threads, [&](size_t c) { guess.cameras[c] = GuessWithPrior(of, c); });
+  };
+  std::vector<RigidTransform> T_camera_rig;
+  if (given.targets.empty()) {
+    guess_cameras(given);
+    T_camera_rig = GuessRig(given.cameras, guess.cameras, given.earlier_T_camera_rig);
+  } else {
+    T_camera_rig = GuessWithTargets(given, guess_cameras, &guess);
+  }
+  const CalibrationInput& input = guess.linked ? *guess.linked : given;
+  AddCameras(input, T_camera_rig, &guess);
   guess.bundle.marker_sigma = input.marker_sigma;
+  guess.bundle.prior = input.prior;
   AddFrames(input, &guess);
   for (size_t c = 0; c < input.cameras.size(); ++c) {
     guess.sigmas.push_back(AssumeSigmas(input.cameras[c], c, &guess.bundle.observations));

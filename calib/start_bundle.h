@@ -4,6 +4,7 @@
 // that take part.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -19,6 +20,9 @@ struct BundleGuess {
   std::vector<std::string> frames;  ///< names, sorted; index as in Bundle::T_rig_target
   std::vector<LeftOut> left_out;
   std::vector<AssumedSigmas> sigmas;  ///< per camera
+  /// Of several targets: the problem with them as parts of one; `cameras` belongs to its views.
+  std::optional<CalibrationInput> linked = {};
+  std::vector<Finding> findings = {};
 };
 
 /// Throws `Error` of kind kJob when the observations do not suffice.

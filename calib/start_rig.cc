@@ -4,13 +4,13 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <limits>
 #include <map>
 #include <string>
 #include <string_view>
 #include <utility>
 
 #include "calib/base/error.h"
+#include "calib/rig/rig_graph.h"
 
 namespace plenocal {
 namespace {
@@ -36,31 +36,6 @@ std::vector<RigidTransform> RelativePoses(const FramePoses& a, const FramePoses&
   return transforms;
 }
 
-// The one that agrees best with the others: the smallest sum of distances, of at most 100 tried.
-RigidTransform Medoid(const std::vector<RigidTransform>& transforms) {
-  constexpr size_t kMostTried = 100;
-  const size_t stride = transforms.size() / kMostTried + 1;
-  double size = 0;
-  for (const RigidTransform& T : transforms) {
-    size += T.t.norm() / static_cast<double>(transforms.size());
-  }
-  const RigidTransform* best = &transforms[0];
-  double best_sum = std::numeric_limits<double>::infinity();
-  for (size_t i = 0; i < transforms.size(); i += stride) {
-    double sum = 0;
-    for (size_t j = 0; j < transforms.size(); j += stride) {
-      const RigidTransform difference = transforms[i].Inverse() * transforms[j];
-      sum += LogRotation(difference.R).norm() +
-             difference.t.norm() / std::max(size, std::numeric_limits<double>::min());
-    }
-    if (sum < best_sum) {
-      best_sum = sum;
-      best = &transforms[i];
-    }
-  }
-  return *best;
-}
-
 [[noreturn]] void FailUnlinked(std::span<const CameraInput> cameras,
                                const std::vector<bool>& linked) {
   std::string open, reached;
@@ -70,17 +45,36 @@ RigidTransform Medoid(const std::vector<RigidTransform>& transforms) {
   }
   throw Error(
       ErrorKind::kJob,
-      fmt::format("no frame in which {} sees the target together with {}: their mutual pose cannot "
-                  "be determined. Frames are matched by name (what the last '*' of the glob stands "
-                  "for); check the names, or add frames that both see",
-                  open,
-                  reached));
+      fmt::format(
+          "no frame in which {} sees the target together with {}: their mutual pose cannot "
+          "be determined. Frames are matched by name (what the last '*' of the glob stands "
+          "for); check the names, or add frames that both see. Cameras that never see it together "
+          "need a second target ('targets'), or an earlier calibration of both ('from')",
+          open,
+          reached));
+}
+
+// T_camera_rig of a camera that is not linked, by a linked camera of the same earlier calibration,
+// and the index of that one; nothing when there is none.
+std::pair<std::optional<RigidTransform>, size_t> EarlierPlace(
+    std::span<const std::optional<RigidTransform>> earlier,
+    const std::vector<bool>& linked,
+    const std::vector<RigidTransform>& T_camera_rig) {
+  for (size_t from = 0; from < earlier.size(); ++from) {
+    if (!linked[from] || !earlier[from]) continue;
+    for (size_t to = 0; to < earlier.size(); ++to) {
+      if (linked[to] || !earlier[to]) continue;
+      return {*earlier[to] * earlier[from]->Inverse() * T_camera_rig[from], to};
+    }
+  }
+  return {};
 }
 
 }  // namespace
 
 std::vector<RigidTransform> GuessRig(std::span<const CameraInput> cameras,
-                                     std::span<const CameraGuess> guesses) {
+                                     std::span<const CameraGuess> guesses,
+                                     std::span<const std::optional<RigidTransform>> earlier) {
   const size_t count = cameras.size();
   std::vector<FramePoses> poses;
   for (size_t c = 0; c < count; ++c) poses.push_back(PosesOf(cameras[c], guesses[c]));
@@ -102,7 +96,12 @@ std::vector<RigidTransform> GuessRig(std::span<const CameraInput> cameras,
         }
       }
     }
-    if (best.empty()) FailUnlinked(cameras, linked);
+    if (best.empty()) {
+      const auto [known, to] = EarlierPlace(earlier, linked, T_camera_rig);
+      if (!known) FailUnlinked(cameras, linked);
+      best = {*known * T_camera_rig[best_from].Inverse()};
+      best_to = to;
+    }
     T_camera_rig[best_to] = Medoid(best) * T_camera_rig[best_from];
     linked[best_to] = true;
   }

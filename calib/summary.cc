@@ -91,7 +91,7 @@ std::string ParametersText(const Calibration& calibration, size_t c) {
   const BundleCamera& camera = calibration.bundle.cameras[c];
   std::string text;
   std::vector<std::string_view> of_field;
-  for (size_t i = 0; i < camera.params.size(); ++i) {
+  for (size_t i = 0; i < camera.ModelParams(); ++i) {
     const Param& param = camera.model->params[i];
     if (param.prior_sigma > 0) {
       of_field.push_back(param.name);
@@ -167,6 +167,29 @@ std::string TargetText(const Bundle& bundle) {
       worst);
 }
 
+// The poses of targets that were estimated.
+std::string TargetPosesText(const Calibration& calibration) {
+  std::string text;
+  for (size_t k = 0; k < calibration.bundle.targets.size(); ++k) {
+    const BundleTarget& target = calibration.bundle.targets[k];
+    const int place = calibration.uncertainty.target_index[k];
+    if (place < 0) continue;
+    const Matrix6d covariance = calibration.uncertainty.covariance.block<6, 6>(place, place);
+    const Eigen::Vector3d along = target.T_target_own.t.normalized();
+    const double sigma = std::sqrt(along.dot(covariance.topLeftCorner<3, 3>() * along));
+    const Eigen::Vector3d w = LogRotation(target.T_target_own.R) * kDegrees;
+    const Eigen::Vector3d w_sigma = covariance.diagonal().tail<3>().cwiseSqrt() * kDegrees;
+    text += fmt::format("\ntarget {}: {} mm from {}, rotation vector ({}, {}, {}) degrees\n",
+                        target.name,
+                        WithSigma(1e3 * target.T_target_own.t.norm(), 1e3 * sigma),
+                        calibration.bundle.targets[0].name,
+                        WithSigma(w.x(), w_sigma.x()),
+                        WithSigma(w.y(), w_sigma.y()),
+                        WithSigma(w.z(), w_sigma.z()));
+  }
+  return text;
+}
+
 std::string WeakText(const std::vector<WeakUnknowns>& weak, bool open, std::string_view heading) {
   std::string text;
   for (const WeakUnknowns& unknowns : weak) {
@@ -199,7 +222,7 @@ std::string Summary(const Calibration& calibration) {
     text += FitText(calibration.fits[c]) + ParametersText(calibration, c);
     if (!camera.is_master) text += ExtrinsicsText(calibration, c);
   }
-  text += TargetText(bundle);
+  text += TargetPosesText(calibration) + TargetText(bundle);
   const std::vector<WeakUnknowns> weak = FindWeakUnknowns(bundle, calibration.uncertainty);
   text += WeakText(weak, true, "\nNOT DETERMINED by these images:\n");
   text += WeakText(weak, false, "\nweakly determined by these images:\n");

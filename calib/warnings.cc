@@ -72,7 +72,7 @@ std::vector<Finding> FindingsOfRules(const Calibration& calibration) {
   std::vector<Finding> findings;
   for (size_t c = 0; c < calibration.bundle.cameras.size(); ++c) {
     const BundleCamera& camera = calibration.bundle.cameras[c];
-    for (size_t k = 0; k < camera.rules.size(); ++k) {
+    for (size_t k = 0; k < std::min(camera.rules.size(), camera.ModelParams()); ++k) {
       const std::string name = fmt::format("{}.{}", camera.name, camera.model->params[k].name);
       if (camera.at_bound[k] && !camera.rules[k].tied_to) {
         findings.push_back(

@@ -16,4 +16,11 @@ ImageDetections DetectImages(const std::vector<FrameImage>& images,
       images, [&] { return MakeMarkerDetector(target); }, options);
 }
 
+std::vector<ImageSketch> SketchImages(const std::vector<FrameImage>& images,
+                                      const Target& target,
+                                      const DetectOptions& options) {
+  return SketchOrdinaryImages(
+      images, [&] { return MakeMarkerDetector(target); }, options);
+}
+
 }  // namespace plenocal

@@ -20,4 +20,9 @@ ImageDetections DetectImages(const std::vector<FrameImage>& images,
                              CameraOptics optics,
                              const DetectOptions& options);
 
+/// `SketchOrdinaryImages` of this target.
+std::vector<ImageSketch> SketchImages(const std::vector<FrameImage>& images,
+                                      const Target& target,
+                                      const DetectOptions& options);
+
 }  // namespace plenocal

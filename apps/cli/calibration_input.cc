@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <limits>
 
+#include "apps/cli/session/session_targets.h"
 #include "calib/base/statistics.h"
 
 namespace plenocal {
@@ -58,6 +59,7 @@ CalibrationInput MakeCalibrationInput(const Session& session,
   CalibrationInput input;
   input.cameras = std::move(cameras);
   input.markers = target.markers;
+  input.targets = InputTargetsOf(session);
   input.marker_sigma = MarkerSigmaOfSession(session, target, console);
   input.loss = session.loss;
   return input;

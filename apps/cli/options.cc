@@ -7,6 +7,7 @@
 #include <csignal>
 
 #include "calib/base/error.h"
+#include "calib/files/session.h"
 
 namespace plenocal {
 
@@ -46,6 +47,11 @@ void AddBayer(CLI::App* app, std::optional<BayerOrder>* bayer, const std::string
       ->check(CLI::IsMember(std::vector<std::string>(kBayerOrders.begin(), kBayerOrders.end())));
 }
 
+void UseFrameOptions(const SessionOptions& options, Session* session) {
+  if (options.frames > 0) session->frames = static_cast<size_t>(options.frames);
+  if (options.all) session->all_frames = true;
+}
+
 void AddSessionOptions(CLI::App* app, SessionOptions* options, ConsoleOptions* shared) {
   app->add_option("session", options->session, "session.yaml: cameras, images, target")->required();
   AddResultOptions(app, options, shared);
@@ -66,6 +72,12 @@ void AddResultOptions(CLI::App* app, SessionOptions* options, ConsoleOptions* sh
       "--cache",
       options->cache,
       "folder that keeps detections for later runs, which may write elsewhere (default: OUT)");
+  CLI::Option* const frames = app->add_option(
+      "--frames",
+      options->frames,
+      "use at most so many frames: sharp, at rest, and such that they lower the projection's sigma most (default: 100 of recordings and videos with more than 200)");
+  frames->check(CLI::Range(1, 1 << 30));
+  app->add_flag("--all", options->all, "use all frames")->excludes(frames);
   app->add_flag(
       "--keep",
       options->keep,

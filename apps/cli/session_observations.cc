@@ -4,10 +4,16 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <iterator>
+#include <set>
+#include <span>
 #include <utility>
 
+#include "apps/cli/session/choose_frames.h"
 #include "apps/cli/session/left_out.h"
 #include "apps/cli/session/proposal_text.h"
+#include "apps/recording/frames/session_images.h"
+#include "apps/recording/stores/image_lister.h"
 #include "calib/base/error.h"
 #include "calib/base/number_text.h"
 #include "calib/files/detections.h"
@@ -26,19 +32,16 @@ bool IsSameFile(const std::filesystem::path& a, const std::filesystem::path& b) 
   return !a.empty() && std::filesystem::equivalent(a, b, error);
 }
 
-/// The image files of one camera; empty where the session has none.
-struct CameraImages {
-  std::vector<FrameImage> images, white;
-};
-
-std::vector<CameraImages> ListImages(const Session& session) {
-  const auto list = [](const std::vector<std::string>& patterns, const std::string& what) {
-    return patterns.empty() ? std::vector<FrameImage>() : ExpandImages(patterns, what);
-  };
+std::vector<CameraImages> ListCameraImages(const Session& session, Console* console) {
+  std::vector<std::string> notes;
+  std::vector<std::vector<FrameImage>> images = ListSessionImages(session, &notes);
+  for (const std::string& note : notes) console->Message(note);
   std::vector<CameraImages> lists;
-  for (const SessionCamera& camera : session.cameras) {
-    lists.push_back({list(camera.images, camera.name + ": images"),
-                     list(camera.white_images, camera.name + ": white_images")});
+  for (size_t c = 0; c < images.size(); ++c) {
+    const SessionCamera& camera = session.cameras[c];
+    lists.push_back({.images = std::move(images[c]), .white = {}});
+    if (camera.white_images.empty()) continue;
+    lists.back().white = ListImages(camera.white_images, camera.name + ": white_images");
   }
   return lists;
 }
@@ -60,11 +63,11 @@ void CheckImageSize(const SessionCamera& camera, ImageSize found) {
 class Collector {
  public:
   Collector(const Session& session,
-            const Target& target,
+            std::span<const Target> targets,
             const ConsoleOptions& options,
             const DetectionPlaces& places,
             Console* console)
-      : target_(target),
+      : targets_(targets),
         options_(options),
         places_(places),
         console_(*console),
@@ -142,10 +145,40 @@ class Collector {
       };
     }
     try {
-      return DetectImages(images.images, target_, optics, detect);
+      if (targets_.size() == 1) return DetectImages(images.images, targets_[0], optics, detect);
+      detect.cache = nullptr;
+      return DetectSeveral(images.images, optics, detect);
     } catch (const Error& error) {
       throw Error(error.kind(), fmt::format("{}: {}", camera.name, error.what()));
     }
+  }
+
+  /// Each target in turn; an image is left out where it shows none.
+  ImageDetections DetectSeveral(const std::vector<FrameImage>& images,
+                                CameraOptics optics,
+                                const DetectOptions& options) const {
+    std::vector<std::vector<View>> views;
+    std::vector<LeftOut> left_out;
+    ImageDetections all;
+    for (size_t k = 0; k < targets_.size(); ++k) {
+      ImageDetections found = DetectImages(images, targets_[k], optics, options);
+      views.push_back(std::move(found.views));
+      left_out.insert(left_out.end(), found.left_out.begin(), found.left_out.end());
+      if (k == 0) all = std::move(found);
+    }
+    all.views = JoinViews(std::move(views));
+    all.left_out.clear();
+    std::set<std::string> shown, listed;
+    for (const FrameImage& image : images) {
+      const bool shows = std::ranges::any_of(
+          all.views, [&](const View& view) { return view.frame == image.frame; });
+      if (shows) shown.insert(image.path.string());
+    }
+    for (LeftOut& item : left_out) {
+      if (shown.contains(item.where)) continue;
+      if (listed.insert(item.where).second) all.left_out.push_back(std::move(item));
+    }
+    return all;
   }
 
   /// Prints what was found; throws when that is nothing.
@@ -181,7 +214,7 @@ class Collector {
   /// How the target must be changed to be the one in the images; empty when they show none.
   std::string Mend(const SessionCamera& camera, const std::vector<FrameImage>& images) {
     if (camera.model->plenoptic) return {};
-    return MendOf(LookForTargets(images, options_, &console_), target_);
+    return MendOf(LookForTargets(images, options_, &console_), targets_[0]);
   }
 
   void PrintLeftOut(const std::vector<LeftOut>& items) {
@@ -214,13 +247,41 @@ class Collector {
     add("sample_depth", fmt::format("virtual_depth_{}.jpg", camera), &found->sample.depth);
   }
 
-  const Target& target_;
+  std::span<const Target> targets_;
   const ConsoleOptions& options_;
   const DetectionPlaces& places_;
   Console& console_;
   Exclusion exclusion_;
   SessionObservations collected_;
 };
+
+SessionObservations Collect(const Session& session,
+                            std::span<const Target> targets,
+                            const ConsoleOptions& options,
+                            const DetectionPlaces& places,
+                            Console* console) {
+  // All globs first: a wrong one should not show only after minutes of work on another camera.
+  std::vector<CameraImages> images = ListCameraImages(session, console);
+  FrameChoice choice;
+  if (targets.size() == 1) {
+    choice = ChooseFrames(session, targets[0], options, places.cache, &images, console);
+  }
+  Collector collector(session, targets, options, places, console);
+  for (size_t c = 0; c < session.cameras.size(); ++c) {
+    const SessionCamera& camera = session.cameras[c];
+    if (camera.images.empty()) {
+      collector.AddGiven(camera);
+    } else {
+      collector.AddDetected(camera, images[c]);
+    }
+  }
+  SessionObservations observations = collector.Take();
+  std::ranges::move(choice.left_out, std::back_inserter(observations.left_out));
+  if (!choice.table.empty()) {
+    observations.files.push_back({0, "frames", "chosen_frames.csv", std::move(choice.table)});
+  }
+  return observations;
+}
 
 }  // namespace
 
@@ -265,18 +326,19 @@ SessionObservations CollectObservations(const Session& session,
                                         const ConsoleOptions& options,
                                         const DetectionPlaces& places,
                                         Console* console) {
-  // All globs first: a wrong one should not show only after minutes of work on another camera.
-  const std::vector<CameraImages> images = ListImages(session);
-  Collector collector(session, target, options, places, console);
-  for (size_t c = 0; c < session.cameras.size(); ++c) {
-    const SessionCamera& camera = session.cameras[c];
-    if (camera.images.empty()) {
-      collector.AddGiven(camera);
-    } else {
-      collector.AddDetected(camera, images[c]);
-    }
-  }
-  return collector.Take();
+  return Collect(session, std::span(&target, 1), options, places, console);
+}
+
+SessionObservations CollectObservations(const Session& session,
+                                        const SessionTargets& targets,
+                                        const ConsoleOptions& options,
+                                        const DetectionPlaces& places,
+                                        Console* console) {
+  return Collect(session,
+                 targets.several.empty() ? std::span(&targets.all, 1) : std::span(targets.several),
+                 options,
+                 places,
+                 console);
 }
 
 void WriteDetections(const Session& session,

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "apps/cli/console.h"
+#include "apps/cli/session/session_targets.h"
 #include "calib/base/detection_cache.h"
 #include "calib/base/output_folder.h"
 #include "calib/camera/image_traits.h"
@@ -61,6 +62,13 @@ DetectionCache OpenDetectionCache(const std::filesystem::path& out,
 /// camera. Throws `Error` when the images of a camera show no target, and `Stopped` after Ctrl-C.
 SessionObservations CollectObservations(const Session& session,
                                         const Target& target,
+                                        const ConsoleOptions& options,
+                                        const DetectionPlaces& places,
+                                        Console* console);
+/// The same of several targets, whose markers have the numbers of `SessionTargets::all`. Detections
+/// of several are not kept for later runs.
+SessionObservations CollectObservations(const Session& session,
+                                        const SessionTargets& targets,
                                         const ConsoleOptions& options,
                                         const DetectionPlaces& places,
                                         Console* console);

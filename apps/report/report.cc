@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <set>
 
 #include "apps/report/attenuation_map.h"
 #include "apps/report/micro_lens_sections.h"
@@ -12,6 +13,7 @@
 #include "apps/report/residual_sections.h"
 #include "apps/report/verdict_json.h"
 #include "calib/base/number_text.h"
+#include "calib/calibrate.h"
 #include "calib/judge/projection_map.h"
 #include "calib/judge/verdict.h"
 
@@ -135,6 +137,38 @@ Json VignettingJson(const AttenuationMap& map, double pitch) {
   return json;
 }
 
+// Who saw what when: of a rig, the frames in which each camera saw each target, and those that two
+// cameras have in common.
+Json SightingsJson(const CalibrationRecord& calibration) {
+  const size_t count = calibration.cameras.size();
+  if (count < 2) return Json::object();
+  std::vector<std::string> targets;
+  for (const TargetRecord& target : calibration.targets) targets.push_back(target.name);
+  if (targets.empty()) targets.emplace_back("target");
+  std::vector<std::vector<std::set<int>>> frames(count, std::vector<std::set<int>>(targets.size()));
+  std::vector<std::set<int>> of_camera(count);
+  for (size_t c = 0; c < count; ++c) {
+    for (const ResidualRow& row : calibration.cameras[c].residuals) {
+      const size_t target = targets.size() == 1 ? 0 : TargetOfMarker(row.marker);
+      if (!row.used || target >= targets.size()) continue;
+      frames[c][target].insert(row.frame);
+      of_camera[c].insert(row.frame);
+    }
+  }
+  Json seen = Json::array(), common = Json::array();
+  for (size_t c = 0; c < count; ++c) {
+    Json of_targets = Json::array(), with_others = Json::array();
+    for (const std::set<int>& each : frames[c]) of_targets.push_back(each.size());
+    for (size_t other = 0; other < count; ++other) {
+      with_others.push_back(std::ranges::count_if(
+          of_camera[c], [&](int frame) { return of_camera[other].contains(frame); }));
+    }
+    seen.push_back(std::move(of_targets));
+    common.push_back(std::move(with_others));
+  }
+  return {{"targets", targets}, {"seen", seen}, {"common", common}};
+}
+
 // Refined positions of the markers and their displacement from the nominal ones.
 Json MarkersJson(const CalibrationRecord& calibration) {
   const bool refined = calibration.adjustment && calibration.adjustment->marker_sigma > 0;
@@ -203,6 +237,7 @@ class ReportData {
         {"markers", MarkersJson(calibration_)},
         {"marker_tolerance", calibration_.adjustment ? calibration_.adjustment->marker_sigma : 0},
         {"scene", calibration_.HasScene()},
+        {"sightings", calibration_.HasScene() ? Json::object() : SightingsJson(calibration_)},
         {"correlation", CorrelationJson(calibration_)},
         {"left_out", calibration_.left_out},
         {"provenance", provenance}};

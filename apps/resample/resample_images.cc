@@ -48,8 +48,9 @@ class Resampler {
     }
   }
 
-  [[nodiscard]] std::string Png(const std::filesystem::path& path) const {
-    cv::Mat image = ReadImage(path);
+  [[nodiscard]] std::string Png(const FrameImage& source) const {
+    const std::filesystem::path& path = source.path;
+    cv::Mat image = ReadImage(source);
     const ImageSize size = request_.map->source_size;
     if (image.cols != size[0] || image.rows != size[1]) {
       throw Error(ErrorKind::kInput,
@@ -113,7 +114,7 @@ size_t ResampleImages(const ResampleRequest& request) {
     const FrameImage& image = request.images[i];
     std::string png;
     try {
-      png = resampler.Png(image.path);
+      png = resampler.Png(image);
     } catch (const Error& error) {
       if (error.kind() != ErrorKind::kInput) throw;
       failures[i] = error;

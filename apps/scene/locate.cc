@@ -25,6 +25,7 @@ namespace {
 
 // Root descriptors have length 1 and no number above about 1/2.
 constexpr double kDescriptorScale = 512;
+constexpr int kFeatures = 3000;
 
 BundleCamera CameraOf(const CalibratedCamera& camera) {
   BundleCamera made{.name = camera.name,
@@ -47,7 +48,9 @@ Bundle BundleOf(const CalibratedCamera& camera,
   bundle.cameras = {CameraOf(camera)};
   bundle.T_rig_target.resize(1);
   std::map<int, int> index;
-  for (const Observation& seen : view.observations) {
+  AddNuisances({&view, 1}, &bundle.cameras[0]);
+  for (size_t i = 0; i < view.observations.size(); ++i) {
+    const Observation& seen = view.observations[i];
     const auto point = points.find(seen.marker);
     if (point == points.end()) continue;
     const auto [entry, is_new] =
@@ -56,6 +59,7 @@ Bundle BundleOf(const CalibratedCamera& camera,
     bundle.observations.push_back(
         {.marker = entry->second,
          .seen = seen,
+         .by_nuisance = view.by_nuisance.empty() ? std::vector<double>() : view.by_nuisance[i],
          .assumed_sigma = seen.detector_sigma > 0 ? seen.detector_sigma : 1});
   }
   std::ranges::stable_sort(bundle.observations, {}, &BundleObservation::marker);
@@ -226,7 +230,6 @@ LandmarkMap ReadLandmarkMap(const std::filesystem::path& path) {
 }
 
 View MatchLandmarks(const cv::Mat& image, const LandmarkMap& map) {
-  constexpr int kFeatures = 3000;
   const ImageFeatures features = FindFeatures(image, kFeatures, {}, 0);
   View view;
   for (const auto& [i, j] : MatchDescriptors(features.descriptors, map.descriptors)) {
@@ -234,6 +237,30 @@ View MatchLandmarks(const cv::Mat& image, const LandmarkMap& map) {
     seen.values[0] = features.points[static_cast<size_t>(i)].x;
     seen.values[1] = features.points[static_cast<size_t>(i)].y;
     view.observations.push_back(seen);
+  }
+  return view;
+}
+
+View MatchLandmarks(const cv::Mat& raw,
+                    const CalibratedCamera& camera,
+                    const PlenopticCamera& optics,
+                    const LandmarkMap& map,
+                    int threads) {
+  const BundleCamera tracked = CameraOf(camera);
+  PlenopticTracker tracker(tracked, optics, {.wanted = kFeatures}, 0, threads);
+  tracker.AddFrame("", raw);
+  std::map<int, int> number_of;  // in the map, by track
+  for (const auto& [i, j] : MatchDescriptors(tracker.Descriptors(), map.descriptors)) {
+    number_of[i] = map.numbers[static_cast<size_t>(j)];
+  }
+  View view;
+  for (const View& measured : tracker.Views()) {
+    for (Observation seen : measured.observations) {
+      const auto number = number_of.find(seen.marker);
+      if (number == number_of.end()) continue;
+      seen.marker = number->second;
+      view.observations.push_back(seen);
+    }
   }
   return view;
 }

@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "apps/scene/track/plenoptic_tracker.h"
 #include "calib/adjust/bundle.h"
 #include "calib/camera/observation.h"
 #include "calib/files/calibration_record.h"
@@ -55,5 +56,12 @@ std::string DescriptorsPng(const LandmarkMap& map);
 
 /// Features of an 8-bit grey image that look like points of the map.
 View MatchLandmarks(const cv::Mat& image, const LandmarkMap& map);
+/// Features of the totally focused image of a raw plenoptic image that look like points of the map,
+/// measured in the micro images. Throws `Error` for an image that cannot be reconstructed.
+View MatchLandmarks(const cv::Mat& raw,
+                    const CalibratedCamera& camera,
+                    const PlenopticCamera& optics,
+                    const LandmarkMap& map,
+                    int threads);
 
 }  // namespace plenocal

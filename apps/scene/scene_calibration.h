@@ -9,14 +9,14 @@
 #include <utility>
 #include <vector>
 
-#include "apps/scene/scene_rig.h"
 #include "calib/calibrate.h"
 #include "calib/files/scene_keys.h"
+#include "calib/prior/earlier_cameras.h"
 
 namespace plenocal {
 
 struct SceneCalibrationInput {
-  SceneCameras cameras;
+  EarlierCameras cameras;
   std::vector<SceneDistance> distances;
   Loss loss = Loss::kHuber;
   /// A track and an earlier camera's that looks like the same point, to about a pixel: used for the

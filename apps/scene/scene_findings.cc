@@ -74,7 +74,7 @@ struct LengthError {
 LengthError WorstLength(const Calibration& calibration, size_t c) {
   const BundleCamera& camera = calibration.bundle.cameras[c];
   LengthError worst;
-  for (size_t k = 0; k < camera.params.size(); ++k) {
+  for (size_t k = 0; k < camera.ModelParams(); ++k) {
     const Param& param = camera.model->params[k];
     const bool length =
         camera.model->plenoptic ? param.unit == "m" : param.unit == "px" && param.name[0] == 'f';
@@ -190,7 +190,7 @@ class SceneFindings {
 
   void AddSensor(size_t c) {
     const BundleCamera& camera = bundle_.cameras[c];
-    for (size_t k = 0; k < camera.params.size(); ++k) {
+    for (size_t k = 0; k < camera.ModelParams(); ++k) {
       if (camera.model->params[k].name != "B") continue;
       const double part = calibration_.uncertainty.param_std_errors[c][k] / camera.params[k];
       if (part < kCertainSensor) return;
@@ -260,7 +260,7 @@ bool HasScale(const Bundle& bundle) {
   for (size_t c = 0; c < bundle.cameras.size(); ++c) {
     const BundleCamera& camera = bundle.cameras[c];
     if (c > 0 && camera.is_master && camera.T_camera_rig.t.norm() > 0) return true;
-    for (size_t k = 0; k < camera.params.size(); ++k) {
+    for (size_t k = 0; k < camera.ModelParams(); ++k) {
       if (KnowsLength(bundle, c, k)) return true;
     }
   }

@@ -46,9 +46,11 @@ Bundle MakeSceneBundle(const SceneTracks& tracks, const std::vector<BundleCamera
     frame_index.emplace(tracks.frames[i], static_cast<int>(i));
   }
   for (size_t c = 0; c < tracks.views.size(); ++c) {
+    AddNuisances(tracks.views[c], &bundle.cameras[c]);
     for (const View& view : tracks.views[c]) {
       const int frame = frame_index.at(view.frame);
-      for (const Observation& seen : view.observations) {
+      for (size_t i = 0; i < view.observations.size(); ++i) {
+        const Observation& seen = view.observations[i];
         const auto found = index.find(seen.marker);
         if (found == index.end()) continue;
         bundle.observations.push_back(
@@ -56,6 +58,7 @@ Bundle MakeSceneBundle(const SceneTracks& tracks, const std::vector<BundleCamera
              .frame = frame,
              .marker = found->second,
              .seen = seen,
+             .by_nuisance = view.by_nuisance.empty() ? std::vector<double>() : view.by_nuisance[i],
              .assumed_sigma = seen.detector_sigma > 0 ? seen.detector_sigma : 1});
       }
     }

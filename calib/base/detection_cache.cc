@@ -46,6 +46,10 @@ std::string ReadEntry(const std::filesystem::path& path) {
 
 }  // namespace
 
+std::string HashBytes(std::span<const std::uint8_t> bytes) {
+  return Hash({reinterpret_cast<const char*>(bytes.data()), bytes.size()});
+}
+
 std::string HashFile(const std::filesystem::path& path) {
   try {
     return Hash(ReadInput(path, InputLimit::kTable));

@@ -11,6 +11,7 @@
 #include <mutex>
 #include <optional>
 #include <set>
+#include <span>
 #include <string>
 #include <string_view>
 #include <type_traits>
@@ -19,6 +20,8 @@ namespace plenocal {
 
 /// Hash of a file's content (XXH3, 128 bits, hexadecimal); empty when it cannot be read.
 std::string HashFile(const std::filesystem::path& path);
+/// The same of bytes in memory.
+std::string HashBytes(std::span<const std::uint8_t> bytes);
 
 /// A folder with one file per entry. A file is written under a temporary name and renamed, and
 /// holds a checksum: a truncated or damaged one counts as absent. May be used from several threads.

@@ -155,9 +155,9 @@ bool HasMarkers(const Seen& seen) {
                              [](const auto& entry) { return entry.second.size() >= kFewest; });
 }
 
-Seen Look(const std::filesystem::path& path) {
+Seen Look(const FrameImage& image) {
   constexpr double kLargest = 1920;  // px: enough for what is to be recognised only
-  cv::Mat gray = ReadGray(path);
+  cv::Mat gray = ReadGray(image);
   const double scale = std::min(1.0, kLargest / std::max(gray.cols, gray.rows));
   if (scale < 1) cv::resize(gray, gray, {}, scale, scale, cv::INTER_AREA);
   Seen seen;
@@ -402,7 +402,7 @@ TargetProposals ProposeTargets(const std::vector<FrameImage>& images,
       if (stop) return;
     }
     try {
-      seen[i] = Look(images[i * images.size() / seen.size()].path);
+      seen[i] = Look(images[i * images.size() / seen.size()]);
     } catch (const Error&) {
       // An image that cannot be read shows no target; detection names it.
     }

@@ -88,10 +88,7 @@ def calibrate(
         words = ["calibrate", *_paths(images), "--model", model]
     with_out = _Out(out)
     if isinstance(target, Target):
-        file = os.path.join(with_out.made(), "given_target.yaml")
-        with open(file, "w", encoding="utf-8") as stream:
-            stream.write(target.yaml)
-        words += ["--target", file]
+        words += ["--target", _target_file(target, with_out.made())]
     elif target:
         words += ["--target", os.fspath(target)]
     words += _flags(jackknife=jackknife, keep=keep, fresh=fresh, no_report=not report)
@@ -180,6 +177,79 @@ def compare(
             words += ["--distance", repr(float(distance))]
         run(words)
         return _rows(os.path.join(folder, "out", "compare.csv"))
+
+
+def suggest(
+    source: Calibration | Session | PathLike | None = None,
+    *,
+    target: Target | PathLike = "",
+    size: Sequence[int] | None = None,
+    model: str = "",
+    angle: float | None = None,
+    count: int = 5,
+    near: float | None = None,
+    far: float | None = None,
+    tilt: float | None = None,
+    goal: float | None = None,
+    picture: PathLike = "",
+    threads: int = 0,
+    progress: Progress | None = None,
+) -> dict[str, Any]:
+    """Poses of the target whose images would lower the projection's sigma most (`plenocal suggest`).
+
+    source: a calibration's folder or a session; None: before the first image, from target, size
+    (width, height, px), model and angle. angle: horizontal field of view, degrees. near, far: m.
+    tilt: degrees. goal: px. picture: SVG or PNG file. Returns what docs/suggest.md lists under
+    JSON: sigma_now (px), views with words, T_camera_target (4 x 4), sigma_after (px), ...
+    """
+    words: list[PathLike] = ["suggest", "--json", "--count", str(int(count))]
+    numbers = {"--angle": angle, "--near": near, "--far": far, "--tilt": tilt, "--goal": goal}
+    for option, number in numbers.items():
+        words += [option, repr(float(number))] if number is not None else []
+    words += ["--model", model] if model else []
+    words += ["--picture", picture] if picture else []
+    if (of_size := _size(size)) is not None:
+        words += ["--size", f"{of_size[0]}x{of_size[1]}"]
+    with tempfile.TemporaryDirectory() as folder:
+        if isinstance(target, Target):
+            words += ["--target", _target_file(target, folder)]
+        elif target:
+            words += ["--target", target]
+        if isinstance(source, Calibration):
+            words.append(os.path.dirname(source.path))
+        elif source is not None:
+            words.append(_session(source))
+        printed = run([*words, *_threads(threads)], progress=progress)
+    suggestions: dict[str, Any] = json.loads(printed)
+    return suggestions
+
+
+def locate(
+    calibration: Calibration | PathLike,
+    map: Target | PathLike,
+    images: PathLike | Sequence[PathLike],
+    *,
+    camera: str = "",
+    white: PathLike | Sequence[PathLike] = (),
+    threads: int = 0,
+    progress: Progress | None = None,
+) -> list[dict[str, Any]]:
+    """Pose of each image before a target or the points of a map (`plenocal locate`).
+
+    map: a target, or points.csv of a ground truth. images: images, or one table of detections.
+    camera: needed if the calibration has several. Returns for each image that has a pose: image,
+    points, used, rms (px), translation (m) and quaternion (x, y, z, w) of T_map_camera,
+    covariance (6 x 6, se(3): x, y, z in m, then rotations in radians).
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        given = _target_file(map, folder) if isinstance(map, Target) else os.fspath(map)
+        words = ["locate", _calibration(calibration, folder), given, *_paths(images), "--json"]
+        words += ["--camera", camera] if camera else []
+        for item in _paths(white):
+            words += ["--white", item]
+        printed = run([*words, *_threads(threads)], progress=progress)
+    poses: list[dict[str, Any]] = json.loads(printed)
+    return poses
 
 
 def simulate(
@@ -306,6 +376,13 @@ def _paths(paths: PathLike | Sequence[PathLike]) -> list[str]:
 
 def _session(session: Session | PathLike) -> str:
     return session.path if isinstance(session, Session) else os.fspath(session)
+
+
+def _target_file(target: Target, folder: str) -> str:
+    path = os.path.join(folder, "given_target.yaml")
+    with open(path, "w", encoding="utf-8") as stream:
+        stream.write(target.yaml)
+    return path
 
 
 def _calibration(calibration: Calibration | PathLike, folder: str) -> str:

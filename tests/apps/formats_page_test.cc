@@ -73,6 +73,7 @@ const std::map<std::string, std::vector<Child>>& Children() {
         {"adjustment", Below::kMap, "Keys of `adjustment`"},
         {"jitter", Below::kMap, "Keys of `jitter`"},
         {"undetermined", Below::kListOfMaps, "Keys of an item of `undetermined`"},
+        {"targets", Below::kMapOfMaps, "Keys of a target in calibration.yaml"},
         {"weak", Below::kListOfMaps, "Keys of an item of `weak`"},
         {"verdict", Below::kMap, "Keys of `verdict`"},
         {"provenance", Below::kMap, "Keys of `provenance`"}}},
@@ -102,6 +103,7 @@ const std::map<std::string, std::vector<Child>>& Children() {
        {{"parameters", Below::kFree}, {"sigma", Below::kFree}}},
       {"Keys of recording --json",
        {{"cameras", Below::kMapOfMaps, "Keys of a camera in recording --json"},
+        {"topics", Below::kMapOfMaps, "Keys of a topic in recording --json"},
         {"pairs", Below::kMapOfMaps, "Keys of a camera in `pairs`"},
         {"left_out", Below::kListOfMaps, "Keys of an item of `left_out` in recording --json"},
         {"lacks", Below::kFree}}},
@@ -288,19 +290,22 @@ class FormatsPage : public Workspace {
   }
 
   /// A plenoptic camera given by detections: without sigmas and of several lens types, then with
-  /// sigmas and with errors that all rows share.
+  /// sigmas, depths of the templates and errors that all rows share.
   void SeePlenopticCalibrations() {
     for (const bool state_sigmas : {false, true}) {
-      const PlenopticProblem problem =
-          MakePlenopticProblem(5,
-                               {.corner = true,
-                                .noise = 0.1,
-                                .noise_of_type = {1, 1.6, 2.4},
-                                .state_sigmas = state_sigmas,
-                                .frames = 8,
-                                .common_noise = 0.15,
-                                .shared_slope = state_sigmas ? 0.001 : 0});
-      const CameraInput& camera = problem.input.cameras[0];
+      PlenopticProblem problem = MakePlenopticProblem(5,
+                                                      {.corner = true,
+                                                       .noise = 0.1,
+                                                       .noise_of_type = {1, 1.6, 2.4},
+                                                       .state_sigmas = state_sigmas,
+                                                       .frames = 8,
+                                                       .common_noise = 0.15,
+                                                       .shared_slope = state_sigmas ? 0.001 : 0});
+      CameraInput& camera = problem.input.cameras[0];
+      for (View& view : camera.views) {
+        // A depth that displaces nothing.
+        for (Observation& seen : view.observations) seen.values[4] = state_sigmas ? 3 : 0;
+      }
       std::string target = "plenocal: 1\ntype: markers\nmarkers:\n";
       for (const auto& [number, p] : problem.input.markers) {
         target += fmt::format("  {}: [{}, {}, {}]\n", number, p.x(), p.y(), p.z());
@@ -412,7 +417,20 @@ TEST_F(FormatsPage, HasWhatRecordingWrites) {
   const Outcome outcome = Run({"recording", "recording.yaml", "--json"});
   ASSERT_EQ(outcome.status, kDone) << outcome.err;
   SeeKeys(YAML::Load(outcome.out), "Keys of recording --json", "recording --json");
+  const fs::path messages = fs::path(PLENOCAL_TEST_DATA) / "recordings/plain.mcap";
+  const Outcome of_messages = Run({"recording", messages.string(), "--json"});
+  ASSERT_EQ(of_messages.status, kDone) << of_messages.err;
+  SeeKeys(YAML::Load(of_messages.out), "Keys of recording --json", "recording --json");
   ExpectAllSeen();
+}
+
+TEST_F(FormatsPage, HasTheKeysOfPlans) {
+  const auto expect = [&](const std::string& text, const std::string& heading) {
+    Write("plan.yaml", text);
+    ExpectKnownKeys({"fleet", "plan.yaml", "-o", "results"}, {heading});
+  };
+  expect("plenocal: 1\nqqqq: 1\n", "Keys of plan.yaml");
+  expect("plenocal: 1\nrigs: {a: {qqqq: 1}}\n", "Keys of a rig in plan.yaml");
 }
 
 TEST_F(FormatsPage, HasTheKeysOfSpecifications) {
@@ -470,6 +488,16 @@ TEST_F(FormatsPage, HasWhatCalibrationsWrite) {
   WriteProblem(EasyProblem());
   Write("session.yaml",
         Replaced(Read("session.yaml"), "    model:", "    bounds: {A_0: [0.5, 0.6]}\n    model:"));
+  CalibrateAndSee();
+
+  // A second target of known pose, which no frame shows.
+  WriteProblem(EasyProblem());
+  Write(
+      "session.yaml",
+      Replaced(Read("session.yaml"),
+               "target: target.yaml",
+               "targets: {a: target.yaml, b: {target: target.yaml, pose: [[1, 0, 0, 1], [0, 1, 0, "
+               "0], [0, 0, 1, 0], [0, 0, 0, 1]]}}"));
   CalibrateAndSee();
 
   // Frames from one pose leave parameters open.

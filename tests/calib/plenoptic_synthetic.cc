@@ -9,7 +9,7 @@
 #include <string>
 #include <utility>
 
-#include "calib/camera/hexagonal_lattice.h"
+#include "calib/camera/lens_lattice.h"
 #include "models/registry.h"
 #include "tests/calib/random.h"
 
@@ -66,7 +66,10 @@ PlenopticProblem MakePlenopticProblem(unsigned seed, const PlenopticOptions& opt
   problem.input.marker_sigma = options.marker_tolerance;
   problem.input.loss = options.noise > 0 ? Loss::kHuber : Loss::kNone;
 
-  const CameraModel* model = FindModel(CameraModels(), "focused-plenoptic");
+  const bool tilted = options.tilt[0] != 0 || options.tilt[1] != 0;
+  if (tilted) problem.params.insert(problem.params.end(), options.tilt.begin(), options.tilt.end());
+  const CameraModel* model =
+      FindModel(CameraModels(), tilted ? "focused-plenoptic-tilt" : "focused-plenoptic");
   CameraInput camera{.name = "plenoptic",
                      .model = model,
                      .config = {kPixel},
@@ -96,7 +99,7 @@ PlenopticProblem MakePlenopticProblem(unsigned seed, const PlenopticOptions& opt
     const double reach = 0.2 * z * half_width / options.f_L;
     const Eigen::Vector3d place(random.Uniform(-reach, reach), random.Uniform(-reach, reach), z);
     const RigidTransform T{R, place - R * centre};
-    View view{"f" + std::to_string(1000 + f), {}};
+    View view{std::string("f").append(std::to_string(1000 + f)), {}};
     const double slope = options.frame_slope > 0 ? noise.Gaussian(options.frame_slope) : 0;
     for (const auto& [number, position] : problem.markers) {
       const Eigen::Vector3d p_cam = T * position;
@@ -126,7 +129,7 @@ PlenopticProblem MakePlenopticProblem(unsigned seed, const PlenopticOptions& opt
         view.observations.push_back(seen);
         if (options.shared_slope > 0) {
           const Eigen::Vector2d moved = options.shared_slope * (x_R - lens);
-          view.shared_errors.push_back({moved.x(), moved.y()});
+          view.by_nuisance.push_back({moved.x(), moved.y()});
         }
       }
     }

@@ -27,7 +27,9 @@ struct PlenopticOptions {
   double tilt_factor = 1;
   double common_noise = 0;  ///< px, of all micro images of a marker in a frame
   double frame_slope = 0;   ///< sigma of a factor on x - c less one, one a frame
-  double shared_slope = 0;  ///< likewise, one for all frames, stated in `View::shared_errors`
+  double shared_slope = 0;  ///< likewise, one for all frames, stated in `View::by_nuisance`
+  /// Angles of the array, rad, of a focused-plenoptic-tilt camera; zeros: focused-plenoptic.
+  std::array<double, 2> tilt{0, 0};
   /// Least one; 0 for 2.2 to 2.8. The number of micro images of a marker goes with its square.
   double virtual_depth = 0;
 };

@@ -153,6 +153,30 @@ def test_commands(session: plenocal.Session, calibration: plenocal.Calibration, 
     assert differences[0]["largest"] < 1e-9
 
 
+def test_suggested_views_lower_sigma(calibration: plenocal.Calibration) -> None:
+    found = plenocal.suggest(calibration, count=1, goal=1e-6)
+    (view,) = found["views"]
+    assert np.array(view["T_camera_target"]).shape == (4, 4)
+    assert 0 < view["sigma_after"] < view["sigma_before"] == found["sigma_now"]
+    first = plenocal.suggest(target="chessboard:9x6:25mm", size=(1280, 960), angle=70, count=1)
+    assert first["frames"] == 0 and first["views"][0]["criterion"] == "undetermined"
+    with pytest.raises(plenocal.InputError, match="size: expected width and height"):
+        plenocal.suggest(target="chessboard:9x6:25mm", size=(1280,))
+
+
+def test_located_views_are_where_the_calibration_has_them(
+    session: plenocal.Session, calibration: plenocal.Calibration
+) -> None:
+    table = next(pathlib.Path(session.path).parent.glob("detections_*.csv"))
+    target = pathlib.Path(calibration.path).parent / "target.yaml"
+    located = {view["image"]: view for view in plenocal.locate(calibration, target, table)}
+    for pose in calibration.poses:
+        found = located[pose["frame"]]
+        error = np.array(found["translation"]) - pose["T_target_rig"][:3, 3]
+        sigma = np.sqrt(np.diag(found["covariance"])[:3].sum())
+        assert np.linalg.norm(error) < 4 * sigma
+
+
 def test_messages_are_those_of_the_program(tmp_path: pathlib.Path) -> None:
     with pytest.raises(plenocal.InputError, match="missing.yaml"):
         plenocal.calibrate(tmp_path / "missing.yaml")

@@ -41,13 +41,13 @@ const std::map<std::string, Rooms> kAllowed = [] {
   add("detectors/images", {"detectors/templates"});
   add("detectors/tags", {"detectors/images"});
   add("detectors/boards", {"detectors/images"});
-  add("detectors/plenoptic/white", {"detectors/images"});
+  add("detectors/photometry", {"detectors/images"});
+  add("detectors/plenoptic/white", {"detectors/photometry"});
   add("detectors/plenoptic/depth", {"detectors/plenoptic/white"});
   add("detectors/plenoptic/markers",
       {"detectors/plenoptic/depth", "detectors/tags", "detectors/boards"});
   add("detectors/plenoptic", {"detectors/plenoptic/markers"});
-  add("detectors/photometry", {"detectors/images"});
-  add("detectors", {"detectors/plenoptic", "detectors/photometry"});
+  add("detectors", {"detectors/plenoptic"});
   add("apps/charts", {"detectors/templates"});
   add("apps/print", {"apps/charts", "detectors"});
   add("apps/evaluate", {"calib"});

@@ -16,12 +16,15 @@
 #include "apps/cli/options.h"
 #include "apps/cli/provenance.h"
 #include "apps/cli/session/auto_model.h"
+#include "apps/cli/session/earlier_session.h"
 #include "apps/cli/session/image_session.h"
 #include "apps/cli/session/left_out.h"
 #include "apps/cli/session/open_session.h"
 #include "apps/cli/session/scene_images.h"
 #include "apps/cli/session/scene_session.h"
+#include "apps/cli/session/session_targets.h"
 #include "apps/cli/session_observations.h"
+#include "apps/recording/stores/image_lister.h"
 #include "apps/report/report.h"
 #include "apps/report/verdict_json.h"
 #include "calib/base/error.h"
@@ -224,11 +227,13 @@ struct CalibrateJob {
   const CameraModel* model = nullptr;  // of images; null: to be chosen
   Session session;
   Target target;
+  std::vector<Target> several;  // targets; empty: `target` is the only one
 };
 
 bool IsSessionFile(const std::vector<std::string>& inputs) {
   return inputs.size() == 1 && std::filesystem::exists(inputs[0]) &&
-         !std::filesystem::is_directory(inputs[0]) && !HasImageName(inputs[0]);
+         !std::filesystem::is_directory(inputs[0]) && !HasImageName(inputs[0]) &&
+         SplitStorePattern(inputs[0]).file.empty();
 }
 
 // The session file that the arguments name; empty when they name images.
@@ -261,7 +266,11 @@ CalibrateJob MakeCalibrateJob(const CalibrateArguments& arguments,
   if (const std::string file = SessionFile(arguments); !file.empty()) {
     job.session = OpenSession(file);
     AddExcludeRules(arguments.exclude, &job.session);
-    if (!job.session.scene) job.target = ReadTarget(job.session.target);
+    UseFrameOptions(arguments, &job.session);
+    if (job.session.scene) return job;
+    SessionTargets targets = ReadSessionTargets(job.session);
+    job.target = std::move(targets.all);
+    job.several = std::move(targets.several);
     return job;
   }
   if (arguments.model != "auto") {
@@ -279,6 +288,7 @@ CalibrateJob MakeCalibrateJob(const CalibrateArguments& arguments,
   job.target = job.images->target();
   job.session = job.images->With(job.model != nullptr ? *job.model : UsualModel(), {});
   AddExcludeRules(arguments.exclude, &job.session);
+  UseFrameOptions(arguments, &job.session);
   return job;
 }
 
@@ -305,26 +315,43 @@ struct JudgedCalibration {
   CalibrationRecord record;
 };
 
+// Each of several targets in its own frame, and all of them in that of the first.
+void WriteTargets(const CalibrateJob& job, const CalibrationRecord& record, OutputFolder* out) {
+  for (size_t k = 0; k < job.several.size(); ++k) {
+    out->Write(fmt::format("target_{}.yaml", job.session.targets[k].name),
+               RefinedTargetOf(record, job.several[k], k));
+  }
+  out->Write("target.yaml", RefinedTarget(PlacedTogether(record), record));
+}
+
 JudgedCalibration CalibrateWithTarget(const CalibrateArguments& arguments,
                                       const ConsoleOptions& shared,
                                       const CalibrateJob& job,
                                       const SessionObservations& observations,
                                       Console* console,
                                       OutputFolder* out) {
-  const CalibrationInput input =
-      MakeCalibrationInput(job.session, job.target, observations.cameras, console);
+  const auto [input, held] =
+      MakeInputOnEarlier(job.session, job.target, observations.cameras, console);
   auto [calibration, causes] =
-      SolveWithCauses(input, job.target, arguments, shared.threads, console);
+      job.several.empty()
+          ? SolveWithCauses(input, job.target, arguments, shared.threads, console)
+          : std::pair(Solve(input, arguments, shared.threads, console), std::vector<Finding>());
   JudgedCalibration judged{std::move(calibration), {}};
   AddLeftOut(observations, &judged.calibration);
   judged.record = DescribeAll(judged.calibration, observations);
   judged.record.findings.insert(judged.record.findings.begin(), causes.begin(), causes.end());
+  judged.record.findings.insert(judged.record.findings.end(), held.begin(), held.end());
   const auto go_on = [&] {
     console->Progress("causes");
     return !Interrupted();
   };
-  Diagnose(input, judged.calibration, observations.traits, CameraModels(), go_on, &judged.record);
-  out->Write("target.yaml", RefinedTarget(job.target, judged.record));
+  if (job.several.empty()) {
+    Diagnose(input, judged.calibration, observations.traits, CameraModels(), go_on, &judged.record);
+    out->Write("target.yaml", RefinedTarget(job.target, judged.record));
+  } else {
+    judged.record.verdict = Judge(judged.record);
+    WriteTargets(job, judged.record, out);
+  }
   return judged;
 }
 
@@ -371,8 +398,11 @@ void RunCalibrate(const CalibrateArguments& arguments, const ConsoleOptions& sha
   if (session.scene && FollowsImages(session)) {
     found = FollowSceneImages(session, shared, &console);
   } else {
-    found.session = CollectObservations(
-        session, job.target, shared, {&cache, arguments.keep ? &out : nullptr}, &console);
+    found.session = CollectObservations(session,
+                                        {job.target, job.several},
+                                        shared,
+                                        {&cache, arguments.keep ? &out : nullptr},
+                                        &console);
   }
   SessionObservations& observations = found.session;
   CompleteJob(arguments, shared, &job, &observations, &console, &out);
@@ -391,7 +421,8 @@ void RunCalibrate(const CalibrateArguments& arguments, const ConsoleOptions& sha
     for (CameraFile& file : observations.files) {
       files.contents[file.name] = std::move(file.content);
     }
-    if (!session.scene) AddTarget(job.target, &record);
+    if (!session.scene)
+      AddTarget(job.several.empty() ? job.target : PlacedTogether(record), &record);
     WriteReport(record, files, &console, &out);
   }
   out.Commit();

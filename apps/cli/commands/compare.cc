@@ -449,6 +449,7 @@ void CheckWithNewImages(const CompareArguments& arguments,
     for (const SessionCamera& camera : session.cameras) names.push_back(camera.name);
     ApplyMap(arguments.map, names, &old);
   }
+  RefuseSeveralTargets(session, "compare --check");
   if (session.scene) {
     throw Error(ErrorKind::kInput,
                 fmt::format("{0}: has a scene in place of a target, and no poses without a "

@@ -1,23 +1,104 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "detectors/detect.h"
+
 #include <fmt/format.h>
 
+#include <charconv>
 #include <memory>
 
 #include "apps/cli/command.h"
 #include "apps/cli/options.h"
 #include "apps/cli/session/open_session.h"
 #include "apps/cli/session_observations.h"
+#include "apps/recording/frames/session_images.h"
+#include "apps/recording/stores/image_lister.h"
+#include "calib/base/error.h"
 #include "calib/base/number_text.h"
 #include "calib/base/output_folder.h"
+#include "calib/base/quoted_text.h"
 #include "calib/files/exclusion.h"
 
 namespace plenocal {
 namespace {
 
-void RunDetect(const SessionOptions& options, const ConsoleOptions& shared) {
+struct DetectArguments : SessionOptions {
+  std::string shard;  ///< "1/4"; empty: all images
+};
+
+/// Images number i with i % count = number - 1.
+struct Shard {
+  size_t number = 1, count = 1;
+};
+
+Shard ParseShard(const std::string& text) {
+  Shard shard;
+  const char* const end = text.data() + text.size();
+  const auto number = std::from_chars(text.data(), end, shard.number);
+  if (number.ec == std::errc() && number.ptr != end && *number.ptr == '/') {
+    const auto count = std::from_chars(number.ptr + 1, end, shard.count);
+    const bool fits = shard.number >= 1 && shard.number <= shard.count;
+    if (count.ec == std::errc() && count.ptr == end && fits) return shard;
+  }
+  throw Error(ErrorKind::kInput,
+              fmt::format("--shard {}: expected K/N, part K of N, such as 1/4", text));
+}
+
+/// Detects in every N-th image, for the cache alone, and writes how many points there are.
+void RunShard(const DetectArguments& options,
+              const Session& session,
+              const ConsoleOptions& shared) {
+  const Shard shard = ParseShard(options.shard);
+  const Target target = ReadTarget(session.target);
+  OutputFolder out(options.out);
+  Console console(shared);
+  DetectionCache cache = OpenDetectionCache(options.cache, session, EarlierDetections::kReuse);
+  std::vector<std::string> notes;
+  const std::vector<std::vector<FrameImage>> all = ListSessionImages(session, &notes);
+  std::string table = "camera,frame,points\n";
+  for (size_t c = 0; c < all.size(); ++c) {
+    const SessionCamera& camera = session.cameras[c];
+    std::vector<FrameImage> images;
+    for (size_t i = shard.number - 1; i < all[c].size(); i += shard.count) {
+      images.push_back(all[c][i]);
+    }
+    if (images.empty()) continue;
+    DetectOptions detect{
+        .white_images = camera.white_images.empty()
+                            ? std::vector<FrameImage>()
+                            : ListImages(camera.white_images, camera.name + ": white_images"),
+        .bayer = camera.bayer,
+        .threads = shared.threads,
+        .cache = &cache,
+        .report =
+            [&](const ImageReport& report) {
+              table += fmt::format("{},{},{}\n", camera.name, CsvCell(report.frame), report.points);
+            },
+        .progress =
+            [&](size_t done) {
+              console.Progress(camera.name + ": images", done, images.size());
+              return !Interrupted();
+            }};
+    if (camera.model->plenoptic) {
+      static_cast<void>(DetectImages(images, target, CameraOptics::kPlenoptic, detect));
+    } else {
+      static_cast<void>(SketchImages(images, target, detect));
+    }
+  }
+  out.Write("shard.csv", table);
+  out.Commit();
+  console.Print(fmt::format("written to {}\n", (options.out / "shard.csv").string()));
+}
+
+void RunDetect(const DetectArguments& options, const ConsoleOptions& shared) {
   Session session = OpenSession(options.session);
   AddExcludeRules(options.exclude, &session);
-  const Target target = ReadTarget(session.target);
+  UseFrameOptions(options, &session);
+  if (!options.shard.empty()) {
+    RefuseSeveralTargets(session, "detect --shard");
+    RunShard(options, session, shared);
+    return;
+  }
+  const SessionTargets targets = ReadSessionTargets(session);
   OutputFolder out(options.out);
   Console console(shared);
   DetectionCache cache =
@@ -25,7 +106,7 @@ void RunDetect(const SessionOptions& options, const ConsoleOptions& shared) {
                          session,
                          options.fresh ? EarlierDetections::kIgnore : EarlierDetections::kReuse);
   const SessionObservations observations = CollectObservations(
-      session, target, shared, {&cache, options.keep ? &out : nullptr}, &console);
+      session, targets, shared, {&cache, options.keep ? &out : nullptr}, &console);
   WriteDetections(session, observations, options.out, &out);
   out.Commit();
   // Other runs may need what is in a cache of its own.
@@ -40,8 +121,13 @@ void RunDetect(const SessionOptions& options, const ConsoleOptions& shared) {
 }
 
 RunCommand DeclareDetect(CLI::App* app, ConsoleOptions* shared) {
-  const auto options = std::make_shared<SessionOptions>();
+  const auto options = std::make_shared<DetectArguments>();
   AddSessionOptions(app, options.get(), shared);
+  app->add_option(
+         "--shard",
+         options->shard,
+         "K/N: only part K of N of the images, into --cache alone, from which calibrate takes them: for several machines")
+      ->needs("--cache");
   return [options, shared] { RunDetect(*options, *shared); };
 }
 

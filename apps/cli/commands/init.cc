@@ -32,7 +32,7 @@ struct InitCamera : FoundCamera {
   std::set<std::string> frames;
 };
 
-// White images of a plenoptic camera show the hexagonal lattice of its micro images.
+// White images of a plenoptic camera show the lattice of its micro images.
 bool ShowsMicroLenses(const FoundCamera& camera, int threads) {
   if (camera.white.empty()) return false;
   std::vector<FrameImage> images = ExpandImages(camera.white, camera.name + ": white images");

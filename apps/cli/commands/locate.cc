@@ -94,10 +94,30 @@ void DetectMarkers(const LocateArguments& arguments,
   }
 }
 
+/// Micro lenses and attenuation from the white images.
+PlenopticCamera OpticsOf(const LocateArguments& arguments,
+                         const CalibratedCamera& camera,
+                         const ConsoleOptions& shared,
+                         Console* console) {
+  if (arguments.white.empty()) {
+    throw Error(
+        ErrorKind::kInput,
+        fmt::format("camera '{}' is plenoptic: give its white images with --white", camera.name));
+  }
+  std::vector<LeftOut> left_out;
+  PlenopticCamera optics = MeasurePlenopticCamera(
+      FindImageInputs(arguments.white, "white images"), arguments.bayer, shared.threads, &left_out);
+  for (const LeftOut& item : left_out) {
+    console->Message(fmt::format("  left out {}: {}", item.where, item.reason));
+  }
+  return optics;
+}
+
 /// Points of a map in the images, by their looks.
 void MatchPoints(const LocateArguments& arguments,
                  const CalibratedCamera& camera,
                  const LandmarkMap& map,
+                 const ConsoleOptions& shared,
                  Console* console,
                  Sightings* seen) {
   if (map.descriptors.empty()) {
@@ -106,19 +126,17 @@ void MatchPoints(const LocateArguments& arguments,
                             "images; give detections (CSV) in their place",
                             arguments.map.string()));
   }
-  if (camera.model->plenoptic) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("camera '{}' is plenoptic: scene points are not found in raw images; "
-                            "give detections (CSV)",
-                            camera.name));
-  }
+  std::optional<PlenopticCamera> optics;
+  if (camera.model->plenoptic) optics = OpticsOf(arguments, camera, shared, console);
   const std::vector<FrameImage> images = FindImageInputs(arguments.inputs, "images");
   for (const FrameImage& image : images) {
     console->Progress("images", seen->views.size(), images.size());
     if (Interrupted()) throw Stopped();
-    const cv::Mat grey = ReadGray(image.path);
-    CheckSize(camera, {grey.cols, grey.rows}, image.path.string());
-    seen->views.push_back({image.path.string(), MatchLandmarks(grey, map)});
+    const cv::Mat pixels = optics ? ReadImage(image) : ReadGray(image);
+    CheckSize(camera, {pixels.cols, pixels.rows}, image.path.string());
+    seen->views.push_back({image.path.string(),
+                           optics ? MatchLandmarks(pixels, camera, *optics, map, shared.threads)
+                                  : MatchLandmarks(pixels, map)});
   }
   seen->numbering = Numbering::kByAppearance;
 }
@@ -142,7 +160,7 @@ Sightings FindSightings(const LocateArguments& arguments,
       }
     }
   } else if (IsTable(arguments.map)) {
-    MatchPoints(arguments, camera, map, console, &seen);
+    MatchPoints(arguments, camera, map, shared, console, &seen);
   } else {
     DetectMarkers(arguments, camera, shared, console, &seen);
   }

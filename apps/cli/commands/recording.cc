@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
 
+#include <cmath>
 #include <memory>
 #include <utility>
 #include <vector>
@@ -8,6 +9,8 @@
 #include "apps/cli/command.h"
 #include "apps/cli/options.h"
 #include "apps/cli/session_observations.h"
+#include "apps/photometry/frame_exposures.h"
+#include "apps/recording/stores/message_log.h"
 #include "apps/recording/summary.h"
 #include "apps/recording/supplied_detections.h"
 #include "calib/base/error.h"
@@ -22,7 +25,9 @@ struct RecordingArguments {
   std::filesystem::path path;
   bool json = false;
   bool markers = false;
-  std::filesystem::path out;  ///< folder for the detections
+  bool exposures = false;
+  bool camera_info = false;
+  std::filesystem::path out;  ///< folder for what is written
 };
 
 /// Writes the supplied markers of all cameras as detections.
@@ -57,16 +62,101 @@ void WriteMarkers(const Recording& recording, const std::filesystem::path& out, 
   }
 }
 
+/// Compares the cameras' exposures and writes them as exposures.csv.
+void WriteExposures(const Recording& recording,
+                    const std::filesystem::path& out,
+                    const ConsoleOptions& shared,
+                    Console* console) {
+  const FrameExposures exposures =
+      CompareExposures(recording, shared.threads, [&](size_t done, size_t total) {
+        if (Interrupted()) throw Stopped();
+        console->Progress(fmt::format("exposures: frame {} of {}", done + 1, total));
+      });
+  for (const std::string& warning : exposures.warnings) console->Warning(warning);
+  for (const LeftOut& item : exposures.left_out) {
+    console->Message(fmt::format("  left out {}: {}", item.where, item.reason));
+  }
+  OutputFolder output(out);
+  output.Write("exposures.csv", FrameExposuresCsv(recording, exposures));
+  output.Commit();
+  size_t different = 0;
+  for (const RelativeExposure& image : exposures.images) {
+    if (!image.differs) continue;
+    ++different;
+    console->Print(fmt::format("{} of {}: exposure {:+.1f} % +- {:.1f} % from {}, by {}\n",
+                               image.frame,
+                               image.camera,
+                               100 * std::expm1(image.log_ratio),
+                               100 * image.sigma,
+                               std::isnan(image.recorded)
+                                   ? "the usual ratio to the first camera's"
+                                   : fmt::format("the recorded {:.4g} ms", image.recorded),
+                               Counted(image.points, "point")));
+  }
+  console->Print(fmt::format("exposures differ in {} of {}\nwritten to {}\n",
+                             different,
+                             Counted(exposures.images.size(), "image"),
+                             (out / "exposures.csv").string()));
+}
+
+/// Writes the intrinsics that a recording holds as camera files of ROS.
+void WriteCameraInfo(const Recording& recording,
+                     const std::filesystem::path& out,
+                     Console* console) {
+  std::vector<std::pair<std::string, std::string>> files;
+  for (const ImageTopic& topic : recording.topics) {
+    if (topic.camera_info.empty() || topic.camera.empty()) continue;
+    const std::optional<CameraInfo> info = recording.log->ReadInfo(topic.camera_info);
+    if (!info) continue;
+    if (!(info->camera[0] > 0)) {
+      console->Warning(fmt::format("{}: its focal length is {}: the driver had no calibration",
+                                   topic.camera_info,
+                                   info->camera[0]));
+      continue;
+    }
+    files.emplace_back(fmt::format("camera_info_{}.yaml", topic.camera),
+                       RosCameraYaml(*info, topic.camera));
+  }
+  if (files.empty()) {
+    throw Error(
+        ErrorKind::kInput,
+        fmt::format("{}: has no camera_info with a calibration beside its images; 'plenocal "
+                    "recording' lists its topics",
+                    recording.path.string()));
+  }
+  OutputFolder output(out);
+  for (const auto& [name, content] : files) output.Write(name, content);
+  output.Commit();
+  for (const auto& [name, content] : files) {
+    console->Print(fmt::format("written to {}\n", (out / name).string()));
+  }
+}
+
 void RunRecording(const RecordingArguments& arguments, const ConsoleOptions& shared) {
   Console console(shared);
-  if (arguments.markers == arguments.out.empty()) {
-    throw Error(ErrorKind::kInput,
-                "--markers writes supplied detections into the folder of -o: give both or none");
+  const int writes = static_cast<int>(arguments.markers) + static_cast<int>(arguments.exposures) +
+                     static_cast<int>(arguments.camera_info);
+  if (writes > 1) {
+    throw Error(ErrorKind::kInput, "--markers, --exposures and --camera-info: give one of them");
+  }
+  if ((writes == 1) == arguments.out.empty()) {
+    throw Error(
+        ErrorKind::kInput,
+        "--markers, --exposures and --camera-info write into the folder of -o: give both or "
+        "none");
   }
   console.Progress("read " + arguments.path.string());
   const Recording recording = ReadRecording(arguments.path);
   if (arguments.markers) {
     WriteMarkers(recording, arguments.out, &console);
+    return;
+  }
+  if (arguments.exposures) {
+    WriteExposures(recording, arguments.out, shared, &console);
+    return;
+  }
+  if (arguments.camera_info) {
+    WriteCameraInfo(recording, arguments.out, &console);
     return;
   }
   const RecordingSummary summary = Summarise(recording, CameraModels());
@@ -79,19 +169,31 @@ constexpr const char* kRecordingHelp =
     "What a recording has: cameras, frames, times, exposures, and what commands lack.\n"
     "\n"
     "  plenocal recording DIR\n"
+    "  plenocal recording drive.mcap\n"
     "  plenocal recording recording.yaml --markers -o OUT\n"
+    "  plenocal recording recording.yaml --exposures -o OUT\n"
     "\n"
-    "Layouts: recording.yaml, TUM monoVO, EuRoC, KITTI, folders, zip archives; docs/recordings.md.";
+    "Reads recording.yaml, TUM monoVO, EuRoC, KITTI, folders, zip archives, MCAP files, bags of ROS 1 and ROS 2, videos; docs/recordings.md.";
 
 RunCommand DeclareRecording(CLI::App* app, ConsoleOptions* shared) {
   const auto arguments = std::make_shared<RecordingArguments>();
-  app->add_option("recording", arguments->path, "folder, recording.yaml or zip archive")
+  app->add_option("recording",
+                  arguments->path,
+                  "folder, recording.yaml, zip archive, MCAP file, bag or video")
       ->required();
   app->add_flag("--json", arguments->json, "JSON on standard output");
   app->add_flag("--markers",
                 arguments->markers,
                 "write the supplied detections as OUT/detections_<camera>.csv");
-  app->add_option("-o,--out", arguments->out, "folder for the detections");
+  app->add_flag("--exposures",
+                arguments->exposures,
+                "compare the exposures of the cameras of each frame: OUT/exposures.csv");
+  app->add_flag(
+      "--camera-info",
+      arguments->camera_info,
+      "write the intrinsics of camera_info as OUT/camera_info_<camera>.yaml, which 'plenocal import --format ros' reads");
+  app->add_option("-o,--out", arguments->out, "folder for the files");
+  AddThreads(app, shared);
   AddQuiet(app, shared);
   return [arguments, shared] { RunRecording(*arguments, *shared); };
 }

@@ -16,6 +16,7 @@
 #include "apps/cli/view_options.h"
 #include "apps/formats/opencv_storage.h"
 #include "apps/formats/poses.h"
+#include "apps/recording/frames/session_images.h"
 #include "apps/resample/resample_images.h"
 #include "apps/resample/stereo_pairs.h"
 #include "calib/base/error.h"
@@ -91,6 +92,8 @@ StereoImages FindImages(const RectifyArguments& arguments, const Cameras& camera
   if (!arguments.session.empty()) {
     const Session session = OpenSession(arguments.session);
     StereoImages images;
+    std::vector<std::string> notes;
+    std::vector<std::vector<FrameImage>> all = ListSessionImages(session, &notes);
     for (size_t c = 0; c < 2; ++c) {
       const auto found =
           std::find_if(session.cameras.begin(), session.cameras.end(), [&](const auto& camera) {
@@ -102,7 +105,7 @@ StereoImages FindImages(const RectifyArguments& arguments, const Cameras& camera
             fmt::format(
                 "{}: has no images of camera '{}'", arguments.session.string(), cameras[c]->name));
       }
-      images[c] = ExpandImages(found->images, cameras[c]->name + ": images");
+      images[c] = all[static_cast<size_t>(found - session.cameras.begin())];
     }
     return images;
   }

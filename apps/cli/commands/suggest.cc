@@ -6,11 +6,11 @@
 #include <numbers>
 #include <optional>
 
-#include "apps/cli/calibration_input.h"
 #include "apps/cli/command.h"
 #include "apps/cli/image_inputs.h"
 #include "apps/cli/model_option.h"
 #include "apps/cli/options.h"
+#include "apps/cli/session/earlier_session.h"
 #include "apps/cli/session/open_session.h"
 #include "apps/cli/session_observations.h"
 #include "apps/guide/first_rig.h"
@@ -132,6 +132,7 @@ SuggestBasis BasisOfSession(const SuggestArguments& arguments,
                             const ConsoleOptions& shared,
                             Console* console) {
   const Session session = OpenSession(arguments.input);
+  RefuseSeveralTargets(session, "suggest");
   if (session.scene) {
     throw Error(ErrorKind::kInput,
                 fmt::format("{}: has a scene in place of a target; next views are for a target",
@@ -141,7 +142,7 @@ SuggestBasis BasisOfSession(const SuggestArguments& arguments,
   const SessionObservations observations =
       CollectObservations(session, target, shared, {}, console);
   const CalibrationInput input =
-      MakeCalibrationInput(session, target, observations.cameras, console);
+      MakeInputOnEarlier(session, target, observations.cameras, console).input;
   try {
     const Calibration calibration =
         Calibrate(input, {.threads = shared.threads, .progress = [&](const std::string& stage) {

@@ -427,6 +427,7 @@ void WriteTrial(const SessionTrial& trial,
 
 void RunTry(const TryArguments& arguments, const ConsoleOptions& shared) {
   const Session session = OpenSession(arguments.session);
+  RefuseSeveralTargets(session, "try");
   const auto provenance = ProvenanceOf(shared, "try", session, arguments.out);
   const Target target = ReadTarget(session.target);
   const std::vector<size_t> varied = VariedCameras(session, arguments.camera);

@@ -6,6 +6,7 @@
 
 #include <map>
 
+#include "apps/recording/stores/image_lister.h"
 #include "calib/base/error.h"
 #include "calib/base/names.h"
 #include "calib/base/yaml.h"
@@ -33,7 +34,7 @@ void FailWithProposal(const std::vector<std::string>& cameras,
                       Console* console) {
   std::vector<FrameImage> all;
   for (size_t c = 0; c < images.size(); ++c) {
-    const std::vector<FrameImage> of_camera = ExpandImages(images[c], cameras[c]);
+    const std::vector<FrameImage> of_camera = ListImages(images[c], cameras[c]);
     all.insert(all.end(), of_camera.begin(), of_camera.end());
   }
   const TargetProposals proposals = LookForTargets(all, options, console);

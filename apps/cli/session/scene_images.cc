@@ -8,7 +8,9 @@
 
 #include "apps/cli/session/left_out.h"
 #include "apps/cli/session/scene_session.h"
+#include "apps/recording/frames/session_images.h"
 #include "apps/recording/image_files.h"
+#include "apps/recording/stores/image_lister.h"
 #include "apps/scene/track/follow_points.h"
 #include "calib/base/error.h"
 #include "calib/base/number_text.h"
@@ -38,7 +40,10 @@ class SceneImageFollower {
   }
 
   SceneObservations Run() {
-    for (size_t c = 0; c < images_.size(); ++c) ListImages(c);
+    std::vector<std::string> notes;
+    std::vector<std::vector<FrameImage>> images = ListSessionImages(session_, &notes);
+    for (const std::string& note : notes) console_.Message(note);
+    for (size_t c = 0; c < images_.size(); ++c) TakeImages(c, std::move(images[c]));
     NameFrames();
     MakeCameras();
     RigImages rig{.cameras = &cameras_,
@@ -73,15 +78,15 @@ class SceneImageFollower {
     all.insert(all.end(), items.begin(), items.end());
   }
 
-  void ListImages(size_t c) {
+  void TakeImages(size_t c, std::vector<FrameImage> images) {
     const SessionCamera& camera = session_.cameras[c];
     SceneCameraImages& of = images_[c];
-    of.images = ExpandImages(camera.images, camera.name + ": images");
+    of.images = std::move(images);
     exclusion_.RemoveImages(camera.name, &of.images, &result_.session.left_out);
     std::string failure = "the session's 'exclude' leaves out all images; take back a rule";
     for (const FrameImage& image : of.images) {
       try {
-        const cv::Mat read = ReadImage(image.path);
+        const cv::Mat read = ReadImage(image);
         of.size = {read.cols, read.rows};
         break;
       } catch (const Error& error) {
@@ -105,10 +110,10 @@ class SceneImageFollower {
   }
 
   void NameFrames() {
-    paths_.resize(images_.size());
+    images_of_.resize(images_.size());
     for (size_t c = 0; c < images_.size(); ++c) {
       for (const FrameImage& image : images_[c].images) {
-        paths_[c].emplace(image.frame, image.path);
+        images_of_[c].emplace(image.frame, image);
         frames_.push_back(image.frame);
       }
     }
@@ -123,7 +128,7 @@ class SceneImageFollower {
       inputs.push_back(InputWithoutViews(session_.cameras[c]));
       inputs.back().image_size = images_[c].size;
     }
-    const SceneCameras known = MakeSceneInput(session_, inputs).cameras;
+    const EarlierCameras known = MakeSceneInput(session_, inputs).cameras;
     calibrated_ = true;
     for (size_t c = 0; c < inputs.size(); ++c) {
       const CameraInput& input = known.inputs[c];
@@ -155,7 +160,7 @@ class SceneImageFollower {
                                 camera.name));
       }
       const std::vector<FrameImage> white =
-          ExpandImages(camera.white_images, camera.name + ": white_images");
+          ListImages(camera.white_images, camera.name + ": white_images");
       optics.emplace(
           c,
           MeasurePlenopticCamera(white, camera.bayer, options_.threads, &result_.session.left_out));
@@ -164,10 +169,10 @@ class SceneImageFollower {
   }
 
   [[nodiscard]] cv::Mat Read(size_t camera, size_t frame) const {
-    const auto path = paths_[camera].find(frames_[frame]);
-    if (path == paths_[camera].end()) return {};
-    cv::Mat image = session_.cameras[camera].model->plenoptic ? ReadImage(path->second)
-                                                              : ReadGray(path->second);
+    const auto found = images_of_[camera].find(frames_[frame]);
+    if (found == images_of_[camera].end()) return {};
+    cv::Mat image = session_.cameras[camera].model->plenoptic ? ReadImage(found->second)
+                                                              : ReadGray(found->second);
     const ImageSize size = images_[camera].size;
     if (image.cols == size[0] && image.rows == size[1]) return image;
     throw Error(ErrorKind::kInput,
@@ -209,7 +214,7 @@ class SceneImageFollower {
   Console& console_;
   Exclusion exclusion_;
   std::vector<SceneCameraImages> images_;
-  std::vector<std::map<std::string, std::filesystem::path>> paths_;  // per camera, by frame
+  std::vector<std::map<std::string, FrameImage>> images_of_;  // per camera, by frame
   std::vector<std::string> frames_;
   std::vector<BundleCamera> cameras_;
   bool calibrated_ = true;

@@ -93,6 +93,35 @@ function addCoverage(camera, parent) {
   }
 }
 
+// The graph of a rig: a line from each camera to each target that it saw, as thick as the frames are many.
+function addSightings() {
+  const { targets, seen, common } = report.sightings;
+  if (!targets) return;
+  const node = section("Who saw what");
+  note(node, "Numbers are frames. Cameras that share no target in any frame are placed by the motion of the rig.");
+  const names = report.cameras.map((camera) => camera.name), step = 44, width = 560;
+  const height = step * Math.max(names.length, targets.length) + 16;
+  const y = (i, n) => height / 2 + step * (i - (n - 1) / 2);
+  const shape = (tag, attributes, text = "") => {
+    const made = document.createElementNS("http://www.w3.org/2000/svg", tag);
+    for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
+    made.textContent = text;
+    return made;
+  };
+  const graph = shape("svg", { viewBox: `0 0 ${width} ${height}`, width, height, class: "graph", "font-size": 14, fill: "currentColor" });
+  const most = Math.max(1, ...seen.flat());
+  seen.forEach((frames, c) => frames.forEach((n, k) => {
+    if (n === 0) return;
+    const [y1, y2] = [y(c, names.length), y(k, targets.length)], at = 0.25;
+    graph.append(shape("line", { x1: 140, y1, x2: 420, y2, stroke: Colours.main, "stroke-opacity": 0.6, "stroke-width": 1 + 7 * n / most }));
+    graph.append(shape("text", { x: 140 + 280 * at, y: y1 + (y2 - y1) * at - 4, "text-anchor": "middle", "font-size": 12 }, n));
+  }));
+  names.forEach((name, c) => graph.append(shape("text", { x: 132, y: y(c, names.length) + 5, "text-anchor": "end" }, name)));
+  targets.forEach((name, k) => graph.append(shape("text", { x: 428, y: y(k, targets.length) + 5 }, name)));
+  node.append(graph);
+  node.append(table("frames in common", ["", ...names], names.map((name, c) => row(cell(name), ...common[c].map((n) => cell(String(n), n))))));
+}
+
 function addMarkers() {
   const moved = report.markers.filter((marker) => marker.moved);
   const node = section("Markers");
@@ -257,6 +286,7 @@ const residualSection = section("Residuals");
 for (const camera of report.cameras) addResiduals(camera, residualSection);
 const coverageSection = section("Coverage");
 for (const camera of report.cameras) addCoverage(camera, coverageSection);
+addSightings();
 addScene(section("In space"), report);
 addMarkers();
 addCorrelations();

@@ -110,13 +110,14 @@ class LoopEstimation {
       const auto found = start_number.find(number);
       return found == start_number.end() ? number : found->second;
     };
-    CameraInput input{.name = camera.name,
-                      .model = camera.model,
-                      .config = camera.config,
-                      .initial = {camera.params.begin(), camera.params.end()},
-                      .fixed = std::vector<bool>(camera.params.size(), false),
-                      .image_size = camera.image_size,
-                      .views = ViewsOfSegments()};
+    CameraInput input{
+        .name = camera.name,
+        .model = camera.model,
+        .config = camera.config,
+        .initial = {camera.params.begin(), camera.params.begin() + camera.model->params.size()},
+        .fixed = std::vector<bool>(camera.ModelParams(), false),
+        .image_size = camera.image_size,
+        .views = ViewsOfSegments()};
     for (View& view : input.views) {
       for (Observation& seen : view.observations) seen.marker = number_of(seen.marker);
     }

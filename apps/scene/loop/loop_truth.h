@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "apps/scene/scene_tracks.h"
-#include "calib/scene/calibrated_rig.h"
+#include "calib/prior/calibrated_rig.h"
 #include "calib/scene/segment_covariance.h"
 
 namespace plenocal {

@@ -105,7 +105,7 @@ class PointFollower {
         LeaveOut(camera, frames_[i], error);
       }
     }
-    result_.views[camera] = tracker.CorrectedViews();
+    result_.views[camera] = tracker.Views();
     AddGroup(tracker.Descriptors(), tracker.FocusedViews());
   }
 

@@ -7,7 +7,7 @@
 
 #include "detectors/images/image_codecs.h"
 #include "detectors/plenoptic/depth/image_synthesis.h"
-#include "detectors/plenoptic/markers/corrected_views.h"
+#include "detectors/plenoptic/markers/marker_views.h"
 #include "detectors/plenoptic/markers/patch_measurement.h"
 #include "detectors/plenoptic/white/white_camera.h"
 
@@ -81,8 +81,8 @@ void PlenopticTracker::AddFrame(const std::string& name, const cv::Mat& raw) {
   measured_.push_back(MeasurePatches(points, view, patches, optics_.array, threads_));
 }
 
-std::vector<View> PlenopticTracker::CorrectedViews() const {
-  return plenocal::CorrectedViews(frames_, optics_.array.types, measured_);
+std::vector<View> PlenopticTracker::Views() const {
+  return MarkerViews(frames_, optics_.array.types, measured_);
 }
 
 cv::Mat FocusedImage(const cv::Mat& raw, const PlenopticCamera& optics, int threads) {

@@ -39,7 +39,7 @@ class PlenopticTracker {
 
   /// All frames so far: x, y, lens_x, lens_y of each point in the micro images, corrected by what
   /// all of them show of vignetting and depth.
-  [[nodiscard]] std::vector<View> CorrectedViews() const;
+  [[nodiscard]] std::vector<View> Views() const;
   /// In the totally focused images, px of them.
   [[nodiscard]] const std::vector<View>& FocusedViews() const { return tracker_.Views()[0]; }
   [[nodiscard]] const cv::Mat& Descriptors() const { return tracker_.Descriptors(); }

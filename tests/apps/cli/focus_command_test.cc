@@ -3,6 +3,8 @@
 // `plenocal focus`: files in, files, summary and messages out.
 #include <fmt/format.h>
 
+#include <cmath>
+#include <cstdint>
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <string>
@@ -59,6 +61,25 @@ class FocusCommandLine : public Workspace {
     EXPECT_TRUE(Files("out").empty());
   }
 
+  /// 65535 (1 - 1 / v), 0 where unknown.
+  static void ExpectRxLive(const cv::Mat& values, const cv::Mat& depth) {
+    ASSERT_EQ(values.type(), CV_16U);
+    ASSERT_EQ(values.size(), depth.size());
+    int known = 0;
+    for (int y = 0; y < depth.rows; ++y) {
+      for (int x = 0; x < depth.cols; ++x) {
+        const double value = values.at<std::uint16_t>(y, x), v = depth.at<float>(y, x);
+        if (std::isnan(v)) {
+          EXPECT_EQ(value, 0);
+        } else {
+          EXPECT_NEAR(value, 65535 * (1 - 1 / v), 1);
+          ++known;
+        }
+      }
+    }
+    EXPECT_GT(known, 0);
+  }
+
   /// All result files of one frame, readable and of `size`.
   void ExpectResults(const std::string& folder, cv::Size size, int type = CV_16U) const {
     const auto read = [&](const std::string& name) {
@@ -73,6 +94,7 @@ class FocusCommandLine : public Workspace {
       EXPECT_EQ(map.type(), CV_32F) << name;
     }
     EXPECT_FALSE(read("virtual_depth.png").empty());
+    ExpectRxLive(read("virtual_depth_16bit.png"), read("virtual_depth.tiff"));
   }
 
   PlenopticScene scene_;
@@ -84,7 +106,7 @@ TEST_F(FocusCommandLine, WritesImageDepthAndTheirGeometry) {
   const Outcome outcome = Focus();
   ASSERT_EQ(outcome.status, kDone) << outcome.err;
   EXPECT_THAT(outcome.err, AllOf(HasSubstr("a: 200 x 200 pixels"), HasSubstr("Galilean")));
-  EXPECT_EQ(Files("out").size(), 5u);
+  EXPECT_EQ(Files("out").size(), 6u);
   ExpectResults("out", {200, 200});
   const YAML::Node geometry = YAML::Load(Read("out/focused.yaml"));
   EXPECT_EQ(geometry["plenocal"].as<int>(), 1);
@@ -112,7 +134,7 @@ TEST_F(FocusCommandLine, GivesEachOfManyImagesAFolder) {
   WriteImage("raw/b.png", scene_.Raw(array_));
   const Outcome outcome = Focus();
   ASSERT_EQ(outcome.status, kDone) << outcome.err;
-  EXPECT_EQ(Files("out").size(), 10u);
+  EXPECT_EQ(Files("out").size(), 12u);
   ExpectResults("out/a", {200, 200});
   ExpectResults("out/b", {200, 200});
 }
@@ -122,7 +144,7 @@ TEST_F(FocusCommandLine, LeavesOutABadImageOfMany) {
   const Outcome outcome = Focus();
   ASSERT_EQ(outcome.status, kDone) << outcome.err;
   EXPECT_THAT(outcome.err, HasSubstr("left out raw/b.png: is black"));
-  EXPECT_EQ(Files("out").size(), 5u);
+  EXPECT_EQ(Files("out").size(), 6u);
   ExpectResults("out/a", {200, 200});
 }
 
@@ -205,6 +227,47 @@ TEST_F(FocusCommandLine, DoesNotReplaceARawImage) {
                                "out"});
   EXPECT_EQ(outcome.status, kWrongInput);
   EXPECT_THAT(outcome.err, HasSubstr("the results would replace this input"));
+}
+
+using ViewsCommandLine = FocusCommandLine;
+
+TEST_F(ViewsCommandLine, WritesViewsAndRefocusedImages) {
+  const Outcome outcome = Run({"views",
+                               "raw/a.png",
+                               "--grid",
+                               "micro_lenses.csv",
+                               "--vignetting",
+                               "vignetting.tiff",
+                               "--views",
+                               "3",
+                               "-o",
+                               "out"});
+  ASSERT_EQ(outcome.status, kDone) << outcome.err;
+  const YAML::Node geometry = YAML::Load(Read("out/views.yaml"));
+  ASSERT_EQ(geometry["views"].size(), 9u);
+  ASSERT_EQ(geometry["refocused"].size(), 3u);
+  size_t read = 0;
+  for (const char* list : {"views", "refocused"}) {
+    for (const YAML::Node& item : geometry[list]) {
+      const cv::Mat image =
+          cv::imread(Path("out/" + item["file"].as<std::string>()).string(), cv::IMREAD_UNCHANGED);
+      EXPECT_EQ(image.size(), cv::Size(200, 200));
+      EXPECT_GT(cv::countNonZero(image), image.total() / 2);
+      ++read;
+    }
+  }
+  EXPECT_EQ(read, 12u);
+  EXPECT_EQ(Files("out").size(), 9u + 3 + 2);
+}
+
+TEST_F(ViewsCommandLine, NeedsACalibrationForDistances) {
+  const Outcome outcome =
+      Run({"views", "raw/a.png", "--grid", "micro_lenses.csv", "--distance", "0.5", "-o", "out"});
+  ExpectRefused(outcome, kWrongInput, {"--distance", "--calibration"});
+}
+
+TEST_F(ViewsCommandLine, NeedsMicroImageCentres) {
+  ExpectRefused(Run({"views", "raw/a.png", "-o", "out"}), kWrongInput, {"--white", "--grid"});
 }
 
 }  // namespace

@@ -92,7 +92,7 @@ TEST_F(Resume, NeverTrustsADamagedEntry) {
 TEST_F(Resume, RemovesWhatIsNoLongerNeeded) {
   EXPECT_EQ(Reused(), 0);
   for (int i = 4; i < kImages; ++i) fs::remove(Path(fmt::format("images/{:02}.png", i)));
-  Write("out/.cache/" + std::string(32, '0') + ".1.2", "of an entry that a killed run wrote");
+  Write(fmt::format("out/.cache/{:032}.1.2", 0), "of an entry that a killed run wrote");
   EXPECT_EQ(Reused(), 4);
   EXPECT_EQ(Entries().size(), 4U);
 }

@@ -218,11 +218,11 @@ TEST_F(SceneSessionInput, ATargetBesideTheScene) {
   ExpectFailure(kWrongInput, {"session.yaml:", "either 'target' or 'scene'"});
 }
 
-TEST_F(SceneSessionInput, FromWithoutScene) {
+TEST_F(SceneSessionInput, FromAFileThatIsMissing) {
   Write("session.yaml",
         "plenocal: 1\ntarget: chessboard:9x6:25mm\nfrom: pair.yaml\ncameras: {left: {model: "
         "pinhole, detections: tracks_left.csv, image_size: [640, 512]}}\n");
-  ExpectFailure(kWrongInput, {"session.yaml:3:", "from", "'scene'"});
+  ExpectFailure(kWrongInput, {"session.yaml:3:", "from", "pair.yaml: no such file"});
 }
 
 TEST_F(SceneSessionInput, KeysOfAnEarlierCalibrationWithoutIt) {

@@ -444,6 +444,7 @@ TEST_F(Report, IsDrawnByABrowser) {
                     "Parameters",
                     "Residuals",
                     "Coverage",
+                    "Who saw what",
                     "In space",
                     "Markers",
                     "Correlations",

@@ -88,7 +88,7 @@ TEST(VirtualImageOfModels, PointsComeBackFromWhatMicroImagesShow) {
     ASSERT_TRUE(axis);
     EXPECT_LT(axis->hnormalized().norm(), 1e-9);
   }
-  EXPECT_EQ(models, 2);
+  EXPECT_EQ(models, 3);
 }
 
 TEST(VirtualImageOfModels, OfTheThinLensIsCentredInTheCamera) {

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Scene points followed through rendered images of a stereo pair and a plenoptic camera.
+#include <sstream>
+
 #include "tests/apps/workspace.h"
 
 namespace plenocal::testing {
@@ -67,6 +69,32 @@ TEST_F(ImageScene, OfAStereoPairAndRawPlenopticImagesIsARecalibration) {
   EXPECT_TRUE(Files("out").contains("micro_lenses_plenoptic.csv"));
   EXPECT_TRUE(Files("out").contains("detections_plenoptic.csv"));
   EXPECT_THAT(outcome.out, HasSubstr("scene_patches"));
+
+  // A raw image, in the frame of the points that the recording's loop has mapped.
+  const std::string calibration = "set/truth/calibration.yaml";
+  outcome =
+      Run({"groundtruth", "set", "--calibration", calibration, "--points", "300", "-o", "loop"});
+  ASSERT_EQ(outcome.status, kDone) << outcome.err;
+  std::vector<std::string> locate{"locate",
+                                  calibration,
+                                  "loop/points.csv",
+                                  "set/plenoptic/000012.png",
+                                  "--camera",
+                                  "plenoptic"};
+  outcome = Run(locate);
+  EXPECT_EQ(outcome.status, kWrongInput);
+  EXPECT_THAT(outcome.err, HasSubstr("--white"));
+  locate.insert(locate.end(), {"--white", "set/plenoptic_white/*.png", "-o", "poses.csv"});
+  outcome = Run(locate);
+  ASSERT_EQ(outcome.status, kDone) << outcome.err;
+  std::istringstream row(Lines(Read("loop/segments_plenoptic.txt"))[4]);
+  double time = 0, x = 0, y = 0, z = 0;
+  row >> time >> x >> y >> z;
+  EXPECT_NEAR(time, 1.2, 1e-6);
+  const Table poses(Read("poses.csv"));
+  EXPECT_NEAR(poses.Numbers("x")[0], x, 0.005);
+  EXPECT_NEAR(poses.Numbers("y")[0], y, 0.005);
+  EXPECT_NEAR(poses.Numbers("z")[0], z, 0.005);
 
   // What cannot be followed is refused, and the earlier result stays.
   const std::string before = Read("out/calibration.yaml");

@@ -12,11 +12,13 @@
 #include "apps/cli/image_inputs.h"
 #include "apps/cli/options.h"
 #include "apps/cli/session/open_session.h"
+#include "apps/recording/stores/image_lister.h"
 #include "calib/base/error.h"
 #include "calib/base/number_text.h"
 #include "calib/base/output_folder.h"
 #include "calib/camera/bayer.h"
 #include "calib/files/frame_images.h"
+#include "calib/files/raytrix_grid.h"
 #include "calib/files/session.h"
 #include "detectors/plenoptic/white/white_camera.h"
 #include "models/registry.h"
@@ -31,6 +33,7 @@ struct WhiteArguments {
   std::string camera;               ///< name for the results; empty: that of the images' folder
   std::optional<BayerOrder> bayer;  ///< of raw mosaics
   std::optional<std::filesystem::path> grid;  ///< RayCalibData XML
+  bool xml = false;                           ///< also write the grid as such a file
   std::filesystem::path out;
 };
 
@@ -64,10 +67,11 @@ std::vector<WhiteJob> SessionJobs(const WhiteArguments& arguments, const Session
                               camera.name));
     }
     WhiteJob job{.camera = camera.name,
-                 .images = ExpandImages(camera.white_images, camera.name + ": white_images"),
+                 .images = ListImages(camera.white_images, camera.name + ": white_images"),
                  .options = {.plenoptic = plenoptic, .bayer = camera.bayer}};
     if (!camera.images.empty()) {
-      job.options.raw_image = ExpandImages(camera.images, camera.name + ": images").front().path;
+      const FrameImage raw = ListImages(camera.images, camera.name + ": images").front();
+      if (!raw.store) job.options.raw_image = raw.path;
     }
     if (plenoptic) job.options.grid_file = arguments.grid;
     jobs.push_back(std::move(job));
@@ -93,29 +97,39 @@ WhiteJob FolderJob(const WhiteArguments& arguments) {
   return job;
 }
 
+/// A sensor's raw values follow the line to within this, relative.
+constexpr double kRawMisfit = 0.1;
+constexpr size_t kDefectsShown = 8;
+
 double Degrees(double radians) { return radians * 180 / std::numbers::pi; }
 
 std::string GridText(const MicroLensGrid& grid) {
   const MicroLensArray& array = grid.array;
-  std::array<size_t, 3> by_type{};
+  const LatticeKind kind = array.Lattice();
+  const double angle = kind == LatticeKind::kHexagonal ? 60 : 90;
+  std::vector<size_t> by_type(static_cast<size_t>(array.types), 0);
   size_t unusable = 0;
   for (const MicroLens& lens : array.lenses) {
     ++by_type[static_cast<size_t>(lens.type)];
     if (!lens.usable) ++unusable;
   }
-  std::string text =
-      fmt::format("  {}, {} unusable, {}\n",
-                  Counted(array.lenses.size(), "micro lens", "micro lenses"),
-                  unusable,
-                  array.types == 1
-                      ? std::string("one type")
-                      : fmt::format("three types: {}, {}, {}", by_type[0], by_type[1], by_type[2]));
+  std::string text = fmt::format(
+      "  {}, {} unusable, {}\n",
+      Counted(array.lenses.size(), "micro lens", "micro lenses"),
+      unusable,
+      array.types == 1 ? std::string("one type")
+                       : fmt::format("{} types: {}", array.types, fmt::join(by_type, ", ")));
   text += fmt::format(
-      "  pitch {:.4f} px, rotation {:.4f} deg, in the middle; rows 60 deg apart to {:.3f} deg\n",
-      array.Pitch(),
+      "  {} lattice, pitch {} px, rotation {:.4f} deg, in the middle; rows {:.0f} deg apart to "
+      "{:.3f} deg\n",
+      kind == LatticeKind::kHexagonal ? "hexagonal" : "rectangular",
+      kind == LatticeKind::kHexagonal
+          ? fmt::format("{:.4f}", array.Pitch())
+          : fmt::format("{:.4f} x {:.4f}", array.e_column.norm(), array.e_row.norm()),
       Degrees(std::atan2(array.e_column.y(), array.e_column.x())),
-      std::abs(60 - Degrees(std::acos(array.e_column.dot(array.e_row) /
-                                      (array.e_column.norm() * array.e_row.norm())))));
+      angle,
+      std::abs(angle - Degrees(std::acos(array.e_column.dot(array.e_row) /
+                                         (array.e_column.norm() * array.e_row.norm())))));
   text += fmt::format(
       "  single centres about the lattice: {:.4f} px RMS, {:.4f} px robust, per coordinate{}\n",
       grid.centre_rms,
@@ -127,6 +141,27 @@ std::string GridText(const MicroLensGrid& grid) {
       100 * grid.gain_spread,
       100 * grid.misfit);
   return text;
+}
+
+std::string NoiseText(const PhotonTransfer& noise) {
+  std::string text =
+      fmt::format("  noise: variance = ({:.3f} +- {:.3f})^2 + ({:.4f} +- {:.4f}) x grey value\n",
+                  noise.read,
+                  noise.read_sigma,
+                  noise.gain,
+                  noise.gain_sigma);
+  if (noise.misfit > kRawMisfit) {
+    text += fmt::format(
+        "  the noise deviates from this line by {:.0f} %: these are no raw values (gamma, JPEG, "
+        "noise reduction), or noise below the rounding\n",
+        100 * noise.misfit);
+  }
+  if (noise.defects.empty()) return text;
+  text += fmt::format("  {}:", Counted(noise.defects.size(), "defective pixel"));
+  for (size_t i = 0; i < std::min(noise.defects.size(), kDefectsShown); ++i) {
+    text += fmt::format(" ({}, {})", noise.defects[i].x, noise.defects[i].y);
+  }
+  return text + (noise.defects.size() > kDefectsShown ? " ...\n" : "\n");
 }
 
 std::string SummaryText(const WhiteJob& job, const WhiteCamera& camera) {
@@ -146,6 +181,7 @@ std::string SummaryText(const WhiteJob& job, const WhiteCamera& camera) {
       100 * camera.black,
       100 * camera.unevenness);
   text += fmt::format("  attenuation from {:.3f} to 1\n", camera.darkest);
+  if (camera.noise) text += NoiseText(*camera.noise);
   if (camera.grid) text += GridText(*camera.grid);
   return text;
 }
@@ -169,6 +205,7 @@ void RunWhite(const WhiteArguments& arguments, const ConsoleOptions& shared) {
   for (WhiteJob& job : jobs) {
     console.Progress(job.camera + ": white images");
     job.options.threads = shared.threads;
+    job.options.measure_noise = true;
     try {
       cameras.push_back(MeasureWhiteImages(job.images, job.options));
     } catch (const Error& error) {
@@ -181,10 +218,17 @@ void RunWhite(const WhiteArguments& arguments, const ConsoleOptions& shared) {
       console.Message(fmt::format("  left out {}: {}", item.where, item.reason));
     }
     out.Write(fmt::format("vignetting_{}.tiff", job.camera), camera.attenuation_tiff);
+    if (camera.noise) {
+      out.Write(fmt::format("noise_{}.yaml", job.camera), PhotonTransferYaml(*camera.noise));
+    }
     if (camera.grid) {
       out.Write(fmt::format("micro_lenses_{}.csv", job.camera),
                 FormatMicroLenses(camera.grid->array));
       out.Write(fmt::format("grid_{}.png", job.camera), camera.grid_png);
+      if (arguments.xml) {
+        out.Write(fmt::format("micro_lenses_{}.xml", job.camera),
+                  RayCalibDataXml(camera.grid->array));
+      }
     }
   }
   out.Commit();
@@ -197,7 +241,7 @@ constexpr const char* kWhiteHelp =
     "  plenocal white session.yaml -o OUT\n"
     "  plenocal white FOLDER --model focused-plenoptic -o OUT\n"
     "\n"
-    "writes OUT/vignetting_<camera>.tiff and, for a plenoptic camera, micro_lenses_<camera>.csv and grid_<camera>.png.";
+    "writes OUT/vignetting_<camera>.tiff, noise_<camera>.yaml and, for a plenoptic camera, micro_lenses_<camera>.csv and grid_<camera>.png.";
 
 RunCommand DeclareWhite(CLI::App* app, ConsoleOptions* shared) {
   const auto arguments = std::make_shared<WhiteArguments>();
@@ -208,6 +252,7 @@ RunCommand DeclareWhite(CLI::App* app, ConsoleOptions* shared) {
   app->add_option("--camera", arguments->camera, "name for the results (default: the folder's)");
   AddBayer(app, &arguments->bayer, "colours of the top-left 2 x 2 pixels of raw mosaics");
   app->add_option("--grid", arguments->grid, "RayCalibData XML with the micro-lens grid");
+  app->add_flag("--xml", arguments->xml, "also write micro_lenses_<camera>.xml (RayCalibData)");
   AddThreads(app, shared);
   AddQuiet(app, shared);
   return [arguments, shared] { RunWhite(*arguments, *shared); };

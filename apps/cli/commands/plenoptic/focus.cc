@@ -11,7 +11,6 @@
 #include "apps/cli/options.h"
 #include "calib/base/error.h"
 #include "calib/base/output_folder.h"
-#include "calib/camera/bayer.h"
 #include "detectors/plenoptic/focus_images.h"
 
 namespace plenocal {
@@ -19,38 +18,14 @@ namespace {
 
 /// Raw plenoptic images and the source of the micro-image centres.
 struct FocusArguments {
-  std::vector<std::string> raw;      ///< folders, globs and files
-  std::vector<std::string> white;    ///< white images: folders, globs and files
-  std::filesystem::path grid;        ///< micro_lenses_<camera>.csv or RayCalibData XML; empty: none
-  std::filesystem::path vignetting;  ///< attenuation TIFF; empty: none
-  std::filesystem::path markers;     ///< target.yaml; empty: none
-  std::optional<BayerOrder> bayer;   ///< of raw mosaics
-  double scale = 2;                  ///< raw pixels per pixel of the results
+  std::vector<std::string> raw;  ///< folders, globs and files
+  PlenopticInputs camera;
+  std::filesystem::path markers;  ///< target.yaml; empty: none
+  double scale = 2;               ///< raw pixels per pixel of the results
   std::filesystem::path out;
 };
 
 namespace fs = std::filesystem;
-
-PlenopticSource CameraSource(const FocusArguments& arguments) {
-  PlenopticSource source{.white_images = {},
-                         .grid = arguments.grid,
-                         .vignetting = arguments.vignetting,
-                         .bayer = arguments.bayer};
-  if (!arguments.white.empty()) {
-    source.white_images = FindImageInputs(arguments.white, "white images");
-    if (!arguments.vignetting.empty()) {
-      throw Error(
-          ErrorKind::kInput,
-          "--vignetting: the white images give the attenuation already; leave one of --white and "
-          "--vignetting out");
-    }
-  } else if (arguments.grid.empty()) {
-    throw Error(ErrorKind::kInput,
-                "focus: the micro-image centres are missing; give white images with --white, or "
-                "--grid micro_lenses.csv with --vignetting vignetting.tiff");
-  }
-  return source;
-}
 
 /// Each frame has a folder of its own, so names must differ.
 void CheckNames(const std::vector<FrameImage>& images) {
@@ -70,7 +45,7 @@ void CheckNames(const std::vector<FrameImage>& images) {
 void RunFocus(const FocusArguments& arguments, const ConsoleOptions& shared) {
   FocusRequest request;
   request.raw_images = FindImageInputs(arguments.raw, "raw images");
-  request.camera = CameraSource(arguments);
+  request.camera = FindPlenopticSource(arguments.camera);
   request.scale = arguments.scale;
   request.threads = shared.threads;
   std::optional<Target> target;
@@ -109,24 +84,16 @@ constexpr const char* kFocusHelp =
     "\n"
     "  plenocal focus RAW --white WHITE... -o OUT\n"
     "\n"
-    "writes OUT/focused.png, virtual_depth.tiff, virtual_depth_sigma.tiff, virtual_depth.png and focused.yaml; of several raw images OUT/<frame>/...";
+    "writes OUT/focused.png, virtual_depth.tiff, virtual_depth_sigma.tiff, virtual_depth.png, virtual_depth_16bit.png (RxLive) and focused.yaml; of several raw images OUT/<frame>/...";
 
 RunCommand DeclareFocus(CLI::App* app, ConsoleOptions* shared) {
   const auto arguments = std::make_shared<FocusArguments>();
   app->add_option("raw", arguments->raw, "raw images: files, globs or folders")->required();
   app->add_option("-o,--out", arguments->out, "folder for the results")->required();
-  app->add_option(
-      "--white", arguments->white, "white images of the camera: files, globs or folders");
-  app->add_option("--grid",
-                  arguments->grid,
-                  "instead of white images: micro_lenses_<camera>.csv or RayCalibData XML");
-  app->add_option("--vignetting",
-                  arguments->vignetting,
-                  "with --grid: attenuation TIFF (default: the raw images are corrected already)");
+  AddPlenopticInputs(app, &arguments->camera);
   app->add_option("--markers",
                   arguments->markers,
                   "target.yaml: fit a plane to the depth of each marker found and focus again");
-  AddBayer(app, &arguments->bayer, "colours of the top-left 2 x 2 pixels of raw mosaics");
   app->add_option("--scale", arguments->scale, "raw pixels per pixel of the results")
       ->check(CLI::Range(0.5, 16.0))
       ->capture_default_str();
