@@ -33,6 +33,15 @@ cameras:
     micro_lenses: {pitch: 13, rotation: 0.006, focus: [2.4, 3.0, 3.9], aperture: 0.7, fill: 0.92}
 """
 
+# Commands that write many files: arguments before "-o out", and a result.
+COMMANDS = {
+    "calibrate": (["calibrate", "ordinary/session.yaml"], "calibration.yaml"),
+    "try": (["try", "ordinary/session.yaml", "--models", "pinhole,pinhole-radial3"], "models/pinhole/calibration.yaml"),
+    "detect": (["detect", "ordinary/session.yaml"], "detections_cam.csv"),
+    "simulate": (["simulate", "ordinary.yaml"], "truth/calibration.yaml"),
+    "undistort": (["undistort", "given/calibration.yaml", "ordinary/cam/*.png"], "calibration.yaml"),
+}
+
 
 def run(program, arguments, folder, emulator=(), **options):
     """Runs the program in `folder`; raises RuntimeError with its messages when it fails."""
@@ -47,3 +56,10 @@ def make_sessions(program, folder):
         (folder / f"{name}.yaml").write_text(text)
     for name in ("ordinary", "plenoptic"):
         run(program, ["simulate", f"{name}.yaml", "-o", name, "--quiet"], folder)
+
+
+def results(out):
+    """Path and content of each result; without the cache, which a killed run may leave fuller or emptier."""
+    files = (path for path in out.rglob("*") if path.is_file())
+    contents = {str(path.relative_to(out)): path.read_bytes() for path in files}
+    return {name: content for name, content in contents.items() if not name.startswith(".cache/")}

@@ -122,14 +122,17 @@ std::vector<fs::path> FilesIn(const fs::path& partial) {
   return files;
 }
 
-// Waits until these files in `partial` and their folders are on the disk.
+// Waits until these files in `partial` and all folders on the way to them are on the disk.
 void SyncFiles(const fs::path& partial, const std::vector<fs::path>& files) {
   // All are under way before the first is waited for: a journal then takes them together.
   for (const fs::path& file : files) Descriptor(partial / file, O_RDONLY).StartSync();
   std::set<fs::path> folders{partial};
   for (const fs::path& file : files) {
     Descriptor(partial / file, O_RDONLY).Sync();
-    folders.insert((partial / file).parent_path());
+    for (fs::path part = (partial / file).parent_path(); part != partial;
+         part = part.parent_path()) {
+      folders.insert(part);
+    }
   }
   for (const fs::path& folder : folders) SyncFolder(folder);
 }
