@@ -11,12 +11,14 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <utility>
+#include <vector>
 
 #include "calib/camera/camera_model.h"
 
 namespace plenocal {
 
-/// A file to read.
+/// A file to read, or a folder.
 struct ImportSource {
   std::filesystem::path path;
   std::optional<ImageSize> image_size;  ///< from the user, for files that do not hold it
@@ -25,6 +27,8 @@ struct ImportSource {
 struct ImportedFile {
   std::string content;
   std::string message;  ///< for the user; may be empty
+  /// Names and contents of files that the content refers to; they are written beside it.
+  std::vector<std::pair<std::string, std::string>> beside = {};
 };
 
 /// One tool's file format.

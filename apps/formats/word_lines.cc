@@ -17,14 +17,25 @@ void WordLine::Fail(const std::string& message) const {
   throw Error(ErrorKind::kInput, fmt::format("{}: {}", where, message));
 }
 
-double WordLine::Number(size_t i) const {
+template <typename Value>
+bool WordLine::IsWhole(size_t i, Value* value) const {
   if (i >= words.size()) Fail(fmt::format("expected more than {} words", words.size()));
-  double value = 0;
   const char* const end = words[i].data() + words[i].size();
-  const auto [after, error] = std::from_chars(words[i].data(), end, value);
-  if (error != std::errc() || after != end || !std::isfinite(value)) {
+  const auto [after, error] = std::from_chars(words[i].data(), end, *value);
+  return error == std::errc() && after == end;
+}
+
+double WordLine::Number(size_t i) const {
+  double value = 0;
+  if (!IsWhole(i, &value) || !std::isfinite(value)) {
     Fail(fmt::format("expected a number, found '{}'", words[i]));
   }
+  return value;
+}
+
+std::uint64_t WordLine::Count(size_t i) const {
+  std::uint64_t value = 0;
+  if (!IsWhole(i, &value)) Fail(fmt::format("expected a whole number, found '{}'", words[i]));
   return value;
 }
 
@@ -43,17 +54,29 @@ std::vector<double> WordLine::NumbersFrom(size_t first) const {
   return numbers;
 }
 
-std::vector<WordLine> ReadWordLines(const std::filesystem::path& path) {
+std::vector<WordLine> ReadAllLines(const std::filesystem::path& path) {
   std::istringstream text(ReadTextFile(path));
   std::vector<WordLine> lines;
-  int number = 0;
   for (std::string line; std::getline(text, line);) {
-    ++number;
-    std::istringstream words(line.substr(0, line.find('#')));
-    WordLine read{fmt::format("{}:{}", path.string(), number), {}};
+    WordLine& read = lines.emplace_back();
+    read.where = fmt::format("{}:{}", path.string(), lines.size());
+    std::istringstream words(line);
     for (std::string word; words >> word;) read.words.push_back(word);
-    if (!read.words.empty()) lines.push_back(read);
   }
+  return lines;
+}
+
+std::vector<WordLine> ReadWordLines(const std::filesystem::path& path) {
+  std::vector<WordLine> lines = ReadAllLines(path);
+  for (WordLine& line : lines) {
+    for (size_t i = 0; i < line.words.size(); ++i) {
+      const size_t comment = line.words[i].find('#');
+      if (comment == std::string::npos) continue;
+      line.words[i].resize(comment);
+      line.words.resize(comment == 0 ? i : i + 1);
+    }
+  }
+  std::erase_if(lines, [](const WordLine& line) { return line.words.empty(); });
   if (lines.empty()) throw Error(ErrorKind::kInput, path.string() + ": holds no cameras");
   return lines;
 }

@@ -3,6 +3,7 @@
 // Text files of words between blanks: COLMAP, DSO.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <span>
 #include <string>
@@ -18,11 +19,21 @@ struct WordLine {
   [[noreturn]] void Fail(const std::string& message) const;
   /// Word `i` as a finite number.
   [[nodiscard]] double Number(size_t i) const;
+  /// Word `i` as a whole number that is not negative.
+  [[nodiscard]] std::uint64_t Count(size_t i) const;
   /// Word `i` as a positive number of pixels.
   [[nodiscard]] int Pixels(size_t i) const;
   /// All words from `first` on as numbers.
   [[nodiscard]] std::vector<double> NumbersFrom(size_t first) const;
+
+ private:
+  /// Reads word `i`; whether all of it is the value.
+  template <typename Value>
+  bool IsWhole(size_t i, Value* value) const;
 };
+
+/// All lines, also those without words.
+std::vector<WordLine> ReadAllLines(const std::filesystem::path& path);
 
 /// The lines that are not empty; '#' begins a comment. Throws `Error` of kind kInput when there is
 /// none.

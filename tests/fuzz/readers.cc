@@ -17,6 +17,7 @@
 #include "apps/cli/command_line.h"
 #include "apps/evaluate/trajectory.h"
 #include "apps/formats/camera_format.h"
+#include "apps/formats/colmap_files.h"
 #include "apps/formats/import_format.h"
 #include "apps/formats/poses.h"
 #include "apps/recording/recording_file.h"
@@ -266,6 +267,14 @@ void ReadImportFile(const ImportFormat& format, const fs::path& path) {
   });
 }
 
+void ReadColmapImagesOf(const fs::path& path) {
+  for (const ColmapImage& image : ReadColmapImages(path)) {
+    for (const ColmapObservation& seen : image.observations) {
+      RequireFinite("coordinates", std::vector{seen.x, seen.y});
+    }
+  }
+}
+
 // ---- images, cache, plug-ins, command line
 
 void ReadImageFile(const fs::path& path) {
@@ -354,6 +363,11 @@ std::vector<Reader> MakeReaders() {
       {"recording_mcap", "drive.mcap", ReadMessages},
       {"recording_bag", "drive.bag", ReadMessages},
       {"recording_db3", "drive.db3", ReadMessages},
+      {"colmap_images", "images.txt", ReadColmapImagesOf},
+      {"colmap_images_binary", "images.bin", ReadColmapImagesOf},
+      {"colmap_cameras_binary",
+       "cameras.bin",
+       [](const fs::path& path) { ReadCamerasOf(*FindCameraFormat("colmap", path), path); }},
       {"image", "image", ReadImageFile},
       {"attenuation", "attenuation.tiff", ReadAttenuationFile},
       {"cache", "entry", ReadCacheEntry, /*names_file=*/false},
@@ -365,6 +379,7 @@ std::vector<Reader> MakeReaders() {
                        [&format](const fs::path& path) { ReadCamerasOf(format, path); }});
   }
   for (const ImportFormat& format : ImportFormats()) {
+    if (format.result == "session.yaml") continue;  // of a folder, whose files are read above
     readers.push_back({fmt::format("import_{}", format.name),
                        "imported",
                        [&format](const fs::path& path) { ReadImportFile(format, path); }});

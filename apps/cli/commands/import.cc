@@ -105,6 +105,7 @@ void RunImport(const ImportArguments& arguments, const ConsoleOptions& shared) {
   const std::string name = is_file ? arguments.out.filename().string() : made.name;
   OutputFolder output(folder);
   output.Write(name, made.file.content);
+  for (const auto& [beside, content] : made.file.beside) output.Write(beside, content);
   output.Commit();
   console.Print(fmt::format("written to {}\n", (folder / name).string()));
 }

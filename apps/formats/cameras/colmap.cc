@@ -1,17 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// cameras.txt of COLMAP: "ID MODEL WIDTH HEIGHT PARAMS".
+// cameras.txt of COLMAP, "ID MODEL WIDTH HEIGHT PARAMS"; cameras.bin is read as well.
 #include <fmt/format.h>
 
 #include "apps/formats/camera_format.h"
+#include "apps/formats/colmap_files.h"
 #include "apps/formats/exact_numbers.h"
 #include "apps/formats/lens_form.h"
 #include "apps/formats/word_lines.h"
+#include "calib/base/error.h"
 
 namespace plenocal {
 namespace {
-
-constexpr double kHalfPixel = 0.5;  // (0, 0) is the corner of the top-left pixel there
 
 std::span<const LensForm> ColmapLenses() {
   static const std::vector<LensForm> kForms{
@@ -33,7 +33,8 @@ std::string WriteColmap(const std::vector<CalibratedCamera>& cameras) {
   text += fmt::format("# Number of cameras: {}\n", cameras.size());
   for (size_t i = 0; i < cameras.size(); ++i) {
     const Lens lens = ToLens(cameras[i], ColmapLenses(), "colmap");
-    std::vector<double> values{lens.f_x, lens.f_y, lens.c_x + kHalfPixel, lens.c_y + kHalfPixel};
+    std::vector<double> values{
+        lens.f_x, lens.f_y, lens.c_x + kColmapPixelCentre, lens.c_y + kColmapPixelCentre};
     values.insert(values.end(), lens.coefficients.begin(), lens.coefficients.end());
     text += fmt::format("{} {} {} {} {}\n",
                         i + 1,
@@ -46,32 +47,33 @@ std::string WriteColmap(const std::vector<CalibratedCamera>& cameras) {
 }
 
 double FromCorner(double value) {
-  return Inverted(value, value - kHalfPixel, [](double x) { return x + kHalfPixel; });
+  return Inverted(
+      value, value - kColmapPixelCentre, [](double x) { return x + kColmapPixelCentre; });
 }
 
 std::vector<CalibratedCamera> ReadColmap(const CameraSource& source) {
   std::vector<CalibratedCamera> cameras;
-  for (const WordLine& line : ReadWordLines(source.path)) {
-    if (line.words.size() < 7) line.Fail("expected 'ID MODEL WIDTH HEIGHT PARAMS...'");
-    const ImageSize size{line.Pixels(2), line.Pixels(3)};
-    std::string name = line.words[1];
-    std::vector<double> values = line.NumbersFrom(4);
+  for (ColmapCamera& camera : ReadColmapCameras(source.path)) {
+    std::string& name = camera.model;
+    std::vector<double>& values = camera.params;
     // Models with one focal length.
     if (name == "SIMPLE_PINHOLE" || name == "SIMPLE_RADIAL" || name == "RADIAL") {
       values.insert(values.begin(), values[0]);
       name = name == "SIMPLE_PINHOLE" ? "PINHOLE" : "OPENCV";
     }
-    if (values.size() < 4) line.Fail("expected at least f, cx, cy");
+    if (values.size() < 4) {
+      throw Error(ErrorKind::kInput, camera.where + ": expected at least f, cx, cy");
+    }
     cameras.push_back(FromLens({name,
                                 values[0],
                                 values[1],
                                 FromCorner(values[2]),
                                 FromCorner(values[3]),
                                 {values.begin() + 4, values.end()}},
-                               size,
+                               camera.image_size,
                                ColmapLenses(),
-                               line.where));
-    cameras.back().name = "camera" + line.words[0];
+                               camera.where));
+    cameras.back().name = fmt::format("camera{}", camera.id);
   }
   return cameras;
 }

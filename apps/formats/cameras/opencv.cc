@@ -87,10 +87,10 @@ std::vector<CalibratedCamera> ReadOpenCv(const CameraSource& source) {
         LensOf(K, D, distortion), SizeOf(root, n, source), OpenCvLenses(), source.path.string());
   };
   // Programs of OpenCV and their descendants.
-  static const std::array<std::string, 4> kMatrix{"camera_matrix", "cameraMatrix", "K", "M"};
+  static const std::array<std::string, 4> kMatrixKeys{"camera_matrix", "cameraMatrix", "K", "M"};
   static const std::array<std::string, 6> kCoefficients{
       "distortion_coefficients", "distCoeffs", "dist_coeffs", "distCoeff", "dist_coeff", "D"};
-  if (const auto K = Find(root, kMatrix)) return {read(*K, Find(root, kCoefficients), "")};
+  if (const auto K = Find(root, kMatrixKeys)) return {read(*K, Find(root, kCoefficients), "")};
 
   std::vector<CalibratedCamera> cameras;
   for (const std::string number : {"1", "2"}) {
@@ -98,7 +98,7 @@ std::vector<CalibratedCamera> ReadOpenCv(const CameraSource& source) {
       for (std::string& name : names) name += number;
       return names;
     };
-    const auto K = Find(root, numbered(kMatrix));
+    const auto K = Find(root, numbered(kMatrixKeys));
     if (!K) root.Fail("expected 'camera_matrix', or 'M1', 'D1', 'M2', 'D2' of a stereo pair");
     cameras.push_back(read(*K, Find(root, numbered(kCoefficients)), number));
     cameras.back().name = "camera" + number;

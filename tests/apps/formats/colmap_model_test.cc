@@ -1,0 +1,185 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// `plenocal import --format colmap-model`: models of simulated tracks, as text and binary.
+#include <fmt/format.h>
+
+#include <array>
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "tests/apps/workspace.h"
+
+namespace plenocal::testing {
+namespace {
+
+using ::testing::HasSubstr;
+namespace fs = std::filesystem;
+
+constexpr std::uint64_t kNoPoint = ~std::uint64_t{0};
+
+struct Seen {
+  double x, y;
+  std::uint64_t point;
+};
+
+struct Image {
+  std::string name;
+  int camera;
+  std::vector<Seen> seen;
+};
+
+template <typename Number>
+std::string Bytes(Number number) {
+  return {reinterpret_cast<const char*>(&number), sizeof(number)};
+}
+
+class ColmapModel : public Workspace {
+ protected:
+  // Both cameras of the simulated pair, images left/00.png, right/00.png, ... with a feature that
+  // no point has.
+  void Simulate() {
+    fs::copy_file(fs::path(PLENOCAL_EXAMPLES) / "simulate" / "scene_free.yaml", Path("spec.yaml"));
+    Write("spec.yaml", Replaced(Read("spec.yaml"), "frames: 40", "frames: 24"));
+    const Outcome simulated = Run({"simulate", "spec.yaml", "--points", "-o", "truth"});
+    ASSERT_EQ(simulated.status, kDone) << simulated.err;
+    int camera = 3;
+    for (const char* name : {"left", "right"}) {
+      const Table tracks(Read(fmt::format("truth/tracks_{}.csv", name)));
+      const auto frames = tracks.Column("frame");
+      const auto points = tracks.Numbers("marker"), x = tracks.Numbers("x"),
+                 y = tracks.Numbers("y");
+      std::map<std::string, Image> of_camera;
+      for (size_t i = 0; i < tracks.Rows(); ++i) {
+        Image& image = of_camera
+                           .try_emplace(frames[i],
+                                        Image{fmt::format("{}/{}.png", name, frames[i]),
+                                              camera,
+                                              {{10, 10, kNoPoint}}})
+                           .first->second;
+        image.seen.push_back({x[i] + 0.5, y[i] + 0.5, static_cast<std::uint64_t>(points[i])});
+      }
+      for (auto& [frame, image] : of_camera) images_.push_back(std::move(image));
+      camera += 4;
+    }
+  }
+  void WriteText() const {
+    fs::create_directories(Path("text"));
+    Write("text/cameras.txt",
+          "# comment\n3 SIMPLE_RADIAL 640 512 400 320 256 0\n7 SIMPLE_RADIAL 640 512 400 320 256 "
+          "0\n9 PINHOLE 640 512 400 400 320 256\n");
+    std::string text = "# comment\n";
+    for (size_t i = 0; i < images_.size(); ++i) {
+      text += fmt::format("{} 1 0 0 0 0 0 0 {} {}\n", i, images_[i].camera, images_[i].name);
+      for (const Seen& seen : images_[i].seen) {
+        text += fmt::format("{} {} {} ",
+                            seen.x,
+                            seen.y,
+                            seen.point == kNoPoint ? "-1" : std::to_string(seen.point));
+      }
+      text += "\n";
+    }
+    Write("text/images.txt", text);
+  }
+  void WriteBinary() const {
+    fs::create_directories(Path("binary"));
+    std::string cameras = Bytes(std::uint64_t{2});
+    for (const std::uint32_t id : {3U, 7U}) {
+      cameras += Bytes(id) + Bytes(std::uint32_t{2}) + Bytes(std::uint64_t{640}) +
+                 Bytes(std::uint64_t{512});
+      for (const double value : {400.0, 320.0, 256.0, 0.0}) cameras += Bytes(value);
+    }
+    Write("binary/cameras.bin", cameras);
+    std::string text = Bytes(std::uint64_t{images_.size()});
+    for (size_t i = 0; i < images_.size(); ++i) {
+      text += Bytes(static_cast<std::uint32_t>(i));
+      for (const double value : {1, 0, 0, 0, 0, 0, 0}) text += Bytes(value);
+      text += Bytes(images_[i].camera) + images_[i].name + std::string(1, '\0') +
+              Bytes(std::uint64_t{images_[i].seen.size()});
+      for (const Seen& seen : images_[i].seen) {
+        text += Bytes(seen.x) + Bytes(seen.y) + Bytes(seen.point);
+      }
+    }
+    Write("binary/images.bin", text);
+  }
+  [[nodiscard]] Outcome Import(const std::string& model) const {
+    return Run({"import", model, "--format", "colmap-model", "-o", "in_" + model});
+  }
+  void ExpectRefusal(const std::string& part) const {
+    const Outcome outcome = Import("text");
+    EXPECT_EQ(outcome.status, kWrongInput);
+    EXPECT_THAT(outcome.err, HasSubstr(part));
+    EXPECT_FALSE(fs::exists(Path("in_text")));
+  }
+
+  std::vector<Image> images_;
+};
+
+TEST_F(ColmapModel, OfAPairIsCalibratedToItsSimulatedParameters) {
+  Simulate();
+  WriteText();
+  WriteBinary();
+  for (const char* model : {"text", "binary"}) {
+    const Outcome imported = Import(model);
+    ASSERT_EQ(imported.status, kDone) << imported.err;
+  }
+  EXPECT_EQ(Files("in_text"), Files("in_binary"));
+  const Outcome outcome = Run({"calibrate", "in_text/session.yaml", "-o", "out"});
+  ASSERT_EQ(outcome.status, kDone) << outcome.err;
+  const YAML::Node truth = YAML::LoadFile(Path("truth/truth/calibration.yaml"));
+  for (const char* camera : {"left", "right"}) {
+    for (const auto& param : truth["cameras"][camera]["parameters"]) {
+      const auto name = param.first.as<std::string>();
+      const YAML::Node found = Result()["cameras"][camera];
+      EXPECT_NEAR(found["parameters"][name].as<double>(),
+                  param.second.as<double>(),
+                  4 * found["sigma"][name].as<double>())
+          << camera << " " << name;
+    }
+  }
+}
+
+TEST_F(ColmapModel, WithoutFoldersNamesItsCamerasByTheirNumbers) {
+  images_ = {{"a.png", 3, {{1, 2, 5}, {3, 4, 6}, {5, 6, 6}}}, {"b.png", 7, {{1, 2, 5}}}};
+  WriteText();
+  const Outcome outcome = Import("text");
+  ASSERT_EQ(outcome.status, kDone) << outcome.err;
+  // A point with two features in one image has none.
+  EXPECT_EQ(Read("in_text/detections_camera3.csv"), "frame,marker,x,y\na,5,0.5,1.5\n");
+  EXPECT_EQ(Read("in_text/detections_camera7.csv"), "frame,marker,x,y\nb,5,0.5,1.5\n");
+}
+
+TEST_F(ColmapModel, ThatIsBrokenIsRefusedWithFileAndPlace) {
+  images_ = {{"left/a.png", 3, {{1, 2, 5}}}, {"left/b.png", 3, {}}};
+  WriteText();
+  const std::string good = Read("text/images.txt");
+  EXPECT_EQ(Import("text").status, kDone);
+  fs::remove_all(Path("in_text"));
+  for (const auto& [from, to, message] :
+       std::vector<std::array<std::string, 3>>{{"1 2 5", "1 2", "images.txt:3: expected 'X Y"},
+                                               {"1 2 5", "1 nan 5", "images.txt:3: expected a num"},
+                                               {"1 2 5", "1 2 5e3", "images.txt:3: expected a who"},
+                                               {"1 2 5", "1 2 5000000000", "above 2147483647"},
+                                               {"1 2 5", "1 2 -1", "no points"},
+                                               {"left/b", "right/../a", "images.txt:4"},
+                                               {"0 3 left/a", "0 4 left/a", "lacks cameras"}}) {
+    Write("text/images.txt", Replaced(good, from, to));
+    ExpectRefusal(message);
+  }
+  Write("text/images.txt", good);
+  fs::rename(Path("text/cameras.txt"), Path("text/other"));
+  ExpectRefusal("text/cameras.txt");
+  fs::rename(Path("text/other"), Path("text/cameras.txt"));
+  WriteBinary();
+  const std::string binary = Read("binary/images.bin");
+  for (size_t size = 0; size < binary.size(); size += 7) {
+    Write("text/images.bin", binary.substr(0, size));
+    ExpectRefusal("images.bin: is cut short");
+  }
+}
+
+}  // namespace
+}  // namespace plenocal::testing
