@@ -12,6 +12,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "calib/files/calibration_record.h"
@@ -46,6 +47,11 @@ struct CameraFormat {
   /// For formats that hold the poses of images: the file of one camera of a calibration that has
   /// frames. Null: the format has no place for them.
   std::string (*write_views)(const CalibrationRecord& calibration, size_t camera) = nullptr;
+  /// For formats that are a folder with the poses of images and the points in them: the names and
+  /// contents of its files, for these cameras of a calibration that has frames. Null: no such
+  /// folder.
+  std::vector<std::pair<std::string, std::string>> (*write_model)(
+      const CalibrationRecord& calibration, const std::vector<size_t>& cameras) = nullptr;
   bool holds_vignetting = false;  ///< an image beside the file holds the attenuation
 };
 

@@ -191,8 +191,7 @@ std::vector<ColmapImage> ReadTextImages(const fs::path& file) {
       ColmapImage& image = images.back();
       if (line.words.size() % 3 != 0) line.Fail("expected 'X Y POINT' for each point of the image");
       for (size_t i = 0; i < line.words.size(); i += 3) {
-        const std::uint64_t point =
-            line.words[i + 2] == "-1" ? kNoPoint : line.Count(i + 2);
+        const std::uint64_t point = line.words[i + 2] == "-1" ? kNoPoint : line.Count(i + 2);
         AddObservation(line.Number(i), line.Number(i + 1), point, line.where, &image);
       }
     }

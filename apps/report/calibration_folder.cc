@@ -45,7 +45,11 @@ CalibrationRecord ReadCalibrationFolder(const fs::path& folder,
                     folder.string()));
   }
   CalibrationRecord calibration = ReadCalibration(Required(folder, "calibration.yaml"), models);
-  ReadRefinedTarget(Required(folder, "target.yaml"), &calibration);
+  if (calibration.HasScene()) {
+    ReadScenePoints(Required(folder, "points.csv"), &calibration);
+  } else {
+    ReadRefinedTarget(Required(folder, "target.yaml"), &calibration);
+  }
   calibration.frames = ReadPoses(Required(folder, "poses.csv"));
   if (fs::exists(folder / "view_poses.csv", error)) {
     ReadViewPoses(folder / "view_poses.csv", &calibration);

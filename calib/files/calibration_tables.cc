@@ -182,6 +182,30 @@ void ReadViewPoses(const std::filesystem::path& path, CalibrationRecord* calibra
   }
 }
 
+std::string ScenePointsCsv(const CalibrationRecord& calibration) {
+  std::string text = "marker,x,y,z\n";
+  for (const auto& [number, point] : calibration.markers) {
+    const Eigen::Vector3d& p = point.position;
+    fmt::format_to(
+        std::back_inserter(text), "{},{:.12g},{:.12g},{:.12g}\n", number, p.x(), p.y(), p.z());
+  }
+  return text;
+}
+
+void ReadScenePoints(const std::filesystem::path& path, CalibrationRecord* calibration) {
+  const std::string text = ReadTextFile(path);
+  CsvReader table(text, path.string());
+  const size_t marker = table.Column("marker"), x = table.Column("x"), y = table.Column("y"),
+               z = table.Column("z");
+  while (table.Next()) {
+    const int number = table.Integer(marker);
+    const MarkerRecord point{.position = {table.Number(x), table.Number(y), table.Number(z)}};
+    if (!calibration->markers.emplace(number, point).second) {
+      table.FailAt(marker, fmt::format("point {} stands here twice", number));
+    }
+  }
+}
+
 std::string ResidualsCsv(const CalibrationRecord& calibration) {
   const auto measured = UnionOf(calibration, &CameraModel::measured);
   const auto context = UnionOf(calibration, &CameraModel::context);
@@ -229,7 +253,10 @@ void ReadResiduals(const std::filesystem::path& path, CalibrationRecord* calibra
     row.frame = index.Frame(table, frame);
     row.marker = table.Integer(marker);
     if (!calibration->markers.contains(row.marker)) {
-      table.FailAt(marker, fmt::format("{} is not in target.yaml", row.marker));
+      table.FailAt(marker,
+                   fmt::format("{} is not in {}",
+                               row.marker,
+                               calibration->HasScene() ? "points.csv" : "target.yaml"));
     }
     for (size_t i = 0; i < columns[c].values.size(); ++i) {
       row.values[i] = table.Number(columns[c].values[i]);

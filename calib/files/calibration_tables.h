@@ -24,6 +24,12 @@ std::string ViewPosesCsv(const CalibrationRecord& calibration);
 /// Reads view_poses.csv into `CalibratedCamera::view_poses`. REQUIRES: `frames` are read.
 void ReadViewPoses(const std::filesystem::path& path, CalibrationRecord* calibration);
 
+/// points.csv: positions of the scene points of a calibration without a target, in the frame of the
+/// first frame's rig.
+std::string ScenePointsCsv(const CalibrationRecord& calibration);
+/// Reads points.csv into `markers`.
+void ReadScenePoints(const std::filesystem::path& path, CalibrationRecord* calibration);
+
 /// Decimals of pixels in residuals.csv. `Describe` rounds residuals to them, so that results in
 /// memory and those read from a file are the same numbers.
 inline constexpr int kResidualDecimals = 5;

@@ -214,6 +214,7 @@ void CheckRequirement(const CalibrateArguments& arguments, const Verdict& verdic
 const std::vector<std::string> kResults{"calibration.yaml",
                                         "target.yaml",
                                         "points.ply",
+                                        "points.csv",
                                         "poses.csv",
                                         "view_poses.csv",
                                         "residuals.csv",
@@ -379,6 +380,7 @@ JudgedCalibration CalibrateWithScene(const ConsoleOptions& shared,
   judged.record = DescribeAll(judged.calibration, observations);
   judged.record.verdict = Judge(judged.record);
   out->Write("points.ply", ScenePointsPly(judged.calibration));
+  out->Write("points.csv", ScenePointsCsv(judged.record));
   return judged;
 }
 
@@ -436,7 +438,7 @@ constexpr const char* kCalibrateHelp =
     "From images (or detections) to camera parameters, poses and target.\n\n"
     "  plenocal calibrate session.yaml -o OUT\n"
     "  plenocal calibrate 'images/*.jpg' --target chessboard:9x6:25mm -o OUT\n\n"
-    "writes OUT/calibration.yaml, target.yaml (or points.ply, of a session with a scene in place of a target), poses.csv, view_poses.csv (of a rig), residuals.csv, correlations.csv, detections_<camera>.csv, left_out.csv and report.html, and prints a summary. From images it writes OUT/session.yaml and nominal_target.yaml as well, from which the next step can start.";
+    "writes OUT/calibration.yaml, target.yaml (points.csv and points.ply of a session with a scene in place of a target), poses.csv, view_poses.csv (of a rig), residuals.csv, correlations.csv, detections_<camera>.csv, left_out.csv and report.html, and prints a summary. From images it writes OUT/session.yaml and nominal_target.yaml as well, from which the next step can start.";
 
 RunCommand DeclareCalibrate(CLI::App* app, ConsoleOptions* shared) {
   const auto arguments = std::make_shared<CalibrateArguments>();

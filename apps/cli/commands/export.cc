@@ -59,17 +59,25 @@ void RefuseTooMany(const std::vector<CalibratedCamera>& cameras,
                           fmt::join(NamesOf(cameras), ", ")));
 }
 
+/// Indices of the chosen cameras.
+std::vector<size_t> IndicesOf(const std::vector<CalibratedCamera>& chosen,
+                              const CalibrationRecord& calibration) {
+  std::vector<size_t> indices;
+  for (const CalibratedCamera& camera : chosen) {
+    const auto found = std::ranges::find(calibration.cameras, camera.name, &CalibratedCamera::name);
+    indices.push_back(static_cast<size_t>(found - calibration.cameras.begin()));
+  }
+  return indices;
+}
+
 /// The contents of the files to write: one, or one a camera.
 std::vector<std::string> MakeTexts(const CalibrationRecord& calibration,
                                    const std::vector<CalibratedCamera>& cameras,
                                    const CameraFormat& format) {
   if (format.write_views != nullptr && !calibration.frames.empty()) {
     std::vector<std::string> texts;
-    for (const CalibratedCamera& camera : cameras) {
-      const auto found =
-          std::ranges::find(calibration.cameras, camera.name, &CalibratedCamera::name);
-      texts.push_back(format.write_views(calibration,
-                                         static_cast<size_t>(found - calibration.cameras.begin())));
+    for (const size_t camera : IndicesOf(cameras, calibration)) {
+      texts.push_back(format.write_views(calibration, camera));
     }
     return texts;
   }
@@ -94,13 +102,30 @@ std::vector<std::pair<std::string, std::string>> MakeFiles(
   return files;
 }
 
+/// Whether a folder is to hold the poses and the points as well.
+bool IsModel(const ExportArguments& arguments, const CameraFormat& format) {
+  return format.write_model != nullptr && !arguments.out.has_extension();
+}
+
 /// The calibration; for a format that holds the poses of images, with those beside it.
-CalibrationRecord ReadForFormat(const std::filesystem::path& file, const CameraFormat& format) {
+CalibrationRecord ReadForFormat(const ExportArguments& arguments, const CameraFormat& format) {
+  const std::filesystem::path& file = arguments.calibration;
   const std::filesystem::path folder = file.parent_path();
   const bool has_poses =
       file.filename() == "calibration.yaml" && std::filesystem::exists(folder / "poses.csv");
-  if (format.write_views == nullptr || !has_poses) return ReadCalibration(file, CameraModels());
-  return ReadCalibrationFolder(folder.empty() ? "." : folder, CameraModels());
+  if (has_poses && (format.write_views != nullptr || IsModel(arguments, format))) {
+    return ReadCalibrationFolder(folder.empty() ? "." : folder, CameraModels());
+  }
+  if (IsModel(arguments, format)) {
+    throw Error(
+        ErrorKind::kInput,
+        fmt::format("{}: has no poses.csv of 'plenocal calibrate' beside it, which a folder "
+                    "of {} needs; for the cameras alone give -o {}",
+                    file.string(),
+                    format.name,
+                    format.file));
+  }
+  return ReadCalibration(file, CameraModels());
 }
 
 void RunExport(const ExportArguments& arguments, const ConsoleOptions& shared) {
@@ -115,21 +140,24 @@ void RunExport(const ExportArguments& arguments, const ConsoleOptions& shared) {
     }
     response = ReadResponse(arguments.response);
   }
-  const CalibrationRecord calibration = ReadForFormat(arguments.calibration, format);
+  const bool is_model = IsModel(arguments, format);
+  const CalibrationRecord calibration = ReadForFormat(arguments, format);
   const std::vector<CalibratedCamera> cameras = ChosenCameras(calibration, arguments.cameras);
   RefuseTooMany(cameras, format, arguments.calibration);
-  if (cameras.size() > 1 && !format.holds_extrinsics && format.write_views == nullptr) {
+  if (cameras.size() > 1 && !format.holds_extrinsics && format.write_views == nullptr &&
+      !is_model) {
     console.Message(fmt::format(
         "format {} has no place for the cameras' poses in the rig; they are not in the file",
         format.name));
   }
-  auto files = MakeFiles(calibration, cameras, format, arguments.out);
+  auto files = is_model ? format.write_model(calibration, IndicesOf(cameras, calibration))
+                        : MakeFiles(calibration, cameras, format, arguments.out);
   if (format.holds_vignetting && !cameras[0].vignetting.empty()) {
     files.emplace_back("vignette.png",
                        VignettePng(calibration.path.parent_path() / cameras[0].vignetting));
   }
   if (response) files.emplace_back("pcalib.txt", PcalibText(*response));
-  const std::filesystem::path parent = arguments.out.parent_path();
+  const std::filesystem::path parent = is_model ? arguments.out : arguments.out.parent_path();
   OutputFolder output(parent.empty() ? "." : parent);
   for (const auto& [name, content] : files) output.Write(name, content);
   output.Commit();
@@ -155,7 +183,9 @@ RunCommand DeclareExport(CLI::App* app, ConsoleOptions* shared) {
   app->add_option("--response",
                   arguments->response,
                   "pcalib.txt of 'plenocal response', to be written beside (dso)");
-  app->add_option("-o,--out", arguments->out, "file to write")->required();
+  app->add_option(
+         "-o,--out", arguments->out, "file to write, or a folder (colmap: with poses and points)")
+      ->required();
   AddQuiet(app, shared);
   return [arguments, shared] { RunExport(*arguments, *shared); };
 }

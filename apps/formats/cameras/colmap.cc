@@ -1,7 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// cameras.txt of COLMAP, "ID MODEL WIDTH HEIGHT PARAMS"; cameras.bin is read as well.
+// cameras.txt of COLMAP, "ID MODEL WIDTH HEIGHT PARAMS"; cameras.bin is read as well. In a folder:
+// a whole model, with the images' poses and the points.
 #include <fmt/format.h>
+
+#include <Eigen/Geometry>
+#include <array>
+#include <map>
 
 #include "apps/formats/camera_format.h"
 #include "apps/formats/colmap_files.h"
@@ -46,6 +51,88 @@ std::string WriteColmap(const std::vector<CalibratedCamera>& cameras) {
   return text;
 }
 
+/// Images and points as text; files of a model refer to each other by these numbers and by the
+/// order of an image's points.
+struct ModelText {
+  std::string images =
+      "# Image list with two lines of data per image:\n"
+      "#   IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME\n"
+      "#   POINTS2D[] as (X, Y, POINT3D_ID)\n";
+  struct Track {
+    std::string images;     ///< " IMAGE POINT2D_INDEX" of each
+    double sum_errors = 0;  ///< px
+    int count = 0;
+  };
+  std::map<int, Track> tracks;  ///< by marker
+  int image_count = 0;
+
+  /// Adds the frames in which the camera shows markers.
+  void AddCamera(const CalibrationRecord& calibration, size_t camera, size_t id, bool in_folder);
+  [[nodiscard]] std::string Points(const CalibrationRecord& calibration) const;
+};
+
+void ModelText::AddCamera(const CalibrationRecord& calibration,
+                          size_t camera,
+                          size_t id,
+                          bool in_folder) {
+  const CalibratedCamera& from = calibration.cameras[camera];
+  std::map<int, std::vector<const ResidualRow*>> seen;
+  for (const ResidualRow& row : from.residuals) {
+    if (row.used) seen[row.frame].push_back(&row);
+  }
+  for (const auto& [frame, rows] : seen) {
+    const RigidTransform T = calibration.CameraFromTarget(camera, frame);
+    const Eigen::Quaterniond q(T.R);
+    images += fmt::format(
+        "{} {} {} {}{}.png\n",
+        ++image_count,
+        BlankSeparated(std::array{q.w(), q.x(), q.y(), q.z(), T.t.x(), T.t.y(), T.t.z()}),
+        id,
+        in_folder ? from.name + "/" : std::string(),
+        calibration.frames[static_cast<size_t>(frame)].name);
+    for (size_t i = 0; i < rows.size(); ++i) {
+      images += fmt::format("{}{} {} {}",
+                            i == 0 ? "" : " ",
+                            RealText(rows[i]->values[0] + kColmapPixelCentre),
+                            RealText(rows[i]->values[1] + kColmapPixelCentre),
+                            rows[i]->marker);
+      Track& track = tracks[rows[i]->marker];
+      track.images += fmt::format(" {} {}", image_count, i);
+      track.sum_errors += rows[i]->Error().norm();
+      ++track.count;
+    }
+    images += "\n";
+  }
+}
+
+std::string ModelText::Points(const CalibrationRecord& calibration) const {
+  std::string text =
+      "# 3D point list with one line of data per point:\n"
+      "#   POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[] as (IMAGE_ID, POINT2D_IDX)\n";
+  for (const auto& [marker, track] : tracks) {
+    const Eigen::Vector3d& p = calibration.markers.at(marker).position;
+    text += fmt::format("{} {} 128 128 128 {}{}\n",
+                        marker,
+                        BlankSeparated(std::array{p.x(), p.y(), p.z()}),
+                        RealText(track.sum_errors / track.count),
+                        track.images);
+  }
+  return text;
+}
+
+std::vector<std::pair<std::string, std::string>> WriteModel(const CalibrationRecord& calibration,
+                                                            const std::vector<size_t>& cameras) {
+  std::vector<CalibratedCamera> chosen;
+  ModelText model;
+  for (const size_t camera : cameras) {
+    chosen.push_back(calibration.cameras[camera]);
+    model.AddCamera(calibration, camera, chosen.size(), cameras.size() > 1);
+  }
+  return {{"cameras.txt", WriteColmap(chosen)},
+          {"images.txt", model.images},
+          {"points3D.txt", model.Points(calibration)}};
+}
+
 double FromCorner(double value) {
   return Inverted(
       value, value - kColmapPixelCentre, [](double x) { return x + kColmapPixelCentre; });
@@ -86,7 +173,8 @@ CameraFormat ColmapFormat() {
           .most_cameras = kAnyNumber,
           .holds_extrinsics = false,
           .write = WriteColmap,
-          .read = ReadColmap};
+          .read = ReadColmap,
+          .write_model = WriteModel};
 }
 
 }  // namespace plenocal

@@ -28,8 +28,9 @@ fs::path FileOf(const fs::path& model, const std::string& name) {
   std::error_code error;
   if (!fs::is_directory(model, error)) {
     throw Error(ErrorKind::kInput,
-                model.string() + ": is no folder; give the folder of the model, with its cameras "
-                                 "and images");
+                model.string() +
+                    ": is no folder; give the folder of the model, with its cameras "
+                    "and images");
   }
   const fs::path binary = model / (name + ".bin");
   return fs::exists(binary, error) ? binary : model / (name + ".txt");

@@ -110,12 +110,16 @@ void SortByTime(Clock clock,
                     jumps));
   }
   std::ranges::stable_sort(*messages, {}, time);
-  const auto twins = std::ranges::unique(*messages, {}, time);
-  if (!twins.empty()) {
-    notes->push_back(fmt::format(
-        "{}: {} images have the time of another one and are left out", place, twins.size()));
+  // Not std::ranges::unique: Clang 14, which the fuzzer needs, has none with GCC's library.
+  const auto kept = std::unique(messages->begin(),
+                                messages->end(),
+                                [&](const auto& a, const auto& b) { return time(a) == time(b); });
+  if (kept != messages->end()) {
+    notes->push_back(fmt::format("{}: {} images have the time of another one and are left out",
+                                 place,
+                                 messages->end() - kept));
   }
-  messages->erase(twins.begin(), twins.end());
+  messages->erase(kept, messages->end());
 }
 
 }  // namespace

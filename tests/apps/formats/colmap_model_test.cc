@@ -54,12 +54,12 @@ class ColmapModel : public Workspace {
                  y = tracks.Numbers("y");
       std::map<std::string, Image> of_camera;
       for (size_t i = 0; i < tracks.Rows(); ++i) {
-        Image& image = of_camera
-                           .try_emplace(frames[i],
-                                        Image{fmt::format("{}/{}.png", name, frames[i]),
-                                              camera,
-                                              {{10, 10, kNoPoint}}})
-                           .first->second;
+        Image& image =
+            of_camera
+                .try_emplace(
+                    frames[i],
+                    Image{fmt::format("{}/{}.png", name, frames[i]), camera, {{10, 10, kNoPoint}}})
+                .first->second;
         image.seen.push_back({x[i] + 0.5, y[i] + 0.5, static_cast<std::uint64_t>(points[i])});
       }
       for (auto& [frame, image] : of_camera) images_.push_back(std::move(image));
@@ -140,6 +140,46 @@ TEST_F(ColmapModel, OfAPairIsCalibratedToItsSimulatedParameters) {
           << camera << " " << name;
     }
   }
+}
+
+// What was used goes out as a model and comes back; the report is drawn from the files alone.
+TEST_F(ColmapModel, OfACalibrationHoldsItsUsedPoints) {
+  Simulate();
+  WriteText();
+  ASSERT_EQ(Import("text").status, kDone);
+  const Outcome calibrated = Run({"calibrate", "in_text/session.yaml", "-o", "out"});
+  ASSERT_EQ(calibrated.status, kDone) << calibrated.err;
+  const Outcome exported =
+      Run({"export", "out/calibration.yaml", "--format", "colmap", "-o", "model"});
+  ASSERT_EQ(exported.status, kDone) << exported.err;
+  ASSERT_EQ(Import("model").status, kDone);
+  const Table residuals(Read("out/residuals.csv"));
+  for (const std::string camera : {"left", "right"}) {
+    std::map<std::pair<std::string, std::string>, std::pair<double, double>> expected, found;
+    const auto cameras = residuals.Column("camera"), frames = residuals.Column("frame"),
+               markers = residuals.Column("marker"), used = residuals.Column("used");
+    const auto x = residuals.Numbers("x"), y = residuals.Numbers("y");
+    for (size_t i = 0; i < residuals.Rows(); ++i) {
+      if (cameras[i] == camera && used[i] == "1") expected[{frames[i], markers[i]}] = {x[i], y[i]};
+    }
+    const Table again(Read("in_model/detections_" + camera + ".csv"));
+    const auto names = again.Column("frame"), numbers = again.Column("marker");
+    const auto u = again.Numbers("x"), v = again.Numbers("y");
+    for (size_t i = 0; i < again.Rows(); ++i) found[{names[i], numbers[i]}] = {u[i], v[i]};
+    ASSERT_EQ(found.size(), expected.size());
+    for (const auto& [key, pixel] : expected) {
+      EXPECT_NEAR(found.at(key).first, pixel.first, 1e-9);
+      EXPECT_NEAR(found.at(key).second, pixel.second, 1e-9);
+    }
+  }
+  const std::string report = Read("out/report.html");
+  EXPECT_EQ(Run({"report", "out"}).status, kDone);
+  EXPECT_EQ(Read("out/report.html"), report);
+  fs::remove(Path("out/poses.csv"));
+  const Outcome refused =
+      Run({"export", "out/calibration.yaml", "--format", "colmap", "-o", "another"});
+  EXPECT_EQ(refused.status, kWrongInput);
+  EXPECT_THAT(refused.err, HasSubstr("has no poses.csv"));
 }
 
 TEST_F(ColmapModel, WithoutFoldersNamesItsCamerasByTheirNumbers) {
