@@ -139,13 +139,13 @@ std::string TypesXml(const MicroLensArray& array,
                      const MicroLens& middle,
                      const Matrix2d& to_lens) {
   std::string text;
-  for (const auto& [column, row] : {std::pair{0, 0}, {1, 0}, {0, 1}}) {
+  for (const Eigen::Vector2i& step : {Eigen::Vector2i(0, 0), {1, 0}, {0, 1}}) {
     const auto found = std::ranges::find_if(array.lenses, [&](const MicroLens& lens) {
-      return lens.column == middle.column + column && lens.row == middle.row + row;
+      return lens.column == middle.column + step.x() && lens.row == middle.row + step.y();
     });
-    if (found == array.lenses.end() || (column + row > 0 && array.types == 1)) continue;
+    if (found == array.lenses.end() || (!step.isZero() && array.types == 1)) continue;
     text += fmt::format("  <lens_type id=\"{}\">\n", found->type);
-    text += PointXml("offset", "lens", to_lens * Vector2d(column, row), 4);
+    text += PointXml("offset", "lens", to_lens * step.cast<double>(), 4);
     text +=
         "    <depth_range units=\"virtual_depth\">\n      <min>1</min>\n      <max>100</max>\n"
         "    </depth_range>\n  </lens_type>\n";
