@@ -149,8 +149,9 @@ std::string WriteSceneImages(const Staging& staging,
                         }});
     }
     for (size_t i = 0; camera.IsPlenoptic() && i < static_cast<size_t>(spec.white_images); ++i) {
-      images.push_back({fmt::format("{}_white/white_{:02}.png", camera.name, i),
-                        [&, c, i] { return TakeWhite(renderer, camera, spec.seed, c, i); }});
+      images.push_back({fmt::format("{}_white/white_{:02}.png", camera.name, i), [&, c, i] {
+                          return TakeWhite(renderer, camera, staging.spec.seed, c, i);
+                        }});
     }
     out->Write(fmt::format("truth/vignetting_{}.tiff", camera.name),
                EncodeImage(".tiff", renderer.White()));

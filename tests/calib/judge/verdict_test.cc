@@ -77,7 +77,7 @@ TEST(Verdict, NamesAZoomThatChanged) {
   for (unsigned seed = 0; seed < 3; ++seed) {
     SyntheticProblem problem = GoodProblem(730 + seed, 1);
     const auto [width, height] = problem.input.cameras[0].image_size;
-    Displace(&problem, 0, [&](size_t view, double* x, double* y) {
+    Displace(&problem, 0, [width = width, height = height](size_t view, double* x, double* y) {
       if (view < 14) return;
       *x += 0.01 * (*x - width / 2.0);
       *y += 0.01 * (*y - height / 2.0);
@@ -173,7 +173,7 @@ TEST(Verdict, NamesImagesUpsideDown) {
   SyntheticProblem problem = GoodProblem(778, 1);
   const auto [width, height] = problem.input.cameras[0].image_size;
   // The principal point is off the middle in the other images.
-  Displace(&problem, 0, [&](size_t view, double* x, double* y) {
+  Displace(&problem, 0, [width = width, height = height](size_t view, double* x, double* y) {
     *x += 0.03 * width;
     *y += 0.03 * height;
     if (view % 6 != 0) return;
