@@ -91,6 +91,12 @@ SuggestBasis BasisOfImages(const CalibrationRecord& calibration,
 
 SuggestBasis BasisOfCalibration(const std::filesystem::path& folder, double angle_deg) {
   const CalibrationRecord calibration = ReadCalibrationFolder(folder, CameraModels());
+  if (calibration.HasScene()) {
+    throw Error(ErrorKind::kInput,
+                folder.string() +
+                    ": is calibrated from a scene; views are suggested of a target. "
+                    "What a scene calibration lacks stands in its verdict");
+  }
   const Target target = ReadTarget(folder / "target.yaml");
   if (angle_deg > 0) return BasisOfImages(calibration, target, angle_deg);
   SuggestBasis basis{KnowledgeOf(calibration), ViewTargetOf(target), calibration.verdict};
