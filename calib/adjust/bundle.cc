@@ -33,6 +33,7 @@ Observation WithoutDisplacement(const BundleObservation& observation,
   Observation seen = observation.seen;
   const std::vector<double>& by_nuisance = observation.by_nuisance;
   const size_t rows = camera.model->measured.size(), count = by_nuisance.size() / rows;
+  if (count == 0) return seen;
   const double* const nuisances = params + camera.ModelParams();
   for (size_t r = 0; r < rows; ++r) {
     for (size_t k = 0; k < count; ++k) seen.values[r] -= by_nuisance[r * count + k] * nuisances[k];

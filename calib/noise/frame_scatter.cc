@@ -148,7 +148,7 @@ class Rows {
     B.rightCols<1>() = residuals_.head(used_);
     const bool has_markers = context_.marker_D.rows() > 0;
     for (const auto& [marker, first, count] : spans_) {
-      if (!has_markers) break;
+      if (context_.marker_D.size() == 0) break;  // no rows, or no unknowns that markers follow
       B.block(first, 0, count, D_.cols()).noalias() -=
           J_marker_.middleRows(first, count) * context_.marker_D.middleRows<3>(3 * marker);
     }

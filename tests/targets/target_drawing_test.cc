@@ -68,8 +68,9 @@ void ExpectMarkersInThePattern(const std::string& text) {
   SCOPED_TRACE(text);
   const Target target = Read(text);
   const std::vector<TargetPart> parts = DrawTarget(target);
-  for (const auto& [number, position] : target.markers) {
-    const Placed placed = Find(parts, position);
+  for (const auto& marker : target.markers) {
+    const int number = marker.first;
+    const Placed placed = Find(parts, marker.second);
     ASSERT_NE(placed.part, nullptr) << "no paper under marker " << number;
     const auto& discs = placed.part->black_discs;
     const auto disc =

@@ -52,7 +52,8 @@ TEST(RefineTags, MeasuresNothingWithoutContrast) {
   for (const double side : {24.0, 90.0}) {
     const std::vector<SeenTag> seen{{TagCorners(TagView(side, 0.3, Middle(side))), tag.bits}};
     const cv::Mat gray(SizeFor(side), CV_8U, cv::Scalar(128));
-    for (const auto& corner : RefineTags(gray, seen, SyntheticTag::Border()).quads[0]) {
+    const RefinedTags refined = RefineTags(gray, seen, SyntheticTag::Border());
+    for (const auto& corner : refined.quads[0]) {
       EXPECT_FALSE(corner) << side << " px";
     }
   }
