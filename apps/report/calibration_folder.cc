@@ -46,7 +46,9 @@ CalibrationRecord ReadCalibrationFolder(const fs::path& folder,
   }
   CalibrationRecord calibration = ReadCalibration(Required(folder, "calibration.yaml"), models);
   if (calibration.HasScene()) {
-    ReadScenePoints(Required(folder, "points.csv"), &calibration);
+    for (const auto& [number, position] : ReadScenePoints(Required(folder, "points.csv"))) {
+      calibration.markers[number] = {.position = position};
+    }
   } else {
     ReadRefinedTarget(Required(folder, "target.yaml"), &calibration);
   }

@@ -11,11 +11,10 @@
 #include "apps/scene/scene_start.h"
 #include "apps/scene/track/feature_tracker.h"
 #include "calib/adjust/poses.h"
-#include "calib/base/csv.h"
 #include "calib/base/error.h"
-#include "calib/base/input_file.h"
 #include "calib/base/linear_algebra.h"
 #include "calib/base/statistics.h"
+#include "calib/files/calibration_tables.h"
 #include "calib/reject.h"
 #include "calib/start.h"
 #include "detectors/images/image.h"
@@ -202,16 +201,8 @@ std::string DescriptorsPng(const LandmarkMap& map) {
 
 LandmarkMap ReadLandmarkMap(const std::filesystem::path& path) {
   LandmarkMap map;
-  const std::string text = ReadTextFile(path);
-  CsvReader csv(text, path.string(), CsvSyntax::kCsv, {}, "marker,x,y,z");
-  const size_t marker = csv.Column("marker"), x = csv.Column("x"), y = csv.Column("y"),
-               z = csv.Column("z");
-  while (csv.Next()) {
-    const int number = csv.Integer(marker);
-    const Eigen::Vector3d p(csv.Number(x), csv.Number(y), csv.Number(z));
-    if (!map.points.emplace(number, p).second) {
-      csv.FailAt(marker, fmt::format("point {} stands here twice", number));
-    }
+  for (const auto& [number, position] : ReadScenePoints(path)) {
+    map.points.emplace(number, position);
     map.numbers.push_back(number);
   }
   const std::filesystem::path beside = path.parent_path() / "descriptors.png";

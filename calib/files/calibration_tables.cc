@@ -192,18 +192,21 @@ std::string ScenePointsCsv(const CalibrationRecord& calibration) {
   return text;
 }
 
-void ReadScenePoints(const std::filesystem::path& path, CalibrationRecord* calibration) {
+std::vector<std::pair<int, Eigen::Vector3d>> ReadScenePoints(const std::filesystem::path& path) {
   const std::string text = ReadTextFile(path);
-  CsvReader table(text, path.string());
+  CsvReader table(text, path.string(), CsvSyntax::kCsv, {}, "marker,x,y,z");
   const size_t marker = table.Column("marker"), x = table.Column("x"), y = table.Column("y"),
                z = table.Column("z");
+  std::vector<std::pair<int, Eigen::Vector3d>> points;
+  std::set<int> numbers;
   while (table.Next()) {
     const int number = table.Integer(marker);
-    const MarkerRecord point{.position = {table.Number(x), table.Number(y), table.Number(z)}};
-    if (!calibration->markers.emplace(number, point).second) {
+    if (!numbers.insert(number).second) {
       table.FailAt(marker, fmt::format("point {} stands here twice", number));
     }
+    points.emplace_back(number, Eigen::Vector3d(table.Number(x), table.Number(y), table.Number(z)));
   }
+  return points;
 }
 
 std::string ResidualsCsv(const CalibrationRecord& calibration) {

@@ -27,8 +27,9 @@ void ReadViewPoses(const std::filesystem::path& path, CalibrationRecord* calibra
 /// points.csv: positions of the scene points of a calibration without a target, in the frame of the
 /// first frame's rig.
 std::string ScenePointsCsv(const CalibrationRecord& calibration);
-/// Reads points.csv into `markers`.
-void ReadScenePoints(const std::filesystem::path& path, CalibrationRecord* calibration);
+/// Reads points.csv, of a calibration or a map, in the order of its rows: numbers and positions.
+/// Throws `Error` with file, line and column, also for a point that stands in it twice.
+std::vector<std::pair<int, Eigen::Vector3d>> ReadScenePoints(const std::filesystem::path& path);
 
 /// Decimals of pixels in residuals.csv. `Describe` rounds residuals to them, so that results in
 /// memory and those read from a file are the same numbers.
