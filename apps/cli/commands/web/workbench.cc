@@ -79,7 +79,7 @@ void ServeWorkbench(const WorkbenchArguments& arguments) {
   workbench::RunWorkbench(
       arguments.options,
       [&](const std::string& address) {
-        fmt::print("{}\nCtrl-C ends the workbench; all it knows is in files.\n", address);
+        fmt::print("{}\nCtrl-C ends the workbench; everything is kept in files.\n", address);
         std::fflush(stdout);
         if (arguments.open) browser = std::make_unique<OpenedBrowser>(address);
       },
