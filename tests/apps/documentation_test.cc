@@ -16,7 +16,7 @@
 #include "tests/apps/workspace.h"
 
 namespace plenocal::testing {
-namespace {
+namespace TEST_FILE {
 
 using ::testing::HasSubstr;
 namespace fs = std::filesystem;
@@ -124,5 +124,5 @@ TEST_F(Documentation, ReadmeAndGuideHaveEachCommand) {
   EXPECT_GE(commands, 17);
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::testing

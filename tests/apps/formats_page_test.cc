@@ -21,7 +21,7 @@
 #include "tests/calib/plenoptic_synthetic.h"
 
 namespace plenocal::testing {
-namespace {
+namespace TEST_FILE {
 
 using ::testing::HasSubstr;
 using Names = std::set<std::string>;
@@ -640,5 +640,5 @@ TEST_F(FormatsPage, HasWhatEvaluateWrites) {
   ExpectAllSeen({"errors_by_truth"});  // of a groundtruth.yaml (scene/)
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::testing

@@ -19,7 +19,7 @@
 #include "tests/calib/synthetic.h"
 
 namespace plenocal {
-namespace {
+namespace TEST_FILE {
 
 using testing::LargestShift;
 using testing::MakeProblem;
@@ -514,5 +514,5 @@ TEST(Calibrate, LinksCamerasByChainsOfOverlap) {
   for (size_t c = 0; c < 3; ++c) EXPECT_LT(LargestShift(problem, calibration, c), kShift);
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal

@@ -9,7 +9,7 @@
 #include "tests/calib/synthetic.h"
 
 namespace plenocal {
-namespace {
+namespace TEST_FILE {
 
 using testing::MakeProblem;
 using testing::TrueBundle;
@@ -82,5 +82,5 @@ TEST(CheckAllCamerasUsed, NamesTheCameraWithoutObservations) {
   }
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal

@@ -20,7 +20,7 @@
 #include "models/registry.h"
 
 namespace plenocal {
-namespace {
+namespace TEST_FILE {
 
 class EveryCameraModel : public ::testing::TestWithParam<CameraModel> {
  protected:
@@ -110,5 +110,5 @@ TEST(Registry, FindsModelsByTheirExactNameOnly) {
   EXPECT_EQ(FindModel(CameraModels(), ""), nullptr);
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal

@@ -9,7 +9,7 @@
 #include "models/registry.h"
 
 namespace plenocal {
-namespace {
+namespace TEST_FILE {
 
 constexpr double kAgreement = 1e-9;  // px
 
@@ -65,5 +65,5 @@ TEST(OpenCv, ProjectsAsKannalaBrandt4Does) {
   EXPECT_LT(Difference("kannala-brandt4", 1.5, true), kAgreement);
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal

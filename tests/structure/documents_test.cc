@@ -12,7 +12,7 @@
 #include <string>
 #include <vector>
 
-namespace {
+namespace TEST_FILE {
 
 namespace fs = std::filesystem;
 
@@ -156,4 +156,4 @@ TEST(Repository, PointsToNothingOutsideOfIt) {
   EXPECT_GT(files, 300);
 }
 
-}  // namespace
+}  // namespace TEST_FILE

@@ -13,7 +13,7 @@
 #include <string>
 #include <vector>
 
-namespace {
+namespace TEST_FILE {
 
 namespace fs = std::filesystem;
 
@@ -163,4 +163,4 @@ TEST(Includes, KeepYamlCppInOneFile) {
   }
 }
 
-}  // namespace
+}  // namespace TEST_FILE

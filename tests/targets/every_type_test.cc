@@ -17,7 +17,7 @@
 #include "tests/targets/target_texts.h"
 
 namespace plenocal {
-namespace {
+namespace TEST_FILE {
 
 using testing::ErrorOf;
 using testing::ExpectAt;
@@ -201,5 +201,5 @@ TEST(TargetTypes, ShareTheKeysOfRefinements) {
   EXPECT_THAT(names, UnorderedElementsAre("plenocal", "type", "tolerance", "markers", "sigma"));
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal

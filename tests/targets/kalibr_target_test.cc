@@ -9,7 +9,7 @@
 #include "tests/targets/target_texts.h"
 
 namespace plenocal {
-namespace {
+namespace TEST_FILE {
 
 using testing::ErrorOf;
 using testing::ExpectAt;
@@ -56,5 +56,5 @@ TEST(KalibrTarget, RefusesUnknownTypesAndKeys) {
               HasSubstr(".yaml:6:1: tagSpace: unknown key; did you mean 'tagSpacing'?"));
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal

@@ -18,7 +18,7 @@
 #include "tests/targets/target_texts.h"
 
 namespace plenocal {
-namespace {
+namespace TEST_FILE {
 
 using testing::IsBlack;
 using testing::Read;
@@ -187,5 +187,5 @@ TEST(TargetDrawing, RefusesPointsWithoutAPattern) {
   }
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal

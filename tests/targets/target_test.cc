@@ -12,7 +12,7 @@
 #include "tests/targets/target_texts.h"
 
 namespace plenocal {
-namespace {
+namespace TEST_FILE {
 
 using testing::ErrorOf;
 using testing::ExpectAt;
@@ -69,5 +69,5 @@ TEST(Target, ReadsTheSimulatedTarget) {
   ExpectAt(target, 4 * 62 + 3, 0.190614, -0.001694, 0.224464);
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal

@@ -8,7 +8,7 @@
 #include "targets/target.h"
 
 namespace plenocal {
-namespace {
+namespace TEST_FILE {
 
 using ::testing::HasSubstr;
 using ::testing::StartsWith;
@@ -97,5 +97,5 @@ TEST(PrintedLength, WithItsUnitMayBeAnything) {
       HasSubstr("which is 0.025 mm? if 25 mm are meant, write 25 mm; if not, write 0.025 mm"));
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal

@@ -9,7 +9,7 @@
 #include "tests/apps/workspace.h"
 
 namespace plenocal::testing {
-namespace {
+namespace TEST_FILE {
 
 using ::testing::AllOf;
 using ::testing::Contains;
@@ -246,5 +246,5 @@ TEST_F(CommandLine, MessagesWithoutATerminalHoldNoControlCharacters) {
   EXPECT_EQ(outcome.err.find_first_of("\r\033"), std::string::npos);
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::testing

@@ -13,7 +13,7 @@
 #include "tests/apps/workspace.h"
 
 namespace plenocal::testing {
-namespace {
+namespace TEST_FILE {
 
 using ::testing::HasSubstr;
 using ::testing::Not;
@@ -361,5 +361,5 @@ TEST_F(CompareCommand, RefusesWhatItCannotReadOrCompare) {
   fails({"compare", "broken.yaml", "b/calibration.yaml"}, "broken.yaml:");
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::testing

@@ -8,7 +8,7 @@
 #include "tests/apps/workspace.h"
 
 namespace plenocal::testing {
-namespace {
+namespace TEST_FILE {
 
 using ::testing::HasSubstr;
 
@@ -215,5 +215,5 @@ TEST_F(Detections, OfTheMasterMayBeMissingInSomeFrames) {
   EXPECT_EQ(Table(Read("out/poses.csv")).Rows(), 10U);
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::testing

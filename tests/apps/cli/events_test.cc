@@ -7,7 +7,7 @@
 #include "tests/apps/workspace.h"
 
 namespace plenocal::testing {
-namespace {
+namespace TEST_FILE {
 
 using ::testing::Contains;
 using ::testing::HasSubstr;
@@ -107,5 +107,5 @@ TEST_F(ExcludeOption, RefusesRulesWithTheRuleInTheMessage) {
   EXPECT_THAT(camera.err, HasSubstr("did you mean 'cam0'"));
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::testing

@@ -14,7 +14,7 @@
 #include "tests/detectors/plenoptic/plenoptic_scene.h"
 
 namespace plenocal::testing {
-namespace {
+namespace TEST_FILE {
 
 using ::testing::AllOf;
 using ::testing::HasSubstr;
@@ -270,5 +270,5 @@ TEST_F(ViewsCommandLine, NeedsMicroImageCentres) {
   ExpectRefused(Run({"views", "raw/a.png", "-o", "out"}), kWrongInput, {"--white", "--grid"});
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::testing

@@ -14,7 +14,7 @@
 #include "tests/apps/chessboard_images.h"
 
 namespace plenocal::testing {
-namespace {
+namespace TEST_FILE {
 
 using ::testing::AllOf;
 using ::testing::HasSubstr;
@@ -232,5 +232,5 @@ TEST_F(Images, AreFreedOfVignettingByWhiteImages) {
   EXPECT_LT(corrected, shaded / 3);
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::testing

@@ -7,7 +7,7 @@
 #include "tests/apps/chessboard_images.h"
 
 namespace plenocal::testing {
-namespace {
+namespace TEST_FILE {
 
 using ::testing::AllOf;
 using ::testing::HasSubstr;
@@ -276,5 +276,5 @@ TEST_F(Init, SaysWhatIsMissing) {
   EXPECT_EQ(Run({"init", "empty"}).status, kWrongInput);
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::testing

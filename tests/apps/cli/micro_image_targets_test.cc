@@ -13,7 +13,7 @@
 #include "tests/apps/workspace.h"
 
 namespace plenocal::testing {
-namespace {
+namespace TEST_FILE {
 
 class MicroImageTargets : public Workspace {
  protected:
@@ -201,5 +201,5 @@ TEST_F(MicroImageTargets, TableOfDetectionsSaysAllThatTheImagesSay) {
             0.98 * number(images, "sigma", "B"));
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::testing

@@ -16,7 +16,7 @@
 #include "tests/optional_data.h"
 
 namespace plenocal::testing {
-namespace {
+namespace TEST_FILE {
 
 namespace fs = std::filesystem;
 
@@ -284,5 +284,5 @@ TEST_F(SimulatedLens, RealCornersAreExplainedAsByMrcalsSpline) {
   EXPECT_LT(fit["rms"].as<double>(), 0.6088);
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::testing

@@ -12,7 +12,7 @@
 #include "tests/optional_data.h"
 
 namespace plenocal::testing {
-namespace {
+namespace TEST_FILE {
 
 namespace fs = std::filesystem;
 
@@ -188,5 +188,5 @@ TEST_F(OpenCvComparison, TheRigAgreesWithinItsSigmas) {
   }
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::testing

@@ -6,7 +6,7 @@
 #include "tests/apps/workspace.h"
 
 namespace plenocal::testing {
-namespace {
+namespace TEST_FILE {
 
 using ::testing::HasSubstr;
 namespace fs = std::filesystem;
@@ -111,5 +111,5 @@ TEST_F(Output, OnAFullStandardOutputFails) {
   EXPECT_THAT(outcome.err, HasSubstr("standard output"));
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::testing

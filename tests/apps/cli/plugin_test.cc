@@ -9,7 +9,7 @@
 #include "tests/apps/workspace.h"
 
 namespace plenocal::testing {
-namespace {
+namespace TEST_FILE {
 
 using ::testing::AllOf;
 using ::testing::HasSubstr;
@@ -174,5 +174,5 @@ TEST_F(Plugin, ModelsCheckAcceptsARightModelAndSaysWhatIsWrongInOthers) {
   EXPECT_EQ(Run({"models", "check", "focused-plenoptic"}).status, kDone);
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::testing

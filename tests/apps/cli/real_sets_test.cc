@@ -14,7 +14,7 @@
 #include "tests/optional_data.h"
 
 namespace plenocal::testing {
-namespace {
+namespace TEST_FILE {
 
 namespace fs = std::filesystem;
 using ::testing::HasSubstr;
@@ -462,5 +462,5 @@ TEST_F(RealSets, PlenopticCameraFromTheEvenAndTheOddFrames) {
   EXPECT_LT(std::sqrt(squares / static_cast<double>(markers[0].size())), 0.05e-3);
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::testing

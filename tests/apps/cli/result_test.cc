@@ -9,7 +9,7 @@
 #include "tests/apps/workspace.h"
 
 namespace plenocal::testing {
-namespace {
+namespace TEST_FILE {
 
 using ::testing::HasSubstr;
 
@@ -254,5 +254,5 @@ TEST_F(Results, SaysWhatWasKnownOfParametersBesideTheImages) {
   ExpectFailure(kWrongInput, {"session.yaml:", "tied to itself"});
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::testing

@@ -7,7 +7,7 @@
 #include "tests/apps/chessboard_images.h"
 
 namespace plenocal::testing {
-namespace {
+namespace TEST_FILE {
 
 using ::testing::Contains;
 using ::testing::HasSubstr;
@@ -216,5 +216,5 @@ TEST_F(Resume, RemovesWhatAKilledRunDidNotAnnounce) {
   EXPECT_EQ(Result("out"), first);
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::testing

@@ -12,7 +12,7 @@
 #include "tests/apps/workspace.h"
 
 namespace plenocal::testing {
-namespace {
+namespace TEST_FILE {
 
 using ::testing::HasSubstr;
 namespace fs = std::filesystem;
@@ -285,5 +285,5 @@ TEST_F(Rigs, EarlierCalibrationsMustFitTheSession) {
   expect("from: other.yaml\n", {"other.yaml", "none of the session's cameras"});
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::testing

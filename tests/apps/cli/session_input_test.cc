@@ -6,7 +6,7 @@
 #include "tests/apps/workspace.h"
 
 namespace plenocal::testing {
-namespace {
+namespace TEST_FILE {
 
 struct Mistake {
   std::string name;  // of the test
@@ -339,5 +339,5 @@ TEST_F(SessionFile, MayLieInAnotherFolderThanTheWorkingOne) {
   EXPECT_EQ(outcome.status, kDone) << outcome.err;
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::testing

@@ -17,7 +17,7 @@
 #include "tests/optional_data.h"
 
 namespace plenocal::testing {
-namespace {
+namespace TEST_FILE {
 
 namespace fs = std::filesystem;
 
@@ -168,5 +168,5 @@ TEST_F(SimSmall, EveryTagThatIsWholeInTheView) {
   }
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::testing

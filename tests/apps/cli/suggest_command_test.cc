@@ -6,7 +6,7 @@
 #include "tests/apps/workspace.h"
 
 namespace plenocal::testing {
-namespace {
+namespace TEST_FILE {
 
 using ::testing::AllOf;
 using ::testing::HasSubstr;
@@ -102,5 +102,5 @@ TEST_F(SuggestCommand, RefusesWhatItCannotUse) {
   EXPECT_THAT(nowhere.err, HasSubstr("no pose of the target is feasible"));
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::testing

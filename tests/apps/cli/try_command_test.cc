@@ -9,7 +9,7 @@
 #include "tests/apps/workspace.h"
 
 namespace plenocal::testing {
-namespace {
+namespace TEST_FILE {
 
 using ::testing::AllOf;
 
@@ -211,5 +211,5 @@ TEST_F(TryCommand, RefusesWhatItCannotTry) {
   fails({"--models", "pinhole"}, kJobFailed, "3 frames: too few");
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::testing

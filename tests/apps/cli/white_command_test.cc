@@ -12,7 +12,7 @@
 #include "tests/detectors/plenoptic/white/white_field.h"
 
 namespace plenocal::testing {
-namespace {
+namespace TEST_FILE {
 
 using ::testing::AllOf;
 using ::testing::HasSubstr;
@@ -217,5 +217,5 @@ TEST_F(WhiteCommand, TakesTheGridOfARayCalibDataFile) {
       AllOf(HasSubstr("grid.xml"), HasSubstr("lens distortion (Brown) is not used")));
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::testing

@@ -13,7 +13,7 @@
 #include "tests/optional_data.h"
 
 namespace plenocal::testing {
-namespace {
+namespace TEST_FILE {
 
 using ::testing::AllOf;
 using ::testing::HasSubstr;
@@ -407,5 +407,5 @@ TEST_F(EvaluateCommand, CommandLinesThatSayTooLittleOrTooMuchAreRefused) {
       kWrongInput, {"--estimate", "kitti.txt", "--truth", "truth.txt"}, {"kitti.txt", "--times"});
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::testing

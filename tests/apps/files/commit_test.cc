@@ -6,7 +6,7 @@
 #include "tests/apps/workspace.h"
 
 namespace plenocal::testing {
-namespace {
+namespace TEST_FILE {
 
 using ::testing::HasSubstr;
 namespace fs = std::filesystem;
@@ -73,5 +73,5 @@ TEST_F(Commit, GivesTheSameBytesInAnyLocaleTimeZoneAndNumberOfThreads) {
   }
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::testing

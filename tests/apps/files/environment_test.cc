@@ -11,7 +11,7 @@
 #include "tests/apps/files/small_inputs.h"
 
 namespace plenocal::testing {
-namespace {
+namespace TEST_FILE {
 
 using ::testing::HasSubstr;
 namespace fs = std::filesystem;
@@ -123,5 +123,5 @@ INSTANTIATE_TEST_SUITE_P(
             "undistort", {"undistort", "given/calibration.yaml", "image.pgm"}, "image.png"}),
     [](const auto& command) { return command.param.name; });
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::testing

@@ -9,7 +9,7 @@
 #include "tests/apps/files/small_inputs.h"
 
 namespace plenocal::testing {
-namespace {
+namespace TEST_FILE {
 
 namespace fs = std::filesystem;
 using Arguments = std::vector<std::string>;
@@ -95,5 +95,5 @@ INSTANTIATE_TEST_SUITE_P(
             {"undistort", "given/calibration.yaml", "image.pgm", "--threads", "1", "-o", "out"}}),
     [](const auto& writer) { return writer.param.name; });
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::testing

@@ -7,7 +7,7 @@
 #include "tests/apps/workspace.h"
 
 namespace plenocal::testing {
-namespace {
+namespace TEST_FILE {
 
 using ::testing::AllOf;
 using ::testing::HasSubstr;
@@ -179,5 +179,5 @@ TEST_F(Inputs, OfGridsThatAreNoneAreRefused) {
   EXPECT_EQ(Run(import()).status, kDone);
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::testing

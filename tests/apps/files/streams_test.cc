@@ -9,7 +9,7 @@
 #include "tests/apps/workspace.h"
 
 namespace plenocal::testing {
-namespace {
+namespace TEST_FILE {
 
 using ::testing::HasSubstr;
 using ::testing::Not;
@@ -113,5 +113,5 @@ TEST_F(Streams, HoldNothingOfForeignLibrariesAndNoControlCharacters) {
   EXPECT_THAT(outcome.err, Not(HasSubstr("\x1b")));
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::testing

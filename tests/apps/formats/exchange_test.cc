@@ -24,7 +24,7 @@
 #include "tests/optional_data.h"
 
 namespace plenocal::testing {
-namespace {
+namespace TEST_FILE {
 
 using ::testing::AllOf;
 using ::testing::HasSubstr;
@@ -757,5 +757,5 @@ TEST_F(Exchange, KalibrTargetsCornersAndRaytrixGridsAreImported) {
                 {"WIDTHxHEIGHT", "64x"});
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::testing

@@ -12,7 +12,7 @@
 #include "tests/apps/workspace.h"
 
 namespace plenocal::testing {
-namespace {
+namespace TEST_FILE {
 
 using ::testing::HasSubstr;
 using ::testing::Not;
@@ -267,5 +267,5 @@ TEST_F(PhotometryCommand, OneCameraHasNoOtherToCompareWith) {
   EXPECT_THAT(outcome.err, HasSubstr("has one camera"));
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::testing

@@ -19,7 +19,7 @@
 #include "tests/apps/workspace.h"
 
 namespace plenocal::testing {
-namespace {
+namespace TEST_FILE {
 
 using ::testing::HasSubstr;
 
@@ -199,5 +199,5 @@ TEST_F(ResponseFile, IsRefusedWithWhatIsWrong) {
   EXPECT_THAT(MessageOf(text), HasSubstr("value 0: expected a number, found 'x'"));
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::testing

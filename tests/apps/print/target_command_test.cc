@@ -13,7 +13,7 @@
 #include "tests/apps/workspace.h"
 
 namespace plenocal::testing {
-namespace {
+namespace TEST_FILE {
 
 using ::testing::HasSubstr;
 
@@ -215,5 +215,5 @@ TEST_F(TargetCommand, SaysWhatItCannotPrint) {
   expect(Print("a.png", {"--dpi", "2400", "--paper", "a0"}), "lower --dpi");
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::testing

@@ -6,7 +6,7 @@
 #include "tests/apps/workspace.h"
 
 namespace plenocal::testing {
-namespace {
+namespace TEST_FILE {
 
 using ::testing::HasSubstr;
 namespace fs = std::filesystem;
@@ -110,5 +110,5 @@ TEST_F(ChosenFrames, FleetWritesAWorkflowAndAnOverview) {
   EXPECT_THAT(page, HasSubstr("1 failed, 1 open"));
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::testing

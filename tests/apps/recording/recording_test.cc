@@ -13,7 +13,7 @@
 #include "tests/optional_data.h"
 
 namespace plenocal::testing {
-namespace {
+namespace TEST_FILE {
 
 namespace fs = std::filesystem;
 using ::testing::AllOf;
@@ -483,5 +483,5 @@ TEST_F(Recordings, WriteMarkersByTheCommand) {
   EXPECT_EQ(Workspace::Read("out/detections_left.csv"), "frame,marker,x,y\n0001,7,10,20\n");
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::testing

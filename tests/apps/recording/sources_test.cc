@@ -20,7 +20,7 @@
 #include "tests/apps/workspace.h"
 
 namespace plenocal::testing {
-namespace {
+namespace TEST_FILE {
 
 namespace fs = std::filesystem;
 using ::testing::Contains;
@@ -297,5 +297,5 @@ TEST_F(Sources, UnknownOrDamagedPixelsAreRefusedWithTheMend) {
   EXPECT_THAT(refusal(Stored(Noise(CV_8UC1), "bgr8")), HasSubstr("do not fit"));
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::testing

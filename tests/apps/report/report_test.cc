@@ -13,7 +13,7 @@
 #include "tests/apps/chessboard_images.h"
 
 namespace plenocal::testing {
-namespace {
+namespace TEST_FILE {
 
 using ::testing::Contains;
 using ::testing::HasSubstr;
@@ -469,5 +469,5 @@ TEST_F(Report, IsDrawnByABrowser) {
   }
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::testing

@@ -14,7 +14,7 @@
 #include "tests/optional_data.h"
 
 namespace plenocal::testing {
-namespace {
+namespace TEST_FILE {
 
 namespace fs = std::filesystem;
 using ::testing::AllOf;
@@ -722,5 +722,5 @@ TEST_F(RealPairs, EpipolarErrorOfAWideAnamorphicPair) {
                             cv::CALIB_RATIONAL_MODEL});
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::testing

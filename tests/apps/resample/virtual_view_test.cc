@@ -18,7 +18,7 @@
 #include "tests/optional_data.h"
 
 namespace plenocal::testing {
-namespace {
+namespace TEST_FILE {
 
 namespace fs = std::filesystem;
 using ::testing::HasSubstr;
@@ -261,5 +261,5 @@ TEST_F(VirtualView, CloudsAreInMetresAndWhatCannotBeIsRefused) {
           "640 x 512");
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::testing

@@ -13,7 +13,7 @@
 #include "tests/apps/workspace.h"
 
 namespace plenocal::testing {
-namespace {
+namespace TEST_FILE {
 
 constexpr double kScale = 1.01, kDegrees = 0.5;
 const Eigen::Vector3d kShift(0.2, -0.2, 0.1);  // 0.3 m
@@ -146,5 +146,5 @@ TEST_F(EvaluateGroundTruth, TakesTheSegmentsOfTheCameraThatIsNamed) {
   EXPECT_THAT(unknown.err, ::testing::HasSubstr("right"));
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::testing

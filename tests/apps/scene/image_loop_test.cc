@@ -7,7 +7,7 @@
 #include "tests/optional_data.h"
 
 namespace plenocal::testing {
-namespace {
+namespace TEST_FILE {
 
 using ::testing::HasSubstr;
 
@@ -66,5 +66,5 @@ TEST_F(ImageLoop, IsRefusedWhereTheEndIsElsewhere) {
   EXPECT_TRUE(Files("truth").empty());
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::testing

@@ -6,7 +6,7 @@
 #include "tests/apps/workspace.h"
 
 namespace plenocal::testing {
-namespace {
+namespace TEST_FILE {
 
 using ::testing::HasSubstr;
 
@@ -113,5 +113,5 @@ TEST_F(ImageScene, OfAStereoPairAndRawPlenopticImagesIsARecalibration) {
   EXPECT_EQ(Read("out/calibration.yaml"), before);
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::testing

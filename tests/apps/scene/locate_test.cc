@@ -5,7 +5,7 @@
 #include "tests/apps/workspace.h"
 
 namespace plenocal::testing {
-namespace {
+namespace TEST_FILE {
 
 using ::testing::HasSubstr;
 
@@ -91,5 +91,5 @@ TEST_F(Locate, RefusesWhatCannotBeLocated) {
   expect({"far.csv", "nothing.png"}, kWrongInput, "descriptors.png");
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::testing

@@ -7,7 +7,7 @@
 #include <opencv2/imgproc.hpp>
 
 namespace plenocal {
-namespace {
+namespace TEST_FILE {
 
 // A smooth texture, sampled at A (p - centre) + centre + shift.
 cv::Mat Texture(const cv::Matx22f& A, const cv::Point2f& shift, double gain, double offset) {
@@ -57,5 +57,5 @@ TEST(PatchFit, DoesNotFollowAPointOutOfReach) {
   EXPECT_FALSE(FitPatch(key, kMiddle, image, {.point = kMiddle}));
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal

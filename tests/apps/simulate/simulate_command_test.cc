@@ -10,7 +10,7 @@
 #include "tests/apps/workspace.h"
 
 namespace plenocal::testing {
-namespace {
+namespace TEST_FILE {
 
 using ::testing::HasSubstr;
 namespace fs = std::filesystem;
@@ -242,5 +242,5 @@ TEST_F(SimulateCommand, RefusesToReplaceItsInputs) {
   EXPECT_EQ(Read("target.yaml"), target);
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::testing

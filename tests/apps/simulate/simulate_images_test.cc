@@ -14,7 +14,7 @@
 #include "models/registry.h"
 
 namespace plenocal::simulate {
-namespace {
+namespace TEST_FILE {
 
 constexpr double kSpacing = 0.02;  // m
 
@@ -206,5 +206,5 @@ TEST(SimulatedImages, NoiseIsThatOfTheElectrons) {
   EXPECT_NEAR(sigma[0], std::sqrt(kElectrons + 144) * kGrays, 0.5);
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::simulate

@@ -10,7 +10,7 @@
 #include "calib/base/error.h"
 
 namespace plenocal::workbench {
-namespace {
+namespace TEST_FILE {
 
 namespace fs = std::filesystem;
 using ::testing::HasSubstr;
@@ -149,5 +149,5 @@ TEST_F(ApiOfAFolder, WritesNoTargetThatLiesElsewhere) {
   EXPECT_EQ(fs::file_size(folder_ / "outside/secret.png"), 6u);
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::workbench

@@ -9,7 +9,7 @@
 #include "apps/workbench/http/event_log.h"
 
 namespace plenocal::workbench {
-namespace {
+namespace TEST_FILE {
 
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
@@ -178,5 +178,5 @@ TEST(EventLog, SaysSoWhenEventsAreLost) {
   EXPECT_THAT(log.After(&ahead), HasSubstr("event: reset"));
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::workbench

@@ -15,7 +15,7 @@
 #include "calib/base/error.h"
 
 namespace plenocal::workbench {
-namespace {
+namespace TEST_FILE {
 
 namespace fs = std::filesystem;
 using ::testing::ElementsAre;
@@ -190,5 +190,5 @@ TEST(CommandLineText, IsTakenByAShellAsItWas) {
             "plenocal calibrate 'a b.yaml' '$(touch x)' 'it'\\''s' ''");
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::workbench

@@ -13,7 +13,7 @@
 #include <thread>
 
 namespace plenocal::workbench {
-namespace {
+namespace TEST_FILE {
 
 using ::testing::HasSubstr;
 using ::testing::Not;
@@ -148,5 +148,5 @@ TEST_F(ServerOnASocket, StreamsEventsFromTheOneThatThePageHasSeen) {
   EXPECT_THAT(answer, Not(HasSubstr("\"id\":1}")));
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::workbench

@@ -11,7 +11,7 @@
 #include "tests/calib/synthetic.h"
 
 namespace plenocal {
-namespace {
+namespace TEST_FILE {
 
 using testing::MakeProblem;
 using testing::SyntheticOptions;
@@ -318,5 +318,5 @@ TEST(Linearise, AgreesWithDifferencesInEveryUnknown) {
   }
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal

@@ -10,7 +10,7 @@
 #include "tests/calib/synthetic.h"
 
 namespace plenocal {
-namespace {
+namespace TEST_FILE {
 
 using testing::MakeProblem;
 using testing::Random;
@@ -82,5 +82,5 @@ TEST(OwnPoseSteps, GainWhatSixUnknownsAbsorbOfTheNoise) {
   EXPECT_NEAR(gain / steps, 6, 5 * std::sqrt(12 / steps));
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal

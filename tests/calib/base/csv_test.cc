@@ -9,7 +9,7 @@
 #include "calib/base/error.h"
 
 namespace plenocal {
-namespace {
+namespace TEST_FILE {
 
 using ::testing::ElementsAre;
 using ::testing::StartsWith;
@@ -172,5 +172,5 @@ TEST(Vnlog, SkipsCommentsBeforeTheLegendOfAKnownFirstColumn) {
   EXPECT_EQ(table.Integer(1), 1);
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal

@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 namespace plenocal::testing {
-namespace {
+namespace TEST_FILE {
 
 TEST(RotationBetween, IsARotationThatMapsOneDirectionToTheOther) {
   const Eigen::Vector3d x(1, 0, 0), skew(0.3, -2, 0.7);
@@ -38,5 +38,5 @@ TEST(SolveSymmetric, SolvesForEachColumn) {
   EXPECT_FALSE(SolvePositive(Eigen::Matrix<double, 6, 6>(-A), Eigen::MatrixXd(X)).has_value());
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::testing

@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 namespace plenocal::testing {
-namespace {
+namespace TEST_FILE {
 
 TEST(Counted, HasTheSingularForOneOnly) {
   EXPECT_EQ(Counted(0, "image"), "0 images");
@@ -14,5 +14,5 @@ TEST(Counted, HasTheSingularForOneOnly) {
   EXPECT_EQ(Counted(3, "micro lens", "micro lenses"), "3 micro lenses");
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::testing

@@ -18,7 +18,7 @@
 #include "calib/base/input_file.h"
 
 namespace plenocal {
-namespace {
+namespace TEST_FILE {
 
 using ::testing::AllOf;
 using ::testing::HasSubstr;
@@ -191,5 +191,5 @@ TEST_F(Results, OfTheCacheAreAllThatItRemoves) {
   EXPECT_FALSE(fs::exists(out_ / ".cache" / (key + ".123.4")));
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal

@@ -18,7 +18,7 @@
 #include "calib/base/yaml.h"
 
 namespace plenocal {
-namespace {
+namespace TEST_FILE {
 
 using ::testing::HasSubstr;
 namespace fs = std::filesystem;
@@ -157,5 +157,5 @@ TEST(QuotedText, OfNamesIsChecked) {
   for (const char* bad : {"", "a\nb", "a\x1b", "\xff"}) EXPECT_TRUE(FrameNameDefect(bad)) << bad;
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal

@@ -16,7 +16,7 @@
 #include "calib/base/error.h"
 
 namespace plenocal {
-namespace {
+namespace TEST_FILE {
 
 using ::testing::HasSubstr;
 using ::testing::Not;
@@ -345,5 +345,5 @@ TEST(Yaml, ReadsAFileOfManyMarkersFast) {
   EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(20));
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal

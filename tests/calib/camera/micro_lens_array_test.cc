@@ -18,7 +18,7 @@
 #include "tests/optional_data.h"
 
 namespace plenocal {
-namespace {
+namespace TEST_FILE {
 
 namespace fs = std::filesystem;
 constexpr ImageSize kSize{300, 200};
@@ -217,5 +217,5 @@ TEST(RayCalibData, SaysWhatIsWrong) {
   fs::remove(path);
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal

@@ -12,7 +12,7 @@
 #include "tests/calib/synthetic.h"
 
 namespace plenocal {
-namespace {
+namespace TEST_FILE {
 
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
@@ -223,5 +223,5 @@ TEST(ParametersThatAreOne, AreNamedOnceWhereTheyAreOpen) {
   EXPECT_LE(named, 1);
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal

@@ -7,7 +7,7 @@
 #include <random>
 
 namespace plenocal {
-namespace {
+namespace TEST_FILE {
 
 // Poses from exact rays: refined to rounding, times the lever of a small target (about 1000).
 constexpr double kExact = 1e-9;
@@ -170,5 +170,5 @@ TEST(Resect, FindsNothingForTooFewPointsOrPointsOnALine) {
       << "the first row is a line";
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal

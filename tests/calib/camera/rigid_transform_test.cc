@@ -8,7 +8,7 @@
 #include <random>
 
 namespace plenocal {
-namespace {
+namespace TEST_FILE {
 
 constexpr double kPi = std::numbers::pi;
 // A handful of roundings of numbers of size 1.
@@ -181,5 +181,5 @@ TEST(LogJacobian, IsTheDerivativeOfTheLogarithmInTheChart) {
   }
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal

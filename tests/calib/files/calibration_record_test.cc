@@ -19,7 +19,7 @@
 #include "models/registry.h"
 
 namespace plenocal {
-namespace {
+namespace TEST_FILE {
 
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
@@ -454,5 +454,5 @@ TEST(FindCamera, TakesTheOnlyOneWithoutAName) {
   EXPECT_EQ(FindCamera(record, "").name, "left");
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal

@@ -10,7 +10,7 @@
 #include "calib/base/error.h"
 
 namespace plenocal {
-namespace {
+namespace TEST_FILE {
 
 using ::testing::AllOf;
 using ::testing::HasSubstr;
@@ -154,5 +154,5 @@ TEST_F(Detections, AreRefusedWithFileAndLine) {
   EXPECT_THAT(MessageOf("", Ordinary()), HasSubstr("/nowhere/d.csv: no such file"));
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal

@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 
 namespace plenocal {
-namespace {
+namespace TEST_FILE {
 
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
@@ -84,5 +84,5 @@ TEST(Exclusion, LeavesOutMarkersWithTheirSharedErrors) {
   EXPECT_THAT(exclusion.Unused(), ElementsAre(HasSubstr("exclude[1] (frame: zzz, markers: [4])")));
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal

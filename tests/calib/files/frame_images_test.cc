@@ -9,7 +9,7 @@
 #include "calib/base/error.h"
 
 namespace plenocal {
-namespace {
+namespace TEST_FILE {
 
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
@@ -63,5 +63,5 @@ TEST_F(FrameImages, MustBeThere) {
   }
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal

@@ -12,7 +12,7 @@
 #include "tests/calib/synthetic.h"
 
 namespace plenocal::testing {
-namespace {
+namespace TEST_FILE {
 
 // Of the same frames with other noise.
 Calibration CalibrateWithNoise(CalibrationInput input, unsigned seed) {
@@ -129,5 +129,5 @@ TEST(CompareExtrinsics, DifferencesAreAsLargeAsTheSigmasOfBothPredict) {
   }
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::testing

@@ -8,7 +8,7 @@
 #include "tests/calib/random.h"
 
 namespace plenocal::testing {
-namespace {
+namespace TEST_FILE {
 
 constexpr size_t kFrames = 20, kPointsOfFrame = 30, kFolds = 5;
 
@@ -74,5 +74,5 @@ TEST(HeldOutScores, FindErrorsMuchSmallerThanTheNoise) {
   EXPECT_EQ(scores.ProbabilityOfEqual(clear.right, clear.right), 1);
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::testing

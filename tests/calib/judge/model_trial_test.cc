@@ -12,7 +12,7 @@
 #include "tests/calib/synthetic.h"
 
 namespace plenocal::testing {
-namespace {
+namespace TEST_FILE {
 
 using ::testing::HasSubstr;
 
@@ -161,5 +161,5 @@ TEST(OfOneKind, AreModelsWithTheSameMeasurement) {
   EXPECT_FALSE(OfOneKind(*models[0], *models[2]));
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::testing

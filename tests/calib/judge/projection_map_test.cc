@@ -17,7 +17,7 @@
 #include "tests/calib/synthetic.h"
 
 namespace plenocal::testing {
-namespace {
+namespace TEST_FILE {
 
 constexpr int kTrials = 60;
 // Of a variance that is estimated from kTrials: chi-square quantiles at 1e-5 and 1 - 1e-5.
@@ -221,5 +221,5 @@ TEST(DistanceUncertainty, IsTheScatterOfDistancesThatNoisyCalibrationsMeasure) {
   EXPECT_NEAR(mean_noise, 1, 4 * std::sqrt(2.0 / (kTrials * static_cast<double>(markers.size()))));
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::testing

@@ -9,7 +9,7 @@
 #include "tests/calib/synthetic.h"
 
 namespace plenocal::testing {
-namespace {
+namespace TEST_FILE {
 
 // An adjustment that went astray may leave a camera that sees nothing of what the other sees.
 TEST(SupportedDifference, IsInfiniteWithoutACommonPixel) {
@@ -22,5 +22,5 @@ TEST(SupportedDifference, IsInfiniteWithoutACommonPixel) {
   EXPECT_LT(SupportedDifference(calibration, calibration, camera), 1e-9);
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::testing

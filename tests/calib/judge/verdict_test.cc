@@ -13,7 +13,7 @@
 #include "tests/calib/synthetic.h"
 
 namespace plenocal::testing {
-namespace {
+namespace TEST_FILE {
 
 using ::testing::Contains;
 using ::testing::Not;
@@ -274,5 +274,5 @@ TEST(Verdict, GivesACauseTheGradeOfItsConsequences) {
   EXPECT_EQ(verdict.findings.back().grade, Grade::kUsable);
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::testing

@@ -13,7 +13,7 @@
 #include "tests/calib/synthetic.h"
 
 namespace plenocal {
-namespace {
+namespace TEST_FILE {
 
 using testing::MakeProblem;
 using testing::Random;
@@ -137,5 +137,5 @@ TEST(CameraNoise, RobustEstimateNamesCamerasWhoseModelImagesTooLittle) {
   EXPECT_EQ(outside, std::vector<size_t>{0});
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal

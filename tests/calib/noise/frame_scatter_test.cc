@@ -11,7 +11,7 @@
 #include "tests/calib/synthetic.h"
 
 namespace plenocal {
-namespace {
+namespace TEST_FILE {
 
 using testing::MakeProblem;
 using testing::Random;
@@ -45,7 +45,7 @@ TEST(FrameScatter, OfIndependentNoiseIsNone) {
   double squares = 0, degrees = 0;
   for (unsigned seed = 0; seed < 4; ++seed) {
     const Bundle bundle = AdjustedBundle(seed, 0);
-    const auto scatter = EstimateFrameScatter(bundle, EstimateUncertainty(bundle));
+    const auto scatter = EstimateScatter(bundle, EstimateUncertainty(bundle)).of_frames;
     ASSERT_EQ(scatter.size(), 1U);
     EXPECT_GT(scatter[0].degrees, 10);
     squares += scatter[0].factor * scatter[0].degrees;
@@ -58,7 +58,7 @@ TEST(FrameScatter, OfIndependentNoiseIsNone) {
 
 TEST(FrameScatter, OfFramesWithADistortionOfTheirOwnIsFound) {
   const Bundle bundle = AdjustedBundle(5, 5e-9);  // a pixel at the image's edge
-  const auto scatter = EstimateFrameScatter(bundle, EstimateUncertainty(bundle));
+  const auto scatter = EstimateScatter(bundle, EstimateUncertainty(bundle)).of_frames;
   const double rest = 2.0 * static_cast<double>(bundle.observations.size());
   EXPECT_LT(FTail(scatter[0].factor, scatter[0].degrees, rest), 1e-6);
 }
@@ -85,7 +85,7 @@ TEST(MarkerScatter, OfIndependentNoiseIsNone) {
   double squares = 0, degrees = 0;
   for (unsigned seed = 0; seed < 4; ++seed) {
     const Bundle bundle = BundleOfDisplacedMarkers(seed, 0);
-    const Scatter scatter = EstimateMarkerScatter(bundle, EstimateUncertainty(bundle))[0];
+    const Scatter scatter = EstimateScatter(bundle, EstimateUncertainty(bundle)).of_markers[0];
     EXPECT_GT(scatter.degrees, 10);
     squares += scatter.factor * scatter.degrees;
     degrees += scatter.degrees;
@@ -97,7 +97,7 @@ TEST(MarkerScatter, OfIndependentNoiseIsNone) {
 
 TEST(MarkerScatter, OfMarkersThatOneCameraSeesBesideTheirPlaceIsFound) {
   const Bundle bundle = BundleOfDisplacedMarkers(5, kNoise);
-  const Scatter scatter = EstimateMarkerScatter(bundle, EstimateUncertainty(bundle))[0];
+  const Scatter scatter = EstimateScatter(bundle, EstimateUncertainty(bundle)).of_markers[0];
   const double rest = 2.0 * static_cast<double>(bundle.observations.size());
   EXPECT_LT(FTail(scatter.factor, scatter.degrees, rest), 1e-6);
 }
@@ -115,5 +115,5 @@ TEST(FrameScatter, ScalesVariances) {
   }
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal

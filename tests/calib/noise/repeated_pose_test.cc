@@ -9,7 +9,7 @@
 #include "tests/calib/synthetic.h"
 
 namespace plenocal {
-namespace {
+namespace TEST_FILE {
 
 using testing::MakeProblem;
 using testing::Random;
@@ -61,5 +61,5 @@ TEST(RepeatedPose, LeavesOpenWhatNoiseSeemsToDetermine) {
   EXPECT_GE(undetermined, 5);
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal

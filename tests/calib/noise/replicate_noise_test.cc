@@ -12,7 +12,7 @@
 #include "tests/calib/random.h"
 
 namespace plenocal {
-namespace {
+namespace TEST_FILE {
 
 using testing::Random;
 
@@ -122,5 +122,5 @@ TEST(NoiseFloor, IsTheSpreadOfReplicatesAndCountsTheIncludedOnly) {
   EXPECT_NEAR(floor.length, std::sqrt(2 * 8.0 / 6), 1e-12);
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal

@@ -13,7 +13,7 @@
 #include "tests/calib/synthetic.h"
 
 namespace plenocal {
-namespace {
+namespace TEST_FILE {
 
 using testing::MakeProblem;
 using testing::Random;
@@ -170,5 +170,5 @@ TEST(Uncertainty, NamesWhatOneViewOfAPlaneLeavesOpen) {
   EXPECT_FALSE(uncertainty.open.empty());
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal

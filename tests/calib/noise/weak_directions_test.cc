@@ -11,7 +11,7 @@
 #include "tests/calib/synthetic.h"
 
 namespace plenocal {
-namespace {
+namespace TEST_FILE {
 
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
@@ -86,5 +86,5 @@ TEST(Listed, ShortensLongLists) {
   EXPECT_THAT(Listed(many), HasSubstr("and 8 more"));
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal

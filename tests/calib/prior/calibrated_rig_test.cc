@@ -8,7 +8,7 @@
 #include "models/registry.h"
 
 namespace plenocal {
-namespace {
+namespace TEST_FILE {
 
 // Extrinsics of both cameras are uncertain: the rig's master is a third.
 CalibrationRecord UncertainPair() {
@@ -76,5 +76,5 @@ TEST(CalibratedRig, HasNoPriorWithoutStandardErrors) {
   EXPECT_TRUE(rig.cameras[1].is_master);  // its extrinsics are given
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal

@@ -9,7 +9,7 @@
 #include "tests/calib/random.h"
 
 namespace plenocal {
-namespace {
+namespace TEST_FILE {
 
 RigidTransform Pose(double x, double y, double z, double w_x, double w_y, double w_z) {
   return {ExpRotation({w_x, w_y, w_z}), {x, y, z}};
@@ -76,5 +76,5 @@ TEST(HandEye, NeedsThreeInstants) {
   EXPECT_FALSE(SolveHandEye(std::span(pairs).first(2)));
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal

@@ -9,7 +9,7 @@
 #include "tests/calib/random.h"
 
 namespace plenocal {
-namespace {
+namespace TEST_FILE {
 
 constexpr double kPositionNoise = 2e-4, kAngleNoise = 3.5e-4;  // m, rad
 
@@ -102,5 +102,5 @@ TEST(OutsidePoses, InMillimetresMoveAThousandTimesAsFar) {
   EXPECT_GT(RatioOfLengths(poses), 500);
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal

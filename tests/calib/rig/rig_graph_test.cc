@@ -11,7 +11,7 @@
 #include "tests/calib/random.h"
 
 namespace plenocal {
-namespace {
+namespace TEST_FILE {
 
 // A rig of cameras before targets, all with known poses.
 struct World {
@@ -117,5 +117,5 @@ TEST(RigGraph, DoesNotTakeAMovingTargetForAFixedOne) {
   EXPECT_NE(graph.target_group[0], graph.target_group[1]);
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal

@@ -6,7 +6,7 @@
 #include "tests/calib/random.h"
 
 namespace plenocal {
-namespace {
+namespace TEST_FILE {
 
 using testing::Random;
 
@@ -54,5 +54,5 @@ TEST(LoopCovariance, FloorIsTheRmsOfRandomAlignments) {
   EXPECT_NEAR(covariance.AlignmentFloor(start, end, path) / rms, 1, 0.03);
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal

@@ -11,7 +11,7 @@
 #include "tests/optional_data.h"
 
 namespace plenocal::testing {
-namespace {
+namespace TEST_FILE {
 
 constexpr double kMarker = 0.75;  // of a square
 
@@ -221,5 +221,5 @@ INSTANTIATE_TEST_SUITE_P(Shared,
                            return name;
                          });
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::testing

@@ -10,7 +10,7 @@
 #include "tests/optional_data.h"
 
 namespace plenocal::testing {
-namespace {
+namespace TEST_FILE {
 
 Target Chessboard(int columns, int rows) {
   Target target;
@@ -316,5 +316,5 @@ TEST(ChessboardDetector, NumbersBothCamerasOfARigAlike) {
   }
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::testing

@@ -8,7 +8,7 @@
 #include "tests/optional_data.h"
 
 namespace plenocal::testing {
-namespace {
+namespace TEST_FILE {
 
 Target Circles(int columns, int rows, bool asymmetric) {
   Target target;
@@ -177,5 +177,5 @@ TEST(CirclesDetector, FindsVispsGrids) {
   }
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::testing

@@ -15,7 +15,7 @@
 #include "tests/detectors/render_pattern.h"
 
 namespace plenocal::internal {
-namespace {
+namespace TEST_FILE {
 
 using testing::GrayFunction;
 using testing::Render;
@@ -123,5 +123,5 @@ TEST(Transposed, ExchangesColumnsAndRows) {
   EXPECT_EQ(Transposed(transposed).corners, lattice.corners);
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::internal

@@ -13,7 +13,7 @@
 #include "targets/target_drawing.h"
 
 namespace plenocal {
-namespace {
+namespace TEST_FILE {
 
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
@@ -157,5 +157,5 @@ TEST_F(ProposedTarget, IsNoneInNoise) {
   EXPECT_THAT(ProposeTargets(images_, {}).found, IsEmpty());
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal

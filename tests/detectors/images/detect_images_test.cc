@@ -12,7 +12,7 @@
 #include "tests/detectors/render_pattern.h"
 
 namespace plenocal::testing {
-namespace {
+namespace TEST_FILE {
 
 namespace fs = std::filesystem;
 using ::testing::SizeIs;
@@ -100,5 +100,5 @@ TEST_F(DetectOrdinary, MeasuresBlurAndSaturationOfTheTarget) {
   }
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::testing

@@ -14,7 +14,7 @@
 #include "detectors/tags/distortion_basis.h"
 
 namespace plenocal {
-namespace {
+namespace TEST_FILE {
 
 const Eigen::Vector2d kSize(640, 480);
 constexpr double kSigma = 2e-4;  // 1/px
@@ -214,5 +214,5 @@ TEST(DistortionBasis, IsTheSameForEightPlacesAtOnce) {
   }
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal

@@ -9,7 +9,7 @@
 #include <vector>
 
 namespace plenocal {
-namespace {
+namespace TEST_FILE {
 
 constexpr ImageSize kSize{64, 48};
 
@@ -48,5 +48,5 @@ TEST(ImageHeader, OfOtherOrDamagedContentHasNone) {
   }
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal

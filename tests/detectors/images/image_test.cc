@@ -14,7 +14,7 @@
 #include "calib/base/error.h"
 
 namespace plenocal {
-namespace {
+namespace TEST_FILE {
 
 namespace fs = std::filesystem;
 using ::testing::HasSubstr;
@@ -153,5 +153,5 @@ TEST_F(ReadGrayTest, ReadsEmptyImagesAndRefusesHeadersOfMoreThanTheirFileHolds) 
   EXPECT_THAT(Message(Write("large.jpg", jpeg)), HasSubstr("bytes can hold"));
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal

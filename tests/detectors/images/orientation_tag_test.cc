@@ -7,7 +7,7 @@
 #include <string_view>
 
 namespace plenocal::internal {
-namespace {
+namespace TEST_FILE {
 
 using namespace std::string_literals;
 
@@ -67,5 +67,5 @@ TEST(OrientationTag, IsNotReadBeyondTheFile) {
   }
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::internal

@@ -8,7 +8,7 @@
 #include "tests/detectors/render.h"
 
 namespace plenocal::internal {
-namespace {
+namespace TEST_FILE {
 
 using testing::GrayFunction;
 using testing::Render;
@@ -84,5 +84,5 @@ TEST(TargetArea, IsNotMeasuredWithoutMarkers) {
   EXPECT_EQ(MeasureTargetArea(gray, outside).saturated, 0);
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::internal

@@ -18,7 +18,7 @@
 #include "detectors/images/attenuation.h"
 
 namespace plenocal {
-namespace {
+namespace TEST_FILE {
 
 namespace fs = std::filesystem;
 using ::testing::HasSubstr;
@@ -211,5 +211,5 @@ TEST(PlaneDifference, TellsMosaicsFromGreyImages) {
   EXPECT_NEAR(PlaneDifference(Exact(mosaic, 3)), 0.2, 0.01);
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal

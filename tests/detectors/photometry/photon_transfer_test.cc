@@ -18,7 +18,7 @@
 #include "detectors/images/white_images.h"
 
 namespace plenocal {
-namespace {
+namespace TEST_FILE {
 
 namespace fs = std::filesystem;
 using ::testing::IsEmpty;
@@ -148,5 +148,5 @@ TEST_F(PhotonTransferTest, TheFileIsYaml) {
   EXPECT_EQ(root.At("defects").Elements().at(0).At("x").AsInteger(), 40);
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal

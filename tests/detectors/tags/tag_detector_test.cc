@@ -35,7 +35,7 @@
 #include "tests/optional_data.h"
 
 namespace plenocal {
-namespace {
+namespace TEST_FILE {
 
 using ::testing::Contains;
 using ::testing::Each;
@@ -599,5 +599,5 @@ TEST(TagDetectorOnRealImages, FindsEveryTagInViewOfTheSimulatedRig) {
   }
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal

@@ -12,7 +12,7 @@
 #include "tests/detectors/tags/synthetic_tag.h"
 
 namespace plenocal::internal {
-namespace {
+namespace TEST_FILE {
 
 using testing::Displaced;
 using testing::Render;
@@ -102,5 +102,5 @@ TEST(FindTag, RefusesAnotherTag) {
   EXPECT_FALSE(FindTag(gray, {TagCorners(H), other.bits}, SyntheticTag::Border(), 2));
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::internal

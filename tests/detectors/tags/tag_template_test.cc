@@ -11,7 +11,7 @@
 #include "tests/detectors/tags/synthetic_tag.h"
 
 namespace plenocal::internal {
-namespace {
+namespace TEST_FILE {
 
 using testing::Displaced;
 using testing::Render;
@@ -98,5 +98,5 @@ TEST(TagTemplate, MeasuresTheDistortionOfTheLens) {
   EXPECT_LT(with, 0.25 * without);
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::internal

@@ -10,7 +10,7 @@
 #include <vector>
 
 namespace plenocal::internal {
-namespace {
+namespace TEST_FILE {
 
 constexpr int kCells = 6;
 
@@ -142,5 +142,5 @@ TEST(CellDrawing, ValueBeyondActsByItsShare) {
   EXPECT_NEAR(high.value[0] - low.value[0], low.by_beyond[0], 1e-3);
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::internal

@@ -7,7 +7,7 @@
 #include <cmath>
 
 namespace plenocal::internal {
-namespace {
+namespace TEST_FILE {
 
 /// A disc of radius 1.1 seen a little in perspective, some 5 px large.
 Eigen::Matrix3f Homography() {
@@ -73,5 +73,5 @@ TEST(DiscDrawing, DerivativesAreThoseOfTheValue) {
   near(drawn.by_blur[0], value(1.1f, blur + h, 0, 0), value(1.1f, blur - h, 0, 0));
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::internal

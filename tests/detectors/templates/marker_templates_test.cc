@@ -11,7 +11,7 @@
 #include "detectors/templates/marker_template.h"
 
 namespace plenocal::internal {
-namespace {
+namespace TEST_FILE {
 
 /// A view of the target's plane z = 0, with perspective: px of the image by metres of the target.
 Eigen::Matrix3d Camera() {
@@ -122,5 +122,5 @@ TEST(MakeMarkerTemplates, HaveTheRadiusOfCirclesAsUnit) {
   EXPECT_GT(unit, 2);  // discs do not touch
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::internal

@@ -12,7 +12,7 @@
 #include "tests/detectors/render.h"
 
 namespace plenocal::internal {
-namespace {
+namespace TEST_FILE {
 
 using testing::GrayFunction;
 using testing::Render;
@@ -125,5 +125,5 @@ TEST(FitSaddle, RefusesWhatIsNoCrossing) {
       << "squares of 1.6 px hold too few pixels";
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::internal

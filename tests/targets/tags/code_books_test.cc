@@ -17,7 +17,7 @@
 #include "targets/types/charuco.h"
 
 namespace plenocal::internal {
-namespace {
+namespace TEST_FILE {
 
 // The library does not export its own function.
 void Free(image_u8_t* image) {
@@ -80,5 +80,5 @@ TEST(TagFamily, PutsAWiderBorderAroundTheSameBits) {
   }
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::internal

@@ -9,7 +9,7 @@
 #include "tests/targets/target_texts.h"
 
 namespace plenocal {
-namespace {
+namespace TEST_FILE {
 
 using testing::ErrorOf;
 using testing::ExpectAt;
@@ -45,5 +45,5 @@ TEST(CharucoTarget, RefusesWrongCharucoBoards) {
   EXPECT_THAT(ErrorOf(kCharuco + "legacy: maybe\n"), HasSubstr("expected true or false"));
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal

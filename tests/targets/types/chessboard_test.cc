@@ -9,7 +9,7 @@
 #include "tests/targets/target_texts.h"
 
 namespace plenocal {
-namespace {
+namespace TEST_FILE {
 
 using testing::ErrorOf;
 using testing::ExpectAt;
@@ -49,5 +49,5 @@ TEST(ChessboardTarget, RefusesWrongSizesAndCounts) {
   EXPECT_THAT(ErrorOf(kChess + "tolerance: -1e-3\n"), HasSubstr("write a number above 0"));
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal

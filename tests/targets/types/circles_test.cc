@@ -9,7 +9,7 @@
 #include "tests/targets/target_texts.h"
 
 namespace plenocal {
-namespace {
+namespace TEST_FILE {
 
 using testing::ErrorOf;
 using testing::ExpectAt;
@@ -41,5 +41,5 @@ TEST(CirclesTarget, RefusesUnknownCirclePatterns) {
                         "'asymetric'; did you mean 'asymmetric'?"));
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal

@@ -9,7 +9,7 @@
 #include "tests/targets/target_texts.h"
 
 namespace plenocal {
-namespace {
+namespace TEST_FILE {
 
 using testing::ExpectAt;
 using testing::Read;
@@ -24,5 +24,5 @@ TEST(MarkersTarget, ReadsMarkersWithoutDetector) {
   ExpectAt(target, 12, 0.1, 0.2, 0.3);
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal

@@ -9,7 +9,7 @@
 #include "tests/targets/target_texts.h"
 
 namespace plenocal {
-namespace {
+namespace TEST_FILE {
 
 using ::testing::ElementsAre;
 using testing::ErrorOf;
@@ -112,5 +112,5 @@ TEST(TagTarget, RefusesWrongGrids) {
   EXPECT_THAT(ErrorOf(kGrid + "first_id: 2147483647\n"), HasSubstr("got 2147483647"));
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal

@@ -12,7 +12,7 @@
 #include "tests/calib/synthetic.h"
 
 namespace plenocal::testing {
-namespace {
+namespace TEST_FILE {
 
 using ::testing::Contains;
 using ::testing::ElementsAre;
@@ -155,5 +155,5 @@ TEST(ImageCauses, CountsOrientationTags) {
   EXPECT_EQ(found[0].value, 1);
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::testing

@@ -8,7 +8,7 @@
 #include <vector>
 
 namespace plenocal {
-namespace {
+namespace TEST_FILE {
 
 // A tilted plane before a camera of 800 px focal length with the distortion 1 + k r^2.
 Eigen::Vector2d See(const Eigen::Vector2d& p, double k) {
@@ -67,5 +67,5 @@ TEST(PlaneMap, NeedsEnoughPoints) {
   EXPECT_FALSE(PlaneMap::Fit(pairs, std::vector<double>(9, 1.0), 3));
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal

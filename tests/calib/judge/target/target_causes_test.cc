@@ -17,7 +17,7 @@
 #include "tests/calib/synthetic.h"
 
 namespace plenocal {
-namespace {
+namespace TEST_FILE {
 
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
@@ -300,5 +300,5 @@ TEST(TargetCauses, NameATagThatExistsTwice) {
   EXPECT_THAT(CodesOf(Find(problem.input, Tags())), ElementsAre("target_ids_twice"));
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal

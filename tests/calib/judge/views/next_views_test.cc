@@ -17,7 +17,7 @@
 #include "tests/calib/synthetic.h"
 
 namespace plenocal::testing {
-namespace {
+namespace TEST_FILE {
 
 using ::testing::HasSubstr;
 
@@ -300,5 +300,5 @@ TEST(TargetPoses, TiltTheSideAwayThatTheyName) {
   EXPECT_LT(left.z(), to_right.z());
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::testing

@@ -8,7 +8,7 @@
 #include <random>
 
 namespace plenocal::internal {
-namespace {
+namespace TEST_FILE {
 
 constexpr float kSigma = 0.002f;  // of inverse depth
 constexpr int kSide = 80;
@@ -84,5 +84,5 @@ TEST(FlattenParts, TakesPartsThatReachBeyondTheImage) {
   EXPECT_NEAR(depth.inverse.at<float>(40, 40), 1 / Truth(40, 40), kSigma);
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::internal

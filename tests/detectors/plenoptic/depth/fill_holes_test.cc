@@ -8,7 +8,7 @@
 #include <opencv2/core.hpp>
 
 namespace plenocal::internal {
-namespace {
+namespace TEST_FILE {
 
 constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 
@@ -65,5 +65,5 @@ TEST(FillHoles, LeavesAnImageWithoutAnything) {
   EXPECT_TRUE(std::isnan(filled.value.at<float>(3, 2)));
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::internal

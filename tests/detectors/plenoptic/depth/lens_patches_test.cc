@@ -9,7 +9,7 @@
 #include "tests/detectors/plenoptic/plenoptic_scene.h"
 
 namespace plenocal::internal {
-namespace {
+namespace TEST_FILE {
 
 /// A scene that is linear over the sensor; linear interpolation keeps it.
 double Scene(double x, double y) { return 100 + 0.7 * x - 0.3 * y; }
@@ -181,5 +181,5 @@ TEST(EstimateNoise, IsAtLeastThatOfRounding) {
   EXPECT_NEAR(noise.shot, 0, 1e-6);
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::internal

@@ -10,7 +10,7 @@
 #include "tests/detectors/plenoptic/plenoptic_scene.h"
 
 namespace plenocal::internal {
-namespace {
+namespace TEST_FILE {
 
 TEST(MicroLensIndex, FindsTheNearestMicroLens) {
   const MicroLensArray array = PlenopticScene{.pitch = 13.7, .rotation = 0.4}.Array();
@@ -102,5 +102,5 @@ TEST(StepsWithin, IsSymmetricAndShortestFirst) {
   }
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::internal

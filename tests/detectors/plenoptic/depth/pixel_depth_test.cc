@@ -12,7 +12,7 @@
 #include "tests/detectors/plenoptic/depth/wave_scene.h"
 
 namespace plenocal::internal {
-namespace {
+namespace TEST_FILE {
 
 constexpr int kThreads = 2;
 
@@ -150,5 +150,5 @@ TEST(MatchMicroImages, LeavesUnusableMicroLensesOut) {
   EXPECT_GT(others, 15000u);
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::internal

@@ -11,7 +11,7 @@
 #include "tests/detectors/plenoptic/plenoptic_scene.h"
 
 namespace plenocal {
-namespace {
+namespace TEST_FILE {
 
 using testing::HasSubstr;
 
@@ -225,5 +225,5 @@ TEST_F(FocusRefuses, AnImageOfAnotherSize) {
   EXPECT_THAT(Refusal(cv::Mat::zeros(300, 400, CV_8U), camera_), HasSubstr("is 400 x 300 pixels"));
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal

@@ -9,7 +9,7 @@
 #include "tests/detectors/plenoptic/plenoptic_scene.h"
 
 namespace plenocal::internal {
-namespace {
+namespace TEST_FILE {
 
 constexpr double kScale = 2;
 constexpr float kRadius = 8.5;  // px, of a micro image of pitch 18
@@ -132,5 +132,5 @@ TEST(FuseDepth, KeepsAStepBetweenSurfaces) {
   EXPECT_GT(right, 3000);
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::internal

@@ -7,7 +7,7 @@
 #include <numbers>
 
 namespace plenocal::internal {
-namespace {
+namespace TEST_FILE {
 
 TEST(ApertureShape, IsThatOfACutDisc) {
   EXPECT_EQ(ApertureShape(1), 0);
@@ -18,5 +18,5 @@ TEST(ApertureShape, IsThatOfACutDisc) {
   }
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::internal

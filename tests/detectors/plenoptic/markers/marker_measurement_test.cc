@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 namespace plenocal::internal {
-namespace {
+namespace TEST_FILE {
 
 /// A marker seen in one micro image: by its number and inverse depth alone.
 MarkerMeasurement Of(int marker, double inverse_depth) {
@@ -24,5 +24,5 @@ TEST(DepthInterpolation, HasOneValueForOneDepth) {
   EXPECT_EQ(DepthInterpolation(images).Weights(0.3), Eigen::Vector2d(1, 0));
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::internal

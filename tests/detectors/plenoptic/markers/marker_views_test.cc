@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 namespace plenocal {
-namespace {
+namespace TEST_FILE {
 
 using internal::MarkerMeasurement;
 using internal::RawMeasurements;
@@ -43,5 +43,5 @@ TEST(MarkerViews, StateWhatTheAdjustmentHasToEstimate) {
   }
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal

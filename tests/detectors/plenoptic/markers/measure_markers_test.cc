@@ -10,7 +10,7 @@
 #include "tests/detectors/plenoptic/plenoptic_scene.h"
 
 namespace plenocal::internal {
-namespace {
+namespace TEST_FILE {
 
 /// Corners of a chessboard, seen through micro lenses without vignetting and without noise.
 class Chessboard {
@@ -107,5 +107,5 @@ TEST(MeasureMarkers, HaveTheirSensitivityToAWrongDepth) {
   EXPECT_GT(outward / static_cast<double>(right[0].size()), 0.003);
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::internal

@@ -12,7 +12,7 @@
 #include "tests/detectors/plenoptic/plenoptic_scene.h"
 
 namespace plenocal::internal {
-namespace {
+namespace TEST_FILE {
 
 constexpr double kNominal = 3;  // px, the unit of the template
 constexpr double kNoise = 1;    // grey values, sigma
@@ -137,5 +137,5 @@ TEST(FitTemplate, IsInsensitiveToVignettingInAnEvenlyLitMicroImage) {
   EXPECT_LT(fit->depth_sensitivity.norm(), 0.05);
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::internal

@@ -9,7 +9,7 @@
 #include <numbers>
 
 namespace plenocal::internal {
-namespace {
+namespace TEST_FILE {
 
 constexpr ImageSize kSize{240, 200};
 constexpr double kPitch = 16;
@@ -99,5 +99,5 @@ TEST(RefocusedImage, IsSharpAtItsDepthOnly) {
   }
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::internal

@@ -9,7 +9,7 @@
 #include <opencv2/core.hpp>
 
 namespace plenocal::internal {
-namespace {
+namespace TEST_FILE {
 
 /// Three plane waves at 60 degrees: a hexagonal lattice of maxima whose period is exact.
 cv::Mat Waves(double pitch, double rotation) {
@@ -70,5 +70,5 @@ TEST(FindLatticePeriod, FindsNoneInNoiseOrStripes) {
   EXPECT_FALSE(FindLatticePeriod(stripes));
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::internal

@@ -9,7 +9,7 @@
 #include <vector>
 
 namespace plenocal::internal {
-namespace {
+namespace TEST_FILE {
 
 constexpr double kPitch = 20, kGain = 800;
 constexpr double kRadius = 0.7 * kPitch;  // of the profile
@@ -126,5 +126,5 @@ TEST(RingResiduals, AreZeroForACompleteModel) {
   EXPECT_LT(rings.cwiseAbs().maxCoeff(), 0.003);
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::internal

@@ -10,7 +10,7 @@
 #include "tests/detectors/plenoptic/white/white_field.h"
 
 namespace plenocal::testing {
-namespace {
+namespace TEST_FILE {
 
 constexpr double kLevel = 3000;  // of WhiteField, electrons
 
@@ -97,5 +97,5 @@ TEST(LevelBayerPlanes, TakesTheColourOfTheLightAway) {
   EXPECT_EQ(PlaneDifference(Render({.size = {400, 300}}).white), 0);
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::testing

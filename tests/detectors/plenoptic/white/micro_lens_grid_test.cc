@@ -20,7 +20,7 @@
 #include "tests/optional_data.h"
 
 namespace plenocal::testing {
-namespace {
+namespace TEST_FILE {
 
 constexpr double kCentreRms = 0.02;  // px, required of the lattice (2D)
 constexpr double kBorder = 0.05;  // px: a centre as near to the sensor's edge may be on either side
@@ -219,5 +219,5 @@ TEST(MicroLensGridRealSet, FindsTheSquareArrayOfAMicroscope) {
   EXPECT_LT(grid.centre_rms, 0.03);
 }
 
-}  // namespace
+}  // namespace TEST_FILE
 }  // namespace plenocal::testing
