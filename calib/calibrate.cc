@@ -94,10 +94,8 @@ void SolveRig(const CalibrationInput& input,
 // explains. Errors that a marker shares in all frames are no finding: each camera may show a
 // marker's edges a little differently.
 void AddSystematicErrors(const SolveOptions& options, Calibration* calibration) {
-  const std::vector<Scatter> of_frames =
-      EstimateFrameScatter(calibration->bundle, calibration->uncertainty);
-  const std::vector<Scatter> of_markers =
-      EstimateMarkerScatter(calibration->bundle, calibration->uncertainty);
+  const auto [of_frames, of_markers] =
+      EstimateScatter(calibration->bundle, calibration->uncertainty);
   std::vector<double> factors;
   for (size_t c = 0; c < of_frames.size(); ++c) {
     const double noise = calibration->bundle.cameras[c].noise.Sigma(options.typical_sigmas[c]);

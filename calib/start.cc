@@ -26,7 +26,8 @@ constexpr size_t kAdjustedCandidates = 4;
 // scatter that the selection of views causes.
 constexpr double kAsGood = 1.5;
 constexpr double kSmallestScale = 1e-9;  // px; keeps weights finite where residuals are zero
-// A guess that leaves more, px, may have ended in a wrong minimum.
+// A guess that leaves more than this, px, and than the markers' errors explain may have ended in a
+// wrong minimum.
 constexpr double kSuspiciousMedian = 1;
 constexpr double kNoResidual = std::numeric_limits<double>::infinity();
 
@@ -155,6 +156,27 @@ Trial MakeTrial(const CameraInput& camera,
   lengths.resize(lengths.size() + without_pose, kNoResidual);
   trial.median = Median(lengths, kNoResidual);
   return trial;
+}
+
+// Median over the observations of the length, px, by which errors of `marker_sigma` in each of a
+// marker's coordinates move its image.
+double LengthOfMarkerErrors(const Bundle& bundle, double marker_sigma) {
+  if (!(marker_sigma > 0) || !std::isfinite(marker_sigma)) return 0;
+  const size_t rows = bundle.cameras[0].model->measured.size();
+  std::vector<double> squares(bundle.observations.size(), 0.0);
+  for (Eigen::Index axis = 0; axis < 3; ++axis) {
+    Bundle moved = bundle;
+    for (BundleMarker& marker : moved.markers) marker.position[axis] += marker_sigma;
+    for (size_t i = 0; i < squares.size(); ++i) {
+      double residual[kMaxObservationSize], of_moved[kMaxObservationSize];
+      if (!Residual(bundle, bundle.observations[i], residual) ||
+          !Residual(moved, moved.observations[i], of_moved)) {
+        continue;
+      }
+      for (size_t r = 0; r < rows; ++r) squares[i] += std::pow(of_moved[r] - residual[r], 2);
+    }
+  }
+  return std::sqrt(Median(std::move(squares), 0.0));
 }
 
 enum class Until { kNear, kConverged };
@@ -350,7 +372,9 @@ std::optional<RigidTransform> GuessPose(const BundleCamera& camera,
   return resection->T_camera_target;
 }
 
-CameraGuess GuessCamera(const CameraInput& camera, const std::map<int, Eigen::Vector3d>& markers) {
+CameraGuess GuessCamera(const CameraInput& camera,
+                        const std::map<int, Eigen::Vector3d>& markers,
+                        double marker_sigma) {
   const std::vector<View> views = Selection(camera, markers, kStartViews);
   if (views.empty()) {
     throw Error(
@@ -369,7 +393,9 @@ CameraGuess GuessCamera(const CameraInput& camera, const std::map<int, Eigen::Ve
   CheckNotRefused(camera, problem);
   const std::vector<StartCandidate> candidates = camera.model->start(problem);
   Trial best = BestTrial(camera, markers, views, candidates);
-  if (best.median > kSuspiciousMedian) {
+  const bool suspicious =
+      best.median > kSuspiciousMedian + LengthOfMarkerErrors(best.bundle, marker_sigma);
+  if (suspicious) {
     Trial plain = PlainTrial(camera, markers, problem);
     if (plain.median < best.median) best = std::move(plain);
   }
@@ -383,7 +409,7 @@ CameraGuess GuessCamera(const CameraInput& camera, const std::map<int, Eigen::Ve
   }
 
   CameraGuess guess;
-  if (camera.model->misfit != nullptr) {
+  if (suspicious && camera.model->misfit != nullptr) {
     const Misfit misfit =
         camera.model->misfit(*camera.model, problem, best.bundle.cameras[0].params, best.median);
     if (!misfit.reason.empty()) {

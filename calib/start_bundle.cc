@@ -39,14 +39,15 @@ CameraInput Alone(const CalibrationInput& input, size_t c) {
 // Where these do not describe the images, as after refocusing, they are estimated from the images.
 CameraGuess GuessWithPrior(const CalibrationInput& input, size_t c) {
   const CameraInput alone = Alone(input, c);
-  if (!input.prior) return GuessCamera(alone, input.markers);
+  if (!input.prior) return GuessCamera(alone, input.markers, input.marker_sigma);
   CameraInput held = alone;
   for (const CalibrationPrior::Unknown& unknown : input.prior->unknowns) {
     if (unknown.camera == c && unknown.param) held.fixed[*unknown.param] = true;
   }
-  CameraGuess guess = GuessCamera(held, input.markers);
-  return guess.misfit.empty() || held.fixed == alone.fixed ? guess
-                                                           : GuessCamera(alone, input.markers);
+  CameraGuess guess = GuessCamera(held, input.markers, input.marker_sigma);
+  return guess.misfit.empty() || held.fixed == alone.fixed
+             ? guess
+             : GuessCamera(alone, input.markers, input.marker_sigma);
 }
 
 void AddCameras(const CalibrationInput& input,

@@ -177,15 +177,17 @@ class AngleProblem {
       const Eigen::Vector3d p = rotated + T.t - rays_[k].origin;
       const double distance = p.norm();
       const Eigen::Vector3d u = p / distance;
-      const Eigen::Matrix<double, 2, 3> J_p =
-          bases_[k] * (Eigen::Matrix3d::Identity() - u * u.transpose()) / distance;
-      Eigen::Matrix<double, 2, 6> J;
-      J.leftCols<3>() = J_p;
-      J.rightCols<3>() = -J_p * Hat(rotated);
-      const double norm = r.col(i).norm();
-      const double weight = CauchyWeight(norm * norm / (width * width));
-      equations.H += weight * J.transpose() * J;
-      equations.g += weight * J.transpose() * r.col(i);
+      // One column a row of the derivatives: b' (I - u u') / |p| by the point, and by a rotation of
+      // `rotated` before it.
+      Eigen::Matrix<double, 6, 2> J;
+      for (Eigen::Index row = 0; row < 2; ++row) {
+        const Eigen::Vector3d basis = bases_[k].row(row);
+        const Eigen::Vector3d J_p = (basis - basis.dot(u) * u) / distance;
+        J.col(row) << J_p, rotated.cross(J_p);
+      }
+      const double weight = CauchyWeight(r.col(i).squaredNorm() / (width * width));
+      equations.H.noalias() += (weight * J).lazyProduct(J.transpose());
+      equations.g.noalias() += J.lazyProduct(weight * r.col(i));
     }
     return equations;
   }
@@ -231,8 +233,9 @@ std::optional<Candidate> Refine(std::span<const Ray> rays,
                                 const Eigen::Matrix3Xd& points,
                                 RigidTransform T) {
   constexpr int kMaxIterations = 50, kMaxAttempts = 10;
-  // Far below what any image can determine; the bundle adjustment does the rest.
-  constexpr double kSmallStep = 1e-5;
+  // Parts of the target's extent, and rad; far below what any image can determine. The bundle
+  // adjustment does the rest.
+  constexpr double kSmallStep = 1e-4;
   constexpr double kFirstDamping = 1e-3, kLeastDamping = 1e-12;
   const AngleProblem problem(rays, points);
   Eigen::Matrix2Xd r;

@@ -57,12 +57,12 @@ struct PoseSums {
   [[nodiscard]] auto Gradient() const { return J_B.col(directions + 6); }
   [[nodiscard]] Matrix6d PoseInformation() const { return E_B.middleCols<6>(directions); }
 
-  // Eliminates the pose; false for one without information.
-  bool EliminatePose() {
-    const std::optional<MatrixXd> solved = SolvePositive(PoseInformation(), E_B);
-    if (!solved) return false;
-    Subtract(*solved);
-    return true;
+  // Eliminates the pose; returns its information's inverse times E_B, nothing for a pose without
+  // information.
+  std::optional<MatrixXd> EliminatePose() {
+    std::optional<MatrixXd> solved = SolvePositive(PoseInformation(), E_B);
+    if (solved) Subtract(*solved);
+    return solved;
   }
   // Leaves the pose to the frame's other views, but for what is the view's own jitter `delta` with
   // the prior information Q.
@@ -164,12 +164,13 @@ class Rows {
     return sums;
   }
 
-  // Adds the rows of the last view to the sums of their markers. `pose_D`: change of the best pose
-  // with the directions, its sign changed.
+  // Adds the rows of the last view to the sums of their markers. `pose_D`, whose first columns
+  // count: change of the best pose with the directions, its sign changed.
   void AddToMarkers(const MatrixXd& pose_D, std::vector<MarkerSums>* markers) const {
     const Eigen::Index count = D_.cols();
-    const MatrixXd b = unweighted_.leftCols(count) - unweighted_.middleCols<6>(count) * pose_D;
-    const MatrixXd weighted = B_.leftCols(count) - B_.middleCols<6>(count) * pose_D;
+    const auto of_pose = pose_D.leftCols(count);
+    const MatrixXd b = unweighted_.leftCols(count) - unweighted_.middleCols<6>(count) * of_pose;
+    const MatrixXd weighted = B_.leftCols(count) - B_.middleCols<6>(count) * of_pose;
     for (const Span& span : spans_) {
       MarkerSums& sums = (*markers)[static_cast<size_t>(span.marker)];
       const auto rows = weighted.middleRows(span.first, span.count);
@@ -293,39 +294,20 @@ class FrameScores {
   FrameScores& operator=(const FrameScores&) = delete;
 
   // Calls `use` with the sums of each frame that has a pose, this eliminated, and with the unknowns
-  // that they depend on: rows of others are zero.
+  // that they depend on: rows of others are zero. Adds to the sums of each marker, where they are
+  // asked for; these REQUIRE that there is no jitter.
   template <typename Use>
-  void ForEach(const Use& use) {
+  void ForEach(const Use& use, std::vector<MarkerSums>* markers = nullptr) {
     const size_t count = context_.bundle.observations.size();
     for (size_t begin = 0, end = 0; begin < count; begin = end) {
       end = EndOfFrame(begin);
       std::vector<int> touched;
       PoseSums sums = SumFrame(begin, end, &touched);
-      if (sums.EliminatePose()) use(touched, sums);
-    }
-  }
-
-  // The sums of each marker. REQUIRES: no jitter.
-  std::vector<MarkerSums> SumMarkers() {
-    const Bundle& bundle = context_.bundle;
-    const Eigen::Index count = context_.D.cols();
-    std::vector<MarkerSums> markers(bundle.markers.size(),
-                                    {VectorXd::Zero(count), MatrixXd::Zero(count, count)});
-    for (size_t begin = 0, end = 0; begin < bundle.observations.size(); begin = end) {
-      end = EndOfFrame(begin);
-      std::vector<int> touched;
-      const PoseSums sums = SumFrame(begin, end, &touched);
-      const std::optional<MatrixXd> pose_D =
-          SolvePositive(sums.PoseInformation(), MatrixXd(sums.E_B.leftCols(count)));
+      const std::optional<MatrixXd> pose_D = sums.EliminatePose();
       if (!pose_D) continue;
-      for (size_t next = 0; begin < end; begin = next) {
-        next = EndOfView(bundle.observations, begin);
-        const auto c = static_cast<size_t>(bundle.observations[begin].camera);
-        SumView(begin, next);
-        rows_[c].AddToMarkers(*pose_D, &markers);
-      }
+      use(touched, sums);
+      if (markers != nullptr) AddToMarkers(begin, end, *pose_D, markers);
     }
-    return markers;
   }
 
  private:
@@ -336,6 +318,17 @@ class FrameScores {
       return o.frame == observations[begin].frame;
     });
     return static_cast<size_t>(other - observations.begin());
+  }
+
+  // Of the frame [begin, end) that was summed last: each camera has kept its rows.
+  void AddToMarkers(size_t begin,
+                    size_t end,
+                    const MatrixXd& pose_D,
+                    std::vector<MarkerSums>* markers) {
+    const auto& observations = context_.bundle.observations;
+    for (; begin < end; begin = EndOfView(observations, begin)) {
+      rows_[static_cast<size_t>(observations[begin].camera)].AddToMarkers(pose_D, markers);
+    }
   }
 
   // Of the observations [begin, end) of one view.
@@ -444,52 +437,48 @@ struct FoundScatter {
 
 }  // namespace
 
-std::vector<Scatter> EstimateFrameScatter(const Bundle& bundle, const Uncertainty& uncertainty) {
+SystematicScatter EstimateScatter(const Bundle& bundle, const Uncertainty& uncertainty) {
   const CameraDirections directions(bundle, uncertainty);
   const MatrixXd& D = directions.D;
   const VectorXd gradient = GradientOfFrames(bundle, uncertainty);
   // Step from the optimum to that of the frames alone, without priors.
   const MatrixXd frames_root = InverseRoot(uncertainty.frames_information);
   const VectorXd by_priors = frames_root * (frames_root.transpose() * gradient);
-  std::vector<FoundScatter> found(bundle.cameras.size());
-  FrameScores(bundle, uncertainty, D)
-      .ForEach([&](const std::vector<int>& touched, const PoseSums& sums) {
-        // Information and gradient of the frame in the directions.
-        const MatrixXd V_D = sums.Information()(touched, Eigen::all);
-        const VectorXd D_g = D.transpose() * sums.Gradient();
-        // Step of the unknowns by this frame, and its variance by the noise of its points. The
-        // optimum has taken a part of it: the frame's share of the information of all frames.
-        const VectorXd moved = D_g - V_D.transpose() * by_priors(touched);
-        const MatrixXd own_root = frames_root(touched, Eigen::all).transpose() * V_D;
-        for (size_t c = 0; c < found.size(); ++c) {
-          const auto of_camera = directions.Of(c);
-          const auto own = own_root(Eigen::all, of_camera);
-          found[c].Add(moved(of_camera).squaredNorm(),
-                       D(touched, of_camera).transpose() * V_D(Eigen::all, of_camera) -
-                           own.transpose() * own);
-        }
-      });
-  std::vector<Scatter> scatter;
-  for (const FoundScatter& one : found) scatter.push_back(one.Result());
-  return scatter;
-}
-
-std::vector<Scatter> EstimateMarkerScatter(const Bundle& bundle, const Uncertainty& uncertainty) {
-  std::vector<FoundScatter> found(bundle.cameras.size());
+  std::vector<FoundScatter> of_frames(bundle.cameras.size()), of_markers(bundle.cameras.size());
+  std::vector<MarkerSums> markers;
   if (!bundle.EstimatesJitter() && !bundle.HasLandmarks()) {
-    const CameraDirections directions(bundle, uncertainty);
-    for (const MarkerSums& marker : FrameScores(bundle, uncertainty, directions.D).SumMarkers()) {
-      for (size_t c = 0; c < found.size(); ++c) {
-        const auto of_camera = directions.Of(c);
-        // In these directions the information of all rows is 1, of which the optimum has taken the
-        // marker's share.
-        const MatrixXd own = marker.information(of_camera, of_camera);
-        found[c].Add(marker.score(of_camera).squaredNorm(), own - own * own);
-      }
+    markers.assign(bundle.markers.size(),
+                   {VectorXd::Zero(D.cols()), MatrixXd::Zero(D.cols(), D.cols())});
+  }
+  const auto add_frame = [&](const std::vector<int>& touched, const PoseSums& sums) {
+    // Information and gradient of the frame in the directions.
+    const MatrixXd V_D = sums.Information()(touched, Eigen::all);
+    const VectorXd D_g = D.transpose() * sums.Gradient();
+    // Step of the unknowns by this frame, and its variance by the noise of its points. The optimum
+    // has taken a part of it: the frame's share of the information of all frames.
+    const VectorXd moved = D_g - V_D.transpose() * by_priors(touched);
+    const MatrixXd own_root = frames_root(touched, Eigen::all).transpose() * V_D;
+    for (size_t c = 0; c < of_frames.size(); ++c) {
+      const auto of_camera = directions.Of(c);
+      const auto own = own_root(Eigen::all, of_camera);
+      of_frames[c].Add(
+          moved(of_camera).squaredNorm(),
+          D(touched, of_camera).transpose() * V_D(Eigen::all, of_camera) - own.transpose() * own);
+    }
+  };
+  FrameScores(bundle, uncertainty, D).ForEach(add_frame, markers.empty() ? nullptr : &markers);
+  for (const MarkerSums& marker : markers) {
+    for (size_t c = 0; c < of_markers.size(); ++c) {
+      const auto of_camera = directions.Of(c);
+      // In these directions the information of all rows is 1, of which the optimum has taken the
+      // marker's share.
+      const MatrixXd own = marker.information(of_camera, of_camera);
+      of_markers[c].Add(marker.score(of_camera).squaredNorm(), own - own * own);
     }
   }
-  std::vector<Scatter> scatter;
-  for (const FoundScatter& one : found) scatter.push_back(one.Result());
+  SystematicScatter scatter;
+  for (const FoundScatter& found : of_frames) scatter.of_frames.push_back(found.Result());
+  for (const FoundScatter& found : of_markers) scatter.of_markers.push_back(found.Result());
   return scatter;
 }
 

@@ -21,14 +21,18 @@ struct Scatter {
   double degrees = 0;  ///< degrees of freedom of `factor` (Satterthwaite's); 0 without information
 };
 
-/// Per camera, of a bundle at its optimum with its own uncertainty. Of the cluster-robust
-/// ("sandwich") covariance (Liang and Zeger, Biometrika 73, 1986) only the mean over all directions
-/// is taken: a few frames determine one number well, but not a matrix.
-std::vector<Scatter> EstimateFrameScatter(const Bundle& bundle, const Uncertainty& uncertainty);
+/// Per camera.
+struct SystematicScatter {
+  std::vector<Scatter> of_frames;
+  /// With clusters of all points of a marker. Without estimate for rigs with jitter and for
+  /// landmarks.
+  std::vector<Scatter> of_markers;
+};
 
-/// The same with clusters of all points of a marker. Without estimate for rigs with jitter and for
-/// landmarks.
-std::vector<Scatter> EstimateMarkerScatter(const Bundle& bundle, const Uncertainty& uncertainty);
+/// Of a bundle at its optimum with its own uncertainty. Of the cluster-robust ("sandwich")
+/// covariance (Liang and Zeger, Biometrika 73, 1986) only the mean over all directions is taken: a
+/// few frames determine one number well, but not a matrix.
+SystematicScatter EstimateScatter(const Bundle& bundle, const Uncertainty& uncertainty);
 
 /// Multiplies the covariance of each camera's unknowns by its factor (an unknown of several cameras
 /// takes the largest).

@@ -4,7 +4,6 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 #include <optional>
 #include <utility>
 
@@ -20,8 +19,8 @@ struct MovingTarget {
 };
 
 // The derivatives of one camera's observations by its own unknowns (parameters and extrinsics) and
-// by the poses of targets, and their sums: those by the same unknowns are collected in a small
-// matrix.
+// by the poses of targets, and the sums of their products with each other, with those by the pose
+// and with those by the markers, which are collected in matrices of the camera's own.
 class OwnColumns {
  public:
   OwnColumns(const Bundle& bundle, const UnknownLayout& layout, size_t camera)
@@ -42,11 +41,12 @@ class OwnColumns {
       target_columns_.push_back(static_cast<Eigen::Index>(columns_.size()));
       for (int i = 0; target >= 0 && i < 6; ++i) columns_.push_back(target + i);
     }
-    J_.resize(rows_, static_cast<Eigen::Index>(columns_.size()));
+    const auto own = static_cast<Eigen::Index>(columns_.size());
+    J_.resize(own, rows_);
     ClearSum();
-    square_ = Eigen::MatrixXd::Zero(J_.cols(), J_.cols());
-    touched_.resize(columns_.size());
-    std::iota(touched_.begin(), touched_.end(), Eigen::Index{0});
+    square_ = Eigen::MatrixXd::Zero(own, own);
+    cross_ = Eigen::MatrixXd::Zero(own, 6);
+    marker_cross_ = Eigen::MatrixXd::Zero(own, layout.total - layout.head);
   }
 
   bool Linearise(const BundleCamera& camera,
@@ -68,13 +68,13 @@ class OwnColumns {
       return false;
     }
     J_.setZero();
-    for (const auto& [param, column] : free_) J_.col(column) += J_params_.col(param);
-    if (extrinsics_) J_.middleCols<6>(own_params_) = J_extrinsics_.topRows(rows_);
+    for (const auto& [param, column] : free_) J_.row(column) += J_params_.col(param).transpose();
+    if (extrinsics_) J_.middleRows<6>(own_params_) = J_extrinsics_.topRows(rows_).transpose();
     if (target != nullptr) {
-      J_.middleCols<6>(target_columns_[target->index]) =
-          J_marker_.topRows(rows_) * internal::PointByTargetPose(*target->pose, p_target);
+      J_.middleRows<6>(target_columns_[target->index]) =
+          (J_marker_.topRows(rows_) * internal::PointByTargetPose(*target->pose, p_target))
+              .transpose();
     }
-    if (local_) FindTouched();
     return true;
   }
 
@@ -99,10 +99,7 @@ class OwnColumns {
   // squares that common noise takes away.
   double LoadMean(double common_sigma) {
     const double root = std::sqrt(information_);
-    if (common_sigma > 0) {
-      J_ = J_sum_ / root;
-      if (local_) FindTouched();
-    }
+    if (common_sigma > 0) J_ = J_sum_ / root;
     J_pose_ = pose_sum_ / root;
     J_marker_ = marker_sum_ / root;
     const double taken = internal::CommonShare(common_sigma, information_) * information_;
@@ -110,30 +107,36 @@ class OwnColumns {
     return taken;
   }
 
-  [[nodiscard]] const Eigen::MatrixXd& Columns() const { return J_; }
   [[nodiscard]] auto Pose() const { return J_pose_.topRows(rows_); }
   [[nodiscard]] auto Marker() const { return J_marker_.topRows(rows_); }
 
-  void AddSquare(double sign) {
-    if (!local_) {
-      square_.noalias() += sign * J_.transpose().lazyProduct(J_);
-      return;
-    }
-    for (const Eigen::Index i : touched_) {
-      for (const Eigen::Index j : touched_) square_(j, i) += sign * J_.col(j).dot(J_.col(i));
+  // Adds the products of the present rows, those by the marker where it is estimated.
+  void AddProducts(double sign, std::optional<Eigen::Index> marker) {
+    for (Eigen::Index r = 0; r < rows_; ++r) {
+      const auto E = J_pose_.row(r);
+      const auto M = J_marker_.row(r);
+      if (!local_) {
+        scaled_ = sign * J_.col(r);
+        square_.noalias() += scaled_ * J_.col(r).transpose();
+        cross_.noalias() += scaled_ * E;
+        if (marker) marker_cross_.middleCols<3>(3 * *marker).noalias() += scaled_ * M;
+        continue;
+      }
+      FindTouched(r);
+      for (const Eigen::Index i : touched_) {
+        const double j = sign * J_(i, r);
+        for (const Eigen::Index k : touched_) square_(k, i) += j * J_(k, r);
+        cross_.row(i) += j * E;
+        if (marker) marker_cross_.block<1, 3>(i, 3 * *marker) += j * M;
+      }
     }
   }
-  void AddCross(double sign, Eigen::MatrixXd* cross) const {
-    for (const Eigen::Index i : touched_) {
-      cross->row(columns_[static_cast<size_t>(i)]).noalias() +=
-          sign * J_.col(i).transpose().lazyProduct(Pose());
+  // Moves the sum of the products with the pose.
+  void MoveCrossTo(Eigen::MatrixXd* cross) {
+    for (size_t i = 0; i < columns_.size(); ++i) {
+      cross->row(columns_[i]) += cross_.row(static_cast<Eigen::Index>(i));
     }
-  }
-  template <typename Product>
-  void AddMarkerCross(int marker, const Product& product, Eigen::MatrixXd* S) const {
-    for (const Eigen::Index i : touched_) {
-      S->block<3, 1>(marker, columns_[static_cast<size_t>(i)]) += product.col(i);
-    }
+    cross_.setZero();
   }
   // The lower triangle.
   void AddTo(Eigen::MatrixXd* S) const {
@@ -142,14 +145,16 @@ class OwnColumns {
         const auto [column, row] = std::minmax(columns_[i], columns_[j]);
         (*S)(row, column) += square_(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j));
       }
+      S->col(columns_[i]).tail(marker_cross_.cols()) +=
+          marker_cross_.row(static_cast<Eigen::Index>(i)).transpose();
     }
   }
 
  private:
-  void FindTouched() {
+  void FindTouched(Eigen::Index r) {
     touched_.clear();
-    for (Eigen::Index i = 0; i < J_.cols(); ++i) {
-      if (!J_.col(i).isZero(0)) touched_.push_back(i);
+    for (Eigen::Index i = 0; i < J_.rows(); ++i) {
+      if (J_(i, r) != 0) touched_.push_back(i);
     }
   }
 
@@ -161,13 +166,16 @@ class OwnColumns {
   Eigen::Index own_params_ = 0;               // columns of parameters
   std::vector<Eigen::Index> target_columns_;  // per target: first of its six columns
   std::vector<int> columns_;                  // index of each column in the reduced system
-  std::vector<Eigen::Index> touched_;         // columns that may differ from zero
+  std::vector<Eigen::Index> touched_;         // columns that differ from zero in a row
   Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> J_params_;
   Eigen::Matrix<double, kMaxObservationSize, 6, Eigen::RowMajor> J_extrinsics_, J_pose_, pose_sum_;
   Eigen::Matrix<double, kMaxObservationSize, 3, Eigen::RowMajor> J_marker_, marker_sum_;
-  Eigen::MatrixXd J_, J_sum_;
+  Eigen::MatrixXd J_, J_sum_;  // of the present rows, one column each
+  Eigen::VectorXd scaled_;     // one of them
   double information_ = 0;
-  Eigen::MatrixXd square_;
+  Eigen::MatrixXd square_;        // J' J over all observations
+  Eigen::MatrixXd cross_;         // J' E of the present view
+  Eigen::MatrixXd marker_cross_;  // J' M over all observations, three columns a marker
 };
 
 // Rows of W' W are collected and subtracted together: one large product is faster than many small.
@@ -260,6 +268,7 @@ class Reduction {
       of_marker = EndOfMarker(bundle_.observations, begin);
       AddMarker(linearised, begin, of_marker, &view);
     }
+    own_[c].MoveCrossTo(has_jitter ? &view_cross_ : &cross_);
     if (has_jitter) {
       EliminateJitter(frame, &view, pose);
     } else {
@@ -300,17 +309,14 @@ class Reduction {
   void AddRows(int marker, double sign, ReducedView* view) {
     OwnColumns& own = own_[view->camera];
     Eigen::MatrixXd& cross = bundle_.EstimatesJitter() ? view_cross_ : cross_;
-    const auto& J = own.Columns();
     const auto E = own.Pose();
     view->information.noalias() += sign * E.transpose().lazyProduct(E);
-    own.AddSquare(sign);
-    own.AddCross(sign, &cross);
+    own.AddProducts(sign, layout_.markers ? std::optional<Eigen::Index>(marker) : std::nullopt);
     if (!layout_.markers) return;
     const int m = layout_.Marker(marker);
     const auto M = own.Marker();
     cross.middleRows<3>(m).noalias() += sign * M.transpose().lazyProduct(E);
     reduced_.S.block<3, 3>(m, m).noalias() += sign * M.transpose().lazyProduct(M);
-    own.AddMarkerCross(m, sign * M.transpose().lazyProduct(J), &reduced_.S);
   }
 
   void EliminateJitter(size_t frame, ReducedView* view, Matrix6d* pose) {

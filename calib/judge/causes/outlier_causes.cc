@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <optional>
 #include <span>
@@ -63,15 +64,14 @@ View UpsideDown(View view, ImageSize image_size) {
   return view;
 }
 
-// Whether the view fits far better when it is turned. Views that fit as they are need no test.
+// Whether the view, each with its best pose, fits far better when it is turned.
 bool IsUpsideDown(const BundleCamera& camera,
                   double noise,
                   const View& view,
                   const Positions& markers) {
-  constexpr double kFits = 3;      // sigmas: the median of a view that fits is near 1.2
   constexpr double kDecisive = 2;  // residuals as they are over those turned
   const std::optional<double> stated = ResidualOfView(camera, view, markers);
-  if (!stated || *stated < kFits * noise) return false;
+  if (!stated) return false;
   const std::optional<double> turned =
       ResidualOfView(camera, UpsideDown(view, camera.image_size), markers);
   if (!turned || *stated < kDecisive * *turned) return false;
@@ -81,23 +81,43 @@ bool IsUpsideDown(const BundleCamera& camera,
   return FTail(ratio * ratio, degrees, degrees) < kOutlierLevel;
 }
 
+// Median length of the residuals of the observations [begin, end), px; infinite where most have
+// none.
+double MedianResidual(const Bundle& bundle, size_t begin, size_t end) {
+  std::vector<double> lengths;
+  for (size_t i = begin; i < end; ++i) {
+    double residual[kMaxObservationSize];
+    lengths.push_back(Residual(bundle, bundle.observations[i], residual)
+                          ? std::hypot(residual[0], residual[1])
+                          : std::numeric_limits<double>::infinity());
+  }
+  return Median(std::move(lengths));
+}
+
 std::vector<Finding> FindRotatedImages(const Calibration& calibration, size_t c) {
+  constexpr double kFits = 3;  // sigmas: the median of a view that fits is near 1.2
   const Bundle& bundle = calibration.bundle;
   const BundleCamera& camera = bundle.cameras[c];
   if (camera.model->plenoptic) return {};
   Positions markers;
   for (const BundleMarker& marker : bundle.markers) markers[marker.number] = marker.position;
-  std::map<int, View> views;
-  for (const BundleObservation& observation : bundle.observations) {
-    if (observation.camera != static_cast<int>(c)) continue;
-    Observation seen = observation.seen;
-    seen.marker = bundle.markers[static_cast<size_t>(observation.marker)].number;
-    views[observation.frame].observations.push_back(seen);
-  }
+  const double noise = calibration.fits[c].noise_sigma;
+  size_t views = 0;
   std::vector<std::string> names;
-  for (const auto& [frame, view] : views) {
-    if (IsUpsideDown(camera, calibration.fits[c].noise_sigma, view, markers)) {
-      names.push_back(calibration.frames[static_cast<size_t>(frame)]);
+  for (size_t begin = 0, end = 0; begin < bundle.observations.size(); begin = end) {
+    end = EndOfView(bundle.observations, begin);
+    if (bundle.observations[begin].camera != static_cast<int>(c)) continue;
+    ++views;
+    if (MedianResidual(bundle, begin, end) < kFits * noise) continue;
+    View view;
+    for (size_t i = begin; i < end; ++i) {
+      const BundleObservation& observation = bundle.observations[i];
+      view.observations.push_back(observation.seen);
+      view.observations.back().marker =
+          bundle.markers[static_cast<size_t>(observation.marker)].number;
+    }
+    if (IsUpsideDown(camera, noise, view, markers)) {
+      names.push_back(calibration.frames[static_cast<size_t>(bundle.observations[begin].frame)]);
     }
   }
   if (names.empty()) return {};
@@ -111,7 +131,7 @@ std::vector<Finding> FindRotatedImages(const Calibration& calibration, size_t c)
                            "with the others: {}.",
                            camera.name,
                            names.size(),
-                           views.size(),
+                           views,
                            names.size() == 1 ? "is" : "are",
                            FirstOf(names)),
        .remedy = "Use all images as the sensor recorded them: programs turn them by their "

@@ -52,8 +52,8 @@ std::vector<double> TypicalSigmas(const Bundle& bundle) {
 // What else makes the frames disagree moves free markers too.
 void AddFrameErrors(Calibration* calibration) {
   std::vector<double> factors;
-  for (const Scatter& scatter :
-       EstimateFrameScatter(calibration->bundle, calibration->uncertainty)) {
+  const SystematicScatter found = EstimateScatter(calibration->bundle, calibration->uncertainty);
+  for (const Scatter& scatter : found.of_frames) {
     factors.push_back(scatter.degrees >= 1 ? std::max(1.0, scatter.factor) : 1);
   }
   ScaleByScatter(factors, &calibration->uncertainty);

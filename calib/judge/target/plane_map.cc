@@ -87,7 +87,8 @@ std::optional<PlaneMap> PlaneMap::Fit(const Pairs& pairs,
     }
     // Keeps a direction that the points leave open at zero, far below what they determine.
     constexpr double kRidge = 1e-12;
-    Eigen::MatrixXd square = A.transpose() * A;
+    Eigen::MatrixXd square = Eigen::MatrixXd::Zero(unknowns, unknowns);  // its lower triangle
+    square.selfadjointView<Eigen::Lower>().rankUpdate(A.transpose());
     square.diagonal().array() += kRidge * square.diagonal().maxCoeff();
     map.coefficients_ = SolveSymmetric(square, Eigen::VectorXd(A.transpose() * b));
     if (!map.coefficients_.allFinite()) return std::nullopt;
