@@ -79,7 +79,8 @@ struct PlenopticModel {
   static constexpr ImageSize kExampleSize{800, 780};
 
   static std::string Remedy(std::span<const size_t> weak, const DepthRange& seen) {
-    return PlenopticRemedy(weak, seen);
+    return PlenopticRemedy(
+        weak, kPupil, kTilt < 0 ? std::nullopt : std::optional<size_t>(kTilt), seen);
   }
   static void ReplicateFit(std::span<const Observation* const> of_marker,
                            std::span<const double> weights,

@@ -194,8 +194,11 @@ void FindLensTypes(std::vector<View>* views) {
   assign([](const Observation&) { return 0; });
 }
 
-std::string PlenopticRemedy(std::span<const size_t> weak, const DepthRange& seen) {
-  enum { kFocal, kCentreX = 3, kA0 = 5, kB0 = 7, kPupil = 9 };
+std::string PlenopticRemedy(std::span<const size_t> weak,
+                            size_t pupil,
+                            std::optional<size_t> tilt,
+                            const DepthRange& seen) {
+  enum { kFocal, kCentreX = 3, kA0 = 5, kB0 = 7, kOthers = 9 };
   const auto any = [&](size_t from, size_t to) {
     return std::any_of(weak.begin(), weak.end(), [&](size_t k) { return k >= from && k < to; });
   };
@@ -203,7 +206,7 @@ std::string PlenopticRemedy(std::span<const size_t> weak, const DepthRange& seen
   const auto add = [&](const std::string& sentence) {
     text += (text.empty() ? "" : " ") + sentence;
   };
-  if (any(kFocal, kCentreX) || any(kPupil, kPupil + 1)) {
+  if (any(kFocal, kCentreX) || any(pupil, pupil + 1)) {
     // A depth range of three to one moves the virtual depth by as much as these cameras' range.
     const double middle = std::sqrt(seen.nearest * seen.farthest);
     const double near = std::min(seen.nearest, middle / std::sqrt(3));
@@ -220,7 +223,7 @@ std::string PlenopticRemedy(std::span<const size_t> weak, const DepthRange& seen
     }
     text += " or hold f_L from the data sheet (initial: {f_L: ...}, fixed: [f_L]).";
   }
-  if (any(kB0, kPupil)) {
+  if (any(kB0, kOthers)) {
     add("The tangential terms B_0, B_1 trade against the principal point and the target's tilt: "
         "add views tilted by 30 degrees or more about both axes, or hold them (fixed: [B_0, "
         "B_1]).");
@@ -231,6 +234,10 @@ std::string PlenopticRemedy(std::span<const size_t> weak, const DepthRange& seen
   if (any(kA0, kB0)) {
     add("The radial terms A_0, A_1 need points over the whole image: add views with the target "
         "in each corner, or hold A_1 (fixed: [A_1]).");
+  }
+  if (tilt && any(*tilt, *tilt + 2)) {
+    add("The array's tilt t_x, t_y changes B over the image: add near and far views with the target "
+        "in each corner, or hold it (fixed: [t_x, t_y]).");
   }
   return text;
 }

@@ -8,6 +8,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <filesystem>
 #include <fstream>
 #include <limits>
@@ -100,6 +101,18 @@ TEST(Registry, HoldsEveryHeaderOfItsFolderUnderTheNameOfItsFile) {
   EXPECT_FALSE(from_files.empty());
   EXPECT_EQ(from_files, from_registry);
   EXPECT_EQ(from_registry.size(), CameraModels().size()) << "two models share a name";
+}
+
+TEST(Remedy, OfAPlenopticModelsOwnParameterIsAboutThatParameter) {
+  const std::array<size_t, 1> own{9};
+  const DepthRange seen{.nearest = 0.5, .farthest = 1};
+  const auto remedy = [&](const char* model) {
+    return FindModel(CameraModels(), model)->remedy(own, seen);
+  };
+  EXPECT_THAT(remedy("focused-plenoptic-pupil"), ::testing::HasSubstr("fixed: [f_L]"));
+  const std::string of_tilt = remedy("focused-plenoptic-tilt");
+  EXPECT_THAT(of_tilt, ::testing::HasSubstr("fixed: [t_x, t_y]"));
+  EXPECT_THAT(of_tilt, ::testing::Not(::testing::HasSubstr("f_L")));
 }
 
 TEST(Registry, FindsModelsByTheirExactNameOnly) {
