@@ -26,8 +26,8 @@ constexpr size_t kAdjustedCandidates = 4;
 // scatter that the selection of views causes.
 constexpr double kAsGood = 1.5;
 constexpr double kSmallestScale = 1e-9;  // px; keeps weights finite where residuals are zero
-// A guess that leaves more than this, px, and than the markers' errors explain may have ended in a
-// wrong minimum.
+// Residuals larger than this, px, beyond what the markers' errors explain: the guess may have ended
+// in a wrong minimum.
 constexpr double kSuspiciousMedian = 1;
 constexpr double kNoResidual = std::numeric_limits<double>::infinity();
 

@@ -57,8 +57,8 @@ struct PoseSums {
   [[nodiscard]] auto Gradient() const { return J_B.col(directions + 6); }
   [[nodiscard]] Matrix6d PoseInformation() const { return E_B.middleCols<6>(directions); }
 
-  // Eliminates the pose; returns its information's inverse times E_B, nothing for a pose without
-  // information.
+  // Eliminates the pose; returns the inverse of its information times E_B, or nothing for a pose
+  // without information.
   std::optional<MatrixXd> EliminatePose() {
     std::optional<MatrixXd> solved = SolvePositive(PoseInformation(), E_B);
     if (solved) Subtract(*solved);
@@ -164,8 +164,8 @@ class Rows {
     return sums;
   }
 
-  // Adds the rows of the last view to the sums of their markers. `pose_D`, whose first columns
-  // count: change of the best pose with the directions, its sign changed.
+  // Adds the rows of the last view to the sums of their markers. The first columns of `pose_D`: the
+  // negative change of the best pose with each direction.
   void AddToMarkers(const MatrixXd& pose_D, std::vector<MarkerSums>* markers) const {
     const Eigen::Index count = D_.cols();
     const auto of_pose = pose_D.leftCols(count);
@@ -294,8 +294,8 @@ class FrameScores {
   FrameScores& operator=(const FrameScores&) = delete;
 
   // Calls `use` with the sums of each frame that has a pose, this eliminated, and with the unknowns
-  // that they depend on: rows of others are zero. Adds to the sums of each marker, where they are
-  // asked for; these REQUIRE that there is no jitter.
+  // that they depend on: rows of others are zero. With `markers`, adds the frame's rows to the
+  // sums of each marker. REQUIRES: no jitter, when `markers` are given.
   template <typename Use>
   void ForEach(const Use& use, std::vector<MarkerSums>* markers = nullptr) {
     const size_t count = context_.bundle.observations.size();
@@ -320,7 +320,8 @@ class FrameScores {
     return static_cast<size_t>(other - observations.begin());
   }
 
-  // Of the frame [begin, end) that was summed last: each camera has kept its rows.
+  // Adds the rows of the frame [begin, end), which was summed last and whose rows each camera
+  // keeps.
   void AddToMarkers(size_t begin,
                     size_t end,
                     const MatrixXd& pose_D,

@@ -18,9 +18,9 @@ struct MovingTarget {
   const RigidTransform* pose = nullptr;
 };
 
-// The derivatives of one camera's observations by its own unknowns (parameters and extrinsics) and
-// by the poses of targets, and the sums of their products with each other, with those by the pose
-// and with those by the markers, which are collected in matrices of the camera's own.
+// The derivatives J of one camera's observations by its own unknowns (parameters and extrinsics)
+// and by the poses of targets, E by the frame's pose and M by the marker; and the sums J' J, J' E,
+// J' M.
 class OwnColumns {
  public:
   OwnColumns(const Bundle& bundle, const UnknownLayout& layout, size_t camera)
@@ -131,7 +131,7 @@ class OwnColumns {
       }
     }
   }
-  // Moves the sum of the products with the pose.
+  // Adds J' E to the rows of all unknowns and sets it to zero.
   void MoveCrossTo(Eigen::MatrixXd* cross) {
     for (size_t i = 0; i < columns_.size(); ++i) {
       cross->row(columns_[i]) += cross_.row(static_cast<Eigen::Index>(i));
@@ -171,7 +171,7 @@ class OwnColumns {
   Eigen::Matrix<double, kMaxObservationSize, 6, Eigen::RowMajor> J_extrinsics_, J_pose_, pose_sum_;
   Eigen::Matrix<double, kMaxObservationSize, 3, Eigen::RowMajor> J_marker_, marker_sum_;
   Eigen::MatrixXd J_, J_sum_;  // of the present rows, one column each
-  Eigen::VectorXd scaled_;     // one of them
+  Eigen::VectorXd scaled_;     // a column of J_ with its sign; kept to save its allocation
   double information_ = 0;
   Eigen::MatrixXd square_;        // J' J over all observations
   Eigen::MatrixXd cross_;         // J' E of the present view

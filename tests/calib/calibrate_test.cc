@@ -12,9 +12,11 @@
 #include <optional>
 #include <random>
 #include <set>
+#include <span>
 #include <sstream>
 #include <tuple>
 
+#include "calib/start.h"
 #include "models/registry.h"
 #include "tests/calib/synthetic.h"
 
@@ -181,6 +183,25 @@ TEST(NoisyDetections, HaveErrorsAsLargeAsTheirSigmas) {
   }
   EXPECT_THAT(errors.markers.Mean(),
               ::testing::AllOf(::testing::Ge(kLowest), ::testing::Le(kHighest)));
+}
+
+int misfit_calls = 0;
+
+TEST(InitialGuess, LooksForAnotherLensOnlyBeyondWhatTheTargetsToleranceExplains) {
+  constexpr double kTolerance = 0.002;  // m; several pixels
+  const SyntheticProblem problem = MakeProblem(4, {.noise = 0.1, .marker_tolerance = kTolerance});
+  CameraInput camera = problem.input.cameras[0];
+  CameraModel model = *camera.model;
+  model.misfit = [](const CameraModel&, const StartProblem&, std::span<const double>, double) {
+    ++misfit_calls;
+    return Misfit();
+  };
+  camera.model = &model;
+  misfit_calls = 0;
+  EXPECT_GT(GuessCamera(camera, problem.input.markers, kTolerance).median_error, 1);
+  EXPECT_EQ(misfit_calls, 0);
+  GuessCamera(camera, problem.input.markers, 0);
+  EXPECT_EQ(misfit_calls, 1);
 }
 
 TEST(NoisyDetections, TellTheNoiseOfEachCamera) {

@@ -64,7 +64,7 @@ View UpsideDown(View view, ImageSize image_size) {
   return view;
 }
 
-// Whether the view, each with its best pose, fits far better when it is turned.
+// Whether the view fits far better when it is turned, both with their best poses.
 bool IsUpsideDown(const BundleCamera& camera,
                   double noise,
                   const View& view,
