@@ -5,6 +5,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <cmath>
 #include <iterator>
 #include <limits>
 #include <set>
@@ -12,6 +13,7 @@
 #include <unordered_map>
 
 #include "calib/base/csv.h"
+#include "calib/base/error.h"
 #include "calib/base/input_file.h"
 #include "calib/base/number_text.h"
 #include "calib/base/quoted_text.h"
@@ -306,6 +308,38 @@ Correlations ReadCorrelations(const std::filesystem::path& path) {
   }
   if (static_cast<Eigen::Index>(correlations.names.size()) != count) {
     table.Fail("the matrix has fewer rows than columns (is the file truncated?)");
+  }
+  return correlations;
+}
+
+Correlations ReadCorrelationsBeside(const CalibrationRecord& calibration) {
+  const std::filesystem::path path = calibration.path.parent_path() / "correlations.csv";
+  if (!std::filesystem::exists(path)) return {};
+  Correlations correlations = ReadCorrelations(path);
+  constexpr double kSame = 1e-6;  // of correlations that stand in both files
+  for (const CalibratedCamera& camera : calibration.cameras) {
+    const Eigen::VectorXd sigma = camera.covariance.diagonal().cwiseSqrt();
+    std::vector<std::pair<Eigen::Index, Eigen::Index>> places;  // here and in the table
+    for (size_t k = 0; k < camera.params.size(); ++k) {
+      const std::string name = fmt::format("{}.{}", camera.name, camera.model->params[k].name);
+      const auto found = std::ranges::find(correlations.names, name);
+      const auto here = static_cast<Eigen::Index>(k);
+      if (found == correlations.names.end() || !std::isfinite(sigma[here])) continue;
+      places.emplace_back(here, found - correlations.names.begin());
+    }
+    for (const auto& [i, row] : places) {
+      for (const auto& [j, column] : places) {
+        const double expected = camera.covariance(i, j), size = sigma[i] * sigma[j];
+        if (std::abs(correlations.matrix(row, column) * size - expected) <= kSame * size) continue;
+        throw Error(ErrorKind::kInput,
+                    fmt::format("{}: is of another calibration than {} beside it (the correlations "
+                                "of {} and {} differ); take both from one run, or remove it",
+                                path.string(),
+                                calibration.path.filename().string(),
+                                correlations.names[static_cast<size_t>(row)],
+                                correlations.names[static_cast<size_t>(column)]));
+      }
+    }
   }
   return correlations;
 }

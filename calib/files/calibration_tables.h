@@ -47,5 +47,8 @@ void ReadResiduals(const std::filesystem::path& path, CalibrationRecord* calibra
 /// correlations.csv: the matrix, a row and a column per unknown.
 std::string CorrelationsCsv(const Correlations& correlations);
 Correlations ReadCorrelations(const std::filesystem::path& path);
+/// correlations.csv beside the file of `calibration`; empty when there is none. Throws `Error` of
+/// kind kInput when it is that of another calibration.
+Correlations ReadCorrelationsBeside(const CalibrationRecord& calibration);
 
 }  // namespace plenocal

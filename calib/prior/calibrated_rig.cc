@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "calib/prior/calibrated_rig.h"
 
+#include <algorithm>
 #include <cmath>
 #include <utility>
 
@@ -27,22 +28,6 @@ bool StatesExtrinsics(const CalibratedCamera& camera) {
 
 bool StatesParam(const CalibratedCamera& camera, size_t param) {
   return camera.Sigma(param) > 0 && std::isfinite(camera.Sigma(param));
-}
-
-// Derivative of the chart of T_camera_master by those of T_camera_rig and T_master_rig.
-struct RelativeChart {
-  Matrix6d by_camera = Matrix6d::Identity(), by_master = Matrix6d::Zero();
-};
-
-RelativeChart ChartOfRelative(const RigidTransform& T_camera_rig,
-                              const RigidTransform& T_master_rig) {
-  const Eigen::Matrix3d R = T_camera_rig.R * T_master_rig.R.transpose();
-  RelativeChart chart;
-  chart.by_camera.topRightCorner<3, 3>() = Hat(R * T_master_rig.t);
-  chart.by_master.topLeftCorner<3, 3>() = -R;
-  chart.by_master.topRightCorner<3, 3>() = -R * Hat(T_master_rig.t);
-  chart.by_master.bottomRightCorner<3, 3>() = -R;
-  return chart;
 }
 
 // The rows of the prior's unknowns among all numbers of the cameras: per camera its parameters,
@@ -103,6 +88,22 @@ class PriorMaker {
   std::vector<Eigen::Index> rows_;
 };
 
+// Factor of a camera's standard errors for errors that the points of its frames share; 1 without.
+double FactorOfSystematicErrors(const CalibrationRecord& record, const std::string& camera) {
+  std::vector<Finding> findings = record.findings;
+  if (record.verdict) {
+    findings.insert(
+        findings.end(), record.verdict->findings.begin(), record.verdict->findings.end());
+  }
+  double factor = 1;
+  for (const Finding& finding : findings) {
+    if (finding.code != "points_share_errors" || !finding.value) continue;
+    if (std::ranges::find(finding.cameras, camera) == finding.cameras.end()) continue;
+    factor = std::max(factor, *finding.value);
+  }
+  return factor;
+}
+
 BundleCamera MakeCamera(const CalibratedCamera& camera, const CalibratedCamera& master) {
   BundleCamera made{.name = camera.name,
                     .image_size = camera.image_size,
@@ -118,6 +119,17 @@ BundleCamera MakeCamera(const CalibratedCamera& camera, const CalibratedCamera& 
 
 }  // namespace
 
+RelativeChart ChartOfRelative(const RigidTransform& T_camera_rig,
+                              const RigidTransform& T_master_rig) {
+  const Eigen::Matrix3d R = T_camera_rig.R * T_master_rig.R.transpose();
+  RelativeChart chart;
+  chart.by_camera.topRightCorner<3, 3>() = Hat(R * T_master_rig.t);
+  chart.by_master.topLeftCorner<3, 3>() = -R;
+  chart.by_master.topRightCorner<3, 3>() = -R * Hat(T_master_rig.t);
+  chart.by_master.bottomRightCorner<3, 3>() = -R;
+  return chart;
+}
+
 CalibratedRig MakeCalibratedRig(const CalibrationRecord& calibration,
                                 std::span<const std::string> names) {
   std::vector<const CalibratedCamera*> chosen;
@@ -131,6 +143,19 @@ CalibratedRig MakeCalibratedRig(const CalibrationRecord& calibration,
   }
   rig.prior = PriorMaker(chosen).Make(calibration.correlations);
   return rig;
+}
+
+void ScaleAlike(const CalibrationRecord& record,
+                const std::vector<std::string>& names,
+                CalibrationPrior* prior) {
+  std::vector<double> factors;
+  for (const std::string& name : names) {
+    factors.push_back(FactorOfSystematicErrors(record, name));
+  }
+  const double largest = *std::ranges::max_element(factors);
+  for (size_t i = 0; i < prior->unknowns.size(); ++i) {
+    prior->weight.col(static_cast<Eigen::Index>(i)) *= factors[prior->unknowns[i].camera] / largest;
+  }
 }
 
 }  // namespace plenocal

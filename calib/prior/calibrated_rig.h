@@ -27,4 +27,19 @@ struct CalibratedRig {
 CalibratedRig MakeCalibratedRig(const CalibrationRecord& calibration,
                                 std::span<const std::string> names);
 
+/// Standard errors that were scaled for errors which the points of a frame share, in some cameras
+/// and with the correlations as they were, would make the well known combinations of several
+/// cameras' unknowns wrong: all get the largest factor. `prior` is that of `names` in `record`.
+void ScaleAlike(const CalibrationRecord& record,
+                const std::vector<std::string>& names,
+                CalibrationPrior* prior);
+
+/// Derivatives of the chart of T_camera_master by those of T_camera_rig and T_master_rig.
+struct RelativeChart {
+  Matrix6d by_camera = Matrix6d::Identity(), by_master = Matrix6d::Zero();
+};
+
+RelativeChart ChartOfRelative(const RigidTransform& T_camera_rig,
+                              const RigidTransform& T_master_rig);
+
 }  // namespace plenocal

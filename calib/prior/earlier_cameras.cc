@@ -121,37 +121,6 @@ void AppendPrior(const CalibrationPrior& more, CalibrationPrior* prior) {
   prior->unknowns.insert(prior->unknowns.end(), more.unknowns.begin(), more.unknowns.end());
 }
 
-// Factor of a camera's standard errors for errors that the points of its frames share; 1 without.
-double FactorOfSystematicErrors(const CalibrationRecord& record, const std::string& camera) {
-  std::vector<Finding> findings = record.findings;
-  if (record.verdict) {
-    findings.insert(
-        findings.end(), record.verdict->findings.begin(), record.verdict->findings.end());
-  }
-  double factor = 1;
-  for (const Finding& finding : findings) {
-    if (finding.code != "points_share_errors" || !finding.value) continue;
-    if (std::ranges::find(finding.cameras, camera) == finding.cameras.end()) continue;
-    factor = std::max(factor, *finding.value);
-  }
-  return factor;
-}
-
-// Standard errors of some cameras that were scaled, with the correlations as they were, would make
-// the well known combinations of several cameras' unknowns wrong ones: all have the largest factor.
-void ScaleAlike(const CalibrationRecord& record,
-                const std::vector<std::string>& names,
-                CalibrationPrior* prior) {
-  std::vector<double> factors;
-  for (const std::string& name : names) {
-    factors.push_back(FactorOfSystematicErrors(record, name));
-  }
-  const double largest = *std::ranges::max_element(factors);
-  for (size_t i = 0; i < prior->unknowns.size(); ++i) {
-    prior->weight.col(static_cast<Eigen::Index>(i)) *= factors[prior->unknowns[i].camera] / largest;
-  }
-}
-
 class EarlierCameraMaker {
  public:
   EarlierCameraMaker(std::vector<CameraInput> inputs,

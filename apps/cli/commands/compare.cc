@@ -140,36 +140,9 @@ void PrintCamera(const CameraDifference& camera,
   fmt::print("  {}\n", VerdictText(camera));
 }
 
-// correlations.csv beside a calibration.yaml, or none when it does not belong to it.
-Correlations CorrelationsBeside(const CalibrationRecord& calibration) {
-  const std::filesystem::path path = calibration.path.parent_path() / "correlations.csv";
-  if (!std::filesystem::exists(path)) return {};
-  Correlations correlations = ReadCorrelations(path);
-  constexpr double kSame = 1e-6;  // of correlations that stand in both files
-  for (const CalibratedCamera& camera : calibration.cameras) {
-    const Eigen::VectorXd sigma = camera.covariance.diagonal().cwiseSqrt();
-    std::vector<std::pair<Eigen::Index, Eigen::Index>> places;  // here and in the table
-    for (size_t k = 0; k < camera.params.size(); ++k) {
-      const std::string name = fmt::format("{}.{}", camera.name, camera.model->params[k].name);
-      const auto found = std::ranges::find(correlations.names, name);
-      const auto here = static_cast<Eigen::Index>(k);
-      if (found == correlations.names.end() || !std::isfinite(sigma[here])) continue;
-      places.emplace_back(here, found - correlations.names.begin());
-    }
-    for (const auto& [i, row] : places) {
-      for (const auto& [j, column] : places) {
-        const double expected = camera.covariance(i, j);
-        const double found = correlations.matrix(row, column) * sigma[i] * sigma[j];
-        if (std::abs(found - expected) > kSame * sigma[i] * sigma[j]) return {};
-      }
-    }
-  }
-  return correlations;
-}
-
 Correlated ReadCorrelated(const std::filesystem::path& path) {
   Correlated calibration{ReadCalibration(path, CameraModels()), {}};
-  calibration.correlations = CorrelationsBeside(calibration.record);
+  calibration.correlations = ReadCorrelationsBeside(calibration.record);
   return calibration;
 }
 

@@ -42,8 +42,7 @@ CalibrationRecord ReadRigCalibration(const GroundtruthArguments& arguments,
                             recording.path.string()));
   }
   CalibrationRecord calibration = ReadCalibration(path, CameraModels());
-  const fs::path correlations = path.parent_path() / "correlations.csv";
-  if (fs::exists(correlations)) calibration.correlations = ReadCorrelations(correlations);
+  calibration.correlations = ReadCorrelationsBeside(calibration);
   return calibration;
 }
 

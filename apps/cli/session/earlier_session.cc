@@ -41,8 +41,7 @@ CalibrationRecord ReadEarlierRecord(const EarlierFile& file, ImageSize size) {
     return record;
   }
   CalibrationRecord record = ReadCalibration(file.path, CameraModels());
-  const std::filesystem::path correlations = file.path.parent_path() / "correlations.csv";
-  if (std::filesystem::exists(correlations)) record.correlations = ReadCorrelations(correlations);
+  record.correlations = ReadCorrelationsBeside(record);
   return record;
 }
 

@@ -17,6 +17,7 @@ namespace TEST_FILE {
 using ::testing::HasSubstr;
 namespace fs = std::filesystem;
 
+constexpr const char* kFromA = "from: ../a/out/calibration.yaml\n";
 constexpr double kSigmas = 4.5;  // one in 10^5 of Gaussian errors is larger
 
 class Rigs : public Workspace {
@@ -34,7 +35,10 @@ class Rigs : public Workspace {
   }
 
   // A pair before a board; another seed has other poses.
-  void SimulatePair(const std::string& folder, int seed, const std::string& focal) const {
+  void SimulatePair(const std::string& folder,
+                    int seed,
+                    const std::string& focal,
+                    const std::string& x = "-0.1") const {
     Write("board.yaml", "plenocal: 1\ntype: chessboard\ncolumns: 9\nrows: 7\nsquare: 30 mm\n");
     const std::string camera =
         "    model: pinhole-radial3\n    image_size: [1280, 1024]\n    parameters: {f_x: " + focal +
@@ -42,7 +46,8 @@ class Rigs : public Workspace {
     Write(folder + ".yaml",
           "plenocal: 1\nseed: " + std::to_string(seed) +
               "\ntarget: board.yaml\ncameras:\n  left:\n" + camera + "  right:\n" + camera +
-              "    xi_camera_rig: [-0.1, 0, 0, 0, 0.02, 0]\n"
+              "    xi_camera_rig: [" + x +
+              ", 0, 0, 0, 0.02, 0]\n"
               "poses: {frames: 20, distance: [0.4, 1.2]}\n");
     const Outcome simulated = Run({"simulate", folder + ".yaml", "--points", "-o", folder});
     ASSERT_EQ(simulated.status, kDone) << simulated.err;
@@ -56,6 +61,48 @@ class Rigs : public Workspace {
     const Outcome outcome = Run({"calibrate", session, "-o", out, "--no-report"});
     EXPECT_EQ(outcome.status, kDone) << outcome.err;
     return Result(out);
+  }
+
+  // The frames of a and b in one session.
+  YAML::Node CalibrateJointly() const {
+    fs::create_directory(Path("joint"));
+    Write("joint/target.yaml", Read("a/target.yaml"));
+    const std::string session = Read("b/session.yaml");
+    Write("joint/session.yaml",
+          session.find(kFromA) == std::string::npos ? session : Replaced(session, kFromA, ""));
+    for (const char* name : {"detections_left.csv", "detections_right.csv"}) {
+      const std::vector<std::string> a = Lines(Read(std::string("a/") + name));
+      const std::vector<std::string> b = Lines(Read(std::string("b/") + name));
+      std::string rows = a[0] + "\n";
+      for (size_t i = 1; i < a.size(); ++i) rows += "a" + a[i] + "\n";
+      for (size_t i = 1; i < b.size(); ++i) rows += "b" + b[i] + "\n";
+      Write(std::string("joint/") + name, rows);
+    }
+    return CalibratePair("joint", "");
+  }
+
+  static void ExpectSameRig(const YAML::Node& found, const YAML::Node& joint) {
+    constexpr double kAway = 0.1, kRatio = 0.03;  // sigma; part
+    for (const char* camera : {"left", "right"}) {
+      const YAML::Node one = found["cameras"][camera], both = joint["cameras"][camera];
+      for (const auto& entry : both["parameters"]) {
+        const auto name = entry.first.as<std::string>();
+        const auto sigma = both["sigma"][name].as<double>();
+        EXPECT_LT(std::abs(one["parameters"][name].as<double>() - entry.second.as<double>()),
+                  kAway * sigma)
+            << camera << " " << name;
+        EXPECT_NEAR(one["sigma"][name].as<double>() / sigma, 1, kRatio) << camera << " " << name;
+      }
+    }
+    const YAML::Node one = found["cameras"]["right"], both = joint["cameras"]["right"];
+    for (int i = 0; i < 6; ++i) {
+      const auto sigma = both["sigma_xi"][i].as<double>();
+      EXPECT_NEAR(one["sigma_xi"][i].as<double>() / sigma, 1, kRatio) << i;
+      EXPECT_LT(
+          std::abs(one["xi_camera_rig"][i].as<double>() - both["xi_camera_rig"][i].as<double>()),
+          kAway * sigma)
+          << i;
+    }
   }
 
   static void ExpectNear(const YAML::Node& found,
@@ -150,50 +197,60 @@ TEST_F(Rigs, ASecondCalibrationFromTheFirstEqualsBothTogether) {
   SimulatePair("a", 1, "1100");
   SimulatePair("b", 2, "1100");
   CalibratePair("a", "");
-  const YAML::Node then = CalibratePair("b", "from: ../a/out/calibration.yaml\n");
-  // Both halves in one session.
-  fs::create_directory(Path("joint"));
-  Write("joint/target.yaml", Read("a/target.yaml"));
-  Write("joint/session.yaml",
-        Replaced(Read("b/session.yaml"), "from: ../a/out/calibration.yaml\n", ""));
-  for (const char* name : {"detections_left.csv", "detections_right.csv"}) {
-    const std::vector<std::string> a = Lines(Read(std::string("a/") + name));
-    const std::vector<std::string> b = Lines(Read(std::string("b/") + name));
-    std::string rows = a[0] + "\n";
-    for (size_t i = 1; i < a.size(); ++i) rows += "a" + a[i] + "\n";
-    for (size_t i = 1; i < b.size(); ++i) rows += "b" + b[i] + "\n";
-    Write(std::string("joint/") + name, rows);
-  }
-  const YAML::Node joint = CalibratePair("joint", "");
-  constexpr double kAway = 0.1, kRatio = 0.03;  // sigma; part
-  for (const char* camera : {"left", "right"}) {
-    const YAML::Node one = then["cameras"][camera], both = joint["cameras"][camera];
-    for (const auto& entry : both["parameters"]) {
-      const auto name = entry.first.as<std::string>();
-      const auto sigma = both["sigma"][name].as<double>();
-      EXPECT_LT(std::abs(one["parameters"][name].as<double>() - entry.second.as<double>()),
-                kAway * sigma)
-          << camera << " " << name;
-      EXPECT_NEAR(one["sigma"][name].as<double>() / sigma, 1, kRatio) << camera << " " << name;
-    }
-  }
-  for (int i = 0; i < 6; ++i) {
-    const YAML::Node one = then["cameras"]["right"], both = joint["cameras"]["right"];
-    const auto sigma = both["sigma_xi"][i].as<double>();
-    EXPECT_NEAR(one["sigma_xi"][i].as<double>() / sigma, 1, kRatio) << i;
-    EXPECT_LT(
-        std::abs(one["xi_camera_rig"][i].as<double>() - both["xi_camera_rig"][i].as<double>()),
-        kAway * sigma)
-        << i;
-  }
+  const YAML::Node then = CalibratePair("b", kFromA);
+  ExpectSameRig(then, CalibrateJointly());
   EXPECT_FALSE(Has(Codes(then), "prior_contradicted"));
+  // The second contains the first.
+  const Outcome twice = Run({"merge", "a/out", "b/out", "-o", "merged"});
+  EXPECT_EQ(twice.status, kWrongInput);
+  EXPECT_THAT(twice.err, HasSubstr("b/out/calibration.yaml: was calibrated from a/out"));
+}
+
+TEST_F(Rigs, MergedCalibrationsEqualBothTogether) {
+  SimulatePair("a", 1, "1100");
+  SimulatePair("b", 2, "1100");
+  CalibratePair("a", "");
+  CalibratePair("b", "");
+  const Outcome outcome = Run({"merge", "a/out", "b/out/calibration.yaml", "-o", "merged"});
+  ASSERT_EQ(outcome.status, kDone) << outcome.err;
+  EXPECT_THAT(outcome.out, HasSubstr("the calibrations agree"));
+  const YAML::Node merged = Result("merged");
+  ExpectNoNan(merged);
+  ExpectSameRig(merged, CalibrateJointly());
+  EXPECT_EQ(merged["verdict"]["grade"].as<std::string>(), "good");
+  // As any other calibration.
+  EXPECT_EQ(Run({"compare", "merged/calibration.yaml", "joint/out/calibration.yaml"}).status,
+            kDone);
+  EXPECT_EQ(Run({"export", "merged/calibration.yaml", "--format", "opencv", "-o", "cv"}).status,
+            kDone);
+}
+
+TEST_F(Rigs, MergeNamesACameraThatMoved) {
+  SimulatePair("a", 1, "1100");
+  SimulatePair("b", 2, "1100", "-0.1005");
+  CalibratePair("a", "");
+  CalibratePair("b", "");
+  Outcome outcome = Run({"merge", "a/out", "b/out", "-o", "merged"});
+  ASSERT_EQ(outcome.status, kDone) << outcome.err;
+  EXPECT_THAT(outcome.out, HasSubstr("--moved right"));
+  EXPECT_EQ(Codes(Result("merged")), std::vector<std::string>{"mount_moved"});
+  outcome = Run({"merge", "a/out", "b/out", "-o", "merged", "--moved", "right"});
+  ASSERT_EQ(outcome.status, kDone) << outcome.err;
+  const YAML::Node merged = Result("merged"),
+                   last = YAML::LoadFile(Path("b/truth/calibration.yaml"));
+  EXPECT_TRUE(Codes(merged).empty());
+  ExpectNear(merged["cameras"]["right"], last["cameras"]["right"], "xi_camera_rig", "right");
+  EXPECT_EQ(Lines(Read("merged/mounts.csv")).size(), 3U);
+  outcome = Run({"merge", "a/out", "b/out", "-o", "merged", "--moved", "rihgt"});
+  EXPECT_EQ(outcome.status, kWrongInput);
+  EXPECT_THAT(outcome.err, HasSubstr("did you mean 'right'"));
 }
 
 TEST_F(Rigs, AnEarlierCalibrationThatTheImagesContradictIsNamed) {
   SimulatePair("a", 1, "1100");
   SimulatePair("b", 2, "1108");  // refocused
   CalibratePair("a", "");
-  const YAML::Node result = CalibratePair("b", "from: ../a/out/calibration.yaml\n");
+  const YAML::Node result = CalibratePair("b", kFromA);
   bool named = false;
   for (const YAML::Node& finding : result["verdict"]["findings"]) {
     if (finding["code"].as<std::string>() != "prior_contradicted") continue;

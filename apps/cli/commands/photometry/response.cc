@@ -7,6 +7,7 @@
 #include "apps/cli/options.h"
 #include "apps/photometry/exposed_images.h"
 #include "apps/photometry/response_files.h"
+#include "calib/base/error.h"
 #include "calib/base/output_folder.h"
 
 namespace plenocal {
