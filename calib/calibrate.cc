@@ -12,6 +12,7 @@
 #include "calib/noise/repeated_pose.h"
 #include "calib/prior/prior_agreement.h"
 #include "calib/rig/link_targets.h"
+#include "calib/rig/time_shift.h"
 #include "calib/rig_test.h"
 #include "calib/solve.h"
 #include "calib/start_bundle.h"
@@ -60,6 +61,44 @@ void HoldOpenCoefficients(const Uncertainty& uncertainty, std::vector<CameraInpu
   }
 }
 
+// Estimates the time shifts of the cameras of a rig whose frames disagree, where the images have
+// times and show how the rig moved. `calibration` is solved with jitter, and stays so when neither
+// the times nor a shift explain any of it.
+void SolveTimeShifts(const std::vector<CameraInput>& cameras,
+                     const std::vector<CameraGuess>& guesses,
+                     const SolveOptions& options,
+                     const std::function<void()>& solve,
+                     Calibration* calibration) {
+  constexpr double kSignificant = 4;  // sigmas
+  constexpr int kLinearisations = 2;  // of the motion at the time shifts
+  Bundle& bundle = calibration->bundle;
+  const std::optional<RigTimes> times = TimesOf(cameras, calibration->frames);
+  if (!times || !ShowsMotion(bundle, *times)) return;
+  const Calibration with_jitter = *calibration;
+  bundle.jitter = {};
+  AddTimeShifts(*times, &bundle);
+  for (int i = 0; i < kLinearisations; ++i) {
+    solve();
+    UpdateMotion(*times, &bundle);
+  }
+  solve();
+  // What the motion does not explain is jitter all the same.
+  if (!FramesAgree(bundle, calibration->uncertainty, options.typical_sigmas)) {
+    StartJitter(cameras, guesses, calibration->frames, &bundle);
+    solve();
+  }
+  constexpr double kExplained = 0.5;  // of the jitter is left at most
+  bool explains =
+      bundle.jitter.translation_sigma < kExplained * with_jitter.bundle.jitter.translation_sigma;
+  for (size_t c = 0; c < bundle.cameras.size(); ++c) {
+    const std::optional<size_t>& shift = bundle.cameras[c].time_shift;
+    if (!shift) continue;
+    const double sigma = calibration->uncertainty.param_std_errors[c][*shift];
+    explains = explains || std::abs(bundle.cameras[c].params[*shift]) > kSignificant * sigma;
+  }
+  if (!explains) *calibration = with_jitter;
+}
+
 // A rig is taken as rigid and its frames as synchronous unless its frames disagree.
 void SolveRig(const CalibrationInput& input,
               const SolveOptions& options,
@@ -83,11 +122,10 @@ void SolveRig(const CalibrationInput& input,
   }
   if (FramesAgree(calibration->bundle, calibration->uncertainty, options.typical_sigmas)) return;
   calibration->bundle = guess->bundle;
-  StartJitter(guess->linked ? guess->linked->cameras : input.cameras,
-              guess->cameras,
-              calibration->frames,
-              &calibration->bundle);
+  const std::vector<CameraInput>& cameras = guess->linked ? guess->linked->cameras : input.cameras;
+  StartJitter(cameras, guess->cameras, calibration->frames, &calibration->bundle);
   solve();
+  SolveTimeShifts(cameras, guess->cameras, options, solve, calibration);
 }
 
 // Scales the standard errors of cameras whose frames, or whose markers, disagree by more than noise
@@ -128,6 +166,7 @@ void AddFindings(const BundleGuess& guess, Calibration* calibration) {
     }
   }
   add(FindingsOfJitter(calibration->bundle));
+  add(FindingsOfTimeShifts(*calibration));
   add(FindingsOfRules(*calibration));
 }
 

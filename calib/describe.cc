@@ -89,13 +89,14 @@ void DescribeMarkers(const Calibration& calibration, CalibrationRecord* record) 
   }
 }
 
-// The rest of `all` without the nuisance parameters, which files do not hold.
+// The rest of `all` without the nuisance parameters that files do not hold.
 Correlations WithoutNuisances(const Calibration& calibration, const Correlations& all) {
   std::set<int> nuisances;
   for (size_t c = 0; c < calibration.bundle.cameras.size(); ++c) {
     const std::vector<int>& index = calibration.uncertainty.param_index[c];
-    for (size_t k = calibration.bundle.cameras[c].ModelParams(); k < index.size(); ++k) {
-      nuisances.insert(index[k]);
+    const BundleCamera& camera = calibration.bundle.cameras[c];
+    for (size_t k = camera.ModelParams(); k < index.size(); ++k) {
+      if (k != camera.time_shift) nuisances.insert(index[k]);
     }
   }
   std::vector<int> kept;
@@ -143,6 +144,10 @@ CalibratedCamera DescribeCamera(const Calibration& calibration, size_t c) {
       .T_camera_rig = camera.T_camera_rig,
       .sigma_xi = SigmaXi(calibration.uncertainty.extrinsics_covariance[c], camera.T_camera_rig),
       .fit = calibration.fits[c]};
+  if (camera.time_shift) {
+    described.time_shift = {.value = camera.params[*camera.time_shift],
+                            .sigma = std_errors[*camera.time_shift]};
+  }
   for (size_t k = 0; k < std::min(camera.at_bound.size(), camera.ModelParams()); ++k) {
     if (camera.at_bound[k]) described.at_bound.emplace_back(camera.model->params[k].name);
   }

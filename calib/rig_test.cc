@@ -81,7 +81,7 @@ void StartJitter(std::span<const CameraInput> cameras,
       const auto& T_camera_target = guesses[c].T_camera_target[v];
       if (frame == index.end() || !T_camera_target) continue;
       const RigidTransform seen = T_rig_camera * *T_camera_target;
-      const RigidTransform& shared = bundle->T_rig_target[frame->second];
+      const RigidTransform shared = bundle->PoseAtView(frame->second, c);
       Vector6d& delta = jitter.delta[bundle->View(frame->second, c)];
       delta << seen.t - shared.t, LogRotation(seen.R * shared.R.transpose());
       const Vector6d error = JitterWeight(*bundle, frame->second) * delta;

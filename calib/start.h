@@ -23,6 +23,8 @@ struct CameraInput {
   std::vector<ParamRule> rules = {};           ///< per parameter, or empty
   ImageSize image_size{};
   std::vector<View> views;
+  /// By frame: when its image was taken, by the camera's clock, s; empty: not known.
+  std::map<std::string, double> times = {};
 };
 
 /// The camera in a bundle with these parameters: those that its model fixes are fixed, and the

@@ -146,6 +146,15 @@ std::string ExtrinsicsText(const Calibration& calibration, size_t c) {
       WithSigma(w.z(), sigma.z()));
 }
 
+std::string TimeShiftText(const Calibration& calibration, size_t c) {
+  const BundleCamera& camera = calibration.bundle.cameras[c];
+  const size_t index = *camera.time_shift;
+  return fmt::format("    images later than their times say by {} ms, by the clock of {}\n",
+                     WithSigma(1e3 * camera.params[index],
+                               1e3 * calibration.uncertainty.param_std_errors[c][index]),
+                     calibration.bundle.cameras[0].name);
+}
+
 std::string TargetText(const Bundle& bundle) {
   if (!(bundle.marker_sigma > 0) || bundle.HasLandmarks()) return {};
   double sum = 0, largest = 0;
@@ -221,6 +230,7 @@ std::string Summary(const Calibration& calibration) {
                         camera.image_size[1]);
     text += FitText(calibration.fits[c]) + ParametersText(calibration, c);
     if (!camera.is_master) text += ExtrinsicsText(calibration, c);
+    if (camera.time_shift) text += TimeShiftText(calibration, c);
   }
   text += TargetPosesText(calibration) + TargetText(bundle);
   const std::vector<WeakUnknowns> weak = FindWeakUnknowns(bundle, calibration.uncertainty);

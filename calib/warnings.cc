@@ -67,6 +67,30 @@ std::vector<Finding> FindingsOfJitter(const Bundle& bundle) {
                  "lens."}};
 }
 
+std::vector<Finding> FindingsOfTimeShifts(const Calibration& calibration) {
+  std::vector<Finding> findings;
+  const std::vector<BundleCamera>& cameras = calibration.bundle.cameras;
+  for (size_t c = 0; c < cameras.size(); ++c) {
+    const std::optional<size_t>& index = cameras[c].time_shift;
+    if (!index) continue;
+    const double shift = cameras[c].params[*index];
+    findings.push_back({.code = "time_shift",
+                        .grade = Grade::kGood,
+                        .cameras = {cameras[c].name},
+                        .value = shift,
+                        .what = fmt::format(
+                            "{}: images were taken {:.3f} +- {:.2g} ms {} than their times say, by "
+                            "the clock of {}. The calibration includes it.",
+                            cameras[c].name,
+                            1e3 * std::abs(shift),
+                            1e3 * calibration.uncertainty.param_std_errors[c][*index],
+                            shift > 0 ? "later" : "earlier",
+                            cameras[0].name),
+                        .remedy = {}});
+  }
+  return findings;
+}
+
 std::vector<Finding> FindingsOfRules(const Calibration& calibration) {
   constexpr double kContradiction = 4;  // standard deviations
   std::vector<Finding> findings;

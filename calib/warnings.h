@@ -22,6 +22,8 @@ Finding FindingOfMisfit(const std::string& camera, const std::string& misfit);
 
 /// The rig is not rigid or not synchronous; empty when it is both.
 std::vector<Finding> FindingsOfJitter(const Bundle& bundle);
+/// Cameras whose images were taken at another time than they say.
+std::vector<Finding> FindingsOfTimeShifts(const Calibration& calibration);
 
 /// Bounds that the estimate lies on, and priors that the images contradict.
 std::vector<Finding> FindingsOfRules(const Calibration& calibration);

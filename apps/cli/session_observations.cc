@@ -13,6 +13,7 @@
 #include "apps/cli/session/left_out.h"
 #include "apps/cli/session/proposal_text.h"
 #include "apps/recording/frames/session_images.h"
+#include "apps/recording/frames/session_times.h"
 #include "apps/recording/stores/image_lister.h"
 #include "calib/base/error.h"
 #include "calib/base/number_text.h"
@@ -79,6 +80,11 @@ class Collector {
     std::vector<LeftOut> left_out;
     exclusion_.RemoveViews(camera.name, {}, &input.views, &left_out);
     if (camera.model->assign_lens_types != nullptr) camera.model->assign_lens_types(&input.views);
+    if (!camera.times.empty()) {
+      std::vector<std::string> frames;
+      for (const View& view : input.views) frames.push_back(view.frame);
+      input.times = TimesOfFrames(camera.times, camera.name, frames);
+    }
     console_.Message(fmt::format("{}: {}, {} from {}",
                                  camera.name,
                                  Counted(input.views.size(), "frame"),
@@ -108,6 +114,9 @@ class Collector {
     CameraInput input = InputWithoutViews(camera);
     input.image_size = found.image_size;
     input.views = std::move(found.views);
+    for (const FrameImage& image : images.images) {
+      if (image.time) input.times[image.frame] = *image.time;
+    }
     AddLeftOut(std::move(found.left_out));
     collected_.sample_frames.push_back(found.sample.frame);
     collected_.traits.push_back(std::move(found.traits));

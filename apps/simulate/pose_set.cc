@@ -10,6 +10,7 @@
 #include <optional>
 #include <utility>
 
+#include "apps/simulate/motion/hand_path.h"
 #include "apps/simulate/random.h"
 #include "calib/base/error.h"
 #include "calib/base/linear_algebra.h"
@@ -88,13 +89,6 @@ FramePlan PlanFrame(const SimulationSpec& spec, int index, size_t widest_camera)
   if (plan.partial) plan.aim = widest_camera;
   return plan;
 }
-
-// A random position of the target in the image and orientation before the camera.
-struct Placement {
-  Eigen::Vector2d share;                   // position in the image, in parts of its size
-  double distance = 0;                     // m
-  double tilt = 0, azimuth = 0, roll = 0;  // rad
-};
 
 Placement DrawPlacement(const PoseSpec& poses, const FramePlan& plan, Random* random) {
   Placement drawn;
@@ -180,6 +174,16 @@ class PoseFinder {
             spec_.poses.corner ? " in a corner of its image and none elsewhere" : ""));
   }
 
+  // T_rig_target of a rig that moves; nothing where the target would be out of the camera's domain.
+  [[nodiscard]] std::optional<RigidTransform> OnPath(const HandPath& path, double time) const {
+    const CameraSpec& camera = spec_.cameras[spec_.poses.aim];
+    const Placement placement = path.At(time);
+    const std::optional<Ray> ray =
+        observer_.CentralRay(spec_.poses.aim, At(camera, placement.share));
+    if (!ray) return std::nullopt;
+    return camera.T_camera_rig.Inverse() * PlaceTarget(spec_.poses, placement, *ray, stances_[0]);
+  }
+
  private:
   [[nodiscard]] bool Suits(const FramePlan& plan,
                            const RigidTransform& T_rig_target,
@@ -212,6 +216,26 @@ class PoseFinder {
   std::vector<int> fewest_;      // per target: markers that a frame must show
 };
 
+// Frames of a rig that moves; those for which the lens has no image of the target's middle are not
+// taken.
+std::vector<Frame> MakeMovingPoses(const SimulationSpec& spec, const PoseFinder& finder) {
+  const HandPath path(spec.poses, spec.seed);
+  std::vector<Frame> frames;
+  for (int f = 0; f < spec.poses.frames; ++f) {
+    const double time = f / spec.poses.rate;
+    const auto T_rig_target = finder.OnPath(path, time);
+    if (!T_rig_target) continue;
+    Frame frame{.name = FrameName(f), .kind = "good", .T_rig_target = *T_rig_target, .time = time};
+    for (const CameraSpec& camera : spec.cameras) {
+      frame.T_rig_target_of_camera.push_back(
+          finder.OnPath(path, time + camera.time_offset + camera.time_shift)
+              .value_or(*T_rig_target));
+    }
+    frames.push_back(std::move(frame));
+  }
+  return frames;
+}
+
 }  // namespace
 
 std::vector<Frame> MakePoses(const SimulationSpec& spec,
@@ -223,6 +247,7 @@ std::vector<Frame> MakePoses(const SimulationSpec& spec,
   }
   if (!frames.empty()) return frames;
   const PoseFinder finder(spec, observer, targets);
+  if (spec.poses.moving) return MakeMovingPoses(spec, finder);
   const size_t widest = WidestCamera(spec, observer);
   for (int f = 0; f < spec.poses.frames; ++f) {
     if (spec.poses.still && f > 0) {

@@ -14,6 +14,13 @@ struct Frame {
   std::string name;
   std::string kind;  ///< "good"; "partial": the target is at the rim of an image; "given"
   RigidTransform T_rig_target;
+  double time = 0;  ///< s, of a rig that moves
+  /// Per camera, of a rig that moves: where the rig is when the camera takes its image.
+  std::vector<RigidTransform> T_rig_target_of_camera = {};
+
+  [[nodiscard]] const RigidTransform& PoseFor(std::size_t camera) const {
+    return T_rig_target_of_camera.empty() ? T_rig_target : T_rig_target_of_camera[camera];
+  }
 };
 
 /// The rig's poses before the target, all from the seed; of several targets (in the frame of the

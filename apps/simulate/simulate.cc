@@ -71,6 +71,9 @@ std::string SessionYaml(const Scene& scene, const SimulateRequest& request) {
         fmt::format_to(out, "    bayer: {}\n", BayerName(*camera.sensor.bayer));
       }
     }
+    if (scene.spec.poses.moving) {
+      fmt::format_to(out, "    times: times_{}.txt\n", camera.name);
+    }
     for (size_t i = 0; i < camera.config.size(); ++i) {
       fmt::format_to(
           out, "    {}: {}\n", camera.model->config[i].name, YamlNumber(camera.config[i]));
@@ -85,6 +88,10 @@ CalibrationRecord TrueCalibration(const Scene& scene) {
   truth.adjustment = AdjustmentRecord{.converged = true};
   for (size_t c = 0; c < scene.spec.cameras.size(); ++c) {
     truth.cameras.push_back(TrueCamera(scene.spec.cameras[c]));
+    if (scene.spec.poses.moving && c > 0) {
+      truth.cameras.back().time_shift =
+          TimeShift{scene.spec.cameras[c].time_shift - scene.spec.cameras[0].time_shift, 0};
+    }
     CameraFit& fit = truth.cameras.back().fit;
     for (const View& view : scene.views[c]) {
       fit.points += static_cast<int>(view.observations.size());
@@ -157,7 +164,7 @@ cv::Mat RenderFrame(const Scene& scene,
                     size_t c,
                     size_t frame) {
   const RigidTransform T_camera_target =
-      scene.spec.cameras[c].T_camera_rig * scene.frames[frame].T_rig_target;
+      scene.spec.cameras[c].T_camera_rig * scene.frames[frame].PoseFor(c);
   const PosedSurface posed(surface, T_camera_target);
   const std::uint64_t sampling =
       static_cast<std::uint64_t>(scene.spec.seed) * 1000003 + c * 65537 + frame;
@@ -251,7 +258,7 @@ void ObserveScene(const Observer& observer, int threads, const Progress& progres
     scene->views[c].resize(scene->frames.size());
     ParallelFor(scene->frames.size(), threads, [&](size_t f) {
       const Frame& frame = scene->frames[f];
-      scene->views[c][f] = {frame.name, observer.Observe(c, scene->made, frame.T_rig_target)};
+      scene->views[c][f] = {frame.name, observer.Observe(c, scene->made, frame.PoseFor(c))};
     });
     progress("markers", c + 1, spec.cameras.size());
   }
@@ -299,6 +306,17 @@ void WriteExposures(const Scene& scene, OutputFolder* out) {
   }
   out->Write("recording.yaml", PhotometryRecordingYaml(scene.spec));
   out->Write("truth/exposures.csv", TrueExposuresCsv(scene.spec, names, scene.exposures));
+}
+
+// When the images say that they were taken.
+void WriteTimes(const Scene& scene, OutputFolder* out) {
+  for (const CameraSpec& camera : scene.spec.cameras) {
+    std::string text = "# frame, s\n";
+    for (const Frame& frame : scene.frames) {
+      text += fmt::format("{} {:.9f}\n", frame.name, frame.time + camera.time_offset);
+    }
+    out->Write(fmt::format("times_{}.txt", camera.name), text);
+  }
 }
 
 void WriteDetections(const Scene& scene, OutputFolder* out) {
@@ -369,6 +387,7 @@ std::string Simulate(const SimulateRequest& request, const SimulateOptions& opti
         &out);
     if (spec.exposures) WriteExposures(scene, &out);
   }
+  if (spec.poses.moving) WriteTimes(scene, &out);
   out.Write("session.yaml", SessionYaml(scene, request));
   if (scene.targets.empty()) {
     out.Write("target.yaml", RefinedTargetYaml(scene.target, {}, {}));

@@ -176,7 +176,9 @@ CameraSpec ReadCamera(const std::string& name,
                                       "response",
                                       "bayer",
                                       "micro_lenses",
-                                      "detection_sigma"};
+                                      "detection_sigma",
+                                      "time_offset",
+                                      "time_shift"};
   for (const Param& config : camera.model->config) known.push_back(config.name);
   node.CheckKeys(known);
 
@@ -192,6 +194,9 @@ CameraSpec ReadCamera(const std::string& name,
   camera.T_camera_rig = ReadPose(node, "camera_rig");
   camera.sensor = ReadSensor(node, camera, spec);
   ReadNumber(node, "detection_sigma", 0, 1e6, &camera.detection_sigma);
+  constexpr double kLongest = 10;  // s
+  ReadNumber(node, "time_offset", -kLongest, kLongest, &camera.time_offset);
+  ReadNumber(node, "time_shift", -kLongest, kLongest, &camera.time_shift);
   if (camera.IsPlenoptic()) {
     camera.micro_lenses = ReadMicroLenses(node.At("micro_lenses"));
   } else if (node.Has("micro_lenses")) {
@@ -213,10 +218,10 @@ PoseSpec ReadPoseSpec(const YamlNode& node,
     }
     return poses;
   }
-  node.CheckKeys({"kind", "frames", "distance", "tilt", "roll", "partial", "aim"});
+  node.CheckKeys({"kind", "frames", "rate", "distance", "tilt", "roll", "partial", "aim"});
   if (node.Has("kind")) {
-    static constexpr std::array<std::string_view, 5> kKinds{
-        "varied", "one-distance", "no-tilt", "corner", "still"};
+    static constexpr std::array<std::string_view, 6> kKinds{
+        "varied", "one-distance", "no-tilt", "corner", "still", "moving"};
     const YamlNode kind = node.At("kind");
     std::array<bool, kKinds.size()> chosen{};
     for (const YamlNode& item : kind.IsSequence() ? kind.Elements() : std::vector{kind}) {
@@ -227,6 +232,8 @@ PoseSpec ReadPoseSpec(const YamlNode& node,
     poses.no_tilt = chosen[2];
     poses.corner = chosen[3];
     poses.still = chosen[4];
+    poses.moving = chosen[5];
+    if (poses.still && poses.moving) kind.Fail("'still' and 'moving' exclude each other");
     if (chosen[0] && (poses.one_distance || poses.no_tilt || poses.corner)) {
       kind.Fail("'varied' goes with no other kind");
     }
@@ -240,6 +247,8 @@ PoseSpec ReadPoseSpec(const YamlNode& node,
   if (!(poses.nearest > 0 && poses.farthest >= poses.nearest)) {
     distance.Fail("expected [nearest, farthest] in metres");
   }
+  if (node.Has("rate") && !poses.moving) node.At("rate").Fail("goes with 'kind: moving'");
+  ReadNumber(node, "rate", 0.1, 1e5, &poses.rate);
   ReadNumber(node, "tilt", 0, 1.4, &poses.tilt);
   ReadNumber(node, "roll", 0, std::numbers::pi, &poses.roll);
   ReadNumber(node, "partial", 0, 1, &poses.partial);
@@ -296,6 +305,16 @@ void ReadTargetAndPoses(const YamlNode& root, SimulationSpec* spec) {
     spec->exposures = ReadExposureSpec(root.At("exposures"), {names.begin(), names.end()});
   }
   spec->poses = ReadPoseSpec(root.At("poses"), spec->path, spec->cameras);
+  const PoseSpec& poses = spec->poses;
+  if (poses.moving && (spec->exposures || poses.aim_all || spec->targets.size() > 1)) {
+    root.At("poses").Fail("'kind: moving' goes with one target, one aim and no 'exposures'");
+  }
+  for (const auto& [name, camera] : root.At("cameras").Entries()) {
+    for (const char* key : {"time_offset", "time_shift"}) {
+      if (camera.Has(key) && !poses.moving)
+        camera.At(key).Fail("goes with 'poses: {kind: moving}'");
+    }
+  }
 }
 
 void CheckParameterSigmas(const YamlNode& root, const std::vector<CameraSpec>& cameras) {

@@ -58,6 +58,9 @@ struct CameraSpec {
   SensorSpec sensor;
   std::optional<MicroLensSpec> micro_lenses;  ///< for plenoptic models only
   double detection_sigma = 0.1;  ///< px, noise of each coordinate with --points; may be 0
+  /// Of a rig that moves: its images are taken by this much later than those of the first camera,
+  /// as its times say; and by this much later than these say, s.
+  double time_offset = 0, time_shift = 0;
 
   [[nodiscard]] bool IsPlenoptic() const { return model->plenoptic; }
 };
@@ -75,6 +78,8 @@ struct PoseSpec {
   bool one_distance = false, no_tilt = false;
   bool corner = false;  ///< markers are seen in the image's upper left quarter alone
   bool still = false;   ///< all frames from one pose
+  bool moving = false;  ///< frames follow each other on one path; the images have times
+  double rate = 20;     ///< 1/s, frames of a rig that moves
   int frames = 0;
   double nearest = 0, farthest = 0;  ///< m, from the aiming camera to the target's middle
   double tilt = 0.7;                 ///< rad, largest

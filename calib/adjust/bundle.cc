@@ -24,6 +24,7 @@ void AddNuisances(std::span<const View> views, BundleCamera* camera) {
 }
 
 std::string NuisanceName(const BundleCamera& camera, size_t index) {
+  if (index == camera.time_shift) return camera.name + ".time_shift";
   return camera.name + ".nuisance_" + std::to_string(index - camera.ModelParams() + 1);
 }
 

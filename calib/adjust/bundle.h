@@ -31,6 +31,9 @@ struct BundleCamera {
   /// T_camera_rig is not estimated: its frame is the rig's, or the extrinsics are given.
   bool is_master = false;
   NoiseModel noise = {};
+  /// Index into `params` of the time by which images were taken later than their times say, s; a
+  /// nuisance parameter of cameras whose clock differs from that of the first.
+  std::optional<size_t> time_shift = {};
 
   /// Parameters of the model; those that follow in `params` are nuisance parameters
   /// (`BundleObservation::by_nuisance`).
@@ -80,6 +83,13 @@ struct Jitter {
   std::vector<bool> misplaced;
 };
 
+/// The rig's motion from a frame's pose to that at which one of its views was taken: a change of
+/// T_rig_target in its chart, linear in the camera's time shift.
+struct ViewMotion {
+  Vector6d at_zero_shift = Vector6d::Zero();  ///< m, rad
+  Vector6d velocity = Vector6d::Zero();       ///< m/s, rad/s
+};
+
 /// A measured distance between two landmarks.
 struct MarkerDistance {
   int marker_a = 0, marker_b = 0;  ///< indices into Bundle::markers
@@ -120,6 +130,8 @@ struct Bundle {
   std::optional<MarkerDistance> held_distance = {};
   std::vector<BundleObservation> observations;
   Jitter jitter;
+  /// Per view as `Jitter::delta`; empty where the images of a frame were taken at one time.
+  std::vector<ViewMotion> motion = {};
 
   [[nodiscard]] bool EstimatesMarkers() const { return marker_sigma > 0; }
   [[nodiscard]] bool HasLandmarks() const { return std::isinf(marker_sigma); }
@@ -141,10 +153,22 @@ struct Bundle {
   [[nodiscard]] size_t View(size_t frame, size_t camera) const {
     return frame * cameras.size() + camera;
   }
-  /// T_rig_target of a frame with the jitter of one of its views.
+  /// The way of `ViewMotion` with the camera's parameters `params`.
+  [[nodiscard]] Vector6d WayTo(size_t frame, size_t camera, const double* params) const {
+    const ViewMotion& of = motion[View(frame, camera)];
+    const std::optional<size_t>& shift = cameras[camera].time_shift;
+    return of.at_zero_shift + (shift ? params[*shift] : 0) * of.velocity;
+  }
+  /// T_rig_target at the time at which a camera took its image of a frame.
+  [[nodiscard]] RigidTransform PoseAtView(size_t frame, size_t camera) const {
+    return motion.empty()
+               ? T_rig_target[frame]
+               : Retract(T_rig_target[frame], WayTo(frame, camera, cameras[camera].params.data()));
+  }
+  /// The same with the jitter of the view.
   [[nodiscard]] RigidTransform SeenPose(size_t frame, size_t camera) const {
-    return jitter.delta.empty() ? T_rig_target[frame]
-                                : Retract(T_rig_target[frame], jitter.delta[View(frame, camera)]);
+    const RigidTransform pose = PoseAtView(frame, camera);
+    return jitter.delta.empty() ? pose : Retract(pose, jitter.delta[View(frame, camera)]);
   }
 };
 
@@ -152,7 +176,7 @@ struct Bundle {
 /// normal. Those that it has already keep their values.
 void AddNuisances(std::span<const View> views, BundleCamera* camera);
 
-/// "left.nuisance_1": of the parameter at `index` of `camera.params`.
+/// "left.nuisance_1", "right.time_shift": of the parameter at `index` of `camera.params`.
 std::string NuisanceName(const BundleCamera& camera, size_t index);
 
 /// The observation with its measured coordinates as they are without systematic displacements.

@@ -25,6 +25,15 @@ void AppendNuisances(const BundleCamera& camera,
 
 }  // namespace
 
+LinearisedView ViewOf(const Bundle& bundle, size_t frame, size_t camera) {
+  LinearisedView view{.T_camera_rig = bundle.cameras[camera].T_camera_rig,
+                      .T_rig_target = bundle.SeenPose(frame, camera)};
+  if (!bundle.motion.empty()) {
+    view.by_time_shift = bundle.motion[bundle.View(frame, camera)].velocity;
+  }
+  return view;
+}
+
 bool Linearise(const BundleCamera& camera,
                const double* params,
                const LinearisedView& view,
@@ -78,6 +87,11 @@ bool Linearise(const BundleCamera& camera,
     }
     if (out.J_marker != nullptr) {
       Eigen::Map<Eigen::Vector3d>(out.J_marker + 3 * r) = view.T_rig_target.R.transpose() * J_rig;
+    }
+    if (camera.time_shift) {
+      out.J_params[r * camera.params.size() + *camera.time_shift] =
+          J_rig.dot(view.by_time_shift.head<3>()) +
+          rotated.cross(J_rig).dot(view.by_time_shift.tail<3>());
     }
   }
   return true;

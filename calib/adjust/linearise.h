@@ -17,7 +17,12 @@ struct LinearisedView {
                                                                    ///< chart's w
   Eigen::Matrix3d chart_pose = Eigen::Matrix3d::Identity();
   Eigen::Matrix3d chart_jitter = Eigen::Matrix3d::Identity();
+  /// Change of T_rig_target with the camera's time shift: of t, and the left rotation, 1/s.
+  Vector6d by_time_shift = Vector6d::Zero();
 };
+
+/// The poses of a view of `bundle` as they are, the charts at their origins.
+LinearisedView ViewOf(const Bundle& bundle, size_t frame, size_t camera);
 
 /// Where one observation's weighted residual and derivatives are written; row-major, one row a
 /// measured coordinate. Null pointers are not written.

@@ -38,9 +38,9 @@ PoseEquations LinearisePose(const Bundle& bundle, size_t begin, size_t end, doub
       if (!internal::Linearise(
               camera,
               camera.params.data(),
-              {.T_camera_rig = camera.T_camera_rig,
-               .T_rig_target = bundle.SeenPose(static_cast<size_t>(observation.frame),
-                                               static_cast<size_t>(observation.camera))},
+              internal::ViewOf(bundle,
+                               static_cast<size_t>(observation.frame),
+                               static_cast<size_t>(observation.camera)),
               bundle.markers[static_cast<size_t>(observation.marker)].position,
               observation,
               {.residual = r.data(), .J_params = J_params.data(), .J_pose = J.data()})) {

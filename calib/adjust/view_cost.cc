@@ -75,7 +75,7 @@ bool ViewCost::Evaluate(double const* const* parameters,
   const double* const params = Gather(parameters[0], &gathered);
   // Limits are part of the model's domain; Ceres' own bounds would add a line search a step.
   if (!WithinBounds(*camera_.model, params)) return false;
-  const LinearisedView view = ViewAt(parameters);
+  const LinearisedView view = ViewAt(parameters, params);
   const Jacobians J = JacobiansOf(jacobians);
   const size_t rows = camera_.model->measured.size();
   const size_t count = camera_.params.size();
@@ -182,7 +182,7 @@ const double* ViewCost::Gather(const double* block, std::vector<double>* buffer)
   return buffer->data();
 }
 
-LinearisedView ViewCost::ViewAt(double const* const* parameters) const {
+LinearisedView ViewCost::ViewAt(double const* const* parameters, const double* params) const {
   LinearisedView view;
   view.T_camera_rig = camera_.T_camera_rig;
   if (unknowns_.extrinsics != nullptr) {
@@ -193,11 +193,24 @@ LinearisedView ViewCost::ViewAt(double const* const* parameters) const {
   const Eigen::Map<const Vector6d> delta(parameters[PoseBlock()]);
   view.T_rig_target = Retract(unknowns_.pose->origin, delta);
   view.chart_pose = LeftJacobian(delta.tail<3>());
-  // R = Exp(w_jitter) Exp(w_pose) R_0: a change of w_pose turns with Exp(w_jitter).
+  // R = Exp(w_jitter) Exp(w_motion) Exp(w_pose) R_0: a change of w_pose turns with what is left of
+  // it.
+  if (!bundle_.motion.empty()) {
+    const BundleObservation& first = *observations_[0];
+    const auto frame = static_cast<size_t>(first.frame), camera = static_cast<size_t>(first.camera);
+    const Vector6d way = bundle_.WayTo(frame, camera, params);
+    view.T_rig_target = Retract(view.T_rig_target, way);
+    view.chart_pose = ExpRotation(way.tail<3>()) * view.chart_pose;
+    view.by_time_shift = bundle_.motion[bundle_.View(frame, camera)].velocity;
+    view.by_time_shift.tail<3>() =
+        (LeftJacobian(way.tail<3>()) * view.by_time_shift.tail<3>()).eval();
+  }
   if (free_jitter_) {
     const Eigen::Map<const Vector6d> jitter(parameters[JitterBlock()]);
     view.T_rig_target = Retract(view.T_rig_target, jitter);
     view.chart_pose = ExpRotation(jitter.tail<3>()) * view.chart_pose;
+    view.by_time_shift.tail<3>() =
+        (ExpRotation(jitter.tail<3>()) * view.by_time_shift.tail<3>()).eval();
     view.chart_jitter = LeftJacobian(jitter.tail<3>());
   }
   return view;

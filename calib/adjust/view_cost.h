@@ -53,7 +53,8 @@ class ViewCost : public ceres::CostFunction {
   [[nodiscard]] Jacobians JacobiansOf(double** jacobians) const;
   // The camera's parameters among those of its block.
   const double* Gather(const double* block, std::vector<double>* buffer) const;
-  [[nodiscard]] LinearisedView ViewAt(double const* const* parameters) const;
+  // `params`: the camera's, of `parameters`.
+  [[nodiscard]] LinearisedView ViewAt(double const* const* parameters, const double* params) const;
   // Adds the derivatives by the camera's parameters to those by its block, from row `row` on.
   void ScatterParams(const std::vector<double>& J_params, size_t row, double* J_block) const;
   // The marker's position where its target is now.

@@ -134,6 +134,10 @@ std::string CameraYaml(const CalibratedCamera& camera, bool is_estimated) {
   if (!camera.sigma_xi_jackknife.empty()) {
     add("sigma_xi_jackknife", List(camera.sigma_xi_jackknife, YamlNumber));
   }
+  if (camera.time_shift) {
+    add("time_shift", Exact(camera.time_shift->value));
+    add("sigma_time_shift", YamlNumber(camera.time_shift->sigma));
+  }
   add("residuals", ResidualsMap(camera.fit));
   for (const auto& [key, member] : kCameraTextKeys) {
     const std::string& value = camera.*member;
@@ -358,6 +362,10 @@ CalibratedCamera ReadCamera(const std::string& name,
   if (node.Has("sigma_xi")) {
     const std::vector<double> sigma = ReadSixSigmas(node.At("sigma_xi"));
     camera.sigma_xi = Eigen::Map<const Vector6d>(sigma.data());
+  }
+  if (node.Has("time_shift")) {
+    camera.time_shift = {.value = node.At("time_shift").AsNumber(),
+                         .sigma = ReadSigma(node.At("sigma_time_shift"))};
   }
   camera.at_bound = Strings(node, "at_bound");
   if (node.Has("sigma_jackknife")) {

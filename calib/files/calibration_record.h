@@ -77,6 +77,11 @@ struct ViewPose {
   bool misplaced = false;  ///< farther from the frame's pose than the rig's jitter explains
 };
 
+/// A time with its standard error, s.
+struct TimeShift {
+  double value = 0, sigma = 0;
+};
+
 /// One calibrated camera.
 struct CalibratedCamera {
   std::string name;
@@ -89,6 +94,9 @@ struct CalibratedCamera {
   Eigen::MatrixXd covariance;
   RigidTransform T_camera_rig;
   Vector6d sigma_xi = Vector6d::Zero();  ///< of T_camera_rig's se(3) vector
+  /// By how much later than their times say its images were taken, by the clock of the first
+  /// camera, s; not set: not estimated.
+  std::optional<TimeShift> time_shift = {};
   /// Names of files beside calibration.yaml: the micro lenses of a plenoptic camera, the
   /// attenuation, pictures of one frame; and that frame's name. Empty: there is none.
   std::string micro_lenses = {}, vignetting = {}, sample = {}, sample_depth = {}, sample_frame = {};

@@ -34,6 +34,7 @@ void CheckCameraKeys(const YamlNode& node, const CameraModel& model) {
                                       "topic",
                                       "white_images",
                                       "detections",
+                                      "times",
                                       "image_size",
                                       "bayer",
                                       "initial",
@@ -127,6 +128,7 @@ SessionCamera ReadCamera(const std::string& name,
   }
   if (node.Has("images")) camera.images = ReadImagePatterns(session, node);
   if (node.Has("detections")) camera.detections = PathBeside(session, node.At("detections"));
+  if (node.Has("times")) camera.times = PathBeside(session, node.At("times"));
   if (node.Has("white_images")) camera.white_images = PathsBeside(session, node.At("white_images"));
   if (node.Has("bayer")) camera.bayer = ReadBayerOrder(node.At("bayer"));
   if (node.Has("image_size")) {

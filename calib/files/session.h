@@ -33,6 +33,7 @@ struct SessionCamera {
   std::vector<std::string> white_images;  ///< likewise
   std::optional<BayerOrder> bayer;        ///< of raw mosaics
   std::filesystem::path detections;
+  std::filesystem::path times;                 ///< of the images; empty: as the images have them
   ImageSize image_size{};                      ///< {0, 0}: taken from the images
   std::vector<double> config;                  ///< the model's config values
   std::vector<std::optional<double>> initial;  ///< per parameter

@@ -142,7 +142,11 @@ void PredictHeldOut(const Bundle& trained,
                     const std::vector<bool>& outliers,
                     std::vector<HeldOutResidual>* residuals) {
   const std::span<const TrialPoint> points = frames.points;
-  const bool own_poses = trained.jitter.translation_sigma > 0;
+  // Frames that were held out have no motion.
+  const bool own_poses = trained.jitter.translation_sigma > 0 ||
+                         std::ranges::any_of(trained.cameras, [](const BundleCamera& camera) {
+                           return camera.time_shift.has_value();
+                         });
   FramePoses poses(trained, points, outliers);
   for (size_t begin = 0; begin < points.size();) {
     const auto together = [&](const TrialPoint& point) {

@@ -337,10 +337,7 @@ class FrameScores {
     const Bundle& bundle = context_.bundle;
     const auto frame = static_cast<size_t>(bundle.observations[begin].frame);
     const auto c = static_cast<size_t>(bundle.observations[begin].camera);
-    return rows_[c].SumView(
-        {.T_camera_rig = bundle.cameras[c].T_camera_rig, .T_rig_target = bundle.SeenPose(frame, c)},
-        begin,
-        end);
+    return rows_[c].SumView(internal::ViewOf(bundle, frame, c), begin, end);
   }
 
   PoseSums SumFrame(size_t begin, size_t end, std::vector<int>* touched) {

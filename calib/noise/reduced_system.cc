@@ -145,6 +145,8 @@ class OwnColumns {
         const auto [column, row] = std::minmax(columns_[i], columns_[j]);
         (*S)(row, column) += square_(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j));
       }
+      // A row of a matrix without columns is an offset of a null pointer.
+      if (marker_cross_.cols() == 0) continue;
       S->col(columns_[i]).tail(marker_cross_.cols()) +=
           marker_cross_.row(static_cast<Eigen::Index>(i)).transpose();
     }
@@ -260,8 +262,7 @@ class Reduction {
     const bool has_jitter = bundle_.EstimatesJitter();
     const auto frame = static_cast<size_t>(bundle_.observations[begin].frame);
     const auto c = static_cast<size_t>(bundle_.observations[begin].camera);
-    const LinearisedView linearised{.T_camera_rig = bundle_.cameras[c].T_camera_rig,
-                                    .T_rig_target = bundle_.SeenPose(frame, c)};
+    const LinearisedView linearised = ViewOf(bundle_, frame, c);
     if (has_jitter) view_cross_.setZero();
     ReducedView view{.camera = c};
     for (size_t of_marker = begin; begin < end; begin = of_marker) {

@@ -93,7 +93,8 @@ Naming NameUnknowns(const Bundle& bundle, const UnknownLayout& layout) {
     for (size_t k = 0; k < camera.params.size(); ++k) {
       if (layout.params[c][k] < 0 || bundle.Root(c, k) != ParamIndex{c, k}) continue;
       if (k >= camera.ModelParams()) {
-        naming.unit[layout.params[c][k]] = kNuisanceUnit;
+        naming.unit[layout.params[c][k]] =
+            k == camera.time_shift ? camera.rules[k].prior->sigma : kNuisanceUnit;
         naming.names.push_back(NuisanceName(camera, k));
         continue;
       }

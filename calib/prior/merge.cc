@@ -55,12 +55,9 @@ void CheckAlike(const CalibratedCamera& camera,
                 const CalibratedCamera& first,
                 const CalibrationRecord& first_record) {
   const auto fail = [&](const std::string& here, const std::string& there) {
-    FailAt(record,
-           fmt::format("{} has {}, in {} {}",
-                       camera.name,
-                       here,
-                       first_record.path.string(),
-                       there));
+    FailAt(
+        record,
+        fmt::format("{} has {}, in {} {}", camera.name, here, first_record.path.string(), there));
   };
   if (camera.model != first.model) {
     fail("model " + std::string(camera.model->name), std::string(first.model->name));
@@ -470,9 +467,8 @@ std::string SizeOfDeviation(const MergedCalibrations& merged, const MergeDeviati
                : fmt::format("{:.3g} degrees", deviation.deviation * 180 / std::numbers::pi);
   }
   const Param& param = merged.record.cameras[deviation.camera].model->params[*deviation.param];
-  return fmt::format("{:.3g}{}",
-                     deviation.deviation,
-                     param.unit == "1" ? "" : fmt::format(" {}", param.unit));
+  return fmt::format(
+      "{:.3g}{}", deviation.deviation, param.unit == "1" ? "" : fmt::format(" {}", param.unit));
 }
 
 std::vector<Finding> FindingsOfMerge(const MergedCalibrations& merged,
@@ -482,16 +478,16 @@ std::vector<Finding> FindingsOfMerge(const MergedCalibrations& merged,
   constexpr size_t kMostFindings = 3;
   if (merged.scale == 1) return {};
   if (const auto moved = MovedCamera(merged, calibrations, options)) {
-    return {{.code = "mount_moved",
-             .grade = Grade::kUsable,
-             .cameras = {*moved},
-             .value = merged.scale,
-             .limit = 1,
-             .what = fmt::format("{} moved on the rig between the calibrations: with a place of "
-                                 "its own in each of them they agree.",
-                                 *moved),
-             .remedy = fmt::format("Merge with '--moved {}': the result has its last place.",
-                                   *moved)}};
+    return {
+        {.code = "mount_moved",
+         .grade = Grade::kUsable,
+         .cameras = {*moved},
+         .value = merged.scale,
+         .limit = 1,
+         .what = fmt::format("{} moved on the rig between the calibrations: with a place of "
+                             "its own in each of them they agree.",
+                             *moved),
+         .remedy = fmt::format("Merge with '--moved {}': the result has its last place.", *moved)}};
   }
   std::vector<MergeDeviation> far;
   for (const MergeDeviation& deviation : merged.deviations) {

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <set>
 
+#include "apps/recording/frames/session_times.h"
 #include "apps/recording/frames/time_pairs.h"
 #include "apps/recording/stores/image_lister.h"
 #include "calib/base/error.h"
@@ -41,7 +42,7 @@ bool IsByTime(const Session& session,
   if (untimed == cameras.end()) return true;
   throw Error(ErrorKind::kInput,
               fmt::format("{}: 'pairing' is by time, but the images of camera {} have no times; "
-                          "give a recording or a video, or pair by name",
+                          "give 'times', a recording or a video, or pair by name",
                           session.path.string(),
                           session.cameras[*untimed].name));
 }
@@ -114,6 +115,9 @@ std::vector<std::vector<FrameImage>> ListSessionImages(const Session& session,
   for (const SessionCamera& camera : session.cameras) {
     images.push_back(camera.images.empty() ? std::vector<FrameImage>()
                                            : lister.List(camera.images, camera.name + ": images"));
+    if (!camera.images.empty() && !camera.times.empty()) {
+      TakeTimes(camera.times, camera.name, &images.back());
+    }
   }
   *notes = lister.Notes();
   PairByTime(session, &images, notes);

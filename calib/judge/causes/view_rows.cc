@@ -26,10 +26,8 @@ size_t CountUsed(const Bundle& bundle, size_t camera) {
 ViewRows MakeView(const Bundle& bundle, std::span<const BundleObservation* const> observations) {
   const BundleObservation& first = *observations.front();
   const BundleCamera& camera = bundle.cameras[static_cast<size_t>(first.camera)];
-  const internal::LinearisedView linearised{
-      .T_camera_rig = camera.T_camera_rig,
-      .T_rig_target =
-          bundle.SeenPose(static_cast<size_t>(first.frame), static_cast<size_t>(first.camera))};
+  const internal::LinearisedView linearised =
+      internal::ViewOf(bundle, static_cast<size_t>(first.frame), static_cast<size_t>(first.camera));
   const auto most = static_cast<Eigen::Index>(observations.size());
   ViewRows view{.frame = first.frame,
                 .residual = Eigen::VectorXd(2 * most),

@@ -42,9 +42,13 @@ Calibration ChooseFrames(const Calibration& calibration) {
   bundle.T_rig_target.clear();
   bundle.jitter.delta.clear();
   bundle.jitter.misplaced.clear();
+  bundle.motion.clear();
   for (size_t f = 0; f < calibration.frames.size(); f += step) {
     few.frames.push_back(calibration.frames[f]);
     bundle.T_rig_target.push_back(calibration.bundle.T_rig_target[f]);
+    for (size_t c = 0; c < cameras && !calibration.bundle.motion.empty(); ++c) {
+      bundle.motion.push_back(calibration.bundle.motion[calibration.bundle.View(f, c)]);
+    }
     for (size_t c = 0; c < cameras && !jitter.delta.empty(); ++c) {
       bundle.jitter.delta.push_back(jitter.delta[calibration.bundle.View(f, c)]);
       bundle.jitter.misplaced.push_back(jitter.misplaced[calibration.bundle.View(f, c)]);

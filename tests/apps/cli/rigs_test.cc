@@ -53,6 +53,22 @@ class Rigs : public Workspace {
     ASSERT_EQ(simulated.status, kDone) << simulated.err;
   }
 
+  // A pair that a hand moves in front of a board, with times of the images. `right`: keys of its
+  // times.
+  void SimulateMovingPair(int seed, const std::string& right) const {
+    Write("board.yaml", "plenocal: 1\ntype: chessboard\ncolumns: 9\nrows: 7\nsquare: 30 mm\n");
+    const std::string camera =
+        "    model: pinhole-radial3\n    image_size: [1280, 1024]\n    parameters: {f_x: 1100, "
+        "f_y: 1101, c_x: 640, c_y: 512, A_0: -0.2, A_1: 0.06, A_2: -0.01}\n";
+    Write("moving.yaml",
+          "plenocal: 1\nseed: " + std::to_string(seed) +
+              "\ntarget: board.yaml\ncameras:\n  left:\n" + camera + "  right:\n" + camera +
+              "    xi_camera_rig: [-0.1, 0, 0, 0, 0.02, 0]\n" + right +
+              "poses: {kind: moving, frames: 80, rate: 20, distance: [0.5, 1]}\n");
+    const Outcome simulated = Run({"simulate", "moving.yaml", "--points", "-o", "."});
+    ASSERT_EQ(simulated.status, kDone) << simulated.err;
+  }
+
   // Adds lines to the session of a simulated pair, in front of `cameras`, and calibrates it.
   YAML::Node CalibratePair(const std::string& folder, const std::string& lines) const {
     const std::string session = folder + "/session.yaml";
@@ -273,6 +289,59 @@ TEST_F(Rigs, ExtrinsicsOnlyKeepsTheParameters) {
   EXPECT_EQ(left["sigma"]["f_x"].as<double>(), 0);
   EXPECT_GT(result["cameras"]["right"]["sigma_xi"][0].as<double>(), 0);
   EXPECT_TRUE(Has(Codes(result), "intrinsics_held"));
+}
+
+TEST_F(Rigs, ATimeShiftBetweenCamerasIsEstimated) {
+  // 12 ms that the times state, and 4 ms that they do not.
+  SimulateMovingPair(1, "    time_offset: 0.012\n    time_shift: 0.004\n");
+  Calibrate();
+  const YAML::Node result = Result(), truth = YAML::LoadFile(Path("truth/calibration.yaml"));
+  const YAML::Node right = result["cameras"]["right"];
+  EXPECT_EQ(truth["cameras"]["right"]["time_shift"].as<double>(), 0.004);
+  const auto sigma = right["sigma_time_shift"].as<double>();
+  EXPECT_LT(sigma, 5e-5);
+  EXPECT_LT(std::abs(right["time_shift"].as<double>() - 0.004), kSigmas * sigma);
+  EXPECT_FALSE(result["cameras"]["left"]["time_shift"]);
+  ExpectNear(right, truth["cameras"]["right"], "xi_camera_rig", "right");
+  const std::vector<std::string> codes = Codes(result);
+  EXPECT_TRUE(Has(codes, "time_shift"));
+  EXPECT_FALSE(Has(codes, "rig_disagrees"));
+  ExpectNoNan(result);
+  EXPECT_EQ(Run({"report", "out"}).status, kDone);
+
+  // Without times only the disagreement is known.
+  std::string session = Read("session.yaml");
+  for (const char* name : {"left", "right"}) {
+    session = Replaced(session, std::string("    times: times_") + name + ".txt\n", "");
+  }
+  Write("session.yaml", session);
+  Calibrate();
+  EXPECT_FALSE(Result()["cameras"]["right"]["time_shift"]);
+  EXPECT_TRUE(Has(Codes(Result()), "rig_disagrees"));
+}
+
+TEST_F(Rigs, AMotionThatTimesExplainIsNoShift) {
+  SimulateMovingPair(2, "    time_offset: 0.012\n");
+  Calibrate();
+  const YAML::Node right = Result()["cameras"]["right"];
+  // The times alone explain the disagreement.
+  ASSERT_TRUE(right["time_shift"]);
+  EXPECT_LT(std::abs(right["time_shift"].as<double>()),
+            kSigmas * right["sigma_time_shift"].as<double>());
+  // And of cameras that are triggered together nothing is estimated.
+  fs::remove_all(Path("out"));
+  SimulateMovingPair(2, "");
+  Calibrate();
+  EXPECT_FALSE(Result()["cameras"]["right"]["time_shift"]);
+}
+
+TEST_F(Rigs, TimesMustFitTheFrames) {
+  SimulateMovingPair(3, "");
+  const std::string times = Read("times_right.txt");
+  Write("times_right.txt", "000100 0\n");
+  ExpectFailure(kWrongInput, {"times_right.txt", "no time for frame '000105' of camera right"});
+  Write("times_right.txt", "0.1\n0.2\n");
+  ExpectFailure(kWrongInput, {"times_right.txt", "has 2 times, but camera right has 80 frames"});
 }
 
 // poses.csv with positions times `factor`.

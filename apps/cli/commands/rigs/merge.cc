@@ -118,10 +118,10 @@ std::string MergeCsv(const MergedCalibrations& merged, const std::vector<std::st
                         CsvCell(names[deviation.calibration]),
                         CsvCell(NameOfDeviation(merged, deviation)),
                         deviation.deviation);
-    text += deviation.sigma > 0 ? fmt::format("{:.6g},{:.3f}\n",
-                                              deviation.sigma,
-                                              deviation.deviation / deviation.sigma)
-                                : ",\n";
+    text +=
+        deviation.sigma > 0
+            ? fmt::format("{:.6g},{:.3f}\n", deviation.sigma, deviation.deviation / deviation.sigma)
+            : ",\n";
   }
   return text;
 }
@@ -160,8 +160,7 @@ std::string CameraText(const CalibratedCamera& camera) {
                         camera.Sigma(k));
   }
   if (!(camera.sigma_xi.array() > 0).any()) return text;
-  return text +
-         fmt::format("  on the rig: {}\n", PlaceText(camera.T_camera_rig, camera.sigma_xi));
+  return text + fmt::format("  on the rig: {}\n", PlaceText(camera.T_camera_rig, camera.sigma_xi));
 }
 
 // The places of cameras that moved.
@@ -193,9 +192,8 @@ std::string MountsCsv(const MergedCalibrations& merged, const std::vector<std::s
 // A line a calibration: how far it is from all together, and where farthest.
 std::string DeviationsText(const MergedCalibrations& merged,
                            const std::vector<std::string>& names) {
-  std::string text = fmt::format("{:<40} {:>10}  farthest from the merged calibration\n",
-                                 "calibration",
-                                 "RMS sigmas");
+  std::string text = fmt::format(
+      "{:<40} {:>10}  farthest from the merged calibration\n", "calibration", "RMS sigmas");
   for (size_t p = 0; p < names.size(); ++p) {
     double squares = 0;
     int count = 0;
@@ -217,8 +215,9 @@ std::string DeviationsText(const MergedCalibrations& merged,
                                               farthest->InSigmas());
   }
   if (merged.degrees <= 0) return text;
-  text += fmt::format(
-      "chi-square of all deviations: {:.1f} at {}", merged.chi_square, Counted(merged.degrees, "degree") + " of freedom");
+  text += fmt::format("chi-square of all deviations: {:.1f} at {}",
+                      merged.chi_square,
+                      Counted(merged.degrees, "degree") + " of freedom");
   return text + (merged.scale == 1
                      ? "; the calibrations agree\n"
                      : fmt::format("; the calibrations disagree, and standard errors were scaled "
@@ -237,7 +236,7 @@ void RunMerge(const MergeArguments& arguments, const ConsoleOptions& shared) {
   for (const CalibrationRecord& record : records) {
     names.push_back(record.path.string());
     merged.record.provenance.emplace_back(fmt::format("merged_{}", names.size()),
-                                         record.path.string());
+                                          record.path.string());
   }
   merged.record.provenance.emplace_back("plenocal_version", PLENOCAL_VERSION);
   merged.record.findings = FindingsOfMerge(merged, records, options);

@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/recording/frames/session_times.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <optional>
+
+#include "apps/recording/image_files.h"
+#include "apps/recording/times.h"
+#include "calib/base/error.h"
+
+namespace plenocal {
+namespace {
+
+namespace fs = std::filesystem;
+
+// The time of each image, by its frame's name and its file.
+std::vector<double> ReadTimes(const fs::path& path,
+                              const std::string& camera,
+                              const std::vector<std::string>& frames,
+                              const std::vector<fs::path>& files) {
+  const ImageTimes times = ReadImageTimes(path, ExposureUnit::kMilliseconds);
+  const auto fail = [&](const std::string& what) {
+    throw Error(ErrorKind::kInput, fmt::format("{}: {}", path.string(), what));
+  };
+  std::vector<double> of_frame;
+  if (!times.has_ids) {
+    if (times.rows.size() != frames.size()) {
+      fail(fmt::format("has {} times, but camera {} has {} frames; times without names must be one "
+                       "per frame",
+                       times.rows.size(),
+                       camera,
+                       frames.size()));
+    }
+    for (const ImageTime& row : times.rows) of_frame.push_back(row.time);
+    return of_frame;
+  }
+  const ImageIndex index(frames, files);
+  std::vector<std::optional<double>> found(frames.size());
+  for (const ImageTime& row : times.rows) {
+    if (const auto image = index.Find(row.id)) found[*image] = row.time;
+  }
+  for (size_t i = 0; i < frames.size(); ++i) {
+    if (!found[i]) {
+      fail(fmt::format("has no time for frame '{}' of camera {} (its first row is for '{}'); is it "
+                       "the right file?",
+                       frames[i],
+                       camera,
+                       times.rows[0].id));
+    }
+    of_frame.push_back(*found[i]);
+  }
+  return of_frame;
+}
+
+}  // namespace
+
+void TakeTimes(const fs::path& times, const std::string& camera, std::vector<FrameImage>* images) {
+  std::vector<std::string> frames;
+  std::vector<fs::path> files;
+  for (const FrameImage& image : *images) {
+    frames.push_back(image.frame);
+    files.push_back(image.path);
+  }
+  const std::vector<double> of_frame = ReadTimes(times, camera, frames, files);
+  for (size_t i = 0; i < images->size(); ++i) (*images)[i].time = of_frame[i];
+  std::ranges::stable_sort(*images, {}, [](const FrameImage& image) { return *image.time; });
+}
+
+std::map<std::string, double> TimesOfFrames(const fs::path& times,
+                                            const std::string& camera,
+                                            const std::vector<std::string>& frames) {
+  const std::vector<double> of_frame =
+      ReadTimes(times, camera, frames, std::vector<fs::path>(frames.begin(), frames.end()));
+  std::map<std::string, double> by_name;
+  for (size_t i = 0; i < frames.size(); ++i) by_name[frames[i]] = of_frame[i];
+  return by_name;
+}
+
+}  // namespace plenocal

@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "calib/files/frame_images.h"
+
+namespace plenocal {
+
+/// Gives the images of a session's camera the times of a file (times.h), and puts them into their
+/// order. `camera` is its name, for messages. Throws `Error` of kind kInput with the file for images
+/// without a time and for times that belong to none.
+void TakeTimes(const std::filesystem::path& times,
+               const std::string& camera,
+               std::vector<FrameImage>* images);
+
+/// Times, s, of the frames of these names. Throws likewise.
+std::map<std::string, double> TimesOfFrames(const std::filesystem::path& times,
+                                            const std::string& camera,
+                                            const std::vector<std::string>& frames);
+
+}  // namespace plenocal
