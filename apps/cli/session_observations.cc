@@ -83,7 +83,7 @@ class Collector {
     if (!camera.times.empty()) {
       std::vector<std::string> frames;
       for (const View& view : input.views) frames.push_back(view.frame);
-      input.times = TimesOfFrames(camera.times, camera.name, frames);
+      input.times = TimesOfFrames(camera.times, "camera " + camera.name, frames);
     }
     console_.Message(fmt::format("{}: {}, {} from {}",
                                  camera.name,

@@ -21,8 +21,8 @@ constexpr size_t kWindow = 5;
 std::vector<size_t> InOrder(const RigTimes& times) {
   std::vector<size_t> order(times.frame.size());
   std::iota(order.begin(), order.end(), size_t{0});
-  std::ranges::stable_sort(
-      order, [&](size_t a, size_t b) { return times.frame[a] < times.frame[b]; });
+  std::ranges::stable_sort(order,
+                           [&](size_t a, size_t b) { return times.frame[a] < times.frame[b]; });
   return order;
 }
 

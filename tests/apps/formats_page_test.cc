@@ -484,6 +484,20 @@ TEST_F(FormatsPage, HasWhatCalibrationsWrite) {
                             .jitter_rotation = 0.005}));
   CalibrateAndSee({"--jackknife"});
 
+  // Cameras whose clocks differ.
+  Write("board.yaml", "plenocal: 1\ntype: chessboard\ncolumns: 8\nrows: 5\nsquare: 0.03\n");
+  const std::string camera =
+      "{model: pinhole-radial3, image_size: [640, 480], parameters: {f_x: 500, f_y: 500, c_x: 320, "
+      "c_y: 240, A_0: 0, A_1: 0, A_2: 0}";
+  Write(
+      "moving.yaml",
+      fmt::format("plenocal: 1\ntarget: board.yaml\ncameras:\n  a: {0}}}\n  b: {0}, xi_camera_rig: "
+                  "[-0.1, 0, 0, 0, 0, 0], time_shift: 0.005}}\n"
+                  "poses: {{kind: moving, frames: 60, distance: [0.4, 0.8]}}\n",
+                  camera));
+  ASSERT_EQ(Run({"simulate", "moving.yaml", "--points", "-o", "."}).status, kDone);
+  CalibrateAndSee();
+
   // An estimate at its bound.
   WriteProblem(EasyProblem());
   Write("session.yaml",

@@ -116,7 +116,7 @@ std::vector<std::vector<FrameImage>> ListSessionImages(const Session& session,
     images.push_back(camera.images.empty() ? std::vector<FrameImage>()
                                            : lister.List(camera.images, camera.name + ": images"));
     if (!camera.images.empty() && !camera.times.empty()) {
-      TakeTimes(camera.times, camera.name, &images.back());
+      TakeTimes(camera.times, "camera " + camera.name, &images.back());
     }
   }
   *notes = lister.Notes();

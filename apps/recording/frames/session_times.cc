@@ -17,7 +17,7 @@ namespace fs = std::filesystem;
 
 // The time of each image, by its frame's name and its file.
 std::vector<double> ReadTimes(const fs::path& path,
-                              const std::string& camera,
+                              const std::string& owner,
                               const std::vector<std::string>& frames,
                               const std::vector<fs::path>& files) {
   const ImageTimes times = ReadImageTimes(path, ExposureUnit::kMilliseconds);
@@ -27,11 +27,12 @@ std::vector<double> ReadTimes(const fs::path& path,
   std::vector<double> of_frame;
   if (!times.has_ids) {
     if (times.rows.size() != frames.size()) {
-      fail(fmt::format("has {} times, but camera {} has {} frames; times without names must be one "
-                       "per frame",
-                       times.rows.size(),
-                       camera,
-                       frames.size()));
+      fail(
+          fmt::format("has {} times, but {} has {} frames; times without names must be one "
+                      "per frame",
+                      times.rows.size(),
+                      owner,
+                      frames.size()));
     }
     for (const ImageTime& row : times.rows) of_frame.push_back(row.time);
     return of_frame;
@@ -43,11 +44,12 @@ std::vector<double> ReadTimes(const fs::path& path,
   }
   for (size_t i = 0; i < frames.size(); ++i) {
     if (!found[i]) {
-      fail(fmt::format("has no time for frame '{}' of camera {} (its first row is for '{}'); is it "
-                       "the right file?",
-                       frames[i],
-                       camera,
-                       times.rows[0].id));
+      fail(
+          fmt::format("has no time for frame '{}' of {} (its first row is for '{}'); is it "
+                      "the right file?",
+                      frames[i],
+                      owner,
+                      times.rows[0].id));
     }
     of_frame.push_back(*found[i]);
   }
@@ -56,23 +58,23 @@ std::vector<double> ReadTimes(const fs::path& path,
 
 }  // namespace
 
-void TakeTimes(const fs::path& times, const std::string& camera, std::vector<FrameImage>* images) {
+void TakeTimes(const fs::path& times, const std::string& owner, std::vector<FrameImage>* images) {
   std::vector<std::string> frames;
   std::vector<fs::path> files;
   for (const FrameImage& image : *images) {
     frames.push_back(image.frame);
     files.push_back(image.path);
   }
-  const std::vector<double> of_frame = ReadTimes(times, camera, frames, files);
+  const std::vector<double> of_frame = ReadTimes(times, owner, frames, files);
   for (size_t i = 0; i < images->size(); ++i) (*images)[i].time = of_frame[i];
   std::ranges::stable_sort(*images, {}, [](const FrameImage& image) { return *image.time; });
 }
 
 std::map<std::string, double> TimesOfFrames(const fs::path& times,
-                                            const std::string& camera,
+                                            const std::string& owner,
                                             const std::vector<std::string>& frames) {
   const std::vector<double> of_frame =
-      ReadTimes(times, camera, frames, std::vector<fs::path>(frames.begin(), frames.end()));
+      ReadTimes(times, owner, frames, std::vector<fs::path>(frames.begin(), frames.end()));
   std::map<std::string, double> by_name;
   for (size_t i = 0; i < frames.size(); ++i) by_name[frames[i]] = of_frame[i];
   return by_name;

@@ -11,15 +11,15 @@
 namespace plenocal {
 
 /// Gives the images of a session's camera the times of a file (times.h), and puts them into their
-/// order. `camera` is its name, for messages. Throws `Error` of kind kInput with the file for images
-/// without a time and for times that belong to none.
+/// order. `owner` is for messages: "camera left". Throws `Error` of kind kInput with the file for
+/// images without a time and for times that belong to none.
 void TakeTimes(const std::filesystem::path& times,
-               const std::string& camera,
+               const std::string& owner,
                std::vector<FrameImage>* images);
 
 /// Times, s, of the frames of these names. Throws likewise.
 std::map<std::string, double> TimesOfFrames(const std::filesystem::path& times,
-                                            const std::string& camera,
+                                            const std::string& owner,
                                             const std::vector<std::string>& frames);
 
 }  // namespace plenocal

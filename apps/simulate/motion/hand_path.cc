@@ -14,7 +14,7 @@ constexpr size_t kSines = 4;
 }  // namespace
 
 HandPath::HandPath(const PoseSpec& poses, int seed) : poses_(poses) {
-  constexpr size_t kSignals = 6;                 // two of the position, the tilt; distance, roll
+  constexpr size_t kSignals = 6;                    // two of the position, the tilt; distance, roll
   constexpr double kSlowest = 0.1, kFastest = 0.8;  // Hz
   for (size_t s = 0; s < kSignals; ++s) {
     Random random(seed, "hand", {s});

@@ -392,6 +392,39 @@ TEST_F(Rigs, RobotPosesGiveTheMountAndNameTheirMistakes) {
   EXPECT_THAT(names.err, HasSubstr("names of the images"));
 }
 
+TEST_F(Rigs, RobotPosesMayHaveTimesOfAnotherClock) {
+  SimulateMovingPair(4, "");
+  Calibrate();
+  // The robot logs the true poses 250 ms ahead of the images' clock.
+  const std::vector<std::string> poses = Lines(Read("truth/poses.csv")),
+                                 times = Lines(Read("times_left.txt"));
+  ASSERT_EQ(poses.size(), times.size());
+  std::string track;
+  for (size_t i = 1; i < poses.size(); ++i) {
+    std::string row = poses[i].substr(poses[i].find(',') + 1);
+    std::ranges::replace(row, ',', ' ');
+    track +=
+        std::to_string(std::stod(times[i].substr(times[i].find(' '))) + 0.25) + " " + row + "\n";
+  }
+  Write("robot.tum", track);
+  const std::vector<std::string> arguments{"handeye", "out", "--poses", "robot.tum"};
+  const auto with = [&](std::vector<std::string> more) {
+    more.insert(more.begin(), arguments.begin(), arguments.end());
+    return Run(more);
+  };
+  const Outcome found = with({"--times", "times_left.txt", "-o", "handeye.yaml"});
+  ASSERT_EQ(found.status, kDone) << found.err;
+  const YAML::Node result = YAML::LoadFile(Path("handeye.yaml"));
+  EXPECT_NEAR(result["time_shift"].as<double>(), 0.25, 5e-4);
+  constexpr double kNear = 2e-3;  // m and rad: poses are 50 ms apart
+  EXPECT_LT((Matrix(result["T_gripper_rig"]) - Eigen::Matrix4d::Identity()).norm(), kNear);
+  ExpectNoNan(result);
+  // The frames' names are numbers, but no times of the robot.
+  const Outcome without = with({});
+  EXPECT_EQ(without.status, kWrongInput);
+  EXPECT_THAT(without.err, HasSubstr("0 of the 80 frames"));
+}
+
 TEST_F(Rigs, EarlierCalibrationsMustFitTheSession) {
   SimulatePair("a", 1, "1100");
   CalibratePair("a", "");

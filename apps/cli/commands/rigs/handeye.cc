@@ -3,18 +3,25 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <memory>
 #include <numbers>
+#include <optional>
+#include <string_view>
 
 #include "apps/cli/command.h"
 #include "apps/cli/options.h"
 #include "apps/cli/program.h"
+#include "apps/evaluate/trajectory.h"
+#include "apps/recording/frames/session_times.h"
+#include "apps/recording/times.h"
 #include "calib/base/error.h"
 #include "calib/base/input_file.h"
 #include "calib/base/number_text.h"
 #include "calib/base/output_folder.h"
 #include "calib/files/calibration_tables.h"
 #include "calib/rig/outside_poses.h"
+#include "calib/rig/pose_track.h"
 
 namespace plenocal {
 namespace {
@@ -22,6 +29,7 @@ namespace {
 struct HandEyeArguments {
   std::filesystem::path folder;  ///< of a calibration
   std::filesystem::path poses;   ///< from outside
+  std::filesystem::path times;   ///< of the frames, for poses by time; empty: their names
   std::string mount = "gripper";
   bool free_scale = false;
   std::filesystem::path out;  ///< handeye.yaml
@@ -31,10 +39,83 @@ struct HandEyeArguments {
 struct MatchedPoses {
   std::vector<std::string> frames;
   std::vector<OutsidePose> poses;
-  size_t without = 0;  // frames of the calibration
+  size_t without = 0;               // frames of the calibration
+  std::optional<TrackShift> shift;  // of poses by time
 };
 
+RigMount MountOf(const HandEyeArguments& arguments) {
+  return arguments.mount == "gripper" ? RigMount::kOnGripper : RigMount::kOnBase;
+}
+
+OutsideScale ScaleOf(const HandEyeArguments& arguments) {
+  return arguments.free_scale ? OutsideScale::kFree : OutsideScale::kHeld;
+}
+
+// Whether a file of poses names frames; else it has times.
+bool NamesFrames(const std::filesystem::path& path) {
+  constexpr size_t kStart = 4096;
+  const std::string start = ReadInputStart(path, kStart);
+  const std::string_view first = FirstRow(start, 0);
+  return first.find("frame") != std::string_view::npos;
+}
+
+// The time of a frame whose name is one, in seconds or nanoseconds.
+double TimeOfName(const std::string& frame, const std::filesystem::path& table) {
+  constexpr double kNanosecondsAbove = 1e11, kNanosecond = 1e-9;
+  const std::optional<double> number = ParseDouble(frame);
+  if (!number) {
+    throw Error(ErrorKind::kInput,
+                fmt::format("{}: frame '{}' is no time, and the poses from outside have times; "
+                            "give those of the frames by --times",
+                            table.string(),
+                            frame));
+  }
+  return *number > kNanosecondsAbove ? kNanosecond * *number : *number;
+}
+
+MatchedPoses MatchByTime(const HandEyeArguments& arguments) {
+  const std::filesystem::path table = arguments.folder / "poses.csv";
+  const std::vector<FrameRecord> calibrated = ReadPoses(table);
+  const Trajectory outside = ReadTrajectory(arguments.poses, {});
+  std::vector<std::string> names;
+  for (const FrameRecord& frame : calibrated) names.push_back(frame.name);
+  std::map<std::string, double> times;
+  if (!arguments.times.empty()) times = TimesOfFrames(arguments.times, "the calibration", names);
+  std::vector<TimedFrame> frames;
+  for (const FrameRecord& frame : calibrated) {
+    const double time = times.empty() ? TimeOfName(frame.name, table) : times.at(frame.name);
+    frames.push_back({time, frame.T_target_rig.Inverse()});
+  }
+  std::vector<RigidTransform> poses;
+  for (size_t i = 0; i < outside.Size(); ++i) {
+    poses.push_back({outside.orientations[i].toRotationMatrix(), outside.positions[i]});
+  }
+  const PoseTrack track(outside.times, poses);
+  MatchedPoses matched;
+  matched.shift = FindTrackShift(track, frames, {MountOf(arguments), ScaleOf(arguments)});
+  const TrackMatch match = MatchTrack(track, frames, matched.shift ? matched.shift->value : 0);
+  matched.poses = match.poses;
+  for (const size_t frame : match.frames) matched.frames.push_back(names[frame]);
+  matched.without = names.size() - match.frames.size();
+  constexpr size_t kFewest = 3;
+  if (matched.poses.size() >= kFewest || frames.empty()) return matched;
+  throw Error(ErrorKind::kInput,
+              fmt::format("{}: {} of the {} frames of {} lie in its times, {:.3f} to {:.3f} s; the "
+                          "first frame is at {:.3f} s",
+                          arguments.poses.string(),
+                          matched.poses.size(),
+                          frames.size(),
+                          table.string(),
+                          outside.times.front(),
+                          outside.times.back(),
+                          frames[0].time));
+}
+
 MatchedPoses Match(const HandEyeArguments& arguments) {
+  if (!NamesFrames(arguments.poses)) return MatchByTime(arguments);
+  if (!arguments.times.empty()) {
+    throw Error(ErrorKind::kInput, "--times: the poses from outside name frames and need no times");
+  }
   const std::filesystem::path table = arguments.folder / "poses.csv";
   const std::vector<FrameRecord> calibrated = ReadPoses(table),
                                  outside = ReadPoses(arguments.poses);
@@ -90,8 +171,8 @@ double Misfit(const OutsideFit& fit, const MatchedPoses& matched) {
 }
 
 OutsideFit Fit(const HandEyeArguments& arguments, const MatchedPoses& matched) {
-  const RigMount mount = arguments.mount == "gripper" ? RigMount::kOnGripper : RigMount::kOnBase;
-  const OutsideScale scale = arguments.free_scale ? OutsideScale::kFree : OutsideScale::kHeld;
+  const RigMount mount = MountOf(arguments);
+  const OutsideScale scale = ScaleOf(arguments);
   const auto fit = FitOutsidePoses(matched.poses, {mount, scale});
   const auto other = FitOutsidePoses(matched.poses, {Other(mount), scale});
   // The other reading of a true pose leaves errors as large as the motion.
@@ -133,7 +214,9 @@ std::string PoseYaml(const std::string& name, const RigidTransform& T, const Vec
                      sigma[5]);
 }
 
-std::string HandEyeYaml(const HandEyeArguments& arguments, const OutsideFit& fit) {
+std::string HandEyeYaml(const HandEyeArguments& arguments,
+                        const MatchedPoses& matched,
+                        const OutsideFit& fit) {
   const bool on_gripper = arguments.mount == "gripper";
   std::string text = "plenocal: 1\nmount: " + arguments.mount + "\n";
   text += PoseYaml(on_gripper ? "gripper_rig" : "base_rig", fit.T_mount_rig, fit.rig_sigma);
@@ -143,6 +226,11 @@ std::string HandEyeYaml(const HandEyeArguments& arguments, const OutsideFit& fit
   text += fmt::format("scatter: {{translation: {:.6g}, rotation: {:.6g}}}\n",
                       fit.translation_sigma,
                       fit.rotation_sigma);
+  if (matched.shift) {
+    text += fmt::format("time_shift: {:.9g}\nsigma_time_shift: {:.6g}\n",
+                        matched.shift->value,
+                        matched.shift->sigma);
+  }
   return text + fmt::format("frames: {}\nleft_out: {}\n",
                             fit.used.size(),
                             std::ranges::count(fit.used, false));
@@ -196,6 +284,11 @@ std::string HandEyeText(const HandEyeArguments& arguments,
     if (!fit.used[i])
       text += fmt::format("  left out: frame {}, which is far off\n", matched.frames[i]);
   }
+  if (matched.shift) {
+    text += fmt::format("clocks: {:.3f} +- {:.2g} ms are added to the times of the images\n",
+                        1e3 * matched.shift->value,
+                        1e3 * matched.shift->sigma);
+  }
   if (matched.without > 0) text += fmt::format("  frames without a pose: {}\n", matched.without);
   if (fit.gap == HandEyeGap::kAlongAxis) {
     text +=
@@ -216,7 +309,7 @@ void RunHandEye(const HandEyeArguments& arguments, const ConsoleOptions& shared)
   if (!arguments.out.empty()) {
     std::filesystem::path folder = arguments.out.parent_path();
     OutputFolder output(folder.empty() ? "." : folder);
-    output.Write(arguments.out.filename().string(), HandEyeYaml(arguments, fit));
+    output.Write(arguments.out.filename().string(), HandEyeYaml(arguments, matched, fit));
     output.Commit();
   }
   console.Print(HandEyeText(arguments, matched, fit));
@@ -225,12 +318,17 @@ void RunHandEye(const HandEyeArguments& arguments, const ConsoleOptions& shared)
 constexpr const char* kHandEyeHelp =
     "Where a rig is mounted on a robot, from a calibration and the robot's poses.\n\n"
     "  plenocal handeye OUT --poses robot.csv -o handeye.yaml\n\n"
-    "OUT is the folder that 'plenocal calibrate' wrote. The file of poses has the columns of poses.csv: frame,x,y,z,qx,qy,qz,qw, T_base_gripper in metres. With --mount base the rig stands in the base's frame and the target is on the gripper.";
+    "OUT is the folder that 'plenocal calibrate' wrote. The file of poses has the columns of poses.csv: frame,x,y,z,qx,qy,qz,qw, T_base_gripper in metres; or times in place of frames, as TUM files (t x y z qx qy qz qw) and those of EuRoC: then poses are taken between two of them at the times of the frames, and the clocks' difference is estimated where the rig moved. With --mount base the rig stands in the base's frame and the target is on the gripper.";
 
 RunCommand DeclareHandEye(CLI::App* app, ConsoleOptions* shared) {
   const auto arguments = std::make_shared<HandEyeArguments>();
   app->add_option("folder", arguments->folder, "folder of the calibration")->required();
-  app->add_option("--poses", arguments->poses, "CSV of T_base_gripper, a row a frame")->required();
+  app->add_option(
+         "--poses", arguments->poses, "T_base_gripper: CSV with a row a frame, or a trajectory")
+      ->required();
+  app->add_option("--times",
+                  arguments->times,
+                  "with a trajectory: file of the times of the frames (default: their names)");
   app->add_option("--mount",
                   arguments->mount,
                   "where the rig is: gripper (eye-in-hand) or base (eye-to-hand)")
