@@ -61,7 +61,7 @@ std::optional<size_t> WantedFrames(const Session& session,
     if (session.cameras[c].model->plenoptic) return std::nullopt;
     for (const FrameImage& image : cameras[c].images) {
       any = true;
-      recorded = recorded && image.time.has_value();
+      recorded = recorded && image.store && image.time;
     }
   }
   const size_t count = CountFrames(cameras);

@@ -115,8 +115,11 @@ std::vector<std::vector<FrameImage>> ListSessionImages(const Session& session,
   for (const SessionCamera& camera : session.cameras) {
     images.push_back(camera.images.empty() ? std::vector<FrameImage>()
                                            : lister.List(camera.images, camera.name + ": images"));
-    if (!camera.images.empty() && !camera.times.empty()) {
+    if (camera.images.empty()) continue;
+    if (!camera.times.empty()) {
       TakeTimes(camera.times, "camera " + camera.name, &images.back());
+    } else {
+      TakeTimesOfNames(&images.back());
     }
   }
   *notes = lister.Notes();

@@ -70,6 +70,19 @@ void TakeTimes(const fs::path& times, const std::string& owner, std::vector<Fram
   std::ranges::stable_sort(*images, {}, [](const FrameImage& image) { return *image.time; });
 }
 
+void TakeTimesOfNames(std::vector<FrameImage>* images) {
+  constexpr size_t kDigits = 19;  // from 2001 to 2286
+  const auto is_time = [](const FrameImage& image) {
+    return !image.store && image.frame.size() == kDigits && image.frame[0] == '1' &&
+           std::ranges::all_of(image.frame, [](char c) { return '0' <= c && c <= '9'; });
+  };
+  if (!std::ranges::all_of(*images, is_time)) return;
+  constexpr double kNanosecond = 1e-9;
+  for (FrameImage& image : *images) {
+    image.time = kNanosecond * static_cast<double>(std::stoll(image.frame));
+  }
+}
+
 std::map<std::string, double> TimesOfFrames(const fs::path& times,
                                             const std::string& owner,
                                             const std::vector<std::string>& frames) {

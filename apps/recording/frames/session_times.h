@@ -17,6 +17,10 @@ void TakeTimes(const std::filesystem::path& times,
                const std::string& owner,
                std::vector<FrameImage>* images);
 
+/// The same for image files that are called after their times in nanoseconds since 1970, as in data
+/// sets for Kalibr: "1403636579763555584.png". Others stay as they are.
+void TakeTimesOfNames(std::vector<FrameImage>* images);
+
 /// Times, s, of the frames of these names. Throws likewise.
 std::map<std::string, double> TimesOfFrames(const std::filesystem::path& times,
                                             const std::string& owner,

@@ -66,15 +66,21 @@ class Sources : public Workspace {
   [[nodiscard]] Session TwoCameras(const std::string& left,
                                    const std::string& right,
                                    const std::string& more = {}) const {
-    return ParseSession(
-        fmt::format("plenocal: 1\ntarget: chessboard:9x6:25mm\n{}cameras:\n"
-                    "  left: {{model: pinhole, images: '{}', topic: /left/image_raw}}\n"
-                    "  right: {{model: pinhole, images: '{}', topic: /right/image_raw}}\n",
-                    more,
-                    left,
-                    right),
-        Path("session.yaml"),
-        CameraModels());
+    return SessionOf(
+        "'" + left + "', topic: /left/image_raw", "'" + right + "', topic: /right/image_raw", more);
+  }
+
+  [[nodiscard]] Session SessionOf(const std::string& left,
+                                  const std::string& right,
+                                  const std::string& more = {}) const {
+    return ParseSession(fmt::format("plenocal: 1\ntarget: chessboard:9x6:25mm\n{}cameras:\n"
+                                    "  left: {{model: pinhole, images: {}}}\n"
+                                    "  right: {{model: pinhole, images: {}}}\n",
+                                    more,
+                                    left,
+                                    right),
+                        Path("session.yaml"),
+                        CameraModels());
   }
 
   /// The message of the refusal to list these images.
@@ -143,6 +149,35 @@ TEST_F(Sources, PairingByNameKeepsTheNames) {
   const auto images = ListSessionImages(TwoCameras(file, file, "pairing: {by: name}\n"), &notes);
   EXPECT_THAT(notes, IsEmpty());
   EXPECT_NE(images[0][0].frame, images[1][0].frame);
+}
+
+TEST_F(Sources, ImageFilesMayBeCalledAfterTheirTimes) {
+  // The second camera is 3 ms late; the fourth image of it is missing.
+  for (int i = 0; i < 8; ++i) {
+    for (int c = 0; c < 2; ++c) {
+      if (c == 1 && i == 3) continue;
+      const fs::path file = Path(
+          fmt::format("cam{}/{}.png", c, 1403636579763555584 + 50000000LL * i + 3000000LL * c));
+      fs::create_directories(file.parent_path());
+      ASSERT_TRUE(cv::imwrite(file.string(), cv::Mat(12, 16, CV_8U, cv::Scalar(GreyOf(c, i)))));
+    }
+  }
+  std::vector<std::string> notes;
+  const auto images =
+      ListSessionImages(SessionOf(Path("cam0").string(), Path("cam1").string()), &notes);
+  EXPECT_THAT(notes, ElementsAre(HasSubstr("7 of 7 images are paired by time")));
+  ASSERT_EQ(images[1].size(), 7U);
+  EXPECT_EQ(images[1][3].frame, images[0][4].frame);
+  EXPECT_NEAR(*images[1][3].time - *images[0][4].time, 0.003, 1e-6);
+  // Other numbers are no times.
+  for (int i = 0; i < 2; ++i) {
+    const fs::path file = Path(fmt::format("numbers/{:06}.png", i));
+    fs::create_directories(file.parent_path());
+    ASSERT_TRUE(cv::imwrite(file.string(), cv::Mat(12, 16, CV_8U, cv::Scalar(i))));
+  }
+  const auto numbers =
+      ListSessionImages(SessionOf(Path("numbers").string(), Path("numbers").string()), &notes);
+  EXPECT_FALSE(numbers[0][0].time);
 }
 
 TEST_F(Sources, ToleranceFollowsTheJitter) {
