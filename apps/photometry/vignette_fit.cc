@@ -411,10 +411,10 @@ class VignetteSolver {
     return fit;
   }
 
-  // Variance of what is left of blocks of a quarter of the spline's cells / that of independent
-  // noise: neighbouring samples have errors in common, or opposite ones, where the wall's texture
-  // is finer than a pixel.
-  [[nodiscard]] double CommonNoise() const {
+  // Neighbouring samples have errors in common, or opposite ones, where the wall's texture is finer
+  // than a pixel. Variance of what is left of blocks of half of a cell of the spline, of all views
+  // together, / that of independent noise: larger blocks follow the spline.
+  [[nodiscard]] double NoiseOfAllViews() const {
     const PixelSums sums = SumPixels();
     const double side = Longer() / fine_.Columns() / 2;  // px, about half a cell
     const int block = std::max(1, static_cast<int>(std::lround(side / wall_.reduction)));
@@ -432,6 +432,40 @@ class VignetteSolver {
       }
     }
     return chi_square / std::max(blocks - fine_.Coefficients(), 1.0);
+  }
+
+  // The same of single views, of which the spline follows none: in blocks as large as what one
+  // coefficient has an effect on, by reduced pixel.
+  [[nodiscard]] cv::Mat NoiseOfSingleViews() const {
+    constexpr int kCells = 4;  // of a cubic B-spline's support
+    const double side = kCells * Longer() / (fine_.Columns() - 3) / wall_.reduction;
+    const cv::Size size(static_cast<int>(std::ceil(v_.cols / side)),
+                        static_cast<int>(std::ceil(v_.rows / side)));
+    struct Sums {
+      Eigen::MatrixXd weight, value;  // blocks x views
+    };
+    const Eigen::MatrixXd zero =
+        Eigen::MatrixXd::Zero(size.area(), static_cast<Eigen::Index>(gains_.size()));
+    std::vector<Sums> parts(kParts, {zero, zero});
+    ForSamples([&](const SamplePlace& place, const WallSample& s, double residual, double) {
+      const int block = static_cast<int>(s.y / side) * size.width + static_cast<int>(s.x / side);
+      const double w = Weight(s, residual);
+      parts[place.part].weight(block, s.view) += w;
+      parts[place.part].value(block, s.view) += w * residual;
+    });
+    for (size_t part = 1; part < kParts; ++part) {
+      parts[0].weight += parts[part].weight;
+      parts[0].value += parts[part].value;
+    }
+    cv::Mat ratio(size, CV_32F, cv::Scalar(0));
+    for (int block = 0; block < size.area(); ++block) {
+      const double weight = parts[0].weight.row(block).sum();
+      if (!(weight > 0)) continue;
+      ratio.at<float>(block / size.width, block % size.width) =
+          static_cast<float>(parts[0].value.row(block).squaredNorm() / weight);
+    }
+    cv::resize(ratio, ratio, v_.size(), 0, 0, cv::INTER_LINEAR);
+    return ratio;
   }
 
   void FitFine() {
@@ -525,7 +559,7 @@ class VignetteSolver {
       result->gain_sigma.push_back(std::sqrt(all(i, i)));
     }
     const Eigen::MatrixXd excess = covariance - Inverse(system.known);
-    const double common_noise = CommonNoise();
+    const cv::Mat common_noise = cv::max(NoiseOfSingleViews(), NoiseOfAllViews());
     cv::Mat sigma(v_.size(), CV_32F);
     ParallelFor(static_cast<size_t>(v_.rows), threads_, [&](size_t row) {
       const int y = static_cast<int>(row);
@@ -533,7 +567,8 @@ class VignetteSolver {
         const double px = projector_.Enlarge(x), py = projector_.Enlarge(y);
         const double variance = VarianceAt(fine_.At(px, py), fine_covariance) +
                                 std::max(VarianceAt(coarse_.At(px, py), excess), 0.0);
-        sigma.at<float>(y, x) = static_cast<float>(std::sqrt(common_noise * variance));
+        sigma.at<float>(y, x) =
+            static_cast<float>(std::sqrt(common_noise.at<float>(y, x) * variance));
       }
     });
     cv::resize(sigma, result->sigma, {size[0], size[1]}, 0, 0, cv::INTER_LINEAR);

@@ -114,7 +114,7 @@ TEST_F(PhotometryCommand, FindsTheVignettingOfAWallAndComparesItWithWhiteImages)
   EXPECT_LT(difference.rms, 0.003);
   // A smooth error has few independent values.
   EXPECT_GT(difference.chi_square, 0.3);
-  EXPECT_LT(difference.chi_square, 2.5);
+  EXPECT_LT(difference.chi_square, 1.8);
   double largest = 0;
   cv::minMaxLoc(found, nullptr, &largest);
   EXPECT_NEAR(largest, 1, 1e-6);
