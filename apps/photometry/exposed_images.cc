@@ -3,6 +3,9 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <iterator>
+
 #include "calib/base/error.h"
 #include "calib/base/names.h"
 
@@ -50,6 +53,14 @@ std::vector<double> ExposuresOf(const Recording& recording,
                           camera.images.size() - exposures.size(),
                           camera.images.size(),
                           purpose));
+}
+
+std::vector<LeftOut> LeftOutOf(const Recording& recording, const RecordedCamera& camera) {
+  std::vector<LeftOut> items;
+  std::ranges::copy_if(recording.left_out, std::back_inserter(items), [&](const LeftOut& item) {
+    return item.camera == camera.name;
+  });
+  return items;
 }
 
 }  // namespace plenocal

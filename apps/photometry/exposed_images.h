@@ -24,4 +24,7 @@ std::vector<double> ExposuresOf(const Recording& recording,
                                 const RecordedCamera& camera,
                                 const std::string& purpose);
 
+/// Images of the camera that the reader of the recording left out.
+std::vector<LeftOut> LeftOutOf(const Recording& recording, const RecordedCamera& camera);
+
 }  // namespace plenocal

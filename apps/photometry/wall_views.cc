@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <map>
 #include <memory>
@@ -81,6 +82,16 @@ void SetBrightness(const cv::Mat& grey,
                                              : std::numeric_limits<float>::quiet_NaN();
     }
   }
+}
+
+// Why an image has no pose.
+std::string ReasonOf(const cv::Mat& grey, const MarkerDetections& found) {
+  constexpr double kMostSaturated = 0.3;  // white paper and the wall around it
+  const double share = cv::countNonZero(grey == kSaturated) / static_cast<double>(grey.total());
+  if (share > kMostSaturated) {
+    return fmt::format("{:.0f} % of its pixels are saturated: expose it shorter", 100 * share);
+  }
+  return found.failure.empty() ? "the marker gives no pose" : found.failure;
 }
 
 void CheckFlat(const Target& target) {
@@ -159,7 +170,7 @@ WallRecording ReadWall(const WallOptions& options) {
         SetBrightness(grey, wall.response, wall.reduction, &view);
         views[i] = std::move(view);
       } else {
-        reasons[i] = found.failure.empty() ? "the marker gives no pose" : found.failure;
+        reasons[i] = ReasonOf(grey, found);
       }
     } catch (const Error& error) {
       if (error.kind() != ErrorKind::kInput) throw;
@@ -193,6 +204,7 @@ WallRecording ReadWall(const WallOptions& options) {
                         : fmt::format(" (first failure: {})", wall.left_out[0].reason),
                     kFewest));
   }
+  std::ranges::move(LeftOutOf(*options.recording, images), std::back_inserter(wall.left_out));
   return wall;
 }
 

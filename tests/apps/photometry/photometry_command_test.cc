@@ -83,9 +83,13 @@ class PhotometryCommand : public Workspace {
 
 TEST_F(PhotometryCommand, FindsTheResponseOfASweep) {
   SimulateSweep();
+  const std::string times = Read("sweep/times_left.txt");
+  const size_t line = times.find("000120 ");
+  Write("sweep/times_left.txt", times.substr(0, line) + times.substr(times.find('\n', line) + 1));
   const Outcome outcome = Run({"response", "sweep/recording.yaml", "-o", "out"});
   ASSERT_EQ(outcome.status, kDone) << outcome.err;
-  EXPECT_THAT(outcome.out, HasSubstr("40 exposures"));
+  EXPECT_THAT(outcome.out, HasSubstr("39 exposures"));
+  EXPECT_THAT(outcome.err, HasSubstr("000120.png: has no time"));
   EXPECT_THAT(Read("out/response.csv"), HasSubstr("value,U,sigma,count\n"));
   EXPECT_THAT(Read("out/report.html"), HasSubstr("Response of a camera"));
   std::ifstream file(Path("out/pcalib.txt"));
@@ -100,6 +104,16 @@ TEST_F(PhotometryCommand, FindsTheResponseOfASweep) {
     const double truth = 255 * std::pow(static_cast<double>(k) / 255, 2.2);
     EXPECT_NEAR(U[k] * scale / norm, truth, 0.005 * 255) << k;
   }
+}
+
+TEST_F(PhotometryCommand, NamesSaturatedImages) {
+  Simulate("wall",
+           "wall: {contrast: 0.2, light: 0.2, structure: 0.012}\n"
+           "exposures: {range: [200, 500], nominal: 2}\n"
+           "poses: {frames: 10, distance: [1.3, 2], partial: 0, kind: varied}\n");
+  const Outcome outcome = Vignette();
+  EXPECT_EQ(outcome.status, kJobFailed);
+  EXPECT_THAT(outcome.err, HasSubstr("of its pixels are saturated: expose it shorter"));
 }
 
 TEST_F(PhotometryCommand, FindsTheVignettingOfAWallAndComparesItWithWhiteImages) {

@@ -25,7 +25,7 @@ void RunResponse(const ResponseArguments& arguments, const ConsoleOptions& share
   const Recording recording = ReadRecording(arguments.recording);
   const RecordedCamera& camera = ChooseRecordedCamera(recording, arguments.camera);
   OutputFolder output(arguments.out);
-  std::vector<LeftOut> left_out;
+  std::vector<LeftOut> left_out = LeftOutOf(recording, camera);
   const ExposureSweep sweep = ReadExposureSweep(
       recording,
       camera,
