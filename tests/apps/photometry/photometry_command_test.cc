@@ -89,6 +89,7 @@ TEST_F(PhotometryCommand, FindsTheResponseOfASweep) {
   const Outcome outcome = Run({"response", "sweep/recording.yaml", "-o", "out"});
   ASSERT_EQ(outcome.status, kDone) << outcome.err;
   EXPECT_THAT(outcome.out, HasSubstr("39 exposures"));
+  EXPECT_THAT(outcome.err, Not(HasSubstr("warning")));
   EXPECT_THAT(outcome.err, HasSubstr("000120.png: has no time"));
   EXPECT_THAT(Read("out/response.csv"), HasSubstr("value,U,sigma,count\n"));
   EXPECT_THAT(Read("out/report.html"), HasSubstr("Response of a camera"));
