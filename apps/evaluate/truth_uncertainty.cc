@@ -96,15 +96,18 @@ GroundTruthFile ReadGroundTruth(const std::filesystem::path& path, const std::st
   const YamlNode cameras = root.At("cameras");
   const auto entries = cameras.Entries();
   if (entries.empty()) cameras.Fail("names no camera");
-  GroundTruthFile file{.segments = {},
-                       .uncertainty = ReadUncertainty(root.At("segment_covariance"))};
-  std::vector<std::string_view> names;
+  GroundTruthFile file{
+      .cameras = {}, .segments = {}, .uncertainty = ReadUncertainty(root.At("segment_covariance"))};
+  if (root.Has("scale")) {
+    file.uncertainty.covariance.scale_sigma = root.At("scale").At("sigma").AsNumber();
+  }
   for (const auto& [name, node] : entries) {
-    names.push_back(name);
+    file.cameras.push_back(name);
     if (!file.segments.empty() || (!camera.empty() && camera != name)) continue;
     file.segments = path.parent_path() / node.At("segments").AsString();
   }
   if (file.segments.empty()) {
+    const std::vector<std::string_view> names(file.cameras.begin(), file.cameras.end());
     cameras.Fail(fmt::format("no camera '{}'{}", camera, SuggestName(camera, names)));
   }
   return file;

@@ -6,6 +6,7 @@
 #include <Eigen/Core>
 #include <filesystem>
 #include <string>
+#include <vector>
 
 #include "apps/evaluate/trajectory_metrics.h"
 #include "calib/scene/segment_covariance.h"
@@ -15,12 +16,13 @@ namespace plenocal {
 /// Errors of both segments as small similarities about these centres.
 struct TruthUncertainty {
   Eigen::Vector3d start_centre = Eigen::Vector3d::Zero(), end_centre = Eigen::Vector3d::Zero();
-  LoopCovariance covariance;  ///< its `segments` alone
+  LoopCovariance covariance;  ///< its `segments` and `scale_sigma` alone
 };
 
 /// What groundtruth.yaml states for one camera.
 struct GroundTruthFile {
-  std::filesystem::path segments;  ///< trajectory of the camera
+  std::vector<std::string> cameras;  ///< all that have a path, the one of the covariance first
+  std::filesystem::path segments;    ///< trajectory of the camera
   TruthUncertainty uncertainty;
 };
 

@@ -162,13 +162,24 @@ class LandmarkReduction {
     Eigen::MatrixXd gradients =
         Eigen::MatrixXd::Zero(directions.cols(), static_cast<Eigen::Index>(by_landmark_.size()));
     for (size_t m = 0; m < by_landmark_.size(); ++m) {
-      auto gradient = gradients.col(static_cast<Eigen::Index>(m));
+      if (by_landmark_[m].empty()) continue;
+      Eigen::VectorXd gradient = Eigen::VectorXd::Zero(directions.cols());
+      Eigen::MatrixXd cross = Eigen::MatrixXd::Zero(directions.cols(), 3);
+      Eigen::Vector3d of_landmark = Eigen::Vector3d::Zero();
+      Eigen::Matrix3d V = Eigen::Matrix3d::Zero();
       VisitLandmark(by_landmark_[m], [&](double sign, const ObservationRows& rows) {
-        const Eigen::VectorXd g = sign * rows.J.transpose() * rows.residual;
-        for (size_t i = 0; i < rows.columns.size(); ++i) {
-          gradient += g[static_cast<Eigen::Index>(i)] * directions.row(rows.columns[i]).transpose();
-        }
+        const Eigen::MatrixXd along = sign * rows.J * directions(rows.columns, Eigen::all);
+        gradient += along.transpose() * rows.residual;
+        cross += along.transpose() * rows.J_landmark;
+        of_landmark += sign * rows.J_landmark.transpose() * rows.residual;
+        V += sign * rows.J_landmark.transpose() * rows.J_landmark;
       });
+      // The landmark's own gradient is zero only as far as the adjustment has converged.
+      const Eigen::LLT<Eigen::Matrix3d> factor(V);
+      if (system_.landmark[m] < 0 && factor.info() == Eigen::Success) {
+        gradient -= cross * factor.solve(of_landmark);
+      }
+      gradients.col(static_cast<Eigen::Index>(m)) = gradient;
     }
     return gradients;
   }

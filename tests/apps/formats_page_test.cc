@@ -17,6 +17,7 @@
 
 #include "calib/files/detections.h"
 #include "tests/apps/chessboard_images.h"
+#include "tests/apps/scene/small_loop.h"
 #include "tests/apps/workspace.h"
 #include "tests/calib/plenoptic_synthetic.h"
 
@@ -626,6 +627,16 @@ TEST_F(FormatsPage, HasWhatResponseAndComparisonsOfAttenuationsWrite) {
   const Outcome compared = Run({"compare", attenuation, attenuation, "-o", "compared"});
   ASSERT_EQ(compared.status, kDone) << compared.err;
   SeeColumns("compared/vignetting_compare.csv", "Columns of vignetting_compare.csv");
+  ExpectAllSeen();
+}
+
+TEST_F(FormatsPage, HasWhatComparisonsOfGroundTruthsWrite) {
+  Write("loop.yaml", SmallLoopYaml({}));
+  ASSERT_EQ(Run({"simulate", "loop.yaml", "--points", "-o", "loop"}).status, kDone);
+  ASSERT_EQ(Run({"groundtruth", "loop", "-o", "truth"}).status, kDone);
+  const std::string truth = "truth/groundtruth.yaml";
+  ASSERT_EQ(Run({"compare", truth, truth, "-o", "compared"}).status, kDone);
+  SeeColumns("compared/groundtruth_compare.csv", "Columns of groundtruth_compare.csv");
   ExpectAllSeen();
 }
 

@@ -17,6 +17,7 @@
 #include "apps/cli/options.h"
 #include "apps/cli/session/open_session.h"
 #include "apps/cli/session_observations.h"
+#include "apps/evaluate/compare_truths.h"
 #include "apps/photometry/attenuation_compare.h"
 #include "apps/report/verdict_json.h"
 #include "calib/base/error.h"
@@ -560,10 +561,32 @@ void CompareVignetting(const CompareArguments& arguments) {
   fmt::print("written to {}\n", arguments.out.string());
 }
 
+/// Two files of `groundtruth`.
+void CompareGroundTruths(const CompareArguments& arguments) {
+  if (arguments.b.empty() || !IsGroundTruth(arguments.b) || !arguments.map.empty() ||
+      !arguments.distances.empty()) {
+    throw Error(
+        ErrorKind::kInput,
+        "ground truths are compared with each other: give two groundtruth.yaml and -o only");
+  }
+  std::optional<OutputFolder> out;
+  if (!arguments.out.empty()) out.emplace(arguments.out);
+  const TruthComparison comparison = CompareTruths(arguments.a, arguments.b);
+  fmt::print("{}", ComparisonText(comparison, arguments.a.string(), arguments.b.string()));
+  if (!out) return;
+  out->Write("groundtruth_compare.csv", ComparisonCsv(comparison));
+  out->Commit();
+  fmt::print("written to {}\n", arguments.out.string());
+}
+
 void RunCompare(const CompareArguments& arguments, const ConsoleOptions& shared) {
   CheckArguments(arguments);
   if (IsTiff(arguments.a)) {
     CompareVignetting(arguments);
+    return;
+  }
+  if (IsGroundTruth(arguments.a)) {
+    CompareGroundTruths(arguments);
     return;
   }
   std::vector<double> distances = arguments.distances;
@@ -581,12 +604,14 @@ constexpr const char* kCompareHelp =
     "  plenocal compare A/calibration.yaml B/calibration.yaml\n"
     "  plenocal compare A/calibration.yaml --check session.yaml\n"
     "  plenocal compare A/vignetting_left.tiff B/vignetting_left.tiff\n"
+    "  plenocal compare A/groundtruth.yaml B/groundtruth.yaml\n"
     "\n"
     "The rotation and translation of the camera frames that the difference of the intrinsics implies is removed first.";
 
 RunCommand DeclareCompare(CLI::App* app, ConsoleOptions* shared) {
   const auto arguments = std::make_shared<CompareArguments>();
-  app->add_option("a", arguments->a, "calibration.yaml, or an attenuation (TIFF)")->required();
+  app->add_option("a", arguments->a, "calibration.yaml, an attenuation (TIFF), or groundtruth.yaml")
+      ->required();
   app->add_option("b", arguments->b, "another, of any models");
   app->add_option(
       "--check",
@@ -595,7 +620,7 @@ RunCommand DeclareCompare(CLI::App* app, ConsoleOptions* shared) {
   app->add_option(
       "-o,--out",
       arguments->out,
-      "folder for difference.png and compare.csv; of attenuations vignetting_compare.csv and a page");
+      "folder for difference.png and compare.csv; of attenuations vignetting_compare.csv and a page, of ground truths groundtruth_compare.csv");
   app->add_option(
          "--map",
          arguments->map,

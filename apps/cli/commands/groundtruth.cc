@@ -87,6 +87,20 @@ LoopTracks CollectTracks(const GroundtruthArguments& arguments,
   return TrackLoop(ReadRecording(arguments.recording), rig.cameras, options);
 }
 
+/// The cameras of the calibration beside those of `rig`.
+std::vector<MountedCamera> OtherCameras(const CalibrationRecord& calibration,
+                                        const CalibratedRig& rig) {
+  const RigidTransform T_calibrated_rig =
+      FindCamera(calibration, rig.cameras[0].name).T_camera_rig.Inverse();
+  std::vector<MountedCamera> others;
+  for (const CalibratedCamera& camera : calibration.cameras) {
+    const auto used = [&](const BundleCamera& each) { return each.name == camera.name; };
+    if (std::ranges::any_of(rig.cameras, used)) continue;
+    others.push_back({camera.name, camera.T_camera_rig * T_calibrated_rig});
+  }
+  return others;
+}
+
 void RunGroundtruth(const GroundtruthArguments& arguments, const ConsoleOptions& shared) {
   Console console(shared);
   const RecordingFile recording = FindRecordingFile(arguments.recording);
@@ -112,6 +126,7 @@ void RunGroundtruth(const GroundtruthArguments& arguments, const ConsoleOptions&
   const std::vector<std::string> findings = FindingsOf(truth);
   for (const std::string& finding : findings) console.Warning(finding);
   const LoopTruthContext context{.tracks = &tracks,
+                                 .others = OtherCameras(calibration, rig),
                                  .descriptors = loop.descriptors,
                                  .findings = findings,
                                  .provenance = {{"recording", recording.path.string()},
@@ -130,7 +145,8 @@ constexpr const char* kGroundtruthHelp =
     "  plenocal groundtruth RECORDING --cameras left,right --start 0:12 --end 301:320 -o OUT\n"
     "\n"
     "Writes segments_<camera>.txt, which `plenocal evaluate --truth` reads, their covariance and the "
-    "points; docs/groundtruth.md.";
+    "points; docs/groundtruth.md. Two of them, as from the stereo pair and from the plenoptic camera: "
+    "plenocal compare A/groundtruth.yaml B/groundtruth.yaml.";
 
 RunCommand DeclareGroundtruth(CLI::App* app, ConsoleOptions* shared) {
   const auto arguments = std::make_shared<GroundtruthArguments>();

@@ -19,6 +19,8 @@ namespace {
 // Lengths of loops for which the floor of the alignment error is given, m.
 constexpr std::array kLoopLengths{25.0, 100.0, 274.0};
 
+std::string SegmentsName(const std::string& camera) { return "segments_" + camera + ".txt"; }
+
 double TimeOf(const SceneTracks& tracks, size_t frame) {
   return tracks.times.empty() ? static_cast<double>(frame) : tracks.times[frame];
 }
@@ -29,14 +31,15 @@ std::vector<size_t> AllFrames(const LoopTruthResult& truth) {
   return frames;
 }
 
+// Lines "t x y z qx qy qz qw" of T_world_camera (TUM). The number of the frame stands for a time
+// that is not known.
 std::string PathText(const LoopTruthResult& truth,
                      const SceneTracks& tracks,
-                     size_t camera,
+                     const RigidTransform& T_camera_rig,
                      const std::vector<size_t>& frames) {
   std::string text = "# time x y z qx qy qz qw (T_world_camera, m)\n";
   for (const size_t frame : frames) {
-    const RigidTransform T =
-        (truth.bundle.cameras[camera].T_camera_rig * truth.bundle.T_rig_target[frame]).Inverse();
+    const RigidTransform T = (T_camera_rig * truth.bundle.T_rig_target[frame]).Inverse();
     const Eigen::Quaterniond q(T.R);
     fmt::format_to(std::back_inserter(text),
                    "{:.6f} {:.9f} {:.9f} {:.9f} {:.12f} {:.12f} {:.12f} {:.12f}\n",
@@ -146,8 +149,14 @@ std::string GroundTruthYaml(const LoopTruthResult& truth, const LoopTruthContext
     fmt::format_to(out,
                    "  {}: {{segments: {}, rms: {}}}\n",
                    YamlText(name),
-                   YamlText("segments_" + name + ".txt"),
+                   YamlText(SegmentsName(name)),
                    YamlNumber(truth.rms[c]));
+  }
+  for (const MountedCamera& camera : context.others) {
+    fmt::format_to(out,
+                   "  {}: {{segments: {}}}\n",
+                   YamlText(camera.name),
+                   YamlText(SegmentsName(camera.name)));
   }
   fmt::format_to(out,
                  "points: {}\ncommon_points: {}\nobservations: {}\nconverged: {}\n",
@@ -197,10 +206,6 @@ void AddExtentFinding(const char* name, const PathSegment& segment, std::vector<
 
 }  // namespace
 
-std::string SegmentsText(const LoopTruthResult& truth, const SceneTracks& tracks, size_t camera) {
-  return PathText(truth, tracks, camera, AllFrames(truth));
-}
-
 std::vector<std::string> FindingsOf(const LoopTruthResult& truth) {
   constexpr double kPoorScale = 0.01;
   constexpr double kStaleSigmas = 4;
@@ -248,14 +253,18 @@ std::vector<std::pair<double, double>> AlignmentFloors(const LoopTruthResult& tr
 std::vector<std::pair<std::string, std::string>> LoopTruthFiles(const LoopTruthResult& truth,
                                                                 const LoopTruthContext& context) {
   std::vector<std::pair<std::string, std::string>> files;
-  for (size_t c = 0; c < truth.bundle.cameras.size(); ++c) {
-    const std::string& name = truth.bundle.cameras[c].name;
-    files.emplace_back("segments_" + name + ".txt", SegmentsText(truth, *context.tracks, c));
-    files.emplace_back("start_" + name + ".txt",
-                       PathText(truth, *context.tracks, c, truth.start.frames));
-    files.emplace_back("end_" + name + ".txt",
-                       PathText(truth, *context.tracks, c, truth.end.frames));
+  const auto add_paths = [&](const std::string& name, const RigidTransform& T_camera_rig) {
+    const auto path = [&](const std::vector<size_t>& frames) {
+      return PathText(truth, *context.tracks, T_camera_rig, frames);
+    };
+    files.emplace_back(SegmentsName(name), path(AllFrames(truth)));
+    files.emplace_back("start_" + name + ".txt", path(truth.start.frames));
+    files.emplace_back("end_" + name + ".txt", path(truth.end.frames));
+  };
+  for (const BundleCamera& camera : truth.bundle.cameras) {
+    add_paths(camera.name, camera.T_camera_rig);
   }
+  for (const MountedCamera& camera : context.others) add_paths(camera.name, camera.T_camera_rig);
   files.emplace_back("covariance.csv", CovarianceCsv(truth, *context.tracks));
   const LandmarkMap map = MapOf(truth, context.descriptors);
   files.emplace_back("points.ply", PointsPly(map));

@@ -9,20 +9,26 @@
 #include <vector>
 
 #include "apps/scene/loop/loop_truth.h"
+#include "calib/camera/rigid_transform.h"
 
 namespace plenocal {
+
+/// A camera whose path follows from the rig's.
+struct MountedCamera {
+  std::string name;
+  RigidTransform T_camera_rig;
+};
 
 /// What the files need besides the result.
 struct LoopTruthContext {
   const SceneTracks* tracks = nullptr;
+  /// Cameras of the calibration whose images were not used; they get paths too, so that their
+  /// trajectories can be evaluated and truths of different cameras compared.
+  std::vector<MountedCamera> others = {};
   cv::Mat descriptors = {};           ///< row i is of track i; empty: not known
   std::vector<std::string> findings;  ///< warnings, in sentences
   std::vector<std::pair<std::string, std::string>> provenance;
 };
-
-/// Path of one camera in both segments, lines "t x y z qx qy qz qw" of T_world_camera (TUM). The
-/// number of the frame stands for a time that is not known.
-std::string SegmentsText(const LoopTruthResult& truth, const SceneTracks& tracks, size_t camera);
 
 /// What the result shows to be wrong or weak, in sentences with what to do.
 std::vector<std::string> FindingsOf(const LoopTruthResult& truth);

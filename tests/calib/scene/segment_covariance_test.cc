@@ -3,7 +3,11 @@
 
 #include <gtest/gtest.h>
 
+#include <limits>
+
+#include "calib/adjust/problem.h"
 #include "tests/calib/random.h"
+#include "tests/calib/synthetic.h"
 
 namespace plenocal {
 namespace TEST_FILE {
@@ -52,6 +56,35 @@ TEST(LoopCovariance, FloorIsTheRmsOfRandomAlignments) {
   }
   const double rms = std::sqrt(squares / (kTrials * static_cast<double>(path.size())));
   EXPECT_NEAR(covariance.AlignmentFloor(start, end, path) / rms, 1, 0.03);
+}
+
+// Adjusted landmarks seen by a known stereo pair.
+Bundle AdjustedLoop() {
+  constexpr double kNoise = 0.2;  // px
+  Random random(5);
+  Bundle bundle = testing::TrueBundle(testing::MakeProblem(7, {.cameras = 2, .frames = 10}));
+  for (BundleObservation& observation : bundle.observations) {
+    observation.assumed_sigma = kNoise;
+    for (size_t r = 0; r < 2; ++r) observation.seen.values[r] += random.Gaussian(kNoise);
+  }
+  bundle.marker_sigma = std::numeric_limits<double>::infinity();
+  bundle.held_frame = 0;
+  for (BundleCamera& camera : bundle.cameras) {
+    camera.fixed.assign(camera.fixed.size(), true);
+    camera.is_master = true;
+  }
+  EXPECT_TRUE(Adjust(&bundle, {}).usable);
+  return bundle;
+}
+
+TEST(LoopCovariance, DoesNotDependOnHowFarALandmarkHasConverged) {
+  const std::vector<size_t> start{0, 1, 2, 3, 4}, end{5, 6, 7, 8, 9};
+  Bundle bundle = AdjustedLoop();
+  const LoopCovariance converged = EstimateLoopCovariance(bundle, 0, start, end);
+  bundle.markers[3].position += Eigen::Vector3d(2e-4, -1e-4, 3e-4);
+  const LoopCovariance moved = EstimateLoopCovariance(bundle, 0, start, end);
+  EXPECT_NEAR(moved.track_factor / converged.track_factor, 1, 0.01);
+  EXPECT_NEAR(moved.scale_sigma / converged.scale_sigma, 1, 0.01);
 }
 
 }  // namespace TEST_FILE
