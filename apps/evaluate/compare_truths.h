@@ -14,16 +14,17 @@ namespace plenocal {
 struct TruthComparison {
   std::string camera;  ///< whose path was compared
   /// B's end segment against A's where the start segments coincide: the small similarity
-  /// (translation in m, rotation in rad, scale) about A's end that moves A's to B's; zero where both
-  /// are right. Its covariance is the sum of those that both state.
+  /// (translation in m, rotation in rad, scale) about A's end that moves A's to B's; zero where
+  /// both are right. Its covariance is the sum of those that both state.
   Vector7d end = Vector7d::Zero();
   Matrix7d covariance = Matrix7d::Zero();
   double chi_square = 0;   ///< end' covariance^-1 end
   double probability = 1;  ///< that the stated errors alone cause as much
-  /// Lengths in B over those in A, less 1, and its standard error. Errors of a calibration that both
-  /// truths share are counted twice.
+  /// Lengths in B over those in A, less 1, and its standard error. Errors of a calibration that
+  /// both truths share are counted twice.
   double scale = 0, scale_sigma = 0;
-  bool differs = false;  ///< either by more than errors explain once in a hundred comparisons
+  /// By more than errors explain once in two hundred comparisons.
+  bool end_differs = false, scale_differs = false;
 };
 
 /// Whether this is a file of `plenocal groundtruth`. Throws as `YamlNode::ReadFile`.

@@ -169,13 +169,21 @@ class SceneCalibration {
     metric_ = true;
   }
 
+  std::optional<Eigen::Vector3d> StartOf(const ScenePlace& place) const {
+    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+    for (const int number : place.points) {
+      const auto found = scene_.points.find(StartNumber(number));
+      if (found == scene_.points.end()) return std::nullopt;
+      sum += found->second;
+    }
+    return sum / static_cast<double>(place.points.size());
+  }
+
   void ScaleByDistances() {
     std::vector<double> factors;
     for (const SceneDistance& distance : input_.distances) {
-      const auto a = scene_.points.find(StartNumber(distance.point_a));
-      const auto b = scene_.points.find(StartNumber(distance.point_b));
-      if (a == scene_.points.end() || b == scene_.points.end()) continue;
-      factors.push_back(distance.length / (a->second - b->second).norm());
+      const std::optional<Eigen::Vector3d> a = StartOf(distance.a), b = StartOf(distance.b);
+      if (a && b) factors.push_back(distance.length / (*a - *b).norm());
     }
     if (!metric_ && !factors.empty()) Rescale(Median(factors));
   }
@@ -382,40 +390,58 @@ class SceneCalibration {
   void AddDistances() {
     Bundle& bundle = calibration_.bundle;
     for (const SceneDistance& distance : input_.distances) {
-      CheckTracked(distance.point_a, distance);
-      CheckTracked(distance.point_b, distance);
-      const std::optional<int> a = MarkerIndex(distance.point_a), b = MarkerIndex(distance.point_b);
-      if (a && b) {
-        bundle.distances.push_back(
-            {.marker_a = *a, .marker_b = *b, .length = distance.length, .sigma = distance.sigma});
+      CheckTracked(distance.a, distance);
+      CheckTracked(distance.b, distance);
+      std::vector<int> a = MarkersAt(distance.a), b = MarkersAt(distance.b);
+      if (!a.empty() && !b.empty()) {
+        bundle.distances.push_back({.markers_a = std::move(a),
+                                    .markers_b = std::move(b),
+                                    .length = distance.length,
+                                    .sigma = distance.sigma,
+                                    .common_sigma = distance.common_sigma});
         continue;
       }
       calibration_.left_out.push_back(
-          {.where = fmt::format("distance of points {} and {}", distance.point_a, distance.point_b),
-           .reason = fmt::format("no two views that agree show point {}",
-                                 a ? distance.point_b : distance.point_a)});
+          {.where = fmt::format("distance of {} and {}", distance.a.name, distance.b.name),
+           .reason = fmt::format("no two views that agree show {}",
+                                 a.empty() ? distance.a.name : distance.b.name)});
     }
     if (!bundle.distances.empty() || input_.distances.empty()) return;
     const SceneDistance& first = input_.distances.front();
-    FailWithoutPosition(MarkerIndex(first.point_a) ? first.point_b : first.point_a, first);
+    FailWithoutPosition(MarkersAt(first.a).empty() ? first.a : first.b, first);
   }
 
   // A number that no view has is a slip of the user.
-  void CheckTracked(int number, const SceneDistance& distance) const {
-    for (const std::vector<View>& views : tracks_.views) {
-      for (const View& view : views) {
-        const auto same = [&](const Observation& seen) { return seen.marker == number; };
-        if (std::ranges::any_of(view.observations, same)) return;
-      }
-    }
-    FailWithoutPosition(number, distance);
+  void CheckTracked(const ScenePlace& place, const SceneDistance& distance) const {
+    const auto tracked = [&](int number) {
+      const auto same = [&](const Observation& seen) { return seen.marker == number; };
+      const auto shows = [&](const View& view) {
+        return std::ranges::any_of(view.observations, same);
+      };
+      return std::ranges::any_of(tracks_.views, [&](const std::vector<View>& views) {
+        return std::ranges::any_of(views, shows);
+      });
+    };
+    if (!std::ranges::all_of(place.points, tracked)) FailWithoutPosition(place, distance);
   }
 
-  [[noreturn]] static void FailWithoutPosition(int number, const SceneDistance& distance) {
+  [[noreturn]] static void FailWithoutPosition(const ScenePlace& place,
+                                               const SceneDistance& distance) {
     distance.place.Fail(
-        fmt::format("point {} has no position: no two views that agree show it; "
+        fmt::format("{} has no position: no two views that agree show it; "
                     "name another point, or remove this distance",
-                    number));
+                    place.name));
+  }
+
+  // The landmarks of a place; empty where one of them has no position.
+  std::vector<int> MarkersAt(const ScenePlace& place) const {
+    std::vector<int> markers;
+    for (const int number : place.points) {
+      const std::optional<int> marker = MarkerIndex(number);
+      if (!marker) return {};
+      markers.push_back(*marker);
+    }
+    return markers;
   }
 
   std::optional<int> MarkerIndex(int number) const {

@@ -233,8 +233,8 @@ void HoldScale(Bundle* bundle) {
   }
   if (b == a) return;
   const double length = (bundle->markers[b].position - bundle->markers[a].position).norm();
-  bundle->held_distance = {.marker_a = static_cast<int>(a),
-                           .marker_b = static_cast<int>(b),
+  bundle->held_distance = {.markers_a = {static_cast<int>(a)},
+                           .markers_b = {static_cast<int>(b)},
                            .length = length,
                            .sigma = kTight * length};
 }

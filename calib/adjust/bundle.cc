@@ -85,10 +85,19 @@ std::vector<double> WeightedLengths(const Bundle& bundle) {
   return lengths;
 }
 
-std::vector<MarkerDistance> Bundle::AllDistances() const {
-  std::vector<MarkerDistance> all = distances;
-  if (held_distance) all.push_back(*held_distance);
-  return all;
+std::vector<std::vector<MarkerDistance>> Bundle::DistanceGroups() const {
+  std::vector<std::vector<MarkerDistance>> groups;
+  std::vector<MarkerDistance> together;
+  for (const MarkerDistance& distance : distances) {
+    if (distance.common_sigma > 0) {
+      together.push_back(distance);
+    } else {
+      groups.push_back({distance});
+    }
+  }
+  if (!together.empty()) groups.push_back(std::move(together));
+  if (held_distance) groups.push_back({*held_distance});
+  return groups;
 }
 
 size_t EndOfMarker(const std::vector<BundleObservation>& observations, size_t begin) {

@@ -90,10 +90,13 @@ struct ViewMotion {
   Vector6d velocity = Vector6d::Zero();       ///< m/s, rad/s
 };
 
-/// A measured distance between two landmarks.
+/// A measured distance between two landmarks, or between the centres of several, as of tags.
 struct MarkerDistance {
-  int marker_a = 0, marker_b = 0;  ///< indices into Bundle::markers
-  double length = 0, sigma = 0;    ///< m
+  std::vector<int> markers_a, markers_b;  ///< indices into Bundle::markers
+  double length = 0, sigma = 0;           ///< m
+  /// Standard deviation of an error that all distances with one share, as tags printed at a wrong
+  /// scale do, m; beside `sigma`.
+  double common_sigma = 0;
 };
 
 /// Knowledge of an earlier calibration: a Gaussian prior on parameters and extrinsics together.
@@ -135,8 +138,8 @@ struct Bundle {
 
   [[nodiscard]] bool EstimatesMarkers() const { return marker_sigma > 0; }
   [[nodiscard]] bool HasLandmarks() const { return std::isinf(marker_sigma); }
-  /// The measured distances and the one that is held.
-  [[nodiscard]] std::vector<MarkerDistance> AllDistances() const;
+  /// The measured distances and the one that is held, with those together that share an error.
+  [[nodiscard]] std::vector<std::vector<MarkerDistance>> DistanceGroups() const;
   /// Index of the target whose pose a marker follows; nothing where that is not estimated.
   [[nodiscard]] std::optional<size_t> FreeTarget(int marker) const {
     if (targets.empty()) return std::nullopt;

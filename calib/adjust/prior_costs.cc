@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "calib/adjust/prior_costs.h"
 
+#include <Eigen/Cholesky>
 #include <algorithm>
+#include <utility>
 
 namespace plenocal::internal {
 
@@ -41,18 +43,91 @@ bool ParamPrior::Evaluate(double const* const* parameters,
   return true;
 }
 
+DistanceRows::DistanceRows(std::vector<MarkerDistance> distances)
+    : distances_(std::move(distances)) {
+  const auto count = static_cast<Eigen::Index>(distances_.size());
+  Eigen::VectorXd own(count), common(count);
+  for (Eigen::Index i = 0; i < count; ++i) {
+    const MarkerDistance& distance = distances_[static_cast<size_t>(i)];
+    own[i] = distance.sigma;
+    common[i] = distance.common_sigma;
+    for (const std::vector<int>* end : {&distance.markers_a, &distance.markers_b}) {
+      markers_.insert(markers_.end(), end->begin(), end->end());
+    }
+  }
+  std::ranges::sort(markers_);
+  markers_.erase(std::unique(markers_.begin(), markers_.end()), markers_.end());
+  Eigen::MatrixXd covariance = common * common.transpose();
+  covariance.diagonal() += own.cwiseAbs2();
+  weight_ = covariance.llt().matrixL().solve(Eigen::MatrixXd::Identity(count, count));
+}
+
+bool DistanceRows::Evaluate(std::span<const Eigen::Vector3d> positions,
+                            Eigen::VectorXd* residual,
+                            Eigen::MatrixXd* J) const {
+  const auto place = [&](int marker) {
+    return std::ranges::lower_bound(markers_, marker) - markers_.begin();
+  };
+  const auto centre = [&](const std::vector<int>& markers) {
+    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+    for (const int marker : markers) sum += positions[static_cast<size_t>(place(marker))];
+    return Eigen::Vector3d(sum / static_cast<double>(markers.size()));
+  };
+  residual->resize(Rows());
+  J->setZero(Rows(), 3 * static_cast<Eigen::Index>(markers_.size()));
+  for (Eigen::Index i = 0; i < Rows(); ++i) {
+    const MarkerDistance& distance = distances_[static_cast<size_t>(i)];
+    const Eigen::Vector3d apart = centre(distance.markers_a) - centre(distance.markers_b);
+    const double length = apart.norm();
+    if (length == 0) return false;
+    (*residual)[i] = length - distance.length;
+    const auto add = [&](const std::vector<int>& markers, double sign) {
+      for (const int marker : markers) {
+        J->block<1, 3>(i, 3 * place(marker)) +=
+            sign / (length * static_cast<double>(markers.size())) * apart.transpose();
+      }
+    };
+    add(distance.markers_a, 1);
+    add(distance.markers_b, -1);
+  }
+  *residual = weight_ * *residual;
+  *J = weight_ * *J;
+  return true;
+}
+
+std::vector<DistanceRows> RowsOfDistances(const Bundle& bundle,
+                                          const std::function<bool(int marker)>& used) {
+  std::vector<DistanceRows> rows;
+  for (std::vector<MarkerDistance>& group : bundle.DistanceGroups()) {
+    std::erase_if(group, [&](const MarkerDistance& distance) {
+      return !std::ranges::all_of(distance.markers_a, used) ||
+             !std::ranges::all_of(distance.markers_b, used);
+    });
+    if (!group.empty()) rows.emplace_back(std::move(group));
+  }
+  return rows;
+}
+
+DistanceCost::DistanceCost(DistanceRows rows) : rows_(std::move(rows)) {
+  set_num_residuals(static_cast<int>(rows_.Rows()));
+  mutable_parameter_block_sizes()->assign(rows_.Markers().size(), 3);
+}
+
 bool DistanceCost::Evaluate(double const* const* parameters,
                             double* residuals,
                             double** jacobians) const {
-  const Eigen::Vector3d apart = Eigen::Map<const Eigen::Vector3d>(parameters[0]) -
-                                Eigen::Map<const Eigen::Vector3d>(parameters[1]);
-  const double length = apart.norm();
-  if (length == 0) return false;
-  residuals[0] = (length - distance_.length) / distance_.sigma;
-  for (int i = 0; jacobians != nullptr && i < 2; ++i) {
+  const size_t count = rows_.Markers().size();
+  std::vector<Eigen::Vector3d> positions;
+  for (size_t i = 0; i < count; ++i) positions.emplace_back(parameters[i]);
+  Eigen::VectorXd residual;
+  Eigen::MatrixXd J;
+  if (!rows_.Evaluate(positions, &residual, &J)) return false;
+  Eigen::Map<Eigen::VectorXd>(residuals, rows_.Rows()) = residual;
+  for (size_t i = 0; jacobians != nullptr && i < count; ++i) {
     if (jacobians[i] == nullptr) continue;
-    Eigen::Map<Eigen::Vector3d> J(jacobians[i]);
-    J = (i == 0 ? 1 : -1) / (length * distance_.sigma) * apart;
+    using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor>;
+    Eigen::Map<RowMajor>(jacobians[i], rows_.Rows(), 3) =
+        J.middleCols<3>(3 * static_cast<Eigen::Index>(i));
   }
   return true;
 }

@@ -3,8 +3,9 @@
 // Gaussian priors as residuals in sigmas.
 #pragma once
 
-#include <ceres/sized_cost_function.h>
+#include <ceres/cost_function.h>
 
+#include <functional>
 #include <span>
 #include <vector>
 
@@ -40,16 +41,40 @@ class ParamPrior : public ceres::CostFunction {
   ParamRule::Prior prior_;
 };
 
-/// (|a - b| - length) / sigma for two landmarks.
-class DistanceCost : public ceres::SizedCostFunction<1, 3, 3> {
+/// Distances of one of `Bundle::DistanceGroups`: residual L^-1 (|a - b| - length), L L' their
+/// covariance.
+class DistanceRows {
  public:
-  explicit DistanceCost(const MarkerDistance& distance) : distance_(distance) {}
+  explicit DistanceRows(std::vector<MarkerDistance> distances);
+  /// Indices of the landmarks, ascending.
+  [[nodiscard]] const std::vector<int>& Markers() const { return markers_; }
+  [[nodiscard]] Eigen::Index Rows() const { return weight_.rows(); }
+  /// Sets the residual and its derivatives (rows x 3 a landmark) at the positions of `Markers`, in
+  /// their order; false where ends are at one place.
+  bool Evaluate(std::span<const Eigen::Vector3d> positions,
+                Eigen::VectorXd* residual,
+                Eigen::MatrixXd* J) const;
+
+ private:
+  std::vector<MarkerDistance> distances_;
+  std::vector<int> markers_;
+  Eigen::MatrixXd weight_;  // L^-1
+};
+
+/// Of the bundle's distances between landmarks that are all `used`.
+std::vector<DistanceRows> RowsOfDistances(const Bundle& bundle,
+                                          const std::function<bool(int marker)>& used);
+
+/// `DistanceRows` with a parameter block for each of its landmarks.
+class DistanceCost : public ceres::CostFunction {
+ public:
+  explicit DistanceCost(DistanceRows rows);
   bool Evaluate(double const* const* parameters,
                 double* residuals,
                 double** jacobians) const override;
 
  private:
-  MarkerDistance distance_;
+  DistanceRows rows_;
 };
 
 /// Residual of `CalibrationPrior`. Parameter blocks: those of the unknowns' intrinsics and

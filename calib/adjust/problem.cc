@@ -205,15 +205,14 @@ void AdjustProblem::AddMarkerPriors() {
 }
 
 void AdjustProblem::AddDistances() {
-  for (const MarkerDistance& distance : bundle_.AllDistances()) {
-    const auto a = static_cast<size_t>(distance.marker_a);
-    const auto b = static_cast<size_t>(distance.marker_b);
-    if (!marker_block_used_[a] || !marker_block_used_[b]) continue;
-    has_distance_[a] = has_distance_[b] = true;
-    problem_.AddResidualBlock(new internal::DistanceCost(distance),
-                              nullptr,
-                              unknowns_.MarkerBlock(a),
-                              unknowns_.MarkerBlock(b));
+  const auto used = [&](int marker) { return marker_block_used_[static_cast<size_t>(marker)]; };
+  for (const internal::DistanceRows& rows : internal::RowsOfDistances(bundle_, used)) {
+    std::vector<double*> blocks;
+    for (const int marker : rows.Markers()) {
+      has_distance_[static_cast<size_t>(marker)] = true;
+      blocks.push_back(unknowns_.MarkerBlock(static_cast<size_t>(marker)));
+    }
+    problem_.AddResidualBlock(new internal::DistanceCost(rows), nullptr, blocks);
   }
 }
 

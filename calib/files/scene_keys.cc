@@ -3,24 +3,75 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <charconv>
+#include <numbers>
+#include <optional>
 #include <string>
+#include <string_view>
+#include <utility>
 
 namespace plenocal {
 namespace {
 
-// "point 12".
-int ReadPointName(const YamlNode& node) {
-  constexpr std::string_view kWord = "point ";
-  const std::string text = node.AsString();
+constexpr int kTagPoints = 10'000'000, kTagStep = 10;
+constexpr int kMostTags = 100'000;
+
+// The number that follows `word` and a blank at the beginning of `text`, and what is left of it.
+std::optional<std::pair<int, std::string_view>> NumberAfter(std::string_view word,
+                                                            std::string_view text) {
+  if (!text.starts_with(word) || text.substr(word.size(), 1) != " ") return std::nullopt;
   int number = 0;
-  if (text.starts_with(kWord)) {
-    const char* const end = text.data() + text.size();
-    const auto [rest, error] = std::from_chars(text.data() + kWord.size(), end, number);
-    if (error == std::errc() && rest == end && number >= 0) return number;
+  const char* const end = text.data() + text.size();
+  const auto [rest, error] = std::from_chars(text.data() + word.size() + 1, end, number);
+  if (error != std::errc() || number < 0) return std::nullopt;
+  return std::pair(number, std::string_view(rest, static_cast<size_t>(end - rest)));
+}
+
+std::vector<int> CornersOfTag(int id) {
+  return {TagPoint(id, 0), TagPoint(id, 1), TagPoint(id, 2), TagPoint(id, 3)};
+}
+
+// "point 12", "tag 3", "tag 3 corner 0".
+ScenePlace ReadScenePlace(const YamlNode& node) {
+  const std::string text = node.AsString();
+  if (const auto point = NumberAfter("point", text); point && point->second.empty()) {
+    return {text, {point->first}};
+  }
+  if (const auto tag = NumberAfter("tag", text); tag && tag->first < kMostTags) {
+    if (tag->second.empty()) return {text, CornersOfTag(tag->first)};
+    const auto corner = NumberAfter(" corner", tag->second);
+    if (corner && corner->second.empty() && corner->first < 4) {
+      return {text, {TagPoint(tag->first, corner->first)}};
+    }
   }
   node.Fail(
-      fmt::format("expected 'point NUMBER' with the point's number in the tracks, got '{}'", text));
+      fmt::format("expected 'point NUMBER' with the point's number in the tracks, 'tag ID' (its "
+                  "centre) or 'tag ID corner 0' to 3, got '{}'",
+                  text));
+}
+
+SceneTags ReadSceneTags(const YamlNode& node) {
+  node.CheckKeys({"ids", "family", "border_bits", "size", "size_sigma"});
+  static constexpr std::array<std::string_view, 2> kRequired{"ids", "family"};
+  node.RequireKeys(kRequired, "family: tag36h11\nids: [3, 7]\n");
+  SceneTags tags{.ids = {}, .node = node};
+  for (const YamlNode& id : node.At("ids").Elements()) {
+    tags.ids.push_back(id.AsInteger());
+    if (tags.ids.back() < 0 || tags.ids.back() >= kMostTags) id.Fail("no tag has this id");
+    if (std::ranges::count(tags.ids, tags.ids.back()) > 1) id.Fail("stands twice");
+  }
+  if (tags.ids.empty()) node.At("ids").Fail("name the tags that lie in the scene: [3, 7]");
+  if (node.Has("size") != node.Has("size_sigma")) {
+    node.Fail(
+        "'size' and 'size_sigma', its standard deviation, belong together (m, or with a "
+        "unit); leave out both where the size is not known");
+  }
+  if (node.Has("size")) {
+    tags.size = node.At("size").AsLength();
+    tags.size_sigma = node.At("size_sigma").AsLength();
+  }
+  return tags;
 }
 
 SceneDistance ReadSceneDistance(const YamlNode& node) {
@@ -32,20 +83,42 @@ SceneDistance ReadSceneDistance(const YamlNode& node) {
   node.RequireKeys(kRequired, "between: [point 12, point 40]\nsigma: 0.0005\n");
   const auto ends = node.At("between").Elements();
   if (ends.size() != 2) node.At("between").Fail("expected two points: [point 12, point 40]");
-  const SceneDistance distance{.point_a = ReadPointName(ends[0]),
-                               .point_b = ReadPointName(ends[1]),
+  const SceneDistance distance{.a = ReadScenePlace(ends[0]),
+                               .b = ReadScenePlace(ends[1]),
                                .length = node.At(node.Has("value") ? "value" : "length").AsLength(),
                                .sigma = node.At("sigma").AsLength(),
                                .place = ends[0]};
-  if (distance.point_a == distance.point_b) ends[1].Fail("is the same point; name two");
+  if (distance.a.points == distance.b.points) ends[1].Fail("is the same point; name two");
   return distance;
 }
 
 }  // namespace
 
+int TagPoint(int id, int corner) { return kTagPoints + kTagStep * id + corner; }
+
+std::vector<SceneDistance> SizesOfTag(const SceneTags& tags, int id) {
+  std::vector<SceneDistance> sizes;
+  const auto add = [&](int i, int j, double factor) {
+    const auto corner = [&](int k) {
+      return ScenePlace{fmt::format("tag {} corner {}", id, k), {TagPoint(id, k)}};
+    };
+    sizes.push_back({.a = corner(i),
+                     .b = corner(j),
+                     .length = factor * tags.size,
+                     .sigma = factor * tags.size_sigma,
+                     .common_sigma = factor * tags.size_sigma,
+                     .place = tags.node});
+  };
+  for (int k = 0; k < 4; ++k) add(k, (k + 1) % 4, 1);
+  add(0, 2, std::numbers::sqrt2);
+  add(1, 3, std::numbers::sqrt2);
+  return sizes;
+}
+
 SceneKeys ReadSceneKeys(const YamlNode& node) {
-  node.CheckKeys({"points", "distances"});
+  node.CheckKeys({"points", "distances", "tags"});
   SceneKeys scene;
+  if (node.Has("tags")) scene.tags = ReadSceneTags(node.At("tags"));
   if (node.Has("points")) {
     scene.points = node.At("points").AsInteger();
     if (scene.points < 1) node.At("points").Fail("expected a number of points");

@@ -5,24 +5,47 @@
 
 #include <cstddef>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "calib/base/yaml.h"
 
 namespace plenocal {
 
-/// A measured distance between two scene points.
-struct SceneDistance {
-  int point_a = 0, point_b = 0;  ///< numbers, as in the tracks
-  double length = 0, sigma = 0;  ///< m
-  YamlNode place;                ///< of the first point, for messages
+/// A scene point, or the centre of a tag.
+struct ScenePlace {
+  std::string name;         ///< "point 12", "tag 3", "tag 3 corner 0"
+  std::vector<int> points;  ///< numbers, as in the tracks; the place is their mean
 };
+
+/// A measured distance between two places of the scene.
+struct SceneDistance {
+  ScenePlace a, b;
+  double length = 0, sigma = 0;  ///< m
+  double common_sigma = 0;       ///< as `MarkerDistance::common_sigma`
+  YamlNode place;                ///< of `a`, for messages
+};
+
+/// Tags that lie in the scene, where nobody has measured.
+struct SceneTags {
+  std::vector<int> ids;
+  double size = 0, size_sigma = 0;  ///< m, side of a tag and its standard deviation; 0: not known
+  YamlNode node;                    ///< the whole map, with the keys of the tags' family
+};
+
+/// Number of a tag's corner among the scene's points: above those of all tracks.
+int TagPoint(int id, int corner);
 
 /// `scene` of session.yaml.
 struct SceneKeys {
   int points = 1000;  ///< wanted where points are looked for in images
   std::vector<SceneDistance> distances = {};
+  std::optional<SceneTags> tags = {};
 };
+
+/// Sides and diagonals of a tag of known size: each may deviate by `size_sigma`, and all of them
+/// together by as much, since tags are printed at one scale.
+std::vector<SceneDistance> SizesOfTag(const SceneTags& tags, int id);
 
 /// What a camera takes from the session's earlier calibration; indices of parameters.
 struct EarlierParams {

@@ -7,6 +7,7 @@
 
 #include "calib/adjust/landmarks.h"
 #include "calib/adjust/linearise.h"
+#include "calib/adjust/prior_costs.h"
 #include "calib/base/error.h"
 #include "calib/noise/camera_noise.h"
 
@@ -128,12 +129,12 @@ class LandmarkReduction {
       system_.pose.push_back(free ? std::exchange(next, next + 6) : -1);
     }
     system_.landmark.assign(bundle.markers.size(), -1);
-    for (const MarkerDistance& distance : bundle.AllDistances()) {
-      const auto a = static_cast<size_t>(distance.marker_a);
-      const auto b = static_cast<size_t>(distance.marker_b);
-      if (by_landmark_[a].empty() || by_landmark_[b].empty()) continue;
-      for (const size_t m : {a, b}) {
-        if (system_.landmark[m] < 0) system_.landmark[m] = std::exchange(next, next + 3);
+    distances_ = internal::RowsOfDistances(
+        bundle, [&](int m) { return !by_landmark_[static_cast<size_t>(m)].empty(); });
+    for (const internal::DistanceRows& rows : distances_) {
+      for (const int m : rows.Markers()) {
+        int& index = system_.landmark[static_cast<size_t>(m)];
+        if (index < 0) index = std::exchange(next, next + 3);
       }
     }
     system_.information = Eigen::MatrixXd::Zero(next, next);
@@ -265,24 +266,32 @@ class LandmarkReduction {
   }
 
   void AddDistances() {
-    for (const MarkerDistance& distance : bundle_.AllDistances()) {
-      const int a = system_.landmark[static_cast<size_t>(distance.marker_a)];
-      const int b = system_.landmark[static_cast<size_t>(distance.marker_b)];
-      if (a < 0 || b < 0) continue;
-      const Eigen::Vector3d apart =
-          bundle_.markers[static_cast<size_t>(distance.marker_a)].position -
-          bundle_.markers[static_cast<size_t>(distance.marker_b)].position;
-      const Eigen::Vector3d row = apart.normalized() / distance.sigma;
-      const Eigen::Matrix3d square = row * row.transpose();
-      system_.information.block<3, 3>(a, a) += square;
-      system_.information.block<3, 3>(b, b) += square;
-      system_.information.block<3, 3>(std::max(a, b), std::min(a, b)) -= square;
+    for (const internal::DistanceRows& rows : distances_) {
+      std::vector<Eigen::Vector3d> positions;
+      std::vector<int> columns;
+      for (const int m : rows.Markers()) {
+        positions.push_back(bundle_.markers[static_cast<size_t>(m)].position);
+        const int first = system_.landmark[static_cast<size_t>(m)];
+        for (int i = 0; i < 3; ++i) columns.push_back(first + i);
+      }
+      Eigen::VectorXd residual;
+      Eigen::MatrixXd J;
+      if (!rows.Evaluate(positions, &residual, &J)) continue;
+      const Eigen::MatrixXd square = J.transpose() * J;
+      for (size_t i = 0; i < columns.size(); ++i) {
+        for (size_t j = 0; j < columns.size(); ++j) {
+          if (columns[i] < columns[j]) continue;  // the lower half alone is used
+          system_.information(columns[i], columns[j]) +=
+              square(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j));
+        }
+      }
     }
   }
 
   const Bundle& bundle_;
   const UnknownLayout& layout_;
   std::vector<std::vector<size_t>> by_landmark_;
+  std::vector<internal::DistanceRows> distances_;
   PoseSystem system_;
   ObservationRows rows_;
   RowMatrix J_params_;
@@ -334,9 +343,9 @@ std::vector<double> DegreesWithLandmarks(const Bundle& bundle) {
     frames.insert(observation.frame);
     landmarks.insert(observation.marker);
   }
-  const double shared = 6 * static_cast<double>(frames.size()) - (bundle.held_frame ? 6 : 0) +
-                        3 * static_cast<double>(landmarks.size()) -
-                        static_cast<double>(bundle.AllDistances().size());
+  double shared = 6 * static_cast<double>(frames.size()) - (bundle.held_frame ? 6 : 0) +
+                  3 * static_cast<double>(landmarks.size());
+  for (const auto& group : bundle.DistanceGroups()) shared -= static_cast<double>(group.size());
   double all = 0;
   for (const double count : coordinates) all += count;
   const UnknownLayout layout = LayoutOf(bundle);

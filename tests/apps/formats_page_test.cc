@@ -354,6 +354,12 @@ TEST_F(FormatsPage, HasTheKeysOfSessions) {
                     "Keys of `options`");
   ExpectSessionKeys(head + fmt::format("cameras: {{a: {{{}}}}}\nexclude: [{{qqqq: 1}}]\n", camera),
                     "Keys of a rule in `exclude`");
+  const std::string scene = fmt::format("plenocal: 1\ncameras: {{a: {{{}}}}}\n", camera);
+  ExpectSessionKeys(scene + "scene: {qqqq: 1}\n", "Keys of `scene` in a session");
+  ExpectSessionKeys(scene + "scene: {tags: {ids: [1], family: tag36h11, qqqq: 1}}\n",
+                    "Keys of `tags` of a scene");
+  ExpectSessionKeys(scene + "scene: {distances: [{qqqq: 1}]}\n",
+                    "Keys of a distance in `distances`");
 }
 
 TEST_F(FormatsPage, HasTheKeysOfTargets) {

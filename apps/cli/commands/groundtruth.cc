@@ -123,7 +123,7 @@ void RunGroundtruth(const GroundtruthArguments& arguments, const ConsoleOptions&
       console.Message(fmt::format("  left out {}: too few points agree", tracks.frames[frame]));
     }
   }
-  const std::vector<std::string> findings = FindingsOf(truth);
+  const std::vector<std::string> findings = FindingsOf(truth, !loop.descriptors.empty());
   for (const std::string& finding : findings) console.Warning(finding);
   const LoopTruthContext context{.tracks = &tracks,
                                  .others = OtherCameras(calibration, rig),

@@ -5,6 +5,8 @@
 
 #include <algorithm>
 #include <map>
+#include <set>
+#include <string>
 
 #include "apps/cli/session/left_out.h"
 #include "apps/cli/session/scene_session.h"
@@ -17,7 +19,9 @@
 #include "calib/files/exclusion.h"
 #include "calib/files/frame_images.h"
 #include "calib/start_bundle.h"
+#include "detectors/detect.h"
 #include "detectors/images/image.h"
+#include "targets/target.h"
 
 namespace plenocal {
 namespace {
@@ -64,6 +68,7 @@ class SceneImageFollower {
                      });
     result_.alike = std::move(points.alike);
     Append(std::move(points.left_out));
+    if (session_.scene->tags) FindTags(&points);
     for (size_t c = 0; c < images_.size(); ++c) AddCamera(c, rig, &points);
     for (const std::string& line : GroupedByReason(result_.session.left_out)) {
       console_.Message("  " + line);
@@ -181,6 +186,56 @@ class SceneImageFollower {
                             image.rows,
                             size[0],
                             size[1]));
+  }
+
+  // Corners of the scene's tags as points of their own, in the ordinary cameras.
+  void FindTags(FollowedPoints* points) {
+    const SceneTags& tags = *session_.scene->tags;
+    std::set<int> seen;
+    for (size_t i = 0; i < tags.ids.size(); ++i) {
+      const int id = tags.ids[i];
+      const Target target = TargetOfTag(tags, id);
+      for (size_t c = 0; c < images_.size(); ++c) {
+        if (session_.cameras[c].model->plenoptic) continue;
+        const size_t count = images_[c].images.size();
+        const ImageDetections found =
+            DetectImages(images_[c].images,
+                         target,
+                         CameraOptics::kOrdinary,
+                         {.threads = options_.threads, .progress = [&](size_t done) {
+                            console_.Progress(fmt::format("find tag {}: images", id), done, count);
+                            return !Interrupted();
+                          }});
+        if (!found.views.empty()) seen.insert(id);
+        for (const View& view : found.views) AddTag(id, view, &points->views[c]);
+      }
+    }
+    for (const int id : tags.ids) {
+      if (seen.contains(id)) continue;
+      Append({{.where = fmt::format("tag {}", id),
+               .reason = "no image of an ordinary camera shows it",
+               .marker = std::to_string(id)}});
+    }
+    console_.Message(fmt::format("{} of {} found", seen.size(), Counted(tags.ids.size(), "tag")));
+  }
+
+  // Detections of one tag; its place is unknown.
+  [[nodiscard]] Target TargetOfTag(const SceneTags& tags, int id) const {
+    const std::string text = fmt::format(
+        "plenocal: 1\ntype: apriltag\n{}\ntags: [{{id: {}, corners: [[0, 0, 0], [1, 0, 0], [1, 1, 0], "
+        "[0, 1, 0]]}}]\n",
+        tags.node.Dump({"ids", "size", "size_sigma"}),
+        id);
+    return ReadTarget(YamlNode::Parse(text, session_.path.string() + ": scene.tags"));
+  }
+
+  static void AddTag(int id, const View& tag, std::vector<View>* views) {
+    auto view = std::ranges::find(*views, tag.frame, &View::frame);
+    if (view == views->end()) view = views->insert(view, {.frame = tag.frame, .observations = {}});
+    for (Observation seen : tag.observations) {
+      seen.marker = TagPoint(id, seen.marker % 4);
+      view->observations.push_back(seen);
+    }
   }
 
   void AddCamera(size_t c, const RigImages& rig, FollowedPoints* points) {

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <iterator>
@@ -206,7 +207,7 @@ void AddExtentFinding(const char* name, const PathSegment& segment, std::vector<
 
 }  // namespace
 
-std::vector<std::string> FindingsOf(const LoopTruthResult& truth) {
+std::vector<std::string> FindingsOf(const LoopTruthResult& truth, bool from_images) {
   constexpr double kPoorScale = 0.01;
   constexpr double kStaleSigmas = 4;
   constexpr double kSharedErrors = 2;  // of the variance
@@ -235,6 +236,13 @@ std::vector<std::string> FindingsOf(const LoopTruthResult& truth) {
         "observations of one track share errors (patches that look different from another side, "
         "points that are none): the standard errors are {:.1f} times those of the noise alone",
         std::sqrt(truth.covariance.track_factor)));
+  }
+  const auto is_plenoptic = [](const BundleCamera& camera) { return camera.model->plenoptic; };
+  if (from_images && std::ranges::all_of(truth.bundle.cameras, is_plenoptic)) {
+    findings.emplace_back(
+        "the scale is that of depths measured in patches of micro images: errors that all patches "
+        "share are not in its standard error and may be some percent; compare it with the truth of "
+        "a stereo pair ('plenocal compare'). The end against the start does not depend on it");
   }
   if (!truth.converged) findings.emplace_back("the bundle adjustment has not converged");
   return findings;

@@ -30,8 +30,9 @@ struct LoopTruthContext {
   std::vector<std::pair<std::string, std::string>> provenance;
 };
 
-/// What the result shows to be wrong or weak, in sentences with what to do.
-std::vector<std::string> FindingsOf(const LoopTruthResult& truth);
+/// What the result shows to be wrong or weak, in sentences with what to do. `from_images`: the
+/// tracks are patches followed through images.
+std::vector<std::string> FindingsOf(const LoopTruthResult& truth, bool from_images);
 
 /// Floor of the alignment error of loops of some lengths (circles): (m, m).
 std::vector<std::pair<double, double>> AlignmentFloors(const LoopTruthResult& truth);

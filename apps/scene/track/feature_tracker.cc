@@ -248,10 +248,12 @@ void FeatureTracker::FindNew(const cv::Mat& image) {
                 .key = key,
                 .in_key = features.points[i],
                 .now = std::vector<std::optional<PatchPlace>>(views_.size())};
-    // The fit to itself gives the sigma.
+    // The fit to itself shows whether the patch can be fitted; its residuals are none.
     track.now[0] = FitPatch(image, track.in_key, image, {.point = track.in_key});
     descriptors_.push_back(features.descriptors.row(static_cast<int>(i)));
-    if (track.now[0]) tracks_.push_back(std::move(track));
+    if (!track.now[0]) continue;
+    track.now[0]->sigma = 0;
+    tracks_.push_back(std::move(track));
   }
 }
 
@@ -301,6 +303,41 @@ void FeatureTracker::FindInOthers(size_t first_track, const std::vector<cv::Mat>
     }
     MeasureAgainstKeys(c, images[c], found);
   }
+}
+
+// A fit has the noise of two images, of its own and of the key image. The point that the noisy
+// patch of the key image shows is the landmark, so that its place there has as much noise as all
+// others.
+std::vector<std::vector<View>> FeatureTracker::Views() const {
+  struct Fits {
+    double variance = 0;  // sum over the fits to other images
+    int count = 0;
+  };
+  std::map<int, Fits> fits;
+  for (const std::vector<View>& views : views_) {
+    for (const View& view : views) {
+      for (const Observation& seen : view.observations) {
+        if (seen.detector_sigma == 0) continue;
+        fits[seen.marker].variance += std::pow(seen.detector_sigma, 2);
+        ++fits[seen.marker].count;
+      }
+    }
+  }
+  std::vector<std::vector<View>> all = views_;
+  for (std::vector<View>& views : all) {
+    for (View& view : views) {
+      std::erase_if(view.observations,
+                    [&](const Observation& seen) { return !fits.contains(seen.marker); });
+      for (Observation& seen : view.observations) {
+        const Fits& of_track = fits.at(seen.marker);
+        const double variance = seen.detector_sigma > 0 ? std::pow(seen.detector_sigma, 2)
+                                                        : of_track.variance / of_track.count;
+        seen.detector_sigma = std::sqrt(variance / 2);
+      }
+    }
+    std::erase_if(views, [](const View& view) { return view.observations.empty(); });
+  }
+  return all;
 }
 
 std::vector<FeatureTracker::Followed> FeatureTracker::FollowedNow() const {

@@ -66,8 +66,8 @@ class FeatureTracker {
     PatchPlace now;
   };
   [[nodiscard]] std::vector<Followed> FollowedNow() const;
-  /// Per camera, all frames so far.
-  [[nodiscard]] const std::vector<std::vector<View>>& Views() const { return views_; }
+  /// Per camera, all frames so far; tracks that one image alone shows are left out.
+  [[nodiscard]] std::vector<std::vector<View>> Views() const;
   /// Descriptors of the tracks, by number less that of the first.
   [[nodiscard]] const cv::Mat& Descriptors() const { return descriptors_; }
 
@@ -100,8 +100,8 @@ class FeatureTracker {
   FeatureOptions options_;
   int first_number_, next_number_;
   std::vector<Track> tracks_;
-  std::vector<Pyramid> last_;  // per camera
-  std::vector<std::vector<View>> views_;
+  std::vector<Pyramid> last_;             // per camera
+  std::vector<std::vector<View>> views_;  // sigmas against the key images; 0 in these themselves
   cv::Mat descriptors_;
 };
 

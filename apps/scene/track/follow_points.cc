@@ -86,10 +86,11 @@ class PointFollower {
       for (const size_t c : ordinary_) read.push_back(Read(c, frames_[i]));
       tracker.AddFrame(images_.frames[frames_[i]], read);
     }
+    std::vector<std::vector<View>> views = tracker.Views();
+    AddGroup(tracker.Descriptors(), views[0]);
     for (size_t i = 0; i < ordinary_.size(); ++i) {
-      result_.views[ordinary_[i]] = tracker.Views()[i];
+      result_.views[ordinary_[i]] = std::move(views[i]);
     }
-    AddGroup(tracker.Descriptors(), tracker.Views()[0]);
   }
 
   void FollowPlenoptic(size_t camera, const PlenopticCamera& optics) {

@@ -130,7 +130,7 @@ class PatchFitter {
         (normal_.cast<double>() * (solution[kGain] * solution[kGain])).inverse();
     place.sigma = std::sqrt(covariance.topLeftCorner<2, 2>().trace() / 2 * chi2 /
                             (kPatchPixels - kPatchUnknowns));
-    if (!(place.sigma > 0) || place.sigma > kFarthest) return std::nullopt;
+    if (!(place.sigma <= kFarthest)) return std::nullopt;
     return place;
   }
 

@@ -15,7 +15,7 @@ inline constexpr int kPatchRadius = 10;
 struct PatchPlace {
   cv::Point2f point;
   cv::Matx22f A = cv::Matx22f::eye();
-  double sigma = 0;  ///< of a coordinate of `point`, px, from the residuals of the fit; 0: none
+  double sigma = 0;  ///< of a coordinate of `point`, px, from the residuals of the fit
 };
 
 /// Fits translation, affine distortion, gain and offset of the patch about `in_key` to the image by

@@ -41,7 +41,7 @@ class PlenopticTracker {
   /// all of them show of vignetting and depth.
   [[nodiscard]] std::vector<View> Views() const;
   /// In the totally focused images, px of them.
-  [[nodiscard]] const std::vector<View>& FocusedViews() const { return tracker_.Views()[0]; }
+  [[nodiscard]] std::vector<View> FocusedViews() const { return tracker_.Views()[0]; }
   [[nodiscard]] const cv::Mat& Descriptors() const { return tracker_.Descriptors(); }
 
  private:

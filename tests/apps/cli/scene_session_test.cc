@@ -237,7 +237,7 @@ TEST_F(SceneSessionInput, WrongDistances) {
       "plenocal: 1\ncameras: {left: {model: pinhole, detections: tracks_left.csv, image_size: "
       "[640, 512]}}\nscene:\n  distances: ";
   for (const auto& [distance, message] : std::vector<std::pair<std::string, std::string>>{
-           {"[{between: [tag 3, point 2], value: 1, sigma: 1 mm}]", "expected 'point NUMBER'"},
+           {"[{between: [corner 3, point 2], value: 1, sigma: 1 mm}]", "expected 'point NUMBER'"},
            {"[{between: [point 2, point 2], value: 1, sigma: 1 mm}]", "same point"},
            {"[{between: [point 2], value: 1, sigma: 1 mm}]", "expected two points"},
            {"[{between: [point 2, point 3], sigma: 1 mm}]", "'value' or 'length'"},

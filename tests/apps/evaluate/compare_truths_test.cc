@@ -74,8 +74,8 @@ TEST_F(CompareTruths, OfTwoPairsAgreeWithinTheirStandardErrors) {
     EXPECT_GT(std::abs(value.first), 0.01 * value.second) << number;
   }
 
-  const Outcome camera = Run({"evaluate", "--estimate", "path=b/segments_left.txt", "--truth",
-                              "a/groundtruth.yaml"});
+  const Outcome camera =
+      Run({"evaluate", "--estimate", "path=b/segments_left.txt", "--truth", "a/groundtruth.yaml"});
   EXPECT_EQ(camera.status, 0) << camera.err;
 }
 
@@ -105,7 +105,9 @@ TEST_F(CompareTruths, FindsHowFarTheEndOfOneIsOff) {
   const double middle = 0.5 * (std::stod(Lines(path).at(1)) + std::stod(Lines(path).back()));
   Write("b/segments_left.txt", Moved(Moved(path, middle, off), 0, frame));
   const Outcome differs = Compare("b");
-  EXPECT_THAT(differs.out, ::testing::HasSubstr("\nnot the same within uncertainty\n"));
+  EXPECT_THAT(differs.out,
+              ::testing::HasSubstr(
+                  "\nnot the same within uncertainty: the end of the loop and the scale\n"));
   auto found = Numbers();
   EXPECT_NEAR(found["end_x"].first, d.x(), 1e-6);
   EXPECT_NEAR(found["end_y"].first, d.y(), 1e-6);
