@@ -9,6 +9,7 @@
 #include <opencv2/video/tracking.hpp>
 
 #include "apps/scene/track/epipolar_search.h"
+#include "calib/base/parallel.h"
 
 namespace plenocal {
 namespace {
@@ -156,11 +157,11 @@ FeatureTracker::FeatureTracker(const std::vector<BundleCamera>& cameras,
       views_(cameras.size()) {}
 
 void FeatureTracker::AddFrame(const std::string& name, const std::vector<cv::Mat>& images) {
-  std::vector<Pyramid> pyramids;
-  for (const cv::Mat& image : images) pyramids.push_back(MakePyramid(image));
-  for (size_t c = 0; c < images.size(); ++c) {
+  std::vector<Pyramid> pyramids(images.size());
+  ParallelFor(images.size(), options_.threads, [&](size_t c) {
+    pyramids[c] = MakePyramid(images[c]);
     MeasureAgainstKeys(c, images[c], Follow(c, pyramids[c]));
-  }
+  });
   if (!images[0].empty()) {
     const auto has_place = [](const Track& track) { return track.now[0].has_value(); };
     const auto found = static_cast<double>(std::ranges::count_if(tracks_, has_place));
@@ -215,10 +216,11 @@ std::vector<size_t> FeatureTracker::Follow(size_t camera, const Pyramid& pyramid
 void FeatureTracker::MeasureAgainstKeys(size_t camera,
                                         const cv::Mat& image,
                                         const std::vector<size_t>& found) {
-  for (const size_t i : found) {
-    std::optional<PatchPlace>& now = tracks_[i].now[camera];
-    now = FitPatch(*tracks_[i].key, tracks_[i].in_key, image, *now);
-  }
+  ParallelFor(found.size(), options_.threads, [&](size_t k) {
+    Track& track = tracks_[found[k]];
+    std::optional<PatchPlace>& now = track.now[camera];
+    now = FitPatch(*track.key, track.in_key, image, *now);
+  });
 }
 
 // Tracks that optical flow has lost, by their descriptors.
@@ -259,14 +261,16 @@ void FeatureTracker::FindNew(const cv::Mat& image) {
 
 std::map<size_t, cv::Point2f> FeatureTracker::GuessAlongCurves(
     size_t camera, size_t first_track, const std::vector<cv::Mat>& images) const {
+  std::vector<std::optional<cv::Point2f>> found(tracks_.size() - first_track);
+  ParallelFor(found.size(), options_.threads, [&](size_t k) {
+    const Track& track = tracks_[first_track + k];
+    if (track.now[camera]) return;
+    found[k] = SearchEpipolarCurve(
+        {&cameras_[0], images.data()}, track.now[0]->point, {&cameras_[camera], &images[camera]});
+  });
   std::map<size_t, cv::Point2f> guesses;
-  for (size_t i = first_track; i < tracks_.size(); ++i) {
-    if (tracks_[i].now[camera]) continue;
-    const std::optional<cv::Point2f> found =
-        SearchEpipolarCurve({&cameras_[0], images.data()},
-                            tracks_[i].now[0]->point,
-                            {&cameras_[camera], &images[camera]});
-    if (found) guesses.emplace(i, *found);
+  for (size_t k = 0; k < found.size(); ++k) {
+    if (found[k]) guesses.emplace(first_track + k, *found[k]);
   }
   return guesses;
 }

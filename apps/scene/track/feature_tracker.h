@@ -25,6 +25,7 @@ struct FeatureOptions {
   /// Parameters and extrinsics are known: a point of the first camera lies on the epipolar curve in
   /// the others. Else it is recognised there by its descriptor.
   bool calibrated = true;
+  int threads = 0;  ///< 0: all cores; the result does not depend on it
 };
 
 /// SIFT features of an image, spread over it, with root descriptors (one row each).

@@ -37,6 +37,7 @@ class PointFollower {
         options_(options),
         first_number_(first_number),
         report_(done) {
+    options_.threads = images.threads;
     result_.views.resize(images.cameras->size());
     for (size_t c = 0; c < images.cameras->size(); ++c) {
       if (!images.optics.contains(c)) ordinary_.push_back(c);
@@ -154,7 +155,7 @@ class PointFollower {
 
   const RigImages& images_;
   const std::vector<size_t>& frames_;
-  const FeatureOptions& options_;
+  FeatureOptions options_;
   int first_number_;
   const std::function<void(size_t, size_t)>& report_;
   std::vector<size_t> ordinary_;

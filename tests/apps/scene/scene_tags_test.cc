@@ -16,7 +16,8 @@ constexpr double kSize = 0.08;  // m
 
 // Tags in space, each turned by itself.
 std::array<Eigen::Vector3d, 4> CornersOf(int id) {
-  const Eigen::Vector3d centre(0.2 * (id % 3) - 0.2, 0.2 * (id / 3) - 0.2, 0.1 * ((4 * id) % 5) - 0.2);
+  const Eigen::Vector3d centre(
+      0.2 * (id % 3) - 0.2, 0.2 * (id / 3) - 0.2, 0.1 * ((4 * id) % 5) - 0.2);
   const Eigen::Matrix3d R =
       Eigen::AngleAxisd(0.4, Eigen::Vector3d(id % 2 - 0.5, id % 3 - 1.0, 0.3).normalized())
           .toRotationMatrix();
@@ -94,7 +95,9 @@ TEST_F(SceneTags, GiveTheScaleByTheirSizeOrTheDistanceOfTheirCentres) {
 
   const double length = (CentreOf(0) - CentreOf(8)).norm();
   outcome = Calibrate(fmt::format(
-      "tags: {{{}}}, distances: [{{between: [tag 0, tag 8], length: {}, sigma: 0.2 mm}}]", ids, length));
+      "tags: {{{}}}, distances: [{{between: [tag 0, tag 8], length: {}, sigma: 0.2 mm}}]",
+      ids,
+      length));
   ASSERT_EQ(outcome.status, kDone) << outcome.err;
   EXPECT_NEAR(BaselineOfResult().length, offset.norm(), 1e-4);
   EXPECT_NEAR(BaselineOfResult().sigma, 0.1 * 2e-4 / length, 0.3 * 0.1 * 2e-4 / length);

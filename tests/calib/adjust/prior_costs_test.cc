@@ -9,17 +9,10 @@ namespace plenocal::internal {
 namespace TEST_FILE {
 
 std::vector<MarkerDistance> Distances() {
-  return {{.markers_a = {2, 4, 7}, .markers_b = {5}, .length = 0.7, .sigma = 0.01},
-          {.markers_a = {2},
-           .markers_b = {4},
-           .length = 0.2,
-           .sigma = 0.003,
-           .common_sigma = 0.004},
-          {.markers_a = {4},
-           .markers_b = {7},
-           .length = 0.4,
-           .sigma = 0.006,
-           .common_sigma = 0.008}};
+  return {
+      {.markers_a = {2, 4, 7}, .markers_b = {5}, .length = 0.7, .sigma = 0.01},
+      {.markers_a = {2}, .markers_b = {4}, .length = 0.2, .sigma = 0.003, .common_sigma = 0.004},
+      {.markers_a = {4}, .markers_b = {7}, .length = 0.4, .sigma = 0.006, .common_sigma = 0.008}};
 }
 
 std::vector<Eigen::Vector3d> Positions() {
