@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <map>
 #include <set>
 #include <utility>
@@ -169,19 +170,25 @@ class SceneCalibration {
     metric_ = true;
   }
 
-  std::optional<Eigen::Vector3d> StartOf(const ScenePlace& place) const {
+  std::optional<Eigen::Vector3d> StartOf(const ScenePosition& of) const {
     Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-    for (const int number : place.points) {
+    for (const int number : of.points) {
       const auto found = scene_.points.find(StartNumber(number));
       if (found == scene_.points.end()) return std::nullopt;
       sum += found->second;
     }
-    return sum / static_cast<double>(place.points.size());
+    return sum / static_cast<double>(of.points.size());
   }
 
   void ScaleByDistances() {
     std::vector<double> factors;
-    for (const SceneDistance& distance : input_.distances) {
+    std::vector<SceneDistance> distances = input_.distances;
+    if (input_.tags) {
+      for (const int id : input_.tags->ids) {
+        std::ranges::move(SizesOfTag(*input_.tags, id), std::back_inserter(distances));
+      }
+    }
+    for (const SceneDistance& distance : distances) {
       const std::optional<Eigen::Vector3d> a = StartOf(distance.a), b = StartOf(distance.b);
       if (a && b) factors.push_back(distance.length / (*a - *b).norm());
     }
@@ -388,31 +395,54 @@ class SceneCalibration {
 
   // A point that has no position takes its distance with it, if others are left.
   void AddDistances() {
-    Bundle& bundle = calibration_.bundle;
     for (const SceneDistance& distance : input_.distances) {
-      CheckTracked(distance.a, distance);
-      CheckTracked(distance.b, distance);
-      std::vector<int> a = MarkersAt(distance.a), b = MarkersAt(distance.b);
-      if (!a.empty() && !b.empty()) {
-        bundle.distances.push_back({.markers_a = std::move(a),
-                                    .markers_b = std::move(b),
-                                    .length = distance.length,
-                                    .sigma = distance.sigma,
-                                    .common_sigma = distance.common_sigma});
-        continue;
-      }
+      if (!IsTracked(distance.a)) FailWithoutPosition(distance.a, distance);
+      if (!IsTracked(distance.b)) FailWithoutPosition(distance.b, distance);
+      if (AddDistance(distance)) continue;
       calibration_.left_out.push_back(
           {.where = fmt::format("distance of {} and {}", distance.a.name, distance.b.name),
-           .reason = fmt::format("no two views that agree show {}",
-                                 a.empty() ? distance.a.name : distance.b.name)});
+           .reason =
+               fmt::format("no two views that agree show {}",
+                           MarkersAt(distance.a).empty() ? distance.a.name : distance.b.name)});
     }
-    if (!bundle.distances.empty() || input_.distances.empty()) return;
+    if (input_.tags) AddTags(*input_.tags);
+    if (!calibration_.bundle.distances.empty() || input_.distances.empty()) return;
     const SceneDistance& first = input_.distances.front();
     FailWithoutPosition(MarkersAt(first.a).empty() ? first.a : first.b, first);
   }
 
-  // A number that no view has is a slip of the user.
-  void CheckTracked(const ScenePlace& place, const SceneDistance& distance) const {
+  // Where a tag was not seen, the others give the scale.
+  void AddTags(const SceneTags& tags) {
+    for (const int id : tags.ids) {
+      const ScenePosition tag{fmt::format("tag {}", id), CornersOfTag(id)};
+      if (!MarkersAt(tag).empty()) {
+        for (const SceneDistance& size : SizesOfTag(tags, id)) AddDistance(size);
+        continue;
+      }
+      const char* const not_tracked = input_.from_images ? "no image of an ordinary camera shows it"
+                                                         : "not all of its corners have tracks";
+      calibration_.left_out.push_back(
+          {.where = tag.name,
+           .reason =
+               IsTracked(tag) ? "no two views that agree show each of its corners" : not_tracked,
+           .marker = std::to_string(id)});
+    }
+  }
+
+  // False where an end has no position.
+  bool AddDistance(const SceneDistance& distance) {
+    std::vector<int> a = MarkersAt(distance.a), b = MarkersAt(distance.b);
+    if (a.empty() || b.empty()) return false;
+    calibration_.bundle.distances.push_back({.markers_a = std::move(a),
+                                             .markers_b = std::move(b),
+                                             .length = distance.length,
+                                             .sigma = distance.sigma,
+                                             .common_sigma = distance.common_sigma});
+    return true;
+  }
+
+  // Whether some view shows each of its points; a number that none has is a slip of the user.
+  [[nodiscard]] bool IsTracked(const ScenePosition& position) const {
     const auto tracked = [&](int number) {
       const auto same = [&](const Observation& seen) { return seen.marker == number; };
       const auto shows = [&](const View& view) {
@@ -422,21 +452,21 @@ class SceneCalibration {
         return std::ranges::any_of(views, shows);
       });
     };
-    if (!std::ranges::all_of(place.points, tracked)) FailWithoutPosition(place, distance);
+    return std::ranges::all_of(position.points, tracked);
   }
 
-  [[noreturn]] static void FailWithoutPosition(const ScenePlace& place,
+  [[noreturn]] static void FailWithoutPosition(const ScenePosition& position,
                                                const SceneDistance& distance) {
     distance.place.Fail(
         fmt::format("{} has no position: no two views that agree show it; "
                     "name another point, or remove this distance",
-                    place.name));
+                    position.name));
   }
 
-  // The landmarks of a place; empty where one of them has no position.
-  std::vector<int> MarkersAt(const ScenePlace& place) const {
+  // The landmarks of a position; empty where one of them has no position.
+  std::vector<int> MarkersAt(const ScenePosition& position) const {
     std::vector<int> markers;
-    for (const int number : place.points) {
+    for (const int number : position.points) {
       const std::optional<int> marker = MarkerIndex(number);
       if (!marker) return {};
       markers.push_back(*marker);

@@ -18,6 +18,7 @@ namespace plenocal {
 struct SceneCalibrationInput {
   EarlierCameras cameras;
   std::vector<SceneDistance> distances;
+  std::optional<SceneTags> tags = {};  ///< their sizes give distances, too
   Loss loss = Loss::kHuber;
   /// A track and an earlier camera's that looks like the same point, to about a pixel: used for the
   /// initial guess alone.

@@ -65,12 +65,12 @@ DistanceRows::DistanceRows(std::vector<MarkerDistance> distances)
 bool DistanceRows::Evaluate(std::span<const Eigen::Vector3d> positions,
                             Eigen::VectorXd* residual,
                             Eigen::MatrixXd* J) const {
-  const auto place = [&](int marker) {
+  const auto index = [&](int marker) {
     return std::ranges::lower_bound(markers_, marker) - markers_.begin();
   };
   const auto centre = [&](const std::vector<int>& markers) {
     Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-    for (const int marker : markers) sum += positions[static_cast<size_t>(place(marker))];
+    for (const int marker : markers) sum += positions[static_cast<size_t>(index(marker))];
     return Eigen::Vector3d(sum / static_cast<double>(markers.size()));
   };
   residual->resize(Rows());
@@ -83,7 +83,7 @@ bool DistanceRows::Evaluate(std::span<const Eigen::Vector3d> positions,
     (*residual)[i] = length - distance.length;
     const auto add = [&](const std::vector<int>& markers, double sign) {
       for (const int marker : markers) {
-        J->block<1, 3>(i, 3 * place(marker)) +=
+        J->block<1, 3>(i, 3 * index(marker)) +=
             sign / (length * static_cast<double>(markers.size())) * apart.transpose();
       }
     };

@@ -50,7 +50,7 @@ class DistanceRows {
   [[nodiscard]] const std::vector<int>& Markers() const { return markers_; }
   [[nodiscard]] Eigen::Index Rows() const { return weight_.rows(); }
   /// Sets the residual and its derivatives (rows x 3 a landmark) at the positions of `Markers`, in
-  /// their order; false where ends are at one place.
+  /// their order; false where both ends of one coincide.
   bool Evaluate(std::span<const Eigen::Vector3d> positions,
                 Eigen::VectorXd* residual,
                 Eigen::MatrixXd* J) const;

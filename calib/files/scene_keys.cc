@@ -28,12 +28,8 @@ std::optional<std::pair<int, std::string_view>> NumberAfter(std::string_view wor
   return std::pair(number, std::string_view(rest, static_cast<size_t>(end - rest)));
 }
 
-std::vector<int> CornersOfTag(int id) {
-  return {TagPoint(id, 0), TagPoint(id, 1), TagPoint(id, 2), TagPoint(id, 3)};
-}
-
 // "point 12", "tag 3", "tag 3 corner 0".
-ScenePlace ReadScenePlace(const YamlNode& node) {
+ScenePosition ReadScenePosition(const YamlNode& node) {
   const std::string text = node.AsString();
   if (const auto point = NumberAfter("point", text); point && point->second.empty()) {
     return {text, {point->first}};
@@ -83,8 +79,8 @@ SceneDistance ReadSceneDistance(const YamlNode& node) {
   node.RequireKeys(kRequired, "between: [point 12, point 40]\nsigma: 0.0005\n");
   const auto ends = node.At("between").Elements();
   if (ends.size() != 2) node.At("between").Fail("expected two points: [point 12, point 40]");
-  const SceneDistance distance{.a = ReadScenePlace(ends[0]),
-                               .b = ReadScenePlace(ends[1]),
+  const SceneDistance distance{.a = ReadScenePosition(ends[0]),
+                               .b = ReadScenePosition(ends[1]),
                                .length = node.At(node.Has("value") ? "value" : "length").AsLength(),
                                .sigma = node.At("sigma").AsLength(),
                                .place = ends[0]};
@@ -96,11 +92,16 @@ SceneDistance ReadSceneDistance(const YamlNode& node) {
 
 int TagPoint(int id, int corner) { return kTagPoints + kTagStep * id + corner; }
 
+std::vector<int> CornersOfTag(int id) {
+  return {TagPoint(id, 0), TagPoint(id, 1), TagPoint(id, 2), TagPoint(id, 3)};
+}
+
 std::vector<SceneDistance> SizesOfTag(const SceneTags& tags, int id) {
   std::vector<SceneDistance> sizes;
+  if (tags.size == 0) return sizes;
   const auto add = [&](int i, int j, double factor) {
     const auto corner = [&](int k) {
-      return ScenePlace{fmt::format("tag {} corner {}", id, k), {TagPoint(id, k)}};
+      return ScenePosition{fmt::format("tag {} corner {}", id, k), {TagPoint(id, k)}};
     };
     sizes.push_back({.a = corner(i),
                      .b = corner(j),

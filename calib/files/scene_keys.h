@@ -13,14 +13,14 @@
 namespace plenocal {
 
 /// A scene point, or the centre of a tag.
-struct ScenePlace {
+struct ScenePosition {
   std::string name;         ///< "point 12", "tag 3", "tag 3 corner 0"
-  std::vector<int> points;  ///< numbers, as in the tracks; the place is their mean
+  std::vector<int> points;  ///< numbers, as in the tracks; the position is that of their mean
 };
 
-/// A measured distance between two places of the scene.
+/// A measured distance between two positions in the scene.
 struct SceneDistance {
-  ScenePlace a, b;
+  ScenePosition a, b;
   double length = 0, sigma = 0;  ///< m
   double common_sigma = 0;       ///< as `MarkerDistance::common_sigma`
   YamlNode place;                ///< of `a`, for messages
@@ -36,6 +36,9 @@ struct SceneTags {
 /// Number of a tag's corner among the scene's points: above those of all tracks.
 int TagPoint(int id, int corner);
 
+/// Those of its four corners.
+std::vector<int> CornersOfTag(int id);
+
 /// `scene` of session.yaml.
 struct SceneKeys {
   int points = 1000;  ///< wanted where points are looked for in images
@@ -43,8 +46,8 @@ struct SceneKeys {
   std::optional<SceneTags> tags = {};
 };
 
-/// Sides and diagonals of a tag of known size: each may deviate by `size_sigma`, and all of them
-/// together by as much, since tags are printed at one scale.
+/// Sides and diagonals of a tag: each may deviate by `size_sigma`, and all of them
+/// together by as much, since tags are printed at one scale. Empty where the size is not known.
 std::vector<SceneDistance> SizesOfTag(const SceneTags& tags, int id);
 
 /// What a camera takes from the session's earlier calibration; indices of parameters.

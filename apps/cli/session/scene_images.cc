@@ -210,16 +210,10 @@ class SceneImageFollower {
         for (const View& view : found.views) AddTag(id, view, &points->views[c]);
       }
     }
-    for (const int id : tags.ids) {
-      if (seen.contains(id)) continue;
-      Append({{.where = fmt::format("tag {}", id),
-               .reason = "no image of an ordinary camera shows it",
-               .marker = std::to_string(id)}});
-    }
     console_.Message(fmt::format("{} of {} found", seen.size(), Counted(tags.ids.size(), "tag")));
   }
 
-  // Detections of one tag; its place is unknown.
+  // Detections of one tag; its position is unknown.
   [[nodiscard]] Target TargetOfTag(const SceneTags& tags, int id) const {
     const std::string text = fmt::format(
         "plenocal: 1\ntype: apriltag\n{}\ntags: [{{id: {}, corners: [[0, 0, 0], [1, 0, 0], [1, 1, 0], "

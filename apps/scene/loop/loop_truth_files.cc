@@ -240,8 +240,8 @@ std::vector<std::string> FindingsOf(const LoopTruthResult& truth, bool from_imag
   const auto is_plenoptic = [](const BundleCamera& camera) { return camera.model->plenoptic; };
   if (from_images && std::ranges::all_of(truth.bundle.cameras, is_plenoptic)) {
     findings.emplace_back(
-        "the scale is that of depths measured in patches of micro images: errors that all patches "
-        "share are not in its standard error and may be some percent; compare it with the truth of "
+        "the scale is that of depths measured in patches of micro images: systematic errors common to all patches "
+        "are not in its standard error and may be some percent; compare it with the truth of "
         "a stereo pair ('plenocal compare'). The end against the start does not depend on it");
   }
   if (!truth.converged) findings.emplace_back("the bundle adjustment has not converged");

@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <functional>
 #include <map>
+#include <regex>
 #include <set>
 #include <string>
 #include <vector>
@@ -136,6 +137,25 @@ TEST_F(SceneSession, OrdinaryCameraNeedsNeitherStartNorScale) {
   Calibrate();
   ExpectTrue("left", {{"f_x", 0.002}, {"f_y", 0.002}});
   EXPECT_NE(GradeOf(), "bad");
+}
+
+// Tracks of one corner only give no size, and that is no mistake of the session.
+TEST_F(SceneSession, TagsWithoutTracksAreLeftOut) {
+  Simulate({{"points: 1000", "points: 200"}, {"frames: 40", "frames: 15"}});
+  YAML::Node session = Session({"left"});
+  session["scene"]["distances"] = DistancesSeenBy("left");
+  const std::string tracked = session["scene"]["distances"][0]["between"][1].as<std::string>();
+  const std::string number = tracked.substr(std::string("point ").size());
+  Write("tracks_left.csv",
+        std::regex_replace(Read("tracks_left.csv"), std::regex("," + number + ","), ",10000030,"));
+  session["scene"]["distances"][0]["between"][1] = "tag 3 corner 0";
+  session["scene"]["tags"] =
+      YAML::Load("{family: tag36h11, ids: [3, 4], size: 80 mm, size_sigma: 0.4 mm}");
+  WriteSession(session);
+  const Outcome outcome = Calibrate();
+  EXPECT_THAT(outcome.err, HasSubstr("tag 3: not all of its corners have tracks"));
+  EXPECT_THAT(Read("out/left_out.csv"), HasSubstr("\"tag 4\","));
+  ExpectTrue("left", {{"f_x", 0.01}});
 }
 
 TEST_F(SceneSession, WithoutScaleLengthsAreOpen) {
