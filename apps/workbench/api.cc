@@ -5,15 +5,18 @@
 
 #include <algorithm>
 #include <charconv>
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <utility>
 
+#include "apps/workbench/focus_json.h"
 #include "apps/workbench/image_answer.h"
 #include "apps/workbench/project/beneath.h"
 #include "apps/workbench/project/child.h"
 #include "apps/workbench/project/session_text.h"
 #include "apps/workbench/run_json.h"
+#include "calib/base/detection_cache.h"
 #include "calib/base/error.h"
 #include "calib/files/frame_images.h"
 #include "models/registry.h"
@@ -26,6 +29,7 @@ namespace fs = std::filesystem;
 using Json = nlohmann::json;
 
 constexpr size_t kMostText = 1024 * 1024;
+constexpr const char* kDrawings = ".plenocal/drawing";  // in the root
 
 Answer JsonAnswer(const Json& json, int status = 200) {
   return {.status = status, .body = json.dump(-1, ' ', false, Json::error_handler_t::replace)};
@@ -101,6 +105,11 @@ ExcludeRule RuleOf(const Json& body) {
   return rule;
 }
 
+// Of the results of `focus`, in the root.
+fs::path FocusFolder(int run, const std::string& camera, const std::string& frame) {
+  return fs::path(".plenocal") / "focus" / std::to_string(run) / camera / frame;
+}
+
 // What a command printed, or its message as an error.
 std::string OutputOf(const ChildResult& child) {
   if (child.status == 0) return child.out;
@@ -130,7 +139,8 @@ Answer Api::Handle(const Request& request) {
   }
   if (Is(request, "POST", {"suggest"})) return Suggest(request);
   if (Is(request, "GET", {"compare"})) return Compare(request);
-  if (Is(request, "GET", {"target.svg"})) return TargetDrawing();
+  if (Is(request, "POST", {"drawing"})) return DrawTarget();
+  if (Is(request, "GET", {"drawing", "*", "*"})) return Sheet(request);
   return ErrorAnswer(404, "the workbench has no such address");
 }
 
@@ -305,6 +315,8 @@ Answer Api::AddJob(const Request& request) {
                       events,
                       "--quiet"},
                      {{"run", run}});
+  } else if (kind == "focus") {
+    job = jobs_->Add(kind, FocusArguments(body));
   } else if (kind == "try") {
     job = jobs_->Add(kind, {"try", session, "-o", ".plenocal/try"});
   } else {
@@ -315,16 +327,72 @@ Answer Api::AddJob(const Request& request) {
 
 Answer Api::Image(const Request& request) {
   const std::string &camera = request.path[2], &frame = request.path[3];
+  const auto image = FindImage(camera, frame);
+  if (!image) {
+    return ErrorAnswer(404, fmt::format("the session has no image {} of {}", frame, camera));
+  }
+  const int width = request.Query("w").empty() ? 0 : NumberOf(request.Query("w"), "w");
+  return ImageAnswer(project_->Root(), image->path, width);
+}
+
+std::optional<FrameImage> Api::FindImage(const std::string& camera, const std::string& frame) {
   const Session session = project_->Parsed();
   for (const SessionCamera& each : session.cameras) {
     if (each.name != camera) continue;
     for (const FrameImage& image : ExpandImages(each.images, camera + ": images")) {
-      if (image.frame != frame) continue;
-      const int width = request.Query("w").empty() ? 0 : NumberOf(request.Query("w"), "w");
-      return ImageAnswer(project_->Root(), image.path, width);
+      if (image.frame == frame) return image;
     }
   }
-  return ErrorAnswer(404, fmt::format("the session has no image {} of {}", frame, camera));
+  return std::nullopt;
+}
+
+std::filesystem::path Api::RunFile(int run, const std::string& name) const {
+  const fs::path file = project_->RunFolder(run) / name;
+  // Read first: so it is a file beneath the root to which no link leads.
+  (void)ReadBeneath(project_->Root(), file, 512 * kMostText);
+  return file;
+}
+
+// `focus` of one raw image, with the micro-image centres and the vignetting of a run.
+std::vector<std::string> Api::FocusArguments(const Json& body) {
+  const int run = NumberOf(body, "run", 0);
+  const std::string camera = PlainName(TextOf(body, "camera"), "camera");
+  const std::string frame = PlainName(TextOf(body, "frame"), "frame");
+  const auto image = FindImage(camera, frame);
+  if (!image) {
+    throw Error(ErrorKind::kInput, fmt::format("the session has no image {} of {}", frame, camera));
+  }
+  std::vector<std::string> arguments{
+      "focus",
+      (project_->Root() / RelativeTo(project_->Root(), image->path)).string(),
+      "--grid",
+      RunFile(run, fmt::format("micro_lenses_{}.csv", camera)).string(),
+      "--vignetting",
+      RunFile(run, fmt::format("vignetting_{}.tiff", camera)).string(),
+      "-o",
+      FocusFolder(run, camera, frame).string(),
+      "--quiet"};
+  const Session session = project_->Parsed();
+  const auto of = std::ranges::find(session.cameras, camera, &SessionCamera::name);
+  if (of->bayer) {
+    arguments.insert(arguments.end(), {"--bayer", std::string(BayerName(*of->bayer))});
+  }
+  return arguments;
+}
+
+// The totally focused image and its virtual depth; null where no `focus` has written them.
+Answer Api::Focus(const Request& request) const {
+  const fs::path folder = FocusFolder(NumberOf(request.path[2], "run"),
+                                      PlainName(request.path[4], "camera"),
+                                      PlainName(request.path[5], "frame"));
+  std::error_code error;
+  if (!fs::exists(project_->Root() / folder / "focused.yaml", error)) {
+    return JsonAnswer(nullptr);
+  }
+  if (request.path.size() == 7) {
+    return ImageAnswer(project_->Root(), project_->Root() / folder / "focused.png", 0);
+  }
+  return JsonAnswer(FocusJson(project_->Root(), project_->Root() / folder));
 }
 
 Answer Api::Run(const Request& request) {
@@ -337,6 +405,15 @@ Answer Api::Run(const Request& request) {
   if (request.path.size() == 3) return JsonAnswer(RunJson(folder, number));
   if (Is(request, "GET", {"runs", "*", "points"})) {
     return JsonAnswer(PointsJson(folder, request.Query("camera"), request.Query("frame")));
+  }
+  if (Is(request, "GET", {"runs", "*", "lenses"})) {
+    const std::string camera = PlainName(request.Query("camera"), "camera");
+    return JsonAnswer(
+        LensesJson(folder, camera, RunFile(number, fmt::format("micro_lenses_{}.csv", camera))));
+  }
+  if (Is(request, "GET", {"runs", "*", "focus", "*", "*"}) ||
+      Is(request, "GET", {"runs", "*", "focus", "*", "*", "focused"})) {
+    return Focus(request);
   }
   if (Is(request, "GET", {"runs", "*", "space"})) return JsonAnswer(SpaceJson(folder));
   if (Is(request, "GET", {"runs", "*", "maps"})) {
@@ -394,12 +471,47 @@ Answer Api::Export(const Request& request) const {
                      {"text", std::string(content.begin(), content.end())}});
 }
 
-Answer Api::TargetDrawing() const {
+// The target as it is printed: its sheets, or why there is none. Each text of the target has a
+// folder.
+Answer Api::DrawTarget() {
+  const std::lock_guard lock(drawing_);
   const Session session = project_->Parsed();
-  const fs::path out = project_->Root() / ".plenocal" / "target.svg";
-  OutputOf(RunChild({"target", session.target.file.string(), "-o", out.string(), "--quiet"},
-                    project_->Root().string()));
-  const auto content = ReadBeneath(project_->Root(), out, 64 * kMostText);
+  const auto without = [](const std::string& why) {
+    return JsonAnswer({{"folder", ""}, {"sheets", Json::array()}, {"why", why}});
+  };
+  if (session.target.file.empty()) {
+    return without("the target stands in the session; one in a file of its own is drawn here");
+  }
+  const std::string text = session.target.Text();
+  const std::string name = HashBytes(std::vector<std::uint8_t>(text.begin(), text.end()));
+  const fs::path folder = project_->Root() / kDrawings / name;
+  if (!fs::exists(folder)) {
+    const fs::path made = folder.string() + ".partial";
+    fs::remove_all(made);
+    fs::create_directories(made);
+    try {
+      OutputOf(RunChild(
+          {"target", session.target.file.string(), "-o", (made / "target.svg").string(), "--quiet"},
+          project_->Root().string()));
+    } catch (const Error& error) {
+      return without(error.what());
+    }
+    fs::rename(made, folder);
+  }
+  std::vector<std::string> sheets;
+  for (const auto& file : fs::directory_iterator(folder)) {
+    sheets.push_back(file.path().filename().string());
+  }
+  // target-10.svg after target-9.svg.
+  std::ranges::sort(
+      sheets, {}, [](const std::string& sheet) { return std::pair(sheet.size(), sheet); });
+  return JsonAnswer({{"folder", name}, {"sheets", sheets}, {"why", nullptr}});
+}
+
+Answer Api::Sheet(const Request& request) const {
+  const fs::path file = project_->Root() / kDrawings / PlainName(request.path[2], "folder") /
+                        PlainName(request.path[3], "sheet");
+  const auto content = ReadBeneath(project_->Root(), file, 64 * kMostText);
   return {.type = "image/svg+xml", .body = std::string(content.begin(), content.end())};
 }
 

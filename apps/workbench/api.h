@@ -3,11 +3,17 @@
 // What the page asks for (docs/workbench.md lists it): parse, call, answer.
 #pragma once
 
+#include <filesystem>
+#include <mutex>
 #include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <vector>
 
 #include "apps/workbench/http/guard.h"
 #include "apps/workbench/project/jobs.h"
 #include "apps/workbench/project/project.h"
+#include "calib/files/frame_images.h"
 
 namespace plenocal::workbench {
 
@@ -27,16 +33,24 @@ class Api {
   Answer Exclude(const Request& request);
   Answer AddJob(const Request& request);
   Answer Image(const Request& request);
+  Answer Focus(const Request& request) const;
   Answer Run(const Request& request);
   Answer Suggest(const Request& request) const;
   Answer Compare(const Request& request) const;
   Answer Export(const Request& request) const;
-  Answer TargetDrawing() const;
+  Answer DrawTarget();
+  Answer Sheet(const Request& request) const;
+  std::vector<std::string> FocusArguments(const nlohmann::json& body);
+  /// Of a camera and frame of the session; nothing where it has none.
+  std::optional<FrameImage> FindImage(const std::string& camera, const std::string& frame);
+  /// A camera's file in the folder of a run, which no link leaves.
+  [[nodiscard]] std::filesystem::path RunFile(int run, const std::string& name) const;
   [[nodiscard]] nlohmann::json CamerasJson(const Session& session) const;
 
   Project* project_;
   Jobs* jobs_;
   EventLog* events_;
+  std::mutex drawing_;  // one tab at a time draws the target
 };
 
 }  // namespace plenocal::workbench

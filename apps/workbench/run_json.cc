@@ -9,6 +9,7 @@
 #include "apps/report/report.h"
 #include "apps/report/verdict_json.h"
 #include "calib/base/error.h"
+#include "calib/camera/micro_lens_array.h"
 #include "calib/files/calibration_file.h"
 #include "calib/judge/projection_map.h"
 #include "calib/judge/verdict.h"
@@ -76,6 +77,7 @@ Json CameraJson(const CalibrationRecord& record, const CalibratedCamera& camera)
   }
   return {{"name", camera.name},
           {"model", camera.model->name},
+          {"plenoptic", camera.model->plenoptic},
           {"image_size", camera.image_size},
           {"parameters", parameters},
           {"rms", Finite(camera.fit.rms)},
@@ -131,6 +133,16 @@ Json PointsJson(const fs::path& folder, const std::string& camera, const std::st
                       row.used ? 1 : 0});
   }
   return {{"camera", camera}, {"frame", frame}, {"points", points}};
+}
+
+Json LensesJson(const fs::path& folder, const std::string& camera, const fs::path& micro_lenses) {
+  const MicroLensArray array =
+      ReadMicroLenses(micro_lenses, FindCamera(*RecordOf(folder), camera).image_size);
+  Json centres = Json::array();
+  for (const MicroLens& lens : array.lenses) {
+    centres.push_back({lens.centre.x(), lens.centre.y(), lens.type});
+  }
+  return {{"pitch", array.Pitch()}, {"centres", centres}};
 }
 
 Json SpaceJson(const fs::path& folder) {

@@ -20,6 +20,11 @@ nlohmann::json PointsJson(const std::filesystem::path& folder,
                           const std::string& camera,
                           const std::string& frame);
 
+/// Micro-image centres of a plenoptic camera from its file: x, y, lens type; their pitch, raw px.
+nlohmann::json LensesJson(const std::filesystem::path& folder,
+                          const std::string& camera,
+                          const std::filesystem::path& micro_lenses);
+
 /// Markers (m, in the target's frame), cameras with T_rig_camera, frames with T_target_rig;
 /// transforms as twelve numbers, the rows of [R t].
 nlohmann::json SpaceJson(const std::filesystem::path& folder);

@@ -385,6 +385,13 @@ std::string HashImage(const FrameImage& image) {
   return image.store ? image.store->Hash(image.index) : HashFile(image.path);
 }
 
+cv::Mat DecodeFloat(std::vector<std::uint8_t> content, const fs::path& place) {
+  cv::Mat image = Decoded(std::move(content), place, cv::IMREAD_UNCHANGED);
+  if (image.type() == CV_32F) return image;
+  throw Error(ErrorKind::kInput,
+              fmt::format("{}: expected a TIFF of one 32-bit channel", place.string()));
+}
+
 cv::Mat ReadAttenuation(const fs::path& path) {
   cv::Mat attenuation = Decoded(ReadFile(path), path, cv::IMREAD_UNCHANGED);
   if (attenuation.type() != CV_32F) {

@@ -37,6 +37,9 @@ cv::Mat DecodeRawGray(std::vector<std::uint8_t> content, const std::filesystem::
 /// The same of an image that may lie in a store.
 cv::Mat ReadRawGray(const FrameImage& image);
 
+/// The image of a file's content, a TIFF of one 32-bit channel. Throws as `ReadGray` does.
+cv::Mat DecodeFloat(std::vector<std::uint8_t> content, const std::filesystem::path& place);
+
 /// The orientation tag (EXIF, 1 to 8) of a JPEG file, by which viewers turn it and the functions
 /// here do not; 1 where there is none. Throws as `ReadGray` does for a file that is missing.
 int ReadOrientation(const std::filesystem::path& path);

@@ -4,21 +4,12 @@
 //
 //   node workbench.mjs PROGRAM IMAGES NODE_MODULES [SCREENSHOTS]
 import assert from "node:assert/strict";
-import { execFileSync, spawn } from "node:child_process";
+import { execFileSync } from "node:child_process";
 import { cpSync, existsSync, mkdirSync, mkdtempSync, readdirSync, readFileSync, rmSync, writeFileSync } from "node:fs";
 import { createServer } from "node:http";
-import { createRequire } from "node:module";
 import { tmpdir } from "node:os";
-import { join, resolve } from "node:path";
-
-const [program, images, modules, screenshots] = process.argv.slice(2).map((path) => resolve(path));
-const { chromium } = createRequire(join(modules, "/"))("playwright-core");
-const kChromium = "/usr/bin/chromium";
-if (!existsSync(kChromium)) {
-  console.log(`skipped: ${kChromium} is missing (Debian package chromium)`);
-  process.exit(77);
-}
-const kPatience = 60_000; // ms, of a busy machine
+import { join } from "node:path";
+import { chromium, kChromium, kPatience, openBrowser, picture, program, source as images, startServer, watch } from "./harness.mjs";
 
 const folder = mkdtempSync(join(tmpdir(), "plenocal-workbench-"));
 mkdirSync(join(folder, "left"));
@@ -26,41 +17,8 @@ for (const name of readdirSync(images)) {
   if (/^left\d+\.jpg$/.test(name)) cpSync(join(images, name), join(folder, "left", name));
 }
 
-let server;
-async function startServer() {
-  server = spawn(program, ["workbench", folder, "--no-open"]);
-  let out = "";
-  server.stdout.on("data", (data) => (out += data));
-  for (let i = 0; i < 600 && !out.includes("\n"); ++i) await new Promise((done) => setTimeout(done, 50));
-  return out.split("\n")[0];
-}
-
 const problems = [];
-function watch(page) {
-  page.on("console", (line) => line.type() === "error" && problems.push(line.text()));
-  page.on("pageerror", (error) => problems.push(String(error)));
-  page.on("response", (answer) => answer.status() >= 400 && problems.push(`${answer.status()} ${answer.url()}`));
-  page.on("request", (request) => {
-    const url = new URL(request.url());
-    if (url.protocol === "http:" && url.hostname !== "127.0.0.1") problems.push(`left this machine: ${url}`);
-    if (url.href.includes(token)) problems.push(`the token in an address: ${url}`);
-  });
-}
-
 const text = (name) => readFileSync(join(folder, name), "utf8");
-async function picture(page, name) {
-  if (!screenshots) return;
-  for (const [width, scheme] of [[1300, "light"], [1300, "dark"], [420, "light"], [420, "dark"]]) {
-    await page.setViewportSize({ width, height: 900 });
-    await page.emulateMedia({ colorScheme: scheme });
-    await page.waitForTimeout(300);
-    await page.screenshot({ path: join(screenshots, `${name}_${width}_${scheme}.jpg`), type: "jpeg", quality: 60 });
-    const wide = await page.evaluate(() => document.documentElement.scrollWidth > innerWidth);
-    assert.equal(wide, false, `${name} is wider than ${width} px`);
-  }
-  await page.setViewportSize({ width: 1300, height: 900 });
-  await page.emulateMedia({ colorScheme: "light" });
-}
 
 async function folderToResult(page, steps) {
   steps("a session is proposed, the missing length is named");
@@ -129,6 +87,50 @@ async function excludeAndUndo(page, steps) {
   assert.equal(await page.locator(".bar.hatched").count(), 1, "the excluded frame can be chosen");
 }
 
+async function choosePoints(page, steps) {
+  steps("a click names a point; a line around points leaves them out of the next run");
+  const frame = "left03";
+  const rowsOf = (run) => {
+    const [head, ...rows] = text(`runs/${run}/residuals.csv`).trim().split("\n").map((line) => line.split(","));
+    const column = (row, name) => row[head.indexOf(name)];
+    return rows
+      .filter((row) => column(row, "camera") === "left" && column(row, "frame") === frame)
+      .map((row) => ({ marker: Number(column(row, "marker")), x: Number(column(row, "x")), y: Number(column(row, "y")) }));
+  };
+  await page.evaluate((name) => (location.hash = `#/look/left/${name}?run=2`), frame);
+  await page.getByRole("heading", { name: `left / ${frame}` }).waitFor({ timeout: kPatience });
+  const canvas = page.locator("canvas[data-points='54'][data-loaded=yes]");
+  await canvas.waitFor({ timeout: kPatience });
+  await canvas.scrollIntoViewIfNeeded();
+  const box = await canvas.boundingBox();
+  const scale = box.width / 640;
+  const at = (x, y) => [box.x + scale * (x + 0.5), box.y + scale * (y + 0.5)];
+  const points = rowsOf(2);
+  await page.mouse.click(...at(points[20].x, points[20].y));
+  await page.getByText(`point ${points[20].marker} at (${points[20].x.toFixed(2)}, ${points[20].y.toFixed(2)})`).waitFor();
+
+  const middle = [...points].sort((a, b) => a.x - b.x)[27].x;
+  const inside = points.filter((point) => point.x < middle && Math.abs(point.x - middle) > 1).map((point) => point.marker).sort((a, b) => a - b);
+  await page.keyboard.down("Shift");
+  await page.mouse.move(...at(2, 2));
+  await page.mouse.down();
+  for (const [x, y] of [[middle - 0.5, 2], [middle - 0.5, 477], [2, 477]]) await page.mouse.move(...at(x, y), { steps: 4 });
+  await page.mouse.up();
+  await page.keyboard.up("Shift");
+  await page.getByRole("button", { name: `Exclude ${inside.length} points (x)` }).waitFor();
+  await picture(page, "points");
+  const before = text("session.yaml");
+  await page.keyboard.press("x");
+  await page.getByText(`excluded: points ${inside.join(", ")}`).waitFor({ timeout: kPatience });
+  assert.ok(text("session.yaml").endsWith(`  - {camera: left, frame: ${frame}, markers: [${inside.join(", ")}]}\n`));
+  await page.keyboard.press("c");
+  await page.locator("main[data-view=look][data-run='3']").waitFor({ timeout: kPatience });
+  assert.deepEqual(new Set(rowsOf(3).map((point) => point.marker)), new Set(points.map((point) => point.marker).filter((marker) => !inside.includes(marker))));
+  await page.getByRole("button", { name: "Include again" }).click();
+  await page.getByText(/excluded: points/).waitFor({ state: "detached", timeout: kPatience });
+  assert.equal(text("session.yaml"), before);
+}
+
 async function editorBesideThePage(page, steps) {
   steps("a change by an editor shows, a wrong one with its line");
   await page.getByRole("button", { name: "Set up", exact: true }).click();
@@ -174,33 +176,31 @@ async function suggestCompareExport(page, steps) {
   await page.locator("main").getByRole("button", { name: "Export", exact: true }).click();
   await page.locator("main pre").waitFor({ timeout: kPatience });
   await picture(page, "export");
-  execFileSync(program, ["export", "runs/2/calibration.yaml", "--format", "opencv", "-o", "by_hand.yml"], { cwd: folder });
+  execFileSync(program, ["export", "runs/3/calibration.yaml", "--format", "opencv", "-o", "by_hand.yml"], { cwd: folder });
   assert.equal((await page.locator("main pre").textContent()).trim(), text("by_hand.yml").trim());
   await page.getByText(/plenocal export .*--format opencv/).first().waitFor();
 }
 
 async function killedServer(browser, steps) {
   steps("a killed server loses nothing");
-  server.kill("SIGKILL");
-  await new Promise((done) => server.once("exit", done));
-  const address = await startServer();
-  token = address.split("token=")[1];
+  server.process.kill("SIGKILL");
+  await new Promise((done) => server.process.once("exit", done));
+  server = await startServer(folder);
   const page = await browser.newPage();
-  watch(page);
-  await page.goto(address);
+  watch(page, server, problems);
+  await page.goto(server.address);
   await page.getByRole("button", { name: "Look", exact: true }).click();
-  await page.locator("main[data-run='2']").waitFor({ timeout: kPatience });
+  await page.locator("main[data-run='3']").waitFor({ timeout: kPatience });
   assert.ok(!page.url().includes("token"));
   await page.getByRole("button", { name: "Set up", exact: true }).click();
   assert.equal(await page.getByRole("button", { name: "Undo" }).isEnabled(), true);
   await page.close();
-  return address;
 }
 
 // What another page in the same browser may try.
-async function otherOrigins(browser, address, steps) {
+async function otherOrigins(browser, steps) {
   steps("pages of other origins get nothing and change nothing");
-  const base = address.split("/#")[0];
+  const base = server.address.split("/#")[0];
   const before = text("session.yaml");
   const attacker = createServer((request, answer) => {
     answer.setHeader("content-type", "text/html");
@@ -242,33 +242,32 @@ async function otherOrigins(browser, address, steps) {
   await rebound.close();
 }
 
-let token = "";
 let failed = false;
-const browser = await chromium.launch({ executablePath: kChromium, args: ["--no-sandbox"] });
+const browser = await openBrowser();
+let server = await startServer(folder);
 try {
-  let address = await startServer();
-  token = address.split("token=")[1];
   const page = await browser.newPage({ viewport: { width: 1300, height: 900 } });
-  watch(page);
+  watch(page, server, problems);
   const steps = (name) => console.log(name);
-  await page.goto(address);
-  assert.ok(!page.url().includes(token), "the token stays in the address");
+  await page.goto(server.address);
+  assert.ok(!page.url().includes(server.token), "the token stays in the address");
   await folderToResult(page, steps);
   await excludeAndUndo(page, steps);
+  await choosePoints(page, steps);
   await editorBesideThePage(page, steps);
   await inSpace(page, steps);
   await suggestCompareExport(page, steps);
   await page.close();
   assert.deepEqual(problems, []);
-  address = await killedServer(browser, steps);
-  await otherOrigins(browser, address, steps);
+  await killedServer(browser, steps);
+  await otherOrigins(browser, steps);
 } catch (error) {
   failed = true;
   console.error(error);
   console.error(problems.join("\n"));
 } finally {
   await browser.close();
-  server?.kill("SIGTERM");
+  server.process.kill("SIGTERM");
   rmSync(folder, { recursive: true, force: true });
 }
 if (!failed && existsSync(folder)) console.error("the folder was not removed");

@@ -100,6 +100,31 @@ TEST_F(ApiOfAFolder, ShowsImagesOfTheSessionAlone) {
   EXPECT_EQ(Ask("GET", {"image", "left", "b"}, {}, {{"w", "-3"}}).status, 400);
 }
 
+TEST_F(ApiOfAFolder, FocusesImagesOfTheSessionAlone) {
+  const auto focus = [&](const char* camera, const char* frame) {
+    return Ask("POST",
+               {"jobs"},
+               Json{{"kind", "focus"}, {"run", 0}, {"camera", camera}, {"frame", frame}}.dump());
+  };
+  EXPECT_THAT(focus("left", "secret").body, HasSubstr("no image secret of left"));
+  EXPECT_THAT(focus("../left", "b").body, HasSubstr("is no name"));
+  EXPECT_THAT(focus("left", "-o").body, HasSubstr("is no name"));
+  EXPECT_THAT(focus("left", "b").body, HasSubstr("micro_lenses_left.csv"));
+  fs::create_symlink(folder_ / "outside/secret.png", folder_ / "root/micro_lenses_left.csv");
+  EXPECT_EQ(focus("left", "b").status, 400) << "a link leads out";
+  EXPECT_TRUE(jobs_->All().empty());
+}
+
+TEST_F(ApiOfAFolder, ShowsNoFilesAsSheetsOfTheTarget) {
+  fs::create_directories(folder_ / "root/.plenocal/drawing");
+  fs::create_directory_symlink(folder_ / "outside", folder_ / "root/.plenocal/drawing/link");
+  for (const char* part : {"link", "..", "nothing"}) {
+    const Answer answer = Ask("GET", {"drawing", part, "secret.png"});
+    EXPECT_EQ(answer.status, 400) << part;
+    EXPECT_THAT(answer.body, Not(HasSubstr("secret\n")));
+  }
+}
+
 TEST_F(ApiOfAFolder, GivesNamesOfStrangersAsText) {
   const Json session = Json::parse(Ask("GET", {"session"}).body);
   EXPECT_EQ(session["problem"], nullptr);

@@ -74,6 +74,7 @@ export interface FrameResult {
 export interface CameraResult {
   name: string;
   model: string;
+  plenoptic: boolean;
   image_size: [number, number];
   parameters: { name: string; unit: string; value: number; sigma: number | null }[];
   rms: number | null;
@@ -118,4 +119,19 @@ export interface Suggestions {
     outline: Record<string, [number, number][][]>;
     sigma_after: number | null;
   }[];
+}
+/** Micro-image centres (x, y, lens type) of a plenoptic camera, raw px. */
+export interface Lenses {
+  pitch: number;
+  centres: [number, number, number][];
+}
+/** Totally focused image: pixel p lies at raw pixel offset + scale * p. `depth`: every `step`-th of its pixels. */
+export interface Focus {
+  offset: [number, number];
+  scale: number;
+  size: [number, number];
+  step: number;
+  columns: number;
+  rows: number;
+  depth: (number | null)[];
 }

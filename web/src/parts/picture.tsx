@@ -26,6 +26,20 @@ export function usePicture(path: string, wanted: boolean): string | null {
   return url;
 }
 
+/** The same, decoded. */
+export function useImage(path: string): HTMLImageElement | null {
+  const [image, setImage] = useState<HTMLImageElement | null>(null);
+  const url = usePicture(path, true);
+  useEffect(() => {
+    setImage(null);
+    if (!url) return;
+    const made = new Image();
+    made.onload = () => setImage(made);
+    made.src = url;
+  }, [url]);
+  return image;
+}
+
 export function Thumb({ camera, frame }: { camera: string; frame: string }) {
   const box = useRef<HTMLDivElement>(null);
   const [seen, setSeen] = useState(false);

@@ -2,24 +2,9 @@
 // Sigma of the projection over the image, on one absolute scale: 0.01 to 10 px, logarithmic.
 import { useEffect, useRef } from "preact/hooks";
 import type { SigmaMap } from "../api/types";
+import { viridis } from "./viridis";
 
-// Viridis at 0, 1/4, ... 1.
-const kStops: [number, number, number][] = [
-  [68, 1, 84],
-  [59, 82, 139],
-  [33, 145, 140],
-  [94, 201, 98],
-  [253, 231, 37],
-];
-
-export function colourOf(sigma: number): string {
-  const part = Math.min(1, Math.max(0, (Math.log10(sigma) + 2) / 3)) * (kStops.length - 1);
-  const i = Math.min(kStops.length - 2, Math.floor(part));
-  const a = kStops[i] ?? [0, 0, 0];
-  const b = kStops[i + 1] ?? a;
-  const mix = a.map((value, k) => Math.round(value + (part - i) * ((b[k] ?? value) - value)));
-  return `rgb(${mix.join(",")})`;
-}
+const colourOf = (sigma: number): string => `rgb(${viridis((Math.log10(sigma) + 2) / 3).join(",")})`;
 
 export function SigmaPicture({ map }: { map: SigmaMap }) {
   const element = useRef<HTMLCanvasElement>(null);

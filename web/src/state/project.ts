@@ -132,3 +132,10 @@ export function ruleOf(camera: string, frame: string): Rule | undefined {
     (rule) => rule.frame === frame && rule.markers.length === 0 && (rule.camera === camera || rule.camera === ""),
   );
 }
+
+/** The rules that leave points out of an image. */
+export function pointRulesOf(camera: string, frame: string): Rule[] {
+  return (session.value?.exclude ?? []).filter(
+    (rule) => rule.markers.length > 0 && (rule.frame === frame || rule.frame === "") && (rule.camera === camera || rule.camera === ""),
+  );
+}

@@ -2,11 +2,12 @@
 // Result: verdict, bars of the frames, the chosen image with its residuals, parameters, sigma maps.
 import { useEffect, useState } from "preact/hooks";
 import { ask } from "../api/client";
-import type { CameraResult, Point, Run, SigmaMap } from "../api/types";
-import { Plane } from "../image/plane";
+import type { CameraResult, Run, SigmaMap } from "../api/types";
 import { FrameBars } from "../plot/frame_bars";
 import { SigmaPicture } from "../plot/sigma_map";
-import { activeJob, addJob, attempt, exclude, go, include, place, project, ruleOf, run, session } from "../state/project";
+import { activeJob, addJob, attempt, go, place, project, run, session } from "../state/project";
+import { excludeShown, Frame } from "./frame";
+import type { Chosen } from "./frame";
 
 function Verdict({ now }: { now: Run }) {
   const shown = now.verdict.findings.filter((finding) => finding.grade !== "good").slice(0, 3);
@@ -92,51 +93,6 @@ function Maps({ number, camera }: { number: number; camera: string }) {
   );
 }
 
-interface Chosen {
-  number: number;
-  camera: CameraResult;
-  frame: string;
-}
-
-function Frame({ number, camera, frame }: Chosen) {
-  const [points, setPoints] = useState<Point[]>([]);
-  const [factor, setFactor] = useState(50);
-  useEffect(() => {
-    const query = `camera=${encodeURIComponent(camera.name)}&frame=${encodeURIComponent(frame)}`;
-    void attempt(async () => setPoints((await ask<{ points: Point[] }>("GET", `/api/runs/${number}/points?${query}`)).points));
-  }, [number, camera.name, frame]);
-  const rule = ruleOf(camera.name, frame);
-  const result = camera.frames.find((each) => each.frame === frame);
-  return (
-    <section>
-      <h2>
-        {camera.name} / {frame}
-      </h2>
-      <p>
-        {result ? `${result.points} points used, ${result.rejected} rejected, RMS ${result.rms?.toFixed(3) ?? "-"} px` : "no points in this run"}
-      </p>
-      <Plane camera={camera.name} frame={frame} size={camera.image_size} points={points} factor={factor} excluded={rule !== undefined} />
-      <div class="row">
-        {rule ? (
-          <button onClick={() => include(rule)}>Include again</button>
-        ) : (
-          <button onClick={() => exclude({ camera: camera.name, frame })}>Exclude (x)</button>
-        )}
-        <label>
-          residuals ×
-          <select value={factor} onChange={(event) => setFactor(Number(event.currentTarget.value))}>
-            {[1, 10, 50, 200, 1000].map((value) => (
-              <option key={value} value={value}>
-                {value}
-              </option>
-            ))}
-          </select>
-        </label>
-      </div>
-    </section>
-  );
-}
-
 /** Camera and frame of the address, or the worst frame of the first camera. */
 function chosenOf(now: Run): Chosen | null {
   const [name, frame] = place.value.parts;
@@ -157,9 +113,7 @@ export function step(by: number): void {
 
 export function excludeChosen(): void {
   const chosen = run.value && chosenOf(run.value);
-  if (!chosen || !session.value) return;
-  const rule = ruleOf(chosen.camera.name, chosen.frame);
-  void (rule ? include(rule) : exclude({ camera: chosen.camera.name, frame: chosen.frame }));
+  if (chosen && session.value) void excludeShown(chosen);
 }
 
 export function Look() {

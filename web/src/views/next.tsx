@@ -1,10 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 // What to record next: suggestions in words and as outlines over an image of the camera.
 import { useEffect, useState } from "preact/hooks";
-import { ask } from "../api/client";
-import type { Suggestions } from "../api/types";
+import { ask, imagePath } from "../api/client";
+import type { CameraResult, Suggestions } from "../api/types";
 import { Plane } from "../image/plane";
+import { useImage } from "../parts/picture";
 import { attempt, place, run } from "../state/project";
+
+function Outlines({ camera, outlines }: { camera: CameraResult; outlines: [number, number][][] }) {
+  const picture = useImage(imagePath(camera.name, camera.frames[0]?.frame ?? "", 0));
+  return <Plane name={camera.name} picture={picture} size={camera.image_size} outlines={outlines} />;
+}
 
 export function Next() {
   const [next, setNext] = useState<Suggestions | null>(null);
@@ -32,17 +38,7 @@ export function Next() {
           return (
             <li key={i}>
               <p>{view.words}</p>
-              {camera && (
-                <Plane
-                  camera={camera.name}
-                  frame={camera.frames[0]?.frame ?? ""}
-                  size={camera.image_size}
-                  points={[]}
-                  factor={1}
-                  excluded={false}
-                  outlines={view.outline[camera.name] ?? []}
-                />
-              )}
+              {camera && <Outlines camera={camera} outlines={view.outline[camera.name] ?? []} />}
             </li>
           );
         })}

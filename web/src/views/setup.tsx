@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // The session: proposed from the images, then its text and the target's, with the target drawn.
 import { useEffect, useState } from "preact/hooks";
-import { ask, blob } from "../api/client";
+import { ask } from "../api/client";
 import type { Files, Session } from "../api/types";
+import { usePicture } from "../parts/picture";
 import { activeJob, addJob, attempt, project, redo, session, undo } from "../state/project";
 
 function Folder() {
@@ -28,26 +29,28 @@ function Folder() {
   );
 }
 
+interface Drawing {
+  folder: string;
+  sheets: string[];
+  why: string | null;
+}
+
+function Sheet({ path }: { path: string }) {
+  const url = usePicture(path, true);
+  return url ? <img class="target" src={url} alt="the target" /> : null;
+}
+
 function TargetDrawing({ text }: { text: string | null }) {
-  const [url, setUrl] = useState<string | null>(null);
-  const [why, setWhy] = useState("");
-  useEffect(() => {
-    let made: string | null = null;
-    blob("/api/target.svg")
-      .then((content) => {
-        made = URL.createObjectURL(content);
-        setUrl(made);
-        setWhy("");
-      })
-      .catch((error: Error) => {
-        setUrl(null);
-        setWhy(error.message);
-      });
-    return () => {
-      if (made) URL.revokeObjectURL(made);
-    };
-  }, [text]);
-  return url ? <img class="target" src={url} alt="the target" /> : <p class="quiet">{why}</p>;
+  const [drawing, setDrawing] = useState<Drawing>({ folder: "", sheets: [], why: null });
+  useEffect(() => void attempt(async () => setDrawing(await ask<Drawing>("POST", "/api/drawing", {}))), [text]);
+  return (
+    <div class="row">
+      {drawing.why && <p class="quiet">{drawing.why}</p>}
+      {drawing.sheets.map((sheet) => (
+        <Sheet key={drawing.folder + sheet} path={`/api/drawing/${drawing.folder}/${encodeURIComponent(sheet)}`} />
+      ))}
+    </div>
+  );
 }
 
 interface Editor {

@@ -3,7 +3,7 @@
 import { useEffect, useMemo, useRef, useState } from "preact/hooks";
 import { ask } from "../api/client";
 import type { Space, Transform } from "../api/types";
-import { colourOf } from "../plot/sigma_map";
+import { viridis } from "../plot/viridis";
 import { attempt, go, place, run } from "../state/project";
 
 type Vector = [number, number, number];
@@ -129,7 +129,7 @@ function draw(element: HTMLCanvasElement, world: World, turn: Turn, hover: strin
   });
   canvas.lineWidth = 1.2;
   for (const [step, path] of paths) {
-    canvas.strokeStyle = step < 0 ? style.getPropertyValue("--line") : colourOf(0.01 * 1000 ** (step / 16));
+    canvas.strokeStyle = step < 0 ? style.getPropertyValue("--line") : `rgb(${viridis(step / 16).join(",")})`;
     canvas.stroke(path);
   }
   const named = drawn.find(({ camera }) => `${camera.camera}/${camera.frame}` === hover);

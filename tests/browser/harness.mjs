@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: Apache-2.0
+// A workbench on a folder, Debian's Chromium, and what is wrong on any page. Command line of each test:
+//
+//   node TEST.mjs PROGRAM SOURCE NODE_MODULES [SCREENSHOTS]
+import assert from "node:assert/strict";
+import { spawn } from "node:child_process";
+import { existsSync } from "node:fs";
+import { createRequire } from "node:module";
+import { join, resolve } from "node:path";
+
+export const [program, source, modules, screenshots] = process.argv.slice(2).map((path) => resolve(path));
+export const { chromium } = createRequire(join(modules, "/"))("playwright-core");
+export const kChromium = "/usr/bin/chromium";
+export const kPatience = 60_000; // ms, of a busy machine
+if (!existsSync(kChromium)) {
+  console.log(`skipped: ${kChromium} is missing (Debian package chromium)`);
+  process.exit(77);
+}
+
+export const openBrowser = () => chromium.launch({ executablePath: kChromium, args: ["--no-sandbox"] });
+
+/** Process, printed address and its token. */
+export async function startServer(folder) {
+  const server = spawn(program, ["workbench", folder, "--no-open"]);
+  let out = "";
+  server.stdout.on("data", (data) => (out += data));
+  for (let i = 0; i < 600 && !out.includes("\n"); ++i) await new Promise((done) => setTimeout(done, 50));
+  const address = out.split("\n")[0];
+  return { process: server, address, token: address.split("token=")[1] };
+}
+
+/** Collects errors of a page, refused requests, and those that leave this machine or hold the token. */
+export function watch(page, server, problems) {
+  page.on("console", (line) => line.type() === "error" && problems.push(line.text()));
+  page.on("pageerror", (error) => problems.push(String(error)));
+  page.on("response", (answer) => answer.status() >= 400 && problems.push(`${answer.status()} ${answer.url()}`));
+  page.on("request", (request) => {
+    const url = new URL(request.url());
+    if (url.protocol === "http:" && url.hostname !== "127.0.0.1") problems.push(`left this machine: ${url}`);
+    if (url.href.includes(server.token)) problems.push(`the token in an address: ${url}`);
+  });
+}
+
+/** Pictures for the eye, in both widths and both themes. */
+export async function picture(page, name) {
+  if (!screenshots) return;
+  for (const [width, scheme] of [[1300, "light"], [1300, "dark"], [420, "light"], [420, "dark"]]) {
+    await page.setViewportSize({ width, height: 900 });
+    await page.emulateMedia({ colorScheme: scheme });
+    await page.waitForTimeout(300);
+    await page.screenshot({ path: join(screenshots, `${name}_${width}_${scheme}.jpg`), type: "jpeg", quality: 60 });
+    const wide = await page.evaluate(() => document.documentElement.scrollWidth > innerWidth);
+    assert.equal(wide, false, `${name} is wider than ${width} px`);
+  }
+  await page.setViewportSize({ width: 1300, height: 900 });
+  await page.emulateMedia({ colorScheme: "light" });
+}
