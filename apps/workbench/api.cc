@@ -122,13 +122,14 @@ std::string OutputOf(const ChildResult& child) {
 }  // namespace
 
 Api::Api(Project* project, Jobs* jobs, EventLog* events)
-    : project_(project), jobs_(jobs), events_(events) {}
+    : project_(project), jobs_(jobs), events_(events), watch_(project) {}
 
 Answer Api::Handle(const Request& request) {
   if (Is(request, "GET", {"state"})) return State();
   if (Is(request, "GET", {"files"})) return Files(request);
   if (request.path.size() >= 2 && request.path[1] == "session") return SessionRequest(request);
   if (Is(request, "POST", {"jobs"})) return AddJob(request);
+  if (Is(request, "POST", {"watch"})) return WatchRequest(request);
   if (Is(request, "DELETE", {"jobs", "*"})) {
     const bool stopped = jobs_->Stop(NumberOf(request.path[2], "job"));
     return stopped ? JsonAnswer(Json::object()) : ErrorAnswer(404, "no such job is running");
@@ -160,6 +161,7 @@ Answer Api::State() {
                      {"session", session},
                      {"jobs", jobs_->All()},
                      {"runs", runs},
+                     {"watching", watch_.On()},
                      {"event", events_->Last()}});
 }
 
@@ -302,19 +304,7 @@ Answer Api::AddJob(const Request& request) {
                       events,
                       "--quiet"});
   } else if (kind == "calibrate") {
-    const int run = project_->NextRun();
-    const std::string out = fmt::format("runs/{}", run);
-    job = jobs_->Add(kind,
-                     {"calibrate",
-                      session,
-                      "-o",
-                      out,
-                      "--cache",
-                      ".plenocal/cache",
-                      "--events",
-                      events,
-                      "--quiet"},
-                     {{"run", run}});
+    job = AddCalibration(project_->NextRun());
   } else if (kind == "focus") {
     job = jobs_->Add(kind, FocusArguments(body));
   } else if (kind == "try") {
@@ -323,6 +313,43 @@ Answer Api::AddJob(const Request& request) {
     return ErrorAnswer(400, fmt::format("'{}' is no kind of job", kind));
   }
   return JsonAnswer(job, 202);
+}
+
+Json Api::AddCalibration(int run) {
+  return jobs_->Add("calibrate",
+                    {"calibrate",
+                     project_->SessionFile().filename().string(),
+                     "-o",
+                     fmt::format("runs/{}", run),
+                     "--cache",
+                     ".plenocal/cache",
+                     "--events",
+                     std::to_string(kEventsFile),
+                     "--quiet"},
+                    {{"run", run}});
+}
+
+Answer Api::WatchRequest(const Request& request) {
+  const Json body = BodyOf(request);
+  const auto on = body.find("on");
+  if (on == body.end() || !on->is_boolean()) {
+    throw Error(ErrorKind::kInput, "on: expected true or false");
+  }
+  if (!on->get<bool>()) {
+    watch_.Stop();
+  } else if (!watch_.On()) {
+    (void)project_->Parsed();  // a session that cannot be read is refused
+    watched_run_ = project_->NextRun();
+    watch_.Start();
+  }
+  events_->Add("reset", "{}");  // other tabs show it, too
+  return State();
+}
+
+void Api::CalibrateArrivals() {
+  if (!watch_.On() || jobs_->Busy() || !watch_.Arrived()) return;
+  events_->Add("session", "{}");
+  AddCalibration(watched_run_);
 }
 
 Answer Api::Image(const Request& request) {

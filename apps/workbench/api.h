@@ -3,6 +3,7 @@
 // What the page asks for (docs/workbench.md lists it): parse, call, answer.
 #pragma once
 
+#include <atomic>
 #include <filesystem>
 #include <mutex>
 #include <nlohmann/json.hpp>
@@ -13,6 +14,7 @@
 #include "apps/workbench/http/guard.h"
 #include "apps/workbench/project/jobs.h"
 #include "apps/workbench/project/project.h"
+#include "apps/workbench/project/watch.h"
 #include "calib/files/frame_images.h"
 
 namespace plenocal::workbench {
@@ -23,6 +25,9 @@ class Api {
 
   /// Throws `Error` for what the request has wrong.
   Answer Handle(const Request& request);
+  /// While the folders are watched: calibrates with the images that have arrived. Called again and
+  /// again.
+  void CalibrateArrivals();
 
  private:
   Answer State();
@@ -32,6 +37,8 @@ class Api {
   Answer Changed(const std::optional<SessionVersion>& version);
   Answer Exclude(const Request& request);
   Answer AddJob(const Request& request);
+  nlohmann::json AddCalibration(int run);
+  Answer WatchRequest(const Request& request);
   Answer Image(const Request& request);
   Answer Focus(const Request& request) const;
   Answer Run(const Request& request);
@@ -50,7 +57,9 @@ class Api {
   Project* project_;
   Jobs* jobs_;
   EventLog* events_;
-  std::mutex drawing_;  // one tab at a time draws the target
+  Watch watch_;
+  std::atomic<int> watched_run_{0};  // that the images which arrive are calibrated into
+  std::mutex drawing_;               // one tab at a time draws the target
 };
 
 }  // namespace plenocal::workbench

@@ -58,6 +58,7 @@ void RunWorkbench(const WorkbenchOptions& options,
       if (last != std::filesystem::file_time_type{}) events.Add("session", "{}");
       last = time;
     }
+    api.CalibrateArrivals();
     return go_on();
   });
 }

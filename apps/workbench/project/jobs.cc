@@ -87,6 +87,14 @@ Json Jobs::All() const {
   return all;
 }
 
+bool Jobs::Busy() const {
+  const std::lock_guard lock(mutex_);
+  return std::ranges::any_of(jobs_, [](const Job& job) {
+    const std::string state = job.shown["state"];
+    return state == "waiting" || state == "running";
+  });
+}
+
 void Jobs::Change(Job* job, const std::function<void(Json*)>& change) {
   const std::lock_guard lock(mutex_);
   change(&job->shown);

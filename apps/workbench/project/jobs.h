@@ -31,6 +31,8 @@ class Jobs {
   /// False when there is none of this number that could be stopped.
   bool Stop(int id);
   [[nodiscard]] nlohmann::json All() const;
+  /// Whether one waits or runs.
+  [[nodiscard]] bool Busy() const;
 
  private:
   struct Job {

@@ -125,6 +125,20 @@ TEST_F(ApiOfAFolder, ShowsNoFilesAsSheetsOfTheTarget) {
   }
 }
 
+TEST_F(ApiOfAFolder, WatchesOnlyWhenAsked) {
+  EXPECT_EQ(Json::parse(Ask("GET", {"state"}).body)["watching"], false);
+  for (const char* body : {"{}", R"({"on": 1})", R"({"on": "true"})"}) {
+    EXPECT_EQ(Ask("POST", {"watch"}, body).status, 400) << body;
+  }
+  api_->CalibrateArrivals();
+  EXPECT_TRUE(jobs_->All().empty());
+  EXPECT_EQ(Json::parse(Ask("POST", {"watch"}, R"({"on": true})").body)["watching"], true);
+  Write("root/session.yaml", "plenocal: 1\ncameras: [");
+  api_->CalibrateArrivals();
+  EXPECT_TRUE(jobs_->All().empty()) << "a session that cannot be read is no reason to begin";
+  EXPECT_EQ(Json::parse(Ask("POST", {"watch"}, R"({"on": false})").body)["watching"], false);
+}
+
 TEST_F(ApiOfAFolder, GivesNamesOfStrangersAsText) {
   const Json session = Json::parse(Ask("GET", {"session"}).body);
   EXPECT_EQ(session["problem"], nullptr);

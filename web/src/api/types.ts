@@ -23,6 +23,7 @@ export interface State {
   session: { path: string; hash: string; undo: boolean; redo: boolean } | null;
   jobs: Job[];
   runs: RunBrief[];
+  watching: boolean;
   event: number;
 }
 export interface Rule {

@@ -80,14 +80,16 @@ function onJob(job: Job): void {
   const jobs = state.jobs.filter((each) => each.id !== job.id);
   project.value = { ...state, jobs: [...jobs, job].sort((a, b) => a.id - b.id) };
   if (job.state === "done" || job.state === "failed" || job.state === "stopped") {
-    if (job.state === "failed") message.value = job.error ?? "the job failed";
+    if (job.run === run.value?.run) loaded = "";
     void attempt(async () => {
       await loadState();
-      if (job.state === "done" && job.run !== undefined && place.value.view !== "look") {
-        go("look", [], job.run);
-      } else if (job.state === "done" && job.run !== undefined) {
-        go("look", place.value.parts, job.run);
-      }
+      if (job.state !== "done" || job.run === undefined) return;
+      // While images arrive, the screen stays.
+      const { view, parts } = place.value;
+      if (state.watching) go(view, view === "look" ? parts : [], job.run);
+      else go("look", view === "look" ? parts : [], job.run);
+    }).then(() => {
+      if (job.state === "failed") message.value = job.error ?? "the job failed";
     });
   }
 }
@@ -109,6 +111,11 @@ export function start(): void {
     if (name === "reset" || name === "session" || name === "open") void attempt(loadState);
   });
 }
+
+export const watchFolders = (on: boolean): Promise<void> =>
+  attempt(async () => {
+    project.value = await ask<State>("POST", "/api/watch", { on });
+  });
 
 export const addJob = (kind: string): Promise<void> =>
   attempt(async () => {

@@ -1,32 +1,88 @@
 // SPDX-License-Identifier: Apache-2.0
 // What to record next: suggestions in words and as outlines over an image of the camera.
+import { signal } from "@preact/signals";
 import { useEffect, useState } from "preact/hooks";
 import { ask, imagePath } from "../api/client";
 import type { CameraResult, Suggestions } from "../api/types";
 import { Plane } from "../image/plane";
-import { useImage } from "../parts/picture";
-import { attempt, place, run } from "../state/project";
+import { Thumb, useImage } from "../parts/picture";
+import { activeJob, attempt, detections, place, project, run, session, watchFolders } from "../state/project";
 
 function Outlines({ camera, outlines }: { camera: CameraResult; outlines: [number, number][][] }) {
   const picture = useImage(imagePath(camera.name, camera.frames[0]?.frame ?? "", 0));
   return <Plane name={camera.name} picture={picture} size={camera.image_size} outlines={outlines} />;
 }
 
-export function Next() {
+/** The image that arrived last, and whether the target was found in it. */
+function LastImage() {
+  const last = Object.values(detections.value).at(-1);
+  if (!last) return <p>Save images into the folders of the session's cameras.</p>;
+  return (
+    <div class="row last">
+      <Thumb camera={last.camera} frame={last.frame} />
+      <p class={last.points > 0 ? "" : "problem"} data-last={`${last.camera}/${last.frame}`}>
+        {last.camera} / {last.frame}: {last.points > 0 ? `${last.points} points` : last.why || "no target"}
+      </p>
+    </div>
+  );
+}
+
+/** Frames and sigma while images arrive, the newest last. */
+const course = signal<{ frames: number; sigma: number | null }[]>([]);
+
+function Watching() {
+  const watching = project.value?.watching ?? false;
+  const shown = course.value.slice(-8);
+  return (
+    <section>
+      <div class="row">
+        <button
+          class="main"
+          aria-pressed={watching}
+          disabled={!session.value}
+          onClick={() => {
+            if (!watching) course.value = [];
+            void watchFolders(!watching);
+          }}
+        >
+          {watching ? "Stop watching" : "Watch the folders"}
+        </button>
+        <span class="quiet">
+          {watching
+            ? activeJob.value
+              ? "calibrating with the images that have arrived"
+              : "waiting for images"
+            : "images that arrive are looked at, and calibration goes on with them"}
+        </span>
+      </div>
+      {watching && <LastImage />}
+      {watching && shown.length > 0 && (
+        <p aria-live="polite">
+          sigma of the projection with {shown.map(({ frames, sigma }) => `${frames} frames: ${sigma === null ? "not determined" : `${sigma.toPrecision(2)} px`}`).join("; ")}
+        </p>
+      )}
+    </section>
+  );
+}
+
+function Suggested() {
   const [next, setNext] = useState<Suggestions | null>(null);
   const [busy, setBusy] = useState(false);
   const number = place.value.run;
   useEffect(() => {
-    if (number === null) return;
+    if (number === null || run.value?.run !== number) return;
     setBusy(true);
-    setNext(null);
-    void attempt(async () => setNext(await ask("POST", "/api/suggest", { run: number, count: 5 }))).then(() => setBusy(false));
-  }, [number]);
-  if (number === null) return <p>No result yet: calibrate in Set up.</p>;
+    void attempt(async () => {
+      const suggested = await ask<Suggestions>("POST", "/api/suggest", { run: number, count: 5 });
+      setNext(suggested);
+      if (project.value?.watching) course.value = [...course.value, { frames: suggested.frames, sigma: suggested.sigma_now }];
+    }).then(() => setBusy(false));
+  }, [run.value]);
+  if (number === null) return <p>No result yet.</p>;
   if (!next) return <p aria-busy={busy}>{busy ? "Weighing views…" : "There are no suggestions for this run."}</p>;
   return (
     <>
-      <p>
+      <p data-frames={next.frames}>
         {next.frames} frames;{" "}
         {next.sigma_now === null ? "they do not determine all parameters yet" : `sigma of the projection ${next.sigma_now.toPrecision(2)} px, goal ${next.goal} px`}
         {next.reached ? ": reached" : ""}
@@ -43,6 +99,15 @@ export function Next() {
           );
         })}
       </ol>
+    </>
+  );
+}
+
+export function Next() {
+  return (
+    <>
+      <Watching />
+      <Suggested />
     </>
   );
 }
