@@ -97,7 +97,8 @@ PlenopticProblem MakePlenopticProblem(unsigned seed, const PlenopticOptions& opt
         ExpRotation(Eigen::Vector3d(options.corner ? 0.8 : 0, 0, random.Uniform(-0.6, 0.6)));
     const double z = distance * (1 + options.depth_span * random.Uniform(-1, 1));
     const double reach = 0.2 * z * half_width / options.f_L;
-    const Eigen::Vector3d place(random.Uniform(-reach, reach), random.Uniform(-reach, reach), z);
+    const Eigen::Vector2d aside = random.Uniforms<2>(-reach, reach);
+    const Eigen::Vector3d place(aside.x(), aside.y(), z);
     const RigidTransform T{R, place - R * centre};
     View view{std::string("f").append(std::to_string(1000 + f)), {}};
     const double slope = options.frame_slope > 0 ? noise.Gaussian(options.frame_slope) : 0;

@@ -103,18 +103,15 @@ SyntheticProblem MakeProblem(unsigned seed, const SyntheticOptions& options) {
     }
     const double z = distance * random.Uniform(0.7, 1.3);
     const double reach = 0.4 * z * std::tan(half_fov);
-    const Eigen::Vector3d place(random.Uniform(-reach, reach), random.Uniform(-reach, reach), z);
+    const Eigen::Vector2d aside = random.Uniforms<2>(-reach, reach);
+    const Eigen::Vector3d place(aside.x(), aside.y(), z);
     const RigidTransform T_rig_target{R, place - R * centre};
     problem.T_rig_target[frame] = T_rig_target;
     for (size_t c = 0; c < problem.params.size(); ++c) {
       if (random.Uniform(0, 1) > options.visible) continue;
       View view{frame, {}};
-      const Eigen::Vector3d moved(jitter.Gaussian(options.jitter_translation),
-                                  jitter.Gaussian(options.jitter_translation),
-                                  jitter.Gaussian(options.jitter_translation));
-      const Eigen::Vector3d turned(jitter.Gaussian(options.jitter_rotation),
-                                   jitter.Gaussian(options.jitter_rotation),
-                                   jitter.Gaussian(options.jitter_rotation));
+      const Eigen::Vector3d moved = jitter.Gaussians<3>(options.jitter_translation);
+      const Eigen::Vector3d turned = jitter.Gaussians<3>(options.jitter_rotation);
       const RigidTransform seen{ExpRotation(turned) * R,
                                 place + moved - ExpRotation(turned) * R * centre};
       for (const auto& [number, position] : problem.markers) {

@@ -5,7 +5,8 @@
 
 #include <cmath>
 #include <numbers>
-#include <random>
+
+#include "tests/calib/random.h"
 
 namespace plenocal {
 namespace TEST_FILE {
@@ -25,11 +26,8 @@ std::vector<Eigen::Vector3d> Axes() {
                                     Eigen::Vector3d::UnitZ(),
                                     -Eigen::Vector3d::UnitZ(),
                                     Eigen::Vector3d(1, -1, 0).normalized()};
-  std::mt19937 engine(7);
-  std::normal_distribution<double> normal;
-  for (int i = 0; i < 20; ++i) {
-    axes.push_back(Eigen::Vector3d(normal(engine), normal(engine), normal(engine)).normalized());
-  }
+  testing::Random random(7);
+  for (int i = 0; i < 20; ++i) axes.push_back(random.Direction());
   return axes;
 }
 

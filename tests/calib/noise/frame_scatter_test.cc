@@ -69,7 +69,7 @@ Bundle BundleOfDisplacedMarkers(unsigned seed, double displacement) {
   Random random(seed + 100);
   std::vector<Eigen::Vector2d> moved;
   for (size_t m = 0; m < bundle.markers.size(); ++m) {
-    moved.emplace_back(random.Gaussian(displacement), random.Gaussian(displacement));
+    moved.push_back(random.Gaussians<2>(displacement));
   }
   for (BundleObservation& observation : bundle.observations) {
     for (size_t r = 0; r < 2; ++r) {

@@ -25,7 +25,7 @@ std::vector<HandEyePair> Instants(const Eigen::Vector3d& rotation, double noise)
   constexpr int kInstants = 20;
   for (int i = 0; i < kInstants; ++i) {
     const auto draw = [&] { return random.Uniform(-1, 1); };
-    const Eigen::Vector3d w(rotation.x() * draw(), rotation.y() * draw(), rotation.z() * draw());
+    const Eigen::Vector3d w = rotation.cwiseProduct(random.Uniforms<3>(-1, 1));
     const RigidTransform B{ExpRotation(w), {0.4 * draw(), 0.3 * draw(), 1.2 + 0.3 * draw()}};
     Vector6d error;
     for (double& each : error) each = random.Gaussian(noise);

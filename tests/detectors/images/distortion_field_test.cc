@@ -59,7 +59,9 @@ std::vector<DistortionMeasurement> Measurements(int count, double sigma, std::mt
   std::normal_distribution<double> normal;
   std::vector<DistortionMeasurement> measurements;
   for (int i = 0; i < count; ++i) {
-    const Eigen::Vector2d place(uniform(*random) * kSize.x(), uniform(*random) * kSize.y());
+    // Arguments of one call would be drawn in an order that depends on the compiler.
+    const double y = uniform(*random) * kSize.y(), x = uniform(*random) * kSize.x();
+    const Eigen::Vector2d place(x, y);
     measurements.push_back(
         MeasureEdge(place, 2 * std::numbers::pi * uniform(*random), Curvature, sigma));
     measurements.back().value += std::sqrt(measurements.back().variance) * normal(*random);
@@ -185,7 +187,8 @@ TEST(DistortionField, DescribesAFisheye) {
   std::uniform_real_distribution<double> uniform(0, 1);
   std::vector<DistortionMeasurement> measurements;
   for (int i = 0; i < 2000; ++i) {
-    const Eigen::Vector2d place(uniform(random) * kSize.x(), uniform(random) * kSize.y());
+    const double y = uniform(random) * kSize.y(), x = uniform(random) * kSize.x();
+    const Eigen::Vector2d place(x, y);
     measurements.push_back(
         MeasureEdge(place, 2 * std::numbers::pi * uniform(random), FisheyeCurvature, 1e-7));
   }
