@@ -4,7 +4,7 @@
 //   node TEST.mjs PROGRAM SOURCE NODE_MODULES [SCREENSHOTS]
 import assert from "node:assert/strict";
 import { spawn } from "node:child_process";
-import { existsSync } from "node:fs";
+import { existsSync, readFileSync } from "node:fs";
 import { createRequire } from "node:module";
 import { join, resolve } from "node:path";
 
@@ -41,17 +41,27 @@ export function watch(page, server, problems) {
   });
 }
 
-/** Pictures for the eye, in both widths and both themes. */
-export async function picture(page, name) {
-  if (!screenshots) return;
+const axe = readFileSync(join(modules, "axe-core/axe.min.js"), "utf8");
+
+/** No violation of WCAG 2.2 AA that axe finds, and no sideways scrolling, in both widths and both themes; pictures for the eye. */
+export async function look(page, name) {
+  const size = page.viewportSize();
   for (const [width, scheme] of [[1300, "light"], [1300, "dark"], [420, "light"], [420, "dark"]]) {
     await page.setViewportSize({ width, height: 900 });
     await page.emulateMedia({ colorScheme: scheme });
     await page.waitForTimeout(300);
-    await page.screenshot({ path: join(screenshots, `${name}_${width}_${scheme}.jpg`), type: "jpeg", quality: 60 });
+    if (screenshots) {
+      await page.screenshot({ path: join(screenshots, `${name}_${width}_${scheme}.jpg`), type: "jpeg", quality: 60 });
+    }
     const wide = await page.evaluate(() => document.documentElement.scrollWidth > innerWidth);
     assert.equal(wide, false, `${name} is wider than ${width} px`);
+    await page.evaluate(axe);
+    const { violations } = await page.evaluate(() =>
+      axe.run({ runOnly: ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa"] }),
+    );
+    const found = violations.map(({ id, help, nodes }) => `${id}: ${help}: ${nodes.map((node) => node.html).join(" ")}`);
+    assert.deepEqual(found, [], `${name} at ${width} px, ${scheme}`);
   }
-  await page.setViewportSize({ width: 1300, height: 900 });
+  await page.setViewportSize(size);
   await page.emulateMedia({ colorScheme: "light" });
 }

@@ -5,7 +5,7 @@ import { execFileSync } from "node:child_process";
 import { mkdtempSync, readFileSync, rmSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
-import { kPatience, openBrowser, picture, program, source, startServer, watch } from "./harness.mjs";
+import { kPatience, look, openBrowser, program, source, startServer, watch } from "./harness.mjs";
 
 const kFrame = "000100";
 const folder = mkdtempSync(join(tmpdir(), "plenocal-plenoptic-"));
@@ -83,7 +83,7 @@ async function linkedViews(page, size, steps) {
   await page.getByText(`point ${marker}: in ${measured.length} micro images`).waitFor({ timeout: kPatience });
   assert.equal(await page.locator(".micro canvas").count(), measured.length);
   await page.mouse.move(...(await at(measured[0])));
-  await picture(page, "plenoptic");
+  await look(page, "plenoptic");
 }
 
 const problems = [];

@@ -5,7 +5,7 @@ import { execFileSync } from "node:child_process";
 import { cpSync, existsSync, mkdirSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
-import { kPatience, openBrowser, picture, program, source, startServer, watch } from "./harness.mjs";
+import { kPatience, look, openBrowser, program, source, startServer, watch } from "./harness.mjs";
 
 const folder = mkdtempSync(join(tmpdir(), "plenocal-watch-"));
 mkdirSync(join(folder, "left"));
@@ -44,7 +44,7 @@ async function recording(page, steps) {
   await page.getByText(/with 5 frames: .*; 6 frames: .*; 7 frames: /).waitFor({ timeout: kPatience });
   assert.ok(existsSync(join(folder, "runs/1/calibration.yaml")));
   assert.ok(!existsSync(join(folder, "runs/2")), "images that arrive go on in one run");
-  await picture(page, "watch");
+  await look(page, "watch");
 
   steps("the result is that of the command line");
   await page.getByRole("button", { name: "Stop watching" }).click();

@@ -9,7 +9,7 @@ import { cpSync, existsSync, mkdirSync, mkdtempSync, readdirSync, readFileSync, 
 import { createServer } from "node:http";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
-import { chromium, kChromium, kPatience, openBrowser, picture, program, source as images, startServer, watch } from "./harness.mjs";
+import { chromium, kChromium, kPatience, look, openBrowser, program, source as images, startServer, watch } from "./harness.mjs";
 
 const folder = mkdtempSync(join(tmpdir(), "plenocal-workbench-"));
 mkdirSync(join(folder, "left"));
@@ -29,7 +29,7 @@ async function folderToResult(page, steps) {
   await page.locator("section", { has: target }).getByRole("button", { name: "Save" }).click();
   await page.getByText("left: 13 images").waitFor({ timeout: kPatience });
   assert.match(text("target.yaml"), /^square: 25 mm$/m);
-  await picture(page, "setup");
+  await look(page, "setup");
 
   steps("calibration, with the detections on the way");
   await page.getByRole("button", { name: "Calibrate", exact: true }).click();
@@ -37,7 +37,7 @@ async function folderToResult(page, steps) {
   await page.getByRole("button", { name: "Images", exact: true }).click();
   await page.getByText("13 images looked at, target found in 13").waitFor({ timeout: kPatience });
   await page.locator(".thumb img").first().waitFor({ timeout: kPatience });
-  await picture(page, "images");
+  await look(page, "images");
 
   steps("the page has the numbers of the files, and these are those of the command line");
   await page.getByRole("button", { name: "Look", exact: true }).click();
@@ -62,7 +62,7 @@ async function excludeAndUndo(page, steps) {
   const frame = (await bars[worst].getAttribute("title")).split(":")[0];
   await page.locator("canvas[data-points='54'][data-loaded=yes]").waitFor({ timeout: kPatience });
   assert.match(page.url(), new RegExp(`#/look/left/${frame}`));
-  await picture(page, "look");
+  await look(page, "look");
   await page.reload();
   await page.locator("canvas[data-points='54']").waitFor({ timeout: kPatience });
   await page.getByRole("heading", { name: `left / ${frame}` }).waitFor();
@@ -118,7 +118,7 @@ async function choosePoints(page, steps) {
   await page.mouse.up();
   await page.keyboard.up("Shift");
   await page.getByRole("button", { name: `Exclude ${inside.length} points (x)` }).waitFor();
-  await picture(page, "points");
+  await look(page, "points");
   const before = text("session.yaml");
   await page.keyboard.press("x");
   await page.getByText(`excluded: points ${inside.join(", ")}`).waitFor({ timeout: kPatience });
@@ -147,7 +147,7 @@ async function inSpace(page, steps) {
   await page.getByRole("button", { name: "Space", exact: true }).click();
   const canvas = page.locator("canvas[data-cameras='12']");
   await canvas.waitFor({ timeout: kPatience });
-  await picture(page, "space");
+  await look(page, "space");
   const box = await canvas.boundingBox();
   let name = "";
   for (let y = 0.1; y < 0.95 && !name; y += 0.03) {
@@ -167,15 +167,15 @@ async function suggestCompareExport(page, steps) {
   await page.getByRole("button", { name: "Next views" }).click();
   await page.locator(".suggestions li").nth(4).waitFor({ timeout: kPatience });
   await page.locator(".suggestions canvas[data-loaded=yes]").first().waitFor({ timeout: kPatience });
-  await picture(page, "next");
+  await look(page, "next");
   await page.getByRole("button", { name: "Compare", exact: true }).first().click();
   await page.locator("main").getByRole("button", { name: "Compare", exact: true }).click();
   await page.locator("main pre").waitFor({ timeout: kPatience });
-  await picture(page, "compare");
+  await look(page, "compare");
   await page.getByRole("button", { name: "Export", exact: true }).first().click();
   await page.locator("main").getByRole("button", { name: "Export", exact: true }).click();
   await page.locator("main pre").waitFor({ timeout: kPatience });
-  await picture(page, "export");
+  await look(page, "export");
   execFileSync(program, ["export", "runs/3/calibration.yaml", "--format", "opencv", "-o", "by_hand.yml"], { cwd: folder });
   assert.equal((await page.locator("main pre").textContent()).trim(), text("by_hand.yml").trim());
   await page.getByText(/plenocal export .*--format opencv/).first().waitFor();

@@ -20,11 +20,10 @@ export function FrameBars({ camera, selected, order, onSelect }: Bars) {
   if (order === "rms") frames.sort((a, b) => (b.rms ?? 0) - (a.rms ?? 0));
   const most = Math.max(1e-9, ...frames.map((frame) => frame.rms ?? 0));
   return (
-    <div class="bars" role="list" aria-label={`RMS of the frames of ${camera.name}`}>
+    <div class="bars" role="group" aria-label={`RMS of the frames of ${camera.name}`}>
       {frames.map((frame) => (
         <button
           key={frame.frame}
-          role="listitem"
           class={`bar ${frame.frame === selected ? "chosen" : ""} ${ruleOf(camera.name, frame.frame) ? "hatched" : ""}`}
           title={`${frame.frame}: ${frame.rms?.toFixed(3) ?? "-"} px, ${frame.points} points, ${frame.rejected} rejected`}
           aria-label={`${frame.frame} ${frame.rms?.toFixed(3) ?? "no"} px`}

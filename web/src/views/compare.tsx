@@ -35,7 +35,7 @@ export function Compare() {
           Compare
         </button>
       </div>
-      {text && <pre>{text}</pre>}
+      {text && <pre tabIndex={0}>{text}</pre>}
     </>
   );
 }

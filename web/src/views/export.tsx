@@ -59,7 +59,7 @@ export function Export() {
             The same on the command line: <code>{made.command}</code>
           </p>
           <button onClick={() => save(new Blob([made.text]), `${format}.txt`)}>Save the file</button>
-          <pre>{made.text}</pre>
+          <pre tabIndex={0}>{made.text}</pre>
         </section>
       )}
       <p class="quiet">All files of this run are in {now.folder}.</p>
