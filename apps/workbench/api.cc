@@ -122,7 +122,7 @@ std::string OutputOf(const ChildResult& child) {
 }  // namespace
 
 Api::Api(Project* project, Jobs* jobs, EventLog* events)
-    : project_(project), jobs_(jobs), events_(events), watch_(project) {}
+    : project_(project), jobs_(jobs), events_(events), images_(project->Root()), watch_(project) {}
 
 Answer Api::Handle(const Request& request) {
   if (Is(request, "GET", {"state"})) return State();
@@ -190,14 +190,12 @@ Answer Api::Files(const Request& request) const {
   return JsonAnswer({{"dir", request.Query("dir")}, {"images", images}, {"entries", entries}});
 }
 
-Json Api::CamerasJson(const Session& session) const {
+Json Api::CamerasJson(const Session& session) {
   Json cameras = Json::array();
   for (const SessionCamera& camera : session.cameras) {
     Json frames = Json::array();
     if (!camera.images.empty()) {
-      for (const FrameImage& image : ExpandImages(camera.images, camera.name + ": images")) {
-        frames.push_back(image.frame);
-      }
+      for (const FrameImage& image : images_.Of(camera)) frames.push_back(image.frame);
     }
     cameras.push_back({{"name", camera.name},
                        {"model", camera.model->name},
@@ -359,14 +357,14 @@ Answer Api::Image(const Request& request) {
     return ErrorAnswer(404, fmt::format("the session has no image {} of {}", frame, camera));
   }
   const int width = request.Query("w").empty() ? 0 : NumberOf(request.Query("w"), "w");
-  return ImageAnswer(project_->Root(), image->path, width);
+  return ImageAnswer(project_->Root(), *image, width);
 }
 
 std::optional<FrameImage> Api::FindImage(const std::string& camera, const std::string& frame) {
   const Session session = project_->Parsed();
   for (const SessionCamera& each : session.cameras) {
     if (each.name != camera) continue;
-    for (const FrameImage& image : ExpandImages(each.images, camera + ": images")) {
+    for (const FrameImage& image : images_.Of(each)) {
       if (image.frame == frame) return image;
     }
   }
@@ -399,6 +397,12 @@ std::vector<std::string> Api::FocusArguments(const Json& body) {
       "-o",
       FocusFolder(run, camera, frame).string(),
       "--quiet"};
+  if (image->store) {
+    throw Error(ErrorKind::kInput,
+                fmt::format("{}: the workbench computes virtual depth of image files only; "
+                            "'plenocal focus' reads recordings",
+                            image->path.string()));
+  }
   const Session session = project_->Parsed();
   const auto of = std::ranges::find(session.cameras, camera, &SessionCamera::name);
   if (of->bayer) {
@@ -417,7 +421,8 @@ Answer Api::Focus(const Request& request) const {
     return JsonAnswer(nullptr);
   }
   if (request.path.size() == 7) {
-    return ImageAnswer(project_->Root(), project_->Root() / folder / "focused.png", 0);
+    return ImageAnswer(
+        project_->Root(), {.frame = "", .path = project_->Root() / folder / "focused.png"}, 0);
   }
   return JsonAnswer(FocusJson(project_->Root(), project_->Root() / folder));
 }

@@ -14,6 +14,7 @@
 #include "apps/workbench/http/guard.h"
 #include "apps/workbench/project/jobs.h"
 #include "apps/workbench/project/project.h"
+#include "apps/workbench/project/session_images.h"
 #include "apps/workbench/project/watch.h"
 #include "calib/files/frame_images.h"
 
@@ -52,11 +53,12 @@ class Api {
   std::optional<FrameImage> FindImage(const std::string& camera, const std::string& frame);
   /// A camera's file in the folder of a run, which no link leaves.
   [[nodiscard]] std::filesystem::path RunFile(int run, const std::string& name) const;
-  [[nodiscard]] nlohmann::json CamerasJson(const Session& session) const;
+  nlohmann::json CamerasJson(const Session& session);
 
   Project* project_;
   Jobs* jobs_;
   EventLog* events_;
+  SessionImages images_;
   Watch watch_;
   std::atomic<int> watched_run_{0};  // that the images which arrive are calibrated into
   std::mutex drawing_;               // one tab at a time draws the target

@@ -11,11 +11,10 @@
 
 namespace plenocal::workbench {
 
-Answer ImageAnswer(const std::filesystem::path& root,
-                   const std::filesystem::path& file,
-                   int width) {
+Answer ImageAnswer(const std::filesystem::path& root, const FrameImage& image, int width) {
   constexpr size_t kMostBytes = size_t{2} << 30;
-  cv::Mat gray = DecodeRawGray(ReadBeneath(root, file, kMostBytes), file);
+  cv::Mat gray = image.store ? ReadRawGray(image)
+                             : DecodeRawGray(ReadBeneath(root, image.path, kMostBytes), image.path);
   if (gray.depth() != CV_8U) {
     double highest = 0;
     cv::minMaxLoc(gray, nullptr, &highest);

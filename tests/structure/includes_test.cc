@@ -59,7 +59,7 @@ const std::map<std::string, Rooms> kAllowed = [] {
   add("apps/scene", {"apps/recording", "apps/evaluate", "apps/report", "models"});
   add("apps/photometry", {"apps/scene"});
   add("apps/simulate", {"apps/charts", "apps/evaluate", "calib/judge", "detectors", "models"});
-  add("apps/workbench", {"apps/report"});
+  add("apps/workbench", {"apps/report", "apps/recording"});
   add("apps/cli",
       {"apps/print",
        "apps/evaluate",

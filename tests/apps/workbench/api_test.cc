@@ -4,10 +4,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <fstream>
 #include <sstream>
 
 #include "calib/base/error.h"
+#include "tests/apps/recording/small_images.h"
 
 namespace plenocal::workbench {
 namespace TEST_FILE {
@@ -123,6 +125,36 @@ TEST_F(ApiOfAFolder, ShowsNoFilesAsSheetsOfTheTarget) {
     EXPECT_EQ(answer.status, 400) << part;
     EXPECT_THAT(answer.body, Not(HasSubstr("secret\n")));
   }
+}
+
+TEST_F(ApiOfAFolder, ShowsImagesOfArchivesBeneathIt) {
+  const auto use = [&](const std::string& pattern) {
+    Write("root/session.yaml",
+          "plenocal: 1\ntarget: target.yaml\ncameras:\n  left: {model: pinhole, images: " +
+              pattern + "}\n");
+    return Json::parse(Ask("GET", {"session"}).body);
+  };
+  testing::WriteZip(folder_ / "root/day.zip",
+                    {{"left/1.pgm", testing::FlatImage(7)}, {"left/2.pgm", testing::FlatImage(9)}});
+  EXPECT_EQ(use("day.zip/left")["cameras"][0]["frames"], Json({"1", "2"}));
+  const Answer image = Ask("GET", {"image", "left", "2"});
+  EXPECT_EQ(image.status, 200);
+  EXPECT_EQ(image.type, "image/jpeg");
+  EXPECT_EQ(Ask("GET", {"image", "left", "3"}).status, 404);
+
+  // As it is now, not as it was.
+  fs::remove(folder_ / "root/day.zip");
+  testing::WriteZip(folder_ / "root/day.zip", {{"left/3.pgm", testing::FlatImage(7)}});
+  fs::last_write_time(folder_ / "root/day.zip",
+                      fs::file_time_type::clock::now() + std::chrono::seconds(2));
+  EXPECT_EQ(Ask("GET", {"image", "left", "3"}).status, 200);
+
+  testing::WriteZip(folder_ / "outside/day.zip", {{"left/1.pgm", testing::FlatImage(7)}});
+  EXPECT_THAT(use("../outside/day.zip/left").dump(), HasSubstr("outside"));
+  EXPECT_EQ(Ask("GET", {"image", "left", "1"}).status, 400);
+  fs::create_symlink(folder_ / "outside/day.zip", folder_ / "root/link.zip");
+  use("link.zip/left");
+  EXPECT_EQ(Ask("GET", {"image", "left", "1"}).status, 400) << "a link leads out";
 }
 
 TEST_F(ApiOfAFolder, WatchesOnlyWhenAsked) {
