@@ -10,6 +10,7 @@
 #include <string>
 #include <utility>
 
+#include "apps/recording/stores/image_lister.h"
 #include "apps/workbench/focus_json.h"
 #include "apps/workbench/image_answer.h"
 #include "apps/workbench/project/beneath.h"
@@ -185,6 +186,8 @@ Answer Api::Files(const Request& request) const {
       entries.push_back({{"name", name}, {"kind", "dir"}, {"count", count}});
     } else if (HasImageName(entry.path())) {
       ++images;
+    } else if (!entry.is_symlink(error) && !SplitStorePattern(entry.path()).file.empty()) {
+      entries.push_back({{"name", name}, {"kind", "recording"}, {"count", 1}});
     }
   }
   return JsonAnswer({{"dir", request.Query("dir")}, {"images", images}, {"entries", entries}});

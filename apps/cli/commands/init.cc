@@ -12,6 +12,8 @@
 #include "apps/cli/session/proposal_text.h"
 #include "apps/recording/find_cameras.h"
 #include "apps/recording/image_names.h"
+#include "apps/recording/layouts.h"
+#include "apps/recording/stores/image_lister.h"
 #include "calib/base/error.h"
 #include "calib/base/output_folder.h"
 #include "calib/base/quoted_text.h"
@@ -21,13 +23,16 @@
 namespace plenocal {
 namespace {
 
+namespace fs = std::filesystem;
+
 struct InitArguments {
-  std::filesystem::path folder;
+  std::filesystem::path place;  ///< folder, recording, video or archive
   std::filesystem::path session = "session.yaml";
 };
 
 /// A camera as it will stand in the session.
 struct InitCamera : FoundCamera {
+  bool recorded = false;  ///< in a recording, whose frames are paired by time
   bool plenoptic = false;
   std::set<std::string> frames;
 };
@@ -42,6 +47,40 @@ bool ShowsMicroLenses(const FoundCamera& camera, int threads) {
   } catch (const Error&) {
     return false;
   }
+}
+
+// Recordings, videos and archives: the place itself, or those in a folder.
+std::vector<fs::path> StoresIn(const fs::path& place) {
+  if (!SplitStorePattern(place).file.empty()) return {place};
+  std::vector<fs::path> stores;
+  std::error_code error;
+  for (const auto& entry : fs::directory_iterator(place, error)) {
+    if (!SplitStorePattern(entry.path()).file.empty()) stores.push_back(entry.path());
+  }
+  std::ranges::sort(stores);
+  return stores;
+}
+
+// Their cameras. One that several of them have is one camera.
+std::vector<InitCamera> RecordedCameras(const std::vector<fs::path>& stores) {
+  std::vector<InitCamera> cameras;
+  for (const fs::path& store : stores) {
+    for (const RecordedFiles& found : FindRecordingFile(store).cameras) {
+      auto camera = std::ranges::find(cameras, found.name, &InitCamera::name);
+      if (camera == cameras.end()) {
+        camera = cameras.insert(camera, InitCamera());
+        camera->name = found.name;
+        camera->recorded = true;
+      }
+      camera->images.insert(camera->images.end(), found.images.begin(), found.images.end());
+    }
+  }
+  for (InitCamera& camera : cameras) {
+    for (const FrameImage& image : ListImages(camera.images, camera.name)) {
+      camera.frames.insert(image.frame);
+    }
+  }
+  return cameras;
 }
 
 // Gives cameras of a rig globs by which they share frames, where their names allow it.
@@ -69,12 +108,26 @@ void NameFrames(std::vector<InitCamera>* cameras, Console* console) {
 std::vector<InitCamera> CamerasOf(const InitArguments& arguments,
                                   const ConsoleOptions& shared,
                                   Console* console) {
-  if (!std::filesystem::is_directory(arguments.folder)) {
+  const fs::path& place = arguments.place;
+  if (!fs::exists(place)) {
     throw Error(ErrorKind::kInput,
-                fmt::format("{}: no such folder; check the path", arguments.folder.string()));
+                fmt::format("{}: no such folder or recording; check the path", place.string()));
+  }
+  const std::vector<fs::path> stores = StoresIn(place);
+  if (!fs::is_directory(place) && stores.empty()) {
+    throw Error(
+        ErrorKind::kInput,
+        fmt::format("{}: is no folder, recording, video or archive of images", place.string()));
   }
   std::vector<InitCamera> cameras;
-  for (const FoundCamera& found : FindCameras(arguments.folder)) {
+  std::vector<FoundCamera> in_folder;
+  try {
+    if (stores != std::vector{place}) in_folder = FindCameras(place);
+  } catch (const Error&) {
+    if (stores.empty()) throw;
+  }
+  if (in_folder.empty()) return RecordedCameras(stores);
+  for (const FoundCamera& found : in_folder) {
     InitCamera& camera = cameras.emplace_back();
     static_cast<FoundCamera&>(camera) = found;
     if (!found.white.empty()) console->Progress(found.name + ": white images");
@@ -99,7 +152,7 @@ TargetProposals LookAtAll(const std::vector<InitCamera>& cameras,
   std::vector<FrameImage> images;
   for (const InitCamera& camera : cameras) {
     if (camera.plenoptic) continue;  // its raw images show a target in pieces
-    const auto found = ExpandImages(camera.images, camera.name + ": images");
+    const auto found = ListImages(camera.images, camera.name + ": images");
     images.insert(images.end(), found.begin(), found.end());
   }
   return images.empty() ? TargetProposals() : LookForTargets(images, shared, console);
@@ -170,7 +223,7 @@ void PrintFound(const std::vector<InitCamera>& cameras, const TargetProposals& p
                                                   camera.white_count,
                                                   camera.plenoptic ? " with micro lenses" : ""));
   }
-  if (cameras.size() > 1) {
+  if (cameras.size() > 1 && !cameras[0].recorded) {
     fmt::print("{} frames that all cameras have\n", CommonFrames(cameras));
   }
   for (const TargetProposal& proposal : proposals.found) {
@@ -211,13 +264,18 @@ void RunInit(const InitArguments& arguments, const ConsoleOptions& shared) {
 }
 
 constexpr const char* kInitHelp =
-    "Finds cameras, white images and target in a folder of images, and writes session and target files to be completed.\n\n"
-    "  plenocal init FOLDER -o session.yaml\n\n"
-    "Cameras are subfolders, or images of one folder whose names differ as left01.jpg and right01.jpg do. Images in <camera>_white are white images.";
+    "Finds cameras, white images and target in a folder of images or a recording, and writes session and target files to be completed.\n\n"
+    "  plenocal init FOLDER -o session.yaml\n"
+    "  plenocal init drive.mcap\n\n"
+    "Cameras are subfolders, or images of one folder whose names differ as left01.jpg and right01.jpg do; topics of recordings; videos. Images in <camera>_white are white images.";
 
 RunCommand DeclareInit(CLI::App* app, ConsoleOptions* shared) {
   const auto arguments = std::make_shared<InitArguments>();
-  app->add_option("folder", arguments->folder, "folder with images, in it or below")->required();
+  app->add_option("place",
+                  arguments->place,
+                  "folder with images, in it or below; MCAP file, bag, video, zip archive, or a "
+                  "folder of them")
+      ->required();
   app->add_option(
          "-o,--out", arguments->session, "the session file; the target file is written beside it")
       ->capture_default_str();

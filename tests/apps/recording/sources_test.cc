@@ -272,6 +272,30 @@ TEST_F(Sources, RecordingListsTopicsAndCameras) {
 // ---- pixels
 
 /// One image of pixels.
+TEST_F(Sources, InitProposesTheirTopicsAsCameras) {
+  for (const std::string& name : kMessages) {
+    const Outcome outcome = Run({"init", (kRecordings / name).string(), "-o", name + ".yaml"});
+    ASSERT_EQ(outcome.status, kDone) << outcome.err;
+    const YAML::Node cameras = YAML::Load(Read(name + ".yaml"))["cameras"];
+    ASSERT_EQ(cameras.size(), 2U) << name;
+    for (const char* camera : {"left", "right"}) {
+      EXPECT_THAT(cameras[camera]["images"].as<std::string>(), HasSubstr(name)) << name;
+    }
+    EXPECT_THAT(outcome.out, HasSubstr("right: 5 images"));
+  }
+  // Those in a folder without images; not the same images twice.
+  fs::create_directories(Path("day"));
+  fs::copy_file(kRecordings / "plain.mcap", Path("day/a.mcap"));
+  const Outcome outcome = Run({"init", "day", "-o", "day.yaml"});
+  ASSERT_EQ(outcome.status, kDone) << outcome.err;
+  EXPECT_THAT(Read("day.yaml"), HasSubstr("images: day/a.mcap/left/image_raw"));
+  fs::copy_file(kRecordings / "lz4.mcap", Path("day/b.mcap"));
+  EXPECT_THAT(Run({"init", "day", "-o", "twice.yaml"}).err, HasSubstr("name one of them"));
+
+  Write("notes.txt", "no recording");
+  EXPECT_THAT(Run({"init", "notes.txt", "-o", "notes.yaml"}).err, HasSubstr("notes.txt: is no"));
+}
+
 class OneImage : public ImageStore {
  public:
   explicit OneImage(StoredImage image) : image_(std::move(image)) {}

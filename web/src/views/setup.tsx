@@ -17,7 +17,7 @@ function Folder() {
         {files.images > 0 && <li>{files.images} images in the folder itself</li>}
         {files.entries.filter((entry) => entry.count > 0).map((entry) => (
           <li key={entry.name}>
-            {entry.name}: {entry.count} images
+            {entry.name}: {entry.kind === "recording" ? "a recording" : `${entry.count} images`}
           </li>
         ))}
       </ul>
