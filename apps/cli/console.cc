@@ -51,8 +51,8 @@ void EndWhenInterrupted() {
 
 // A copy of standard error as it was at the start: decoders of images have it closed to them.
 int ErrorFile() {
-  static const int file = fcntl(STDERR_FILENO, F_DUPFD_CLOEXEC, STDERR_FILENO + 1);
-  return file;
+  static const int kFile = fcntl(STDERR_FILENO, F_DUPFD_CLOEXEC, STDERR_FILENO + 1);
+  return kFile;
 }
 
 bool HasColours(int file) {
@@ -117,8 +117,8 @@ void UseConsoleSink(const ConsoleSink* new_sink) { sink = new_sink; }
 
 std::string Styled(Stream stream, Style style, std::string_view text) {
   if (sink != nullptr) return std::string(text);
-  static const bool out = HasColours(STDOUT_FILENO), err = HasColours(ErrorFile());
-  if (!(stream == Stream::kOut ? out : err)) return std::string(text);
+  static const bool kOut = HasColours(STDOUT_FILENO), kErr = HasColours(ErrorFile());
+  if (!(stream == Stream::kOut ? kOut : kErr)) return std::string(text);
   return fmt::format("{}{}\033[0m", ColourCode(style), text);
 }
 

@@ -40,7 +40,8 @@ IdealViews ViewsOf(const FirstCamera& camera) {
   constexpr double kTilt = 0.5;
   IdealViews ideal;
   for (int i = 0; i < kSide * kSide; ++i) {
-    ideal.markers[i] = {i % kSide - (kSide - 1) / 2.0, i / kSide - (kSide - 1) / 2.0, 0};
+    const int column = i % kSide, row = i / kSide;
+    ideal.markers[i] = {column - (kSide - 1) / 2.0, row - (kSide - 1) / 2.0, 0};
   }
   for (const double side : {0.0, 0.5, 0.9}) {
     for (int turn = 0; turn < 4; ++turn) {

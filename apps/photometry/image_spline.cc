@@ -37,7 +37,7 @@ ImageSpline::Basis ImageSpline::At(double x, double y) const {
   const int stride = cells_[0] + 3;
   for (int j = 0; j < 4; ++j) {
     for (int i = 0; i < 4; ++i) {
-      const auto k = static_cast<size_t>(4 * j + i);
+      const size_t k = 4 * static_cast<size_t>(j) + static_cast<size_t>(i);
       basis.index[k] = (cell[1] + j) * stride + cell[0] + i;
       basis.weight[k] = static_cast<float>(weights[0][static_cast<size_t>(i)] *
                                            weights[1][static_cast<size_t>(j)]);

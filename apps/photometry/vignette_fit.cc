@@ -387,7 +387,7 @@ class VignetteSolver {
     ForSamples([&](const SamplePlace& place, const WallSample& s, double residual, double) {
       const double w = Weight(s, residual);
       const double value = residual + Interpolate(v_, s.x, s.y);
-      const int x = static_cast<int>(s.x + 0.5F), y = static_cast<int>(s.y + 0.5F);
+      const int x = cvRound(s.x), y = cvRound(s.y);
       parts[place.part].weight.at<double>(y, x) += w;
       parts[place.part].value.at<double>(y, x) += w * value;
     });

@@ -27,7 +27,7 @@ size_t OneOf(const YamlNode& node, std::span<const std::string_view> names) {
 
 /// A file that the recording names; it must be there.
 fs::path FileBeside(const fs::path& file, const YamlNode& node) {
-  const fs::path path = PathBeside(file, node);
+  fs::path path = PathBeside(file, node);
   std::error_code error;
   if (!fs::exists(path, error)) {
     node.Fail(fmt::format("{}: no such file; paths are relative to this file", path.string()));

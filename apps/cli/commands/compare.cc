@@ -152,7 +152,7 @@ void Rename(const std::string& from, const std::string& to, Correlated* calibrat
   const auto camera = std::ranges::find(calibration->record.cameras, from, &CalibratedCamera::name);
   camera->name = to;
   for (std::string& name : calibration->correlations.names) {
-    if (name.starts_with(from + ".")) name = to + name.substr(from.size());
+    if (name.starts_with(from + ".")) name.replace(0, from.size(), to);
   }
 }
 

@@ -31,7 +31,7 @@ constexpr double kMillisecond = 1e-3;
 /// is looked up by its symbol; all else are virtual functions.
 std::unique_ptr<cv::VideoCapture> NewCapture() {
   using Construct = void(void* memory);
-  static Construct* const construct = [] {
+  static Construct* const kConstruct = [] {
     void* const library = dlopen(PLENOCAL_VIDEOIO, RTLD_NOW | RTLD_LOCAL);
     void* const symbol = library == nullptr ? nullptr : dlsym(library, kConstructor);
     if (symbol == nullptr) {
@@ -48,7 +48,7 @@ std::unique_ptr<cv::VideoCapture> NewCapture() {
     return reinterpret_cast<Construct*>(symbol);
   }();
   void* const memory = ::operator new(sizeof(cv::VideoCapture));
-  construct(memory);
+  kConstruct(memory);
   return std::unique_ptr<cv::VideoCapture>(static_cast<cv::VideoCapture*>(memory));
 }
 
