@@ -450,6 +450,7 @@ Answer Api::Run(const Request& request) {
       Is(request, "GET", {"runs", "*", "focus", "*", "*", "focused"})) {
     return Focus(request);
   }
+  if (Is(request, "GET", {"runs", "*", "influence"})) return JsonAnswer(InfluenceJson(folder));
   if (Is(request, "GET", {"runs", "*", "space"})) return JsonAnswer(SpaceJson(folder));
   if (Is(request, "GET", {"runs", "*", "maps"})) {
     return JsonAnswer(MapsJson(folder, request.Query("camera")));

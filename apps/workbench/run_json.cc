@@ -13,6 +13,7 @@
 #include "calib/files/calibration_file.h"
 #include "calib/judge/projection_map.h"
 #include "calib/judge/verdict.h"
+#include "calib/judge/views/frame_influence.h"
 #include "models/registry.h"
 
 namespace plenocal::workbench {
@@ -143,6 +144,21 @@ Json LensesJson(const fs::path& folder, const std::string& camera, const fs::pat
     centres.push_back({lens.centre.x(), lens.centre.y(), lens.type});
   }
   return {{"pitch", array.Pitch()}, {"centres", centres}};
+}
+
+Json InfluenceJson(const fs::path& folder) {
+  const auto record = RecordOf(folder);
+  Json frames = Json::array();
+  try {
+    for (const FrameInfluence& influence : FrameInfluences(*record)) {
+      frames.push_back({{"frame", record->frames[static_cast<size_t>(influence.frame)].name},
+                        {"sigmas", Finite(influence.sigmas)},
+                        {"unknown", influence.unknown}});
+    }
+  } catch (const Error& error) {
+    return {{"frames", frames}, {"why", error.what()}};
+  }
+  return {{"frames", frames}, {"why", nullptr}};
 }
 
 Json SpaceJson(const fs::path& folder) {

@@ -25,6 +25,10 @@ nlohmann::json LensesJson(const std::filesystem::path& folder,
                           const std::string& camera,
                           const std::filesystem::path& micro_lenses);
 
+/// By how many standard errors the result changes without each frame, and what changes most; `why`
+/// there is nothing for this calibration.
+nlohmann::json InfluenceJson(const std::filesystem::path& folder);
+
 /// Markers (m, in the target's frame), cameras with T_rig_camera, frames with T_target_rig;
 /// transforms as twelve numbers, the rows of [R t].
 nlohmann::json SpaceJson(const std::filesystem::path& folder);

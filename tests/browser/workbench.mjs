@@ -62,7 +62,10 @@ async function excludeAndUndo(page, steps) {
   const frame = (await bars[worst].getAttribute("title")).split(":")[0];
   await page.locator("canvas[data-points='54'][data-loaded=yes]").waitFor({ timeout: kPatience });
   assert.match(page.url(), new RegExp(`#/look/left/${frame}`));
+  await page.getByLabel("order").selectOption("influence");
+  await page.locator(".bar[title*='without it left.']").first().waitFor({ timeout: kPatience });
   await look(page, "look");
+  await page.getByLabel("order").selectOption("name");
   await page.reload();
   await page.locator("canvas[data-points='54']").waitFor({ timeout: kPatience });
   await page.getByRole("heading", { name: `left / ${frame}` }).waitFor();

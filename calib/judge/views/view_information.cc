@@ -7,6 +7,7 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <utility>
 
 #include "calib/adjust/linearise.h"
 #include "calib/base/linear_algebra.h"
@@ -30,9 +31,13 @@ struct ViewPredictor::Sums {
   explicit Sums(Eigen::Index unknowns)
       : tt(Eigen::MatrixXd::Zero(unknowns, unknowns)),
         tx(Eigen::MatrixXd::Zero(unknowns, 6)),
-        xx(Matrix6d::Zero()) {}
-  Eigen::MatrixXd tt, tx;
+        xx(Matrix6d::Zero()),
+        tr(Eigen::VectorXd::Zero(unknowns)),
+        xr(Vector6d::Zero()) {}
+  Eigen::MatrixXd tt, tx;  // t: unknowns, x: pose, r: residual
   Matrix6d xx;
+  Eigen::VectorXd tr;
+  Vector6d xr;
 };
 
 ViewPredictor::ViewPredictor(const RigKnowledge& rig,
@@ -165,9 +170,9 @@ bool ViewPredictor::AddMarker(const RigidTransform& T_rig_target,
       deformation == unknowns_.deformations.end() ? 0 : deformation->second.cols();
   RowMatrix J_params(rows, params), J_extrinsics(rows, 6), J_pose(rows, 6), J_marker(rows, 3);
   double residual[kMaxObservationSize];
-  // Columns: the camera's unknowns, the target's, the pose; and what all rows of the marker share,
-  // in sigmas: its own position and the common noise.
-  const Eigen::Index own = params + 6 + deformations, all = own + 6, shared = 3 + rows;
+  // Columns: the camera's unknowns, the target's, the pose, the residual; and what all rows of the
+  // marker share, in sigmas: its own position and the common noise.
+  const Eigen::Index own = params + 6 + deformations, all = own + 7, shared = 3 + rows;
   Eigen::MatrixXd J(rows, all), B(rows, shared);
   Eigen::MatrixXd JJ = Eigen::MatrixXd::Zero(all, all), JB = Eigen::MatrixXd::Zero(all, shared);
   Eigen::MatrixXd BB = Eigen::MatrixXd::Identity(shared, shared);
@@ -189,7 +194,8 @@ bool ViewPredictor::AddMarker(const RigidTransform& T_rig_target,
     if (deformations > 0) {
       J.middleCols(params + 6, deformations) = J_marker * deformation->second;
     }
-    J.rightCols<6>() = J_pose;
+    J.middleCols<6>(own) = J_pose;
+    J.rightCols<1>() = Eigen::Map<const Eigen::VectorXd>(residual, rows);
     B.leftCols<3>() = J_marker * marker.sigma.asDiagonal();
     B.rightCols(rows) = camera.noise.common_sigma /
                         camera.noise.OwnSigma(observation.assumed_sigma) *
@@ -210,23 +216,27 @@ bool ViewPredictor::AddMarker(const RigidTransform& T_rig_target,
     const int a = unknown(i);
     if (a < 0) continue;
     const double unit = unknowns_.unit[a];
-    sums->tx.row(a) += unit * N.row(i).tail<6>();
+    sums->tx.row(a) += unit * N.row(i).segment<6>(own);
+    sums->tr[a] += unit * N(i, own + 6);
     for (Eigen::Index j = 0; j < own; ++j) {
       const int b = unknown(j);
       if (b >= 0) sums->tt(a, b) += unit * unknowns_.unit[b] * N(i, j);
     }
   }
-  sums->xx += N.bottomRightCorner<6, 6>();
+  sums->xx += N.block<6, 6>(own, own);
+  sums->xr += N.col(own + 6).segment<6>(own);
   return true;
 }
 
-std::optional<Eigen::MatrixXd> ViewPredictor::WithoutPose(const Sums& sums) const {
+std::optional<ViewPredictor::OfFrame> ViewPredictor::WithoutPose(const Sums& sums) const {
   const auto passed = SolvePositive(sums.xx, Eigen::MatrixXd(sums.tx.transpose()));
   if (!passed) return std::nullopt;
-  Eigen::MatrixXd information = sums.tt - sums.tx * *passed;
-  information = ((information + information.transpose()) / 2).eval();
-  if (!information.allFinite()) return std::nullopt;
-  return information;
+  OfFrame frame;
+  frame.information = sums.tt - sums.tx * *passed;
+  frame.information = ((frame.information + frame.information.transpose()) / 2).eval();
+  frame.gradient = sums.tr - passed->transpose() * sums.xr;
+  if (!frame.information.allFinite() || !frame.gradient.allFinite()) return std::nullopt;
+  return frame;
 }
 
 std::optional<Eigen::MatrixXd> ViewPredictor::Information(const RigidTransform& T_rig_target,
@@ -248,19 +258,20 @@ std::optional<Eigen::MatrixXd> ViewPredictor::Information(const RigidTransform& 
       }
     }
   }
-  return found ? WithoutPose(sums) : std::nullopt;
+  if (!found) return std::nullopt;
+  std::optional<OfFrame> frame = WithoutPose(sums);
+  if (!frame) return std::nullopt;
+  return std::move(frame->information);
 }
 
-Eigen::MatrixXd ViewPredictor::InformationSoFar() const {
-  const Eigen::Index size = unknowns_.unit.size();
-  Eigen::MatrixXd information = Eigen::MatrixXd::Identity(size, size);
+void ViewPredictor::ForFrames(const std::function<void(const OfFrame&)>& take) const {
   std::map<int, const MarkerShape*> markers;
   for (const MarkerShape& marker : markers_) markers[marker.number] = &marker;
   const std::vector<BundleObservation>& all = rig_.bundle.observations;
   for (size_t begin = 0; begin < all.size();) {
     const int frame = all[begin].frame;
     const RigidTransform& T_rig_target = rig_.bundle.T_rig_target[static_cast<size_t>(frame)];
-    Sums sums(size);
+    Sums sums(unknowns_.unit.size());
     while (begin < all.size() && all[begin].frame == frame) {
       const size_t end = EndOfMarker(all, begin);
       const int number = rig_.bundle.markers[static_cast<size_t>(all[begin].marker)].number;
@@ -273,8 +284,17 @@ Eigen::MatrixXd ViewPredictor::InformationSoFar() const {
       // What is not finite adds nothing.
       (void)AddMarker(T_rig_target, *marker->second, used, 1, &sums);
     }
-    if (const auto more = WithoutPose(sums)) information += *more;
+    if (auto of_frame = WithoutPose(sums)) {
+      of_frame->frame = frame;
+      take(*of_frame);
+    }
   }
+}
+
+Eigen::MatrixXd ViewPredictor::InformationSoFar() const {
+  const Eigen::Index size = unknowns_.unit.size();
+  Eigen::MatrixXd information = Eigen::MatrixXd::Identity(size, size);
+  ForFrames([&](const OfFrame& frame) { information += frame.information; });
   return information;
 }
 

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <functional>
 #include <optional>
 #include <vector>
 
@@ -32,6 +33,16 @@ class ViewPredictor {
   /// `most_markers`: at most so many are computed, evenly spread; they stand for all.
   [[nodiscard]] std::optional<Eigen::MatrixXd> Information(const RigidTransform& T_rig_target,
                                                            size_t most_markers) const;
+
+  /// What a frame says of the unknowns in units, its pose eliminated: its part of the information,
+  /// and J' W r of its residuals r.
+  struct OfFrame {
+    int frame = 0;
+    Eigen::MatrixXd information;
+    Eigen::VectorXd gradient;
+  };
+  /// Calls `take` with those of the frames so far whose pose is determined, one after the other.
+  void ForFrames(const std::function<void(const OfFrame&)>& take) const;
 
   /// Information of the frames so far on the unknowns in units, with a prior of one unit on each:
   /// weak, but for the deformations of the target, whose tolerance it is. Its inverse times the
@@ -66,7 +77,8 @@ class ViewPredictor {
                                                          const RigidTransform& T_rig_target,
                                                          const MarkerShape& marker,
                                                          double* repeats) const;
-  [[nodiscard]] std::optional<Eigen::MatrixXd> WithoutPose(const Sums& sums) const;
+  /// The information is not set where the pose is not determined.
+  [[nodiscard]] std::optional<OfFrame> WithoutPose(const Sums& sums) const;
 
   const RigKnowledge& rig_;
   const RigUnknowns& unknowns_;

@@ -92,6 +92,12 @@ export interface Run {
   left_out: string[];
   folder: string;
 }
+/** By how many standard errors the result changes without a frame, and what changes most. */
+export interface Influence {
+  frame: string;
+  sigmas: number | null;
+  unknown: string;
+}
 /** Marker, x, y, dx, dy, used. */
 export type Point = [number, number, number, number | null, number | null, number];
 /** Rows of [R t]. */

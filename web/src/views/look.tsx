@@ -2,10 +2,11 @@
 // Result: verdict, bars of the frames, the chosen image with its residuals, parameters, sigma maps.
 import { useEffect, useState } from "preact/hooks";
 import { ask } from "../api/client";
-import type { CameraResult, Run, SigmaMap } from "../api/types";
+import type { CameraResult, Influence, Run, SigmaMap } from "../api/types";
 import { FrameBars } from "../plot/frame_bars";
+import type { Order } from "../plot/frame_bars";
 import { SigmaPicture } from "../plot/sigma_map";
-import { activeJob, addJob, attempt, go, place, project, run, session } from "../state/project";
+import { activeJob, addJob, attempt, go, message, place, project, run, session } from "../state/project";
 import { excludeShown, Frame } from "./frame";
 import type { Chosen } from "./frame";
 
@@ -117,8 +118,18 @@ export function excludeChosen(): void {
 }
 
 export function Look() {
-  const [order, setOrder] = useState<"name" | "rms">("name");
+  const [order, setOrder] = useState<Order>("name");
+  const [influences, setInfluences] = useState<Influence[]>([]);
   const now = run.value;
+  useEffect(() => {
+    setInfluences([]);
+    if (!now || order !== "influence") return;
+    void attempt(async () => {
+      const { frames, why } = await ask<{ frames: Influence[]; why: string | null }>("GET", `/api/runs/${now.run}/influence`);
+      setInfluences(frames);
+      if (why) message.value = why;
+    });
+  }, [now, order]);
   if (!now) return <p>No result yet: calibrate in Set up.</p>;
   const chosen = chosenOf(now);
   if (!chosen) return <p>This run has no camera.</p>;
@@ -133,9 +144,10 @@ export function Look() {
         <button onClick={() => go("next", [], now.run)}>What to record next</button>
         <label>
           order
-          <select value={order} onChange={(event) => setOrder(event.currentTarget.value === "rms" ? "rms" : "name")}>
+          <select value={order} onChange={(event) => setOrder(event.currentTarget.value as Order)}>
             <option value="name">by name</option>
             <option value="rms">by RMS</option>
+            <option value="influence">by influence</option>
           </select>
         </label>
       </div>
@@ -143,10 +155,13 @@ export function Look() {
         <div>
           {now.cameras.map((camera) => (
             <section key={camera.name}>
-              <h2>{camera.name}: RMS of the frames</h2>
+              <h2>
+                {camera.name}: {order === "influence" ? "influence of the frames on the result" : "RMS of the frames"}
+              </h2>
               <FrameBars
                 camera={camera}
                 order={order}
+                influences={influences}
                 selected={camera.name === chosen.camera.name ? chosen.frame : ""}
                 onSelect={(frame) => go("look", [camera.name, frame], now.run)}
               />

@@ -12,6 +12,7 @@
 #include "calib/base/error.h"
 #include "calib/describe.h"
 #include "calib/judge/compare.h"
+#include "calib/judge/views/frame_influence.h"
 #include "calib/judge/views/view_information.h"
 #include "tests/calib/plenoptic_synthetic.h"
 #include "tests/calib/synthetic.h"
@@ -114,6 +115,46 @@ TEST(ViewPredictor, FindsTheInformationThatTheFrameAddsToTheAdjustment) {
           << unknowns.names[static_cast<size_t>(i)];
     }
   }
+}
+
+// Against the adjustment without the frame.
+TEST(FrameInfluence, IsTheChangeWithoutTheFrame) {
+  const SyntheticProblem problem = MakeProblem(5, {.cameras = 2, .frames = 10, .noise = 0.1});
+  const Known known = KnownFrom(problem.input);
+  const std::vector<FrameInfluence> influences = FrameInfluences(known.record);
+  ASSERT_EQ(influences.size(), 10U);
+  const Uncertainty& uncertainty = known.calibration.uncertainty;
+  double largest = 0;
+  for (const FrameInfluence& influence : influences) {
+    CalibrationInput without = problem.input;
+    for (CameraInput& camera : without.cameras) {
+      std::erase_if(camera.views, [&](const View& view) {
+        return view.frame == known.record.frames[static_cast<size_t>(influence.frame)].name;
+      });
+    }
+    const Calibration calibration = Calibrate(without, {});
+    double most = 0;
+    std::string unknown;
+    for (size_t i = 0; i < uncertainty.names.size(); ++i) {
+      const std::string& name = uncertainty.names[i];
+      if (name.find("T_camera_rig") != std::string::npos) continue;
+      const size_t c = name.starts_with(known.record.cameras[0].name + ".") ? 0 : 1;
+      const std::string param = name.substr(name.find('.') + 1);
+      const std::span<const Param> params = known.record.cameras[c].model->params;
+      const auto k =
+          static_cast<size_t>(std::ranges::find(params, param, &Param::name) - params.begin());
+      const double change =
+          calibration.bundle.cameras[c].params[k] - known.record.cameras[c].params[k];
+      const auto row = static_cast<Eigen::Index>(i);
+      const double sigmas = std::abs(change) / std::sqrt(uncertainty.covariance(row, row));
+      if (sigmas > most) unknown = name;
+      most = std::max(most, sigmas);
+    }
+    largest = std::max(largest, most);
+    if (influence.unknown.find("T_camera_rig") != std::string::npos) continue;
+    EXPECT_NEAR(influence.sigmas / most, 1, 0.15) << influence.unknown << " against " << unknown;
+  }
+  EXPECT_GT(largest, 0.3) << "some frame counts";
 }
 
 TEST(ProjectionSigmaOfACamera, IsTheImageSigma) {

@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/judge/views/frame_influence.h"
+
+#include <Eigen/Cholesky>
+#include <cmath>
+
+#include "calib/base/linear_algebra.h"
+#include "calib/judge/views/view_information.h"
+
+namespace plenocal {
+
+std::vector<FrameInfluence> FrameInfluences(const CalibrationRecord& calibration) {
+  RigKnowledge rig = KnowledgeOf(calibration);
+  ViewTarget target;
+  for (const auto& [number, marker] : calibration.markers) {
+    target.markers[number] = marker.position;
+  }
+  SetFactors(calibration, target, &rig);
+  const std::vector<double> distances = DistancesOfPoints(rig.bundle, 0);
+  const RigUnknowns unknowns =
+      UnknownsOf(rig.bundle, distances.empty() ? 1 : distances[distances.size() / 2]);
+  const ViewPredictor predictor(rig, unknowns, target);
+  const Eigen::MatrixXd all = predictor.InformationSoFar();
+  const Eigen::VectorXd sigma = Inverse(all).diagonal().cwiseSqrt().cwiseProduct(
+      ScaleOf(rig, unknowns).cwiseQuotient(unknowns.unit));
+  std::vector<FrameInfluence> influences;
+  predictor.ForFrames([&](const ViewPredictor::OfFrame& frame) {
+    const Eigen::VectorXd change = (all - frame.information).ldlt().solve(frame.gradient);
+    FrameInfluence influence{.frame = frame.frame, .sigmas = 0, .unknown = {}};
+    for (Eigen::Index k = 0; k < unknowns.head; ++k) {
+      const double sigmas = std::abs(change[k]) / sigma[k];
+      if (!(sigmas > influence.sigmas)) continue;
+      influence.sigmas = sigmas;
+      influence.unknown = unknowns.names[static_cast<size_t>(k)];
+    }
+    influences.push_back(std::move(influence));
+  });
+  return influences;
+}
+
+}  // namespace plenocal
