@@ -333,7 +333,7 @@ AdjustSummary AdjustProblem::Solve() {
 
 AdjustSummary Adjust(Bundle* bundle, const AdjustOptions& options) {
   AdjustProblem problem(*bundle, options);
-  const AdjustSummary summary = problem.Solve();
+  AdjustSummary summary = problem.Solve();
   if (summary.usable) problem.WriteTo(bundle);
   return summary;
 }

@@ -79,11 +79,11 @@ SceneDistance ReadSceneDistance(const YamlNode& node) {
   node.RequireKeys(kRequired, "between: [point 12, point 40]\nsigma: 0.0005\n");
   const auto ends = node.At("between").Elements();
   if (ends.size() != 2) node.At("between").Fail("expected two points: [point 12, point 40]");
-  const SceneDistance distance{.a = ReadScenePosition(ends[0]),
-                               .b = ReadScenePosition(ends[1]),
-                               .length = node.At(node.Has("value") ? "value" : "length").AsLength(),
-                               .sigma = node.At("sigma").AsLength(),
-                               .place = ends[0]};
+  SceneDistance distance{.a = ReadScenePosition(ends[0]),
+                         .b = ReadScenePosition(ends[1]),
+                         .length = node.At(node.Has("value") ? "value" : "length").AsLength(),
+                         .sigma = node.At("sigma").AsLength(),
+                         .place = ends[0]};
   if (distance.a.points == distance.b.points) ends[1].Fail("is the same point; name two");
   return distance;
 }

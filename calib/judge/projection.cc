@@ -63,8 +63,8 @@ class Support {
     const auto place = [](double u, int pixels, int cells) {
       return std::clamp(static_cast<int>((u + 0.5) / pixels * cells), 0, cells - 1);
     };
-    return static_cast<size_t>(place(y, size_[1], kComparedRows) * kComparedColumns +
-                               place(x, size_[0], kComparedColumns));
+    return static_cast<size_t>(place(y, size_[1], kComparedRows)) * kComparedColumns +
+           static_cast<size_t>(place(x, size_[0], kComparedColumns));
   }
 
   // Of a cell and its eight neighbours, those in the image that are set.
@@ -74,7 +74,7 @@ class Support {
     int count = 0;
     for (int y = std::max(row - 1, 0); y <= std::min(row + 1, kComparedRows - 1); ++y) {
       for (int x = std::max(column - 1, 0); x <= std::min(column + 1, kComparedColumns - 1); ++x) {
-        count += cells[static_cast<size_t>(y * kComparedColumns + x)] ? 1 : 0;
+        count += cells[static_cast<size_t>(y) * kComparedColumns + static_cast<size_t>(x)] ? 1 : 0;
       }
     }
     return count;

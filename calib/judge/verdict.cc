@@ -558,6 +558,7 @@ std::string Headline(const Verdict& verdict) {
 
 std::string VerdictText(const Verdict& verdict) {
   std::string text;
+  // Clang 14 has no std::views::reverse. NOLINTNEXTLINE(modernize-loop-convert)
   for (auto finding = verdict.findings.rbegin(); finding != verdict.findings.rend(); ++finding) {
     // What is good and needs no action stands in the report, but for what the calibration is worth.
     if (finding->grade == Grade::kGood && finding->code != "projection" &&

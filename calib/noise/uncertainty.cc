@@ -319,7 +319,7 @@ std::vector<bool> ScaledUnknowns(const Bundle& bundle, const UnknownLayout& layo
       scaled[static_cast<size_t>(layout.params[c][k])] = true;
     }
     for (int i = 0; layout.extrinsics[c] >= 0 && i < 3; ++i) {
-      scaled[static_cast<size_t>(layout.extrinsics[c] + i)] = true;
+      scaled[static_cast<size_t>(layout.extrinsics[c]) + static_cast<size_t>(i)] = true;
     }
   }
   return scaled;

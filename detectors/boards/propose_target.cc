@@ -37,8 +37,8 @@ using internal::NumberedSquare;
 /// A family of AprilTags with a border of some width, or an ArUco dictionary.
 struct Code {
   std::string name;
-  int border_bits = 0;  ///< 0: ArUco
-  auto operator<=>(const Code&) const = default;
+  int border_bits = 0;                            ///< 0: ArUco
+  auto operator<=>(const Code&) const = default;  // NOLINT(modernize-use-nullptr): none is here
 };
 
 /// What one image shows.

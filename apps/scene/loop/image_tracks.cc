@@ -160,7 +160,7 @@ class LoopTracker {
 
   // As features are found in it.
   [[nodiscard]] cv::Mat ReadGrey(size_t camera, size_t frame) const {
-    const cv::Mat image = ReadImage(camera, frame);
+    cv::Mat image = ReadImage(camera, frame);
     const auto optics = images_.optics.find(camera);
     if (image.empty() || optics == images_.optics.end()) return image;
     return FocusedImage(image, optics->second, options_.threads);

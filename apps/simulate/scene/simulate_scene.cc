@@ -178,9 +178,9 @@ std::string SimulateScene(const SimulationSpec& spec,
   const RigPath path =
       MakeRigPath(spec.scenery->trajectory, limits.nearest, limits.farthest, spec.seed);
   const Staging staging{spec, observer, path, SimulatedScene(spec, observer, path)};
-  const std::string summary =
-      request.points ? WriteTracks(staging, options.threads, progress, &out)
-                     : WriteSceneImages(staging, request, options.threads, progress, &out);
+  std::string summary = request.points
+                            ? WriteTracks(staging, options.threads, progress, &out)
+                            : WriteSceneImages(staging, request, options.threads, progress, &out);
   WriteCommon(staging, request, options.program, &out);
   out.Commit();
   return summary;

@@ -86,13 +86,13 @@ void DropConsequences(const LensCauses& causes, CalibrationRecord* record) {
   });
 }
 
-void AddLensCauses(LensCauses causes, std::vector<Finding>* findings) {
-  for (auto& [camera, cause] : causes) {
+void AddLensCauses(const LensCauses& causes, std::vector<Finding>* findings) {
+  for (const auto& [camera, cause] : causes) {
     // It names the model as well, which the estimation's own finding does not.
     std::erase_if(*findings, [&named = cause.finding.cameras](const Finding& finding) {
       return finding.code == "model_misfit" && finding.cameras == named;
     });
-    findings->push_back(std::move(cause.finding));
+    findings->push_back(cause.finding);
   }
 }
 

@@ -151,7 +151,7 @@ struct ImageDefect {
 };
 
 const std::array<ImageDefect, 3>& ImageDefects() {
-  static const std::array<ImageDefect, 3> defects{{
+  static const std::array<ImageDefect, 3> kDefects{{
       {"blurred_images",
        "blurred",
        "Hold camera and target still or expose for a shorter time, and keep within the depth of "
@@ -182,7 +182,7 @@ const std::array<ImageDefect, 3>& ImageDefects() {
                             1 / usual);
        }},
   }};
-  return defects;
+  return kDefects;
 }
 
 Finding FindingOf(const ImageDefect& defect, const WorseImages& worse, const std::string& camera) {

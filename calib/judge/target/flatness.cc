@@ -62,7 +62,7 @@ void AddFrameErrors(Calibration* calibration) {
 // The same calibration with another prior of the markers; 0: they are held. Nothing when it fails.
 std::optional<Calibration> WithMarkers(const Calibration& calibration,
                                        double marker_sigma,
-                                       SolveOptions options) {
+                                       const SolveOptions& options) {
   Calibration other = calibration;
   other.bundle.marker_sigma = marker_sigma;
   try {

@@ -181,13 +181,13 @@ std::vector<RigidTransform> Executions(const RigidTransform& T_camera_target,
                                        double part) {
   const Eigen::Vector3d middle = T_camera_target * MiddleOf(shape);
   // Errors of one sigma along the directions in turn.
-  const std::array<std::array<double, 4>, 7> kErrors{{{0, 0, 0, 0},
-                                                      {1, 0, 0, 0},
-                                                      {-1, 0, 0, 0},
-                                                      {0, 1, 0, 0},
-                                                      {0, -1, 0, 0},
-                                                      {0, 0, 1, 1},
-                                                      {0, 0, -1, -1}}};
+  static constexpr std::array<std::array<double, 4>, 7> kErrors{{{0, 0, 0, 0},
+                                                                 {1, 0, 0, 0},
+                                                                 {-1, 0, 0, 0},
+                                                                 {0, 1, 0, 0},
+                                                                 {0, -1, 0, 0},
+                                                                 {0, 0, 1, 1},
+                                                                 {0, 0, -1, -1}}};
   std::vector<RigidTransform> executed;
   for (const auto& error : kErrors) {
     const Eigen::Matrix3d R =

@@ -191,7 +191,8 @@ std::vector<Vector2d> FindPeriods(const Autocorrelation& correlation) {
 std::optional<Matrix2d> FindCell(const Autocorrelation& correlation,
                                  const std::vector<Vector2d>& periods) {
   if (periods.empty()) return std::nullopt;
-  const Vector2d a = periods[0], b = Eigen::Rotation2Dd(std::numbers::pi / 3) * a;
+  const Vector2d& a = periods[0];
+  const Vector2d b = Eigen::Rotation2Dd(std::numbers::pi / 3) * a;
   const auto nearby = [&](const Vector2d& lag) {
     return correlation.PeakNear(lag, kShapeTolerance * a.norm()).has_value();
   };
