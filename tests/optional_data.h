@@ -13,7 +13,7 @@ namespace plenocal {
 /// that the environment variable PLENOCAL_DATA names. Without the variable a path that does not
 /// exist and shows its name.
 inline std::filesystem::path OptionalData(const std::string& set) {
-  const auto own = std::filesystem::path(PLENOCAL_TEST_DATA) / set;
+  auto own = std::filesystem::path(PLENOCAL_TEST_DATA) / set;
   if (std::filesystem::exists(own)) return own;
   const char* folder = std::getenv("PLENOCAL_DATA");
   if (folder == nullptr || *folder == '\0') return std::filesystem::path("$PLENOCAL_DATA") / set;

@@ -168,6 +168,7 @@ class Rows {
   // negative change of the best pose with each direction.
   void AddToMarkers(const MatrixXd& pose_D, std::vector<MarkerSums>* markers) const {
     const Eigen::Index count = D_.cols();
+    if (count == 0) return;
     const auto of_pose = pose_D.leftCols(count);
     const MatrixXd b = unweighted_.leftCols(count) - unweighted_.middleCols<6>(count) * of_pose;
     const MatrixXd weighted = B_.leftCols(count) - B_.middleCols<6>(count) * of_pose;

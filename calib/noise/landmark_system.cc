@@ -72,7 +72,7 @@ class LandmarkSums {
   // S -= W V^-1 W'
   void Eliminate(Eigen::MatrixXd* S) {
     const Eigen::LLT<Eigen::Matrix3d> factor(V_);
-    if (factor.info() != Eigen::Success) return;
+    if (factor.info() != Eigen::Success || columns_.empty()) return;
     const auto count = static_cast<Eigen::Index>(columns_.size());
     const Eigen::MatrixXd half =
         factor.matrixL().solve(W_.topRows(count).transpose());  // 3 x count

@@ -35,10 +35,10 @@ std::string FileText(const fs::path& path) {
 
 /// What stands between backticks in the first cell of a table's row.
 Names NamesInFirstCell(const std::string& row) {
-  static const std::regex quoted("`([^`]+)`");
+  static const std::regex kQuoted("`([^`]+)`");
   const std::string cell = row.substr(1, row.find('|', 1) - 1);
   Names names;
-  for (std::sregex_iterator it(cell.begin(), cell.end(), quoted), end; it != end; ++it) {
+  for (std::sregex_iterator it(cell.begin(), cell.end(), kQuoted), end; it != end; ++it) {
     names.insert((*it)[1].str());
   }
   return names;
@@ -64,11 +64,11 @@ enum class Below { kMap, kMapOfMaps, kListOfMaps, kFree };
 struct Child {
   std::string key;
   Below below;
-  std::string heading = "";  ///< without for kFree: names that the user or a model chooses
+  std::string heading = {};  ///< without for kFree: names that the user or a model chooses
 };
 
 const std::map<std::string, std::vector<Child>>& Children() {
-  static const std::map<std::string, std::vector<Child>> children{
+  static const std::map<std::string, std::vector<Child>> kChildren{
       {"Keys of calibration.yaml",
        {{"cameras", Below::kMapOfMaps, "Keys of a camera in calibration.yaml"},
         {"adjustment", Below::kMap, "Keys of `adjustment`"},
@@ -120,7 +120,7 @@ const std::map<std::string, std::vector<Child>>& Children() {
         {"se3", Below::kMap, "Keys of a statistics map"},
         {"sim3", Below::kMap, "Keys of a statistics map"},
         {"rotation_deg", Below::kMap, "Keys of a statistics map"}}}};
-  return children;
+  return kChildren;
 }
 
 bool HasMaps(const YAML::Node& node) {
@@ -235,7 +235,7 @@ class FormatsPage : public Workspace {
   void SeeColumns(
       const std::string& file,
       const std::string& heading,
-      const std::function<std::string(std::string)>& general = [](std::string name) {
+      const std::function<std::string(std::string)>& general = [](const std::string& name) {
         return name;
       }) {
     std::istringstream header(Lines(Read(file)).at(0));
@@ -245,7 +245,7 @@ class FormatsPage : public Workspace {
   void SeeCalibration(const std::string& folder) {
     SeeYaml(folder + "/calibration.yaml", "Keys of calibration.yaml");
     for (const std::string& name : Results(folder)) {
-      const std::string file = folder + "/" + name;
+      const std::string file = fmt::format("{}/{}", folder, name);
       if (name == "poses.csv") SeeColumns(file, "Columns of poses.csv");
       if (name == "view_poses.csv") SeeColumns(file, "Columns of view_poses.csv");
       if (name == "residuals.csv") SeeColumns(file, "Columns of residuals.csv");

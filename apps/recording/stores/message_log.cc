@@ -227,7 +227,9 @@ void MessageLog::Describe(ImageTopic* topic) const {
   const std::vector<Message> messages = MessagesOf(topic->name);
   std::vector<double> intervals;
   for (size_t i = 1; i < messages.size(); ++i) {
-    intervals.push_back(static_cast<double>(messages[i].ref.logged - messages[i - 1].ref.logged));
+    // Times of a damaged file may lie farther apart than their type holds.
+    intervals.push_back(static_cast<double>(messages[i].ref.logged) -
+                        static_cast<double>(messages[i - 1].ref.logged));
   }
   const double interval = Median(intervals) * kNanosecond;
   topic->rate = interval > 0 ? 1 / interval : 0;

@@ -18,12 +18,12 @@ namespace {
 
 bool Fails() {
   static std::atomic<long> count{0};
-  static const char* const number = std::getenv("PLENOCAL_FAIL_CALL");
-  static const char* const mark = std::getenv("PLENOCAL_FAIL_MARK");
-  if (number == nullptr || ++count != std::atol(number)) return false;
+  static const char* const kNumber = std::getenv("PLENOCAL_FAIL_CALL");
+  static const char* const kMark = std::getenv("PLENOCAL_FAIL_MARK");
+  if (kNumber == nullptr || ++count != std::atol(kNumber)) return false;
   // Parent and child count on their own after a fork; one call of both fails.
-  if (syscall(SYS_faccessat, AT_FDCWD, mark, F_OK) == 0) return false;
-  syscall(SYS_close, syscall(SYS_openat, AT_FDCWD, mark, O_CREAT | O_WRONLY, 0600));
+  if (syscall(SYS_faccessat, AT_FDCWD, kMark, F_OK) == 0) return false;
+  syscall(SYS_close, syscall(SYS_openat, AT_FDCWD, kMark, O_CREAT | O_WRONLY, 0600));
   errno = ENOSPC;
   return true;
 }

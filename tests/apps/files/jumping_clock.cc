@@ -23,8 +23,8 @@ extern "C" {
 
 int clock_gettime(clockid_t clock, timespec* now) noexcept {
   using Function = int(clockid_t, timespec*);
-  static auto* const real = reinterpret_cast<Function*>(dlsym(RTLD_NEXT, "clock_gettime"));
-  const int result = real(clock, now);
+  static auto* const kReal = reinterpret_cast<Function*>(dlsym(RTLD_NEXT, "clock_gettime"));
+  const int result = kReal(clock, now);
   if (clock == CLOCK_REALTIME) now->tv_sec += Jump();
   return result;
 }

@@ -117,8 +117,8 @@ TEST_F(EvaluateGroundTruth, FindsAKnownDriftWithinItsStandardErrors) {
 
 TEST_F(EvaluateGroundTruth, MarksWhatIsBelowItsOwnErrors) {
   Write("run.txt", Read("loop/truth/trajectory_left.txt"));
-  for (const auto& [metric, error] :
-       Evaluate("truth/groundtruth.yaml")["errors_by_truth"].items()) {
+  const nlohmann::json evaluated = Evaluate("truth/groundtruth.yaml");
+  for (const auto& [metric, error] : evaluated["errors_by_truth"].items()) {
     EXPECT_EQ(error["sigma"], error["floor"]) << metric;
   }
   Write("run.txt", Drifting(Read("loop/truth/trajectory_left.txt"), 1e-5));

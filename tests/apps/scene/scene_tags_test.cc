@@ -16,8 +16,8 @@ constexpr double kSize = 0.08;  // m
 
 // Tags in space, each turned by itself.
 std::array<Eigen::Vector3d, 4> CornersOf(int id) {
-  const Eigen::Vector3d centre(
-      0.2 * (id % 3) - 0.2, 0.2 * (id / 3) - 0.2, 0.1 * ((4 * id) % 5) - 0.2);
+  const int column = id % 3, row = id / 3;
+  const Eigen::Vector3d centre(0.2 * column - 0.2, 0.2 * row - 0.2, 0.1 * ((4 * id) % 5) - 0.2);
   const Eigen::Matrix3d R =
       Eigen::AngleAxisd(0.4, Eigen::Vector3d(id % 2 - 0.5, id % 3 - 1.0, 0.3).normalized())
           .toRotationMatrix();

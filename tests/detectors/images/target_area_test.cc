@@ -13,7 +13,7 @@ namespace TEST_FILE {
 using testing::GrayFunction;
 using testing::Render;
 
-constexpr int kSquares = 8;
+constexpr int kSquares = 8, kHalf = kSquares / 2;
 constexpr double kPitch = 20;  // px
 const cv::Size kSize(220, 220);
 
@@ -27,14 +27,14 @@ struct TurnedBoard {
   [[nodiscard]] GrayFunction Scene() const {
     return [turn = Eigen::Matrix2d(Turn().inverse()), white = white](const Eigen::Vector2d& p) {
       const Eigen::Vector2d q = turn * (p - Eigen::Vector2d(110, 110));
-      if (q.cwiseAbs().maxCoeff() > kSquares / 2) return p.x() * 1.1;
+      if (q.cwiseAbs().maxCoeff() > kHalf) return p.x() * 1.1;
       return static_cast<int>(std::floor(q.x()) + std::floor(q.y())) % 2 == 0 ? 40.0 : white;
     };
   }
   [[nodiscard]] std::vector<Observation> Corners() const {
     std::vector<Observation> corners;
-    for (int i = 1 - kSquares / 2; i < kSquares / 2; ++i) {
-      for (int j = 1 - kSquares / 2; j < kSquares / 2; ++j) {
+    for (int i = 1 - kHalf; i < kHalf; ++i) {
+      for (int j = 1 - kHalf; j < kHalf; ++j) {
         const Eigen::Vector2d p = Turn() * Eigen::Vector2d(i, j);
         corners.push_back({.marker = 0, .values = {110 + p.x(), 110 + p.y()}});
       }

@@ -58,7 +58,8 @@ std::vector<std::string> CodesOf(const std::vector<Finding>& findings) {
 std::map<int, std::vector<Eigen::Vector3d>> Rows(int columns) {
   std::map<int, std::vector<Eigen::Vector3d>> places;
   for (int i = 0; i < 70; ++i) {
-    places[i] = {Eigen::Vector3d(kSpacing * (i % columns), kSpacing * (i / columns), 0)};
+    const int column = i % columns, row = i / columns;
+    places[i] = {Eigen::Vector3d(kSpacing * column, kSpacing * row, 0)};
   }
   return places;
 }
@@ -104,7 +105,8 @@ TargetNumber StateAWrongGap(CalibrationInput* input) {
                    .most = 4,
                    .by_number = {}};
   for (auto& [number, p] : input->markers) {
-    const Eigen::Vector3d slope(kSpacing * (number % 10 / 2), 0, 0);
+    const int tag = number % 10 / 2;
+    const Eigen::Vector3d slope(kSpacing * tag, 0, 0);
     gap.by_number[number] = slope;
     p += (gap.stated - 1) * slope;
   }

@@ -16,7 +16,7 @@ TEST(MicroLensIndex, FindsTheNearestMicroLens) {
   const MicroLensArray array = PlenopticScene{.pitch = 13.7, .rotation = 0.4}.Array();
   const MicroLensIndex index(array);
   // px: the index holds for the middle of cells of 2 x 2 pixels, at most sqrt(2) away.
-  const double kTwiceToTheMiddle = 2 * std::sqrt(2.0);
+  const double twice_to_the_middle = 2 * std::sqrt(2.0);
   int exact = 0, points = 0;
   for (double y = 22.3; y < array.image_size[1] - 20; y += 7.1) {
     for (double x = 21.7; x < array.image_size[0] - 20; x += 6.3) {
@@ -29,7 +29,7 @@ TEST(MicroLensIndex, FindsTheNearestMicroLens) {
       }
       const int found = index.Nearest(point);
       ASSERT_GE(found, 0);
-      EXPECT_LE((array.lenses[found].centre - point).norm(), least + kTwiceToTheMiddle);
+      EXPECT_LE((array.lenses[found].centre - point).norm(), least + twice_to_the_middle);
       exact += found == best ? 1 : 0;
       ++points;
     }

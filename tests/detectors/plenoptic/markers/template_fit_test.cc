@@ -47,8 +47,9 @@ class DiscImage {
       for (int x = 180; x < 220; ++x) {
         double white = 0;
         for (int k = 0; k < kSamples * kSamples; ++k) {
-          const Eigen::Vector2d at(x - 0.5 + (k % kSamples + 0.5) / kSamples,
-                                   y - 0.5 + (k / kSamples + 0.5) / kSamples);
+          const int column = k % kSamples, row = k / kSamples;
+          const Eigen::Vector2d at(x - 0.5 + (column + 0.5) / kSamples,
+                                   y - 0.5 + (row + 0.5) / kSamples);
           white += (at - truth_).norm() < radius_ ? 1 : 0;
         }
         const double light = x > centre.x() + dark ? 0.7 : 1;
