@@ -17,6 +17,7 @@
 #include "apps/workbench/project/child.h"
 #include "apps/workbench/project/session_text.h"
 #include "apps/workbench/run_json.h"
+#include "apps/workbench/try_json.h"
 #include "calib/base/detection_cache.h"
 #include "calib/base/error.h"
 #include "calib/files/frame_images.h"
@@ -30,6 +31,7 @@ namespace fs = std::filesystem;
 using Json = nlohmann::json;
 
 constexpr size_t kMostText = 1024 * 1024;
+constexpr const char* kTry = ".plenocal/try";           // in the root
 constexpr const char* kDrawings = ".plenocal/drawing";  // in the root
 
 Answer JsonAnswer(const Json& json, int status = 200) {
@@ -128,6 +130,7 @@ Api::Api(Project* project, Jobs* jobs, EventLog* events)
 Answer Api::Handle(const Request& request) {
   if (Is(request, "GET", {"state"})) return State();
   if (Is(request, "GET", {"files"})) return Files(request);
+  if (IsUpload(request)) return AddImage(request);
   if (request.path.size() >= 2 && request.path[1] == "session") return SessionRequest(request);
   if (Is(request, "POST", {"jobs"})) return AddJob(request);
   if (Is(request, "POST", {"watch"})) return WatchRequest(request);
@@ -141,6 +144,7 @@ Answer Api::Handle(const Request& request) {
   }
   if (Is(request, "POST", {"suggest"})) return Suggest(request);
   if (Is(request, "GET", {"compare"})) return Compare(request);
+  if (Is(request, "GET", {"try"})) return Tried();
   if (Is(request, "POST", {"drawing"})) return DrawTarget();
   if (Is(request, "GET", {"drawing", "*", "*"})) return Sheet(request);
   return ErrorAnswer(404, "the workbench has no such address");
@@ -191,6 +195,17 @@ Answer Api::Files(const Request& request) const {
     }
   }
   return JsonAnswer({{"dir", request.Query("dir")}, {"images", images}, {"entries", entries}});
+}
+
+// An image or a recording of the page's machine. A name that no session could read is refused.
+Answer Api::AddImage(const Request& request) const {
+  const std::string folder = request.Query("dir"), name = PlainName(request.Query("name"), "name");
+  if (!folder.empty()) (void)PlainName(folder, "dir");
+  if (!HasImageName(name) && !IsStoreName(name)) {
+    throw Error(ErrorKind::kInput, fmt::format("{}: is no image and no recording", name));
+  }
+  AddBeneath(project_->Root(), folder, name, request.body);
+  return JsonAnswer(Json::object(), 201);
 }
 
 Json Api::CamerasJson(const Session& session) {
@@ -269,7 +284,34 @@ Answer Api::SessionRequest(const Request& request) {
   if (Is(request, "POST", {"session", "exclude"}) || Is(request, "POST", {"session", "include"})) {
     return Exclude(request);
   }
+  if (Is(request, "POST", {"session", "model"})) return UseModel(request);
   return ErrorAnswer(404, "the workbench has no such address");
+}
+
+Answer Api::UseModel(const Request& request) {
+  const Json body = BodyOf(request);
+  const std::string model = TextOf(body, "model");
+  const auto cameras = body.find("cameras");
+  if (cameras == body.end() || !cameras->is_array()) {
+    throw Error(ErrorKind::kInput, "cameras: expected a list");
+  }
+  const SessionVersion now = project_->ReadVersion();
+  std::string text = now.text;
+  for (const Json& camera : *cameras) {
+    if (!camera.is_string()) throw Error(ErrorKind::kInput, "cameras: expected names");
+    text = WithModel(text, camera.get<std::string>(), model);
+  }
+  // A text that cannot be read is not written.
+  (void)ParseSession(text, project_->SessionFile(), CameraModels());
+  return Changed(project_->Write(text, now.hash));
+}
+
+// Results of the last `try`; null before there are any.
+Answer Api::Tried() const {
+  std::error_code error;
+  const fs::path folder = project_->Root() / kTry;
+  if (!fs::exists(folder / "try.yaml", error)) return JsonAnswer(nullptr);
+  return JsonAnswer(TryJson(project_->Root(), folder));
 }
 
 Answer Api::Exclude(const Request& request) {
@@ -309,7 +351,7 @@ Answer Api::AddJob(const Request& request) {
   } else if (kind == "focus") {
     job = jobs_->Add(kind, FocusArguments(body));
   } else if (kind == "try") {
-    job = jobs_->Add(kind, {"try", session, "-o", ".plenocal/try"});
+    job = jobs_->Add(kind, {"try", session, "-o", kTry, "--quiet"});
   } else {
     return ErrorAnswer(400, fmt::format("'{}' is no kind of job", kind));
   }

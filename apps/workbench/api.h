@@ -33,10 +33,13 @@ class Api {
  private:
   Answer State();
   Answer Files(const Request& request) const;
+  [[nodiscard]] Answer AddImage(const Request& request) const;
   Answer SessionRequest(const Request& request);
   Answer SessionAnswer(const SessionVersion& version);
   Answer Changed(const std::optional<SessionVersion>& version);
   Answer Exclude(const Request& request);
+  Answer UseModel(const Request& request);
+  [[nodiscard]] Answer Tried() const;
   Answer AddJob(const Request& request);
   nlohmann::json AddCalibration(int run);
   Answer WatchRequest(const Request& request);

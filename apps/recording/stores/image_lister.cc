@@ -19,8 +19,7 @@ namespace fs = std::filesystem;
 bool IsStore(const fs::path& path) {
   std::error_code error;
   if (IsMessageFolder(path)) return true;
-  const bool named = IsArchiveName(path) || IsVideoName(path) || IsMessageFileName(path);
-  return named && fs::is_regular_file(path, error);
+  return IsStoreName(path) && fs::is_regular_file(path, error);
 }
 
 void CheckFrames(const std::vector<FrameImage>& images, const std::string& what) {
@@ -39,6 +38,10 @@ void CheckFrames(const std::vector<FrameImage>& images, const std::string& what)
 }
 
 }  // namespace
+
+bool IsStoreName(const fs::path& path) {
+  return IsArchiveName(path) || IsVideoName(path) || IsMessageFileName(path);
+}
 
 StorePattern SplitStorePattern(const fs::path& pattern) {
   fs::path file;

@@ -39,6 +39,9 @@ class ImageLister {
 std::vector<FrameImage> ListImages(const std::vector<std::string>& patterns,
                                    const std::string& what);
 
+/// Whether a file of this name is a recording, a video or an archive.
+bool IsStoreName(const std::filesystem::path& path);
+
 /// The recording, video or archive that a pattern begins with, and what follows in it; `file` is
 /// empty for a pattern of image files.
 struct StorePattern {

@@ -142,10 +142,16 @@ std::optional<Answer> Refuse(const Request& request, size_t hosts, std::string_v
                        "the token is missing or that of an earlier start",
                        "open the address that 'plenocal workbench' printed");
   }
-  if (!request.body.empty() && !request.Header("content-type").starts_with("application/json")) {
-    return ErrorAnswer(415, "bodies are JSON");
+  // Types that a form of another page cannot send.
+  const char* const type = IsUpload(request) ? "application/octet-stream" : "application/json";
+  if (!request.body.empty() && !request.Header("content-type").starts_with(type)) {
+    return ErrorAnswer(415, fmt::format("a body is {} here", type));
   }
   return std::nullopt;
+}
+
+bool IsUpload(const Request& request) {
+  return request.method == "POST" && request.path == std::vector<std::string>{"api", "files"};
 }
 
 std::string MakeToken() {

@@ -42,9 +42,12 @@ struct Address {
 std::optional<Address> ParseAddress(std::string_view target);
 
 /// The answer that refuses a request, or nothing: Host must name this machine, Origin be the
-/// page's own, the site not another one, a body be JSON, and for /api/... the token be right.
-/// `hosts`: how often the header Host was there.
+/// page's own, the site not another one, a body be JSON (of an upload: bytes), and for /api/... the
+/// token be right. `hosts`: how often the header Host was there.
 std::optional<Answer> Refuse(const Request& request, size_t hosts, std::string_view token);
+
+/// Whether a request brings an image or a recording, whose body is no JSON and may be long.
+bool IsUpload(const Request& request);
 
 /// 256 random bits in hexadecimal digits.
 std::string MakeToken();

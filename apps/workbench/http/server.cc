@@ -32,17 +32,19 @@ using Parser = http::request_parser<http::string_body>;
 using Response = http::response<http::string_body>;
 
 constexpr size_t kMostHeader = 16 * 1024, kMostBody = 1024 * 1024;
+constexpr size_t kMostUpload = size_t{256} * 1024 * 1024;
 constexpr int kMostConnections = 64, kThreads = 6;
 constexpr auto kRequestTime = std::chrono::seconds(10), kIdleTime = std::chrono::seconds(30);
 constexpr auto kEventPause = std::chrono::milliseconds(100);
 constexpr auto kAlive = std::chrono::seconds(10);
 
+// Without the body.
 Request ToRequest(const http::request<http::string_body>& message, Address target) {
   Request request{.method = std::string(message.method_string()),
                   .path = std::move(target.path),
                   .query = std::move(target.query),
                   .headers = {},
-                  .body = message.body()};
+                  .body = {}};
   for (const auto& field : message) {
     std::string name(field.name_string());
     for (char& c : name) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
@@ -67,11 +69,23 @@ Response ToResponse(const Answer& answer, unsigned version, bool keep_alive) {
 struct Server::State {
   explicit State(ServerOptions given) : options(std::move(given)), acceptor(context) {}
 
-  Answer AnswerTo(const http::request<http::string_body>& message) const {
+  // Only who has the token may send more than a session's text.
+  size_t MostBody(const http::request<http::string_body>& header) const {
+    const auto target = header.target();
+    std::optional<Address> parsed = ParseAddress({target.data(), target.size()});
+    if (!parsed) return kMostBody;
+    const Request request = ToRequest(header, std::move(*parsed));
+    const bool allowed = !Refuse(request, header.count(http::field::host), options.token);
+    return allowed && IsUpload(request) ? kMostUpload : kMostBody;
+  }
+
+  // Takes the message's body.
+  Answer AnswerTo(http::request<http::string_body>& message) const {
     const auto target = message.target();
     std::optional<Address> parsed = ParseAddress({target.data(), target.size()});
     if (!parsed) return ErrorAnswer(400, "this is no address of the workbench");
-    const Request request = ToRequest(message, std::move(*parsed));
+    Request request = ToRequest(message, std::move(*parsed));
+    request.body = std::move(message.body());
     if (auto refused = Refuse(request, message.count(http::field::host), options.token)) {
       return *refused;
     }
@@ -126,12 +140,17 @@ struct Server::State {
       for (bool keep_alive = true; keep_alive && !stopped;) {
         Parser parser;
         parser.header_limit(kMostHeader);
-        parser.body_limit(kMostBody);
+        parser.body_limit(kMostUpload);
         stream.expires_after(kIdleTime);
         co_await http::async_read_header(stream, buffer, parser, use_awaitable);
+        const size_t most = MostBody(parser.get());
+        parser.body_limit(most);
+        if (parser.content_length().value_or(0) > most) {
+          throw boost::system::system_error(http::error::body_limit);
+        }
         stream.expires_after(kRequestTime);
         co_await http::async_read(stream, buffer, parser, use_awaitable);
-        const auto& message = parser.get();
+        auto message = parser.release();
         const Answer answer = AnswerTo(message);
         if (answer.status == 200 && IsEventStream(message)) {
           co_await StreamEvents(stream, message);

@@ -9,6 +9,7 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <cstdio>
 #include <cstring>
 
 #include "calib/base/error.h"
@@ -34,6 +35,25 @@ class OpenFile {
 
 [[noreturn]] void RefuseFile(const fs::path& file, const std::string& why) {
   throw Error(ErrorKind::kInput, fmt::format("{}: {}", file.string(), why));
+}
+
+// A file or folder beneath an open folder, to which no link leads.
+int OpenBeneath(int folder, const char* path, std::uint64_t flags, std::uint64_t mode = 0) {
+  open_how how{};
+  how.flags = flags | O_CLOEXEC;
+  how.mode = mode;
+  how.resolve = RESOLVE_BENEATH | RESOLVE_NO_SYMLINKS;
+  return static_cast<int>(syscall(SYS_openat2, folder, path, &how, sizeof how));
+}
+
+bool WriteAll(int file, std::string_view content) {
+  while (!content.empty()) {
+    const ssize_t count = write(file, content.data(), content.size());
+    if (count < 0 && errno == EINTR) continue;
+    if (count <= 0) return false;
+    content.remove_prefix(static_cast<size_t>(count));
+  }
+  return fsync(file) == 0;
 }
 
 }  // namespace
@@ -76,6 +96,35 @@ std::vector<std::uint8_t> ReadBeneath(const fs::path& root, const fs::path& file
   }
   content.resize(done);
   return content;
+}
+
+void AddBeneath(const fs::path& root,
+                const std::string& folder,
+                const std::string& name,
+                std::string_view content) {
+  const fs::path file = root / folder / name;
+  const OpenFile top(open(root.c_str(), O_PATH | O_DIRECTORY | O_CLOEXEC));
+  if (!folder.empty()) (void)mkdirat(top.Number(), folder.c_str(), 0777);
+  const OpenFile place(
+      OpenBeneath(top.Number(), folder.empty() ? "." : folder.c_str(), O_RDONLY | O_DIRECTORY));
+  if (place.Number() < 0) RefuseFile(root / folder, std::strerror(errno));
+  // A name that the images of a session do not have, so that nobody reads half a file.
+  const std::string partial = "." + name + ".partial";
+  (void)unlinkat(place.Number(), partial.c_str(), 0);  // of a server that was killed
+  const OpenFile written(
+      OpenBeneath(place.Number(), partial.c_str(), O_WRONLY | O_CREAT | O_EXCL, 0666));
+  const bool complete = written.Number() >= 0 && WriteAll(written.Number(), content);
+  const int moved =
+      complete
+          ? renameat2(
+                place.Number(), partial.c_str(), place.Number(), name.c_str(), RENAME_NOREPLACE)
+          : -1;
+  if (moved == 0) return;
+  const int why = errno;
+  (void)unlinkat(place.Number(), partial.c_str(), 0);
+  if (complete && why == EEXIST) RefuseFile(file, "is there already; it is not replaced");
+  throw Error(ErrorKind::kJob,
+              fmt::format("{}: cannot be written: {}", file.string(), std::strerror(why)));
 }
 
 }  // namespace plenocal::workbench

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace plenocal::workbench {
@@ -14,6 +15,14 @@ namespace plenocal::workbench {
 std::vector<std::uint8_t> ReadBeneath(const std::filesystem::path& root,
                                       const std::filesystem::path& file,
                                       size_t most);
+
+/// Writes a new file `name` into a folder beneath `root`, which is made where it is missing and to
+/// which no link leads: all of the file or nothing. Throws `Error` of kind kInput when there is a
+/// file of this name, and of kind kJob when it cannot be written.
+void AddBeneath(const std::filesystem::path& root,
+                const std::string& folder,
+                const std::string& name,
+                std::string_view content);
 
 /// Whether a path lies beneath `root`, by components, links in it not followed.
 bool IsBeneath(const std::filesystem::path& root, const std::filesystem::path& file);

@@ -4,11 +4,14 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <iterator>
 #include <optional>
+#include <regex>
 #include <vector>
 
 #include "calib/base/error.h"
 #include "calib/base/quoted_text.h"
+#include "calib/base/yaml.h"
 
 namespace plenocal::workbench {
 namespace {
@@ -90,6 +93,29 @@ std::string WithoutRule(const std::string& text, const ExcludeRule& rule) {
   std::string changed = text;
   if (lines == 1) return changed.erase(block->heading, block->end - block->heading);
   return changed.erase(found->first, found->second - found->first);
+}
+
+std::string WithModel(const std::string& text,
+                      const std::string& camera,
+                      const std::string& model) {
+  const YamlNode cameras = YamlNode::Parse(text, "session").At("cameras");
+  const YamlNode now = cameras.At(camera).At("model");
+  size_t begin = 0;
+  for (int line = 1; line < now.Line(); ++line) begin = EndOfLine(text, begin);
+  const std::string line = text.substr(begin, EndOfLine(text, begin) - begin);
+  const std::regex pattern(R"(\bmodel:\s*["']?([\w-]+))");
+  const std::sregex_iterator found(line.begin(), line.end(), pattern), none;
+  if (std::distance(found, none) != 1 || found->str(1) != now.AsString()) {
+    throw Error(ErrorKind::kInput,
+                fmt::format("line {} of the session has not the model of '{}' alone; edit the "
+                            "session's text",
+                            now.Line(),
+                            camera));
+  }
+  std::string changed = text;
+  return changed.replace(begin + static_cast<size_t>(found->position(1)),
+                         static_cast<size_t>(found->length(1)),
+                         model);
 }
 
 }  // namespace plenocal::workbench

@@ -17,4 +17,8 @@ std::string WithRule(const std::string& text, const ExcludeRule& rule);
 /// one. Throws `Error` of kind kInput when no line is that rule: the text is to be edited then.
 std::string WithoutRule(const std::string& text, const ExcludeRule& rule);
 
+/// With another model of a camera. Throws `Error` of kind kInput when the text has not exactly one
+/// place where it can stand: the text is to be edited then.
+std::string WithModel(const std::string& text, const std::string& camera, const std::string& model);
+
 }  // namespace plenocal::workbench

@@ -213,6 +213,49 @@ TEST_F(ApiOfAFolder, RefusesWrongBodiesAndChangesNothing) {
   }
 }
 
+TEST_F(ApiOfAFolder, TakesImagesAndRecordingsAlone) {
+  const auto add = [&](const char* dir, const char* name) {
+    return Ask("POST", {"files"}, "picture", {{"dir", dir}, {"name", name}}).status;
+  };
+  EXPECT_EQ(add("right", "0001.png"), 201);
+  EXPECT_EQ(add("", "recording.mcap"), 201);
+  EXPECT_EQ(add("right", "0001.png"), 400) << "it is there already";
+  for (const char* name :
+       {"session.yaml", "a", ".a.png", "-a.png", "../a.png", "right/a.png", ""}) {
+    EXPECT_EQ(add("", name), 400) << name;
+  }
+  for (const char* dir : {"..", "link", ".plenocal", "-o", "right/a"}) {
+    EXPECT_EQ(add(dir, "a.png"), 400) << dir;
+  }
+}
+
+TEST_F(ApiOfAFolder, TakesAModelIntoTheSession) {
+  const auto use = [&](const char* camera, const char* model) {
+    return Ask("POST",
+               {"session", "model"},
+               Json{{"cameras", Json::array({camera})}, {"model", model}}.dump())
+        .status;
+  };
+  EXPECT_EQ(Json::parse(Ask("GET", {"try"}).body), nullptr);
+  EXPECT_EQ(use("left", "no-model"), 400);
+  EXPECT_EQ(use("right", "fov"), 400);
+  EXPECT_EQ(Session(), kSession);
+  EXPECT_EQ(use("left", "fov"), 200);
+  EXPECT_THAT(Session(), HasSubstr("left: {model: fov, images: left/*.png}"));
+}
+
+TEST_F(ApiOfAFolder, ShowsModelsThatTheImagesDoNotDetermine) {
+  Write("root/.plenocal/try/try.yaml",
+        "plenocal: 1\ncameras: [left]\nframes: 9\nfolds: 3\nrecommended: fov\nwhy: \"the best\"\n"
+        "models:\n  fov: {parameters: 5, image_sigma: .inf, judgement: \"recommended\", "
+        "held_out: {rms: 0.1, sigma: 0.01, probability: 1}}\n  ucm: {failure: \"too few\"}\n");
+  const Json tried = Json::parse(Ask("GET", {"try"}).body);
+  EXPECT_EQ(tried["models"][0]["held_out_rms"], 0.1);
+  EXPECT_EQ(tried["models"][0]["image_sigma"], nullptr);
+  EXPECT_EQ(tried["models"][1]["failure"], "too few");
+  EXPECT_EQ(tried["target"], nullptr);
+}
+
 TEST_F(ApiOfAFolder, WritesNoTargetThatLiesElsewhere) {
   fs::remove(folder_ / "root/target.yaml");
   fs::create_symlink(folder_ / "outside/secret.png", folder_ / "root/target.yaml");

@@ -108,6 +108,20 @@ TEST(Guard, TakesBodiesOfJsonAlone) {
   EXPECT_EQ(StatusOf(json), 200);
 }
 
+TEST(Guard, TakesBytesAsUploadsAlone) {
+  Request request = ApiRequest({{"content-type", "application/octet-stream"}});
+  request.body = "picture";
+  EXPECT_EQ(StatusOf(request), 415);
+  request.method = "POST";
+  request.path = {"api", "files"};
+  EXPECT_EQ(StatusOf(request), 200);
+  request.headers["content-type"] = "multipart/form-data";
+  EXPECT_EQ(StatusOf(request), 415);
+  request.headers["content-type"] = "application/octet-stream";
+  request.headers.erase("authorization");
+  EXPECT_EQ(StatusOf(request), 401);
+}
+
 TEST(Guard, MakesTokensThatNobodyGuesses) {
   EXPECT_EQ(MakeToken().size(), 64u);
   EXPECT_NE(MakeToken(), MakeToken());

@@ -79,6 +79,43 @@ TEST_F(BeneathRoot, NothingElseIs) {
   EXPECT_EQ(ReadSafely(folder_ / "data/inside"), "a");
 }
 
+TEST_F(BeneathRoot, FilesAreAddedAndNeverReplaced) {
+  const fs::path root = folder_ / "data";
+  fs::create_directories(root);
+  fs::create_directories(folder_ / "outside");
+  fs::create_directory_symlink(folder_ / "outside", root / "link");
+  fs::create_symlink(folder_ / "outside/a.png", root / "b.png");
+  AddBeneath(root, "left", "a.png", std::string(100'000, 'a'));
+  AddBeneath(root, "", "a.png", "of the root");
+  EXPECT_EQ(Read("data/left/a.png"), std::string(100'000, 'a'));
+  EXPECT_EQ(Read("data/a.png"), "of the root");
+  EXPECT_THROW(AddBeneath(root, "left", "a.png", "other"), Error);
+  EXPECT_THROW(AddBeneath(root, "", "b.png", "through a link"), Error);
+  EXPECT_THROW(AddBeneath(root, "link", "a.png", "through a link"), Error);
+  EXPECT_THROW(AddBeneath(root, "..", "a.png", "above"), Error);
+  EXPECT_EQ(Read("data/left/a.png"), std::string(100'000, 'a'));
+  EXPECT_TRUE(fs::is_empty(folder_ / "outside"));
+  EXPECT_EQ(std::distance(fs::directory_iterator(root / "left"), {}), 1) << "nothing half written";
+}
+
+TEST(SessionText, GetsAnotherModelAndNothingElse) {
+  const std::string text =
+      "cameras:  # model: none\n  left: {model: pinhole-radtan, images: a/*}  # mine\n"
+      "  right:\n    images: b/*\n    model: \"pinhole-radtan\"\n";
+  EXPECT_EQ(WithModel(text, "left", "fov"),
+            "cameras:  # model: none\n  left: {model: fov, images: a/*}  # mine\n"
+            "  right:\n    images: b/*\n    model: \"pinhole-radtan\"\n");
+  EXPECT_EQ(WithModel(text, "right", "fov"),
+            "cameras:  # model: none\n  left: {model: pinhole-radtan, images: a/*}  # mine\n"
+            "  right:\n    images: b/*\n    model: \"fov\"\n");
+  for (const char* other : {"cameras: {a: {model: x}, b: {model: x}}\n",
+                            "cameras:\n  a:\n    model:\n      x\n",
+                            "cameras: {a: {images: b}}\n",
+                            "cameras: {a: {model: x}} # model: x\n"}) {
+    EXPECT_THROW(WithModel(other, "a", "fov"), Error) << other;
+  }
+}
+
 constexpr const char* kText = "plenocal: 1  # mine\ncameras: {}  # to come";
 
 TEST(SessionText, GetsARuleAndNothingElse) {

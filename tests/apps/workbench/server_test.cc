@@ -122,6 +122,21 @@ TEST_F(ServerOnASocket, SurvivesWhatNoBrowserSends) {
   ExpectAlive();
 }
 
+TEST_F(ServerOnASocket, TakesLongBodiesOfUploadsWithTheTokenAlone) {
+  const auto post = [&](const std::string& path, const std::string& token, size_t size) {
+    return Send(
+        "POST " + path +
+        " HTTP/1.1\r\nHost: 127.0.0.1\r\nConnection: close\r\nAuthorization: Bearer " + token +
+        "\r\nContent-Type: application/octet-stream\r\nContent-Length: " + std::to_string(size) +
+        "\r\n\r\n" + std::string(std::min<size_t>(size, 3'000'000), 'x'));
+  };
+  EXPECT_THAT(post("/api/files", "secret", 3'000'000), StartsWith("HTTP/1.1 200"));
+  EXPECT_THAT(post("/api/files", "wrong", 3'000'000), Not(HasSubstr(" 200 ")));
+  EXPECT_THAT(post("/api/session", "secret", 3'000'000), Not(HasSubstr(" 200 ")));
+  EXPECT_THAT(post("/api/files", "secret", 300'000'000), Not(HasSubstr(" 200 ")));
+  ExpectAlive();
+}
+
 TEST_F(ServerOnASocket, HoldsManyConnectionsOff) {
   std::vector<int> files;
   for (int i = 0; i < 200; ++i) files.push_back(Connect());

@@ -48,6 +48,12 @@ export async function ask<T>(method: string, path: string, body?: unknown, hash 
   return (await answer.json()) as T;
 }
 
+/** A file, as it is. */
+export async function send(path: string, file: Blob): Promise<void> {
+  const answer = await fetch(path, { method: "POST", body: file, headers: headers({ "Content-Type": "application/octet-stream" }) });
+  if (!answer.ok) throw await refused(answer);
+}
+
 export async function blob(path: string): Promise<Blob> {
   const answer = await fetch(path, { headers: headers() });
   if (!answer.ok) throw await refused(answer);

@@ -92,6 +92,24 @@ export interface Run {
   left_out: string[];
   folder: string;
 }
+/** Of `plenocal try`, best model first. */
+export interface Tried {
+  cameras: string[];
+  frames: number | null;
+  folds: number | null;
+  recommended: string | null;
+  why: string | null;
+  target: string | null;
+  models: {
+    name: string;
+    parameters: number | null;
+    held_out_rms: number | null;
+    held_out_sigma: number | null;
+    image_sigma: number | null;
+    judgement: string | null;
+    failure: string | null;
+  }[];
+}
 /** By how many standard errors the result changes without a frame, and what changes most. */
 export interface Influence {
   frame: string;

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// Two runs against each other, in the words of `plenocal compare`.
+// Camera models by held-out images; two runs against each other, in the words of `plenocal compare`.
 import { useState } from "preact/hooks";
 import { ask } from "../api/client";
 import { attempt, project } from "../state/project";
+import { Models } from "./models";
 
-export function Compare() {
+function Runs() {
   const runs = project.value?.runs ?? [];
   const last = runs[runs.length - 1]?.run ?? 0;
   const [a, setA] = useState(runs[runs.length - 2]?.run ?? last);
@@ -24,7 +25,8 @@ export function Compare() {
     </label>
   );
   return (
-    <>
+    <section>
+      <h2>Two runs</h2>
       <div class="row">
         {choice("from", a, setA)}
         {choice("to", b, setB)}
@@ -36,6 +38,15 @@ export function Compare() {
         </button>
       </div>
       {text && <pre tabIndex={0}>{text}</pre>}
+    </section>
+  );
+}
+
+export function Compare() {
+  return (
+    <>
+      <Models />
+      <Runs />
     </>
   );
 }

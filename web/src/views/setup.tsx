@@ -4,16 +4,22 @@ import { useEffect, useState } from "preact/hooks";
 import { ask } from "../api/client";
 import type { Files, Session } from "../api/types";
 import { usePicture } from "../parts/picture";
+import { Upload } from "../parts/upload";
 import { activeJob, addJob, attempt, project, redo, session, undo } from "../state/project";
 
 function Folder() {
   const [files, setFiles] = useState<Files | null>(null);
-  useEffect(() => void attempt(async () => setFiles(await ask<Files>("GET", "/api/files"))), []);
+  const look = () => attempt(async () => setFiles(await ask<Files>("GET", "/api/files")));
+  useEffect(() => void look(), []);
   if (!files) return null;
+  const empty = files.images === 0 && files.entries.every((entry) => entry.count === 0);
   return (
+    <>
+    <Upload done={look} />
     <section>
       <h2>Images in this folder</h2>
       <ul>
+        {empty && <li>none yet</li>}
         {files.images > 0 && <li>{files.images} images in the folder itself</li>}
         {files.entries.filter((entry) => entry.count > 0).map((entry) => (
           <li key={entry.name}>
@@ -22,10 +28,11 @@ function Folder() {
         ))}
       </ul>
       <p>Cameras, their images and the target are looked for. You can change all of it afterwards.</p>
-      <button class="main" disabled={activeJob.value !== null} onClick={() => addJob("init")}>
+      <button class="main" disabled={empty || activeJob.value !== null} onClick={() => addJob("init")}>
         Propose a session
       </button>
     </section>
+    </>
   );
 }
 
