@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 #include <glog/logging.h>
+#include <malloc.h>
 
 #include <cstdio>
 #include <exception>
@@ -38,6 +39,14 @@ int StatusOf(ErrorKind kind) {
   return kJobFailedStatus;
 }
 
+/// The C library would return each image and matrix that is released to the system, whose pages are
+/// filled with zeros for the next one: a tenth of the CPU time of most commands.
+void KeepReleasedMemory() {
+  constexpr int kBytes = 256 << 20;
+  mallopt(M_MMAP_THRESHOLD, kBytes);
+  mallopt(M_TRIM_THRESHOLD, kBytes);
+}
+
 int ParseAndRun(int argc, char** argv) {
   constexpr int kFailed = kJobFailedStatus;
   try {
@@ -69,6 +78,7 @@ int ParseAndRun(int argc, char** argv) {
 void SilenceSolver() { FLAGS_minloglevel = google::GLOG_FATAL; }
 
 int RunProgram(int argc, char** argv) {
+  KeepReleasedMemory();
   OpenStandardStreams();
   SilenceSolver();
   return ParseAndRun(argc, argv);

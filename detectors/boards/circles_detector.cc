@@ -64,31 +64,32 @@ class BlurredEllipse {
 
   static double Width(double e) { return std::hypot(e, kPixelSigma); }
 
-  double operator()(const Params& params, const Pixel& pixel, Params* J) const {
-    const Eigen::Vector2d q(pixel.x - params[kX], pixel.y - params[kY]);
-    const Eigen::Vector2d Mq(params[kMxx] * q.x() + params[kMxy] * q.y(),
-                             params[kMxy] * q.x() + params[kMyy] * q.y());
-    // At the centre itself, where the edge is far, any direction will do.
-    const double F = std::sqrt(std::max(q.dot(Mq), kTiny));
-    const double per_gradient = F / std::max(Mq.norm(), kTiny);
-    const double s = Width(params[kBlur]);
-    const double d = (1 - F) * per_gradient;
-    const internal::EdgeProfile profile = internal::BlurredEdge(d / s);
-    const double b = params[kB];
-    // dF = q^T dM q / (2 F) - q^T M dc / F. The change of |grad F| is left out: it is multiplied by
-    // d, which is small where the profile changes.
-    const double slope = -b * profile.derivative / s * per_gradient / F;
-    (*J)[kX] = -slope * Mq.x() - params[kGx];
-    (*J)[kY] = -slope * Mq.y() - params[kGy];
-    (*J)[kMxx] = 0.5 * slope * q.x() * q.x();
-    (*J)[kMxy] = slope * q.x() * q.y();
-    (*J)[kMyy] = 0.5 * slope * q.y() * q.y();
-    (*J)[kBlur] = -b * profile.derivative * d / s * params[kBlur] / (s * s);
-    (*J)[kA] = 1;
-    (*J)[kB] = profile.value;
-    (*J)[kGx] = q.x();
-    (*J)[kGy] = q.y();
-    return params[kA] + params[kGx] * q.x() + params[kGy] * q.y() + b * profile.value;
+  [[nodiscard]] auto At(const Params& params) const {
+    return [params, s = Width(params[kBlur])](const Pixel& pixel, Params* J) {
+      const Eigen::Vector2d q(pixel.x - params[kX], pixel.y - params[kY]);
+      const Eigen::Vector2d Mq(params[kMxx] * q.x() + params[kMxy] * q.y(),
+                               params[kMxy] * q.x() + params[kMyy] * q.y());
+      // At the centre itself, where the edge is far, any direction will do.
+      const double F = std::sqrt(std::max(q.dot(Mq), kTiny));
+      const double per_gradient = F / std::max(Mq.norm(), kTiny);
+      const double d = (1 - F) * per_gradient;
+      const internal::EdgeProfile profile = internal::BlurredEdge(d / s);
+      const double b = params[kB];
+      // dF = q^T dM q / (2 F) - q^T M dc / F. The change of |grad F| is left out: it is multiplied
+      // by d, which is small where the profile changes.
+      const double slope = -b * profile.derivative / s * per_gradient / F;
+      (*J)[kX] = -slope * Mq.x() - params[kGx];
+      (*J)[kY] = -slope * Mq.y() - params[kGy];
+      (*J)[kMxx] = 0.5 * slope * q.x() * q.x();
+      (*J)[kMxy] = slope * q.x() * q.y();
+      (*J)[kMyy] = 0.5 * slope * q.y() * q.y();
+      (*J)[kBlur] = -b * profile.derivative * d / s * params[kBlur] / (s * s);
+      (*J)[kA] = 1;
+      (*J)[kB] = profile.value;
+      (*J)[kGx] = q.x();
+      (*J)[kGy] = q.y();
+      return params[kA] + params[kGx] * q.x() + params[kGy] * q.y() + b * profile.value;
+    };
   }
 
   bool Plausible(const Params& params) const {

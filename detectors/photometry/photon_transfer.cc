@@ -65,7 +65,7 @@ PixelSums SumPixels(const std::vector<FrameImage>& images, const WhiteImages& wh
   return sums;
 }
 
-// Pixels that are clipped in no image, by brightness.
+// Pixels that are clipped in no image.
 std::vector<PixelNoise> UsablePixels(const WhiteImages& white, const PixelSums& sums) {
   std::vector<PixelNoise> pixels;
   const auto dof = static_cast<float>(sums.degrees_of_freedom);
@@ -78,10 +78,24 @@ std::vector<PixelNoise> UsablePixels(const WhiteImages& white, const PixelSums& 
                         y * white.mean.cols + x});
     }
   }
-  std::ranges::sort(pixels, [](const PixelNoise& a, const PixelNoise& b) {
+  return pixels;
+}
+
+// Index of the first pixel of a level.
+size_t LevelStart(size_t level, size_t levels, size_t pixels) { return level * pixels / levels; }
+
+// Moves the darkest pixels into the first of the levels [first, last), and so on.
+void SplitByLevel(size_t first, size_t last, size_t levels, std::vector<PixelNoise>* pixels) {
+  if (last - first < 2) return;
+  const size_t middle = (first + last) / 2;
+  const auto at = [&](size_t level) {
+    return pixels->begin() + static_cast<std::ptrdiff_t>(LevelStart(level, levels, pixels->size()));
+  };
+  std::nth_element(at(first), at(middle), at(last), [](const PixelNoise& a, const PixelNoise& b) {
     return std::pair(a.level, a.index) < std::pair(b.level, b.index);
   });
-  return pixels;
+  SplitByLevel(first, middle, levels, pixels);
+  SplitByLevel(middle, last, levels, pixels);
 }
 
 // Without pixels of far more noise than the others, which would else be the level's.
@@ -104,13 +118,16 @@ NoiseLevel LevelOf(const PixelNoise* begin, const PixelNoise* end, int dof) {
   return level;
 }
 
-std::vector<NoiseLevel> LevelsOf(const std::vector<PixelNoise>& pixels, int dof) {
+// Sorts the pixels into the levels.
+std::vector<NoiseLevel> LevelsOf(int dof, std::vector<PixelNoise>* pixels) {
   std::vector<NoiseLevel> levels;
-  const size_t count = std::min(kLevels, pixels.size() / 100 + 1);
+  const size_t count = std::min(kLevels, pixels->size() / 100 + 1);
+  SplitByLevel(0, count, count, pixels);
   for (size_t k = 0; k < count; ++k) {
-    const PixelNoise* data = pixels.data();
-    levels.push_back(
-        LevelOf(data + k * pixels.size() / count, data + (k + 1) * pixels.size() / count, dof));
+    const PixelNoise* data = pixels->data();
+    levels.push_back(LevelOf(data + LevelStart(k, count, pixels->size()),
+                             data + LevelStart(k + 1, count, pixels->size()),
+                             dof));
   }
   return levels;
 }
@@ -197,7 +214,8 @@ std::vector<DefectivePixel> FindDefects(const WhiteImages& white,
   const Neighbours around = NeighboursOf(white.mean, bayer);
   for (size_t k = 0; k < noise.levels.size(); ++k) {
     const auto at = [&](size_t i) {
-      return pixels.begin() + static_cast<std::ptrdiff_t>(i * pixels.size() / noise.levels.size());
+      return pixels.begin() +
+             static_cast<std::ptrdiff_t>(LevelStart(i, noise.levels.size(), pixels.size()));
     };
     const std::vector<PixelNoise> level(at(k), at(k + 1));
     const double sigma = std::max(ScatterOf(level, around.mean), 1e-9);
@@ -231,10 +249,10 @@ std::optional<PhotonTransfer> MeasurePhotonTransfer(const std::vector<FrameImage
                                                     std::optional<BayerOrder> bayer) {
   if (white.members.size() < 2) return {};
   const PixelSums sums = SumPixels(images, white);
-  const std::vector<PixelNoise> pixels = UsablePixels(white, sums);
+  std::vector<PixelNoise> pixels = UsablePixels(white, sums);
   if (pixels.empty()) return {};
   PhotonTransfer noise{.saturation = white.full_scale};
-  noise.levels = LevelsOf(pixels, sums.degrees_of_freedom);
+  noise.levels = LevelsOf(sums.degrees_of_freedom, &pixels);
   FitLine(&noise);
   noise.defects = FindDefects(white, pixels, noise, sums.degrees_of_freedom, bayer);
   return noise;

@@ -39,7 +39,7 @@ inline constexpr double kMinExplained = 0.6;
 inline constexpr double kModelError = 0.003;
 
 /// Sums over a patch at some parameters: H = sum J^T J, b = sum r J, cost = sum r^2, with the
-/// residuals r and their gradients J. Only the lower triangle of H is set.
+/// residuals r and their gradients J.
 template <int N>
 struct PatchSums {
   Eigen::Matrix<double, N, N> H = Eigen::Matrix<double, N, N>::Zero();
@@ -53,9 +53,10 @@ PatchSums<N> SumPatch(const Model& model,
                       const Eigen::Matrix<double, N, 1>& params) {
   PatchSums<N> sums;
   Eigen::Matrix<double, N, 1> J;
+  const auto gray_of = model.At(params);
   for (const Pixel& pixel : pixels) {
-    const double r = model(params, pixel, &J) - pixel.gray;
-    sums.H.template selfadjointView<Eigen::Lower>().rankUpdate(J);
+    const double r = gray_of(pixel, &J) - pixel.gray;
+    sums.H.noalias() += J * J.transpose();
     sums.b.noalias() += r * J;
     sums.cost += r * r;
   }
@@ -127,8 +128,9 @@ Eigen::Matrix<double, N, N> PatchCovariance(const Model& model,
       ridge.template selfadjointView<Eigen::Lower>().ldlt().solve(Square::Identity());
   Square meat = Square::Zero();
   Eigen::Matrix<double, N, 1> J;
+  const auto gray_of = model.At(params);
   for (const Pixel& pixel : pixels) {
-    const double r = model(params, pixel, &J) - pixel.gray;
+    const double r = gray_of(pixel, &J) - pixel.gray;
     // The fit has drawn the model towards pixels of high leverage; their errors are larger than
     // their residuals by 1 / sqrt(1 - leverage).
     const double leverage = std::clamp(J.dot(H_inverse * J), 0.0, kMaxLeverage);
@@ -140,8 +142,9 @@ Eigen::Matrix<double, N, N> PatchCovariance(const Model& model,
 }
 
 /// Least squares of model - gray over a patch. `Model` has
-///   double operator()(const Params& params, const Pixel&, Params* gradient) const
-///   bool Plausible(const Params& params) const   (false stops the fit: it has left the patch)
+///   auto At(const Params& params) const   (the gray values there, double(const Pixel&, Params*
+///   gradient)) bool Plausible(const Params& params) const   (false stops the fit: it has left the
+///   patch)
 /// and its parameters 0 and 1 are x, y of the point sought; the fit is done when these rest.
 template <int N, typename Model>
 std::optional<PatchFit<N>> FitPatch(const Model& model,

@@ -41,22 +41,26 @@ class CrossingEdges {
 
   static double Width(double e) { return std::hypot(e, kPixelSigma); }
 
-  double operator()(const Params& params, const Pixel& pixel, Params* J) const {
-    const Eigen::Vector2d q(pixel.x - params[kX], pixel.y - params[kY]);
-    const Edge u(params[kThetaU], params[kBlurU], guess_.curvature_u, q, 1);
-    const Edge v(params[kThetaV], params[kBlurV], guess_.curvature_v, q, -1);
-    const double b = params[kB];
-    (*J)[kX] = -b * (u.d_q.x() * v.value + u.value * v.d_q.x()) - params[kGx];
-    (*J)[kY] = -b * (u.d_q.y() * v.value + u.value * v.d_q.y()) - params[kGy];
-    (*J)[kThetaU] = b * u.d_theta * v.value;
-    (*J)[kThetaV] = b * v.d_theta * u.value;
-    (*J)[kBlurU] = b * u.d_e * v.value;
-    (*J)[kBlurV] = b * v.d_e * u.value;
-    (*J)[kA] = 1;
-    (*J)[kB] = u.value * v.value;
-    (*J)[kGx] = q.x();
-    (*J)[kGy] = q.y();
-    return params[kA] + params[kGx] * q.x() + params[kGy] * q.y() + b * u.value * v.value;
+  [[nodiscard]] auto At(const Params& params) const {
+    return [params,
+            edge_u = Edge(params[kThetaU], params[kBlurU], guess_.curvature_u, 1),
+            edge_v = Edge(params[kThetaV], params[kBlurV], guess_.curvature_v, -1)](
+               const Pixel& pixel, Params* J) {
+      const Eigen::Vector2d q(pixel.x - params[kX], pixel.y - params[kY]);
+      const EdgeValue u = edge_u.At(q), v = edge_v.At(q);
+      const double b = params[kB];
+      (*J)[kX] = -b * (u.d_q.x() * v.value + u.value * v.d_q.x()) - params[kGx];
+      (*J)[kY] = -b * (u.d_q.y() * v.value + u.value * v.d_q.y()) - params[kGy];
+      (*J)[kThetaU] = b * u.d_theta * v.value;
+      (*J)[kThetaV] = b * v.d_theta * u.value;
+      (*J)[kBlurU] = b * u.d_e * v.value;
+      (*J)[kBlurV] = b * v.d_e * u.value;
+      (*J)[kA] = 1;
+      (*J)[kB] = u.value * v.value;
+      (*J)[kGx] = q.x();
+      (*J)[kGy] = q.y();
+      return params[kA] + params[kGx] * q.x() + params[kGy] * q.y() + b * u.value * v.value;
+    };
   }
 
   bool Plausible(const Params& params) const {
@@ -70,21 +74,36 @@ class CrossingEdges {
   }
 
  private:
-  struct Edge {
-    Edge(double theta, double e, double k, const Eigen::Vector2d& q, double sign) {
-      const Eigen::Vector2d t(std::cos(theta), std::sin(theta)), n(-t.y(), t.x());
-      const double along = t.dot(q), across = n.dot(q);
-      const double d = across - 0.5 * k * along * along;
-      const double s = Width(e);
-      const EdgeProfile profile = BlurredEdge(sign * d / s);
-      const double slope = sign * profile.derivative / s;
-      value = profile.value;
-      d_q = slope * (n - k * along * t);
-      d_theta = slope * (-along - k * along * across);
-      d_e = -slope * d / s * (e / s);
-    }
+  /// An edge's profile and its derivatives by q, theta and e.
+  struct EdgeValue {
     double value = 0, d_theta = 0, d_e = 0;
     Eigen::Vector2d d_q;
+  };
+
+  class Edge {
+   public:
+    Edge(double theta, double e, double k, double sign)
+        : t_(std::cos(theta), std::sin(theta)),
+          n_(-t_.y(), t_.x()),
+          e_(e),
+          s_(Width(e)),
+          k_(k),
+          sign_(sign) {}
+
+    [[nodiscard]] EdgeValue At(const Eigen::Vector2d& q) const {
+      const double along = t_.dot(q), across = n_.dot(q);
+      const double d = across - 0.5 * k_ * along * along;
+      const EdgeProfile profile = BlurredEdge(sign_ * d / s_);
+      const double slope = sign_ * profile.derivative / s_;
+      return {.value = profile.value,
+              .d_theta = slope * (-along - k_ * along * across),
+              .d_e = -slope * d / s_ * (e_ / s_),
+              .d_q = slope * (n_ - k_ * along * t_)};
+    }
+
+   private:
+    Eigen::Vector2d t_, n_;
+    double e_, s_, k_, sign_;
   };
 
   const SaddleGuess& guess_;

@@ -7,6 +7,9 @@
 #include <cmath>
 
 #include "calib/base/linear_algebra.h"
+#include "detectors/templates/lanes.h"
+#include "detectors/templates/processors.h"
+#include "detectors/templates/square_sums.h"
 
 namespace plenocal::internal {
 namespace {
@@ -63,13 +66,69 @@ constexpr int kMaxParts = 4;
 
 int CoefficientCount(double radius) { return static_cast<int>(radius / kKnotStep) + 3; }
 
-/// A pixel of a fit, less the light of other micro images.
-struct OwnPixel {
-  double light;
-  Vector2d from_start;  // px, from the initial centre
+/// Pixels of a fit, less the light of other micro images.
+struct OwnPixels {
+  Lanes light;
+  Lanes x, y;  // px, from the initial centre
+  Lanes used;  // 1, or 0 beyond the last pixel
 };
 
 constexpr int kParams = 6;  // c_x, c_y, g, h_x, h_y, s
+constexpr int kRows = 9;    // the parameters, the error, and zeros for AddSquares
+
+/// Value and slope of the profile's cubic at distance `t` from the cell's first knot, in cells.
+struct CellLanes {
+  Lanes c0, c1, c2, c3;
+
+  PLENOCAL_LANES CellLanes(const Eigen::Vector4d* cells, const IntLanes& index) {
+    for (int l = 0; l < kLanes; ++l) {
+      const Eigen::Vector4d& cell = cells[index[l]];
+      c0[l] = static_cast<float>(cell[0]);
+      c1[l] = static_cast<float>(cell[1]);
+      c2[l] = static_cast<float>(cell[2]);
+      c3[l] = static_cast<float>(cell[3]);
+    }
+  }
+};
+
+/// Rows of the Jacobian and the errors of `pixels`, row after row.
+PLENOCAL_FOR_EACH_PROCESSOR
+void FillRows(const RadialProfile& profile,
+              const MicroImage& fit,
+              const Vector2d& moved,
+              std::span<const OwnPixels> pixels,
+              Lanes* rows) {
+  const auto gain = static_cast<float>(fit.gain), scale = static_cast<float>(fit.scale);
+  const Eigen::Vector2f gradient = fit.gradient.cast<float>(), from = moved.cast<float>();
+  constexpr auto kStep = static_cast<float>(kKnotStep);
+  const auto last = static_cast<float>(profile.Cells().size() - 1);
+  const auto radius = static_cast<float>(profile.Radius()) * scale;
+  const auto count = static_cast<std::ptrdiff_t>(pixels.size());
+  for (std::ptrdiff_t i = 0; i < count; ++i) {
+    const OwnPixels& pixel = pixels[i];
+    const Lanes x = pixel.x - from.x(), y = pixel.y - from.y();
+    Lanes r = x * x + y * y;
+    Sqrt(&r);
+    const Lanes at = r / (scale * kStep), bounded = at < last ? at : Lanes{} + last;
+    const IntLanes index = __builtin_convertvector(bounded, IntLanes);
+    const Lanes t = at - __builtin_convertvector(index, Lanes);
+    const CellLanes c(profile.Cells().data(), index);
+    const Lanes inside = r <= radius ? pixel.used : Lanes{};
+    const Lanes value = inside * (c.c0 + t * (c.c1 + t * (c.c2 + t * c.c3)));
+    const Lanes slope = inside * (c.c1 + t * (2 * c.c2 + t * (3 * c.c3))) / kStep;
+    const Lanes brightness = gain + gradient.x() * x + gradient.y() * y;
+    const Lanes by_size = slope * brightness / scale;
+    const Lanes by_r = r > 0 ? by_size / r : Lanes{};
+    Lanes* row = rows + i;
+    row[0 * count] = -by_r * x - value * gradient.x();
+    row[1 * count] = -by_r * y - value * gradient.y();
+    row[2 * count] = value;
+    row[3 * count] = value * x;
+    row[4 * count] = value * y;
+    row[5 * count] = -by_size * r / scale;
+    row[6 * count] = pixel.used * (pixel.light - value * brightness);
+  }
+}
 
 /// Normal equations of a Gauss-Newton step.
 struct Equations {
@@ -80,24 +139,19 @@ struct Equations {
   Equations(const RadialProfile& profile,
             const MicroImage& fit,
             const Vector2d& moved,
-            std::span<const OwnPixel> pixels) {
-    normal.setZero();
-    right.setZero();
-    for (const OwnPixel& pixel : pixels) {
-      const Vector2d d = pixel.from_start - moved;
-      const double r = d.norm();
-      const RadialProfile::Value p = profile.At(r / fit.scale);
-      const double brightness = fit.gain + fit.gradient.dot(d);
-      const double error = pixel.light - p.value * brightness;
-      Eigen::Matrix<double, kParams, 1> J;
-      const double by_r = r > 0 ? -p.slope * brightness / (fit.scale * r) : 0;
-      J << by_r * d.x() - p.value * fit.gradient.x(), by_r * d.y() - p.value * fit.gradient.y(),
-          p.value, p.value * d.x(), p.value * d.y(),
-          -p.slope * brightness * r / (fit.scale * fit.scale);
-      normal.noalias() += J * J.transpose();
-      right += J * error;
-      squares += error * error;
-    }
+            std::span<const OwnPixels> pixels) {
+    struct Row {
+      Lanes values;
+    };
+    const auto count = static_cast<int>(pixels.size());
+    std::vector<Row> rows(static_cast<std::size_t>(kRows) * count);
+    Lanes* const first = &rows.front().values;
+    FillRows(profile, fit, moved, pixels, first);
+    Eigen::Matrix<double, kRows, kRows> sums = Eigen::Matrix<double, kRows, kRows>::Zero();
+    AddSquares(first, kRows, count, count, sums.data());
+    normal = sums.topLeftCorner<kParams, kParams>().selfadjointView<Eigen::Lower>();
+    right = sums.row(kParams).head<kParams>();
+    squares = sums(kParams, kParams);
   }
 };
 
@@ -212,11 +266,17 @@ MicroImage FitMicroImage(const ModelledImage& scene,
   using Vector = Eigen::Matrix<double, kParams, 1>;
   using Matrix = Eigen::Matrix<double, kParams, kParams>;
   MicroImage fit = start;
-  std::vector<OwnPixel> seen;
+  std::vector<OwnPixels> seen;
+  int pixels = 0;
   ForPixels(scene.white, start.centre, radius, [&](int x, int y, const Vector2d& d) {
-    seen.push_back({OwnLight(scene, x, y, Model(profile, start, d)), d});
+    const int lane = pixels++ % kLanes;
+    if (lane == 0) seen.emplace_back();
+    OwnPixels& to = seen.back();
+    to.light[lane] = static_cast<float>(OwnLight(scene, x, y, Model(profile, start, d)));
+    to.x[lane] = static_cast<float>(d.x());
+    to.y[lane] = static_cast<float>(d.y());
+    to.used[lane] = 1;
   });
-  const auto pixels = static_cast<int>(seen.size());
   if (pixels <= kParams) return start;
   for (int step = 0; step < kSteps; ++step) {
     const Equations equations(profile, fit, fit.centre - start.centre, seen);

@@ -28,14 +28,15 @@ class RadialProfile {
   };
   [[nodiscard]] Value At(double r) const;
   [[nodiscard]] double Radius() const { return radius_; }
+  /// Of each cell between knots, which are half a pixel apart, the coefficients of the cubic:
+  /// powers 0 .. 3 of the distance from the cell's first knot, in cells.
+  [[nodiscard]] const std::vector<Eigen::Vector4d>& Cells() const { return cells_; }
   /// Divides by the highest value and returns that.
   double Normalise();
 
  private:
   friend class ProfileFit;
   double radius_;
-  // Coefficients of the cubic in each cell between knots: powers 0 .. 3 of the distance from the
-  // cell's first knot, in cells.
   std::vector<Eigen::Vector4d> cells_;
 };
 
