@@ -93,7 +93,8 @@ rule trial:
     log: "{rig}/{date}/trial.log"
     threads: THREADS
     shell:
-        with_status("{PROGRAM} try {input.session:q} -o {wildcards.rig}/{wildcards.date}/trial --models " + ",".join(MODELS) + " --threads {threads}")
+        with_status("{PROGRAM} try {input.session:q} -o {wildcards.rig}/{wildcards.date}/trial --models " + ",".join(MODELS) + " "
+               "--cache {wildcards.rig}/{wildcards.date}/cache --threads {threads}")
 
 rule compare:
     input:

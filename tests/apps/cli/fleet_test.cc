@@ -1,0 +1,98 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// The workflow of many rigs and the page on them. bench/fleet runs the workflow by Snakemake.
+#include <filesystem>
+#include <string>
+
+#include "tests/apps/workspace.h"
+
+namespace plenocal::testing {
+namespace TEST_FILE {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using ::testing::Not;
+namespace fs = std::filesystem;
+
+constexpr const char* kPlan =
+    "plenocal: 1\n"
+    "shards: 2\n"
+    "models: [pinhole-radtan]\n"
+    "rigs:\n"
+    "  able: {sessions: sets/able/*/session.yaml}\n"
+    "  baker: {sessions: sets/baker/*/session.yaml}\n"
+    "  charlie: {sessions: sets/charlie/*/session.yaml}\n";
+
+class Fleet : public Workspace {
+ protected:
+  // Three rigs at one date.
+  Fleet() {
+    WriteProblem(EasyProblem());
+    for (const char* rig : {"able", "baker", "charlie"}) {
+      const fs::path folder = Path("sets") / rig / "2026-01";
+      fs::create_directories(folder);
+      for (const auto& file : fs::directory_iterator(Path(""))) {
+        if (file.is_regular_file()) fs::copy_file(file, folder / file.path().filename());
+      }
+    }
+    Write("plan.yaml", kPlan);
+  }
+};
+
+TEST_F(Fleet, WorkflowNamesEverySessionAndDetectsOnceForAllSteps) {
+  const Outcome written = Run({"fleet", "plan.yaml", "-o", "R"});
+  ASSERT_EQ(written.status, kDone) << written.err;
+  EXPECT_THAT(written.out, AllOf(HasSubstr("3 rigs, 3 calibrations"), HasSubstr("snakemake")));
+  const std::string workflow = Read("R/Snakefile");
+  for (const char* rig : {"able", "baker", "charlie"}) {
+    EXPECT_THAT(workflow, HasSubstr(Path("sets") / rig / "2026-01/session.yaml"));
+  }
+  std::size_t with_cache = 0;
+  const std::string cache = "--cache {wildcards.rig}/{wildcards.date}/cache";
+  for (std::size_t at = workflow.find(cache); at != std::string::npos;
+       at = workflow.find(cache, at + 1)) {
+    ++with_cache;
+  }
+  EXPECT_EQ(with_cache, 3U) << "detect, calibrate and try share the detections";
+}
+
+TEST_F(Fleet, OverviewListsFirstWhatIsToBeActedOn) {
+  const Outcome calibrated = Run({"calibrate",
+                                  "sets/able/2026-01/session.yaml",
+                                  "-o",
+                                  "R/able/2026-01/result",
+                                  "--no-report"});
+  ASSERT_EQ(calibrated.status, kDone) << calibrated.err;
+  Write("R/able/2026-01/status.txt", "0\n");
+  fs::create_directories(Path("R/baker/2026-01"));
+  Write("R/baker/2026-01/status.txt", "1\n");
+  Write("R/baker/2026-01/calibrate.log", "reading\nplenocal: no <target> found\n");
+
+  const Outcome page = Run({"fleet", "plan.yaml", "-o", "R", "--overview"});
+  ASSERT_EQ(page.status, kDone) << page.err;
+  const std::string html = Read("R/overview.html");
+  EXPECT_THAT(html, HasSubstr("3 rigs, 3 calibrations"));
+  EXPECT_THAT(html, HasSubstr("1 failed, 1 open. <b>2 to act on</b>"));
+  EXPECT_THAT(html, AllOf(HasSubstr("no &lt;target&gt; found"), Not(HasSubstr("<target>"))));
+  EXPECT_THAT(html, HasSubstr("able/2026-01/result/report.html"));
+  const auto row = [&](const char* rig) { return html.find("<td>" + std::string(rig) + "</td>"); };
+  EXPECT_LT(row("baker"), row("able"));
+  EXPECT_LT(row("charlie"), row("able"));
+}
+
+TEST_F(Fleet, AMistakeInThePlanIsNamed) {
+  const auto refuse = [&](const std::string& from, const std::string& to, const char* part) {
+    Write("wrong.yaml", Replaced(kPlan, from, to));
+    const Outcome outcome = Run({"fleet", "wrong.yaml", "-o", "R"});
+    EXPECT_EQ(outcome.status, kWrongInput);
+    EXPECT_THAT(outcome.err, AllOf(HasSubstr("wrong.yaml:"), HasSubstr(part)));
+    EXPECT_FALSE(fs::exists(Path("R/Snakefile")));
+  };
+  refuse("shards: 2", "shards: 0", "shards");
+  refuse("sets/baker/*", "sets/nobody/*", "nobody");
+  refuse("rigs:", "rig:", "rigs");
+  refuse("able:", "../able:", "../able");
+}
+
+}  // namespace TEST_FILE
+}  // namespace plenocal::testing
