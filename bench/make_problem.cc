@@ -2,8 +2,9 @@
 //
 // make_problem CAMERAS FRAMES exact|bent FOLDER
 //
-// Writes session.yaml, target.yaml and camN.csv: a board of 10 x 7 markers, 0.2 px noise. The true
-// markers lie at their nominal places (exact) or 0.5 mm about them in each coordinate (bent).
+// Writes session.yaml, target.yaml, camN.csv and truth.csv (the true parameters): a board of 10 x 7
+// markers, 0.2 px noise. The true markers lie at their nominal places (exact) or 0.5 mm about them
+// in each coordinate (bent).
 #include <fmt/core.h>
 
 #include <cstdlib>
@@ -41,5 +42,14 @@ int main(int argc, char** argv) {
     std::ofstream(folder / (camera.name + ".csv"))
         << plenocal::DetectionsCsv(camera.views, *camera.model);
   }
-  return session ? 0 : 1;
+  std::ofstream truth(folder / "truth.csv");
+  truth << "camera,parameter,value\n";
+  for (size_t c = 0; c < problem.params.size(); ++c) {
+    const auto& camera = problem.input.cameras[c];
+    for (size_t i = 0; i < problem.params[c].size(); ++i) {
+      truth << fmt::format(
+          "{},{},{}\n", camera.name, camera.model->params[i].name, problem.params[c][i]);
+    }
+  }
+  return session && truth ? 0 : 1;
 }

@@ -279,12 +279,14 @@ bool ProjectWithLocalJacobian(const double* params,
   return true;
 }
 
+// Inlined as a whole, since operations of dual numbers are too short for calls: 0.55 to 0.8 of the
+// time.
 template <CameraModelPlugin M>
-bool ProjectWithJacobian(const double* params,
-                         const double* config,
-                         const double* values,
-                         const Eigen::Vector3d& p_cam,
-                         const ProjectionOutput& out) {
+[[gnu::flatten]] bool ProjectWithJacobian(const double* params,
+                                          const double* config,
+                                          const double* values,
+                                          const Eigen::Vector3d& p_cam,
+                                          const ProjectionOutput& out) {
   constexpr int kParamCount = static_cast<int>(M::kParams.size());
   constexpr int kMeasuredCount = static_cast<int>(M::kMeasured.size());
   using Jet = ceres::Jet<double, kParamCount + 3>;
