@@ -10,7 +10,7 @@ FROM debian:bookworm-slim
 COPY --from=build /plenocal/build/deb/plenocal_*.deb /plenocal/build/deb/python3-plenocal_*.deb /tmp/
 RUN apt-get update \
   && apt-get install -y --no-install-recommends /tmp/plenocal_*.deb /tmp/python3-plenocal_*.deb fonts-dejavu-core \
-  && rm -rf /var/lib/apt/lists/* /tmp/*.deb \
+  && apt-get clean && rm -rf /var/lib/apt/lists/* /tmp/*.deb \
   && useradd --create-home plenocal
 USER plenocal
 WORKDIR /data

@@ -74,9 +74,9 @@ void ReadDrift(const fs::path& folder, RunSummary* run) {
   const size_t part = table.Column("part"), rms = table.Column("rms"),
                differs = table.Column("differs");
   while (table.Next()) {
+    run->differs |= table.Text(differs) == "1";  // of a part of the image; the row of all has none
     if (table.Text(part) != "all") continue;
     run->drift = std::max(run->drift.value_or(0), table.Number(rms));
-    run->differs |= table.Text(differs) == "1";
   }
 }
 
@@ -106,7 +106,7 @@ RunSummary Summarise(const fs::path& folder, const std::string& date) {
   return run;
 }
 
-/// Drift over the dates as bars, those beyond the prediction in red.
+/// The latest drift, px, and those over the dates as bars, in red beyond the prediction.
 std::string DriftChart(const std::vector<RunSummary>& runs) {
   constexpr double kBar = 14, kHeight = 36;
   double largest = 1e-3;
@@ -126,7 +126,8 @@ std::string DriftChart(const std::vector<RunSummary>& runs) {
         Html(runs[i].date),
         *runs[i].drift);
   }
-  return svg + "</svg>";
+  svg += "</svg>";
+  return runs.back().drift ? fmt::format("{:.3f} {}", *runs.back().drift, svg) : svg;
 }
 
 struct RigSummary {
@@ -180,13 +181,14 @@ constexpr const char* kPage = R"HTML(<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><title>Fleet</title><style>
 body {{ font: 15px/1.4 system-ui, sans-serif; margin: 2em; color: #222 }}
 table {{ border-collapse: collapse }} td, th {{ padding: .3em .8em; border-bottom: 1px solid #ddd; text-align: left; vertical-align: middle }}
+td:nth-child(-n+7) {{ white-space: nowrap }}
 .good {{ color: #176b2c }} .usable {{ color: #8a5a00 }} .bad, .failed {{ color: #b00020; font-weight: 600 }}
 rect.within {{ fill: #7a9cc6 }} rect.beyond {{ fill: #c0392b }}
 </style></head><body>
 <h1>{} rigs, {} calibrations</h1>
 <p>{} good, {} usable, {} bad, {} failed, {} open. <b>{} to act on</b>, listed first.</p>
 <p>Drift: RMS difference in the image between a calibration and the one before, of the worst camera and distance; red where it is more than the standard errors of both predict.</p>
-<table><tr><th>rig</th><th>dates</th><th>latest</th><th>verdict</th><th>RMS, px</th><th>rejected points</th><th>drift</th><th>to do</th></tr>
+<table><tr><th>rig</th><th>dates</th><th>latest</th><th>verdict</th><th>RMS, px</th><th>rejected points</th><th>drift, px</th><th>to do</th></tr>
 {}</table></body></html>
 )HTML";
 

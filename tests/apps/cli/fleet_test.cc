@@ -80,6 +80,38 @@ TEST_F(Fleet, OverviewListsFirstWhatIsToBeActedOn) {
   EXPECT_LT(row("charlie"), row("able"));
 }
 
+TEST_F(Fleet, OverviewNamesARigThatHasDrifted) {
+  const auto put = [&](const std::string& date) {
+    const std::string run = "R/able/" + date;
+    fs::create_directories(Path("sets/able/" + date));
+    for (const auto& [name, text] : Files("sets/able/2026-01")) {
+      Write("sets/able/" + date + "/" + name, text);
+    }
+    const Outcome calibrated = Run(
+        {"calibrate", "sets/able/" + date + "/session.yaml", "-o", run + "/result", "--no-report"});
+    ASSERT_EQ(calibrated.status, kDone) << calibrated.err;
+    Write(run + "/status.txt", "0\n");
+  };
+  put("2026-01");
+  put("2026-02");
+  const std::string before = "R/able/2026-01/result/calibration.yaml",
+                    after = "R/able/2026-02/result/calibration.yaml";
+  const auto page = [&] {
+    EXPECT_EQ(Run({"compare", before, after, "-o", "R/able/2026-02/compare"}).status, kDone);
+    EXPECT_EQ(Run({"fleet", "plan.yaml", "-o", "R", "--overview"}).status, kDone);
+    return Read("R/overview.html");
+  };
+  EXPECT_THAT(page(), Not(HasSubstr("use the new calibration")));
+
+  YAML::Node moved = Result("R/able/2026-02/result");
+  YAML::Node parameters = moved["cameras"]["cam0"]["parameters"];
+  for (const char* name : {"f_x", "f_y"}) {
+    parameters[name] = 1.02 * parameters[name].as<double>();
+  }
+  Write(after, YAML::Dump(moved));
+  EXPECT_THAT(page(), HasSubstr("use the new calibration: it differs from the one before by"));
+}
+
 TEST_F(Fleet, AMistakeInThePlanIsNamed) {
   const auto refuse = [&](const std::string& from, const std::string& to, const char* part) {
     Write("wrong.yaml", Replaced(kPlan, from, to));
