@@ -182,6 +182,7 @@ constexpr const char* kPage = R"HTML(<!doctype html>
 body {{ font: 15px/1.4 system-ui, sans-serif; margin: 2em; color: #222 }}
 table {{ border-collapse: collapse }} td, th {{ padding: .3em .8em; border-bottom: 1px solid #ddd; text-align: left; vertical-align: middle }}
 td:nth-child(-n+7) {{ white-space: nowrap }}
+svg {{ vertical-align: middle }}
 .good {{ color: #176b2c }} .usable {{ color: #8a5a00 }} .bad, .failed {{ color: #b00020; font-weight: 600 }}
 rect.within {{ fill: #7a9cc6 }} rect.beyond {{ fill: #c0392b }}
 </style></head><body>
