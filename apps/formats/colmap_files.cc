@@ -205,7 +205,10 @@ bool IsBinary(const fs::path& file) { return file.extension() == ".bin"; }
 }  // namespace
 
 std::vector<ColmapCamera> ReadColmapCameras(const fs::path& file) {
-  return IsBinary(file) ? ReadBinaryCameras(file) : ReadTextCameras(file);
+  std::vector<ColmapCamera> cameras =
+      IsBinary(file) ? ReadBinaryCameras(file) : ReadTextCameras(file);
+  if (cameras.empty()) FailAt(file.string(), "has no camera");
+  return cameras;
 }
 
 std::vector<ColmapImage> ReadColmapImages(const fs::path& file) {

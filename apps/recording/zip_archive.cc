@@ -42,7 +42,10 @@ ZipArchive::ZipArchive(const std::filesystem::path& path) : path_(path) {
   for (zip_int64_t i = 0; i < count; ++i) {
     const char* const name = zip_get_name(archive_.get(), static_cast<zip_uint64_t>(i), 0);
     if (name == nullptr || std::string_view(name).ends_with('/')) continue;
-    names_.emplace_back(name);
+    // A name that begins with a slash would be a file elsewhere.
+    const std::string_view relative = name;
+    names_.emplace_back(
+        relative.substr(std::min(relative.find_first_not_of('/'), relative.size())));
     indices_.push_back(static_cast<size_t>(i));
   }
 }

@@ -168,10 +168,11 @@ const MessageTopic& MessageLog::TopicOf(const Message& message) const {
 }
 
 std::vector<MessageTopic> MessageLog::Topics() const {
-  std::map<std::string, MessageTopic> by_name;
+  // A damaged file may give one name to images and to other messages.
+  std::map<std::pair<std::string, MessageKind>, MessageTopic> by_name;
   for (const auto& file : files_) {
     for (const MessageTopic& topic : file->Topics()) {
-      const auto [place, is_new] = by_name.emplace(topic.name, topic);
+      const auto [place, is_new] = by_name.emplace(std::pair(topic.name, topic.kind), topic);
       if (!is_new) place->second.count += topic.count;
     }
   }
