@@ -36,6 +36,10 @@ int OpenInput(const std::filesystem::path& path);
 /// Like `ReadInput` for a result of an earlier run, which this run may replace.
 std::string ReadEarlierResult(const std::filesystem::path& path);
 
+/// Whether there is a file or folder; none where the path cannot be one's, such as a name that is
+/// too long.
+bool IsThere(const std::filesystem::path& path);
+
 /// The path of the input that was read from the file which `path` is too; nothing when `path` is no
 /// input.
 std::optional<std::filesystem::path> InputAt(const std::filesystem::path& path);

@@ -79,7 +79,7 @@ EarlierFile ReadEarlierFile(const YamlNode& node, const std::filesystem::path& s
   }
   const YamlNode path = node.IsMap() ? node.At("file") : node;
   file.path = PathBeside(session, path);
-  if (!std::filesystem::exists(file.path)) {
+  if (!IsThere(file.path)) {
     path.Fail(fmt::format("{}: no such file", file.path.string()));
   }
   return file;
@@ -325,7 +325,7 @@ bool IsWord(const std::string& text, const std::filesystem::path& file) {
   const size_t colon = text.find(':');
   const bool begins = colon != std::string::npos && colon > 0 &&
                       text.find_first_not_of("abcdefghijklmnopqrstuvwxyz") == colon;
-  return begins && !std::filesystem::exists(file);
+  return begins && !IsThere(file);
 }
 
 TargetSource ReadTargetSource(const YamlNode& node, const std::filesystem::path& session) {
@@ -572,7 +572,7 @@ std::vector<std::filesystem::path> ReadSessionPlugins(const std::filesystem::pat
   if (!root.Has("plugins")) return plugins;
   for (const YamlNode& node : root.At("plugins").Elements()) {
     plugins.push_back(std::filesystem::absolute(PathBeside(path, node)));
-    if (!std::filesystem::exists(plugins.back())) {
+    if (!IsThere(plugins.back())) {
       node.Fail(fmt::format("{}: no such file; check the path of the shared library",
                             plugins.back().string()));
     }

@@ -6,9 +6,11 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <mutex>
 #include <opencv2/core.hpp>
+#include <string_view>
 
 #include "calib/base/error.h"
 
@@ -94,6 +96,13 @@ class SilentCodecs {
 }  // namespace
 
 cv::Mat DecodeImage(const std::vector<std::uint8_t>& content, int flags) {
+  // Debian's OpenCV gives DICOM files to GDCM, which ends the program at a damaged one.
+  constexpr std::string_view kDicom = "DICM";
+  constexpr std::size_t kAt = 128;
+  if (content.size() >= kAt + kDicom.size() &&
+      std::equal(kDicom.begin(), kDicom.end(), content.begin() + kAt)) {
+    return {};
+  }
   const Codecs& codecs = LoadedCodecs();
   const SilentCodecs silent;
   return codecs.decode(content, flags);

@@ -21,7 +21,7 @@ namespace fs = std::filesystem;
 constexpr std::string_view kMark = "# Written by 'plenocal calibrate' from images";
 
 TargetSource SourceOf(const std::string& target) {
-  if (fs::exists(target)) return {.file = target, .keys = std::nullopt};
+  if (IsThere(target)) return {.file = target, .keys = std::nullopt};
   if (target.find(':') != std::string::npos) {
     const std::string yaml = TargetOfWord(target).nominal_yaml;
     return {.file = {}, .keys = YamlNode::Parse(yaml, target)};
