@@ -142,9 +142,9 @@ Eigen::Matrix<double, N, N> PatchCovariance(const Model& model,
 }
 
 /// Least squares of model - gray over a patch. `Model` has
-///   auto At(const Params& params) const   (the gray values there, double(const Pixel&, Params*
-///   gradient)) bool Plausible(const Params& params) const   (false stops the fit: it has left the
-///   patch)
+///   At(params), the gray values at these parameters: a function double(const Pixel&, Params* J),
+///   which sets the gradient J, and
+///   bool Plausible(params); false stops the fit: it has left the patch,
 /// and its parameters 0 and 1 are x, y of the point sought; the fit is done when these rest.
 template <int N, typename Model>
 std::optional<PatchFit<N>> FitPatch(const Model& model,

@@ -76,7 +76,7 @@ struct OwnPixels {
 constexpr int kParams = 6;  // c_x, c_y, g, h_x, h_y, s
 constexpr int kRows = 9;    // the parameters, the error, and zeros for AddSquares
 
-/// Value and slope of the profile's cubic at distance `t` from the cell's first knot, in cells.
+/// Coefficients of the profile's cubics in the cells `index`: see RadialProfile::Cells.
 struct CellLanes {
   Lanes c0, c1, c2, c3;
 

@@ -81,19 +81,16 @@ TEST_F(Fleet, OverviewListsFirstWhatIsToBeActedOn) {
 }
 
 TEST_F(Fleet, OverviewNamesARigThatHasDrifted) {
-  const auto put = [&](const std::string& date) {
+  fs::copy(Path("sets/able/2026-01"), Path("sets/able/2026-02"));
+  const auto calibrate = [&](const std::string& date) {
     const std::string run = "R/able/" + date;
-    fs::create_directories(Path("sets/able/" + date));
-    for (const auto& [name, text] : Files("sets/able/2026-01")) {
-      Write("sets/able/" + date + "/" + name, text);
-    }
     const Outcome calibrated = Run(
         {"calibrate", "sets/able/" + date + "/session.yaml", "-o", run + "/result", "--no-report"});
     ASSERT_EQ(calibrated.status, kDone) << calibrated.err;
     Write(run + "/status.txt", "0\n");
   };
-  put("2026-01");
-  put("2026-02");
+  calibrate("2026-01");
+  calibrate("2026-02");
   const std::string before = "R/able/2026-01/result/calibration.yaml",
                     after = "R/able/2026-02/result/calibration.yaml";
   const auto page = [&] {
