@@ -8,29 +8,39 @@
 
 #include "calib/base/error.h"
 #include "calib/base/yaml.h"
-#include "calib/files/calibration_file.h"
 #include "calib/files/frame_images.h"
 #include "calib/files/image_keys.h"
 
 namespace plenocal {
 namespace {
 
+/// Names of rigs, dates and models stand in folders and in the shell commands of the workflow.
+void CheckPlainName(const std::string& what, const std::string& name, const YamlNode& node) {
+  const auto allowed = [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '-' ||
+           c == '_' || c == '.';
+  };
+  constexpr size_t kLongest = 100;  // file names have up to 255 bytes
+  if (!name.empty() && name.size() <= kLongest && std::ranges::all_of(name, allowed) &&
+      name[0] != '.' && name[0] != '-') {
+    return;
+  }
+  node.Fail(
+      fmt::format("{} '{}' becomes part of folders and commands: use up to {} letters, digits, "
+                  "'-', '_' and '.', with a letter, digit or '_' first",
+                  what,
+                  name,
+                  kLongest));
+}
+
 FleetRig ReadRig(const std::string& name, const YamlNode& node, const std::filesystem::path& plan) {
-  CheckCameraName(name, node);  // it becomes a folder's name
+  CheckPlainName("the rig", name, node);
   node.CheckKeys({"sessions"});
   node.RequireKeys(std::array<std::string_view, 1>{"sessions"}, "sessions: rig01/*/session.yaml\n");
   FleetRig rig{.name = name, .runs = {}};
   const std::string what = fmt::format("{}:{}: rigs.{}.sessions", plan.string(), node.Line(), name);
   for (FrameImage& found : ExpandImages(PathsBeside(plan, node.At("sessions")), what)) {
-    const auto allowed = [](unsigned char c) {
-      return std::isalnum(c) != 0 || c == '-' || c == '_' || c == '.';
-    };
-    if (!std::ranges::all_of(found.frame, allowed) || found.frame.starts_with('.')) {
-      node.Fail(
-          fmt::format("the date '{}', which the last '*' of 'sessions' stands for, becomes a "
-                      "folder's name: letters, digits, '-', '_' and '.' are possible",
-                      found.frame));
-    }
+    CheckPlainName("the date (what the last '*' of 'sessions' stands for)", found.frame, node);
     rig.runs.push_back({found.frame, std::filesystem::absolute(found.path).lexically_normal()});
   }
   std::ranges::sort(rig.runs, {}, &FleetRun::date);
@@ -140,6 +150,7 @@ FleetPlan ReadFleetPlan(const std::filesystem::path& path) {
   if (root.Has("models")) {
     for (const YamlNode& model : root.At("models").Elements()) {
       plan.models.push_back(model.AsString());
+      CheckPlainName("the model", plan.models.back(), model);
     }
   }
   return plan;
@@ -155,8 +166,8 @@ std::string Snakefile(const FleetPlan& plan, const std::filesystem::path& progra
   return fmt::format(
              "# Written by 'plenocal fleet'; the next run replaces it. Run it here:\n"
              "#   snakemake --cores all --keep-going --rerun-incomplete\n"
-             "SESSIONS = {}\nMODELS = {}\nSHARDS = {}\n"
-             "PLAN = {}\nPROGRAM = config.get(\"plenocal\", {})\n"
+             "import shlex\n\nSESSIONS = {}\nMODELS = {}\nSHARDS = {}\n"
+             "PLAN = {}\nPROGRAM = shlex.quote(config.get(\"plenocal\", {}))\n"
              "THREADS = int(config.get(\"threads\", 1))\n",
              sessions.dump(2),
              Json(plan.models).dump(),

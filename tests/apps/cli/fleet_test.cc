@@ -121,6 +121,9 @@ TEST_F(Fleet, AMistakeInThePlanIsNamed) {
   refuse("sets/baker/*", "sets/nobody/*", "nobody");
   refuse("rigs:", "rig:", "rigs");
   refuse("able:", "../able:", "../able");
+  // What a shell would execute.
+  refuse("able:", "able&reboot:", "able&reboot");
+  refuse("[pinhole-radtan]", "[pinhole-radtan; reboot]", "pinhole-radtan; reboot");
 }
 
 }  // namespace TEST_FILE
