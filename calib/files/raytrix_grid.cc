@@ -205,6 +205,14 @@ MicroLensArray ReadRayCalibData(const std::filesystem::path& path, ImageSize ima
   if (!(diameter >= kLeast)) {
     Refuse(path, fmt::format("<diameter>: expected at least {} pixels", kLeast));
   }
+  constexpr double kFewest = 4;  // micro lenses along the shorter side, for a lattice through them
+  if (const int side = std::min(image_size[0], image_size[1]); diameter > side / kFewest) {
+    Refuse(path,
+           fmt::format("<diameter>: {:.6g} px, expected at most a quarter of the image's shorter "
+                       "side ({} px)",
+                       diameter,
+                       side));
+  }
   Matrix2d bases;
   bases << Point(path, root, "lens_base_x"), Point(path, root, "lens_base_y");
   // With y down, angles turn the other way.
