@@ -114,6 +114,13 @@ TruthComparison CompareTruths(const std::filesystem::path& a, const std::filesys
   add(of_b.uncertainty, metrics.T_s_gt);
   comparison.chi_square = comparison.end.dot(
       SolveSymmetric(Eigen::MatrixXd(comparison.covariance), Eigen::VectorXd(comparison.end)));
+  if (!std::isfinite(comparison.chi_square)) {
+    throw Error(ErrorKind::kInput,
+                fmt::format("{}, {}: the sum of their covariances is singular, so that there is no "
+                            "uncertainty to compare with",
+                            a.string(),
+                            b.string()));
+  }
   comparison.probability = ChiSquareTail(7, comparison.chi_square);
   comparison.scale = 1 / metrics.absolute_scale - 1;
   comparison.scale_sigma =

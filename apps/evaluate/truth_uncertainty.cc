@@ -3,11 +3,13 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <string_view>
 #include <vector>
 
+#include "calib/base/linear_algebra.h"
 #include "calib/base/names.h"
 #include "calib/base/yaml.h"
 
@@ -20,6 +22,22 @@ Eigen::Vector3d ReadCentre(const YamlNode& node) {
   return Eigen::Vector3d(node.AsNumbers(3).data());
 }
 
+// Throws for what is no covariance: a variance below zero would be no number as a standard error.
+void CheckCovariance(const Eigen::Matrix<double, 14, 14>& matrix, const YamlNode& node) {
+  constexpr double kRounding = 1e-6;  // of correlations, by the digits of the file
+  const auto variances = matrix.diagonal();
+  if (variances.minCoeff() < 0) node.Fail("expected a covariance, found a negative variance");
+  // Translations, rotations and scales differ by orders of magnitude.
+  const Eigen::Vector<double, 14> scales =
+      (variances.array() > 0).select(variances.array().sqrt().inverse(), 1);
+  const Eigen::MatrixXd correlations = scales.asDiagonal() * matrix * scales.asDiagonal();
+  const bool symmetric =
+      (correlations - correlations.transpose()).cwiseAbs().maxCoeff() <= kRounding;
+  if (!symmetric || !(DecomposeSymmetric(correlations).values[0] >= -kRounding)) {
+    node.Fail("expected a covariance, found a matrix that is not symmetric and positive");
+  }
+}
+
 TruthUncertainty ReadUncertainty(const YamlNode& node) {
   TruthUncertainty uncertainty;
   uncertainty.start_centre = ReadCentre(node.At("start_centre"));
@@ -30,6 +48,7 @@ TruthUncertainty ReadUncertainty(const YamlNode& node) {
   for (size_t i = 0; i < rows.size(); ++i) {
     matrix.row(static_cast<Eigen::Index>(i)) = Vector14d(rows[i].AsNumbers(14).data()).transpose();
   }
+  CheckCovariance(matrix, node.At("matrix"));
   return uncertainty;
 }
 
@@ -69,6 +88,9 @@ Eigen::Matrix<double, 5, 14> DifferentiateMetrics(const LoopMetrics& metrics,
   return derivatives;
 }
 
+// Of a variance that rounding may have made negative.
+double Root(double variance) { return std::sqrt(std::max(0.0, variance)); }
+
 // Of an estimate without errors that follows the measured path.
 Values FloorsOf(const LoopMetrics& metrics,
                 const Trajectory& estimate,
@@ -81,11 +103,11 @@ Values FloorsOf(const LoopMetrics& metrics,
   for (const Eigen::Vector3d& p : estimate.positions) path.push_back(metrics.T_s_gt * p);
   const std::vector<Eigen::Vector3d> origin{Eigen::Vector3d::Zero()};
   const auto& C = covariance.segments;
-  return {std::sqrt(relative(6, 6)),
-          std::sqrt(relative.block<3, 3>(3, 3).trace()) * 180 / std::numbers::pi,
+  return {Root(relative(6, 6)),
+          Root(relative.block<3, 3>(3, 3).trace()) * 180 / std::numbers::pi,
           covariance.AlignmentFloor(start, end, origin),
           covariance.AlignmentFloor(start, end, path),
-          std::sqrt(C(6, 6) + 2 * C(6, 13) + C(13, 13)) / 2};
+          Root(C(6, 6) + 2 * C(6, 13) + C(13, 13)) / 2};
 }
 
 }  // namespace
@@ -99,7 +121,9 @@ GroundTruthFile ReadGroundTruth(const std::filesystem::path& path, const std::st
   GroundTruthFile file{
       .cameras = {}, .segments = {}, .uncertainty = ReadUncertainty(root.At("segment_covariance"))};
   if (root.Has("scale")) {
-    file.uncertainty.covariance.scale_sigma = root.At("scale").At("sigma").AsNumber();
+    const YamlNode sigma = root.At("scale").At("sigma");
+    file.uncertainty.covariance.scale_sigma = sigma.AsNumber();
+    if (file.uncertainty.covariance.scale_sigma < 0) sigma.Fail("expected a number of at least 0");
   }
   for (const auto& [name, node] : entries) {
     file.cameras.push_back(name);
@@ -123,7 +147,7 @@ LoopMetricErrors ErrorsByTruth(const LoopMetrics& metrics,
     const double variance = (J.row(i) * uncertainty.covariance.segments * J.row(i).transpose())(0);
     const bool resolved = std::abs(deviations[i]) >= floors[i];
     // The derivative of a length near zero does not describe its errors.
-    return MetricError{resolved ? std::sqrt(variance) : floors[i], floors[i], resolved};
+    return MetricError{resolved ? Root(variance) : floors[i], floors[i], resolved};
   };
   return {error(0), error(1), error(2), error(3), error(4)};
 }

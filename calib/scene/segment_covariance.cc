@@ -134,7 +134,8 @@ double LoopCovariance::AlignmentFloor(const PathSegment& start,
     M << -SimilarityEffect(p, start.centre), SimilarityEffect(p, end.centre);
     sum += (M * segments * M.transpose()).trace();
   }
-  return std::sqrt(sum / std::max<double>(1, static_cast<double>(path.size())));
+  // Rounding may make a sum of zeros negative.
+  return std::sqrt(std::max(0.0, sum) / std::max<double>(1, static_cast<double>(path.size())));
 }
 
 LoopCovariance EstimateLoopCovariance(const Bundle& bundle,

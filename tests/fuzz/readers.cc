@@ -15,13 +15,16 @@
 #include <stdexcept>
 
 #include "apps/cli/command_line.h"
+#include "apps/cli/fleet/fleet_plan.h"
 #include "apps/evaluate/trajectory.h"
+#include "apps/evaluate/truth_uncertainty.h"
 #include "apps/formats/camera_format.h"
 #include "apps/formats/colmap_files.h"
 #include "apps/formats/import_format.h"
 #include "apps/formats/poses.h"
 #include "apps/recording/recording_file.h"
 #include "apps/recording/stores/message_log.h"
+#include "apps/recording/supplied_detections.h"
 #include "apps/recording/times.h"
 #include "apps/recording/zip_archive.h"
 #include "apps/simulate/simulation_spec.h"
@@ -32,6 +35,7 @@
 #include "calib/files/detections.h"
 #include "calib/files/session.h"
 #include "detectors/images/image.h"
+#include "detectors/photometry/response_curve.h"
 #include "detectors/plenoptic/cached_results.h"
 #include "models/plugin/load_plugin.h"
 #include "models/registry.h"
@@ -203,6 +207,21 @@ void ReadCorrelationsFile(const fs::path& path) {
   RequireFiniteMatrix("correlations", ReadCorrelations(path).matrix);
 }
 
+void ReadScenePointsFile(const fs::path& path) {
+  for (const auto& [number, point] : ReadScenePoints(path)) RequireFiniteMatrix("points", point);
+}
+
+void ReadGroundTruthFile(const fs::path& path) {
+  const TruthUncertainty truth = ReadGroundTruth(path, {}).uncertainty;
+  RequireFiniteMatrix("covariances", truth.covariance.segments);
+  const std::vector<Eigen::Vector3d> origin{Eigen::Vector3d::Zero()};
+  const PathSegment start{.positions = {}, .centre = truth.start_centre};
+  const PathSegment end{.positions = {}, .centre = truth.end_centre};
+  RequireFinite("floors",
+                std::vector{truth.covariance.AlignmentFloor(start, end, origin),
+                            std::sqrt(truth.covariance.scale_sigma)});
+}
+
 void CheckMicroLenses(const MicroLensArray& array) {
   for (const Eigen::Vector2d& e : {array.e_column, array.e_row}) {
     RequireFiniteMatrix("lattice vectors", e);
@@ -238,6 +257,25 @@ void ReadImageTimesFile(const fs::path& path) {
   for (const ImageTime& row : ReadImageTimes(path, ExposureUnit::kMilliseconds).rows) {
     RequireFinite("times", std::vector{row.time, row.exposure.value_or(0)});
   }
+}
+
+// Tracks of scene points in three images.
+void ReadTracks(const fs::path& path) {
+  Recording recording;
+  RecordedCamera& camera = recording.cameras.emplace_back();
+  camera.name = "left";
+  camera.markers =
+      MarkerFile{.path = path, .columns = {"frame", "marker", "x", "y", "sigma"}, .skip = 1};
+  for (const size_t image : {0, 1, 2}) {
+    const std::string name = fmt::format("{:04}", image);
+    camera.images.push_back({.name = name, .time = {}, .exposure = {}});
+    camera.files.push_back({.frame = name, .path = name + ".png"});
+    recording.frames.push_back({.name = name, .time = 0, .image = {image}});
+  }
+  const SuppliedDetections tracks = ReadSuppliedDetections(recording, 0);
+  RequireReadable("tracks.csv", tracks.csv, [](const fs::path& file) {
+    ReadDetectionsOf(ModelNamed("pinhole"), file);
+  });
 }
 
 void ReadArchive(const fs::path& path) {
@@ -353,12 +391,15 @@ std::vector<Reader> MakeReaders() {
       {"view_poses", "view_poses.csv", ReadViewPosesFile},
       {"residuals", "residuals.csv", ReadResidualsFile},
       {"correlations", "correlations.csv", ReadCorrelationsFile},
+      {"scene_points", "points.csv", ReadScenePointsFile},
+      {"groundtruth", "groundtruth.yaml", ReadGroundTruthFile},
       {"micro_lenses", "micro_lenses.csv", ReadMicroLensFile},
       {"trajectory", "trajectory.txt", trajectory},
       {"trajectory_times", "times.txt", ReadTimesFile},
       {"recording", "recording.yaml", ReadRecordingYaml},
       {"recording_times", "times.txt", ReadImageTimesFile},
       {"recording_euroc", "data.csv", ReadImageTimesFile},
+      {"recording_tracks", "tracks.csv", ReadTracks},
       {"recording_zip", "images.zip", ReadArchive},
       {"recording_mcap", "drive.mcap", ReadMessages},
       {"recording_bag", "drive.bag", ReadMessages},
@@ -369,9 +410,13 @@ std::vector<Reader> MakeReaders() {
        "cameras.bin",
        [](const fs::path& path) { ReadCamerasOf(*FindCameraFormat("colmap", path), path); }},
       {"image", "image", ReadImageFile},
+      {"response",
+       "pcalib.txt",
+       [](const fs::path& path) { RequireFinite("light", ReadResponse(path).Values()); }},
       {"attenuation", "attenuation.tiff", ReadAttenuationFile},
       {"cache", "entry", ReadCacheEntry, /*names_file=*/false},
       {"plugin", "libplugin.so", ReadPlugin},
+      {"fleet_plan", "plan.yaml", [](const fs::path& path) { ReadFleetPlan(path); }},
       {"command_line", "arguments", ReadCommandLine, /*names_file=*/false}};
   for (const CameraFormat& format : CameraFormats()) {
     readers.push_back({fmt::format("camera_{}", format.name),
