@@ -94,6 +94,7 @@ class Collector {
     AddLeftOut(std::move(left_out));
     collected_.sample_frames.emplace_back();
     collected_.traits.emplace_back();
+    collected_.blurs.emplace_back();
     collected_.cameras.push_back(std::move(input));
   }
 
@@ -120,6 +121,7 @@ class Collector {
     AddLeftOut(std::move(found.left_out));
     collected_.sample_frames.push_back(found.sample.frame);
     collected_.traits.push_back(std::move(found.traits));
+    collected_.blurs.push_back(std::move(found.blur));
     AddFiles(camera.name, &found);
     collected_.cameras.push_back(std::move(input));
   }

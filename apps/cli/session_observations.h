@@ -32,7 +32,8 @@ struct SessionObservations {
       files;  ///< micro lenses and vignetting of plenoptic cameras, pictures of a sample frame
   std::vector<std::string> sample_frames;  ///< per camera: the frame of the pictures; empty: none
   std::vector<CameraTraits> traits;        ///< per camera: what its images show beside markers
-  std::vector<LeftOut> left_out;           ///< images and markers, with reasons
+  std::vector<std::vector<BlurMeasurement>> blurs;  ///< per camera: in the micro images
+  std::vector<LeftOut> left_out;                    ///< images and markers, with reasons
 };
 
 /// Where `CollectObservations` keeps intermediate results.

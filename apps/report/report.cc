@@ -101,6 +101,38 @@ Json PrecisionJson(const std::vector<DistancePrecision>& precisions) {
   return {{"distance", distance}, {"calibration", calibration}, {"noise", noise}};
 }
 
+// Diameter of the disc, px, by which each lens type blurs, at distances around those of the
+// markers.
+Json LensTypesJson(const CalibratedCamera& camera, const std::vector<DistancePrecision>& markers) {
+  const auto geometry = MicroLensGeometryOf(camera);
+  Json types = Json::array();
+  if (!geometry || camera.lens_type_optics.empty() || markers.empty()) return types;
+  constexpr int kSteps = 100;
+  constexpr double kBeyond = 2;     // times the nearest and the farthest marker
+  constexpr double kInFront = 1.1;  // of f_L: there is no real image of what is nearer
+  const double from = std::max(markers.front().distance / kBeyond, kInFront * geometry->f_L);
+  const double to = markers.back().distance * kBeyond;
+  for (const LensTypeOptics& type : camera.lens_type_optics) {
+    Json distance = Json::array(), disc = Json::array();
+    for (int i = 0; i <= kSteps; ++i) {
+      const double z = from * std::pow(to / from, static_cast<double>(i) / kSteps);
+      distance.push_back(Short(z));
+      disc.push_back(Short(BlurDisc(type, *geometry, z), 3));
+    }
+    types.push_back({{"type", type.lens_type},
+                     {"focal_length", AsInFile(type.focal_length)},
+                     {"focal_length_sigma", AsInFile(type.focal_length_sigma)},
+                     {"aperture", AsInFile(type.aperture)},
+                     {"aperture_sigma", AsInFile(type.aperture_sigma)},
+                     {"in_focus", AsInFile(type.in_focus)},
+                     {"near", AsInFile(type.near)},
+                     {"far", AsInFile(type.far)},
+                     {"distance", distance},
+                     {"disc", disc}});
+  }
+  return types;
+}
+
 // A cross section with at most `most` points: means of neighbours.
 Json Section(const std::vector<float>& values) {
   constexpr size_t kMost = 2000;
@@ -275,6 +307,8 @@ class ReportData {
         pictures[key] = "data:image/jpeg;base64," + Base64(*jpeg);
       }
     }
+    const std::vector<DistancePrecision> precisions =
+        DistancePrecisions(calibration_, c, kMostPrecisions);
     return {{"name", camera.name},
             {"model", camera.model->name},
             {"source", camera.model->source},
@@ -293,7 +327,8 @@ class ReportData {
                               std::min(kMostOfOne, kMostPoints / calibration_.cameras.size()),
                               lens_types)},
             {"projection", MapsJson(maps)},
-            {"distance", PrecisionJson(DistancePrecisions(calibration_, c, kMostPrecisions))},
+            {"distance", PrecisionJson(precisions)},
+            {"lens_types", LensTypesJson(camera, precisions)},
             {"vignetting", vignetting},
             {"micro_lenses", micro_lenses},
             {"sample", {{"frame", camera.sample_frame}, {"pictures", pictures}}}};

@@ -5,7 +5,9 @@
 
 #include <Eigen/LU>
 #include <algorithm>
+#include <cmath>
 #include <iterator>
+#include <limits>
 
 #include "calib/base/error.h"
 #include "calib/base/names.h"
@@ -89,6 +91,28 @@ std::string ResidualsMap(const CameraFit& fit) {
   return text + "}";
 }
 
+// Distances that are infinite are left out.
+std::string LensTypesYaml(const std::vector<LensTypeOptics>& types) {
+  std::string text = types.empty() ? "" : "    lens_types:\n";
+  for (const LensTypeOptics& type : types) {
+    text += fmt::format(
+        "      - {{type: {}, focal_length: {}, sigma_focal_length: {}, aperture: {}, "
+        "sigma_aperture: {}, near: {}",
+        type.lens_type,
+        YamlNumber(type.focal_length),
+        YamlNumber(type.focal_length_sigma),
+        YamlNumber(type.aperture),
+        YamlNumber(type.aperture_sigma),
+        YamlNumber(type.near));
+    for (const auto& [key, distance] :
+         {std::pair("in_focus", type.in_focus), std::pair("far", type.far)}) {
+      if (std::isfinite(distance)) text += fmt::format(", {}: {}", key, YamlNumber(distance));
+    }
+    text += "}\n";
+  }
+  return text;
+}
+
 std::string TargetsYaml(const std::vector<TargetRecord>& targets) {
   std::string text = targets.empty() ? "" : "targets:\n";
   for (const TargetRecord& target : targets) {
@@ -144,7 +168,7 @@ std::string CameraYaml(const CalibratedCamera& camera, bool is_estimated) {
     if (!value.empty())
       add(key, member == &CalibratedCamera::sample_frame ? YamlQuoted(value) : YamlText(value));
   }
-  return text;
+  return text + LensTypesYaml(camera.lens_type_optics);
 }
 
 // "key:" with one line per item, or "key: []".
@@ -344,6 +368,24 @@ std::vector<std::string> Strings(const YamlNode& node, std::string_view key) {
   return strings;
 }
 
+std::vector<LensTypeOptics> ReadLensTypes(const YamlNode& node) {
+  const auto distance = [](const YamlNode& item, const char* key) {
+    return item.Has(key) ? item.At(key).AsNumber() : std::numeric_limits<double>::infinity();
+  };
+  std::vector<LensTypeOptics> types;
+  for (const YamlNode& item : node.Elements()) {
+    types.push_back({.lens_type = item.At("type").AsInteger(),
+                     .focal_length = item.At("focal_length").AsPositive(),
+                     .focal_length_sigma = item.At("sigma_focal_length").AsNumber(),
+                     .aperture = item.At("aperture").AsPositive(),
+                     .aperture_sigma = item.At("sigma_aperture").AsNumber(),
+                     .in_focus = distance(item, "in_focus"),
+                     .near = item.At("near").AsNumber(),
+                     .far = distance(item, "far")});
+  }
+  return types;
+}
+
 CalibratedCamera ReadCamera(const std::string& name,
                             const YamlNode& node,
                             std::span<const CameraModel> models) {
@@ -378,6 +420,7 @@ CalibratedCamera ReadCamera(const std::string& name,
   for (const auto& [key, member] : kCameraTextKeys) {
     if (node.Has(key)) camera.*member = node.At(key).AsString();
   }
+  if (node.Has("lens_types")) camera.lens_type_optics = ReadLensTypes(node.At("lens_types"));
   return camera;
 }
 

@@ -20,6 +20,25 @@ RigidTransform CalibrationRecord::CameraFromTarget(size_t camera, int frame) con
   return cameras[camera].T_camera_rig * T_target_rig.Inverse();
 }
 
+std::optional<MicroLensGeometry> MicroLensGeometryOf(const CalibratedCamera& camera) {
+  const auto place = [](std::span<const Param> params, std::string_view name) {
+    return static_cast<size_t>(std::ranges::find(params, name, &Param::name) - params.begin());
+  };
+  const std::span<const Param> params = camera.model->params;
+  const size_t f_L = place(params, "f_L"), b_L0 = place(params, "b_L0"), B = place(params, "B"),
+               b_P = place(params, "b_P"), pixel_size = place(camera.model->config, "pixel_size");
+  const size_t none = params.size();
+  if (f_L == none || b_L0 == none || B == none || pixel_size == camera.config.size()) {
+    return std::nullopt;
+  }
+  return MicroLensGeometry{.f_L = camera.params[f_L],
+                           .b_L0 = camera.params[b_L0],
+                           .B = camera.params[B],
+                           .b_P = camera.params[b_P == none ? b_L0 : b_P],
+                           .pixel_size = camera.config[pixel_size],
+                           .sigma_B = camera.Sigma(B)};
+}
+
 Eigen::MatrixXd CovarianceOf(const std::vector<double>& sigma, const Eigen::MatrixXd& correlation) {
   const Eigen::Index count = correlation.rows();
   Eigen::MatrixXd covariance(count, count);

@@ -17,6 +17,7 @@
 #include <vector>
 
 #include "calib/camera/camera_model.h"
+#include "calib/camera/lens_type_optics.h"
 #include "calib/camera/observation.h"
 #include "calib/camera/rigid_transform.h"
 #include "calib/files/finding.h"
@@ -100,6 +101,8 @@ struct CalibratedCamera {
   /// Names of files beside calibration.yaml: the micro lenses of a plenoptic camera, the
   /// attenuation, pictures of one frame; and that frame's name. Empty: there is none.
   std::string micro_lenses = {}, vignetting = {}, sample = {}, sample_depth = {}, sample_frame = {};
+  /// Of a plenoptic camera, by lens type; empty where the blur does not determine them.
+  std::vector<LensTypeOptics> lens_type_optics = {};
   std::vector<std::string> at_bound = {};  ///< parameters estimated at a bound of the session
   /// Standard errors by leaving out frames; empty when they were not asked for.
   std::vector<double> sigma_jackknife = {}, sigma_xi_jackknife = {};
@@ -115,6 +118,10 @@ struct CalibratedCamera {
     return std::sqrt(covariance(i, i));
   }
 };
+
+/// Of a camera whose model has the parameters f_L, b_L0, B, if any b_P, and a pixel size; nothing
+/// of others.
+std::optional<MicroLensGeometry> MicroLensGeometryOf(const CalibratedCamera& camera);
 
 /// The keys of `CalibratedCamera`'s texts in calibration.yaml.
 inline constexpr std::array<std::pair<const char*, std::string CalibratedCamera::*>, 5>

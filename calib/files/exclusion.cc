@@ -11,6 +11,7 @@
 #include <string_view>
 #include <utility>
 
+#include "calib/base/error.h"
 #include "calib/base/names.h"
 
 namespace plenocal {

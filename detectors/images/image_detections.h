@@ -12,6 +12,7 @@
 #include "calib/base/detection_cache.h"
 #include "calib/camera/bayer.h"
 #include "calib/camera/image_traits.h"
+#include "calib/camera/lens_type_optics.h"
 #include "calib/camera/observation.h"
 #include "calib/files/frame_images.h"
 
@@ -34,7 +35,8 @@ struct ImageDetections {
   std::string micro_lenses;  ///< of a plenoptic camera: the content of micro_lenses_<camera>.csv
   std::string vignetting;    ///< of vignetting_<camera>.tiff; empty without white images
   SampleView sample;         ///< of the frame with most markers
-  CameraTraits traits;       ///< of all images of that size; of a plenoptic camera none
+  std::vector<BlurMeasurement> blur;  ///< of markers in micro images; of ordinary cameras none
+  CameraTraits traits;                ///< of all images of that size; of a plenoptic camera none
 };
 
 /// What an image of many shows, in little memory.

@@ -74,6 +74,8 @@ std::string Pack(const RawDetections& found) {
     for (const double change : o.vignetting_sensitivity.reshaped()) writer.Put(change);
     for (const double change : o.depth_sensitivity) writer.Put(change);
     writer.Put(o.lens_type);
+    writer.Put(o.blur);
+    writer.Put(o.blur_sigma);
   });
   writer.PutAll(found.left_out, [&](const std::string& reason) { writer.Put(reason); });
   writer.Put(found.failure);
@@ -90,6 +92,8 @@ std::optional<RawDetections> UnpackDetections(const std::string& bytes) {
     for (double& change : o.vignetting_sensitivity.reshaped()) change = reader.Get<double>();
     for (double& change : o.depth_sensitivity) change = reader.Get<double>();
     o.lens_type = reader.Get<int>();
+    o.blur = reader.Get<double>();
+    o.blur_sigma = reader.Get<double>();
   });
   reader.GetAll([&] { found.left_out.push_back(reader.Get<std::string>()); });
   found.failure = reader.Get<std::string>();

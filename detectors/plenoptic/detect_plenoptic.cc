@@ -21,6 +21,7 @@
 #include "detectors/plenoptic/depth/image_synthesis.h"
 #include "detectors/plenoptic/depth/reconstruction.h"
 #include "detectors/plenoptic/markers/focused_image_detector.h"
+#include "detectors/plenoptic/markers/marker_blur.h"
 #include "detectors/plenoptic/markers/marker_views.h"
 #include "detectors/plenoptic/markers/measure_markers.h"
 #include "detectors/plenoptic/white/white_camera.h"
@@ -227,6 +228,7 @@ void DetectInImages(const std::vector<FrameImage>& images,
   }
   if (most_markers > 0) detections->sample = detector->Sample(images[fullest], std::move(sample));
   detections->views = MarkerViews(frames, types, measured);
+  detections->blur = internal::MeasureBlur(measured);
 }
 
 }  // namespace

@@ -563,8 +563,8 @@ TEST_F(FormatsPage, HasWhatCalibrationsWrite) {
   WriteProblem(EasyProblem(2));
   ASSERT_EQ(Run({"calibrate", "session.yaml", "-o", "rig", "--no-report"}).status, kDone);
   SeeCalibrationOf({"rectify", "rig/calibration.yaml"});
-  // The picture of virtual depth needs a calibration from plenoptic images, which takes long.
-  ExpectAllSeen({"sample_depth"});
+  // These need a calibration from plenoptic images, which takes long.
+  ExpectAllSeen({"sample_depth", "lens_types"});
 }
 
 TEST_F(FormatsPage, HasWhatJudgingCommandsWrite) {

@@ -128,7 +128,11 @@ CalibrationRecord DescribeAll(const Calibration& calibration,
     }
   }
   for (size_t c = 0; c < record.cameras.size(); ++c) {
-    record.cameras[c].sample_frame = observations.sample_frames[c];
+    CalibratedCamera& camera = record.cameras[c];
+    camera.sample_frame = observations.sample_frames[c];
+    if (const auto geometry = MicroLensGeometryOf(camera)) {
+      camera.lens_type_optics = EstimateLensTypes(observations.blurs[c], *geometry);
+    }
   }
   return record;
 }

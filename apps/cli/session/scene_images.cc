@@ -255,6 +255,7 @@ class SceneImageFollower {
     }
     result_.session.sample_frames.emplace_back();
     result_.session.traits.emplace_back();
+    result_.session.blurs.emplace_back();
     result_.session.cameras.push_back(std::move(input));
   }
 

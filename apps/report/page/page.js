@@ -242,6 +242,27 @@ function addWhite() {
   }
 }
 
+function addLensTypes() {
+  const cameras = report.cameras.filter((camera) => camera.lens_types.length > 0);
+  if (cameras.length === 0) return;
+  const node = section("Lens types");
+  note(node, "From the blur of the markers in micro images. Sharp: between the distances at which the aperture blurs a point to a disc of one pixel.");
+  const colours = [Colours.main, Colours.second, Colours.rejected, Colours.faint];
+  for (const camera of cameras) {
+    node.append(element("h3", {}, camera.name));
+    const metres = (z) => (z === null ? "infinity" : brief(z, 3));
+    node.append(table("optics of the micro lenses", ["lens type", "focal length, mm", "standard error", "aperture, mm", "standard error", "in focus, m", "sharp from, m", "to, m"], camera.lens_types.map((t) => {
+      const [f, f_sigma] = withSigma(1e3 * t.focal_length, 1e3 * t.focal_length_sigma), [d, d_sigma] = withSigma(1e3 * t.aperture, 1e3 * t.aperture_sigma);
+      return row(cell(String(t.type)), cell(f), cell(f_sigma), cell(d), cell(d_sigma), cell(metres(t.in_focus)), cell(metres(t.near)), cell(metres(t.far)));
+    })));
+    const grid = figures(node), most = camera.lens_types.reduce((a, t) => Math.max(a, ...t.disc), 0);
+    addFigure(grid, "Blur by distance", "Diameter of the disc by which the aperture of each lens type blurs a point.", camera.lens_types.length, (canvas) => scatter(canvas, [
+      ...camera.lens_types.map((t, i) => ({ label: `lens type ${t.type}`, data: t.distance.map((x, k) => ({ x, y: t.disc[k] })), showLine: true, pointRadius: 0, borderWidth: 2, borderColor: colours[i % colours.length] })),
+      { label: "one pixel", data: [camera.lens_types[0].distance[0], camera.lens_types[0].distance.at(-1)].map((x) => ({ x, y: 1 })), showLine: true, pointRadius: 0, borderWidth: 1, borderDash: [4, 4], borderColor: Colours.faint },
+    ], { x: logarithmic("distance, m"), y: axis("diameter, px", { min: 0, max: Math.min(most, 6) }) }), { breadth: "broad", aspect: 1.8 });
+  }
+}
+
 function addSamples() {
   const node = section("Sample images");
   const cameras = report.cameras.filter((camera) => Object.keys(camera.sample.pictures).length > 0);
@@ -291,6 +312,7 @@ addScene(section("In space"), report);
 addMarkers();
 addCorrelations();
 addPrecision();
+addLensTypes();
 addWhite();
 addSamples();
 addLeftOut();

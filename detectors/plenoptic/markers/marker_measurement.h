@@ -20,6 +20,8 @@ struct MarkerMeasurement {
   /// Change of (x, y), px, with ln v of the template.
   Eigen::Vector2d depth_sensitivity{0, 0};
   int lens_type = 0;
+  /// Blur of this marker alone and its standard error, px; 0: not measured.
+  double blur = 0, blur_sigma = 0;
 
   [[nodiscard]] Eigen::Vector2d Position() const {
     return {observation.values[0], observation.values[1]};

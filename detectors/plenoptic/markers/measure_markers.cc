@@ -115,6 +115,14 @@ class SharedPriors {
     if (!radii.empty()) radius_ = Together(radii, radius_sigma);
   }
 
+  /// The blur that a first fit has measured, without its prior; sigma 0: the prior is all.
+  static Prior Measured(const TemplateFit& first) {
+    const double prior = 1 / (kFirstBlur.sigma * kFirstBlur.sigma);
+    const double both = 1 / (first.blur_sigma * first.blur_sigma), own = both - prior;
+    if (!(own > prior)) return {0, 0};
+    return {(both * first.blur - prior * kFirstBlur.mean) / own, 1 / std::sqrt(own)};
+  }
+
   [[nodiscard]] FitPriors Of(const ExpectedMarker& expected) const {
     const auto blur = blurs_.find(GroupOf(expected));
     FitPriors priors{
@@ -165,6 +173,10 @@ RawMeasurements MeasureMarkers(const std::vector<MarkerTemplate>& markers,
   };
   fit_all();
   priors.Learn(expected, fits);
+  std::vector<Prior> blurs(fits.size(), Prior{0, 0});
+  for (size_t i = 0; i < fits.size(); ++i) {
+    if (fits[i]) blurs[i] = SharedPriors::Measured(*fits[i]);
+  }
   fit_all();
 
   RawMeasurements measurements;
@@ -181,7 +193,9 @@ RawMeasurements MeasureMarkers(const std::vector<MarkerTemplate>& markers,
          .inverse_depth = 1 / planes.at(marker.part).dot(marker.position.homogeneous()),
          .vignetting_sensitivity = fit.vignetting_sensitivity,
          .depth_sensitivity = fit.depth_sensitivity,
-         .lens_type = lens.type});
+         .lens_type = lens.type,
+         .blur = blurs[i].mean,
+         .blur_sigma = blurs[i].sigma});
   }
   std::stable_sort(measurements.begin(), measurements.end(), [](const auto& a, const auto& b) {
     return a.observation.marker < b.observation.marker;

@@ -300,6 +300,7 @@ TemplateFit Fit<Pattern>::Result(const Vector& p, const NormalEquations& last) c
   return {.position = expected_.position + p.head<2>(),
           .sigma = std::sqrt(covariance.trace() / 2 * std::max(1.0, excess)),
           .blur = p[kBlur],
+          .blur_sigma = std::sqrt(covariance_of_all(kBlur, kBlur) * std::max(1.0, excess)),
           .shape = p[kShape],
           .vignetting_sensitivity = covariance_of_all.topRows<2>() * last.vignetting,
           .depth_sensitivity = covariance_of_all.topRows<2>() * last.depth};

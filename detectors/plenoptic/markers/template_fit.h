@@ -41,6 +41,7 @@ struct TemplateFit {
   Eigen::Vector2d position{0, 0};          ///< of the marker, raw px
   double sigma = 0;                        ///< of each coordinate, px
   double blur = 0;                         ///< px
+  double blur_sigma = 0;                   ///< px, with the prior
   double shape = 0;                        ///< see `FitPriors`
   Eigen::Matrix2d vignetting_sensitivity;  ///< see `MarkerMeasurement`
   Eigen::Vector2d depth_sensitivity;       ///< likewise

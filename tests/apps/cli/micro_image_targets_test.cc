@@ -4,6 +4,7 @@
 // (Tags: the tests on `sim_small`.)
 #include <Eigen/Core>
 #include <algorithm>
+#include <array>
 #include <map>
 #include <string>
 #include <vector>
@@ -118,6 +119,29 @@ TEST_F(MicroImageTargets, ChessboardCorners) {
       Errors("type: chessboard\ncolumns: 6\nrows: 5\nsquare: 0.011\n");
   EXPECT_GT(errors.size(), 150u);
   EXPECT_LT(Median(errors), 0.06);
+}
+
+TEST_F(MicroImageTargets, BlurGivesTheFocalLengthOfEachLensType) {
+  Simulate("type: chessboard\ncolumns: 6\nrows: 5\nsquare: 0.011\n",
+           "{frames: 8, distance: [0.36, 0.6], tilt: 0.5, partial: 0}");
+  const Outcome outcome = Run({"calibrate", "set/session.yaml", "-o", "out"});
+  ASSERT_EQ(outcome.status, kDone) << outcome.err;
+  const YAML::Node camera = Result()["cameras"]["plenoptic"];
+  std::vector<std::pair<double, double>> found;  // with standard errors
+  for (const YAML::Node& type : camera["lens_types"]) {
+    found.emplace_back(type["focal_length"].as<double>(), type["sigma_focal_length"].as<double>());
+    EXPECT_LT(type["near"].as<double>(), type["in_focus"].as<double>());
+  }
+  std::ranges::sort(found);
+  ASSERT_EQ(found.size(), 3u);
+  const auto B = camera["parameters"]["B"].as<double>();
+  constexpr std::array kFocus{3.6, 3.35, 3.1};  // virtual depths: in the order of focal lengths
+  for (size_t i = 0; i < 3; ++i) {
+    const double truth = B * kFocus[i] / (kFocus[i] - 1);
+    EXPECT_NEAR(found[i].first, truth, 3 * found[i].second);
+    EXPECT_LT(found[i].second, 0.015 * truth);
+  }
+  EXPECT_NE(Read("out/report.html").find("focal_length_sigma"), std::string::npos);
 }
 
 TEST_F(MicroImageTargets, CharucoCornersBesideTheirMarkers) {

@@ -396,6 +396,16 @@ TEST_F(RealSets, PlenopticCameraAndStereoRigFromRawImages) {
   for (const char* key : {"micro_lenses", "vignetting"}) {
     EXPECT_TRUE(fs::exists(Path("out") / camera[key].as<std::string>())) << key;
   }
+  // Its three types are in focus at these virtual depths (SOURCE.md of the set).
+  std::vector<double> relative;
+  for (const YAML::Node& type : camera["lens_types"]) {
+    const auto f = type["focal_length"].as<double>();
+    for (const double v : {2.5, 3.2, 4.4}) {
+      const double off = f / (truth["parameters"]["B"].as<double>() * v / (v - 1)) - 1;
+      if (std::abs(off) < 0.01) relative.push_back(off);
+    }
+  }
+  EXPECT_EQ(relative.size(), 3u);
 }
 
 TEST_F(RealSets, PlenopticCameraFromRealMicroImagePoints) {

@@ -306,7 +306,7 @@ TEST(Yaml, SurvivesGarbage) {
 
 TEST(Yaml, SaysWhatIsWrongWithAFile) {
   const std::filesystem::path folder =
-      std::filesystem::path(testing::TempDir()) / "yaml_test_files";
+      std::filesystem::path(::testing::TempDir()) / "yaml_test_files";
   std::filesystem::create_directories(folder);
   EXPECT_THAT(MessageOf([&] { return YamlNode::ReadFile(folder / "absent.yaml"); }),
               HasSubstr("absent.yaml: no such file; check the path"));
