@@ -77,7 +77,7 @@ Eigen::AlignedBox2d PictureBox(const TargetPart& part) {
 
 // Size of a texel of the picture, m.
 double TexelOf(const TargetPart& part, const Eigen::AlignedBox2d& box) {
-  constexpr double kTexels = 24;        // across the finest shape
+  constexpr double kTexels = 96;        // across the finest shape: several a pixel in close views
   constexpr double kMostTexels = 6000;  // along a side
   return std::max(part.finest / kTexels, box.sizes().maxCoeff() / kMostTexels);
 }

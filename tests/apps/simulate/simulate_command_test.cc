@@ -3,7 +3,9 @@
 // `plenocal simulate`: sessions with known truth, made as a user makes them.
 #include <fmt/format.h>
 
+#include <Eigen/Core>
 #include <cmath>
+#include <map>
 #include <regex>
 #include <string>
 
@@ -132,6 +134,40 @@ TEST_F(SimulateCommand, ImagesAreTheSameWhateverTheThreadsAndCanBeMeasured) {
   const Outcome mixed = Simulate({}, "a");
   EXPECT_EQ(mixed.status, kWrongInput);
   EXPECT_THAT(mixed.err, HasSubstr("000105.png: is no image of this session"));
+}
+
+TEST_F(SimulateCommand, CloseViewsShowTagsWhereTheyAre) {
+  // A bit is 35 pixels wide: the drawing of the target must be finer than these.
+  Write(
+      "tags.yaml",
+      "plenocal: 1\ntype: apriltag\nfamily: tag36h11\ntags:\n"
+      "  - {id: 0, corners: [[0, 0.12, 0], [0.12, 0.12, 0], [0.12, 0, 0], [0, 0, 0]]}\n"
+      "  - {id: 1, corners: [[0.168, 0.12, 0], [0.288, 0.12, 0], [0.288, 0, 0], [0.168, 0, 0]]}\n");
+  Write("close.yaml",
+        "plenocal: 1\nseed: 5\ntarget: tags.yaml\n"
+        "poses: {kind: varied, frames: 4, distance: [0.4, 0.5], partial: 0}\ncameras:\n"
+        "  cam: {model: pinhole, image_size: [1280, 960], blur: 0.7, "
+        "parameters: {f_x: 1000, f_y: 1000, c_x: 640, c_y: 480}}\n");
+  ASSERT_EQ(Run({"simulate", "close.yaml", "-o", "close"}).status, kDone);
+  ASSERT_EQ(Run({"detect", "close/session.yaml", "-o", "found"}).status, kDone);
+  const auto places = [&](const std::string& file) {
+    const Table table(Read(file));
+    const auto frame = table.Column("frame"), marker = table.Column("marker");
+    const auto x = table.Numbers("x"), y = table.Numbers("y");
+    std::map<std::string, Eigen::Vector2d> all;
+    for (size_t i = 0; i < x.size(); ++i) all[frame[i] + " " + marker[i]] = {x[i], y[i]};
+    return all;
+  };
+  const auto truth = places("close/truth/detections_cam.csv");
+  double square = 0;
+  int count = 0;
+  for (const auto& [name, place] : places("found/detections_cam.csv")) {
+    ASSERT_TRUE(truth.contains(name)) << name;
+    square += (place - truth.at(name)).squaredNorm() / 2;
+    ++count;
+  }
+  ASSERT_GT(count, 16);
+  EXPECT_LT(std::sqrt(square / count), 0.008);  // px, twice what noise makes
 }
 
 TEST_F(SimulateCommand, SomeFramesShowTheTargetToSomeCamerasOnly) {
