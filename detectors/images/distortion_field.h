@@ -22,6 +22,11 @@ namespace plenocal {
 inline constexpr int kDistortionTerms = 8;
 using LocalDistortion = Eigen::Matrix<double, kDistortionTerms, 1>;
 
+/// The place of a pixel in that unit; `size`: width and height of the image, px.
+inline Eigen::Vector2d PlaceOfPixel(const Eigen::Vector2d& pixel, const Eigen::Vector2d& size) {
+  return (pixel - (size - Eigen::Vector2d::Ones()) / 2) / (size.norm() / 2);
+}
+
 /// The direction e of a place; x in the middle of the image, which has none.
 Eigen::Vector2d RadialDirection(const Eigen::Vector2d& p);
 
@@ -66,8 +71,11 @@ class DistortionField {
   /// Displacement of a marker when the distortion assumed is replaced by this field, px.
   [[nodiscard]] Eigen::Vector2d Change(const DistortionSensitivity& sensitivity) const;
 
-  /// Sigma of each coordinate of the marker then, px.
-  [[nodiscard]] double Sigma(const DistortionSensitivity& sensitivity) const;
+  /// Sigma of each coordinate of the marker then, px; `p`: its place. Contains what the distortion
+  /// beyond third order displaces it by, of which the terms' change from the place of measurement
+  /// to the marker gives the size.
+  [[nodiscard]] double Sigma(const DistortionSensitivity& sensitivity,
+                             const Eigen::Vector2d& p) const;
 
   /// Variance of `row` . distortion at p.
   [[nodiscard]] double Variance(const Eigen::Vector2d& p, const LocalDistortion& row) const;

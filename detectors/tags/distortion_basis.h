@@ -24,7 +24,7 @@ class DistortionBasis {
  public:
   /// `size`: width and height of the image, px.
   DistortionBasis(const Eigen::Vector2d& place, const Eigen::Vector2d& size)
-      : radius_(size.norm() / 2), p_((place - (size - Eigen::Vector2d::Ones()) / 2) / radius_) {
+      : radius_(size.norm() / 2), p_(PlaceOfPixel(place, size)) {
     const Eigen::Vector2d e = RadialDirection(p_);
     second_ = {e.x() * e.x() - e.y() * e.y(), 2 * e.x() * e.y()};
     fourth_ = {second_.x() * second_.x() - second_.y() * second_.y(),

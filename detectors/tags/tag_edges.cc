@@ -701,7 +701,7 @@ void TagRefiner::UseDistortion(const DistortionField& field) {
     for (auto& corner : quad) {
       if (!corner) continue;
       corner->point += field.Change(corner->sensitivity);
-      corner->sigma = field.Sigma(corner->sensitivity);
+      corner->sigma = field.Sigma(corner->sensitivity, PlaceOfPixel(corner->point, image_size_));
       for (SensitivityPiece& piece : corner->sensitivity.pieces) piece.assumed = field.At(piece.p);
     }
   }

@@ -20,9 +20,8 @@ BlurMeasurement MedianOf(std::span<const MarkerMeasurement* const> markers) {
     depths.push_back(m->inverse_depth);
     blurs.push_back(m->blur);
   }
-  BlurMeasurement median{.lens_type = markers[0]->lens_type,
-                         .inverse_depth = Median(depths),
-                         .blur = Median(blurs)};
+  BlurMeasurement median{
+      .lens_type = markers[0]->lens_type, .inverse_depth = Median(depths), .blur = Median(blurs)};
   for (const double blur : blurs) deviations.push_back(std::abs(blur - median.blur));
   median.sigma = kMedianLoss * kSigmaPerMad * Median(deviations) /
                  std::sqrt(static_cast<double>(markers.size()));
@@ -45,7 +44,8 @@ std::vector<BlurMeasurement> MeasureBlur(std::span<const RawMeasurements> images
       for (std::ptrdiff_t g = 0; g < groups; ++g) {
         const std::ptrdiff_t from = g * std::ssize(markers) / groups;
         const std::ptrdiff_t to = (g + 1) * std::ssize(markers) / groups;
-        const BlurMeasurement median = MedianOf(std::span<const MarkerMeasurement* const>(markers).subspan(from, to - from));
+        const BlurMeasurement median =
+            MedianOf(std::span<const MarkerMeasurement* const>(markers).subspan(from, to - from));
         if (median.blur > 0 && median.sigma > 0) all.push_back(median);
       }
     }

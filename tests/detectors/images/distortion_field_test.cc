@@ -134,6 +134,20 @@ TEST(DistortionField, StatesItsUncertainty) {
   EXPECT_LT(chi2 / n, 1.5);
 }
 
+TEST(DistortionField, StatesWhatHigherOrdersMayDisplace) {
+  std::mt19937 random(3);
+  const DistortionField field(Measurements(4000, kSigma, &random));
+  const internal::DistortionBasis middle({400, 300}, kSize);
+  const auto sigma_at = [&](const Eigen::Vector2d& corner) {
+    const DistortionSensitivity sensitivity{
+        {{middle.p(), field.At(middle.p()), middle.At(corner - Eigen::Vector2d(400, 300))}}, 0};
+    return field.Sigma(sensitivity, PlaceOfPixel(corner, kSize));
+  };
+  // Of a small tag nothing, of one as large as a third of the image more than its noise.
+  EXPECT_LT(sigma_at({410, 310}), 0.003);
+  EXPECT_GT(sigma_at({480, 380}), 0.05);
+}
+
 TEST(DistortionField, IsZeroWithoutMeasurementsAndSmallForFew) {
   EXPECT_EQ(DistortionField({}).At({0.5, 0.2}), LocalDistortion::Zero());
   std::mt19937 random(7);
