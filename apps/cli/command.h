@@ -29,6 +29,7 @@ struct Command {
   /// Declares the options on `app`, those that all commands share in `*shared`. Both outlive the
   /// function returned.
   RunCommand (*declare)(CLI::App* app, ConsoleOptions* shared);
+  bool shows_all = false;  ///< needs the options of all commands to be declared, too
 };
 
 /// All commands, in alphabetical order.

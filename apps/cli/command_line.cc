@@ -136,17 +136,24 @@ CommandLine::CommandLine()
           plugins_,
           "shared library with more camera models (docs/new_model.md); before the command, may stand several times; the environment variable PLENOCAL_PLUGINS names more, separated by colons")
       ->allow_extra_args(false);
-  for (const Command& command : Commands()) {
-    CLI::App* const declared = app_->add_subcommand(std::string(command.name), command.help);
-    commands_[declared] = command.declare(declared, &shared_);
-  }
 }
 
 CommandLine::~CommandLine() = default;
 
+// All options together are some hundreds and take longer to declare than many commands to run.
+void CommandLine::Declare(std::string_view named) {
+  const auto found = std::ranges::find(Commands(), named, &Command::name);
+  const bool all = found == Commands().end() || found->shows_all;
+  for (const Command& command : Commands()) {
+    CLI::App* const app = app_->add_subcommand(std::string(command.name), command.help);
+    if (all || command.name == named) commands_[app] = command.declare(app, &shared_);
+  }
+}
+
 RunCommand CommandLine::Parse(int argc, char** argv) {
   const std::span<char*> arguments = FromCommand(argc, argv);
   RefuseUnknownCommand(arguments);
+  Declare(arguments.empty() ? std::string_view() : arguments[0]);
   try {
     app_->parse(argc, argv);
   } catch (const CLI::Success& help_or_version) {

@@ -4,6 +4,7 @@
 #include <map>
 #include <memory>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "apps/cli/command.h"
@@ -23,6 +24,9 @@ class CommandLine {
   RunCommand Parse(int argc, char** argv);
 
  private:
+  /// Declares all commands, with options the one of that name, or all when none has it.
+  void Declare(std::string_view named);
+
   std::unique_ptr<CLI::App> app_;
   ConsoleOptions shared_;
   std::vector<std::string> plugins_;

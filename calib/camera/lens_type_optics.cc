@@ -32,8 +32,8 @@ double DistanceAt(const MicroLensGeometry& geometry, double w) {
 
 /// The standard deviation of the Gaussian whose blurred edge fits best, by least squares, that of a
 /// Gaussian of variance c convolved with a disc of variance s along each axis, squared: c + s where
-/// the disc is small, c + 1.18 s where it is all, since a disc has no tails. The form between them is
-/// fitted to the numerical solution, to 0.2 % of s.
+/// the disc is small, c + 1.18 s where it is all, since a disc has no tails. The form between them
+/// is fitted to the numerical solution, to 0.2 % of s.
 struct FittedSquare {
   double value, by_c, by_s;
 
@@ -156,9 +156,8 @@ std::vector<LensTypeOptics> EstimateLensTypes(std::span<const BlurMeasurement> m
   std::map<int, int> points;
   for (const BlurMeasurement& m : measurements) ++points[m.lens_type];
   constexpr int kFewest = 5;  // of each type, more than its unknowns
-  if (points.empty() || std::ranges::any_of(points, [](const auto& of_type) {
-        return of_type.second < kFewest;
-      })) {
+  if (points.empty() ||
+      std::ranges::any_of(points, [](const auto& of_type) { return of_type.second < kFewest; })) {
     return {};
   }
   const BlurModel blur(measurements);
@@ -179,17 +178,18 @@ std::vector<LensTypeOptics> EstimateLensTypes(std::span<const BlurMeasurement> m
     const double reach = geometry.pixel_size / aperture;  // of z_P, for a disc of one pixel
     const double one = DistanceAt(geometry, in_focus - reach);
     const double other = DistanceAt(geometry, in_focus + reach);
-    types.push_back({.lens_type = lens_type,
-                     .focal_length = f,
-                     .focal_length_sigma = f * std::hypot(std::hypot(blur.Sigma(place) / (1 - z),
-                                                                     geometry.sigma_B / geometry.B),
-                                                          kFocalLengthError),
-                     .aperture = aperture,
-                     .aperture_sigma = aperture * std::hypot(blur.Sigma(BlurModel::kK) / (2 * blur.K()),
-                                                             kApertureError),
-                     .in_focus = DistanceAt(geometry, in_focus),
-                     .near = std::min(one, other),
-                     .far = std::max(one, other)});
+    types.push_back(
+        {.lens_type = lens_type,
+         .focal_length = f,
+         .focal_length_sigma =
+             f * std::hypot(std::hypot(blur.Sigma(place) / (1 - z), geometry.sigma_B / geometry.B),
+                            kFocalLengthError),
+         .aperture = aperture,
+         .aperture_sigma =
+             aperture * std::hypot(blur.Sigma(BlurModel::kK) / (2 * blur.K()), kApertureError),
+         .in_focus = DistanceAt(geometry, in_focus),
+         .near = std::min(one, other),
+         .far = std::max(one, other)});
   }
   return types;
 }

@@ -32,6 +32,8 @@ RunCommand DeclareCompletion(CLI::App* app, ConsoleOptions* /*shared*/) {
 
 }  // namespace
 
-Command CompletionCommand() { return {"completion", kCompletionHelp, DeclareCompletion}; }
+Command CompletionCommand() {
+  return {"completion", kCompletionHelp, DeclareCompletion, /*shows_all=*/true};
+}
 
 }  // namespace plenocal

@@ -65,6 +65,6 @@ RunCommand DeclareHelp(CLI::App* app, ConsoleOptions* /*shared*/) {
 
 }  // namespace
 
-Command HelpCommand() { return {"help", kHelpHelp, DeclareHelp}; }
+Command HelpCommand() { return {"help", kHelpHelp, DeclareHelp, /*shows_all=*/true}; }
 
 }  // namespace plenocal

@@ -11,13 +11,9 @@
 namespace plenocal {
 namespace TEST_FILE {
 
-constexpr MicroLensGeometry kGeometry{.f_L = 0.0145,
-                                      .b_L0 = 0.0140,
-                                      .B = 255e-6,
-                                      .b_P = 0.0140,
-                                      .pixel_size = 7.4e-6,
-                                      .sigma_B = 0};
-constexpr double kAperture = 105e-6;                      // m
+constexpr MicroLensGeometry kGeometry{
+    .f_L = 0.0145, .b_L0 = 0.0140, .B = 255e-6, .b_P = 0.0140, .pixel_size = 7.4e-6, .sigma_B = 0};
+constexpr double kAperture = 105e-6;                     // m
 constexpr std::array kFocus{1 / 3.1, 1 / 2.4, 1 / 4.5};  // 1 / v in focus, the paper's v
 
 /// The edge's profile: a disc of this diameter, then a Gaussian of this standard deviation.
