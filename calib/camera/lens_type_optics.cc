@@ -175,15 +175,17 @@ std::vector<LensTypeOptics> EstimateLensTypes(std::span<const BlurMeasurement> m
     const double z = blur.Focus(place), in_focus = PaperInverseDepth(geometry, z);
     // 1 / f = (1 - z_P) / B with 1 - z_P = (1 - z) / g.
     const double f = geometry.B * g / (1 - z);
+    const double relative_sigma =
+        std::hypot(blur.Sigma(place) / (1 - z), geometry.sigma_B / geometry.B, kFocalLengthError);
+    constexpr double kUndetermined = 0.1;  // a type whose focus is far from all markers
+    if (!(z < 1 && relative_sigma < kUndetermined)) continue;
     const double reach = geometry.pixel_size / aperture;  // of z_P, for a disc of one pixel
     const double one = DistanceAt(geometry, in_focus - reach);
     const double other = DistanceAt(geometry, in_focus + reach);
     types.push_back(
         {.lens_type = lens_type,
          .focal_length = f,
-         .focal_length_sigma =
-             f * std::hypot(std::hypot(blur.Sigma(place) / (1 - z), geometry.sigma_B / geometry.B),
-                            kFocalLengthError),
+         .focal_length_sigma = f * relative_sigma,
          .aperture = aperture,
          .aperture_sigma =
              aperture * std::hypot(blur.Sigma(BlurModel::kK) / (2 * blur.K()), kApertureError),

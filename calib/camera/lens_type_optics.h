@@ -36,8 +36,8 @@ struct LensTypeOptics {
   double near = 0, far = 0;
 };
 
-/// By lens type; none when the blur does not tell a depth in focus: it must change with depth by
-/// three standard errors.
+/// By lens type, those of which the blur determines the focal length to a tenth; none when it does
+/// not change with depth by three standard errors.
 std::vector<LensTypeOptics> EstimateLensTypes(std::span<const BlurMeasurement> measurements,
                                               const MicroLensGeometry& geometry);
 
