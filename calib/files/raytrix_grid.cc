@@ -213,8 +213,11 @@ MicroLensArray ReadRayCalibData(const std::filesystem::path& path, ImageSize ima
                        diameter,
                        side));
   }
+  // Before `bases` is filled: Eigen's assertions want all of it, also while an error is thrown.
+  const Vector2d base_x = Point(path, root, "lens_base_x");
+  const Vector2d base_y = Point(path, root, "lens_base_y");
   Matrix2d bases;
-  bases << Point(path, root, "lens_base_x"), Point(path, root, "lens_base_y");
+  bases << base_x, base_y;
   // With y down, angles turn the other way.
   const double sixty = std::numbers::pi / 3;
   const double angle = -Number(path, root, "rotation");
