@@ -224,11 +224,12 @@ MicroLensArray ReadRayCalibData(const std::filesystem::path& path, ImageSize ima
   const double lacking = std::remainder(angle - std::atan2(bases(1, 0), bases(0, 0)), sixty);
   const Matrix2d to_px = diameter * Eigen::Rotation2Dd(lacking).toRotationMatrix();
   bases = to_px * bases;
-  // Of a hexagonal lattice they have the lenses' distance as length and sqrt(3)/2 of its square as
-  // determinant.
-  const double longest = bases.colwise().norm().maxCoeff();
-  if (KindOfLattice(bases) != LatticeKind::kHexagonal || longest >= 2 * diameter ||
-      !(std::abs(bases.determinant()) > 0.5 * diameter * diameter)) {
+  // Neighbours in a hexagonal lattice: the lenses' distance long, 60 or 120 degrees apart.
+  constexpr double kTolerance = 0.1;  // of the distance, and of the angle's cosine
+  const Vector2d lengths = bases.colwise().norm() / diameter;
+  const double cosine = base_x.dot(base_y) / (base_x.norm() * base_y.norm());
+  if (!((lengths.array() - 1).abs().maxCoeff() < kTolerance) ||
+      !(std::abs(std::abs(cosine) - 0.5) < kTolerance)) {
     Refuse(path, "<lens_base_x> and <lens_base_y> span no hexagonal lattice");
   }
   const Matrix2d basis = CanonicalLatticeBasis(bases);
