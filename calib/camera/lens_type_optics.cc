@@ -68,6 +68,20 @@ class BlurModel {
     Solve();
   }
 
+  /// Whether markers were in focus of some lens type. Where all are on one side, the parabola's
+  /// width and height imitate each other: the sensor's blur and the aperture are unknown.
+  [[nodiscard]] bool HasFocusInRange() const {
+    return std::ranges::any_of(focus_, [&](const auto& type_and_place) {
+      const auto& [type, place] = type_and_place;
+      double low = kInfinite, high = -kInfinite;
+      for (const BlurMeasurement& m : measurements_) {
+        if (m.lens_type != type) continue;
+        low = std::min(low, m.inverse_depth);
+        high = std::max(high, m.inverse_depth);
+      }
+      return p_[place] > low && p_[place] < high;
+    });
+  }
   [[nodiscard]] const std::map<int, Eigen::Index>& Places() const { return focus_; }
   [[nodiscard]] double K() const { return p_[kK]; }
   /// z in focus.
@@ -162,7 +176,7 @@ std::vector<LensTypeOptics> EstimateLensTypes(std::span<const BlurMeasurement> m
   }
   const BlurModel blur(measurements);
   constexpr double kSure = 3;  // standard errors
-  if (!(blur.K() > kSure * blur.Sigma(BlurModel::kK))) return {};
+  if (!(blur.K() > kSure * blur.Sigma(BlurModel::kK)) || !blur.HasFocusInRange()) return {};
 
   const double g = geometry.b_P / (geometry.b_P + geometry.B);
   // The blur that a fit finds is not quite that of the model: root mean square errors beyond the

@@ -97,15 +97,15 @@ std::string LensTypesYaml(const std::vector<LensTypeOptics>& types) {
   for (const LensTypeOptics& type : types) {
     text += fmt::format(
         "      - {{type: {}, focal_length: {}, sigma_focal_length: {}, aperture: {}, "
-        "sigma_aperture: {}, near: {}",
+        "sigma_aperture: {}",
         type.lens_type,
         YamlNumber(type.focal_length),
         YamlNumber(type.focal_length_sigma),
         YamlNumber(type.aperture),
-        YamlNumber(type.aperture_sigma),
-        YamlNumber(type.near));
-    for (const auto& [key, distance] :
-         {std::pair("in_focus", type.in_focus), std::pair("far", type.far)}) {
+        YamlNumber(type.aperture_sigma));
+    for (const auto& [key, distance] : {std::pair("near", type.near),
+                                        std::pair("in_focus", type.in_focus),
+                                        std::pair("far", type.far)}) {
       if (std::isfinite(distance)) text += fmt::format(", {}: {}", key, YamlNumber(distance));
     }
     text += "}\n";
@@ -380,7 +380,7 @@ std::vector<LensTypeOptics> ReadLensTypes(const YamlNode& node) {
                      .aperture = item.At("aperture").AsPositive(),
                      .aperture_sigma = item.At("sigma_aperture").AsNumber(),
                      .in_focus = distance(item, "in_focus"),
-                     .near = item.At("near").AsNumber(),
+                     .near = distance(item, "near"),
                      .far = distance(item, "far")});
   }
   return types;

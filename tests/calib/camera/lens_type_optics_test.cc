@@ -87,6 +87,12 @@ TEST(LensTypeOptics, DepthOfFieldIsWhereTheDiscIsSmallerThanAPixel) {
   }
 }
 
+TEST(LensTypeOptics, AreNotReportedWhereNoMarkerWasInFocus) {
+  std::vector<BlurMeasurement> one_type = Blurs(0.36, 0.40, 0.005);
+  std::erase_if(one_type, [](const BlurMeasurement& m) { return m.lens_type != 0; });
+  EXPECT_TRUE(EstimateLensTypes(one_type, kGeometry).empty());
+}
+
 TEST(LensTypeOptics, AreNotReportedWhereBlurDoesNotChange) {
   EXPECT_TRUE(EstimateLensTypes({}, kGeometry).empty());
   std::vector<BlurMeasurement> same = Blurs(0.30, 0.31, 0.1);
