@@ -140,7 +140,7 @@ CommandLine::CommandLine()
 
 CommandLine::~CommandLine() = default;
 
-// All options together are some hundreds and take longer to declare than many commands to run.
+// Only the options that can be used: all of them, some hundreds, take half a millisecond.
 void CommandLine::Declare(std::string_view named) {
   const auto found = std::ranges::find(Commands(), named, &Command::name);
   const bool all = found == Commands().end() || found->shows_all;

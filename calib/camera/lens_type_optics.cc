@@ -17,7 +17,7 @@ constexpr double kInfinite = std::numeric_limits<double>::infinity();
 /// A disc's standard deviation along each axis is a quarter of its diameter.
 constexpr double kDiameters = 4;
 
-/// 1 / v of the paper's virtual depth, by micro-lens centres, of that by micro-image centres:
+/// 1 / v_P, v_P being the paper's virtual depth, from 1 / v, the depth that detection measures:
 /// 1 - 1 / v = g (1 - 1 / v_P).
 double PaperInverseDepth(const MicroLensGeometry& geometry, double inverse_depth) {
   return 1 - (1 - inverse_depth) * (geometry.b_P + geometry.B) / geometry.b_P;

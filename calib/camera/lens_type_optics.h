@@ -36,8 +36,8 @@ struct LensTypeOptics {
   double near = 0, far = 0;
 };
 
-/// By lens type, those of which the blur determines the focal length to a tenth; none when it does
-/// not change with depth by three standard errors.
+/// The lens types whose focal length is known to 10 %, by number. Empty where the blur does not
+/// change significantly (3 sigma) with depth, or no marker was in focus of any type.
 std::vector<LensTypeOptics> EstimateLensTypes(std::span<const BlurMeasurement> measurements,
                                               const MicroLensGeometry& geometry);
 

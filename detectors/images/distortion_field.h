@@ -71,9 +71,9 @@ class DistortionField {
   /// Displacement of a marker when the distortion assumed is replaced by this field, px.
   [[nodiscard]] Eigen::Vector2d Change(const DistortionSensitivity& sensitivity) const;
 
-  /// Sigma of each coordinate of the marker then, px; `p`: its place. Contains what the distortion
-  /// beyond third order displaces it by, of which the terms' change from the place of measurement
-  /// to the marker gives the size.
+  /// Sigma of each coordinate of the marker at `p` then, px. Includes the displacement by orders
+  /// above the third, estimated from the change of the distortion between the marker and the places
+  /// where it was assumed.
   [[nodiscard]] double Sigma(const DistortionSensitivity& sensitivity,
                              const Eigen::Vector2d& p) const;
 
