@@ -29,7 +29,7 @@ MarkerPositions PlaneMarkers(int columns, int rows, Position position) {
 }
 
 /// A grid whose numbers run in rows of another length than `columns`; `position` and `markers` as
-/// of `PlaneMarkers`, `what` is what is numbered ("corners").
+/// of `PlaneMarkers`; hypotheses keep copies of `position`. `what` is what is numbered ("corners").
 template <typename Position>
 std::vector<TargetHypothesis> OtherRows(int columns,
                                         int rows,
@@ -40,19 +40,22 @@ std::vector<TargetHypothesis> OtherRows(int columns,
   std::vector<TargetHypothesis> hypotheses;
   for (int other = 2; other <= std::min(count / 2, kMostColumns); ++other) {
     if (other == columns) continue;
-    TargetHypothesis hypothesis{
-        .code = "target_layout",
-        .what = fmt::format("the {} are numbered in rows of {}, not of {}", what, other, columns),
-        .remedy = fmt::format("set columns: {} and {}",
-                              other,
-                              count % other == 0 ? fmt::format("rows: {}", count / other)
-                                                 : std::string("the rows that go with it")),
-        .places = {}};
-    for (int i = 0; i < count; ++i) {
-      const Eigen::Vector2d xy = position(i % other, i / other);
-      hypothesis.places[i] = {Eigen::Vector3d(xy.x(), xy.y(), 0)};
-    }
-    hypotheses.push_back(std::move(hypothesis));
+    hypotheses.push_back(
+        {.code = "target_layout",
+         .what = fmt::format("the {} are numbered in rows of {}, not of {}", what, other, columns),
+         .remedy = fmt::format("set columns: {} and {}",
+                               other,
+                               count % other == 0 ? fmt::format("rows: {}", count / other)
+                                                  : std::string("the rows that go with it")),
+         .places = [=] {
+           CandidatePlaces places;
+           for (int i = 0; i < count; ++i) {
+             const Eigen::Vector2d xy = position(i % other, i / other);
+             places.emplace_hint(
+                 places.end(), i, CandidatePlaces::mapped_type{{xy.x(), xy.y(), 0}});
+           }
+           return places;
+         }});
   }
   return hypotheses;
 }

@@ -23,9 +23,13 @@ int ReadCount(const YamlNode& node, int least) {
 }
 
 double ReadPrintedLength(const YamlNode& node) {
-  constexpr double kLongest = 2, kShortest = 1e-4;  // m
+  constexpr double kLongest = 2, kShortest = 1e-4;                // m
+  constexpr double kLargestTarget = 1e3, kSmallestTarget = 1e-8;  // m; sums of them are finite
   const double length = node.AsLength();
   const std::string number = node.AsString();
+  if (ParseLength(number)->has_unit && (length < kSmallestTarget || length > kLargestTarget)) {
+    node.Fail(fmt::format("expected a length from 10 nm to 1 km, got '{}'; correct it", number));
+  }
   if ((length >= kShortest && length <= kLongest) || ParseLength(number)->has_unit) return length;
   if (length < kShortest) {
     node.Fail(

@@ -25,7 +25,7 @@ constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr size_t kSets = 20;     // of pixels; the scatter's own error is 1 / sqrt(2 * 19) = 16 %
 constexpr int kStartRounds = 6;  // with means in place of borders
 constexpr int kRounds = 12;
-constexpr double kFarOff = 4;  // standard deviations
+constexpr double kBorderSigmas = 4;  // standard deviations
 
 double NormalDensity(double x) { return std::exp(-x * x / 2) / std::sqrt(2 * std::numbers::pi); }
 double NormalDistribution(double x) { return 0.5 * std::erfc(-x / std::numbers::sqrt2); }
@@ -137,11 +137,11 @@ class SetFit {
       variances_[b] = Variance(LightHistogram::LightOf(b));
     }
     constexpr size_t kLastBorder = kBorders - 1;
-    brightest_ = borders_[kLastBorder] - kFarOff * std::sqrt(Variance(borders_[kLastBorder]));
+    brightest_ = borders_[kLastBorder] - kBorderSigmas * std::sqrt(Variance(borders_[kLastBorder]));
     darkest_ = 0;
     for (size_t b = 0; b < LightHistogram::kBins; ++b) {
       const double u = LightHistogram::LightOf(b);
-      if (u < kFarOff * std::sqrt(variances_[b])) darkest_ = u;
+      if (u < kBorderSigmas * std::sqrt(variances_[b])) darkest_ = u;
     }
   }
   void SetBorders() {
@@ -323,7 +323,7 @@ class SetFit {
     constexpr int kSteps = 3;
     double& border = borders_[k];
     for (int step = 0; step < kSteps; ++step) {
-      const double reach = (kFarOff + 1) * std::sqrt(VarianceAt(border));
+      const double reach = (kBorderSigmas + 1) * std::sqrt(VarianceAt(border));
       double slope = 0, information = 0, below = 0, above = 0;
       const double low = std::sqrt(std::max(border - reach, 0.0) / LightHistogram::kMostLight);
       const double high = std::sqrt((border + reach) / LightHistogram::kMostLight);

@@ -6,20 +6,25 @@
 
 #include <Eigen/Core>
 #include <array>
+#include <functional>
 #include <map>
 #include <string>
 #include <vector>
 
 namespace plenocal {
 
+/// Marker number -> where the point that carries this number may really be on the target, m.
+/// Several places where the wrong file leads the detector now to this, now to that point.
+using CandidatePlaces = std::map<int, std::vector<Eigen::Vector3d>>;
+
 /// A target that may be in the images in place of the stated one.
 struct TargetHypothesis {
   std::string code;    ///< of the finding (docs/diagnosis.md): "target_layout"
   std::string what;    ///< a clause about the images: "the tags run in 5 columns"
   std::string remedy;  ///< keys and values to set: "set columns: 5 and rows: 6"
-  /// Marker number -> where the point that carries this number may really be on the target, m.
-  /// Several places where the wrong file leads the detector now to this, now to that point.
-  std::map<int, std::vector<Eigen::Vector3d>> places;
+  /// Made when they are asked for: those of all hypotheses about a target of a million points would
+  /// take gigabytes.
+  std::function<CandidatePlaces()> places;
 };
 
 /// A number in the target's file on which marker positions depend linearly and that can be wrong.

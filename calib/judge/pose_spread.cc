@@ -16,7 +16,6 @@ namespace plenocal {
 namespace {
 
 constexpr double kDegrees = 180 / std::numbers::pi;
-constexpr int kCells = 10;  // along the image's longer side
 // Without the few farthest out, which may be mistakes.
 constexpr double kTail = 0.01;
 
@@ -119,6 +118,7 @@ PoseSpread SpreadOf(const CalibrationRecord& calibration, size_t c) {
   std::vector<double> x, y;
   ByFrame distances, depths;
   std::map<int, RigidTransform> poses;
+  constexpr int kCells = 10;  // along the image's longer side
   const ImageGrid grid(camera.image_size, kCells);
   std::vector<bool> seen(grid.Cells(), false);
   for (const ResidualRow& row : camera.residuals) {

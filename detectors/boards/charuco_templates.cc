@@ -8,20 +8,20 @@ namespace plenocal::internal {
 namespace {
 
 /// Squares of the pattern around a corner, to each side half of them.
-constexpr int kSquares = 4;
+constexpr int kSquaresAcross = 4;
 
 /// Lines between the cells of a row of squares, in squares: each square has white around its
 /// marker.
 std::vector<float> CellLines(const CharucoLayout& board, int marker_width) {
   const double marker = board.marker / board.square, gap = (1 - marker) / 2;
   std::vector<float> lines;
-  for (int square = 0; square < kSquares; ++square) {
+  for (int square = 0; square < kSquaresAcross; ++square) {
     lines.push_back(static_cast<float>(square));
     for (int i = 0; i <= marker_width; ++i) {
       lines.push_back(static_cast<float>(square + gap + i * marker / marker_width));
     }
   }
-  lines.push_back(kSquares);
+  lines.push_back(kSquaresAcross);
   return lines;
 }
 
@@ -31,8 +31,8 @@ CellDrawing DrawAround(const CharucoLayout& board,
                        int column,
                        int row) {
   const int per_square = aruco.width + 2;  // with the white around the marker
-  const int n = kSquares * per_square;
-  const Eigen::Vector2i origin(column - kSquares / 2, row - kSquares / 2);
+  const int n = kSquaresAcross * per_square;
+  const Eigen::Vector2i origin(column - kSquaresAcross / 2, row - kSquaresAcross / 2);
   std::vector<float> cells(static_cast<size_t>(n * n), 1.f);
   const auto cell = [&](int x, int y) -> float& { return cells.begin()[y * n + x]; };
   const Eigen::Vector2i first = aruco.markers.front().square;
@@ -62,7 +62,7 @@ std::vector<MarkerTemplate> MakeTemplates(const CharucoLayout& layout,
                                           const Target& /*target*/,
                                           const std::vector<Observation>& found) {
   const CharucoMarkers aruco = DrawCharucoMarkers(layout);
-  return CornerTemplates(layout.columns - 1, found, kSquares, [&](int column, int row) {
+  return CornerTemplates(layout.columns - 1, found, kSquaresAcross, [&](int column, int row) {
     return DrawAround(layout, aruco, column + 1, row + 1);
   });
 }

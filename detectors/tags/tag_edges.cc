@@ -318,7 +318,6 @@ constexpr double kNarrow = 3.5;
 /// px; the outer edges of a larger tag measure it well enough, all its edges would take long.
 constexpr double kSmall = 64;
 constexpr double kUsualBlur = 0.8;  // px, of a lens in focus; where the fits start
-constexpr double kMostBlur = 5;     // px; more blurred tags cannot be read
 
 struct Workspace {
   Samples samples;
@@ -350,6 +349,7 @@ std::optional<EdgeSums> Descend(const Edge& edge,
                                 ParameterVector* p) {
   constexpr int kSteps = 6;
   constexpr double kDamping = 1e-6;    // of the diagonal: for parameters that are not determined
+  constexpr double kMostBlur = 5;      // px; more blurred tags cannot be read
   constexpr double kSmallStep = 0.02;  // px: the next one is of the order of its square
   EdgeSums sums;
   for (int i = 0; i < kSteps; ++i) {

@@ -57,7 +57,7 @@ namespace {
 void AddMisreadCorners(const CharucoLayout& stated_board,
                        bool stated_legacy,
                        const std::vector<Eigen::Vector2i>& real,
-                       std::map<int, std::vector<Eigen::Vector3d>>* places) {
+                       CandidatePlaces* places) {
   const std::vector<Eigen::Vector2i> stated = internal::MarkedSquares(stated_board, stated_legacy);
   for (size_t id = 0; id < std::min(stated.size(), real.size()); ++id) {
     for (const Eigen::Vector2i& corner : {Eigen::Vector2i(0, 0),
@@ -88,13 +88,16 @@ std::vector<bool> TriedLayouts(const CharucoLayout& board) {
 TargetDoubts CharucoLayout::Doubts(const YamlNode& /*nominal*/) const {
   TargetDoubts doubts;
   if (legacy && rows % 2 == 0) {
-    TargetHypothesis hypothesis{
-        .code = "target_legacy",
-        .what = fmt::format("the board has OpenCV's {} layout", *legacy ? "new" : "legacy"),
-        .remedy = fmt::format("set legacy: {}, or leave the key out", !*legacy),
-        .places = {}};
-    AddMisreadCorners(*this, *legacy, internal::MarkedSquares(*this, !*legacy), &hypothesis.places);
-    doubts.hypotheses.push_back(std::move(hypothesis));
+    doubts.hypotheses.push_back(
+        {.code = "target_legacy",
+         .what = fmt::format("the board has OpenCV's {} layout", *legacy ? "new" : "legacy"),
+         .remedy = fmt::format("set legacy: {}, or leave the key out", !*legacy),
+         .places = [stated = *this] {
+           CandidatePlaces places;
+           const bool real = !*stated.legacy;
+           AddMisreadCorners(stated, !real, internal::MarkedSquares(stated, real), &places);
+           return places;
+         }});
   }
   constexpr int kMostColumns = 20;  // of a board whose markers can still be read
   for (int other = 3; other <= kMostColumns; ++other) {
@@ -102,18 +105,20 @@ TargetDoubts CharucoLayout::Doubts(const YamlNode& /*nominal*/) const {
     CharucoLayout board = *this;
     board.columns = other;
     board.rows = std::max(3, (columns * rows + other - 1) / other);
-    TargetHypothesis hypothesis{
-        .code = "target_layout",
-        .what = fmt::format("the board has {} squares in a row, not {}", other, columns),
-        .remedy = other == rows
-                      ? fmt::format("set columns: {} and rows: {}", rows, columns)
-                      : fmt::format("set columns: {} and the rows that go with it", other),
-        .places = {}};
-    for (const bool tried : TriedLayouts(*this)) {
-      AddMisreadCorners(
-          *this, tried, internal::MarkedSquares(board, legacy.value_or(false)), &hypothesis.places);
-    }
-    doubts.hypotheses.push_back(std::move(hypothesis));
+    doubts.hypotheses.push_back(
+        {.code = "target_layout",
+         .what = fmt::format("the board has {} squares in a row, not {}", other, columns),
+         .remedy = other == rows
+                       ? fmt::format("set columns: {} and rows: {}", rows, columns)
+                       : fmt::format("set columns: {} and the rows that go with it", other),
+         .places = [stated = *this, board] {
+           CandidatePlaces places;
+           const auto real = internal::MarkedSquares(board, stated.legacy.value_or(false));
+           for (const bool tried : TriedLayouts(stated)) {
+             AddMisreadCorners(stated, tried, real, &places);
+           }
+           return places;
+         }});
   }
   return doubts;
 }

@@ -25,7 +25,7 @@ TargetDoubts ChessboardLayout::Doubts(const YamlNode& /*nominal*/) const {
               columns,
               rows,
               "corners",
-              [&](int column, int row) { return Eigen::Vector2d(column * square, row * square); }),
+              [s = square](int column, int row) { return Eigen::Vector2d(column * s, row * s); }),
           .numbers = {},
           .quads = {}};
 }

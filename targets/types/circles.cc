@@ -48,24 +48,28 @@ Target CirclesLayout::Read(const YamlNode& node) {
 }
 
 TargetDoubts CirclesLayout::Doubts(const YamlNode& /*nominal*/) const {
-  TargetDoubts doubts{.hypotheses = internal::OtherRows(
-                          columns,
-                          rows,
-                          "circles",
-                          [&](int column, int row) { return CircleAt(*this, column, row); }),
+  TargetDoubts doubts{.hypotheses = internal::OtherRows(columns,
+                                                        rows,
+                                                        "circles",
+                                                        [circles = *this](int column, int row) {
+                                                          return CircleAt(circles, column, row);
+                                                        }),
                       .numbers = {},
                       .quads = {}};
   CirclesLayout other = *this;
   other.asymmetric = !asymmetric;
   const char* pattern = other.asymmetric ? "asymmetric" : "symmetric";
-  TargetHypothesis hypothesis{.code = "target_layout",
-                              .what = fmt::format("the circles form a grid that is {}", pattern),
-                              .remedy = fmt::format("set pattern: {}", pattern),
-                              .places = {}};
-  for (const auto& [number, place] : internal::CirclePositions(other)) {
-    hypothesis.places[number] = {place};
-  }
-  doubts.hypotheses.push_back(std::move(hypothesis));
+  doubts.hypotheses.push_back({.code = "target_layout",
+                               .what = fmt::format("the circles form a grid that is {}", pattern),
+                               .remedy = fmt::format("set pattern: {}", pattern),
+                               .places = [other] {
+                                 CandidatePlaces places;
+                                 for (const auto& [number, place] :
+                                      internal::CirclePositions(other)) {
+                                   places[number] = {place};
+                                 }
+                                 return places;
+                               }});
   return doubts;
 }
 

@@ -7,6 +7,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <memory>
 #include <string>
 #include <utility>
 
@@ -77,7 +78,15 @@ Corners ReadCorners(const YamlNode& node, int id) {
 // The gap between tags in units of their side; a gap with its unit is a length.
 double ReadGap(const YamlNode& node, double size) {
   const auto length = node.IsScalar() ? ParseLength(node.AsString()) : std::nullopt;
-  return length && length->has_unit ? ReadPrintedLength(node) / size : node.AsPositive();
+  if (length && length->has_unit) return ReadPrintedLength(node) / size;
+  constexpr double kMost = 1000;
+  const double gap = node.AsPositive();
+  if (gap > kMost) {
+    node.Fail(fmt::format("expected at most {} sizes of a tag, got '{}'; a length needs its unit",
+                          kMost,
+                          node.AsString()));
+  }
+  return gap;
 }
 
 }  // namespace
@@ -129,44 +138,45 @@ Target TagLayout::ReadGrid(const YamlNode& node) {
 namespace {
 
 // The tags' corners in another order than the stated one.
-void AddCornerOrders(const std::vector<int>& ids,
-                     const MarkerPositions& markers,
+void AddCornerOrders(const MarkerPositions& markers,
                      bool is_grid,
                      std::vector<TargetHypothesis>* hypotheses) {
+  const auto shared = std::make_shared<const MarkerPositions>(markers);
   for (size_t i = 0; i < kCornerOrders.size(); ++i) {
-    TargetHypothesis hypothesis{
-        .code = "target_corner_order",
-        .what = fmt::format("the corners of each tag run {}", CornerOrderText(i)),
-        .remedy = is_grid ? "number the detections' markers 4 * id + 0 lower left, 1 lower right, "
-                            "2 upper right, 3 upper left of the upright tag"
-                          : "write each tag's corners in the order lower left, lower right, upper "
-                            "right, upper left of the upright tag",
-        .places = {}};
-    for (const int id : ids) {
-      for (size_t k = 0; k < 4; ++k) {
-        hypothesis.places[4 * id + static_cast<int>(k)] = {
-            markers.at(4 * id + static_cast<int>(kCornerOrders[i][k]))};
-      }
-    }
-    hypotheses->push_back(std::move(hypothesis));
+    hypotheses->push_back(
+        {.code = "target_corner_order",
+         .what = fmt::format("the corners of each tag run {}", CornerOrderText(i)),
+         .remedy = is_grid ? "number the detections' markers 4 * id + 0 lower left, 1 lower right, "
+                             "2 upper right, 3 upper left of the upright tag"
+                           : "write each tag's corners in the order lower left, lower right, upper "
+                             "right, upper left of the upright tag",
+         .places = [shared, order = kCornerOrders[i]] {
+           CandidatePlaces places;
+           for (const auto& [number, position] : *shared) {
+             const int k = number % 4;
+             const auto real = static_cast<int>(order[static_cast<size_t>(k)]);
+             places[number] = {shared->at(number - k + real)};
+           }
+           return places;
+         }});
   }
 }
 
 // A grid whose ids run in rows of `columns` from `first_id` on.
-TargetHypothesis OtherGrid(const internal::TagGrid& stated, int columns, int first_id) {
-  TargetHypothesis hypothesis{.code = "target_layout", .what = {}, .remedy = {}, .places = {}};
+CandidatePlaces OtherGrid(const internal::TagGrid& stated, int columns, int first_id) {
+  CandidatePlaces places;
   const double pitch = (1 + stated.spacing) * stated.size, s = stated.size;
   for (int i = 0; i < stated.columns * stated.rows; ++i) {
     const int id = stated.first_id + i, from = id - first_id;
     const int column = (from % columns + columns) % columns;
     const int row = (from - column) / columns;
     const Eigen::Vector3d corner(column * pitch, row * pitch, 0);
-    hypothesis.places[4 * id] = {corner};
-    hypothesis.places[4 * id + 1] = {corner + Eigen::Vector3d(s, 0, 0)};
-    hypothesis.places[4 * id + 2] = {corner + Eigen::Vector3d(s, s, 0)};
-    hypothesis.places[4 * id + 3] = {corner + Eigen::Vector3d(0, s, 0)};
+    places[4 * id] = {corner};
+    places[4 * id + 1] = {corner + Eigen::Vector3d(s, 0, 0)};
+    places[4 * id + 2] = {corner + Eigen::Vector3d(s, s, 0)};
+    places[4 * id + 3] = {corner + Eigen::Vector3d(0, s, 0)};
   }
-  return hypothesis;
+  return places;
 }
 
 void AddGrids(const internal::TagGrid& stated, std::vector<TargetHypothesis>* hypotheses) {
@@ -174,23 +184,23 @@ void AddGrids(const internal::TagGrid& stated, std::vector<TargetHypothesis>* hy
   const int count = stated.columns * stated.rows;
   for (int columns = 1; columns <= std::min(count, kMostColumns); ++columns) {
     if (columns == stated.columns) continue;
-    TargetHypothesis hypothesis = OtherGrid(stated, columns, stated.first_id);
-    hypothesis.what =
-        fmt::format("the ids run in rows of {} tags, not of {}", columns, stated.columns);
-    hypothesis.remedy = fmt::format("set columns: {} and {}",
-                                    columns,
-                                    count % columns == 0 ? fmt::format("rows: {}", count / columns)
-                                                         : std::string("the rows that go with it"));
-    hypotheses->push_back(std::move(hypothesis));
+    hypotheses->push_back(
+        {.code = "target_layout",
+         .what = fmt::format("the ids run in rows of {} tags, not of {}", columns, stated.columns),
+         .remedy = fmt::format("set columns: {} and {}",
+                               columns,
+                               count % columns == 0 ? fmt::format("rows: {}", count / columns)
+                                                    : std::string("the rows that go with it")),
+         .places = [=] { return OtherGrid(stated, columns, stated.first_id); }});
   }
   for (int first = 1; first < stated.columns; ++first) {
-    TargetHypothesis hypothesis = OtherGrid(stated, stated.columns, stated.first_id + first);
-    hypothesis.what = fmt::format(
-        "a row begins with tag {}, not with tag {}", stated.first_id + first, stated.first_id);
-    hypothesis.remedy =
-        fmt::format("set first_id to the id of the board's lower left tag: {} or some rows later",
-                    stated.first_id + first);
-    hypotheses->push_back(std::move(hypothesis));
+    const int other = stated.first_id + first;
+    hypotheses->push_back(
+        {.code = "target_layout",
+         .what = fmt::format("a row begins with tag {}, not with tag {}", other, stated.first_id),
+         .remedy = fmt::format(
+             "set first_id to the id of the board's lower left tag: {} or some rows later", other),
+         .places = [=] { return OtherGrid(stated, stated.columns, other); }});
   }
 }
 
@@ -216,7 +226,7 @@ TargetDoubts TagLayout::Doubts(const YamlNode& nominal) const {
   TargetDoubts doubts;
   const bool is_grid = nominal.Has("columns");
   const MarkerPositions markers = (is_grid ? ReadGrid(nominal) : ReadTags(nominal)).markers;
-  AddCornerOrders(ids, markers, is_grid, &doubts.hypotheses);
+  AddCornerOrders(markers, is_grid, &doubts.hypotheses);
   if (!is_grid) return doubts;
   const internal::TagGrid stated{.columns = nominal.At("columns").AsInteger(),
                                  .rows = nominal.At("rows").AsInteger(),

@@ -80,7 +80,7 @@ TEST_P(EveryTargetType, DoubtsOnlyWhatItHas) {
     EXPECT_EQ(hypothesis.code.substr(0, 7), "target_");
     EXPECT_FALSE(hypothesis.what.empty() || hypothesis.remedy.empty());
     bool differs = false;
-    for (const auto& [number, places] : hypothesis.places) {
+    for (const auto& [number, places] : hypothesis.places()) {
       ASSERT_TRUE(target.markers.contains(number)) << hypothesis.what;
       ASSERT_FALSE(places.empty());
       differs = differs || places.size() > 1 ||

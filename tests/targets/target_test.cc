@@ -3,6 +3,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/resource.h>
 
 #include <filesystem>
 #include <string>
@@ -57,6 +58,24 @@ TEST(Target, RefusesWrongMarkersAndSigmas) {
               HasSubstr("got a negative number"));
   EXPECT_THAT(ErrorOf("plenocal: 1\ntype: markers\n"), HasSubstr("markers: this key is missing"));
   EXPECT_THAT(ErrorOf("plenocal: 1\ntype: markers\nmarkers: {}\n"), HasSubstr("expected markers"));
+}
+
+// Peak memory of the process, MB.
+double PeakMemory() {
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  return static_cast<double>(usage.ru_maxrss) / 1024;
+}
+
+// Sixty other lengths of the rows are possible; all their places at once would be 600 MB.
+TEST(Target, KeepsNoPlacesOfLargeTargetsThatNobodyAskedFor) {
+  const Target target =
+      Read("plenocal: 1\ntype: chessboard\ncolumns: 300\nrows: 300\nsquare: 5 mm\n");
+  const double before = PeakMemory();
+  const TargetDoubts doubts = DoubtsAbout(target);
+  EXPECT_GE(doubts.hypotheses.size(), 50u);
+  EXPECT_EQ(doubts.hypotheses.back().places().size(), target.markers.size());
+  EXPECT_LT(PeakMemory() - before, 100);
 }
 
 TEST(Target, ReadsTheSimulatedTarget) {

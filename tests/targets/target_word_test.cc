@@ -88,13 +88,16 @@ TEST(TargetWord, ThatIsWrongIsNamedWithItsForm) {
   EXPECT_THAT(MessageOf("charuco:5x7:36mm:18mm:6X6_251"), HasSubstr("DICT_6X6_250"));
 }
 
-TEST(PrintedLength, WithItsUnitMayBeAnything) {
+TEST(PrintedLength, WithItsUnitMayBeFromTenNanometresToAKilometre) {
   EXPECT_EQ(std::get<ChessboardLayout>(TargetOfWord("chessboard:9x6:3 m").layout).square, 3);
   EXPECT_EQ(std::get<ChessboardLayout>(TargetOfWord("chessboard:9x6:50um").layout).square, 5e-5);
   EXPECT_THAT(MessageOf("chessboard:9x6:3"), HasSubstr("if centimetres, 3 cm"));
   EXPECT_THAT(
       MessageOf("chessboard:9x6:0.000025"),
       HasSubstr("which is 0.025 mm? if 25 mm are meant, write 25 mm; if not, write 0.025 mm"));
+  EXPECT_THAT(MessageOf("chessboard:9x6:1e308 m"), HasSubstr("expected a length from 10 nm to"));
+  EXPECT_THAT(MessageOf("chessboard:9x6:1 nm"), HasSubstr("expected a length from 10 nm to"));
+  EXPECT_THAT(MessageOf("aprilgrid:6x6:88mm:1e308"), HasSubstr("at most 1000 sizes of a tag"));
 }
 
 }  // namespace TEST_FILE

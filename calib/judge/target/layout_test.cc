@@ -379,7 +379,7 @@ std::vector<Finding> TestFlat(const Views& views,
   if (stated.relative > kSuspicious) {
     for (const TargetHypothesis& hypothesis : doubts.hypotheses) {
       Places places;
-      for (const auto& [number, candidates] : hypothesis.places) {
+      for (const auto& [number, candidates] : hypothesis.places()) {
         for (const Eigen::Vector3d& p : candidates) places[number].push_back(plane(p));
       }
       const Fit fit = FitAll(views, places);
@@ -406,7 +406,8 @@ std::vector<Finding> TestSolid(const ReferenceCamera& reference,
   Best best;
   for (const TargetHypothesis& hypothesis : doubts.hypotheses) {
     std::map<int, Eigen::Vector3d> places;
-    for (const auto& [number, candidates] : hypothesis.places) places[number] = candidates.front();
+    for (const auto& [number, candidates] : hypothesis.places())
+      places[number] = candidates.front();
     const Fit fit = GuessFit(reference.camera, reference.typical, places);
     if (stated.points == 0) {
       // No guess at all: as far off as a spacing.

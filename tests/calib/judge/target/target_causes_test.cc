@@ -55,8 +55,8 @@ std::vector<std::string> CodesOf(const std::vector<Finding>& findings) {
 }
 
 // Rows of `columns` points.
-std::map<int, std::vector<Eigen::Vector3d>> Rows(int columns) {
-  std::map<int, std::vector<Eigen::Vector3d>> places;
+CandidatePlaces Rows(int columns) {
+  CandidatePlaces places;
   for (int i = 0; i < 70; ++i) {
     const int column = i % columns, row = i / columns;
     places[i] = {Eigen::Vector3d(kSpacing * column, kSpacing * row, 0)};
@@ -70,7 +70,7 @@ TargetDoubts OtherRows() {
     doubts.hypotheses.push_back({.code = "target_layout",
                                  .what = "rows of " + std::to_string(columns),
                                  .remedy = "set columns",
-                                 .places = Rows(columns)});
+                                 .places = [columns] { return Rows(columns); }});
   }
   return doubts;
 }
@@ -162,12 +162,15 @@ TEST(TargetCauses, EstimateAWrongNumberThroughAFisheye) {
 TEST(TargetCauses, ChooseBetweenPlaces) {
   SyntheticProblem problem = Board(3);
   // Each number belongs to the point on its left or on its right.
-  TargetHypothesis hypothesis{
-      .code = "target_legacy", .what = "other", .remedy = "set legacy", .places = {}};
+  CandidatePlaces places;
   for (const auto& [number, p] : problem.input.markers) {
     const Eigen::Vector3d step(kSpacing, 0, 0);
-    hypothesis.places[number] = {p + step, p - step};
+    places[number] = {p + step, p - step};
   }
+  const TargetHypothesis hypothesis{
+      .code = "target_legacy", .what = "other", .remedy = "set legacy", .places = [places] {
+        return places;
+      }};
   for (View& view : problem.input.cameras[0].views) {
     std::map<int, Observation> by_number;
     for (const Observation& o : view.observations) by_number[o.marker] = o;
