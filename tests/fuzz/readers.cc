@@ -122,9 +122,11 @@ void ReadSessionFile(const fs::path& path) {
 
 void CheckTarget(const Target& target) {
   for (const auto& [number, position] : target.markers) RequireFiniteMatrix("markers", position);
-  constexpr size_t kFew = 10'000;  // markers of which the places in 60 other layouts are soon made
-  for (const TargetHypothesis& hypothesis : DoubtsAbout(target).hypotheses) {
-    if (target.markers.size() > kFew) break;
+  const std::vector<TargetHypothesis> hypotheses = DoubtsAbout(target).hypotheses;
+  // More markers in 60 other layouts, and in a YAML file, take this reader's time.
+  constexpr size_t kMost = 10'000;
+  if (target.markers.size() > kMost) return;
+  for (const TargetHypothesis& hypothesis : hypotheses) {
     for (const auto& [number, places] : hypothesis.places()) {
       for (const Eigen::Vector3d& place : places) RequireFiniteMatrix("places", place);
     }
