@@ -28,7 +28,7 @@ double ReadPrintedLength(const YamlNode& node) {
   const double length = node.AsLength();
   const std::string number = node.AsString();
   if (ParseLength(number)->has_unit && (length < kSmallestTarget || length > kLargestTarget)) {
-    node.Fail(fmt::format("expected a length from 10 nm to 1 km, got '{}'; correct it", number));
+    node.Fail(fmt::format("expected a length from 10 nm to 1000 m, got '{}'; correct it", number));
   }
   if ((length >= kShortest && length <= kLongest) || ParseLength(number)->has_unit) return length;
   if (length < kShortest) {

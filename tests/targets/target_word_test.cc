@@ -88,7 +88,7 @@ TEST(TargetWord, ThatIsWrongIsNamedWithItsForm) {
   EXPECT_THAT(MessageOf("charuco:5x7:36mm:18mm:6X6_251"), HasSubstr("DICT_6X6_250"));
 }
 
-TEST(PrintedLength, WithItsUnitMayBeFromTenNanometresToAKilometre) {
+TEST(PrintedLength, WithItsUnitMayBeFromTenNanometresToAThousandMetres) {
   EXPECT_EQ(std::get<ChessboardLayout>(TargetOfWord("chessboard:9x6:3 m").layout).square, 3);
   EXPECT_EQ(std::get<ChessboardLayout>(TargetOfWord("chessboard:9x6:50um").layout).square, 5e-5);
   EXPECT_THAT(MessageOf("chessboard:9x6:3"), HasSubstr("if centimetres, 3 cm"));

@@ -126,7 +126,7 @@ TEST_F(Inputs, MayHaveTheirColumnsInAnyOrder) {
 }
 
 TEST_F(Inputs, OfHugeTargetsAreNotPrinted) {
-  for (const std::string square : {"30 m", "1 km"}) {
+  for (const std::string square : {"30 m", "1000 m"}) {
     Write("board.yaml",
           "plenocal: 1\ntype: chessboard\ncolumns: 6\nrows: 5\nsquare: " + square + "\n");
     for (const std::string paper : {"a4", "fit"}) {
