@@ -6,43 +6,38 @@
 
 #include "calib/base/linear_algebra.h"
 #include "calib/base/statistics.h"
+#include "calib/judge/views/view_information.h"
 
 namespace plenocal {
 namespace {
 
-constexpr int kUnknowns = 13;  // both charts and the scale
-using Unknowns13 = Eigen::Matrix<double, kUnknowns, 1>;
-using Information13 = Eigen::Matrix<double, kUnknowns, kUnknowns>;
-using Rows13 = Eigen::Matrix<double, 6, kUnknowns>;
+constexpr Eigen::Index kScale = 12, kMotion = 13;  // both charts, then the scale
 
-// T_base_gripper = P M Q with the calibration's pose M, whose lengths have the scale.
+// T_base_gripper = P B Q with B the calibration's T_rig_target or its inverse, whose lengths have
+// the scale; `errors` are those of the calibration.
 struct OutsideModel {
   RigidTransform P, Q;
   double scale = 1;
+  Eigen::VectorXd errors;
 
-  [[nodiscard]] OutsideModel Moved(const Unknowns13& delta) const {
-    return {Retract(P, delta.head<6>()), Retract(Q, delta.segment<6>(6)), scale * (1 + delta[12])};
-  }
-  // Position, then rotation: predicted less measured.
-  [[nodiscard]] Vector6d Error(const HandEyePair& pair) const {
-    const RigidTransform predicted = P * RigidTransform{pair.B.R, scale * pair.B.t} * Q;
-    Vector6d error;
-    error << predicted.t - pair.A.t, LogRotation(pair.A.R.transpose() * predicted.R);
-    return error;
+  [[nodiscard]] OutsideModel Moved(const Eigen::VectorXd& delta) const {
+    return {Retract(P, delta.head<6>()),
+            Retract(Q, delta.segment<6>(6)),
+            scale * (1 + delta[kScale]),
+            errors + delta.tail(errors.size())};
   }
 };
 
 class OutsideSolver {
  public:
-  OutsideSolver(const std::vector<HandEyePair>& pairs,
-                const OutsideModel& start,
-                OutsideScale scale)
-      : pairs_(pairs), model_(start), free_scale_(scale == OutsideScale::kFree) {
-    used_.assign(pairs.size(), true);
-  }
+  OutsideSolver(std::span<const OutsidePose> poses, const HandEye& start, OutsideOptions options)
+      : poses_(poses),
+        options_(options),
+        model_{start.X, start.Y, 1, Eigen::VectorXd::Zero(poses[0].errors.shared.cols())},
+        used_(poses.size(), true) {}
 
   void Run() {
-    constexpr int kRounds = 20;
+    constexpr int kRounds = 100;
     constexpr double kSettled = 1e-6;
     StartSigmas();
     for (int round = 0; round < kRounds; ++round) {
@@ -60,26 +55,51 @@ class OutsideSolver {
   [[nodiscard]] double TranslationSigma() const { return sigma_t_; }
   [[nodiscard]] double RotationSigma() const { return sigma_r_; }
   // Of directions that the motion leaves open by less than rounding; zero along these.
-  [[nodiscard]] Information13 Covariance() const {
+  [[nodiscard]] Eigen::MatrixXd Covariance() const {
     constexpr double kRank = 1e-12;
-    Unknowns13 scale;
-    for (int i = 0; i < kUnknowns; ++i) scale[i] = H_(i, i) > 0 ? 1 / std::sqrt(H_(i, i)) : 0;
+    const Eigen::VectorXd scale = H_.diagonal().unaryExpr(
+        [](double information) { return information > 0 ? 1 / std::sqrt(information) : 0; });
     const SymmetricEigen spectrum =
         DecomposeSymmetric(Eigen::MatrixXd(scale.asDiagonal() * H_ * scale.asDiagonal()));
-    Information13 covariance = Information13::Zero();
-    for (int i = 0; i < kUnknowns; ++i) {
+    Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(H_.rows(), H_.cols());
+    for (Eigen::Index i = 0; i < H_.rows(); ++i) {
       if (spectrum.values[i] < kRank) continue;
-      const Unknowns13 direction = scale.asDiagonal() * spectrum.vectors.col(i);
+      const Eigen::VectorXd direction = scale.asDiagonal() * spectrum.vectors.col(i);
       covariance += direction * direction.transpose() / spectrum.values[i];
     }
     return covariance;
   }
 
  private:
+  // One instant at the present model: error, its derivatives and the inverse of its covariance.
+  struct Row {
+    Vector6d error;
+    Eigen::Matrix<double, 6, Eigen::Dynamic> J;
+    Matrix6d weight;
+  };
+
+  // Position, then rotation: predicted less measured, with the calibration's pose moved by
+  // `change`.
+  [[nodiscard]] Vector6d Error(const OutsidePose& pose,
+                               const OutsideModel& model,
+                               const Vector6d& change) const {
+    RigidTransform B = Retract(pose.T_rig_target, change);
+    if (options_.mount == RigMount::kOnGripper) B = B.Inverse();
+    const RigidTransform predicted = model.P * RigidTransform{B.R, model.scale * B.t} * model.Q;
+    Vector6d error;
+    error << predicted.t - pose.T_base_gripper.t,
+        LogRotation(pose.T_base_gripper.R.transpose() * predicted.R);
+    return error;
+  }
+
+  [[nodiscard]] Vector6d Error(const OutsidePose& pose) const {
+    return Error(pose, model_, pose.errors.shared * model_.errors);
+  }
+
   void StartSigmas() {
     std::vector<double> t, r;
-    for (const HandEyePair& pair : pairs_) {
-      const Vector6d error = model_.Error(pair);
+    for (const OutsidePose& pose : poses_) {
+      const Vector6d error = Error(pose);
       t.push_back(error.head<3>().norm());
       r.push_back(error.tail<3>().norm());
     }
@@ -87,32 +107,46 @@ class OutsideSolver {
     sigma_r_ = std::max(Median(r), kLeast);
   }
 
-  [[nodiscard]] Rows13 Derivatives(const HandEyePair& pair) const {
+  [[nodiscard]] Row RowOf(const OutsidePose& pose) const {
     constexpr double kStep = 1e-6;
-    Rows13 J;
-    for (int i = 0; i < kUnknowns; ++i) {
-      const Unknowns13 step = kStep * Unknowns13::Unit(i);
-      J.col(i) = (model_.Moved(step).Error(pair) - model_.Moved(-step).Error(pair)) / (2 * kStep);
+    const Eigen::Index shared = model_.errors.size();
+    const Vector6d change = pose.errors.shared * model_.errors;
+    Row row{Error(pose, model_, change),
+            Eigen::Matrix<double, 6, Eigen::Dynamic>::Zero(6, kMotion + shared),
+            Matrix6d::Zero()};
+    for (Eigen::Index i = 0; i < kMotion; ++i) {
+      if (i == kScale && options_.scale == OutsideScale::kHeld) continue;
+      const Eigen::VectorXd step = kStep * Eigen::VectorXd::Unit(kMotion + shared, i);
+      row.J.col(i) =
+          (Error(pose, model_.Moved(step), change) - Error(pose, model_.Moved(-step), change)) /
+          (2 * kStep);
     }
-    if (!free_scale_) J.col(12).setZero();
-    return J;
+    Matrix6d by_pose;
+    for (Eigen::Index i = 0; i < 6; ++i) {
+      const Vector6d step = kStep * Vector6d::Unit(i);
+      by_pose.col(i) =
+          (Error(pose, model_, change + step) - Error(pose, model_, change - step)) / (2 * kStep);
+    }
+    row.J.rightCols(shared) = by_pose * pose.errors.shared;
+    Matrix6d covariance = by_pose * pose.errors.own * by_pose.transpose();
+    covariance.diagonal().head<3>().array() += sigma_t_ * sigma_t_;
+    covariance.diagonal().tail<3>().array() += sigma_r_ * sigma_r_;
+    row.weight = Inverse(covariance);
+    return row;
   }
 
   void Linearise() {
-    H_.setZero();
-    g_.setZero();
-    leverage_t_.setZero();
-    for (size_t i = 0; i < pairs_.size(); ++i) {
+    const Eigen::Index shared = model_.errors.size();
+    H_ = Eigen::MatrixXd::Zero(kMotion + shared, kMotion + shared);
+    H_.diagonal().tail(shared).setOnes();
+    g_ = Eigen::VectorXd::Zero(kMotion + shared);
+    g_.tail(shared) = model_.errors;
+    rows_.clear();
+    for (size_t i = 0; i < poses_.size(); ++i) {
       if (!used_[i]) continue;
-      const Rows13 J = Derivatives(pairs_[i]);
-      const Vector6d error = model_.Error(pairs_[i]);
-      const Information13 of_t =
-          J.topRows<3>().transpose() * J.topRows<3>() / (sigma_t_ * sigma_t_);
-      leverage_t_ += of_t;
-      H_ += of_t + Information13(J.bottomRows<3>().transpose() * J.bottomRows<3>() /
-                                 (sigma_r_ * sigma_r_));
-      g_ += J.topRows<3>().transpose() * error.head<3>() / (sigma_t_ * sigma_t_) +
-            J.bottomRows<3>().transpose() * error.tail<3>() / (sigma_r_ * sigma_r_);
+      const Row& row = rows_.emplace_back(RowOf(poses_[i]));
+      H_ += row.J.transpose() * row.weight * row.J;
+      g_ += row.J.transpose() * row.weight * row.error;
     }
   }
 
@@ -121,38 +155,42 @@ class OutsideSolver {
     constexpr double kSmall = 1e-3;  // of a standard error
     for (int step = 0; step < kSteps; ++step) {
       Linearise();
-      const Unknowns13 delta = -Covariance() * g_;
+      const Eigen::VectorXd delta = -Covariance() * g_;
       if (!delta.allFinite()) return;
       model_ = model_.Moved(delta);
       if (delta.dot(H_ * delta) < kSmall * kSmall) return;
     }
   }
 
-  // Sums of squares over degrees of freedom: those that the unknowns use of positions and angles.
+  // With W the inverse covariance of the errors e and P = W - W J C J' W, a variance that enters by
+  // the matrix V is multiplied by e' W V W e / tr(P V). Where the calibration's poses are exact,
+  // this is the sum of squares over the degrees of freedom.
   void UpdateSigmas() {
-    double t = 0, r = 0, count = 0;
-    for (size_t i = 0; i < pairs_.size(); ++i) {
-      if (!used_[i]) continue;
-      const Vector6d error = model_.Error(pairs_[i]);
-      t += error.head<3>().squaredNorm();
-      r += error.tail<3>().squaredNorm();
-      count += 3;
+    Linearise();
+    const Eigen::MatrixXd C = Covariance();
+    Eigen::Vector2d squares(0, 0), traces(0, 0);
+    for (const Row& row : rows_) {
+      const Vector6d weighted = row.weight * row.error;
+      const Eigen::Matrix<double, 6, Eigen::Dynamic> WJ = row.weight * row.J;
+      const Vector6d P = row.weight.diagonal() - (WJ * C).cwiseProduct(WJ).rowwise().sum();
+      squares +=
+          Eigen::Vector2d(weighted.head<3>().squaredNorm(), weighted.tail<3>().squaredNorm());
+      traces += Eigen::Vector2d(P.head<3>().sum(), P.tail<3>().sum());
     }
-    const Information13 C = Covariance();
-    const double taken_t = (C * leverage_t_).trace(), taken = (C * H_).trace();
-    sigma_t_ = std::max(std::sqrt(t / std::max(1.0, count - taken_t)), kLeast);
-    sigma_r_ = std::max(std::sqrt(r / std::max(1.0, count - (taken - taken_t))), kLeast);
+    const auto factor = [&](int k) {
+      return traces[k] > 0 ? std::sqrt(squares[k] / traces[k]) : 1.0;
+    };
+    sigma_t_ = std::max(sigma_t_ * factor(0), kLeast);
+    sigma_r_ = std::max(sigma_r_ * factor(1), kLeast);
   }
 
   bool RejectOutliers() {
     constexpr double kFalse = 0.05;
-    const double limit = ChiSquareQuantile(6, kFalse / static_cast<double>(pairs_.size()));
+    const double limit = ChiSquareQuantile(6, kFalse / static_cast<double>(poses_.size()));
     bool changed = false;
-    for (size_t i = 0; i < pairs_.size(); ++i) {
-      const Vector6d error = model_.Error(pairs_[i]);
-      const bool fits = error.head<3>().squaredNorm() / (sigma_t_ * sigma_t_) +
-                            error.tail<3>().squaredNorm() / (sigma_r_ * sigma_r_) <=
-                        limit;
+    for (size_t i = 0; i < poses_.size(); ++i) {
+      const Row row = RowOf(poses_[i]);
+      const bool fits = row.error.dot(row.weight * row.error) <= limit;
       changed = changed || fits != used_[i];
       used_[i] = fits;
     }
@@ -160,13 +198,14 @@ class OutsideSolver {
   }
 
   static constexpr double kLeast = 1e-12;  // m and rad: exact poses
-  const std::vector<HandEyePair>& pairs_;
+  std::span<const OutsidePose> poses_;
+  OutsideOptions options_;
   OutsideModel model_;
-  bool free_scale_;
   std::vector<bool> used_;
   double sigma_t_ = 1, sigma_r_ = 1;
-  Information13 H_, leverage_t_;
-  Unknowns13 g_;
+  std::vector<Row> rows_;  // of the instants that are used
+  Eigen::MatrixXd H_;
+  Eigen::VectorXd g_;
 };
 
 // Derivative of the chart of T^-1 by that of T: v' = -R' v - R' [t]x w, w' = -R' w.
@@ -183,6 +222,27 @@ Vector6d SigmasOf(const Matrix6d& covariance) {
 
 }  // namespace
 
+std::map<int, PoseErrors> ErrorsOfPoses(const CalibrationRecord& calibration) {
+  RigKnowledge rig = KnowledgeOf(calibration);
+  ViewTarget target;
+  for (const auto& [number, marker] : calibration.markers) target.markers[number] = marker.position;
+  SetFactors(calibration, target, &rig);
+  const std::vector<double> distances = DistancesOfPoints(rig.bundle, 0);
+  const RigUnknowns unknowns =
+      UnknownsOf(rig.bundle, distances.empty() ? 1 : distances[distances.size() / 2]);
+  const ViewPredictor predictor(rig, unknowns, target);
+  // A root of the unknowns' covariance: its columns are independent errors.
+  const Eigen::VectorXd factors = ScaleOf(rig, unknowns).cwiseQuotient(unknowns.unit);
+  const SymmetricEigen spectrum = DecomposeSymmetric(predictor.InformationSoFar());
+  const Eigen::MatrixXd root = factors.asDiagonal() * spectrum.vectors *
+                               spectrum.values.cwiseInverse().cwiseSqrt().asDiagonal();
+  std::map<int, PoseErrors> errors;
+  predictor.ForFrames([&](const ViewPredictor::OfFrame& frame) {
+    errors[frame.frame] = {frame.pose_covariance, frame.pose_by_unknowns * root};
+  });
+  return errors;
+}
+
 std::optional<OutsideFit> FitOutsidePoses(std::span<const OutsidePose> poses,
                                           const OutsideOptions& options) {
   const bool on_gripper = options.mount == RigMount::kOnGripper;
@@ -193,10 +253,10 @@ std::optional<OutsideFit> FitOutsidePoses(std::span<const OutsidePose> poses,
   }
   const std::optional<HandEye> start = SolveHandEye(pairs);
   if (!start) return std::nullopt;
-  OutsideSolver solver(pairs, {start->X, start->Y}, options.scale);
+  OutsideSolver solver(poses, *start, options);
   solver.Run();
   const OutsideModel& model = solver.Model();
-  const Information13 covariance = solver.Covariance();
+  const Eigen::MatrixXd covariance = solver.Covariance();
   // On the gripper: P = T_base_target, Q = T_rig_gripper; else P = T_base_rig, Q =
   // T_target_gripper.
   const RigidTransform of_Q = model.Q.Inverse();
@@ -208,12 +268,13 @@ std::optional<OutsideFit> FitOutsidePoses(std::span<const OutsidePose> poses,
                     .scale = model.scale,
                     .rig_sigma = on_gripper ? sigma_Q : sigma_P,
                     .target_sigma = on_gripper ? sigma_P : sigma_Q,
-                    .scale_sigma = std::sqrt(covariance(12, 12)) * model.scale,
+                    .scale_sigma = std::sqrt(covariance(kScale, kScale)) * model.scale,
                     .translation_sigma = solver.TranslationSigma(),
                     .rotation_sigma = solver.RotationSigma(),
                     .used = solver.Used(),
                     .gap = start->gap,
-                    .largest_angle = start->largest_angle};
+                    .largest_angle = start->largest_angle,
+                    .calibration_errors = model.errors};
 }
 
 double RatioOfLengths(std::span<const OutsidePose> poses) {

@@ -1,15 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Poses from outside (robot, turntable, motion capture) against those of the calibration: where the
-// rig is mounted, where the target stands, and whether the lengths agree.
+// rig is mounted, where the target stands, and whether the lengths agree. With the covariance of
+// the calibration's poses this is the joint adjustment of images and poses from outside, linear in
+// the calibration's errors.
 #pragma once
 
 #include <Eigen/Core>
+#include <map>
 #include <optional>
 #include <span>
 #include <vector>
 
 #include "calib/camera/rigid_transform.h"
+#include "calib/files/calibration_record.h"
 #include "calib/rig/hand_eye.h"
 
 namespace plenocal {
@@ -18,10 +22,22 @@ namespace plenocal {
 /// gripper before a rig that stands there.
 enum class RigMount { kOnGripper, kOnBase };
 
+/// Errors of one pose of a calibration in the chart of T_rig_target (`Retract`), m and rad.
+struct PoseErrors {
+  Matrix6d own = Matrix6d::Zero();  ///< covariance of what no other pose shares
+  /// Per column the displacement by one of the calibration's errors, which all poses share and
+  /// which are independent and standard normal: those of parameters, extrinsics and target.
+  Eigen::Matrix<double, 6, Eigen::Dynamic> shared = {};
+};
+
+/// Per index of a frame whose pose its points determine. Throws as `KnowledgeOf`.
+std::map<int, PoseErrors> ErrorsOfPoses(const CalibrationRecord& calibration);
+
 /// One instant.
 struct OutsidePose {
   RigidTransform T_base_gripper;  ///< from outside
   RigidTransform T_rig_target;    ///< from the calibration
+  PoseErrors errors = {};         ///< of T_rig_target; as many shared ones for each pose
 };
 
 enum class OutsideScale { kHeld, kFree };
@@ -43,10 +59,14 @@ struct OutsideFit {
   std::vector<bool> used;  ///< per instant; false: an outlier
   HandEyeGap gap = HandEyeGap::kNone;
   double largest_angle = 0;  ///< between two instants, rad
+  /// Estimates of the calibration's errors, in standard deviations: from outside poses may show
+  /// more of them than the images did.
+  Eigen::VectorXd calibration_errors = {};
 };
 
-/// Least squares over all instants, each weighted by the scatter of positions and angles, which is
-/// estimated (restricted maximum likelihood); outliers are left out (chi-square at 0.05 / N).
+/// Generalised least squares over all instants with the calibration's errors and the scatter of
+/// positions and angles from outside, which is estimated (restricted maximum likelihood: Harville
+/// 1977, by fixed-point iteration); outliers are left out (chi-square at 0.05 / N).
 /// Nothing for fewer than three instants or motions that no mount explains.
 std::optional<OutsideFit> FitOutsidePoses(std::span<const OutsidePose> poses,
                                           const OutsideOptions& options);

@@ -235,6 +235,8 @@ std::optional<ViewPredictor::OfFrame> ViewPredictor::WithoutPose(const Sums& sum
   frame.information = sums.tt - sums.tx * *passed;
   frame.information = ((frame.information + frame.information.transpose()) / 2).eval();
   frame.gradient = sums.tr - passed->transpose() * sums.xr;
+  frame.pose_covariance = Inverse(sums.xx);
+  frame.pose_by_unknowns = -*passed;
   if (!frame.information.allFinite() || !frame.gradient.allFinite()) return std::nullopt;
   return frame;
 }

@@ -40,6 +40,10 @@ class ViewPredictor {
     int frame = 0;
     Eigen::MatrixXd information;
     Eigen::VectorXd gradient;
+    /// Covariance of the frame's pose (chart of T_rig_target, m and rad) for given unknowns.
+    Matrix6d pose_covariance;
+    /// Change of this pose with the unknowns in units, 6 x unknowns.
+    Eigen::Matrix<double, 6, Eigen::Dynamic> pose_by_unknowns;
   };
   /// Calls `take` with those of the frames so far whose pose is determined, one after the other.
   void ForFrames(const std::function<void(const OfFrame&)>& take) const;

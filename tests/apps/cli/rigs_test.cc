@@ -377,7 +377,15 @@ TEST_F(Rigs, RobotPosesGiveTheMountAndNameTheirMistakes) {
   constexpr double kNear = 1e-3;  // m and rad
   EXPECT_LT((mount - Eigen::Matrix4d::Identity()).norm(), kNear);
   EXPECT_NEAR(result["scale"].as<double>(), 1, 1e-3);
+  EXPECT_EQ(result["calibration_errors"].as<std::string>(), "included");
   ExpectNoNan(result);
+  // Without the points nothing is known of the errors of the calibration's poses.
+  std::filesystem::rename(Path("a/out/residuals.csv"), Path("a/residuals.csv"));
+  const Outcome poses_only = Run({"handeye", "a/out", "--poses", "robot.csv", "-o", "few.yaml"});
+  ASSERT_EQ(poses_only.status, kDone) << poses_only.err;
+  EXPECT_THAT(poses_only.out, HasSubstr("standard errors leave out those of the calibration: "));
+  EXPECT_EQ(YAML::LoadFile(Path("few.yaml"))["calibration_errors"].as<std::string>(), "left_out");
+  std::filesystem::rename(Path("a/residuals.csv"), Path("a/out/residuals.csv"));
 
   const Outcome wrong = Run({"handeye", "a/out", "--poses", "robot.csv", "--mount", "base"});
   EXPECT_EQ(wrong.status, kJobFailed);

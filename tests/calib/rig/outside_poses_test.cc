@@ -47,6 +47,13 @@ TEST(OutsidePoses, GiveMountAndTargetOfExactPoses) {
   EXPECT_LT((fit->T_other_target.t - robot.T_base_target.t).norm(), kRounding);
 }
 
+// Mean (error / sigma)^2 of one transform.
+double Ratio(const RigidTransform& found, const RigidTransform& truth, const Vector6d& sigma) {
+  Vector6d error;
+  error << found.t - truth.t, LogRotation(found.R * truth.R.transpose());
+  return error.cwiseQuotient(sigma).squaredNorm() / 6;
+}
+
 TEST(OutsidePoses, StateTheErrorsThatSeedsShow) {
   Robot robot;
   robot.target_scale = 0.99;
@@ -56,14 +63,8 @@ TEST(OutsidePoses, StateTheErrorsThatSeedsShow) {
     const auto fit =
         FitOutsidePoses(robot.Poses(seed, 1), {RigMount::kOnGripper, OutsideScale::kFree});
     ASSERT_TRUE(fit);
-    const auto squares =
-        [](const RigidTransform& found, const RigidTransform& truth, const Vector6d& sigma) {
-          Vector6d error;
-          error << found.t - truth.t, LogRotation(found.R * truth.R.transpose());
-          return error.cwiseQuotient(sigma).squaredNorm() / 6;
-        };
-    mount += squares(fit->T_mount_rig, robot.T_gripper_rig, fit->rig_sigma) / kSeeds;
-    target += squares(fit->T_other_target, robot.T_base_target, fit->target_sigma) / kSeeds;
+    mount += Ratio(fit->T_mount_rig, robot.T_gripper_rig, fit->rig_sigma) / kSeeds;
+    target += Ratio(fit->T_other_target, robot.T_base_target, fit->target_sigma) / kSeeds;
     scale += std::pow((fit->scale - robot.target_scale) / fit->scale_sigma, 2) / kSeeds;
     position += fit->translation_sigma / kSeeds;
   }
@@ -72,6 +73,50 @@ TEST(OutsidePoses, StateTheErrorsThatSeedsShow) {
   EXPECT_NEAR(target, 1, 0.3);
   EXPECT_NEAR(scale, 1, 0.7);
   EXPECT_NEAR(position / kPositionNoise, 1, 0.05);
+}
+
+// Gives the calibration's poses errors: of a principal point and a focal length, which all share,
+// and some of their own.
+void AddCalibrationErrors(testing::Random* random, std::vector<OutsidePose>* poses) {
+  constexpr double kTurn = 5e-4, kDepth = 1e-3, kOwnPosition = 2e-4, kOwnAngle = 2e-4;
+  const double turn = random->Gaussian(1), depth = random->Gaussian(1);
+  for (OutsidePose& pose : *poses) {
+    PoseErrors& errors = pose.errors;
+    errors.own.diagonal() << Eigen::Vector3d::Constant(kOwnPosition * kOwnPosition),
+        Eigen::Vector3d::Constant(kOwnAngle * kOwnAngle);
+    errors.shared.resize(6, 2);
+    errors.shared.col(0) << 0, -kTurn * pose.T_rig_target.t.z(), 0, kTurn, 0, 0;
+    errors.shared.col(1) << 0, 0, kDepth * pose.T_rig_target.t.z(), 0, 0, 0;
+    Vector6d error = errors.shared * Eigen::Vector2d(turn, depth);
+    for (Eigen::Index k = 0; k < 6; ++k) error[k] += random->Gaussian(std::sqrt(errors.own(k, k)));
+    pose.T_rig_target = Retract(pose.T_rig_target, -error);
+  }
+}
+
+TEST(OutsidePoses, StateTheErrorsOfTheCalibrationToo) {
+  const Robot robot;
+  constexpr unsigned kSeeds = 40;
+  double with = 0, without = 0, length_with = 0, length_without = 0, position = 0;
+  for (unsigned seed = 1; seed <= kSeeds; ++seed) {
+    std::vector<OutsidePose> poses = robot.Poses(seed, 1);
+    testing::Random random(1000 + seed);
+    AddCalibrationErrors(&random, &poses);
+    const auto fit = FitOutsidePoses(poses, {});
+    ASSERT_TRUE(fit);
+    ASSERT_EQ(fit->calibration_errors.size(), 2);
+    for (OutsidePose& pose : poses) pose.errors = {};
+    const auto exact = FitOutsidePoses(poses, {});
+    ASSERT_TRUE(exact);
+    with += Ratio(fit->T_mount_rig, robot.T_gripper_rig, fit->rig_sigma) / kSeeds;
+    without += Ratio(exact->T_mount_rig, robot.T_gripper_rig, exact->rig_sigma) / kSeeds;
+    length_with += (fit->T_mount_rig.t - robot.T_gripper_rig.t).squaredNorm();
+    length_without += (exact->T_mount_rig.t - robot.T_gripper_rig.t).squaredNorm();
+    position += fit->translation_sigma / kSeeds;
+  }
+  EXPECT_NEAR(with, 1, 0.3);
+  EXPECT_GT(without, 2);
+  EXPECT_LT(length_with, 0.8 * length_without);
+  EXPECT_NEAR(position / kPositionNoise, 1, 0.1);
 }
 
 TEST(OutsidePoses, LeaveOutWrongOnes) {

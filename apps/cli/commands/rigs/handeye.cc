@@ -15,13 +15,16 @@
 #include "apps/evaluate/trajectory.h"
 #include "apps/recording/frames/session_times.h"
 #include "apps/recording/times.h"
+#include "apps/report/calibration_folder.h"
 #include "calib/base/error.h"
 #include "calib/base/input_file.h"
 #include "calib/base/number_text.h"
 #include "calib/base/output_folder.h"
+#include "calib/base/statistics.h"
 #include "calib/files/calibration_tables.h"
 #include "calib/rig/outside_poses.h"
 #include "calib/rig/pose_track.h"
+#include "models/registry.h"
 
 namespace plenocal {
 namespace {
@@ -41,6 +44,7 @@ struct MatchedPoses {
   std::vector<OutsidePose> poses;
   size_t without = 0;               // frames of the calibration
   std::optional<TrackShift> shift;  // of poses by time
+  std::string without_errors;  // why the calibration's errors are left out; empty: they are not
 };
 
 RigMount MountOf(const HandEyeArguments& arguments) {
@@ -111,8 +115,7 @@ MatchedPoses MatchByTime(const HandEyeArguments& arguments) {
                           frames[0].time));
 }
 
-MatchedPoses Match(const HandEyeArguments& arguments) {
-  if (!NamesFrames(arguments.poses)) return MatchByTime(arguments);
+MatchedPoses MatchByName(const HandEyeArguments& arguments) {
   if (!arguments.times.empty()) {
     throw Error(ErrorKind::kInput, "--times: the poses from outside name frames and need no times");
   }
@@ -140,6 +143,39 @@ MatchedPoses Match(const HandEyeArguments& arguments) {
                           table.string(),
                           outside.empty() ? "" : outside[0].name,
                           calibrated.empty() ? "" : calibrated[0].name));
+}
+
+// Gives the matched poses the errors of the calibration, where its files tell them.
+void AddErrors(const std::filesystem::path& folder, MatchedPoses* matched) {
+  try {
+    const CalibrationRecord calibration = ReadCalibrationFolder(folder, CameraModels());
+    const std::map<int, PoseErrors> errors = ErrorsOfPoses(calibration);
+    std::map<std::string, const PoseErrors*> of_name;
+    for (const auto& [frame, of_frame] : errors) {
+      of_name[calibration.frames[static_cast<size_t>(frame)].name] = &of_frame;
+    }
+    std::vector<OutsidePose> poses = matched->poses;
+    for (size_t i = 0; i < poses.size(); ++i) {
+      const auto found = of_name.find(matched->frames[i]);
+      if (found == of_name.end()) {
+        throw Error(ErrorKind::kInput,
+                    fmt::format("{}: the points of frame {} do not determine its pose",
+                                folder.string(),
+                                matched->frames[i]));
+      }
+      poses[i].errors = *found->second;
+    }
+    matched->poses = std::move(poses);
+  } catch (const Error& error) {
+    matched->without_errors = error.what();
+  }
+}
+
+MatchedPoses Match(const HandEyeArguments& arguments) {
+  MatchedPoses matched =
+      NamesFrames(arguments.poses) ? MatchByName(arguments) : MatchByTime(arguments);
+  AddErrors(arguments.folder, &matched);
+  return matched;
 }
 
 // Throws where lengths differ as units do.
@@ -231,6 +267,8 @@ std::string HandEyeYaml(const HandEyeArguments& arguments,
                         matched.shift->value,
                         matched.shift->sigma);
   }
+  text += fmt::format("calibration_errors: {}\n",
+                      matched.without_errors.empty() ? "included" : "left_out");
   return text + fmt::format("frames: {}\nleft_out: {}\n",
                             fit.used.size(),
                             std::ranges::count(fit.used, false));
@@ -255,6 +293,14 @@ std::string PoseText(const char* what, const RigidTransform& T, const Vector6d& 
       kDegrees * sigma[3],
       kDegrees * sigma[4],
       kDegrees * sigma[5]);
+}
+
+// By chi-square: estimates of independent standard normal errors.
+bool ContradictsCalibration(const OutsideFit& fit) {
+  constexpr double kFalse = 1e-3;
+  const Eigen::Index count = fit.calibration_errors.size();
+  return count > 0 &&
+         fit.calibration_errors.squaredNorm() > ChiSquareQuantile(static_cast<int>(count), kFalse);
 }
 
 std::string HandEyeText(const HandEyeArguments& arguments,
@@ -288,6 +334,13 @@ std::string HandEyeText(const HandEyeArguments& arguments,
     text += fmt::format("clocks: {:.3f} +- {:.2g} ms are added to the times of the images\n",
                         1e3 * matched.shift->value,
                         1e3 * matched.shift->sigma);
+  }
+  if (!matched.without_errors.empty()) {
+    text += "standard errors leave out those of the calibration: " + matched.without_errors + "\n";
+  } else if (ContradictsCalibration(fit)) {
+    text +=
+        "the poses contradict the calibration: they show errors of it larger than its standard "
+        "errors allow. Look at its report, and at the robot's own calibration\n";
   }
   if (matched.without > 0) text += fmt::format("  frames without a pose: {}\n", matched.without);
   if (fit.gap == HandEyeGap::kAlongAxis) {
