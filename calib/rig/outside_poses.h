@@ -7,13 +7,11 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <map>
 #include <optional>
 #include <span>
 #include <vector>
 
 #include "calib/camera/rigid_transform.h"
-#include "calib/files/calibration_record.h"
 #include "calib/rig/hand_eye.h"
 
 namespace plenocal {
@@ -29,9 +27,6 @@ struct PoseErrors {
   /// which are independent and standard normal: those of parameters, extrinsics and target.
   Eigen::Matrix<double, 6, Eigen::Dynamic> shared = {};
 };
-
-/// Per index of a frame whose pose its points determine. Throws as `KnowledgeOf`.
-std::map<int, PoseErrors> ErrorsOfPoses(const CalibrationRecord& calibration);
 
 /// One instant.
 struct OutsidePose {

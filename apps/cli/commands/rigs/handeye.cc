@@ -22,6 +22,7 @@
 #include "calib/base/output_folder.h"
 #include "calib/base/statistics.h"
 #include "calib/files/calibration_tables.h"
+#include "calib/judge/views/pose_errors.h"
 #include "calib/rig/outside_poses.h"
 #include "calib/rig/pose_track.h"
 #include "models/registry.h"
