@@ -10,21 +10,12 @@
 namespace plenocal {
 
 std::vector<FrameInfluence> FrameInfluences(const CalibrationRecord& calibration) {
-  RigKnowledge rig = KnowledgeOf(calibration);
-  ViewTarget target;
-  for (const auto& [number, marker] : calibration.markers) {
-    target.markers[number] = marker.position;
-  }
-  SetFactors(calibration, target, &rig);
-  const std::vector<double> distances = DistancesOfPoints(rig.bundle, 0);
-  const RigUnknowns unknowns =
-      UnknownsOf(rig.bundle, distances.empty() ? 1 : distances[distances.size() / 2]);
-  const ViewPredictor predictor(rig, unknowns, target);
-  const Eigen::MatrixXd all = predictor.InformationSoFar();
-  const Eigen::VectorXd sigma = Inverse(all).diagonal().cwiseSqrt().cwiseProduct(
-      ScaleOf(rig, unknowns).cwiseQuotient(unknowns.unit));
+  const CalibratedViews views(calibration);
+  const RigUnknowns& unknowns = views.Unknowns();
+  const Eigen::MatrixXd all = views.Predictor().InformationSoFar();
+  const Eigen::VectorXd sigma = Inverse(all).diagonal().cwiseSqrt().cwiseProduct(views.Factors());
   std::vector<FrameInfluence> influences;
-  predictor.ForFrames([&](const ViewPredictor::OfFrame& frame) {
+  views.Predictor().ForFrames([&](const ViewPredictor::OfFrame& frame) {
     const Eigen::VectorXd change = (all - frame.information).ldlt().solve(frame.gradient);
     FrameInfluence influence{.frame = frame.frame, .sigmas = 0, .unknown = {}};
     for (Eigen::Index k = 0; k < unknowns.head; ++k) {

@@ -8,8 +8,9 @@
 
 namespace plenocal {
 
-/// Errors of a calibration's poses, per index of a frame whose pose its points determine: those that
-/// all poses share are the errors of parameters, extrinsics and target. Throws as `KnowledgeOf`.
+/// Errors of a calibration's poses, per index of a frame whose pose its points determine: those
+/// that all poses share are the errors of parameters, extrinsics and target. Throws as
+/// `KnowledgeOf`.
 std::map<int, PoseErrors> ErrorsOfPoses(const CalibrationRecord& calibration);
 
 }  // namespace plenocal

@@ -300,13 +300,37 @@ Eigen::MatrixXd ViewPredictor::InformationSoFar() const {
   return information;
 }
 
+namespace {
+
+// With the typical distance of the points from the first camera.
+RigUnknowns UnknownsOf(const Bundle& bundle) {
+  const std::vector<double> distances = DistancesOfPoints(bundle, 0);
+  return UnknownsOf(bundle, distances.empty() ? 1 : distances[distances.size() / 2]);
+}
+
+ViewTarget MarkersOf(const CalibrationRecord& calibration) {
+  ViewTarget target;
+  for (const auto& [number, marker] : calibration.markers) target.markers[number] = marker.position;
+  return target;
+}
+
+RigKnowledge WithFactors(const CalibrationRecord& calibration, const ViewTarget& target) {
+  RigKnowledge rig = KnowledgeOf(calibration);
+  SetFactors(calibration, target, &rig);
+  return rig;
+}
+
+}  // namespace
+
+CalibratedViews::CalibratedViews(const CalibrationRecord& calibration)
+    : target_(MarkersOf(calibration)),
+      rig_(WithFactors(calibration, target_)),
+      unknowns_(UnknownsOf(rig_.bundle)),
+      predictor_(rig_, unknowns_, target_) {}
+
 void SetFactors(const CalibrationRecord& calibration, const ViewTarget& target, RigKnowledge* rig) {
   constexpr double kDecidedByImages = 0.01;  // square of a tenth of the unit
-  double distance = 1;
-  if (const auto distances = DistancesOfPoints(rig->bundle, 0); !distances.empty()) {
-    distance = distances[distances.size() / 2];
-  }
-  const RigUnknowns unknowns = UnknownsOf(rig->bundle, distance);
+  const RigUnknowns unknowns = UnknownsOf(rig->bundle);
   const Eigen::MatrixXd covariance =
       Inverse(ViewPredictor(*rig, unknowns, target).InformationSoFar());
   for (size_t c = 0; c < rig->factors.size(); ++c) {

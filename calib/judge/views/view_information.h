@@ -95,4 +95,25 @@ class ViewPredictor {
 /// calibration (by their median ratio; at least 1).
 void SetFactors(const CalibrationRecord& calibration, const ViewTarget& target, RigKnowledge* rig);
 
+/// A calibration with its factors, and a predictor of its frames. Throws as `KnowledgeOf`.
+class CalibratedViews {
+ public:
+  explicit CalibratedViews(const CalibrationRecord& calibration);
+  CalibratedViews(const CalibratedViews&) = delete;
+  CalibratedViews& operator=(const CalibratedViews&) = delete;
+
+  [[nodiscard]] const RigUnknowns& Unknowns() const { return unknowns_; }
+  [[nodiscard]] const ViewPredictor& Predictor() const { return predictor_; }
+  /// Per unknown: the root of its camera's factor.
+  [[nodiscard]] Eigen::VectorXd Factors() const {
+    return ScaleOf(rig_, unknowns_).cwiseQuotient(unknowns_.unit);
+  }
+
+ private:
+  ViewTarget target_;
+  RigKnowledge rig_;
+  RigUnknowns unknowns_;
+  ViewPredictor predictor_;
+};
+
 }  // namespace plenocal
