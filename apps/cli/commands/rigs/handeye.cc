@@ -146,30 +146,32 @@ MatchedPoses MatchByName(const HandEyeArguments& arguments) {
                           calibrated.empty() ? "" : calibrated[0].name));
 }
 
-// Gives the matched poses the errors of the calibration, where its files tell them.
+// Adds the errors of the calibration's poses. Frames whose points do not determine their pose count
+// as frames without one.
 void AddErrors(const std::filesystem::path& folder, MatchedPoses* matched) {
+  std::map<std::string, PoseErrors> errors;
   try {
     const CalibrationRecord calibration = ReadCalibrationFolder(folder, CameraModels());
-    const std::map<int, PoseErrors> errors = ErrorsOfPoses(calibration);
-    std::map<std::string, const PoseErrors*> of_name;
-    for (const auto& [frame, of_frame] : errors) {
-      of_name[calibration.frames[static_cast<size_t>(frame)].name] = &of_frame;
+    for (auto& [frame, of_frame] : ErrorsOfPoses(calibration)) {
+      errors[calibration.frames[static_cast<size_t>(frame)].name] = std::move(of_frame);
     }
-    std::vector<OutsidePose> poses = matched->poses;
-    for (size_t i = 0; i < poses.size(); ++i) {
-      const auto found = of_name.find(matched->frames[i]);
-      if (found == of_name.end()) {
-        throw Error(ErrorKind::kInput,
-                    fmt::format("{}: the points of frame {} do not determine its pose",
-                                folder.string(),
-                                matched->frames[i]));
-      }
-      poses[i].errors = *found->second;
-    }
-    matched->poses = std::move(poses);
   } catch (const Error& error) {
     matched->without_errors = error.what();
+    return;
   }
+  MatchedPoses kept;
+  for (size_t i = 0; i < matched->poses.size(); ++i) {
+    const auto found = errors.find(matched->frames[i]);
+    if (found == errors.end()) {
+      ++matched->without;
+      continue;
+    }
+    kept.frames.push_back(matched->frames[i]);
+    kept.poses.push_back(matched->poses[i]);
+    kept.poses.back().errors = found->second;
+  }
+  matched->frames = std::move(kept.frames);
+  matched->poses = std::move(kept.poses);
 }
 
 MatchedPoses Match(const HandEyeArguments& arguments) {
@@ -340,8 +342,8 @@ std::string HandEyeText(const HandEyeArguments& arguments,
     text += "standard errors leave out those of the calibration: " + matched.without_errors + "\n";
   } else if (ContradictsCalibration(fit)) {
     text +=
-        "the poses contradict the calibration: they show errors of it larger than its standard "
-        "errors allow. Look at its report, and at the robot's own calibration\n";
+        "the poses contradict the calibration: its parameters would have to be wrong by more than "
+        "their standard errors. See its report, and check the robot's own calibration\n";
   }
   if (matched.without > 0) text += fmt::format("  frames without a pose: {}\n", matched.without);
   if (fit.gap == HandEyeGap::kAlongAxis) {
