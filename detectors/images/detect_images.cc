@@ -287,7 +287,6 @@ void ImageRun::UseCommonDistortion(const ImageSize& size) {
     measurements.insert(measurements.end(), of_image.begin(), of_image.end());
   }
   const DistortionField field(measurements);
-  const Eigen::Vector2d extent(size[0], size[1]);
   for (ImageResult& result : results_) {
     for (size_t i = 0; i < result.found.sensitivities.size(); ++i) {
       const DistortionSensitivity& sensitivity = result.found.sensitivities[i];
@@ -295,8 +294,7 @@ void ImageRun::UseCommonDistortion(const ImageSize& size) {
       Observation& marker = result.found.markers[i];
       marker.values[0] += change.x();
       marker.values[1] += change.y();
-      marker.detector_sigma =
-          field.Sigma(sensitivity, PlaceOfPixel({marker.values[0], marker.values[1]}, extent));
+      marker.detector_sigma = field.Sigma(sensitivity);
     }
   }
 }

@@ -175,25 +175,23 @@ Eigen::Vector2d DistortionField::Change(const DistortionSensitivity& sensitivity
   return change;
 }
 
-double DistortionField::Sigma(const DistortionSensitivity& sensitivity,
-                              const Eigen::Vector2d& p) const {
-  Eigen::Matrix<double, 2, kCoefficients> jacobian =
-      Eigen::Matrix<double, 2, kCoefficients>::Zero();
+Eigen::Vector2d DistortionField::HigherOrders(const DistortionSensitivity& sensitivity,
+                                              const Eigen::Vector2d& p) const {
   Eigen::Vector2d by_change(0, 0);
   for (const SensitivityPiece& piece : sensitivity.pieces) {
-    jacobian += piece.by_distortion * Jacobian(piece.p);
     by_change += piece.by_distortion * (At(p) - At(piece.p));
   }
-  // Mean of the terms between both places.
-  const Eigen::Vector2d higher_orders = by_change / 2;
-  const Eigen::Matrix2d of_field = jacobian * covariance_ * jacobian.transpose();
-  return std::sqrt(sensitivity.sigma * sensitivity.sigma +
-                   (of_field.trace() + higher_orders.squaredNorm()) / 2);
+  return by_change / 2;  // mean of the terms between both places
 }
 
-double DistortionField::Variance(const Eigen::Vector2d& p, const LocalDistortion& row) const {
-  const Coefficients jacobian = Jacobian(p).transpose() * row;
-  return jacobian.dot(covariance_ * jacobian);
+double DistortionField::Sigma(const DistortionSensitivity& sensitivity) const {
+  Eigen::Matrix<double, 2, kCoefficients> jacobian =
+      Eigen::Matrix<double, 2, kCoefficients>::Zero();
+  for (const SensitivityPiece& piece : sensitivity.pieces) {
+    jacobian += piece.by_distortion * Jacobian(piece.p);
+  }
+  const Eigen::Matrix2d of_field = jacobian * covariance_ * jacobian.transpose();
+  return std::sqrt(sensitivity.sigma * sensitivity.sigma + of_field.trace() / 2);
 }
 
 }  // namespace plenocal

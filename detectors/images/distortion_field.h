@@ -48,7 +48,8 @@ struct SensitivityPiece {
 /// Dependence of a measured marker on the distortion that was assumed.
 struct DistortionSensitivity {
   std::vector<SensitivityPiece> pieces;  ///< their displacements add up
-  double sigma = 0;                      ///< px, of each coordinate if the distortion were exact
+  /// px, of each coordinate if the distortion were exact; contains its orders above the third
+  double sigma = 0;
 };
 
 /// Distortion over the whole image, fitted to measurements. It stays near 0 where these are few or
@@ -71,14 +72,13 @@ class DistortionField {
   /// Displacement of a marker when the distortion assumed is replaced by this field, px.
   [[nodiscard]] Eigen::Vector2d Change(const DistortionSensitivity& sensitivity) const;
 
-  /// Sigma of each coordinate of the marker at `p` then, px. Includes the displacement by orders
-  /// above the third, estimated from the change of the distortion between the marker and the places
-  /// where it was assumed.
-  [[nodiscard]] double Sigma(const DistortionSensitivity& sensitivity,
-                             const Eigen::Vector2d& p) const;
+  /// Displacement of the marker at `p` by orders above the third, px: estimated from the change of
+  /// the distortion between the marker and the places where it was assumed.
+  [[nodiscard]] Eigen::Vector2d HigherOrders(const DistortionSensitivity& sensitivity,
+                                             const Eigen::Vector2d& p) const;
 
-  /// Variance of `row` . distortion at p.
-  [[nodiscard]] double Variance(const Eigen::Vector2d& p, const LocalDistortion& row) const;
+  /// Sigma of each coordinate of the marker then, px.
+  [[nodiscard]] double Sigma(const DistortionSensitivity& sensitivity) const;
 
  private:
   static constexpr int kRadialOrders = 5, kOtherOrders = 2, kOtherThirds = 2;

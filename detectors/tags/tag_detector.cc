@@ -19,7 +19,7 @@
 
 #include "calib/base/error.h"
 #include "calib/base/linear_algebra.h"
-#include "detectors/tags/tag_edges.h"
+#include "detectors/tags/refine_tags.h"
 #include "detectors/tags/tag_patterns.h"
 #include "targets/tags/tag_family.h"
 
@@ -424,7 +424,7 @@ class TagDetector : public MarkerDetector {
         const auto& corner = refined.quads[i][k];
         if (!corner) {
           result.left_out.push_back(fmt::format(
-              "{} corner of tag {}: its edges cannot be measured", kCorners[k], ids[i]));
+              "{} corner of tag {}: the image is not like the tag there", kCorners[k], ids[i]));
           continue;
         }
         Observation observation;

@@ -4,7 +4,7 @@
 #include <map>
 #include <vector>
 
-#include "detectors/tags/tag_edges.h"
+#include "detectors/tags/refine_tags.h"
 #include "targets/target.h"
 
 namespace plenocal::internal {

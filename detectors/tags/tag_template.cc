@@ -10,6 +10,7 @@
 
 #include "calib/base/linear_algebra.h"
 #include "calib/base/robust.h"
+#include "calib/base/statistics.h"
 #include "detectors/templates/processors.h"
 #include "detectors/templates/square_sums.h"
 
@@ -65,17 +66,22 @@ TagTemplate::TagTemplate(const cv::Mat& gray,
       border_(border),
       bits_(border.width + 2 * kAround),
       drawing_(DrawTag(tag.bits, border, kAround)) {
+  // Farther off than half a bit from the tag, the unknown surroundings matter too much.
+  constexpr double kMargin = kAround - 0.5;
+  window_ = {Eigen::Vector2d::Constant(kMargin), Eigen::Vector2d::Constant(bits_ - kMargin)};
   state_.blur = blur;
   SetBeyond(0);
   SetCorners(tag.corners);
-  ChoosePixels();
+  ChoosePixels(StepToApproach());
   start_ = corners_;
 }
 
 void TagTemplate::SetCorners(const Quad& corners) {
   corners_ = corners;
   side_ = std::sqrt(Area(corners));
-  centre_ = (corners[0] + corners[1] + corners[2] + corners[3]) / 4;
+  const Eigen::Matrix3d image_by_bits =
+      UnitSquareHomography(corners) * CellsByUnitSquare(border_, kAround).inverse();
+  centre_ = (image_by_bits * window_.center().homogeneous()).hnormalized();
   basis_.emplace(centre_, Eigen::Vector2d(gray_.cols, gray_.rows));
   Quad straight;
   std::transform(corners.begin(), corners.end(), straight.begin(), [&](const auto& corner) {
@@ -128,65 +134,56 @@ PLENOCAL_LANES void TagTemplate::Place(const Lanes& d_x,
   *y *= 1 / static_cast<float>(side_);
 }
 
-/// Those on the tag and half a bit around it: farther off, the unknown surroundings matter too
-/// much.
-PLENOCAL_FOR_EACH_PROCESSOR void TagTemplate::ChoosePixels() {
+PLENOCAL_FOR_EACH_PROCESSOR void TagTemplate::ChoosePixels(int step, double reach) {
   pixels_.clear();
   if (!state_.G.allFinite()) return;
-  const auto width = static_cast<float>(border_.width), ring = static_cast<float>(border_.ring);
-  const float outer = 0.5f * width + 0.5f, inner = 0.5f * width - ring;
+  const Eigen::Matrix3d inverse = state_.G.inverse();
   Eigen::AlignedBox2d box;
-  for (const auto& c : corners_) box.extend(c);
+  using Corner = Eigen::AlignedBox2d::CornerType;
+  for (const Corner corner :
+       {Corner::BottomLeft, Corner::BottomRight, Corner::TopLeft, Corner::TopRight}) {
+    box.extend(Distorted((inverse * window_.corner(corner).homogeneous()).hnormalized()));
+  }
+  if (!box.sizes().allFinite()) return;
   const double room = 2 + side_ / border_.width;
   const int x_first = std::max(0, static_cast<int>(std::floor(box.min().x() - room)));
   const int y_first = std::max(0, static_cast<int>(std::floor(box.min().y() - room)));
   const int x_last = std::min(gray_.cols - 1, static_cast<int>(std::ceil(box.max().x() + room)));
   const int y_last = std::min(gray_.rows - 1, static_cast<int>(std::ceil(box.max().y() + room)));
   if (x_first > x_last || y_first > y_last) return;
-  pixels_.reserve(static_cast<std::size_t>(x_last - x_first + 1) * (y_last - y_first + 1));
-  // Scaled so that the tag's middle is 0 and what is chosen is within 1.
-  Eigen::Matrix3f G = state_.G.cast<float>();
-  for (int i = 0; i < 2; ++i) G.row(i) = (G.row(i) - 0.5f * bits_ * G.row(2)) / outer;
+  double bit = side_ / border_.width;
+  for (std::size_t k = 0; k < 4; ++k) {
+    bit = std::min(bit, (corners_[(k + 1) % 4] - corners_[k]).norm() / border_.width);
+  }
+  const auto reach_cells = static_cast<float>(reach / bit);
+  const bool thinned = reach_cells < 0.5f;
+  const Eigen::Matrix3f G = state_.G.cast<float>();
+  const Eigen::Vector2f low = window_.min().cast<float>(), high = window_.max().cast<float>();
   const Eigen::Vector2f centre = centre_.cast<float>();
   const Lanes lanes{0, 1, 2, 3, 4, 5, 6, 7};
-  for (int row = y_first; row <= y_last; ++row) {
+  const auto rows = static_cast<std::size_t>((y_last - y_first) / step + 1);
+  const auto strips = static_cast<std::size_t>((x_last - x_first) / (kLanes * step) + 1);
+  pixels_.resize(rows * strips * kLanes + 1);
+  std::size_t size = 0;
+  for (int row = y_first; row <= y_last; row += step) {
     const auto* gray = gray_.ptr<unsigned char>(row);
     const Lanes d_y = Lanes{} + (static_cast<float>(row) - centre.y());
-    for (int first = x_first; first <= x_last; first += kLanes) {
+    for (int first = x_first; first <= x_last; first += kLanes * step) {
       const Lanes d_x = static_cast<float>(first) + lanes - centre.x();
       Lanes x, y;
       Place(d_x, d_y, &x, &y);
       const Lanes scale = G(2, 0) * x + G(2, 1) * y + G(2, 2);
-      Lanes u = G(0, 0) * x + G(0, 1) * y + G(0, 2), v = G(1, 0) * x + G(1, 1) * y + G(1, 2);
-      u = u < 0 ? -u : u;
-      v = v < 0 ? -v : v;
-      const Lanes from_middle = u > v ? u : v;
-      const IntLanes chosen = (scale > 0) & (from_middle <= scale);
-      const IntLanes data = from_middle < inner / outer * scale;
+      const Lanes u = G(0, 0) * x + G(0, 1) * y + G(0, 2), v = G(1, 0) * x + G(1, 1) * y + G(1, 2);
+      const IntLanes chosen = (scale > 0) & (u >= low.x() * scale) & (u <= high.x() * scale) &
+                              (v >= low.y() * scale) & (v <= high.y() * scale);
       for (int l = 0; l < kLanes && first + l <= x_last; ++l) {
         if (chosen[l] == 0) continue;
-        pixels_.push_back(
-            {first + l, row, x[l], y[l], static_cast<float>(gray[first + l]), data[l] != 0});
+        pixels_[size] = {first + l, row, x[l], y[l], static_cast<float>(gray[first + l])};
+        size += !thinned || !drawing_.IsFlat(u[l] / scale[l], v[l] / scale[l], reach_cells);
       }
     }
   }
-}
-
-PLENOCAL_FOR_EACH_PROCESSOR void TagTemplate::PlacePixels() {
-  const Eigen::Vector2f centre = centre_.cast<float>();
-  for (std::size_t i = 0; i < pixels_.size(); i += kLanes) {
-    const std::size_t count = std::min<std::size_t>(kLanes, pixels_.size() - i);
-    Lanes d_x{}, d_y{}, x, y;
-    for (std::size_t l = 0; l < count; ++l) {
-      d_x[l] = static_cast<float>(pixels_[i + l].column) - centre.x();
-      d_y[l] = static_cast<float>(pixels_[i + l].row) - centre.y();
-    }
-    Place(d_x, d_y, &x, &y);
-    for (std::size_t l = 0; l < count; ++l) {
-      pixels_[i + l].x = x[l];
-      pixels_[i + l].y = y[l];
-    }
-  }
+  pixels_.resize(size);
 }
 
 void TagTemplate::SetBeyond(double value) {
@@ -218,16 +215,14 @@ template <typename Use>
 void TagTemplate::ForEachDrawn(std::size_t stride, const Use& use) {
   for (std::size_t i = 0; i < pixels_.size(); i += kLanes * stride) {
     const Strip strip = Draw(state_, i, stride);
-    for (int l = 0; l < strip.count; ++l) {
-      use(pixels_[i + static_cast<std::size_t>(l) * stride], strip.drawn.value[l]);
-    }
+    for (int l = 0; l < strip.count; ++l) use(strip, l);
   }
 }
 
 void TagTemplate::Search(int reach) {
   std::vector<float> values;
   values.reserve(pixels_.size());
-  ForEachDrawn(1, [&](const Pixel&, float value) { values.push_back(value); });
+  ForEachDrawn(1, [&](const Strip& strip, int l) { values.push_back(strip.drawn.value[l]); });
   double best = -1;
   Eigen::Vector2d best_shift(0, 0);
   for (int dy = -reach; dy <= reach; ++dy) {
@@ -248,14 +243,17 @@ void TagTemplate::Search(int reach) {
   Quad moved = corners_;
   for (auto& c : moved) c += best_shift;
   SetCorners(moved);
-  ChoosePixels();
+  ChoosePixels(1);
   start_ = corners_;
 }
 
 double TagTemplate::DataCorrelation() {
   Correlation data;
-  ForEachDrawn(1, [&](const Pixel& p, float value) {
-    if (p.data) data.Add(p.gray, value);
+  const auto middle = static_cast<float>(bits_) / 2;
+  const float inner = static_cast<float>(border_.width) / 2 - static_cast<float>(border_.ring);
+  ForEachDrawn(1, [&](const Strip& strip, int l) {
+    const float u = strip.drawn.u[l] - middle, v = strip.drawn.v[l] - middle;
+    if (std::max(std::abs(u), std::abs(v)) < inner) data.Add(strip.gray[l], strip.drawn.value[l]);
   });
   return data.Coefficient() * border_.outside_sign;
 }
@@ -271,8 +269,12 @@ void TagTemplate::Differentiate(const State& state,
   const float g_y = static_cast<float>(state.gradient.y());
   const float by_px = 1 / static_cast<float>(side_);
   const CellDrawing::Drawn& drawn = strip.drawn;
-  const Lanes light = strip.known * (1 + g_x * strip.x + g_y * strip.y);
-  const Lanes level = strip.known * (m + k * drawn.value), strength = light * k;
+  Lanes light = 1 + g_x * strip.x + g_y * strip.y, level = m + k * drawn.value;
+  const Lanes residual = strip.gray - light * level;
+  const Lanes counts = (residual < 0 ? -residual : residual) <= limit_ ? strip.known : Lanes{};
+  light *= counts;
+  level *= counts;
+  const Lanes strength = light * k;
   const Lanes by_u = strength * drawn.by_u / drawn.scale;
   const Lanes by_v = strength * drawn.by_v / drawn.scale;
   const Lanes by_scale = -(by_u * drawn.u + by_v * drawn.v);
@@ -292,7 +294,7 @@ void TagTemplate::Differentiate(const State& state,
   put(level * strip.y);
   put(by_px * strength * drawn.by_blur);
   put(strength * drawn.by_beyond);
-  put(strip.gray - light * level);
+  put(counts * residual);
   if (columns == Columns::kParameters) return;
   const Lanes by_x = by_u * (G(0, 0) - drawn.u * G(2, 0)) + by_v * (G(1, 0) - drawn.v * G(2, 0));
   const Lanes by_y = by_u * (G(0, 1) - drawn.u * G(2, 1)) + by_v * (G(1, 1) - drawn.v * G(2, 1));
@@ -301,6 +303,7 @@ void TagTemplate::Differentiate(const State& state,
   for (int i = 0; i < kDistortionTerms; ++i) {
     put(-by_px * (displacement.x[i] * by_x + displacement.y[i] * by_y));
   }
+  put(counts);
 }
 
 TagTemplate::Sums TagTemplate::Linearise(const State& state, std::size_t stride, Columns columns) {
@@ -340,7 +343,8 @@ Eigen::Matrix<double, 2, 8> TagTemplate::CornerByG(const Eigen::Vector2d& corner
 }
 
 std::optional<double> TagTemplate::Step(const Sums& sums, double damping) {
-  constexpr double kMostBlur = 4;  // px; more blurred tags of this size cannot be read
+  // px; more blurred tags cannot be read.
+  const double most_blur = std::max(4.0, side_ / border_.width / 2);
   Eigen::Matrix<double, kParameters, kParameters> damped =
       sums.topLeftCorner<kParameters, kParameters>();
   damped.diagonal() *= 1 + damping;
@@ -360,7 +364,7 @@ std::optional<double> TagTemplate::Step(const Sums& sums, double damping) {
   state_.level += change[8];
   state_.contrast += change[9];
   state_.gradient += change.segment<2>(10);
-  state_.blur = std::clamp(state_.blur + scale * change[12], kPixelSigma, kMostBlur);
+  state_.blur = std::clamp(state_.blur + scale * change[12], kPixelSigma, most_blur);
   SetBeyond(state_.beyond + scale * change[kBeyond]);
   return change.dot(gradient);
 }
@@ -370,10 +374,9 @@ void TagTemplate::Return(const State& to) {
   SetBeyond(to.beyond);
 }
 
-TagTemplate::Minimum TagTemplate::MinimumBySums(Sums sums, std::size_t stride) const {
+TagTemplate::Minimum TagTemplate::MinimumBySums(Sums sums) const {
   const Matrix information = sums.topLeftCorner<kParameters, kParameters>();
-  const std::size_t pixels = (pixels_.size() + stride - 1) / stride;
-  const double variance = sums(kResidual, kResidual) / (static_cast<double>(pixels) - kParameters);
+  const double variance = sums(kResidual, kResidual) / (sums(kCount, kCount) - kParameters);
   return {std::move(sums), information.ldlt().solve(Matrix::Identity()), variance};
 }
 
@@ -404,15 +407,20 @@ std::optional<TagTemplate::Minimum> TagTemplate::Descend(std::size_t stride) {
       Return(before);
     }
     if (!far || (gain > 0 && gain * count < enough)) {
-      return MinimumBySums(Linearise(state_, stride, Columns::kAll), stride);
+      return MinimumBySums(Linearise(state_, stride, Columns::kAll));
     }
   }
   return std::nullopt;
 }
 
 std::size_t TagTemplate::Stride() const {
-  constexpr std::size_t kLeast = 10 * kParameters, kMost = 16;
-  return std::clamp<std::size_t>(pixels_.size() / kLeast, 1, kMost);
+  constexpr std::size_t kMost = 16;
+  return std::clamp<std::size_t>(pixels_.size() / kEnough, 1, kMost);
+}
+
+int TagTemplate::StepToApproach() const {
+  constexpr double kRoom = 16;  // times what is enough: pixels within bits say little
+  return std::max(1, static_cast<int>(side_ / std::sqrt(kRoom * kEnough)));
 }
 
 std::optional<TagTemplate::Minimum> TagTemplate::DescendSomehow() {
@@ -427,20 +435,52 @@ std::optional<TagTemplate::Minimum> TagTemplate::Finish() {
   Sums sums = Linearise(state_, 1, Columns::kAll);
   const State before = state_;
   const std::optional<double> gain = Step(sums, 0);
-  const double variance = sums(kResidual, kResidual) / static_cast<double>(pixels_.size());
+  const double variance = sums(kResidual, kResidual) / sums(kCount, kCount);
   constexpr double kUnlikely = 4;  // times the mean of chi^2
   if (!gain || !(*gain < kUnlikely * kParameters * static_cast<double>(Stride()) * variance)) {
     Return(before);
+    LeaveOutBeyondLimit();
     return Descend(1);
   }
   UpdateCorners();
   sums(kResidual, kResidual) -= *gain;
-  return MinimumBySums(std::move(sums), 1);
+  return MinimumBySums(std::move(sums));
+}
+
+float TagTemplate::ResidualOf(const Strip& strip, int lane) const {
+  const double light = 1 + state_.gradient.dot(Eigen::Vector2d(strip.x[lane], strip.y[lane]));
+  const double level = state_.level + state_.contrast * strip.drawn.value[lane];
+  return std::abs(static_cast<float>(strip.gray[lane] - light * level));
+}
+
+float TagTemplate::LargestResidual() {
+  std::vector<double> sizes;
+  ForEachDrawn(Stride(), [&](const Strip& strip, int l) { sizes.push_back(ResidualOf(strip, l)); });
+  constexpr double kOutlier = 4;  // sigmas; of normal noise one pixel in 16,000 is beyond
+  const double unlikely = kOutlier * kSigmaPerMad * Median(std::move(sizes));
+  // What covers a tag differs from one of its colours by half the step between them at least; it
+  // may have displaced the levels. Errors of the template at its edges are a quarter of the step at
+  // most.
+  const double half_step = std::abs(state_.contrast);
+  return static_cast<float>(std::clamp(unlikely, half_step / 2, half_step * 3 / 4));
+}
+
+void TagTemplate::LeaveOutBeyondLimit() {
+  std::vector<Pixel> near;
+  near.reserve(pixels_.size());
+  std::size_t i = 0;
+  ForEachDrawn(1, [&](const Strip& strip, int l) {
+    if (ResidualOf(strip, l) <= limit_) near.push_back(pixels_[i]);
+    ++i;
+  });
+  pixels_ = std::move(near);
+  limit_ = std::numeric_limits<float>::infinity();
 }
 
 void TagTemplate::StartLevels() {
   Correlation all;
-  ForEachDrawn(Stride(), [&](const Pixel& p, float value) { all.Add(value, p.gray); });
+  ForEachDrawn(Stride(),
+               [&](const Strip& strip, int l) { all.Add(strip.drawn.value[l], strip.gray[l]); });
   const double variance = all.n * all.xx - all.x * all.x;
   state_.contrast = variance > 0 ? (all.n * all.xy - all.x * all.y) / variance : 0;
   state_.level = (all.y - state_.contrast * all.x) / all.n;
@@ -509,7 +549,7 @@ std::optional<std::vector<DistortionMeasurement>> TagTemplate::Approach() {
   std::optional<Minimum> minimum = DescendSomehow();
   // The pixels were chosen to half a bit around the start.
   if (Moved() > side_ / border_.width / 4) {
-    ChoosePixels();
+    ChoosePixels(StepToApproach());
     if (pixels_.size() <= kParameters) return std::nullopt;
     minimum = DescendSomehow();
   }
@@ -518,13 +558,40 @@ std::optional<std::vector<DistortionMeasurement>> TagTemplate::Approach() {
   return MeasureDistortion(*minimum);
 }
 
+std::optional<TagTemplate> TagTemplate::AtCorner(std::size_t k,
+                                                 const DistortionField& field) const {
+  TagTemplate part = *this;
+  const Eigen::Vector2d middle = window_.center();
+  const bool right = k == 1 || k == 2, lower = k < 2;
+  (right ? part.window_.min() : part.window_.max()).x() = middle.x();
+  (lower ? part.window_.min() : part.window_.max()).y() = middle.y();
+  part.limit_ = std::numeric_limits<float>::infinity();
+  part.SetCorners(corners_);
+  part.distortion_ = field.At(part.basis_->p());
+  part.SetCorners(corners_);
+  part.ChoosePixels(1, kReach * state_.blur);
+  if (part.pixels_.size() <= kParameters) return std::nullopt;
+  const std::optional<Minimum> minimum = part.DescendSomehow();
+  if (!minimum || !part.IsTag()) return std::nullopt;
+  part.sensitivities_ = part.Sensitivities(*minimum);
+  return part;
+}
+
 std::optional<TagFit> TagTemplate::Fit(const DistortionField& field) {
   Quad moved = corners_;
   for (std::size_t k = 0; k < 4; ++k) moved[k] += field.Change(sensitivities_[k]);
   distortion_ = field.At(basis_->p());
   SetCorners(moved);
-  PlacePixels();
-  const std::optional<Minimum> minimum = Finish();
+  std::optional<Minimum> minimum;
+  // Again where pixels are covered: what they have displaced must not decide which ones those are.
+  constexpr int kRounds = 3;
+  for (int round = 0; round < kRounds; ++round) {
+    ChoosePixels(1, kReach * state_.blur);
+    const std::size_t chosen = pixels_.size();
+    limit_ = LargestResidual();
+    minimum = Finish();
+    if (!minimum || minimum->sums(kCount, kCount) == static_cast<double>(chosen)) break;
+  }
   if (!minimum || !IsTag()) return std::nullopt;
   TagFit fit;
   fit.corners = corners_;

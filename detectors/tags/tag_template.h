@@ -2,13 +2,15 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <array>
+#include <limits>
 #include <opencv2/core/mat.hpp>
 #include <optional>
 #include <vector>
 
 #include "detectors/tags/distortion_basis.h"
-#include "detectors/tags/tag_edges.h"
+#include "detectors/tags/refine_tags.h"
 #include "detectors/templates/cell_drawing.h"
 #include "targets/tags/quad.h"
 
@@ -59,6 +61,12 @@ class TagTemplate {
   /// not converge, or to something else than the tag.
   std::optional<TagFit> Fit(const DistortionField& field);
 
+  /// The same tag from its present state on, fitted to the quarter of its pixels around corner `k`
+  /// alone, where the third order describes the distortion better than on the whole tag. Only this
+  /// corner is of use. Nothing when it does not converge.
+  [[nodiscard]] std::optional<TagTemplate> AtCorner(std::size_t k,
+                                                    const DistortionField& field) const;
+
   [[nodiscard]] const Quad& corners() const { return corners_; }
   [[nodiscard]] double blur() const { return state_.blur; }  ///< px
 
@@ -67,11 +75,14 @@ class TagTemplate {
 
  private:
   static constexpr int kAround = 2;
+  static constexpr double kReach = 3;     // blurs: all but 0.3 % of a step between two bits
   static constexpr int kParameters = 14;  // G without its last, m, k, g, w, e
+  static constexpr std::size_t kEnough = 10 * kParameters;  ///< pixels to come near the minimum
   static constexpr int kBeyond = 13;
   static constexpr int kResidual = kParameters;
-  static constexpr int kDistortion = kParameters + 1;  // the terms of the distortion
-  static constexpr int kWithDistortion = 24,
+  static constexpr int kDistortion = kParameters + 1;            // the terms of the distortion
+  static constexpr int kCount = kDistortion + kDistortionTerms;  // 1 where the pixel counts
+  static constexpr int kWithDistortion = kCount + 1,
                        kWithoutDistortion = 15;  // columns, padded for AddSquares
   static constexpr int kBlock = 32;              // strips
   using Vector = Eigen::Matrix<double, kParameters, 1>;
@@ -87,7 +98,6 @@ class TagTemplate {
     int column, row;
     float x, y;  ///< y of the model
     float gray;
-    bool data;
   };
   struct State {
     Eigen::Matrix3d G;  ///< y to bits, from the drawing's upper left corner; G(2, 2) is 1
@@ -106,13 +116,20 @@ class TagTemplate {
   [[nodiscard]] Eigen::Vector2d Distorted(const Eigen::Vector2d& y) const;
   /// The same of eight points at a distance from the centre, px.
   void Place(const Lanes& d_x, const Lanes& d_y, Lanes* x, Lanes* y) const;
-  void ChoosePixels();
-  /// Puts the pixels chosen where they are by the present centre and distortion.
-  void PlacePixels();
+  /// The pixels of the window, of every `step`-th row and every `step`-th eight of it; without
+  /// those farther than `reach` (px) from where the drawing changes, which do not measure the tag.
+  void ChoosePixels(int step, double reach = std::numeric_limits<double>::infinity());
+  /// The step by which enough pixels are chosen to come near the minimum.
+  [[nodiscard]] int StepToApproach() const;
   void SetBeyond(double value);
+  /// Size of a pixel's residual.
+  [[nodiscard]] float ResidualOf(const Strip& strip, int lane) const;
+  /// Largest residual of a pixel that shows the tag and not a hand or a cable before it.
+  float LargestResidual();
+  void LeaveOutBeyondLimit();
   /// The pixels from number `from` on, `stride` apart, and the drawing there.
   Strip Draw(const State& state, std::size_t from, std::size_t stride);
-  /// Calls use(pixel, value of the drawing) for every `stride`-th pixel.
+  /// Calls use(strip, lane) for every `stride`-th pixel, drawn.
   template <typename Use>
   void ForEachDrawn(std::size_t stride, const Use& use);
   /// Columns of the normal equations beside the residual.
@@ -132,7 +149,7 @@ class TagTemplate {
     Matrix covariance;    ///< of the other parameters
     double variance = 0;  ///< of a pixel's noise
   };
-  [[nodiscard]] Minimum MinimumBySums(Sums sums, std::size_t stride) const;
+  [[nodiscard]] Minimum MinimumBySums(Sums sums) const;
   /// To the minimum over every `stride`-th of the pixels chosen; nothing when it does not get
   /// there.
   std::optional<Minimum> Descend(std::size_t stride);
@@ -158,8 +175,9 @@ class TagTemplate {
 
   const cv::Mat& gray_;
   TagBorder border_;
-  int bits_ = 0;         ///< of the drawing: the tag and those around it
-  CellDrawing drawing_;  ///< of -1, 1 and, the outermost, e
+  int bits_ = 0;                ///< of the drawing: the tag and those around it
+  Eigen::AlignedBox2d window_;  ///< of the drawing, bits: what is fitted
+  CellDrawing drawing_;         ///< of -1, 1 and, the outermost, e
   State state_;
   Quad start_, corners_;
   Eigen::Vector2d centre_;
@@ -168,6 +186,7 @@ class TagTemplate {
   LocalDistortion distortion_ = LocalDistortion::Zero();
   std::array<DistortionSensitivity, 4> sensitivities_;
   std::vector<Pixel> pixels_;
+  float limit_ = std::numeric_limits<float>::infinity();  ///< residuals beyond are left out
 };
 
 }  // namespace plenocal::internal

@@ -40,6 +40,17 @@ class CellDrawing {
   void Draw(const Eigen::Matrix3f& G, float blur, const Lanes& x, const Lanes& y, Drawn* drawn);
 
   [[nodiscard]] int size() const { return n_; }
+  /// Whether the drawing is of one value all around (u, v), in cells, to a distance of `reach` in
+  /// both directions, which must end within the drawing.
+  [[nodiscard]] bool IsFlat(float u, float v, float reach) const {
+    const int left = static_cast<int>(u - reach), right = static_cast<int>(u + reach);
+    const float* above = &cells_[static_cast<int>(v - reach) * n_];
+    const float* below = &cells_[static_cast<int>(v + reach) * n_];
+    const float value = above[left];
+    // All at once: branches would be predicted wrongly half of the time.
+    return (static_cast<int>(value == above[right]) & static_cast<int>(value == below[left]) &
+            static_cast<int>(value == below[right])) != 0;
+  }
 
  private:
   /// Along one axis at a place: the share of each of some neighbouring cells, and its first two

@@ -69,13 +69,20 @@ std::vector<DistortionMeasurement> Measurements(int count, double sigma, std::mt
   return measurements;
 }
 
+/// Sigma of what the field has in place of the measured value.
+double SigmaOf(const DistortionField& field, const DistortionMeasurement& edge) {
+  DistortionSensitivity sensitivity{{{edge.p, field.At(edge.p), {}}}, 0};
+  sensitivity.pieces[0].by_distortion << edge.along.transpose(), edge.along.transpose();
+  return field.Sigma(sensitivity);
+}
+
 TEST(DistortionField, IsEstimatedFromManyUncertainMeasurements) {
   std::mt19937 random(5);
   const DistortionField field(Measurements(20000, kSigma, &random));
   for (const Eigen::Vector2d& place : {Eigen::Vector2d(60, 50), {320, 400}, {560, 300}}) {
     for (const double angle : {0.0, 0.8, 1.6}) {
       const DistortionMeasurement edge = MeasureEdge(place, angle, Curvature, kSigma);
-      const double sigma = std::sqrt(field.Variance(edge.p, edge.along));
+      const double sigma = SigmaOf(field, edge);
       EXPECT_LT(sigma, 0.05 * std::sqrt(edge.variance));
       EXPECT_NEAR(edge.along.dot(field.At(edge.p)), edge.value, 3 * sigma);
     }
@@ -124,7 +131,8 @@ TEST(DistortionField, StatesItsUncertainty) {
       for (const double angle : {0.0, std::numbers::pi / 2}) {
         const DistortionMeasurement edge = MeasureEdge(place, angle, Curvature, kSigma);
         const double error = edge.along.dot(field.At(edge.p)) - edge.value;
-        chi2 += error * error / field.Variance(edge.p, edge.along);
+        const double sigma = SigmaOf(field, edge);
+        chi2 += error * error / (sigma * sigma);
         ++n;
       }
     }
@@ -138,14 +146,14 @@ TEST(DistortionField, StatesWhatHigherOrdersMayDisplace) {
   std::mt19937 random(3);
   const DistortionField field(Measurements(4000, kSigma, &random));
   const internal::DistortionBasis middle({400, 300}, kSize);
-  const auto sigma_at = [&](const Eigen::Vector2d& corner) {
+  const auto displaced_at = [&](const Eigen::Vector2d& corner) {
     const DistortionSensitivity sensitivity{
         {{middle.p(), field.At(middle.p()), middle.At(corner - Eigen::Vector2d(400, 300))}}, 0};
-    return field.Sigma(sensitivity, PlaceOfPixel(corner, kSize));
+    return field.HigherOrders(sensitivity, PlaceOfPixel(corner, kSize)).norm();
   };
   // Of a small tag nothing, of one as large as a third of the image more than its noise.
-  EXPECT_LT(sigma_at({410, 310}), 0.003);
-  EXPECT_GT(sigma_at({480, 380}), 0.05);
+  EXPECT_LT(displaced_at({410, 310}), 0.003);
+  EXPECT_GT(displaced_at({480, 380}), 0.05);
 }
 
 TEST(DistortionField, IsZeroWithoutMeasurementsAndSmallForFew) {

@@ -9,7 +9,7 @@
 #include <random>
 #include <vector>
 
-#include "detectors/tags/tag_edges.h"
+#include "detectors/tags/refine_tags.h"
 
 namespace plenocal::testing {
 

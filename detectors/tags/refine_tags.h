@@ -43,11 +43,10 @@ struct RefinedTags {
   std::vector<DistortionMeasurement> measurements;  ///< of the lens distortion by the image
 };
 
-/// Corners of tags, from their whole template where they are small and else from curves fitted to
-/// their outer edges. An edge is a blurred step from black to white across a parabola; a parabola,
-/// because lens distortion bends it. The distortion is estimated from all tags of the image
-/// together. A corner is missing when one of its two edges cannot be measured (out of the
-/// image, covered, no contrast).
+/// Corners of tags, from fits of their templates: of the whole tag, or of the quarter around each
+/// corner where the distortion within the tag needs more than its local description. The distortion
+/// is estimated from all tags of the image together. Corners of a tag that cannot be fitted are
+/// missing.
 RefinedTags RefineTags(const cv::Mat& gray, std::span<const SeenTag> tags, const TagBorder& border);
 
 /// Looks for a tag that should be within `reach` (px) of `expected`; nothing when the image does
