@@ -208,6 +208,18 @@ Answer Api::AddImage(const Request& request) const {
   return JsonAnswer(Json::object(), 201);
 }
 
+// The folder directly beneath the root to which an image of the camera can be added as a PNG file;
+// null: none.
+Json Api::PngFolder(const SessionCamera& camera) const {
+  if (camera.images.size() != 1) return nullptr;
+  fs::path folder = project_->Root() / camera.images.front();
+  const std::string files = folder.filename().string();
+  if (files.empty() || files == "*.png" || files == "*") folder = folder.parent_path();
+  const std::string name = folder.lexically_relative(project_->Root()).string();
+  const bool is_plain = name.find_first_of("/*?[") == std::string::npos && !name.starts_with('.');
+  return is_plain && !name.empty() && fs::is_directory(folder) ? Json(name) : Json(nullptr);
+}
+
 Json Api::CamerasJson(const Session& session) {
   Json cameras = Json::array();
   for (const SessionCamera& camera : session.cameras) {
@@ -218,7 +230,8 @@ Json Api::CamerasJson(const Session& session) {
     cameras.push_back({{"name", camera.name},
                        {"model", camera.model->name},
                        {"plenoptic", camera.model->plenoptic},
-                       {"frames", frames}});
+                       {"frames", frames},
+                       {"folder", PngFolder(camera)}});
   }
   return cameras;
 }

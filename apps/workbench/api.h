@@ -56,6 +56,7 @@ class Api {
   std::optional<FrameImage> FindImage(const std::string& camera, const std::string& frame);
   /// A camera's file in the folder of a run, which no link leaves.
   [[nodiscard]] std::filesystem::path RunFile(int run, const std::string& name) const;
+  [[nodiscard]] nlohmann::json PngFolder(const SessionCamera& camera) const;
   nlohmann::json CamerasJson(const Session& session);
 
   Project* project_;

@@ -17,7 +17,7 @@ if (!existsSync(kChromium)) {
   process.exit(77);
 }
 
-export const openBrowser = () => chromium.launch({ executablePath: kChromium, args: ["--no-sandbox"] });
+export const openBrowser = (args = []) => chromium.launch({ executablePath: kChromium, args: ["--no-sandbox", ...args] });
 
 /** Process, printed address and its token. */
 export async function startServer(folder) {

@@ -37,6 +37,8 @@ export interface SessionCamera {
   model: string;
   plenoptic: boolean;
   frames: string[];
+  /** That its images are all PNG files of; null: they come from elsewhere. */
+  folder: string | null;
 }
 export interface Session {
   text: string;

@@ -5,6 +5,7 @@ import { useEffect, useState } from "preact/hooks";
 import { ask, imagePath } from "../api/client";
 import type { CameraResult, Suggestions } from "../api/types";
 import { Plane } from "../image/plane";
+import { Cameras } from "../live/cameras";
 import { Thumb, useImage } from "../parts/picture";
 import { activeJob, attempt, detections, place, project, run, session, watchFolders } from "../state/project";
 
@@ -65,8 +66,11 @@ function Watching() {
   );
 }
 
+/** Of the run that is shown. */
+const suggestions = signal<Suggestions | null>(null);
+
 function Suggested() {
-  const [next, setNext] = useState<Suggestions | null>(null);
+  const next = suggestions.value;
   const [busy, setBusy] = useState(false);
   const number = place.value.run;
   useEffect(() => {
@@ -74,7 +78,7 @@ function Suggested() {
     setBusy(true);
     void attempt(async () => {
       const suggested = await ask<Suggestions>("POST", "/api/suggest", { run: number, count: 5 });
-      setNext(suggested);
+      suggestions.value = suggested;
       if (project.value?.watching) course.value = [...course.value, { frames: suggested.frames, sigma: suggested.sigma_now }];
     }).then(() => setBusy(false));
   }, [run.value]);
@@ -103,9 +107,18 @@ function Suggested() {
   );
 }
 
+/** The session's cameras that this machine has, with the first suggestion over the live image. */
+function Recording() {
+  const places = (session.value?.cameras ?? []).filter((camera) => !camera.plenoptic).map(({ name, folder }) => ({ camera: name, folder }));
+  const sizes = Object.fromEntries((run.value?.cameras ?? []).map((camera) => [camera.name, camera.image_size]));
+  if (places.length === 0) return null;
+  return <Cameras places={places} outlines={suggestions.value?.views[0]?.outline ?? {}} sizes={sizes} />;
+}
+
 export function Next() {
   return (
     <>
+      <Recording />
       <Watching />
       <Suggested />
     </>

@@ -4,8 +4,12 @@ import { useEffect, useState } from "preact/hooks";
 import { ask } from "../api/client";
 import type { Files, Session } from "../api/types";
 import { usePicture } from "../parts/picture";
+import { Cameras } from "../live/cameras";
 import { Upload } from "../parts/upload";
 import { activeJob, addJob, attempt, project, redo, session, undo } from "../state/project";
+
+/** Where pictures go before there is a session. */
+const kFirstCamera = [{ camera: "camera", folder: "camera" }];
 
 function Folder() {
   const [files, setFiles] = useState<Files | null>(null);
@@ -16,6 +20,7 @@ function Folder() {
   return (
     <>
     <Upload done={look} />
+    <Cameras places={kFirstCamera} done={look} />
     <section>
       <h2>Images in this folder</h2>
       <ul>

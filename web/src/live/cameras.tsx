@@ -1,0 +1,209 @@
+// SPDX-License-Identifier: Apache-2.0
+// Cameras that the browser opens: their pictures become files in the folders of the session's cameras.
+import { signal } from "@preact/signals";
+import { useEffect, useRef, useState } from "preact/hooks";
+import { send } from "../api/client";
+import { attempt } from "../state/project";
+import { Stillness } from "./still";
+
+/** A camera of the session, and the folder that its images come from; null: from elsewhere. */
+export interface Place {
+  camera: string;
+  folder: string | null;
+}
+type Outline = [number, number][];
+
+const kLook = 200; // ms between two looks at a video
+
+/** Videos that run, by folder. */
+const videos = new Map<string, { video: HTMLVideoElement; stillness: Stillness }>();
+const taken = signal<{ count: number; last: string }>({ count: 0, last: "" });
+const automatic = signal(false);
+let busy = false;
+
+/** "20261125_142233_417": names of one recording are in its order. */
+function stamp(): string {
+  const now = new Date();
+  const two = (value: number, digits = 2) => String(value).padStart(digits, "0");
+  const day = `${now.getFullYear()}${two(now.getMonth() + 1)}${two(now.getDate())}`;
+  return `${day}_${two(now.getHours())}${two(now.getMinutes())}${two(now.getSeconds())}_${two(now.getMilliseconds(), 3)}`;
+}
+
+function pictureOf(video: HTMLVideoElement): HTMLCanvasElement {
+  const canvas = document.createElement("canvas");
+  canvas.width = video.videoWidth;
+  canvas.height = video.videoHeight;
+  canvas.getContext("2d")?.drawImage(video, 0, 0);
+  return canvas;
+}
+
+/** Takes a picture with all cameras that are open; their files have one name. */
+async function take(): Promise<void> {
+  if (busy || videos.size === 0) return;
+  busy = true;
+  const name = `${stamp()}.png`;
+  // All of them before any is encoded, so that they are of one moment.
+  const pictures = [...videos].map(([folder, { video, stillness }]) => {
+    stillness.keep();
+    return { folder, canvas: pictureOf(video) };
+  });
+  await attempt(async () => {
+    for (const { folder, canvas } of pictures) {
+      const file = await new Promise<Blob | null>((done) => canvas.toBlob(done, "image/png"));
+      if (!file) throw new Error("the browser cannot encode the picture");
+      await send(`/api/files?${new URLSearchParams({ dir: folder, name })}`, file);
+    }
+    taken.value = { count: taken.value.count + 1, last: name };
+  });
+  busy = false;
+}
+
+let looking = 0;
+function lookAtVideos(): void {
+  const looks = [...videos.values()].map(({ video, stillness }) => stillness.look(video));
+  if (automatic.value && looks.length > 0 && looks.every(Boolean)) void take();
+}
+
+/** Holds the focus where the browser can: a lens that focuses changes the camera. What is to be said about it. */
+async function holdFocus(track: MediaStreamTrack): Promise<string> {
+  const can = track.getCapabilities?.() as { focusMode?: string[] } | undefined;
+  if (!can?.focusMode) return "";
+  if (!can.focusMode.includes("manual")) return "switch its autofocus off: a lens that focuses changes the camera";
+  const now = track.getSettings() as { focusDistance?: number };
+  const manual = { focusMode: "manual", ...(now.focusDistance === undefined ? {} : { focusDistance: now.focusDistance }) };
+  await track.applyConstraints({ advanced: [manual as MediaTrackConstraintSet] });
+  return "its focus is held";
+}
+
+function why(error: unknown): string {
+  const name = error instanceof DOMException ? error.name : "";
+  if (name === "NotAllowedError") return "the browser does not let this page use the camera: allow it beside the address";
+  if (name === "NotFoundError") return "this machine has no camera";
+  if (name === "NotReadableError") return "another program uses the camera";
+  return error instanceof Error ? error.message : String(error);
+}
+
+function Live({ stream, folder, outlines, size }: { stream: MediaStream; folder: string; outlines: Outline[]; size: [number, number] | null }) {
+  const element = useRef<HTMLVideoElement>(null);
+  useEffect(() => {
+    const video = element.current;
+    if (!video) return;
+    video.srcObject = stream;
+    videos.set(folder, { video, stillness: new Stillness() });
+    if (videos.size === 1) looking = window.setInterval(lookAtVideos, kLook);
+    return () => {
+      videos.delete(folder);
+      if (videos.size === 0) window.clearInterval(looking);
+    };
+  }, [stream, folder]);
+  return (
+    <div class="live">
+      <video ref={element} autoplay muted playsInline aria-label={`live image for ${folder}`} />
+      {size && outlines.length > 0 && (
+        <svg viewBox={`0 0 ${size[0]} ${size[1]}`} aria-label="where the target should be next">
+          {outlines.map((outline, i) => (
+            <polygon key={i} points={outline.map(([x, y]) => `${x},${y}`).join(" ")} />
+          ))}
+        </svg>
+      )}
+    </div>
+  );
+}
+
+function Device({ place, outlines, size }: { place: Place; outlines: Outline[]; size: [number, number] | null }) {
+  const [stream, setStream] = useState<MediaStream | null>(null);
+  const [devices, setDevices] = useState<MediaDeviceInfo[]>([]);
+  const [device, setDevice] = useState("");
+  const [state, setState] = useState("");
+  const stop = (of: MediaStream | null) => of?.getTracks().forEach((track) => track.stop());
+  useEffect(() => () => stop(stream), [stream]);
+  const open = async (id: string) => {
+    setDevice(id);
+    try {
+      const most = { ideal: 16384 }; // px: the whole sensor
+      const video = { width: most, height: most, resizeMode: "none", ...(id ? { deviceId: { exact: id } } : {}) } as MediaTrackConstraints;
+      const opened = await navigator.mediaDevices.getUserMedia({ video, audio: false });
+      const [track] = opened.getVideoTracks();
+      const focus = track ? await holdFocus(track).catch(() => "") : "";
+      const now = track?.getSettings();
+      setState([`${now?.width ?? "?"} x ${now?.height ?? "?"} px`, focus].filter(Boolean).join("; "));
+      setDevice(now?.deviceId ?? id);
+      setDevices((await navigator.mediaDevices.enumerateDevices()).filter((each) => each.kind === "videoinput"));
+      setStream(opened);
+    } catch (error) {
+      setState(why(error));
+    }
+  };
+  if (place.folder === null) {
+    return <p class="quiet">{place.camera}: pictures go into a folder of PNG files beneath this one; its images come from elsewhere.</p>;
+  }
+  return (
+    <div>
+      <div class="row">
+        <b>{place.camera}</b>
+        {stream ? (
+          <>
+            <select aria-label={`device of ${place.camera}`} value={device} onChange={(event) => void open(event.currentTarget.value)}>
+              {devices.map((each, i) => (
+                <option key={each.deviceId} value={each.deviceId}>
+                  {each.label || `camera ${i + 1}`}
+                </option>
+              ))}
+            </select>
+            <button
+              onClick={() => {
+                setStream(null);
+                setState("");
+              }}
+            >
+              Close
+            </button>
+          </>
+        ) : (
+          <button onClick={() => void open("")}>Open a camera</button>
+        )}
+        <span class="quiet" aria-live="polite">
+          {state}
+        </span>
+      </div>
+      {stream && <Live stream={stream} folder={place.folder} outlines={outlines} size={size} />}
+    </div>
+  );
+}
+
+/** `outlines`: where the target should be next, by camera. `done` is called after each picture. */
+export function Cameras({
+  places,
+  outlines = {},
+  sizes = {},
+  done,
+}: {
+  places: Place[];
+  outlines?: Record<string, Outline[]>;
+  sizes?: Record<string, [number, number]>;
+  done?: () => void;
+}) {
+  useEffect(() => {
+    if (taken.value.count > 0) done?.();
+  }, [taken.value]);
+  useEffect(() => () => void (automatic.value = false), []);
+  if (!navigator.mediaDevices) return null;
+  return (
+    <section>
+      <h2>Cameras of this machine</h2>
+      {places.map((place) => (
+        <Device key={place.camera} place={place} outlines={outlines[place.camera] ?? []} size={sizes[place.camera] ?? null} />
+      ))}
+      <div class="row">
+        <button onClick={() => void take()}>Take a picture</button>
+        <label>
+          <input type="checkbox" checked={automatic.value} onChange={(event) => void (automatic.value = event.currentTarget.checked)} /> whenever the view is
+          new and stands still
+        </label>
+        <span class="quiet" aria-live="polite" data-taken={taken.value.count}>
+          {taken.value.count > 0 ? `${taken.value.count} taken, the last one ${taken.value.last}` : "pictures become PNG files in the camera's folder"}
+        </span>
+      </div>
+    </section>
+  );
+}
