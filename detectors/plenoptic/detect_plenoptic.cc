@@ -145,8 +145,7 @@ class RawDetector {
   [[nodiscard]] RawMeasurements Measure(const cv::Mat& raw,
                                         const Reconstruction& view,
                                         const MarkerDetections& found) const {
-    std::vector<internal::MarkerTemplate> markers =
-        internal::MakeMarkerTemplates(target_, found.markers);
+    std::vector<internal::MarkerTemplate> markers = detector_.Templates(view.image, found.markers);
     // From pixels of the focused image to raw pixels.
     const double scale = view.depth.scale;
     for (internal::MarkerTemplate& marker : markers) {

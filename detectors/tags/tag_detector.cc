@@ -19,6 +19,7 @@
 
 #include "calib/base/error.h"
 #include "calib/base/linear_algebra.h"
+#include "detectors/tags/corner_squares.h"
 #include "detectors/tags/refine_tags.h"
 #include "detectors/tags/tag_patterns.h"
 #include "targets/tags/tag_family.h"
@@ -230,10 +231,16 @@ class TagDetector : public MarkerDetector {
     border_.ring = family_.border_bits();
     border_.outside_sign = family_.classic() ? 1 : -1;
     border_.corner_squares = layout.black_corner_squares;
-    if (border_.corner_squares && points_.size() > 1) border_.outside = Gap();
+    if (points_.size() > 1) gap_ = Gap();
+    if (border_.corner_squares) border_.outside = gap_;
   }
 
-  [[nodiscard]] internal::TagPatterns Patterns() const { return {border_, bits_}; }
+  [[nodiscard]] internal::TagPatterns Patterns(const cv::Mat& gray,
+                                               const std::map<int, Quad>& found) const {
+    std::vector<internal::SeenTag> seen;
+    for (const auto& [id, corners] : found) seen.push_back({corners, bits_.at(id)});
+    return {BorderIn(gray, seen), bits_};
+  }
 
   MarkerDetections Detect(const cv::Mat& gray) override {
     // One pixel a bit is the least that can be read.
@@ -295,6 +302,17 @@ class TagDetector : public MarkerDetector {
         layout_.family,
         other == 2 ? "Kalibr's 2-bit border" : "tags with a 1-bit border",
         other);
+  }
+
+  /// With black squares at the corners where the image shows them.
+  [[nodiscard]] internal::TagBorder BorderIn(const cv::Mat& gray,
+                                             const std::vector<internal::SeenTag>& seen) const {
+    internal::TagBorder border = border_;
+    if (const auto squares = internal::ShowsCornerSquares(gray, seen, border_)) {
+      border.corner_squares = *squares;
+      border.outside = *squares ? gap_ : internal::TagBorder().outside;
+    }
+    return border;
   }
 
   /// Width of the gap between neighbouring tags, in bits.
@@ -416,7 +434,7 @@ class TagDetector : public MarkerDetector {
       result.left_out.push_back(
           fmt::format("tag {} ({}) is not on the target", id, layout_.family));
     }
-    internal::RefinedTags refined = internal::RefineTags(gray, seen, border_);
+    internal::RefinedTags refined = internal::RefineTags(gray, seen, BorderIn(gray, seen));
     result.measurements = std::move(refined.measurements);
     constexpr std::array kCorners{"lower left", "lower right", "upper right", "upper left"};
     for (std::size_t i = 0; i < ids.size(); ++i) {
@@ -454,14 +472,18 @@ class TagDetector : public MarkerDetector {
   TagFamily family_;
   TagReader reader_;
   internal::TagBorder border_;
+  double gap_ = internal::TagBorder().outside;  ///< between tags, bits; of one tag as usual
   std::map<int, std::vector<bool>> bits_;
   std::map<int, TagPoints> points_;
 };
 
 }  // namespace
 
-internal::TagPatterns internal::FindTagPatterns(const TagLayout& layout, const Target& target) {
-  return TagDetector(target, layout).Patterns();
+internal::TagPatterns internal::FindTagPatterns(const TagLayout& layout,
+                                                const Target& target,
+                                                const cv::Mat& gray,
+                                                const std::map<int, Quad>& found) {
+  return TagDetector(target, layout).Patterns(gray, found);
 }
 
 std::unique_ptr<MarkerDetector> MakeDetector(const TagLayout& layout, const Target& target) {

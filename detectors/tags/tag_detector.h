@@ -19,7 +19,8 @@ namespace internal {
 /// Of the tags with all four corners.
 std::vector<MarkerTemplate> MakeTemplates(const TagLayout& layout,
                                           const Target& target,
-                                          const std::vector<Observation>& found);
+                                          const std::vector<Observation>& found,
+                                          const cv::Mat& gray);
 
 }  // namespace internal
 

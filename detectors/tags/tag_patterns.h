@@ -2,6 +2,7 @@
 #pragma once
 
 #include <map>
+#include <opencv2/core/mat.hpp>
 #include <vector>
 
 #include "detectors/tags/refine_tags.h"
@@ -15,7 +16,11 @@ struct TagPatterns {
   std::map<int, std::vector<bool>> bits;  ///< by tag, as in `SeenTag`
 };
 
-/// Throws `Error` for a family or tag that does not exist.
-TagPatterns FindTagPatterns(const TagLayout& layout, const Target& target);
+/// As the image shows them, in which these tags were found. Throws `Error` for a family or tag that
+/// does not exist.
+TagPatterns FindTagPatterns(const TagLayout& layout,
+                            const Target& target,
+                            const cv::Mat& gray,
+                            const std::map<int, Quad>& found);
 
 }  // namespace plenocal::internal

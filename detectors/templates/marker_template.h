@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <opencv2/core/mat.hpp>
 #include <variant>
 #include <vector>
 
@@ -24,11 +25,12 @@ struct MarkerTemplate {
   int part = 0;  ///< markers of one flat part of the target share it
 };
 
-/// Templates for the markers found in one image: the corners of whole tags, and the corners of
+/// Templates for the markers found in one gray image: the corners of whole tags, and the corners of
 /// chessboards and ChArUco boards and the circles with enough neighbours for a homography. Throws
 /// `Error` for a type without a detector. Defined in detectors/marker_detectors.cc.in, which
 /// collects the functions of all types.
 std::vector<MarkerTemplate> MakeMarkerTemplates(const Target& target,
-                                                const std::vector<Observation>& found);
+                                                const std::vector<Observation>& found,
+                                                const cv::Mat& gray);
 
 }  // namespace plenocal::internal

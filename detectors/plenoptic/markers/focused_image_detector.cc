@@ -8,14 +8,26 @@
 #include "detectors/plenoptic/depth/image_synthesis.h"
 
 namespace plenocal::internal {
+namespace {
+
+cv::Mat Grey(const cv::Mat& focused) {
+  cv::Mat grey;
+  focused.convertTo(grey, CV_8U, ScaleTo8Bits(focused));
+  return grey;
+}
+
+}  // namespace
 
 FocusedImageDetector::FocusedImageDetector(const Target& target)
     : target_(target), detector_(MakeMarkerDetector(target)) {}
 
 MarkerDetections FocusedImageDetector::Detect(const cv::Mat& focused) const {
-  cv::Mat grey;
-  focused.convertTo(grey, CV_8U, ScaleTo8Bits(focused));
-  return detector_->Detect(grey);
+  return detector_->Detect(Grey(focused));
+}
+
+std::vector<MarkerTemplate> FocusedImageDetector::Templates(
+    const cv::Mat& focused, const std::vector<Observation>& found) const {
+  return MakeMarkerTemplates(target_, found, Grey(focused));
 }
 
 std::vector<FlatPart> FocusedImageDetector::FlatParts(const cv::Mat& focused) const {

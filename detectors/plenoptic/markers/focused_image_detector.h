@@ -9,6 +9,7 @@
 
 #include "detectors/images/marker_detector.h"
 #include "detectors/plenoptic/depth/depth_planes.h"
+#include "detectors/templates/marker_template.h"
 #include "targets/target.h"
 
 namespace plenocal::internal {
@@ -20,6 +21,9 @@ class FocusedImageDetector {
 
   /// `focused`: CV_32F; positions in its pixels.
   [[nodiscard]] MarkerDetections Detect(const cv::Mat& focused) const;
+  /// Templates of markers that were found in it.
+  [[nodiscard]] std::vector<MarkerTemplate> Templates(const cv::Mat& focused,
+                                                      const std::vector<Observation>& found) const;
   /// The convex hulls of the flat parts, px of the focused image: each tag, or the whole of another
   /// target.
   [[nodiscard]] std::vector<FlatPart> FlatParts(const cv::Mat& focused) const;

@@ -31,6 +31,7 @@
 #include "calib/base/error.h"
 #include "detectors/detect.h"
 #include "detectors/marker_detectors.h"
+#include "detectors/templates/marker_template.h"
 #include "tests/detectors/render.h"
 #include "tests/optional_data.h"
 
@@ -335,6 +336,39 @@ TEST(TagDetector, CrossingsOfAKalibrGridDoNotMoveWhenBlackSpreads) {
     return (H * p.homogeneous()).hnormalized();
   };
   EXPECT_LT(RmsError(board, found.markers, image_of), 0.05);
+}
+
+TEST(TagDetector, GoesByTheSquaresThatTheImageShows) {
+  for (const bool printed : {true, false}) {
+    const Board board(kFamilies[3], 3, 3, 1.3, printed);
+    Target other = board.target;
+    std::get<TagLayout>(other.layout).black_corner_squares = !printed;
+    for (const double side : {30.0, 80.0}) {
+      const int extent = static_cast<int>(6 * side);
+      const cv::Size size(extent, extent);
+      const Eigen::Matrix3d H = Camera(board, size, side, 25, 10);
+      const cv::Mat gray =
+          testing::Render(testing::View(board, H), size, {.blur = 0.7, .noise = 1});
+      const auto expected = MakeMarkerDetector(board.target)->Detect(gray).markers;
+      const auto found = MakeMarkerDetector(other)->Detect(gray).markers;
+      ASSERT_THAT(expected, SizeIs(36)) << side;
+      ASSERT_THAT(found, SizeIs(36)) << side;
+      for (std::size_t i = 0; i < found.size(); ++i) {
+        EXPECT_NEAR(found[i].values[0], expected[i].values[0], 2e-3) << printed << ", " << side;
+        EXPECT_NEAR(found[i].values[1], expected[i].values[1], 2e-3) << printed << ", " << side;
+      }
+      const auto templates = internal::MakeMarkerTemplates(other, found, gray);
+      ASSERT_THAT(templates, SizeIs(36));
+      auto drawing = std::get<internal::CellDrawing>(templates[0].pattern);
+      // Half a cell outside of the lower left corner, in both directions.
+      internal::Lanes x{}, y{};
+      x[0] = static_cast<float>(templates[0].margin) - 0.5f;
+      y[0] = static_cast<float>(drawing.size() - templates[0].margin) + 0.5f;
+      internal::CellDrawing::Drawn drawn;
+      drawing.Draw(Eigen::Matrix3f::Identity(), 0.05f, x, y, &drawn);
+      EXPECT_NEAR(drawn.value[0], printed ? -1 : 1, 0.01) << side;
+    }
+  }
 }
 
 TEST(TagDetector, AllImagesOfACameraTogetherSayHowItsLensBendsEdges) {

@@ -13,6 +13,8 @@
 namespace plenocal::internal {
 namespace TEST_FILE {
 
+const cv::Mat kNoImage;
+
 /// A view of the target's plane z = 0, with perspective: px of the image by metres of the target.
 Eigen::Matrix3d Camera() {
   Eigen::Matrix3d H;
@@ -55,7 +57,7 @@ float Value(const MarkerTemplate& marker, const Eigen::Vector2d& cells) {
 TEST(MakeMarkerTemplates, HaveTheSquaresOfAChessboardAroundEachCorner) {
   constexpr double kSquare = 0.03;
   const Target target = TargetOf("type: chessboard\ncolumns: 7\nrows: 5\nsquare: 0.03\n");
-  const auto templates = MakeMarkerTemplates(target, Seen(target));
+  const auto templates = MakeMarkerTemplates(target, Seen(target), kNoImage);
   ASSERT_EQ(templates.size(), 35u);
   float colour = 0;  // of the square to the lower right of the first corner
   for (const MarkerTemplate& marker : templates) {
@@ -80,7 +82,7 @@ TEST(MakeMarkerTemplates, LeaveOutMarkersWithoutNeighbours) {
   const Target target = TargetOf("type: chessboard\ncolumns: 7\nrows: 5\nsquare: 0.03\n");
   std::vector<Observation> found = Seen(target);
   found.resize(3);  // of one row: no homography
-  EXPECT_TRUE(MakeMarkerTemplates(target, found).empty());
+  EXPECT_TRUE(MakeMarkerTemplates(target, found, kNoImage).empty());
 }
 
 TEST(MakeMarkerTemplates, TakeOnlyWholeTags) {
@@ -89,7 +91,7 @@ TEST(MakeMarkerTemplates, TakeOnlyWholeTags) {
   std::vector<Observation> found = Seen(target);
   ASSERT_EQ(found.size(), 16u);
   std::erase_if(found, [](const Observation& seen) { return seen.marker == 6; });
-  const auto templates = MakeMarkerTemplates(target, found);
+  const auto templates = MakeMarkerTemplates(target, found, kNoImage);
   ASSERT_EQ(templates.size(), 12u);
   for (const MarkerTemplate& marker : templates) {
     EXPECT_NE(marker.marker / 4, 1);
@@ -108,7 +110,7 @@ TEST(MakeMarkerTemplates, TakeOnlyWholeTags) {
 TEST(MakeMarkerTemplates, HaveTheRadiusOfCirclesAsUnit) {
   const Target target =
       TargetOf("type: circles\ncolumns: 5\nrows: 4\nspacing: 0.03\npattern: symmetric\n");
-  const auto templates = MakeMarkerTemplates(target, Seen(target));
+  const auto templates = MakeMarkerTemplates(target, Seen(target), kNoImage);
   ASSERT_EQ(templates.size(), 20u);
   double unit = 0;
   for (const MarkerTemplate& marker : templates) {
