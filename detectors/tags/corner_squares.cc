@@ -10,8 +10,8 @@
 namespace plenocal::internal {
 namespace {
 
-/// Gray level at a place in tag coordinates, x and y in bits from corner `k`, positive into the tag;
-/// nothing beside the image.
+/// Gray level at a place in tag coordinates, x and y in bits from corner `k`, positive into the
+/// tag; nothing beside the image.
 class CornerView {
  public:
   CornerView(const cv::Mat& gray, const SeenTag& tag, const TagBorder& border)
@@ -19,7 +19,8 @@ class CornerView {
 
   [[nodiscard]] std::optional<double> At(std::size_t k, double x, double y) const {
     const bool right = k == 1 || k == 2, upper = k > 1;
-    const Eigen::Vector3d on_tag(right ? 1 - x * bit_ : x * bit_, upper ? 1 - y * bit_ : y * bit_, 1);
+    const Eigen::Vector3d on_tag(
+        right ? 1 - x * bit_ : x * bit_, upper ? 1 - y * bit_ : y * bit_, 1);
     const Eigen::Vector2d p = (H_ * on_tag).hnormalized();
     if (!(p.x() >= 0 && p.y() >= 0 && p.x() <= gray_.cols - 1 && p.y() <= gray_.rows - 1)) {
       return std::nullopt;
@@ -39,7 +40,7 @@ class CornerView {
 std::optional<bool> ShowsCornerSquares(const cv::Mat& gray,
                                        std::span<const SeenTag> tags,
                                        const TagBorder& border) {
-  constexpr double kLeastBit = 2.5;  // px: below, the blur joins what is to be told apart
+  constexpr double kLeastBit = 2.5;            // px: below, the blur joins what is to be told apart
   constexpr double kHalf = 0.5, kAside = 1.5;  // bits
   constexpr int kFewest = 4;
   constexpr double kMost = 0.75;  // of the corners
@@ -57,7 +58,8 @@ std::optional<bool> ShowsCornerSquares(const cv::Mat& gray,
       if (!inside || !outside || !beside || !below) continue;
       const double light = (*beside + *below) / 2, step = light - *inside;
       // Both sides of the corner are of the other colour.
-      if (step * border.outside_sign <= 0 || std::abs(*beside - *below) > std::abs(step) / 2) continue;
+      if (step * border.outside_sign <= 0 || std::abs(*beside - *below) > std::abs(step) / 2)
+        continue;
       ++all;
       black += std::abs(*outside - *inside) < std::abs(*outside - light);
     }

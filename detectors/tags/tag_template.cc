@@ -569,7 +569,7 @@ std::optional<TagTemplate> TagTemplate::AtCorner(std::size_t k,
   part.SetCorners(corners_);
   part.distortion_ = field.At(part.basis_->p());
   part.SetCorners(corners_);
-  part.ChoosePixels(1, kReach * state_.blur);
+  part.ChoosePixels(StepToApproach());
   if (part.pixels_.size() <= kParameters) return std::nullopt;
   const std::optional<Minimum> minimum = part.DescendSomehow();
   if (!minimum || !part.IsTag()) return std::nullopt;
