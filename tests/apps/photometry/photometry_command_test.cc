@@ -154,7 +154,7 @@ TEST_F(PhotometryCommand, FindsTheVignettingOfAWallAndComparesItWithWhiteImages)
 }
 
 TEST_F(PhotometryCommand, NamesTheTiltThatUnknownExposuresLeaveOpenWithoutRoll) {
-  SimulateWall("{range: [2, 5], known: false}", "", "[no-tilt, one-distance], roll: 0");
+  SimulateWall("{range: [2, 5], known: false}", "", "[no-tilt, one-distance, corner], roll: 0");
   const Outcome outcome = Vignette();
   ASSERT_EQ(outcome.status, kDone) << outcome.err;
   EXPECT_THAT(outcome.err, HasSubstr("exposure times are not known"));
