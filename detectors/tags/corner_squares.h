@@ -9,9 +9,9 @@
 
 namespace plenocal::internal {
 
-/// Whether an image shows black squares at the tags' corners, as Kalibr prints them; boards with
-/// any width of the border have them or not, whatever their target file says. Nothing where the
-/// corners disagree, as in front of other things, or are too few or too small to tell.
+/// Whether an image shows black squares at the tags' corners, as Kalibr prints them. Boards with a
+/// border of any width have them or not, and the target file does not state it. Nothing where less
+/// than three quarters of the corners agree, or fewer than four can be looked at.
 std::optional<bool> ShowsCornerSquares(const cv::Mat& gray,
                                        std::span<const SeenTag> tags,
                                        const TagBorder& border);

@@ -419,7 +419,7 @@ std::size_t TagTemplate::Stride() const {
 }
 
 int TagTemplate::StepToApproach() const {
-  constexpr double kRoom = 16;  // times what is enough: pixels within bits say little
+  constexpr double kRoom = 16;  // times what is enough: not all pixels are near an edge
   return std::max(1, static_cast<int>(side_ / std::sqrt(kRoom * kEnough)));
 }
 

@@ -98,9 +98,7 @@ async function record(page, steps) {
   steps("what closes the camera");
   await page.getByRole("button", { name: "Close" }).click();
   assert.equal(await page.locator(".live").count(), 0);
-  await page.getByRole("button", { name: "Take a picture" }).click();
-  await page.waitForTimeout(500);
-  assert.equal(files().length, after);
+  assert.equal(await page.getByRole("button", { name: "Take a picture" }).isDisabled(), true);
 }
 
 const problems = [];

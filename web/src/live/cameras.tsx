@@ -17,6 +17,7 @@ const kLook = 200; // ms between two looks at a video
 
 /** Videos that run, by folder. */
 const videos = new Map<string, { video: HTMLVideoElement; stillness: Stillness }>();
+const open = signal(0); // how many of them
 const taken = signal<{ count: number; last: string }>({ count: 0, last: "" });
 const automatic = signal(false);
 let busy = false;
@@ -91,9 +92,11 @@ function Live({ stream, folder, outlines, size }: { stream: MediaStream; folder:
     video.srcObject = stream;
     videos.set(folder, { video, stillness: new Stillness() });
     if (videos.size === 1) looking = window.setInterval(lookAtVideos, kLook);
+    open.value = videos.size;
     return () => {
       videos.delete(folder);
       if (videos.size === 0) window.clearInterval(looking);
+      open.value = videos.size;
     };
   }, [stream, folder]);
   return (
@@ -117,7 +120,7 @@ function Device({ place, outlines, size }: { place: Place; outlines: Outline[]; 
   const [state, setState] = useState("");
   const stop = (of: MediaStream | null) => of?.getTracks().forEach((track) => track.stop());
   useEffect(() => () => stop(stream), [stream]);
-  const open = async (id: string) => {
+  const openDevice = async (id: string) => {
     setDevice(id);
     try {
       const most = { ideal: 16384 }; // px: the whole sensor
@@ -143,7 +146,7 @@ function Device({ place, outlines, size }: { place: Place; outlines: Outline[]; 
         <b>{place.camera}</b>
         {stream ? (
           <>
-            <select aria-label={`device of ${place.camera}`} value={device} onChange={(event) => void open(event.currentTarget.value)}>
+            <select aria-label={`device of ${place.camera}`} value={device} onChange={(event) => void openDevice(event.currentTarget.value)}>
               {devices.map((each, i) => (
                 <option key={each.deviceId} value={each.deviceId}>
                   {each.label || `camera ${i + 1}`}
@@ -160,7 +163,7 @@ function Device({ place, outlines, size }: { place: Place; outlines: Outline[]; 
             </button>
           </>
         ) : (
-          <button onClick={() => void open("")}>Open a camera</button>
+          <button onClick={() => void openDevice("")}>Open a camera</button>
         )}
         <span class="quiet" aria-live="polite">
           {state}
@@ -195,7 +198,9 @@ export function Cameras({
         <Device key={place.camera} place={place} outlines={outlines[place.camera] ?? []} size={sizes[place.camera] ?? null} />
       ))}
       <div class="row">
-        <button onClick={() => void take()}>Take a picture</button>
+        <button disabled={open.value === 0} onClick={() => void take()}>
+          Take a picture
+        </button>
         <label>
           <input type="checkbox" checked={automatic.value} onChange={(event) => void (automatic.value = event.currentTarget.checked)} /> whenever the view is
           new and stands still
