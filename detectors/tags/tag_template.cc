@@ -588,6 +588,7 @@ std::optional<TagFit> TagTemplate::Fit(const DistortionField& field) {
   for (int round = 0; round < kRounds; ++round) {
     ChoosePixels(1, kReach * state_.blur);
     const std::size_t chosen = pixels_.size();
+    if (chosen <= kParameters) return std::nullopt;
     limit_ = LargestResidual();
     minimum = Finish();
     if (!minimum || minimum->sums(kCount, kCount) == static_cast<double>(chosen)) break;
