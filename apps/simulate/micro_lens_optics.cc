@@ -23,10 +23,10 @@ constexpr int kIterations = 40;
 }
 
 int TypeOf(const MicroLensSpec& spec, const LatticeNode& node) {
-  const int colour = LatticeColour(node, spec.lattice);
-  const auto types = static_cast<int>(spec.focus.size());
-  if (types == LatticeSets(spec.lattice)) return colour;
-  return types == 2 ? (node.column + node.row) & 1 : 0;
+  const LensPattern repeats{.columns = static_cast<int>(spec.pattern.cols()),
+                            .rows = static_cast<int>(spec.pattern.rows())};
+  const int set = repeats.Set(node);
+  return spec.pattern(set / repeats.columns, set % repeats.columns);
 }
 
 }  // namespace

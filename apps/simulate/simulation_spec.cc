@@ -13,6 +13,7 @@
 #include "calib/base/error.h"
 #include "calib/base/names.h"
 #include "calib/base/yaml.h"
+#include "calib/camera/micro_lens_array.h"
 #include "calib/files/calibration_file.h"
 #include "calib/files/calibration_tables.h"
 
@@ -61,6 +62,49 @@ RigidTransform ReadPose(const YamlNode& node, const std::string& ending) {
   return T;
 }
 
+/// The key `pattern` of `node`, or the usual one of the lens types.
+Eigen::MatrixXi ReadPattern(const YamlNode& node, const MicroLensSpec& lenses) {
+  const auto types = static_cast<int>(lenses.focus.size());
+  if (!node.Has("pattern")) {
+    const auto usual = UsualPattern(lenses.lattice, lenses.focus.size());
+    if (!usual) {
+      node.At("focus").Fail(fmt::format(
+          "{} lens types need a 'pattern': rows of their numbers 0 to {}, which repeat over the array",
+          types,
+          types - 1));
+    }
+    return *usual;
+  }
+  const YamlNode pattern = node.At("pattern");
+  const std::vector<YamlNode> rows = pattern.Elements();
+  constexpr size_t kLargest = 12;
+  if (rows.empty() || rows.size() > kLargest) pattern.Fail("expected 1 to 12 rows");
+  Eigen::MatrixXi numbers;
+  for (size_t r = 0; r < rows.size(); ++r) {
+    const std::vector<YamlNode> row = rows[r].Elements();
+    if (row.empty() || row.size() > kLargest) rows[r].Fail("expected 1 to 12 lens types");
+    if (r == 0) numbers.setZero(static_cast<int>(rows.size()), static_cast<int>(row.size()));
+    if (static_cast<int>(row.size()) != numbers.cols()) {
+      rows[r].Fail(fmt::format(
+          "expected {} lens types as in the first row, found {}", numbers.cols(), row.size()));
+    }
+    for (size_t c = 0; c < row.size(); ++c) {
+      const int number = row[c].AsInteger();
+      if (number < 0 || number >= types) {
+        row[c].Fail(
+            fmt::format("expected the number of a lens type, 0 to {}: the place of its "
+                        "virtual depth in 'focus'",
+                        types - 1));
+      }
+      numbers(static_cast<int>(r), static_cast<int>(c)) = number;
+    }
+  }
+  for (int type = 0; type < types; ++type) {
+    if ((numbers.array() != type).all()) pattern.Fail(fmt::format("has no lens type {}", type));
+  }
+  return numbers;
+}
+
 MicroLensSpec ReadMicroLenses(const YamlNode& node) {
   node.CheckKeys({"lattice",
                   "pitch",
@@ -68,6 +112,7 @@ MicroLensSpec ReadMicroLenses(const YamlNode& node) {
                   "rotation",
                   "offset",
                   "focus",
+                  "pattern",
                   "aperture",
                   "fill",
                   "gain_sigma",
@@ -95,12 +140,11 @@ MicroLensSpec ReadMicroLenses(const YamlNode& node) {
   }
   const YamlNode focus = node.At("focus");
   lenses.focus = focus.AsNumbers(0);
-  const bool hexagonal = lenses.lattice == LatticeKind::kHexagonal;
-  const size_t types = lenses.focus.size();
-  if (types != 1 && !(hexagonal ? types == 3 : types == 2 || types == 4)) {
+  if (lenses.focus.empty() || lenses.focus.size() > kMostLensTypes) {
     focus.Fail(fmt::format(
-        "expected one virtual depth or {}, found {}", hexagonal ? "three" : "two or four", types));
+        "expected one to {} virtual depths, found {}", kMostLensTypes, lenses.focus.size()));
   }
+  lenses.pattern = ReadPattern(node, lenses);
   for (const double depth : lenses.focus) {
     if (!(std::abs(depth) >= 1)) {
       focus.Fail("expected virtual depths of at least 1, or at most -1 for a Keplerian camera");
@@ -336,6 +380,17 @@ void ReadSceneAndTrajectory(const YamlNode& root, SimulationSpec* spec) {
 }
 
 }  // namespace
+
+std::optional<Eigen::MatrixXi> UsualPattern(LatticeKind lattice, size_t types) {
+  if (types == 1) return Eigen::MatrixXi::Zero(1, 1);
+  if (lattice == LatticeKind::kHexagonal) {
+    if (types != 3) return std::nullopt;
+    return (Eigen::Matrix3i() << 0, 1, 2, 2, 0, 1, 1, 2, 0).finished();
+  }
+  if (types == 2) return (Eigen::Matrix2i() << 0, 1, 1, 0).finished();
+  if (types == 4) return (Eigen::Matrix2i() << 0, 1, 2, 3).finished();
+  return std::nullopt;
+}
 
 CalibratedCamera TrueCamera(const CameraSpec& camera) {
   const auto count = static_cast<Eigen::Index>(camera.params.size());

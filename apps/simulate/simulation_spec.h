@@ -28,14 +28,19 @@ struct MicroLensSpec {
   double row_pitch = 0;          ///< px, distance of the rows of a rectangular lattice
   double rotation = 0;           ///< rad, of the lattice's rows about the x axis
   Eigen::Vector2d offset{0, 0};  ///< px, of a centre from the principal point
-  /// Virtual depth (docs/plenoptic.md) at which each lens type is in focus: one value or, of a
-  /// hexagonal lattice three, of a rectangular one two (as on a chessboard) or four (2 x 2).
+  /// Virtual depth (docs/plenoptic.md) at which each lens type is in focus, at most four.
   std::vector<double> focus = {};
+  /// Lens types by (row, column) of the lattice, repeated in both directions.
+  Eigen::MatrixXi pattern = Eigen::MatrixXi::Zero(1, 1);
   double aperture = 0.7;  ///< diameter of a micro lens / pitch
   double fill = 0.92;  ///< diameter of the main lens' stop, as it appears in a micro image / pitch
   double gain_sigma = 0;  ///< scatter of the micro lenses' transmission
   int dull = 0;           ///< number of micro lenses with 30 to 70 % of the others' transmission
 };
+
+/// The pattern of so many lens types, if there is a usual one: three interleaved in a hexagonal
+/// lattice; in a rectangular one two as on a chessboard, or blocks of 2 x 2.
+std::optional<Eigen::MatrixXi> UsualPattern(LatticeKind lattice, size_t types);
 
 /// From radiance to grey values.
 struct SensorSpec {

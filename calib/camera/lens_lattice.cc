@@ -110,9 +110,22 @@ std::span<const LatticeNode> LatticeNeighbours(LatticeKind kind) {
   return kRectangular;
 }
 
-int LatticeColour(const LatticeNode& node, LatticeKind kind) {
-  if (kind == LatticeKind::kRectangular) return 2 * (node.row & 1) + (node.column & 1);
-  return ((node.column - node.row) % 3 + 3) % 3;
+int LensPattern::Set(const LatticeNode& node) const {
+  const auto remainder = [](int a, int b) { return (a % b + b) % b; };
+  const int row = remainder(node.row, rows);
+  const int periods = (node.row - row) / rows;
+  return columns * row + remainder(node.column - shift * periods, columns);
+}
+
+std::vector<LensPattern> LensPatterns(int sets) {
+  std::vector<LensPattern> patterns;
+  for (int columns = 1; columns <= sets; ++columns) {
+    if (sets % columns != 0) continue;
+    for (int shift = 0; shift < columns; ++shift) {
+      patterns.push_back({.columns = columns, .rows = sets / columns, .shift = shift});
+    }
+  }
+  return patterns;
 }
 
 Matrix2d CanonicalLatticeBasis(const Matrix2d& basis) {
@@ -454,6 +467,26 @@ Matrix2d SmoothLattice::Basis(double column, double row) const {
     }
   }
   return basis;
+}
+
+std::array<Matrix2d, 2> SmoothLattice::SecondDerivatives(double column, double row) const {
+  const Vector2d s = (Vector2d(column, row) - middle_) / scale_;
+  std::array<Matrix2d, 2> second{Matrix2d::Zero(), Matrix2d::Zero()};
+  const auto power = [](double x, int exponent) {
+    return exponent < 0 ? 0 : std::pow(x, exponent);
+  };
+  int k = 0;
+  for (int total = 0; total <= degree_; ++total) {
+    for (int q = 0; q <= total; ++q, ++k) {
+      const int p = total - q;
+      const double xx = p * (p - 1) * power(s.x(), p - 2) * power(s.y(), q);
+      const double xy = p * q * power(s.x(), p - 1) * power(s.y(), q - 1);
+      const double yy = q * (q - 1) * power(s.x(), p) * power(s.y(), q - 2);
+      const Matrix2d of_term = (Matrix2d() << xx, xy, xy, yy).finished() / (scale_ * scale_);
+      for (int i = 0; i < 2; ++i) second[i] += coefficients_(i, k) * of_term;
+    }
+  }
+  return second;
 }
 
 Vector2d SmoothLattice::Coordinates(const Vector2d& position) const {

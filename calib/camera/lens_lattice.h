@@ -31,15 +31,22 @@ LatticeKind KindOfLattice(const Eigen::Matrix2d& basis);
 /// Steps to the nodes around a node: six, or eight with those across the corners.
 std::span<const LatticeNode> LatticeNeighbours(LatticeKind kind);
 
-/// Number of interleaved sets into which a lattice is divided: types of micro lenses repeat from
-/// set to set.
-inline constexpr int LatticeSets(LatticeKind kind) {
-  return kind == LatticeKind::kHexagonal ? 3 : 4;
-}
+/// A division of a lattice into interleaved sets of nodes, in which types of micro lenses repeat:
+/// the nodes (column + columns, row) and (column + shift, row + rows) are of the set of (column,
+/// row). With 0 <= shift < columns each periodic division has one such form.
+struct LensPattern {
+  int columns = 1, rows = 1, shift = 0;
 
-/// Which of the interleaved sets a node belongs to, 0 .. sets - 1. Hexagonal: the one way to colour
-/// the lattice with three colours such that neighbours differ. Rectangular: 2 x 2 nodes.
-int LatticeColour(const LatticeNode& node, LatticeKind kind = LatticeKind::kHexagonal);
+  [[nodiscard]] constexpr int Sets() const { return columns * rows; }
+  /// 0 .. Sets() - 1.
+  [[nodiscard]] int Set(const LatticeNode& node) const;
+};
+
+/// The one way to divide a hexagonal lattice into three sets such that neighbours differ.
+inline constexpr LensPattern kThreeInterleaved{.columns = 3, .rows = 1, .shift = 1};
+
+/// All patterns of so many sets.
+std::vector<LensPattern> LensPatterns(int sets);
 
 /// The vectors to the next node of a row (nearest to the x axis) and to the next row (60 or 90
 /// degrees on, from x to y) as columns, of the lattice that two vectors to neighbours span.
@@ -75,6 +82,8 @@ class SmoothLattice {
   [[nodiscard]] Eigen::Vector2d Position(double column, double row) const;
   /// Derivative of Position by (column, row).
   [[nodiscard]] Eigen::Matrix2d Basis(double column, double row) const;
+  /// Second derivatives of the two coordinates of Position by (column, row).
+  [[nodiscard]] std::array<Eigen::Matrix2d, 2> SecondDerivatives(double column, double row) const;
   /// The lattice coordinates at a place in the image.
   [[nodiscard]] Eigen::Vector2d Coordinates(const Eigen::Vector2d& position) const;
   /// Those of `measured` nodes and all within the image that continue them, sorted by row and

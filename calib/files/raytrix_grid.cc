@@ -54,7 +54,7 @@ pugi::xml_node Load(const std::filesystem::path& path, pugi::xml_document* docum
   return root;
 }
 
-// Each type is one of the three interleaved sets: its number by `LatticeColour`.
+// Each type is one of the three interleaved sets: its number by `kThreeInterleaved`.
 using TypeOfColour = std::map<int, int>;
 
 // `to_nodes` maps an offset in the file to lattice coordinates.
@@ -66,7 +66,7 @@ TypeOfColour ReadTypes(const std::filesystem::path& path,
     const Vector2d node = to_nodes * Point(path, type, "offset");
     constexpr double kFarthest = 1000;  // lenses
     if (!(node.norm() < kFarthest)) Refuse(path, "<lens_type>: <offset>: is no neighbouring lens");
-    type_of_colour[LatticeColour(
+    type_of_colour[kThreeInterleaved.Set(
         {static_cast<int>(std::lround(node.x())), static_cast<int>(std::lround(node.y()))})] =
         type.attribute("id").as_int();
   }
@@ -96,7 +96,7 @@ void FillImage(const Vector2d& origin,
     for (int column = static_cast<int>(std::floor(low.x())); column <= high.x(); ++column) {
       const Vector2d centre = origin + basis * Vector2d(column, row);
       if (!IsInside(centre, image_size)) continue;
-      const int colour = array->types == 1 ? 0 : LatticeColour({column, row});
+      const int colour = array->types == 1 ? 0 : kThreeInterleaved.Set({column, row});
       array->lenses.push_back({.row = row,
                                .column = column,
                                .centre = centre,
@@ -135,6 +135,16 @@ std::string PointXml(std::string_view name, std::string_view units, const Vector
       -p.y());  // y up
 }
 
+bool HasOneOrThreeTypes(const MicroLensArray& array) {
+  if (array.types == 1) return true;
+  std::map<int, int> type_of_set;
+  for (const MicroLens& lens : array.lenses) {
+    const int set = kThreeInterleaved.Set({lens.column, lens.row});
+    if (type_of_set.emplace(set, lens.type).first->second != lens.type) return false;
+  }
+  return array.types == 3;
+}
+
 std::string TypesXml(const MicroLensArray& array,
                      const MicroLens& middle,
                      const Matrix2d& to_lens) {
@@ -159,6 +169,12 @@ std::string RayCalibDataXml(const MicroLensArray& array) {
   if (array.Lattice() != LatticeKind::kHexagonal) {
     throw Error(ErrorKind::kInput,
                 "RayCalibData holds hexagonal lattices, this one is rectangular");
+  }
+  if (!HasOneOrThreeTypes(array)) {
+    throw Error(ErrorKind::kInput,
+                fmt::format("RayCalibData holds arrays of one lens type or of three interleaved "
+                            "ones; this one has {} in another pattern",
+                            array.types));
   }
   const RegularLattice lattice(array);
   const Vector2d image_middle((array.image_size[0] - 1) / 2.0, (array.image_size[1] - 1) / 2.0);

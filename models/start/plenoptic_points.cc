@@ -125,7 +125,7 @@ std::optional<Types> ColourLenses(const std::vector<View>& views) {
       lens.node = {lens.nearest->node.column + static_cast<int>(whole.x()),
                    lens.nearest->node.row + static_cast<int>(whole.y())};
     }
-    *lens.type = LatticeColour(lens.node);
+    *lens.type = kThreeInterleaved.Set(lens.node);
     for (size_t i = known + 1; i < lenses.size(); ++i) {
       const double distance = (lenses[i].centre - lens.centre).squaredNorm();
       if (distance >= lenses[i].distance) continue;

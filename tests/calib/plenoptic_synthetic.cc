@@ -85,7 +85,7 @@ PlenopticProblem MakePlenopticProblem(unsigned seed, const PlenopticOptions& opt
     for (int j = -150; j <= 150; ++j) {
       const Eigen::Vector2d c = Eigen::Vector2d(kSize[0], kSize[1]) / 2 + i * e_column + j * e_row;
       if (c.x() > 0 && c.y() > 0 && c.x() < kSize[0] && c.y() < kSize[1])
-        lenses.emplace_back(c, LatticeColour({i, j}));
+        lenses.emplace_back(c, kThreeInterleaved.Set({i, j}));
     }
   }
   const double shared_slope = options.shared_slope > 0 ? noise.Gaussian(options.shared_slope) : 0;

@@ -18,6 +18,8 @@ using Eigen::Vector2d;
 
 /// Distance of the spline's knots: there is no finer detail behind a sensor's pixels and blur.
 constexpr double kKnotStep = 0.5;  // px
+/// Distance of samples of a profile.
+constexpr double kSampleStep = kKnotStep / 4;
 
 /// Calls visit(x, y, d) for the pixels with |d| <= radius, d = pixel - centre.
 template <typename Visit>
@@ -170,11 +172,19 @@ RadialProfile::Value RadialProfile::At(double r) const {
           .slope = (c[1] + t * (2 * c[2] + t * 3 * c[3])) / kKnotStep};
 }
 
+double RadialProfile::SquareRadiusOfEdge(double most) const {
+  double weights = 0, sum = 0;
+  for (double r = 0; r <= std::min(most, radius_); r += kSampleStep) {
+    const double slope = At(r).slope, weight = slope * slope * r;  // the pixels of a ring
+    weights += weight;
+    sum += weight * r * r;
+  }
+  return weights > 0 ? sum / weights : 0;
+}
+
 double RadialProfile::Normalise() {
   double highest = 0;
-  constexpr int kSamplesPerCell = 4;
-  for (double r = 0; r <= radius_; r += kKnotStep / kSamplesPerCell)
-    highest = std::max(highest, At(r).value);
+  for (double r = 0; r <= radius_; r += kSampleStep) highest = std::max(highest, At(r).value);
   if (highest > 0) {
     for (Eigen::Vector4d& cell : cells_) cell /= highest;
   }

@@ -28,6 +28,8 @@ class RadialProfile {
   };
   [[nodiscard]] Value At(double r) const;
   [[nodiscard]] double Radius() const { return radius_; }
+  /// Mean square of r where the profile changes (weights slope^2), up to `most`: of the edge, px^2.
+  [[nodiscard]] double SquareRadiusOfEdge(double most) const;
   /// Of each cell between knots, which are half a pixel apart, the coefficients of the cubic:
   /// powers 0 .. 3 of the distance from the cell's first knot, in cells.
   [[nodiscard]] const std::vector<Eigen::Vector4d>& Cells() const { return cells_; }

@@ -9,6 +9,7 @@
 #include "calib/base/parallel.h"
 #include "calib/base/robust.h"
 #include "calib/base/statistics.h"
+#include "calib/camera/micro_lens_array.h"
 
 namespace plenocal::internal {
 namespace {
@@ -33,8 +34,8 @@ constexpr size_t kMostShared = 9;
 /// Grey values; keeps relative brightness finite in a black image.
 constexpr float kLeastBrightness = 1e-3f;
 
-/// Share of the variance of `values` that lies between the sets, outliers limited; nothing (0) for
-/// sets of less than three.
+/// Share of the variance of `values` that lies between the sets, outliers limited, of sets by
+/// chance 0 on average; 0 for sets of less than three.
 double ShareBetweenSets(const std::vector<double>& values,
                         const std::vector<int>& sets,
                         int set_count) {
@@ -52,9 +53,9 @@ double ShareBetweenSets(const std::vector<double>& values,
   const double n = static_cast<double>(values.size());
   if (*std::min_element(counts.begin(), counts.end()) < 3) return 0;
   const double all = squares - total * total / n;
-  double between = -total * total / n;
-  for (int c = 0; c < set_count; ++c) between += sums[c] * sums[c] / counts[c];
-  return all > 0 ? between / all : 0;
+  double within = squares;
+  for (int c = 0; c < set_count; ++c) within -= sums[c] * sums[c] / counts[c];
+  return all > 0 ? 1 - within / (n - set_count) / (all / (n - 1)) : 0;
 }
 
 }  // namespace
@@ -85,14 +86,13 @@ void MicroImages::Place(std::vector<LatticeNode> nodes, const std::vector<Vector
     images_[i].centre = centres[i];
     if (images_[i].centre_sigma == 0) images_[i].gain = BrightnessNear(centres[i]);
   }
-  sets_.clear();
-  for (const LatticeNode& node : nodes_) sets_.push_back(LatticeColour(node, kind_));
 }
 
 void MicroImages::Measure(const std::vector<int>& types, int type_count) {
   types_ = types;
+  type_count_ = type_count;
   NormaliseSizes();
-  FitProfiles(type_count);
+  FitProfiles();
   ModelLight();
   std::vector<MicroImage> fits(nodes_.size());
   ParallelFor(nodes_.size(), threads_, [&](size_t i) {
@@ -111,7 +111,9 @@ void MicroImages::Measure(const std::vector<int>& types, int type_count) {
 std::vector<LatticeMeasurement> MicroImages::Measurements() const {
   std::vector<LatticeMeasurement> out;
   for (size_t i = 0; i < nodes_.size(); ++i) {
-    if (usable_[i]) out.push_back({nodes_[i], images_[i].centre, images_[i].centre_sigma});
+    if (usable_[i] && IsWhole(i)) {
+      out.push_back({nodes_[i], images_[i].centre, images_[i].centre_sigma});
+    }
   }
   return out;
 }
@@ -120,6 +122,12 @@ bool MicroImages::IsWhole(size_t i) const {
   const Vector2d& c = positions_[i];
   return std::min(c.x(), c.y()) >= pitch_ / 2 && c.x() <= scene_.white.cols - 1 - pitch_ / 2 &&
          c.y() <= scene_.white.rows - 1 - pitch_ / 2;
+}
+
+double MicroImages::SquareRadius() const {
+  double sum = 0;
+  for (const RadialProfile& profile : profiles_) sum += profile.SquareRadiusOfEdge(pitch_ / 2);
+  return sum / static_cast<double>(profiles_.size());
 }
 
 double MicroImages::Misfit() const { return Median(misfits_); }
@@ -136,16 +144,16 @@ std::map<LatticeNode, size_t> MicroImages::IndexByNode() const {
   return index;
 }
 
-/// Makes the median size in each interleaved set 1: the profiles take up the rest.
+/// Makes the median size of each type 1: the profiles take up the rest.
 void MicroImages::NormaliseSizes() {
-  for (int set = 0; set < LatticeSets(kind_); ++set) {
+  for (int type = 0; type < type_count_; ++type) {
     std::vector<double> scales;
     for (size_t i = 0; i < nodes_.size(); ++i) {
-      if (sets_[i] == set && usable_[i] && IsWhole(i)) scales.push_back(images_[i].scale);
+      if (types_[i] == type && usable_[i] && IsWhole(i)) scales.push_back(images_[i].scale);
     }
     const double usual = scales.empty() ? 1 : Median(std::move(scales));
     for (size_t i = 0; i < nodes_.size(); ++i) {
-      if (sets_[i] == set) images_[i].scale /= usual;
+      if (types_[i] == type) images_[i].scale /= usual;
     }
   }
   CompleteOutside();
@@ -185,7 +193,7 @@ void MicroImages::ModelLight() {
 }
 
 /// Fits the profiles to the cells of all micro images that have all their neighbours.
-void MicroImages::FitProfiles(int type_count) {
+void MicroImages::FitProfiles() {
   const std::map<LatticeNode, size_t> index = IndexByNode();
   const double radius = kProfileRadius * pitch_;
   // A fixed number of parts, so that the sums do not depend on the number of threads.
@@ -194,7 +202,7 @@ void MicroImages::FitProfiles(int type_count) {
   // time.
   constexpr size_t kCells = 1500;
   const size_t stride = std::max<size_t>(1, nodes_.size() / kCells);
-  std::vector<ProfileFit> parts(kParts, ProfileFit(radius, type_count));
+  std::vector<ProfileFit> parts(kParts, ProfileFit(radius, type_count_));
   ParallelFor(kParts, threads_, [&](size_t part) {
     for (size_t i = part * stride; i < nodes_.size(); i += kParts * stride) {
       if (!usable_[i]) continue;
@@ -277,11 +285,11 @@ void MicroImages::DecideUsable() {
     gain_ratios_.push_back(c.gain_ratio);
     misfits_.push_back(c.misfit);
   }
-  // Each interleaved set by itself: lens types differ in all three.
-  for (int set = 0; set < LatticeSets(kind_); ++set) {
+  // Each type by itself: types differ in all three.
+  for (int type = 0; type < type_count_; ++type) {
     std::vector<double> ratios, misfits, errors;
     for (const Comparison& c : measured) {
-      if (sets_[c.index] != set) continue;
+      if (types_[c.index] != type) continue;
       ratios.push_back(c.gain_ratio);
       misfits.push_back(c.misfit);
       errors.push_back(c.error);
@@ -290,7 +298,7 @@ void MicroImages::DecideUsable() {
                  error = RobustSpread(errors);
     for (const Comparison& c : measured) {
       const size_t i = c.index;
-      if (sets_[i] != set) continue;
+      if (types_[i] != type) continue;
       const double gain_tolerance = IsWhole(i) ? kGainTolerance : kCutGainTolerance;
       const bool elsewhere = c.error * images_[i].centre_sigma > kCentreTolerance * pitch_ &&
                              c.error - error.middle > kOutlierSigmas * error.sigma;
@@ -303,48 +311,61 @@ void MicroImages::DecideUsable() {
   }
 }
 
-/// Of each whole micro image with all neighbours: residuals in rings, and brightness relative to
-/// the neighbours, which are of the other sets.
-std::vector<Eigen::VectorXd> MicroImages::Features(std::vector<int>* sets) const {
+/// Of each whole micro image with all neighbours: residuals in rings, and brightness and size
+/// relative to the neighbours. Unusable ones, too: before the types are known these may be those of
+/// a type.
+std::vector<std::pair<LatticeNode, Eigen::VectorXd>> MicroImages::Features() const {
   constexpr int kRings = 8;
-  std::map<LatticeNode, double> gains;
+  std::map<LatticeNode, const MicroImage*> measured;
   for (size_t i = 0; i < nodes_.size(); ++i) {
-    if (usable_[i]) gains[nodes_[i]] = images_[i].gain;
+    const MicroImage& image = images_[i];
+    if (inside_[i] && image.centre_sigma > 0 && image.gain > 0) measured[nodes_[i]] = &image;
   }
-  std::vector<Eigen::VectorXd> features;
+  std::vector<std::pair<LatticeNode, Eigen::VectorXd>> features;
   for (size_t i = 0; i < nodes_.size(); ++i) {
-    if (!usable_[i] || !IsWhole(i)) continue;
-    double around = 0;
+    if (!measured.contains(nodes_[i]) || !IsWhole(i)) continue;
+    double gain = 0, scale = 0;
     int count = 0;
     for (const auto& [column, row] : LatticeNeighbours(kind_)) {
-      const auto near = gains.find({nodes_[i].column + column, nodes_[i].row + row});
-      if (near == gains.end()) continue;
-      around += near->second;
+      const auto near = measured.find({nodes_[i].column + column, nodes_[i].row + row});
+      if (near == measured.end()) continue;
+      gain += near->second->gain;
+      scale += near->second->scale;
       ++count;
     }
     if (count < static_cast<int>(LatticeNeighbours(kind_).size())) continue;
-    Eigen::VectorXd feature(kRings + 1);
+    Eigen::VectorXd feature(kRings + 2);
     feature << RingResiduals(scene_, images_[i], pitch_ / 2, kRings),
-        images_[i].gain * count / around - 1;
-    features.push_back(feature);
-    sets->push_back(sets_[i]);
+        images_[i].gain * count / gain - 1, images_[i].scale * count / scale - 1;
+    features.emplace_back(nodes_[i], feature);
   }
   return features;
 }
 
-double MicroImages::TypeShare() {
+MicroImages::Types MicroImages::FindTypes() {
   ModelLight();
-  std::vector<int> sets;
-  const std::vector<Eigen::VectorXd> features = Features(&sets);
-  double largest = 0;
-  const Eigen::Index count = features.empty() ? 0 : features.front().size();
-  for (Eigen::Index f = 0; f < count; ++f) {
-    std::vector<double> values;
-    values.reserve(features.size());
-    for (const Eigen::VectorXd& feature : features) values.push_back(feature[f]);
-    largest = std::max(largest, ShareBetweenSets(values, sets, LatticeSets(kind_)));
+  const auto features = Features();
+  const Eigen::Index count = features.empty() ? 0 : features.front().second.size();
+  std::vector<std::vector<double>> values(static_cast<size_t>(count));
+  for (const auto& [node, feature] : features) {
+    for (Eigen::Index f = 0; f < count; ++f) values[f].push_back(feature[f]);
   }
-  return largest;
+  Types best;
+  for (int set_count = 2; set_count <= kMostLensTypes; ++set_count) {
+    Types larger;
+    for (const LensPattern& pattern : LensPatterns(set_count)) {
+      std::vector<int> sets;
+      sets.reserve(features.size());
+      for (const auto& [node, feature] : features) sets.push_back(pattern.Set(node));
+      for (const std::vector<double>& of_feature : values) {
+        const double share = ShareBetweenSets(of_feature, sets, set_count);
+        if (share > larger.share) larger = {.pattern = pattern, .share = share};
+      }
+    }
+    constexpr double kLeft = 0.5;  // of the variance that fewer types leave
+    if (1 - larger.share < kLeft * (1 - best.share)) best = larger;
+  }
+  return best;
 }
 
 }  // namespace plenocal::internal

@@ -6,6 +6,7 @@
 #include <Eigen/Core>
 #include <map>
 #include <opencv2/core/mat.hpp>
+#include <utility>
 #include <vector>
 
 #include "calib/camera/lens_lattice.h"
@@ -37,18 +38,25 @@ class MicroImages {
 
   /// The usable micro images.
   [[nodiscard]] std::vector<LatticeMeasurement> Measurements() const;
-  /// The share of variance between micro images that the interleaved sets explain, at its largest
-  /// over rings of the micro image and its brightness.
-  [[nodiscard]] double TypeShare();
+  /// A pattern of lens types.
+  struct Types {
+    LensPattern pattern;
+    double share = 0;  ///< of the variance between micro images, explained by the pattern
+  };
+  /// The pattern of at most `kMostLensTypes` sets in which the micro images differ, as measured
+  /// with one common profile: the smallest that leaves less than twice the variance which any
+  /// larger one leaves. Compares light in rings, brightness and size with the neighbours'; the one
+  /// counts that tells the sets apart best.
+  [[nodiscard]] Types FindTypes();
 
   [[nodiscard]] const std::vector<LatticeNode>& Nodes() const { return nodes_; }
   [[nodiscard]] const std::vector<MicroImage>& Images() const { return images_; }
-  /// The interleaved set of each node.
-  [[nodiscard]] const std::vector<int>& Sets() const { return sets_; }
   [[nodiscard]] bool IsInside(size_t i) const { return inside_[i]; }
   [[nodiscard]] bool IsUsable(size_t i) const { return usable_[i]; }
   /// True when all pixels of the profile fit lie in the image.
   [[nodiscard]] bool IsWhole(size_t i) const;
+  /// Mean over the lens types of the square radius of a micro image's edge, px^2.
+  [[nodiscard]] double SquareRadius() const;
   /// Median of residual / brightness.
   [[nodiscard]] double Misfit() const;
   /// Of the brightness relative to the neighbours.
@@ -68,11 +76,11 @@ class MicroImages {
   void NormaliseSizes();
   void CompleteOutside();
   void ModelLight();
-  void FitProfiles(int type_count);
+  void FitProfiles();
   void AddCell(const std::vector<size_t>& shared, ProfileFit* fit) const;
   [[nodiscard]] std::vector<Comparison> CompareWithNeighbours() const;
   void DecideUsable();
-  [[nodiscard]] std::vector<Eigen::VectorXd> Features(std::vector<int>* sets) const;
+  [[nodiscard]] std::vector<std::pair<LatticeNode, Eigen::VectorXd>> Features() const;
 
   ModelledImage scene_;
   LatticeKind kind_;
@@ -80,7 +88,8 @@ class MicroImages {
   int threads_;
   std::vector<LatticeNode> nodes_;
   std::vector<Eigen::Vector2d> positions_;  ///< expected
-  std::vector<int> sets_, types_;
+  std::vector<int> types_;
+  int type_count_ = 1;
   std::vector<MicroImage> images_;
   std::vector<RadialProfile> profiles_;
   std::vector<bool> inside_, usable_;

@@ -8,6 +8,7 @@
 
 #include <Eigen/LU>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
@@ -33,9 +34,6 @@ constexpr double kCoverage = 0.5;
 /// Profiles, centres and lattice improve one another: each turn reduces the remaining error by more
 /// than ten.
 constexpr int kTurns = 4;
-/// Several lens types rather than one, when the interleaved sets explain more than this share of
-/// the variance between micro images.
-constexpr double kTypeShare = 0.5;
 
 /// Local maxima of the image smoothed to about a micro image's size, to a fraction of a pixel.
 std::vector<Vector2d> FindSeeds(const cv::Mat& flat, double pitch) {
@@ -114,8 +112,30 @@ SmoothLattice FirstLattice(const cv::Mat& flat,
   return SmoothLattice::Fit(*measurements);
 }
 
-std::vector<int> LensTypes(const MicroImages& images, int types) {
-  return types == 1 ? std::vector<int>(images.Nodes().size(), 0) : images.Sets();
+/// How far a micro image is measured from the image of its centre. Distortion D, of which the
+/// lattice is an example, bends the circle: a point of it in the direction n is displaced by the
+/// second derivatives of D, n . D''(n, n) radius^2 / 2 across the edge, and the displaced circle
+/// that fits best lies at twice the mean of this times n,
+///   radius^2 / 8 (Laplacian D_i + 2 d_i div D).
+Vector2d DisplacementByBending(const SmoothLattice& lattice,
+                               const Matrix2d& basis,
+                               const LatticeNode& node,
+                               double square_radius) {
+  const Matrix2d to_nodes = basis.inverse();
+  std::array<Matrix2d, 2> second = lattice.SecondDerivatives(node.column, node.row);
+  for (Matrix2d& of_coordinate : second) {
+    of_coordinate = to_nodes.transpose() * of_coordinate * to_nodes;
+  }
+  const Vector2d laplacian(second[0].trace(), second[1].trace());
+  const Vector2d of_divergence = (second[0].row(0) + second[1].row(1)).transpose();
+  return square_radius / 8 * (laplacian + 2 * of_divergence);
+}
+
+std::vector<int> LensTypes(const MicroImages& images, const LensPattern& pattern) {
+  std::vector<int> types;
+  types.reserve(images.Nodes().size());
+  for (const LatticeNode& node : images.Nodes()) types.push_back(pattern.Set(node));
+  return types;
 }
 
 /// Sets what the lattice determines.
@@ -152,30 +172,31 @@ MicroLensGrid FindMicroLensGrid(const cv::Mat& white, int threads) {
   SmoothLattice lattice = FirstLattice(flat, *basis, &measurements);
 
   MicroImages images(white, *basis, threads);
-  double type_share = 0;
-  int types = 1;
+  MicroImages::Types types;
   for (int turn = 0; turn < kTurns; ++turn) {
     std::vector<LatticeNode> inside = lattice.NodesInside(measurements, size, pitch);
     const std::vector<Vector2d> centres = Positions(lattice, inside);
     images.Place(std::move(inside), centres);
-    images.Measure(LensTypes(images, types), types);
-    if (turn == 1) {
-      // A profile per type once one common profile has found the positions.
-      type_share = images.TypeShare();
-      if (type_share > kTypeShare) types = LatticeSets(KindOfLattice(*basis));
-    }
+    images.Measure(LensTypes(images, types.pattern), types.pattern.Sets());
+    // A profile per type once one common profile has found the positions.
+    if (turn == 1) types = images.FindTypes();
     measurements = images.Measurements();
     lattice = SmoothLattice::Fit(measurements);
   }
   const std::vector<LatticeNode> inside = lattice.NodesInside(measurements, size, pitch);
   const std::vector<Vector2d> centres = Positions(lattice, inside);
   images.Place(inside, centres);
-  const std::vector<int> lens_types = LensTypes(images, types);
-  images.Measure(lens_types, types);
+  const std::vector<int> lens_types = LensTypes(images, types.pattern);
+  images.Measure(lens_types, types.pattern.Sets());
   MicroLensGrid grid = MakeGrid(images, centres, lens_types);
-  grid.type_share = type_share;
-  grid.array.types = types;
+  grid.array.types = types.pattern.Sets();
   SetLattice(lattice, measurements, size, &grid);
+  Matrix2d in_middle;
+  in_middle << grid.array.e_column, grid.array.e_row;
+  for (MicroLens& lens : grid.array.lenses) {
+    lens.centre -=
+        DisplacementByBending(lattice, in_middle, {lens.column, lens.row}, images.SquareRadius());
+  }
   return grid;
 }
 

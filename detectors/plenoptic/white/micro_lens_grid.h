@@ -25,10 +25,6 @@ struct MicroLensGrid {
   double misfit = 0;
   /// Robust relative spread of a micro image's brightness about that of its neighbours.
   double gain_spread = 0;
-  /// Share of the variance between micro images that the interleaved sets explain, in the
-  /// ring or brightness that distinguishes them best; `array.types` is their number where it is
-  /// large.
-  double type_share = 0;
 };
 
 /// Finds all micro lenses whose micro-image centre is on the sensor. `white`: CV_32F, mean white

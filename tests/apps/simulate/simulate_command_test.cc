@@ -259,7 +259,23 @@ TEST_F(SimulateCommand, NamesWhatIsWrongInTheSpecification) {
       {"aim: plenoptic", "aim: plenopti", "spec.yaml:7", "plenoptic"},
       {"f_x: 410, ", "", "spec.yaml:13", "f_x"},
       {"distance: [0.36, 0.7]", "distance: [0.7, 0.36]", "spec.yaml:7", "nearest"},
-      {"focus: [2.4, 3.0, 3.9]", "focus: [2.4, 3.0]", "spec.yaml:31", "one virtual depth or three"},
+      {"focus: [2.4, 3.0, 3.9]", "focus: [2.4, 3.0]", "spec.yaml:31", "need a 'pattern'"},
+      {"focus: [2.4, 3.0, 3.9]",
+       "focus: [2, 2, 3, 3, 4]",
+       "spec.yaml:31",
+       "one to 4 virtual depths"},
+      {"focus: [2.4, 3.0, 3.9]",
+       "focus: [2, 3]\n      pattern: [[0, 2]]",
+       "spec.yaml:32",
+       "0 to 1"},
+      {"focus: [2.4, 3.0, 3.9]",
+       "focus: [2, 3]\n      pattern: [[0, 0]]",
+       "spec.yaml:32",
+       "no lens type 1"},
+      {"focus: [2.4, 3.0, 3.9]",
+       "focus: [2, 3]\n      pattern: [[0, 1], [1]]",
+       "spec.yaml:32",
+       "as in the first row"},
       {"focus: [2.4, 3.0, 3.9]", "focus: [0.5]", "spec.yaml:31", "at least 1"},
       {"blur: 0.35", "vignetting: 0.35", "spec.yaml:27", "fill"},
       {"target: target.yaml", "target: other.yaml", "other.yaml", "no such file"}};
@@ -267,6 +283,20 @@ TEST_F(SimulateCommand, NamesWhatIsWrongInTheSpecification) {
     SCOPED_TRACE(to);
     Write("spec.yaml", Replaced(good, from, to));
     ExpectRefused({place, part});
+  }
+}
+
+TEST_F(SimulateCommand, RepeatsAPatternOfLensTypes) {
+  Change("focus: [2.4, 3.0, 3.9]", "focus: [2.4, 3.9]\n      pattern: [[0, 0, 1], [1, 0, 0]]");
+  ASSERT_EQ(Simulate({"--points"}).status, kDone);
+  const Table lenses(Read("set/truth/micro_lenses_plenoptic.csv"));
+  const std::vector<double> rows = lenses.Numbers("row"), columns = lenses.Numbers("column"),
+                            types = lenses.Numbers("type");
+  ASSERT_GT(types.size(), 100u);
+  for (size_t i = 0; i < types.size(); ++i) {
+    const int row = static_cast<int>(rows[i]) & 1;
+    const int column = ((static_cast<int>(columns[i]) % 3) + 3) % 3;
+    ASSERT_EQ(types[i], column == (row == 0 ? 2 : 0) ? 1 : 0);
   }
 }
 

@@ -99,7 +99,10 @@ TEST(SimulatedImages, OfAPlenopticCameraShowMarkersWhereTheModelDoes) {
       // Small micro lenses: defocus beyond the stop's edge shifts what is seen.
       camera.micro_lenses = {
           .pitch = 24, .rotation = 0.3, .focus = {-3}, .aperture = 0.15, .fill = 0.95};
-      if (!keplerian) camera.micro_lenses->focus = {2.5, 3, 4};
+      if (!keplerian) {
+        camera.micro_lenses->focus = {2.5, 3, 4};
+        camera.micro_lenses->pattern = *UsualPattern(LatticeKind::kHexagonal, 3);
+      }
       if (camera.params.size() < camera.model->params.size()) camera.params.push_back(0.02);
       const Target nominal = Discs();
       const TrueTarget made = MakeTarget(nominal, 0.0004, TagErrors::kRigid, 3);

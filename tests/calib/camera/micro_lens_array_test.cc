@@ -36,7 +36,7 @@ MicroLensArray Example() {
       array.lenses.push_back({.row = row,
                               .column = column,
                               .centre = centre,
-                              .type = LatticeColour({column, row}),
+                              .type = kThreeInterleaved.Set({column, row}),
                               .usable = column != 2});
     }
   }
@@ -88,7 +88,7 @@ TEST_F(MicroLensFile, NumbersItsTypesFromZero) {
   const MicroLensArray read = ReadMicroLenses(path_, kSize);
   EXPECT_EQ(read.types, 3);
   for (const MicroLens& lens : read.lenses) {
-    EXPECT_EQ(lens.type, LatticeColour({lens.column, lens.row}));
+    EXPECT_EQ(lens.type, kThreeInterleaved.Set({lens.column, lens.row}));
   }
 }
 
@@ -111,8 +111,8 @@ TEST_F(MicroLensFile, FindsTheLatticeOfAFileWithoutRowsAndColumns) {
   for (const MicroLens& lens : read.lenses) {
     // Another origin, but the interleaved sets are the same up to their numbers.
     const int shift =
-        LatticeColour({read.lenses[0].column, read.lenses[0].row}) - read.lenses[0].type;
-    EXPECT_EQ((LatticeColour({lens.column, lens.row}) - lens.type - shift) % 3, 0);
+        kThreeInterleaved.Set({read.lenses[0].column, read.lenses[0].row}) - read.lenses[0].type;
+    EXPECT_EQ((kThreeInterleaved.Set({lens.column, lens.row}) - lens.type - shift) % 3, 0);
   }
 }
 
@@ -173,10 +173,11 @@ TEST(RayCalibData, IsReadAsItIsWritten) {
       for (int column = -20; column <= 20; ++column) {
         const Eigen::Vector2d c = origin + column * e_column + row * e_row;
         if (!IsInside(c, array.image_size)) continue;
-        array.lenses.push_back({.row = row,
-                                .column = column,
-                                .centre = c,
-                                .type = types == 1 ? 0 : (LatticeColour({column, row}) + 1) % 3});
+        array.lenses.push_back(
+            {.row = row,
+             .column = column,
+             .centre = c,
+             .type = types == 1 ? 0 : (kThreeInterleaved.Set({column, row}) + 1) % 3});
       }
     }
     SetLatticeVectors(&array);
@@ -196,6 +197,20 @@ TEST(RayCalibData, IsReadAsItIsWritten) {
     }
     EXPECT_EQ(checked, array.lenses.size());
   }
+}
+
+TEST(RayCalibData, HoldsNoRowsOfLensTypes) {
+  MicroLensArray array;
+  array.image_size = {100, 100};
+  array.types = 2;
+  array.e_column = {20, 0};
+  array.e_row = Eigen::Rotation2Dd(std::numbers::pi / 3) * array.e_column;
+  for (int row = -2; row <= 2; ++row) {
+    array.lenses.push_back({.row = row,
+                            .centre = {50 + row * array.e_row.x(), 50 + row * array.e_row.y()},
+                            .type = row & 1});
+  }
+  EXPECT_THROW(RayCalibDataXml(array), Error);
 }
 
 TEST(RayCalibData, HoldsNoRectangularLattice) {

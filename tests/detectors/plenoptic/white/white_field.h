@@ -10,6 +10,7 @@
 #include <cmath>
 #include <numbers>
 #include <opencv2/core.hpp>
+#include <optional>
 #include <random>
 #include <set>
 #include <utility>
@@ -25,7 +26,8 @@ struct WhiteField {
   double pitch = 20;  // px
   double rotation_deg = 3;
   Eigen::Vector2d offset{0.37, -0.21};  // of one micro image from the middle, px
-  int types = 3;
+  int types = 3;                        // in the usual pattern
+  std::optional<LensPattern> pattern = {};
   double distortion = 0;  // displacement at the corner over the distance from the middle
   double level = 3000;    // electrons where nothing is lost
   int images = 10;
@@ -36,6 +38,13 @@ struct WhiteField {
   unsigned seed = 1;
   LatticeKind lattice = LatticeKind::kHexagonal;
   double aspect = 1;  ///< of a rectangular lattice: distance of rows over `pitch`
+
+  [[nodiscard]] LensPattern Pattern() const {
+    if (pattern) return *pattern;
+    if (types == 1) return {};
+    if (lattice == LatticeKind::kHexagonal) return kThreeInterleaved;
+    return {.columns = 2, .rows = 2};
+  }
 };
 
 struct TrueLens {
@@ -43,7 +52,8 @@ struct TrueLens {
   Eigen::Vector2d centre;
 };
 
-/// Micro images are discs with a soft edge; radius and softness depend on the type. In electrons.
+/// Undistorted micro images are discs with a soft edge; radius and softness depend on the type. In
+/// electrons.
 struct RenderedField {
   cv::Mat white;                 // CV_32F, mean of the images
   std::vector<TrueLens> lenses;  // with the centre on the sensor
@@ -58,6 +68,16 @@ inline RenderedField Render(const WhiteField& field) {
     return Eigen::Vector2d(middle +
                            d * (1 + field.distortion * d.squaredNorm() / (corner * corner)));
   };
+  const auto undistort = [&](const Eigen::Vector2d& p) {
+    Eigen::Vector2d u = p;
+    for (int i = 0; i < 20; ++i) u += p - distort(u);
+    return u;
+  };
+  // Distortion bends the micro images, too.
+  std::vector<Eigen::Vector2d> undistorted;
+  for (int y = 0; y < field.size[1]; ++y) {
+    for (int x = 0; x < field.size[0]; ++x) undistorted.push_back(undistort({x, y}));
+  }
   Eigen::Matrix2d basis;
   const double angle = field.rotation_deg * std::numbers::pi / 180;
   const bool hexagonal = field.lattice == LatticeKind::kHexagonal;
@@ -81,19 +101,16 @@ inline RenderedField Render(const WhiteField& field) {
       if (c.x() < -margin || c.y() < -margin || c.x() > w + margin || c.y() > h + margin) continue;
       const LatticeNode node{column, row};
       if (IsInside(c, field.size)) out.lenses.push_back({node, c});
-      const int type = field.types == 1 ? 0 : LatticeColour(node, field.lattice);
+      const int type = field.Pattern().Set(node);
       const double gain =
           field.dead.contains({column, row}) ? 0.05 : 1 + field.gain_scatter * normal(random);
-      // Mean of the radial and the tangential stretch of the distortion.
-      const double stretch =
-          1 + 2 * field.distortion * (regular - middle).squaredNorm() / (corner * corner);
-      const double radius = radii[type] * field.pitch * stretch;
-      const double blur = std::hypot(0.5, blurs[type] * field.pitch * stretch);
+      const double radius = radii[type] * field.pitch;
+      const double blur = std::hypot(0.5, blurs[type] * field.pitch);
       for (int y = std::max(0.0, std::ceil(c.y() - margin)); y <= std::min(h - 1, c.y() + margin);
            ++y) {
         for (int x = std::max(0.0, std::ceil(c.x() - margin)); x <= std::min(w - 1, c.x() + margin);
              ++x) {
-          const Eigen::Vector2d d = Eigen::Vector2d(x, y) - c;
+          const Eigen::Vector2d d = undistorted[y * field.size[0] + x] - regular;
           const double disc = 0.5 * std::erfc((d.norm() - radius) / (std::sqrt(2.0) * blur));
           const double fall_off =
               1 / std::pow(1 + 0.2 * (c - middle).squaredNorm() / (corner * corner), 2);
