@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include <array>
+#include <atomic>
 #include <cerrno>
 #include <chrono>
 #include <csignal>
@@ -21,15 +22,17 @@
 namespace plenocal {
 namespace {
 
-volatile std::sig_atomic_t interrupted = 0;
+// Set by the signal handler, read by all threads.
+std::atomic<bool> interrupted{false};
+static_assert(std::atomic<bool>::is_always_lock_free);
 const ConsoleSink* sink = nullptr;
 constexpr auto kLogPause = std::chrono::seconds(10);  // between lines of progress in a file
 int wake_up[2] = {-1, -1};  // a pipe from the signal handler to `EndWhenInterrupted`
 
-void RememberInterrupt(int) { interrupted = 1; }
+void RememberInterrupt(int) { interrupted = true; }
 
 void OnInterrupt(int) {
-  interrupted = 1;
+  interrupted = true;
   const char byte = 0;
   // Nothing can be done here when it fails; loops look at `interrupted` themselves.
   if (write(wake_up[1], &byte, 1) < 0) return;
@@ -242,12 +245,12 @@ void CatchInterrupts() {
   sigaction(SIGTERM, &action, nullptr);
 }
 
-bool Interrupted() { return interrupted != 0; }
+bool Interrupted() { return interrupted; }
 
-void Interrupt() { interrupted = 1; }
+void Interrupt() { interrupted = true; }
 
 InterruptScope::InterruptScope(bool catch_ctrl_c) : catches_(catch_ctrl_c) {
-  interrupted = 0;
+  interrupted = false;
   if (!catches_) return;
   struct sigaction action {};
   action.sa_handler = RememberInterrupt;
@@ -255,7 +258,7 @@ InterruptScope::InterruptScope(bool catch_ctrl_c) : catches_(catch_ctrl_c) {
 }
 
 InterruptScope::~InterruptScope() {
-  interrupted = 0;
+  interrupted = false;
   if (catches_) sigaction(SIGINT, &before_, nullptr);
 }
 

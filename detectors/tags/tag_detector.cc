@@ -137,14 +137,21 @@ using TagPoints = std::array<Eigen::Vector3d, 4>;
 /// Where a tag of the target should be, judging by those found near it in its plane.
 struct Prediction {
   Quad corners;
-  double distance = 0;  ///< of the nearest tag found / the tag's side
+  double distance = 0;         ///< of the nearest tag found / the tag's side
+  std::size_t neighbours = 0;  ///< that it rests on
 };
+
+/// Which neighbours predict a tag: all, or those about as near as the nearest. Over the others a
+/// strong lens bends the target more than a homography can follow; but they determine it better.
+enum class Neighbours { kAll, kNearest };
 
 std::optional<Prediction> Predict(const std::map<int, TagPoints>& target,
                                   int id,
-                                  const std::map<int, Quad>& found) {
+                                  const std::map<int, Quad>& found,
+                                  Neighbours which) {
   // Few and near, so that lens distortion and a bent target matter little.
   constexpr std::size_t kNeighbours = 4;
+  constexpr double kAsNear = 1.6;  // the next tags of a grid, across its corners too
   const TagPoints& tag = target.at(id);
   const Eigen::Vector3d centre = (tag[0] + tag[1] + tag[2] + tag[3]) / 4;
   const double side = (tag[1] - tag[0]).norm();
@@ -167,6 +174,10 @@ std::optional<Prediction> Predict(const std::map<int, TagPoints>& target,
   if (neighbours.empty()) return std::nullopt;
   std::sort(neighbours.begin(), neighbours.end());
   neighbours.resize(std::min(neighbours.size(), kNeighbours));
+  if (which == Neighbours::kNearest) {
+    const double limit = kAsNear * neighbours[0].first;
+    std::erase_if(neighbours, [&](const auto& neighbour) { return neighbour.first > limit; });
+  }
 
   Eigen::Vector2d middle(0, 0);
   for (const auto& [away, other] : neighbours) {
@@ -195,6 +206,7 @@ std::optional<Prediction> Predict(const std::map<int, TagPoints>& target,
     prediction.corners[k] = at.hnormalized() * scale + middle;
   }
   prediction.distance = neighbours[0].first;
+  prediction.neighbours = neighbours.size();
   return prediction;
 }
 
@@ -254,16 +266,16 @@ class TagDetector : public MarkerDetector {
     const cv::Rect whole(0, 0, gray.cols, gray.rows);
     const std::vector<DecodedTag> decoded = reader_.Read(gray, whole, 2);
     Keep(gray, decoded, &found);
-    bool anywhere = Search(gray, &found);
-    if (anywhere && border_.corner_squares) {
+    bool incomplete = Search(gray, &found);
+    if (incomplete && border_.corner_squares) {
       // Where black has spread, tags hang together with the squares at their corners, and the
       // library sees no outlines.
       cv::Mat apart;
       cv::dilate(gray, apart, cv::getStructuringElement(cv::MORPH_RECT, {3, 3}));
       Keep(gray, reader_.Read(apart, whole, 2), &found);
-      anywhere = Search(gray, &found);
+      incomplete = Search(gray, &found);
     }
-    if (anywhere) {
+    if (incomplete) {
       Keep(gray, reader_.Read(gray, whole, 1), &found);
       Search(gray, &found);
     }
@@ -332,7 +344,7 @@ class TagDetector : public MarkerDetector {
   [[nodiscard]] bool Supported(const DecodedTag& a, const std::vector<DecodedTag>& decoded) const {
     return std::any_of(decoded.begin(), decoded.end(), [&](const DecodedTag& b) {
       if (!b.on_target || b.id == a.id) return false;
-      const auto expected = Predict(points_, a.id, {{b.id, b.corners}});
+      const auto expected = Predict(points_, a.id, {{b.id, b.corners}}, Neighbours::kAll);
       if (!expected) return false;
       for (std::size_t k = 0; k < 4; ++k) {
         if ((expected->corners[k] - a.corners[k]).norm() > Side(a.corners) / 2) return false;
@@ -357,30 +369,43 @@ class TagDetector : public MarkerDetector {
   }
 
   /// Looks for missing tags near those found, until no more turn up. True when some tag may be
-  /// anywhere in the image.
+  /// anywhere in the image, or more are missing that should be in the image than were found.
   bool Search(const cv::Mat& gray, Found* found) {
     bool anywhere = found->tags.empty();
+    std::size_t in_view = 0;           // of the missing ones
     std::map<int, std::size_t> tried;  // with how many tags known
     for (bool more = !anywhere; more;) {
       more = anywhere = false;
+      in_view = 0;
       std::vector<std::pair<double, int>> missing;
       for (const int id : layout_.ids) {
         if (found->tags.contains(id)) continue;
-        if (const auto expected = Predict(points_, id, found->tags)) {
+        if (const auto expected = Predict(points_, id, found->tags, Neighbours::kAll)) {
           missing.emplace_back(expected->distance, id);
+          in_view += Within(expected->corners, gray) ? 1 : 0;
         } else {
           anywhere = true;
         }
       }
       std::sort(missing.begin(), missing.end());
       for (const auto& [distance, id] : missing) {
-        const auto expected = Predict(points_, id, found->tags);
-        if (!expected || !Convex(expected->corners) || tried[id] == found->tags.size()) continue;
+        if (tried[id] == found->tags.size()) continue;
         tried[id] = found->tags.size();
-        if (FindNear(gray, id, *expected, found)) more = true;
+        if (FindByNeighbours(gray, id, found)) more = true;
       }
     }
-    return anywhere;
+    return anywhere || in_view > found->tags.size();
+  }
+
+  bool FindByNeighbours(const cv::Mat& gray, int id, Found* found) {
+    std::size_t tried = 0;
+    for (const Neighbours which : {Neighbours::kNearest, Neighbours::kAll}) {
+      const auto expected = Predict(points_, id, found->tags, which);
+      if (!expected || !Convex(expected->corners) || expected->neighbours == tried) continue;
+      tried = expected->neighbours;
+      if (FindNear(gray, id, *expected, found)) return true;
+    }
+    return false;
   }
 
   bool FindNear(const cv::Mat& gray, int id, const Prediction& expected, Found* found) {

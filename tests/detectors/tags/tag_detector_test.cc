@@ -304,6 +304,47 @@ TEST(TagDetector, FindsAllOfAKalibrGrid) {
   }
 }
 
+// Blurred tags hang together with the squares at their corners, so that the library reads few; and
+// a fisheye bends the board more than a homography by tags from all over it can follow.
+TEST(TagDetector, FindsTheNeighboursOfFewTagsInAFisheye) {
+  const Board board(kFamilies[3], 6, 6, 1.3, true);
+  const cv::Size size(1280, 1024);
+  const Eigen::Vector2d middle(640, 512);
+  constexpr double kFocal = 380;
+  const Eigen::Matrix3d R =
+      Eigen::Quaterniond(0.697, 0.645, 0.134, 0.283).normalized().toRotationMatrix();
+  const Eigen::Vector3d camera(2.46, 4.88, 3.36);  // in sides of a tag
+  cv::Mat gray = testing::Render(
+      [&](const Eigen::Vector2d& pixel) {
+        const Eigen::Vector2d q = (pixel - middle) / kFocal;
+        const double theta = q.norm();
+        const Eigen::Vector2d aside = std::sin(theta) / std::max(theta, 1e-9) * q;
+        const Eigen::Vector3d ray = R * Eigen::Vector3d(aside.x(), aside.y(), std::cos(theta));
+        if (ray.z() >= 0) return kBlack;
+        return board((camera - camera.z() / ray.z() * ray).head<2>());
+      },
+      size,
+      {.blur = 2, .noise = 2, .supersampling = 3});
+  cv::erode(gray, gray, cv::getStructuringElement(cv::MORPH_RECT, {3, 3}));
+  const auto found = MakeMarkerDetector(board.target)->Detect(gray).markers;
+  int whole = 0;
+  for (int id = 0; id < 36; ++id) {
+    int inside = 0;
+    for (const Eigen::Vector2d& corner : board.Corners(id)) {
+      const Eigen::Vector3d seen =
+          R.transpose() * (Eigen::Vector3d(corner.x(), corner.y(), 0) - camera);
+      const double theta = std::atan2(seen.head<2>().norm(), seen.z());
+      const Eigen::Vector2d at = middle + kFocal * theta * seen.head<2>().normalized();
+      inside += at.x() > 10 && at.y() > 10 && at.x() < 1269 && at.y() < 1013;
+    }
+    if (inside < 4) continue;
+    ++whole;
+    EXPECT_TRUE(std::ranges::any_of(found, [&](const auto& o) { return o.marker / 4 == id; }))
+        << id;
+  }
+  EXPECT_GT(whole, 15);
+}
+
 /// RMS of the coordinates' errors, px. `image_of`: of a point of the board's plane.
 double RmsError(const Board& board,
                 const std::vector<Observation>& markers,
