@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "calib/adjust/linearise.h"
-
+#include "calib/kernels/row_products.h"
 namespace plenocal::internal {
 namespace {
 
@@ -180,31 +180,32 @@ class OwnColumns {
   Eigen::MatrixXd marker_cross_;  // J' M over all observations, three columns a marker
 };
 
-// Rows of W' W are collected and subtracted together: one large product is faster than many small.
+// Columns of W are collected and W W' is subtracted at once: one large product is faster than many
+// small ones.
 class Subtraction {
  public:
-  explicit Subtraction(Eigen::MatrixXd* S)
-      : S_(*S), batch_(Eigen::MatrixXd::Zero(S->rows(), kRows)) {}
+  explicit Subtraction(Eigen::MatrixXd* S) : S_(*S), batch_(ZeroRows(S->rows(), kColumns)) {}
 
   // S -= cross (L L')^-1 cross'
   void Add(const Eigen::MatrixXd& cross, const Eigen::LLT<Matrix6d>& factor) {
     // Without unknowns beside the poses: Eigen's solver does not take the empty matrix.
     if (cross.rows() == 0) return;
-    batch_.middleCols<6>(columns_) = factor.matrixL().solve(cross.transpose()).transpose();
+    batch_.block(0, columns_, cross.rows(), 6) =
+        factor.matrixL().solve(cross.transpose()).transpose();
     columns_ += 6;
-    if (columns_ == kRows) Flush();
+    if (columns_ == kColumns) Flush();
   }
   void Flush() {
-    if (columns_ > 0) {
-      S_.selfadjointView<Eigen::Lower>().rankUpdate(batch_.leftCols(columns_), -1);
-    }
+    if (columns_ == 0) return;
+    batch_.rightCols(kColumns - columns_).setZero();
+    AddRowProducts(-1, batch_, &S_);
     columns_ = 0;
   }
 
  private:
-  static constexpr int kRows = 6 * 64;
+  static constexpr int kColumns = 6 * 64;
   Eigen::MatrixXd& S_;
-  Eigen::MatrixXd batch_;
+  RowMajorMatrix batch_;
   int columns_ = 0;
 };
 

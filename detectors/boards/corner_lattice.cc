@@ -10,8 +10,8 @@
 #include <optional>
 #include <utility>
 
+#include "calib/kernels/processors.h"
 #include "detectors/templates/lanes.h"
-#include "detectors/templates/processors.h"
 
 // At each scale of a pyramid:
 //

@@ -11,7 +11,7 @@
 #include "calib/base/linear_algebra.h"
 #include "calib/base/robust.h"
 #include "calib/base/statistics.h"
-#include "detectors/templates/processors.h"
+#include "calib/kernels/processors.h"
 #include "detectors/templates/square_sums.h"
 
 namespace plenocal::internal {

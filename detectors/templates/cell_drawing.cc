@@ -5,7 +5,7 @@
 #include <cmath>
 #include <utility>
 
-#include "detectors/templates/processors.h"
+#include "calib/kernels/processors.h"
 
 namespace plenocal::internal {
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "detectors/templates/disc_drawing.h"
 
-#include "detectors/templates/processors.h"
+#include "calib/kernels/processors.h"
 
 namespace plenocal::internal {
 

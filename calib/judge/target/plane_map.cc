@@ -9,6 +9,7 @@
 #include "calib/base/linear_algebra.h"
 #include "calib/base/robust.h"
 #include "calib/base/statistics.h"
+#include "calib/kernels/row_products.h"
 
 namespace plenocal {
 namespace {
@@ -65,10 +66,11 @@ std::optional<PlaneMap> PlaneMap::Fit(const Pairs& pairs,
   const int terms = Terms(order), unknowns = Unknowns(order);
   // The equations are multiplied by D, so they are weighted by the last D.
   constexpr int kRounds = 3;
-  Eigen::MatrixXd A(2 * count, unknowns);
-  Eigen::VectorXd b(2 * count);
+  // Of each point the monomials m, at x, at y, x and y: the equations of x are (m, 0, -at x), those
+  // of y (0, m, -at y), so that all sums of products are among theirs.
+  const int at_x = terms, at_y = terms + 2, x = terms + 4, y = terms + 5;
+  RowMajorMatrix columns = ZeroRows(terms + 6, static_cast<Eigen::Index>(count));
   for (int round = 0; round < kRounds; ++round) {
-    A.setZero();
     for (size_t i = 0; i < count; ++i) {
       const Eigen::Vector2d at = (pairs.plane[i] - map.plane_middle_) / map.plane_scale_;
       const Eigen::Vector2d seen = (pairs.image[i] - map.image_middle_) / map.image_scale_;
@@ -76,21 +78,27 @@ std::optional<PlaneMap> PlaneMap::Fit(const Pairs& pairs,
       const double denominator =
           round == 0 ? 1 : std::max(kLeastDenominator, 1 + map.coefficients_.tail<2>().dot(at));
       const double weight = pairs.scale[i] * std::sqrt(weights[i]) / denominator;
-      for (Eigen::Index axis = 0; axis < 2; ++axis) {
-        const auto row = 2 * static_cast<Eigen::Index>(i) + axis;
-        for (int k = 0; k < terms; ++k) {
-          A(row, axis * terms + k) = weight * monomials[static_cast<size_t>(k)];
-        }
-        A.row(row).tail<2>() = -weight * seen[axis] * at;
-        b[row] = weight * seen[axis];
-      }
+      auto column = columns.col(static_cast<Eigen::Index>(i));
+      for (int k = 0; k < terms; ++k) column[k] = weight * monomials[static_cast<size_t>(k)];
+      column.segment<2>(at_x) = weight * seen.x() * at;
+      column.segment<2>(at_y) = weight * seen.y() * at;
+      column.segment<2>(x) = weight * seen;
     }
+    Eigen::MatrixXd sums = Eigen::MatrixXd::Zero(terms + 6, terms + 6);  // lower triangle
+    AddRowProducts(1, columns, &sums);
+    Eigen::MatrixXd square = Eigen::MatrixXd::Zero(unknowns, unknowns);  // its lower triangle
+    square.topLeftCorner(terms, terms) = sums.topLeftCorner(terms, terms);
+    square.block(terms, terms, terms, terms) = sums.topLeftCorner(terms, terms);
+    square.block(2 * terms, 0, 2, terms) = -sums.block(at_x, 0, 2, terms);
+    square.block(2 * terms, terms, 2, terms) = -sums.block(at_y, 0, 2, terms);
+    square.bottomRightCorner<2, 2>() = sums.block<2, 2>(at_x, at_x) + sums.block<2, 2>(at_y, at_y);
+    Eigen::VectorXd right(unknowns);
+    right << sums.row(x).head(terms).transpose(), sums.row(y).head(terms).transpose(),
+        -(sums.block<1, 2>(x, at_x) + sums.block<1, 2>(y, at_y)).transpose();
     // Keeps a direction that the points leave open at zero, far below what they determine.
     constexpr double kRidge = 1e-12;
-    Eigen::MatrixXd square = Eigen::MatrixXd::Zero(unknowns, unknowns);  // its lower triangle
-    square.selfadjointView<Eigen::Lower>().rankUpdate(A.transpose());
     square.diagonal().array() += kRidge * square.diagonal().maxCoeff();
-    map.coefficients_ = SolveSymmetric(square, Eigen::VectorXd(A.transpose() * b));
+    map.coefficients_ = SolveSymmetric(square, right);
     if (!map.coefficients_.allFinite()) return std::nullopt;
   }
   return map;

@@ -5,7 +5,7 @@
 #include <limits>
 
 #include "calib/base/robust.h"
-#include "detectors/templates/processors.h"
+#include "calib/kernels/processors.h"
 
 namespace plenocal::internal {
 

@@ -7,8 +7,8 @@
 #include <cmath>
 
 #include "calib/base/linear_algebra.h"
+#include "calib/kernels/processors.h"
 #include "detectors/templates/lanes.h"
-#include "detectors/templates/processors.h"
 #include "detectors/templates/square_sums.h"
 
 namespace plenocal::internal {
