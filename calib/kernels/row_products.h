@@ -10,9 +10,9 @@ using RowMajorMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eig
 /// A matrix of zeros with at least `rows` rows and a whole number of `AddRowProducts`' steps.
 RowMajorMatrix ZeroRows(Eigen::Index rows, Eigen::Index columns);
 
-/// S += factor B B' in the lower triangle, B the first S.rows() rows of `rows`, which `ZeroRows` has
-/// made. Eigen's `rankUpdate`, two to three times as fast on processors with AVX2: Eigen is compiled
-/// for all x86-64.
+/// S += factor B B' in the lower triangle, B the first S.rows() rows of `rows`, which `ZeroRows`
+/// has made. Eigen's `rankUpdate`, two to three times as fast on processors with AVX2: Eigen is
+/// compiled for all x86-64.
 void AddRowProducts(double factor, const RowMajorMatrix& rows, Eigen::MatrixXd* S);
 
 }  // namespace plenocal

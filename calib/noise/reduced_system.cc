@@ -9,6 +9,7 @@
 
 #include "calib/adjust/linearise.h"
 #include "calib/kernels/row_products.h"
+
 namespace plenocal::internal {
 namespace {
 

@@ -50,6 +50,19 @@ struct CellPattern {
     const double off = (cells.array() - static_cast<float>(middle)).abs().maxCoeff();
     return off < middle - margin + std::min(kUsable, margin - kBlurred - reach);
   }
+  /// Half of the square around a marker, cells, within the window. The corners of a board (no
+  /// margin) are one cell apart: each has the pixels nearest to it, or of small cells as many as a
+  /// fit needs.
+  [[nodiscard]] double HalfOfSquare(double cell_px) const {
+    constexpr double kToNextCorner = 0.5, kLeast = 4;  // cells, px
+    if (margin > 0) return std::numeric_limits<double>::infinity();
+    return std::clamp(kLeast / cell_px, kToNextCorner, kWindow);
+  }
+  /// How many markers a pixel measures: its noise is in all of them.
+  [[nodiscard]] double MarkersAPixel(double cell_px) const {
+    const double side = 2 * HalfOfSquare(cell_px);
+    return margin > 0 ? 1 : side * side;
+  }
   /// True when a fit is wrong without the pixel at a point.
   [[nodiscard]] static bool IsNeeded(const Eigen::Vector2f&, const FitPriors&, double) {
     return false;
@@ -72,6 +85,10 @@ struct DiscPattern {
   [[nodiscard]] static bool IsKnown(const Eigen::Vector2f& radii, double) {
     return radii.norm() < kWindow;
   }
+  [[nodiscard]] static double HalfOfSquare(double) {
+    return std::numeric_limits<double>::infinity();
+  }
+  [[nodiscard]] static double MarkersAPixel(double) { return 1; }
   /// Beside a dark edge the position depends on the radius and on the displacement by vignetting on
   /// the other side.
   [[nodiscard]] static bool IsNeeded(const Eigen::Vector2f& radii,
@@ -191,6 +208,8 @@ bool Fit<Pattern>::CollectPixels(const SensorNoise& noise) {
   const auto lens = static_cast<size_t>(expected_.lens);
   const float* value = patches_.Value(lens);
   const double window = Pattern::kWindow * expected_.cell_px + kBlurReach;
+  const Eigen::Vector2f at_marker = expected_.cells_by_raw.col(2).hnormalized();
+  const double half = pattern_.HalfOfSquare(expected_.cell_px);
   for (int row = 0; row < patches_.size; ++row) {
     for (int column = 0; column < patches_.size; ++column) {
       const Eigen::Vector2d about(patches_.origin[lens].x() + column - expected_.position.x(),
@@ -198,6 +217,7 @@ bool Fit<Pattern>::CollectPixels(const SensorNoise& noise) {
       if (about.x() * about.x() + about.y() * about.y() > window * window) continue;
       const Eigen::Vector3f there(static_cast<float>(about.x()), static_cast<float>(about.y()), 1);
       const Eigen::Vector2f cells = (expected_.cells_by_raw * there).hnormalized();
+      if ((cells - at_marker).cwiseAbs().maxCoeff() > half) continue;
       if (!pattern_.IsKnown(cells, patches_.filter_radius / expected_.cell_px)) continue;
       if (std::isnan(value[row * patches_.size + column]) || !displacements_.Append(column, row)) {
         if (pattern_.IsNeeded(cells, priors_, expected_.cell_px)) return false;
@@ -298,7 +318,8 @@ TemplateFit Fit<Pattern>::Result(const Vector& p, const NormalEquations& last) c
   const Eigen::Matrix2d covariance = covariance_of_all.topLeftCorner<2, 2>();
   const double excess = last.chi2 / static_cast<double>(pixels_.size() - kCount);
   return {.position = expected_.position + p.head<2>(),
-          .sigma = std::sqrt(covariance.trace() / 2 * std::max(1.0, excess)),
+          .sigma = std::sqrt(covariance.trace() / 2 * std::max(1.0, excess) *
+                             pattern_.MarkersAPixel(expected_.cell_px)),
           .blur = p[kBlur],
           .blur_sigma = std::sqrt(covariance_of_all(kBlur, kBlur) * std::max(1.0, excess)),
           .shape = p[kShape],

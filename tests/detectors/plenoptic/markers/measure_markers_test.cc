@@ -12,10 +12,11 @@
 namespace plenocal::internal {
 namespace TEST_FILE {
 
-/// Corners of a chessboard, seen through micro lenses without vignetting and without noise.
+/// Corners of a chessboard with squares of `cell` px in the virtual image, seen through micro
+/// lenses without vignetting.
 class Chessboard {
  public:
-  Chessboard() : array_(PlenopticScene{}.Array()) {
+  explicit Chessboard(double cell) : cell_(cell), array_(PlenopticScene{}.Array()) {
     constexpr int kSamples = 8;
     const PlenopticScene scene;
     raw_ = cv::Mat(scene.height, scene.width, CV_32F, cv::Scalar(0));
@@ -39,8 +40,15 @@ class Chessboard {
     }
   }
 
-  /// The corners measured by drawings for a depth that is too large by a relative error.
-  [[nodiscard]] RawMeasurements Measure(double error) const {
+  /// The corners measured by drawings for a depth that is too large by a relative error; noise of
+  /// 2 grey values with a `seed` other than 0. `margin`: as if the board were one tag.
+  [[nodiscard]] RawMeasurements Measure(double error, unsigned seed = 0, int margin = 0) const {
+    cv::Mat raw = raw_.clone();
+    if (seed != 0) {
+      cv::Mat noise(raw.size(), CV_32F);
+      cv::RNG(seed).fill(noise, cv::RNG::NORMAL, 0, kNoise);
+      raw += noise;
+    }
     constexpr int kCells = 20;
     VirtualDepth depth;
     depth.inverse = cv::Mat(raw_.size(), CV_32F, cv::Scalar(1 / (kDepth * (1 + error))));
@@ -54,24 +62,31 @@ class Chessboard {
     std::vector<MarkerTemplate> markers;
     for (int row = 6; row <= 13; ++row) {
       for (int column = 6; column <= 13; ++column) {
-        Eigen::Matrix3d cells_by_image = Eigen::Matrix3d::Identity() / kCell;
+        Eigen::Matrix3d cells_by_image = Eigen::Matrix3d::Identity() / cell_;
         cells_by_image(2, 2) = 1;
         MarkerTemplate marker{.marker = row * kCells + column,
-                              .position = kCell * Eigen::Vector2d(column, row),
+                              .position = cell_ * Eigen::Vector2d(column, row),
                               .cells_by_image = cells_by_image,
-                              .pattern = CellDrawing(cells, kCells)};
+                              .pattern = CellDrawing(cells, kCells),
+                              .margin = margin};
         markers.push_back(marker);
       }
     }
     const cv::Mat even(raw_.size(), CV_32F, cv::Scalar(1));
-    return MeasureMarkers(
-        markers, depth, CutPatches(raw_, even, array_, std::nullopt, 2), array_, {0.1f, 0}, 2);
+    return MeasureMarkers(markers,
+                          depth,
+                          CutPatches(raw, even, array_, std::nullopt, 2),
+                          array_,
+                          {seed == 0 ? 0.1f : kNoise * kNoise, 0},
+                          2);
   }
 
  private:
-  static constexpr double kDepth = 3.5, kCell = 20;  ///< px of the virtual image
-  static Eigen::Vector2d Cells(const Eigen::Vector2d& q) { return q / kCell; }
+  static constexpr double kDepth = 3.5;
+  static constexpr float kNoise = 2;
+  [[nodiscard]] Eigen::Vector2d Cells(const Eigen::Vector2d& q) const { return q / cell_; }
 
+  double cell_;
   MicroLensArray array_;
   cv::Mat raw_;
 };
@@ -91,8 +106,9 @@ void KeepCommon(RawMeasurements* a, RawMeasurements* b) {
 
 TEST(MeasureMarkers, HaveTheirSensitivityToAWrongDepth) {
   constexpr double kError = -0.003;
-  const Chessboard board;
-  std::vector<RawMeasurements> right{board.Measure(0)}, wrong{board.Measure(kError)};
+  const Chessboard board(20);
+  // Pixels on one side of the micro image only: of boards few are used, on both sides.
+  std::vector<RawMeasurements> right{board.Measure(0, 0, 2)}, wrong{board.Measure(kError, 0, 2)};
   KeepCommon(&right[0], &wrong[0]);
   ASSERT_GT(right[0].size(), 150u);
   double moved = 0, unexplained = 0, outward = 0;
@@ -105,6 +121,34 @@ TEST(MeasureMarkers, HaveTheirSensitivityToAWrongDepth) {
   }
   EXPECT_LT(unexplained, 0.05 * moved);
   EXPECT_GT(outward / static_cast<double>(right[0].size()), 0.003);
+}
+
+// Corners of a board are one square apart: the pixels beside one must not count as measurements of
+// its neighbours, too.
+TEST(MeasureMarkers, ErrorsOfNeighbouringCornersAreNotTheSame) {
+  const Chessboard board(30);
+  const RawMeasurements exact = board.Measure(0, 0);
+  double products = 0, squares = 0, variances = 0, count = 0;
+  for (unsigned seed = 1; seed <= 12; ++seed) {
+    RawMeasurements clean = exact, noisy = board.Measure(0, seed);
+    KeepCommon(&clean, &noisy);
+    for (size_t i = 0; i < noisy.size(); ++i) {
+      const Eigen::Vector2d error = noisy[i].Position() - clean[i].Position();
+      squares += error.squaredNorm();
+      variances += 2 * std::pow(noisy[i].observation.detector_sigma, 2);
+      count += 2;
+      for (size_t k = i + 1; k < noisy.size(); ++k) {
+        const int apart = noisy[k].observation.marker - noisy[i].observation.marker;
+        if (noisy[k].Centre() != noisy[i].Centre() || (apart != 1 && apart != 20)) continue;
+        products += error.dot(noisy[k].Position() - clean[k].Position());
+      }
+    }
+  }
+  ASSERT_GT(count, 1000);
+  // Each corner has about one such neighbour in its micro image.
+  EXPECT_LT(products, 0.1 * squares);
+  EXPECT_LT(squares, 1.3 * variances);
+  EXPECT_GT(squares, 0.5 * variances);
 }
 
 }  // namespace TEST_FILE
