@@ -28,7 +28,8 @@ const std::map<std::string, Rooms> kAllowed = [] {
     for (const std::string& below : direct)
       rooms.insert(allowed[below].begin(), allowed[below].end());
   };
-  add("calib/base", {});
+  add("calib/kernels", {});
+  add("calib/base", {"calib/kernels"});
   add("calib/camera", {"calib/base"});
   add("calib/files", {"calib/camera"});
   add("calib/adjust", {"calib/files"});
