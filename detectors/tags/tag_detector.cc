@@ -141,8 +141,9 @@ struct Prediction {
   std::size_t neighbours = 0;  ///< that it rests on
 };
 
-/// Which neighbours predict a tag: all, or those about as near as the nearest. Over the others a
-/// strong lens bends the target more than a homography can follow; but they determine it better.
+/// Which neighbours predict a tag: up to four, or of these the ones about as near as the nearest. A
+/// strong lens bends the target more than one homography describes, the more the farther the
+/// neighbours; more neighbours determine the homography better.
 enum class Neighbours { kAll, kNearest };
 
 std::optional<Prediction> Predict(const std::map<int, TagPoints>& target,

@@ -34,8 +34,8 @@ constexpr size_t kMostShared = 9;
 /// Grey values; keeps relative brightness finite in a black image.
 constexpr float kLeastBrightness = 1e-3f;
 
-/// Share of the variance of `values` that lies between the sets, outliers limited, of sets by
-/// chance 0 on average; 0 for sets of less than three.
+/// Share of the variance of `values` that lies between the sets, outliers limited; 0 on average for
+/// random sets, and 0 where a set has fewer than three values.
 double ShareBetweenSets(const std::vector<double>& values,
                         const std::vector<int>& sets,
                         int set_count) {
@@ -312,8 +312,8 @@ void MicroImages::DecideUsable() {
 }
 
 /// Of each whole micro image with all neighbours: residuals in rings, and brightness and size
-/// relative to the neighbours. Unusable ones, too: before the types are known these may be those of
-/// a type.
+/// relative to the neighbours. Unusable ones, too: while the types are unknown, all micro images of
+/// one type may count as outliers.
 std::vector<std::pair<LatticeNode, Eigen::VectorXd>> MicroImages::Features() const {
   constexpr int kRings = 8;
   std::map<LatticeNode, const MicroImage*> measured;

@@ -45,8 +45,8 @@ class MicroImages {
   };
   /// The pattern of at most `kMostLensTypes` sets in which the micro images differ, as measured
   /// with one common profile: the smallest that leaves less than twice the variance which any
-  /// larger one leaves. Compares light in rings, brightness and size with the neighbours'; the one
-  /// counts that tells the sets apart best.
+  /// larger one leaves. Compared are light in rings, brightness and size relative to the
+  /// neighbours; the quantity in which the sets differ most decides.
   [[nodiscard]] Types FindTypes();
 
   [[nodiscard]] const std::vector<LatticeNode>& Nodes() const { return nodes_; }

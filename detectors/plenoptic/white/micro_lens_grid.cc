@@ -112,8 +112,8 @@ SmoothLattice FirstLattice(const cv::Mat& flat,
   return SmoothLattice::Fit(*measurements);
 }
 
-/// How far a micro image is measured from the image of its centre. Distortion D, of which the
-/// lattice is an example, bends the circle: a point of it in the direction n is displaced by the
+/// How far a micro image is measured from the image of its centre. Distortion D, which the lattice
+/// shows, bends the circle: a point of it in the direction n is displaced by the
 /// second derivatives of D, n . D''(n, n) radius^2 / 2 across the edge, and the displaced circle
 /// that fits best lies at twice the mean of this times n,
 ///   radius^2 / 8 (Laplacian D_i + 2 d_i div D).
