@@ -58,8 +58,8 @@ struct CellPattern {
     if (margin > 0) return std::numeric_limits<double>::infinity();
     return std::clamp(kLeast / cell_px, kToNextCorner, kWindow);
   }
-  /// How many markers a pixel measures: its noise is in all of them.
-  [[nodiscard]] double MarkersAPixel(double cell_px) const {
+  /// Number of markers that are measured by the same pixel, so that its noise is common to them.
+  [[nodiscard]] double MarkersPerPixel(double cell_px) const {
     const double side = 2 * HalfOfSquare(cell_px);
     return margin > 0 ? 1 : side * side;
   }
@@ -88,7 +88,7 @@ struct DiscPattern {
   [[nodiscard]] static double HalfOfSquare(double) {
     return std::numeric_limits<double>::infinity();
   }
-  [[nodiscard]] static double MarkersAPixel(double) { return 1; }
+  [[nodiscard]] static double MarkersPerPixel(double) { return 1; }
   /// Beside a dark edge the position depends on the radius and on the displacement by vignetting on
   /// the other side.
   [[nodiscard]] static bool IsNeeded(const Eigen::Vector2f& radii,
@@ -319,7 +319,7 @@ TemplateFit Fit<Pattern>::Result(const Vector& p, const NormalEquations& last) c
   const double excess = last.chi2 / static_cast<double>(pixels_.size() - kCount);
   return {.position = expected_.position + p.head<2>(),
           .sigma = std::sqrt(covariance.trace() / 2 * std::max(1.0, excess) *
-                             pattern_.MarkersAPixel(expected_.cell_px)),
+                             pattern_.MarkersPerPixel(expected_.cell_px)),
           .blur = p[kBlur],
           .blur_sigma = std::sqrt(covariance_of_all(kBlur, kBlur) * std::max(1.0, excess)),
           .shape = p[kShape],

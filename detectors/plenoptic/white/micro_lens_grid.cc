@@ -193,9 +193,10 @@ MicroLensGrid FindMicroLensGrid(const cv::Mat& white, int threads) {
   SetLattice(lattice, measurements, size, &grid);
   Matrix2d in_middle;
   in_middle << grid.array.e_column, grid.array.e_row;
+  const double square_radius = images.SquareRadius();
   for (MicroLens& lens : grid.array.lenses) {
     lens.centre -=
-        DisplacementByBending(lattice, in_middle, {lens.column, lens.row}, images.SquareRadius());
+        DisplacementByBending(lattice, in_middle, {lens.column, lens.row}, square_radius);
   }
   return grid;
 }
