@@ -172,6 +172,12 @@ Fit FitAll(const Views& cameras, const Places& places) {
   return FitAll(cameras, places, &distortions);
 }
 
+// The target as it is stated.
+struct Stated {
+  Fit fit;
+  std::vector<double> distortions;  // of each camera
+};
+
 // Whether `other` explains the images decisively better than `stated`.
 bool Explains(const Fit& other, const Fit& stated) {
   constexpr double kMostPoints = 0.8;  // a target that explains some of the points explains nothing
@@ -211,18 +217,34 @@ struct Bracket {
   std::vector<double> distortions;
 };
 
+// Whether another value near the stated one may explain the images. Points move in proportion to
+// the value, so that the variance is a parabola of it: three values give its least one.
+bool MayExplain(const Views& views,
+                const TargetNumber& number,
+                const Stated& stated,
+                const std::function<Places(double)>& places) {
+  constexpr double kStep = 0.02;
+  constexpr double kWorthSearching = 1 + (kLayoutExplains - 1) / 2;
+  std::vector<double> distortions = stated.distortions;
+  const auto variance = [&](double step) {
+    return std::exp(
+        FitAll(views, places(std::log(number.stated) + step), &distortions).log_variance -
+        stated.fit.log_variance);
+  };
+  const double below = variance(-kStep), above = variance(kStep);
+  const double slope = (above - below) / 2, curvature = above - 2 + below;
+  return !(curvature > 0) || 1 - slope * slope / (2 * curvature) < 1 / kWorthSearching;
+}
+
 // Where the stated value is right but for some per cent, the search stays near it.
 Bracket FindBracket(const Views& views,
                     const TargetNumber& number,
-                    const Fit& stated,
+                    const Stated& stated,
                     const std::function<Places(double)>& places) {
   constexpr double kNearby = 0.2;
   const double at = std::log(number.stated);
-  Bracket bracket{at - kNearby, at + kNearby, {}};
-  if (stated.relative < kSuspicious) {
-    FitAll(views, places(at), &bracket.distortions);
-    return bracket;
-  }
+  Bracket bracket{at - kNearby, at + kNearby, stated.distortions};
+  if (stated.fit.relative < kSuspicious) return bracket;
   constexpr int kSteps = 24;
   const double first = std::log(number.least);
   const double step = (std::log(number.most) - first) / kSteps;
@@ -239,7 +261,7 @@ Bracket FindBracket(const Views& views,
 
 Estimate EstimateNumber(const Views& views,
                         const TargetNumber& number,
-                        const Fit& stated,
+                        const Stated& stated,
                         const std::function<Places(double)>& places) {
   Bracket bracket = FindBracket(views, number, stated, places);
   const auto fit = [&](double log_value) {
@@ -368,32 +390,48 @@ Fit CheckedByCamera(const ReferenceCamera& reference,
   return fit;
 }
 
+Views FirstOf(const Views& cameras) {
+  constexpr size_t kFew = 2;
+  Views few;
+  for (const std::vector<PlaneView>& views : cameras) {
+    few.emplace_back(views.begin(), views.begin() + std::min(kFew, views.size()));
+  }
+  return few;
+}
+
 std::vector<Finding> TestFlat(const Views& views,
                               const ReferenceCamera& reference,
                               const MarkerPlane& plane,
                               const std::map<int, Eigen::Vector3d>& markers,
                               const TargetDoubts& doubts) {
-  const Fit stated = FitAll(views, OnPlane(plane, markers));
-  if (stated.points == 0) return {};
+  Stated stated;
+  stated.fit = FitAll(views, OnPlane(plane, markers), &stated.distortions);
+  if (stated.fit.points == 0) return {};
   Best best;
-  if (stated.relative > kSuspicious) {
+  if (stated.fit.relative > kSuspicious) {
+    // Of the fullest views: what does not fit these better is not tried on all.
+    const Views few = FirstOf(views);
+    const Fit stated_few = FitAll(few, OnPlane(plane, markers));
     for (const TargetHypothesis& hypothesis : doubts.hypotheses) {
       Places places;
       for (const auto& [number, candidates] : hypothesis.places()) {
         for (const Eigen::Vector3d& p : candidates) places[number].push_back(plane(p));
       }
+      if (FitAll(few, places).log_variance > stated_few.log_variance) continue;
       const Fit fit = FitAll(views, places);
-      best.Offer(fit, stated, [&] {
-        return HypothesisFinding(hypothesis, std::exp(stated.log_variance - fit.log_variance));
+      best.Offer(fit, stated.fit, [&] {
+        return HypothesisFinding(hypothesis, std::exp(stated.fit.log_variance - fit.log_variance));
       });
     }
   }
   for (const TargetNumber& number : doubts.numbers) {
-    const Estimate estimate = EstimateNumber(views, number, stated, [&](double log_value) {
+    const auto places = [&](double log_value) {
       return WithNumber(plane, markers, number, std::exp(log_value));
-    });
+    };
+    if (stated.fit.relative < kFits && !MayExplain(views, number, stated, places)) continue;
+    const Estimate estimate = EstimateNumber(views, number, stated, places);
     const Fit fit = CheckedByCamera(reference, number, estimate.value, markers, estimate.fit);
-    best.Offer(fit, stated, [&] { return NumberFinding(number, estimate); });
+    best.Offer(fit, stated.fit, [&] { return NumberFinding(number, estimate); });
   }
   return ListOf(std::move(best.finding));
 }
