@@ -130,7 +130,12 @@ Api::Api(Project* project, Jobs* jobs, EventLog* events)
 Answer Api::Handle(const Request& request) {
   if (Is(request, "GET", {"state"})) return State();
   if (Is(request, "GET", {"files"})) return Files(request);
-  if (IsUpload(request)) return AddImage(request);
+  if (Is(request, "POST", {"files"})) return AddImage(request);
+  if (Is(request, "POST", {"look"})) return Look(request);
+  if (Is(request, "POST", {"look", "keep"})) {
+    live_.Keep();
+    return JsonAnswer(Json::object());
+  }
   if (request.path.size() >= 2 && request.path[1] == "session") return SessionRequest(request);
   if (Is(request, "POST", {"jobs"})) return AddJob(request);
   if (Is(request, "POST", {"watch"})) return WatchRequest(request);
@@ -400,6 +405,12 @@ Answer Api::WatchRequest(const Request& request) {
   }
   events_->Add("reset", "{}");  // other tabs show it, too
   return State();
+}
+
+// What the pictures of the live cameras add to a run.
+Answer Api::Look(const Request& request) {
+  const fs::path folder = project_->RunFolder(NumberOf(request.Query("run"), "run"));
+  return JsonAnswer(live_.Weigh(folder, request.Query("pictures"), request.body));
 }
 
 void Api::CalibrateArrivals() {

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "apps/workbench/http/guard.h"
+#include "apps/workbench/live_look.h"
 #include "apps/workbench/project/jobs.h"
 #include "apps/workbench/project/project.h"
 #include "apps/workbench/project/session_images.h"
@@ -43,6 +44,7 @@ class Api {
   Answer AddJob(const Request& request);
   nlohmann::json AddCalibration(int run);
   Answer WatchRequest(const Request& request);
+  Answer Look(const Request& request);
   Answer Image(const Request& request);
   Answer Focus(const Request& request) const;
   Answer Run(const Request& request);
@@ -64,6 +66,7 @@ class Api {
   EventLog* events_;
   SessionImages images_;
   Watch watch_;
+  LiveLook live_;
   std::atomic<int> watched_run_{0};  // that the images which arrive are calibrated into
   std::mutex drawing_;               // one tab at a time draws the target
 };

@@ -56,11 +56,11 @@ const std::map<std::string, Rooms> kAllowed = [] {
   add("apps/formats", {"apps/resample"});
   add("apps/report", {"calib/judge", "models", "detectors"});
   add("apps/recording", {"detectors"});
-  add("apps/guide", {"apps/charts", "calib/judge"});
   add("apps/scene", {"apps/recording", "apps/evaluate", "apps/report", "models"});
+  add("apps/guide", {"apps/charts", "apps/scene"});
   add("apps/photometry", {"apps/scene"});
   add("apps/simulate", {"apps/charts", "apps/evaluate", "calib/judge", "detectors", "models"});
-  add("apps/workbench", {"apps/report", "apps/recording"});
+  add("apps/workbench", {"apps/guide"});
   add("apps/cli",
       {"apps/print",
        "apps/evaluate",

@@ -13,11 +13,12 @@
 #include "apps/cli/session/earlier_session.h"
 #include "apps/cli/session/open_session.h"
 #include "apps/cli/session_observations.h"
+#include "apps/guide/calibrated_rig.h"
 #include "apps/guide/first_rig.h"
+#include "apps/guide/picture_scale.h"
 #include "apps/guide/suggestions_json.h"
 #include "apps/guide/view_sheet.h"
 #include "apps/guide/view_target.h"
-#include "apps/report/report.h"
 #include "calib/base/error.h"
 #include "calib/base/number_text.h"
 #include "calib/base/output_folder.h"
@@ -39,6 +40,8 @@ struct SuggestArguments {
   double goal = 0.05;                ///< px
   bool json = false;
   std::filesystem::path picture;  ///< empty: none
+  /// Pictures taken at once that are to be weighed, "left=look.png"; empty: views are suggested.
+  std::vector<std::string> images;
 };
 
 /// What suggestions start from.
@@ -90,23 +93,12 @@ SuggestBasis BasisOfImages(const CalibrationRecord& calibration,
 }
 
 SuggestBasis BasisOfCalibration(const std::filesystem::path& folder, double angle_deg) {
-  const CalibrationRecord calibration = ReadCalibrationFolder(folder, CameraModels());
-  if (calibration.HasScene()) {
-    throw Error(ErrorKind::kInput,
-                folder.string() +
-                    ": is calibrated from a scene; views are suggested of a target. "
-                    "What a scene calibration lacks stands in its verdict");
-  }
+  const CalibrationRecord calibration = ReadTargetCalibration(folder);
   const Target target = ReadTarget(folder / "target.yaml");
   if (angle_deg > 0) return BasisOfImages(calibration, target, angle_deg);
-  SuggestBasis basis{KnowledgeOf(calibration), ViewTargetOf(target), calibration.verdict};
-  for (size_t c = 0; c < calibration.cameras.size(); ++c) {
-    const CalibratedCamera& camera = calibration.cameras[c];
-    if (!camera.model->plenoptic || camera.micro_lenses.empty()) continue;
-    basis.rig.lenses[c] = ReadMicroLenses(folder / camera.micro_lenses, camera.image_size);
-  }
-  SetFactors(calibration, basis.shape, &basis.rig);
-  return basis;
+  ViewTarget shape = ViewTargetOf(target);
+  RigKnowledge rig = KnowledgeOf(folder, calibration, shape);
+  return {std::move(rig), std::move(shape), calibration.verdict};
 }
 
 std::vector<FirstCamera> FirstCameras(const Session& session,
@@ -205,19 +197,52 @@ SuggestBasis BasisOfLens(const SuggestArguments& arguments) {
           std::nullopt};
 }
 
+// The folder of a calibration; empty: the input is none.
+std::filesystem::path FolderOf(const std::filesystem::path& input) {
+  if (std::filesystem::is_directory(input)) return input;
+  if (input.filename() != "calibration.yaml") return {};
+  return input.parent_path().empty() ? std::filesystem::path(".") : input.parent_path();
+}
+
 SuggestBasis BasisOf(const SuggestArguments& arguments,
                      const ConsoleOptions& shared,
                      Console* console) {
   if (arguments.input.empty()) return BasisOfLens(arguments);
-  if (std::filesystem::is_directory(arguments.input)) {
-    return BasisOfCalibration(arguments.input, arguments.angle);
+  const std::filesystem::path folder = FolderOf(arguments.input);
+  return folder.empty() ? BasisOfSession(arguments, shared, console)
+                        : BasisOfCalibration(folder, arguments.angle);
+}
+
+// By camera; one without a name is the calibration's only camera.
+std::map<std::string, FrameImage> PicturesOf(const SuggestArguments& arguments) {
+  std::map<std::string, FrameImage> pictures;
+  for (const std::string& word : arguments.images) {
+    const size_t equals = word.find('=');
+    const std::string camera = equals == std::string::npos ? "" : word.substr(0, equals);
+    const std::filesystem::path path = word.substr(equals == std::string::npos ? 0 : equals + 1);
+    if (!pictures.emplace(camera, FrameImage{.frame = path.stem().string(), .path = path}).second) {
+      throw Error(ErrorKind::kInput,
+                  fmt::format("--image: two pictures of camera '{}'; give one", camera));
+    }
   }
-  if (arguments.input.filename() == "calibration.yaml") {
-    return BasisOfCalibration(arguments.input.parent_path().empty() ? std::filesystem::path(".")
-                                                                    : arguments.input.parent_path(),
-                              arguments.angle);
+  return pictures;
+}
+
+void WeighPictures(const SuggestArguments& arguments, const ConsoleOptions& shared) {
+  const std::filesystem::path folder = FolderOf(arguments.input);
+  if (folder.empty()) {
+    throw Error(ErrorKind::kInput,
+                "--image: pictures are weighed against a calibration: give the folder that "
+                "'plenocal calibrate' wrote");
   }
-  return BasisOfSession(arguments, shared, console);
+  PictureScale scale(folder, shared.threads);
+  const PictureWorth worth = scale.Weigh(PicturesOf(arguments));
+  if (arguments.json) {
+    fmt::print("{}\n",
+               WorthJson(worth).dump(2, ' ', false, nlohmann::json::error_handler_t::replace));
+    return;
+  }
+  Console(shared).Print(WordsOf(worth) + "\n");
 }
 
 std::string SuggestionsText(const NextViews& suggestions,
@@ -257,6 +282,7 @@ std::string SuggestionsText(const NextViews& suggestions,
 }
 
 void RunSuggest(const SuggestArguments& arguments, const ConsoleOptions& shared) {
+  if (!arguments.images.empty()) return WeighPictures(arguments, shared);
   Console console(shared);
   std::optional<PictureFormat> format;
   if (!arguments.picture.empty()) format = PictureFormatOf(arguments.picture);
@@ -290,6 +316,7 @@ constexpr const char* kSuggestHelp =
     "What to record next: the poses of the target that lower the projection's sigma most.\n\n"
     "  plenocal suggest OUT\n"
     "  plenocal suggest session.yaml --picture next.svg\n"
+    "  plenocal suggest OUT --image left=now.png\n"
     "  plenocal suggest --target chessboard:9x6:25mm --size 1280x960 --angle 70\n\n"
     "OUT is the folder that 'plenocal calibrate' wrote. The last form is for the time before the first image. docs/suggest.md explains the choice.";
 
@@ -322,6 +349,10 @@ RunCommand DeclareSuggest(CLI::App* app, ConsoleOptions* shared) {
       ->check(CLI::PositiveNumber)
       ->capture_default_str();
   app->add_option("--picture", arguments->picture, "FILE.svg or FILE.png: what images should show");
+  app->add_option(
+      "--image",
+      arguments->images,
+      "[CAMERA=]FILE: a picture (of a rig one of each camera, taken at once); what it adds, against what the best view would");
   app->add_flag("--json", arguments->json, "the suggestions as JSON on standard output");
   AddThreads(app, shared);
   AddQuiet(app, shared);

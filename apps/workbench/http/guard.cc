@@ -151,7 +151,9 @@ std::optional<Answer> Refuse(const Request& request, size_t hosts, std::string_v
 }
 
 bool IsUpload(const Request& request) {
-  return request.method == "POST" && request.path == std::vector<std::string>{"api", "files"};
+  using Path = std::vector<std::string>;
+  return request.method == "POST" &&
+         (request.path == Path{"api", "files"} || request.path == Path{"api", "look"});
 }
 
 std::string MakeToken() {

@@ -46,7 +46,7 @@ std::optional<Address> ParseAddress(std::string_view target);
 /// token be right. `hosts`: how often the header Host was there.
 std::optional<Answer> Refuse(const Request& request, size_t hosts, std::string_view token);
 
-/// Whether a request brings an image or a recording, whose body is no JSON and may be long.
+/// Whether a request brings images or a recording, whose body is no JSON and may be long.
 bool IsUpload(const Request& request);
 
 /// 256 random bits in hexadecimal digits.

@@ -151,6 +151,32 @@ TEST_F(RealSets, AModelThatPredictsWorseIsNoReasonForAnother) {
   EXPECT_EQ(best["held_out"]["probability"].as<double>(), 1);
 }
 
+TEST_F(RealSets, ARepeatedPictureAddsLittle) {
+  const fs::path set = Set("frames/stereo_chess_opencv");
+  SKIP_WITHOUT(set);
+  WriteChessboardSession(9, 6, 0.025, {{"left", (set / "left*.jpg").string()}}, false);
+  Calibrate();
+  const std::string picture = (set / "left04.jpg").string();
+  for (const std::string& image : {picture, "left=" + picture}) {
+    const Outcome outcome = Run({"suggest", "out", "--image", image, "--json"});
+    ASSERT_EQ(outcome.status, kDone) << outcome.err;
+    const YAML::Node worth = YAML::Load(outcome.out);
+    EXPECT_EQ(worth["points"].as<int>(), 54);
+    EXPECT_LT(worth["sigma_after"].as<double>(), worth["sigma_now"].as<double>());
+    EXPECT_GT(worth["share"].as<double>(), 0);
+    EXPECT_LT(worth["share"].as<double>(), 0.3);
+    EXPECT_THAT(worth["words"].as<std::string>(), HasSubstr("of what the best view would"));
+  }
+  const auto fails = [&](const std::string& image, const char* part) {
+    const Outcome outcome = Run({"suggest", "out", "--image", image});
+    EXPECT_EQ(outcome.status, kWrongInput) << image;
+    EXPECT_THAT(outcome.err, HasSubstr(part));
+  };
+  fails("right=" + picture, "no camera 'right'; it has left");
+  fails("left=nowhere.png", "nowhere.png");
+  fails("left=session.yaml", "session.yaml");
+}
+
 TEST_F(RealSets, NoFisheyeGetsAPinholeFromFourImages) {
   const fs::path set = Set("frames/stereo_fisheye_ros");
   SKIP_WITHOUT(set);

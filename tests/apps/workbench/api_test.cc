@@ -229,6 +229,26 @@ TEST_F(ApiOfAFolder, TakesImagesAndRecordingsAlone) {
   }
 }
 
+TEST_F(ApiOfAFolder, WeighsPicturesOfTheStatedSizesAlone) {
+  const auto look = [&](const char* pictures) {
+    return Ask("POST", {"look"}, "picture", {{"run", "0"}, {"pictures", pictures}}).body;
+  };
+  for (const char* pictures : {"",
+                               "left",
+                               "left:6",
+                               "left:8",
+                               "left:0",
+                               "left:-7",
+                               "left:7x",
+                               "left:7,right:7",
+                               "left:99999999999999999999"}) {
+    EXPECT_THAT(look(pictures), HasSubstr("CAMERA:BYTES")) << pictures;
+  }
+  // There is no calibration here.
+  EXPECT_THAT(look("left:7"), HasSubstr("calibration.yaml"));
+  EXPECT_EQ(Ask("POST", {"look", "keep"}, "{}").status, 200);
+}
+
 TEST_F(ApiOfAFolder, TakesAModelIntoTheSession) {
   const auto use = [&](const char* camera, const char* model) {
     return Ask("POST",

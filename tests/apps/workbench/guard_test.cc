@@ -115,6 +115,8 @@ TEST(Guard, TakesBytesAsUploadsAlone) {
   request.method = "POST";
   request.path = {"api", "files"};
   EXPECT_EQ(StatusOf(request), 200);
+  request.path = {"api", "look"};
+  EXPECT_EQ(StatusOf(request), 200);
   request.headers["content-type"] = "multipart/form-data";
   EXPECT_EQ(StatusOf(request), 415);
   request.headers["content-type"] = "application/octet-stream";

@@ -49,9 +49,10 @@ export async function ask<T>(method: string, path: string, body?: unknown, hash 
 }
 
 /** A file, as it is. */
-export async function send(path: string, file: Blob): Promise<void> {
+export async function send<T>(path: string, file: Blob): Promise<T> {
   const answer = await fetch(path, { method: "POST", body: file, headers: headers({ "Content-Type": "application/octet-stream" }) });
   if (!answer.ok) throw await refused(answer);
+  return (await answer.json()) as T;
 }
 
 export async function blob(path: string): Promise<Blob> {

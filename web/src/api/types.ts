@@ -147,6 +147,14 @@ export interface Suggestions {
     sigma_after: number | null;
   }[];
 }
+/** What pictures add to a run; sigmas in px. `share`: of the gain of the best view; null: no pose. */
+export interface Worth {
+  points: number;
+  words: string;
+  sigma_now: number | null;
+  sigma_after: number | null;
+  share: number | null;
+}
 /** Micro-image centres (x, y, lens type) of a plenoptic camera, raw px. */
 export interface Lenses {
   pitch: number;

@@ -2,8 +2,9 @@
 // Cameras that the browser opens: their pictures become files in the folders of the session's cameras.
 import { signal } from "@preact/signals";
 import { useEffect, useRef, useState } from "preact/hooks";
-import { send } from "../api/client";
-import { attempt } from "../state/project";
+import { ask, send } from "../api/client";
+import type { Worth } from "../api/types";
+import { activeJob, attempt, report, run } from "../state/project";
 import { Stillness } from "./still";
 
 /** A camera of the session, and the folder that its images come from; null: from elsewhere. */
@@ -14,13 +15,19 @@ export interface Place {
 type Outline = [number, number][];
 
 const kLook = 200; // ms between two looks at a video
+const kPace = 1000; // ms between two views whose worth is shown
 
 /** Videos that run, by folder. */
-const videos = new Map<string, { video: HTMLVideoElement; stillness: Stillness }>();
+const videos = new Map<string, { camera: string; video: HTMLVideoElement; stillness: Stillness }>();
 const open = signal(0); // how many of them
 const taken = signal<{ count: number; last: string }>({ count: 0, last: "" });
 const automatic = signal(false);
-let busy = false;
+const least = signal(60); // per cent of what the best view adds, for a view to be kept by itself
+/** Of what the cameras showed last; null: not known, as before the first calibration. */
+const worth = signal<Worth | null>(null);
+let turn: Promise<void> = Promise.resolve(); // of the work with pictures, one after the other
+let busy = 0; // how much of it there is
+let judged = 0; // when, ms
 
 /** "20261125_142233_417": names of one recording are in its order. */
 function stamp(): string {
@@ -38,31 +45,72 @@ function pictureOf(video: HTMLVideoElement): HTMLCanvasElement {
   return canvas;
 }
 
-/** Takes a picture with all cameras that are open; their files have one name. */
-async function take(): Promise<void> {
-  if (busy || videos.size === 0) return;
-  busy = true;
-  const name = `${stamp()}.png`;
+interface Picture {
+  folder: string;
+  camera: string;
+  file: Blob;
+}
+
+/** What all open cameras show now, as PNG files. */
+async function pictures(): Promise<Picture[]> {
   // All of them before any is encoded, so that they are of one moment.
-  const pictures = [...videos].map(([folder, { video, stillness }]) => {
-    stillness.keep();
-    return { folder, canvas: pictureOf(video) };
-  });
-  await attempt(async () => {
-    for (const { folder, canvas } of pictures) {
+  const now = [...videos].map(([folder, { camera, video }]) => ({ folder, camera, canvas: pictureOf(video) }));
+  return Promise.all(
+    now.map(async ({ folder, camera, canvas }) => {
       const file = await new Promise<Blob | null>((done) => canvas.toBlob(done, "image/png"));
       if (!file) throw new Error("the browser cannot encode the picture");
-      await send(`/api/files?${new URLSearchParams({ dir: folder, name })}`, file);
-    }
-    taken.value = { count: taken.value.count + 1, last: name };
-  });
-  busy = false;
+      return { folder, camera, file };
+    }),
+  );
 }
+
+/** The files of one moment have one name. */
+async function keep(moment: Picture[]): Promise<void> {
+  const name = `${stamp()}.png`;
+  for (const { folder, file } of moment) await send(`/api/files?${new URLSearchParams({ dir: folder, name })}`, file);
+  taken.value = { count: taken.value.count + 1, last: name };
+}
+
+/** Against the run that is shown; null where there is none. */
+async function weigh(moment: Picture[]): Promise<Worth | null> {
+  if (!run.value) return null;
+  const sizes = moment.map(({ camera, file }) => `${camera}:${file.size}`).join(",");
+  const query = new URLSearchParams({ run: String(run.value.run), pictures: sizes });
+  return send<Worth>(`/api/look?${query}`, new Blob(moment.map(({ file }) => file)));
+}
+
+function inTurn(work: () => Promise<void>): Promise<void> {
+  ++busy;
+  turn = turn.then(work).finally(() => void --busy);
+  return turn;
+}
+
+const take = (): Promise<void> => inTurn(() => attempt(async () => keep(await pictures())));
+
+/** Shows what the present view adds; `mayKeep`: and keeps it when it is worth it, or when there is no calibration yet. */
+const judge = (mayKeep: boolean): Promise<void> =>
+  inTurn(async () => {
+    try {
+      if (mayKeep) for (const { stillness } of videos.values()) stillness.seen();
+      const moment = await pictures();
+      worth.value = await weigh(moment);
+      judged = Date.now();
+      if (!mayKeep || (worth.value && 100 * (worth.value.share ?? 0) < least.value)) return;
+      await keep(moment);
+      if (worth.value) await ask("POST", "/api/look/keep", {});
+    } catch (error) {
+      worth.value = null;
+      report(error);
+    }
+  });
 
 let looking = 0;
 function lookAtVideos(): void {
   const looks = [...videos.values()].map(({ video, stillness }) => stillness.look(video));
-  if (automatic.value && looks.length > 0 && looks.every(Boolean)) void take();
+  const mayKeep = automatic.value && looks.length > 0 && looks.every(Boolean);
+  // A job has the machine for itself.
+  const mayShow = run.value !== null && activeJob.value === null && Date.now() - judged > kPace;
+  if (busy === 0 && (mayKeep || mayShow)) void judge(mayKeep);
 }
 
 /** Holds the focus where the browser can: a lens that focuses changes the camera. What is to be said about it. */
@@ -84,19 +132,28 @@ function why(error: unknown): string {
   return error instanceof Error ? error.message : String(error);
 }
 
-function Live({ stream, folder, outlines, size }: { stream: MediaStream; folder: string; outlines: Outline[]; size: [number, number] | null }) {
+interface Shown {
+  stream: MediaStream;
+  camera: string;
+  folder: string;
+  outlines: Outline[];
+  size: [number, number] | null;
+}
+
+function Live({ stream, camera, folder, outlines, size }: Shown) {
   const element = useRef<HTMLVideoElement>(null);
   useEffect(() => {
     const video = element.current;
     if (!video) return;
     video.srcObject = stream;
-    videos.set(folder, { video, stillness: new Stillness() });
+    videos.set(folder, { camera, video, stillness: new Stillness() });
     if (videos.size === 1) looking = window.setInterval(lookAtVideos, kLook);
     open.value = videos.size;
     return () => {
       videos.delete(folder);
       if (videos.size === 0) window.clearInterval(looking);
       open.value = videos.size;
+      worth.value = null;
     };
   }, [stream, folder]);
   return (
@@ -169,8 +226,20 @@ function Device({ place, outlines, size }: { place: Place; outlines: Outline[]; 
           {state}
         </span>
       </div>
-      {stream && <Live stream={stream} folder={place.folder} outlines={outlines} size={size} />}
+      {stream && <Live stream={stream} camera={place.camera} folder={place.folder} outlines={outlines} size={size} />}
     </div>
+  );
+}
+
+/** Gain of the present view, on a scale that ends at the best one. */
+function Gain() {
+  const now = worth.value;
+  if (!now) return null;
+  return (
+    <p class="row" data-share={now.share ?? ""}>
+      <meter min={0} max={1} low={least.value / 100} value={Math.min(1, now.share ?? 0)} aria-label="what this view adds, of what the best one would" />
+      <span>{now.words}</span>
+    </p>
   );
 }
 
@@ -205,10 +274,18 @@ export function Cameras({
           <input type="checkbox" checked={automatic.value} onChange={(event) => void (automatic.value = event.currentTarget.checked)} /> whenever the view is
           new and stands still
         </label>
+        {run.value && (
+          <label>
+            and adds at least
+            <input type="number" min={0} max={100} value={least.value} onInput={(event) => void (least.value = event.currentTarget.valueAsNumber || 0)} />% of
+            what the best one would
+          </label>
+        )}
         <span class="quiet" aria-live="polite" data-taken={taken.value.count}>
           {taken.value.count > 0 ? `${taken.value.count} taken, the last one ${taken.value.last}` : "pictures become PNG files in the camera's folder"}
         </span>
       </div>
+      <Gain />
     </section>
   );
 }

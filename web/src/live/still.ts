@@ -41,8 +41,8 @@ export class Stillness {
     return this.kept?.length !== now.length || difference(this.kept, now) > 4 * noise;
   }
 
-  /** The present view was taken. */
-  keep(): void {
+  /** The present view is known: it is new no more. */
+  seen(): void {
     this.kept = this.last;
     this.looks = 0;
   }

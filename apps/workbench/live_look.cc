@@ -1,0 +1,83 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/workbench/live_look.h"
+
+#include <fmt/format.h>
+
+#include <charconv>
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <string_view>
+#include <vector>
+
+#include "calib/base/error.h"
+#include "calib/files/image_store.h"
+
+namespace plenocal::workbench {
+namespace {
+
+// One image file in memory.
+class OnePicture : public ImageStore {
+ public:
+  explicit OnePicture(std::string_view content) : bytes_(content.begin(), content.end()) {}
+
+  [[nodiscard]] StoredImage Read(std::size_t) const override { return {.bytes = bytes_}; }
+  [[nodiscard]] StoredImage Start(std::size_t, std::size_t) const override {
+    return {.bytes = bytes_};
+  }
+  [[nodiscard]] std::string Hash(std::size_t) const override { return {}; }
+
+ private:
+  std::vector<std::uint8_t> bytes_;
+};
+
+std::map<std::string, FrameImage> PicturesOf(std::string_view sizes, std::string_view content) {
+  const auto wrong = [] {
+    return Error(ErrorKind::kInput, "pictures: expected CAMERA:BYTES,... as long as the body");
+  };
+  std::map<std::string, FrameImage> pictures;
+  while (!sizes.empty()) {
+    const std::string_view one = sizes.substr(0, sizes.find(','));
+    sizes.remove_prefix(std::min(sizes.size(), one.size() + 1));
+    const size_t colon = one.rfind(':');
+    size_t bytes = 0;
+    if (colon == std::string_view::npos ||
+        std::from_chars(one.data() + colon + 1, one.data() + one.size(), bytes).ptr !=
+            one.data() + one.size() ||
+        bytes == 0 || bytes > content.size()) {
+      throw wrong();
+    }
+    const std::string camera(one.substr(0, colon));
+    pictures[camera] = {.frame = "live",
+                        .path = "live picture",
+                        .store = std::make_shared<OnePicture>(content.substr(0, bytes))};
+    content.remove_prefix(bytes);
+  }
+  if (pictures.empty() || !content.empty()) throw wrong();
+  return pictures;
+}
+
+}  // namespace
+
+nlohmann::json LiveLook::Weigh(const std::filesystem::path& run_folder,
+                               const std::string& sizes,
+                               const std::string& pictures) {
+  const std::map<std::string, FrameImage> images = PicturesOf(sizes, pictures);
+  const std::lock_guard lock(mutex_);
+  std::error_code error;
+  const auto time = std::filesystem::last_write_time(run_folder / "calibration.yaml", error);
+  if (!scale_ || folder_ != run_folder || time_ != time) {
+    scale_.reset();
+    scale_.emplace(run_folder, 0);
+    folder_ = run_folder;
+    time_ = time;
+  }
+  return WorthJson(scale_->Weigh(images));
+}
+
+void LiveLook::Keep() {
+  const std::lock_guard lock(mutex_);
+  if (scale_) scale_->Keep();
+}
+
+}  // namespace plenocal::workbench

@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+#include <mutex>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+
+#include "apps/guide/picture_scale.h"
+
+namespace plenocal::workbench {
+
+/// What a live camera shows, weighed against a run. May be called from several threads.
+class LiveLook {
+ public:
+  /// `sizes`: "left:1234,right:567", the cameras and the bytes of their image files, which follow
+  /// one another in `pictures`. Returns `WorthJson`. Throws `Error` as `PictureScale`, and of kind
+  /// kInput where the sizes are not those of `pictures`.
+  nlohmann::json Weigh(const std::filesystem::path& run_folder,
+                       const std::string& sizes,
+                       const std::string& pictures);
+  /// What was weighed last is kept as images.
+  void Keep();
+
+ private:
+  std::mutex mutex_;
+  std::filesystem::path folder_;
+  std::filesystem::file_time_type time_;  // of its calibration: a run may be made again
+  std::optional<PictureScale> scale_;
+};
+
+}  // namespace plenocal::workbench
