@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Frames until a goal: suggested views against random ones and greedy coverage, in simulation
-// (docs/suggest.md). Usage: suggest_views CAMERAS_OF_EACH_CLASS SEED; CSV on standard output.
+// (docs/suggest.md). Usage: suggest_views CLASS SEED, one camera; CSV on standard output.
 #include <fmt/format.h>
 
 #include <cmath>
@@ -17,8 +17,10 @@
 
 #include "calib/base/error.h"
 #include "calib/calibrate.h"
+#include "calib/camera/micro_lens_array.h"
 #include "calib/describe.h"
 #include "calib/judge/compare.h"
+#include "calib/judge/views/micro_lens_sight.h"
 #include "calib/judge/views/next_views.h"
 #include "calib/judge/views/view_information.h"
 #include "models/registry.h"
@@ -46,19 +48,22 @@ class Dice {
   std::mt19937 engine_;
 };
 
-// 6 x 6 tags of 88 mm, gaps of 26 mm.
-ViewTarget Board() {
+constexpr double kBoard = 0.66;  // m, width of the board at scale 1
+
+// 6 x 6 tags of 88 mm, gaps of 26 mm; both times `scale`.
+ViewTarget Board(double scale) {
   ViewTarget board{.markers = {}};
   for (int tag = 0; tag < 36; ++tag) {
     for (int k = 0; k < 4; ++k) {
       const double x = tag % 6 * 0.1144 + (k == 1 || k == 2 ? 0.088 : 0),
                    y = tag / 6 * 0.1144 + (k >= 2 ? 0.088 : 0);
-      board.markers[4 * tag + k] = {x, y, 0};
+      board.markers[4 * tag + k] = scale * Eigen::Vector3d(x, y, 0);
       board.normals[4 * tag + k] = -Eigen::Vector3d::UnitZ();
     }
   }
-  board.outlines = {{{0, 0, 0}, {0.66, 0, 0}, {0.66, 0.66, 0}, {0, 0.66, 0}}};
-  board.finest = 0.011;  // a bit
+  const double a = scale * kBoard;
+  board.outlines = {{{0, 0, 0}, {a, 0, 0}, {a, a, 0}, {0, a, 0}}};
+  board.finest = scale * 0.011;  // a bit
   board.found_in_part = true;
   return board;
 }
@@ -66,7 +71,12 @@ ViewTarget Board() {
 struct World {
   std::string name;
   RigKnowledge truth;
+  ViewTarget board;
+  double bend = kBend;                     // m
   std::map<int, Eigen::Vector3d> markers;  // of the bent board
+  ViewRange range = {};                    // that the user states; of plenoptic cameras
+
+  [[nodiscard]] bool IsPlenoptic() const { return truth.bundle.cameras[0].model->plenoptic; }
 };
 
 BundleCamera Lens(const std::string& kind, Dice* dice, bool master) {
@@ -105,26 +115,88 @@ BundleCamera Lens(const std::string& kind, Dice* dice, bool master) {
   return camera;
 }
 
+// A hexagonal array that fills the image, 20 px apart.
+MicroLensArray LensesOf(ImageSize size, Dice* dice) {
+  constexpr double kPitch = 20;
+  constexpr int kReach = 100;
+  const double turn = dice->Uniform(-0.5, 0.5);
+  MicroLensArray array;
+  array.image_size = size;
+  array.e_column = kPitch * Eigen::Vector2d(std::cos(turn), std::sin(turn));
+  const double sixth = turn + std::numbers::pi / 3;
+  array.e_row = kPitch * Eigen::Vector2d(std::cos(sixth), std::sin(sixth));
+  for (int row = -kReach; row <= kReach; ++row) {
+    for (int column = -kReach; column <= kReach; ++column) {
+      const Eigen::Vector2d centre =
+          Eigen::Vector2d(size[0], size[1]) / 2 + column * array.e_column + row * array.e_row;
+      if (centre.minCoeff() < 0 || centre.x() >= size[0] || centre.y() >= size[1]) continue;
+      array.lenses.push_back({row, column, centre});
+    }
+  }
+  return array;
+}
+
+// A plenoptic camera whose virtual depth is from 2.5 on between 0.6 and 1.4 times the distance at
+// which the board, made to suit, fills its image.
+void AddPlenoptic(Dice* dice, World* world) {
+  constexpr double kPixel = 5.5e-6, kLeastDepth = 2.5;
+  const double f_L = dice->Uniform(0.012, 0.035);
+  const double distance = dice->Uniform(12, 25) * f_L;
+  const double half = kImage[0] * kPixel / 2;
+  const double scale = 2 * distance * half / f_L / kBoard;
+  world->range = {0.6 * distance, 1.4 * distance};
+  world->board = Board(scale);
+  world->bend *= scale;
+  const double nearest = f_L * world->range.farthest / (world->range.farthest - f_L);
+  const double farthest = f_L * world->range.nearest / (world->range.nearest - f_L);
+  const double B = (farthest - nearest) / dice->Uniform(2, 4);
+  world->truth.bundle.cameras.push_back(
+      {.name = "plenoptic",
+       .image_size = kImage,
+       .model = FindModel(CameraModels(), "focused-plenoptic"),
+       .config = {kPixel},
+       .params = {f_L,
+                  nearest - kLeastDepth * B,
+                  B,
+                  kImage[0] / 2.0 + dice->Uniform(-30, 30),
+                  kImage[1] / 2.0 + dice->Uniform(-30, 30),
+                  dice->Uniform(-0.01, 0.01) / std::pow(half, 2),
+                  dice->Uniform(-0.002, 0.002) / std::pow(half, 4),
+                  dice->Uniform(-3e-4, 3e-4) / half,
+                  dice->Uniform(-3e-4, 3e-4) / half},
+       .fixed = std::vector<bool>(9, false),
+       .T_camera_rig = {},
+       .is_master = true});
+  world->truth.lenses = {LensesOf(kImage, dice)};
+}
+
 World MakeWorld(const std::string& kind, unsigned seed) {
   Dice dice(seed);
-  World world{fmt::format("{}{}", kind, seed), {}, Board().markers};
+  World world{
+      .name = fmt::format("{}{}", kind, seed), .truth = {}, .board = Board(1), .markers = {}};
   const std::string lens = kind == "stereo" ? "normal" : kind;
   Bundle& bundle = world.truth.bundle;
-  bundle.cameras.push_back(Lens(lens, &dice, true));
+  if (kind == "plenoptic") {
+    AddPlenoptic(&dice, &world);
+  } else {
+    bundle.cameras.push_back(Lens(lens, &dice, true));
+  }
   if (kind == "stereo") {
     bundle.cameras.push_back(Lens(lens, &dice, false));
     bundle.cameras[1].T_camera_rig = {
         ExpRotation({dice.Gaussian(0.03), dice.Gaussian(0.03), dice.Gaussian(0.03)}),
         {-0.12, 0, 0}};
   }
+  world.markers = world.board.markers;
+  const Eigen::Vector3d middle = MiddleOf(world.board);
   for (auto& [number, p] : world.markers) {
-    const double x = p.x() / 0.33 - 1, y = p.y() / 0.33 - 1;
-    p.z() += kBend * (x * x - 0.5 * y * y);
+    const double x = p.x() / middle.x() - 1, y = p.y() / middle.y() - 1;
+    p.z() += world.bend * (x * x - 0.5 * y * y);
     bundle.markers.push_back({number, p, p});
   }
   world.truth.sigma_px.assign(bundle.cameras.size(), kNoise);
   world.truth.factors.assign(bundle.cameras.size(), 1);
-  world.truth.lenses.resize(bundle.cameras.size());
+  if (kind != "plenoptic") world.truth.lenses.resize(bundle.cameras.size());
   return world;
 }
 
@@ -135,13 +207,14 @@ struct Pool {
   std::vector<std::vector<Sight>> sights;  // per pose and camera
 };
 
-Pool Feasible(const World& world, const ViewTarget& board) {
+Pool Feasible(const World& world) {
   Pool pool;
   const RigKnowledge& truth = world.truth;
+  const ViewTarget& board = world.board;
   const RigUnknowns unknowns = UnknownsOf(truth.bundle, 1);
   const ViewPredictor predictor(truth, unknowns, board);
   for (size_t c = 0; c < truth.bundle.cameras.size(); ++c) {
-    const ViewRange range = RangeOf(truth, c, board, {}, {});
+    const ViewRange range = RangeOf(truth, c, board, {}, world.range);
     for (const TargetPose& pose : PosesBefore(truth, c, board, range, 50 * kDegree)) {
       const auto T = PlaceTarget(truth, board, pose);
       if (!T) continue;
@@ -165,55 +238,101 @@ RigidTransform Execute(const World& world,
                        Dice* dice) {
   const RigidTransform& T_camera_rig = world.truth.bundle.cameras[pose.camera].T_camera_rig;
   const RigidTransform T_camera_target = T_camera_rig * T;
-  const Eigen::Vector3d middle = T_camera_target * Eigen::Vector3d(0.33, 0.33, 0);
+  const Eigen::Vector3d middle_of_board = MiddleOf(world.board);
+  const Eigen::Vector3d middle = T_camera_target * middle_of_board;
   const double angle = kExecutionAngle / std::sqrt(3.0);
   const Eigen::Matrix3d R =
       ExpRotation({dice->Gaussian(angle), dice->Gaussian(angle), dice->Gaussian(angle)}) *
       T_camera_target.R;
   const Eigen::Vector3d place = (1 + dice->Gaussian(kExecutionPart)) * middle;
-  return T_camera_rig.Inverse() * RigidTransform{R, place - R * Eigen::Vector3d(0.33, 0.33, 0)};
+  return T_camera_rig.Inverse() * RigidTransform{R, place - R * middle_of_board};
+}
+
+// Points of a marker in the image of a camera, without errors, and px of a bit there (of a
+// plenoptic camera not known: 0).
+struct Imaged {
+  std::vector<Observation> points;
+  double bit = 0;
+};
+
+Imaged ImagesOf(const World& world,
+                size_t c,
+                const MicroLensSight& lenses,
+                const RigidTransform& T,
+                const Eigen::Vector3d& p) {
+  const BundleCamera& camera = world.truth.bundle.cameras[c];
+  Imaged imaged;
+  const auto project = [&](const Eigen::Vector3d& point, Observation* seen) {
+    Eigen::Vector2d u;
+    if (!camera.model->project(
+            camera.params.data(), camera.config.data(), seen->values.data(), point, u.data())) {
+      return false;
+    }
+    seen->values[0] = u.x();
+    seen->values[1] = u.y();
+    return true;
+  };
+  if (camera.model->plenoptic) {
+    constexpr size_t kAll = 1000;
+    for (const Eigen::Vector2d& centre : lenses.LensesOf(camera, p, kAll).centres) {
+      Observation seen{.values = {0, 0, centre.x(), centre.y()}};
+      if (project(p, &seen)) imaged.points.push_back(seen);
+    }
+    return imaged;
+  }
+  Observation seen, moved;
+  if (!project(p, &seen) || !project(p + T.R * Eigen::Vector3d(world.board.finest, 0, 0), &moved)) {
+    return imaged;
+  }
+  if (std::min(seen.values[0], seen.values[1]) < 3 || seen.values[0] > kImage[0] - 4 ||
+      seen.values[1] > kImage[1] - 4) {
+    return imaged;
+  }
+  const auto ray =
+      camera.model->unproject(camera.params.data(), camera.config.data(), seen.values.data());
+  if (!ray || ray->direction.dot(p.normalized()) < 0.999) return imaged;
+  imaged.bit = std::hypot(moved.values[0] - seen.values[0], moved.values[1] - seen.values[1]);
+  imaged.points.push_back(seen);
+  return imaged;
 }
 
 // Images of one frame. The noise grows with tilt and distance by a law that nobody is told.
 void Record(const World& world,
-            const ViewTarget& board,
             const RigidTransform& T_rig_target,
             int frame,
             Dice* dice,
             std::vector<CameraInput>* cameras) {
-  const RigUnknowns unknowns = UnknownsOf(world.truth.bundle, 1);
   for (size_t c = 0; c < cameras->size(); ++c) {
-    const BundleCamera& camera = world.truth.bundle.cameras[c];
-    const RigidTransform T = camera.T_camera_rig * T_rig_target;
+    const RigidTransform T = world.truth.bundle.cameras[c].T_camera_rig * T_rig_target;
+    const MicroLensSight lenses =
+        world.IsPlenoptic() ? MicroLensSight(world.truth.lenses[c]) : MicroLensSight();
     View view{.frame = fmt::format("{:03}", frame), .observations = {}};
     Eigen::Matrix2d shared;
     for (double& value : shared.reshaped()) value = dice->Gaussian(kFrameError);
+    size_t found = 0;
     for (const auto& [number, position] : world.markers) {
       const Eigen::Vector3d p = T * position;
       const double facing = -(T.R * -Eigen::Vector3d::UnitZ()).dot(p.normalized());
-      Eigen::Vector2d u, moved;
-      if (facing < 0.2 ||
-          !camera.model->project(camera.params.data(), nullptr, nullptr, p, u.data()) ||
-          !camera.model->project(camera.params.data(),
-                                 nullptr,
-                                 nullptr,
-                                 p + T.R * Eigen::Vector3d(board.finest, 0, 0),
-                                 moved.data())) {
-        continue;
+      if (facing < 0.2) continue;
+      const Imaged imaged = ImagesOf(world, c, lenses, T, p);
+      constexpr size_t kFewestLenses = 2;
+      if (imaged.points.size() < (world.IsPlenoptic() ? kFewestLenses : 1)) continue;
+      ++found;
+      double variance = 0.7 + 0.3 / (facing * facing);
+      if (imaged.bit > 0) variance += 4 / (imaged.bit * imaged.bit);
+      const double sigma = kNoise * std::sqrt(variance);
+      for (Observation seen : imaged.points) {
+        const Eigen::Vector2d u(seen.values[0], seen.values[1]);
+        const Eigen::Vector2d moved =
+            u + shared * Eigen::Vector2d(u.x() / 640 - 1, u.y() / 480 - 1);
+        seen.marker = number;
+        seen.values[0] = moved.x() + dice->Gaussian(sigma);
+        seen.values[1] = moved.y() + dice->Gaussian(sigma);
+        seen.detector_sigma = kNoise;
+        view.observations.push_back(seen);
       }
-      if (u.minCoeff() < 3 || u.x() > kImage[0] - 4 || u.y() > kImage[1] - 4) continue;
-      const std::array<double, 4> values{u.x(), u.y()};
-      const auto ray = camera.model->unproject(camera.params.data(), nullptr, values.data());
-      if (!ray || ray->direction.dot(p.normalized()) < 0.999) continue;
-      const double bit = (moved - u).norm();
-      const double sigma = kNoise * std::sqrt(0.7 + 0.3 / (facing * facing) + 4 / (bit * bit));
-      u += shared * Eigen::Vector2d(u.x() / 640 - 1, u.y() / 480 - 1);
-      view.observations.push_back(
-          {.marker = number,
-           .values = {u.x() + dice->Gaussian(sigma), u.y() + dice->Gaussian(sigma)},
-           .detector_sigma = kNoise});
     }
-    if (view.observations.size() >= 72) (*cameras)[c].views.push_back(view);
+    if (found >= 72) (*cameras)[c].views.push_back(view);
   }
 }
 
@@ -233,16 +352,18 @@ double PhiOf(const RigKnowledge& rig,
 }
 
 std::optional<Solved> Solve(const World& world,
-                            const ViewTarget& board,
                             const std::vector<CameraInput>& cameras,
                             const std::vector<double>& distances) {
   try {
-    const CalibrationInput input{
-        .cameras = cameras, .markers = board.markers, .marker_sigma = kBend, .loss = Loss::kHuber};
+    const CalibrationInput input{.cameras = cameras,
+                                 .markers = world.board.markers,
+                                 .marker_sigma = world.bend,
+                                 .loss = Loss::kHuber};
     Solved solved{Describe(Calibrate(input, {.threads = 1, .progress = {}})), {}};
     solved.rig = KnowledgeOf(solved.record);
-    SetFactors(solved.record, board, &solved.rig);
-    solved.phi = PhiOf(solved.rig, board, distances);
+    solved.rig.lenses = world.truth.lenses;
+    SetFactors(solved.record, world.board, &solved.rig);
+    solved.phi = PhiOf(solved.rig, world.board, distances);
     double squares = 0, count = 0;
     for (size_t c = 0; c < cameras.size(); ++c) {
       CalibratedCamera truth = solved.record.cameras[c];
@@ -320,7 +441,6 @@ struct Outcome {
 };
 
 Outcome RunPolicy(const World& world,
-                  const ViewTarget& board,
                   const Pool& pool,
                   const std::string& policy,
                   const std::vector<double>& distances,
@@ -331,9 +451,9 @@ Outcome RunPolicy(const World& world,
   for (const BundleCamera& camera : world.truth.bundle.cameras) {
     cameras.push_back({.name = camera.name,
                        .model = camera.model,
-                       .config = {},
-                       .initial = std::vector<std::optional<double>>(8),
-                       .fixed = std::vector<bool>(8, false),
+                       .config = camera.config,
+                       .initial = std::vector<std::optional<double>>(camera.params.size()),
+                       .fixed = std::vector<bool>(camera.params.size(), false),
                        .image_size = kImage,
                        .views = {}});
   }
@@ -341,23 +461,18 @@ Outcome RunPolicy(const World& world,
   for (int f = 0; f < kStart; ++f) {
     const size_t i = start.Index(pool.poses.size());
     coverage.Add(i);
-    Record(world,
-           board,
-           Execute(world, pool.poses[i], pool.T_rig_target[i], &start),
-           f,
-           &noise,
-           &cameras);
+    Record(world, Execute(world, pool.poses[i], pool.T_rig_target[i], &start), f, &noise, &cameras);
   }
   Outcome outcome;
-  std::optional<Solved> solved = Solve(world, board, cameras, distances);
+  std::optional<Solved> solved = Solve(world, cameras, distances);
   const int last = policy == "random" ? kRandomFrames - kStart : kMostFrames;
   for (int f = 0; f < last; ++f) {
     double predicted = 0;
     RigidTransform T;
     TargetPose pose;
     if (policy == "suggest" && solved) {
-      // The range as the user of the bench's cameras has it, as for the others.
-      const NextViews next = ChooseNextViews(solved->rig, board, {.count = 1, .threads = 1});
+      const NextViews next = ChooseNextViews(
+          solved->rig, world.board, {.count = 1, .range = world.range, .threads = 1});
       if (next.views.empty()) break;
       pose = next.views[0].pose;
       T = next.views[0].T_rig_target;
@@ -366,10 +481,10 @@ Outcome RunPolicy(const World& world,
       if (predicted > 0) {
         RigKnowledge rig = solved->rig;
         const RigUnknowns unknowns = UnknownsOf(rig.bundle, distances[0]);
-        const ViewPredictor predictor(rig, unknowns, board);
+        const ViewPredictor predictor(rig, unknowns, world.board);
         Eigen::MatrixXd S = predictor.InformationSoFar();
         const RigidTransform& T_c = rig.bundle.cameras[pose.camera].T_camera_rig;
-        const auto executed = Executions(T_c * T, board, kExecutionAngle, kExecutionPart);
+        const auto executed = Executions(T_c * T, world.board, kExecutionAngle, kExecutionPart);
         for (const RigidTransform& each : executed) {
           if (const auto more = predictor.Information(T_c.Inverse() * each, 200))
             S += *more / executed.size();
@@ -383,8 +498,8 @@ Outcome RunPolicy(const World& world,
       pose = pool.poses[i];
       T = pool.T_rig_target[i];
     }
-    Record(world, board, Execute(world, pose, T, &dice), kStart + f, &noise, &cameras);
-    solved = Solve(world, board, cameras, distances);
+    Record(world, Execute(world, pose, T, &dice), kStart + f, &noise, &cameras);
+    solved = Solve(world, cameras, distances);
     if (!solved) continue;
     if (predicted > 0) outcome.predicted.push_back(predicted / solved->phi);
     outcome.phi = solved->phi;
@@ -399,39 +514,37 @@ Outcome RunPolicy(const World& world,
 }
 
 int Main(int argc, char** argv) {
-  const int count = argc > 1 ? std::atoi(argv[1]) : 2;
-  const unsigned seed = argc > 2 ? static_cast<unsigned>(std::atoi(argv[2])) : 1;
+  if (argc != 3) {
+    fmt::print(stderr, "usage: suggest_views CLASS SEED\n");
+    return 2;
+  }
+  const auto seed = static_cast<unsigned>(std::atoi(argv[2]));
+  const World world = MakeWorld(argv[1], seed);
+  const Pool pool = Feasible(world);
+  double nearest = 1e9, farthest = 0;
+  for (const TargetPose& pose : pool.poses) {
+    nearest = std::min(nearest, pose.distance);
+    farthest = std::max(farthest, pose.distance);
+  }
+  std::vector<double> distances{nearest, farthest, 10 * farthest};
+  if (world.IsPlenoptic()) distances = {nearest, 2 / (1 / nearest + 1 / farthest), farthest};
   fmt::print("camera,policy,frames,goal_px,sigma_px,error_px,predicted_over_computed\n");
-  const ViewTarget board = Board();
-  for (const char* kind : {"narrow", "normal", "fisheye", "stereo"}) {
-    for (int i = 0; i < count; ++i) {
-      const World world = MakeWorld(kind, seed + static_cast<unsigned>(i));
-      const Pool pool = Feasible(world, board);
-      double nearest = 1e9, farthest = 0;
-      for (const TargetPose& pose : pool.poses) {
-        nearest = std::min(nearest, pose.distance);
-        farthest = std::max(farthest, pose.distance);
-      }
-      const std::vector<double> distances{nearest, farthest, 10 * farthest};
-      double goal = 0;
-      for (const char* policy : {"random", "coverage", "suggest"}) {
-        const Outcome outcome =
-            RunPolicy(world, board, pool, policy, distances, goal, seed + 31 * i);
-        if (goal == 0) goal = outcome.phi;
-        std::string predicted;
-        for (const double ratio : outcome.predicted)
-          predicted += fmt::format("{}{:.3f}", predicted.empty() ? "" : " ", ratio);
-        fmt::print("{},{},{},{:.4f},{:.4f},{:.4f},{}\n",
-                   world.name,
-                   policy,
-                   outcome.frames,
-                   goal,
-                   outcome.phi,
-                   outcome.error,
-                   predicted);
-        std::fflush(stdout);
-      }
-    }
+  double goal = 0;
+  for (const char* policy : {"random", "coverage", "suggest"}) {
+    const Outcome outcome = RunPolicy(world, pool, policy, distances, goal, seed);
+    if (goal == 0) goal = outcome.phi;
+    std::string predicted;
+    for (const double ratio : outcome.predicted)
+      predicted += fmt::format("{}{:.3f}", predicted.empty() ? "" : " ", ratio);
+    fmt::print("{},{},{},{:.4f},{:.4f},{:.4f},{}\n",
+               world.name,
+               policy,
+               outcome.frames,
+               goal,
+               outcome.phi,
+               outcome.error,
+               predicted);
+    std::fflush(stdout);
   }
   return 0;
 }

@@ -44,8 +44,7 @@ std::string WordsOf(const PictureWorth& pictures) {
     words += fmt::format(
         "; sigma of the projection {:.2g} -> {:.2g} px", worth.sigma_before, worth.sigma_after);
   }
-  return words +
-         fmt::format("; it adds {:.0f} % of what the best view would", 100 * worth.share);
+  return words + fmt::format("; it adds {:.0f} % of what the best view would", 100 * worth.share);
 }
 
 nlohmann::json WorthJson(const PictureWorth& pictures) {
@@ -81,10 +80,9 @@ const CalibratedCamera& PictureScale::CameraOf(const std::string& name) const {
   if (found == cameras.end()) {
     std::vector<std::string> names;
     for (const CalibratedCamera& camera : cameras) names.push_back(camera.name);
-    throw Error(ErrorKind::kInput,
-                fmt::format("the calibration has no camera '{}'; it has {}",
-                            name,
-                            fmt::join(names, ", ")));
+    throw Error(
+        ErrorKind::kInput,
+        fmt::format("the calibration has no camera '{}'; it has {}", name, fmt::join(names, ", ")));
   }
   if (found->model->plenoptic) {
     throw Error(ErrorKind::kInput,
@@ -98,7 +96,8 @@ const CalibratedCamera& PictureScale::CameraOf(const std::string& name) const {
 View PictureScale::PointsIn(const CalibratedCamera& camera,
                             const FrameImage& picture,
                             std::string* why) const {
-  ImageSketch sketch = SketchImages({picture}, target_, {.threads = threads_, .progress = {}}).front();
+  ImageSketch sketch =
+      SketchImages({picture}, target_, {.threads = threads_, .progress = {}}).front();
   if (sketch.size == ImageSize{}) throw Error(ErrorKind::kInput, sketch.why);
   if (sketch.size != camera.image_size) {
     throw Error(ErrorKind::kInput,

@@ -16,9 +16,9 @@ namespace plenocal {
 
 /// What the pictures that a rig took at once add to its calibration.
 struct PictureWorth {
-  size_t points = 0;                      ///< in all pictures
+  size_t points = 0;                            ///< in all pictures
   std::map<std::string, std::string> why = {};  ///< by camera, of pictures without points
-  std::optional<FrameWorth> worth = {};   ///< none: no picture determines the target's pose
+  std::optional<FrameWorth> worth = {};         ///< none: no picture determines the target's pose
 };
 
 /// "62 points; sigma of the projection 0.31 -> 0.28 px; it adds 41 % of what the best view would".

@@ -61,9 +61,8 @@ struct FrameScale::State {
       : best(ChooseNextViews(rig, shape, {.count = 1, .threads = threads})),
         unknowns(UnknownsOf(rig.bundle, best.distances[0])),
         projection(rig, unknowns, best.distances),
-        information(ViewPredictor(rig, unknowns, shape).InformationSoFar(),
-                    unknowns.head,
-                    projection) {
+        information(
+            ViewPredictor(rig, unknowns, shape).InformationSoFar(), unknowns.head, projection) {
     if (best.views.empty()) return;
     const auto more = ViewPredictor(rig, unknowns, shape)
                           .Information(best.views[0].T_rig_target, shape.markers.size());
