@@ -517,6 +517,14 @@ Answer Api::Run(const Request& request) {
     return Focus(request);
   }
   if (Is(request, "GET", {"runs", "*", "influence"})) return JsonAnswer(InfluenceJson(folder));
+  if (Is(request, "GET", {"runs", "*", "preview"})) {
+    const Session session = project_->Parsed();
+    return JsonAnswer(PreviewJson(folder, session, [&](const std::string& camera) {
+      const auto of = std::ranges::find(session.cameras, camera, &SessionCamera::name);
+      return of == session.cameras.end() || of->images.empty() ? std::vector<FrameImage>()
+                                                               : images_.Of(*of);
+    }));
+  }
   if (Is(request, "GET", {"runs", "*", "space"})) return JsonAnswer(SpaceJson(folder));
   if (Is(request, "GET", {"runs", "*", "maps"})) {
     return JsonAnswer(MapsJson(folder, request.Query("camera")));

@@ -5,14 +5,20 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <set>
+#include <utility>
+#include <vector>
 
+#include "apps/guide/calibrated_rig.h"
 #include "apps/report/report.h"
 #include "apps/report/verdict_json.h"
 #include "calib/base/error.h"
 #include "calib/camera/micro_lens_array.h"
 #include "calib/files/calibration_file.h"
+#include "calib/files/exclusion.h"
 #include "calib/judge/projection_map.h"
 #include "calib/judge/verdict.h"
+#include "calib/judge/views/exclusion_preview.h"
 #include "calib/judge/views/frame_influence.h"
 #include "models/registry.h"
 
@@ -159,6 +165,48 @@ Json InfluenceJson(const fs::path& folder) {
     return {{"frames", frames}, {"why", error.what()}};
   }
   return {{"frames", frames}, {"why", nullptr}};
+}
+
+Json PreviewJson(const fs::path& folder, const Session& session, const ImagesOf& images_of) {
+  const auto record = RecordOf(folder);
+  if (record->HasScene()) return nullptr;
+  // By camera: frames and markers that the session keeps.
+  std::vector<std::set<std::pair<int, int>>> kept(record->cameras.size());
+  Exclusion exclusion(session.exclude);
+  for (size_t c = 0; c < record->cameras.size(); ++c) {
+    const CalibratedCamera& camera = record->cameras[c];
+    std::map<std::string, int> index;
+    std::map<std::string, View> of_frames;
+    for (const ResidualRow& row : camera.residuals) {
+      const std::string& name = record->frames[static_cast<size_t>(row.frame)].name;
+      index[name] = row.frame;
+      View& view = of_frames[name];
+      view.frame = name;
+      view.observations.push_back({.marker = row.marker});
+    }
+    std::vector<View> views;
+    for (auto& [name, view] : of_frames) views.push_back(std::move(view));
+    std::vector<LeftOut> left_out;
+    exclusion.RemoveViews(camera.name, images_of(camera.name), &views, &left_out);
+    for (const View& view : views) {
+      for (const Observation& seen : view.observations) {
+        kept[c].emplace(index[view.frame], seen.marker);
+      }
+    }
+  }
+  const auto leaves_out = [&](const BundleObservation& each) {
+    return !kept[static_cast<size_t>(each.camera)].contains({each.frame, each.seen.marker});
+  };
+  ViewTarget shape;
+  for (const auto& [number, marker] : record->markers) shape.markers[number] = marker.position;
+  const ExclusionPreview preview =
+      PreviewExclusion(KnowledgeOf(folder, *record, shape), shape, leaves_out);
+  if (preview.points == 0) return nullptr;
+  return {{"points", preview.points},
+          {"rms", {preview.rms_before, preview.rms_after}},
+          {"sigma", {Finite(preview.sigma_before), Finite(preview.sigma_after)}},
+          {"sigmas", Finite(preview.sigmas)},
+          {"unknown", preview.unknown}};
 }
 
 Json SpaceJson(const fs::path& folder) {

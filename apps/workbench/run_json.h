@@ -4,8 +4,13 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <vector>
+
+#include "calib/files/frame_images.h"
+#include "calib/files/session.h"
 
 namespace plenocal::workbench {
 
@@ -28,6 +33,15 @@ nlohmann::json LensesJson(const std::filesystem::path& folder,
 /// By how many standard errors the result changes without each frame, and what changes most; `why`
 /// there is nothing for this calibration.
 nlohmann::json InfluenceJson(const std::filesystem::path& folder);
+
+/// Images of a camera of the session.
+using ImagesOf = std::function<std::vector<FrameImage>(const std::string& camera)>;
+
+/// What the run would be without the points that the session leaves out by now: `PreviewExclusion`;
+/// null where it leaves out none of them, and for a calibration without a target.
+nlohmann::json PreviewJson(const std::filesystem::path& folder,
+                           const Session& session,
+                           const ImagesOf& images_of);
 
 /// Markers (m, in the target's frame), cameras with T_rig_camera, frames with T_target_rig;
 /// transforms as twelve numbers, the rows of [R t].

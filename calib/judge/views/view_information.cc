@@ -11,7 +11,9 @@
 
 #include "calib/adjust/linearise.h"
 #include "calib/base/linear_algebra.h"
+#include "calib/base/parallel.h"
 #include "calib/base/statistics.h"
+#include "calib/kernels/row_products.h"
 
 namespace plenocal {
 namespace {
@@ -22,8 +24,6 @@ constexpr double kFacing = 0.26;  // cosine between line of sight and normal: 75
 constexpr double kFoundPart = 0.5;
 constexpr size_t kFewestMarkers = 6;                   // for a pose with redundancy
 constexpr size_t kFewestLenses = 2, kMostLenses = 12;  // two give the depth
-
-using RowMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
 }  // namespace
 
@@ -66,6 +66,7 @@ ViewPredictor::ViewPredictor(const RigKnowledge& rig,
       distance[i] = std::min(distance[i], (rest[i].position - markers_.back().position).norm());
     }
   }
+  for (size_t m = 0; m < markers_.size(); ++m) by_number_[markers_[m].number] = m;
   for (const MicroLensArray& array : rig.lenses) {
     lenses_.push_back(array.lenses.empty() ? MicroLensSight() : MicroLensSight(array));
   }
@@ -153,80 +154,146 @@ std::vector<BundleObservation> ViewPredictor::Predicted(size_t c,
   return observations;
 }
 
-bool ViewPredictor::AddMarker(const RigidTransform& T_rig_target,
-                              const MarkerShape& marker,
-                              const std::vector<BundleObservation>& observations,
-                              double weight,
-                              Sums* sums) const {
-  if (observations.empty()) return true;
-  const auto c = static_cast<size_t>(observations[0].camera);
-  const BundleCamera& camera = rig_.bundle.cameras[c];
-  const internal::LinearisedView view{.T_camera_rig = camera.T_camera_rig,
-                                      .T_rig_target = T_rig_target};
-  const auto rows = static_cast<Eigen::Index>(camera.model->measured.size());
-  const auto params = static_cast<Eigen::Index>(camera.params.size());
-  const auto deformation = unknowns_.deformations.find(marker.number);
-  const Eigen::Index deformations =
-      deformation == unknowns_.deformations.end() ? 0 : deformation->second.cols();
-  RowMatrix J_params(rows, params), J_extrinsics(rows, 6), J_pose(rows, 6), J_marker(rows, 3);
-  double residual[kMaxObservationSize];
-  // Columns: the camera's unknowns, the target's, the pose, the residual; and what all rows of the
-  // marker share, in sigmas: its own position and the common noise.
-  const Eigen::Index own = params + 6 + deformations, all = own + 7, shared = 3 + rows;
-  Eigen::MatrixXd J(rows, all), B(rows, shared);
-  Eigen::MatrixXd JJ = Eigen::MatrixXd::Zero(all, all), JB = Eigen::MatrixXd::Zero(all, shared);
-  Eigen::MatrixXd BB = Eigen::MatrixXd::Identity(shared, shared);
-  for (const BundleObservation& observation : observations) {
-    if (!internal::Linearise(camera,
-                             camera.params.data(),
-                             view,
+// The rows of one camera in one frame. Columns of its products: the camera's unknowns, the
+// target's, the pose, the residual.
+class ViewPredictor::CameraRows {
+ public:
+  CameraRows(const ViewPredictor& predictor, size_t camera, const RigidTransform& T_rig_target)
+      : unknowns_(predictor.unknowns_),
+        index_(camera),
+        camera_(predictor.rig_.bundle.cameras[camera]),
+        view_{.T_camera_rig = camera_.T_camera_rig, .T_rig_target = T_rig_target},
+        rows_(static_cast<Eigen::Index>(camera_.model->measured.size())),
+        params_(static_cast<Eigen::Index>(camera_.params.size())),
+        deformations_(unknowns_.unit.size() - unknowns_.head),
+        own_(params_ + 6 + deformations_),
+        N_(Eigen::MatrixXd::Zero(own_ + 7, own_ + 7)),
+        J_params_(rows_, params_),
+        J_(rows_, own_ + 7),
+        B_(rows_, 3 + rows_),
+        JB_(own_ + 7, 3 + rows_),
+        plus_(ZeroRows(own_ + 7, kCapacity)),
+        minus_(ZeroRows(own_ + 7, kCapacity)) {}
+
+  /// One marker: observations of it, whose rows count `weight` times. False, and nothing added,
+  /// where a row is not finite.
+  [[nodiscard]] bool Add(const MarkerShape& marker,
+                         std::span<const BundleObservation* const> observations,
+                         double weight) {
+    const double root = std::sqrt(weight);
+    Shared BB = Shared::Identity(B_.cols(), B_.cols());
+    JB_.setZero();
+    Eigen::MatrixXd more(own_ + 7, rows_ * static_cast<Eigen::Index>(observations.size()));
+    Eigen::Index count = 0;
+    for (const BundleObservation* observation : observations) {
+      if (!Linearise(marker, *observation)) continue;
+      more.middleCols(count, rows_) = root * J_.transpose();
+      JB_.noalias() += weight * J_.transpose() * B_;
+      BB.noalias() += weight * B_.transpose() * B_;
+      count += rows_;
+    }
+    if (!more.leftCols(count).allFinite()) return false;
+    // What all rows of the marker share, in sigmas, is taken out: its own position and the common
+    // noise.
+    const Eigen::LLT<Shared> shared(BB);
+    for (Eigen::Index k = 0; k < count; ++k) Put(more.col(k), &plus_, &plus_count_);
+    const Eigen::MatrixXd common = shared.matrixL().solve(JB_.transpose());
+    for (Eigen::Index k = 0; k < common.rows(); ++k) Put(common.row(k), &minus_, &minus_count_);
+    return true;
+  }
+
+  void AddTo(Sums* sums) {
+    Flush();
+    N_.triangularView<Eigen::StrictlyUpper>() = N_.transpose();
+    for (Eigen::Index i = 0; i < own_; ++i) {
+      const int a = Unknown(i);
+      if (a < 0) continue;
+      const double unit = unknowns_.unit[a];
+      sums->tx.row(a) += unit * N_.row(i).segment<6>(own_);
+      sums->tr[a] += unit * N_(i, own_ + 6);
+      for (Eigen::Index j = 0; j < own_; ++j) {
+        const int b = Unknown(j);
+        if (b >= 0) sums->tt(a, b) += unit * unknowns_.unit[b] * N_(i, j);
+      }
+    }
+    sums->xx += N_.block<6, 6>(own_, own_);
+    sums->xr += N_.col(own_ + 6).segment<6>(own_);
+  }
+
+ private:
+  static constexpr Eigen::Index kCapacity = 128;
+  static constexpr int kMostShared = 3 + kMaxObservationSize;
+  using Shared = Eigen::
+      Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, kMostShared, kMostShared>;
+
+  [[nodiscard]] int Unknown(Eigen::Index column) const {
+    if (column < params_) return unknowns_.params[index_][static_cast<size_t>(column)];
+    if (column >= params_ + 6) return static_cast<int>(unknowns_.head + column - params_ - 6);
+    const int first = unknowns_.extrinsics[index_];
+    return first < 0 ? -1 : first + static_cast<int>(column - params_);
+  }
+
+  // Into `J_` and `B_`; false outside the model's domain.
+  bool Linearise(const MarkerShape& marker, const BundleObservation& observation) {
+    Eigen::Matrix<double, Eigen::Dynamic, 6, Eigen::RowMajor, kMaxObservationSize, 6> extrinsics(
+        rows_, 6),
+        pose(rows_, 6);
+    Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor, kMaxObservationSize, 3> position(
+        rows_, 3);
+    double residual[kMaxObservationSize];
+    if (!internal::Linearise(camera_,
+                             camera_.params.data(),
+                             view_,
                              marker.position,
                              observation,
                              {.residual = residual,
-                              .J_params = J_params.data(),
-                              .J_extrinsics = J_extrinsics.data(),
-                              .J_pose = J_pose.data(),
-                              .J_marker = J_marker.data()})) {
-      continue;
+                              .J_params = J_params_.data(),
+                              .J_extrinsics = extrinsics.data(),
+                              .J_pose = pose.data(),
+                              .J_marker = position.data()})) {
+      return false;
     }
-    J.leftCols(params) = J_params;
-    J.middleCols<6>(params) = J_extrinsics;
-    if (deformations > 0) {
-      J.middleCols(params + 6, deformations) = J_marker * deformation->second;
+    J_.leftCols(params_) = J_params_;
+    J_.middleCols<6>(params_) = extrinsics;
+    const auto deformation = unknowns_.deformations.find(marker.number);
+    if (deformation == unknowns_.deformations.end()) {
+      J_.middleCols(params_ + 6, deformations_).setZero();
+    } else {
+      J_.middleCols(params_ + 6, deformations_).noalias() = position * deformation->second;
     }
-    J.middleCols<6>(own) = J_pose;
-    J.rightCols<1>() = Eigen::Map<const Eigen::VectorXd>(residual, rows);
-    B.leftCols<3>() = J_marker * marker.sigma.asDiagonal();
-    B.rightCols(rows) = camera.noise.common_sigma /
-                        camera.noise.OwnSigma(observation.assumed_sigma) *
-                        Eigen::MatrixXd::Identity(rows, rows);
-    JJ.noalias() += weight * J.transpose() * J;
-    JB.noalias() += weight * J.transpose() * B;
-    BB.noalias() += weight * B.transpose() * B;
+    J_.middleCols<6>(own_) = pose;
+    J_.rightCols<1>() = Eigen::Map<const Eigen::VectorXd>(residual, rows_);
+    B_.leftCols<3>() = position * marker.sigma.asDiagonal();
+    B_.rightCols(rows_) = camera_.noise.common_sigma /
+                          camera_.noise.OwnSigma(observation.assumed_sigma) *
+                          Eigen::MatrixXd::Identity(rows_, rows_);
+    return true;
   }
-  if (!JJ.allFinite()) return false;
-  const Eigen::MatrixXd N = JJ - JB * BB.llt().solve(JB.transpose());
-  const auto unknown = [&](Eigen::Index column) {
-    if (column < params) return unknowns_.params[c][static_cast<size_t>(column)];
-    if (column >= params + 6) return static_cast<int>(unknowns_.head + column - params - 6);
-    const int first = unknowns_.extrinsics[c];
-    return first < 0 ? -1 : first + static_cast<int>(column - params);
-  };
-  for (Eigen::Index i = 0; i < own; ++i) {
-    const int a = unknown(i);
-    if (a < 0) continue;
-    const double unit = unknowns_.unit[a];
-    sums->tx.row(a) += unit * N.row(i).segment<6>(own);
-    sums->tr[a] += unit * N(i, own + 6);
-    for (Eigen::Index j = 0; j < own; ++j) {
-      const int b = unknown(j);
-      if (b >= 0) sums->tt(a, b) += unit * unknowns_.unit[b] * N(i, j);
-    }
+
+  void Put(const auto& row, RowMajorMatrix* rows, Eigen::Index* count) {
+    for (Eigen::Index i = 0; i < row.size(); ++i) (*rows)(i, *count) = row(i);
+    if (++*count == kCapacity) Flush();
   }
-  sums->xx += N.block<6, 6>(own, own);
-  sums->xr += N.col(own + 6).segment<6>(own);
-  return true;
-}
+
+  void Flush() {
+    AddRowProducts(1, plus_, &N_);
+    AddRowProducts(-1, minus_, &N_);
+    plus_.setZero();
+    minus_.setZero();
+    plus_count_ = minus_count_ = 0;
+  }
+
+  const RigUnknowns& unknowns_;
+  size_t index_;
+  const BundleCamera& camera_;
+  internal::LinearisedView view_;
+  Eigen::Index rows_, params_, deformations_, own_;
+  Eigen::MatrixXd N_;
+  RowMajorMatrix J_params_;
+  Eigen::MatrixXd J_, B_, JB_;
+  RowMajorMatrix plus_, minus_;
+  Eigen::Index plus_count_ = 0, minus_count_ = 0;
+};
 
 std::optional<ViewPredictor::OfFrame> ViewPredictor::WithoutPose(const Sums& sums) const {
   const auto passed = SolvePositive(sums.xx, Eigen::MatrixXd(sums.tx.transpose()));
@@ -251,14 +318,16 @@ std::optional<Eigen::MatrixXd> ViewPredictor::Information(const RigidTransform& 
     if (!SightOf(c, T_rig_target, most).found) continue;
     found = true;
     const RigidTransform T_camera_target = rig_.bundle.cameras[c].T_camera_rig * T_rig_target;
+    CameraRows rows(*this, c, T_rig_target);
     for (const size_t m : chosen) {
       if (!Image(c, T_camera_target, markers_[m])) continue;
       double repeats = 1;
       const auto observations = Predicted(c, T_rig_target, markers_[m], &repeats);
-      if (!AddMarker(T_rig_target, markers_[m], observations, weight * repeats, &sums)) {
-        return std::nullopt;
-      }
+      std::vector<const BundleObservation*> all;
+      for (const BundleObservation& each : observations) all.push_back(&each);
+      if (!rows.Add(markers_[m], all, weight * repeats)) return std::nullopt;
     }
+    rows.AddTo(&sums);
   }
   if (!found) return std::nullopt;
   std::optional<OfFrame> frame = WithoutPose(sums);
@@ -266,31 +335,53 @@ std::optional<Eigen::MatrixXd> ViewPredictor::Information(const RigidTransform& 
   return std::move(frame->information);
 }
 
-void ViewPredictor::ForFrames(const std::function<void(const OfFrame&)>& take) const {
-  std::map<int, const MarkerShape*> markers;
-  for (const MarkerShape& marker : markers_) markers[marker.number] = &marker;
-  const std::vector<BundleObservation>& all = rig_.bundle.observations;
-  for (size_t begin = 0; begin < all.size();) {
-    const int frame = all[begin].frame;
-    const RigidTransform& T_rig_target = rig_.bundle.T_rig_target[static_cast<size_t>(frame)];
-    Sums sums(unknowns_.unit.size());
-    while (begin < all.size() && all[begin].frame == frame) {
-      const size_t end = EndOfMarker(all, begin);
-      const int number = rig_.bundle.markers[static_cast<size_t>(all[begin].marker)].number;
-      std::vector<BundleObservation> used;
-      for (; begin < end; ++begin) {
-        if (all[begin].used) used.push_back(all[begin]);
+std::optional<ViewPredictor::OfFrame> ViewPredictor::FrameOf(
+    std::span<const BundleObservation> of_frame) const {
+  const int frame = of_frame.front().frame;
+  const RigidTransform& T_rig_target = rig_.bundle.T_rig_target[static_cast<size_t>(frame)];
+  Sums sums(unknowns_.unit.size());
+  std::vector<const BundleObservation*> used;
+  for (size_t begin = 0; begin < of_frame.size();) {
+    const int camera = of_frame[begin].camera;
+    CameraRows rows(*this, static_cast<size_t>(camera), T_rig_target);
+    while (begin < of_frame.size() && of_frame[begin].camera == camera) {
+      const int index = of_frame[begin].marker;
+      used.clear();
+      for (; begin < of_frame.size() && of_frame[begin].camera == camera &&
+             of_frame[begin].marker == index;
+           ++begin) {
+        if (of_frame[begin].used) used.push_back(&of_frame[begin]);
       }
-      const auto marker = markers.find(number);
-      if (marker == markers.end()) continue;
+      const auto marker = by_number_.find(rig_.bundle.markers[static_cast<size_t>(index)].number);
+      if (marker == by_number_.end() || used.empty()) continue;
       // What is not finite adds nothing.
-      (void)AddMarker(T_rig_target, *marker->second, used, 1, &sums);
+      (void)rows.Add(markers_[marker->second], used, 1);
     }
-    if (auto of_frame = WithoutPose(sums)) {
-      of_frame->frame = frame;
-      take(*of_frame);
-    }
+    rows.AddTo(&sums);
   }
+  std::optional<OfFrame> result = WithoutPose(sums);
+  if (result) result->frame = frame;
+  return result;
+}
+
+void ViewPredictor::ForFrames(const std::function<void(const OfFrame&)>& take) const {
+  constexpr size_t kAtOnce = 64;  // frames: their results wait in memory
+  const std::span<const BundleObservation> all = rig_.bundle.observations;
+  std::vector<std::span<const BundleObservation>> frames;
+  const auto work = [&] {
+    std::vector<std::optional<OfFrame>> results(frames.size());
+    ParallelFor(frames.size(), 0, [&](size_t i) { results[i] = FrameOf(frames[i]); });
+    for (const std::optional<OfFrame>& result : results) {
+      if (result) take(*result);
+    }
+    frames.clear();
+  };
+  for (size_t begin = 0, end = 0; begin < all.size(); begin = end) {
+    while (end < all.size() && all[end].frame == all[begin].frame) ++end;
+    frames.push_back(all.subspan(begin, end - begin));
+    if (frames.size() == kAtOnce) work();
+  }
+  work();
 }
 
 Eigen::MatrixXd ViewPredictor::InformationSoFar() const {

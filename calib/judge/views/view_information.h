@@ -5,7 +5,9 @@
 
 #include <Eigen/Core>
 #include <functional>
+#include <map>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "calib/judge/views/micro_lens_sight.h"
@@ -66,17 +68,14 @@ class ViewPredictor {
     Eigen::Vector3d position, normal, sigma;
   };
   struct Sums;
+  class CameraRows;
 
   [[nodiscard]] std::vector<size_t> Chosen(size_t most) const;
   [[nodiscard]] std::optional<Eigen::Vector2d> Image(size_t camera,
                                                      const RigidTransform& T_camera_target,
                                                      const MarkerShape& marker) const;
-  /// One marker in one view: `observations` of it, whose rows count `weight` times.
-  [[nodiscard]] bool AddMarker(const RigidTransform& T_rig_target,
-                               const MarkerShape& marker,
-                               const std::vector<BundleObservation>& observations,
-                               double weight,
-                               Sums* sums) const;
+  /// `of_frame`: all observations of one frame.
+  [[nodiscard]] std::optional<OfFrame> FrameOf(std::span<const BundleObservation> of_frame) const;
   [[nodiscard]] std::vector<BundleObservation> Predicted(size_t camera,
                                                          const RigidTransform& T_rig_target,
                                                          const MarkerShape& marker,
@@ -88,6 +87,7 @@ class ViewPredictor {
   const RigUnknowns& unknowns_;
   const ViewTarget& shape_;
   std::vector<MarkerShape> markers_;  // each next one the farthest from those before
+  std::map<int, size_t> by_number_;   // of `markers_`
   std::vector<MicroLensSight> lenses_;
 };
 
