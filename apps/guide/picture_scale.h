@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "calib/files/frame_images.h"
-#include "calib/judge/views/frame_worth.h"
+#include "calib/judge/frames/frame_worth.h"
 #include "targets/target.h"
 
 namespace plenocal {

@@ -16,10 +16,10 @@
 #include "calib/camera/micro_lens_array.h"
 #include "calib/files/calibration_file.h"
 #include "calib/files/exclusion.h"
+#include "calib/judge/frames/exclusion_preview.h"
+#include "calib/judge/frames/frame_influence.h"
 #include "calib/judge/projection_map.h"
 #include "calib/judge/verdict.h"
-#include "calib/judge/views/exclusion_preview.h"
-#include "calib/judge/views/frame_influence.h"
 #include "models/registry.h"
 
 namespace plenocal::workbench {

@@ -22,7 +22,7 @@
 #include "calib/calibrate.h"
 #include "calib/describe.h"
 #include "calib/files/exclusion.h"
-#include "calib/judge/views/frame_gain.h"
+#include "calib/judge/frames/frame_gain.h"
 #include "detectors/detect.h"
 
 namespace plenocal {

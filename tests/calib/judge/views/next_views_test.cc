@@ -12,7 +12,7 @@
 #include "calib/base/error.h"
 #include "calib/describe.h"
 #include "calib/judge/compare.h"
-#include "calib/judge/views/frame_influence.h"
+#include "calib/judge/frames/frame_influence.h"
 #include "calib/judge/views/view_information.h"
 #include "tests/calib/plenoptic_synthetic.h"
 #include "tests/calib/synthetic.h"

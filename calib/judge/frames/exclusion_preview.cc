@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/judge/views/exclusion_preview.h"
+#include "calib/judge/frames/exclusion_preview.h"
 
 #include <algorithm>
 #include <cmath>
@@ -37,8 +37,8 @@ Eigen::Array3d ResidualSums(const Bundle& bundle) {
     double residual[kMaxObservationSize];
     if (!observation.used || !Residual(bundle, observation, residual)) continue;
     const double square = residual[0] * residual[0] + residual[1] * residual[1];
-    sums += Eigen::Array3d(
-        square, square / (observation.assumed_sigma * observation.assumed_sigma), 1);
+    sums +=
+        Eigen::Array3d(square, square / (observation.assumed_sigma * observation.assumed_sigma), 1);
   }
   return sums;
 }
@@ -68,10 +68,9 @@ double SigmaOf(const InformationState& state) {
 
 }  // namespace
 
-ExclusionPreview PreviewExclusion(
-    RigKnowledge rig,
-    const ViewTarget& shape,
-    const std::function<bool(const BundleObservation&)>& leaves_out) {
+ExclusionPreview PreviewExclusion(RigKnowledge rig,
+                                  const ViewTarget& shape,
+                                  const std::function<bool(const BundleObservation&)>& leaves_out) {
   ExclusionPreview preview;
   std::set<int> frames;  // that lose points
   for (const BundleObservation& each : rig.bundle.observations) {
@@ -104,9 +103,11 @@ ExclusionPreview PreviewExclusion(
   // The adjustment has balanced the gradients of all frames.
   const Eigen::VectorXd gradient = without.gradient - with.gradient;
   const Eigen::VectorXd change = information.ldlt().solve(gradient);
-  const Eigen::VectorXd sigma =
-      before.Covariance().diagonal().cwiseSqrt().cwiseProduct(ScaleOf(rig, unknowns)).cwiseQuotient(
-          unknowns.unit);
+  const Eigen::VectorXd sigma = before.Covariance()
+                                    .diagonal()
+                                    .cwiseSqrt()
+                                    .cwiseProduct(ScaleOf(rig, unknowns))
+                                    .cwiseQuotient(unknowns.unit);
   for (Eigen::Index k = 0; k < unknowns.head; ++k) {
     const double sigmas = std::abs(change[k]) / sigma[k];
     if (!(sigmas > preview.sigmas)) continue;

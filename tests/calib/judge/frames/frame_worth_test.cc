@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/judge/views/frame_worth.h"
+#include "calib/judge/frames/frame_worth.h"
 
 #include <gtest/gtest.h>
 

@@ -10,8 +10,8 @@ namespace plenocal {
 
 /// What a calibration would be without some of its points.
 struct ExclusionPreview {
-  size_t points = 0;                      ///< left out, of those that were used
-  double rms_before = 0, rms_after = 0;   ///< length of the residuals of the used points, px
+  size_t points = 0;                     ///< left out, of those that were used
+  double rms_before = 0, rms_after = 0;  ///< length of the residuals of the used points, px
   /// Standard error of the projection over the images at the nearest and farthest distance of the
   /// points and, of ordinary cameras, ten times the farthest, px; infinite while something is not
   /// determined.
@@ -23,9 +23,8 @@ struct ExclusionPreview {
 /// By one Newton step from the adjustment, as `FrameInfluences`; outliers stay what they are.
 /// `leaves_out`: whether an observation is left out. Throws `Error` of kind kJob where no camera
 /// images a point at these distances.
-ExclusionPreview PreviewExclusion(
-    RigKnowledge rig,
-    const ViewTarget& shape,
-    const std::function<bool(const BundleObservation&)>& leaves_out);
+ExclusionPreview PreviewExclusion(RigKnowledge rig,
+                                  const ViewTarget& shape,
+                                  const std::function<bool(const BundleObservation&)>& leaves_out);
 
 }  // namespace plenocal

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/judge/views/frame_influence.h"
+#include "calib/judge/frames/frame_influence.h"
 
 #include <Eigen/Cholesky>
 #include <cmath>

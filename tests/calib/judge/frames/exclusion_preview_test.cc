@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/judge/views/exclusion_preview.h"
+#include "calib/judge/frames/exclusion_preview.h"
 
 #include <gtest/gtest.h>
 

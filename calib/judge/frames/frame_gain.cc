@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/judge/views/frame_gain.h"
+#include "calib/judge/frames/frame_gain.h"
 
 #include <algorithm>
 #include <limits>
