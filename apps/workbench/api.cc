@@ -507,6 +507,9 @@ Answer Api::Run(const Request& request) {
   if (Is(request, "GET", {"runs", "*", "points"})) {
     return JsonAnswer(PointsJson(folder, request.Query("camera"), request.Query("frame")));
   }
+  if (Is(request, "GET", {"runs", "*", "residuals"})) {
+    return JsonAnswer(ResidualsJson(folder, request.Query("camera")));
+  }
   if (Is(request, "GET", {"runs", "*", "lenses"})) {
     const std::string camera = PlainName(request.Query("camera"), "camera");
     return JsonAnswer(

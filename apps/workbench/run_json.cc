@@ -11,6 +11,7 @@
 
 #include "apps/guide/calibrated_rig.h"
 #include "apps/report/report.h"
+#include "apps/report/residual_sections.h"
 #include "apps/report/verdict_json.h"
 #include "calib/base/error.h"
 #include "calib/camera/micro_lens_array.h"
@@ -140,6 +141,36 @@ Json PointsJson(const fs::path& folder, const std::string& camera, const std::st
                       row.used ? 1 : 0});
   }
   return {{"camera", camera}, {"frame", frame}, {"points", points}};
+}
+
+Json ResidualsJson(const fs::path& folder, const std::string& camera) {
+  struct OfMarker {
+    FrameSums sums;
+    double largest = -1;  // squared, px^2
+    int frame = 0;        // that has it
+  };
+  const auto record = RecordOf(folder);
+  const CalibratedCamera& of_camera = FindCamera(*record, camera);
+  std::map<int, OfMarker> by_number;
+  for (const ResidualRow& row : of_camera.residuals) {
+    OfMarker& marker = by_number[row.marker];
+    row.used ? ++marker.sums.used : ++marker.sums.rejected;
+    if (!row.used) continue;
+    const double square = row.Error().squaredNorm();
+    marker.sums.squares += square;
+    if (square > marker.largest) marker.largest = square, marker.frame = row.frame;
+  }
+  Json markers = Json::array();
+  for (const auto& [number, marker] : by_number) {
+    const FrameSums& sums = marker.sums;
+    if (sums.used == 0) continue;
+    markers.push_back({{"marker", number},
+                       {"points", sums.used},
+                       {"rejected", sums.rejected},
+                       {"rms", std::sqrt(sums.squares / sums.used)},
+                       {"worst", record->frames[static_cast<size_t>(marker.frame)].name}});
+  }
+  return {{"markers", markers}, {"field", FieldJson(FieldOf(of_camera))}};
 }
 
 Json LensesJson(const fs::path& folder, const std::string& camera, const fs::path& micro_lenses) {

@@ -25,6 +25,10 @@ nlohmann::json PointsJson(const std::filesystem::path& folder,
                           const std::string& camera,
                           const std::string& frame);
 
+/// Per marker of a camera its used and rejected points, RMS and the frame with its largest
+/// residual; means of the residuals over the image (`FieldJson`).
+nlohmann::json ResidualsJson(const std::filesystem::path& folder, const std::string& camera);
+
 /// Micro-image centres of a plenoptic camera from its file: x, y, lens type; their pitch, raw px.
 nlohmann::json LensesJson(const std::filesystem::path& folder,
                           const std::string& camera,
