@@ -42,7 +42,7 @@ function MicroImage({ picture, lenses, lens, point, factor }: Shown) {
   });
   const length = dx === null || dy === null ? "-" : Math.hypot(dx, dy).toFixed(2);
   return (
-    <figure class="micro" style={`border-color: var(--type-${type})`}>
+    <figure class="micro" style={`border-color: var(--series-${type})`}>
       <canvas ref={element} width={kTile} height={kTile} role="img" aria-label={`micro image ${lens}`} />
       <figcaption>
         {length} px{used ? "" : ", rejected"}
