@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A chart of uPlot: axes, lines and bars are its own; fields and dense points are painted under them. The pointer and the
+// A chart of uPlot: axes, lines and bars are its own; fields and dense points are painted over them. The pointer and the
 // arrow keys name the nearest datum.
 import "uplot/dist/uPlot.min.css";
 import { useLayoutEffect, useRef } from "preact/hooks";
@@ -63,13 +63,22 @@ function scaleOf({ range, logarithmic, reversed, names }: Axis): uPlot.Scale {
   if (range) return { ...scale, range: () => range };
   if (!names) return scale;
   const last = names.length - 1;
-  return { ...scale, range: (_, low, high) => (low === 0 && high === last ? [-0.5, last + 0.5] : [Math.max(-0.5, low), Math.min(last + 0.5, high)]) };
+  // From the first to the last datum, or not known yet: all of it.
+  const isAll = (low: number, high: number): boolean => !(high > low) || (low === 0 && high === last);
+  return { ...scale, range: (_, low, high) => (isAll(low, high) ? [-0.5, last + 0.5] : [Math.max(-0.5, low), Math.min(last + 0.5, high)]) };
+}
+
+/** 1, 2 and 5 times each power of ten. */
+function logarithmicTicks(low: number, high: number): number[] {
+  const ticks: number[] = [];
+  for (let power = 10 ** Math.floor(Math.log10(low)); power <= high; power *= 10) ticks.push(power, 2 * power, 5 * power);
+  return ticks.filter((tick) => tick >= low && tick <= high);
 }
 
 const kLetter = 6.6; // px
 const widest = (texts: readonly (string | number | null)[]): number => texts.reduce((most: number, text) => Math.max(most, String(text ?? "").length), 0);
 
-function axisOf({ label, names, upright, text = (value) => brief(value, 5) }: Axis, side: "x" | "y"): uPlot.Axis {
+function axisOf({ label, names, upright, logarithmic, text = (value) => brief(value, 5) }: Axis, side: "x" | "y"): uPlot.Axis {
   const font = "12px system-ui, sans-serif";
   const axis: uPlot.Axis = {
     scale: side,
@@ -85,6 +94,10 @@ function axisOf({ label, names, upright, text = (value) => brief(value, 5) }: Ax
     gap: 3,
     values: (_, splits) => splits.map((value: number | null) => (value === null ? "" : text(value))),
   };
+  if (logarithmic) {
+    axis.splits = (_, __, low, high) => logarithmicTicks(low, high);
+    axis.filter = (_, splits) => splits;
+  }
   if (side === "y") axis.size = (_, values) => 14 + kLetter * widest(values ?? []);
   if (!names) return axis;
   const length = kLetter * widest(names);
@@ -188,7 +201,7 @@ export function Chart(look: ChartLook) {
         axes: [axisOf(look.x, "x"), axisOf(look.y, "y")],
         series: [{}, ...look.series],
         hooks: {
-          drawAxes: [(plot) => latest.current.paint && paintClipped(plot, latest.current.paint)],
+          draw: [(plot) => latest.current.paint && paintClipped(plot, latest.current.paint)],
           setCursor: [
             (plot) => {
               const { left = -1, top = -1 } = plot.cursor;
@@ -217,6 +230,8 @@ export function Chart(look: ChartLook) {
     const watch = new ResizeObserver(() => {
       const { clientWidth: width, clientHeight: height } = element;
       const plot = made.current?.plot;
+      // Paper scales the canvas as it is.
+      if (matchMedia("print").matches) return;
       if (plot && width > 0 && (plot.width !== width || plot.height !== height)) plot.setSize({ width, height });
     });
     watch.observe(element);

@@ -30,7 +30,7 @@ interface Lines extends Caption {
 function lookOf({ label, colour, dots, dashed, width = 1.5 }: LineSeries): uPlot.Series {
   const stroke = (): string => styled(colour);
   if (dots) return { label, paths: () => null, points: { show: true, size: 4, width: 0, fill: stroke, stroke } };
-  return { label, stroke, width, points: { show: false }, ...(dashed ? { dash: [4, 4] } : {}) };
+  return { label, stroke, width, pxAlign: 0, points: { show: false }, ...(dashed ? { dash: [4, 4] } : {}) };
 }
 
 export function LineChart({ places, series, x, y, aspect = 1.3, ...caption }: Lines) {

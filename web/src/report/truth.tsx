@@ -12,6 +12,8 @@ import { Scene } from "../space/scene";
 import { Figures, SectionPage } from "./page";
 import type { LoopTruth } from "./types";
 
+const kSegments = ["start", "end"] as const;
+
 function Result({ headline, findings, truth, cameras }: LoopTruth) {
   return (
     <>
@@ -19,7 +21,7 @@ function Result({ headline, findings, truth, cameras }: LoopTruth) {
       <Table
         caption="segments"
         head={["", "frames", "left out", "first", "last", "extent along its principal directions, m"]}
-        rows={Object.entries(truth.segments).map(([name, s]) => [
+        rows={kSegments.map((name) => [name, truth.segments[name]] as const).map(([name, s]) => [
           name,
           s.frames.length,
           s.left_out,
