@@ -2,7 +2,7 @@
 // Bars over names or, of a histogram, over values; one series before the other, and lines over them.
 import { useMemo } from "preact/hooks";
 import uPlot from "uplot";
-import { brief, rangeOf, roundUp } from "../base/numbers";
+import { brief, rangeOf } from "../base/numbers";
 import { Chart } from "./chart";
 import type { Axis } from "./chart";
 import { styled } from "./colours";
@@ -34,7 +34,7 @@ function endsOf(series: BarSeries[], logarithmic = false): [number, number] {
   const [low, high] = rangeOf(series.flatMap(({ values }) => values));
   if (!(low <= high)) return [0, 1];
   if (logarithmic) return [low / 2, 1.5 * high];
-  return [low < 0 ? -roundUp(-low) : 0, high > 0 ? roundUp(1.02 * high) : low < 0 ? 0 : 1];
+  return [Math.min(0, 1.05 * low), high > 0 ? 1.05 * high : low < 0 ? 0 : 1];
 }
 
 export function BarChart({ names, middles, series, x = "", y, unit = "", words, aspect = 1.2, ...caption }: Bars) {

@@ -2,7 +2,7 @@
 // A bar a frame (or a marker, a lens type). Excluded ones are hatched; where one can be chosen, a click and the arrow keys do.
 import { useMemo } from "preact/hooks";
 import uPlot from "uplot";
-import { rangeOf, roundUp } from "../base/numbers";
+import { rangeOf } from "../base/numbers";
 import { Chart } from "./chart";
 import { styled } from "./colours";
 
@@ -67,7 +67,7 @@ export function FrameBars({ name, bars, x, y, aspect = 1.2, chosen, onChoose }: 
         count={bars.length}
         aspect={aspect}
         x={{ label: x, names }}
-        y={{ label: y, range: [0, roundUp(1.02 * most)] }}
+        y={{ label: y, range: [0, 1.05 * most] }}
         data={data}
         series={[series(() => styled("--series-0"), gaps), series(hatch, gaps)]}
         chosen={index}

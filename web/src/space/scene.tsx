@@ -24,7 +24,7 @@ interface SceneLook {
 }
 
 // So many cameras turn in 50 ms without a graphics card; of more every k-th is drawn until the pointer rests.
-const kMostTurning = 700;
+const kMostTurning = 1000;
 const kRest = 150; // ms
 const kReach = 14; // px, of the pointer
 const kFront = { yaw: 0.6, pitch: -0.35 };
