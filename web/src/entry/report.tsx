@@ -2,8 +2,8 @@
 // A page that the program writes: its text stands there already, the components take its place.
 import "./report.css";
 import { render } from "preact";
-import { drawAll, drawings, followColours } from "../plot/figures";
-import type { Drawing } from "../plot/figures";
+import { drawAll, drawings, followColours } from "../plot/drawings";
+import type { Drawing } from "../plot/drawings";
 import { CalibrationPage } from "../report/calibration";
 import { PhotometryPage } from "../report/photometry";
 import { TrialPage } from "../report/trial";

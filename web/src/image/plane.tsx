@@ -3,7 +3,7 @@
 import { useEffect, useRef, useState } from "preact/hooks";
 import type { Lenses, Point } from "../api/types";
 import { arrow } from "../plot/arrow";
-import { styled } from "../plot/colours";
+import { seriesName, styled } from "../plot/colours";
 import { markersAt, markersInside } from "./choose";
 import type { Pixel } from "./choose";
 
@@ -53,7 +53,7 @@ function drawLenses(canvas: CanvasRenderingContext2D, lenses: Lenses, part: Part
   if (2 * radius < kSmallestLens) return;
   canvas.lineWidth = 1;
   for (const [x, y, type] of lenses.centres) {
-    canvas.strokeStyle = styled(`--series-${type}`);
+    canvas.strokeStyle = styled(seriesName(type));
     canvas.beginPath();
     canvas.arc(part.x + part.scale * (x + 0.5), part.y + part.scale * (y + 0.5), radius, 0, 2 * Math.PI);
     canvas.stroke();

@@ -3,8 +3,8 @@
 import { useMemo } from "preact/hooks";
 import uPlot from "uplot";
 import { brief, rangeOf } from "../base/numbers";
+import type { Axis } from "./axes";
 import { Chart } from "./chart";
-import type { Axis } from "./chart";
 import { styled } from "./colours";
 import type { Caption } from "./figure";
 import { Figure, Keys } from "./figure";

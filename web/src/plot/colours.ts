@@ -6,7 +6,8 @@ import { viridis } from "./viridis";
 export const styled = (name: string): string => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 
 const kSeries = 8;
-export const seriesColour = (index: number): string => styled(`--series-${index % kSeries}`);
+/** The variable of the style sheet that holds the colour of the i-th of several things. */
+export const seriesName = (index: number): string => `--series-${index % kSeries}`;
 
 export const ramp = (part: number, opacity = 1): string => `rgb(${viridis(part).join(" ")} / ${opacity})`;
 

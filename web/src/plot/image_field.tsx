@@ -2,7 +2,8 @@
 // Fields over an image: cells in colours, arrows.
 import { brief, isKnown, rangeOf } from "../base/numbers";
 import { arrow } from "./arrow";
-import type { Axis, Painter } from "./chart";
+import type { Axis } from "./axes";
+import type { Painter } from "./chart";
 import { ramp, styled } from "./colours";
 import type { Caption } from "./figure";
 import { ColourScale, Figure } from "./figure";

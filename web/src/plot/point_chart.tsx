@@ -2,8 +2,9 @@
 // Points anywhere, painted on the chart: thousands are as quick as ten.
 import type { ComponentChildren } from "preact";
 import { useMemo } from "preact/hooks";
+import type { Axis } from "./axes";
 import { Chart } from "./chart";
-import type { Axis, Hover, Painter } from "./chart";
+import type { Hover, Painter } from "./chart";
 import { styled } from "./colours";
 import type { Caption } from "./figure";
 import { Figure, Keys } from "./figure";

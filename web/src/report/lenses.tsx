@@ -2,6 +2,7 @@
 // Micro lenses by type, and white images.
 import { brief, rangeOf } from "../base/numbers";
 import { sigmaCells, Table } from "../parts/table";
+import { seriesName } from "../plot/colours";
 import { ArrowMap, CellMap, imageAspect } from "../plot/image_field";
 import { LineChart } from "../plot/line_chart";
 import type { LineSeries } from "../plot/line_chart";
@@ -13,7 +14,7 @@ function TypesOf({ name, types }: { name: string; types: LensType[] }) {
   const thousandfold = (value: number | null): number | null => (value === null ? null : 1e3 * value);
   const most = rangeOf(types.flatMap((type) => type.disc))[1];
   const places = types[0]?.distance ?? [];
-  const curves: LineSeries[] = types.map(({ type, disc }, i) => ({ label: `lens type ${type}`, values: disc, colour: `--series-${i % 8}`, width: 2 }));
+  const curves: LineSeries[] = types.map(({ type, disc }, i) => ({ label: `lens type ${type}`, values: disc, colour: seriesName(i), width: 2 }));
   return (
     <>
       <h3>{name}</h3>

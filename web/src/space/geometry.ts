@@ -69,7 +69,10 @@ export const wholeWorld = (markers: Vector[], cameras: SceneCamera[], frames: Sc
   worldOf(markers, cameras, frames.map((frame) => frame.T_target_rig), 0.035);
 
 /** The cameras alone, as they stand to each other. */
-export const rigWorld = (cameras: SceneCamera[]): World => ({ ...worldOf([], cameras, [kStill], 0.25), axes: 0.3 * extentOf(cameras.map((camera) => apply(camera.T_rig_camera, [0, 0, 0]))).radius });
+export function rigWorld(cameras: SceneCamera[]): World {
+  const world = worldOf([], cameras, [kStill], 0.25);
+  return { ...world, axes: 0.3 * world.radius };
+}
 
 export interface Turn {
   yaw: number;
@@ -93,11 +96,14 @@ export function projectionOf({ middle, radius }: World, { yaw, pitch, zoom, shif
   };
 }
 
-/** Zoom and shift by which all of the world fills the window. */
-export function fitted(world: World, { yaw, pitch }: Pick<Turn, "yaw" | "pitch">, width: number, height: number): Turn {
+export type Side = Pick<Turn, "yaw" | "pitch">;
+
+/** Zoom and shift by which all of the world and of the ghosts fills the window. */
+export function fitted(world: World, ghosts: Ghost[], { yaw, pitch }: Side, width: number, height: number): Turn {
   const plain: Turn = { yaw, pitch, zoom: 1, shift: [0, 0] };
   const project = projectionOf(world, plain, width, height);
-  const points: Vector[] = [...world.markers, ...world.pyramids.flat(2)].map((p) => [...project(p), 0]);
+  const apexes = ghosts.map(({ T_target_camera }) => apply(T_target_camera, [0, 0, 0]));
+  const points = [...world.markers, ...world.pyramids.flat(2), ...apexes].map(project);
   if (points.length === 0) return plain;
   const low = (k: 0 | 1): number => points.reduce((least, p) => Math.min(least, p[k]), Infinity);
   const high = (k: 0 | 1): number => points.reduce((most, p) => Math.max(most, p[k]), -Infinity);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // A scene on a 2D canvas, which also works where there is no WebGL.
-import { ramp, seriesColour, styled } from "../plot/colours";
+import { ramp, seriesName, styled } from "../plot/colours";
 import { apply, projectionOf, pyramidOf } from "./geometry";
 import type { Ghost, Projection, SceneCamera, Turn, Vector, World } from "./geometry";
 
@@ -65,7 +65,7 @@ function paintPoses(canvas: CanvasRenderingContext2D, shown: Shown, poses: numbe
   const paths = new Map<string, Path2D>();
   const rigs = new Path2D();
   const places: Place[] = [];
-  const cameraColours = shown.cameras.map((_, camera) => seriesColour(camera));
+  const cameraColours = shown.cameras.map((_, camera) => styled(seriesName(camera)));
   for (const pose of poses) {
     shown.world.pyramids[pose]?.forEach((points, camera) => {
       const colour = shown.rms ? colourOf(shown.rms(pose, camera)) : (cameraColours[camera] ?? "");
