@@ -38,12 +38,14 @@ const timed = async (name, work) => {
 await timed("page with the bars of all frames", async () => {
   await page.goto(address);
   await page.getByRole("button", { name: "Look", exact: true }).click();
-  await page.locator(".bar").first().waitFor();
+  await page.locator("[data-bars='1000'] canvas").first().waitFor();
 });
 await timed("from a bar to the points", async () => {
-  await page.locator(".bar").nth(700).click();
+  const box = await page.locator("[data-bars='1000'] .u-over").first().boundingBox();
+  await page.mouse.click(box.x + 0.7 * box.width, box.y + 0.5 * box.height);
   await page.locator("canvas[data-points]:not([data-points='0'])").waitFor();
 });
+console.log(`elements of the page: ${await page.evaluate(() => document.querySelectorAll("*").length)}`);
 await page.getByRole("button", { name: "Space", exact: true }).click();
 await page.locator("canvas.space").waitFor();
 await page.waitForTimeout(500);

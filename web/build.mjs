@@ -1,13 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// Checks the types and makes dist/: one script, one style sheet, one page.
+// Checks the types and makes dist/: the workbench's script, style sheet and page, and the shell of the pages that the program
+// writes, with script and style inside.
 import { execFileSync } from "node:child_process";
-import { cpSync, mkdirSync } from "node:fs";
+import { createHash } from "node:crypto";
+import { cpSync, mkdirSync, readFileSync, writeFileSync } from "node:fs";
 import { build } from "esbuild";
 
 execFileSync(process.execPath, ["node_modules/typescript/bin/tsc", "-p", "."], { stdio: "inherit" });
 mkdirSync("dist", { recursive: true });
 await build({
-  entryPoints: { workbench: "src/entry/workbench.tsx" },
+  entryPoints: { workbench: "src/entry/workbench.tsx", report: "src/entry/report.tsx" },
   outdir: "dist",
   bundle: true,
   minify: true,
@@ -19,3 +21,15 @@ await build({
   logLevel: "warning",
 });
 cpSync("src/entry/index.html", "dist/index.html");
+
+// Nothing but this script and this style runs, and nothing is fetched.
+const [script, style] = ["js", "css"].map((kind) => readFileSync(`dist/report.${kind}`, "utf8"));
+if (/<\/(script|style)/i.test(script + style)) throw new Error("the text of the script or of the style ends its element");
+const hash = (text) => `'sha256-${createHash("sha256").update(text).digest("base64")}'`;
+const parts = {
+  policy: `default-src 'none'; script-src ${hash(script)}; style-src ${hash(style)}; img-src data:; base-uri 'none'; form-action 'none'`,
+  style,
+  script: `<script>${script}</script>`,
+};
+const shell = readFileSync("src/entry/report.html", "utf8");
+writeFileSync("dist/report.html", shell.replace(/@(policy|style|script)@/g, (_, name) => parts[name]));

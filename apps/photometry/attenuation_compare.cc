@@ -11,7 +11,6 @@
 #include <opencv2/core.hpp>
 
 #include "apps/report/page.h"
-#include "apps/report/page_parts.h"
 #include "calib/base/error.h"
 #include "detectors/images/image.h"
 
@@ -146,9 +145,13 @@ nlohmann::json ComparisonJson(const AttenuationComparison& comparison,
 std::string ComparisonPage(const AttenuationComparison& comparison,
                            const std::string& first,
                            const std::string& second) {
+  PageText text;
+  text.Paragraph(ComparisonText(comparison, first, second));
   return MakePage("Two vignettings",
-                  {kPhotometryPageJs},
-                  {{"camera", first + ", " + second},
+                  text,
+                  {{"kind", "photometry"},
+                   {"camera", first + ", " + second},
+                   {"headline", ""},
                    {"findings", nlohmann::json::array()},
                    {"comparison", ComparisonJson(comparison, first, second)}});
 }

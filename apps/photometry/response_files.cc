@@ -13,7 +13,6 @@
 
 #include "apps/photometry/exposed_images.h"
 #include "apps/report/page.h"
-#include "apps/report/page_parts.h"
 #include "calib/base/error.h"
 #include "calib/base/number_text.h"
 #include "calib/base/parallel.h"
@@ -150,11 +149,20 @@ std::string ResponseCsv(const ResponseEstimate& estimate) {
   return text;
 }
 
-std::string ResponseSummary(const ResponseEstimate& estimate, const std::string& camera) {
+namespace {
+
+double LargestSigma(const ResponseEstimate& estimate) {
   double largest = 0;
   for (const double sigma : estimate.sigma) {
     if (!std::isnan(sigma)) largest = std::max(largest, sigma);
   }
+  return largest;
+}
+
+}  // namespace
+
+std::string ResponseSummary(const ResponseEstimate& estimate, const std::string& camera) {
+  const double largest = LargestSigma(estimate);
   const double electrons = estimate.noise.gain > 0 ? 255 / estimate.noise.gain : 0;
   return fmt::format(
       "{}: response from {} at {}\n"
@@ -180,23 +188,30 @@ std::string ResponsePage(const ResponseEstimate& estimate,
   for (const double value : estimate.sigma) {
     sigma.push_back(std::isnan(value) ? Json() : Json(value));
   }
-  return MakePage("Response of a camera",
-                  {kPhotometryPageJs},
-                  {{"camera", camera},
-                   {"findings", findings},
-                   {"response",
-                    {{"U", estimate.curve.Values()},
-                     {"sigma", sigma},
-                     {"count", estimate.count},
-                     {"gain", estimate.noise.gain},
-                     {"read", estimate.noise.read},
-                     {"rms", estimate.rms},
-                     {"pixels", estimate.pixels},
-                     {"moving", estimate.moving},
-                     {"exposure_sigma", estimate.exposure_sigma},
-                     {"frames", sweep.frames},
-                     {"exposures", sweep.exposures},
-                     {"exposure_errors", estimate.exposure_errors}}}});
+  const std::string headline =
+      fmt::format("Light by grey value: standard deviation up to {} % of full scale",
+                  BriefNumber(100 * LargestSigma(estimate) / 255, 2));
+  PageText text;
+  text.Paragraph(camera);
+  text.Box(findings.empty() ? "good" : "usable", headline, findings);
+  const Json data{{"kind", "photometry"},
+                  {"camera", camera},
+                  {"headline", headline},
+                  {"findings", findings},
+                  {"response",
+                   {{"U", estimate.curve.Values()},
+                    {"sigma", sigma},
+                    {"count", estimate.count},
+                    {"gain", estimate.noise.gain},
+                    {"read", estimate.noise.read},
+                    {"rms", estimate.rms},
+                    {"pixels", estimate.pixels},
+                    {"moving", estimate.moving},
+                    {"exposure_sigma", estimate.exposure_sigma},
+                    {"frames", sweep.frames},
+                    {"exposures", sweep.exposures},
+                    {"exposure_errors", estimate.exposure_errors}}}};
+  return MakePage("Response of a camera", text, data);
 }
 
 }  // namespace plenocal

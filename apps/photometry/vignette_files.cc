@@ -11,7 +11,6 @@
 #include <opencv2/imgproc.hpp>
 
 #include "apps/report/page.h"
-#include "apps/report/page_parts.h"
 #include "calib/base/number_text.h"
 #include "calib/base/quoted_text.h"
 #include "calib/base/robust.h"
@@ -160,7 +159,11 @@ std::string VignettePage(const VignetteEstimate& estimate,
                          const std::vector<std::string>& findings,
                          const AttenuationComparison* comparison) {
   const ImageSize size{estimate.attenuation.cols, estimate.attenuation.rows};
-  Json page{{"camera", camera},
+  const std::string headline = fmt::format("Attenuation with a standard deviation of {} %",
+                                           BriefNumber(100 * MeanSigma(estimate.sigma), 2));
+  Json page{{"kind", "photometry"},
+            {"camera", camera},
+            {"headline", headline},
             {"findings", findings},
             {"vignette",
              {{"image_size", size},
@@ -168,7 +171,6 @@ std::string VignettePage(const VignetteEstimate& estimate,
               {"column", SectionJson(estimate, false)},
               {"attenuation", CellsJson(estimate.attenuation)},
               {"sigma", CellsJson(estimate.sigma)},
-              {"mean_sigma", MeanSigma(estimate.sigma)},
               {"measurements", estimate.measurements},
               {"residual", estimate.residual},
               {"expected", estimate.expected},
@@ -177,12 +179,13 @@ std::string VignettePage(const VignetteEstimate& estimate,
               {"gains", estimate.gains},
               {"angles", estimate.angle_limits},
               {"by_angle", estimate.by_angle},
-              {"wall_size",
-               {estimate.wall.cols * estimate.wall_cell, estimate.wall.rows * estimate.wall_cell}},
               {"wall", CellsJson(WallPicture(estimate))}}}};
   if (comparison != nullptr)
     page["comparison"] = ComparisonJson(*comparison, "wall", "white images");
-  return MakePage("Vignetting of a camera", {kPhotometryPageJs}, page);
+  PageText text;
+  text.Paragraph(camera);
+  text.Box(findings.empty() ? "good" : "usable", headline, findings);
+  return MakePage("Vignetting of a camera", text, page);
 }
 
 std::string WallPng(const VignetteEstimate& estimate) {

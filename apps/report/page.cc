@@ -3,12 +3,29 @@
 
 #include <fmt/format.h>
 
-#include <map>
-
-#include "apps/report/page_parts.h"
+#include <array>
 
 namespace plenocal {
+
+// web/src/entry/report.html with script and style: made by the build (cmake/embed.cmake).
+std::string_view PageShell();
+
 namespace {
+
+// Marks of direction turn the text behind them around: U+202A to U+202E and U+2066 to U+2069.
+std::string WithoutDirectionMarks(std::string text) {
+  constexpr std::string_view kReplacement = "\uFFFD";
+  const auto is_mark = [&](size_t i) {
+    const auto last = static_cast<unsigned char>(text[i + 2]);
+    return (text[i + 1] == '\x80' && last >= 0xAA && last <= 0xAE) ||
+           (text[i + 1] == '\x81' && last >= 0xA6 && last <= 0xA9);
+  };
+  for (size_t i = text.find('\xE2'); i != std::string::npos && i + 2 < text.size();
+       i = text.find('\xE2', i + 1)) {
+    if (is_mark(i)) text.replace(i, 3, kReplacement);
+  }
+  return text;
+}
 
 // As text of a script element: nothing in it can end the element.
 std::string ScriptText(const nlohmann::json& data) {
@@ -25,32 +42,23 @@ std::string ScriptText(const nlohmann::json& data) {
   return text;
 }
 
-std::string FilledPage(const std::map<std::string_view, std::string_view>& parts) {
-  std::string page;
-  std::string_view rest = kPageHtml;
-  while (true) {
-    const size_t open = rest.find("{{");
-    page += rest.substr(0, open);
-    if (open == std::string_view::npos) return page;
-    const size_t close = rest.find("}}", open);
-    page += parts.at(rest.substr(open + 2, close - open - 2));
-    rest.remove_prefix(close + 2);
-  }
-}
-
 }  // namespace
 
-std::string MakePage(std::string_view title,
-                     std::initializer_list<std::string_view> scripts,
-                     const nlohmann::json& data) {
-  std::string all = fmt::format("{}\n{}\n", kPlotsJs, kElementsJs);
-  for (const std::string_view script : scripts) all += fmt::format("{}\n", script);
-  const std::string text = ScriptText(data);
-  return FilledPage({{"title", title},
-                     {"style", kPageCss},
-                     {"library", kChartLibrary},
-                     {"scripts", all},
-                     {"data", text}});
+std::string MakePage(std::string_view title, const PageText& text, const nlohmann::json& data) {
+  const std::array<std::pair<std::string_view, std::string>, 3> parts{
+      {{"{{title}}", HtmlText(title)},
+       {"{{text}}",
+        fmt::format("<h1>{}</h1>\n{}", HtmlText(title), WithoutDirectionMarks(text.Html()))},
+       {"{{data}}", WithoutDirectionMarks(ScriptText(data))}}};
+  std::string page;
+  std::string_view rest = PageShell();
+  for (const auto& [mark, part] : parts) {
+    const size_t place = rest.find(mark);
+    page += rest.substr(0, place);
+    page += part;
+    rest.remove_prefix(place + mark.size());
+  }
+  return page.append(rest);
 }
 
 }  // namespace plenocal

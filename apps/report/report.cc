@@ -1,16 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/report/report.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <set>
 
 #include "apps/report/attenuation_map.h"
+#include "apps/report/calibration_text.h"
 #include "apps/report/micro_lens_sections.h"
 #include "apps/report/page.h"
-#include "apps/report/page_parts.h"
 #include "apps/report/residual_sections.h"
+#include "apps/report/transform_json.h"
 #include "apps/report/verdict_json.h"
 #include "calib/base/number_text.h"
 #include "calib/calibrate.h"
@@ -22,30 +26,11 @@ namespace {
 
 using Json = nlohmann::json;
 
-Json Vector(const Eigen::Vector3d& v) {
-  return {Short(v.x(), 7), Short(v.y(), 7), Short(v.z(), 7)};
-}
-
-Json Transform(const RigidTransform& T) {
-  Json rows = Json::array();
-  for (int r = 0; r < 3; ++r) {
-    for (int c = 0; c < 3; ++c) rows.push_back(Short(T.R(r, c), 6));
-  }
-  return {{"R", rows}, {"t", Vector(T.t)}};
-}
-
 // A number as calibration.yaml holds it, so that a page made from results in memory is the same as
 // one made from files. Infinite numbers become null; the page shows "not determined".
 Json AsInFile(double value) {
   if (!std::isfinite(value)) return nullptr;
   return *ParseDouble(YamlNumber(value));
-}
-
-template <typename Values>
-Json Numbers(const Values& values) {
-  Json list = Json::array();
-  for (const double value : values) list.push_back(AsInFile(value));
-  return list;
 }
 
 Json ParametersJson(const CalibratedCamera& camera) {
@@ -56,26 +41,69 @@ Json ParametersJson(const CalibratedCamera& camera) {
     parameters.push_back({{"name", param.name},
                           {"unit", param.unit},
                           {"value", camera.params[i]},
-                          {"sigma", AsInFile(camera.Sigma(i))},
-                          {"fixed", camera.Sigma(i) == 0}});
+                          {"sigma", AsInFile(camera.Sigma(i))}});
   }
   return parameters;
 }
 
-Json FitJson(const CameraFit& fit) {
-  Json rms_by_type = Json::object();
-  for (const auto& [type, of_type] : fit.lens_types) {
-    rms_by_type[std::to_string(type)] = AsInFile(of_type.rms);
+// The pose as parameters; none of the camera that is the rig's frame.
+Json PoseJson(const CalibratedCamera& camera) {
+  constexpr std::array kNames{"v_x", "v_y", "v_z", "w_x", "w_y", "w_z"};
+  Json pose = Json::array();
+  const auto xi = Log(camera.T_camera_rig);
+  if (xi.isZero(0)) return pose;
+  for (size_t i = 0; i < kNames.size(); ++i) {
+    pose.push_back({{"name", kNames[i]},
+                    {"unit", i < 3 ? "m" : "rad"},
+                    {"value", AsInFile(xi[static_cast<Eigen::Index>(i)])},
+                    {"sigma", AsInFile(camera.sigma_xi[i])}});
   }
+  return pose;
+}
+
+Json FitJson(const CameraFit& fit) {
   Json json = {{"points", fit.points},
                {"rejected", fit.rejected},
                {"views", fit.views},
                {"rms", AsInFile(fit.rms)},
-               {"noise", AsInFile(fit.noise_sigma)},
-               {"rms_by_type", rms_by_type}};
+               {"noise", AsInFile(fit.noise_sigma)}};
   if (fit.detector_sigma > 0) json["detector_sigma"] = AsInFile(fit.detector_sigma);
-  if (fit.noise_floor) json["noise_floor"] = AsInFile(fit.noise_floor->length);
   return json;
+}
+
+// Rows of name, value and unit.
+Json ResidualTable(const CameraFit& fit) {
+  Json rows = Json::array({{"RMS reprojection error", AsInFile(fit.rms), "px"},
+                           {"points used", fit.points, ""},
+                           {"points rejected", fit.rejected, ""},
+                           {"images", fit.views, ""},
+                           {"noise of one coordinate", AsInFile(fit.noise_sigma), "px"}});
+  if (fit.detector_sigma > 0) {
+    rows.push_back({"noise stated by the detector", AsInFile(fit.detector_sigma), "px"});
+  }
+  if (fit.noise_floor) {
+    rows.push_back({"noise floor (any model)", AsInFile(fit.noise_floor->length), "px"});
+  }
+  for (const auto& [type, of_type] : fit.lens_types) {
+    rows.push_back({fmt::format("RMS of lens type {}", type), AsInFile(of_type.rms), "px"});
+  }
+  return rows;
+}
+
+std::string SummaryOf(const CalibratedCamera& camera) {
+  const CameraFit& fit = camera.fit;
+  const std::string detector =
+      fit.detector_sigma > 0
+          ? fmt::format(", detector {} px", BriefNumber(AsInFile(fit.detector_sigma)))
+          : "";
+  return fmt::format(
+      "{}: reprojection error {} px RMS over {} points in {} images; noise {} px per coordinate{}.",
+      camera.name,
+      BriefNumber(AsInFile(fit.rms), 4),
+      fit.points,
+      fit.views,
+      BriefNumber(AsInFile(fit.noise_sigma)),
+      detector);
 }
 
 Json MapsJson(const std::vector<ProjectionMap>& maps) {
@@ -206,10 +234,10 @@ Json MarkersJson(const CalibrationRecord& calibration) {
   const bool refined = calibration.adjustment && calibration.adjustment->marker_sigma > 0;
   Json markers = Json::array();
   for (const auto& [number, marker] : calibration.markers) {
-    Json json = {{"number", number}, {"place", Vector(marker.position)}};
+    Json json = {{"number", number}, {"place", VectorJson(marker.position)}};
     if (refined && marker.nominal && marker.sigma) {
-      json["moved"] = Vector(marker.position - *marker.nominal);
-      json["sigma"] = Vector(*marker.sigma);
+      json["moved"] = VectorJson(marker.position - *marker.nominal);
+      json["sigma"] = VectorJson(*marker.sigma);
     }
     markers.push_back(std::move(json));
   }
@@ -255,7 +283,7 @@ class ReportData {
       cameras.push_back(CameraJson(c, ProjectionMaps(calibration_, c)));
     }
     for (const FrameRecord& frame : calibration_.frames) {
-      frames.push_back({{"name", frame.name}, {"T_target_rig", Transform(frame.T_target_rig)}});
+      frames.push_back({{"name", frame.name}, {"T_target_rig", TransformJson(frame.T_target_rig)}});
     }
     Json provenance = Json::array();
     for (const auto& [key, value] : calibration_.provenance) provenance.push_back({key, value});
@@ -263,6 +291,7 @@ class ReportData {
     Json judged = VerdictJson(verdict);
     judged["headline"] = Headline(verdict);
     return {
+        {"kind", "calibration"},
         {"verdict", judged},
         {"cameras", cameras},
         {"frames", frames},
@@ -317,10 +346,11 @@ class ReportData {
             {"coefficients",
              std::ranges::count_if(camera.model->params,
                                    [](const Param& param) { return param.prior_sigma > 0; })},
-            {"T_camera_rig", Transform(camera.T_camera_rig)},
-            {"xi_camera_rig", Numbers(Log(camera.T_camera_rig))},
-            {"sigma_xi", Numbers(camera.sigma_xi)},
+            {"summary", SummaryOf(camera)},
+            {"T_rig_camera", TransformJson(camera.T_camera_rig.Inverse())},
+            {"T_camera_rig", PoseJson(camera)},
             {"residuals", FitJson(camera.fit)},
+            {"residual_table", ResidualTable(camera.fit)},
             {"plots",
              ResidualSections(calibration_,
                               c,
@@ -341,7 +371,8 @@ class ReportData {
 }  // namespace
 
 std::string ReportHtml(const CalibrationRecord& calibration, const CameraFiles& files) {
-  return MakePage("Calibration report", {kSceneJs, kPageJs}, ReportData(calibration, files).Make());
+  const Json data = ReportData(calibration, files).Make();
+  return MakePage("Calibration report", CalibrationText(data), data);
 }
 
 }  // namespace plenocal

@@ -8,7 +8,7 @@
 
 namespace plenocal {
 
-/// Input of `addArrowMap` in plots.js.
+/// `FieldRms` of web/src/report/types.ts.
 nlohmann::json FieldJson(const ResidualField& field);
 
 /// Plots of one camera's residuals: sample of points, field, histogram, per frame,

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/report/trial_page.h"
 
+#include <fmt/format.h>
+
 #include <cmath>
 
 #include "apps/report/page.h"
-#include "apps/report/page_parts.h"
 #include "apps/report/residual_sections.h"
 
 namespace plenocal {
@@ -45,6 +46,28 @@ Json RowJson(const TrialRow& row) {
   return json;
 }
 
+PageText TextOf(const std::vector<TrialRow>& rows, const TrialRecommendations& recommended) {
+  PageText text;
+  text.Box("good",
+           fmt::format("Recommended: {}", recommended.model),
+           {fmt::format("Target: {}", recommended.target)});
+  std::vector<std::vector<std::string>> cells;
+  for (const TrialRow& row : rows) {
+    const ModelTrial& trial = *row.trial;
+    const bool has_score = row.why_not.empty();
+    const Json rms = has_score ? Json(trial.rms) : Json(),
+               sigma = has_score ? Json(trial.rms_sigma) : Json();
+    cells.push_back({std::string(trial.model->name),
+                     has_score ? row.judgement : row.why_not,
+                     BriefNumber(rms, 4),
+                     BriefNumber(sigma, 2)});
+  }
+  text.Table("each model on held-out frames",
+             {"", "judgement", "held-out RMS, px", "standard error"},
+             cells);
+  return text;
+}
+
 }  // namespace
 
 std::string TrialPage(const ModelChoice& choice,
@@ -65,16 +88,16 @@ std::string TrialPage(const ModelChoice& choice,
                        {"image_size", any.cameras[c].image_size},
                        {"fields", fields}});
   }
-  return MakePage("Camera models compared",
-                  {kTrialPageJs},
-                  {{"recommendation", recommended.model},
-                   {"target", recommended.target},
-                   {"frames", choice.frames},
-                   {"folds", choice.folds},
-                   {"points", choice.points},
-                   {"outliers", choice.outliers},
-                   {"models", models},
-                   {"cameras", cameras}});
+  const Json data{{"kind", "trial"},
+                  {"recommendation", recommended.model},
+                  {"target", recommended.target},
+                  {"frames", choice.frames},
+                  {"folds", choice.folds},
+                  {"points", choice.points},
+                  {"outliers", choice.outliers},
+                  {"models", models},
+                  {"cameras", cameras}};
+  return MakePage("Camera models compared", TextOf(rows, recommended), data);
 }
 
 }  // namespace plenocal

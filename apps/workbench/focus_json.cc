@@ -14,7 +14,7 @@ namespace plenocal::workbench {
 namespace {
 
 using Json = nlohmann::json;
-constexpr size_t kMostText = 64 * 1024;
+constexpr size_t kMostDescription = 64 * 1024;
 constexpr size_t kMostImage = size_t{1} << 30;
 // Columns and rows that the page is given: what a screen can show.
 constexpr int kMostDepths = 512;
@@ -22,7 +22,7 @@ constexpr int kMostDepths = 512;
 }  // namespace
 
 Json FocusJson(const std::filesystem::path& root, const std::filesystem::path& folder) {
-  const auto text = ReadBeneath(root, folder / "focused.yaml", kMostText);
+  const auto text = ReadBeneath(root, folder / "focused.yaml", kMostDescription);
   const YamlNode yaml =
       YamlNode::Parse(std::string(text.begin(), text.end()), (folder / "focused.yaml").string());
   const auto file = folder / "virtual_depth.tiff";

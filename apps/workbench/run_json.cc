@@ -12,6 +12,7 @@
 #include "apps/guide/calibrated_rig.h"
 #include "apps/report/report.h"
 #include "apps/report/residual_sections.h"
+#include "apps/report/transform_json.h"
 #include "apps/report/verdict_json.h"
 #include "calib/base/error.h"
 #include "calib/camera/micro_lens_array.h"
@@ -242,24 +243,17 @@ Json PreviewJson(const fs::path& folder, const Session& session, const ImagesOf&
 
 Json SpaceJson(const fs::path& folder) {
   const auto record = RecordOf(folder);
-  const auto rows = [](const RigidTransform& T) {
-    Json numbers = Json::array();
-    for (int r = 0; r < 3; ++r) {
-      for (int c = 0; c < 3; ++c) numbers.push_back(T.R(r, c));
-      numbers.push_back(T.t[r]);
-    }
-    return numbers;
-  };
   Json markers = Json::array(), cameras = Json::array(), frames = Json::array();
   for (const auto& [number, marker] : record->markers) {
-    markers.push_back({marker.position.x(), marker.position.y(), marker.position.z()});
+    markers.push_back(VectorJson(marker.position));
   }
   for (const CalibratedCamera& camera : record->cameras) {
-    cameras.push_back(
-        {{"name", camera.name}, {"T_rig_camera", rows(camera.T_camera_rig.Inverse())}});
+    cameras.push_back({{"name", camera.name},
+                       {"image_size", camera.image_size},
+                       {"T_rig_camera", TransformJson(camera.T_camera_rig.Inverse())}});
   }
   for (const FrameRecord& frame : record->frames) {
-    frames.push_back({{"name", frame.name}, {"T_target_rig", rows(frame.T_target_rig)}});
+    frames.push_back({{"name", frame.name}, {"T_target_rig", TransformJson(frame.T_target_rig)}});
   }
   return {{"markers", markers}, {"cameras", cameras}, {"frames", frames}};
 }

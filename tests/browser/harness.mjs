@@ -41,6 +41,19 @@ export function watch(page, server, problems) {
   });
 }
 
+/** A bar of the first camera's frames: what the page names with the pointer on it, and a click there. */
+export async function barOf(page, index) {
+  const bars = page.locator("[data-bars]").first();
+  await bars.locator(".u-over").waitFor({ timeout: kPatience });
+  await bars.scrollIntoViewIfNeeded();
+  const count = Number(await bars.getAttribute("data-bars"));
+  const box = await bars.locator(".u-over").boundingBox();
+  const at = [box.x + ((index + 0.5) / count) * box.width, box.y + box.height / 2];
+  await page.mouse.move(...at);
+  const words = (await bars.locator(".tip").textContent()) ?? "";
+  return { count, name: words.split(":")[0], words, click: () => page.mouse.click(...at) };
+}
+
 const axe = readFileSync(join(modules, "axe-core/axe.min.js"), "utf8");
 
 /** No violation of WCAG 2.2 AA that axe finds, and no sideways scrolling, in both widths and both themes; pictures for the eye. */

@@ -40,6 +40,7 @@
 #include "models/plugin/load_plugin.h"
 #include "models/registry.h"
 #include "targets/target.h"
+#include "tests/fuzz/workbench_request.h"
 
 namespace plenocal::fuzz {
 namespace {
@@ -425,7 +426,8 @@ std::vector<Reader> MakeReaders() {
       {"cache", "entry", ReadCacheEntry, /*names_file=*/false},
       {"plugin", "libplugin.so", ReadPlugin},
       {"fleet_plan", "plan.yaml", [](const fs::path& path) { ReadFleetPlan(path); }},
-      {"command_line", "arguments", ReadCommandLine, /*names_file=*/false}};
+      {"command_line", "arguments", ReadCommandLine, /*names_file=*/false},
+      {"workbench_request", "request", AnswerWorkbenchRequest, /*names_file=*/false}};
   for (const CameraFormat& format : CameraFormats()) {
     readers.push_back({fmt::format("camera_{}", format.name),
                        std::string(format.file),

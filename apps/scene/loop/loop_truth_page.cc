@@ -1,13 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/scene/loop/loop_truth_page.h"
 
+#include <fmt/format.h>
+
 #include <cmath>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <set>
 
 #include "apps/report/page.h"
-#include "apps/report/page_parts.h"
+#include "apps/report/transform_json.h"
 
 namespace plenocal {
 namespace {
@@ -16,16 +18,6 @@ using Json = nlohmann::json;
 
 // A cloud of more points is no clearer.
 constexpr size_t kMostPoints = 8000;
-
-Json VectorJson(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
-
-Json TransformJson(const RigidTransform& T) {
-  Json R = Json::array();
-  for (int r = 0; r < 3; ++r) {
-    for (int c = 0; c < 3; ++c) R.push_back(T.R(r, c));
-  }
-  return {{"R", R}, {"t", VectorJson(T.t)}};
-}
 
 // Which segments show each marker.
 struct Sightings {
@@ -117,28 +109,35 @@ std::string LoopTruthPage(const LoopTruthResult& truth, const LoopTruthContext& 
     cameras.push_back({{"name", camera.name},
                        {"image_size", camera.image_size},
                        {"rms", truth.rms[c]},
-                       {"T_camera_rig", TransformJson(camera.T_camera_rig)}});
+                       {"T_rig_camera", TransformJson(camera.T_camera_rig.Inverse())}});
   }
   for (const auto& [length, floor] : AlignmentFloors(truth)) floors.push_back({length, floor});
-  return MakePage("Ground truth of a loop",
-                  {kSceneJs, kTruthPageJs},
-                  {{"cameras", cameras},
-                   {"frames", FramesJson(truth, tracks, seen)},
-                   {"markers", MarkersJson(truth, seen)},
-                   {"truth",
-                    {{"points", truth.points},
-                     {"common", truth.common},
-                     {"observations", truth.observations},
-                     {"scale_sigma", truth.covariance.scale_sigma},
-                     {"relative",
-                      {{"position", std::sqrt(relative.topLeftCorner<3, 3>().trace())},
-                       {"rotation", std::sqrt(relative.block<3, 3>(3, 3).trace())},
-                       {"scale", std::sqrt(relative(6, 6))}}},
-                     {"floors", floors},
-                     {"findings", context.findings},
-                     {"segments",
-                      {{"start", SegmentJson(truth, truth.start, tracks)},
-                       {"end", SegmentJson(truth, truth.end, tracks)}}}}}});
+  const double position = std::sqrt(relative.topLeftCorner<3, 3>().trace()),
+               rotation = std::sqrt(relative.block<3, 3>(3, 3).trace()),
+               scale = std::sqrt(relative(6, 6));
+  const std::string headline =
+      fmt::format("End against start: ± {} mm, ± {} mrad, ± {} % of scale; absolute scale ± {} %",
+                  BriefNumber(1e3 * position, 2),
+                  BriefNumber(1e3 * rotation, 2),
+                  BriefNumber(100 * scale, 2),
+                  BriefNumber(100 * truth.covariance.scale_sigma, 2));
+  PageText text;
+  text.Box(context.findings.empty() ? "good" : "usable", headline, context.findings);
+  const Json data{{"kind", "truth"},
+                  {"headline", headline},
+                  {"findings", context.findings},
+                  {"cameras", cameras},
+                  {"frames", FramesJson(truth, tracks, seen)},
+                  {"markers", MarkersJson(truth, seen)},
+                  {"truth",
+                   {{"points", truth.points},
+                    {"common", truth.common},
+                    {"observations", truth.observations},
+                    {"floors", floors},
+                    {"segments",
+                     {{"start", SegmentJson(truth, truth.start, tracks)},
+                      {"end", SegmentJson(truth, truth.end, tracks)}}}}}};
+  return MakePage("Ground truth of a loop", text, data);
 }
 
 }  // namespace plenocal

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // report.html: what it says against calibration.yaml, and that a browser draws all of it.
+#include "apps/report/report.h"
+
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -9,7 +11,10 @@
 #include <cstring>
 #include <nlohmann/json.hpp>
 #include <random>
+#include <regex>
 
+#include "apps/report/page_text.h"
+#include "models/registry.h"
 #include "tests/apps/chessboard_images.h"
 
 namespace plenocal::testing {
@@ -20,6 +25,9 @@ using ::testing::HasSubstr;
 using ::testing::Not;
 using Json = nlohmann::json;
 namespace fs = std::filesystem;
+
+/// Whether the build has put the components of web/ into the pages.
+constexpr bool kHasScript = PLENOCAL_WEB;
 
 /// The data in a page.
 Json DataIn(const std::string& page) {
@@ -119,9 +127,11 @@ TEST_F(Report, HoldsTheFiguresOfTheCalibration) {
       ExpectSame(parameter["value"], written["parameters"][name]);
       ExpectSame(parameter["sigma"], written["sigma"][name]);
     }
-    for (size_t i = 0; i < 6; ++i) {
-      ExpectSame(camera["xi_camera_rig"][i], written["xi_camera_rig"][i]);
-      ExpectSame(camera["sigma_xi"][i], written["sigma_xi"][i]);
+    const Json& pose = camera["T_camera_rig"];
+    ASSERT_EQ(pose.size(), camera == data["cameras"][0] ? 0u : 6u);
+    for (size_t i = 0; i < pose.size(); ++i) {
+      ExpectSame(pose[i]["value"], written["xi_camera_rig"][i]);
+      ExpectSame(pose[i]["sigma"], written["sigma_xi"][i]);
     }
     for (const char* key : {"points", "rejected", "views", "rms", "noise", "detector_sigma"}) {
       ExpectSame(camera["residuals"][key], written["residuals"][key]);
@@ -146,7 +156,9 @@ TEST_F(Report, HoldsTheFiguresOfTheCalibration) {
             100);
   EXPECT_THAT(Findings(), Not(Contains(HasSubstr("only in"))));
   EXPECT_NE(data["verdict"]["grade"], "bad") << data["verdict"];
-  EXPECT_THAT(Read("out/report.html"), HasSubstr("Chart.js v3"));
+  EXPECT_THAT(Read("out/report.html"),
+              HasSubstr(kHasScript ? "default-src 'none'; script-src 'sha256-"
+                                   : "default-src 'none'; style-src"));
   EXPECT_THAT(Read("out/report.html"), Not(HasSubstr("src=\"http")));
 }
 
@@ -386,17 +398,151 @@ TEST_F(Report, DoesNotBlameTheTiltsOfAGoodSet) {
   }
 }
 
-// Adds to a page a script that draws everything and leaves what came of it in the document.
+// The page as it stands before its data: what a reader without script has.
+std::string TextOf(const std::string& page) {
+  return page.substr(0, page.find("<script type=\"application/json\""));
+}
+
+TEST_F(Report, HasVerdictAndParametersWithoutScript) {
+  CalibrateExample();
+  const std::string text = TextOf(Read("out/report.html"));
+  const Json data = Data();
+  EXPECT_THAT(text, HasSubstr(HtmlText(data["verdict"]["headline"].get<std::string>())));
+  for (const Json& finding : data["verdict"]["findings"]) {
+    EXPECT_THAT(text, HasSubstr(HtmlText(finding["what"].get<std::string>())));
+    EXPECT_THAT(text, HasSubstr(HtmlText(finding["remedy"].get<std::string>())));
+  }
+  int parameters = 0;
+  for (const Json& camera : data["cameras"]) {
+    EXPECT_THAT(text, HasSubstr(camera["summary"].get<std::string>()));
+    for (const Json& parameter : camera["parameters"]) {
+      const auto [value, sigma] =
+          NumberWithSigma(parameter["value"].get<double>(), parameter["sigma"]);
+      EXPECT_THAT(text,
+                  HasSubstr(fmt::format("<tr><th scope=\"row\">{}</th><td>{}</td><td>{}</td>",
+                                        parameter["name"].get<std::string>(),
+                                        value,
+                                        sigma)));
+      ++parameters;
+    }
+  }
+  EXPECT_EQ(parameters, 23);
+}
+
+TEST(PageText, WritesNumbersWithTheDigitsOfTheirSigma) {
+  const auto both = [](double value, const Json& sigma) {
+    const auto [text, error] = NumberWithSigma(value, sigma);
+    return text + " " + error;
+  };
+  EXPECT_EQ(both(534.26789, 0.4187), "534.27 0.42");
+  EXPECT_EQ(both(-83274.3, 1234), "-83274 1234");
+  EXPECT_EQ(both(0.0000123616, 1.2e-7), "1.236e-5 1.2e-7");
+  EXPECT_EQ(both(1234567.8, 0.5), "1.23456780e+6 5.0e-1");
+  EXPECT_EQ(both(0.25, nullptr), "0.25 not determined");
+  EXPECT_EQ(both(0.1234567891234, 0), "0.123456789 fixed");
+  EXPECT_EQ(BriefNumber(12345678., 6), "12345700");
+  EXPECT_EQ(BriefNumber(0.00001, 2), "0.00001");
+  EXPECT_EQ(BriefNumber(1.5e-9), "1.5e-9");
+  EXPECT_EQ(BriefNumber(0), "0");
+  EXPECT_EQ(BriefNumber(nullptr), "–");
+}
+
+class ReportInABrowser : public Report {
+ protected:
+  void SetUp() override {
+    Report::SetUp();
+    if (!kHasScript) GTEST_SKIP() << "built with -DPLENOCAL_WEB=OFF: the page has no script";
+    if (!fs::exists(kBrowser)) {
+      GTEST_SKIP() << "the page is not opened: install Debian's chromium (scripts/test does)";
+    }
+  }
+
+  /// The document that Chromium makes of a page. Nothing may be written to the console: neither
+  /// errors nor what the page's policy refuses.
+  [[nodiscard]] std::string Dom(const std::string& name, const std::string& options) const {
+    const std::string command = fmt::format(
+        "HOME={0} {1} --headless --no-sandbox --disable-gpu --disable-dev-shm-usage "
+        "--user-data-dir={0}/browser --enable-logging=stderr {2} --dump-dom file://{0}/{3} "
+        "> {0}/dom.html 2> {0}/log.txt",
+        Path("").parent_path().string(),
+        kBrowser,
+        options,
+        name);
+    EXPECT_EQ(std::system(command.c_str()), 0) << Read("log.txt");
+    EXPECT_THAT(Read("log.txt"), Not(HasSubstr("CONSOLE")));
+    return Read("dom.html");
+  }
+
+  static constexpr const char* kBrowser = "/usr/bin/chromium";
+};
+
+// Cells of the tables of parameters, residuals and poses.
+std::vector<std::string> NumbersOf(const std::string& dom) {
+  const std::regex table(
+      "<caption>(parameters|residuals|T_camera_rig as se\\(3\\) vector)</caption>([^]*?)</table>"),
+      cell("<t[hd][^>]*>([^<]*)</t[hd]>");
+  std::vector<std::string> cells;
+  for (std::sregex_iterator it(dom.begin(), dom.end(), table), end; it != end; ++it) {
+    const std::string rows = (*it)[2].str();
+    for (std::sregex_iterator c(rows.begin(), rows.end(), cell); c != end; ++c) {
+      cells.push_back((*c)[1].str());
+    }
+  }
+  return cells;
+}
+
+TEST_F(ReportInABrowser, HasTheSameNumbersWithAndWithoutScript) {
+  CalibrateExample();
+  const std::string dom = Dom("out/report.html", "");
+  EXPECT_THAT(dom, HasSubstr("<canvas"));
+  const std::vector<std::string> cells = NumbersOf(dom);
+  EXPECT_GT(cells.size(), 150u);
+  EXPECT_EQ(cells, NumbersOf(TextOf(Read("out/report.html"))));
+}
+
+TEST_F(ReportInABrowser, ShowsHostileNamesAsText) {
+  const std::string evil = "</script><img src=x onerror=alert(1)>", turned = "\u202Eevil";
+  WriteProblem(EasyProblem());
+  Calibrate();
+  CalibrationRecord record = ReadCalibrationFolder(Path("out"), CameraModels());
+  record.cameras[0].name = evil + turned;
+  for (FrameRecord& frame : record.frames) frame.name = evil + frame.name;
+  record.verdict = Verdict{Grade::kBad,
+                           {Finding{.code = "evil",
+                                    .grade = Grade::kBad,
+                                    .what = "what" + evil + turned,
+                                    .remedy = "remedy" + evil}}};
+  record.left_out = {evil};
+  Write("hostile.html", ReportHtml(record, {}));
+  const std::string page = Read("hostile.html");
+  EXPECT_THAT(page, Not(HasSubstr("<img src=x")));
+  EXPECT_THAT(page, Not(HasSubstr("\u202E")));
+  EXPECT_EQ(DataIn(page)["frames"][0]["name"], evil + record.frames[0].name.substr(evil.size()));
+  for (const std::string& document : {TextOf(page), Dom("hostile.html", "")}) {
+    const std::string body = TextOf(document);
+    EXPECT_THAT(body, Not(HasSubstr("<img")));
+    for (const char* before : {"what", "remedy"}) {
+      EXPECT_THAT(body, HasSubstr(before + std::string("&lt;/script&gt;&lt;img src=x")));
+    }
+    EXPECT_THAT(body, HasSubstr("&lt;img src=x onerror=alert(1)&gt;\uFFFDevil: "));
+  }
+}
+
+// Adds to a page a script that draws everything and leaves what came of it in the document. The
+// page's own policy would refuse it.
 std::string WithAudit(const std::string& page) {
-  return page + R"(<script>
-window.addEventListener("load", () => {
+  const size_t begin = page.find("<meta http-equiv=");
+  const size_t end = page.find('>', begin) + 1;
+  return page.substr(0, begin) + page.substr(end) + R"(<script>
+addEventListener("load", async () => {
 plenocalReport.drawAll();
-const audit = { errors: plenocalReport.errors, figures: plenocalReport.figures.map((figure) => {
-  const { canvas } = figure;
-  const pixels = canvas.width * canvas.height === 0 ? [] : canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height).data;
+for (let i = 0; i < 9; ++i) await null;  // charts draw in microtasks
+const audit = { errors: plenocalReport.errors, figures: [...plenocalReport.drawings].map(({ title, count, canvas }) => {
+  const { width, height } = canvas();
+  const pixels = width * height === 0 ? [] : canvas().getContext("2d").getImageData(0, 0, width, height).data;
   const colours = new Set();
   for (let i = 0; i < pixels.length; i += 4) if (pixels[i + 3] > 0) colours.add((pixels[i] << 16) | (pixels[i + 1] << 8) | pixels[i + 2]);
-  return { title: figure.title, count: figure.count, colours: colours.size };
+  return { title, count, colours: colours.size };
 }), values: [...document.querySelectorAll("[data-value]")].map((node) => Number(node.dataset.value)), images: [...document.images].map((image) => image.naturalWidth), sections: [...document.querySelectorAll("h2")].map((node) => node.textContent), width: document.documentElement.scrollWidth };
 const node = document.createElement("pre");
 node.id = "audit";
@@ -406,10 +552,7 @@ document.body.append(node);
 </script>)";
 }
 
-TEST_F(Report, IsDrawnByABrowser) {
-  const char* const browser = "/usr/bin/chromium";
-  if (!fs::exists(browser))
-    GTEST_SKIP() << "the page is not opened: install Debian's chromium (scripts/test does)";
+TEST_F(ReportInABrowser, IsDrawn) {
   CalibrateExample();
   ASSERT_TRUE(cv::imwrite(Path("out/sample_left.jpg").string(), ChessboardView(1)));
   Write("out/calibration.yaml",
@@ -419,16 +562,7 @@ TEST_F(Report, IsDrawnByABrowser) {
   ASSERT_EQ(Run({"report", "out"}).status, kDone);
   Write("audit.html", WithAudit(Read("out/report.html")));
   for (const int width : {1400, 500}) {
-    const std::string command = fmt::format(
-        "HOME={0} {1} --headless --no-sandbox --disable-gpu --disable-dev-shm-usage "
-        "--user-data-dir={0}/browser --enable-logging=stderr --window-size={2},900 --dump-dom "
-        "file://{0}/audit.html > {0}/dom.html 2> {0}/log.txt",
-        Path("").parent_path().string(),
-        browser,
-        width);
-    ASSERT_EQ(std::system(command.c_str()), 0) << Read("log.txt");
-    EXPECT_THAT(Read("log.txt"), Not(HasSubstr("CONSOLE")));
-    const std::string dom = Read("dom.html");
+    const std::string dom = Dom("audit.html", fmt::format("--window-size={},900", width));
     const size_t begin = dom.find("AUDIT", dom.rfind("id=\"audit\"")),
                  end = dom.find("TIDUA", begin);
     ASSERT_NE(end, std::string::npos) << Read("log.txt");

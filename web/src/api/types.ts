@@ -68,6 +68,18 @@ export interface Finding {
   what: string;
   remedy: string;
 }
+export interface Verdict {
+  grade: string;
+  headline: string;
+  findings: Finding[];
+}
+/** sigma: null where the images leave the parameter open, 0 where it is fixed. */
+export interface Parameter {
+  name: string;
+  unit: string;
+  value: number;
+  sigma: number | null;
+}
 export interface FrameResult {
   frame: string;
   points: number;
@@ -79,7 +91,7 @@ export interface CameraResult {
   model: string;
   plenoptic: boolean;
   image_size: [number, number];
-  parameters: { name: string; unit: string; value: number; sigma: number | null }[];
+  parameters: Parameter[];
   rms: number | null;
   noise: number | null;
   detector_sigma: number | null;
@@ -89,7 +101,7 @@ export interface CameraResult {
 }
 export interface Run {
   run: number;
-  verdict: { grade: string; headline: string; findings: Finding[] };
+  verdict: Verdict;
   cameras: CameraResult[];
   left_out: string[];
   folder: string;
@@ -124,7 +136,7 @@ export type Point = [number, number, number, number | null, number | null, numbe
 export type Transform = number[];
 export interface Space {
   markers: [number, number, number][];
-  cameras: { name: string; T_rig_camera: Transform }[];
+  cameras: { name: string; T_rig_camera: Transform; image_size: [number, number] }[];
   frames: { name: string; T_target_rig: Transform }[];
 }
 export interface SigmaMap {

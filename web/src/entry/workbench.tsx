@@ -3,6 +3,7 @@ import "./workbench.css";
 import { render } from "preact";
 import type { ComponentType } from "preact";
 import { ask, takeToken } from "../api/client";
+import { followColours } from "../plot/drawings";
 import { activeJob, addJob, attempt, away, go, lastJob, message, place, project, redo, run, start, undo } from "../state/project";
 import { Compare } from "../views/compare";
 import { Export } from "../views/export";
@@ -119,6 +120,7 @@ function onKey(event: KeyboardEvent): void {
 }
 
 takeToken();
+followColours();
 start();
 addEventListener("keydown", onKey);
 render(<Page />, document.getElementById("page")!);

@@ -2,6 +2,7 @@
 // A marker's measurements in all its micro images, side by side.
 import { useEffect, useRef } from "preact/hooks";
 import type { Lenses, Point } from "../api/types";
+import { seriesName } from "../plot/colours";
 import { lensAt } from "./lenses";
 
 const kTile = 96; // px on the screen
@@ -42,7 +43,7 @@ function MicroImage({ picture, lenses, lens, point, factor }: Shown) {
   });
   const length = dx === null || dy === null ? "-" : Math.hypot(dx, dy).toFixed(2);
   return (
-    <figure class="micro" style={`border-color: var(--type-${type})`}>
+    <figure class="micro" style={`border-color: var(${seriesName(type)})`}>
       <canvas ref={element} width={kTile} height={kTile} role="img" aria-label={`micro image ${lens}`} />
       <figcaption>
         {length} px{used ? "" : ", rejected"}

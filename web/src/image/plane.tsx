@@ -2,6 +2,8 @@
 // An image with its points and residuals; wheel and buttons zoom, a drag moves.
 import { useEffect, useRef, useState } from "preact/hooks";
 import type { Lenses, Point } from "../api/types";
+import { arrow } from "../plot/arrow";
+import { seriesName, styled } from "../plot/colours";
 import { markersAt, markersInside } from "./choose";
 import type { Pixel } from "./choose";
 
@@ -34,21 +36,6 @@ interface Part {
   scale: number;
 }
 
-const colour = (name: string): string => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
-
-function arrow(canvas: CanvasRenderingContext2D, x: number, y: number, dx: number, dy: number): void {
-  canvas.beginPath();
-  canvas.moveTo(x, y);
-  canvas.lineTo(x + dx, y + dy);
-  const angle = Math.atan2(dy, dx);
-  const head = Math.min(6, 0.4 * Math.hypot(dx, dy));
-  for (const side of [-0.5, 0.5]) {
-    canvas.moveTo(x + dx, y + dy);
-    canvas.lineTo(x + dx - head * Math.cos(angle + side), y + dy - head * Math.sin(angle + side));
-  }
-  canvas.stroke();
-}
-
 function cross(canvas: CanvasRenderingContext2D, x: number, y: number, half: number): void {
   canvas.beginPath();
   canvas.moveTo(x - half, y - half);
@@ -66,7 +53,7 @@ function drawLenses(canvas: CanvasRenderingContext2D, lenses: Lenses, part: Part
   if (2 * radius < kSmallestLens) return;
   canvas.lineWidth = 1;
   for (const [x, y, type] of lenses.centres) {
-    canvas.strokeStyle = colour(`--type-${type}`);
+    canvas.strokeStyle = styled(seriesName(type));
     canvas.beginPath();
     canvas.arc(part.x + part.scale * (x + 0.5), part.y + part.scale * (y + 0.5), radius, 0, 2 * Math.PI);
     canvas.stroke();
@@ -92,20 +79,20 @@ function draw(element: HTMLCanvasElement, looks: Looks, part: Part, lasso: Pixel
   for (const [marker, u, v, dx, dy, used] of looks.points ?? []) {
     const [a, b] = at(u, v);
     const counts = used && !excluded.has(marker);
-    canvas.strokeStyle = counts ? colour("--good") : colour("--bad");
+    canvas.strokeStyle = counts ? styled("--good") : styled("--bad");
     if (counts) canvas.strokeRect(a - 1.5, b - 1.5, 3, 3);
     else cross(canvas, a, b, 4);
     if (chosen.has(marker)) {
-      canvas.strokeStyle = colour("--accent");
+      canvas.strokeStyle = styled("--accent");
       canvas.beginPath();
       canvas.arc(a, b, 7, 0, 2 * Math.PI);
       canvas.stroke();
     }
     if (dx === null || dy === null) continue;
-    canvas.strokeStyle = counts ? colour("--arrow") : colour("--bad");
+    canvas.strokeStyle = counts ? styled("--arrow") : styled("--bad");
     arrow(canvas, a, b, (looks.factor ?? 1) * scale * dx, (looks.factor ?? 1) * scale * dy);
   }
-  canvas.strokeStyle = colour("--accent");
+  canvas.strokeStyle = styled("--accent");
   canvas.lineWidth = 2;
   // Those of neighbouring micro images keep apart.
   const half = looks.lenses ? Math.min(6, 0.25 * scale * looks.lenses.pitch) : 6;
@@ -119,7 +106,7 @@ function draw(element: HTMLCanvasElement, looks: Looks, part: Part, lasso: Pixel
     canvas.stroke();
   }
   if (looks.excluded) {
-    canvas.strokeStyle = colour("--bad");
+    canvas.strokeStyle = styled("--bad");
     canvas.lineWidth = 1;
     canvas.beginPath();
     for (let k = -element.clientHeight; k < element.clientWidth; k += 24) {

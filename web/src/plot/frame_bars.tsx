@@ -1,62 +1,90 @@
 // SPDX-License-Identifier: Apache-2.0
-// A bar a frame, as buttons: RMS of its points, or its influence on the result. Excluded frames are hatched.
-import type { CameraResult, Influence } from "../api/types";
-import { ruleOf, session } from "../state/project";
+// A bar a frame (or a marker, a lens type). Excluded ones are hatched; where one can be chosen, a click and the arrow keys do.
+import { useMemo } from "preact/hooks";
+import uPlot from "uplot";
+import { rangeOf } from "../base/numbers";
+import { Chart } from "./chart";
+import { styled } from "./colours";
 
-export type Order = "name" | "rms" | "influence";
-
-interface Bars {
-  camera: CameraResult;
-  selected: string;
-  order: Order;
-  influences: Influence[];
-  onSelect: (frame: string) => void;
-}
-
-interface Bar {
-  frame: string;
+export interface FrameBar {
+  name: string;
+  /** null: not known; the bar is hatched in full height when it is excluded. */
   size: number | null;
   words: string;
+  excluded?: boolean;
 }
 
-function barsOf({ camera, order, influences }: Bars): Bar[] {
-  const influence = new Map(influences.map((each) => [each.frame, each]));
-  const bars = camera.frames.map(({ frame, points, rejected, rms }) => {
-    const of = influence.get(frame);
-    const moved = of?.sigmas ? `; without it ${of.unknown} changes by ${of.sigmas.toPrecision(2)} sigma` : "";
-    return {
-      frame,
-      size: order === "influence" ? (of?.sigmas ?? null) : rms,
-      words: `${rms?.toFixed(3) ?? "-"} px, ${points} points, ${rejected} rejected${moved}`,
-    };
-  });
-  // Excluded frames that this run did not see keep their place, to be included again.
-  const known = new Set(camera.frames.map((frame) => frame.frame));
-  const left = (session.value?.cameras.find((each) => each.name === camera.name)?.frames ?? [])
-    .filter((frame) => !known.has(frame) && ruleOf(camera.name, frame))
-    .map((frame) => ({ frame, size: null, words: "excluded" }));
-  const all = [...bars, ...left].sort((a, b) => a.frame.localeCompare(b.frame, "en", { numeric: true }));
-  return order === "name" ? all : all.sort((a, b) => (b.size ?? 0) - (a.size ?? 0));
+interface Bars {
+  /** For readers that do not see it. */
+  name: string;
+  bars: readonly FrameBar[];
+  x: string;
+  y: string;
+  aspect?: number;
+  chosen?: string;
+  onChoose?: (name: string) => void;
 }
 
-export function FrameBars(bars: Bars) {
-  const { camera, selected, order, onSelect } = bars;
-  const shown = barsOf(bars);
-  const most = Math.max(1e-9, ...shown.map((bar) => bar.size ?? 0));
+function hatch(): string | CanvasPattern {
+  const tile = document.createElement("canvas");
+  const size = Math.round(6 * uPlot.pxRatio);
+  tile.width = tile.height = size;
+  const canvas = tile.getContext("2d");
+  if (!canvas) return styled("--bad");
+  canvas.strokeStyle = styled("--bad");
+  canvas.lineWidth = size / 4;
+  canvas.beginPath();
+  for (const shift of [-size, 0, size]) {
+    canvas.moveTo(shift, size);
+    canvas.lineTo(shift + size, 0);
+  }
+  canvas.stroke();
+  return canvas.createPattern(tile, "repeat") ?? styled("--bad");
+}
+
+/** Bars of one look: uPlot's bars have one fill a series. */
+const series = (fill: () => string | CanvasPattern, gaps: boolean): uPlot.Series => ({
+  fill,
+  width: 0,
+  points: { show: false },
+  paths: uPlot.paths.bars!({ size: [gaps ? 0.85 : 1, 40] }),
+});
+
+export function FrameBars({ name, bars, x, y, aspect = 1.2, chosen, onChoose }: Bars) {
+  const names = useMemo(() => bars.map((bar) => bar.name), [bars]);
+  const most = Math.max(1e-9, rangeOf(bars.map((bar) => bar.size))[1]);
+  const index = chosen === undefined ? -1 : names.indexOf(chosen);
+  const data = useMemo<uPlot.AlignedData>(() => {
+    const sizes = (which: (bar: FrameBar) => boolean): (number | null)[] =>
+      bars.map((bar) => (which(bar) ? (bar.size ?? (bar.excluded ? most : null)) : null));
+    return [bars.map((_, i) => i), sizes((bar) => !bar.excluded), sizes((bar) => bar.excluded ?? false)];
+  }, [bars]);
+  const gaps = bars.length <= 60;
   return (
-    <div class="bars" role="group" aria-label={`${order === "influence" ? "influence" : "RMS"} of the frames of ${camera.name}`}>
-      {shown.map(({ frame, size, words }) => (
-        <button
-          key={frame}
-          class={`bar ${frame === selected ? "chosen" : ""} ${ruleOf(camera.name, frame) ? "hatched" : ""}`}
-          title={`${frame}: ${words}`}
-          aria-label={`${frame}: ${words}`}
-          aria-pressed={frame === selected}
-          onClick={() => onSelect(frame)}
-        >
-          <span style={`height: ${size === null ? 100 : (100 * size) / most}%`} />
-        </button>
-      ))}
+    <div class="bars" data-bars={bars.length} data-chosen={chosen} data-excluded={bars.filter((bar) => bar.excluded).length}>
+      <Chart
+        name={name}
+        count={bars.length}
+        aspect={aspect}
+        x={{ label: x, names }}
+        y={{ label: y, range: [0, 1.05 * most] }}
+        data={data}
+        series={[series(() => styled("--series-0"), gaps), series(hatch, gaps)]}
+        chosen={index}
+        {...(onChoose ? { onChoose: (i: number) => names[i] !== undefined && onChoose(names[i]) } : {})}
+        paint={({ canvas, x: at, unit }) => {
+          if (index < 0) return;
+          const width = Math.max(at(0.5) - at(-0.5), 3 * unit);
+          canvas.fillStyle = styled("--chosen");
+          canvas.fillRect(at(index) - width / 2, 0, width, canvas.canvas.height);
+        }}
+        hover={{
+          count: bars.length,
+          at: (i) => [i, null],
+          words: (i) => `${names[i]}: ${bars[i]?.words}`,
+          find: (place) => Math.min(names.length - 1, Math.max(0, Math.round(place))),
+        }}
+      />
     </div>
   );
 }

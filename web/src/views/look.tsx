@@ -1,32 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 // Result: verdict, bars of the frames, the chosen image with its residuals, parameters, sigma maps.
-import { useEffect, useState } from "preact/hooks";
+import { useEffect, useMemo, useState } from "preact/hooks";
 import { ask } from "../api/client";
 import type { CameraResult, Influence, Run, SigmaMap } from "../api/types";
+import { rangeOf } from "../base/numbers";
+import { ParameterTable } from "../parts/table";
+import { VerdictBox } from "../parts/verdict";
 import { FrameBars } from "../plot/frame_bars";
-import type { Order } from "../plot/frame_bars";
 import { SigmaPicture } from "../plot/sigma_map";
 import { activeJob, addJob, attempt, go, message, place, project, run, session } from "../state/project";
+import { barsOf } from "./bars";
+import type { Order, Ordered } from "./bars";
 import { excludeShown, Frame } from "./frame";
 import type { Chosen } from "./frame";
-
-function Verdict({ now }: { now: Run }) {
-  const shown = now.verdict.findings.filter((finding) => finding.grade !== "good").slice(0, 3);
-  return (
-    <section class={`verdict ${now.verdict.grade}`}>
-      <h2>
-        {now.verdict.grade}: {now.verdict.headline}
-      </h2>
-      <ul>
-        {shown.map((finding) => (
-          <li key={finding.code}>
-            {finding.what} <i>{finding.remedy}</i>
-          </li>
-        ))}
-      </ul>
-    </section>
-  );
-}
 
 /** The run before the shown one, when both have the same cameras: what a change of the session did. */
 function Change({ now }: { now: Run }) {
@@ -39,7 +25,7 @@ function Change({ now }: { now: Run }) {
     if (!before) return;
     const largest = async (number: number): Promise<number> => {
       const maps = await ask<SigmaMap[]>("GET", `/api/runs/${number}/maps?camera=${encodeURIComponent(camera)}`);
-      return Math.max(...(maps[1]?.sigma ?? []).filter((sigma): sigma is number => sigma !== null));
+      return rangeOf(maps[1]?.sigma ?? [])[1];
     };
     Promise.all([largest(before.run), largest(now.run)])
       .then((pair) => setWorst(pair))
@@ -57,38 +43,19 @@ function Change({ now }: { now: Run }) {
   );
 }
 
-function Parameters({ camera }: { camera: CameraResult }) {
-  return (
-    <div class="scroll">
-      <table>
-        <caption>
-          {camera.name}: {camera.model}, RMS {camera.rms?.toFixed(3)} px, noise {camera.noise?.toFixed(3)} px
-          {camera.detector_sigma ? ` (detector ${camera.detector_sigma.toFixed(3)})` : ""}, {camera.points} points, {camera.rejected} rejected
-        </caption>
-        <tbody>
-          {camera.parameters.map((parameter) => (
-            <tr key={parameter.name}>
-              <th scope="row">{parameter.name}</th>
-              <td>{parameter.value.toPrecision(8)}</td>
-              <td>± {parameter.sigma === null ? "not determined" : parameter.sigma === 0 ? "fixed" : parameter.sigma.toPrecision(2)}</td>
-              <td>{parameter.unit}</td>
-            </tr>
-          ))}
-        </tbody>
-      </table>
-    </div>
-  );
-}
+const captionOf = (camera: CameraResult): string =>
+  `${camera.name}: ${camera.model}, RMS ${camera.rms?.toFixed(3)} px, noise ${camera.noise?.toFixed(3)} px` +
+  `${camera.detector_sigma ? ` (detector ${camera.detector_sigma.toFixed(3)})` : ""}, ${camera.points} points, ${camera.rejected} rejected`;
 
-function Maps({ number, camera }: { number: number; camera: string }) {
+function Maps({ number, camera: { name, image_size } }: { number: number; camera: CameraResult }) {
   const [maps, setMaps] = useState<SigmaMap[]>([]);
   useEffect(() => {
-    void attempt(async () => setMaps(await ask("GET", `/api/runs/${number}/maps?camera=${encodeURIComponent(camera)}`)));
-  }, [number, camera]);
+    void attempt(async () => setMaps(await ask("GET", `/api/runs/${number}/maps?camera=${encodeURIComponent(name)}`)));
+  }, [number, name]);
   return (
-    <div class="row">
+    <div class="figures small">
       {maps.map((map) => (
-        <SigmaPicture key={map.distance} map={map} />
+        <SigmaPicture key={`${number} ${name} ${map.distance}`} map={map} size={image_size} />
       ))}
     </div>
   );
@@ -117,6 +84,33 @@ export function excludeChosen(): void {
   if (chosen && session.value) void excludeShown(chosen);
 }
 
+interface OfCamera extends Ordered {
+  chosen: string;
+  number: number;
+}
+
+function BarsOf({ camera, order, influences, chosen, number }: OfCamera) {
+  const rules = session.value?.exclude;
+  const bars = useMemo(() => barsOf({ camera, order, influences }), [camera, order, influences, rules]);
+  const title = order === "influence" ? "influence of the frames on the result" : "RMS of the frames";
+  return (
+    <section>
+      <h2>
+        {camera.name}: {title}
+      </h2>
+      <FrameBars
+        name={`${camera.name}: ${title}`}
+        bars={bars}
+        x="frame; drag: zoom, double click: all"
+        y={order === "influence" ? "sigmas" : "RMS, px"}
+        aspect={3}
+        chosen={chosen}
+        onChoose={(frame) => go("look", [camera.name, frame], number)}
+      />
+    </section>
+  );
+}
+
 export function Look() {
   const [order, setOrder] = useState<Order>("name");
   const [influences, setInfluences] = useState<Influence[]>([]);
@@ -135,7 +129,7 @@ export function Look() {
   if (!chosen) return <p>This run has no camera.</p>;
   return (
     <>
-      <Verdict now={now} />
+      <VerdictBox verdict={now.verdict} most={3} />
       <Change now={now} />
       <div class="row">
         <button class="main" disabled={activeJob.value !== null || !session.value} onClick={() => addJob("calibrate")}>
@@ -154,22 +148,18 @@ export function Look() {
       <div class="columns">
         <div>
           {now.cameras.map((camera) => (
-            <section key={camera.name}>
-              <h2>
-                {camera.name}: {order === "influence" ? "influence of the frames on the result" : "RMS of the frames"}
-              </h2>
-              <FrameBars
-                camera={camera}
-                order={order}
-                influences={influences}
-                selected={camera.name === chosen.camera.name ? chosen.frame : ""}
-                onSelect={(frame) => go("look", [camera.name, frame], now.run)}
-              />
-            </section>
+            <BarsOf
+              key={camera.name}
+              camera={camera}
+              order={order}
+              influences={influences}
+              chosen={camera.name === chosen.camera.name ? chosen.frame : ""}
+              number={now.run}
+            />
           ))}
-          <Parameters camera={chosen.camera} />
+          <ParameterTable caption={captionOf(chosen.camera)} parameters={chosen.camera.parameters} />
           <h2>Sigma of the projection</h2>
-          <Maps number={now.run} camera={chosen.camera.name} />
+          <Maps number={now.run} camera={chosen.camera} />
         </div>
         <Frame {...chosen} />
       </div>

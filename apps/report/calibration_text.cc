@@ -1,0 +1,82 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/report/calibration_text.h"
+
+#include <fmt/format.h>
+
+#include <array>
+
+namespace plenocal {
+namespace {
+
+using Json = nlohmann::json;
+
+// "m^-1" -> "m⁻¹", "1" -> "".
+std::string UnitText(const std::string& unit) {
+  constexpr std::array kRaised{"⁰", "¹", "²", "³", "⁴", "⁵", "⁶", "⁷", "⁸", "⁹"};
+  if (unit == "1") return {};
+  std::string text;
+  bool is_power = false;
+  for (const char c : unit) {
+    if (c == '^') {
+      is_power = true;
+    } else if (is_power && c == '-') {
+      text += "⁻";
+    } else if (is_power && c >= '0' && c <= '9') {
+      text += kRaised.at(static_cast<size_t>(c - '0'));
+    } else {
+      is_power = false;
+      text += c;
+    }
+  }
+  return text;
+}
+
+void AddParameters(std::string_view caption, const Json& parameters, PageText* text) {
+  if (parameters.empty()) return;
+  std::vector<std::vector<std::string>> rows;
+  for (const Json& parameter : parameters) {
+    const auto [value, sigma] =
+        NumberWithSigma(parameter.at("value").get<double>(), parameter.at("sigma"));
+    rows.push_back({parameter.at("name").get<std::string>(),
+                    value,
+                    sigma,
+                    UnitText(parameter.at("unit").get<std::string>())});
+  }
+  text->Table(caption, {"", "value", "standard error", "unit"}, rows);
+}
+
+void AddCamera(const Json& camera, PageText* text) {
+  text->Subheading(fmt::format("{}: {}, {} x {} px",
+                               camera.at("name").get<std::string>(),
+                               camera.at("model").get<std::string>(),
+                               camera.at("image_size").at(0).get<int>(),
+                               camera.at("image_size").at(1).get<int>()));
+  AddParameters("parameters", camera.at("parameters"), text);
+  std::vector<std::vector<std::string>> rows;
+  for (const Json& row : camera.at("residual_table")) {
+    rows.push_back(
+        {row.at(0).get<std::string>(), BriefNumber(row.at(1), 6), row.at(2).get<std::string>()});
+  }
+  text->Table("residuals", {}, rows);
+  AddParameters("T_camera_rig as se(3) vector", camera.at("T_camera_rig"), text);
+}
+
+}  // namespace
+
+PageText CalibrationText(const Json& report) {
+  PageText text;
+  text.Heading("Verdict");
+  const Json& verdict = report.at("verdict");
+  const auto grade = verdict.at("grade").get<std::string>();
+  std::vector<std::string> lines;
+  for (const Json& camera : report.at("cameras")) {
+    lines.push_back(camera.at("summary").get<std::string>());
+  }
+  text.Box(grade, fmt::format("{}: {}", grade, verdict.at("headline").get<std::string>()), lines);
+  text.Findings(verdict.at("findings"));
+  text.Heading("Parameters");
+  for (const Json& camera : report.at("cameras")) AddCamera(camera, &text);
+  return text;
+}
+
+}  // namespace plenocal

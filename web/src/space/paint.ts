@@ -1,0 +1,141 @@
+// SPDX-License-Identifier: Apache-2.0
+// A scene on a 2D canvas, which also works where there is no WebGL.
+import { ramp, seriesName, styled } from "../plot/colours";
+import { apply, projectionOf, pyramidOf } from "./geometry";
+import type { Ghost, Projection, SceneCamera, Turn, Vector, World } from "./geometry";
+
+export interface Shown {
+  world: World;
+  cameras: SceneCamera[];
+  /** Of the rig alone the cameras' names stand beside them. */
+  named: boolean;
+  ghosts: Ghost[];
+  turn: Turn;
+  /** RMS of a pose's camera, px, for its colour; null: a colour a camera. */
+  rms: ((pose: number, camera: number) => number | null) | null;
+  /** The pose that stands out; -1: all alike. */
+  pose: number;
+  hover: Place | null;
+  /** Every k-th pose is drawn. */
+  every: number;
+}
+
+/** Optical centre of a camera on the canvas. */
+export interface Place {
+  pose: number;
+  camera: number;
+  x: number;
+  y: number;
+}
+
+export const kRmsScale: [number, number] = [0.05, 1]; // px, logarithmic
+const kSteps = 16;
+
+/** A few colours, so that few paths are drawn. */
+function colourOf(rms: number | null): string {
+  if (rms === null || !(rms > 0)) return styled("--line");
+  const part = Math.log(rms / kRmsScale[0]) / Math.log(kRmsScale[1] / kRmsScale[0]);
+  return ramp(Math.round(kSteps * Math.min(1, Math.max(0, part))) / kSteps);
+}
+
+function addPyramid(path: Path2D, points: Vector[], project: Projection): [number, number] {
+  const [apex = [0, 0], ...base] = points.map(project);
+  base.forEach((corner, i) => {
+    path.moveTo(apex[0], apex[1]);
+    path.lineTo(...corner);
+    path.lineTo(...(base[(i + 1) % base.length] ?? corner));
+  });
+  return apex as [number, number];
+}
+
+function paintAxes(canvas: CanvasRenderingContext2D, length: number, project: Projection): void {
+  const ends: [string, string, Vector][] = [["x", "--bad", [length, 0, 0]], ["y", "--good", [0, length, 0]], ["z", "--series-0", [0, 0, length]]];
+  canvas.lineWidth = 2;
+  for (const [name, colour, end] of ends) {
+    canvas.strokeStyle = canvas.fillStyle = styled(colour);
+    canvas.beginPath();
+    canvas.moveTo(...project([0, 0, 0]));
+    canvas.lineTo(...project(end));
+    canvas.stroke();
+    canvas.fillText(name, ...project(end));
+  }
+}
+
+function paintPoses(canvas: CanvasRenderingContext2D, shown: Shown, poses: number[], project: Projection): Place[] {
+  const paths = new Map<string, Path2D>();
+  const rigs = new Path2D();
+  const places: Place[] = [];
+  const cameraColours = shown.cameras.map((_, camera) => styled(seriesName(camera)));
+  for (const pose of poses) {
+    shown.world.pyramids[pose]?.forEach((points, camera) => {
+      const colour = shown.rms ? colourOf(shown.rms(pose, camera)) : (cameraColours[camera] ?? "");
+      const path = paths.get(colour) ?? new Path2D();
+      paths.set(colour, path);
+      const [x, y] = addPyramid(path, points, project);
+      places.push({ pose, camera, x, y });
+      if (camera === 0) rigs.moveTo(x, y);
+      else rigs.lineTo(x, y);
+    });
+  }
+  for (const [colour, path] of paths) {
+    canvas.strokeStyle = colour;
+    canvas.stroke(path);
+  }
+  canvas.strokeStyle = styled("--quiet");
+  if (shown.cameras.length > 1) canvas.stroke(rigs);
+  return places;
+}
+
+function paintGhosts(canvas: CanvasRenderingContext2D, { ghosts, world, cameras }: Shown, project: Projection): void {
+  if (ghosts.length === 0) return;
+  const shape = pyramidOf(cameras[0]?.image_size ?? [4, 3], 0.06 * world.radius);
+  canvas.save();
+  canvas.strokeStyle = canvas.fillStyle = styled("--accent");
+  canvas.lineWidth = 1.5;
+  canvas.setLineDash([5, 4]);
+  for (const { name, T_target_camera } of ghosts) {
+    const path = new Path2D();
+    const [x, y] = addPyramid(path, shape.map((p) => apply(T_target_camera, p)), project);
+    canvas.stroke(path);
+    canvas.fillText(name, x + 5, y - 5);
+  }
+  canvas.restore();
+}
+
+/** Returns where the cameras are. */
+export function paintScene(element: HTMLCanvasElement, shown: Shown): Place[] {
+  const canvas = element.getContext("2d");
+  const [width, height] = [element.clientWidth, element.clientHeight];
+  if (!canvas || width === 0) return [];
+  const dots = window.devicePixelRatio || 1;
+  element.width = width * dots;
+  element.height = height * dots;
+  canvas.setTransform(dots, 0, 0, dots, 0, 0);
+  canvas.font = "12px system-ui, sans-serif";
+  const { world, pose, every, hover } = shown;
+  const project = projectionOf(world, shown.turn, width, height);
+  canvas.fillStyle = styled("--text");
+  for (const marker of world.markers) {
+    const [x, y] = project(marker);
+    canvas.fillRect(x - 1, y - 1, 2, 2);
+  }
+  paintAxes(canvas, world.axes, project);
+  const all = world.pyramids.map((_, i) => i).filter((i) => i % every === 0);
+  canvas.globalAlpha = pose < 0 ? 1 : 0.15;
+  canvas.lineWidth = 1;
+  const places = paintPoses(canvas, shown, all, project);
+  canvas.globalAlpha = 1;
+  canvas.lineWidth = 2;
+  if (pose >= 0) paintPoses(canvas, shown, [pose], project);
+  paintGhosts(canvas, shown, project);
+  if (shown.named) {
+    canvas.fillStyle = styled("--text");
+    for (const { camera, x, y } of places) canvas.fillText(shown.cameras[camera]?.name ?? "", x + 6, y + 14);
+  }
+  const at = hover && places.find((place) => place.pose === hover.pose && place.camera === hover.camera);
+  if (at) {
+    canvas.strokeStyle = styled("--accent");
+    canvas.strokeRect(at.x - 7, at.y - 7, 14, 14);
+  }
+  return places;
+}
