@@ -243,9 +243,14 @@ Json PreviewJson(const fs::path& folder, const Session& session, const ImagesOf&
 
 Json SpaceJson(const fs::path& folder) {
   const auto record = RecordOf(folder);
-  Json markers = Json::array(), cameras = Json::array(), frames = Json::array();
+  Json markers = Json::array(), displacements = Json::array();
+  Json cameras = Json::array(), frames = Json::array();
+  const bool refined = record->adjustment && record->adjustment->marker_sigma > 0;
   for (const auto& [number, marker] : record->markers) {
     markers.push_back(VectorJson(marker.position));
+    if (!refined) continue;
+    displacements.push_back(
+        VectorJson(marker.position - marker.nominal.value_or(marker.position)));
   }
   for (const CalibratedCamera& camera : record->cameras) {
     cameras.push_back({{"name", camera.name},
@@ -255,7 +260,10 @@ Json SpaceJson(const fs::path& folder) {
   for (const FrameRecord& frame : record->frames) {
     frames.push_back({{"name", frame.name}, {"T_target_rig", TransformJson(frame.T_target_rig)}});
   }
-  return {{"markers", markers}, {"cameras", cameras}, {"frames", frames}};
+  return {{"markers", markers},
+          {"displacements", displacements},
+          {"cameras", cameras},
+          {"frames", frames}};
 }
 
 Json MapsJson(const fs::path& folder, const std::string& name) {

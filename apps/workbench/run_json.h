@@ -47,7 +47,7 @@ nlohmann::json PreviewJson(const std::filesystem::path& folder,
                            const Session& session,
                            const ImagesOf& images_of);
 
-/// Markers (m, in the target's frame), cameras with T_rig_camera, frames with T_target_rig;
+/// Markers (m, in the target's frame) and their displacements by the refinement, cameras with T_rig_camera, frames with T_target_rig;
 /// transforms as twelve numbers, the rows of [R t].
 nlohmann::json SpaceJson(const std::filesystem::path& folder);
 

@@ -6,7 +6,7 @@ import assert from "node:assert/strict";
 import { mkdirSync, mkdtempSync, readdirSync, readFileSync, rmSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
-import { kPatience, look, openBrowser, source as images, startServer, watch } from "./harness.mjs";
+import { kPatience, look, openBrowser, source as images, testPage } from "./harness.mjs";
 
 const base = mkdtempSync(join(tmpdir(), "plenocal-camera-"));
 const folder = join(base, "project");
@@ -107,24 +107,12 @@ async function record(page, steps) {
   assert.equal(await page.getByRole("button", { name: "Take a picture" }).isDisabled(), true);
 }
 
-const problems = [];
-let failed = false;
 await writeVideo();
-const server = await startServer(folder);
-const browser = await openBrowser(["--use-fake-device-for-media-stream", "--use-fake-ui-for-media-stream", `--use-file-for-fake-video-capture=${video}`]);
-try {
-  const page = await browser.newPage({ viewport: { width: 1300, height: 900 } });
-  watch(page, server, problems);
-  await page.goto(server.address);
-  await record(page, (step) => console.log(step));
-  assert.deepEqual(problems, []);
-} catch (error) {
-  failed = true;
-  console.error(error);
-  console.error(problems.join("\n"));
-} finally {
-  await browser.close();
-  server.process.kill("SIGTERM");
-  if (!process.env.KEEP) rmSync(base, { recursive: true, force: true });
-}
-process.exit(failed ? 1 : 0);
+await testPage(
+  {
+    folder: base,
+    root: folder,
+    browserArguments: ["--use-fake-device-for-media-stream", "--use-fake-ui-for-media-stream", `--use-file-for-fake-video-capture=${video}`],
+  },
+  record,
+);

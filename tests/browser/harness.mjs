@@ -4,7 +4,7 @@
 //   node TEST.mjs PROGRAM SOURCE NODE_MODULES [SCREENSHOTS]
 import assert from "node:assert/strict";
 import { spawn } from "node:child_process";
-import { existsSync, readFileSync } from "node:fs";
+import { existsSync, readFileSync, rmSync } from "node:fs";
 import { createRequire } from "node:module";
 import { join, resolve } from "node:path";
 
@@ -29,8 +29,11 @@ export async function startServer(folder) {
   return { process: server, address, token: address.split("token=")[1] };
 }
 
+/** What went wrong on the pages so far. */
+export const problems = [];
+
 /** Collects errors of a page, refused requests, and those that leave this machine or hold the token. */
-export function watch(page, server, problems) {
+export function watch(page, server) {
   page.on("console", (line) => line.type() === "error" && problems.push(line.text()));
   page.on("pageerror", (error) => problems.push(String(error)));
   page.on("response", (answer) => answer.status() >= 400 && problems.push(`${answer.status()} ${answer.url()}`));
@@ -41,9 +44,9 @@ export function watch(page, server, problems) {
   });
 }
 
-/** A bar of the first camera's frames: what the page names with the pointer on it, and a click there. */
-export async function barOf(page, index) {
-  const bars = page.locator("[data-bars]").first();
+/** A bar of one of the page's charts, the first: a camera's frames; what the page names with the pointer on it, and a click there. */
+export async function barOf(page, index, chart = 0) {
+  const bars = page.locator("[data-bars]").nth(chart);
   await bars.locator(".u-over").waitFor({ timeout: kPatience });
   await bars.scrollIntoViewIfNeeded();
   const count = Number(await bars.getAttribute("data-bars"));
@@ -77,4 +80,37 @@ export async function look(page, name) {
   }
   await page.setViewportSize(size);
   await page.emulateMedia({ colorScheme: "light" });
+}
+
+/** Runs a test in a browser: work(browser, steps) fails by what it throws or what is left in `problems`. Removes `folder`; ends the program. */
+export async function test(folder, browserArguments, work) {
+  let failed = false;
+  const browser = await openBrowser(browserArguments);
+  try {
+    await work(browser, (name) => console.log(name));
+    assert.deepEqual(problems, []);
+  } catch (error) {
+    failed = true;
+    console.error(error);
+    console.error(problems.join("\n"));
+  } finally {
+    await browser.close();
+    if (!process.env.KEEP) rmSync(folder, { recursive: true, force: true });
+  }
+  process.exit(failed ? 1 : 0);
+}
+
+/** The same with the page of a workbench on `root`: work(page, steps, server). */
+export function testPage({ folder, root = folder, height = 900, browserArguments = [] }, work) {
+  return test(folder, browserArguments, async (browser, steps) => {
+    const server = await startServer(root);
+    try {
+      const page = await browser.newPage({ viewport: { width: 1300, height } });
+      watch(page, server);
+      await page.goto(server.address);
+      await work(page, steps, server);
+    } finally {
+      server.process.kill("SIGTERM");
+    }
+  });
 }

@@ -5,7 +5,7 @@ import { execFileSync } from "node:child_process";
 import { mkdtempSync, readFileSync, rmSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
-import { kPatience, look, openBrowser, program, source, startServer, watch } from "./harness.mjs";
+import { kPatience, look, program, source, testPage } from "./harness.mjs";
 
 const kFrame = "000100";
 const folder = mkdtempSync(join(tmpdir(), "plenocal-plenoptic-"));
@@ -86,23 +86,4 @@ async function linkedViews(page, size, steps) {
   await look(page, "plenoptic");
 }
 
-const problems = [];
-const server = await startServer(folder);
-const browser = await openBrowser();
-let failed = false;
-try {
-  const page = await browser.newPage({ viewport: { width: 1300, height: 1600 } });
-  watch(page, server, problems);
-  await page.goto(server.address);
-  await linkedViews(page, 420, (name) => console.log(name));
-  assert.deepEqual(problems, []);
-} catch (error) {
-  failed = true;
-  console.error(error);
-  console.error(problems.join("\n"));
-} finally {
-  await browser.close();
-  server.process.kill("SIGTERM");
-  rmSync(folder, { recursive: true, force: true });
-}
-process.exit(failed ? 1 : 0);
+await testPage({ folder, height: 1600 }, (page, steps) => linkedViews(page, 420, steps));

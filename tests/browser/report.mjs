@@ -2,10 +2,10 @@
 // report.html and try.html as files, without a network: with script and without, by pointer and keys, on paper.
 import assert from "node:assert/strict";
 import { execFileSync } from "node:child_process";
-import { mkdtempSync, readFileSync, rmSync } from "node:fs";
+import { mkdtempSync, readFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
-import { look, openBrowser, program, source } from "./harness.mjs";
+import { look, problems, program, source, test } from "./harness.mjs";
 
 const folder = mkdtempSync(join(tmpdir(), "plenocal-report-"));
 const input = [join(source, "left*.jpg"), "--target", "chessboard:9x6:25mm"];
@@ -13,7 +13,6 @@ const run = (...words) => execFileSync(program, [...words, "--quiet"], { cwd: fo
 run("calibrate", ...input, "-o", "out");
 run("try", "out/session.yaml", "-o", "tried", "--models", "pinhole-radial3", "pinhole-radtan");
 const address = (name) => `file://${join(folder, name)}`;
-const problems = [];
 
 async function open(browser, name, options = {}) {
   const context = await browser.newContext({ viewport: { width: 1300, height: 900 }, offline: true, ...options });
@@ -89,10 +88,7 @@ async function onPaper(page, steps) {
   assert.ok((await page.pdf({ format: "A4" })).length > 100_000);
 }
 
-let failed = false;
-const browser = await openBrowser();
-try {
-  const steps = (name) => console.log(name);
+await test(folder, [], async (browser, steps) => {
   const page = await bothModes(browser, steps);
   await readTheFigures(page, steps);
   await inSpace(page, steps);
@@ -100,13 +96,4 @@ try {
   await onPaper(page, steps);
   steps("the page of `try`");
   await look(await open(browser, "tried/try.html"), "try");
-  assert.deepEqual(problems, []);
-} catch (error) {
-  failed = true;
-  console.error(error);
-  console.error(problems.join("\n"));
-} finally {
-  await browser.close();
-  rmSync(folder, { recursive: true, force: true });
-}
-process.exit(failed ? 1 : 0);
+});

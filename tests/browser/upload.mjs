@@ -6,7 +6,7 @@ import assert from "node:assert/strict";
 import { mkdirSync, mkdtempSync, readdirSync, readFileSync, rmSync, symlinkSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
-import { kPatience, look, openBrowser, source as images, startServer, watch } from "./harness.mjs";
+import { kPatience, look, problems, source as images, testPage } from "./harness.mjs";
 
 const base = mkdtempSync(join(tmpdir(), "plenocal-upload-"));
 const folder = join(base, "project");
@@ -15,7 +15,6 @@ mkdirSync(folder);
 mkdirSync(outside);
 symlinkSync(outside, join(folder, "link"));
 const left = readdirSync(images).filter((name) => /^left\d+\.jpg$/.test(name)).map((name) => join(images, name));
-const problems = [];
 
 /** Status of an upload that the page does not make. */
 const put = (page, server, query, body = "x", headers = {}) =>
@@ -24,7 +23,7 @@ const put = (page, server, query, body = "x", headers = {}) =>
     [`/api/files?${new URLSearchParams(query)}`, body, { Authorization: `Bearer ${server.token}`, "Content-Type": "application/octet-stream", ...headers }],
   );
 
-async function uploadAndTry(page, server, steps) {
+async function uploadAndTry(page, steps, server) {
   steps("nothing to begin with");
   await page.getByText("none yet").waitFor({ timeout: kPatience });
   assert.equal(await page.getByRole("button", { name: "Propose a session" }).isDisabled(), true);
@@ -82,16 +81,4 @@ async function uploadAndTry(page, server, steps) {
   assert.equal(session(), old);
 }
 
-const server = await startServer(folder);
-const browser = await openBrowser();
-try {
-  const page = await browser.newPage({ viewport: { width: 1300, height: 900 } });
-  watch(page, server, problems);
-  await page.goto(server.address);
-  await uploadAndTry(page, server, (what) => console.log(what));
-  assert.deepEqual(problems, []);
-} finally {
-  await browser.close();
-  server.process.kill();
-  rmSync(base, { recursive: true });
-}
+await testPage({ folder: base, root: folder }, uploadAndTry);

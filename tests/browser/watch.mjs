@@ -5,7 +5,7 @@ import { execFileSync } from "node:child_process";
 import { cpSync, existsSync, mkdirSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
-import { kPatience, look, openBrowser, program, source, startServer, watch } from "./harness.mjs";
+import { kPatience, look, problems, program, source, testPage } from "./harness.mjs";
 
 const folder = mkdtempSync(join(tmpdir(), "plenocal-watch-"));
 mkdirSync(join(folder, "left"));
@@ -55,26 +55,8 @@ async function recording(page, steps) {
   arrive(8);
   await page.waitForTimeout(2500);
   assert.equal(await page.locator("p[data-frames='8']").count(), 0, "nothing is watched any more");
+  // The broken image cannot be shown.
+  assert.deepEqual(problems.splice(0).filter((problem) => !/left06|status of 400/.test(problem)), []);
 }
 
-const problems = [];
-const server = await startServer(folder);
-const browser = await openBrowser();
-let failed = false;
-try {
-  const page = await browser.newPage({ viewport: { width: 1300, height: 900 } });
-  watch(page, server, problems);
-  await page.goto(server.address);
-  await recording(page, (step) => console.log(step));
-  // The broken image cannot be shown.
-  assert.deepEqual(problems.filter((problem) => !/left06|status of 400/.test(problem)), []);
-} catch (error) {
-  failed = true;
-  console.error(error);
-  console.error(problems.join("\n"));
-} finally {
-  await browser.close();
-  server.process.kill("SIGTERM");
-  rmSync(folder, { recursive: true, force: true });
-}
-process.exit(failed ? 1 : 0);
+await testPage({ folder }, recording);

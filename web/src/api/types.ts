@@ -136,6 +136,8 @@ export type Point = [number, number, number, number | null, number | null, numbe
 export type Transform = number[];
 export interface Space {
   markers: [number, number, number][];
+  /** From the nominal positions, m; empty: the markers were not refined. */
+  displacements: [number, number, number][];
   cameras: { name: string; T_rig_camera: Transform; image_size: [number, number] }[];
   frames: { name: string; T_target_rig: Transform }[];
 }
@@ -155,9 +157,24 @@ export interface Suggestions {
     words: string;
     camera: string;
     cameras: string[];
+    /** Rows of a 4 x 4 matrix. */
+    T_camera_target: number[][];
     outline: Record<string, [number, number][][]>;
     sigma_after: number | null;
   }[];
+}
+/** Residuals of a camera by marker, and their means over the image. */
+export interface Residuals {
+  markers: { marker: number; points: number; rejected: number; rms: number; worst: string }[];
+  field: { columns: number; rows: number; points: number[]; mean_x: (number | null)[]; mean_y: (number | null)[]; rms: (number | null)[] };
+}
+/** A run without what the session leaves out by now: before and after, px; largest change, sigmas. */
+export interface Preview {
+  points: number;
+  rms: [number, number];
+  sigma: [number | null, number | null];
+  sigmas: number | null;
+  unknown: string;
 }
 /** What pictures add to a run; sigmas in px. `share`: of the gain of the best view; null: no pose. */
 export interface Worth {

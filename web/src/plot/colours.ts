@@ -11,6 +11,12 @@ export const seriesName = (index: number): string => `--series-${index % kSeries
 
 export const ramp = (part: number, opacity = 1): string => `rgb(${viridis(part).join(" ")} / ${opacity})`;
 
+/** For lines: without the end of the ramp that the page's ground hides. */
+export function lineRamp(part: number): string {
+  const from = Number(styled("--line-ramp"));
+  return ramp(from + (1 - from) * part);
+}
+
 /** Blue, white, red for -1, 0, 1. */
 export function signed(value: number): string {
   const part = Math.min(Math.abs(value), 1);

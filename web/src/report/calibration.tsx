@@ -63,6 +63,7 @@ function InSpace({ report: { markers, cameras, frames } }: { report: Calibration
           cameras={cameras}
           frames={frames}
           rms={(camera, frame) => rms.get(`${camera}/${frame}`) ?? null}
+          displacements={markers.some(({ moved }) => moved) ? markers.map(({ moved }) => moved ?? [0, 0, 0]) : []}
         />
       </Figure>
     </Figures>

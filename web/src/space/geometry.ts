@@ -9,6 +9,12 @@ export function apply(T: Transform, [x, y, z]: Vector): Vector {
   return [row(0), row(1), row(2)];
 }
 
+/** Of the rows of a 4 x 4 matrix. */
+export function inverseOf(rows: number[][]): Transform {
+  const at = (r: number, c: number): number => rows[r]?.[c] ?? 0;
+  return [0, 1, 2].flatMap((r) => [at(0, r), at(1, r), at(2, r), -(at(0, r) * at(0, 3) + at(1, r) * at(1, 3) + at(2, r) * at(2, 3))]);
+}
+
 /** Middle of points and a radius that holds them. */
 export function extentOf(points: Vector[]): { middle: Vector; radius: number } {
   const low: Vector = [Infinity, Infinity, Infinity];

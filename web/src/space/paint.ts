@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // A scene on a 2D canvas, which also works where there is no WebGL.
-import { ramp, seriesName, styled } from "../plot/colours";
+import { lineRamp, seriesName, styled } from "../plot/colours";
 import { apply, projectionOf, pyramidOf } from "./geometry";
 import type { Ghost, Projection, SceneCamera, Turn, Vector, World } from "./geometry";
 
@@ -10,6 +10,9 @@ export interface Shown {
   /** Of the rig alone the cameras' names stand beside them. */
   named: boolean;
   ghosts: Ghost[];
+  /** Of the markers, from their nominal positions, m; drawn `magnify` times as long. */
+  displacements: Vector[];
+  magnify: number;
   turn: Turn;
   /** RMS of a pose's camera, px, for its colour; null: a colour a camera. */
   rms: ((pose: number, camera: number) => number | null) | null;
@@ -35,7 +38,7 @@ const kSteps = 16;
 function colourOf(rms: number | null): string {
   if (rms === null || !(rms > 0)) return styled("--line");
   const part = Math.log(rms / kRmsScale[0]) / Math.log(kRmsScale[1] / kRmsScale[0]);
-  return ramp(Math.round(kSteps * Math.min(1, Math.max(0, part))) / kSteps);
+  return lineRamp(Math.round(kSteps * Math.min(1, Math.max(0, part))) / kSteps);
 }
 
 function addPyramid(path: Path2D, points: Vector[], project: Projection): [number, number] {
@@ -102,6 +105,20 @@ function paintGhosts(canvas: CanvasRenderingContext2D, { ghosts, world, cameras 
   canvas.restore();
 }
 
+/** From where each marker should be. */
+function paintDisplacements(canvas: CanvasRenderingContext2D, { world, displacements, magnify }: Shown, project: Projection): void {
+  if (magnify === 0) return;
+  const path = new Path2D();
+  displacements.forEach(([x, y, z], i) => {
+    const [u, v, w] = world.markers[i] ?? [0, 0, 0];
+    path.moveTo(...project([u - x, v - y, w - z]));
+    path.lineTo(...project([u + (magnify - 1) * x, v + (magnify - 1) * y, w + (magnify - 1) * z]));
+  });
+  canvas.strokeStyle = styled("--series-1");
+  canvas.lineWidth = 1.5;
+  canvas.stroke(path);
+}
+
 /** Returns where the cameras are. */
 export function paintScene(element: HTMLCanvasElement, shown: Shown): Place[] {
   const canvas = element.getContext("2d");
@@ -119,6 +136,7 @@ export function paintScene(element: HTMLCanvasElement, shown: Shown): Place[] {
     const [x, y] = project(marker);
     canvas.fillRect(x - 1, y - 1, 2, 2);
   }
+  paintDisplacements(canvas, shown, project);
   paintAxes(canvas, world.axes, project);
   const all = world.pyramids.map((_, i) => i).filter((i) => i % every === 0);
   canvas.globalAlpha = pose < 0 ? 1 : 0.15;

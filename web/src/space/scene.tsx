@@ -2,7 +2,7 @@
 // Target and camera poses in space: a drag turns, Shift or the right button moves, hover names, a click opens.
 import { useMemo, useRef, useState } from "preact/hooks";
 import { brief } from "../base/numbers";
-import { seriesName } from "../plot/colours";
+import { lineRamp, seriesName } from "../plot/colours";
 import { ColourScale, Keys } from "../plot/figure";
 import { useSceneCanvas } from "./canvas";
 import type { SceneCanvas } from "./canvas";
@@ -20,6 +20,8 @@ interface SceneLook {
   byRms?: boolean;
   /** Further poses, dashed. */
   ghosts?: Ghost[];
+  /** Of the markers, from their nominal positions, m; empty: not known. */
+  displacements?: Vector[];
   /** What a click does; without it the frame is chosen. */
   onOpen?: (camera: string, frame: string) => void;
   /** The wheel zooms, where the page has no need of it; elsewhere with Ctrl. */
@@ -27,6 +29,8 @@ interface SceneLook {
 }
 
 const kNoGhosts: Ghost[] = [];
+const kNoVectors: Vector[] = [];
+const kMagnify = [0, 10, 100, 1000];
 const kSides: [string, Side][] = [
   ["front", { yaw: 0, pitch: 0 }],
   ["side", { yaw: Math.PI / 2, pitch: 0 }],
@@ -70,11 +74,12 @@ function Views({ canvas, toggles }: { canvas: SceneCanvas; toggles: Toggle[] }) 
   );
 }
 
-export function Scene({ markers, cameras, frames, rms, byRms = false, ghosts = kNoGhosts, onOpen, wheel }: SceneLook) {
+export function Scene({ markers, cameras, frames, rms, byRms = false, ghosts = kNoGhosts, displacements = kNoVectors, onOpen, wheel }: SceneLook) {
   const element = useRef<HTMLCanvasElement>(null);
   const [alone, setAlone] = useState(false);
   const [coloured, setColoured] = useState(byRms);
   const [pose, setPose] = useState(-1);
+  const [magnify, setMagnify] = useState(0);
   const [hover, setHover] = useState<Place | null>(null);
   const way = useRef(0);
   const world = useMemo(() => (alone ? rigWorld(cameras) : wholeWorld(markers, cameras, frames)), [alone, markers, cameras, frames]);
@@ -88,6 +93,8 @@ export function Scene({ markers, cameras, frames, rms, byRms = false, ghosts = k
     cameras,
     named: alone,
     ghosts: alone ? kNoGhosts : ghosts,
+    displacements: alone ? kNoVectors : displacements,
+    magnify,
     rms: rmsOf,
     pose: alone ? -1 : pose,
     hover,
@@ -148,7 +155,7 @@ export function Scene({ markers, cameras, frames, rms, byRms = false, ghosts = k
         }}
       />
       {rmsOf ? (
-        <ColourScale low={`RMS ${brief(kRmsScale[0])} px`} high={`${brief(kRmsScale[1])} px`} />
+        <ColourScale low={`RMS ${brief(kRmsScale[0])} px`} high={`${brief(kRmsScale[1])} px`} colour={lineRamp} />
       ) : (
         <Keys keys={cameras.map(({ name }, i) => ({ label: name, colour: seriesName(i) }))} />
       )}
@@ -158,6 +165,18 @@ export function Scene({ markers, cameras, frames, rms, byRms = false, ghosts = k
           frame
           <input type="range" min={-1} max={frames.length - 1} value={pose} onInput={(event) => setPose(Number(event.currentTarget.value))} />
         </label>
+        {displacements.length > 0 && (
+          <label title="from the nominal to the refined positions of the markers">
+            displacement ×
+            <select value={magnify} onChange={(event) => setMagnify(Number(event.currentTarget.value))}>
+              {kMagnify.map((value) => (
+                <option key={value} value={value}>
+                  {value}
+                </option>
+              ))}
+            </select>
+          </label>
+        )}
         <span class="quiet" aria-live="polite" data-hover={hover ? nameOf(hover) : ""}>
           {hover ? nameOf(hover) : pose >= 0 ? frames[pose]?.name : `${frames.length} frames`}
         </span>

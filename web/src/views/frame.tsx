@@ -12,11 +12,12 @@ import { useImage } from "../parts/picture";
 import { attempt, exclude, include, pointRulesOf, ruleOf, session } from "../state/project";
 import { VirtualImage } from "./virtual_image";
 
-/** An image of a run. */
+/** An image of a run, and a marker in it. */
 export interface Chosen {
   number: number;
   camera: CameraResult;
   frame: string;
+  marker: number | null;
 }
 
 // Of the shown image; the keyboard excludes them, too.
@@ -55,7 +56,7 @@ function ChosenPoints({ points, noise }: { points: Point[]; noise: number | null
   );
 }
 
-function useRunPart<T>(path: string | null): T | null {
+export function useRunPart<T>(path: string | null): T | null {
   const [part, setPart] = useState<T | null>(null);
   useEffect(() => {
     setPart(null);
@@ -65,7 +66,7 @@ function useRunPart<T>(path: string | null): T | null {
 }
 
 export function Frame(chosen: Chosen) {
-  const { number, camera, frame } = chosen;
+  const { number, camera, frame, marker } = chosen;
   const [factor, setFactor] = useState(50);
   const [virtual, setVirtual] = useState<VirtualPoint | null>(null);
   const [raw, setRaw] = useState<[number, number] | null>(null);
@@ -74,8 +75,8 @@ export function Frame(chosen: Chosen) {
   const lenses = useRunPart<Lenses>(camera.plenoptic ? `/api/runs/${number}/lenses?${named}` : null);
   const picture = useImage(imagePath(camera.name, frame, 0));
   useEffect(() => {
-    markers.value = [];
-  }, [number, camera.name, frame]);
+    markers.value = marker === null ? [] : [marker];
+  }, [number, camera.name, frame, marker]);
   const onPointer = (at: [number, number] | null): void => {
     setRaw(at);
     if (!at) setVirtual(null);

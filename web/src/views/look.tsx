@@ -2,16 +2,17 @@
 // Result: verdict, bars of the frames, the chosen image with its residuals, parameters, sigma maps.
 import { useEffect, useMemo, useState } from "preact/hooks";
 import { ask } from "../api/client";
-import type { CameraResult, Influence, Run, SigmaMap } from "../api/types";
-import { rangeOf } from "../base/numbers";
+import type { CameraResult, Influence, Preview, Residuals, Run, SigmaMap } from "../api/types";
+import { brief, rangeOf } from "../base/numbers";
 import { ParameterTable } from "../parts/table";
 import { VerdictBox } from "../parts/verdict";
 import { FrameBars } from "../plot/frame_bars";
+import { ArrowMap } from "../plot/image_field";
 import { SigmaPicture } from "../plot/sigma_map";
 import { activeJob, addJob, attempt, go, message, place, project, run, session } from "../state/project";
 import { barsOf } from "./bars";
 import type { Order, Ordered } from "./bars";
-import { excludeShown, Frame } from "./frame";
+import { excludeShown, Frame, useRunPart } from "./frame";
 import type { Chosen } from "./frame";
 
 /** The run before the shown one, when both have the same cameras: what a change of the session did. */
@@ -43,6 +44,67 @@ function Change({ now }: { now: Run }) {
   );
 }
 
+/** What the run would be without all that the session leaves out by now, before it is made again. */
+function Before({ now }: { now: Run }) {
+  const [preview, setPreview] = useState<Preview | null>(null);
+  const rules = JSON.stringify(session.value?.exclude ?? []);
+  useEffect(() => {
+    if (rules === "[]") return setPreview(null);
+    let wanted = true;
+    void ask<Preview | null>("GET", `/api/runs/${now.run}/preview`)
+      .then((found) => wanted && setPreview(found))
+      .catch(() => wanted && setPreview(null));
+    return () => void (wanted = false);
+  }, [now, rules]);
+  if (!preview) return null;
+  const { points, rms, sigma, sigmas, unknown } = preview;
+  const worse = (sigma[1] ?? Infinity) > 1.05 * (sigma[0] ?? Infinity);
+  const text = (value: number | null): string => (value === null ? "not determined" : `${brief(value, 3)} px`);
+  return (
+    <p class={worse ? "problem" : ""} aria-live="polite" data-preview={points}>
+      Preview, without the {points} points that are excluded by now: RMS {rms[0].toFixed(3)} → {rms[1].toFixed(3)} px, sigma of the projection {text(sigma[0])} →{" "}
+      {text(sigma[1])}
+      {unknown && sigmas !== null ? `; ${unknown} changes most, by ${brief(sigmas, 2)} sigma` : ""}
+      {worse ? ": worse, whatever the RMS" : ""}
+    </p>
+  );
+}
+
+function ResidualsOf({ number, camera }: { number: number; camera: CameraResult }) {
+  const residuals = useRunPart<Residuals>(`/api/runs/${number}/residuals?camera=${encodeURIComponent(camera.name)}`);
+  const bars = useMemo(
+    () =>
+      residuals?.markers.map(({ marker, points, rejected, rms }) => ({
+        name: String(marker),
+        size: rms,
+        words: `${rms.toFixed(3)} px, ${points} points, ${rejected} rejected`,
+      })) ?? [],
+    [residuals],
+  );
+  if (!residuals) return null;
+  const worstOf = (name: string): string => residuals.markers.find(({ marker }) => String(marker) === name)?.worst ?? "";
+  return (
+    <>
+      <h2>{camera.name}: RMS of the markers</h2>
+      <FrameBars
+        name={`${camera.name}: RMS of the markers`}
+        bars={bars}
+        x="marker; a click: the image with its largest residual"
+        y="RMS, px"
+        aspect={3}
+        onChoose={(name) => go("look", [camera.name, worstOf(name), name], number)}
+      />
+      <ArrowMap
+        title="Residuals over the image"
+        note="Mean in each cell. A pattern is an error of the camera model."
+        size={camera.image_size}
+        field={residuals.field}
+        values={residuals.field.rms}
+      />
+    </>
+  );
+}
+
 const captionOf = (camera: CameraResult): string =>
   `${camera.name}: ${camera.model}, RMS ${camera.rms?.toFixed(3)} px, noise ${camera.noise?.toFixed(3)} px` +
   `${camera.detector_sigma ? ` (detector ${camera.detector_sigma.toFixed(3)})` : ""}, ${camera.points} points, ${camera.rejected} rejected`;
@@ -63,11 +125,11 @@ function Maps({ number, camera: { name, image_size } }: { number: number; camera
 
 /** Camera and frame of the address, or the worst frame of the first camera. */
 function chosenOf(now: Run): Chosen | null {
-  const [name, frame] = place.value.parts;
+  const [name, frame, marker] = place.value.parts;
   const camera = now.cameras.find((each) => each.name === name) ?? now.cameras[0];
   if (!camera) return null;
   const worst = [...camera.frames].sort((a, b) => (b.rms ?? 0) - (a.rms ?? 0))[0];
-  return { number: now.run, camera, frame: frame ?? worst?.frame ?? "" };
+  return { number: now.run, camera, frame: frame ?? worst?.frame ?? "", marker: marker === undefined ? null : Number(marker) };
 }
 
 export function step(by: number): void {
@@ -131,6 +193,7 @@ export function Look() {
     <>
       <VerdictBox verdict={now.verdict} most={3} />
       <Change now={now} />
+      <Before now={now} />
       <div class="row">
         <button class="main" disabled={activeJob.value !== null || !session.value} onClick={() => addJob("calibrate")}>
           Calibrate again (c)
@@ -160,6 +223,7 @@ export function Look() {
           <ParameterTable caption={captionOf(chosen.camera)} parameters={chosen.camera.parameters} />
           <h2>Sigma of the projection</h2>
           <Maps number={now.run} camera={chosen.camera} />
+          <ResidualsOf number={now.run} camera={chosen.camera} />
         </div>
         <Frame {...chosen} />
       </div>

@@ -2,12 +2,13 @@
 // What to record next: suggestions in words and as outlines over an image of the camera.
 import { signal } from "@preact/signals";
 import { useEffect, useState } from "preact/hooks";
-import { ask, imagePath } from "../api/client";
-import type { CameraResult, Suggestions } from "../api/types";
+import { imagePath } from "../api/client";
+import type { CameraResult } from "../api/types";
 import { Plane } from "../image/plane";
 import { Cameras } from "../live/cameras";
 import { Thumb, useImage } from "../parts/picture";
-import { activeJob, attempt, detections, place, project, run, session, watchFolders } from "../state/project";
+import { activeJob, detections, place, project, run, session, watchFolders } from "../state/project";
+import { findSuggestions, lastSuggestions } from "../state/suggestions";
 
 function Outlines({ camera, outlines }: { camera: CameraResult; outlines: [number, number][][] }) {
   const picture = useImage(imagePath(camera.name, camera.frames[0]?.frame ?? "", 0));
@@ -66,21 +67,17 @@ function Watching() {
   );
 }
 
-/** Of the run that is shown. */
-const suggestions = signal<Suggestions | null>(null);
-
 function Suggested() {
-  const next = suggestions.value;
+  const next = lastSuggestions.value;
   const [busy, setBusy] = useState(false);
   const number = place.value.run;
   useEffect(() => {
     if (number === null || run.value?.run !== number) return;
     setBusy(true);
-    void attempt(async () => {
-      const suggested = await ask<Suggestions>("POST", "/api/suggest", { run: number, count: 5 });
-      suggestions.value = suggested;
-      if (project.value?.watching) course.value = [...course.value, { frames: suggested.frames, sigma: suggested.sigma_now }];
-    }).then(() => setBusy(false));
+    void findSuggestions().then((suggested) => {
+      if (suggested && project.value?.watching) course.value = [...course.value, { frames: suggested.frames, sigma: suggested.sigma_now }];
+      setBusy(false);
+    });
   }, [run.value]);
   if (number === null) return <p>No result yet.</p>;
   if (!next) return <p aria-busy={busy}>{busy ? "Weighing views…" : "There are no suggestions for this run."}</p>;
@@ -112,7 +109,7 @@ function Recording() {
   const places = (session.value?.cameras ?? []).filter((camera) => !camera.plenoptic).map(({ name, folder }) => ({ camera: name, folder }));
   const sizes = Object.fromEntries((run.value?.cameras ?? []).map((camera) => [camera.name, camera.image_size]));
   if (places.length === 0) return null;
-  return <Cameras places={places} outlines={suggestions.value?.views[0]?.outline ?? {}} sizes={sizes} />;
+  return <Cameras places={places} outlines={lastSuggestions.value?.views[0]?.outline ?? {}} sizes={sizes} />;
 }
 
 export function Next() {

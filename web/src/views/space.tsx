@@ -1,24 +1,48 @@
 // SPDX-License-Identifier: Apache-2.0
-// Target and camera poses of a run.
+// Target and camera poses of a run, with the views that would come next.
 import { useEffect, useMemo, useState } from "preact/hooks";
 import { ask } from "../api/client";
 import type { Space } from "../api/types";
+import { inverseOf } from "../space/geometry";
+import type { Ghost } from "../space/geometry";
 import { Scene } from "../space/scene";
 import { attempt, go, place, run } from "../state/project";
+import { findSuggestions, suggestionsOfRun } from "../state/suggestions";
 
 export function InSpace() {
   const [space, setSpace] = useState<Space | null>(null);
+  const [withNext, setWithNext] = useState(false);
   const number = place.value.run;
   const now = run.value;
+  const suggestions = withNext ? suggestionsOfRun() : null;
   useEffect(() => {
     if (number === null) return;
     void attempt(async () => setSpace(await ask("GET", `/api/runs/${number}/space`)));
-  }, [number]);
+  }, [number, now]);
+  useEffect(() => {
+    if (withNext) void findSuggestions().then((found) => found ?? setWithNext(false));
+  }, [withNext, now]);
+  const ghosts = useMemo(
+    () => suggestions?.views.map((view, i): Ghost => ({ name: `next ${i + 1}`, T_target_camera: inverseOf(view.T_camera_target) })) ?? [],
+    [suggestions],
+  );
   const rms = useMemo(() => {
     const known = new Map(now?.cameras.flatMap((camera) => camera.frames.map((each) => [`${camera.name}/${each.frame}`, each.rms])));
     return (camera: string, frame: string): number | null => known.get(`${camera}/${frame}`) ?? null;
   }, [now]);
   if (number === null) return <p>No result yet: calibrate in Set up.</p>;
   if (!space) return <p>…</p>;
-  return <Scene {...space} rms={rms} byRms wheel onOpen={(camera, frame) => go("look", [camera, frame], number)} />;
+  return (
+    <>
+      <Scene {...space} rms={rms} byRms wheel ghosts={ghosts} onOpen={(camera, frame) => go("look", [camera, frame], number)} />
+      <div class="row">
+        <button aria-pressed={withNext} onClick={() => setWithNext(!withNext)}>
+          suggested poses
+        </button>
+        <span class="quiet" aria-live="polite" data-ghosts={ghosts.length}>
+          {withNext ? (suggestions?.views[0]?.words ?? "weighing views…") : "what to record next, as dashed cameras"}
+        </span>
+      </div>
+    </>
+  );
 }

@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: Apache-2.0
+// Suggested views of the run that is shown.
+import { computed, signal } from "@preact/signals";
+import { ask } from "../api/client";
+import type { Suggestions } from "../api/types";
+import { attempt, run } from "./project";
+
+const found = signal<{ of: unknown; suggestions: Suggestions } | null>(null);
+
+/** Those found last: while new ones are looked for, they stay. */
+export const lastSuggestions = computed(() => found.value?.suggestions ?? null);
+
+/** Of this very result: a run that is made again has others. */
+export const suggestionsOfRun = (): Suggestions | null => (found.value && found.value.of === run.value ? found.value.suggestions : null);
+
+/** Null where there are none, which is shown. */
+export async function findSuggestions(): Promise<Suggestions | null> {
+  const of = run.value;
+  if (!of) return null;
+  if (found.value?.of !== of) {
+    await attempt(async () => {
+      found.value = { of, suggestions: await ask<Suggestions>("POST", "/api/suggest", { run: of.run, count: 5 }) };
+    });
+  }
+  return suggestionsOfRun();
+}
