@@ -559,8 +559,12 @@ Answer Api::Compare(const Request& request) const {
     return (project_->RunFolder(NumberOf(request.Query(name), name)) / "calibration.yaml").string();
   };
   const std::vector<std::string> arguments{"compare", file("a"), file("b")};
+  std::string text = OutputOf(RunChild(arguments, project_->Root().string()));
   return JsonAnswer({{"command", CommandLineText(arguments)},
-                     {"text", OutputOf(RunChild(arguments, project_->Root().string()))}});
+                     {"text", std::move(text)},
+                     {"maps",
+                      DifferenceJson(fs::path(arguments[1]).parent_path(),
+                                     fs::path(arguments[2]).parent_path())}});
 }
 
 // The file of another program, with the command line that makes it.

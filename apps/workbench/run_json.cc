@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/workbench/run_json.h"
 
+#include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -18,6 +20,7 @@
 #include "calib/camera/micro_lens_array.h"
 #include "calib/files/calibration_file.h"
 #include "calib/files/exclusion.h"
+#include "calib/judge/compare.h"
 #include "calib/judge/frames/exclusion_preview.h"
 #include "calib/judge/frames/frame_influence.h"
 #include "calib/judge/projection_map.h"
@@ -249,8 +252,7 @@ Json SpaceJson(const fs::path& folder) {
   for (const auto& [number, marker] : record->markers) {
     markers.push_back(VectorJson(marker.position));
     if (!refined) continue;
-    displacements.push_back(
-        VectorJson(marker.position - marker.nominal.value_or(marker.position)));
+    displacements.push_back(VectorJson(marker.position - marker.nominal.value_or(marker.position)));
   }
   for (const CalibratedCamera& camera : record->cameras) {
     cameras.push_back({{"name", camera.name},
@@ -264,6 +266,58 @@ Json SpaceJson(const fs::path& folder) {
           {"displacements", displacements},
           {"cameras", cameras},
           {"frames", frames}};
+}
+
+namespace {
+
+// The pixels as `FieldJson` has a field.
+Json DifferenceField(const DistanceDifference& difference, ImageSize size) {
+  constexpr size_t kCells = size_t{kComparedColumns} * kComparedRows;
+  std::vector<int> points(kCells, 0);
+  std::vector<Json> x(kCells), y(kCells), length(kCells);
+  for (const PixelDifference& pixel : difference.pixels) {
+    const auto column = static_cast<size_t>((pixel.u_px.x() + 0.5) * kComparedColumns / size[0]);
+    const auto row = static_cast<size_t>((pixel.u_px.y() + 0.5) * kComparedRows / size[1]);
+    const size_t cell = row * kComparedColumns + column;
+    if (cell >= kCells) continue;
+    points[cell] = 1;
+    x[cell] = Short(pixel.difference_px.x());
+    y[cell] = Short(pixel.difference_px.y());
+    length[cell] = Short(pixel.difference_px.norm());
+  }
+  return {{"columns", kComparedColumns},
+          {"rows", kComparedRows},
+          {"points", points},
+          {"mean_x", x},
+          {"mean_y", y},
+          {"rms", length}};
+}
+
+}  // namespace
+
+Json DifferenceJson(const fs::path& a, const fs::path& b) {
+  const auto first = RecordOf(a);
+  const auto second = RecordOf(b);
+  Json maps = Json::array();
+  for (const CalibratedCamera& camera : first->cameras) {
+    const auto other = std::ranges::find(second->cameras, camera.name, &CalibratedCamera::name);
+    if (other == second->cameras.end()) continue;
+    try {
+      constexpr double kFar = std::numeric_limits<double>::infinity();
+      for (const DistanceDifference& at : CompareCameras(camera, *other, {1, kFar}).distances) {
+        maps.push_back({{"camera", camera.name},
+                        {"image_size", camera.image_size},
+                        {"distance", Finite(at.distance)},
+                        {"rms", Finite(at.all.rms)},
+                        {"predicted", Finite(at.all.predicted)},
+                        {"differs", at.all.differs},
+                        {"field", DifferenceField(at, camera.image_size)}});
+      }
+    } catch (const Error&) {
+      // Its words are in what `plenocal compare` prints.
+    }
+  }
+  return maps;
 }
 
 Json MapsJson(const fs::path& folder, const std::string& name) {

@@ -47,9 +47,14 @@ nlohmann::json PreviewJson(const std::filesystem::path& folder,
                            const Session& session,
                            const ImagesOf& images_of);
 
-/// Markers (m, in the target's frame) and their displacements by the refinement, cameras with T_rig_camera, frames with T_target_rig;
-/// transforms as twelve numbers, the rows of [R t].
+/// Markers (m, in the target's frame) and their displacements by the refinement, cameras with
+/// T_rig_camera, frames with T_target_rig; transforms as twelve numbers, the rows of [R t].
 nlohmann::json SpaceJson(const std::filesystem::path& folder);
+
+/// Of each camera that both runs have: by how much the images of points at 1 m and far away differ,
+/// as a field over the image like that of residuals, and RMS, its prediction (null: none), and
+/// whether it is more than predicted. Cameras that cannot be compared are left out.
+nlohmann::json DifferenceJson(const std::filesystem::path& a, const std::filesystem::path& b);
 
 /// Sigma of the projection over a camera's image, at each distance.
 nlohmann::json MapsJson(const std::filesystem::path& folder, const std::string& camera);

@@ -204,6 +204,7 @@ async function suggestCompareExport(page, steps) {
   await page.getByRole("button", { name: "Compare", exact: true }).first().click();
   await page.locator("main").getByRole("button", { name: "Compare", exact: true }).click();
   await page.locator("main pre").waitFor({ timeout: kPatience });
+  await page.locator("figure", { hasText: "left, far away" }).locator(".u-over").waitFor({ timeout: kPatience });
   await look(page, "compare");
   await page.getByRole("button", { name: "Export", exact: true }).first().click();
   await page.locator("main").getByRole("button", { name: "Export", exact: true }).click();

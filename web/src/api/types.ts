@@ -163,10 +163,33 @@ export interface Suggestions {
     sigma_after: number | null;
   }[];
 }
+/** Over an image; null: no points. */
+export interface ImageField {
+  columns: number;
+  rows: number;
+  points: number[];
+  mean_x: (number | null)[];
+  mean_y: (number | null)[];
+  rms: (number | null)[];
+}
+/** Two runs, as `plenocal compare` has it, and by how much a camera's images differ, px; a distance of null: far away. */
+export interface Comparison {
+  command: string;
+  text: string;
+  maps: {
+    camera: string;
+    image_size: [number, number];
+    distance: number | null;
+    rms: number | null;
+    predicted: number | null;
+    differs: boolean;
+    field: ImageField;
+  }[];
+}
 /** Residuals of a camera by marker, and their means over the image. */
 export interface Residuals {
   markers: { marker: number; points: number; rejected: number; rms: number; worst: string }[];
-  field: { columns: number; rows: number; points: number[]; mean_x: (number | null)[]; mean_y: (number | null)[]; rms: (number | null)[] };
+  field: ImageField;
 }
 /** A run without what the session leaves out by now: before and after, px; largest change, sigmas. */
 export interface Preview {

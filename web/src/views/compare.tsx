@@ -1,16 +1,36 @@
 // SPDX-License-Identifier: Apache-2.0
-// Camera models by held-out images; two runs against each other, in the words of `plenocal compare`.
+// Camera models by held-out images; two runs against each other, in the words of `plenocal compare` and over the image.
 import { useState } from "preact/hooks";
 import { ask } from "../api/client";
+import type { Comparison } from "../api/types";
+import { brief } from "../base/numbers";
+import { ArrowMap } from "../plot/image_field";
 import { attempt, project } from "../state/project";
 import { Models } from "./models";
+
+function Differences({ maps }: { maps: Comparison["maps"] }) {
+  return (
+    <div class="figures">
+      {maps.map(({ camera, image_size, distance, rms, predicted, differs, field }) => (
+        <ArrowMap
+          key={`${camera} ${distance}`}
+          title={`${camera}, ${distance === null ? "far away" : `${distance} m`}: ${brief(rms)} px RMS`}
+          note={`${predicted === null ? "The standard errors predict nothing." : `Standard errors predict ${brief(predicted)} px: ${differs ? "the runs differ by more" : "no more than that"}.`} From the first run to the second, without the motion of the camera that poses follow.`}
+          size={image_size}
+          field={field}
+          values={field.rms}
+        />
+      ))}
+    </div>
+  );
+}
 
 function Runs() {
   const runs = project.value?.runs ?? [];
   const last = runs[runs.length - 1]?.run ?? 0;
   const [a, setA] = useState(runs[runs.length - 2]?.run ?? last);
   const [b, setB] = useState(last);
-  const [text, setText] = useState("");
+  const [found, setFound] = useState<Comparison | null>(null);
   if (runs.length < 2) return <p>There are fewer than two runs.</p>;
   const choice = (label: string, value: number, set: (value: number) => void) => (
     <label>
@@ -30,14 +50,12 @@ function Runs() {
       <div class="row">
         {choice("from", a, setA)}
         {choice("to", b, setB)}
-        <button
-          class="main"
-          onClick={() => attempt(async () => setText((await ask<{ text: string }>("GET", `/api/compare?a=${a}&b=${b}`)).text))}
-        >
+        <button class="main" onClick={() => attempt(async () => setFound(await ask<Comparison>("GET", `/api/compare?a=${a}&b=${b}`)))}>
           Compare
         </button>
       </div>
-      {text && <pre tabIndex={0}>{text}</pre>}
+      {found && <pre tabIndex={0}>{found.text}</pre>}
+      {found && <Differences key={found.command} maps={found.maps} />}
     </section>
   );
 }
