@@ -95,6 +95,7 @@ function ResidualsOf({ number, camera }: { number: number; camera: CameraResult 
         onChoose={(name) => go("look", [camera.name, worstOf(name), name], number)}
       />
       <ArrowMap
+        key={`${number} ${camera.name}`}
         title="Residuals over the image"
         note="Mean in each cell. A pattern is an error of the camera model."
         size={camera.image_size}
