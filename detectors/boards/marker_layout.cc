@@ -46,7 +46,8 @@ std::vector<Pair> NearPairs(const std::vector<std::vector<NumberedSquare>>& imag
         if (b.id != a.id) others.emplace_back((Centre(b.corners) - Centre(a.corners)).norm(), &b);
       }
       std::sort(others.begin(), others.end());
-      others.resize(std::min(others.size(), kNearest));
+      // Of a small board the farther half are no neighbours.
+      others.resize(std::min((others.size() + 1) / 2, kNearest));
       for (const auto& [distance, b] : others) {
         if (b->id < a.id) continue;
         // The mean of both frames is free of perspective to first order.

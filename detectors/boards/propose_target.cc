@@ -164,6 +164,11 @@ Seen Look(const FrameImage& image) {
   AnyTagReader().Read(gray, &seen);
   if (HasMarkers(seen)) return seen;
   ReadAruco(gray, &seen);
+  if (!HasMarkers(seen)) {
+    Seen inverted;  // printed white on black
+    ReadAruco(255 - gray, &inverted);
+    if (HasMarkers(inverted)) seen.markers = std::move(inverted.markers);
+  }
   FindChessboard(gray, &seen);
   if (HasMarkers(seen)) return seen;
   constexpr double kLargestOfBlobs = 1000;  // px

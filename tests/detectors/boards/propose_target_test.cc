@@ -129,6 +129,14 @@ TEST_F(ProposedTarget, IsACharucoBoardWithItsDictionary) {
   ExpectWord("charuco:6x6:36mm:24mm:5X5_50:legacy=true", "charuco:6x6:SQUARE:MARKER:5X5_50");
 }
 
+TEST_F(ProposedTarget, IsACharucoBoardPrintedWhiteOnBlack) {
+  const cv::Mat print = Print(TargetOfWord("charuco:4x5:54mm:40mm:4X4_1000"));
+  for (int view = 0; view < 3; ++view) Save(255 - ViewOf(print, view, {640, 480}));
+  const TargetProposals proposals = ProposeTargets(images_, {});
+  ASSERT_EQ(proposals.found.size(), 1U);
+  EXPECT_EQ(proposals.found[0].word, "charuco:4x5:SQUARE:MARKER:4X4_50");
+}
+
 TEST_F(ProposedTarget, IsAGridOfCircles) {
   ExpectWord("circles:8x6:25mm", "circles:8x6:SPACING:symmetric");
   ExpectWord("circles:4x11:20mm:asymmetric", "circles:4x11:SPACING:asymmetric");
