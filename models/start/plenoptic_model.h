@@ -212,6 +212,7 @@ struct PlenopticModel {
   template <typename T>
   static bool Undistort(const T* params, const Vector2<T>& distorted, Vector2<T>* undistorted) {
     constexpr int kMaxIterations = 30;
+    constexpr double kLastStep = 1e-8;  // relative; its square, the error after it, is rounding
     std::array<double, 9> values;
     for (size_t i = 0; i < values.size(); ++i) values[i] = ValueOf(params[i]);
     const std::array AB{values[5], values[6], values[7], values[8]};
@@ -225,7 +226,7 @@ struct PlenopticModel {
       if (!step.allFinite() || (i > 3 && step.norm() >= last_step)) break;
       p += step;
       last_step = step.norm();
-      if (last_step == 0) break;
+      if (last_step <= kLastStep * goal.norm()) break;
     }
     if (!p.allFinite() || !Unfolded(values.data(), p)) return false;
     const Eigen::Matrix2d inverse = DistortionJacobian(AB, p).inverse();
