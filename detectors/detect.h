@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <span>
 #include <vector>
 
 #include "calib/files/frame_images.h"
@@ -15,10 +16,12 @@ enum class CameraOptics {
 };
 
 /// Finds the target in all images of one camera: `DetectOrdinaryImages` or `DetectPlenopticImages`.
+/// `rivals` as of `MakeMarkerDetector`; of ordinary cameras only.
 ImageDetections DetectImages(const std::vector<FrameImage>& images,
                              const Target& target,
                              CameraOptics optics,
-                             const DetectOptions& options);
+                             const DetectOptions& options,
+                             std::span<const Target> rivals = {});
 
 /// `SketchOrdinaryImages` of this target.
 std::vector<ImageSketch> SketchImages(const std::vector<FrameImage>& images,

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <span>
 #include <vector>
 
 #include "detectors/images/marker_detector.h"
@@ -10,8 +11,12 @@
 
 namespace plenocal {
 
-/// Throws `Error` for a dictionary that OpenCV does not have or that has too few markers.
-std::unique_ptr<MarkerDetector> MakeDetector(const CharucoLayout& layout, const Target& target);
+/// Throws `Error` for a dictionary that OpenCV does not have or that has too few markers. `rivals`:
+/// other boards with markers of this dictionary that may be in the images; a marker that fits
+/// several boards is left out.
+std::unique_ptr<MarkerDetector> MakeDetector(const CharucoLayout& layout,
+                                             const Target& target,
+                                             std::span<const Target> rivals = {});
 
 namespace internal {
 

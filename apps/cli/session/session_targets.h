@@ -20,7 +20,7 @@ struct SessionTargets {
 };
 
 /// Reads the target files of a session. Throws `Error` for files that cannot be read, and for
-/// targets that look alike to detectors.
+/// targets that no image tells apart.
 SessionTargets ReadSessionTargets(const Session& session);
 
 /// Throws `Error` of kind kInput when the session has several targets, which `command` does not
