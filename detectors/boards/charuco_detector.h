@@ -16,7 +16,7 @@ namespace plenocal {
 /// several boards is left out.
 std::unique_ptr<MarkerDetector> MakeDetector(const CharucoLayout& layout,
                                              const Target& target,
-                                             std::span<const Target> rivals = {});
+                                             std::span<const Target> rivals);
 
 namespace internal {
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <span>
 #include <vector>
 
 #include "detectors/images/marker_detector.h"
@@ -10,7 +11,11 @@
 
 namespace plenocal {
 
-std::unique_ptr<MarkerDetector> MakeDetector(const CirclesLayout& layout, const Target& target);
+/// `rivals`: other grids that may be in the images. A part of a larger one of them is no board; nor
+/// is a board at the image's border, beyond which it may go on.
+std::unique_ptr<MarkerDetector> MakeDetector(const CirclesLayout& layout,
+                                             const Target& target,
+                                             std::span<const Target> rivals);
 
 namespace internal {
 

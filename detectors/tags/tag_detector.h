@@ -16,7 +16,7 @@ namespace plenocal {
 /// images, with tags of the same numbers; a tag that fits several targets is left out.
 std::unique_ptr<MarkerDetector> MakeDetector(const TagLayout& layout,
                                              const Target& target,
-                                             std::span<const Target> rivals = {});
+                                             std::span<const Target> rivals);
 
 namespace internal {
 

@@ -17,7 +17,7 @@ namespace {
 // outlines may be off.
 constexpr double kSameArrangement = 0.01;
 
-// Whether one detector reads tags of both.
+// Whether a detector of the one may find parts of the other.
 bool SameFamily(const Target& a, const Target& b) {
   if (a.layout.index() != b.layout.index()) return false;
   if (const auto* tags = std::get_if<TagLayout>(&a.layout)) {
@@ -26,15 +26,23 @@ bool SameFamily(const Target& a, const Target& b) {
   if (const auto* board = std::get_if<CharucoLayout>(&a.layout)) {
     return board->dictionary == std::get<CharucoLayout>(b.layout).dictionary;
   }
-  return false;
+  if (const auto* grid = std::get_if<CirclesLayout>(&a.layout)) {
+    return grid->asymmetric == std::get<CirclesLayout>(b.layout).asymmetric;
+  }
+  return std::holds_alternative<ChessboardLayout>(a.layout);
 }
 
-// Of one family or dictionary. The markers of all ChArUco boards have the numbers from 0 on.
+// Of one family. The markers of all boards have the numbers from 0 on.
 bool ShareNumbers(const Target& a, const Target& b) {
-  return SameFamily(a, b) &&
-         (std::holds_alternative<CharucoLayout>(a.layout) ||
-          std::ranges::any_of(
-              a.markers, [&](const auto& marker) { return b.markers.contains(marker.first); }));
+  return SameFamily(a, b) && std::ranges::any_of(a.markers, [&](const auto& marker) {
+           return b.markers.contains(marker.first);
+         });
+}
+
+// Tags and ArUco markers have a number that images show.
+bool ShowsNumbers(const Target& target) {
+  return std::holds_alternative<TagLayout>(target.layout) ||
+         std::holds_alternative<CharucoLayout>(target.layout);
 }
 
 // The same numbers at places that differ by a change of scale at most.
@@ -113,7 +121,8 @@ void CheckDistinct(const Session& session, std::span<const Target> targets) {
       if (SamePrint(targets[i], targets[k])) {
         refuse("the same tags or the same pattern in the same arrangement");
       }
-      if (plenoptic != session.cameras.end() && ShareNumbers(targets[i], targets[k])) {
+      if (plenoptic != session.cameras.end() && ShowsNumbers(targets[i]) &&
+          ShareNumbers(targets[i], targets[k])) {
         refuse(fmt::format("tags of the same numbers, which are told apart in images of ordinary "
                            "cameras only ({} is plenoptic)",
                            plenoptic->name));

@@ -15,8 +15,8 @@ namespace plenocal {
 /// numbers of tags before a plenoptic camera. `targets`: those of the session, in its order.
 void CheckDistinct(const Session& session, std::span<const Target> targets);
 
-/// The targets of which a detector of target `k` must tell its own tags: all others of its family
-/// or dictionary, if any two of these share numbers. Empty: it needs no other target.
+/// The targets whose tags or grids a detector of target `k` must not take for its own: all others of
+/// its type and family, if any two of these share numbers of markers. Empty: there are none.
 std::vector<Target> RivalsOf(std::span<const Target> targets, size_t k);
 
 }  // namespace plenocal
