@@ -62,14 +62,23 @@ class Sorter {
         groups, std::ranges::greater(), [](const Group& group) { return group.members.size(); });
     for (const Group& group : groups) {
       const Group* best = Best(group, groups);
-      if (best == nullptr) continue;
+      if (best == nullptr || IsMisplaced(*best)) continue;
       for (const auto& [id, i] : best->members) {
         owners_[i].target = best->target;
-        owned_[best->target].insert(id);
+        owned_[best->target].emplace(id, read_[i].corners);
       }
       return true;
     }
     return false;
+  }
+
+  /// Whether a single square is not where the target's squares in view place it. Two that agree
+  /// with each other may be behind what hides the squares between.
+  [[nodiscard]] bool IsMisplaced(const Group& group) const {
+    const auto& owned = owned_[group.target];
+    if (group.members.size() > 1 || owned.empty()) return false;
+    const int id = group.members.begin()->first;
+    return Predict(targets_[group.target], id, owned, Neighbours::kNearest).has_value();
   }
 
   [[nodiscard]] std::vector<Group> FindGroups() const {
@@ -204,7 +213,7 @@ class Sorter {
   const std::vector<ReadQuad>& read_;
   const std::vector<QuadTarget>& targets_;
   std::vector<QuadOwner> owners_;
-  std::vector<std::set<int>> owned_;  // by target: numbers of its squares
+  std::vector<std::map<int, Quad>> owned_;  // by target
 };
 
 }  // namespace
