@@ -11,7 +11,7 @@ ImageDetections DetectImages(const std::vector<FrameImage>& images,
                              const Target& target,
                              CameraOptics optics,
                              const DetectOptions& options,
-                             std::span<const Target> rivals) {
+                             const Rivals& rivals) {
   if (optics == CameraOptics::kPlenoptic) return DetectPlenopticImages(images, target, options);
   return DetectOrdinaryImages(
       images, [&] { return MakeMarkerDetector(target, rivals); }, options);

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <span>
 #include <vector>
 
 #include "calib/files/frame_images.h"
 #include "detectors/images/image_detections.h"
+#include "detectors/images/rivals.h"
 #include "targets/target.h"
 
 namespace plenocal {
@@ -21,7 +21,7 @@ ImageDetections DetectImages(const std::vector<FrameImage>& images,
                              const Target& target,
                              CameraOptics optics,
                              const DetectOptions& options,
-                             std::span<const Target> rivals = {});
+                             const Rivals& rivals = {});
 
 /// `SketchOrdinaryImages` of this target.
 std::vector<ImageSketch> SketchImages(const std::vector<FrameImage>& images,

@@ -2,9 +2,9 @@
 #pragma once
 
 #include <memory>
-#include <span>
 
 #include "detectors/images/marker_detector.h"
+#include "detectors/images/rivals.h"
 #include "targets/target.h"
 
 namespace plenocal {
@@ -14,6 +14,6 @@ namespace plenocal {
 /// the same type and tag family that may be in the images; numbered tags are of the target that
 /// they fit.
 std::unique_ptr<MarkerDetector> MakeMarkerDetector(const Target& target,
-                                                   std::span<const Target> rivals = {});
+                                                   const Rivals& rivals = {});
 
 }  // namespace plenocal

@@ -174,10 +174,10 @@ class Collector {
     std::vector<LeftOut> left_out, tags;
     ImageDetections all;
     for (size_t k = 0; k < targets_.size(); ++k) {
-      const std::vector<Target> rivals = RivalsOf(targets_, k);
+      const Rivals rivals = RivalsOf(targets_, k);
       ImageDetections found = DetectImages(images, targets_[k], optics, options, rivals);
       views.push_back(std::move(found.views));
-      if (!rivals.empty()) {
+      if (!rivals.targets.empty()) {
         std::ranges::copy_if(found.left_out, std::back_inserter(tags), [](const LeftOut& item) {
           return !item.whole;
         });
@@ -359,11 +359,18 @@ SessionObservations CollectObservations(const Session& session,
                                         const ConsoleOptions& options,
                                         const DetectionPlaces& places,
                                         Console* console) {
-  return Collect(session,
-                 targets.several.empty() ? std::span(&targets.all, 1) : std::span(targets.several),
-                 options,
-                 places,
-                 console);
+  SessionObservations observations =
+      Collect(session,
+              targets.several.empty() ? std::span(&targets.all, 1) : std::span(targets.several),
+              options,
+              places,
+              console);
+  for (const SamePrints& prints : targets.same_prints) {
+    std::vector<LeftOut> left_out = TellApart(prints, targets.all.markers, &observations.cameras);
+    for (const std::string& line : GroupedByReason(left_out)) console->Message("  " + line);
+    std::ranges::move(left_out, std::back_inserter(observations.left_out));
+  }
+  return observations;
 }
 
 void WriteDetections(const Session& session,

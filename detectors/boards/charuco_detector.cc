@@ -12,7 +12,6 @@
 #include <opencv2/core.hpp>
 #include <optional>
 #include <set>
-#include <span>
 #include <string>
 #include <utility>
 #include <variant>
@@ -173,7 +172,7 @@ struct ReadMarkers {
 
 class CharucoDetector final : public MarkerDetector {
  public:
-  CharucoDetector(const CharucoLayout& board, std::span<const Target> rivals)
+  CharucoDetector(const CharucoLayout& board, const Rivals& rivals)
       : board_(board),
         dictionary_(
             cv::aruco::getPredefinedDictionary(internal::ArucoDictionaryIndex(board.dictionary))),
@@ -191,9 +190,9 @@ class CharucoDetector final : public MarkerDetector {
                               board.rows,
                               layout.marker_count()));
     }
-    if (rivals.empty()) return;
+    if (rivals.targets.empty()) return;
     for (const Layout& layout : layouts_) targets_.push_back(layout.Markers());
-    for (const Target& rival : rivals) {
+    for (const Target& rival : rivals.targets) {
       for (const Layout& layout : LayoutsOf(std::get<CharucoLayout>(rival.layout))) {
         targets_.push_back(layout.Markers());
       }
@@ -340,7 +339,7 @@ class CharucoDetector final : public MarkerDetector {
 
 std::unique_ptr<MarkerDetector> MakeDetector(const CharucoLayout& layout,
                                              const Target& /*target*/,
-                                             std::span<const Target> rivals) {
+                                             const Rivals& rivals) {
   return std::make_unique<CharucoDetector>(layout, rivals);
 }
 

@@ -7,7 +7,6 @@
 #include <algorithm>
 #include <opencv2/core.hpp>
 #include <optional>
-#include <span>
 #include <string>
 #include <utility>
 #include <variant>
@@ -41,9 +40,9 @@ using internal::Saddle;
 
 class ChessboardDetector final : public MarkerDetector {
  public:
-  ChessboardDetector(const ChessboardLayout& layout, std::span<const Target> rivals)
+  ChessboardDetector(const ChessboardLayout& layout, const Rivals& rivals)
       : columns_(layout.columns), rows_(layout.rows) {
-    for (const Target& rival : rivals) {
+    for (const Target& rival : rivals.targets) {
       const auto& board = std::get<ChessboardLayout>(rival.layout);
       if (internal::IsPart(columns_, rows_, board.columns, board.rows)) {
         larger_.emplace_back(board.columns, board.rows);
@@ -208,7 +207,7 @@ class ChessboardDetector final : public MarkerDetector {
 
 std::unique_ptr<MarkerDetector> MakeDetector(const ChessboardLayout& layout,
                                              const Target& /*target*/,
-                                             std::span<const Target> rivals) {
+                                             const Rivals& rivals) {
   return std::make_unique<ChessboardDetector>(layout, rivals);
 }
 

@@ -2,10 +2,10 @@
 #pragma once
 
 #include <memory>
-#include <span>
 #include <vector>
 
 #include "detectors/images/marker_detector.h"
+#include "detectors/images/rivals.h"
 #include "detectors/templates/marker_template.h"
 #include "targets/target.h"
 
@@ -15,7 +15,7 @@ namespace plenocal {
 /// is a board at the image's border, beyond which it may go on.
 std::unique_ptr<MarkerDetector> MakeDetector(const ChessboardLayout& layout,
                                              const Target& target,
-                                             std::span<const Target> rivals);
+                                             const Rivals& rivals);
 
 namespace internal {
 

@@ -13,7 +13,6 @@
 #include <opencv2/features2d.hpp>
 #include <opencv2/imgproc.hpp>
 #include <optional>
-#include <span>
 #include <string>
 #include <utility>
 #include <variant>
@@ -204,9 +203,9 @@ std::optional<Circle> FitCircle(const cv::Mat& gray, const Eigen::Vector2d& gues
 
 class CirclesDetector final : public MarkerDetector {
  public:
-  CirclesDetector(const CirclesLayout& layout, std::span<const Target> rivals)
+  CirclesDetector(const CirclesLayout& layout, const Rivals& rivals)
       : columns_(layout.columns), rows_(layout.rows), asymmetric_(layout.asymmetric) {
-    for (const Target& rival : rivals) {
+    for (const Target& rival : rivals.targets) {
       const auto& grid = std::get<CirclesLayout>(rival.layout);
       if (internal::IsPart(columns_, rows_, grid.columns, grid.rows)) {
         larger_.emplace_back(grid.columns, grid.rows);
@@ -485,7 +484,7 @@ class CirclesDetector final : public MarkerDetector {
 
 std::unique_ptr<MarkerDetector> MakeDetector(const CirclesLayout& layout,
                                              const Target& /*target*/,
-                                             std::span<const Target> rivals) {
+                                             const Rivals& rivals) {
   return std::make_unique<CirclesDetector>(layout, rivals);
 }
 

@@ -4,8 +4,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <set>
 #include <tuple>
+#include <variant>
 
 #include "calib/base/statistics.h"
 
@@ -20,6 +22,9 @@ constexpr double kNear = 0.5;
 // measured (blur, the threshold between black and white). Layouts that differ by less in an image
 // are alike.
 constexpr double kOutline = 0.5;
+// Part of a tag's side. Tags of 100 px that are arranged so alike differ by a pixel, which is what
+// outlines may be off.
+constexpr double kSameArrangement = 0.01;
 // Of deciding for a target that fits no better than the other.
 constexpr double kSure = 1e-3;
 
@@ -32,7 +37,13 @@ struct Group {
 class Sorter {
  public:
   Sorter(const std::vector<ReadQuad>& read, const std::vector<QuadTarget>& targets)
-      : read_(read), targets_(targets), owners_(read.size()), owned_(targets.size()) {}
+      : read_(read), targets_(targets), owners_(read.size()), owned_(targets.size()) {
+    for (std::size_t k = 0; k < targets.size(); ++k) {
+      std::size_t first = 0;
+      while (first < k && !IsSamePrint(targets[first], targets[k])) ++first;
+      prints_.push_back(first);
+    }
+  }
 
   std::vector<QuadOwner> Sort() {
     while (AssignOne()) continue;
@@ -146,12 +157,19 @@ class Sorter {
     std::erase(rivals, nullptr);
     for (const Group* one : rivals) {
       if (std::ranges::all_of(rivals, [&](const Group* other) {
-            return one == other || FitsBetter(*one, *other);
+            return one == other || FitsBetter(*one, *other) || MayStandFor(*one, *other);
           })) {
         return one;
       }
     }
     return nullptr;
+  }
+
+  /// Whether either is as good: both of one print, and neither in view yet.
+  [[nodiscard]] bool MayStandFor(const Group& one, const Group& other) const {
+    return prints_[one.target] == prints_[other.target] && owned_[one.target].empty() &&
+           owned_[other.target].empty() && one.members.size() > 1 &&
+           one.members.size() == other.members.size();
   }
 
   static bool Has(const Group& group, const std::pair<const int, std::size_t>& member) {
@@ -214,9 +232,41 @@ class Sorter {
   const std::vector<QuadTarget>& targets_;
   std::vector<QuadOwner> owners_;
   std::vector<std::map<int, Quad>> owned_;  // by target
+  std::vector<std::size_t> prints_;         // by target: the first of its print
 };
 
 }  // namespace
+
+QuadTarget TagsOf(const Target& target) {
+  QuadTarget tags;
+  for (const int id : std::get<TagLayout>(target.layout).ids) {
+    for (int k = 0; k < 4; ++k) {
+      tags[id][static_cast<std::size_t>(k)] = target.markers.at(4 * id + k);
+    }
+  }
+  return tags;
+}
+
+bool IsSamePrint(const QuadTarget& a, const QuadTarget& b) {
+  if (a.size() != b.size() || a.empty()) return false;
+  // Distances from the four corners of the first square, in its sides.
+  const auto in_sides = [](const QuadTarget& target, std::size_t corner, const Eigen::Vector3d& p) {
+    const QuadPoints& first = target.begin()->second;
+    return (p - first[corner]).norm() / (first[1] - first[0]).norm();
+  };
+  return std::ranges::equal(a, b, [&](const auto& one, const auto& other) {
+    if (one.first != other.first) return false;
+    for (std::size_t from = 0; from < 4; ++from) {
+      for (std::size_t k = 0; k < 4; ++k) {
+        if (std::abs(in_sides(a, from, one.second[k]) - in_sides(b, from, other.second[k])) >
+            kSameArrangement) {
+          return false;
+        }
+      }
+    }
+    return true;
+  });
+}
 
 std::vector<QuadOwner> SortQuads(const std::vector<ReadQuad>& read,
                                  const std::vector<QuadTarget>& targets) {

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "detectors/quads/quad_prediction.h"
+#include "targets/target.h"
 
 namespace plenocal::internal {
 
@@ -22,6 +23,12 @@ struct ReadQuad {
 /// The squares of a target by their numbers.
 using QuadTarget = std::map<int, QuadPoints>;
 
+/// Of a target with a `TagLayout`.
+QuadTarget TagsOf(const Target& target);
+
+/// Whether both have the same numbers in the same arrangement, up to a change of scale.
+bool IsSamePrint(const QuadTarget& a, const QuadTarget& b);
+
 /// Where a square belongs.
 struct QuadOwner {
   std::optional<std::size_t> target;  ///< index of the target; nothing: undecided
@@ -31,7 +38,8 @@ struct QuadOwner {
 
 /// Squares that follow one target from neighbour to neighbour are a group; the largest group comes
 /// first. It belongs to the target that leaves significantly smaller residuals than every other
-/// one. A target is in the image once, so that its squares are not looked for in a second group.
+/// one. A target is in the image once, so that its squares are not looked for in a second group. Of
+/// targets of the same print the first that is not in view yet has the group.
 std::vector<QuadOwner> SortQuads(const std::vector<ReadQuad>& read,
                                  const std::vector<QuadTarget>& targets);
 

@@ -14,9 +14,7 @@
 #include <opencv2/imgproc.hpp>
 #include <optional>
 #include <set>
-#include <span>
 #include <utility>
-#include <variant>
 
 #include "calib/base/error.h"
 #include "detectors/quads/quad_prediction.h"
@@ -145,16 +143,6 @@ struct Found {
   }
 };
 
-QuadTarget TagsOf(const Target& target, const TagLayout& layout) {
-  QuadTarget tags;
-  for (const int id : layout.ids) {
-    for (int k = 0; k < 4; ++k) {
-      tags[id][static_cast<std::size_t>(k)] = target.markers.at(4 * id + k);
-    }
-  }
-  return tags;
-}
-
 /// The numbers of all tags on the targets, ascending.
 std::vector<int> AllIds(const std::vector<QuadTarget>& targets) {
   std::set<int> ids;
@@ -164,25 +152,24 @@ std::vector<int> AllIds(const std::vector<QuadTarget>& targets) {
   return {ids.begin(), ids.end()};
 }
 
-/// The detector's own target first.
-std::vector<QuadTarget> AllTargets(const Target& target,
-                                   const TagLayout& layout,
-                                   std::span<const Target> rivals) {
-  std::vector<QuadTarget> targets{TagsOf(target, layout)};
-  for (const Target& rival : rivals) {
-    targets.push_back(TagsOf(rival, std::get<TagLayout>(rival.layout)));
-  }
+/// In the order of the session.
+std::vector<QuadTarget> AllTargets(const Target& target, const Rivals& rivals) {
+  std::vector<QuadTarget> targets;
+  for (const Target& rival : rivals.targets) targets.push_back(internal::TagsOf(rival));
+  const auto own = targets.begin() + static_cast<std::ptrdiff_t>(rivals.before_own);
+  targets.insert(own, internal::TagsOf(target));
   return targets;
 }
 
 class TagDetector : public MarkerDetector {
  public:
-  TagDetector(const Target& target, const TagLayout& layout, std::span<const Target> rivals = {})
+  TagDetector(const Target& target, const TagLayout& layout, const Rivals& rivals = {})
       : layout_(layout),
         family_(MakeTagFamily(layout, layout.border_bits)),
-        targets_(AllTargets(target, layout, rivals)),
+        targets_(AllTargets(target, rivals)),
+        own_(rivals.before_own),
         reader_(family_, AllIds(targets_)),
-        points_(targets_.front()) {
+        points_(targets_[own_]) {
     for (const int id : layout.ids) bits_[id] = family_.Bits(id);
     border_.width = family_.width_at_border();
     border_.ring = family_.border_bits();
@@ -210,19 +197,19 @@ class TagDetector : public MarkerDetector {
     Found found;
     const cv::Rect whole(0, 0, gray.cols, gray.rows);
     const std::vector<DecodedTag> decoded = reader_.Read(gray, whole, 2);
-    std::vector<DecodedTag> all;  // of all readings, where rivals may be in the image
-    Add(gray, decoded, &all, &found);
+    if (targets_.size() > 1) {
+      Keep(gray, OwnOf(ReadAll(gray, decoded), &found), &found);
+      Search(gray, &found);
+      return Measure(gray, found);
+    }
+    Keep(gray, decoded, &found);
     bool incomplete = Search(gray, &found);
     if (incomplete && border_.corner_squares) {
-      // Where black has spread, tags hang together with the squares at their corners, and the
-      // library sees no outlines.
-      cv::Mat apart;
-      cv::dilate(gray, apart, cv::getStructuringElement(cv::MORPH_RECT, {3, 3}));
-      Add(gray, reader_.Read(apart, whole, 2), &all, &found);
+      Keep(gray, reader_.Read(Apart(gray), whole, 2), &found);
       incomplete = Search(gray, &found);
     }
     if (incomplete) {
-      Add(gray, reader_.Read(gray, whole, 1), &all, &found);
+      Keep(gray, reader_.Read(gray, whole, 1), &found);
       Search(gray, &found);
     }
     if (const std::string other = OtherBorder(gray, CountExact(decoded)); !other.empty()) {
@@ -299,30 +286,36 @@ class TagDetector : public MarkerDetector {
     });
   }
 
-  /// Adds what a reading of the whole image gives. With rivals, all readings together are sorted
-  /// anew.
-  void Add(const cv::Mat& gray,
-           const std::vector<DecodedTag>& decoded,
-           std::vector<DecodedTag>* all,
-           Found* found) const {
-    if (targets_.size() == 1) {
-      Keep(gray, decoded, found);
-      return;
-    }
+  /// Where black has spread, tags hang together with the squares at their corners, and the library
+  /// sees no outlines.
+  static cv::Mat Apart(const cv::Mat& gray) {
+    cv::Mat apart;
+    cv::dilate(gray, apart, cv::getStructuringElement(cv::MORPH_RECT, {3, 3}));
+    return apart;
+  }
+
+  /// All readings together, so that the detectors of all targets sort the same tags.
+  std::vector<DecodedTag> ReadAll(const cv::Mat& gray, std::vector<DecodedTag> decoded) {
+    const cv::Rect whole(0, 0, gray.cols, gray.rows);
+    const auto add = [&](const std::vector<DecodedTag>& more) {
+      decoded.insert(decoded.end(), more.begin(), more.end());
+    };
+    if (border_.corner_squares) add(reader_.Read(Apart(gray), whole, 2));
+    add(reader_.Read(gray, whole, 1));
+    std::vector<DecodedTag> all;
     for (const DecodedTag& tag : decoded) {
       if (!Convex(tag.corners)) continue;
-      const auto same = std::ranges::find_if(*all, [&](const DecodedTag& other) {
+      const auto same = std::ranges::find_if(all, [&](const DecodedTag& other) {
         return other.id == tag.id &&
                (Centre(other.corners) - Centre(tag.corners)).norm() < Side(tag.corners) / 2;
       });
-      if (same == all->end()) {
-        all->push_back(tag);
+      if (same == all.end()) {
+        all.push_back(tag);
       } else if (tag.margin > same->margin) {
         *same = tag;
       }
     }
-    *found = {};
-    Keep(gray, OwnOf(*all, found), found);
+    return all;
   }
 
   /// Those of this detector's target, and those that are on no target.
@@ -332,7 +325,7 @@ class TagDetector : public MarkerDetector {
     const std::vector<internal::QuadOwner> owners = internal::SortQuads(read, targets_);
     std::vector<DecodedTag> own;
     for (std::size_t i = 0; i < all.size(); ++i) {
-      if (!all[i].on_target || owners[i].target == 0) {
+      if (!all[i].on_target || owners[i].target == own_) {
         own.push_back(all[i]);
       } else if (!owners[i].target && all[i].expected_by_chance < kSure) {
         (owners[i].fits_several ? found->undecided : found->misplaced).insert(all[i].id);
@@ -490,7 +483,8 @@ class TagDetector : public MarkerDetector {
 
   TagLayout layout_;
   TagFamily family_;
-  std::vector<QuadTarget> targets_;  // its own first, then its rivals
+  std::vector<QuadTarget> targets_;  // its own and its rivals
+  std::size_t own_;                  // index of its own
   TagReader reader_;
   internal::TagBorder border_;
   double gap_ = internal::TagBorder().outside;  ///< between tags, bits; of one tag as usual
@@ -509,7 +503,7 @@ internal::TagPatterns internal::FindTagPatterns(const TagLayout& layout,
 
 std::unique_ptr<MarkerDetector> MakeDetector(const TagLayout& layout,
                                              const Target& target,
-                                             std::span<const Target> rivals) {
+                                             const Rivals& rivals) {
   return std::make_unique<TagDetector>(target, layout, rivals);
 }
 

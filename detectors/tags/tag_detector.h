@@ -2,10 +2,10 @@
 #pragma once
 
 #include <memory>
-#include <span>
 #include <vector>
 
 #include "detectors/images/marker_detector.h"
+#include "detectors/images/rivals.h"
 #include "detectors/templates/marker_template.h"
 #include "targets/target.h"
 
@@ -16,7 +16,7 @@ namespace plenocal {
 /// images, with tags of the same numbers; a tag that fits several targets is left out.
 std::unique_ptr<MarkerDetector> MakeDetector(const TagLayout& layout,
                                              const Target& target,
-                                             std::span<const Target> rivals);
+                                             const Rivals& rivals);
 
 namespace internal {
 

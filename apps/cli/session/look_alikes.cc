@@ -9,13 +9,13 @@
 #include <variant>
 
 #include "calib/base/error.h"
+#include "detectors/quads/sort_quads.h"
 
 namespace plenocal {
 namespace {
 
-// Part of a tag's side. Tags of 100 px that are arranged so alike differ by a pixel, which is what
-// outlines may be off.
-constexpr double kSameArrangement = 0.01;
+// Of marker and square: markers of 100 px differ by a pixel.
+constexpr double kSameRatio = 0.01;
 
 // Whether a detector of the one may find parts of the other.
 bool SameFamily(const Target& a, const Target& b) {
@@ -45,43 +45,23 @@ bool ShowsNumbers(const Target& target) {
          std::holds_alternative<CharucoLayout>(target.layout);
 }
 
-// The same numbers at places that differ by a change of scale at most.
-bool SameArrangement(const Target& a, const Target& b) {
-  if (a.markers.size() != b.markers.size()) return false;
-  const auto first = a.markers.begin();
-  const int origin = first->first;  // corner 0 of the tag with the lowest number
-  const auto in_sides = [&](const Target& target, int from, int to) {
-    const double side = (target.markers.at(origin + 1) - target.markers.at(origin)).norm();
-    return (target.markers.at(to) - target.markers.at(from)).norm() / side;
-  };
-  return std::ranges::all_of(a.markers, [&](const auto& marker) {
-    if (!b.markers.contains(marker.first)) return false;
-    // Distances from the four corners of one tag.
-    for (int corner = origin; corner < origin + 4; ++corner) {
-      if (std::abs(in_sides(a, corner, marker.first) - in_sides(b, corner, marker.first)) >
-          kSameArrangement) {
-        return false;
-      }
-    }
-    return true;
-  });
-}
-
 bool SameCounts(int columns_a, int rows_a, int columns_b, int rows_b) {
   return std::minmax(columns_a, rows_a) == std::minmax(columns_b, rows_b);
 }
 
-// Whether no image tells them apart, whatever the size.
+// Whether no single image tells them apart, whatever the size.
 bool SamePrint(const Target& a, const Target& b) {
   if (a.layout.index() != b.layout.index()) return false;
-  if (std::holds_alternative<TagLayout>(a.layout)) {
-    return ShareNumbers(a, b) && SameArrangement(a, b);
+  if (const auto* one = std::get_if<TagLayout>(&a.layout)) {
+    const auto& other = std::get<TagLayout>(b.layout);
+    return one->family == other.family && one->border_bits == other.border_bits &&
+           internal::IsSamePrint(internal::TagsOf(a), internal::TagsOf(b));
   }
   if (const auto* one = std::get_if<CharucoLayout>(&a.layout)) {
     const auto& other = std::get<CharucoLayout>(b.layout);
     return one->dictionary == other.dictionary && one->columns == other.columns &&
            one->rows == other.rows && one->legacy == other.legacy &&
-           std::abs(one->marker / one->square - other.marker / other.square) < kSameArrangement;
+           std::abs(one->marker / one->square - other.marker / other.square) < kSameRatio;
   }
   if (const auto* one = std::get_if<ChessboardLayout>(&a.layout)) {
     const auto& other = std::get<ChessboardLayout>(b.layout);
@@ -97,15 +77,14 @@ bool SamePrint(const Target& a, const Target& b) {
 
 }  // namespace
 
-void CheckDistinct(const Session& session, std::span<const Target> targets) {
-  const auto seen_by = [&](bool plenoptic) {
-    return std::ranges::find_if(session.cameras, [&](const SessionCamera& camera) {
-      return !camera.images.empty() && (!plenoptic || camera.model->plenoptic);
-    });
-  };
-  const bool detects = seen_by(false) != session.cameras.end();
-  const auto plenoptic = seen_by(true);
-  for (size_t k = 0; detects && k < targets.size(); ++k) {
+std::vector<SamePrints> CheckDistinct(const Session& session, std::span<const Target> targets) {
+  const auto with_images = [](const SessionCamera& camera) { return !camera.images.empty(); };
+  std::vector<SamePrints> pairs;
+  if (std::ranges::none_of(session.cameras, with_images)) return pairs;
+  const auto plenoptic = std::ranges::find_if(session.cameras, [&](const SessionCamera& camera) {
+    return with_images(camera) && camera.model->plenoptic;
+  });
+  for (size_t k = 0; k < targets.size(); ++k) {
     for (size_t i = 0; i < k; ++i) {
       const auto refuse = [&](const std::string& why) {
         throw Error(
@@ -118,25 +97,46 @@ void CheckDistinct(const Session& session, std::span<const Target> targets) {
                         session.targets[k].name,
                         why));
       };
-      if (SamePrint(targets[i], targets[k])) {
-        refuse("the same tags or the same pattern in the same arrangement");
-      }
       if (plenoptic != session.cameras.end() && ShowsNumbers(targets[i]) &&
           ShareNumbers(targets[i], targets[k])) {
         refuse(fmt::format("tags of the same numbers, which are told apart in images of ordinary "
                            "cameras only ({} is plenoptic)",
                            plenoptic->name));
       }
+      if (!SamePrint(targets[i], targets[k])) continue;
+      if (!std::holds_alternative<TagLayout>(targets[i].layout)) {
+        refuse("the same pattern with the same counts");
+      }
+      // Only their mutual pose tells them apart.
+      if (session.targets[i].moves || session.targets[k].moves) {
+        refuse("the same tags in the same arrangement, and one of them is 'free'");
+      }
+      if (!std::ranges::all_of(session.cameras, with_images)) {
+        refuse("the same tags in the same arrangement, and a camera has 'detections' in place of "
+               "images");
+      }
+      if (!pairs.empty()) refuse("more than two targets of the same tags in the same arrangement");
+      pairs.push_back({i, k, session.targets[i].name, session.targets[k].name});
+      const auto& one = session.targets[i].known;
+      const auto& other = session.targets[k].known;
+      // The frame of known poses is the first target's.
+      if (other && (one || i == 0)) {
+        pairs.back().T_first_second = i == 0 ? *other : one->Inverse() * *other;
+      }
     }
   }
+  return pairs;
 }
 
-std::vector<Target> RivalsOf(std::span<const Target> targets, size_t k) {
-  std::vector<Target> family, rivals;
+Rivals RivalsOf(std::span<const Target> targets, size_t k) {
+  std::vector<Target> family;
+  Rivals rivals;
   for (size_t i = 0; i < targets.size(); ++i) {
     if (!SameFamily(targets[i], targets[k])) continue;
     family.push_back(targets[i]);
-    if (i != k) rivals.push_back(targets[i]);
+    if (i == k) continue;
+    rivals.targets.push_back(targets[i]);
+    if (i < k) ++rivals.before_own;
   }
   for (size_t i = 0; i < family.size(); ++i) {
     for (size_t j = 0; j < i; ++j) {

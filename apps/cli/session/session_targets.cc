@@ -59,7 +59,7 @@ SessionTargets ReadSessionTargets(const Session& session) {
       lines += MarkerLine(static_cast<int>(k) * kMarkersPerTarget + number, position);
     }
   }
-  CheckDistinct(session, targets.several);
+  targets.same_prints = CheckDistinct(session, targets.several);
   targets.all = TargetOfMarkers(lines, LargestTolerance(targets.several));
   return targets;
 }
