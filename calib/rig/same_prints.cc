@@ -36,7 +36,7 @@ struct Image {
   }
 };
 
-// The mutual pose that the image has, were its targets exchanged or not.
+// Which of an image's targets is the first.
 enum class Order { kAsDetected, kExchanged };
 
 class PrintSorter {
@@ -87,8 +87,10 @@ class PrintSorter {
   }
 
   void CollectImages() {
-    const std::vector<CameraInput> split = SplitViews({.cameras = cameras_, .markers = markers_});
+    std::vector<CameraInput> split = SplitViews({.cameras = cameras_, .markers = markers_});
     for (size_t c = 0; c < split.size(); ++c) {
+      // Each camera is estimated alone.
+      for (ParamRule& rule : split[c].rules) rule.tied_to.reset();
       const CameraGuess guess = GuessCamera(split[c], markers_);
       for (size_t v = 0; v < split[c].views.size(); ++v) {
         const View& view = split[c].views[v];

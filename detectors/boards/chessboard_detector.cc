@@ -67,7 +67,7 @@ class ChessboardDetector final : public MarkerDetector {
         "blurred, too small or unevenly lit",
         columns_,
         rows_);
-    std::size_t largest = 0;  // of the lattices that are another board's or part of one
+    std::size_t largest = 0;  // of the lattices that are, or may be, another board's or part of one
     std::vector<CornerLattice> lattices =
         internal::FindCornerLattices(gray, columns_ * rows_ / 2);
     const bool may_be_part = !AllIn(larger_, lattices);
@@ -89,6 +89,7 @@ class ChessboardDetector final : public MarkerDetector {
           internal::MayGoOnOutside(
               internal::NextPlaces(lattice.corners, columns_), gray.cols, gray.rows)) {
         if (found.markers.empty()) {
+          largest = lattice.corners.size();
           found.failure = fmt::format(
               "a {} x {} chessboard (inner corners) was found at the image's border; it may be part "
               "of another target's larger board",
