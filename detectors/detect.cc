@@ -10,10 +10,11 @@ namespace plenocal {
 ImageDetections DetectImages(const std::vector<FrameImage>& images,
                              const Target& target,
                              CameraOptics optics,
-                             const DetectOptions& options) {
+                             const DetectOptions& options,
+                             const Rivals& rivals) {
   if (optics == CameraOptics::kPlenoptic) return DetectPlenopticImages(images, target, options);
   return DetectOrdinaryImages(
-      images, [&] { return MakeMarkerDetector(target); }, options);
+      images, [&] { return MakeMarkerDetector(target, rivals); }, options);
 }
 
 std::vector<ImageSketch> SketchImages(const std::vector<FrameImage>& images,

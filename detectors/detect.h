@@ -5,6 +5,7 @@
 
 #include "calib/files/frame_images.h"
 #include "detectors/images/image_detections.h"
+#include "detectors/images/rivals.h"
 #include "targets/target.h"
 
 namespace plenocal {
@@ -15,10 +16,12 @@ enum class CameraOptics {
 };
 
 /// Finds the target in all images of one camera: `DetectOrdinaryImages` or `DetectPlenopticImages`.
+/// `rivals` as of `MakeMarkerDetector`; of ordinary cameras only.
 ImageDetections DetectImages(const std::vector<FrameImage>& images,
                              const Target& target,
                              CameraOptics optics,
-                             const DetectOptions& options);
+                             const DetectOptions& options,
+                             const Rivals& rivals = {});
 
 /// `SketchOrdinaryImages` of this target.
 std::vector<ImageSketch> SketchImages(const std::vector<FrameImage>& images,

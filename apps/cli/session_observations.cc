@@ -11,6 +11,7 @@
 
 #include "apps/cli/session/choose_frames.h"
 #include "apps/cli/session/left_out.h"
+#include "apps/cli/session/look_alikes.h"
 #include "apps/cli/session/proposal_text.h"
 #include "apps/recording/frames/session_images.h"
 #include "apps/recording/frames/session_times.h"
@@ -164,16 +165,23 @@ class Collector {
     }
   }
 
-  /// Each target in turn; an image is left out where it shows none.
+  /// Each target in turn; an image is left out where it shows none. Of targets that share numbers
+  /// of tags also the tags that are left out.
   ImageDetections DetectSeveral(const std::vector<FrameImage>& images,
                                 CameraOptics optics,
                                 const DetectOptions& options) const {
     std::vector<std::vector<View>> views;
-    std::vector<LeftOut> left_out;
+    std::vector<LeftOut> left_out, tags;
     ImageDetections all;
     for (size_t k = 0; k < targets_.size(); ++k) {
-      ImageDetections found = DetectImages(images, targets_[k], optics, options);
+      const Rivals rivals = RivalsOf(targets_, k);
+      ImageDetections found = DetectImages(images, targets_[k], optics, options, rivals);
       views.push_back(std::move(found.views));
+      if (!rivals.targets.empty()) {
+        std::ranges::copy_if(found.left_out, std::back_inserter(tags), [](const LeftOut& item) {
+          return !item.whole;
+        });
+      }
       left_out.insert(left_out.end(), found.left_out.begin(), found.left_out.end());
       if (k == 0) all = std::move(found);
     }
@@ -188,6 +196,12 @@ class Collector {
     for (LeftOut& item : left_out) {
       if (shown.contains(item.where)) continue;
       if (listed.insert(item.where).second) all.left_out.push_back(std::move(item));
+    }
+    // The detectors of several targets leave out a tag that fits all of them.
+    std::set<std::pair<std::string, std::string>> reasons;
+    for (LeftOut& item : tags) {
+      if (!shown.contains(item.where) || !reasons.emplace(item.where, item.reason).second) continue;
+      all.left_out.push_back(std::move(item));
     }
     return all;
   }
@@ -345,11 +359,18 @@ SessionObservations CollectObservations(const Session& session,
                                         const ConsoleOptions& options,
                                         const DetectionPlaces& places,
                                         Console* console) {
-  return Collect(session,
-                 targets.several.empty() ? std::span(&targets.all, 1) : std::span(targets.several),
-                 options,
-                 places,
-                 console);
+  SessionObservations observations =
+      Collect(session,
+              targets.several.empty() ? std::span(&targets.all, 1) : std::span(targets.several),
+              options,
+              places,
+              console);
+  for (const SamePrints& prints : targets.same_prints) {
+    std::vector<LeftOut> left_out = TellApart(prints, targets.all.markers, &observations.cameras);
+    for (const std::string& line : GroupedByReason(left_out)) console->Message("  " + line);
+    std::ranges::move(left_out, std::back_inserter(observations.left_out));
+  }
+  return observations;
 }
 
 void WriteDetections(const Session& session,

@@ -11,10 +11,14 @@
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core.hpp>
 #include <optional>
+#include <set>
 #include <string>
+#include <utility>
+#include <variant>
 #include <vector>
 
 #include "calib/base/error.h"
+#include "detectors/quads/sort_quads.h"
 #include "detectors/templates/saddle.h"
 
 // OpenCV finds and reads the ArUco markers; their positions on the board, the corners between them
@@ -49,6 +53,17 @@ class Layout {
     return squares_[static_cast<std::size_t>(id)];
   }
   [[nodiscard]] int marker_count() const { return static_cast<int>(squares_.size()); }
+  /// All markers, in squares.
+  [[nodiscard]] internal::QuadTarget Markers() const {
+    internal::QuadTarget markers;
+    for (int id = 0; id < marker_count(); ++id) {
+      const SeenMarker marker = Place(id, std::vector<cv::Point2f>(4));
+      for (std::size_t k = 0; k < 4; ++k) {
+        markers[id][k] = {marker.board[k].x, marker.board[k].y, 0};
+      }
+    }
+    return markers;
+  }
 
   [[nodiscard]] SeenMarker Place(int id, const std::vector<cv::Point2f>& corners) const {
     SeenMarker marker;
@@ -142,17 +157,27 @@ std::optional<Eigen::Vector2d> Predict(const std::vector<SeenMarker>& markers,
   return Eigen::Vector2d(place[0].x, place[0].y);
 }
 
+/// Those that the board may have.
+std::vector<Layout> LayoutsOf(const CharucoLayout& board) {
+  if (board.rows % 2 != 0) return {Layout(board, false)};  // `legacy` changes nothing
+  if (board.legacy) return {Layout(board, *board.legacy)};
+  return {Layout(board, false), Layout(board, true)};
+}
+
+/// Markers as OpenCV reads them.
+struct ReadMarkers {
+  std::vector<int> ids;
+  std::vector<std::vector<cv::Point2f>> corners;  ///< px
+};
+
 class CharucoDetector final : public MarkerDetector {
  public:
-  explicit CharucoDetector(const CharucoLayout& board)
+  CharucoDetector(const CharucoLayout& board, const Rivals& rivals)
       : board_(board),
         dictionary_(
             cv::aruco::getPredefinedDictionary(internal::ArucoDictionaryIndex(board.dictionary))),
-        parameters_(cv::aruco::DetectorParameters::create()) {
-    layouts_.emplace_back(board, false);
-    // `legacy` changes nothing when the rows are odd.
-    if (board.rows % 2 == 0) layouts_.emplace_back(board, true);
-    if (board.legacy && layouts_.size() == 2) layouts_ = {Layout(board, *board.legacy)};
+        parameters_(cv::aruco::DetectorParameters::create()),
+        layouts_(LayoutsOf(board)) {
     const int available = dictionary_->bytesList.rows;
     for (const Layout& layout : layouts_) {
       if (layout.marker_count() <= available) continue;
@@ -164,6 +189,13 @@ class CharucoDetector final : public MarkerDetector {
                               board.columns,
                               board.rows,
                               layout.marker_count()));
+    }
+    if (rivals.targets.empty()) return;
+    for (const Layout& layout : layouts_) targets_.push_back(layout.Markers());
+    for (const Target& rival : rivals.targets) {
+      for (const Layout& layout : LayoutsOf(std::get<CharucoLayout>(rival.layout))) {
+        targets_.push_back(layout.Markers());
+      }
     }
   }
 
@@ -187,11 +219,12 @@ class CharucoDetector final : public MarkerDetector {
  private:
   /// `gray`: markers black on white.
   MarkerDetections DetectOneWay(const cv::Mat& gray) {
-    std::vector<std::vector<cv::Point2f>> corners;
-    std::vector<int> ids;
-    cv::aruco::detectMarkers(gray, dictionary_, corners, ids, parameters_);
+    ReadMarkers read;
+    cv::aruco::detectMarkers(gray, dictionary_, read.corners, read.ids, parameters_);
 
     MarkerDetections found;
+    if (!targets_.empty()) read = OwnOf(read, &found.left_out);
+    const auto& [ids, corners] = read;
     const Layout* best_layout = nullptr;
     Consistent best;
     bool undecided = false;
@@ -224,6 +257,30 @@ class CharucoDetector final : public MarkerDetector {
     }
     Measure(gray, *best_layout, best.markers, &found);
     return found;
+  }
+
+  /// Those of this board, where others with the same markers may be in the image.
+  [[nodiscard]] ReadMarkers OwnOf(const ReadMarkers& all,
+                                  std::vector<std::string>* left_out) const {
+    std::vector<internal::ReadQuad> read;
+    for (std::size_t i = 0; i < all.ids.size(); ++i) {
+      internal::ReadQuad& quad = read.emplace_back();
+      quad.id = all.ids[i];
+      for (std::size_t k = 0; k < 4; ++k) quad.corners[k] = {all.corners[i][k].x, all.corners[i][k].y};
+    }
+    const std::vector<internal::QuadOwner> owners = internal::SortQuads(read, targets_);
+    ReadMarkers own;
+    std::set<int> undecided;
+    for (std::size_t i = 0; i < owners.size(); ++i) {
+      if (owners[i].target && *owners[i].target < layouts_.size()) {
+        own.ids.push_back(all.ids[i]);
+        own.corners.push_back(all.corners[i]);
+      } else if (owners[i].fits_several) {
+        undecided.insert(all.ids[i]);
+      }
+    }
+    for (const int id : undecided) left_out->push_back(internal::FitsSeveral("marker", id));
+    return own;
   }
 
   void Measure(const cv::Mat& gray,
@@ -274,14 +331,16 @@ class CharucoDetector final : public MarkerDetector {
   CharucoLayout board_;
   cv::Ptr<cv::aruco::Dictionary> dictionary_;
   cv::Ptr<cv::aruco::DetectorParameters> parameters_;
-  std::vector<Layout> layouts_;  // those that the board may have
+  std::vector<Layout> layouts_;
+  std::vector<internal::QuadTarget> targets_;  // its own layouts, then its rivals'; empty: none
 };
 
 }  // namespace
 
 std::unique_ptr<MarkerDetector> MakeDetector(const CharucoLayout& layout,
-                                             const Target& /*target*/) {
-  return std::make_unique<CharucoDetector>(layout);
+                                             const Target& /*target*/,
+                                             const Rivals& rivals) {
+  return std::make_unique<CharucoDetector>(layout, rivals);
 }
 
 }  // namespace plenocal

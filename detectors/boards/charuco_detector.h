@@ -5,13 +5,18 @@
 #include <vector>
 
 #include "detectors/images/marker_detector.h"
+#include "detectors/images/rivals.h"
 #include "detectors/templates/marker_template.h"
 #include "targets/target.h"
 
 namespace plenocal {
 
-/// Throws `Error` for a dictionary that OpenCV does not have or that has too few markers.
-std::unique_ptr<MarkerDetector> MakeDetector(const CharucoLayout& layout, const Target& target);
+/// Throws `Error` for a dictionary that OpenCV does not have or that has too few markers. `rivals`:
+/// other boards with markers of this dictionary that may be in the images; a marker that fits
+/// several boards is left out.
+std::unique_ptr<MarkerDetector> MakeDetector(const CharucoLayout& layout,
+                                             const Target& target,
+                                             const Rivals& rivals);
 
 namespace internal {
 

@@ -8,6 +8,8 @@
 #include <opencv2/core.hpp>
 #include <optional>
 #include <string>
+#include <utility>
+#include <variant>
 #include <vector>
 
 #include "detectors/boards/corner_lattice.h"
@@ -38,8 +40,15 @@ using internal::Saddle;
 
 class ChessboardDetector final : public MarkerDetector {
  public:
-  explicit ChessboardDetector(const ChessboardLayout& layout)
-      : columns_(layout.columns), rows_(layout.rows) {}
+  ChessboardDetector(const ChessboardLayout& layout, const Rivals& rivals)
+      : columns_(layout.columns), rows_(layout.rows) {
+    for (const Target& rival : rivals.targets) {
+      const auto& board = std::get<ChessboardLayout>(rival.layout);
+      if (internal::IsPart(columns_, rows_, board.columns, board.rows)) {
+        larger_.emplace_back(board.columns, board.rows);
+      }
+    }
+  }
 
   MarkerDetections Detect(const cv::Mat& gray) override {
     MarkerDetections found;
@@ -58,8 +67,11 @@ class ChessboardDetector final : public MarkerDetector {
         "blurred, too small or unevenly lit",
         columns_,
         rows_);
-    std::size_t largest = 0;  // of the lattices that are another board's or part of one
-    for (CornerLattice& lattice : internal::FindCornerLattices(gray, columns_ * rows_ / 2)) {
+    std::size_t largest = 0;  // of the lattices that are, or may be, another board's or part of one
+    std::vector<CornerLattice> lattices =
+        internal::FindCornerLattices(gray, columns_ * rows_ / 2);
+    const bool may_be_part = !AllIn(larger_, lattices);
+    for (CornerLattice& lattice : lattices) {
       if (lattice.columns != columns_) lattice = internal::Transposed(lattice);
       if (lattice.columns != columns_ || lattice.rows != rows_) {
         if (!found.markers.empty() || lattice.corners.size() <= largest) continue;
@@ -73,6 +85,19 @@ class ChessboardDetector final : public MarkerDetector {
             rows_);
         continue;
       }
+      if (may_be_part &&
+          internal::MayGoOnOutside(
+              internal::NextPlaces(lattice.corners, columns_), gray.cols, gray.rows)) {
+        if (found.markers.empty()) {
+          largest = lattice.corners.size();
+          found.failure = fmt::format(
+              "a {} x {} chessboard (inner corners) was found at the image's border; it may be part "
+              "of another target's larger board",
+              columns_,
+              rows_);
+        }
+        continue;
+      }
       // A scale where some corners are too faint or blurred may do for the others.
       MarkerDetections refined = Refine(gray, lattice.corners);
       if (refined.markers.size() > found.markers.size() || found.markers.empty()) {
@@ -84,6 +109,17 @@ class ChessboardDetector final : public MarkerDetector {
   }
 
  private:
+  /// Whether each of these boards is among the lattices.
+  static bool AllIn(const std::vector<cv::Size>& boards,
+                    const std::vector<CornerLattice>& lattices) {
+    return std::ranges::all_of(boards, [&](const cv::Size& board) {
+      return std::ranges::any_of(lattices, [&](const CornerLattice& lattice) {
+        return std::minmax(lattice.columns, lattice.rows) ==
+               std::minmax(board.width, board.height);
+      });
+    });
+  }
+
   /// Measures the corners and numbers them; `failure` when they are not a chessboard's.
   [[nodiscard]] MarkerDetections Refine(const cv::Mat& gray,
                                         const std::vector<Eigen::Vector2d>& points) const {
@@ -165,13 +201,15 @@ class ChessboardDetector final : public MarkerDetector {
   }
 
   int columns_, rows_;
+  std::vector<cv::Size> larger_;  // rivals of which this board may be a part
 };
 
 }  // namespace
 
 std::unique_ptr<MarkerDetector> MakeDetector(const ChessboardLayout& layout,
-                                             const Target& /*target*/) {
-  return std::make_unique<ChessboardDetector>(layout);
+                                             const Target& /*target*/,
+                                             const Rivals& rivals) {
+  return std::make_unique<ChessboardDetector>(layout, rivals);
 }
 
 std::vector<internal::MarkerTemplate> internal::MakeTemplates(

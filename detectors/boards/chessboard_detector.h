@@ -5,12 +5,17 @@
 #include <vector>
 
 #include "detectors/images/marker_detector.h"
+#include "detectors/images/rivals.h"
 #include "detectors/templates/marker_template.h"
 #include "targets/target.h"
 
 namespace plenocal {
 
-std::unique_ptr<MarkerDetector> MakeDetector(const ChessboardLayout& layout, const Target& target);
+/// `rivals`: other chessboards that may be in the images. A part of a larger one of them is no board; nor
+/// is a board at the image's border, beyond which it may go on.
+std::unique_ptr<MarkerDetector> MakeDetector(const ChessboardLayout& layout,
+                                             const Target& target,
+                                             const Rivals& rivals);
 
 namespace internal {
 

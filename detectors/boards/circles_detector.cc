@@ -14,6 +14,8 @@
 #include <opencv2/imgproc.hpp>
 #include <optional>
 #include <string>
+#include <utility>
+#include <variant>
 #include <vector>
 
 #include "calib/base/robust.h"
@@ -201,8 +203,15 @@ std::optional<Circle> FitCircle(const cv::Mat& gray, const Eigen::Vector2d& gues
 
 class CirclesDetector final : public MarkerDetector {
  public:
-  explicit CirclesDetector(const CirclesLayout& layout)
-      : columns_(layout.columns), rows_(layout.rows), asymmetric_(layout.asymmetric) {}
+  CirclesDetector(const CirclesLayout& layout, const Rivals& rivals)
+      : columns_(layout.columns), rows_(layout.rows), asymmetric_(layout.asymmetric) {
+    for (const Target& rival : rivals.targets) {
+      const auto& grid = std::get<CirclesLayout>(rival.layout);
+      if (internal::IsPart(columns_, rows_, grid.columns, grid.rows)) {
+        larger_.emplace_back(grid.columns, grid.rows);
+      }
+    }
+  }
 
   MarkerDetections Detect(const cv::Mat& gray) override {
     MarkerDetections found;
@@ -231,8 +240,8 @@ class CirclesDetector final : public MarkerDetector {
       for (const bool white : {false, true}) {
         const Places blobs = Blobs(image, white);
         for (const int clustering : {0, static_cast<int>(cv::CALIB_CB_CLUSTERING)}) {
-          Places places = FindGrid(blobs, clustering);
-          if (places.size() != static_cast<std::size_t>(columns_) * rows_) continue;
+          Places places = FindOwnGrid(blobs, image.size(), clustering);
+          if (places.empty()) continue;
           for (cv::Point2f& p : places) {
             p.x = static_cast<float>((p.x + 0.5) / scale - 0.5);
             p.y = static_cast<float>((p.y + 0.5) / scale - 0.5);
@@ -263,17 +272,57 @@ class CirclesDetector final : public MarkerDetector {
     return places;
   }
 
-  [[nodiscard]] Places FindGrid(const Places& blobs, int clustering) const {
+  /// A grid that is no part of a larger target's; empty: there is none.
+  [[nodiscard]] Places FindOwnGrid(Places blobs, cv::Size size, int clustering) const {
+    bool may_be_part = false;  // of one that is not in view as a whole
+    for (const cv::Size& larger : larger_) {
+      const Places places = FindGrid(blobs, larger, clustering);
+      may_be_part = may_be_part || places.empty();
+      Remove(places, &blobs);
+    }
+    for (;;) {
+      Places places = FindGrid(blobs, {columns_, rows_}, clustering);
+      if (places.empty() || !may_be_part || !MayBePart(places, blobs, size)) return places;
+      Remove(places, &blobs);
+    }
+  }
+
+  static void Remove(const Places& places, Places* blobs) {
+    std::erase_if(*blobs, [&](const cv::Point2f& blob) {
+      return std::ranges::find(places, blob) != places.end();
+    });
+  }
+
+  /// Whether the grid goes on, or may do so beyond the image's border.
+  [[nodiscard]] bool MayBePart(const Places& places, const Places& blobs, cv::Size size) const {
+    std::vector<Eigen::Vector2d> points;
+    for (const cv::Point2f& p : places) points.emplace_back(p.x, p.y);
+    const auto sides = internal::NextPlaces(points, columns_);
+    if (internal::MayGoOnOutside(sides, size.width, size.height)) return true;
+    constexpr double kAtPlace = 0.3;  // of the spacing; perspective from one circle to the next is less
+    const double near = kAtPlace * (points[1] - points[0]).norm();
+    return std::ranges::any_of(sides, [&](const std::vector<Eigen::Vector2d>& side) {
+      const auto hits = std::ranges::count_if(side, [&](const Eigen::Vector2d& p) {
+        return std::ranges::any_of(blobs, [&](const cv::Point2f& blob) {
+          return (Eigen::Vector2d(blob.x, blob.y) - p).norm() < near;
+        });
+      });
+      return 2 * hits > std::ssize(side);
+    });
+  }
+
+  /// Empty: there is none of this size.
+  [[nodiscard]] Places FindGrid(const Places& blobs, cv::Size grid, int clustering) const {
     // The search takes time with the cube of their number, and texture gives hundreds. Real images
     // of grids have shown at most two thirds more blobs than circles.
-    const std::size_t count = static_cast<std::size_t>(columns_) * rows_;
+    const auto count = static_cast<std::size_t>(grid.area());
     const std::size_t most = 2 * count + 200;
     if (blobs.size() < count || blobs.size() > most) return {};
     const int kind = asymmetric_ ? cv::CALIB_CB_ASYMMETRIC_GRID : cv::CALIB_CB_SYMMETRIC_GRID;
     Places places;
-    const bool all = cv::findCirclesGrid(
-        blobs, {columns_, rows_}, places, kind | clustering, cv::Ptr<cv::FeatureDetector>());
-    return all ? places : Places{};
+    const bool all =
+        cv::findCirclesGrid(blobs, grid, places, kind | clustering, cv::Ptr<cv::FeatureDetector>());
+    return all && places.size() == count ? places : Places{};
   }
 
   [[nodiscard]] MarkerDetections Refine(const cv::Mat& gray, const Places& places) const {
@@ -427,14 +476,16 @@ class CirclesDetector final : public MarkerDetector {
   }
 
   int columns_, rows_;
+  std::vector<cv::Size> larger_;  // rivals of which this grid may be a part
   bool asymmetric_;
 };
 
 }  // namespace
 
 std::unique_ptr<MarkerDetector> MakeDetector(const CirclesLayout& layout,
-                                             const Target& /*target*/) {
-  return std::make_unique<CirclesDetector>(layout);
+                                             const Target& /*target*/,
+                                             const Rivals& rivals) {
+  return std::make_unique<CirclesDetector>(layout, rivals);
 }
 
 std::vector<internal::MarkerTemplate> internal::MakeTemplates(

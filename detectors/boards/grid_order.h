@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <cstddef>
 #include <vector>
 
@@ -58,6 +59,46 @@ inline double Handedness(const std::vector<Eigen::Vector2d>& points,
   const Eigen::Vector2d& down = points[order[order.size() - columns]];
   const Eigen::Vector2d a = opposite - first, b = down - across;
   return a.x() * b.y() - a.y() * b.x();
+}
+
+/// Whether a grid of these counts, either way round, may be a part of the other.
+inline bool IsPart(int columns, int rows, int of_columns, int of_rows) {
+  return std::min(columns, rows) <= std::min(of_columns, of_rows) &&
+         std::max(columns, rows) <= std::max(of_columns, of_rows);
+}
+
+/// Of each of a lattice's four sides the places where it would go on. `points`: row by row.
+inline std::vector<std::vector<Eigen::Vector2d>> NextPlaces(
+    const std::vector<Eigen::Vector2d>& points, int columns) {
+  const int rows = static_cast<int>(points.size()) / columns;
+  const auto at = [&](int column, int row) { return points[row * columns + column]; };
+  std::vector<std::vector<Eigen::Vector2d>> sides(4);
+  for (int column = 0; column < columns; ++column) {
+    // Every second row of an asymmetric grid is offset; the same of three rows and of two.
+    const int step = rows > 2 ? 2 : 1;
+    const auto beyond = [&](int first, int inward) -> Eigen::Vector2d {
+      return at(column, first + (step - 1) * inward) + at(column, first) -
+             at(column, first + step * inward);
+    };
+    sides[0].push_back(beyond(0, 1));
+    sides[1].push_back(beyond(rows - 1, -1));
+  }
+  for (int row = 0; row < rows; ++row) {
+    sides[2].push_back(2 * at(0, row) - at(1, row));
+    sides[3].push_back(2 * at(columns - 1, row) - at(columns - 2, row));
+  }
+  return sides;
+}
+
+/// Whether more of the lattice may be beyond the image's border.
+inline bool MayGoOnOutside(const std::vector<std::vector<Eigen::Vector2d>>& next_places,
+                           int image_columns,
+                           int image_rows) {
+  return std::ranges::any_of(next_places, [&](const std::vector<Eigen::Vector2d>& side) {
+    return std::ranges::any_of(side, [&](const Eigen::Vector2d& p) {
+      return !(p.x() >= 0 && p.y() >= 0 && p.x() <= image_columns - 1 && p.y() <= image_rows - 1);
+    });
+  });
 }
 
 /// Of equally good orders the one whose first point is nearest the image's top left. One image

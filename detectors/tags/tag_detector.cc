@@ -5,7 +5,6 @@
 #include <fmt/core.h>
 #include <fmt/ranges.h>
 
-#include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
@@ -18,7 +17,8 @@
 #include <utility>
 
 #include "calib/base/error.h"
-#include "calib/base/linear_algebra.h"
+#include "detectors/quads/quad_prediction.h"
+#include "detectors/quads/sort_quads.h"
 #include "detectors/tags/corner_squares.h"
 #include "detectors/tags/refine_tags.h"
 #include "detectors/tags/tag_patterns.h"
@@ -27,8 +27,16 @@
 namespace plenocal {
 namespace {
 
+using internal::Centre;
+using internal::Convex;
 using internal::MakeTagFamily;
+using internal::Neighbours;
+using internal::Predict;
+using internal::Prediction;
 using internal::Quad;
+using internal::QuadPoints;
+using internal::QuadTarget;
+using internal::Side;
 using internal::TagFamily;
 
 /// A tag as the library reads it.
@@ -40,24 +48,6 @@ struct DecodedTag {
   double expected_by_chance = 0;  ///< how many such decoded random quads of the image would give
   Quad corners;                   ///< px, (0, 0) at the centre of the top-left pixel
 };
-
-Eigen::Vector2d Centre(const Quad& q) { return (q[0] + q[1] + q[2] + q[3]) / 4; }
-
-/// Mean length of the sides.
-double Side(const Quad& q) {
-  double sum = 0;
-  for (std::size_t k = 0; k < 4; ++k) sum += (q[(k + 1) % 4] - q[k]).norm();
-  return sum / 4;
-}
-
-bool Convex(const Quad& q) {
-  int left = 0;
-  for (std::size_t k = 0; k < 4; ++k) {
-    const Eigen::Vector2d a = q[(k + 1) % 4] - q[k], b = q[(k + 2) % 4] - q[(k + 1) % 4];
-    left += a.x() * b.y() > a.y() * b.x();
-  }
-  return left == 0 || left == 4;
-}
 
 bool Within(const Quad& q, const cv::Mat& gray) {
   return std::all_of(q.begin(), q.end(), [&](const Eigen::Vector2d& c) {
@@ -132,91 +122,14 @@ class TagReader {
   double chance_other_ = 0;
 };
 
-using TagPoints = std::array<Eigen::Vector3d, 4>;
-
-/// Where a tag of the target should be, judging by those found near it in its plane.
-struct Prediction {
-  Quad corners;
-  double distance = 0;         ///< of the nearest tag found / the tag's side
-  std::size_t neighbours = 0;  ///< that it rests on
-};
-
-/// Which neighbours predict a tag: up to four, or of these the ones about as near as the nearest. A
-/// strong lens bends the target more than one homography describes, the more the farther the
-/// neighbours; more neighbours determine the homography better.
-enum class Neighbours { kAll, kNearest };
-
-std::optional<Prediction> Predict(const std::map<int, TagPoints>& target,
-                                  int id,
-                                  const std::map<int, Quad>& found,
-                                  Neighbours which) {
-  // Few and near, so that lens distortion and a bent target matter little.
-  constexpr std::size_t kNeighbours = 4;
-  constexpr double kAsNear = 1.6;  // the next tags of a grid, across its corners too
-  const TagPoints& tag = target.at(id);
-  const Eigen::Vector3d centre = (tag[0] + tag[1] + tag[2] + tag[3]) / 4;
-  const double side = (tag[1] - tag[0]).norm();
-  const Eigen::Vector3d e_x = (tag[1] - tag[0]) / side;
-  const Eigen::Vector3d normal = (tag[1] - tag[0]).cross(tag[3] - tag[0]).normalized();
-  const Eigen::Vector3d e_y = normal.cross(e_x);
-  const auto on_plane = [&](const Eigen::Vector3d& p) -> Eigen::Vector2d {
-    return Eigen::Vector2d(e_x.dot(p - centre), e_y.dot(p - centre)) / side;
-  };
-  std::vector<std::pair<double, int>> neighbours;
-  for (const auto& [other, corners] : found) {
-    if (other == id) continue;
-    const TagPoints& points = target.at(other);
-    double off_plane = 0;
-    for (const auto& p : points) off_plane = std::max(off_plane, std::abs(normal.dot(p - centre)));
-    const double away = (points[0] + points[2] - 2 * centre).norm() / 2 / side;
-    // A tenth of the way, so that a bent board still counts as one plane.
-    if (off_plane / side < 0.25 + 0.1 * away) neighbours.emplace_back(away, other);
-  }
-  if (neighbours.empty()) return std::nullopt;
-  std::sort(neighbours.begin(), neighbours.end());
-  neighbours.resize(std::min(neighbours.size(), kNeighbours));
-  if (which == Neighbours::kNearest) {
-    const double limit = kAsNear * neighbours[0].first;
-    std::erase_if(neighbours, [&](const auto& neighbour) { return neighbour.first > limit; });
-  }
-
-  Eigen::Vector2d middle(0, 0);
-  for (const auto& [away, other] : neighbours) {
-    middle += Centre(found.at(other)) / static_cast<double>(neighbours.size());
-  }
-  const double scale = Side(found.at(neighbours[0].second));
-  Eigen::MatrixXd rows(8 * neighbours.size(), 9);
-  int row = 0;
-  for (const auto& [away, other] : neighbours) {
-    for (std::size_t k = 0; k < 4; ++k) {
-      const Eigen::RowVector3d x = on_plane(target.at(other)[k]).homogeneous().transpose();
-      const Eigen::Vector2d u = (found.at(other)[k] - middle) / scale;
-      rows.row(row++) << x, Eigen::RowVector3d::Zero(), -u.x() * x;
-      rows.row(row++) << Eigen::RowVector3d::Zero(), x, -u.y() * x;
-    }
-  }
-  const Eigen::MatrixXd square = rows.transpose() * rows;
-  const Eigen::VectorXd h = DecomposeSymmetric(square).vectors.col(0);
-  const Eigen::Matrix3d H =
-      Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(h.data());
-  const double front = H.row(2) * on_plane(target.at(neighbours[0].second)[0]).homogeneous();
-  Prediction prediction;
-  for (std::size_t k = 0; k < 4; ++k) {
-    const Eigen::Vector3d at = H * on_plane(tag[k]).homogeneous();
-    if (at.z() * front <= 0) return std::nullopt;
-    prediction.corners[k] = at.hnormalized() * scale + middle;
-  }
-  prediction.distance = neighbours[0].first;
-  prediction.neighbours = neighbours.size();
-  return prediction;
-}
-
 /// Tags found, by id, and what was refused.
 struct Found {
   std::map<int, Quad> tags;
   std::map<int, double> margins;  ///< of those the library read
   std::set<int> twice;
   std::set<int> not_on_target;
+  std::set<int> undecided;  ///< fit several targets
+  std::set<int> misplaced;  ///< fit none
 
   void Add(const DecodedTag& tag) {
     const auto [at, is_new] = tags.emplace(tag.id, tag.corners);
@@ -230,16 +143,34 @@ struct Found {
   }
 };
 
+/// The numbers of all tags on the targets, ascending.
+std::vector<int> AllIds(const std::vector<QuadTarget>& targets) {
+  std::set<int> ids;
+  for (const QuadTarget& target : targets) {
+    for (const auto& [id, points] : target) ids.insert(id);
+  }
+  return {ids.begin(), ids.end()};
+}
+
+/// In the order of the session.
+std::vector<QuadTarget> AllTargets(const Target& target, const Rivals& rivals) {
+  std::vector<QuadTarget> targets;
+  for (const Target& rival : rivals.targets) targets.push_back(internal::TagsOf(rival));
+  const auto own = targets.begin() + static_cast<std::ptrdiff_t>(rivals.before_own);
+  targets.insert(own, internal::TagsOf(target));
+  return targets;
+}
+
 class TagDetector : public MarkerDetector {
  public:
-  TagDetector(const Target& target, const TagLayout& layout)
+  TagDetector(const Target& target, const TagLayout& layout, const Rivals& rivals = {})
       : layout_(layout),
         family_(MakeTagFamily(layout, layout.border_bits)),
-        reader_(family_, layout.ids) {
-    for (const int id : layout.ids) {
-      bits_[id] = family_.Bits(id);
-      for (int k = 0; k < 4; ++k) points_[id][k] = target.markers.at(4 * id + k);
-    }
+        targets_(AllTargets(target, rivals)),
+        own_(rivals.before_own),
+        reader_(family_, AllIds(targets_)),
+        points_(targets_[own_]) {
+    for (const int id : layout.ids) bits_[id] = family_.Bits(id);
     border_.width = family_.width_at_border();
     border_.ring = family_.border_bits();
     border_.outside_sign = family_.classic() ? 1 : -1;
@@ -266,14 +197,15 @@ class TagDetector : public MarkerDetector {
     Found found;
     const cv::Rect whole(0, 0, gray.cols, gray.rows);
     const std::vector<DecodedTag> decoded = reader_.Read(gray, whole, 2);
+    if (targets_.size() > 1) {
+      Keep(gray, OwnOf(ReadAll(gray, decoded), &found), &found);
+      Search(gray, &found);
+      return Measure(gray, found);
+    }
     Keep(gray, decoded, &found);
     bool incomplete = Search(gray, &found);
     if (incomplete && border_.corner_squares) {
-      // Where black has spread, tags hang together with the squares at their corners, and the
-      // library sees no outlines.
-      cv::Mat apart;
-      cv::dilate(gray, apart, cv::getStructuringElement(cv::MORPH_RECT, {3, 3}));
-      Keep(gray, reader_.Read(apart, whole, 2), &found);
+      Keep(gray, reader_.Read(Apart(gray), whole, 2), &found);
       incomplete = Search(gray, &found);
     }
     if (incomplete) {
@@ -352,6 +284,54 @@ class TagDetector : public MarkerDetector {
       }
       return true;
     });
+  }
+
+  /// Where black has spread, tags hang together with the squares at their corners, and the library
+  /// sees no outlines.
+  static cv::Mat Apart(const cv::Mat& gray) {
+    cv::Mat apart;
+    cv::dilate(gray, apart, cv::getStructuringElement(cv::MORPH_RECT, {3, 3}));
+    return apart;
+  }
+
+  /// All readings together, so that the detectors of all targets sort the same tags.
+  std::vector<DecodedTag> ReadAll(const cv::Mat& gray, std::vector<DecodedTag> decoded) {
+    const cv::Rect whole(0, 0, gray.cols, gray.rows);
+    const auto add = [&](const std::vector<DecodedTag>& more) {
+      decoded.insert(decoded.end(), more.begin(), more.end());
+    };
+    if (border_.corner_squares) add(reader_.Read(Apart(gray), whole, 2));
+    add(reader_.Read(gray, whole, 1));
+    std::vector<DecodedTag> all;
+    for (const DecodedTag& tag : decoded) {
+      if (!Convex(tag.corners)) continue;
+      const auto same = std::ranges::find_if(all, [&](const DecodedTag& other) {
+        return other.id == tag.id &&
+               (Centre(other.corners) - Centre(tag.corners)).norm() < Side(tag.corners) / 2;
+      });
+      if (same == all.end()) {
+        all.push_back(tag);
+      } else if (tag.margin > same->margin) {
+        *same = tag;
+      }
+    }
+    return all;
+  }
+
+  /// Those of this detector's target, and those that are on no target.
+  std::vector<DecodedTag> OwnOf(const std::vector<DecodedTag>& all, Found* found) const {
+    std::vector<internal::ReadQuad> read;
+    for (const DecodedTag& tag : all) read.push_back({tag.id, tag.corners});
+    const std::vector<internal::QuadOwner> owners = internal::SortQuads(read, targets_);
+    std::vector<DecodedTag> own;
+    for (std::size_t i = 0; i < all.size(); ++i) {
+      if (!all[i].on_target || owners[i].target == own_) {
+        own.push_back(all[i]);
+      } else if (!owners[i].target && all[i].expected_by_chance < kSure) {
+        (owners[i].fits_several ? found->undecided : found->misplaced).insert(all[i].id);
+      }
+    }
+    return own;
   }
 
   /// Adds the decoded that are not chance.
@@ -456,6 +436,13 @@ class TagDetector : public MarkerDetector {
       ids.push_back(id);
       seen.push_back({corners, bits_.at(id)});
     }
+    for (const int id : found.undecided) {
+      result.left_out.push_back(internal::FitsSeveral("tag", id));
+    }
+    for (const int id : found.misplaced) {
+      result.left_out.push_back(
+          fmt::format("tag {} is where none of the targets in view can have it", id));
+    }
     for (const int id : found.not_on_target) {
       result.left_out.push_back(
           fmt::format("tag {} ({}) is not on the target", id, layout_.family));
@@ -496,11 +483,13 @@ class TagDetector : public MarkerDetector {
 
   TagLayout layout_;
   TagFamily family_;
+  std::vector<QuadTarget> targets_;  // its own and its rivals
+  std::size_t own_;                  // index of its own
   TagReader reader_;
   internal::TagBorder border_;
   double gap_ = internal::TagBorder().outside;  ///< between tags, bits; of one tag as usual
   std::map<int, std::vector<bool>> bits_;
-  std::map<int, TagPoints> points_;
+  QuadTarget points_;
 };
 
 }  // namespace
@@ -512,8 +501,10 @@ internal::TagPatterns internal::FindTagPatterns(const TagLayout& layout,
   return TagDetector(target, layout).Patterns(gray, found);
 }
 
-std::unique_ptr<MarkerDetector> MakeDetector(const TagLayout& layout, const Target& target) {
-  return std::make_unique<TagDetector>(target, layout);
+std::unique_ptr<MarkerDetector> MakeDetector(const TagLayout& layout,
+                                             const Target& target,
+                                             const Rivals& rivals) {
+  return std::make_unique<TagDetector>(target, layout, rivals);
 }
 
 }  // namespace plenocal

@@ -5,14 +5,18 @@
 #include <vector>
 
 #include "detectors/images/marker_detector.h"
+#include "detectors/images/rivals.h"
 #include "detectors/templates/marker_template.h"
 #include "targets/target.h"
 
 namespace plenocal {
 
 /// Finds tags with the AprilTag library and measures their corners. Throws `Error` for a family,
-/// border or tag that does not exist.
-std::unique_ptr<MarkerDetector> MakeDetector(const TagLayout& layout, const Target& target);
+/// border or tag that does not exist. `rivals`: other targets of this family that may be in the
+/// images, with tags of the same numbers; a tag that fits several targets is left out.
+std::unique_ptr<MarkerDetector> MakeDetector(const TagLayout& layout,
+                                             const Target& target,
+                                             const Rivals& rivals);
 
 namespace internal {
 

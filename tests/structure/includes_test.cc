@@ -40,8 +40,9 @@ const std::map<std::string, Rooms> kAllowed = [] {
   add("models", {"calib"});
   add("detectors/templates", {"targets"});
   add("detectors/images", {"detectors/templates"});
-  add("detectors/tags", {"detectors/images"});
-  add("detectors/boards", {"detectors/images"});
+  add("detectors/quads", {"targets"});
+  add("detectors/tags", {"detectors/images", "detectors/quads"});
+  add("detectors/boards", {"detectors/images", "detectors/quads"});
   add("detectors/photometry", {"detectors/images"});
   add("detectors/plenoptic/white", {"detectors/photometry"});
   add("detectors/plenoptic/depth", {"detectors/plenoptic/white"});

@@ -233,6 +233,7 @@ struct CalibrateJob {
   Session session;
   Target target;
   std::vector<Target> several;  // targets; empty: `target` is the only one
+  std::vector<SamePrints> same_prints;
 };
 
 bool IsSessionFile(const std::vector<std::string>& inputs) {
@@ -276,6 +277,7 @@ CalibrateJob MakeCalibrateJob(const CalibrateArguments& arguments,
     SessionTargets targets = ReadSessionTargets(job.session);
     job.target = std::move(targets.all);
     job.several = std::move(targets.several);
+    job.same_prints = std::move(targets.same_prints);
     return job;
   }
   if (arguments.model != "auto") {
@@ -405,7 +407,7 @@ void RunCalibrate(const CalibrateArguments& arguments, const ConsoleOptions& sha
     found = FollowSceneImages(session, shared, &console);
   } else {
     found.session = CollectObservations(session,
-                                        {job.target, job.several},
+                                        {job.target, job.several, job.same_prints},
                                         shared,
                                         {&cache, arguments.keep ? &out : nullptr},
                                         &console);

@@ -7,8 +7,8 @@
 #include <map>
 #include <string>
 #include <utility>
-#include <variant>
 
+#include "apps/cli/session/look_alikes.h"
 #include "calib/base/error.h"
 #include "calib/base/names.h"
 
@@ -23,39 +23,6 @@ Target TargetOfMarkers(const std::string& lines, const std::optional<double>& to
   const std::string head = "plenocal: 1\ntype: markers\n";
   const std::string states = tolerance ? fmt::format("tolerance: {}\n", *tolerance) : "";
   return ReadTarget(YamlNode::Parse(head + states + "markers:\n" + lines, "targets"));
-}
-
-// Whether a detector of the one finds the other as well.
-bool LookAlike(const Target& a, const Target& b) {
-  if (a.layout.index() != b.layout.index()) return false;
-  const bool common = std::ranges::any_of(
-      a.markers, [&](const auto& marker) { return b.markers.contains(marker.first); });
-  if (const auto* tags = std::get_if<TagLayout>(&a.layout)) {
-    return common && tags->family == std::get<TagLayout>(b.layout).family;
-  }
-  if (const auto* board = std::get_if<CharucoLayout>(&a.layout)) {
-    return board->dictionary == std::get<CharucoLayout>(b.layout).dictionary;
-  }
-  if (std::holds_alternative<MarkersLayout>(a.layout)) return false;
-  return a.markers.size() == b.markers.size();
-}
-
-void CheckDistinct(const Session& session, const std::vector<Target>& targets) {
-  const bool detects = std::ranges::any_of(
-      session.cameras, [](const SessionCamera& camera) { return !camera.images.empty(); });
-  for (size_t k = 0; detects && k < targets.size(); ++k) {
-    for (size_t i = 0; i < k; ++i) {
-      if (!LookAlike(targets[i], targets[k])) continue;
-      throw Error(
-          ErrorKind::kInput,
-          fmt::format("{}: targets {} and {} look alike in images: the same tags or the same "
-                      "pattern; print one with other ids (aprilgrid: 'first_id'), of "
-                      "another family, or with another number of squares",
-                      session.path.string(),
-                      session.targets[i].name,
-                      session.targets[k].name));
-    }
-  }
 }
 
 std::optional<double> LargestTolerance(const std::vector<Target>& targets) {
@@ -92,7 +59,7 @@ SessionTargets ReadSessionTargets(const Session& session) {
       lines += MarkerLine(static_cast<int>(k) * kMarkersPerTarget + number, position);
     }
   }
-  CheckDistinct(session, targets.several);
+  targets.same_prints = CheckDistinct(session, targets.several);
   targets.all = TargetOfMarkers(lines, LargestTolerance(targets.several));
   return targets;
 }

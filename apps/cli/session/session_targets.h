@@ -8,6 +8,7 @@
 #include "calib/calibrate.h"
 #include "calib/files/calibration_record.h"
 #include "calib/files/session.h"
+#include "calib/rig/same_prints.h"
 #include "targets/target.h"
 
 namespace plenocal {
@@ -17,10 +18,12 @@ struct SessionTargets {
   /// numbered by `kMarkersPerTarget`.
   Target all;
   std::vector<Target> several;  ///< empty: one
+  /// Of several: two that only their mutual pose tells apart.
+  std::vector<SamePrints> same_prints;
 };
 
 /// Reads the target files of a session. Throws `Error` for files that cannot be read, and for
-/// targets that look alike to detectors.
+/// targets that no image tells apart.
 SessionTargets ReadSessionTargets(const Session& session);
 
 /// Throws `Error` of kind kInput when the session has several targets, which `command` does not

@@ -5,8 +5,10 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <map>
 #include <sstream>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "tests/apps/workspace.h"
@@ -194,19 +196,114 @@ TEST_F(Rigs, KnownAndMovingTargetsAreTakenAsSuch) {
   ExpectFailure(kJobFailed, {"nothing connects these cameras", "cam1", "two axes"});
 }
 
-TEST_F(Rigs, TargetsThatLookAlikeAreRefused) {
-  SimulateRing();
-  YAML::Node session = YAML::LoadFile(Path("session.yaml"));
-  session["targets"]["side"] = "target_front.yaml";
-  for (const auto& camera : session["cameras"]) {
-    YAML::Node keys = camera.second;
-    keys.remove("detections");
-    keys["images"] = "*.png";
+// Two grids of tags in images of one camera or of a pair.
+class LookAlikes : public Rigs {
+ protected:
+  static constexpr const char* kGrid =
+      "plenocal: 1\ntype: aprilgrid\nfamily: tag36h11\nspacing: 0.3\nborder_bits: 1\n";
+
+  void Simulate(const std::string& floor, const std::string& wall, const std::string& right) const {
+    Write("floor.yaml", kGrid + floor);
+    Write("wall.yaml", kGrid + wall);
+    const std::string camera =
+        "    model: pinhole-radial3\n    image_size: [640, 480]\n    parameters: {f_x: 560, f_y: "
+        "561, c_x: 318, c_y: 241, A_0: -0.15, A_1: 0.05, A_2: 0}\n";
+    Write("spec.yaml",
+          "plenocal: 1\nseed: 3\ntargets:\n  floor: floor.yaml\n  wall:\n    target: wall.yaml\n"
+          "    T_target_own: [[0.8660254, 0, -0.5, 0.36], [0, 1, 0, 0.02], [0.5, 0, 0.8660254, "
+          "0.02], [0, 0, 0, 1]]\ncameras:\n  left:\n" +
+              camera + (right.empty() ? "" : "  right:\n" + camera + right) +
+              "poses: {frames: 14, distance: [0.5, 1.0], tilt: 0.5, roll: 0.5, aim: all}\n");
+    const Outcome simulated = Run({"simulate", "spec.yaml", "-o", "."});
+    ASSERT_EQ(simulated.status, kDone) << simulated.err;
   }
-  YAML::Emitter text;
-  text << session;
-  Write("session.yaml", std::string(text.c_str()) + "\n");
-  ExpectFailure(kWrongInput, {"front", "side", "look alike", "first_id"});
+
+  // Points of a detections file by frame and marker.
+  using Points = std::map<std::pair<std::string, int>, Eigen::Vector2d>;
+  [[nodiscard]] Points PointsOf(const std::string& file) const {
+    Points points;
+    const std::vector<std::string> lines = Lines(Read(file));
+    for (size_t i = 1; i < lines.size(); ++i) {
+      std::istringstream cells(lines[i]);
+      std::string frame, marker, x, y;
+      std::getline(cells, frame, ',');
+      std::getline(cells, marker, ',');
+      std::getline(cells, x, ',');
+      std::getline(cells, y, ',');
+      points[{frame, std::stoi(marker)}] = {std::stod(x), std::stod(y)};
+    }
+    return points;
+  }
+
+  // All are where they should be, and all but `missing` of those in view are found.
+  void ExpectAllRight(const std::string& camera, double missing) const {
+    const std::string name = "detections_" + camera + ".csv";
+    const Points truth = PointsOf("truth/" + name), found = PointsOf("out/" + name);
+    size_t right = 0;
+    for (const auto& [key, p] : found) {
+      const auto at = truth.find(key);  // corners beyond the image's border are not in it
+      if (at == truth.end()) continue;
+      EXPECT_LT((at->second - p).norm(), 1) << camera << " " << key.first << " " << key.second;
+      ++right;
+    }
+    EXPECT_GT(static_cast<double>(right), (1 - missing) * static_cast<double>(truth.size()));
+  }
+
+  void ExpectWallWithinThreeSigma() const {
+    const YAML::Node wall = Result()["targets"]["wall"],
+                     truth = YAML::LoadFile(Path("truth/calibration.yaml"))["targets"]["wall"];
+    for (int i = 0; i < 6; ++i) {
+      const auto sigma = wall["sigma_xi"][i].as<double>();
+      EXPECT_GT(sigma, 0);
+      EXPECT_LT(sigma, 1e-4);  // m, rad
+      EXPECT_NEAR(
+          wall["xi_target_own"][i].as<double>(), truth["xi_target_own"][i].as<double>(), 3 * sigma)
+          << i;
+    }
+  }
+
+  Outcome Calibrate() const {
+    const Outcome outcome = Run({"calibrate", "session.yaml", "-o", "out", "--no-report"});
+    EXPECT_EQ(outcome.status, kDone) << outcome.err;
+    return outcome;
+  }
+};
+
+TEST_F(LookAlikes, TagsOfEqualIdsAreToldApartByWhatFits) {
+  Simulate("columns: 6\nrows: 6\nsize: 40 mm\n", "columns: 5\nrows: 7\nsize: 40 mm\n", "");
+  Calibrate();
+  ExpectWallWithinThreeSigma();
+  ExpectAllRight("left", 0.15);
+}
+
+TEST_F(LookAlikes, EqualBoardsAreToldApartByTheirMutualPose) {
+  // The right camera looks past the wall in some frames.
+  Simulate("columns: 6\nrows: 6\nsize: 40 mm\n",
+           "columns: 6\nrows: 6\nsize: 40 mm\n",
+           "    xi_camera_rig: [0.15, 0, 0, 0, 0.2, 0]\n");
+  const Outcome outcome = Calibrate();
+  ExpectWallWithinThreeSigma();
+  ExpectNear(Result()["cameras"]["right"],
+             YAML::LoadFile(Path("truth/calibration.yaml"))["cameras"]["right"],
+             "xi_camera_rig",
+             "right");
+  for (const char* camera : {"left", "right"}) ExpectAllRight(camera, 0.5);
+  EXPECT_THAT(outcome.out + outcome.err, HasSubstr("nothing tells which of them"));
+}
+
+TEST_F(LookAlikes, BoardsThatNothingTellsApartAreRefused) {
+  Simulate("columns: 2\nrows: 2\nsize: 40 mm\n", "columns: 2\nrows: 2\nsize: 40 mm\n", "");
+  const std::string session = Read("session.yaml");
+  const std::string wall = "  wall: target_wall.yaml\n";
+  Write("session.yaml", Replaced(session, wall, "  wall: {target: target_wall.yaml, pose: free}\n"));
+  ExpectFailure(kWrongInput, {"session.yaml: targets floor and wall look alike", "'free'", "first_id"});
+  Write("session.yaml", Replaced(session, wall, wall + "  shelf: target_wall.yaml\n"));
+  ExpectFailure(kWrongInput, {"more than two targets", "first_id"});
+  Write("session.yaml",
+        Replaced(Replaced(session, wall, "  wall: chessboard:6x9:25mm\n"),
+                 "  floor: target_floor.yaml\n",
+                 "  floor: chessboard:9x6:30mm\n"));
+  ExpectFailure(kWrongInput, {"floor and wall look alike", "another number of squares"});
 }
 
 TEST_F(Rigs, ASecondCalibrationFromTheFirstEqualsBothTogether) {

@@ -89,6 +89,25 @@ TEST(CharucoDetector, MeasuresCornersAndStatesItsErrorHonestly) {
   }
 }
 
+TEST(CharucoDetector, BoardsWithTheSameMarkersAreToldApart) {
+  const GrayFunction left = Board(7, 5, false), right = Board(5, 7, false);
+  const GrayFunction both = [&](const Eigen::Vector2d& p) {
+    return p.x() < 7.5 ? left(p) : right(p - Eigen::Vector2d(8, 0));
+  };
+  const Eigen::Matrix3d H = TiltedView(44, 0.1, 40, 30);
+  const cv::Mat image = Render(View(both, H), {640, 400}, {.blur = 0.7, .noise = 4});
+  const Eigen::Matrix3d H_right = H * Eigen::Affine2d(Eigen::Translation2d(8, 0)).matrix();
+  const auto expect = [&](const Target& target, const Rivals& rivals, const Places& truth) {
+    const MarkerDetections found = MakeMarkerDetector(target, rivals)->Detect(image);
+    EXPECT_EQ(found.markers.size(), 24) << found.failure;
+    Statistics statistics;
+    statistics.Add(found, truth);
+    EXPECT_LT(statistics.Rms(), 0.05);
+  };
+  expect(Charuco(7, 5), {.targets = {Charuco(5, 7)}}, Truth(7, 5, H));
+  expect(Charuco(5, 7), {.targets = {Charuco(7, 5)}, .before_own = 1}, Truth(5, 7, H_right));
+}
+
 TEST(CharucoDetector, TellsTheLayoutsOfOpenCvApart) {
   const Eigen::Matrix3d H = TiltedView(40, 0.2, 90, 40);
   for (const auto& [columns, rows] : {std::pair{6, 4}, {5, 4}, {5, 5}, {6, 5}}) {

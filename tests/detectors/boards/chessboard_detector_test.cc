@@ -42,6 +42,20 @@ Places Truth(int columns, int rows, const Eigen::Matrix3d& H) {
   return places;
 }
 
+TEST(ChessboardDetector, AtTheBorderABoardMayBePartOfALargerTarget) {
+  const Eigen::Matrix3d H = TiltedView(30, 0.05, 70, 60);
+  const auto alone = MakeMarkerDetector(Chessboard(7, 5));
+  const auto among = MakeMarkerDetector(Chessboard(7, 5), {.targets = {Chessboard(9, 6)}});
+  // 7 x 5 of 9 x 6 inner corners are in view.
+  const cv::Mat part = Render(View(Board(9, 6), H), {270, 200}, {.blur = 0.7});
+  ASSERT_EQ(alone->Detect(part).markers.size(), 35);
+  EXPECT_THAT(among->Detect(part).markers, ::testing::IsEmpty());
+  EXPECT_THAT(among->Detect(part).failure, ::testing::HasSubstr("another target's larger board"));
+  // With its margin in view it is the small board.
+  const cv::Mat whole = Render(View(Board(7, 5), H), {340, 260}, {.blur = 0.7});
+  EXPECT_EQ(among->Detect(whole).markers.size(), 35);
+}
+
 TEST(ChessboardDetector, BeatsCornerSubPixAndStatesItsErrorHonestly) {
   constexpr int kColumns = 9, kRows = 6;
   const auto detector = MakeMarkerDetector(Chessboard(kColumns, kRows));

@@ -70,6 +70,25 @@ TEST(CirclesDetector, MeasuresEllipsesAndStatesItsErrorHonestly) {
   }
 }
 
+TEST(CirclesDetector, APartOfALargerTargetIsNoTarget) {
+  const Rivals rivals{.targets = {Circles(9, 6, false)}};
+  const auto detector = MakeMarkerDetector(Circles(7, 5, false), rivals);
+  const GrayFunction board = Board(9, 6, false);
+  // The whole larger grid, and all of it but one row and two columns, which are outside.
+  const Eigen::Matrix3d whole = TiltedView(30, 0.1, 60, 50), cut = TiltedView(30, 0, 13, 50);
+  for (const auto& [H, size] : {std::pair(whole, cv::Size(400, 320)), {cut, cv::Size(210, 193)}}) {
+    const cv::Mat image = Render(View(board, H), size, {.blur = 0.7});
+    EXPECT_THAT(detector->Detect(image).markers, ::testing::IsEmpty());
+  }
+  // Both side by side.
+  const GrayFunction both = [&](const Eigen::Vector2d& p) {
+    return p.x() < 9.5 ? board(p) : Board(7, 5, false)(p - Eigen::Vector2d(11, 0.5));
+  };
+  const cv::Mat image = Render(View(both, TiltedView(30, 0.1, 60, 50)), {680, 320}, {.blur = 0.7});
+  EXPECT_EQ(detector->Detect(image).markers.size(), 35);
+  EXPECT_EQ(MakeMarkerDetector(Circles(9, 6, false))->Detect(image).markers.size(), 54);
+}
+
 TEST(CirclesDetector, FindsWhiteCirclesOnBlack) {
   const Eigen::Matrix3d H = TiltedView(28, 0.1, 60, 50);
   const auto found =
