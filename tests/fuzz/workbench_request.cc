@@ -98,7 +98,11 @@ void AnswerWorkbenchRequest(const fs::path& path) {
   workbench::Jobs jobs(root.Path().string(), &events);
   workbench::Api api(&project, &jobs, &events);
   const Answer answer = api.Handle(request);
-  if (answer.body.find("root:x:0") != std::string::npos) {
+  const auto has_accounts = [](const std::string& text) {
+    return text.find("root:x:0") != std::string::npos;
+  };
+  // A request that has these words itself gets them back.
+  if (has_accounts(answer.body) && !has_accounts(request.body) && !has_accounts(target)) {
     throw std::logic_error("a link has led out of the folder");
   }
   for (const auto& [name, value] : answer.headers) {

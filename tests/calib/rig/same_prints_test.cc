@@ -54,11 +54,11 @@ Boards MakeBoards(unsigned seed, double size, Right right) {
       const bool one = right == Right::kSeesOneInSomeFrames && c == 1 && frame % 3 == 0;
       for (size_t board = 0; board < 2; ++board) {
         if (one && board == static_cast<size_t>(frame / 3 % 2)) continue;
-        const RigidTransform T =
-            problem.T_camera_rig[c] * T_rig_first * (board == 0 ? RigidTransform{} : T_first_second);
+        const RigidTransform T = problem.T_camera_rig[c] * T_rig_first *
+                                 (board == 0 ? RigidTransform{} : T_first_second);
         for (const auto& [number, p] : problem.input.markers) {
-          const Eigen::Vector3d on_board = boards.markers.at(
-              static_cast<int>(board) * kMarkersPerTarget + number);
+          const Eigen::Vector3d on_board =
+              boards.markers.at(static_cast<int>(board) * kMarkersPerTarget + number);
           double image[kMaxObservationSize];
           if (!camera.model->project(
                   problem.params[c].data(), camera.config.data(), nullptr, T * on_board, image)) {
