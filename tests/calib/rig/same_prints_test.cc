@@ -162,6 +162,23 @@ TEST(SamePrints, ABoardAloneInAFrameIsLeftOut) {
   EXPECT_EQ(left_out[0].camera, boards.cameras[0].name);
 }
 
+TEST(SamePrints, ACameraOfWhichNothingIsDecidedIsNamed) {
+  Boards boards = MakeBoards(2, 1, Right::kSeesBoth);
+  // The second camera sees the first board only, and in other frames than the first camera.
+  for (View& view : boards.cameras[1].views) {
+    std::erase_if(view.observations,
+                  [](const Observation& seen) { return TargetOfMarker(seen.marker) == 1; });
+    view.frame += "b";
+  }
+  std::erase_if(boards.cameras[1].views, [](const View& view) { return view.observations.empty(); });
+  try {
+    TellApart(kPrints, boards.markers, &boards.cameras);
+    FAIL();
+  } catch (const Error& error) {
+    EXPECT_EQ(std::string(error.what()).find(boards.cameras[1].name + ": no image tells"), 0U);
+  }
+}
+
 TEST(SamePrints, WithoutAnImageOfBothNothingTellsThemApart) {
   Boards boards = MakeBoards(2, 1, Right::kSeesBoth);
   for (CameraInput& camera : boards.cameras) {
