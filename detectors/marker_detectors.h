@@ -13,7 +13,6 @@ namespace plenocal {
 /// in marker_detectors.cc.in, which collects the detectors of all types. `rivals`: other targets of
 /// the same type and tag family that may be in the images; numbered tags are of the target that
 /// they fit.
-std::unique_ptr<MarkerDetector> MakeMarkerDetector(const Target& target,
-                                                   const Rivals& rivals = {});
+std::unique_ptr<MarkerDetector> MakeMarkerDetector(const Target& target, const Rivals& rivals = {});
 
 }  // namespace plenocal

@@ -18,8 +18,8 @@
 namespace plenocal {
 namespace {
 
-// An order is clear if it is off by less than this part of what the other one is off: pose errors of
-// the initial guess would have to be larger than the boards' distance to exchange them.
+// An order is clear if it is off by less than this part of what the other one is off: pose errors
+// of the initial guess would have to be larger than the boards' distance to exchange them.
 constexpr double kClear = 1.0 / 3;
 // Orders of images that are tried as the right one.
 constexpr size_t kMostTried = 50;
@@ -139,12 +139,13 @@ class PrintSorter {
       if (image.ShowsBoth()) both.push_back(&image);
     }
     if (both.empty()) {
-      throw Error(ErrorKind::kJob,
-                  fmt::format("targets {} and {} have the same tags in the same arrangement, and no "
-                              "image shows both, so that nothing tells them apart: record images "
-                              "that show both, or print one with other ids (aprilgrid: 'first_id')",
-                              prints_.first_name,
-                              prints_.second_name));
+      throw Error(
+          ErrorKind::kJob,
+          fmt::format("targets {} and {} have the same tags in the same arrangement, and no "
+                      "image shows both, so that nothing tells them apart: record images "
+                      "that show both, or print one with other ids (aprilgrid: 'first_id')",
+                      prints_.first_name,
+                      prints_.second_name));
     }
     if (prints_.T_first_second) {
       T_first_second_ = *prints_.T_first_second;
@@ -237,9 +238,8 @@ class PrintSorter {
       const auto seen = images_.find({other, key.second});
       if (key.first != camera || seen == images_.end()) continue;
       if (!image.exchanged || !seen->second.exchanged) continue;
-      T_camera_other.push_back(
-          *PoseOf(image, kFirst, OrderOf(image)) *
-          PoseOf(seen->second, kFirst, OrderOf(seen->second))->Inverse());
+      T_camera_other.push_back(*PoseOf(image, kFirst, OrderOf(image)) *
+                               PoseOf(seen->second, kFirst, OrderOf(seen->second))->Inverse());
     }
     if (T_camera_other.empty()) return std::nullopt;
     return Medoid(T_camera_other);
@@ -288,13 +288,14 @@ class PrintSorter {
       const bool has_views = !cameras_[c].views.empty();
       std::erase_if(cameras_[c].views, [](const View& view) { return view.observations.empty(); });
       if (has_views && cameras_[c].views.empty()) {
-        throw Error(ErrorKind::kJob,
-                    fmt::format("{}: no image tells which of the targets {} and {} it shows; they have "
-                                "the same tags in the same arrangement: record frames that show both, "
-                                "or print one with other ids (aprilgrid: 'first_id')",
-                                cameras_[c].name,
-                                prints_.first_name,
-                                prints_.second_name));
+        throw Error(
+            ErrorKind::kJob,
+            fmt::format("{}: no image tells which of the targets {} and {} it shows; they have "
+                        "the same tags in the same arrangement: record frames that show both, "
+                        "or print one with other ids (aprilgrid: 'first_id')",
+                        cameras_[c].name,
+                        prints_.first_name,
+                        prints_.second_name));
       }
     }
     return left_out;

@@ -266,7 +266,8 @@ class CharucoDetector final : public MarkerDetector {
     for (std::size_t i = 0; i < all.ids.size(); ++i) {
       internal::ReadQuad& quad = read.emplace_back();
       quad.id = all.ids[i];
-      for (std::size_t k = 0; k < 4; ++k) quad.corners[k] = {all.corners[i][k].x, all.corners[i][k].y};
+      for (std::size_t k = 0; k < 4; ++k)
+        quad.corners[k] = {all.corners[i][k].x, all.corners[i][k].y};
     }
     const std::vector<internal::QuadOwner> owners = internal::SortQuads(read, targets_);
     ReadMarkers own;

@@ -68,8 +68,7 @@ class ChessboardDetector final : public MarkerDetector {
         columns_,
         rows_);
     std::size_t largest = 0;  // of the lattices that are, or may be, another board's or part of one
-    std::vector<CornerLattice> lattices =
-        internal::FindCornerLattices(gray, columns_ * rows_ / 2);
+    std::vector<CornerLattice> lattices = internal::FindCornerLattices(gray, columns_ * rows_ / 2);
     const bool may_be_part = !AllIn(larger_, lattices);
     for (CornerLattice& lattice : lattices) {
       if (lattice.columns != columns_) lattice = internal::Transposed(lattice);
@@ -114,8 +113,7 @@ class ChessboardDetector final : public MarkerDetector {
                     const std::vector<CornerLattice>& lattices) {
     return std::ranges::all_of(boards, [&](const cv::Size& board) {
       return std::ranges::any_of(lattices, [&](const CornerLattice& lattice) {
-        return std::minmax(lattice.columns, lattice.rows) ==
-               std::minmax(board.width, board.height);
+        return std::minmax(lattice.columns, lattice.rows) == std::minmax(board.width, board.height);
       });
     });
   }

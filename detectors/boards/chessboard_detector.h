@@ -11,8 +11,8 @@
 
 namespace plenocal {
 
-/// `rivals`: other chessboards that may be in the images. A part of a larger one of them is no board; nor
-/// is a board at the image's border, beyond which it may go on.
+/// `rivals`: other chessboards that may be in the images. A part of a larger one of them is no
+/// board; nor is a board at the image's border, beyond which it may go on.
 std::unique_ptr<MarkerDetector> MakeDetector(const ChessboardLayout& layout,
                                              const Target& target,
                                              const Rivals& rivals);

@@ -299,7 +299,8 @@ class CirclesDetector final : public MarkerDetector {
     for (const cv::Point2f& p : places) points.emplace_back(p.x, p.y);
     const auto sides = internal::NextPlaces(points, columns_);
     if (internal::MayGoOnOutside(sides, size.width, size.height)) return true;
-    constexpr double kAtPlace = 0.3;  // of the spacing; perspective from one circle to the next is less
+    constexpr double kAtPlace =
+        0.3;  // of the spacing; perspective from one circle to the next is less
     const double near = kAtPlace * (points[1] - points[0]).norm();
     return std::ranges::any_of(sides, [&](const std::vector<Eigen::Vector2d>& side) {
       const auto hits = std::ranges::count_if(side, [&](const Eigen::Vector2d& p) {

@@ -223,8 +223,7 @@ class Sorter {
     const double freedom = a.freedom;
     if (freedom == 0) return false;
     const double outlines = freedom * kOutline * kOutline;
-    const double ratio =
-        (Square(other, b, one) + outlines) / (Square(one, a, other) + outlines);
+    const double ratio = (Square(other, b, one) + outlines) / (Square(one, a, other) + outlines);
     return ratio > 1 && FTail(ratio, freedom, freedom) < kSure;
   }
 

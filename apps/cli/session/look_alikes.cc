@@ -99,9 +99,10 @@ std::vector<SamePrints> CheckDistinct(const Session& session, std::span<const Ta
       };
       if (plenoptic != session.cameras.end() && ShowsNumbers(targets[i]) &&
           ShareNumbers(targets[i], targets[k])) {
-        refuse(fmt::format("tags of the same numbers, which are told apart in images of ordinary "
-                           "cameras only ({} is plenoptic)",
-                           plenoptic->name));
+        refuse(
+            fmt::format("tags of the same numbers, which are told apart in images of ordinary "
+                        "cameras only ({} is plenoptic)",
+                        plenoptic->name));
       }
       if (!SamePrint(targets[i], targets[k])) continue;
       if (!std::holds_alternative<TagLayout>(targets[i].layout)) {
@@ -112,8 +113,9 @@ std::vector<SamePrints> CheckDistinct(const Session& session, std::span<const Ta
         refuse("the same tags in the same arrangement, and one of them is 'free'");
       }
       if (!std::ranges::all_of(session.cameras, with_images)) {
-        refuse("the same tags in the same arrangement, and a camera has 'detections' in place of "
-               "images");
+        refuse(
+            "the same tags in the same arrangement, and a camera has 'detections' in place of "
+            "images");
       }
       if (!pairs.empty()) refuse("more than two targets of the same tags in the same arrangement");
       pairs.push_back({i, k, session.targets[i].name, session.targets[k].name});

@@ -19,8 +19,8 @@ namespace plenocal {
 /// session, in its order.
 std::vector<SamePrints> CheckDistinct(const Session& session, std::span<const Target> targets);
 
-/// The targets whose tags or grids a detector of target `k` must not take for its own: all others of
-/// its type and family, if any two of these share numbers of markers.
+/// The targets whose tags or grids a detector of target `k` must not take for its own: all others
+/// of its type and family, if any two of these share numbers of markers.
 Rivals RivalsOf(std::span<const Target> targets, size_t k);
 
 }  // namespace plenocal

@@ -295,8 +295,10 @@ TEST_F(LookAlikes, BoardsThatNothingTellsApartAreRefused) {
   Simulate("columns: 2\nrows: 2\nsize: 40 mm\n", "columns: 2\nrows: 2\nsize: 40 mm\n", "");
   const std::string session = Read("session.yaml");
   const std::string wall = "  wall: target_wall.yaml\n";
-  Write("session.yaml", Replaced(session, wall, "  wall: {target: target_wall.yaml, pose: free}\n"));
-  ExpectFailure(kWrongInput, {"session.yaml: targets floor and wall look alike", "'free'", "first_id"});
+  Write("session.yaml",
+        Replaced(session, wall, "  wall: {target: target_wall.yaml, pose: free}\n"));
+  ExpectFailure(kWrongInput,
+                {"session.yaml: targets floor and wall look alike", "'free'", "first_id"});
   Write("session.yaml", Replaced(session, wall, wall + "  shelf: target_wall.yaml\n"));
   ExpectFailure(kWrongInput, {"more than two targets", "first_id"});
   Write("session.yaml",

@@ -28,14 +28,14 @@ struct Boards {
 
 enum class Right { kSeesBoth, kSeesOneInSomeFrames };
 
-// The second board is to the right of the first, `size` times as large, turned about y.
-Boards MakeBoards(unsigned seed, double size, Right right) {
+// The second board is `x` to the right of the first, `size` times as large, turned about y.
+Boards MakeBoards(unsigned seed, double size, Right right, double x = 0.33) {
   testing::SyntheticOptions options;
   options.cameras = 2;
   options.frames = 12;
   const testing::SyntheticProblem problem = testing::MakeProblem(seed, options);
   testing::Random random(seed);
-  const RigidTransform T_first_second{ExpRotation({0, -0.5, 0.05}), {0.33, 0.01, 0.02}};
+  const RigidTransform T_first_second{ExpRotation({0, -0.5, 0.05}), {x, 0.01, 0.02}};
   Boards boards;
   for (const auto& [number, p] : problem.input.markers) {
     boards.markers[number] = p;
@@ -54,11 +54,11 @@ Boards MakeBoards(unsigned seed, double size, Right right) {
       const bool one = right == Right::kSeesOneInSomeFrames && c == 1 && frame % 3 == 0;
       for (size_t board = 0; board < 2; ++board) {
         if (one && board == static_cast<size_t>(frame / 3 % 2)) continue;
-        const RigidTransform T =
-            problem.T_camera_rig[c] * T_rig_first * (board == 0 ? RigidTransform{} : T_first_second);
+        const RigidTransform T = problem.T_camera_rig[c] * T_rig_first *
+                                 (board == 0 ? RigidTransform{} : T_first_second);
         for (const auto& [number, p] : problem.input.markers) {
-          const Eigen::Vector3d on_board = boards.markers.at(
-              static_cast<int>(board) * kMarkersPerTarget + number);
+          const Eigen::Vector3d on_board =
+              boards.markers.at(static_cast<int>(board) * kMarkersPerTarget + number);
           double image[kMaxObservationSize];
           if (!camera.model->project(
                   problem.params[c].data(), camera.config.data(), nullptr, T * on_board, image)) {
@@ -121,7 +121,8 @@ TEST(SamePrints, BoardsOfOneSizeHaveOneMutualPoseInAllImages) {
 
 TEST(SamePrints, SizesDecideWhichIsWhich) {
   for (unsigned seed = 1; seed <= 4; ++seed) {
-    Boards boards = MakeBoards(seed, 0.7, Right::kSeesBoth);
+    // The left one is not the first.
+    Boards boards = MakeBoards(seed, 0.7, Right::kSeesBoth, -0.33);
     TellApart(kPrints, boards.markers, &boards.cameras);
     const Count count = Compare(boards);
     EXPECT_EQ(count.wrong, 0) << seed;
@@ -170,7 +171,8 @@ TEST(SamePrints, ACameraOfWhichNothingIsDecidedIsNamed) {
                   [](const Observation& seen) { return TargetOfMarker(seen.marker) == 1; });
     view.frame += "b";
   }
-  std::erase_if(boards.cameras[1].views, [](const View& view) { return view.observations.empty(); });
+  std::erase_if(boards.cameras[1].views,
+                [](const View& view) { return view.observations.empty(); });
   try {
     TellApart(kPrints, boards.markers, &boards.cameras);
     FAIL();
