@@ -66,8 +66,8 @@ SessionObservations CollectObservations(const Session& session,
                                         const ConsoleOptions& options,
                                         const DetectionPlaces& places,
                                         Console* console);
-/// The same of several targets, whose markers have the numbers of `SessionTargets::all`. Detections
-/// of several are not kept for later runs.
+/// The same of several targets, whose markers have the numbers of `SessionTargets::all`. Targets
+/// that look alike are told apart. Detections of several are not kept for later runs.
 SessionObservations CollectObservations(const Session& session,
                                         const SessionTargets& targets,
                                         const ConsoleOptions& options,

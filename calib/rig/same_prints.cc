@@ -91,7 +91,7 @@ class PrintSorter {
     for (size_t c = 0; c < split.size(); ++c) {
       // Each camera is estimated alone.
       for (ParamRule& rule : split[c].rules) rule.tied_to.reset();
-      const CameraGuess guess = GuessCamera(split[c], markers_);
+      const CameraGuess guess = Guess(split[c]);
       for (size_t v = 0; v < split[c].views.size(); ++v) {
         const View& view = split[c].views[v];
         const auto side = SideOf(view.observations[0].marker);
@@ -100,6 +100,14 @@ class PrintSorter {
         image.camera = c;
         image.T_camera_target[*side] = guess.T_camera_target[v];
       }
+    }
+  }
+
+  [[nodiscard]] CameraGuess Guess(const CameraInput& camera) const {
+    try {
+      return GuessCamera(camera, markers_);
+    } catch (const Error& error) {
+      throw Error(error.kind(), fmt::format("{}: {}", camera.name, error.what()));
     }
   }
 
@@ -277,7 +285,18 @@ class PrintSorter {
              .camera = cameras_[c].name,
              .frame = view.frame});
       }
+      const bool has_views = !cameras_[c].views.empty();
       std::erase_if(cameras_[c].views, [](const View& view) { return view.observations.empty(); });
+      if (has_views && cameras_[c].views.empty()) {
+        throw Error(
+            ErrorKind::kJob,
+            fmt::format("{}: no image tells which of the targets {} and {} it shows; they have "
+                        "the same tags in the same arrangement: record frames that show both, "
+                        "or print one with other ids (aprilgrid: 'first_id')",
+                        cameras_[c].name,
+                        prints_.first_name,
+                        prints_.second_name));
+      }
     }
     return left_out;
   }

@@ -200,17 +200,8 @@ class TagDetector : public MarkerDetector {
     if (targets_.size() > 1) {
       Keep(gray, OwnOf(ReadAll(gray, decoded), &found), &found);
       Search(gray, &found);
-      return Measure(gray, found);
-    }
-    Keep(gray, decoded, &found);
-    bool incomplete = Search(gray, &found);
-    if (incomplete && border_.corner_squares) {
-      Keep(gray, reader_.Read(Apart(gray), whole, 2), &found);
-      incomplete = Search(gray, &found);
-    }
-    if (incomplete) {
-      Keep(gray, reader_.Read(gray, whole, 1), &found);
-      Search(gray, &found);
+    } else {
+      FindAlone(gray, decoded, &found);
     }
     if (const std::string other = OtherBorder(gray, CountExact(decoded)); !other.empty()) {
       MarkerDetections none;
@@ -284,6 +275,21 @@ class TagDetector : public MarkerDetector {
       }
       return true;
     });
+  }
+
+  /// Without rivals.
+  void FindAlone(const cv::Mat& gray, const std::vector<DecodedTag>& decoded, Found* found) {
+    const cv::Rect whole(0, 0, gray.cols, gray.rows);
+    Keep(gray, decoded, found);
+    bool incomplete = Search(gray, found);
+    if (incomplete && border_.corner_squares) {
+      Keep(gray, reader_.Read(Apart(gray), whole, 2), found);
+      incomplete = Search(gray, found);
+    }
+    if (incomplete) {
+      Keep(gray, reader_.Read(gray, whole, 1), found);
+      Search(gray, found);
+    }
   }
 
   /// Where black has spread, tags hang together with the squares at their corners, and the library

@@ -28,14 +28,14 @@ struct Boards {
 
 enum class Right { kSeesBoth, kSeesOneInSomeFrames };
 
-// The second board is to the right of the first, `size` times as large, turned about y.
-Boards MakeBoards(unsigned seed, double size, Right right) {
+// The second board is `x` to the right of the first, `size` times as large, turned about y.
+Boards MakeBoards(unsigned seed, double size, Right right, double x = 0.33) {
   testing::SyntheticOptions options;
   options.cameras = 2;
   options.frames = 12;
   const testing::SyntheticProblem problem = testing::MakeProblem(seed, options);
   testing::Random random(seed);
-  const RigidTransform T_first_second{ExpRotation({0, -0.5, 0.05}), {0.33, 0.01, 0.02}};
+  const RigidTransform T_first_second{ExpRotation({0, -0.5, 0.05}), {x, 0.01, 0.02}};
   Boards boards;
   for (const auto& [number, p] : problem.input.markers) {
     boards.markers[number] = p;
@@ -121,7 +121,8 @@ TEST(SamePrints, BoardsOfOneSizeHaveOneMutualPoseInAllImages) {
 
 TEST(SamePrints, SizesDecideWhichIsWhich) {
   for (unsigned seed = 1; seed <= 4; ++seed) {
-    Boards boards = MakeBoards(seed, 0.7, Right::kSeesBoth);
+    // The left one is not the first.
+    Boards boards = MakeBoards(seed, 0.7, Right::kSeesBoth, -0.33);
     TellApart(kPrints, boards.markers, &boards.cameras);
     const Count count = Compare(boards);
     EXPECT_EQ(count.wrong, 0) << seed;
@@ -160,6 +161,24 @@ TEST(SamePrints, ABoardAloneInAFrameIsLeftOut) {
   EXPECT_GE(left_out.size(), 4U);
   EXPECT_NE(left_out[0].reason.find("floor and wall"), std::string::npos);
   EXPECT_EQ(left_out[0].camera, boards.cameras[0].name);
+}
+
+TEST(SamePrints, ACameraOfWhichNothingIsDecidedIsNamed) {
+  Boards boards = MakeBoards(2, 1, Right::kSeesBoth);
+  // The second camera sees the first board only, and in other frames than the first camera.
+  for (View& view : boards.cameras[1].views) {
+    std::erase_if(view.observations,
+                  [](const Observation& seen) { return TargetOfMarker(seen.marker) == 1; });
+    view.frame += "b";
+  }
+  std::erase_if(boards.cameras[1].views,
+                [](const View& view) { return view.observations.empty(); });
+  try {
+    TellApart(kPrints, boards.markers, &boards.cameras);
+    FAIL();
+  } catch (const Error& error) {
+    EXPECT_EQ(std::string(error.what()).find(boards.cameras[1].name + ": no image tells"), 0U);
+  }
 }
 
 TEST(SamePrints, WithoutAnImageOfBothNothingTellsThemApart) {
