@@ -220,6 +220,9 @@ std::map<std::string, FrameImage> PicturesOf(const SuggestArguments& arguments) 
     const size_t equals = word.find('=');
     const std::string camera = equals == std::string::npos ? "" : word.substr(0, equals);
     const std::filesystem::path path = word.substr(equals == std::string::npos ? 0 : equals + 1);
+    if (path.empty()) {
+      throw Error(ErrorKind::kInput, fmt::format("--image: '{}' names no file", word));
+    }
     if (!pictures.emplace(camera, FrameImage{.frame = path.stem().string(), .path = path}).second) {
       throw Error(ErrorKind::kInput,
                   fmt::format("--image: two pictures of camera '{}'; give one", camera));
