@@ -80,9 +80,11 @@ const CalibratedCamera& PictureScale::CameraOf(const std::string& name) const {
   if (found == cameras.end()) {
     std::vector<std::string> names;
     for (const CalibratedCamera& camera : cameras) names.push_back(camera.name);
-    throw Error(
-        ErrorKind::kInput,
-        fmt::format("the calibration has no camera '{}'; it has {}", name, fmt::join(names, ", ")));
+    const std::string what = name.empty()
+                                 ? "which camera took the picture?"
+                                 : fmt::format("the calibration has no camera '{}'.", name);
+    throw Error(ErrorKind::kInput,
+                fmt::format("{} The calibration's cameras: {}", what, fmt::join(names, ", ")));
   }
   if (found->model->plenoptic) {
     throw Error(ErrorKind::kInput,

@@ -172,7 +172,8 @@ TEST_F(RealSets, ARepeatedPictureAddsLittle) {
     EXPECT_EQ(outcome.status, kWrongInput) << image;
     EXPECT_THAT(outcome.err, HasSubstr(part));
   };
-  fails("right=" + picture, "no camera 'right'; it has left");
+  fails("right=" + picture, "no camera 'right'. The calibration's cameras: left");
+  fails("left=", "'left=' names no file");
   fails("left=nowhere.png", "nowhere.png");
   fails("left=session.yaml", "session.yaml");
 }
