@@ -8,6 +8,7 @@
 #include <optional>
 
 #include "apps/cli/fleet/fleet_plan.h"
+#include "apps/report/page_text.h"
 #include "calib/base/csv.h"
 #include "calib/base/error.h"
 #include "calib/base/input_file.h"
@@ -30,29 +31,6 @@ struct RunSummary {
   std::optional<double> drift;  // px, RMS against the date before, of the worst camera
   bool differs = false;         // more than both covariances predict
 };
-
-std::string Html(std::string_view text) {
-  std::string html;
-  for (const char c : text) {
-    switch (c) {
-      case '&':
-        html += "&amp;";
-        break;
-      case '<':
-        html += "&lt;";
-        break;
-      case '>':
-        html += "&gt;";
-        break;
-      case '"':
-        html += "&quot;";
-        break;
-      default:
-        html += c;
-    }
-  }
-  return html;
-}
 
 std::string TextAt(const fs::path& path) {
   std::error_code error;
@@ -123,7 +101,7 @@ std::string DriftChart(const std::vector<RunSummary>& runs) {
         kBar - 2,
         height,
         runs[i].differs ? "beyond" : "within",
-        Html(runs[i].date),
+        HtmlText(runs[i].date),
         *runs[i].drift);
   }
   svg += "</svg>";
@@ -159,14 +137,14 @@ std::string Row(const RigSummary& rig) {
                             : !last.failure.empty() ? "failed"
                             : last.verdict          ? std::string(GradeName(last.verdict->grade))
                                                     : "";
-  const std::string link =
-      last.done && last.failure.empty()
-          ? fmt::format(
-                "<a href=\"{0}/{1}/result/report.html\">{1}</a>", Html(rig.name), Html(last.date))
-          : Html(last.date);
+  const std::string link = last.done && last.failure.empty()
+                               ? fmt::format("<a href=\"{0}/{1}/result/report.html\">{1}</a>",
+                                             HtmlText(rig.name),
+                                             HtmlText(last.date))
+                               : HtmlText(last.date);
   return fmt::format(
       "<tr><td>{}</td><td>{}</td><td>{}</td><td class=\"{}\">{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>\n",
-      Html(rig.name),
+      HtmlText(rig.name),
       rig.runs.size(),
       link,
       grade,
@@ -174,7 +152,7 @@ std::string Row(const RigSummary& rig) {
       last.failure.empty() && last.done ? fmt::format("{:.3f}", last.rms) : "",
       last.points > 0 ? fmt::format("{} of {}", last.rejected, last.points + last.rejected) : "",
       DriftChart(rig.runs),
-      Html(rig.advice));
+      HtmlText(rig.advice));
 }
 
 constexpr const char* kPage = R"HTML(<!doctype html>
