@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Two targets of one print, which only their mutual pose tells apart.
+// Two targets of one print, which only their mutual pose distinguishes.
 #pragma once
 
 #include <map>

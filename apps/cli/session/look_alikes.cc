@@ -49,7 +49,7 @@ bool SameCounts(int columns_a, int rows_a, int columns_b, int rows_b) {
   return std::minmax(columns_a, rows_a) == std::minmax(columns_b, rows_b);
 }
 
-// Whether no single image tells them apart, whatever the size.
+// Whether no single image distinguishes them, whatever the size.
 bool SamePrint(const Target& a, const Target& b) {
   if (a.layout.index() != b.layout.index()) return false;
   if (const auto* one = std::get_if<TagLayout>(&a.layout)) {
@@ -108,7 +108,7 @@ std::vector<SamePrints> CheckDistinct(const Session& session, std::span<const Ta
       if (!std::holds_alternative<TagLayout>(targets[i].layout)) {
         refuse("the same pattern with the same counts");
       }
-      // Only their mutual pose tells them apart.
+      // Only their mutual pose distinguishes them.
       if (session.targets[i].moves || session.targets[k].moves) {
         refuse("the same tags in the same arrangement, and one of them is 'free'");
       }

@@ -13,8 +13,8 @@
 
 namespace plenocal {
 
-/// The targets that only their mutual pose tells apart. Throws `Error` of kind kInput for targets
-/// that nothing tells apart: boards of the same pattern, three of one print, such of which one
+/// The targets that only their mutual pose distinguishes. Throws `Error` of kind kInput for targets
+/// that nothing distinguishes: boards of the same pattern, three of one print, such of which one
 /// moves, and targets that share numbers of tags before a plenoptic camera. `targets`: those of the
 /// session, in its order.
 std::vector<SamePrints> CheckDistinct(const Session& session, std::span<const Target> targets);

@@ -18,12 +18,12 @@ struct SessionTargets {
   /// numbered by `kMarkersPerTarget`.
   Target all;
   std::vector<Target> several;  ///< empty: one
-  /// Of several: two that only their mutual pose tells apart.
+  /// Of several: two that only their mutual pose distinguishes.
   std::vector<SamePrints> same_prints;
 };
 
 /// Reads the target files of a session. Throws `Error` for files that cannot be read, and for
-/// targets that no image tells apart.
+/// targets that no image distinguishes.
 SessionTargets ReadSessionTargets(const Session& session);
 
 /// Throws `Error` of kind kInput when the session has several targets, which `command` does not
