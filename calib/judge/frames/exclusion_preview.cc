@@ -62,10 +62,6 @@ struct Normal {
   }
 };
 
-double SigmaOf(const InformationState& state) {
-  return state.IsDetermined() ? state.Sigma() : std::numeric_limits<double>::infinity();
-}
-
 }  // namespace
 
 ExclusionPreview PreviewExclusion(RigKnowledge rig,
@@ -97,8 +93,8 @@ ExclusionPreview PreviewExclusion(RigKnowledge rig,
   const InformationState before(all.information, unknowns.head, projection);
   const Eigen::MatrixXd information = all.information - with.information + without.information;
   const InformationState after(information, unknowns.head, projection);
-  preview.sigma_before = SigmaOf(before);
-  preview.sigma_after = SigmaOf(after);
+  preview.sigma_before = before.SigmaOfImages();
+  preview.sigma_after = after.SigmaOfImages();
 
   // The adjustment has balanced the gradients of all frames.
   const Eigen::VectorXd gradient = without.gradient - with.gradient;

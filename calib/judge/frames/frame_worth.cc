@@ -2,7 +2,6 @@
 #include "calib/judge/frames/frame_worth.h"
 
 #include <algorithm>
-#include <limits>
 #include <map>
 #include <optional>
 #include <utility>
@@ -88,20 +87,17 @@ FrameScale::~FrameScale() = default;
 
 FrameWorth FrameScale::Weigh(const RigidTransform& T_rig_target,
                              const std::vector<View>& views) const {
-  const auto sigma_of = [](const InformationState& state) {
-    return state.IsDetermined() ? state.Sigma() : std::numeric_limits<double>::infinity();
-  };
   RigKnowledge one = without_frames_;
   Append(T_rig_target, views, &one);
   FrameWorth worth;
-  worth.sigma_before = worth.sigma_after = sigma_of(state_->information);
+  worth.sigma_before = worth.sigma_after = state_->information.SigmaOfImages();
   ViewPredictor(one, state_->unknowns, shape_)
       .ForFrames([&](const ViewPredictor::OfFrame& of_frame) {
         const double gain = state_->information.Gain(of_frame.information);
         if (state_->best_gain > 0) worth.share = std::max(0.0, gain / state_->best_gain);
         InformationState with = state_->information;
         with.Add(of_frame.information);
-        worth.sigma_after = sigma_of(with);
+        worth.sigma_after = with.SigmaOfImages();
       });
   return worth;
 }

@@ -24,6 +24,10 @@ bool InformationState::IsDetermined() const {
   return covariance_.diagonal().head(head_).maxCoeff() < kPriors && Sigma() < kDetermined;
 }
 
+double InformationState::SigmaOfImages() const {
+  return IsDetermined() ? Sigma() : std::numeric_limits<double>::infinity();
+}
+
 double InformationState::Gain(const Eigen::MatrixXd& more) const {
   const Eigen::LLT<Eigen::MatrixXd> factor(information_ + more);
   if (factor.info() != Eigen::Success) return -std::numeric_limits<double>::infinity();

@@ -22,6 +22,8 @@ class InformationState {
   void Add(const Eigen::MatrixXd& information);
   [[nodiscard]] const Eigen::MatrixXd& Covariance() const { return covariance_; }
   [[nodiscard]] double Sigma() const { return projection_->Of(covariance_); }
+  /// Infinite while something is not determined.
+  [[nodiscard]] double SigmaOfImages() const;
   /// False while a sigma is the prior's and not the images'.
   [[nodiscard]] bool IsDetermined() const;
   [[nodiscard]] ViewCriterion Criterion() const {

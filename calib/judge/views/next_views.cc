@@ -63,7 +63,7 @@ class Choice {
   NextViews Run() {
     NextViews result{.goal = options_.goal, .distances = distances_};
     result.frames = rig_.bundle.T_rig_target.size();
-    result.sigma = state_.IsDetermined() ? state_.Sigma() : kInfinity;
+    result.sigma = state_.SigmaOfImages();
     result.reached = result.sigma <= options_.goal;
     MakeCandidates();
     for (int i = 0; i < options_.count; ++i) {
