@@ -95,12 +95,12 @@ TEST(TargetCauses, NameRowsOfAnotherLength) {
   EXPECT_EQ(causes[0].grade, Grade::kBad);
 }
 
-// Pairs of columns one part apart, the pairs `gap` parts apart: 1 in truth, 0.4 stated.
-TargetNumber StateAWrongGap(CalibrationInput* input) {
+// Pairs of columns one part apart, the pairs `gap` parts apart: 1 in truth.
+TargetNumber StateAWrongGap(CalibrationInput* input, double stated = 0.4) {
   TargetNumber gap{.code = "target_spacing",
                    .key = "spacing",
                    .meaning = "gap / size",
-                   .stated = 0.4,
+                   .stated = stated,
                    .least = 0.01,
                    .most = 4,
                    .by_number = {}};
@@ -120,6 +120,20 @@ TEST(TargetCauses, EstimateAWrongNumber) {
   ASSERT_THAT(CodesOf(causes), ElementsAre("target_spacing"));
   EXPECT_NEAR(causes[0].value.value(), 1, 0.003);
   EXPECT_THAT(causes[0].remedy, HasSubstr("set spacing: "));
+}
+
+// So little that the points still fit a smooth map.
+TEST(TargetCauses, EstimateANumberThatIsWrongBySomePerCent) {
+  for (const double stated : {0.94, 0.98, 1.02, 1.06}) {
+    SyntheticProblem problem = Board(2);
+    const TargetNumber gap = StateAWrongGap(&problem.input, stated);
+    const std::vector<Finding> causes = Find(problem.input, {{}, {gap}, {}});
+    ASSERT_THAT(CodesOf(causes), ElementsAre("target_spacing")) << stated;
+    EXPECT_NEAR(causes[0].value.value(), 1, 0.003) << stated;
+  }
+  SyntheticProblem right = Board(2);
+  const TargetNumber gap = StateAWrongGap(&right.input, 1);
+  EXPECT_THAT(Find(right.input, {{}, {gap}, {}}), IsEmpty());
 }
 
 // The same views through a fisheye, from so near that no smooth map of the plane describes them.
