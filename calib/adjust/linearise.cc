@@ -28,10 +28,31 @@ void AppendNuisances(const BundleCamera& camera,
 LinearisedView ViewOf(const Bundle& bundle, size_t frame, size_t camera) {
   LinearisedView view{.T_camera_rig = bundle.cameras[camera].T_camera_rig,
                       .T_rig_target = bundle.SeenPose(frame, camera)};
-  if (!bundle.motion.empty()) {
-    view.by_time_shift = bundle.motion[bundle.View(frame, camera)].velocity;
+  if (bundle.motion.empty()) return view;
+  const Vector6d way = bundle.WayTo(frame, camera, bundle.cameras[camera].params.data());
+  view.by_time_shift = bundle.motion[bundle.View(frame, camera)].velocity;
+  Eigen::Vector3d rotation = LeftJacobian(way.tail<3>()) * view.by_time_shift.tail<3>();
+  if (!bundle.jitter.delta.empty()) {
+    rotation = ExpRotation(bundle.jitter.delta[bundle.View(frame, camera)].tail<3>()) * rotation;
   }
+  view.by_time_shift.tail<3>() = rotation;
   return view;
+}
+
+// R = Exp(w_jitter) Exp(w_motion) Exp(w_pose) R_0: a change of w_pose is rotated by what is left of
+// it.
+ViewCharts ChartsOf(const Bundle& bundle, size_t frame, size_t camera) {
+  ViewCharts charts;
+  if (!bundle.motion.empty()) {
+    const Vector6d way = bundle.WayTo(frame, camera, bundle.cameras[camera].params.data());
+    charts.pose = ExpRotation(way.tail<3>());
+  }
+  if (!bundle.jitter.delta.empty()) {
+    const Vector6d& jitter = bundle.jitter.delta[bundle.View(frame, camera)];
+    charts.pose = (ExpRotation(jitter.tail<3>()) * charts.pose).eval();
+    charts.jitter = LeftJacobian(jitter.tail<3>());
+  }
+  return charts;
 }
 
 bool Linearise(const BundleCamera& camera,

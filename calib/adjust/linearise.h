@@ -24,6 +24,14 @@ struct LinearisedView {
 /// The poses of a view of `bundle` as they are, the charts at their origins.
 LinearisedView ViewOf(const Bundle& bundle, size_t frame, size_t camera);
 
+/// Rotation, left of the pose that a camera saw, by the rotation of the frame's pose in the chart
+/// about its present value and by that of the view's jitter.
+struct ViewCharts {
+  Eigen::Matrix3d pose = Eigen::Matrix3d::Identity();
+  Eigen::Matrix3d jitter = Eigen::Matrix3d::Identity();
+};
+ViewCharts ChartsOf(const Bundle& bundle, size_t frame, size_t camera);
+
 /// Where one observation's weighted residual and derivatives are written; row-major, one row a
 /// measured coordinate. Null pointers are not written.
 struct LinearisedRows {

@@ -105,6 +105,16 @@ class BlockMaker {
 
 }  // namespace
 
+void MoveTarget(size_t target, const RigidTransform& T_target_own, Bundle* bundle) {
+  const RigidTransform moved = T_target_own * bundle->targets[target].T_target_own.Inverse();
+  bundle->targets[target].T_target_own = T_target_own;
+  for (BundleMarker& marker : bundle->markers) {
+    if (marker.target != static_cast<int>(target)) continue;
+    marker.position = moved * marker.position;
+    marker.nominal = moved * marker.nominal;
+  }
+}
+
 Unknowns::Unknowns(const Bundle& bundle) {
   const auto per_block = static_cast<size_t>(MarkersPerBlock(bundle));
   marker_block_size = 3 * per_block;
@@ -162,14 +172,7 @@ void Unknowns::WriteTo(Bundle* bundle) const {
     bundle->markers[i].position = Eigen::Map<const Eigen::Vector3d>(markers + 3 * i);
   }
   for (size_t k = 0; k < targets.size(); ++k) {
-    if (bundle->targets[k].is_fixed) continue;
-    bundle->targets[k].T_target_own = targets[k].Value();
-    const RigidTransform moved = targets[k].Value() * targets[k].origin.Inverse();
-    for (BundleMarker& marker : bundle->markers) {
-      if (marker.target != static_cast<int>(k)) continue;
-      marker.position = moved * marker.position;
-      marker.nominal = moved * marker.nominal;
-    }
+    if (!bundle->targets[k].is_fixed) MoveTarget(k, targets[k].Value(), bundle);
   }
 }
 

@@ -51,6 +51,9 @@ struct Intrinsics {
   [[nodiscard]] size_t Slot(size_t param) const { return slots.empty() ? param : slots[param]; }
 };
 
+/// Gives a target another pose; its markers and their nominal places move with it.
+void MoveTarget(size_t target, const RigidTransform& T_target_own, Bundle* bundle);
+
 /// All unknowns in one array: Ceres orders the blocks of a group by their addresses, and the same
 /// input must give the same order.
 class Unknowns {

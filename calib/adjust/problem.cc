@@ -4,6 +4,7 @@
 #include <ceres/ceres.h>
 
 #include <algorithm>
+#include <cmath>
 #include <memory>
 #include <optional>
 #include <vector>
@@ -11,6 +12,7 @@
 #include "calib/adjust/bounds.h"
 #include "calib/adjust/parameter_blocks.h"
 #include "calib/adjust/prior_costs.h"
+#include "calib/adjust/reduced_cost.h"
 #include "calib/adjust/view_cost.h"
 
 namespace plenocal {
@@ -22,6 +24,7 @@ using internal::Unknowns;
 // Above this many unknowns a dense reduced system costs more than a sparse one. Where landmarks
 // are eliminated, few poses have none in common.
 constexpr size_t kMaxDenseUnknowns = 3000, kMaxDensePoses = 7000;
+constexpr size_t kMaxReducedMarkers = 1000;
 // The first trust region is so large that the first step is Gauss-Newton's.
 constexpr double kFirstTrustRegion = 1e6;
 // Below rounding: `AdjustOptions::cost_tolerance` decides.
@@ -47,28 +50,33 @@ size_t CountTrue(const std::vector<bool>& flags) {
 // The solver's problem for one bundle.
 class AdjustProblem {
  public:
-  AdjustProblem(const Bundle& bundle, const AdjustOptions& options)
-      : bundle_(bundle),
+  AdjustProblem(const AdjustOptions& options, Bundle* bundle)
+      : bundle_(*bundle),
         options_(options),
-        unknowns_(bundle),
+        unknowns_(*bundle),
         problem_(ProblemOptions()),
         marker_block_used_(unknowns_.MarkerBlocks(), false),
-        camera_used_(bundle.cameras.size(), false),
-        view_used_(bundle.jitter.delta.size(), false),
-        frame_used_(bundle.T_rig_target.size(), false),
-        target_used_(bundle.targets.size(), false),
+        camera_used_(bundle->cameras.size(), false),
+        view_used_(bundle->jitter.delta.size(), false),
+        frame_used_(bundle->T_rig_target.size(), false),
+        target_used_(bundle->targets.size(), false),
         has_distance_(unknowns_.MarkerBlocks(), false) {
+    FindUsed();
+    AddParamPriors();
+    AddCalibrationPrior();
+    if (IsReduced()) {
+      AddReducedCost();
+      return;
+    }
     AddObservations();
     AddJitterPriors();
-    AddParamPriors();
     AddMarkerPriors();
     AddDistances();
-    AddCalibrationPrior();
     HoldFrame();
   }
 
+  /// Leaves the bundle as it is if the result is not usable.
   AdjustSummary Solve();
-  void WriteTo(Bundle* bundle) const { unknowns_.WriteTo(bundle); }
 
  private:
   static ceres::Problem::Options ProblemOptions() {
@@ -78,6 +86,9 @@ class AdjustProblem {
     return options;
   }
 
+  void FindUsed();
+  [[nodiscard]] bool IsReduced() const;
+  void AddReducedCost();
   void AddObservations();
   // Observations of one view and one block of markers.
   void AddGroup(const std::vector<const BundleObservation*>& group);
@@ -88,18 +99,64 @@ class AdjustProblem {
   void AddCalibrationPrior();
   void HoldFrame();
   [[nodiscard]] bool EliminatesMarkersFirst() const;
+  [[nodiscard]] bool EstimatesLocalModel() const;
   [[nodiscard]] size_t DenseUnknowns() const;
   [[nodiscard]] ceres::ParameterBlockOrdering Ordering();
   [[nodiscard]] ceres::Solver::Options SolverOptions() const;
 
-  const Bundle& bundle_;
+  AdjustSummary SolveWithinBounds();
+
+  Bundle& bundle_;
   const AdjustOptions& options_;
   Unknowns unknowns_;
   ceres::Problem problem_;
+  internal::ReducedCost* reduced_ = nullptr;  // of the problem, in place of the observations' costs
   std::vector<bool> marker_block_used_, camera_used_, view_used_, frame_used_, target_used_;
   std::vector<bool> has_distance_;  // per marker block: shares a residual with another
   std::vector<IntrinsicsBlock*> blocks_used_;
 };
+
+void AdjustProblem::FindUsed() {
+  const auto per_block = static_cast<size_t>(internal::MarkersPerBlock(bundle_));
+  for (const BundleObservation& observation : bundle_.observations) {
+    if (!observation.used) continue;
+    const auto frame = static_cast<size_t>(observation.frame);
+    const auto camera = static_cast<size_t>(observation.camera);
+    frame_used_[frame] = true;
+    camera_used_[camera] = true;
+    if (bundle_.EstimatesJitter()) view_used_[bundle_.View(frame, camera)] = true;
+    if (bundle_.EstimatesMarkers()) {
+      marker_block_used_[static_cast<size_t>(observation.marker) / per_block] = true;
+    }
+    const std::optional<size_t> target = bundle_.FreeTarget(observation.marker);
+    if (target) target_used_[*target] = true;
+  }
+}
+
+// Whether poses are eliminated before Ceres (`ReducedCost`).
+bool AdjustProblem::IsReduced() const {
+  if (bundle_.HasLandmarks() || EstimatesLocalModel()) return false;
+  // Few poses before a large target: elimination of its markers is cheaper.
+  if (EliminatesMarkersFirst() && 3 * bundle_.markers.size() > kMaxReducedMarkers) return false;
+  bool any = false;
+  for (const IntrinsicsBlock* block : blocks_used_) {
+    for (size_t slot = 0; slot < block->Size(); ++slot) {
+      // Bounds move all unknowns back to where the first of them was met.
+      if (std::isfinite(block->lower[slot]) || std::isfinite(block->upper[slot])) return false;
+      any = any || !block->fixed[slot];
+    }
+  }
+  for (size_t c = 0; c < camera_used_.size(); ++c) {
+    any = any || (camera_used_[c] && !bundle_.cameras[c].is_master);
+  }
+  return any || CountTrue(target_used_) > 0;
+}
+
+void AdjustProblem::AddReducedCost() {
+  reduced_ = new internal::ReducedCost(
+      camera_used_, {options_.loss, options_.loss_width}, unknowns_, &bundle_);
+  problem_.AddResidualBlock(reduced_, nullptr, reduced_->Blocks());
+}
 
 void AdjustProblem::AddObservations() {
   const std::vector<BundleObservation>& observations = bundle_.observations;
@@ -136,22 +193,12 @@ void AdjustProblem::AddGroup(const std::vector<const BundleObservation*>& group)
   if (view.extrinsics != nullptr) blocks.push_back(view.extrinsics->delta);
   blocks.push_back(view.pose->delta);
   if (bundle_.EstimatesJitter()) {
-    const size_t index = bundle_.View(frame, camera);
-    blocks.push_back(unknowns_.Jitter(index));
-    view_used_[index] = true;
+    blocks.push_back(unknowns_.Jitter(bundle_.View(frame, camera)));
   }
-  if (target) {
-    blocks.push_back(view.target->delta);
-    target_used_[*target] = true;
-  }
-  if (bundle_.EstimatesMarkers()) {
-    blocks.push_back(unknowns_.MarkerBlock(marker_block));
-    marker_block_used_[marker_block] = true;
-  }
+  if (target) blocks.push_back(view.target->delta);
+  if (bundle_.EstimatesMarkers()) blocks.push_back(unknowns_.MarkerBlock(marker_block));
   problem_.AddResidualBlock(
       new internal::ViewCost(bundle_, view, group, options_), nullptr, blocks);
-  frame_used_[frame] = true;
-  camera_used_[camera] = true;
 }
 
 void AdjustProblem::AddJitterPriors() {
@@ -280,6 +327,12 @@ ceres::ParameterBlockOrdering AdjustProblem::Ordering() {
   return ordering;
 }
 
+bool AdjustProblem::EstimatesLocalModel() const {
+  return std::any_of(bundle_.cameras.begin(), bundle_.cameras.end(), [](const auto& c) {
+    return c.model->local && std::find(c.fixed.begin(), c.fixed.end(), false) != c.fixed.end();
+  });
+}
+
 ceres::Solver::Options AdjustProblem::SolverOptions() const {
   ceres::Solver::Options solver;
   solver.linear_solver_type =
@@ -288,13 +341,11 @@ ceres::Solver::Options AdjustProblem::SolverOptions() const {
           : ceres::SPARSE_SCHUR;
   // On which parameters of a local model a point depends changes during the solve, so that no
   // blocks of unknowns can state it.
-  const bool local = std::any_of(bundle_.cameras.begin(), bundle_.cameras.end(), [](const auto& c) {
-    return c.model->local && std::find(c.fixed.begin(), c.fixed.end(), false) != c.fixed.end();
-  });
-  if (local) {
+  if (EstimatesLocalModel()) {
     solver.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
     solver.dynamic_sparsity = true;
   }
+  if (reduced_ != nullptr) solver.linear_solver_type = ceres::DENSE_NORMAL_CHOLESKY;
   solver.num_threads = 1;
   solver.logging_type = ceres::SILENT;
   solver.max_num_iterations = options_.max_iterations;
@@ -306,6 +357,25 @@ ceres::Solver::Options AdjustProblem::SolverOptions() const {
 }
 
 AdjustSummary AdjustProblem::Solve() {
+  if (reduced_ == nullptr) {
+    const AdjustSummary summary = SolveWithinBounds();
+    if (summary.usable) unknowns_.WriteTo(&bundle_);
+    return summary;
+  }
+  const internal::ReducedCost::State before = reduced_->Save();
+  const AdjustSummary summary = SolveWithinBounds();
+  if (summary.usable) {
+    reduced_->Restore();
+    for (BundleCamera& camera : bundle_.cameras) {
+      camera.at_bound.assign(camera.rules.empty() ? 0 : camera.params.size(), false);
+    }
+  } else {
+    reduced_->Load(before);
+  }
+  return summary;
+}
+
+AdjustSummary AdjustProblem::SolveWithinBounds() {
   ceres::Solver::Options solver = SolverOptions();
   IterationReport report(options_);
   solver.callbacks.push_back(&report);
@@ -314,8 +384,10 @@ AdjustSummary AdjustProblem::Solve() {
   AdjustSummary summary;
   for (bool first = true;; first = false) {
     for (const IntrinsicsBlock* block : blocks_used_) internal::EstimateFree(*block, &problem_);
-    // The solver removes constant blocks from the ordering that it is given.
-    solver.linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>(ordering);
+    if (reduced_ == nullptr) {
+      // The solver removes constant blocks from the ordering that it is given.
+      solver.linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>(ordering);
+    }
     ceres::Solver::Summary solved;
     ceres::Solve(solver, &problem_, &solved);
     summary.usable = solved.IsSolutionUsable();
@@ -332,10 +404,7 @@ AdjustSummary AdjustProblem::Solve() {
 }  // namespace
 
 AdjustSummary Adjust(Bundle* bundle, const AdjustOptions& options) {
-  AdjustProblem problem(*bundle, options);
-  AdjustSummary summary = problem.Solve();
-  if (summary.usable) problem.WriteTo(bundle);
-  return summary;
+  return AdjustProblem(options, bundle).Solve();
 }
 
 }  // namespace plenocal

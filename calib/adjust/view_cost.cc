@@ -5,46 +5,6 @@
 #include <cmath>
 
 namespace plenocal::internal {
-namespace {
-
-// Factor on the residual of length `s` (in sigmas) so that half its square is the loss, with its
-// derivative to s^2. Applied to the residual itself, not by ceres::LossFunction, because that acts
-// on whole residual blocks and one block holds several observations.
-struct RobustFactor {
-  double factor = 1;
-  double derivative = 0;  // d factor / d (s^2)
-};
-
-RobustFactor RobustFactorOf(Loss loss, double width, double s2) {
-  if (loss == Loss::kHuber && s2 > width * width) {
-    // rho = 2 k s - k^2
-    const double s = std::sqrt(s2);
-    const double rho = 2 * width * s - width * width;
-    const double factor = std::sqrt(rho / s2);
-    return {factor, (width / (s * s2) - rho / (s2 * s2)) / (2 * factor)};
-  }
-  if (loss == Loss::kCauchy && s2 > 0) {
-    // rho = k^2 log(1 + s^2 / k^2)
-    constexpr double kSeries = 1e-8;  // below, the first term of the series is exact to rounding
-    const double k2 = width * width, q = s2 / k2;
-    const double factor = std::sqrt(std::log1p(q) / q);
-    if (q < kSeries) return {1, -0.25 / k2};
-    return {factor, (1 / (s2 * (1 + q)) - std::log1p(q) / (q * s2)) / (2 * factor)};
-  }
-  return {};
-}
-
-// Sets the derivatives of `rows` rows by `params` parameters to zero.
-void ClearDerivatives(const LinearisedRows& out, size_t rows, size_t params) {
-  std::fill_n(out.J_params, rows * params, 0.0);
-  for (double* J : {out.J_extrinsics, out.J_pose, out.J_jitter}) {
-    if (J != nullptr) std::fill_n(J, rows * 6, 0.0);
-  }
-  if (out.J_marker != nullptr) std::fill_n(out.J_marker, rows * 3, 0.0);
-}
-
-}  // namespace
-
 ViewCost::ViewCost(const Bundle& bundle,
                    const ViewUnknowns& unknowns,
                    std::span<const BundleObservation* const> observations,
@@ -57,7 +17,7 @@ ViewCost::ViewCost(const Bundle& bundle,
       free_markers_(bundle.EstimatesMarkers()),
       markers_per_block_(static_cast<size_t>(MarkersPerBlock(bundle))),
       observations_(observations.begin(), observations.end()),
-      options_(options) {
+      loss_{options.loss, options.loss_width} {
   set_num_residuals(static_cast<int>(observations_.size() * camera_.model->measured.size()));
   auto& sizes = *mutable_parameter_block_sizes();
   sizes.push_back(static_cast<int>(unknowns.intrinsics->block->Size()));
@@ -106,9 +66,9 @@ bool ViewCost::Evaluate(double const* const* parameters,
       // exist although the residual does; the point then does not count for the next step.
       const LinearisedRows edge{.residual = out.residual};
       if (!J.any || !Linearise(camera_, params, view, p_target, observation, edge)) return false;
-      ClearDerivatives(out, rows, count);
+      ClearDerivatives(camera_, out);
     }
-    Robustify(observation.assumed_sigma, out);
+    Robustify(loss_, camera_, observation.assumed_sigma, out);
     if (J.intrinsics != nullptr && !direct) ScatterParams(J_params, row, J.intrinsics);
     if (unknowns_.target != nullptr && out.J_marker != nullptr) {
       MoveWithTarget(
@@ -228,35 +188,6 @@ void ViewCost::ScatterParams(const std::vector<double>& J_params,
       J_block[(row + r) * width + slots_[k]] += J_params[r * count + k];
     }
   }
-}
-
-// r' = f(s^2) r, J' = (f I + 2 f' r r') J, where s is in sigmas of all noise.
-void ViewCost::Robustify(double assumed_sigma, const LinearisedRows& out) const {
-  if (options_.loss == Loss::kNone) return;
-  const size_t rows = camera_.model->measured.size();
-  const double part = camera_.noise.OwnSigma(assumed_sigma) / camera_.noise.Sigma(assumed_sigma);
-  double s2 = 0;
-  for (size_t r = 0; r < rows; ++r) s2 += out.residual[r] * out.residual[r];
-  RobustFactor robust = RobustFactorOf(options_.loss, options_.loss_width, part * part * s2);
-  robust.derivative *= part * part;
-  if (robust.factor == 1 && robust.derivative == 0) return;
-  const auto scale = [&](double* J, size_t columns) {
-    if (J == nullptr) return;
-    for (size_t c = 0; c < columns; ++c) {
-      double along = 0;
-      for (size_t r = 0; r < rows; ++r) along += out.residual[r] * J[r * columns + c];
-      for (size_t r = 0; r < rows; ++r) {
-        double& entry = J[r * columns + c];
-        entry = robust.factor * entry + 2 * robust.derivative * along * out.residual[r];
-      }
-    }
-  };
-  scale(out.J_params, camera_.params.size());
-  scale(out.J_extrinsics, 6);
-  scale(out.J_pose, 6);
-  scale(out.J_jitter, 6);
-  scale(out.J_marker, 3);
-  for (size_t r = 0; r < rows; ++r) out.residual[r] *= robust.factor;
 }
 
 // Multiplies rows of `columns` numbers by the inverse root of their covariance under common noise,

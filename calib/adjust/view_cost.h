@@ -9,6 +9,7 @@
 #include "calib/adjust/linearise.h"
 #include "calib/adjust/parameter_blocks.h"
 #include "calib/adjust/problem.h"
+#include "calib/adjust/robust_rows.h"
 
 namespace plenocal::internal {
 
@@ -66,7 +67,6 @@ class ViewCost : public ceres::CostFunction {
                       const Eigen::Vector3d& p_target,
                       double* J_target,
                       double* J_marker) const;
-  void Robustify(double assumed_sigma, const LinearisedRows& out) const;
   void Decorrelate(double* data, size_t columns) const;
 
   const Bundle& bundle_;
@@ -76,7 +76,7 @@ class ViewCost : public ceres::CostFunction {
   bool free_jitter_, free_markers_;
   size_t markers_per_block_;
   std::vector<const BundleObservation*> observations_;
-  const AdjustOptions& options_;
+  RobustLoss loss_;
 };
 
 }  // namespace plenocal::internal

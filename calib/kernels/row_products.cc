@@ -14,11 +14,16 @@ constexpr Eigen::Index kTileRows = 4, kTileColumns = 3;
 Eigen::Index RoundUp(Eigen::Index n, Eigen::Index step) { return (n + step - 1) / step * step; }
 
 PLENOCAL_FOR_EACH_PROCESSOR
-void Add(double factor, const double* rows, Eigen::Index width, Eigen::Index n, double* S) {
+void Add(double factor,
+         const double* rows,
+         Eigen::Index width,
+         Eigen::Index used,
+         Eigen::Index n,
+         double* S) {
   for (Eigen::Index column = 0; column < n; column += kTileColumns) {
     for (Eigen::Index row = column - column % kTileRows; row < n; row += kTileRows) {
       Four sums[kTileRows][kTileColumns] = {};
-      for (Eigen::Index i = 0; i < width; i += 4) {
+      for (Eigen::Index i = 0; i < used; i += 4) {
         for (Eigen::Index r = 0; r < kTileRows; ++r) {
           for (Eigen::Index c = 0; c < kTileColumns; ++c) {
             sums[r][c] += *reinterpret_cast<const Four*>(rows + (row + r) * width + i) *
@@ -40,11 +45,14 @@ void Add(double factor, const double* rows, Eigen::Index width, Eigen::Index n, 
 }  // namespace
 
 RowMajorMatrix ZeroRows(Eigen::Index rows, Eigen::Index columns) {
-  return RowMajorMatrix::Zero(RoundUp(rows, kTileRows * kTileColumns), RoundUp(columns, 4));
+  return RowMajorMatrix::Zero(RoundUp(rows, kTileRows * kTileColumns), RoundUpToFour(columns));
 }
 
-void AddRowProducts(double factor, const RowMajorMatrix& rows, Eigen::MatrixXd* S) {
-  Add(factor, rows.data(), rows.cols(), S->rows(), S->data());
+void AddRowProducts(double factor,
+                    const RowMajorMatrix& rows,
+                    Eigen::Index columns,
+                    Eigen::MatrixXd* S) {
+  Add(factor, rows.data(), rows.cols(), columns, S->rows(), S->data());
 }
 
 }  // namespace plenocal

@@ -1,30 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// The normal equations of a bundle with poses eliminated (Schur complement).
+// The normal equations of a bundle with poses eliminated, and the degrees of freedom of these.
 #pragma once
 
 #include <Eigen/Core>
 #include <vector>
 
 #include "calib/adjust/bundle.h"
+#include "calib/adjust/elimination/unknown_layout.h"
 
 namespace plenocal::internal {
-
-/// Index of each unknown in the reduced system: parameters and extrinsics of the cameras first,
-/// then three coordinates a marker.
-struct UnknownLayout {
-  std::vector<std::vector<int>> params;  ///< per camera and parameter; -1 when not estimated
-  std::vector<int> extrinsics;           ///< per camera; -1 for the master or a camera without data
-  std::vector<int> targets;              ///< per target; -1 where its pose is not estimated
-  int head = 0;                          ///< number of unknowns before the markers
-  int total = 0;
-  bool markers = false;
-
-  [[nodiscard]] int Marker(int index) const { return head + 3 * index; }
-};
-
-/// `has_data` per camera: whether it has used observations.
-UnknownLayout MakeLayout(const Bundle& bundle, const std::vector<bool>& has_data);
 
 struct ReducedSystem {
   /// Lower triangle of the reduced normal matrix, without priors of parameters.

@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// The normal equations of a bundle of targets with poses and jitter eliminated (Schur complement).
+#pragma once
+
+#include <Eigen/Core>
+#include <functional>
+#include <memory>
+#include <span>
+
+#include "calib/adjust/robust_rows.h"
+#include "calib/adjust/elimination/unknown_layout.h"
+
+namespace plenocal::internal {
+
+/// One camera's observations in one frame, reduced to the target pose.
+struct ReducedView {
+  size_t camera = 0;
+  Matrix6d information = Matrix6d::Zero();  ///< of the pose that the camera saw, E' E
+  Matrix6d of_means = Matrix6d::Zero();     ///< that of the means of markers
+  /// With jitter about the frame's pose, of information W' W = Q: W and (E' E + Q)^-1.
+  Matrix6d W = Matrix6d::Zero();
+  Matrix6d jitter_covariance = Matrix6d::Zero();
+};
+
+/// Covariance of a frame's pose, all unknowns of the layout fixed, and the frame's views.
+using VisitFrame = std::function<
+    void(size_t frame, const Matrix6d& pose_covariance, std::span<const ReducedView> views)>;
+
+struct EliminationOptions {
+  RobustLoss loss = {};
+  /// Added to each pose's information as a part of its diagonal.
+  double damping = 0;
+  /// Keeps what `PoseSteps` needs: 48 bytes a frame and unknown.
+  bool keep_steps = false;
+  VisitFrame visit = {};  ///< if set, called after each frame
+};
+
+/// The steps of poses and jitter to their optimum.
+class PoseSteps {
+ public:
+  virtual ~PoseSteps() = default;
+  /// Moves poses and jitter of `bundle`, which are as they were at the elimination, to the optimum
+  /// of the linearised residuals when the unknowns of the layout change by `step`. Of the way that
+  /// they go without such a change they go `own_part`.
+  virtual void Apply(const Eigen::VectorXd& step, double own_part, Bundle* bundle) const = 0;
+};
+
+struct ReducedEquations {
+  /// Lower triangle of the normal matrix of the layout's unknowns, all in the charts about their
+  /// present values, without priors of parameters. The last row is the gradient of half the sum of
+  /// squares.
+  Eigen::MatrixXd S;
+  /// Diagonal of the matrix before poses were eliminated, whose rounding `S` has.
+  Eigen::VectorXd diagonal;
+  double squares = 0;     ///< the sum of squares of residuals, of priors of markers and of jitter
+  bool complete = false;  ///< all used observations project
+  std::unique_ptr<PoseSteps> steps;  ///< where they are kept
+};
+
+ReducedEquations EliminateFrames(const Bundle& bundle,
+                                 const UnknownLayout& layout,
+                                 const EliminationOptions& options);
+
+/// `ReducedEquations::squares` alone; infinite where a used observation does not project.
+double SumOfSquares(const Bundle& bundle, const RobustLoss& loss);
+
+}  // namespace plenocal::internal
