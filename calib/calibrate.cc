@@ -99,6 +99,12 @@ void SolveTimeShifts(const std::vector<CameraInput>& cameras,
   if (!explains) *calibration = with_jitter;
 }
 
+// Brings a bundle back to its initial guess, which holds no observations.
+void StartAgain(const BundleState& guess, Bundle* bundle) {
+  static_cast<BundleState&>(*bundle) = guess;
+  for (BundleObservation& observation : bundle->observations) observation.used = true;
+}
+
 // A rig is taken as rigid and its frames as synchronous unless its frames disagree.
 void SolveRig(const CalibrationInput& input,
               const SolveOptions& options,
@@ -117,11 +123,12 @@ void SolveRig(const CalibrationInput& input,
     CalibrationInput held = input;
     HoldOpenCoefficients(calibration->uncertainty, &held.cameras);
     *guess = GuessBundle(held, threads);
-    calibration->bundle = guess->bundle;
+    calibration->bundle.observations = std::move(guess->bundle.observations);
+    StartAgain(guess->bundle, &calibration->bundle);
     solve();
   }
   if (FramesAgree(calibration->bundle, calibration->uncertainty, options.typical_sigmas)) return;
-  calibration->bundle = guess->bundle;
+  StartAgain(guess->bundle, &calibration->bundle);
   const std::vector<CameraInput>& cameras = guess->linked ? guess->linked->cameras : input.cameras;
   StartJitter(cameras, guess->cameras, calibration->frames, &calibration->bundle);
   solve();
@@ -184,7 +191,8 @@ Calibration Calibrate(const CalibrationInput& input, const CalibrationOptions& o
   BundleGuess guess = GuessBundle(input, options.threads);
   Calibration calibration;
   calibration.frames = guess.frames;
-  calibration.bundle = guess.bundle;
+  calibration.bundle.observations = std::move(guess.bundle.observations);
+  StartAgain(guess.bundle, &calibration.bundle);
   calibration.left_out = guess.left_out;
   SolveOptions solve;
   solve.loss = input.loss;

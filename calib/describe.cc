@@ -60,6 +60,11 @@ ResidualRow DescribeResidual(const Bundle& bundle, const BundleObservation& obse
 void DescribeObservations(const Calibration& calibration, CalibrationRecord* record) {
   const Bundle& bundle = calibration.bundle;
   const Jitter& jitter = bundle.jitter;
+  std::vector<size_t> counts(bundle.cameras.size(), 0);
+  for (const BundleObservation& observation : bundle.observations) {
+    ++counts[static_cast<size_t>(observation.camera)];
+  }
+  for (size_t c = 0; c < counts.size(); ++c) record->cameras[c].residuals.reserve(counts[c]);
   for (const BundleObservation& observation : bundle.observations) {
     const auto c = static_cast<size_t>(observation.camera);
     const auto f = static_cast<size_t>(observation.frame);

@@ -126,6 +126,7 @@ class Rounds {
     AdjustOptions adjust;
     adjust.loss = loss;
     adjust.cost_tolerance = cost_tolerance;
+    adjust.near_optimum = solution_.converged;
     adjust.on_iteration = [&](int, double) { return options_.go_on(); };
     const AdjustSummary summary = Adjust(&bundle_, adjust);
     solution_.iterations += summary.iterations;

@@ -177,6 +177,11 @@ void AddView(const CameraInput& camera,
 
 // Markers, frames and the observations that take part, in their order.
 void AddFrames(const CalibrationInput& input, BundleGuess* guess) {
+  size_t observations = 0;
+  for (const CameraInput& camera : input.cameras) {
+    for (const View& view : camera.views) observations += view.observations.size();
+  }
+  guess->bundle.observations.reserve(observations);
   std::map<int, int> marker_index;
   for (const auto& [number, position] : input.markers) {
     marker_index[number] = static_cast<int>(guess->bundle.markers.size());

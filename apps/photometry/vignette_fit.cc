@@ -486,7 +486,6 @@ class VignetteSolver {
     const CalibratedCamera& camera = *wall_.camera;
     Matrix6d N = Matrix6d::Zero();
     Vector6d b = Vector6d::Zero();
-    std::vector<double> J_params(2 * camera.params.size());
     for (int r = 0; r < grid_.rows; r += kEvery) {
       for (int column = 0; column < grid_.columns; column += kEvery) {
         const float c = c_[static_cast<size_t>(r)][static_cast<size_t>(column)];
@@ -509,7 +508,7 @@ class VignetteSolver {
                 camera.config.data(),
                 u.data(),
                 p,
-                {.predicted = u.data(), .J_params = J_params.data(), .J_point = J_point.data()})) {
+                {.predicted = u.data(), .J_point = J_point.data()})) {
           continue;
         }
         const Eigen::RowVector2d gradient =

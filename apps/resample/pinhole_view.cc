@@ -163,13 +163,13 @@ SeenImage ImageOf(const CalibratedCamera& camera, const Eigen::Matrix3d& R_view_
     return ray->direction;
   };
   const double values[kMaxObservationSize] = {};
-  std::vector<double> J_params(2 * camera.params.size());
   Eigen::Matrix<double, 2, 3, Eigen::RowMajor> J_point;
-  if (!camera.model->project_with_jacobian(camera.params.data(),
-                                           camera.config.data(),
-                                           values,
-                                           Eigen::Vector3d::UnitZ(),
-                                           {image.c.data(), J_params.data(), J_point.data()})) {
+  if (!camera.model->project_with_jacobian(
+          camera.params.data(),
+          camera.config.data(),
+          values,
+          Eigen::Vector3d::UnitZ(),
+          {.predicted = image.c.data(), .J_point = J_point.data()})) {
     throw Error(ErrorKind::kJob,
                 fmt::format("camera '{}' does not image its optical axis", camera.name));
   }

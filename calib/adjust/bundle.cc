@@ -85,7 +85,7 @@ std::vector<double> WeightedLengths(const Bundle& bundle) {
   return lengths;
 }
 
-std::vector<std::vector<MarkerDistance>> Bundle::DistanceGroups() const {
+std::vector<std::vector<MarkerDistance>> BundleState::DistanceGroups() const {
   std::vector<std::vector<MarkerDistance>> groups;
   std::vector<MarkerDistance> together;
   for (const MarkerDistance& distance : distances) {

@@ -113,8 +113,8 @@ struct CalibrationPrior {
   Eigen::MatrixXd weight;                    ///< W; W' W is the inverse covariance of `unknowns`
 };
 
-/// `observations` are sorted by frame, then camera, then marker.
-struct Bundle {
+/// All of a bundle but its observations.
+struct BundleState {
   std::vector<BundleCamera> cameras;
   std::vector<RigidTransform> T_rig_target;  ///< per frame
   std::vector<BundleMarker> markers;
@@ -131,7 +131,6 @@ struct Bundle {
   /// Where nothing gives the landmarks' scale: the distance that holds it. Its sigma is small
   /// against all others.
   std::optional<MarkerDistance> held_distance = {};
-  std::vector<BundleObservation> observations;
   Jitter jitter;
   /// Per view as `Jitter::delta`; empty where the images of a frame were taken at one time.
   std::vector<ViewMotion> motion = {};
@@ -173,6 +172,10 @@ struct Bundle {
     const RigidTransform pose = PoseAtView(frame, camera);
     return jitter.delta.empty() ? pose : Retract(pose, jitter.delta[View(frame, camera)]);
   }
+};
+
+struct Bundle : BundleState {
+  std::vector<BundleObservation> observations;  ///< sorted by frame, then camera, then marker
 };
 
 /// Gives a camera as many nuisance parameters as its views state; the prior of each is standard

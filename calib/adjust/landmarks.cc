@@ -13,12 +13,10 @@ LandmarkEquations LineariseLandmark(const Bundle& bundle,
                                     std::span<const size_t> observations,
                                     double width) {
   LandmarkEquations equations;
-  std::vector<double> J_params;
   for (const size_t i : observations) {
     const BundleObservation& observation = bundle.observations[i];
     const BundleCamera& camera = bundle.cameras[static_cast<size_t>(observation.camera)];
     const auto rows = static_cast<Eigen::Index>(camera.model->measured.size());
-    J_params.resize(kMaxObservationSize * camera.params.size());
     Eigen::Matrix<double, kMaxObservationSize, 1> r;
     Eigen::Matrix<double, kMaxObservationSize, 3, Eigen::RowMajor> J;
     if (!internal::Linearise(
@@ -28,7 +26,7 @@ LandmarkEquations LineariseLandmark(const Bundle& bundle,
              .T_rig_target = bundle.T_rig_target[static_cast<size_t>(observation.frame)]},
             bundle.markers[static_cast<size_t>(observation.marker)].position,
             observation,
-            {.residual = r.data(), .J_params = J_params.data(), .J_marker = J.data()})) {
+            {.residual = r.data(), .J_marker = J.data()})) {
       continue;
     }
     const double part = camera.noise.OwnSigma(observation.assumed_sigma) /

@@ -70,24 +70,26 @@ bool Linearise(const BundleCamera& camera,
   const size_t rows = model.measured.size();
   double predicted[kMaxObservationSize];
   double J_point[kMaxObservationSize * 3];
+  const bool derive = out.HasDerivatives();
   const bool inside =
-      out.J_params == nullptr
-          ? model.project(params, camera.config.data(), seen.values.data(), p_cam, predicted)
-          : model.project_with_jacobian(
-                params,
-                camera.config.data(),
-                seen.values.data(),
-                p_cam,
-                {.predicted = predicted, .J_params = out.J_params, .J_point = J_point});
+      derive ? model.project_with_jacobian(
+                   params,
+                   camera.config.data(),
+                   seen.values.data(),
+                   p_cam,
+                   {.predicted = predicted, .J_params = out.J_params, .J_point = J_point})
+             : model.project(params, camera.config.data(), seen.values.data(), p_cam, predicted);
   if (!inside) return false;
   const double weight = 1 / camera.noise.OwnSigma(observation.assumed_sigma);
   for (size_t r = 0; r < rows; ++r) out.residual[r] = weight * (seen.values[r] - predicted[r]);
-  if (out.J_params == nullptr) return true;
+  if (!derive) return true;
 
   // Residual = measured - predicted, so every derivative is minus that of the prediction. With a
   // rotation by w before the point: row (-Hat(a)) = (a x row)'.
-  for (size_t i = 0; i < rows * model.params.size(); ++i) out.J_params[i] *= -weight;
-  if (camera.Nuisances() > 0) AppendNuisances(camera, observation, weight, out.J_params);
+  if (out.J_params != nullptr) {
+    for (size_t i = 0; i < rows * model.params.size(); ++i) out.J_params[i] *= -weight;
+    if (camera.Nuisances() > 0) AppendNuisances(camera, observation, weight, out.J_params);
+  }
   for (size_t r = 0; r < rows; ++r) {
     const Eigen::Vector3d J_cam = -weight * Eigen::Map<const Eigen::Vector3d>(J_point + 3 * r);
     const Eigen::Vector3d J_rig = view.T_camera_rig.R.transpose() * J_cam;
@@ -109,7 +111,7 @@ bool Linearise(const BundleCamera& camera,
     if (out.J_marker != nullptr) {
       Eigen::Map<Eigen::Vector3d>(out.J_marker + 3 * r) = view.T_rig_target.R.transpose() * J_rig;
     }
-    if (camera.time_shift) {
+    if (camera.time_shift && out.J_params != nullptr) {
       out.J_params[r * camera.params.size() + *camera.time_shift] =
           J_rig.dot(view.by_time_shift.head<3>()) +
           rotated.cross(J_rig).dot(view.by_time_shift.tail<3>());

@@ -41,11 +41,16 @@ struct LinearisedRows {
   double* J_pose = nullptr;        ///< rows x 6, chart of T_rig_target
   double* J_jitter = nullptr;      ///< rows x 6, chart of Jitter::delta
   double* J_marker = nullptr;      ///< rows x 3
+
+  [[nodiscard]] bool HasDerivatives() const {
+    return J_params != nullptr || J_extrinsics != nullptr || J_pose != nullptr ||
+           J_jitter != nullptr || J_marker != nullptr;
+  }
 };
 
 /// Residual of one observation in standard deviations of its own noise with its derivatives; false
-/// outside the model's domain. Common noise is applied to sums of rows (`CommonShare`). J_params is
-/// needed for any derivative; without it only the residual is computed.
+/// outside the model's domain. Common noise is applied to sums of rows (`CommonShare`). Without
+/// J_params the others cost a third.
 bool Linearise(const BundleCamera& camera,
                const double* params,
                const LinearisedView& view,

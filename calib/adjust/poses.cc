@@ -22,28 +22,30 @@ struct PoseEquations {
 
 PoseEquations LinearisePose(const Bundle& bundle, size_t begin, size_t end, double width) {
   PoseEquations equations;
-  std::vector<double> J_params;
   using J6 = Eigen::Matrix<double, kMaxObservationSize, 6, Eigen::RowMajor>;
   using Residual = Eigen::Matrix<double, kMaxObservationSize, 1>;
-  for (size_t i = begin, of_marker = begin; i < end;) {
+  internal::LinearisedView view;
+  for (size_t i = begin, of_marker = begin, end_of_view = begin; i < end;) {
     const BundleCamera& camera = bundle.cameras[static_cast<size_t>(bundle.observations[i].camera)];
     const auto rows = static_cast<Eigen::Index>(camera.model->measured.size());
-    J_params.resize(kMaxObservationSize * camera.params.size());
+    if (end_of_view <= i) {
+      end_of_view = EndOfView(bundle.observations, i);
+      view = internal::ViewOf(bundle,
+                              static_cast<size_t>(bundle.observations[i].frame),
+                              static_cast<size_t>(bundle.observations[i].camera));
+    }
     J6 J, J_sum = J6::Zero();  // in own sigmas
     Residual r, r_sum = Residual::Zero();
     double information = 0;
     for (of_marker = EndOfMarker(bundle.observations, i); i < of_marker; ++i) {
       const BundleObservation& observation = bundle.observations[i];
       if (!observation.used) continue;
-      if (!internal::Linearise(
-              camera,
-              camera.params.data(),
-              internal::ViewOf(bundle,
-                               static_cast<size_t>(observation.frame),
-                               static_cast<size_t>(observation.camera)),
-              bundle.markers[static_cast<size_t>(observation.marker)].position,
-              observation,
-              {.residual = r.data(), .J_params = J_params.data(), .J_pose = J.data()})) {
+      if (!internal::Linearise(camera,
+                               camera.params.data(),
+                               view,
+                               bundle.markers[static_cast<size_t>(observation.marker)].position,
+                               observation,
+                               {.residual = r.data(), .J_pose = J.data()})) {
         continue;
       }
       const double own = camera.noise.OwnSigma(observation.assumed_sigma);

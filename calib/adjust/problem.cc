@@ -25,8 +25,9 @@ using internal::Unknowns;
 // are eliminated, few poses have none in common.
 constexpr size_t kMaxDenseUnknowns = 3000, kMaxDensePoses = 7000;
 constexpr size_t kMaxReducedMarkers = 1000;
-// The first trust region is so large that the first step is Gauss-Newton's.
-constexpr double kFirstTrustRegion = 1e6;
+// The first trust region is so large that the first step is Gauss-Newton's; near the optimum, that
+// it is along directions which are hardly determined as well.
+constexpr double kFirstTrustRegion = 1e6, kTrustRegionNearOptimum = 1e8;
 // Below rounding: `AdjustOptions::cost_tolerance` decides.
 constexpr double kGradientTolerance = 1e-14, kParameterTolerance = 1e-13;
 
@@ -345,14 +346,18 @@ ceres::Solver::Options AdjustProblem::SolverOptions() const {
     solver.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
     solver.dynamic_sparsity = true;
   }
-  if (reduced_ != nullptr) solver.linear_solver_type = ceres::DENSE_NORMAL_CHOLESKY;
   solver.num_threads = 1;
   solver.logging_type = ceres::SILENT;
   solver.max_num_iterations = options_.max_iterations;
   solver.function_tolerance = options_.cost_tolerance;
   solver.gradient_tolerance = kGradientTolerance;
   solver.parameter_tolerance = kParameterTolerance;
-  solver.initial_trust_region_radius = kFirstTrustRegion;
+  solver.initial_trust_region_radius =
+      options_.near_optimum ? kTrustRegionNearOptimum : kFirstTrustRegion;
+  if (reduced_ != nullptr) {
+    solver.linear_solver_type = ceres::DENSE_NORMAL_CHOLESKY;
+    internal::ReducedCost::DampByUnits(&solver);
+  }
   return solver;
 }
 
@@ -383,8 +388,10 @@ AdjustSummary AdjustProblem::SolveWithinBounds() {
   internal::ActiveSet bounds(blocks_used_, &unknowns_, &problem_);
   AdjustSummary summary;
   for (bool first = true;; first = false) {
-    for (const IntrinsicsBlock* block : blocks_used_) internal::EstimateFree(*block, &problem_);
-    if (reduced_ == nullptr) {
+    if (reduced_ != nullptr) {
+      reduced_->SetManifolds(&problem_);
+    } else {
+      for (const IntrinsicsBlock* block : blocks_used_) internal::EstimateFree(*block, &problem_);
       // The solver removes constant blocks from the ordering that it is given.
       solver.linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>(ordering);
     }

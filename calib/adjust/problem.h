@@ -18,6 +18,7 @@ struct AdjustOptions {
   int max_iterations = 100;
   /// The solve has converged when a step lowers the cost by less than this part of it.
   double cost_tolerance = 1e-10;
+  bool near_optimum = false;  ///< the start is that of an earlier solve of nearly the same problem
   /// Called after every iteration with its number and cost; false stops the solve.
   std::function<bool(int iteration, double cost)> on_iteration;
 };

@@ -7,14 +7,15 @@
 #include <span>
 #include <utility>
 
+#include "calib/adjust/poses.h"
+#include "calib/adjust/scaled_manifold.h"
+
 namespace plenocal::internal {
 namespace {
 
 // Part of the diagonal of the normal equations, before poses and markers are eliminated, that is
-// added to them (Levenberg and Marquardt): in the first step and after each step, at the least that
-// of the sums' rounding. Ceres' own damping is a part of the diagonal that is left, which is small
-// where poses can do what a parameter does.
-constexpr double kFirstDamping = 1e-6, kLessDamping = 1. / 3, kLeastDamping = 1e-13;
+// added to them: of rounding of their sums. Ceres adds more.
+constexpr double kRounding = 1e-13;
 // After each step that was none: of what poses and markers go by themselves in the next.
 constexpr double kLessOfOwn = 0.5;
 
@@ -27,9 +28,8 @@ ReducedCost::ReducedCost(const std::vector<bool>& used,
     : bundle_(*bundle),
       used_(used),
       unknowns_(unknowns),
-      loss_(loss),
-      layout_(MakeLayout(*bundle, used)),
-      damping_(kFirstDamping) {
+      objective_(ObjectiveOf(*bundle, loss)),
+      layout_(MakeLayout(*bundle, used)) {
   AddIntrinsics(used);
   const auto six = [](int first) {
     std::vector<int> indices;
@@ -74,11 +74,16 @@ bool ReducedCost::Evaluate(double const* const* parameters,
                            double** jacobians) const {
   const Eigen::VectorXd values = Gather(parameters);
   if (evaluated_.size() == 0 || evaluated_ != values) {
-    MoveTo(values);
+    if (at_ && at_->values == values) {
+      Load(at_->state);
+      squares_ = at_->equations.squares;
+    } else {
+      MoveTo(values);
+      own_part_ *= kLessOfOwn;
+      squares_ = SquaresHere();
+      if (at_ && WithinDomain() && !(squares_ < at_->equations.squares)) RefinePoses();
+    }
     evaluated_ = values;
-    own_part_ *= kLessOfOwn;
-    squares_ = WithinDomain() ? SumOfSquares(bundle_, loss_)
-                              : std::numeric_limits<double>::infinity();
   }
   if (!std::isfinite(squares_)) return false;
   const Eigen::Index head = layout_.head;
@@ -91,6 +96,34 @@ bool ReducedCost::Evaluate(double const* const* parameters,
   r[head] = std::sqrt(std::max(0.0, squares_ - at_->residual.squaredNorm()));
   SetJacobians(jacobians);
   return true;
+}
+
+void ReducedCost::SetManifolds(ceres::Problem* problem) const {
+  Eigen::VectorXd diagonal = Eigen::VectorXd::Zero(layout_.head);
+  const std::vector<const double*> parameters(blocks_.begin(), blocks_.end());
+  if (WithinDomain() && Linearise(Gather(parameters.data()))) {
+    diagonal = at_->equations.diagonal.head(layout_.head);
+  }
+  for (size_t b = 0; b < blocks_.size(); ++b) {
+    std::vector<ScaledManifold::Part> parts;
+    for (size_t i = 0; i < indices_[b].size(); ++i) {
+      const int index = indices_[b][i];
+      if (index < 0) continue;
+      const double square = diagonal[index];
+      parts.push_back({static_cast<int>(i), square > 0 ? 1 / std::sqrt(square) : 1.0});
+    }
+    if (parts.empty()) {
+      problem->SetParameterBlockConstant(blocks_[b]);
+      continue;
+    }
+    problem->SetManifold(
+        blocks_[b], new ScaledManifold(static_cast<int>(indices_[b].size()), std::move(parts)));
+  }
+}
+
+void ReducedCost::DampByUnits(ceres::Solver::Options* options) {
+  options->jacobi_scaling = false;
+  options->min_lm_diagonal = options->max_lm_diagonal = 1;
 }
 
 void ReducedCost::Restore() const {
@@ -190,8 +223,7 @@ Eigen::VectorXd ReducedCost::HeadStep(const Eigen::VectorXd& values) const {
       }
       continue;
     }
-    const RigidTransform from =
-        Retract(poses_[b]->origin, Vector6d(at_->values.segment<6>(first)));
+    const RigidTransform from = Retract(poses_[b]->origin, Vector6d(at_->values.segment<6>(first)));
     const RigidTransform to = Retract(poses_[b]->origin, Vector6d(values.segment<6>(first)));
     step.segment<3>(indices_[b][0]) = to.t - from.t;
     step.segment<3>(indices_[b][3]) = LogRotation(to.R * from.R.transpose());
@@ -207,32 +239,48 @@ bool ReducedCost::WithinDomain() const {
   return true;
 }
 
+double ReducedCost::SquaresHere() const {
+  return WithinDomain() ? SumOfSquares(bundle_, objective_)
+                        : std::numeric_limits<double>::infinity();
+}
+
+void ReducedCost::RefinePoses() const {
+  const std::vector<RigidTransform> linear = bundle_.T_rig_target;
+  const double squares = squares_;
+  AdjustPoses(&bundle_, std::vector<bool>(linear.size(), true));
+  squares_ = SquaresHere();
+  if (squares_ < squares) return;
+  bundle_.T_rig_target = linear;
+  squares_ = squares;
+}
+
 bool ReducedCost::Linearise(const Eigen::VectorXd& values) const {
   if (at_ && at_->values == values) return true;
-  if (at_) damping_ = std::max(kLeastDamping, damping_ * kLessDamping);
   at_.reset();  // before the next takes as much memory
   own_part_ = 1;
   at_.emplace();
   at_->values = values;
   at_->state = Save();
   Eliminate();
-  return at_->equations.complete;
+  if (!at_->equations.complete) at_.reset();
+  return at_.has_value();
 }
 
 void ReducedCost::Eliminate() const {
-  at_->equations = EliminateFrames(
-      bundle_, layout_, {.loss = loss_, .damping = damping_, .keep_steps = true});
+  at_->equations =
+      EliminateFrames(bundle_, layout_, objective_, {.damping = kRounding, .keep_steps = true});
   const Eigen::MatrixXd& S = at_->equations.S;
   const Eigen::Index head = layout_.head, markers = layout_.total - head;
   Eigen::MatrixXd matrix = S.topLeftCorner(head, head).selfadjointView<Eigen::Lower>();
   Eigen::VectorXd gradient = S.row(layout_.total).head(head).transpose();
   if (markers > 0) {
     Eigen::MatrixXd of_markers = S.block(head, head, markers, markers);
-    of_markers.diagonal() += damping_ * at_->equations.diagonal.segment(head, markers);
+    of_markers.diagonal() += kRounding * at_->equations.diagonal.segment(head, markers);
     at_->markers.compute(of_markers);
     Eigen::MatrixXd& by_head = at_->markers_by_head;
     by_head.resize(markers, head + 1);
-    by_head << S.block(head, 0, markers, head), S.row(layout_.total).segment(head, markers).transpose();
+    by_head << S.block(head, 0, markers, head),
+        S.row(layout_.total).segment(head, markers).transpose();
     at_->markers.matrixL().solveInPlace(by_head);
     matrix.noalias() -= by_head.leftCols(head).transpose() * by_head.leftCols(head);
     gradient.noalias() -= by_head.leftCols(head).transpose() * by_head.col(head);
@@ -243,11 +291,11 @@ void ReducedCost::Eliminate() const {
 void ReducedCost::FactorHead(const Eigen::MatrixXd& matrix,
                              const Eigen::VectorXd& gradient,
                              const Eigen::VectorXd& diagonal) const {
-  const Eigen::VectorXd scale = diagonal.unaryExpr(
-      [](double square) { return square > 0 ? 1 / std::sqrt(square) : 1.0; });
+  const Eigen::VectorXd scale =
+      diagonal.unaryExpr([](double square) { return square > 0 ? 1 / std::sqrt(square) : 1.0; });
   const Eigen::MatrixXd scaled = scale.asDiagonal() * matrix * scale.asDiagonal();
   Eigen::LLT<Eigen::MatrixXd> factor;
-  double damping = damping_;
+  double damping = kRounding;
   do {
     Eigen::MatrixXd damped = scaled;
     damped.diagonal().array() += damping;

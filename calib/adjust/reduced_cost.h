@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <ceres/cost_function.h>
+#include <ceres/ceres.h>
 
 #include <Eigen/Cholesky>
 #include <Eigen/Core>
@@ -33,6 +33,13 @@ class ReducedCost : public ceres::CostFunction {
               Bundle* bundle);
 
   [[nodiscard]] const std::vector<double*>& Blocks() const { return blocks_; }
+  /// Fixes what is not estimated, and gives the rest units of which each alone, poses and markers
+  /// fixed, has the information 1: what Ceres' damping counts by (`DampByUnits`). In the
+  /// information that poses leave it would be weak where they can do what a parameter does, and
+  /// steps far too long.
+  void SetManifolds(ceres::Problem* problem) const;
+  static void DampByUnits(ceres::Solver::Options* options);
+
   bool Evaluate(double const* const* parameters,
                 double* residuals,
                 double** jacobians) const override;
@@ -71,6 +78,11 @@ class ReducedCost : public ceres::CostFunction {
   // In the charts of the linearisation.
   [[nodiscard]] Eigen::VectorXd HeadStep(const Eigen::VectorXd& values) const;
   [[nodiscard]] bool WithinDomain() const;
+  // Sum of squares at the bundle's present values; infinite outside the domain.
+  [[nodiscard]] double SquaresHere() const;
+  // Moves the poses to their optimum, where that is better: their linear steps end beside the
+  // valley that a long step of the cameras follows.
+  void RefinePoses() const;
   bool Linearise(const Eigen::VectorXd& values) const;
   void Eliminate() const;
   // `diagonal`: that of the matrix before the elimination.
@@ -82,7 +94,7 @@ class ReducedCost : public ceres::CostFunction {
   Bundle& bundle_;
   std::vector<bool> used_;  // per camera
   const Unknowns& unknowns_;
-  RobustLoss loss_;
+  Objective objective_;
   UnknownLayout layout_;
   std::vector<double*> blocks_;
   std::vector<std::vector<int>> indices_;  // per block and number: in the layout, or -1
@@ -96,7 +108,6 @@ class ReducedCost : public ceres::CostFunction {
   // Of the step of poses and markers to their optimum beside the cameras' step, which Ceres makes
   // smaller after a step that was none.
   mutable double own_part_ = 1;
-  mutable double damping_;
 };
 
 }  // namespace plenocal::internal

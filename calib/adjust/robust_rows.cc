@@ -68,7 +68,7 @@ void Robustify(const RobustLoss& loss,
 
 void ClearDerivatives(const BundleCamera& camera, const LinearisedRows& out) {
   const size_t rows = camera.model->measured.size();
-  std::fill_n(out.J_params, rows * camera.params.size(), 0.0);
+  if (out.J_params != nullptr) std::fill_n(out.J_params, rows * camera.params.size(), 0.0);
   for (double* J : {out.J_extrinsics, out.J_pose, out.J_jitter}) {
     if (J != nullptr) std::fill_n(J, rows * 6, 0.0);
   }

@@ -118,7 +118,7 @@ struct ReplicateResidual {
 /// Where a projection and its derivatives are written; row-major, one row a measured coordinate.
 struct ProjectionOutput {
   double* predicted = nullptr;  ///< measured coordinates
-  double* J_params = nullptr;   ///< measured x params
+  double* J_params = nullptr;   ///< measured x params; null: not needed
   double* J_point = nullptr;    ///< measured x 3, by p_cam
 };
 
@@ -265,16 +265,40 @@ bool ProjectWithLocalJacobian(const double* params,
   for (int i = 0; i < 3; ++i) p_jet[i] = Jet(p_cam[i], static_cast<int>(kCount) + i);
   std::array<Jet, kMeasuredCount> predicted_jet;
   if (!Project<M>(params_jet.data(), config, values, p_jet, predicted_jet.data())) return false;
-  std::fill_n(out.J_params, kMeasuredCount * M::kParams.size(), 0.0);
+  if (out.J_params != nullptr) {
+    std::fill_n(out.J_params, kMeasuredCount * M::kParams.size(), 0.0);
+  }
   for (size_t r = 0; r < kMeasuredCount; ++r) {
     out.predicted[r] = predicted_jet[r].a;
     const auto& v = predicted_jet[r].v;
-    for (size_t i = 0; i < kCount; ++i) {
+    for (size_t i = 0; i < kCount && out.J_params != nullptr; ++i) {
       out.J_params[r * M::kParams.size() + support[i]] = v[static_cast<Eigen::Index>(i)];
     }
     for (size_t i = 0; i < 3; ++i) {
       out.J_point[r * 3 + i] = v[static_cast<Eigen::Index>(kCount + i)];
     }
+  }
+  return true;
+}
+
+// Derivatives by the point alone take a third of the time of all, and poses need no others.
+template <CameraModelPlugin M>
+[[gnu::noinline, gnu::flatten]] bool ProjectWithPointJacobian(const double* params,
+                                                              const double* config,
+                                                              const double* values,
+                                                              const Eigen::Vector3d& p_cam,
+                                                              const ProjectionOutput& out) {
+  constexpr size_t kMeasuredCount = M::kMeasured.size();
+  using Jet = ceres::Jet<double, 3>;
+  thread_local std::array<Jet, M::kParams.size()> params_jet;
+  for (size_t i = 0; i < params_jet.size(); ++i) params_jet[i] = Jet(params[i]);
+  Vector3<Jet> p_jet;
+  for (int i = 0; i < 3; ++i) p_jet[i] = Jet(p_cam[i], i);
+  std::array<Jet, kMeasuredCount> predicted_jet;
+  if (!Project<M>(params_jet.data(), config, values, p_jet, predicted_jet.data())) return false;
+  for (size_t r = 0; r < kMeasuredCount; ++r) {
+    out.predicted[r] = predicted_jet[r].a;
+    for (int i = 0; i < 3; ++i) out.J_point[r * 3 + static_cast<size_t>(i)] = predicted_jet[r].v[i];
   }
   return true;
 }
@@ -287,6 +311,9 @@ template <CameraModelPlugin M>
                                           const double* values,
                                           const Eigen::Vector3d& p_cam,
                                           const ProjectionOutput& out) {
+  if (out.J_params == nullptr) {
+    return ProjectWithPointJacobian<M>(params, config, values, p_cam, out);
+  }
   constexpr int kParamCount = static_cast<int>(M::kParams.size());
   constexpr int kMeasuredCount = static_cast<int>(M::kMeasured.size());
   using Jet = ceres::Jet<double, kParamCount + 3>;

@@ -220,9 +220,14 @@ std::string ResidualsCsv(const CalibrationRecord& calibration) {
   text += ",used";
   for (const std::string_view name : context) text.append(",").append(name);
   text += ",noise_sigma\n";
+  // A text that grows by doubling takes three times its size at the last.
+  constexpr size_t kFirst = 1000;
+  size_t rows = 0, written = 0;
+  for (const CalibratedCamera& camera : calibration.cameras) rows += camera.residuals.size();
   for (const CalibratedCamera& camera : calibration.cameras) {
     const CameraModel& model = *camera.model;
     for (const ResidualRow& row : camera.residuals) {
+      if (++written == kFirst) text.reserve(text.size() / kFirst * (rows + rows / 10));
       text.append(CsvCell(camera.name))
           .append(",")
           .append(CsvCell(calibration.frames[static_cast<size_t>(row.frame)].name))

@@ -42,6 +42,7 @@ class DetectionReader {
     FindColumns();
     while (table_.Next()) ReadRow();
     CheckUnique();
+    for (View& view : views_) view.observations.shrink_to_fit();
     return std::move(views_);
   }
 

@@ -37,20 +37,19 @@ std::optional<Projected> Differentiate(const CalibratedCamera& camera,
   return out;
 }
 
-// Distances of the used points from the camera, sorted.
-std::vector<double> Distances(const CalibrationRecord& calibration, size_t c) {
-  std::vector<double> distances;
-  std::map<int, RigidTransform> poses;
+// Calls use(row, point in the camera's frame) for each used observation of a camera.
+template <typename Use>
+void ForEachUsed(const CalibrationRecord& calibration, size_t c, const Use& use) {
+  int frame = -1;  // rows of one frame follow each other
+  RigidTransform T_camera_target;
   for (const ResidualRow& row : calibration.cameras[c].residuals) {
     if (!row.used) continue;
-    auto pose = poses.find(row.frame);
-    if (pose == poses.end()) {
-      pose = poses.emplace(row.frame, calibration.CameraFromTarget(c, row.frame)).first;
+    if (row.frame != frame) {
+      frame = row.frame;
+      T_camera_target = calibration.CameraFromTarget(c, frame);
     }
-    distances.push_back((pose->second * calibration.markers.at(row.marker).position).norm());
+    use(row, Eigen::Vector3d(T_camera_target * calibration.markers.at(row.marker).position));
   }
-  std::sort(distances.begin(), distances.end());
-  return distances;
 }
 
 // An observation in the middle of each cell. The context (micro lens) is that of the nearest
@@ -90,7 +89,11 @@ double WorstSigma(const RowMatrix& J, const Eigen::MatrixXd& covariance) {
 std::vector<ProjectionMap> ProjectionMaps(const CalibrationRecord& calibration, size_t c) {
   constexpr int kCells = 24;
   const CalibratedCamera& camera = calibration.cameras[c];
-  const std::vector<double> distances = Distances(calibration, c);
+  std::vector<double> distances;
+  ForEachUsed(calibration, c, [&](const ResidualRow& /*row*/, const Eigen::Vector3d& p) {
+    distances.push_back(p.norm());
+  });
+  std::ranges::sort(distances);
   if (!camera.covariance.allFinite() || distances.empty()) return {};
   const ImageGrid grid(camera.image_size, kCells);
   const auto cell_values = CellValues(camera, grid);
@@ -107,16 +110,13 @@ std::vector<ProjectionMap> ProjectionMaps(const CalibrationRecord& calibration, 
   // The observed points fix the camera frame.
   Matrix6d normal = Matrix6d::Zero();
   Eigen::MatrixXd mixed = Eigen::MatrixXd::Zero(6, count);
-  for (const ResidualRow& row : camera.residuals) {
-    if (!row.used) continue;
-    const Eigen::Vector3d p =
-        calibration.CameraFromTarget(c, row.frame) * calibration.markers.at(row.marker).position;
+  ForEachUsed(calibration, c, [&](const ResidualRow& row, const Eigen::Vector3d& p) {
     const std::optional<Projected> seen = Differentiate(camera, row.values.data(), p);
-    if (!seen) continue;
+    if (!seen) return;
     const Eigen::Matrix<double, 2, 6> J = by_frame(*seen, p);
-    normal += J.transpose() * J;
-    mixed += J.transpose() * seen->by_params;
-  }
+    normal.noalias() += J.transpose().lazyProduct(J);
+    mixed.noalias() += J.transpose().lazyProduct(seen->by_params);
+  });
   for (const double distance : {distances.front(),
                                 distances[distances.size() / 2],
                                 distances.back(),

@@ -385,17 +385,6 @@ MatrixXd Directions(Eigen::Index unknowns) {
   return signs;
 }
 
-// Gradient of half the sum of squares over all frames by the unknowns.
-VectorXd GradientOfFrames(const Bundle& bundle, const Uncertainty& uncertainty) {
-  const MatrixXd none(uncertainty.covariance.rows(), 0);
-  FrameScores scores(bundle, uncertainty, none);
-  VectorXd gradient = VectorXd::Zero(none.rows());
-  scores.ForEach([&](const std::vector<int>& /*touched*/, const PoseSums& sums) {
-    gradient += sums.Gradient();
-  });
-  return gradient;
-}
-
 // Directions in each camera's unknowns, in which these have unit covariance: columns [first[c],
 // first[c + 1]) in all unknowns. A step of all unknowns by C g is one of D' g there.
 struct CameraDirections {
@@ -439,10 +428,9 @@ struct FoundScatter {
 SystematicScatter EstimateScatter(const Bundle& bundle, const Uncertainty& uncertainty) {
   const CameraDirections directions(bundle, uncertainty);
   const MatrixXd& D = directions.D;
-  const VectorXd gradient = GradientOfFrames(bundle, uncertainty);
   // Step from the optimum to that of the frames alone, without priors.
   const MatrixXd frames_root = InverseRoot(uncertainty.frames_information);
-  const VectorXd by_priors = frames_root * (frames_root.transpose() * gradient);
+  const VectorXd by_priors = frames_root * (frames_root.transpose() * uncertainty.frames_gradient);
   std::vector<FoundScatter> of_frames(bundle.cameras.size()), of_markers(bundle.cameras.size());
   std::vector<MarkerSums> markers;
   if (!bundle.EstimatesJitter() && !bundle.HasLandmarks()) {

@@ -2,6 +2,7 @@
 #include "calib/noise/reduced_system.h"
 
 #include <span>
+#include <utility>
 
 #include "calib/adjust/elimination/frame_elimination.h"
 
@@ -44,8 +45,16 @@ ReducedSystem Reduce(const Bundle& bundle, const UnknownLayout& layout) {
           reduced.degrees_of_poses_by_means[view.camera] += (view.of_means * seen).trace();
         }
       };
-  ReducedEquations equations = EliminateFrames(bundle, layout, {.visit = visit});
-  reduced.S = equations.S.topLeftCorner(layout.total, layout.total);
+  ReducedEquations equations =
+      EliminateFrames(bundle, layout, ObjectiveOf(bundle, {}), {.visit = visit});
+  reduced.gradient = equations.S.row(layout.total).head(layout.total).transpose();
+  for (size_t m = 0; layout.markers && m < bundle.markers.size(); ++m) {
+    const BundleMarker& marker = bundle.markers[m];
+    reduced.gradient.segment<3>(layout.Marker(static_cast<int>(m))) -=
+        (marker.position - marker.nominal) / (bundle.marker_sigma * bundle.marker_sigma);
+  }
+  equations.S.conservativeResize(layout.total, layout.total);
+  reduced.S = std::move(equations.S);
   return reduced;
 }
 

@@ -14,6 +14,8 @@ namespace plenocal::internal {
 struct ReducedSystem {
   /// Lower triangle of the reduced normal matrix, without priors of parameters.
   Eigen::MatrixXd S;
+  /// Gradient of half the sum of squares by the same unknowns; priors of markers are left out.
+  Eigen::VectorXd gradient;
   /// Per camera: degrees of freedom of its rows that pose and jitter unknowns use; and those that
   /// they use of the means of markers, where these have common noise.
   std::vector<double> degrees_of_poses, degrees_of_poses_by_means;

@@ -402,7 +402,10 @@ Uncertainty EstimateUncertainty(const Bundle& bundle) {
 
   Uncertainty result;
   result.frames_information = markers.information;
+  result.frames_gradient = reduced.gradient.head(layout.head);
   if (layout.markers) {
+    result.frames_gradient -=
+        markers.gain.transpose() * reduced.gradient.tail(layout.total - layout.head);
     result.frames_information -=
         markers.gain.transpose() * markers.gain / (bundle.marker_sigma * bundle.marker_sigma);
   }

@@ -36,6 +36,8 @@ struct Uncertainty {
   /// Information of the frames alone on these unknowns, without priors, markers at their best: the
   /// inverse of `covariance` less the information of the priors.
   Eigen::MatrixXd frames_information;
+  /// Gradient of half the sum of squares of the same; empty with landmarks.
+  Eigen::VectorXd frames_gradient;
   std::vector<std::string> names;
   /// Directions that are not determined: standard deviation infinite or larger than 1 in natural
   /// units.

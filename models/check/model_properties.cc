@@ -162,6 +162,15 @@ class Examination {
            "the image of {} depends on the scalar type",
            Text(p_cam));
     const Eigen::Map<const Eigen::VectorXd> all_J_point(J_point.data(), rows * 3);
+    Eigen::VectorXd alone(rows), J_alone(rows * 3);
+    Expect(model_.project_with_jacobian(Params(),
+                                        Config(),
+                                        values.data(),
+                                        p_cam,
+                                        {.predicted = alone.data(), .J_point = J_alone.data()}) &&
+               (J_alone - all_J_point).norm() <= 1e-13 * all_J_point.norm(),
+           "derivatives by the point at {} depend on whether those by parameters are needed",
+           Text(p_cam));
     const double image = farthest + all_J_point.cwiseAbs().maxCoeff() * p_cam.norm();
     for (size_t k = 0; k < count + 3; ++k) {
       const bool is_param = k < count;

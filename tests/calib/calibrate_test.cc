@@ -440,10 +440,10 @@ TEST(OpenDirections, NameFocalLengthAgainstDistanceOfAParallelPlane) {
     named = named || (f_x && f_y);
   }
   EXPECT_TRUE(named) << "f_x and f_y are open together";
-  // No small sigma for what is not known: at least the focal length's own size.
+  // No small sigma for what is not known, wherever along the open direction the estimate ends.
   for (const size_t i : {0, 1}) {
     EXPECT_GT(calibration.uncertainty.param_std_errors[0][i],
-              0.5 * calibration.bundle.cameras[0].params[i]);
+              0.3 * calibration.bundle.cameras[0].params[i]);
   }
 }
 

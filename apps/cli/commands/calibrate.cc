@@ -334,11 +334,13 @@ void WriteTargets(const CalibrateJob& job, const CalibrationRecord& record, Outp
 JudgedCalibration CalibrateWithTarget(const CalibrateArguments& arguments,
                                       const ConsoleOptions& shared,
                                       const CalibrateJob& job,
-                                      const SessionObservations& observations,
                                       Console* console,
+                                      SessionObservations* found,
                                       OutputFolder* out) {
-  const auto [input, held] =
-      MakeInputOnEarlier(job.session, job.target, observations.cameras, console);
+  // The views are lent to the input: a long recording's are too many for a copy.
+  std::vector<CameraInput> cameras = std::move(found->cameras);
+  auto [input, held] = MakeInputOnEarlier(job.session, job.target, std::move(cameras), console);
+  const SessionObservations& observations = *found;
   auto [calibration, causes] =
       job.several.empty()
           ? SolveWithCauses(input, job.target, arguments, shared.threads, console)
@@ -359,6 +361,7 @@ JudgedCalibration CalibrateWithTarget(const CalibrateArguments& arguments,
     judged.record.verdict = Judge(judged.record);
     WriteTargets(job, judged.record, out);
   }
+  found->cameras = std::move(input.cameras);
   return judged;
 }
 
@@ -417,7 +420,7 @@ void RunCalibrate(const CalibrateArguments& arguments, const ConsoleOptions& sha
   const auto provenance = ProvenanceOf(shared, "calibrate", session, arguments.out);
   auto [calibration, record] =
       session.scene ? CalibrateWithScene(shared, session, found, &console, &out)
-                    : CalibrateWithTarget(arguments, shared, job, observations, &console, &out);
+                    : CalibrateWithTarget(arguments, shared, job, &console, &observations, &out);
   record.provenance = provenance;
   WriteResult(record, &out);
   out.Write("left_out.csv", LeftOutCsv(calibration.left_out));

@@ -47,8 +47,7 @@ class EliminatedColumns {
       // Four more columns: rows that are apart by a power of two share few lines of the cache.
       batches_.push_back(ZeroRows(rows_, kColumns + 4));
     }
-    const Matrix6d inverse =
-        L.triangularView<Eigen::Lower>().solve(Matrix6d::Identity().eval());
+    const Matrix6d inverse = L.triangularView<Eigen::Lower>().solve(Matrix6d::Identity().eval());
     SolveRows(cross.data(), rows_, inverse, batches_.back().data() + used_, batches_.back().cols());
     used_ += 6;
     return static_cast<Eigen::Index>(batches_.size() - 1) * kColumns + used_ - 6;
@@ -96,9 +95,9 @@ class Steps : public PoseSteps {
   struct OfJitter {
     size_t view = 0;
     Eigen::Index column = 0;
-    Matrix6d L;          // of (E' E + Q)
-    Matrix6d by_pose;    // L^-1 E' E C_pose
-    Matrix6d to_chart;   // of the jitter
+    Matrix6d L;         // of (E' E + Q)
+    Matrix6d by_pose;   // L^-1 E' E C_pose
+    Matrix6d to_chart;  // of the jitter
   };
   struct OfFrame {
     size_t frame = 0;
@@ -133,9 +132,13 @@ class Steps : public PoseSteps {
 // Goes through the observations frame by frame.
 class Elimination {
  public:
-  Elimination(const Bundle& bundle, const UnknownLayout& layout, const EliminationOptions& options)
+  Elimination(const Bundle& bundle,
+              const UnknownLayout& layout,
+              const Objective& objective,
+              const EliminationOptions& options)
       : bundle_(bundle),
         layout_(layout),
+        objective_(objective),
         options_(options),
         cross_(layout.total + 1, 6),
         view_cross_(layout.total + 1, 6) {
@@ -219,7 +222,7 @@ class Elimination {
     for (; begin < end; ++begin) {
       const BundleObservation& observation = bundle_.observations[begin];
       if (!observation.used) continue;
-      if (!products.Load(linearised, observation, options_.loss)) {
+      if (!products.Load(linearised, observation, objective_.loss)) {
         equations_.complete = false;
         continue;
       }
@@ -259,7 +262,7 @@ class Elimination {
     const size_t index = bundle_.View(frame, view->camera);
     const Vector6d& delta = bundle_.jitter.delta[index];
     const Matrix6d to_chart = WithRotation(charts.jitter.inverse());
-    const Matrix6d weight = JitterWeight(bundle_, frame, view->camera);
+    const Matrix6d& weight = objective_.jitter_weights[index];
     equations_.squares += (weight * delta).squaredNorm();
     view->W = weight * to_chart;
     const Matrix6d Q = view->W.transpose() * view->W;
@@ -315,13 +318,14 @@ class Elimination {
 
   const Bundle& bundle_;
   const UnknownLayout& layout_;
+  const Objective& objective_;
   const EliminationOptions& options_;
   ReducedEquations equations_;
   Steps* steps_ = nullptr;
   std::optional<EliminatedColumns> unkept_;  // where no steps are kept
-  Matrix6d pose_;                          // information on the frame's pose
-  SixColumns cross_;                       // F' E of the frame
-  SixColumns view_cross_;                  // and of one view whose pose is not the frame's
+  Matrix6d pose_;                            // information on the frame's pose
+  SixColumns cross_;                         // F' E of the frame
+  SixColumns view_cross_;                    // and of one view whose pose is not the frame's
   std::vector<ReducedView> views_;
   std::vector<Steps::OfJitter> jitter_;
   std::vector<ViewProducts> products_;  // per camera
@@ -329,13 +333,24 @@ class Elimination {
 
 }  // namespace
 
-ReducedEquations EliminateFrames(const Bundle& bundle,
-                                 const UnknownLayout& layout,
-                                 const EliminationOptions& options) {
-  return Elimination(bundle, layout, options).Run();
+Objective ObjectiveOf(const Bundle& bundle, const RobustLoss& loss) {
+  Objective objective{loss, {}};
+  for (size_t frame = 0; bundle.EstimatesJitter() && frame < bundle.T_rig_target.size(); ++frame) {
+    for (size_t c = 0; c < bundle.cameras.size(); ++c) {
+      objective.jitter_weights.push_back(JitterWeight(bundle, frame, c));
+    }
+  }
+  return objective;
 }
 
-double SumOfSquares(const Bundle& bundle, const RobustLoss& loss) {
+ReducedEquations EliminateFrames(const Bundle& bundle,
+                                 const UnknownLayout& layout,
+                                 const Objective& objective,
+                                 const EliminationOptions& options) {
+  return Elimination(bundle, layout, objective, options).Run();
+}
+
+double SumOfSquares(const Bundle& bundle, const Objective& objective) {
   const std::vector<BundleObservation>& observations = bundle.observations;
   double squares = 0;
   for (size_t begin = 0; begin < observations.size();) {
@@ -363,7 +378,7 @@ double SumOfSquares(const Bundle& bundle, const RobustLoss& loss) {
                        out)) {
           return std::numeric_limits<double>::infinity();
         }
-        Robustify(loss, camera, observation.assumed_sigma, out);
+        Robustify(objective.loss, camera, observation.assumed_sigma, out);
         const double weight = 1 / camera.noise.OwnSigma(observation.assumed_sigma);
         information += weight * weight;
         for (size_t r = 0; r < rows; ++r) {
@@ -376,9 +391,8 @@ double SumOfSquares(const Bundle& bundle, const RobustLoss& loss) {
       for (size_t r = 0; r < rows; ++r) squares -= common * sum[r] * sum[r];
     }
     if (any && bundle.EstimatesJitter()) {
-      squares +=
-          (JitterWeight(bundle, frame, c) * bundle.jitter.delta[bundle.View(frame, c)])
-              .squaredNorm();
+      const size_t index = bundle.View(frame, c);
+      squares += (objective.jitter_weights[index] * bundle.jitter.delta[index]).squaredNorm();
     }
   }
   for (const BundleMarker& marker : bundle.markers) {

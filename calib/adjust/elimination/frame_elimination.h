@@ -7,9 +7,10 @@
 #include <functional>
 #include <memory>
 #include <span>
+#include <vector>
 
-#include "calib/adjust/robust_rows.h"
 #include "calib/adjust/elimination/unknown_layout.h"
+#include "calib/adjust/robust_rows.h"
 
 namespace plenocal::internal {
 
@@ -24,11 +25,18 @@ struct ReducedView {
 };
 
 /// Covariance of a frame's pose, all unknowns of the layout fixed, and the frame's views.
-using VisitFrame = std::function<
-    void(size_t frame, const Matrix6d& pose_covariance, std::span<const ReducedView> views)>;
+using VisitFrame = std::function<void(
+    size_t frame, const Matrix6d& pose_covariance, std::span<const ReducedView> views)>;
+
+/// What is minimised beside what a bundle states.
+struct Objective {
+  RobustLoss loss;
+  /// Per view, or empty: `JitterWeight`, which stays what it was before a solve.
+  std::vector<Matrix6d> jitter_weights;
+};
+Objective ObjectiveOf(const Bundle& bundle, const RobustLoss& loss);
 
 struct EliminationOptions {
-  RobustLoss loss = {};
   /// Added to each pose's information as a part of its diagonal.
   double damping = 0;
   /// Keeps what `PoseSteps` needs: 48 bytes a frame and unknown.
@@ -60,9 +68,10 @@ struct ReducedEquations {
 
 ReducedEquations EliminateFrames(const Bundle& bundle,
                                  const UnknownLayout& layout,
+                                 const Objective& objective,
                                  const EliminationOptions& options);
 
 /// `ReducedEquations::squares` alone; infinite where a used observation does not project.
-double SumOfSquares(const Bundle& bundle, const RobustLoss& loss);
+double SumOfSquares(const Bundle& bundle, const Objective& objective);
 
 }  // namespace plenocal::internal

@@ -8,8 +8,8 @@
 #include <utility>
 #include <vector>
 
-#include "calib/adjust/robust_rows.h"
 #include "calib/adjust/elimination/unknown_layout.h"
+#include "calib/adjust/robust_rows.h"
 #include "calib/kernels/row_products.h"
 
 namespace plenocal::internal {

@@ -38,19 +38,6 @@ struct WorseImages {
   double defect = 0, usual_defect = 0, noise = 0, usual_noise = 0;  ///< medians
 };
 
-double MeanLog(std::span<const ImageSample> images) {
-  double sum = 0;
-  for (const ImageSample& image : images) sum += std::log(image.noise);
-  return sum / static_cast<double>(images.size());
-}
-
-double SquaresOfLog(std::span<const ImageSample> images) {
-  const double mean = MeanLog(images);
-  double sum = 0;
-  for (const ImageSample& image : images) sum += std::pow(std::log(image.noise) - mean, 2);
-  return sum;
-}
-
 double MeanSquareNoise(std::span<const ImageSample> images) {
   double sum = 0;
   for (const ImageSample& image : images) sum += image.noise * image.noise;
@@ -63,28 +50,60 @@ double MedianOf(std::span<const ImageSample> images, double ImageSample::*member
   return Median(std::move(values));
 }
 
+// Sums over the first images of the logarithms of their noise less the mean of all.
+struct LogSums {
+  double sum = 0, squares = 0;
+
+  [[nodiscard]] LogSums operator-(const LogSums& other) const {
+    return {sum - other.sum, squares - other.squares};
+  }
+  [[nodiscard]] double SquaresAboutMean(double count) const { return squares - sum * sum / count; }
+};
+
+std::vector<LogSums> SumLogs(std::span<const ImageSample> images) {
+  double mean = 0;
+  for (const ImageSample& image : images) mean += std::log(image.noise);
+  mean /= static_cast<double>(images.size());
+  std::vector<LogSums> sums{{}};
+  for (const ImageSample& image : images) {
+    const double log = std::log(image.noise) - mean;
+    sums.push_back({sums.back().sum + log, sums.back().squares + log * log});
+  }
+  return sums;
+}
+
 // The split of the images, sorted by defect, whose parts differ most in noise: Student's test of
 // the logarithms, in which images scatter alike however large their noise is.
 WorseImages LargestSplit(std::span<const ImageSample> sorted) {
   WorseImages worse;
   const auto n = static_cast<std::ptrdiff_t>(sorted.size());
   const std::ptrdiff_t splits = n - 2 * kLeastImages + 1;
+  const std::vector<LogSums> sums = SumLogs(sorted);
+  double largest = 0;
   for (std::ptrdiff_t k = kLeastImages; k + kLeastImages <= n; ++k) {
-    const auto first = sorted.first(k), others = sorted.subspan(k);
-    const double difference = MeanLog(first) - MeanLog(others);
-    if (difference <= 0 || !(first.back().defect > others.front().defect)) continue;
-    const double variance = (SquaresOfLog(first) + SquaresOfLog(others)) / (n - 2.0);
-    const double F = difference * difference / (variance * (1.0 / k + 1.0 / (n - k)));
-    const double probability = FTail(F, 1, n - 2.0) * static_cast<double>(splits);
-    if (probability >= worse.probability) continue;
-    worse = {.count = k,
-             .probability = probability,
-             .defect = MedianOf(first, &ImageSample::defect),
-             .usual_defect = MedianOf(others, &ImageSample::defect),
-             .noise = MedianOf(first, &ImageSample::noise),
-             .usual_noise = MedianOf(others, &ImageSample::noise)};
+    const auto count = static_cast<double>(k), rest = static_cast<double>(n - k);
+    const LogSums& first = sums[static_cast<size_t>(k)];
+    const LogSums others = sums.back() - first;
+    const double difference = first.sum / count - others.sum / rest;
+    if (difference <= 0 ||
+        !(sorted[static_cast<size_t>(k) - 1].defect > sorted[static_cast<size_t>(k)].defect)) {
+      continue;
+    }
+    const double variance =
+        (first.SquaresAboutMean(count) + others.SquaresAboutMean(rest)) / (n - 2.0);
+    const double F = difference * difference / (variance * (1 / count + 1 / rest));
+    if (F <= largest) continue;
+    largest = F;
+    worse.count = k;
   }
-  return worse;
+  if (worse.count == 0) return worse;
+  const auto first = sorted.first(worse.count), others = sorted.subspan(worse.count);
+  return {.count = worse.count,
+          .probability = std::min(1.0, FTail(largest, 1, n - 2.0) * static_cast<double>(splits)),
+          .defect = MedianOf(first, &ImageSample::defect),
+          .usual_defect = MedianOf(others, &ImageSample::defect),
+          .noise = MedianOf(first, &ImageSample::noise),
+          .usual_noise = MedianOf(others, &ImageSample::noise)};
 }
 
 // The images that a defect makes so much worse that they have half of the noise of all.

@@ -148,23 +148,21 @@ std::vector<Zoom> ZoomsOf(std::span<const ViewRows> views, ImageSize image_size)
   return zooms;
 }
 
-/// Weighted mean of the zooms [begin, end) and their weighted square deviations.
+/// Weighted sums over zooms.
 struct Segment {
-  double mean = 0, information = 0, squares = 0;
-};
+  double information = 0, sum = 0, squares = 0;
 
-Segment MeanOf(std::span<const Zoom> zooms) {
-  Segment segment;
-  for (const Zoom& zoom : zooms) {
-    segment.information += zoom.information;
-    segment.mean += zoom.information * zoom.change;
+  void Add(const Zoom& zoom) {
+    information += zoom.information;
+    sum += zoom.information * zoom.change;
+    squares += zoom.information * zoom.change * zoom.change;
   }
-  segment.mean /= segment.information;
-  for (const Zoom& zoom : zooms) {
-    segment.squares += zoom.information * std::pow(zoom.change - segment.mean, 2);
+  [[nodiscard]] Segment operator-(const Segment& other) const {
+    return {information - other.information, sum - other.sum, squares - other.squares};
   }
-  return segment;
-}
+  [[nodiscard]] double Mean() const { return sum / information; }
+  [[nodiscard]] double SquaresAboutMean() const { return squares - sum * sum / information; }
+};
 
 // A step in the magnification between two parts of the recording: the largest F over all splits.
 std::vector<Finding> FindFocusChange(const Calibration& calibration,
@@ -174,19 +172,22 @@ std::vector<Finding> FindFocusChange(const Calibration& calibration,
   const BundleCamera& camera = calibration.bundle.cameras[c];
   const std::vector<Zoom> zooms = ZoomsOf(views, camera.image_size);
   if (zooms.size() < 2 * kLeastPart + 2) return {};
-  const Segment all = MeanOf(zooms);
+  Segment all, before;
+  for (const Zoom& zoom : zooms) all.Add(zoom);
+  const double of_all = all.SquaresAboutMean();
   double best = 0, change = 0;
   size_t split = 0;
-  for (size_t k = kLeastPart; k + kLeastPart <= zooms.size(); ++k) {
-    const Segment before = MeanOf(std::span(zooms).first(k)),
-                  after = MeanOf(std::span(zooms).subspan(k));
-    const double within = before.squares + after.squares;
+  for (size_t k = 1; k + kLeastPart <= zooms.size(); ++k) {
+    before.Add(zooms[k - 1]);
+    if (k < kLeastPart) continue;
+    const Segment after = all - before;
+    const double within = before.SquaresAboutMean() + after.SquaresAboutMean();
     const double degrees = static_cast<double>(zooms.size()) - 2;
     // Not below the noise of the points.
-    const double F = (all.squares - within) / std::max(1.0, within / degrees);
+    const double F = (of_all - within) / std::max(1.0, within / degrees);
     if (F <= best) continue;
     best = F;
-    change = after.mean - before.mean;
+    change = after.Mean() - before.Mean();
     split = k;
   }
   const double tests = static_cast<double>(zooms.size() - 2 * kLeastPart + 1);

@@ -36,18 +36,16 @@ ViewRows MakeView(const Bundle& bundle, std::span<const BundleObservation* const
                 .noise = Eigen::VectorXd(most),
                 .markers = {},
                 .marker = {}};
-  std::vector<double> J_params(2 * camera.params.size());
   Eigen::Index count = 0;
   for (const BundleObservation* observation : observations) {
     Eigen::Matrix<double, 2, 6, Eigen::RowMajor> J;
     Eigen::Vector2d r;
-    if (!internal::Linearise(
-            camera,
-            camera.params.data(),
-            linearised,
-            bundle.markers[static_cast<size_t>(observation->marker)].position,
-            *observation,
-            {.residual = r.data(), .J_params = J_params.data(), .J_pose = J.data()})) {
+    if (!internal::Linearise(camera,
+                             camera.params.data(),
+                             linearised,
+                             bundle.markers[static_cast<size_t>(observation->marker)].position,
+                             *observation,
+                             {.residual = r.data(), .J_pose = J.data()})) {
       continue;
     }
     view.residual.segment<2>(2 * count) = r;

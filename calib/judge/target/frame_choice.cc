@@ -35,10 +35,14 @@ Calibration ChooseFrames(const Calibration& calibration) {
   if (calibration.frames.size() <= kMostFrames) return calibration;
   const size_t step = StepFor(calibration.frames.size());
   const size_t cameras = calibration.bundle.cameras.size();
-  Calibration few = calibration;
+  Calibration few;
+  few.fits = calibration.fits;
+  few.uncertainty = calibration.uncertainty;
+  few.converged = calibration.converged;
+  few.rejection_threshold = calibration.rejection_threshold;
   Bundle& bundle = few.bundle;
+  static_cast<BundleState&>(bundle) = calibration.bundle;
   const Jitter& jitter = calibration.bundle.jitter;
-  few.frames.clear();
   bundle.T_rig_target.clear();
   bundle.jitter.delta.clear();
   bundle.jitter.misplaced.clear();
@@ -54,11 +58,10 @@ Calibration ChooseFrames(const Calibration& calibration) {
       bundle.jitter.misplaced.push_back(jitter.misplaced[calibration.bundle.View(f, c)]);
     }
   }
-  std::erase_if(bundle.observations, [&](const BundleObservation& observation) {
-    return static_cast<size_t>(observation.frame) % step != 0;
-  });
-  for (BundleObservation& observation : bundle.observations) {
-    observation.frame /= static_cast<int>(step);
+  for (const BundleObservation& observation : calibration.bundle.observations) {
+    if (static_cast<size_t>(observation.frame) % step != 0) continue;
+    bundle.observations.push_back(observation);
+    bundle.observations.back().frame /= static_cast<int>(step);
   }
   return few;
 }
