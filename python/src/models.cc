@@ -118,11 +118,12 @@ bool ProjectWithDifferences(const Slot& slot,
   // Truncation and rounding of a central difference are equally small at this relative step.
   static const double kStep = std::cbrt(std::numeric_limits<double>::epsilon());
   const auto n = static_cast<Eigen::Index>(slot.params.size()), unknowns = n + 3;
+  const Eigen::Index first = out.J_params != nullptr ? 0 : n;
   RowMajor cameras(2 * unknowns + 1, n), points(2 * unknowns + 1, 3);
   cameras.rowwise() = Eigen::Map<const Eigen::RowVectorXd>(params, n);
   points.rowwise() = p_cam.transpose();
   Eigen::VectorXd steps(unknowns);
-  for (Eigen::Index k = 0; k < unknowns; ++k) {
+  for (Eigen::Index k = first; k < unknowns; ++k) {
     const Param* const param = k < n ? &slot.params[static_cast<size_t>(k)] : nullptr;
     const double size = param ? std::max({std::abs(params[k]), param->scale, kStep}) : p_cam.norm();
     steps[k] = kStep * size;
@@ -135,7 +136,7 @@ bool ProjectWithDifferences(const Slot& slot,
   if (!projected) return false;
   const auto middle = projected->row(2 * unknowns);
   if (!middle.allFinite()) return false;
-  for (Eigen::Index k = 0; k < unknowns; ++k) {
+  for (Eigen::Index k = first; k < unknowns; ++k) {
     const bool low = projected->row(2 * k).allFinite(),
                high = projected->row(2 * k + 1).allFinite();
     if (!low && !high) return false;
@@ -167,7 +168,7 @@ bool ProjectWithJacobian(const Slot& slot,
     inside = u.allFinite() && J_params.allFinite() && J_point.allFinite();
     if (!inside) return;
     std::copy_n(u.data(), 2, out.predicted);
-    std::copy_n(J_params.data(), 2 * n, out.J_params);
+    if (out.J_params != nullptr) std::copy_n(J_params.data(), 2 * n, out.J_params);
     std::copy_n(J_point.data(), 6, out.J_point);
   });
   return inside;
