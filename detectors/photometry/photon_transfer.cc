@@ -5,11 +5,14 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <numeric>
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
+#include <span>
 #include <utility>
 
 #include "calib/base/number_text.h"
@@ -68,6 +71,7 @@ PixelSums SumPixels(const std::vector<FrameImage>& images, const WhiteImages& wh
 // Pixels that are clipped in no image.
 std::vector<PixelNoise> UsablePixels(const WhiteImages& white, const PixelSums& sums) {
   std::vector<PixelNoise> pixels;
+  pixels.reserve(white.mean.total());
   const auto dof = static_cast<float>(sums.degrees_of_freedom);
   for (int y = 0; y < white.mean.rows; ++y) {
     for (int x = 0; x < white.mean.cols; ++x) {
@@ -84,18 +88,21 @@ std::vector<PixelNoise> UsablePixels(const WhiteImages& white, const PixelSums& 
 // Index of the first pixel of a level.
 size_t LevelStart(size_t level, size_t levels, size_t pixels) { return level * pixels / levels; }
 
-// Moves the darkest pixels into the first of the levels [first, last), and so on.
-void SplitByLevel(size_t first, size_t last, size_t levels, std::vector<PixelNoise>* pixels) {
-  if (last - first < 2) return;
-  const size_t middle = (first + last) / 2;
-  const auto at = [&](size_t level) {
-    return pixels->begin() + static_cast<std::ptrdiff_t>(LevelStart(level, levels, pixels->size()));
-  };
-  std::nth_element(at(first), at(middle), at(last), [](const PixelNoise& a, const PixelNoise& b) {
-    return std::pair(a.level, a.index) < std::pair(b.level, b.index);
-  });
-  SplitByLevel(first, middle, levels, pixels);
-  SplitByLevel(middle, last, levels, pixels);
+// Sorts the pixels by level, those of one level by index as they come: counting sorts by some bits
+// of the level at a time. Levels are positive, so that their bits ascend with them.
+void SortByLevel(std::vector<PixelNoise>* pixels) {
+  constexpr int kBits = 11;  // three sorts, each with no more places than a cache holds
+  std::vector<PixelNoise> sorted(pixels->size());
+  for (int shift = 0; shift < std::numeric_limits<std::uint32_t>::digits; shift += kBits) {
+    const auto digit = [&](const PixelNoise& pixel) {
+      return (std::bit_cast<std::uint32_t>(pixel.level) >> shift) % (1U << kBits);
+    };
+    std::array<size_t, (1U << kBits) + 1> starts{};
+    for (const PixelNoise& pixel : *pixels) ++starts[digit(pixel) + 1];
+    std::partial_sum(starts.begin(), starts.end(), starts.begin());
+    for (const PixelNoise& pixel : *pixels) sorted[starts[digit(pixel)]++] = pixel;
+    pixels->swap(sorted);
+  }
 }
 
 // Without pixels of far more noise than the others, which would else be the level's.
@@ -122,7 +129,7 @@ NoiseLevel LevelOf(const PixelNoise* begin, const PixelNoise* end, int dof) {
 std::vector<NoiseLevel> LevelsOf(int dof, std::vector<PixelNoise>* pixels) {
   std::vector<NoiseLevel> levels;
   const size_t count = std::min(kLevels, pixels->size() / 100 + 1);
-  SplitByLevel(0, count, count, pixels);
+  SortByLevel(pixels);
   for (size_t k = 0; k < count; ++k) {
     const PixelNoise* data = pixels->data();
     levels.push_back(LevelOf(data + LevelStart(k, count, pixels->size()),
@@ -193,8 +200,9 @@ Neighbours NeighboursOf(const cv::Mat& image, std::optional<BayerOrder> bayer) {
 
 // Robust standard deviation of pixels of one level about their neighbours. The flanks of micro
 // images, where neighbours differ, belong to the level too.
-double ScatterOf(const std::vector<PixelNoise>& level, const cv::Mat& neighbour_mean) {
+double ScatterOf(std::span<const PixelNoise> level, const cv::Mat& neighbour_mean) {
   std::vector<float> scatter;
+  scatter.reserve(level.size());
   for (const PixelNoise& pixel : level) {
     const int x = pixel.index % neighbour_mean.cols, y = pixel.index / neighbour_mean.cols;
     scatter.push_back(std::abs(pixel.level - neighbour_mean.at<float>(y, x)));
@@ -213,11 +221,9 @@ std::vector<DefectivePixel> FindDefects(const WhiteImages& white,
       std::max(4.0, ChiSquareQuantile(dof, kFalseAlarm / static_cast<double>(pixels.size())) / dof);
   const Neighbours around = NeighboursOf(white.mean, bayer);
   for (size_t k = 0; k < noise.levels.size(); ++k) {
-    const auto at = [&](size_t i) {
-      return pixels.begin() +
-             static_cast<std::ptrdiff_t>(LevelStart(i, noise.levels.size(), pixels.size()));
-    };
-    const std::vector<PixelNoise> level(at(k), at(k + 1));
+    const size_t first = LevelStart(k, noise.levels.size(), pixels.size());
+    const size_t last = LevelStart(k + 1, noise.levels.size(), pixels.size());
+    const std::span<const PixelNoise> level(pixels.data() + first, last - first);
     const double sigma = std::max(ScatterOf(level, around.mean), 1e-9);
     for (const PixelNoise& pixel : level) {
       const int x = pixel.index % white.mean.cols, y = pixel.index / white.mean.cols;
