@@ -41,9 +41,12 @@ struct PixelSums {
   int degrees_of_freedom = 0;
 };
 
-/// A pixel's mean grey value and variance over the images.
+/// A pixel of the images, with all that is asked about it: pixels of one level lie all over the
+/// image.
 struct PixelNoise {
-  float level = 0, variance = 0;
+  float level = 0, variance = 0;  ///< mean grey value and variance over the images
+  float scatter = 0;              ///< distance of the level from the mean of its neighbours
+  float beyond = 0;  ///< level above the highest of the neighbours, or below the lowest (negative)
   std::int32_t index = 0;
 };
 
@@ -68,8 +71,30 @@ PixelSums SumPixels(const std::vector<FrameImage>& images, const WhiteImages& wh
   return sums;
 }
 
+// Means of the eight nearest pixels of the same colour; the highest and the lowest of them.
+struct Neighbours {
+  cv::Mat mean, highest, lowest;
+};
+
+Neighbours NeighboursOf(const cv::Mat& image, std::optional<BayerOrder> bayer) {
+  const int step = bayer ? 2 : 1;
+  cv::Mat kernel = cv::Mat::zeros(2 * step + 1, 2 * step + 1, CV_32F);
+  for (int y = 0; y <= 2; ++y) {
+    for (int x = 0; x <= 2; ++x) kernel.at<float>(y * step, x * step) = x == 1 && y == 1 ? 0 : 1;
+  }
+  cv::Mat shape;
+  kernel.convertTo(shape, CV_8U);
+  Neighbours around;
+  cv::filter2D(image, around.mean, CV_32F, kernel / 8, {-1, -1}, 0, cv::BORDER_REFLECT_101);
+  cv::dilate(image, around.highest, shape, {-1, -1}, 1, cv::BORDER_REFLECT_101);
+  cv::erode(image, around.lowest, shape, {-1, -1}, 1, cv::BORDER_REFLECT_101);
+  return around;
+}
+
 // Pixels that are clipped in no image.
-std::vector<PixelNoise> UsablePixels(const WhiteImages& white, const PixelSums& sums) {
+std::vector<PixelNoise> UsablePixels(const WhiteImages& white,
+                                     const PixelSums& sums,
+                                     const Neighbours& around) {
   std::vector<PixelNoise> pixels;
   pixels.reserve(white.mean.total());
   const auto dof = static_cast<float>(sums.degrees_of_freedom);
@@ -77,9 +102,14 @@ std::vector<PixelNoise> UsablePixels(const WhiteImages& white, const PixelSums& 
     for (int x = 0; x < white.mean.cols; ++x) {
       if (sums.lowest.at<float>(y, x) <= 0) continue;
       if (sums.highest.at<float>(y, x) >= static_cast<float>(white.full_scale)) continue;
-      pixels.push_back({white.mean.at<float>(y, x),
-                        sums.squares.at<float>(y, x) / dof,
-                        y * white.mean.cols + x});
+      const float level = white.mean.at<float>(y, x);
+      pixels.push_back({.level = level,
+                        .variance = sums.squares.at<float>(y, x) / dof,
+                        .scatter = std::abs(level - around.mean.at<float>(y, x)),
+                        .beyond = level - std::clamp(level,
+                                                     around.lowest.at<float>(y, x),
+                                                     around.highest.at<float>(y, x)),
+                        .index = y * white.mean.cols + x});
     }
   }
   return pixels;
@@ -178,64 +208,38 @@ void FitLine(PhotonTransfer* noise) {
   noise->misfit = std::sqrt(squares / count);
 }
 
-// Means of the eight nearest pixels of the same colour; the highest and the lowest of them.
-struct Neighbours {
-  cv::Mat mean, highest, lowest;
-};
-
-Neighbours NeighboursOf(const cv::Mat& image, std::optional<BayerOrder> bayer) {
-  const int step = bayer ? 2 : 1;
-  cv::Mat kernel = cv::Mat::zeros(2 * step + 1, 2 * step + 1, CV_32F);
-  for (int y = 0; y <= 2; ++y) {
-    for (int x = 0; x <= 2; ++x) kernel.at<float>(y * step, x * step) = x == 1 && y == 1 ? 0 : 1;
-  }
-  cv::Mat shape;
-  kernel.convertTo(shape, CV_8U);
-  Neighbours around;
-  cv::filter2D(image, around.mean, CV_32F, kernel / 8, {-1, -1}, 0, cv::BORDER_REFLECT_101);
-  cv::dilate(image, around.highest, shape, {-1, -1}, 1, cv::BORDER_REFLECT_101);
-  cv::erode(image, around.lowest, shape, {-1, -1}, 1, cv::BORDER_REFLECT_101);
-  return around;
-}
-
 // Robust standard deviation of pixels of one level about their neighbours. The flanks of micro
 // images, where neighbours differ, belong to the level too.
-double ScatterOf(std::span<const PixelNoise> level, const cv::Mat& neighbour_mean) {
+double ScatterOf(std::span<const PixelNoise> level) {
   std::vector<float> scatter;
   scatter.reserve(level.size());
-  for (const PixelNoise& pixel : level) {
-    const int x = pixel.index % neighbour_mean.cols, y = pixel.index / neighbour_mean.cols;
-    scatter.push_back(std::abs(pixel.level - neighbour_mean.at<float>(y, x)));
-  }
+  for (const PixelNoise& pixel : level) scatter.push_back(pixel.scatter);
   return kSigmaPerMad * Median(std::move(scatter), 0.0F);
 }
 
-std::vector<DefectivePixel> FindDefects(const WhiteImages& white,
-                                        const std::vector<PixelNoise>& pixels,
+std::vector<DefectivePixel> FindDefects(const std::vector<PixelNoise>& pixels,
                                         const PhotonTransfer& noise,
                                         int dof,
-                                        std::optional<BayerOrder> bayer) {
+                                        int columns) {
   std::vector<DefectivePixel> defects;
   // Twice the noise of its level at least: the levels themselves are not that exact.
   const double most_variance =
       std::max(4.0, ChiSquareQuantile(dof, kFalseAlarm / static_cast<double>(pixels.size())) / dof);
-  const Neighbours around = NeighboursOf(white.mean, bayer);
   for (size_t k = 0; k < noise.levels.size(); ++k) {
     const size_t first = LevelStart(k, noise.levels.size(), pixels.size());
     const size_t last = LevelStart(k + 1, noise.levels.size(), pixels.size());
     const std::span<const PixelNoise> level(pixels.data() + first, last - first);
-    const double sigma = std::max(ScatterOf(level, around.mean), 1e-9);
+    const double sigma = std::max(ScatterOf(level), 1e-9);
     for (const PixelNoise& pixel : level) {
-      const int x = pixel.index % white.mean.cols, y = pixel.index / white.mean.cols;
       const double variance = pixel.variance / noise.levels[k].variance;
-      const double above = (pixel.level - around.highest.at<float>(y, x)) / sigma;
-      const double below = (around.lowest.at<float>(y, x) - pixel.level) / sigma;
+      const double beyond = pixel.beyond / sigma;
+      const int x = pixel.index % columns, y = pixel.index / columns;
       if (variance > most_variance) {
         defects.push_back({x, y, PixelDefect::kNoisy, std::sqrt(variance)});
-      } else if (above > kDefectSigmas) {
-        defects.push_back({x, y, PixelDefect::kBright, above});
-      } else if (below > kDefectSigmas) {
-        defects.push_back({x, y, PixelDefect::kDark, below});
+      } else if (beyond > kDefectSigmas) {
+        defects.push_back({x, y, PixelDefect::kBright, beyond});
+      } else if (-beyond > kDefectSigmas) {
+        defects.push_back({x, y, PixelDefect::kDark, -beyond});
       }
     }
   }
@@ -255,12 +259,12 @@ std::optional<PhotonTransfer> MeasurePhotonTransfer(const std::vector<FrameImage
                                                     std::optional<BayerOrder> bayer) {
   if (white.members.size() < 2) return {};
   const PixelSums sums = SumPixels(images, white);
-  std::vector<PixelNoise> pixels = UsablePixels(white, sums);
+  std::vector<PixelNoise> pixels = UsablePixels(white, sums, NeighboursOf(white.mean, bayer));
   if (pixels.empty()) return {};
   PhotonTransfer noise{.saturation = white.full_scale};
   noise.levels = LevelsOf(sums.degrees_of_freedom, &pixels);
   FitLine(&noise);
-  noise.defects = FindDefects(white, pixels, noise, sums.degrees_of_freedom, bayer);
+  noise.defects = FindDefects(pixels, noise, sums.degrees_of_freedom, white.mean.cols);
   return noise;
 }
 
