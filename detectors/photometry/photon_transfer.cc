@@ -18,7 +18,6 @@
 #include "calib/base/number_text.h"
 #include "calib/base/robust.h"
 #include "calib/base/statistics.h"
-#include "detectors/images/image.h"
 #include "detectors/images/white_images.h"
 
 namespace plenocal {
@@ -38,7 +37,6 @@ constexpr double kDefectSigmas = 10;
 struct PixelSums {
   cv::Mat squares;          ///< CV_32F: of deviations from the mean
   cv::Mat lowest, highest;  ///< CV_32F
-  int degrees_of_freedom = 0;
 };
 
 /// A pixel of the images, with all that is asked about it: pixels of one level lie all over the
@@ -57,11 +55,10 @@ PixelSums SumPixels(const std::vector<FrameImage>& images, const WhiteImages& wh
   cv::max(smooth_mean, 1, smooth_mean);
   PixelSums sums{.squares = cv::Mat::zeros(white.mean.size(), CV_32F),
                  .lowest = cv::Mat(white.mean.size(), CV_32F, cv::Scalar(1e9)),
-                 .highest = cv::Mat::zeros(white.mean.size(), CV_32F),
-                 .degrees_of_freedom = static_cast<int>(white.members.size()) - 1};
+                 .highest = cv::Mat::zeros(white.mean.size(), CV_32F)};
   for (const size_t i : white.members) {
     cv::Mat image, shading;
-    ToGray(ReadImage(images[i])).convertTo(image, CV_32F);
+    white.Gray(images, i).convertTo(image, CV_32F);
     cv::min(sums.lowest, image, sums.lowest);
     cv::max(sums.highest, image, sums.highest);
     cv::blur(image, shading, window, {-1, -1}, cv::BORDER_REFLECT);
@@ -94,17 +91,17 @@ Neighbours NeighboursOf(const cv::Mat& image, std::optional<BayerOrder> bayer) {
 // Pixels that are clipped in no image.
 std::vector<PixelNoise> UsablePixels(const WhiteImages& white,
                                      const PixelSums& sums,
-                                     const Neighbours& around) {
+                                     const Neighbours& around,
+                                     int dof) {
   std::vector<PixelNoise> pixels;
   pixels.reserve(white.mean.total());
-  const auto dof = static_cast<float>(sums.degrees_of_freedom);
   for (int y = 0; y < white.mean.rows; ++y) {
     for (int x = 0; x < white.mean.cols; ++x) {
       if (sums.lowest.at<float>(y, x) <= 0) continue;
       if (sums.highest.at<float>(y, x) >= static_cast<float>(white.full_scale)) continue;
       const float level = white.mean.at<float>(y, x);
       pixels.push_back({.level = level,
-                        .variance = sums.squares.at<float>(y, x) / dof,
+                        .variance = sums.squares.at<float>(y, x) / static_cast<float>(dof),
                         .scatter = std::abs(level - around.mean.at<float>(y, x)),
                         .beyond = level - std::clamp(level,
                                                      around.lowest.at<float>(y, x),
@@ -258,13 +255,15 @@ std::optional<PhotonTransfer> MeasurePhotonTransfer(const std::vector<FrameImage
                                                     const WhiteImages& white,
                                                     std::optional<BayerOrder> bayer) {
   if (white.members.size() < 2) return {};
-  const PixelSums sums = SumPixels(images, white);
-  std::vector<PixelNoise> pixels = UsablePixels(white, sums, NeighboursOf(white.mean, bayer));
+  const int dof = static_cast<int>(white.members.size()) - 1;
+  // The sums and neighbours, six images, are released before the pixels are sorted.
+  std::vector<PixelNoise> pixels =
+      UsablePixels(white, SumPixels(images, white), NeighboursOf(white.mean, bayer), dof);
   if (pixels.empty()) return {};
   PhotonTransfer noise{.saturation = white.full_scale};
-  noise.levels = LevelsOf(sums.degrees_of_freedom, &pixels);
+  noise.levels = LevelsOf(dof, &pixels);
   FitLine(&noise);
-  noise.defects = FindDefects(pixels, noise, sums.degrees_of_freedom, white.mean.cols);
+  noise.defects = FindDefects(pixels, noise, dof, white.mean.cols);
   return noise;
 }
 
