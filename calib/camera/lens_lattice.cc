@@ -328,11 +328,13 @@ std::vector<std::optional<LatticeNode>> IndexLattice(std::span<const Vector2d> p
 
 Eigen::VectorXd SmoothLattice::Monomials(const Vector2d& coordinates, int degree) const {
   const Vector2d s = (coordinates - middle_) / scale_;
+  std::array<Vector2d, kMaxDegree + 1> powers{Vector2d(1, 1)};
+  for (int power = 1; power <= degree; ++power) powers[power] = powers[power - 1].cwiseProduct(s);
   Eigen::VectorXd terms(Terms(degree));
   int k = 0;
   for (int total = 0; total <= degree; ++total) {
     for (int power = 0; power <= total; ++power) {
-      terms[k++] = std::pow(s.x(), total - power) * std::pow(s.y(), power);
+      terms[k++] = powers[total - power].x() * powers[power].y();
     }
   }
   return terms;

@@ -35,6 +35,8 @@ constexpr double kFewestLevels = 8;
 constexpr int kCells = 16;
 /// Images whose shading differs by more than this (median, relative) show no common field.
 constexpr double kSameField = 0.05;
+/// Bytes of decoded images that are kept: a dozen of four megapixels.
+constexpr size_t kMostDecoded = size_t{64} << 20;
 
 /// One image without its pixels.
 struct Summary {
@@ -149,8 +151,7 @@ std::string Defect(const Summary& summary, double full_scale) {
 }
 
 /// White images on their way to their mean. They are summed as they are read, so that memory does
-/// not grow with their number; outliers, which only all images together reveal, are read again and
-/// subtracted.
+/// not grow with their number; outliers, which only all images together reveal, are subtracted.
 class WhiteSum {
  public:
   WhiteSum(const std::vector<FrameImage>& images, int threads);
@@ -164,9 +165,9 @@ class WhiteSum {
   WhiteImages Mean() &&;
 
  private:
-  /// Adds an image to the sum; with a factor of -1 it takes it off.
-  void Add(const cv::Mat& gray, double factor);
-  /// Reads an image again and takes it off the sum.
+  /// Adds an image to the sum and keeps it as long as there is space.
+  void Add(size_t i, const cv::Mat& gray);
+  /// Takes an image off the sum.
   void LeaveOut(size_t i, const std::string& reason);
   [[nodiscard]] std::string Path(size_t i) const { return images_[i].path.string(); }
 
@@ -174,6 +175,7 @@ class WhiteSum {
   std::vector<Summary> summaries_;
   std::mutex sum_mutex_;
   cv::Mat sum_;
+  size_t decoded_bytes_ = 0;
   std::vector<size_t> used_;  ///< images in the sum
   WhiteImages white_;
 };
@@ -185,7 +187,7 @@ WhiteSum::WhiteSum(const std::vector<FrameImage>& images, int threads)
       const cv::Mat image = ReadImage(images[i]);
       const cv::Mat gray = ToGray(image);
       summaries_[i] = Summarise(image, gray);
-      Add(gray, 1);
+      Add(i, gray);
     } catch (const Error& error) {
       summaries_[i].unreadable = error.what();
     }
@@ -200,17 +202,21 @@ WhiteSum::WhiteSum(const std::vector<FrameImage>& images, int threads)
   }
 }
 
-void WhiteSum::Add(const cv::Mat& gray, double factor) {
-  cv::Mat exact;
-  gray.convertTo(exact, CV_64F, factor);
+void WhiteSum::Add(size_t i, const cv::Mat& gray) {
   const std::lock_guard lock(sum_mutex_);
   if (sum_.empty()) sum_ = cv::Mat::zeros(gray.size(), CV_64F);
-  if (sum_.size() == gray.size()) sum_ += exact;
+  if (sum_.size() != gray.size()) return;
+  cv::accumulate(gray, sum_);
+  const size_t bytes = gray.total() * gray.elemSize();
+  if (decoded_bytes_ + bytes > kMostDecoded) return;
+  decoded_bytes_ += bytes;
+  white_.decoded[i] = gray;
 }
 
 void WhiteSum::LeaveOut(size_t i, const std::string& reason) {
   white_.left_out.push_back({Path(i), reason});
-  Add(ToGray(ReadImage(images_[i])), -1);
+  cv::subtract(sum_, white_.Gray(images_, i), sum_, cv::noArray(), CV_64F);
+  white_.decoded.erase(i);
 }
 
 void WhiteSum::CheckSizes() const {
@@ -313,6 +319,11 @@ WhiteImages WhiteSum::Mean() && {
 }
 
 }  // namespace
+
+cv::Mat WhiteImages::Gray(const std::vector<FrameImage>& images, size_t i) const {
+  const auto found = decoded.find(i);
+  return found != decoded.end() ? found->second : ToGray(ReadImage(images[i]));
+}
 
 WhiteImages AverageWhiteImages(const std::vector<FrameImage>& images, int threads) {
   WhiteSum sum(images, threads);

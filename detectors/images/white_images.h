@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <map>
 #include <opencv2/core/mat.hpp>
 #include <vector>
 
@@ -21,6 +22,12 @@ struct WhiteImages {
   /// fall-off is the same on both, so this is the illumination (or a lens out of its place).
   double unevenness = 0;
   std::vector<LeftOut> left_out;  ///< images, with reasons
+  /// Some images, by index, as gray: decoding them again takes longer than all sums over them.
+  std::map<size_t, cv::Mat> decoded;
+
+  /// One of the images that this is the mean of, as gray. Throws `Error` where it is not among the
+  /// decoded ones and cannot be read any more.
+  [[nodiscard]] cv::Mat Gray(const std::vector<FrameImage>& images, size_t i) const;
 };
 
 /// Averages white images of any kind that ReadImage reads; colour becomes gray. Left out are

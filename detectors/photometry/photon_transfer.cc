@@ -5,17 +5,19 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <numeric>
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
+#include <span>
 #include <utility>
 
 #include "calib/base/number_text.h"
 #include "calib/base/robust.h"
 #include "calib/base/statistics.h"
-#include "detectors/images/image.h"
 #include "detectors/images/white_images.h"
 
 namespace plenocal {
@@ -35,12 +37,14 @@ constexpr double kDefectSigmas = 10;
 struct PixelSums {
   cv::Mat squares;          ///< CV_32F: of deviations from the mean
   cv::Mat lowest, highest;  ///< CV_32F
-  int degrees_of_freedom = 0;
 };
 
-/// A pixel's mean grey value and variance over the images.
+/// A pixel of the images, with all that is asked about it: pixels of one level lie all over the
+/// image.
 struct PixelNoise {
-  float level = 0, variance = 0;
+  float level = 0, variance = 0;  ///< mean grey value and variance over the images
+  float scatter = 0;              ///< distance of the level from the mean of its neighbours
+  float beyond = 0;  ///< level above the highest of the neighbours, or below the lowest (negative)
   std::int32_t index = 0;
 };
 
@@ -51,11 +55,10 @@ PixelSums SumPixels(const std::vector<FrameImage>& images, const WhiteImages& wh
   cv::max(smooth_mean, 1, smooth_mean);
   PixelSums sums{.squares = cv::Mat::zeros(white.mean.size(), CV_32F),
                  .lowest = cv::Mat(white.mean.size(), CV_32F, cv::Scalar(1e9)),
-                 .highest = cv::Mat::zeros(white.mean.size(), CV_32F),
-                 .degrees_of_freedom = static_cast<int>(white.members.size()) - 1};
+                 .highest = cv::Mat::zeros(white.mean.size(), CV_32F)};
   for (const size_t i : white.members) {
     cv::Mat image, shading;
-    ToGray(ReadImage(images[i])).convertTo(image, CV_32F);
+    white.Gray(images, i).convertTo(image, CV_32F);
     cv::min(sums.lowest, image, sums.lowest);
     cv::max(sums.highest, image, sums.highest);
     cv::blur(image, shading, window, {-1, -1}, cv::BORDER_REFLECT);
@@ -65,17 +68,45 @@ PixelSums SumPixels(const std::vector<FrameImage>& images, const WhiteImages& wh
   return sums;
 }
 
+// Means of the eight nearest pixels of the same colour; the highest and the lowest of them.
+struct Neighbours {
+  cv::Mat mean, highest, lowest;
+};
+
+Neighbours NeighboursOf(const cv::Mat& image, std::optional<BayerOrder> bayer) {
+  const int step = bayer ? 2 : 1;
+  cv::Mat kernel = cv::Mat::zeros(2 * step + 1, 2 * step + 1, CV_32F);
+  for (int y = 0; y <= 2; ++y) {
+    for (int x = 0; x <= 2; ++x) kernel.at<float>(y * step, x * step) = x == 1 && y == 1 ? 0 : 1;
+  }
+  cv::Mat shape;
+  kernel.convertTo(shape, CV_8U);
+  Neighbours around;
+  cv::filter2D(image, around.mean, CV_32F, kernel / 8, {-1, -1}, 0, cv::BORDER_REFLECT_101);
+  cv::dilate(image, around.highest, shape, {-1, -1}, 1, cv::BORDER_REFLECT_101);
+  cv::erode(image, around.lowest, shape, {-1, -1}, 1, cv::BORDER_REFLECT_101);
+  return around;
+}
+
 // Pixels that are clipped in no image.
-std::vector<PixelNoise> UsablePixels(const WhiteImages& white, const PixelSums& sums) {
+std::vector<PixelNoise> UsablePixels(const WhiteImages& white,
+                                     const PixelSums& sums,
+                                     const Neighbours& around,
+                                     int dof) {
   std::vector<PixelNoise> pixels;
-  const auto dof = static_cast<float>(sums.degrees_of_freedom);
+  pixels.reserve(white.mean.total());
   for (int y = 0; y < white.mean.rows; ++y) {
     for (int x = 0; x < white.mean.cols; ++x) {
       if (sums.lowest.at<float>(y, x) <= 0) continue;
       if (sums.highest.at<float>(y, x) >= static_cast<float>(white.full_scale)) continue;
-      pixels.push_back({white.mean.at<float>(y, x),
-                        sums.squares.at<float>(y, x) / dof,
-                        y * white.mean.cols + x});
+      const float level = white.mean.at<float>(y, x);
+      pixels.push_back({.level = level,
+                        .variance = sums.squares.at<float>(y, x) / static_cast<float>(dof),
+                        .scatter = std::abs(level - around.mean.at<float>(y, x)),
+                        .beyond = level - std::clamp(level,
+                                                     around.lowest.at<float>(y, x),
+                                                     around.highest.at<float>(y, x)),
+                        .index = y * white.mean.cols + x});
     }
   }
   return pixels;
@@ -84,18 +115,21 @@ std::vector<PixelNoise> UsablePixels(const WhiteImages& white, const PixelSums& 
 // Index of the first pixel of a level.
 size_t LevelStart(size_t level, size_t levels, size_t pixels) { return level * pixels / levels; }
 
-// Moves the darkest pixels into the first of the levels [first, last), and so on.
-void SplitByLevel(size_t first, size_t last, size_t levels, std::vector<PixelNoise>* pixels) {
-  if (last - first < 2) return;
-  const size_t middle = (first + last) / 2;
-  const auto at = [&](size_t level) {
-    return pixels->begin() + static_cast<std::ptrdiff_t>(LevelStart(level, levels, pixels->size()));
-  };
-  std::nth_element(at(first), at(middle), at(last), [](const PixelNoise& a, const PixelNoise& b) {
-    return std::pair(a.level, a.index) < std::pair(b.level, b.index);
-  });
-  SplitByLevel(first, middle, levels, pixels);
-  SplitByLevel(middle, last, levels, pixels);
+// Sorts the pixels by level, those of one level by index as they come: counting sorts by some bits
+// of the level at a time. Levels are positive, so that their bits ascend with them.
+void SortByLevel(std::vector<PixelNoise>* pixels) {
+  constexpr int kBits = 11;  // three sorts, each with no more places than a cache holds
+  std::vector<PixelNoise> sorted(pixels->size());
+  for (int shift = 0; shift < std::numeric_limits<std::uint32_t>::digits; shift += kBits) {
+    const auto digit = [&](const PixelNoise& pixel) {
+      return (std::bit_cast<std::uint32_t>(pixel.level) >> shift) % (1U << kBits);
+    };
+    std::array<size_t, (1U << kBits) + 1> starts{};
+    for (const PixelNoise& pixel : *pixels) ++starts[digit(pixel) + 1];
+    std::partial_sum(starts.begin(), starts.end(), starts.begin());
+    for (const PixelNoise& pixel : *pixels) sorted[starts[digit(pixel)]++] = pixel;
+    pixels->swap(sorted);
+  }
 }
 
 // Without pixels of far more noise than the others, which would else be the level's.
@@ -122,7 +156,7 @@ NoiseLevel LevelOf(const PixelNoise* begin, const PixelNoise* end, int dof) {
 std::vector<NoiseLevel> LevelsOf(int dof, std::vector<PixelNoise>* pixels) {
   std::vector<NoiseLevel> levels;
   const size_t count = std::min(kLevels, pixels->size() / 100 + 1);
-  SplitByLevel(0, count, count, pixels);
+  SortByLevel(pixels);
   for (size_t k = 0; k < count; ++k) {
     const PixelNoise* data = pixels->data();
     levels.push_back(LevelOf(data + LevelStart(k, count, pixels->size()),
@@ -171,65 +205,38 @@ void FitLine(PhotonTransfer* noise) {
   noise->misfit = std::sqrt(squares / count);
 }
 
-// Means of the eight nearest pixels of the same colour; the highest and the lowest of them.
-struct Neighbours {
-  cv::Mat mean, highest, lowest;
-};
-
-Neighbours NeighboursOf(const cv::Mat& image, std::optional<BayerOrder> bayer) {
-  const int step = bayer ? 2 : 1;
-  cv::Mat kernel = cv::Mat::zeros(2 * step + 1, 2 * step + 1, CV_32F);
-  for (int y = 0; y <= 2; ++y) {
-    for (int x = 0; x <= 2; ++x) kernel.at<float>(y * step, x * step) = x == 1 && y == 1 ? 0 : 1;
-  }
-  cv::Mat shape;
-  kernel.convertTo(shape, CV_8U);
-  Neighbours around;
-  cv::filter2D(image, around.mean, CV_32F, kernel / 8, {-1, -1}, 0, cv::BORDER_REFLECT_101);
-  cv::dilate(image, around.highest, shape, {-1, -1}, 1, cv::BORDER_REFLECT_101);
-  cv::erode(image, around.lowest, shape, {-1, -1}, 1, cv::BORDER_REFLECT_101);
-  return around;
-}
-
 // Robust standard deviation of pixels of one level about their neighbours. The flanks of micro
 // images, where neighbours differ, belong to the level too.
-double ScatterOf(const std::vector<PixelNoise>& level, const cv::Mat& neighbour_mean) {
+double ScatterOf(std::span<const PixelNoise> level) {
   std::vector<float> scatter;
-  for (const PixelNoise& pixel : level) {
-    const int x = pixel.index % neighbour_mean.cols, y = pixel.index / neighbour_mean.cols;
-    scatter.push_back(std::abs(pixel.level - neighbour_mean.at<float>(y, x)));
-  }
+  scatter.reserve(level.size());
+  for (const PixelNoise& pixel : level) scatter.push_back(pixel.scatter);
   return kSigmaPerMad * Median(std::move(scatter), 0.0F);
 }
 
-std::vector<DefectivePixel> FindDefects(const WhiteImages& white,
-                                        const std::vector<PixelNoise>& pixels,
+std::vector<DefectivePixel> FindDefects(const std::vector<PixelNoise>& pixels,
                                         const PhotonTransfer& noise,
                                         int dof,
-                                        std::optional<BayerOrder> bayer) {
+                                        int columns) {
   std::vector<DefectivePixel> defects;
   // Twice the noise of its level at least: the levels themselves are not that exact.
   const double most_variance =
       std::max(4.0, ChiSquareQuantile(dof, kFalseAlarm / static_cast<double>(pixels.size())) / dof);
-  const Neighbours around = NeighboursOf(white.mean, bayer);
   for (size_t k = 0; k < noise.levels.size(); ++k) {
-    const auto at = [&](size_t i) {
-      return pixels.begin() +
-             static_cast<std::ptrdiff_t>(LevelStart(i, noise.levels.size(), pixels.size()));
-    };
-    const std::vector<PixelNoise> level(at(k), at(k + 1));
-    const double sigma = std::max(ScatterOf(level, around.mean), 1e-9);
+    const size_t first = LevelStart(k, noise.levels.size(), pixels.size());
+    const size_t last = LevelStart(k + 1, noise.levels.size(), pixels.size());
+    const std::span<const PixelNoise> level(pixels.data() + first, last - first);
+    const double sigma = std::max(ScatterOf(level), 1e-9);
     for (const PixelNoise& pixel : level) {
-      const int x = pixel.index % white.mean.cols, y = pixel.index / white.mean.cols;
       const double variance = pixel.variance / noise.levels[k].variance;
-      const double above = (pixel.level - around.highest.at<float>(y, x)) / sigma;
-      const double below = (around.lowest.at<float>(y, x) - pixel.level) / sigma;
+      const double beyond = pixel.beyond / sigma;
+      const int x = pixel.index % columns, y = pixel.index / columns;
       if (variance > most_variance) {
         defects.push_back({x, y, PixelDefect::kNoisy, std::sqrt(variance)});
-      } else if (above > kDefectSigmas) {
-        defects.push_back({x, y, PixelDefect::kBright, above});
-      } else if (below > kDefectSigmas) {
-        defects.push_back({x, y, PixelDefect::kDark, below});
+      } else if (beyond > kDefectSigmas) {
+        defects.push_back({x, y, PixelDefect::kBright, beyond});
+      } else if (-beyond > kDefectSigmas) {
+        defects.push_back({x, y, PixelDefect::kDark, -beyond});
       }
     }
   }
@@ -248,13 +255,15 @@ std::optional<PhotonTransfer> MeasurePhotonTransfer(const std::vector<FrameImage
                                                     const WhiteImages& white,
                                                     std::optional<BayerOrder> bayer) {
   if (white.members.size() < 2) return {};
-  const PixelSums sums = SumPixels(images, white);
-  std::vector<PixelNoise> pixels = UsablePixels(white, sums);
+  const int dof = static_cast<int>(white.members.size()) - 1;
+  // The sums and neighbours, six images, are released before the pixels are sorted.
+  std::vector<PixelNoise> pixels =
+      UsablePixels(white, SumPixels(images, white), NeighboursOf(white.mean, bayer), dof);
   if (pixels.empty()) return {};
   PhotonTransfer noise{.saturation = white.full_scale};
-  noise.levels = LevelsOf(sums.degrees_of_freedom, &pixels);
+  noise.levels = LevelsOf(dof, &pixels);
   FitLine(&noise);
-  noise.defects = FindDefects(white, pixels, noise, sums.degrees_of_freedom, bayer);
+  noise.defects = FindDefects(pixels, noise, dof, white.mean.cols);
   return noise;
 }
 

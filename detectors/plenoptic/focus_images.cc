@@ -54,21 +54,14 @@ FrameFiles Files(const Reconstruction& view, int raw_depth) {
 }
 
 std::string Summary(const Reconstruction& view) {
-  std::vector<float> known;
-  for (int y = 0; y < view.depth.inverse.rows; ++y) {
-    for (int x = 0; x < view.depth.inverse.cols; ++x) {
-      if (view.depth.known.at<uchar>(y, x) != 0)
-        known.push_back(view.depth.inverse.at<float>(y, x));
-    }
-  }
-  std::sort(known.begin(), known.end());
+  const auto [low, high] = internal::UsualRange(view.depth);
   return fmt::format(
       "{} x {} pixels, virtual depth known in {:.0f} %, {:.2f} to {:.2f} ({}){}",
       view.image.cols,
       view.image.rows,
-      100.0 * static_cast<double>(known.size()) / static_cast<double>(view.image.total()),
-      1 / known[known.size() - 1 - known.size() / 100],
-      1 / known[known.size() / 100],
+      100.0 * cv::countNonZero(view.depth.known) / static_cast<double>(view.image.total()),
+      1 / high,
+      1 / low,
       view.keplerian ? "Keplerian" : "Galilean",
       view.flat_parts > 0 ? fmt::format(", {} flat parts", view.flat_parts) : "");
 }

@@ -34,16 +34,21 @@ void AddDifferences(const ShiftedPatches& patches, float* cost, float* count) {
 }
 
 PLENOCAL_FOR_EACH_PROCESSOR
-void WindowMeans(
-    int size, const float* cost, const float* count, float least, float* work, float* mean) {
-  const int area = size * size;
+void WindowMeans(int columns,
+                 int rows,
+                 const float* cost,
+                 const float* count,
+                 float least,
+                 float* work,
+                 float* mean) {
+  const int area = rows * columns;
   float* __restrict costs = work;
   float* __restrict counts = work + area;
-  for (int i = size; i < area - size; ++i) {
-    costs[i] = cost[i - size] + cost[i] + cost[i + size];
-    counts[i] = count[i - size] + count[i] + count[i + size];
+  for (int i = columns; i < area - columns; ++i) {
+    costs[i] = cost[i - columns] + cost[i] + cost[i + columns];
+    counts[i] = count[i - columns] + count[i] + count[i + columns];
   }
-  for (int i = size + 1; i < area - size - 1; ++i) {
+  for (int i = columns + 1; i < area - columns - 1; ++i) {
     const float all = counts[i - 1] + counts[i] + counts[i + 1];
     const float sum = costs[i - 1] + costs[i] + costs[i + 1];
     mean[i] = all >= least ? sum / all : std::numeric_limits<float>::infinity();

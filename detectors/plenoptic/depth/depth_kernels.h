@@ -20,10 +20,15 @@ struct ShiftedPatches {
 void AddDifferences(const ShiftedPatches& patches, float* cost, float* count);
 
 /// Sums of `cost` over 3 x 3 windows divided by those of `count`; infinite where the latter are
-/// less than `least`. Arrays of size * size floats; the outermost rows and columns of `mean` are
-/// undefined. `work`: 2 * size * size floats.
-void WindowMeans(
-    int size, const float* cost, const float* count, float least, float* work, float* mean);
+/// less than `least`. Arrays of rows * columns floats; the outermost rows and columns of `mean` are
+/// undefined. `work`: 2 * rows * columns floats.
+void WindowMeans(int columns,
+                 int rows,
+                 const float* cost,
+                 const float* count,
+                 float least,
+                 float* work,
+                 float* mean);
 
 /// Pixels of one micro image, each with an inverse virtual depth of its own. Arrays of `count`
 /// floats.

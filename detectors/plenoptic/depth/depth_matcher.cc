@@ -134,7 +134,7 @@ void DepthMatcher::Select(size_t lens, MatchScratch* scratch) const {
   scratch->pixels.Clear();
   for (int y = LensPatches::kMargin; y < n - LensPatches::kMargin; ++y) {
     for (int x = LensPatches::kMargin; x < n - LensPatches::kMargin; ++x) {
-      AddTextured(lens, {y * n + x, 0}, &scratch->pixels);
+      AddTextured(lens, x, y, 0, &scratch->pixels);
     }
   }
 }
@@ -143,23 +143,25 @@ void DepthMatcher::Select(size_t lens,
                           std::span<const DepthStart> starts,
                           MatchScratch* scratch) const {
   scratch->pixels.Clear();
-  for (const DepthStart& start : starts) AddTextured(lens, start, &scratch->pixels);
+  const int n = patches_.size;
+  for (const DepthStart& start : starts) {
+    AddTextured(lens, start.at % n, start.at / n, start.z, &scratch->pixels);
+  }
 }
 
 /// Adds a pixel if it has texture.
-void DepthMatcher::AddTextured(size_t lens, const DepthStart& start, TexturedPixels* p) const {
-  const int n = patches_.size, at = start.at;
+void DepthMatcher::AddTextured(size_t lens, int x, int y, float z, TexturedPixels* p) const {
+  const int n = patches_.size, at = y * n + x;
   const float* value = patches_.Value(lens);
   const float gx = (value[at + 1] - value[at - 1]) / 2;
   const float gy = (value[at + n] - value[at - n]) / 2;
   if (std::isnan(value[at]) || std::isnan(gx) || std::isnan(gy)) return;
-  const int x = at % n, y = at / n;
   const float v = patches_.Attenuation(lens, x, y);
   const float variance = (noise_.read + noise_.shot * std::max(0.f, value[at]) * v) / (v * v);
   if (!(gx * gx + gy * gy > kNoGradient * variance / 2)) return;
   p->x.push_back(static_cast<float>(x));
   p->y.push_back(static_cast<float>(y));
-  p->z.push_back(start.z);
+  p->z.push_back(z);
   p->value.push_back(value[at]);
   p->gradient_x.push_back(gx);
   p->gradient_y.push_back(gy);
@@ -169,43 +171,64 @@ void DepthMatcher::AddTextured(size_t lens, const DepthStart& start, TexturedPix
   p->at.push_back(at);
 }
 
+PatchBox DepthMatcher::WindowsOf(const TexturedPixels& pixels) const {
+  const int n = patches_.size;
+  PatchBox box{.left = n, .right = 0, .top = n, .bottom = 0};
+  for (const int at : pixels.at) {
+    const int x = at % n, y = at / n;
+    box = {.left = std::min(box.left, x - 1),
+           .right = std::max(box.right, x + 2),
+           .top = std::min(box.top, y - 1),
+           .bottom = std::max(box.bottom, y + 2)};
+  }
+  return box;
+}
+
 /// Mean differences from the neighbours in the 3 x 3 window of each pixel, for each depth.
 void DepthMatcher::MeanDifferences(size_t lens,
                                    ZRange range,
                                    int hypotheses,
                                    MatchScratch* s) const {
-  const size_t area = patches_.Area();
+  const PatchBox box = WindowsOf(s->pixels);
+  const int n = patches_.size, rows = box.bottom - box.top;
+  const size_t area = patches_.Area(), first = static_cast<size_t>(box.top) * n;
   s->means.resize(hypotheses * area);
   s->work.resize(2 * area);
+  s->cost.resize(area + kBlockTail);
+  s->count.resize(area + kBlockTail);
   for (int h = 0; h < hypotheses; ++h) {
-    s->cost.assign(area + kBlockTail, 0.f);
-    s->count.assign(area + kBlockTail, 0.f);
+    std::fill_n(s->cost.begin() + static_cast<std::ptrdiff_t>(first), rows * n, 0.f);
+    std::fill_n(s->count.begin() + static_cast<std::ptrdiff_t>(first), rows * n, 0.f);
     const float z = range.lowest + static_cast<float>(h) * Step();
     for (const LatticeStep& to : search_steps_) {
       const int other = index_.Neighbour(static_cast<int>(lens), to);
-      if (other >= 0) AddDifferencesAt(z, lens, other, s);
+      if (other >= 0) AddDifferencesAt(z, lens, other, box, s);
     }
-    WindowMeans(patches_.size,
-                s->cost.data(),
-                s->count.data(),
+    WindowMeans(n,
+                rows,
+                s->cost.data() + first,
+                s->count.data() + first,
                 kWindowPixels,
                 s->work.data(),
-                s->means.data() + h * area);
+                s->means.data() + h * area + first);
   }
 }
 
 /// Adds the differences between two micro images at one depth to the cost and the count.
-void DepthMatcher::AddDifferencesAt(float z, size_t lens, size_t other, MatchScratch* s) const {
+void DepthMatcher::AddDifferencesAt(
+    float z, size_t lens, size_t other, const PatchBox& box, MatchScratch* s) const {
   const MicroLensArray& array = index_.Array();
   const Eigen::Vector2f baseline =
       (array.lenses[other].centre - array.lenses[lens].centre).cast<float>();
   const Eigen::Vector2f shift =
       (patches_.origin[lens] - patches_.origin[other]).cast<float>() + baseline * (1 - z);
   const Eigen::Vector2i whole = shift.array().floor().cast<int>();
-  // The overlap of both patches, without their margins.
+  // The overlap of both patches, without their margins, in the box.
   const int n = patches_.size, low = LensPatches::kMargin, high = n - LensPatches::kMargin;
-  const int x0 = std::max(low, low - whole.x()), x1 = std::min(high, high - whole.x());
-  const int y0 = std::max(low, low - whole.y()), y1 = std::min(high, high - whole.y());
+  const int x0 = std::max({low, low - whole.x(), box.left});
+  const int x1 = std::min({high, high - whole.x(), box.right});
+  const int y0 = std::max({low, low - whole.y(), box.top});
+  const int y1 = std::min({high, high - whole.y(), box.bottom});
   if (x1 <= x0 || y1 <= y0) return;
   const int at = y0 * n + x0;
   AddDifferences({.reference = patches_.Value(lens) + at,
@@ -221,6 +244,7 @@ void DepthMatcher::AddDifferencesAt(float z, size_t lens, size_t other, MatchScr
 
 void DepthMatcher::Search(size_t lens, ZRange range, MatchScratch* s) const {
   TexturedPixels& p = s->pixels;
+  if (p.x.empty()) return;
   const size_t area = patches_.Area();
   const float step = Step();
   const int hypotheses = static_cast<int>(std::ceil((range.highest - range.lowest) / step)) + 1;

@@ -31,6 +31,11 @@ struct TexturedPixels {
   void Keep(const std::vector<char>& keep);
 };
 
+/// A rectangle of a patch: columns [left, right) and rows [top, bottom).
+struct PatchBox {
+  int left, right, top, bottom;
+};
+
 /// Working memory of one thread.
 struct MatchScratch {
   TexturedPixels pixels;
@@ -80,8 +85,11 @@ class DepthMatcher {
   [[nodiscard]] size_t TypePair(size_t lens, size_t other) const;
 
  private:
-  void AddTextured(size_t lens, const DepthStart& start, TexturedPixels* pixels) const;
-  void AddDifferencesAt(float z, size_t lens, size_t other, MatchScratch* scratch) const;
+  void AddTextured(size_t lens, int x, int y, float z, TexturedPixels* pixels) const;
+  /// The windows of the pixels: all that a search has to compute.
+  [[nodiscard]] PatchBox WindowsOf(const TexturedPixels& pixels) const;
+  void AddDifferencesAt(
+      float z, size_t lens, size_t other, const PatchBox& box, MatchScratch* scratch) const;
   void MeanDifferences(size_t lens, ZRange range, int hypotheses, MatchScratch* scratch) const;
   void Smooth(MatchScratch* scratch) const;
 

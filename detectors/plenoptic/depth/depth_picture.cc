@@ -18,20 +18,25 @@ constexpr int kBarWidth = 20, kGap = 10, kTextWidth = 70, kNumbers = 6;
 
 }  // namespace
 
-cv::Mat DepthPicture(const VirtualDepth& depth) {
+std::pair<float, float> UsualRange(const VirtualDepth& depth) {
   std::vector<float> values;
   for (int y = 0; y < depth.inverse.rows; ++y) {
     for (int x = 0; x < depth.inverse.cols; ++x) {
       if (depth.known.at<uchar>(y, x) != 0) values.push_back(depth.inverse.at<float>(y, x));
     }
   }
-  // One in a hundred at either end may be an outlier that would take the colours from the rest.
-  float low = 0, high = 1;
-  if (!values.empty()) {
-    std::sort(values.begin(), values.end());
-    low = values[values.size() / 100];
-    high = values[values.size() - 1 - values.size() / 100];
-  }
+  if (values.empty()) return {0, 1};
+  const auto at = [&](size_t rank) {
+    const auto place = values.begin() + static_cast<std::ptrdiff_t>(rank);
+    std::nth_element(values.begin(), place, values.end());
+    return *place;
+  };
+  const size_t outliers = values.size() / 100;
+  return {at(outliers), at(values.size() - 1 - outliers)};
+}
+
+cv::Mat DepthPicture(const VirtualDepth& depth) {
+  auto [low, high] = UsualRange(depth);
   if (!(high > low)) high = low + 1e-3f;
 
   const int rows = depth.inverse.rows, columns = depth.inverse.cols;

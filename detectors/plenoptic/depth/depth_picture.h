@@ -3,10 +3,15 @@
 
 #include <opencv2/core/mat.hpp>
 #include <string>
+#include <utility>
 
 #include "detectors/plenoptic/depth/virtual_depth.h"
 
 namespace plenocal::internal {
+
+/// The lowest and the highest known inverse depth but for one in a hundred at either end, which may
+/// be outliers; 0 and 1 where none is known.
+std::pair<float, float> UsualRange(const VirtualDepth& depth);
 
 /// A colour picture (8 bits) of the virtual depth for inspection, with a bar of colours and
 /// numbers on the right. Colours are linear in inverse depth, whose error is uniform;

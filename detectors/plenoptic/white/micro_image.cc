@@ -21,15 +21,21 @@ constexpr double kKnotStep = 0.5;  // px
 /// Distance of samples of a profile.
 constexpr double kSampleStep = kKnotStep / 4;
 
+/// The pixels within `radius` of a place along one axis of the image.
+struct PixelRange {
+  int first, last;
+
+  PixelRange(double centre, double radius, int count)
+      : first(std::max(0, static_cast<int>(std::ceil(centre - radius)))),
+        last(std::min(count - 1, static_cast<int>(std::floor(centre + radius)))) {}
+};
+
 /// Calls visit(x, y, d) for the pixels with |d| <= radius, d = pixel - centre.
 template <typename Visit>
 void ForPixels(const cv::Mat& white, const Vector2d& centre, double radius, const Visit& visit) {
-  const int top = std::max(0, static_cast<int>(std::ceil(centre.y() - radius)));
-  const int bottom = std::min(white.rows - 1, static_cast<int>(std::floor(centre.y() + radius)));
-  const int left = std::max(0, static_cast<int>(std::ceil(centre.x() - radius)));
-  const int right = std::min(white.cols - 1, static_cast<int>(std::floor(centre.x() + radius)));
-  for (int y = top; y <= bottom; ++y) {
-    for (int x = left; x <= right; ++x) {
+  const PixelRange columns(centre.x(), radius, white.cols), rows(centre.y(), radius, white.rows);
+  for (int y = rows.first; y <= rows.last; ++y) {
+    for (int x = columns.first; x <= columns.last; ++x) {
       const Vector2d d(x - centre.x(), y - centre.y());
       if (d.squaredNorm() <= radius * radius) visit(x, y, d);
     }
@@ -54,13 +60,9 @@ struct Basis {
   }
 };
 
-double Model(const RadialProfile& profile, const MicroImage& image, const Vector2d& d) {
-  return profile.At(d.norm() / image.scale).value * (image.gain + image.gradient.dot(d));
-}
-
-/// A pixel less the modelled light of all micro images but `own`.
-double OwnLight(const ModelledImage& scene, int x, int y, double own) {
-  return scene.white.at<float>(y, x) - scene.light.at<float>(y, x) + own;
+/// A pixel less the modelled light of all micro images.
+float Residual(const ModelledImage& scene, int x, int y) {
+  return scene.white.at<float>(y, x) - scene.light.at<float>(y, x);
 }
 
 /// A pixel lies within the radius, 0.7 pitches, of at most four micro images.
@@ -78,57 +80,101 @@ struct OwnPixels {
 constexpr int kParams = 6;  // c_x, c_y, g, h_x, h_y, s
 constexpr int kRows = 9;    // the parameters, the error, and zeros for AddSquares
 
-/// Coefficients of the profile's cubics in the cells `index`: see RadialProfile::Cells.
-struct CellLanes {
-  Lanes c0, c1, c2, c3;
-
-  PLENOCAL_LANES CellLanes(const Eigen::Vector4d* cells, const IntLanes& index) {
-    for (int l = 0; l < kLanes; ++l) {
-      const Eigen::Vector4d& cell = cells[index[l]];
-      c0[l] = static_cast<float>(cell[0]);
-      c1[l] = static_cast<float>(cell[1]);
-      c2[l] = static_cast<float>(cell[2]);
-      c3[l] = static_cast<float>(cell[3]);
-    }
+/// A micro image's model, for eight pixels at a time.
+class LaneModel {
+ public:
+  LaneModel(const RadialProfile& profile, const MicroImage& image)
+      : gain_(static_cast<float>(image.gain)),
+        scale_(static_cast<float>(image.scale)),
+        gradient_(image.gradient.cast<float>()),
+        last_(static_cast<float>(profile.Cells().size() - 1)),
+        radius_(static_cast<float>(profile.Radius()) * scale_) {
+    cells_.reserve(profile.Cells().size());
+    for (const Eigen::Vector4d& cell : profile.Cells()) cells_.push_back(cell.cast<float>());
   }
+
+  struct Values {
+    Lanes r, value, slope, brightness;  // slope per px at scale 1
+  };
+  /// At the offsets (x, y), px, from the centre.
+  PLENOCAL_LANES Values At(const Lanes& x, const Lanes& y) const {
+    constexpr auto kStep = static_cast<float>(kKnotStep);
+    Values out;
+    out.r = x * x + y * y;
+    Sqrt(&out.r);
+    const Lanes at = out.r / (scale_ * kStep), bounded = at < last_ ? at : Lanes{} + last_;
+    const IntLanes index = __builtin_convertvector(bounded, IntLanes);
+    const Lanes t = at - __builtin_convertvector(index, Lanes);
+    Lanes c0, c1, c2, c3;
+    for (int l = 0; l < kLanes; ++l) {
+      const float* cell = cells_[index[l]].data();
+      c0[l] = cell[0];
+      c1[l] = cell[1];
+      c2[l] = cell[2];
+      c3[l] = cell[3];
+    }
+    const Lanes inside = out.r <= radius_ ? Lanes{} + 1 : Lanes{};
+    out.value = inside * (c0 + t * (c1 + t * (c2 + t * c3)));
+    out.slope = inside * (c1 + t * (2 * c2 + t * (3 * c3))) / kStep;
+    out.brightness = gain_ + gradient_.x() * x + gradient_.y() * y;
+    return out;
+  }
+
+  [[nodiscard]] float Scale() const { return scale_; }
+  [[nodiscard]] const Eigen::Vector2f& Gradient() const { return gradient_; }
+
+ private:
+  float gain_, scale_;
+  Eigen::Vector2f gradient_;
+  float last_, radius_;
+  std::vector<Eigen::Vector4f> cells_;  // see RadialProfile::Cells
 };
 
 /// Rows of the Jacobian and the errors of `pixels`, row after row.
 PLENOCAL_FOR_EACH_PROCESSOR
-void FillRows(const RadialProfile& profile,
-              const MicroImage& fit,
+void FillRows(const LaneModel& model,
               const Vector2d& moved,
               std::span<const OwnPixels> pixels,
               Lanes* rows) {
-  const auto gain = static_cast<float>(fit.gain), scale = static_cast<float>(fit.scale);
-  const Eigen::Vector2f gradient = fit.gradient.cast<float>(), from = moved.cast<float>();
-  constexpr auto kStep = static_cast<float>(kKnotStep);
-  const auto last = static_cast<float>(profile.Cells().size() - 1);
-  const auto radius = static_cast<float>(profile.Radius()) * scale;
+  const Eigen::Vector2f from = moved.cast<float>(), gradient = model.Gradient();
+  const float scale = model.Scale();
   const auto count = static_cast<std::ptrdiff_t>(pixels.size());
   for (std::ptrdiff_t i = 0; i < count; ++i) {
     const OwnPixels& pixel = pixels[i];
     const Lanes x = pixel.x - from.x(), y = pixel.y - from.y();
-    Lanes r = x * x + y * y;
-    Sqrt(&r);
-    const Lanes at = r / (scale * kStep), bounded = at < last ? at : Lanes{} + last;
-    const IntLanes index = __builtin_convertvector(bounded, IntLanes);
-    const Lanes t = at - __builtin_convertvector(index, Lanes);
-    const CellLanes c(profile.Cells().data(), index);
-    const Lanes inside = r <= radius ? pixel.used : Lanes{};
-    const Lanes value = inside * (c.c0 + t * (c.c1 + t * (c.c2 + t * c.c3)));
-    const Lanes slope = inside * (c.c1 + t * (2 * c.c2 + t * (3 * c.c3))) / kStep;
-    const Lanes brightness = gain + gradient.x() * x + gradient.y() * y;
-    const Lanes by_size = slope * brightness / scale;
-    const Lanes by_r = r > 0 ? by_size / r : Lanes{};
+    const LaneModel::Values m = model.At(x, y);
+    const Lanes value = pixel.used * m.value;
+    const Lanes by_size = pixel.used * m.slope * m.brightness / scale;
+    const Lanes by_r = m.r > 0 ? by_size / m.r : Lanes{};
     Lanes* row = rows + i;
     row[0 * count] = -by_r * x - value * gradient.x();
     row[1 * count] = -by_r * y - value * gradient.y();
     row[2 * count] = value;
     row[3 * count] = value * x;
     row[4 * count] = value * y;
-    row[5 * count] = -by_size * r / scale;
-    row[6 * count] = pixel.used * (pixel.light - value * brightness);
+    row[5 * count] = -by_size * m.r / scale;
+    row[6 * count] = pixel.used * (pixel.light - value * m.brightness);
+  }
+}
+
+/// Adds the model's light to that of the pixels.
+PLENOCAL_FOR_EACH_PROCESSOR
+void AddOwnLight(const LaneModel& model, std::span<OwnPixels> pixels) {
+  for (OwnPixels& pixel : pixels) {
+    const LaneModel::Values m = model.At(pixel.x, pixel.y);
+    pixel.light += m.value * m.brightness;
+  }
+}
+
+/// Adds the light of a micro image, whose centre is at `y` below the row and at `x` right of its
+/// first pixel, to the `count` pixels of a row.
+PLENOCAL_FOR_EACH_PROCESSOR
+void AddLightToRow(const LaneModel& model, float x, float y, int count, float* row) {
+  const Lanes steps = {0, 1, 2, 3, 4, 5, 6, 7};
+  for (int i = 0; i < count; i += kLanes) {
+    const LaneModel::Values m = model.At(steps + (static_cast<float>(i) - x), Lanes{} - y);
+    const Lanes light = m.value * m.brightness;
+    for (int l = 0; l < std::min(kLanes, count - i); ++l) row[i + l] += light[l];
   }
 }
 
@@ -148,7 +194,7 @@ struct Equations {
     const auto count = static_cast<int>(pixels.size());
     std::vector<Row> rows(static_cast<std::size_t>(kRows) * count);
     Lanes* const first = &rows.front().values;
-    FillRows(profile, fit, moved, pixels, first);
+    FillRows(LaneModel(profile, fit), moved, pixels, first);
     Eigen::Matrix<double, kRows, kRows> sums = Eigen::Matrix<double, kRows, kRows>::Zero();
     AddSquares(first, kRows, count, count, sums.data());
     normal = sums.topLeftCorner<kParams, kParams>().selfadjointView<Eigen::Lower>();
@@ -192,10 +238,17 @@ double RadialProfile::Normalise() {
 }
 
 void AddLight(const RadialProfile& profile, const MicroImage& image, cv::Mat* light) {
-  ForPixels(
-      *light, image.centre, profile.Radius() * image.scale, [&](int x, int y, const Vector2d& d) {
-        light->at<float>(y, x) += static_cast<float>(Model(profile, image, d));
-      });
+  const LaneModel model(profile, image);
+  const Vector2d& centre = image.centre;
+  const PixelRange columns(centre.x(), profile.Radius() * image.scale, light->cols);
+  const PixelRange rows(centre.y(), profile.Radius() * image.scale, light->rows);
+  for (int y = rows.first; y <= rows.last; ++y) {
+    AddLightToRow(model,
+                  static_cast<float>(centre.x() - columns.first),
+                  static_cast<float>(centre.y() - y),
+                  columns.last - columns.first + 1,
+                  light->ptr<float>(y) + columns.first);
+  }
 }
 
 ProfileFit::ProfileFit(double radius, int types)
@@ -282,12 +335,13 @@ MicroImage FitMicroImage(const ModelledImage& scene,
     const int lane = pixels++ % kLanes;
     if (lane == 0) seen.emplace_back();
     OwnPixels& to = seen.back();
-    to.light[lane] = static_cast<float>(OwnLight(scene, x, y, Model(profile, start, d)));
+    to.light[lane] = Residual(scene, x, y);
     to.x[lane] = static_cast<float>(d.x());
     to.y[lane] = static_cast<float>(d.y());
     to.used[lane] = 1;
   });
   if (pixels <= kParams) return start;
+  AddOwnLight(LaneModel(profile, start), seen);
   for (int step = 0; step < kSteps; ++step) {
     const Equations equations(profile, fit, fit.centre - start.centre, seen);
     const Vector change = SolveSymmetric(equations.normal, equations.right);
@@ -316,7 +370,7 @@ Eigen::VectorXd RingResiduals(const ModelledImage& scene,
   Eigen::VectorXd sums = Eigen::VectorXd::Zero(rings), counts = Eigen::VectorXd::Zero(rings);
   ForPixels(scene.white, image.centre, radius, [&](int x, int y, const Vector2d& d) {
     const int ring = std::min(rings - 1, static_cast<int>(rings * d.norm() / radius));
-    sums[ring] += OwnLight(scene, x, y, 0) / image.gain;
+    sums[ring] += Residual(scene, x, y) / image.gain;
     counts[ring] += 1;
   });
   return sums.cwiseQuotient(counts.cwiseMax(1));

@@ -228,8 +228,11 @@ void MicroImages::FitProfiles() {
 void MicroImages::AddCell(const std::vector<size_t>& shared, ProfileFit* fit) const {
   const MicroImage& own = images_[shared[0]];
   const double weight = 1 / (own.gain * own.gain);
-  const double reach = kCellReach * pitch_;
+  const double reach = kCellReach * pitch_, radius = kProfileRadius * pitch_;
   const cv::Mat& white = scene_.white;
+  const auto square_of = [&](size_t i, const Vector2d& pixel) {
+    return (pixel - images_[i].centre).squaredNorm() / (images_[i].scale * images_[i].scale);
+  };
   std::array<Contribution, kMostShared> parts;
   for (int y = std::max(0, static_cast<int>(std::ceil(own.centre.y() - reach)));
        y <= std::min(white.rows - 1.0, own.centre.y() + reach);
@@ -237,14 +240,20 @@ void MicroImages::AddCell(const std::vector<size_t>& shared, ProfileFit* fit) co
     for (int x = std::max(0, static_cast<int>(std::ceil(own.centre.x() - reach)));
          x <= std::min(white.cols - 1.0, own.centre.x() + reach);
          ++x) {
+      const Vector2d pixel(x, y);
+      const double own_square = square_of(shared[0], pixel);
+      size_t count = 0;
       bool nearest = true;
-      for (size_t k = 0; k < shared.size(); ++k) {
+      for (size_t k = 0; nearest && k < shared.size(); ++k) {
         const MicroImage& image = images_[shared[k]];
-        const Vector2d d = Vector2d(x, y) - image.centre;
-        parts[k] = {types_[shared[k]], d.norm() / image.scale, image.gain + image.gradient.dot(d)};
-        nearest = nearest && parts[k].r >= parts[0].r;
+        const double square = square_of(shared[k], pixel);
+        nearest = square >= own_square;
+        if (square > radius * radius) continue;
+        parts[count++] = {types_[shared[k]],
+                          std::sqrt(square),
+                          image.gain + image.gradient.dot(pixel - image.centre)};
       }
-      if (nearest) fit->Add(white.at<float>(y, x), weight, std::span(parts).first(shared.size()));
+      if (nearest) fit->Add(white.at<float>(y, x), weight, std::span(parts).first(count));
     }
   }
 }
