@@ -3,8 +3,10 @@
 
 #include <fmt/format.h>
 
+#include <array>
 #include <charconv>
 #include <cmath>
+#include <cstdint>
 
 namespace plenocal {
 namespace {
@@ -16,6 +18,38 @@ std::optional<T> Parse(std::string_view text) {
   const auto [after, error] = std::from_chars(text.data(), end, value);
   if (error != std::errc() || after != end) return std::nullopt;
   return value;
+}
+
+// Powers of ten that doubles hold exactly.
+constexpr std::array<double, 10> kPowersOfTen{1, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9};
+
+// The multiple of 10^-decimals that is nearest to a value >= 0; nothing where the value is large or
+// rounding of the product could decide between two.
+std::optional<int64_t> NearestMultiple(double value, int decimals) {
+  constexpr double kMost = 1e13, kRounding = 2e-3;  // of a product below `kMost`
+  if (static_cast<size_t>(decimals) >= kPowersOfTen.size()) return std::nullopt;
+  const double scaled = value * kPowersOfTen[static_cast<size_t>(decimals)];
+  if (!(scaled < kMost)) return std::nullopt;
+  const double whole = std::floor(scaled), rest = scaled - whole;
+  if (std::abs(rest - 0.5) < kRounding) return std::nullopt;
+  return static_cast<int64_t>(whole) + (rest > 0.5 ? 1 : 0);
+}
+
+// A multiple of 10^-decimals without trailing zeros after the point.
+void AppendMultiple(int64_t multiple, int decimals, std::string* text) {
+  const auto power = static_cast<int64_t>(kPowersOfTen[static_cast<size_t>(decimals)]);
+  char digits[20];
+  const auto whole = std::to_chars(digits, digits + sizeof digits, multiple / power);
+  text->append(digits, whole.ptr);
+  int64_t rest = multiple % power;
+  if (rest == 0) return;
+  for (; rest % 10 == 0; rest /= 10) --decimals;
+  char* const end = digits + decimals;
+  for (char* digit = end; digit != digits; rest /= 10) {
+    *--digit = static_cast<char>('0' + rest % 10);
+  }
+  text->push_back('.');
+  text->append(digits, end);
 }
 
 }  // namespace
@@ -52,6 +86,11 @@ std::optional<Length> ParseLength(std::string_view text) {
 }
 
 void AppendFixed(double value, int decimals, std::string* text) {
+  if (const auto multiple = NearestMultiple(std::abs(value), decimals)) {
+    if (value < 0 && *multiple > 0) text->push_back('-');
+    AppendMultiple(*multiple, decimals, text);
+    return;
+  }
   char buffer[400];
   const auto [end, error] =
       std::to_chars(buffer, buffer + sizeof buffer, value, std::chars_format::fixed, decimals);

@@ -171,7 +171,8 @@ class Rows {
     if (count == 0) return;
     const auto of_pose = pose_D.leftCols(count);
     const MatrixXd b = unweighted_.leftCols(count) - unweighted_.middleCols<6>(count) * of_pose;
-    const MatrixXd weighted = B_.leftCols(count) - B_.middleCols<6>(count) * of_pose;
+    MatrixXd weighted = b;
+    if (camera_.noise.common_sigma > 0) weighted = weight_.head(used_).asDiagonal() * b;
     for (const Span& span : spans_) {
       MarkerSums& sums = (*markers)[static_cast<size_t>(span.marker)];
       const auto rows = weighted.middleRows(span.first, span.count);

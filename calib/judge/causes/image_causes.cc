@@ -145,15 +145,20 @@ struct ImagePoints {
 // By frame. Rejected points count: bad images have most of them.
 std::map<std::string, ImagePoints> PointsOfImages(const Calibration& calibration, size_t c) {
   std::map<std::string, ImagePoints> images;
+  int frame = -1;  // observations of one frame follow each other
+  ImagePoints* points = nullptr;
   for (const BundleObservation& observation : calibration.bundle.observations) {
     double residual[kMaxObservationSize];
     if (observation.camera != static_cast<int>(c) ||
         !Residual(calibration.bundle, observation, residual)) {
       continue;
     }
-    ImagePoints& image = images[calibration.frames[static_cast<size_t>(observation.frame)]];
-    image.places.emplace_back(observation.seen.values[0], observation.seen.values[1]);
-    image.residuals.push_back(std::hypot(residual[0], residual[1]));
+    if (observation.frame != frame) {
+      frame = observation.frame;
+      points = &images[calibration.frames[static_cast<size_t>(frame)]];
+    }
+    points->places.emplace_back(observation.seen.values[0], observation.seen.values[1]);
+    points->residuals.push_back(std::hypot(residual[0], residual[1]));
   }
   std::erase_if(images, [](const auto& image) {
     constexpr size_t kLeastPoints = 4;

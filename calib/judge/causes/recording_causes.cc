@@ -22,7 +22,8 @@ constexpr double kCauseLevel = 1e-3;  // false alarms of a test, a camera
 
 // ---- the same image twice
 
-using Points = std::map<std::pair<int, int>, Eigen::Vector2d>;  // by marker and occurrence
+// Sorted by marker and occurrence.
+using Points = std::vector<std::pair<std::pair<int, int>, Eigen::Vector2d>>;
 
 std::map<int, Points> PointsByFrame(const Bundle& bundle, size_t camera) {
   std::map<int, Points> frames;
@@ -33,8 +34,9 @@ std::map<int, Points> PointsByFrame(const Bundle& bundle, size_t camera) {
     occurrence = again ? occurrence + 1 : 0;
     last_marker = observation.marker;
     last_frame = observation.frame;
-    frames[observation.frame][{observation.marker, occurrence}] = {observation.seen.values[0],
-                                                                   observation.seen.values[1]};
+    frames[observation.frame].push_back(
+        {{observation.marker, occurrence},
+         Eigen::Vector2d(observation.seen.values[0], observation.seen.values[1])});
   }
   return frames;
 }
@@ -47,9 +49,11 @@ bool AreSame(const Points& a, const Points& b, double limit) {
   constexpr double kFarOff = 100;
   double sum = 0;
   size_t count = 0;
+  auto other = b.begin();
   for (const auto& [key, place] : a) {
-    const auto other = b.find(key);
-    if (other == b.end()) continue;
+    while (other != b.end() && other->first < key) ++other;
+    if (other == b.end()) break;
+    if (other->first != key) continue;
     const double square = (place - other->second).squaredNorm();
     if (square > kFarOff * limit) return false;
     sum += square;

@@ -77,7 +77,8 @@ void AddJitter(Bundle* bundle) {
   MeasureAgain(before, bundle);
 }
 
-// The second camera's images are from other times than the first one's, between which the rig moved.
+// The second camera's images are from other times than the first one's, between which the rig
+// moved.
 void AddMotion(Bundle* bundle) {
   const Bundle before = *bundle;
   bundle->motion.resize(bundle->T_rig_target.size() * 2);
@@ -191,8 +192,7 @@ TEST_P(Reduced, SumOfSquaresIsThatOfTheElimination) {
   Disturb(&bundle);
   const internal::Objective huber = internal::ObjectiveOf(bundle, {Loss::kHuber, 3});
   const internal::UnknownLayout layout = internal::MakeLayout(bundle, {true, true});
-  const internal::ReducedEquations equations =
-      internal::EliminateFrames(bundle, layout, huber, {});
+  const internal::ReducedEquations equations = internal::EliminateFrames(bundle, layout, huber, {});
   EXPECT_TRUE(equations.complete);
   EXPECT_NEAR(equations.squares / internal::SumOfSquares(bundle, huber), 1, 1e-12);
 }

@@ -1,7 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "calib/base/number_text.h"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <random>
+#include <string>
 
 namespace plenocal::testing {
 namespace TEST_FILE {
@@ -12,6 +18,39 @@ TEST(Counted, HasTheSingularForOneOnly) {
   EXPECT_EQ(Counted(2, "image"), "2 images");
   EXPECT_EQ(Counted(1, "micro lens", "micro lenses"), "1 micro lens");
   EXPECT_EQ(Counted(3, "micro lens", "micro lenses"), "3 micro lenses");
+}
+
+std::string Fixed(double value, int decimals) {
+  std::string text;
+  AppendFixed(value, decimals, &text);
+  return text;
+}
+
+TEST(AppendFixed, WritesTheNearestDecimalNumber) {
+  EXPECT_EQ(Fixed(12.5, 8), "12.5");
+  EXPECT_EQ(Fixed(-12, 8), "-12");
+  EXPECT_EQ(Fixed(0, 4), "0");
+  EXPECT_EQ(Fixed(-0.0, 4), "0");
+  EXPECT_EQ(Fixed(-1e-9, 4), "0");
+  EXPECT_EQ(Fixed(-0.05, 2), "-0.05");
+  EXPECT_EQ(Fixed(1e-8, 8), "0.00000001");
+  EXPECT_EQ(Fixed(0.99999, 4), "1");
+  EXPECT_EQ(Fixed(1e300, 2), fmt::format("{:.0f}", 1e300));
+  EXPECT_EQ(Fixed(std::numeric_limits<double>::infinity(), 2), "inf");
+  std::minstd_rand random(1);
+  std::uniform_real_distribution<double> exponent(-10, 8), sign(-1, 1);
+  for (int i = 0; i < 20000; ++i) {
+    // Every other one has few decimals, so that rounding meets ties.
+    double value = std::copysign(std::pow(10, exponent(random)), sign(random));
+    if (i % 2 == 0) value = std::round(value * 1024) / 1024;
+    const int decimals = i % 11;
+    std::string expected = fmt::format("{:.{}f}", value, decimals);
+    if (decimals > 0) {
+      expected.erase(expected.find_last_not_of('0') + 1);
+      if (expected.back() == '.') expected.pop_back();
+    }
+    EXPECT_EQ(Fixed(value, decimals), expected == "-0" ? "0" : expected) << value;
+  }
 }
 
 }  // namespace TEST_FILE
