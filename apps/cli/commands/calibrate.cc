@@ -2,6 +2,7 @@
 #include "calib/calibrate.h"
 
 #include <fmt/format.h>
+#include <malloc.h>
 
 #include <cmath>
 #include <cstdio>
@@ -421,6 +422,10 @@ void RunCalibrate(const CalibrateArguments& arguments, const ConsoleOptions& sha
   auto [calibration, record] =
       session.scene ? CalibrateWithScene(shared, session, found, &console, &out)
                     : CalibrateWithTarget(arguments, shared, job, &console, &observations, &out);
+  // The record holds what follows needs. Tables of a long recording are as large as what the
+  // adjustment has used, which glibc would keep.
+  calibration.bundle.observations = {};
+  malloc_trim(0);
   record.provenance = provenance;
   WriteResult(record, &out);
   out.Write("left_out.csv", LeftOutCsv(calibration.left_out));
