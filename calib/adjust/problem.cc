@@ -24,7 +24,9 @@ using internal::Unknowns;
 // Above this many unknowns a dense reduced system costs more than a sparse one. Where landmarks
 // are eliminated, few poses have none in common.
 constexpr size_t kMaxDenseUnknowns = 3000, kMaxDensePoses = 7000;
-constexpr size_t kMaxReducedMarkers = 1000;
+// Before fewer poses than markers, so many coordinates of markers are eliminated after the poses: a
+// dense matrix of theirs.
+constexpr size_t kMaxReducedMarkers = 500;
 // The first trust region is so large that the first step is Gauss-Newton's; near the optimum, that
 // it is along directions which are hardly determined as well.
 constexpr double kFirstTrustRegion = 1e6, kTrustRegionNearOptimum = 1e8;

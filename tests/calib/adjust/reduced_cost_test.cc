@@ -25,7 +25,7 @@ using testing::TrueBundle;
 // A stereo pair near its optimum.
 Bundle Stereo() {
   Bundle bundle = TrueBundle(MakeProblem(5,
-                                         {.shape = TargetShape::kCorner,
+                                         {.shape = TargetShape::kPlane,
                                           .cameras = 2,
                                           .frames = 8,
                                           .noise = 0.2,
