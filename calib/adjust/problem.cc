@@ -24,8 +24,8 @@ using internal::Unknowns;
 // Above this many unknowns a dense reduced system costs more than a sparse one. Where landmarks
 // are eliminated, few poses have none in common.
 constexpr size_t kMaxDenseUnknowns = 3000, kMaxDensePoses = 7000;
-// Before fewer poses than markers, so many coordinates of markers are eliminated after the poses: a
-// dense matrix of theirs.
+// With fewer unknowns of poses than of markers, the elimination of poses (`ReducedCost`) is faster
+// up to this many coordinates of markers: theirs is a dense matrix.
 constexpr size_t kMaxReducedMarkers = 500;
 // The first trust region is so large that the first step is Gauss-Newton's; near the optimum, that
 // it is along directions which are hardly determined as well.

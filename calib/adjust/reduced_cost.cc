@@ -13,10 +13,10 @@
 namespace plenocal::internal {
 namespace {
 
-// Part of the diagonal of the normal equations, before poses and markers are eliminated, that is
-// added to them: of rounding of their sums. Ceres adds more.
+// Part of the diagonal of the normal matrix that is added to it, so that rounding of the sums
+// leaves it positive definite. Ceres' damping is larger.
 constexpr double kRounding = 1e-13;
-// After each step that was none: of what poses and markers go by themselves in the next.
+// Factor on `own_part_` after each rejected step.
 constexpr double kLessOfOwn = 0.5;
 
 }  // namespace

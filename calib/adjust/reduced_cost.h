@@ -33,18 +33,17 @@ class ReducedCost : public ceres::CostFunction {
               Bundle* bundle);
 
   [[nodiscard]] const std::vector<double*>& Blocks() const { return blocks_; }
-  /// Fixes what is not estimated, and gives the rest units of which each alone, poses and markers
-  /// fixed, has the information 1: what Ceres' damping counts by (`DampByUnits`). In the
-  /// information that poses leave it would be weak where they can do what a parameter does, and
-  /// steps far too long.
+  /// Fixes the parameters that are not estimated and scales the others, so that the diagonal of the
+  /// normal matrix before the elimination of poses and markers is 1.
   void SetManifolds(ceres::Problem* problem) const;
+  /// Makes Ceres damp by that diagonal. Its default, the diagonal after the elimination, is small
+  /// for parameters that correlate with poses (focal length and distance): steps would be too long.
   static void DampByUnits(ceres::Solver::Options* options);
 
   bool Evaluate(double const* const* parameters,
                 double* residuals,
                 double** jacobians) const override;
-  /// Brings the bundle to the point where derivatives were asked for last, which is where Ceres
-  /// ends.
+  /// Restores the bundle's values at the last evaluation of derivatives, which is Ceres' solution.
   void Restore() const;
 
   /// The values of all unknowns of the bundle.
@@ -80,8 +79,8 @@ class ReducedCost : public ceres::CostFunction {
   [[nodiscard]] bool WithinDomain() const;
   // Sum of squares at the bundle's present values; infinite outside the domain.
   [[nodiscard]] double SquaresHere() const;
-  // Moves the poses to their optimum, where that is better: their linear steps end beside the
-  // valley that a long step of the cameras follows.
+  // Optimises the poses with the cameras fixed and keeps the result if it lowers the sum of
+  // squares: for a long step of the cameras the linear steps of the poses are not exact enough.
   void RefinePoses() const;
   bool Linearise(const Eigen::VectorXd& values) const;
   void Eliminate() const;
@@ -105,8 +104,8 @@ class ReducedCost : public ceres::CostFunction {
   mutable std::optional<Linearisation> at_;
   mutable Eigen::VectorXd evaluated_;  // the values at which the bundle is
   mutable double squares_ = 0;         // there; infinite outside the domain
-  // Of the step of poses and markers to their optimum beside the cameras' step, which Ceres makes
-  // smaller after a step that was none.
+  // The part of the step of poses and markers that does not depend on the cameras' step. Reduced
+  // after each rejected step, as Ceres reduces the trust region.
   mutable double own_part_ = 1;
 };
 

@@ -81,8 +81,7 @@ class EliminatedColumns {
   Eigen::Index used_ = 0;
 };
 
-// Derivatives of the rotations of one view's charts: those of the pose and of the jitter, both left
-// of the pose that the camera saw.
+// Derivative of a pose's chart whose rotation part is `rotation`; translations are the same.
 Matrix6d WithRotation(const Eigen::Matrix3d& rotation) {
   Matrix6d chart = Matrix6d::Identity();
   chart.bottomRightCorner<3, 3>() = rotation;

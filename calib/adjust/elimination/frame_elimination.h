@@ -49,8 +49,8 @@ class PoseSteps {
  public:
   virtual ~PoseSteps() = default;
   /// Moves poses and jitter of `bundle`, which are as they were at the elimination, to the optimum
-  /// of the linearised residuals when the unknowns of the layout change by `step`. Of the way that
-  /// they go without such a change they go `own_part`.
+  /// of the linearised residuals when the unknowns of the layout change by `step`. `own_part`:
+  /// factor on the part of their steps that does not depend on `step`.
   virtual void Apply(const Eigen::VectorXd& step, double own_part, Bundle* bundle) const = 0;
 };
 
