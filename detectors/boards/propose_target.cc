@@ -24,6 +24,7 @@
 #include "detectors/boards/corner_lattice.h"
 #include "detectors/boards/marker_layout.h"
 #include "detectors/images/image.h"
+#include "detectors/quads/least_contrast.h"
 #include "targets/code_books.h"
 #include "targets/tags/tag_family.h"
 
@@ -91,6 +92,7 @@ class AnyTagReader {
     constexpr double kLeastMargin = 15;  // grey values between black and white bits
     constexpr int kSmall = 1000;         // px
     detector_->quad_decimate = std::max(gray.cols, gray.rows) > kSmall ? 2 : 1;
+    detector_->qtp.min_white_black_diff = internal::LeastContrast(gray);
     image_u8_t image{gray.cols, gray.rows, static_cast<std::int32_t>(gray.step), gray.data};
     zarray_t* detections = apriltag_detector_detect(detector_, &image);
     for (int i = 0; i < zarray_size(detections); ++i) {

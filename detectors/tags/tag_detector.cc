@@ -17,6 +17,7 @@
 #include <utility>
 
 #include "calib/base/error.h"
+#include "detectors/quads/least_contrast.h"
 #include "detectors/quads/quad_prediction.h"
 #include "detectors/quads/sort_quads.h"
 #include "detectors/tags/corner_squares.h"
@@ -83,6 +84,11 @@ class TagReader {
   TagReader(const TagReader&) = delete;
   TagReader& operator=(const TagReader&) = delete;
   ~TagReader() { apriltag_detector_destroy(detector_); }
+
+  /// For the regions of `gray` that are read next.
+  void SetContrastOf(const cv::Mat& gray) {
+    detector_->qtp.min_white_black_diff = internal::LeastContrast(gray);
+  }
 
   /// Reads `gray(region)` with quads searched on the image reduced by `decimate`.
   std::vector<DecodedTag> Read(const cv::Mat& gray, const cv::Rect& region, float decimate) {
@@ -196,6 +202,7 @@ class TagDetector : public MarkerDetector {
     }
     Found found;
     const cv::Rect whole(0, 0, gray.cols, gray.rows);
+    reader_.SetContrastOf(gray);
     const std::vector<DecodedTag> decoded = reader_.Read(gray, whole, 2);
     if (targets_.size() > 1) {
       Keep(gray, OwnOf(ReadAll(gray, decoded), &found), &found);
@@ -231,6 +238,7 @@ class TagDetector : public MarkerDetector {
     const int other = layout_.border_bits == 1 ? 2 : 1;
     const TagFamily other_family = MakeTagFamily(layout_, other);
     TagReader reader(other_family, layout_.ids);
+    reader.SetContrastOf(gray);
     if (CountExact(reader.Read(gray, {0, 0, gray.cols, gray.rows}, 2)) <= exact) return {};
     return fmt::format(
         "no usable tag of family {} found; these look like {}: set border_bits: {} "

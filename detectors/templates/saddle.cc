@@ -150,13 +150,13 @@ std::vector<Pixel> CornerPixels(const cv::Mat& gray, const SaddleGuess& guess) {
 }
 
 /// Places on a line of the board through `at`: the corners before and after it, where known.
-struct Neighbours {
+struct LineNeighbours {
   const Eigen::Vector2d *before = nullptr, *at = nullptr, *after = nullptr;
 };
 
 /// To the next corner: the mean direction and the shorter of the distances, so that a patch of this
 /// size ends before the nearer neighbour.
-std::optional<Eigen::Vector2d> Step(const Neighbours& n) {
+std::optional<Eigen::Vector2d> Step(const LineNeighbours& n) {
   if (n.before != nullptr && n.after != nullptr) {
     const Eigen::Vector2d chord = *n.after - *n.before;
     const double length = std::min((*n.after - *n.at).norm(), (*n.at - *n.before).norm());
@@ -169,7 +169,7 @@ std::optional<Eigen::Vector2d> Step(const Neighbours& n) {
 }
 
 /// Curvature of the parabola through three corners; nothing unless there are all.
-std::optional<double> Curvature(const Neighbours& neighbours) {
+std::optional<double> Curvature(const LineNeighbours& neighbours) {
   if (neighbours.before == nullptr || neighbours.after == nullptr) return std::nullopt;
   const Eigen::Vector2d t = (*neighbours.after - *neighbours.before).normalized();
   const Eigen::Vector2d n(-t.y(), t.x());
@@ -193,7 +193,7 @@ class Points {
   }
   /// Along a row of the grid (from column to column) or along a column.
   enum class Line { kRow, kColumn };
-  Neighbours Along(int row, int column, Line line) const {
+  LineNeighbours Along(int row, int column, Line line) const {
     const int dr = line == Line::kRow ? 0 : 1, dc = 1 - dr;
     return {At(row - dr, column - dc), At(row, column), At(row + dr, column + dc)};
   }

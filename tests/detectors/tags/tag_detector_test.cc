@@ -282,6 +282,33 @@ TEST(TagDetector, CornersAreBetterThanTheLibrarysAndTheirSigmasHonest) {
   EXPECT_LT(all.Honesty(), 1.4);
 }
 
+// Where noise alone is not searched, tags that stand out little from it must not be lost.
+TEST(TagDetector, FindsDimTagsInNoise) {
+  const Board board(kFamilies[3], 6, 5, 1.4);
+  const cv::Size size(800, 600);
+  const Eigen::Matrix3d H = Camera(board, size, 70, 20, 10);
+  const cv::Mat clean = testing::Render(testing::View(board, H), size, {0.7, 0, 1, 4});
+  cv::RNG random(3);
+  const auto dimmed = [&](double contrast, double sigma) {
+    cv::Mat dim, noise(size, CV_32F);
+    clean.convertTo(dim, CV_32F, contrast / (kWhite - kBlack), 20);
+    random.fill(noise, cv::RNG::NORMAL, 0, sigma);
+    dim += noise;
+    return dim;
+  };
+  const auto markers_in = [&](const cv::Mat& values) {
+    cv::Mat gray;
+    values.convertTo(gray, CV_8U);
+    return MakeMarkerDetector(board.target)->Detect(gray).markers.size();
+  };
+  EXPECT_EQ(markers_in(dimmed(30, 8)), 4U * 30U);
+  // In the shadow beside bright noise.
+  cv::Mat both(size.height, 3 * size.width, CV_32F);
+  cv::RNG(4).fill(both, cv::RNG::NORMAL, 180, 6);
+  dimmed(12, 1.5).copyTo(both(cv::Rect(cv::Point(0, 0), size)));
+  EXPECT_EQ(markers_in(both), 4U * 30U);
+}
+
 TEST(TagDetector, FindsAllOfAKalibrGrid) {
   const Board board(kFamilies[3], 6, 6, 1.3, true);
   for (const double side : {30.0, 60.0}) {
