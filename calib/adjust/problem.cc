@@ -24,9 +24,6 @@ using internal::Unknowns;
 // Above this many unknowns a dense reduced system costs more than a sparse one. Where landmarks
 // are eliminated, few poses have none in common.
 constexpr size_t kMaxDenseUnknowns = 3000, kMaxDensePoses = 7000;
-// With fewer unknowns of poses than of markers, the elimination of poses (`ReducedCost`) is faster
-// up to this many coordinates of markers: theirs is a dense matrix.
-constexpr size_t kMaxReducedMarkers = 500;
 // The first trust region is so large that the first step is Gauss-Newton's; near the optimum, that
 // it is along directions which are hardly determined as well.
 constexpr double kFirstTrustRegion = 1e6, kTrustRegionNearOptimum = 1e8;
@@ -139,8 +136,6 @@ void AdjustProblem::FindUsed() {
 // Whether poses are eliminated before Ceres (`ReducedCost`).
 bool AdjustProblem::IsReduced() const {
   if (bundle_.HasLandmarks() || EstimatesLocalModel()) return false;
-  // Few poses before a large target: elimination of its markers is cheaper.
-  if (EliminatesMarkersFirst() && 3 * bundle_.markers.size() > kMaxReducedMarkers) return false;
   bool any = false;
   for (const IntrinsicsBlock* block : blocks_used_) {
     for (size_t slot = 0; slot < block->Size(); ++slot) {

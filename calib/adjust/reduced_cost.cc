@@ -202,7 +202,7 @@ void ReducedCost::MoveTo(const Eigen::VectorXd& values) const {
     if (markers > 0) {
       Eigen::VectorXd right(head + 1);
       right << step.head(head), own_part_;
-      step.tail(markers) = -at_->markers.matrixU().solve(at_->markers_by_head * right);
+      step.tail(markers) = -at_->markers.Solve(at_->marker_roots * right);
     }
     at_->equations.steps->Apply(step, own_part_, &bundle_);
     for (Eigen::Index m = 0; 3 * m < markers; ++m) {
@@ -267,23 +267,33 @@ bool ReducedCost::Linearise(const Eigen::VectorXd& values) const {
 }
 
 void ReducedCost::Eliminate() const {
-  at_->equations =
-      EliminateFrames(bundle_, layout_, objective_, {.damping = kRounding, .keep_steps = true});
-  const Eigen::MatrixXd& S = at_->equations.S;
   const Eigen::Index head = layout_.head, markers = layout_.total - head;
+  // Fewer eliminated poses than unknowns of markers.
+  const bool separate =
+      6 * (std::ssize(bundle_.T_rig_target) + std::ssize(bundle_.jitter.delta)) < markers;
+  at_->equations =
+      EliminateFrames(bundle_,
+                      layout_,
+                      objective_,
+                      {.damping = kRounding, .keep_steps = true, .separate_markers = separate});
+  const Eigen::MatrixXd& S = at_->equations.S;
   Eigen::MatrixXd matrix = S.topLeftCorner(head, head).selfadjointView<Eigen::Lower>();
   Eigen::VectorXd gradient = S.row(layout_.total).head(head).transpose();
   if (markers > 0) {
     Eigen::MatrixXd of_markers = S.block(head, head, markers, markers);
     of_markers.diagonal() += kRounding * at_->equations.diagonal.segment(head, markers);
-    at_->markers.compute(of_markers);
-    Eigen::MatrixXd& by_head = at_->markers_by_head;
-    by_head.resize(markers, head + 1);
+    if (separate) {
+      at_->markers.Compute(of_markers, at_->equations.steps->MarkerColumns());
+    } else {
+      at_->markers.Compute(of_markers);
+    }
+    Eigen::MatrixXd by_head(markers, head + 1);
     by_head << S.block(head, 0, markers, head),
         S.row(layout_.total).segment(head, markers).transpose();
-    at_->markers.matrixL().solveInPlace(by_head);
-    matrix.noalias() -= by_head.leftCols(head).transpose() * by_head.leftCols(head);
-    gradient.noalias() -= by_head.leftCols(head).transpose() * by_head.col(head);
+    at_->marker_roots = at_->markers.Root(by_head);
+    const auto roots = at_->marker_roots.leftCols(head);
+    matrix.noalias() -= roots.transpose() * roots;
+    gradient.noalias() -= roots.transpose() * at_->marker_roots.col(head);
   }
   FactorHead(matrix, gradient, at_->equations.diagonal.head(head));
 }

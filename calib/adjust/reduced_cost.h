@@ -3,12 +3,12 @@
 
 #include <ceres/ceres.h>
 
-#include <Eigen/Cholesky>
 #include <Eigen/Core>
 #include <optional>
 #include <vector>
 
 #include "calib/adjust/elimination/frame_elimination.h"
+#include "calib/adjust/elimination/marker_factor.h"
 #include "calib/adjust/parameter_blocks.h"
 
 namespace plenocal::internal {
@@ -62,10 +62,10 @@ class ReducedCost : public ceres::CostFunction {
     Eigen::VectorXd values;  // of all parameter blocks
     State state;
     ReducedEquations equations;
-    Eigen::LLT<Eigen::MatrixXd> markers;  // factor L L' of their part
-    Eigen::MatrixXd markers_by_head;      // L^-1 of their rows, and of their gradient
-    Eigen::MatrixXd root;                 // R, R' R the matrix of the head
-    Eigen::VectorXd residual;             // R^-T of its gradient
+    MarkerFactor markers;          // of their part
+    Eigen::MatrixXd marker_roots;  // `MarkerFactor::Root` of their rows, and of their gradient
+    Eigen::MatrixXd root;          // R, R' R the matrix of the head
+    Eigen::VectorXd residual;      // R^-T of its gradient
   };
 
   void AddBlock(double* values, std::vector<int> indices, const ChartedPose* pose);

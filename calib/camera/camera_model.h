@@ -146,7 +146,7 @@ struct CameraModel {
                   const double* values,
                   const Eigen::Vector3d& p_cam,
                   double* predicted);
-  /// The same with derivatives; all pointers of `out` are needed.
+  /// The same with derivatives; all pointers of `out` but `J_params` are needed.
   bool (*project_with_jacobian)(const double* params,
                                 const double* config,
                                 const double* values,
@@ -183,8 +183,8 @@ struct CameraModel {
   std::span<const std::string_view> optional_context = {};
 };
 
-/// Members that a struct in models/ must have. `Project` is the model's only statement of its
-/// mathematics.
+/// Members that a struct in models/ must have. `Project` is the model's statement of its
+/// mathematics; derivatives follow from it.
 ///
 /// Models of ordinary cameras derive from `CentralModel` (models/start/central_model.h), which
 /// supplies kMeasured, kContext, kConfig, kCentral, kPlenoptic, and have the short signatures
@@ -197,6 +197,9 @@ struct CameraModel {
 /// A model with many parameters, of which a point depends on a few, has
 ///   static std::array<size_t, n> Support(const double* params, const Eigen::Vector3d& p_cam);
 /// with their indices; `Project` reads no others for that point.
+/// One whose derivatives are cheaper written out than by dual numbers may have
+///   static bool ProjectWithJacobian(...);  // CameraModel::project_with_jacobian
+/// and `Project` for numbers only.
 /// A model that not all data and fixed parameters can determine may have
 ///   static std::string Refusal(const StartProblem& problem);
 ///   static std::string Remedy(std::span<const size_t> weak, const DepthRange& seen);
@@ -346,7 +349,9 @@ std::optional<Ray> Unproject(const double* params, const double* config, const d
 
 template <CameraModelPlugin M>
 constexpr auto JacobianOf() {
-  if constexpr (HasSupport<M>) {
+  if constexpr (requires { &M::ProjectWithJacobian; }) {
+    return &M::ProjectWithJacobian;
+  } else if constexpr (HasSupport<M>) {
     return &ProjectWithLocalJacobian<M>;
   } else {
     return &ProjectWithJacobian<M>;

@@ -90,41 +90,63 @@ struct PlenopticModel {
   static void AssignLensTypes(std::vector<View>* views) { FindLensTypes(views); }
 
   /// u_px = distorted raw coordinates; `lens_px` = (lens_x, lens_y, depth, x_depth, y_depth).
-  template <typename T>
-  static bool Project(const T* params,
+  static bool Project(const double* params,
                       const double* config,
                       const double* lens_px,
-                      const Vector3<T>& p_cam,
-                      T* u_px) {
-    const T& f_L = params[0];
-    const double pixel_size = config[0];
-    const Vector2<T> c(params[3], params[4]);
-    Vector2<T> c_I;
-    if (!Undistort(
-            params,
-            Vector2<T>((Eigen::Vector2d(lens_px[0], lens_px[1]).cast<T>() - c) * T(pixel_size)),
-            &c_I)) {
-      return false;
+                      const Eigen::Vector3d& p_cam,
+                      double* u_px) {
+    const auto image = ImageOf(params, config, lens_px, p_cam);
+    if (!image) return false;
+    Write(*image, params, config, lens_px, u_px);
+    return true;
+  }
+
+  /// The derivatives are written out: those of dual numbers take three times as long.
+  static bool ProjectWithJacobian(const double* params,
+                                  const double* config,
+                                  const double* values,
+                                  const Eigen::Vector3d& p_cam,
+                                  const ProjectionOutput& out) {
+    using Rows = Eigen::Matrix<double, 2, Eigen::Dynamic, Eigen::RowMajor>;
+    const double* lens_px = values + kMeasured.size();
+    const auto image = ImageOf(params, config, lens_px, p_cam);
+    if (!image) return false;
+    Write(*image, params, config, lens_px, out.predicted);
+
+    const Eigen::Matrix2d by_x_R = DistortionJacobian(params, image->x_R) / config[0];
+    const Eigen::Vector2d by_s = by_x_R * p_cam.head<2>();
+    const Eigen::Vector2d by_m =
+        by_x_R * image->c_I - lens_px[2] * Eigen::Vector2d(lens_px[3], lens_px[4]);
+    const ScaleDerivatives by = image->Derivatives(params[0], p_cam.z());
+    const auto chain = [&](const Scales& change) -> Eigen::Vector2d {
+      return by_s * change.s + by_m * change.m;
+    };
+    Eigen::Map<Eigen::Matrix<double, 2, 3, Eigen::RowMajor>> J_point(out.J_point);
+    J_point << by_x_R * image->scales.s, chain(by.z_C);
+    if (out.J_params == nullptr) return true;
+
+    Eigen::Map<Rows> J(out.J_params, 2, kCount);
+    J.setZero();
+    J.col(0) = chain(by.f_L);
+    J.col(1) = chain(by.b_L0);
+    J.col(2) = chain(by.B);
+    J.col(kPupil) += chain(by.b_P);
+    Eigen::Matrix2d by_c_I = by_x_R * image->scales.m;
+    if constexpr (kTilt >= 0) {
+      // b_P - delta, b_L0 - delta, B + delta with delta = b_P k / (1 + k), k = t . c_I / D
+      const Eigen::Vector2d by_delta = chain(by.B) - chain(by.b_L0) - chain(by.b_P);
+      const double b_P = params[kPupil], D = b_P + params[2];
+      const Eigen::Vector2d t(params[kTilt], params[kTilt + 1]);
+      const double k = t.dot(image->c_I) / D, by_k = b_P / ((1 + k) * (1 + k));
+      J.col(kPupil) += by_delta * (k / (1 + k) - by_k * k / D);
+      J.col(2) -= by_delta * (by_k * k / D);
+      J.template middleCols<2>(kTilt) = by_delta * image->c_I.transpose() * (by_k / D);
+      by_c_I += by_delta * t.transpose() * (by_k / D);
     }
-    const auto [b_P, b_L0, B] = DistancesAt(params, c_I);
-    const T pupil = b_P / (b_P + B);
-    const Vector2<T> c_ML = c_I * pupil;
-    const T& z_C = p_cam.z();
-    if (!(z_C > f_L)) return false;
-    const T d = f_L * z_C - b_L0 * (z_C - f_L);
-    if (d == T(0)) return false;
-    const T inverse_v = B * (z_C - f_L) / d;
-    if (!(inverse_v < 1.0)) return false;
-    const Vector2<T> x_R = p_cam.template head<2>() * (f_L * B / d) + c_ML * (1.0 - inverse_v);
-    if (!Unfolded(params, x_R)) return false;
-    const Vector2<T> x_Rd = Distort(params, x_R);
-    u_px[0] = x_Rd.x() / pixel_size + c.x();
-    u_px[1] = x_Rd.y() / pixel_size + c.y();
-    if (const double v_t = lens_px[2]; v_t != 0) {
-      const T depth_error = 1.0 - v_t * (1.0 - pupil * (1.0 - inverse_v));
-      u_px[0] -= depth_error * lens_px[3];
-      u_px[1] -= depth_error * lens_px[4];
-    }
+    const Eigen::Matrix2d by_c_Id = by_c_I * DistortionJacobian(params, image->c_I).inverse();
+    J.template middleCols<2>(3) = Eigen::Matrix2d::Identity() - config[0] * by_c_Id;
+    J.template middleCols<4>(5) =
+        DistortionTerms(image->x_R) / config[0] - by_c_Id * DistortionTerms(image->c_I);
     return true;
   }
 
@@ -158,83 +180,147 @@ struct PlenopticModel {
   }
 
  private:
+  static constexpr int kCount = 9 + (kPupil < 9 ? 0 : 1) + (kTilt < 0 ? 0 : 2);
+
   /// Distances pupil - micro lens, main lens - micro lens, micro lens - sensor.
-  template <typename T>
   struct Distances {
-    T b_P, b_L0, B;
+    double b_P, b_L0, B;
   };
-  template <typename T>
-  static Distances<T> DistancesAt(const T* params, const Vector2<T>& c_I) {
-    const T &b_P = params[kPupil], &b_L0 = params[1], &B = params[2];
+  static Distances DistancesAt(const double* params, const Eigen::Vector2d& c_I) {
+    const double b_P = params[kPupil], b_L0 = params[1], B = params[2];
     if constexpr (kTilt < 0) {
       return {b_P, b_L0, B};
     } else {
-      const T k = (params[kTilt] * c_I.x() + params[kTilt + 1] * c_I.y()) / (b_P + B);
-      const T delta = b_P * k / (1.0 + k);
+      const double k = (params[kTilt] * c_I.x() + params[kTilt + 1] * c_I.y()) / (b_P + B);
+      const double delta = b_P * k / (1 + k);
       return {b_P - delta, b_L0 - delta, B + delta};
     }
   }
 
-  template <typename T>
-  static Vector2<T> Distort(const T* params, const Vector2<T>& p) {
-    const T &A_0 = params[5], &A_1 = params[6], &B_0 = params[7], &B_1 = params[8];
-    const T &x = p.x(), &y = p.y();
-    const T r2 = p.squaredNorm(), radial = 1.0 + r2 * (A_0 + r2 * A_1), xy = 2.0 * x * y;
-    return {x * radial + B_0 * (r2 + 2.0 * x * x) + B_1 * xy,
-            y * radial + B_1 * (r2 + 2.0 * y * y) + B_0 * xy};
+  /// The two numbers in x_R = s x_C + m c_I.
+  struct Scales {
+    double s, m;
+  };
+  struct ScaleDerivatives {
+    Scales f_L, b_L0, B, b_P, z_C;
+  };
+  /// A point behind a micro lens, undistorted.
+  struct Image {
+    Scales scales;
+    Eigen::Vector2d c_I, x_R;
+    Distances lens;  ///< there
+    double d, inverse_v, pupil;
+
+    [[nodiscard]] ScaleDerivatives Derivatives(double f_L, double z_C) const {
+      const auto& [b_P, b_L0, B] = lens;
+      const double w = inverse_v, beyond = z_C - f_L, sum = b_P + B;
+      // With d's own derivative: s = f_L B / d, w = B (z_C - f_L) / d.
+      const auto by = [&](double d_d, double ds, double dw) -> Scales {
+        return {(ds - scales.s * d_d) / d, -pupil * (dw - w * d_d) / d};
+      };
+      ScaleDerivatives result{.f_L = by(z_C + b_L0, B, -B),
+                              .b_L0 = by(-beyond, 0, 0),
+                              .B = by(0, f_L, beyond),
+                              .b_P = {0, (1 - w) * B / (sum * sum)},
+                              .z_C = by(f_L - b_L0, 0, B)};
+      result.B.m -= (1 - w) * b_P / (sum * sum);
+      return result;
+    }
+  };
+
+  static std::optional<Image> ImageOf(const double* params,
+                                      const double* config,
+                                      const double* lens_px,
+                                      const Eigen::Vector3d& p_cam) {
+    const double f_L = params[0], z_C = p_cam.z();
+    Image image;
+    const Eigen::Vector2d c_Id(lens_px[0] - params[3], lens_px[1] - params[4]);
+    if (!Undistort(params, c_Id * config[0], &image.c_I)) return std::nullopt;
+    image.lens = DistancesAt(params, image.c_I);
+    const auto& [b_P, b_L0, B] = image.lens;
+    if (!(z_C > f_L)) return std::nullopt;
+    image.d = f_L * z_C - b_L0 * (z_C - f_L);
+    if (image.d == 0) return std::nullopt;
+    image.inverse_v = B * (z_C - f_L) / image.d;
+    if (!(image.inverse_v < 1)) return std::nullopt;
+    image.pupil = b_P / (b_P + B);
+    image.scales.s = f_L * B / image.d;
+    image.scales.m = image.pupil * (1 - image.inverse_v);
+    image.x_R = image.scales.s * p_cam.head<2>() + image.scales.m * image.c_I;
+    if (!Unfolded(params, image.x_R)) return std::nullopt;
+    return image;
   }
 
-  static Eigen::Matrix2d DistortionJacobian(const std::array<double, 4>& AB,
-                                            const Eigen::Vector2d& p) {
+  static void Write(const Image& image,
+                    const double* params,
+                    const double* config,
+                    const double* lens_px,
+                    double* u_px) {
+    const Eigen::Vector2d x_Rd = Distort(params, image.x_R);
+    // 1 - v_t / v, for the virtual depth v by centres
+    const double v_t = lens_px[2], depth_error = v_t == 0 ? 0 : 1 - v_t * (1 - image.scales.m);
+    u_px[0] = x_Rd.x() / config[0] + params[3] - depth_error * lens_px[3];
+    u_px[1] = x_Rd.y() / config[0] + params[4] - depth_error * lens_px[4];
+  }
+
+  static Eigen::Vector2d Distort(const double* params, const Eigen::Vector2d& p) {
+    const double A_0 = params[5], A_1 = params[6], B_0 = params[7], B_1 = params[8];
+    const double x = p.x(), y = p.y(), r2 = p.squaredNorm(), xy = 2 * x * y;
+    const double radial = 1 + r2 * (A_0 + r2 * A_1);
+    return {x * radial + B_0 * (r2 + 2 * x * x) + B_1 * xy,
+            y * radial + B_1 * (r2 + 2 * y * y) + B_0 * xy};
+  }
+
+  /// Derivatives of `Distort` by A_0, A_1, B_0, B_1.
+  static Eigen::Matrix<double, 2, 4> DistortionTerms(const Eigen::Vector2d& p) {
+    const double x = p.x(), y = p.y(), r2 = p.squaredNorm(), xy = 2 * x * y;
+    Eigen::Matrix<double, 2, 4> terms;
+    terms << x * r2, x * r2 * r2, r2 + 2 * x * x, xy,  //
+        y * r2, y * r2 * r2, xy, r2 + 2 * y * y;
+    return terms;
+  }
+
+  static Eigen::Matrix2d DistortionJacobian(const double* params, const Eigen::Vector2d& p) {
+    const double A_0 = params[5], A_1 = params[6], B_0 = params[7], B_1 = params[8];
     const double x = p.x(), y = p.y(), r2 = p.squaredNorm();
-    const double radial = 1 + r2 * (AB[0] + r2 * AB[1]), slope = 2 * (AB[0] + 2 * AB[1] * r2);
-    const double across = x * y * slope + 2 * (AB[2] * y + AB[3] * x);
+    const double radial = 1 + r2 * (A_0 + r2 * A_1), slope = 2 * (A_0 + 2 * A_1 * r2);
+    const double across = x * y * slope + 2 * (B_0 * y + B_1 * x);
     Eigen::Matrix2d J;
-    J << radial + x * x * slope + 6 * AB[2] * x + 2 * AB[3] * y, across,  //
-        across, radial + y * y * slope + 6 * AB[3] * y + 2 * AB[2] * x;
+    J << radial + x * x * slope + 6 * B_0 * x + 2 * B_1 * y, across,  //
+        across, radial + y * y * slope + 6 * B_1 * y + 2 * B_0 * x;
     return J;
   }
 
   /// Whether the distortion preserves neighbourhoods at p and, its radial part, all the way there.
-  template <typename T>
-  static bool Unfolded(const T* params, const Vector2<T>& p) {
-    const std::array AB{
-        ValueOf(params[5]), ValueOf(params[6]), ValueOf(params[7]), ValueOf(params[8])};
-    const Eigen::Vector2d at(ValueOf(p.x()), ValueOf(p.y()));
-    const double r2 = at.squaredNorm();
-    const auto radial_slope = [&](double s) { return 1 + s * (3 * AB[0] + 5 * s * AB[1]); };
-    const double extremum = -3 * AB[0] / (10 * AB[1]);
-    if (extremum > 0 && extremum < r2 && !(radial_slope(extremum) > 0)) return false;
-    return radial_slope(r2) > 0 && DistortionJacobian(AB, at).determinant() > 0;
+  static bool Unfolded(const double* params, const Eigen::Vector2d& p) {
+    const double A_0 = params[5], A_1 = params[6], r2 = p.squaredNorm();
+    // The slope 1 + 3 A_0 r^2 + 5 A_1 r^4 has its minimum within.
+    const bool minimum_within = A_0 < 0 && -3 * A_0 < 10 * A_1 * r2;
+    if (minimum_within && !(9 * A_0 * A_0 < 20 * A_1)) return false;
+    return 1 + r2 * (3 * A_0 + 5 * A_1 * r2) > 0 && DistortionJacobian(params, p).determinant() > 0;
   }
 
-  /// Newton's method on numbers; its last step on T carries the derivatives by the parameters.
-  template <typename T>
-  static bool Undistort(const T* params, const Vector2<T>& distorted, Vector2<T>* undistorted) {
+  /// Newton's method.
+  static bool Undistort(const double* params,
+                        const Eigen::Vector2d& distorted,
+                        Eigen::Vector2d* undistorted) {
     constexpr int kMaxIterations = 30;
     constexpr double kLastStep = 1e-8;  // relative; its square, the error after it, is rounding
-    std::array<double, 9> values;
-    for (size_t i = 0; i < values.size(); ++i) values[i] = ValueOf(params[i]);
-    const std::array AB{values[5], values[6], values[7], values[8]};
-    const Eigen::Vector2d goal(ValueOf(distorted.x()), ValueOf(distorted.y()));
-    Eigen::Vector2d p = goal;
+    const double goal = distorted.squaredNorm();
+    Eigen::Vector2d& p = *undistorted;
+    p = 2 * distorted - Distort(params, distorted);
     double last_step = std::numeric_limits<double>::infinity();
-    for (int i = 0; i < kMaxIterations; ++i) {
+    for (int i = 0; i < kMaxIterations && last_step > kLastStep * kLastStep * goal; ++i) {
       const Eigen::Vector2d step =
-          DistortionJacobian(AB, p).inverse() * (goal - Distort(values.data(), p));
+          DistortionJacobian(params, p).inverse() * (distorted - Distort(params, p));
       // At the limit of rounding the steps cease to shrink.
-      if (!step.allFinite() || (i > 3 && step.norm() >= last_step)) break;
+      if (i > 3 && !(step.squaredNorm() < last_step)) break;
       p += step;
-      last_step = step.norm();
-      if (last_step <= kLastStep * goal.norm()) break;
+      last_step = step.squaredNorm();
     }
-    if (!p.allFinite() || !Unfolded(values.data(), p)) return false;
-    const Eigen::Matrix2d inverse = DistortionJacobian(AB, p).inverse();
-    const Vector2<T> rest = distorted - Distort(params, Vector2<T>(p.cast<T>()));
-    if (!(std::hypot(ValueOf(rest.x()), ValueOf(rest.y())) <= kUndistorted * goal.norm() + 1e-15))
-      return false;
-    *undistorted = p.cast<T>() + inverse.cast<T>() * rest;
-    return true;
+    if (!p.allFinite() || !Unfolded(params, p)) return false;
+    return last_step <= kLastStep * kLastStep * goal ||
+           (distorted - Distort(params, p)).norm() <= kUndistorted * std::sqrt(goal) + 1e-15;
   }
 
   static constexpr double kUndistorted = 1e-9;  // relative; a tenth of a nanometre on a sensor

@@ -38,7 +38,11 @@ void SolveRows(const double* cross,
 // than many small ones.
 class EliminatedColumns {
  public:
-  EliminatedColumns(Eigen::Index rows, bool keep) : rows_(rows), keep_(keep) {}
+  EliminatedColumns(const UnknownLayout& layout, const EliminationOptions& options)
+      : rows_(layout.total + 1),
+        head_(layout.head),
+        keep_(options.keep_steps),
+        separate_markers_(options.separate_markers) {}
 
   // Returns the index of the first column.
   Eigen::Index Add(const SixColumns& cross, const Matrix6d& L, Eigen::MatrixXd* S) {
@@ -58,8 +62,28 @@ class EliminatedColumns {
     if (used_ == 0) return;
     const Eigen::Index columns = RoundUpToFour(used_);
     batches_.back().middleCols(used_, columns - used_).setZero();
-    AddRowProducts(-1, batches_.back(), columns, S);
+    if (separate_markers_) {
+      const auto W = batches_.back().topLeftCorner(rows_, columns);
+      S->leftCols(head_).noalias() -= W * W.topRows(head_).transpose();
+      S->row(rows_ - 1).tail(rows_ - head_).noalias() -=
+          W.row(rows_ - 1) * W.bottomRows(rows_ - head_).transpose();
+    } else {
+      AddRowProducts(-1, batches_.back(), columns, S);
+    }
+    last_ = used_;
     used_ = 0;
+  }
+
+  // Rows of W, when all has been flushed.
+  [[nodiscard]] Eigen::MatrixXd Rows(Eigen::Index first, Eigen::Index count) const {
+    const auto batches = static_cast<Eigen::Index>(batches_.size());
+    Eigen::MatrixXd rows(count, batches == 0 ? 0 : (batches - 1) * kColumns + last_);
+    for (Eigen::Index b = 0; b < batches; ++b) {
+      const Eigen::Index columns = b + 1 < batches ? kColumns : last_;
+      rows.middleCols(b * kColumns, columns) =
+          batches_[static_cast<size_t>(b)].block(first, 0, count, columns);
+    }
+    return rows;
   }
 
   // W' x
@@ -75,10 +99,10 @@ class EliminatedColumns {
  private:
   static constexpr Eigen::Index kColumns = 6 * 32;
 
-  Eigen::Index rows_;
-  bool keep_;
+  Eigen::Index rows_, head_;
+  bool keep_, separate_markers_;
   std::vector<RowMajorMatrix> batches_;
-  Eigen::Index used_ = 0;
+  Eigen::Index used_ = 0, last_ = 0;  // columns of the last batch: not flushed, and flushed
 };
 
 // Derivative of a pose's chart whose rotation part is `rotation`; translations are the same.
@@ -105,7 +129,8 @@ class Steps : public PoseSteps {
     std::vector<OfJitter> jitter;
   };
 
-  explicit Steps(Eigen::Index rows) : columns(rows, true) {}
+  Steps(const UnknownLayout& layout, const EliminationOptions& options)
+      : columns(layout, options), head(layout.head), markers(layout.total - layout.head) {}
 
   void Apply(const Eigen::VectorXd& step, double own_part, Bundle* bundle) const override {
     Eigen::VectorXd with_gradient(step.size() + 1);
@@ -124,7 +149,12 @@ class Steps : public PoseSteps {
     }
   }
 
+  [[nodiscard]] Eigen::MatrixXd MarkerColumns() const override {
+    return columns.Rows(head, markers);
+  }
+
   EliminatedColumns columns;
+  Eigen::Index head, markers;  // rows
   std::vector<OfFrame> frames;
 };
 
@@ -144,11 +174,11 @@ class Elimination {
     equations_.S = Eigen::MatrixXd::Zero(layout.total + 1, layout.total + 1);
     equations_.complete = true;
     if (options.keep_steps) {
-      auto steps = std::make_unique<Steps>(layout.total + 1);
+      auto steps = std::make_unique<Steps>(layout, options);
       steps_ = steps.get();
       equations_.steps = std::move(steps);
     } else {
-      unkept_.emplace(layout.total + 1, false);
+      unkept_.emplace(layout, options);
     }
     for (size_t c = 0; c < bundle.cameras.size(); ++c) products_.emplace_back(bundle, layout, c);
   }

@@ -41,6 +41,9 @@ struct EliminationOptions {
   double damping = 0;
   /// Keeps what `PoseSteps` needs: 48 bytes a frame and unknown.
   bool keep_steps = false;
+  /// Leaves what the elimination takes away out of the markers' block of `S`, for
+  /// `PoseSteps::MarkerColumns`.
+  bool separate_markers = false;
   VisitFrame visit = {};  ///< if set, called after each frame
 };
 
@@ -52,6 +55,8 @@ class PoseSteps {
   /// of the linearised residuals when the unknowns of the layout change by `step`. `own_part`:
   /// factor on the part of their steps that does not depend on `step`.
   virtual void Apply(const Eigen::VectorXd& step, double own_part, Bundle* bundle) const = 0;
+  /// W of the markers' rows: the elimination takes W W' away from their block.
+  [[nodiscard]] virtual Eigen::MatrixXd MarkerColumns() const = 0;
 };
 
 struct ReducedEquations {

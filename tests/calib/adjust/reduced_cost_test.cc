@@ -22,12 +22,12 @@ using testing::MakeProblem;
 using testing::TargetShape;
 using testing::TrueBundle;
 
-// A stereo pair near its optimum.
-Bundle Stereo() {
+// A stereo pair near its optimum. Eight frames have fewer unknowns than their markers.
+Bundle Stereo(int frames = 8) {
   Bundle bundle = TrueBundle(MakeProblem(5,
                                          {.shape = TargetShape::kPlane,
                                           .cameras = 2,
-                                          .frames = 8,
+                                          .frames = frames,
                                           .noise = 0.2,
                                           .marker_tolerance = 0.0003}));
   bundle.observations[7].used = false;
@@ -123,11 +123,14 @@ void AddCommonNoise(Bundle* bundle) {
 struct Case {
   std::string name;
   std::function<void(Bundle*)> change;
+  int frames = 8;
 };
 
 const std::vector<Case>& Cases() {
   static const std::vector<Case> kCases{
       {"Rigid", [](Bundle*) {}},
+      {"ManyFrames", [](Bundle*) {}, 50},
+      {"ManyFramesWithJitter", AddJitter, 50},
       {"Fixed", [](Bundle* bundle) { bundle->cameras[1].fixed[2] = true; }},
       {"HeldMarkers", [](Bundle* bundle) { bundle->marker_sigma = 0; }},
       {"Jitter", AddJitter},
@@ -151,7 +154,7 @@ INSTANTIATE_TEST_SUITE_P(Adjustment,
 
 TEST_P(Reduced, HasTheOptimumOfAllUnknowns) {
   for (const Loss loss : {Loss::kNone, Loss::kHuber}) {
-    Bundle reduced = Stereo();
+    Bundle reduced = Stereo(Cases()[GetParam()].frames);
     Cases()[GetParam()].change(&reduced);
     Disturb(&reduced);
     Bundle whole = reduced;
@@ -187,7 +190,7 @@ TEST_P(Reduced, HasTheOptimumOfAllUnknowns) {
 }
 
 TEST_P(Reduced, SumOfSquaresIsThatOfTheElimination) {
-  Bundle bundle = Stereo();
+  Bundle bundle = Stereo(Cases()[GetParam()].frames);
   Cases()[GetParam()].change(&bundle);
   Disturb(&bundle);
   const internal::Objective huber = internal::ObjectiveOf(bundle, {Loss::kHuber, 3});
