@@ -24,7 +24,16 @@ PoseEquations LinearisePose(const Bundle& bundle, size_t begin, size_t end, doub
   PoseEquations equations;
   using J6 = Eigen::Matrix<double, kMaxObservationSize, 6, Eigen::RowMajor>;
   using Residual = Eigen::Matrix<double, kMaxObservationSize, 1>;
+  const auto add = [&](double weight, Eigen::Index rows, const J6& J, const Residual& r) {
+    for (Eigen::Index row = 0; row < rows; ++row) {
+      const Vector6d by_pose = J.row(row);
+      equations.H.noalias() += weight * by_pose * by_pose.transpose();
+      equations.g += (weight * r[row]) * by_pose;
+    }
+  };
   internal::LinearisedView view;
+  J6 J, J_sum;  // in own sigmas
+  Residual r, r_sum;
   for (size_t i = begin, of_marker = begin, end_of_view = begin; i < end;) {
     const BundleCamera& camera = bundle.cameras[static_cast<size_t>(bundle.observations[i].camera)];
     const auto rows = static_cast<Eigen::Index>(camera.model->measured.size());
@@ -34,8 +43,11 @@ PoseEquations LinearisePose(const Bundle& bundle, size_t begin, size_t end, doub
                               static_cast<size_t>(bundle.observations[i].frame),
                               static_cast<size_t>(bundle.observations[i].camera));
     }
-    J6 J, J_sum = J6::Zero();  // in own sigmas
-    Residual r, r_sum = Residual::Zero();
+    const bool has_common = camera.noise.common_sigma > 0;
+    if (has_common) {
+      J_sum.setZero();
+      r_sum.setZero();
+    }
     double information = 0;
     for (of_marker = EndOfMarker(bundle.observations, i); i < of_marker; ++i) {
       const BundleObservation& observation = bundle.observations[i];
@@ -51,19 +63,16 @@ PoseEquations LinearisePose(const Bundle& bundle, size_t begin, size_t end, doub
       const double own = camera.noise.OwnSigma(observation.assumed_sigma);
       const double length =
           r.head(rows).norm() * own / camera.noise.Sigma(observation.assumed_sigma);
-      const double root = std::sqrt(width / std::max(length, width));
-      J.topRows(rows) *= root;
-      r.head(rows) *= root;
-      equations.H.noalias() += J.topRows(rows).transpose().lazyProduct(J.topRows(rows));
-      equations.g.noalias() += J.topRows(rows).transpose().lazyProduct(r.head(rows));
-      J_sum.topRows(rows) += J.topRows(rows) * (root / own);
-      r_sum.head(rows) += r.head(rows) * (root / own);
-      information += root * root / (own * own);
+      const double weight = width / std::max(length, width);
+      add(weight, rows, J, r);
+      if (!has_common) continue;
+      J_sum.topRows(rows) += J.topRows(rows) * (weight / own);
+      r_sum.head(rows) += r.head(rows) * (weight / own);
+      information += weight / (own * own);
     }
-    const double common = internal::CommonShare(camera.noise.common_sigma, information);
-    equations.H.noalias() -=
-        common * J_sum.topRows(rows).transpose().lazyProduct(J_sum.topRows(rows));
-    equations.g.noalias() -= common * J_sum.topRows(rows).transpose().lazyProduct(r_sum.head(rows));
+    if (has_common) {
+      add(-internal::CommonShare(camera.noise.common_sigma, information), rows, J_sum, r_sum);
+    }
   }
   return equations;
 }

@@ -349,10 +349,10 @@ std::optional<Ray> Unproject(const double* params, const double* config, const d
 
 template <CameraModelPlugin M>
 constexpr auto JacobianOf() {
-  if constexpr (requires { &M::ProjectWithJacobian; }) {
-    return &M::ProjectWithJacobian;
-  } else if constexpr (HasSupport<M>) {
+  if constexpr (HasSupport<M>) {
     return &ProjectWithLocalJacobian<M>;
+  } else if constexpr (requires { &M::ProjectWithJacobian; }) {
+    return &M::ProjectWithJacobian;
   } else {
     return &ProjectWithJacobian<M>;
   }

@@ -154,9 +154,10 @@ class AngleProblem {
       const Eigen::Vector3d p = T * Eigen::Vector3d(points_.col(i)) - ray.origin;
       const double distance = p.norm();
       if (!(distance > 0)) return false;
-      const Eigen::Vector2d tangential = bases_[static_cast<size_t>(i)] * p / distance;
+      const Eigen::Vector3d u = p / distance;
+      const Eigen::Vector2d tangential = bases_[static_cast<size_t>(i)] * u;
       // Behind the ray the sine shrinks again; continue it so that the error keeps growing.
-      const double forward = ray.direction.dot(p) / distance;
+      const double forward = ray.direction.dot(u);
       r->col(i) = forward >= 0 ? tangential : Eigen::Vector2d(tangential * (1 - 4 * forward));
     }
     return true;
@@ -175,14 +176,14 @@ class AngleProblem {
       const auto k = static_cast<size_t>(i);
       const Eigen::Vector3d rotated = T.R * points_.col(i);
       const Eigen::Vector3d p = rotated + T.t - rays_[k].origin;
-      const double distance = p.norm();
-      const Eigen::Vector3d u = p / distance;
+      const double inverse = 1 / p.norm();
+      const Eigen::Vector3d u = p * inverse;
       // One column a row of the derivatives: b' (I - u u') / |p| by the point, and by a rotation of
       // `rotated` before it.
       Eigen::Matrix<double, 6, 2> J;
       for (Eigen::Index row = 0; row < 2; ++row) {
         const Eigen::Vector3d basis = bases_[k].row(row);
-        const Eigen::Vector3d J_p = (basis - basis.dot(u) * u) / distance;
+        const Eigen::Vector3d J_p = (basis - basis.dot(u) * u) * inverse;
         J.col(row) << J_p, rotated.cross(J_p);
       }
       const double weight = CauchyWeight(r.col(i).squaredNorm() / (width * width));

@@ -20,21 +20,20 @@ struct Projected {
   Eigen::Matrix<double, 2, 3, Eigen::RowMajor> by_point;
 };
 
-std::optional<Projected> Differentiate(const CalibratedCamera& camera,
-                                       const double* values,
-                                       const Eigen::Vector3d& p_cam) {
-  Projected out{RowMatrix(2, static_cast<Eigen::Index>(camera.params.size())), {}};
+// False where there is none.
+bool Differentiate(const CalibratedCamera& camera,
+                   const double* values,
+                   const Eigen::Vector3d& p_cam,
+                   Projected* out) {
+  out->by_params.resize(2, static_cast<Eigen::Index>(camera.params.size()));
   double predicted[kMaxObservationSize];
-  if (!camera.model->project_with_jacobian(
-          camera.params.data(),
-          camera.config.data(),
-          values,
-          p_cam,
-          {predicted, out.by_params.data(), out.by_point.data()})) {
-    return std::nullopt;
-  }
-  if (!out.by_params.allFinite() || !out.by_point.allFinite()) return std::nullopt;
-  return out;
+  return camera.model->project_with_jacobian(
+             camera.params.data(),
+             camera.config.data(),
+             values,
+             p_cam,
+             {predicted, out->by_params.data(), out->by_point.data()}) &&
+         out->by_params.allFinite() && out->by_point.allFinite();
 }
 
 // Calls use(row, point in the camera's frame) for each used observation of a camera.
@@ -93,8 +92,10 @@ std::vector<ProjectionMap> ProjectionMaps(const CalibrationRecord& calibration, 
   ForEachUsed(calibration, c, [&](const ResidualRow& /*row*/, const Eigen::Vector3d& p) {
     distances.push_back(p.norm());
   });
-  std::ranges::sort(distances);
   if (!camera.covariance.allFinite() || distances.empty()) return {};
+  const auto middle = distances.begin() + std::ssize(distances) / 2;
+  std::ranges::nth_element(distances, middle);
+  const auto [nearest, farthest] = std::ranges::minmax(distances);
   const ImageGrid grid(camera.image_size, kCells);
   const auto cell_values = CellValues(camera, grid);
 
@@ -110,17 +111,14 @@ std::vector<ProjectionMap> ProjectionMaps(const CalibrationRecord& calibration, 
   // The observed points fix the camera frame.
   Matrix6d normal = Matrix6d::Zero();
   Eigen::MatrixXd mixed = Eigen::MatrixXd::Zero(6, count);
+  Projected seen;
   ForEachUsed(calibration, c, [&](const ResidualRow& row, const Eigen::Vector3d& p) {
-    const std::optional<Projected> seen = Differentiate(camera, row.values.data(), p);
-    if (!seen) return;
-    const Eigen::Matrix<double, 2, 6> J = by_frame(*seen, p);
+    if (!Differentiate(camera, row.values.data(), p, &seen)) return;
+    const Eigen::Matrix<double, 2, 6> J = by_frame(seen, p);
     normal.noalias() += J.transpose().lazyProduct(J);
-    mixed.noalias() += J.transpose().lazyProduct(seen->by_params);
+    mixed.noalias() += J.transpose().lazyProduct(seen.by_params);
   });
-  for (const double distance : {distances.front(),
-                                distances[distances.size() / 2],
-                                distances.back(),
-                                10 * distances.back()}) {
+  for (const double distance : {nearest, *middle, farthest, 10 * farthest}) {
     maps.push_back({distance, grid, std::vector<double>(grid.Cells(), std::nan(""))});
     auto& here = projected.emplace_back(grid.Cells());
     auto& motion = by_motion.emplace_back(grid.Cells());
@@ -130,9 +128,9 @@ std::vector<ProjectionMap> ProjectionMaps(const CalibrationRecord& calibration, 
           camera.params.data(), camera.config.data(), cell_values[cell]->data());
       if (!ray) continue;
       const Eigen::Vector3d p = ray->origin + distance * ray->direction;
-      here[cell] = Differentiate(camera, cell_values[cell]->data(), p);
-      if (!here[cell]) continue;
-      motion[cell] = by_frame(*here[cell], p);
+      if (!Differentiate(camera, cell_values[cell]->data(), p, &seen)) continue;
+      here[cell] = seen;
+      motion[cell] = by_frame(seen, p);
     }
   }
   const Eigen::MatrixXd follow = SolveSymmetric(normal, mixed);
@@ -159,6 +157,7 @@ std::vector<DistancePrecision> DistancePrecisions(const CalibrationRecord& calib
   std::erase_if(seen, [](const auto& item) { return item.second.size() < 2; });
   const size_t step = std::max<size_t>(1, (seen.size() + most - 1) / std::max<size_t>(most, 1));
   std::vector<DistancePrecision> precisions;
+  Projected projected;
   size_t index = 0;
   for (const auto& [key, rows] : seen) {
     if (index++ % step != 0) continue;
@@ -168,14 +167,12 @@ std::vector<DistancePrecision> DistancePrecisions(const CalibrationRecord& calib
     Eigen::MatrixXd mixed =
         Eigen::MatrixXd::Zero(3, static_cast<Eigen::Index>(camera.params.size()));
     for (const ResidualRow* row : rows) {
-      const std::optional<Projected> projected = Differentiate(camera, row->values.data(), p);
-      if (!projected) continue;
+      if (!Differentiate(camera, row->values.data(), p, &projected)) continue;
       const double sigma = row->noise_sigma > 0 ? row->noise_sigma : camera.fit.noise_sigma;
       if (!(sigma > 0)) continue;
-      const Eigen::Matrix<double, 3, 2> weighted =
-          projected->by_point.transpose() / (sigma * sigma);
-      normal += weighted * projected->by_point;
-      mixed += weighted * projected->by_params;
+      const Eigen::Matrix<double, 3, 2> weighted = projected.by_point.transpose() / (sigma * sigma);
+      normal += weighted * projected.by_point;
+      mixed += weighted * projected.by_params;
     }
     const Eigen::FullPivLU<Eigen::Matrix3d> factor(normal);
     if (!factor.isInvertible()) continue;

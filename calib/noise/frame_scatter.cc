@@ -91,10 +91,11 @@ struct RowContext {
 };
 
 // Sums over the rows of one marker in all frames, of the derivatives b by the directions with poses
-// and markers at their best: b' residual and b' b.
+// and markers at their best: b' residual and, of each camera's directions, the lower triangle of
+// b' b.
 struct MarkerSums {
   VectorXd score;
-  MatrixXd information;
+  std::vector<MatrixXd> information;
 };
 
 // Derivatives of one camera's rows, view by view. They touch its own unknowns and, where markers
@@ -169,16 +170,22 @@ class Rows {
   void AddToMarkers(const MatrixXd& pose_D, std::vector<MarkerSums>* markers) const {
     const Eigen::Index count = D_.cols();
     if (count == 0) return;
-    const auto of_pose = pose_D.leftCols(count);
-    const MatrixXd b = unweighted_.leftCols(count) - unweighted_.middleCols<6>(count) * of_pose;
-    MatrixXd weighted = b;
-    if (camera_.noise.common_sigma > 0) weighted = weight_.head(used_).asDiagonal() * b;
+    // By columns: one row's numbers follow each other.
+    const MatrixXd b =
+        (unweighted_.leftCols(count) - unweighted_.middleCols<6>(count) * pose_D.leftCols(count))
+            .transpose();
     for (const Span& span : spans_) {
       MarkerSums& sums = (*markers)[static_cast<size_t>(span.marker)];
-      const auto rows = weighted.middleRows(span.first, span.count);
-      sums.score.noalias() +=
-          rows.transpose() * unweighted_.col(count + 6).segment(span.first, span.count);
-      sums.information.noalias() += rows.transpose() * b.middleRows(span.first, span.count);
+      for (Eigen::Index row = span.first; row < span.first + span.count; ++row) {
+        const double weight = camera_.noise.common_sigma > 0 ? weight_[row] : 1;
+        sums.score += (weight * unweighted_(row, count + 6)) * b.col(row);
+        Eigen::Index first = 0;
+        for (MatrixXd& information : sums.information) {
+          const auto own = b.col(row).segment(first, information.rows());
+          information.selfadjointView<Eigen::Lower>().rankUpdate(own, weight);
+          first += own.size();
+        }
+      }
     }
   }
 
@@ -435,8 +442,12 @@ SystematicScatter EstimateScatter(const Bundle& bundle, const Uncertainty& uncer
   std::vector<FoundScatter> of_frames(bundle.cameras.size()), of_markers(bundle.cameras.size());
   std::vector<MarkerSums> markers;
   if (!bundle.EstimatesJitter() && !bundle.HasLandmarks()) {
-    markers.assign(bundle.markers.size(),
-                   {VectorXd::Zero(D.cols()), MatrixXd::Zero(D.cols(), D.cols())});
+    MarkerSums none{VectorXd::Zero(D.cols()), {}};
+    for (size_t c = 0; c < bundle.cameras.size(); ++c) {
+      const Eigen::Index own = directions.first[c + 1] - directions.first[c];
+      none.information.emplace_back(MatrixXd::Zero(own, own));
+    }
+    markers.assign(bundle.markers.size(), none);
   }
   const auto add_frame = [&](const std::vector<int>& touched, const PoseSums& sums) {
     // Information and gradient of the frame in the directions.
@@ -460,7 +471,7 @@ SystematicScatter EstimateScatter(const Bundle& bundle, const Uncertainty& uncer
       const auto of_camera = directions.Of(c);
       // In these directions the information of all rows is 1, of which the optimum has taken the
       // marker's share.
-      const MatrixXd own = marker.information(of_camera, of_camera);
+      const MatrixXd own = marker.information[c].selfadjointView<Eigen::Lower>();
       of_markers[c].Add(marker.score(of_camera).squaredNorm(), own - own * own);
     }
   }

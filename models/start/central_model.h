@@ -60,16 +60,21 @@ struct LensModel : CentralModel {
 
   template <typename T>
   static bool Project(const T* params, const Vector3<T>& p_cam, T* u_px) {
-    const double size = std::max(
-        {std::abs(ValueOf(p_cam.x())), std::abs(ValueOf(p_cam.y())), std::abs(ValueOf(p_cam.z()))});
-    if (!(size >= std::numeric_limits<double>::min() && std::isfinite(size))) return false;
-    // Directions count only: scaled, no square overflows.
-    const Vector3<T> p(p_cam.x() / size, p_cam.y() / size, p_cam.z() / size);
     T m[2];
-    if (!M::Map(params + 4, p, m)) return false;
+    if (!MapPoint(params + 4, p_cam, m)) return false;
     u_px[0] = params[0] * m[0] + params[2];
     u_px[1] = params[1] * m[1] + params[3];
     return std::isfinite(ValueOf(u_px[0])) && std::isfinite(ValueOf(u_px[1]));
+  }
+
+  /// Dual numbers carry the derivatives by the lens' parameters and the point alone.
+  static bool ProjectWithJacobian(const double* params,
+                                  const double* /*config*/,
+                                  const double* /*values*/,
+                                  const Eigen::Vector3d& p_cam,
+                                  const ProjectionOutput& out) {
+    return out.J_params == nullptr ? Differentiate<false>(params, p_cam, out)
+                                   : Differentiate<true>(params, p_cam, out);
   }
 
   /// Direction in which a pixel looks; nothing where no direction is imaged.
@@ -99,6 +104,44 @@ struct LensModel : CentralModel {
   }
 
  private:
+  template <typename T>
+  static bool MapPoint(const T* k, const Vector3<T>& p_cam, T* m) {
+    const double size = std::max(
+        {std::abs(ValueOf(p_cam.x())), std::abs(ValueOf(p_cam.y())), std::abs(ValueOf(p_cam.z()))});
+    if (!(size >= std::numeric_limits<double>::min() && std::isfinite(size))) return false;
+    // Directions count only: scaled, no square overflows.
+    return M::Map(k, Vector3<T>(p_cam.x() / size, p_cam.y() / size, p_cam.z() / size), m);
+  }
+
+  template <bool kByParams>
+  [[gnu::flatten, gnu::noinline]] static bool Differentiate(const double* params,
+                                                            const Eigen::Vector3d& p_cam,
+                                                            const ProjectionOutput& out) {
+    constexpr int kParamCount = static_cast<int>(M::kParams.size()), kLens = kParamCount - 4;
+    constexpr int kBefore = kByParams ? kLens : 0;
+    using Jet = ceres::Jet<double, kBefore + 3>;
+    std::array<Jet, kLens> k;
+    for (int i = 0; i < kLens; ++i) {
+      k[i] = kByParams ? Jet(params[4 + i], i) : Jet(params[4 + i]);
+    }
+    const Vector3<Jet> p(
+        Jet(p_cam.x(), kBefore), Jet(p_cam.y(), kBefore + 1), Jet(p_cam.z(), kBefore + 2));
+    Jet m[2];
+    if (!MapPoint(k.data(), p, m)) return false;
+    for (int r = 0; r < 2; ++r) {
+      const double f = params[r];
+      out.predicted[r] = f * m[r].a + params[2 + r];
+      for (int i = 0; i < 3; ++i) out.J_point[3 * r + i] = f * m[r].v[kBefore + i];
+      if constexpr (!kByParams) continue;
+      double* const row = out.J_params + r * kParamCount;
+      std::fill_n(row, 4, 0.0);
+      row[r] = m[r].a;
+      row[2 + r] = 1;
+      for (int i = 0; i < kLens; ++i) row[4 + i] = f * m[r].v[i];
+    }
+    return std::isfinite(out.predicted[0]) && std::isfinite(out.predicted[1]);
+  }
+
   static constexpr auto Starts() {
     if constexpr (requires { M::kStart[0].data(); }) {
       return M::kStart;

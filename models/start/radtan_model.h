@@ -123,7 +123,8 @@ struct RadtanModel : LensModel<M> {
     explicit Lens(const double* k) {
       std::copy_n(k, N, k_.begin());
       P_ = {1, k_[0], k_[1], k_[4]};
-      Q_ = {1, k_[5], k_[6], k_[7]};
+      Q_ = {1};
+      if constexpr (kRational) Q_ = {1, k_[5], k_[6], k_[7]};
       // (r P / Q)' Q^2 = P Q + 2 s (P' Q - P Q') with s = r^2; the term P_i Q_j s^(i + j) of P Q
       // has i P_i Q_j s^(i + j) and j P_i Q_j s^(i + j) in s P' Q and s P Q'.
       for (size_t i = 0; i < P_.size(); ++i) {
@@ -172,9 +173,12 @@ struct RadtanModel : LensModel<M> {
       return slope;
     }
 
+    static constexpr bool kRational = N >= 8;
+
     std::array<double, 12> k_{};
-    std::array<double, 4> P_, Q_;
-    std::array<double, 7> slope_{};
+    std::array<double, 4> P_;
+    std::array<double, kRational ? 4 : 1> Q_;
+    std::array<double, kRational ? 7 : 4> slope_{};
   };
 };
 

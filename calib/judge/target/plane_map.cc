@@ -69,21 +69,30 @@ std::optional<PlaneMap> PlaneMap::Fit(const Pairs& pairs,
   // Of each point the monomials m, at x, at y, x and y: the equations of x are (m, 0, -at x), those
   // of y (0, m, -at y), so that all sums of products are among theirs.
   const int at_x = terms, at_y = terms + 2, x = terms + 4, y = terms + 5;
-  RowMajorMatrix columns = ZeroRows(terms + 6, static_cast<Eigen::Index>(count));
+  RowMajorMatrix points = ZeroRows(terms + 6, static_cast<Eigen::Index>(count));
+  for (size_t i = 0; i < count; ++i) {
+    const Eigen::Vector2d at = (pairs.plane[i] - map.plane_middle_) / map.plane_scale_;
+    const Eigen::Vector2d seen = (pairs.image[i] - map.image_middle_) / map.image_scale_;
+    const auto monomials = Monomials(at, order);
+    auto point = points.col(static_cast<Eigen::Index>(i));
+    for (int k = 0; k < terms; ++k) point[k] = monomials[static_cast<size_t>(k)];
+    point.segment<2>(at_x) = seen.x() * at;
+    point.segment<2>(at_y) = seen.y() * at;
+    point.segment<2>(x) = seen;
+  }
+  Eigen::ArrayXd weight = Eigen::ArrayXd::Zero(points.cols());
+  for (size_t i = 0; i < count; ++i) {
+    weight[static_cast<Eigen::Index>(i)] = pairs.scale[i] * std::sqrt(weights[i]);
+  }
+  RowMajorMatrix columns = points;
   for (int round = 0; round < kRounds; ++round) {
-    for (size_t i = 0; i < count; ++i) {
-      const Eigen::Vector2d at = (pairs.plane[i] - map.plane_middle_) / map.plane_scale_;
-      const Eigen::Vector2d seen = (pairs.image[i] - map.image_middle_) / map.image_scale_;
-      const auto monomials = Monomials(at, order);
-      const double denominator =
-          round == 0 ? 1 : std::max(kLeastDenominator, 1 + map.coefficients_.tail<2>().dot(at));
-      const double weight = pairs.scale[i] * std::sqrt(weights[i]) / denominator;
-      auto column = columns.col(static_cast<Eigen::Index>(i));
-      for (int k = 0; k < terms; ++k) column[k] = weight * monomials[static_cast<size_t>(k)];
-      column.segment<2>(at_x) = weight * seen.x() * at;
-      column.segment<2>(at_y) = weight * seen.y() * at;
-      column.segment<2>(x) = weight * seen;
+    Eigen::ArrayXd by_denominator = weight;
+    if (round > 0) {
+      const Eigen::ArrayXd denominator =
+          1 + (points.middleRows<2>(1).transpose() * map.coefficients_.tail<2>()).array();
+      by_denominator /= denominator.max(kLeastDenominator);
     }
+    columns = points * by_denominator.matrix().asDiagonal();
     Eigen::MatrixXd sums = Eigen::MatrixXd::Zero(terms + 6, terms + 6);  // lower triangle
     AddRowProducts(1, columns, &sums);
     Eigen::MatrixXd square = Eigen::MatrixXd::Zero(unknowns, unknowns);  // its lower triangle
