@@ -2,13 +2,18 @@
 #include "detectors/plenoptic/depth/image_synthesis.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstddef>
 #include <limits>
+#include <span>
 #include <vector>
 
 #include "calib/base/parallel.h"
 #include "calib/base/robust.h"
+#include "calib/kernels/processors.h"
 #include "detectors/plenoptic/depth/fill_holes.h"
+#include "detectors/templates/lanes.h"
 
 namespace plenocal::internal {
 namespace {
@@ -18,123 +23,203 @@ constexpr int kRowsPerTask = 16;
 /// neighbourhood stays finite.
 constexpr float kLeastZ = 1e-3f;
 
-struct Sample {
-  float value, variance, weight;
+/// Eight samples of one point.
+struct Samples {
+  Lanes value, laplacian, attenuation;
+  Lanes blur;    // half the variance of the lens type's blur less that of the sharpest type, px^2
+  Lanes square;  // of the distance from the micro-image centre over the radius
+  Lanes variance, weight;
 };
 
+PLENOCAL_LANES void Weigh(const SensorNoise& noise, Samples* s) {
+  const Lanes lost = s->laplacian == s->laplacian ? s->blur * s->laplacian : Lanes{};
+  const Lanes light = (s->value > 0 ? s->value : Lanes{}) * s->attenuation;
+  s->variance =
+      (noise.read + noise.shot * light) / (s->attenuation * s->attenuation) + lost * lost;
+  s->weight = (1 - s->square) / s->variance;
+}
+
 /// Weighted mean, then once more with Cauchy weights about it.
-float Combine(const std::vector<Sample>& samples) {
+PLENOCAL_LANES float Combine(std::span<const Samples> samples) {
   float mean = 0, spread = 0;
   for (int pass = 0; pass < 2; ++pass) {
-    float weights = 0, sum = 0, square = 0;
-    for (const Sample& s : samples) {
-      float weight = s.weight;
+    Lanes weights{}, sum{}, square{};
+    for (const Samples& s : samples) {
+      Lanes weight = s.weight;
       if (pass > 0) {
-        const float off = s.value - mean;
-        const float scale = kCauchyWidthSquared<float> * (s.variance + spread);
+        const Lanes off = s.value - mean;
+        const Lanes scale = kCauchyWidthSquared<float> * (s.variance + spread);
         weight *= scale / (scale + off * off);
       }
       weights += weight;
       sum += weight * s.value;
       square += weight * s.value * s.value;
     }
-    mean = sum / weights;
-    spread = std::max(0.f, square / weights - mean * mean);
+    const float all = Sum(weights);
+    mean = Sum(sum) / all;
+    spread = std::max(0.f, Sum(square) / all - mean * mean);
   }
   return mean;
 }
 
+/// Lattice steps from a micro lens to itself and to those that may see what it sees.
+struct StepsInView {
+  std::vector<LatticeStep> steps;
+  std::vector<float> lengths;  // px, never decreasing
+
+  StepsInView(const LensPatches& patches, const MicroLensArray& array, const ZRange& range)
+      : steps{{0, 0}}, lengths{0} {
+    // A point of inverse depth z is in view of the micro lenses within radius / |z|, plus half a
+    // cell to the nearest of them.
+    const float least = std::max(std::min(std::abs(range.lowest), std::abs(range.highest)), kLeastZ);
+    const double longest = patches.radius_px / least / array.Pitch();
+    for (const LatticeStep& step : StepsWithin(array, longest + 1)) {
+      const double length = (step.column * array.e_column + step.row * array.e_row).norm();
+      steps.push_back(step);
+      lengths.push_back(std::max(lengths.back(), static_cast<float>(length)));
+    }
+  }
+};
+
 /// The micro images that see a point of the virtual image, and what they show there.
 class Sampler {
  public:
-  Sampler(const LensPatches& patches,
+  /// Keeps references to all of them.
+  Sampler(const StepsInView& steps,
+          const LensPatches& patches,
           const MicroLensIndex& index,
           const SensorNoise& noise,
           const DepthSurvey& survey)
-      : patches_(patches),
+      : steps_(steps),
+        patches_(patches),
         index_(index),
         noise_(noise),
         survey_(survey),
-        pitch_(static_cast<float>(index.Array().Pitch())) {
-    const MicroLensArray& array = index.Array();
-    // A point of inverse depth z is in view of the micro lenses within radius / |z|, plus half a
-    // cell to the nearest of them.
-    const float longest = patches.radius_px /
-                          std::max(std::abs(survey.range.lowest) < std::abs(survey.range.highest)
-                                       ? std::abs(survey.range.lowest)
-                                       : std::abs(survey.range.highest),
-                                   kLeastZ) /
-                          pitch_;
-    steps_ = StepsWithin(array, longest + 1);
-    lengths_.reserve(steps_.size());
-    for (const LatticeStep& s : steps_) {
-      lengths_.push_back(
-          static_cast<float>((s.column * array.e_column + s.row * array.e_row).norm()));
-    }
-  }
+        pitch_(static_cast<float>(index.Array().Pitch())) {}
 
-  /// All samples of the point q, raw px, of inverse virtual depth z. `defocus`: working memory.
-  void Collect(const Eigen::Vector2d& q,
-               float z,
-               std::vector<float>* defocus,
-               std::vector<Sample>* samples) const {
-    samples->clear();
+  /// Value of the point q, raw px, of inverse virtual depth z; NaN where no micro image shows it.
+  [[nodiscard]] float At(const Eigen::Vector2d& q, float z) {
     const int nearest = index_.Nearest(q);
-    if (nearest < 0 || std::isnan(z)) return;
-    defocus->clear();
-    for (const LinearInZ& of_type : survey_.defocus) defocus->push_back(of_type.At(z));
-    const float sharpest = *std::min_element(defocus->begin(), defocus->end());
-    for (float& one : *defocus) one -= sharpest;
-    AddSample(q, z, nearest, *defocus, samples);
+    if (nearest < 0 || std::isnan(z)) return std::numeric_limits<float>::quiet_NaN();
     // No point is farther from the nearest centre than the corner of a cell.
     const float reach = patches_.radius_px / std::max(std::abs(z), kLeastZ) +
                         pitch_ / std::sqrt(3.f) + MicroLensIndex::kNearestError;
-    for (size_t k = 0; k < steps_.size() && lengths_[k] <= reach; ++k) {
-      const int lens = index_.Neighbour(nearest, steps_[k]);
-      if (lens >= 0) AddSample(q, z, lens, *defocus, samples);
-    }
+    const auto end = std::upper_bound(steps_.lengths.begin(), steps_.lengths.end(), reach);
+    LookAround(nearest, static_cast<size_t>(end - steps_.lengths.begin()));
+    return Value((q - index_.Array().lenses[nearest].centre).cast<float>(), z);
   }
 
  private:
-  /// `blurs`: by type, half the variance of the blur less that of the sharpest type, px^2.
-  void AddSample(const Eigen::Vector2d& q,
-                 float z,
-                 int lens,
-                 const std::vector<float>& blurs,
-                 std::vector<Sample>* samples) const {
-    const MicroLens& micro_lens = index_.Array().lenses[lens];
-    const int n = patches_.size;
-    const Eigen::Vector2f from_centre = (q - micro_lens.centre).cast<float>() * z;
-    const float square = from_centre.squaredNorm() / (patches_.radius_px * patches_.radius_px);
-    if (square >= 1) return;
-    const Eigen::Vector2f p = patches_.centre[lens] + from_centre;
-    const int column = static_cast<int>(p.x()), row = static_cast<int>(p.y());
-    const float fx = p.x() - static_cast<float>(column);
-    const float fy = p.y() - static_cast<float>(row);
-    const float* v = patches_.Value(lens) + row * n + column;
-    const float value =
-        (1 - fy) * (v[0] + fx * (v[1] - v[0])) + fy * (v[n] + fx * (v[n + 1] - v[n]));
-    if (std::isnan(value)) return;
-    // The pixel nearest to p.
-    const int right = fx < 0.5f ? 0 : 1, down = fy < 0.5f ? 0 : 1;
-    const float* m = v + down * n + right;
-    const float laplacian = m[-1] + m[1] + m[-n] + m[n] - 4 * m[0];
-    const float lost = std::isnan(laplacian) ? 0.f : blurs[micro_lens.type] * laplacian;
-    const float attenuation = patches_.Attenuation(lens, column + right, row + down);
-    const float variance = (noise_.read + noise_.shot * std::max(0.f, value) * attenuation) /
-                               (attenuation * attenuation) +
-                           lost * lost;
-    samples->push_back({value, variance, (1 - square) / variance});
+  struct Neighbour {
+    const float* value;          // of its patch
+    std::ptrdiff_t attenuation;  // of the patch's first value, in the attenuation image
+    Eigen::Vector2f centre;      // in the patch
+    int type;
+  };
+
+  /// Neighbouring points have one nearest micro lens, so its neighbours are kept for the next.
+  void LookAround(int nearest, size_t count) {
+    const MicroLensArray& array = index_.Array();
+    if (nearest != nearest_) {
+      nearest_ = nearest;
+      looked_at_ = 0;
+      x_.clear(), y_.clear(), neighbours_.clear();
+    }
+    for (; looked_at_ < count; ++looked_at_) {
+      const int lens = index_.Neighbour(nearest, steps_.steps[looked_at_]);
+      if (lens < 0) continue;
+      const Eigen::Vector2d from = array.lenses[lens].centre - array.lenses[nearest].centre;
+      x_.push_back(static_cast<float>(from.x()));
+      y_.push_back(static_cast<float>(from.y()));
+      const Eigen::Vector2i& origin = patches_.origin[lens];
+      neighbours_.push_back({patches_.Value(lens),
+                             static_cast<std::ptrdiff_t>(origin.y()) * patches_.attenuation.cols +
+                                 origin.x(),
+                             patches_.centre[lens],
+                             array.lenses[lens].type});
+    }
   }
 
+  /// `from`: position from the nearest micro-image centre.
+  float Value(const Eigen::Vector2f& from, float z);
+
+  const StepsInView& steps_;
   const LensPatches& patches_;
   const MicroLensIndex& index_;
   const SensorNoise& noise_;
   const DepthSurvey& survey_;
   float pitch_;
-  std::vector<LatticeStep> steps_;
-  std::vector<float> lengths_;  // px, of `steps_`
+  int nearest_ = -1;      // of the last point
+  size_t looked_at_ = 0;  // steps from it
+  std::vector<float> x_, y_;  // neighbours' centres from that of the nearest, px
+  std::vector<Neighbour> neighbours_;
+  // Working memory
+  std::vector<float> u_, v_, square_;
+  std::vector<Samples> samples_;
 };
+
+PLENOCAL_FOR_EACH_PROCESSOR
+float Sampler::Value(const Eigen::Vector2f& from, float z) {
+  std::array<float, kMostLensTypes> blurs{};
+  float sharpest = std::numeric_limits<float>::infinity();
+  for (size_t type = 0; type < survey_.defocus.size(); ++type) {
+    blurs[type] = survey_.defocus[type].At(z);
+    sharpest = std::min(sharpest, blurs[type]);
+  }
+  const size_t count = neighbours_.size();
+  u_.resize(count), v_.resize(count), square_.resize(count);
+  const float from_x = from.x(), from_y = from.y();
+  const float scale = 1 / (patches_.radius_px * patches_.radius_px);
+  {
+    const float* __restrict x = x_.data();
+    const float* __restrict y = y_.data();
+    float* __restrict u = u_.data();
+    float* __restrict v = v_.data();
+    float* __restrict square = square_.data();
+    for (size_t k = 0; k < count; ++k) {
+      u[k] = (from_x - x[k]) * z;
+      v[k] = (from_y - y[k]) * z;
+      square[k] = (u[k] * u[k] + v[k] * v[k]) * scale;
+    }
+  }
+  const int n = patches_.size;
+  const auto* attenuation = patches_.attenuation.ptr<float>();
+  const std::ptrdiff_t row_length = patches_.attenuation.cols;
+  samples_.resize((count + kLanes - 1) / kLanes);
+  int taken = 0;
+  for (size_t k = 0; k < count; ++k) {
+    if (!(square_[k] < 1)) continue;
+    const Neighbour& lens = neighbours_[k];
+    const float x = lens.centre.x() + u_[k], y = lens.centre.y() + v_[k];
+    const int column = static_cast<int>(x), row = static_cast<int>(y);
+    const float fx = x - static_cast<float>(column), fy = y - static_cast<float>(row);
+    const float* v = lens.value + row * n + column;
+    const float value =
+        (1 - fy) * (v[0] + fx * (v[1] - v[0])) + fy * (v[n] + fx * (v[n + 1] - v[n]));
+    if (std::isnan(value)) continue;
+    // The pixel nearest to (x, y).
+    const int right = fx < 0.5f ? 0 : 1, down = fy < 0.5f ? 0 : 1;
+    const float* m = v + down * n + right;
+    Samples& s = samples_[taken / kLanes];
+    const int lane = taken++ % kLanes;
+    s.value[lane] = value;
+    s.laplacian[lane] = m[-1] + m[1] + m[-n] + m[n] - 4 * m[0];
+    s.attenuation[lane] =
+        attenuation[lens.attenuation + (row + down) * row_length + column + right];
+    s.blur[lane] = blurs[lens.type] - sharpest;
+    s.square[lane] = square_[k];
+  }
+  if (taken == 0) return std::numeric_limits<float>::quiet_NaN();
+  const size_t blocks = (taken + kLanes - 1) / kLanes;
+  for (; taken % kLanes != 0; ++taken) {  // of weight 0
+    Samples& s = samples_[taken / kLanes];
+    const int lane = taken % kLanes;
+    s.value[lane] = s.laplacian[lane] = s.blur[lane] = 0;
+    s.attenuation[lane] = s.square[lane] = 1;
+  }
+  for (size_t block = 0; block < blocks; ++block) Weigh(noise_, &samples_[block]);
+  return Combine({samples_.data(), blocks});
+}
 
 }  // namespace
 
@@ -144,17 +229,15 @@ cv::Mat SynthesiseFocusedImage(const VirtualDepth& depth,
                                const SensorNoise& noise,
                                const DepthSurvey& survey,
                                int threads) {
-  const Sampler sampler(patches, index, noise, survey);
-  cv::Mat image(depth.inverse.size(), CV_32F, cv::Scalar(std::numeric_limits<float>::quiet_NaN()));
+  const StepsInView steps(patches, index.Array(), survey.range);
+  cv::Mat image(depth.inverse.size(), CV_32F);
   ParallelFor((image.rows + kRowsPerTask - 1) / kRowsPerTask, threads, [&](size_t task) {
-    std::vector<Sample> samples;
-    std::vector<float> defocus;
+    Sampler sampler(steps, patches, index, noise, survey);
     const int end = std::min(image.rows, static_cast<int>(task + 1) * kRowsPerTask);
     for (int y = static_cast<int>(task) * kRowsPerTask; y < end; ++y) {
       for (int x = 0; x < image.cols; ++x) {
         const Eigen::Vector2d q(x * depth.scale, y * depth.scale);
-        sampler.Collect(q, depth.inverse.at<float>(y, x), &defocus, &samples);
-        if (!samples.empty()) image.at<float>(y, x) = Combine(samples);
+        image.at<float>(y, x) = sampler.At(q, depth.inverse.at<float>(y, x));
       }
     }
   });
