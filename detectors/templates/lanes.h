@@ -17,6 +17,14 @@ using IntLanes = int __attribute__((vector_size(4 * kLanes), aligned(4 * kLanes)
 // Everything here is inlined, so that it is compiled for the processor that its caller is for.
 #define PLENOCAL_LANES [[gnu::always_inline]] inline
 
+/// Eight values from any address on.
+PLENOCAL_LANES void Load(const float* from, Lanes* lanes) {
+  __builtin_memcpy(lanes, from, sizeof *lanes);
+}
+PLENOCAL_LANES void Store(const Lanes& lanes, float* to) {
+  __builtin_memcpy(to, &lanes, sizeof lanes);
+}
+
 PLENOCAL_LANES float Sum(const Lanes& lanes) {
   return ((lanes[0] + lanes[4]) + (lanes[2] + lanes[6])) +
          ((lanes[1] + lanes[5]) + (lanes[3] + lanes[7]));

@@ -1,33 +1,47 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// The two inner loops of virtual depth estimation, compiled for several processors and chosen at
-// run time.
+// The inner loops of virtual depth estimation, compiled for several processors and chosen at run
+// time.
 #pragma once
+
+#include <span>
 
 namespace plenocal::internal {
 
-/// One patch against another that is shifted by a constant, px.
-struct ShiftedPatches {
-  const float* reference = nullptr;  ///< first value of the overlap in the reference patch
-  const float* other = nullptr;      ///< the pixel up and left of its shifted position
-  int stride = 0;                    ///< of all arrays, floats
-  int rows = 0, columns = 0;  ///< of the overlap; columns are rounded up to whole blocks of eight
-  float shift_x = 0, shift_y = 0;  ///< the fractional part of the shift, in [0, 1)
+/// A rectangle of a patch: columns [left, right) and rows [top, bottom).
+struct PatchBox {
+  int left, right, top, bottom;
 };
 
-/// Adds |other - reference| to `cost` and 1 to `count` (arrays that begin at the overlap) where
+/// Eight columns of a patch from `column` on, rows [top, bottom).
+struct PatchBlock {
+  int column, top, bottom;
+};
+
+/// One patch against another that is shifted by a constant, px.
+struct ShiftedPatches {
+  const float* reference = nullptr;
+  const float* other = nullptr;
+  int stride = 0;       ///< of all arrays, floats
+  int whole_shift = 0;  ///< floats from a pixel to the one up and left of its shifted position
+  float shift_x = 0, shift_y = 0;  ///< the fractional part of the shift, in [0, 1)
+  PatchBox overlap{};              ///< pixels that both patches may have
+};
+
+/// Adds |other - reference| to `cost` and 1 to `count` (patches) in the parts of the blocks where
 /// both patches are known.
-void AddDifferences(const ShiftedPatches& patches, float* cost, float* count);
+void AddDifferences(const ShiftedPatches& patches,
+                    std::span<const PatchBlock> blocks,
+                    float* cost,
+                    float* count);
 
 /// Sums of `cost` over 3 x 3 windows divided by those of `count`; infinite where the latter are
-/// less than `least`. Arrays of rows * columns floats; the outermost rows and columns of `mean` are
-/// undefined. `work`: 2 * rows * columns floats.
-void WindowMeans(int columns,
-                 int rows,
+/// less than `least`. Patches of rows of `stride` floats; all windows must lie within the blocks.
+void WindowMeans(std::span<const PatchBlock> blocks,
+                 int stride,
                  const float* cost,
                  const float* count,
                  float least,
-                 float* work,
                  float* mean);
 
 /// Pixels of one micro image, each with an inverse virtual depth of its own. Arrays of `count`

@@ -8,6 +8,7 @@
 #include <optional>
 
 #include "detectors/plenoptic/depth/pixel_depth.h"
+#include "detectors/templates/lanes.h"
 
 namespace plenocal::internal {
 namespace {
@@ -171,17 +172,24 @@ void DepthMatcher::AddTextured(size_t lens, int x, int y, float z, TexturedPixel
   p->at.push_back(at);
 }
 
-PatchBox DepthMatcher::WindowsOf(const TexturedPixels& pixels) const {
+void DepthMatcher::CoverWindows(const TexturedPixels& pixels,
+                                std::vector<PatchBlock>* blocks) const {
   const int n = patches_.size;
-  PatchBox box{.left = n, .right = 0, .top = n, .bottom = 0};
+  int left = n, right = 0;
+  for (const int at : pixels.at) {
+    left = std::min(left, at % n - 1);
+    right = std::max(right, at % n + 2);
+  }
+  blocks->clear();
+  for (int column = left; column < right; column += kLanes) blocks->push_back({column, n, 0});
   for (const int at : pixels.at) {
     const int x = at % n, y = at / n;
-    box = {.left = std::min(box.left, x - 1),
-           .right = std::max(box.right, x + 2),
-           .top = std::min(box.top, y - 1),
-           .bottom = std::max(box.bottom, y + 2)};
+    for (const int side : {x - 1, x + 1}) {
+      PatchBlock& block = (*blocks)[(side - left) / kLanes];
+      block.top = std::min(block.top, y - 1);
+      block.bottom = std::max(block.bottom, y + 2);
+    }
   }
-  return box;
 }
 
 /// Mean differences from the neighbours in the 3 x 3 window of each pixel, for each depth.
@@ -189,57 +197,56 @@ void DepthMatcher::MeanDifferences(size_t lens,
                                    ZRange range,
                                    int hypotheses,
                                    MatchScratch* s) const {
-  const PatchBox box = WindowsOf(s->pixels);
-  const int n = patches_.size, rows = box.bottom - box.top;
-  const size_t area = patches_.Area(), first = static_cast<size_t>(box.top) * n;
-  s->means.resize(hypotheses * area);
-  s->work.resize(2 * area);
-  s->cost.resize(area + kBlockTail);
-  s->count.resize(area + kBlockTail);
+  CoverWindows(s->pixels, &s->blocks);
+  s->partners.clear();
+  for (const LatticeStep& to : search_steps_) {
+    const int other = index_.Neighbour(static_cast<int>(lens), to);
+    if (other >= 0) s->partners.push_back(Partner(lens, other));
+  }
+  const int n = patches_.size;
+  const size_t area = patches_.Area();
+  s->means.resize(hypotheses * area + kBlockTail);
   for (int h = 0; h < hypotheses; ++h) {
-    std::fill_n(s->cost.begin() + static_cast<std::ptrdiff_t>(first), rows * n, 0.f);
-    std::fill_n(s->count.begin() + static_cast<std::ptrdiff_t>(first), rows * n, 0.f);
+    s->cost.assign(area + kBlockTail, 0.f);
+    s->count.assign(area + kBlockTail, 0.f);
     const float z = range.lowest + static_cast<float>(h) * Step();
-    for (const LatticeStep& to : search_steps_) {
-      const int other = index_.Neighbour(static_cast<int>(lens), to);
-      if (other >= 0) AddDifferencesAt(z, lens, other, box, s);
+    for (const OtherPatch& other : s->partners) {
+      AddDifferences(Shifted(lens, other, z), s->blocks, s->cost.data(), s->count.data());
     }
-    WindowMeans(n,
-                rows,
-                s->cost.data() + first,
-                s->count.data() + first,
-                kWindowPixels,
-                s->work.data(),
-                s->means.data() + h * area + first);
+    WindowMeans(
+        s->blocks, n, s->cost.data(), s->count.data(), kWindowPixels, s->means.data() + h * area);
   }
 }
 
-/// Adds the differences between two micro images at one depth to the cost and the count.
-void DepthMatcher::AddDifferencesAt(
-    float z, size_t lens, size_t other, const PatchBox& box, MatchScratch* s) const {
+OtherPatch DepthMatcher::Partner(size_t lens, size_t other) const {
   const MicroLensArray& array = index_.Array();
   const Eigen::Vector2f baseline =
       (array.lenses[other].centre - array.lenses[lens].centre).cast<float>();
-  const Eigen::Vector2f shift =
-      (patches_.origin[lens] - patches_.origin[other]).cast<float>() + baseline * (1 - z);
-  const Eigen::Vector2i whole = shift.array().floor().cast<int>();
-  // The overlap of both patches, without their margins, in the box.
+  const Eigen::Vector2f offset =
+      (patches_.origin[lens] - patches_.origin[other]).cast<float>() + baseline;
+  return {.value = patches_.Value(other),
+          .size = patches_.size,
+          .offset_x = offset.x(),
+          .offset_y = offset.y(),
+          .baseline_x = baseline.x(),
+          .baseline_y = baseline.y()};
+}
+
+ShiftedPatches DepthMatcher::Shifted(size_t lens, const OtherPatch& other, float z) const {
+  const float x = other.offset_x - z * other.baseline_x, y = other.offset_y - z * other.baseline_y;
+  const int whole_x = static_cast<int>(std::floor(x)), whole_y = static_cast<int>(std::floor(y));
+  // The overlap of both patches, without their margins.
   const int n = patches_.size, low = LensPatches::kMargin, high = n - LensPatches::kMargin;
-  const int x0 = std::max({low, low - whole.x(), box.left});
-  const int x1 = std::min({high, high - whole.x(), box.right});
-  const int y0 = std::max({low, low - whole.y(), box.top});
-  const int y1 = std::min({high, high - whole.y(), box.bottom});
-  if (x1 <= x0 || y1 <= y0) return;
-  const int at = y0 * n + x0;
-  AddDifferences({.reference = patches_.Value(lens) + at,
-                  .other = patches_.Value(other) + at + whole.y() * n + whole.x(),
-                  .stride = n,
-                  .rows = y1 - y0,
-                  .columns = x1 - x0,
-                  .shift_x = shift.x() - static_cast<float>(whole.x()),
-                  .shift_y = shift.y() - static_cast<float>(whole.y())},
-                 s->cost.data() + at,
-                 s->count.data() + at);
+  return {.reference = patches_.Value(lens),
+          .other = other.value,
+          .stride = n,
+          .whole_shift = whole_y * n + whole_x,
+          .shift_x = x - static_cast<float>(whole_x),
+          .shift_y = y - static_cast<float>(whole_y),
+          .overlap = {.left = std::max(low, low - whole_x),
+                      .right = std::min(high, high - whole_x),
+                      .top = std::max(low, low - whole_y),
+                      .bottom = std::min(high, high - whole_y)}};
 }
 
 void DepthMatcher::Search(size_t lens, ZRange range, MatchScratch* s) const {
@@ -299,20 +306,13 @@ size_t DepthMatcher::TypePair(size_t lens, size_t other) const {
 
 OtherPatch DepthMatcher::Partner(size_t lens, size_t other, const DepthSurvey& survey) const {
   const MicroLensArray& array = index_.Array();
-  const Eigen::Vector2f baseline =
-      (array.lenses[other].centre - array.lenses[lens].centre).cast<float>();
-  const Eigen::Vector2f offset =
-      (patches_.origin[lens] - patches_.origin[other]).cast<float>() + baseline;
   const LinearInZ& own = survey.defocus[array.lenses[lens].type];
   const LinearInZ& others = survey.defocus[array.lenses[other].type];
-  return {patches_.Value(other),
-          patches_.size,
-          offset.x(),
-          offset.y(),
-          baseline.x(),
-          baseline.y(),
-          {others.offset - own.offset, others.slope - own.slope},
-          survey.misfit[TypePair(lens, other)]};
+  OtherPatch partner = Partner(lens, other);
+  partner.defocus[0] = others.offset - own.offset;
+  partner.defocus[1] = others.slope - own.slope;
+  partner.misfit = survey.misfit[TypePair(lens, other)];
+  return partner;
 }
 
 /// Weighted means over the window of the depths that agree with the middle one: a blur that the

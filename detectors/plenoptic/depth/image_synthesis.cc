@@ -34,8 +34,7 @@ struct Samples {
 PLENOCAL_LANES void Weigh(const SensorNoise& noise, Samples* s) {
   const Lanes lost = s->laplacian == s->laplacian ? s->blur * s->laplacian : Lanes{};
   const Lanes light = (s->value > 0 ? s->value : Lanes{}) * s->attenuation;
-  s->variance =
-      (noise.read + noise.shot * light) / (s->attenuation * s->attenuation) + lost * lost;
+  s->variance = (noise.read + noise.shot * light) / (s->attenuation * s->attenuation) + lost * lost;
   s->weight = (1 - s->square) / s->variance;
 }
 
@@ -71,7 +70,8 @@ struct StepsInView {
       : steps{{0, 0}}, lengths{0} {
     // A point of inverse depth z is in view of the micro lenses within radius / |z|, plus half a
     // cell to the nearest of them.
-    const float least = std::max(std::min(std::abs(range.lowest), std::abs(range.highest)), kLeastZ);
+    const float least =
+        std::max(std::min(std::abs(range.lowest), std::abs(range.highest)), kLeastZ);
     const double longest = patches.radius_px / least / array.Pitch();
     for (const LatticeStep& step : StepsWithin(array, longest + 1)) {
       const double length = (step.column * array.e_column + step.row * array.e_row).norm();
@@ -132,11 +132,11 @@ class Sampler {
       x_.push_back(static_cast<float>(from.x()));
       y_.push_back(static_cast<float>(from.y()));
       const Eigen::Vector2i& origin = patches_.origin[lens];
-      neighbours_.push_back({patches_.Value(lens),
-                             static_cast<std::ptrdiff_t>(origin.y()) * patches_.attenuation.cols +
-                                 origin.x(),
-                             patches_.centre[lens],
-                             array.lenses[lens].type});
+      neighbours_.push_back(
+          {patches_.Value(lens),
+           static_cast<std::ptrdiff_t>(origin.y()) * patches_.attenuation.cols + origin.x(),
+           patches_.centre[lens],
+           array.lenses[lens].type});
     }
   }
 
@@ -149,8 +149,8 @@ class Sampler {
   const SensorNoise& noise_;
   const DepthSurvey& survey_;
   float pitch_;
-  int nearest_ = -1;      // of the last point
-  size_t looked_at_ = 0;  // steps from it
+  int nearest_ = -1;          // of the last point
+  size_t looked_at_ = 0;      // steps from it
   std::vector<float> x_, y_;  // neighbours' centres from that of the nearest, px
   std::vector<Neighbour> neighbours_;
   // Working memory
