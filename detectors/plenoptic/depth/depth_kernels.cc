@@ -11,6 +11,27 @@
 namespace plenocal::internal {
 
 PLENOCAL_FOR_EACH_PROCESSOR
+void FindTexture(const float* value,
+                 const float* attenuation,
+                 int stride,
+                 int count,
+                 const SensorNoise& noise,
+                 float least,
+                 int* textured) {
+  const float* above = value - stride;
+  const float* below = value + stride;
+#ifndef __clang__
+#pragma GCC ivdep
+#endif
+  for (int i = 0; i < count; ++i) {
+    const float own = value[i], v = attenuation[i];
+    const float gx = (value[i + 1] - value[i - 1]) / 2, gy = (below[i] - above[i]) / 2;
+    const float variance = (noise.read + noise.shot * (own > 0 ? own : 0) * v) / (v * v);
+    textured[i] = own == own && gx * gx + gy * gy > least * variance ? 1 : 0;
+  }
+}
+
+PLENOCAL_FOR_EACH_PROCESSOR
 void AddDifferences(const ShiftedPatches& patches,
                     std::span<const PatchBlock> blocks,
                     float* cost,
@@ -141,6 +162,28 @@ void AddEquations(const DepthPixels& pixels, const OtherPatch& patch, const Dept
     agreement[i] += weight * variance;
     count[i] += known ? 1.f : 0.f;
   }
+}
+
+PLENOCAL_FOR_EACH_PROCESSOR
+WindowSums SumWindow(const float* z, const float* information, int stride, int size, float most) {
+  const int middle = size / 2 * (stride + 1);
+  const float own_z = z[middle], own = information[middle];
+  const Lanes column = {0, 1, 2, 3, 4, 5, 6, 7};
+  const auto in_window = column < static_cast<float>(size);
+  Lanes sum_information{}, sum_z{}, agreeing{}, all{};
+  for (int row = 0; row < size; ++row) {
+    Lanes others, weights;
+    Load(z + row * stride, &others);
+    Load(information + row * stride, &weights);
+    const Lanes off = others - own_z;
+    const auto known = in_window & (weights > 0);
+    const auto agrees = known & (off * off * weights * own <= most * most * (weights + own));
+    all += known ? Lanes{} + 1 : Lanes{};
+    agreeing += agrees ? Lanes{} + 1 : Lanes{};
+    sum_information += agrees ? weights : Lanes{};
+    sum_z += agrees ? weights * others : Lanes{};
+  }
+  return {Sum(sum_information), Sum(sum_z), Sum(agreeing), Sum(all)};
 }
 
 }  // namespace plenocal::internal

@@ -6,12 +6,25 @@
 
 #include <span>
 
+#include "detectors/plenoptic/depth/lens_patches.h"
+
 namespace plenocal::internal {
 
 /// A rectangle of a patch: columns [left, right) and rows [top, bottom).
 struct PatchBox {
   int left, right, top, bottom;
 };
+
+/// Sets those of `count` pixels in a row to 1 that have texture, the others to 0: known values
+/// whose squared gradient exceeds `least` times the variance of a value. Rows of `value` are
+/// `stride` floats apart; var(raw) = read + shot * raw.
+void FindTexture(const float* value,
+                 const float* attenuation,
+                 int stride,
+                 int count,
+                 const SensorNoise& noise,
+                 float least,
+                 int* textured);
 
 /// Eight columns of a patch from `column` on, rows [top, bottom).
 struct PatchBlock {
@@ -83,5 +96,16 @@ struct DepthEquations {
 /// for the blur of linear interpolation. With J = de/dz the variance of e is 2 * variance + misfit
 /// * |gradient along the baseline|^2; Cauchy weights.
 void AddEquations(const DepthPixels& pixels, const OtherPatch& other, const DepthEquations& sums);
+
+/// Sums over the depths in a window that agree with the middle one.
+struct WindowSums {
+  float information = 0, z = 0;  ///< sum of the information, and of z times it
+  float agreeing = 0, all = 0;   ///< number of depths
+};
+
+/// The window of `size` <= 8 rows and columns, its first pixel at the arrays' begin. Depths agree
+/// whose difference is at most `most` standard deviations. Rows are `stride` floats apart and eight
+/// of them are read; a depth of information 0 is none.
+WindowSums SumWindow(const float* z, const float* information, int stride, int size, float most);
 
 }  // namespace plenocal::internal

@@ -73,11 +73,6 @@ std::optional<float> ClearMinimum(const std::vector<float>& mean) {
 
 }  // namespace
 
-void TexturedPixels::Clear() {
-  for (auto* v : {&x, &y, &z, &value, &gradient_x, &gradient_y, &laplacian, &variance}) v->clear();
-  at.clear();
-}
-
 DepthPixels TexturedPixels::View() const {
   return {static_cast<int>(x.size()),
           x.data(),
@@ -130,46 +125,71 @@ float DepthMatcher::Step() const {
   return kSearchStep / static_cast<float>(index_.Array().Pitch());
 }
 
-void DepthMatcher::Select(size_t lens, MatchScratch* scratch) const {
-  const int n = patches_.size;
-  scratch->pixels.Clear();
-  for (int y = LensPatches::kMargin; y < n - LensPatches::kMargin; ++y) {
-    for (int x = LensPatches::kMargin; x < n - LensPatches::kMargin; ++x) {
-      AddTextured(lens, x, y, 0, &scratch->pixels);
+void DepthMatcher::Select(size_t lens, MatchScratch* s) const {
+  // A known value has a pixel in the image.
+  const Eigen::Vector2i& origin = patches_.origin[lens];
+  const int n = patches_.size, low = LensPatches::kMargin, high = n - LensPatches::kMargin;
+  const int left = std::max(low, -origin.x());
+  const int right = std::min(high, patches_.attenuation.cols - origin.x());
+  const int top = std::max(low, -origin.y());
+  const int bottom = std::min(high, patches_.attenuation.rows - origin.y());
+  s->textured.resize(n);
+  TexturedPixels& p = s->pixels;
+  p.at.clear();
+  for (int y = top; y < bottom; ++y) {
+    const int first = y * n + left;
+    FindTexture(patches_.Value(lens) + first,
+                patches_.attenuation.ptr<float>(origin.y() + y) + origin.x() + left,
+                n,
+                right - left,
+                noise_,
+                kNoGradient / 2,
+                s->textured.data());
+    for (int i = 0; i < right - left; ++i) {
+      if (s->textured[i] != 0) p.at.push_back(first + i);
     }
   }
+  p.z.assign(p.at.size(), 0.f);
+  Describe(lens, &p);
 }
 
-void DepthMatcher::Select(size_t lens,
-                          std::span<const DepthStart> starts,
-                          MatchScratch* scratch) const {
-  scratch->pixels.Clear();
-  const int n = patches_.size;
+void DepthMatcher::Select(size_t lens, std::span<const DepthStart> starts, MatchScratch* s) const {
+  TexturedPixels& p = s->pixels;
+  p.at.clear();
+  p.z.clear();
   for (const DepthStart& start : starts) {
-    AddTextured(lens, start.at % n, start.at / n, start.z, &scratch->pixels);
+    p.at.push_back(start.at);
+    p.z.push_back(start.z);
   }
+  Describe(lens, &p);
+  std::vector<char> keep(p.at.size());
+  for (size_t i = 0; i < keep.size(); ++i) {
+    const float gx = p.gradient_x[i], gy = p.gradient_y[i];
+    keep[i] = gx * gx + gy * gy > kNoGradient / 2 * p.variance[i] ? 1 : 0;
+  }
+  p.Keep(keep);
 }
 
-/// Adds a pixel if it has texture.
-void DepthMatcher::AddTextured(size_t lens, int x, int y, float z, TexturedPixels* p) const {
-  const int n = patches_.size, at = y * n + x;
-  const float* value = patches_.Value(lens);
-  const float gx = (value[at + 1] - value[at - 1]) / 2;
-  const float gy = (value[at + n] - value[at - n]) / 2;
-  if (std::isnan(value[at]) || std::isnan(gx) || std::isnan(gy)) return;
-  const float v = patches_.Attenuation(lens, x, y);
-  const float variance = (noise_.read + noise_.shot * std::max(0.f, value[at]) * v) / (v * v);
-  if (!(gx * gx + gy * gy > kNoGradient * variance / 2)) return;
-  p->x.push_back(static_cast<float>(x));
-  p->y.push_back(static_cast<float>(y));
-  p->z.push_back(z);
-  p->value.push_back(value[at]);
-  p->gradient_x.push_back(gx);
-  p->gradient_y.push_back(gy);
-  p->laplacian.push_back(value[at - 1] + value[at + 1] + value[at - n] + value[at + n] -
-                         4 * value[at]);
-  p->variance.push_back(variance);
-  p->at.push_back(at);
+void DepthMatcher::Describe(size_t lens, TexturedPixels* p) const {
+  const size_t count = p->at.size();
+  for (auto* v :
+       {&p->x, &p->y, &p->value, &p->gradient_x, &p->gradient_y, &p->laplacian, &p->variance}) {
+    v->resize(count);
+  }
+  const int n = patches_.size;
+  for (size_t i = 0; i < count; ++i) {
+    const int x = p->at[i] % n, y = p->at[i] / n;
+    const float* value = patches_.Value(lens) + p->at[i];
+    const float left = value[-1], right = value[1], above = value[-n], below = value[n];
+    const float v = patches_.Attenuation(lens, x, y);
+    p->x[i] = static_cast<float>(x);
+    p->y[i] = static_cast<float>(y);
+    p->value[i] = *value;
+    p->gradient_x[i] = (right - left) / 2;
+    p->gradient_y[i] = (below - above) / 2;
+    p->laplacian[i] = left + right + above + below - 4 * *value;
+    p->variance[i] = (noise_.read + noise_.shot * std::max(0.f, *value) * v) / (v * v);
+  }
 }
 
 void DepthMatcher::CoverWindows(const TexturedPixels& pixels,
@@ -318,39 +338,24 @@ OtherPatch DepthMatcher::Partner(size_t lens, size_t other, const DepthSurvey& s
 /// Weighted means over the window of the depths that agree with the middle one: a blur that the
 /// model misses displaces both flanks of an edge in opposite directions.
 void DepthMatcher::Smooth(MatchScratch* s) const {
-  constexpr int kReach = kDepthWindow / 2;
   TexturedPixels& p = s->pixels;
   const int n = patches_.size;
-  s->lookup.assign(patches_.Area(), -1);
+  // Rows of windows are read in blocks of eight.
+  s->z.resize(patches_.Area() + kBlockTail);
+  s->information.assign(patches_.Area() + kBlockTail, 0.f);
   for (size_t i = 0; i < p.x.size(); ++i) {
-    if (p.sum_information[i] > 0) s->lookup[p.at[i]] = static_cast<int>(i);
+    s->z[p.at[i]] = p.z[i];
+    s->information[p.at[i]] = p.sum_information[i];
   }
-  s->smooth.assign(p.x.size(), 0.f);
-  s->smooth_information.assign(p.x.size(), 0.f);
   for (size_t i = 0; i < p.x.size(); ++i) {
     if (!(p.sum_information[i] > 0)) continue;
-    float sum = 0, weights = 0, count = 0, all = 0;
-    for (int dy = -kReach; dy <= kReach; ++dy) {
-      for (int dx = -kReach; dx <= kReach; ++dx) {
-        const int k = s->lookup[p.at[i] + dy * n + dx];
-        if (k < 0) continue;
-        all += 1;
-        const float off = p.z[k] - p.z[i], information = p.sum_information[k];
-        if (off * off * information * p.sum_information[i] >
-            kSameSurface * kSameSurface * (information + p.sum_information[i])) {
-          continue;
-        }
-        sum += information * p.z[k];
-        weights += information;
-        count += 1;
-      }
-    }
-    if (count * 2 < all || count < kFewestPartners) continue;
-    s->smooth[i] = sum / weights;
-    s->smooth_information[i] = weights / count;
+    const int first = p.at[i] - kDepthWindow / 2 * (n + 1);
+    const WindowSums sums = SumWindow(
+        s->z.data() + first, s->information.data() + first, n, kDepthWindow, kSameSurface);
+    const bool confirmed = sums.agreeing * 2 >= sums.all && sums.agreeing >= kFewestPartners;
+    p.z[i] = sums.z / sums.information;
+    p.sum_information[i] = confirmed ? sums.information / sums.agreeing : 0;
   }
-  p.z = s->smooth;
-  p.sum_information = s->smooth_information;
 }
 
 }  // namespace plenocal::internal

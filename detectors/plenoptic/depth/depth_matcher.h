@@ -24,7 +24,6 @@ struct TexturedPixels {
   std::vector<int> at;  // in the patch
   std::vector<float> sum_gradient, sum_information, sum_agreement, sum_count;
 
-  void Clear();
   [[nodiscard]] DepthPixels View() const;
   DepthEquations ResetSums();
   /// Keeps those whose flag is set.
@@ -36,11 +35,11 @@ struct MatchScratch {
   TexturedPixels pixels;
   std::vector<PatchBlock> blocks;  // of the windows of the pixels
   std::vector<OtherPatch> partners;
-  std::vector<float> cost, count;  // patch
-  std::vector<float> means;        // hypotheses x patch: mean difference in a window
-  std::vector<float> mean;         // hypotheses: those of one pixel
-  std::vector<int> lookup;         // patch: index of the pixel in `pixels`, or -1
-  std::vector<float> smooth, smooth_information;
+  std::vector<float> cost, count;     // patch
+  std::vector<float> means;           // hypotheses x patch: mean difference in a window
+  std::vector<float> mean;            // hypotheses: those of one pixel
+  std::vector<int> textured;          // a row: 1 where there is texture
+  std::vector<float> z, information;  // patch: those of the pixels, information 0 for all others
 };
 
 /// A pixel whose depth a search found.
@@ -81,7 +80,8 @@ class DepthMatcher {
   [[nodiscard]] size_t TypePair(size_t lens, size_t other) const;
 
  private:
-  void AddTextured(size_t lens, int x, int y, float z, TexturedPixels* pixels) const;
+  /// Sets all but the depths of the pixels at `pixels->at`.
+  void Describe(size_t lens, TexturedPixels* pixels) const;
   /// The same without defocus and misfit.
   [[nodiscard]] OtherPatch Partner(size_t lens, size_t other) const;
   /// Blocks that hold the windows of the pixels: all that a search has to compute.
