@@ -31,6 +31,47 @@ void FindTexture(const float* value,
   }
 }
 
+namespace {
+
+/// Half the difference across a pixel, one-sided at the edge of the known values.
+PLENOCAL_LANES float Slope(float before, float here, float after) {
+  const float both = (after - before) / 2, right = after - here, left = 1.5f * (here - before);
+  return both == both ? both : right == right ? right : left == left ? left : 0;
+}
+
+/// Half the difference of a logarithm, (a - b) / (a + b), whose two pixels have one colour in a
+/// mosaic.
+PLENOCAL_LANES float LogSlope(float before, float after) {
+  return (after - before) / (after + before);
+}
+
+}  // namespace
+
+PLENOCAL_FOR_EACH_PROCESSOR
+void RemoveDisplacement(const float* displaced,
+                        int stride,
+                        const float* attenuation,
+                        std::ptrdiff_t attenuation_stride,
+                        const float* z,
+                        const LinearInZ& vignetting,
+                        int count,
+                        float* value) {
+  const LinearInZ k = vignetting;
+  const float* __restrict here = displaced;
+  const float* __restrict above = displaced - stride;
+  const float* __restrict below = displaced + stride;
+  const float* __restrict v = attenuation;
+  const float* __restrict v_above = attenuation - attenuation_stride;
+  const float* __restrict v_below = attenuation + attenuation_stride;
+  const float* __restrict depth = z;
+  float* __restrict out = value;
+  for (int i = 0; i < count; ++i) {
+    const float along = Slope(here[i - 1], here[i], here[i + 1]) * LogSlope(v[i - 1], v[i + 1]) +
+                        Slope(above[i], here[i], below[i]) * LogSlope(v_above[i], v_below[i]);
+    out[i] = here[i] - k.At(depth[i]) * along;
+  }
+}
+
 PLENOCAL_FOR_EACH_PROCESSOR
 void AddDifferences(const ShiftedPatches& patches,
                     std::span<const PatchBlock> blocks,

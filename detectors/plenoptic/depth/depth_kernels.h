@@ -4,16 +4,13 @@
 // time.
 #pragma once
 
+#include <cstddef>
 #include <span>
 
+#include "detectors/plenoptic/depth/depth_survey.h"
 #include "detectors/plenoptic/depth/lens_patches.h"
 
 namespace plenocal::internal {
-
-/// A rectangle of a patch: columns [left, right) and rows [top, bottom).
-struct PatchBox {
-  int left, right, top, bottom;
-};
 
 /// Sets those of `count` pixels in a row to 1 that have texture, the others to 0: known values
 /// whose squared gradient exceeds `least` times the variance of a value. Rows of `value` are
@@ -25,6 +22,18 @@ void FindTexture(const float* value,
                  const SensorNoise& noise,
                  float least,
                  int* textured);
+
+/// Removes the displacement near the edge of a micro image from `count` known or unknown values in
+/// a row, `value`; `displaced` are those before, in rows `stride` floats apart, as the
+/// attenuation's are `attenuation_stride` apart. `z`: inverse virtual depth.
+void RemoveDisplacement(const float* displaced,
+                        int stride,
+                        const float* attenuation,
+                        std::ptrdiff_t attenuation_stride,
+                        const float* z,
+                        const LinearInZ& vignetting,
+                        int count,
+                        float* value);
 
 /// Eight columns of a patch from `column` on, rows [top, bottom).
 struct PatchBlock {

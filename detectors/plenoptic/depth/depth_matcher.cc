@@ -126,26 +126,22 @@ float DepthMatcher::Step() const {
 }
 
 void DepthMatcher::Select(size_t lens, MatchScratch* s) const {
-  // A known value has a pixel in the image.
   const Eigen::Vector2i& origin = patches_.origin[lens];
-  const int n = patches_.size, low = LensPatches::kMargin, high = n - LensPatches::kMargin;
-  const int left = std::max(low, -origin.x());
-  const int right = std::min(high, patches_.attenuation.cols - origin.x());
-  const int top = std::max(low, -origin.y());
-  const int bottom = std::min(high, patches_.attenuation.rows - origin.y());
+  const PatchBox box = patches_.Inside(lens, 0);
+  const int n = patches_.size;
   s->textured.resize(n);
   TexturedPixels& p = s->pixels;
   p.at.clear();
-  for (int y = top; y < bottom; ++y) {
-    const int first = y * n + left;
+  for (int y = box.top; y < box.bottom; ++y) {
+    const int first = y * n + box.left, count = box.right - box.left;
     FindTexture(patches_.Value(lens) + first,
-                patches_.attenuation.ptr<float>(origin.y() + y) + origin.x() + left,
+                patches_.attenuation.ptr<float>(origin.y() + y) + origin.x() + box.left,
                 n,
-                right - left,
+                count,
                 noise_,
                 kNoGradient / 2,
                 s->textured.data());
-    for (int i = 0; i < right - left; ++i) {
+    for (int i = 0; i < count; ++i) {
       if (s->textured[i] != 0) p.at.push_back(first + i);
     }
   }

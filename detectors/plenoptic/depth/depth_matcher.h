@@ -39,6 +39,7 @@ struct MatchScratch {
   std::vector<float> means;           // hypotheses x patch: mean difference in a window
   std::vector<float> mean;            // hypotheses: those of one pixel
   std::vector<int> textured;          // a row: 1 where there is texture
+  std::vector<float> displaced;       // patch
   std::vector<float> z, information;  // patch: those of the pixels, information 0 for all others
 };
 

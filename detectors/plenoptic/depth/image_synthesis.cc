@@ -134,7 +134,7 @@ class Sampler {
       const Eigen::Vector2i& origin = patches_.origin[lens];
       neighbours_.push_back(
           {patches_.Value(lens),
-           static_cast<std::ptrdiff_t>(origin.y()) * patches_.attenuation.cols + origin.x(),
+           static_cast<std::ptrdiff_t>(patches_.attenuation.step1()) * origin.y() + origin.x(),
            patches_.centre[lens],
            array.lenses[lens].type});
     }
@@ -184,7 +184,7 @@ float Sampler::Value(const Eigen::Vector2f& from, float z) {
   }
   const int n = patches_.size;
   const auto* attenuation = patches_.attenuation.ptr<float>();
-  const std::ptrdiff_t row_length = patches_.attenuation.cols;
+  const auto row_length = static_cast<std::ptrdiff_t>(patches_.attenuation.step1());
   samples_.resize((count + kLanes - 1) / kLanes);
   int taken = 0;
   for (size_t k = 0; k < count; ++k) {
