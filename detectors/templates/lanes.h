@@ -26,8 +26,9 @@ PLENOCAL_LANES void Store(const Lanes& lanes, float* to) {
 }
 
 PLENOCAL_LANES float Sum(const Lanes& lanes) {
-  return ((lanes[0] + lanes[4]) + (lanes[2] + lanes[6])) +
-         ((lanes[1] + lanes[5]) + (lanes[3] + lanes[7]));
+  const Lanes halves = lanes + __builtin_shufflevector(lanes, lanes, 4, 5, 6, 7, 0, 1, 2, 3);
+  const Lanes quarters = halves + __builtin_shufflevector(halves, halves, 2, 3, 0, 1, 6, 7, 4, 5);
+  return quarters[0] + quarters[1];
 }
 
 PLENOCAL_LANES void Sqrt(Lanes* lanes) {
