@@ -150,7 +150,7 @@ Eigen::Matrix<double, N, N> PatchCovariance(const Model& model,
     const double r = gray_of(pixel, &J) - pixel.gray;
     // The fit has drawn the model towards pixels of high leverage; their errors are larger than
     // their residuals by 1 / sqrt(1 - leverage).
-    const double leverage = std::clamp(J.dot(H_inverse * J), 0.0, kMaxLeverage);
+    const double leverage = std::clamp(J.dot(H_inverse.lazyProduct(J)), 0.0, kMaxLeverage);
     meat.template selfadjointView<Eigen::Lower>().rankUpdate(
         J, std::max(r * r, kRoundingVariance) / (1 - leverage));
   }
