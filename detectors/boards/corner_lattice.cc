@@ -105,13 +105,19 @@ std::vector<Crossing> CrossingsAtPeaks(const cv::Mat& image,
                                        const cv::Mat& highest) {
   const Pattern pattern;
   std::vector<Crossing> crossings;
+  std::vector<int> peaks(image.cols);
   for (int y = kRadius; y < image.rows - kRadius; ++y) {
-    const auto *peaks = saddle.ptr<float>(y), *limits = highest.ptr<float>(y);
-    // Eight pixels of each row are read.
+    const auto *values = saddle.ptr<float>(y), *limits = highest.ptr<float>(y);
+    // Collected first and without a branch, which one in ten pixels would take. Eight pixels of
+    // each row are read around a peak.
+    int count = 0;
     for (int x = kRadius; x + kLanes - kRadius <= image.cols; ++x) {
-      if (peaks[x] <= 0 || peaks[x] < limits[x]) continue;
-      if (const auto quadrupole = pattern.Quadrupole(image, x, y)) {
-        crossings.push_back({Eigen::Vector2d(x, y), *quadrupole});
+      peaks[count] = x;
+      count += (values[x] > 0) & (values[x] >= limits[x]) ? 1 : 0;
+    }
+    for (int i = 0; i < count; ++i) {
+      if (const auto quadrupole = pattern.Quadrupole(image, peaks[i], y)) {
+        crossings.push_back({Eigen::Vector2d(peaks[i], y), *quadrupole});
       }
     }
   }
@@ -124,7 +130,10 @@ std::vector<Crossing> FindCrossings(const cv::Mat& image) {
   cv::Sobel(smooth, xx, CV_32F, 2, 0);
   cv::Sobel(smooth, xy, CV_32F, 1, 1);
   cv::Sobel(smooth, yy, CV_32F, 0, 2);
-  const cv::Mat saddle = xy.mul(xy) - xx.mul(yy);
+  cv::Mat& saddle = xy;  // xy^2 - xx yy, without further images
+  cv::multiply(xy, xy, xy);
+  cv::multiply(xx, yy, xx);
+  cv::subtract(xy, xx, saddle);
   cv::dilate(saddle, highest, {});
   return CrossingsAtPeaks(image, saddle, highest);
 }

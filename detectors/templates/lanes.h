@@ -14,12 +14,30 @@ inline constexpr int kLanes = 8;
 using Lanes = float __attribute__((vector_size(4 * kLanes), aligned(4 * kLanes)));
 using IntLanes = int __attribute__((vector_size(4 * kLanes), aligned(4 * kLanes)));
 
+/// As many values in double precision as take the same room.
+inline constexpr int kDoubleLanes = 4;
+using DoubleLanes =
+    double __attribute__((vector_size(8 * kDoubleLanes), aligned(8 * kDoubleLanes)));
+
 // Everything here is inlined, so that it is compiled for the processor that its caller is for.
 #define PLENOCAL_LANES [[gnu::always_inline]] inline
 
+/// Eight values from any address on.
+PLENOCAL_LANES void Load(const float* from, Lanes* lanes) {
+  __builtin_memcpy(lanes, from, sizeof *lanes);
+}
+PLENOCAL_LANES void Store(const Lanes& lanes, float* to) {
+  __builtin_memcpy(to, &lanes, sizeof lanes);
+}
+
 PLENOCAL_LANES float Sum(const Lanes& lanes) {
-  return ((lanes[0] + lanes[4]) + (lanes[2] + lanes[6])) +
-         ((lanes[1] + lanes[5]) + (lanes[3] + lanes[7]));
+  const Lanes halves = lanes + __builtin_shufflevector(lanes, lanes, 4, 5, 6, 7, 0, 1, 2, 3);
+  const Lanes quarters = halves + __builtin_shufflevector(halves, halves, 2, 3, 0, 1, 6, 7, 4, 5);
+  return quarters[0] + quarters[1];
+}
+
+PLENOCAL_LANES double Sum(const DoubleLanes& lanes) {
+  return (lanes[0] + lanes[2]) + (lanes[1] + lanes[3]);
 }
 
 PLENOCAL_LANES void Sqrt(Lanes* lanes) {

@@ -9,6 +9,8 @@
 #include <span>
 #include <vector>
 
+#include "detectors/templates/square_sums.h"
+
 namespace plenocal::internal {
 
 /// A pixel of a patch: where it is and its gray value.
@@ -38,8 +40,8 @@ inline constexpr double kMinExplained = 0.6;
 /// residuals of a clean image do not show.
 inline constexpr double kModelError = 0.003;
 
-/// Sums over a patch at some parameters: H = sum J^T J, b = sum r J, cost = sum r^2, with the
-/// residuals r and their gradients J.
+/// Sums over a patch at some parameters: H = sum J^T J (its lower triangle), b = sum r J, cost =
+/// sum r^2, with the residuals r and their gradients J.
 template <int N>
 struct PatchSums {
   Eigen::Matrix<double, N, N> H = Eigen::Matrix<double, N, N>::Zero();
@@ -51,15 +53,30 @@ template <int N, typename Model>
 PatchSums<N> SumPatch(const Model& model,
                       std::span<const Pixel> pixels,
                       const Eigen::Matrix<double, N, 1>& params) {
-  PatchSums<N> sums;
+  // The gradient and the residual, and zeros for AddSquares; of some pixels at a time.
+  constexpr int kRows = (N + 1 + 2) / 3 * 3, kLanesPerRow = 8;
+  constexpr std::size_t kPixels = kLanesPerRow * kDoubleLanes;
+  struct {
+    DoubleLanes lanes[kRows * kLanesPerRow] = {};
+  } block;
+  Eigen::Matrix<double, kRows, kRows> squares = Eigen::Matrix<double, kRows, kRows>::Zero();
   Eigen::Matrix<double, N, 1> J;
   const auto gray_of = model.At(params);
-  for (const Pixel& pixel : pixels) {
-    const double r = gray_of(pixel, &J) - pixel.gray;
-    sums.H.noalias() += J * J.transpose();
-    sums.b.noalias() += r * J;
-    sums.cost += r * r;
+  for (std::size_t first = 0; first < pixels.size(); first += kPixels) {
+    const std::size_t count = std::min(kPixels, pixels.size() - first);
+    if (count < kPixels) block = {};
+    for (std::size_t i = 0; i < count; ++i) {
+      DoubleLanes* const column = block.lanes + i / kDoubleLanes;
+      const Pixel& pixel = pixels[first + i];
+      column[N * kLanesPerRow][i % kDoubleLanes] = gray_of(pixel, &J) - pixel.gray;
+      for (int k = 0; k < N; ++k) column[k * kLanesPerRow][i % kDoubleLanes] = J[k];
+    }
+    AddSquares(block.lanes, kRows, kLanesPerRow, kLanesPerRow, squares.data());
   }
+  PatchSums<N> sums;
+  sums.H = squares.template topLeftCorner<N, N>();
+  sums.b = squares.template block<1, N>(N, 0);
+  sums.cost = squares(N, N);
   return sums;
 }
 
@@ -133,7 +150,7 @@ Eigen::Matrix<double, N, N> PatchCovariance(const Model& model,
     const double r = gray_of(pixel, &J) - pixel.gray;
     // The fit has drawn the model towards pixels of high leverage; their errors are larger than
     // their residuals by 1 / sqrt(1 - leverage).
-    const double leverage = std::clamp(J.dot(H_inverse * J), 0.0, kMaxLeverage);
+    const double leverage = std::clamp(J.dot(H_inverse.lazyProduct(J)), 0.0, kMaxLeverage);
     meat.template selfadjointView<Eigen::Lower>().rankUpdate(
         J, std::max(r * r, kRoundingVariance) / (1 - leverage));
   }

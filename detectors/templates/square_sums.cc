@@ -4,14 +4,16 @@
 #include "calib/kernels/processors.h"
 
 namespace plenocal::internal {
+namespace {
 
-PLENOCAL_FOR_EACH_PROCESSOR
-void AddSquares(const Lanes* block, int size, int stride, int count, double* sums) {
+template <typename SomeLanes>
+PLENOCAL_LANES void AddTiles(
+    const SomeLanes* block, int size, int stride, int count, double* sums) {
   // As many sums at once as there are registers for.
   constexpr int kTile = 3;
   for (int a = 0; a < size; a += kTile) {
     for (int b = a; b < size; b += kTile) {
-      Lanes tile[kTile][kTile] = {};
+      SomeLanes tile[kTile][kTile] = {};
       for (int i = 0; i < count; ++i) {
         for (int c = 0; c < kTile; ++c) {
           for (int r = 0; r < kTile; ++r) {
@@ -24,6 +26,18 @@ void AddSquares(const Lanes* block, int size, int stride, int count, double* sum
       }
     }
   }
+}
+
+}  // namespace
+
+PLENOCAL_FOR_EACH_PROCESSOR
+void AddSquares(const Lanes* block, int size, int stride, int count, double* sums) {
+  AddTiles(block, size, stride, count, sums);
+}
+
+PLENOCAL_FOR_EACH_PROCESSOR
+void AddSquares(const DoubleLanes* block, int size, int stride, int count, double* sums) {
+  AddTiles(block, size, stride, count, sums);
 }
 
 }  // namespace plenocal::internal

@@ -6,8 +6,9 @@
 namespace plenocal::internal {
 
 /// Adds the lower triangle of the sum of j j^T to the size x size matrix `sums`, column by column.
-/// The 8 * `count` columns j have `size` values, a multiple of three; the first value of all
-/// columns begins at `block`, the next one `stride` lanes later.
+/// The columns j, as many as `count` lanes hold, have `size` values, a multiple of three; the first
+/// value of all columns begins at `block`, the next one `stride` lanes later.
 void AddSquares(const Lanes* block, int size, int stride, int count, double* sums);
+void AddSquares(const DoubleLanes* block, int size, int stride, int count, double* sums);
 
 }  // namespace plenocal::internal

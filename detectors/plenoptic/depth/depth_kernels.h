@@ -1,33 +1,69 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// The two inner loops of virtual depth estimation, compiled for several processors and chosen at
-// run time.
+// The inner loops of virtual depth estimation, compiled for several processors and chosen at run
+// time.
 #pragma once
+
+#include <cstddef>
+#include <span>
+
+#include "detectors/plenoptic/depth/depth_survey.h"
+#include "detectors/plenoptic/depth/lens_patches.h"
 
 namespace plenocal::internal {
 
-/// One patch against another that is shifted by a constant, px.
-struct ShiftedPatches {
-  const float* reference = nullptr;  ///< first value of the overlap in the reference patch
-  const float* other = nullptr;      ///< the pixel up and left of its shifted position
-  int stride = 0;                    ///< of all arrays, floats
-  int rows = 0, columns = 0;  ///< of the overlap; columns are rounded up to whole blocks of eight
-  float shift_x = 0, shift_y = 0;  ///< the fractional part of the shift, in [0, 1)
+/// Sets those of `count` pixels in a row to 1 that have texture, the others to 0: known values
+/// whose squared gradient exceeds `least` times the variance of a value. Rows of `value` are
+/// `stride` floats apart; var(raw) = read + shot * raw.
+void FindTexture(const float* value,
+                 const float* attenuation,
+                 int stride,
+                 int count,
+                 const SensorNoise& noise,
+                 float least,
+                 int* textured);
+
+/// Removes the displacement near the edge of a micro image from `count` known or unknown values in
+/// a row, `value`; `displaced` are those before, in rows `stride` floats apart, as the
+/// attenuation's are `attenuation_stride` apart. `z`: inverse virtual depth.
+void RemoveDisplacement(const float* displaced,
+                        int stride,
+                        const float* attenuation,
+                        std::ptrdiff_t attenuation_stride,
+                        const float* z,
+                        const LinearInZ& vignetting,
+                        int count,
+                        float* value);
+
+/// Eight columns of a patch from `column` on, rows [top, bottom).
+struct PatchBlock {
+  int column, top, bottom;
 };
 
-/// Adds |other - reference| to `cost` and 1 to `count` (arrays that begin at the overlap) where
+/// One patch against another that is shifted by a constant, px.
+struct ShiftedPatches {
+  const float* reference = nullptr;
+  const float* other = nullptr;
+  int stride = 0;       ///< of all arrays, floats
+  int whole_shift = 0;  ///< floats from a pixel to the one up and left of its shifted position
+  float shift_x = 0, shift_y = 0;  ///< the fractional part of the shift, in [0, 1)
+  PatchBox overlap{};              ///< pixels that both patches may have
+};
+
+/// Adds |other - reference| to `cost` and 1 to `count` (patches) in the parts of the blocks where
 /// both patches are known.
-void AddDifferences(const ShiftedPatches& patches, float* cost, float* count);
+void AddDifferences(const ShiftedPatches& patches,
+                    std::span<const PatchBlock> blocks,
+                    float* cost,
+                    float* count);
 
 /// Sums of `cost` over 3 x 3 windows divided by those of `count`; infinite where the latter are
-/// less than `least`. Arrays of rows * columns floats; the outermost rows and columns of `mean` are
-/// undefined. `work`: 2 * rows * columns floats.
-void WindowMeans(int columns,
-                 int rows,
+/// less than `least`. Patches of rows of `stride` floats; all windows must lie within the blocks.
+void WindowMeans(std::span<const PatchBlock> blocks,
+                 int stride,
                  const float* cost,
                  const float* count,
                  float least,
-                 float* work,
                  float* mean);
 
 /// Pixels of one micro image, each with an inverse virtual depth of its own. Arrays of `count`
@@ -69,5 +105,16 @@ struct DepthEquations {
 /// for the blur of linear interpolation. With J = de/dz the variance of e is 2 * variance + misfit
 /// * |gradient along the baseline|^2; Cauchy weights.
 void AddEquations(const DepthPixels& pixels, const OtherPatch& other, const DepthEquations& sums);
+
+/// Sums over the depths in a window that agree with the middle one.
+struct WindowSums {
+  float information = 0, z = 0;  ///< sum of the information, and of z times it
+  float agreeing = 0, all = 0;   ///< number of depths
+};
+
+/// The window of `size` <= 8 rows and columns, its first pixel at the arrays' begin. Depths agree
+/// whose difference is at most `most` standard deviations. Rows are `stride` floats apart and eight
+/// of them are read; a depth of information 0 is none.
+WindowSums SumWindow(const float* z, const float* information, int stride, int size, float most);
 
 }  // namespace plenocal::internal

@@ -8,6 +8,7 @@
 #include <optional>
 
 #include "detectors/plenoptic/depth/pixel_depth.h"
+#include "detectors/templates/lanes.h"
 
 namespace plenocal::internal {
 namespace {
@@ -72,11 +73,6 @@ std::optional<float> ClearMinimum(const std::vector<float>& mean) {
 
 }  // namespace
 
-void TexturedPixels::Clear() {
-  for (auto* v : {&x, &y, &z, &value, &gradient_x, &gradient_y, &laplacian, &variance}) v->clear();
-  at.clear();
-}
-
 DepthPixels TexturedPixels::View() const {
   return {static_cast<int>(x.size()),
           x.data(),
@@ -129,59 +125,87 @@ float DepthMatcher::Step() const {
   return kSearchStep / static_cast<float>(index_.Array().Pitch());
 }
 
-void DepthMatcher::Select(size_t lens, MatchScratch* scratch) const {
+void DepthMatcher::Select(size_t lens, MatchScratch* s) const {
+  const Eigen::Vector2i& origin = patches_.origin[lens];
+  const PatchBox box = patches_.Inside(lens, 0);
   const int n = patches_.size;
-  scratch->pixels.Clear();
-  for (int y = LensPatches::kMargin; y < n - LensPatches::kMargin; ++y) {
-    for (int x = LensPatches::kMargin; x < n - LensPatches::kMargin; ++x) {
-      AddTextured(lens, x, y, 0, &scratch->pixels);
+  s->textured.resize(n);
+  TexturedPixels& p = s->pixels;
+  p.at.clear();
+  for (int y = box.top; y < box.bottom; ++y) {
+    const int first = y * n + box.left, count = box.right - box.left;
+    FindTexture(patches_.Value(lens) + first,
+                patches_.attenuation.ptr<float>(origin.y() + y) + origin.x() + box.left,
+                n,
+                count,
+                noise_,
+                kNoGradient / 2,
+                s->textured.data());
+    for (int i = 0; i < count; ++i) {
+      if (s->textured[i] != 0) p.at.push_back(first + i);
     }
   }
+  p.z.assign(p.at.size(), 0.f);
+  Describe(lens, &p);
 }
 
-void DepthMatcher::Select(size_t lens,
-                          std::span<const DepthStart> starts,
-                          MatchScratch* scratch) const {
-  scratch->pixels.Clear();
-  const int n = patches_.size;
+void DepthMatcher::Select(size_t lens, std::span<const DepthStart> starts, MatchScratch* s) const {
+  TexturedPixels& p = s->pixels;
+  p.at.clear();
+  p.z.clear();
   for (const DepthStart& start : starts) {
-    AddTextured(lens, start.at % n, start.at / n, start.z, &scratch->pixels);
+    p.at.push_back(start.at);
+    p.z.push_back(start.z);
+  }
+  Describe(lens, &p);
+  std::vector<char> keep(p.at.size());
+  for (size_t i = 0; i < keep.size(); ++i) {
+    const float gx = p.gradient_x[i], gy = p.gradient_y[i];
+    keep[i] = gx * gx + gy * gy > kNoGradient / 2 * p.variance[i] ? 1 : 0;
+  }
+  p.Keep(keep);
+}
+
+void DepthMatcher::Describe(size_t lens, TexturedPixels* p) const {
+  const size_t count = p->at.size();
+  for (auto* v :
+       {&p->x, &p->y, &p->value, &p->gradient_x, &p->gradient_y, &p->laplacian, &p->variance}) {
+    v->resize(count);
+  }
+  const int n = patches_.size;
+  for (size_t i = 0; i < count; ++i) {
+    const int x = p->at[i] % n, y = p->at[i] / n;
+    const float* value = patches_.Value(lens) + p->at[i];
+    const float left = value[-1], right = value[1], above = value[-n], below = value[n];
+    const float v = patches_.Attenuation(lens, x, y);
+    p->x[i] = static_cast<float>(x);
+    p->y[i] = static_cast<float>(y);
+    p->value[i] = *value;
+    p->gradient_x[i] = (right - left) / 2;
+    p->gradient_y[i] = (below - above) / 2;
+    p->laplacian[i] = left + right + above + below - 4 * *value;
+    p->variance[i] = (noise_.read + noise_.shot * std::max(0.f, *value) * v) / (v * v);
   }
 }
 
-/// Adds a pixel if it has texture.
-void DepthMatcher::AddTextured(size_t lens, int x, int y, float z, TexturedPixels* p) const {
-  const int n = patches_.size, at = y * n + x;
-  const float* value = patches_.Value(lens);
-  const float gx = (value[at + 1] - value[at - 1]) / 2;
-  const float gy = (value[at + n] - value[at - n]) / 2;
-  if (std::isnan(value[at]) || std::isnan(gx) || std::isnan(gy)) return;
-  const float v = patches_.Attenuation(lens, x, y);
-  const float variance = (noise_.read + noise_.shot * std::max(0.f, value[at]) * v) / (v * v);
-  if (!(gx * gx + gy * gy > kNoGradient * variance / 2)) return;
-  p->x.push_back(static_cast<float>(x));
-  p->y.push_back(static_cast<float>(y));
-  p->z.push_back(z);
-  p->value.push_back(value[at]);
-  p->gradient_x.push_back(gx);
-  p->gradient_y.push_back(gy);
-  p->laplacian.push_back(value[at - 1] + value[at + 1] + value[at - n] + value[at + n] -
-                         4 * value[at]);
-  p->variance.push_back(variance);
-  p->at.push_back(at);
-}
-
-PatchBox DepthMatcher::WindowsOf(const TexturedPixels& pixels) const {
+void DepthMatcher::CoverWindows(const TexturedPixels& pixels,
+                                std::vector<PatchBlock>* blocks) const {
   const int n = patches_.size;
-  PatchBox box{.left = n, .right = 0, .top = n, .bottom = 0};
+  int left = n, right = 0;
+  for (const int at : pixels.at) {
+    left = std::min(left, at % n - 1);
+    right = std::max(right, at % n + 2);
+  }
+  blocks->clear();
+  for (int column = left; column < right; column += kLanes) blocks->push_back({column, n, 0});
   for (const int at : pixels.at) {
     const int x = at % n, y = at / n;
-    box = {.left = std::min(box.left, x - 1),
-           .right = std::max(box.right, x + 2),
-           .top = std::min(box.top, y - 1),
-           .bottom = std::max(box.bottom, y + 2)};
+    for (const int side : {x - 1, x + 1}) {
+      PatchBlock& block = (*blocks)[(side - left) / kLanes];
+      block.top = std::min(block.top, y - 1);
+      block.bottom = std::max(block.bottom, y + 2);
+    }
   }
-  return box;
 }
 
 /// Mean differences from the neighbours in the 3 x 3 window of each pixel, for each depth.
@@ -189,57 +213,56 @@ void DepthMatcher::MeanDifferences(size_t lens,
                                    ZRange range,
                                    int hypotheses,
                                    MatchScratch* s) const {
-  const PatchBox box = WindowsOf(s->pixels);
-  const int n = patches_.size, rows = box.bottom - box.top;
-  const size_t area = patches_.Area(), first = static_cast<size_t>(box.top) * n;
-  s->means.resize(hypotheses * area);
-  s->work.resize(2 * area);
-  s->cost.resize(area + kBlockTail);
-  s->count.resize(area + kBlockTail);
+  CoverWindows(s->pixels, &s->blocks);
+  s->partners.clear();
+  for (const LatticeStep& to : search_steps_) {
+    const int other = index_.Neighbour(static_cast<int>(lens), to);
+    if (other >= 0) s->partners.push_back(Partner(lens, other));
+  }
+  const int n = patches_.size;
+  const size_t area = patches_.Area();
+  s->means.resize(hypotheses * area + kBlockTail);
   for (int h = 0; h < hypotheses; ++h) {
-    std::fill_n(s->cost.begin() + static_cast<std::ptrdiff_t>(first), rows * n, 0.f);
-    std::fill_n(s->count.begin() + static_cast<std::ptrdiff_t>(first), rows * n, 0.f);
+    s->cost.assign(area + kBlockTail, 0.f);
+    s->count.assign(area + kBlockTail, 0.f);
     const float z = range.lowest + static_cast<float>(h) * Step();
-    for (const LatticeStep& to : search_steps_) {
-      const int other = index_.Neighbour(static_cast<int>(lens), to);
-      if (other >= 0) AddDifferencesAt(z, lens, other, box, s);
+    for (const OtherPatch& other : s->partners) {
+      AddDifferences(Shifted(lens, other, z), s->blocks, s->cost.data(), s->count.data());
     }
-    WindowMeans(n,
-                rows,
-                s->cost.data() + first,
-                s->count.data() + first,
-                kWindowPixels,
-                s->work.data(),
-                s->means.data() + h * area + first);
+    WindowMeans(
+        s->blocks, n, s->cost.data(), s->count.data(), kWindowPixels, s->means.data() + h * area);
   }
 }
 
-/// Adds the differences between two micro images at one depth to the cost and the count.
-void DepthMatcher::AddDifferencesAt(
-    float z, size_t lens, size_t other, const PatchBox& box, MatchScratch* s) const {
+OtherPatch DepthMatcher::Partner(size_t lens, size_t other) const {
   const MicroLensArray& array = index_.Array();
   const Eigen::Vector2f baseline =
       (array.lenses[other].centre - array.lenses[lens].centre).cast<float>();
-  const Eigen::Vector2f shift =
-      (patches_.origin[lens] - patches_.origin[other]).cast<float>() + baseline * (1 - z);
-  const Eigen::Vector2i whole = shift.array().floor().cast<int>();
-  // The overlap of both patches, without their margins, in the box.
+  const Eigen::Vector2f offset =
+      (patches_.origin[lens] - patches_.origin[other]).cast<float>() + baseline;
+  return {.value = patches_.Value(other),
+          .size = patches_.size,
+          .offset_x = offset.x(),
+          .offset_y = offset.y(),
+          .baseline_x = baseline.x(),
+          .baseline_y = baseline.y()};
+}
+
+ShiftedPatches DepthMatcher::Shifted(size_t lens, const OtherPatch& other, float z) const {
+  const float x = other.offset_x - z * other.baseline_x, y = other.offset_y - z * other.baseline_y;
+  const int whole_x = static_cast<int>(std::floor(x)), whole_y = static_cast<int>(std::floor(y));
+  // The overlap of both patches, without their margins.
   const int n = patches_.size, low = LensPatches::kMargin, high = n - LensPatches::kMargin;
-  const int x0 = std::max({low, low - whole.x(), box.left});
-  const int x1 = std::min({high, high - whole.x(), box.right});
-  const int y0 = std::max({low, low - whole.y(), box.top});
-  const int y1 = std::min({high, high - whole.y(), box.bottom});
-  if (x1 <= x0 || y1 <= y0) return;
-  const int at = y0 * n + x0;
-  AddDifferences({.reference = patches_.Value(lens) + at,
-                  .other = patches_.Value(other) + at + whole.y() * n + whole.x(),
-                  .stride = n,
-                  .rows = y1 - y0,
-                  .columns = x1 - x0,
-                  .shift_x = shift.x() - static_cast<float>(whole.x()),
-                  .shift_y = shift.y() - static_cast<float>(whole.y())},
-                 s->cost.data() + at,
-                 s->count.data() + at);
+  return {.reference = patches_.Value(lens),
+          .other = other.value,
+          .stride = n,
+          .whole_shift = whole_y * n + whole_x,
+          .shift_x = x - static_cast<float>(whole_x),
+          .shift_y = y - static_cast<float>(whole_y),
+          .overlap = {.left = std::max(low, low - whole_x),
+                      .right = std::min(high, high - whole_x),
+                      .top = std::max(low, low - whole_y),
+                      .bottom = std::min(high, high - whole_y)}};
 }
 
 void DepthMatcher::Search(size_t lens, ZRange range, MatchScratch* s) const {
@@ -299,58 +322,36 @@ size_t DepthMatcher::TypePair(size_t lens, size_t other) const {
 
 OtherPatch DepthMatcher::Partner(size_t lens, size_t other, const DepthSurvey& survey) const {
   const MicroLensArray& array = index_.Array();
-  const Eigen::Vector2f baseline =
-      (array.lenses[other].centre - array.lenses[lens].centre).cast<float>();
-  const Eigen::Vector2f offset =
-      (patches_.origin[lens] - patches_.origin[other]).cast<float>() + baseline;
   const LinearInZ& own = survey.defocus[array.lenses[lens].type];
   const LinearInZ& others = survey.defocus[array.lenses[other].type];
-  return {patches_.Value(other),
-          patches_.size,
-          offset.x(),
-          offset.y(),
-          baseline.x(),
-          baseline.y(),
-          {others.offset - own.offset, others.slope - own.slope},
-          survey.misfit[TypePair(lens, other)]};
+  OtherPatch partner = Partner(lens, other);
+  partner.defocus[0] = others.offset - own.offset;
+  partner.defocus[1] = others.slope - own.slope;
+  partner.misfit = survey.misfit[TypePair(lens, other)];
+  return partner;
 }
 
 /// Weighted means over the window of the depths that agree with the middle one: a blur that the
 /// model misses displaces both flanks of an edge in opposite directions.
 void DepthMatcher::Smooth(MatchScratch* s) const {
-  constexpr int kReach = kDepthWindow / 2;
   TexturedPixels& p = s->pixels;
   const int n = patches_.size;
-  s->lookup.assign(patches_.Area(), -1);
+  // Rows of windows are read in blocks of eight.
+  s->z.resize(patches_.Area() + kBlockTail);
+  s->information.assign(patches_.Area() + kBlockTail, 0.f);
   for (size_t i = 0; i < p.x.size(); ++i) {
-    if (p.sum_information[i] > 0) s->lookup[p.at[i]] = static_cast<int>(i);
+    s->z[p.at[i]] = p.z[i];
+    s->information[p.at[i]] = p.sum_information[i];
   }
-  s->smooth.assign(p.x.size(), 0.f);
-  s->smooth_information.assign(p.x.size(), 0.f);
   for (size_t i = 0; i < p.x.size(); ++i) {
     if (!(p.sum_information[i] > 0)) continue;
-    float sum = 0, weights = 0, count = 0, all = 0;
-    for (int dy = -kReach; dy <= kReach; ++dy) {
-      for (int dx = -kReach; dx <= kReach; ++dx) {
-        const int k = s->lookup[p.at[i] + dy * n + dx];
-        if (k < 0) continue;
-        all += 1;
-        const float off = p.z[k] - p.z[i], information = p.sum_information[k];
-        if (off * off * information * p.sum_information[i] >
-            kSameSurface * kSameSurface * (information + p.sum_information[i])) {
-          continue;
-        }
-        sum += information * p.z[k];
-        weights += information;
-        count += 1;
-      }
-    }
-    if (count * 2 < all || count < kFewestPartners) continue;
-    s->smooth[i] = sum / weights;
-    s->smooth_information[i] = weights / count;
+    const int first = p.at[i] - kDepthWindow / 2 * (n + 1);
+    const WindowSums sums = SumWindow(
+        s->z.data() + first, s->information.data() + first, n, kDepthWindow, kSameSurface);
+    const bool confirmed = sums.agreeing * 2 >= sums.all && sums.agreeing >= kFewestPartners;
+    p.z[i] = sums.z / sums.information;
+    p.sum_information[i] = confirmed ? sums.information / sums.agreeing : 0;
   }
-  p.z = s->smooth;
-  p.sum_information = s->smooth_information;
 }
 
 }  // namespace plenocal::internal

@@ -24,27 +24,23 @@ struct TexturedPixels {
   std::vector<int> at;  // in the patch
   std::vector<float> sum_gradient, sum_information, sum_agreement, sum_count;
 
-  void Clear();
   [[nodiscard]] DepthPixels View() const;
   DepthEquations ResetSums();
   /// Keeps those whose flag is set.
   void Keep(const std::vector<char>& keep);
 };
 
-/// A rectangle of a patch: columns [left, right) and rows [top, bottom).
-struct PatchBox {
-  int left, right, top, bottom;
-};
-
 /// Working memory of one thread.
 struct MatchScratch {
   TexturedPixels pixels;
-  std::vector<float> cost, count;  // patch
-  std::vector<float> work;         // two patches
-  std::vector<float> means;        // hypotheses x patch: mean difference in a window
-  std::vector<float> mean;         // hypotheses: those of one pixel
-  std::vector<int> lookup;         // patch: index of the pixel in `pixels`, or -1
-  std::vector<float> smooth, smooth_information;
+  std::vector<PatchBlock> blocks;  // of the windows of the pixels
+  std::vector<OtherPatch> partners;
+  std::vector<float> cost, count;     // patch
+  std::vector<float> means;           // hypotheses x patch: mean difference in a window
+  std::vector<float> mean;            // hypotheses: those of one pixel
+  std::vector<int> textured;          // a row: 1 where there is texture
+  std::vector<float> displaced;       // patch
+  std::vector<float> z, information;  // patch: those of the pixels, information 0 for all others
 };
 
 /// A pixel whose depth a search found.
@@ -85,11 +81,13 @@ class DepthMatcher {
   [[nodiscard]] size_t TypePair(size_t lens, size_t other) const;
 
  private:
-  void AddTextured(size_t lens, int x, int y, float z, TexturedPixels* pixels) const;
-  /// The windows of the pixels: all that a search has to compute.
-  [[nodiscard]] PatchBox WindowsOf(const TexturedPixels& pixels) const;
-  void AddDifferencesAt(
-      float z, size_t lens, size_t other, const PatchBox& box, MatchScratch* scratch) const;
+  /// Sets all but the depths of the pixels at `pixels->at`.
+  void Describe(size_t lens, TexturedPixels* pixels) const;
+  /// The same without defocus and misfit.
+  [[nodiscard]] OtherPatch Partner(size_t lens, size_t other) const;
+  /// Blocks that hold the windows of the pixels: all that a search has to compute.
+  void CoverWindows(const TexturedPixels& pixels, std::vector<PatchBlock>* blocks) const;
+  [[nodiscard]] ShiftedPatches Shifted(size_t lens, const OtherPatch& other, float z) const;
   void MeanDifferences(size_t lens, ZRange range, int hypotheses, MatchScratch* scratch) const;
   void Smooth(MatchScratch* scratch) const;
 

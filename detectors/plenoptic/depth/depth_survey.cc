@@ -18,10 +18,8 @@ namespace {
 
 /// Unknowns of a survey: defocus offset and slope, vignetting offset and slope of each lens type.
 constexpr int kPerType = 4;
-/// Fixed, so that the matrices of single pixels stay on the stack.
+/// Fixed, so that the vectors of single pixels stay on the stack.
 constexpr int kMostUnknowns = kMostLensTypes * kPerType;
-using SurveyMatrix =
-    Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMostUnknowns, kMostUnknowns>;
 using SurveyVector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMostUnknowns, 1>;
 
 /// Noise of a Laplacian v_left + v_right + v_above + v_below - 4 v: of the middle pixel's value in
@@ -41,17 +39,24 @@ struct Comparison {
   float variance;  // noise of one grey value
 };
 
-/// Normal equations of a survey from one pixel, whose own depth is an unknown too.
+/// Normal equations of a survey.
+struct SurveyEquations {
+  explicit SurveyEquations(int types)
+      : normal(Eigen::MatrixXd::Zero(kPerType * types, kPerType * types)),
+        right(Eigen::VectorXd::Zero(kPerType * types)) {}
+
+  Eigen::MatrixXd normal;
+  Eigen::VectorXd right;
+};
+
+/// What the depth of one pixel, which is an unknown too, has in the normal equations.
 class PixelSums {
  public:
-  explicit PixelSums(int types)
-      : normal_(SurveyMatrix::Zero(kPerType * types, kPerType * types)),
-        right_(SurveyVector::Zero(kPerType * types)),
-        coupling_(SurveyVector::Zero(kPerType * types)) {}
+  explicit PixelSums(int types) : coupling_(SurveyVector::Zero(kPerType * types)) {}
 
-  /// The noise of the middle pixel is in the error and in the Laplacian; its expectation is taken
-  /// off both sides of the equations.
-  void Add(const Comparison& c) {
+  /// Adds a comparison here and to the equations of all pixels. The noise of the middle pixel is in
+  /// the error and in the Laplacian; its expectation is taken off both sides of the equations.
+  void Add(const Comparison& c, SurveyEquations* equations) {
     const double w = c.weight;
     const int own = kPerType * c.own_type, other = kPerType * c.other_type;
     const std::array<int, 8> at{
@@ -63,10 +68,10 @@ class PixelSums {
     const std::array<double, 8> noisy{by, by * z, 0, 0, -by, -by * z, 0, 0};
     const double noise = w * c.variance;
     for (size_t i = 0; i < at.size(); ++i) {
-      right_[at[i]] += w * c.error * factor[i] - kMiddleOfLaplacian * noise * noisy[i];
+      equations->right[at[i]] += w * c.error * factor[i] - kMiddleOfLaplacian * noise * noisy[i];
       coupling_[at[i]] += w * c.slope * factor[i];
       for (size_t j = 0; j < at.size(); ++j) {
-        normal_(at[i], at[j]) +=
+        equations->normal(at[i], at[j]) +=
             w * factor[i] * factor[j] - kLaplacianPower * noise * noisy[i] * noisy[j];
       }
     }
@@ -74,16 +79,15 @@ class PixelSums {
     depth_right_ += w * c.slope * c.error;
   }
 
-  /// Adds the equations without the pixel's depth.
-  void Eliminate(Eigen::MatrixXd* normal, Eigen::VectorXd* right) const {
+  /// Eliminates the pixel's depth.
+  void Eliminate(SurveyEquations* equations) const {
     if (!(depth_ > 0)) return;
-    *normal += normal_ - coupling_ * coupling_.transpose() / depth_;
-    *right += right_ - coupling_ * (depth_right_ / depth_);
+    equations->normal -= coupling_.lazyProduct(coupling_.transpose() / depth_);
+    equations->right -= coupling_ * (depth_right_ / depth_);
   }
 
  private:
-  SurveyMatrix normal_;
-  SurveyVector right_, coupling_;
+  SurveyVector coupling_;
   double depth_ = 0, depth_right_ = 0;
 };
 
@@ -91,13 +95,12 @@ class PixelSums {
 struct SurveySums {
   explicit SurveySums(int lens_types)
       : types(lens_types),
-        normal(Eigen::MatrixXd::Zero(kPerType * lens_types, kPerType * lens_types)),
-        right(Eigen::VectorXd::Zero(kPerType * lens_types)),
+        equations(lens_types),
         misfits(static_cast<size_t>(lens_types) * lens_types) {}
 
   void Add(const SurveySums& part) {
-    normal += part.normal;
-    right += part.right;
+    equations.normal += part.equations.normal;
+    equations.right += part.equations.right;
     depths.insert(depths.end(), part.depths.begin(), part.depths.end());
     for (size_t pair = 0; pair < misfits.size(); ++pair) {
       misfits[pair].insert(
@@ -109,9 +112,9 @@ struct SurveySums {
   /// determine, such as a defocus that all types share.
   void Apply(DepthSurvey* survey) const {
     constexpr double kPriorPrecision = 1;  // px^-4
-    Eigen::MatrixXd sum = normal;
+    Eigen::MatrixXd sum = equations.normal;
     sum.diagonal().array() += kPriorPrecision;
-    const Eigen::VectorXd step = SolveSymmetric(sum, right);
+    const Eigen::VectorXd step = SolveSymmetric(sum, equations.right);
     for (int type = 0; type < types; ++type) {
       const auto own = step.segment<kPerType>(kPerType * type);
       survey->defocus[type].offset += static_cast<float>(own[0]);
@@ -127,8 +130,7 @@ struct SurveySums {
   }
 
   int types;
-  Eigen::MatrixXd normal;
-  Eigen::VectorXd right;
+  SurveyEquations equations;
   std::vector<std::vector<float>> misfits;
   std::vector<float> depths;  // z of all pixels that matched
 };
@@ -170,7 +172,7 @@ class LensComparison {
       const int other = matcher_.Index().Neighbour(static_cast<int>(lens_), to);
       if (other >= 0) Compare(other, sums);
     }
-    for (const PixelSums& pixel : sums_) pixel.Eliminate(&sums->normal, &sums->right);
+    for (const PixelSums& pixel : sums_) pixel.Eliminate(&sums->equations);
     pixels_->sum_information = information_;
   }
 
@@ -210,7 +212,8 @@ class LensComparison {
                     .slope = slope,
                     .error = error,
                     .weight = 1 / (expected + error * error / kCauchyWidthSquared<float>),
-                    .variance = p.variance[i]});
+                    .variance = p.variance[i]},
+                   &sums->equations);
       if (along < kNoGradient * p.variance[i]) continue;
       sums->misfits[pair].push_back((error * error - variance) / along);
     }

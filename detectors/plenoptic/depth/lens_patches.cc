@@ -4,8 +4,10 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 
 #include "calib/base/parallel.h"
+#include "calib/kernels/processors.h"
 
 namespace plenocal::internal {
 namespace {
@@ -58,29 +60,39 @@ void CutPatch(const cv::Mat& raw,
   const int size = patches->size, half = size / 2 - LensPatches::kMargin;
   const Eigen::Vector2i origin = patches->origin[index], middle = origin.array() + size / 2;
   const float radius = patches->radius_px;
-  const auto for_each_pixel = [&](auto&& use) {
-    for (int y = std::max(0, middle.y() - half); y <= std::min(raw.rows - 1, middle.y() + half);
-         ++y) {
+  // Calls use(raw, attenuation, value, count) for the pixels of each row within the radius.
+  const auto for_each_row = [&](auto&& use) {
+    const int top = std::max(0, middle.y() - half);
+    const int bottom = std::min(raw.rows - 1, middle.y() + half);
+    for (int y = top; y <= bottom; ++y) {
       const float dy = static_cast<float>(y - lens.centre.y());
-      const auto* raw_row = raw.ptr<float>(y);
-      const auto* attenuation_row = attenuation.ptr<float>(y);
-      const size_t at = static_cast<size_t>(y - origin.y()) * size;
-      for (int x = std::max(0, middle.x() - half); x <= std::min(raw.cols - 1, middle.x() + half);
-           ++x) {
-        const float dx = static_cast<float>(x - lens.centre.x());
-        if (dx * dx + dy * dy > radius * radius) continue;
-        use(raw_row[x], attenuation_row[x], at + x - origin.x());
-      }
+      if (dy * dy > radius * radius) continue;
+      const double reach = std::sqrt(radius * radius - dy * dy);
+      const int left = std::max(0, static_cast<int>(std::ceil(lens.centre.x() - reach)));
+      const int right =
+          std::min(raw.cols - 1, static_cast<int>(std::floor(lens.centre.x() + reach)));
+      use(raw.ptr<float>(y) + left,
+          attenuation.ptr<float>(y) + left,
+          patches->value.data() + index * patches->Area() +
+              static_cast<size_t>(y - origin.y()) * size + left - origin.x(),
+          right - left + 1);
     }
   };
-  float* value = patches->value.data() + index * patches->Area();
   float highest = 0;
-  for_each_pixel([&](float, float v, size_t) { highest = std::max(highest, v); });
-  if (!(highest > 0)) return;
-  for_each_pixel([&](float i, float v, size_t at) {
-    if (v >= highest * kEdgeAttenuation) value[at] = i / v;
+  for_each_row([&](const float*, const float* v, const float*, int count) {
+    for (int i = 0; i < count; ++i) highest = std::max(highest, v[i]);
   });
-  if (mosaic) SmoothPatch(size, origin, *mosaic, value);
+  if (!(highest > 0)) return;
+  for_each_row([&](const float* __restrict grey,
+                   const float* __restrict v,
+                   float* __restrict value,
+                   int count) {
+    for (int i = 0; i < count; ++i) {
+      const float exact = grey[i] / v[i];
+      value[i] = v[i] >= highest * kEdgeAttenuation ? exact : kNan;
+    }
+  });
+  if (mosaic) SmoothPatch(size, origin, *mosaic, patches->value.data() + index * patches->Area());
 }
 
 struct Smoothness {
@@ -89,25 +101,49 @@ struct Smoothness {
   int pixels = 0;
 };
 
-Smoothness MeasureSmoothness(const LensPatches& patches, size_t lens) {
-  const int n = patches.size;
-  const float* value = patches.Value(lens);
-  double level = 0, squares = 0;
-  int pixels = 0;
-  for (int y = 1; y + 1 < n; ++y) {
-    for (int x = 1; x + 1 < n; ++x) {
-      const float* v = value + static_cast<size_t>(y) * n + x;
-      const auto second = [](const float* r) { return r[-1] - 2 * r[0] + r[1]; };
-      const float h = second(v - n) - 2 * second(v) + second(v + n);
-      if (std::isnan(h)) continue;
-      const float attenuation = patches.Attenuation(lens, x, y);
-      level += v[0] * attenuation;
-      squares += static_cast<double>(h) * h * attenuation * attenuation / kFilterPower;
-      ++pixels;
-    }
+/// Sums over the pixels of a column.
+struct ColumnSums {
+  std::vector<float> level, squares, pixels;
+};
+
+/// Adds a row of `count` pixels to their columns. Rows of `value` are `stride` floats apart.
+PLENOCAL_FOR_EACH_PROCESSOR
+void AddSmoothness(
+    const float* value, const float* attenuation, int stride, int count, ColumnSums* sums) {
+  float* __restrict level = sums->level.data();
+  float* __restrict squares = sums->squares.data();
+  float* __restrict pixels = sums->pixels.data();
+  const auto second = [](const float* r) { return r[-1] - 2 * r[0] + r[1]; };
+  for (int i = 0; i < count; ++i) {
+    const float* v = value + i;
+    const float h = second(v - stride) - 2 * second(v) + second(v + stride);
+    const bool known = h == h;
+    const float raw_h = h * attenuation[i];
+    level[i] += known ? v[0] * attenuation[i] : 0;
+    squares[i] += known ? raw_h * raw_h : 0;
+    pixels[i] += known ? 1.f : 0.f;
   }
+}
+
+Smoothness MeasureSmoothness(const LensPatches& patches, size_t lens, ColumnSums* sums) {
+  const PatchBox box = patches.Inside(lens, 0);
+  for (auto* sum : {&sums->level, &sums->squares, &sums->pixels}) sum->assign(patches.size, 0.f);
+  for (int y = box.top; y < box.bottom; ++y) {
+    AddSmoothness(patches.Value(lens) + static_cast<size_t>(y) * patches.size + box.left,
+                  patches.attenuation.ptr<float>(patches.origin[lens].y() + y) +
+                      patches.origin[lens].x() + box.left,
+                  patches.size,
+                  box.right - box.left,
+                  sums);
+  }
+  const auto all = [](const std::vector<float>& sum) {
+    return std::accumulate(sum.begin(), sum.end(), 0.0);
+  };
+  const double pixels = all(sums->pixels);
   if (pixels == 0) return {};
-  return {static_cast<float>(level / pixels), static_cast<float>(squares / pixels), pixels};
+  return {static_cast<float>(all(sums->level) / pixels),
+          static_cast<float>(all(sums->squares) / kFilterPower / pixels),
+          static_cast<int>(pixels)};
 }
 
 /// Noise variance of micro images of about one brightness: from the tenth smoothest of a hundred,
@@ -154,6 +190,14 @@ SensorNoise FitNoiseLine(const std::vector<BrightnessBin>& bins) {
 }
 
 }  // namespace
+
+PatchBox LensPatches::Inside(size_t lens, int border) const {
+  const Eigen::Vector2i& first = origin[lens];
+  return {.left = std::max(kMargin, border - first.x()),
+          .right = std::min(size - kMargin, attenuation.cols - border - first.x()),
+          .top = std::max(kMargin, border - first.y()),
+          .bottom = std::min(size - kMargin, attenuation.rows - border - first.y())};
+}
 
 float LensPatches::HighestAttenuation(size_t lens) const {
   const float* known = Value(lens);
@@ -211,8 +255,9 @@ SensorNoise EstimateNoise(const LensPatches& patches) {
   constexpr size_t kBins = 8, kFewest = 10;
   constexpr float kRounding = 1.f / 12;  // variance of rounding to whole grey values
   std::vector<Smoothness> all;
+  ColumnSums sums;
   for (size_t l = 0; l < patches.origin.size(); ++l) {
-    const Smoothness one = MeasureSmoothness(patches, l);
+    const Smoothness one = MeasureSmoothness(patches, l, &sums);
     if (one.pixels > 0) all.push_back(one);
   }
   if (all.size() < kFewest) return {kRounding, 0};

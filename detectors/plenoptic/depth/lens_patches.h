@@ -22,6 +22,11 @@ struct SensorNoise {
   float read = 0, shot = 0;
 };
 
+/// A rectangle of a patch: columns [left, right) and rows [top, bottom).
+struct PatchBox {
+  int left, right, top, bottom;
+};
+
 struct LensPatches {
   /// NaN columns and rows on each side of the largest micro image, px: a row can be processed in
   /// blocks of eight that begin inside the micro image.
@@ -39,6 +44,9 @@ struct LensPatches {
 
   [[nodiscard]] size_t Area() const { return static_cast<size_t>(size) * size; }
   [[nodiscard]] const float* Value(size_t lens) const { return value.data() + lens * Area(); }
+  /// Where values may be known: the patch less its margins and what is nearer than `border` px to
+  /// the outside of the image.
+  [[nodiscard]] PatchBox Inside(size_t lens, int border) const;
   /// Attenuation at column x, row y of a patch. REQUIRES: the value there is known.
   [[nodiscard]] float Attenuation(size_t lens, int x, int y) const {
     return attenuation.ptr<float>(origin[lens].y() + y)[origin[lens].x() + x];

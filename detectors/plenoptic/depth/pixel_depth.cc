@@ -19,25 +19,27 @@ void RemoveDisplacement(std::span<const DepthStart> starts,
                         const LinearInZ& vignetting,
                         float usual_z,
                         size_t lens,
+                        MatchScratch* s,
                         LensPatches* patches) {
   const int n = patches->size;
   float* value = patches->value.data() + lens * patches->Area();
-  std::vector<float> z(patches->Area(), usual_z), displaced(value, value + patches->Area());
-  for (const DepthStart& start : starts) z[start.at] = start.z;
-  // One-sided at the edge of the known values.
-  const auto slope = [](float before, float here, float after) {
-    if (std::isnan(before)) before = here, after = here + 2 * (after - here);
-    if (std::isnan(after)) after = here + 2 * (here - before);
-    return std::isnan(after - before) ? 0 : (after - before) / 2;
-  };
-  for (int y = 1; y + 1 < n; ++y) {
-    for (int x = 1; x + 1 < n; ++x) {
-      const int at = y * n + x;
-      const float* v = displaced.data() + at;
-      if (std::isnan(v[0])) continue;
-      const Eigen::Vector2f gradient(slope(v[-1], v[0], v[1]), slope(v[-n], v[0], v[n]));
-      value[at] -= vignetting.At(z[at]) * patches->LogAttenuationGradient(lens, x, y).dot(gradient);
-    }
+  s->displaced.assign(value, value + patches->Area());
+  s->z.assign(patches->Area(), usual_z);
+  for (const DepthStart& start : starts) s->z[start.at] = start.z;
+  // At the edge of the image the attenuation's gradient is taken to be zero.
+  const PatchBox box = patches->Inside(lens, 1);
+  const cv::Mat& attenuation = patches->attenuation;
+  for (int y = box.top; y < box.bottom; ++y) {
+    const int at = y * n + box.left;
+    RemoveDisplacement(s->displaced.data() + at,
+                       n,
+                       attenuation.ptr<float>(patches->origin[lens].y() + y) +
+                           patches->origin[lens].x() + box.left,
+                       static_cast<std::ptrdiff_t>(attenuation.step1()),
+                       s->z.data() + at,
+                       vignetting,
+                       box.right - box.left,
+                       value + at);
   }
 }
 
@@ -93,9 +95,9 @@ std::vector<LensDepth> MatchMicroImages(const MicroLensIndex& index,
     starts[lens] = Starts(scratch->pixels);
   });
   const float usual_z = (survey.likely.lowest + survey.likely.highest) / 2;
-  for_each_lens([&](size_t lens, MatchScratch*) {
+  for_each_lens([&](size_t lens, MatchScratch* scratch) {
     RemoveDisplacement(
-        starts[lens], survey.vignetting[array.lenses[lens].type], usual_z, lens, patches);
+        starts[lens], survey.vignetting[array.lenses[lens].type], usual_z, lens, scratch, patches);
   });
   std::vector<LensDepth> depths(lenses);
   for_each_lens([&](size_t lens, MatchScratch* scratch) {

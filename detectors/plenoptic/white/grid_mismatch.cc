@@ -51,16 +51,21 @@ Regressions CompareCells(const cv::Mat& raw,
   const double radius = array.Pitch() / std::sqrt(3.0);
   Regressions sums;
   for (const MicroLens& lens : array.lenses) {
-    const int x0 = static_cast<int>(std::ceil(lens.centre.x() - radius));
-    const int x1 = static_cast<int>(std::floor(lens.centre.x() + radius));
-    const int y0 = static_cast<int>(std::ceil(lens.centre.y() - radius));
-    const int y1 = static_cast<int>(std::floor(lens.centre.y() + radius));
-    if (!lens.usable || x0 < 0 || y0 < 0 || x1 >= raw.cols || y1 >= raw.rows) continue;
+    const Eigen::Vector2d& c = lens.centre;
+    const int y0 = static_cast<int>(std::ceil(c.y() - radius));
+    const int y1 = static_cast<int>(std::floor(c.y() + radius));
+    if (!lens.usable || c.x() < radius || y0 < 0 || c.x() + radius > raw.cols - 1 ||
+        y1 >= raw.rows) {
+      continue;
+    }
     double n = 0, si = 0, sv = 0, siv = 0, svv = 0;
     for (int y = y0; y <= y1; ++y) {
+      const double half = std::sqrt(std::max(0.0, radius * radius - (y - c.y()) * (y - c.y())));
+      const int x0 = static_cast<int>(std::ceil(c.x() - half));
+      const int x1 = static_cast<int>(std::floor(c.x() + half));
+      const auto *raw_row = raw.ptr<float>(y), *attenuation_row = attenuation.ptr<float>(y);
       for (int x = x0; x <= x1; ++x) {
-        if ((Eigen::Vector2d(x, y) - lens.centre).squaredNorm() > radius * radius) continue;
-        const double i = raw.at<float>(y, x), v = attenuation.at<float>(y, x);
+        const double i = raw_row[x], v = attenuation_row[x];
         n += 1, si += i, sv += v, siv += i * v, svv += v * v;
       }
     }
