@@ -29,7 +29,7 @@ struct Hit {
 
 /// Sums over the hits that cover one pixel.
 struct PixelSums {
-  float cover = 0, agreeing = 0, weight = 0, z = 0, square = 0;
+  float cover = 0, agreeing = 0, weight = 0, off = 0, square = 0;
 };
 
 struct Fused {
@@ -73,25 +73,28 @@ void FuseStrip(const std::vector<Hit>& hits, int y0, int y1, Fused* fused) {
     for (const Hit& hit : hits) {
       ForEachCovered(hit, columns, y0, y1, [&](int x, int y, float share) {
         const size_t at = static_cast<size_t>(y - y0) * columns + x;
+        PixelSums& s = sums[at];
+        // Sums about a value nearby: the spread is small beside the square of z.
+        if (pass == 0 && s.cover == 0) mean[at] = hit.z;
+        const float off = hit.z - mean[at];
         float robust = 1;
         if (pass > 0) {
-          const float off = hit.z - mean[at];
           const float scale = kCauchyWidthSquared<float> * (hit.variance + spread[at]);
           robust = scale / (scale + off * off);
         }
-        PixelSums& s = sums[at];
         const float weight = share * robust * hit.information;
         s.cover += share;
         s.agreeing += share * robust;
         s.weight += weight;
-        s.z += weight * hit.z;
-        s.square += weight * hit.z * hit.z;
+        s.off += weight * off;
+        s.square += weight * off * off;
       });
     }
     for (size_t i = 0; i < sums.size(); ++i) {
       if (sums[i].weight <= 0) continue;
-      mean[i] = sums[i].z / sums[i].weight;
-      spread[i] = std::max(0.f, sums[i].square / sums[i].weight - mean[i] * mean[i]);
+      const float off = sums[i].off / sums[i].weight;
+      mean[i] += off;
+      spread[i] = std::max(0.f, sums[i].square / sums[i].weight - off * off);
     }
   }
   for (int y = y0; y < y1; ++y) {
