@@ -426,10 +426,12 @@ void RunCalibrate(const CalibrateArguments& arguments, const ConsoleOptions& sha
   // adjustment has used, which glibc would keep.
   calibration.bundle.observations = {};
   malloc_trim(0);
+  WriteDetections(session, observations, arguments.out, &out);
+  for (CameraInput& camera : observations.cameras) camera.views = {};
+  malloc_trim(0);
   record.provenance = provenance;
   WriteResult(record, &out);
   out.Write("left_out.csv", LeftOutCsv(calibration.left_out));
-  WriteDetections(session, observations, arguments.out, &out);
   // An older report beside new results would be wrong.
   out.Remove("report.html");
   if (arguments.report) {
