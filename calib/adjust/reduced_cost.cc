@@ -280,12 +280,12 @@ void ReducedCost::Eliminate() const {
   Eigen::MatrixXd matrix = S.topLeftCorner(head, head).selfadjointView<Eigen::Lower>();
   Eigen::VectorXd gradient = S.row(layout_.total).head(head).transpose();
   if (markers > 0) {
-    Eigen::MatrixXd of_markers = S.block(head, head, markers, markers);
-    of_markers.diagonal() += kRounding * at_->equations.diagonal.segment(head, markers);
+    const auto of_markers = S.block(head, head, markers, markers);
+    const Eigen::VectorXd damping = kRounding * at_->equations.diagonal.segment(head, markers);
     if (separate) {
-      at_->markers.Compute(of_markers, at_->equations.steps->MarkerColumns());
+      at_->markers.Compute(of_markers, damping, at_->equations.steps->MarkerColumns());
     } else {
-      at_->markers.Compute(of_markers);
+      at_->markers.Compute(of_markers, damping);
     }
     Eigen::MatrixXd by_head(markers, head + 1);
     by_head << S.block(head, 0, markers, head),

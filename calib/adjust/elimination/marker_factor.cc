@@ -7,16 +7,23 @@
 
 namespace plenocal::internal {
 
-void MarkerFactor::Compute(const Eigen::MatrixXd& matrix) {
+void MarkerFactor::Compute(const Eigen::Ref<const Eigen::MatrixXd>& matrix,
+                           const Eigen::VectorXd& damping) {
   blocks_.clear();
-  factor_.compute(matrix);
+  Eigen::MatrixXd damped = matrix;
+  damped.diagonal() += damping;
+  factor_.compute(damped);
 }
 
-void MarkerFactor::Compute(const Eigen::MatrixXd& blocks, const Eigen::MatrixXd& columns) {
+void MarkerFactor::Compute(const Eigen::Ref<const Eigen::MatrixXd>& matrix,
+                           const Eigen::VectorXd& damping,
+                           const Eigen::MatrixXd& columns) {
   blocks_.clear();
   scaled_ = columns;
-  for (Eigen::Index i = 0; i < blocks.rows(); i += 3) {
-    const Eigen::LLT<Eigen::Matrix3d> factor(Eigen::Matrix3d(blocks.block<3, 3>(i, i)));
+  for (Eigen::Index i = 0; i < matrix.rows(); i += 3) {
+    Eigen::Matrix3d block = matrix.block<3, 3>(i, i);
+    block.diagonal() += damping.segment<3>(i);
+    const Eigen::LLT<Eigen::Matrix3d> factor(block);
     blocks_.emplace_back(factor.matrixL());
     blocks_.back().triangularView<Eigen::Lower>().solveInPlace(scaled_.middleRows<3>(i));
   }

@@ -10,11 +10,13 @@ namespace plenocal::internal {
 /// Factor of the markers' part of the normal matrix that is left when poses are eliminated.
 class MarkerFactor {
  public:
-  /// `matrix`: its lower triangle, n x n.
-  void Compute(const Eigen::MatrixXd& matrix);
-  /// Of blocks - columns columns', `blocks` with 3 x 3 on its diagonal and nothing else, by the
-  /// Woodbury identity: cheaper than `Compute` where there are fewer columns than rows.
-  void Compute(const Eigen::MatrixXd& blocks, const Eigen::MatrixXd& columns);
+  /// `matrix`: its lower triangle, n x n; `damping` is added to its diagonal.
+  void Compute(const Eigen::Ref<const Eigen::MatrixXd>& matrix, const Eigen::VectorXd& damping);
+  /// Of matrix - columns columns', where of `matrix` the blocks of 3 x 3 on its diagonal count and
+  /// the rest is zero, by the Woodbury identity: cheaper where there are fewer columns than rows.
+  void Compute(const Eigen::Ref<const Eigen::MatrixXd>& matrix,
+               const Eigen::VectorXd& damping,
+               const Eigen::MatrixXd& columns);
 
   /// R, of rows n or more, with R' R = right' matrix^-1 right.
   [[nodiscard]] Eigen::MatrixXd Root(const Eigen::MatrixXd& right) const;
