@@ -143,6 +143,7 @@ struct PlenopticModel {
       J.template middleCols<2>(kTilt) = by_delta * image->c_I.transpose() * (by_k / D);
       by_c_I += by_delta * t.transpose() * (by_k / D);
     }
+    // Through c_I, where the distortion's inverse is.
     const Eigen::Matrix2d by_c_Id = by_c_I * DistortionJacobian(params, image->c_I).inverse();
     J.template middleCols<2>(3) = Eigen::Matrix2d::Identity() - config[0] * by_c_Id;
     J.template middleCols<4>(5) =
