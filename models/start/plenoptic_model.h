@@ -309,7 +309,12 @@ struct PlenopticModel {
     constexpr double kLastStep = 1e-8;  // relative; its square, the error after it, is rounding
     const double goal = distorted.squaredNorm();
     Eigen::Vector2d& p = *undistorted;
-    p = 2 * distorted - Distort(params, distorted);
+    p = distorted;
+    // A small distortion undone where it is seen is as good a start as a step; a large one may end
+    // beyond the fold.
+    constexpr double kSmall = 0.1;
+    const Eigen::Vector2d bend = Distort(params, distorted) - distorted;
+    if (bend.squaredNorm() < kSmall * kSmall * goal) p -= bend;
     double last_step = std::numeric_limits<double>::infinity();
     for (int i = 0; i < kMaxIterations && last_step > kLastStep * kLastStep * goal; ++i) {
       const Eigen::Vector2d step =
