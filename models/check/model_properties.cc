@@ -91,6 +91,14 @@ class Examination {
     }
     return values;
   }
+  // With numbers in the context that observations may lack.
+  [[nodiscard]] Values WithOptionalContext(Values values) const {
+    for (size_t i = 0; i < model_.optional_context.size(); ++i) {
+      values[model_.measured.size() + model_.context.size() + i] =
+          (i % 2 == 0 ? 2.5 : -1.5) + 0.1 * static_cast<double>(i);
+    }
+    return values;
+  }
   // A grid over the image from corner to corner.
   [[nodiscard]] std::vector<Values> Grid(int steps) const {
     std::vector<Values> grid;
@@ -397,7 +405,10 @@ std::vector<std::string> HasDerivativesOverTheImage(const CameraModel& model) {
     const std::optional<Ray> ray = check.RayOf(seen);
     if (!ray) continue;
     for (const double depth : kDepths) {
-      check.CheckJacobian(ray->origin + depth * ray->direction, seen, kDerivative);
+      const Eigen::Vector3d p_cam = ray->origin + depth * ray->direction;
+      check.CheckJacobian(p_cam, seen, kDerivative);
+      if (model.optional_context.empty()) continue;
+      check.CheckJacobian(p_cam, check.WithOptionalContext(seen), kDerivative);
     }
   }
   return std::move(check).Violations();
