@@ -6,9 +6,9 @@
 namespace plenocal::internal {
 
 /// Least difference between white and black, grey values, at which libapriltag
-/// (`qtp.min_white_black_diff`) has to look for the outlines of quads in `gray` (8 bits): what the
-/// image noise alone hardly gives, and at least the library's own 5. Outlines of noise would take
-/// most of its time.
+/// (`qtp.min_white_black_diff`) looks for the outlines of quads in `gray` (8 bits): six sigma of
+/// the image noise, or the library's own 5 where that is more. Below, outlines of noise take most
+/// of the library's time.
 int LeastContrast(const cv::Mat& gray);
 
 }  // namespace plenocal::internal

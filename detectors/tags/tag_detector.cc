@@ -85,8 +85,8 @@ class TagReader {
   TagReader& operator=(const TagReader&) = delete;
   ~TagReader() { apriltag_detector_destroy(detector_); }
 
-  /// For the regions of `gray` that are read next.
-  void SetContrastOf(const cv::Mat& gray) {
+  /// Regions of this image are read next.
+  void AdaptToNoise(const cv::Mat& gray) {
     detector_->qtp.min_white_black_diff = internal::LeastContrast(gray);
   }
 
@@ -202,7 +202,7 @@ class TagDetector : public MarkerDetector {
     }
     Found found;
     const cv::Rect whole(0, 0, gray.cols, gray.rows);
-    reader_.SetContrastOf(gray);
+    reader_.AdaptToNoise(gray);
     const std::vector<DecodedTag> decoded = reader_.Read(gray, whole, 2);
     if (targets_.size() > 1) {
       Keep(gray, OwnOf(ReadAll(gray, decoded), &found), &found);
@@ -238,7 +238,7 @@ class TagDetector : public MarkerDetector {
     const int other = layout_.border_bits == 1 ? 2 : 1;
     const TagFamily other_family = MakeTagFamily(layout_, other);
     TagReader reader(other_family, layout_.ids);
-    reader.SetContrastOf(gray);
+    reader.AdaptToNoise(gray);
     if (CountExact(reader.Read(gray, {0, 0, gray.cols, gray.rows}, 2)) <= exact) return {};
     return fmt::format(
         "no usable tag of family {} found; these look like {}: set border_bits: {} "

@@ -41,8 +41,9 @@ struct EliminationOptions {
   double damping = 0;
   /// Keeps what `PoseSteps` needs: 48 bytes a frame and unknown.
   bool keep_steps = false;
-  /// Leaves what the elimination takes away out of the markers' block of `S`, for
-  /// `PoseSteps::MarkerColumns`.
+  /// Leaves the markers' part of `S` as it is before poses are eliminated: blocks of 3 x 3. What
+  /// the elimination takes away from it follows from `PoseSteps::MarkerColumns`. REQUIRES:
+  /// keep_steps.
   bool separate_markers = false;
   VisitFrame visit = {};  ///< if set, called after each frame
 };
