@@ -310,8 +310,8 @@ struct PlenopticModel {
     const double goal = distorted.squaredNorm();
     Eigen::Vector2d& p = *undistorted;
     p = distorted;
-    // A small distortion undone where it is seen is as good a start as a step; a large one may end
-    // beyond the fold.
+    // Start: the distorted point, less its own distortion where that is small. A large correction
+    // may end beyond the fold.
     constexpr double kSmall = 0.1;
     const Eigen::Vector2d bend = Distort(params, distorted) - distorted;
     if (bend.squaredNorm() < kSmall * kSmall * goal) p -= bend;
