@@ -105,6 +105,55 @@ void StartAgain(const BundleState& guess, Bundle* bundle) {
   for (BundleObservation& observation : bundle->observations) observation.used = true;
 }
 
+// A prior that holds one camera's position along each undetermined direction where it is.
+CalibrationPrior HeldDirections(const Eigen::MatrixXd& undetermined,
+                                const std::vector<int>& extrinsics_index,
+                                const Bundle& bundle) {
+  constexpr double kSigma = 1e-3;  // of the direction's natural length
+  CalibrationPrior held;
+  for (const BundleCamera& camera : bundle.cameras) {
+    held.T_camera_rig.push_back(camera.T_camera_rig);
+  }
+  held.weight.setZero(undetermined.cols(), 0);
+  for (Eigen::Index k = 0; k < undetermined.cols(); ++k) {
+    const auto part = [&](size_t c) -> Eigen::Vector3d {
+      const int place = extrinsics_index[c];
+      if (place < 0) return Eigen::Vector3d::Zero();
+      return undetermined.block<3, 1>(place, k);
+    };
+    size_t moved = 0;
+    for (size_t c = 1; c < bundle.cameras.size(); ++c) {
+      if (part(c).norm() > part(moved).norm()) moved = c;
+    }
+    if (part(moved).isZero()) continue;
+    for (Eigen::Index i = 0; i < 3; ++i) held.unknowns.push_back({.camera = moved, .component = i});
+    held.weight.conservativeResizeLike(
+        Eigen::MatrixXd::Zero(undetermined.cols(), held.weight.cols() + 3));
+    held.weight.block<1, 3>(k, held.weight.cols() - 3) =
+        part(moved).transpose() / (kSigma * part(moved).squaredNorm());
+  }
+  return held;
+}
+
+// A rig whose cameras were placed by motion. Along what the motion leaves open noise carries the
+// estimate away, by metres, to where it determines the rest badly: it is held at the initial guess.
+void JudgeMotion(const BundleState& guess,
+                 const std::function<void()>& solve,
+                 Calibration* calibration) {
+  Bundle& bundle = calibration->bundle;
+  calibration->uncertainty = EstimateUncertaintyByMotion(bundle);
+  const Uncertainty& uncertainty = calibration->uncertainty;
+  const Eigen::Index open = uncertainty.undetermined.cols();
+  if (open == 0 || bundle.prior || bundle.EstimatesJitter() || !bundle.motion.empty()) return;
+  const Calibration carried_away = *calibration;
+  StartAgain(guess, &bundle);
+  bundle.prior = HeldDirections(uncertainty.undetermined, uncertainty.extrinsics_index, bundle);
+  solve();
+  bundle.prior.reset();
+  calibration->uncertainty = EstimateUncertaintyByMotion(bundle);
+  if (uncertainty.undetermined.cols() < open) *calibration = carried_away;
+}
+
 // A rig is taken as rigid and its frames as synchronous unless its frames disagree.
 void SolveRig(const CalibrationInput& input,
               const SolveOptions& options,
@@ -127,12 +176,16 @@ void SolveRig(const CalibrationInput& input,
     StartAgain(guess->bundle, &calibration->bundle);
     solve();
   }
-  if (FramesAgree(calibration->bundle, calibration->uncertainty, options.typical_sigmas)) return;
+  if (FramesAgree(calibration->bundle, calibration->uncertainty, options.typical_sigmas)) {
+    if (!guess->findings.empty()) JudgeMotion(guess->bundle, solve, calibration);
+    return;
+  }
   StartAgain(guess->bundle, &calibration->bundle);
   const std::vector<CameraInput>& cameras = guess->linked ? guess->linked->cameras : input.cameras;
   StartJitter(cameras, guess->cameras, calibration->frames, &calibration->bundle);
   solve();
   SolveTimeShifts(cameras, guess->cameras, options, solve, calibration);
+  if (!guess->findings.empty()) JudgeMotion(guess->bundle, solve, calibration);
 }
 
 // Scales the standard errors of cameras whose frames, or whose markers, disagree by more than noise

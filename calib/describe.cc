@@ -27,12 +27,26 @@ Eigen::MatrixXd ParamCorrelation(const Uncertainty& uncertainty, size_t c, size_
   return correlation;
 }
 
-// Standard errors of the se(3) vector of a pose, from its covariance in the chart in which it was
-// estimated.
-Vector6d SigmaXi(const Matrix6d& covariance, const RigidTransform& T) {
-  if (!covariance.allFinite()) return Vector6d::Constant(std::numeric_limits<double>::infinity());
+// Standard errors of the se(3) vector of a pose, whose six unknowns begin at `place` (-1: not
+// estimated) in the chart in which it was estimated; infinite where an undetermined direction has a
+// part.
+Vector6d SigmaXi(const Uncertainty& uncertainty, int place, const RigidTransform& T) {
+  constexpr double kRounding = 1e-6;  // of the largest part
+  if (place < 0) return Vector6d::Zero();
   const Matrix6d J = LogJacobian(T);
-  return (J * covariance * J.transpose()).diagonal().cwiseMax(0).cwiseSqrt();
+  Vector6d sigma = (J * uncertainty.covariance.block<6, 6>(place, place) * J.transpose())
+                       .diagonal()
+                       .cwiseMax(0)
+                       .cwiseSqrt();
+  for (const auto& direction : uncertainty.undetermined.colwise()) {
+    const Vector6d part = J * direction.segment<6>(place);
+    for (Eigen::Index i = 0; i < 6; ++i) {
+      if (std::abs(part[i]) > kRounding * direction.cwiseAbs().maxCoeff()) {
+        sigma[i] = std::numeric_limits<double>::infinity();
+      }
+    }
+  }
+  return sigma;
 }
 
 // `value` with as many decimals as files hold: the number nearest to the decimal one.
@@ -120,13 +134,10 @@ std::vector<TargetRecord> DescribeTargets(const Calibration& calibration) {
   const Uncertainty& uncertainty = calibration.uncertainty;
   for (size_t k = 0; k < calibration.bundle.targets.size(); ++k) {
     const BundleTarget& target = calibration.bundle.targets[k];
-    TargetRecord record{.name = target.name, .T_target_own = target.T_target_own};
-    const int place = uncertainty.target_index[k];
-    if (place >= 0) {
-      record.sigma_xi =
-          SigmaXi(uncertainty.covariance.block<6, 6>(place, place), target.T_target_own);
-    }
-    records.push_back(record);
+    records.push_back(
+        {.name = target.name,
+         .T_target_own = target.T_target_own,
+         .sigma_xi = SigmaXi(uncertainty, uncertainty.target_index[k], target.T_target_own)});
   }
   return records;
 }
@@ -147,7 +158,9 @@ CalibratedCamera DescribeCamera(const Calibration& calibration, size_t c) {
           CovarianceOf({std_errors.begin(), std_errors.begin() + own},
                        ParamCorrelation(calibration.uncertainty, c, camera.ModelParams())),
       .T_camera_rig = camera.T_camera_rig,
-      .sigma_xi = SigmaXi(calibration.uncertainty.extrinsics_covariance[c], camera.T_camera_rig),
+      .sigma_xi = SigmaXi(calibration.uncertainty,
+                          calibration.uncertainty.extrinsics_index[c],
+                          camera.T_camera_rig),
       .fit = calibration.fits[c]};
   if (camera.time_shift) {
     described.time_shift = {.value = camera.params[*camera.time_shift],

@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <charconv>
 #include <string_view>
@@ -12,6 +13,7 @@
 
 #include "calib/base/error.h"
 #include "calib/base/names.h"
+#include "calib/base/number_text.h"
 #include "targets/reading.h"
 
 namespace plenocal {
@@ -188,6 +190,11 @@ TargetDoubts DoubtsAbout(const Target& target) {
       [&](const auto& layout) {
         TargetDoubts doubts = layout.Doubts(nominal);
         doubts.quads = layout.Quads();
+        doubts.unit_is_stated = std::ranges::any_of(nominal.Entries(), [](const auto& entry) {
+          if (!entry.second.IsScalar()) return false;
+          const std::optional<Length> length = ParseLength(entry.second.AsString());
+          return length && length->has_unit;
+        });
         for (const auto& [number, position] : target.markers) {
           const Eigen::Vector3d normal = layout.Normal(target.markers, number);
           if (!normal.isZero()) doubts.normals[number] = normal;

@@ -47,6 +47,7 @@ struct TargetDoubts {
   /// Unit vector from a marker to the viewer of the printed side; none for markers that are visible
   /// from everywhere.
   std::map<int, Eigen::Vector3d> normals = {};
+  bool unit_is_stated = false;  ///< a length in the file has its unit, "25 mm"
 };
 
 }  // namespace plenocal

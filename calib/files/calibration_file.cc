@@ -249,7 +249,7 @@ std::string AdjustmentYaml(const CalibrationRecord& calibration) {
                         calibration.jitter->misplaced);
   }
   text += StrongCorrelations(calibration.correlations);
-  AppendItems("undetermined", calibration.undetermined, OpenDirectionMap, &text);
+  text += UndeterminedYaml(calibration.undetermined);
   AppendItems("weak", calibration.weak, WeakUnknownsMap, &text);
   AppendItems("left_out", calibration.left_out, YamlQuoted, &text);
   return text;
@@ -501,6 +501,12 @@ std::string CalibrationYaml(const CalibrationRecord& calibration) {
   for (const auto& [key, value] : calibration.provenance) {
     text += fmt::format("  {}: {}\n", key, YamlQuoted(value));
   }
+  return text;
+}
+
+std::string UndeterminedYaml(const std::vector<OpenDirection>& directions) {
+  std::string text;
+  AppendItems("undetermined", directions, OpenDirectionMap, &text);
   return text;
 }
 

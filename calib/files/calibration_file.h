@@ -23,6 +23,9 @@ std::string CalibrationYaml(const CalibrationRecord& calibration);
 std::string GivenCamerasYaml(std::span<const CalibratedCamera> cameras,
                              const Provenance& provenance);
 
+/// Key `undetermined` with these directions.
+std::string UndeterminedYaml(const std::vector<OpenDirection>& directions);
+
 /// Reads a calibration.yaml; frames, markers, residuals and the matrix of correlations are in other
 /// files (calibration_tables.h). All but model, image size, parameters and T_camera_rig may be
 /// absent, as in simulated truth. Throws `Error` with file, line and key.

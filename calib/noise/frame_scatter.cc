@@ -398,6 +398,7 @@ MatrixXd Directions(Eigen::Index unknowns) {
 struct CameraDirections {
   MatrixXd D;
   std::vector<Eigen::Index> first{0};
+  std::vector<bool> at_random;  // per camera: combinations of the unknowns in place of all
 
   CameraDirections(const Bundle& bundle, const Uncertainty& uncertainty)
       : D(uncertainty.covariance.rows(), 0) {
@@ -409,10 +410,18 @@ struct CameraDirections {
       D.conservativeResize(C.rows(), D.cols() + directions.cols());
       D.rightCols(directions.cols()) = C(Eigen::all, indices) * directions;
       first.push_back(D.cols());
+      at_random.push_back(directions.cols() < root.cols());
     }
   }
   [[nodiscard]] auto Of(size_t camera) const {
     return Eigen::seq(first[camera], first[camera + 1] - 1);
+  }
+  // S' B^2 S of `own` = S' B S, an information B in the camera's unknowns with unit covariance. For
+  // random signs S only the products of different columns are an unbiased estimate of it.
+  [[nodiscard]] MatrixXd Square(size_t camera, MatrixXd own) const {
+    if (!at_random[camera]) return own * own;
+    own.diagonal().setZero();
+    return own * own / static_cast<double>(own.cols() - 1);
   }
 };
 
@@ -469,10 +478,8 @@ SystematicScatter EstimateScatter(const Bundle& bundle, const Uncertainty& uncer
   for (const MarkerSums& marker : markers) {
     for (size_t c = 0; c < of_markers.size(); ++c) {
       const auto of_camera = directions.Of(c);
-      // In these directions the information of all rows is 1, of which the optimum has taken the
-      // marker's share.
       const MatrixXd own = marker.information[c].selfadjointView<Eigen::Lower>();
-      of_markers[c].Add(marker.score(of_camera).squaredNorm(), own - own * own);
+      of_markers[c].Add(marker.score(of_camera).squaredNorm(), own - directions.Square(c, own));
     }
   }
   SystematicScatter scatter;

@@ -29,8 +29,10 @@ ReducedSystem Reduce(const Bundle& bundle, const UnknownLayout& layout) {
   ReducedSystem reduced;
   reduced.degrees_of_poses.assign(bundle.cameras.size(), 0.0);
   reduced.degrees_of_poses_by_means.assign(bundle.cameras.size(), 0.0);
+  reduced.pose_covariances.assign(bundle.T_rig_target.size(), Matrix6d::Zero());
   const auto visit =
       [&](size_t frame, const Matrix6d& pose_covariance, std::span<const ReducedView> views) {
+        reduced.pose_covariances[frame] = pose_covariance;
         for (const ReducedView& view : views) {
           Matrix6d seen = pose_covariance;  // covariance of the pose that the camera saw
           if (bundle.EstimatesJitter()) {

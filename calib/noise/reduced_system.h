@@ -19,6 +19,8 @@ struct ReducedSystem {
   /// Per camera: degrees of freedom of its rows that pose and jitter unknowns use; and those that
   /// they use of the means of markers, where these have common noise.
   std::vector<double> degrees_of_poses, degrees_of_poses_by_means;
+  /// Per frame: covariance of its pose, all unknowns of the layout fixed.
+  std::vector<Matrix6d> pose_covariances;
   /// How many of the jitter's numbers the data determine.
   double jitter_translations = 0, jitter_rotations = 0;
 };

@@ -5,13 +5,18 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <memory>
 #include <numeric>
+#include <random>
 #include <utility>
 
+#include "calib/adjust/elimination/frame_elimination.h"
 #include "calib/base/linear_algebra.h"
 #include "calib/base/names.h"
 #include "calib/noise/camera_noise.h"
 #include "calib/noise/landmark_system.h"
+#include "calib/noise/matrix_root.h"
+#include "calib/noise/open_directions.h"
 #include "calib/noise/reduced_system.h"
 
 namespace plenocal {
@@ -25,8 +30,6 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 // Eigenvalues of the reduced normal matrix with unit diagonal below this are rounding: its entries
 // are differences of sums that agree to some 1e-15 times the number of unknowns.
 constexpr double kRankTolerance = 1e-13;
-// An unknown takes part in an open direction when its share is at least this.
-constexpr double kShare = 0.1;
 // Shares of an unknown in directions without information below this are the eigenvectors' rounding.
 constexpr double kRoundingShare = 1e-6;
 constexpr double kSmallestUnit = 1e-12;
@@ -123,34 +126,28 @@ Naming NameUnknowns(const Bundle& bundle, const UnknownLayout& layout) {
   return naming;
 }
 
-OpenDirection Describe(const Eigen::VectorXd& direction,
-                       double sigma,
-                       const std::vector<std::string>& names) {
-  OpenDirection described{{}, sigma};
-  const double largest = direction.cwiseAbs().maxCoeff();
-  for (Eigen::Index i = 0; i < direction.size(); ++i) {
-    const double share = std::abs(direction[i]) / largest;
-    if (share >= kShare) described.parts.emplace_back(names[static_cast<size_t>(i)], share);
-  }
-  std::stable_sort(described.parts.begin(), described.parts.end(), [](auto& a, auto& b) {
-    return a.second > b.second;
-  });
-  return described;
-}
-
 // Covariance of the determined directions.
 struct CovarianceOfUnknowns {
   Eigen::MatrixXd covariance;
   Eigen::VectorXd open_share;  // of each unknown in directions without information, 0 to 1
   std::vector<OpenDirection> open;
+  Eigen::MatrixXd undetermined;  // columns: directions without information
+
+  void AddUndetermined(const Eigen::VectorXd& direction, const Naming& naming) {
+    const Eigen::VectorXd in_units = direction.cwiseQuotient(naming.unit);
+    open_share = open_share.cwiseMax(in_units.cwiseAbs() / in_units.cwiseAbs().maxCoeff());
+    open.push_back(Describe(in_units, kInfinity, naming.names));
+    undetermined.conservativeResize(direction.size(), undetermined.cols() + 1);
+    undetermined.rightCols<1>() = direction;
+  }
 };
 
-CovarianceOfUnknowns InvertInformation(const Eigen::MatrixXd& information, const Naming& naming) {
-  const Eigen::Index head = information.rows();
-  CovarianceOfUnknowns inverse{Eigen::MatrixXd::Zero(head, head), Eigen::VectorXd::Zero(head), {}};
-  // Eigen's solver does not take the empty matrix of cameras that are fixed in all.
-  if (head == 0) return inverse;
+// Adds the covariance of directions with information to `inverse`, and the others.
+void InvertByRank(const Eigen::MatrixXd& information,
+                  const Naming& naming,
+                  CovarianceOfUnknowns* inverse) {
   // Rank: directions without information in the matrix with unit diagonal.
+  const Eigen::Index head = information.rows();
   const Eigen::VectorXd diagonal = information.diagonal().cwiseMax(0);
   Eigen::VectorXd scale(head);
   for (Eigen::Index i = 0; i < head; ++i) {
@@ -161,12 +158,26 @@ CovarianceOfUnknowns InvertInformation(const Eigen::MatrixXd& information, const
   for (Eigen::Index i = 0; i < head; ++i) {
     const Eigen::VectorXd direction = scale.asDiagonal() * spectrum.vectors.col(i);
     if (spectrum.values[i] > kRankTolerance) {
-      inverse.covariance += direction * direction.transpose() / spectrum.values[i];
+      inverse->covariance += direction * direction.transpose() / spectrum.values[i];
     } else {
-      const Eigen::VectorXd in_units = direction.cwiseQuotient(naming.unit);
-      inverse.open_share =
-          inverse.open_share.cwiseMax(in_units.cwiseAbs() / in_units.cwiseAbs().maxCoeff());
-      inverse.open.push_back(Describe(in_units, kInfinity, naming.names));
+      inverse->AddUndetermined(direction, naming);
+    }
+  }
+}
+
+CovarianceOfUnknowns InvertInformation(const NoisyInformation& noisy, const Naming& naming) {
+  const Eigen::Index head = noisy.information.rows();
+  CovarianceOfUnknowns inverse{
+      Eigen::MatrixXd::Zero(head, head), Eigen::VectorXd::Zero(head), {}, {}};
+  // Eigen's solver does not take the empty matrix of cameras that are fixed in all.
+  if (head == 0) return inverse;
+  if (noisy.of_noise.empty()) {
+    InvertByRank(noisy.information, naming, &inverse);
+  } else {
+    const DeterminedPart determined = Separate(noisy, naming.unit);
+    inverse.covariance = determined.covariance;
+    for (const auto& direction : determined.open.colwise()) {
+      inverse.AddUndetermined(direction, naming);
     }
   }
   // Directions with information that still leave a parameter open by its own size.
@@ -347,15 +358,13 @@ void OpenScale(const Bundle& bundle,
   for (Eigen::Index i = 0; i < direction.size(); ++i) {
     direction[i] = scaled[static_cast<size_t>(i)] ? direction[i] / naming.unit[i] : 0;
   }
-  inverse->open_share =
-      inverse->open_share.cwiseMax(direction.cwiseAbs() / direction.cwiseAbs().maxCoeff());
-  inverse->open.push_back(Describe(direction, kInfinity, naming.names));
+  inverse->AddUndetermined(direction.cwiseProduct(naming.unit), naming);
 }
 
 // What follows from the information on parameters and extrinsics, priors included.
 void SetFromInformation(const Bundle& bundle,
                         const UnknownLayout& layout,
-                        const Eigen::MatrixXd& information,
+                        const NoisyInformation& information,
                         Uncertainty* result) {
   result->param_index = layout.params;
   result->extrinsics_index = layout.extrinsics;
@@ -366,6 +375,7 @@ void SetFromInformation(const Bundle& bundle,
   if (bundle.held_distance) OpenScale(bundle, layout, naming, &inverse);
   result->covariance = inverse.covariance;
   result->open = inverse.open;
+  result->undetermined = inverse.undetermined;
   SetCameraErrors(inverse, layout, result);
   const Eigen::VectorXd sigma = result->covariance.diagonal().cwiseMax(1e-300).cwiseSqrt();
   result->correlation =
@@ -380,7 +390,7 @@ Uncertainty UncertaintyWithLandmarks(const Bundle& bundle,
   result.frames_information = HeadInformation(system);
   Eigen::MatrixXd information = result.frames_information;
   AddPriors(InformationOfPriors(bundle, layout), &information);
-  SetFromInformation(bundle, layout, information, &result);
+  SetFromInformation(bundle, layout, {information, {}}, &result);
   result.degrees_used_by_means = DegreesWithLandmarks(bundle);
   for (size_t c = 0; c < coordinates.size(); ++c) {
     result.redundancy.push_back(coordinates[c] - result.degrees_used_by_means[c]);
@@ -388,9 +398,69 @@ Uncertainty UncertaintyWithLandmarks(const Bundle& bundle,
   return result;
 }
 
-}  // namespace
+// Normal matrices with the poses moved by their errors: those of their own points, and those by
+// which they follow the errors of all other unknowns.
+class PoseNoise {
+ public:
+  PoseNoise(const Bundle& bundle,
+            const UnknownLayout& layout,
+            const ReducedSystem& reduced,
+            const MarkerElimination& markers,
+            Eigen::MatrixXd information)
+      : bundle_(bundle),
+        layout_(layout),
+        gain_(markers.gain),
+        information_(std::move(information)),
+        of_priors_(information_ - markers.information),
+        moved_(bundle),
+        steps_(internal::EliminateFrames(
+                   bundle, layout, internal::ObjectiveOf(bundle, {}), {.keep_steps = true})
+                   .steps) {
+    for (const Matrix6d& covariance : reduced.pose_covariances)
+      roots_.emplace_back(Root(covariance));
+  }
 
-Uncertainty EstimateUncertainty(const Bundle& bundle) {
+  // `covariance`: of the unknowns before the markers.
+  NoisyInformation Sample(const Eigen::MatrixXd& covariance) {
+    const Eigen::MatrixXd root = Root(covariance);
+    return SampleNoise(information_, [&](unsigned sample, double sign) -> Eigen::MatrixXd {
+      Move(root, sample, sign);
+      return EliminateMarkers(internal::Reduce(moved_, layout_).S, layout_).information +
+             of_priors_;
+    });
+  }
+
+ private:
+  void Move(const Eigen::MatrixXd& root, unsigned sample, double sign) {
+    std::mt19937 random(sample);
+    std::normal_distribution<double> normal;
+    const auto draw = [&] { return sign * normal(random); };
+    Eigen::VectorXd step = Eigen::VectorXd::Zero(layout_.total);
+    step.head(layout_.head) = root * Eigen::VectorXd::NullaryExpr(layout_.head, draw);
+    if (layout_.markers) {
+      step.tail(layout_.total - layout_.head) = -gain_ * step.head(layout_.head);
+    }
+    moved_.T_rig_target = bundle_.T_rig_target;
+    moved_.jitter = bundle_.jitter;
+    steps_->Apply(step, 0, &moved_);
+    for (size_t frame = 0; frame < roots_.size(); ++frame) {
+      const Vector6d error = roots_[frame] * Vector6d::NullaryExpr(draw);
+      moved_.T_rig_target[frame] = Retract(moved_.T_rig_target[frame], error);
+    }
+  }
+
+  const Bundle& bundle_;
+  const UnknownLayout& layout_;
+  const Eigen::MatrixXd& gain_;
+  Eigen::MatrixXd information_, of_priors_;
+  Bundle moved_;
+  std::unique_ptr<internal::PoseSteps> steps_;
+  std::vector<Matrix6d> roots_;
+};
+
+enum class By { kViews, kMotion };
+
+Uncertainty Estimate(const Bundle& bundle, By by) {
   const std::vector<double> coordinates = UsedCoordinates(bundle);
   std::vector<bool> has_data;
   for (const double count : coordinates) has_data.push_back(count > 0);
@@ -417,7 +487,14 @@ Uncertainty EstimateUncertainty(const Bundle& bundle) {
     information += of_earlier;
   }
   result.marker_gain = markers.gain;
-  SetFromInformation(bundle, layout, information, &result);
+  NoisyInformation noisy{information, {}};
+  if (by == By::kMotion) {
+    PoseNoise noise(bundle, layout, reduced, markers, information);
+    const Eigen::VectorXd unit = NameUnknowns(bundle, layout).unit;
+    noisy = noise.Sample(Eigen::MatrixXd::Zero(layout.head, layout.head));
+    noisy = noise.Sample(Separate(noisy, unit).covariance);
+  }
+  SetFromInformation(bundle, layout, noisy, &result);
   const double marker_degrees = SetMarkerErrors(markers, bundle.marker_sigma, &result);
 
   // Markers and targets are shared: each camera's part of them is in proportion to its
@@ -437,6 +514,14 @@ Uncertainty EstimateUncertainty(const Bundle& bundle) {
     result.degrees_used_by_means.push_back(own[c] + reduced.degrees_of_poses_by_means[c]);
   }
   return result;
+}
+
+}  // namespace
+
+Uncertainty EstimateUncertainty(const Bundle& bundle) { return Estimate(bundle, By::kViews); }
+
+Uncertainty EstimateUncertaintyByMotion(const Bundle& bundle) {
+  return Estimate(bundle, By::kMotion);
 }
 
 }  // namespace plenocal

@@ -42,6 +42,8 @@ struct Uncertainty {
   /// Directions that are not determined: standard deviation infinite or larger than 1 in natural
   /// units.
   std::vector<OpenDirection> open;
+  /// Columns: those of infinite standard deviation, in the unknowns' own units.
+  Eigen::MatrixXd undetermined;
   /// Per camera: number of observed coordinates less the degrees of freedom used by the unknowns.
   std::vector<double> redundancy;
   /// Per camera: degrees of freedom used by view means. The unknowns are determined by the means of
@@ -57,5 +59,9 @@ struct Uncertainty {
 /// figures as the inverse of the whole J^T J, at a small part of its cost. Only used observations
 /// count; the loss does not enter, since outliers are rejected before.
 Uncertainty EstimateUncertainty(const Bundle& bundle);
+
+/// The same for cameras and targets that the motion places, without views in common: what the noise
+/// of the poses seems to determine is left open (`Separate`).
+Uncertainty EstimateUncertaintyByMotion(const Bundle& bundle);
 
 }  // namespace plenocal

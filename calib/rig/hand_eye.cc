@@ -261,7 +261,6 @@ std::optional<HandEye> SolveHandEye(std::span<const HandEyePair> pairs) {
   if (!best) return std::nullopt;
   best->gap = spread.gap;
   best->axis = spread.axis_a;
-  best->largest_angle = spread.largest_angle;
   const double free_instants = static_cast<double>(pairs.size()) - 2;  // two give X and Y
   best->error = least / (std::sqrt(free_instants) * std::max(spread.second_angle, kOneAxis));
   return best;

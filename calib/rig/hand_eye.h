@@ -30,7 +30,6 @@ struct HandEye {
   double rotation_rms = 0, translation_rms = 0;  ///< of A_i^-1 X B_i Y, rad and m
   HandEyeGap gap = HandEyeGap::kNone;
   Eigen::Vector3d axis{0, 0, 0};  ///< of `kAlongAxis`, unit vector in the frame of A
-  double largest_angle = 0;       ///< between two instants, rad
   /// Typical error of X for errors of the poses as large as those that are left: how far points at
   /// the typical distance move, m. Large for few instants and rotations about nearly one axis.
   double error = 0;

@@ -210,8 +210,11 @@ std::optional<OpenTranslation> LeastCertain(const std::vector<std::string>& name
       open.sigma = std::sqrt(std::max(0.0, spectrum.values[2]));
       open.direction = spectrum.vectors.col(2);
     } else {
-      for (Eigen::Index i = 0; i < 3; ++i) open.direction[i] = std::isinf(covariance(i, i)) ? 1 : 0;
-      open.direction.normalize();
+      const Uncertainty& uncertainty = calibration.uncertainty;
+      const Eigen::MatrixXd translations =
+          uncertainty.undetermined.middleRows<3>(uncertainty.extrinsics_index[c]);
+      open.direction = DecomposeSymmetric(Eigen::Matrix3d(translations * translations.transpose()))
+                           .vectors.col(2);
     }
     open.part = open.sigma / distance;
     if (!worst || open.part > worst->part) worst = open;

@@ -3,9 +3,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <random>
 
 #include "calib/base/linear_algebra.h"
 #include "calib/base/statistics.h"
+#include "calib/noise/matrix_root.h"
+#include "calib/noise/open_directions.h"
 
 namespace plenocal {
 namespace {
@@ -53,7 +57,32 @@ class OutsideSolver {
   [[nodiscard]] const std::vector<bool>& Used() const { return used_; }
   [[nodiscard]] double TranslationSigma() const { return sigma_t_; }
   [[nodiscard]] double RotationSigma() const { return sigma_r_; }
-  // Of directions that the motion leaves open by less than rounding; zero along these.
+  // Covariance of what the motion determines, and what it leaves open. Poses of a calibration whose
+  // errors are not known have at most the scatter.
+  [[nodiscard]] DeterminedPart Determined() const {
+    Eigen::VectorXd unit = Eigen::VectorXd::Ones(H_.rows());
+    double distance = 0;
+    for (const OutsidePose& pose : poses_) distance += pose.T_rig_target.t.norm();
+    distance = std::max(distance / static_cast<double>(poses_.size()), kLeast);
+    unit.head<3>().setConstant(distance);
+    unit.segment<3>(6).setConstant(distance);
+    std::vector<Matrix6d> roots;
+    for (const OutsidePose& pose : poses_) {
+      Matrix6d own = pose.errors.own;
+      if (own.isZero(0)) {
+        own.diagonal() << Eigen::Vector3d::Constant(sigma_t_ * sigma_t_),
+            Eigen::Vector3d::Constant(sigma_r_ * sigma_r_);
+      }
+      roots.emplace_back(Root(own));
+    }
+    return Separate(
+        SampleNoise(H_,
+                    [&](unsigned sample, double sign) { return Information(sample, sign, roots); }),
+        unit);
+  }
+
+ private:
+  // Of directions with more information than rounding; zero along others.
   [[nodiscard]] Eigen::MatrixXd Covariance() const {
     constexpr double kRank = 1e-12;
     const Eigen::VectorXd scale = H_.diagonal().unaryExpr(
@@ -69,7 +98,6 @@ class OutsideSolver {
     return covariance;
   }
 
- private:
   // One instant at the present model: error, its derivatives and the inverse of its covariance.
   struct Row {
     Vector6d error;
@@ -134,10 +162,36 @@ class OutsideSolver {
     return row;
   }
 
+  // That of the priors: of the calibration's errors, and of a scale that is held.
+  [[nodiscard]] Eigen::MatrixXd InformationOfPriors() const {
+    const Eigen::Index shared = model_.errors.size();
+    Eigen::MatrixXd H = Eigen::MatrixXd::Zero(kMotion + shared, kMotion + shared);
+    H.diagonal().tail(shared).setOnes();
+    if (options_.scale == OutsideScale::kHeld) H(kScale, kScale) = 1;
+    return H;
+  }
+
+  // H with the calibration's poses moved by `sign` times errors with these roots of covariances.
+  [[nodiscard]] Eigen::MatrixXd Information(unsigned sample,
+                                            double sign,
+                                            const std::vector<Matrix6d>& roots) const {
+    Eigen::MatrixXd H = InformationOfPriors();
+    std::mt19937 random(sample);
+    std::normal_distribution<double> normal;
+    for (size_t i = 0; i < poses_.size(); ++i) {
+      const Vector6d error = Vector6d::NullaryExpr([&] { return normal(random); });
+      if (!used_[i]) continue;
+      OutsidePose moved = poses_[i];
+      moved.T_rig_target = Retract(moved.T_rig_target, sign * (roots[i] * error));
+      const Row row = RowOf(moved);
+      H += row.J.transpose() * row.weight * row.J;
+    }
+    return H;
+  }
+
   void Linearise() {
     const Eigen::Index shared = model_.errors.size();
-    H_ = Eigen::MatrixXd::Zero(kMotion + shared, kMotion + shared);
-    H_.diagonal().tail(shared).setOnes();
+    H_ = InformationOfPriors();
     g_ = Eigen::VectorXd::Zero(kMotion + shared);
     g_.tail(shared) = model_.errors;
     rows_.clear();
@@ -215,8 +269,16 @@ Matrix6d InverseChart(const RigidTransform& T) {
   return J;
 }
 
-Vector6d SigmasOf(const Matrix6d& covariance) {
-  return covariance.diagonal().cwiseMax(0).cwiseSqrt();
+// Standard errors; infinite where a direction in `open` has a part.
+Eigen::VectorXd SigmasOf(const Eigen::MatrixXd& covariance, const Eigen::MatrixXd& open) {
+  constexpr double kRounding = 1e-6;  // of the largest part
+  Eigen::VectorXd sigmas = covariance.diagonal().cwiseMax(0).cwiseSqrt();
+  const double least = open.size() > 0 ? kRounding * open.cwiseAbs().maxCoeff() : 0;
+  for (Eigen::Index i = 0; i < sigmas.size(); ++i) {
+    if ((open.row(i).cwiseAbs().array() > least).any())
+      sigmas[i] = std::numeric_limits<double>::infinity();
+  }
+  return sigmas;
 }
 
 }  // namespace
@@ -234,24 +296,30 @@ std::optional<OutsideFit> FitOutsidePoses(std::span<const OutsidePose> poses,
   OutsideSolver solver(poses, *start, options);
   solver.Run();
   const OutsideModel& model = solver.Model();
-  const Eigen::MatrixXd covariance = solver.Covariance();
+  const DeterminedPart determined = solver.Determined();
   // On the gripper: P = T_base_target, Q = T_rig_gripper; else P = T_base_rig, Q =
   // T_target_gripper.
   const RigidTransform of_Q = model.Q.Inverse();
-  const Vector6d sigma_P = SigmasOf(covariance.topLeftCorner<6, 6>());
-  const Vector6d sigma_Q = SigmasOf(InverseChart(model.Q) * covariance.block<6, 6>(6, 6) *
-                                    InverseChart(model.Q).transpose());
+  const Eigen::Index P = on_gripper ? 6 : 0, Q = 6 - P;
+  Eigen::MatrixXd charts = Eigen::MatrixXd::Zero(12, determined.covariance.rows());
+  charts.block<6, 6>(P, 0).setIdentity();
+  charts.block<6, 6>(Q, 6) = InverseChart(model.Q);
+  const Eigen::MatrixXd open = charts * determined.open;
+  const Eigen::VectorXd sigmas =
+      SigmasOf(charts * determined.covariance * charts.transpose(), open);
+  const double scale_variance = determined.covariance(kScale, kScale);
   return OutsideFit{.T_mount_rig = on_gripper ? of_Q : model.P,
                     .T_other_target = on_gripper ? model.P : of_Q,
                     .scale = model.scale,
-                    .rig_sigma = on_gripper ? sigma_Q : sigma_P,
-                    .target_sigma = on_gripper ? sigma_P : sigma_Q,
-                    .scale_sigma = std::sqrt(covariance(kScale, kScale)) * model.scale,
+                    .rig_sigma = sigmas.head<6>(),
+                    .target_sigma = sigmas.tail<6>(),
+                    .scale_sigma = options.scale == OutsideScale::kHeld
+                                       ? 0
+                                       : std::sqrt(scale_variance) * model.scale,
                     .translation_sigma = solver.TranslationSigma(),
                     .rotation_sigma = solver.RotationSigma(),
                     .used = solver.Used(),
-                    .gap = start->gap,
-                    .largest_angle = start->largest_angle,
+                    .open = open,
                     .calibration_errors = model.errors};
 }
 

@@ -46,14 +46,15 @@ struct OutsideFit {
   /// T_gripper_rig and T_base_target; with the rig on the base T_base_rig and T_gripper_target.
   RigidTransform T_mount_rig, T_other_target;
   double scale = 1;  ///< lengths from outside over lengths of the calibration
-  /// Standard errors of the charts (`Retract`) of both and of the scale (0: held).
+  /// Standard errors of the charts (`Retract`) of both (infinite where the motion leaves them open)
+  /// and of the scale (0: held).
   Vector6d rig_sigma = Vector6d::Zero(), target_sigma = Vector6d::Zero();
   double scale_sigma = 0;
   /// Scatter of one coordinate and of one angle of the poses from outside, m and rad, estimated.
   double translation_sigma = 0, rotation_sigma = 0;
   std::vector<bool> used;  ///< per instant; false: an outlier
-  HandEyeGap gap = HandEyeGap::kNone;
-  double largest_angle = 0;  ///< between two instants, rad
+  /// Columns: directions of both charts (m and rad, T_mount_rig first) that the motion leaves open.
+  Eigen::Matrix<double, 12, Eigen::Dynamic> open = {};
   /// Estimates of the calibration's errors, in standard deviations: from outside poses may show
   /// more of them than the images did.
   Eigen::VectorXd calibration_errors = {};

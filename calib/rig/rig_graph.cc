@@ -198,8 +198,7 @@ class RigLinker {
     graph_.links.push_back({.by = RigLink::By::kMotion,
                             .cameras = MembersOf(graph_.camera_group, pair.b.first),
                             .targets = MembersOf(graph_.target_group, pair.b.second),
-                            .frames = pair.instants.size(),
-                            .gap = found->gap});
+                            .frames = pair.instants.size()});
     JoinCameras(pair.a.first, pair.b.first, found->X);
     // T_b = X T_a Y with Y = T_a's targets to b's.
     const auto [into, from] = std::minmax(pair.a.second, pair.b.second);

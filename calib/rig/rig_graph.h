@@ -34,8 +34,7 @@ struct RigLink {
   By by = By::kSameTarget;
   std::vector<size_t> cameras;  ///< joined to others by this step; empty: none
   std::vector<size_t> targets;
-  size_t frames = 0;                   ///< that it uses
-  HandEyeGap gap = HandEyeGap::kNone;  ///< of kMotion
+  size_t frames = 0;  ///< that it uses
 };
 
 /// Cameras and targets in groups; a group has one frame, that of its first member.

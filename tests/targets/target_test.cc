@@ -60,6 +60,12 @@ TEST(Target, RefusesWrongMarkersAndSigmas) {
   EXPECT_THAT(ErrorOf("plenocal: 1\ntype: markers\nmarkers: {}\n"), HasSubstr("expected markers"));
 }
 
+TEST(Target, OfStatedUnitIsNotDoubtedInIt) {
+  const std::string keys = "plenocal: 1\ntype: chessboard\ncolumns: 9\nrows: 6\n";
+  EXPECT_TRUE(DoubtsAbout(Read(keys + "square: 0.6 mm\n")).unit_is_stated);
+  EXPECT_FALSE(DoubtsAbout(Read(keys + "square: 0.0006\n")).unit_is_stated);
+}
+
 // Peak memory of the process, MB.
 double PeakMemory() {
   rusage usage{};

@@ -18,8 +18,8 @@
 namespace plenocal {
 namespace {
 
-// m: targets and distances that are usual. Outside of both a wrong unit is suspected when another
-// one brings both inside.
+// m: targets and distances that are usual. Outside of both a wrong unit is suspected when the file
+// states none and another one brings both inside.
 constexpr double kLeastSize = 0.02, kMostSize = 4;
 constexpr double kLeastDistance = 0.05, kMostDistance = 30;
 
@@ -85,7 +85,7 @@ std::vector<Finding> FindTargetCauses(const CalibrationInput& input,
   if (findings.empty()) findings = FindTargetTwice(cameras, input.markers);
   // The rest measures with a calibration, which a wrong layout has spoilt.
   if (!findings.empty() || calibration == nullptr) return findings;
-  Append(FindWrongUnit(input.markers, *calibration), &findings);
+  if (!doubts.unit_is_stated) Append(FindWrongUnit(input.markers, *calibration), &findings);
   Append(FindMirroredImages(*calibration, doubts), &findings);
   Append(FindMovedMarkers(ChooseFrames(*calibration), doubts), &findings);
   std::ranges::stable_sort(findings, std::ranges::greater(), &Finding::grade);

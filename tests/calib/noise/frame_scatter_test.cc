@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <map>
 
 #include "calib/adjust/problem.h"
 #include "calib/base/statistics.h"
@@ -86,6 +87,32 @@ TEST(MarkerScatter, OfIndependentNoiseIsNone) {
   for (unsigned seed = 0; seed < 4; ++seed) {
     const Bundle bundle = BundleOfDisplacedMarkers(seed, 0);
     const Scatter scatter = EstimateScatter(bundle, EstimateUncertainty(bundle)).of_markers[0];
+    EXPECT_GT(scatter.degrees, 10);
+    squares += scatter.factor * scatter.degrees;
+    degrees += scatter.degrees;
+  }
+  const double tail = ChiSquareTail(static_cast<int>(std::lround(degrees)), squares);
+  EXPECT_GT(tail, 1e-3);
+  EXPECT_LT(tail, 1 - 1e-3);
+}
+
+// More unknowns than directions are looked at: rows of the target as targets of their own.
+TEST(MarkerScatter, OfIndependentNoiseIsNoneForManyUnknowns) {
+  double squares = 0, degrees = 0;
+  for (unsigned seed = 0; seed < 4; ++seed) {
+    Bundle bundle = TrueBundle(
+        MakeProblem(seed, {.shape = testing::TargetShape::kCorner, .frames = 20, .noise = kNoise}));
+    std::map<int, int> targets;
+    for (BundleMarker& marker : bundle.markers) {
+      marker.target =
+          targets.try_emplace(marker.number / 30, static_cast<int>(targets.size())).first->second;
+    }
+    for (size_t k = 0; k < targets.size(); ++k)
+      bundle.targets.push_back({.name = {}, .T_target_own = {}, .is_fixed = k == 0});
+    ASSERT_TRUE(Adjust(&bundle, AdjustOptions()).usable);
+    const Uncertainty uncertainty = EstimateUncertainty(bundle);
+    ASSERT_GT(uncertainty.covariance.rows(), 40);
+    const Scatter scatter = EstimateScatter(bundle, uncertainty).of_markers[0];
     EXPECT_GT(scatter.degrees, 10);
     squares += scatter.factor * scatter.degrees;
     degrees += scatter.degrees;

@@ -119,6 +119,61 @@ TEST(OutsidePoses, StateTheErrorsOfTheCalibrationToo) {
   EXPECT_NEAR(position / kPositionNoise, 1, 0.1);
 }
 
+// Rotations about one axis of the rig, and about others by `spread`; the noise of the calibration's
+// poses turns them about others too.
+std::vector<OutsidePose> PosesAboutOneAxis(unsigned seed, double spread) {
+  constexpr int kFrames = 25;
+  constexpr double kOwnAngle = 5e-4;
+  const Robot robot;
+  testing::Random random(seed);
+  std::vector<OutsidePose> poses;
+  for (int i = 0; i < kFrames; ++i) {
+    const auto draw = [&] { return 0.2 * random.Uniform(-1, 1); };
+    const RigidTransform T_rig_target{
+        ExpRotation({random.Gaussian(spread), 3 * draw(), random.Gaussian(spread)}),
+        {draw(), draw(), 0.7 + draw()}};
+    RigidTransform T = robot.T_base_target * T_rig_target.Inverse() * robot.T_gripper_rig.Inverse();
+    Vector6d error = Vector6d::Zero();
+    for (int k = 0; k < 3; ++k) {
+      T.t[k] += random.Gaussian(kPositionNoise);
+      error[3 + k] = random.Gaussian(kOwnAngle);
+    }
+    poses.push_back({T, Retract(T_rig_target, error)});
+    poses.back().errors.own.diagonal().tail<3>().setConstant(kOwnAngle * kOwnAngle);
+    poses.back().errors.shared.resize(6, 0);
+  }
+  return poses;
+}
+
+TEST(OutsidePoses, AboutOneAxisLeaveTheTranslationAlongItOpen) {
+  const Robot robot;
+  for (unsigned seed = 1; seed <= 20; ++seed) {
+    const auto fit = FitOutsidePoses(PosesAboutOneAxis(seed, 0), {});
+    ASSERT_TRUE(fit);
+    ASSERT_EQ(fit->open.cols(), 1) << seed;
+    const Eigen::Vector3d axis = robot.T_gripper_rig.R.col(1);
+    EXPECT_GT(std::abs(fit->open.col(0).head<3>().normalized().dot(axis)), 0.9999) << seed;
+    for (Eigen::Index k = 0; k < 6; ++k) {
+      EXPECT_EQ(std::isinf(fit->rig_sigma[k]), k < 3) << seed;
+      EXPECT_EQ(std::isinf(fit->target_sigma[k]), k < 3) << seed;
+    }
+  }
+}
+
+TEST(OutsidePoses, AboutNearlyOneAxisStateTheErrorsThatSeedsShow) {
+  const Robot robot;
+  constexpr unsigned kSeeds = 60;
+  double mount = 0;
+  for (unsigned seed = 1; seed <= kSeeds; ++seed) {
+    const auto fit = FitOutsidePoses(PosesAboutOneAxis(seed, 2e-3), {});
+    ASSERT_TRUE(fit);
+    ASSERT_EQ(fit->open.cols(), 0) << seed;
+    mount += Ratio(fit->T_mount_rig, robot.T_gripper_rig, fit->rig_sigma) / kSeeds;
+  }
+  // Half of the numbers are one, the translation along the axis: 240 that count.
+  EXPECT_NEAR(mount, 1, 0.3);
+}
+
 TEST(OutsidePoses, LeaveOutWrongOnes) {
   const Robot robot;
   std::vector<OutsidePose> poses = robot.Poses(2, 1);

@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <memory>
 #include <numbers>
@@ -18,11 +21,14 @@
 #include "apps/report/calibration_folder.h"
 #include "calib/base/error.h"
 #include "calib/base/input_file.h"
+#include "calib/base/names.h"
 #include "calib/base/number_text.h"
 #include "calib/base/output_folder.h"
 #include "calib/base/statistics.h"
+#include "calib/files/calibration_file.h"
 #include "calib/files/calibration_tables.h"
 #include "calib/judge/views/pose_errors.h"
+#include "calib/noise/open_directions.h"
 #include "calib/rig/outside_poses.h"
 #include "calib/rig/pose_track.h"
 #include "models/registry.h"
@@ -242,25 +248,40 @@ std::string PoseYaml(const std::string& name, const RigidTransform& T, const Vec
     text += fmt::format(
         "[{:.12g}, {:.12g}, {:.12g}, {:.12g}], ", T.R(r, 0), T.R(r, 1), T.R(r, 2), T.t[r]);
   }
-  return text +
-         fmt::format("[0, 0, 0, 1]]\nsigma_{}: [{:.6g}, {:.6g}, {:.6g}, {:.6g}, {:.6g}, {:.6g}]\n",
-                     name,
-                     sigma[0],
-                     sigma[1],
-                     sigma[2],
-                     sigma[3],
-                     sigma[4],
-                     sigma[5]);
+  std::vector<std::string> sigmas;
+  for (const double value : sigma) sigmas.push_back(YamlNumber(value));
+  return text + fmt::format("[0, 0, 0, 1]]\nsigma_{}: [{}]\n", name, fmt::join(sigmas, ", "));
+}
+
+// Names of both poses in the file, that of the rig first.
+std::array<std::string, 2> PoseNames(const HandEyeArguments& arguments) {
+  if (arguments.mount == "gripper") return {"gripper_rig", "base_target"};
+  return {"base_rig", "gripper_target"};
+}
+
+std::vector<OpenDirection> OpenDirections(const HandEyeArguments& arguments,
+                                          const OutsideFit& fit) {
+  std::vector<std::string> names;
+  for (const std::string& pose : PoseNames(arguments)) {
+    for (const char* coordinate : kExtrinsicsNames) {
+      names.push_back(fmt::format("T_{}.{}", pose, coordinate));
+    }
+  }
+  std::vector<OpenDirection> directions;
+  for (const auto& direction : fit.open.colwise()) {
+    directions.push_back(Describe(direction, std::numeric_limits<double>::infinity(), names));
+  }
+  return directions;
 }
 
 std::string HandEyeYaml(const HandEyeArguments& arguments,
                         const MatchedPoses& matched,
                         const OutsideFit& fit) {
-  const bool on_gripper = arguments.mount == "gripper";
+  const auto [rig, target] = PoseNames(arguments);
   std::string text = "plenocal: 1\nmount: " + arguments.mount + "\n";
-  text += PoseYaml(on_gripper ? "gripper_rig" : "base_rig", fit.T_mount_rig, fit.rig_sigma);
-  text +=
-      PoseYaml(on_gripper ? "base_target" : "gripper_target", fit.T_other_target, fit.target_sigma);
+  text += PoseYaml(rig, fit.T_mount_rig, fit.rig_sigma);
+  text += PoseYaml(target, fit.T_other_target, fit.target_sigma);
+  text += UndeterminedYaml(OpenDirections(arguments, fit));
   text += fmt::format("scale: {:.12g}\nsigma_scale: {:.6g}\n", fit.scale, fit.scale_sigma);
   text += fmt::format("scatter: {{translation: {:.6g}, rotation: {:.6g}}}\n",
                       fit.translation_sigma,
@@ -346,11 +367,17 @@ std::string HandEyeText(const HandEyeArguments& arguments,
         "their standard errors. See its report, and check the robot's own calibration\n";
   }
   if (matched.without > 0) text += fmt::format("  frames without a pose: {}\n", matched.without);
-  if (fit.gap == HandEyeGap::kAlongAxis) {
-    text +=
-        "NOT DETERMINED: all rotations are about one axis; the translation along it is open. "
-        "Turn the gripper about a second axis by 15 degrees or more.\n";
-  } else if (fit.gap == HandEyeGap::kTranslation) {
+  if (fit.open.cols() == 1) {
+    const Eigen::Vector3d axis = fit.open.col(0).head<3>().normalized();
+    text += fmt::format(
+        "NOT DETERMINED: all rotations are about one axis, up to the noise of the poses; the "
+        "translation along it is open, ({:.3f}, {:.3f}, {:.3f}) in the {}'s frame for the rig. "
+        "Turn the gripper about a second axis by 15 degrees or more.\n",
+        axis.x(),
+        axis.y(),
+        axis.z(),
+        arguments.mount);
+  } else if (fit.open.cols() > 1) {
     text +=
         "NOT DETERMINED: the gripper hardly turned; turn it about two axes by 15 degrees or more.\n";
   }

@@ -221,6 +221,9 @@ TEST(TargetCauses, NameAWrongUnit) {
   ASSERT_THAT(CodesOf(causes), ElementsAre("target_scale"));
   EXPECT_THAT(causes[0].what, HasSubstr("in millimetres"));
   EXPECT_THAT(causes[0].remedy, HasSubstr("multiply them by 0.001"));
+  TargetDoubts with_unit;
+  with_unit.unit_is_stated = true;
+  EXPECT_THAT(Find(problem.input, with_unit), IsEmpty());
 }
 
 TEST(BentTarget, IsMeasured) {
