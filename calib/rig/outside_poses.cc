@@ -305,9 +305,9 @@ std::optional<OutsideFit> FitOutsidePoses(std::span<const OutsidePose> poses,
   charts.block<6, 6>(P, 0).setIdentity();
   charts.block<6, 6>(Q, 6) = InverseChart(model.Q);
   const Eigen::MatrixXd open = charts * determined.open;
-  const Eigen::VectorXd sigmas =
-      SigmasOf(charts * determined.covariance * charts.transpose(), open);
-  const double scale_variance = determined.covariance(kScale, kScale);
+  const Eigen::VectorXd sigmas = SigmasOf(
+      options.instants_per_error * charts * determined.covariance * charts.transpose(), open);
+  const double scale_variance = options.instants_per_error * determined.covariance(kScale, kScale);
   return OutsideFit{.T_mount_rig = on_gripper ? of_Q : model.P,
                     .T_other_target = on_gripper ? model.P : of_Q,
                     .scale = model.scale,

@@ -40,6 +40,9 @@ enum class OutsideScale { kHeld, kFree };
 struct OutsideOptions {
   RigMount mount = RigMount::kOnGripper;
   OutsideScale scale = OutsideScale::kHeld;
+  /// So many instants share the errors of their poses from outside: standard errors are larger by
+  /// its root than those of independent instants.
+  double instants_per_error = 1;
 };
 
 struct OutsideFit {

@@ -2,11 +2,13 @@
 #include "calib/rig/pose_track.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <utility>
 
 #include "calib/base/statistics.h"
+#include "calib/rig/local_polynomial.h"
 
 namespace plenocal {
 namespace {
@@ -43,7 +45,7 @@ class ShiftCost {
 
 // The least cost between `low` and `high`, by golden sections.
 double Minimise(const ShiftCost& cost, double low, double high) {
-  constexpr int kSteps = 18;  // to a 1e-4 of the interval
+  constexpr int kSteps = 34;  // to a 1e-7 of the interval
   const double ratio = (std::sqrt(5.0) - 1) / 2;
   double a = high - ratio * (high - low), b = low + ratio * (high - low);
   double at_a = cost(a), at_b = cost(b);
@@ -67,24 +69,132 @@ double Minimise(const ShiftCost& cost, double low, double high) {
 
 }  // namespace
 
-PoseTrack::PoseTrack(std::vector<double> times, std::vector<RigidTransform> poses)
+// Indices of poses and their weights at one time.
+struct PoseTrack::Neighbours {
+  std::vector<size_t> poses;
+  size_t middle = 0;  // the pose about whose chart they are averaged
+  PolynomialWeights weights;
+};
+
+PoseTrack::PoseTrack(std::vector<double> times,
+                     std::vector<RigidTransform> poses,
+                     double frame_interval)
     : times_(std::move(times)), poses_(std::move(poses)) {
   constexpr double kGap = 3;  // usual intervals
   std::vector<double> intervals;
   for (size_t i = 1; i < times_.size(); ++i) intervals.push_back(times_[i] - times_[i - 1]);
-  longest_gap_ = kGap * Median(intervals);
+  interval_ = Median(intervals);
+  const auto is_gap = [&](size_t before) { return intervals[before] > kGap * interval_; };
+  first_.resize(times_.size(), 0);
+  end_.resize(times_.size(), times_.size());
+  for (size_t i = 1; i < times_.size(); ++i) first_[i] = is_gap(i - 1) ? i : first_[i - 1];
+  for (size_t i = times_.size(); i-- > 1;) end_[i - 1] = is_gap(i - 1) ? i : end_[i];
+  Choose(frame_interval);
+  if (frame_interval > 0) {
+    errors_.frames = std::max(1.0, interval_ * window_.Length() / frame_interval);
+  }
+}
+
+PoseTrack::Neighbours PoseTrack::Around(double time,
+                                        const Window& window,
+                                        bool without_nearest) const {
+  const auto after = std::ranges::lower_bound(times_, time);
+  const auto next = std::min(static_cast<size_t>(after - times_.begin()), times_.size() - 1);
+  size_t first = next, end = next + 1;
+  double reach = window.reach * interval_;
+  while (first > first_[next] && time - times_[first - 1] < reach) --first;
+  while (end < end_[next] && times_[end] - time < reach) ++end;
+  const size_t spare = without_nearest ? 1 : 0;
+  if (end - first < window.poses + spare || reach == 0 || times_[next] - time >= reach) {
+    const size_t count = std::min(window.poses + spare, end_[next] - first_[next]);
+    first = std::clamp(next - std::min(next, count / 2), first_[next], end_[next] - count);
+    end = first + count;
+    reach = std::numeric_limits<double>::infinity();
+  }
+  Neighbours neighbours{.poses = {}, .middle = (first + end) / 2, .weights = {}};
+  std::vector<double> nodes;
+  for (size_t i = first; i < end; ++i) {
+    if (without_nearest && i == next) continue;
+    neighbours.poses.push_back(i);
+    nodes.push_back(times_[i]);
+  }
+  const int degree = std::min(window.degree, static_cast<int>(nodes.size()) - 1);
+  neighbours.weights = WeightsAt(time, nodes, degree, reach);
+  return neighbours;
+}
+
+RigidTransform PoseTrack::PoseOf(const Neighbours& neighbours) const {
+  const RigidTransform& middle = poses_[neighbours.middle];
+  Vector6d change = Vector6d::Zero();
+  for (size_t k = 0; k < neighbours.poses.size(); ++k) {
+    change += neighbours.weights.value[static_cast<Eigen::Index>(k)] *
+              ChartOf(poses_[neighbours.poses[k]], middle);
+  }
+  return Retract(middle, change);
+}
+
+void PoseTrack::Choose(double longest) {
+  constexpr size_t kMostPredicted = 1000, kFewestPredicted = 20;
+  constexpr double kOutlier = 10;  // times the median square
+  constexpr std::array<Window, 9> kWindows{{{1, 2, 0},
+                                            {3, 4, 0},
+                                            {3, 4, 3},
+                                            {3, 4, 4},
+                                            {3, 4, 6},
+                                            {3, 4, 8},
+                                            {3, 4, 12},
+                                            {3, 4, 16},
+                                            {3, 4, 24}}};
+  double least = std::numeric_limits<double>::infinity();
+  const size_t stride = times_.size() / kMostPredicted + 1;
+  for (const Window& window : kWindows) {
+    if (window.reach > 0 && interval_ * window.Length() > longest) break;
+    std::vector<double> positions, angles;  // squares
+    double of_others = 0, of_value = 0, of_derivative = 0;
+    for (size_t i = 0; i < times_.size(); i += stride) {
+      const auto half = static_cast<size_t>(window.Length() / 2) + 1;
+      if (i < first_[i] + half || i + half >= end_[i]) continue;
+      const Neighbours others = Around(times_[i], window, true);
+      const Vector6d error = ChartOf(poses_[i], PoseOf(others));
+      positions.push_back(error.head<3>().squaredNorm());
+      angles.push_back(error.tail<3>().squaredNorm());
+      of_others += others.weights.value.squaredNorm();
+      // Frames are anywhere between two poses: the fractions of the golden section.
+      const double part = std::fmod(0.618 * static_cast<double>(positions.size()), 1.0);
+      const Neighbours between =
+          Around(times_[i] + part * (times_[i + 1] - times_[i]), window, false);
+      of_value += between.weights.value.squaredNorm();
+      of_derivative += between.weights.derivative.squaredNorm();
+    }
+    const auto count = static_cast<double>(positions.size());
+    if (positions.size() < kFewestPredicted) continue;
+    // Of a coordinate; single outliers count little.
+    const auto variance = [&](const std::vector<double>& squares) {
+      const double most = kOutlier * Median(squares);
+      double sum = 0;
+      for (const double square : squares) sum += std::min(square, most);
+      return sum / (3 * count);
+    };
+    const double position = variance(positions), angle = variance(angles);
+    if (!(position * angle < least)) continue;
+    least = position * angle;
+    window_ = window;
+    // A prediction has the errors of the others beside those of the pose itself.
+    const double share = 1 / (1 + of_others / count);
+    errors_ = {.position = std::sqrt(share * position * of_value / count),
+               .angle = std::sqrt(share * angle * of_value / count),
+               .velocity = std::sqrt(share * position * of_derivative / count),
+               .angular_velocity = std::sqrt(share * angle * of_derivative / count)};
+  }
 }
 
 std::optional<RigidTransform> PoseTrack::At(double time) const {
   const auto after = std::ranges::lower_bound(times_, time);
   if (after == times_.end()) return std::nullopt;
   const auto next = static_cast<size_t>(after - times_.begin());
-  if (times_[next] == time) return poses_[next];
-  if (next == 0 || times_[next] - times_[next - 1] > longest_gap_) return std::nullopt;
-  const double part = (time - times_[next - 1]) / (times_[next] - times_[next - 1]);
-  const RigidTransform &a = poses_[next - 1], &b = poses_[next];
-  return RigidTransform{ExpRotation(part * LogRotation(b.R * a.R.transpose())) * a.R,
-                        a.t + part * (b.t - a.t)};
+  const bool between = next > 0 && first_[next] == first_[next - 1];
+  if (times_[next] != time && !between) return std::nullopt;
+  return PoseOf(Around(time, window_, false));
 }
 
 TrackMatch MatchTrack(const PoseTrack& track, std::span<const TimedFrame> frames, double shift) {
@@ -122,16 +232,29 @@ std::optional<TrackShift> FindTrackShift(const PoseTrack& track,
   // Twice the gain is chi-square with one degree of freedom when there is no shift.
   constexpr double kLevel = 1e-4;
   if (2 * (without - least) < ChiSquareQuantile(1, kLevel)) return std::nullopt;
-  // From the cost's curvature, over a distance at which it rises by about one.
-  double distance = kStep / 10;
-  double rise = 0;
-  for (int i = 0; i < 5; ++i) {
-    rise = (cost(best + distance) + cost(best - distance)) / 2 - least;
-    if (!(rise > 0) || !std::isfinite(rise)) return std::nullopt;
-    if (std::abs(std::log(rise)) < 1) break;
-    distance /= std::sqrt(rise);
+  // The parabola over a distance at which the cost rises by about one.
+  double distance = kStep / 10, rise = 0;
+  for (int i = 0; i < 20 && !(std::abs(std::log(rise)) < 1); ++i) {
+    if (i > 0) distance /= std::clamp(std::sqrt(std::max(rise, 0.0)), 0.5, 10.0);
+    const double before = cost(best - distance), after = cost(best + distance);
+    rise = (before + after) / 2 - least;
+    if (std::abs(std::log(rise)) < 1) best += distance * (before - after) / (4 * rise);
   }
-  return TrackShift{.value = best, .sigma = distance / std::sqrt(2 * rise)};
+  if (!(std::abs(std::log(rise)) < 1)) return std::nullopt;
+  // The errors of logged poses move along with the shift, which adds to the curvature what is no
+  // information; frames that share them count as one.
+  const double curvature = 2 * rise / (distance * distance);
+  const auto fit = FitOutsidePoses(MatchTrack(track, frames, best).poses, options);
+  if (!fit) return std::nullopt;
+  const TrackErrors& errors = track.Errors();
+  // Errors larger than all scatter are not of single poses: motion between few.
+  const double of_errors =
+      3 * static_cast<double>(frames.size()) *
+      (std::pow(errors.velocity / std::max(errors.position, fit->translation_sigma), 2) +
+       std::pow(errors.angular_velocity / std::max(errors.angle, fit->rotation_sigma), 2));
+  if (!(of_errors < curvature)) return std::nullopt;
+  return TrackShift{.value = best,
+                    .sigma = std::sqrt(errors.frames * curvature) / (curvature - of_errors)};
 }
 
 }  // namespace plenocal

@@ -12,19 +12,51 @@
 
 namespace plenocal {
 
+/// What independent errors of single logged poses make of a pose between them: standard deviations
+/// of a coordinate and an angle, and of their derivatives by time.
+struct TrackErrors {
+  double position = 0, angle = 0;             ///< m, rad
+  double velocity = 0, angular_velocity = 0;  ///< m/s, rad/s
+  /// How many frames share the error of one logged pose: 1 unless frames are closer in time than
+  /// the poses that are averaged.
+  double frames = 1;
+};
+
 class PoseTrack {
  public:
-  /// T_base_gripper at times that increase, s.
-  PoseTrack(std::vector<double> times, std::vector<RigidTransform> poses);
+  /// T_base_gripper at times that increase, s; frames are `frame_interval` apart.
+  PoseTrack(std::vector<double> times, std::vector<RigidTransform> poses, double frame_interval);
 
-  /// The pose at a time, between two poses by constant velocities. Nothing before the first, after
+  /// The pose at a time: the least-squares cubic through the poses around it, or the line through
+  /// two, whichever predicts logged poses best from others. So their errors are averaged, over no
+  /// longer than frames are apart (but for the cubic through four). Nothing before the first, after
   /// the last and in gaps of more than three usual intervals.
   [[nodiscard]] std::optional<RigidTransform> At(double time) const;
+  [[nodiscard]] const TrackErrors& Errors() const { return errors_; }
 
  private:
+  // Poses that a polynomial goes through: so many next to its time, or all nearer than `reach`,
+  // which is in usual intervals.
+  struct Window {
+    int degree = 1;
+    size_t poses = 2;
+    double reach = 0;
+    [[nodiscard]] double Length() const {
+      return reach > 0 ? 2 * reach : static_cast<double>(poses - 1);
+    }
+  };
+  struct Neighbours;
+  [[nodiscard]] Neighbours Around(double time, const Window& window, bool without_nearest) const;
+  [[nodiscard]] RigidTransform PoseOf(const Neighbours& neighbours) const;
+  // Chooses `window_` and sets `errors_` but for `frames`.
+  void Choose(double longest);
+
   std::vector<double> times_;
   std::vector<RigidTransform> poses_;
-  double longest_gap_ = 0;  // s
+  std::vector<size_t> first_, end_;  // per pose: of the run without gaps in which it is
+  double interval_ = 0;              // s, usual
+  Window window_;
+  TrackErrors errors_;
 };
 
 /// A pose of the calibration with the time of its image.

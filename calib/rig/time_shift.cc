@@ -2,20 +2,18 @@
 #include "calib/rig/time_shift.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
 #include <map>
 #include <numeric>
 
 #include "calib/base/statistics.h"
+#include "calib/rig/local_polynomial.h"
 
 namespace plenocal {
 namespace {
 
-// Frames through which a polynomial of the fourth degree is laid: its velocity at the middle one is
-// in error by (w h)^4 / 30 of a motion of angular frequency w, sampled at intervals h.
-constexpr size_t kWindow = 5;
+constexpr size_t kFewestFrames = 5, kMostFrames = 13;
 
 // Frames in the order of their times.
 std::vector<size_t> InOrder(const RigTimes& times) {
@@ -24,35 +22,6 @@ std::vector<size_t> InOrder(const RigTimes& times) {
   std::ranges::stable_sort(order,
                            [&](size_t a, size_t b) { return times.frame[a] < times.frame[b]; });
   return order;
-}
-
-// Weights of the values at `nodes` in the polynomial through them, at x, and in its derivative
-// (Lagrange).
-struct Weights {
-  std::vector<double> value, derivative;
-};
-
-Weights WeightsAt(double x, std::span<const double> nodes) {
-  Weights weights;
-  for (size_t i = 0; i < nodes.size(); ++i) {
-    double value = 1, derivative = 0;
-    for (size_t j = 0; j < nodes.size(); ++j) {
-      if (j == i) continue;
-      const double factor = 1 / (nodes[i] - nodes[j]);
-      derivative = (derivative * (x - nodes[j]) + value) * factor;
-      value *= (x - nodes[j]) * factor;
-    }
-    weights.value.push_back(value);
-    weights.derivative.push_back(derivative);
-  }
-  return weights;
-}
-
-// Where `to` is in the chart about `from`.
-Vector6d ChartOf(const RigidTransform& to, const RigidTransform& from) {
-  Vector6d delta;
-  delta << to.t - from.t, LogRotation(to.R * from.R.transpose());
-  return delta;
 }
 
 Eigen::Vector3d MiddleOfMarkers(const Bundle& bundle) {
@@ -65,7 +34,7 @@ Eigen::Vector3d MiddleOfMarkers(const Bundle& bundle) {
 
 std::optional<RigTimes> TimesOf(std::span<const CameraInput> cameras,
                                 const std::vector<std::string>& frames) {
-  if (cameras.size() < 2 || frames.size() < kWindow) return std::nullopt;
+  if (cameras.size() < 2 || frames.size() < kFewestFrames) return std::nullopt;
   std::map<std::string, size_t> index;
   for (size_t f = 0; f < frames.size(); ++f) index[frames[f]] = f;
   constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
@@ -92,25 +61,61 @@ std::optional<RigTimes> TimesOf(std::span<const CameraInput> cameras,
   return times;
 }
 
-bool ShowsMotion(const Bundle& bundle, const RigTimes& times) {
-  constexpr double kKnown = 1.0 / 3;
+namespace {
+
+// How well each frame's place follows from those of its neighbours.
+struct Prediction {
+  size_t window = kFewestFrames;                           // frames, that in the middle included
+  double error = std::numeric_limits<double>::infinity();  // m, median
+  double step = 0;                                         // m, median way to the frame before
+};
+
+Prediction PredictPlaces(const Bundle& bundle, const RigTimes& times, size_t window) {
   const std::vector<size_t> order = InOrder(times);
   const Eigen::Vector3d middle = MiddleOfMarkers(bundle);
+  const auto place = [&](size_t i) -> Eigen::Vector3d {
+    return bundle.T_rig_target[order[i]] * middle;
+  };
   std::vector<double> errors, steps;
-  for (size_t i = 2; i + 2 < order.size(); ++i) {
-    const std::array neighbours{order[i - 2], order[i - 1], order[i + 1], order[i + 2]};
-    std::array<double, 4> nodes;
-    for (size_t k = 0; k < nodes.size(); ++k) nodes[k] = times.frame[neighbours[k]];
-    const std::vector<double> weights = WeightsAt(times.frame[order[i]], nodes).value;
-    const auto place = [&](size_t frame) -> Eigen::Vector3d {
-      return bundle.T_rig_target[frame] * middle;
-    };
-    Eigen::Vector3d error = -place(order[i]);
-    for (size_t k = 0; k < nodes.size(); ++k) error += weights[k] * place(neighbours[k]);
+  for (size_t i = window / 2; i + window / 2 < order.size(); ++i) {
+    std::vector<size_t> neighbours;
+    std::vector<double> nodes;
+    for (size_t k = i - window / 2; k <= i + window / 2; ++k) {
+      if (k == i) continue;
+      neighbours.push_back(k);
+      nodes.push_back(times.frame[order[k]]);
+    }
+    const Eigen::VectorXd weights =
+        WeightsAt(times.frame[order[i]], nodes, static_cast<int>(window) - 2).value;
+    Eigen::Vector3d error = -place(i);
+    for (size_t k = 0; k < nodes.size(); ++k) {
+      error += weights[static_cast<Eigen::Index>(k)] * place(neighbours[k]);
+    }
     errors.push_back(error.norm());
-    steps.push_back((place(order[i]) - place(order[i - 1])).norm());
+    steps.push_back((place(i) - place(i - 1)).norm());
   }
-  return !errors.empty() && Median(errors) < kKnown * Median(steps);
+  if (errors.empty()) return {.window = window};
+  return {.window = window, .error = Median(errors), .step = Median(steps)};
+}
+
+// With the number of neighbours that predicts best: few where poses are noisy, many where frames
+// are far apart. The polynomial of degree n - 1 through n frames has a velocity in error by the
+// part (w h)^(n - 1) ((n - 1)/2)!^2 / n! of a motion of angular frequency w sampled at intervals h.
+Prediction BestPrediction(const Bundle& bundle, const RigTimes& times) {
+  Prediction best;
+  for (size_t window = kFewestFrames; window <= kMostFrames; window += 2) {
+    const Prediction prediction = PredictPlaces(bundle, times, window);
+    if (prediction.error < best.error) best = prediction;
+  }
+  return best;
+}
+
+}  // namespace
+
+bool ShowsMotion(const Bundle& bundle, const RigTimes& times) {
+  constexpr double kKnown = 1.0 / 3;
+  const Prediction prediction = BestPrediction(bundle, times);
+  return prediction.error < kKnown * prediction.step;
 }
 
 void AddTimeShifts(const RigTimes& times, Bundle* bundle) {
@@ -129,29 +134,31 @@ void AddTimeShifts(const RigTimes& times, Bundle* bundle) {
 void UpdateMotion(const RigTimes& times, Bundle* bundle) {
   const std::vector<size_t> order = InOrder(times);
   const size_t cameras = bundle->cameras.size();
+  const size_t best = BestPrediction(*bundle, times).window;
   bundle->motion.assign(order.size() * cameras, {});
   for (size_t i = 0; i < order.size(); ++i) {
     const size_t frame = order[i];
-    const size_t first = std::min(i < kWindow / 2 ? 0 : i - kWindow / 2, order.size() - kWindow);
-    std::array<double, kWindow> nodes;
-    std::array<Vector6d, kWindow> poses;
-    for (size_t k = 0; k < kWindow; ++k) {
+    // Frames at both sides as far as possible: beyond them a polynomial multiplies the poses'
+    // noise.
+    const size_t beside = std::min(i, order.size() - 1 - i);
+    const size_t window = std::clamp(2 * beside + 1, kFewestFrames, best);
+    const size_t first = std::min(i < window / 2 ? 0 : i - window / 2, order.size() - window);
+    std::vector<double> nodes;
+    Eigen::Matrix<double, 6, Eigen::Dynamic> poses(6, window);
+    for (size_t k = 0; k < window; ++k) {
       const size_t other = order[first + k];
-      nodes[k] = times.frame[other] - times.frame[frame];
-      poses[k] = ChartOf(bundle->T_rig_target[other], bundle->T_rig_target[frame]);
+      nodes.push_back(times.frame[other] - times.frame[frame]);
+      poses.col(static_cast<Eigen::Index>(k)) =
+          ChartOf(bundle->T_rig_target[other], bundle->T_rig_target[frame]);
     }
     for (size_t c = 0; c < cameras; ++c) {
       const BundleCamera& camera = bundle->cameras[c];
       const double shift = camera.time_shift ? camera.params[*camera.time_shift] : 0;
       const double after = times.after_frame[bundle->View(frame, c)] + shift;
-      const Weights weights = WeightsAt(after, nodes);
+      const PolynomialWeights weights = WeightsAt(after, nodes, static_cast<int>(window) - 1);
       ViewMotion& motion = bundle->motion[bundle->View(frame, c)];
-      Vector6d way = Vector6d::Zero();
-      for (size_t k = 0; k < kWindow; ++k) {
-        way += weights.value[k] * poses[k];
-        motion.velocity += weights.derivative[k] * poses[k];
-      }
-      motion.at_zero_shift = way - shift * motion.velocity;
+      motion.velocity = poses * weights.derivative;
+      motion.at_zero_shift = poses * weights.value - shift * motion.velocity;
     }
   }
 }

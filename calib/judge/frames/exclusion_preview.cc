@@ -16,7 +16,7 @@ namespace plenocal {
 namespace {
 
 // Of all cameras' used points; the last one only for rigs without a plenoptic camera.
-std::vector<double> JudgedDistances(const Bundle& bundle) {
+std::vector<double> PreviewDistances(const Bundle& bundle) {
   double nearest = std::numeric_limits<double>::infinity(), farthest = 0;
   bool plenoptic = false;
   for (size_t c = 0; c < bundle.cameras.size(); ++c) {
@@ -72,7 +72,7 @@ ExclusionPreview PreviewExclusion(RigKnowledge rig,
   for (const BundleObservation& each : rig.bundle.observations) {
     if (each.used && leaves_out(each)) frames.insert(each.frame);
   }
-  const std::vector<double> distances = JudgedDistances(rig.bundle);
+  const std::vector<double> distances = PreviewDistances(rig.bundle);
   const RigUnknowns unknowns = UnknownsOf(rig.bundle, distances[0]);
   const ProjectionSigma projection(rig, unknowns, distances);
   const Normal all(rig, unknowns, shape);

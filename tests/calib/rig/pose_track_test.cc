@@ -13,6 +13,7 @@ namespace plenocal::testing {
 namespace TEST_FILE {
 
 constexpr double kPositionNoise = 2e-4, kAngleNoise = 3.5e-4;  // m, rad
+constexpr double kFrameInterval = 0.5;                         // s
 
 const RigidTransform kGripperRig{ExpRotation({0.3, -2, 0.4}), {0.05, -0.03, 0.1}};
 const RigidTransform kBaseTarget{ExpRotation({-1, 0.2, 0.5}), {0.6, 0.1, -0.2}};
@@ -40,13 +41,16 @@ PoseTrack Robot(double shift, double noise, Random* random) {
     times.push_back(time + shift);
     poses.push_back(T);
   }
-  return {times, poses};
+  return {times, poses, kFrameInterval};
 }
 
 std::vector<TimedFrame> Frames() {
   constexpr int kFrames = 40;
   std::vector<TimedFrame> frames;
-  for (int f = 0; f < kFrames; ++f) frames.push_back({0.5 * f + 0.003, TargetAt(0.5 * f + 0.003)});
+  for (int f = 0; f < kFrames; ++f) {
+    const double time = kFrameInterval * f + 0.003;
+    frames.push_back({time, TargetAt(time)});
+  }
   return frames;
 }
 
@@ -56,7 +60,8 @@ TEST(PoseTrack, InterpolatesAndHasGaps) {
                          {ExpRotation({0, 0, 1}), {1, 2, 3}},
                          {ExpRotation({0, 0, 1}), {1, 2, 3}},
                          {ExpRotation({0, 0, 1}), {1, 2, 3}},
-                         {ExpRotation({0, 0, 1}), {1, 2, 3}}});
+                         {ExpRotation({0, 0, 1}), {1, 2, 3}}},
+                        1);
   const auto half = track.At(0.5);
   ASSERT_TRUE(half);
   EXPECT_LT((half->t - Eigen::Vector3d(0.5, 1, 1.5)).norm(), 1e-12);
@@ -82,6 +87,26 @@ TEST(PoseTrack, FindsTheShiftOfItsClock) {
   }
   EXPECT_GT(squares, 0.2);
   EXPECT_LT(squares, 2.5);
+}
+
+// Poses logged so often that two neighbours differ by their errors more than by the motion.
+TEST(PoseTrack, AveragesTheErrorsOfLoggedPoses) {
+  Random random(3);
+  const PoseTrack track = Robot(0, 1, &random);
+  double squares = 0;
+  int count = 0;
+  for (const TimedFrame& frame : Frames()) {
+    const std::optional<RigidTransform> pose = track.At(frame.time);
+    ASSERT_TRUE(pose);
+    const RigidTransform truth =
+        kBaseTarget * TargetAt(frame.time).Inverse() * kGripperRig.Inverse();
+    squares += (pose->t - truth.t).squaredNorm();
+    count += 3;
+  }
+  const double error = std::sqrt(squares / count);
+  EXPECT_LT(error, 0.5 * kPositionNoise);
+  EXPECT_NEAR(error / track.Errors().position, 1, 0.3);
+  EXPECT_EQ(track.Errors().frames, 1);
 }
 
 TEST(PoseTrack, OfOneClockHasNoShift) {

@@ -51,6 +51,7 @@ struct MatchedPoses {
   std::vector<OutsidePose> poses;
   size_t without = 0;               // frames of the calibration
   std::optional<TrackShift> shift;  // of poses by time
+  double frames_per_error = 1;      // `TrackErrors::frames`
   std::string without_errors;  // why the calibration's errors are left out; empty: they are not
 };
 
@@ -101,8 +102,12 @@ MatchedPoses MatchByTime(const HandEyeArguments& arguments) {
   for (size_t i = 0; i < outside.Size(); ++i) {
     poses.push_back({outside.orientations[i].toRotationMatrix(), outside.positions[i]});
   }
-  const PoseTrack track(outside.times, poses);
+  std::vector<double> intervals;
+  for (size_t i = 1; i < frames.size(); ++i)
+    intervals.push_back(frames[i].time - frames[i - 1].time);
+  const PoseTrack track(outside.times, poses, Median(std::move(intervals)));
   MatchedPoses matched;
+  matched.frames_per_error = track.Errors().frames;
   matched.shift = FindTrackShift(track, frames, {MountOf(arguments), ScaleOf(arguments)});
   const TrackMatch match = MatchTrack(track, frames, matched.shift ? matched.shift->value : 0);
   matched.poses = match.poses;
@@ -218,7 +223,7 @@ double Misfit(const OutsideFit& fit, const MatchedPoses& matched) {
 OutsideFit Fit(const HandEyeArguments& arguments, const MatchedPoses& matched) {
   const RigMount mount = MountOf(arguments);
   const OutsideScale scale = ScaleOf(arguments);
-  const auto fit = FitOutsidePoses(matched.poses, {mount, scale});
+  const auto fit = FitOutsidePoses(matched.poses, {mount, scale, matched.frames_per_error});
   const auto other = FitOutsidePoses(matched.poses, {Other(mount), scale});
   // The other reading of a true pose leaves errors as large as the motion.
   constexpr double kClearly = 5;
