@@ -57,6 +57,9 @@ class OutsideSolver {
   [[nodiscard]] const std::vector<bool>& Used() const { return used_; }
   [[nodiscard]] double TranslationSigma() const { return sigma_t_; }
   [[nodiscard]] double RotationSigma() const { return sigma_r_; }
+  [[nodiscard]] DeterminedPart NothingDetermined() const {
+    return {Eigen::MatrixXd::Zero(H_.rows(), H_.rows()), Eigen::MatrixXd(H_.rows(), 0)};
+  }
   // Covariance of what the motion determines, and what it leaves open. Poses of a calibration whose
   // errors are not known have at most the scatter.
   [[nodiscard]] DeterminedPart Determined() const {
@@ -296,7 +299,8 @@ std::optional<OutsideFit> FitOutsidePoses(std::span<const OutsidePose> poses,
   OutsideSolver solver(poses, *start, options);
   solver.Run();
   const OutsideModel& model = solver.Model();
-  const DeterminedPart determined = solver.Determined();
+  const DeterminedPart determined =
+      options.standard_errors ? solver.Determined() : solver.NothingDetermined();
   // On the gripper: P = T_base_target, Q = T_rig_gripper; else P = T_base_rig, Q =
   // T_target_gripper.
   const RigidTransform of_Q = model.Q.Inverse();

@@ -43,6 +43,7 @@ struct OutsideOptions {
   /// So many instants share the errors of their poses from outside: standard errors are larger by
   /// its root than those of independent instants.
   double instants_per_error = 1;
+  bool standard_errors = true;  ///< false: they stay zero, and nothing is open
 };
 
 struct OutsideFit {

@@ -21,7 +21,9 @@ class ShiftCost {
   ShiftCost(const PoseTrack& track,
             std::span<const TimedFrame> frames,
             const OutsideOptions& options)
-      : track_(track), frames_(frames), options_(options) {}
+      : track_(track), frames_(frames), options_(options) {
+    options_.standard_errors = false;
+  }
 
   double operator()(double shift) const {
     const TrackMatch match = MatchTrack(track_, frames_, shift);

@@ -147,7 +147,7 @@ std::vector<OutsidePose> PosesAboutOneAxis(unsigned seed, double spread) {
 
 TEST(OutsidePoses, AboutOneAxisLeaveTheTranslationAlongItOpen) {
   const Robot robot;
-  for (unsigned seed = 1; seed <= 20; ++seed) {
+  for (unsigned seed = 1; seed <= 5; ++seed) {
     const auto fit = FitOutsidePoses(PosesAboutOneAxis(seed, 0), {});
     ASSERT_TRUE(fit);
     ASSERT_EQ(fit->open.cols(), 1) << seed;
@@ -162,7 +162,7 @@ TEST(OutsidePoses, AboutOneAxisLeaveTheTranslationAlongItOpen) {
 
 TEST(OutsidePoses, AboutNearlyOneAxisStateTheErrorsThatSeedsShow) {
   const Robot robot;
-  constexpr unsigned kSeeds = 60;
+  constexpr unsigned kSeeds = 20;
   double mount = 0;
   for (unsigned seed = 1; seed <= kSeeds; ++seed) {
     const auto fit = FitOutsidePoses(PosesAboutOneAxis(seed, 2e-3), {});
@@ -170,8 +170,8 @@ TEST(OutsidePoses, AboutNearlyOneAxisStateTheErrorsThatSeedsShow) {
     ASSERT_EQ(fit->open.cols(), 0) << seed;
     mount += Ratio(fit->T_mount_rig, robot.T_gripper_rig, fit->rig_sigma) / kSeeds;
   }
-  // Half of the numbers are one, the translation along the axis: 240 that count.
-  EXPECT_NEAR(mount, 1, 0.3);
+  // Of the six numbers three are one, the translation along the axis: 80 that count.
+  EXPECT_NEAR(mount, 1, 0.5);
 }
 
 TEST(OutsidePoses, LeaveOutWrongOnes) {
