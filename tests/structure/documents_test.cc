@@ -133,6 +133,73 @@ TEST(Documents, NameFilesThatExist) {
   EXPECT_GT(checked, 30);
 }
 
+// What stands between backticks in a cell of a table's row, with the heading of its section.
+using HeadedName = std::pair<std::string, std::string>;
+
+std::vector<std::string> Cells(const std::string& row) {
+  std::vector<std::string> cells;
+  for (size_t begin = 1; begin < row.size();) {
+    const size_t end = std::min(row.find('|', begin), row.size());
+    cells.push_back(std::regex_replace(row.substr(begin, end - begin), std::regex("^ +| +$"), ""));
+    begin = end + 1;
+  }
+  return cells;
+}
+
+std::vector<std::string> Quoted(const std::string& cell) {
+  static const std::regex kQuoted("`([^`]+)`");
+  std::vector<std::string> names;
+  for (std::sregex_iterator it(cell.begin(), cell.end(), kQuoted), end; it != end; ++it) {
+    names.push_back((*it)[1].str());
+  }
+  return names;
+}
+
+// The rows that bench/honest has written into docs/uncertainty.md.
+std::set<HeadedName> TestedStandardErrors() {
+  std::set<HeadedName> tested;
+  bool is_inside = false;
+  for (const std::string& line : LinesOf(fs::path(PLENOCAL_SOURCE) / "docs/uncertainty.md")) {
+    if (line.starts_with("<!-- bench/honest:")) is_inside = !is_inside;
+    if (!is_inside || !line.starts_with("|")) continue;
+    const std::vector<std::string> cells = Cells(line);
+    for (const std::string& name : Quoted(cells.at(1))) tested.emplace(cells.at(0), name);
+  }
+  return tested;
+}
+
+TEST(Documents, HaveAMonteCarloRowForEachStandardErrorThatIsWritten) {
+  const std::regex name_of_one(R"((^|_)(sigmas?|std_error)(_|\.|$))");
+  const std::regex meaning_of_one("standard (error|deviation)|covariance");
+  const std::set<HeadedName> tested = TestedStandardErrors();
+  EXPECT_GT(tested.size(), 30);
+  std::string heading;
+  bool is_written = false;  // by the program: what people write comes before and after that
+  for (const std::string& line : LinesOf(fs::path(PLENOCAL_SOURCE) / "docs/formats.md")) {
+    if (line == "## Detections") is_written = true;
+    if (line.starts_with("## Specification of")) is_written = false;
+    if (line.starts_with("#")) {
+      heading = std::regex_replace(line, std::regex("^#+ (Keys of |Columns of )?"), "");
+    }
+    if (!is_written || !line.starts_with("|")) continue;
+    const std::vector<std::string> names = Quoted(Cells(line).at(0));
+    const auto is_tested = [&](const std::string& name) {
+      return tested.contains({heading, name});
+    };
+    const std::string remedy = heading +
+                               ": a standard error without a case: add one to "
+                               "bench/honest_cases.py (or a line to OTHERS), run bench/honest "
+                               "--write docs/uncertainty.md: " +
+                               line;
+    for (const std::string& name : names) {
+      EXPECT_TRUE(!std::regex_search(name, name_of_one) || is_tested(name)) << remedy;
+    }
+    if (!names.empty() && std::regex_search(line, meaning_of_one)) {
+      EXPECT_TRUE(std::ranges::any_of(names, is_tested)) << remedy;
+    }
+  }
+}
+
 // A reader of the repository has nothing else.
 TEST(Repository, PointsToNothingOutsideOfIt) {
   const std::regex outside(
