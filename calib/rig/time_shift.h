@@ -28,7 +28,7 @@ std::optional<RigTimes> TimesOf(std::span<const CameraInput> cameras,
                                 const std::vector<std::string>& frames);
 
 /// Whether the frames follow each other closely enough that the rig's way between them is known:
-/// what four to eight neighbours predict of the target's place in a frame is nearer to it than a
+/// what its neighbours predict of the target's place in a frame is nearer to it than a
 /// third of the way from frame to frame, in the median.
 bool ShowsMotion(const Bundle& bundle, const RigTimes& times);
 
@@ -37,7 +37,7 @@ bool ShowsMotion(const Bundle& bundle, const RigTimes& times);
 void AddTimeShifts(const RigTimes& times, Bundle* bundle);
 
 /// Sets `Bundle::motion` from the poses and time shifts as they are: the way from a frame's pose to
-/// that at a view's time, by polynomials through the poses of five to nine
+/// that at a view's time, by polynomials through the poses of five to 13
 /// frames, whichever predict best.
 void UpdateMotion(const RigTimes& times, Bundle* bundle);
 
