@@ -9,6 +9,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <span>
+#include <sstream>
 #include <string_view>
 
 #include "apps/cli/shell/declarations.h"
@@ -70,6 +71,18 @@ void RefuseInfiniteNumbers(const CLI::App& command) {
           ErrorKind::kInput,
           fmt::format("{}: expected a finite number, found '{}'", option->get_name(), result));
     }
+  }
+}
+
+/// An unset variable of a script gives an empty text, which would name the working folder or
+/// nothing.
+void RefuseEmptyTexts(const CLI::App& command) {
+  for (const CLI::Option* option : command.get_options()) {
+    // Some options may stand without a value.
+    if (option->get_expected_min() == 0) continue;
+    if (std::ranges::find(option->results(), "") == option->results().end()) continue;
+    throw Error(ErrorKind::kInput,
+                fmt::format("{}: is empty; give a value or leave it out", option->get_name()));
   }
 }
 
@@ -157,12 +170,17 @@ RunCommand CommandLine::Parse(int argc, char** argv) {
   try {
     app_->parse(argc, argv);
   } catch (const CLI::Success& help_or_version) {
-    app_->exit(help_or_version);
+    std::ostringstream text;
+    app_->exit(help_or_version, text);
+    fmt::print("{}", text.str());
     return {};
   } catch (const CLI::ParseError& error) {
     RefuseArguments(*app_, error, arguments);
   }
-  for (const CLI::App* command : app_->get_subcommands()) RefuseInfiniteNumbers(*command);
+  for (const CLI::App* command : app_->get_subcommands()) {
+    RefuseInfiniteNumbers(*command);
+    RefuseEmptyTexts(*command);
+  }
   return [this] {
     const std::vector<std::string> more = PluginsOfEnvironment(plugins_);
     for (const std::string& plugin : more) AddModelsOfEnvironment(plugin);

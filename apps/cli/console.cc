@@ -10,12 +10,15 @@
 #include <cerrno>
 #include <chrono>
 #include <csignal>
+#include <cstdio>
 #include <cstdlib>
+#include <cstring>
 #include <nlohmann/json.hpp>
 #include <thread>
 #include <utility>
 #include <vector>
 
+#include "calib/base/error.h"
 #include "calib/base/output_folder.h"
 #include "calib/base/quoted_text.h"
 
@@ -225,6 +228,12 @@ void OpenStandardStreams() {
     if (fcntl(file, F_GETFD) == -1 && open("/dev/null", O_RDONLY) != file) _exit(kJobFailedStatus);
   }
   ErrorFile();
+}
+
+void FlushOutput() {
+  if (std::fflush(stdout) == 0) return;
+  throw Error(ErrorKind::kJob,
+              fmt::format("cannot write to standard output: {}", std::strerror(errno)));
 }
 
 void PrintError(std::string_view text) {

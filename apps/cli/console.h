@@ -89,6 +89,9 @@ inline constexpr const char* kInterrupted = "interrupted; no result files were w
 /// are opened.
 void OpenStandardStreams();
 
+/// Writes what was printed so far. Throws `Error` of kind kJob where standard output takes no more.
+void FlushOutput();
+
 /// Writes text to standard error. Nothing happens where it is closed or full: a message that cannot
 /// be shown is no reason to stop.
 void PrintError(std::string_view text);

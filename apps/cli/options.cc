@@ -4,8 +4,6 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 
-#include <csignal>
-
 #include "calib/base/error.h"
 #include "calib/files/session.h"
 
@@ -33,8 +31,6 @@ void AddEvents(CLI::App* app, ConsoleOptions* shared) {
              throw Error(ErrorKind::kInput,
                          fmt::format("--events {}: no open file has this number", file));
            }
-           // Who reads may end first.
-           std::signal(SIGPIPE, SIG_IGN);
            shared->events = copy;
          },
          "number of an open file that takes progress as JSON lines: for programs that run this one")

@@ -5,6 +5,7 @@
 #include <glog/logging.h>
 #include <malloc.h>
 
+#include <csignal>
 #include <cstdio>
 #include <exception>
 #include <filesystem>
@@ -47,6 +48,15 @@ void KeepReleasedMemory() {
   mallopt(M_TRIM_THRESHOLD, kBytes);
 }
 
+/// A write into a closed pipe or behind a limit for the size of files ends in a message. Handled
+/// and not ignored: programs that this one starts would inherit that.
+void SurviveFailedWrites() {
+  struct sigaction action {};
+  action.sa_handler = [](int) {};
+  action.sa_flags = SA_RESTART;
+  for (const int signal : {SIGPIPE, SIGXFSZ}) sigaction(signal, &action, nullptr);
+}
+
 int ParseAndRun(int argc, char** argv) {
   constexpr int kFailed = kJobFailedStatus;
   try {
@@ -55,7 +65,7 @@ int ParseAndRun(int argc, char** argv) {
     CatchInterrupts();
     if (run) run();
     // What is printed is a result: a full disk behind a redirection is a failure.
-    if (std::fflush(stdout) != 0) return Fail(kFailed, "cannot write to standard output");
+    FlushOutput();
     return 0;
   } catch (const Error& error) {
     return Fail(StatusOf(error.kind()), error.what());
@@ -79,6 +89,7 @@ void SilenceSolver() { FLAGS_minloglevel = google::GLOG_FATAL; }
 
 int RunProgram(int argc, char** argv) {
   KeepReleasedMemory();
+  SurviveFailedWrites();
   OpenStandardStreams();
   SilenceSolver();
   return ParseAndRun(argc, argv);

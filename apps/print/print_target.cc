@@ -359,25 +359,18 @@ std::vector<std::filesystem::path> PrintTarget(const PrintRequest& request) {
       sheets[0].tags.empty() ? std::vector<TargetPart>() : DrawTarget(target, Pieces::kApart);
   const std::vector<Page> pages = LayOut(sheets, tags, paper);
 
-  const std::filesystem::path folder =
-      request.out.has_parent_path() ? request.out.parent_path() : std::filesystem::path(".");
-  OutputFolder out(folder);
-  std::vector<std::filesystem::path> written;
-  const auto write = [&](const std::string& name, const std::string& content) {
-    out.Write(name, content);
-    written.push_back(folder / name);
-  };
+  OutputContents files;
   if (extension == ".pdf") {
-    write(request.out.filename().string(), Pdf(pages));
+    files.emplace_back(request.out.filename().string(), Pdf(pages));
   } else {
     for (size_t i = 0; i < pages.size(); ++i) {
       const std::string stem = request.out.stem().string();
       const std::string name = pages.size() == 1 ? stem : fmt::format("{}-{}", stem, i + 1);
-      write(name + extension, extension == ".svg" ? Svg(pages[i]) : Png(pages[i], request.dpi));
+      files.emplace_back(name + extension,
+                         extension == ".svg" ? Svg(pages[i]) : Png(pages[i], request.dpi));
     }
   }
-  out.Commit();
-  return written;
+  return WriteOutputs(request.out, files);
 }
 
 }  // namespace plenocal

@@ -189,12 +189,12 @@ std::optional<ImageSize> HeaderSizeOf(const FrameImage& image) {
       start = image.store->Start(image.index, most);
     } else {
       const std::string content = most == kStart ? ReadInputStart(image.path, most)
-                                                 : ReadInput(image.path, InputLimit::kTable);
+                                                 : ReadInput(image.path, InputLimit::kImage);
       start.bytes.assign(content.begin(), content.end());
     }
     if (!start.encoding.empty()) return start.size;
     const std::optional<ImageSize> size = SizeInHeader(start.bytes);
-    if (size || start.bytes.size() < kStart) return size;
+    if (size || !HasSizeFurtherBack(start.bytes)) return size;
   }
   return std::nullopt;
 }

@@ -61,9 +61,16 @@ std::vector<unsigned char> ZipArchive::Read(size_t file, size_t most) const {
               fmt::format("cannot be read ({}); pack the archive again",
                           zip_error_strerror(zip_get_error(archive_.get()))));
   }
-  // The size in the archive's directory may be wrong: the memory grows with what is really there.
   constexpr size_t kStep = 1 << 16;
-  constexpr auto kLimit = static_cast<size_t>(InputLimit::kTable);
+  constexpr auto kLimit = static_cast<size_t>(InputLimit::kImage);
+  const auto check = [&](zip_uint64_t size) {
+    if (size <= kLimit) return;
+    RefuseZip(Place(file), fmt::format("larger than {} MB; is it an image?", kLimit >> 20));
+  };
+  // The size in the archive's directory may be wrong: the memory grows with what is really there.
+  zip_stat_t stated{};
+  const bool is_stated = zip_stat_index(archive_.get(), indices_[file], 0, &stated) == 0;
+  if (is_stated && (stated.valid & ZIP_STAT_SIZE) != 0) check(stated.size);
   std::vector<unsigned char> content;
   while (content.size() < most) {
     const size_t length = content.size();
@@ -77,9 +84,7 @@ std::vector<unsigned char> ZipArchive::Read(size_t file, size_t most) const {
     }
     content.resize(length + static_cast<size_t>(count));
     if (count == 0) break;
-    if (content.size() > kLimit) {
-      RefuseZip(Place(file), fmt::format("larger than {} MB; is it an image?", kLimit >> 20));
-    }
+    check(content.size());
   }
   return content;
 }

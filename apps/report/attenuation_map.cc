@@ -1,28 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/report/attenuation_map.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <opencv2/core.hpp>
-#include <opencv2/imgcodecs.hpp>
 
-#include "calib/base/error.h"
-#include "detectors/images/image_codecs.h"
+#include "detectors/images/image.h"
 
 namespace plenocal {
 
 AttenuationMap ReadAttenuationMap(const std::string& tiff, const std::string& name, int longer) {
-  cv::Mat image;
-  try {
-    const std::vector<unsigned char> bytes(tiff.begin(), tiff.end());
-    image = DecodeImage(bytes, cv::IMREAD_UNCHANGED);
-  } catch (const cv::Exception&) {
-    image.release();
-  }
-  if (image.empty() || image.type() != CV_32FC1) {
-    throw Error(ErrorKind::kInput, fmt::format("{}: is no 32-bit float TIFF of one channel", name));
-  }
+  const cv::Mat image = DecodeFloat({tiff.begin(), tiff.end()}, name);
   const double scale =
       std::min(1.0, static_cast<double>(longer) / std::max(image.cols, image.rows));
   AttenuationMap map;

@@ -7,12 +7,13 @@
 #include <vector>
 
 #include "apps/workbench/project/beneath.h"
+#include "calib/base/input_file.h"
 #include "detectors/images/image.h"
 
 namespace plenocal::workbench {
 
 Answer ImageAnswer(const std::filesystem::path& root, const FrameImage& image, int width) {
-  constexpr size_t kMostBytes = size_t{2} << 30;
+  constexpr auto kMostBytes = static_cast<size_t>(InputLimit::kImage);
   cv::Mat gray = image.store ? ReadRawGray(image)
                              : DecodeRawGray(ReadBeneath(root, image.path, kMostBytes), image.path);
   if (gray.depth() != CV_8U) {

@@ -42,8 +42,11 @@ constexpr const char* kPartial = ".partial";
 class Descriptor {
  public:
   Descriptor(const fs::path& path, int flags)
-      : path_(path), number_(open(path.c_str(), flags | O_CLOEXEC, 0666)) {
-    if (number_ < 0) Fail(path, fmt::format("cannot be written: {}", std::strerror(errno)));
+      : Descriptor(path, open(path.c_str(), flags | O_CLOEXEC, 0666), kNothingChanged) {}
+  // Takes an open file; `consequence` ends the message of a write that fails.
+  Descriptor(fs::path path, int number, const char* consequence)
+      : path_(std::move(path)), number_(number), consequence_(consequence) {
+    if (number_ < 0) Fail(path_, fmt::format("cannot be written: {}", std::strerror(errno)));
   }
   ~Descriptor() {
     if (number_ >= 0) close(number_);
@@ -72,15 +75,70 @@ class Descriptor {
   }
 
  private:
+  static constexpr const char* kNothingChanged = "; nothing was changed in the output folder";
+
   [[noreturn]] void FailToWrite(int error) const {
-    Fail(path_,
-         fmt::format("cannot be written: {}; nothing was changed in the output folder",
-                     std::strerror(error)));
+    Fail(path_, fmt::format("cannot be written: {}{}", std::strerror(error), consequence_));
   }
 
   fs::path path_;
   int number_;
+  const char* consequence_;
 };
+
+// Refuses to replace anything but a regular file by a result.
+void RefuseIrregular(const fs::path& place) {
+  struct stat status {};
+  if (lstat(place.c_str(), &status) != 0 || S_ISREG(status.st_mode)) return;
+  Fail(place,
+       fmt::format("is a {} where a result file belongs; move it or give another -o",
+                   S_ISDIR(status.st_mode)   ? "folder"
+                   : S_ISLNK(status.st_mode) ? "symbolic link"
+                                             : "device, pipe or socket"));
+}
+
+[[noreturn]] void RefuseOutput(const fs::path& path, const std::string& what) {
+  throw Error(ErrorKind::kInput, fmt::format("{}: {}", path.string(), what));
+}
+
+// True for what stands for an open file of this process, such as /proc/self/fd/1.
+bool IsOpenFile(const fs::path& path) {
+  std::error_code error;
+  return fs::is_symlink(path, error) && fs::equivalent(path.parent_path(), "/proc/self/fd", error);
+}
+
+// What a chain of symbolic links leads to, which need not be there.
+fs::path EndOfLinks(const fs::path& file) {
+  constexpr int kMostLinks = 40;  // as the system's
+  fs::path end = file;
+  std::error_code error;
+  for (int links = 0; fs::is_symlink(end, error) && !IsOpenFile(end); ++links) {
+    if (links == kMostLinks) RefuseOutput(file, "is a symbolic link that leads to itself");
+    end = end.parent_path() / fs::read_symlink(end);
+  }
+  return end;
+}
+
+// True for what is written to and never replaced; refuses what can be neither.
+bool IsWrittenDirectly(const fs::path& file) {
+  struct stat status {};
+  if (IsOpenFile(file)) return true;
+  if (stat(file.c_str(), &status) != 0 || S_ISREG(status.st_mode)) return false;
+  if (S_ISFIFO(status.st_mode) || S_ISCHR(status.st_mode)) return true;
+  RefuseOutput(file,
+               fmt::format("is a {}; name a file to write",
+                           S_ISDIR(status.st_mode) ? "folder" : "block device or socket"));
+}
+
+int OpenDirectly(const fs::path& file) {
+  // Opened anew, an open file would lose its offset, behind which others may have written.
+  if (IsOpenFile(file)) return fcntl(std::stoi(file.filename()), F_DUPFD_CLOEXEC, 0);
+  while (true) {
+    // A FIFO waits for its reader.
+    const int number = open(file.c_str(), O_WRONLY | O_NOCTTY | O_CLOEXEC);
+    if (number >= 0 || errno != EINTR) return number;
+  }
+}
 
 // A folder that may be entered but not read cannot be waited for.
 void SyncFolder(const fs::path& folder) {
@@ -290,7 +348,9 @@ void OutputFolder::Discard() {
 
 void OutputFolder::RefuseInputs(const std::vector<std::string>& names) const {
   for (const std::string& name : names) {
-    const std::optional<fs::path> input = InputAt(PlaceOf(folder_, name));
+    const fs::path place = PlaceOf(folder_, name);
+    RefuseIrregular(place);
+    const std::optional<fs::path> input = InputAt(place);
     if (!input) continue;
     throw Error(ErrorKind::kInput,
                 fmt::format("{}: the results would replace this input; give another place with -o",
@@ -324,15 +384,13 @@ void OutputFolder::Commit() {
   const std::vector<fs::path> files = FilesIn(Partial());
   for (const fs::path& file : files) {
     RefuseInputs({file.string()});
-    if (fs::is_directory(folder_ / file, error)) {
-      Fail(folder_ / file, "is a folder where a result file belongs; move it or give another -o");
-    }
     for (fs::path parent = file.parent_path(); !parent.empty(); parent = parent.parent_path()) {
       if (fs::exists(folder_ / parent, error) && !fs::is_directory(folder_ / parent, error)) {
         Fail(folder_ / parent, "is a file where a folder of results belongs; move it");
       }
     }
   }
+  for (const std::string& name : removed_) RefuseIrregular(PlaceOf(folder_, name));
   Descriptor list(Partial() / kIncomplete, O_WRONLY | O_CREAT | O_TRUNC);
   for (const std::string& name : removed_) {
     // Rename replaces a file that was written again; whoever completes these moves once more must
@@ -351,6 +409,41 @@ void OutputFolder::Commit() {
   announced_ = false;
   made_.clear();
   fs::remove_all(Partial(), error);
+}
+
+void WriteOutput(const fs::path& file, std::string content) {
+  OutputContents one;
+  one.emplace_back(file.filename().string(), std::move(content));
+  WriteOutputs(file, std::move(one));
+}
+
+std::vector<fs::path> WriteOutputs(const fs::path& file, OutputContents contents) {
+  if (!file.has_filename()) RefuseOutput(file, "names no file; name a file to write");
+  const fs::path end = EndOfLinks(file);
+  if (IsWrittenDirectly(end)) {
+    if (contents.size() != 1) {
+      RefuseOutput(file, "is a device or pipe, and there are several files to write; name a file");
+    }
+    Descriptor direct(file, OpenDirectly(end), "");
+    direct.WriteAll(contents[0].second);
+    direct.Close();
+    return {file};
+  }
+  for (auto& [name, content] : contents) {
+    if (name == file.filename()) name = end.filename();
+  }
+  return WriteInto(end.parent_path(), contents);
+}
+
+std::vector<fs::path> WriteInto(const fs::path& folder, const OutputContents& contents) {
+  OutputFolder out(folder.empty() ? "." : folder);
+  std::vector<fs::path> written;
+  for (const auto& [name, content] : contents) {
+    out.Write(name, content);
+    written.push_back(folder / name);
+  }
+  out.Commit();
+  return written;
 }
 
 void CompleteResultsAround(const fs::path& path) {

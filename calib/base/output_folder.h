@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace plenocal {
@@ -12,7 +13,7 @@ namespace plenocal {
 /// folder too if this object made it and nothing else is inside.
 ///
 /// No file is written or removed outside of the folder, and none that this run has read
-/// (input_file.h) is replaced, whatever names it is given.
+/// (input_file.h) is replaced, whatever names it is given; nor is a symbolic link, device or pipe.
 ///
 /// A run that is killed (also by SIGKILL) or loses power leaves the old files or all new ones: the
 /// files are on the disk before a file "complete" in ".partial" announces them, the moves are made
@@ -28,8 +29,9 @@ class OutputFolder {
   OutputFolder(const OutputFolder&) = delete;
   OutputFolder& operator=(const OutputFolder&) = delete;
 
-  /// Throws `Error` of kind kInput when a result of one of these names would replace an input:
-  /// before the long work rather than in `Write`.
+  /// Throws `Error` of kind kInput when a result of one of these names would replace an input, and
+  /// of kind kJob where it would replace anything but a regular file: before the long work rather
+  /// than in `Write`.
   void RefuseInputs(const std::vector<std::string>& names) const;
   /// Writes one file of the run; `name` may have folders ("images/left/01.png"). May be called from
   /// several threads. Throws `Error` of kind kJob, for instance when the disk is full or the name
@@ -53,6 +55,24 @@ class OutputFolder {
   int lock_ = -1;                            // of the folder
   bool announced_ = false;                   // the files in ".partial" are complete
 };
+
+/// Writes the file that an option names, as an `OutputFolder` does. What a symbolic link leads to
+/// is written, and the link stays. A FIFO or character device is written to, also standard output
+/// by its names in /dev. Throws `Error` of kind kInput for a folder, block device or socket.
+void WriteOutput(const std::filesystem::path& file, std::string content);
+
+/// Names of files and their contents.
+using OutputContents = std::vector<std::pair<std::string, std::string>>;
+
+/// The same of several files in the folder of `file`, which may be one of them; where `file` is a
+/// link, they lie beside what it leads to. Returns their paths.
+std::vector<std::filesystem::path> WriteOutputs(const std::filesystem::path& file,
+                                                OutputContents contents);
+
+/// All results of a run in its `OutputFolder`; an empty path is the working folder. Returns the
+/// files' paths.
+std::vector<std::filesystem::path> WriteInto(const std::filesystem::path& folder,
+                                             const OutputContents& contents);
 
 /// Completes the moves of a killed run in the folder of `path` and the two above it, so that no
 /// reader takes old and new files together. Throws `Error` of kind kJob where that is not possible.

@@ -22,6 +22,7 @@
 #include "calib/base/input_file.h"
 #include "detectors/images/bytes.h"
 #include "detectors/images/image_codecs.h"
+#include "detectors/images/image_header.h"
 #include "detectors/images/orientation_tag.h"
 #include "detectors/images/stored/stored_pixels.h"
 
@@ -35,24 +36,26 @@ namespace fs = std::filesystem;
 using Bytes = std::vector<std::uint8_t>;
 using internal::BigEndian, internal::ByteView, internal::LittleEndian, internal::StartsWith;
 
-/// Larger images are refused before memory is allocated: this is some thirty times a big sensor, so
-/// only broken or hostile headers exceed it.
-constexpr std::uint64_t kMaxPixels = std::uint64_t{1} << 29;
-
 /// The first defect of a file in words, or nothing.
 using Defect = std::optional<std::string>;
 
-/// `bits` a pixel in a file of `bytes`: no codec packs an image more than deflate does at best, so
-/// the memory for an image is bounded by its file's size.
+/// `bits` a pixel, or fewer, in a file of `bytes`: no codec packs an image more than deflate does
+/// at best, so the memory for an image is bounded by its file's size too.
 Defect CheckSize(std::uint64_t width,
                  std::uint64_t height,
                  std::uint64_t bits,
                  std::uint64_t bytes) {
   constexpr std::uint64_t kMostBytesOfOne = 1032;
-  if (width == 0 || height == 0)
-    return fmt::format("the header says {} x {} pixels", width, height);
-  if (width > kMaxPixels || height > kMaxPixels || width * height > kMaxPixels) {
-    return fmt::format("the header says {} x {} pixels, more than can be an image", width, height);
+  if (width == 0 || height == 0 || width * height > kMostPixels) {
+    return "the header says " + PixelsText(width, height);
+  }
+  constexpr auto kMostBytes = static_cast<std::uint64_t>(InputLimit::kImage);
+  if (width * height * bits / 8 > kMostBytes) {
+    return fmt::format("the header says {} x {} pixels of {} bits; at most {} MB are read",
+                       width,
+                       height,
+                       bits,
+                       kMostBytes >> 20);
   }
   if (width * height * bits / 8 > kMostBytesOfOne * bytes) {
     return fmt::format(
@@ -67,6 +70,12 @@ std::uint32_t Crc(ByteView bytes) {
 }
 
 constexpr std::string_view kPngMagic = "\x89PNG\r\n\x1a\n";
+
+/// Of a colour type, whose bits are: palette, colour, alpha.
+std::uint64_t PngChannels(std::uint8_t colour_type) {
+  if ((colour_type & 1) != 0) return 1;
+  return ((colour_type & 2) != 0 ? 3 : 1) + ((colour_type & 4) != 0 ? 1 : 0);
+}
 
 /// Walks the chunks up to IEND, and drops the ancillary ones from `bytes`: libpng would complain on
 /// stderr about colour profiles that do not matter here.
@@ -90,9 +99,9 @@ Defect CheckPng(Bytes* bytes) {
     }
     if (at == kPngMagic.size()) {
       if (type != "IHDR" || length < 13) return "corrupt PNG (it does not begin with IHDR)";
-      // Of the colour types grey and palette have one channel, which is the least.
-      if (auto defect = CheckSize(
-              BigEndian(in, at + 8, 4), BigEndian(in, at + 12, 4), in[at + 16], in.size())) {
+      const std::uint64_t bits = in[at + 16] * PngChannels(in[at + 17]);
+      if (auto defect =
+              CheckSize(BigEndian(in, at + 8, 4), BigEndian(in, at + 12, 4), bits, in.size())) {
         return defect;
       }
     }
@@ -179,14 +188,13 @@ Defect CheckPnm(ByteView in) {
       }
     }
     if (at == in.size() || std::isdigit(in[at]) == 0) return "corrupt PGM or PPM header";
-    while (at < in.size() && std::isdigit(in[at]) != 0 && number <= kMaxPixels) {
+    while (at < in.size() && std::isdigit(in[at]) != 0 && number <= kMostPixels) {
       number = number * 10 + (in[at++] - '0');
     }
   }
-  if (auto defect = CheckSize(numbers[0], numbers[1], 8, in.size())) return defect;
-  const std::uint64_t channels = in[1] == '6' ? 3 : 1;
-  const std::uint64_t expected =
-      at + 1 + numbers[0] * numbers[1] * channels * (numbers[2] > 255 ? 2 : 1);
+  const std::uint64_t bytes = (in[1] == '6' ? 3 : 1) * (numbers[2] > 255 ? 2 : 1);  // a pixel
+  if (auto defect = CheckSize(numbers[0], numbers[1], 8 * bytes, in.size())) return defect;
+  const std::uint64_t expected = at + 1 + numbers[0] * numbers[1] * bytes;
   if (in.size() < expected) {
     return fmt::format(
         "truncated PGM or PPM ({} bytes where {} are expected)", in.size(), expected);
@@ -261,12 +269,34 @@ Defect CheckTiff(ByteView in) {
   return std::nullopt;
 }
 
+constexpr std::string_view kJpeg2000 = "\xff\x4f\xff\x51";        // a codestream alone
+constexpr std::string_view kJp2{"\0\0\0\x0cjP  \r\n\x87\n", 12};  // in a box
+
+/// The header of the codestream: the decoder holds 32 bits a channel.
+Defect CheckJpeg2000(ByteView in) {
+  constexpr std::size_t kBox = 8, kLongBox = 16, kHeader = 42;  // bytes
+  constexpr std::uint32_t kStream = 0x6a703263;                 // "jp2c"
+  while (!StartsWith(in, kJpeg2000)) {
+    if (in.size() < kLongBox) return "truncated JPEG 2000";
+    std::size_t length = BigEndian(in, 0, 4);
+    if (BigEndian(in, 4, 4) == kStream) length = length == 1 ? kLongBox : kBox;
+    if (length < kBox || length > in.size()) return "corrupt JPEG 2000 (no box follows another)";
+    in = in.subspan(length);
+  }
+  if (in.size() < kHeader) return "truncated JPEG 2000";
+  const auto side = [&](std::size_t end, std::size_t start) {
+    return BigEndian(in, end, 4) - BigEndian(in, start, 4);
+  };
+  return CheckSize(side(8, 16), side(12, 20), 32 * BigEndian(in, 40, 2), in.size());
+}
+
 Defect CheckIntegrity(Bytes* bytes) {
   const ByteView in(*bytes);
   if (StartsWith(in, kPngMagic)) return CheckPng(bytes);
   if (StartsWith(in, "\xff\xd8")) return CheckJpeg(in);
   if (StartsWith(in, "BM")) return CheckBmp(in);
   if (StartsWith(in, "P5") || StartsWith(in, "P6")) return CheckPnm(in);
+  if (StartsWith(in, kJpeg2000) || StartsWith(in, kJp2)) return CheckJpeg2000(in);
   using namespace std::string_view_literals;
   if (StartsWith(in, "II*\0"sv) || StartsWith(in, "MM\0*"sv)) return CheckTiff(in);
   return std::nullopt;
@@ -281,32 +311,45 @@ void RefuseEmpty(const Bytes& content, const fs::path& path) {
 }
 
 Bytes ReadFile(const fs::path& path) {
-  const std::string content = ReadInput(path, InputLimit::kTable);
+  const std::string content = ReadInput(path, InputLimit::kImage);
   Bytes bytes(content.begin(), content.end());
   RefuseEmpty(bytes, path);
   return bytes;
 }
 
+/// What `make` returns; names the file where the memory does not suffice.
+template <typename Make>
+auto WithinMemory(const fs::path& path, const Make& make) {
+  constexpr const char* kReason = "needs more memory than there is";
+  try {
+    return make();
+  } catch (const std::bad_alloc&) {
+    Refuse(path, kReason);
+  } catch (const cv::Exception& error) {
+    if (error.code == cv::Error::StsNoMem) Refuse(path, kReason);
+    throw;
+  }
+}
+
 /// An image in a store.
 StoredImage ReadStored(const FrameImage& image) {
-  StoredImage stored = image.store->Read(image.index);
+  StoredImage stored = WithinMemory(image.path, [&] { return image.store->Read(image.index); });
   RefuseEmpty(stored.bytes, image.path);
   return stored;
 }
 
+constexpr const char* kDepth = "expected 8 or 16 bits a channel; convert it";
+
 /// The image of a file's content; `flags` of cv::imdecode.
 cv::Mat Decoded(Bytes bytes, const fs::path& path, int flags) {
+  // HDR and PFM: their decoders take 12 bytes a pixel.
+  for (const char* magic : {"#?", "PF", "Pf"}) {
+    if (StartsWith(bytes, magic)) Refuse(path, kDepth);
+  }
   if (const Defect defect = CheckIntegrity(&bytes)) {
     Refuse(path, *defect + "; record or copy it again");
   }
-  cv::Mat image;
-  try {
-    image = DecodeImage(bytes, flags);
-  } catch (const cv::Exception&) {
-    image.release();
-  } catch (const std::bad_alloc&) {
-    Refuse(path, "needs more memory than there is");
-  }
+  const cv::Mat image = WithinMemory(path, [&] { return DecodeImage(bytes, flags); });
   if (image.empty()) Refuse(path, "is not an image OpenCV can read");
   return image;
 }
@@ -318,7 +361,7 @@ cv::Mat DecodePixels(Bytes bytes, const fs::path& path, int flags) {
   cv::Mat image =
       Decoded(std::move(bytes), path, flags | cv::IMREAD_ANYDEPTH | cv::IMREAD_IGNORE_ORIENTATION);
   if (image.depth() != CV_8U && image.depth() != CV_16U) {
-    Refuse(path, "expected 8 or 16 bits a channel; convert it");
+    Refuse(path, kDepth);
   }
   return image;
 }
@@ -359,7 +402,9 @@ cv::Mat ReadGray(const fs::path& path) {
 cv::Mat ReadRawGray(const FrameImage& image) {
   if (!image.store) return DecodePixels(ReadFile(image.path), image.path, cv::IMREAD_GRAYSCALE);
   StoredImage stored = ReadStored(image);
-  if (!stored.encoding.empty()) return internal::GrayOfPixels(stored, image.path);
+  if (!stored.encoding.empty()) {
+    return WithinMemory(image.path, [&] { return internal::GrayOfPixels(stored, image.path); });
+  }
   return DecodeRawGray(std::move(stored.bytes), image.path);
 }
 
@@ -368,7 +413,9 @@ cv::Mat ReadGray(const FrameImage& image) { return ScaledTo8Bits(ReadRawGray(ima
 cv::Mat ReadImage(const FrameImage& image) {
   if (!image.store) return ReadImage(image.path);
   StoredImage stored = ReadStored(image);
-  if (!stored.encoding.empty()) return internal::ImageOfPixels(stored, image.path);
+  if (!stored.encoding.empty()) {
+    return WithinMemory(image.path, [&] { return internal::ImageOfPixels(stored, image.path); });
+  }
   return DecodePixels(std::move(stored.bytes), image.path, cv::IMREAD_ANYCOLOR);
 }
 

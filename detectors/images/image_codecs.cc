@@ -8,11 +8,14 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <cstdlib>
 #include <mutex>
 #include <opencv2/core.hpp>
+#include <string>
 #include <string_view>
 
 #include "calib/base/error.h"
+#include "detectors/images/image_header.h"
 
 namespace plenocal {
 namespace {
@@ -45,6 +48,8 @@ void* FindSymbol(void* library, const char* symbol) {
 }
 
 Codecs LoadCodecs() {
+  // Read while the library is loaded. It is the limit for formats whose headers are not read here.
+  setenv("OPENCV_IO_MAX_IMAGE_PIXELS", std::to_string(kMostPixels).c_str(), 1);
   void* const library = dlopen(PLENOCAL_IMGCODECS, RTLD_NOW | RTLD_LOCAL);
   if (library == nullptr) {
     throw Error(
@@ -105,7 +110,12 @@ cv::Mat DecodeImage(const std::vector<std::uint8_t>& content, int flags) {
   }
   const Codecs& codecs = LoadedCodecs();
   const SilentCodecs silent;
-  return codecs.decode(content, flags);
+  try {
+    return codecs.decode(content, flags);
+  } catch (const cv::Exception& error) {
+    if (error.code == cv::Error::StsNoMem) throw;
+    return {};
+  }
 }
 
 std::string EncodeImage(const std::string& format,

@@ -14,7 +14,8 @@
 namespace plenocal {
 
 /// `cv::imdecode`: the pixels of an image file's content. `flags` are cv::ImreadModes; empty when
-/// no decoder accepts the content. Throws `Error` of kind kJob when imgcodecs cannot be loaded.
+/// no decoder accepts the content, or it has more than `kMostPixels`. Throws `Error` of kind kJob
+/// when imgcodecs cannot be loaded.
 cv::Mat DecodeImage(const std::vector<std::uint8_t>& content, int flags);
 
 /// `cv::imencode`: the content of an image file of this format, such as ".png". `parameters` are

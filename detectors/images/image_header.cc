@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "detectors/images/image_header.h"
 
+#include <fmt/format.h>
+
 #include <array>
 #include <cctype>
 #include <cstddef>
@@ -89,15 +91,32 @@ HeaderSize SizeOfTiff(ByteView in) {
   return SizeOf(width, height);
 }
 
+bool IsJpeg(ByteView in) { return StartsWith(in, "\xff\xd8"); }
+
+bool IsTiff(ByteView in) { return StartsWith(in, "II*\0"sv) || StartsWith(in, "MM\0*"sv); }
+
 }  // namespace
 
 std::optional<ImageSize> SizeInHeader(std::span<const std::uint8_t> start) {
   if (StartsWith(start, "\x89PNG\r\n\x1a\n")) return SizeOfPng(start);
-  if (StartsWith(start, "\xff\xd8")) return SizeOfJpeg(start);
+  if (IsJpeg(start)) return SizeOfJpeg(start);
   if (StartsWith(start, "BM")) return SizeOfBmp(start);
   if (StartsWith(start, "P5") || StartsWith(start, "P6")) return SizeOfPnm(start);
-  if (StartsWith(start, "II*\0"sv) || StartsWith(start, "MM\0*"sv)) return SizeOfTiff(start);
+  if (IsTiff(start)) return SizeOfTiff(start);
   return std::nullopt;
+}
+
+bool HasSizeFurtherBack(std::span<const std::uint8_t> start) {
+  return (IsJpeg(start) || IsTiff(start)) && !SizeInHeader(start);
+}
+
+std::string PixelsText(std::uint64_t width, std::uint64_t height) {
+  std::string text = fmt::format("{} x {} pixels", width, height);
+  constexpr std::uint64_t kMillion = 1'000'000;
+  if (width * height > kMostPixels) {
+    text += fmt::format("; at most {} million are read", kMostPixels / kMillion);
+  }
+  return text;
 }
 
 }  // namespace plenocal

@@ -50,10 +50,7 @@ std::string Yaml(const Record& calibration) {
 }
 
 void Save(const Record& calibration, const std::filesystem::path& path) {
-  const std::filesystem::path folder = path.parent_path();
-  OutputFolder out(folder.empty() ? "." : folder);
-  out.Write(path.filename().string(), Yaml(calibration));
-  out.Commit();
+  WriteOutput(path, Yaml(calibration));
 }
 
 std::string Report(const Record& calibration) {

@@ -9,10 +9,8 @@
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
-#include <iostream>
 #include <mutex>
 #include <optional>
-#include <sstream>
 #include <system_error>
 
 #include "apps/cli/command_line.h"
@@ -44,12 +42,10 @@ class CapturedOutput {
  public:
   CapturedOutput() : file_(open_memstream(&text_, &size_)), stdout_(stdout) {
     if (file_ == nullptr) throw std::bad_alloc();
-    cout_ = std::cout.rdbuf(stream_.rdbuf());
     stdout = file_;
   }
   ~CapturedOutput() {
     stdout = stdout_;
-    std::cout.rdbuf(cout_);
     std::fclose(file_);
     std::free(text_);
   }
@@ -58,15 +54,13 @@ class CapturedOutput {
 
   std::string Text() {
     std::fflush(file_);
-    return std::string(text_, size_) + stream_.str();
+    return {text_, size_};
   }
 
  private:
   char* text_ = nullptr;
   size_t size_ = 0;
   FILE *file_, *stdout_;
-  std::ostringstream stream_;
-  std::streambuf* cout_ = nullptr;
 };
 
 // A command has the process's standard output, flag of interruption and table of models.

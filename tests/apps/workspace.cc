@@ -52,8 +52,6 @@ std::vector<std::string> Split(const std::string& line, char separator) {
   if (options.no_environment) clearenv();
   for (const auto& [name, value] : options.environment) setenv(name.c_str(), value.c_str(), 1);
   if (options.file_size_limit > 0) {
-    // Ignored, so that `write` itself reports that there is no room.
-    signal(SIGXFSZ, SIG_IGN);
     const rlimit limit{options.file_size_limit, options.file_size_limit};
     if (setrlimit(RLIMIT_FSIZE, &limit) != 0) _exit(126);
   }

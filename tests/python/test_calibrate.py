@@ -5,6 +5,7 @@ import filecmp
 import json
 import os
 import pathlib
+import resource
 import signal
 import subprocess
 import sys
@@ -175,6 +176,22 @@ def test_located_views_are_where_the_calibration_has_them(
         error = np.array(found["translation"]) - pose["T_target_rig"][:3, 3]
         sigma = np.sqrt(np.diag(found["covariance"])[:3].sum())
         assert np.linalg.norm(error) < 4 * sigma
+
+
+# Python ignores SIGXFSZ, which would end the process; the module changes no handler.
+def test_a_limit_for_the_size_of_files_is_an_exception(
+    calibration: plenocal.Calibration, tmp_path: pathlib.Path
+) -> None:
+    before = signal.getsignal(signal.SIGXFSZ), signal.getsignal(signal.SIGPIPE)
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100, limits[1]))
+    try:
+        with pytest.raises(plenocal.JobError, match="c.yaml: cannot be written: File too large"):
+            calibration.save(tmp_path / "c.yaml")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert (signal.getsignal(signal.SIGXFSZ), signal.getsignal(signal.SIGPIPE)) == before
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_messages_are_those_of_the_program(tmp_path: pathlib.Path) -> None:

@@ -448,12 +448,7 @@ void RunEvaluate(const EvaluateArguments& arguments, const ConsoleOptions& share
   std::vector<Run> runs = NamedRuns(arguments);
   const Truth truth = ReadTruth(arguments, &console);
   EvaluateAll(arguments, truth, &console, &runs);
-  if (format) {
-    const std::filesystem::path folder = arguments.chart.parent_path();
-    OutputFolder output(folder.empty() ? "." : folder);
-    output.Write(arguments.chart.filename().string(), DrawBarChart(ChartOf(runs, truth), *format));
-    output.Commit();
-  }
+  if (format) WriteOutput(arguments.chart, DrawBarChart(ChartOf(runs, truth), *format));
   if (arguments.json) {
     PrintJson(arguments, runs);
   } else {

@@ -157,12 +157,10 @@ void RunExport(const ExportArguments& arguments, const ConsoleOptions& shared) {
                        VignettePng(calibration.path.parent_path() / cameras[0].vignetting));
   }
   if (response) files.emplace_back("pcalib.txt", PcalibText(*response));
-  const std::filesystem::path parent = is_model ? arguments.out : arguments.out.parent_path();
-  OutputFolder output(parent.empty() ? "." : parent);
-  for (const auto& [name, content] : files) output.Write(name, content);
-  output.Commit();
-  for (const auto& [name, content] : files) {
-    console.Print(fmt::format("written to {}\n", (parent / name).string()));
+  const auto written =
+      is_model ? WriteInto(arguments.out, files) : WriteOutputs(arguments.out, files);
+  for (const std::filesystem::path& path : written) {
+    console.Print(fmt::format("written to {}\n", path.string()));
   }
 }
 

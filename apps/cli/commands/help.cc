@@ -34,9 +34,8 @@ const CLI::App& FindCommand(const CLI::App& app, const std::string& name) {
 }
 
 void WriteManPages(const CLI::App& root, const std::filesystem::path& folder) {
-  OutputFolder out(folder);
-  for (const auto& [name, page] : ManPages(root)) out.Write(name, page);
-  out.Commit();
+  const auto pages = ManPages(root);
+  WriteInto(folder, {pages.begin(), pages.end()});
 }
 
 void RunHelp(const HelpArguments& arguments, const CLI::App& root) {

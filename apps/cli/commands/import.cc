@@ -100,14 +100,12 @@ void RunImport(const ImportArguments& arguments, const ConsoleOptions& shared) {
   if (!made.file.message.empty()) console.Message(made.file.message);
   // A path with the extension of the result is the file to write, any other a folder.
   const bool is_file = arguments.out.extension() == std::filesystem::path(made.name).extension();
-  std::filesystem::path folder = is_file ? arguments.out.parent_path() : arguments.out;
-  if (folder.empty()) folder = ".";
-  const std::string name = is_file ? arguments.out.filename().string() : made.name;
-  OutputFolder output(folder);
-  output.Write(name, made.file.content);
-  for (const auto& [beside, content] : made.file.beside) output.Write(beside, content);
-  output.Commit();
-  console.Print(fmt::format("written to {}\n", (folder / name).string()));
+  OutputContents files = made.file.beside;
+  files.emplace(
+      files.begin(), is_file ? arguments.out.filename().string() : made.name, made.file.content);
+  const auto written =
+      is_file ? WriteOutputs(arguments.out, files) : WriteInto(arguments.out, files);
+  console.Print(fmt::format("written to {}\n", written[0].string()));
 }
 
 std::string ImportHelp() {

@@ -261,12 +261,7 @@ void RunLocate(const LocateArguments& arguments, const ConsoleOptions& shared) {
                             Counted(seen.views.size(), "image"),
                             arguments.map.string()));
   }
-  if (!arguments.out.empty()) {
-    const fs::path folder = arguments.out.parent_path();
-    OutputFolder output(folder.empty() ? "." : folder);
-    output.Write(arguments.out.filename().string(), csv);
-    output.Commit();
-  }
+  if (!arguments.out.empty()) WriteOutput(arguments.out, csv);
   if (arguments.json) {
     using Handler = nlohmann::ordered_json::error_handler_t;
     console.Print(poses.dump(2, ' ', false, Handler::replace) + "\n");

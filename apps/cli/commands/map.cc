@@ -33,20 +33,18 @@ void RunMap(const MapArguments& arguments, const ConsoleOptions& shared) {
 
   const std::string extension = arguments.out.extension().string();
   const bool storage = extension == ".yaml" || extension == ".yml" || extension == ".xml";
-  const std::filesystem::path folder = storage ? arguments.out.parent_path() : arguments.out;
-  OutputFolder out(folder.empty() ? "." : folder);
   const PixelMap map = MapPixels(view, camera, Eigen::Matrix3d::Identity(), shared.threads);
   const std::string format = extension == ".xml" ? "xml" : storage ? "yml" : "";
-  for (const auto& [name, content] : MapFiles(map, view.params, format)) {
-    out.Write(storage ? arguments.out.filename().string() : name, content);
+  auto files = MapFiles(map, view.params, format);
+  if (storage) {
+    WriteOutput(arguments.out, files.begin()->second);
+  } else {
+    files["calibration.yaml"] =
+        GivenCamerasYaml(std::array{view},
+                         {{"plenocal_version", PLENOCAL_VERSION},
+                          {"undistorted_from", arguments.calibration.string()}});
+    WriteInto(arguments.out, {files.begin(), files.end()});
   }
-  if (!storage) {
-    out.Write("calibration.yaml",
-              GivenCamerasYaml(std::array{view},
-                               {{"plenocal_version", PLENOCAL_VERSION},
-                                {"undistorted_from", arguments.calibration.string()}}));
-  }
-  out.Commit();
   Console(shared).Print(
       fmt::format("{}: {}\nwritten to {}\n", camera.name, ViewText(view), arguments.out.string()));
 }

@@ -32,7 +32,7 @@ struct RecordingArguments {
 
 /// Writes the supplied markers of all cameras as detections.
 void WriteMarkers(const Recording& recording, const std::filesystem::path& out, Console* console) {
-  std::vector<std::pair<std::string, std::string>> files;
+  OutputContents files;
   for (size_t c = 0; c < recording.cameras.size(); ++c) {
     const RecordedCamera& camera = recording.cameras[c];
     if (!camera.markers) continue;
@@ -54,11 +54,8 @@ void WriteMarkers(const Recording& recording, const std::filesystem::path& out, 
                     recording.path.string(),
                     recording.cameras[0].name));
   }
-  OutputFolder output(out);
-  for (const auto& [name, content] : files) output.Write(name, content);
-  output.Commit();
-  for (const auto& [name, content] : files) {
-    console->Print(fmt::format("written to {}\n", (out / name).string()));
+  for (const std::filesystem::path& written : WriteInto(out, files)) {
+    console->Print(fmt::format("written to {}\n", written.string()));
   }
 }
 
@@ -76,9 +73,7 @@ void WriteExposures(const Recording& recording,
   for (const LeftOut& item : exposures.left_out) {
     console->Message(fmt::format("  left out {}: {}", item.where, item.reason));
   }
-  OutputFolder output(out);
-  output.Write("exposures.csv", FrameExposuresCsv(recording, exposures));
-  output.Commit();
+  WriteInto(out, {{"exposures.csv", FrameExposuresCsv(recording, exposures)}});
   size_t different = 0;
   for (const RelativeExposure& image : exposures.images) {
     if (!image.differs) continue;
@@ -103,7 +98,7 @@ void WriteExposures(const Recording& recording,
 void WriteCameraInfo(const Recording& recording,
                      const std::filesystem::path& out,
                      Console* console) {
-  std::vector<std::pair<std::string, std::string>> files;
+  OutputContents files;
   for (const ImageTopic& topic : recording.topics) {
     if (topic.camera_info.empty() || topic.camera.empty()) continue;
     const std::optional<CameraInfo> info = recording.log->ReadInfo(topic.camera_info);
@@ -124,11 +119,8 @@ void WriteCameraInfo(const Recording& recording,
                     "recording' lists its topics",
                     recording.path.string()));
   }
-  OutputFolder output(out);
-  for (const auto& [name, content] : files) output.Write(name, content);
-  output.Commit();
-  for (const auto& [name, content] : files) {
-    console->Print(fmt::format("written to {}\n", (out / name).string()));
+  for (const std::filesystem::path& written : WriteInto(out, files)) {
+    console->Print(fmt::format("written to {}\n", written.string()));
   }
 }
 

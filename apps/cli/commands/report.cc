@@ -17,10 +17,8 @@ namespace {
 void RunReport(const std::filesystem::path& folder, const ConsoleOptions& shared) {
   const CalibrationRecord calibration = ReadCalibrationFolder(folder, CameraModels());
   const std::string page = ReportHtml(calibration, ReadCameraFiles(folder, calibration));
-  OutputFolder out(folder);
-  out.Write("report.html", page);
-  out.Commit();
-  Console(shared).Print(fmt::format("written to {}\n", (folder / "report.html").string()));
+  const auto written = WriteInto(folder, {{"report.html", page}});
+  Console(shared).Print(fmt::format("written to {}\n", written[0].string()));
 }
 
 constexpr const char* kReportHelp =

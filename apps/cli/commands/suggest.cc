@@ -299,11 +299,7 @@ void RunSuggest(const SuggestArguments& arguments, const ConsoleOptions& shared)
                                                  .goal = arguments.goal,
                                                  .threads = shared.threads});
   if (format) {
-    const std::filesystem::path folder = arguments.picture.parent_path();
-    OutputFolder out(folder.empty() ? "." : folder);
-    out.Write(arguments.picture.filename().string(),
-              DrawViewSheet(suggestions, basis.rig, basis.shape, *format));
-    out.Commit();
+    WriteOutput(arguments.picture, DrawViewSheet(suggestions, basis.rig, basis.shape, *format));
   }
   if (arguments.json) {
     nlohmann::json result = SuggestionsJson(suggestions, basis.rig);

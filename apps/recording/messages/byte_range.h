@@ -6,13 +6,26 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <memory>
 #include <span>
+#include <utility>
 #include <vector>
 
 namespace plenocal {
 
 using ByteSpan = std::span<const std::uint8_t>;
 using ByteVector = std::vector<std::uint8_t>;
+
+/// Bytes and what holds them: a chunk of many messages is not copied for one.
+struct SharedBytes {
+  explicit SharedBytes(ByteVector own)
+      : owner(std::make_shared<const ByteVector>(std::move(own))), bytes(*owner) {}
+  SharedBytes(std::shared_ptr<const ByteVector> all, std::size_t offset, std::size_t size)
+      : owner(std::move(all)), bytes(ByteSpan(*owner).subspan(offset, size)) {}
+
+  std::shared_ptr<const ByteVector> owner;
+  ByteSpan bytes;
+};
 
 /// An input file of any size. Its functions may be called from several threads.
 class InputBytes {

@@ -11,9 +11,6 @@
 namespace plenocal {
 
 std::shared_ptr<const ByteVector> ChunkedFile::Unpacked(const Chunk& chunk) const {
-  // Writers make chunks of some MB; of one image more, where it is larger than that.
-  constexpr std::uint64_t kMost = std::uint64_t{1} << 30;
-  if (chunk.unpacked > kMost || chunk.size > kMost) return nullptr;
   ByteVector packed(chunk.size);
   file_.Read(chunk.offset, packed);
   std::optional<ByteVector> bytes = Unpack(chunk.packing, packed, chunk.unpacked, chunk.end);
@@ -45,19 +42,29 @@ std::shared_ptr<const ByteVector> ChunkedFile::KeptChunk(std::uint64_t block) co
                             chunks_[block].offset));
   }
   kept_.emplace_front(block, bytes);
-  if (kept_.size() > kMostKept) kept_.pop_back();
+  const auto size = [&] {
+    std::uint64_t sum = 0;
+    for (const auto& [number, kept] : kept_) sum += kept->size();
+    return sum;
+  };
+  while (kept_.size() > kMostKept || (kept_.size() > 1 && size() > kMostBytes)) kept_.pop_back();
   return bytes;
 }
 
-ByteVector ChunkedFile::Read(const MessageRef& message, size_t most) const {
-  ByteVector bytes(std::min<std::uint64_t>(message.size, most));
-  if (message.block == kInFile) {
-    file_.Read(message.offset, bytes);
-    return bytes;
+SharedBytes ChunkedFile::Read(const MessageRef& message, size_t most) const {
+  const auto size = std::min<std::uint64_t>(message.size, most);
+  if (size > kMostBytes) {
+    throw Error(ErrorKind::kInput,
+                fmt::format("{}: the message at byte {} has {} MB; at most {} are read",
+                            file_.Path().string(),
+                            message.offset,
+                            message.size >> 20,
+                            kMostBytes >> 20));
   }
-  const std::shared_ptr<const ByteVector> chunk = KeptChunk(message.block);
-  std::ranges::copy(ByteSpan(*chunk).subspan(message.offset, bytes.size()), bytes.begin());
-  return bytes;
+  if (message.block != kInFile) return {KeptChunk(message.block), message.offset, size};
+  ByteVector bytes(size);
+  file_.Read(message.offset, bytes);
+  return SharedBytes(std::move(bytes));
 }
 
 }  // namespace plenocal

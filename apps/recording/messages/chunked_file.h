@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <list>
 #include <memory>
 #include <mutex>
@@ -13,6 +14,7 @@
 
 #include "apps/recording/messages/message_file.h"
 #include "apps/recording/messages/unpack.h"
+#include "calib/base/input_file.h"
 
 namespace plenocal {
 
@@ -21,7 +23,7 @@ namespace plenocal {
 class ChunkedFile : public MessageFile {
  public:
   explicit ChunkedFile(const std::filesystem::path& path) : file_(path) {}
-  [[nodiscard]] ByteVector Read(const MessageRef& message, size_t most) const override;
+  [[nodiscard]] SharedBytes Read(const MessageRef& message, size_t most) const override;
 
  protected:
   struct Chunk {
@@ -45,6 +47,15 @@ class ChunkedFile : public MessageFile {
       scan(&range, kInFile, chunk.offset);
       return;
     }
+    if (std::max(chunk.unpacked, chunk.size) > kMostBytes) {
+      AddDamage(
+          fmt::format("the chunk at byte {} has {} MB, of which at most {} are read; its "
+                      "messages are lost",
+                      chunk.offset,
+                      std::max(chunk.unpacked, chunk.size) >> 20,
+                      kMostBytes >> 20));
+      return;
+    }
     std::shared_ptr<const ByteVector> bytes = Unpacked(chunk);
     if (!bytes) {
       AddDamage(
@@ -57,6 +68,10 @@ class ChunkedFile : public MessageFile {
   }
 
  private:
+  /// Of a message, and of a packed chunk: writers make chunks of some MB, of one image more where
+  /// it is larger than that.
+  static constexpr auto kMostBytes = static_cast<std::uint64_t>(InputLimit::kImage);
+
   [[nodiscard]] std::shared_ptr<const ByteVector> Unpacked(const Chunk& chunk) const;
   [[nodiscard]] std::shared_ptr<const ByteVector> KeptChunk(std::uint64_t block) const;
 

@@ -16,6 +16,7 @@ namespace plenocal {
 namespace {
 
 constexpr std::size_t kAll = std::numeric_limits<std::size_t>::max();
+constexpr auto kMostUnpacked = static_cast<std::size_t>(InputLimit::kImage);
 
 struct FinalizeStatement {
   void operator()(sqlite3_stmt* statement) const { sqlite3_finalize(statement); }
@@ -163,21 +164,22 @@ std::optional<ByteVector> Db3File::Content(std::int64_t row, std::size_t most) c
     return std::nullopt;
   }
   if (most < size || !IsZstd(bytes)) return bytes;
-  constexpr std::size_t kMostUnpacked = std::size_t{1} << 30;
   return Unpack(Packing::kZstd, bytes, kMostUnpacked);
 }
 
-ByteVector Db3File::Read(const MessageRef& message, size_t most) const {
+SharedBytes Db3File::Read(const MessageRef& message, size_t most) const {
   const std::lock_guard lock(mutex_);
   const auto row = static_cast<std::int64_t>(message.block);
   std::optional<ByteVector> bytes = Content(row, most);
   if (bytes && bytes->size() == most && IsZstd(*bytes)) bytes = Content(row, kAll);
-  if (bytes) return std::move(*bytes);
-  throw Error(ErrorKind::kInput,
-              fmt::format("{}: message {} is damaged ({}); copy the file again",
-                          path_.string(),
-                          message.block,
-                          Reason()));
+  if (bytes) return SharedBytes(std::move(*bytes));
+  throw Error(
+      ErrorKind::kInput,
+      fmt::format("{}: message {} is damaged or larger than {} MB ({}); copy the file again",
+                  path_.string(),
+                  message.block,
+                  kMostUnpacked >> 20,
+                  Reason()));
 }
 
 }  // namespace plenocal

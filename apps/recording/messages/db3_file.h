@@ -22,7 +22,7 @@ class Db3File : public MessageFile {
   ~Db3File() override;
   Db3File(const Db3File&) = delete;
   Db3File& operator=(const Db3File&) = delete;
-  [[nodiscard]] ByteVector Read(const MessageRef& message, size_t most) const override;
+  [[nodiscard]] SharedBytes Read(const MessageRef& message, size_t most) const override;
 
  private:
   struct CloseDatabase {

@@ -33,9 +33,14 @@ bool MessageFile::IsWanted(std::uint32_t topic) const {
 void MessageFile::AddMessage(MessageRef message, ByteSpan start) {
   MessageTopic& topic = topics_[message.topic];
   ++topic.count;
-  if (topic.kind == MessageKind::kOther) return;
+  // Packed chunks hold any number of empty ones; a day has 8.6 million at 100 Hz.
+  constexpr size_t kMost = 10'000'000;
+  if (topic.kind == MessageKind::kOther || messages_.size() == kMost) return;
   message.stamp = StampOf(topic.coding, start).value_or(0);
   messages_.push_back(message);
+  if (messages_.size() == kMost) {
+    AddDamage("has 10 million messages about images; no more are read");
+  }
 }
 
 bool IsMessageFileName(const std::filesystem::path& path) {

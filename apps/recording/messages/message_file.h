@@ -46,7 +46,7 @@ class MessageFile {
   /// What is damaged, and what that costs; most files have nothing.
   [[nodiscard]] const std::vector<std::string>& Damage() const { return damage_; }
   /// The first `most` bytes of a message, or all of a shorter one. Throws `Error` of kind kInput.
-  [[nodiscard]] virtual ByteVector Read(const MessageRef& message, size_t most) const = 0;
+  [[nodiscard]] virtual SharedBytes Read(const MessageRef& message, size_t most) const = 0;
 
  protected:
   /// The index of a topic, which is added where it is new.

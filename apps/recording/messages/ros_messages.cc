@@ -9,6 +9,7 @@
 #include <cstring>
 
 #include "calib/base/error.h"
+#include "detectors/images/image_header.h"
 
 namespace plenocal {
 namespace {
@@ -72,10 +73,9 @@ class MessageReader {
     return numbers;
   }
   ImageSize Size() {
-    const auto height = Number<std::uint32_t>(), width = Number<std::uint32_t>();
-    constexpr std::uint32_t kMost = 1 << 20;  // larger numbers are damage
-    if (width > kMost || height > kMost) {
-      Refuse(fmt::format("says {} x {} pixels", width, height));
+    const std::uint64_t height = Number<std::uint32_t>(), width = Number<std::uint32_t>();
+    if (std::max({width, height, width * height}) > kMostPixels) {
+      Refuse("says " + PixelsText(width, height));
     }
     return {static_cast<int>(width), static_cast<int>(height)};
   }

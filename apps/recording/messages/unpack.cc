@@ -20,6 +20,7 @@ class Growing {
   std::span<std::uint8_t> Room() {
     constexpr std::size_t kStep = 1 << 18;
     const std::size_t room = std::min(most_ - used_, std::max(used_, kStep));
+    bytes_.reserve(used_ + room);  // before `resize`, which would fill the new bytes beside the old
     if (bytes_.size() < used_ + room) bytes_.resize(used_ + room);
     return std::span(bytes_).subspan(used_, room);
   }

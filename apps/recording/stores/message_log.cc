@@ -62,17 +62,17 @@ class TopicStore : public ImageStore {
   [[nodiscard]] StoredImage Read(size_t index) const override {
     const MessageLog::Message& message = messages_[index];
     const MessageTopic& topic = log_->TopicOf(message);
-    return ReadImageMessage(topic.kind, topic.coding, log_->Read(message), place_);
+    return ReadImageMessage(topic.kind, topic.coding, log_->Read(message).bytes, place_);
   }
   [[nodiscard]] StoredImage Start(size_t index, size_t most) const override {
     const MessageLog::Message& message = messages_[index];
     const MessageTopic& topic = log_->TopicOf(message);
     return ReadImageMessage(
-        topic.kind, topic.coding, log_->Read(message, most), place_, MessagePart::kStart);
+        topic.kind, topic.coding, log_->Read(message, most).bytes, place_, MessagePart::kStart);
   }
   [[nodiscard]] std::string Hash(size_t index) const override {
     try {
-      return HashBytes(log_->Read(messages_[index]));
+      return HashBytes(log_->Read(messages_[index]).bytes);
     } catch (const Error&) {
       return {};
     }
@@ -159,7 +159,7 @@ MessageLog::MessageLog(const fs::path& path) : path_(path) {
   if (files_.empty()) throw Error(ErrorKind::kInput, damage_[0]);
 }
 
-ByteVector MessageLog::Read(const Message& message, size_t most) const {
+SharedBytes MessageLog::Read(const Message& message, size_t most) const {
   return files_[message.file]->Read(message.ref, most);
 }
 
@@ -237,7 +237,7 @@ void MessageLog::Describe(ImageTopic* topic) const {
   try {
     const MessageTopic& of = TopicOf(messages[0]);
     const StoredImage image = ReadImageMessage(
-        of.kind, of.coding, Read(messages[0]), (path_ / WithoutSlash(topic->name)).string());
+        of.kind, of.coding, Read(messages[0]).bytes, (path_ / WithoutSlash(topic->name)).string());
     topic->encoding = image.encoding;
     topic->size = image.size;
     if (!image.encoding.empty()) return;
@@ -271,7 +271,7 @@ std::string MessageLog::ChosenTopic(const std::string& topic) const {
                             "ROS 1 or ROS 2); 'plenocal recording {}' lists its topics{}",
                             path_.string(),
                             path_.string(),
-                            damage_.empty() ? std::string() : ". Damage: " + damage_[0]));
+                            DamageText()));
   }
   if (topic.empty() && with_images.size() == 1) return with_images[0];
   std::string what = "has several topics with images";
@@ -326,7 +326,7 @@ std::optional<CameraInfo> MessageLog::ReadInfo(const std::string& topic) const {
   const std::vector<Message> messages = MessagesOf(topic);
   if (messages.empty()) return std::nullopt;
   return ReadCameraInfo(
-      TopicOf(messages[0]).coding, Read(messages[0]), (path_ / WithoutSlash(topic)).string());
+      TopicOf(messages[0]).coding, Read(messages[0]).bytes, (path_ / WithoutSlash(topic)).string());
 }
 
 }  // namespace plenocal

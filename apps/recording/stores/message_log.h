@@ -37,6 +37,10 @@ class MessageLog : public std::enable_shared_from_this<MessageLog> {
   [[nodiscard]] const std::filesystem::path& Path() const { return path_; }
   /// What is damaged in its files, in whole sentences.
   [[nodiscard]] const std::vector<std::string>& Damage() const { return damage_; }
+  /// For the end of a message: ". Damage: " and the first; empty where there is none.
+  [[nodiscard]] std::string DamageText() const {
+    return damage_.empty() ? std::string() : ". Damage: " + damage_[0];
+  }
   [[nodiscard]] std::vector<ImageTopic> ImageTopics() const;
   /// Names and types of topics without images.
   [[nodiscard]] std::vector<MessageTopic> OtherTopics() const;
@@ -55,8 +59,8 @@ class MessageLog : public std::enable_shared_from_this<MessageLog> {
     MessageRef ref;
   };
   /// The first `most` bytes, or all of a shorter one.
-  [[nodiscard]] ByteVector Read(const Message& message,
-                                size_t most = std::numeric_limits<size_t>::max()) const;
+  [[nodiscard]] SharedBytes Read(const Message& message,
+                                 size_t most = std::numeric_limits<size_t>::max()) const;
   [[nodiscard]] const MessageTopic& TopicOf(const Message& message) const;
 
  private:

@@ -63,19 +63,18 @@ std::optional<BayerOrder> BayerOf(std::string_view encoding) {
   return ParseBayerOrder(order);
 }
 
-[[noreturn]] void RefuseTopics(const fs::path& path,
-                               const std::vector<ImageTopic>& topics,
-                               const std::vector<MessageTopic>& others) {
-  if (!topics.empty()) throw Error(ErrorKind::kInput, topics.front().defect);
+[[noreturn]] void RefuseTopics(const RecordingFile& file) {
+  if (!file.topics.empty()) throw Error(ErrorKind::kInput, file.topics.front().defect);
   std::vector<std::string> names;
-  for (const MessageTopic& topic : others) {
+  for (const MessageTopic& topic : file.other_topics) {
     names.push_back(fmt::format("{} ({}, {} messages)", topic.name, topic.type, topic.count));
   }
   throw Error(ErrorKind::kInput,
               fmt::format("{}: has no topic with images, which sensor_msgs/Image or "
-                          "sensor_msgs/CompressedImage of ROS 1 or ROS 2 are; its topics: {}",
-                          path.string(),
-                          names.empty() ? "none" : fmt::format("{}", fmt::join(names, ", "))));
+                          "sensor_msgs/CompressedImage of ROS 1 or ROS 2 are; its topics: {}{}",
+                          file.path.string(),
+                          names.empty() ? "none" : fmt::format("{}", fmt::join(names, ", ")),
+                          file.log->DamageText()));
 }
 
 }  // namespace
@@ -95,7 +94,7 @@ RecordingFile FindInMessages(const fs::path& path) {
     camera.bayer = BayerOf(topic.encoding);
     file.cameras.push_back(std::move(camera));
   }
-  if (file.cameras.empty()) RefuseTopics(path, file.topics, file.other_topics);
+  if (file.cameras.empty()) RefuseTopics(file);
   return file;
 }
 

@@ -18,6 +18,7 @@
 #include "apps/recording/messages/byte_range.h"
 #include "calib/base/detection_cache.h"
 #include "calib/base/error.h"
+#include "calib/base/input_file.h"
 #include "calib/base/parallel.h"
 
 namespace plenocal {
@@ -169,7 +170,10 @@ void VideoStore::GoTo(size_t index) const {
     Open();
   }
   // Other threads may be about to read the frames just before.
-  const size_t kept = static_cast<size_t>(DefaultThreads()) + 2;
+  const size_t frame = 3 * static_cast<size_t>(size_[0]) * static_cast<size_t>(size_[1]);  // bytes
+  const size_t kept =
+      std::min(static_cast<size_t>(DefaultThreads()) + 2,
+               static_cast<size_t>(InputLimit::kImage) / std::max<size_t>(1, frame));
   while (next_ < index) {
     const bool keep = index - next_ <= kept;
     if (!Grab()) break;

@@ -7,8 +7,10 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <charconv>
 #include <cstdio>
+#include <cstring>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <sstream>
@@ -29,15 +31,19 @@ std::string ContentOf(const fs::path& file) {
   return text.str();
 }
 
-// All or nothing, so that a killed server leaves one of the two texts.
-void ReplaceFile(const fs::path& file, const std::string& text) {
+// All or nothing, so that a killed server leaves one of the two texts. A symbolic link stays.
+void ReplaceFile(const fs::path& named, const std::string& text) {
+  std::error_code error;
+  const fs::path file = fs::is_symlink(named, error) ? fs::canonical(named) : named;
   const fs::path partial = file.string() + ".partial";
   {
     std::ofstream stream(partial, std::ios::binary | std::ios::trunc);
     stream << text;
     stream.flush();
     if (!stream) {
-      throw Error(ErrorKind::kJob, fmt::format("{}: cannot be written", file.string()));
+      const std::string reason = std::strerror(errno);
+      fs::remove(partial, error);
+      throw Error(ErrorKind::kJob, fmt::format("{}: cannot be written: {}", file.string(), reason));
     }
   }
   fs::rename(partial, file);
@@ -107,9 +113,9 @@ void Project::ReadHistory() {
 void Project::Record(const std::string& kind, const std::string& text) {
   ++last_;
   ReplaceFile(history_ / fmt::format("{:04}.yaml", last_), text);
-  std::ofstream log(history_ / "log.jsonl", std::ios::app);
-  log << nlohmann::json{{"number", last_}, {"kind", kind}, {"time", std::time(nullptr)}}.dump()
-      << '\n';
+  const fs::path log = history_ / "log.jsonl";
+  const nlohmann::json entry{{"number", last_}, {"kind", kind}, {"time", std::time(nullptr)}};
+  ReplaceFile(log, ContentOf(log) + entry.dump() + "\n");
   current_ = last_;
 }
 

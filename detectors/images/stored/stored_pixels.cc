@@ -18,9 +18,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Larger images than any sensor: only hostile headers have them.
-constexpr int kMostPixelsOfSide = 1 << 16;
-
 constexpr int kAsIs = -1;
 
 /// An encoding of sensor_msgs/image_encodings.hpp.
@@ -79,7 +76,7 @@ const Encoding& EncodingOf(const StoredImage& stored, const fs::path& place) {
 /// The pixels as they are stored, in the byte order of this machine.
 cv::Mat Copied(const StoredImage& stored, int type, const fs::path& place) {
   const auto [width, height] = stored.size;
-  if (width <= 0 || height <= 0 || width > kMostPixelsOfSide || height > kMostPixelsOfSide) {
+  if (width <= 0 || height <= 0) {
     RefusePixels(place, fmt::format("the message says {} x {} pixels", width, height));
   }
   const size_t row = static_cast<size_t>(width) * CV_ELEM_SIZE(type);

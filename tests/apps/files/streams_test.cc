@@ -27,6 +27,32 @@ TEST_F(Streams, OfMessagesMayBeFullOrClosed) {
             kDone);
 }
 
+TEST_F(Streams, OfResultsThatAreFullEndAnyCommandInAMessage) {
+  Calibrate();
+  std::vector<std::vector<std::string>> all{
+      {"--help"},
+      {"--version"},
+      {"report", "out"},
+      {"workbench", "--no-open"},
+      {"calibrate", "session.yaml", "-o", "again"},
+      {"suggest", "out", "--json"},
+      {"export", "out/calibration.yaml", "--format", "ros", "-o", "ros.yaml"},
+      {"compare", "out/calibration.yaml", "out/calibration.yaml"}};
+  for (const std::string& line : Lines(Run({"--help"}).out)) {
+    // Two blanks, a command and what it is for.
+    if (line.size() < 3 || !line.starts_with("  ") || std::islower(line[2]) == 0) continue;
+    const std::string command = line.substr(2, line.find(' ', 2) - 2);
+    if (command != "plenocal") all.push_back({command, "--help"});
+  }
+  EXPECT_GT(all.size(), 35U);
+  for (const std::vector<std::string>& arguments : all) {
+    const Outcome outcome = Run(arguments, {.stdout_path = "/dev/full"});
+    EXPECT_EQ(outcome.status, kJobFailed) << arguments[0];
+    EXPECT_THAT(outcome.err, HasSubstr("standard output: ")) << arguments[0];
+    EXPECT_THAT(outcome.err, HasSubstr("No space left on device")) << arguments[0];
+  }
+}
+
 TEST_F(Streams, ThatAreClosedAreNotResultFiles) {
   // Without a stream its number is that of the next file.
   const Outcome outcome = Run({"calibrate", "session.yaml", "-o", "out"}, {.close_streams = true});

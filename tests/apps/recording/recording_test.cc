@@ -364,6 +364,22 @@ TEST_F(Recordings, RefuseDamagedArchives) {
   EXPECT_EQ(recording.cameras[0].Read(0).rows, 64);
 }
 
+TEST_F(Recordings, HaveNoFilesUnpackedThatAreTooLarge) {
+  fs::create_directories(Path("tum"));
+  WriteFile("tum/times.txt", TimesText());
+  std::map<std::string, std::string> files;
+  for (int i = 0; i < kFrames; ++i) files[fmt::format("{:04}.pgm", i + 1)] = FlatImage(0, 64, 64);
+  WriteZip(Path("tum/images.zip"), files);
+  std::string bytes = Workspace::Read("tum/images.zip");
+  constexpr size_t kSize = 24;  // place in an entry of the archive's directory
+  bytes.replace(bytes.find("PK\x01\x02") + kSize, 4, "\xff\xff\xff\x7f");
+  Write("tum/images.zip", bytes);
+  const Recording recording = Read("tum");
+  ASSERT_EQ(recording.left_out.size(), 1U);
+  EXPECT_THAT(recording.left_out[0].where, HasSubstr("images.zip/0001.pgm"));
+  EXPECT_THAT(recording.left_out[0].reason, HasSubstr("larger than 960 MB"));
+}
+
 TEST_F(Recordings, GiveSuppliedMarkersAsDetections) {
   WriteImages("left", 0);
   const auto markers = [&](const std::string& keys, const std::string& text) {

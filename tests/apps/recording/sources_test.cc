@@ -5,13 +5,16 @@
 // 0.1 s, of which the second camera lacks the third.
 #include <fmt/format.h>
 
+#include <array>
 #include <cmath>
+#include <cstring>
 #include <fstream>
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
 
 #include "apps/recording/frames/session_images.h"
 #include "apps/recording/frames/time_pairs.h"
+#include "apps/recording/messages/ros_messages.h"
 #include "apps/recording/recording.h"
 #include "apps/recording/stores/image_lister.h"
 #include "calib/base/error.h"
@@ -354,6 +357,54 @@ TEST_F(Sources, UnknownOrDamagedPixelsAreRefusedWithTheMend) {
   };
   EXPECT_THAT(refusal(Stored(Noise(CV_8UC1), "h264")), HasSubstr("encoding 'h264'"));
   EXPECT_THAT(refusal(Stored(Noise(CV_8UC1), "bgr8")), HasSubstr("do not fit"));
+}
+
+// A message of ROS 1 with the header of such an image.
+TEST_F(Sources, HaveNoMorePixelsThanTheLargestCameras) {
+  const auto number = [](std::uint32_t value) {
+    std::array<std::uint8_t, 4> bytes{};
+    for (int i = 0; i < 4; ++i) bytes[i] = static_cast<std::uint8_t>(value >> (8 * i));
+    return bytes;
+  };
+  ByteVector message;
+  constexpr std::uint32_t kSide = 20000;
+  // Sequence, time, name of the frame, height and width.
+  for (const std::uint32_t value : {1U, 1U, 0U, 0U, kSide, kSide}) {
+    const auto bytes = number(value);
+    message.insert(message.end(), bytes.begin(), bytes.end());
+  }
+  try {
+    ReadImageMessage(MessageKind::kImage, MessageCoding::kRos1, message, "drive.bag/image");
+    FAIL() << "was read";
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(), HasSubstr("drive.bag/image"));
+    EXPECT_THAT(error.what(), HasSubstr("20000 x 20000 pixels; at most 268 million are read"));
+  }
+}
+
+// Chunks that state 2 GB.
+TEST_F(Sources, HaveNoChunksUnpackedThatAreTooLarge) {
+  const auto damage = [&](const char* name, size_t place) {
+    std::string bytes = Content(kRecordings / name);
+    bytes.replace(place, 4, "\xff\xff\xff\x7f");
+    Write(name, bytes);
+    return Run({"recording", name}).err;
+  };
+  const std::string message = "has 2047 MB, of which at most 960 are read; its messages are lost";
+  const std::string field = "size=";
+  EXPECT_THAT(damage("bz2.bag", Content(kRecordings / "bz2.bag").find(field) + field.size()),
+              HasSubstr(message));
+  // Of the first chunk, behind its two times: records have an opcode and a length.
+  const std::string mcap = Content(kRecordings / "zstd.mcap");
+  constexpr size_t kMagic = 8, kLength = 9, kTimes = 16;
+  size_t at = kMagic;
+  constexpr char kChunk = 6;
+  while (mcap[at] != kChunk) {
+    std::uint64_t length = 0;
+    std::memcpy(&length, mcap.data() + at + 1, sizeof length);
+    at += kLength + length;
+  }
+  EXPECT_THAT(damage("zstd.mcap", at + kLength + kTimes), HasSubstr(message));
 }
 
 }  // namespace TEST_FILE

@@ -160,6 +160,15 @@ TEST_F(ProjectFolder, UndoesAndRedoesOverARestart) {
   EXPECT_EQ(Read("session.yaml"), "one\n");
 }
 
+TEST_F(ProjectFolder, KeepsALinkToItsSession) {
+  Write("shared.yaml", "one\n");
+  fs::create_symlink("shared.yaml", folder_ / "session.yaml");
+  Project project(folder_);
+  ASSERT_TRUE(project.Write("two\n", ""));
+  EXPECT_TRUE(fs::is_symlink(folder_ / "session.yaml"));
+  EXPECT_EQ(Read("shared.yaml"), "two\n");
+}
+
 TEST_F(ProjectFolder, RefusesToWriteOverWhatAnEditorWrote) {
   Write("session.yaml", "one\n");
   Project project(folder_);

@@ -101,7 +101,7 @@ TEST_F(Results, ThatCannotAllBeMovedAreNotMoved) {
   out.Write("a/1.txt", "new");
   out.Write("z/2.txt", "new");
   Put(out_ / "z/2.txt/in the way", "");
-  EXPECT_THAT(MessageOf([&] { out.Commit(); }, ErrorKind::kJob), HasSubstr("z/2.txt"));
+  EXPECT_THAT(MessageOf([&] { out.Commit(); }, ErrorKind::kJob), HasSubstr("z/2.txt: is a folder"));
   EXPECT_FALSE(fs::exists(out_ / "a/1.txt"));
 }
 

@@ -3,6 +3,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <zlib.h>
 
 #include <filesystem>
 #include <fstream>
@@ -127,6 +128,44 @@ TEST_F(ReadGrayTest, RefusesAHeaderThatAsksForAbsurdMemory) {
               HasSubstr("100000 x 100000 pixels"));
 }
 
+// The files would hold such images.
+TEST_F(ReadGrayTest, RefusesMorePixelsOrBytesThanTheLargestCamerasHave) {
+  const std::string most = "; at most 268 million are read; record or copy it again";
+  std::string png = Encoded(".png", image_);
+  const auto number = [](std::uint32_t value) {
+    std::string text;
+    for (const int shift : {24, 16, 8, 0}) text += static_cast<char>(value >> shift);
+    return text;
+  };
+  constexpr size_t kHeader = 12, kSize = 16, kDepth = 24, kType = 25, kCrc = 29;  // places
+  const auto with_header = [&](std::uint32_t side, char depth, char type) {
+    std::string changed = png;
+    changed.replace(kSize, 8, number(side) + number(side));
+    changed[kDepth] = depth;
+    changed[kType] = type;
+    const auto* const header = reinterpret_cast<const unsigned char*>(changed.data()) + kHeader;
+    changed.replace(kCrc, 4, number(static_cast<std::uint32_t>(crc32(0, header, kCrc - kHeader))));
+    return changed;
+  };
+  EXPECT_THAT(Message(Write("a.png", with_header(16385, 8, 0))),
+              HasSubstr("16385 x 16385 pixels" + most));
+  EXPECT_THAT(Message(Write("a.png", with_header(16000, 16, 6))),
+              HasSubstr("16000 x 16000 pixels of 64 bits; at most 960 MB are read"));
+  EXPECT_THAT(Message(Write("a.png", with_header(16000, 8, 0))), HasSubstr("bytes can hold"));
+  // JPEG 2000: the start of a codestream with its size, in a box of a JP2 file too.
+  const std::string stream = std::string("\xff\x4f\xff\x51\0\x29\0\0", 8) + number(16000) +
+                             number(16000) + std::string(24, '\0') + std::string("\0\3", 2);
+  const std::string signature("\0\0\0\x0cjP  \r\n\x87\n", 12);
+  for (const std::string& content : {stream, signature + number(50) + "jp2c" + stream}) {
+    EXPECT_THAT(Message(Write("a.png", content)),
+                HasSubstr("16000 x 16000 pixels of 96 bits; at most 960 MB are read"));
+  }
+  for (const char* floats : {"#?RADIANCE\n", "PF 9 9 1", "Pf 9 9 1"}) {
+    EXPECT_THAT(Message(Write("a.png", floats)), HasSubstr("expected 8 or 16 bits a channel"));
+  }
+  EXPECT_THAT(Message(Write("a.pgm", "P5 16384 16385 255\n")), HasSubstr("16385 pixels" + most));
+}
+
 TEST_F(ReadGrayTest, KeepsTheRecordedOrientation) {
   // A JPEG with an EXIF segment that asks viewers for a quarter turn.
   const std::string exif(
@@ -149,7 +188,7 @@ TEST_F(ReadGrayTest, ReadsEmptyImagesAndRefusesHeadersOfMoreThanTheirFileHolds) 
   std::string jpeg = Encoded(".jpg", image_);
   const size_t frame = jpeg.find("\xff\xc0");
   ASSERT_NE(frame, std::string::npos);
-  jpeg.replace(frame + 5, 4, "\x4e\x20\x4e\x20");  // 20000 x 20000
+  jpeg.replace(frame + 5, 4, "\x3e\x80\x3e\x80");  // 16000 x 16000
   EXPECT_THAT(Message(Write("large.jpg", jpeg)), HasSubstr("bytes can hold"));
 }
 

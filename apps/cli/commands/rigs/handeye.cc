@@ -394,12 +394,7 @@ void RunHandEye(const HandEyeArguments& arguments, const ConsoleOptions& shared)
   const MatchedPoses matched = Match(arguments);
   CheckUnits(matched, arguments.poses);
   const OutsideFit fit = Fit(arguments, matched);
-  if (!arguments.out.empty()) {
-    std::filesystem::path folder = arguments.out.parent_path();
-    OutputFolder output(folder.empty() ? "." : folder);
-    output.Write(arguments.out.filename().string(), HandEyeYaml(arguments, matched, fit));
-    output.Commit();
-  }
+  if (!arguments.out.empty()) WriteOutput(arguments.out, HandEyeYaml(arguments, matched, fit));
   console.Print(HandEyeText(arguments, matched, fit));
 }
 

@@ -80,7 +80,7 @@ void ServeWorkbench(const WorkbenchArguments& arguments) {
       arguments.options,
       [&](const std::string& address) {
         fmt::print("{}\nCtrl-C ends the workbench; everything is kept in files.\n", address);
-        std::fflush(stdout);
+        FlushOutput();
         if (arguments.open) browser = std::make_unique<OpenedBrowser>(address);
       },
       [&] {
