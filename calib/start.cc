@@ -13,6 +13,7 @@
 #include "calib/base/error.h"
 #include "calib/base/statistics.h"
 #include "calib/camera/resection.h"
+#include "calib/noise/camera_noise.h"
 
 namespace plenocal {
 namespace {
@@ -162,21 +163,7 @@ Trial MakeTrial(const CameraInput& camera,
 // marker's coordinates move its image.
 double LengthOfMarkerErrors(const Bundle& bundle, double marker_sigma) {
   if (!(marker_sigma > 0) || !std::isfinite(marker_sigma)) return 0;
-  const size_t rows = bundle.cameras[0].model->measured.size();
-  std::vector<double> squares(bundle.observations.size(), 0.0);
-  for (Eigen::Index axis = 0; axis < 3; ++axis) {
-    Bundle moved = bundle;
-    for (BundleMarker& marker : moved.markers) marker.position[axis] += marker_sigma;
-    for (size_t i = 0; i < squares.size(); ++i) {
-      double residual[kMaxObservationSize], of_moved[kMaxObservationSize];
-      if (!Residual(bundle, bundle.observations[i], residual) ||
-          !Residual(moved, moved.observations[i], of_moved)) {
-        continue;
-      }
-      for (size_t r = 0; r < rows; ++r) squares[i] += std::pow(of_moved[r] - residual[r], 2);
-    }
-  }
-  return std::sqrt(Median(std::move(squares), 0.0));
+  return std::sqrt(Median(SquaresOfMarkerErrors(bundle, marker_sigma), 0.0));
 }
 
 enum class Until { kNear, kConverged };
@@ -265,11 +252,11 @@ Trial* BestOnAllViews(const CameraInput& camera,
   return best;
 }
 
-// The candidate that explains the views best, adjusted; with an infinite median when none does.
-Trial BestTrial(const CameraInput& camera,
-                const std::map<int, Eigen::Vector3d>& markers,
-                const std::vector<View>& views,
-                const std::vector<StartCandidate>& candidates) {
+// The candidate that explains the views best, adjusted; nothing when none does.
+std::optional<Trial> BestTrial(const CameraInput& camera,
+                               const std::map<int, Eigen::Vector3d>& markers,
+                               const std::vector<View>& views,
+                               const std::vector<StartCandidate>& candidates) {
   std::vector<Trial> trials;
   trials.reserve(candidates.size());
   for (const StartCandidate& candidate : candidates) {
@@ -285,7 +272,7 @@ Trial BestTrial(const CameraInput& camera,
     if (adjusted.size() == kAdjustedCandidates || !std::isfinite(trial->median)) break;
     if (IsAnother(*trial, adjusted)) adjusted.push_back(trial);
   }
-  if (adjusted.empty()) return {};
+  if (adjusted.empty()) return std::nullopt;
   for (Trial* trial : adjusted) AdjustTrial(trial, Until::kNear);
   std::stable_sort(adjusted.begin(), adjusted.end(), better);
   std::vector<Trial*> near;
@@ -299,7 +286,9 @@ Trial BestTrial(const CameraInput& camera,
     if (near.size() > 1) AdjustTrial(trial, Until::kConverged);
     if (IsAnother(*trial, minima)) minima.push_back(trial);
   }
-  return std::move(minima.size() > 1 ? *BestOnAllViews(camera, markers, minima) : *minima[0]);
+  Trial& best = minima.size() > 1 ? *BestOnAllViews(camera, markers, minima) : *minima[0];
+  if (!std::isfinite(best.median)) return std::nullopt;
+  return std::move(best);
 }
 
 // The user's initial values; a prior's value serves as well.
@@ -314,9 +303,9 @@ std::vector<std::optional<double>> InitialValues(const CameraInput& camera) {
 
 // The same from candidates without distortion: where views are few or noisy, coefficients that are
 // fitted before the adjustment may lead to another minimum.
-Trial PlainTrial(const CameraInput& camera,
-                 const std::map<int, Eigen::Vector3d>& markers,
-                 const StartProblem& problem) {
+std::optional<Trial> PlainTrial(const CameraInput& camera,
+                                const std::map<int, Eigen::Vector3d>& markers,
+                                const StartProblem& problem) {
   std::vector<std::optional<double>> given(problem.given.begin(), problem.given.end());
   for (size_t k = 0; k < given.size(); ++k) {
     if (!given[k]) given[k] = camera.model->params[k].neutral;
@@ -392,14 +381,14 @@ CameraGuess GuessCamera(const CameraInput& camera,
                              .fixed = &camera.fixed};
   CheckNotRefused(camera, problem);
   const std::vector<StartCandidate> candidates = camera.model->start(problem);
-  Trial best = BestTrial(camera, markers, views, candidates);
+  std::optional<Trial> best = BestTrial(camera, markers, views, candidates);
   const bool suspicious =
-      best.median > kSuspiciousMedian + LengthOfMarkerErrors(best.bundle, marker_sigma);
+      !best || best->median > kSuspiciousMedian + LengthOfMarkerErrors(best->bundle, marker_sigma);
   if (suspicious) {
-    Trial plain = PlainTrial(camera, markers, problem);
-    if (plain.median < best.median) best = std::move(plain);
+    std::optional<Trial> plain = PlainTrial(camera, markers, problem);
+    if (plain && (!best || plain->median < best->median)) best = std::move(plain);
   }
-  if (!std::isfinite(best.median)) {
+  if (!best) {
     throw Error(
         ErrorKind::kJob,
         fmt::format("{}: no initial guess of model {} explains the detections; does the target "
@@ -411,14 +400,14 @@ CameraGuess GuessCamera(const CameraInput& camera,
   CameraGuess guess;
   if (suspicious && camera.model->misfit != nullptr) {
     const Misfit misfit =
-        camera.model->misfit(*camera.model, problem, best.bundle.cameras[0].params, best.median);
+        camera.model->misfit(*camera.model, problem, best->bundle.cameras[0].params, best->median);
     if (!misfit.reason.empty()) {
       guess.misfit = fmt::format("{}: {} {}", camera.name, camera.model->name, misfit.reason);
     }
     if (misfit.impossible) throw Error(ErrorKind::kJob, guess.misfit + " (model_misfit)");
   }
-  guess.params = best.bundle.cameras[0].params;
-  guess.median_error = best.median;
+  guess.params = best->bundle.cameras[0].params;
+  guess.median_error = best->median;
   const BundleCamera camera_of_guess = MakeBundleCamera(camera, guess.params);
   for (const View& view : camera.views) {
     guess.T_camera_target.push_back(GuessPose(camera_of_guess, view, markers));

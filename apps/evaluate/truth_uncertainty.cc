@@ -6,12 +6,13 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <string>
 #include <string_view>
 #include <vector>
 
-#include "calib/base/linear_algebra.h"
 #include "calib/base/names.h"
 #include "calib/base/yaml.h"
+#include "calib/files/correlation_check.h"
 
 namespace plenocal {
 namespace {
@@ -24,17 +25,18 @@ Eigen::Vector3d ReadCentre(const YamlNode& node) {
 
 // Throws for what is no covariance: a variance below zero would be no number as a standard error.
 void CheckCovariance(const Eigen::Matrix<double, 14, 14>& matrix, const YamlNode& node) {
-  constexpr double kRounding = 1e-6;  // of correlations, by the digits of the file
+  // Twelve digits hold a covariance to 5e-12 of itself, and the variances by which it is divided.
+  constexpr double kRounding = 1e-11;
   const auto variances = matrix.diagonal();
   if (variances.minCoeff() < 0) node.Fail("expected a covariance, found a negative variance");
   // Translations, rotations and scales differ by orders of magnitude.
   const Eigen::Vector<double, 14> scales =
       (variances.array() > 0).select(variances.array().sqrt().inverse(), 1);
   const Eigen::MatrixXd correlations = scales.asDiagonal() * matrix * scales.asDiagonal();
-  const bool symmetric =
-      (correlations - correlations.transpose()).cwiseAbs().maxCoeff() <= kRounding;
-  if (!symmetric || !(DecomposeSymmetric(correlations).values[0] >= -kRounding)) {
-    node.Fail("expected a covariance, found a matrix that is not symmetric and positive");
+  std::vector<std::string> names;
+  for (int i = 0; i < matrix.rows(); ++i) names.push_back(fmt::format("number {}", i + 1));
+  if (const auto defect = CorrelationDefect(correlations, names, kRounding)) {
+    node.Fail("expected a covariance: " + *defect);
   }
 }
 

@@ -3,28 +3,17 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 
 #include "calib/base/error.h"
+#include "calib/files/transform_keys.h"
 
 namespace plenocal {
 namespace {
 
-/// The nearest rotation, where the matrix is one but for its few digits; one with all digits comes
-/// back as it is. False for a matrix that is no rotation.
-bool MakeRotation(Eigen::Matrix3d* R) {
-  constexpr double kFewDigits = 1e-3, kAllDigits = 1e-9;
-  const double off = (*R * R->transpose() - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
-  if (!(off < kFewDigits && R->determinant() > 0)) return false;
-  if (off > kAllDigits) *R = Eigen::Quaterniond(*R).normalized().toRotationMatrix();
-  return true;
-}
-
 /// Why no rig has such a camera; empty when one may.
 std::string CameraDefect(CalibratedCamera* camera) {
-  constexpr double kFarthest = 1e6;  // m
   const auto [width, height] = camera->image_size;
   if (width < 1 || height < 1) {
     return fmt::format("{} x {} is no size of an image", width, height);
@@ -43,7 +32,7 @@ std::string CameraDefect(CalibratedCamera* camera) {
     return fmt::format("parameters that model {} cannot have", camera->model->name);
   }
   if (!MakeRotation(&camera->T_camera_rig.R)) return "the rotation of its extrinsics is none";
-  if (!(camera->T_camera_rig.t.cwiseAbs().maxCoeff() < kFarthest)) {
+  if (!(camera->T_camera_rig.t.cwiseAbs().maxCoeff() < kFarthestPart)) {
     return "its extrinsics are farther from the rig than any camera";
   }
   return {};

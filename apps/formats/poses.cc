@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/formats/poses.h"
 
+#include "calib/files/transform_keys.h"
+
 namespace plenocal {
 std::array<double, 9> RowMajor(const Eigen::Matrix3d& R) {
   std::array<double, 9> values{};
@@ -16,26 +18,10 @@ std::array<std::array<double, 4>, 3> Rows(const RigidTransform& T) {
   return rows;
 }
 
-RigidTransform ReadRows(const YamlNode& matrix) {
-  const auto rows = matrix.Elements();
-  if (rows.size() != 4) matrix.Fail("expected the four rows of a 4 x 4 matrix");
-  RigidTransform T;
-  for (int r = 0; r < 3; ++r) {
-    const std::vector<double> row = rows[static_cast<size_t>(r)].AsNumbers(4);
-    T.R.row(r) << row[0], row[1], row[2];
-    T.t[r] = row[3];
-  }
-  return T;
-}
-
 RigidTransform FromRectified(const std::vector<double>& R, double shift, const YamlNode& node) {
-  const Eigen::Matrix3d rotation =
+  Eigen::Matrix3d rotation =
       Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(R.data());
-  constexpr double kOrthonormal = 1e-3;  // matrices with few digits
-  if (!((rotation * rotation.transpose() - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff() <
-        kOrthonormal)) {
-    node.Fail("is no rotation");
-  }
+  if (!MakeRotation(&rotation)) node.Fail("is no rotation");
   return {rotation.transpose(), rotation.transpose() * Eigen::Vector3d(shift, 0, 0)};
 }
 

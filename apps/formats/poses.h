@@ -18,8 +18,6 @@ RigidTransform FromRowMajor(const std::vector<double>& R, const std::vector<doub
 
 /// The first three rows (R t) of a transform's 4 x 4 matrix.
 std::array<std::array<double, 4>, 3> Rows(const RigidTransform& T);
-/// Reads a 4 x 4 matrix as a list of rows.
-RigidTransform ReadRows(const YamlNode& matrix);
 
 /// T_camera_rig of a camera of a rectified pair: `R` (row by row) rotates the camera into the
 /// rectified orientation, in which the camera is `shift` metres left of the first camera. Fails at

@@ -15,6 +15,7 @@
 #include "calib/base/error.h"
 #include "calib/base/number_text.h"
 #include "calib/base/quoted_text.h"
+#include "calib/base/yaml.h"
 
 namespace plenocal {
 namespace {
@@ -79,7 +80,13 @@ std::string YamlPath(const std::string& pattern, const fs::path& folder) {
     return std::isalnum(c) != 0 ||
            std::string_view("_-./*").find(static_cast<char>(c)) != std::string_view::npos;
   });
-  return plain && text[0] != '*' && text[0] != '-' ? text : YamlQuoted(text);
+  if (plain && text[0] != '*' && text[0] != '-') return text;
+  std::string quoted = YamlQuoted(text);
+  if (YamlNode::Parse(quoted, text).AsString() != text) {
+    throw Error(ErrorKind::kInput,
+                fmt::format("{}: the path is not UTF-8, as a session is; rename it", text));
+  }
+  return quoted;
 }
 
 }  // namespace

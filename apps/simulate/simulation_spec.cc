@@ -16,6 +16,7 @@
 #include "calib/camera/micro_lens_array.h"
 #include "calib/files/calibration_file.h"
 #include "calib/files/calibration_tables.h"
+#include "calib/files/transform_keys.h"
 
 namespace plenocal::simulate {
 namespace {
@@ -40,26 +41,8 @@ RigidTransform ReadPose(const YamlNode& node, const std::string& ending) {
   if (node.Has(xi_key) && node.Has(T_key)) {
     node.At(xi_key).Fail(fmt::format("give either this or {}", T_key));
   }
-  if (node.Has(xi_key)) {
-    const std::vector<double> xi = node.At(xi_key).AsNumbers(6);
-    return Exp(Eigen::Map<const Vector6d>(xi.data()));
-  }
-  if (!node.Has(T_key)) return {};
-  const YamlNode matrix = node.At(T_key);
-  const std::vector<YamlNode> rows = matrix.Elements();
-  RigidTransform T;
-  if (rows.size() != 4) matrix.Fail("expected a 4 x 4 matrix, row by row");
-  for (int r = 0; r < 3; ++r) {
-    const std::vector<double> row = rows[static_cast<size_t>(r)].AsNumbers(4);
-    T.R.row(r) << row[0], row[1], row[2];
-    T.t[r] = row[3];
-  }
-  constexpr double kOrthogonal = 1e-6;
-  if (!((T.R * T.R.transpose() - Eigen::Matrix3d::Identity()).norm() < kOrthogonal &&
-        T.R.determinant() > 0)) {
-    matrix.Fail("expected a rotation in the upper left 3 x 3 block");
-  }
-  return T;
+  if (node.Has(xi_key)) return ReadXi(node.At(xi_key));
+  return node.Has(T_key) ? ReadTransform(node.At(T_key)) : RigidTransform{};
 }
 
 /// The key `pattern` of `node`, or the usual one of the lens types.

@@ -20,6 +20,7 @@
 #include "apps/workbench/try_json.h"
 #include "calib/base/detection_cache.h"
 #include "calib/base/error.h"
+#include "calib/base/quoted_text.h"
 #include "calib/files/frame_images.h"
 #include "models/registry.h"
 #include "targets/target.h"
@@ -116,10 +117,7 @@ fs::path FocusFolder(int run, const std::string& camera, const std::string& fram
 // What a command printed, or its message as an error.
 std::string OutputOf(const ChildResult& child) {
   if (child.status == 0) return child.out;
-  std::string message = child.err;
-  while (!message.empty() && message.back() == '\n') message.pop_back();
-  const size_t line = message.rfind('\n');
-  throw Error(ErrorKind::kJob, line == std::string::npos ? message : message.substr(line + 1));
+  throw Error(ErrorKind::kJob, FailureOf(child));
 }
 
 }  // namespace
@@ -206,6 +204,11 @@ Answer Api::Files(const Request& request) const {
 Answer Api::AddImage(const Request& request) const {
   const std::string folder = request.Query("dir"), name = PlainName(request.Query("name"), "name");
   if (!folder.empty()) (void)PlainName(folder, "dir");
+  for (const std::string& each : {folder, name}) {
+    const auto defect = each.empty() ? std::nullopt : FrameNameDefect(each);
+    if (!defect) continue;
+    throw Error(ErrorKind::kInput, fmt::format("the name '{}' {}; rename it", each, *defect));
+  }
   if (!HasImageName(name) && !IsStoreName(name)) {
     throw Error(ErrorKind::kInput, fmt::format("{}: is no image and no recording", name));
   }
@@ -267,7 +270,7 @@ Answer Api::SessionAnswer(const SessionVersion& version) {
     json["cameras"] = CamerasJson(session);
     if (!session.scene) (void)ReadTarget(session.target);
   } catch (const Error& error) {
-    json["problem"] = error.what();
+    json["problem"] = Escaped(error.what());
   }
   return JsonAnswer(json);
 }

@@ -2,13 +2,14 @@
 #include "apps/workbench/image_answer.h"
 
 #include <algorithm>
-#include <opencv2/imgproc.hpp>
+#include <opencv2/core.hpp>
 #include <utility>
 #include <vector>
 
 #include "apps/workbench/project/beneath.h"
 #include "calib/base/input_file.h"
 #include "detectors/images/image.h"
+#include "detectors/images/reduced.h"
 
 namespace plenocal::workbench {
 
@@ -21,10 +22,7 @@ Answer ImageAnswer(const std::filesystem::path& root, const FrameImage& image, i
     cv::minMaxLoc(gray, nullptr, &highest);
     gray.convertTo(gray, CV_8U, 255 / std::max(highest, 1.0));
   }
-  if (width > 0 && width < gray.cols) {
-    const double scale = static_cast<double>(width) / gray.cols;
-    cv::resize(gray, gray, {}, scale, scale, cv::INTER_AREA);
-  }
+  if (width > 0) gray = Reduced(gray, static_cast<double>(width) / gray.cols);
   return {.type = "image/jpeg", .body = EncodeImage(".jpg", gray)};
 }
 

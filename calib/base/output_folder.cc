@@ -22,6 +22,7 @@
 #include "calib/base/error.h"
 #include "calib/base/input_file.h"
 #include "calib/base/quoted_text.h"
+#include "calib/base/result_text.h"
 
 namespace plenocal {
 namespace {
@@ -359,6 +360,7 @@ void OutputFolder::RefuseInputs(const std::vector<std::string>& names) const {
 }
 
 void OutputFolder::Write(const std::string& name, const std::string& content) {
+  RefuseNan(name, content);
   const std::lock_guard lock(AllOpenFolders().mutex);
   RefuseInputs({name});
   const fs::path path = Partial() / name;

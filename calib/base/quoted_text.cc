@@ -142,7 +142,8 @@ std::string YamlText(std::string_view text) {
 std::string CsvCell(std::string_view text) {
   const auto is_blank = [](char c) { return c == ' ' || c == '\t'; };
   const bool plain = !text.empty() && text.find_first_of(",\"\r\n") == std::string_view::npos &&
-                     text[0] != '#' && !is_blank(text.front()) && !is_blank(text.back());
+                     text[0] != '#' && !is_blank(text.front()) && !is_blank(text.back()) &&
+                     text != "nan";  // no number
   if (plain || text.empty()) return std::string(text);
   std::string quoted = "\"";
   for (const char c : text) {

@@ -345,9 +345,14 @@ struct YamlNode::Impl {
     if (!length) Expected(what, NumberHint(tree->scalar, "one such as 0.05 or 50 mm"));
     return length->metres;
   }
+  // Squares of sizes and of standard errors must be numbers, too.
+  void CheckSquare(double value, std::string_view what) const {
+    if (!std::isnormal(value * value)) Expected(what, "; write one from 1e-150 to 1e150");
+  }
   [[nodiscard]] double Positive(std::string_view what, std::string_view example) const {
     const double value = Number(what, example);
     if (value <= 0) Expected(what, fmt::format("; write a number above 0, such as {}", example));
+    CheckSquare(value, what);
     return value;
   }
 };
@@ -426,6 +431,7 @@ double YamlNode::AsLength() const {
   const char* what = "a length in metres or with its unit";
   const double value = impl_->SignedLength(what);
   if (value <= 0) impl_->Expected(what, "; write a number above 0, such as 0.05 or 50 mm");
+  impl_->CheckSquare(value, what);
   return value;
 }
 

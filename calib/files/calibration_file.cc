@@ -3,7 +3,6 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <iterator>
@@ -13,6 +12,8 @@
 #include "calib/base/names.h"
 #include "calib/base/number_text.h"
 #include "calib/base/quoted_text.h"
+#include "calib/files/correlation_check.h"
+#include "calib/files/transform_keys.h"
 
 namespace plenocal {
 namespace {
@@ -262,11 +263,17 @@ double ReadReal(const YamlNode& node) {
   return node.AsString() == ".inf" ? std::numeric_limits<double>::infinity() : node.AsNumber();
 }
 
-// A standard deviation.
+// An RMS or a known standard deviation, whose square must be a number too.
+double ReadRms(const YamlNode& node) {
+  const double rms = node.AsNumber();
+  if (rms < 0) node.Fail("expected a standard deviation, found a negative number");
+  if (rms > 0 && !std::isnormal(rms * rms)) node.Fail("expected 0 or 1e-150 to 1e150");
+  return rms;
+}
+
+// A standard deviation; `.inf` for that of what is not determined.
 double ReadSigma(const YamlNode& node) {
-  const double sigma = ReadReal(node);
-  if (sigma < 0) node.Fail("expected a standard deviation, found a negative number");
-  return sigma;
+  return node.AsString() == ".inf" ? std::numeric_limits<double>::infinity() : ReadRms(node);
 }
 
 std::vector<double> ReadParamSigmas(const YamlNode& node, const CameraModel& model) {
@@ -281,27 +288,6 @@ std::vector<double> ReadSixSigmas(const YamlNode& node) {
   std::vector<double> sigma;
   for (const YamlNode& element : elements) sigma.push_back(ReadSigma(element));
   return sigma;
-}
-
-RigidTransform ReadTransform(const YamlNode& node) {
-  const auto rows = node.Elements();
-  if (rows.size() != 4) node.Fail("expected the four rows of a 4 x 4 matrix");
-  RigidTransform T;
-  for (int r = 0; r < 3; ++r) {
-    const std::vector<double> row = rows[static_cast<size_t>(r)].AsNumbers(4);
-    for (int c = 0; c < 3; ++c) T.R(r, c) = row[static_cast<size_t>(c)];
-    T.t[r] = row[3];
-  }
-  if (rows[3].AsNumbers(4) != std::vector<double>{0, 0, 0, 1}) {
-    rows[3].Fail("expected [0, 0, 0, 1]");
-  }
-  // Matrices that people typed have few digits.
-  constexpr double kOrthonormal = 1e-3;
-  if ((T.R * T.R.transpose() - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff() > kOrthonormal ||
-      T.R.determinant() < 0) {
-    node.Fail("the left 3 x 3 part is no rotation");
-  }
-  return T;
 }
 
 Eigen::MatrixXd ReadCovariance(const YamlNode& node, const CameraModel& model) {
@@ -320,42 +306,50 @@ Eigen::MatrixXd ReadCovariance(const YamlNode& node, const CameraModel& model) {
     for (Eigen::Index i = 0; i < count; ++i) {
       const std::vector<double> row =
           rows[static_cast<size_t>(i)].AsNumbers(static_cast<size_t>(i) + 1);
-      for (Eigen::Index j = 0; j < i; ++j) {
+      for (Eigen::Index j = 0; j <= i; ++j) {
         correlation(i, j) = correlation(j, i) = row[static_cast<size_t>(j)];
       }
+    }
+    std::vector<std::string> names;
+    for (const Param& param : model.params) names.emplace_back(param.name);
+    if (const auto defect = CorrelationDefect(correlation, names, kCorrelationRounding)) {
+      triangle.Fail(*defect);
     }
   }
   return CovarianceOf(sigma, correlation);
 }
 
-double NumberOr(const YamlNode& node, std::string_view key, double fallback) {
-  return node.Has(key) ? node.At(key).AsNumber() : fallback;
+double RmsOf(const YamlNode& node, std::string_view key) {
+  return node.Has(key) ? ReadRms(node.At(key)) : 0;
 }
 
-int IntegerOr(const YamlNode& node, std::string_view key, int fallback) {
-  return node.Has(key) ? node.At(key).AsInteger() : fallback;
+int CountOf(const YamlNode& node, std::string_view key) {
+  if (!node.Has(key)) return 0;
+  const int count = node.At(key).AsInteger();
+  if (count < 0) node.At(key).Fail("expected a number of at least 0");
+  return count;
 }
 
 CameraFit ReadFit(const YamlNode& node) {
   CameraFit fit;
-  fit.points = IntegerOr(node, "points", 0);
-  fit.rejected = IntegerOr(node, "rejected", 0);
-  fit.views = IntegerOr(node, "views", 0);
-  fit.rms = NumberOr(node, "rms", 0);
-  fit.noise_sigma = NumberOr(node, "noise", 0);
-  fit.detector_sigma = NumberOr(node, "detector_sigma", 0);
-  fit.common_noise = NumberOr(node, "common_noise", 0);
-  fit.rms_all = NumberOr(node, "rms_all", 0);
-  if (node.Has("floor")) fit.noise_floor = NoiseFloor{.length = node.At("floor").AsNumber()};
+  fit.points = CountOf(node, "points");
+  fit.rejected = CountOf(node, "rejected");
+  fit.views = CountOf(node, "views");
+  fit.rms = RmsOf(node, "rms");
+  fit.noise_sigma = RmsOf(node, "noise");
+  fit.detector_sigma = RmsOf(node, "detector_sigma");
+  fit.common_noise = RmsOf(node, "common_noise");
+  fit.rms_all = RmsOf(node, "rms_all");
+  if (node.Has("floor")) fit.noise_floor = NoiseFloor{.length = RmsOf(node, "floor")};
   if (node.Has("floor_all")) {
-    fit.noise_floor_all = NoiseFloor{.length = node.At("floor_all").AsNumber()};
+    fit.noise_floor_all = NoiseFloor{.length = RmsOf(node, "floor_all")};
   }
   if (node.Has("rms_by_type")) {
     const YamlNode types = node.At("rms_by_type");
     for (const auto& [type, rms] : types.Entries()) {
       const std::optional<int> number = ParseInt(type);
       if (!number) rms.Fail(fmt::format("'{}' is no number of a lens type", type));
-      fit.lens_types[*number].rms = rms.AsNumber();
+      fit.lens_types[*number].rms = ReadRms(rms);
     }
   }
   return fit;
@@ -376,9 +370,9 @@ std::vector<LensTypeOptics> ReadLensTypes(const YamlNode& node) {
   for (const YamlNode& item : node.Elements()) {
     types.push_back({.lens_type = item.At("type").AsInteger(),
                      .focal_length = item.At("focal_length").AsPositive(),
-                     .focal_length_sigma = item.At("sigma_focal_length").AsNumber(),
+                     .focal_length_sigma = ReadRms(item.At("sigma_focal_length")),
                      .aperture = item.At("aperture").AsPositive(),
-                     .aperture_sigma = item.At("sigma_aperture").AsNumber(),
+                     .aperture_sigma = ReadRms(item.At("sigma_aperture")),
                      .in_focus = distance(item, "in_focus"),
                      .near = distance(item, "near"),
                      .far = distance(item, "far")});
@@ -531,8 +525,7 @@ CalibrationRecord ReadCalibration(const std::filesystem::path& path,
   if (calibration.cameras.empty()) root.At("cameras").Fail("expected at least one camera");
   if (root.Has("targets")) {
     for (const auto& [name, node] : root.At("targets").Entries()) {
-      const std::vector<double> xi = node.At("xi_target_own").AsNumbers(6);
-      TargetRecord target{.name = name, .T_target_own = Exp(Eigen::Map<const Vector6d>(xi.data()))};
+      TargetRecord target{.name = name, .T_target_own = ReadXi(node.At("xi_target_own"))};
       if (node.Has("sigma_xi"))
         target.sigma_xi = Eigen::Map<const Vector6d>(ReadSixSigmas(node.At("sigma_xi")).data());
       calibration.targets.push_back(target);
@@ -541,15 +534,15 @@ CalibrationRecord ReadCalibration(const std::filesystem::path& path,
   if (root.Has("adjustment")) {
     const YamlNode node = root.At("adjustment");
     calibration.adjustment = {.converged = node.At("converged").AsBool(),
-                              .iterations = IntegerOr(node, "iterations", 0),
-                              .rejection_sigmas = NumberOr(node, "rejection_sigmas", 0),
+                              .iterations = CountOf(node, "iterations"),
+                              .rejection_sigmas = RmsOf(node, "rejection_sigmas"),
                               .marker_sigma = ReadSigma(node.At("marker_sigma"))};
   }
   if (root.Has("jitter")) {
     const YamlNode node = root.At("jitter");
-    calibration.jitter = {.translation_sigma = node.At("translation").AsNumber(),
-                          .rotation_sigma = node.At("rotation").AsNumber(),
-                          .misplaced = IntegerOr(node, "misplaced", 0)};
+    calibration.jitter = {.translation_sigma = ReadRms(node.At("translation")),
+                          .rotation_sigma = ReadRms(node.At("rotation")),
+                          .misplaced = CountOf(node, "misplaced")};
   }
   if (root.Has("undetermined")) {
     calibration.undetermined = ReadOpenDirections(root.At("undetermined"));

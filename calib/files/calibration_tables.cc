@@ -17,6 +17,7 @@
 #include "calib/base/input_file.h"
 #include "calib/base/number_text.h"
 #include "calib/base/quoted_text.h"
+#include "calib/files/correlation_check.h"
 
 namespace plenocal {
 namespace {
@@ -307,6 +308,11 @@ Correlations ReadCorrelations(const std::filesystem::path& path) {
   for (Eigen::Index i = 0; table.Next(); ++i) {
     if (i >= count) table.Fail("the matrix has more rows than columns");
     correlations.names.emplace_back(table.Text(0));
+    if (table.Text(0) != table.Header()[static_cast<size_t>(i) + 1]) {
+      table.FailAt(
+          0,
+          fmt::format("expected {}, as in the header", table.Header()[static_cast<size_t>(i) + 1]));
+    }
     for (Eigen::Index j = 0; j < count; ++j) {
       correlations.matrix(i, j) = table.Number(static_cast<size_t>(j) + 1);
     }
@@ -314,6 +320,9 @@ Correlations ReadCorrelations(const std::filesystem::path& path) {
   if (static_cast<Eigen::Index>(correlations.names.size()) != count) {
     table.Fail("the matrix has fewer rows than columns (is the file truncated?)");
   }
+  const auto defect =
+      CorrelationDefect(correlations.matrix, correlations.names, kCorrelationRounding);
+  if (defect) throw Error(ErrorKind::kInput, fmt::format("{}: {}", path.string(), *defect));
   return correlations;
 }
 

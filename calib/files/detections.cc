@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <iterator>
 #include <numeric>
 #include <optional>
@@ -81,10 +82,10 @@ class DetectionReader {
     }
     if (const auto sigma = sigma_column_ ? table_.NumberIfAny(*sigma_column_) : std::nullopt) {
       observation.detector_sigma = *sigma;
-      if (!(*sigma > 0)) {
-        table_.FailAt(
-            *sigma_column_,
-            fmt::format("expected a positive number, found '{}'", table_.Text(*sigma_column_)));
+      if (!(*sigma > 0 && std::isnormal(*sigma * *sigma))) {
+        table_.FailAt(*sigma_column_,
+                      fmt::format("expected a positive number from 1e-150 to 1e150, found '{}'",
+                                  table_.Text(*sigma_column_)));
       }
     }
     const std::string_view frame = table_.Text(frame_column_);

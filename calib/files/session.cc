@@ -13,6 +13,7 @@
 #include "calib/files/calibration_file.h"
 #include "calib/files/exclusion.h"
 #include "calib/files/image_keys.h"
+#include "calib/files/transform_keys.h"
 
 namespace plenocal {
 namespace {
@@ -343,24 +344,6 @@ TargetSource ReadTargetSource(const YamlNode& node, const std::filesystem::path&
   return source;
 }
 
-// A 4 x 4 matrix, row by row.
-RigidTransform ReadRigidTransform(const YamlNode& node) {
-  constexpr double kOrthogonal = 1e-6;
-  const std::vector<YamlNode> rows = node.Elements();
-  if (rows.size() != 4) node.Fail("expected a 4 x 4 matrix, row by row");
-  RigidTransform T;
-  for (int r = 0; r < 3; ++r) {
-    const std::vector<double> row = rows[static_cast<size_t>(r)].AsNumbers(4);
-    T.R.row(r) << row[0], row[1], row[2];
-    T.t[r] = row[3];
-  }
-  if (!((T.R * T.R.transpose() - Eigen::Matrix3d::Identity()).norm() < kOrthogonal &&
-        T.R.determinant() > 0)) {
-    node.Fail("expected a rotation in the upper left 3 x 3 block");
-  }
-  return T;
-}
-
 // A target, or {target, pose}.
 SessionTarget ReadSessionTarget(const std::string& name,
                                 const YamlNode& node,
@@ -376,7 +359,7 @@ SessionTarget ReadSessionTarget(const std::string& name,
   if (!node.Has("pose")) return target;
   const YamlNode pose = node.At("pose");
   if (pose.IsSequence()) {
-    target.known = ReadRigidTransform(pose);
+    target.known = ReadTransform(pose);
     return target;
   }
   static constexpr std::array<std::string_view, 2> kPoses{"fixed", "free"};

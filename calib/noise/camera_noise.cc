@@ -151,7 +151,44 @@ double CommonVariance(const std::vector<Mean>& means, double redundancy) {
   return high;
 }
 
+// Smallest noise, px, with which the normal equations hold the markers' prior beside the images'
+// information. The prior alone tells the target's place and size, and rounding of what images tell
+// of a marker would hide it.
+double SmallestNoise(const Bundle& bundle, size_t camera) {
+  if (!bundle.EstimatesMarkers() || bundle.HasLandmarks()) return kSmallestNoise;
+  // Of the prior's information: of 16 digits two remain for the prior, one is lost to sums.
+  constexpr double kMostInformation = 1e13;
+  const std::vector<double> squares = SquaresOfMarkerErrors(bundle, bundle.marker_sigma);
+  std::vector<double> sums(bundle.markers.size(), 0.0);  // at a noise of 1 px
+  for (size_t i = 0; i < squares.size(); ++i) {
+    const BundleObservation& observation = bundle.observations[i];
+    if (!observation.used || observation.camera != static_cast<int>(camera)) continue;
+    sums[static_cast<size_t>(observation.marker)] += squares[i];
+  }
+  return std::max(kSmallestNoise, std::sqrt(std::ranges::max(sums) / kMostInformation));
+}
+
 }  // namespace
+
+std::vector<double> SquaresOfMarkerErrors(const Bundle& bundle, double marker_sigma) {
+  std::vector<double> squares(bundle.observations.size(), 0.0);
+  for (Eigen::Index axis = 0; axis < 3; ++axis) {
+    Bundle moved = bundle;
+    for (BundleMarker& marker : moved.markers) marker.position[axis] += marker_sigma;
+    for (size_t i = 0; i < squares.size(); ++i) {
+      double residual[kMaxObservationSize], of_moved[kMaxObservationSize];
+      if (!Residual(bundle, bundle.observations[i], residual) ||
+          !Residual(moved, moved.observations[i], of_moved)) {
+        continue;
+      }
+      const size_t camera = static_cast<size_t>(bundle.observations[i].camera);
+      for (size_t r = 0; r < bundle.cameras[camera].model->measured.size(); ++r) {
+        squares[i] += std::pow(of_moved[r] - residual[r], 2);
+      }
+    }
+  }
+  return squares;
+}
 
 NoiseModel EstimateCameraNoise(const Bundle& bundle, size_t camera, const UsedDegrees& used) {
   const auto dimension = static_cast<double>(bundle.cameras[camera].model->measured.size());
@@ -236,12 +273,21 @@ double UpdateNoise(std::span<const double> typical_sigmas,
   double change = 0;
   const std::vector<double> coordinates = UsedCoordinates(*bundle);
   for (size_t c = 0; c < bundle->cameras.size(); ++c) {
-    if (!(coordinates[c] > used[c].all)) continue;
+    if (coordinates[c] == 0) continue;
     NoiseModel& noise = bundle->cameras[c].noise;
     const double typical = typical_sigmas[c];
     const double before = noise.Sigma(typical), common_before = noise.common_sigma;
-    noise = EstimateCameraNoise(*bundle, c, used[c]);
-    if (noise.Sigma(typical) < kSmallestNoise) noise = NoiseOfSigma(kSmallestNoise, typical);
+    constexpr double kLeastLeft = 1;  // degree of freedom, for a variance
+    if (coordinates[c] - used[c].all >= kLeastLeft) {
+      noise = EstimateCameraNoise(*bundle, c, used[c]);
+    } else if (before < typical) {
+      noise = NoiseOfSigma(typical, typical);
+    }
+    constexpr double kAlmostExact = 1e-3;  // px; no floor is as high
+    if (noise.Sigma(typical) < kAlmostExact) {
+      const double smallest = SmallestNoise(*bundle, c);
+      if (noise.Sigma(typical) < smallest) noise = NoiseOfSigma(smallest, typical);
+    }
     change = std::max({change,
                        std::abs(noise.Sigma(typical) / before - 1),
                        std::abs(noise.common_sigma - common_before) / before});

@@ -28,6 +28,10 @@ struct UsedDegrees {
 /// explain, all follow from the residuals together, without common noise.
 NoiseModel EstimateCameraNoise(const Bundle& bundle, size_t camera, const UsedDegrees& used);
 
+/// Per observation: squared length, px^2, by which errors of `marker_sigma` in each of a marker's
+/// coordinates move its image; 0 where the model has none.
+std::vector<double> SquaresOfMarkerErrors(const Bundle& bundle, double marker_sigma);
+
 /// Noise with standard deviation `sigma` of an observation with `typical_sigma`: assumed sigmas are
 /// scaled down where they are too large; where they are too small an additive sigma joins them.
 NoiseModel NoiseOfSigma(double sigma, double typical_sigma);
@@ -44,7 +48,9 @@ std::vector<size_t> EstimateNoiseRobustly(const std::vector<bool>& frames,
                                           Bundle* bundle);
 
 /// Noise of each camera by `EstimateCameraNoise`, where its used coordinates exceed the degrees
-/// used by the unknowns. Returns the largest relative change.
+/// used by the unknowns by one or more; else the residuals do not show it, and it is at least the
+/// typical sigma. Never less than what leaves the markers' prior visible in the normal equations.
+/// Returns the largest relative change.
 double UpdateNoise(std::span<const double> typical_sigmas,
                    std::span<const UsedDegrees> used,
                    Bundle* bundle);

@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "calib/prior/calibrated_rig.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <utility>
 
+#include "calib/base/error.h"
 #include "calib/base/linear_algebra.h"
 
 namespace plenocal {
@@ -99,6 +102,14 @@ double FactorOfSystematicErrors(const CalibrationRecord& record, const std::stri
   for (const Finding& finding : findings) {
     if (finding.code != "points_share_errors" || !finding.value) continue;
     if (std::ranges::find(finding.cameras, camera) == finding.cameras.end()) continue;
+    if (!std::isfinite(*finding.value)) {
+      throw Error(ErrorKind::kInput,
+                  fmt::format("{}: the finding {} of {} has no finite value, the factor of the "
+                              "standard errors",
+                              record.path.string(),
+                              finding.code,
+                              camera));
+    }
     factor = std::max(factor, *finding.value);
   }
   return factor;

@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "calib/kernels/processors.h"
+#include "detectors/images/reduced.h"
 #include "detectors/templates/lanes.h"
 
 // At each scale of a pyramid:
@@ -408,8 +409,7 @@ std::vector<CornerLattice> FindCornerLattices(const cv::Mat& gray, int min_found
   constexpr int kSmallestSize = 16;  // px; holds three by three corners
   std::vector<CornerLattice> lattices;
   double scale = std::min(1.0, kLargestSize / std::max(gray.cols, gray.rows));
-  cv::Mat scaled = gray;
-  if (scale < 1) cv::resize(gray, scaled, {}, scale, scale, cv::INTER_AREA);
+  cv::Mat scaled = Reduced(gray, scale);
   while (std::min(scaled.cols, scaled.rows) >= kSmallestSize) {
     FindAtScale(scaled, scale, min_found, &lattices);
     cv::Mat half;

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "detectors/boards/propose_target.h"
 
-#include <apriltag/apriltag.h>
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -24,7 +23,8 @@
 #include "detectors/boards/corner_lattice.h"
 #include "detectors/boards/marker_layout.h"
 #include "detectors/images/image.h"
-#include "detectors/quads/least_contrast.h"
+#include "detectors/images/reduced.h"
+#include "detectors/quads/apriltag_library.h"
 #include "targets/code_books.h"
 #include "targets/tags/tag_family.h"
 
@@ -52,8 +52,7 @@ struct Seen {
 /// Reads tags of all families with borders of one and two bits, without wrong bits.
 class AnyTagReader {
  public:
-  AnyTagReader() : detector_(apriltag_detector_create()) {
-    detector_->nthreads = 1;
+  AnyTagReader() {
     for (const internal::CodeBook& book : internal::kTagFamilies) {
       for (const int border : {1, 2}) {
         internal::TagFamily family(book.name, border);
@@ -63,13 +62,10 @@ class AnyTagReader {
         std::vector<int> ids(static_cast<std::size_t>(book.size));
         std::iota(ids.begin(), ids.end(), 0);
         entry.subset = entry.family.Subset(ids, &entry.codes);
-        apriltag_detector_add_family_bits(detector_, &entry.subset, 0);
+        library_.Add(&entry.subset, 0);
       }
     }
   }
-  AnyTagReader(const AnyTagReader&) = delete;
-  AnyTagReader& operator=(const AnyTagReader&) = delete;
-  ~AnyTagReader() { apriltag_detector_destroy(detector_); }
 
   void Read(const cv::Mat& gray, Seen* seen) {
     ReadOnce(gray, seen);
@@ -91,28 +87,23 @@ class AnyTagReader {
   void ReadOnce(const cv::Mat& gray, Seen* seen) {
     constexpr double kLeastMargin = 15;  // grey values between black and white bits
     constexpr int kSmall = 1000;         // px
-    detector_->quad_decimate = std::max(gray.cols, gray.rows) > kSmall ? 2 : 1;
-    detector_->qtp.min_white_black_diff = internal::LeastContrast(gray);
-    image_u8_t image{gray.cols, gray.rows, static_cast<std::int32_t>(gray.step), gray.data};
-    zarray_t* detections = apriltag_detector_detect(detector_, &image);
-    for (int i = 0; i < zarray_size(detections); ++i) {
-      apriltag_detection_t* found = nullptr;
-      zarray_get(detections, i, &found);
-      if (found->decision_margin < kLeastMargin) continue;
+    library_.AdaptToNoise(gray);
+    const int decimate = std::max(gray.cols, gray.rows) > kSmall ? 2 : 1;
+    library_.Read(gray, decimate, [&](const apriltag_detection_t& found) {
+      if (found.decision_margin < kLeastMargin) return;
       const auto entry = std::ranges::find_if(
-          entries_, [&](const auto& each) { return &each->subset == found->family; });
-      NumberedSquare square{.id = found->id, .corners = {}};
+          entries_, [&](const auto& each) { return &each->subset == found.family; });
+      NumberedSquare square{.id = found.id, .corners = {}};
       for (std::size_t k = 0; k < 4; ++k) {
         // The library begins at the lower left and goes round the other way.
-        square.corners[k] = {found->p[3 - k][0], found->p[3 - k][1]};
+        square.corners[k] = {found.p[3 - k][0], found.p[3 - k][1]};
       }
       seen->markers[(*entry)->code].push_back(square);
-    }
-    apriltag_detections_destroy(detections);
+    });
   }
 
-  apriltag_detector_t* detector_;
-  std::vector<std::unique_ptr<Entry>> entries_;  // the library keeps pointers to them
+  std::vector<std::unique_ptr<Entry>> entries_;
+  internal::AprilTagLibrary library_;  // keeps pointers to the entries
 };
 
 /// The largest dictionary of each kind: the smaller ones are the beginnings of these. (AprilTags
@@ -160,8 +151,7 @@ bool HasMarkers(const Seen& seen) {
 Seen Look(const FrameImage& image) {
   constexpr double kLargest = 1920;  // px: enough for what is to be recognised only
   cv::Mat gray = ReadGray(image);
-  const double scale = std::min(1.0, kLargest / std::max(gray.cols, gray.rows));
-  if (scale < 1) cv::resize(gray, gray, {}, scale, scale, cv::INTER_AREA);
+  gray = Reduced(gray, kLargest / std::max(gray.cols, gray.rows));
   Seen seen;
   AnyTagReader().Read(gray, &seen);
   if (HasMarkers(seen)) return seen;
@@ -174,9 +164,8 @@ Seen Look(const FrameImage& image) {
   FindChessboard(gray, &seen);
   if (HasMarkers(seen)) return seen;
   constexpr double kLargestOfBlobs = 1000;  // px
-  const double smaller = std::min(1.0, kLargestOfBlobs / std::max(gray.cols, gray.rows));
-  if (smaller < 1) cv::resize(gray, gray, {}, smaller, smaller, cv::INTER_AREA);
-  seen.circles = internal::FindBlobGrid(gray);
+  const double smaller = kLargestOfBlobs / std::max(gray.cols, gray.rows);
+  seen.circles = internal::FindBlobGrid(Reduced(gray, smaller));
   if (seen.circles && seen.corners) {
     // Between circles brightness has saddles as at corners, and dark squares look like circles in
     // an asymmetric grid, fewer than their corners.

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "detectors/images/image_codecs.h"
+#include "detectors/images/reduced.h"
 
 namespace plenocal::internal {
 
@@ -67,8 +68,7 @@ std::string EncodeSample(const cv::Mat& picture) {
 
 std::string SamplePicture(const cv::Mat& gray, std::vector<Observation> markers) {
   const double scale = SampleScale(gray);
-  cv::Mat small;
-  cv::resize(gray, small, {}, scale, scale, cv::INTER_AREA);
+  const cv::Mat small = Reduced(gray, scale);
   for (Observation& marker : markers) {
     // (0, 0) is the centre of a pixel, of whatever size.
     for (const size_t i : {0, 1}) marker.values[i] = (marker.values[i] + 0.5) * scale - 0.5;

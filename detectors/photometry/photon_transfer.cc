@@ -198,10 +198,10 @@ void FitLine(PhotonTransfer* noise) {
   const double factor = count > 2 ? std::max(1.0, chi_square / (count - 2)) : 1;
   noise->gain = slope;
   noise->gain_sigma = xx > 0 ? std::sqrt(factor / xx) : infinity;
-  noise->read = std::sqrt(offset);
-  const double offset_sigma =
-      xx > 0 ? std::sqrt(factor * (1 / w_sum + x_mean * x_mean / xx)) : infinity;
-  noise->read_sigma = offset_sigma / std::max(2 * noise->read, std::sqrt(offset_sigma));
+  noise->read = std::sqrt(std::max(offset, 0.0));  // rounding
+  const double offset_sigma = std::sqrt(factor * (1 / w_sum + x_mean * x_mean / xx));
+  noise->read_sigma =
+      xx > 0 ? offset_sigma / std::max(2 * noise->read, std::sqrt(offset_sigma)) : infinity;
   noise->misfit = std::sqrt(squares / count);
 }
 

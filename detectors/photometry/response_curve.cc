@@ -85,6 +85,9 @@ ResponseCurve ReadResponse(const std::filesystem::path& path) {
                  "value {} ({}) does not exceed the one before ({})", k, light[k], light[k - 1]));
     }
   }
+  if (!std::isnormal(kFullScale / (light.back() - light.front()))) {
+    Refuse(path, fmt::format("its values, {} to {}, have no scale", light.front(), light.back()));
+  }
   return ResponseCurve(light);
 }
 

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "detectors/tags/tag_detector.h"
 
-#include <apriltag/apriltag.h>
 #include <fmt/core.h>
 #include <fmt/ranges.h>
 
@@ -17,7 +16,7 @@
 #include <utility>
 
 #include "calib/base/error.h"
-#include "detectors/quads/least_contrast.h"
+#include "detectors/quads/apriltag_library.h"
 #include "detectors/quads/quad_prediction.h"
 #include "detectors/quads/sort_quads.h"
 #include "detectors/tags/corner_squares.h"
@@ -66,10 +65,8 @@ class TagReader {
     }
     family_ = family.Subset(ids_, &codes_);
     other_family_ = family.Subset(others_, &other_codes_);
-    detector_ = apriltag_detector_create();
-    detector_->nthreads = 1;
-    if (!ids_.empty()) apriltag_detector_add_family_bits(detector_, &family_, kMostWrongBits);
-    if (!others_.empty()) apriltag_detector_add_family_bits(detector_, &other_family_, 0);
+    if (!ids_.empty()) library_.Add(&family_, kMostWrongBits);
+    if (!others_.empty()) library_.Add(&other_family_, 0);
     // A random pattern reads as a tag of the target, turned any way, when it is within `hamming`
     // bits.
     const double patterns = std::ldexp(1.0, family.data_bits());
@@ -81,40 +78,28 @@ class TagReader {
     }
     chance_other_ = 4 * static_cast<double>(others_.size()) / patterns;
   }
-  TagReader(const TagReader&) = delete;
-  TagReader& operator=(const TagReader&) = delete;
-  ~TagReader() { apriltag_detector_destroy(detector_); }
 
   /// Regions of this image are read next.
-  void AdaptToNoise(const cv::Mat& gray) {
-    detector_->qtp.min_white_black_diff = internal::LeastContrast(gray);
-  }
+  void AdaptToNoise(const cv::Mat& gray) { library_.AdaptToNoise(gray); }
 
   /// Reads `gray(region)` with quads searched on the image reduced by `decimate`.
-  std::vector<DecodedTag> Read(const cv::Mat& gray, const cv::Rect& region, float decimate) {
-    detector_->quad_decimate = decimate;
-    const cv::Mat part = gray(region);
-    image_u8_t image{part.cols, part.rows, static_cast<std::int32_t>(part.step), part.data};
-    zarray_t* detections = apriltag_detector_detect(detector_, &image);
+  std::vector<DecodedTag> Read(const cv::Mat& gray, const cv::Rect& region, int decimate) {
     std::vector<DecodedTag> decoded;
-    for (int i = 0; i < zarray_size(detections); ++i) {
-      apriltag_detection_t* found = nullptr;
-      zarray_get(detections, i, &found);
+    library_.Read(gray(region), decimate, [&](const apriltag_detection_t& found) {
       DecodedTag tag;
-      tag.on_target = found->family == &family_;
-      tag.id = (tag.on_target ? ids_ : others_)[static_cast<std::size_t>(found->id)];
-      tag.hamming = found->hamming;
+      tag.on_target = found.family == &family_;
+      tag.id = (tag.on_target ? ids_ : others_)[static_cast<std::size_t>(found.id)];
+      tag.hamming = found.hamming;
       const double chance =
-          tag.on_target ? chance_[static_cast<std::size_t>(found->hamming)] : chance_other_;
-      tag.expected_by_chance = chance * detector_->nquads;
-      tag.margin = found->decision_margin;
+          tag.on_target ? chance_[static_cast<std::size_t>(found.hamming)] : chance_other_;
+      tag.expected_by_chance = chance * library_.Outlines();
+      tag.margin = found.decision_margin;
       for (std::size_t k = 0; k < 4; ++k) {
         // The library counts from the pixel's corner.
-        tag.corners[k] = {found->p[k][0] - 0.5 + region.x, found->p[k][1] - 0.5 + region.y};
+        tag.corners[k] = {found.p[k][0] - 0.5 + region.x, found.p[k][1] - 0.5 + region.y};
       }
       decoded.push_back(tag);
-    }
-    apriltag_detections_destroy(detections);
+    });
     return decoded;
   }
 
@@ -122,7 +107,7 @@ class TagReader {
   std::vector<int> ids_, others_;
   std::vector<std::uint64_t> codes_, other_codes_;
   apriltag_family_t family_{}, other_family_{};
-  apriltag_detector_t* detector_;
+  internal::AprilTagLibrary library_;
   static constexpr int kMostWrongBits = 2;  // the library's own default and limit of memory
   std::array<double, kMostWrongBits + 1> chance_{};
   double chance_other_ = 0;

@@ -185,6 +185,22 @@ TEST(NoisyDetections, HaveErrorsAsLargeAsTheirSigmas) {
               ::testing::AllOf(::testing::Ge(kLowest), ::testing::Le(kHighest)));
 }
 
+// Without noise the markers' tolerance is all that is known of the target's place and size, with
+// which that of the cameras goes.
+TEST(ExactDetections, LeavePlaceAndSizeOfTheTargetToItsTolerance) {
+  Errors errors;
+  for (unsigned seed = 0; seed < 12; ++seed) {
+    const SyntheticProblem problem =
+        MakeProblem(seed, {.cameras = 2, .frames = 8, .marker_tolerance = 0.0005});
+    errors.Add(problem, Calibrate(problem.input, {}));
+  }
+  // Seven numbers of each problem are independent: sqrt(2 / 84) = 15 %, four of them.
+  EXPECT_THAT(errors.markers.Mean(), ::testing::AllOf(::testing::Ge(0.4), ::testing::Le(1.6)));
+  // Of a camera's place its distance from the other, one number a problem.
+  EXPECT_LT(errors.mounts.Mean(), 1);
+  EXPECT_GT(errors.mounts.Mean(), 0.01);
+}
+
 int misfit_calls = 0;
 
 TEST(InitialGuess, LooksForAnotherLensOnlyBeyondWhatTheTargetsToleranceExplains) {
@@ -202,6 +218,37 @@ TEST(InitialGuess, LooksForAnotherLensOnlyBeyondWhatTheTargetsToleranceExplains)
   EXPECT_EQ(misfit_calls, 0);
   GuessCamera(camera, problem.input.markers, 0);
   EXPECT_EQ(misfit_calls, 1);
+}
+
+// No candidate explains them: without a pose or with residuals that are not finite.
+TEST(InitialGuess, OfWhatNoCameraSeesEndsInAMessage) {
+  const auto expect_message = [](const char* what, const auto& spoil) {
+    SCOPED_TRACE(what);
+    SyntheticProblem problem = MakeProblem(4, {.frames = 3});
+    spoil(&problem.input);
+    try {
+      GuessCamera(problem.input.cameras[0], problem.input.markers, 0.0005);
+      ADD_FAILURE() << "no message";
+    } catch (const Error& error) {
+      EXPECT_EQ(error.kind(), ErrorKind::kJob);
+      EXPECT_THAT(error.what(), ::testing::HasSubstr("no initial guess of model pinhole-radial3"));
+    }
+  };
+  const auto move_markers = [](const auto& place) {
+    return [=](CalibrationInput* input) {
+      for (auto& [number, position] : input->markers) position = place(position);
+    };
+  };
+  expect_message("markers on one line",
+                 move_markers([](const auto& p) { return Eigen::Vector3d(p.x(), 0, 0); }));
+  expect_message("markers in one place", move_markers([](const auto&) -> Eigen::Vector3d {
+                   return {0, 0, 0};
+                 }));
+  expect_message("pixels far outside of any image", [](CalibrationInput* input) {
+    for (View& view : input->cameras[0].views) {
+      for (Observation& seen : view.observations) seen.values[0] = 1e300;
+    }
+  });
 }
 
 TEST(NoisyDetections, TellTheNoiseOfEachCamera) {

@@ -278,8 +278,9 @@ std::string SuggestionsText(const NextViews& suggestions,
   }
   // Sigmas say nothing about errors of the model.
   if (basis.verdict && basis.verdict->grade == Grade::kBad) {
-    text += fmt::format("the calibration so far is bad, and more views may not help: {}\n",
-                        basis.verdict->findings.front().what);
+    const std::vector<Finding>& findings = basis.verdict->findings;
+    text += fmt::format("the calibration so far is bad, and more views may not help{}\n",
+                        findings.empty() ? "" : ": " + findings.front().what);
   }
   return text;
 }

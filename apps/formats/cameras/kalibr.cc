@@ -12,6 +12,7 @@
 #include "calib/base/quoted_text.h"
 #include "calib/base/yaml.h"
 #include "calib/files/calibration_file.h"
+#include "calib/files/transform_keys.h"
 
 namespace plenocal {
 namespace {
@@ -111,7 +112,7 @@ std::vector<CalibratedCamera> ReadKalibr(const CameraSource& source) {
                  fmt::format("{}:{}: {}", source.path.string(), node.Line(), name));
     camera.name = name;
     if (!cameras.empty()) {
-      camera.T_camera_rig = ReadRows(node.At("T_cn_cnm1")) * cameras.back().T_camera_rig;
+      camera.T_camera_rig = ReadTransform(node.At("T_cn_cnm1")) * cameras.back().T_camera_rig;
     }
     cameras.push_back(camera);
   }

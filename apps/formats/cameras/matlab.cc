@@ -12,6 +12,7 @@
 #include "apps/formats/poses.h"
 #include "calib/base/yaml.h"
 #include "calib/files/calibration_file.h"
+#include "calib/files/transform_keys.h"
 
 namespace plenocal {
 namespace {
@@ -71,7 +72,7 @@ std::vector<CalibratedCamera> ReadMatlab(const CameraSource& source) {
                                         ReadMatlabObject(root.At("Camera2"), where)};
   cameras[0].name = "camera1";
   cameras[1].name = "camera2";
-  cameras[1].T_camera_rig = ReadRows(root.At("PoseCamera2"));
+  cameras[1].T_camera_rig = ReadTransform(root.At("PoseCamera2"));
   return cameras;
 }
 

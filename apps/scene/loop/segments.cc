@@ -21,7 +21,7 @@ std::optional<double> PlaceOf(const SceneTracks& tracks, const std::string& text
   const auto named = std::ranges::find(tracks.frames, text);
   if (named != tracks.frames.end()) return static_cast<double>(named - tracks.frames.begin());
   const std::optional<double> seconds = ParseDouble(text);
-  if (!seconds || tracks.times.empty()) return std::nullopt;
+  if (!seconds || !std::isfinite(*seconds) || tracks.times.empty()) return std::nullopt;
   const auto at = std::ranges::lower_bound(tracks.times, tracks.times.front() + *seconds - 1e-9);
   return static_cast<double>(at - tracks.times.begin());
 }

@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 
 #include "calib/base/error.h"
+#include "calib/base/quoted_text.h"
 
 namespace plenocal::workbench {
 namespace {
@@ -93,9 +94,8 @@ std::string Request::Query(const std::string& name) const {
 }
 
 Answer ErrorAnswer(int status, const std::string& what, const std::string& remedy) {
-  const nlohmann::json json = {{"error", {{"what", what}, {"remedy", remedy}}}};
-  return {.status = status,
-          .body = json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace)};
+  const nlohmann::json json = {{"error", {{"what", Escaped(what)}, {"remedy", remedy}}}};
+  return {.status = status, .body = json.dump()};
 }
 
 std::optional<Address> ParseAddress(std::string_view text) {

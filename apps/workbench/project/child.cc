@@ -10,8 +10,11 @@
 
 #include <array>
 #include <cerrno>
+#include <csignal>
 #include <cstring>
 #include <filesystem>
+#include <sstream>
+#include <string_view>
 
 #include "calib/base/error.h"
 
@@ -21,6 +24,7 @@ namespace plenocal::workbench {
 namespace {
 
 constexpr size_t kMostOutput = 64 * 1024 * 1024;  // of a child's output that is kept
+constexpr int kSignalled = 128;  // status of a child that signal 0 would have ended
 
 struct Pipe {
   int read = -1, write = -1;
@@ -116,9 +120,28 @@ ChildResult RunChild(const std::vector<std::string>& arguments,
   }
   int status = 0;
   while (waitpid(child, &status, 0) < 0 && errno == EINTR) continue;
-  constexpr int kSignalled = 128;
   result.status = WIFEXITED(status) ? WEXITSTATUS(status) : kSignalled + WTERMSIG(status);
   return result;
+}
+
+std::string FailureOf(const ChildResult& child) {
+  constexpr std::string_view kName = "plenocal: ";
+  std::string failure;
+  std::istringstream lines(child.err);
+  for (std::string line; std::getline(lines, line);) {
+    if (line.starts_with(kName)) failure = line.substr(kName.size());
+  }
+  if (!failure.empty()) return failure;
+  constexpr const char* kRemedy = "run the command in a terminal, and report this defect";
+  if (child.status <= kSignalled) {
+    return fmt::format(
+        "the program failed without a message (exit status {}); {}", child.status, kRemedy);
+  }
+  const int signal = child.status - kSignalled;
+  return fmt::format("the program was ended by signal {} ({}); {}",
+                     signal,
+                     strsignal(signal),
+                     signal == SIGKILL ? "was the memory full?" : kRemedy);
 }
 
 std::string CommandLineText(const std::vector<std::string>& arguments) {

@@ -24,6 +24,10 @@ ChildResult RunChild(const std::vector<std::string>& arguments,
                      const std::function<void(pid_t)>& on_start = {},
                      const std::function<void(const std::string&)>& on_event = {});
 
+/// Why a child failed, in one line and never empty: the last message of the program, without its
+/// name; else how the child ended. REQUIRES: its status is not 0.
+std::string FailureOf(const ChildResult& child);
+
 /// Number of the file that takes a child's events.
 inline constexpr int kEventsFile = 3;
 

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/workbench/project/jobs.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <csignal>
 #include <utility>
@@ -15,17 +17,6 @@ using Json = nlohmann::json;
 
 std::string Dump(const Json& json) {
   return json.dump(-1, ' ', false, Json::error_handler_t::replace);
-}
-
-// What the command says last, without its name.
-std::string LastLine(const std::string& text) {
-  const size_t end = text.find_last_not_of('\n');
-  if (end == std::string::npos) return {};
-  const size_t begin = text.rfind('\n', end);
-  std::string line = text.substr(begin == std::string::npos ? 0 : begin + 1, end - begin);
-  while (!line.empty() && line.back() == '\n') line.pop_back();
-  constexpr std::string_view kName = "plenocal: ";
-  return line.starts_with(kName) ? line.substr(kName.size()) : line;
 }
 
 }  // namespace
@@ -130,7 +121,7 @@ void Jobs::Run(Job* job) {
         },
         [&](const std::string& line) { OnEvent(job, line); });
   } catch (const Error& error) {
-    result.err = error.what();
+    result.err = fmt::format("plenocal: {}\n", error.what());
   }
   bool stopped = false;
   {
@@ -140,7 +131,7 @@ void Jobs::Run(Job* job) {
   }
   Change(job, [&](Json* shown) {
     (*shown)["state"] = stopped ? "stopped" : result.status == 0 ? "done" : "failed";
-    if (result.status != 0 && !stopped) (*shown)["error"] = LastLine(result.err);
+    if (result.status != 0 && !stopped) (*shown)["error"] = FailureOf(result);
   });
 }
 

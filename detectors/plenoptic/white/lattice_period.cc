@@ -225,6 +225,7 @@ double HeightOfPeaks(const Autocorrelation& correlation, const Matrix2d& basis) 
 
 std::optional<Matrix2d> FindLatticePeriod(const cv::Mat& flat) {
   const cv::Size size(std::min(flat.cols, kMaxPatch), std::min(flat.rows, kMaxPatch));
+  if (std::min(size.width, size.height) < 2 * kMinPitch) return std::nullopt;
   const Autocorrelation correlation(
       flat(cv::Rect({(flat.cols - size.width) / 2, (flat.rows - size.height) / 2}, size)));
   const std::optional<Matrix2d> cell = FindCell(correlation, FindPeriods(correlation));

@@ -139,6 +139,23 @@ TEST_F(Detections, OfThreeMarkersAFrameAreNotEnough) {
   WriteAndExpectFailure(problem, {"cam0", "4 or more markers"});
 }
 
+TEST_F(Detections, OfMarkersOnOneLineEndInAMessage) {
+  SyntheticProblem problem = EasyProblem();
+  WriteProblem(problem);
+  Calibrate("old");
+  for (auto& [number, position] : problem.input.markers) position = {1e-3 * number, 0, 0};
+  WriteProblem(problem);
+  for (const std::vector<std::string>& command :
+       {std::vector<std::string>{"calibrate", "session.yaml", "-o", "out"},
+        {"suggest", "session.yaml"},
+        {"compare", "old/calibration.yaml", "--check", "session.yaml"},
+        {"try", "session.yaml", "-o", "tried"}}) {
+    const Outcome outcome = Run(command);
+    EXPECT_EQ(outcome.status, kJobFailed) << command[0];
+    EXPECT_THAT(outcome.err, HasSubstr("no initial guess of model"));
+  }
+}
+
 // One view of a plane by this camera is a homography, 8 figures for 10 unknowns. (A distorted view
 // determines more: the centre of the distortion.)
 SyntheticProblem UndistortedProblem() {
@@ -153,6 +170,25 @@ TEST_F(Detections, OfOneViewOfFourPointsDoNotDetermineACamera) {
     return o.marker != 0 && o.marker != 9 && o.marker != 60 && o.marker != 69;
   });
   ExpectHonest(problem);
+}
+
+// An exact fit, which says nothing of the noise.
+TEST_F(Detections, OfOneViewOfFourPointsLeaveTheMarkersAtTheirTolerance) {
+  SyntheticProblem problem =
+      MakeProblem(3, {.shape = TargetShape::kCorner, .noise = 0.1, .marker_tolerance = 0.0005});
+  std::vector<View>& views = problem.input.cameras[0].views;
+  views.resize(1);
+  const std::vector<Observation> all = views[0].observations;
+  views[0].observations = {all[3], all[all.size() / 3], all[all.size() / 2], all.back()};
+  WriteProblem(problem);
+  Calibrate();
+  EXPECT_NEAR(Result()["cameras"]["cam0"]["residuals"]["noise"].as<double>(), 0.1, 1e-6);
+  for (const auto& marker : YAML::LoadFile(Path("out/target.yaml"))["sigma"]) {
+    for (const auto& sigma : marker.second) {
+      EXPECT_GT(sigma.as<double>(), 0.0003) << marker.first;
+      EXPECT_LT(sigma.as<double>(), 0.000501) << marker.first;
+    }
+  }
 }
 
 TEST_F(Detections, OfOneViewOfAPlaneDoNotDetermineACamera) {

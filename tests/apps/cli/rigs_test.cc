@@ -2,6 +2,9 @@
 //
 // Sessions with several targets, cameras that share no view, and earlier calibrations as priors, on
 // simulated points.
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
@@ -16,6 +19,7 @@
 namespace plenocal::testing {
 namespace TEST_FILE {
 
+using ::testing::AllOf;
 using ::testing::HasSubstr;
 namespace fs = std::filesystem;
 
@@ -79,6 +83,16 @@ class Rigs : public Workspace {
     const Outcome outcome = Run({"calibrate", session, "-o", out, "--no-report"});
     EXPECT_EQ(outcome.status, kDone) << outcome.err;
     return Result(out);
+  }
+
+  // The table with another correlation of its first and its last unknown.
+  static std::string WithCorrelation(const std::string& table, const std::string& number) {
+    std::vector<std::string> lines = Lines(table);
+    std::string &first = lines[1], &last = lines.back();
+    first.replace(first.rfind(',') + 1, std::string::npos, number);
+    const size_t begin = last.find(',') + 1;
+    last.replace(begin, last.find(',', begin) - begin, number);
+    return fmt::format("{}\n", fmt::join(lines, "\n"));
   }
 
   // The frames of a and b in one session.
@@ -338,6 +352,28 @@ TEST_F(Rigs, MergedCalibrationsEqualBothTogether) {
             kDone);
   EXPECT_EQ(Run({"export", "merged/calibration.yaml", "--format", "opencv", "-o", "cv"}).status,
             kDone);
+}
+
+TEST_F(Rigs, CorrelationsThatNoCovarianceHasAreRefusedByAllThatReadThem) {
+  SimulatePair("a", 1, "1100");
+  CalibratePair("a", "");
+  const std::string table = Read("a/out/correlations.csv");
+  fs::copy(Path("a"), Path("b"), fs::copy_options::recursive);
+  Write("b/session.yaml", kFromA + Read("b/session.yaml"));
+  for (const auto& [number, why] : {std::pair("1.5", "is 1.5, which is not from -1 to 1"),
+                                    std::pair("-0.999", "contradicts those with others"),
+                                    std::pair("nan", "expected a number")}) {
+    Write("a/out/correlations.csv", WithCorrelation(table, number));
+    for (const std::vector<std::string>& command :
+         {std::vector<std::string>{"merge", "a/out", "b/out", "-o", "merged"},
+          {"calibrate", "b/session.yaml", "-o", "from"},
+          {"compare", "a/out/calibration.yaml", "b/out/calibration.yaml"},
+          {"report", "a/out"}}) {
+      const Outcome outcome = Run(command);
+      EXPECT_EQ(outcome.status, kWrongInput) << command[0];
+      EXPECT_THAT(outcome.err, AllOf(HasSubstr("a/out/correlations.csv:"), HasSubstr(why)));
+    }
+  }
 }
 
 TEST_F(Rigs, MergeNamesACameraThatMoved) {

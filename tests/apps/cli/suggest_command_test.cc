@@ -35,6 +35,11 @@ TEST_F(SuggestCommand, SuggestsFromACalibrationAndFromItsSessionTheSame) {
   EXPECT_EQ(a["views"][0]["words"], b["views"][0]["words"]);
   EXPECT_EQ(a["verdict"], b["verdict"]);
   EXPECT_EQ(a["frames"], 10);
+  Write(
+      "out/calibration.yaml",
+      Replaced(Read("out/calibration.yaml"), "verdict:\n  grade: good", "verdict:\n  grade: bad"));
+  EXPECT_THAT(Run({"suggest", "out", "--count", "1"}).out, HasSubstr("so far is bad, and more"))
+      << "a verdict without findings";
   const nlohmann::json& view = a["views"][0];
   EXPECT_LT(view["sigma_after"].get<double>(), view["sigma_before"].get<double>());
   EXPECT_EQ(view["sigma_before"], a["sigma_now"]);

@@ -100,5 +100,27 @@ TEST_F(Names, OfFramesThatCannotBeWrittenAreRefused) {
   }
 }
 
+// Latin-1, as old archives have them.
+TEST_F(Names, OfFoldersThatNoSessionCanHoldAreRefused) {
+  for (const std::string name : {"b\xfc"
+                                 "cher",
+                                 "b\u00fc"
+                                 "cher",
+                                 "a \\ufffd \"b\"",
+                                 "\u200cx"}) {
+    fs::create_directory(Path(name));
+    for (const char* image : {"/1.png", "/2.png"}) Write(name + image, "");
+    const Outcome outcome = Run({"init", name, "-o", "proposed.yaml"});
+    const bool is_utf8 = name[1] != '\xfc';
+    EXPECT_EQ(outcome.err.find("is not UTF-8, as a session is; rename it") == std::string::npos,
+              is_utf8)
+        << outcome.err;
+    EXPECT_THAT(outcome.err,
+                HasSubstr(is_utf8 ? "0 bytes"
+                                  : "b\\xfc"
+                                    "cher"));
+  }
+}
+
 }  // namespace TEST_FILE
 }  // namespace plenocal::testing

@@ -278,6 +278,12 @@ TEST_F(SimulateCommand, NamesWhatIsWrongInTheSpecification) {
        "as in the first row"},
       {"focus: [2.4, 3.0, 3.9]", "focus: [0.5]", "spec.yaml:31", "at least 1"},
       {"blur: 0.35", "vignetting: 0.35", "spec.yaml:27", "fill"},
+      {"0.005, -0.02, 0.01]", "0.005, 1e308, 0.01]", "spec.yaml:19", "at most 2 pi"},
+      {"xi_camera_rig: [-0.1,", "xi_camera_rig: [1e300,", "spec.yaml:19", "a translation"},
+      {"xi_camera_rig: [-0.1, 0.001, -0.002, 0.005, -0.02, 0.01]",
+       "T_camera_rig: [[1, 0.1, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]",
+       "spec.yaml:19",
+       "no rotation"},
       {"target: target.yaml", "target: other.yaml", "other.yaml", "no such file"}};
   for (const auto& [from, to, place, part] : cases) {
     SCOPED_TRACE(to);

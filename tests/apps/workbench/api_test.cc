@@ -221,12 +221,15 @@ TEST_F(ApiOfAFolder, TakesImagesAndRecordingsAlone) {
   EXPECT_EQ(add("", "recording.mcap"), 201);
   EXPECT_EQ(add("right", "0001.png"), 400) << "it is there already";
   for (const char* name :
-       {"session.yaml", "a", ".a.png", "-a.png", "../a.png", "right/a.png", ""}) {
+       {"session.yaml", "a", ".a.png", "-a.png", "../a.png", "right/a.png", "", "\xfc.png"}) {
     EXPECT_EQ(add("", name), 400) << name;
   }
-  for (const char* dir : {"..", "link", ".plenocal", "-o", "right/a"}) {
+  for (const char* dir : {"..", "link", ".plenocal", "-o", "right/a", "\xfc"}) {
     EXPECT_EQ(add(dir, "a.png"), 400) << dir;
   }
+  EXPECT_EQ(add("\xc3\xbc", "\xc3\xbc.png"), 201);
+  EXPECT_THAT(Ask("POST", {"files"}, "picture", {{"dir", ""}, {"name", "\xfc.png"}}).body,
+              HasSubstr("'\\\\xfc.png' is not UTF-8; rename it"));
 }
 
 TEST_F(ApiOfAFolder, WeighsPicturesOfTheStatedSizesAlone) {

@@ -171,7 +171,7 @@ TEST(Address, LeadsNowhereElse) {
 
 TEST(ErrorAnswers, AreJsonWhateverTheNames) {
   const Answer answer = ErrorAnswer(400, "<script>\"\xff");
-  EXPECT_EQ(nlohmann::json::parse(answer.body)["error"]["what"], "<script>\"\uFFFD");
+  EXPECT_EQ(nlohmann::json::parse(answer.body)["error"]["what"], "<script>\"\\xff");
 }
 
 TEST(EventLog, GivesWhatCameAfterAnEvent) {

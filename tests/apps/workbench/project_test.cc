@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 
+#include <csignal>
 #include <fstream>
 #include <random>
 #include <sstream>
@@ -19,6 +20,7 @@ namespace TEST_FILE {
 
 namespace fs = std::filesystem;
 using ::testing::ElementsAre;
+using ::testing::HasSubstr;
 
 class Folder : public ::testing::Test {
  protected:
@@ -229,6 +231,20 @@ TEST_F(ProjectFolder, ListsItsRuns) {
   EXPECT_THAT(project.Runs(), ElementsAre(2, 10));
   EXPECT_EQ(project.NextRun(), 1);
   EXPECT_THROW(Project(folder_ / "none"), Error);
+}
+
+TEST(ChildResult, HasAFailureThatIsNeverEmpty) {
+  const auto failure = [](int status, const std::string& err) {
+    return FailureOf({.status = status, .out = {}, .err = err});
+  };
+  EXPECT_EQ(failure(2, "  warning: a\nplenocal: b.yaml: c\n"), "b.yaml: c");
+  EXPECT_EQ(failure(1, "plenocal: a\nfree(): invalid pointer\n"), "a");
+  constexpr int kSignalled = 128;
+  for (const char* err : {"", "detection: 3 of 10\n"}) {
+    EXPECT_THAT(failure(kSignalled + SIGSEGV, err), HasSubstr("signal 11 (Segmentation fault)"));
+    EXPECT_THAT(failure(kSignalled + SIGKILL, err), HasSubstr("was the memory full?"));
+    EXPECT_THAT(failure(3, err), HasSubstr("without a message (exit status 3)"));
+  }
 }
 
 TEST(CommandLineText, IsTakenByAShellAsItWas) {

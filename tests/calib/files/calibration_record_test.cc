@@ -419,6 +419,54 @@ TEST_F(RecordFiles, KeepTheMatrixOfCorrelations) {
   };
   EXPECT_THAT(message(text.substr(0, text.rfind("left.f_y"))), HasSubstr("fewer rows"));
   EXPECT_THAT(message(text + "left.c_x,0,0\n"), HasSubstr("more rows"));
+  EXPECT_THAT(message("unknown,a,b\nb,1,0\na,0,1\n"), HasSubstr(":2:1: unknown: expected a, as"));
+}
+
+TEST_F(RecordFiles, RefuseCorrelationsThatAreNone) {
+  const auto message = [&](const std::string& rows) {
+    const auto path = Write("correlations.csv", "unknown,a,b,c\n" + rows);
+    return MessageOf([&] { ReadCorrelations(path); });
+  };
+  // The limit of what three unknowns can have, with the digits that files have.
+  EXPECT_EQ(message("a,1,0.333333333333,0.333333333333\n"
+                    "b,0.333333333333,1,-0.777777777778\n"
+                    "c,0.333333333333,-0.777777777778,1\n"),
+            "no error");
+  EXPECT_THAT(message("a,1,0,0\nb,0,1,1.5\nc,0,1.5,1\n"),
+              HasSubstr("correlations.csv: the correlation of b and c is 1.5, which is not from"));
+  EXPECT_THAT(message("a,1,0,0\nb,0,1,0.5\nc,0,0.4,1\n"),
+              HasSubstr("the correlation of b and c is 0.5 in one place and 0.4 in the other"));
+  EXPECT_THAT(message("a,1,0,0\nb,0,2,0\nc,0,0,1\n"),
+              HasSubstr("the correlation of b and b is 2, not 1"));
+  EXPECT_THAT(message("a,1,0.9,0.9\nb,0.9,1,-0.9\nc,0.9,-0.9,1\n"),
+              HasSubstr("contradicts those with others"));
+  EXPECT_THAT(message("a,1,0,0\nb,0,1,nan\nc,0,nan,1\n"), HasSubstr("expected a number"));
+}
+
+// What formulas behind the reader rely on.
+TEST_F(RecordFiles, RefuseNumbersThatAreNoErrorsAndNoPoses) {
+  const std::string text = CalibrationYaml(Record());
+  const auto message = [&](const std::string& from, const std::string& to) {
+    std::string changed = text;
+    const size_t at = changed.find(from);
+    EXPECT_NE(at, std::string::npos) << from;
+    changed.replace(at, from.size(), to);
+    const auto path = Write("calibration.yaml", changed);
+    return MessageOf([&] { ReadCalibration(path, CameraModels()); });
+  };
+  EXPECT_THAT(message("[0.97, 1]", "[1.5, 1]"),
+              HasSubstr("correlation: the correlation of f_x and f_y is 1.5, which is not from"));
+  EXPECT_THAT(message("[0.97, 1]", "[0.97, 0.5]"), HasSubstr("f_y and f_y is 0.5, not 1"));
+  EXPECT_THAT(message("sigma: {f_x: 0.1,", "sigma: {f_x: -0.1,"), HasSubstr("found a negative"));
+  EXPECT_THAT(message("sigma: {f_x: 0.1,", "sigma: {f_x: 1e200,"), HasSubstr("1e-150 to 1e150"));
+  EXPECT_THAT(message("rms: 0.25", "rms: .inf"), HasSubstr("rms: expected a finite number"));
+  EXPECT_THAT(message("rms: 0.25", "rms: -1"), HasSubstr("rms: expected a standard deviation"));
+  EXPECT_THAT(message("points: 3", "points: -3"), HasSubstr("points: expected a number of at"));
+  EXPECT_THAT(message("jitter: {translation: 0.001", "jitter: {translation: -1"),
+              HasSubstr("jitter.translation: expected a standard deviation"));
+  EXPECT_THAT(message("T_camera_rig: [[1,", "T_camera_rig: [[-1,"), HasSubstr("is no rotation"));
+  EXPECT_THAT(message("T_camera_rig: [[1, 0, 0, 0]", "T_camera_rig: [[1, 0, 0, 1e300]"),
+              HasSubstr("T_camera_rig: expected a translation in metres"));
 }
 
 TEST(JointCovariance, TakesCorrelationsBetweenCamerasByName) {

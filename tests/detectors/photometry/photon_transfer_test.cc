@@ -137,6 +137,20 @@ TEST_F(PhotonTransferTest, OneImageHasNoDifferences) {
   EXPECT_FALSE(Measure());
 }
 
+// One level of brightness leaves gain and read noise open.
+TEST_F(PhotonTransferTest, FewPixelsDoNotSeparateGainAndReadNoise) {
+  AddRaw(4, 1000);
+  for (const FrameImage& image : images_) {
+    const cv::Mat all = cv::imread(image.path.string(), cv::IMREAD_UNCHANGED);
+    cv::imwrite(image.path.string(), all({40, 30, 7, 7}));
+  }
+  const auto noise = Measure();
+  ASSERT_TRUE(noise);
+  EXPECT_TRUE(std::isinf(noise->gain_sigma));
+  EXPECT_TRUE(std::isinf(noise->read_sigma));
+  EXPECT_TRUE(std::isfinite(noise->read));
+}
+
 TEST_F(PhotonTransferTest, TheFileIsYaml) {
   AddRaw(3, 1000, {{{40, 30}, {.offset = 600}}});
   const auto noise = Measure();

@@ -75,7 +75,7 @@ bool NamesFrames(const std::filesystem::path& path) {
 double TimeOfName(const std::string& frame, const std::filesystem::path& table) {
   constexpr double kNanosecondsAbove = 1e11, kNanosecond = 1e-9;
   const std::optional<double> number = ParseDouble(frame);
-  if (!number) {
+  if (!number || !std::isfinite(*number)) {
     throw Error(ErrorKind::kInput,
                 fmt::format("{}: frame '{}' is no time, and the poses from outside have times; "
                             "give those of the frames by --times",

@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Rigid transforms in files.
+#pragma once
+
+#include "calib/base/yaml.h"
+#include "calib/camera/rigid_transform.h"
+
+namespace plenocal {
+
+/// Replaces a matrix that is a rotation but for its few digits by a rotation; one with all digits
+/// stays as it is. False for a matrix that is none.
+bool MakeRotation(Eigen::Matrix3d* R);
+
+/// Parts of a rig and its targets are no farther from each other, m.
+inline constexpr double kFarthestPart = 1e6;
+
+/// A 4 x 4 matrix, row by row; its rotation may have few digits. Throws `Error` with file, line and
+/// key.
+RigidTransform ReadTransform(const YamlNode& node);
+/// The transform of an se(3) vector. Throws likewise.
+RigidTransform ReadXi(const YamlNode& node);
+
+}  // namespace plenocal
