@@ -12,7 +12,7 @@
 
 #include "calib/base/names.h"
 #include "calib/base/yaml.h"
-#include "calib/files/correlation_check.h"
+#include "calib/files/checks/correlation_check.h"
 
 namespace plenocal {
 namespace {

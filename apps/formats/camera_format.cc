@@ -7,7 +7,7 @@
 #include <cmath>
 
 #include "calib/base/error.h"
-#include "calib/files/transform_keys.h"
+#include "calib/files/checks/transform_keys.h"
 
 namespace plenocal {
 namespace {

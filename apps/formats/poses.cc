@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/formats/poses.h"
 
-#include "calib/files/transform_keys.h"
+#include "calib/files/checks/transform_keys.h"
 
 namespace plenocal {
 std::array<double, 9> RowMajor(const Eigen::Matrix3d& R) {

@@ -16,7 +16,7 @@
 #include "calib/camera/micro_lens_array.h"
 #include "calib/files/calibration_file.h"
 #include "calib/files/calibration_tables.h"
-#include "calib/files/transform_keys.h"
+#include "calib/files/checks/transform_keys.h"
 
 namespace plenocal::simulate {
 namespace {

@@ -9,7 +9,7 @@
 #include "apps/workbench/project/beneath.h"
 #include "calib/base/input_file.h"
 #include "detectors/images/image.h"
-#include "detectors/images/reduced.h"
+#include "detectors/images/pictures.h"
 
 namespace plenocal::workbench {
 

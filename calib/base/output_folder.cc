@@ -19,10 +19,10 @@
 #include <system_error>
 #include <utility>
 
+#include "calib/base/checks/result_text.h"
 #include "calib/base/error.h"
 #include "calib/base/input_file.h"
 #include "calib/base/quoted_text.h"
-#include "calib/base/result_text.h"
 
 namespace plenocal {
 namespace {

@@ -12,8 +12,8 @@
 #include "calib/base/names.h"
 #include "calib/base/number_text.h"
 #include "calib/base/quoted_text.h"
-#include "calib/files/correlation_check.h"
-#include "calib/files/transform_keys.h"
+#include "calib/files/checks/correlation_check.h"
+#include "calib/files/checks/transform_keys.h"
 
 namespace plenocal {
 namespace {

@@ -17,7 +17,7 @@
 #include "calib/base/input_file.h"
 #include "calib/base/number_text.h"
 #include "calib/base/quoted_text.h"
-#include "calib/files/correlation_check.h"
+#include "calib/files/checks/correlation_check.h"
 
 namespace plenocal {
 namespace {

@@ -11,9 +11,9 @@
 #include "calib/base/input_file.h"
 #include "calib/base/names.h"
 #include "calib/files/calibration_file.h"
+#include "calib/files/checks/transform_keys.h"
 #include "calib/files/exclusion.h"
 #include "calib/files/image_keys.h"
-#include "calib/files/transform_keys.h"
 
 namespace plenocal {
 namespace {

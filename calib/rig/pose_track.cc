@@ -242,19 +242,20 @@ std::optional<TrackShift> FindTrackShift(const PoseTrack& track,
     rise = (before + after) / 2 - least;
     if (std::abs(std::log(rise)) < 1) best += distance * (before - after) / (4 * rise);
   }
-  if (!(std::abs(std::log(rise)) < 1)) return std::nullopt;
+  constexpr double kOpen = std::numeric_limits<double>::infinity();
+  if (!(std::abs(std::log(rise)) < 1)) return TrackShift{.value = best, .sigma = kOpen};
   // The errors of logged poses move along with the shift, which adds to the curvature what is no
   // information; frames that share them count as one.
   const double curvature = 2 * rise / (distance * distance);
   const auto fit = FitOutsidePoses(MatchTrack(track, frames, best).poses, options);
-  if (!fit) return std::nullopt;
+  if (!fit) return TrackShift{.value = best, .sigma = kOpen};
   const TrackErrors& errors = track.Errors();
   // Errors larger than all scatter are not of single poses: motion between few.
   const double of_errors =
       3 * static_cast<double>(frames.size()) *
       (std::pow(errors.velocity / std::max(errors.position, fit->translation_sigma), 2) +
        std::pow(errors.angular_velocity / std::max(errors.angle, fit->rotation_sigma), 2));
-  if (!(of_errors < curvature)) return std::nullopt;
+  if (!(of_errors < curvature)) return TrackShift{.value = best, .sigma = kOpen};
   return TrackShift{.value = best,
                     .sigma = std::sqrt(errors.frames * curvature) / (curvature - of_errors)};
 }

@@ -73,7 +73,8 @@ struct TrackMatch {
 /// The frames that have a pose at their time plus `shift`.
 TrackMatch MatchTrack(const PoseTrack& track, std::span<const TimedFrame> frames, double shift);
 
-/// What has to be added to the times of the images, s.
+/// What has to be added to the times of the images, s; `sigma` is infinite where the poses leave it
+/// open, though some shift explains more than none.
 struct TrackShift {
   double value = 0, sigma = 0;
 };

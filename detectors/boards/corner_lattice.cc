@@ -11,7 +11,7 @@
 #include <utility>
 
 #include "calib/kernels/processors.h"
-#include "detectors/images/reduced.h"
+#include "detectors/images/pictures.h"
 #include "detectors/templates/lanes.h"
 
 // At each scale of a pyramid:

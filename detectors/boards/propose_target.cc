@@ -23,7 +23,7 @@
 #include "detectors/boards/corner_lattice.h"
 #include "detectors/boards/marker_layout.h"
 #include "detectors/images/image.h"
-#include "detectors/images/reduced.h"
+#include "detectors/images/pictures.h"
 #include "detectors/quads/apriltag_library.h"
 #include "targets/code_books.h"
 #include "targets/tags/tag_family.h"

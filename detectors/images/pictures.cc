@@ -8,9 +8,22 @@
 #include <vector>
 
 #include "detectors/images/image_codecs.h"
-#include "detectors/images/reduced.h"
 
-namespace plenocal::internal {
+namespace plenocal {
+
+cv::Mat Reduced(const cv::Mat& image, double scale) {
+  if (!(scale < 1)) return image;
+  cv::Mat reduced;
+  cv::resize(image,
+             reduced,
+             {},
+             std::max(scale, 1.0 / image.cols),
+             std::max(scale, 1.0 / image.rows),
+             cv::INTER_AREA);
+  return reduced;
+}
+
+namespace internal {
 
 cv::Mat MarkerPicture(const cv::Mat& gray, const std::vector<Observation>& markers) {
   // Small images are enlarged, so that the numbers can be read.
@@ -76,4 +89,5 @@ std::string SamplePicture(const cv::Mat& gray, std::vector<Observation> markers)
   return EncodeSample(MarkerPicture(small, markers));
 }
 
-}  // namespace plenocal::internal
+}  // namespace internal
+}  // namespace plenocal

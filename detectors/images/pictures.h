@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Pictures of detections for viewing.
+// Pictures of detections for viewing, and images made smaller.
 #pragma once
 
 #include <opencv2/core/mat.hpp>
@@ -9,7 +9,13 @@
 
 #include "calib/camera/observation.h"
 
-namespace plenocal::internal {
+namespace plenocal {
+
+/// The image reduced by `scale`, each pixel a mean; one of one row keeps it. The image itself where
+/// `scale` is not below 1.
+cv::Mat Reduced(const cv::Mat& image, double scale);
+
+namespace internal {
 
 /// A colour picture (8 bits) of an image (CV_8U) with a cross and the number at each marker.
 cv::Mat MarkerPicture(const cv::Mat& gray, const std::vector<Observation>& markers);
@@ -24,4 +30,5 @@ double SampleScale(const cv::Mat& image);
 /// A sample picture as the content of a JPEG file.
 std::string EncodeSample(const cv::Mat& picture);
 
-}  // namespace plenocal::internal
+}  // namespace internal
+}  // namespace plenocal

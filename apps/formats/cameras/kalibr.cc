@@ -12,7 +12,7 @@
 #include "calib/base/quoted_text.h"
 #include "calib/base/yaml.h"
 #include "calib/files/calibration_file.h"
-#include "calib/files/transform_keys.h"
+#include "calib/files/checks/transform_keys.h"
 
 namespace plenocal {
 namespace {

@@ -12,7 +12,7 @@
 #include "apps/formats/poses.h"
 #include "calib/base/yaml.h"
 #include "calib/files/calibration_file.h"
-#include "calib/files/transform_keys.h"
+#include "calib/files/checks/transform_keys.h"
 
 namespace plenocal {
 namespace {

@@ -83,10 +83,7 @@ class MessageReader {
  private:
   [[noreturn]] void Refuse(const std::string& reason) const {
     throw Error(ErrorKind::kInput,
-                fmt::format("{}: the message {}; it is left out of no other frame: exclude it, or "
-                            "record again",
-                            place_,
-                            reason));
+                fmt::format("{}: the message {}; exclude it, or record again", place_, reason));
   }
   void Align(std::size_t size) {
     if (aligned_) Skip((size - taken_ % size) % size);

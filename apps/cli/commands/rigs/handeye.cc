@@ -292,9 +292,9 @@ std::string HandEyeYaml(const HandEyeArguments& arguments,
                       fit.translation_sigma,
                       fit.rotation_sigma);
   if (matched.shift) {
-    text += fmt::format("time_shift: {:.9g}\nsigma_time_shift: {:.6g}\n",
+    text += fmt::format("time_shift: {:.9g}\nsigma_time_shift: {}\n",
                         matched.shift->value,
-                        matched.shift->sigma);
+                        YamlNumber(matched.shift->sigma));
   }
   text += fmt::format("calibration_errors: {}\n",
                       matched.without_errors.empty() ? "included" : "left_out");

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/files/correlation_check.h"
+#include "calib/files/checks/correlation_check.h"
 
 #include <fmt/format.h>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/files/transform_keys.h"
+#include "calib/files/checks/transform_keys.h"
 
 #include <fmt/format.h>
 
