@@ -269,9 +269,11 @@ class Merger {
     }
     // Parameters differ in size by many powers of ten.
     const Eigen::VectorXd size = information.diagonal().cwiseSqrt().cwiseInverse();
-    covariance_ = size.asDiagonal() *
-                  Inverse(Eigen::MatrixXd(size.asDiagonal() * information * size.asDiagonal())) *
-                  size.asDiagonal();
+    const SymmetricEigen spectrum =
+        DecomposeSymmetric(Eigen::MatrixXd(size.asDiagonal() * information * size.asDiagonal()));
+    const Eigen::MatrixXd root = size.asDiagonal() * spectrum.vectors *
+                                 spectrum.values.cwiseSqrt().cwiseInverse().asDiagonal();
+    covariance_ = root * root.transpose();
     const Eigen::VectorXd step = -covariance_ * gradient;
     for (MergeCamera& camera : cameras_) {
       for (size_t k = 0; k < camera.params.size(); ++k) {

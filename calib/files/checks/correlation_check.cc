@@ -27,7 +27,7 @@ std::optional<std::string> CorrelationDefect(const Eigen::MatrixXd& matrix,
       if (i != j && !(std::abs(matrix(i, j)) <= 1 + rounding)) {
         return fmt::format("{} is {}, which is not from -1 to 1", of(i, j), matrix(i, j));
       }
-      if (std::abs(matrix(i, j) - matrix(j, i)) > 2 * rounding) {
+      if (std::abs(matrix(i, j) - matrix(j, i)) > 3 * rounding) {
         return fmt::format(
             "{} is {} in one place and {} in the other", of(i, j), matrix(i, j), matrix(j, i));
       }
