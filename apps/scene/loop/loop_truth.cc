@@ -8,6 +8,7 @@
 #include <map>
 #include <optional>
 #include <set>
+#include <utility>
 
 #include "apps/scene/scene_start.h"
 #include "apps/scene/scene_views.h"
@@ -307,13 +308,14 @@ class LoopEstimation {
       }
     }
     SortObservations(&bundle);
+    state_.observations_of = MakeSceneState(&bundle).observations_of;
   }
 
   // A frame whose start followed a moving object contradicts the others afterwards: it is looked
   // for again among the points that the adjustment has kept.
   void Adjust() {
     constexpr int kRevisions = 3;
-    const std::vector<BundleObservation> all = result_.bundle.observations;
+    std::vector<BundleObservation> all = result_.bundle.observations;
     for (int i = 0;; ++i) {
       result_.start = Posed(input_.segments.start);
       result_.end = Posed(input_.segments.end);
@@ -325,7 +327,40 @@ class LoopEstimation {
     DropUnused(&result_.start);
     DropUnused(&result_.end);
     result_.bundle.held_frame = result_.start.frames.front();
+    FindRivalEnd(std::move(all));
     MoveToFirstFrame();
+  }
+
+  // Points that the end shows elsewhere than the start may agree on another pose of the end. Where
+  // they are follows from the start alone. `all`: the observations before any was left out.
+  void FindRivalEnd(std::vector<BundleObservation> all) {
+    Bundle& bundle = result_.bundle;
+    const std::vector<BundleMarker> markers = bundle.markers;
+    std::vector<BundleObservation> kept = std::exchange(bundle.observations, std::move(all));
+    std::map<int, int> start_of;
+    for (const Match& match : FindMatches()) start_of.emplace(match.end, match.start);
+    for (BundleObservation& seen : bundle.observations) {
+      const auto found = start_of.find(seen.marker);
+      if (found != start_of.end()) seen.marker = found->second;
+    }
+    SortObservations(&bundle);
+    SceneState state = MakeSceneState(&bundle);
+    state.least_parallax = kLeastParallax;
+    for (const size_t frame : result_.start.frames) state.has_pose[frame] = true;
+    for (const BundleObservation& seen : kept) {
+      if (!seen.used || !state.has_pose[static_cast<size_t>(seen.frame)]) continue;
+      state.has_point[static_cast<size_t>(seen.marker)] = true;
+    }
+    for (const size_t frame : result_.start.frames) Triangulate(frame, limit_, &state);
+    result_.rival = FindRivalPose(state, result_.end.frames, kMatchLimits * limit_);
+    bundle.observations = std::move(kept);
+    bundle.markers = markers;
+    if (!result_.rival || !result_.rival->IsAmbiguous()) return;
+    throw Error(ErrorKind::kJob,
+                fmt::format("the end fits the start in two ways: {}; the scene repeats itself "
+                            "(windows, tiles, shelves) or has moved; give --start and --end that "
+                            "show another part of it",
+                            result_.rival->Text()));
   }
 
   // Rejection can leave frames, or a whole stretch of them, that have fewer points in common with

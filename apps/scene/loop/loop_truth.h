@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "apps/scene/rival_pose.h"
 #include "apps/scene/scene_tracks.h"
 #include "calib/prior/calibrated_rig.h"
 #include "calib/scene/segment_covariance.h"
@@ -34,10 +35,11 @@ struct LoopTruthResult {
   Bundle bundle;  ///< at the optimum; `T_rig_target` is T_rig_world, the first frame's is identity
   SegmentTruth start, end;
   LoopCovariance covariance;
-  size_t points = 0;        ///< landmarks with used observations
-  size_t common = 0;        ///< of them, those that both segments show
-  size_t observations = 0;  ///< used
-  std::vector<double> rms;  ///< per camera, of the residual's length, px
+  size_t points = 0;               ///< landmarks with used observations
+  size_t common = 0;               ///< of them, those that both segments show
+  size_t observations = 0;         ///< used
+  std::vector<double> rms;         ///< per camera, of the residual's length, px
+  std::optional<RivalPose> rival;  ///< of the end segment; not ambiguous
   bool converged = false;
   int iterations = 0;
   /// Change of the calibration against its prior: squared length in its own sigmas, the number of
@@ -49,7 +51,7 @@ struct LoopTruthResult {
 };
 
 /// Throws `Error` of kind kJob: too few points, a segment that no pose can be found for, no common
-/// points of start and end.
+/// points of start and end, an end that fits the start in two ways.
 LoopTruthResult EstimateLoopTruth(const LoopTruthInput& input);
 
 }  // namespace plenocal

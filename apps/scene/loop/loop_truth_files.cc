@@ -226,6 +226,12 @@ std::vector<std::string> FindingsOf(const LoopTruthResult& truth, bool from_imag
         truth.most_changed,
         truth.most_changed_sigmas));
   }
+  if (truth.rival) {
+    findings.push_back(fmt::format(
+        "the end against the start: {}; something has moved, or the scene repeats itself: more of "
+        "such points would leave the end's pose open",
+        truth.rival->Text()));
+  }
   if (!truth.bundle.prior) {
     findings.emplace_back(
         "the calibration states no standard errors: its parameters were held, and the sigmas given "
