@@ -95,9 +95,9 @@ TEST(PrintedLength, WithItsUnitMayBeFromTenNanometresToAThousandMetres) {
   EXPECT_THAT(
       MessageOf("chessboard:9x6:0.000025"),
       HasSubstr("which is 0.025 mm? if 25 mm are meant, write 25 mm; if not, write 0.025 mm"));
-  EXPECT_THAT(MessageOf("chessboard:9x6:1e308 m"), HasSubstr("expected a length from 10 nm to"));
+  EXPECT_THAT(MessageOf("chessboard:9x6:1e100 m"), HasSubstr("expected a length from 10 nm to"));
   EXPECT_THAT(MessageOf("chessboard:9x6:1 nm"), HasSubstr("expected a length from 10 nm to"));
-  EXPECT_THAT(MessageOf("aprilgrid:6x6:88mm:1e308"), HasSubstr("at most 1000 sizes of a tag"));
+  EXPECT_THAT(MessageOf("aprilgrid:6x6:88mm:1e100"), HasSubstr("at most 1000 sizes of a tag"));
 }
 
 }  // namespace TEST_FILE
