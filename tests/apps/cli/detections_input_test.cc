@@ -139,22 +139,6 @@ TEST_F(Detections, OfThreeMarkersAFrameAreNotEnough) {
   WriteAndExpectFailure(problem, {"cam0", "4 or more markers"});
 }
 
-TEST_F(Detections, OfMarkersOnOneLineEndInAMessage) {
-  SyntheticProblem problem = EasyProblem();
-  WriteProblem(problem);
-  Calibrate("old");
-  for (auto& [number, position] : problem.input.markers) position = {1e-3 * number, 0, 0};
-  WriteProblem(problem);
-  for (const std::vector<std::string>& command :
-       {std::vector<std::string>{"calibrate", "session.yaml", "-o", "out"},
-        {"suggest", "session.yaml"},
-        {"compare", "old/calibration.yaml", "--check", "session.yaml"}}) {
-    const Outcome outcome = Run(command);
-    EXPECT_EQ(outcome.status, kJobFailed) << command[0];
-    EXPECT_THAT(outcome.err, HasSubstr("no initial guess of model"));
-  }
-}
-
 // One view of a plane by this camera is a homography, 8 figures for 10 unknowns. (A distorted view
 // determines more: the centre of the distortion.)
 SyntheticProblem UndistortedProblem() {
