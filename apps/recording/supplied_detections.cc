@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <map>
 #include <string_view>
 #include <vector>
@@ -92,7 +93,9 @@ class MarkerRows {
 
   [[nodiscard]] std::string Sigma() const {
     const std::optional<double> sigma = table_.NumberIfAny(*sigma_);
-    if (sigma && !(*sigma > 0)) table_.FailAt(*sigma_, "expected a positive number");
+    if (sigma && !(*sigma > 0 && std::isnormal(*sigma * *sigma))) {
+      table_.FailAt(*sigma_, "expected a positive number from 1e-150 to 1e150");
+    }
     return std::string(table_.Text(*sigma_));
   }
 
