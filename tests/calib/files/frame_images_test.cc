@@ -36,7 +36,8 @@ class FrameImages : public ::testing::Test {
     return frames;
   }
 
-  std::filesystem::path folder_ = std::filesystem::path(::testing::TempDir()) / "frame_images";
+  std::filesystem::path folder_ = std::filesystem::path(::testing::TempDir()) /
+                                  ::testing::UnitTest::GetInstance()->current_test_info()->name();
 };
 
 TEST_F(FrameImages, OfAFolderAreItsImagesByName) {

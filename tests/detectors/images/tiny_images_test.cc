@@ -89,7 +89,8 @@ class TinyImageFiles : public ::testing::Test {
     return {{"a", path}};
   }
 
-  std::filesystem::path folder_ = std::filesystem::path(::testing::TempDir()) / "tiny_images";
+  std::filesystem::path folder_ = std::filesystem::path(::testing::TempDir()) /
+                                  ::testing::UnitTest::GetInstance()->current_test_info()->name();
 };
 
 TEST_F(TinyImageFiles, ProposeNoTarget) {
