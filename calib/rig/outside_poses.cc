@@ -14,19 +14,21 @@
 namespace plenocal {
 namespace {
 
-constexpr Eigen::Index kScale = 12, kMotion = 13;  // both charts, then the scale
+// Both charts, then the scale and the time shift.
+constexpr Eigen::Index kScale = 12, kTimeShift = 13, kMotion = 14;
 
 // T_base_gripper = P B Q with B the calibration's T_rig_target or its inverse, whose lengths have
 // the scale; `errors` are those of the calibration.
 struct OutsideModel {
   RigidTransform P, Q;
-  double scale = 1;
+  double scale = 1, time_shift = 0;
   Eigen::VectorXd errors;
 
   [[nodiscard]] OutsideModel Moved(const Eigen::VectorXd& delta) const {
     return {Retract(P, delta.head<6>()),
             Retract(Q, delta.segment<6>(6)),
             scale * (1 + delta[kScale]),
+            time_shift + delta[kTimeShift],
             errors + delta.tail(errors.size())};
   }
 };
@@ -36,7 +38,7 @@ class OutsideSolver {
   OutsideSolver(std::span<const OutsidePose> poses, const HandEye& start, OutsideOptions options)
       : poses_(poses),
         options_(options),
-        model_{start.X, start.Y, 1, Eigen::VectorXd::Zero(poses[0].errors.shared.cols())},
+        model_{start.X, start.Y, 1, 0, Eigen::VectorXd::Zero(poses[0].errors.shared.cols())},
         used_(poses.size(), true) {}
 
   void Run() {
@@ -116,9 +118,9 @@ class OutsideSolver {
     RigidTransform B = Retract(pose.T_rig_target, change);
     if (options_.mount == RigMount::kOnGripper) B = B.Inverse();
     const RigidTransform predicted = model.P * RigidTransform{B.R, model.scale * B.t} * model.Q;
+    const RigidTransform measured = Retract(pose.T_base_gripper, model.time_shift * pose.velocity);
     Vector6d error;
-    error << predicted.t - pose.T_base_gripper.t,
-        LogRotation(pose.T_base_gripper.R.transpose() * predicted.R);
+    error << predicted.t - measured.t, LogRotation(measured.R.transpose() * predicted.R);
     return error;
   }
 
@@ -145,7 +147,7 @@ class OutsideSolver {
             Eigen::Matrix<double, 6, Eigen::Dynamic>::Zero(6, kMotion + shared),
             Matrix6d::Zero()};
     for (Eigen::Index i = 0; i < kMotion; ++i) {
-      if (i == kScale && options_.scale == OutsideScale::kHeld) continue;
+      if (IsHeld(i)) continue;
       const Eigen::VectorXd step = kStep * Eigen::VectorXd::Unit(kMotion + shared, i);
       row.J.col(i) =
           (Error(pose, model_.Moved(step), change) - Error(pose, model_.Moved(-step), change)) /
@@ -170,22 +172,33 @@ class OutsideSolver {
     const Eigen::Index shared = model_.errors.size();
     Eigen::MatrixXd H = Eigen::MatrixXd::Zero(kMotion + shared, kMotion + shared);
     H.diagonal().tail(shared).setOnes();
-    if (options_.scale == OutsideScale::kHeld) H(kScale, kScale) = 1;
+    for (const Eigen::Index i : {kScale, kTimeShift}) H(i, i) = IsHeld(i) ? 1 : 0;
     return H;
   }
 
-  // H with the calibration's poses moved by `sign` times errors with these roots of covariances.
+  [[nodiscard]] bool IsHeld(Eigen::Index i) const {
+    return (i == kScale && options_.scale == OutsideScale::kHeld) ||
+           (i == kTimeShift && !options_.time_shift);
+  }
+
+  // H with the calibration's poses moved by `sign` times errors with these roots of covariances,
+  // and velocities from outside by theirs.
   [[nodiscard]] Eigen::MatrixXd Information(unsigned sample,
                                             double sign,
                                             const std::vector<Matrix6d>& roots) const {
     Eigen::MatrixXd H = InformationOfPriors();
     std::mt19937 random(sample);
     std::normal_distribution<double> normal;
+    const FreeTimeShift shift = options_.time_shift.value_or(FreeTimeShift{});
     for (size_t i = 0; i < poses_.size(); ++i) {
       const Vector6d error = Vector6d::NullaryExpr([&] { return normal(random); });
+      Vector6d of_velocity = Vector6d::NullaryExpr([&] { return normal(random); });
+      of_velocity.head<3>() *= shift.velocity_sigma;
+      of_velocity.tail<3>() *= shift.angular_velocity_sigma;
       if (!used_[i]) continue;
       OutsidePose moved = poses_[i];
       moved.T_rig_target = Retract(moved.T_rig_target, sign * (roots[i] * error));
+      moved.velocity += sign * of_velocity;
       const Row row = RowOf(moved);
       H += row.J.transpose() * row.weight * row.J;
     }
@@ -203,6 +216,10 @@ class OutsideSolver {
       const Row& row = rows_.emplace_back(RowOf(poses_[i]));
       H_ += row.J.transpose() * row.weight * row.J;
       g_ += row.J.transpose() * row.weight * row.error;
+      // The mean of the product of both errors.
+      if (options_.time_shift) {
+        g_[kTimeShift] -= row.weight.diagonal().dot(poses_[i].velocity_covariance);
+      }
     }
   }
 
@@ -272,9 +289,10 @@ Matrix6d InverseChart(const RigidTransform& T) {
   return J;
 }
 
+constexpr double kRounding = 1e-6;  // of the largest part of an open direction
+
 // Standard errors; infinite where a direction in `open` has a part.
 Eigen::VectorXd SigmasOf(const Eigen::MatrixXd& covariance, const Eigen::MatrixXd& open) {
-  constexpr double kRounding = 1e-6;  // of the largest part
   Eigen::VectorXd sigmas = covariance.diagonal().cwiseMax(0).cwiseSqrt();
   const double least = open.size() > 0 ? kRounding * open.cwiseAbs().maxCoeff() : 0;
   for (Eigen::Index i = 0; i < sigmas.size(); ++i) {
@@ -305,26 +323,31 @@ std::optional<OutsideFit> FitOutsidePoses(std::span<const OutsidePose> poses,
   // T_target_gripper.
   const RigidTransform of_Q = model.Q.Inverse();
   const Eigen::Index P = on_gripper ? 6 : 0, Q = 6 - P;
-  Eigen::MatrixXd charts = Eigen::MatrixXd::Zero(12, determined.covariance.rows());
+  Eigen::MatrixXd charts = Eigen::MatrixXd::Zero(kMotion, determined.covariance.rows());
   charts.block<6, 6>(P, 0).setIdentity();
   charts.block<6, 6>(Q, 6) = InverseChart(model.Q);
+  charts(kScale, kScale) = charts(kTimeShift, kTimeShift) = 1;
   const Eigen::MatrixXd open = charts * determined.open;
   const Eigen::VectorXd sigmas = SigmasOf(
       options.instants_per_error * charts * determined.covariance * charts.transpose(), open);
-  const double scale_variance = options.instants_per_error * determined.covariance(kScale, kScale);
-  return OutsideFit{.T_mount_rig = on_gripper ? of_Q : model.P,
-                    .T_other_target = on_gripper ? model.P : of_Q,
-                    .scale = model.scale,
-                    .rig_sigma = sigmas.head<6>(),
-                    .target_sigma = sigmas.tail<6>(),
-                    .scale_sigma = options.scale == OutsideScale::kHeld
-                                       ? 0
-                                       : std::sqrt(scale_variance) * model.scale,
-                    .translation_sigma = solver.TranslationSigma(),
-                    .rotation_sigma = solver.RotationSigma(),
-                    .used = solver.Used(),
-                    .open = open,
-                    .calibration_errors = model.errors};
+  std::vector<Eigen::Index> of_charts;  // open directions, but for that of the time shift alone
+  for (Eigen::Index i = 0; i < open.cols(); ++i) {
+    if (open.col(i).head<kScale>().norm() > kRounding * open.col(i).norm()) of_charts.push_back(i);
+  }
+  return OutsideFit{
+      .T_mount_rig = on_gripper ? of_Q : model.P,
+      .T_other_target = on_gripper ? model.P : of_Q,
+      .scale = model.scale,
+      .rig_sigma = sigmas.head<6>(),
+      .target_sigma = sigmas.segment<6>(6),
+      .scale_sigma = options.scale == OutsideScale::kHeld ? 0 : sigmas[kScale] * model.scale,
+      .time_shift = model.time_shift,
+      .time_shift_sigma = options.time_shift ? sigmas[kTimeShift] : 0,
+      .translation_sigma = solver.TranslationSigma(),
+      .rotation_sigma = solver.RotationSigma(),
+      .used = solver.Used(),
+      .open = open(Eigen::seqN(0, kScale), of_charts),
+      .calibration_errors = model.errors};
 }
 
 double RatioOfLengths(std::span<const OutsidePose> poses) {

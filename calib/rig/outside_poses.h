@@ -33,9 +33,18 @@ struct OutsidePose {
   RigidTransform T_base_gripper;  ///< from outside
   RigidTransform T_rig_target;    ///< from the calibration
   PoseErrors errors = {};         ///< of T_rig_target; as many shared ones for each pose
+  /// Of T_base_gripper in its chart, m/s and rad/s, where it was found by time.
+  Vector6d velocity = Vector6d::Zero();
+  /// Of the errors of T_base_gripper and its velocity, a coordinate each, m^2/s and rad^2/s.
+  Vector6d velocity_covariance = Vector6d::Zero();
 };
 
 enum class OutsideScale { kHeld, kFree };
+
+/// A shift of the clock of the poses from outside, to be estimated: errors of their velocities.
+struct FreeTimeShift {
+  double velocity_sigma = 0, angular_velocity_sigma = 0;  ///< of a coordinate, m/s and rad/s
+};
 
 struct OutsideOptions {
   RigMount mount = RigMount::kOnGripper;
@@ -43,7 +52,8 @@ struct OutsideOptions {
   /// So many instants share the errors of their poses from outside: standard errors are larger by
   /// its root than those of independent instants.
   double instants_per_error = 1;
-  bool standard_errors = true;  ///< false: they stay zero, and nothing is open
+  std::optional<FreeTimeShift> time_shift = {};  ///< nothing: the instants are those of the poses
+  bool standard_errors = true;                   ///< false: they stay zero, and nothing is open
 };
 
 struct OutsideFit {
@@ -54,6 +64,9 @@ struct OutsideFit {
   /// and of the scale (0: held).
   Vector6d rig_sigma = Vector6d::Zero(), target_sigma = Vector6d::Zero();
   double scale_sigma = 0;
+  /// The poses from outside fit best so much later, s, and its standard error (infinite where the
+  /// motion leaves it open; 0: held).
+  double time_shift = 0, time_shift_sigma = 0;
   /// Scatter of one coordinate and of one angle of the poses from outside, m and rad, estimated.
   double translation_sigma = 0, rotation_sigma = 0;
   std::vector<bool> used;  ///< per instant; false: an outlier

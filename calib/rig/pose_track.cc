@@ -13,7 +13,8 @@
 namespace plenocal {
 namespace {
 
-constexpr double kLongestShift = 1;  // s
+constexpr int kCoarse = 50;              // steps each way
+constexpr double kStep = 1.0 / kCoarse;  // s
 
 // Minus the logarithm of the likelihood of the frames' poses at a shift, but for a constant.
 class ShiftCost {
@@ -26,7 +27,8 @@ class ShiftCost {
   }
 
   double operator()(double shift) const {
-    const TrackMatch match = MatchTrack(track_, frames_, shift);
+    TrackMatch match = MatchTrack(track_, frames_, shift);
+    for (OutsidePose& pose : match.poses) pose.errors = {};  // within the scatter
     // Frames at the ends of the track come and go with the shift: the cost is that of all of them.
     if (2 * match.poses.size() < frames_.size()) return kNone;
     const auto fit = FitOutsidePoses(match.poses, options_);
@@ -45,28 +47,28 @@ class ShiftCost {
   OutsideOptions options_;
 };
 
-// The least cost between `low` and `high`, by golden sections.
-double Minimise(const ShiftCost& cost, double low, double high) {
-  constexpr int kSteps = 34;  // to a 1e-7 of the interval
-  const double ratio = (std::sqrt(5.0) - 1) / 2;
-  double a = high - ratio * (high - low), b = low + ratio * (high - low);
-  double at_a = cost(a), at_b = cost(b);
-  for (int step = 0; step < kSteps; ++step) {
-    if (at_a < at_b) {
-      high = b;
-      b = a;
-      at_b = at_a;
-      a = high - ratio * (high - low);
-      at_a = cost(a);
-    } else {
-      low = a;
-      a = b;
-      at_a = at_b;
-      b = low + ratio * (high - low);
-      at_b = cost(b);
-    }
+// The shift within a second at which the poses' scatter is most likely; 0 where that explains no
+// more than the least of the scatters of so many other poses does.
+double SearchShift(const PoseTrack& track,
+                   std::span<const TimedFrame> frames,
+                   const OutsideOptions& options) {
+  constexpr size_t kFew = 20;  // frames
+  std::vector<TimedFrame> few;
+  for (size_t f = 0; f < frames.size(); f += frames.size() / kFew + 1) few.push_back(frames[f]);
+  const ShiftCost cost(track, few, options);
+  const double without = cost(0);
+  double best = 0, least = without;
+  for (int i = -kCoarse; i <= kCoarse; ++i) {
+    const double at = cost(i * kStep);
+    if (!(at < least)) continue;
+    least = at;
+    best = i * kStep;
   }
-  return (low + high) / 2;
+  // The logarithm of a scatter of k numbers has the variance 1 / (2 k): here four times 3 n
+  // numbers.
+  const double of_chance = std::sqrt(6 * static_cast<double>(few.size()));
+  constexpr double kSigmas = 5;  // in a hundred scatters
+  return without - least > kSigmas * of_chance ? best : 0;
 }
 
 }  // namespace
@@ -125,14 +127,15 @@ PoseTrack::Neighbours PoseTrack::Around(double time,
   return neighbours;
 }
 
-RigidTransform PoseTrack::PoseOf(const Neighbours& neighbours) const {
+PoseTrack::Moving PoseTrack::PoseOf(const Neighbours& neighbours) const {
   const RigidTransform& middle = poses_[neighbours.middle];
-  Vector6d change = Vector6d::Zero();
+  Vector6d change = Vector6d::Zero(), velocity = Vector6d::Zero();
   for (size_t k = 0; k < neighbours.poses.size(); ++k) {
-    change += neighbours.weights.value[static_cast<Eigen::Index>(k)] *
-              ChartOf(poses_[neighbours.poses[k]], middle);
+    const Vector6d away = ChartOf(poses_[neighbours.poses[k]], middle);
+    change += neighbours.weights.value[static_cast<Eigen::Index>(k)] * away;
+    velocity += neighbours.weights.derivative[static_cast<Eigen::Index>(k)] * away;
   }
-  return Retract(middle, change);
+  return {Retract(middle, change), velocity};
 }
 
 void PoseTrack::Choose(double longest) {
@@ -157,7 +160,7 @@ void PoseTrack::Choose(double longest) {
       const auto half = static_cast<size_t>(window.Length() / 2) + 1;
       if (i < first_[i] + half || i + half >= end_[i]) continue;
       const Neighbours others = Around(times_[i], window, true);
-      const Vector6d error = ChartOf(poses_[i], PoseOf(others));
+      const Vector6d error = ChartOf(poses_[i], PoseOf(others).pose);
       positions.push_back(error.head<3>().squaredNorm());
       angles.push_back(error.tail<3>().squaredNorm());
       of_others += others.weights.value.squaredNorm();
@@ -183,81 +186,68 @@ void PoseTrack::Choose(double longest) {
     window_ = window;
     // A prediction has the errors of the others beside those of the pose itself.
     const double share = 1 / (1 + of_others / count);
-    errors_ = {.position = std::sqrt(share * position * of_value / count),
+    errors_ = {.single_position = std::sqrt(share * position),
+               .single_angle = std::sqrt(share * angle),
+               .position = std::sqrt(share * position * of_value / count),
                .angle = std::sqrt(share * angle * of_value / count),
                .velocity = std::sqrt(share * position * of_derivative / count),
                .angular_velocity = std::sqrt(share * angle * of_derivative / count)};
   }
 }
 
-std::optional<RigidTransform> PoseTrack::At(double time) const {
+std::optional<PoseTrack::Moving> PoseTrack::At(double time) const {
   const auto after = std::ranges::lower_bound(times_, time);
   if (after == times_.end()) return std::nullopt;
   const auto next = static_cast<size_t>(after - times_.begin());
   const bool between = next > 0 && first_[next] == first_[next - 1];
   if (times_[next] != time && !between) return std::nullopt;
-  return PoseOf(Around(time, window_, false));
+  const Neighbours neighbours = Around(time, window_, false);
+  Moving moving = PoseOf(neighbours);
+  const PolynomialWeights& weights = neighbours.weights;
+  const Eigen::Vector2d variance(errors_.single_position * errors_.single_position,
+                                 errors_.single_angle * errors_.single_angle);
+  moving.covariance << Eigen::Vector3d::Constant(variance[0]),
+      Eigen::Vector3d::Constant(variance[1]);
+  moving.covariance *= weights.value.dot(weights.derivative);
+  return moving;
 }
 
 TrackMatch MatchTrack(const PoseTrack& track, std::span<const TimedFrame> frames, double shift) {
   TrackMatch match;
   for (size_t f = 0; f < frames.size(); ++f) {
-    const auto pose = track.At(frames[f].time + shift);
-    if (!pose) continue;
-    match.poses.push_back({*pose, frames[f].T_rig_target});
+    const auto at = track.At(frames[f].time + shift);
+    if (!at) continue;
+    match.poses.push_back(
+        {at->pose, frames[f].T_rig_target, frames[f].errors, at->velocity, at->covariance});
     match.frames.push_back(f);
   }
   return match;
 }
 
-std::optional<TrackShift> FindTrackShift(const PoseTrack& track,
-                                         std::span<const TimedFrame> frames,
-                                         const OutsideOptions& options) {
-  constexpr int kCoarse = 50;  // steps each way
-  constexpr double kStep = kLongestShift / kCoarse;
-  constexpr size_t kFew = 20;  // frames, for the coarse search
-  std::vector<TimedFrame> few;
-  for (size_t f = 0; f < frames.size(); f += frames.size() / kFew + 1) few.push_back(frames[f]);
-  const ShiftCost coarse_cost(track, few, options);
-  double best = 0, least = coarse_cost(0);
-  for (int i = -kCoarse; i <= kCoarse; ++i) {
-    const double at = coarse_cost(i * kStep);
-    if (!(at < least)) continue;
-    least = at;
-    best = i * kStep;
-  }
-  const ShiftCost cost(track, frames, options);
-  best = Minimise(cost, best - kStep, best + kStep);
-  const double without = cost(0);
-  least = cost(best);
-  if (!std::isfinite(least)) return std::nullopt;
-  // Twice the gain is chi-square with one degree of freedom when there is no shift.
-  constexpr double kLevel = 1e-4;
-  if (2 * (without - least) < ChiSquareQuantile(1, kLevel)) return std::nullopt;
-  // The parabola over a distance at which the cost rises by about one.
-  double distance = kStep / 10, rise = 0;
-  for (int i = 0; i < 20 && !(std::abs(std::log(rise)) < 1); ++i) {
-    if (i > 0) distance /= std::clamp(std::sqrt(std::max(rise, 0.0)), 0.5, 10.0);
-    const double before = cost(best - distance), after = cost(best + distance);
-    rise = (before + after) / 2 - least;
-    if (std::abs(std::log(rise)) < 1) best += distance * (before - after) / (4 * rise);
-  }
-  constexpr double kOpen = std::numeric_limits<double>::infinity();
-  if (!(std::abs(std::log(rise)) < 1)) return TrackShift{.value = best, .sigma = kOpen};
-  // The errors of logged poses move along with the shift, which adds to the curvature what is no
-  // information; frames that share them count as one.
-  const double curvature = 2 * rise / (distance * distance);
-  const auto fit = FitOutsidePoses(MatchTrack(track, frames, best).poses, options);
-  if (!fit) return TrackShift{.value = best, .sigma = kOpen};
-  const TrackErrors& errors = track.Errors();
+double FindTrackShift(const PoseTrack& track,
+                      std::span<const TimedFrame> frames,
+                      OutsideOptions* options) {
+  const double found = SearchShift(track, frames, *options);
   // Errors larger than all scatter are not of single poses: motion between few.
-  const double of_errors =
-      3 * static_cast<double>(frames.size()) *
-      (std::pow(errors.velocity / std::max(errors.position, fit->translation_sigma), 2) +
-       std::pow(errors.angular_velocity / std::max(errors.angle, fit->rotation_sigma), 2));
-  if (!(of_errors < curvature)) return TrackShift{.value = best, .sigma = kOpen};
-  return TrackShift{.value = best,
-                    .sigma = std::sqrt(errors.frames * curvature) / (curvature - of_errors)};
+  const TrackErrors& errors = track.Errors();
+  const auto set_errors = [&](const OutsideFit& fit) {
+    options->time_shift =
+        FreeTimeShift{errors.velocity * std::min(1.0, fit.translation_sigma / errors.position),
+                      errors.angular_velocity * std::min(1.0, fit.rotation_sigma / errors.angle)};
+  };
+  constexpr int kRounds = 10;
+  constexpr double kSettled = 1e-6;  // s
+  const bool standard_errors = std::exchange(options->standard_errors, false);
+  double shift = found;
+  for (int round = 0; round < kRounds; ++round) {
+    const auto fit = FitOutsidePoses(MatchTrack(track, frames, shift).poses, *options);
+    if (!fit) break;
+    shift += fit->time_shift;
+    if (options->time_shift && std::abs(fit->time_shift) < kSettled) break;
+    set_errors(*fit);
+  }
+  options->standard_errors = standard_errors;
+  return std::abs(shift - found) < kStep ? shift : found;
 }
 
 }  // namespace plenocal

@@ -12,11 +12,12 @@
 
 namespace plenocal {
 
-/// What independent errors of single logged poses make of a pose between them: standard deviations
-/// of a coordinate and an angle, and of their derivatives by time.
+/// Errors of single logged poses, which are independent, and what they make of a pose between them:
+/// standard deviations of a coordinate and an angle, and of their derivatives by time.
 struct TrackErrors {
-  double position = 0, angle = 0;             ///< m, rad
-  double velocity = 0, angular_velocity = 0;  ///< m/s, rad/s
+  double single_position = 0, single_angle = 0;  ///< m, rad
+  double position = 0, angle = 0;                ///< m, rad
+  double velocity = 0, angular_velocity = 0;     ///< m/s, rad/s
   /// How many frames share the error of one logged pose: 1 unless frames are closer in time than
   /// the poses that are averaged.
   double frames = 1;
@@ -27,11 +28,17 @@ class PoseTrack {
   /// T_base_gripper at times that increase, s; frames are `frame_interval` apart.
   PoseTrack(std::vector<double> times, std::vector<RigidTransform> poses, double frame_interval);
 
+  struct Moving {
+    RigidTransform pose;
+    Vector6d velocity;  ///< in the pose's chart (`Retract`), m/s and rad/s
+    /// Of the errors of both, a coordinate each, m^2/s and rad^2/s.
+    Vector6d covariance = Vector6d::Zero();
+  };
   /// The pose at a time: the least-squares cubic through the poses around it, or the line through
   /// two, whichever predicts logged poses best from others. So their errors are averaged, over no
   /// longer than frames are apart (but for the cubic through four). Nothing before the first, after
   /// the last and in gaps of more than three usual intervals.
-  [[nodiscard]] std::optional<RigidTransform> At(double time) const;
+  [[nodiscard]] std::optional<Moving> At(double time) const;
   [[nodiscard]] const TrackErrors& Errors() const { return errors_; }
 
  private:
@@ -47,7 +54,7 @@ class PoseTrack {
   };
   struct Neighbours;
   [[nodiscard]] Neighbours Around(double time, const Window& window, bool without_nearest) const;
-  [[nodiscard]] RigidTransform PoseOf(const Neighbours& neighbours) const;
+  [[nodiscard]] Moving PoseOf(const Neighbours& neighbours) const;
   // Chooses `window_` and sets `errors_` but for `frames`.
   void Choose(double longest);
 
@@ -63,6 +70,7 @@ class PoseTrack {
 struct TimedFrame {
   double time = 0;  ///< s
   RigidTransform T_rig_target;
+  PoseErrors errors = {};
 };
 
 struct TrackMatch {
@@ -73,17 +81,11 @@ struct TrackMatch {
 /// The frames that have a pose at their time plus `shift`.
 TrackMatch MatchTrack(const PoseTrack& track, std::span<const TimedFrame> frames, double shift);
 
-/// What has to be added to the times of the images, s; `sigma` is infinite where the poses leave it
-/// open, though some shift explains more than none.
-struct TrackShift {
-  double value = 0, sigma = 0;
-};
-
-/// The shift within a second at which the poses fit best (maximum likelihood of their scatter).
-/// Nothing where it explains no more than no shift does (likelihood ratio, level 1e-4), as where
-/// the rig was at rest in all frames.
-std::optional<TrackShift> FindTrackShift(const PoseTrack& track,
-                                         std::span<const TimedFrame> frames,
-                                         const OutsideOptions& options);
+/// What has to be added to the times of the images, s, for the poses to fit best: within a second
+/// by their scatter, from there (or from 0, where no shift explains clearly more) by
+/// `FitOutsidePoses` with the shift as one of its unknowns, which `options` gets.
+double FindTrackShift(const PoseTrack& track,
+                      std::span<const TimedFrame> frames,
+                      OutsideOptions* options);
 
 }  // namespace plenocal

@@ -44,12 +44,19 @@ PoseTrack Robot(double shift, double noise, Random* random) {
   return {times, poses, kFrameInterval};
 }
 
-std::vector<TimedFrame> Frames() {
+// Poses of a calibration with an error of the focal length and of both coordinates of the principal
+// point, of this part of the focal length.
+std::vector<TimedFrame> Frames(double calibration_error, Random* random) {
   constexpr int kFrames = 40;
+  const Eigen::Vector3d error(random->Gaussian(1), random->Gaussian(1), random->Gaussian(1));
   std::vector<TimedFrame> frames;
   for (int f = 0; f < kFrames; ++f) {
     const double time = kFrameInterval * f + 0.003;
-    frames.push_back({time, TargetAt(time)});
+    const RigidTransform T = TargetAt(time);
+    Eigen::Matrix<double, 6, 3> shared = Eigen::Matrix<double, 6, 3>::Zero();
+    shared(2, 0) = shared(0, 1) = shared(1, 2) = calibration_error * T.t.z();
+    shared(4, 1) = calibration_error;
+    frames.push_back({time, Retract(T, -shared * error), {.shared = shared}});
   }
   return frames;
 }
@@ -64,29 +71,78 @@ TEST(PoseTrack, InterpolatesAndHasGaps) {
                         1);
   const auto half = track.At(0.5);
   ASSERT_TRUE(half);
-  EXPECT_LT((half->t - Eigen::Vector3d(0.5, 1, 1.5)).norm(), 1e-12);
-  EXPECT_LT((LogRotation(half->R) - Eigen::Vector3d(0, 0, 0.5)).norm(), 1e-12);
+  EXPECT_LT((half->pose.t - Eigen::Vector3d(0.5, 1, 1.5)).norm(), 1e-12);
+  EXPECT_LT((LogRotation(half->pose.R) - Eigen::Vector3d(0, 0, 0.5)).norm(), 1e-12);
+  EXPECT_LT((half->velocity - (Vector6d() << 1, 2, 3, 0, 0, 1).finished()).norm(), 1e-12);
   EXPECT_TRUE(track.At(0) && track.At(11));
   EXPECT_FALSE(track.At(-0.01));
   EXPECT_FALSE(track.At(11.01));
   EXPECT_FALSE(track.At(5));
 }
 
-TEST(PoseTrack, FindsTheShiftOfItsClock) {
-  constexpr double kShift = 0.137;
-  constexpr unsigned kSeeds = 6;
+struct Shift {
+  double value = 0, sigma = 0;
+};
+
+Shift ShiftOf(const PoseTrack& track, std::span<const TimedFrame> frames) {
+  OutsideOptions options;
+  const double shift = FindTrackShift(track, frames, &options);
+  const auto fit = FitOutsidePoses(MatchTrack(track, frames, shift).poses, options);
+  EXPECT_TRUE(fit);
+  return {shift, fit ? fit->time_shift_sigma : 0};
+}
+
+// Mean square of the errors in standard errors, of robots whose clock is so far ahead.
+double SquareOfShifts(double clock, unsigned seeds, double calibration_error) {
   double squares = 0;
-  for (unsigned seed = 1; seed <= kSeeds; ++seed) {
+  for (unsigned seed = 1; seed <= seeds; ++seed) {
     Random random(seed);
-    const auto shift = FindTrackShift(Robot(kShift, 1, &random), Frames(), {});
-    ASSERT_TRUE(shift);
-    EXPECT_LT(shift->sigma, 1e-3);
-    const double error = (shift->value - kShift) / shift->sigma;
+    const PoseTrack robot = Robot(clock, 1, &random);
+    const Shift shift = ShiftOf(robot, Frames(calibration_error, &random));
+    EXPECT_LT(shift.sigma, 1e-3);
+    const double error = (shift.value - clock) / shift.sigma;
     EXPECT_LT(std::abs(error), 4.5) << seed;
-    squares += error * error / kSeeds;
+    squares += error * error / seeds;
   }
-  EXPECT_GT(squares, 0.2);
-  EXPECT_LT(squares, 2.5);
+  return squares;
+}
+
+TEST(PoseTrack, FindsTheShiftOfItsClock) {
+  // The second: images at the times of logged poses, where the errors of poses and velocities
+  // between are correlated.
+  for (const double clock : {0.137, -0.003}) {
+    const double squares = SquareOfShifts(clock, 5, 0);
+    EXPECT_GT(squares, 0.2) << clock;
+    EXPECT_LT(squares, 2.5) << clock;
+  }
+}
+
+// Errors of the calibration move all its poses together, by where they are.
+TEST(PoseTrack, HasAShiftWithTheErrorsOfTheCalibration) {
+  const double squares = SquareOfShifts(0.137, 8, 3e-3);
+  EXPECT_GT(squares, 0.4);
+  EXPECT_LT(squares, 2);
+}
+
+TEST(PoseTrack, OfARigAtRestHasAnOpenShift) {
+  Random random(1);
+  const PoseTrack robot = Robot(0, 1, &random);
+  std::vector<double> times;
+  std::vector<RigidTransform> poses;
+  std::vector<TimedFrame> frames;
+  for (int stop = 0; stop < 12; ++stop) {
+    for (int i = 0; i < 100; ++i) {
+      times.push_back(2 * stop + 0.01 * i);
+      RigidTransform T = kBaseTarget * TargetAt(2 * stop).Inverse() * kGripperRig.Inverse();
+      for (double& t : T.t) t += random.Gaussian(kPositionNoise);
+      T.R = T.R * ExpRotation({random.Gaussian(kAngleNoise), 0, random.Gaussian(kAngleNoise)});
+      poses.push_back(T);
+    }
+    frames.push_back({2 * stop + 0.503, TargetAt(2 * stop)});
+  }
+  const Shift shift = ShiftOf({times, poses, 2}, frames);
+  EXPECT_EQ(shift.value, 0);
+  EXPECT_TRUE(std::isinf(shift.sigma)) << shift.sigma;
 }
 
 // Poses logged so often that two neighbours differ by their errors more than by the motion.
@@ -95,27 +151,18 @@ TEST(PoseTrack, AveragesTheErrorsOfLoggedPoses) {
   const PoseTrack track = Robot(0, 1, &random);
   double squares = 0;
   int count = 0;
-  for (const TimedFrame& frame : Frames()) {
-    const std::optional<RigidTransform> pose = track.At(frame.time);
-    ASSERT_TRUE(pose);
+  for (const TimedFrame& frame : Frames(0, &random)) {
+    const auto at = track.At(frame.time);
+    ASSERT_TRUE(at);
     const RigidTransform truth =
         kBaseTarget * TargetAt(frame.time).Inverse() * kGripperRig.Inverse();
-    squares += (pose->t - truth.t).squaredNorm();
+    squares += (at->pose.t - truth.t).squaredNorm();
     count += 3;
   }
   const double error = std::sqrt(squares / count);
   EXPECT_LT(error, 0.5 * kPositionNoise);
   EXPECT_NEAR(error / track.Errors().position, 1, 0.3);
   EXPECT_EQ(track.Errors().frames, 1);
-}
-
-TEST(PoseTrack, OfOneClockHasNoShift) {
-  int shifts = 0;
-  for (unsigned seed = 1; seed <= 2; ++seed) {
-    Random random(seed);
-    shifts += FindTrackShift(Robot(0, 1, &random), Frames(), {}) ? 1 : 0;
-  }
-  EXPECT_EQ(shifts, 0);
 }
 
 }  // namespace TEST_FILE

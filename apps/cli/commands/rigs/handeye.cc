@@ -49,10 +49,18 @@ struct HandEyeArguments {
 struct MatchedPoses {
   std::vector<std::string> frames;
   std::vector<OutsidePose> poses;
-  size_t without = 0;               // frames of the calibration
-  std::optional<TrackShift> shift;  // of poses by time
-  double frames_per_error = 1;      // `TrackErrors::frames`
-  std::string without_errors;  // why the calibration's errors are left out; empty: they are not
+  size_t without = 0;           // frames of the calibration
+  std::optional<double> shift;  // of poses by time
+  OutsideOptions options;
+};
+
+// Poses of a calibration.
+struct CalibratedPoses {
+  std::filesystem::path table;
+  std::vector<std::string> frames;
+  std::vector<OutsidePose> poses;  // but for that from outside
+  size_t without = 0;              // frames whose points do not determine their pose
+  std::string without_errors;      // why errors are left out; empty: they are not
 };
 
 RigMount MountOf(const HandEyeArguments& arguments) {
@@ -61,6 +69,10 @@ RigMount MountOf(const HandEyeArguments& arguments) {
 
 OutsideScale ScaleOf(const HandEyeArguments& arguments) {
   return arguments.free_scale ? OutsideScale::kFree : OutsideScale::kHeld;
+}
+
+OutsideOptions OptionsOf(const HandEyeArguments& arguments) {
+  return {.mount = MountOf(arguments), .scale = ScaleOf(arguments)};
 }
 
 // Whether a file of poses names frames; else it has times.
@@ -85,18 +97,15 @@ double TimeOfName(const std::string& frame, const std::filesystem::path& table) 
   return *number > kNanosecondsAbove ? kNanosecond * *number : *number;
 }
 
-MatchedPoses MatchByTime(const HandEyeArguments& arguments) {
-  const std::filesystem::path table = arguments.folder / "poses.csv";
-  const std::vector<FrameRecord> calibrated = ReadPoses(table);
+MatchedPoses MatchByTime(const HandEyeArguments& arguments, const CalibratedPoses& calibrated) {
   const Trajectory outside = ReadTrajectory(arguments.poses, {});
-  std::vector<std::string> names;
-  for (const FrameRecord& frame : calibrated) names.push_back(frame.name);
+  const std::vector<std::string>& names = calibrated.frames;
   std::map<std::string, double> times;
   if (!arguments.times.empty()) times = TimesOfFrames(arguments.times, "the calibration", names);
   std::vector<TimedFrame> frames;
-  for (const FrameRecord& frame : calibrated) {
-    const double time = times.empty() ? TimeOfName(frame.name, table) : times.at(frame.name);
-    frames.push_back({time, frame.T_target_rig.Inverse()});
+  for (size_t i = 0; i < names.size(); ++i) {
+    const double time = times.empty() ? TimeOfName(names[i], calibrated.table) : times.at(names[i]);
+    frames.push_back({time, calibrated.poses[i].T_rig_target, calibrated.poses[i].errors});
   }
   std::vector<RigidTransform> poses;
   for (size_t i = 0; i < outside.Size(); ++i) {
@@ -107,9 +116,10 @@ MatchedPoses MatchByTime(const HandEyeArguments& arguments) {
     intervals.push_back(frames[i].time - frames[i - 1].time);
   const PoseTrack track(outside.times, poses, Median(std::move(intervals)));
   MatchedPoses matched;
-  matched.frames_per_error = track.Errors().frames;
-  matched.shift = FindTrackShift(track, frames, {MountOf(arguments), ScaleOf(arguments)});
-  const TrackMatch match = MatchTrack(track, frames, matched.shift ? matched.shift->value : 0);
+  matched.options = OptionsOf(arguments);
+  matched.options.instants_per_error = track.Errors().frames;
+  matched.shift = FindTrackShift(track, frames, &matched.options);
+  const TrackMatch match = MatchTrack(track, frames, *matched.shift);
   matched.poses = match.poses;
   for (const size_t frame : match.frames) matched.frames.push_back(names[frame]);
   matched.without = names.size() - match.frames.size();
@@ -121,28 +131,29 @@ MatchedPoses MatchByTime(const HandEyeArguments& arguments) {
                           arguments.poses.string(),
                           matched.poses.size(),
                           frames.size(),
-                          table.string(),
+                          calibrated.table.string(),
                           outside.times.front(),
                           outside.times.back(),
                           frames[0].time));
 }
 
-MatchedPoses MatchByName(const HandEyeArguments& arguments) {
+MatchedPoses MatchByName(const HandEyeArguments& arguments, const CalibratedPoses& calibrated) {
   if (!arguments.times.empty()) {
     throw Error(ErrorKind::kInput, "--times: the poses from outside name frames and need no times");
   }
-  const std::filesystem::path table = arguments.folder / "poses.csv";
-  const std::vector<FrameRecord> calibrated = ReadPoses(table),
-                                 outside = ReadPoses(arguments.poses);
+  const std::vector<FrameRecord> outside = ReadPoses(arguments.poses);
+  const std::vector<std::string>& names = calibrated.frames;
   MatchedPoses matched;
-  for (const FrameRecord& frame : calibrated) {
-    const auto found = std::ranges::find(outside, frame.name, &FrameRecord::name);
+  matched.options = OptionsOf(arguments);
+  for (size_t i = 0; i < names.size(); ++i) {
+    const auto found = std::ranges::find(outside, names[i], &FrameRecord::name);
     if (found == outside.end()) {
       ++matched.without;
       continue;
     }
-    matched.frames.push_back(frame.name);
-    matched.poses.push_back({found->T_target_rig, frame.T_target_rig.Inverse()});
+    matched.frames.push_back(names[i]);
+    matched.poses.push_back(calibrated.poses[i]);
+    matched.poses.back().T_base_gripper = found->T_target_rig;
   }
   constexpr size_t kFewest = 3;
   if (matched.poses.size() >= kFewest) return matched;
@@ -152,14 +163,14 @@ MatchedPoses MatchByName(const HandEyeArguments& arguments) {
                           arguments.poses.string(),
                           matched.poses.size(),
                           outside.size(),
-                          table.string(),
+                          calibrated.table.string(),
                           outside.empty() ? "" : outside[0].name,
-                          calibrated.empty() ? "" : calibrated[0].name));
+                          names.empty() ? "" : names[0]));
 }
 
-// Adds the errors of the calibration's poses. Frames whose points do not determine their pose count
-// as frames without one.
-void AddErrors(const std::filesystem::path& folder, MatchedPoses* matched) {
+CalibratedPoses ReadCalibratedPoses(const std::filesystem::path& folder) {
+  CalibratedPoses calibrated;
+  calibrated.table = folder / "poses.csv";
   std::map<std::string, PoseErrors> errors;
   try {
     const CalibrationRecord calibration = ReadCalibrationFolder(folder, CameraModels());
@@ -167,29 +178,21 @@ void AddErrors(const std::filesystem::path& folder, MatchedPoses* matched) {
       errors[calibration.frames[static_cast<size_t>(frame)].name] = std::move(of_frame);
     }
   } catch (const Error& error) {
-    matched->without_errors = error.what();
-    return;
+    calibrated.without_errors = error.what();
   }
-  MatchedPoses kept;
-  for (size_t i = 0; i < matched->poses.size(); ++i) {
-    const auto found = errors.find(matched->frames[i]);
-    if (found == errors.end()) {
-      ++matched->without;
+  for (const FrameRecord& frame : ReadPoses(calibrated.table)) {
+    const auto found = errors.find(frame.name);
+    if (found == errors.end() && calibrated.without_errors.empty()) {
+      ++calibrated.without;
       continue;
     }
-    kept.frames.push_back(matched->frames[i]);
-    kept.poses.push_back(matched->poses[i]);
-    kept.poses.back().errors = found->second;
+    calibrated.frames.push_back(frame.name);
+    calibrated.poses.push_back(
+        {.T_base_gripper = {},
+         .T_rig_target = frame.T_target_rig.Inverse(),
+         .errors = found == errors.end() ? PoseErrors{} : std::move(found->second)});
   }
-  matched->frames = std::move(kept.frames);
-  matched->poses = std::move(kept.poses);
-}
-
-MatchedPoses Match(const HandEyeArguments& arguments) {
-  MatchedPoses matched =
-      NamesFrames(arguments.poses) ? MatchByName(arguments) : MatchByTime(arguments);
-  AddErrors(arguments.folder, &matched);
-  return matched;
+  return calibrated;
 }
 
 // Throws where lengths differ as units do.
@@ -222,9 +225,10 @@ double Misfit(const OutsideFit& fit, const MatchedPoses& matched) {
 
 OutsideFit Fit(const HandEyeArguments& arguments, const MatchedPoses& matched) {
   const RigMount mount = MountOf(arguments);
-  const OutsideScale scale = ScaleOf(arguments);
-  const auto fit = FitOutsidePoses(matched.poses, {mount, scale, matched.frames_per_error});
-  const auto other = FitOutsidePoses(matched.poses, {Other(mount), scale});
+  OutsideOptions options = matched.options;
+  const auto fit = FitOutsidePoses(matched.poses, options);
+  options.mount = Other(mount);
+  const auto other = FitOutsidePoses(matched.poses, options);
   // The other reading of a true pose leaves errors as large as the motion.
   constexpr double kClearly = 5;
   if (other && (!fit || Misfit(*fit, matched) > kClearly * Misfit(*other, matched))) {
@@ -280,6 +284,7 @@ std::vector<OpenDirection> OpenDirections(const HandEyeArguments& arguments,
 }
 
 std::string HandEyeYaml(const HandEyeArguments& arguments,
+                        const CalibratedPoses& calibrated,
                         const MatchedPoses& matched,
                         const OutsideFit& fit) {
   const auto [rig, target] = PoseNames(arguments);
@@ -293,11 +298,11 @@ std::string HandEyeYaml(const HandEyeArguments& arguments,
                       fit.rotation_sigma);
   if (matched.shift) {
     text += fmt::format("time_shift: {:.9g}\nsigma_time_shift: {}\n",
-                        matched.shift->value,
-                        YamlNumber(matched.shift->sigma));
+                        *matched.shift,
+                        YamlNumber(fit.time_shift_sigma));
   }
   text += fmt::format("calibration_errors: {}\n",
-                      matched.without_errors.empty() ? "included" : "left_out");
+                      calibrated.without_errors.empty() ? "included" : "left_out");
   return text + fmt::format("frames: {}\nleft_out: {}\n",
                             fit.used.size(),
                             std::ranges::count(fit.used, false));
@@ -333,6 +338,7 @@ bool ContradictsCalibration(const OutsideFit& fit) {
 }
 
 std::string HandEyeText(const HandEyeArguments& arguments,
+                        const CalibratedPoses& calibrated,
                         const MatchedPoses& matched,
                         const OutsideFit& fit) {
   constexpr double kDegrees = 180 / std::numbers::pi;
@@ -359,19 +365,23 @@ std::string HandEyeText(const HandEyeArguments& arguments,
     if (!fit.used[i])
       text += fmt::format("  left out: frame {}, which is far off\n", matched.frames[i]);
   }
-  if (matched.shift) {
+  if (matched.shift && std::isinf(fit.time_shift_sigma)) {
+    text += "clocks: their difference is open; the rig was at rest in the frames\n";
+  } else if (matched.shift) {
     text += fmt::format("clocks: {:.3f} +- {:.2g} ms are added to the times of the images\n",
-                        1e3 * matched.shift->value,
-                        1e3 * matched.shift->sigma);
+                        1e3 * *matched.shift,
+                        1e3 * fit.time_shift_sigma);
   }
-  if (!matched.without_errors.empty()) {
-    text += "standard errors leave out those of the calibration: " + matched.without_errors + "\n";
+  if (!calibrated.without_errors.empty()) {
+    text +=
+        "standard errors leave out those of the calibration: " + calibrated.without_errors + "\n";
   } else if (ContradictsCalibration(fit)) {
     text +=
         "the poses contradict the calibration: its parameters would have to be wrong by more than "
         "their standard errors. See its report, and check the robot's own calibration\n";
   }
-  if (matched.without > 0) text += fmt::format("  frames without a pose: {}\n", matched.without);
+  const size_t without = calibrated.without + matched.without;
+  if (without > 0) text += fmt::format("  frames without a pose: {}\n", without);
   if (fit.open.cols() == 1) {
     const Eigen::Vector3d axis = fit.open.col(0).head<3>().normalized();
     text += fmt::format(
@@ -391,17 +401,20 @@ std::string HandEyeText(const HandEyeArguments& arguments,
 
 void RunHandEye(const HandEyeArguments& arguments, const ConsoleOptions& shared) {
   Console console(shared);
-  const MatchedPoses matched = Match(arguments);
+  const CalibratedPoses calibrated = ReadCalibratedPoses(arguments.folder);
+  const MatchedPoses matched = NamesFrames(arguments.poses) ? MatchByName(arguments, calibrated)
+                                                            : MatchByTime(arguments, calibrated);
   CheckUnits(matched, arguments.poses);
   const OutsideFit fit = Fit(arguments, matched);
-  if (!arguments.out.empty()) WriteOutput(arguments.out, HandEyeYaml(arguments, matched, fit));
-  console.Print(HandEyeText(arguments, matched, fit));
+  if (!arguments.out.empty())
+    WriteOutput(arguments.out, HandEyeYaml(arguments, calibrated, matched, fit));
+  console.Print(HandEyeText(arguments, calibrated, matched, fit));
 }
 
 constexpr const char* kHandEyeHelp =
     "Where a rig is mounted on a robot, from a calibration and the robot's poses.\n\n"
     "  plenocal handeye OUT --poses robot.csv -o handeye.yaml\n\n"
-    "OUT is the folder that 'plenocal calibrate' wrote. The file of poses has the columns of poses.csv: frame,x,y,z,qx,qy,qz,qw, T_base_gripper in metres; or times in place of frames, as TUM files (t x y z qx qy qz qw) and those of EuRoC: then poses are taken between two of them at the times of the frames, and the clocks' difference is estimated where the rig moved. With --mount base the rig stands in the base's frame and the target is on the gripper.";
+    "OUT is the folder that 'plenocal calibrate' wrote. The file of poses has the columns of poses.csv: frame,x,y,z,qx,qy,qz,qw, T_base_gripper in metres; or times in place of frames, as TUM files (t x y z qx qy qz qw) and those of EuRoC: then poses are taken between two of them at the times of the frames, and the clocks' difference is estimated. With --mount base the rig stands in the base's frame and the target is on the gripper.";
 
 RunCommand DeclareHandEye(CLI::App* app, ConsoleOptions* shared) {
   const auto arguments = std::make_shared<HandEyeArguments>();
