@@ -73,14 +73,15 @@ size_t UsedMarkers(const Bundle& bundle) {
   return used.size();
 }
 
-// The pose that most points agree with.
-std::optional<RigidTransform> PoseAmongWrong(Bundle* bundle) {
+// The pose that most points agree with, and its rival.
+std::optional<RigidTransform> PoseAmongWrong(Bundle* bundle, std::optional<RivalPose>* rival) {
   constexpr double kLimit = 3;  // px: a feature's error and that of its point
   SceneState state = MakeSceneState(bundle);
   state.has_point.assign(bundle->markers.size(), true);
   const std::optional<PoseSearch> found = FindPose(state, 0, kLimit);
   if (!found) return std::nullopt;
   bundle->T_rig_target[0] = found->T_rig_target;
+  *rival = FindRivalPose(state, {0}, kLimit);
   std::erase_if(bundle->observations, [&](const BundleObservation& observation) {
     return ResidualLength(*bundle, observation) > kLimit;
   });
@@ -157,7 +158,7 @@ std::optional<LocatedView> LocateView(const CalibratedCamera& camera,
   if (located.points < kMinMarkersInFrame) return std::nullopt;
   const std::optional<RigidTransform> start = numbering == Numbering::kByMarker
                                                   ? GuessPose(bundle.cameras[0], view, points)
-                                                  : PoseAmongWrong(&bundle);
+                                                  : PoseAmongWrong(&bundle, &located.rival);
   if (!start) return std::nullopt;
   bundle.T_rig_target[0] = *start;
   UseProjecting({true}, &bundle);

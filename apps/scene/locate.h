@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "apps/scene/rival_pose.h"
 #include "apps/scene/track/plenoptic_tracker.h"
 #include "calib/adjust/bundle.h"
 #include "calib/camera/observation.h"
@@ -25,6 +26,8 @@ struct LocatedView {
   size_t points = 0;  ///< observed points of the map
   size_t used = 0;    ///< those that agree with the pose
   double rms = 0;     ///< of the used residuals' length, px
+  /// Among points that are numbered by appearance: another pose that many agree on.
+  std::optional<RivalPose> rival;
 };
 
 /// How the observations got the numbers of their points.

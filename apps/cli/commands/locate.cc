@@ -251,13 +251,18 @@ void RunLocate(const LocateArguments& arguments, const ConsoleOptions& shared) {
                                   arguments.map.string()));
       continue;
     }
+    if (located->rival && located->rival->IsAmbiguous()) {
+      console.Message(
+          fmt::format("  left out {}: fits in two ways: {}", each.name, located->rival->Text()));
+      continue;
+    }
     csv += RowText(each.name, *located);
     lines += LineText(each.name, *located);
     poses.push_back(JsonOf(each.name, *located));
   }
   if (poses.empty()) {
     throw Error(ErrorKind::kJob,
-                fmt::format("none of {} shows enough of {}",
+                fmt::format("none of {} has a pose before {}",
                             Counted(seen.views.size(), "image"),
                             arguments.map.string()));
   }

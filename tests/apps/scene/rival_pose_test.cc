@@ -9,6 +9,8 @@
 #include <string>
 #include <vector>
 
+#include "apps/scene/locate.h"
+#include "models/registry.h"
 #include "tests/apps/workspace.h"
 #include "tests/calib/random.h"
 
@@ -92,6 +94,42 @@ TEST_F(Shelves, WithoutCopiesFitTheStartInOneWay) {
   const Outcome outcome = GroundTruth(0);
   EXPECT_EQ(outcome.status, kDone) << outcome.err;
   EXPECT_EQ(outcome.err.find("contradict this pose"), std::string::npos) << outcome.err;
+}
+
+// A pose among points of which so many of 100 were taken for those 1.5 m beside them.
+std::optional<LocatedView> LocatedAmongCopies(int copies) {
+  Random random(3);
+  CalibratedCamera camera{.name = "camera",
+                          .model = FindModel(CameraModels(), "pinhole"),
+                          .image_size = {800, 800},
+                          .config = {},
+                          .params = {kFocal, kFocal, kCentre, kCentre},
+                          .covariance = Eigen::Matrix4d::Zero(),
+                          .T_camera_rig = {}};
+  std::map<int, Eigen::Vector3d> points;
+  View view;
+  for (int i = 0; i < 100; ++i) {
+    const Eigen::Vector3d p(random.Uniform(-1, 1), random.Uniform(-1, 1), random.Uniform(2, 5));
+    points[i] = p + Eigen::Vector3d(i < copies ? 1.5 : 0, 0, 0);
+    Observation seen;
+    seen.marker = i;
+    seen.values[0] = kCentre + kFocal * p.x() / p.z() + random.Gaussian(kNoise);
+    seen.values[1] = kCentre + kFocal * p.y() / p.z() + random.Gaussian(kNoise);
+    view.observations.push_back(seen);
+  }
+  return LocateView(camera, view, points, Numbering::kByAppearance);
+}
+
+TEST(LocatedViews, AmongCopiesHaveARivalPose) {
+  for (const int copies : {40, 60}) {
+    const auto located = LocatedAmongCopies(copies);
+    ASSERT_TRUE(located && located->rival);
+    EXPECT_TRUE(located->rival->IsAmbiguous());
+    EXPECT_NEAR(located->rival->distance, 1.5, 0.05);
+  }
+  const auto located = LocatedAmongCopies(0);
+  ASSERT_TRUE(located);
+  EXPECT_FALSE(located->rival);
 }
 
 }  // namespace TEST_FILE
