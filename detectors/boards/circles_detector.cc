@@ -18,6 +18,7 @@
 #include <variant>
 #include <vector>
 
+#include "calib/base/linear_algebra.h"
 #include "calib/base/robust.h"
 #include "detectors/boards/grid_order.h"
 #include "detectors/templates/board_templates.h"
@@ -28,10 +29,12 @@
 //
 // The result is the image of the circle's centre. The ellipse's centre lies farther from the
 // vanishing line of the board's plane, by about
-//   r^2 sin(tilt) cos(tilt) f / Z^2   (r the circle's radius, Z its distance, f in px)
-// which for a circle of 10 px radius at f = 1000 px tilted by 45 degrees is 0.05 px. A circle's
-// centre is the pole of the line at infinity, so its image is the pole of the vanishing line by the
-// ellipse; that line follows from the homography of the circles around.
+//   r^2 sin(tilt) cos(tilt) f / Z^2   (r the circle's radius, Z its distance, f in px),
+// which for a circle of 10 px radius at f = 1000 px tilted by 45 degrees is 0.05 px, and lens
+// distortion moves it likewise. With x = J X + (X' H_1 X, X' H_2 X) / 2 about the centre, the
+// circle X = r (cos t, sin t) is displaced from an ellipse, along its normal and in units of J, by
+// terms of cos t and sin t, which move the ellipse's centre, and of cos 3t and sin 3t, which no
+// ellipse has.
 //
 // Numbering. An asymmetric grid's offset rows decide, when the number of rows is odd; otherwise a
 // turn by 180 degrees changes nothing, nor does a turn by 90 of a square symmetric grid. Of the
@@ -374,31 +377,40 @@ class CirclesDetector final : public MarkerDetector {
     return asymmetric_ ? Eigen::Vector2d(2 * column + row % 2, row) : Eigen::Vector2d(column, row);
   }
 
-  /// The homography comes from the circles around, so that lens distortion disturbs it little; its
-  /// own error is small beside that of one circle, since they are far apart.
+  /// By the polynomial of second order from the board to the image through the circles around.
   [[nodiscard]] Eigen::Vector2d ImageOfCentre(int marker,
                                               const std::vector<std::optional<Circle>>& circles,
                                               const GridOrder& order) const {
-    constexpr std::size_t kAround = 20;
+    constexpr Eigen::Index kAround = 9;  // so that terms of third order count least
     std::vector<std::pair<double, int>> near;
     for (int k = 0; k < columns_ * rows_; ++k) {
       if (circles[order[k]]) near.emplace_back((OnBoard(k) - OnBoard(marker)).norm(), k);
     }
     std::sort(near.begin(), near.end());
-    near.resize(std::min(near.size(), kAround));
     const Circle& circle = *circles[order[marker]];
-    std::vector<cv::Point2d> board, image;
-    for (const auto& [distance, k] : near) {
-      const Eigen::Vector2d place = OnBoard(k) - OnBoard(marker);
-      const Eigen::Vector2d seen = circles[order[k]]->p - circle.p;
-      board.emplace_back(place.x(), place.y());
-      image.emplace_back(seen.x(), seen.y());
+    const Eigen::Index count = std::min(std::ssize(near), kAround);
+    Eigen::MatrixX3d linear(count, 3), square(count, 3);
+    Eigen::MatrixX2d seen(count, 2);
+    for (Eigen::Index i = 0; i < count; ++i) {
+      const int k = near[static_cast<std::size_t>(i)].second;
+      const Eigen::Vector2d X = OnBoard(k) - OnBoard(marker);
+      linear.row(i) << 1, X.x(), X.y();
+      square.row(i) << X.x() * X.x() / 2, X.x() * X.y(), X.y() * X.y() / 2;
+      seen.row(i) = circles[order[k]]->p - circle.p;
     }
-    const cv::Mat back = cv::findHomography(image, board);  // to the board
-    if (back.empty()) return circle.p;
-    // The vanishing line, x . line + back_22 = 0 about the ellipse's centre.
-    const Eigen::Vector2d line(back.at<double>(2, 0), back.at<double>(2, 1));
-    return circle.p - circle.M.inverse() * line / back.at<double>(2, 2);
+    // What is linear first: of two rows a curvature across them is zero.
+    const Eigen::MatrixXd fit = PseudoInverse(linear);
+    const Eigen::MatrixXd H = PseudoInverse(square - linear * (fit * square)) *
+                              (seen - linear * (fit * seen));  // xx, xy, yy of both coordinates
+    const Eigen::Matrix2d J = (fit * (seen - square * H)).bottomRows<2>().transpose();
+    const double radius = std::pow(circle.M.determinant(), -0.25) /
+                          std::sqrt(std::abs(J.determinant()));  // on the board
+    // Along the circle's first and second axis.
+    const Eigen::Matrix<double, 2, 3> K = J.inverse() * H.transpose();
+    const Eigen::Vector2d shift(K(0, 0) * 3 + K(0, 2) + 2 * K(1, 1),
+                                K(1, 2) * 3 + K(1, 0) + 2 * K(0, 1));
+    const Eigen::Vector2d of_ellipse = radius * radius / 8 * (J * shift);
+    return of_ellipse.allFinite() ? Eigen::Vector2d(circle.p - of_ellipse) : circle.p;
   }
 
   /// Root mean square distance of the places from the nearest plane image of the grid, px.
