@@ -105,7 +105,9 @@ void StartAgain(const BundleState& guess, Bundle* bundle) {
   for (BundleObservation& observation : bundle->observations) observation.used = true;
 }
 
-// A prior that holds one camera's position along each undetermined direction where it is.
+// A prior that holds one camera's position along each undetermined direction where the camera is
+// nearest to the rig's origin: far off, rotations by noise move targets and cameras as the motion
+// does.
 CalibrationPrior HeldDirections(const Eigen::MatrixXd& undetermined,
                                 const std::vector<int>& extrinsics_index,
                                 const Bundle& bundle) {
@@ -126,6 +128,9 @@ CalibrationPrior HeldDirections(const Eigen::MatrixXd& undetermined,
       if (part(c).norm() > part(moved).norm()) moved = c;
     }
     if (part(moved).isZero()) continue;
+    const Eigen::Vector3d axis = part(moved).normalized();
+    Eigen::Vector3d& t = held.T_camera_rig[moved].t;
+    t -= axis.dot(t) * axis;
     for (Eigen::Index i = 0; i < 3; ++i) held.unknowns.push_back({.camera = moved, .component = i});
     held.weight.conservativeResizeLike(
         Eigen::MatrixXd::Zero(undetermined.cols(), held.weight.cols() + 3));
@@ -136,22 +141,22 @@ CalibrationPrior HeldDirections(const Eigen::MatrixXd& undetermined,
 }
 
 // A rig whose cameras were placed by motion. Along what the motion leaves open noise carries the
-// estimate away, by metres, to where it determines the rest badly: it is held at the initial guess.
+// estimate away, by metres, to where it determines the rest badly: it is held.
 void JudgeMotion(const BundleState& guess,
                  const std::function<void()>& solve,
                  Calibration* calibration) {
   Bundle& bundle = calibration->bundle;
   calibration->uncertainty = EstimateUncertaintyByMotion(bundle);
   const Uncertainty& uncertainty = calibration->uncertainty;
-  const Eigen::Index open = uncertainty.undetermined.cols();
-  if (open == 0 || bundle.prior || bundle.EstimatesJitter() || !bundle.motion.empty()) return;
+  const bool is_open = uncertainty.undetermined.cols() > 0;
+  if (!is_open || bundle.prior || bundle.EstimatesJitter() || !bundle.motion.empty()) return;
   const Calibration carried_away = *calibration;
   StartAgain(guess, &bundle);
   bundle.prior = HeldDirections(uncertainty.undetermined, uncertainty.extrinsics_index, bundle);
   solve();
   bundle.prior.reset();
   calibration->uncertainty = EstimateUncertaintyByMotion(bundle);
-  if (uncertainty.undetermined.cols() < open) *calibration = carried_away;
+  if (uncertainty.undetermined.cols() == 0) *calibration = carried_away;
 }
 
 // A rig is taken as rigid and its frames as synchronous unless its frames disagree.
