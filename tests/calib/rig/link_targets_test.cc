@@ -113,6 +113,8 @@ TEST(LinkTargets, ByMotionAboutOneAxisLeavesTheTranslationAlongItOpenAlone) {
     EXPECT_TRUE(open.segment<3>(back + 3).isZero()) << seed;
     EXPECT_TRUE(open.segment<3>(wall + 3).isZero()) << seed;
     EXPECT_TRUE(open.head(back).isZero()) << seed;
+    const RigidTransform& T_back_rig = calibration.bundle.cameras[1].T_camera_rig;
+    EXPECT_LT(std::abs(T_back_rig.R.col(1).dot(T_back_rig.t)), 0.01) << seed;  // near the rig
     rotation += ErrorOfExtrinsics(walls, calibration).tail<3>().squaredNorm() / (3 * kSeeds);
   }
   // 24 numbers, nearly independent.
