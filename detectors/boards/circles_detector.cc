@@ -377,36 +377,41 @@ class CirclesDetector final : public MarkerDetector {
     return asymmetric_ ? Eigen::Vector2d(2 * column + row % 2, row) : Eigen::Vector2d(column, row);
   }
 
-  /// By the polynomial of second order from the board to the image through the circles around.
+  /// By the polynomial of third order from the board to the image through the circles around; of
+  /// second order where there are few.
   [[nodiscard]] Eigen::Vector2d ImageOfCentre(int marker,
                                               const std::vector<std::optional<Circle>>& circles,
                                               const GridOrder& order) const {
-    constexpr Eigen::Index kAround = 9;  // so that terms of third order count least
+    constexpr Eigen::Index kForThird = 20, kForSecond = 9;
     std::vector<std::pair<double, int>> near;
     for (int k = 0; k < columns_ * rows_; ++k) {
       if (circles[order[k]]) near.emplace_back((OnBoard(k) - OnBoard(marker)).norm(), k);
     }
     std::sort(near.begin(), near.end());
+    const bool third = std::min(columns_, rows_) > 3 && std::ssize(near) >= kForThird;
+    const Eigen::Index count = std::min(std::ssize(near), third ? kForThird : kForSecond);
     const Circle& circle = *circles[order[marker]];
-    const Eigen::Index count = std::min(std::ssize(near), kAround);
-    Eigen::MatrixX3d linear(count, 3), square(count, 3);
+    Eigen::MatrixX3d linear(count, 3);
+    Eigen::MatrixXd bent(count, third ? 7 : 3);
     Eigen::MatrixX2d seen(count, 2);
     for (Eigen::Index i = 0; i < count; ++i) {
       const int k = near[static_cast<std::size_t>(i)].second;
       const Eigen::Vector2d X = OnBoard(k) - OnBoard(marker);
-      linear.row(i) << 1, X.x(), X.y();
-      square.row(i) << X.x() * X.x() / 2, X.x() * X.y(), X.y() * X.y() / 2;
+      const double x = X.x(), y = X.y();
+      linear.row(i) << 1, x, y;
+      bent.row(i).head<3>() << x * x / 2, x * y, y * y / 2;
+      if (third) bent.row(i).tail<4>() << x * x * x, x * x * y, x * y * y, y * y * y;
       seen.row(i) = circles[order[k]]->p - circle.p;
     }
     // What is linear first: of two rows a curvature across them is zero.
     const Eigen::MatrixXd fit = PseudoInverse(linear);
-    const Eigen::MatrixXd H = PseudoInverse(square - linear * (fit * square)) *
-                              (seen - linear * (fit * seen));  // xx, xy, yy of both coordinates
-    const Eigen::Matrix2d J = (fit * (seen - square * H)).bottomRows<2>().transpose();
+    const Eigen::MatrixXd H =
+        PseudoInverse(bent - linear * (fit * bent)) * (seen - linear * (fit * seen));
+    const Eigen::Matrix2d J = (fit * (seen - bent * H)).bottomRows<2>().transpose();
     const double radius = std::pow(circle.M.determinant(), -0.25) /
                           std::sqrt(std::abs(J.determinant()));  // on the board
-    // Along the circle's first and second axis.
-    const Eigen::Matrix<double, 2, 3> K = J.inverse() * H.transpose();
+    // Second derivatives by xx, xy, yy along the circle's first and second axis.
+    const Eigen::Matrix<double, 2, 3> K = J.inverse() * H.topRows<3>().transpose();
     const Eigen::Vector2d shift(K(0, 0) * 3 + K(0, 2) + 2 * K(1, 1),
                                 K(1, 2) * 3 + K(1, 0) + 2 * K(0, 1));
     const Eigen::Vector2d of_ellipse = radius * radius / 8 * (J * shift);

@@ -95,8 +95,8 @@ TEST(CirclesDetector, MeasuresTheImagesOfCentresThroughADistortingLens) {
     }
     statistics.Add(found, truth);
   }
-  EXPECT_LT(statistics.Rms(), 0.012);
-  EXPECT_LT(statistics.Ratio(), 2);
+  EXPECT_LT(statistics.Rms(), 0.01);
+  EXPECT_LT(statistics.Ratio(), 1.3);
 }
 
 TEST(CirclesDetector, APartOfALargerTargetIsNoTarget) {
