@@ -29,12 +29,14 @@
 //
 // The result is the image of the circle's centre. The ellipse's centre lies farther from the
 // vanishing line of the board's plane, by about
-//   r^2 sin(tilt) cos(tilt) f / Z^2   (r the circle's radius, Z its distance, f in px),
-// which for a circle of 10 px radius at f = 1000 px tilted by 45 degrees is 0.05 px, and lens
-// distortion moves it likewise. With x = J X + (X' H_1 X, X' H_2 X) / 2 about the centre, the
-// circle X = r (cos t, sin t) is displaced from an ellipse, along its normal and in units of J, by
-// terms of cos t and sin t, which move the ellipse's centre, and of cos 3t and sin 3t, which no
-// ellipse has.
+//   r^2 sin(tilt) cos(tilt) f / Z^2   (r the circle's radius, Z its distance, f in px)
+// which for a circle of 10 px radius at f = 1000 px tilted by 45 degrees is 0.05 px. A circle's
+// centre is the pole of the line at infinity, so its image is the pole of the vanishing line by the
+// ellipse; that line follows from the homography of the circles around.
+//
+// Lens distortion displaces it likewise. x = J q + (q' H_1 q, q' H_2 q) / 2 displaces the ellipse
+// J q = A (cos t, sin t), along the normal in units of A, by terms of cos t and sin t, which move
+// the centre, and of cos 3t and sin 3t, which no ellipse has.
 //
 // Numbering. An asymmetric grid's offset rows decide, when the number of rows is odd; otherwise a
 // turn by 180 degrees changes nothing, nor does a turn by 90 of a square symmetric grid. Of the
@@ -377,45 +379,78 @@ class CirclesDetector final : public MarkerDetector {
     return asymmetric_ ? Eigen::Vector2d(2 * column + row % 2, row) : Eigen::Vector2d(column, row);
   }
 
-  /// By the polynomial of third order from the board to the image through the circles around; of
-  /// second order where there are few.
+  /// From the ellipse's centre, by the homography from the circles around to the board and what it
+  /// leaves of them, a polynomial: of third order, of second where there are few.
   [[nodiscard]] Eigen::Vector2d ImageOfCentre(int marker,
                                               const std::vector<std::optional<Circle>>& circles,
                                               const GridOrder& order) const {
-    constexpr Eigen::Index kForThird = 20, kForSecond = 9;
+    constexpr std::ptrdiff_t kAround = 20;
     std::vector<std::pair<double, int>> near;
     for (int k = 0; k < columns_ * rows_; ++k) {
       if (circles[order[k]]) near.emplace_back((OnBoard(k) - OnBoard(marker)).norm(), k);
     }
     std::sort(near.begin(), near.end());
-    const bool third = std::min(columns_, rows_) > 3 && std::ssize(near) >= kForThird;
-    const Eigen::Index count = std::min(std::ssize(near), third ? kForThird : kForSecond);
+    const bool third = std::min(columns_, rows_) > 3 && std::ssize(near) >= kAround;
+    near.resize(static_cast<std::size_t>(std::min(std::ssize(near), kAround)));
     const Circle& circle = *circles[order[marker]];
+    std::vector<cv::Point2d> board, image, ideal;
+    for (const auto& [distance, k] : near) {
+      const Eigen::Vector2d place = OnBoard(k) - OnBoard(marker);
+      const Eigen::Vector2d seen = circles[order[k]]->p - circle.p;
+      board.emplace_back(place.x(), place.y());
+      image.emplace_back(seen.x(), seen.y());
+    }
+    const cv::Mat back = cv::findHomography(image, board);  // to the board
+    if (back.empty()) return circle.p;
+    cv::perspectiveTransform(board, ideal, back.inv());
+    // The vanishing line, x . line + back_22 = 0 about the ellipse's centre.
+    const Eigen::Vector2d line(back.at<double>(2, 0), back.at<double>(2, 1));
+    return circle.p - circle.M.inverse() * line / back.at<double>(2, 2) -
+           ShiftByDistortion(circle.M, ideal, image, third);
+  }
+
+  /// Displacement of the centre of an ellipse at the origin by the polynomial from `ideal` to
+  /// `image`.
+  static Eigen::Vector2d ShiftByDistortion(const Eigen::Matrix2d& M,
+                                           const std::vector<cv::Point2d>& ideal,
+                                           const std::vector<cv::Point2d>& image,
+                                           bool third) {
+    const std::ptrdiff_t count = std::ssize(ideal);
     Eigen::MatrixX3d linear(count, 3);
     Eigen::MatrixXd bent(count, third ? 7 : 3);
-    Eigen::MatrixX2d seen(count, 2);
-    for (Eigen::Index i = 0; i < count; ++i) {
-      const int k = near[static_cast<std::size_t>(i)].second;
-      const Eigen::Vector2d X = OnBoard(k) - OnBoard(marker);
-      const double x = X.x(), y = X.y();
+    Eigen::MatrixX2d shift(count, 2);
+    const double unit = cv::norm(ideal.back());
+    for (std::ptrdiff_t i = 0; i < count; ++i) {
+      const auto k = static_cast<std::size_t>(i);
+      const double x = ideal[k].x / unit, y = ideal[k].y / unit;
       linear.row(i) << 1, x, y;
       bent.row(i).head<3>() << x * x / 2, x * y, y * y / 2;
       if (third) bent.row(i).tail<4>() << x * x * x, x * x * y, x * y * y, y * y * y;
-      seen.row(i) = circles[order[k]]->p - circle.p;
+      shift.row(i) << image[k].x - ideal[k].x, image[k].y - ideal[k].y;
     }
     // What is linear first: of two rows a curvature across them is zero.
     const Eigen::MatrixXd fit = PseudoInverse(linear);
     const Eigen::MatrixXd H =
-        PseudoInverse(bent - linear * (fit * bent)) * (seen - linear * (fit * seen));
-    const Eigen::Matrix2d J = (fit * (seen - bent * H)).bottomRows<2>().transpose();
-    const double radius = std::pow(circle.M.determinant(), -0.25) /
-                          std::sqrt(std::abs(J.determinant()));  // on the board
-    // Second derivatives by xx, xy, yy along the circle's first and second axis.
-    const Eigen::Matrix<double, 2, 3> K = J.inverse() * H.topRows<3>().transpose();
-    const Eigen::Vector2d shift(K(0, 0) * 3 + K(0, 2) + 2 * K(1, 1),
-                                K(1, 2) * 3 + K(1, 0) + 2 * K(0, 1));
-    const Eigen::Vector2d of_ellipse = radius * radius / 8 * (J * shift);
-    return of_ellipse.allFinite() ? Eigen::Vector2d(circle.p - of_ellipse) : circle.p;
+        PseudoInverse(bent - linear * (fit * bent)) * (shift - linear * (fit * shift));
+    const Eigen::Matrix2d J =
+        Eigen::Matrix2d::Identity() + (fit * (shift - bent * H)).bottomRows<2>().transpose() / unit;
+    // The ellipse is A (cos t, sin t), its ideal image J^-1 of that.
+    const Eigen::Matrix2d A = Eigen::Matrix2d(M.inverse()).llt().matrixL();
+    const Eigen::Matrix2d of_circle = J.inverse() * A / unit;
+    Eigen::Matrix2d by_coordinate[2];
+    for (int j = 0; j < 2; ++j) {
+      Eigen::Matrix2d second;
+      second << H(0, j), H(1, j), H(1, j), H(2, j);
+      by_coordinate[j] = of_circle.transpose() * second * of_circle;
+    }
+    const Eigen::Matrix2d B = A.inverse();
+    const Eigen::Matrix2d K = B(0, 0) * by_coordinate[0] + B(0, 1) * by_coordinate[1];
+    const Eigen::Matrix2d L = B(1, 0) * by_coordinate[0] + B(1, 1) * by_coordinate[1];
+    const Eigen::Vector2d moved =
+        A *
+        Eigen::Vector2d(3 * K(0, 0) + K(1, 1) + 2 * L(0, 1), 3 * L(1, 1) + L(0, 0) + 2 * K(0, 1)) /
+        8;
+    return moved.allFinite() ? moved : Eigen::Vector2d::Zero();
   }
 
   /// Root mean square distance of the places from the nearest plane image of the grid, px.
