@@ -159,19 +159,26 @@ class LandmarkReduction {
     return std::move(system_);
   }
 
-  Eigen::MatrixXd Gradients(const Eigen::MatrixXd& directions) {
-    Eigen::MatrixXd gradients =
-        Eigen::MatrixXd::Zero(directions.cols(), static_cast<Eigen::Index>(by_landmark_.size()));
+  LandmarkScores Scores(const Eigen::MatrixXd& directions, std::span<const int> group) {
+    const Eigen::Index size = directions.cols();
+    LandmarkScores scores;
+    scores.gradients = Eigen::MatrixXd::Zero(size, static_cast<Eigen::Index>(by_landmark_.size()));
+    for (const int g : group) {
+      if (static_cast<size_t>(g) < scores.information.size()) continue;
+      scores.information.resize(static_cast<size_t>(g) + 1, Eigen::MatrixXd::Zero(size, size));
+    }
     for (size_t m = 0; m < by_landmark_.size(); ++m) {
       if (by_landmark_[m].empty()) continue;
-      Eigen::VectorXd gradient = Eigen::VectorXd::Zero(directions.cols());
-      Eigen::MatrixXd cross = Eigen::MatrixXd::Zero(directions.cols(), 3);
+      Eigen::MatrixXd& information = scores.information[static_cast<size_t>(group[m])];
+      Eigen::VectorXd gradient = Eigen::VectorXd::Zero(size);
+      Eigen::MatrixXd cross = Eigen::MatrixXd::Zero(size, 3);
       Eigen::Vector3d of_landmark = Eigen::Vector3d::Zero();
       Eigen::Matrix3d V = Eigen::Matrix3d::Zero();
       VisitLandmark(by_landmark_[m], [&](double sign, const ObservationRows& rows) {
-        const Eigen::MatrixXd along = sign * rows.J * directions(rows.columns, Eigen::all);
-        gradient += along.transpose() * rows.residual;
-        cross += along.transpose() * rows.J_landmark;
+        const Eigen::MatrixXd along = rows.J * directions(rows.columns, Eigen::all);
+        information += sign * along.transpose() * along;
+        gradient += sign * along.transpose() * rows.residual;
+        cross += sign * along.transpose() * rows.J_landmark;
         of_landmark += sign * rows.J_landmark.transpose() * rows.residual;
         V += sign * rows.J_landmark.transpose() * rows.J_landmark;
       });
@@ -179,10 +186,11 @@ class LandmarkReduction {
       const Eigen::LLT<Eigen::Matrix3d> factor(V);
       if (system_.landmark[m] < 0 && factor.info() == Eigen::Success) {
         gradient -= cross * factor.solve(of_landmark);
+        information -= cross * factor.solve(cross.transpose());
       }
-      gradients.col(static_cast<Eigen::Index>(m)) = gradient;
+      scores.gradients.col(static_cast<Eigen::Index>(m)) = gradient;
     }
-    return gradients;
+    return scores;
   }
 
  private:
@@ -305,10 +313,11 @@ PoseSystem EliminateLandmarks(const Bundle& bundle, const UnknownLayout& layout)
   return LandmarkReduction(bundle, layout).Run();
 }
 
-Eigen::MatrixXd LandmarkGradients(const Bundle& bundle,
-                                  const UnknownLayout& layout,
-                                  const Eigen::MatrixXd& directions) {
-  return LandmarkReduction(bundle, layout).Gradients(directions);
+LandmarkScores ScoreLandmarks(const Bundle& bundle,
+                              const UnknownLayout& layout,
+                              const Eigen::MatrixXd& directions,
+                              std::span<const int> group) {
+  return LandmarkReduction(bundle, layout).Scores(directions, group);
 }
 
 UnknownLayout LayoutOf(const Bundle& bundle) {

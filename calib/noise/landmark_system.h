@@ -6,6 +6,7 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/Core>
+#include <span>
 #include <vector>
 
 #include "calib/adjust/bundle.h"
@@ -32,13 +33,21 @@ PoseSystem EliminateLandmarks(const Bundle& bundle, const internal::UnknownLayou
 /// `layout` of a bundle's used observations.
 internal::UnknownLayout LayoutOf(const Bundle& bundle);
 
-/// Half the gradient of each landmark's sum of squares along `directions` (unknowns of the system x
-/// directions): a column a landmark. Where each observation has an error of its own, the covariance
-/// of these gradients is the landmark's information; an error that the observations of a landmark
-/// share makes it larger.
-Eigen::MatrixXd LandmarkGradients(const Bundle& bundle,
-                                  const internal::UnknownLayout& layout,
-                                  const Eigen::MatrixXd& directions);
+/// Of the landmarks along some directions of the unknowns, each landmark at its best.
+struct LandmarkScores {
+  /// Half the gradient of each landmark's sum of squares: a column a landmark. Where each
+  /// observation has an error of its own, the covariance of these gradients is the landmark's
+  /// information; an error that the observations of a landmark share makes it larger.
+  Eigen::MatrixXd gradients;
+  std::vector<Eigen::MatrixXd> information;  ///< of the landmarks of each group
+};
+
+/// `directions`: unknowns of the system x directions. `group`: of each landmark, from 0 on; any for
+/// those without used observations.
+LandmarkScores ScoreLandmarks(const Bundle& bundle,
+                              const internal::UnknownLayout& layout,
+                              const Eigen::MatrixXd& directions,
+                              std::span<const int> group);
 
 /// Information on parameters and extrinsics alone, poses at their best. Throws `Error` of kind kJob
 /// when the poses are not determined.

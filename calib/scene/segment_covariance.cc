@@ -2,6 +2,7 @@
 #include "calib/scene/segment_covariance.h"
 
 #include <Eigen/Cholesky>
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 
@@ -83,6 +84,102 @@ Widened Widen(const Eigen::MatrixXd& covariance, const Eigen::MatrixXd& other) {
   return {directions * factors.asDiagonal() * directions.transpose(), factors.mean()};
 }
 
+// Groups of neighbouring landmarks: halves of halves across the longer side of the rays to them.
+// Each half has as many landmarks that both segments show, since these tie the end to the start.
+class Neighbourhoods {
+ public:
+  // Wide enough for errors that reach from wall to wall, and enough for a factor of some 10 %.
+  static constexpr int kHalvings = 4;
+
+  // `from`: a place that both segments see the scene from.
+  Neighbourhoods(const Bundle& bundle, const Eigen::Vector3d& from, std::span<const size_t> end)
+      : group_(bundle.markers.size(), 0) {
+    std::vector<bool> of_end(bundle.T_rig_target.size(), false);
+    for (const size_t frame : end) of_end[frame] = true;
+    std::vector<bool> in_start(bundle.markers.size(), false), in_end(in_start);
+    for (const BundleObservation& seen : bundle.observations) {
+      if (!seen.used) continue;
+      const bool late = of_end[static_cast<size_t>(seen.frame)];
+      (late ? in_end : in_start)[static_cast<size_t>(seen.marker)] = true;
+    }
+    std::vector<Ray> rays;
+    for (size_t m = 0; m < bundle.markers.size(); ++m) {
+      if (!in_start[m] && !in_end[m]) continue;
+      const Eigen::Vector3d direction = (bundle.markers[m].position - from).normalized();
+      rays.push_back({m, in_start[m] && in_end[m], direction});
+    }
+    Halve(rays, kHalvings, 0);
+  }
+
+  [[nodiscard]] const std::vector<int>& Group() const { return group_; }
+
+ private:
+  struct Ray {
+    size_t landmark = 0;
+    bool common = false;
+    Eigen::Vector3d direction;
+  };
+
+  void Halve(std::span<Ray> rays, int halvings, int group) {
+    if (halvings == 0) {
+      for (const Ray& ray : rays) group_[ray.landmark] = group;
+      return;
+    }
+    Eigen::AlignedBox3d box;
+    for (const Ray& ray : rays) box.extend(ray.direction);
+    Eigen::Index axis = 0;
+    if (!rays.empty()) box.sizes().maxCoeff(&axis);
+    std::ranges::stable_sort(rays, {}, [&](const Ray& ray) { return ray.direction[axis]; });
+    const auto all = std::ranges::count_if(rays, &Ray::common);
+    size_t middle = all > 0 ? 0 : rays.size() / 2;
+    for (std::ptrdiff_t count = 0; 2 * count < all; ++middle) count += rays[middle].common ? 1 : 0;
+    Halve(rays.first(middle), halvings - 1, 2 * group);
+    Halve(rays.subspan(middle), halvings - 1, 2 * group + 1);
+  }
+
+  std::vector<int> group_;
+};
+
+// By how much the covariance that follows from the scatter of groups of tracks is larger than that
+// from the scatter of tracks: neighbours share errors. Jackknife, a group left out at a time.
+double NeighbourFactor(const Eigen::MatrixXd& covariance,
+                       const LandmarkScores& scores,
+                       std::span<const int> group,
+                       const Eigen::MatrixXd& of_calibration,
+                       const Eigen::MatrixXd& by_tracks) {
+  const Eigen::Index size = covariance.rows();
+  Eigen::MatrixXd sums =
+      Eigen::MatrixXd::Zero(size, static_cast<Eigen::Index>(scores.information.size()));
+  for (size_t m = 0; m < group.size(); ++m) {
+    sums.col(group[m]) += scores.gradients.col(static_cast<Eigen::Index>(m)).head(size);
+  }
+  Eigen::MatrixXd by_groups = of_calibration;
+  for (Eigen::Index g = 0; g < sums.cols(); ++g) {
+    const Eigen::MatrixXd others =
+        covariance - scores.information[static_cast<size_t>(g)].topLeftCorner(size, size);
+    Eigen::VectorXd change = sums.col(g);
+    const Eigen::LLT<Eigen::MatrixXd> factor(others);
+    // Without a group that alone determines a direction there is no estimate to compare with.
+    if (factor.info() == Eigen::Success) change = covariance * factor.solve(change).eval();
+    by_groups += change * change.transpose();
+  }
+  const Eigen::LLT<Eigen::MatrixXd> factor(by_tracks);
+  if (factor.info() != Eigen::Success) return 1;
+  return std::max(1.0, factor.solve(by_groups).trace() / static_cast<double>(size));
+}
+
+// The squares of errors in units of a covariance that is itself estimated from tracks are too
+// large, to first order by (size + 1) / tracks; tracks in proportion to what they contribute.
+double FewTracksFactor(const Eigen::MatrixXd& gradients, const Eigen::MatrixXd& by_tracks) {
+  const Eigen::LLT<Eigen::MatrixXd> factor(by_tracks);
+  if (factor.info() != Eigen::Success) return 1;
+  const Eigen::ArrayXd shares = gradients.cwiseProduct(factor.solve(gradients)).colwise().sum();
+  const double sum = shares.sum();
+  if (!(sum > 0)) return 1;
+  const double tracks = sum * sum / shares.square().sum();
+  return 1 + static_cast<double>(gradients.rows() + 1) / tracks;
+}
+
 }  // namespace
 
 Eigen::Matrix<double, 3, 7> SimilarityEffect(const Eigen::Vector3d& p,
@@ -160,12 +257,20 @@ LoopCovariance EstimateLoopCovariance(const Bundle& bundle,
   rows << rows_of(start), rows_of(end), rows_of(both);
   const Eigen::MatrixXd directions = factor.solve(rows.transpose());
   const Eigen::MatrixXd covariance = rows * directions;
-  const Eigen::MatrixXd gradients = LandmarkGradients(bundle, layout, directions);
+  const Neighbourhoods neighbourhoods(bundle, MakeSegment(bundle, camera, start).centre, end);
+  const LandmarkScores scores = ScoreLandmarks(bundle, layout, directions, neighbourhoods.Group());
   Eigen::MatrixXd of_prior = Eigen::MatrixXd::Zero(system.Size(), system.Size());
   AddCalibrationPrior(bundle, layout, &of_prior);
-  const Eigen::MatrixXd by_tracks =
-      gradients * gradients.transpose() +
+  const Eigen::MatrixXd of_calibration =
       directions.transpose() * (of_prior.selfadjointView<Eigen::Lower>() * directions);
+  Eigen::MatrixXd by_tracks = scores.gradients * scores.gradients.transpose() + of_calibration;
+  const Eigen::MatrixXd of_segments = by_tracks.topLeftCorner(14, 14);
+  by_tracks *= FewTracksFactor(scores.gradients.topRows(14), of_segments) *
+               NeighbourFactor(covariance.topLeftCorner(14, 14),
+                               scores,
+                               neighbourhoods.Group(),
+                               of_calibration.topLeftCorner(14, 14),
+                               of_segments);
   LoopCovariance result;
   const Widened widened = Widen(covariance.topLeftCorner(14, 14), by_tracks.topLeftCorner(14, 14));
   result.segments = widened.covariance;

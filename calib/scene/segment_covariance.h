@@ -42,8 +42,9 @@ struct LoopCovariance {
   Eigen::Matrix<double, 14, 14> segments;
   double scale_sigma = 0;  ///< of the whole truth's scale
   /// Factor on the variances for errors that the observations of one track share (a patch that
-  /// looks different from another side): the gradients of the tracks scatter more than the noise of
-  /// single observations explains. It is in all covariances here.
+  /// looks different from another side) and those of its neighbours (overlapping patches, one
+  /// wall): the gradients of the tracks scatter more than the noise of single observations
+  /// explains. It is in all covariances here.
   double track_factor = 1;
   /// Per frame of the bundle: covariance of T_world_rig's se(3) vector relative to the held frame;
   /// zero for that frame and for frames that were not observed.
@@ -60,7 +61,8 @@ struct LoopCovariance {
 
 /// At the optimum of a bundle with landmarks; segments of camera `camera`. The covariance is that
 /// of the adjustment, and in no direction smaller than what the scatter of the tracks' gradients
-/// gives (the "sandwich" with a cluster a track: Liang and Zeger, Biometrika 73, 1986). Throws
+/// gives (the "sandwich" with a cluster a track: Liang and Zeger, Biometrika 73, 1986), widened by
+/// what the scatter of groups of neighbouring tracks gives more, and as few tracks demand. Throws
 /// `Error` of kind kJob when the observations do not determine all poses.
 LoopCovariance EstimateLoopCovariance(const Bundle& bundle,
                                       size_t camera,

@@ -206,7 +206,8 @@ std::vector<size_t> FeatureTracker::Follow(size_t camera, const Pyramid& pyramid
   const Flow flow = FlowBetween(last_[camera], pyramid, points, kLevels);
   for (size_t i = 0; i < followed.size(); ++i) {
     if (!flow.found[i]) continue;
-    tracks_[followed[i]].now[camera] = PatchPlace{.point = flow.points[i], .A = last[i].A};
+    last[i].point = flow.points[i];
+    tracks_[followed[i]].now[camera] = last[i];
     found.push_back(followed[i]);
   }
   return found;

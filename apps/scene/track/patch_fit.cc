@@ -10,11 +10,11 @@ namespace {
 
 constexpr int kSide = 2 * kPatchRadius + 1;
 constexpr int kPatchPixels = kSide * kSide;
-// Translation 0 and 1, affine 2 to 5, gain, offset.
-constexpr int kGain = 6, kOffset = 7, kPatchUnknowns = 8;
+// Translation 0 and 1, affine 2 to 5, perspective 6 and 7, gain, offset.
+constexpr int kGain = 8, kOffset = 9, kPatchUnknowns = 10;
 constexpr float kFarthest = 2;       // px
 constexpr double kLeastAlike = 0.8;  // correlation
-constexpr float kMostStretch = 2;    // of the patch, in any direction
+constexpr float kMostStretch = 2;    // of the patch, in any direction, at any of its pixels
 using PatchVector = Eigen::Matrix<float, kPatchUnknowns, 1>;
 using PatchMatrix = Eigen::Matrix<float, kPatchUnknowns, kPatchUnknowns>;
 using PatchRows = Eigen::Matrix<float, kPatchPixels, 1>;
@@ -67,6 +67,9 @@ class PatchFitter {
     jacobian_.col(3) = patch_.by_x.cwiseProduct(patch_.away.col(1));
     jacobian_.col(4) = patch_.by_y.cwiseProduct(patch_.away.col(0));
     jacobian_.col(5) = patch_.by_y.cwiseProduct(patch_.away.col(1));
+    const PatchRows along = jacobian_.col(2) + jacobian_.col(5);
+    jacobian_.col(6) = -along.cwiseProduct(patch_.away.col(0));
+    jacobian_.col(7) = -along.cwiseProduct(patch_.away.col(1));
     jacobian_.col(kGain) = patch_.value;
     jacobian_.col(kOffset).setOnes();
     normal_ = jacobian_.transpose() * jacobian_;
@@ -80,42 +83,63 @@ class PatchFitter {
     for (int iteration = 0; iteration < kIterations; ++iteration) {
       PatchRows seen;
       if (!Read(place, &seen)) return std::nullopt;
-      // seen = gain (T + grad T . (t + B d)) + offset: linear in gain, gain t and gain B.
+      // seen = gain (T + grad T . (t + B d - d h . d)) + offset: linear in gain, gain t, B and h.
       const PatchVector solution = factor.solve(jacobian_.transpose() * seen);
       const float gain = solution[kGain];
       if (!solution.allFinite() || !(gain > 0)) return std::nullopt;
-      const cv::Vec2f t(solution[0] / gain, solution[1] / gain);
-      const cv::Matx22f B(
-          1 + solution[2] / gain, solution[3] / gain, solution[4] / gain, 1 + solution[5] / gain);
-      if (!(std::abs(cv::determinant(B)) > 1 / kMostStretch)) return std::nullopt;
-      place.A = place.A * B.inv();
-      const cv::Vec2f step = place.A * t;
-      place.point -= cv::Point2f(step[0], step[1]);
-      if (cv::norm(place.point - start.point) > kFarthest || !IsUsual(place.A)) {
+      const PatchVector by = solution / gain;
+      const cv::Matx33f change(1 + by[2], by[3], by[0], by[4], 1 + by[5], by[1], by[6], by[7], 1);
+      if (!(std::abs(cv::determinant(change)) > 1 / kMostStretch)) return std::nullopt;
+      const cv::Point2f before = place.point;
+      if (!Compose(change.inv(), &place)) return std::nullopt;
+      if (cv::norm(place.point - start.point) > kFarthest || !IsUsual(place)) {
         return std::nullopt;
       }
-      if (cv::norm(step) > kConverged) continue;
+      if (cv::norm(place.point - before) > kConverged) continue;
       return Judge(place, solution, seen);
     }
     return std::nullopt;
   }
 
  private:
-  static bool IsUsual(const cv::Matx22f& A) {
-    const double area = std::abs(cv::determinant(A));
-    return area > 1 / kMostStretch && area < kMostStretch && cv::norm(A) < 2 * kMostStretch;
+  // The place of a patch that `change` has displaced in the key image; false at infinity.
+  static bool Compose(const cv::Matx33f& change, PatchPlace* place) {
+    const cv::Vec2f h = place->perspective;
+    const cv::Matx33f old(
+        place->A(0, 0), place->A(0, 1), 0, place->A(1, 0), place->A(1, 1), 0, h[0], h[1], 1);
+    const cv::Matx33f H = old * change;
+    if (!(H(2, 2) > 1 / kMostStretch)) return false;
+    const cv::Vec2f step(H(0, 2) / H(2, 2), H(1, 2) / H(2, 2));
+    place->point += cv::Point2f(step[0], step[1]);
+    place->perspective = {H(2, 0) / H(2, 2), H(2, 1) / H(2, 2)};
+    place->A = H.get_minor<2, 2>(0, 0) * (1 / H(2, 2)) - step * place->perspective.t();
+    return true;
+  }
+
+  // Least of 1 + perspective . d in the patch.
+  static float LeastDepth(const PatchPlace& place) {
+    return 1 - static_cast<float>(kPatchRadius) *
+                   (std::abs(place.perspective[0]) + std::abs(place.perspective[1]));
+  }
+
+  static bool IsUsual(const PatchPlace& place) {
+    const double area = std::abs(cv::determinant(place.A));
+    return area > 1 / kMostStretch && area < kMostStretch && cv::norm(place.A) < 2 * kMostStretch &&
+           LeastDepth(place) > 1 / kMostStretch;
   }
 
   bool Read(const PatchPlace& place, PatchRows* seen) const {
     const float reach = static_cast<float>(kPatchRadius) *
                         std::max(std::abs(place.A(0, 0)) + std::abs(place.A(0, 1)),
-                                 std::abs(place.A(1, 0)) + std::abs(place.A(1, 1)));
+                                 std::abs(place.A(1, 0)) + std::abs(place.A(1, 1))) /
+                        LeastDepth(place);
     if (!IsInside(image_, place.point, reach + 1)) return false;
     for (int row = 0; row < kPatchPixels; ++row) {
       const float x = patch_.away(row, 0), y = patch_.away(row, 1);
+      const float depth = 1 + place.perspective[0] * x + place.perspective[1] * y;
       (*seen)[row] = ValueAt(image_,
-                             place.point.x + place.A(0, 0) * x + place.A(0, 1) * y,
-                             place.point.y + place.A(1, 0) * x + place.A(1, 1) * y);
+                             place.point.x + (place.A(0, 0) * x + place.A(0, 1) * y) / depth,
+                             place.point.y + (place.A(1, 0) * x + place.A(1, 1) * y) / depth);
     }
     return true;
   }

@@ -9,13 +9,18 @@
 namespace plenocal {
 namespace TEST_FILE {
 
-// A smooth texture, sampled at A (p - centre) + centre + shift.
-cv::Mat Texture(const cv::Matx22f& A, const cv::Point2f& shift, double gain, double offset) {
+// A smooth texture: the pixel d about the middle of the key image is at
+// middle + shift + A d / (1 + perspective . d).
+cv::Mat Texture(const cv::Matx22f& A,
+                const cv::Point2f& shift,
+                double gain,
+                double offset,
+                const cv::Vec2f& perspective = {0, 0}) {
   cv::Mat image(80, 80, CV_8U);
   for (int y = 0; y < image.rows; ++y) {
     for (int x = 0; x < image.cols; ++x) {
       const cv::Vec2f d(static_cast<float>(x) - 40 - shift.x, static_cast<float>(y) - 40 - shift.y);
-      const cv::Vec2f p = A.inv() * d;
+      const cv::Vec2f p = (A - d * perspective.t()).inv() * d;
       const double value = std::sin(0.5 * p[0] + 0.2 * p[1]) + std::cos(0.3 * p[0] - 0.45 * p[1]) +
                            0.5 * std::sin(0.11 * p[0] * p[1] / 4);
       image.at<unsigned char>(y, x) = cv::saturate_cast<unsigned char>(offset + gain * value);
@@ -39,6 +44,19 @@ TEST(PatchFit, FindsTheShiftOfATurnedAndStretchedPatch) {
   EXPECT_LT(cv::norm(place->A - A), 0.01);
   EXPECT_GT(place->sigma, 0);
   EXPECT_LT(place->sigma, kInterpolation);
+}
+
+TEST(PatchFit, TakesThePerspectiveOfASlantedPatchForNoShift) {
+  const cv::Mat key = Texture(cv::Matx22f::eye(), {0, 0}, 40, 128);
+  const cv::Vec2f perspective(0.006F, -0.004F);
+  const cv::Point2f shift(0.3F, 0.2F);
+  const cv::Mat image = Texture(cv::Matx22f::eye(), shift, 40, 128, perspective);
+  const auto place = FitPatch(key, kMiddle, image, {.point = kMiddle});
+  ASSERT_TRUE(place);
+  constexpr double kInterpolation = 0.02;  // px: bilinear, 8 bits
+  EXPECT_NEAR(place->point.x, 40 + shift.x, kInterpolation);
+  EXPECT_NEAR(place->point.y, 40 + shift.y, kInterpolation);
+  EXPECT_LT(cv::norm(place->perspective - perspective), 5e-4);
 }
 
 TEST(PatchFit, RefusesAnotherPatchAndTheBorder) {

@@ -3,7 +3,9 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <limits>
+#include <map>
 
 #include "calib/adjust/problem.h"
 #include "tests/calib/random.h"
@@ -85,6 +87,61 @@ TEST(LoopCovariance, DoesNotDependOnHowFarALandmarkHasConverged) {
   const LoopCovariance moved = EstimateLoopCovariance(bundle, 0, start, end);
   EXPECT_NEAR(moved.track_factor / converged.track_factor, 1, 0.01);
   EXPECT_NEAR(moved.scale_sigma / converged.scale_sigma, 1, 0.01);
+}
+
+// Squared error of the end against the start in units of its covariance, over the seven numbers.
+// All points of the end are off by an error of their own, and blocks of neighbours by one more.
+double NeesWithSharedErrors(unsigned seed) {
+  constexpr double kNoise = 0.1;                  // px
+  constexpr double kOwn = 3e-4, kOfBlock = 1e-4;  // m; 1e-4 is 0.2 px
+  constexpr double kBlock = 0.1;                  // m
+  Random random(seed);
+  const testing::SyntheticOptions options{
+      .shape = testing::TargetShape::kCorner, .cameras = 2, .frames = 10};
+  Bundle bundle = testing::TrueBundle(testing::MakeProblem(seed, options));
+  const std::vector<size_t> start{0, 1, 2, 3, 4}, end{5, 6, 7, 8, 9};
+  const PathSegment true_start = MakeSegment(bundle, 0, start);
+  const PathSegment true_end = MakeSegment(bundle, 0, end);
+  Bundle displaced = bundle;
+  std::map<std::array<int, 3>, Eigen::Vector3d> of_block;
+  for (BundleMarker& marker : displaced.markers) {
+    std::array<int, 3> block;
+    for (size_t i = 0; i < 3; ++i) {
+      block[i] = static_cast<int>(marker.position[static_cast<Eigen::Index>(i)] / kBlock);
+    }
+    const auto [found, added] = of_block.try_emplace(block);
+    if (added) found->second = random.Gaussians<3>(kOfBlock);
+    marker.position += found->second + random.Gaussians<3>(kOwn);
+  }
+  for (BundleObservation& seen : bundle.observations) {
+    double shift[kMaxObservationSize] = {};
+    if (seen.frame >= 5) Residual(displaced, seen, shift);
+    seen.assumed_sigma = kNoise;
+    for (size_t i = 0; i < 2; ++i) seen.seen.values[i] += random.Gaussian(kNoise) - shift[i];
+  }
+  bundle.marker_sigma = std::numeric_limits<double>::infinity();
+  bundle.held_frame = 0;
+  for (BundleCamera& camera : bundle.cameras) {
+    camera.fixed.assign(camera.fixed.size(), true);
+    camera.is_master = true;
+  }
+  EXPECT_TRUE(Adjust(&bundle, {}).usable);
+  const auto change = [&](const PathSegment& truth, std::span<const size_t> frames) {
+    std::vector<Eigen::Vector3d> dp = MakeSegment(bundle, 0, frames).positions;
+    for (size_t i = 0; i < dp.size(); ++i) dp[i] -= truth.positions[i];
+    return truth.Fit(dp);
+  };
+  const Vector7d error = change(true_end, end) - change(true_start, start);
+  const LoopCovariance stated = EstimateLoopCovariance(bundle, 0, start, end);
+  return error.dot(stated.Relative().ldlt().solve(error)) / 7;
+}
+
+TEST(LoopCovariance, ContainsErrorsThatNeighbouringTracksShare) {
+  constexpr unsigned kSeeds = 24;
+  double sum = 0;
+  for (unsigned seed = 1; seed <= kSeeds; ++seed) sum += NeesWithSharedErrors(seed);
+  EXPECT_GT(sum / kSeeds, 0.6);
+  EXPECT_LT(sum / kSeeds, 1.5);
 }
 
 }  // namespace TEST_FILE
