@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "apps/photometry/response_fit.h"
+#include "apps/photometry/response/response_fit.h"
 #include "apps/recording/recording.h"
 
 namespace plenocal {

@@ -75,6 +75,12 @@ std::string ExposuresCsv(const VignetteEstimate& estimate,
 std::vector<std::string> FindingsOf(const VignetteEstimate& estimate,
                                     const std::vector<std::string>& frames) {
   std::vector<std::string> findings;
+  for (const std::string& frame : estimate.misplaced) {
+    findings.push_back(
+        fmt::format("{} shows another part of the wall than its marker has it, and is left out: "
+                    "the tilt of a small marker is ambiguous; use a larger one, or go nearer",
+                    frame));
+  }
   // Gains that are wrong stand out from their median, which has the error that all share.
   const double usual = Median(estimate.gains);
   std::vector<double> distances;
@@ -83,7 +89,7 @@ std::vector<std::string> FindingsOf(const VignetteEstimate& estimate,
   const double limit = std::max(kFarOff * kSigmaPerMad * Median(distances), kLeast);
   std::vector<std::string> off;
   for (size_t i = 0; i < frames.size(); ++i) {
-    if (distances[i] > limit) {
+    if (distances[i] > std::max(limit, kFarOff * estimate.gain_sigma[i])) {
       off.push_back(fmt::format("{} ({:+.1f} %)", frames[i], 100 * (estimate.gains[i] - usual)));
     }
   }

@@ -31,6 +31,8 @@ constexpr double kTukeyWidth = 6;
 // Smallest effective number of samples per pixel: of samples far apart, each the mean of up to four
 // pixels, the mean variance is (2/3)^2 of a pixel's.
 constexpr double kLeastDensity = 4.0 / 9;
+// Of the wall, in both directions: far more than what neighbours share their errors over.
+constexpr size_t kBlockCells = 8;
 
 double Square(double x) { return x * x; }
 
@@ -51,6 +53,7 @@ class VignetteSolver {
         fine_(MakeAttenuationSpline(wall_.camera->image_size)),
         coarse_(wall_.camera->image_size, Longer() / kCoarseCells),
         gains_(wall_.views.size(), 0.0),
+        used_(Eigen::VectorXd::Ones(static_cast<Eigen::Index>(gains_.size()))),
         v_(wall_.views[0].light.size(), CV_32F, cv::Scalar(0)) {
     noise_gain_ = 255.0 / 1e4;  // as most sensors; estimated from the residuals
     TabulateNoise();
@@ -60,6 +63,8 @@ class VignetteSolver {
   void Sample() {
     rows_ = SampleWall(wall_, grid_, threads_);
     c_.assign(rows_.size(), std::vector<float>(static_cast<size_t>(grid_.columns), kNoBrightness));
+    around_ = c_;
+    contrast_.assign(c_.size(), std::vector<float>(c_.front().size()));
   }
 
   [[nodiscard]] size_t Measurements() const {
@@ -86,16 +91,16 @@ class VignetteSolver {
       std::array<double, kBins> weight{}, square{}, light{};
     };
     std::vector<Sums> parts(kParts);
-    ForSamples([&](const SamplePlace& place, const WallSample& s, double residual, double freedom) {
-      const double spread = LogVariance(s.light) * Mixing(s) * freedom;
-      const double robust = TukeyWeight(Square(residual) / (Square(kTukeyWidth) * spread));
+    ForSamples([&](const SamplePlace& place, const WallSample& s, const Expected& at) {
+      const double spread = LogVariance(at.light) * Mixing(s) * at.freedom;
+      const double robust = TukeyWeight(Square(at.residual) / (Square(kTukeyWidth) * spread));
       if (!robust_ || robust > 0) {
         Sums& sums = parts[place.part];
-        const auto bin = std::min(static_cast<size_t>(s.light / 256 * kBins), kBins - 1);
+        const auto bin = std::min(static_cast<size_t>(at.light / 256 * kBins), kBins - 1);
         const double w = robust_ ? robust : 1;
         sums.weight[bin] += w;
-        sums.light[bin] += w * s.light;
-        sums.square[bin] += w * Square(residual) / spread;
+        sums.light[bin] += w * at.light;
+        sums.square[bin] += w * Square(at.residual) / spread;
       }
     });
     // Ratio of what is measured to what was assumed, by light.
@@ -129,6 +134,43 @@ class VignetteSolver {
     TabulateNoise();
   }
 
+  // Leaves out the view that shows another wall than the others where its marker has it, if there
+  // is one: the tilt of a small marker has a mirrored solution. Before weights are robust, which
+  // would hide it.
+  bool LeaveOutMisplaced() {
+    EstimateWall();
+    struct Sums {
+      double square = 0, count = 0;
+    };
+    std::vector<std::vector<Sums>> parts(kParts, std::vector<Sums>(wall_.views.size()));
+    ForSamples([&](const SamplePlace& place, const WallSample& s, const Expected& at) {
+      parts[place.part][s.view].square +=
+          Square(at.residual) /
+          (LogVariance(at.light) * Mixing(s) + contrast_[place.row][place.column]);
+      parts[place.part][s.view].count += 1;
+    });
+    std::vector<double> sizes, distances;  // logarithms of the RMS
+    for (size_t v = 0; v < wall_.views.size(); ++v) {
+      Sums all{.square = 1e-12};
+      for (const std::vector<Sums>& part : parts) {
+        all.square += part[v].square;
+        all.count += part[v].count;
+      }
+      sizes.push_back(std::log(all.square / std::max(all.count, 1.0)) / 2);
+    }
+    const double usual = Median(sizes);
+    for (const double size : sizes) distances.push_back(std::abs(size - usual));
+    constexpr double kFarOff = 5;
+    const double limit = std::max(kFarOff * kSigmaPerMad * Median(distances), std::numbers::ln2);
+    const auto worst = std::ranges::max_element(sizes);
+    if (*worst - usual < limit) return false;
+    const auto view = static_cast<size_t>(worst - sizes.begin());
+    wall_.views[view].brightness.setTo(kNoBrightness);
+    used_[static_cast<Eigen::Index>(view)] = 0;
+    Sample();
+    return true;
+  }
+
   // Poses by the wall's texture: those from the marker are uncertain far from it.
   void RefinePoses() {
     ParallelFor(wall_.views.size(), threads_, [&](size_t v) { RefinePose(v); });
@@ -138,6 +180,11 @@ class VignetteSolver {
   [[nodiscard]] VignetteEstimate Result() {
     EstimateWall();
     VignetteEstimate result;
+    for (size_t v = 0; v < wall_.views.size(); ++v) {
+      if (used_[static_cast<Eigen::Index>(v)] == 0) {
+        result.misplaced.push_back(wall_.views[v].frame);
+      }
+    }
     const CoarseSystem system = MakeCoarseSystem({});
     SetAttenuation(system, &result);
     SetWall(&result);
@@ -171,8 +218,8 @@ class VignetteSolver {
     }
   }
   // Of the logarithm of a reduced pixel's light.
-  [[nodiscard]] double LogVariance(float light) const {
-    const auto i = static_cast<size_t>(light / 256 * static_cast<float>(log_variances_.size()));
+  [[nodiscard]] double LogVariance(double light) const {
+    const auto i = static_cast<size_t>(light / 256 * static_cast<double>(log_variances_.size()));
     return log_variances_[std::min(i, log_variances_.size() - 1)];
   }
   // Of a value between four pixels, by that of one.
@@ -180,12 +227,29 @@ class VignetteSolver {
     const double fx = s.x - std::floor(s.x), fy = s.y - std::floor(s.y);
     return (fx * fx + (1 - fx) * (1 - fx)) * (fy * fy + (1 - fy) * (1 - fy));
   }
-  // Inverse of the variance that a sample has in effect, where neighbours share their noise.
-  [[nodiscard]] double Weight(const WallSample& s, double residual) const {
-    const double variance = LogVariance(s.light);
-    const double weight = 1 / (variance * std::max<double>(s.density, kLeastDensity));
-    if (!robust_) return weight;
-    return weight * TukeyWeight(Square(residual) / (Square(kTukeyWidth) * variance * Mixing(s)));
+  // What is expected of a sample: all by the wall, not by the sample, whose noise would choose.
+  struct Expected {
+    double light = 0;
+    double residual = 0;  // of the light, relative
+    double weight = 0;    // inverse of the variance in effect, where neighbours share their noise
+    double freedom = 1;   // share of its variance that the residual has
+  };
+  // Residuals are linear in the light and relative to that mean: views that see the texture blurred
+  // have the same mean of the light, but not of its logarithm, nor of its ratio to sharper light.
+  [[nodiscard]] Expected Expect(const WallSample& s, size_t row, size_t column) const {
+    const float c = c_[row][column], around = around_[row][column];
+    const double scale = std::exp(Predicted(s)) * wall_.views[s.view].exposure;
+    const double light = scale * std::exp(c);
+    Expected at{.light = std::isnan(around) ? light : scale * std::exp(around)};
+    at.residual = robust_ ? (s.light - light) / at.light : std::log(s.light / light);
+    const double variance = LogVariance(at.light);
+    at.weight = 1 / (variance * std::max<double>(s.density, kLeastDensity));
+    if (robust_) {
+      // Values between pixels are off by the contrast of these, which is no reason to leave out.
+      const double spread = variance * Mixing(s) + contrast_[row][column];
+      at.weight *= TukeyWeight(Square(at.residual) / (Square(kTukeyWidth) * spread));
+    }
+    return at;
   }
 
   // ---- the wall
@@ -199,15 +263,43 @@ class VignetteSolver {
       const WallRow& row = rows_[r];
       for (size_t cell = 0; cell + 1 < row.begin.size(); ++cell) {
         float& c = c_[r][cell];
-        double sum = 0, weight = 0;
-        for (size_t i = row.begin[cell]; i < row.begin[cell + 1]; ++i) {
-          const WallSample& s = row.samples[i];
-          const double y = s.brightness - Predicted(s);
-          const double w = Weight(s, std::isnan(c) ? 0 : y - c);
-          sum += w * y;
-          weight += w;
+        const auto begin = row.samples.begin() + row.begin[cell];
+        const auto end = row.samples.begin() + row.begin[cell + 1];
+        if (std::isnan(c) && begin != end) {
+          double sum = 0;
+          for (auto s = begin; s != end; ++s) sum += s->brightness - Predicted(*s);
+          c = static_cast<float>(sum / static_cast<double>(end - begin));
         }
-        c = weight > 0 ? static_cast<float>(sum / weight) : kNoBrightness;
+        double sum = 0, weight = 0;
+        for (auto s = begin; s != end; ++s) {
+          const Expected at = Expect(*s, r, cell);
+          sum += at.weight * at.residual;
+          weight += at.weight;
+        }
+        if (weight > 0) {
+          // Residuals are relative to the brightness around the cell once weights are robust.
+          const double base = robust_ && !std::isnan(around_[r][cell]) ? around_[r][cell] : c;
+          c = static_cast<float>(c + std::log1p(std::exp(base - c) * sum / weight));
+        } else {
+          c = kNoBrightness;
+        }
+      }
+    });
+    ParallelFor(rows_.size(), threads_, [&](size_t r) {
+      for (size_t cell = 0; cell < around_[r].size(); ++cell) {
+        constexpr size_t kReach = kBlockCells / 2;
+        double sum = 0, count = 0;
+        for (size_t y = r - std::min(r, kReach); y < std::min(r + kReach + 1, rows_.size()); ++y) {
+          const size_t end = std::min(cell + kReach + 1, c_[y].size());
+          for (size_t x = cell - std::min(cell, kReach); x < end; ++x) {
+            if (std::isnan(c_[y][x])) continue;
+            sum += std::exp(c_[y][x]);
+            count += 1;
+          }
+        }
+        around_[r][cell] = static_cast<float>(std::log(sum / count));
+        const double contrast = Texture(r, cell);
+        contrast_[r][cell] = std::isnan(contrast) ? 0 : static_cast<float>(contrast);
       }
     });
   }
@@ -216,28 +308,30 @@ class VignetteSolver {
   struct SamplePlace {
     size_t part, row, column;
   };
-  // Calls body(place, sample, residual, share of its variance that the residual has) for all
-  // samples of cells that have a brightness.
+  // Calls body(place, sample, what is expected) for all samples that count. A part has whole
+  // blocks, row by row.
   template <typename Body>
   void ForSamples(const Body& body) const {
     ParallelFor(kParts, threads_, [&](size_t part) {
-      for (size_t r = part; r < rows_.size(); r += kParts) {
+      std::vector<Expected> expected;
+      constexpr size_t kSkip = (kParts - 1) * kBlockCells;
+      for (size_t r = part * kBlockCells; r < rows_.size();
+           r += r % kBlockCells + 1 == kBlockCells ? kSkip + 1 : 1) {
         const WallRow& row = rows_[r];
         for (size_t cell = 0; cell + 1 < row.begin.size(); ++cell) {
           const float c = c_[r][cell];
           if (std::isnan(c)) continue;
+          expected.clear();
           double total = 0;
           for (size_t i = row.begin[cell]; i < row.begin[cell + 1]; ++i) {
-            const WallSample& s = row.samples[i];
-            total += Weight(s, s.brightness - Predicted(s) - c);
+            expected.push_back(Expect(row.samples[i], r, cell));
+            total += expected.back().weight;
           }
           for (size_t i = row.begin[cell]; i < row.begin[cell + 1]; ++i) {
-            const WallSample& s = row.samples[i];
-            const double residual = s.brightness - Predicted(s) - c;
-            body(SamplePlace{part, r, cell},
-                 s,
-                 residual,
-                 std::max(1 - Weight(s, residual) / total, 0.1));
+            Expected& at = expected[i - row.begin[cell]];
+            if (!(at.weight > 0)) continue;
+            at.freedom = std::max(1 - at.weight / total, 0.1);
+            body(SamplePlace{part, r, cell}, row.samples[i], at);
           }
         }
       }
@@ -281,8 +375,8 @@ class VignetteSolver {
           for (size_t i = row.begin[cell]; i < row.begin[cell + 1]; ++i) {
             const WallSample& s = row.samples[i];
             if (!only.empty() && !only[s.view]) continue;
-            const double residual = s.brightness - Predicted(s) - c_[r][cell];
-            const double w = Weight(s, residual);
+            const Expected at = Expect(s, r, cell);
+            const double residual = at.residual, w = at.weight;
             if (!(w > 0)) continue;
             const ImageSpline::Basis basis =
                 coarse_.At(projector_.Enlarge(s.x), projector_.Enlarge(s.y));
@@ -325,15 +419,17 @@ class VignetteSolver {
     return system;
   }
 
+  [[nodiscard]] double GainSigma() const {
+    return wall_.exposures_known ? kGainSigma : kUnknownGain;
+  }
   // Gains about 1; mean of v 0, for a factor of it is one of the wall; and hardly any bend where
   // there are no data.
   void AddPriors(CoarseSystem* system) const {
     const Eigen::Index nv = coarse_.Coefficients();
-    const double sigma = wall_.exposures_known ? kGainSigma : kUnknownGain;
     for (size_t i = 0; i < gains_.size(); ++i) {
       const Eigen::Index at = nv + static_cast<Eigen::Index>(i);
-      system->S(at, at) += 1 / Square(sigma);
-      system->b[at] -= gains_[i] / Square(sigma);
+      system->S(at, at) += 1 / Square(GainSigma());
+      system->b[at] -= gains_[i] / Square(GainSigma());
     }
     const double scale = system->known.diagonal().mean();
     const Eigen::VectorXd mean = MeanOfCoarse();
@@ -353,6 +449,49 @@ class VignetteSolver {
       }
     }
     return mean / static_cast<double>(v_.total());
+  }
+
+  // Covariance of the coarse unknowns. That of their normal equations is what blocks of the wall,
+  // whose errors are independent, scatter by: noise, and texture between the pixels.
+  [[nodiscard]] Eigen::MatrixXd CoarseCovariance(const CoarseSystem& system) const {
+    const Eigen::Index nv = coarse_.Coefficients(), n = system.b.size();
+    const auto columns =
+        static_cast<Eigen::Index>(static_cast<size_t>(grid_.columns) / kBlockCells + 1);
+    struct Scatter {
+      Eigen::MatrixXd M, blocks;  // blocks: of one row of them, in columns
+      size_t row = 0;
+      double count = 0;
+      void FinishRow() {
+        M.noalias() += blocks * blocks.transpose();
+        count += static_cast<double>((blocks.colwise().squaredNorm().array() > 0).count());
+        blocks.setZero();
+      }
+    };
+    std::vector<Scatter> parts(kParts,
+                               {Eigen::MatrixXd::Zero(n, n), Eigen::MatrixXd::Zero(n, columns)});
+    ForSamples([&](const SamplePlace& place, const WallSample& s, const Expected& at) {
+      Scatter& part = parts[place.part];
+      if (part.row != place.row / kBlockCells) part.FinishRow();
+      part.row = place.row / kBlockCells;
+      auto score = part.blocks.col(static_cast<Eigen::Index>(place.column / kBlockCells));
+      const ImageSpline::Basis basis = coarse_.At(projector_.Enlarge(s.x), projector_.Enlarge(s.y));
+      const double value = at.weight * at.residual;
+      for (size_t k = 0; k < ImageSpline::kSupport; ++k) {
+        score[basis.index[k]] += value * basis.weight[k];
+      }
+      score[nv + s.view] += value;
+    });
+    Scatter& all = parts[0];
+    for (Scatter& part : parts) {
+      part.FinishRow();
+      if (&part == &all) continue;
+      all.M += part.M;
+      all.count += part.count;
+    }
+    all.M *= all.count / std::max(all.count - static_cast<double>(n), 1.0);  // degrees of freedom
+    all.M.diagonal().tail(n - nv).array() += 1 / Square(GainSigma());        // the prior's
+    const Eigen::MatrixXd inverse = Inverse(system.S);
+    return inverse * all.M * inverse;
   }
 
   [[nodiscard]] static Eigen::VectorXd SolveCoarse(const CoarseSystem& system) {
@@ -384,12 +523,11 @@ class VignetteSolver {
       part.weight = cv::Mat::zeros(v_.size(), CV_64F);
       part.value = cv::Mat::zeros(v_.size(), CV_64F);
     }
-    ForSamples([&](const SamplePlace& place, const WallSample& s, double residual, double) {
-      const double w = Weight(s, residual);
-      const double value = residual + Interpolate(v_, s.x, s.y);
+    ForSamples([&](const SamplePlace& place, const WallSample& s, const Expected& at) {
+      const double value = at.residual + Interpolate(v_, s.x, s.y);
       const int x = cvRound(s.x), y = cvRound(s.y);
-      parts[place.part].weight.at<double>(y, x) += w;
-      parts[place.part].value.at<double>(y, x) += w * value;
+      parts[place.part].weight.at<double>(y, x) += at.weight;
+      parts[place.part].value.at<double>(y, x) += at.weight * value;
     });
     for (size_t part = 1; part < kParts; ++part) {
       parts[0].weight += parts[part].weight;
@@ -447,11 +585,10 @@ class VignetteSolver {
     const Eigen::MatrixXd zero =
         Eigen::MatrixXd::Zero(size.area(), static_cast<Eigen::Index>(gains_.size()));
     std::vector<Sums> parts(kParts, {zero, zero});
-    ForSamples([&](const SamplePlace& place, const WallSample& s, double residual, double) {
+    ForSamples([&](const SamplePlace& place, const WallSample& s, const Expected& at) {
       const int block = static_cast<int>(s.y / side) * size.width + static_cast<int>(s.x / side);
-      const double w = Weight(s, residual);
-      parts[place.part].weight(block, s.view) += w;
-      parts[place.part].value(block, s.view) += w * residual;
+      parts[place.part].weight(block, s.view) += at.weight;
+      parts[place.part].value(block, s.view) += at.weight * at.residual;
     });
     for (size_t part = 1; part < kParts; ++part) {
       parts[0].weight += parts[part].weight;
@@ -548,26 +685,30 @@ class VignetteSolver {
     cv::minMaxLoc(v, nullptr, &largest);
     cv::exp(v - largest, result->attenuation);
 
-    // Variance of the fine spline with wall and gains known, and what it is larger by because they
-    // are not, which the coarse system has.
+    // Variance of the coarse spline, and what that of the fine one with wall and gains known is
+    // larger by.
     const Eigen::Index nv = coarse_.Coefficients();
     const Eigen::MatrixXd fine_covariance = MakeFineFit().Covariance();
-    const Eigen::MatrixXd all = Inverse(system.S);
+    const Eigen::MatrixXd all = CoarseCovariance(system);
     const Eigen::MatrixXd covariance = all.topLeftCorner(nv, nv);
-    for (Eigen::Index i = nv; i < all.rows(); ++i) {
-      result->gain_sigma.push_back(std::sqrt(all(i, i)));
+    // Of gains against their mean: an error that all share is one of the wall's brightness.
+    const Eigen::MatrixXd of_gains = all.bottomRightCorner(all.rows() - nv, all.rows() - nv);
+    const Eigen::VectorXd share = used_ / used_.sum(), means = of_gains * share;
+    for (Eigen::Index i = 0; i < means.size(); ++i) {
+      result->gain_sigma.push_back(std::sqrt(of_gains(i, i) - 2 * means[i] + share.dot(means)));
     }
-    const Eigen::MatrixXd excess = covariance - Inverse(system.known);
+    const Eigen::MatrixXd known = Inverse(system.known);
     const cv::Mat common_noise = cv::max(NoiseOfSingleViews(), NoiseOfAllViews());
     cv::Mat sigma(v_.size(), CV_32F);
     ParallelFor(static_cast<size_t>(v_.rows), threads_, [&](size_t row) {
       const int y = static_cast<int>(row);
       for (int x = 0; x < v_.cols; ++x) {
         const double px = projector_.Enlarge(x), py = projector_.Enlarge(y);
-        const double variance = VarianceAt(fine_.At(px, py), fine_covariance) +
-                                std::max(VarianceAt(coarse_.At(px, py), excess), 0.0);
-        sigma.at<float>(y, x) =
-            static_cast<float>(std::sqrt(common_noise.at<float>(y, x) * variance));
+        const ImageSpline::Basis coarse = coarse_.At(px, py);
+        const double fine =
+            VarianceAt(fine_.At(px, py), fine_covariance) - VarianceAt(coarse, known);
+        sigma.at<float>(y, x) = static_cast<float>(std::sqrt(
+            common_noise.at<float>(y, x) * std::max(fine, 0.0) + VarianceAt(coarse, covariance)));
       }
     });
     cv::resize(sigma, result->sigma, {size[0], size[1]}, 0, 0, cv::INTER_LINEAR);
@@ -632,17 +773,17 @@ class VignetteSolver {
       double squares = 0, spread = 0, robust = 0, outliers = 0, count = 0;
     };
     std::vector<Sums> parts(kParts);
-    ForSamples([&](const SamplePlace& place, const WallSample& s, double residual, double freedom) {
+    ForSamples([&](const SamplePlace& place, const WallSample& s, const Expected& at) {
       Sums& sums = parts[place.part];
       const RigidTransform& T = wall_.views[s.view].T_camera_wall;
       const Eigen::Vector3d p =
           T * grid_.At(static_cast<int>(place.column), static_cast<int>(place.row));
       const double cosine = std::min(std::abs(T.R.col(2).dot(p)) / p.norm(), 1.0);
       const auto bin = static_cast<size_t>(std::acos(cosine) / std::numbers::pi * 2 * (kBins - 1));
-      const double w = Weight(s, residual);
-      sums.weight[bin] += w;
-      sums.residual[bin] += w * residual;
-      const double spread = LogVariance(s.light) * Mixing(s) * freedom;
+      sums.weight[bin] += at.weight;
+      sums.residual[bin] += at.weight * at.residual;
+      const double residual = at.residual;
+      const double spread = LogVariance(at.light) * Mixing(s) * at.freedom;
       sums.count += 1;
       constexpr double kBeyond = 3;
       if (Square(residual) > Square(kBeyond) * spread) sums.outliers += 1;
@@ -684,26 +825,44 @@ class VignetteSolver {
     }
   }
 
+  // Residuals of the worst parts of the wall against those of the best ones, each over what noise
+  // and the wall's own texture make of it: values between pixels and another blur leave a share of
+  // the contrast of neighbouring cells, which is the same everywhere.
   [[nodiscard]] double Unevenness() const {
-    // Fewer residuals have a variance that scatters by itself.
-    constexpr size_t kFewest = 10;
-    std::vector<double> variances;
-    for (size_t r = 0; r < rows_.size(); ++r) {
-      const WallRow& row = rows_[r];
-      for (size_t cell = 0; cell + 1 < row.begin.size(); ++cell) {
-        const size_t count = row.begin[cell + 1] - row.begin[cell];
-        if (count < kFewest || std::isnan(c_[r][cell])) continue;
-        double sum = 0;
-        for (size_t i = row.begin[cell]; i < row.begin[cell + 1]; ++i) {
-          const WallSample& s = row.samples[i];
-          sum += Square(s.brightness - Predicted(s) - c_[r][cell]) /
-                 (LogVariance(s.light) * Mixing(s));
-        }
-        variances.push_back(sum / static_cast<double>(count - 1));
-      }
+    struct Block {
+      double square = 0, noise = 0, texture = 0;
+    };
+    const size_t columns = static_cast<size_t>(grid_.columns) / kBlockCells + 1;
+    std::vector<Block> blocks((rows_.size() / kBlockCells + 1) * columns);
+    ForSamples([&](const SamplePlace& place, const WallSample& s, const Expected& at) {
+      const double texture = Texture(place.row, place.column);
+      if (std::isnan(texture)) return;
+      Block& block = blocks[place.row / kBlockCells * columns + place.column / kBlockCells];
+      block.square += Square(at.residual) / at.freedom;
+      block.noise += LogVariance(at.light) * Mixing(s);
+      block.texture += texture;
+    });
+    std::erase_if(blocks, [](const Block& block) { return !(block.texture > 0); });
+    if (blocks.empty()) return 0;
+    std::vector<double> shares, ratios;
+    for (const Block& block : blocks) {
+      shares.push_back(std::max(block.square - block.noise, 0.0) / block.texture);
     }
-    if (variances.empty()) return 0;
-    return Quantile(&variances, 0.9) / Quantile(&variances, 0.2);
+    const double share = Median(shares);
+    for (const Block& block : blocks) {
+      ratios.push_back(block.square / (block.noise + share * block.texture));
+    }
+    return Quantile(&ratios, 0.9) / Quantile(&ratios, 0.2);
+  }
+  // Mean square of the differences of a cell's brightness from those beside it, relative.
+  [[nodiscard]] double Texture(size_t row, size_t column) const {
+    if (row == 0 || column == 0 || row + 1 >= c_.size() || column + 1 >= c_[row].size()) {
+      return std::numeric_limits<double>::quiet_NaN();
+    }
+    const float c = c_[row][column];
+    return (Square(c_[row - 1][column] - c) + Square(c_[row + 1][column] - c) +
+            Square(c_[row][column - 1] - c) + Square(c_[row][column + 1] - c)) /
+           4;
   }
 
   // Views with a roll near that of most, and those turned by 90 or 180 degrees, must find the same
@@ -770,11 +929,14 @@ class VignetteSolver {
   WallProjector projector_;
   ImageSpline fine_, coarse_;
   std::vector<double> gains_;  // logarithms
+  Eigen::VectorXd used_;       // by view: 1, or 0 of a misplaced one
   cv::Mat v_;                  // of the reduced image
   Eigen::VectorXd fine_coefficients_;
   std::vector<WallRow> rows_;
-  std::vector<std::vector<float>> c_;       // by row and column of the grid
-  double noise_gain_ = 0, noise_read_ = 0;  // variance of a pixel's light: gain * light + read
+  std::vector<std::vector<float>> c_;         // by row and column of the grid
+  std::vector<std::vector<float>> around_;    // logarithm of the mean around each cell
+  std::vector<std::vector<float>> contrast_;  // Texture of each cell, 0 where it has none
+  double noise_gain_ = 0, noise_read_ = 0;    // variance of a pixel's light: gain * light + read
   std::array<float, 1024> log_variances_{};
   bool robust_ = false;
 };
@@ -802,13 +964,16 @@ VignetteEstimate FitVignette(WallRecording wall,
   report("wall: first rounds");
   solver.Round();
   solver.Round();
-  solver.EstimateNoise();
-  for (int i = 0; i < 2; ++i) {
+  const auto refine_poses = [&] {
     report("wall: poses by its texture");
     solver.RefinePoses();
     solver.Round();
-    solver.EstimateNoise();
-  }
+  };
+  for (int i = 0; i < 3; ++i) refine_poses();
+  while (solver.LeaveOutMisplaced()) solver.Round();
+  solver.EstimateNoise();
+  refine_poses();
+  solver.EstimateNoise();
   report("wall: last rounds");
   for (int i = 0; i < 3; ++i) solver.Round();
   solver.EstimateNoise();

@@ -36,12 +36,16 @@ struct VignetteEstimate {
   cv::Mat sigma;         ///< CV_32F, relative, up to a common factor of all pixels
   cv::Mat wall;          ///< CV_32F, brightness of the wall / largest; NaN: not seen
   double wall_cell = 0;  ///< m, side of its pixels
-  std::vector<double> gains, gain_sigma;  ///< by view, relative to the recorded exposures
-  double residual = 0;                    ///< robust RMS of y, relative
-  double expected = 0;                    ///< the same by shot, read and rounding noise
-  double outliers = 0;                    ///< share of measurements beyond 3 standard deviations
-  /// Residual variance of the wall's worst tenth of points / that of the best fifth; of noise alone
-  /// about 2, larger where the wall is not flat or something moved before it.
+  /// By view, relative to the recorded exposures, and standard deviations of gain / mean gain.
+  std::vector<double> gains, gain_sigma;
+  /// Views that show another part of the wall than their marker's pose has it: left out, so that
+  /// their gain is the prior's.
+  std::vector<std::string> misplaced;
+  double residual = 0;  ///< robust RMS of y, relative
+  double expected = 0;  ///< the same by shot, read and rounding noise
+  double outliers = 0;  ///< share of measurements beyond 3 standard deviations
+  /// Residual variance of the wall's worst tenth of parts / that of the best fifth, each over what
+  /// noise and the wall's texture make of it; of a flat wall 1.3 to 2.5.
   double unevenness = 0;
   std::size_t measurements = 0;
   std::array<double, 5> by_angle{};      ///< mean residual in fifths of the views' angles

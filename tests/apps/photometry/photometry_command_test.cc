@@ -121,7 +121,9 @@ TEST_F(PhotometryCommand, FindsTheVignettingOfAWallAndComparesItWithWhiteImages)
   SimulateWall();
   const Outcome outcome = Vignette();
   ASSERT_EQ(outcome.status, kDone) << outcome.err;
-  EXPECT_THAT(outcome.err, Not(HasSubstr("warning"))) << outcome.err;
+  EXPECT_THAT(outcome.err, Not(HasSubstr("not flat")));
+  EXPECT_THAT(outcome.err, Not(HasSubstr("exposures differ")));
+  EXPECT_THAT(outcome.err, Not(HasSubstr("light goes with the camera")));
   EXPECT_THAT(outcome.out, HasSubstr("wall against white images: RMS"));
   const cv::Mat truth = Image("wall/truth/vignetting_left.tiff");
   const cv::Mat found = Image("out/vignetting_left.tiff");
@@ -177,6 +179,10 @@ TEST_F(PhotometryCommand, ListsExposuresThatDifferFromThoseRecorded) {
     factor *= std::pow(exposures[i] / exact[i], 1 / static_cast<double>(exact.size()));
   }
   for (size_t i = 0; i < exact.size(); ++i) {
+    // The tilt of the small tag is mirrored in some views, which are left out.
+    if (outcome.err.find(found.Column("frame")[i] + " shows another part") != std::string::npos) {
+      continue;
+    }
     EXPECT_NEAR(exposures[i] / exact[i] / factor, 1, 0.005) << found.Column("frame")[i];
   }
 }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // The response of a simulated sensor with a known one.
-#include "apps/photometry/response_fit.h"
+#include "apps/photometry/response/response_fit.h"
 
 #include <fmt/format.h>
 #include <gmock/gmock.h>
@@ -14,7 +14,7 @@
 #include <random>
 
 #include "apps/photometry/image_spline.h"
-#include "apps/photometry/rising_values.h"
+#include "apps/photometry/response/rising_values.h"
 #include "calib/base/error.h"
 #include "tests/apps/workspace.h"
 
@@ -25,12 +25,22 @@ using ::testing::HasSubstr;
 
 constexpr double kElectrons = 10000, kReadElectrons = 8;
 
-double PowerLaw(double grey) { return 255 * std::pow(grey / 255, 2.2); }
+// Light of a grey value; the darkest one is `black`.
+double PowerLaw(double grey, double black = 0) {
+  return 255 * std::pow(std::max(grey - black, 0.0) / (255 - black), 2.2);
+}
 
-// Electrons counted, then the tone curve; `gain_step`: of the second half of the images.
-ExposureSweep MakeSweep(size_t images, double most, double gain_step = 1) {
+struct SweepErrors {
+  double gain_step = 1;  // of the second half of the images
+  double exposure = 0;   // standard deviation, relative
+  double black = 0;      // grey value of darkness
+  unsigned seed = 5;
+};
+
+// Electrons counted, then the tone curve.
+ExposureSweep MakeSweep(size_t images, double most, const SweepErrors& errors = {}) {
   constexpr size_t kPixels = 8000;
-  std::mt19937_64 engine(5);
+  std::mt19937_64 engine(errors.seed);
   std::normal_distribution<double> normal;
   ExposureSweep sweep;
   for (size_t i = 0; i < images; ++i) {
@@ -38,14 +48,17 @@ ExposureSweep MakeSweep(size_t images, double most, double gain_step = 1) {
     const double t = 0.1 * std::pow(most, share);
     sweep.frames.push_back(std::to_string(i));
     sweep.exposures.push_back(t);
+    const double gain = (2 * i < images ? 1 : errors.gain_step) *
+                        (1 + (errors.exposure > 0 ? errors.exposure * normal(engine) : 0));
     std::vector<std::uint8_t> grey;
     for (size_t x = 0; x < kPixels; ++x) {
       const double bright = 0.02 + 0.08 * static_cast<double>(x) / kPixels;
-      const double mean = kElectrons * t * bright * (2 * i < images ? 1 : gain_step);
+      const double mean = kElectrons * t * bright * gain;
       const double electrons =
           mean + normal(engine) * std::sqrt(mean + kReadElectrons * kReadElectrons);
       const double level = std::clamp(electrons / kElectrons, 0.0, 1.0);
-      grey.push_back(static_cast<std::uint8_t>(std::lround(255 * std::pow(level, 1 / 2.2))));
+      grey.push_back(static_cast<std::uint8_t>(
+          std::lround(errors.black + (255 - errors.black) * std::pow(level, 1 / 2.2))));
     }
     sweep.grey.push_back(grey);
     sweep.beside_saturated.emplace_back(kPixels, false);
@@ -83,6 +96,50 @@ TEST(ResponseFit, FindsThePowerLawWithinItsStandardDeviations) {
   EXPECT_LT(estimate.exposure_sigma, 0.001);
 }
 
+// Mean (error / standard deviation)^2 of dark grey values, over seeds.
+double DarkChiSquare(SweepErrors errors) {
+  constexpr unsigned kSeeds = 2;
+  constexpr size_t kImages = 50, kDarkest = 8, kEnd = 25;
+  double sum = 0, count = 0;
+  for (errors.seed = 1; errors.seed <= kSeeds; ++errors.seed) {
+    const ResponseEstimate estimate = FitResponse(MakeSweep(kImages, 300, errors), "here", 2);
+    double scale = 0, norm = 0;
+    for (size_t k = 0; k < ResponseCurve::kValues; ++k) {
+      if (std::isnan(estimate.sigma[k])) continue;
+      scale += estimate.curve.Light(k) * PowerLaw(static_cast<double>(k), errors.black);
+      norm += std::pow(estimate.curve.Light(k), 2);
+    }
+    for (size_t k = kDarkest; k < kEnd; ++k) {
+      if (std::isnan(estimate.sigma[k])) continue;
+      const double error =
+          scale / norm * estimate.curve.Light(k) - PowerLaw(static_cast<double>(k), errors.black);
+      sum += std::pow(error / estimate.sigma[k], 2);
+      count += 1;
+    }
+  }
+  EXPECT_GT(count, kSeeds * (kEnd - kDarkest) / 2.0);
+  return sum / count;
+}
+
+TEST(ResponseFit, FindsDarkValuesWithinTheirStandardDeviationsWhereExposuresAreWrong) {
+  const double chi_square = DarkChiSquare({.exposure = 0.02});
+  EXPECT_GT(chi_square, 0.3);
+  EXPECT_LT(chi_square, 2.5);
+}
+
+TEST(ResponseFit, FindsDarkValuesWithinTheirStandardDeviationsAboveABlackLevel) {
+  const double chi_square = DarkChiSquare({.black = 4});
+  EXPECT_GT(chi_square, 0.3);
+  EXPECT_LT(chi_square, 2.5);
+}
+
+TEST(ResponseFit, LeavesOutGreyValuesBelowTheBlackLevel) {
+  const ResponseEstimate estimate = FitResponse(MakeSweep(40, 300, {.black = 16}), "here", 2);
+  EXPECT_GE(estimate.first, 16);
+  for (size_t k = 0; k <= 16; ++k) EXPECT_TRUE(std::isnan(estimate.sigma[k])) << k;
+  EXPECT_FALSE(std::isnan(estimate.sigma[40]));
+}
+
 TEST(ResponseFit, RisesStrictlyAndLeavesOutWhatWasNotSeen) {
   const ResponseEstimate estimate = FitResponse(MakeSweep(40, 50), "here", 2);  // 0.1 to 5: dark
   for (size_t k = 1; k < ResponseCurve::kValues; ++k) {
@@ -94,7 +151,7 @@ TEST(ResponseFit, RisesStrictlyAndLeavesOutWhatWasNotSeen) {
 }
 
 TEST(ResponseFit, SeesThatTheGainWasNotFixed) {
-  const ResponseEstimate estimate = FitResponse(MakeSweep(100, 300, 1.2), "here", 2);
+  const ResponseEstimate estimate = FitResponse(MakeSweep(100, 300, {.gain_step = 1.2}), "here", 2);
   EXPECT_GT(estimate.exposure_sigma, 0.01);
 }
 

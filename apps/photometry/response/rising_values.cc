@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "apps/photometry/rising_values.h"
+#include "apps/photometry/response/rising_values.h"
 
 #include <algorithm>
 #include <cmath>

@@ -3,9 +3,7 @@
 // Response of a sensor from images of a static scene at several exposures t: U(I) = t E for each
 // pixel's unknown E (Engel, Usenko, Cremers 2016). Where they take for U(k) the mean of t E over
 // pixels of grey value k, which noise draws towards the more frequent brightness, the borders
-// between grey values are estimated here by their likelihood: P(I <= k) = Phi((b_k - t E) / sigma),
-// ordered probit regression with a sigma that depends on the light (McCullagh, "Regression Models
-// for Ordinal Data", 1980).
+// between grey values are estimated here, together with the errors of the exposures.
 #pragma once
 
 #include <array>
@@ -13,16 +11,10 @@
 #include <string>
 #include <vector>
 
+#include "apps/photometry/response/sensor_curve.h"
 #include "detectors/photometry/response_curve.h"
 
 namespace plenocal {
-
-/// Variance of the light of one pixel: gain * light + read^2, light from 0 to 255; rounding to grey
-/// values comes in addition.
-struct SensorNoise {
-  double gain = 0;  ///< 255 / electrons of a full pixel
-  double read = 0;  ///< standard deviation
-};
 
 /// The same pixels in all images.
 struct ExposureSweep {
@@ -35,8 +27,8 @@ struct ExposureSweep {
 
 struct ResponseEstimate {
   ResponseCurve curve;
-  /// Standard deviation of U(k) up to a common factor of all, from its scatter over disjoint sets
-  /// of pixels and from errors of exposures; NaN where the sweep does not have the value.
+  /// Standard deviation of U(k) up to a common factor of all, from the pixels' scatter and from
+  /// errors of exposures; NaN where the sweep does not have the value.
   std::array<double, ResponseCurve::kValues> sigma{};
   std::array<std::size_t, ResponseCurve::kValues> count{};  ///< pixels of each grey value
   SensorNoise noise;
