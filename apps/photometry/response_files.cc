@@ -31,12 +31,11 @@ constexpr std::uint8_t kSaturated = 255;
 // Values of an image at every `step`-th pixel in both directions.
 struct SampledImage {
   std::vector<std::uint8_t> grey;
-  std::vector<bool> beside_saturated;
+  std::vector<bool> near_full;  // one of the neighbours is saturated
 };
 
 SampledImage SampleImage(const cv::Mat& image, int step) {
   constexpr int kReach = 2;  // px, as far as charge of a full pixel flows
-  // Neighbours alone decide: a pixel's own noise must not choose.
   cv::Mat neighbours = cv::Mat::ones(2 * kReach + 1, 2 * kReach + 1, CV_8U), around;
   neighbours.at<std::uint8_t>(kReach, kReach) = 0;
   cv::dilate(image == kSaturated, around, neighbours);
@@ -44,10 +43,25 @@ SampledImage SampleImage(const cv::Mat& image, int step) {
   for (int y = step / 2; y < image.rows; y += step) {
     for (int x = step / 2; x < image.cols; x += step) {
       sampled.grey.push_back(image.at<std::uint8_t>(y, x));
-      sampled.beside_saturated.push_back(around.at<std::uint8_t>(y, x) != 0);
+      sampled.near_full.push_back(around.at<std::uint8_t>(y, x) != 0);
     }
   }
   return sampled;
+}
+
+// Charge flows from pixels with much more light than they hold, which are full at half the exposure
+// too. Neighbours that are just not full would choose pixels by their light.
+void SetBesideSaturated(const std::vector<std::vector<bool>>& near_full, ExposureSweep* sweep) {
+  constexpr double kMuchMore = 2;
+  for (const double exposure : sweep->exposures) {
+    std::optional<size_t> longest;
+    for (size_t i = 0; i < near_full.size(); ++i) {
+      if (sweep->exposures[i] > exposure / kMuchMore) continue;
+      if (!longest || sweep->exposures[i] > sweep->exposures[*longest]) longest = i;
+    }
+    sweep->beside_saturated.push_back(longest ? near_full[*longest]
+                                              : std::vector<bool>(sweep->grey[0].size()));
+  }
 }
 
 }  // namespace
@@ -74,6 +88,7 @@ ExposureSweep ReadExposureSweep(const Recording& recording,
     if (!progress(++done, count)) throw Stopped();
   });
   ExposureSweep sweep;
+  std::vector<std::vector<bool>> near_full;
   for (size_t i = 0; i < count; ++i) {
     if (failures[i]) {
       left_out->push_back(
@@ -87,9 +102,10 @@ ExposureSweep ReadExposureSweep(const Recording& recording,
     sweep.frames.push_back(camera.images[i].name);
     sweep.exposures.push_back(exposures[i]);
     sweep.grey.push_back(std::move(sampled[i].grey));
-    sweep.beside_saturated.push_back(std::move(sampled[i].beside_saturated));
+    near_full.push_back(std::move(sampled[i].near_full));
   }
   if (sweep.grey.empty()) throw Error(*failures[0]);
+  SetBesideSaturated(near_full, &sweep);
   return sweep;
 }
 

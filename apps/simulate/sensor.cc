@@ -53,7 +53,11 @@ cv::Mat Expose(const cv::Mat& light, const SensorSpec& sensor, Random* random) {
       const double electrons =
           sensor.full_well * sensor.exposure * filter(x, y) * light.at<float>(y, x);
       const double noise = std::sqrt(electrons + sensor.read_noise * sensor.read_noise);
-      const double gray = gray_of((electrons + random->Gaussian(noise)) / sensor.full_well);
+      // Counted electrons have the third moment that Gaussian noise lacks (Cornish and Fisher
+      // 1938).
+      const double z = random->Gaussian(1), skewness = electrons / (noise * noise * noise);
+      const double counted = electrons + noise * (z + skewness / 6 * (z * z - 1));
+      const double gray = gray_of(counted / sensor.full_well);
       if (sensor.bits == 8) {
         image.at<std::uint8_t>(y, x) = static_cast<std::uint8_t>(gray);
       } else {
