@@ -114,6 +114,7 @@ REASONS = {
     ("images of circles", "detector"): "as of the detections",
     ("images of circles", "parameters"): "fits of ellipses have common errors of about .0005 px",
     ("pair, jackknife", "jackknife of extrinsics"): "a scatter of 20 frames has Student's t distribution",
+    ("straight", "segments"): "tracks share no errors here, and the factor for what neighbours share is at least 1",
     ("vignette", "exposures"): "errors of .02 % that an image's points share (pose, spline, response) are not in the scatter of parts of the wall",
 }
 
