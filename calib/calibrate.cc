@@ -105,9 +105,9 @@ void StartAgain(const BundleState& guess, Bundle* bundle) {
   for (BundleObservation& observation : bundle->observations) observation.used = true;
 }
 
-// A prior that holds one camera's position along each undetermined direction where the camera is
-// nearest to the rig's origin: far off, rotations by noise move targets and cameras as the motion
-// does.
+// A prior that fixes one camera's position along each undetermined direction, nearest to the rig's
+// origin: far from it, rotation noise of the poses displaces targets and cameras as much as the
+// motion does.
 CalibrationPrior HeldDirections(const Eigen::MatrixXd& undetermined,
                                 const std::vector<int>& extrinsics_index,
                                 const Bundle& bundle) {
@@ -141,7 +141,7 @@ CalibrationPrior HeldDirections(const Eigen::MatrixXd& undetermined,
 }
 
 // A rig whose cameras were placed by motion. Along what the motion leaves open noise carries the
-// estimate away, by metres, to where it determines the rest badly: it is held.
+// estimate away, by metres, to where it determines the rest badly: it is fixed.
 void JudgeMotion(const BundleState& guess,
                  const std::function<void()>& solve,
                  Calibration* calibration) {

@@ -11,6 +11,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "apps/photometry/image_spline.h"
+#include "apps/photometry/noise_line.h"
 #include "apps/photometry/wall_samples.h"
 #include "calib/base/error.h"
 #include "calib/base/linear_algebra.h"
@@ -112,23 +113,17 @@ class VignetteSolver {
         all.light[i] += part.light[i];
       }
     }
-    double n00 = 0, n01 = 0, n11 = 0, b0 = 0, b1 = 0;
+    NoiseLine line;
     for (size_t i = 0; i < kBins; ++i) {
       if (all.weight[i] < 100) continue;
       const double u = all.light[i] / all.weight[i];
       const double assumed = noise_gain_ * u + noise_read_ + Rounding(u);
       const double variance = assumed * all.square[i] / all.weight[i] - Rounding(u);
-      const double w = all.weight[i] / Square(assumed);
-      n00 += w * u * u;
-      n01 += w * u;
-      n11 += w;
-      b0 += w * u * variance;
-      b1 += w * variance;
+      line.Add(all.weight[i] / Square(assumed), u, variance);
     }
-    const double determinant = n00 * n11 - n01 * n01;
-    const double gain = determinant > 0 ? (n11 * b0 - n01 * b1) / determinant : 0;
-    const double read = determinant > 0 ? (n00 * b1 - n01 * b0) / determinant : 0;
-    noise_gain_ = read > 0 && gain > 0 ? gain : std::max(b0 / n00, 1e-6);
+    const double gain = line.IsDetermined() ? line.Gain() : 0;
+    const double read = line.IsDetermined() ? line.ReadVariance() : 0;
+    noise_gain_ = read > 0 && gain > 0 ? gain : std::max(line.GainAlone(), 1e-6);
     noise_read_ = gain > 0 ? std::max(read, 0.0) : 0;
     robust_ = true;
     TabulateNoise();

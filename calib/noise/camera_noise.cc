@@ -152,8 +152,8 @@ double CommonVariance(const std::vector<Mean>& means, double redundancy) {
 }
 
 // Smallest noise, px, with which the normal equations hold the markers' prior beside the images'
-// information. The prior alone tells the target's place and size, and rounding of what images tell
-// of a marker would hide it.
+// information. The prior alone determines the target's position and size, and is lost in the
+// rounding of the images' information on a marker.
 double SmallestNoise(const Bundle& bundle, size_t camera) {
   if (!bundle.EstimatesMarkers() || bundle.HasLandmarks()) return kSmallestNoise;
   // Of the prior's information: of 16 digits two remain for the prior, one is lost to sums.

@@ -66,9 +66,9 @@ double SearchShift(const PoseTrack& track,
   }
   // The logarithm of a scatter of k numbers has the variance 1 / (2 k): here four times 3 n
   // numbers.
-  const double of_chance = std::sqrt(6 * static_cast<double>(few.size()));
+  const double chance_sigma = std::sqrt(6 * static_cast<double>(few.size()));
   constexpr double kSigmas = 5;  // in a hundred scatters
-  return without - least > kSigmas * of_chance ? best : 0;
+  return without - least > kSigmas * chance_sigma ? best : 0;
 }
 
 }  // namespace

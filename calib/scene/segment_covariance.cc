@@ -154,7 +154,7 @@ double NeighbourFactor(const Eigen::MatrixXd& covariance,
     sums.col(group[m]) += scores.gradients.col(static_cast<Eigen::Index>(m)).head(size);
   }
   Eigen::MatrixXd by_groups = of_calibration;
-  const double others_of_all = 1 - 1 / static_cast<double>(sums.cols());
+  const double jackknife_factor = 1 - 1 / static_cast<double>(sums.cols());
   for (Eigen::Index g = 0; g < sums.cols(); ++g) {
     const Eigen::MatrixXd others =
         covariance - scores.information[static_cast<size_t>(g)].topLeftCorner(size, size);
@@ -162,7 +162,7 @@ double NeighbourFactor(const Eigen::MatrixXd& covariance,
     const Eigen::LLT<Eigen::MatrixXd> factor(others);
     // Without a group that alone determines a direction there is no estimate to compare with.
     if (factor.info() == Eigen::Success) change = covariance * factor.solve(change).eval();
-    by_groups += others_of_all * change * change.transpose();
+    by_groups += jackknife_factor * change * change.transpose();
   }
   const Eigen::LLT<Eigen::MatrixXd> factor(by_tracks);
   if (factor.info() != Eigen::Success) return 1;

@@ -417,23 +417,23 @@ class CirclesDetector final : public MarkerDetector {
                                            bool third) {
     const std::ptrdiff_t count = std::ssize(ideal);
     Eigen::MatrixX3d linear(count, 3);
-    Eigen::MatrixXd bent(count, third ? 7 : 3);
+    Eigen::MatrixXd higher(count, third ? 7 : 3);
     Eigen::MatrixX2d shift(count, 2);
     const double unit = cv::norm(ideal.back());
     for (std::ptrdiff_t i = 0; i < count; ++i) {
       const auto k = static_cast<std::size_t>(i);
       const double x = ideal[k].x / unit, y = ideal[k].y / unit;
       linear.row(i) << 1, x, y;
-      bent.row(i).head<3>() << x * x / 2, x * y, y * y / 2;
-      if (third) bent.row(i).tail<4>() << x * x * x, x * x * y, x * y * y, y * y * y;
+      higher.row(i).head<3>() << x * x / 2, x * y, y * y / 2;
+      if (third) higher.row(i).tail<4>() << x * x * x, x * x * y, x * y * y, y * y * y;
       shift.row(i) << image[k].x - ideal[k].x, image[k].y - ideal[k].y;
     }
     // What is linear first: of two rows a curvature across them is zero.
     const Eigen::MatrixXd fit = PseudoInverse(linear);
     const Eigen::MatrixXd H =
-        PseudoInverse(bent - linear * (fit * bent)) * (shift - linear * (fit * shift));
-    const Eigen::Matrix2d J =
-        Eigen::Matrix2d::Identity() + (fit * (shift - bent * H)).bottomRows<2>().transpose() / unit;
+        PseudoInverse(higher - linear * (fit * higher)) * (shift - linear * (fit * shift));
+    const Eigen::Matrix2d J = Eigen::Matrix2d::Identity() +
+                              (fit * (shift - higher * H)).bottomRows<2>().transpose() / unit;
     // The ellipse is A (cos t, sin t), its ideal image J^-1 of that.
     const Eigen::Matrix2d A = Eigen::Matrix2d(M.inverse()).llt().matrixL();
     const Eigen::Matrix2d of_circle = J.inverse() * A / unit;

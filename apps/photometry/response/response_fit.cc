@@ -86,7 +86,7 @@ class ResponseFit {
  private:
   // Chosen by the light, not by the grey value, whose noise would choose.
   [[nodiscard]] bool IsUsed(size_t image, size_t j, double u) const {
-    return curve_.Shows(u) && !sweep_.beside_saturated[image][j];
+    return curve_.MeasuresWithoutBias(u) && !sweep_.beside_saturated[image][j];
   }
 
   // body(part, pixel) for all pixels in use.
@@ -338,7 +338,8 @@ class ResponseFit {
   // recorded; most of all the response's exponent: exposures t^a and light E^a show the same
   // images.
   [[nodiscard]] Eigen::MatrixXd ExposurePrior(const Eigen::MatrixXd& J) const {
-    constexpr double kWell = 0.03, kFixed = 1e4;  // of the information of a pixel's brightness
+    constexpr double kLeastPrior = 0.03,
+                     kFixed = 1e4;  // of the information of a pixel's brightness
     const double information = J.diagonal().tail(x_.size()).mean();
     Eigen::VectorXd exponent = Eigen::VectorXd::Zero(x_.size());
     for (size_t i = 0; i < exposures_.size(); ++i) {
@@ -346,7 +347,7 @@ class ResponseFit {
     }
     exponent.array() -= exponent.mean();
     exponent.normalize();
-    const double precision = std::max(1 / SquareOf(exposure_sigma_), kWell * information);
+    const double precision = std::max(1 / SquareOf(exposure_sigma_), kLeastPrior * information);
     return precision * Eigen::MatrixXd::Identity(x_.size(), x_.size()) +
            kFixed * information * exponent * exponent.transpose();
   }

@@ -8,6 +8,7 @@
 #include <numbers>
 #include <numeric>
 
+#include "apps/photometry/noise_line.h"
 #include "apps/photometry/response/rising_values.h"
 
 namespace plenocal {
@@ -102,13 +103,13 @@ double SensorCurve::VarianceAt(double u) const {
 
 // Straight line of the variance of grey values' light over the light.
 void SensorCurve::EstimateNoise(const LightHistogram& histogram) {
-  double n00 = 0, n01 = 0, n11 = 0, b0 = 0, b1 = 0;
+  NoiseLine line;
   for (size_t b = 0; b < kBins; ++b) {
     const double n = histogram.pixels[b];
     constexpr double kFewest = 30;
     if (n < kFewest) continue;
     const double u = histogram.light[b] / n;
-    if (!Shows(u)) continue;
+    if (!MeasuresWithoutBias(u)) continue;
     const double assumed = VarianceAt(u);
     double mean = 0, square = 0;
     for (size_t k = 0; k < kGreys; ++k) {
@@ -121,20 +122,14 @@ void SensorCurve::EstimateNoise(const LightHistogram& histogram) {
     const double width = 2 * std::sqrt(u * LightHistogram::kMostLight) / kBins;
     const double variance =
         square / n - mean * mean - rounding - histogram.variance[b] / n - width * width / 12;
-    const double w = n / SquareOf(assumed);
-    n00 += w * u * u;
-    n01 += w * u;
-    n11 += w;
-    b0 += w * u * variance;
-    b1 += w * variance;
+    line.Add(n / SquareOf(assumed), u, variance);
   }
-  const double determinant = n00 * n11 - n01 * n01;
-  if (!(determinant > 0)) return;
-  const double gain = (n11 * b0 - n01 * b1) / determinant;
-  const double read = (n00 * b1 - n01 * b0) / determinant;
+  if (!line.IsDetermined()) return;
+  const double gain = line.Gain(), read = line.ReadVariance();
   // One of the two alone where the other comes out negative.
-  noise_.gain = read > 0 ? std::max(gain, 0.0) : std::max(b0 / n00, 0.0);
-  noise_.read = gain > 0 ? std::sqrt(std::max(read, 0.0)) : std::sqrt(std::max(b1 / n11, 0.0));
+  noise_.gain = read > 0 ? std::max(gain, 0.0) : std::max(line.GainAlone(), 0.0);
+  noise_.read = gain > 0 ? std::sqrt(std::max(read, 0.0))
+                         : std::sqrt(std::max(line.ReadVarianceAlone(), 0.0));
 }
 
 BorderEquations SensorCurve::Linearise(const LightHistogram& histogram) {

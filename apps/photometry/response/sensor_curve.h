@@ -84,9 +84,8 @@ class SensorCurve {
   [[nodiscard]] double Middle(std::size_t grey) const { return middles_[grey]; }
   /// Of the light of one pixel by its grey value, rounding included.
   [[nodiscard]] double VarianceAt(double u) const;
-  /// Whether grey values show such light without a bias: neither darkness nor saturation cuts its
-  /// noise off.
-  [[nodiscard]] bool Shows(double u) const { return u < brightest_ && u > darkest_; }
+  /// Neither darkness nor saturation cuts off the noise of such light.
+  [[nodiscard]] bool MeasuresWithoutBias(double u) const { return u < brightest_ && u > darkest_; }
 
  private:
   [[nodiscard]] double Variance(double u) const;

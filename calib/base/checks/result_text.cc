@@ -10,7 +10,7 @@
 namespace plenocal {
 namespace {
 
-// What stands around numbers in a file of this name; empty for other files.
+// Characters between the numbers of a file of this name; none for other files.
 std::string_view SeparatorsOf(std::string_view name) {
   if (name.ends_with(".csv")) return ",\n";
   if (name.ends_with(".yaml")) return " ,:[]{}\n";

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// The last look at the text of a result file.
+// Check of the text of a result file before it is written.
 #pragma once
 
 #include <string_view>

@@ -159,7 +159,7 @@ TEST_F(Detections, OfOneViewOfFourPointsDoNotDetermineACamera) {
   ExpectHonest(problem);
 }
 
-// An exact fit, which says nothing of the noise.
+// The fit is exact, so that the noise is not estimated.
 TEST_F(Detections, OfOneViewOfFourPointsLeaveTheMarkersAtTheirTolerance) {
   SyntheticProblem problem = EasyProblem(1, 0.0005);
   ShowFourPointsOnce(&problem);

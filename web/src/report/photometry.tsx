@@ -33,7 +33,7 @@ function ResponseSection({ response: r, page }: { response: Response; page: Phot
         />
         <LineChart
           title="Standard deviation"
-          note="Of U, from its scatter over disjoint sets of pixels and from errors of exposures."
+          note="Of U, from the scatter over the pixels and from errors of exposures."
           places={values}
           x={{ label: "grey value" }}
           y={{ label: "% of full scale" }}
