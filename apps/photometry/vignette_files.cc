@@ -76,10 +76,10 @@ std::vector<std::string> FindingsOf(const VignetteEstimate& estimate,
                                     const std::vector<std::string>& frames) {
   std::vector<std::string> findings;
   for (const std::string& frame : estimate.misplaced) {
-    findings.push_back(
-        fmt::format("{} shows another part of the wall than its marker has it, and is left out: "
-                    "the tilt of a small marker is ambiguous; use a larger one, or go nearer",
-                    frame));
+    findings.push_back(fmt::format(
+        "{} shows another part of the wall than the pose from its marker predicts, and "
+        "is left out: the tilt of a small marker is ambiguous; use a larger one, or go nearer",
+        frame));
   }
   // Gains that are wrong stand out from their median, which has the error that all share.
   const double usual = Median(estimate.gains);

@@ -129,9 +129,9 @@ class VignetteSolver {
     TabulateNoise();
   }
 
-  // Leaves out the view that shows another wall than the others where its marker has it, if there
-  // is one: the tilt of a small marker has a mirrored solution. Before weights are robust, which
-  // would hide it.
+  // Leaves out the view that fits the others' wall worst at the pose from its marker, if it fits
+  // far worse than usual: the tilt of a small marker has a mirrored solution. Before weights are
+  // robust, which would hide it.
   bool LeaveOutMisplaced() {
     EstimateWall();
     struct Sums {

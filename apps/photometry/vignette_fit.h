@@ -38,8 +38,8 @@ struct VignetteEstimate {
   double wall_cell = 0;  ///< m, side of its pixels
   /// By view, relative to the recorded exposures, and standard deviations of gain / mean gain.
   std::vector<double> gains, gain_sigma;
-  /// Views that show another part of the wall than their marker's pose has it: left out, so that
-  /// their gain is the prior's.
+  /// Views that show another part of the wall than the pose from their marker predicts: left out,
+  /// so that their gain is the prior's.
   std::vector<std::string> misplaced;
   double residual = 0;  ///< robust RMS of y, relative
   double expected = 0;  ///< the same by shot, read and rounding noise
