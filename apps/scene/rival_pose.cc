@@ -8,24 +8,25 @@
 #include <cmath>
 #include <map>
 #include <numbers>
-#include <set>
+#include <utility>
 
 #include "calib/rig_test.h"
 
 namespace plenocal {
 namespace {
 
-// Landmarks with a position that `frames` show; true: most of their observations agree.
-std::map<int, bool> Agreement(const SceneState& state, const std::set<int>& frames, double limit) {
-  std::map<int, int> votes;
+// Votes of a frame's observations of landmarks with a position: those that agree less the others.
+void Vote(const SceneState& state, size_t frame, double limit, std::map<int, int>* votes) {
   for (const BundleObservation& seen : state.bundle->observations) {
-    if (!frames.contains(seen.frame) || !state.has_point[static_cast<size_t>(seen.marker)])
-      continue;
-    votes[seen.marker] += ResidualLength(*state.bundle, seen) <= limit ? 1 : -1;
+    if (seen.frame != static_cast<int>(frame)) continue;
+    if (!state.has_point[static_cast<size_t>(seen.marker)]) continue;
+    (*votes)[seen.marker] += ResidualLength(*state.bundle, seen) <= limit ? 1 : -1;
   }
-  std::map<int, bool> agrees;
-  for (const auto& [marker, sum] : votes) agrees[marker] = sum > 0;
-  return agrees;
+}
+
+size_t Agreeing(const std::map<int, int>& votes) {
+  return static_cast<size_t>(
+      std::ranges::count_if(votes, [](const auto& vote) { return vote.second > 0; }));
 }
 
 // Number of landmarks with a position that would agree with another pose of the frame by chance:
@@ -45,15 +46,17 @@ double ExpectedByChance(const SceneState& state, size_t frame, double limit) {
   return sum;
 }
 
-// Whether the best of all poses that are tried would have so few landmarks by chance.
-bool IsChance(size_t agreeing, double expected) {
-  constexpr double kByMaking = 3;      // landmarks that determine a pose
-  constexpr double kPosesTried = 4e3;  // 1000 samples of three points, up to four poses each
+// Whether the best of all poses that are tried for so many frames would have as many landmarks by
+// chance.
+bool IsChance(size_t agreeing, double expected, size_t frames) {
+  constexpr double kByMaking = 3;  // landmarks that determine a pose
+  // 1000 samples of three points, up to four poses each.
+  const double poses_tried = 4e3 * static_cast<double>(frames);
   const double count = static_cast<double>(agreeing) - kByMaking;
   if (count <= expected) return true;
   // Chernoff's bound of the Poisson distribution's tail.
   const double log_tail = count - expected - count * std::log(count / expected);
-  return log_tail > std::log(kFalseAlarm / kPosesTried);
+  return log_tail > std::log(kFalseAlarm / poses_tried);
 }
 
 }  // namespace
@@ -71,37 +74,33 @@ std::string RivalPose::Text() const {
 std::optional<RivalPose> FindRivalPose(const SceneState& state,
                                        const std::vector<size_t>& frames,
                                        double limit) {
-  const std::set<int> of_pose(frames.begin(), frames.end());
-  const std::map<int, bool> agrees = Agreement(state, of_pose, limit);
-  Bundle& bundle = *state.bundle;
+  std::map<int, int> votes;
+  for (const size_t frame : frames) Vote(state, frame, limit, &votes);
   SceneState others = state;
-  RivalPose rival;
-  for (const auto& [marker, good] : agrees) {
-    if (!good) continue;
-    others.has_point[static_cast<size_t>(marker)] = false;
-    ++rival.agreeing;
+  for (const auto& [marker, sum] : votes) {
+    if (sum > 0) others.has_point[static_cast<size_t>(marker)] = false;
   }
-  std::map<int, size_t> contradicting;  // by frame
-  for (const BundleObservation& seen : bundle.observations) {
-    if (!of_pose.contains(seen.frame)) continue;
-    contradicting[seen.frame] += others.has_point[static_cast<size_t>(seen.marker)] ? 1 : 0;
+  RivalPose rival{.agreeing = Agreeing(votes)};
+  votes.clear();
+  size_t most = 0;
+  for (const size_t frame : frames) {
+    constexpr size_t kMoreThanMade = 4;  // whether so many agree by chance is judged here
+    const std::optional<PoseSearch> found = FindPose(others, frame, limit, kMoreThanMade);
+    if (!found || IsChance(found->inliers, ExpectedByChance(others, frame, limit), frames.size())) {
+      continue;
+    }
+    RigidTransform& T_rig_target = state.bundle->T_rig_target[frame];
+    const RigidTransform before = std::exchange(T_rig_target, found->T_rig_target);
+    Vote(others, frame, limit, &votes);
+    T_rig_target = before;
+    if (found->inliers <= most) continue;
+    most = found->inliers;
+    const RigidTransform change = before.Inverse() * found->T_rig_target;
+    rival.distance = (before.Inverse().t - found->T_rig_target.Inverse().t).norm();
+    rival.angle = Eigen::AngleAxisd(change.R).angle();
   }
-  if (contradicting.empty()) return std::nullopt;
-  using Count = std::pair<const int, size_t>;
-  const auto frame =
-      static_cast<size_t>(std::ranges::max_element(contradicting, {}, &Count::second)->first);
-  const std::optional<PoseSearch> found = FindPose(others, frame, limit);
-  if (!found || IsChance(found->inliers, ExpectedByChance(others, frame, limit))) {
-    return std::nullopt;
-  }
-  const RigidTransform T_target_rig = bundle.T_rig_target[frame].Inverse();
-  const RigidTransform change = T_target_rig * found->T_rig_target;
-  const std::vector<RigidTransform> poses = bundle.T_rig_target;
-  for (const size_t each : frames) bundle.T_rig_target[each] = poses[each] * change;
-  for (const auto& [marker, good] : Agreement(others, of_pose, limit)) rival.rivals += good ? 1 : 0;
-  bundle.T_rig_target = poses;
-  rival.distance = (T_target_rig.t - found->T_rig_target.Inverse().t).norm();
-  rival.angle = Eigen::AngleAxisd(change.R).angle();
+  if (most == 0) return std::nullopt;
+  rival.rivals = Agreeing(votes);
   return rival;
 }
 

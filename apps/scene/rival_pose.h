@@ -26,9 +26,10 @@ struct RivalPose {
   [[nodiscard]] std::string Text() const;
 };
 
-/// Of the pose that `frames` share, each relative to the others as it is: by the landmarks with a
-/// position in `state`. `limit`: residual below which an observation agrees, px. Nothing when no
-/// more landmarks agree on another pose than by chance.
+/// Of the poses of `frames`, by the landmarks with a position in `state`. Each frame is searched
+/// for itself: over a long segment the error of the path between frames exceeds `limit`, the
+/// residual below which an observation agrees, px. Nothing when in no frame more landmarks agree on
+/// another pose than by chance. Distance and angle are those of the frame where most agree.
 std::optional<RivalPose> FindRivalPose(const SceneState& state,
                                        const std::vector<size_t>& frames,
                                        double limit);

@@ -157,9 +157,7 @@ class PoseFinder {
     }
     if (best) Refine(&*best);
     bundle_.T_rig_target[frame_] = before;
-    if (best && best->inliers < (limit_ ? kFewestAgreeing : (best->candidates + 1) / 2)) {
-      return std::nullopt;
-    }
+    if (best && !limit_ && best->inliers < (best->candidates + 1) / 2) return std::nullopt;
     return best;
   }
 
@@ -391,7 +389,7 @@ double ResidualLength(const Bundle& bundle, const BundleObservation& observation
 double ResidualLimit(const SceneState& state) {
   std::vector<double> lengths;
   for (const BundleObservation& seen : state.bundle->observations) {
-    if (!state.has_pose[static_cast<size_t>(seen.frame)] ||
+    if (!seen.used || !state.has_pose[static_cast<size_t>(seen.frame)] ||
         !state.has_point[static_cast<size_t>(seen.marker)]) {
       continue;
     }
@@ -438,8 +436,10 @@ SceneState MakeSceneState(Bundle* bundle) {
 
 std::optional<PoseSearch> FindPose(const SceneState& state,
                                    size_t frame,
-                                   std::optional<double> limit) {
-  return PoseFinder(state, frame, limit).Run();
+                                   std::optional<double> limit,
+                                   size_t fewest_agreeing) {
+  const std::optional<PoseSearch> found = PoseFinder(state, frame, limit).Run();
+  return found && limit && found->inliers < fewest_agreeing ? std::nullopt : found;
 }
 
 void Triangulate(size_t frame, double largest_residual, SceneState* state) {

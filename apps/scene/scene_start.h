@@ -35,15 +35,16 @@ struct PoseSearch {
   double sigma = 0;       ///< robust, of one coordinate of the inliers' residuals, px
 };
 
+/// A wrong pose agrees with three by its making, and hardly with so many more by chance.
+inline constexpr size_t kFewestAgreeing = 12;
 /// Nothing when fewer than `kFewestLandmarks` are known or most of them contradict each other
 /// (least median). With `limit`, the residual in px below which a landmark agrees, most may: the
-/// pose with the most that agree wins, and nothing is found below `kFewestAgreeing`. The search is
+/// pose with the most that agree wins, and nothing is found below `fewest_agreeing`. The search is
 /// deterministic.
 std::optional<PoseSearch> FindPose(const SceneState& state,
                                    size_t frame,
-                                   std::optional<double> limit = std::nullopt);
-/// A wrong pose agrees with three by its making, and hardly with so many more by chance.
-inline constexpr size_t kFewestAgreeing = 12;
+                                   std::optional<double> limit = std::nullopt,
+                                   size_t fewest_agreeing = kFewestAgreeing);
 inline constexpr size_t kFewestLandmarks = 8;
 
 /// Positions of the landmarks that `frame` shows and that have none: from the rays of its cameras,
@@ -61,7 +62,7 @@ double FollowFrames(const std::vector<size_t>& frames, SceneState* state);
 double ResidualLength(const Bundle& bundle, const BundleObservation& observation);
 
 /// Residual below which an observation agrees with the present poses and positions, px: three
-/// robust sigmas of all of them; 0 when there are none.
+/// robust sigmas of all used ones; 0 when there are none.
 double ResidualLimit(const SceneState& state);
 
 /// Factor from the present distances of landmarks to those that the rays of single views show, of a

@@ -335,6 +335,10 @@ class LoopEstimation {
   // they are follows from the start alone. `all`: the observations before any was left out.
   void FindRivalEnd(std::vector<BundleObservation> all) {
     Bundle& bundle = result_.bundle;
+    SceneState adjusted = MakeSceneState(&bundle);
+    adjusted.has_pose.assign(bundle.T_rig_target.size(), true);
+    adjusted.has_point.assign(bundle.markers.size(), true);
+    const double limit = ResidualLimit(adjusted);  // of good points; `limit_` had the wrong ones
     const std::vector<BundleMarker> markers = bundle.markers;
     std::vector<BundleObservation> kept = std::exchange(bundle.observations, std::move(all));
     std::map<int, int> start_of;
@@ -351,8 +355,8 @@ class LoopEstimation {
       if (!seen.used || !state.has_pose[static_cast<size_t>(seen.frame)]) continue;
       state.has_point[static_cast<size_t>(seen.marker)] = true;
     }
-    for (const size_t frame : result_.start.frames) Triangulate(frame, limit_, &state);
-    result_.rival = FindRivalPose(state, result_.end.frames, kMatchLimits * limit_);
+    for (const size_t frame : result_.start.frames) Triangulate(frame, limit, &state);
+    result_.rival = FindRivalPose(state, result_.end.frames, kMatchLimits * limit);
     bundle.observations = std::move(kept);
     bundle.markers = markers;
     if (!result_.rival || !result_.rival->IsAmbiguous()) return;
