@@ -10,7 +10,7 @@
 
 #include "bench/usage_seconds.h"
 #include "calib/adjust/problem.h"
-#include "calib/calibrate.h"
+#include "calib/estimate/calibrate.h"
 #include "tests/calib/plenoptic_synthetic.h"
 
 int main(int argc, char** argv) {

@@ -15,14 +15,14 @@
 #include <string>
 #include <vector>
 
+#include "assess/compare.h"
+#include "assess/views/micro_lens_sight.h"
+#include "assess/views/next_views.h"
+#include "assess/views/view_information.h"
 #include "calib/base/error.h"
-#include "calib/calibrate.h"
 #include "calib/camera/micro_lens_array.h"
-#include "calib/describe.h"
-#include "calib/judge/compare.h"
-#include "calib/judge/views/micro_lens_sight.h"
-#include "calib/judge/views/next_views.h"
-#include "calib/judge/views/view_information.h"
+#include "calib/estimate/calibrate.h"
+#include "calib/estimate/describe.h"
 #include "models/registry.h"
 
 namespace plenocal {

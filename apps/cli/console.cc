@@ -6,7 +6,6 @@
 #include <unistd.h>
 
 #include <array>
-#include <atomic>
 #include <cerrno>
 #include <chrono>
 #include <csignal>
@@ -14,6 +13,7 @@
 #include <cstdlib>
 #include <cstring>
 #include <nlohmann/json.hpp>
+#include <stop_token>
 #include <thread>
 #include <utility>
 #include <vector>
@@ -25,28 +25,27 @@
 namespace plenocal {
 namespace {
 
-// Set by the signal handler, read by all threads.
-std::atomic<bool> interrupted{false};
-static_assert(std::atomic<bool>::is_always_lock_free);
-const ConsoleSink* sink = nullptr;
+// Requested after Ctrl-C.
+std::stop_source& Interruption() {
+  static std::stop_source source;
+  return source;
+}
 constexpr auto kLogPause = std::chrono::seconds(10);  // between lines of progress in a file
 int wake_up[2] = {-1, -1};  // a pipe from the signal handler to `EndWhenInterrupted`
 
-void RememberInterrupt(int) { interrupted = true; }
-
 void OnInterrupt(int) {
-  interrupted = true;
   const char byte = 0;
-  // Nothing can be done here when it fails; loops look at `interrupted` themselves.
+  // Nothing can be done here when it fails; the second Ctrl-C kills.
   if (write(wake_up[1], &byte, 1) < 0) return;
 }
 
-// Ends the program for work that does not look at `interrupted` within a moment.
+// Stops all runs, and ends the program for work that does not stop within a moment.
 void EndWhenInterrupted() {
   char byte = 0;
   while (read(wake_up[0], &byte, 1) != 1) {
     if (errno != EINTR) return;
   }
+  Interruption().request_stop();
   constexpr auto kPatience = std::chrono::milliseconds(600);
   std::this_thread::sleep_for(kPatience);
   AbandonOutput();
@@ -119,10 +118,7 @@ std::string ColouredLine(std::string_view line, std::string_view next) {
 
 }  // namespace
 
-void UseConsoleSink(const ConsoleSink* new_sink) { sink = new_sink; }
-
 std::string Styled(Stream stream, Style style, std::string_view text) {
-  if (sink != nullptr) return std::string(text);
   static const bool kOut = HasColours(STDOUT_FILENO), kErr = HasColours(ErrorFile());
   if (!(stream == Stream::kOut ? kOut : kErr)) return std::string(text);
   return fmt::format("{}{}\033[0m", ColourCode(style), text);
@@ -141,6 +137,7 @@ std::string WithColours(const std::string& text) {
 Console::Console(const ConsoleOptions& options)
     : quiet_(options.quiet),
       events_(options.events),
+      threads_(options.threads),
       terminal_(isatty(ErrorFile()) == 1),
       next_line_(std::chrono::steady_clock::now() + kLogPause) {}
 
@@ -165,7 +162,6 @@ void Console::Event(std::string_view json) const {
 void Console::Message(const std::string& line) {
   if (events_ >= 0) Event(EventText({{"event", "message"}, {"text", line}}));
   if (quiet_) return;
-  if (sink != nullptr) return sink->message(line, /*warning=*/false);
   ClearLine();
   PrintError(Escaped(line) + "\n");
 }
@@ -185,27 +181,23 @@ void Console::Detection(const std::string& camera,
 void Console::Warning(const std::string& line) {
   if (events_ >= 0) Event(EventText({{"event", "warning"}, {"text", line}}));
   if (quiet_) return;
-  if (sink != nullptr) return sink->message(line, /*warning=*/true);
   ClearLine();
   PrintError(
       fmt::format("  {} {}\n", Styled(Stream::kErr, Style::kWarning, "warning:"), Escaped(line)));
 }
 
-void Console::Progress(const std::string& stage, size_t done, size_t total) {
+bool Console::Progress(const std::string& stage, size_t done, size_t total) {
   if (events_ >= 0) {
-    Event(EventText({{"event", "progress"}, {"stage", stage}, {"done", done}, {"total", total}}));
+    nlohmann::json event{{"event", "progress"}, {"stage", stage}};
+    if (total > 0) event.update({{"done", done}, {"total", total}});
+    Event(EventText(event));
   }
-  ProgressLine(fmt::format("{}: {} of {}", stage, done, total));
-}
-
-void Console::Progress(const std::string& stage) {
-  if (events_ >= 0) Event(EventText({{"event", "progress"}, {"stage", stage}}));
-  ProgressLine(stage);
+  ProgressLine(total > 0 ? fmt::format("{}: {} of {}", stage, done, total) : stage);
+  return !Interrupted();
 }
 
 void Console::ProgressLine(const std::string& stage) {
   if (quiet_) return;
-  if (sink != nullptr) return sink->progress(stage);
   if (terminal_) {
     PrintError(fmt::format("\r\033[K{}", Escaped(stage)));
     line_open_ = true;
@@ -219,6 +211,22 @@ void Console::Print(const std::string& text) {
   if (quiet_) return;
   ClearLine();
   fmt::print("{}", WithColours(Escaped(text, "\n")));
+}
+
+Run Console::NewRun() {
+  return {
+      .listener = {
+          .message = [this](const std::string& line) { Message(line); },
+          .warning = [this](const std::string& line) { Warning(line); },
+          .progress = [this](const std::string& stage,
+                             size_t done,
+                             size_t total) { Progress(stage, done, total); },
+          .detection = [this](const std::string& camera,
+                              const std::string& frame,
+                              size_t points,
+                              const std::string& why) { Detection(camera, frame, points, why); }},
+      .stop = Interruption().get_token(),
+      .threads = threads_};
 }
 
 void OpenStandardStreams() {
@@ -254,21 +262,6 @@ void CatchInterrupts() {
   sigaction(SIGTERM, &action, nullptr);
 }
 
-bool Interrupted() { return interrupted; }
-
-void Interrupt() { interrupted = true; }
-
-InterruptScope::InterruptScope(bool catch_ctrl_c) : catches_(catch_ctrl_c) {
-  interrupted = false;
-  if (!catches_) return;
-  struct sigaction action {};
-  action.sa_handler = RememberInterrupt;
-  sigaction(SIGINT, &action, &before_);
-}
-
-InterruptScope::~InterruptScope() {
-  interrupted = false;
-  if (catches_) sigaction(SIGINT, &before_, nullptr);
-}
+bool Interrupted() { return Interruption().stop_requested(); }
 
 }  // namespace plenocal

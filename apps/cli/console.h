@@ -2,11 +2,11 @@
 #pragma once
 
 #include <chrono>
-#include <csignal>
 #include <cstddef>
-#include <functional>
 #include <string>
 #include <string_view>
+
+#include "engine/run.h"
 
 namespace plenocal {
 
@@ -18,17 +18,6 @@ struct ConsoleOptions {
   int threads = 0;     ///< 0: all cores
   int events = -1;     ///< open file that takes progress as JSON lines (docs/formats.md); -1: none
 };
-
-/// Takes the place of the standard streams where commands run inside of another program. Called
-/// from any thread of the running command.
-struct ConsoleSink {
-  std::function<void(const std::string& line, bool warning)> message;
-  std::function<void(const std::string& stage)> progress;
-};
-
-/// From now on consoles give messages and progress to `*sink`, and text is without colours; null:
-/// the standard streams again. Not to be called while a command runs.
-void UseConsoleSink(const ConsoleSink* sink);
 
 enum class Stream { kOut, kErr };
 enum class Style { kHeading, kGood, kWarning, kError };
@@ -57,9 +46,8 @@ class Console {
   void Message(const std::string& line);
   /// "  warning: ", in colour, and the line.
   void Warning(const std::string& line);
-  /// `done` of `total` items of a stage.
-  void Progress(const std::string& stage, size_t done, size_t total);
-  void Progress(const std::string& stage);
+  /// `done` of `total` items of a stage; `total` 0: they are not counted. False after Ctrl-C.
+  bool Progress(const std::string& stage, size_t done = 0, size_t total = 0);
   /// What was found in one image, for `ConsoleOptions::events` alone.
   void Detection(const std::string& camera,
                  const std::string& frame,
@@ -67,6 +55,8 @@ class Console {
                  const std::string& why);
   /// Text of whole lines on standard output, with colours.
   void Print(const std::string& text);
+  /// A run of the engine that reports here and stops after Ctrl-C. The console must outlive it.
+  Run NewRun();
 
  private:
   void ClearLine();
@@ -75,6 +65,7 @@ class Console {
 
   bool quiet_;
   int events_;
+  int threads_;
   bool terminal_;
   bool line_open_ = false;
   std::chrono::steady_clock::time_point next_line_;  ///< of progress, where there is no terminal
@@ -102,22 +93,5 @@ void PrintError(std::string_view text);
 void CatchInterrupts();
 /// True once the user has pressed Ctrl-C: a running command throws `Stopped` as soon as it can.
 bool Interrupted();
-
-/// For a command inside of a program that goes on afterwards: while an object of this class lives,
-/// `Interrupt` stops the command, and so does Ctrl-C if wanted; then all is as before. One at a
-/// time.
-class InterruptScope {
- public:
-  explicit InterruptScope(bool catch_ctrl_c);
-  ~InterruptScope();
-  InterruptScope(const InterruptScope&) = delete;
-  InterruptScope& operator=(const InterruptScope&) = delete;
-
- private:
-  bool catches_;
-  struct sigaction before_ {};
-};
-/// As Ctrl-C does.
-void Interrupt();
 
 }  // namespace plenocal

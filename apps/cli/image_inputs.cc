@@ -7,8 +7,8 @@
 #include <filesystem>
 
 #include "apps/cli/options.h"
-#include "apps/recording/stores/image_lister.h"
 #include "calib/base/error.h"
+#include "engine/recording/stores/image_lister.h"
 
 namespace plenocal {
 

@@ -5,7 +5,6 @@
 #include <fmt/format.h>
 
 #include "calib/base/error.h"
-#include "calib/files/session.h"
 
 namespace plenocal {
 
@@ -41,11 +40,6 @@ void AddBayer(CLI::App* app, std::optional<BayerOrder>* bayer, const std::string
   app->add_option_function<std::string>(
          "--bayer", [bayer](const std::string& name) { *bayer = ParseBayerOrder(name); }, help)
       ->check(CLI::IsMember(std::vector<std::string>(kBayerOrders.begin(), kBayerOrders.end())));
-}
-
-void UseFrameOptions(const SessionOptions& options, Session* session) {
-  if (options.frames > 0) session->frames = static_cast<size_t>(options.frames);
-  if (options.all) session->all_frames = true;
 }
 
 void AddSessionOptions(CLI::App* app, SessionOptions* options, ConsoleOptions* shared) {

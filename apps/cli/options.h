@@ -11,25 +11,9 @@
 
 #include "apps/cli/console.h"
 #include "calib/camera/bayer.h"
+#include "engine/session/session_options.h"
 
 namespace plenocal {
-
-struct Session;
-
-/// Options of the commands that detect the target in a session's images.
-struct SessionOptions {
-  std::filesystem::path session;     ///< session.yaml
-  std::filesystem::path out;         ///< folder for the results
-  bool keep = false;                 ///< write pictures of the stages into OUT/images
-  std::vector<std::string> exclude;  ///< rules beside the session's, in YAML
-  std::filesystem::path cache;       ///< folder of the detections kept for later runs; empty: `out`
-  int frames = 0;                    ///< most frames to use; 0: the session's number
-  bool all = false;                  ///< use all frames
-  bool fresh = false;                ///< detect again: ignore detections of earlier runs
-};
-
-/// Sets the number of frames in the session as given by `--frames` and `--all`.
-void UseFrameOptions(const SessionOptions& options, Session* session);
 
 /// Declares `--threads`.
 void AddThreads(CLI::App* app, ConsoleOptions* shared);

@@ -6,8 +6,8 @@
 #include <map>
 #include <mutex>
 
-#include "apps/resample/resample_images.h"
 #include "calib/base/error.h"
+#include "engine/resample/resample_images.h"
 
 namespace plenocal {
 
@@ -47,8 +47,7 @@ size_t ResampleToFolder(const std::vector<FrameImage>& images,
   request.threads = options.threads;
   request.message = [&](const std::string& line) { console.Message(line); };
   request.progress = [&](size_t done) {
-    console.Progress(camera.name + ": images", done, images.size());
-    return !Interrupted();
+    return console.Progress(camera.name + ": images", done, images.size());
   };
   std::mutex keeping;
   request.result = [&](const std::string& frame, const std::string& png) {

@@ -10,9 +10,9 @@
 
 #include "apps/cli/console.h"
 #include "apps/cli/view_options.h"
-#include "apps/resample/pixel_map.h"
 #include "calib/base/output_folder.h"
 #include "calib/files/frame_images.h"
+#include "engine/resample/pixel_map.h"
 
 namespace plenocal {
 

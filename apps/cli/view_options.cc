@@ -9,8 +9,8 @@
 
 #include "apps/cli/image_inputs.h"
 #include "apps/cli/options.h"
-#include "apps/resample/resample_images.h"
 #include "calib/base/error.h"
+#include "engine/resample/resample_images.h"
 
 namespace plenocal {
 

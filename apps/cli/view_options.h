@@ -8,9 +8,9 @@
 #include <string>
 #include <vector>
 
-#include "apps/resample/pinhole_view.h"
 #include "calib/camera/bayer.h"
 #include "detectors/photometry/response_curve.h"
+#include "engine/resample/pinhole_view.h"
 
 namespace plenocal {
 

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "apps/recording/recording.h"
+#include "engine/recording/recording.h"
 
 namespace plenocal {
 

@@ -12,7 +12,6 @@
 #include <opencv2/imgproc.hpp>
 #include <optional>
 
-#include "apps/scene/track/feature_tracker.h"
 #include "calib/base/error.h"
 #include "calib/base/parallel.h"
 #include "calib/base/quoted_text.h"
@@ -20,6 +19,7 @@
 #include "calib/base/statistics.h"
 #include "detectors/images/image.h"
 #include "detectors/photometry/response_curve.h"
+#include "engine/scene/track/feature_tracker.h"
 
 namespace plenocal {
 namespace {

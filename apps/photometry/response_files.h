@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "apps/photometry/response/response_fit.h"
-#include "apps/recording/recording.h"
+#include "engine/recording/recording.h"
 
 namespace plenocal {
 

@@ -15,11 +15,11 @@
 #include <optional>
 
 #include "apps/photometry/exposed_images.h"
-#include "apps/scene/locate.h"
 #include "calib/base/error.h"
 #include "calib/base/number_text.h"
 #include "calib/base/parallel.h"
 #include "detectors/marker_detectors.h"
+#include "engine/scene/locate.h"
 
 namespace plenocal {
 namespace {

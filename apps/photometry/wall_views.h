@@ -8,9 +8,9 @@
 #include <string>
 #include <vector>
 
-#include "apps/recording/recording.h"
 #include "calib/files/calibration_record.h"
 #include "detectors/photometry/response_curve.h"
+#include "engine/recording/recording.h"
 #include "targets/target.h"
 
 namespace plenocal {

@@ -16,10 +16,10 @@
 #include "apps/report/residual_sections.h"
 #include "apps/report/transform_json.h"
 #include "apps/report/verdict_json.h"
+#include "assess/projection_map.h"
+#include "assess/verdict.h"
 #include "calib/base/number_text.h"
-#include "calib/calibrate.h"
-#include "calib/judge/projection_map.h"
-#include "calib/judge/verdict.h"
+#include "calib/estimate/calibrate.h"
 
 namespace plenocal {
 namespace {

@@ -5,7 +5,7 @@
 
 #include <string>
 
-#include "apps/report/calibration_folder.h"
+#include "engine/calibration_folder.h"
 
 namespace plenocal {
 

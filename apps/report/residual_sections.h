@@ -3,8 +3,8 @@
 
 #include <nlohmann/json.hpp>
 
+#include "assess/residual_field.h"
 #include "calib/files/calibration_record.h"
-#include "calib/judge/residual_field.h"
 
 namespace plenocal {
 

@@ -6,18 +6,9 @@
 #include <string>
 #include <vector>
 
-#include "calib/judge/model_trial.h"
+#include "assess/trial_text.h"
 
 namespace plenocal {
-
-/// One model in the tables and on the page.
-struct TrialRow {
-  const ModelTrial* trial = nullptr;
-  std::vector<std::string> undetermined;  ///< names of parameters
-  bool recommended = false;
-  std::string judgement;  ///< in comparison with the best model; empty when it has no score
-  std::string why_not;    ///< why it has no score; empty when it has one
-};
 
 /// What is recommended, each a sentence.
 struct TrialRecommendations {

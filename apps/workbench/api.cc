@@ -10,7 +10,6 @@
 #include <string>
 #include <utility>
 
-#include "apps/recording/stores/image_lister.h"
 #include "apps/workbench/focus_json.h"
 #include "apps/workbench/image_answer.h"
 #include "apps/workbench/project/beneath.h"
@@ -22,6 +21,7 @@
 #include "calib/base/error.h"
 #include "calib/base/quoted_text.h"
 #include "calib/files/frame_images.h"
+#include "engine/recording/stores/image_lister.h"
 #include "models/registry.h"
 #include "targets/target.h"
 

@@ -7,7 +7,7 @@
 #include <optional>
 #include <string>
 
-#include "apps/guide/picture_scale.h"
+#include "engine/suggest/picture_scale.h"
 
 namespace plenocal::workbench {
 

@@ -11,20 +11,20 @@
 #include <utility>
 #include <vector>
 
-#include "apps/guide/calibrated_rig.h"
 #include "apps/report/report.h"
 #include "apps/report/residual_sections.h"
 #include "apps/report/transform_json.h"
 #include "apps/report/verdict_json.h"
+#include "assess/compare.h"
+#include "assess/frames/exclusion_preview.h"
+#include "assess/frames/frame_influence.h"
+#include "assess/projection_map.h"
+#include "assess/verdict.h"
 #include "calib/base/error.h"
 #include "calib/camera/micro_lens_array.h"
 #include "calib/files/calibration_file.h"
 #include "calib/files/exclusion.h"
-#include "calib/judge/compare.h"
-#include "calib/judge/frames/exclusion_preview.h"
-#include "calib/judge/frames/frame_influence.h"
-#include "calib/judge/projection_map.h"
-#include "calib/judge/verdict.h"
+#include "engine/suggest/calibrated_rig.h"
 #include "models/registry.h"
 
 namespace plenocal::workbench {

@@ -9,6 +9,9 @@
 
 namespace plenocal {
 
+/// False-alarm rate of the tests whether a rig is rigid, priors hold and points share errors.
+inline constexpr double kFalseAlarm = 1e-3;
+
 /// Median; of an even number of values the upper one of the middle two. `if_empty`: for no values.
 template <typename T>
 T Median(std::vector<T> values, T if_empty = T(0)) {

@@ -18,7 +18,7 @@ using Eigen::VectorXd;
 // Part of the diagonal that is rounding: entries are differences of sums.
 constexpr double kRounding = 1e-13;
 // The estimate lies where the noise resembles motion most, so a usual level is exceeded too often.
-constexpr double kFalseAlarm = 1e-6;
+constexpr double kMostByChance = 1e-6;
 constexpr int kMostDegrees = 1000;
 
 // NoiseSpectrum u with u' M u = 1, of which each pair is uncorrelated by noise too.
@@ -52,7 +52,7 @@ NoiseSpectrum DecomposeByNoise(const MatrixXd& M, const std::vector<MatrixXd>& o
     }
     // Noise of this mean and variance is chi-square with so many degrees of freedom.
     const double degrees = std::clamp(2 * part * part / variance, 1.0, double{kMostDegrees});
-    if (ChiSquareTail(static_cast<int>(degrees), degrees / part) < kFalseAlarm) break;
+    if (ChiSquareTail(static_cast<int>(degrees), degrees / part) < kMostByChance) break;
   }
   return found;
 }

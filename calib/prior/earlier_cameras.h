@@ -9,7 +9,7 @@
 #include "calib/adjust/bundle.h"
 #include "calib/files/calibration_record.h"
 #include "calib/files/scene_keys.h"
-#include "calib/start.h"
+#include "calib/start/camera_guess.h"
 
 namespace plenocal {
 

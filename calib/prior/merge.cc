@@ -14,7 +14,6 @@
 #include "calib/base/names.h"
 #include "calib/base/statistics.h"
 #include "calib/prior/calibrated_rig.h"
-#include "calib/rig_test.h"
 
 namespace plenocal {
 namespace {

@@ -10,7 +10,6 @@
 
 #include "calib/base/linear_algebra.h"
 #include "calib/base/statistics.h"
-#include "calib/rig_test.h"
 
 namespace plenocal {
 namespace {
@@ -23,9 +22,8 @@ constexpr double kNamedSigmas = 3;
 constexpr size_t kMostNamed = 4;
 
 // Covariance of the prior's unknowns with the new images.
-Eigen::MatrixXd CovarianceWithImages(const Calibration& calibration) {
-  const std::vector<CalibrationPrior::Unknown>& unknowns = calibration.bundle.prior->unknowns;
-  const Uncertainty& uncertainty = calibration.uncertainty;
+Eigen::MatrixXd CovarianceWithImages(const Bundle& bundle, const Uncertainty& uncertainty) {
+  const std::vector<CalibrationPrior::Unknown>& unknowns = bundle.prior->unknowns;
   std::vector<int> index;
   for (const CalibrationPrior::Unknown& unknown : unknowns) {
     const int first = uncertainty.extrinsics_index[unknown.camera];
@@ -147,11 +145,10 @@ Finding FindingOfContradiction(const Bundle& bundle, const Contradiction& contra
 
 }  // namespace
 
-std::vector<Finding> FindingsOfPrior(const Calibration& calibration) {
-  const Bundle& bundle = calibration.bundle;
+std::vector<Finding> FindingsOfPrior(const Bundle& bundle, const Uncertainty& uncertainty) {
   if (!bundle.prior) return {};
   const Eigen::VectorXd deviation = DeviationFromPrior(bundle);
-  const Eigen::MatrixXd covariance = CovarianceWithImages(calibration);
+  const Eigen::MatrixXd covariance = CovarianceWithImages(bundle, uncertainty);
   if (ChanceOfDeviation(*bundle.prior, deviation, covariance) > kFalseAlarm) return {};
   std::vector<Finding> findings;
   for (const Contradiction& contradiction : FindContradictions(bundle, deviation, covariance)) {

@@ -5,8 +5,9 @@
 
 #include <vector>
 
-#include "calib/calibrate.h"
+#include "calib/adjust/bundle.h"
 #include "calib/files/finding.h"
+#include "calib/noise/uncertainty.h"
 
 namespace plenocal {
 
@@ -14,6 +15,6 @@ namespace plenocal {
 /// first, where the images contradict `Bundle::prior`: with a correct prior the deviation of the
 /// estimate from it has the covariance C_prior - C, of which all is tested at once (chi-square).
 /// Nothing without a prior. Of a calibration whose standard errors are those of the noise alone.
-std::vector<Finding> FindingsOfPrior(const Calibration& calibration);
+std::vector<Finding> FindingsOfPrior(const Bundle& bundle, const Uncertainty& uncertainty);
 
 }  // namespace plenocal

@@ -196,21 +196,20 @@ double MedianDistance(const Bundle& bundle) {
 
 // Of the named cameras the one whose translation is known worst.
 std::optional<OpenTranslation> LeastCertain(const std::vector<std::string>& names,
-                                            const Calibration& calibration) {
-  const double distance = MedianDistance(calibration.bundle);
+                                            const Bundle& bundle,
+                                            const Uncertainty& uncertainty) {
+  const double distance = MedianDistance(bundle);
   std::optional<OpenTranslation> worst;
-  for (size_t c = 0; c < calibration.bundle.cameras.size(); ++c) {
-    const std::string& name = calibration.bundle.cameras[c].name;
+  for (size_t c = 0; c < bundle.cameras.size(); ++c) {
+    const std::string& name = bundle.cameras[c].name;
     if (std::ranges::find(names, name) == names.end()) continue;
-    const Eigen::Matrix3d covariance =
-        calibration.uncertainty.extrinsics_covariance[c].topLeftCorner<3, 3>();
+    const Eigen::Matrix3d covariance = uncertainty.extrinsics_covariance[c].topLeftCorner<3, 3>();
     OpenTranslation open{.camera = name, .sigma = std::numeric_limits<double>::infinity()};
     if (covariance.allFinite()) {
       const SymmetricEigen3 spectrum = DecomposeSymmetric(covariance);
       open.sigma = std::sqrt(std::max(0.0, spectrum.values[2]));
       open.direction = spectrum.vectors.col(2);
     } else {
-      const Uncertainty& uncertainty = calibration.uncertainty;
       const Eigen::MatrixXd translations =
           uncertainty.undetermined.middleRows<3>(uncertainty.extrinsics_index[c]);
       open.direction = DecomposeSymmetric(Eigen::Matrix3d(translations * translations.transpose()))
@@ -236,10 +235,12 @@ std::vector<CameraInput> SplitViews(const CalibrationInput& input) {
   return split;
 }
 
-std::vector<Finding> JudgeLinks(const std::vector<Finding>& links, const Calibration& calibration) {
+std::vector<Finding> JudgeLinks(const std::vector<Finding>& links,
+                                const Bundle& bundle,
+                                const Uncertainty& uncertainty) {
   std::vector<Finding> judged;
   for (const Finding& link : links) {
-    const std::optional<OpenTranslation> open = LeastCertain(link.cameras, calibration);
+    const std::optional<OpenTranslation> open = LeastCertain(link.cameras, bundle, uncertainty);
     if (!open || open->part < kOpenTranslation) {
       judged.push_back(link);
       continue;

@@ -7,9 +7,10 @@
 #include <span>
 #include <vector>
 
-#include "calib/calibrate.h"
 #include "calib/files/finding.h"
-#include "calib/start.h"
+#include "calib/noise/uncertainty.h"
+#include "calib/start/camera_guess.h"
+#include "calib/start/input.h"
 
 namespace plenocal {
 
@@ -35,6 +36,8 @@ LinkedInput LinkTargets(const CalibrationInput& input,
 
 /// The findings of `LinkedInput` at the optimum: extrinsics by motion whose translation is open in
 /// a direction, as where the rig turned about one axis only, are named with it.
-std::vector<Finding> JudgeLinks(const std::vector<Finding>& links, const Calibration& calibration);
+std::vector<Finding> JudgeLinks(const std::vector<Finding>& links,
+                                const Bundle& bundle,
+                                const Uncertainty& uncertainty);
 
 }  // namespace plenocal

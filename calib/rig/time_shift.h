@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "calib/adjust/bundle.h"
-#include "calib/start.h"
+#include "calib/start/camera_guess.h"
 
 namespace plenocal {
 

@@ -29,7 +29,7 @@ constexpr int kShadingSide = 31;
 /// Levels of the curve, of equal numbers of pixels.
 constexpr size_t kLevels = 32;
 /// A good pixel is called defective with this probability over the whole image.
-constexpr double kFalseAlarm = 0.01;
+constexpr double kGoodCalledDefective = 0.01;
 /// Good pixels differ in sensitivity with longer tails than a normal distribution has.
 constexpr double kDefectSigmas = 10;
 
@@ -135,7 +135,7 @@ void SortByLevel(std::vector<PixelNoise>* pixels) {
 // Without pixels of far more noise than the others, which would else be the level's.
 NoiseLevel LevelOf(const PixelNoise* begin, const PixelNoise* end, int dof) {
   const double count = static_cast<double>(end - begin);
-  const double ratio = ChiSquareQuantile(dof, kFalseAlarm / count) / dof;
+  const double ratio = ChiSquareQuantile(dof, kGoodCalledDefective / count) / dof;
   NoiseLevel level;
   double limit = std::numeric_limits<double>::infinity();
   for (int round = 0; round < 4; ++round) {
@@ -220,8 +220,8 @@ std::vector<DefectivePixel> FindDefects(const std::vector<PixelNoise>& pixels,
                                         int columns) {
   std::vector<DefectivePixel> defects;
   // Twice the noise of its level at least: the levels themselves are not that exact.
-  const double most_variance =
-      std::max(4.0, ChiSquareQuantile(dof, kFalseAlarm / static_cast<double>(pixels.size())) / dof);
+  const double most_variance = std::max(
+      4.0, ChiSquareQuantile(dof, kGoodCalledDefective / static_cast<double>(pixels.size())) / dof);
   for (size_t k = 0; k < noise.levels.size(); ++k) {
     const size_t first = LevelStart(k, noise.levels.size(), pixels.size());
     const size_t last = LevelStart(k + 1, noise.levels.size(), pixels.size());

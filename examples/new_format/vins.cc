@@ -7,10 +7,10 @@
 
 #include <array>
 
-#include "apps/formats/camera_format.h"
-#include "apps/formats/exact_numbers.h"
-#include "apps/formats/lens_form.h"
-#include "apps/formats/opencv_storage.h"
+#include "engine/formats/camera_format.h"
+#include "engine/formats/exact_numbers.h"
+#include "engine/formats/lens_form.h"
+#include "engine/formats/opencv_storage.h"
 
 namespace plenocal {
 namespace {

@@ -14,7 +14,7 @@
 #include "calib/base/error.h"
 #include "calib/base/linear_algebra.h"
 #include "calib/camera/ray_fit.h"
-#include "calib/start.h"
+#include "calib/start/camera_guess.h"
 #include "models/kannala_brandt4.h"
 
 namespace plenocal {

@@ -10,7 +10,7 @@
 #include "calib/base/error.h"
 #include "calib/base/linear_algebra.h"
 #include "calib/base/statistics.h"
-#include "calib/start.h"
+#include "calib/start/camera_guess.h"
 #include "models/pinhole_radial3.h"
 
 namespace plenocal {

@@ -9,11 +9,11 @@
 #include <cmath>
 #include <limits>
 
+#include "assess/compare.h"
+#include "assess/convert.h"
 #include "calib/base/error.h"
 #include "calib/base/names.h"
 #include "calib/files/calibration_file.h"
-#include "calib/judge/compare.h"
-#include "calib/judge/convert.h"
 #include "models/registry.h"
 #include "python/src/bindings.h"
 

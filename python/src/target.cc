@@ -8,11 +8,11 @@
 
 #include <opencv2/core.hpp>
 
-#include "apps/cli/session/open_session.h"
 #include "calib/base/error.h"
 #include "calib/files/detections.h"
 #include "detectors/images/image.h"
 #include "detectors/marker_detectors.h"
+#include "engine/session/open_session.h"
 #include "models/registry.h"
 #include "python/src/bindings.h"
 

@@ -5,9 +5,9 @@
 
 #include <array>
 
-#include "apps/resample/pinhole_view.h"
-#include "apps/resample/pixel_map.h"
-#include "apps/resample/rectify.h"
+#include "engine/resample/pinhole_view.h"
+#include "engine/resample/pixel_map.h"
+#include "engine/resample/rectify.h"
 #include "python/src/bindings.h"
 
 namespace plenocal::python {

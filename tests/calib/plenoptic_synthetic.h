@@ -8,7 +8,7 @@
 #include <map>
 #include <vector>
 
-#include "calib/calibrate.h"
+#include "calib/estimate/calibrate.h"
 
 namespace plenocal::testing {
 

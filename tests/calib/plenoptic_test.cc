@@ -10,7 +10,7 @@
 #include <iostream>
 
 #include "calib/base/error.h"
-#include "calib/calibrate.h"
+#include "calib/estimate/calibrate.h"
 #include "calib/noise/jackknife.h"
 #include "calib/noise/weak_directions.h"
 #include "models/registry.h"

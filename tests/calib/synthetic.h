@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "calib/adjust/bundle.h"
-#include "calib/calibrate.h"
+#include "calib/estimate/calibrate.h"
 #include "calib/noise/weak_directions.h"
 
 namespace plenocal::testing {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/judge/compare.h"
+#include "assess/compare.h"
 
 #include <fmt/format.h>
 
@@ -12,22 +12,22 @@
 #include <optional>
 
 #include "apps/charts/field_map.h"
-#include "apps/cli/calibration_input.h"
 #include "apps/cli/command.h"
 #include "apps/cli/options.h"
-#include "apps/cli/session/open_session.h"
-#include "apps/cli/session_observations.h"
 #include "apps/evaluate/compare_truths.h"
 #include "apps/photometry/attenuation_compare.h"
 #include "apps/report/verdict_json.h"
+#include "assess/check.h"
 #include "calib/base/error.h"
 #include "calib/base/number_text.h"
 #include "calib/base/output_folder.h"
 #include "calib/base/quoted_text.h"
-#include "calib/describe.h"
+#include "calib/estimate/describe.h"
 #include "calib/files/calibration_file.h"
 #include "calib/files/calibration_tables.h"
-#include "calib/judge/check.h"
+#include "engine/session/calibration_input.h"
+#include "engine/session/open_session.h"
+#include "engine/session/session_observations.h"
 #include "models/registry.h"
 
 namespace plenocal {
@@ -441,15 +441,14 @@ void CheckWithNewImages(const CompareArguments& arguments,
   }
   DetectionCache cache = out ? OpenDetectionCache(arguments.out, session, EarlierDetections::kReuse)
                              : DetectionCache({}, {}, false);  // keeps nothing
+  const Run run = console.NewRun();
   const SessionObservations observations =
-      CollectObservations(session, target, shared, {&cache, nullptr}, &console);
+      CollectObservations(session, target, run, {&cache, nullptr});
   const CalibrationCheck check =
       CheckCalibration(old.record,
-                       MakeCalibrationInput(session, target, observations.cameras, &console),
-                       {.threads = shared.threads, .progress = [&](const std::string& stage) {
-                          console.Progress(stage);
-                          return !Interrupted();
-                        }});
+                       MakeCalibrationInput(session, target, observations.cameras, run),
+                       {.threads = shared.threads,
+                        .progress = [&](const std::string& stage) { return run.Progress(stage); }});
   if (out) {
     std::vector<CalibratedCamera> fresh;
     for (size_t c = 0; c < check.cameras.size(); ++c)

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/judge/convert.h"
+#include "assess/convert.h"
 
 #include <fmt/format.h>
 
@@ -11,11 +11,11 @@
 
 #include "apps/charts/field_map.h"
 #include "apps/cli/command.h"
-#include "apps/cli/model_option.h"
 #include "apps/cli/options.h"
 #include "calib/base/number_text.h"
 #include "calib/base/output_folder.h"
 #include "calib/files/calibration_file.h"
+#include "engine/session/model_named.h"
 #include "models/registry.h"
 
 namespace plenocal {
@@ -80,7 +80,7 @@ std::string SummaryOf(const CalibratedCamera& camera,
 void RunConvert(const ConvertArguments& arguments, const ConsoleOptions& shared) {
   const CalibrationRecord calibration = ReadCalibration(arguments.calibration, CameraModels());
   const CalibratedCamera& camera = FindCamera(calibration, arguments.camera);
-  const CameraModel* model = ModelOfOption("--to", arguments.model);
+  const CameraModel* model = ModelNamed("--to", arguments.model);
   const Conversion conversion = Convert(camera, *model);
 
   std::string errors = "x,y,dx,dy\n";

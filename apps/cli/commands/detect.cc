@@ -8,15 +8,15 @@
 
 #include "apps/cli/command.h"
 #include "apps/cli/options.h"
-#include "apps/cli/session/open_session.h"
-#include "apps/cli/session_observations.h"
-#include "apps/recording/frames/session_images.h"
-#include "apps/recording/stores/image_lister.h"
 #include "calib/base/error.h"
 #include "calib/base/number_text.h"
 #include "calib/base/output_folder.h"
 #include "calib/base/quoted_text.h"
-#include "calib/files/exclusion.h"
+#include "engine/detect_session.h"
+#include "engine/recording/frames/session_images.h"
+#include "engine/recording/stores/image_lister.h"
+#include "engine/session/open_session.h"
+#include "engine/session/session_observations.h"
 
 namespace plenocal {
 namespace {
@@ -44,9 +44,10 @@ Shard ParseShard(const std::string& text) {
 }
 
 /// Detects in every N-th image, for the cache alone, and writes how many points there are.
-void RunShard(const DetectArguments& options,
-              const Session& session,
-              const ConsoleOptions& shared) {
+void RunShard(const DetectArguments& options, const ConsoleOptions& shared) {
+  Session session = OpenSession(options.session);
+  UseOptions(options, &session);
+  RefuseSeveralTargets(session, "detect --shard");
   const Shard shard = ParseShard(options.shard);
   const Target target = ReadTarget(session.target);
   OutputFolder out(options.out);
@@ -75,8 +76,7 @@ void RunShard(const DetectArguments& options,
             },
         .progress =
             [&](size_t done) {
-              console.Progress(camera.name + ": images", done, images.size());
-              return !Interrupted();
+              return console.Progress(camera.name + ": images", done, images.size());
             }};
     if (camera.model->plenoptic) {
       static_cast<void>(DetectImages(images, target, CameraOptics::kPlenoptic, detect));
@@ -90,28 +90,11 @@ void RunShard(const DetectArguments& options,
 }
 
 void RunDetect(const DetectArguments& options, const ConsoleOptions& shared) {
-  Session session = OpenSession(options.session);
-  AddExcludeRules(options.exclude, &session);
-  UseFrameOptions(options, &session);
-  if (!options.shard.empty()) {
-    RefuseSeveralTargets(session, "detect --shard");
-    RunShard(options, session, shared);
-    return;
-  }
-  const SessionTargets targets = ReadSessionTargets(session);
-  OutputFolder out(options.out);
+  if (!options.shard.empty()) return RunShard(options, shared);
   Console console(shared);
-  DetectionCache cache =
-      OpenDetectionCache(options.cache.empty() ? options.out : options.cache,
-                         session,
-                         options.fresh ? EarlierDetections::kIgnore : EarlierDetections::kReuse);
-  const SessionObservations observations = CollectObservations(
-      session, targets, shared, {&cache, options.keep ? &out : nullptr}, &console);
-  WriteDetections(session, observations, options.out, &out);
-  out.Commit();
-  // Other runs may need what is in a cache of its own.
-  if (options.cache.empty()) cache.RemoveUnused();
-  for (const CameraInput& camera : observations.cameras) {
+  const DetectedSession detected = DetectSession(options, console.NewRun());
+  detected.folders->Commit();
+  for (const CameraInput& camera : detected.observations.cameras) {
     console.Print(fmt::format("{}: {}, {} -> {}\n",
                               camera.name,
                               Counted(camera.views.size(), "frame"),

@@ -7,15 +7,15 @@
 
 #include "apps/cli/command.h"
 #include "apps/cli/options.h"
-#include "apps/formats/camera_format.h"
-#include "apps/report/calibration_folder.h"
-#include "apps/resample/resample_images.h"
 #include "calib/base/error.h"
 #include "calib/base/names.h"
 #include "calib/base/number_text.h"
 #include "calib/base/output_folder.h"
 #include "calib/files/calibration_file.h"
 #include "detectors/photometry/response_curve.h"
+#include "engine/calibration_folder.h"
+#include "engine/formats/camera_format.h"
+#include "engine/resample/resample_images.h"
 #include "models/registry.h"
 
 namespace plenocal {

@@ -5,17 +5,17 @@
 
 #include "apps/cli/command.h"
 #include "apps/cli/options.h"
-#include "apps/cli/session/left_out.h"
-#include "apps/recording/layouts.h"
-#include "apps/recording/recording.h"
-#include "apps/scene/loop/image_tracks.h"
-#include "apps/scene/loop/loop_truth_page.h"
-#include "apps/scene/loop/recorded_tracks.h"
+#include "apps/groundtruth/image_tracks.h"
+#include "apps/groundtruth/loop_truth_page.h"
+#include "apps/groundtruth/recorded_tracks.h"
 #include "calib/base/error.h"
 #include "calib/base/number_text.h"
 #include "calib/base/output_folder.h"
 #include "calib/files/calibration_file.h"
 #include "calib/files/calibration_tables.h"
+#include "engine/recording/layouts.h"
+#include "engine/recording/recording.h"
+#include "engine/session/left_out.h"
 #include "models/registry.h"
 
 namespace plenocal {
@@ -81,8 +81,7 @@ LoopTracks CollectTracks(const GroundtruthArguments& arguments,
   options.features.wanted = arguments.points;
   options.threads = threads;
   options.progress = [&](const std::string& stage, size_t done, size_t total) {
-    console->Progress(stage, done, total);
-    return !Interrupted();
+    return console->Progress(stage, done, total);
   };
   return TrackLoop(ReadRecording(arguments.recording), rig.cameras, options);
 }
@@ -111,13 +110,11 @@ void RunGroundtruth(const GroundtruthArguments& arguments, const ConsoleOptions&
   const LoopTracks loop = CollectTracks(arguments, recording, rig, shared.threads, &console);
   for (const std::string& line : GroupedByReason(loop.left_out)) console.Message("  " + line);
   const SceneTracks& tracks = loop.tracks;
-  const LoopTruthResult truth = EstimateLoopTruth({.rig = &rig,
-                                                   .tracks = &tracks,
-                                                   .segments = loop.segments,
-                                                   .progress = [&](const std::string& stage) {
-                                                     console.Progress(stage);
-                                                     return !Interrupted();
-                                                   }});
+  const LoopTruthResult truth = EstimateLoopTruth(
+      {.rig = &rig,
+       .tracks = &tracks,
+       .segments = loop.segments,
+       .progress = [&](const std::string& stage) { return console.Progress(stage); }});
   for (const SegmentTruth* segment : {&truth.start, &truth.end}) {
     for (const size_t frame : segment->left_out) {
       console.Message(fmt::format("  left out {}: too few points agree", tracks.frames[frame]));

@@ -10,13 +10,13 @@
 #include "apps/cli/command.h"
 #include "apps/cli/image_inputs.h"
 #include "apps/cli/options.h"
-#include "apps/formats/camera_format.h"
-#include "apps/formats/import_format.h"
-#include "apps/formats/poses.h"
 #include "calib/base/error.h"
 #include "calib/base/names.h"
 #include "calib/base/output_folder.h"
 #include "calib/files/calibration_file.h"
+#include "engine/formats/camera_format.h"
+#include "engine/formats/import_format.h"
+#include "engine/formats/poses.h"
 
 namespace plenocal {
 namespace {

@@ -8,17 +8,17 @@
 
 #include "apps/cli/command.h"
 #include "apps/cli/options.h"
-#include "apps/cli/session/auto_model.h"
-#include "apps/cli/session/proposal_text.h"
-#include "apps/recording/find_cameras.h"
-#include "apps/recording/image_names.h"
-#include "apps/recording/layouts.h"
-#include "apps/recording/stores/image_lister.h"
 #include "calib/base/error.h"
 #include "calib/base/output_folder.h"
 #include "calib/base/quoted_text.h"
 #include "calib/files/frame_images.h"
 #include "detectors/plenoptic/white/white_camera.h"
+#include "engine/recording/find_cameras.h"
+#include "engine/recording/image_names.h"
+#include "engine/recording/layouts.h"
+#include "engine/recording/stores/image_lister.h"
+#include "engine/session/auto_model.h"
+#include "engine/session/proposal_text.h"
 
 namespace plenocal {
 namespace {
@@ -146,16 +146,14 @@ size_t CommonFrames(const std::vector<InitCamera>& cameras) {
       }));
 }
 
-TargetProposals LookAtAll(const std::vector<InitCamera>& cameras,
-                          const ConsoleOptions& shared,
-                          Console* console) {
+TargetProposals LookAtAll(const std::vector<InitCamera>& cameras, Console* console) {
   std::vector<FrameImage> images;
   for (const InitCamera& camera : cameras) {
     if (camera.plenoptic) continue;  // its raw images show a target in pieces
     const auto found = ListImages(camera.images, camera.name + ": images");
     images.insert(images.end(), found.begin(), found.end());
   }
-  return images.empty() ? TargetProposals() : LookForTargets(images, shared, console);
+  return images.empty() ? TargetProposals() : LookForTargets(images, console->NewRun());
 }
 
 std::string SessionText(const std::vector<InitCamera>& cameras,
@@ -243,7 +241,7 @@ void RunInit(const InitArguments& arguments, const ConsoleOptions& shared) {
   RefuseExisting(folder / session);
   RefuseExisting(folder / target);
   const std::vector<InitCamera> cameras = CamerasOf(arguments, shared, &console);
-  const TargetProposals proposals = LookAtAll(cameras, shared, &console);
+  const TargetProposals proposals = LookAtAll(cameras, &console);
   OutputFolder out(folder);
   out.Write(session, SessionText(cameras, folder, target));
   out.Write(target, TargetText(proposals));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "apps/scene/locate.h"
+#include "engine/scene/locate.h"
 
 #include <fmt/format.h>
 
@@ -76,10 +76,7 @@ void DetectMarkers(const LocateArguments& arguments,
                                               : FindImageInputs(arguments.white, "white images"),
       .bayer = arguments.bayer,
       .threads = shared.threads,
-      .progress = [&](size_t done) {
-        console->Progress("images", done, images.size());
-        return !Interrupted();
-      }};
+      .progress = [&](size_t done) { return console->Progress("images", done, images.size()); }};
   ImageDetections found =
       DetectImages(images,
                    ReadTarget(arguments.map),
@@ -130,8 +127,7 @@ void MatchPoints(const LocateArguments& arguments,
   if (camera.model->plenoptic) optics = OpticsOf(arguments, camera, shared, console);
   const std::vector<FrameImage> images = FindImageInputs(arguments.inputs, "images");
   for (const FrameImage& image : images) {
-    console->Progress("images", seen->views.size(), images.size());
-    if (Interrupted()) throw Stopped();
+    if (!console->Progress("images", seen->views.size(), images.size())) throw Stopped();
     const cv::Mat pixels = optics ? ReadImage(image) : ReadGray(image);
     CheckSize(camera, {pixels.cols, pixels.rows}, image.path.string());
     seen->views.push_back({image.path.string(),

@@ -7,9 +7,9 @@
 #include "apps/cli/command.h"
 #include "apps/cli/options.h"
 #include "apps/cli/view_options.h"
-#include "apps/resample/resample_images.h"
 #include "calib/base/output_folder.h"
 #include "calib/files/calibration_file.h"
+#include "engine/resample/resample_images.h"
 #include "models/registry.h"
 
 namespace plenocal {

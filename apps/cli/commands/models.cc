@@ -6,9 +6,9 @@
 #include <memory>
 
 #include "apps/cli/command.h"
-#include "apps/cli/model_option.h"
 #include "apps/cli/options.h"
 #include "calib/base/error.h"
+#include "engine/session/model_named.h"
 #include "models/check/model_properties.h"
 #include "models/registry.h"
 
@@ -56,7 +56,7 @@ void PrintModel(const CameraModel& model) {
 
 void RunModelCheck(const std::string& name) {
   constexpr size_t kShown = 3;  // violations of a property; the rest is of the same kind
-  const CameraModel& model = *ModelOfOption("models check", name);
+  const CameraModel& model = *ModelNamed("models check", name);
   int violated = 0;
   for (const ModelProperty& property : ModelProperties()) {
     if (property.central_only && !model.central) {

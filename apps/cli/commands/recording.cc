@@ -8,14 +8,14 @@
 
 #include "apps/cli/command.h"
 #include "apps/cli/options.h"
-#include "apps/cli/session_observations.h"
 #include "apps/photometry/frame_exposures.h"
-#include "apps/recording/stores/message_log.h"
-#include "apps/recording/summary.h"
-#include "apps/recording/supplied_detections.h"
 #include "calib/base/error.h"
 #include "calib/base/number_text.h"
 #include "calib/base/output_folder.h"
+#include "engine/recording/stores/message_log.h"
+#include "engine/recording/summary.h"
+#include "engine/recording/supplied_detections.h"
+#include "engine/session/session_observations.h"
 #include "models/registry.h"
 
 namespace plenocal {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "apps/resample/rectify.h"
+#include "engine/resample/rectify.h"
 
 #include <fmt/format.h>
 
@@ -12,18 +12,18 @@
 #include "apps/cli/image_inputs.h"
 #include "apps/cli/options.h"
 #include "apps/cli/resample_to_folder.h"
-#include "apps/cli/session/open_session.h"
 #include "apps/cli/view_options.h"
-#include "apps/formats/opencv_storage.h"
-#include "apps/formats/poses.h"
-#include "apps/recording/frames/session_images.h"
-#include "apps/resample/resample_images.h"
-#include "apps/resample/stereo_pairs.h"
 #include "calib/base/error.h"
 #include "calib/base/number_text.h"
 #include "calib/files/calibration_file.h"
 #include "calib/files/detections.h"
 #include "calib/files/session.h"
+#include "engine/formats/opencv_storage.h"
+#include "engine/formats/poses.h"
+#include "engine/recording/frames/session_images.h"
+#include "engine/resample/resample_images.h"
+#include "engine/resample/stereo_pairs.h"
+#include "engine/session/open_session.h"
 #include "models/registry.h"
 
 namespace plenocal {

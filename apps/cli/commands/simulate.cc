@@ -21,8 +21,7 @@ void RunSimulate(const SimulateRequest& request, const ConsoleOptions& shared) {
                 .program = shared.program,
                 .threads = shared.threads,
                 .progress = [&](const std::string& stage, size_t done, size_t total) {
-                  console.Progress(stage, done, total);
-                  return !Interrupted();
+                  return console.Progress(stage, done, total);
                 }});
   console.Print(fmt::format("{}written to {}\n", summary, request.out.string()));
 }

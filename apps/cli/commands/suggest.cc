@@ -8,23 +8,23 @@
 
 #include "apps/cli/command.h"
 #include "apps/cli/image_inputs.h"
-#include "apps/cli/model_option.h"
 #include "apps/cli/options.h"
-#include "apps/cli/session/earlier_session.h"
-#include "apps/cli/session/open_session.h"
-#include "apps/cli/session_observations.h"
-#include "apps/guide/calibrated_rig.h"
-#include "apps/guide/first_rig.h"
-#include "apps/guide/picture_scale.h"
-#include "apps/guide/suggestions_json.h"
-#include "apps/guide/view_sheet.h"
-#include "apps/guide/view_target.h"
+#include "apps/suggest/suggestions_json.h"
+#include "apps/suggest/view_sheet.h"
+#include "assess/verdict.h"
+#include "assess/views/view_information.h"
 #include "calib/base/error.h"
 #include "calib/base/number_text.h"
 #include "calib/base/output_folder.h"
-#include "calib/describe.h"
-#include "calib/judge/verdict.h"
-#include "calib/judge/views/view_information.h"
+#include "calib/estimate/describe.h"
+#include "engine/session/earlier_session.h"
+#include "engine/session/model_named.h"
+#include "engine/session/open_session.h"
+#include "engine/session/session_observations.h"
+#include "engine/suggest/calibrated_rig.h"
+#include "engine/suggest/first_rig.h"
+#include "engine/suggest/picture_scale.h"
+#include "engine/suggest/view_target.h"
 #include "models/registry.h"
 
 namespace plenocal {
@@ -137,15 +137,14 @@ SuggestBasis BasisOfSession(const SuggestArguments& arguments,
                             arguments.input.string()));
   }
   const Target target = ReadTarget(session.target);
-  const SessionObservations observations =
-      CollectObservations(session, target, shared, {}, console);
+  const Run run = console->NewRun();
+  const SessionObservations observations = CollectObservations(session, target, run, {});
   const CalibrationInput input =
-      MakeInputOnEarlier(session, target, observations.cameras, console).input;
+      MakeInputOnEarlier(session, target, observations.cameras, run).input;
   try {
     const Calibration calibration =
         Calibrate(input, {.threads = shared.threads, .progress = [&](const std::string& stage) {
-                            console->Progress(stage);
-                            return !Interrupted();
+                            return console->Progress(stage);
                           }});
     CalibrationRecord record = Describe(calibration);
     SuggestBasis basis{KnowledgeOf(record), ViewTargetOf(target), Judge(record)};
@@ -188,7 +187,7 @@ SuggestBasis BasisOfLens(const SuggestArguments& arguments) {
   const Target target = is_file ? ReadTarget(std::filesystem::path(arguments.target))
                                 : TargetOfWord(arguments.target);
   return {FirstRig({{.name = "camera",
-                     .model = ModelOfOption("--model", arguments.model),
+                     .model = ModelNamed("--model", arguments.model),
                      .image_size = *ParseImageSize(arguments.size),
                      .angle = Radians(arguments.angle)}},
                    target.markers,

@@ -10,12 +10,12 @@
 #include "apps/cli/options.h"
 #include "apps/cli/resample_to_folder.h"
 #include "apps/cli/view_options.h"
-#include "apps/resample/resample_images.h"
-#include "apps/resample/virtual_image.h"
-#include "apps/resample/virtual_view_images.h"
 #include "calib/base/error.h"
 #include "calib/base/number_text.h"
 #include "calib/files/calibration_file.h"
+#include "engine/resample/resample_images.h"
+#include "engine/resample/virtual_image.h"
+#include "engine/resample/virtual_view_images.h"
 #include "models/registry.h"
 
 namespace plenocal {
@@ -170,8 +170,8 @@ void UndistortPlenoptic(const UndistortJob& job) {
   std::string place;  // "2 of 7"
   request.progress = [&](size_t done) {
     place = fmt::format("{} of {}", done + 1, job.images.size());
-    console.Progress(fmt::format("{}: image {}, {}", camera.name, place, job.images[done].frame));
-    return !Interrupted();
+    return console.Progress(
+        fmt::format("{}: image {}, {}", camera.name, place, job.images[done].frame));
   };
   request.result = [&](const std::string& frame, const auto& files, const std::string& summary) {
     for (const auto& [suffix, content] : files) {

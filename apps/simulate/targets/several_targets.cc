@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "calib/base/quoted_text.h"
-#include "calib/calibrate.h"
+#include "calib/estimate/calibrate.h"
 
 namespace plenocal::simulate {
 namespace {

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/workbench/project/session_images.h"
 
-#include "apps/recording/stores/image_lister.h"
 #include "apps/workbench/project/beneath.h"
+#include "engine/recording/stores/image_lister.h"
 
 namespace plenocal::workbench {
 

@@ -15,9 +15,9 @@
 #include <opencv2/imgcodecs.hpp>
 #include <random>
 
-#include "apps/formats/camera_format.h"
-#include "apps/formats/import_format.h"
 #include "calib/base/names.h"
+#include "engine/formats/camera_format.h"
+#include "engine/formats/import_format.h"
 #include "models/registry.h"
 #include "models/splined.h"
 #include "tests/apps/workspace.h"

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "apps/recording/recording.h"
+#include "engine/recording/recording.h"
 
 #include <cmath>
 #include <functional>
 
-#include "apps/recording/summary.h"
-#include "apps/recording/supplied_detections.h"
 #include "calib/base/error.h"
+#include "engine/recording/summary.h"
+#include "engine/recording/supplied_detections.h"
 #include "models/registry.h"
 #include "tests/apps/recording/small_images.h"
 #include "tests/apps/workspace.h"

@@ -12,13 +12,13 @@
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
 
-#include "apps/recording/frames/session_images.h"
-#include "apps/recording/frames/time_pairs.h"
-#include "apps/recording/messages/ros_messages.h"
-#include "apps/recording/recording.h"
-#include "apps/recording/stores/image_lister.h"
 #include "calib/base/error.h"
 #include "detectors/images/image.h"
+#include "engine/recording/frames/session_images.h"
+#include "engine/recording/frames/time_pairs.h"
+#include "engine/recording/messages/ros_messages.h"
+#include "engine/recording/recording.h"
+#include "engine/recording/stores/image_lister.h"
 #include "models/registry.h"
 #include "tests/apps/workspace.h"
 

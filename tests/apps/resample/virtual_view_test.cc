@@ -12,7 +12,7 @@
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
 
-#include "apps/resample/virtual_image.h"
+#include "engine/resample/virtual_image.h"
 #include "models/registry.h"
 #include "tests/apps/workspace.h"
 #include "tests/optional_data.h"

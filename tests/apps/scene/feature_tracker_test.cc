@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "apps/scene/track/feature_tracker.h"
+#include "engine/scene/track/feature_tracker.h"
 
 #include <gtest/gtest.h>
 

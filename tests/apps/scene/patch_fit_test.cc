@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "apps/scene/track/patch_fit.h"
+#include "engine/scene/track/patch_fit.h"
 
 #include <gtest/gtest.h>
 

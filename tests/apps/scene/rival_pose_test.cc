@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "apps/scene/locate.h"
+#include "engine/scene/locate.h"
 #include "models/registry.h"
 #include "tests/apps/workspace.h"
 #include "tests/calib/random.h"

@@ -7,7 +7,7 @@
 #include <cmath>
 #include <random>
 
-#include "calib/calibrate.h"
+#include "calib/estimate/calibrate.h"
 #include "calib/noise/weak_directions.h"
 #include "tests/calib/synthetic.h"
 

@@ -12,7 +12,7 @@
 #include <string>
 #include <vector>
 
-#include "calib/calibrate.h"
+#include "calib/estimate/calibrate.h"
 #include "models/registry.h"
 #include "tests/calib/random.h"
 #include "tests/calib/synthetic.h"

@@ -3,7 +3,7 @@
 // Another project that uses the installed library.
 #include <iostream>
 
-#include "calib/calibrate.h"
+#include "calib/estimate/calibrate.h"
 #include "models/registry.h"
 
 int main() {

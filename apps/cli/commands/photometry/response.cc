@@ -31,8 +31,7 @@ void RunResponse(const ResponseArguments& arguments, const ConsoleOptions& share
       camera,
       shared.threads,
       [&](size_t done, size_t total) {
-        console.Progress(camera.name + ": images", done, total);
-        return !Interrupted();
+        return console.Progress(camera.name + ": images", done, total);
       },
       &left_out);
   for (const LeftOut& item : left_out) {

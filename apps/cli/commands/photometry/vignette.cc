@@ -9,11 +9,11 @@
 #include "apps/cli/options.h"
 #include "apps/photometry/exposed_images.h"
 #include "apps/photometry/vignette_files.h"
-#include "apps/resample/resample_images.h"
 #include "calib/base/error.h"
 #include "calib/base/output_folder.h"
 #include "calib/files/calibration_file.h"
 #include "detectors/images/image.h"
+#include "engine/resample/resample_images.h"
 #include "models/registry.h"
 
 namespace plenocal {
@@ -63,8 +63,7 @@ void RunVignette(const VignetteArguments& arguments, const ConsoleOptions& share
                       .target = &target,
                       .threads = shared.threads,
                       .progress = [&](size_t done, size_t total) {
-                        console.Progress(images.name + ": images", done, total);
-                        return !Interrupted();
+                        return console.Progress(images.name + ": images", done, total);
                       }};
   WallRecording wall = ReadWall(options);
   for (const LeftOut& item : wall.left_out) {
@@ -85,13 +84,11 @@ void RunVignette(const VignetteArguments& arguments, const ConsoleOptions& share
     frames.push_back(view.frame);
     exposures.push_back(view.exposure);
   }
-  const VignetteEstimate estimate = FitVignette(std::move(wall),
-                                                recording.path.string() + ": camera " + images.name,
-                                                shared.threads,
-                                                [&](const std::string& stage) {
-                                                  console.Progress(stage);
-                                                  return !Interrupted();
-                                                });
+  const VignetteEstimate estimate =
+      FitVignette(std::move(wall),
+                  recording.path.string() + ": camera " + images.name,
+                  shared.threads,
+                  [&](const std::string& stage) { return console.Progress(stage); });
   const std::vector<FrameImage> white = arguments.white.empty()
                                             ? images.white_images
                                             : FindImageInputs(arguments.white, "white images");

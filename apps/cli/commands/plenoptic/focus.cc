@@ -63,8 +63,8 @@ void RunFocus(const FocusArguments& arguments, const ConsoleOptions& shared) {
   std::string place;  // "2 of 7"
   request.progress = [&](size_t done) {
     place = fmt::format("{} of {}", done + 1, request.raw_images.size());
-    console.Progress(fmt::format("focus: image {}, {}", place, request.raw_images[done].frame));
-    return !Interrupted();
+    return console.Progress(
+        fmt::format("focus: image {}, {}", place, request.raw_images[done].frame));
   };
   request.result =
       [&](const std::string& frame, const FrameFiles& files, const std::string& summary) {

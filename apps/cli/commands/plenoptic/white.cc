@@ -11,8 +11,6 @@
 #include "apps/cli/command.h"
 #include "apps/cli/image_inputs.h"
 #include "apps/cli/options.h"
-#include "apps/cli/session/open_session.h"
-#include "apps/recording/stores/image_lister.h"
 #include "calib/base/error.h"
 #include "calib/base/number_text.h"
 #include "calib/base/output_folder.h"
@@ -21,6 +19,8 @@
 #include "calib/files/raytrix_grid.h"
 #include "calib/files/session.h"
 #include "detectors/plenoptic/white/white_camera.h"
+#include "engine/recording/stores/image_lister.h"
+#include "engine/session/open_session.h"
 #include "models/registry.h"
 
 namespace plenocal {

@@ -10,6 +10,7 @@
 #include "apps/cli/command.h"
 #include "apps/cli/options.h"
 #include "apps/cli/program.h"
+#include "assess/verdict.h"
 #include "calib/base/error.h"
 #include "calib/base/input_file.h"
 #include "calib/base/number_text.h"
@@ -18,7 +19,6 @@
 #include "calib/base/yaml.h"
 #include "calib/files/calibration_file.h"
 #include "calib/files/calibration_tables.h"
-#include "calib/judge/verdict.h"
 #include "models/registry.h"
 
 namespace plenocal {

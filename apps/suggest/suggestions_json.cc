@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/suggest/suggestions_json.h"
+
+#include <cmath>
+
+namespace plenocal {
+namespace {
+
+using Json = nlohmann::json;
+
+Json Finite(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
+
+Json Matrix(const RigidTransform& T) {
+  Json rows = Json::array();
+  for (int r = 0; r < 3; ++r) rows.push_back({T.R(r, 0), T.R(r, 1), T.R(r, 2), T.t[r]});
+  rows.push_back({0, 0, 0, 1});
+  return rows;
+}
+
+Json Outlines(const NextView& view, const RigKnowledge& rig) {
+  constexpr double kPlaces = 100;  // of a pixel
+  Json cameras = Json::object();
+  for (const auto& [camera, outlines] : view.outlines) {
+    Json drawn = Json::array();
+    for (const auto& outline : outlines) {
+      Json points = Json::array();
+      for (const Eigen::Vector2d& u : outline) {
+        points.push_back(
+            {std::round(kPlaces * u.x()) / kPlaces, std::round(kPlaces * u.y()) / kPlaces});
+      }
+      drawn.push_back(std::move(points));
+    }
+    cameras[rig.bundle.cameras[camera].name] = std::move(drawn);
+  }
+  return cameras;
+}
+
+}  // namespace
+
+Json SuggestionsJson(const NextViews& suggestions, const RigKnowledge& rig) {
+  constexpr double kDegrees = 57.29577951308232;
+  Json views = Json::array();
+  for (const NextView& view : suggestions.views) {
+    const bool sigma = view.criterion == ViewCriterion::kSigma;
+    const BundleCamera& camera = rig.bundle.cameras[view.pose.camera];
+    Json seen = Json::array();
+    for (const size_t c : view.cameras) seen.push_back(rig.bundle.cameras[c].name);
+    views.push_back({{"words", WordsOf(view, rig)},
+                     {"camera", camera.name},
+                     {"cameras", seen},
+                     {"T_camera_target", Matrix(camera.T_camera_rig * view.T_rig_target)},
+                     {"T_rig_target", Matrix(view.T_rig_target)},
+                     {"distance", view.pose.distance},
+                     {"tilt", kDegrees * view.pose.tilt},
+                     {"criterion", sigma ? "sigma" : "undetermined"},
+                     {"sigma_before", sigma ? Finite(view.sigma_before) : nullptr},
+                     {"sigma_after", sigma ? Finite(view.sigma_after) : nullptr},
+                     {"region", RegionName(view.region)},
+                     {"region_sigma_before", sigma ? Finite(view.region_before) : nullptr},
+                     {"region_sigma_after", sigma ? Finite(view.region_after) : nullptr},
+                     {"outline", Outlines(view, rig)}});
+  }
+  return {{"frames", suggestions.frames},
+          {"sigma_now", Finite(suggestions.sigma)},
+          {"goal", suggestions.goal},
+          {"reached", suggestions.reached},
+          {"exhausted", suggestions.exhausted},
+          {"distances", suggestions.distances},
+          {"views", views}};
+}
+
+}  // namespace plenocal

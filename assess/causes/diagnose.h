@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Causes by name: mistakes of target file, lens model and recording that users really make
+// (docs/diagnosis.md).
+#pragma once
+
+#include <functional>
+#include <span>
+
+#include "calib/camera/image_traits.h"
+#include "calib/estimate/calibrate.h"
+#include "calib/files/calibration_record.h"
+
+namespace plenocal {
+
+/// Judges a calibration: adds the causes that its residuals and poses show to `record->findings`
+/// and sets `record->verdict`. `record` is the result of `Describe(calibration)`. `traits`:
+/// of the images, by camera; empty where they are not at hand. Where residuals
+/// are larger than noise, `models` are tried in place of the camera's own, and free markers in
+/// place of a flat target: what explains the residuals best is named. `go_on` as in `SolveOptions`.
+void Diagnose(const CalibrationInput& input,
+              const Calibration& calibration,
+              std::span<const CameraTraits> traits,
+              std::span<const CameraModel> models,
+              const std::function<bool()>& go_on,
+              CalibrationRecord* record);
+
+}  // namespace plenocal

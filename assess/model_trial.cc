@@ -1,0 +1,488 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "assess/model_trial.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <mutex>
+#include <numeric>
+#include <set>
+#include <tuple>
+
+#include "assess/held_out_frames.h"
+#include "assess/held_out_scores.h"
+#include "assess/projection.h"
+#include "calib/adjust/problem.h"
+#include "calib/base/error.h"
+#include "calib/base/number_text.h"
+#include "calib/base/parallel.h"
+#include "calib/base/statistics.h"
+
+namespace plenocal {
+namespace {
+
+constexpr double kFalseRejections = 0.05;  // expected number of good points rejected in all
+constexpr double kMostUnseen = 0.01;       // part of the points beyond the most complete model
+constexpr double kExact = 1e-6;            // px; smaller noise is rounding
+
+using PointName = std::tuple<size_t, std::string, int, std::array<double, kMaxObservationSize>>;
+
+bool IsSimpler(const ModelTrial& a, const ModelTrial& b) {
+  const auto size = [](const ModelTrial& trial) {
+    return std::pair(trial.marker_sigma > 0, trial.free_parameters);
+  };
+  return size(a) < size(b) && a.model->usage <= b.model->usage;
+}
+
+/// What is tried: a model of the varied cameras, and how far the target may differ from its
+/// description.
+struct ModelCandidate {
+  const CameraModel* model = nullptr;
+  double marker_sigma = 0;  ///< of the prior of markers' coordinates, m; 0: held rigid
+  std::string name;         ///< in progress and messages
+};
+
+class Trials {
+ public:
+  Trials(const CalibrationInput& input,
+         std::vector<size_t> varied,
+         std::vector<ModelCandidate> candidates,
+         const TrialOptions& options)
+      : input_(input), options_(options), candidates_(std::move(candidates)) {
+    choice_.varied = std::move(varied);
+    for (const ModelCandidate& candidate : candidates_) {
+      choice_.trials.emplace_back();
+      choice_.trials.back().model = candidate.model;
+      choice_.trials.back().marker_sigma = candidate.marker_sigma;
+    }
+    CollectPoints();
+  }
+
+  ModelChoice Run() {
+    ParallelFor(choice_.trials.size(), options_.threads, [&](size_t m) { CalibrateAll(m); });
+    trained_.assign(choice_.trials.size(), std::vector<Bundle>(choice_.folds));
+    ForEachFold([&](size_t m, size_t fold) { return Train(m, fold); });
+    PredictWithCommonOutliers();
+    Score();
+    Sort();
+    Recommend();
+    return std::move(choice_);
+  }
+
+ private:
+  void Stage(const std::string& stage) {
+    const std::lock_guard lock(mutex_);
+    if (options_.progress && !options_.progress(stage)) throw Stopped();
+  }
+
+  // All observations of varied cameras, in the order of their frames.
+  void CollectPoints() {
+    std::map<std::string, std::vector<std::pair<size_t, size_t>>> views;
+    for (size_t c = 0; c < input_.cameras.size(); ++c) {
+      for (size_t v = 0; v < input_.cameras[c].views.size(); ++v) {
+        views[input_.cameras[c].views[v].frame].emplace_back(c, v);
+      }
+    }
+    for (const auto& [name, in_frame] : views) {
+      const size_t frame = frames_.size();
+      frames_[name] = frame;
+      for (const auto& [c, v] : in_frame) {
+        if (std::find(choice_.varied.begin(), choice_.varied.end(), c) == choice_.varied.end()) {
+          continue;
+        }
+        const View& view = input_.cameras[c].views[v];
+        for (size_t i = 0; i < view.observations.size(); ++i) {
+          const Observation& seen = view.observations[i];
+          if (!input_.markers.contains(seen.marker)) continue;
+          points_.push_back({c, v, frame, &seen, {}});
+          if (!view.by_nuisance.empty()) points_.back().by_nuisance = view.by_nuisance[i];
+        }
+      }
+    }
+    choice_.frames = frames_.size();
+    if (choice_.frames < kFewestTrialFrames) {
+      throw Error(
+          ErrorKind::kJob,
+          fmt::format("{}: too few to hold some out; models can be judged from {} frames on",
+                      Counted(choice_.frames, "frame"),
+                      kFewestTrialFrames));
+    }
+    choice_.folds = std::min(choice_.frames, static_cast<size_t>(options_.folds));
+  }
+
+  void CalibrateAll(size_t m) {
+    ModelTrial* const trial = &choice_.trials[m];
+    const auto start = std::chrono::steady_clock::now();
+    try {
+      const std::string& stage = candidates_[m].name;
+      Stage(stage);
+      CalibrationInput input = WithModel(input_, choice_.varied, *trial->model);
+      input.marker_sigma = trial->marker_sigma;
+      trial->calibration = Calibrate(input, {.threads = 1, .progress = [&](const std::string&) {
+                                               Stage(stage);
+                                               return true;
+                                             }});
+    } catch (const Error& error) {
+      trial->failure = error.what();
+      return;
+    }
+    trial->seconds =
+        std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    double squares = 0, count = 0;
+    std::set<int> estimated;
+    for (const size_t c : choice_.varied) {
+      const CameraFit& fit = trial->calibration.fits[c];
+      squares += fit.points * fit.rms * fit.rms;
+      count += fit.points;
+      const std::vector<int>& places = trial->calibration.uncertainty.param_index[c];
+      estimated.insert(places.begin(), places.end());
+    }
+    estimated.erase(-1);
+    trial->free_parameters = static_cast<int>(estimated.size());
+    trial->in_sample_rms = std::sqrt(squares / count);
+  }
+
+  // Adjusts without a fold, from the calibration with all frames. Returns why it cannot.
+  std::string Train(size_t m, size_t fold) {
+    const Calibration& calibration = choice_.trials[m].calibration;
+    const std::string stage =
+        fmt::format("{}, fold {} of {}", candidates_[m].name, fold + 1, choice_.folds);
+    Bundle trained = calibration.bundle;
+    std::set<int> seen_by;  // cameras
+    for (BundleObservation& observation : trained.observations) {
+      const std::string& frame = calibration.frames[static_cast<size_t>(observation.frame)];
+      if (frames_.at(frame) % choice_.folds == fold) observation.used = false;
+      if (observation.used) seen_by.insert(observation.camera);
+    }
+    try {
+      for (const size_t c : choice_.varied) {
+        if (seen_by.contains(static_cast<int>(c))) continue;
+        throw Error(ErrorKind::kJob, input_.cameras[c].name + " has no observations left");
+      }
+      const AdjustSummary summary = Adjust(
+          &trained, {.loss = input_.loss, .cost_tolerance = 1e-9, .on_iteration = [&](int, double) {
+                       Stage(stage);
+                       return true;
+                     }});
+      if (!summary.usable) throw Error(ErrorKind::kJob, summary.message);
+    } catch (const Error& error) {
+      return fmt::format("without fold {}: {}", fold + 1, error.what());
+    }
+    Bundle& kept = trained_[m][fold];
+    kept.cameras = std::move(trained.cameras);
+    kept.markers = std::move(trained.markers);
+    kept.jitter.translation_sigma = trained.jitter.translation_sigma;
+    return {};
+  }
+
+  // Calls `work` for each model and fold without a failure so far.
+  void ForEachFold(const std::function<std::string(size_t m, size_t fold)>& work) {
+    std::vector<std::string> failures(choice_.trials.size() * choice_.folds);
+    ParallelFor(failures.size(), options_.threads, [&](size_t i) {
+      const size_t m = i / choice_.folds;
+      if (choice_.trials[m].failure.empty()) failures[i] = work(m, i % choice_.folds);
+    });
+    for (size_t i = 0; i < failures.size(); ++i) {
+      ModelTrial& trial = choice_.trials[i / choice_.folds];
+      if (trial.failure.empty()) trial.failure = failures[i];
+    }
+  }
+
+  // Fills `residuals_`; `outliers_of` are those of a model.
+  void Predict(const std::function<const std::vector<bool>&(size_t m)>& outliers_of) {
+    residuals_.assign(choice_.trials.size(), std::vector<HeldOutResidual>(points_.size()));
+    ForEachFold([&](size_t m, size_t fold) -> std::string {
+      try {
+        PredictHeldOut(
+            trained_[m][fold], {points_, choice_.folds}, fold, outliers_of(m), &residuals_[m]);
+        return {};
+      } catch (const Error& error) {
+        return fmt::format("without fold {}: {}", fold + 1, error.what());
+      }
+    });
+  }
+
+  // The points that a model's calibration with all frames rejects.
+  [[nodiscard]] std::vector<bool> RejectedBy(const Calibration& calibration) const {
+    std::set<PointName> used;
+    for (const BundleObservation& observation : calibration.bundle.observations) {
+      if (!observation.used) continue;
+      used.emplace(static_cast<size_t>(observation.camera),
+                   calibration.frames[static_cast<size_t>(observation.frame)],
+                   observation.seen.marker,
+                   observation.seen.values);
+    }
+    std::vector<bool> rejected;
+    for (const TrialPoint& point : points_) {
+      const std::string& frame = input_.cameras[point.camera].views[point.view].frame;
+      rejected.push_back(
+          !used.contains({point.camera, frame, point.seen->marker, point.seen->values}));
+    }
+    return rejected;
+  }
+
+  [[nodiscard]] size_t Rows() const { return choice_.trials[0].model->measured.size(); }
+
+  [[nodiscard]] double SquareOf(size_t m, size_t p) const {
+    const HeldOutResidual& residual = residuals_[m][p];
+    if (!residual.imaged) return std::numeric_limits<double>::infinity();
+    double square = 0;
+    for (size_t r = 0; r < Rows(); ++r) square += residual.values[r] * residual.values[r];
+    return square;
+  }
+
+  // Noise of a camera's coordinates, px: the smallest that any model shows on held-out frames, from
+  // the median of their squares. A model that follows noise shows a larger one.
+  [[nodiscard]] double HeldOutNoise(size_t camera) const {
+    double least = std::numeric_limits<double>::infinity();
+    for (size_t m = 0; m < choice_.trials.size(); ++m) {
+      if (!choice_.trials[m].failure.empty()) continue;
+      std::vector<double> squares;
+      for (size_t p = 0; p < points_.size(); ++p) {
+        if (points_[p].camera == camera) squares.push_back(SquareOf(m, p));
+      }
+      least = std::min(least, Median(std::move(squares)));
+    }
+    return std::max(kExact, std::sqrt(least / ChiSquareQuantile(static_cast<int>(Rows()), 0.5)));
+  }
+
+  // The outliers are the points that the best model rejects: the one with the smallest sum of
+  // squares on held-out frames, each at most what the rejection rule allows.
+  [[nodiscard]] const std::vector<bool>& CommonOutliers(
+      const std::vector<std::vector<bool>>& rejected) const {
+    std::map<size_t, double> noise;
+    for (const size_t c : choice_.varied) noise[c] = HeldOutNoise(c);
+    const double limit = ChiSquareQuantile(static_cast<int>(Rows()),
+                                           kFalseRejections / static_cast<double>(points_.size()));
+    std::optional<size_t> best;
+    double least = 0;
+    for (size_t m = 0; m < choice_.trials.size(); ++m) {
+      if (!choice_.trials[m].failure.empty()) continue;
+      double sum = 0;
+      for (size_t p = 0; p < points_.size(); ++p) {
+        sum += std::min(limit, SquareOf(m, p) / std::pow(noise.at(points_[p].camera), 2));
+      }
+      if (best && sum >= least) continue;
+      best = m;
+      least = sum;
+    }
+    if (best) return rejected[*best];
+    throw Error(ErrorKind::kJob,
+                fmt::format("no model can be calibrated; {}: {}",
+                            choice_.trials[0].model->name,
+                            choice_.trials[0].failure));
+  }
+
+  void PredictWithCommonOutliers() {
+    std::vector<std::vector<bool>> rejected;
+    for (const ModelTrial& trial : choice_.trials) {
+      rejected.push_back(trial.failure.empty() ? RejectedBy(trial.calibration)
+                                               : std::vector<bool>());
+    }
+    Predict([&](size_t m) -> const std::vector<bool>& { return rejected[m]; });
+    outliers_ = CommonOutliers(rejected);
+    Predict([&](size_t) -> const std::vector<bool>& { return outliers_; });
+  }
+
+  // RMS of each model's held-out points, and which models image as many of them as others.
+  void Score() {
+    auto& trials = choice_.trials;
+    std::vector<size_t> frame_of;
+    std::vector<bool> good;
+    for (size_t p = 0; p < points_.size(); ++p) {
+      frame_of.push_back(points_[p].frame);
+      good.push_back(!outliers_[p]);
+      ++(outliers_[p] ? choice_.outliers : choice_.points);
+    }
+    scores_.emplace(std::move(frame_of), choice_.frames, choice_.folds, Rows());
+    scores_->SetGood(std::move(good));
+    double most = 0;
+    for (size_t m = 0; m < trials.size(); ++m) {
+      if (!trials[m].failure.empty()) continue;
+      trials[m].unseen = 1 - scores_->Imaged(residuals_[m]);
+      most = std::max(most, 1 - trials[m].unseen);
+    }
+    if (most == 0) {
+      throw Error(ErrorKind::kJob,
+                  fmt::format("no model can be judged; {}: {}",
+                              trials[0].model->name,
+                              trials[0].failure.empty() ? "images no point of held-out frames"
+                                                        : trials[0].failure));
+    }
+    ParallelFor(trials.size(), options_.threads, [&](size_t m) {
+      ModelTrial& trial = trials[m];
+      trial.comparable = trial.failure.empty() && trial.unseen <= 1 - most + kMostUnseen;
+      if (trial.comparable) ScoreComparable(m);
+    });
+  }
+
+  void ScoreComparable(size_t m) {
+    ModelTrial& trial = choice_.trials[m];
+    const HeldOutScores::Rms rms = scores_->Score(residuals_[m]);
+    trial.rms = rms.value;
+    trial.rms_sigma = rms.sigma;
+    for (size_t p = 0; p < points_.size(); ++p) {
+      if (!scores_->Counts(p, residuals_[m])) continue;
+      trial.held_out.push_back({points_[p].camera, *points_[p].seen, residuals_[m][p].values});
+    }
+    try {
+      trial.image_sigma = TypicalImageSigma(trial.calibration, choice_.varied);
+      trial.sigma = SupportedSigma(trial.calibration, choice_.varied);
+    } catch (const Error&) {
+      trial.image_sigma = trial.sigma = std::numeric_limits<double>::infinity();
+    }
+  }
+
+  // Best models first.
+  void Sort() {
+    const auto& trials = choice_.trials;
+    std::vector<size_t> order(trials.size());
+    std::iota(order.begin(), order.end(), size_t{0});
+    const auto rank = [&](size_t m) {
+      const ModelTrial& trial = trials[m];
+      return std::tuple(
+          !trial.failure.empty(), !trial.comparable, trial.comparable ? trial.rms : trial.unseen);
+    };
+    std::ranges::stable_sort(order, [&](size_t a, size_t b) { return rank(a) < rank(b); });
+    std::vector<ModelTrial> sorted_trials;
+    std::vector<std::vector<HeldOutResidual>> sorted_residuals;
+    for (const size_t m : order) {
+      sorted_trials.push_back(std::move(choice_.trials[m]));
+      sorted_residuals.push_back(std::move(residuals_[m]));
+    }
+    choice_.trials = std::move(sorted_trials);
+    residuals_ = std::move(sorted_residuals);
+  }
+
+  // A model's uncertainty exceeds that of a simpler one, of no rarer use, by more than its gain.
+  void FindOutweighed() {
+    auto& trials = choice_.trials;
+    for (size_t m = 0; m < trials.size(); ++m) {
+      for (size_t s = 0; s < trials.size() && trials[m].comparable; ++s) {
+        if (!trials[s].comparable || !IsSimpler(trials[s], trials[m])) continue;
+        const double gain = scores_->Excess(residuals_[s], residuals_[m]);
+        const double cost = std::pow(trials[m].sigma, 2) - std::pow(trials[s].sigma, 2);
+        // Without a finite sigma of either, the simpler one is as good a choice.
+        if (cost <= gain) continue;
+        if (std::isnan(cost) && gain > 0) continue;
+        const double root = std::sqrt(std::max(0.0, gain));
+        if (trials[m].outweighed_by && trials[m].gain <= root) continue;
+        trials[m].outweighed_by = s;
+        trials[m].gain = root;
+      }
+    }
+  }
+
+  void CompareWithReference() {
+    auto& trials = choice_.trials;
+    const ModelTrial& reference = trials[choice_.reference];
+    ParallelFor(trials.size(), options_.threads, [&](size_t m) {
+      ModelTrial& trial = trials[m];
+      if (!trial.comparable || m == choice_.reference) return;
+      trial.probability = scores_->ProbabilityOfEqual(residuals_[m], residuals_[choice_.reference]);
+      trial.difference =
+          SupportedDifference(reference.calibration, trial.calibration, choice_.varied);
+    });
+    double squares = 0;
+    for (const size_t c : choice_.varied) {
+      const double sigma = reference.calibration.fits[c].noise_sigma;
+      squares += sigma * sigma * static_cast<double>(reference.model->measured.size());
+    }
+    choice_.noise = std::sqrt(squares / static_cast<double>(choice_.varied.size()));
+    for (ModelTrial& trial : trials) {
+      trial.practically_equal = trial.comparable &&
+                                trial.difference < kPartOfNoise * choice_.noise &&
+                                trial.difference < kPartOfSigma * reference.sigma;
+    }
+  }
+
+  void Recommend() {
+    auto& trials = choice_.trials;
+    FindOutweighed();
+    for (size_t m = trials.size(); m-- > 0;) {
+      if (trials[m].comparable && !trials[m].outweighed_by) choice_.reference = m;
+    }
+    CompareWithReference();
+    choice_.recommended = choice_.reference;
+    for (size_t m = 0; m < trials.size(); ++m) {
+      const ModelTrial& trial = trials[m];
+      if (!trial.comparable || trial.outweighed_by) continue;
+      // What few frames cannot decide is no reason for more parameters.
+      const bool is_richer = trial.free_parameters > trials[choice_.reference].free_parameters;
+      if (!trial.practically_equal && (trial.probability < kSignificant || is_richer)) continue;
+      const auto rank = [](const ModelTrial& each) {
+        return std::tuple(each.marker_sigma > 0, each.model->usage, each.free_parameters, each.rms);
+      };
+      if (rank(trial) < rank(trials[choice_.recommended])) choice_.recommended = m;
+    }
+  }
+
+  const CalibrationInput& input_;
+  const TrialOptions& options_;
+  std::vector<ModelCandidate> candidates_;  // in the order of the trials until these are sorted
+  ModelChoice choice_;
+  std::map<std::string, size_t> frames_;  // name -> place in the order of names
+  std::vector<TrialPoint> points_;
+  std::vector<bool> outliers_;                           // per point
+  std::vector<std::vector<Bundle>> trained_;             // per trial and fold, without observations
+  std::vector<std::vector<HeldOutResidual>> residuals_;  // per trial and point
+  std::optional<HeldOutScores> scores_;
+  std::mutex mutex_;
+};
+
+}  // namespace
+
+bool OfOneKind(const CameraModel& a, const CameraModel& b) {
+  return std::ranges::equal(a.measured, b.measured) && std::ranges::equal(a.context, b.context) &&
+         std::ranges::equal(a.config, b.config, {}, &Param::name, &Param::name);
+}
+
+CalibrationInput WithModel(const CalibrationInput& session,
+                           std::span<const size_t> varied,
+                           const CameraModel& model) {
+  CalibrationInput input = session;
+  for (const size_t c : varied) {
+    CameraInput& camera = input.cameras[c];
+    if (camera.model == &model) continue;
+    camera.model = &model;
+    camera.initial.assign(model.params.size(), std::nullopt);
+    camera.fixed.assign(model.params.size(), false);
+    camera.rules.clear();
+    for (CameraInput& other : input.cameras) {
+      for (ParamRule& rule : other.rules) {
+        if (rule.tied_to && rule.tied_to->camera == c) rule.tied_to.reset();
+      }
+    }
+  }
+  return input;
+}
+
+ModelChoice TryModels(const CalibrationInput& input,
+                      std::vector<size_t> varied,
+                      std::span<const CameraModel* const> models,
+                      const TrialOptions& options) {
+  std::vector<ModelCandidate> candidates;
+  for (const CameraModel* model : models) {
+    candidates.push_back(
+        {model,
+         input.marker_sigma,
+         fmt::format("model {} of {} {}", candidates.size() + 1, models.size(), model->name)});
+  }
+  return Trials(input, std::move(varied), std::move(candidates), options).Run();
+}
+
+ModelChoice TryTargets(const CalibrationInput& input,
+                       std::vector<size_t> varied,
+                       double marker_sigma,
+                       const TrialOptions& options) {
+  const CameraModel* const model = input.cameras[varied[0]].model;
+  std::vector<ModelCandidate> candidates{{model, 0, "target 1 of 2 held rigid"},
+                                         {model, marker_sigma, "target 2 of 2 refined"}};
+  return Trials(input, std::move(varied), std::move(candidates), options).Run();
+}
+
+}  // namespace plenocal

@@ -1,0 +1,163 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "assess/projection.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <optional>
+#include <vector>
+
+#include "assess/compare.h"
+#include "calib/base/error.h"
+#include "calib/base/statistics.h"
+#include "calib/estimate/describe.h"
+
+namespace plenocal {
+namespace {
+
+// Distances of a camera's points from it, m, in ascending order.
+std::vector<double> PointDistances(const Bundle& bundle, size_t camera) {
+  std::vector<double> distances;
+  for (const BundleObservation& observation : bundle.observations) {
+    if (observation.camera != static_cast<int>(camera) || !observation.used) continue;
+    const RigidTransform T_camera_target =
+        bundle.cameras[camera].T_camera_rig *
+        bundle.SeenPose(static_cast<size_t>(observation.frame), camera);
+    distances.push_back(
+        (T_camera_target * bundle.markers[static_cast<size_t>(observation.marker)].position)
+            .norm());
+  }
+  std::ranges::sort(distances);
+  return distances;
+}
+
+// The cells of the compared grid that have points of a camera, with gaps of a cell or two between
+// them closed. Beyond the outermost points a rich model extrapolates.
+class Support {
+ public:
+  Support(const Bundle& bundle, size_t camera) : size_(bundle.cameras[camera].image_size) {
+    Cells seen{};
+    for (const BundleObservation& observation : bundle.observations) {
+      if (observation.camera != static_cast<int>(camera) || !observation.used) continue;
+      seen[Index(observation.seen.values[0], observation.seen.values[1])] = true;
+    }
+    Cells near{};
+    for (size_t cell = 0; cell < near.size(); ++cell) {
+      near[cell] = CountAround(seen, cell) > 0;
+    }
+    constexpr int kAll = 9;
+    for (size_t cell = 0; cell < near.size(); ++cell) {
+      cells_[cell] = seen[cell] || CountAround(near, cell) == kAll;
+    }
+  }
+
+  [[nodiscard]] bool Has(const Eigen::Vector2d& u_px) const {
+    return cells_[Index(u_px.x(), u_px.y())];
+  }
+
+ private:
+  using Cells = std::array<bool, static_cast<size_t>(kComparedColumns* kComparedRows)>;
+
+  [[nodiscard]] size_t Index(double x, double y) const {
+    const auto place = [](double u, int pixels, int cells) {
+      return std::clamp(static_cast<int>((u + 0.5) / pixels * cells), 0, cells - 1);
+    };
+    return static_cast<size_t>(place(y, size_[1], kComparedRows)) * kComparedColumns +
+           static_cast<size_t>(place(x, size_[0], kComparedColumns));
+  }
+
+  // Of a cell and its eight neighbours, those in the image that are set.
+  static int CountAround(const Cells& cells, size_t cell) {
+    const int column = static_cast<int>(cell) % kComparedColumns;
+    const int row = static_cast<int>(cell) / kComparedColumns;
+    int count = 0;
+    for (int y = std::max(row - 1, 0); y <= std::min(row + 1, kComparedRows - 1); ++y) {
+      for (int x = std::max(column - 1, 0); x <= std::min(column + 1, kComparedColumns - 1); ++x) {
+        count += cells[static_cast<size_t>(y) * kComparedColumns + static_cast<size_t>(x)] ? 1 : 0;
+      }
+    }
+    return count;
+  }
+
+  ImageSize size_;
+  Cells cells_{};
+};
+
+// Between them lie four fifths of the points.
+std::vector<double> SupportedDistances(const Bundle& bundle, size_t camera) {
+  const std::vector<double> sorted = PointDistances(bundle, camera);
+  return {sorted[sorted.size() / 10], sorted[sorted.size() - 1 - sorted.size() / 10]};
+}
+
+// Of two cameras, one of which may be far from any lens, so that they have no pixel in common.
+std::optional<CameraDifference> TryToCompare(const CalibratedCamera& a,
+                                             const CalibratedCamera& b,
+                                             const std::vector<double>& distances) {
+  try {
+    return CompareCameras(a, b, distances);
+  } catch (const Error&) {
+    return std::nullopt;
+  }
+}
+
+// Mean over the pixels that points of a camera of `bundle` support.
+double MeanSquare(const CalibratedCamera& a,
+                  const CalibratedCamera& b,
+                  const Bundle& bundle,
+                  size_t camera,
+                  double (*length)(const PixelDifference&)) {
+  const auto difference = TryToCompare(a, b, SupportedDistances(bundle, camera));
+  if (!difference) return std::numeric_limits<double>::infinity();
+  const Support support(bundle, camera);
+  double sum = 0, count = 0;
+  for (const DistanceDifference& at : difference->distances) {
+    for (const PixelDifference& pixel : at.pixels) {
+      if (!support.Has(pixel.u_px)) continue;
+      sum += length(pixel) * length(pixel);
+      ++count;
+    }
+  }
+  return count > 0 ? sum / count : std::numeric_limits<double>::infinity();
+}
+
+}  // namespace
+
+double TypicalImageSigma(const Calibration& calibration, std::span<const size_t> cameras) {
+  double squares = 0;
+  for (const size_t c : cameras) {
+    const double sigma =
+        ImageSigma(DescribeCamera(calibration, c), {Median(PointDistances(calibration.bundle, c))});
+    squares += sigma * sigma;
+  }
+  return std::sqrt(squares / static_cast<double>(cameras.size()));
+}
+
+double SupportedSigma(const Calibration& calibration, std::span<const size_t> cameras) {
+  double squares = 0;
+  for (const size_t c : cameras) {
+    const CalibratedCamera camera = DescribeCamera(calibration, c);
+    if (!camera.covariance.allFinite()) return std::numeric_limits<double>::infinity();
+    CalibratedCamera exact = camera;
+    exact.covariance.setZero();
+    squares += MeanSquare(camera, exact, calibration.bundle, c, [](const PixelDifference& pixel) {
+      return pixel.predicted_px;
+    });
+  }
+  return std::sqrt(squares / static_cast<double>(cameras.size()));
+}
+
+double SupportedDifference(const Calibration& a,
+                           const Calibration& b,
+                           std::span<const size_t> cameras) {
+  double squares = 0;
+  for (const size_t c : cameras) {
+    squares += MeanSquare(
+        DescribeCamera(a, c), DescribeCamera(b, c), a.bundle, c, [](const PixelDifference& pixel) {
+          return pixel.difference_px.norm();
+        });
+  }
+  return std::sqrt(squares / static_cast<double>(cameras.size()));
+}
+
+}  // namespace plenocal

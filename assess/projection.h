@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Projections of two calibrations of the same cameras from the same images, where these have
+// points.
+#pragma once
+
+#include <span>
+
+#include "calib/estimate/calibrate.h"
+
+namespace plenocal {
+
+/// Standard error of the projection over the whole image at the target's median distance, px: RMS
+/// over the cameras (`ImageSigma`). Infinite when a parameter is not determined.
+double TypicalImageSigma(const Calibration& calibration, std::span<const size_t> cameras);
+
+/// The next two are over the supported image: the cells of a grid that have a point, or lie
+/// between such cells; at two distances between which four fifths of the points lie. px, RMS over
+/// these places and the cameras. Infinite where a camera images nothing of what the other does.
+
+/// Standard error of the projection; infinite when a parameter is not determined, too.
+double SupportedSigma(const Calibration& calibration, std::span<const size_t> cameras);
+
+/// Difference between the projections of both calibrations after the best rigid motion.
+double SupportedDifference(const Calibration& a,
+                           const Calibration& b,
+                           std::span<const size_t> cameras);
+
+}  // namespace plenocal

@@ -1,0 +1,194 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "assess/projection_map.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+
+#include "calib/base/linear_algebra.h"
+
+namespace plenocal {
+namespace {
+
+using RowMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+
+/// Derivatives of one projection.
+struct Projected {
+  RowMatrix by_params;
+  Eigen::Matrix<double, 2, 3, Eigen::RowMajor> by_point;
+};
+
+// False where there is none.
+bool Differentiate(const CalibratedCamera& camera,
+                   const double* values,
+                   const Eigen::Vector3d& p_cam,
+                   Projected* out) {
+  out->by_params.resize(2, static_cast<Eigen::Index>(camera.params.size()));
+  double predicted[kMaxObservationSize];
+  return camera.model->project_with_jacobian(
+             camera.params.data(),
+             camera.config.data(),
+             values,
+             p_cam,
+             {predicted, out->by_params.data(), out->by_point.data()}) &&
+         out->by_params.allFinite() && out->by_point.allFinite();
+}
+
+// Calls use(row, point in the camera's frame) for each used observation of a camera.
+template <typename Use>
+void ForEachUsed(const CalibrationRecord& calibration, size_t c, const Use& use) {
+  int frame = -1;  // rows of one frame follow each other
+  RigidTransform T_camera_target;
+  for (const ResidualRow& row : calibration.cameras[c].residuals) {
+    if (!row.used) continue;
+    if (row.frame != frame) {
+      frame = row.frame;
+      T_camera_target = calibration.CameraFromTarget(c, frame);
+    }
+    use(row, Eigen::Vector3d(T_camera_target * calibration.markers.at(row.marker).position));
+  }
+}
+
+// An observation in the middle of each cell. The context (micro lens) is that of the nearest
+// observation, since a model does not know where its micro lenses are.
+std::vector<std::optional<std::array<double, kMaxObservationSize>>> CellValues(
+    const CalibratedCamera& camera, const ImageGrid& grid) {
+  std::vector<std::optional<std::array<double, kMaxObservationSize>>> values(grid.Cells());
+  if (!camera.model->plenoptic) {
+    for (size_t cell = 0; cell < grid.Cells(); ++cell) {
+      const Eigen::Vector2d middle = grid.Middle(cell);
+      values[cell] = {middle.x(), middle.y()};
+    }
+    return values;
+  }
+  std::vector<double> nearest(grid.Cells(), std::numeric_limits<double>::infinity());
+  for (const ResidualRow& row : camera.residuals) {
+    if (!row.used) continue;
+    const Eigen::Vector2d place(row.values[0], row.values[1]);
+    const size_t cell = grid.Cell(place.x(), place.y());
+    const double distance = (place - grid.Middle(cell)).norm();
+    if (distance >= nearest[cell]) continue;
+    nearest[cell] = distance;
+    values[cell] = row.values;
+  }
+  return values;
+}
+
+double WorstSigma(const RowMatrix& J, const Eigen::MatrixXd& covariance) {
+  const Eigen::Matrix2d spread = J * covariance * J.transpose();
+  const double greatest = (spread(0, 0) + spread(1, 1)) / 2 +
+                          std::hypot((spread(0, 0) - spread(1, 1)) / 2, spread(1, 0));
+  return std::sqrt(std::max(0.0, greatest));
+}
+
+}  // namespace
+
+std::vector<ProjectionMap> ProjectionMaps(const CalibrationRecord& calibration, size_t c) {
+  constexpr int kCells = 24;
+  const CalibratedCamera& camera = calibration.cameras[c];
+  std::vector<double> distances;
+  ForEachUsed(calibration, c, [&](const ResidualRow& /*row*/, const Eigen::Vector3d& p) {
+    distances.push_back(p.norm());
+  });
+  if (!camera.covariance.allFinite() || distances.empty()) return {};
+  const auto middle = distances.begin() + std::ssize(distances) / 2;
+  std::ranges::nth_element(distances, middle);
+  const auto [nearest, farthest] = std::ranges::minmax(distances);
+  const ImageGrid grid(camera.image_size, kCells);
+  const auto cell_values = CellValues(camera, grid);
+
+  std::vector<ProjectionMap> maps;
+  std::vector<std::vector<std::optional<Projected>>> projected;
+  std::vector<std::vector<Eigen::Matrix<double, 2, 6>>> by_motion;
+  const Eigen::Index count = static_cast<Eigen::Index>(camera.params.size());
+  const auto by_frame = [](const Projected& seen, const Eigen::Vector3d& p) {
+    Eigen::Matrix<double, 3, 6> moved;
+    moved << Eigen::Matrix3d::Identity(), -Hat(p);
+    return Eigen::Matrix<double, 2, 6>(seen.by_point * moved);
+  };
+  // The observed points fix the camera frame.
+  Matrix6d normal = Matrix6d::Zero();
+  Eigen::MatrixXd mixed = Eigen::MatrixXd::Zero(6, count);
+  Projected seen;
+  ForEachUsed(calibration, c, [&](const ResidualRow& row, const Eigen::Vector3d& p) {
+    if (!Differentiate(camera, row.values.data(), p, &seen)) return;
+    const Eigen::Matrix<double, 2, 6> J = by_frame(seen, p);
+    normal.noalias() += J.transpose().lazyProduct(J);
+    mixed.noalias() += J.transpose().lazyProduct(seen.by_params);
+  });
+  for (const double distance : {nearest, *middle, farthest, 10 * farthest}) {
+    maps.push_back({distance, grid, std::vector<double>(grid.Cells(), std::nan(""))});
+    auto& here = projected.emplace_back(grid.Cells());
+    auto& motion = by_motion.emplace_back(grid.Cells());
+    for (size_t cell = 0; cell < grid.Cells(); ++cell) {
+      if (!cell_values[cell]) continue;
+      const std::optional<Ray> ray = camera.model->unproject(
+          camera.params.data(), camera.config.data(), cell_values[cell]->data());
+      if (!ray) continue;
+      const Eigen::Vector3d p = ray->origin + distance * ray->direction;
+      if (!Differentiate(camera, cell_values[cell]->data(), p, &seen)) continue;
+      here[cell] = seen;
+      motion[cell] = by_frame(seen, p);
+    }
+  }
+  const Eigen::MatrixXd follow = SolveSymmetric(normal, mixed);
+  if (!follow.allFinite()) return {};
+  for (size_t m = 0; m < maps.size(); ++m) {
+    for (size_t cell = 0; cell < grid.Cells(); ++cell) {
+      if (!projected[m][cell]) continue;
+      const RowMatrix J = projected[m][cell]->by_params - by_motion[m][cell] * follow;
+      maps[m].sigma[cell] = WorstSigma(J, camera.covariance);
+    }
+  }
+  return maps;
+}
+
+std::vector<DistancePrecision> DistancePrecisions(const CalibrationRecord& calibration,
+                                                  size_t c,
+                                                  size_t most) {
+  const CalibratedCamera& camera = calibration.cameras[c];
+  if (!camera.covariance.allFinite() || !camera.model->plenoptic) return {};
+  std::map<std::pair<int, int>, std::vector<const ResidualRow*>> seen;  // by frame, marker
+  for (const ResidualRow& row : camera.residuals) {
+    if (row.used) seen[{row.frame, row.marker}].push_back(&row);
+  }
+  std::erase_if(seen, [](const auto& item) { return item.second.size() < 2; });
+  const size_t step = std::max<size_t>(1, (seen.size() + most - 1) / std::max<size_t>(most, 1));
+  std::vector<DistancePrecision> precisions;
+  Projected projected;
+  size_t index = 0;
+  for (const auto& [key, rows] : seen) {
+    if (index++ % step != 0) continue;
+    const Eigen::Vector3d p =
+        calibration.CameraFromTarget(c, key.first) * calibration.markers.at(key.second).position;
+    Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
+    Eigen::MatrixXd mixed =
+        Eigen::MatrixXd::Zero(3, static_cast<Eigen::Index>(camera.params.size()));
+    for (const ResidualRow* row : rows) {
+      if (!Differentiate(camera, row->values.data(), p, &projected)) continue;
+      const double sigma = row->noise_sigma > 0 ? row->noise_sigma : camera.fit.noise_sigma;
+      if (!(sigma > 0)) continue;
+      const Eigen::Matrix<double, 3, 2> weighted = projected.by_point.transpose() / (sigma * sigma);
+      normal += weighted * projected.by_point;
+      mixed += weighted * projected.by_params;
+    }
+    const Eigen::FullPivLU<Eigen::Matrix3d> factor(normal);
+    if (!factor.isInvertible()) continue;
+    const Eigen::Matrix3d covariance = factor.inverse();
+    const Eigen::Vector3d along = p.normalized();
+    // dp = -(J_p' W J_p)^-1 J_p' W J_params dparams
+    const Eigen::RowVectorXd by_params = along.transpose() * covariance * mixed;
+    precisions.push_back(
+        {p.norm(),
+         std::sqrt(std::max(0.0, (by_params * camera.covariance * by_params.transpose()).value())),
+         std::sqrt(std::max(0.0, along.dot(covariance * along)))});
+  }
+  std::sort(precisions.begin(), precisions.end(), [](const auto& a, const auto& b) {
+    return a.distance < b.distance;
+  });
+  return precisions;
+}
+
+}  // namespace plenocal

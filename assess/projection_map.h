@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Uncertainty of projections and of measured distances that follows from that of the parameters.
+#pragma once
+
+#include <vector>
+
+#include "assess/residual_field.h"
+#include "calib/files/calibration_record.h"
+
+namespace plenocal {
+
+/// Uncertainty of the projection over the image of points at one distance.
+struct ProjectionMap {
+  double distance = 0;  ///< of the points from the camera, m
+  ImageGrid grid;
+  /// Per cell: standard deviation of the projection in its worst direction, px; NaN outside the
+  /// domain of the model.
+  std::vector<double> sigma;
+};
+
+/// Maps at the nearest, the median and the farthest distance of the used points and at ten times
+/// the farthest. Errors of the parameters only, less the rigid motion of the camera frame that
+/// compensates most of them over the observed points: an error that a rotation of the frame
+/// compensates belongs to every pose, not to the camera (as in mrcal). Empty without a covariance.
+std::vector<ProjectionMap> ProjectionMaps(const CalibrationRecord& calibration, size_t camera);
+
+/// Standard error of the distance of a marker, measured by one camera from one image.
+struct DistancePrecision {
+  double distance = 0;     ///< m
+  double calibration = 0;  ///< part from errors of the parameters, m
+  double noise = 0;        ///< part from noise of the marker's observations, m
+};
+
+/// Of markers that the camera saw through several micro lenses, at most `most`, every k-th, by
+/// distance. Empty when the camera sees a marker only once in an image.
+std::vector<DistancePrecision> DistancePrecisions(const CalibrationRecord& calibration,
+                                                  size_t camera,
+                                                  size_t most);
+
+}  // namespace plenocal

@@ -1,0 +1,239 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "assess/trial_text.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "calib/base/number_text.h"
+#include "calib/noise/weak_directions.h"
+
+namespace plenocal {
+namespace {
+
+std::string WhyNotComparable(const ModelTrial& trial) {
+  if (!trial.failure.empty()) return trial.failure;
+  if (trial.comparable) return {};
+  return fmt::format("does not image {:.1f} % of the held-out points", 100 * trial.unseen);
+}
+
+std::string JudgementText(const ModelChoice& choice, size_t m) {
+  const ModelTrial& trial = choice.trials[m];
+  if (m == choice.recommended) return "recommended";
+  if (!trial.comparable) return {};
+  if (trial.outweighed_by) {
+    const std::string_view simpler = choice.trials[*trial.outweighed_by].model->name;
+    if (!(trial.gain > 0)) return fmt::format("sigma grows without a gain over {}", simpler);
+    return fmt::format(
+        "sigma grows by more than its gain of {:.2g} px over {}", trial.gain, simpler);
+  }
+  if (m == choice.reference) return "best";
+  if (trial.practically_equal) return "practically equal to the best";
+  return trial.probability < kSignificant ? "worse than the best" : "not distinguishable";
+}
+
+TrialRow MakeRow(const ModelChoice& choice, size_t m) {
+  const ModelTrial& trial = choice.trials[m];
+  TrialRow row{.trial = &trial,
+               .undetermined = {},
+               .recommended = m == choice.recommended,
+               .judgement = JudgementText(choice, m),
+               .why_not = WhyNotComparable(trial)};
+  if (!trial.failure.empty()) return row;
+  for (const WeakUnknowns& weak :
+       FindWeakUnknowns(trial.calibration.bundle, trial.calibration.uncertainty)) {
+    if (!weak.open) continue;
+    for (const std::string& name : weak.names) {
+      if (std::ranges::find(row.undetermined, name) == row.undetermined.end()) {
+        row.undetermined.push_back(name);
+      }
+    }
+  }
+  return row;
+}
+
+// The difference of the recommended from the reference, beside what it is compared with.
+std::string DifferenceText(const ModelChoice& choice) {
+  return fmt::format(
+      "projections differ by {:.4f} px; the noise is {:.4f} px, the projection's "
+      "sigma {:.4f} px",
+      choice.trials[choice.recommended].difference,
+      choice.noise,
+      choice.trials[choice.reference].sigma);
+}
+
+// Why the reference is recommended.
+std::string ReasonOfReference(const ModelChoice& choice) {
+  const ModelTrial& recommended = choice.trials[choice.recommended];
+  bool any_simpler = false, any_good = false;
+  for (const ModelTrial& trial : choice.trials) {
+    if (!trial.comparable || trial.free_parameters >= recommended.free_parameters) continue;
+    any_simpler = true;
+    any_good |= trial.practically_equal || trial.probability >= kSignificant;
+  }
+  return fmt::format("{}; {}",
+                     choice.reference == 0 ? "the best" : "the best that is worth its uncertainty",
+                     !any_simpler ? "none is simpler"
+                     : any_good   ? "simpler ones are worse or of rarer use"
+                                  : "every simpler model is significantly worse");
+}
+
+std::string Reason(const ModelChoice& choice) {
+  const ModelTrial& recommended = choice.trials[choice.recommended];
+  if (choice.trials.size() == 1) return "the only model tried";
+  if (std::ranges::count(choice.trials, true, &ModelTrial::comparable) == 1) {
+    return "the only model that images what the camera sees";
+  }
+  if (choice.recommended == choice.reference) return ReasonOfReference(choice);
+  return fmt::format(
+      "the simplest {}model that is {} the best, {} ({})",
+      recommended.model->usage == Usage::kCommon ? "common " : "",
+      recommended.practically_equal ? "practically equal to" : "not significantly worse than",
+      choice.trials[choice.reference].model->name,
+      DifferenceText(choice));
+}
+
+std::string HeldOutText(const ModelTrial& trial) {
+  return fmt::format("{:.4f} +- {:.4f}", trial.rms, trial.rms_sigma);
+}
+
+std::string PixelText(double value) {
+  constexpr double kMost = 1000;  // more is no image of this camera
+  return value < kMost ? fmt::format("{:.4f}", value) : std::isinf(value) ? "inf" : "> 1000";
+}
+
+std::string QuotedField(const std::string& text) {
+  std::string quoted = "\"";
+  for (const char c : text) {
+    if (c == '"') quoted += '"';
+    quoted += c;
+  }
+  return quoted + "\"";
+}
+
+}  // namespace
+
+std::vector<TrialRow> MakeRows(const ModelChoice& choice) {
+  std::vector<TrialRow> rows;
+  for (size_t m = 0; m < choice.trials.size(); ++m) rows.push_back(MakeRow(choice, m));
+  return rows;
+}
+
+std::string ModelRecommendation(const ModelChoice& choice) {
+  constexpr size_t kFew = 10;  // frames: tests over fewer find little
+  const ModelTrial& recommended = choice.trials[choice.recommended];
+  return fmt::format("{}, {}{}; {}, {:.4f} +- {:.4f} px on frames that it has not seen",
+                     recommended.model->name,
+                     Reason(choice),
+                     choice.frames < kFew ? "; but so few frames can hardly tell models apart" : "",
+                     Counted(static_cast<size_t>(recommended.free_parameters), "parameter"),
+                     recommended.rms,
+                     recommended.rms_sigma);
+}
+
+// "held" or "refined", as in session and try.yaml.
+std::string_view TargetName(const ModelTrial& trial) {
+  return trial.marker_sigma > 0 ? "refined" : "held";
+}
+
+// `session_sigma`: the prior's standard deviation that the session gives the markers, 0: held.
+std::string TargetRecommendation(const ModelChoice& targets, double session_sigma) {
+  const ModelTrial& recommended = targets.trials[targets.recommended];
+  const auto other = std::ranges::find_if(targets.trials, [&](const ModelTrial& trial) {
+    return TargetName(trial) != TargetName(recommended);
+  });
+  if (!other->failure.empty() || !other->comparable) {
+    return fmt::format("{}; {}, it cannot be judged", TargetName(recommended), TargetName(*other));
+  }
+  const std::string_view reason =
+      recommended.marker_sigma > 0    ? "held rigid it predicts held-out frames worse"
+      : other->outweighed_by          ? "to refine it gains less than it costs in uncertainty"
+      : recommended.practically_equal ? "to refine it makes practically no difference"
+                                      : "refined it predicts held-out frames no better";
+  const bool refined = recommended.marker_sigma > 0;
+  const std::string remedy =
+      refined == (session_sigma > 0)
+          ? ""
+          : fmt::format("; the session's options lack refine_target: {}", refined);
+  return fmt::format(
+      "{}, {} ({:.4f} +- {:.4f} px, {} {:.4f} +- {:.4f} px; projections differ by {:.4f} px){}",
+      TargetName(recommended),
+      reason,
+      recommended.rms,
+      recommended.rms_sigma,
+      TargetName(*other),
+      other->rms,
+      other->rms_sigma,
+      std::max(recommended.difference, other->difference),
+      remedy);
+}
+
+// The tables on standard output.
+std::string TrialTable(const ModelChoice& choice, const std::vector<TrialRow>& rows) {
+  std::string text =
+      fmt::format("{}, {}; {} count, {}\n\n  {:<18} {:>10} {:>19} {:>12} {:>8} {:>14} {:>7}  {}\n",
+                  Counted(choice.frames, "frame"),
+                  Counted(choice.folds, "fold"),
+                  Counted(choice.points, "point"),
+                  Counted(choice.outliers, "outlier"),
+                  "model",
+                  "parameters",
+                  "held-out RMS px",
+                  "from best px",
+                  "sigma px",
+                  "image sigma px",
+                  "s",
+                  "judgement");
+  for (const TrialRow& row : rows) {
+    const ModelTrial& trial = *row.trial;
+    if (!row.why_not.empty()) {
+      text += fmt::format("  {:<18} {}\n", trial.model->name, row.why_not);
+      continue;
+    }
+    text += fmt::format("{} {:<18} {:>10} {:>19} {:>12} {:>8} {:>14} {:>7.2f}  {}\n",
+                        row.recommended ? "*" : " ",
+                        trial.model->name,
+                        trial.free_parameters,
+                        HeldOutText(trial),
+                        PixelText(trial.difference),
+                        PixelText(trial.sigma),
+                        PixelText(trial.image_sigma),
+                        trial.seconds,
+                        row.judgement);
+    if (row.undetermined.empty()) continue;
+    text += fmt::format("    not determined: {}\n", fmt::join(row.undetermined, " "));
+  }
+  return text;
+}
+
+std::string TrialCsv(const std::vector<TrialRow>& rows) {
+  std::string text =
+      "model,parameters,held_out_rms,held_out_sigma,probability,difference,sigma,in_sample_rms,image_sigma,unseen,recommended,judgement,undetermined,failure\n";
+  for (const TrialRow& row : rows) {
+    const ModelTrial& trial = *row.trial;
+    if (!trial.failure.empty()) {
+      text += fmt::format("{},,,,,,,,,,0,,,{}\n", trial.model->name, QuotedField(trial.failure));
+      continue;
+    }
+    text += fmt::format("{},{},{},{:.6g},{},{:.6g},{},{},{},\n",
+                        trial.model->name,
+                        trial.free_parameters,
+                        trial.comparable ? fmt::format("{:.6g},{:.3g},{:.3g},{:.3g},{:.3g}",
+                                                       trial.rms,
+                                                       trial.rms_sigma,
+                                                       trial.probability,
+                                                       trial.difference,
+                                                       trial.sigma)
+                                         : ",,,,",
+                        trial.in_sample_rms,
+                        trial.comparable ? fmt::format("{:.6g}", trial.image_sigma) : "",
+                        trial.unseen,
+                        row.recommended ? 1 : 0,
+                        QuotedField(row.judgement),
+                        fmt::join(row.undetermined, " "));
+  }
+  return text;
+}
+
+}  // namespace plenocal

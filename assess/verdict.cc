@@ -1,0 +1,577 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "assess/verdict.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <span>
+
+#include "assess/pose_spread.h"
+#include "assess/projection_map.h"
+#include "assess/residual_field.h"
+#include "calib/noise/weak_directions.h"
+
+namespace plenocal {
+namespace {
+
+// Errors of the projection, px. Whoever measures in images takes a tenth of a pixel for exact; an
+// error of a pixel is larger than any detector's. Between them a projection that is as certain as
+// one measured point suffices, up to half a pixel.
+constexpr double kExactProjection = 0.1, kPoint = 0.5, kWholePixelError = 1;
+// Of half of the image at ten times the farthest point: focal length or centre is not known.
+constexpr double kFarBad = 3;
+// A projection map counts by what holds for this part of the image.
+constexpr double kMostOfImage = 0.9;
+// Noise beyond this many times the detector's has another cause.
+constexpr double kNoiseRatio = 2;
+// Residuals of points whose detector states no sigma, px: corners of chessboards by hand have 0.5.
+constexpr double kUnstatedNoise = 1;
+// Pattern of the residuals over noise; below it, it does not stand out.
+constexpr double kPatternRatio = 0.3;
+// Of a whole image an even spread of poses fills nearly all; a fisheye lens leaves its corners dark
+// (1 - pi / 4).
+constexpr double kCoverageUsable = 0.7, kCoverageBad = 0.3;
+// Margin without points, part of width or height: from 0.6 of the half width to its end a term r^5
+// grows by a factor of 13.
+constexpr double kMargin = 0.2;
+// Perspective of a plane turned by a few degrees drowns in its distance: d(1/z) ~ tilt.
+constexpr double kTiltWeak = 30, kTiltNone = 12;  // degrees
+// Farthest over nearest image.
+constexpr double kDepthWeak = 1.5, kDepthOne = 1.15;
+// Each view of a plane gives two equations on the intrinsics; the rest is redundancy.
+constexpr int kViewsUsable = 10, kViewsBad = 3;
+constexpr double kRejected = 0.05;  // part of the points
+
+std::string Length(double metres) {
+  return metres < 1 ? fmt::format("{:.3g} mm", 1e3 * metres) : fmt::format("{:.3g} m", metres);
+}
+
+// Findings that explain bad figures: each takes the grade of the worst consequence in its cameras.
+constexpr std::array<std::string_view, 17> kCauses{"model_misfit",
+                                                   "strong_distortion_pinhole",
+                                                   "images_mirrored",
+                                                   "images_rotated",
+                                                   "one_pose",
+                                                   "one_distance",
+                                                   "no_tilt",
+                                                   "frames_misaligned",
+                                                   "not_synchronous",
+                                                   "rig_not_rigid",
+                                                   "focus_changed",
+                                                   "rolling_shutter",
+                                                   "scene_no_scale",
+                                                   "scene_one_depth",
+                                                   "scene_no_turning",
+                                                   "scene_no_parallax",
+                                                   "few_images"};
+
+bool IsCause(const Finding& finding) {
+  return finding.grade != Grade::kGood &&
+         (finding.code.starts_with("target_") ||
+          std::ranges::find(kCauses, finding.code) != kCauses.end());
+}
+
+// Defects of single images or points, which robust adjustment leaves out or which change standard
+// errors alone. They explain no figure, but say what to do.
+constexpr std::array<std::string_view, 4> kDefects{
+    "duplicate_images", "frame_outlier", "marker_outlier", "border_points"};
+
+// Images whose points are worse than others: they explain what is worse for noise, and it alone.
+constexpr std::array<std::string_view, 3> kImageDefects{
+    "blurred_images", "saturated_images", "few_pixels"};
+constexpr std::array<std::string_view, 4> kByNoise{
+    "projection", "noise_excess", "many_outliers", "frame_outlier"};
+
+bool IsImageDefect(const Finding& finding) {
+  return std::ranges::find(kImageDefects, finding.code) != kImageDefects.end();
+}
+
+bool CanExplain(const Finding& cause, const Finding& other) {
+  if (IsCause(other) || IsImageDefect(other)) return false;
+  return IsImageDefect(cause) ? std::ranges::find(kByNoise, other.code) != kByNoise.end()
+                              : IsCause(cause);
+}
+
+bool HasOneOf(const std::vector<Finding>& findings, std::span<const std::string_view> codes) {
+  return std::ranges::any_of(findings, [&](const Finding& finding) {
+    return finding.grade != Grade::kGood && std::ranges::find(codes, finding.code) != codes.end();
+  });
+}
+
+// Moves causes in front of their consequences and of what is no cause; the order stays otherwise.
+void SortFindings(std::vector<Finding>* findings) {
+  constexpr std::array<std::string_view, 3> kOpenPoses{"one_pose", "one_distance", "no_tilt"};
+  // Poses that the images leave undetermined disagree between the cameras of a rig as well.
+  const bool open_poses = HasOneOf(*findings, kOpenPoses);
+  const auto rank = [&](const Finding& finding) {
+    const bool of_poses = finding.code == "not_synchronous" || finding.code == "rig_not_rigid";
+    if (IsCause(finding) && !(open_poses && of_poses)) return 3;
+    if (IsImageDefect(finding)) return 2;
+    return std::ranges::find(kDefects, finding.code) != kDefects.end() ? 1 : 0;
+  };
+  std::ranges::stable_sort(*findings, [&](const Finding& a, const Finding& b) {
+    return std::pair(a.grade, rank(a)) > std::pair(b.grade, rank(b));
+  });
+}
+
+bool ShareACamera(const Finding& a, const Finding& b) {
+  if (a.cameras.empty() || b.cameras.empty()) return true;
+  return std::ranges::any_of(a.cameras, [&](const std::string& name) {
+    return std::ranges::find(b.cameras, name) != b.cameras.end();
+  });
+}
+
+// Noise beyond the detector's, px; all of it where the detector states none.
+double ExcessOf(const CameraFit& fit) {
+  return std::sqrt(
+      std::max(0.0, fit.noise_sigma * fit.noise_sigma - fit.detector_sigma * fit.detector_sigma));
+}
+
+bool IsNoiseLarge(const CameraFit& fit) {
+  return fit.detector_sigma > 0 ? fit.noise_sigma > kNoiseRatio * fit.detector_sigma
+                                : fit.noise_sigma > kUnstatedNoise;
+}
+
+// Whether a pattern of the residuals stands out of the noise.
+bool IsPattern(const CalibratedCamera& camera, double pattern) {
+  return camera.fit.noise_sigma > 0 && pattern > kPatternRatio * camera.fit.noise_sigma;
+}
+
+// A figure of `Certainty`: not a number where the lens forms no image.
+std::string PixelsText(double pixels) {
+  return std::isnan(pixels) ? "no image" : fmt::format("{:.2g} px", pixels);
+}
+
+/// Figures of one map of the projection's sigma, px.
+struct Certainty {
+  double distance = 0;             // m
+  double centre = 0, corners = 0;  // corners: the mean square of the four outermost cells
+  double half = 0, most = 0;       // what half of the image and `kMostOfImage` keep
+  double worst = 0;
+  Eigen::Vector2d where{0, 0};  // of the worst
+};
+
+Certainty Summarise(const ProjectionMap& map) {
+  Certainty figures{.distance = map.distance};
+  std::vector<double> known;
+  for (size_t cell = 0; cell < map.sigma.size(); ++cell) {
+    if (std::isnan(map.sigma[cell])) continue;
+    known.push_back(map.sigma[cell]);
+    if (map.sigma[cell] <= figures.worst) continue;
+    figures.worst = map.sigma[cell];
+    figures.where = map.grid.Middle(cell);
+  }
+  if (known.empty()) return figures;
+  std::ranges::sort(known);
+  const auto quantile = [&](double part) {
+    return known[static_cast<size_t>(std::lround(part * static_cast<double>(known.size() - 1)))];
+  };
+  figures.half = quantile(0.5);
+  figures.most = quantile(kMostOfImage);
+  const auto columns = static_cast<size_t>(map.grid.Columns()),
+             rows = static_cast<size_t>(map.grid.Rows());
+  figures.centre = map.sigma[rows / 2 * columns + columns / 2];
+  double squares = 0, count = 0;
+  for (const size_t cell : {size_t{0}, columns - 1, (rows - 1) * columns, rows * columns - 1}) {
+    if (std::isnan(map.sigma[cell])) continue;
+    squares += map.sigma[cell] * map.sigma[cell];
+    ++count;
+  }
+  figures.corners = count > 0 ? std::sqrt(squares / count) : std::nan("");
+  return figures;
+}
+
+/// What other findings need of a camera's projection.
+struct Projection {
+  Grade grade = Grade::kGood;
+  bool known = true;           // its standard error is finite
+  bool knows_corners = false;  // their standard error is within the limit
+};
+
+class Judgement {
+ public:
+  explicit Judgement(const CalibrationRecord& calibration) : calibration_(calibration) {}
+
+  Verdict Make() {
+    verdict_.findings = calibration_.findings;
+    for (size_t c = 0; c < calibration_.cameras.size(); ++c) {
+      projections_.push_back(JudgeProjection(c));
+      JudgePoses(c, projections_.back());
+      JudgeNoise(calibration_.cameras[c]);
+      JudgePattern(calibration_.cameras[c]);
+    }
+    for (const WeakUnknowns& weak : calibration_.weak) JudgeUnknowns(weak);
+    JudgeConvergence();
+    MergeCameras();
+    RaiseCauses();
+    SortFindings(&verdict_.findings);
+    if (!verdict_.findings.empty()) verdict_.grade = verdict_.findings.front().grade;
+    return std::move(verdict_);
+  }
+
+ private:
+  void Add(Finding finding) { verdict_.findings.push_back(std::move(finding)); }
+
+  // After undetermined parameters, along which the adjustment moves without end.
+  void JudgeConvergence() {
+    if (!calibration_.adjustment || calibration_.adjustment->converged) return;
+    const bool is_open = std::ranges::any_of(calibration_.weak, &WeakUnknowns::open);
+    Add({.code = "not_converged",
+         .grade = Grade::kBad,
+         .what = "The bundle adjustment did not converge; no figure here can be relied on.",
+         .remedy = is_open
+                       ? "It moves along directions that the images do not determine; fix these "
+                         "first."
+                       : "Give a better initial guess ('initial'), or look for images with wrong "
+                         "detections."});
+  }
+
+  // What open and weak intrinsics do to the projection is graded there: coefficients of a rich
+  // model replace each other. Extrinsics, and the depth of a plenoptic camera, have no other
+  // figure.
+  Grade GradeOfUnknown(size_t c, const std::string& name, bool open) const {
+    const CalibratedCamera& camera = calibration_.cameras[c];
+    if (name.starts_with(camera.name + ".T_camera_rig")) {
+      return open ? Grade::kBad : Grade::kUsable;
+    }
+    if (!open) return Grade::kGood;
+    return projections_[c].known && !camera.model->plenoptic ? projections_[c].grade : Grade::kBad;
+  }
+
+  void JudgeUnknowns(const WeakUnknowns& weak) {
+    Grade grade = Grade::kGood;
+    std::vector<std::string> cameras;
+    for (const std::string& name : weak.names) {
+      for (size_t c = 0; c < calibration_.cameras.size(); ++c) {
+        const std::string& camera = calibration_.cameras[c].name;
+        if (!name.starts_with(camera + ".")) continue;
+        if (cameras.empty() || cameras.back() != camera) cameras.push_back(camera);
+        grade = std::max(grade, GradeOfUnknown(c, name, weak.open));
+      }
+    }
+    Add({.code = weak.open ? "undetermined" : "weakly_determined",
+         .grade = grade,
+         .cameras = std::move(cameras),
+         .what = fmt::format("{} determined by these images: {}{}{}.{}",
+                             weak.open ? "Not" : "Weakly",
+                             Listed(weak.names),
+                             weak.what.empty() ? "" : ": ",
+                             weak.what,
+                             weak.open && grade == Grade::kGood
+                                 ? " These parameters replace each other: the projection is "
+                                   "certain all the same."
+                                 : ""),
+         .remedy =
+             weak.remedy.empty()
+                 ? "Add images from other distances and at other tilts, over the whole image, "
+                   "or fix these parameters ('fixed')."
+                 : weak.remedy});
+  }
+
+  // What a camera is worth in use: the uncertainty of its projection.
+  Projection JudgeProjection(size_t c) {
+    const CalibratedCamera& camera = calibration_.cameras[c];
+    const std::vector<ProjectionMap> maps = ProjectionMaps(calibration_, c);
+    if (maps.empty()) return {.grade = Grade::kBad, .known = false};  // `JudgeUnknowns`
+    const Certainty here = Summarise(maps[1]), far = Summarise(maps[3]);
+    const double limit = std::clamp(camera.fit.noise_sigma, kExactProjection, kPoint);
+    const Grade grade = here.half > kWholePixelError || far.half > kFarBad ? Grade::kBad
+                        : here.most > limit || far.most > kWholePixelError ? Grade::kUsable
+                                                                           : Grade::kGood;
+    Add({.code = "projection",
+         .grade = grade,
+         .cameras = {camera.name},
+         .value = grade == Grade::kBad ? here.half : here.most,
+         .limit = grade == Grade::kBad ? kWholePixelError : limit,
+         .what = fmt::format(
+             "{}: standard error of the projection at {}: {} in the middle, {} in the corners, "
+             "at most {:.2g} px in {:.0f} % of the image (worst {:.2g} px at ({:.0f}, "
+             "{:.0f})); at {}: {:.2g} px.",
+             camera.name,
+             Length(here.distance),
+             PixelsText(here.centre),
+             PixelsText(here.corners),
+             here.most,
+             100 * kMostOfImage,
+             here.worst,
+             here.where.x(),
+             here.where.y(),
+             Length(far.distance),
+             far.most),
+         .remedy =
+             grade == Grade::kGood ? ""
+             : calibration_.HasScene()
+                 ? "Add frames, and points where it is largest and at other distances."
+                 : "Add images with the target where it is largest, and from other distances."});
+    return {.grade = grade, .knows_corners = here.corners <= limit};
+  }
+
+  void JudgePoses(size_t c, const Projection& projection) {
+    const CalibratedCamera& camera = calibration_.cameras[c];
+    const PoseSpread spread = SpreadOf(calibration_, c);
+    if (!spread.any) {
+      if (camera.residuals.empty() && camera.fit.points > 0) return;  // the tables are not at hand
+      Add({.code = "no_points",
+           .grade = Grade::kBad,
+           .cameras = {camera.name},
+           .what = camera.name + ": no point of this camera was used."});
+      return;
+    }
+    if (camera.fit.views < kViewsUsable) {
+      const bool bad = camera.fit.views < kViewsBad && spread.is_plane;
+      Add({.code = "few_images",
+           .grade = bad ? Grade::kBad : Grade::kUsable,
+           .cameras = {camera.name},
+           .value = camera.fit.views,
+           .limit = bad ? kViewsBad : kViewsUsable,
+           .what = fmt::format("{}: only {} image{}{}.",
+                               camera.name,
+                               camera.fit.views,
+                               camera.fit.views == 1 ? "" : "s",
+                               calibration_.HasScene() ? "" : " with the target"),
+           .remedy = "Take twenty or more, each from another position."});
+    }
+    JudgeSupport(camera, spread, projection);
+    if (calibration_.HasScene()) return;  // its depths and the path have findings of their own
+    JudgeDistances(camera, spread, projection.grade);
+    JudgeTilt(camera, spread, projection.grade);
+  }
+
+  void JudgeSupport(const CalibratedCamera& camera,
+                    const PoseSpread& spread,
+                    const Projection& projection) {
+    const std::string region = spread.Region();
+    const bool little = spread.coverage < kCoverageUsable;
+    if (!little && spread.Margin() < kMargin) return;
+    const bool bad = spread.coverage < kCoverageBad;
+    if (!bad && projection.knows_corners) return;
+    Add({.code = little ? "coverage" : "coverage_margin",
+         .grade = bad ? Grade::kBad : Grade::kUsable,
+         .cameras = {camera.name},
+         .value = little ? spread.coverage : spread.Margin(),
+         .limit = bad      ? kCoverageBad
+                  : little ? kCoverageUsable
+                           : kMargin,
+         .what = !little ? fmt::format("{}: no points in a margin of {:.0f} % of the image.",
+                                       camera.name,
+                                       100 * spread.Margin())
+                 : region.empty()
+                     ? fmt::format("{}: the points cover only {:.0f} % of the image{}{}.",
+                                   camera.name,
+                                   100 * spread.coverage,
+                                   spread.empty.empty() ? "" : "; none in: ",
+                                   fmt::join(spread.empty, ", "))
+                     : fmt::format("{}: points only in {} of the image; they cover {:.0f} % of it.",
+                                   camera.name,
+                                   region,
+                                   100 * spread.coverage),
+         .remedy =
+             fmt::format("Elsewhere the distortion is extrapolated. Take images with {} in the "
+                         "other parts of the image, its edges and corners above all.",
+                         calibration_.HasScene() ? "points" : "the target")});
+  }
+
+  // A 3D target shows depth and tilt in a single image, and what a plane lacks does no harm where
+  // the projection is certain: reported, but no defect by itself. Without any tilt that certainty
+  // rests on the distortion model alone, which no lens follows exactly.
+  static Grade GradeOf(const PoseSpread& spread, Grade projection) {
+    if (!spread.is_plane) return Grade::kGood;
+    return projection != Grade::kGood || spread.tilt < kTiltNone ? Grade::kUsable : Grade::kGood;
+  }
+
+  void JudgeDistances(const CalibratedCamera& camera, const PoseSpread& spread, Grade projection) {
+    const double span = spread.farthest / spread.nearest;
+    if (span >= kDepthWeak) return;
+    const bool one = span < kDepthOne;
+    Add({.code = one ? "one_distance" : "few_distances",
+         .grade = GradeOf(spread, projection),
+         .cameras = {camera.name},
+         .value = span,
+         .limit = one ? kDepthOne : kDepthWeak,
+         .what =
+             fmt::format("{}: {} ({} to {}).{}",
+                         camera.name,
+                         one ? "all images are from one distance" : "the distances hardly differ",
+                         Length(spread.nearest),
+                         Length(spread.farthest),
+                         spread.is_plane ? "" : kMakesUp),
+         .remedy = "Take images from near, where the target fills the image, to at least twice as "
+                   "far."});
+  }
+
+  void JudgeTilt(const CalibratedCamera& camera, const PoseSpread& spread, Grade projection) {
+    if (spread.tilt >= kTiltWeak) return;
+    const bool none = spread.tilt < kTiltNone;
+    Add({.code = none ? "no_tilt" : "little_tilt",
+         .grade = GradeOf(spread, projection),
+         .cameras = {camera.name},
+         .value = spread.tilt,
+         .limit = none ? kTiltNone : kTiltWeak,
+         .what = fmt::format("{}: {} (by at most {:.0f} degrees between two images{}).{}",
+                             camera.name,
+                             none ? "the target was not tilted" : "the target was hardly tilted",
+                             spread.tilt,
+                             !spread.is_plane          ? ""
+                             : spread.lean < kTiltNone ? ", it always faces the camera"
+                                                       : ", it always leans the same way",
+                             spread.is_plane ? "" : kMakesUp),
+         .remedy = spread.is_plane
+                       ? "Tilt the target by 30 to 45 degrees to the left, the right, up and down: "
+                         "without tilt focal length and distance cannot be told apart."
+                       : ""});
+  }
+
+  void JudgeNoise(const CalibratedCamera& camera) {
+    const CameraFit& fit = camera.fit;
+    const bool stated = fit.detector_sigma > 0;
+    const double excess = ExcessOf(fit);
+    // Without a stated sigma all noise may be the detector's.
+    const double usable = stated ? kPoint : kUnstatedNoise;
+    const double bad = stated ? kWholePixelError : 3 * kUnstatedNoise;
+    if (IsNoiseLarge(fit)) {
+      const Grade grade = excess > bad      ? Grade::kBad
+                          : excess > usable ? Grade::kUsable
+                                            : Grade::kGood;
+      Add({.code = "noise_excess",
+           .grade = grade,
+           .cameras = {camera.name},
+           .value = excess,
+           .limit = grade == Grade::kBad ? bad : usable,
+           .what = stated ? fmt::format("{}: the residuals ({:.3g} px per coordinate) are {:.1f} "
+                                        "times the noise that the detector states ({:.3g} px).",
+                                        camera.name,
+                                        fit.noise_sigma,
+                                        fit.noise_sigma / fit.detector_sigma,
+                                        fit.detector_sigma)
+                          : fmt::format("{}: the residuals are large, {:.3g} px per coordinate.",
+                                        camera.name,
+                                        fit.noise_sigma),
+           .remedy =
+               "The excess is an error of the camera model, of the target or motion: try a "
+               "model with more distortion terms ('plenocal try'), 'refine_target', a flatter "
+               "target, a still camera."});
+    }
+    const int all = fit.points + fit.rejected;
+    if (fit.rejected <= kRejected * all) return;
+    Add({.code = "many_outliers",
+         .grade = Grade::kUsable,
+         .cameras = {camera.name},
+         .value = static_cast<double>(fit.rejected) / all,
+         .limit = kRejected,
+         .what = fmt::format("{}: {} of {} points were rejected as outliers ({:.0f} %).",
+                             camera.name,
+                             fit.rejected,
+                             all,
+                             100.0 * fit.rejected / all),
+         .remedy = "Look at the images and markers with the most rejected points in the report."});
+  }
+
+  // Mean residuals in cells of the image, beyond their noise: what the model gets wrong there.
+  void JudgePattern(const CalibratedCamera& camera) {
+    const double pattern = FieldOf(camera).Pattern();
+    if (!IsPattern(camera, pattern)) return;
+    const Grade grade = pattern > kPoint             ? Grade::kBad
+                        : pattern > kExactProjection ? Grade::kUsable
+                                                     : Grade::kGood;
+    Add({.code = "residual_pattern",
+         .grade = grade,
+         .cameras = {camera.name},
+         .value = pattern,
+         .limit = grade == Grade::kBad ? kPoint : kExactProjection,
+         .what = fmt::format("{}: the residuals have a pattern over the image of {:.3g} px ({:.0f} "
+                             "% of the noise){}.",
+                             camera.name,
+                             pattern,
+                             100 * pattern / camera.fit.noise_sigma,
+                             grade == Grade::kGood ? "; it is small in use" : ""),
+         .remedy = "The camera model does not quite fit this lens; try one with more distortion "
+                   "terms ('plenocal try')."});
+  }
+
+  // The same finding of several cameras is one: their texts follow each other.
+  void MergeCameras() {
+    std::vector<Finding> merged;
+    for (Finding& finding : verdict_.findings) {
+      const auto same = std::ranges::find_if(merged, [&](const Finding& other) {
+        return other.code == finding.code && other.grade == finding.grade &&
+               other.remedy == finding.remedy && !other.cameras.empty() && !finding.cameras.empty();
+      });
+      if (same == merged.end()) {
+        merged.push_back(std::move(finding));
+        continue;
+      }
+      same->cameras.insert(same->cameras.end(), finding.cameras.begin(), finding.cameras.end());
+      same->what.append(" ").append(finding.what);
+      if (same->value && finding.value && same->limit) {
+        const bool above = *same->value > *same->limit;
+        if (above ? *finding.value > *same->value : *finding.value < *same->value) {
+          same->value = finding.value;
+          same->limit = finding.limit;
+        }
+      }
+    }
+    verdict_.findings = std::move(merged);
+  }
+
+  void RaiseCauses() {
+    for (Finding& cause : verdict_.findings) {
+      for (const Finding& other : verdict_.findings) {
+        if (CanExplain(cause, other) && ShareACamera(cause, other)) {
+          cause.grade = std::max(cause.grade, other.grade);
+        }
+      }
+    }
+  }
+
+  static constexpr const char* kMakesUp = " The target's own depth has to compensate for it.";
+
+  const CalibrationRecord& calibration_;
+  std::vector<Projection> projections_;  // by camera
+  Verdict verdict_;
+};
+
+}  // namespace
+
+bool HasUnexplainedResiduals(const CalibratedCamera& camera) {
+  const double pattern = FieldOf(camera).Pattern();
+  return (IsNoiseLarge(camera.fit) && ExcessOf(camera.fit) > kExactProjection) ||
+         (IsPattern(camera, pattern) && pattern > kExactProjection);
+}
+
+Verdict Judge(const CalibrationRecord& calibration) { return Judgement(calibration).Make(); }
+
+std::string Headline(const Verdict& verdict) {
+  switch (verdict.grade) {
+    case Grade::kGood:
+      return "This calibration is good.";
+    case Grade::kUsable:
+      return "This calibration can be used, but it has weak points.";
+    case Grade::kBad:
+      return "Do not rely on this calibration.";
+  }
+  return {};
+}
+
+std::string VerdictText(const Verdict& verdict) {
+  std::string text;
+  // Clang 14 has no std::views::reverse. NOLINTNEXTLINE(modernize-loop-convert)
+  for (auto finding = verdict.findings.rbegin(); finding != verdict.findings.rend(); ++finding) {
+    // What is good and needs no action stands in the report, but for what the calibration is worth.
+    if (finding->grade == Grade::kGood && finding->code != "projection" &&
+        finding->code != "points_share_errors") {
+      continue;
+    }
+    text +=
+        finding->grade == Grade::kGood
+            ? fmt::format("{}\n", finding->what)
+            : fmt::format("{} [{}] {}\n", GradeName(finding->grade), finding->code, finding->what);
+    if (!finding->remedy.empty()) text += fmt::format("    {}\n", finding->remedy);
+  }
+  return text + fmt::format("verdict: {}. {}\n", GradeName(verdict.grade), Headline(verdict));
+}
+
+}  // namespace plenocal

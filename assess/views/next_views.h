@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// The next views of a target that lower the standard error of a rig's projection most.
+#pragma once
+
+#include <map>
+#include <string>
+#include <vector>
+
+#include "assess/views/projection_sigma.h"
+#include "assess/views/rig_knowledge.h"
+#include "assess/views/target_poses.h"
+
+namespace plenocal {
+
+enum class ViewCriterion {
+  kSigma,    ///< mean squared error of the projection
+  kEntropy,  ///< log determinant of the information
+};
+
+struct NextViewOptions {
+  int count = 5;
+  ViewRange range = {};          ///< m; 0: as the target and the cameras allow
+  double largest_tilt = 0.87;    ///< rad, 50 degrees
+  double goal = 0.05;            ///< px of the projection's standard error
+  double angle_error = 0.087;    ///< of a pose that a person makes, rad (5 degrees)
+  double distance_error = 0.05;  ///< likewise, part of the distance
+  int threads = 0;               ///< 0: all cores
+};
+
+/// One suggestion. Sigmas are standard errors of the projection, px; those after it are with all
+/// suggestions before it as well.
+struct NextView {
+  TargetPose pose = {};
+  RigidTransform T_rig_target = {};
+  ViewCriterion criterion = ViewCriterion::kSigma;
+  double sigma_before = 0, sigma_after = 0;
+  size_t region = 0;  ///< of the image of `pose.camera` in which it lowers sigma most
+  double region_before = 0, region_after = 0;
+  std::vector<size_t> cameras = {};  ///< that find the target
+  /// Per camera of `cameras`: the target's outlines in its image, px.
+  std::map<size_t, std::vector<std::vector<Eigen::Vector2d>>> outlines = {};
+};
+
+struct NextViews {
+  std::vector<NextView> views = {};  ///< best first; fewer than asked for when no more are feasible
+  double sigma = 0;                  ///< now, px; infinite while something is not determined
+  double goal = 0;
+  bool reached = false;           ///< `sigma` is below the goal
+  bool exhausted = false;         ///< `views` together gain less than a tenth
+  std::vector<double> distances;  ///< at which the projection is judged, m
+  size_t frames = 0;
+};
+
+/// Greedy choice over `PosesBefore` of each camera, of those whose information (averaged over
+/// `Executions`) lowers the sigma most. While something is not determined (a sigma above its unit,
+/// the projection's above 5 px) the log determinant takes the place of sigma, which would measure
+/// the weak prior. Two suggestions differ by 20 degrees, a fifth of the distance or a third of the
+/// image. The sigma is that over the image at the nearest and farthest distance of the range and at
+/// ten times the farthest (of plenoptic cameras without the last).
+///
+/// Throws `Error` of kind kJob when no pose is feasible.
+NextViews ChooseNextViews(const RigKnowledge& rig,
+                          const ViewTarget& shape,
+                          const NextViewOptions& options);
+
+/// "board in the lower left corner, 0.30 m away, its left side tilted away by 40 degrees: sigma
+/// there 1.6 -> 0.4 px".
+std::string WordsOf(const NextView& view, const RigKnowledge& rig);
+
+/// "lower left corner", "middle".
+std::string RegionName(size_t region);
+
+}  // namespace plenocal

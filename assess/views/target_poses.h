@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Poses of a target that a person with a camera can make, to choose the next views from.
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+#include <vector>
+
+#include "assess/views/rig_knowledge.h"
+
+namespace plenocal {
+
+/// Distances within which the target is moved, m.
+struct ViewRange {
+  double nearest = 0, farthest = 0;
+};
+
+/// A pose by what a person does with the target before one camera.
+struct TargetPose {
+  size_t camera = 0;
+  Eigen::Vector2d place{0, 0};  ///< image of the target's middle, px; may lie beyond the border
+  double distance = 0;          ///< of its middle from the camera, m
+  double tilt = 0;              ///< angle between its normal and the line of sight, rad
+  /// Direction in the image, from x to y, in which the side of the target lies that is tilted away
+  /// from the camera, rad.
+  double away = 0;
+  double turn = 0;  ///< about its normal, rad
+};
+
+/// From the distance at which the target's extent fills the camera's image to the one at which its
+/// finest detail is resolved no more; of a plenoptic camera, and where `seen` (ascending, m) has
+/// distances, no more than `kBeyondSeen` times beyond those. `wanted` narrows it where not 0.
+/// Throws `Error` of kind kInput when nothing is left.
+ViewRange RangeOf(const RigKnowledge& rig,
+                  size_t camera,
+                  const ViewTarget& shape,
+                  const std::vector<double>& seen,
+                  const ViewRange& wanted);
+
+/// A grid of poses before one camera: places over the image (and beyond its border for a target
+/// that is found in part), distances in equal steps of 1 / z, tilts up to `largest_tilt` rad to
+/// eight sides, upright and turned by 90 degrees.
+std::vector<TargetPose> PosesBefore(const RigKnowledge& rig,
+                                    size_t camera,
+                                    const ViewTarget& shape,
+                                    const ViewRange& range,
+                                    double largest_tilt);
+
+/// T_camera_target of a pose; nothing where the camera has no ray to its place.
+std::optional<RigidTransform> PlaceTarget(const RigKnowledge& rig,
+                                          const ViewTarget& shape,
+                                          const TargetPose& pose);
+
+/// Poses as they come out when a person carries one out: with errors of `angle` rad, and of `part`
+/// of the distance.
+std::vector<RigidTransform> Executions(const RigidTransform& T_camera_target,
+                                       const ViewTarget& shape,
+                                       double angle,
+                                       double part);
+
+/// Middle of the target's markers.
+Eigen::Vector3d MiddleOf(const ViewTarget& shape);
+
+}  // namespace plenocal

@@ -1,0 +1,119 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// What a view of the target that has not been taken would add to a calibration.
+#pragma once
+
+#include <Eigen/Core>
+#include <functional>
+#include <map>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "assess/views/micro_lens_sight.h"
+#include "assess/views/rig_knowledge.h"
+
+namespace plenocal {
+
+/// How one camera would see the target.
+struct Sight {
+  size_t markers = 0;                 ///< that can be measured
+  bool found = false;                 ///< enough of them for a detector
+  std::vector<Eigen::Vector2d> u_px;  ///< of those, in the image
+};
+
+/// Predicts views of one target by one rig. Const after construction: may be shared by threads.
+class ViewPredictor {
+ public:
+  /// The arguments must outlive it.
+  ViewPredictor(const RigKnowledge& rig, const RigUnknowns& unknowns, const ViewTarget& shape);
+
+  /// Information that a frame with this pose adds on the unknowns in units, its pose eliminated:
+  ///   J_t' W J_t - J_t' W J_x (J_x' W J_x)^-1 J_x' W J_t,
+  /// W the inverse of the variance of the points and of the markers, which are taken for unknowns
+  /// of this frame. Nothing when no camera finds the target or the pose is not determined.
+  /// `most_markers`: at most so many are computed, evenly spread; they stand for all.
+  [[nodiscard]] std::optional<Eigen::MatrixXd> Information(const RigidTransform& T_rig_target,
+                                                           size_t most_markers) const;
+
+  /// What a frame says of the unknowns in units, its pose eliminated: its part of the information,
+  /// and J' W r of its residuals r.
+  struct OfFrame {
+    int frame = 0;
+    Eigen::MatrixXd information;
+    Eigen::VectorXd gradient;
+    /// Covariance of the frame's pose (chart of T_rig_target, m and rad) for given unknowns.
+    Matrix6d pose_covariance;
+    /// Change of this pose with the unknowns in units, 6 x unknowns.
+    Eigen::Matrix<double, 6, Eigen::Dynamic> pose_by_unknowns;
+  };
+  /// Calls `take` with those of the frames so far whose pose is determined, one after the other.
+  void ForFrames(const std::function<void(const OfFrame&)>& take) const;
+
+  /// Information of the frames so far on the unknowns in units, with a prior of one unit on each:
+  /// weak, but for the deformations of the target, whose tolerance it is. Its inverse times the
+  /// cameras' factors is the covariance.
+  [[nodiscard]] Eigen::MatrixXd InformationSoFar() const;
+
+  /// Markers count where they are in the image with a margin, face the camera, and the image
+  /// resolves the target's finest detail; of a plenoptic camera, where three micro images show
+  /// them. A target is found when half of its markers count, or all unless it is found in part.
+  [[nodiscard]] Sight SightOf(size_t camera,
+                              const RigidTransform& T_rig_target,
+                              size_t most_markers) const;
+
+ private:
+  struct MarkerShape {
+    int number = 0;
+    Eigen::Vector3d position, normal, sigma;
+  };
+  struct Sums;
+  class CameraRows;
+
+  [[nodiscard]] std::vector<size_t> Chosen(size_t most) const;
+  [[nodiscard]] std::optional<Eigen::Vector2d> Image(size_t camera,
+                                                     const RigidTransform& T_camera_target,
+                                                     const MarkerShape& marker) const;
+  /// `of_frame`: all observations of one frame.
+  [[nodiscard]] std::optional<OfFrame> FrameOf(std::span<const BundleObservation> of_frame) const;
+  [[nodiscard]] std::vector<BundleObservation> Predicted(size_t camera,
+                                                         const RigidTransform& T_rig_target,
+                                                         const MarkerShape& marker,
+                                                         double* repeats) const;
+  /// The information is not set where the pose is not determined.
+  [[nodiscard]] std::optional<OfFrame> WithoutPose(const Sums& sums) const;
+
+  const RigKnowledge& rig_;
+  const RigUnknowns& unknowns_;
+  const ViewTarget& shape_;
+  std::vector<MarkerShape> markers_;  // each next one the farthest from those before
+  std::map<int, size_t> by_number_;   // of `markers_`
+  std::vector<MicroLensSight> lenses_;
+};
+
+/// Sets the factors of a rig such that the variances of its cameras' parameters are those of the
+/// calibration (by their median ratio; at least 1).
+void SetFactors(const CalibrationRecord& calibration, const ViewTarget& target, RigKnowledge* rig);
+
+/// A calibration with its factors, and a predictor of its frames. Throws as `KnowledgeOf`.
+class CalibratedViews {
+ public:
+  explicit CalibratedViews(const CalibrationRecord& calibration);
+  CalibratedViews(const CalibratedViews&) = delete;
+  CalibratedViews& operator=(const CalibratedViews&) = delete;
+
+  [[nodiscard]] const RigUnknowns& Unknowns() const { return unknowns_; }
+  [[nodiscard]] const ViewPredictor& Predictor() const { return predictor_; }
+  /// Per unknown: the root of its camera's factor.
+  [[nodiscard]] Eigen::VectorXd Factors() const {
+    return ScaleOf(rig_, unknowns_).cwiseQuotient(unknowns_.unit);
+  }
+
+ private:
+  ViewTarget target_;
+  RigKnowledge rig_;
+  RigUnknowns unknowns_;
+  ViewPredictor predictor_;
+};
+
+}  // namespace plenocal

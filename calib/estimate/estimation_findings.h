@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Findings of the estimation itself (docs/diagnosis.md).
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "calib/estimate/calibrate.h"
+#include "calib/files/finding.h"
+
+namespace plenocal {
+
+/// The camera's frames scatter `ratio` times more than detection noise explains.
+Finding FindingOfSystematicErrors(const std::string& camera, double ratio);
+
+/// All frames show the target from one pose.
+Finding FindingOfOnePose(size_t frames);
+
+/// The camera's model does not describe its initial guess: `misfit` is why.
+Finding FindingOfMisfit(const std::string& camera, const std::string& misfit);
+
+/// The rig is not rigid or not synchronous; empty when it is both.
+std::vector<Finding> FindingsOfJitter(const Bundle& bundle);
+/// Cameras whose images were taken at another time than they say.
+std::vector<Finding> FindingsOfTimeShifts(const Calibration& calibration);
+
+/// Bounds that the estimate lies on, and priors that the images contradict.
+std::vector<Finding> FindingsOfRules(const Calibration& calibration);
+
+}  // namespace plenocal

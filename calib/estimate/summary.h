@@ -1,0 +1,15 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <string>
+
+#include "calib/estimate/calibrate.h"
+
+namespace plenocal {
+
+/// A calibration as text for the terminal: per camera the reprojection error, the parameters with
+/// their standard errors and the extrinsics, then the refined target and weakly determined
+/// unknowns. Ends in a newline.
+std::string Summary(const Calibration& calibration);
+
+}  // namespace plenocal

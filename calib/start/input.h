@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// What a calibration estimates from: cameras with their observations, markers, targets, priors.
+#pragma once
+
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "calib/adjust/bundle.h"
+#include "calib/base/robust.h"
+#include "calib/camera/camera_model.h"
+
+namespace plenocal {
+
+/// One camera of a calibration: its model and all its observations.
+struct CameraInput {
+  std::string name;
+  const CameraModel* model = nullptr;
+  std::vector<double> config;
+  std::vector<std::optional<double>> initial;  ///< per parameter: the user's initial value
+  std::vector<bool> fixed;                     ///< per parameter: keep it at `initial`
+  std::vector<ParamRule> rules = {};           ///< per parameter, or empty
+  ImageSize image_size{};
+  std::vector<View> views;
+  /// By frame: when its image was taken, by the camera's clock, s; empty: not known.
+  std::map<std::string, double> times = {};
+};
+
+/// Of several targets, number `k` has the markers from k times this on.
+inline constexpr int kMarkersPerTarget = 100000;
+inline size_t TargetOfMarker(int number) { return static_cast<size_t>(number / kMarkersPerTarget); }
+
+/// One of several targets.
+struct InputTarget {
+  std::string name;
+  bool moves = false;                   ///< with respect to all others
+  std::optional<RigidTransform> known;  ///< its frame to that of the first target
+};
+
+struct CalibrationInput {
+  std::vector<CameraInput> cameras;  ///< the first is the rig's master
+  /// By number, m. Of several targets, each in its target's own frame.
+  std::map<int, Eigen::Vector3d> markers;
+  std::vector<InputTarget> targets = {};  ///< empty: one target
+  double marker_sigma = 0;  ///< prior of each marker coordinate, m; 0: markers are not estimated
+  Loss loss = Loss::kHuber;
+  /// Of earlier calibrations: the prior of parameters and extrinsics, and T_camera_rig of each
+  /// camera (per camera, or empty).
+  std::optional<CalibrationPrior> prior = {};
+  std::vector<std::optional<RigidTransform>> earlier_T_camera_rig = {};
+};
+
+}  // namespace plenocal

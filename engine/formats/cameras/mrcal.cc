@@ -1,0 +1,157 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// cameramodel of mrcal: a Python dictionary, which is YAML in flow style. Its extrinsics map the
+// reference to the camera, rotation vector first.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <string>
+
+#include "calib/base/error.h"
+#include "calib/base/input_file.h"
+#include "calib/base/yaml.h"
+#include "calib/files/calibration_file.h"
+#include "engine/formats/camera_format.h"
+#include "engine/formats/exact_numbers.h"
+#include "engine/formats/lens_form.h"
+#include "models/registry.h"
+#include "models/splined.h"
+
+namespace plenocal {
+namespace {
+
+std::span<const LensForm> MrcalLenses() {
+  static const std::vector<LensForm> kForms{
+      {"pinhole", "LENSMODEL_PINHOLE", {}},
+      {"pinhole-radial3", "LENSMODEL_OPENCV5", {"A_0", "A_1", "0", "0", "A_2"}},
+      {"pinhole-radtan4", "LENSMODEL_OPENCV4", {"k_1", "k_2", "p_1", "p_2"}},
+      {"pinhole-radtan", "LENSMODEL_OPENCV5", {"k_1", "k_2", "p_1", "p_2", "k_3"}},
+      {"pinhole-radtan8",
+       "LENSMODEL_OPENCV8",
+       {"k_1", "k_2", "p_1", "p_2", "k_3", "k_4", "k_5", "k_6"}},
+      {"pinhole-radtan12",
+       "LENSMODEL_OPENCV12",
+       {"k_1", "k_2", "p_1", "p_2", "k_3", "k_4", "k_5", "k_6", "s_1", "s_2", "s_3", "s_4"}}};
+  return kForms;
+}
+
+// A spline's name holds its knots and its field of view.
+std::string MrcalSpline(std::string_view fov_deg) {
+  return fmt::format("LENSMODEL_SPLINED_STEREOGRAPHIC_order=3_Nx={}_Ny={}_fov_x_deg={}",
+                     Splined::kColumns,
+                     Splined::kRows,
+                     fov_deg);
+}
+
+Lens ToMrcalSpline(const CalibratedCamera& camera) {
+  const double fov = camera.params[Splined::kFov];
+  if (fov != std::round(fov)) {
+    throw Error(
+        ErrorKind::kJob,
+        fmt::format("camera '{}': mrcal's splines have a fov of whole degrees, this one has {}; "
+                    "calibrate with 'initial: {{fov: {:.0f}}}'",
+                    camera.name,
+                    fov,
+                    std::ceil(fov)));
+  }
+  return {MrcalSpline(fmt::format("{:.0f}", fov)),
+          camera.params[0],
+          camera.params[1],
+          camera.params[2],
+          camera.params[3],
+          {camera.params.begin() + Splined::kFirstKnot, camera.params.end()}};
+}
+
+// `name` is that of a spline, `intrinsics` all that the file holds.
+CalibratedCamera FromMrcalSpline(const YamlNode& name, const YamlNode& intrinsics) {
+  const std::string prefix = MrcalSpline(""), text = name.AsString();
+  const std::string fov_deg = text.starts_with(prefix) ? text.substr(prefix.size()) : "";
+  const auto is_digit = [](char c) { return c >= '0' && c <= '9'; };
+  if (fov_deg.empty() || fov_deg.size() > 3 || !std::ranges::all_of(fov_deg, is_digit)) {
+    name.Fail(
+        fmt::format("only splines of order 3 with {} x {} knots are read; make it one with "
+                    "'mrcal-convert-lensmodel {} FILE'",
+                    Splined::kColumns,
+                    Splined::kRows,
+                    MrcalSpline("...")));
+  }
+  CalibratedCamera camera;
+  camera.model = FindModel(CameraModels(), Splined::kName);
+  camera.params = intrinsics.AsNumbers(Splined::kParams.size() - 1);
+  camera.params.insert(camera.params.begin() + Splined::kFov, std::stod(fov_deg));
+  if (!WithinBounds(*camera.model, camera.params.data())) {
+    intrinsics.Fail("f_x and f_y must be positive, fov_x_deg between 0 and 360");
+  }
+  return camera;
+}
+
+std::string WriteMrcal(const std::vector<CalibratedCamera>& cameras) {
+  const CalibratedCamera& camera = cameras[0];
+  const Lens lens = camera.model->name == Splined::kName ? ToMrcalSpline(camera)
+                                                         : ToLens(camera, MrcalLenses(), "mrcal");
+  std::vector<double> intrinsics{lens.f_x, lens.f_y, lens.c_x, lens.c_y};
+  intrinsics.insert(intrinsics.end(), lens.coefficients.begin(), lens.coefficients.end());
+  const Eigen::Vector3d w = LogRotation(camera.T_camera_rig.R), t = camera.T_camera_rig.t;
+  return fmt::format(
+      "{{\n    'lensmodel': '{}',\n    'intrinsics': [ {} ],\n    # rt_fromref\n"
+      "    'extrinsics': [ {} ],\n    'imagersize': [ {}, {} ],\n}}\n",
+      lens.name,
+      RealList(intrinsics),
+      RealList(std::array{w.x(), w.y(), w.z(), t.x(), t.y(), t.z()}),
+      camera.image_size[0],
+      camera.image_size[1]);
+}
+
+std::vector<std::string> WriteMrcalRig(const std::vector<CalibratedCamera>& cameras) {
+  std::vector<std::string> files;
+  files.reserve(cameras.size());
+  for (const CalibratedCamera& camera : cameras) files.push_back(WriteMrcal({camera}));
+  return files;
+}
+
+std::vector<CalibratedCamera> ReadMrcal(const CameraSource& source) {
+  std::string text = ReadTextFile(source.path, InputLimit::kDocument);
+  // A packed blob that only mrcal reads.
+  if (const size_t blob = text.find("'optimization_inputs'"); blob != std::string::npos) {
+    const size_t end = text.find('\n', blob);
+    text.erase(blob, end == std::string::npos ? end : end - blob);
+  }
+  const YamlNode root = YamlNode::Parse(text, source.path.string());
+  const YamlNode lens = root.At(root.Has("lensmodel") ? "lensmodel" : "lens_model");
+  CalibratedCamera camera;
+  if (lens.AsString().starts_with("LENSMODEL_SPLINED")) {
+    camera = FromMrcalSpline(lens, root.At("intrinsics"));
+    camera.image_size = ReadImageSize(root.At("imagersize"));
+  } else {
+    const std::vector<double> intrinsics = root.At("intrinsics").AsNumbers(0);
+    if (intrinsics.size() < 4) root.At("intrinsics").Fail("expected at least four numbers");
+    camera = FromLens({lens.AsString(),
+                       intrinsics[0],
+                       intrinsics[1],
+                       intrinsics[2],
+                       intrinsics[3],
+                       {intrinsics.begin() + 4, intrinsics.end()}},
+                      ReadImageSize(root.At("imagersize")),
+                      MrcalLenses(),
+                      source.path.string());
+  }
+  const std::vector<double> rt = root.At("extrinsics").AsNumbers(6);
+  camera.T_camera_rig = {ExpRotation({rt[0], rt[1], rt[2]}), {rt[3], rt[4], rt[5]}};
+  return {camera};
+}
+
+}  // namespace
+
+CameraFormat MrcalFormat() {
+  return {.name = "mrcal",
+          .file = "camera.cameramodel",
+          .most_cameras = kAnyNumber,
+          .holds_extrinsics = true,
+          .write = WriteMrcal,
+          .read = ReadMrcal,
+          .write_files = WriteMrcalRig};
+}
+
+}  // namespace plenocal

@@ -1,0 +1,168 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "engine/formats/lens_form.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <optional>
+
+#include "calib/base/error.h"
+#include "models/registry.h"
+
+namespace plenocal {
+namespace {
+
+constexpr std::array<std::string_view, 4> kIntrinsics{"f_x", "f_y", "c_x", "c_y"};
+
+std::optional<double> Value(const CalibratedCamera& camera, std::string_view name) {
+  for (size_t i = 0; i < camera.params.size(); ++i) {
+    if (camera.model->params[i].name == name) return camera.params[i];
+  }
+  return std::nullopt;
+}
+
+bool Holds(std::span<const std::string_view> names, std::string_view name) {
+  return std::find(names.begin(), names.end(), name) != names.end();
+}
+
+/// The first parameter that is not zero and not in the form.
+std::optional<Param> Lost(const CalibratedCamera& camera, const LensForm& form) {
+  for (size_t i = 0; i < camera.params.size(); ++i) {
+    const Param& param = camera.model->params[i];
+    if (camera.params[i] == 0 || Holds(kIntrinsics, param.name) ||
+        Holds(form.coefficients, param.name)) {
+      continue;
+    }
+    return param;
+  }
+  return std::nullopt;
+}
+
+/// Coefficient `i` of the lens; missing ones are zero.
+double Coefficient(const Lens& lens, size_t i) {
+  return i < lens.coefficients.size() ? lens.coefficients[i] : 0;
+}
+
+/// True when the form has the lens' name and all its coefficients that are not zero.
+bool Fits(const LensForm& form, const Lens& lens) {
+  if (form.name != lens.name) return false;
+  for (size_t i = 0; i < lens.coefficients.size(); ++i) {
+    const bool has_place = i < form.coefficients.size() && form.coefficients[i] != "0";
+    if (!has_place && lens.coefficients[i] != 0) return false;
+  }
+  return true;
+}
+
+/// A parameter of a model by its name; zero when it is not in the form.
+double ParamOf(const Lens& lens, const LensForm& form, std::string_view name) {
+  const std::array intrinsics{lens.f_x, lens.f_y, lens.c_x, lens.c_y};
+  if (const auto found = std::ranges::find(kIntrinsics, name); found != kIntrinsics.end()) {
+    return intrinsics[static_cast<size_t>(found - kIntrinsics.begin())];
+  }
+  const auto found = std::ranges::find(form.coefficients, name);
+  if (found == form.coefficients.end()) return 0;
+  return Coefficient(lens, static_cast<size_t>(found - form.coefficients.begin()));
+}
+
+CalibratedCamera MakeCamera(const Lens& lens,
+                            const LensForm& form,
+                            const CameraModel& model,
+                            const std::string& where) {
+  CalibratedCamera camera;
+  camera.model = &model;
+  for (const Param& param : model.params) {
+    const double value = ParamOf(lens, form, param.name);
+    if (!(value > param.lower && value < param.upper)) {
+      throw Error(ErrorKind::kInput,
+                  fmt::format("{}: {} = {} is outside ({}, {})",
+                              where,
+                              param.name,
+                              value,
+                              param.lower,
+                              param.upper));
+    }
+    camera.params.push_back(value);
+  }
+  return camera;
+}
+
+}  // namespace
+
+Lens ToLens(const CalibratedCamera& camera,
+            std::span<const LensForm> forms,
+            std::string_view format) {
+  std::optional<Param> lost;
+  for (const LensForm& form : forms) {
+    if (form.model != camera.model->name) continue;
+    lost = Lost(camera, form);
+    if (lost) continue;
+    Lens lens{std::string(form.name),
+              *Value(camera, "f_x"),
+              *Value(camera, "f_y"),
+              *Value(camera, "c_x"),
+              *Value(camera, "c_y"),
+              {}};
+    for (const std::string_view name : form.coefficients) {
+      lens.coefficients.push_back(name == "0" ? 0 : *Value(camera, name));
+    }
+    return lens;
+  }
+  std::vector<std::string_view> known;
+  for (const LensForm& form : forms) {
+    if (FindModel(CameraModels(), form.model) == nullptr || Holds(known, form.model)) continue;
+    known.push_back(form.model);
+  }
+  throw Error(
+      ErrorKind::kJob,
+      fmt::format(
+          "camera '{}': {}; make it one of {} with 'plenocal convert' first",
+          camera.name,
+          lost ? fmt::format(
+                     "{} has no place for {} of model {}", format, lost->name, camera.model->name)
+               : fmt::format("{} cannot hold model {}", format, camera.model->name),
+          fmt::join(known, ", ")));
+}
+
+CalibratedCamera FromLens(const Lens& lens,
+                          ImageSize image_size,
+                          std::span<const LensForm> forms,
+                          const std::string& where) {
+  std::vector<std::string_view> names;
+  for (const LensForm& form : forms) {
+    if (!Holds(names, form.name)) names.push_back(form.name);
+    const CameraModel* const model = FindModel(CameraModels(), form.model);
+    if (model == nullptr || !Fits(form, lens)) continue;
+    CalibratedCamera camera = MakeCamera(lens, form, *model, where);
+    camera.image_size = image_size;
+    return camera;
+  }
+  if (!Holds(names, lens.name)) {
+    throw Error(
+        ErrorKind::kInput,
+        fmt::format(
+            "{}: the lens '{}' is not read{}", where, lens.name, SuggestName(lens.name, names)));
+  }
+  throw Error(
+      ErrorKind::kInput,
+      fmt::format("{}: no camera model of this plenocal has all coefficients [{}] of the lens '{}'",
+                  where,
+                  fmt::join(lens.coefficients, ", "),
+                  lens.name));
+}
+
+std::span<const LensForm> OpenCvLenses() {
+  static const std::vector<LensForm> kForms{
+      {"pinhole", "radtan", {"0", "0", "0", "0", "0"}},
+      {"pinhole-radial3", "radtan", {"A_0", "A_1", "0", "0", "A_2"}},
+      {"pinhole-radtan4", "radtan", {"k_1", "k_2", "p_1", "p_2"}},
+      {"pinhole-radtan", "radtan", {"k_1", "k_2", "p_1", "p_2", "k_3"}},
+      {"pinhole-radtan8", "radtan", {"k_1", "k_2", "p_1", "p_2", "k_3", "k_4", "k_5", "k_6"}},
+      {"pinhole-radtan12",
+       "radtan",
+       {"k_1", "k_2", "p_1", "p_2", "k_3", "k_4", "k_5", "k_6", "s_1", "s_2", "s_3", "s_4"}},
+      {"kannala-brandt4", "fisheye", {"k_1", "k_2", "k_3", "k_4"}}};
+  return kForms;
+}
+
+}  // namespace plenocal

@@ -1,0 +1,96 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "engine/recording/frames/session_times.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <optional>
+
+#include "calib/base/error.h"
+#include "engine/recording/image_files.h"
+#include "engine/recording/times.h"
+
+namespace plenocal {
+namespace {
+
+namespace fs = std::filesystem;
+
+// The time of each image, by its frame's name and its file.
+std::vector<double> ReadTimes(const fs::path& path,
+                              const std::string& owner,
+                              const std::vector<std::string>& frames,
+                              const std::vector<fs::path>& files) {
+  const ImageTimes times = ReadImageTimes(path, ExposureUnit::kMilliseconds);
+  const auto fail = [&](const std::string& what) {
+    throw Error(ErrorKind::kInput, fmt::format("{}: {}", path.string(), what));
+  };
+  std::vector<double> of_frame;
+  if (!times.has_ids) {
+    if (times.rows.size() != frames.size()) {
+      fail(
+          fmt::format("has {} times, but {} has {} frames; times without names must be one "
+                      "per frame",
+                      times.rows.size(),
+                      owner,
+                      frames.size()));
+    }
+    for (const ImageTime& row : times.rows) of_frame.push_back(row.time);
+    return of_frame;
+  }
+  const ImageIndex index(frames, files);
+  std::vector<std::optional<double>> found(frames.size());
+  for (const ImageTime& row : times.rows) {
+    if (const auto image = index.Find(row.id)) found[*image] = row.time;
+  }
+  for (size_t i = 0; i < frames.size(); ++i) {
+    if (!found[i]) {
+      fail(
+          fmt::format("has no time for frame '{}' of {} (its first row is for '{}'); is it "
+                      "the right file?",
+                      frames[i],
+                      owner,
+                      times.rows[0].id));
+    }
+    of_frame.push_back(*found[i]);
+  }
+  return of_frame;
+}
+
+}  // namespace
+
+void TakeTimes(const fs::path& times, const std::string& owner, std::vector<FrameImage>* images) {
+  std::vector<std::string> frames;
+  std::vector<fs::path> files;
+  for (const FrameImage& image : *images) {
+    frames.push_back(image.frame);
+    files.push_back(image.path);
+  }
+  const std::vector<double> of_frame = ReadTimes(times, owner, frames, files);
+  for (size_t i = 0; i < images->size(); ++i) (*images)[i].time = of_frame[i];
+  std::ranges::stable_sort(*images, {}, [](const FrameImage& image) { return *image.time; });
+}
+
+void TakeTimesOfNames(std::vector<FrameImage>* images) {
+  constexpr size_t kDigits = 19;  // from 2001 to 2286
+  const auto is_time = [](const FrameImage& image) {
+    return !image.store && image.frame.size() == kDigits && image.frame[0] == '1' &&
+           std::ranges::all_of(image.frame, [](char c) { return '0' <= c && c <= '9'; });
+  };
+  if (!std::ranges::all_of(*images, is_time)) return;
+  constexpr double kNanosecond = 1e-9;
+  for (FrameImage& image : *images) {
+    image.time = kNanosecond * static_cast<double>(std::stoll(image.frame));
+  }
+}
+
+std::map<std::string, double> TimesOfFrames(const fs::path& times,
+                                            const std::string& owner,
+                                            const std::vector<std::string>& frames) {
+  const std::vector<double> of_frame =
+      ReadTimes(times, owner, frames, std::vector<fs::path>(frames.begin(), frames.end()));
+  std::map<std::string, double> by_name;
+  for (size_t i = 0; i < frames.size(); ++i) by_name[frames[i]] = of_frame[i];
+  return by_name;
+}
+
+}  // namespace plenocal

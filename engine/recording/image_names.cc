@@ -1,0 +1,174 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "engine/recording/image_names.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cctype>
+#include <iterator>
+#include <set>
+#include <string_view>
+#include <utility>
+
+#include "calib/base/error.h"
+#include "calib/base/number_text.h"
+#include "calib/base/quoted_text.h"
+#include "calib/base/yaml.h"
+#include "engine/recording/stores/image_lister.h"
+
+namespace plenocal {
+namespace {
+
+namespace fs = std::filesystem;
+
+bool IsDigit(char c) { return std::isdigit(static_cast<unsigned char>(c)) != 0; }
+bool HasWildcard(const std::string& text) { return text.find_first_of("*?[") != std::string::npos; }
+
+// What all texts begin with, without a part of a number.
+std::string CommonBeginning(const std::vector<std::string>& texts) {
+  std::string common = texts.front();
+  for (const std::string& text : texts) {
+    const auto end = std::ranges::mismatch(common, text).in1;
+    common.erase(end, common.end());
+  }
+  while (!common.empty() && IsDigit(common.back())) common.pop_back();
+  return common;
+}
+
+std::string CommonEnd(std::vector<std::string> texts) {
+  for (std::string& text : texts) std::ranges::reverse(text);
+  std::string common = CommonBeginning(texts);
+  std::ranges::reverse(common);
+  return common;
+}
+
+// The glob that matches these files and no others; empty when there is none.
+std::string ExactGlobOf(const std::vector<FrameImage>& files) {
+  std::set<fs::path> wanted;
+  for (const FrameImage& file : files) wanted.insert(file.path);
+  return GlobOf(files, [&](const fs::path& path) { return wanted.contains(path); });
+}
+
+std::set<std::string> FramesOf(const std::vector<std::string>& images, const std::string& name) {
+  std::set<std::string> frames;
+  for (const FrameImage& image : ListImages(images, name)) frames.insert(image.frame);
+  return frames;
+}
+
+bool HoldStores(const std::vector<std::string>& patterns) {
+  return std::ranges::any_of(patterns, [](const std::string& pattern) {
+    return !SplitStorePattern(pattern).file.empty();
+  });
+}
+
+// `pattern` relative to `folder`, in the notation of YAML.
+std::string YamlPath(const std::string& pattern, const fs::path& folder) {
+  // Only existing parts can be made relative.
+  fs::path base, rest;
+  for (const fs::path& part : fs::absolute(pattern).lexically_normal()) {
+    (rest.empty() && !HasWildcard(part.string()) ? base : rest) /= part;
+  }
+  const fs::path to = fs::weakly_canonical(base), from = fs::weakly_canonical(folder);
+  // Where the root alone is common, the whole path is easier to read.
+  const auto top = [](const fs::path& path) {
+    return *std::next(path.begin(), path.has_relative_path() ? 1 : 0);
+  };
+  const fs::path all = (top(to) == top(from) ? fs::relative(to, from) : to) / rest;
+  const std::string text = all.lexically_normal().string();
+  const bool plain = std::ranges::all_of(text, [](unsigned char c) {
+    return std::isalnum(c) != 0 ||
+           std::string_view("_-./*").find(static_cast<char>(c)) != std::string_view::npos;
+  });
+  if (plain && text[0] != '*' && text[0] != '-') return text;
+  std::string quoted = YamlQuoted(text);
+  if (YamlNode::Parse(quoted, text).AsString() != text) {
+    throw Error(ErrorKind::kInput,
+                fmt::format("{}: the path is not UTF-8, as a session is; rename it", text));
+  }
+  return quoted;
+}
+
+}  // namespace
+
+std::string GlobOf(const std::vector<FrameImage>& files,
+                   const std::function<bool(const fs::path&)>& allowed) {
+  std::vector<std::string> names;
+  for (const FrameImage& file : files) {
+    if (file.path.parent_path() != files[0].path.parent_path()) return {};
+    names.push_back(file.path.filename().string());
+  }
+  if (names.size() < 2) return {};
+  const std::string begin = CommonBeginning(names);
+  for (std::string& name : names) name.erase(0, begin.size());
+  const std::string end = CommonEnd(names);
+  const fs::path folder = files[0].path.parent_path();
+  const std::string glob = (folder / (begin + "*" + end)).string();
+  if (HasWildcard(folder.string() + begin + end)) return {};
+  std::set<fs::path> wanted;
+  for (const FrameImage& file : files) wanted.insert(file.path);
+  const std::vector<FrameImage> matched = ExpandImages(glob, "images");
+  const bool fits = std::ranges::all_of(matched, [&](const FrameImage& file) {
+    return wanted.contains(file.path) || allowed(file.path);
+  });
+  return fits ? glob : std::string();
+}
+
+bool FramesAreShared(const std::vector<std::string>& names,
+                     const std::vector<std::vector<std::string>>& images) {
+  const std::set<std::string> first = FramesOf(images[0], names[0]);
+  for (size_t c = 1; c < images.size(); ++c) {
+    const std::set<std::string> frames = FramesOf(images[c], names[c]);
+    const bool any = std::ranges::any_of(
+        frames, [&](const std::string& frame) { return first.contains(frame); });
+    if (!any) return false;
+  }
+  return true;
+}
+
+std::vector<std::string> AsGlobs(const std::vector<std::string>& inputs, const std::string& what) {
+  if (HoldStores(inputs)) return inputs;
+  for (const std::string& input : inputs) {
+    if (!fs::exists(input) && !HasWildcard(input)) {
+      throw Error(ErrorKind::kInput,
+                  fmt::format("{}: no such file or folder; check the path", input));
+    }
+  }
+  if (inputs.size() == 1) return inputs;
+  const std::string glob = ExactGlobOf(ExpandImages(inputs, what));
+  return glob.empty() ? inputs : std::vector{glob};
+}
+
+void ShareFrames(const std::vector<std::string>& names,
+                 std::vector<std::vector<std::string>>* images) {
+  // Their images are paired by time, or by names that no glob can change.
+  if (std::ranges::any_of(*images, HoldStores)) return;
+  if (images->size() < 2 || FramesAreShared(names, *images)) return;
+  std::vector<std::vector<std::string>> globs;
+  for (size_t c = 0; c < images->size(); ++c) {
+    const std::string glob = ExactGlobOf(ExpandImages((*images)[c], names[c]));
+    globs.push_back(glob.empty() ? (*images)[c] : std::vector{glob});
+  }
+  if (FramesAreShared(names, globs)) {
+    *images = std::move(globs);
+    return;
+  }
+  std::vector<std::string> examples;
+  for (size_t c = 0; c < images->size(); ++c) {
+    examples.push_back(
+        fmt::format("{} has '{}'", names[c], *FramesOf((*images)[c], names[c]).begin()));
+  }
+  throw Error(ErrorKind::kInput,
+              fmt::format("the cameras' images have no frame in common ({}): images of one instant "
+                          "have equal names, or equal parts where a glob's last '*' stands",
+                          fmt::join(examples, ", ")));
+}
+
+std::string PathsYaml(const std::vector<std::string>& patterns, const fs::path& folder) {
+  if (patterns.size() == 1) return YamlPath(patterns[0], folder);
+  std::string list;
+  for (const std::string& pattern : patterns) list += "\n      - " + YamlPath(pattern, folder);
+  return list;
+}
+
+}  // namespace plenocal

@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <list>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "calib/base/input_file.h"
+#include "engine/recording/messages/message_file.h"
+#include "engine/recording/messages/unpack.h"
+
+namespace plenocal {
+
+/// A file whose messages lie in chunks that may be packed. A few unpacked chunks are kept, so that
+/// messages in the order of the file cost one unpacking each.
+class ChunkedFile : public MessageFile {
+ public:
+  explicit ChunkedFile(const std::filesystem::path& path) : file_(path) {}
+  [[nodiscard]] SharedBytes Read(const MessageRef& message, size_t most) const override;
+
+ protected:
+  struct Chunk {
+    std::uint64_t offset = 0, size = 0;  ///< of its packed bytes in the file
+    std::uint64_t unpacked = 0;          ///< bytes, by the header of the chunk
+    Packing packing{};
+    std::uint32_t crc = 0;  ///< of the unpacked bytes; 0: not given
+    PackedEnd end = PackedEnd::kNeeded;
+  };
+  /// `MessageRef::block` of messages outside of chunks or in chunks that are not packed: `offset`
+  /// is that in the file.
+  static constexpr std::uint64_t kInFile = ~std::uint64_t{0};
+
+  [[nodiscard]] const InputBytes& File() const { return file_; }
+  /// Calls scan(range, block, offset of the range) for the records of a chunk, unless it is damaged
+  /// or unpacks to more than a chunk can be; then that is noted.
+  template <typename Scan>
+  void ForChunk(const Chunk& chunk, const Scan& scan) {
+    if (chunk.packing == Packing::kNone) {
+      ByteRange range(file_, chunk.offset, chunk.size);
+      scan(&range, kInFile, chunk.offset);
+      return;
+    }
+    if (std::max(chunk.unpacked, chunk.size) > kMostBytes) {
+      AddDamage(
+          fmt::format("the chunk at byte {} has {} MB, of which at most {} are read; its "
+                      "messages are lost",
+                      chunk.offset,
+                      std::max(chunk.unpacked, chunk.size) >> 20,
+                      kMostBytes >> 20));
+      return;
+    }
+    std::shared_ptr<const ByteVector> bytes = Unpacked(chunk);
+    if (!bytes) {
+      AddDamage(
+          fmt::format("the chunk at byte {} is damaged; its messages are lost", chunk.offset));
+      return;
+    }
+    chunks_.push_back(chunk);
+    ByteRange range{ByteSpan(*bytes)};
+    scan(&range, chunks_.size() - 1, 0);
+  }
+
+ private:
+  /// Of a message, and of a packed chunk: writers make chunks of some MB, of one image more where
+  /// it is larger than that.
+  static constexpr auto kMostBytes = static_cast<std::uint64_t>(InputLimit::kImage);
+
+  [[nodiscard]] std::shared_ptr<const ByteVector> Unpacked(const Chunk& chunk) const;
+  [[nodiscard]] std::shared_ptr<const ByteVector> KeptChunk(std::uint64_t block) const;
+
+  InputBytes file_;
+  std::vector<Chunk> chunks_;
+  mutable std::mutex mutex_;
+  /// The latest first.
+  mutable std::list<std::pair<std::uint64_t, std::shared_ptr<const ByteVector>>> kept_;
+};
+
+}  // namespace plenocal

@@ -1,0 +1,83 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// A recording: the images of one or more cameras in the order in which they were taken, with times
+// and exposures where they are known (docs/recordings.md).
+#pragma once
+
+#include <cstddef>
+#include <filesystem>
+#include <opencv2/core/mat.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "calib/camera/observation.h"
+#include "calib/files/frame_images.h"
+#include "engine/recording/recording_file.h"
+
+namespace plenocal {
+
+/// An image of a recording.
+struct RecordedImage {
+  std::string name;                ///< of its frame
+  std::optional<double> time;      ///< s
+  std::optional<double> exposure;  ///< ms
+};
+
+struct RecordedCamera {
+  std::string name;
+  std::vector<RecordedImage> images;  ///< by time, without times by name
+  std::vector<FrameImage> files;      ///< of `images`, by the same index
+  ImageSize image_size{};
+  std::vector<FrameImage> white_images;
+  std::optional<BayerOrder> bayer;   ///< of raw mosaics
+  std::optional<double> pixel_size;  ///< m
+  std::filesystem::path vignetting;  ///< image; empty: none
+  std::filesystem::path response;    ///< pcalib.txt; empty: none
+  std::optional<MarkerFile> markers;
+  size_t exposures_filled = 0;  ///< images whose exposure is the mean of their neighbours'
+
+  /// The image as single-channel grey of the file's own depth, 8 or 16 bits; of a raw mosaic the
+  /// mosaic. Throws `Error` of kind kInput that names the file for one that is damaged.
+  [[nodiscard]] cv::Mat Read(size_t index) const;
+};
+
+/// One instant.
+struct RecordedFrame {
+  std::string name;                          ///< that of the first camera's image that it has
+  double time = 0;                           ///< s, of the same image; NaN: not known
+  std::vector<std::optional<size_t>> image;  ///< per camera, index of its images
+};
+
+struct Recording {
+  std::filesystem::path path;  ///< recording.yaml, folder or archive
+  std::string layout;          ///< as `RecordingFile` names it
+  Pairing::By paired_by{};     ///< how the frames were made
+  double tolerance = 0;        ///< s, of the pairing by time
+  std::vector<RecordedCamera> cameras;
+  std::vector<RecordedFrame> frames;       ///< in the order of the recording; names are unique
+  std::vector<LeftOut> left_out;           ///< images that cannot be used
+  std::shared_ptr<const MessageLog> log;   ///< of a recording of messages; else null
+  std::vector<ImageTopic> topics;          ///< of `log`
+  std::vector<MessageTopic> other_topics;  ///< of `log`, without images
+  std::vector<std::string> notes;          ///< what is unusual in its files, in whole sentences
+  std::filesystem::path calibration;       ///< calibration.yaml; empty: none
+  std::filesystem::path truth;             ///< trajectory; empty: none
+  /// Calibrations of other programs that lie beside the images, and how to import them.
+  std::vector<ForeignCalibration> foreign;
+
+  [[nodiscard]] bool HasTimes() const;
+  [[nodiscard]] const RecordedCamera* FindCamera(const std::string& name) const;
+};
+
+/// Reads a recording: a recording.yaml, a folder that holds one or whose layout is known, or a zip
+/// archive with images. Of the images only the headers are read, and three a camera to find raw
+/// mosaics.
+///
+/// Throws `Error` of kind kInput, with file and line where there is one: no images, times that do
+/// not increase or do not belong to the images, different numbers of images without times, a raw
+/// mosaic that is not called one. Images that cannot be used are in `left_out`: of another size
+/// than most, without a readable header, without a time.
+Recording ReadRecording(const std::filesystem::path& path);
+
+}  // namespace plenocal

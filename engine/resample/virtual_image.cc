@@ -1,0 +1,148 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "engine/resample/virtual_image.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+#include <cmath>
+#include <vector>
+
+#include "calib/base/error.h"
+
+namespace plenocal {
+namespace {
+
+/// The point with the smallest sum of squared distances from the rays.
+std::optional<Eigen::Vector3d> Meeting(std::span<const Ray> rays) {
+  Eigen::Matrix3d A = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d b = Eigen::Vector3d::Zero();
+  for (const Ray& ray : rays) {
+    const Eigen::Matrix3d across =
+        Eigen::Matrix3d::Identity() - ray.direction * ray.direction.transpose();
+    A += across;
+    b += across * ray.origin;
+  }
+  const Eigen::LDLT<Eigen::Matrix3d> solver(A);
+  if (!(solver.rcond() > 1e-14)) return std::nullopt;
+  return solver.solve(b);
+}
+
+}  // namespace
+
+VirtualImage::VirtualImage(const CalibratedCamera& camera) : camera_(camera) {
+  if (camera.model->measured.size() != 2 || camera.model->context.size() != 2) {
+    throw Error(
+        ErrorKind::kInput,
+        fmt::format("camera '{}': {} has no micro lenses", camera.name, camera.model->name));
+  }
+  const Eigen::Vector2d size(camera.image_size[0], camera.image_size[1]);
+  const auto fail = [&] {
+    throw Error(ErrorKind::kJob,
+                fmt::format("camera '{}': its calibration images hardly any pixel", camera.name));
+  };
+  std::vector<Ray> rays;
+  for (const double x : {0.1, 0.5, 0.9}) {
+    for (const double y : {0.1, 0.5, 0.9}) {
+      const Eigen::Vector2d q = size.cwiseProduct(Eigen::Vector2d(x, y));
+      if (const auto ray = RayOf(q, q)) rays.push_back(*ray);
+    }
+  }
+  const auto centre = Meeting(rays);
+  if (!centre) fail();
+  centre_ = *centre;
+
+  // Newton's method towards the optical axis.
+  constexpr int kIterations = 20;
+  constexpr double kStep = 1;  // px
+  c_ = size / 2;
+  for (int i = 0; i < kIterations; ++i) {
+    const auto at = Direction(c_), right = Direction(c_ + Eigen::Vector2d(kStep, 0)),
+               below = Direction(c_ + Eigen::Vector2d(0, kStep));
+    if (!at || !right || !below) fail();
+    Eigen::Matrix2d J;
+    J << right->hnormalized() - at->hnormalized(), below->hnormalized() - at->hnormalized();
+    J /= kStep;
+    f_ = {1 / J.col(0).norm(), 1 / J.col(1).norm()};
+    const Eigen::Vector2d step = J.inverse() * at->hnormalized();
+    if (!step.allFinite()) fail();
+    c_ -= step;
+  }
+}
+
+RigidTransform VirtualImage::ViewFromCamera() const {
+  return {Eigen::Matrix3d::Identity(), -centre_};
+}
+
+std::optional<Ray> VirtualImage::RayOf(const Eigen::Vector2d& place,
+                                       const Eigen::Vector2d& lens) const {
+  const double values[kMaxObservationSize] = {place.x(), place.y(), lens.x(), lens.y()};
+  return camera_.model->unproject(camera_.params.data(), camera_.config.data(), values);
+}
+
+std::optional<Eigen::Vector3d> VirtualImage::Direction(const Eigen::Vector2d& q) const {
+  const auto ray = RayOf(q, q);
+  if (!ray) return std::nullopt;
+  return ray->direction;
+}
+
+std::optional<Eigen::Vector2d> VirtualImage::Place(const Eigen::Vector3d& direction) const {
+  if (!(direction.z() > 0)) return std::nullopt;
+  const Eigen::Vector2d goal = direction.hnormalized();
+  constexpr int kIterations = 50;
+  constexpr double kConverged = 1e-6;  // px
+  Eigen::Vector2d q = c_ + f_.cwiseProduct(goal);
+  // Steps by the scale on the axis: the distortion of a lens changes it by some percent.
+  for (int i = 0; i < kIterations; ++i) {
+    const auto at = Direction(q);
+    if (!at) return std::nullopt;
+    const Eigen::Vector2d step = f_.cwiseProduct(goal - at->hnormalized());
+    q += step;
+    if (step.norm() < kConverged) return q;
+  }
+  return std::nullopt;
+}
+
+std::optional<Eigen::Vector3d> VirtualImage::Point(const Eigen::Vector2d& q,
+                                                   double inverse_depth) const {
+  // As far as micro images that see one point are apart; the distortion is even over so little.
+  constexpr double kReach = 10;  // px
+  const Eigen::Vector2d reach(kReach, 0);
+  const auto through = [&](const Eigen::Vector2d& lens) {
+    return RayOf(lens + inverse_depth * (q - lens), lens);
+  };
+  const auto a = through(q - reach), b = through(q + reach);
+  if (!a || !b) return std::nullopt;
+  const auto meeting = Meeting(std::array{*a, *b});
+  if (!meeting) return std::nullopt;
+  const Eigen::Vector3d p = *meeting - centre_;
+  if (!(p.z() > 0) || !p.allFinite()) return std::nullopt;
+  return p;
+}
+
+std::optional<VirtualImage::UncertainPoint> VirtualImage::Point(const Eigen::Vector2d& q,
+                                                                double inverse_depth,
+                                                                double sigma) const {
+  constexpr double kStep = 1e-5;  // of an inverse depth of some tenths
+  const auto p = Point(q, inverse_depth), further = Point(q, inverse_depth + kStep);
+  if (!p || !further) return std::nullopt;
+  return UncertainPoint{*p, std::abs(further->z() - p->z()) / kStep * sigma};
+}
+
+ImageSize VirtualImage::SizeAt(ImageSize raw, double scale) {
+  return {static_cast<int>(std::ceil(raw[0] / scale)), static_cast<int>(std::ceil(raw[1] / scale))};
+}
+
+SeenImage VirtualImage::Seen(double scale) const {
+  SeenImage image{.name = camera_.name,
+                  .size = SizeAt(camera_.image_size, scale),
+                  .direction = {},
+                  .f = f_ / scale,
+                  .c = c_ / scale};
+  image.direction = [this, scale](const Eigen::Vector2d& place) {
+    return Direction(scale * place);
+  };
+  return image;
+}
+
+}  // namespace plenocal

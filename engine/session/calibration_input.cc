@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "engine/session/calibration_input.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <limits>
+
+#include "calib/base/statistics.h"
+#include "engine/session/session_targets.h"
+
+namespace plenocal {
+namespace {
+
+// Typical distance between neighbouring markers: the median of the distances to the nearest other.
+double MarkerSpacing(const std::map<int, Eigen::Vector3d>& markers) {
+  std::vector<double> nearest;
+  for (const auto& [number, position] : markers) {
+    double best = std::numeric_limits<double>::infinity();
+    for (const auto& [other, place] : markers) {
+      if (other != number) best = std::min(best, (place - position).norm());
+    }
+    nearest.push_back(best);
+  }
+  return Median(nearest);
+}
+
+// Standard deviation of the prior of marker coordinates, m; 0: the target is rigid.
+double MarkerSigmaOfSession(const Session& session, const Target& target, const Run& run) {
+  if (!session.refine_target.value_or(target.tolerance.has_value())) {
+    if (!session.refine_target) {
+      run.Message(
+          "the target states no tolerance, so it is held rigid; give it 'tolerance' (m) to have "
+          "its markers refined");
+    }
+    return 0;
+  }
+  const double sigma = RefinedMarkerSigma(target);
+  if (!target.tolerance) {
+    run.Message(
+        fmt::format("the target states no tolerance; its markers are refined with {:.3g} mm, 1 % "
+                    "of their spacing",
+                    1e3 * sigma));
+  }
+  return sigma;
+}
+
+}  // namespace
+
+double RefinedMarkerSigma(const Target& target) {
+  constexpr double kPartOfSpacing = 0.01;
+  return target.tolerance.value_or(kPartOfSpacing * MarkerSpacing(target.markers));
+}
+
+CalibrationInput MakeCalibrationInput(const Session& session,
+                                      const Target& target,
+                                      std::vector<CameraInput> cameras,
+                                      const Run& run) {
+  CalibrationInput input;
+  input.cameras = std::move(cameras);
+  input.markers = target.markers;
+  input.targets = InputTargetsOf(session);
+  input.marker_sigma = MarkerSigmaOfSession(session, target, run);
+  input.loss = session.loss;
+  return input;
+}
+
+}  // namespace plenocal

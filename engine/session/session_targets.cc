@@ -1,0 +1,127 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "engine/session/session_targets.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <map>
+#include <string>
+#include <utility>
+
+#include "calib/base/error.h"
+#include "calib/base/names.h"
+#include "engine/session/look_alikes.h"
+
+namespace plenocal {
+namespace {
+
+std::string MarkerLine(int number, const Eigen::Vector3d& p) {
+  return fmt::format("  {}: [{:.12g}, {:.12g}, {:.12g}]\n", number, p.x(), p.y(), p.z());
+}
+
+Target TargetOfMarkers(const std::string& lines, const std::optional<double>& tolerance) {
+  const std::string head = "plenocal: 1\ntype: markers\n";
+  const std::string states = tolerance ? fmt::format("tolerance: {}\n", *tolerance) : "";
+  return ReadTarget(YamlNode::Parse(head + states + "markers:\n" + lines, "targets"));
+}
+
+std::optional<double> LargestTolerance(const std::vector<Target>& targets) {
+  double largest = 0;
+  for (const Target& target : targets) {
+    if (!target.tolerance) return std::nullopt;
+    largest = std::max(largest, *target.tolerance);
+  }
+  return largest;
+}
+
+}  // namespace
+
+SessionTargets ReadSessionTargets(const Session& session) {
+  SessionTargets targets;
+  if (session.targets.empty()) {
+    targets.all = ReadTarget(session.target);
+    return targets;
+  }
+  std::string lines;
+  for (size_t k = 0; k < session.targets.size(); ++k) {
+    targets.several.push_back(ReadTarget(session.targets[k].source));
+    for (const auto& [number, position] : targets.several.back().markers) {
+      if (number >= kMarkersPerTarget) {
+        throw Error(
+            ErrorKind::kInput,
+            fmt::format("{}: target {} has a marker {}; of several targets the numbers must "
+                        "be below {}",
+                        session.path.string(),
+                        session.targets[k].name,
+                        number,
+                        kMarkersPerTarget));
+      }
+      lines += MarkerLine(static_cast<int>(k) * kMarkersPerTarget + number, position);
+    }
+  }
+  targets.identical_boards = CheckDistinct(session, targets.several);
+  targets.all = TargetOfMarkers(lines, LargestTolerance(targets.several));
+  return targets;
+}
+
+void RefuseSeveralTargets(const Session& session, const char* command) {
+  if (session.targets.empty()) return;
+  throw Error(
+      ErrorKind::kInput,
+      fmt::format("{}: '{}' takes sessions with one target; name it as 'target' in a session "
+                  "of its own",
+                  session.path.string(),
+                  command));
+}
+
+std::vector<InputTarget> InputTargetsOf(const Session& session) {
+  std::vector<InputTarget> targets;
+  for (const SessionTarget& target : session.targets) {
+    targets.push_back({.name = target.name, .moves = target.moves, .known = target.known});
+  }
+  return targets;
+}
+
+std::vector<View> JoinViews(std::vector<std::vector<View>> by_target) {
+  std::map<std::string, View> joined;
+  for (size_t k = 0; k < by_target.size(); ++k) {
+    for (View& view : by_target[k]) {
+      View& all = joined[view.frame];
+      all.frame = view.frame;
+      for (Observation& seen : view.observations) {
+        seen.marker += static_cast<int>(k) * kMarkersPerTarget;
+        all.observations.push_back(seen);
+      }
+      all.by_nuisance.insert(
+          all.by_nuisance.end(), view.by_nuisance.begin(), view.by_nuisance.end());
+    }
+  }
+  std::vector<View> views;
+  for (auto& [frame, view] : joined) views.push_back(std::move(view));
+  return views;
+}
+
+Target PlacedTogether(const CalibrationRecord& record) {
+  std::string lines;
+  for (const auto& [number, marker] : record.markers) {
+    lines += MarkerLine(number, marker.nominal.value_or(marker.position));
+  }
+  return TargetOfMarkers(lines, std::nullopt);
+}
+
+std::string RefinedTargetOf(const CalibrationRecord& record, const Target& target, size_t k) {
+  const RigidTransform T_own_target = record.targets[k].T_target_own.Inverse();
+  const int first = static_cast<int>(k) * kMarkersPerTarget;
+  MarkerPositions positions, sigmas;
+  for (const auto& [number, nominal] : target.markers) {
+    const auto found = record.markers.find(first + number);
+    if (found == record.markers.end()) continue;
+    positions[number] = T_own_target * found->second.position;
+    if (!found->second.sigma) continue;
+    // Of the axes of the target's own frame; correlations between axes are small.
+    sigmas[number] = (T_own_target.R.cwiseAbs2() * found->second.sigma->cwiseAbs2()).cwiseSqrt();
+  }
+  return RefinedTargetYaml(target, positions, sigmas);
+}
+
+}  // namespace plenocal

@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// The targets of a session, one or several.
+#pragma once
+
+#include <vector>
+
+#include "calib/estimate/calibrate.h"
+#include "calib/files/calibration_record.h"
+#include "calib/files/session.h"
+#include "calib/rig/identical_boards.h"
+#include "targets/target.h"
+
+namespace plenocal {
+
+struct SessionTargets {
+  /// The only target. Of several: type `markers` with all of them, each in its target's own frame,
+  /// numbered by `kMarkersPerTarget`.
+  Target all;
+  std::vector<Target> several;  ///< empty: one
+  /// Of several: two that only their mutual pose distinguishes.
+  std::vector<IdenticalBoards> identical_boards;
+};
+
+/// Reads the target files of a session. Throws `Error` for files that cannot be read, and for
+/// targets that no image distinguishes.
+SessionTargets ReadSessionTargets(const Session& session);
+
+/// Throws `Error` of kind kInput when the session has several targets, which `command` does not
+/// take.
+void RefuseSeveralTargets(const Session& session, const char* command);
+
+/// The session's targets with their poses (known, fixed or free), for `CalibrationInput::targets`.
+std::vector<InputTarget> InputTargetsOf(const Session& session);
+
+/// The observations of each target in turn, as those of one camera with several targets: by frame,
+/// with the numbers of `SessionTargets::all`.
+std::vector<View> JoinViews(std::vector<std::vector<View>> by_target);
+
+/// The markers where the calibration has placed them, in the frame of the first target.
+Target PlacedTogether(const CalibrationRecord& record);
+
+/// Text of the refined target `k` in its own frame.
+std::string RefinedTargetOf(const CalibrationRecord& record, const Target& target, size_t k);
+
+}  // namespace plenocal

@@ -1,0 +1,214 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "engine/try_session.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "calib/base/error.h"
+#include "calib/base/names.h"
+#include "calib/base/number_text.h"
+#include "calib/base/quoted_text.h"
+#include "calib/estimate/describe.h"
+#include "calib/files/calibration_file.h"
+#include "engine/session/calibration_input.h"
+#include "engine/session/model_named.h"
+#include "engine/session/open_session.h"
+#include "engine/session/provenance.h"
+#include "engine/session/session_observations.h"
+#include "models/registry.h"
+
+namespace plenocal {
+namespace {
+
+// The cameras whose model is varied: the one named, else all ordinary ones, else all plenoptic
+// ones.
+std::vector<size_t> VariedCameras(const Session& session, const std::string& name) {
+  std::vector<size_t> varied;
+  if (!name.empty()) {
+    std::vector<std::string_view> names;
+    for (size_t c = 0; c < session.cameras.size(); ++c) {
+      if (session.cameras[c].name == name) return {c};
+      names.push_back(session.cameras[c].name);
+    }
+    throw Error(ErrorKind::kInput,
+                fmt::format("--camera {}: {} has no such camera{}",
+                            name,
+                            session.path.string(),
+                            SuggestName(name, names)));
+  }
+  const auto ordinary = std::ranges::find_if(
+      session.cameras, [](const SessionCamera& camera) { return camera.model->context.empty(); });
+  const CameraModel& kind =
+      *(ordinary != session.cameras.end() ? *ordinary : session.cameras.front()).model;
+  for (size_t c = 0; c < session.cameras.size(); ++c) {
+    if (OfOneKind(*session.cameras[c].model, kind)) varied.push_back(c);
+  }
+  return varied;
+}
+
+std::vector<const CameraModel*> ModelsToTry(const std::vector<std::string>& names,
+                                            const SessionCamera& camera) {
+  std::vector<const CameraModel*> models;
+  for (const std::string& name : names) {
+    const CameraModel* model = ModelNamed("--models", name);
+    if (!OfOneKind(*model, *camera.model)) {
+      throw Error(ErrorKind::kInput,
+                  fmt::format("--models {}: cannot take the place of {}, the model of '{}'; they "
+                              "do not measure the same in an image",
+                              name,
+                              camera.model->name,
+                              camera.name));
+    }
+    if (std::ranges::find(models, model) != models.end()) {
+      throw Error(ErrorKind::kInput, fmt::format("--models {}: named twice", name));
+    }
+    models.push_back(model);
+  }
+  if (!names.empty()) return models;
+  for (const CameraModel& model : CameraModels()) {
+    if (OfOneKind(model, *camera.model)) models.push_back(&model);
+  }
+  return models;
+}
+
+void WarnOfSettings(const Session& session, const std::vector<size_t>& varied, const Run& run) {
+  for (const size_t c : varied) {
+    const SessionCamera& camera = session.cameras[c];
+    const bool any = !camera.rules.empty() ||
+                     std::ranges::any_of(camera.initial, [](const auto& v) { return bool(v); });
+    if (!any) continue;
+    run.Message(
+        fmt::format("{}: what the session says of parameters holds for {} alone; the other models "
+                    "start without",
+                    camera.name,
+                    camera.model->name));
+  }
+}
+
+std::string HeldOutYaml(const ModelTrial& trial) {
+  return fmt::format("held_out: {{rms: {}, sigma: {}, probability: {}}}\n",
+                     YamlNumber(trial.rms),
+                     YamlNumber(trial.rms_sigma),
+                     YamlNumber(trial.probability));
+}
+
+std::string ModelYaml(const TrialRow& row) {
+  const ModelTrial& trial = *row.trial;
+  std::vector<std::string> undetermined;
+  for (const std::string& name : row.undetermined) undetermined.push_back(YamlText(name));
+  std::string text = fmt::format("  {}:\n", trial.model->name);
+  if (!trial.failure.empty()) {
+    return text + fmt::format("    failure: {}\n", YamlQuoted(trial.failure));
+  }
+  text += fmt::format("    parameters: {}\n", trial.free_parameters);
+  if (trial.comparable) {
+    text += fmt::format(
+        "    {}    difference: {}\n    sigma: {}\n    image_sigma: {}\n    judgement: {}\n",
+        HeldOutYaml(trial),
+        YamlNumber(trial.difference),
+        YamlNumber(trial.sigma),
+        YamlNumber(trial.image_sigma),
+        YamlQuoted(row.judgement));
+  }
+  return text + fmt::format(
+                    "    unseen: {}\n    in_sample_rms: {}\n"
+                    "    undetermined: [{}]\n    calibration: models/{}/calibration.yaml\n",
+                    YamlNumber(trial.unseen),
+                    YamlNumber(trial.in_sample_rms),
+                    fmt::join(undetermined, ", "),
+                    trial.model->name);
+}
+
+std::string TargetYaml(const ModelChoice& targets, double session_sigma) {
+  std::string text = fmt::format("target:\n  recommended: {}\n  why: {}\n",
+                                 TargetName(targets.trials[targets.recommended]),
+                                 YamlQuoted(TargetRecommendation(targets, session_sigma)));
+  for (const ModelTrial& trial : targets.trials) {
+    if (!trial.comparable) continue;
+    text += fmt::format("  {}:\n    tolerance: {}\n    {}    difference: {}\n    sigma: {}\n",
+                        TargetName(trial),
+                        YamlNumber(trial.marker_sigma),
+                        HeldOutYaml(trial),
+                        YamlNumber(trial.difference),
+                        YamlNumber(trial.sigma));
+  }
+  return text;
+}
+
+std::string TrialYaml(const SessionTrial& trial) {
+  const ModelChoice& choice = trial.models;
+  std::vector<std::string> cameras;
+  for (const size_t c : choice.varied) {
+    cameras.push_back(YamlText(trial.session.cameras[c].name));
+  }
+  std::string text = fmt::format(
+      "plenocal: 1\nsession: {}\ncameras: [{}]\nframes: {}\nfolds: {}\npoints: {}\n"
+      "outliers: {}\nrecommended: {}\nwhy: {}\nreference: {}\nnoise: {}\n",
+      YamlQuoted(trial.session.path.string()),
+      fmt::join(cameras, ", "),
+      choice.frames,
+      choice.folds,
+      choice.points,
+      choice.outliers,
+      choice.trials[choice.recommended].model->name,
+      YamlQuoted(ModelRecommendation(choice)),
+      choice.trials[choice.reference].model->name,
+      YamlNumber(choice.noise));
+  text += TargetYaml(trial.targets, trial.marker_sigma) + "models:\n";
+  for (const TrialRow& row : trial.rows) text += ModelYaml(row);
+  return text;
+}
+
+void WriteTrial(const SessionTrial& trial,
+                const std::vector<std::pair<std::string, std::string>>& provenance,
+                OutputFolder* out) {
+  for (const ModelTrial& model : trial.models.trials) {
+    if (!model.failure.empty()) continue;
+    CalibrationRecord record = Describe(model.calibration);
+    record.provenance = provenance;
+    out->Write(fmt::format("models/{}/calibration.yaml", model.model->name),
+               CalibrationYaml(record));
+  }
+  out->Write("try.csv", TrialCsv(trial.rows));
+  out->Write("try.yaml", TrialYaml(trial));
+}
+
+}  // namespace
+
+SessionTrial TrySession(const TryRequest& request, const Run& run) {
+  SessionTrial trial;
+  trial.session = OpenSession(request.session);
+  const Session& session = trial.session;
+  RefuseSeveralTargets(session, "try");
+  const auto provenance = ProvenanceOf(request.command, session, request.out);
+  const Target target = ReadTarget(session.target);
+  const std::vector<size_t> varied = VariedCameras(session, request.camera);
+  const std::vector<const CameraModel*> models =
+      ModelsToTry(request.models, session.cameras[varied[0]]);
+  trial.folders = std::make_unique<RunFolders>(
+      request, session, std::vector<std::string>{"try.csv", "try.yaml", "try.html"});
+  const SessionObservations observations =
+      CollectObservations(session, target, run, {trial.folders->cache(), nullptr});
+  WarnOfSettings(session, varied, run);
+  const CalibrationInput input = MakeCalibrationInput(session, target, observations.cameras, run);
+  trial.marker_sigma = input.marker_sigma;
+  const TrialOptions options{
+      .folds = request.folds, .threads = run.threads, .progress = [&](const std::string& stage) {
+        return run.Progress(stage);
+      }};
+  trial.models = TryModels(input, varied, models, options);
+  trial.targets =
+      TryTargets(WithModel(input, varied, *trial.models.trials[trial.models.recommended].model),
+                 varied,
+                 RefinedMarkerSigma(target),
+                 options);
+  trial.rows = MakeRows(trial.models);
+  if (OutputFolder* const out = trial.folders->out()) {
+    WriteTrial(trial, provenance, out);
+    WriteDetections(session, observations, request.out, out);
+  }
+  return trial;
+}
+
+}  // namespace plenocal

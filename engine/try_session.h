@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// The cameras of a session with one camera model after the other, judged by held-out frames.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "assess/trial_text.h"
+#include "calib/files/session.h"
+#include "engine/run.h"
+#include "engine/session/run_folders.h"
+#include "engine/session/session_options.h"
+
+namespace plenocal {
+
+struct TryRequest : SessionOptions {
+  std::vector<std::string> models;  ///< empty: all that measure what the cameras measure
+  std::string camera;               ///< the camera whose model is varied; empty: all of one type
+  int folds = 5;                    ///< of the cross-validation
+  /// The caller's own command, for the record of how the calibrations were made.
+  std::string command = "plenocal try";
+};
+
+struct SessionTrial {
+  Session session;
+  double marker_sigma = 0;  ///< that the session gives the target, m
+  ModelChoice models;
+  ModelChoice targets;                  ///< with the recommended model
+  std::vector<TrialRow> rows;           ///< of `models`
+  std::unique_ptr<RunFolders> folders;  ///< with the result files, to be committed
+};
+
+/// Throws `Error`, and `Stopped`.
+SessionTrial TrySession(const TryRequest& request, const Run& run);
+
+}  // namespace plenocal

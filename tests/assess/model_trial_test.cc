@@ -1,0 +1,165 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "assess/model_trial.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "calib/base/error.h"
+#include "models/registry.h"
+#include "tests/calib/synthetic.h"
+
+namespace plenocal::testing {
+namespace TEST_FILE {
+
+using ::testing::HasSubstr;
+
+constexpr double kNoise = 0.1;  // px
+
+std::vector<const CameraModel*> Models(const std::vector<std::string_view>& names) {
+  std::vector<const CameraModel*> models;
+  for (const std::string_view name : names) models.push_back(FindModel(CameraModels(), name));
+  return models;
+}
+
+const ModelTrial& TrialOf(const ModelChoice& choice, std::string_view model) {
+  return *std::ranges::find_if(choice.trials,
+                               [&](const ModelTrial& trial) { return trial.model->name == model; });
+}
+
+TEST(TryModels, RanksByHeldOutFramesAndRecommendsTheTrueModel) {
+  const SyntheticProblem problem = MakeProblem(5, {.frames = 20, .noise = kNoise});
+  const ModelChoice choice =
+      TryModels(problem.input, {0}, Models({"pinhole", "pinhole-radial3"}), {});
+  ASSERT_EQ(choice.trials.size(), 2);
+  EXPECT_EQ(choice.trials[choice.recommended].model->name, "pinhole-radial3");
+  EXPECT_EQ(choice.folds, 5);
+  EXPECT_EQ(choice.frames, 20);
+  const ModelTrial &good = TrialOf(choice, "pinhole-radial3"), &poor = TrialOf(choice, "pinhole");
+  EXPECT_EQ(good.free_parameters, 7);
+  EXPECT_EQ(poor.free_parameters, 4);
+  // The length of a residual of two coordinates is sqrt(2) times the noise of one, and a little
+  // more of frames whose parameters were estimated without them.
+  EXPECT_NEAR(good.rms, std::sqrt(2) * kNoise, 0.1 * kNoise);
+  EXPECT_LE(good.in_sample_rms, good.rms);
+  EXPECT_GT(poor.rms, 2 * good.rms);
+  EXPECT_LT(poor.probability, 1e-3);
+  EXPECT_EQ(good.probability, 1) << "the best is not worse than itself";
+}
+
+TEST(TryModels, ScoreEveryPointOnceWithTheSamePointsForAllModels) {
+  SyntheticProblem problem = MakeProblem(6, {.frames = 10, .noise = kNoise});
+  problem.input.cameras[0].views[3].observations[17].values[0] += 20;  // an outlier
+  const ModelChoice choice =
+      TryModels(problem.input, {0}, Models({"pinhole", "pinhole-radial3"}), {});
+  EXPECT_EQ(choice.outliers, 1);
+  size_t points = 0;
+  for (const View& view : problem.input.cameras[0].views) points += view.observations.size();
+  EXPECT_EQ(choice.points, points - 1);
+  for (const ModelTrial& trial : choice.trials) {
+    EXPECT_EQ(trial.held_out.size(), choice.points) << trial.model->name;
+    double squares = 0;
+    for (const HeldOutPoint& point : trial.held_out) {
+      squares += std::pow(point.residual[0], 2) + std::pow(point.residual[1], 2);
+    }
+    EXPECT_NEAR(trial.rms, std::sqrt(squares / static_cast<double>(choice.points)), 1e-9);
+  }
+}
+
+TEST(TryModels, PreferTheSimplerModelWhenBothExplainTheImages) {
+  const SyntheticProblem problem =
+      MakeProblem(7, {.frames = 12, .noise = kNoise, .distorted = false});
+  const ModelChoice choice =
+      TryModels(problem.input, {0}, Models({"pinhole-radial3", "pinhole"}), {});
+  EXPECT_EQ(choice.trials[choice.recommended].model->name, "pinhole");
+}
+
+TEST(TryModels, APoorModelBesideThemChangesNothing) {
+  const SyntheticProblem problem = MakeProblem(5, {.frames = 16, .noise = kNoise});
+  const ModelChoice two =
+      TryModels(problem.input, {0}, Models({"pinhole-radial3", "pinhole-radtan12"}), {});
+  const ModelChoice three =
+      TryModels(problem.input, {0}, Models({"pinhole", "pinhole-radial3", "pinhole-radtan12"}), {});
+  EXPECT_EQ(two.trials[two.recommended].model, three.trials[three.recommended].model);
+  EXPECT_EQ(two.noise, three.noise);
+  for (const char* name : {"pinhole-radial3", "pinhole-radtan12"}) {
+    const ModelTrial &a = TrialOf(two, name), &b = TrialOf(three, name);
+    EXPECT_EQ(a.rms, b.rms) << name;
+    EXPECT_EQ(a.rms_sigma, b.rms_sigma) << name;
+    EXPECT_EQ(a.probability, b.probability) << name;
+    EXPECT_EQ(a.difference, b.difference) << name;
+    EXPECT_EQ(a.sigma, b.sigma) << name;
+  }
+}
+
+TEST(TryModels, PreferTheCommonModelOfTwoThatAreEqual) {
+  const SyntheticProblem problem =
+      MakeProblem(7, {.frames = 12, .noise = kNoise, .distorted = false});
+  // Both describe a lens without distortion; one parameter less does not make up for rare use.
+  const ModelChoice choice =
+      TryModels(problem.input, {0}, Models({"division", "pinhole-radial3"}), {});
+  EXPECT_EQ(choice.trials[choice.recommended].model->name, "pinhole-radial3");
+  EXPECT_LT(TrialOf(choice, "division").free_parameters,
+            TrialOf(choice, "pinhole-radial3").free_parameters);
+}
+
+TEST(TryModels, MeasureTheDifferenceToTheReferenceInPixels) {
+  const SyntheticProblem problem = MakeProblem(5, {.frames = 16, .noise = kNoise});
+  const ModelChoice choice =
+      TryModels(problem.input, {0}, Models({"pinhole", "pinhole-radial3", "pinhole-radtan12"}), {});
+  EXPECT_EQ(choice.trials[choice.reference].difference, 0);
+  EXPECT_NEAR(choice.noise, std::sqrt(2) * kNoise, 0.1 * kNoise);
+  const ModelTrial &rich = TrialOf(choice, "pinhole-radtan12"), &poor = TrialOf(choice, "pinhole");
+  EXPECT_LT(rich.difference, poor.difference);
+  EXPECT_GT(poor.difference, choice.noise);
+  EXPECT_FALSE(poor.practically_equal);
+  // Five coefficients that describe nothing cost more than they gain.
+  ASSERT_TRUE(rich.outweighed_by);
+  EXPECT_EQ(choice.trials[*rich.outweighed_by].model->name, "pinhole-radial3");
+  EXPECT_LT(rich.gain, rich.sigma);
+}
+
+TEST(TryTargets, FindsWhetherTheBoardIsAsDescribed) {
+  constexpr double kTolerance = 1e-3;  // m
+  for (const double bent : {0.0, kTolerance}) {
+    SyntheticProblem problem =
+        MakeProblem(8, {.frames = 16, .noise = kNoise, .marker_tolerance = bent});
+    problem.input.marker_sigma = 0;  // what the session states does not matter
+    const ModelChoice choice = TryTargets(problem.input, {0}, kTolerance, {});
+    ASSERT_EQ(choice.trials.size(), 2);
+    EXPECT_EQ(choice.trials[choice.recommended].marker_sigma, bent);
+    const ModelTrial& held = choice.trials[choice.trials[0].marker_sigma == 0 ? 0 : 1];
+    if (bent > 0) {
+      EXPECT_GT(held.difference, choice.noise / 3);
+    }
+  }
+}
+
+TEST(TryModels, NeedFramesToHoldOut) {
+  const SyntheticProblem problem = MakeProblem(5, {.frames = 2, .noise = kNoise});
+  try {
+    TryModels(problem.input, {0}, Models({"pinhole"}), {});
+    ADD_FAILURE();
+  } catch (const Error& error) {
+    EXPECT_EQ(error.kind(), ErrorKind::kJob);
+    EXPECT_THAT(error.what(), HasSubstr("2 frames: too few"));
+  }
+}
+
+TEST(TryModels, StopWhenTheCallerAsks) {
+  const SyntheticProblem problem = MakeProblem(5, {.frames = 8, .noise = kNoise});
+  TrialOptions options;
+  options.progress = [](const std::string&) { return false; };
+  EXPECT_THROW(TryModels(problem.input, {0}, Models({"pinhole"}), options), Stopped);
+}
+
+TEST(OfOneKind, AreModelsWithTheSameMeasurement) {
+  const auto models = Models({"pinhole", "pinhole-radial3", "focused-plenoptic"});
+  EXPECT_TRUE(OfOneKind(*models[0], *models[1]));
+  EXPECT_FALSE(OfOneKind(*models[0], *models[2]));
+}
+
+}  // namespace TEST_FILE
+}  // namespace plenocal::testing

@@ -1,0 +1,278 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "assess/verdict.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "assess/causes/diagnose.h"
+#include "calib/estimate/describe.h"
+#include "models/registry.h"
+#include "tests/calib/synthetic.h"
+
+namespace plenocal::testing {
+namespace TEST_FILE {
+
+using ::testing::Contains;
+using ::testing::Not;
+
+constexpr double kNoise = 0.1;  // px
+
+SyntheticProblem GoodProblem(unsigned seed, int cameras) {
+  SyntheticProblem problem = MakeProblem(seed, {.cameras = cameras, .frames = 30, .noise = kNoise});
+  for (CameraInput& camera : problem.input.cameras) {
+    for (View& view : camera.views) {
+      for (Observation& seen : view.observations) seen.detector_sigma = kNoise;
+    }
+  }
+  return problem;
+}
+
+Verdict VerdictOf(const SyntheticProblem& problem) {
+  const Calibration calibration = Calibrate(problem.input, {});
+  CalibrationRecord record = Describe(calibration);
+  Diagnose(
+      problem.input, calibration, {}, CameraModels(), [] { return true; }, &record);
+  return *record.verdict;
+}
+
+// Moves all points of the chosen views.
+template <typename Change>
+void Displace(SyntheticProblem* problem, size_t camera, const Change& change) {
+  CameraInput& input = problem->input.cameras[camera];
+  for (size_t v = 0; v < input.views.size(); ++v) {
+    for (Observation& seen : input.views[v].observations)
+      change(v, &seen.values[0], &seen.values[1]);
+  }
+}
+
+// Their random poses may leave a corner without points, but there is nothing to blame.
+TEST(Verdict, OfGoodRecordingsNamesNoCause) {
+  constexpr int kSets = 20;
+  int good = 0;
+  for (unsigned seed = 0; seed < kSets; ++seed) {
+    const Verdict verdict = VerdictOf(GoodProblem(700 + seed, 1 + static_cast<int>(seed % 2)));
+    good += verdict.grade == Grade::kGood ? 1 : 0;
+    for (const Finding& finding : verdict.findings) {
+      if (finding.grade == Grade::kGood) continue;
+      EXPECT_TRUE(finding.code == "projection" || finding.code.starts_with("coverage"))
+          << seed << ": " << VerdictText(verdict);
+    }
+  }
+  EXPECT_GT(good, 0);
+}
+
+TEST(Verdict, NamesTheSameImageTwice) {
+  SyntheticProblem problem = GoodProblem(720, 1);
+  std::vector<View>& views = problem.input.cameras[0].views;
+  views[7].observations = views[3].observations;
+  const Verdict verdict = VerdictOf(problem);
+  EXPECT_EQ(verdict.grade, Grade::kUsable);
+  EXPECT_EQ(CodesOf(verdict.findings).front(), "duplicate_images") << VerdictText(verdict);
+}
+
+TEST(Verdict, NamesAZoomThatChanged) {
+  for (unsigned seed = 0; seed < 3; ++seed) {
+    SyntheticProblem problem = GoodProblem(730 + seed, 1);
+    const auto [width, height] = problem.input.cameras[0].image_size;
+    Displace(&problem, 0, [width = width, height = height](size_t view, double* x, double* y) {
+      if (view < 14) return;
+      *x += 0.01 * (*x - width / 2.0);
+      *y += 0.01 * (*y - height / 2.0);
+    });
+    const Verdict verdict = VerdictOf(problem);
+    EXPECT_EQ(CodesOf(verdict.findings).front(), "focus_changed") << VerdictText(verdict);
+  }
+}
+
+TEST(Verdict, NamesARollingShutter) {
+  for (unsigned seed = 0; seed < 3; ++seed) {
+    SyntheticProblem problem = GoodProblem(740 + seed, 1);
+    const int height = problem.input.cameras[0].image_size[1];
+    Displace(&problem, 0, [&](size_t view, double* x, double* y) {
+      const double row = *y / height - 0.5;
+      *x += row * (4.0 * static_cast<double>(view % 5) - 8);  // px from the first row to the last
+      *y += row * (3.0 * static_cast<double>(view % 3) - 3);
+    });
+    const Verdict verdict = VerdictOf(problem);
+    EXPECT_EQ(CodesOf(verdict.findings).front(), "rolling_shutter") << VerdictText(verdict);
+  }
+}
+
+TEST(Verdict, NamesAFrameThatDisagrees) {
+  SyntheticProblem problem = GoodProblem(750, 1);
+  Displace(&problem, 0, [&](size_t view, double* x, double* y) {
+    if (view != 11) return;
+    *x += 3 * std::sin(*y / 20);
+    *y += 3 * std::sin(*x / 30);
+  });
+  const Verdict verdict = VerdictOf(problem);
+  EXPECT_EQ(CodesOf(verdict.findings).front(), "frame_outlier") << VerdictText(verdict);
+}
+
+TEST(Verdict, NamesFramesThatArePairedWrongly) {
+  SyntheticProblem problem = GoodProblem(760, 2);
+  std::vector<View>& views = problem.input.cameras[1].views;
+  for (size_t v = 0; v + 1 < views.size(); ++v) views[v].observations = views[v + 1].observations;
+  views.pop_back();
+  const Verdict verdict = VerdictOf(problem);
+  EXPECT_EQ(verdict.grade, Grade::kBad);
+  EXPECT_EQ(CodesOf(verdict.findings).front(), "frames_misaligned") << VerdictText(verdict);
+  EXPECT_EQ(verdict.findings.front().value, -1);
+}
+
+TEST(Verdict, TellsImagesAtDifferentTimesFromACameraThatMoved) {
+  SyntheticOptions options{.cameras = 2, .frames = 30, .noise = kNoise};
+  options.jitter_translation = 0.002;
+  options.jitter_rotation = 0.005;
+  EXPECT_THAT(CodesOf(VerdictOf(MakeProblem(770, options)).findings), Contains("not_synchronous"));
+}
+
+// From the middle of the recording on its points are those of a rotated camera, to first order.
+TEST(Verdict, NamesACameraThatWasKnocked) {
+  SyntheticProblem problem = GoodProblem(771, 2);
+  Displace(&problem, 1, [](size_t view, double* x, double* y) {
+    if (view < 15) return;
+    *x += 3, *y -= 2;
+  });
+  EXPECT_THAT(CodesOf(VerdictOf(problem).findings), Contains("rig_not_rigid"));
+}
+
+TEST(Verdict, NamesTheModelThatALensNeeds) {
+  SyntheticProblem problem = GoodProblem(775, 1);
+  CameraInput& camera = problem.input.cameras[0];
+  camera.model = FindModel(CameraModels(), "pinhole");
+  camera.initial.assign(camera.model->params.size(), std::nullopt);
+  camera.fixed.assign(camera.model->params.size(), false);
+  const Verdict verdict = VerdictOf(problem);
+  EXPECT_EQ(CodesOf(verdict.findings).front(), "strong_distortion_pinhole") << VerdictText(verdict);
+}
+
+TEST(Verdict, NamesABentBoard) {
+  SyntheticProblem problem = GoodProblem(776, 1);
+  for (auto& [number, p] : problem.input.markers) p.z() += 0.003 * std::pow(p.x() / 0.135 - 1, 2);
+  const Verdict verdict = VerdictOf(problem);
+  EXPECT_EQ(CodesOf(verdict.findings).front(), "target_not_flat") << VerdictText(verdict);
+}
+
+// A wrong lens makes the poses of two cameras disagree as well.
+TEST(Verdict, NamesTheLensBeforeTheRig) {
+  SyntheticProblem problem = GoodProblem(777, 2);
+  CameraInput& camera = problem.input.cameras[1];
+  camera.model = FindModel(CameraModels(), "pinhole");
+  camera.initial.assign(camera.model->params.size(), std::nullopt);
+  camera.fixed.assign(camera.model->params.size(), false);
+  const Verdict verdict = VerdictOf(problem);
+  EXPECT_EQ(CodesOf(verdict.findings).front(), "strong_distortion_pinhole") << VerdictText(verdict);
+  EXPECT_THAT(CodesOf(verdict.findings), Not(Contains("not_synchronous")));
+}
+
+TEST(Verdict, NamesImagesUpsideDown) {
+  SyntheticProblem problem = GoodProblem(778, 1);
+  const auto [width, height] = problem.input.cameras[0].image_size;
+  // The principal point is off the middle in the other images.
+  Displace(&problem, 0, [width = width, height = height](size_t view, double* x, double* y) {
+    *x += 0.03 * width;
+    *y += 0.03 * height;
+    if (view % 6 != 0) return;
+    *x = width - 1 - *x;
+    *y = height - 1 - *y;
+  });
+  const Verdict verdict = VerdictOf(problem);
+  EXPECT_EQ(CodesOf(verdict.findings).front(), "images_rotated") << VerdictText(verdict);
+  EXPECT_EQ(verdict.findings.front().value, 5);
+}
+
+TEST(Verdict, NamesAMarkerThatDisagrees) {
+  SyntheticProblem problem = GoodProblem(779, 1);
+  for (View& view : problem.input.cameras[0].views) {
+    for (Observation& seen : view.observations) {
+      if (seen.marker == 33) seen.values[0] += 5 * std::sin(seen.values[1]);
+    }
+  }
+  const Verdict verdict = VerdictOf(problem);
+  EXPECT_EQ(CodesOf(verdict.findings).front(), "marker_outlier") << VerdictText(verdict);
+  EXPECT_THAT(verdict.findings.front().what, ::testing::HasSubstr("33 ("));
+}
+
+TEST(Verdict, NamesPointsWhoseWindowsTheBorderCutsOff) {
+  SyntheticProblem problem = GoodProblem(781, 1);
+  constexpr double kCrop = 200, kHalf = 12, kPull = 1;  // px
+  CameraInput& camera = problem.input.cameras[0];
+  for (int& pixels : camera.image_size) pixels -= static_cast<int>(2 * kCrop);
+  for (View& view : camera.views) {
+    std::erase_if(view.observations, [&](Observation& seen) {
+      bool outside = false;
+      for (size_t axis = 0; axis < 2; ++axis) {
+        const double near = seen.values[axis] - kCrop, far = camera.image_size[axis] - 1 - near;
+        outside = outside || near < 0 || far < 0;
+        seen.values[axis] =
+            near + kPull * (std::max(0.0, 1 - near / kHalf) - std::max(0.0, 1 - far / kHalf));
+      }
+      return outside;
+    });
+  }
+  const Verdict verdict = VerdictOf(problem);
+  EXPECT_EQ(CodesOf(verdict.findings).front(), "border_points") << VerdictText(verdict);
+}
+
+// The coefficients of a rational model replace each other in a lens of little distortion.
+TEST(Verdict, IsAboutTheProjectionWhereCoefficientsAreOpen) {
+  constexpr int kSets = 6;
+  int open = 0;
+  for (unsigned seed = 0; seed < kSets; ++seed) {
+    SyntheticProblem problem = GoodProblem(790 + seed, 1);
+    CameraInput& camera = problem.input.cameras[0];
+    camera.model = FindModel(CameraModels(), "pinhole-radtan8");
+    camera.initial.assign(camera.model->params.size(), std::nullopt);
+    camera.fixed.assign(camera.model->params.size(), false);
+    for (const Finding& finding : VerdictOf(problem).findings) {
+      if (finding.code != "undetermined") continue;
+      ++open;
+      EXPECT_NE(finding.grade, Grade::kBad) << finding.what;
+    }
+  }
+  EXPECT_GT(open, 0);
+}
+
+TEST(Verdict, OfOnePoseIsNotGood) {
+  SyntheticProblem problem = GoodProblem(780, 1);
+  std::vector<View>& views = problem.input.cameras[0].views;
+  for (View& view : views) view.observations = views[0].observations;
+  Displace(&problem, 0, [](size_t view, double* x, double*) { *x += 0.2 * (view % 2); });
+  const Verdict verdict = VerdictOf(problem);
+  EXPECT_NE(verdict.grade, Grade::kGood);
+  EXPECT_THAT(CodesOf(verdict.findings), Contains("one_pose"));
+}
+
+TEST(Verdict, MergesOneFindingOfSeveralCameras) {
+  CalibrationRecord record;
+  for (const char* camera : {"left", "right"}) {
+    record.findings.push_back({.code = "many_outliers",
+                               .grade = Grade::kUsable,
+                               .cameras = {camera},
+                               .value = camera[0] == 'l' ? 0.1 : 0.2,
+                               .limit = 0.05,
+                               .what = camera});
+  }
+  const Verdict verdict = Judge(record);
+  ASSERT_EQ(verdict.findings.size(), 1);
+  EXPECT_EQ(verdict.findings[0].cameras, std::vector<std::string>({"left", "right"}));
+  EXPECT_EQ(verdict.findings[0].value, 0.2);
+}
+
+TEST(Verdict, GivesACauseTheGradeOfItsConsequences) {
+  CalibrationRecord record;
+  record.findings = {{.code = "noise_excess", .grade = Grade::kBad, .cameras = {"left"}},
+                     {.code = "rolling_shutter", .grade = Grade::kUsable, .cameras = {"left"}},
+                     {.code = "focus_changed", .grade = Grade::kUsable, .cameras = {"right"}}};
+  const Verdict verdict = Judge(record);
+  EXPECT_EQ(verdict.findings[0].code, "rolling_shutter");
+  EXPECT_EQ(verdict.findings[0].grade, Grade::kBad);
+  EXPECT_EQ(verdict.findings.back().grade, Grade::kUsable);
+}
+
+}  // namespace TEST_FILE
+}  // namespace plenocal::testing

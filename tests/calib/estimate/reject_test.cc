@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/estimate/reject.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "calib/base/error.h"
+#include "tests/calib/synthetic.h"
+
+namespace plenocal {
+namespace TEST_FILE {
+
+using testing::MakeProblem;
+using testing::TrueBundle;
+
+Bundle NoisyBundle() { return TrueBundle(MakeProblem(8, {.frames = 4, .noise = 0.1})); }
+
+size_t CountUsed(const Bundle& bundle) {
+  return static_cast<size_t>(std::count_if(bundle.observations.begin(),
+                                           bundle.observations.end(),
+                                           [](const auto& o) { return o.used; }));
+}
+
+TEST(RejectOutliers, TakesOutGrossErrorsAndTakesThemBackWhenNoiseGrows) {
+  Bundle bundle = NoisyBundle();
+  const size_t all = bundle.observations.size();
+  bundle.observations[3].seen.values[0] += 5;  // 50 sigma
+  bundle.observations[100].seen.values[1] -= 5;
+  const Rejection rejection = RejectOutliers(&bundle);
+  EXPECT_EQ(rejection.changed, 2U);
+  EXPECT_FALSE(bundle.observations[3].used);
+  EXPECT_FALSE(bundle.observations[100].used);
+  EXPECT_EQ(CountUsed(bundle), all - 2);
+  // Of 280 points of two coordinates exp(-t^2 / 2) = 0.05 / 280.
+  EXPECT_NEAR(rejection.threshold, 4.15, 0.1);
+  bundle.cameras[0].noise.detector_scale = 50;
+  EXPECT_EQ(RejectOutliers(&bundle).changed, 2U);
+  EXPECT_EQ(CountUsed(bundle), all);
+}
+
+TEST(RejectOutliers, RejectsAViewMostOfWhosePointsDisagree) {
+  Bundle bundle = NoisyBundle();
+  bundle.T_rig_target[1].t.x() += 0.01;  // some ten pixels
+  RejectOutliers(&bundle);
+  for (const BundleObservation& observation : bundle.observations) {
+    EXPECT_EQ(observation.used, observation.frame != 1);
+  }
+}
+
+TEST(DropWeakFrames, LeavesOutFramesWithFewerThanFourMarkers) {
+  Bundle bundle = NoisyBundle();
+  int kept = 0;
+  for (BundleObservation& observation : bundle.observations) {
+    if (observation.frame == 2) observation.used = kept++ < 3;
+  }
+  DropWeakFrames(&bundle);
+  for (const BundleObservation& observation : bundle.observations) {
+    EXPECT_EQ(observation.used, observation.frame != 2);
+  }
+}
+
+TEST(SelectFrames, SpreadsThemOverTheRecording) {
+  const Bundle bundle = TrueBundle(MakeProblem(8, {.frames = 10}));
+  EXPECT_EQ(SelectFrames(bundle, 20), std::vector<bool>(10, true));
+  const std::vector<bool> half = SelectFrames(bundle, 5);
+  EXPECT_EQ(std::count(half.begin(), half.end(), true), 5);
+  for (size_t f = 0; f < 10; ++f) EXPECT_EQ(half[f], f % 2 == 0);
+}
+
+TEST(CheckAllCamerasUsed, NamesTheCameraWithoutObservations) {
+  Bundle bundle = NoisyBundle();
+  bundle.cameras[0].name = "left";
+  CheckAllCamerasUsed(bundle);
+  for (BundleObservation& observation : bundle.observations) observation.used = false;
+  try {
+    CheckAllCamerasUsed(bundle);
+    FAIL() << "no error";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.kind(), ErrorKind::kJob);
+    EXPECT_EQ(std::string(error.what()).rfind("left: ", 0), 0U) << error.what();
+  }
+}
+
+}  // namespace TEST_FILE
+}  // namespace plenocal
