@@ -10,8 +10,8 @@
 
 #include "apps/cli/console.h"
 #include "apps/cli/view_options.h"
-#include "calib/base/output_folder.h"
 #include "calib/files/frame_images.h"
+#include "calib/io/output_folder.h"
 #include "engine/resample/pixel_map.h"
 
 namespace plenocal {

@@ -16,8 +16,8 @@
 #include "calib/estimate/summary.h"
 #include "calib/files/frame_images.h"
 #include "engine/calibrate_session.h"
-#include "engine/calibration_folder.h"
 #include "engine/recording/stores/image_lister.h"
+#include "engine/session/calibration_folder.h"
 
 namespace plenocal {
 namespace {

@@ -20,14 +20,14 @@
 #include "assess/check.h"
 #include "calib/base/error.h"
 #include "calib/base/number_text.h"
-#include "calib/base/output_folder.h"
 #include "calib/base/quoted_text.h"
 #include "calib/estimate/describe.h"
 #include "calib/files/calibration_file.h"
 #include "calib/files/calibration_tables.h"
+#include "calib/io/output_folder.h"
+#include "engine/observe/session_observations.h"
 #include "engine/session/calibration_input.h"
 #include "engine/session/open_session.h"
-#include "engine/session/session_observations.h"
 #include "models/registry.h"
 
 namespace plenocal {

@@ -17,7 +17,7 @@
 #include "calib/base/error.h"
 #include "calib/base/names.h"
 #include "calib/base/number_text.h"
-#include "calib/base/output_folder.h"
+#include "calib/io/output_folder.h"
 
 namespace plenocal {
 namespace {

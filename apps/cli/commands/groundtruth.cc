@@ -10,12 +10,12 @@
 #include "apps/groundtruth/recorded_tracks.h"
 #include "calib/base/error.h"
 #include "calib/base/number_text.h"
-#include "calib/base/output_folder.h"
 #include "calib/files/calibration_file.h"
 #include "calib/files/calibration_tables.h"
+#include "calib/io/output_folder.h"
+#include "engine/observe/left_out.h"
 #include "engine/recording/layouts.h"
 #include "engine/recording/recording.h"
-#include "engine/session/left_out.h"
 #include "models/registry.h"
 
 namespace plenocal {

@@ -7,8 +7,8 @@
 #include "apps/cli/command.h"
 #include "apps/cli/options.h"
 #include "apps/cli/view_options.h"
-#include "calib/base/output_folder.h"
 #include "calib/files/calibration_file.h"
+#include "calib/io/output_folder.h"
 #include "engine/resample/resample_images.h"
 #include "models/registry.h"
 

@@ -10,7 +10,7 @@
 #include "apps/cli/image_inputs.h"
 #include "apps/cli/options.h"
 #include "calib/base/error.h"
-#include "calib/base/output_folder.h"
+#include "calib/io/output_folder.h"
 #include "detectors/plenoptic/focus_images.h"
 
 namespace plenocal {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Results are written all or none, in their folder alone, and never over an input.
-#include "calib/base/output_folder.h"
+#include "calib/io/output_folder.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -13,9 +13,9 @@
 #include <sstream>
 #include <string>
 
-#include "calib/base/detection_cache.h"
 #include "calib/base/error.h"
-#include "calib/base/input_file.h"
+#include "calib/io/detection_cache.h"
+#include "calib/io/input_file.h"
 
 namespace plenocal {
 namespace TEST_FILE {

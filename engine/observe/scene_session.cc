@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "engine/session/scene_session.h"
+#include "engine/observe/scene_session.h"
 
 #include <fmt/format.h>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/base/csv.h"
+#include "calib/io/csv.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

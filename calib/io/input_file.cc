@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/base/input_file.h"
+#include "calib/io/input_file.h"
 
 #include <fcntl.h>
 #include <fmt/format.h>
@@ -15,22 +15,20 @@
 #include <utility>
 
 #include "calib/base/error.h"
-#include "calib/base/output_folder.h"
+#include "calib/base/parallel.h"
+#include "calib/io/output_folder.h"
 
 namespace plenocal {
-namespace {
 
-namespace fs = std::filesystem;
-
-// The inputs of this run by device and number of the file.
-class Inputs {
+// By device and number of the file.
+class RunScope::Inputs {
  public:
-  void Add(const struct stat& file, const fs::path& path) {
+  void Add(const struct stat& file, const std::filesystem::path& path) {
     const std::lock_guard lock(mutex_);
     paths_.emplace(Key(file), path);
   }
 
-  std::optional<fs::path> Find(const struct stat& file) {
+  std::optional<std::filesystem::path> Find(const struct stat& file) {
     const std::lock_guard lock(mutex_);
     const auto found = paths_.find(Key(file));
     // The number of a file that was removed may be that of a new one.
@@ -45,13 +43,12 @@ class Inputs {
   static std::pair<dev_t, ino_t> Key(const struct stat& file) { return {file.st_dev, file.st_ino}; }
 
   std::mutex mutex_;
-  std::map<std::pair<dev_t, ino_t>, fs::path> paths_;
+  std::map<std::pair<dev_t, ino_t>, std::filesystem::path> paths_;
 };
 
-Inputs& InputsOfRun() {
-  static Inputs inputs;
-  return inputs;
-}
+namespace {
+
+namespace fs = std::filesystem;
 
 [[noreturn]] void RefuseInput(const fs::path& path, const std::string& reason) {
   throw Error(ErrorKind::kInput, fmt::format("{}: {}", path.string(), reason));
@@ -130,7 +127,9 @@ CheckedFile OpenChecked(const fs::path& path, bool is_input) {
   CompleteResultsAround(path);
   OpenFile file(path);
   const struct stat status = StatusOf(file, path);
-  if (is_input) InputsOfRun().Add(status, path);
+  if (RunScope* const run = RunScope::Current(); run != nullptr && is_input) {
+    run->inputs().Add(status, path);
+  }
   return {std::move(file), static_cast<size_t>(status.st_size)};
 }
 
@@ -145,6 +144,18 @@ std::string Text(std::string content, const fs::path& path) {
 }
 
 }  // namespace
+
+RunScope::RunScope() {
+  if (run_of_thread != nullptr) return;
+  inputs_ = std::make_unique<Inputs>();
+  run_of_thread = this;
+}
+
+RunScope::~RunScope() {
+  if (inputs_) run_of_thread = nullptr;
+}
+
+RunScope* RunScope::Current() { return static_cast<RunScope*>(run_of_thread); }
 
 std::string ReadInput(const fs::path& path, InputLimit limit) {
   return ReadFileAt(path, limit, true);
@@ -176,7 +187,7 @@ std::string ReadEarlierResult(const fs::path& path) {
 std::optional<fs::path> InputAt(const fs::path& path) {
   struct stat status {};
   if (stat(path.c_str(), &status) != 0) return std::nullopt;
-  return InputsOfRun().Find(status);
+  return RunScope::Current() != nullptr ? RunScope::Current()->inputs().Find(status) : std::nullopt;
 }
 
 bool IsThere(const std::filesystem::path& path) {

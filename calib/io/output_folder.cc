@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/base/output_folder.h"
+#include "calib/io/output_folder.h"
 
 #include <fcntl.h>
 #include <fmt/format.h>
@@ -19,10 +19,10 @@
 #include <system_error>
 #include <utility>
 
-#include "calib/base/checks/result_text.h"
 #include "calib/base/error.h"
-#include "calib/base/input_file.h"
 #include "calib/base/quoted_text.h"
+#include "calib/io/input_file.h"
+#include "calib/io/result_text.h"
 
 namespace plenocal {
 namespace {

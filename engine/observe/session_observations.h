@@ -8,12 +8,12 @@
 #include <string>
 #include <vector>
 
-#include "calib/base/detection_cache.h"
-#include "calib/base/output_folder.h"
+#include "calib/base/run.h"
 #include "calib/camera/image_traits.h"
 #include "calib/files/session.h"
+#include "calib/io/detection_cache.h"
+#include "calib/io/output_folder.h"
 #include "calib/start/camera_guess.h"
-#include "engine/run.h"
 #include "engine/session/session_targets.h"
 #include "targets/target.h"
 

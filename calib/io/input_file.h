@@ -1,15 +1,35 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// The only opener of input files. Each file that it has read is an input of this run, which no
-// output replaces (output_folder.h).
+// The only opener of input files. Each file that a run has read is an input of it, which none of
+// its outputs replaces (output_folder.h).
 #pragma once
 
 #include <cstddef>
 #include <filesystem>
+#include <memory>
 #include <optional>
 #include <string>
 
 namespace plenocal {
+
+/// A run: the files that its thread reads while the object lives, and those of `ParallelFor` for
+/// it, are its inputs. Within another run it is a part of that.
+class RunScope {
+ public:
+  class Inputs;
+
+  RunScope();
+  ~RunScope();
+  RunScope(const RunScope&) = delete;
+  RunScope& operator=(const RunScope&) = delete;
+
+  /// Of this thread; null: it works for no run.
+  static RunScope* Current();
+  Inputs& inputs() { return *inputs_; }
+
+ private:
+  std::unique_ptr<Inputs> inputs_;  // null: a part of another run
+};
 
 /// Largest size of a file, in bytes: no file that people use comes near, and one named by mistake
 /// does not fill the memory.
@@ -43,8 +63,8 @@ std::string ReadEarlierResult(const std::filesystem::path& path);
 /// too long.
 bool IsThere(const std::filesystem::path& path);
 
-/// The path of the input that was read from the file which `path` is too; nothing when `path` is no
-/// input.
+/// The path of this run's input that was read from the file which `path` is too; nothing when
+/// `path` is no input.
 std::optional<std::filesystem::path> InputAt(const std::filesystem::path& path);
 
 }  // namespace plenocal

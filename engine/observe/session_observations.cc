@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "engine/session/session_observations.h"
+#include "engine/observe/session_observations.h"
 
 #include <fmt/format.h>
 
@@ -17,11 +17,11 @@
 #include "calib/files/frame_images.h"
 #include "calib/files/session.h"
 #include "detectors/detect.h"
+#include "engine/observe/choose_frames.h"
+#include "engine/observe/left_out.h"
 #include "engine/recording/frames/session_images.h"
 #include "engine/recording/frames/session_times.h"
 #include "engine/recording/stores/image_lister.h"
-#include "engine/session/choose_frames.h"
-#include "engine/session/left_out.h"
 #include "engine/session/look_alikes.h"
 #include "engine/session/proposal_text.h"
 
@@ -72,7 +72,8 @@ class Collector {
 
   void AddGiven(const SessionCamera& camera) {
     CameraInput input = InputWithoutViews(camera);
-    input.views = ReadDetections(camera.detections, *camera.model);
+    input.views = camera.detections.empty() ? camera.given_views
+                                            : ReadDetections(camera.detections, *camera.model);
     std::vector<LeftOut> left_out;
     exclusion_.RemoveViews(camera.name, {}, &input.views, &left_out);
     if (camera.model->assign_lens_types != nullptr) camera.model->assign_lens_types(&input.views);
@@ -85,7 +86,7 @@ class Collector {
                              camera.name,
                              Counted(input.views.size(), "frame"),
                              Counted(CountObservations(input.views), "point"),
-                             camera.detections.string()));
+                             camera.detections.empty() ? "memory" : camera.detections.string()));
     PrintLeftOut(left_out);
     AddLeftOut(std::move(left_out));
     collected_.sample_frames.emplace_back();
@@ -286,7 +287,7 @@ SessionObservations Collect(const Session& session,
   Collector collector(session, targets, run, places);
   for (size_t c = 0; c < session.cameras.size(); ++c) {
     const SessionCamera& camera = session.cameras[c];
-    if (camera.images.empty()) {
+    if (!HasImages(camera)) {
       collector.AddGiven(camera);
     } else {
       collector.AddDetected(camera, images[c]);
@@ -328,8 +329,7 @@ DetectionCache OpenDetectionCache(const std::filesystem::path& out,
                                   EarlierDetections earlier) {
   // Given detections are not cached, and hashing the program takes as long as solving a small
   // session.
-  const bool detects = std::ranges::any_of(
-      session.cameras, [](const SessionCamera& camera) { return !camera.images.empty(); });
+  const bool detects = std::ranges::any_of(session.cameras, HasImages);
   const std::string program = detects ? fmt::format("plenocal {} {} {}",
                                                     PLENOCAL_VERSION,
                                                     HashFile("/proc/self/exe"),

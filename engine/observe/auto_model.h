@@ -3,9 +3,9 @@
 
 #include <optional>
 
+#include "calib/base/run.h"
 #include "calib/files/session.h"
-#include "engine/run.h"
-#include "engine/session/session_observations.h"
+#include "engine/observe/session_observations.h"
 #include "targets/target.h"
 
 namespace plenocal {

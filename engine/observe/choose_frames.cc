@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "engine/session/choose_frames.h"
+#include "engine/observe/choose_frames.h"
 
 #include <fmt/format.h>
 
@@ -21,8 +21,8 @@
 #include "calib/estimate/describe.h"
 #include "calib/files/exclusion.h"
 #include "detectors/detect.h"
+#include "engine/observe/session_observations.h"
 #include "engine/session/calibration_input.h"
-#include "engine/session/session_observations.h"
 #include "engine/suggest/view_target.h"
 
 namespace plenocal {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/base/yaml.h"
+#include "calib/io/yaml.h"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -18,9 +18,9 @@
 #include <unordered_map>
 
 #include "calib/base/error.h"
-#include "calib/base/input_file.h"
 #include "calib/base/number_text.h"
 #include "calib/base/quoted_text.h"
+#include "calib/io/input_file.h"
 
 namespace plenocal {
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "engine/session/auto_model.h"
+#include "engine/observe/auto_model.h"
 
 #include <fmt/format.h>
 

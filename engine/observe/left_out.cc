@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "engine/session/left_out.h"
+#include "engine/observe/left_out.h"
 
 #include <fmt/format.h>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/base/yaml.h"
+#include "calib/io/yaml.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/base/checks/result_text.h"
+#include "calib/io/result_text.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "engine/session/scene_images.h"
+#include "engine/observe/scene_images.h"
 
 #include <fmt/format.h>
 
@@ -15,12 +15,12 @@
 #include "calib/files/frame_images.h"
 #include "detectors/detect.h"
 #include "detectors/images/image.h"
+#include "engine/observe/left_out.h"
+#include "engine/observe/scene_session.h"
 #include "engine/recording/frames/session_images.h"
 #include "engine/recording/image_files.h"
 #include "engine/recording/stores/image_lister.h"
 #include "engine/scene/track/follow_points.h"
-#include "engine/session/left_out.h"
-#include "engine/session/scene_session.h"
 #include "targets/target.h"
 
 namespace plenocal {
@@ -266,7 +266,7 @@ class SceneImageFollower {
 }  // namespace
 
 bool FollowsImages(const Session& session) {
-  const auto has_images = [](const SessionCamera& camera) { return !camera.images.empty(); };
+  const auto has_images = [](const SessionCamera& camera) { return HasImages(camera); };
   if (std::ranges::all_of(session.cameras, has_images)) return true;
   const auto camera = std::ranges::find_if(session.cameras, has_images);
   if (camera == session.cameras.end()) return false;

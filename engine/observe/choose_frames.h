@@ -6,11 +6,11 @@
 #include <string>
 #include <vector>
 
-#include "calib/base/detection_cache.h"
+#include "calib/base/run.h"
 #include "calib/camera/observation.h"
 #include "calib/files/frame_images.h"
 #include "calib/files/session.h"
-#include "engine/run.h"
+#include "calib/io/detection_cache.h"
 #include "targets/target.h"
 
 namespace plenocal {

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "engine/calibration_folder.h"
+#include "engine/session/calibration_folder.h"
 
 #include <fmt/format.h>
 
 #include "calib/base/error.h"
-#include "calib/base/input_file.h"
-#include "calib/base/yaml.h"
 #include "calib/files/calibration_file.h"
 #include "calib/files/calibration_tables.h"
+#include "calib/io/input_file.h"
+#include "calib/io/yaml.h"
 
 namespace plenocal {
 namespace {

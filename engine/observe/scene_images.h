@@ -6,9 +6,9 @@
 #include <utility>
 #include <vector>
 
+#include "calib/base/run.h"
 #include "calib/files/session.h"
-#include "engine/run.h"
-#include "engine/session/session_observations.h"
+#include "engine/observe/session_observations.h"
 
 namespace plenocal {
 

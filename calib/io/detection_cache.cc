@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/base/detection_cache.h"
+#include "calib/io/detection_cache.h"
 
 #define XXH_INLINE_ALL
 #include <fmt/format.h>
@@ -12,7 +12,7 @@
 #include <utility>
 
 #include "calib/base/error.h"
-#include "calib/base/input_file.h"
+#include "calib/io/input_file.h"
 
 namespace plenocal {
 namespace {
