@@ -102,7 +102,9 @@ Session SessionInMemory(const std::string& target, const std::vector<MemoryCamer
   session.target.keys = YamlNode::Parse(target, "target");
   std::set<std::string> names;
   for (const MemoryCamera& camera : cameras) {
-    CheckCameraName(camera.name, *session.target.keys);
+    if (const auto defect = CameraNameDefect(camera.name)) {
+      throw Error(ErrorKind::kInput, fmt::format("camera {}: the name {}", camera.name, *defect));
+    }
     if (!names.insert(camera.name).second) {
       throw Error(ErrorKind::kInput, fmt::format("camera {} is given twice", camera.name));
     }

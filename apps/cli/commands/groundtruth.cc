@@ -142,7 +142,7 @@ constexpr const char* kGroundtruthHelp =
     "  plenocal groundtruth RECORDING --cameras left,right --start 0:12 --end 301:320 -o OUT\n"
     "\n"
     "Writes segments_<camera>.txt, which `plenocal evaluate --truth` reads, their covariance and the "
-    "points; docs/groundtruth.md. Two of them, as from the stereo pair and from the plenoptic camera: "
+    "points; docs/scene.md. Two of them, as from the stereo pair and from the plenoptic camera: "
     "plenocal compare A/groundtruth.yaml B/groundtruth.yaml.";
 
 RunCommand DeclareGroundtruth(CLI::App* app, ConsoleOptions* shared) {
