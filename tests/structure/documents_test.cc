@@ -155,11 +155,11 @@ std::vector<std::string> Quoted(const std::string& cell) {
   return names;
 }
 
-// The rows that bench/honest has written into bench/standard_errors.md.
+// The rows that bench/honest has written into docs/uncertainty.md.
 std::set<HeadedName> TestedStandardErrors() {
   std::set<HeadedName> tested;
   bool is_inside = false;
-  for (const std::string& line : LinesOf(fs::path(PLENOCAL_SOURCE) / "bench/standard_errors.md")) {
+  for (const std::string& line : LinesOf(fs::path(PLENOCAL_SOURCE) / "docs/uncertainty.md")) {
     if (line.starts_with("<!-- bench/honest:")) is_inside = !is_inside;
     if (!is_inside || !line.starts_with("|")) continue;
     const std::vector<std::string> cells = Cells(line);
@@ -189,7 +189,7 @@ TEST(Documents, HaveAMonteCarloRowForEachStandardErrorThatIsWritten) {
     const std::string remedy = heading +
                                ": a standard error without a case: add one to "
                                "bench/honest_cases.py (or a line to OTHERS), run bench/honest "
-                               "--write bench/standard_errors.md: " +
+                               "--write docs/uncertainty.md: " +
                                line;
     for (const std::string& name : names) {
       EXPECT_TRUE(!std::regex_search(name, name_of_one) || is_tested(name)) << remedy;
