@@ -176,11 +176,10 @@ void WriteTrial(const SessionTrial& trial,
 
 }  // namespace
 
-SessionTrial TrySession(const TryRequest& request, const Run& run) {
+SessionTrial TrySession(const Session& session, const TryRequest& request, const Run& run) {
   const RunScope inputs;
   SessionTrial trial;
-  trial.session = OpenSession(request.session);
-  const Session& session = trial.session;
+  trial.session = session;
   RefuseSeveralTargets(session, "try");
   const auto provenance = ProvenanceOf(request.command, session, request.out);
   const Target target = ReadTarget(session.target);

@@ -42,8 +42,11 @@ void AddBayer(CLI::App* app, std::optional<BayerOrder>* bayer, const std::string
       ->check(CLI::IsMember(std::vector<std::string>(kBayerOrders.begin(), kBayerOrders.end())));
 }
 
-void AddSessionOptions(CLI::App* app, SessionOptions* options, ConsoleOptions* shared) {
-  app->add_option("session", options->session, "session.yaml: cameras, images, target")->required();
+void AddSessionOptions(CLI::App* app,
+                       std::filesystem::path* session,
+                       SessionOptions* options,
+                       ConsoleOptions* shared) {
+  app->add_option("session", *session, "session.yaml: cameras, images, target")->required();
   AddResultOptions(app, options, shared);
 }
 

@@ -27,6 +27,9 @@ void AddBayer(CLI::App* app, std::optional<BayerOrder>* bayer, const std::string
 /// `--fresh`.
 void AddResultOptions(CLI::App* app, SessionOptions* options, ConsoleOptions* shared);
 /// Declares the session and the same.
-void AddSessionOptions(CLI::App* app, SessionOptions* options, ConsoleOptions* shared);
+void AddSessionOptions(CLI::App* app,
+                       std::filesystem::path* session,
+                       SessionOptions* options,
+                       ConsoleOptions* shared);
 
 }  // namespace plenocal

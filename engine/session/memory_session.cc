@@ -37,9 +37,8 @@ void CheckPixels(const std::string& where, const PixelView& view) {
     refuse(fmt::format("expected 1 or 2 bytes per value, found {}", view.bytes_per_value));
   }
   if (view.stride < RowBytes(view)) {
-    refuse(fmt::format("the stride of {} bytes is shorter than a row of {}",
-                       view.stride,
-                       RowBytes(view)));
+    refuse(fmt::format(
+        "the stride of {} bytes is shorter than a row of {}", view.stride, RowBytes(view)));
   }
 }
 
@@ -49,12 +48,11 @@ class PixelStore : public ImageStore {
 
   [[nodiscard]] StoredImage Read(std::size_t index) const override {
     const PixelView& view = views_[index];
-    StoredImage image{
-        .encoding = std::string(view.channels == 1 ? "mono" : "bgr") +
-                    (view.bytes_per_value == 1 ? "8" : "16"),
-        .size = view.size,
-        .step = RowBytes(view),
-        .big_endian = std::endian::native == std::endian::big};
+    StoredImage image{.encoding = std::string(view.channels == 1 ? "mono" : "bgr") +
+                                  (view.bytes_per_value == 1 ? "8" : "16"),
+                      .size = view.size,
+                      .step = RowBytes(view),
+                      .big_endian = std::endian::native == std::endian::big};
     image.bytes.resize(image.step * static_cast<std::size_t>(view.size[1]));
     for (std::size_t row = 0; row < static_cast<std::size_t>(view.size[1]); ++row) {
       std::memcpy(image.bytes.data() + row * image.step,
@@ -118,6 +116,7 @@ Session SessionInMemory(const std::string& target, const std::vector<MemoryCamer
     own.given_images = ImagesOf(camera);
     own.given_views = camera.views;
     own.image_size = camera.image_size;
+    if (camera.model == nullptr) continue;
     own.initial.assign(camera.model->params.size(), std::nullopt);
     own.fixed.assign(camera.model->params.size(), false);
   }

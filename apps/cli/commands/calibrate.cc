@@ -17,7 +17,7 @@
 #include "calib/files/frame_images.h"
 #include "engine/calibrate_session.h"
 #include "engine/recording/stores/image_lister.h"
-#include "engine/session/calibration_folder.h"
+#include "engine/session/open_session.h"
 
 namespace plenocal {
 namespace {
@@ -28,24 +28,6 @@ struct CalibrateArguments : CalibrateRequest {
   bool json = false;                ///< the result on standard output as JSON
   std::string require;              ///< name of the lowest grade that is no failure; empty: any
 };
-
-void WriteReport(const CalibrateArguments& arguments,
-                 SessionCalibration* result,
-                 Console* console) {
-  console->Progress("report");
-  CameraFiles files{arguments.out, {}};
-  for (CameraFile& file : result->files) files.contents[file.name] = std::move(file.content);
-  if (result->target) AddTarget(*result->target, &result->record);
-  std::string html;
-  // A calibration is not lost because its report fails.
-  try {
-    html = ReportHtml(result->record, files);
-  } catch (const Error& error) {
-    console->Message(fmt::format("report.html was not written: {}", error.what()));
-    return;
-  }
-  result->folders->out()->Write("report.html", html);
-}
 
 nlohmann::json ResultJson(const CalibrateArguments& arguments, const CalibrationRecord& record) {
   nlohmann::json cameras = nlohmann::json::object();
@@ -130,11 +112,13 @@ std::string SessionFile(const CalibrateArguments& arguments) {
 
 void RunCalibrate(CalibrateArguments* arguments, const ConsoleOptions& shared) {
   Console console(shared);
-  arguments->session = SessionFile(*arguments);
+  const std::string session = SessionFile(*arguments);
+  if (!session.empty()) arguments->session = OpenSession(session);
   arguments->command = shared.program + " calibrate";
   arguments->images.images = arguments->inputs;
-  SessionCalibration result = CalibrateSession(*arguments, console.NewRun());
-  if (arguments->report) WriteReport(*arguments, &result, &console);
+  const Run run = console.NewRun();
+  SessionCalibration result = CalibrateSession(*arguments, run);
+  if (arguments->report) AddReport(arguments->out, run, &result);
   result.folders->Commit();
   Print(*arguments, result, &console);
   CheckRequirement(*arguments, *result.record.verdict);

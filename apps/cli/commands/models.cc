@@ -55,24 +55,9 @@ void PrintModel(const CameraModel& model) {
 }
 
 void RunModelCheck(const std::string& name) {
-  constexpr size_t kShown = 3;  // violations of a property; the rest is of the same kind
   const CameraModel& model = *ModelNamed("models check", name);
-  int violated = 0;
-  for (const ModelProperty& property : ModelProperties()) {
-    if (property.central_only && !model.central) {
-      fmt::print("not asked  {} (of central models only)\n", property.claim);
-      continue;
-    }
-    const std::vector<std::string> violations = property.violations(model);
-    fmt::print("{}  {}\n", violations.empty() ? "holds    " : "VIOLATED ", property.claim);
-    for (size_t i = 0; i < std::min(violations.size(), kShown); ++i) {
-      fmt::print("             {}\n", violations[i]);
-    }
-    if (violations.size() > kShown) {
-      fmt::print("             and {} more\n", violations.size() - kShown);
-    }
-    if (!violations.empty()) ++violated;
-  }
+  size_t violated = 0;
+  fmt::print("{}", CheckModel(model, &violated));
   if (violated > 0) {
     throw Error(ErrorKind::kJob,
                 fmt::format("camera model {} violates {} of {} properties",
