@@ -10,7 +10,7 @@
 #include <utility>
 
 #include "calib/base/error.h"
-#include "calib/files/calibration_file.h"
+#include "calib/base/quoted_text.h"
 #include "calib/files/image_store.h"
 #include "calib/io/detection_cache.h"
 

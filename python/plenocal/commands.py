@@ -122,7 +122,7 @@ def calibrate(
         given = target if isinstance(target, Target) else Target(target)
         native = _core.session_of_arrays(given.yaml, [(name, "", [], frames, []) for name, frames in arrays])
     else:
-        native, files = None, _paths(images)
+        native, files = None, _paths(images)  # type: ignore[arg-type]
     with tempfile.TemporaryDirectory() as folder:
         word = _target_file(target, folder) if isinstance(target, Target) else os.fspath(target)
         record, summary = _core.calibrate(
@@ -461,7 +461,10 @@ def _message(line: str, warning: bool) -> None:
 
 
 def _open(session: Session | PathLike) -> Session:
-    return session if isinstance(session, Session) else Session(session)
+    """The session as its file is now, or the one in memory."""
+    if isinstance(session, Session) and not session.text:
+        return session
+    return Session(_session(session))
 
 
 def _options(out: PathLike | None, keep: bool = False, fresh: bool = False) -> tuple[str, bool, bool, list[str]]:

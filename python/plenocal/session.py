@@ -48,7 +48,7 @@ class Session:
             raise InputError("from_points: options need a folder")
         files = {"target.yaml": target.yaml}
         entries = {}
-        native = []
+        native: list[Any] = []
         for name, camera in cameras.items():
             frames: list[str] = []
             markers, rows, views = [], [], []

@@ -18,6 +18,7 @@
 #include "apps/report/report.h"
 #include "apps/report/trial_page.h"
 #include "apps/simulate/simulate.h"
+#include "assess/verdict.h"
 #include "calib/base/error.h"
 #include "calib/estimate/summary.h"
 #include "calib/io/input_file.h"
@@ -79,12 +80,14 @@ auto RunEngine(const Callbacks& callbacks, int threads, const Work& work) {
     return result.wait_for(kPause) == std::future_status::ready;
   };
   while (!is_over()) {
-    if (HasModelFailed(scope)) stop.request_stop();
+    // Ceres' own threads are of no run.
+    if (HasModelFailed(scope) || HasModelFailed(nullptr)) stop.request_stop();
     if (interrupted || PyErr_CheckSignals() == 0) continue;
     interrupted = std::make_exception_ptr(nb::python_error());
     stop.request_stop();
   }
   RethrowFromModel(scope);
+  RethrowFromModel();
   if (interrupted) {
     result.wait();
     std::rethrow_exception(interrupted);
@@ -158,7 +161,7 @@ nb::tuple Calibrate(const std::optional<Session>& session,
                     const nb::object& message) {
   CalibrateRequest request;
   SetOptions(options, &request);
-  request.prepared = session;
+  request.session = session;
   request.images.images = images;
   request.images.target = target;
   request.model = model;
@@ -167,7 +170,7 @@ nb::tuple Calibrate(const std::optional<Session>& session,
     SessionCalibration found = CalibrateSession(request, run);
     if (report && found.folders->out() != nullptr) AddReport(request.out, run, &found);
     found.folders->Commit();
-    std::string text = Summary(found.calibration);
+    std::string text = Summary(found.calibration) + "\n" + VerdictText(*found.record.verdict);
     if (found.target) AddTarget(*found.target, &found.record);
     CameraFiles files{request.out, {}};
     for (CameraFile& file : found.files) files.contents[file.name] = std::move(file.content);
