@@ -33,13 +33,10 @@ class TiffFile {
   explicit TiffFile(internal::ByteView content) : content_(content) { Open("r"); }
   /// For writing to `out`.
   explicit TiffFile(std::string* out) : out_(out) { Open("w"); }
-  ~TiffFile() {
-    if (tiff_ != nullptr) TIFFClose(tiff_);
-  }
   TiffFile(const TiffFile&) = delete;
   TiffFile& operator=(const TiffFile&) = delete;
 
-  [[nodiscard]] TIFF* Get() const { return tiff_; }
+  [[nodiscard]] TIFF* Get() const { return tiff_.get(); }
   /// Throws `ImageDefect` unless `good`, a call's success, and after any error.
   void Check(bool good) const {
     if (good && error_.empty()) return;
@@ -49,7 +46,7 @@ class TiffFile {
   template <typename T>
   T Tag(std::uint32_t tag, T otherwise) const {
     T value = otherwise;
-    return TIFFGetField(tiff_, tag, &value) != 0 ? value : otherwise;
+    return TIFFGetField(tiff_.get(), tag, &value) != 0 ? value : otherwise;
   }
 
  private:
@@ -63,7 +60,7 @@ class TiffFile {
         options.get(),
         [](TIFF*, void*, const char*, const char*, std::va_list) { return 1; },
         nullptr);
-    tiff_ = TIFFClientOpenExt(
+    tiff_.reset(TIFFClientOpenExt(
         "",
         mode,
         this,
@@ -74,7 +71,7 @@ class TiffFile {
         [](thandle_t file) { return static_cast<TiffFile*>(file)->Size(); },
         nullptr,
         nullptr,
-        options.get());
+        options.get()));
     Check(tiff_ != nullptr);
   }
   [[nodiscard]] toff_t Size() const { return out_ != nullptr ? out_->size() : content_.size(); }
@@ -115,7 +112,8 @@ class TiffFile {
   toff_t at_ = 0;
   std::string error_;
   bool truncated_ = false;
-  TIFF* tiff_ = nullptr;
+  // Last: it is closed first, and also where the constructor throws.
+  std::unique_ptr<TIFF, decltype(&TIFFClose)> tiff_{nullptr, &TIFFClose};
 };
 
 /// What decides how the pixels are read.
