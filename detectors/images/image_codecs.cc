@@ -9,7 +9,7 @@
 #include <optional>
 
 #include "calib/base/error.h"
-#include "calib/base/input_file.h"
+#include "calib/io/input_file.h"
 #include "detectors/images/image.h"
 #include "detectors/images/image_header.h"
 
@@ -39,10 +39,6 @@ constexpr std::array kOtherFormats{OtherFormat{0, "GIF8", "GIF"},
                                    OtherFormat{0, "PF", "PFM"},
                                    OtherFormat{0, "Pf", "PFM"},
                                    OtherFormat{0, "P7", "PAM"},
-                                   OtherFormat{0, "P1", "PBM"},
-                                   OtherFormat{0, "P4", "PBM"},
-                                   OtherFormat{0, "P2", "PGM of digits"},
-                                   OtherFormat{0, "P3", "PPM of digits"},
                                    OtherFormat{0, "\x59\xa6\x6a\x95", "Sun raster"},
                                    OtherFormat{0, "8BPS", "Photoshop"},
                                    OtherFormat{128, "DICM", "DICOM"}};
@@ -120,20 +116,25 @@ ImageDefect internal::DamagedImage(std::string_view format, std::string_view rea
   return ImageDefect(fmt::format("{}: {}{}, or convert it to PNG", format, reason, kAgain));
 }
 
-cv::Mat internal::GreyOfBgr(const cv::Mat& bgr, const GreyWeights& weights) {
-  const auto [red, green, bits, round] = weights;
-  const std::uint32_t blue = (1u << bits) - red - green, half = round ? 1u << (bits - 1) : 0;
+cv::Mat internal::GreyOfBgr(const cv::Mat& bgr) {
+  constexpr int kBits = 14;
+  constexpr int kRed = 4899, kGreen = 9617, kBlue = (1 << kBits) - kRed - kGreen;
   cv::Mat grey(bgr.size(), bgr.depth());
-  const auto convert = [&, red = red, green = green, bits = bits]<typename T>(T) {
+  const auto convert = [&]<typename T>(T) {
     for (int y = 0; y < bgr.rows; ++y) {
       const T* in = bgr.ptr<T>(y);
       T* const out = grey.ptr<T>(y);
       for (int x = 0; x < bgr.cols; ++x, in += 3) {
-        out[x] = static_cast<T>((in[0] * blue + in[1] * green + in[2] * red + half) >> bits);
+        out[x] = static_cast<T>(
+            (in[0] * kBlue + in[1] * kGreen + in[2] * kRed + (1 << (kBits - 1))) >> kBits);
       }
     }
   };
-  bgr.depth() == CV_8U ? convert(std::uint8_t{}) : convert(std::uint16_t{});
+  if (bgr.depth() == CV_8U) {
+    convert(std::uint8_t{});
+  } else {
+    convert(std::uint16_t{});
+  }
   return grey;
 }
 

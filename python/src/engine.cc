@@ -45,9 +45,8 @@ Listener MakeListener(const Callbacks& callbacks) {
     const nb::gil_scoped_acquire acquire;
     callbacks.message(line, warning);
   };
-  Listener listener{
-      .message = [message](const std::string& line) { message(line, false); },
-      .warning = [message](const std::string& line) { message(line, true); }};
+  Listener listener{.message = [message](const std::string& line) { message(line, false); },
+                    .warning = [message](const std::string& line) { message(line, true); }};
   if (!callbacks.progress.is_none()) {
     listener.progress = [&callbacks](const std::string& stage, size_t done, size_t total) {
       const nb::gil_scoped_acquire acquire;

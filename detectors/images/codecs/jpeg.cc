@@ -1,20 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // JPEG files by libjpeg-turbo.
-// clang-format off
-#include <cstdio>  // for jpeglib.h, which jerror.h needs
 #include <jpeglib.h>
-#include <jerror.h>
-// clang-format on
 
 #include <algorithm>
 #include <array>
 #include <csetjmp>
+#include <cstdio>
 #include <cstdlib>
 #include <memory>
 #include <opencv2/core.hpp>
 #include <string>
 #include <vector>
+// After jpeglib.h.
+#include <jerror.h>
 
 #include "detectors/images/codecs/image_codec.h"
 

@@ -3,17 +3,14 @@
 // Image files of all kinds, read as OpenCV's imgcodecs reads them, the peer of these tests.
 #include "detectors/images/image_codecs.h"
 
-// clang-format off
-#include <cstdio>  // for jpeglib.h
-#include <jpeglib.h>
-// clang-format on
-
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <jpeglib.h>
 #include <tiffio.h>
 #include <zlib.h>
 
+#include <cstdio>
 #include <cstdlib>
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
@@ -21,7 +18,7 @@
 #include <thread>
 #include <vector>
 
-#include "calib/base/input_file.h"
+#include "calib/io/input_file.h"
 #include "detectors/images/image.h"
 
 namespace plenocal {
@@ -349,7 +346,7 @@ std::string Little(std::int64_t value, int bytes) {
 }
 
 TEST(ImageCodecs, ReadBmpOfAllDepths) {
-  for (const int bits : {1, 4, 8, 24, 32}) {
+  for (const int bits : {1, 4, 8, 16, 24, 32}) {
     for (const bool upward : {true, false}) {
       for (const bool is_grey : {true, false}) {
         std::string palette;
@@ -374,21 +371,25 @@ TEST(ImageCodecs, RefuseBmpWithCompression) {
                34,
                "BM" + Little(0, 8) + Little(54, 4) + Little(40, 4) + Little(8, 4) + Little(8, 4) +
                    Little(1, 2) + Little(8, 2) + Little(1, 4));
-  EXPECT_THAT(Defect(BytesOf(file)), HasSubstr("not compressed; convert it to PNG"));
+  EXPECT_EQ(Defect(BytesOf(file)), "is a compressed BMP, which is not read; convert it to PNG");
 }
 
-TEST(ImageCodecs, ReadPgmAndPpm) {
-  for (const char* text : {"P5\n3 2\n255\nabcdef",
+TEST(ImageCodecs, ReadPnmOfBytesAndDigits) {
+  for (const char* text : {"P1\n3 2\n0 1 1\n1 0 0\n",
+                           "P1 3 2 011100",
+                           "P2\n# 9 9\n3 2 7\n0 1 2\n3 4 7\n",
+                           "P2 3 2 4095 0 1 2 3 400 4095\n",
+                           "P3 1 2 255 9 8 7 0 0 255\n",
+                           "P4\n11 2\nabcd",
+                           "P5\n3 2\n255\nabcdef",
                            "P5 3 2 1000 abcdefabcdef",
-                           "P5\n# 9 9\n3 # 5\n2 7\nabcdef",
                            "P6\n#\n1 2\n200\nabcdef",
                            "P6 1 1 65535 abcdef"}) {
     ExpectReadAsByOpenCv(BytesOf(text), text);
   }
-  EXPECT_THAT(Defect(BytesOf("P5 3 2 255 abc")), HasSubstr("truncated PGM or PPM"));
+  EXPECT_THAT(Defect(BytesOf("P5 3 2 255 abc")), HasSubstr("truncated PNM"));
   EXPECT_THAT(Defect(BytesOf("P5 3 2 70000 abc")), HasSubstr("largest value from 1 to 65535"));
-  EXPECT_THAT(Defect(BytesOf("P5 3 x 255 abc")), HasSubstr("PGM or PPM: expected a number"));
-  EXPECT_THAT(Defect(BytesOf("P2 3 2 255 1 2")), HasSubstr("is a PGM of digits file"));
+  EXPECT_THAT(Defect(BytesOf("P2 3 2 255 1 2 x")), HasSubstr("PNM: expected a number"));
 }
 
 // ---- all
