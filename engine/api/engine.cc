@@ -29,11 +29,10 @@ View ViewOf(const FramePoints& frame) {
 }
 
 MemoryCamera CameraOf(const Source& source) {
-  MemoryCamera camera{.name = source.name,
-                      .model = source.model.empty()
-                                   ? nullptr
-                                   : ModelNamed(source.name + ": model", source.model),
-                      .image_size = {source.width, source.height}};
+  MemoryCamera camera{
+      .name = source.name,
+      .model = source.model.empty() ? nullptr : ModelNamed(source.name + ": model", source.model),
+      .image_size = {source.width, source.height}};
   for (const Image& image : source.images) {
     camera.images.emplace_back(image.frame,
                                PixelView{.data = image.data,

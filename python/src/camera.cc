@@ -11,6 +11,7 @@
 
 #include "assess/compare.h"
 #include "assess/convert.h"
+#include "assess/projection.h"
 #include "calib/base/error.h"
 #include "calib/base/names.h"
 #include "calib/files/calibration_file.h"

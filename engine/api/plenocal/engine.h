@@ -70,12 +70,12 @@ class Camera {
 
 /// Pixels row by row, which must stay until the calibration ends.
 struct Image {
-  std::string frame;         ///< images of one frame were taken at once
+  std::string frame;  ///< images of one frame were taken at once
   const void* data = nullptr;
   int width = 0, height = 0;
-  std::size_t stride = 0;    ///< bytes from one row to the next
-  int channels = 1;          ///< 1: gray; 3: blue, green, red
-  int bytes_per_value = 1;   ///< 1 or 2
+  std::size_t stride = 0;   ///< bytes from one row to the next
+  int channels = 1;         ///< 1: gray; 3: blue, green, red
+  int bytes_per_value = 1;  ///< 1 or 2
 };
 
 /// A marker of the target measured in an image.
