@@ -51,14 +51,6 @@ CameraInput InputWithoutViews(const SessionCamera& camera);
 /// Number of points in all views.
 size_t CountObservations(std::span<const View> views);
 
-enum class EarlierDetections { kReuse, kIgnore };
-
-/// The detections that earlier runs into the folder `out` have kept, and that this one keeps. They
-/// depend on the program and the session's target.
-DetectionCache OpenDetectionCache(const std::filesystem::path& out,
-                                  const Session& session,
-                                  EarlierDetections earlier);
-
 /// Reads the detection files of a session and detects the target in its images; prints one line per
 /// camera. Throws `Error` when the images of a camera show no target, and `Stopped` after Ctrl-C.
 SessionObservations CollectObservations(const Session& session,

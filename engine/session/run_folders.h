@@ -14,6 +14,14 @@
 
 namespace plenocal {
 
+enum class EarlierDetections { kReuse, kIgnore };
+
+/// The detections that earlier runs into the folder `out` have kept, and that this one keeps. They
+/// depend on the program and the session's target.
+DetectionCache OpenDetectionCache(const std::filesystem::path& out,
+                                  const Session& session,
+                                  EarlierDetections earlier);
+
 /// Without `Commit` no result stays.
 class RunFolders {
  public:

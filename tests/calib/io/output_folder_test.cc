@@ -145,6 +145,7 @@ TEST_F(Results, AreWrittenNowhereElse) {
 }
 
 TEST_F(Results, NeverReplaceAnInput) {
+  const RunScope run;
   Put(out_ / "calibration.yaml", "input");
   fs::create_symlink(out_ / "calibration.yaml", root_ / "link.yaml");
   ReadTextFile(root_ / "link.yaml");
