@@ -27,7 +27,7 @@ namespace {
 
 constexpr double kFalseRejections = 0.05;  // expected number of good points rejected in all
 constexpr double kMostUnseen = 0.01;       // part of the points beyond the most complete model
-constexpr double kExact = 1e-6;            // px; smaller noise is rounding
+constexpr double kExactRms = 1e-6;         // px; smaller noise is rounding
 
 using PointName = std::tuple<size_t, std::string, int, std::array<double, kMaxObservationSize>>;
 
@@ -247,7 +247,7 @@ class Trials {
       }
       least = std::min(least, Median(std::move(squares)));
     }
-    return std::max(kExact, std::sqrt(least / ChiSquareQuantile(static_cast<int>(Rows()), 0.5)));
+    return std::max(kExactRms, std::sqrt(least / ChiSquareQuantile(static_cast<int>(Rows()), 0.5)));
   }
 
   // The outliers are the points that the best model rejects: the one with the smallest sum of

@@ -8,6 +8,7 @@
 #include "calib/base/yaml.h"
 #include "calib/files/calibration_file.h"
 #include "calib/files/calibration_tables.h"
+#include "models/registry.h"
 
 namespace plenocal {
 namespace {
@@ -34,6 +35,12 @@ void ReadRefinedTarget(const fs::path& path, CalibrationRecord* calibration) {
 }
 
 }  // namespace
+
+CalibrationRecord ReadWithCorrelations(const fs::path& path) {
+  CalibrationRecord calibration = ReadCalibration(path, CameraModels());
+  calibration.correlations = ReadCorrelationsBeside(calibration);
+  return calibration;
+}
 
 CalibrationRecord ReadCalibrationFolder(const fs::path& folder,
                                         std::span<const CameraModel> models) {

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "assess/trial_text.h"
+#include "assess/text/trial_text.h"
 
 namespace plenocal {
 

@@ -30,4 +30,24 @@ nlohmann::json VerdictJson(const Verdict& verdict) {
   return {{"grade", GradeName(verdict.grade)}, {"findings", findings}};
 }
 
+nlohmann::json CheckJson(const CalibrationCheck& check) {
+  nlohmann::json cameras = nlohmann::json::array();
+  for (const CameraCheck& camera : check.cameras) {
+    cameras.push_back({{"name", camera.name},
+                       {"valid", camera.valid},
+                       {"points", camera.points},
+                       {"rms_poses_only", camera.rms_held},
+                       {"rms_expected", camera.expected},
+                       {"rms_all_free", camera.rms_free},
+                       {"probability", camera.probability},
+                       {"mount_turn", camera.rotation},
+                       {"mount_shift", camera.translation},
+                       {"mount_probability", camera.extrinsics_probability}});
+  }
+  return {{"valid", check.valid},
+          {"frames", check.frames},
+          {"verdict", VerdictJson(JudgeCheck(check))},
+          {"cameras", cameras}};
+}
+
 }  // namespace plenocal

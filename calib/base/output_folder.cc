@@ -293,6 +293,10 @@ OpenFolders& AllOpenFolders() {
 
 }  // namespace
 
+std::unique_ptr<OutputFolder> OpenOutput(const fs::path& folder) {
+  return folder.empty() ? nullptr : std::make_unique<OutputFolder>(folder);
+}
+
 OutputFolder::OutputFolder(fs::path folder) : folder_(std::move(folder)) {
   std::error_code error;
   for (fs::path p = fs::absolute(folder_, error).lexically_normal();

@@ -11,11 +11,9 @@
 
 #include "calib/base/error.h"
 #include "calib/base/names.h"
-#include "calib/files/calibration_file.h"
-#include "calib/files/calibration_tables.h"
+#include "engine/calibration_folder.h"
 #include "engine/formats/camera_format.h"
 #include "engine/session/calibration_input.h"
-#include "models/registry.h"
 
 namespace plenocal {
 namespace {
@@ -40,9 +38,7 @@ CalibrationRecord ReadEarlierRecord(const EarlierFile& file, ImageSize size) {
     record.cameras = ReadCameraFile(FormatOf(file), source);
     return record;
   }
-  CalibrationRecord record = ReadCalibration(file.path, CameraModels());
-  record.correlations = ReadCorrelationsBeside(record);
-  return record;
+  return ReadWithCorrelations(file.path);
 }
 
 // The files of a session, each once, with the cameras that take their values from it.

@@ -17,6 +17,7 @@
 #include "calib/files/frame_images.h"
 #include "engine/calibrate_session.h"
 #include "engine/calibration_folder.h"
+#include "engine/json_text.h"
 #include "engine/recording/stores/image_lister.h"
 
 namespace plenocal {
@@ -75,10 +76,7 @@ void Print(const CalibrateArguments& arguments,
            const SessionCalibration& calibrated,
            Console* console) {
   if (arguments.json) {
-    using Json = nlohmann::json;
-    const Json result = ResultJson(arguments, calibrated.record);
-    // Paths may be no UTF-8.
-    fmt::print("{}\n", result.dump(2, ' ', false, Json::error_handler_t::replace));
+    fmt::print("{}\n", JsonText(ResultJson(arguments, calibrated.record)));
     return;
   }
   console->Print(fmt::format("{}\nwritten to {}\n\n{}",

@@ -11,12 +11,10 @@
 #include "calib/base/error.h"
 #include "calib/base/number_text.h"
 #include "calib/base/output_folder.h"
-#include "calib/files/calibration_file.h"
-#include "calib/files/calibration_tables.h"
+#include "engine/calibration_folder.h"
 #include "engine/recording/layouts.h"
 #include "engine/recording/recording.h"
 #include "engine/session/left_out.h"
-#include "models/registry.h"
 
 namespace plenocal {
 namespace {
@@ -41,9 +39,7 @@ CalibrationRecord ReadRigCalibration(const GroundtruthArguments& arguments,
                 fmt::format("{}: names no calibration; give --calibration calibration.yaml",
                             recording.path.string()));
   }
-  CalibrationRecord calibration = ReadCalibration(path, CameraModels());
-  calibration.correlations = ReadCorrelationsBeside(calibration);
-  return calibration;
+  return ReadWithCorrelations(path);
 }
 
 /// The chosen cameras, or those that recording and calibration have in common.

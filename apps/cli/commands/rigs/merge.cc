@@ -19,7 +19,7 @@
 #include "calib/base/yaml.h"
 #include "calib/files/calibration_file.h"
 #include "calib/files/calibration_tables.h"
-#include "models/registry.h"
+#include "engine/calibration_folder.h"
 
 namespace plenocal {
 namespace {
@@ -36,9 +36,7 @@ std::vector<CalibrationRecord> ReadAll(const MergeArguments& arguments) {
   std::vector<CalibrationRecord> records;
   for (const fs::path& argument : arguments.calibrations) {
     const fs::path path = fs::is_directory(argument) ? argument / "calibration.yaml" : argument;
-    CalibrationRecord record = ReadCalibration(path, CameraModels());
-    record.correlations = ReadCorrelationsBeside(record);
-    records.push_back(std::move(record));
+    records.push_back(ReadWithCorrelations(path));
   }
   return records;
 }
