@@ -16,14 +16,14 @@
 #include "calib/estimate/describe.h"
 #include "calib/files/calibration_file.h"
 #include "calib/files/calibration_tables.h"
-#include "engine/session/auto_model.h"
+#include "calib/io/input_file.h"
+#include "engine/observe/auto_model.h"
+#include "engine/observe/left_out.h"
+#include "engine/observe/scene_images.h"
+#include "engine/observe/scene_session.h"
 #include "engine/session/earlier_session.h"
-#include "engine/session/left_out.h"
-#include "engine/session/model_named.h"
 #include "engine/session/open_session.h"
 #include "engine/session/provenance.h"
-#include "engine/session/scene_images.h"
-#include "engine/session/scene_session.h"
 #include "engine/session/session_targets.h"
 #include "models/registry.h"
 
@@ -292,6 +292,7 @@ class SessionRun {
 }  // namespace
 
 SessionCalibration CalibrateSession(const CalibrateRequest& request, const Run& run) {
+  const RunScope inputs;
   return SessionRun(request, run).Calibrate();
 }
 

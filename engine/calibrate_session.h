@@ -8,13 +8,13 @@
 #include <string>
 #include <vector>
 
+#include "calib/base/run.h"
 #include "calib/estimate/calibrate.h"
 #include "calib/files/calibration_record.h"
 #include "calib/files/session.h"
-#include "engine/run.h"
+#include "engine/observe/session_observations.h"
 #include "engine/session/image_session.h"
 #include "engine/session/run_folders.h"
-#include "engine/session/session_observations.h"
 #include "engine/session/session_options.h"
 
 namespace plenocal {

@@ -7,15 +7,17 @@
 #include "calib/base/error.h"
 #include "calib/base/names.h"
 #include "calib/estimate/describe.h"
-#include "engine/calibration_folder.h"
+#include "calib/io/input_file.h"
+#include "engine/observe/session_observations.h"
+#include "engine/session/calibration_folder.h"
 #include "engine/session/calibration_input.h"
 #include "engine/session/open_session.h"
-#include "engine/session/session_observations.h"
 #include "engine/session/session_targets.h"
 
 namespace plenocal {
 
 SessionCheck CheckSession(const CheckRequest& request, const Run& run) {
+  const RunScope inputs;
   CalibrationRecord old = ReadWithCorrelations(request.calibration);
   Session session = OpenSession(request.session);
   UseOptions(request, &session);

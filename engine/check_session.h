@@ -8,8 +8,8 @@
 #include <optional>
 
 #include "assess/check.h"
+#include "calib/base/run.h"
 #include "engine/compare_calibrations.h"
-#include "engine/run.h"
 #include "engine/session/run_folders.h"
 #include "engine/session/session_options.h"
 

@@ -2,13 +2,15 @@
 #include "engine/compare_calibrations.h"
 
 #include "calib/base/names.h"
-#include "engine/calibration_folder.h"
+#include "calib/io/input_file.h"
+#include "engine/session/calibration_folder.h"
 
 namespace plenocal {
 
 CalibrationComparison CompareFiles(const std::filesystem::path& a,
                                    const std::filesystem::path& b,
                                    const ComparedBy& by) {
+  const RunScope inputs;
   const CalibrationRecord of_a = ReadWithCorrelations(a);
   CalibrationRecord of_b = ReadWithCorrelations(b);
   RenameCameras(by.map, NamesOf(of_a.cameras), &of_b);

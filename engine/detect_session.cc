@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "engine/detect_session.h"
 
+#include "calib/io/input_file.h"
 #include "engine/session/open_session.h"
 #include "engine/session/session_targets.h"
 
 namespace plenocal {
 
 DetectedSession DetectSession(const SessionOptions& options, const Run& run) {
+  const RunScope inputs;
   DetectedSession detected;
   detected.session = OpenSession(options.session);
   UseOptions(options, &detected.session);

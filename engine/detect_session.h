@@ -5,10 +5,10 @@
 
 #include <memory>
 
+#include "calib/base/run.h"
 #include "calib/files/session.h"
-#include "engine/run.h"
+#include "engine/observe/session_observations.h"
 #include "engine/session/run_folders.h"
-#include "engine/session/session_observations.h"
 #include "engine/session/session_options.h"
 
 namespace plenocal {

@@ -11,11 +11,11 @@
 #include "calib/base/quoted_text.h"
 #include "calib/estimate/describe.h"
 #include "calib/files/calibration_file.h"
+#include "calib/io/input_file.h"
+#include "engine/observe/session_observations.h"
 #include "engine/session/calibration_input.h"
-#include "engine/session/model_named.h"
 #include "engine/session/open_session.h"
 #include "engine/session/provenance.h"
-#include "engine/session/session_observations.h"
 #include "models/registry.h"
 
 namespace plenocal {
@@ -177,6 +177,7 @@ void WriteTrial(const SessionTrial& trial,
 }  // namespace
 
 SessionTrial TrySession(const TryRequest& request, const Run& run) {
+  const RunScope inputs;
   SessionTrial trial;
   trial.session = OpenSession(request.session);
   const Session& session = trial.session;

@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "assess/text/trial_text.h"
+#include "calib/base/run.h"
 #include "calib/files/session.h"
-#include "engine/run.h"
 #include "engine/session/run_folders.h"
 #include "engine/session/session_options.h"
 

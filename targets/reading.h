@@ -8,7 +8,7 @@
 #include <string_view>
 #include <vector>
 
-#include "calib/base/yaml.h"
+#include "calib/io/yaml.h"
 #include "targets/code_books.h"
 #include "targets/target_type.h"
 

@@ -9,8 +9,8 @@
 #include <string>
 #include <vector>
 
-#include "calib/base/yaml.h"
 #include "calib/files/session.h"
+#include "calib/io/yaml.h"
 #include "targets/target_layouts.h"
 #include "targets/target_type.h"
 

@@ -15,8 +15,8 @@
 #include <string_view>
 #include <vector>
 
-#include "calib/base/yaml.h"
 #include "calib/camera/target_hypothesis.h"
+#include "calib/io/yaml.h"
 #include "targets/target_drawing.h"
 
 namespace plenocal {

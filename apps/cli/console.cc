@@ -18,8 +18,8 @@
 #include <vector>
 
 #include "calib/base/error.h"
-#include "calib/base/output_folder.h"
 #include "calib/base/quoted_text.h"
+#include "calib/io/output_folder.h"
 #include "engine/json_text.h"
 
 namespace plenocal {

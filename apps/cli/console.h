@@ -7,7 +7,7 @@
 #include <string>
 #include <string_view>
 
-#include "engine/run.h"
+#include "calib/base/run.h"
 
 namespace plenocal {
 

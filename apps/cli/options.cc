@@ -4,6 +4,8 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 
+#include <charconv>
+
 #include "calib/base/error.h"
 
 namespace plenocal {
@@ -40,6 +42,36 @@ void AddBayer(CLI::App* app, std::optional<BayerOrder>* bayer, const std::string
   app->add_option_function<std::string>(
          "--bayer", [bayer](const std::string& name) { *bayer = ParseBayerOrder(name); }, help)
       ->check(CLI::IsMember(std::vector<std::string>(kBayerOrders.begin(), kBayerOrders.end())));
+}
+
+void AddImageSize(CLI::App* app, std::optional<ImageSize>* size, const std::string& help) {
+  app->add_option_function<std::string>(
+      "--size",
+      [size](const std::string& text) {
+        ImageSize found{};
+        const char* const end = text.data() + text.size();
+        const auto width = std::from_chars(text.data(), end, found[0]);
+        if (width.ec == std::errc() && width.ptr != end && *width.ptr == 'x') {
+          const auto height = std::from_chars(width.ptr + 1, end, found[1]);
+          *size = found;
+          const bool fits = height.ec == std::errc() && height.ptr == end;
+          if (fits && found[0] > 0 && found[1] > 0) return;
+        }
+        throw Error(ErrorKind::kInput,
+                    fmt::format("--size: expected WIDTHxHEIGHT such as 640x480, found '{}'", text));
+      },
+      help);
+}
+
+void AddPlenopticInputs(CLI::App* app, PlenopticInputs* inputs) {
+  app->add_option("--white", inputs->white, "white images of the camera: files, globs or folders");
+  app->add_option("--grid",
+                  inputs->grid,
+                  "instead of white images: micro_lenses_<camera>.csv or RayCalibData XML");
+  app->add_option("--vignetting",
+                  inputs->vignetting,
+                  "with --grid: attenuation TIFF (default: the raw images are corrected already)");
+  AddBayer(app, &inputs->bayer, "colours of the top-left 2 x 2 pixels of raw mosaics");
 }
 
 void AddSessionOptions(CLI::App* app, SessionOptions* options, ConsoleOptions* shared) {

@@ -17,6 +17,7 @@
 #include "apps/cli/console.h"
 #include "calib/base/error.h"
 #include "calib/base/quoted_text.h"
+#include "calib/io/input_file.h"
 
 namespace plenocal {
 namespace {
@@ -63,6 +64,7 @@ int ParseAndRun(int argc, char** argv) {
     CommandLine command_line;
     const RunCommand run = command_line.Parse(argc, argv);
     CatchInterrupts();
+    const RunScope inputs;
     if (run) run();
     // What is printed is a result: a full disk behind a redirection is a failure.
     FlushOutput();

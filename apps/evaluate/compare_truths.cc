@@ -13,8 +13,8 @@
 #include "calib/base/error.h"
 #include "calib/base/linear_algebra.h"
 #include "calib/base/statistics.h"
-#include "calib/base/yaml.h"
 #include "calib/camera/rigid_transform.h"
+#include "calib/io/yaml.h"
 
 namespace plenocal {
 namespace {

@@ -11,7 +11,7 @@
 #include <string_view>
 
 #include "calib/base/error.h"
-#include "calib/base/input_file.h"
+#include "calib/io/input_file.h"
 
 namespace plenocal {
 namespace {

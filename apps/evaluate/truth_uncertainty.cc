@@ -11,8 +11,8 @@
 #include <vector>
 
 #include "calib/base/names.h"
-#include "calib/base/yaml.h"
 #include "calib/files/checks/correlation_check.h"
+#include "calib/io/yaml.h"
 
 namespace plenocal {
 namespace {

@@ -11,7 +11,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "apps/photometry/image_spline.h"
-#include "apps/photometry/noise_line.h"
+#include "apps/photometry/response/noise_line.h"
 #include "apps/photometry/wall_samples.h"
 #include "calib/base/error.h"
 #include "calib/base/linear_algebra.h"

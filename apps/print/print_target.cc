@@ -14,7 +14,7 @@
 #include "apps/charts/cairo_handles.h"
 #include "apps/charts/cairo_path.h"
 #include "calib/base/error.h"
-#include "calib/base/output_folder.h"
+#include "calib/io/output_folder.h"
 #include "targets/target.h"
 #include "targets/target_drawing.h"
 

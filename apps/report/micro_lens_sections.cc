@@ -5,8 +5,8 @@
 #include <unordered_map>
 
 #include "apps/report/residual_sections.h"
-#include "calib/base/csv.h"
 #include "calib/base/linear_algebra.h"
+#include "calib/io/csv.h"
 
 namespace plenocal {
 

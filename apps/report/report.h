@@ -5,7 +5,7 @@
 
 #include <string>
 
-#include "engine/calibration_folder.h"
+#include "engine/session/calibration_folder.h"
 
 namespace plenocal {
 

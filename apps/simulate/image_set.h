@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "apps/simulate/renderer.h"
-#include "calib/base/output_folder.h"
+#include "calib/io/output_folder.h"
 
 namespace plenocal::simulate {
 

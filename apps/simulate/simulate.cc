@@ -27,12 +27,12 @@
 #include "apps/simulate/targets/target_surface.h"
 #include "calib/base/error.h"
 #include "calib/base/number_text.h"
-#include "calib/base/output_folder.h"
 #include "calib/base/parallel.h"
 #include "calib/base/quoted_text.h"
 #include "calib/files/calibration_file.h"
 #include "calib/files/calibration_tables.h"
 #include "calib/files/detections.h"
+#include "calib/io/output_folder.h"
 #include "detectors/images/image.h"
 
 namespace plenocal {

@@ -12,11 +12,11 @@
 #include "apps/simulate/spec_values.h"
 #include "calib/base/error.h"
 #include "calib/base/names.h"
-#include "calib/base/yaml.h"
 #include "calib/camera/micro_lens_array.h"
 #include "calib/files/calibration_file.h"
 #include "calib/files/calibration_tables.h"
 #include "calib/files/checks/transform_keys.h"
+#include "calib/io/yaml.h"
 
 namespace plenocal::simulate {
 namespace {

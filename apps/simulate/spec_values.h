@@ -14,7 +14,7 @@
 #include <string_view>
 
 #include "calib/base/error.h"
-#include "calib/base/yaml.h"
+#include "calib/io/yaml.h"
 
 namespace plenocal::simulate {
 

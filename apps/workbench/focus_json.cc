@@ -7,7 +7,7 @@
 #include <string>
 
 #include "apps/workbench/project/beneath.h"
-#include "calib/base/yaml.h"
+#include "calib/io/yaml.h"
 #include "detectors/images/image.h"
 
 namespace plenocal::workbench {

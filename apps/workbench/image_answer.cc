@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "apps/workbench/project/beneath.h"
-#include "calib/base/input_file.h"
+#include "calib/io/input_file.h"
 #include "detectors/images/image.h"
 #include "detectors/images/pictures.h"
 

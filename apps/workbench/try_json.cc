@@ -4,7 +4,7 @@
 #include <string>
 
 #include "apps/workbench/project/beneath.h"
-#include "calib/base/yaml.h"
+#include "calib/io/yaml.h"
 
 namespace plenocal::workbench {
 namespace {

@@ -22,7 +22,9 @@ void ParallelFor(size_t count, int threads, const std::function<void(size_t)>& b
   std::atomic<size_t> next{0};
   std::exception_ptr failure;
   std::mutex failure_mutex;
+  void* const run = run_of_thread;
   const auto work = [&] {
+    run_of_thread = run;
     for (size_t i = next++; i < count; i = next++) {
       try {
         body(i);

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Loops over independent items on several threads.
 #pragma once
 
 #include <cstddef>
@@ -10,6 +12,10 @@ namespace plenocal {
 /// once, in any order, so results must go to places of their own. The first exception is passed on
 /// after all threads have ended.
 void ParallelFor(size_t count, int threads, const std::function<void(size_t)>& body);
+
+/// What belongs to the run that a thread works for (calib/io/input_file.h); `ParallelFor` hands it
+/// to its threads. Null: to none.
+inline thread_local void* run_of_thread = nullptr;
 
 /// The number of threads that `threads` = 0 means.
 int DefaultThreads();

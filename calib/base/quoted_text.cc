@@ -162,7 +162,7 @@ std::optional<std::string> CameraNameDefect(std::string_view name) {
            (code > 0x7f || kRefused.find(static_cast<char>(code)) == std::string_view::npos);
   });
   if (defect) return *defect + kUse;
-  if (name.empty()) return std::string("is empty") + kUse;
+  if (name.empty()) return fmt::format("is empty{}", kUse);
   if (name[0] == '.' || name[0] == '-') return fmt::format("begins with '{}'{}", name[0], kUse);
   if (name.size() > kLongest) return fmt::format("is longer than {} bytes{}", kLongest, kUse);
   return std::nullopt;

@@ -9,10 +9,10 @@
 #include <map>
 #include <optional>
 
-#include "calib/base/csv.h"
 #include "calib/base/error.h"
-#include "calib/base/input_file.h"
 #include "calib/camera/lens_lattice.h"
+#include "calib/io/csv.h"
+#include "calib/io/input_file.h"
 
 namespace plenocal {
 namespace {

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "calib/base/detection_cache.h"
 #include "calib/camera/observation.h"
+#include "calib/io/detection_cache.h"
 
 namespace plenocal {
 

@@ -8,9 +8,9 @@
 #include <span>
 #include <string>
 
-#include "calib/base/yaml.h"
 #include "calib/camera/camera_model.h"
 #include "calib/files/calibration_record.h"
+#include "calib/io/yaml.h"
 
 namespace plenocal {
 

@@ -12,12 +12,12 @@
 #include <string_view>
 #include <unordered_map>
 
-#include "calib/base/csv.h"
 #include "calib/base/error.h"
-#include "calib/base/input_file.h"
 #include "calib/base/number_text.h"
 #include "calib/base/quoted_text.h"
 #include "calib/files/checks/correlation_check.h"
+#include "calib/io/csv.h"
+#include "calib/io/input_file.h"
 
 namespace plenocal {
 namespace {

@@ -11,10 +11,10 @@
 #include <unordered_map>
 #include <utility>
 
-#include "calib/base/csv.h"
-#include "calib/base/input_file.h"
 #include "calib/base/number_text.h"
 #include "calib/base/quoted_text.h"
+#include "calib/io/csv.h"
+#include "calib/io/input_file.h"
 
 namespace plenocal {
 namespace {

@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "calib/base/yaml.h"
 #include "calib/camera/bayer.h"
+#include "calib/io/yaml.h"
 
 namespace plenocal {
 

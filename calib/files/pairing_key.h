@@ -3,7 +3,7 @@
 
 #include <optional>
 
-#include "calib/base/yaml.h"
+#include "calib/io/yaml.h"
 
 namespace plenocal {
 

@@ -16,8 +16,8 @@
 #include <utility>
 
 #include "calib/base/error.h"
-#include "calib/base/input_file.h"
 #include "calib/camera/lens_lattice.h"
+#include "calib/io/input_file.h"
 
 namespace plenocal {
 namespace {

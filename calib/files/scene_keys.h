@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "calib/base/yaml.h"
+#include "calib/io/yaml.h"
 
 namespace plenocal {
 

@@ -8,12 +8,12 @@
 #include <optional>
 
 #include "calib/base/error.h"
-#include "calib/base/input_file.h"
 #include "calib/base/names.h"
 #include "calib/files/calibration_file.h"
 #include "calib/files/checks/transform_keys.h"
 #include "calib/files/exclusion.h"
 #include "calib/files/image_keys.h"
+#include "calib/io/input_file.h"
 
 namespace plenocal {
 namespace {

@@ -9,13 +9,14 @@
 #include <vector>
 
 #include "calib/base/robust.h"
-#include "calib/base/yaml.h"
 #include "calib/camera/bayer.h"
 #include "calib/camera/camera_model.h"
 #include "calib/camera/param_rule.h"
 #include "calib/camera/rigid_transform.h"
+#include "calib/files/frame_images.h"
 #include "calib/files/pairing_key.h"
 #include "calib/files/scene_keys.h"
+#include "calib/io/yaml.h"
 
 namespace plenocal {
 
@@ -25,7 +26,8 @@ struct EarlierFile {
   std::string format;          ///< of another tool's file, as `plenocal import` takes it; or empty
 };
 
-/// One camera of session.yaml. Exactly one of `images` and `detections` is given.
+/// One camera of a session. Of session.yaml exactly one of `images` and `detections` is given, of
+/// one in memory exactly one of `given_images` and `given_views`.
 struct SessionCamera {
   std::string name;
   const CameraModel* model = nullptr;
@@ -33,6 +35,8 @@ struct SessionCamera {
   std::vector<std::string> white_images;  ///< likewise
   std::optional<BayerOrder> bayer;        ///< of raw mosaics
   std::filesystem::path detections;
+  std::vector<FrameImage> given_images;        ///< in memory, in place of `images`
+  std::vector<View> given_views;               ///< in memory, in place of `detections`
   std::filesystem::path times;                 ///< of the images; empty: as the images have them
   ImageSize image_size{};                      ///< {0, 0}: taken from the images
   std::vector<double> config;                  ///< the model's config values
@@ -43,6 +47,11 @@ struct SessionCamera {
   EarlierFile from;       ///< its own earlier calibration; empty: the session's
   EarlierParams earlier;  ///< of a camera with `from`
 };
+
+/// True for a camera whose images are to be searched for the target.
+inline bool HasImages(const SessionCamera& camera) {
+  return !camera.images.empty() || !camera.given_images.empty();
+}
 
 /// The target of a session: a file, or what the session has in place of its path.
 struct TargetSource {

@@ -11,10 +11,10 @@
 #include <opencv2/core.hpp>
 #include <optional>
 
-#include "calib/base/detection_cache.h"
 #include "calib/base/error.h"
 #include "calib/base/parallel.h"
 #include "calib/camera/observation_entry.h"
+#include "calib/io/detection_cache.h"
 #include "detectors/images/attenuation.h"
 #include "detectors/images/image.h"
 #include "detectors/images/pictures.h"

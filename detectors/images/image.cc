@@ -17,9 +17,9 @@
 #include <string_view>
 #include <vector>
 
-#include "calib/base/detection_cache.h"
 #include "calib/base/error.h"
-#include "calib/base/input_file.h"
+#include "calib/io/detection_cache.h"
+#include "calib/io/input_file.h"
 #include "detectors/images/bytes.h"
 #include "detectors/images/image_codecs.h"
 #include "detectors/images/image_header.h"

@@ -9,12 +9,12 @@
 #include <string>
 #include <vector>
 
-#include "calib/base/detection_cache.h"
 #include "calib/camera/bayer.h"
 #include "calib/camera/image_traits.h"
 #include "calib/camera/lens_type_optics.h"
 #include "calib/camera/observation.h"
 #include "calib/files/frame_images.h"
+#include "calib/io/detection_cache.h"
 
 namespace plenocal {
 

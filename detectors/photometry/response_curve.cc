@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "calib/base/error.h"
-#include "calib/base/input_file.h"
 #include "calib/base/number_text.h"
+#include "calib/io/input_file.h"
 
 namespace plenocal {
 namespace {

@@ -3,8 +3,8 @@
 
 #include <algorithm>
 
-#include "calib/base/detection_cache.h"
 #include "calib/camera/observation_entry.h"
+#include "calib/io/detection_cache.h"
 
 namespace plenocal::internal {
 

@@ -14,7 +14,7 @@
 #include <string_view>
 
 #include "calib/base/error.h"
-#include "calib/base/input_file.h"
+#include "calib/io/input_file.h"
 #include "engine/formats/word_lines.h"
 
 namespace plenocal {

@@ -5,7 +5,7 @@
 
 #include <array>
 
-#include "calib/base/input_file.h"
+#include "calib/io/input_file.h"
 #include "engine/formats/exact_numbers.h"
 
 namespace plenocal {

@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "calib/base/yaml.h"
+#include "calib/io/yaml.h"
 #include "engine/formats/lens_form.h"
 
 namespace plenocal {

@@ -6,7 +6,7 @@
 #include <span>
 #include <string>
 
-#include "calib/base/yaml.h"
+#include "calib/io/yaml.h"
 #include "engine/formats/camera_format.h"
 #include "engine/formats/lens_form.h"
 

@@ -6,8 +6,8 @@
 #include <array>
 #include <vector>
 
-#include "calib/base/yaml.h"
 #include "calib/files/calibration_record.h"
+#include "calib/io/yaml.h"
 
 namespace plenocal {
 

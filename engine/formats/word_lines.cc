@@ -8,7 +8,7 @@
 #include <sstream>
 
 #include "calib/base/error.h"
-#include "calib/base/input_file.h"
+#include "calib/io/input_file.h"
 #include "engine/formats/exact_numbers.h"
 
 namespace plenocal {

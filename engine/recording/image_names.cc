@@ -14,7 +14,7 @@
 #include "calib/base/error.h"
 #include "calib/base/number_text.h"
 #include "calib/base/quoted_text.h"
-#include "calib/base/yaml.h"
+#include "calib/io/yaml.h"
 #include "engine/recording/stores/image_lister.h"
 
 namespace plenocal {

@@ -12,8 +12,8 @@
 #include <utility>
 
 #include "calib/base/error.h"
-#include "calib/base/input_file.h"
 #include "calib/base/quoted_text.h"
+#include "calib/io/input_file.h"
 #include "detectors/images/attenuation.h"
 #include "detectors/images/image.h"
 #include "detectors/images/image_header.h"

@@ -8,9 +8,9 @@
 
 #include "calib/base/error.h"
 #include "calib/base/names.h"
-#include "calib/base/yaml.h"
 #include "calib/files/calibration_file.h"
 #include "calib/files/image_keys.h"
+#include "calib/io/yaml.h"
 
 namespace plenocal {
 namespace {

@@ -10,11 +10,11 @@
 #include <string_view>
 #include <vector>
 
-#include "calib/base/csv.h"
 #include "calib/base/error.h"
-#include "calib/base/input_file.h"
 #include "calib/base/number_text.h"
 #include "calib/base/quoted_text.h"
+#include "calib/io/csv.h"
+#include "calib/io/input_file.h"
 #include "engine/recording/image_files.h"
 
 namespace plenocal {

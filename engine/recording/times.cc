@@ -6,9 +6,9 @@
 #include <algorithm>
 #include <string_view>
 
-#include "calib/base/csv.h"
 #include "calib/base/error.h"
-#include "calib/base/input_file.h"
+#include "calib/io/csv.h"
+#include "calib/io/input_file.h"
 
 namespace plenocal {
 namespace {

@@ -8,7 +8,7 @@
 #include <algorithm>
 
 #include "calib/base/error.h"
-#include "calib/base/input_file.h"
+#include "calib/io/input_file.h"
 
 namespace plenocal {
 namespace {

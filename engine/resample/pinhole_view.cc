@@ -187,4 +187,12 @@ CalibratedCamera ChoosePinhole(std::span<const SeenImage> images, const ViewOpti
   return view;
 }
 
+CalibratedCamera UndistortedView(const CalibratedCamera& camera, const ViewOptions& options) {
+  const std::array seen{ImageOf(camera, Eigen::Matrix3d::Identity())};
+  CalibratedCamera view = ChoosePinhole(seen, options);
+  view.name = camera.name;
+  view.T_camera_rig = camera.T_camera_rig;
+  return view;
+}
+
 }  // namespace plenocal

@@ -3,9 +3,9 @@
 
 #include <vector>
 
+#include "calib/base/run.h"
 #include "calib/estimate/calibrate.h"
 #include "calib/files/session.h"
-#include "engine/run.h"
 #include "targets/target.h"
 
 namespace plenocal {

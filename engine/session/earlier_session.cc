@@ -11,8 +11,8 @@
 
 #include "calib/base/error.h"
 #include "calib/base/names.h"
-#include "engine/calibration_folder.h"
 #include "engine/formats/camera_format.h"
+#include "engine/session/calibration_folder.h"
 #include "engine/session/calibration_input.h"
 
 namespace plenocal {

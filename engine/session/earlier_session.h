@@ -5,10 +5,10 @@
 
 #include <vector>
 
+#include "calib/base/run.h"
 #include "calib/estimate/calibrate.h"
 #include "calib/files/session.h"
 #include "calib/prior/earlier_cameras.h"
-#include "engine/run.h"
 #include "targets/target.h"
 
 namespace plenocal {

@@ -6,8 +6,8 @@
 #include <utility>
 
 #include "calib/base/error.h"
-#include "calib/base/input_file.h"
 #include "calib/base/quoted_text.h"
+#include "calib/io/input_file.h"
 #include "engine/recording/find_cameras.h"
 #include "engine/recording/image_names.h"
 #include "engine/session/proposal_text.h"

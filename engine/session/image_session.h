@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
+#include "calib/base/run.h"
 #include "calib/files/session.h"
-#include "engine/run.h"
 #include "targets/target.h"
 
 namespace plenocal {

@@ -79,7 +79,7 @@ bool SamePrint(const Target& a, const Target& b) {
 
 std::vector<IdenticalBoards> CheckDistinct(const Session& session,
                                            std::span<const Target> targets) {
-  const auto with_images = [](const SessionCamera& camera) { return !camera.images.empty(); };
+  const auto with_images = [](const SessionCamera& camera) { return HasImages(camera); };
   std::vector<IdenticalBoards> pairs;
   if (std::ranges::none_of(session.cameras, with_images)) return pairs;
   const auto plenoptic = std::ranges::find_if(session.cameras, [&](const SessionCamera& camera) {

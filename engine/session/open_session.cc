@@ -1,6 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "engine/session/open_session.h"
 
+#include <fmt/format.h>
+
+#include "calib/base/error.h"
+#include "calib/base/names.h"
 #include "models/registry.h"
 
 namespace plenocal {
@@ -8,6 +12,15 @@ namespace plenocal {
 Session OpenSession(const std::filesystem::path& path) {
   for (const std::filesystem::path& plugin : ReadSessionPlugins(path)) AddCameraModels(plugin);
   return ReadSession(path, CameraModels());
+}
+
+const CameraModel* ModelNamed(const std::string& option, const std::string& name) {
+  if (const CameraModel* model = FindModel(CameraModels(), name)) return model;
+  throw Error(ErrorKind::kInput,
+              fmt::format("{} {}: unknown camera model{}",
+                          option,
+                          name,
+                          SuggestName(name, NamesOf(CameraModels()))));
 }
 
 }  // namespace plenocal

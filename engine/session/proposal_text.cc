@@ -8,7 +8,7 @@
 
 #include "calib/base/error.h"
 #include "calib/base/names.h"
-#include "calib/base/yaml.h"
+#include "calib/io/yaml.h"
 #include "engine/recording/stores/image_lister.h"
 
 namespace plenocal {

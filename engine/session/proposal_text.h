@@ -6,9 +6,9 @@
 #include <string>
 #include <vector>
 
+#include "calib/base/run.h"
 #include "calib/files/frame_images.h"
 #include "detectors/boards/propose_target.h"
-#include "engine/run.h"
 #include "targets/target.h"
 
 namespace plenocal {

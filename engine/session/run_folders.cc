@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "engine/session/run_folders.h"
 
-#include "engine/session/session_observations.h"
+#include "engine/observe/session_observations.h"
 
 namespace plenocal {
 

@@ -7,9 +7,9 @@
 #include <string>
 #include <vector>
 
-#include "calib/base/detection_cache.h"
-#include "calib/base/output_folder.h"
 #include "calib/files/session.h"
+#include "calib/io/detection_cache.h"
+#include "calib/io/output_folder.h"
 #include "engine/session/session_options.h"
 
 namespace plenocal {

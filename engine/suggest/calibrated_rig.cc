@@ -3,7 +3,7 @@
 
 #include "assess/views/view_information.h"
 #include "calib/base/error.h"
-#include "engine/calibration_folder.h"
+#include "engine/session/calibration_folder.h"
 #include "models/registry.h"
 
 namespace plenocal {

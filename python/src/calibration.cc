@@ -11,9 +11,9 @@
 #include "apps/report/report.h"
 #include "apps/report/verdict_json.h"
 #include "assess/residual_field.h"
-#include "calib/base/output_folder.h"
 #include "calib/files/calibration_file.h"
 #include "calib/files/calibration_tables.h"
+#include "calib/io/output_folder.h"
 #include "models/registry.h"
 #include "python/src/bindings.h"
 

@@ -60,7 +60,7 @@ TEST_F(Documentation, ConventionsAreShownOnARig) {
 }
 
 TEST_F(Documentation, BadSetsOfTheRecordingGuideGetTheVerdictsItNames) {
-  RunExamplesOf("recording.md");
+  RunExamplesOf("recordings.md");
   EXPECT_THAT(Verdict("results/varied"), HasSubstr("This calibration is good"));
   EXPECT_THAT(Verdict("results/one-distance"), HasSubstr("all images are from one distance"));
   EXPECT_THAT(Verdict("results/no-tilt"), HasSubstr("the target was not tilted"));

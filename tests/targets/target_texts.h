@@ -7,7 +7,7 @@
 #include <string>
 
 #include "calib/base/error.h"
-#include "calib/base/yaml.h"
+#include "calib/io/yaml.h"
 #include "targets/target.h"
 
 namespace plenocal::testing {

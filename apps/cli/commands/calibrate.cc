@@ -16,9 +16,9 @@
 #include "calib/estimate/summary.h"
 #include "calib/files/frame_images.h"
 #include "engine/calibrate_session.h"
-#include "engine/calibration_folder.h"
 #include "engine/json_text.h"
 #include "engine/recording/stores/image_lister.h"
+#include "engine/session/calibration_folder.h"
 
 namespace plenocal {
 namespace {

@@ -11,7 +11,7 @@
 #include "apps/report/verdict_json.h"
 #include "assess/text/compare_text.h"
 #include "calib/base/error.h"
-#include "calib/base/output_folder.h"
+#include "calib/io/output_folder.h"
 #include "engine/check_session.h"
 #include "engine/json_text.h"
 

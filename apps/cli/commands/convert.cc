@@ -13,9 +13,9 @@
 #include "apps/cli/options.h"
 #include "apps/report/field_pictures.h"
 #include "calib/base/number_text.h"
-#include "calib/base/output_folder.h"
 #include "calib/files/calibration_file.h"
-#include "engine/session/model_named.h"
+#include "calib/io/output_folder.h"
+#include "engine/session/open_session.h"
 #include "models/registry.h"
 
 namespace plenocal {

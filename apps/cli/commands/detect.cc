@@ -10,13 +10,13 @@
 #include "apps/cli/options.h"
 #include "calib/base/error.h"
 #include "calib/base/number_text.h"
-#include "calib/base/output_folder.h"
 #include "calib/base/quoted_text.h"
+#include "calib/io/output_folder.h"
 #include "engine/detect_session.h"
+#include "engine/observe/session_observations.h"
 #include "engine/recording/frames/session_images.h"
 #include "engine/recording/stores/image_lister.h"
 #include "engine/session/open_session.h"
-#include "engine/session/session_observations.h"
 
 namespace plenocal {
 namespace {

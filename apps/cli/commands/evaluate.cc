@@ -17,7 +17,7 @@
 #include "calib/base/error.h"
 #include "calib/base/names.h"
 #include "calib/base/number_text.h"
-#include "calib/base/output_folder.h"
+#include "calib/io/output_folder.h"
 
 namespace plenocal {
 namespace {
@@ -390,13 +390,6 @@ BarChart ChartOf(const std::vector<Run>& runs, const Truth& truth) {
   return chart;
 }
 
-PictureFormat FormatOf(const std::filesystem::path& chart) {
-  if (chart.extension() == ".svg") return PictureFormat::kSvg;
-  if (chart.extension() == ".png") return PictureFormat::kPng;
-  throw Error(ErrorKind::kInput,
-              fmt::format("--chart {}: name a .svg or .png file", chart.string()));
-}
-
 void CheckArguments(const EvaluateArguments& arguments) {
   const bool both_segments = !arguments.start.empty() && !arguments.end.empty();
   const bool any_segment = !arguments.start.empty() || !arguments.end.empty();
@@ -444,7 +437,7 @@ void RunEvaluate(const EvaluateArguments& arguments, const ConsoleOptions& share
   Console console(shared);
   CheckArguments(arguments);
   std::optional<PictureFormat> format;
-  if (!arguments.chart.empty()) format = FormatOf(arguments.chart);
+  if (!arguments.chart.empty()) format = PictureFormatOf(arguments.chart);
   std::vector<Run> runs = NamedRuns(arguments);
   const Truth truth = ReadTruth(arguments, &console);
   EvaluateAll(arguments, truth, &console, &runs);

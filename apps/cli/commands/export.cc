@@ -10,12 +10,12 @@
 #include "calib/base/error.h"
 #include "calib/base/names.h"
 #include "calib/base/number_text.h"
-#include "calib/base/output_folder.h"
 #include "calib/files/calibration_file.h"
+#include "calib/io/output_folder.h"
 #include "detectors/photometry/response_curve.h"
-#include "engine/calibration_folder.h"
 #include "engine/formats/camera_format.h"
 #include "engine/resample/resample_images.h"
+#include "engine/session/calibration_folder.h"
 #include "models/registry.h"
 
 namespace plenocal {

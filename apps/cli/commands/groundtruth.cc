@@ -10,11 +10,11 @@
 #include "apps/groundtruth/recorded_tracks.h"
 #include "calib/base/error.h"
 #include "calib/base/number_text.h"
-#include "calib/base/output_folder.h"
-#include "engine/calibration_folder.h"
+#include "calib/io/output_folder.h"
+#include "engine/observe/left_out.h"
 #include "engine/recording/layouts.h"
 #include "engine/recording/recording.h"
-#include "engine/session/left_out.h"
+#include "engine/session/calibration_folder.h"
 
 namespace plenocal {
 namespace {
@@ -138,7 +138,7 @@ constexpr const char* kGroundtruthHelp =
     "  plenocal groundtruth RECORDING --cameras left,right --start 0:12 --end 301:320 -o OUT\n"
     "\n"
     "Writes segments_<camera>.txt, which `plenocal evaluate --truth` reads, their covariance and the "
-    "points; docs/groundtruth.md. Two of them, as from the stereo pair and from the plenoptic camera: "
+    "points; docs/scene.md. Two of them, as from the stereo pair and from the plenoptic camera: "
     "plenocal compare A/groundtruth.yaml B/groundtruth.yaml.";
 
 RunCommand DeclareGroundtruth(CLI::App* app, ConsoleOptions* shared) {

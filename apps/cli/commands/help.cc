@@ -9,7 +9,7 @@
 #include "apps/cli/shell/declarations.h"
 #include "apps/cli/shell/man_page.h"
 #include "calib/base/error.h"
-#include "calib/base/output_folder.h"
+#include "calib/io/output_folder.h"
 
 namespace plenocal {
 namespace {

@@ -8,12 +8,11 @@
 #include <set>
 
 #include "apps/cli/command.h"
-#include "apps/cli/image_inputs.h"
 #include "apps/cli/options.h"
 #include "calib/base/error.h"
 #include "calib/base/names.h"
-#include "calib/base/output_folder.h"
 #include "calib/files/calibration_file.h"
+#include "calib/io/output_folder.h"
 #include "engine/formats/camera_format.h"
 #include "engine/formats/import_format.h"
 #include "engine/formats/poses.h"
@@ -25,9 +24,9 @@ namespace {
 struct ImportArguments {
   std::vector<std::filesystem::path> files;
   std::string format;
-  std::string size;           ///< "640x480" for files that hold none, else empty
-  bool fisheye = false;       ///< for files of OpenCV that do not mark fisheye coefficients
-  std::filesystem::path out;  ///< folder, or the file to write
+  std::optional<ImageSize> size;  ///< for files that hold none
+  bool fisheye = false;           ///< for files of OpenCV that do not mark fisheye coefficients
+  std::filesystem::path out;      ///< folder, or the file to write
 };
 
 /// A name that can be a key and part of file names.
@@ -39,12 +38,12 @@ std::string NameInFile(std::string name) {
 }
 
 std::vector<CalibratedCamera> ReadCameras(const ImportArguments& arguments,
-                                          const CameraFormat& format,
-                                          const std::optional<ImageSize>& size) {
+                                          const CameraFormat& format) {
   std::vector<CalibratedCamera> all;
   std::set<std::string> names;
   for (const std::filesystem::path& file : arguments.files) {
-    for (CalibratedCamera& camera : ReadCameraFile(format, {file, size, arguments.fisheye})) {
+    for (CalibratedCamera& camera :
+         ReadCameraFile(format, {file, arguments.size, arguments.fisheye})) {
       camera.name = NameInFile(camera.name.empty() ? file.stem().string() : camera.name);
       if (!names.insert(camera.name).second) {
         throw Error(ErrorKind::kInput,
@@ -76,12 +75,11 @@ struct Made {
 };
 
 Made Import(const ImportArguments& arguments) {
-  const std::optional<ImageSize> size = ParseImageSize(arguments.size);
   const std::filesystem::path& source = arguments.files[0];
   if (const CameraFormat* format = FindCameraFormat(arguments.format, source)) {
     if (!format->holds_extrinsics) RequireOneFile(arguments);
     return {"calibration.yaml",
-            {GivenCamerasYaml(ReadCameras(arguments, *format, size), {}), /*message=*/{}}};
+            {GivenCamerasYaml(ReadCameras(arguments, *format), {}), /*message=*/{}}};
   }
   const ImportFormat* const format = FindImportFormat(arguments.format);
   if (format == nullptr) RefuseFormat(arguments.format);
@@ -91,7 +89,7 @@ Made Import(const ImportArguments& arguments) {
   if (const size_t at = name.find(kStem); at != std::string::npos) {
     name.replace(at, kStem.size(), NameInFile(source.stem().string()));
   }
-  return {name, format->read({source, size})};
+  return {name, format->read({source, arguments.size})};
 }
 
 void RunImport(const ImportArguments& arguments, const ConsoleOptions& shared) {
@@ -121,8 +119,7 @@ RunCommand DeclareImport(CLI::App* app, ConsoleOptions* shared) {
   app->add_option("file", arguments->files, "the other tool's file; of mrcal one a camera")
       ->required();
   app->add_option("--format", arguments->format, "the other tool")->required();
-  app->add_option(
-      "--size", arguments->size, "WIDTHxHEIGHT of the images where the file does not hold it");
+  AddImageSize(app, &arguments->size, "WIDTHxHEIGHT of the images where the file does not hold it");
   app->add_flag("--fisheye",
                 arguments->fisheye,
                 "opencv: the coefficients are cv::fisheye's where the file does not mark them");

@@ -9,15 +9,15 @@
 #include "apps/cli/command.h"
 #include "apps/cli/options.h"
 #include "calib/base/error.h"
-#include "calib/base/output_folder.h"
 #include "calib/base/quoted_text.h"
 #include "calib/files/frame_images.h"
+#include "calib/io/output_folder.h"
 #include "detectors/plenoptic/white/white_camera.h"
+#include "engine/observe/auto_model.h"
 #include "engine/recording/find_cameras.h"
 #include "engine/recording/image_names.h"
 #include "engine/recording/layouts.h"
 #include "engine/recording/stores/image_lister.h"
-#include "engine/session/auto_model.h"
 #include "engine/session/proposal_text.h"
 
 namespace plenocal {

@@ -8,7 +8,7 @@
 #include "apps/cli/command.h"
 #include "apps/cli/options.h"
 #include "calib/base/error.h"
-#include "engine/session/model_named.h"
+#include "engine/session/open_session.h"
 #include "models/check/model_properties.h"
 #include "models/registry.h"
 

@@ -11,11 +11,11 @@
 #include "apps/photometry/frame_exposures.h"
 #include "calib/base/error.h"
 #include "calib/base/number_text.h"
-#include "calib/base/output_folder.h"
+#include "calib/io/output_folder.h"
+#include "engine/observe/session_observations.h"
 #include "engine/recording/stores/message_log.h"
 #include "engine/recording/summary.h"
 #include "engine/recording/supplied_detections.h"
-#include "engine/session/session_observations.h"
 #include "models/registry.h"
 
 namespace plenocal {

@@ -8,7 +8,7 @@
 
 #include "apps/cli/command.h"
 #include "apps/cli/options.h"
-#include "calib/base/output_folder.h"
+#include "calib/io/output_folder.h"
 #include "models/registry.h"
 
 namespace plenocal {

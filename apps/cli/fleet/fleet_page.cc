@@ -9,10 +9,10 @@
 
 #include "apps/cli/fleet/fleet_plan.h"
 #include "apps/report/page_text.h"
-#include "calib/base/csv.h"
 #include "calib/base/error.h"
-#include "calib/base/input_file.h"
 #include "calib/files/calibration_file.h"
+#include "calib/io/csv.h"
+#include "calib/io/input_file.h"
 #include "models/registry.h"
 
 namespace plenocal {

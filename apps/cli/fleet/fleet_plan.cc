@@ -7,9 +7,9 @@
 #include <nlohmann/json.hpp>
 
 #include "calib/base/error.h"
-#include "calib/base/yaml.h"
 #include "calib/files/frame_images.h"
 #include "calib/files/image_keys.h"
+#include "calib/io/yaml.h"
 
 namespace plenocal {
 namespace {

@@ -8,7 +8,7 @@
 #include <numbers>
 #include <numeric>
 
-#include "apps/photometry/noise_line.h"
+#include "apps/photometry/response/noise_line.h"
 #include "apps/photometry/response/rising_values.h"
 
 namespace plenocal {

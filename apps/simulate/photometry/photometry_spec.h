@@ -10,8 +10,8 @@
 #include <string>
 #include <vector>
 
-#include "calib/base/yaml.h"
 #include "calib/camera/observation.h"
+#include "calib/io/yaml.h"
 #include "detectors/photometry/response_curve.h"
 
 namespace plenocal::simulate {

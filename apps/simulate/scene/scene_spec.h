@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "apps/evaluate/trajectory.h"
-#include "calib/base/yaml.h"
+#include "calib/io/yaml.h"
 
 namespace plenocal::simulate {
 

@@ -16,9 +16,9 @@
 #include "apps/simulate/sensor.h"
 #include "calib/base/error.h"
 #include "calib/base/number_text.h"
-#include "calib/base/output_folder.h"
 #include "calib/files/calibration_file.h"
 #include "calib/files/detections.h"
+#include "calib/io/output_folder.h"
 #include "detectors/images/image.h"
 
 namespace plenocal::simulate {

@@ -15,8 +15,8 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
-#include "calib/base/detection_cache.h"
 #include "calib/base/error.h"
+#include "calib/io/detection_cache.h"
 #include "models/registry.h"
 
 namespace plenocal::workbench {

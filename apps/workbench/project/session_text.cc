@@ -11,7 +11,7 @@
 
 #include "calib/base/error.h"
 #include "calib/base/quoted_text.h"
-#include "calib/base/yaml.h"
+#include "calib/io/yaml.h"
 
 namespace plenocal::workbench {
 namespace {

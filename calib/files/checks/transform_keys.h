@@ -3,8 +3,8 @@
 // Rigid transforms in files.
 #pragma once
 
-#include "calib/base/yaml.h"
 #include "calib/camera/rigid_transform.h"
+#include "calib/io/yaml.h"
 
 namespace plenocal {
 

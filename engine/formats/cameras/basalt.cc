@@ -6,8 +6,8 @@
 
 #include <array>
 
-#include "calib/base/yaml.h"
 #include "calib/files/calibration_file.h"
+#include "calib/io/yaml.h"
 #include "engine/formats/camera_format.h"
 #include "engine/formats/exact_numbers.h"
 #include "engine/formats/lens_form.h"

@@ -12,7 +12,7 @@
 #include <pugixml.hpp>
 
 #include "calib/base/error.h"
-#include "calib/base/input_file.h"
+#include "calib/io/input_file.h"
 #include "engine/formats/camera_format.h"
 #include "engine/formats/exact_numbers.h"
 #include "models/registry.h"

@@ -6,9 +6,9 @@
 
 #include <array>
 
-#include "calib/base/yaml.h"
 #include "calib/files/calibration_file.h"
 #include "calib/files/checks/transform_keys.h"
+#include "calib/io/yaml.h"
 #include "engine/formats/camera_format.h"
 #include "engine/formats/exact_numbers.h"
 #include "engine/formats/matlab_intrinsics.h"

@@ -16,7 +16,7 @@
 #include <map>
 
 #include "calib/base/error.h"
-#include "calib/base/input_file.h"
+#include "calib/io/input_file.h"
 #include "engine/formats/camera_format.h"
 #include "engine/formats/matlab_intrinsics.h"
 

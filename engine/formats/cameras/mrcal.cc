@@ -10,9 +10,9 @@
 #include <string>
 
 #include "calib/base/error.h"
-#include "calib/base/input_file.h"
-#include "calib/base/yaml.h"
 #include "calib/files/calibration_file.h"
+#include "calib/io/input_file.h"
+#include "calib/io/yaml.h"
 #include "engine/formats/camera_format.h"
 #include "engine/formats/exact_numbers.h"
 #include "engine/formats/lens_form.h"

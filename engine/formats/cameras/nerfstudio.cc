@@ -8,7 +8,7 @@
 #include <array>
 
 #include "calib/base/quoted_text.h"
-#include "calib/base/yaml.h"
+#include "calib/io/yaml.h"
 #include "engine/formats/camera_format.h"
 #include "engine/formats/exact_numbers.h"
 #include "engine/formats/lens_form.h"

@@ -12,9 +12,9 @@
 #include <optional>
 #include <string>
 
-#include "calib/base/csv.h"
-#include "calib/base/input_file.h"
 #include "calib/base/quoted_text.h"
+#include "calib/io/csv.h"
+#include "calib/io/input_file.h"
 #include "engine/formats/import_format.h"
 
 namespace plenocal {

@@ -113,7 +113,7 @@ std::vector<std::vector<FrameImage>> ListSessionImages(const Session& session,
   CameraList images;
   ImageLister lister;
   for (const SessionCamera& camera : session.cameras) {
-    images.push_back(camera.images.empty() ? std::vector<FrameImage>()
+    images.push_back(camera.images.empty() ? camera.given_images
                                            : lister.List(camera.images, camera.name + ": images"));
     if (camera.images.empty()) continue;
     if (!camera.times.empty()) {

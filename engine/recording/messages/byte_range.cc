@@ -10,7 +10,7 @@
 #include <cstring>
 
 #include "calib/base/error.h"
-#include "calib/base/input_file.h"
+#include "calib/io/input_file.h"
 
 namespace plenocal {
 

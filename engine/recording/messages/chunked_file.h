@@ -12,7 +12,7 @@
 #include <utility>
 #include <vector>
 
-#include "calib/base/input_file.h"
+#include "calib/io/input_file.h"
 #include "engine/recording/messages/message_file.h"
 #include "engine/recording/messages/unpack.h"
 

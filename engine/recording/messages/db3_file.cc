@@ -9,7 +9,7 @@
 #include <limits>
 
 #include "calib/base/error.h"
-#include "calib/base/input_file.h"
+#include "calib/io/input_file.h"
 #include "engine/recording/messages/unpack.h"
 
 namespace plenocal {

@@ -8,7 +8,7 @@
 #include <string_view>
 
 #include "calib/base/error.h"
-#include "calib/base/input_file.h"
+#include "calib/io/input_file.h"
 #include "engine/recording/messages/bag_file.h"
 #include "engine/recording/messages/db3_file.h"
 #include "engine/recording/messages/mcap_file.h"

@@ -39,6 +39,20 @@ void CheckFrames(const std::vector<FrameImage>& images, const std::string& what)
 
 }  // namespace
 
+std::vector<FrameImage> FindImageInputs(const std::vector<std::string>& inputs,
+                                        const std::string& what) {
+  std::vector<FrameImage> images;
+  for (const std::string& input : inputs) {
+    if (!std::filesystem::exists(input) && input.find('*') == std::string::npos &&
+        SplitStorePattern(input).file.empty()) {
+      throw Error(ErrorKind::kInput, fmt::format("{}: no such file; check the path", input));
+    }
+    const std::vector<FrameImage> found = ListImages({input}, what);
+    images.insert(images.end(), found.begin(), found.end());
+  }
+  return images;
+}
+
 bool IsStoreName(const fs::path& path) {
   return IsArchiveName(path) || IsVideoName(path) || IsMessageFileName(path);
 }

@@ -10,9 +10,9 @@
 #include <set>
 #include <utility>
 
-#include "calib/base/detection_cache.h"
 #include "calib/base/error.h"
 #include "calib/base/statistics.h"
+#include "calib/io/detection_cache.h"
 #include "detectors/images/image_header.h"
 #include "engine/recording/image_files.h"
 

@@ -15,10 +15,10 @@
 #include <opencv2/videoio.hpp>
 #include <optional>
 
-#include "calib/base/detection_cache.h"
 #include "calib/base/error.h"
-#include "calib/base/input_file.h"
 #include "calib/base/parallel.h"
+#include "calib/io/detection_cache.h"
+#include "calib/io/input_file.h"
 #include "engine/recording/messages/byte_range.h"
 
 namespace plenocal {

@@ -7,9 +7,9 @@
 #include <memory>
 #include <utility>
 
-#include "calib/base/detection_cache.h"
 #include "calib/base/error.h"
 #include "calib/base/quoted_text.h"
+#include "calib/io/detection_cache.h"
 #include "engine/recording/image_files.h"
 #include "engine/recording/zip_archive.h"
 

@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "calib/base/statistics.h"
-#include "calib/base/yaml.h"
+#include "calib/io/yaml.h"
 #include "tests/apps/workspace.h"
 
 namespace plenocal::testing {

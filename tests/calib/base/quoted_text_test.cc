@@ -14,8 +14,8 @@
 #include <string>
 #include <vector>
 
-#include "calib/base/csv.h"
-#include "calib/base/yaml.h"
+#include "calib/io/csv.h"
+#include "calib/io/yaml.h"
 
 namespace plenocal {
 namespace TEST_FILE {

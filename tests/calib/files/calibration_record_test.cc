@@ -13,9 +13,9 @@
 #include <limits>
 
 #include "calib/base/error.h"
-#include "calib/base/input_file.h"
 #include "calib/files/calibration_file.h"
 #include "calib/files/calibration_tables.h"
+#include "calib/io/input_file.h"
 #include "models/registry.h"
 
 namespace plenocal {

@@ -14,7 +14,7 @@
 #include <utility>
 #include <vector>
 
-#include "calib/base/yaml.h"
+#include "calib/io/yaml.h"
 #include "detectors/images/white_images.h"
 
 namespace plenocal {

@@ -7,7 +7,7 @@
 #include <cmath>
 #include <string>
 
-#include "calib/base/yaml.h"
+#include "calib/io/yaml.h"
 #include "detectors/templates/marker_template.h"
 
 namespace plenocal::internal {

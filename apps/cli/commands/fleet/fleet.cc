@@ -6,7 +6,7 @@
 #include "apps/cli/command.h"
 #include "apps/cli/fleet/fleet_plan.h"
 #include "apps/cli/options.h"
-#include "calib/base/output_folder.h"
+#include "calib/io/output_folder.h"
 
 namespace plenocal {
 namespace {

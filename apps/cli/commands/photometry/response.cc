@@ -8,7 +8,7 @@
 #include "apps/photometry/exposed_images.h"
 #include "apps/photometry/response_files.h"
 #include "calib/base/error.h"
-#include "calib/base/output_folder.h"
+#include "calib/io/output_folder.h"
 
 namespace plenocal {
 namespace {

@@ -5,14 +5,14 @@
 #include <optional>
 
 #include "apps/cli/command.h"
-#include "apps/cli/image_inputs.h"
 #include "apps/cli/options.h"
 #include "apps/photometry/exposed_images.h"
 #include "apps/photometry/vignette_files.h"
 #include "calib/base/error.h"
-#include "calib/base/output_folder.h"
 #include "calib/files/calibration_file.h"
+#include "calib/io/output_folder.h"
 #include "detectors/images/image.h"
+#include "engine/recording/stores/image_lister.h"
 #include "engine/resample/resample_images.h"
 #include "models/registry.h"
 

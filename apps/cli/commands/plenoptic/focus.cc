@@ -7,11 +7,11 @@
 #include <optional>
 
 #include "apps/cli/command.h"
-#include "apps/cli/image_inputs.h"
 #include "apps/cli/options.h"
 #include "calib/base/error.h"
-#include "calib/base/output_folder.h"
+#include "calib/io/output_folder.h"
 #include "detectors/plenoptic/focus_images.h"
+#include "engine/recording/stores/image_lister.h"
 
 namespace plenocal {
 namespace {

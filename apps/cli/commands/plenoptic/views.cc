@@ -7,11 +7,10 @@
 #include <optional>
 
 #include "apps/cli/command.h"
-#include "apps/cli/image_inputs.h"
 #include "apps/cli/options.h"
 #include "calib/base/error.h"
-#include "calib/base/output_folder.h"
 #include "calib/files/calibration_file.h"
+#include "calib/io/output_folder.h"
 #include "detectors/plenoptic/views/view_images.h"
 #include "models/registry.h"
 

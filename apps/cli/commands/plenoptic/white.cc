@@ -9,15 +9,14 @@
 #include <optional>
 
 #include "apps/cli/command.h"
-#include "apps/cli/image_inputs.h"
 #include "apps/cli/options.h"
 #include "calib/base/error.h"
 #include "calib/base/number_text.h"
-#include "calib/base/output_folder.h"
 #include "calib/camera/bayer.h"
 #include "calib/files/frame_images.h"
 #include "calib/files/raytrix_grid.h"
 #include "calib/files/session.h"
+#include "calib/io/output_folder.h"
 #include "detectors/plenoptic/white/white_camera.h"
 #include "engine/recording/stores/image_lister.h"
 #include "engine/session/open_session.h"

@@ -12,14 +12,13 @@
 #include "apps/cli/program.h"
 #include "assess/verdict.h"
 #include "calib/base/error.h"
-#include "calib/base/input_file.h"
 #include "calib/base/number_text.h"
-#include "calib/base/output_folder.h"
 #include "calib/base/quoted_text.h"
-#include "calib/base/yaml.h"
 #include "calib/files/calibration_file.h"
 #include "calib/files/calibration_tables.h"
-#include "engine/calibration_folder.h"
+#include "calib/io/input_file.h"
+#include "calib/io/output_folder.h"
+#include "calib/io/yaml.h"
 
 namespace plenocal {
 namespace {

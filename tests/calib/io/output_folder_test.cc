@@ -1,0 +1,195 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Results are written all or none, in their folder alone, and never over an input.
+#include "calib/io/output_folder.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <fstream>
+#include <functional>
+#include <optional>
+#include <sstream>
+#include <string>
+
+#include "calib/base/error.h"
+#include "calib/io/detection_cache.h"
+#include "calib/io/input_file.h"
+
+namespace plenocal {
+namespace TEST_FILE {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+namespace fs = std::filesystem;
+
+class Results : public ::testing::Test {
+ protected:
+  Results() {
+    std::string name = (fs::temp_directory_path() / "plenocal_results_XXXXXX").string();
+    if (mkdtemp(name.data()) == nullptr) throw std::runtime_error("cannot make " + name);
+    root_ = name;
+    out_ = root_ / "out";
+    fs::create_directory(out_);
+  }
+  ~Results() override { fs::remove_all(root_); }
+
+  static void Put(const fs::path& path, const std::string& text) {
+    fs::create_directories(path.parent_path());
+    std::ofstream(path) << text;
+  }
+  static std::string Text(const fs::path& path) {
+    std::ostringstream text;
+    text << std::ifstream(path).rdbuf();
+    return text.str();
+  }
+  // What a run leaves that was killed after it had moved one of two files.
+  void LeaveHalfMoved() const {
+    Put(out_ / "poses.csv", "new");
+    Put(out_ / "calibration.yaml", "old");
+    Put(out_ / "report.html", "old");
+    Put(out_ / ".partial/calibration.yaml", "new");
+    Put(out_ / ".partial/complete", "report.html\n");
+  }
+  void ExpectNew() const {
+    EXPECT_EQ(Text(out_ / "poses.csv"), "new");
+    EXPECT_EQ(Text(out_ / "calibration.yaml"), "new");
+    EXPECT_FALSE(fs::exists(out_ / "report.html"));
+    EXPECT_FALSE(fs::exists(out_ / ".partial"));
+  }
+  static std::string MessageOf(const std::function<void()>& act, ErrorKind kind) {
+    try {
+      act();
+    } catch (const Error& error) {
+      EXPECT_EQ(error.kind(), kind) << error.what();
+      return error.what();
+    }
+    return "no error";
+  }
+
+  fs::path root_, out_;
+};
+
+TEST_F(Results, ThatAKilledRunLeftHalfMovedAreCompletedByAWriter) {
+  LeaveHalfMoved();
+  { const OutputFolder next(out_); }
+  ExpectNew();
+}
+
+TEST_F(Results, ThatAKilledRunLeftHalfMovedAreCompletedByAReader) {
+  LeaveHalfMoved();
+  EXPECT_EQ(ReadTextFile(out_ / "calibration.yaml"), "new");
+  ExpectNew();
+}
+
+TEST_F(Results, AreNotReadWhereAnotherRunMovesThem) {
+  OutputFolder writer(out_);
+  LeaveHalfMoved();
+  EXPECT_THAT(MessageOf([&] { ReadTextFile(out_ / "calibration.yaml"); }, ErrorKind::kJob),
+              AllOf(HasSubstr(out_.string()), HasSubstr("half moved"), HasSubstr("another run")));
+}
+
+TEST_F(Results, OfTwoWritersAtATimeAreRefused) {
+  const OutputFolder first(out_);
+  EXPECT_THAT(MessageOf([&] { const OutputFolder second(out_); }, ErrorKind::kJob),
+              AllOf(HasSubstr(out_.string()), HasSubstr("another run of plenocal writes")));
+}
+
+TEST_F(Results, ThatCannotAllBeMovedAreNotMoved) {
+  OutputFolder out(out_);
+  out.Write("a/1.txt", "new");
+  out.Write("z/2.txt", "new");
+  Put(out_ / "z/2.txt/in the way", "");
+  EXPECT_THAT(MessageOf([&] { out.Commit(); }, ErrorKind::kJob), HasSubstr("z/2.txt: is a folder"));
+  EXPECT_FALSE(fs::exists(out_ / "a/1.txt"));
+}
+
+TEST_F(Results, StayHalfMovedWhereAMoveFailsUntilItIsMended) {
+  LeaveHalfMoved();
+  fs::remove(out_ / "calibration.yaml");
+  Put(out_ / "calibration.yaml/in the way", "");
+  EXPECT_THAT(MessageOf([&] { const OutputFolder next(out_); }, ErrorKind::kJob),
+              AllOf(HasSubstr(out_.string()), HasSubstr("mend this")));
+  EXPECT_EQ(Text(out_ / ".partial/calibration.yaml"), "new");
+  fs::remove_all(out_ / "calibration.yaml");
+  { const OutputFolder next(out_); }
+  ExpectNew();
+}
+
+TEST_F(Results, AreRemovedNowhereElse) {
+  Put(root_ / "victim", "precious");
+  for (const std::string& name :
+       {std::string("../victim"), (root_ / "victim").string(), std::string("a/../../victim")}) {
+    Put(out_ / ".partial/complete", name + "\n");
+    EXPECT_THAT(MessageOf([&] { const OutputFolder next(out_); }, ErrorKind::kJob),
+                HasSubstr("victim"));
+    EXPECT_EQ(Text(root_ / "victim"), "precious");
+  }
+}
+
+TEST_F(Results, AreWrittenNowhereElse) {
+  fs::create_directory(root_ / "elsewhere");
+  fs::create_directory_symlink(root_ / "elsewhere", out_ / "link");
+  OutputFolder out(out_);
+  for (const std::string& name : {std::string("../evil"),
+                                  (root_ / "evil").string(),
+                                  std::string("a/../../evil"),
+                                  std::string("link/evil"),
+                                  std::string("")}) {
+    EXPECT_NE(MessageOf([&] { out.Write(name, "x"); }, ErrorKind::kJob), "no error") << name;
+  }
+  out.Commit();
+  EXPECT_FALSE(fs::exists(root_ / "evil"));
+  EXPECT_TRUE(fs::is_empty(root_ / "elsewhere"));
+}
+
+TEST_F(Results, NeverReplaceAnInput) {
+  Put(out_ / "calibration.yaml", "input");
+  fs::create_symlink(out_ / "calibration.yaml", root_ / "link.yaml");
+  ReadTextFile(root_ / "link.yaml");
+  OutputFolder out(out_);
+  EXPECT_THAT(MessageOf([&] { out.Write("calibration.yaml", "x"); }, ErrorKind::kInput),
+              AllOf(HasSubstr("link.yaml"), HasSubstr("would replace this input")));
+  out.Write("poses.csv", "x");
+  // Read in between.
+  Put(out_ / "poses.csv", "input");
+  ReadTextFile(out_ / "poses.csv");
+  EXPECT_THAT(MessageOf([&] { out.Commit(); }, ErrorKind::kInput), HasSubstr("poses.csv"));
+  EXPECT_EQ(Text(out_ / "poses.csv"), "input");
+}
+
+TEST_F(Results, ReplaceEarlierResultsAndFilesThatCameAfterAnInput) {
+  Put(out_ / "a", "earlier");
+  ReadEarlierResult(out_ / "a");
+  // The new file may have the number of the input that was removed.
+  Put(root_ / "input", "x");
+  ReadTextFile(root_ / "input");
+  fs::remove(root_ / "input");
+  Put(out_ / "b", "earlier");
+  OutputFolder out(out_);
+  out.Write("a", "new");
+  out.Write("b", "new");
+  out.Commit();
+  EXPECT_EQ(Text(out_ / "a") + Text(out_ / "b"), "newnew");
+}
+
+TEST_F(Results, OfTheCacheAreAllThatItRemoves) {
+  const std::string key = DetectionCache({}, "program", false).Key({"part"});
+  Put(root_ / "photos/holiday.jpg", "precious");
+  Put(root_ / "photos" / key, "looks like an entry");
+  fs::create_directory_symlink(root_ / "photos", out_ / ".cache");
+  DetectionCache(out_ / ".cache", "program", false).RemoveUnused();
+  EXPECT_TRUE(fs::exists(root_ / "photos" / key));
+  fs::remove(out_ / ".cache");
+  Put(out_ / ".cache/notes.txt", "precious");
+  Put(out_ / ".cache" / key, "old");
+  Put(out_ / ".cache" / (key + ".123.4"), "left by a killed run");
+  DetectionCache(out_ / ".cache", "program", false).RemoveUnused();
+  EXPECT_TRUE(fs::exists(out_ / ".cache/notes.txt"));
+  EXPECT_FALSE(fs::exists(out_ / ".cache" / key));
+  EXPECT_FALSE(fs::exists(out_ / ".cache" / (key + ".123.4")));
+}
+
+}  // namespace TEST_FILE
+}  // namespace plenocal
