@@ -12,7 +12,7 @@
 #include <utility>
 #include <vector>
 
-#include "apps/evaluate/trajectory.h"
+#include "calib/rig/trajectory.h"
 
 namespace plenocal {
 

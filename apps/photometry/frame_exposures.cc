@@ -13,12 +13,15 @@
 #include <optional>
 
 #include "calib/base/error.h"
+#include "calib/base/number_text.h"
 #include "calib/base/parallel.h"
 #include "calib/base/quoted_text.h"
 #include "calib/base/robust.h"
 #include "calib/base/statistics.h"
+#include "calib/io/output_folder.h"
 #include "detectors/images/image.h"
 #include "detectors/photometry/response_curve.h"
+#include "engine/observe/left_out.h"
 #include "engine/scene/track/feature_tracker.h"
 
 namespace plenocal {
@@ -278,6 +281,39 @@ std::string FrameExposuresCsv(const Recording& recording, const FrameExposures& 
               &text);
   }
   return text;
+}
+
+std::string MeasureExposures(const Recording& recording,
+                             const std::filesystem::path& out,
+                             const Run& run) {
+  const FrameExposures exposures =
+      CompareExposures(recording, run.threads, [&](size_t done, size_t total) {
+        const auto stage = fmt::format("exposures: frame {} of {}", done + 1, total);
+        if (!run.Progress(stage)) throw Stopped();
+      });
+  for (const std::string& warning : exposures.warnings) run.Warning(warning);
+  ReportLeftOut(exposures.left_out, run);
+  if (!out.empty()) {
+    WriteInto(out, {{"exposures.csv", FrameExposuresCsv(recording, exposures)}});
+  }
+  std::string text;
+  size_t different = 0;
+  for (const RelativeExposure& image : exposures.images) {
+    if (!image.differs) continue;
+    ++different;
+    text += fmt::format("{} of {}: exposure {:+.1f} % +- {:.1f} % from {}, by {}\n",
+                        image.frame,
+                        image.camera,
+                        100 * std::expm1(image.log_ratio),
+                        100 * image.sigma,
+                        std::isnan(image.recorded)
+                            ? "the usual ratio to the first camera's"
+                            : fmt::format("the recorded {:.4g} ms", image.recorded),
+                        Counted(image.points, "point"));
+  }
+  return text + fmt::format("exposures differ in {} of {}\n",
+                            different,
+                            Counted(exposures.images.size(), "image"));
 }
 
 }  // namespace plenocal

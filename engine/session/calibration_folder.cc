@@ -42,6 +42,14 @@ CalibrationRecord ReadWithCorrelations(const fs::path& path) {
   return calibration;
 }
 
+fs::path CalibrationOf(const fs::path& recording, const fs::path& named, const fs::path& given) {
+  if (!given.empty()) return given;
+  if (!named.empty()) return named;
+  throw Error(ErrorKind::kInput,
+              fmt::format("{}: names no calibration; give --calibration calibration.yaml",
+                          recording.string()));
+}
+
 CalibrationRecord ReadCalibrationFolder(const fs::path& folder,
                                         std::span<const CameraModel> models) {
   std::error_code error;

@@ -22,6 +22,12 @@ CalibrationRecord ReadCalibrationFolder(const std::filesystem::path& folder,
 /// kInput.
 CalibrationRecord ReadWithCorrelations(const std::filesystem::path& path);
 
+/// The calibration.yaml of a recording: `given`, else the one that it names. Throws `Error` of kind
+/// kInput when there is neither.
+std::filesystem::path CalibrationOf(const std::filesystem::path& recording,
+                                    const std::filesystem::path& named,
+                                    const std::filesystem::path& given);
+
 /// Adds the nominal marker positions of a target to a record, and markers that the record does not
 /// have.
 void AddTarget(const Target& target, CalibrationRecord* calibration);

@@ -9,8 +9,8 @@
 #include <string>
 #include <vector>
 
-#include "apps/evaluate/trajectory.h"
 #include "calib/io/yaml.h"
+#include "calib/rig/trajectory.h"
 
 namespace plenocal::simulate {
 

@@ -9,6 +9,7 @@
 #include "apps/photometry/response_files.h"
 #include "calib/base/error.h"
 #include "calib/io/output_folder.h"
+#include "engine/observe/left_out.h"
 
 namespace plenocal {
 namespace {
@@ -34,9 +35,7 @@ void RunResponse(const ResponseArguments& arguments, const ConsoleOptions& share
         return console.Progress(camera.name + ": images", done, total);
       },
       &left_out);
-  for (const LeftOut& item : left_out) {
-    console.Message(fmt::format("  left out {}: {}", item.where, item.reason));
-  }
+  ReportLeftOut(left_out, console.NewRun());
   console.Progress("fit the response");
   const ResponseEstimate estimate =
       FitResponse(sweep, recording.path.string() + ": camera " + camera.name, shared.threads);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "apps/evaluate/trajectory.h"
+#include "calib/rig/trajectory.h"
 
 #include <fmt/format.h>
 
