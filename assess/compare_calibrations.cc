@@ -8,7 +8,7 @@
 #include <limits>
 #include <map>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/names.h"
 
 namespace plenocal {
@@ -54,33 +54,31 @@ void RenameCameras(const std::vector<std::string>& map,
   const auto require = [](const std::string& entry, const std::string& name, const auto& names) {
     if (std::ranges::find(names, name) != names.end()) return;
     const std::vector<std::string_view> known(names.begin(), names.end());
-    throw Error(ErrorKind::kInput,
-                fmt::format("--map {}: no camera '{}'{}", entry, name, SuggestName(name, known)));
+    throw InputError("--map {}: no camera '{}'{}", entry, name, SuggestName(name, known));
   };
   std::map<std::string, std::string> renamed;  // own name -> new one
   for (const std::string& entry : map) {
     const size_t equals = entry.find('=');
     if (equals == std::string::npos) {
-      throw Error(ErrorKind::kInput,
-                  fmt::format("--map {}: expected NAME=NAME, a camera of the first file and its "
-                              "counterpart",
-                              entry));
+      throw InputError(
+          "--map {}: expected NAME=NAME, a camera of the first file and its "
+          "counterpart",
+          entry);
     }
     const std::string other = entry.substr(0, equals), name = entry.substr(equals + 1);
     require(entry, other, others);
     require(entry, name, own);
     if (!renamed.emplace(name, other).second) {
-      throw Error(ErrorKind::kInput, fmt::format("--map {}: '{}' stands twice", entry, name));
+      throw InputError("--map {}: '{}' stands twice", entry, name);
     }
   }
   for (const auto& [name, other] : renamed) {
     if (std::ranges::find(own, other) == own.end() || renamed.contains(other)) continue;
-    throw Error(ErrorKind::kInput,
-                fmt::format("--map {}={}: {} has a camera '{}' already; map that one too",
-                            other,
-                            name,
-                            calibration->path.string(),
-                            other));
+    throw InputError("--map {}={}: {} has a camera '{}' already; map that one too",
+                     other,
+                     name,
+                     calibration->path.string(),
+                     other);
   }
   // By way of names that no camera has, since names may be exchanged.
   for (const auto& [name, other] : renamed) Rename(name, "=" + other, calibration);
@@ -113,10 +111,9 @@ CalibrationComparison CompareCalibrations(const CalibrationRecord& a,
   comparison.only_a = NamesWithout(a.cameras, comparison.a);
   comparison.only_b = NamesWithout(b.cameras, comparison.b);
   if (comparison.a.empty()) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: has no camera of the other calibration; {}",
-                            b.path.string(),
-                            MapSuggestion(comparison.only_a, comparison.only_b)));
+    throw InputError("{}: has no camera of the other calibration; {}",
+                     b.path.string(),
+                     MapSuggestion(comparison.only_a, comparison.only_b));
   }
   comparison.has_correlations = HasCorrelations(a) && HasCorrelations(b);
   const auto counterparts = [&](size_t c) {

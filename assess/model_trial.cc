@@ -17,7 +17,7 @@
 #include "assess/held_out_scores.h"
 #include "assess/projection.h"
 #include "calib/adjust/problem.h"
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/number_text.h"
 #include "calib/base/parallel.h"
 #include "calib/base/statistics.h"
@@ -105,11 +105,9 @@ class Trials {
     }
     choice_.frames = frames_.size();
     if (choice_.frames < kFewestTrialFrames) {
-      throw Error(
-          ErrorKind::kJob,
-          fmt::format("{}: too few to hold some out; models can be judged from {} frames on",
-                      Counted(choice_.frames, "frame"),
-                      kFewestTrialFrames));
+      throw JobError("{}: too few to hold some out; models can be judged from {} frames on",
+                     Counted(choice_.frames, "frame"),
+                     kFewestTrialFrames);
     }
     choice_.folds = std::min(choice_.frames, static_cast<size_t>(options_.folds));
   }
@@ -271,10 +269,9 @@ class Trials {
       least = sum;
     }
     if (best) return rejected[*best];
-    throw Error(ErrorKind::kJob,
-                fmt::format("no model can be calibrated; {}: {}",
-                            choice_.trials[0].model->name,
-                            choice_.trials[0].failure));
+    throw JobError("no model can be calibrated; {}: {}",
+                   choice_.trials[0].model->name,
+                   choice_.trials[0].failure);
   }
 
   void PredictWithCommonOutliers() {
@@ -307,11 +304,10 @@ class Trials {
       most = std::max(most, 1 - trials[m].unseen);
     }
     if (most == 0) {
-      throw Error(ErrorKind::kJob,
-                  fmt::format("no model can be judged; {}: {}",
-                              trials[0].model->name,
-                              trials[0].failure.empty() ? "images no point of held-out frames"
-                                                        : trials[0].failure));
+      throw JobError(
+          "no model can be judged; {}: {}",
+          trials[0].model->name,
+          trials[0].failure.empty() ? "images no point of held-out frames" : trials[0].failure);
     }
     ParallelFor(trials.size(), options_.threads, [&](size_t m) {
       ModelTrial& trial = trials[m];

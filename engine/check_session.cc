@@ -1,10 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "engine/check_session.h"
 
-#include <fmt/format.h>
-
 #include "assess/text/compare_text.h"
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/names.h"
 #include "calib/estimate/describe.h"
 #include "calib/io/input_file.h"
@@ -24,12 +22,12 @@ SessionCheck CheckSession(const CheckRequest& request, const Run& run) {
   if (!request.map.empty()) RenameCameras(request.map, NamesOf(session.cameras), &old);
   RefuseSeveralTargets(session, "compare --check");
   if (session.scene) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{0}: has a scene in place of a target, and no poses without a "
-                            "calibration of its own; calibrate it, then compare both: plenocal "
-                            "calibrate {0} -o NEW; plenocal compare {1} NEW/calibration.yaml",
-                            request.session.string(),
-                            request.calibration.string()));
+    throw InputError(
+        "{0}: has a scene in place of a target, and no poses without a "
+        "calibration of its own; calibrate it, then compare both: plenocal "
+        "calibrate {0} -o NEW; plenocal compare {1} NEW/calibration.yaml",
+        request.session.string(),
+        request.calibration.string());
   }
   const Target target = ReadTarget(session.target);
   SessionOptions places = request;

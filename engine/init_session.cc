@@ -5,7 +5,7 @@
 
 #include <algorithm>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/quoted_text.h"
 #include "calib/files/frame_images.h"
 #include "calib/io/input_file.h"
@@ -93,14 +93,11 @@ void NameFrames(std::vector<InitCamera>* cameras, const Run& run) {
 std::vector<InitCamera> CamerasOf(const InitRequest& request, const Run& run) {
   const fs::path& place = request.place;
   if (!fs::exists(place)) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: no such folder or recording; check the path", place.string()));
+    throw InputError("{}: no such folder or recording; check the path", place.string());
   }
   const std::vector<fs::path> stores = StoresIn(place);
   if (!fs::is_directory(place) && stores.empty()) {
-    throw Error(
-        ErrorKind::kInput,
-        fmt::format("{}: is no folder, recording, video or archive of images", place.string()));
+    throw InputError("{}: is no folder, recording, video or archive of images", place.string());
   }
   std::vector<InitCamera> cameras;
   std::vector<FoundCamera> in_folder;
@@ -180,9 +177,7 @@ std::string TargetText(const TargetProposals& proposals) {
 // The session and the target are the user's: nothing is replaced.
 void RefuseExisting(const std::filesystem::path& file) {
   if (!std::filesystem::exists(file)) return;
-  throw Error(
-      ErrorKind::kInput,
-      fmt::format("{}: exists and is not replaced; give another file with -o", file.string()));
+  throw InputError("{}: exists and is not replaced; give another file with -o", file.string());
 }
 
 }  // namespace

@@ -5,7 +5,7 @@
 
 #include <algorithm>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/names.h"
 #include "calib/base/number_text.h"
 #include "calib/base/quoted_text.h"
@@ -40,14 +40,13 @@ bool IsTable(const std::filesystem::path& path) { return path.extension() == ".c
 
 void CheckSize(const CalibratedCamera& camera, ImageSize size, const std::string& image) {
   if (size == camera.image_size) return;
-  throw Error(ErrorKind::kInput,
-              fmt::format("{}: {} x {} px, but the calibration of '{}' is for {} x {}",
-                          image,
-                          size[0],
-                          size[1],
-                          camera.name,
-                          camera.image_size[0],
-                          camera.image_size[1]));
+  throw InputError("{}: {} x {} px, but the calibration of '{}' is for {} x {}",
+                   image,
+                   size[0],
+                   size[1],
+                   camera.name,
+                   camera.image_size[0],
+                   camera.image_size[1]);
 }
 
 /// The target's markers in the images.
@@ -81,9 +80,7 @@ PlenopticCamera OpticsOf(const LocateRequest& request,
                          const CalibratedCamera& camera,
                          const Run& run) {
   if (request.white.empty()) {
-    throw Error(
-        ErrorKind::kInput,
-        fmt::format("camera '{}' is plenoptic: give its white images with --white", camera.name));
+    throw InputError("camera '{}' is plenoptic: give its white images with --white", camera.name);
   }
   std::vector<LeftOut> left_out;
   PlenopticCamera optics = MeasurePlenopticCamera(
@@ -99,10 +96,10 @@ void MatchPoints(const LocateRequest& request,
                  const Run& run,
                  Sightings* seen) {
   if (map.descriptors.empty()) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: no descriptors.png beside it, by which points are recognised in "
-                            "images; give detections (CSV) in their place",
-                            request.map.string()));
+    throw InputError(
+        "{}: no descriptors.png beside it, by which points are recognised in "
+        "images; give detections (CSV) in their place",
+        request.map.string());
   }
   std::optional<PlenopticCamera> optics;
   if (camera.model->plenoptic) optics = OpticsOf(request, camera, run);
@@ -204,10 +201,9 @@ std::vector<LocatedImage> LocateImages(const LocateRequest& request, const Run& 
     images.push_back({each.name, *located});
   }
   if (images.empty()) {
-    throw Error(ErrorKind::kJob,
-                fmt::format("none of {} has a pose before {}",
-                            Counted(seen.views.size(), "image"),
-                            request.map.string()));
+    throw JobError("none of {} has a pose before {}",
+                   Counted(seen.views.size(), "image"),
+                   request.map.string());
   }
   if (!request.out.empty()) WriteOutput(request.out, csv);
   return images;

@@ -8,7 +8,7 @@
 
 #include "assess/verdict.h"
 #include "assess/views/view_information.h"
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/estimate/describe.h"
 #include "calib/io/input_file.h"
 #include "engine/observe/session_observations.h"
@@ -74,8 +74,7 @@ std::vector<FirstCamera> FirstCameras(const Session& session,
     ImageSize of_camera = request.size.value_or(camera.image_size);
     if (c < cameras.size()) of_camera = cameras[c].image_size;
     if (of_camera == ImageSize{}) {
-      throw Error(ErrorKind::kInput,
-                  fmt::format("{}: give --size WxH, the size of its images", camera.name));
+      throw InputError("{}: give --size WxH, the size of its images", camera.name);
     }
     first.push_back({.name = camera.name,
                      .model = camera.model,
@@ -93,9 +92,8 @@ SuggestedViews BasisOfSession(const SuggestRequest& request, const Run& run) {
   UseOptions(request, &session);
   RefuseSeveralTargets(session, "suggest");
   if (session.scene) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: has a scene in place of a target; next views are for a target",
-                            request.session.string()));
+    throw InputError("{}: has a scene in place of a target; next views are for a target",
+                     request.session.string());
   }
   const Target target = ReadTarget(session.target);
   const SessionObservations observations = CollectObservations(session, target, run, {});
@@ -111,20 +109,20 @@ SuggestedViews BasisOfSession(const SuggestRequest& request, const Run& run) {
     SetFactors(record, basis.shape, &basis.rig);
     for (const CameraInput& camera : input.cameras) {
       if (!camera.model->plenoptic) continue;
-      throw Error(ErrorKind::kInput,
-                  fmt::format("{}: suggestions for a plenoptic camera need its micro lenses; run "
-                              "'plenocal calibrate {} -o OUT', then 'plenocal suggest OUT'",
-                              camera.name,
-                              request.session.string()));
+      throw InputError(
+          "{}: suggestions for a plenoptic camera need its micro lenses; run "
+          "'plenocal calibrate {} -o OUT', then 'plenocal suggest OUT'",
+          camera.name,
+          request.session.string());
     }
     return basis;
   } catch (const Error& error) {
     if (error.kind() != ErrorKind::kJob) throw;
     if (request.angle == 0) {
-      throw Error(ErrorKind::kJob,
-                  fmt::format("{}; for suggestions from so few images give --angle DEGREES, the "
-                              "lens' horizontal field of view",
-                              error.what()));
+      throw JobError(
+          "{}; for suggestions from so few images give --angle DEGREES, the "
+          "lens' horizontal field of view",
+          error.what());
     }
     run.Message(
         fmt::format("{}; a lens of {:.0f} degrees is assumed", error.what(), request.angle));

@@ -10,7 +10,7 @@
 #include <cmath>
 
 #include "apps/charts/cairo_handles.h"
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 
 namespace plenocal {
 namespace {
@@ -169,8 +169,7 @@ void SetFont(cairo_t* cr) {
 PictureFormat PictureFormatOf(const std::filesystem::path& picture) {
   if (picture.extension() == ".svg") return PictureFormat::kSvg;
   if (picture.extension() == ".png") return PictureFormat::kPng;
-  throw Error(ErrorKind::kInput,
-              fmt::format("{}: a picture's name ends in .svg or .png", picture.string()));
+  throw InputError("{}: a picture's name ends in .svg or .png", picture.string());
 }
 
 std::string DrawBarChart(const BarChart& chart, PictureFormat format) {

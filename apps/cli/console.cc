@@ -17,7 +17,7 @@
 #include <utility>
 #include <vector>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/quoted_text.h"
 #include "calib/io/output_folder.h"
 #include "engine/json_text.h"
@@ -235,8 +235,7 @@ void OpenStandardStreams() {
 
 void FlushOutput() {
   if (std::fflush(stdout) == 0) return;
-  throw Error(ErrorKind::kJob,
-              fmt::format("cannot write to standard output: {}", std::strerror(errno)));
+  throw JobError("cannot write to standard output: {}", std::strerror(errno));
 }
 
 void PrintError(std::string_view text) {

@@ -2,11 +2,10 @@
 #include "apps/cli/options.h"
 
 #include <fcntl.h>
-#include <fmt/format.h>
 
 #include <charconv>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 
 namespace plenocal {
 
@@ -29,8 +28,7 @@ void AddEvents(CLI::App* app, ConsoleOptions* shared) {
            constexpr int kBehindStandard = 3;
            const int copy = fcntl(file, F_DUPFD_CLOEXEC, kBehindStandard);
            if (copy == -1) {
-             throw Error(ErrorKind::kInput,
-                         fmt::format("--events {}: no open file has this number", file));
+             throw InputError("--events {}: no open file has this number", file);
            }
            shared->events = copy;
          },
@@ -57,8 +55,7 @@ void AddImageSize(CLI::App* app, std::optional<ImageSize>* size, const std::stri
           const bool fits = height.ec == std::errc() && height.ptr == end;
           if (fits && found[0] > 0 && found[1] > 0) return;
         }
-        throw Error(ErrorKind::kInput,
-                    fmt::format("--size: expected WIDTHxHEIGHT such as 640x480, found '{}'", text));
+        throw InputError("--size: expected WIDTHxHEIGHT such as 640x480, found '{}'", text);
       },
       help);
 }

@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <string_view>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/names.h"
 #include "calib/base/number_text.h"
 #include "calib/io/input_file.h"
@@ -58,16 +58,15 @@ Truth ReadTruth(const EvaluateRequest& request, const Run& listener) {
                 ReadAndReport(request.end, request, listener)};
   const LoopTruth& loop = *truth.loop;
   if (!loop.start.has_times || !loop.end.has_times) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: KITTI poses have no times, so nothing says which part of the "
-                            "path they are; use another form",
-                            (loop.start.has_times ? request.end : request.start).string()));
+    throw InputError(
+        "{}: KITTI poses have no times, so nothing says which part of the "
+        "path they are; use another form",
+        (loop.start.has_times ? request.end : request.start).string());
   }
   if (!(loop.start.times.back() < loop.end.times.front())) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: begins before {} ends; --start and --end may be exchanged",
-                            request.end.string(),
-                            request.start.string()));
+    throw InputError("{}: begins before {} ends; --start and --end may be exchanged",
+                     request.end.string(),
+                     request.start.string());
   }
   truth.whole = loop.start;
   const auto append = [](auto* to, const auto& more) {
@@ -91,12 +90,11 @@ std::vector<EvaluatedRun> NamedRuns(const EvaluateRequest& request) {
     run.name =
         is_file || equals == std::string::npos ? run.path.stem().string() : text.substr(0, equals);
     if (!std::filesystem::exists(run.path, error)) {
-      throw Error(ErrorKind::kInput, fmt::format("{}: no such file", run.path.string()));
+      throw InputError("{}: no such file", run.path.string());
     }
     const auto same = [&](const EvaluatedRun& other) { return other.name == run.name; };
     if (std::any_of(runs.begin(), runs.end(), same)) {
-      throw Error(ErrorKind::kInput,
-                  fmt::format("two runs are called '{}'; write --estimate NAME=FILE", run.name));
+      throw InputError("two runs are called '{}'; write --estimate NAME=FILE", run.name);
     }
     runs.push_back(run);
   }
@@ -105,8 +103,7 @@ std::vector<EvaluatedRun> NamedRuns(const EvaluateRequest& request) {
   const std::vector<std::string_view> names = NamesOf(runs);
   for (const std::string& name : request.monocular) {
     if (std::find(names.begin(), names.end(), name) != names.end()) continue;
-    throw Error(ErrorKind::kInput,
-                fmt::format("--monocular: no run '{}'{}", name, SuggestName(name, names)));
+    throw InputError("--monocular: no run '{}'{}", name, SuggestName(name, names));
   }
   for (EvaluatedRun& run : runs) {
     run.monocular = request.monocular_runs == MonocularRuns::kAll ||
@@ -121,9 +118,8 @@ void Evaluate(const EvaluateRequest& request,
               EvaluatedRun* run) {
   const Trajectory estimate = ReadAndReport(run->path, request, listener);
   if (estimate.has_times != truth.whole.has_times) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: KITTI poses have no times; give them with --times FILE",
-                            (estimate.has_times ? truth.whole : estimate).path));
+    throw InputError("{}: KITTI poses have no times; give them with --times FILE",
+                     (estimate.has_times ? truth.whole : estimate).path);
   }
   if (truth.loop) run->loop = MeasureLoop(estimate, *truth.loop, request.tolerance);
   if (run->loop && truth.uncertainty) {
@@ -163,8 +159,7 @@ void EvaluateAll(const EvaluateRequest& request,
   }
   if (std::ranges::any_of(*runs, [](const EvaluatedRun& run) { return run.failure.empty(); }))
     return;
-  throw Error(ErrorKind::kJob,
-              fmt::format("all runs failed; the first: {}", runs->front().failure));
+  throw JobError("all runs failed; the first: {}", runs->front().failure);
 }
 
 }  // namespace

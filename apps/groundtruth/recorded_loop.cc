@@ -9,7 +9,7 @@
 #include "apps/groundtruth/loop_truth_files.h"
 #include "apps/groundtruth/loop_truth_page.h"
 #include "apps/groundtruth/recorded_tracks.h"
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/io/input_file.h"
 #include "calib/io/output_folder.h"
 #include "engine/observe/left_out.h"
@@ -31,10 +31,9 @@ std::vector<std::string> ChooseCameras(const GroundtruthRequest& request,
     if (std::ranges::any_of(recording.cameras, same)) names.push_back(camera.name);
   }
   if (!names.empty()) return names;
-  throw Error(ErrorKind::kInput,
-              fmt::format("{}: has none of the cameras of {}; their names must be the same",
-                          recording.path.string(),
-                          calibration.path.string()));
+  throw InputError("{}: has none of the cameras of {}; their names must be the same",
+                   recording.path.string(),
+                   calibration.path.string());
 }
 
 /// The recording's own tracks, or those of its images.

@@ -11,7 +11,7 @@
 #include <opencv2/core.hpp>
 
 #include "apps/report/page.h"
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "detectors/images/image.h"
 
 namespace plenocal {
@@ -67,10 +67,10 @@ Attenuation ReadAttenuationWithSigma(const std::filesystem::path& path) {
   double least = 0;
   cv::minMaxLoc(attenuation.values, &least);
   if (!(least > 0)) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: has values that are not positive; an attenuation is the share of "
-                            "light that reaches each pixel",
-                            path.string()));
+    throw InputError(
+        "{}: has values that are not positive; an attenuation is the share of "
+        "light that reaches each pixel",
+        path.string());
   }
   constexpr std::string_view kPrefix = "vignetting_";
   const std::string name = path.filename().string();
@@ -80,8 +80,7 @@ Attenuation ReadAttenuationWithSigma(const std::filesystem::path& path) {
   if (!std::filesystem::exists(beside)) return attenuation;
   attenuation.sigma = ReadAttenuation(beside);
   if (attenuation.sigma.size() != attenuation.values.size()) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: has another size than {}", beside.string(), path.string()));
+    throw InputError("{}: has another size than {}", beside.string(), path.string());
   }
   return attenuation;
 }
@@ -184,14 +183,13 @@ AttenuationComparison CompareAttenuationFiles(const std::filesystem::path& first
                                               const std::filesystem::path& second) {
   const Attenuation a = ReadAttenuationWithSigma(first), b = ReadAttenuationWithSigma(second);
   if (a.values.size() == b.values.size()) return CompareAttenuations(a, b);
-  throw Error(ErrorKind::kInput,
-              fmt::format("{} is {} x {} pixels, {} is {} x {}; they must be of one camera",
-                          first.string(),
-                          a.values.cols,
-                          a.values.rows,
-                          second.string(),
-                          b.values.cols,
-                          b.values.rows));
+  throw InputError("{} is {} x {} pixels, {} is {} x {}; they must be of one camera",
+                   first.string(),
+                   a.values.cols,
+                   a.values.rows,
+                   second.string(),
+                   b.values.cols,
+                   b.values.rows);
 }
 
 }  // namespace plenocal

@@ -12,7 +12,7 @@
 #include <opencv2/imgproc.hpp>
 #include <optional>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/number_text.h"
 #include "calib/base/parallel.h"
 #include "calib/base/quoted_text.h"
@@ -73,14 +73,13 @@ Photometry ReadPhotometry(const RecordedCamera& camera) {
   photometry.attenuation = ReadRelativeAttenuation(camera.vignetting);
   if (photometry.attenuation.cols != camera.image_size[0] ||
       photometry.attenuation.rows != camera.image_size[1]) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: is {} x {} pixels, but the images of {} are {} x {}",
-                            camera.vignetting.string(),
-                            photometry.attenuation.cols,
-                            photometry.attenuation.rows,
-                            camera.name,
-                            camera.image_size[0],
-                            camera.image_size[1]));
+    throw InputError("{}: is {} x {} pixels, but the images of {} are {} x {}",
+                     camera.vignetting.string(),
+                     photometry.attenuation.cols,
+                     photometry.attenuation.rows,
+                     camera.name,
+                     camera.image_size[0],
+                     camera.image_size[1]);
   }
   cv::max(photometry.attenuation, 1e-3, photometry.attenuation);
   return photometry;
@@ -207,9 +206,8 @@ FrameExposures CompareExposures(const Recording& recording,
                                 int threads,
                                 const std::function<void(size_t done, size_t total)>& done) {
   if (recording.cameras.size() < 2) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: has one camera; exposures of the cameras of a frame are compared",
-                            recording.path.string()));
+    throw InputError("{}: has one camera; exposures of the cameras of a frame are compared",
+                     recording.path.string());
   }
   FrameExposures result;
   std::vector<Photometry> photometry;
@@ -255,13 +253,11 @@ FrameExposures CompareExposures(const Recording& recording,
     std::ranges::move(images, std::back_inserter(result.images));
   }
   if (result.images.empty()) {
-    throw Error(
-        ErrorKind::kJob,
-        fmt::format("{}: no frame shows points in two cameras; the first: {}: {}",
-                    recording.path.string(),
-                    result.left_out.empty() ? recording.frames[0].name : result.left_out[0].where,
-                    result.left_out.empty() ? "its cameras have no common frame"
-                                            : result.left_out[0].reason));
+    throw JobError(
+        "{}: no frame shows points in two cameras; the first: {}: {}",
+        recording.path.string(),
+        result.left_out.empty() ? recording.frames[0].name : result.left_out[0].where,
+        result.left_out.empty() ? "its cameras have no common frame" : result.left_out[0].reason);
   }
   return result;
 }

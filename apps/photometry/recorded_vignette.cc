@@ -6,7 +6,7 @@
 #include "apps/photometry/exposed_images.h"
 #include "apps/photometry/vignette_files.h"
 #include "apps/photometry/white_attenuation.h"
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/files/calibration_file.h"
 #include "calib/io/input_file.h"
 #include "calib/io/output_folder.h"
@@ -28,10 +28,10 @@ RecordedVignette MeasureVignette(const VignetteRequest& request, const Run& run)
       CalibrationOf(recording.path, recording.calibration, request.calibration), CameraModels());
   const CalibratedCamera& camera = FindCamera(calibration, images.name);
   if (camera.model->plenoptic) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("camera '{}' is plenoptic: its vignetting is that of micro images; use "
-                            "'plenocal white'",
-                            camera.name));
+    throw InputError(
+        "camera '{}' is plenoptic: its vignetting is that of micro images; use "
+        "'plenocal white'",
+        camera.name);
   }
   const Target target = ReadTarget(request.target);
   const std::filesystem::path& response =

@@ -15,7 +15,7 @@
 #include <optional>
 
 #include "apps/photometry/exposed_images.h"
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/number_text.h"
 #include "calib/base/parallel.h"
 #include "detectors/marker_detectors.h"
@@ -102,10 +102,10 @@ void CheckFlat(const Target& target) {
   }
   constexpr double kFlat = 0.01;  // of the size
   if (off <= kFlat * size) return;
-  throw Error(ErrorKind::kInput,
-              fmt::format("the target's markers are up to {:.3g} m off its plane z = 0; a wall is "
-                          "flat: give a target.yaml with the markers that hang on it",
-                          off));
+  throw InputError(
+      "the target's markers are up to {:.3g} m off its plane z = 0; a wall is "
+      "flat: give a target.yaml with the markers that hang on it",
+      off);
 }
 
 std::array<double, 4> MarkerArea(const Target& target) {
@@ -129,15 +129,15 @@ WallRecording ReadWall(const WallOptions& options) {
   const RecordedCamera& images = *options.images;
   const CalibratedCamera& camera = *options.camera;
   if (images.image_size != camera.image_size) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: images of camera {} are {} x {} pixels, but the calibration is of "
-                            "{} x {}",
-                            options.recording->path.string(),
-                            images.name,
-                            images.image_size[0],
-                            images.image_size[1],
-                            camera.image_size[0],
-                            camera.image_size[1]));
+    throw InputError(
+        "{}: images of camera {} are {} x {} pixels, but the calibration is of "
+        "{} x {}",
+        options.recording->path.string(),
+        images.name,
+        images.image_size[0],
+        images.image_size[1],
+        camera.image_size[0],
+        camera.image_size[1]);
   }
   CheckFlat(*options.target);
   WallRecording wall;
@@ -191,18 +191,15 @@ WallRecording ReadWall(const WallOptions& options) {
   }
   constexpr size_t kFewest = 10;
   if (wall.views.size() < kFewest) {
-    throw Error(
-        ErrorKind::kJob,
-        fmt::format("{}: camera {}: the marker was found in {} of {}{}; the wall must show the "
-                    "target of --target in every image, sharp and whole: at least {} images",
-                    options.recording->path.string(),
-                    images.name,
-                    wall.views.size(),
-                    Counted(count, "image"),
-                    wall.left_out.empty()
-                        ? ""
-                        : fmt::format(" (first failure: {})", wall.left_out[0].reason),
-                    kFewest));
+    throw JobError(
+        "{}: camera {}: the marker was found in {} of {}{}; the wall must show the "
+        "target of --target in every image, sharp and whole: at least {} images",
+        options.recording->path.string(),
+        images.name,
+        wall.views.size(),
+        Counted(count, "image"),
+        wall.left_out.empty() ? "" : fmt::format(" (first failure: {})", wall.left_out[0].reason),
+        kFewest);
   }
   std::ranges::move(LeftOutOf(*options.recording, images), std::back_inserter(wall.left_out));
   return wall;

@@ -7,7 +7,7 @@
 #include <algorithm>
 #include <optional>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/names.h"
 #include "calib/base/number_text.h"
 #include "calib/files/calibration_file.h"
@@ -24,9 +24,7 @@ namespace {
 
 const CameraFormat& FindFormat(const std::string& name, const std::filesystem::path& file) {
   if (const CameraFormat* format = FindCameraFormat(name, file)) return *format;
-  throw Error(
-      ErrorKind::kInput,
-      fmt::format("--format: unknown '{}'{}", name, SuggestName(name, NamesOf(CameraFormats()))));
+  throw InputError("--format: unknown '{}'{}", name, SuggestName(name, NamesOf(CameraFormats())));
 }
 
 std::vector<CalibratedCamera> ChosenCameras(const CalibrationRecord& calibration,
@@ -42,13 +40,12 @@ void RefuseTooMany(const std::vector<CalibratedCamera>& cameras,
                    const CameraFormat& format,
                    const std::filesystem::path& calibration) {
   if (cameras.size() <= format.most_cameras) return;
-  throw Error(ErrorKind::kInput,
-              fmt::format("format {} holds {}, but {} has {} ({}); choose with --camera",
-                          format.name,
-                          Counted(format.most_cameras, "camera"),
-                          calibration.string(),
-                          cameras.size(),
-                          fmt::join(NamesOf(cameras), ", ")));
+  throw InputError("format {} holds {}, but {} has {} ({}); choose with --camera",
+                   format.name,
+                   Counted(format.most_cameras, "camera"),
+                   calibration.string(),
+                   cameras.size(),
+                   fmt::join(NamesOf(cameras), ", "));
 }
 
 /// Indices of the chosen cameras.
@@ -109,13 +106,12 @@ CalibrationRecord ReadForFormat(const ExportRequest& request, const CameraFormat
     return ReadCalibrationFolder(folder.empty() ? "." : folder, CameraModels());
   }
   if (IsModel(request, format)) {
-    throw Error(
-        ErrorKind::kInput,
-        fmt::format("{}: has no poses.csv of 'plenocal calibrate' beside it, which a folder "
-                    "of {} needs; for the cameras alone give -o {}",
-                    file.string(),
-                    format.name,
-                    format.file));
+    throw InputError(
+        "{}: has no poses.csv of 'plenocal calibrate' beside it, which a folder "
+        "of {} needs; for the cameras alone give -o {}",
+        file.string(),
+        format.name,
+        format.file);
   }
   return ReadCalibration(file, CameraModels());
 }
@@ -128,9 +124,7 @@ std::vector<std::filesystem::path> ExportCalibration(const ExportRequest& reques
   std::optional<ResponseCurve> response;
   if (!request.response.empty()) {
     if (!format.holds_vignetting) {
-      throw Error(
-          ErrorKind::kInput,
-          fmt::format("--response: format {} has no place for a response; dso has", format.name));
+      throw InputError("--response: format {} has no place for a response; dso has", format.name);
     }
     response = ReadResponse(request.response);
   }

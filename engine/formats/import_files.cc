@@ -1,13 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "engine/formats/import_files.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cctype>
 #include <set>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/names.h"
 #include "calib/files/calibration_file.h"
 #include "calib/io/input_file.h"
@@ -35,8 +33,7 @@ std::vector<CalibratedCamera> ReadCameras(const ImportRequest& request,
     for (CalibratedCamera& camera : ReadCameraFile(format, {file, request.size, request.fisheye})) {
       camera.name = NameInFile(camera.name.empty() ? file.stem().string() : camera.name);
       if (!names.insert(camera.name).second) {
-        throw Error(ErrorKind::kInput,
-                    fmt::format("two cameras are called '{}'; rename a file", camera.name));
+        throw InputError("two cameras are called '{}'; rename a file", camera.name);
       }
       all.push_back(std::move(camera));
     }
@@ -48,13 +45,12 @@ std::vector<CalibratedCamera> ReadCameras(const ImportRequest& request,
 [[noreturn]] void RefuseFormat(const std::string& name) {
   std::vector<std::string_view> names = NamesOf(ImportFormats());
   for (const CameraFormat& format : CameraFormats()) names.push_back(format.name);
-  throw Error(ErrorKind::kInput,
-              fmt::format("--format: unknown '{}'{}", name, SuggestName(name, names)));
+  throw InputError("--format: unknown '{}'{}", name, SuggestName(name, names));
 }
 
 void RequireOneFile(const ImportRequest& request) {
   if (request.files.size() == 1) return;
-  throw Error(ErrorKind::kInput, fmt::format("format {} takes one file", request.format));
+  throw InputError("format {} takes one file", request.format);
 }
 
 /// A file made, and its name where the user gives a folder.

@@ -5,7 +5,7 @@
 
 #include <array>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/files/calibration_file.h"
 #include "calib/io/input_file.h"
 #include "calib/io/output_folder.h"
@@ -20,17 +20,15 @@ const CalibratedCamera& PlenopticCameraOf(const CalibrationRecord& calibration,
   for (const CalibratedCamera& camera : calibration.cameras) {
     if (!camera.model->plenoptic || (!name.empty() && camera.name != name)) continue;
     if (found != nullptr) {
-      throw Error(ErrorKind::kInput,
-                  fmt::format("{}: has several plenoptic cameras; name one with --camera",
-                              calibration.path.string()));
+      throw InputError("{}: has several plenoptic cameras; name one with --camera",
+                       calibration.path.string());
     }
     found = &camera;
   }
   if (found != nullptr) return *found;
-  throw Error(ErrorKind::kInput,
-              fmt::format("{}: has no plenoptic camera{}",
-                          calibration.path.string(),
-                          name.empty() ? "" : fmt::format(" '{}'", name)));
+  throw InputError("{}: has no plenoptic camera{}",
+                   calibration.path.string(),
+                   name.empty() ? "" : fmt::format(" '{}'", name));
 }
 
 /// Virtual depth, by micro-image centres, of a point before the middle of the camera: images of a
@@ -47,9 +45,7 @@ double VirtualDepthAt(const CalibratedCamera& camera, double distance) {
                                values,
                                Eigen::Vector3d(0, 0, distance),
                                at.data())) {
-      throw Error(
-          ErrorKind::kInput,
-          fmt::format("--distance {}: camera '{}' images nothing there", distance, camera.name));
+      throw InputError("--distance {}: camera '{}' images nothing there", distance, camera.name);
     }
     seen[static_cast<size_t>(side)] = at[0];
   }

@@ -3,7 +3,7 @@
 
 #include <fmt/format.h>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/files/raytrix_grid.h"
 #include "calib/files/session.h"
 #include "calib/io/input_file.h"
@@ -33,10 +33,8 @@ std::vector<WhiteJob> SessionJobs(const WhiteRequest& request) {
     const bool plenoptic = camera.model->plenoptic;
     if (camera.white_images.empty()) {
       if (!plenoptic) continue;
-      throw Error(ErrorKind::kInput,
-                  fmt::format("{}: {}: a plenoptic camera needs 'white_images'",
-                              session.path.string(),
-                              camera.name));
+      throw InputError(
+          "{}: {}: a plenoptic camera needs 'white_images'", session.path.string(), camera.name);
     }
     WhiteJob job{.camera = camera.name,
                  .images = ListImages(camera.white_images, camera.name + ": white_images"),
@@ -49,9 +47,7 @@ std::vector<WhiteJob> SessionJobs(const WhiteRequest& request) {
     jobs.push_back(std::move(job));
   }
   if (jobs.empty()) {
-    throw Error(
-        ErrorKind::kInput,
-        fmt::format("{}: no camera has 'white_images'; nothing to do", session.path.string()));
+    throw InputError("{}: no camera has 'white_images'; nothing to do", session.path.string());
   }
   return jobs;
 }

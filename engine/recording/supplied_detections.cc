@@ -10,7 +10,7 @@
 #include <string_view>
 #include <vector>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/number_text.h"
 #include "calib/base/quoted_text.h"
 #include "calib/io/csv.h"
@@ -127,12 +127,11 @@ SuppliedDetections ReadSuppliedDetections(const Recording& recording, size_t cam
     }
   }
   if (detections.points > 0) return detections;
-  throw Error(
-      ErrorKind::kInput,
-      fmt::format("{}: names no image of camera {} in its column 'frame'; are 'columns' and "
-                  "'skip' right?",
-                  recorded.markers->path.string(),
-                  recorded.name));
+  throw InputError(
+      "{}: names no image of camera {} in its column 'frame'; are 'columns' and "
+      "'skip' right?",
+      recorded.markers->path.string(),
+      recorded.name);
 }
 
 OutputContents SuppliedMarkers(const Recording& recording, const Run& run) {
@@ -151,12 +150,11 @@ OutputContents SuppliedMarkers(const Recording& recording, const Run& run) {
     files.emplace_back(DetectionsName(camera.name), detections.csv);
   }
   if (!files.empty()) return files;
-  throw Error(
-      ErrorKind::kInput,
-      fmt::format("{}: has no supplied detections; name them in recording.yaml: "
-                  "'markers: {{{}: {{file: markers.txt, columns: [frame, marker, x, y]}}}}'",
-                  recording.path.string(),
-                  recording.cameras[0].name));
+  throw InputError(
+      "{}: has no supplied detections; name them in recording.yaml: "
+      "'markers: {{{}: {{file: markers.txt, columns: [frame, marker, x, y]}}}}'",
+      recording.path.string(),
+      recording.cameras[0].name);
 }
 
 OutputContents CameraInfoFiles(const Recording& recording, const Run& run) {
@@ -175,10 +173,10 @@ OutputContents CameraInfoFiles(const Recording& recording, const Run& run) {
                        RosCameraYaml(*info, topic.camera));
   }
   if (!files.empty()) return files;
-  throw Error(ErrorKind::kInput,
-              fmt::format("{}: has no camera_info with a calibration beside its images; 'plenocal "
-                          "recording' lists its topics",
-                          recording.path.string()));
+  throw InputError(
+      "{}: has no camera_info with a calibration beside its images; 'plenocal "
+      "recording' lists its topics",
+      recording.path.string());
 }
 
 }  // namespace plenocal

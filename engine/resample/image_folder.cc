@@ -1,12 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "engine/resample/image_folder.h"
 
-#include <fmt/format.h>
-
 #include <filesystem>
 #include <mutex>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "engine/resample/resample_images.h"
 
 namespace plenocal {
@@ -20,9 +18,7 @@ std::optional<ResponseCurve> ResponseOf(const ResampleSettings& settings,
     if (given.substr(0, equals) == camera) return ReadResponse(given.substr(equals + 1));
   }
   if (settings.photometric.empty()) return std::nullopt;
-  throw Error(
-      ErrorKind::kInput,
-      fmt::format("--photometric: names no response of camera '{0}'; add {0}=pcalib.txt", camera));
+  throw InputError("--photometric: names no response of camera '{0}'; add {0}=pcalib.txt", camera);
 }
 
 }  // namespace
@@ -32,13 +28,13 @@ void CheckImageNames(const std::vector<FrameImage>& images, const std::string& s
   for (const FrameImage& image : images) {
     const auto [first, is_new] = seen.emplace(image.frame, image.path);
     if (!is_new) {
-      throw Error(ErrorKind::kInput,
-                  fmt::format("{} and {}: both results would be named '{}{}'; run them with "
-                              "different -o",
-                              first->second.string(),
-                              image.path.string(),
-                              image.frame,
-                              suffix));
+      throw InputError(
+          "{} and {}: both results would be named '{}{}'; run them with "
+          "different -o",
+          first->second.string(),
+          image.path.string(),
+          image.frame,
+          suffix);
     }
   }
 }

@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <map>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/number_text.h"
 #include "calib/files/calibration_file.h"
 #include "calib/files/detections.h"
@@ -34,12 +34,10 @@ Cameras ChooseCameras(const CalibrationRecord& calibration, const std::vector<st
     return {&FindCamera(calibration, names[0]), &FindCamera(calibration, names[1])};
   }
   if (calibration.cameras.size() == 2) return {&calibration.cameras[0], &calibration.cameras[1]};
-  throw Error(
-      ErrorKind::kInput,
-      fmt::format("{}: holds {}; a pair is needed{}",
-                  calibration.path.string(),
-                  Counted(calibration.cameras.size(), "camera"),
-                  calibration.cameras.size() > 2 ? ", say which by --cameras LEFT RIGHT" : ""));
+  throw InputError("{}: holds {}; a pair is needed{}",
+                   calibration.path.string(),
+                   Counted(calibration.cameras.size(), "camera"),
+                   calibration.cameras.size() > 2 ? ", say which by --cameras LEFT RIGHT" : "");
 }
 
 /// One folder with the images of both cameras: in subfolders named after them, or in files whose
@@ -59,12 +57,11 @@ StereoImages FolderOfBoth(const fs::path& folder, const Cameras& cameras) {
       images[c].back().frame.erase(at, cameras[c]->name.size());
     }
     if (!images[c].empty()) continue;
-    throw Error(
-        ErrorKind::kInput,
-        fmt::format("{}: has neither a folder '{}' nor images with that camera's name; give "
-                    "the images of both cameras, LEFT RIGHT",
-                    folder.string(),
-                    cameras[c]->name));
+    throw InputError(
+        "{}: has neither a folder '{}' nor images with that camera's name; give "
+        "the images of both cameras, LEFT RIGHT",
+        folder.string(),
+        cameras[c]->name);
   }
   return images;
 }
@@ -81,10 +78,8 @@ StereoImages FindImages(const RectifyRequest& request, const Cameras& cameras) {
             return camera.name == cameras[c]->name;
           });
       if (found == session.cameras.end() || found->images.empty()) {
-        throw Error(
-            ErrorKind::kInput,
-            fmt::format(
-                "{}: has no images of camera '{}'", request.session.string(), cameras[c]->name));
+        throw InputError(
+            "{}: has no images of camera '{}'", request.session.string(), cameras[c]->name);
       }
       images[c] = all[static_cast<size_t>(found - session.cameras.begin())];
     }

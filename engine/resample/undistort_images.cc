@@ -6,7 +6,7 @@
 #include <array>
 #include <optional>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/files/calibration_file.h"
 #include "calib/io/input_file.h"
 #include "engine/recording/stores/image_lister.h"
@@ -43,9 +43,8 @@ UndistortedImages Finish(const UndistortJob& job,
 
 UndistortedImages UndistortOrdinary(const UndistortJob& job) {
   if (!job.request.cloud.empty()) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("--cloud: camera '{}' has no depth; only a plenoptic camera has",
-                            job.camera.name));
+    throw InputError("--cloud: camera '{}' has no depth; only a plenoptic camera has",
+                     job.camera.name);
   }
   const CalibratedCamera view = UndistortedView(job.camera, job.request.view);
   OutputFolder out(job.request.out);
@@ -63,21 +62,17 @@ constexpr double kScale = 2;  // raw px per pixel of the virtual image, as for `
 
 void CheckPlenopticJob(const UndistortJob& job) {
   if (!job.request.settings.photometric.empty()) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("--photometric: goes with ordinary cameras; '{}' is plenoptic",
-                            job.camera.name));
+    throw InputError("--photometric: goes with ordinary cameras; '{}' is plenoptic",
+                     job.camera.name);
   }
   if (job.camera.micro_lenses.empty()) {
-    throw Error(
-        ErrorKind::kInput,
-        fmt::format(
-            "{}: camera '{}' has no 'micro_lenses'; name there the micro_lenses_<camera>.csv that 'plenocal white' writes",
-            job.calibration.path.string(),
-            job.camera.name));
+    throw InputError(
+        "{}: camera '{}' has no 'micro_lenses'; name there the micro_lenses_<camera>.csv that 'plenocal white' writes",
+        job.calibration.path.string(),
+        job.camera.name);
   }
   if (!job.request.cloud.empty() && job.images.size() > 1) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("--cloud: holds one image, but there are {}", job.images.size()));
+    throw InputError("--cloud: holds one image, but there are {}", job.images.size());
   }
 }
 

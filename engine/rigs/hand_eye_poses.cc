@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "engine/rigs/hand_eye_poses.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -10,7 +8,7 @@
 #include <string_view>
 
 #include "assess/views/pose_errors.h"
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/number_text.h"
 #include "calib/base/statistics.h"
 #include "calib/files/calibration_tables.h"
@@ -62,11 +60,11 @@ double TimeOfName(const std::string& frame, const std::filesystem::path& table) 
   constexpr double kNanosecondsAbove = 1e11, kNanosecond = 1e-9;
   const std::optional<double> number = ParseDouble(frame);
   if (!number || !std::isfinite(*number)) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: frame '{}' is no time, and the poses from outside have times; "
-                            "give those of the frames by --times",
-                            table.string(),
-                            frame));
+    throw InputError(
+        "{}: frame '{}' is no time, and the poses from outside have times; "
+        "give those of the frames by --times",
+        table.string(),
+        frame);
   }
   return *number > kNanosecondsAbove ? kNanosecond * *number : *number;
 }
@@ -99,16 +97,16 @@ MatchedPoses MatchByTime(const HandEyeRequest& request, const CalibratedPoses& c
   matched.without = names.size() - match.frames.size();
   constexpr size_t kFewest = 3;
   if (matched.poses.size() >= kFewest || frames.empty()) return matched;
-  throw Error(ErrorKind::kInput,
-              fmt::format("{}: {} of the {} frames of {} lie in its times, {:.3f} to {:.3f} s; the "
-                          "first frame is at {:.3f} s",
-                          request.poses.string(),
-                          matched.poses.size(),
-                          frames.size(),
-                          calibrated.table.string(),
-                          outside.times.front(),
-                          outside.times.back(),
-                          frames[0].time));
+  throw InputError(
+      "{}: {} of the {} frames of {} lie in its times, {:.3f} to {:.3f} s; the "
+      "first frame is at {:.3f} s",
+      request.poses.string(),
+      matched.poses.size(),
+      frames.size(),
+      calibrated.table.string(),
+      outside.times.front(),
+      outside.times.back(),
+      frames[0].time);
 }
 
 MatchedPoses MatchByName(const HandEyeRequest& request, const CalibratedPoses& calibrated) {
@@ -131,15 +129,15 @@ MatchedPoses MatchByName(const HandEyeRequest& request, const CalibratedPoses& c
   }
   constexpr size_t kFewest = 3;
   if (matched.poses.size() >= kFewest) return matched;
-  throw Error(ErrorKind::kInput,
-              fmt::format("{}: {} of its {} poses have a frame of {} ('{}', ...; there '{}', ...); "
-                          "the column 'frame' must have the names of the images",
-                          request.poses.string(),
-                          matched.poses.size(),
-                          outside.size(),
-                          calibrated.table.string(),
-                          outside.empty() ? "" : outside[0].name,
-                          names.empty() ? "" : names[0]));
+  throw InputError(
+      "{}: {} of its {} poses have a frame of {} ('{}', ...; there '{}', ...); "
+      "the column 'frame' must have the names of the images",
+      request.poses.string(),
+      matched.poses.size(),
+      outside.size(),
+      calibrated.table.string(),
+      outside.empty() ? "" : outside[0].name,
+      names.empty() ? "" : names[0]);
 }
 
 CalibratedPoses ReadCalibratedPoses(const std::filesystem::path& folder) {
@@ -174,12 +172,12 @@ void CheckUnits(const MatchedPoses& matched, const std::filesystem::path& file) 
   constexpr double kApart = 30;
   const double ratio = RatioOfLengths(matched.poses);
   if (ratio < kApart && ratio > 1 / kApart) return;
-  throw Error(ErrorKind::kInput,
-              fmt::format("{}: its positions move {:.3g} times as far as those of the calibration; "
-                          "are they in {}? Give them in metres",
-                          file.string(),
-                          ratio,
-                          ratio > 1 ? "millimetres" : "another unit"));
+  throw InputError(
+      "{}: its positions move {:.3g} times as far as those of the calibration; "
+      "are they in {}? Give them in metres",
+      file.string(),
+      ratio,
+      ratio > 1 ? "millimetres" : "another unit");
 }
 
 RigMount Other(RigMount mount) {
@@ -206,16 +204,15 @@ OutsideFit Fit(const HandEyeRequest& request, const MatchedPoses& matched) {
   // The other reading of a true pose leaves errors as large as the motion.
   constexpr double kClearly = 5;
   if (other && (!fit || Misfit(*fit, matched) > kClearly * Misfit(*other, matched))) {
-    throw Error(
-        ErrorKind::kJob,
-        fmt::format("{}: the poses fit the other way round only (to {:.2g} mm, {:.2g} degrees). "
-                    "Either they map the base to the gripper, and must be inverted, or the rig is "
-                    "mounted on the {}: --mount {}",
-                    request.poses.string(),
-                    1e3 * other->translation_sigma,
-                    other->rotation_sigma * 180 / std::numbers::pi,
-                    mount == RigMount::kOnGripper ? "base" : "gripper",
-                    mount == RigMount::kOnGripper ? "base" : "gripper"));
+    throw JobError(
+        "{}: the poses fit the other way round only (to {:.2g} mm, {:.2g} degrees). "
+        "Either they map the base to the gripper, and must be inverted, or the rig is "
+        "mounted on the {}: --mount {}",
+        request.poses.string(),
+        1e3 * other->translation_sigma,
+        other->rotation_sigma * 180 / std::numbers::pi,
+        mount == RigMount::kOnGripper ? "base" : "gripper",
+        mount == RigMount::kOnGripper ? "base" : "gripper");
   }
   if (!fit) {
     throw Error(ErrorKind::kJob,

@@ -14,6 +14,7 @@
 #include "calib/files/calibration_file.h"
 #include "calib/noise/open_directions.h"
 #include "engine/rigs/hand_eye_poses.h"
+#include "engine/rigs/pose_text.h"
 
 namespace plenocal {
 namespace {
@@ -53,25 +54,10 @@ std::vector<OpenDirection> OpenDirections(const MountedRig& result) {
   return directions;
 }
 
-std::string PoseText(const char* what, const RigidTransform& T, const Vector6d& sigma) {
-  constexpr double kDegrees = 180 / std::numbers::pi;
-  const Eigen::Vector3d w = kDegrees * LogRotation(T.R);
-  return fmt::format(
-      "{}: ({:.3f}, {:.3f}, {:.3f}) +- ({:.3f}, {:.3f}, {:.3f}) mm, rotation vector "
-      "({:.4f}, {:.4f}, {:.4f}) +- ({:.4f}, {:.4f}, {:.4f}) degrees\n",
-      what,
-      1e3 * T.t.x(),
-      1e3 * T.t.y(),
-      1e3 * T.t.z(),
-      1e3 * sigma[0],
-      1e3 * sigma[1],
-      1e3 * sigma[2],
-      w.x(),
-      w.y(),
-      w.z(),
-      kDegrees * sigma[3],
-      kDegrees * sigma[4],
-      kDegrees * sigma[5]);
+std::string MountText(const char* what, const RigidTransform& T, const Vector6d& sigma) {
+  Vector6d pose;
+  pose << T.t, LogRotation(T.R);
+  return fmt::format("{}: {}\n", what, PoseText(pose, sigma, "rotation vector "));
 }
 
 // By chi-square: estimates of independent standard normal errors.
@@ -111,10 +97,10 @@ std::string HandEyeText(const MountedRig& result) {
   const OutsideFit& fit = result.fit;
   constexpr double kDegrees = 180 / std::numbers::pi;
   const bool on_gripper = result.mount == RigMount::kOnGripper;
-  std::string text = PoseText(on_gripper ? "rig in the gripper's frame" : "rig in the base's frame",
+  std::string text = MountText(on_gripper ? "rig in the gripper's frame" : "rig in the base's frame",
                               fit.T_mount_rig,
                               fit.rig_sigma);
-  text += PoseText(on_gripper ? "target in the base's frame" : "target in the gripper's frame",
+  text += MountText(on_gripper ? "target in the base's frame" : "target in the gripper's frame",
                    fit.T_other_target,
                    fit.target_sigma);
   if (result.scale == OutsideScale::kFree) {

@@ -5,7 +5,7 @@
 #include <fmt/ranges.h>
 
 #include "assess/verdict.h"
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/quoted_text.h"
 #include "calib/files/calibration_file.h"
 #include "calib/files/calibration_tables.h"
@@ -66,11 +66,11 @@ void RefuseRepeated(const std::vector<CalibrationRecord>& records) {
       }
       for (const fs::path& earlier : EarlierFilesOf(records[i])) {
         if (i == j || !IsSameFile(earlier, records[j].path)) continue;
-        throw Error(ErrorKind::kInput,
-                    fmt::format("{0}: was calibrated from {1}, which it contains already; leave "
-                                "{1} out",
-                                records[i].path.string(),
-                                records[j].path.string()));
+        throw InputError(
+            "{0}: was calibrated from {1}, which it contains already; leave "
+            "{1} out",
+            records[i].path.string(),
+            records[j].path.string());
       }
     }
   }

@@ -2,33 +2,13 @@
 #include <fmt/format.h>
 
 #include <cmath>
-#include <numbers>
 
 #include "calib/base/number_text.h"
 #include "engine/rigs/merge_calibrations.h"
+#include "engine/rigs/pose_text.h"
 
 namespace plenocal {
 namespace {
-
-std::string PlaceText(const RigidTransform& T_camera_rig, const Vector6d& sigma_xi) {
-  constexpr double kDegrees = 180 / std::numbers::pi;
-  const Vector6d xi = Log(T_camera_rig);
-  return fmt::format(
-      "xi = ({:.3f}, {:.3f}, {:.3f}) +- ({:.3f}, {:.3f}, {:.3f}) mm, "
-      "({:.4f}, {:.4f}, {:.4f}) +- ({:.4f}, {:.4f}, {:.4f}) degrees",
-      1e3 * xi[0],
-      1e3 * xi[1],
-      1e3 * xi[2],
-      1e3 * sigma_xi[0],
-      1e3 * sigma_xi[1],
-      1e3 * sigma_xi[2],
-      kDegrees * xi[3],
-      kDegrees * xi[4],
-      kDegrees * xi[5],
-      kDegrees * sigma_xi[3],
-      kDegrees * sigma_xi[4],
-      kDegrees * sigma_xi[5]);
-}
 
 std::string CameraText(const CalibratedCamera& camera) {
   std::string text = fmt::format("{}  ({}, {} x {} px)\n",
@@ -44,7 +24,7 @@ std::string CameraText(const CalibratedCamera& camera) {
                         camera.Sigma(k));
   }
   if (!(camera.sigma_xi.array() > 0).any()) return text;
-  return text + fmt::format("  on the rig: {}\n", PlaceText(camera.T_camera_rig, camera.sigma_xi));
+  return text + fmt::format("  on the rig: xi = {}\n", PoseText(Log(camera.T_camera_rig), camera.sigma_xi));
 }
 
 // The places of cameras that moved.
@@ -52,10 +32,10 @@ std::string MountsText(const MergedFiles& result) {
   const MergedCalibrations& merged = result.merged;
   std::string text;
   for (const MergedMount& mount : merged.mounts) {
-    text += fmt::format("{} on the rig in {}: {}\n",
+    text += fmt::format("{} on the rig in {}: xi = {}\n",
                         merged.record.cameras[mount.camera].name,
                         result.names[mount.calibration],
-                        PlaceText(mount.T_camera_rig, mount.sigma_xi));
+                        PoseText(Log(mount.T_camera_rig), mount.sigma_xi));
   }
   return text;
 }

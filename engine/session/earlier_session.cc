@@ -9,7 +9,7 @@
 #include <string>
 #include <utility>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/names.h"
 #include "engine/formats/camera_format.h"
 #include "engine/session/calibration_folder.h"
@@ -22,11 +22,10 @@ const CameraFormat& FormatOf(const EarlierFile& file) {
   if (const CameraFormat* format = FindCameraFormat(file.format, file.path)) return *format;
   std::vector<std::string_view> names;
   for (const CameraFormat& format : CameraFormats()) names.push_back(format.name);
-  throw Error(ErrorKind::kInput,
-              fmt::format("{}: 'format' is '{}', which is none{}",
-                          file.path.string(),
-                          file.format,
-                          SuggestName(file.format, names)));
+  throw InputError("{}: 'format' is '{}', which is none{}",
+                   file.path.string(),
+                   file.format,
+                   SuggestName(file.format, names));
 }
 
 CalibrationRecord ReadEarlierRecord(const EarlierFile& file, ImageSize size) {

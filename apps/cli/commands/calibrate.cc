@@ -12,7 +12,7 @@
 #include "apps/report/report.h"
 #include "apps/report/verdict_json.h"
 #include "assess/verdict.h"
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/estimate/summary.h"
 #include "calib/files/frame_images.h"
 #include "engine/calibrate_session.h"
@@ -120,10 +120,10 @@ std::string SessionFile(const CalibrateArguments& arguments) {
   const bool named_so = first.ends_with(".yaml") || first.ends_with(".yml");
   if (!IsSessionFile(arguments.inputs) && !(named_so && arguments.inputs.size() == 1)) return {};
   if (!image_options) return first;
-  throw Error(ErrorKind::kInput,
-              fmt::format("{}: a session has cameras, target and model itself; --target, --right, "
-                          "--camera and --model go with images",
-                          first));
+  throw InputError(
+      "{}: a session has cameras, target and model itself; --target, --right, "
+      "--camera and --model go with images",
+      first);
 }
 
 void RunCalibrate(CalibrateArguments* arguments, const ConsoleOptions& shared) {

@@ -10,7 +10,7 @@
 #include "apps/report/field_pictures.h"
 #include "apps/report/verdict_json.h"
 #include "assess/text/compare_text.h"
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/io/output_folder.h"
 #include "engine/check_session.h"
 #include "engine/json_text.h"
@@ -37,10 +37,9 @@ void CheckWithNewImages(const CompareArguments& arguments, const ConsoleOptions&
   fmt::print("{}", arguments.json ? json : WithColours(CheckText(result.check)));
   if (result.check.valid) return;
   std::fflush(stdout);
-  throw Error(ErrorKind::kJob,
-              fmt::format("{} does not hold for the images of {} any more; calibrate again",
-                          arguments.calibration.string(),
-                          arguments.session.string()));
+  throw JobError("{} does not hold for the images of {} any more; calibrate again",
+                 arguments.calibration.string(),
+                 arguments.session.string());
 }
 
 /// A comparison for the terminal and as files.

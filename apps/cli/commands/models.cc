@@ -7,7 +7,7 @@
 
 #include "apps/cli/command.h"
 #include "apps/cli/options.h"
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "engine/session/open_session.h"
 #include "models/check/model_properties.h"
 #include "models/registry.h"
@@ -74,11 +74,10 @@ void RunModelCheck(const std::string& name) {
     if (!violations.empty()) ++violated;
   }
   if (violated > 0) {
-    throw Error(ErrorKind::kJob,
-                fmt::format("camera model {} violates {} of {} properties",
-                            model.name,
-                            violated,
-                            ModelProperties().size()));
+    throw JobError("camera model {} violates {} of {} properties",
+                   model.name,
+                   violated,
+                   ModelProperties().size());
   }
 }
 

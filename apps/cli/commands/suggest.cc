@@ -8,7 +8,7 @@
 #include "apps/cli/options.h"
 #include "apps/suggest/suggestions_json.h"
 #include "apps/suggest/view_sheet.h"
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/io/output_folder.h"
 #include "engine/json_text.h"
 #include "engine/suggest_views.h"
@@ -31,11 +31,10 @@ std::map<std::string, FrameImage> PicturesOf(const SuggestArguments& arguments) 
     const std::string camera = equals == std::string::npos ? "" : word.substr(0, equals);
     const std::filesystem::path path = word.substr(equals == std::string::npos ? 0 : equals + 1);
     if (path.empty()) {
-      throw Error(ErrorKind::kInput, fmt::format("--image: '{}' names no file", word));
+      throw InputError("--image: '{}' names no file", word);
     }
     if (!pictures.emplace(camera, FrameImage{.frame = path.stem().string(), .path = path}).second) {
-      throw Error(ErrorKind::kInput,
-                  fmt::format("--image: two pictures of camera '{}'; give one", camera));
+      throw InputError("--image: two pictures of camera '{}'; give one", camera);
     }
   }
   return pictures;

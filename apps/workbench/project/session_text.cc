@@ -9,7 +9,7 @@
 #include <regex>
 #include <vector>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/quoted_text.h"
 #include "calib/io/yaml.h"
 
@@ -106,11 +106,11 @@ std::string WithModel(const std::string& text,
   const std::regex pattern(R"(\bmodel:\s*["']?([\w-]+))");
   const std::sregex_iterator found(line.begin(), line.end(), pattern), none;
   if (std::distance(found, none) != 1 || found->str(1) != now.AsString()) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("line {} of the session has not the model of '{}' alone; edit the "
-                            "session's text",
-                            now.Line(),
-                            camera));
+    throw InputError(
+        "line {} of the session has not the model of '{}' alone; edit the "
+        "session's text",
+        now.Line(),
+        camera);
   }
   std::string changed = text;
   return changed.replace(begin + static_cast<size_t>(found->position(1)),
