@@ -177,7 +177,7 @@ std::string RowText(const std::string& name, const LocatedView& located) {
 std::vector<LocatedImage> LocateImages(const LocateRequest& request, const Run& run) {
   const RunScope inputs;
   if (request.images.empty()) {
-    throw Error(ErrorKind::kInput, "locate: give images, or detections (CSV)");
+    throw InputError("locate: give images, or detections (CSV)");
   }
   const CalibrationRecord calibration = ReadCalibration(request.calibration, CameraModels());
   const CalibratedCamera& camera = FindCamera(calibration, request.camera);

@@ -137,9 +137,9 @@ SuggestedViews BasisOfSession(const SuggestRequest& request, const Run& run) {
 // Before the first image.
 SuggestedViews BasisOfLens(const SuggestRequest& request) {
   if (request.target.empty() || !request.size || request.angle == 0) {
-    throw Error(ErrorKind::kInput,
-                "suggest: give session.yaml or the folder of a calibration; before the first image "
-                "--target, --size and --angle");
+    throw InputError(
+        "suggest: give session.yaml or the folder of a calibration; before the first image "
+        "--target, --size and --angle");
   }
   const bool is_file = std::filesystem::exists(request.target);
   const Target target =
@@ -189,9 +189,9 @@ PictureWorth WeighPictures(const std::filesystem::path& calibration,
   const RunScope inputs;
   const std::filesystem::path folder = FolderOf(calibration);
   if (folder.empty()) {
-    throw Error(ErrorKind::kInput,
-                "--image: pictures are weighed against a calibration: give the folder that "
-                "'plenocal calibrate' wrote");
+    throw InputError(
+        "--image: pictures are weighed against a calibration: give the folder that "
+        "'plenocal calibrate' wrote");
   }
   return PictureScale(folder, run.threads).Weigh(pictures);
 }

@@ -88,8 +88,8 @@ void RefuseEmptyTexts(const CLI::App& command) {
     return std::string_view(argument).starts_with(kPlugin);
   });
   if (late_plugin) {
-    throw Error(ErrorKind::kInput,
-                "--plugin stands before the command: plenocal --plugin ./libmine.so COMMAND ...");
+    throw InputError(
+        "--plugin stands before the command: plenocal --plugin ./libmine.so COMMAND ...");
   }
   const CLI::App* command = &app;
   std::string path = app.get_name();

@@ -19,6 +19,11 @@ void AddQuiet(CLI::App* app, ConsoleOptions* shared) {
   app->add_flag("--quiet", shared->quiet, "no messages and no progress, only errors");
 }
 
+void AddThreadsAndQuiet(CLI::App* app, ConsoleOptions* shared) {
+  AddThreads(app, shared);
+  AddQuiet(app, shared);
+}
+
 void AddEvents(CLI::App* app, ConsoleOptions* shared) {
   app->add_option_function<int>(
          "--events",
@@ -78,8 +83,7 @@ void AddSessionOptions(CLI::App* app, SessionOptions* options, ConsoleOptions* s
 
 void AddResultOptions(CLI::App* app, SessionOptions* options, ConsoleOptions* shared) {
   app->add_option("-o,--out", options->out, "folder for the results")->required();
-  AddThreads(app, shared);
-  AddQuiet(app, shared);
+  AddThreadsAndQuiet(app, shared);
   AddEvents(app, shared);
   app->add_option("--exclude",
                   options->exclude,

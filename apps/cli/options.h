@@ -20,6 +20,8 @@ namespace plenocal {
 void AddThreads(CLI::App* app, ConsoleOptions* shared);
 /// Declares `--quiet`.
 void AddQuiet(CLI::App* app, ConsoleOptions* shared);
+/// Declares both.
+void AddThreadsAndQuiet(CLI::App* app, ConsoleOptions* shared);
 /// Declares `--events`: an open file descriptor.
 void AddEvents(CLI::App* app, ConsoleOptions* shared);
 /// Declares `--bayer`, one of `kBayerOrders`.

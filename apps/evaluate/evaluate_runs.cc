@@ -133,13 +133,12 @@ void CheckRequest(const EvaluateRequest& request) {
   const bool both_segments = !request.start.empty() && !request.end.empty();
   const bool any_segment = !request.start.empty() || !request.end.empty();
   if (!request.camera.empty() && !IsGroundTruthFile(request.truth)) {
-    throw Error(ErrorKind::kInput,
-                "--camera chooses one of the cameras of --truth groundtruth.yaml; other files of "
-                "the truth hold one path only");
+    throw InputError(
+        "--camera chooses one of the cameras of --truth groundtruth.yaml; other files of "
+        "the truth hold one path only");
   }
   if (request.truth.empty() ? both_segments : !any_segment) return;
-  throw Error(ErrorKind::kInput,
-              "give the truth either by --truth FILE or by --start FILE and --end FILE");
+  throw InputError("give the truth either by --truth FILE or by --start FILE and --end FILE");
 }
 
 /// Measures all runs. Beside others a failed run is a result.

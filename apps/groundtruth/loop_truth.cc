@@ -479,9 +479,9 @@ class LoopEstimation {
   }
 
   [[noreturn]] static void RefuseContradiction() {
-    throw Error(ErrorKind::kJob,
-                "most points contradict each other; does the calibration belong to this rig, and "
-                "are the images of a frame taken at one time?");
+    throw JobError(
+        "most points contradict each other; does the calibration belong to this rig, and "
+        "are the images of a frame taken at one time?");
   }
 
   void Measure() {

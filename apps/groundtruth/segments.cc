@@ -94,7 +94,7 @@ std::vector<size_t> EndFrames(const SceneTracks& tracks, const std::string& choi
 
 void CheckOrder(const LoopSegments& segments) {
   if (segments.start.back() < segments.end.front()) return;
-  throw Error(ErrorKind::kInput, "the end segment begins before the start segment ends");
+  throw InputError("the end segment begins before the start segment ends");
 }
 
 }  // namespace plenocal

@@ -14,4 +14,7 @@ nlohmann::json VerdictJson(const Verdict& verdict);
 /// Content of check.json: {valid, frames, verdict, cameras}.
 nlohmann::json CheckJson(const CalibrationCheck& check);
 
+/// {verdict, cameras: {name: {model, parameters, ...}}, frames} of a calibration with a verdict.
+nlohmann::json CalibrationJson(const CalibrationRecord& record);
+
 }  // namespace plenocal

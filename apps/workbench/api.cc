@@ -41,7 +41,7 @@ Answer JsonAnswer(const Json& json, int status = 200) {
 
 Json BodyOf(const Request& request) {
   Json body = Json::parse(request.body.empty() ? "{}" : request.body, nullptr, false);
-  if (!body.is_object()) throw Error(ErrorKind::kInput, "the request's body is no JSON object");
+  if (!body.is_object()) throw InputError("the request's body is no JSON object");
   return body;
 }
 
@@ -97,14 +97,14 @@ ExcludeRule RuleOf(const Json& body) {
                    .frame = TextOf(body, "frame"),
                    .note = TextOf(body, "note")};
   if (const auto markers = body.find("markers"); markers != body.end()) {
-    if (!markers->is_array()) throw Error(ErrorKind::kInput, "markers: expected a list");
+    if (!markers->is_array()) throw InputError("markers: expected a list");
     for (const Json& marker : *markers) {
-      if (!marker.is_number_integer()) throw Error(ErrorKind::kInput, "markers: expected numbers");
+      if (!marker.is_number_integer()) throw InputError("markers: expected numbers");
       rule.markers.push_back(marker.get<int>());
     }
   }
   if (rule.frame.empty() && rule.markers.empty()) {
-    throw Error(ErrorKind::kInput, "give the frame or the markers to exclude");
+    throw InputError("give the frame or the markers to exclude");
   }
   return rule;
 }
@@ -314,12 +314,12 @@ Answer Api::UseModel(const Request& request) {
   const std::string model = TextOf(body, "model");
   const auto cameras = body.find("cameras");
   if (cameras == body.end() || !cameras->is_array()) {
-    throw Error(ErrorKind::kInput, "cameras: expected a list");
+    throw InputError("cameras: expected a list");
   }
   const SessionVersion now = project_->ReadVersion();
   std::string text = now.text;
   for (const Json& camera : *cameras) {
-    if (!camera.is_string()) throw Error(ErrorKind::kInput, "cameras: expected names");
+    if (!camera.is_string()) throw InputError("cameras: expected names");
     text = WithModel(text, camera.get<std::string>(), model);
   }
   // A text that cannot be read is not written.
@@ -397,7 +397,7 @@ Answer Api::WatchRequest(const Request& request) {
   const Json body = BodyOf(request);
   const auto on = body.find("on");
   if (on == body.end() || !on->is_boolean()) {
-    throw Error(ErrorKind::kInput, "on: expected true or false");
+    throw InputError("on: expected true or false");
   }
   if (!on->get<bool>()) {
     watch_.Stop();

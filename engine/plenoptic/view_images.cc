@@ -58,9 +58,9 @@ std::vector<RefocusPlane> PlanesOf(const ViewFilesRequest& request) {
   for (const double depth : request.depths) planes.push_back({depth});
   if (request.distances.empty()) return planes;
   if (request.calibration.empty()) {
-    throw Error(ErrorKind::kInput,
-                "--distance: needs the calibration of the camera; give it with --calibration, or "
-                "virtual depths with --depth");
+    throw InputError(
+        "--distance: needs the calibration of the camera; give it with --calibration, or "
+        "virtual depths with --depth");
   }
   const CalibrationRecord calibration = ReadCalibration(request.calibration, CameraModels());
   const CalibratedCamera& camera = PlenopticCameraOf(calibration, request.camera);

@@ -24,8 +24,7 @@ struct WhiteJob {
 
 std::vector<WhiteJob> SessionJobs(const WhiteRequest& request) {
   if (request.inputs.size() != 1 || std::filesystem::is_directory(request.inputs[0])) {
-    throw Error(ErrorKind::kInput,
-                "white: give one session.yaml, or a folder or images with --model");
+    throw InputError("white: give one session.yaml, or a folder or images with --model");
   }
   const Session session = OpenSession(request.inputs[0]);
   std::vector<WhiteJob> jobs;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "engine/recording/plenoptic_inputs.h"
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "engine/recording/stores/image_lister.h"
 
 namespace plenocal {
@@ -13,13 +13,12 @@ PlenopticSource FindPlenopticSource(const PlenopticInputs& inputs) {
                          .bayer = inputs.bayer};
   if (inputs.white.empty()) {
     if (!inputs.grid.empty()) return source;
-    throw Error(ErrorKind::kInput,
-                "the micro-image centres are missing; give white images with --white, or --grid "
-                "micro_lenses.csv with --vignetting vignetting.tiff");
+    throw InputError(
+        "the micro-image centres are missing; give white images with --white, or --grid "
+        "micro_lenses.csv with --vignetting vignetting.tiff");
   }
   if (!inputs.vignetting.empty()) {
-    throw Error(
-        ErrorKind::kInput,
+    throw InputError(
         "--vignetting: the white images give the attenuation already; leave one of --white and "
         "--vignetting out");
   }

@@ -90,7 +90,7 @@ StereoImages FindImages(const RectifyRequest& request, const Cameras& cameras) {
     return FolderOfBoth(request.left, cameras);
   }
   if (request.right.empty()) {
-    throw Error(ErrorKind::kInput, "the images of the second camera are missing; give LEFT RIGHT");
+    throw InputError("the images of the second camera are missing; give LEFT RIGHT");
   }
   return {FindImageInputs({request.left}, "images"), FindImageInputs({request.right}, "images")};
 }
@@ -165,7 +165,7 @@ RectifiedImages RectifyImages(const RectifyRequest& request, const Run& run) {
   RectifiedImages made{.pair = Rectify(*cameras[0], *cameras[1], request.view)};
   const StereoImages images = KeepPairs(FindImages(request, cameras), run);
   if (request.preview && images[0].empty()) {
-    throw Error(ErrorKind::kInput, "--preview: there are no images; give LEFT RIGHT or --session");
+    throw InputError("--preview: there are no images; give LEFT RIGHT or --session");
   }
   for (size_t c = 0; c < 2; ++c) CheckImageNames(images[c]);
   OutputFolder out(request.out);

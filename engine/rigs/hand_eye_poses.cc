@@ -111,7 +111,7 @@ MatchedPoses MatchByTime(const HandEyeRequest& request, const CalibratedPoses& c
 
 MatchedPoses MatchByName(const HandEyeRequest& request, const CalibratedPoses& calibrated) {
   if (!request.times.empty()) {
-    throw Error(ErrorKind::kInput, "--times: the poses from outside name frames and need no times");
+    throw InputError("--times: the poses from outside name frames and need no times");
   }
   const std::vector<FrameRecord> outside = ReadPoses(request.poses);
   const std::vector<std::string>& names = calibrated.frames;

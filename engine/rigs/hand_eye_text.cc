@@ -97,12 +97,13 @@ std::string HandEyeText(const MountedRig& result) {
   const OutsideFit& fit = result.fit;
   constexpr double kDegrees = 180 / std::numbers::pi;
   const bool on_gripper = result.mount == RigMount::kOnGripper;
-  std::string text = MountText(on_gripper ? "rig in the gripper's frame" : "rig in the base's frame",
-                              fit.T_mount_rig,
-                              fit.rig_sigma);
+  std::string text =
+      MountText(on_gripper ? "rig in the gripper's frame" : "rig in the base's frame",
+                fit.T_mount_rig,
+                fit.rig_sigma);
   text += MountText(on_gripper ? "target in the base's frame" : "target in the gripper's frame",
-                   fit.T_other_target,
-                   fit.target_sigma);
+                    fit.T_other_target,
+                    fit.target_sigma);
   if (result.scale == OutsideScale::kFree) {
     text +=
         fmt::format("lengths from outside are {:.5f} +- {:.5f} times those of the calibration\n",

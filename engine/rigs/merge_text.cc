@@ -24,7 +24,8 @@ std::string CameraText(const CalibratedCamera& camera) {
                         camera.Sigma(k));
   }
   if (!(camera.sigma_xi.array() > 0).any()) return text;
-  return text + fmt::format("  on the rig: xi = {}\n", PoseText(Log(camera.T_camera_rig), camera.sigma_xi));
+  return text + fmt::format("  on the rig: xi = {}\n",
+                            PoseText(Log(camera.T_camera_rig), camera.sigma_xi));
 }
 
 // The places of cameras that moved.

@@ -45,8 +45,7 @@ void CheckReplaceable(const fs::path& session) {
 ImageSession::ImageSession(const ImageArguments& arguments, const fs::path& out, const Run& run)
     : out_(out) {
   if (!arguments.cameras.empty() && !(arguments.images.empty() && arguments.right.empty())) {
-    throw Error(ErrorKind::kInput,
-                "--camera: names all cameras; give their images by --camera NAME=GLOB alone");
+    throw InputError("--camera: names all cameras; give their images by --camera NAME=GLOB alone");
   }
   std::vector<std::string> names;
   std::vector<std::vector<std::string>> images;

@@ -117,7 +117,7 @@ Session SessionInMemory(const std::string& target, const std::vector<MemoryCamer
     own.initial.assign(camera.model->params.size(), std::nullopt);
     own.fixed.assign(camera.model->params.size(), false);
   }
-  if (session.cameras.empty()) throw Error(ErrorKind::kInput, "no camera is given");
+  if (session.cameras.empty()) throw InputError("no camera is given");
   return session;
 }
 

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
 
-#include <cmath>
 #include <cstdio>
 #include <memory>
 #include <utility>
@@ -46,43 +45,6 @@ void WriteReport(const CalibrateArguments& arguments,
     return;
   }
   result->folders->out()->Write("report.html", html);
-}
-
-nlohmann::json ResultJson(const CalibrateArguments& arguments, const CalibrationRecord& record) {
-  nlohmann::json cameras = nlohmann::json::object();
-  for (const CalibratedCamera& camera : record.cameras) {
-    nlohmann::json parameters = nlohmann::json::object(), sigma = nlohmann::json::object();
-    for (size_t k = 0; k < camera.params.size(); ++k) {
-      const std::string name(camera.model->params[k].name);
-      parameters[name] = camera.params[k];
-      sigma[name] = std::isfinite(camera.Sigma(k)) ? nlohmann::json(camera.Sigma(k)) : nullptr;
-    }
-    cameras[camera.name] = {{"model", camera.model->name},
-                            {"image_size", camera.image_size},
-                            {"parameters", parameters},
-                            {"sigma", sigma},
-                            {"rms", camera.fit.rms},
-                            {"points", camera.fit.points},
-                            {"rejected", camera.fit.rejected},
-                            {"views", camera.fit.views}};
-  }
-  return {{"verdict", VerdictJson(*record.verdict)},
-          {"cameras", cameras},
-          {"frames", record.frames.size()},
-          {"output", arguments.out.string()}};
-}
-
-void Print(const CalibrateArguments& arguments,
-           const SessionCalibration& calibrated,
-           Console* console) {
-  if (arguments.json) {
-    fmt::print("{}\n", JsonText(ResultJson(arguments, calibrated.record)));
-    return;
-  }
-  console->Print(fmt::format("{}\nwritten to {}\n\n{}",
-                             Summary(calibrated.calibration),
-                             arguments.out.string(),
-                             VerdictText(*calibrated.record.verdict)));
 }
 
 void CheckRequirement(const CalibrateArguments& arguments, const Verdict& verdict) {
@@ -134,7 +96,16 @@ void RunCalibrate(CalibrateArguments* arguments, const ConsoleOptions& shared) {
   SessionCalibration result = CalibrateSession(*arguments, console.NewRun());
   if (arguments->report) WriteReport(*arguments, &result, &console);
   result.folders->Commit();
-  Print(*arguments, result, &console);
+  if (arguments->json) {
+    nlohmann::json json = CalibrationJson(result.record);
+    json["output"] = arguments->out.string();
+    fmt::print("{}\n", JsonText(json));
+  } else {
+    console.Print(fmt::format("{}\nwritten to {}\n\n{}",
+                              Summary(result.calibration),
+                              arguments->out.string(),
+                              VerdictText(*result.record.verdict)));
+  }
   CheckRequirement(*arguments, *result.record.verdict);
 }
 

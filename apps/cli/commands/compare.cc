@@ -57,8 +57,8 @@ Shown CompareBoth(const CompareArguments& arguments, bool files) {
   const bool for_calibrations = !arguments.map.empty() || !arguments.distances.empty();
   if (IsTiff(a)) {
     if (!IsTiff(b) || for_calibrations) {
-      throw Error(ErrorKind::kInput,
-                  "attenuations are compared with each other: give two TIFF files and -o only");
+      throw InputError(
+          "attenuations are compared with each other: give two TIFF files and -o only");
     }
     const AttenuationComparison comparison = CompareAttenuationFiles(a, b);
     return {ComparisonText(comparison, a, b),
@@ -67,8 +67,7 @@ Shown CompareBoth(const CompareArguments& arguments, bool files) {
   }
   if (IsGroundTruth(a)) {
     if (b.empty() || !IsGroundTruth(b) || for_calibrations) {
-      throw Error(
-          ErrorKind::kInput,
+      throw InputError(
           "ground truths are compared with each other: give two groundtruth.yaml and -o only");
     }
     const TruthComparison comparison = CompareTruths(a, b);
@@ -86,14 +85,12 @@ Shown CompareBoth(const CompareArguments& arguments, bool files) {
 
 void RunCompare(const CompareArguments& arguments, const ConsoleOptions& shared) {
   if (arguments.other.empty() == arguments.session.empty()) {
-    throw Error(
-        ErrorKind::kInput,
+    throw InputError(
         "give either a second calibration.yaml or --check session.yaml; see 'plenocal compare --help'");
   }
   if (!arguments.session.empty()) return CheckWithNewImages(arguments, shared);
   if (arguments.json) {
-    throw Error(ErrorKind::kInput,
-                "--json goes with --check; of two calibrations -o OUT writes compare.csv");
+    throw InputError("--json goes with --check; of two calibrations -o OUT writes compare.csv");
   }
   const auto out = OpenOutput(arguments.out);
   const Shown shown = CompareBoth(arguments, out != nullptr);

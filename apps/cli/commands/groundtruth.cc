@@ -41,8 +41,7 @@ RunCommand DeclareGroundtruth(CLI::App* app, ConsoleOptions* shared) {
       ->check(CLI::Range(50, 100000))
       ->capture_default_str();
   app->add_option("-o,--out", arguments->out, "folder for the results")->required();
-  AddQuiet(app, shared);
-  AddThreads(app, shared);
+  AddThreadsAndQuiet(app, shared);
   return [arguments, shared] { RunGroundtruth(*arguments, *shared); };
 }
 

@@ -75,8 +75,7 @@ RunCommand DeclareInit(CLI::App* app, ConsoleOptions* shared) {
   app->add_option(
          "-o,--out", arguments->session, "the session file; the target file is written beside it")
       ->capture_default_str();
-  AddThreads(app, shared);
-  AddQuiet(app, shared);
+  AddThreadsAndQuiet(app, shared);
   return [arguments, shared] { RunInit(*arguments, *shared); };
 }
 

@@ -81,8 +81,7 @@ RunCommand DeclareLocate(CLI::App* app, ConsoleOptions* shared) {
   AddBayer(app, &arguments->bayer, "colours of the top-left 2 x 2 pixels of raw mosaics");
   app->add_flag("--json", arguments->json, "JSON on standard output");
   app->add_option("-o,--out", arguments->out, "table of poses and covariances (CSV)");
-  AddQuiet(app, shared);
-  AddThreads(app, shared);
+  AddThreadsAndQuiet(app, shared);
   return [arguments, shared] { RunLocate(*arguments, *shared); };
 }
 

@@ -58,8 +58,7 @@ RunCommand DeclareMap(CLI::App* app, ConsoleOptions* shared) {
   app->add_option("--camera", arguments->camera, "its camera (default: the only one)");
   app->add_option("-o,--out", arguments->out, "folder, or file of OpenCV")->required();
   AddViewOptions(app, &arguments->view);
-  AddThreads(app, shared);
-  AddQuiet(app, shared);
+  AddThreadsAndQuiet(app, shared);
   return [arguments, shared] { RunMap(*arguments, *shared); };
 }
 

@@ -6,7 +6,7 @@
 #include "apps/cli/command.h"
 #include "apps/cli/options.h"
 #include "apps/photometry/frame_exposures.h"
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/io/output_folder.h"
 #include "engine/recording/summary.h"
 #include "engine/recording/supplied_detections.h"
@@ -29,11 +29,10 @@ void RunRecording(const RecordingArguments& arguments, const ConsoleOptions& sha
   const int writes = static_cast<int>(arguments.markers) + static_cast<int>(arguments.exposures) +
                      static_cast<int>(arguments.camera_info);
   if (writes > 1) {
-    throw Error(ErrorKind::kInput, "--markers, --exposures and --camera-info: give one of them");
+    throw InputError("--markers, --exposures and --camera-info: give one of them");
   }
   if ((writes == 1) == arguments.out.empty()) {
-    throw Error(
-        ErrorKind::kInput,
+    throw InputError(
         "--markers, --exposures and --camera-info write into the folder of -o: give both or "
         "none");
   }
@@ -87,8 +86,7 @@ RunCommand DeclareRecording(CLI::App* app, ConsoleOptions* shared) {
       arguments->camera_info,
       "write the intrinsics of camera_info as OUT/camera_info_<camera>.yaml, which 'plenocal import --format ros' reads");
   app->add_option("-o,--out", arguments->out, "folder for the files");
-  AddThreads(app, shared);
-  AddQuiet(app, shared);
+  AddThreadsAndQuiet(app, shared);
   return [arguments, shared] { RunRecording(*arguments, *shared); };
 }
 

@@ -87,8 +87,7 @@ RunCommand DeclareRectify(CLI::App* app, ConsoleOptions* shared) {
                 "write preview/<frame>.png: both images side by side with lines along rows");
   AddViewOptions(app, &arguments->view);
   AddResampleOptions(app, &arguments->settings);
-  AddThreads(app, shared);
-  AddQuiet(app, shared);
+  AddThreadsAndQuiet(app, shared);
   return [arguments, shared] { RunRectify(*arguments, *shared); };
 }
 

@@ -107,8 +107,7 @@ RunCommand DeclareSuggest(CLI::App* app, ConsoleOptions* shared) {
       arguments->images,
       "[CAMERA=]FILE: a picture (of a rig one of each camera, taken at once); what it adds, against what the best view would");
   app->add_flag("--json", arguments->json, "the suggestions as JSON on standard output");
-  AddThreads(app, shared);
-  AddQuiet(app, shared);
+  AddThreadsAndQuiet(app, shared);
   return [arguments, shared] { RunSuggest(*arguments, *shared); };
 }
 

@@ -40,8 +40,7 @@ RunCommand DeclareUndistort(CLI::App* app, ConsoleOptions* shared) {
   app->add_option("-o,--out", arguments->out, "folder for the results")->required();
   AddViewOptions(app, &arguments->view);
   AddResampleOptions(app, &arguments->settings);
-  AddThreads(app, shared);
-  AddQuiet(app, shared);
+  AddThreadsAndQuiet(app, shared);
   return [arguments, shared] { RunUndistort(*arguments, *shared); };
 }
 

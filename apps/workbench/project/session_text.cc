@@ -60,7 +60,7 @@ std::string WithRule(const std::string& text, const ExcludeRule& rule) {
   if (!changed.empty() && changed.back() != '\n') changed += '\n';
   if (!block) return changed + "exclude:\n" + RuleLine(rule);
   if (block->end == block->begin && changed.find_first_of("[{", block->heading) < block->begin) {
-    throw Error(ErrorKind::kInput, "'exclude' stands in one line; edit the session's text");
+    throw InputError("'exclude' stands in one line; edit the session's text");
   }
   std::string line = RuleLine(rule);
   // Items of a list have one indentation.
@@ -88,7 +88,7 @@ std::string WithoutRule(const std::string& text, const ExcludeRule& rule) {
     if (item == wanted) found = {line, end};
   }
   if (!found) {
-    throw Error(ErrorKind::kInput, "no line of 'exclude' is this rule; edit the session's text");
+    throw InputError("no line of 'exclude' is this rule; edit the session's text");
   }
   std::string changed = text;
   if (lines == 1) return changed.erase(block->heading, block->end - block->heading);

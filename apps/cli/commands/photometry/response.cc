@@ -64,8 +64,7 @@ RunCommand DeclareResponse(CLI::App* app, ConsoleOptions* shared) {
   app->add_option("--camera", arguments->camera, "camera of the recording (default: the only)")
       ->expected(1);
   app->add_option("-o,--out", arguments->out, "folder for the results")->required();
-  AddQuiet(app, shared);
-  AddThreads(app, shared);
+  AddThreadsAndQuiet(app, shared);
   return [arguments, shared] { RunResponse(*arguments, *shared); };
 }
 

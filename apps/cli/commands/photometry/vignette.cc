@@ -46,8 +46,7 @@ RunCommand DeclareVignette(CLI::App* app, ConsoleOptions* shared) {
   app->add_option(
       "--white", arguments->white, "white images to compare with; else those of the recording");
   app->add_option("-o,--out", arguments->out, "folder for the results")->required();
-  AddQuiet(app, shared);
-  AddThreads(app, shared);
+  AddThreadsAndQuiet(app, shared);
   return [arguments, shared] { RunVignette(*arguments, *shared); };
 }
 

@@ -34,8 +34,7 @@ RunCommand DeclareFocus(CLI::App* app, ConsoleOptions* shared) {
   app->add_option("--scale", arguments->scale, "raw pixels per pixel of the results")
       ->check(CLI::Range(0.5, 16.0))
       ->capture_default_str();
-  AddThreads(app, shared);
-  AddQuiet(app, shared);
+  AddThreadsAndQuiet(app, shared);
   return [arguments, shared] { RunFocus(*arguments, *shared); };
 }
 

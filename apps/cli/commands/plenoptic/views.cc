@@ -53,8 +53,7 @@ RunCommand DeclareViews(CLI::App* app, ConsoleOptions* shared) {
   app->add_option("--scale", arguments->scale, "raw pixels per pixel of the results")
       ->check(CLI::Range(0.5, 64.0))
       ->capture_default_str();
-  AddThreads(app, shared);
-  AddQuiet(app, shared);
+  AddThreadsAndQuiet(app, shared);
   return [arguments, shared] { RunViews(*arguments, *shared); };
 }
 

@@ -34,8 +34,7 @@ RunCommand DeclareWhite(CLI::App* app, ConsoleOptions* shared) {
   AddBayer(app, &arguments->bayer, "colours of the top-left 2 x 2 pixels of raw mosaics");
   app->add_option("--grid", arguments->grid, "RayCalibData XML with the micro-lens grid");
   app->add_flag("--xml", arguments->xml, "also write micro_lenses_<camera>.xml (RayCalibData)");
-  AddThreads(app, shared);
-  AddQuiet(app, shared);
+  AddThreadsAndQuiet(app, shared);
   return [arguments, shared] { RunWhite(*arguments, *shared); };
 }
 
