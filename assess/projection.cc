@@ -160,4 +160,23 @@ double SupportedDifference(const Calibration& a,
   return std::sqrt(squares / static_cast<double>(cameras.size()));
 }
 
+ImageCovariance::ImageCovariance(const CalibratedCamera& camera) : finite_(camera.covariance) {
+  for (Eigen::Index k = 0; k < finite_.rows(); ++k) {
+    if (std::isfinite(finite_(k, k))) continue;
+    finite_.row(k).setZero();
+    finite_.col(k).setZero();
+    open_.push_back(k);
+  }
+}
+
+Eigen::MatrixXd ImageCovariance::Propagate(const Eigen::Ref<const Eigen::MatrixXd>& J) const {
+  Eigen::MatrixXd covariance = J * finite_ * J.transpose();
+  for (const Eigen::Index k : open_) {
+    for (Eigen::Index r = 0; r < J.rows(); ++r) {
+      if (J(r, k) != 0) covariance(r, r) = std::numeric_limits<double>::infinity();
+    }
+  }
+  return covariance;
+}
+
 }  // namespace plenocal

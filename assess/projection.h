@@ -26,4 +26,18 @@ double SupportedDifference(const Calibration& a,
                            const Calibration& b,
                            std::span<const size_t> cameras);
 
+/// Covariance of image points from that of a camera's parameters, to first order.
+class ImageCovariance {
+ public:
+  explicit ImageCovariance(const CalibratedCamera& camera);
+
+  /// px^2. `J`: derivatives of the measured coordinates (rows) by the parameters. Infinite where a
+  /// parameter that is not determined has an effect.
+  [[nodiscard]] Eigen::MatrixXd Propagate(const Eigen::Ref<const Eigen::MatrixXd>& J) const;
+
+ private:
+  Eigen::MatrixXd finite_;
+  std::vector<Eigen::Index> open_;  // parameters
+};
+
 }  // namespace plenocal

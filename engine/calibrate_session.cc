@@ -185,8 +185,7 @@ class SessionRun {
  private:
   Session Open() {
     if (request_.model != "auto") model_ = ModelNamed("--model", request_.model);
-    if (request_.prepared) return *request_.prepared;
-    if (!request_.session.empty()) return OpenSession(request_.session);
+    if (request_.session) return WithModels(*request_.session);
     if (model_ != nullptr && (!model_->config.empty() || model_->plenoptic)) {
       throw Error(ErrorKind::kInput,
                   fmt::format("--model {}: needs more than images; write a session, for instance "
@@ -198,10 +197,32 @@ class SessionRun {
     return images_->With(model_ != nullptr ? *model_ : UsualModel(), {});
   }
 
+  // A session in memory may leave the model open.
+  Session WithModels(Session session) {
+    for (SessionCamera& camera : session.cameras) {
+      if (camera.model != nullptr) continue;
+      is_model_open_ = true;
+      SetModel(model_ != nullptr ? *model_ : UsualModel(), &camera);
+    }
+    return session;
+  }
+
+  static void SetModel(const CameraModel& model, SessionCamera* camera) {
+    camera->model = &model;
+    camera->initial.assign(model.params.size(), std::nullopt);
+    camera->fixed.assign(model.params.size(), false);
+  }
+
   // Settles model and target of images, and writes session and target.
   void ChooseModel(SessionObservations* observations) {
-    if (!images_) return;
+    if (!images_ && !is_model_open_) return;
     const ImageChoice choice = ChooseByHeldOutFrames(model_, target_, *observations, run_);
+    if (!images_) {
+      result_.session.refine_target = choice.refine_target;
+      for (SessionCamera& camera : result_.session.cameras) SetModel(*choice.model, &camera);
+      UseCamerasOf(result_.session, observations);
+      return;
+    }
     result_.session = images_->With(*choice.model, choice.refine_target);
     UseOptions(request_, &result_.session);
     UseCamerasOf(result_.session, observations);
@@ -283,6 +304,7 @@ class SessionRun {
   const Run& run_;
   std::optional<ImageSession> images_;  // without a session
   const CameraModel* model_ = nullptr;  // null: to be chosen
+  bool is_model_open_ = false;          // of a session in memory
   Target target_;
   std::vector<Target> several_;  // targets; empty: `target_` is the only one
   std::vector<IdenticalBoards> identical_boards_;

@@ -19,13 +19,12 @@
 
 namespace plenocal {
 
-/// What to calibrate. The cameras come from the first of these that is given: `prepared`,
-/// `session`, `images`.
+/// What to calibrate: a session, or images and their target.
 struct CalibrateRequest : SessionOptions {
-  ImageArguments images = {};
-  /// A session in memory, whose cameras have images or points (`given_images`, `given_views`).
-  std::optional<Session> prepared = {};
-  /// Of `images`, and of cameras of `prepared` without one; auto: chosen by held-out frames.
+  std::optional<Session> session = {};
+  ImageArguments images = {};  ///< without a session
+  /// Of `images`, and of cameras of a session in memory that have none; auto: chosen by held-out
+  /// frames.
   std::string model = "auto";
   bool jackknife = false;  ///< standard errors from leaving out frames beside the others
   /// The caller's own command, for the record of how the calibration was made.

@@ -9,15 +9,13 @@
 #include "engine/observe/session_observations.h"
 #include "engine/session/calibration_folder.h"
 #include "engine/session/calibration_input.h"
-#include "engine/session/open_session.h"
 #include "engine/session/session_targets.h"
 
 namespace plenocal {
 
-SessionCheck CheckSession(const CheckRequest& request, const Run& run) {
+SessionCheck CheckSession(Session session, const CheckRequest& request, const Run& run) {
   const RunScope inputs;
   CalibrationRecord old = ReadWithCorrelations(request.calibration);
-  Session session = OpenSession(request.session);
   UseOptions(request, &session);
   if (!request.map.empty()) RenameCameras(request.map, NamesOf(session.cameras), &old);
   RefuseSeveralTargets(session, "compare --check");
@@ -26,7 +24,7 @@ SessionCheck CheckSession(const CheckRequest& request, const Run& run) {
         "{0}: has a scene in place of a target, and no poses without a "
         "calibration of its own; calibrate it, then compare both: plenocal "
         "calibrate {0} -o NEW; plenocal compare {1} NEW/calibration.yaml",
-        request.session.string(),
+        session.path.string(),
         request.calibration.string());
   }
   const Target target = ReadTarget(session.target);

@@ -27,7 +27,7 @@ struct SessionCheck {
   std::unique_ptr<RunFolders> folders;  ///< with compare.csv, to be committed
 };
 
-/// Does the calibration hold for the images? Throws `Error`, and `Stopped`.
-SessionCheck CheckSession(const CheckRequest& request, const Run& run);
+/// Does the calibration hold for the images of the session? Throws `Error`, and `Stopped`.
+SessionCheck CheckSession(Session session, const CheckRequest& request, const Run& run);
 
 }  // namespace plenocal

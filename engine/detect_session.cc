@@ -2,15 +2,16 @@
 #include "engine/detect_session.h"
 
 #include "calib/io/input_file.h"
-#include "engine/session/open_session.h"
 #include "engine/session/session_targets.h"
 
 namespace plenocal {
 
-DetectedSession DetectSession(const SessionOptions& options, const Run& run) {
+DetectedSession DetectSession(const Session& session,
+                              const SessionOptions& options,
+                              const Run& run) {
   const RunScope inputs;
   DetectedSession detected;
-  detected.session = OpenSession(options.session);
+  detected.session = session;
   UseOptions(options, &detected.session);
   const SessionTargets targets = ReadSessionTargets(detected.session);
   detected.folders =

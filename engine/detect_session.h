@@ -20,6 +20,8 @@ struct DetectedSession {
 };
 
 /// Throws `Error`, and `Stopped`.
-DetectedSession DetectSession(const SessionOptions& options, const Run& run);
+DetectedSession DetectSession(const Session& session,
+                              const SessionOptions& options,
+                              const Run& run);
 
 }  // namespace plenocal

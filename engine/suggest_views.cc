@@ -88,12 +88,12 @@ std::vector<FirstCamera> FirstCameras(const Session& session,
 // The calibration of a session, or, where its images do not suffice for one and the lens angle is
 // given, what these images tell of a lens of that angle.
 SuggestedViews BasisOfSession(const SuggestRequest& request, const Run& run) {
-  Session session = OpenSession(request.session);
+  Session session = OpenSession(request.input);
   UseOptions(request, &session);
   RefuseSeveralTargets(session, "suggest");
   if (session.scene) {
     throw InputError("{}: has a scene in place of a target; next views are for a target",
-                     request.session.string());
+                     request.input.string());
   }
   const Target target = ReadTarget(session.target);
   const SessionObservations observations = CollectObservations(session, target, run, {});
@@ -113,7 +113,7 @@ SuggestedViews BasisOfSession(const SuggestRequest& request, const Run& run) {
           "{}: suggestions for a plenoptic camera need its micro lenses; run "
           "'plenocal calibrate {} -o OUT', then 'plenocal suggest OUT'",
           camera.name,
-          request.session.string());
+          request.input.string());
     }
     return basis;
   } catch (const Error& error) {
@@ -162,8 +162,8 @@ std::filesystem::path FolderOf(const std::filesystem::path& input) {
 }
 
 SuggestedViews BasisOf(const SuggestRequest& request, const Run& run) {
-  if (request.session.empty()) return BasisOfLens(request);
-  const std::filesystem::path folder = FolderOf(request.session);
+  if (request.input.empty()) return BasisOfLens(request);
+  const std::filesystem::path folder = FolderOf(request.input);
   return folder.empty() ? BasisOfSession(request, run) : BasisOfCalibration(folder, request.angle);
 }
 

@@ -15,9 +15,11 @@
 
 namespace plenocal {
 
-/// `session`: session.yaml, or a calibration's folder or calibration.yaml; empty: there are no
-/// images yet, and target, size and angle are given. Nothing is written.
+/// Nothing is written.
 struct SuggestRequest : SessionOptions {
+  /// session.yaml, or a calibration's folder or calibration.yaml; empty: there are no images yet,
+  /// and target, size and angle are given.
+  std::filesystem::path input;
   std::string model = "pinhole-radtan4";  ///< before the first image
   std::string target;                     ///< likewise: chessboard:9x6:25mm, or a file
   std::optional<ImageSize> size;          ///< likewise: of the images, px

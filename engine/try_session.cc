@@ -6,7 +6,6 @@
 #include <algorithm>
 
 #include "calib/base/format_error.h"
-#include "calib/base/names.h"
 #include "calib/base/number_text.h"
 #include "calib/base/quoted_text.h"
 #include "calib/estimate/describe.h"
@@ -175,11 +174,10 @@ void WriteTrial(const SessionTrial& trial,
 
 }  // namespace
 
-SessionTrial TrySession(const TryRequest& request, const Run& run) {
+SessionTrial TrySession(const Session& session, const TryRequest& request, const Run& run) {
   const RunScope inputs;
   SessionTrial trial;
-  trial.session = OpenSession(request.session);
-  const Session& session = trial.session;
+  trial.session = session;
   RefuseSeveralTargets(session, "try");
   const auto provenance = ProvenanceOf(request.command, session, request.out);
   const Target target = ReadTarget(session.target);

@@ -33,6 +33,6 @@ struct SessionTrial {
 };
 
 /// Throws `Error`, and `Stopped`.
-SessionTrial TrySession(const TryRequest& request, const Run& run);
+SessionTrial TrySession(const Session& session, const TryRequest& request, const Run& run);
 
 }  // namespace plenocal

@@ -14,9 +14,8 @@ namespace plenocal {
 std::span<const CameraModel> CameraModels();
 
 /// Adds the models of a plug-in (docs/new_model.md), once however often it is named. Models keep
-/// their places; a span from before lacks the new ones. Not to be called while another thread uses
-/// the table. Throws `Error` of kind kInput when the file is no plug-in, belongs to another
-/// version, or has a model whose name is taken.
+/// their places; a span from before lacks the new ones. Throws `Error` of kind kInput when the file
+/// is no plug-in, belongs to another version, or has a model whose name is taken.
 void AddCameraModels(const std::filesystem::path& plugin);
 
 /// Adds models of the running program, whose data must stay. `where` begins the messages. Throws

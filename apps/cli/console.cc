@@ -12,15 +12,16 @@
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <nlohmann/json.hpp>
 #include <stop_token>
 #include <thread>
 #include <utility>
 #include <vector>
 
 #include "calib/base/format_error.h"
+#include "calib/base/json_text.h"
 #include "calib/base/quoted_text.h"
 #include "calib/io/output_folder.h"
-#include "engine/json_text.h"
 
 namespace plenocal {
 namespace {

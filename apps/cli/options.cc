@@ -76,8 +76,11 @@ void AddPlenopticInputs(CLI::App* app, PlenopticInputs* inputs) {
   AddBayer(app, &inputs->bayer, "colours of the top-left 2 x 2 pixels of raw mosaics");
 }
 
-void AddSessionOptions(CLI::App* app, SessionOptions* options, ConsoleOptions* shared) {
-  app->add_option("session", options->session, "session.yaml: cameras, images, target")->required();
+void AddSessionOptions(CLI::App* app,
+                       std::filesystem::path* session,
+                       SessionOptions* options,
+                       ConsoleOptions* shared) {
+  app->add_option("session", *session, "session.yaml: cameras, images, target")->required();
   AddResultOptions(app, options, shared);
 }
 

@@ -7,7 +7,6 @@
 #include <filesystem>
 #include <optional>
 #include <string>
-#include <vector>
 
 #include "apps/cli/console.h"
 #include "calib/camera/bayer.h"
@@ -34,6 +33,9 @@ void AddPlenopticInputs(CLI::App* app, PlenopticInputs* inputs);
 /// `--fresh`.
 void AddResultOptions(CLI::App* app, SessionOptions* options, ConsoleOptions* shared);
 /// Declares the session and the same.
-void AddSessionOptions(CLI::App* app, SessionOptions* options, ConsoleOptions* shared);
+void AddSessionOptions(CLI::App* app,
+                       std::filesystem::path* session,
+                       SessionOptions* options,
+                       ConsoleOptions* shared);
 
 }  // namespace plenocal

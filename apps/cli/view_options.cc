@@ -8,7 +8,6 @@
 #include <vector>
 
 #include "apps/cli/options.h"
-#include "calib/base/error.h"
 #include "engine/resample/resample_images.h"
 
 namespace plenocal {

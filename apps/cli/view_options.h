@@ -6,7 +6,7 @@
 #include <CLI/CLI.hpp>
 #include <string>
 
-#include "engine/resample/image_folder.h"
+#include "engine/images/image_folder.h"
 #include "engine/resample/pinhole_view.h"
 
 namespace plenocal {

@@ -8,7 +8,6 @@
 
 #include <Eigen/Core>
 #include <optional>
-#include <string>
 #include <utility>
 #include <vector>
 

@@ -179,6 +179,10 @@ std::string ComparisonPage(const AttenuationComparison& comparison,
                    {"comparison", ComparisonJson(comparison, first, second)}});
 }
 
+bool IsAttenuation(const std::filesystem::path& path) {
+  return path.extension() == ".tiff" || path.extension() == ".tif";
+}
+
 AttenuationComparison CompareAttenuationFiles(const std::filesystem::path& first,
                                               const std::filesystem::path& second) {
   const Attenuation a = ReadAttenuationWithSigma(first), b = ReadAttenuationWithSigma(second);

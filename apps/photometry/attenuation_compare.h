@@ -26,6 +26,9 @@ struct AttenuationComparison {
   Row border;                   ///< outermost of `radial` with whole circles in the image's corners
 };
 
+/// Whether a file of this name is a TIFF, as attenuations are.
+bool IsAttenuation(const std::filesystem::path& path);
+
 /// REQUIRES: equal sizes.
 AttenuationComparison CompareAttenuations(const Attenuation& first, const Attenuation& second);
 /// The same of two attenuation TIFFs with the standard deviations beside them, if there are any:

@@ -8,9 +8,6 @@
 #include <cmath>
 #include <iterator>
 #include <limits>
-#include <map>
-#include <memory>
-#include <mutex>
 #include <opencv2/imgproc.hpp>
 #include <optional>
 
@@ -18,6 +15,7 @@
 #include "calib/base/format_error.h"
 #include "calib/base/number_text.h"
 #include "calib/base/parallel.h"
+#include "detectors/images/detector_pool.h"
 #include "detectors/marker_detectors.h"
 #include "engine/scene/locate.h"
 
@@ -26,32 +24,6 @@ namespace {
 
 constexpr double kWantedPixels = 80000;  // of a reduced image
 constexpr std::uint8_t kSaturated = 255;
-
-// Detectors, one a thread at a time.
-class DetectorPool {
- public:
-  explicit DetectorPool(const Target& target) : target_(target) {}
-  MarkerDetections Detect(const cv::Mat& grey) {
-    std::unique_ptr<MarkerDetector> detector = Take();
-    MarkerDetections found = detector->Detect(grey);
-    const std::lock_guard lock(mutex_);
-    idle_.push_back(std::move(detector));
-    return found;
-  }
-
- private:
-  std::unique_ptr<MarkerDetector> Take() {
-    const std::lock_guard lock(mutex_);
-    if (idle_.empty()) return MakeMarkerDetector(target_);
-    std::unique_ptr<MarkerDetector> detector = std::move(idle_.back());
-    idle_.pop_back();
-    return detector;
-  }
-
-  const Target& target_;
-  std::mutex mutex_;
-  std::vector<std::unique_ptr<MarkerDetector>> idle_;
-};
 
 // Brightness of blocks of pixels. Blocks with saturated pixels, or beside them, have none: their
 // mean would lack what is cut off.
@@ -152,7 +124,7 @@ WallRecording ReadWall(const WallOptions& options) {
   const size_t count = images.images.size();
   std::vector<std::optional<WallView>> views(count);
   std::vector<std::string> reasons(count);
-  DetectorPool detectors(*options.target);
+  DetectorPool detectors([&] { return MakeMarkerDetector(*options.target); });
   std::atomic<size_t> done = 0;
   ParallelFor(count, options.threads, [&](size_t i) {
     const RecordedImage& image = images.images[i];

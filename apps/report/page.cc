@@ -5,7 +5,7 @@
 
 #include <array>
 
-#include "engine/json_text.h"
+#include "calib/base/json_text.h"
 
 namespace plenocal {
 

@@ -375,4 +375,20 @@ std::string ReportHtml(const CalibrationRecord& calibration, const CameraFiles& 
   return MakePage("Calibration report", CalibrationText(data), data);
 }
 
+void AddReport(const std::filesystem::path& out, const Run& run, SessionCalibration* calibration) {
+  run.Progress("report");
+  CameraFiles files{out, {}};
+  for (const CameraFile& file : calibration->files) files.contents[file.name] = file.content;
+  if (calibration->target) AddTarget(*calibration->target, &calibration->record);
+  std::string html;
+  // A calibration is not lost because its report fails.
+  try {
+    html = ReportHtml(calibration->record, files);
+  } catch (const Error& error) {
+    run.Message(fmt::format("report.html was not written: {}", error.what()));
+    return;
+  }
+  calibration->folders->out()->Write("report.html", html);
+}
+
 }  // namespace plenocal

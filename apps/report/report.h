@@ -3,8 +3,11 @@
 // report.html: one page that shows a calibration and needs no network.
 #pragma once
 
+#include <filesystem>
 #include <string>
 
+#include "calib/base/run.h"
+#include "engine/calibrate_session.h"
 #include "engine/session/calibration_folder.h"
 
 namespace plenocal {
@@ -12,5 +15,9 @@ namespace plenocal {
 /// The page of a calibration. Throws `Error` of kind kInput with file and place when one of `files`
 /// is damaged.
 std::string ReportHtml(const CalibrationRecord& calibration, const CameraFiles& files);
+
+/// Adds report.html to the files of a calibration in the folder `out`. Where the page cannot be
+/// made, `run` gets a message.
+void AddReport(const std::filesystem::path& out, const Run& run, SessionCalibration* calibration);
 
 }  // namespace plenocal

@@ -46,11 +46,11 @@ Json RowJson(const TrialRow& row) {
   return json;
 }
 
-PageText TextOf(const std::vector<TrialRow>& rows, const TrialRecommendations& recommended) {
+PageText TextOf(const std::vector<TrialRow>& rows,
+                const std::string& model,
+                const std::string& target) {
   PageText text;
-  text.Box("good",
-           fmt::format("Recommended: {}", recommended.model),
-           {fmt::format("Target: {}", recommended.target)});
+  text.Box("good", fmt::format("Recommended: {}", model), {fmt::format("Target: {}", target)});
   std::vector<std::vector<std::string>> cells;
   for (const TrialRow& row : rows) {
     const ModelTrial& trial = *row.trial;
@@ -70,9 +70,11 @@ PageText TextOf(const std::vector<TrialRow>& rows, const TrialRecommendations& r
 
 }  // namespace
 
-std::string TrialPage(const ModelChoice& choice,
-                      const std::vector<TrialRow>& rows,
-                      const TrialRecommendations& recommended) {
+std::string TrialPage(const SessionTrial& trial) {
+  const ModelChoice& choice = trial.models;
+  const std::vector<TrialRow>& rows = trial.rows;
+  const std::string model = ModelRecommendation(choice);
+  const std::string target = TargetRecommendation(trial.targets, trial.marker_sigma);
   Json models = Json::array(), cameras = Json::array();
   for (const TrialRow& row : rows) models.push_back(RowJson(row));
   const Bundle& any = rows[choice.recommended].trial->calibration.bundle;
@@ -89,15 +91,15 @@ std::string TrialPage(const ModelChoice& choice,
                        {"fields", fields}});
   }
   const Json data{{"kind", "trial"},
-                  {"recommendation", recommended.model},
-                  {"target", recommended.target},
+                  {"recommendation", model},
+                  {"target", target},
                   {"frames", choice.frames},
                   {"folds", choice.folds},
                   {"points", choice.points},
                   {"outliers", choice.outliers},
                   {"models", models},
                   {"cameras", cameras}};
-  return MakePage("Camera models compared", TextOf(rows, recommended), data);
+  return MakePage("Camera models compared", TextOf(rows, model, target), data);
 }
 
 }  // namespace plenocal

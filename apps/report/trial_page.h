@@ -4,21 +4,13 @@
 #pragma once
 
 #include <string>
-#include <vector>
 
-#include "assess/text/trial_text.h"
+#include "engine/try_session.h"
 
 namespace plenocal {
 
-/// What is recommended, each a sentence.
-struct TrialRecommendations {
-  std::string model, target;
-};
-
 /// HTML: the table, scores with their uncertainty, and of each model the residuals of held-out
-/// points over the image, all at one scale. `rows` are in the order of `choice.trials`.
-std::string TrialPage(const ModelChoice& choice,
-                      const std::vector<TrialRow>& rows,
-                      const TrialRecommendations& recommended);
+/// points over the image, all at one scale.
+std::string TrialPage(const SessionTrial& trial);
 
 }  // namespace plenocal

@@ -9,6 +9,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "assess/verdict.h"
 #include "calib/base/number_text.h"
 #include "calib/base/quoted_text.h"
 
@@ -198,14 +199,7 @@ std::string CheckText(const CalibrationCheck& check) {
         camera.expected);
   }
   const Verdict verdict = JudgeCheck(check);
-  for (const Finding& finding : verdict.findings) {
-    text += fmt::format("{}{}\n",
-                        finding.grade == Grade::kGood
-                            ? std::string()
-                            : fmt::format("{} [{}] ", GradeName(finding.grade), finding.code),
-                        finding.what);
-    if (!finding.remedy.empty()) text += fmt::format("    {}\n", finding.remedy);
-  }
+  for (const Finding& finding : verdict.findings) text += FindingText(finding);
   return text + fmt::format("verdict: {}. {}\n",
                             GradeName(verdict.grade),
                             check.valid ? "the calibration is still valid"

@@ -55,7 +55,8 @@ cv::Mat ReadAttenuation(const std::filesystem::path& path);
 /// the file in a place of its own.
 std::string WithoutPath(const std::string& message, const std::filesystem::path& path);
 
-/// The content of an image file of this format, such as ".png".
-std::string EncodeImage(const std::string& format, const cv::Mat& image);
+/// The content of an image file of this format: ".png" of 8 or 16 bits or ".jpg" of 8 bits, with
+/// one channel or three (BGR); ".tiff" of one channel of floats. `quality`: of JPEG, per cent.
+std::string EncodeImage(const std::string& format, const cv::Mat& image, int quality = 95);
 
 }  // namespace plenocal

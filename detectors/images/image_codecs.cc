@@ -1,133 +1,190 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "detectors/images/image_codecs.h"
 
-#include <dlfcn.h>
-#include <fcntl.h>
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <algorithm>
-#include <cstdio>
-#include <cstdlib>
-#include <mutex>
-#include <opencv2/core.hpp>
-#include <string>
-#include <string_view>
+#include <array>
+#include <limits>
+#include <optional>
 
 #include "calib/base/error.h"
+#include "calib/io/input_file.h"
+#include "detectors/images/image.h"
 #include "detectors/images/image_header.h"
 
 namespace plenocal {
 namespace {
 
-// Two functions of opencv2/imgcodecs.hpp. They are looked up by their symbols, since a linked call
-// would load the library at the start of the program.
-using Decode = cv::Mat(cv::InputArray content, int flags);
-constexpr const char* kDecodeSymbol = "_ZN2cv8imdecodeERKNS_11_InputArrayEi";
-using Encode = bool(const std::string& format,
-                    cv::InputArray image,
-                    std::vector<std::uint8_t>& content,
-                    const std::vector<int>& parameters);
-constexpr const char* kEncodeSymbol =
-    "_ZN2cv8imencodeERKNSt7__cxx1112basic_stringIcSt11char_traitsIcESaIcEEERKNS_11_InputArrayERSt6vectorIhSaIhEERKSB_IiSaIiEE";
+using internal::ByteView, internal::StartsWith;
+using namespace std::string_view_literals;
 
-struct Codecs {
-  Decode* decode;
-  Encode* encode;
+constexpr const char* kAgain = "; record or copy it again";
+
+struct OtherFormat {
+  std::size_t at;  // of the magic bytes
+  std::string_view magic;
+  std::string_view name;
 };
 
-void* FindSymbol(void* library, const char* symbol) {
-  void* const found = dlsym(library, symbol);
-  if (found != nullptr) return found;
-  throw Error(
-      ErrorKind::kJob,
-      fmt::format(
-          "{} has no {}: it is not the OpenCV that plenocal was built with; build plenocal again",
-          PLENOCAL_IMGCODECS,
-          symbol));
+constexpr std::array kOtherFormats{OtherFormat{0, "GIF8", "GIF"},
+                                   OtherFormat{8, "WEBP", "WebP"},
+                                   OtherFormat{0, "\xff\x4f\xff\x51", "JPEG 2000"},
+                                   OtherFormat{4, "jP  \r\n\x87\n", "JPEG 2000"},
+                                   OtherFormat{0, "\xff\x0a", "JPEG XL"},
+                                   OtherFormat{4, "JXL ", "JPEG XL"},
+                                   OtherFormat{4, "ftyp", "HEIF or AVIF"},
+                                   OtherFormat{0, "\x76\x2f\x31\x01", "OpenEXR"},
+                                   OtherFormat{0, "#?", "Radiance HDR"},
+                                   OtherFormat{0, "PF", "PFM"},
+                                   OtherFormat{0, "Pf", "PFM"},
+                                   OtherFormat{0, "P7", "PAM"},
+                                   OtherFormat{0, "\x59\xa6\x6a\x95", "Sun raster"},
+                                   OtherFormat{0, "8BPS", "Photoshop"},
+                                   OtherFormat{128, "DICM", "DICOM"}};
+
+const ImageCodec* FindCodec(ByteView content) {
+  const auto codecs = ImageCodecs();
+  const auto found = std::ranges::find_if(
+      codecs, [&](const ImageCodec& codec) { return codec.is_format(content); });
+  return found == codecs.end() ? nullptr : &*found;
 }
 
-Codecs LoadCodecs() {
-  // Read while the library is loaded. It is the limit for formats whose headers are not read here.
-  setenv("OPENCV_IO_MAX_IMAGE_PIXELS", std::to_string(kMostPixels).c_str(), 1);
-  void* const library = dlopen(PLENOCAL_IMGCODECS, RTLD_NOW | RTLD_LOCAL);
-  if (library == nullptr) {
-    throw Error(
-        ErrorKind::kJob,
-        fmt::format(
-            "cannot load {}, which reads and writes images ({}); install OpenCV's imgcodecs",
-            PLENOCAL_IMGCODECS,
-            dlerror()));
+[[noreturn]] void RefuseFormat(ByteView content) {
+  std::string known;
+  for (const ImageCodec& codec : ImageCodecs()) {
+    known += (known.empty() ? "" : ", ") + std::string(codec.name);
   }
-  return {reinterpret_cast<Decode*>(FindSymbol(library, kDecodeSymbol)),
-          reinterpret_cast<Encode*>(FindSymbol(library, kEncodeSymbol))};
+  for (const OtherFormat& other : kOtherFormats) {
+    if (content.size() <= other.at || !StartsWith(content.subspan(other.at), other.magic)) continue;
+    throw ImageDefect(
+        fmt::format("is a {0} file; expected one of {1} with 8 or 16 bits a channel: convert it, "
+                    "for instance by ImageMagick's 'convert IMAGE IMAGE.png'",
+                    other.name,
+                    known));
+  }
+  throw ImageDefect(fmt::format("is not an image; expected one of {}", known));
 }
 
-const Codecs& LoadedCodecs() {
-  static const Codecs kCodecs = LoadCodecs();
-  return kCodecs;
+/// The size stated by the header of a file of `bytes`: no codec packs an image more than deflate
+/// does at best, so the memory for an image is bounded by its file's size too.
+void CheckSize(const ImageHeader& header, std::uint64_t bytes) {
+  const auto [width, height, bits, orientation] = header;
+  constexpr std::uint64_t kMostSide = std::uint64_t{1} << 31;  // the product fits 64 bits
+  if (width == 0 || height == 0 || width > kMostSide || height > kMostSide ||
+      width * height > kMostPixels) {
+    throw ImageDefect("the header says " + PixelsText(width, height) + kAgain);
+  }
+  constexpr auto kMostBytes = static_cast<std::uint64_t>(InputLimit::kImage);
+  if (width * height * bits / 8 > kMostBytes) {
+    throw ImageDefect(
+        fmt::format("the header says {} x {} pixels of {} bits; at most {} MB are read{}",
+                    width,
+                    height,
+                    bits,
+                    kMostBytes >> 20,
+                    kAgain));
+  }
+  constexpr std::uint64_t kMostBytesOfOne = 1032;
+  if (width * height * bits / 8 > kMostBytesOfOne * bytes) {
+    throw ImageDefect(fmt::format("the header says {} x {} pixels, more than {} bytes can hold{}",
+                                  width,
+                                  height,
+                                  bytes,
+                                  kAgain));
+  }
 }
 
-// Closes standard error to the codecs while an object of this class lives: libpng, libtiff and
-// OpenCV write there about files that they are given, without a way to ask them not to. The file
-// number is the process's, so the first object of several threads turns it away and the last one
-// brings it back.
-class SilentCodecs {
- public:
-  SilentCodecs() {
-    const std::lock_guard lock(mutex);
-    if (users++ > 0) return;
-    std::fflush(stderr);
-    standard_error = fcntl(STDERR_FILENO, F_DUPFD_CLOEXEC, STDERR_FILENO + 1);
-    const int nowhere = open("/dev/null", O_WRONLY | O_CLOEXEC);
-    if (standard_error >= 0 && nowhere >= 0) dup2(nowhere, STDERR_FILENO);
-    if (nowhere >= 0) close(nowhere);
+std::optional<ImageHeader> TryHeader(ByteView start) {
+  const ImageCodec* const codec = FindCodec(start);
+  if (codec == nullptr) return std::nullopt;
+  try {
+    return codec->read_header(start);
+  } catch (const ImageDefect&) {
+    return std::nullopt;
   }
-  ~SilentCodecs() {
-    const std::lock_guard lock(mutex);
-    if (--users > 0 || standard_error < 0) return;
-    std::fflush(stderr);
-    dup2(standard_error, STDERR_FILENO);
-    close(standard_error);
-  }
-  SilentCodecs(const SilentCodecs&) = delete;
-  SilentCodecs& operator=(const SilentCodecs&) = delete;
-
- private:
-  static inline std::mutex mutex;
-  static inline int users = 0, standard_error = -1;
-};
+}
 
 }  // namespace
 
-cv::Mat DecodeImage(const std::vector<std::uint8_t>& content, int flags) {
-  // Debian's OpenCV gives DICOM files to GDCM, which ends the program at a damaged one.
-  constexpr std::string_view kDicom = "DICM";
-  constexpr std::size_t kAt = 128;
-  if (content.size() >= kAt + kDicom.size() &&
-      std::equal(kDicom.begin(), kDicom.end(), content.begin() + kAt)) {
-    return {};
+ImageDefect internal::TruncatedImage(std::string_view format) {
+  return ImageDefect(
+      fmt::format("truncated {} (the file ends inside the image){}", format, kAgain));
+}
+
+ImageDefect internal::DamagedImage(std::string_view format, std::string_view reason) {
+  return ImageDefect(fmt::format("{}: {}{}, or convert it to PNG", format, reason, kAgain));
+}
+
+cv::Mat internal::GreyOfBgr(const cv::Mat& bgr) {
+  constexpr int kBits = 14;
+  constexpr int kRed = 4899, kGreen = 9617, kBlue = (1 << kBits) - kRed - kGreen;
+  cv::Mat grey(bgr.size(), bgr.depth());
+  const auto convert = [&]<typename T>(T) {
+    for (int y = 0; y < bgr.rows; ++y) {
+      const T* in = bgr.ptr<T>(y);
+      T* const out = grey.ptr<T>(y);
+      for (int x = 0; x < bgr.cols; ++x, in += 3) {
+        out[x] = static_cast<T>(
+            (in[0] * kBlue + in[1] * kGreen + in[2] * kRed + (1 << (kBits - 1))) >> kBits);
+      }
+    }
+  };
+  if (bgr.depth() == CV_8U) {
+    convert(std::uint8_t{});
+  } else {
+    convert(std::uint16_t{});
   }
-  const Codecs& codecs = LoadedCodecs();
-  const SilentCodecs silent;
+  return grey;
+}
+
+cv::Mat DecodeImage(ByteView content, Channels channels) {
+  const ImageCodec* const codec = FindCodec(content);
+  if (codec == nullptr) RefuseFormat(content);
+  CheckSize(codec->read_header(content), content.size());
+  cv::Mat image = codec->decode(content, channels);
+  return channels == Channels::kGrey && image.channels() == 3 ? internal::GreyOfBgr(image) : image;
+}
+
+std::string EncodeImage(const std::string& format, const cv::Mat& image, int quality) {
+  const auto codecs = ImageCodecs();
+  const auto codec = std::ranges::find(codecs, format, &ImageCodec::extension);
+  if (codec == codecs.end()) {
+    throw Error(ErrorKind::kJob, fmt::format("{} files cannot be written", format));
+  }
   try {
-    return codecs.decode(content, flags);
-  } catch (const cv::Exception& error) {
-    if (error.code == cv::Error::StsNoMem) throw;
-    return {};
+    return codec->encode(image, quality);
+  } catch (const ImageDefect& defect) {
+    throw Error(ErrorKind::kJob,
+                fmt::format("cannot write a {} file: {}", codec->name, defect.what()));
   }
 }
 
-std::string EncodeImage(const std::string& format,
-                        const cv::Mat& image,
-                        const std::vector<int>& parameters) {
-  std::vector<std::uint8_t> content;
-  const Codecs& codecs = LoadedCodecs();
-  const SilentCodecs silent;
-  if (!codecs.encode(format, image, content, parameters)) {
-    throw Error(ErrorKind::kJob, fmt::format("OpenCV cannot write {} images", format));
+std::optional<ImageSize> SizeInHeader(ByteView start) {
+  constexpr std::uint64_t kMost = std::numeric_limits<int>::max();
+  const auto header = TryHeader(start);
+  if (!header || header->width == 0 || header->height == 0 || header->width > kMost ||
+      header->height > kMost) {
+    return std::nullopt;
   }
-  return {content.begin(), content.end()};
+  return ImageSize{static_cast<int>(header->width), static_cast<int>(header->height)};
+}
+
+bool HasSizeFurtherBack(ByteView start) {
+  return FindCodec(start) != nullptr && !SizeInHeader(start);
+}
+
+int OrientationInHeader(ByteView file) {
+  return TryHeader(file).value_or(ImageHeader{}).orientation;
+}
+
+std::string PixelsText(std::uint64_t width, std::uint64_t height) {
+  std::string text = fmt::format("{} x {} pixels", width, height);
+  constexpr std::uint64_t kMillion = 1'000'000;
+  if (width * height > kMostPixels) {
+    text += fmt::format("; at most {} million are read", kMostPixels / kMillion);
+  }
+  return text;
 }
 
 }  // namespace plenocal

@@ -2,12 +2,11 @@
 #include "detectors/images/pictures.h"
 
 #include <algorithm>
-#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <string>
 #include <vector>
 
-#include "detectors/images/image_codecs.h"
+#include "detectors/images/image.h"
 
 namespace plenocal {
 
@@ -76,7 +75,7 @@ double SampleScale(const cv::Mat& image) {
 
 std::string EncodeSample(const cv::Mat& picture) {
   constexpr int kQuality = 85;  // per cent; a report with many cameras stays below some megabytes
-  return EncodeImage(".jpg", picture, {cv::IMWRITE_JPEG_QUALITY, kQuality});
+  return EncodeImage(".jpg", picture, kQuality);
 }
 
 std::string SamplePicture(const cv::Mat& gray, std::vector<Observation> markers) {

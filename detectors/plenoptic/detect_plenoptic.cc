@@ -5,7 +5,6 @@
 
 #include <cstdint>
 #include <memory>
-#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <optional>
 #include <set>
@@ -245,7 +244,7 @@ ImageDetections DetectPlenopticImages(const std::vector<FrameImage>& images,
   const std::string& tiff = micro_lenses.attenuation_tiff;
   const PlenopticCamera camera{
       std::move(micro_lenses.array),
-      DecodeImage(std::vector<std::uint8_t>(tiff.begin(), tiff.end()), cv::IMREAD_UNCHANGED),
+      DecodeImage(std::vector<std::uint8_t>(tiff.begin(), tiff.end()), Channels::kAsStored),
       options.bayer};
   ImageDetections detections;
   detections.image_size = camera.array.image_size;

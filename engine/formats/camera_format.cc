@@ -3,9 +3,6 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <cmath>
-
 #include "calib/base/format_error.h"
 #include "calib/files/checks/transform_keys.h"
 

@@ -6,12 +6,9 @@
 #include <fmt/format.h>
 
 #include <array>
-#include <charconv>
 #include <cmath>
 #include <cstring>
 #include <limits>
-#include <optional>
-#include <string_view>
 
 #include "calib/base/format_error.h"
 #include "calib/io/input_file.h"

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "engine/observe/session_observations.h"
 
+#include <dlfcn.h>
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -296,6 +297,16 @@ SessionObservations Collect(const Session& session,
   return observations;
 }
 
+// The program, or the library or module that this code is in.
+std::filesystem::path OwnFile() {
+  Dl_info info{};
+  const bool is_found = dladdr(reinterpret_cast<const void*>(&CountObservations), &info) != 0;
+  // The name of a program is its first argument, which may be relative.
+  const bool is_library =
+      is_found && std::string_view(info.dli_fname).find(".so") != std::string_view::npos;
+  return is_library ? info.dli_fname : "/proc/self/exe";
+}
+
 }  // namespace
 
 CameraInput InputWithoutViews(const SessionCamera& camera) {
@@ -307,10 +318,6 @@ CameraInput InputWithoutViews(const SessionCamera& camera) {
           .rules = camera.rules,
           .image_size = camera.image_size,
           .views = {}};
-}
-
-std::string DetectionsName(const std::string& camera) {
-  return fmt::format("detections_{}.csv", camera);
 }
 
 size_t CountObservations(std::span<const View> views) {
@@ -325,11 +332,11 @@ DetectionCache OpenDetectionCache(const std::filesystem::path& out,
   // Given detections are not cached, and hashing the program takes as long as solving a small
   // session.
   const bool detects = std::ranges::any_of(session.cameras, HasImages);
-  const std::string program = detects ? fmt::format("plenocal {} {} {}",
-                                                    PLENOCAL_VERSION,
-                                                    HashFile("/proc/self/exe"),
-                                                    session.target.Text())
-                                      : std::string();
+  const std::string program =
+      detects
+          ? fmt::format(
+                "plenocal {} {} {}", PLENOCAL_VERSION, HashFile(OwnFile()), session.target.Text())
+          : std::string();
   return {out.empty() ? out : out / ".cache", program, earlier == EarlierDetections::kIgnore};
 }
 

@@ -8,8 +8,8 @@
 #include "calib/io/input_file.h"
 #include "calib/io/output_folder.h"
 #include "detectors/plenoptic/focus_images.h"
+#include "engine/images/image_folder.h"
 #include "engine/recording/stores/image_lister.h"
-#include "engine/resample/image_folder.h"
 
 namespace plenocal {
 
@@ -33,9 +33,8 @@ void FocusImages(const FocusFilesRequest& request, const Run& run) {
   focus.message = [&](const std::string& line) { run.Message(line); };
   std::string place;  // "2 of 7"
   focus.progress = [&](size_t done) {
-    place = fmt::format("{} of {}", done + 1 , focus.raw_images.size());
-    return run.Progress(
-        fmt::format("focus: image {}, {}", place , focus.raw_images[done].frame));
+    place = fmt::format("{} of {}", done + 1, focus.raw_images.size());
+    return run.Progress(fmt::format("focus: image {}, {}", place, focus.raw_images[done].frame));
   };
   focus.result =
       [&](const std::string& frame, const FrameFiles& files, const std::string& summary) {

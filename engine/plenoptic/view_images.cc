@@ -63,7 +63,7 @@ std::vector<RefocusPlane> PlanesOf(const ViewFilesRequest& request) {
         "virtual depths with --depth");
   }
   const CalibrationRecord calibration = ReadCalibration(request.calibration, CameraModels());
-  const CalibratedCamera& camera = PlenopticCameraOf(calibration, request.camera);
+  const CalibratedCamera& camera = PlenopticCameraOf(calibration, request.camera_name);
   for (const double distance : request.distances) {
     planes.push_back({VirtualDepthAt(camera, distance), distance});
   }
@@ -72,18 +72,14 @@ std::vector<RefocusPlane> PlanesOf(const ViewFilesRequest& request) {
 
 }  // namespace
 
-ViewsResult MakeViews(const ViewFilesRequest& request, const Run& run) {
+ViewsResult MakeViews(ViewFilesRequest request, const Run& run) {
   const RunScope inputs;
-  const ViewsRequest views{.raw_image = request.raw,
-                           .camera = FindPlenopticSource(request.lenses),
-                           .views = request.views,
-                           .radius = request.radius,
-                           .step = request.scale,
-                           .planes = PlanesOf(request),
-                           .threads = run.threads,
-                           .message = [&](const std::string& line) { run.Message(line); }};
+  request.camera = FindPlenopticSource(request.lenses);
+  request.planes = PlanesOf(request);
+  request.threads = run.threads;
+  request.message = [&](const std::string& line) { run.Message(line); };
   const auto out = OpenOutput(request.out);
-  ViewsResult result = MakeViews(views);
+  ViewsResult result = MakeViews(request);
   if (!out) return result;
   for (const auto& [name, content] : result.files) out->Write(name, content);
   out->Commit();

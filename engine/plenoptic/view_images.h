@@ -13,21 +13,18 @@
 
 namespace plenocal {
 
-struct ViewFilesRequest {
-  std::filesystem::path raw;
+/// Without `camera`, `planes`, `threads` and `message` of the other request.
+struct ViewFilesRequest : ViewsRequest {
   PlenopticInputs lenses;
   std::filesystem::path calibration;  ///< calibration.yaml; empty: none
-  std::string camera;                 ///< of it; empty: the only plenoptic one
+  std::string camera_name;            ///< of it; empty: the only plenoptic one
   /// At which refocused images are sharp: m, of a calibrated camera, and virtual depths; both
   /// empty: three virtual depths of the image.
   std::vector<double> distances, depths;
-  int views = 5;              ///< sub-aperture images along either axis
-  double radius = 0.3;        ///< of the outermost ones from the middle, pitches
-  double scale = 2;           ///< raw pixels per pixel of the results
   std::filesystem::path out;  ///< folder for the results; empty: none is written
 };
 
 /// Throws `Error`, and `Stopped`.
-ViewsResult MakeViews(const ViewFilesRequest& request, const Run& run);
+ViewsResult MakeViews(ViewFilesRequest request, const Run& run);
 
 }  // namespace plenocal

@@ -12,7 +12,6 @@
 #include <utility>
 
 #include "calib/base/format_error.h"
-#include "calib/base/number_text.h"
 #include "calib/base/quoted_text.h"
 #include "calib/io/yaml.h"
 #include "engine/recording/stores/image_lister.h"

@@ -6,9 +6,9 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
+#include "calib/base/json_text.h"
 #include "calib/base/number_text.h"
 #include "calib/base/quoted_text.h"
-#include "engine/json_text.h"
 #include "engine/recording/summary.h"
 
 namespace plenocal {

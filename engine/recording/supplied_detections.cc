@@ -3,9 +3,7 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <array>
-#include <cmath>
 #include <map>
 #include <string_view>
 #include <vector>
@@ -13,9 +11,9 @@
 #include "calib/base/format_error.h"
 #include "calib/base/number_text.h"
 #include "calib/base/quoted_text.h"
+#include "calib/files/detections.h"
 #include "calib/io/csv.h"
 #include "calib/io/input_file.h"
-#include "engine/observe/session_observations.h"
 #include "engine/recording/image_files.h"
 #include "engine/recording/stores/message_log.h"
 

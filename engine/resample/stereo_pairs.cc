@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <filesystem>
 #include <map>
-#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <optional>
 #include <set>
@@ -61,7 +60,8 @@ void RefuseOneFileTwice(const StereoImages& pairs) {
 }
 
 cv::Mat Colours8Bit(const std::string& encoded) {
-  cv::Mat image = DecodeImage({encoded.begin(), encoded.end()}, cv::IMREAD_UNCHANGED);
+  cv::Mat image =
+      DecodeImage(std::vector<std::uint8_t>(encoded.begin(), encoded.end()), Channels::kAsStored);
   constexpr double kTo8Bits = 1.0 / 257;
   if (image.depth() == CV_16U) image.convertTo(image, CV_8U, kTo8Bits);
   if (image.channels() == 1) cv::cvtColor(image, image, cv::COLOR_GRAY2BGR);

@@ -5,12 +5,10 @@
 
 #include <algorithm>
 #include <deque>
-#include <filesystem>
 #include <string>
 #include <utility>
 
 #include "calib/base/format_error.h"
-#include "calib/base/names.h"
 #include "engine/formats/camera_format.h"
 #include "engine/session/calibration_folder.h"
 #include "engine/session/calibration_input.h"

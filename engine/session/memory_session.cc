@@ -11,7 +11,6 @@
 
 #include "calib/base/format_error.h"
 #include "calib/base/quoted_text.h"
-#include "calib/files/calibration_file.h"
 #include "calib/files/image_store.h"
 #include "calib/io/detection_cache.h"
 
@@ -114,6 +113,7 @@ Session SessionInMemory(const std::string& target, const std::vector<MemoryCamer
     own.given_images = ImagesOf(camera);
     own.given_views = camera.views;
     own.image_size = camera.image_size;
+    if (camera.model == nullptr) continue;
     own.initial.assign(camera.model->params.size(), std::nullopt);
     own.fixed.assign(camera.model->params.size(), false);
   }

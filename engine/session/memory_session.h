@@ -25,7 +25,7 @@ struct PixelView {
 /// One camera: images of named frames, or points measured in them.
 struct MemoryCamera {
   std::string name;
-  const CameraModel* model = nullptr;
+  const CameraModel* model = nullptr;  ///< null: to be chosen by `CalibrateSession`
   std::vector<std::pair<std::string, PixelView>> images = {};
   std::vector<View> views = {};
   ImageSize image_size{};  ///< of points, px

@@ -12,7 +12,6 @@ namespace plenocal {
 struct Session;
 
 struct SessionOptions {
-  std::filesystem::path session;     ///< session.yaml; empty: given in another way
   std::filesystem::path out;         ///< folder for the results; empty: none is written
   bool keep = false;                 ///< write pictures of the stages into `out`/images
   std::vector<std::string> exclude;  ///< rules beside the session's, in YAML

@@ -9,7 +9,6 @@
 #include <utility>
 
 #include "calib/base/format_error.h"
-#include "calib/base/names.h"
 #include "engine/session/look_alikes.h"
 
 namespace plenocal {

@@ -513,4 +513,26 @@ std::span<const ModelProperty> ModelProperties() {
   return kProperties;
 }
 
+std::string CheckModel(const CameraModel& model, size_t* violated) {
+  constexpr size_t kShown = 3;  // violations of a property; the rest is of the same kind
+  std::string text;
+  *violated = 0;
+  for (const ModelProperty& property : ModelProperties()) {
+    if (property.central_only && !model.central) {
+      text += fmt::format("not asked  {} (of central models only)\n", property.claim);
+      continue;
+    }
+    const std::vector<std::string> violations = property.violations(model);
+    text += fmt::format("{}  {}\n", violations.empty() ? "holds    " : "VIOLATED ", property.claim);
+    for (size_t i = 0; i < std::min(violations.size(), kShown); ++i) {
+      text += fmt::format("             {}\n", violations[i]);
+    }
+    if (violations.size() > kShown) {
+      text += fmt::format("             and {} more\n", violations.size() - kShown);
+    }
+    *violated += violations.empty() ? 0 : 1;
+  }
+  return text;
+}
+
 }  // namespace plenocal

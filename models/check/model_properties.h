@@ -25,4 +25,8 @@ struct ModelProperty {
 /// All properties; the later ones assume that the earlier ones hold.
 std::span<const ModelProperty> ModelProperties();
 
+/// Which of the properties hold for a model, as lines; `violated` receives the number of the
+/// others.
+std::string CheckModel(const CameraModel& model, size_t* violated);
+
 }  // namespace plenocal

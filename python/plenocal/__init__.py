@@ -62,6 +62,12 @@ def model_info(name: str) -> dict[str, Any]:
     return info
 
 
+def check_model(name: str) -> str:
+    """Whether a model's projection, inverse and derivatives agree (`plenocal models check`): a line
+    "holds" or "VIOLATED" for each property. Raises `InputError`."""
+    return _core.check_model(name)
+
+
 def load_plugin(path: PathLike) -> None:
     """Adds the camera models of a shared library (docs/new_model.md). Raises `InputError`."""
     _core.load_plugin(os.fspath(path))
@@ -85,6 +91,7 @@ __all__ = [
     "Target",
     "calibrate",
     "check",
+    "check_model",
     "compare",
     "detect",
     "detect_session",

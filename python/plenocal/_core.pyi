@@ -6,12 +6,51 @@ from .arrays import FloatArray
 
 __version__: str
 
-def run(
-    arguments: Sequence[str],
-    progress: Callable[[str], object] | None,
-    message: Callable[[str, bool], None] | None,
-    catch_ctrl_c: bool,
+Callbacks = Callable[[str], object] | None
+Message = Callable[[str, bool], None]
+Options = tuple[str, bool, bool, Sequence[str]]
+
+def session_of_arrays(
+    target: str,
+    cameras: Sequence[
+        tuple[
+            str,
+            str,
+            Sequence[int],
+            Sequence[tuple[str, Any]],
+            Sequence[tuple[str, Sequence[int], FloatArray]],
+        ]
+    ],
+) -> Session: ...
+def calibrate(
+    session: Session | None,
+    images: Sequence[str],
+    target: str,
+    model: str,
+    jackknife: bool,
+    report: bool,
+    options: Options,
+    threads: int,
+    progress: Callbacks,
+    message: Message,
+) -> tuple[Record, str]: ...
+def detect_session(
+    session: Session, options: Options, threads: int, progress: Callbacks, message: Message
+) -> list[tuple[str, int]]: ...
+def try_models(
+    session: Session,
+    models: Sequence[str],
+    camera: str,
+    folds: int,
+    options: Options,
+    threads: int,
+    progress: Callbacks,
+    message: Message,
 ) -> str: ...
+def simulate(
+    specification: str, out: str, points: bool, threads: int, progress: Callbacks, message: Message
+) -> str: ...
+def check_model(name: str) -> str: ...
 def run_as_program(arguments: Sequence[str]) -> int: ...
 def load_plugin(path: str) -> None: ...
 def models() -> list[str]: ...

@@ -31,11 +31,19 @@ class Calibration:
 
     def __init__(self, path: PathLike) -> None:
         """As `Calibration.load`."""
-        self._native = _core.Record.load(os.fspath(path))
-        self._cameras = [Camera._of(camera) for camera in self._native.cameras]
-        self._folder: tempfile.TemporaryDirectory[str] | None = None
-        #: What the command printed, of a calibration that this process has made.
+        self._set(_core.Record.load(os.fspath(path)))
+
+    def _set(self, native: _core.Record) -> None:
+        self._native = native
+        self._cameras = [Camera._of(camera) for camera in native.cameras]
+        #: Parameters and fit as text, of a calibration that this process has made.
         self.summary = ""
+
+    @classmethod
+    def _of(cls, native: _core.Record) -> Calibration:
+        calibration = cls.__new__(cls)
+        calibration._set(native)
+        return calibration
 
     @classmethod
     def load(cls, path: PathLike) -> Calibration:
@@ -49,12 +57,7 @@ class Calibration:
         names = [camera.name for camera in cameras]
         if not names or len(set(names)) < len(names):
             raise InputError(f"cameras: expected cameras with different names, found {names}")
-        calibration = cls.__new__(cls)
-        calibration._native = _core.Record.of_cameras([camera._native for camera in cameras])
-        calibration._cameras = list(cameras)
-        calibration._folder = None
-        calibration.summary = ""
-        return calibration
+        return cls._of(_core.Record.of_cameras([camera._native for camera in cameras]))
 
     def save(self, path: PathLike) -> None:
         """Writes calibration.yaml (parameters and poses with all digits)."""

@@ -1,14 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The commands of the program, in this process.
+"""What the commands of the program do.
 
-Each function runs the command of its name by the same code as the program, so that all files it
-writes are the same, byte for byte. The options of all are
+`calibrate`, `detect_session`, `try_models` and `simulate` call the engine: runs of several threads
+go on side by side, and nothing is written unless `out` is given. The others run the program.
+Files are those of the program, byte for byte. The options of all are
 
-out: folder for the results; None: a temporary one, where the function returns what is in it.
+out: folder for the results; None: none are written.
 threads: 0: all cores. progress: called with a text on the present stage, from any thread
-(`tqdm.set_description` fits); an exception in it stops the command. Ctrl-C stops it as well.
+(`tqdm.set_description` fits); an exception in it stops the run. Ctrl-C stops it as well.
 
-Messages go to the logger "plenocal". Commands of several threads run one after the other.
+Messages go to the logger "plenocal".
 """
 
 from __future__ import annotations
@@ -17,12 +18,12 @@ import csv
 import json
 import os
 import tempfile
-from typing import TYPE_CHECKING, Any, Callable, Sequence
+from typing import TYPE_CHECKING, Any, Callable, Mapping, Sequence
 
 from . import _core
 from .calibration import Calibration
 from .camera import Camera
-from .errors import InputError
+from .errors import GradeError, InputError, JobError
 from .session import Session
 from .target import Target
 
@@ -33,16 +34,17 @@ Progress = Callable[[str], object]
 
 
 def run(arguments: Sequence[PathLike], *, progress: Progress | None = None) -> str:
-    """Runs a command as the program does and returns what it prints.
+    """Runs the program and returns what it prints; `progress` gets the lines of its messages.
 
-    Raises `InputError`, `JobError`, `GradeError` (exit statuses 2, 1, 3) with the message of the
-    program, and `KeyboardInterrupt` after Ctrl-C; no result files are written then.
+    Camera models of `register` are not known there. Raises `InputError`, `JobError`, `GradeError`
+    (exit statuses 2, 1, 3) with the message of the program, and `KeyboardInterrupt` after Ctrl-C; no
+    result files are written then.
 
     >>> print(run(["models"]).splitlines()[0])
     division
     """
-    import logging
-    import threading
+    import subprocess
+    import sys
 
     if isinstance(arguments, (str, bytes)):
         raise InputError("arguments: expected a list of words, found one text")
@@ -50,20 +52,46 @@ def run(arguments: Sequence[PathLike], *, progress: Progress | None = None) -> s
     for word in words:
         if not isinstance(word, str) or "\0" in word:
             raise InputError(f"arguments: expected texts, found {word!r}")
-    logger = logging.getLogger("plenocal")
-
-    def message(line: str, warning: bool) -> None:
-        logger.log(logging.WARNING if warning else logging.INFO, "%s", line.strip())
-
-    in_main_thread = threading.current_thread() is threading.main_thread()
-    return _core.run(words, progress, message, in_main_thread)
+    folder = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+    path = os.pathsep.join([folder, os.environ["PYTHONPATH"]]) if "PYTHONPATH" in os.environ else folder
+    last = ""
+    with tempfile.TemporaryFile("w+", encoding="utf-8") as output, subprocess.Popen(
+        [sys.executable, "-m", "plenocal", *words],
+        stdout=output,
+        stderr=subprocess.PIPE,
+        env={**os.environ, "PYTHONPATH": path},
+        text=True,
+        encoding="utf-8",
+        errors="replace",
+    ) as child:
+        assert child.stderr is not None
+        try:
+            for line in child.stderr:
+                last = line.rstrip("\n")
+                _message(last.strip(), last.startswith("  warning: "))
+                if progress is not None:
+                    progress(last.strip())
+        except BaseException:
+            child.terminate()
+            raise
+        status = child.wait()
+        output.seek(0)
+        printed = output.read()
+    if status in (130, -2):
+        raise KeyboardInterrupt(last)
+    if status:
+        kind = {2: InputError, 3: GradeError}.get(status, JobError)
+        error = kind(last.removeprefix("plenocal: ") or f"plenocal ended with status {status}")
+        error.output = printed
+        raise error
+    return printed
 
 
 def calibrate(
     session: Session | PathLike | None = None,
     out: PathLike | None = None,
     *,
-    images: PathLike | Sequence[PathLike] = (),
+    images: PathLike | Sequence[Any] | Mapping[str, Any] = (),
     target: Target | PathLike = "",
     model: str = "auto",
     jackknife: bool = False,
@@ -74,30 +102,40 @@ def calibrate(
     threads: int = 0,
     progress: Progress | None = None,
 ) -> Calibration:
-    """Calibrates the cameras of a session, or one camera from its images and a target.
+    """Calibrates the cameras of a session, or cameras from images and a target.
 
-    Runs `plenocal calibrate` (see `Calibration` for what it returns, and `run` for what it raises).
+    images: a folder, a glob or files of one camera; or arrays in memory: of one camera a sequence,
+    of several `{name: {frame: array}}`, the first being the rig's master. An array has shape (H, W),
+    or (H, W, 3) in the order blue, green, red, of 8 or 16 bits. require: "good" or "usable"; a worse
+    verdict raises `GradeError`, after the files are written. Raises what `Error` lists.
     """
-    if (session is None) == (not images):
+    if (session is None) == (_is_empty(images)):
         raise InputError("calibrate: give a session, or images with a target")
+    files: list[str] = []
     if session is not None:
-        words = ["calibrate", session.path if isinstance(session, Session) else os.fspath(session)]
+        native = _open(session)._native
         if target or model != "auto":
             raise InputError("calibrate: a session has target and model itself; they go with images")
+    elif arrays := _arrays(images):
+        if not target:
+            raise InputError("calibrate: images in memory need a target")
+        given = target if isinstance(target, Target) else Target(target)
+        native = _core.session_of_arrays(given.yaml, [(name, "", [], frames, []) for name, frames in arrays])
     else:
-        words = ["calibrate", *_paths(images), "--model", model]
-    with_out = _Out(out)
-    if isinstance(target, Target):
-        words += ["--target", _target_file(target, with_out.made())]
-    elif target:
-        words += ["--target", os.fspath(target)]
-    words += _flags(jackknife=jackknife, keep=keep, fresh=fresh, no_report=not report)
-    if require:
-        words += ["--require", require]
-    summary = run([*words, "-o", with_out.folder, *_threads(threads)], progress=progress)
-    calibration = Calibration(with_out.folder)
-    calibration._folder = with_out.temporary
+        native, files = None, _paths(images)  # type: ignore[arg-type]
+    with tempfile.TemporaryDirectory() as folder:
+        word = _target_file(target, folder) if isinstance(target, Target) else os.fspath(target)
+        record, summary = _core.calibrate(
+            native, files, word, model, jackknife, report, _options(out, keep, fresh), threads, progress, _message
+        )
+    calibration = Calibration._of(record) if out is None else Calibration(out)
     calibration.summary = summary
+    verdict = calibration.verdict or {}
+    grades = ["good", "usable", "bad"]
+    if require not in ("", *grades[:2]):
+        raise InputError(f"require: expected 'good' or 'usable', found '{require}'")
+    if require and grades.index(verdict["grade"]) > grades.index(require):
+        raise GradeError(f"the calibration is {verdict['grade']}, not {require}: {verdict['findings'][0]['what']}")
     return calibration
 
 
@@ -109,10 +147,13 @@ def detect_session(
     fresh: bool = False,
     threads: int = 0,
     progress: Progress | None = None,
-) -> str:
-    """Detects the target in all images of a session: OUT/detections_<camera>.csv."""
-    flags = _flags(keep=keep, fresh=fresh)
-    return run(["detect", _session(session), "-o", out, *flags, *_threads(threads)], progress=progress)
+) -> dict[str, int]:
+    """Detects the target in all images of a session: OUT/detections_<camera>.csv.
+
+    Returns the number of points of each camera.
+    """
+    options = _options(out, keep, fresh)
+    return dict(_core.detect_session(_open(session)._native, options, threads, progress, _message))
 
 
 def try_models(
@@ -129,12 +170,10 @@ def try_models(
 
     Returns the rows of try.csv: model, parameters, held_out_rms (px), recommended, judgement, ...
     """
-    with_out = _Out(out)
-    words = ["try", _session(session), "-o", with_out.folder, "--folds", str(folds)]
-    words += ["--models", ",".join(models)] if models else []
-    words += ["--camera", camera] if camera else []
-    run([*words, *_threads(threads)], progress=progress)
-    return _rows(os.path.join(with_out.folder, "try.csv"))
+    table = _core.try_models(
+        _open(session)._native, list(models), camera, folds, _options(out), threads, progress, _message
+    )
+    return _rows(table)
 
 
 def check(
@@ -176,7 +215,8 @@ def compare(
         for distance in distances:
             words += ["--distance", repr(float(distance))]
         run(words)
-        return _rows(os.path.join(folder, "out", "compare.csv"))
+        with open(os.path.join(folder, "out", "compare.csv"), encoding="utf-8") as file:
+            return _rows(file.read())
 
 
 def suggest(
@@ -261,8 +301,7 @@ def simulate(
     progress: Progress | None = None,
 ) -> Session:
     """Makes a session with known truth (`plenocal simulate`); points: detections, no images."""
-    words = ["simulate", specification, "-o", out, *_flags(points=points), *_threads(threads)]
-    run(words, progress=progress)
+    _core.simulate(os.fspath(specification), os.fspath(out), points, threads, progress, _message)
     return Session(os.path.join(os.fspath(out), "session.yaml"))
 
 
@@ -356,18 +395,6 @@ def rectify_maps(
     return (*one[:2], Camera._of(one[2])), (*two[:2], Camera._of(two[2])), baseline
 
 
-class _Out:
-    """A folder for results, temporary if none is given."""
-
-    def __init__(self, out: PathLike | None) -> None:
-        self.temporary = tempfile.TemporaryDirectory(prefix="plenocal-") if out is None else None
-        self.folder = self.temporary.name if self.temporary else os.fspath(out or "")
-
-    def made(self) -> str:
-        os.makedirs(self.folder, exist_ok=True)
-        return self.folder
-
-
 def _paths(paths: PathLike | Sequence[PathLike]) -> list[str]:
     if isinstance(paths, (str, os.PathLike)):
         return [os.fspath(paths)]
@@ -415,8 +442,8 @@ def _size(size: Sequence[int] | None) -> list[int] | None:
     return values
 
 
-def _rows(path: str) -> list[dict[str, Any]]:
-    """The rows of a CSV file with its numbers as numbers."""
+def _rows(table: str) -> list[dict[str, Any]]:
+    """The rows of a CSV table with its numbers as numbers."""
 
     def value(text: str) -> Any:
         try:
@@ -424,5 +451,58 @@ def _rows(path: str) -> list[dict[str, Any]]:
         except ValueError:
             return text
 
-    with open(path, newline="", encoding="utf-8") as file:
-        return [{key: value(text) for key, text in row.items()} for row in csv.DictReader(file)]
+    return [{key: value(text) for key, text in row.items()} for row in csv.DictReader(table.splitlines())]
+
+
+def _message(line: str, warning: bool) -> None:
+    import logging
+
+    logging.getLogger("plenocal").log(logging.WARNING if warning else logging.INFO, "%s", line.strip())
+
+
+def _open(session: Session | PathLike) -> Session:
+    """The session as its file is now, or the one in memory."""
+    if isinstance(session, Session) and not session.text:
+        return session
+    return Session(_session(session))
+
+
+def _options(out: PathLike | None, keep: bool = False, fresh: bool = False) -> tuple[str, bool, bool, list[str]]:
+    return ("" if out is None else os.fspath(out), keep, fresh, [])
+
+
+def _is_empty(images: Any) -> bool:
+    return hasattr(images, "__len__") and len(images) == 0
+
+
+def _arrays(images: Any) -> list[tuple[str, list[tuple[str, Any]]]]:
+    """Cameras with their frames, of images in memory; none of paths."""
+    import numpy as np
+
+    if isinstance(images, (str, os.PathLike)):
+        return []
+    if isinstance(images, Mapping):
+        cameras = images
+    elif isinstance(images[0], (str, os.PathLike)):
+        return []
+    else:
+        cameras = {"cam": images}
+    found = []
+    for name, frames in cameras.items():
+        named = frames.items() if isinstance(frames, Mapping) else ((f"{i:04}", f) for i, f in enumerate(frames))
+        rows = []
+        for frame, pixels in named:
+            array = np.asarray(pixels)
+            shape_fits = array.ndim == 2 or (array.ndim == 3 and array.shape[2] == 3)
+            if not shape_fits or array.size == 0 or array.dtype not in (np.uint8, np.uint16):
+                raise InputError(
+                    f"{name}: frame {frame}: expected (H, W) or (H, W, 3), uint8 or uint16, found "
+                    f"{array.dtype} of shape {array.shape}"
+                )
+            if array.strides[-1] != array.itemsize or (array.ndim == 3 and array.strides[1] != 3 * array.itemsize):
+                array = np.ascontiguousarray(array)
+            if array.strides[0] < 0:
+                array = np.ascontiguousarray(array)
+            rows.append((str(frame), array))
+        found.append((str(name), rows))
+    return found

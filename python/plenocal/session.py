@@ -28,13 +28,13 @@ class Session:
     @classmethod
     def from_points(
         cls,
-        folder: PathLike,
+        folder: PathLike | None,
         target: Target | PathLike,
         cameras: Mapping[str, Mapping[str, Any]],
         *,
         options: Mapping[str, Any] | None = None,
     ) -> Session:
-        """Writes a session of measured points into a folder, and reads it.
+        """A session of measured points, written into a folder; None: it stays in memory.
 
         cameras: for each name `{"model": ..., "image_size": (width, height), "points": {frame:
         table}}`, the first being the rig's master; a table has the columns marker, x, y (px) and
@@ -44,13 +44,14 @@ class Session:
         import numpy as np
 
         target = target if isinstance(target, Target) else Target(target)
-        folder = os.fspath(folder)
-        os.makedirs(folder, exist_ok=True)
+        if folder is None and options:
+            raise InputError("from_points: options need a folder")
         files = {"target.yaml": target.yaml}
         entries = {}
+        native: list[Any] = []
         for name, camera in cameras.items():
             frames: list[str] = []
-            markers, rows = [], []
+            markers, rows, views = [], [], []
             for frame, points in camera["points"].items():
                 try:
                     numbers = np.asarray(points["marker"], dtype=np.int32)
@@ -65,17 +66,26 @@ class Session:
                 if not np.isfinite(rows[-1]).all() or not (rows[-1][:, 2] > 0).all():
                     raise InputError(f"{name}: {frame}: expected finite numbers and positive sigmas")
                 markers.append(numbers)
+                views.append((str(frame), numbers.tolist(), rows[-1]))
                 frames += [str(frame)] * len(numbers)
             if not frames:
                 raise InputError(f"{name}: has no points")
+            size = [int(v) for v in camera["image_size"]]
+            native.append((str(name), camera["model"], size, [], views))
             files[f"points_{name}.csv"] = _core.detections_table(
                 frames, np.concatenate(markers), np.concatenate(rows)
             )
             entries[name] = {
                 "model": camera["model"],
                 "detections": f"points_{name}.csv",
-                "image_size": [int(v) for v in camera["image_size"]],
+                "image_size": size,
             }
+        if folder is None:
+            found = cls.__new__(cls)
+            found._native = _core.session_of_arrays(target.yaml, native)
+            return found
+        folder = os.fspath(folder)
+        os.makedirs(folder, exist_ok=True)
         session: dict[str, Any] = {"plenocal": 1, "target": "target.yaml", "cameras": entries}
         if options:
             session["options"] = dict(options)

@@ -19,6 +19,7 @@ namespace plenocal::python {
 
 namespace nb = nanobind;
 
+void BindEngine(nb::module_& module);
 void BindProgram(nb::module_& module);
 void BindCamera(nb::module_& module);
 void BindCalibration(nb::module_& module);
@@ -47,12 +48,13 @@ nb::ndarray<nb::numpy, T> ToColumn(std::vector<T> values) {
   return nb::ndarray<nb::numpy, T>(kept->data(), {kept->size()}, owner);
 }
 
-/// Sets the exception of an error (plenocal/errors.py: a class each kind), and what the command had
-/// printed.
-void SetPythonError(const Error& error, const std::string& output = {});
+/// Sets the exception of an error (plenocal/errors.py: a class each kind).
+void SetPythonError(const Error& error);
 
-/// Throws the exception that a camera model written in Python has raised since the last call, if
-/// any. With the GIL.
-void RethrowFromModel();
+/// Whether a camera model written in Python has raised an exception in a thread of this run
+/// (`run_of_thread`); null: in one of no run.
+bool HasModelFailed(const void* run);
+/// Throws it, and forgets it. With the GIL.
+void RethrowFromModel(const void* run = nullptr);
 
 }  // namespace plenocal::python

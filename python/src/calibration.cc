@@ -16,24 +16,19 @@
 #include "calib/io/output_folder.h"
 #include "models/registry.h"
 #include "python/src/bindings.h"
+#include "python/src/record.h"
 
 namespace plenocal::python {
 namespace {
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
-/// A calibration, and the folder of the tables and pictures that belong to it.
-struct Record {
-  CalibrationRecord record;
-  std::filesystem::path folder;
-};
-
 Record Load(const std::filesystem::path& path) {
   const nb::gil_scoped_release release;
   if (std::filesystem::is_directory(path)) {
-    return {ReadCalibrationFolder(path, CameraModels()), path};
+    return {ReadCalibrationFolder(path, CameraModels()), {path, {}}};
   }
-  return {ReadCalibration(path, CameraModels()), path.parent_path()};
+  return {ReadCalibration(path, CameraModels()), {path.parent_path(), {}}};
 }
 
 Record OfCameras(const std::vector<CalibratedCamera>& cameras) {
@@ -55,7 +50,10 @@ void Save(const Record& calibration, const std::filesystem::path& path) {
 
 std::string Report(const Record& calibration) {
   const nb::gil_scoped_release release;
-  return ReportHtml(calibration.record, ReadCameraFiles(calibration.folder, calibration.record));
+  const bool is_read = calibration.files.folder.empty();
+  return ReportHtml(
+      calibration.record,
+      is_read ? calibration.files : ReadCameraFiles(calibration.files.folder, calibration.record));
 }
 
 nb::dict Poses(const Record& calibration) {

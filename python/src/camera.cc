@@ -187,23 +187,11 @@ Numbers Uncertainty(const CalibratedCamera& camera,
   double* const out = covariances.data();
   {
     const nb::gil_scoped_release release;
-    Eigen::MatrixXd finite = camera.covariance;
-    std::vector<Eigen::Index> open;
-    for (Eigen::Index k = 0; k < params; ++k) {
-      if (std::isfinite(finite(k, k))) continue;
-      finite.row(k).setZero();
-      finite.col(k).setZero();
-      open.push_back(k);
-    }
+    const ImageCovariance image(camera);
     ForEachJacobian(
         camera, points, context, [&](size_t i, const auto&, const auto& J_params, const auto&) {
           const Eigen::Map<const Matrix> J(J_params.data(), measured, params);
-          Matrix covariance = J * finite * J.transpose();
-          for (const Eigen::Index k : open) {
-            for (Eigen::Index r = 0; r < measured; ++r) {
-              if (J(r, k) != 0) covariance(r, r) = std::numeric_limits<double>::infinity();
-            }
-          }
+          const Matrix covariance = image.Propagate(J);
           std::copy_n(covariance.data(),
                       covariance.size(),
                       out + i * static_cast<size_t>(covariance.size()));

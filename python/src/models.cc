@@ -14,11 +14,12 @@
 #include <deque>
 #include <exception>
 #include <limits>
+#include <map>
 #include <mutex>
 #include <tuple>
 
-#include "apps/cli/console.h"
 #include "calib/base/error.h"
+#include "calib/base/parallel.h"
 #include "models/registry.h"
 #include "models/start/central_start.h"
 #include "python/src/bindings.h"
@@ -45,10 +46,11 @@ std::array<Slot, kSlots> slots;
 size_t used_slots = 0;
 
 std::mutex failure_lock;
-std::exception_ptr failure;
+/// By run (`run_of_thread`), the first exception in a model.
+std::map<const void*, std::exception_ptr> failures;
 
 /// The result of a call into Python, which runs at once in one thread; after an exception, which is
-/// kept for `RethrowFromModel`, nothing, and a command that runs stops.
+/// kept for `RethrowFromModel`, nothing, and its run stops.
 template <typename Function>
 bool CallModel(const Function& function) {
   const nb::gil_scoped_acquire acquire;
@@ -57,8 +59,7 @@ bool CallModel(const Function& function) {
     return true;
   } catch (...) {
     const std::lock_guard lock(failure_lock);
-    if (!failure) failure = std::current_exception();
-    Interrupt();
+    failures.try_emplace(run_of_thread, std::current_exception());
     return false;
   }
 }
@@ -285,11 +286,19 @@ void Register(const nb::object& object,
 
 }  // namespace
 
-void RethrowFromModel() {
+bool HasModelFailed(const void* run) {
+  const std::lock_guard lock(failure_lock);
+  return failures.contains(run);
+}
+
+void RethrowFromModel(const void* run) {
   std::exception_ptr found;
   {
     const std::lock_guard lock(failure_lock);
-    std::swap(found, failure);
+    if (const auto failure = failures.find(run); failure != failures.end()) {
+      found = failure->second;
+      failures.erase(failure);
+    }
   }
   if (found) std::rethrow_exception(found);
 }

@@ -20,11 +20,9 @@ const char* ClassOf(ErrorKind kind) {
   return "Error";
 }
 
-void Raise(const char* name, const std::string& message, const std::string& output) {
+void Raise(const char* name, const std::string& message) {
   const nb::object type = nb::module_::import_("plenocal.errors").attr(name);
-  const nb::object exception = type(message.c_str());
-  exception.attr("output") = output.c_str();
-  PyErr_SetObject(type.ptr(), exception.ptr());
+  PyErr_SetObject(type.ptr(), type(message.c_str()).ptr());
 }
 
 void Translate(const std::exception_ptr& pointer, void*) {
@@ -33,15 +31,15 @@ void Translate(const std::exception_ptr& pointer, void*) {
   } catch (const Error& error) {
     SetPythonError(error);
   } catch (const std::filesystem::filesystem_error& error) {
-    Raise("JobError", error.path1().string() + ": " + error.code().message(), {});
+    Raise("JobError", error.path1().string() + ": " + error.code().message());
+  } catch (const Stopped&) {
+    PyErr_SetString(PyExc_KeyboardInterrupt, "stopped");
   }
 }
 
 }  // namespace
 
-void SetPythonError(const Error& error, const std::string& output) {
-  Raise(ClassOf(error.kind()), error.what(), output);
-}
+void SetPythonError(const Error& error) { Raise(ClassOf(error.kind()), error.what()); }
 
 }  // namespace plenocal::python
 
@@ -51,6 +49,7 @@ NB_MODULE(_core, module) {
   nb::set_leak_warnings(false);
   module.attr("__version__") = PLENOCAL_VERSION;
   nb::register_exception_translator(&Translate);
+  BindEngine(module);
   BindProgram(module);
   BindCamera(module);
   BindCalibration(module);

@@ -30,20 +30,12 @@ if(NOT models MATCHES "pinhole-radial3\n")
   message(FATAL_ERROR "The consumer does not list pinhole-radial3 but: ${models}")
 endif()
 
-# The example of the stable interface.
-build_project(${SOURCE}/examples/use_library ${WORK}/use_library)
-file(WRITE ${WORK}/calibration.yaml "plenocal: 1
-cameras:
-  left:
-    model: pinhole
-    image_size: [640, 480]
-    parameters: {f_x: 500, f_y: 500, c_x: 320, c_y: 240}
-    T_camera_rig: [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
-")
-execute_process(COMMAND ${WORK}/use_library/use_library ${WORK}/calibration.yaml OUTPUT_VARIABLE printed
-                COMMAND_ERROR_IS_FATAL ANY)
-if(NOT printed MATCHES "left: 370 265")
-  message(FATAL_ERROR "examples/use_library printed: ${printed}")
+# The engine from another program, with images in memory.
+build_project(${SOURCE}/examples/embed ${WORK}/embed)
+file(GLOB images ${SOURCE}/tests/data/frames/stereo_chess_opencv/left*.jpg)
+execute_process(COMMAND ${WORK}/embed/embed chessboard:9x6:25mm ${images} OUTPUT_VARIABLE printed COMMAND_ERROR_IS_FATAL ANY)
+if(NOT printed MATCHES "f_x = 53[0-9.]+ \\+- [0-9.]+ px\n.* is imaged at ")
+  message(FATAL_ERROR "examples/embed printed: ${printed}")
 endif()
 
 # The walk through docs/new_model.md: its shell commands in the example's folder, then its CMake template.

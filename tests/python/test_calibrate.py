@@ -5,11 +5,13 @@ import filecmp
 import json
 import os
 import pathlib
+import re
 import resource
 import signal
 import subprocess
 import sys
 import threading
+from typing import Callable
 
 import numpy as np
 import pytest
@@ -19,6 +21,16 @@ import plenocal
 from conftest import CHESSBOARDS, ROOT
 
 PROGRAM = os.environ.get("PLENOCAL_PROGRAM", "")
+
+
+def _specification(folder: pathlib.Path, seed: int) -> pathlib.Path:
+    """A simulated camera before a chessboard, in a file."""
+    examples = ROOT / "examples/simulate"
+    text = (examples / "one_camera.yaml").read_text().replace("frames: 30", "frames: 12")
+    path = folder / f"spec_{seed}.yaml"
+    path.write_text(re.sub(r"seed: \d+", f"seed: {seed}", text))
+    (folder / "board.yaml").write_text((examples / "board.yaml").read_text())
+    return path
 
 
 def test_finds_the_simulated_camera(
@@ -219,11 +231,10 @@ def test_an_exception_in_a_callback_stops_the_command(
         plenocal.calibrate(session, out, progress=fail)
     assert not (out / "calibration.yaml").exists()
 
-    def nested(stage: str) -> None:
-        plenocal.run(["models"])
-
-    with pytest.raises(plenocal.InputError, match="a command runs already"):
-        plenocal.calibrate(session, out, progress=nested)
+    # A callback may start another run.
+    models: list[str] = []
+    plenocal.calibrate(session, progress=lambda stage: models.append(plenocal.run(["models"])) if not models else None)
+    assert "pinhole" in models[0]
 
 
 def test_ctrl_c_stops_a_command(session: plenocal.Session, tmp_path: pathlib.Path) -> None:
@@ -244,22 +255,94 @@ def test_ctrl_c_stops_a_command(session: plenocal.Session, tmp_path: pathlib.Pat
         signal.sigtimedwait([], 1)
 
 
-def test_threads_that_call_at_once(session: plenocal.Session, tmp_path: pathlib.Path) -> None:
-    results: list[plenocal.Calibration] = []
-    camera = plenocal.Camera("pinhole", (640, 480), [500, 500, 320, 240])
+def test_two_threads_calibrate_two_sets_at_once(
+    session: plenocal.Session, tmp_path: pathlib.Path
+) -> None:
+    other = plenocal.simulate(_specification(tmp_path, seed=8), tmp_path / "other", points=True)
+    sets = {"a": session, "b": other}
+    running: list[str] = []
+    together: list[bool] = []
 
-    def work(i: int) -> None:
-        camera.project(np.ones((100, 3)))
-        results.append(plenocal.calibrate(session, tmp_path / str(i), report=False))
+    def work(name: str) -> None:
+        def progress(stage: str) -> None:
+            if name not in running:
+                running.append(name)
+            together.append(len(running) == 2)
 
-    threads = [threading.Thread(target=work, args=(i,)) for i in range(3)]
+        plenocal.calibrate(sets[name], tmp_path / "at_once" / name, progress=progress)
+        running.remove(name)
+
+    threads = [threading.Thread(target=work, args=(name,)) for name in sets]
     for thread in threads:
         thread.start()
     for thread in threads:
         thread.join()
-    assert len(results) == 3
-    for result in results[1:]:
-        np.testing.assert_array_equal(result[0].params, results[0][0].params)
+    assert any(together)
+    for name, each in sets.items():
+        plenocal.calibrate(each, tmp_path / "alone" / name)
+        for file in ("calibration.yaml", "poses.csv", "residuals.csv", "correlations.csv", "target.yaml"):
+            texts = [(tmp_path / how / name / file).read_text() for how in ("at_once", "alone")]
+            assert texts[0].replace("at_once", "alone") == texts[1], file
+
+
+def test_a_run_is_stopped_alone(session: plenocal.Session) -> None:
+    results: list[object] = []
+
+    def fail(stage: str) -> None:
+        raise ZeroDivisionError(stage)
+
+    def work(progress: Callable[[str], None] | None) -> None:
+        try:
+            results.append(plenocal.calibrate(session, progress=progress))
+        except ZeroDivisionError as error:
+            results.append(error)
+
+    threads = [threading.Thread(target=work, args=(progress,)) for progress in (fail, None)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert sorted(type(result).__name__ for result in results) == ["Calibration", "ZeroDivisionError"]
+
+
+def test_calibrates_in_memory_as_from_files(
+    session: plenocal.Session, calibration: plenocal.Calibration, tmp_path: pathlib.Path
+) -> None:
+    before = set(tmp_path.iterdir())
+    found = plenocal.calibrate(session)
+    assert set(tmp_path.iterdir()) == before
+    np.testing.assert_allclose(found[0].params, calibration[0].params, rtol=1e-12)
+    assert found.verdict == calibration.verdict
+    assert len(found.residuals()) == len(calibration.residuals())
+    found.report(tmp_path / "report.html")
+    assert (tmp_path / "report.html").read_text().startswith("<!doctype html>")
+
+
+def test_calibrates_from_arrays_of_images(tmp_path: pathlib.Path) -> None:
+    cv2 = pytest.importorskip("cv2")
+    made = plenocal.simulate(_specification(tmp_path, seed=3), tmp_path / "images")
+    files = sorted((tmp_path / "images").glob("**/*.png"))
+    of_files = plenocal.calibrate(images=files, target=made.target, model="pinhole-radtan", report=False)
+    arrays = [cv2.imread(str(file), cv2.IMREAD_UNCHANGED) for file in files]
+    wide = np.zeros((arrays[0].shape[0], arrays[0].shape[1] + 7, *arrays[0].shape[2:]), arrays[0].dtype)
+    wide[:, :-7] = arrays[0]  # rows with a gap between them
+    arrays[0] = wide[:, :-7]
+    of_arrays = plenocal.calibrate(images=arrays, target=made.target, model="pinhole-radtan")
+    np.testing.assert_allclose(of_arrays[0].params, of_files[0].params, rtol=1e-12)
+    with pytest.raises(plenocal.InputError, match="cam: frame 0001: expected .* found float64"):
+        plenocal.calibrate(images=[arrays[0], arrays[1].astype(float)], target=made.target)
+
+
+def test_points_in_memory_need_no_folder(session: plenocal.Session) -> None:
+    table = plenocal.calibrate(session).residuals()
+    points = {
+        frame: np.array([(r["marker"], r["x"], r["y"]) for r in table[table["frame"] == frame]],
+                        dtype=[("marker", int), ("x", float), ("y", float)])
+        for frame in np.unique(table["frame"])
+    }
+    camera = {"model": "pinhole-radtan", "image_size": (640, 480), "points": points}
+    found = plenocal.calibrate(plenocal.Session.from_points(None, session.target, {"left": camera}))
+    assert found["left"].fit["points"] == len(table)
 
 
 def test_the_package_is_a_program() -> None:

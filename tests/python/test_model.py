@@ -86,7 +86,7 @@ def simulate(folder: pathlib.Path, model: str) -> plenocal.Session:
 
 @pytest.mark.parametrize("model", [Stereographic, WithJacobian])
 def test_passes_the_checks_of_the_models(model: type[plenocal.CameraModel]) -> None:
-    text = plenocal.run(["models", "check", model.name])
+    text = plenocal.check_model(model.name)
     assert text.count("holds") == 9
 
 

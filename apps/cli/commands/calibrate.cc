@@ -3,7 +3,6 @@
 
 #include <cstdio>
 #include <memory>
-#include <utility>
 
 #include "apps/cli/command.h"
 #include "apps/cli/console.h"
@@ -12,12 +11,12 @@
 #include "apps/report/verdict_json.h"
 #include "assess/verdict.h"
 #include "calib/base/format_error.h"
+#include "calib/base/json_text.h"
 #include "calib/estimate/summary.h"
 #include "calib/files/frame_images.h"
 #include "engine/calibrate_session.h"
-#include "engine/json_text.h"
 #include "engine/recording/stores/image_lister.h"
-#include "engine/session/calibration_folder.h"
+#include "engine/session/open_session.h"
 
 namespace plenocal {
 namespace {
@@ -28,24 +27,6 @@ struct CalibrateArguments : CalibrateRequest {
   bool json = false;                ///< the result on standard output as JSON
   std::string require;              ///< name of the lowest grade that is no failure; empty: any
 };
-
-void WriteReport(const CalibrateArguments& arguments,
-                 SessionCalibration* result,
-                 Console* console) {
-  console->Progress("report");
-  CameraFiles files{arguments.out, {}};
-  for (CameraFile& file : result->files) files.contents[file.name] = std::move(file.content);
-  if (result->target) AddTarget(*result->target, &result->record);
-  std::string html;
-  // A calibration is not lost because its report fails.
-  try {
-    html = ReportHtml(result->record, files);
-  } catch (const Error& error) {
-    console->Message(fmt::format("report.html was not written: {}", error.what()));
-    return;
-  }
-  result->folders->out()->Write("report.html", html);
-}
 
 void CheckRequirement(const CalibrateArguments& arguments, const Verdict& verdict) {
   if (arguments.require.empty() || verdict.grade <= *ParseGrade(arguments.require)) return;
@@ -90,11 +71,13 @@ std::string SessionFile(const CalibrateArguments& arguments) {
 
 void RunCalibrate(CalibrateArguments* arguments, const ConsoleOptions& shared) {
   Console console(shared);
-  arguments->session = SessionFile(*arguments);
+  const std::string session = SessionFile(*arguments);
+  if (!session.empty()) arguments->session = OpenSession(session);
   arguments->command = shared.program + " calibrate";
   arguments->images.images = arguments->inputs;
-  SessionCalibration result = CalibrateSession(*arguments, console.NewRun());
-  if (arguments->report) WriteReport(*arguments, &result, &console);
+  const Run run = console.NewRun();
+  SessionCalibration result = CalibrateSession(*arguments, run);
+  if (arguments->report) AddReport(arguments->out, run, &result);
   result.folders->Commit();
   if (arguments->json) {
     nlohmann::json json = CalibrationJson(result.record);

@@ -4,30 +4,32 @@
 #include <memory>
 
 #include "apps/cli/command.h"
+#include "apps/cli/field_pictures.h"
 #include "apps/cli/options.h"
 #include "apps/evaluate/compare_truths.h"
 #include "apps/photometry/attenuation_compare.h"
-#include "apps/report/field_pictures.h"
 #include "apps/report/verdict_json.h"
 #include "assess/text/compare_text.h"
 #include "calib/base/format_error.h"
-#include "calib/io/output_folder.h"
+#include "calib/base/json_text.h"
 #include "engine/check_session.h"
-#include "engine/json_text.h"
+#include "engine/session/open_session.h"
 
 namespace plenocal {
 namespace {
 
 /// Two calibrations, attenuations or ground truths; or one calibration and new images.
 struct CompareArguments : CheckRequest {
-  std::filesystem::path other;  ///< empty: there are new images
-  bool json = false;            ///< new images: JSON on standard output
+  std::filesystem::path other;    ///< empty: there are new images
+  std::filesystem::path session;  ///< session.yaml of the new images; empty: none
+  bool json = false;              ///< new images: JSON on standard output
 };
 
 /// The verdict on a calibration with new images; throws `Error` when it does not hold any more.
 void CheckWithNewImages(const CompareArguments& arguments, const ConsoleOptions& shared) {
   Console console(shared);
-  const SessionCheck result = CheckSession(arguments, console.NewRun());
+  const SessionCheck result =
+      CheckSession(OpenSession(arguments.session), arguments, console.NewRun());
   const std::string json = JsonText(CheckJson(result.check)) + "\n";
   if (OutputFolder* const out = result.folders->out()) {
     out->Write("check.json", json);
@@ -48,15 +50,11 @@ struct Shown {
   OutputContents files;
 };
 
-bool IsTiff(const std::filesystem::path& path) {
-  return path.extension() == ".tiff" || path.extension() == ".tif";
-}
-
 Shown CompareBoth(const CompareArguments& arguments, bool files) {
   const std::string a = arguments.calibration.string(), b = arguments.other.string();
   const bool for_calibrations = !arguments.map.empty() || !arguments.distances.empty();
-  if (IsTiff(a)) {
-    if (!IsTiff(b) || for_calibrations) {
+  if (IsAttenuation(a)) {
+    if (!IsAttenuation(b) || for_calibrations) {
       throw InputError(
           "attenuations are compared with each other: give two TIFF files and -o only");
     }

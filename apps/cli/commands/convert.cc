@@ -3,15 +3,13 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <array>
-#include <cmath>
 #include <memory>
 #include <string>
 
 #include "apps/cli/command.h"
+#include "apps/cli/field_pictures.h"
 #include "apps/cli/options.h"
-#include "apps/report/field_pictures.h"
 #include "calib/base/number_text.h"
 #include "calib/files/calibration_file.h"
 #include "calib/io/output_folder.h"

@@ -11,6 +11,7 @@
 #include "calib/base/format_error.h"
 #include "calib/base/number_text.h"
 #include "calib/base/quoted_text.h"
+#include "calib/files/detections.h"
 #include "calib/io/output_folder.h"
 #include "engine/detect_session.h"
 #include "engine/observe/session_observations.h"
@@ -22,6 +23,7 @@ namespace plenocal {
 namespace {
 
 struct DetectArguments : SessionOptions {
+  std::filesystem::path session;
   std::string shard;  ///< "1/4"; empty: all images
 };
 
@@ -91,7 +93,8 @@ void RunShard(const DetectArguments& options, const ConsoleOptions& shared) {
 void RunDetect(const DetectArguments& options, const ConsoleOptions& shared) {
   if (!options.shard.empty()) return RunShard(options, shared);
   Console console(shared);
-  const DetectedSession detected = DetectSession(options, console.NewRun());
+  const DetectedSession detected =
+      DetectSession(OpenSession(options.session), options, console.NewRun());
   detected.folders->Commit();
   for (const CameraInput& camera : detected.observations.cameras) {
     console.Print(fmt::format("{}: {}, {} -> {}\n",
@@ -104,7 +107,7 @@ void RunDetect(const DetectArguments& options, const ConsoleOptions& shared) {
 
 RunCommand DeclareDetect(CLI::App* app, ConsoleOptions* shared) {
   const auto options = std::make_shared<DetectArguments>();
-  AddSessionOptions(app, options.get(), shared);
+  AddSessionOptions(app, &options->session, options.get(), shared);
   app->add_option(
          "--shard",
          options->shard,

@@ -9,8 +9,8 @@
 #include "apps/cli/command.h"
 #include "apps/cli/options.h"
 #include "apps/evaluate/evaluate_runs.h"
+#include "calib/base/json_text.h"
 #include "calib/io/output_folder.h"
-#include "engine/json_text.h"
 
 namespace plenocal {
 namespace {

@@ -5,8 +5,8 @@
 
 #include "apps/cli/command.h"
 #include "apps/cli/options.h"
+#include "engine/exchange/export_calibration.h"
 #include "engine/formats/camera_format.h"
-#include "engine/formats/export_calibration.h"
 
 namespace plenocal {
 namespace {

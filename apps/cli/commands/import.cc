@@ -5,7 +5,7 @@
 
 #include "apps/cli/command.h"
 #include "apps/cli/options.h"
-#include "engine/formats/import_files.h"
+#include "engine/exchange/import_files.h"
 #include "engine/formats/import_format.h"
 
 namespace plenocal {

@@ -2,11 +2,12 @@
 #include <fmt/format.h>
 
 #include <memory>
+#include <nlohmann/json.hpp>
 
 #include "apps/cli/command.h"
 #include "apps/cli/options.h"
+#include "calib/base/json_text.h"
 #include "calib/base/quoted_text.h"
-#include "engine/json_text.h"
 #include "engine/locate_images.h"
 
 namespace plenocal {

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <cmath>
 #include <memory>
 
@@ -55,24 +54,9 @@ void PrintModel(const CameraModel& model) {
 }
 
 void RunModelCheck(const std::string& name) {
-  constexpr size_t kShown = 3;  // violations of a property; the rest is of the same kind
   const CameraModel& model = *ModelNamed("models check", name);
-  int violated = 0;
-  for (const ModelProperty& property : ModelProperties()) {
-    if (property.central_only && !model.central) {
-      fmt::print("not asked  {} (of central models only)\n", property.claim);
-      continue;
-    }
-    const std::vector<std::string> violations = property.violations(model);
-    fmt::print("{}  {}\n", violations.empty() ? "holds    " : "VIOLATED ", property.claim);
-    for (size_t i = 0; i < std::min(violations.size(), kShown); ++i) {
-      fmt::print("             {}\n", violations[i]);
-    }
-    if (violations.size() > kShown) {
-      fmt::print("             and {} more\n", violations.size() - kShown);
-    }
-    if (!violations.empty()) ++violated;
-  }
+  size_t violated = 0;
+  fmt::print("{}", CheckModel(model, &violated));
   if (violated > 0) {
     throw JobError("camera model {} violates {} of {} properties",
                    model.name,

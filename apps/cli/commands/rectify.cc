@@ -7,7 +7,7 @@
 #include "apps/cli/options.h"
 #include "apps/cli/view_options.h"
 #include "calib/base/number_text.h"
-#include "engine/resample/rectify_images.h"
+#include "engine/images/rectify_images.h"
 
 namespace plenocal {
 namespace {

@@ -9,8 +9,8 @@
 #include "apps/suggest/suggestions_json.h"
 #include "apps/suggest/view_sheet.h"
 #include "calib/base/format_error.h"
+#include "calib/base/json_text.h"
 #include "calib/io/output_folder.h"
-#include "engine/json_text.h"
 #include "engine/suggest_views.h"
 
 namespace plenocal {
@@ -44,7 +44,7 @@ void RunSuggest(const SuggestArguments& arguments, const ConsoleOptions& shared)
   Console console(shared);
   const Run run = console.NewRun();
   if (!arguments.images.empty()) {
-    const PictureWorth worth = WeighPictures(arguments.session, PicturesOf(arguments), run);
+    const PictureWorth worth = WeighPictures(arguments.input, PicturesOf(arguments), run);
     if (arguments.json) return fmt::print("{}\n", JsonText(WorthJson(worth)));
     return console.Print(WordsOf(worth) + "\n");
   }
@@ -76,7 +76,7 @@ constexpr const char* kSuggestHelp =
 RunCommand DeclareSuggest(CLI::App* app, ConsoleOptions* shared) {
   const auto arguments = std::make_shared<SuggestArguments>();
   app->add_option("input",
-                  arguments->session,
+                  arguments->input,
                   "folder that 'plenocal calibrate' wrote, or session.yaml; none: no image yet");
   app->add_option(
       "--target", arguments->target, "before the first image: chessboard:9x6:25mm, or a file");

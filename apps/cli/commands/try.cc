@@ -6,23 +6,26 @@
 #include "apps/cli/command.h"
 #include "apps/cli/options.h"
 #include "apps/report/trial_page.h"
+#include "engine/session/open_session.h"
 #include "engine/try_session.h"
 
 namespace plenocal {
 namespace {
 
-void RunTry(TryRequest* request, const ConsoleOptions& shared) {
+struct TryArguments : TryRequest {
+  std::filesystem::path session;
+};
+
+void RunTry(TryArguments* request, const ConsoleOptions& shared) {
   Console console(shared);
   request->command = shared.program + " try";
-  const SessionTrial trial = TrySession(*request, console.NewRun());
-  const std::string model = ModelRecommendation(trial.models);
-  const std::string target = TargetRecommendation(trial.targets, trial.marker_sigma);
-  trial.folders->out()->Write("try.html", TrialPage(trial.models, trial.rows, {model, target}));
+  const SessionTrial trial = TrySession(OpenSession(request->session), *request, console.NewRun());
+  trial.folders->out()->Write("try.html", TrialPage(trial));
   trial.folders->Commit();
   console.Print(fmt::format("{}\nrecommended: {}\ntarget: {}\n\nwritten to {}\n",
                             TrialTable(trial.models, trial.rows),
-                            model,
-                            target,
+                            ModelRecommendation(trial.models),
+                            TargetRecommendation(trial.targets, trial.marker_sigma),
                             request->out.string()));
 }
 
@@ -34,7 +37,7 @@ constexpr const char* kTryHelp =
     "writes OUT/try.csv, try.yaml, try.html and models/<model>/calibration.yaml.";
 
 RunCommand DeclareTry(CLI::App* app, ConsoleOptions* shared) {
-  const auto arguments = std::make_shared<TryRequest>();
+  const auto arguments = std::make_shared<TryArguments>();
   app->add_option("session", arguments->session, "session.yaml: cameras, images, target")
       ->required();
   app->add_option("--models",

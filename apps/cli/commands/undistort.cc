@@ -7,7 +7,7 @@
 #include "apps/cli/options.h"
 #include "apps/cli/view_options.h"
 #include "calib/base/number_text.h"
-#include "engine/resample/undistort_images.h"
+#include "engine/images/undistort_images.h"
 
 namespace plenocal {
 namespace {

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
 #include "apps/simulate/random.h"
 #include "calib/base/format_error.h"

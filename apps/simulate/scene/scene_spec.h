@@ -7,7 +7,6 @@
 #include <map>
 #include <optional>
 #include <string>
-#include <vector>
 
 #include "calib/io/yaml.h"
 #include "calib/rig/trajectory.h"

@@ -10,7 +10,6 @@
 #include <string>
 
 #include "calib/base/format_error.h"
-#include "calib/files/calibration_file.h"
 #include "calib/io/input_file.h"
 #include "calib/io/yaml.h"
 #include "engine/formats/camera_format.h"

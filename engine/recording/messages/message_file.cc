@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cctype>
-#include <string_view>
 
 #include "calib/base/format_error.h"
 #include "calib/io/input_file.h"

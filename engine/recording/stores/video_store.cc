@@ -13,7 +13,6 @@
 #include <opencv2/core.hpp>
 #include <opencv2/core/utils/logger.hpp>
 #include <opencv2/videoio.hpp>
-#include <optional>
 
 #include "calib/base/format_error.h"
 #include "calib/base/parallel.h"

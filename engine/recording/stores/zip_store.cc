@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <memory>
-#include <utility>
 
 #include "calib/base/format_error.h"
 #include "calib/base/quoted_text.h"

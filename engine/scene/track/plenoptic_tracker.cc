@@ -2,7 +2,6 @@
 #include "engine/scene/track/plenoptic_tracker.h"
 
 #include <cstdint>
-#include <opencv2/imgcodecs.hpp>
 #include <utility>
 
 #include "detectors/images/image_codecs.h"
@@ -41,7 +40,7 @@ PlenopticCamera MeasurePlenopticCamera(const std::vector<FrameImage>& white_imag
   left_out->insert(left_out->end(), white.left_out.begin(), white.left_out.end());
   const std::string& tiff = white.attenuation_tiff;
   return {std::move(white.grid->array),
-          DecodeImage(std::vector<std::uint8_t>(tiff.begin(), tiff.end()), cv::IMREAD_UNCHANGED),
+          DecodeImage(std::vector<std::uint8_t>(tiff.begin(), tiff.end()), Channels::kAsStored),
           bayer};
 }
 

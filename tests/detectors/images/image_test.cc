@@ -7,6 +7,7 @@
 
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <string>
@@ -18,6 +19,7 @@ namespace plenocal {
 namespace TEST_FILE {
 
 namespace fs = std::filesystem;
+using ::testing::AllOf;
 using ::testing::HasSubstr;
 
 class ReadGrayTest : public ::testing::Test {
@@ -86,7 +88,7 @@ TEST_F(ReadGrayTest, NamesWhatIsWrongWithTheFile) {
   EXPECT_THAT(Message(folder_), HasSubstr("is a directory"));
   EXPECT_THAT(Message(Write("empty.png", "")), HasSubstr("is empty (0 bytes)"));
   EXPECT_THAT(Message(Write("text.jpg", "not an image")),
-              HasSubstr("is not an image OpenCV can read"));
+              HasSubstr("is not an image; expected one of BMP, JPEG, PNG, PNM, TIFF"));
 }
 
 TEST_F(ReadGrayTest, RefusesFilesCutAnywhere) {
@@ -103,13 +105,13 @@ TEST_F(ReadGrayTest, RefusesFilesCutAnywhere) {
   }
   const std::string png = Encoded(".png", image_);
   EXPECT_THAT(Message(Write("cut.png", png.substr(0, png.size() / 2))),
-              HasSubstr("truncated PNG (the file ends inside the chunk IDAT)"));
+              HasSubstr("truncated PNG (the file ends inside the image)"));
 }
 
 TEST_F(ReadGrayTest, RefusesAPngWithADamagedByte) {
   std::string png = Encoded(".png", image_);
   png[png.size() / 2] = static_cast<char>(png[png.size() / 2] ^ 1);
-  EXPECT_THAT(Message(Write("a.png", png)), HasSubstr("wrong checksum of the chunk IDAT"));
+  EXPECT_THAT(Message(Write("a.png", png)), HasSubstr("PNG: IDAT: "));
 }
 
 TEST_F(ReadGrayTest, ToleratesBytesAfterTheEnd) {
@@ -152,18 +154,23 @@ TEST_F(ReadGrayTest, RefusesMorePixelsOrBytesThanTheLargestCamerasHave) {
   EXPECT_THAT(Message(Write("a.png", with_header(16000, 16, 6))),
               HasSubstr("16000 x 16000 pixels of 64 bits; at most 960 MB are read"));
   EXPECT_THAT(Message(Write("a.png", with_header(16000, 8, 0))), HasSubstr("bytes can hold"));
-  // JPEG 2000: the start of a codestream with its size, in a box of a JP2 file too.
-  const std::string stream = std::string("\xff\x4f\xff\x51\0\x29\0\0", 8) + number(16000) +
-                             number(16000) + std::string(24, '\0') + std::string("\0\3", 2);
-  const std::string signature("\0\0\0\x0cjP  \r\n\x87\n", 12);
-  for (const std::string& content : {stream, signature + number(50) + "jp2c" + stream}) {
-    EXPECT_THAT(Message(Write("a.png", content)),
-                HasSubstr("16000 x 16000 pixels of 96 bits; at most 960 MB are read"));
-  }
-  for (const char* floats : {"#?RADIANCE\n", "PF 9 9 1", "Pf 9 9 1"}) {
-    EXPECT_THAT(Message(Write("a.png", floats)), HasSubstr("expected 8 or 16 bits a channel"));
-  }
   EXPECT_THAT(Message(Write("a.pgm", "P5 16384 16385 255\n")), HasSubstr("16385 pixels" + most));
+}
+
+TEST_F(ReadGrayTest, NamesTheFormatThatIsNotRead) {
+  const std::string dicom = std::string(128, '\0') + "DICM";
+  const std::string jp2("\0\0\0\x0cjP  \r\n\x87\n", 12);
+  const std::map<std::string, std::string> names{{"GIF89a", "GIF"},
+                                                 {"RIFF....WEBPVP8 ", "WebP"},
+                                                 {jp2, "JPEG 2000"},
+                                                 {"#?RADIANCE\n", "Radiance HDR"},
+                                                 {"Pf 9 9 1", "PFM"},
+                                                 {dicom, "DICOM"}};
+  for (const auto& [content, name] : names) {
+    EXPECT_THAT(Message(Write("a.png", content)),
+                AllOf(HasSubstr("a.png: is a " + name + " file; expected one of BMP, JPEG, PNG"),
+                      HasSubstr("with 8 or 16 bits a channel: convert it")));
+  }
 }
 
 TEST_F(ReadGrayTest, KeepsTheRecordedOrientation) {

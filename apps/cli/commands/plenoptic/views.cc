@@ -28,7 +28,7 @@ constexpr const char* kViewsHelp =
 
 RunCommand DeclareViews(CLI::App* app, ConsoleOptions* shared) {
   const auto arguments = std::make_shared<ViewFilesRequest>();
-  app->add_option("raw", arguments->raw, "raw image")->required();
+  app->add_option("raw", arguments->raw_image, "raw image")->required();
   app->add_option("-o,--out", arguments->out, "folder for the results")->required();
   AddPlenopticInputs(app, &arguments->lenses);
   app->add_option("--distance",
@@ -40,7 +40,7 @@ RunCommand DeclareViews(CLI::App* app, ConsoleOptions* shared) {
                   "virtual depths of refocused images (default: three of the image)")
       ->check(CLI::Range(-1000.0, 1000.0));
   app->add_option("--calibration", arguments->calibration, "calibration.yaml of the camera");
-  app->add_option("--camera", arguments->camera, "its name there, where several are plenoptic");
+  app->add_option("--camera", arguments->camera_name, "its name there, where several are plenoptic");
   app->add_option("--views", arguments->views, "sub-aperture images along either axis")
       ->check(CLI::Range(1, 31))
       ->capture_default_str();
@@ -50,7 +50,7 @@ RunCommand DeclareViews(CLI::App* app, ConsoleOptions* shared) {
                   "pitches")
       ->check(CLI::Range(0.0, 0.5))
       ->capture_default_str();
-  app->add_option("--scale", arguments->scale, "raw pixels per pixel of the results")
+  app->add_option("--scale", arguments->step, "raw pixels per pixel of the results")
       ->check(CLI::Range(0.5, 64.0))
       ->capture_default_str();
   AddThreadsAndQuiet(app, shared);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "apps/report/field_pictures.h"
+#include "apps/cli/field_pictures.h"
 
 #include <fmt/format.h>
 

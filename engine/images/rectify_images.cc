@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "engine/resample/rectify_images.h"
+#include "engine/images/rectify_images.h"
 
 #include <fmt/format.h>
 
@@ -132,7 +132,7 @@ EpipolarCheck CheckEpipolar(const RectifyRequest& request,
   EpipolarCheck check;
   std::array<std::vector<View>, 2> views;
   for (size_t c = 0; c < 2; ++c) {
-    check.files[c] = folder / fmt::format("detections_{}.csv", cameras[c]->name);
+    check.files[c] = folder / DetectionsName(cameras[c]->name);
     if (!fs::exists(check.files[c]) && request.detections.empty()) {
       check.missing = check.files[c];
       return check;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "engine/resample/undistort_images.h"
+#include "engine/images/undistort_images.h"
 
 #include <fmt/format.h>
 

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "engine/formats/import_files.h"
+#include "engine/exchange/import_files.h"
 
-#include <algorithm>
 #include <cctype>
 #include <set>
 

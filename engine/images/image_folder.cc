@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "engine/resample/image_folder.h"
+#include "engine/images/image_folder.h"
 
 #include <filesystem>
 #include <mutex>

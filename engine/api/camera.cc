@@ -1,18 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "models/api/camera.h"
-
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
+#include "assess/projection.h"
 #include "calib/camera/camera_model.h"
 #include "calib/files/calibration_file.h"
+#include "engine/api/data.h"
+#include "engine/api/plenocal/engine.h"
 #include "models/registry.h"
 
 namespace plenocal::api {
-
-struct Camera::Data {
-  CalibratedCamera camera;
-};
 
 Camera::Camera(std::shared_ptr<const Data> data) : data_(std::move(data)) {}
 
@@ -28,6 +26,17 @@ std::vector<Camera> Camera::Read(const std::string& calibration_yaml) {
 std::string Camera::name() const { return data_->camera.name; }
 std::string Camera::model() const { return std::string(data_->camera.model->name); }
 std::array<int, 2> Camera::image_size() const { return data_->camera.image_size; }
+
+std::vector<Parameter> Camera::parameters() const {
+  const CalibratedCamera& camera = data_->camera;
+  std::vector<Parameter> parameters;
+  for (size_t k = 0; k < camera.params.size(); ++k) {
+    const Param& param = camera.model->params[k];
+    parameters.push_back(
+        {std::string(param.name), std::string(param.unit), camera.params[k], camera.Sigma(k)});
+  }
+  return parameters;
+}
 
 std::array<double, 16> Camera::T_camera_rig() const {
   using RowMajor = Eigen::Matrix<double, 4, 4, Eigen::RowMajor>;
@@ -51,6 +60,25 @@ std::optional<std::array<double, 2>> Camera::Project(const std::array<double, 3>
     return std::nullopt;
   }
   return pixel;
+}
+
+std::optional<std::array<double, 4>> Camera::Covariance(
+    const std::array<double, 3>& p_camera) const {
+  const CalibratedCamera& camera = data_->camera;
+  std::array<double, kMaxObservationSize> values{};
+  std::array<double, 2> pixel{};
+  using RowMajor = Eigen::Matrix<double, 2, Eigen::Dynamic, Eigen::RowMajor>;
+  RowMajor J_params(2, static_cast<Eigen::Index>(camera.params.size()));
+  Eigen::Matrix<double, 2, 3, Eigen::RowMajor> J_point;
+  if (!camera.model->project_with_jacobian(camera.params.data(),
+                                           camera.config.data(),
+                                           values.data(),
+                                           {p_camera[0], p_camera[1], p_camera[2]},
+                                           {pixel.data(), J_params.data(), J_point.data()})) {
+    return std::nullopt;
+  }
+  const Eigen::Matrix2d C = ImageCovariance(camera).Propagate(J_params);
+  return std::array{C(0, 0), C(0, 1), C(1, 0), C(1, 1)};
 }
 
 std::optional<std::array<double, 3>> Camera::Unproject(const std::array<double, 2>& pixel) const {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "engine/formats/export_calibration.h"
+#include "engine/exchange/export_calibration.h"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "calib/base/run.h"
-#include "engine/resample/image_folder.h"
+#include "engine/images/image_folder.h"
 #include "engine/resample/pinhole_view.h"
 
 namespace plenocal {
