@@ -6,12 +6,11 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
-#include <functional>
 #include <numbers>
 #include <utility>
 
 #include "calib/adjust/problem.h"
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/linear_algebra.h"
 #include "calib/base/statistics.h"
 #include "calib/estimate/describe.h"
@@ -30,26 +29,23 @@ void TakeCameras(const CalibrationRecord& old,
     const bool single = old.cameras.size() == 1 && input->cameras.size() == 1;
     const CalibratedCamera& was = FindCamera(old, single ? "" : camera.name);
     if (was.image_size != camera.image_size) {
-      throw Error(
-          ErrorKind::kInput,
-          fmt::format("{}: {} is calibrated for images of {} x {} px, the new ones are {} x {}",
-                      old.path.string(),
-                      was.name,
-                      was.image_size[0],
-                      was.image_size[1],
-                      camera.image_size[0],
-                      camera.image_size[1]));
+      throw InputError("{}: {} is calibrated for images of {} x {} px, the new ones are {} x {}",
+                       old.path.string(),
+                       was.name,
+                       was.image_size[0],
+                       was.image_size[1],
+                       camera.image_size[0],
+                       camera.image_size[1]);
     }
     if (!std::ranges::equal(was.model->measured, camera.model->measured) ||
         !std::ranges::equal(was.model->context, camera.model->context)) {
-      throw Error(
-          ErrorKind::kInput,
-          fmt::format("{}: the session's model for {}, {}, does not measure in an image what the "
-                      "calibration's does ({})",
-                      old.path.string(),
-                      camera.name,
-                      camera.model->name,
-                      was.model->name));
+      throw InputError(
+          "{}: the session's model for {}, {}, does not measure in an image what the "
+          "calibration's does ({})",
+          old.path.string(),
+          camera.name,
+          camera.model->name,
+          was.model->name);
     }
     const bool has_sigmas = was.covariance.diagonal().maxCoeff() > 0;
     camera.model = was.model;
@@ -113,10 +109,10 @@ void RefuseOpen(const Calibration& fresh) {
     }
   }
   if (names.empty()) return;
-  throw Error(ErrorKind::kJob,
-              fmt::format("the new images are too few to check a calibration: they tell nothing "
-                          "of {}; add images from other distances and at other tilts",
-                          names));
+  throw JobError(
+      "the new images are too few to check a calibration: they tell nothing "
+      "of {}; add images from other distances and at other tilts",
+      names);
 }
 
 // Factor by which per-frame systematic errors increase variances over those of independent errors:
@@ -198,13 +194,13 @@ class Check {
       ++(observation.used ? seen : unseen);
     }
     if (unseen <= seen) return;
-    throw Error(ErrorKind::kJob,
-                fmt::format("{}: {} of {} points are outside what the calibration of {} images; it "
-                            "is of another camera",
-                            old_.path.string(),
-                            unseen,
-                            unseen + seen,
-                            cameras_[c]->name));
+    throw JobError(
+        "{}: {} of {} points are outside what the calibration of {} images; it "
+        "is of another camera",
+        old_.path.string(),
+        unseen,
+        unseen + seen,
+        cameras_[c]->name);
   }
 
   CameraCheck CheckCamera(size_t c) {

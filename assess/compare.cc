@@ -1,15 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "assess/compare.h"
 
-#include <fmt/format.h>
-
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numbers>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/linear_algebra.h"
 #include "calib/base/statistics.h"
 #include "calib/noise/matrix_root.h"
@@ -220,23 +218,23 @@ ImageDifference Judge(const System& system,
 
 void RefuseDifferentCameras(const CalibratedCamera& a, const CalibratedCamera& b) {
   if (a.image_size != b.image_size) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: one calibration is of images of {} x {} px, the other of {} x "
-                            "{}; only calibrations for equal images can be compared",
-                            a.name,
-                            a.image_size[0],
-                            a.image_size[1],
-                            b.image_size[0],
-                            b.image_size[1]));
+    throw InputError(
+        "{}: one calibration is of images of {} x {} px, the other of {} x "
+        "{}; only calibrations for equal images can be compared",
+        a.name,
+        a.image_size[0],
+        a.image_size[1],
+        b.image_size[0],
+        b.image_size[1]);
   }
   if (!std::ranges::equal(a.model->measured, b.model->measured) ||
       !std::ranges::equal(a.model->context, b.model->context)) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: {} and {} do not measure the same in an image, so that they "
-                            "cannot be compared",
-                            a.name,
-                            a.model->name,
-                            b.model->name));
+    throw InputError(
+        "{}: {} and {} do not measure the same in an image, so that they "
+        "cannot be compared",
+        a.name,
+        a.model->name,
+        b.model->name);
   }
 }
 
@@ -294,9 +292,7 @@ class Comparison {
     for (int i = 0; i < kIterations; ++i) {
       const System system = LineariseHere();
       if (system.of.size() < 6) {
-        throw Error(
-            ErrorKind::kJob,
-            fmt::format("{}: hardly a pixel of one calibration is seen by the other", a_.name));
+        throw JobError("{}: hardly a pixel of one calibration is seen by the other", a_.name);
       }
       Vector6d step = MotionFor(system, Weights(system, root_, rows_), system.d);
       step.head<3>() *= unit_;

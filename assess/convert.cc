@@ -1,13 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "assess/convert.h"
 
-#include <fmt/format.h>
-
 #include <cmath>
 #include <limits>
 #include <map>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/camera/ray_fit.h"
 
 namespace plenocal {
@@ -117,15 +115,14 @@ Conversion Measure(const CameraModel& model, const Rays& rays, std::vector<doubl
 Conversion Convert(const CalibratedCamera& camera, const CameraModel& model) {
   for (const CameraModel* each : {camera.model, &model}) {
     if (each->central && each->config.empty()) continue;
-    throw Error(ErrorKind::kInput,
-                fmt::format("{} is no model of an ordinary camera; a camera can be converted only "
-                            "between these",
-                            each->name));
+    throw InputError(
+        "{} is no model of an ordinary camera; a camera can be converted only "
+        "between these",
+        each->name);
   }
   const Rays rays = RaysOf(camera);
   if (rays.image.size() < model.params.size()) {
-    throw Error(ErrorKind::kJob,
-                fmt::format("{}: its calibration images hardly any pixel", camera.name));
+    throw JobError("{}: its calibration images hardly any pixel", camera.name);
   }
   Conversion best;
   // A ray that the model does not image weighs more than any error in the image.
@@ -140,8 +137,7 @@ Conversion Convert(const CalibratedCamera& camera, const CameraModel& model) {
     if (best.params.empty() || badness(conversion) < badness(best)) best = std::move(conversion);
   }
   if (best.params.empty() || !std::isfinite(best.rms)) {
-    throw Error(ErrorKind::kJob,
-                fmt::format("{}: {} cannot image what the camera sees", camera.name, model.name));
+    throw JobError("{}: {} cannot image what the camera sees", camera.name, model.name);
   }
   return best;
 }

@@ -17,7 +17,7 @@
 #include "assess/held_out_scores.h"
 #include "assess/projection.h"
 #include "calib/adjust/problem.h"
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/number_text.h"
 #include "calib/base/parallel.h"
 #include "calib/base/statistics.h"
@@ -27,7 +27,7 @@ namespace {
 
 constexpr double kFalseRejections = 0.05;  // expected number of good points rejected in all
 constexpr double kMostUnseen = 0.01;       // part of the points beyond the most complete model
-constexpr double kExact = 1e-6;            // px; smaller noise is rounding
+constexpr double kExactRms = 1e-6;         // px; smaller noise is rounding
 
 using PointName = std::tuple<size_t, std::string, int, std::array<double, kMaxObservationSize>>;
 
@@ -105,11 +105,9 @@ class Trials {
     }
     choice_.frames = frames_.size();
     if (choice_.frames < kFewestTrialFrames) {
-      throw Error(
-          ErrorKind::kJob,
-          fmt::format("{}: too few to hold some out; models can be judged from {} frames on",
-                      Counted(choice_.frames, "frame"),
-                      kFewestTrialFrames));
+      throw JobError("{}: too few to hold some out; models can be judged from {} frames on",
+                     Counted(choice_.frames, "frame"),
+                     kFewestTrialFrames);
     }
     choice_.folds = std::min(choice_.frames, static_cast<size_t>(options_.folds));
   }
@@ -247,7 +245,7 @@ class Trials {
       }
       least = std::min(least, Median(std::move(squares)));
     }
-    return std::max(kExact, std::sqrt(least / ChiSquareQuantile(static_cast<int>(Rows()), 0.5)));
+    return std::max(kExactRms, std::sqrt(least / ChiSquareQuantile(static_cast<int>(Rows()), 0.5)));
   }
 
   // The outliers are the points that the best model rejects: the one with the smallest sum of
@@ -271,10 +269,9 @@ class Trials {
       least = sum;
     }
     if (best) return rejected[*best];
-    throw Error(ErrorKind::kJob,
-                fmt::format("no model can be calibrated; {}: {}",
-                            choice_.trials[0].model->name,
-                            choice_.trials[0].failure));
+    throw JobError("no model can be calibrated; {}: {}",
+                   choice_.trials[0].model->name,
+                   choice_.trials[0].failure);
   }
 
   void PredictWithCommonOutliers() {
@@ -307,11 +304,10 @@ class Trials {
       most = std::max(most, 1 - trials[m].unseen);
     }
     if (most == 0) {
-      throw Error(ErrorKind::kJob,
-                  fmt::format("no model can be judged; {}: {}",
-                              trials[0].model->name,
-                              trials[0].failure.empty() ? "images no point of held-out frames"
-                                                        : trials[0].failure));
+      throw JobError(
+          "no model can be judged; {}: {}",
+          trials[0].model->name,
+          trials[0].failure.empty() ? "images no point of held-out frames" : trials[0].failure);
     }
     ParallelFor(trials.size(), options_.threads, [&](size_t m) {
       ModelTrial& trial = trials[m];

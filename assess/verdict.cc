@@ -556,6 +556,14 @@ std::string Headline(const Verdict& verdict) {
   return {};
 }
 
+std::string FindingText(const Finding& finding) {
+  const std::string text =
+      finding.grade == Grade::kGood
+          ? fmt::format("{}\n", finding.what)
+          : fmt::format("{} [{}] {}\n", GradeName(finding.grade), finding.code, finding.what);
+  return finding.remedy.empty() ? text : text + fmt::format("    {}\n", finding.remedy);
+}
+
 std::string VerdictText(const Verdict& verdict) {
   std::string text;
   // Clang 14 has no std::views::reverse. NOLINTNEXTLINE(modernize-loop-convert)
@@ -565,11 +573,7 @@ std::string VerdictText(const Verdict& verdict) {
         finding->code != "points_share_errors") {
       continue;
     }
-    text +=
-        finding->grade == Grade::kGood
-            ? fmt::format("{}\n", finding->what)
-            : fmt::format("{} [{}] {}\n", GradeName(finding->grade), finding->code, finding->what);
-    if (!finding->remedy.empty()) text += fmt::format("    {}\n", finding->remedy);
+    text += FindingText(*finding);
   }
   return text + fmt::format("verdict: {}. {}\n", GradeName(verdict.grade), Headline(verdict));
 }

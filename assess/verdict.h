@@ -22,6 +22,9 @@ bool HasUnexplainedResiduals(const CalibratedCamera& camera);
 /// The grade as a sentence.
 std::string Headline(const Verdict& verdict);
 
+/// Grade, code, what and remedy of a finding; of a good one without the first two.
+std::string FindingText(const Finding& finding);
+
 /// For a terminal: a paragraph for each finding that a user should read, worst last, then the
 /// grade. Ends in a newline.
 std::string VerdictText(const Verdict& verdict);

@@ -5,8 +5,7 @@
 
 #include <algorithm>
 
-#include "calib/base/error.h"
-#include "calib/base/names.h"
+#include "calib/base/format_error.h"
 #include "calib/base/number_text.h"
 #include "calib/base/quoted_text.h"
 #include "calib/estimate/describe.h"
@@ -31,11 +30,10 @@ std::vector<size_t> VariedCameras(const Session& session, const std::string& nam
       if (session.cameras[c].name == name) return {c};
       names.push_back(session.cameras[c].name);
     }
-    throw Error(ErrorKind::kInput,
-                fmt::format("--camera {}: {} has no such camera{}",
-                            name,
-                            session.path.string(),
-                            SuggestName(name, names)));
+    throw InputError("--camera {}: {} has no such camera{}",
+                     name,
+                     session.path.string(),
+                     SuggestName(name, names));
   }
   const auto ordinary = std::ranges::find_if(
       session.cameras, [](const SessionCamera& camera) { return camera.model->context.empty(); });
@@ -53,15 +51,15 @@ std::vector<const CameraModel*> ModelsToTry(const std::vector<std::string>& name
   for (const std::string& name : names) {
     const CameraModel* model = ModelNamed("--models", name);
     if (!OfOneKind(*model, *camera.model)) {
-      throw Error(ErrorKind::kInput,
-                  fmt::format("--models {}: cannot take the place of {}, the model of '{}'; they "
-                              "do not measure the same in an image",
-                              name,
-                              camera.model->name,
-                              camera.name));
+      throw InputError(
+          "--models {}: cannot take the place of {}, the model of '{}'; they "
+          "do not measure the same in an image",
+          name,
+          camera.model->name,
+          camera.name);
     }
     if (std::ranges::find(models, model) != models.end()) {
-      throw Error(ErrorKind::kInput, fmt::format("--models {}: named twice", name));
+      throw InputError("--models {}: named twice", name);
     }
     models.push_back(model);
   }

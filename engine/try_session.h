@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "assess/trial_text.h"
+#include "assess/text/trial_text.h"
 #include "calib/base/run.h"
 #include "calib/files/session.h"
 #include "engine/session/run_folders.h"

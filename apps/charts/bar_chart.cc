@@ -10,6 +10,7 @@
 #include <cmath>
 
 #include "apps/charts/cairo_handles.h"
+#include "calib/base/format_error.h"
 
 namespace plenocal {
 namespace {
@@ -164,6 +165,12 @@ void SetFont(cairo_t* cr) {
 }
 
 }  // namespace
+
+PictureFormat PictureFormatOf(const std::filesystem::path& picture) {
+  if (picture.extension() == ".svg") return PictureFormat::kSvg;
+  if (picture.extension() == ".png") return PictureFormat::kPng;
+  throw InputError("{}: a picture's name ends in .svg or .png", picture.string());
+}
 
 std::string DrawBarChart(const BarChart& chart, PictureFormat format) {
   double slot = 0;

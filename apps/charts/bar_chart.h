@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <filesystem>
 #include <optional>
 #include <string>
 #include <vector>
@@ -22,6 +23,9 @@ struct BarChart {
 };
 
 enum class PictureFormat { kSvg, kPng };
+
+/// By the file's extension. Throws `Error` of kind kInput for another.
+PictureFormat PictureFormatOf(const std::filesystem::path& picture);
 
 /// The content of a picture file. The bar of a failed run is hatched, reaches the upper border and
 /// is labelled.

@@ -14,7 +14,7 @@
 
 #include "apps/cli/shell/declarations.h"
 #include "apps/cli/shell/version.h"
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/names.h"
 #include "calib/base/number_text.h"
 #include "models/registry.h"
@@ -38,10 +38,9 @@ void RefuseUnknownCommand(std::span<char*> arguments) {
   if (arguments.empty() || arguments[0][0] == '-') return;
   const std::vector<std::string_view> names = NamesOf(Commands());
   if (std::ranges::find(names, arguments[0]) != names.end()) return;
-  throw Error(ErrorKind::kInput,
-              fmt::format("unknown command '{}'{}; see 'plenocal --help'",
-                          arguments[0],
-                          SuggestName(arguments[0], names)));
+  throw InputError("unknown command '{}'{}; see 'plenocal --help'",
+                   arguments[0],
+                   SuggestName(arguments[0], names));
 }
 
 /// An unknown option, with the nearest known one: it would else be reported by its consequences.
@@ -52,11 +51,10 @@ void RefuseUnknownOption(const CLI::App& command, const std::string& path) {
     const std::vector<std::string> names = LongNames(command);
     const std::vector<std::string_view> known(names.begin(), names.end());
     const std::string_view nearest = NearestName(option, known);
-    throw Error(ErrorKind::kInput,
-                fmt::format("unknown option '{}'{}; see '{} --help'",
-                            option,
-                            nearest.empty() ? "" : fmt::format("; did you mean '{}'?", nearest),
-                            path));
+    throw InputError("unknown option '{}'{}; see '{} --help'",
+                     option,
+                     nearest.empty() ? "" : fmt::format("; did you mean '{}'?", nearest),
+                     path);
   }
 }
 
@@ -67,9 +65,7 @@ void RefuseInfiniteNumbers(const CLI::App& command) {
     for (const std::string& result : option->results()) {
       const std::optional<double> value = ParseDouble(result);
       if (!value || std::isfinite(*value)) continue;
-      throw Error(
-          ErrorKind::kInput,
-          fmt::format("{}: expected a finite number, found '{}'", option->get_name(), result));
+      throw InputError("{}: expected a finite number, found '{}'", option->get_name(), result);
     }
   }
 }
@@ -81,8 +77,7 @@ void RefuseEmptyTexts(const CLI::App& command) {
     // Some options may stand without a value.
     if (option->get_expected_min() == 0) continue;
     if (std::ranges::find(option->results(), "") == option->results().end()) continue;
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: is empty; give a value or leave it out", option->get_name()));
+    throw InputError("{}: is empty; give a value or leave it out", option->get_name());
   }
 }
 
@@ -93,8 +88,8 @@ void RefuseEmptyTexts(const CLI::App& command) {
     return std::string_view(argument).starts_with(kPlugin);
   });
   if (late_plugin) {
-    throw Error(ErrorKind::kInput,
-                "--plugin stands before the command: plenocal --plugin ./libmine.so COMMAND ...");
+    throw InputError(
+        "--plugin stands before the command: plenocal --plugin ./libmine.so COMMAND ...");
   }
   const CLI::App* command = &app;
   std::string path = app.get_name();
@@ -104,7 +99,7 @@ void RefuseEmptyTexts(const CLI::App& command) {
     path += " " + command->get_name();
     RefuseUnknownOption(*command, path);
   }
-  throw Error(ErrorKind::kInput, fmt::format("{}; see '{} --help'", error.what(), path));
+  throw InputError("{}; see '{} --help'", error.what(), path);
 }
 
 /// The plug-ins that the environment names, without those that the command line names as well.

@@ -18,7 +18,8 @@
 #include <utility>
 #include <vector>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
+#include "calib/base/json_text.h"
 #include "calib/base/quoted_text.h"
 #include "calib/io/output_folder.h"
 
@@ -102,11 +103,6 @@ std::vector<std::string_view> LinesOf(std::string_view text) {
   return lines;
 }
 
-// Names of files may be no UTF-8.
-std::string EventText(const nlohmann::json& event) {
-  return event.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
-}
-
 std::string ColouredLine(std::string_view line, std::string_view next) {
   for (const auto& [beginning, style] : kBeginnings) {
     if (!line.starts_with(beginning)) continue;
@@ -148,8 +144,8 @@ void Console::ClearLine() {
   line_open_ = false;
 }
 
-void Console::Event(std::string_view json) const {
-  std::string line = std::string(json) + "\n";
+void Console::Event(const nlohmann::json& event) const {
+  const std::string line = JsonText(event, -1) + "\n";
   std::string_view rest = line;
   while (!rest.empty()) {
     const ssize_t count = write(events_, rest.data(), rest.size());
@@ -160,7 +156,7 @@ void Console::Event(std::string_view json) const {
 }
 
 void Console::Message(const std::string& line) {
-  if (events_ >= 0) Event(EventText({{"event", "message"}, {"text", line}}));
+  if (events_ >= 0) Event({{"event", "message"}, {"text", line}});
   if (quiet_) return;
   ClearLine();
   PrintError(Escaped(line) + "\n");
@@ -171,15 +167,15 @@ void Console::Detection(const std::string& camera,
                         size_t points,
                         const std::string& why) {
   if (events_ < 0) return;
-  Event(EventText({{"event", "detection"},
-                   {"camera", camera},
-                   {"frame", frame},
-                   {"points", points},
-                   {"why", why}}));
+  Event({{"event", "detection"},
+         {"camera", camera},
+         {"frame", frame},
+         {"points", points},
+         {"why", why}});
 }
 
 void Console::Warning(const std::string& line) {
-  if (events_ >= 0) Event(EventText({{"event", "warning"}, {"text", line}}));
+  if (events_ >= 0) Event({{"event", "warning"}, {"text", line}});
   if (quiet_) return;
   ClearLine();
   PrintError(
@@ -190,7 +186,7 @@ bool Console::Progress(const std::string& stage, size_t done, size_t total) {
   if (events_ >= 0) {
     nlohmann::json event{{"event", "progress"}, {"stage", stage}};
     if (total > 0) event.update({{"done", done}, {"total", total}});
-    Event(EventText(event));
+    Event(event);
   }
   ProgressLine(total > 0 ? fmt::format("{}: {} of {}", stage, done, total) : stage);
   return !Interrupted();
@@ -240,8 +236,7 @@ void OpenStandardStreams() {
 
 void FlushOutput() {
   if (std::fflush(stdout) == 0) return;
-  throw Error(ErrorKind::kJob,
-              fmt::format("cannot write to standard output: {}", std::strerror(errno)));
+  throw JobError("cannot write to standard output: {}", std::strerror(errno));
 }
 
 void PrintError(std::string_view text) {

@@ -3,6 +3,7 @@
 
 #include <chrono>
 #include <cstddef>
+#include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <string_view>
 
@@ -61,7 +62,7 @@ class Console {
  private:
   void ClearLine();
   void ProgressLine(const std::string& line);
-  void Event(std::string_view json) const;
+  void Event(const nlohmann::json& event) const;
 
   bool quiet_;
   int events_;

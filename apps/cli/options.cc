@@ -2,9 +2,10 @@
 #include "apps/cli/options.h"
 
 #include <fcntl.h>
-#include <fmt/format.h>
 
-#include "calib/base/error.h"
+#include <charconv>
+
+#include "calib/base/format_error.h"
 
 namespace plenocal {
 
@@ -18,6 +19,11 @@ void AddQuiet(CLI::App* app, ConsoleOptions* shared) {
   app->add_flag("--quiet", shared->quiet, "no messages and no progress, only errors");
 }
 
+void AddThreadsAndQuiet(CLI::App* app, ConsoleOptions* shared) {
+  AddThreads(app, shared);
+  AddQuiet(app, shared);
+}
+
 void AddEvents(CLI::App* app, ConsoleOptions* shared) {
   app->add_option_function<int>(
          "--events",
@@ -27,8 +33,7 @@ void AddEvents(CLI::App* app, ConsoleOptions* shared) {
            constexpr int kBehindStandard = 3;
            const int copy = fcntl(file, F_DUPFD_CLOEXEC, kBehindStandard);
            if (copy == -1) {
-             throw Error(ErrorKind::kInput,
-                         fmt::format("--events {}: no open file has this number", file));
+             throw InputError("--events {}: no open file has this number", file);
            }
            shared->events = copy;
          },
@@ -42,6 +47,35 @@ void AddBayer(CLI::App* app, std::optional<BayerOrder>* bayer, const std::string
       ->check(CLI::IsMember(std::vector<std::string>(kBayerOrders.begin(), kBayerOrders.end())));
 }
 
+void AddImageSize(CLI::App* app, std::optional<ImageSize>* size, const std::string& help) {
+  app->add_option_function<std::string>(
+      "--size",
+      [size](const std::string& text) {
+        ImageSize found{};
+        const char* const end = text.data() + text.size();
+        const auto width = std::from_chars(text.data(), end, found[0]);
+        if (width.ec == std::errc() && width.ptr != end && *width.ptr == 'x') {
+          const auto height = std::from_chars(width.ptr + 1, end, found[1]);
+          *size = found;
+          const bool fits = height.ec == std::errc() && height.ptr == end;
+          if (fits && found[0] > 0 && found[1] > 0) return;
+        }
+        throw InputError("--size: expected WIDTHxHEIGHT such as 640x480, found '{}'", text);
+      },
+      help);
+}
+
+void AddPlenopticInputs(CLI::App* app, PlenopticInputs* inputs) {
+  app->add_option("--white", inputs->white, "white images of the camera: files, globs or folders");
+  app->add_option("--grid",
+                  inputs->grid,
+                  "instead of white images: micro_lenses_<camera>.csv or RayCalibData XML");
+  app->add_option("--vignetting",
+                  inputs->vignetting,
+                  "with --grid: attenuation TIFF (default: the raw images are corrected already)");
+  AddBayer(app, &inputs->bayer, "colours of the top-left 2 x 2 pixels of raw mosaics");
+}
+
 void AddSessionOptions(CLI::App* app,
                        std::filesystem::path* session,
                        SessionOptions* options,
@@ -52,8 +86,7 @@ void AddSessionOptions(CLI::App* app,
 
 void AddResultOptions(CLI::App* app, SessionOptions* options, ConsoleOptions* shared) {
   app->add_option("-o,--out", options->out, "folder for the results")->required();
-  AddThreads(app, shared);
-  AddQuiet(app, shared);
+  AddThreadsAndQuiet(app, shared);
   AddEvents(app, shared);
   app->add_option("--exclude",
                   options->exclude,

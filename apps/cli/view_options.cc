@@ -7,15 +7,13 @@
 #include <numbers>
 #include <vector>
 
-#include "apps/cli/image_inputs.h"
 #include "apps/cli/options.h"
-#include "calib/base/error.h"
 #include "engine/resample/resample_images.h"
 
 namespace plenocal {
 
-void AddViewOptions(CLI::App* app, ViewArguments* view) {
-  app->add_option("--size", view->size, "WIDTHxHEIGHT of the result (default: the camera's)");
+void AddViewOptions(CLI::App* app, ViewOptions* view) {
+  AddImageSize(app, &view->size, "WIDTHxHEIGHT of the result (default: the camera's)");
   CLI::Option* const fov =
       app->add_option("--fov", view->fov, "horizontal field of view, degrees, square pixels")
           ->check(CLI::Range(1.0, 175.0));
@@ -27,7 +25,7 @@ void AddViewOptions(CLI::App* app, ViewArguments* view) {
       ->excludes(fov);
 }
 
-void AddResampleOptions(CLI::App* app, ResampleArguments* resample) {
+void AddResampleOptions(CLI::App* app, ResampleSettings* resample) {
   app->add_option("--interpolation", resample->interpolation, "between pixels")
       ->check(
           CLI::IsMember(std::vector<std::string>(kInterpolations.begin(), kInterpolations.end())))
@@ -45,24 +43,6 @@ void AddResampleOptions(CLI::App* app, ResampleArguments* resample) {
                 resample->keep_vignetting,
                 "leave it in the images (default: removed where the calibration has it)");
   app->add_flag("--mask", resample->mask, "write mask.png: 255 where pixels have a source, else 0");
-}
-
-std::optional<ResponseCurve> ResponseOf(const ResampleArguments& arguments,
-                                        const std::string& camera) {
-  for (const std::string& given : arguments.photometric) {
-    const size_t equals = given.find('=');
-    if (equals == std::string::npos) return ReadResponse(given);
-    if (given.substr(0, equals) == camera) return ReadResponse(given.substr(equals + 1));
-  }
-  if (arguments.photometric.empty()) return std::nullopt;
-  throw Error(
-      ErrorKind::kInput,
-      fmt::format("--photometric: names no response of camera '{0}'; add {0}=pcalib.txt", camera));
-}
-
-ViewOptions ToViewOptions(const ViewArguments& arguments) {
-  return {
-      .size = ParseImageSize(arguments.size), .fov = arguments.fov, .balance = arguments.balance};
 }
 
 std::string ViewText(const CalibratedCamera& view) {

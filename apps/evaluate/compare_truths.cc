@@ -10,7 +10,7 @@
 
 #include "apps/evaluate/trajectory_metrics.h"
 #include "apps/evaluate/truth_uncertainty.h"
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/linear_algebra.h"
 #include "calib/base/statistics.h"
 #include "calib/camera/rigid_transform.h"
@@ -49,11 +49,11 @@ std::string CommonCamera(const GroundTruthFile& a,
   for (const std::string& camera : a.cameras) {
     if (has(b, camera)) return camera;
   }
-  throw Error(ErrorKind::kInput,
-              fmt::format("{}: has no camera of the other ground truth ({}); both must be of one "
-                          "recording and of calibrations that name its cameras alike",
-                          path_b.string(),
-                          fmt::join(a.cameras, ", ")));
+  throw InputError(
+      "{}: has no camera of the other ground truth ({}); both must be of one "
+      "recording and of calibrations that name its cameras alike",
+      path_b.string(),
+      fmt::join(a.cameras, ", "));
 }
 
 // Change of the similarity between start and end about `centre` by those of [start, end] about
@@ -84,8 +84,7 @@ std::string VerdictText(const TruthComparison& comparison) {
 LoopTruth ReadLoop(const std::filesystem::path& path) {
   std::optional<LoopTruth> loop = SplitAtLargestGap(ReadTrajectory(path, {}));
   if (loop) return *std::move(loop);
-  throw Error(ErrorKind::kInput,
-              fmt::format("{}: no gap separates start and end of the loop", path.string()));
+  throw InputError("{}: no gap separates start and end of the loop", path.string());
 }
 
 }  // namespace
@@ -115,11 +114,11 @@ TruthComparison CompareTruths(const std::filesystem::path& a, const std::filesys
   comparison.chi_square = comparison.end.dot(
       SolveSymmetric(Eigen::MatrixXd(comparison.covariance), Eigen::VectorXd(comparison.end)));
   if (!std::isfinite(comparison.chi_square)) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}, {}: the sum of their covariances is singular, so that there is no "
-                            "uncertainty to compare with",
-                            a.string(),
-                            b.string()));
+    throw InputError(
+        "{}, {}: the sum of their covariances is singular, so that there is no "
+        "uncertainty to compare with",
+        a.string(),
+        b.string());
   }
   comparison.probability = ChiSquareTail(7, comparison.chi_square);
   comparison.scale = 1 / metrics.absolute_scale - 1;

@@ -8,11 +8,10 @@
 
 #include <Eigen/Core>
 #include <optional>
-#include <string>
 #include <utility>
 #include <vector>
 
-#include "apps/evaluate/trajectory.h"
+#include "calib/rig/trajectory.h"
 
 namespace plenocal {
 

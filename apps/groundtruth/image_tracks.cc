@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <opencv2/imgproc.hpp>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/number_text.h"
 #include "engine/scene/track/follow_points.h"
 
@@ -21,21 +21,20 @@ std::vector<size_t> FindCameras(const Recording& recording,
     const auto same = [&](const RecordedCamera& recorded) { return recorded.name == camera.name; };
     const auto found = std::ranges::find_if(recording.cameras, same);
     if (found == recording.cameras.end()) {
-      throw Error(ErrorKind::kInput,
-                  fmt::format("{}: has no camera '{}' of the calibration; choose by --cameras",
-                              recording.path.string(),
-                              camera.name));
+      throw InputError("{}: has no camera '{}' of the calibration; choose by --cameras",
+                       recording.path.string(),
+                       camera.name);
     }
     if (found->image_size != camera.image_size) {
-      throw Error(ErrorKind::kInput,
-                  fmt::format("{}: images of camera '{}' have {} x {} px, the calibration is for "
-                              "{} x {}",
-                              recording.path.string(),
-                              camera.name,
-                              found->image_size[0],
-                              found->image_size[1],
-                              camera.image_size[0],
-                              camera.image_size[1]));
+      throw InputError(
+          "{}: images of camera '{}' have {} x {} px, the calibration is for "
+          "{} x {}",
+          recording.path.string(),
+          camera.name,
+          found->image_size[0],
+          found->image_size[1],
+          camera.image_size[0],
+          camera.image_size[1]);
     }
     indices.push_back(static_cast<size_t>(found - recording.cameras.begin()));
   }
@@ -90,12 +89,11 @@ std::map<size_t, PlenopticCamera> MeasureOptics(const Recording& recording,
     if (!cameras[c].model->plenoptic) continue;
     const RecordedCamera& recorded = *recording.FindCamera(cameras[c].name);
     if (recorded.white_images.empty()) {
-      throw Error(
-          ErrorKind::kInput,
-          fmt::format("{}: camera '{}' is plenoptic and has no white_images, from which the "
-                      "micro-image centres come",
-                      recording.path.string(),
-                      recorded.name));
+      throw InputError(
+          "{}: camera '{}' is plenoptic and has no white_images, from which the "
+          "micro-image centres come",
+          recording.path.string(),
+          recorded.name);
     }
     optics.emplace(
         c, MeasurePlenopticCamera(recorded.white_images, recorded.bayer, threads, left_out));
@@ -207,10 +205,10 @@ class LoopTracker {
         before = frame;
       }
     }
-    throw Error(ErrorKind::kJob,
-                fmt::format("start and end do not see the same scene: {} in common at most; give "
-                            "--start and --end",
-                            Counted(most, "point")));
+    throw JobError(
+        "start and end do not see the same scene: {} in common at most; give "
+        "--start and --end",
+        Counted(most, "point"));
   }
 
   FollowedPoints Follow(const std::vector<size_t>& frames,

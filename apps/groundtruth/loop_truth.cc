@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/groundtruth/loop_truth.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -10,7 +8,7 @@
 #include <set>
 #include <utility>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/number_text.h"
 #include "calib/estimate/solve.h"
 #include "calib/estimate/start_bundle.h"
@@ -166,19 +164,18 @@ class LoopEstimation {
 
   void CheckStart() const {
     if (result_.start.frames.size() >= kFewestFrames) return;
-    throw Error(ErrorKind::kJob,
-                fmt::format("start segment: poses for {} of {} only; the images overlap too "
-                            "little, or the calibration does not fit them",
-                            result_.start.frames.size(),
-                            Counted(input_.segments.start.size(), "frame")));
+    throw JobError(
+        "start segment: poses for {} of {} only; the images overlap too "
+        "little, or the calibration does not fit them",
+        result_.start.frames.size(),
+        Counted(input_.segments.start.size(), "frame"));
   }
 
   void CheckEnd() const {
     if (result_.end.frames.size() >= kFewestFrames) return;
-    throw Error(ErrorKind::kJob,
-                fmt::format("end segment: poses for {} of {} only; the images overlap too little",
-                            result_.end.frames.size(),
-                            Counted(input_.segments.end.size(), "frame")));
+    throw JobError("end segment: poses for {} of {} only; the images overlap too little",
+                   result_.end.frames.size(),
+                   Counted(input_.segments.end.size(), "frame"));
   }
 
   SceneState MakeState() {
@@ -231,13 +228,11 @@ class LoopEstimation {
                  matches.empty() ? std::nullopt : std::optional(kMatchLimits * limit_),
                  &most_known);
     if (!found) {
-      throw Error(
-          ErrorKind::kJob,
-          fmt::format("start and end do not see the same scene: {} in common in any frame of the "
-                      "end, {}; give --start and --end",
-                      Counted(most_known, "point"),
-                      most_known < kFewestLandmarks ? "too few for a pose"
-                                                    : "which contradict each other"));
+      throw JobError(
+          "start and end do not see the same scene: {} in common in any frame of the "
+          "end, {}; give --start and --end",
+          Counted(most_known, "point"),
+          most_known < kFewestLandmarks ? "too few for a pose" : "which contradict each other");
     }
     result_.bundle.T_rig_target[found->frame] = found->pose.T_rig_target;
     state_.has_pose[found->frame] = true;
@@ -360,11 +355,11 @@ class LoopEstimation {
     bundle.observations = std::move(kept);
     bundle.markers = markers;
     if (!result_.rival || !result_.rival->IsAmbiguous()) return;
-    throw Error(ErrorKind::kJob,
-                fmt::format("the end fits the start in two ways: {}; the scene repeats itself "
-                            "(windows, tiles, shelves) or has moved; give --start and --end that "
-                            "show another part of it",
-                            result_.rival->Text()));
+    throw JobError(
+        "the end fits the start in two ways: {}; the scene repeats itself "
+        "(windows, tiles, shelves) or has moved; give --start and --end that "
+        "show another part of it",
+        result_.rival->Text());
   }
 
   // Rejection can leave frames, or a whole stretch of them, that have fewer points in common with
@@ -484,9 +479,9 @@ class LoopEstimation {
   }
 
   [[noreturn]] static void RefuseContradiction() {
-    throw Error(ErrorKind::kJob,
-                "most points contradict each other; does the calibration belong to this rig, and "
-                "are the images of a frame taken at one time?");
+    throw JobError(
+        "most points contradict each other; does the calibration belong to this rig, and "
+        "are the images of a frame taken at one time?");
   }
 
   void Measure() {

@@ -1,14 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/groundtruth/recorded_tracks.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <map>
 #include <optional>
 #include <set>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/number_text.h"
 #include "calib/files/detections.h"
 #include "engine/recording/image_files.h"
@@ -20,16 +18,15 @@ const RecordedFiles& SourceOf(const RecordingFile& recording, const std::string&
   for (const RecordedFiles& camera : recording.cameras) {
     if (camera.name != name) continue;
     if (!camera.tracks.empty()) return camera;
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: camera '{}' has no tracks, others have; give all of them tracks "
-                            "or images",
-                            recording.path.string(),
-                            name));
+    throw InputError(
+        "{}: camera '{}' has no tracks, others have; give all of them tracks "
+        "or images",
+        recording.path.string(),
+        name);
   }
-  throw Error(ErrorKind::kInput,
-              fmt::format("{}: has no camera '{}' of the calibration; choose by --cameras",
-                          recording.path.string(),
-                          name));
+  throw InputError("{}: has no camera '{}' of the calibration; choose by --cameras",
+                   recording.path.string(),
+                   name);
 }
 
 // Times of the frames by name.
@@ -61,10 +58,10 @@ std::vector<size_t> FramesThatSeeAgain(const SceneTracks& tracks, const std::set
     if (common >= kFewestCommon) return FramesFrom(frame, tracks.frames.size());
     most = std::max(most, common);
   }
-  throw Error(ErrorKind::kJob,
-              fmt::format("start and end do not see the same scene: {} in common; give --start "
-                          "and --end",
-                          Counted(most, "point")));
+  throw JobError(
+      "start and end do not see the same scene: {} in common; give --start "
+      "and --end",
+      Counted(most, "point"));
 }
 
 }  // namespace
@@ -85,9 +82,7 @@ SceneTracks ReadRecordedTracks(const RecordingFile& recording,
   if (!times.empty()) {
     for (const std::string& name : names) {
       if (times.contains(name)) continue;
-      throw Error(
-          ErrorKind::kInput,
-          fmt::format("{}: no time for frame '{}' of the tracks", recording.path.string(), name));
+      throw InputError("{}: no time for frame '{}' of the tracks", recording.path.string(), name);
     }
     std::ranges::stable_sort(names, {}, [&](const std::string& name) { return times.at(name); });
     for (const std::string& name : names) tracks.times.push_back(times.at(name));

@@ -7,7 +7,7 @@
 #include <cmath>
 
 #include "apps/evaluate/trajectory_metrics.h"
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/number_text.h"
 
 namespace plenocal {
@@ -31,12 +31,11 @@ std::vector<size_t> ReadSegment(const SceneTracks& tracks,
                                 const char* option) {
   const size_t colon = text.find(':');
   const auto fail = [&](const std::string& reason) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{} {}: {}; write A:B, names of frames{}",
-                            option,
-                            text,
-                            reason,
-                            tracks.times.empty() ? "" : " or seconds"));
+    throw InputError("{} {}: {}; write A:B, names of frames{}",
+                     option,
+                     text,
+                     reason,
+                     tracks.times.empty() ? "" : " or seconds");
   };
   if (colon == std::string::npos) fail("no ':'");
   const std::string first = text.substr(0, colon), last = text.substr(colon + 1);
@@ -95,7 +94,7 @@ std::vector<size_t> EndFrames(const SceneTracks& tracks, const std::string& choi
 
 void CheckOrder(const LoopSegments& segments) {
   if (segments.start.back() < segments.end.front()) return;
-  throw Error(ErrorKind::kInput, "the end segment begins before the start segment ends");
+  throw InputError("the end segment begins before the start segment ends");
 }
 
 }  // namespace plenocal

@@ -11,7 +11,7 @@
 #include <opencv2/core.hpp>
 
 #include "apps/report/page.h"
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "detectors/images/image.h"
 
 namespace plenocal {
@@ -60,6 +60,29 @@ void AppendRows(const std::string& section,
                    row.first / row.second,
                    std::isnan(row.sigma) ? "" : fmt::format("{:.4g}", row.sigma));
   }
+}
+
+Attenuation ReadAttenuationWithSigma(const std::filesystem::path& path) {
+  Attenuation attenuation{ReadAttenuation(path), {}};
+  double least = 0;
+  cv::minMaxLoc(attenuation.values, &least);
+  if (!(least > 0)) {
+    throw InputError(
+        "{}: has values that are not positive; an attenuation is the share of "
+        "light that reaches each pixel",
+        path.string());
+  }
+  constexpr std::string_view kPrefix = "vignetting_";
+  const std::string name = path.filename().string();
+  if (!name.starts_with(kPrefix)) return attenuation;
+  const std::filesystem::path beside =
+      path.parent_path() / fmt::format("vignetting_sigma_{}", name.substr(kPrefix.size()));
+  if (!std::filesystem::exists(beside)) return attenuation;
+  attenuation.sigma = ReadAttenuation(beside);
+  if (attenuation.sigma.size() != attenuation.values.size()) {
+    throw InputError("{}: has another size than {}", beside.string(), path.string());
+  }
+  return attenuation;
 }
 
 }  // namespace
@@ -156,28 +179,21 @@ std::string ComparisonPage(const AttenuationComparison& comparison,
                    {"comparison", ComparisonJson(comparison, first, second)}});
 }
 
-Attenuation ReadAttenuationWithSigma(const std::filesystem::path& path) {
-  Attenuation attenuation{ReadAttenuation(path), {}};
-  double least = 0;
-  cv::minMaxLoc(attenuation.values, &least);
-  if (!(least > 0)) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: has values that are not positive; an attenuation is the share of "
-                            "light that reaches each pixel",
-                            path.string()));
-  }
-  constexpr std::string_view kPrefix = "vignetting_";
-  const std::string name = path.filename().string();
-  if (!name.starts_with(kPrefix)) return attenuation;
-  const std::filesystem::path beside =
-      path.parent_path() / fmt::format("vignetting_sigma_{}", name.substr(kPrefix.size()));
-  if (!std::filesystem::exists(beside)) return attenuation;
-  attenuation.sigma = ReadAttenuation(beside);
-  if (attenuation.sigma.size() != attenuation.values.size()) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: has another size than {}", beside.string(), path.string()));
-  }
-  return attenuation;
+bool IsAttenuation(const std::filesystem::path& path) {
+  return path.extension() == ".tiff" || path.extension() == ".tif";
+}
+
+AttenuationComparison CompareAttenuationFiles(const std::filesystem::path& first,
+                                              const std::filesystem::path& second) {
+  const Attenuation a = ReadAttenuationWithSigma(first), b = ReadAttenuationWithSigma(second);
+  if (a.values.size() == b.values.size()) return CompareAttenuations(a, b);
+  throw InputError("{} is {} x {} pixels, {} is {} x {}; they must be of one camera",
+                   first.string(),
+                   a.values.cols,
+                   a.values.rows,
+                   second.string(),
+                   b.values.cols,
+                   b.values.rows);
 }
 
 }  // namespace plenocal

@@ -26,8 +26,16 @@ struct AttenuationComparison {
   Row border;                   ///< outermost of `radial` with whole circles in the image's corners
 };
 
+/// Whether a file of this name is a TIFF, as attenuations are.
+bool IsAttenuation(const std::filesystem::path& path);
+
 /// REQUIRES: equal sizes.
 AttenuationComparison CompareAttenuations(const Attenuation& first, const Attenuation& second);
+/// The same of two attenuation TIFFs with the standard deviations beside them, if there are any:
+/// vignetting_<camera>.tiff and vignetting_sigma_<camera>.tiff. Throws `Error` of kind kInput, also
+/// for two sizes.
+AttenuationComparison CompareAttenuationFiles(const std::filesystem::path& first,
+                                              const std::filesystem::path& second);
 
 /// vignetting_compare.csv: section (row, radial), x, first, second, ratio, sigma (of the ratio).
 std::string ComparisonCsv(const AttenuationComparison& comparison);
@@ -43,9 +51,5 @@ std::string ComparisonPage(const AttenuationComparison& comparison,
 nlohmann::json ComparisonJson(const AttenuationComparison& comparison,
                               const std::string& first,
                               const std::string& second);
-
-/// An attenuation TIFF with the standard deviations beside it, if there are any:
-/// vignetting_<camera>.tiff and vignetting_sigma_<camera>.tiff. Throws `Error` of kind kInput.
-Attenuation ReadAttenuationWithSigma(const std::filesystem::path& path);
 
 }  // namespace plenocal

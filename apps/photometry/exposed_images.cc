@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <iterator>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/names.h"
 
 namespace plenocal {
@@ -15,26 +15,21 @@ const RecordedCamera& ChooseRecordedCamera(const Recording& recording, const std
   const std::vector<std::string_view> names = NamesOf(recording.cameras);
   if (name.empty()) {
     if (recording.cameras.size() == 1) return recording.cameras[0];
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: has {} cameras ({}); choose one with --camera",
-                            recording.path.string(),
-                            names.size(),
-                            fmt::join(names, ", ")));
+    throw InputError("{}: has {} cameras ({}); choose one with --camera",
+                     recording.path.string(),
+                     names.size(),
+                     fmt::join(names, ", "));
   }
   if (const RecordedCamera* camera = recording.FindCamera(name)) return *camera;
-  throw Error(
-      ErrorKind::kInput,
-      fmt::format(
-          "{}: has no camera '{}'{}", recording.path.string(), name, SuggestName(name, names)));
+  throw InputError(
+      "{}: has no camera '{}'{}", recording.path.string(), name, SuggestName(name, names));
 }
 
 cv::Mat ReadExposed(const RecordedCamera& camera, std::size_t index) {
   cv::Mat image = camera.Read(index);
   if (image.depth() == CV_8U) return image;
-  throw Error(
-      ErrorKind::kInput,
-      fmt::format("{}: has 16 bits; a response holds 256 values: record with 8 bits a pixel",
-                  camera.files[index].path.string()));
+  throw InputError("{}: has 16 bits; a response holds 256 values: record with 8 bits a pixel",
+                   camera.files[index].path.string());
 }
 
 std::vector<double> ExposuresOf(const Recording& recording,
@@ -45,14 +40,14 @@ std::vector<double> ExposuresOf(const Recording& recording,
     if (image.exposure) exposures.push_back(*image.exposure);
   }
   if (exposures.size() == camera.images.size()) return exposures;
-  throw Error(ErrorKind::kInput,
-              fmt::format("{}: camera {}: {} of {} images have no exposure time; write lines 'name "
-                          "time exposure' into the file that 'times' names, {}",
-                          recording.path.string(),
-                          camera.name,
-                          camera.images.size() - exposures.size(),
-                          camera.images.size(),
-                          purpose));
+  throw InputError(
+      "{}: camera {}: {} of {} images have no exposure time; write lines 'name "
+      "time exposure' into the file that 'times' names, {}",
+      recording.path.string(),
+      camera.name,
+      camera.images.size() - exposures.size(),
+      camera.images.size(),
+      purpose);
 }
 
 std::vector<LeftOut> LeftOutOf(const Recording& recording, const RecordedCamera& camera) {

@@ -12,13 +12,16 @@
 #include <opencv2/imgproc.hpp>
 #include <optional>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
+#include "calib/base/number_text.h"
 #include "calib/base/parallel.h"
 #include "calib/base/quoted_text.h"
 #include "calib/base/robust.h"
 #include "calib/base/statistics.h"
+#include "calib/io/output_folder.h"
 #include "detectors/images/image.h"
 #include "detectors/photometry/response_curve.h"
+#include "engine/observe/left_out.h"
 #include "engine/scene/track/feature_tracker.h"
 
 namespace plenocal {
@@ -70,14 +73,13 @@ Photometry ReadPhotometry(const RecordedCamera& camera) {
   photometry.attenuation = ReadRelativeAttenuation(camera.vignetting);
   if (photometry.attenuation.cols != camera.image_size[0] ||
       photometry.attenuation.rows != camera.image_size[1]) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: is {} x {} pixels, but the images of {} are {} x {}",
-                            camera.vignetting.string(),
-                            photometry.attenuation.cols,
-                            photometry.attenuation.rows,
-                            camera.name,
-                            camera.image_size[0],
-                            camera.image_size[1]));
+    throw InputError("{}: is {} x {} pixels, but the images of {} are {} x {}",
+                     camera.vignetting.string(),
+                     photometry.attenuation.cols,
+                     photometry.attenuation.rows,
+                     camera.name,
+                     camera.image_size[0],
+                     camera.image_size[1]);
   }
   cv::max(photometry.attenuation, 1e-3, photometry.attenuation);
   return photometry;
@@ -204,9 +206,8 @@ FrameExposures CompareExposures(const Recording& recording,
                                 int threads,
                                 const std::function<void(size_t done, size_t total)>& done) {
   if (recording.cameras.size() < 2) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: has one camera; exposures of the cameras of a frame are compared",
-                            recording.path.string()));
+    throw InputError("{}: has one camera; exposures of the cameras of a frame are compared",
+                     recording.path.string());
   }
   FrameExposures result;
   std::vector<Photometry> photometry;
@@ -252,13 +253,11 @@ FrameExposures CompareExposures(const Recording& recording,
     std::ranges::move(images, std::back_inserter(result.images));
   }
   if (result.images.empty()) {
-    throw Error(
-        ErrorKind::kJob,
-        fmt::format("{}: no frame shows points in two cameras; the first: {}: {}",
-                    recording.path.string(),
-                    result.left_out.empty() ? recording.frames[0].name : result.left_out[0].where,
-                    result.left_out.empty() ? "its cameras have no common frame"
-                                            : result.left_out[0].reason));
+    throw JobError(
+        "{}: no frame shows points in two cameras; the first: {}: {}",
+        recording.path.string(),
+        result.left_out.empty() ? recording.frames[0].name : result.left_out[0].where,
+        result.left_out.empty() ? "its cameras have no common frame" : result.left_out[0].reason);
   }
   return result;
 }
@@ -278,6 +277,39 @@ std::string FrameExposuresCsv(const Recording& recording, const FrameExposures& 
               &text);
   }
   return text;
+}
+
+std::string MeasureExposures(const Recording& recording,
+                             const std::filesystem::path& out,
+                             const Run& run) {
+  const FrameExposures exposures =
+      CompareExposures(recording, run.threads, [&](size_t done, size_t total) {
+        const auto stage = fmt::format("exposures: frame {} of {}", done + 1, total);
+        if (!run.Progress(stage)) throw Stopped();
+      });
+  for (const std::string& warning : exposures.warnings) run.Warning(warning);
+  ReportLeftOut(exposures.left_out, run);
+  if (!out.empty()) {
+    WriteInto(out, {{"exposures.csv", FrameExposuresCsv(recording, exposures)}});
+  }
+  std::string text;
+  size_t different = 0;
+  for (const RelativeExposure& image : exposures.images) {
+    if (!image.differs) continue;
+    ++different;
+    text += fmt::format("{} of {}: exposure {:+.1f} % +- {:.1f} % from {}, by {}\n",
+                        image.frame,
+                        image.camera,
+                        100 * std::expm1(image.log_ratio),
+                        100 * image.sigma,
+                        std::isnan(image.recorded)
+                            ? "the usual ratio to the first camera's"
+                            : fmt::format("the recorded {:.4g} ms", image.recorded),
+                        Counted(image.points, "point"));
+  }
+  return text + fmt::format("exposures differ in {} of {}\n",
+                            different,
+                            Counted(exposures.images.size(), "image"));
 }
 
 }  // namespace plenocal

@@ -5,10 +5,12 @@
 // matt point has one E.
 #pragma once
 
+#include <filesystem>
 #include <functional>
 #include <string>
 #include <vector>
 
+#include "calib/base/run.h"
 #include "engine/recording/recording.h"
 
 namespace plenocal {
@@ -49,5 +51,11 @@ FrameExposures CompareExposures(const Recording& recording,
 /// exposures.csv: frame, camera, exposure_ms, relative, sigma; of all cameras. A recording.yaml
 /// reads it by `exposures`.
 std::string FrameExposuresCsv(const Recording& recording, const FrameExposures& exposures);
+
+/// The same of a run: compares, writes exposures.csv into the folder `out`, if one is given, and
+/// returns the result in words.
+std::string MeasureExposures(const Recording& recording,
+                             const std::filesystem::path& out,
+                             const Run& run);
 
 }  // namespace plenocal

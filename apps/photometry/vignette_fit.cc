@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/photometry/vignette_fit.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -13,7 +11,7 @@
 #include "apps/photometry/image_spline.h"
 #include "apps/photometry/response/noise_line.h"
 #include "apps/photometry/wall_samples.h"
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/linear_algebra.h"
 #include "calib/base/parallel.h"
 #include "calib/base/robust.h"
@@ -949,12 +947,11 @@ VignetteEstimate FitVignette(WallRecording wall,
   VignetteSolver solver(std::move(wall), where, threads);
   constexpr size_t kFewest = 20000;
   if (solver.Measurements() < kFewest) {
-    throw Error(
-        ErrorKind::kJob,
-        fmt::format("{}: the images have only {} measurements of points that at least three "
-                    "of them show; move the camera less between images, avoid saturation",
-                    where,
-                    solver.Measurements()));
+    throw JobError(
+        "{}: the images have only {} measurements of points that at least three "
+        "of them show; move the camera less between images, avoid saturation",
+        where,
+        solver.Measurements());
   }
   report("wall: first rounds");
   solver.Round();

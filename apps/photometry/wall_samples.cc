@@ -1,13 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/photometry/wall_samples.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/parallel.h"
 #include "calib/base/statistics.h"
 
@@ -100,10 +98,10 @@ WallGrid ChooseGrid(const WallRecording& wall, const std::string& where) {
     }
   }
   if (xs.empty()) {
-    throw Error(ErrorKind::kJob,
-                fmt::format("{}: the wall is behind the cameras or seen from its edge; check the "
-                            "target's file and the calibration",
-                            where));
+    throw JobError(
+        "{}: the wall is behind the cameras or seen from its edge; check the "
+        "target's file and the calibration",
+        where);
   }
   // What few views show contributes nothing.
   constexpr double kRim = 0.01;

@@ -8,16 +8,14 @@
 #include <cmath>
 #include <iterator>
 #include <limits>
-#include <map>
-#include <memory>
-#include <mutex>
 #include <opencv2/imgproc.hpp>
 #include <optional>
 
 #include "apps/photometry/exposed_images.h"
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/number_text.h"
 #include "calib/base/parallel.h"
+#include "detectors/images/detector_pool.h"
 #include "detectors/marker_detectors.h"
 #include "engine/scene/locate.h"
 
@@ -26,32 +24,6 @@ namespace {
 
 constexpr double kWantedPixels = 80000;  // of a reduced image
 constexpr std::uint8_t kSaturated = 255;
-
-// Detectors, one a thread at a time.
-class DetectorPool {
- public:
-  explicit DetectorPool(const Target& target) : target_(target) {}
-  MarkerDetections Detect(const cv::Mat& grey) {
-    std::unique_ptr<MarkerDetector> detector = Take();
-    MarkerDetections found = detector->Detect(grey);
-    const std::lock_guard lock(mutex_);
-    idle_.push_back(std::move(detector));
-    return found;
-  }
-
- private:
-  std::unique_ptr<MarkerDetector> Take() {
-    const std::lock_guard lock(mutex_);
-    if (idle_.empty()) return MakeMarkerDetector(target_);
-    std::unique_ptr<MarkerDetector> detector = std::move(idle_.back());
-    idle_.pop_back();
-    return detector;
-  }
-
-  const Target& target_;
-  std::mutex mutex_;
-  std::vector<std::unique_ptr<MarkerDetector>> idle_;
-};
 
 // Brightness of blocks of pixels. Blocks with saturated pixels, or beside them, have none: their
 // mean would lack what is cut off.
@@ -102,10 +74,10 @@ void CheckFlat(const Target& target) {
   }
   constexpr double kFlat = 0.01;  // of the size
   if (off <= kFlat * size) return;
-  throw Error(ErrorKind::kInput,
-              fmt::format("the target's markers are up to {:.3g} m off its plane z = 0; a wall is "
-                          "flat: give a target.yaml with the markers that hang on it",
-                          off));
+  throw InputError(
+      "the target's markers are up to {:.3g} m off its plane z = 0; a wall is "
+      "flat: give a target.yaml with the markers that hang on it",
+      off);
 }
 
 std::array<double, 4> MarkerArea(const Target& target) {
@@ -129,15 +101,15 @@ WallRecording ReadWall(const WallOptions& options) {
   const RecordedCamera& images = *options.images;
   const CalibratedCamera& camera = *options.camera;
   if (images.image_size != camera.image_size) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: images of camera {} are {} x {} pixels, but the calibration is of "
-                            "{} x {}",
-                            options.recording->path.string(),
-                            images.name,
-                            images.image_size[0],
-                            images.image_size[1],
-                            camera.image_size[0],
-                            camera.image_size[1]));
+    throw InputError(
+        "{}: images of camera {} are {} x {} pixels, but the calibration is of "
+        "{} x {}",
+        options.recording->path.string(),
+        images.name,
+        images.image_size[0],
+        images.image_size[1],
+        camera.image_size[0],
+        camera.image_size[1]);
   }
   CheckFlat(*options.target);
   WallRecording wall;
@@ -152,7 +124,7 @@ WallRecording ReadWall(const WallOptions& options) {
   const size_t count = images.images.size();
   std::vector<std::optional<WallView>> views(count);
   std::vector<std::string> reasons(count);
-  DetectorPool detectors(*options.target);
+  DetectorPool detectors([&] { return MakeMarkerDetector(*options.target); });
   std::atomic<size_t> done = 0;
   ParallelFor(count, options.threads, [&](size_t i) {
     const RecordedImage& image = images.images[i];
@@ -191,18 +163,15 @@ WallRecording ReadWall(const WallOptions& options) {
   }
   constexpr size_t kFewest = 10;
   if (wall.views.size() < kFewest) {
-    throw Error(
-        ErrorKind::kJob,
-        fmt::format("{}: camera {}: the marker was found in {} of {}{}; the wall must show the "
-                    "target of --target in every image, sharp and whole: at least {} images",
-                    options.recording->path.string(),
-                    images.name,
-                    wall.views.size(),
-                    Counted(count, "image"),
-                    wall.left_out.empty()
-                        ? ""
-                        : fmt::format(" (first failure: {})", wall.left_out[0].reason),
-                    kFewest));
+    throw JobError(
+        "{}: camera {}: the marker was found in {} of {}{}; the wall must show the "
+        "target of --target in every image, sharp and whole: at least {} images",
+        options.recording->path.string(),
+        images.name,
+        wall.views.size(),
+        Counted(count, "image"),
+        wall.left_out.empty() ? "" : fmt::format(" (first failure: {})", wall.left_out[0].reason),
+        kFewest);
   }
   std::ranges::move(LeftOutOf(*options.recording, images), std::back_inserter(wall.left_out));
   return wall;

@@ -1,14 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/photometry/white_attenuation.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
 #include "apps/photometry/image_spline.h"
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/parallel.h"
 #include "detectors/images/image.h"
 
@@ -22,23 +20,22 @@ cv::Mat ReadBlocks(const FrameImage& image, const ResponseCurve& response, const
   const std::string path = image.path.string();
   const cv::Mat grey = ToGray(ReadImage(image));
   if (grey.cols != size[0] || grey.rows != size[1]) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: is {} x {} pixels, but the camera's images are {} x {}",
-                            path,
-                            grey.cols,
-                            grey.rows,
-                            size[0],
-                            size[1]));
+    throw InputError("{}: is {} x {} pixels, but the camera's images are {} x {}",
+                     path,
+                     grey.cols,
+                     grey.rows,
+                     size[0],
+                     size[1]);
   }
   if (grey.depth() != CV_8U) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: has 16 bits; a response holds 256 values: give white images of 8 "
-                            "bits, as the wall's",
-                            path));
+    throw InputError(
+        "{}: has 16 bits; a response holds 256 values: give white images of 8 "
+        "bits, as the wall's",
+        path);
   }
   constexpr double kMostSaturated = 1e-3;
   if (cv::countNonZero(grey == 255) > kMostSaturated * static_cast<double>(grey.total())) {
-    throw Error(ErrorKind::kInput, fmt::format("{}: is saturated; use a shorter exposure", path));
+    throw InputError("{}: is saturated; use a shorter exposure", path);
   }
   cv::Mat blocks;
   cv::resize(LightOf(grey, response),
@@ -48,7 +45,7 @@ cv::Mat ReadBlocks(const FrameImage& image, const ResponseCurve& response, const
              0,
              cv::INTER_AREA);
   const double mean = cv::mean(blocks)[0];
-  if (!(mean > 0)) throw Error(ErrorKind::kInput, fmt::format("{}: is black", path));
+  if (!(mean > 0)) throw InputError("{}: is black", path);
   return blocks / mean;
 }
 

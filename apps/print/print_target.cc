@@ -13,7 +13,7 @@
 
 #include "apps/charts/cairo_handles.h"
 #include "apps/charts/cairo_path.h"
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/io/output_folder.h"
 #include "targets/target.h"
 #include "targets/target_drawing.h"
@@ -152,14 +152,14 @@ std::vector<Page> LayOutSheet(const TargetPart& part, const std::optional<Paper>
   const double across = std::ceil(size.x() / window.x() - 1e-9);
   const double down = std::ceil(size.y() / window.y() - 1e-9);
   if (!(across * down <= kMostPages)) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{:.0f} x {:.0f} mm need {:.3g} pages of paper {}; at most {} can be "
-                            "joined: check the target's unit, take a larger --paper or 'fit'",
-                            size.x(),
-                            size.y(),
-                            across * down,
-                            paper->name,
-                            kMostPages));
+    throw InputError(
+        "{:.0f} x {:.0f} mm need {:.3g} pages of paper {}; at most {} can be "
+        "joined: check the target's unit, take a larger --paper or 'fit'",
+        size.x(),
+        size.y(),
+        across * down,
+        paper->name,
+        kMostPages);
   }
   const int columns = static_cast<int>(across), rows = static_cast<int>(down);
   std::vector<Page> pages;
@@ -193,14 +193,13 @@ std::vector<Page> LayOutTags(const std::vector<TargetPart>& parts, const Paper& 
     const Eigen::Vector2d size = SizeOf(part);
     const double right = paper.width - kMargin, bottom = paper.height - kMargin - kFoot;
     if (size.x() > right - kMargin || size.y() > bottom - kMargin) {
-      throw Error(
-          ErrorKind::kInput,
-          fmt::format("tag {} needs {:.0f} x {:.0f} mm, which paper {} does not have; take a "
-                      "larger --paper",
-                      part.tags[0].id,
-                      size.x(),
-                      size.y(),
-                      paper.name));
+      throw InputError(
+          "tag {} needs {:.0f} x {:.0f} mm, which paper {} does not have; take a "
+          "larger --paper",
+          part.tags[0].id,
+          size.x(),
+          size.y(),
+          paper.name);
     }
     if (x + size.x() > right) x = kMargin, y += row_height + kGap, row_height = 0;
     if (pages.empty() || y + size.y() > bottom) {
@@ -289,14 +288,13 @@ std::string Png(const Page& page, double dpi) {
   constexpr double kMost = 30000;
   const double scale = dpi / kInch;
   if (scale * std::max(page.width, page.height) > kMost) {
-    throw Error(
-        ErrorKind::kInput,
-        fmt::format("{:.0f} x {:.0f} mm at {} dpi are more than {} pixels; lower --dpi, take a "
-                    "--paper or write SVG or PDF",
-                    page.width,
-                    page.height,
-                    dpi,
-                    kMost));
+    throw InputError(
+        "{:.0f} x {:.0f} mm at {} dpi are more than {} pixels; lower --dpi, take a "
+        "--paper or write SVG or PDF",
+        page.width,
+        page.height,
+        dpi,
+        kMost);
   }
   const Surface surface(
       cairo_image_surface_create(CAIRO_FORMAT_RGB24,
@@ -316,8 +314,7 @@ std::optional<Paper> FindPaper(const std::string& name) {
     if (paper.name == name) return paper;
     names.push_back(paper.name);
   }
-  throw Error(ErrorKind::kInput,
-              fmt::format("--paper: no size '{}'{}", name, SuggestName(name, names)));
+  throw InputError("--paper: no size '{}'{}", name, SuggestName(name, names));
 }
 
 std::vector<Page> LayOut(const std::vector<TargetPart>& sheets,
@@ -348,9 +345,7 @@ std::vector<std::filesystem::path> PrintTarget(const PrintRequest& request) {
   using namespace print;  // NOLINT(google-build-using-namespace)
   const std::string extension = request.out.extension().string();
   if (extension != ".svg" && extension != ".pdf" && extension != ".png") {
-    throw Error(
-        ErrorKind::kInput,
-        fmt::format("{}: expected a name that ends in .svg, .pdf or .png", request.out.string()));
+    throw InputError("{}: expected a name that ends in .svg, .pdf or .png", request.out.string());
   }
   const std::optional<Paper> paper = FindPaper(request.paper);
   const Target target = NominalTarget(ReadTarget(request.target));

@@ -5,6 +5,8 @@
 
 #include <array>
 
+#include "calib/base/json_text.h"
+
 namespace plenocal {
 
 // web/src/entry/report.html with script and style: made by the build (cmake/embed.cmake).
@@ -29,7 +31,7 @@ std::string WithoutDirectionMarks(std::string text) {
 
 // As text of a script element: nothing in it can end the element.
 std::string ScriptText(const nlohmann::json& data) {
-  const std::string json = data.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+  const std::string json = JsonText(data, -1);
   std::string text;
   text.reserve(json.size());
   for (const char c : json) {

@@ -1,13 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/simulate/image_set.h"
 
-#include <fmt/format.h>
-
 #include <set>
 
 #include "apps/simulate/random.h"
 #include "apps/simulate/sensor.h"
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/parallel.h"
 #include "detectors/images/image.h"
 
@@ -23,10 +21,10 @@ void RefuseOtherImages(const std::vector<ImageTask>& tasks, const std::filesyste
     std::error_code error;
     for (const auto& entry : std::filesystem::directory_iterator(folder, error)) {
       if (entry.path().extension() != ".png" || expected.contains(entry.path())) continue;
-      throw Error(ErrorKind::kInput,
-                  fmt::format("{}: is no image of this session but would be taken for one; remove "
-                              "it or give another folder with -o",
-                              entry.path().string()));
+      throw InputError(
+          "{}: is no image of this session but would be taken for one; remove "
+          "it or give another folder with -o",
+          entry.path().string());
     }
   }
 }

@@ -10,7 +10,7 @@
 #include <numbers>
 
 #include "apps/simulate/random.h"
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/camera/lens_lattice.h"
 
 namespace plenocal::simulate {
@@ -19,7 +19,7 @@ namespace {
 constexpr int kIterations = 40;
 
 [[noreturn]] void Fail(const CameraSpec& camera, const std::string& message) {
-  throw Error(ErrorKind::kInput, fmt::format("cameras.{}: {}", camera.name, message));
+  throw InputError("cameras.{}: {}", camera.name, message);
 }
 
 int TypeOf(const MicroLensSpec& spec, const LatticeNode& node) {

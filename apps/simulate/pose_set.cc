@@ -6,13 +6,12 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <optional>
 #include <utility>
 
 #include "apps/simulate/motion/hand_path.h"
 #include "apps/simulate/random.h"
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/linear_algebra.h"
 
 namespace plenocal::simulate {
@@ -163,15 +162,13 @@ class PoseFinder {
       if (!alone) alone = std::move(frame);
     }
     if (alone) return *alone;
-    throw Error(
-        ErrorKind::kJob,
-        fmt::format(
-            "{}: poses: in {} tries camera {} never saw {} markers{}; correct distance, tilt or the camera",
-            spec_.path.string(),
-            kTries,
-            camera.name,
-            fewest_[plan.target],
-            spec_.poses.corner ? " in a corner of its image and none elsewhere" : ""));
+    throw JobError(
+        "{}: poses: in {} tries camera {} never saw {} markers{}; correct distance, tilt or the camera",
+        spec_.path.string(),
+        kTries,
+        camera.name,
+        fewest_[plan.target],
+        spec_.poses.corner ? " in a corner of its image and none elsewhere" : "");
   }
 
   // T_rig_target of a rig that moves; nothing where the target would be out of the camera's domain.

@@ -17,7 +17,7 @@
 #include "apps/workbench/project/session_text.h"
 #include "apps/workbench/run_json.h"
 #include "apps/workbench/try_json.h"
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/quoted_text.h"
 #include "calib/files/frame_images.h"
 #include "calib/io/detection_cache.h"
@@ -41,7 +41,7 @@ Answer JsonAnswer(const Json& json, int status = 200) {
 
 Json BodyOf(const Request& request) {
   Json body = Json::parse(request.body.empty() ? "{}" : request.body, nullptr, false);
-  if (!body.is_object()) throw Error(ErrorKind::kInput, "the request's body is no JSON object");
+  if (!body.is_object()) throw InputError("the request's body is no JSON object");
   return body;
 }
 
@@ -49,7 +49,7 @@ std::string TextOf(const Json& body, const char* key) {
   const auto found = body.find(key);
   if (found == body.end() || found->is_null()) return {};
   if (!found->is_string()) {
-    throw Error(ErrorKind::kInput, fmt::format("{}: expected text", key));
+    throw InputError("{}: expected text", key);
   }
   return found->get<std::string>();
 }
@@ -58,7 +58,7 @@ int NumberOf(const std::string& text, const char* what) {
   int number = 0;
   const auto parsed = std::from_chars(text.data(), text.data() + text.size(), number);
   if (parsed.ec != std::errc() || parsed.ptr != text.data() + text.size() || number < 0) {
-    throw Error(ErrorKind::kInput, fmt::format("{}: expected a number, got '{}'", what, text));
+    throw InputError("{}: expected a number, got '{}'", what, text);
   }
   return number;
 }
@@ -77,7 +77,7 @@ bool Is(const Request& request, const char* method, std::initializer_list<const 
 std::string PlainName(const std::string& name, const char* what) {
   if (name.empty() || name.starts_with('-') || name.starts_with('.') ||
       name.find('/') != std::string::npos) {
-    throw Error(ErrorKind::kInput, fmt::format("{}: '{}' is no name", what, name));
+    throw InputError("{}: '{}' is no name", what, name);
   }
   return name;
 }
@@ -87,7 +87,7 @@ int NumberOf(const Json& body, const char* key, int otherwise) {
   const auto found = body.find(key);
   if (found == body.end()) return otherwise;
   if (!found->is_number_integer()) {
-    throw Error(ErrorKind::kInput, fmt::format("{}: expected a number", key));
+    throw InputError("{}: expected a number", key);
   }
   return found->get<int>();
 }
@@ -97,14 +97,14 @@ ExcludeRule RuleOf(const Json& body) {
                    .frame = TextOf(body, "frame"),
                    .note = TextOf(body, "note")};
   if (const auto markers = body.find("markers"); markers != body.end()) {
-    if (!markers->is_array()) throw Error(ErrorKind::kInput, "markers: expected a list");
+    if (!markers->is_array()) throw InputError("markers: expected a list");
     for (const Json& marker : *markers) {
-      if (!marker.is_number_integer()) throw Error(ErrorKind::kInput, "markers: expected numbers");
+      if (!marker.is_number_integer()) throw InputError("markers: expected numbers");
       rule.markers.push_back(marker.get<int>());
     }
   }
   if (rule.frame.empty() && rule.markers.empty()) {
-    throw Error(ErrorKind::kInput, "give the frame or the markers to exclude");
+    throw InputError("give the frame or the markers to exclude");
   }
   return rule;
 }
@@ -207,10 +207,10 @@ Answer Api::AddImage(const Request& request) const {
   for (const std::string& each : {folder, name}) {
     const auto defect = each.empty() ? std::nullopt : FrameNameDefect(each);
     if (!defect) continue;
-    throw Error(ErrorKind::kInput, fmt::format("the name '{}' {}; rename it", each, *defect));
+    throw InputError("the name '{}' {}; rename it", each, *defect);
   }
   if (!HasImageName(name) && !IsStoreName(name)) {
-    throw Error(ErrorKind::kInput, fmt::format("{}: is no image and no recording", name));
+    throw InputError("{}: is no image and no recording", name);
   }
   AddBeneath(project_->Root(), folder, name, request.body);
   return JsonAnswer(Json::object(), 201);
@@ -314,12 +314,12 @@ Answer Api::UseModel(const Request& request) {
   const std::string model = TextOf(body, "model");
   const auto cameras = body.find("cameras");
   if (cameras == body.end() || !cameras->is_array()) {
-    throw Error(ErrorKind::kInput, "cameras: expected a list");
+    throw InputError("cameras: expected a list");
   }
   const SessionVersion now = project_->ReadVersion();
   std::string text = now.text;
   for (const Json& camera : *cameras) {
-    if (!camera.is_string()) throw Error(ErrorKind::kInput, "cameras: expected names");
+    if (!camera.is_string()) throw InputError("cameras: expected names");
     text = WithModel(text, camera.get<std::string>(), model);
   }
   // A text that cannot be read is not written.
@@ -397,7 +397,7 @@ Answer Api::WatchRequest(const Request& request) {
   const Json body = BodyOf(request);
   const auto on = body.find("on");
   if (on == body.end() || !on->is_boolean()) {
-    throw Error(ErrorKind::kInput, "on: expected true or false");
+    throw InputError("on: expected true or false");
   }
   if (!on->get<bool>()) {
     watch_.Stop();
@@ -457,7 +457,7 @@ std::vector<std::string> Api::FocusArguments(const Json& body) {
   const std::string frame = PlainName(TextOf(body, "frame"), "frame");
   const auto image = FindImage(camera, frame);
   if (!image) {
-    throw Error(ErrorKind::kInput, fmt::format("the session has no image {} of {}", frame, camera));
+    throw InputError("the session has no image {} of {}", frame, camera);
   }
   std::vector<std::string> arguments{
       "focus",
@@ -470,10 +470,10 @@ std::vector<std::string> Api::FocusArguments(const Json& body) {
       FocusFolder(run, camera, frame).string(),
       "--quiet"};
   if (image->store) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: the workbench computes virtual depth of image files only; "
-                            "'plenocal focus' reads recordings",
-                            image->path.string()));
+    throw InputError(
+        "{}: the workbench computes virtual depth of image files only; "
+        "'plenocal focus' reads recordings",
+        image->path.string());
   }
   const Session session = project_->Parsed();
   const auto of = std::ranges::find(session.cameras, camera, &SessionCamera::name);

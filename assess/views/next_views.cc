@@ -11,7 +11,7 @@
 
 #include "assess/views/information_state.h"
 #include "assess/views/view_information.h"
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/linear_algebra.h"
 #include "calib/base/parallel.h"
 
@@ -112,10 +112,10 @@ class Choice {
     Score(kCoarseMarkers);
     Keep(kKept);
     if (candidates_.empty()) {
-      throw Error(ErrorKind::kJob,
-                  "no pose of the target is feasible: nowhere between these distances can enough "
-                  "of it be seen; check target, image size and lens angle, or set --near and "
-                  "--far");
+      throw JobError(
+          "no pose of the target is feasible: nowhere between these distances can enough "
+          "of it be seen; check target, image size and lens angle, or set --near and "
+          "--far");
     }
     ParallelFor(candidates_.size(), options_.threads, [&](size_t i) {
       candidates_[i].information = InformationOf(candidates_[i], kFineMarkers);

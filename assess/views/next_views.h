@@ -4,12 +4,14 @@
 #pragma once
 
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "assess/views/projection_sigma.h"
 #include "assess/views/rig_knowledge.h"
 #include "assess/views/target_poses.h"
+#include "calib/files/finding.h"
 
 namespace plenocal {
 
@@ -67,6 +69,12 @@ NextViews ChooseNextViews(const RigKnowledge& rig,
 /// "board in the lower left corner, 0.30 m away, its left side tilted away by 40 degrees: sigma
 /// there 1.6 -> 0.4 px".
 std::string WordsOf(const NextView& view, const RigKnowledge& rig);
+/// All suggestions for the terminal. `verdict`: of the calibration so far. `assumed_angle`: the
+/// lens' angle is given where the images do not determine it.
+std::string WordsOf(const NextViews& suggestions,
+                    const RigKnowledge& rig,
+                    const std::optional<Verdict>& verdict,
+                    bool assumed_angle);
 
 /// "lower left corner", "middle".
 std::string RegionName(size_t region);

@@ -6,7 +6,7 @@
 #include <limits>
 
 #include "assess/views/micro_lens_sight.h"
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/linear_algebra.h"
 
 namespace plenocal {
@@ -111,8 +111,7 @@ ProjectionSigma::ProjectionSigma(const RigKnowledge& rig,
                                  const std::vector<double>& distances) {
   const std::vector<GridPoint> points = Grid(rig, unknowns).Make(distances);
   if (points.empty()) {
-    throw Error(ErrorKind::kJob,
-                "the projection cannot be judged: no camera images points at these distances");
+    throw JobError("the projection cannot be judged: no camera images points at these distances");
   }
   const Eigen::Index size = unknowns.unit.size();
   Matrix6d normal = Matrix6d::Zero();

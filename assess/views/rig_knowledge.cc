@@ -7,7 +7,7 @@
 #include <cmath>
 #include <tuple>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/linear_algebra.h"
 #include "calib/base/names.h"
 #include "calib/base/statistics.h"
@@ -21,25 +21,23 @@ constexpr double kUsualSigma = 0.1;
 void RefuseRecord(const CalibrationRecord& calibration) {
   const std::string file = calibration.path.string();
   if (calibration.HasScene()) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: calibrated from scene points; next views are for a target", file));
+    throw InputError("{}: calibrated from scene points; next views are for a target", file);
   }
   for (const CalibratedCamera& camera : calibration.cameras) {
     if (!camera.model->local) continue;
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: camera {} has the model {}, whose many parameters are local; "
-                            "calibrate with a model of few parameters and follow the suggestions "
-                            "for it: they serve both",
-                            file,
-                            camera.name,
-                            camera.model->name));
+    throw InputError(
+        "{}: camera {} has the model {}, whose many parameters are local; "
+        "calibrate with a model of few parameters and follow the suggestions "
+        "for it: they serve both",
+        file,
+        camera.name,
+        camera.model->name);
   }
   const bool has_points =
       std::ranges::any_of(calibration.cameras,
                           [](const CalibratedCamera& camera) { return !camera.residuals.empty(); });
   if (!has_points) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: the calibration has no points (residuals.csv)", file));
+    throw InputError("{}: the calibration has no points (residuals.csv)", file);
   }
 }
 

@@ -1,15 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "assess/views/target_poses.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <numbers>
 
 #include "assess/views/micro_lens_sight.h"
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/linear_algebra.h"
 
 namespace plenocal {
@@ -73,9 +71,8 @@ double PixelAngle(const RigKnowledge& rig, size_t c) {
   const auto a = SightAt(rig, c, middle);
   const auto b = SightAt(rig, c, middle + Eigen::Vector2d(kStep, 0));
   if (!a || !b) {
-    throw Error(ErrorKind::kJob,
-                fmt::format("{}: the camera has no ray in the middle of its image",
-                            rig.bundle.cameras[c].name));
+    throw JobError("{}: the camera has no ray in the middle of its image",
+                   rig.bundle.cameras[c].name);
   }
   return std::acos(std::min(1.0, a->direction.dot(b->direction))) / kStep;
 }
@@ -114,12 +111,12 @@ ViewRange RangeOf(const RigKnowledge& rig,
   if (wanted.nearest > 0) range.nearest = wanted.nearest;
   if (wanted.farthest > 0) range.farthest = wanted.farthest;
   if (!(range.nearest > 0) || !(range.farthest >= range.nearest)) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: no distance for the target between {:.3g} m and {:.3g} m; set "
-                            "--near and --far",
-                            camera.name,
-                            range.nearest,
-                            range.farthest));
+    throw InputError(
+        "{}: no distance for the target between {:.3g} m and {:.3g} m; set "
+        "--near and --far",
+        camera.name,
+        range.nearest,
+        range.farthest);
   }
   return range;
 }

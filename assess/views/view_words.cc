@@ -7,6 +7,7 @@
 #include <numbers>
 
 #include "assess/views/next_views.h"
+#include "calib/base/number_text.h"
 
 namespace plenocal {
 namespace {
@@ -70,6 +71,44 @@ std::string WordsOf(const NextView& view, const RigKnowledge& rig) {
                              RegionName(view.region),
                              view.region_before,
                              view.region_after);
+}
+
+std::string WordsOf(const NextViews& suggestions,
+                    const RigKnowledge& rig,
+                    const std::optional<Verdict>& verdict,
+                    bool assumed_angle) {
+  std::string text =
+      std::isfinite(suggestions.sigma)
+          ? fmt::format("{}; sigma of the projection {:.2g} px, goal {:.2g} px\n",
+                        Counted(suggestions.frames, "frame"),
+                        suggestions.sigma,
+                        suggestions.goal)
+          : fmt::format("{}; they do not determine all parameters yet{}\n",
+                        Counted(suggestions.frames, "frame"),
+                        assumed_angle
+                            ? ""
+                            : ", so distances are uncertain as well: --angle DEGREES, the "
+                              "lens' horizontal field of view, makes them better");
+  if (suggestions.reached) text += "the goal is reached; these views would add most:\n";
+  if (!suggestions.reached && suggestions.exhausted) {
+    text +=
+        "more views of this target at these distances add little; allow nearer ones (--near), "
+        "or take a larger target:\n";
+  }
+  for (size_t i = 0; i < suggestions.views.size(); ++i) {
+    text += fmt::format("  {}. {}\n", i + 1, WordsOf(suggestions.views[i], rig));
+  }
+  if (!suggestions.views.empty() && suggestions.views.back().criterion == ViewCriterion::kSigma) {
+    text += fmt::format("with all of them: sigma of the projection {:.2g} px\n",
+                        suggestions.views.back().sigma_after);
+  }
+  // Sigmas say nothing about errors of the model.
+  if (verdict && verdict->grade == Grade::kBad) {
+    const std::vector<Finding>& findings = verdict->findings;
+    text += fmt::format("the calibration so far is bad, and more views may not help{}\n",
+                        findings.empty() ? "" : ": " + findings.front().what);
+  }
+  return text;
 }
 
 }  // namespace plenocal

@@ -12,7 +12,7 @@
 #include <string_view>
 #include <unordered_map>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/number_text.h"
 #include "calib/base/quoted_text.h"
 #include "calib/files/checks/correlation_check.h"
@@ -322,7 +322,7 @@ Correlations ReadCorrelations(const std::filesystem::path& path) {
   }
   const auto defect =
       CorrelationDefect(correlations.matrix, correlations.names, kCorrelationRounding);
-  if (defect) throw Error(ErrorKind::kInput, fmt::format("{}: {}", path.string(), *defect));
+  if (defect) throw InputError("{}: {}", path.string(), *defect);
   return correlations;
 }
 
@@ -345,13 +345,13 @@ Correlations ReadCorrelationsBeside(const CalibrationRecord& calibration) {
       for (const auto& [j, column] : places) {
         const double expected = camera.covariance(i, j), size = sigma[i] * sigma[j];
         if (std::abs(correlations.matrix(row, column) * size - expected) <= kSame * size) continue;
-        throw Error(ErrorKind::kInput,
-                    fmt::format("{}: is of another calibration than {} beside it (the correlations "
-                                "of {} and {} differ); take both from one run, or remove it",
-                                path.string(),
-                                calibration.path.filename().string(),
-                                correlations.names[static_cast<size_t>(row)],
-                                correlations.names[static_cast<size_t>(column)]));
+        throw InputError(
+            "{}: is of another calibration than {} beside it (the correlations "
+            "of {} and {} differ); take both from one run, or remove it",
+            path.string(),
+            calibration.path.filename().string(),
+            correlations.names[static_cast<size_t>(row)],
+            correlations.names[static_cast<size_t>(column)]);
       }
     }
   }

@@ -4,7 +4,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
 #include <iterator>
 #include <numeric>
 #include <optional>
@@ -233,6 +232,10 @@ std::string DetectionsCsv(std::span<const View> views, const CameraModel& model)
     }
   }
   return text;
+}
+
+std::string DetectionsName(const std::string& camera) {
+  return fmt::format("detections_{}.csv", camera);
 }
 
 }  // namespace plenocal

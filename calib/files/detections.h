@@ -23,4 +23,7 @@ std::vector<View> ReadDetections(const std::filesystem::path& path, const Camera
 /// The same table as text.
 std::string DetectionsCsv(std::span<const View> views, const CameraModel& model);
 
+/// Name of a camera's file of detections.
+std::string DetectionsName(const std::string& camera);
+
 }  // namespace plenocal

@@ -19,7 +19,7 @@
 #include <system_error>
 #include <utility>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/quoted_text.h"
 #include "calib/io/input_file.h"
 #include "calib/io/result_text.h"
@@ -36,7 +36,7 @@ constexpr const char* kIncomplete = "incomplete";  // its name until it is on th
 constexpr const char* kPartial = ".partial";
 
 [[noreturn]] void Fail(const fs::path& path, const std::string& what) {
-  throw Error(ErrorKind::kJob, fmt::format("{}: {}", path.string(), what));
+  throw JobError("{}: {}", path.string(), what);
 }
 
 // A file descriptor; `Fail`s for what cannot be opened.
@@ -99,7 +99,7 @@ void RefuseIrregular(const fs::path& place) {
 }
 
 [[noreturn]] void RefuseOutput(const fs::path& path, const std::string& what) {
-  throw Error(ErrorKind::kInput, fmt::format("{}: {}", path.string(), what));
+  throw InputError("{}: {}", path.string(), what);
 }
 
 // True for what stands for an open file of this process, such as /proc/self/fd/1.
@@ -293,6 +293,10 @@ OpenFolders& AllOpenFolders() {
 
 }  // namespace
 
+std::unique_ptr<OutputFolder> OpenOutput(const fs::path& folder) {
+  return folder.empty() ? nullptr : std::make_unique<OutputFolder>(folder);
+}
+
 OutputFolder::OutputFolder(fs::path folder) : folder_(std::move(folder)) {
   std::error_code error;
   for (fs::path p = fs::absolute(folder_, error).lexically_normal();
@@ -353,9 +357,8 @@ void OutputFolder::RefuseInputs(const std::vector<std::string>& names) const {
     RefuseIrregular(place);
     const std::optional<fs::path> input = InputAt(place);
     if (!input) continue;
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: the results would replace this input; give another place with -o",
-                            input->string()));
+    throw InputError("{}: the results would replace this input; give another place with -o",
+                     input->string());
   }
 }
 
@@ -458,11 +461,11 @@ void CompleteResultsAround(const fs::path& path) {
     try {
       const OutputFolder completed(folder);
     } catch (const Error& failure) {
-      throw Error(ErrorKind::kJob,
-                  fmt::format("{}: a killed run left its results half moved, and they cannot be "
-                              "completed: {}",
-                              folder.string(),
-                              failure.what()));
+      throw JobError(
+          "{}: a killed run left its results half moved, and they cannot be "
+          "completed: {}",
+          folder.string(),
+          failure.what());
     }
   }
 }

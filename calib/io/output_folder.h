@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <memory>
 #include <string>
 #include <utility>
 #include <vector>
@@ -55,6 +56,9 @@ class OutputFolder {
   int lock_ = -1;                            // of the folder
   bool announced_ = false;                   // the files in ".partial" are complete
 };
+
+/// Null for an empty path: no folder is wanted.
+std::unique_ptr<OutputFolder> OpenOutput(const std::filesystem::path& folder);
 
 /// Writes the file that an option names, as an `OutputFolder` does. What a symbolic link leads to
 /// is written, and the link stays. A FIFO or character device is written to, also standard output

@@ -16,6 +16,7 @@
 #include "calib/camera/observation_entry.h"
 #include "calib/io/detection_cache.h"
 #include "detectors/images/attenuation.h"
+#include "detectors/images/detector_pool.h"
 #include "detectors/images/image.h"
 #include "detectors/images/pictures.h"
 #include "detectors/images/target_area.h"
@@ -108,38 +109,6 @@ WhiteField MeasureWhiteField(const DetectOptions& options) {
   CheckEvenField(white.mean);
   return {SmoothAttenuation(white.mean, options.bayer), std::move(white.left_out)};
 }
-
-/// Detectors hold tables that are costly to build: one a thread, lent to one image at a time.
-class DetectorPool {
- public:
-  explicit DetectorPool(const MarkerDetectorFactory& make_detector)
-      : make_detector_(make_detector) {}
-
-  MarkerDetections Detect(const cv::Mat& gray) {
-    std::unique_ptr<MarkerDetector> detector = Take();
-    MarkerDetections found = detector->Detect(gray);
-    const std::lock_guard lock(mutex_);
-    idle_.push_back(std::move(detector));
-    return found;
-  }
-
- private:
-  std::unique_ptr<MarkerDetector> Take() {
-    {
-      const std::lock_guard lock(mutex_);
-      if (!idle_.empty()) {
-        auto detector = std::move(idle_.back());
-        idle_.pop_back();
-        return detector;
-      }
-    }
-    return make_detector_();
-  }
-
-  const MarkerDetectorFactory& make_detector_;
-  std::mutex mutex_;
-  std::vector<std::unique_ptr<MarkerDetector>> idle_;
-};
 
 /// The image as an evenly bright camera would record it; darkened as a whole where its range would
 /// not suffice.

@@ -3,10 +3,7 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <cmath>
-
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/files/checks/transform_keys.h"
 
 namespace plenocal {
@@ -46,8 +43,7 @@ std::vector<CalibratedCamera> ReadCameraFile(const CameraFormat& format,
   for (size_t i = 0; i < cameras.size(); ++i) {
     const std::string defect = CameraDefect(&cameras[i]);
     if (defect.empty()) continue;
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: camera {}: {}", source.path.string(), i + 1, defect));
+    throw InputError("{}: camera {}: {}", source.path.string(), i + 1, defect);
   }
   return cameras;
 }

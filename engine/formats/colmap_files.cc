@@ -6,14 +6,11 @@
 #include <fmt/format.h>
 
 #include <array>
-#include <charconv>
 #include <cmath>
 #include <cstring>
 #include <limits>
-#include <optional>
-#include <string_view>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/io/input_file.h"
 #include "engine/formats/word_lines.h"
 
@@ -42,7 +39,7 @@ constexpr std::array<BinaryModel, 11> kBinaryModels{{{"SIMPLE_PINHOLE", 3},
                                                      {"THIN_PRISM_FISHEYE", 12}}};
 
 [[noreturn]] void FailAt(const std::string& where, const std::string& message) {
-  throw Error(ErrorKind::kInput, fmt::format("{}: {}", where, message));
+  throw InputError("{}: {}", where, message);
 }
 
 /// A member of a model file, numbered from 1.

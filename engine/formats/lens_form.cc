@@ -7,7 +7,7 @@
 #include <array>
 #include <optional>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "models/registry.h"
 
 namespace plenocal {
@@ -74,13 +74,8 @@ CalibratedCamera MakeCamera(const Lens& lens,
   for (const Param& param : model.params) {
     const double value = ParamOf(lens, form, param.name);
     if (!(value > param.lower && value < param.upper)) {
-      throw Error(ErrorKind::kInput,
-                  fmt::format("{}: {} = {} is outside ({}, {})",
-                              where,
-                              param.name,
-                              value,
-                              param.lower,
-                              param.upper));
+      throw InputError(
+          "{}: {} = {} is outside ({}, {})", where, param.name, value, param.lower, param.upper);
     }
     camera.params.push_back(value);
   }
@@ -113,15 +108,13 @@ Lens ToLens(const CalibratedCamera& camera,
     if (FindModel(CameraModels(), form.model) == nullptr || Holds(known, form.model)) continue;
     known.push_back(form.model);
   }
-  throw Error(
-      ErrorKind::kJob,
-      fmt::format(
-          "camera '{}': {}; make it one of {} with 'plenocal convert' first",
-          camera.name,
-          lost ? fmt::format(
-                     "{} has no place for {} of model {}", format, lost->name, camera.model->name)
-               : fmt::format("{} cannot hold model {}", format, camera.model->name),
-          fmt::join(known, ", ")));
+  throw JobError(
+      "camera '{}': {}; make it one of {} with 'plenocal convert' first",
+      camera.name,
+      lost ? fmt::format(
+                 "{} has no place for {} of model {}", format, lost->name, camera.model->name)
+           : fmt::format("{} cannot hold model {}", format, camera.model->name),
+      fmt::join(known, ", "));
 }
 
 CalibratedCamera FromLens(const Lens& lens,
@@ -138,17 +131,14 @@ CalibratedCamera FromLens(const Lens& lens,
     return camera;
   }
   if (!Holds(names, lens.name)) {
-    throw Error(
-        ErrorKind::kInput,
-        fmt::format(
-            "{}: the lens '{}' is not read{}", where, lens.name, SuggestName(lens.name, names)));
+    throw InputError(
+        "{}: the lens '{}' is not read{}", where, lens.name, SuggestName(lens.name, names));
   }
-  throw Error(
-      ErrorKind::kInput,
-      fmt::format("{}: no camera model of this plenocal has all coefficients [{}] of the lens '{}'",
-                  where,
-                  fmt::join(lens.coefficients, ", "),
-                  lens.name));
+  throw InputError(
+      "{}: no camera model of this plenocal has all coefficients [{}] of the lens '{}'",
+      where,
+      fmt::join(lens.coefficients, ", "),
+      lens.name);
 }
 
 std::span<const LensForm> OpenCvLenses() {

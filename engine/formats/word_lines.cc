@@ -7,14 +7,14 @@
 #include <cmath>
 #include <sstream>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/io/input_file.h"
 #include "engine/formats/exact_numbers.h"
 
 namespace plenocal {
 
 void WordLine::Fail(const std::string& message) const {
-  throw Error(ErrorKind::kInput, fmt::format("{}: {}", where, message));
+  throw InputError("{}: {}", where, message);
 }
 
 template <typename Value>

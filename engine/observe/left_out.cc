@@ -3,7 +3,6 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <cctype>
 #include <map>
 #include <set>
@@ -62,6 +61,12 @@ std::vector<std::string> GroupedByReason(const std::vector<LeftOut>& items) {
     lines.push_back(fmt::format("left out {}, the first {}: {}", count, first.where, first.reason));
   }
   return lines;
+}
+
+void ReportLeftOut(const std::vector<LeftOut>& items, const Run& run) {
+  for (const LeftOut& item : items) {
+    run.Message(fmt::format("  left out {}: {}", item.where, item.reason));
+  }
 }
 
 std::string LeftOutCsv(const std::vector<LeftOut>& items) {

@@ -8,7 +8,7 @@
 #include <set>
 #include <string>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/number_text.h"
 #include "calib/estimate/start_bundle.h"
 #include "calib/files/exclusion.h"
@@ -94,18 +94,17 @@ class SceneImageFollower {
       }
     }
     if (of.size == ImageSize{}) {
-      throw Error(ErrorKind::kInput, fmt::format("{}: {}", camera.name, failure));
+      throw InputError("{}: {}", camera.name, failure);
     }
     if (camera.image_size != ImageSize{} && camera.image_size != of.size) {
-      throw Error(
-          ErrorKind::kInput,
-          fmt::format("{}: the images are {} x {} pixels, but the session's image_size says "
-                      "{} x {}",
-                      camera.name,
-                      of.size[0],
-                      of.size[1],
-                      camera.image_size[0],
-                      camera.image_size[1]));
+      throw InputError(
+          "{}: the images are {} x {} pixels, but the session's image_size says "
+          "{} x {}",
+          camera.name,
+          of.size[0],
+          of.size[1],
+          camera.image_size[0],
+          camera.image_size[1]);
     }
   }
 
@@ -153,11 +152,11 @@ class SceneImageFollower {
       const SessionCamera& camera = session_.cameras[c];
       if (!camera.model->plenoptic) continue;
       if (camera.white_images.empty()) {
-        throw Error(ErrorKind::kInput,
-                    fmt::format("{}: cameras.{}: a plenoptic camera needs white_images: the "
-                                "micro-image centres come from them",
-                                session_.path.string(),
-                                camera.name));
+        throw InputError(
+            "{}: cameras.{}: a plenoptic camera needs white_images: the "
+            "micro-image centres come from them",
+            session_.path.string(),
+            camera.name);
       }
       const std::vector<FrameImage> white =
           ListImages(camera.white_images, camera.name + ": white_images");
@@ -174,12 +173,11 @@ class SceneImageFollower {
                                                               : ReadGray(found->second);
     const ImageSize size = images_[camera].size;
     if (image.cols == size[0] && image.rows == size[1]) return image;
-    throw Error(ErrorKind::kInput,
-                fmt::format("is {} x {} pixels, while the camera's images are {} x {}",
-                            image.cols,
-                            image.rows,
-                            size[0],
-                            size[1]));
+    throw InputError("is {} x {} pixels, while the camera's images are {} x {}",
+                     image.cols,
+                     image.rows,
+                     size[0],
+                     size[1]);
   }
 
   // Corners of the scene's tags as points of their own, in the ordinary cameras.
@@ -270,12 +268,11 @@ bool FollowsImages(const Session& session) {
   if (std::ranges::all_of(session.cameras, has_images)) return true;
   const auto camera = std::ranges::find_if(session.cameras, has_images);
   if (camera == session.cameras.end()) return false;
-  throw Error(
-      ErrorKind::kInput,
-      fmt::format("{}: cameras.{} has images, other cameras have tracks, whose numbers mean "
-                  "other points; give all cameras images or all 'detections'",
-                  session.path.string(),
-                  camera->name));
+  throw InputError(
+      "{}: cameras.{} has images, other cameras have tracks, whose numbers mean "
+      "other points; give all cameras images or all 'detections'",
+      session.path.string(),
+      camera->name);
 }
 
 SceneObservations FollowSceneImages(const Session& session, const Run& run) {

@@ -1,21 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "engine/observe/scene_session.h"
 
-#include <fmt/format.h>
-
 #include <utility>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "engine/session/earlier_session.h"
 
 namespace plenocal {
 
 void CheckSceneSession(const Session& session, bool jackknife) {
   if (jackknife) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: --jackknife needs a target: scene points are seen in few frames "
-                            "each; leave the option out",
-                            session.path.string()));
+    throw InputError(
+        "{}: --jackknife needs a target: scene points are seen in few frames "
+        "each; leave the option out",
+        session.path.string());
   }
 }
 

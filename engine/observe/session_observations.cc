@@ -10,7 +10,7 @@
 #include <utility>
 
 #include "assess/causes/image_causes.h"
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/number_text.h"
 #include "calib/files/detections.h"
 #include "calib/files/exclusion.h"
@@ -51,14 +51,12 @@ std::vector<CameraImages> ListCameraImages(const Session& session, const Run& ru
 void CheckImageSize(const SessionCamera& camera, ImageSize found) {
   const ImageSize stated = camera.image_size;
   if (stated == ImageSize{} || stated == found) return;
-  throw Error(
-      ErrorKind::kInput,
-      fmt::format("{}: the images are {} x {} pixels, but the session's image_size says {} x {}",
-                  camera.name,
-                  found[0],
-                  found[1],
-                  stated[0],
-                  stated[1]));
+  throw InputError("{}: the images are {} x {} pixels, but the session's image_size says {} x {}",
+                   camera.name,
+                   found[0],
+                   found[1],
+                   stated[0],
+                   stated[1]);
 }
 
 /// Adds one camera of a session after the other to its `SessionObservations`.
@@ -99,9 +97,8 @@ class Collector {
     std::vector<LeftOut> excluded;
     exclusion_.RemoveImages(camera.name, &images.images, &excluded);
     if (images.images.empty()) {
-      throw Error(ErrorKind::kInput,
-                  fmt::format("{}: the session's 'exclude' leaves out all images; take back a rule",
-                              camera.name));
+      throw InputError("{}: the session's 'exclude' leaves out all images; take back a rule",
+                       camera.name);
     }
     ImageDetections found = Detect(camera, images);
     CheckImageSize(camera, found.image_size);
@@ -222,13 +219,11 @@ class Collector {
     if (!found.views.empty()) return;
     const std::string mend = Mend(camera, images.images);
     const LeftOut& first = found.left_out[0];
-    throw Error(
-        ErrorKind::kJob,
-        fmt::format(
-            "{}: none of its {} images shows the target; {}",
-            camera.name,
-            count,
-            mend.empty() ? fmt::format("the first: {}: {}", first.where, first.reason) : mend));
+    throw JobError(
+        "{}: none of its {} images shows the target; {}",
+        camera.name,
+        count,
+        mend.empty() ? fmt::format("the first: {}: {}", first.where, first.reason) : mend);
   }
 
   /// How the target must be changed to be the one in the images; empty when they show none.
@@ -312,10 +307,6 @@ CameraInput InputWithoutViews(const SessionCamera& camera) {
           .rules = camera.rules,
           .image_size = camera.image_size,
           .views = {}};
-}
-
-std::string DetectionsName(const std::string& camera) {
-  return fmt::format("detections_{}.csv", camera);
 }
 
 size_t CountObservations(std::span<const View> views) {

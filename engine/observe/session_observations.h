@@ -42,9 +42,6 @@ struct DetectionPlaces {
   OutputFolder* pictures = nullptr;  ///< pictures of the stages, images/<camera>/...; null: none
 };
 
-/// Name of a camera's file of detections.
-std::string DetectionsName(const std::string& camera);
-
 /// What the session gives of a camera.
 CameraInput InputWithoutViews(const SessionCamera& camera);
 

@@ -11,7 +11,7 @@
 #include <set>
 #include <utility>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/files/frame_images.h"
 #include "engine/recording/image_names.h"
 
@@ -254,10 +254,10 @@ std::vector<FoundCamera> CamerasInFolder(const fs::path& folder) {
     if (HasImageName(entry.path())) files.push_back(PartsOf({{}, entry.path()}));
   }
   if (files.empty()) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: no images (png, tiff, jpeg, bmp, pgm) in this folder; give a "
-                            "folder below it, or find the cameras by 'plenocal init'",
-                            folder.string()));
+    throw InputError(
+        "{}: no images (png, tiff, jpeg, bmp, pgm) in this folder; give a "
+        "folder below it, or find the cameras by 'plenocal init'",
+        folder.string());
   }
   std::ranges::sort(files, {}, [](const NameParts& parts) { return parts.file.path; });
   std::optional<Groups> groups = ByText(files);
@@ -287,9 +287,8 @@ std::vector<FoundCamera> FindCameras(const fs::path& given) {
     return true;
   });
   if (folders.empty()) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: no images (png, tiff, jpeg, bmp, pgm) in this folder or below",
-                            folder.string()));
+    throw InputError("{}: no images (png, tiff, jpeg, bmp, pgm) in this folder or below",
+                     folder.string());
   }
   std::vector<FoundCamera> cameras;
   for (const fs::path& each : folders) {

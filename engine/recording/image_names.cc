@@ -11,8 +11,7 @@
 #include <string_view>
 #include <utility>
 
-#include "calib/base/error.h"
-#include "calib/base/number_text.h"
+#include "calib/base/format_error.h"
 #include "calib/base/quoted_text.h"
 #include "calib/io/yaml.h"
 #include "engine/recording/stores/image_lister.h"
@@ -83,8 +82,7 @@ std::string YamlPath(const std::string& pattern, const fs::path& folder) {
   if (plain && text[0] != '*' && text[0] != '-') return text;
   std::string quoted = YamlQuoted(text);
   if (YamlNode::Parse(quoted, text).AsString() != text) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: the path is not UTF-8, as a session is; rename it", text));
+    throw InputError("{}: the path is not UTF-8, as a session is; rename it", text);
   }
   return quoted;
 }
@@ -130,8 +128,7 @@ std::vector<std::string> AsGlobs(const std::vector<std::string>& inputs, const s
   if (HoldStores(inputs)) return inputs;
   for (const std::string& input : inputs) {
     if (!fs::exists(input) && !HasWildcard(input)) {
-      throw Error(ErrorKind::kInput,
-                  fmt::format("{}: no such file or folder; check the path", input));
+      throw InputError("{}: no such file or folder; check the path", input);
     }
   }
   if (inputs.size() == 1) return inputs;
@@ -158,10 +155,10 @@ void ShareFrames(const std::vector<std::string>& names,
     examples.push_back(
         fmt::format("{} has '{}'", names[c], *FramesOf((*images)[c], names[c]).begin()));
   }
-  throw Error(ErrorKind::kInput,
-              fmt::format("the cameras' images have no frame in common ({}): images of one instant "
-                          "have equal names, or equal parts where a glob's last '*' stands",
-                          fmt::join(examples, ", ")));
+  throw InputError(
+      "the cameras' images have no frame in common ({}): images of one instant "
+      "have equal names, or equal parts where a glob's last '*' stands",
+      fmt::join(examples, ", "));
 }
 
 std::string PathsYaml(const std::vector<std::string>& patterns, const fs::path& folder) {

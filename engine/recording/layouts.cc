@@ -4,10 +4,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <optional>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "engine/recording/find_cameras.h"
 #include "engine/recording/image_files.h"
 #include "engine/recording/stores/recorded_topics.h"
@@ -131,9 +130,7 @@ RecordingFile FindInArchive(const fs::path& path) {
     file.cameras.push_back(CameraAt(name, path / folder, {}));
   }
   if (!file.cameras.empty()) return file;
-  throw Error(
-      ErrorKind::kInput,
-      fmt::format("{}: no images (png, tiff, jpeg, bmp, pgm) in this archive", path.string()));
+  throw InputError("{}: no images (png, tiff, jpeg, bmp, pgm) in this archive", path.string());
 }
 
 }  // namespace
@@ -141,8 +138,7 @@ RecordingFile FindInArchive(const fs::path& path) {
 RecordingFile FindRecordingFile(const fs::path& path) {
   std::error_code error;
   if (!fs::exists(path, error)) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: no such file or folder; check the path", path.string()));
+    throw InputError("{}: no such file or folder; check the path", path.string());
   }
   if (IsArchiveName(path)) return FindInArchive(path);
   if (IsMessageFileName(path) || IsMessageFolder(path)) return FindInMessages(path);

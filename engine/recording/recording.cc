@@ -11,7 +11,7 @@
 #include <set>
 #include <utility>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/quoted_text.h"
 #include "calib/io/input_file.h"
 #include "detectors/images/attenuation.h"
@@ -43,7 +43,7 @@ void LeaveOut(const std::string& camera,
 // ---- times
 
 [[noreturn]] void RefuseTimes(const ImageTimes& times, const std::string& message) {
-  throw Error(ErrorKind::kInput, fmt::format("{}: {}", times.path.string(), message));
+  throw InputError("{}: {}", times.path.string(), message);
 }
 
 void AssignInOrder(const ImageTimes& times,
@@ -81,11 +81,8 @@ void AssignByName(const ImageTimes& times,
     }
     int& line = line_of[*found];
     if (line != 0) {
-      throw Error(ErrorKind::kInput,
-                  fmt::format("{}: image '{}' has a time in line {} already; remove one of them",
-                              where,
-                              row.id,
-                              line));
+      throw InputError(
+          "{}: image '{}' has a time in line {} already; remove one of them", where, row.id, line);
     }
     line = row.line;
     (*images)[*found].image.time = row.time;
@@ -133,12 +130,12 @@ void TakeExposures(const std::filesystem::path& table, RecordedCamera* camera) {
   const bool named = std::ranges::any_of(
       exposures, [&](const auto& row) { return row.first.first == camera->name; });
   if (found || !named) return;
-  throw Error(ErrorKind::kInput,
-              fmt::format("{}: names no image of camera {}: the images are called '{}'; is it the "
-                          "right file?",
-                          table.string(),
-                          camera->name,
-                          camera->images.front().name));
+  throw InputError(
+      "{}: names no image of camera {}: the images are called '{}'; is it the "
+      "right file?",
+      table.string(),
+      camera->name,
+      camera->images.front().name);
 }
 
 /// Removes the images for which reason(i) is not empty.
@@ -216,12 +213,11 @@ ImageSize KeepOneSize(const RecordedFiles& camera,
     }
   }
   if (counts.empty()) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: none of {} files is an image that can be read; the first, {}, {}",
-                            camera.where,
-                            images->size(),
-                            images->front().file.path.string(),
-                            defects[0]));
+    throw InputError("{}: none of {} files is an image that can be read; the first, {}, {}",
+                     camera.where,
+                     images->size(),
+                     images->front().file.path.string(),
+                     defects[0]);
   }
   const auto usual = std::ranges::max_element(counts, {}, [](const auto& c) { return c.second; });
   const ImageSize size = usual->first;
@@ -264,14 +260,13 @@ void RefuseMosaic(const RecordedFiles& source, const RecordedCamera& camera) {
     }
   }
   if (!seen || least == 0) return;
-  throw Error(
-      ErrorKind::kInput,
-      fmt::format("{}: the images of camera {} are raw colour mosaics (the four pixels of their 2 "
-                  "x 2 raster differ by {:.0f} %); state the order of colours in recording.yaml, "
-                  "such as 'bayer: RGGB', or convert them to grey",
-                  source.where,
-                  camera.name,
-                  100 * least));
+  throw InputError(
+      "{}: the images of camera {} are raw colour mosaics (the four pixels of their 2 "
+      "x 2 raster differ by {:.0f} %); state the order of colours in recording.yaml, "
+      "such as 'bayer: RGGB', or convert them to grey",
+      source.where,
+      camera.name,
+      100 * least);
 }
 
 // ---- cameras
@@ -280,9 +275,8 @@ RecordedCamera ReadRecordedCamera(const RecordedFiles& source,
                                   ImageLister* lister,
                                   std::vector<LeftOut>* left_out) {
   if (source.images.empty()) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: has tracks and no images; `plenocal groundtruth` takes the tracks",
-                            source.where));
+    throw InputError("{}: has tracks and no images; `plenocal groundtruth` takes the tracks",
+                     source.where);
   }
   std::vector<Candidate> images;
   for (FrameImage& file : FindImageFiles(source.images, source.where, lister)) {
@@ -316,12 +310,12 @@ void CheckCameraNames(const RecordingFile& file) {
   for (const RecordedFiles& camera : file.cameras) {
     const auto defect = CameraNameDefect(camera.name);
     if (defect || !names.insert(camera.name).second) {
-      throw Error(ErrorKind::kInput,
-                  fmt::format("{}: the name of the camera, '{}', {}; write a recording.yaml with "
-                              "the names of the cameras",
-                              camera.where,
-                              camera.name,
-                              defect.value_or("is that of another one too")));
+      throw InputError(
+          "{}: the name of the camera, '{}', {}; write a recording.yaml with "
+          "the names of the cameras",
+          camera.where,
+          camera.name,
+          defect.value_or("is that of another one too"));
     }
   }
 }

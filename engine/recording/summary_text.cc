@@ -6,6 +6,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
+#include "calib/base/json_text.h"
 #include "calib/base/number_text.h"
 #include "calib/base/quoted_text.h"
 #include "engine/recording/summary.h"
@@ -270,7 +271,7 @@ std::string SummaryJson(const Recording& recording, const RecordingSummary& summ
         {{"camera", left.camera}, {"image", left.where}, {"reason", left.reason}});
   }
   for (const CommandNeeds& needs : summary.needs) json["lacks"][needs.command] = needs.lacks;
-  return json.dump(2, ' ', false, Json::error_handler_t::replace) + '\n';
+  return JsonText(json) + '\n';
 }
 
 }  // namespace plenocal

@@ -3,19 +3,19 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <array>
-#include <cmath>
 #include <map>
 #include <string_view>
 #include <vector>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/number_text.h"
 #include "calib/base/quoted_text.h"
+#include "calib/files/detections.h"
 #include "calib/io/csv.h"
 #include "calib/io/input_file.h"
 #include "engine/recording/image_files.h"
+#include "engine/recording/stores/message_log.h"
 
 namespace plenocal {
 namespace {
@@ -125,12 +125,56 @@ SuppliedDetections ReadSuppliedDetections(const Recording& recording, size_t cam
     }
   }
   if (detections.points > 0) return detections;
-  throw Error(
-      ErrorKind::kInput,
-      fmt::format("{}: names no image of camera {} in its column 'frame'; are 'columns' and "
-                  "'skip' right?",
-                  recorded.markers->path.string(),
-                  recorded.name));
+  throw InputError(
+      "{}: names no image of camera {} in its column 'frame'; are 'columns' and "
+      "'skip' right?",
+      recorded.markers->path.string(),
+      recorded.name);
+}
+
+OutputContents SuppliedMarkers(const Recording& recording, const Run& run) {
+  OutputContents files;
+  for (size_t c = 0; c < recording.cameras.size(); ++c) {
+    const RecordedCamera& camera = recording.cameras[c];
+    if (!camera.markers) continue;
+    const SuppliedDetections detections = ReadSuppliedDetections(recording, c);
+    run.Message(fmt::format("{}: {}", camera.name, Counted(detections.points, "point")));
+    if (detections.left_out > 0) {
+      run.Warning(fmt::format("{}:{}: {} of images that the recording does not have",
+                              camera.markers->path.string(),
+                              detections.first_left_out,
+                              Counted(detections.left_out, "row")));
+    }
+    files.emplace_back(DetectionsName(camera.name), detections.csv);
+  }
+  if (!files.empty()) return files;
+  throw InputError(
+      "{}: has no supplied detections; name them in recording.yaml: "
+      "'markers: {{{}: {{file: markers.txt, columns: [frame, marker, x, y]}}}}'",
+      recording.path.string(),
+      recording.cameras[0].name);
+}
+
+OutputContents CameraInfoFiles(const Recording& recording, const Run& run) {
+  OutputContents files;
+  for (const ImageTopic& topic : recording.topics) {
+    if (topic.camera_info.empty() || topic.camera.empty()) continue;
+    const std::optional<CameraInfo> info = recording.log->ReadInfo(topic.camera_info);
+    if (!info) continue;
+    if (!(info->camera[0] > 0)) {
+      run.Warning(fmt::format("{}: its focal length is {}: the driver had no calibration",
+                              topic.camera_info,
+                              info->camera[0]));
+      continue;
+    }
+    files.emplace_back(fmt::format("camera_info_{}.yaml", topic.camera),
+                       RosCameraYaml(*info, topic.camera));
+  }
+  if (!files.empty()) return files;
+  throw InputError(
+      "{}: has no camera_info with a calibration beside its images; 'plenocal "
+      "recording' lists its topics",
+      recording.path.string());
 }
 
 }  // namespace plenocal

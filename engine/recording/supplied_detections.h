@@ -4,6 +4,8 @@
 #include <cstddef>
 #include <string>
 
+#include "calib/base/run.h"
+#include "calib/io/output_folder.h"
 #include "engine/recording/recording.h"
 
 namespace plenocal {
@@ -21,5 +23,13 @@ struct SuppliedDetections {
 /// kind kInput with file and line for what is no number, two rows of one point, and a file that
 /// names no image of the camera.
 SuppliedDetections ReadSuppliedDetections(const Recording& recording, size_t camera);
+
+/// detections_<camera>.csv of all cameras with supplied detections. Throws `Error` of kind kInput
+/// where there is none.
+OutputContents SuppliedMarkers(const Recording& recording, const Run& run);
+
+/// camera_info_<camera>.yaml, as ROS has them, of the intrinsics beside the images. Throws `Error`
+/// of kind kInput where there are none.
+OutputContents CameraInfoFiles(const Recording& recording, const Run& run);
 
 }  // namespace plenocal

@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <string_view>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/io/csv.h"
 #include "calib/io/input_file.h"
 
@@ -102,10 +102,10 @@ ImageTimes ReadImageTimes(const fs::path& path, ExposureUnit unit) {
     times.rows.push_back(std::move(row));
   }
   if (times.rows.empty()) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: holds no times; expected lines 'id time exposure' (TUM), 'time' "
-                            "(KITTI) or 'time,file' (EuRoC)",
-                            path.string()));
+    throw InputError(
+        "{}: holds no times; expected lines 'id time exposure' (TUM), 'time' "
+        "(KITTI) or 'time,file' (EuRoC)",
+        path.string());
   }
   return times;
 }

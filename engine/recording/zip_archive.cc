@@ -7,7 +7,7 @@
 
 #include <algorithm>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/io/input_file.h"
 
 namespace plenocal {
@@ -18,7 +18,7 @@ struct CloseZipFile {
 };
 
 [[noreturn]] void RefuseZip(const std::string& place, const std::string& reason) {
-  throw Error(ErrorKind::kInput, fmt::format("{}: {}", place, reason));
+  throw InputError("{}: {}", place, reason);
 }
 
 }  // namespace

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "engine/resample/pinhole_view.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -10,7 +8,7 @@
 #include <numbers>
 #include <vector>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "models/registry.h"
 
 namespace plenocal {
@@ -54,10 +52,10 @@ Edge EdgeOf(const SeenImage& image) {
   Edge edge;
   const auto centre = on_plane(middle);
   if (!centre) {
-    throw Error(ErrorKind::kJob,
-                fmt::format("camera '{}': the middle of its image looks away from the new view; "
-                            "no plane image holds both",
-                            image.name));
+    throw JobError(
+        "camera '{}': the middle of its image looks away from the new view; "
+        "no plane image holds both",
+        image.name);
   }
   edge.centre = *centre;
   for (int side = 0; side < 4; ++side) {
@@ -101,10 +99,10 @@ Intrinsics Balanced(const std::vector<Edge>& edges,
   double all_valid = 0, all_seen = std::numeric_limits<double>::infinity();
   for (size_t i = 0; i < edges.size(); ++i) {
     if (edges[i].open && balance > 0) {
-      throw Error(ErrorKind::kInput,
-                  fmt::format("camera '{}' sees 90 degrees off the axis and more, which no plane "
-                              "image holds; choose the field of view with --fov",
-                              images[i].name));
+      throw InputError(
+          "camera '{}' sees 90 degrees off the axis and more, which no plane "
+          "image holds; choose the field of view with --fov",
+          images[i].name);
     }
     for (const PlanePoint& point : edges[i].points) {
       all_valid = std::max(all_valid, focal(point));
@@ -144,11 +142,11 @@ Intrinsics Choose(std::span<const SeenImage> images, ImageSize size, const ViewO
 
 SeenImage ImageOf(const CalibratedCamera& camera, const Eigen::Matrix3d& R_view_camera) {
   if (!camera.model->central) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("camera '{}': {} is no model of an ordinary camera, so that no map of "
-                            "pixels undistorts its images",
-                            camera.name,
-                            camera.model->name));
+    throw InputError(
+        "camera '{}': {} is no model of an ordinary camera, so that no map of "
+        "pixels undistorts its images",
+        camera.name,
+        camera.model->name);
   }
   SeenImage image{.name = camera.name,
                   .size = camera.image_size,
@@ -170,8 +168,7 @@ SeenImage ImageOf(const CalibratedCamera& camera, const Eigen::Matrix3d& R_view_
           values,
           Eigen::Vector3d::UnitZ(),
           {.predicted = image.c.data(), .J_point = J_point.data()})) {
-    throw Error(ErrorKind::kJob,
-                fmt::format("camera '{}' does not image its optical axis", camera.name));
+    throw JobError("camera '{}' does not image its optical axis", camera.name);
   }
   image.f = {J_point.col(0).norm(), J_point.col(1).norm()};
   return image;
@@ -184,6 +181,14 @@ CalibratedCamera ChoosePinhole(std::span<const SeenImage> images, const ViewOpti
   view.model = FindModel(CameraModels(), "pinhole");
   view.image_size = size;
   view.params = {chosen.f.x(), chosen.f.y(), chosen.c.x(), chosen.c.y()};
+  return view;
+}
+
+CalibratedCamera UndistortedView(const CalibratedCamera& camera, const ViewOptions& options) {
+  const std::array seen{ImageOf(camera, Eigen::Matrix3d::Identity())};
+  CalibratedCamera view = ChoosePinhole(seen, options);
+  view.name = camera.name;
+  view.T_camera_rig = camera.T_camera_rig;
   return view;
 }
 

@@ -48,4 +48,8 @@ SeenImage ImageOf(const CalibratedCamera& camera, const Eigen::Matrix3d& R_view_
 /// a plane image.
 CalibratedCamera ChoosePinhole(std::span<const SeenImage> images, const ViewOptions& options);
 
+/// The pinhole camera for an ordinary one, with its name and pose. Throws `Error` as `ImageOf` and
+/// `ChoosePinhole`.
+CalibratedCamera UndistortedView(const CalibratedCamera& camera, const ViewOptions& options);
+
 }  // namespace plenocal

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "engine/resample/rectify.h"
 
-#include <fmt/format.h>
-
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
@@ -12,7 +10,7 @@
 #include <string>
 #include <utility>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 
 namespace plenocal {
 namespace {
@@ -47,11 +45,8 @@ RectifiedPair Rectify(const CalibratedCamera& first,
   // the cameras see.
   constexpr double kLeastAcross = 0.1;
   const auto refuse = [&](const char* why) {
-    throw Error(ErrorKind::kJob,
-                fmt::format("cameras '{}' and '{}' {}, so that they cannot be rectified",
-                            first.name,
-                            second.name,
-                            why));
+    throw JobError(
+        "cameras '{}' and '{}' {}, so that they cannot be rectified", first.name, second.name, why);
   };
   if (!(baseline.norm() > 0)) refuse("stand in one place");
   RectifiedPair pair;

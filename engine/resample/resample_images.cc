@@ -3,15 +3,13 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <array>
 #include <atomic>
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
 #include <optional>
-#include <utility>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/parallel.h"
 #include "detectors/images/image.h"
 #include "engine/resample/remap.h"
@@ -39,12 +37,11 @@ class Resampler {
     if (request.vignetting.empty()) return;
     attenuation_ = ReadAttenuation(request.vignetting);
     if (attenuation_.cols != map.source_size[0] || attenuation_.rows != map.source_size[1]) {
-      throw Error(ErrorKind::kInput,
-                  fmt::format("{}: is {} pixels, but the camera's images are {} x {}",
-                              request.vignetting.string(),
-                              SizeText(attenuation_),
-                              map.source_size[0],
-                              map.source_size[1]));
+      throw InputError("{}: is {} pixels, but the camera's images are {} x {}",
+                       request.vignetting.string(),
+                       SizeText(attenuation_),
+                       map.source_size[0],
+                       map.source_size[1]);
     }
   }
 
@@ -53,23 +50,19 @@ class Resampler {
     cv::Mat image = ReadImage(source);
     const ImageSize size = request_.map->source_size;
     if (image.cols != size[0] || image.rows != size[1]) {
-      throw Error(ErrorKind::kInput,
-                  fmt::format("{}: is {} pixels, but the calibration is of {} x {}",
-                              path.string(),
-                              SizeText(image),
-                              size[0],
-                              size[1]));
+      throw InputError("{}: is {} pixels, but the calibration is of {} x {}",
+                       path.string(),
+                       SizeText(image),
+                       size[0],
+                       size[1]);
     }
     if (request_.bayer && image.channels() != 1) {
-      throw Error(
-          ErrorKind::kInput,
-          fmt::format("{}: is no mosaic but has colours; leave --bayer out", path.string()));
+      throw InputError("{}: is no mosaic but has colours; leave --bayer out", path.string());
     }
     if (request_.response) {
       if (image.depth() != CV_8U) {
-        throw Error(ErrorKind::kInput,
-                    fmt::format("{}: has 16 bits, but the response is of grey values of 8 bits",
-                                path.string()));
+        throw InputError("{}: has 16 bits, but the response is of grey values of 8 bits",
+                         path.string());
       }
       constexpr double kScale = 65535.0 / 255;
       LightOf(image, *request_.response).convertTo(image, CV_16U, kScale);

@@ -10,7 +10,7 @@
 #include <optional>
 #include <set>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "detectors/images/image.h"
 #include "detectors/images/image_codecs.h"
 
@@ -53,10 +53,9 @@ void RefuseOneFileTwice(const StereoImages& pairs) {
   for (size_t i = 0; i < pairs[0].size(); ++i) {
     std::error_code error;
     if (!std::filesystem::equivalent(pairs[0][i].path, pairs[1][i].path, error)) continue;
-    throw Error(ErrorKind::kInput,
-                fmt::format("{} and {} are one file; a pair needs an image of each camera",
-                            pairs[0][i].path.string(),
-                            pairs[1][i].path.string()));
+    throw InputError("{} and {} are one file; a pair needs an image of each camera",
+                     pairs[0][i].path.string(),
+                     pairs[1][i].path.string());
   }
 }
 
@@ -83,14 +82,14 @@ StereoPairs PairImages(StereoImages images) {
       images = std::move(*numbered);
       pairs.by_number = true;
     } else if (!images[0].empty() && !images[1].empty()) {
-      throw Error(ErrorKind::kInput,
-                  fmt::format("no image of one camera belongs to one of the other ({} is frame "
-                              "'{}', {} is '{}'); images of a pair have equal names, equal "
-                              "numbers at their end, or globs whose last * stands for the same",
-                              images[0][0].path.string(),
-                              images[0][0].frame,
-                              images[1][0].path.string(),
-                              images[1][0].frame));
+      throw InputError(
+          "no image of one camera belongs to one of the other ({} is frame "
+          "'{}', {} is '{}'); images of a pair have equal names, equal "
+          "numbers at their end, or globs whose last * stands for the same",
+          images[0][0].path.string(),
+          images[0][0].frame,
+          images[1][0].path.string(),
+          images[1][0].frame);
     }
   }
   std::array<std::map<std::string, FrameImage>, 2> by_frame;

@@ -1,14 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "engine/resample/virtual_image.h"
 
-#include <fmt/format.h>
-
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
 #include <cmath>
 #include <vector>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 
 namespace plenocal {
 namespace {
@@ -32,14 +30,11 @@ std::optional<Eigen::Vector3d> Meeting(std::span<const Ray> rays) {
 
 VirtualImage::VirtualImage(const CalibratedCamera& camera) : camera_(camera) {
   if (camera.model->measured.size() != 2 || camera.model->context.size() != 2) {
-    throw Error(
-        ErrorKind::kInput,
-        fmt::format("camera '{}': {} has no micro lenses", camera.name, camera.model->name));
+    throw InputError("camera '{}': {} has no micro lenses", camera.name, camera.model->name);
   }
   const Eigen::Vector2d size(camera.image_size[0], camera.image_size[1]);
   const auto fail = [&] {
-    throw Error(ErrorKind::kJob,
-                fmt::format("camera '{}': its calibration images hardly any pixel", camera.name));
+    throw JobError("camera '{}': its calibration images hardly any pixel", camera.name);
   };
   std::vector<Ray> rays;
   for (const double x : {0.1, 0.5, 0.9}) {

@@ -9,7 +9,7 @@
 #include <set>
 
 #include "calib/adjust/poses.h"
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/linear_algebra.h"
 #include "calib/base/statistics.h"
 #include "calib/estimate/reject.h"
@@ -210,12 +210,11 @@ LandmarkMap ReadLandmarkMap(const std::filesystem::path& path) {
   if (!std::filesystem::exists(beside)) return map;
   const cv::Mat bytes = ReadGray(beside);
   if (bytes.rows != static_cast<int>(map.numbers.size())) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: has {} rows for the {} points of {}; both come from one run",
-                            beside.string(),
-                            bytes.rows,
-                            map.numbers.size(),
-                            path.string()));
+    throw InputError("{}: has {} rows for the {} points of {}; both come from one run",
+                     beside.string(),
+                     bytes.rows,
+                     map.numbers.size(),
+                     path.string());
   }
   bytes.convertTo(map.descriptors, CV_32F, 1 / kDescriptorScale);
   return map;

@@ -4,13 +4,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
 #include <iterator>
 #include <map>
 #include <set>
 #include <utility>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/statistics.h"
 #include "calib/estimate/solve.h"
 #include "calib/estimate/start_rig.h"
@@ -154,12 +153,12 @@ class SceneCalibration {
       if (better) scene_ = std::move(scene);
     }
     if (scene_.frames >= kFewestFrames) return;
-    throw Error(ErrorKind::kJob,
-                fmt::format("{}: poses for {} of {} frames only; record frames that overlap more, "
-                            "or give better start values ('initial', 'from')",
-                            first.name,
-                            scene_.frames,
-                            tracks.frames.size()));
+    throw JobError(
+        "{}: poses for {} of {} frames only; record frames that overlap more, "
+        "or give better start values ('initial', 'from')",
+        first.name,
+        scene_.frames,
+        tracks.frames.size());
   }
 
   void Rescale(double factor) {
@@ -228,11 +227,10 @@ class SceneCalibration {
       }
     }
     if (!best) {
-      throw Error(
-          ErrorKind::kJob,
-          fmt::format("{}: no start values from the scene points; give 'initial' values, an "
-                      "earlier calibration ('from'), or frames with more depth",
-                      camera.name));
+      throw JobError(
+          "{}: no start values from the scene points; give 'initial' values, an "
+          "earlier calibration ('from'), or frames with more depth",
+          camera.name);
     }
     return *best;
   }

@@ -1,13 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "engine/session/calibration_folder.h"
 
-#include <fmt/format.h>
-
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/files/calibration_file.h"
 #include "calib/files/calibration_tables.h"
 #include "calib/io/input_file.h"
 #include "calib/io/yaml.h"
+#include "models/registry.h"
 
 namespace plenocal {
 namespace {
@@ -18,9 +17,8 @@ namespace fs = std::filesystem;
 fs::path Required(const fs::path& folder, const char* name) {
   std::error_code error;
   if (fs::exists(folder / name, error)) return folder / name;
-  throw Error(ErrorKind::kInput,
-              fmt::format("{}: no such file; is this the folder that 'plenocal calibrate' wrote?",
-                          (folder / name).string()));
+  throw InputError("{}: no such file; is this the folder that 'plenocal calibrate' wrote?",
+                   (folder / name).string());
 }
 
 void ReadRefinedTarget(const fs::path& path, CalibrationRecord* calibration) {
@@ -35,14 +33,25 @@ void ReadRefinedTarget(const fs::path& path, CalibrationRecord* calibration) {
 
 }  // namespace
 
+CalibrationRecord ReadWithCorrelations(const fs::path& path) {
+  CalibrationRecord calibration = ReadCalibration(path, CameraModels());
+  calibration.correlations = ReadCorrelationsBeside(calibration);
+  return calibration;
+}
+
+fs::path CalibrationOf(const fs::path& recording, const fs::path& named, const fs::path& given) {
+  if (!given.empty()) return given;
+  if (!named.empty()) return named;
+  throw InputError("{}: names no calibration; give --calibration calibration.yaml",
+                   recording.string());
+}
+
 CalibrationRecord ReadCalibrationFolder(const fs::path& folder,
                                         std::span<const CameraModel> models) {
   std::error_code error;
   if (!fs::is_directory(folder, error)) {
-    throw Error(
-        ErrorKind::kInput,
-        fmt::format("{}: no folder that can be read; give the one that 'plenocal calibrate' wrote",
-                    folder.string()));
+    throw InputError("{}: no folder that can be read; give the one that 'plenocal calibrate' wrote",
+                     folder.string());
   }
   CalibrationRecord calibration = ReadCalibration(Required(folder, "calibration.yaml"), models);
   if (calibration.HasScene()) {

@@ -18,6 +18,16 @@ namespace plenocal {
 CalibrationRecord ReadCalibrationFolder(const std::filesystem::path& folder,
                                         std::span<const CameraModel> models);
 
+/// calibration.yaml with the correlations.csv beside it, if there is one. Throws `Error` of kind
+/// kInput.
+CalibrationRecord ReadWithCorrelations(const std::filesystem::path& path);
+
+/// The calibration.yaml of a recording: `given`, else the one that it names. Throws `Error` of kind
+/// kInput when there is neither.
+std::filesystem::path CalibrationOf(const std::filesystem::path& recording,
+                                    const std::filesystem::path& named,
+                                    const std::filesystem::path& given);
+
 /// Adds the nominal marker positions of a target to a record, and markers that the record does not
 /// have.
 void AddTarget(const Target& target, CalibrationRecord* calibration);

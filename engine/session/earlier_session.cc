@@ -5,17 +5,13 @@
 
 #include <algorithm>
 #include <deque>
-#include <filesystem>
 #include <string>
 #include <utility>
 
-#include "calib/base/error.h"
-#include "calib/base/names.h"
-#include "calib/files/calibration_file.h"
-#include "calib/files/calibration_tables.h"
+#include "calib/base/format_error.h"
 #include "engine/formats/camera_format.h"
+#include "engine/session/calibration_folder.h"
 #include "engine/session/calibration_input.h"
-#include "models/registry.h"
 
 namespace plenocal {
 namespace {
@@ -24,11 +20,10 @@ const CameraFormat& FormatOf(const EarlierFile& file) {
   if (const CameraFormat* format = FindCameraFormat(file.format, file.path)) return *format;
   std::vector<std::string_view> names;
   for (const CameraFormat& format : CameraFormats()) names.push_back(format.name);
-  throw Error(ErrorKind::kInput,
-              fmt::format("{}: 'format' is '{}', which is none{}",
-                          file.path.string(),
-                          file.format,
-                          SuggestName(file.format, names)));
+  throw InputError("{}: 'format' is '{}', which is none{}",
+                   file.path.string(),
+                   file.format,
+                   SuggestName(file.format, names));
 }
 
 CalibrationRecord ReadEarlierRecord(const EarlierFile& file, ImageSize size) {
@@ -40,9 +35,7 @@ CalibrationRecord ReadEarlierRecord(const EarlierFile& file, ImageSize size) {
     record.cameras = ReadCameraFile(FormatOf(file), source);
     return record;
   }
-  CalibrationRecord record = ReadCalibration(file.path, CameraModels());
-  record.correlations = ReadCorrelationsBeside(record);
-  return record;
+  return ReadWithCorrelations(file.path);
 }
 
 // The files of a session, each once, with the cameras that take their values from it.

@@ -3,9 +3,7 @@
 
 #include <fmt/format.h>
 
-#include <utility>
-
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/quoted_text.h"
 #include "calib/io/input_file.h"
 #include "engine/recording/find_cameras.h"
@@ -26,18 +24,18 @@ TargetSource SourceOf(const std::string& target) {
     const std::string yaml = TargetOfWord(target).nominal_yaml;
     return {.file = {}, .keys = YamlNode::Parse(yaml, target)};
   }
-  throw Error(ErrorKind::kInput,
-              fmt::format("--target {}: no such file; give target.yaml, or a target in one word "
-                          "such as chessboard:9x6:25mm",
-                          target));
+  throw InputError(
+      "--target {}: no such file; give target.yaml, or a target in one word "
+      "such as chessboard:9x6:25mm",
+      target);
 }
 
 void CheckReplaceable(const fs::path& session) {
   if (!fs::exists(session) || ReadEarlierResult(session).starts_with(kMark)) return;
-  throw Error(ErrorKind::kInput,
-              fmt::format("{}: was not written from images on the command line and would be "
-                          "replaced; give another folder with -o",
-                          session.string()));
+  throw InputError(
+      "{}: was not written from images on the command line and would be "
+      "replaced; give another folder with -o",
+      session.string());
 }
 
 }  // namespace
@@ -45,8 +43,7 @@ void CheckReplaceable(const fs::path& session) {
 ImageSession::ImageSession(const ImageArguments& arguments, const fs::path& out, const Run& run)
     : out_(out) {
   if (!arguments.cameras.empty() && !(arguments.images.empty() && arguments.right.empty())) {
-    throw Error(ErrorKind::kInput,
-                "--camera: names all cameras; give their images by --camera NAME=GLOB alone");
+    throw InputError("--camera: names all cameras; give their images by --camera NAME=GLOB alone");
   }
   std::vector<std::string> names;
   std::vector<std::vector<std::string>> images;
@@ -69,7 +66,7 @@ ImageSession::ImageSession(const ImageArguments& arguments, const fs::path& out,
   for (const std::string& camera : arguments.cameras) {
     const size_t equal = camera.find('=');
     if (equal == std::string::npos || equal == 0 || equal + 1 == camera.size()) {
-      throw Error(ErrorKind::kInput, fmt::format("--camera {}: expected NAME=GLOB", camera));
+      throw InputError("--camera {}: expected NAME=GLOB", camera);
     }
     names.push_back(camera.substr(0, equal));
     images.push_back(AsGlobs({camera.substr(equal + 1)}, "--camera " + camera));

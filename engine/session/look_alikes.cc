@@ -5,10 +5,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <utility>
 #include <variant>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "detectors/quads/sort_quads.h"
 
 namespace plenocal {
@@ -88,15 +87,14 @@ std::vector<IdenticalBoards> CheckDistinct(const Session& session,
   for (size_t k = 0; k < targets.size(); ++k) {
     for (size_t i = 0; i < k; ++i) {
       const auto refuse = [&](const std::string& why) {
-        throw Error(
-            ErrorKind::kInput,
-            fmt::format("{}: targets {} and {} look alike in images: {}; print one with other ids "
-                        "(aprilgrid: 'first_id'), of another family, or with another number of "
-                        "squares",
-                        session.path.string(),
-                        session.targets[i].name,
-                        session.targets[k].name,
-                        why));
+        throw InputError(
+            "{}: targets {} and {} look alike in images: {}; print one with other ids "
+            "(aprilgrid: 'first_id'), of another family, or with another number of "
+            "squares",
+            session.path.string(),
+            session.targets[i].name,
+            session.targets[k].name,
+            why);
       };
       if (plenoptic != session.cameras.end() && ShowsNumbers(targets[i]) &&
           ShareNumbers(targets[i], targets[k])) {

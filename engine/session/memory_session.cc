@@ -9,7 +9,7 @@
 #include <set>
 #include <utility>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/quoted_text.h"
 #include "calib/files/image_store.h"
 #include "calib/io/detection_cache.h"
@@ -23,9 +23,7 @@ std::size_t RowBytes(const PixelView& view) {
 }
 
 void CheckPixels(const std::string& where, const PixelView& view) {
-  const auto refuse = [&](const std::string& what) {
-    throw Error(ErrorKind::kInput, fmt::format("{}: {}", where, what));
-  };
+  const auto refuse = [&](const std::string& what) { throw InputError("{}: {}", where, what); };
   if (view.data == nullptr) refuse("a view of memory without pixels");
   if (view.size[0] <= 0 || view.size[1] <= 0) {
     refuse(fmt::format("expected a positive size, found {} x {}", view.size[0], view.size[1]));
@@ -101,14 +99,13 @@ Session SessionInMemory(const std::string& target, const std::vector<MemoryCamer
   std::set<std::string> names;
   for (const MemoryCamera& camera : cameras) {
     if (const auto defect = CameraNameDefect(camera.name)) {
-      throw Error(ErrorKind::kInput, fmt::format("camera {}: the name {}", camera.name, *defect));
+      throw InputError("camera {}: the name {}", camera.name, *defect);
     }
     if (!names.insert(camera.name).second) {
-      throw Error(ErrorKind::kInput, fmt::format("camera {} is given twice", camera.name));
+      throw InputError("camera {} is given twice", camera.name);
     }
     if (camera.images.empty() == camera.views.empty()) {
-      throw Error(ErrorKind::kInput,
-                  fmt::format("camera {}: give either images or points", camera.name));
+      throw InputError("camera {}: give either images or points", camera.name);
     }
     SessionCamera& own = session.cameras.emplace_back();
     own.name = camera.name;
@@ -120,7 +117,7 @@ Session SessionInMemory(const std::string& target, const std::vector<MemoryCamer
     own.initial.assign(camera.model->params.size(), std::nullopt);
     own.fixed.assign(camera.model->params.size(), false);
   }
-  if (session.cameras.empty()) throw Error(ErrorKind::kInput, "no camera is given");
+  if (session.cameras.empty()) throw InputError("no camera is given");
   return session;
 }
 

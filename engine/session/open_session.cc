@@ -1,9 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "engine/session/open_session.h"
 
-#include <fmt/format.h>
-
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/names.h"
 #include "models/registry.h"
 
@@ -16,11 +14,8 @@ Session OpenSession(const std::filesystem::path& path) {
 
 const CameraModel* ModelNamed(const std::string& option, const std::string& name) {
   if (const CameraModel* model = FindModel(CameraModels(), name)) return model;
-  throw Error(ErrorKind::kInput,
-              fmt::format("{} {}: unknown camera model{}",
-                          option,
-                          name,
-                          SuggestName(name, NamesOf(CameraModels()))));
+  throw InputError(
+      "{} {}: unknown camera model{}", option, name, SuggestName(name, NamesOf(CameraModels())));
 }
 
 }  // namespace plenocal

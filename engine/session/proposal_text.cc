@@ -6,7 +6,7 @@
 
 #include <map>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/names.h"
 #include "calib/io/yaml.h"
 #include "engine/recording/stores/image_lister.h"
@@ -34,34 +34,30 @@ void FailWithProposal(const std::vector<std::string>& cameras,
   }
   const TargetProposals proposals = LookForTargets(all, run);
   if (proposals.found.empty()) {
-    throw Error(
-        ErrorKind::kInput,
-        fmt::format("--target is missing, and {} show no chessboard, ChArUco board, AprilTag "
-                    "or grid of circles; state it, such as --target chessboard:9x6:25mm",
-                    OfImages(proposals.looked_at, proposals.looked_at)));
+    throw InputError(
+        "--target is missing, and {} show no chessboard, ChArUco board, AprilTag "
+        "or grid of circles; state it, such as --target chessboard:9x6:25mm",
+        OfImages(proposals.looked_at, proposals.looked_at));
   }
   const TargetProposal& best = proposals.found[0];
   const std::string in = OfImages(best.images, proposals.looked_at);
   if (best.measure.empty()) {
-    throw Error(
-        ErrorKind::kInput,
-        fmt::format(
-            "--target is missing: {} in {}, which no target type describes", best.what, in));
+    throw InputError(
+        "--target is missing: {} in {}, which no target type describes", best.what, in);
   }
   if (best.word.empty()) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("--target is missing: {} in {}; describe {} in a target file "
-                            "(docs/formats.md) and give --target FILE",
-                            best.what,
-                            in,
-                            fmt::join(NamesOf(best.measure), " and ")));
+    throw InputError(
+        "--target is missing: {} in {}; describe {} in a target file "
+        "(docs/formats.md) and give --target FILE",
+        best.what,
+        in,
+        fmt::join(NamesOf(best.measure), " and "));
   }
-  throw Error(ErrorKind::kInput,
-              fmt::format("--target is missing: {} in {}; state the {}: --target {}",
-                          best.what,
-                          in,
-                          fmt::join(NamesOf(best.measure), " and the "),
-                          best.word));
+  throw InputError("--target is missing: {} in {}; state the {}: --target {}",
+                   best.what,
+                   in,
+                   fmt::join(NamesOf(best.measure), " and the "),
+                   best.word);
 }
 
 std::string MendOf(const TargetProposals& proposals, const Target& target) {

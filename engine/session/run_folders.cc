@@ -41,7 +41,7 @@ DetectionCache OpenDetectionCache(const std::filesystem::path& out,
 RunFolders::RunFolders(const SessionOptions& options,
                        const Session& session,
                        const std::vector<std::string>& results)
-    : out_(options.out.empty() ? nullptr : std::make_unique<OutputFolder>(options.out)),
+    : out_(OpenOutput(options.out)),
       cache_(OpenDetectionCache(
           options.cache.empty() ? options.out : options.cache,
           session,

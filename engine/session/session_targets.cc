@@ -8,8 +8,7 @@
 #include <string>
 #include <utility>
 
-#include "calib/base/error.h"
-#include "calib/base/names.h"
+#include "calib/base/format_error.h"
 #include "engine/session/look_alikes.h"
 
 namespace plenocal {
@@ -47,14 +46,13 @@ SessionTargets ReadSessionTargets(const Session& session) {
     targets.several.push_back(ReadTarget(session.targets[k].source));
     for (const auto& [number, position] : targets.several.back().markers) {
       if (number >= kMarkersPerTarget) {
-        throw Error(
-            ErrorKind::kInput,
-            fmt::format("{}: target {} has a marker {}; of several targets the numbers must "
-                        "be below {}",
-                        session.path.string(),
-                        session.targets[k].name,
-                        number,
-                        kMarkersPerTarget));
+        throw InputError(
+            "{}: target {} has a marker {}; of several targets the numbers must "
+            "be below {}",
+            session.path.string(),
+            session.targets[k].name,
+            number,
+            kMarkersPerTarget);
       }
       lines += MarkerLine(static_cast<int>(k) * kMarkersPerTarget + number, position);
     }
@@ -66,12 +64,11 @@ SessionTargets ReadSessionTargets(const Session& session) {
 
 void RefuseSeveralTargets(const Session& session, const char* command) {
   if (session.targets.empty()) return;
-  throw Error(
-      ErrorKind::kInput,
-      fmt::format("{}: '{}' takes sessions with one target; name it as 'target' in a session "
-                  "of its own",
-                  session.path.string(),
-                  command));
+  throw InputError(
+      "{}: '{}' takes sessions with one target; name it as 'target' in a session "
+      "of its own",
+      session.path.string(),
+      command);
 }
 
 std::vector<InputTarget> InputTargetsOf(const Session& session) {

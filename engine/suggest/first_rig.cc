@@ -7,7 +7,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 
 namespace plenocal {
 namespace {
@@ -77,22 +77,22 @@ std::vector<double> ParamsOf(const FirstCamera& camera) {
                        ideal.markers)
         .params;
   } catch (const Error&) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: the model {} does not describe a lens of {:.0f} degrees; choose "
-                            "another model or angle",
-                            camera.name,
-                            camera.model->name,
-                            camera.angle * 180 / std::numbers::pi));
+    throw InputError(
+        "{}: the model {} does not describe a lens of {:.0f} degrees; choose "
+        "another model or angle",
+        camera.name,
+        camera.model->name,
+        camera.angle * 180 / std::numbers::pi);
   }
 }
 
 void CheckCamera(const FirstCamera& camera) {
   if (!camera.model->config.empty() || camera.model->plenoptic || camera.model->local) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: the model {} needs more than a lens angle; record a few images, "
-                            "calibrate, and ask for suggestions then",
-                            camera.name,
-                            camera.model->name));
+    throw InputError(
+        "{}: the model {} needs more than a lens angle; record a few images, "
+        "calibrate, and ask for suggestions then",
+        camera.name,
+        camera.model->name);
   }
 }
 

@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/number_text.h"
 #include "detectors/detect.h"
 #include "engine/scene/locate.h"
@@ -83,14 +83,13 @@ const CalibratedCamera& PictureScale::CameraOf(const std::string& name) const {
     const std::string what = name.empty()
                                  ? "which camera took the picture?"
                                  : fmt::format("the calibration has no camera '{}'.", name);
-    throw Error(ErrorKind::kInput,
-                fmt::format("{} The calibration's cameras: {}", what, fmt::join(names, ", ")));
+    throw InputError("{} The calibration's cameras: {}", what, fmt::join(names, ", "));
   }
   if (found->model->plenoptic) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: pictures of plenoptic cameras are not weighed one by one; "
-                            "calibrate with them",
-                            found->name));
+    throw InputError(
+        "{}: pictures of plenoptic cameras are not weighed one by one; "
+        "calibrate with them",
+        found->name);
   }
   return *found;
 }
@@ -102,14 +101,13 @@ View PictureScale::PointsIn(const CalibratedCamera& camera,
       SketchImages({picture}, target_, {.threads = threads_, .progress = {}}).front();
   if (sketch.size == ImageSize{}) throw Error(ErrorKind::kInput, sketch.why);
   if (sketch.size != camera.image_size) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: {} x {} px, but the calibration of '{}' is for {} x {}",
-                            picture.path.string(),
-                            sketch.size[0],
-                            sketch.size[1],
-                            camera.name,
-                            camera.image_size[0],
-                            camera.image_size[1]));
+    throw InputError("{}: {} x {} px, but the calibration of '{}' is for {} x {}",
+                     picture.path.string(),
+                     sketch.size[0],
+                     sketch.size[1],
+                     camera.name,
+                     camera.image_size[0],
+                     camera.image_size[1]);
   }
   *why = std::move(sketch.why);
   return {.frame = picture.frame, .observations = std::move(sketch.points)};

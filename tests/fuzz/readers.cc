@@ -16,7 +16,6 @@
 
 #include "apps/cli/command_line.h"
 #include "apps/cli/fleet/fleet_plan.h"
-#include "apps/evaluate/trajectory.h"
 #include "apps/evaluate/truth_uncertainty.h"
 #include "apps/simulate/simulation_spec.h"
 #include "calib/base/error.h"
@@ -25,6 +24,7 @@
 #include "calib/files/detections.h"
 #include "calib/files/session.h"
 #include "calib/io/detection_cache.h"
+#include "calib/rig/trajectory.h"
 #include "detectors/images/image.h"
 #include "detectors/photometry/response_curve.h"
 #include "detectors/plenoptic/cached_results.h"

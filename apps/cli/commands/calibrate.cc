@@ -1,10 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
 
-#include <cmath>
 #include <cstdio>
 #include <memory>
-#include <utility>
 
 #include "apps/cli/command.h"
 #include "apps/cli/console.h"
@@ -12,7 +10,8 @@
 #include "apps/report/report.h"
 #include "apps/report/verdict_json.h"
 #include "assess/verdict.h"
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
+#include "calib/base/json_text.h"
 #include "calib/estimate/summary.h"
 #include "calib/files/frame_images.h"
 #include "engine/calibrate_session.h"
@@ -28,46 +27,6 @@ struct CalibrateArguments : CalibrateRequest {
   bool json = false;                ///< the result on standard output as JSON
   std::string require;              ///< name of the lowest grade that is no failure; empty: any
 };
-
-nlohmann::json ResultJson(const CalibrateArguments& arguments, const CalibrationRecord& record) {
-  nlohmann::json cameras = nlohmann::json::object();
-  for (const CalibratedCamera& camera : record.cameras) {
-    nlohmann::json parameters = nlohmann::json::object(), sigma = nlohmann::json::object();
-    for (size_t k = 0; k < camera.params.size(); ++k) {
-      const std::string name(camera.model->params[k].name);
-      parameters[name] = camera.params[k];
-      sigma[name] = std::isfinite(camera.Sigma(k)) ? nlohmann::json(camera.Sigma(k)) : nullptr;
-    }
-    cameras[camera.name] = {{"model", camera.model->name},
-                            {"image_size", camera.image_size},
-                            {"parameters", parameters},
-                            {"sigma", sigma},
-                            {"rms", camera.fit.rms},
-                            {"points", camera.fit.points},
-                            {"rejected", camera.fit.rejected},
-                            {"views", camera.fit.views}};
-  }
-  return {{"verdict", VerdictJson(*record.verdict)},
-          {"cameras", cameras},
-          {"frames", record.frames.size()},
-          {"output", arguments.out.string()}};
-}
-
-void Print(const CalibrateArguments& arguments,
-           const SessionCalibration& calibrated,
-           Console* console) {
-  if (arguments.json) {
-    using Json = nlohmann::json;
-    const Json result = ResultJson(arguments, calibrated.record);
-    // Paths may be no UTF-8.
-    fmt::print("{}\n", result.dump(2, ' ', false, Json::error_handler_t::replace));
-    return;
-  }
-  console->Print(fmt::format("{}\nwritten to {}\n\n{}",
-                             Summary(calibrated.calibration),
-                             arguments.out.string(),
-                             VerdictText(*calibrated.record.verdict)));
-}
 
 void CheckRequirement(const CalibrateArguments& arguments, const Verdict& verdict) {
   if (arguments.require.empty() || verdict.grade <= *ParseGrade(arguments.require)) return;
@@ -104,10 +63,10 @@ std::string SessionFile(const CalibrateArguments& arguments) {
   const bool named_so = first.ends_with(".yaml") || first.ends_with(".yml");
   if (!IsSessionFile(arguments.inputs) && !(named_so && arguments.inputs.size() == 1)) return {};
   if (!image_options) return first;
-  throw Error(ErrorKind::kInput,
-              fmt::format("{}: a session has cameras, target and model itself; --target, --right, "
-                          "--camera and --model go with images",
-                          first));
+  throw InputError(
+      "{}: a session has cameras, target and model itself; --target, --right, "
+      "--camera and --model go with images",
+      first);
 }
 
 void RunCalibrate(CalibrateArguments* arguments, const ConsoleOptions& shared) {
@@ -120,7 +79,16 @@ void RunCalibrate(CalibrateArguments* arguments, const ConsoleOptions& shared) {
   SessionCalibration result = CalibrateSession(*arguments, run);
   if (arguments->report) AddReport(arguments->out, run, &result);
   result.folders->Commit();
-  Print(*arguments, result, &console);
+  if (arguments->json) {
+    nlohmann::json json = CalibrationJson(result.record);
+    json["output"] = arguments->out.string();
+    fmt::print("{}\n", JsonText(json));
+  } else {
+    console.Print(fmt::format("{}\nwritten to {}\n\n{}",
+                              Summary(result.calibration),
+                              arguments->out.string(),
+                              VerdictText(*result.record.verdict)));
+  }
   CheckRequirement(*arguments, *result.record.verdict);
 }
 

@@ -3,14 +3,12 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <array>
-#include <cmath>
 #include <memory>
 #include <string>
 
-#include "apps/charts/field_map.h"
 #include "apps/cli/command.h"
+#include "apps/cli/field_pictures.h"
 #include "apps/cli/options.h"
 #include "calib/base/number_text.h"
 #include "calib/files/calibration_file.h"
@@ -28,26 +26,6 @@ struct ConvertArguments {
   std::string model;
   std::filesystem::path out;
 };
-
-// The errors over the image.
-std::string Picture(const CalibratedCamera& camera,
-                    const CameraModel& model,
-                    const Conversion& conversion) {
-  FieldMap map{fmt::format("{}, {} to {}: RMS {:.3g} px",
-                           camera.name,
-                           camera.model->name,
-                           model.name,
-                           conversion.rms),
-               camera.image_size,
-               kConvertedColumns,
-               kConvertedRows,
-               {}};
-  for (const ConversionError& error : conversion.errors) {
-    if (!error.difference_px) continue;
-    map.Put(error.u_px.x(), error.u_px.y(), {error.difference_px->x(), error.difference_px->y()});
-  }
-  return DrawFieldMaps({map}, conversion.largest);
-}
 
 std::string SummaryOf(const CalibratedCamera& camera,
                       const CameraModel& model,
@@ -105,7 +83,7 @@ void RunConvert(const ConvertArguments& arguments, const ConsoleOptions& shared)
                               {"converted_from", arguments.calibration.string()},
                               {"model", std::string(camera.model->name)}}));
   out.Write("conversion_errors.csv", errors);
-  out.Write("conversion_errors.png", Picture(camera, *model, conversion));
+  out.Write("conversion_errors.png", ConversionPicture(camera, *model, conversion));
   out.Commit();
   Console(shared).Print(fmt::format(
       "{}\nwritten to {}\n", SummaryOf(camera, *model, conversion), arguments.out.string()));

@@ -8,9 +8,10 @@
 
 #include "apps/cli/command.h"
 #include "apps/cli/options.h"
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/number_text.h"
 #include "calib/base/quoted_text.h"
+#include "calib/files/detections.h"
 #include "calib/io/output_folder.h"
 #include "engine/detect_session.h"
 #include "engine/observe/session_observations.h"
@@ -40,8 +41,7 @@ Shard ParseShard(const std::string& text) {
     const bool fits = shard.number >= 1 && shard.number <= shard.count;
     if (count.ec == std::errc() && count.ptr == end && fits) return shard;
   }
-  throw Error(ErrorKind::kInput,
-              fmt::format("--shard {}: expected K/N, part K of N, such as 1/4", text));
+  throw InputError("--shard {}: expected K/N, part K of N, such as 1/4", text);
 }
 
 /// Detects in every N-th image, for the cache alone, and writes how many points there are.

@@ -8,7 +8,7 @@
 #include "apps/cli/command.h"
 #include "apps/cli/shell/declarations.h"
 #include "apps/cli/shell/man_page.h"
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/io/output_folder.h"
 
 namespace plenocal {
@@ -26,11 +26,10 @@ const CLI::App& FindCommand(const CLI::App& app, const std::string& name) {
     if (command->get_name() == name) return *command;
     names.push_back(command->get_name());
   }
-  throw Error(ErrorKind::kInput,
-              fmt::format("help: unknown command '{}'{}",
-                          name,
-                          names.empty() ? fmt::format("; '{}' has none", app.get_name())
-                                        : SuggestName(name, names)));
+  throw InputError(
+      "help: unknown command '{}'{}",
+      name,
+      names.empty() ? fmt::format("; '{}' has none", app.get_name()) : SuggestName(name, names));
 }
 
 void WriteManPages(const CLI::App& root, const std::filesystem::path& folder) {

@@ -4,139 +4,14 @@
 
 #include <algorithm>
 #include <memory>
-#include <set>
 
 #include "apps/cli/command.h"
 #include "apps/cli/options.h"
-#include "calib/base/error.h"
-#include "calib/base/quoted_text.h"
-#include "calib/files/frame_images.h"
-#include "calib/io/output_folder.h"
-#include "detectors/plenoptic/white/white_camera.h"
-#include "engine/observe/auto_model.h"
-#include "engine/recording/find_cameras.h"
-#include "engine/recording/image_names.h"
-#include "engine/recording/layouts.h"
-#include "engine/recording/stores/image_lister.h"
+#include "engine/init_session.h"
 #include "engine/session/proposal_text.h"
 
 namespace plenocal {
 namespace {
-
-namespace fs = std::filesystem;
-
-struct InitArguments {
-  std::filesystem::path place;  ///< folder, recording, video or archive
-  std::filesystem::path session = "session.yaml";
-};
-
-/// A camera as it will stand in the session.
-struct InitCamera : FoundCamera {
-  bool recorded = false;  ///< in a recording, whose frames are paired by time
-  bool plenoptic = false;
-  std::set<std::string> frames;
-};
-
-// White images of a plenoptic camera show the lattice of its micro images.
-bool ShowsMicroLenses(const FoundCamera& camera, int threads) {
-  if (camera.white.empty()) return false;
-  std::vector<FrameImage> images = ExpandImages(camera.white, camera.name + ": white images");
-  images.resize(1);
-  try {
-    return MeasureWhiteImages(images, {.plenoptic = true, .threads = threads}).grid.has_value();
-  } catch (const Error&) {
-    return false;
-  }
-}
-
-// Recordings, videos and archives: the place itself, or those in a folder.
-std::vector<fs::path> StoresIn(const fs::path& place) {
-  if (!SplitStorePattern(place).file.empty()) return {place};
-  std::vector<fs::path> stores;
-  std::error_code error;
-  for (const auto& entry : fs::directory_iterator(place, error)) {
-    if (!SplitStorePattern(entry.path()).file.empty()) stores.push_back(entry.path());
-  }
-  std::ranges::sort(stores);
-  return stores;
-}
-
-// Their cameras. One that several of them have is one camera.
-std::vector<InitCamera> RecordedCameras(const std::vector<fs::path>& stores) {
-  std::vector<InitCamera> cameras;
-  for (const fs::path& store : stores) {
-    for (const RecordedFiles& found : FindRecordingFile(store).cameras) {
-      auto camera = std::ranges::find(cameras, found.name, &InitCamera::name);
-      if (camera == cameras.end()) {
-        camera = cameras.insert(camera, InitCamera());
-        camera->name = found.name;
-        camera->recorded = true;
-      }
-      camera->images.insert(camera->images.end(), found.images.begin(), found.images.end());
-    }
-  }
-  for (InitCamera& camera : cameras) {
-    for (const FrameImage& image : ListImages(camera.images, camera.name)) {
-      camera.frames.insert(image.frame);
-    }
-  }
-  return cameras;
-}
-
-// Gives cameras of a rig globs by which they share frames, where their names allow it.
-void NameFrames(std::vector<InitCamera>* cameras, Console* console) {
-  std::vector<std::string> names;
-  std::vector<std::vector<std::string>> images;
-  for (const InitCamera& camera : *cameras) {
-    names.push_back(camera.name);
-    images.push_back(camera.images);
-  }
-  try {
-    ShareFrames(names, &images);
-  } catch (const Error& error) {
-    console->Message(error.what());
-  }
-  for (size_t c = 0; c < cameras->size(); ++c) {
-    InitCamera& camera = (*cameras)[c];
-    camera.images = images[c];
-    for (const FrameImage& image : ExpandImages(camera.images, camera.name)) {
-      camera.frames.insert(image.frame);
-    }
-  }
-}
-
-std::vector<InitCamera> CamerasOf(const InitArguments& arguments,
-                                  const ConsoleOptions& shared,
-                                  Console* console) {
-  const fs::path& place = arguments.place;
-  if (!fs::exists(place)) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: no such folder or recording; check the path", place.string()));
-  }
-  const std::vector<fs::path> stores = StoresIn(place);
-  if (!fs::is_directory(place) && stores.empty()) {
-    throw Error(
-        ErrorKind::kInput,
-        fmt::format("{}: is no folder, recording, video or archive of images", place.string()));
-  }
-  std::vector<InitCamera> cameras;
-  std::vector<FoundCamera> in_folder;
-  try {
-    if (stores != std::vector{place}) in_folder = FindCameras(place);
-  } catch (const Error&) {
-    if (stores.empty()) throw;
-  }
-  if (in_folder.empty()) return RecordedCameras(stores);
-  for (const FoundCamera& found : in_folder) {
-    InitCamera& camera = cameras.emplace_back();
-    static_cast<FoundCamera&>(camera) = found;
-    if (!found.white.empty()) console->Progress(found.name + ": white images");
-    camera.plenoptic = ShowsMicroLenses(found, shared.threads);
-    if (Interrupted()) throw Stopped();
-  }
-  NameFrames(&cameras, console);
-  return cameras;
-}
 
 size_t CommonFrames(const std::vector<InitCamera>& cameras) {
   return static_cast<size_t>(
@@ -144,70 +19,6 @@ size_t CommonFrames(const std::vector<InitCamera>& cameras) {
         return std::ranges::all_of(
             cameras, [&](const InitCamera& camera) { return camera.frames.contains(frame); });
       }));
-}
-
-TargetProposals LookAtAll(const std::vector<InitCamera>& cameras, Console* console) {
-  std::vector<FrameImage> images;
-  for (const InitCamera& camera : cameras) {
-    if (camera.plenoptic) continue;  // its raw images show a target in pieces
-    const auto found = ListImages(camera.images, camera.name + ": images");
-    images.insert(images.end(), found.begin(), found.end());
-  }
-  return images.empty() ? TargetProposals() : LookForTargets(images, console->NewRun());
-}
-
-std::string SessionText(const std::vector<InitCamera>& cameras,
-                        const std::filesystem::path& folder,
-                        const std::string& target) {
-  std::string text = fmt::format(
-      "# What to calibrate, found by 'plenocal init'. All keys: docs/formats.md\n"
-      "plenocal: 1\ntarget: {}\ncameras:{}\n",
-      target,
-      cameras.size() > 1
-          ? "  # on one rig; the first is its master. Cameras that are not get a session each"
-          : "");
-  for (const InitCamera& camera : cameras) {
-    text += fmt::format("  {}:  # {} images\n", YamlText(camera.name), camera.frames.size());
-    text += camera.plenoptic ? "    model: focused-plenoptic\n"
-                               "    pixel_size:  # state it, from the data sheet: 5.5 um\n"
-                               "    # bayer: RGGB  # of single-channel raw mosaics\n"
-                             : fmt::format("    model: {}  # 'plenocal try' compares models\n",
-                                           UsualModel().name);
-    text += fmt::format("    images: {}\n", PathsYaml(camera.images, folder));
-    if (camera.white.empty()) continue;
-    text += fmt::format(
-        "    white_images: {}  # {} images\n", PathsYaml(camera.white, folder), camera.white_count);
-  }
-  return text +
-         "# exclude:  # what is not to be used, with the reason\n"
-         "#   - {frame: '01', note: blurred}\n";
-}
-
-std::string TargetText(const TargetProposals& proposals) {
-  std::string text = "# The target. All types and keys: docs/formats.md\nplenocal: 1\n";
-  if (proposals.found.empty() || proposals.found[0].keys.empty()) {
-    return text +
-           "type:  # state it: chessboard, charuco, circles, aprilgrid or apriltag\n"
-           "# Of a chessboard:\n"
-           "# columns: 9      # inner corners\n"
-           "# rows: 6\n"
-           "# square: 25 mm\n";
-  }
-  const TargetProposal& best = proposals.found[0];
-  text += fmt::format(
-      "# Found: {} in {}\n{}", best.what, OfImages(best.images, proposals.looked_at), best.keys);
-  for (const MeasuredKey& key : best.measure) {
-    text += fmt::format("{}:  # measure and state it: {}\n", key.name, key.what);
-  }
-  return text + "# tolerance: 0.2 mm  # how well it was made; then its points are refined\n";
-}
-
-// The session and the target are the user's: nothing is replaced.
-void RefuseExisting(const std::filesystem::path& file) {
-  if (!std::filesystem::exists(file)) return;
-  throw Error(
-      ErrorKind::kInput,
-      fmt::format("{}: exists and is not replaced; give another file with -o", file.string()));
 }
 
 void PrintFound(const std::vector<InitCamera>& cameras, const TargetProposals& proposals) {
@@ -230,33 +41,20 @@ void PrintFound(const std::vector<InitCamera>& cameras, const TargetProposals& p
   if (proposals.found.empty()) fmt::print("no target found in the images\n");
 }
 
-void RunInit(const InitArguments& arguments, const ConsoleOptions& shared) {
+void RunInit(const InitRequest& arguments, const ConsoleOptions& shared) {
   Console console(shared);
-  const std::filesystem::path folder = std::filesystem::absolute(arguments.session).parent_path();
-  const std::string session = arguments.session.filename().string();
-  // Beside a session of another name its target has that name too.
-  const std::string target = session == "session.yaml"
-                                 ? std::string("target.yaml")
-                                 : arguments.session.stem().string() + "_target.yaml";
-  RefuseExisting(folder / session);
-  RefuseExisting(folder / target);
-  const std::vector<InitCamera> cameras = CamerasOf(arguments, shared, &console);
-  const TargetProposals proposals = LookAtAll(cameras, &console);
-  OutputFolder out(folder);
-  out.Write(session, SessionText(cameras, folder, target));
-  out.Write(target, TargetText(proposals));
-  out.Commit();
-  PrintFound(cameras, proposals);
+  const FoundSession found = InitSession(arguments, console.NewRun());
+  PrintFound(found.cameras, found.proposals);
   std::vector<std::string> open;
-  if (proposals.found.empty() || proposals.found[0].keys.empty()) {
+  if (found.proposals.found.empty() || found.proposals.found[0].keys.empty()) {
     open.emplace_back("the target");
   } else {
-    for (const MeasuredKey& key : proposals.found[0].measure) open.push_back(key.name);
+    for (const MeasuredKey& key : found.proposals.found[0].measure) open.push_back(key.name);
   }
-  if (std::ranges::any_of(cameras, &InitCamera::plenoptic)) open.emplace_back("pixel_size");
+  if (std::ranges::any_of(found.cameras, &InitCamera::plenoptic)) open.emplace_back("pixel_size");
   fmt::print("written to {} and {}; state {} there, then\n  plenocal calibrate {} -o OUT\n",
              arguments.session.string(),
-             (arguments.session.parent_path() / target).string(),
+             found.target.string(),
              fmt::join(open, ", "),
              arguments.session.string());
 }
@@ -268,7 +66,7 @@ constexpr const char* kInitHelp =
     "Cameras are subfolders, or images of one folder whose names differ as left01.jpg and right01.jpg do; topics of recordings; videos. Images in <camera>_white are white images.";
 
 RunCommand DeclareInit(CLI::App* app, ConsoleOptions* shared) {
-  const auto arguments = std::make_shared<InitArguments>();
+  const auto arguments = std::make_shared<InitRequest>();
   app->add_option("place",
                   arguments->place,
                   "folder with images, in it or below; MCAP file, bag, video, zip archive, or a "
@@ -277,8 +75,7 @@ RunCommand DeclareInit(CLI::App* app, ConsoleOptions* shared) {
   app->add_option(
          "-o,--out", arguments->session, "the session file; the target file is written beside it")
       ->capture_default_str();
-  AddThreads(app, shared);
-  AddQuiet(app, shared);
+  AddThreadsAndQuiet(app, shared);
   return [arguments, shared] { RunInit(*arguments, *shared); };
 }
 

@@ -19,18 +19,14 @@ namespace {
 struct MapArguments {
   std::filesystem::path calibration;
   std::string camera;  ///< empty: the only one
-  ViewArguments view;
+  ViewOptions view;
   std::filesystem::path out;  ///< a folder, or FILE.yaml or FILE.xml of OpenCV
 };
 
 void RunMap(const MapArguments& arguments, const ConsoleOptions& shared) {
   const CalibrationRecord calibration = ReadCalibration(arguments.calibration, CameraModels());
   const CalibratedCamera& camera = FindCamera(calibration, arguments.camera);
-  const std::array seen{ImageOf(camera, Eigen::Matrix3d::Identity())};
-  CalibratedCamera view = ChoosePinhole(seen, ToViewOptions(arguments.view));
-  view.name = camera.name;
-  view.T_camera_rig = camera.T_camera_rig;
-
+  const CalibratedCamera view = UndistortedView(camera, arguments.view);
   const std::string extension = arguments.out.extension().string();
   const bool storage = extension == ".yaml" || extension == ".yml" || extension == ".xml";
   const PixelMap map = MapPixels(view, camera, Eigen::Matrix3d::Identity(), shared.threads);
@@ -62,8 +58,7 @@ RunCommand DeclareMap(CLI::App* app, ConsoleOptions* shared) {
   app->add_option("--camera", arguments->camera, "its camera (default: the only one)");
   app->add_option("-o,--out", arguments->out, "folder, or file of OpenCV")->required();
   AddViewOptions(app, &arguments->view);
-  AddThreads(app, shared);
-  AddQuiet(app, shared);
+  AddThreadsAndQuiet(app, shared);
   return [arguments, shared] { RunMap(*arguments, *shared); };
 }
 

@@ -1,13 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <cmath>
 #include <memory>
 
 #include "apps/cli/command.h"
 #include "apps/cli/options.h"
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "engine/session/open_session.h"
 #include "models/check/model_properties.h"
 #include "models/registry.h"
@@ -59,11 +58,10 @@ void RunModelCheck(const std::string& name) {
   size_t violated = 0;
   fmt::print("{}", CheckModel(model, &violated));
   if (violated > 0) {
-    throw Error(ErrorKind::kJob,
-                fmt::format("camera model {} violates {} of {} properties",
-                            model.name,
-                            violated,
-                            ModelProperties().size()));
+    throw JobError("camera model {} violates {} of {} properties",
+                   model.name,
+                   violated,
+                   ModelProperties().size());
   }
 }
 

@@ -36,8 +36,7 @@ RunCommand DeclareSimulate(CLI::App* app, ConsoleOptions* shared) {
   app->add_option("spec", request->spec, "spec.yaml: cameras, target, poses")->required();
   app->add_option("-o,--out", request->out, "folder for the session")->required();
   app->add_flag("--points", request->points, "detections with noise in place of images");
-  AddThreads(app, shared);
-  AddQuiet(app, shared);
+  AddThreadsAndQuiet(app, shared);
   return [request, shared] { RunSimulate(*request, *shared); };
 }
 

@@ -51,8 +51,7 @@ RunCommand DeclareTry(CLI::App* app, ConsoleOptions* shared) {
       ->check(CLI::Range(2, 1000))
       ->capture_default_str();
   app->add_option("-o,--out", arguments->out, "folder for the results")->required();
-  AddThreads(app, shared);
-  AddQuiet(app, shared);
+  AddThreadsAndQuiet(app, shared);
   app->add_flag("--fresh", arguments->fresh, "detect again in all images");
   return [arguments, shared] { RunTry(arguments.get(), *shared); };
 }

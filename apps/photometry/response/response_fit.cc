@@ -1,15 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/photometry/response/response_fit.h"
 
-#include <fmt/format.h>
-
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
 #include "apps/photometry/response/rising_values.h"
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/linear_algebra.h"
 #include "calib/base/parallel.h"
 #include "calib/base/robust.h"
@@ -383,12 +381,12 @@ void CheckSweep(const ExposureSweep& sweep, const std::string& where) {
   const auto [least, largest] = std::ranges::minmax(sweep.exposures);
   constexpr double kLeastRatio = 2;
   if (!(largest >= kLeastRatio * least)) {
-    throw Error(ErrorKind::kJob,
-                fmt::format("{}: exposures are from {:.4g} to {:.4g} ms; a response needs a static "
-                            "scene at exposures that differ by a factor of 10 or more",
-                            where,
-                            least,
-                            largest));
+    throw JobError(
+        "{}: exposures are from {:.4g} to {:.4g} ms; a response needs a static "
+        "scene at exposures that differ by a factor of 10 or more",
+        where,
+        least,
+        largest);
   }
   size_t saturated = 0, black = 0, all = 0;
   for (const auto& image : sweep.grey) {
@@ -400,18 +398,18 @@ void CheckSweep(const ExposureSweep& sweep, const std::string& where) {
   }
   constexpr double kMost = 0.95;
   if (static_cast<double>(saturated) > kMost * static_cast<double>(all)) {
-    throw Error(ErrorKind::kJob,
-                fmt::format("{}: {:.0f} % of the pixels are saturated; use shorter exposures or "
-                            "less light",
-                            where,
-                            100.0 * static_cast<double>(saturated) / static_cast<double>(all)));
+    throw JobError(
+        "{}: {:.0f} % of the pixels are saturated; use shorter exposures or "
+        "less light",
+        where,
+        100.0 * static_cast<double>(saturated) / static_cast<double>(all));
   }
   if (static_cast<double>(black) > kMost * static_cast<double>(all)) {
-    throw Error(ErrorKind::kJob,
-                fmt::format("{}: {:.0f} % of the pixels are black; use longer exposures or more "
-                            "light",
-                            where,
-                            100.0 * static_cast<double>(black) / static_cast<double>(all)));
+    throw JobError(
+        "{}: {:.0f} % of the pixels are black; use longer exposures or more "
+        "light",
+        where,
+        100.0 * static_cast<double>(black) / static_cast<double>(all));
   }
 }
 
@@ -424,11 +422,11 @@ ResponseEstimate FitResponse(const ExposureSweep& sweep, const std::string& wher
   ResponseEstimate result;
   fit.SetResult(&result);
   if (result.moving > result.pixels) {
-    throw Error(ErrorKind::kJob,
-                fmt::format("{}: in most pixels the light is not proportional to the exposure; the "
-                            "camera and the scene must stand still, the gain must be fixed and the "
-                            "lamp must not flicker",
-                            where));
+    throw JobError(
+        "{}: in most pixels the light is not proportional to the exposure; the "
+        "camera and the scene must stand still, the gain must be fixed and the "
+        "lamp must not flicker",
+        where);
   }
   std::vector<size_t> known;
   for (size_t k = 0; k < SensorCurve::kBorders; ++k) {
@@ -436,11 +434,11 @@ ResponseEstimate FitResponse(const ExposureSweep& sweep, const std::string& wher
   }
   constexpr size_t kFewestBorders = 20;
   if (known.size() < kFewestBorders) {
-    throw Error(ErrorKind::kJob,
-                fmt::format("{}: only {} of 255 borders between grey values were seen; use a scene "
-                            "with dark and bright parts and more exposures between them",
-                            where,
-                            known.size()));
+    throw JobError(
+        "{}: only {} of 255 borders between grey values were seen; use a scene "
+        "with dark and bright parts and more exposures between them",
+        where,
+        known.size());
   }
   result.first = static_cast<int>(known.front());
   result.last = static_cast<int>(known.back()) + 1;

@@ -7,7 +7,7 @@
 #include <iterator>
 
 #include "apps/simulate/random.h"
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/number_text.h"
 #include "calib/base/quoted_text.h"
 #include "calib/files/calibration_tables.h"
@@ -201,11 +201,11 @@ std::vector<std::string> DrawDistances(const SimulationSpec& spec,
   }
   std::vector<std::string> lines;
   if (scene.distances > 0 && known.size() < 2) {
-    throw Error(ErrorKind::kJob,
-                fmt::format("{}: scene.distances: no two points are seen in {} images; give more "
-                            "frames or points",
-                            spec.path.string(),
-                            kOften));
+    throw JobError(
+        "{}: scene.distances: no two points are seen in {} images; give more "
+        "frames or points",
+        spec.path.string(),
+        kOften);
   }
   for (int k = 0; k < scene.distances; ++k) {
     // The longest of some, as a person would measure.

@@ -1,14 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/simulate/scene/scene_points.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
 #include "apps/simulate/random.h"
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/parallel.h"
 
 namespace plenocal::simulate {
@@ -59,13 +56,12 @@ ScenePoint DrawStillPoint(const SimulationSpec& spec,
     }
   }
   if (!best) {
-    throw Error(
-        ErrorKind::kJob,
-        fmt::format("{}: scene: the cameras see no surface at depths from {} to {} m; correct "
-                    "'near', 'far' or the trajectory",
-                    spec.path.string(),
-                    scene.nearest,
-                    scene.farthest));
+    throw JobError(
+        "{}: scene: the cameras see no surface at depths from {} to {} m; correct "
+        "'near', 'far' or the trajectory",
+        spec.path.string(),
+        scene.nearest,
+        scene.farthest);
   }
   return best->point;
 }

@@ -7,10 +7,9 @@
 #include <map>
 #include <optional>
 #include <string>
-#include <vector>
 
-#include "apps/evaluate/trajectory.h"
 #include "calib/io/yaml.h"
+#include "calib/rig/trajectory.h"
 
 namespace plenocal::simulate {
 

@@ -11,7 +11,7 @@
 
 #include "apps/charts/cairo_path.h"
 #include "apps/simulate/random.h"
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "targets/tags/quad.h"
 
 namespace plenocal::simulate {
@@ -141,7 +141,7 @@ void TargetSurface::Draw(const TargetPart& part, int seed, Board* board) {
   const print::Surface surface(
       cairo_image_surface_create(CAIRO_FORMAT_A8, size.width, size.height));
   if (cairo_surface_status(surface.get()) != CAIRO_STATUS_SUCCESS) {
-    throw Error(ErrorKind::kJob, "out of memory for the picture of the target");
+    throw JobError("out of memory for the picture of the target");
   }
   cv::Mat canvas(size,
                  CV_8U,

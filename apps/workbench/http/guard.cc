@@ -9,7 +9,7 @@
 #include <cstdint>
 #include <nlohmann/json.hpp>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/quoted_text.h"
 
 namespace plenocal::workbench {
@@ -159,7 +159,7 @@ bool IsUpload(const Request& request) {
 std::string MakeToken() {
   std::array<std::uint8_t, 32> bytes{};
   if (getrandom(bytes.data(), bytes.size(), 0) != static_cast<ssize_t>(bytes.size())) {
-    throw Error(ErrorKind::kJob, "the system has no random numbers");
+    throw JobError("the system has no random numbers");
   }
   std::string token;
   for (const std::uint8_t byte : bytes) token += fmt::format("{:02x}", byte);

@@ -18,7 +18,7 @@
 #include <utility>
 #include <vector>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 
 namespace plenocal::workbench {
 namespace {
@@ -214,10 +214,9 @@ Server::Server(ServerOptions options) : state_(std::make_unique<State>(std::move
     state_->acceptor.bind(endpoint);
     state_->acceptor.listen();
   } catch (const boost::system::system_error& error) {
-    throw Error(ErrorKind::kJob,
-                fmt::format("cannot listen on 127.0.0.1:{}: {}; choose another --port",
-                            state_->options.port,
-                            error.code().message()));
+    throw JobError("cannot listen on 127.0.0.1:{}: {}; choose another --port",
+                   state_->options.port,
+                   error.code().message());
   }
 }
 

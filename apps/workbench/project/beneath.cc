@@ -2,17 +2,15 @@
 #include "apps/workbench/project/beneath.h"
 
 #include <fcntl.h>
-#include <fmt/format.h>
 #include <linux/openat2.h>
 #include <sys/stat.h>
 #include <sys/syscall.h>
 #include <unistd.h>
 
 #include <cerrno>
-#include <cstdio>
 #include <cstring>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 
 namespace plenocal::workbench {
 namespace {
@@ -34,7 +32,7 @@ class OpenFile {
 };
 
 [[noreturn]] void RefuseFile(const fs::path& file, const std::string& why) {
-  throw Error(ErrorKind::kInput, fmt::format("{}: {}", file.string(), why));
+  throw InputError("{}: {}", file.string(), why);
 }
 
 // A file or folder beneath an open folder, to which no link leads.
@@ -123,8 +121,7 @@ void AddBeneath(const fs::path& root,
   const int why = errno;
   (void)unlinkat(place.Number(), partial.c_str(), 0);
   if (complete && why == EEXIST) RefuseFile(file, "is there already; it is not replaced");
-  throw Error(ErrorKind::kJob,
-              fmt::format("{}: cannot be written: {}", file.string(), std::strerror(why)));
+  throw JobError("{}: cannot be written: {}", file.string(), std::strerror(why));
 }
 
 }  // namespace plenocal::workbench

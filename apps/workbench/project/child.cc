@@ -16,7 +16,7 @@
 #include <sstream>
 #include <string_view>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 
 extern char** environ;
 
@@ -32,7 +32,7 @@ struct Pipe {
   Pipe() {
     int ends[2];
     if (pipe2(ends, O_CLOEXEC) != 0) {
-      throw Error(ErrorKind::kJob, fmt::format("cannot start a job: {}", std::strerror(errno)));
+      throw JobError("cannot start a job: {}", std::strerror(errno));
     }
     read = ends[0];
     write = ends[1];
@@ -70,7 +70,7 @@ pid_t Spawn(const std::vector<std::string>& arguments,
   const int error = posix_spawn(&child, program.c_str(), &actions, nullptr, argv.data(), environ);
   posix_spawn_file_actions_destroy(&actions);
   if (error != 0) {
-    throw Error(ErrorKind::kJob, fmt::format("cannot start a job: {}", std::strerror(error)));
+    throw JobError("cannot start a job: {}", std::strerror(error));
   }
   return child;
 }

@@ -9,13 +9,12 @@
 #include <algorithm>
 #include <cerrno>
 #include <charconv>
-#include <cstdio>
 #include <cstring>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <sstream>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/io/detection_cache.h"
 #include "models/registry.h"
 
@@ -43,7 +42,7 @@ void ReplaceFile(const fs::path& named, const std::string& text) {
     if (!stream) {
       const std::string reason = std::strerror(errno);
       fs::remove(partial, error);
-      throw Error(ErrorKind::kJob, fmt::format("{}: cannot be written: {}", file.string(), reason));
+      throw JobError("{}: cannot be written: {}", file.string(), reason);
     }
   }
   fs::rename(partial, file);
@@ -54,8 +53,7 @@ void ReplaceFile(const fs::path& named, const std::string& text) {
 Project::Project(const fs::path& place) {
   std::error_code error;
   if (!fs::exists(place, error)) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: no such file or folder; check the path", place.string()));
+    throw InputError("{}: no such file or folder; check the path", place.string());
   }
   const bool is_folder = fs::is_directory(place);
   root_ = fs::canonical(is_folder ? place : fs::absolute(place).parent_path());
@@ -63,15 +61,13 @@ Project::Project(const fs::path& place) {
   history_ = root_ / ".plenocal" / "history";
   fs::create_directories(history_, error);
   if (error) {
-    throw Error(ErrorKind::kJob,
-                fmt::format("{}: cannot be written: {}", history_.string(), error.message()));
+    throw JobError("{}: cannot be written: {}", history_.string(), error.message());
   }
   lock_ = open((root_ / ".plenocal" / "lock").c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600);
   if (lock_ < 0 || flock(lock_, LOCK_EX | LOCK_NB) != 0) {
     if (lock_ >= 0) close(lock_);
-    throw Error(ErrorKind::kJob,
-                fmt::format("{}: another workbench has this folder; use its page, or end it first",
-                            root_.string()));
+    throw JobError("{}: another workbench has this folder; use its page, or end it first",
+                   root_.string());
   }
   ReadHistory();
 }

@@ -9,7 +9,7 @@
 #include <regex>
 #include <vector>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/quoted_text.h"
 #include "calib/io/yaml.h"
 
@@ -60,7 +60,7 @@ std::string WithRule(const std::string& text, const ExcludeRule& rule) {
   if (!changed.empty() && changed.back() != '\n') changed += '\n';
   if (!block) return changed + "exclude:\n" + RuleLine(rule);
   if (block->end == block->begin && changed.find_first_of("[{", block->heading) < block->begin) {
-    throw Error(ErrorKind::kInput, "'exclude' stands in one line; edit the session's text");
+    throw InputError("'exclude' stands in one line; edit the session's text");
   }
   std::string line = RuleLine(rule);
   // Items of a list have one indentation.
@@ -88,7 +88,7 @@ std::string WithoutRule(const std::string& text, const ExcludeRule& rule) {
     if (item == wanted) found = {line, end};
   }
   if (!found) {
-    throw Error(ErrorKind::kInput, "no line of 'exclude' is this rule; edit the session's text");
+    throw InputError("no line of 'exclude' is this rule; edit the session's text");
   }
   std::string changed = text;
   if (lines == 1) return changed.erase(block->heading, block->end - block->heading);
@@ -106,11 +106,11 @@ std::string WithModel(const std::string& text,
   const std::regex pattern(R"(\bmodel:\s*["']?([\w-]+))");
   const std::sregex_iterator found(line.begin(), line.end(), pattern), none;
   if (std::distance(found, none) != 1 || found->str(1) != now.AsString()) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("line {} of the session has not the model of '{}' alone; edit the "
-                            "session's text",
-                            now.Line(),
-                            camera));
+    throw InputError(
+        "line {} of the session has not the model of '{}' alone; edit the "
+        "session's text",
+        now.Line(),
+        camera);
   }
   std::string changed = text;
   return changed.replace(begin + static_cast<size_t>(found->position(1)),

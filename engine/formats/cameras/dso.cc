@@ -6,7 +6,7 @@
 
 #include <cctype>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "engine/formats/camera_format.h"
 #include "engine/formats/exact_numbers.h"
 #include "engine/formats/lens_form.h"
@@ -37,10 +37,10 @@ std::string WriteDso(const std::vector<CalibratedCamera>& cameras) {
                              (lens.c_x + kShift) / width,
                              (lens.c_y + kShift) / height};
   if (!(values[2] < 1 && values[3] < 1)) {
-    throw Error(ErrorKind::kJob,
-                fmt::format("camera '{}': the principal point lies right of or below the image, "
-                            "which dso cannot hold",
-                            camera.name));
+    throw JobError(
+        "camera '{}': the principal point lies right of or below the image, "
+        "which dso cannot hold",
+        camera.name);
   }
   values.insert(values.end(), lens.coefficients.begin(), lens.coefficients.end());
   const std::string size = fmt::format("{} {}\n", camera.image_size[0], camera.image_size[1]);

@@ -11,7 +11,7 @@
 #include <cmath>
 #include <pugixml.hpp>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/io/input_file.h"
 #include "engine/formats/camera_format.h"
 #include "engine/formats/exact_numbers.h"
@@ -44,11 +44,8 @@ constexpr std::string_view kModel = "focused-plenoptic";
 std::string WriteLifcal(const std::vector<CalibratedCamera>& cameras) {
   const CalibratedCamera& camera = cameras[0];
   if (camera.model->name != kModel) {
-    throw Error(ErrorKind::kJob,
-                fmt::format("camera '{}': lifcal holds model {} only, not {}",
-                            camera.name,
-                            kModel,
-                            camera.model->name));
+    throw JobError(
+        "camera '{}': lifcal holds model {} only, not {}", camera.name, kModel, camera.model->name);
   }
   std::string text =
       "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<Root>\n"
@@ -115,7 +112,7 @@ class ModelXml {
   }
 
   [[noreturn]] void Fail(const std::string& message) const {
-    throw Error(ErrorKind::kInput, fmt::format("{}: {}", where_, message));
+    throw InputError("{}: {}", where_, message);
   }
 
  private:

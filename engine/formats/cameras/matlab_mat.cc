@@ -15,7 +15,7 @@
 #include <cstdint>
 #include <map>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/io/input_file.h"
 #include "engine/formats/camera_format.h"
 #include "engine/formats/matlab_intrinsics.h"
@@ -124,9 +124,7 @@ class Elements {
   }
 
   [[noreturn]] void Fail(const std::string& what) const {
-    throw Error(
-        ErrorKind::kInput,
-        fmt::format("{}: {} MAT-file; write it again with save -v6 or as JSON", where_, what));
+    throw InputError("{}: {} MAT-file; write it again with save -v6 or as JSON", where_, what);
   }
 
  private:
@@ -138,10 +136,10 @@ class Elements {
 /// The file's matrices of doubles.
 std::map<std::string, Variable> ReadVariables(std::string_view bytes, const std::string& where) {
   if (bytes.size() < kHeader || !bytes.starts_with("MATLAB 5.0") || bytes.substr(126, 2) != "IM") {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: is no MAT-file of level 5 in little endian; write it with save "
-                            "-v6",
-                            where));
+    throw InputError(
+        "{}: is no MAT-file of level 5 in little endian; write it with save "
+        "-v6",
+        where);
   }
   std::map<std::string, Variable> variables;
   for (Elements file(bytes.substr(kHeader), where); !file.AtEnd();) {
@@ -205,7 +203,7 @@ class Workspace {
   }
 
   [[noreturn]] void Fail(const std::string& message) const {
-    throw Error(ErrorKind::kInput, fmt::format("{}: {}", where_, message));
+    throw InputError("{}: {}", where_, message);
   }
 
  private:

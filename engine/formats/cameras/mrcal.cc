@@ -9,8 +9,7 @@
 #include <cmath>
 #include <string>
 
-#include "calib/base/error.h"
-#include "calib/files/calibration_file.h"
+#include "calib/base/format_error.h"
 #include "calib/io/input_file.h"
 #include "calib/io/yaml.h"
 #include "engine/formats/camera_format.h"
@@ -48,13 +47,12 @@ std::string MrcalSpline(std::string_view fov_deg) {
 Lens ToMrcalSpline(const CalibratedCamera& camera) {
   const double fov = camera.params[Splined::kFov];
   if (fov != std::round(fov)) {
-    throw Error(
-        ErrorKind::kJob,
-        fmt::format("camera '{}': mrcal's splines have a fov of whole degrees, this one has {}; "
-                    "calibrate with 'initial: {{fov: {:.0f}}}'",
-                    camera.name,
-                    fov,
-                    std::ceil(fov)));
+    throw JobError(
+        "camera '{}': mrcal's splines have a fov of whole degrees, this one has {}; "
+        "calibrate with 'initial: {{fov: {:.0f}}}'",
+        camera.name,
+        fov,
+        std::ceil(fov));
   }
   return {MrcalSpline(fmt::format("{:.0f}", fov)),
           camera.params[0],

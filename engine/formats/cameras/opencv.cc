@@ -6,7 +6,7 @@
 #include <array>
 #include <filesystem>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "engine/formats/camera_format.h"
 #include "engine/formats/lens_form.h"
 #include "engine/formats/opencv_storage.h"
@@ -53,8 +53,7 @@ std::string WriteOpenCv(const std::vector<CalibratedCamera>& cameras) {
     const Lens lens = ToLens(camera, OpenCvLenses(), "opencv");
     const std::string number = fmt::format("{}", i + 1);
     if (i > 0 && fisheye != (lens.name == "fisheye")) {
-      throw Error(ErrorKind::kJob,
-                  "opencv: one camera is a fisheye, the other not; export each with --camera");
+      throw JobError("opencv: one camera is a fisheye, the other not; export each with --camera");
     }
     fisheye = lens.name == "fisheye";
     if (stereo) {

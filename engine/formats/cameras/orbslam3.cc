@@ -6,7 +6,7 @@
 
 #include <array>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "engine/formats/camera_format.h"
 #include "engine/formats/lens_form.h"
 #include "engine/formats/opencv_storage.h"
@@ -23,9 +23,9 @@ std::string WriteOrbSlam3(const std::vector<CalibratedCamera>& cameras) {
   for (size_t i = 0; i < cameras.size(); ++i) {
     const Lens lens = ToLens(cameras[i], OrbSlamLenses(), "orbslam3");
     if (lens.name != first.name || cameras[i].image_size != cameras[0].image_size) {
-      throw Error(ErrorKind::kJob,
-                  "orbslam3: both cameras must have one kind of lens and images of one size; "
-                  "export one with --camera");
+      throw JobError(
+          "orbslam3: both cameras must have one kind of lens and images of one size; "
+          "export one with --camera");
     }
     text += OrbSlamCamera(fmt::format("Camera{}", i + 1), lens);
   }

@@ -6,12 +6,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cctype>
 #include <map>
 #include <set>
 #include <utility>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/quoted_text.h"
 #include "engine/formats/camera_format.h"
 #include "engine/formats/colmap_files.h"
@@ -61,7 +60,7 @@ std::map<std::uint64_t, std::string> NameCameras(const std::vector<ColmapImage>&
 std::string FrameOf(const ColmapImage& image) {
   std::string frame = fs::path(image.name).stem().string();
   if (const auto defect = FrameNameDefect(frame)) {
-    throw Error(ErrorKind::kInput, fmt::format("{}: the image's name {}", image.where, *defect));
+    throw InputError("{}: the image's name {}", image.where, *defect);
   }
   return frame;
 }
@@ -100,11 +99,8 @@ ImportedFile ReadColmapModel(const ImportSource& source) {
     const std::string& camera = names.at(image.camera);
     const std::string frame = FrameOf(image);
     if (++taken[{camera, frame}] > 1) {
-      throw Error(ErrorKind::kInput,
-                  fmt::format("{}: camera '{}' has two images that would be frame '{}'",
-                              image.where,
-                              camera,
-                              frame));
+      throw InputError(
+          "{}: camera '{}' has two images that would be frame '{}'", image.where, camera, frame);
     }
     std::string& table = tables.try_emplace(camera, "frame,marker,x,y\n").first->second;
     std::map<int, int> times;

@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // The micro-lens grid of Raytrix' RayCalibData XML.
-#include <fmt/format.h>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/camera/micro_lens_array.h"
 #include "calib/files/raytrix_grid.h"
 #include "engine/formats/import_format.h"
@@ -13,9 +12,7 @@ namespace {
 
 ImportedFile ReadRaytrix(const ImportSource& source) {
   if (!source.image_size) {
-    throw Error(
-        ErrorKind::kInput,
-        fmt::format("{}: holds no image size; give --size WIDTHxHEIGHT", source.path.string()));
+    throw InputError("{}: holds no image size; give --size WIDTHxHEIGHT", source.path.string());
   }
   return {.content = FormatMicroLenses(ReadRayCalibData(source.path, *source.image_size)),
           .message = UnusedRayCalibData(source.path)};

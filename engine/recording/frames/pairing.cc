@@ -8,7 +8,7 @@
 #include <map>
 #include <set>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "engine/recording/frames/time_pairs.h"
 #include "engine/recording/image_files.h"
 
@@ -16,7 +16,7 @@ namespace plenocal {
 namespace {
 
 [[noreturn]] void RefusePairing(const Recording& recording, const std::string& message) {
-  throw Error(ErrorKind::kInput, fmt::format("{}: {}", recording.path.string(), message));
+  throw InputError("{}: {}", recording.path.string(), message);
 }
 
 bool AllTimed(const RecordedCamera& camera) {

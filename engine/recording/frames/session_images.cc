@@ -7,7 +7,7 @@
 #include <cmath>
 #include <set>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/statistics.h"
 #include "engine/recording/frames/session_times.h"
 #include "engine/recording/frames/time_pairs.h"
@@ -40,11 +40,11 @@ bool IsByTime(const Session& session,
   if (session.pairing.by != Pairing::By::kTime)
     return !session.pairing.by && untimed == cameras.end();
   if (untimed == cameras.end()) return true;
-  throw Error(ErrorKind::kInput,
-              fmt::format("{}: 'pairing' is by time, but the images of camera {} have no times; "
-                          "give 'times', a recording or a video, or pair by name",
-                          session.path.string(),
-                          session.cameras[*untimed].name));
+  throw InputError(
+      "{}: 'pairing' is by time, but the images of camera {} have no times; "
+      "give 'times', a recording or a video, or pair by name",
+      session.path.string(),
+      session.cameras[*untimed].name);
 }
 
 /// "right: 40 of 42 images are paired ..."; how far apart they are.

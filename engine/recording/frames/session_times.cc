@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <optional>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "engine/recording/image_files.h"
 #include "engine/recording/times.h"
 
@@ -22,7 +22,7 @@ std::vector<double> ReadTimes(const fs::path& path,
                               const std::vector<fs::path>& files) {
   const ImageTimes times = ReadImageTimes(path, ExposureUnit::kMilliseconds);
   const auto fail = [&](const std::string& what) {
-    throw Error(ErrorKind::kInput, fmt::format("{}: {}", path.string(), what));
+    throw InputError("{}: {}", path.string(), what);
   };
   std::vector<double> of_frame;
   if (!times.has_ids) {

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "engine/recording/messages/byte_range.h"
 
-#include <fmt/format.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -9,7 +8,7 @@
 #include <cerrno>
 #include <cstring>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/io/input_file.h"
 
 namespace plenocal {
@@ -27,11 +26,10 @@ void InputBytes::Read(std::uint64_t offset, std::span<std::uint8_t> out) const {
     const ssize_t count = pread(descriptor_, out.data(), out.size(), static_cast<off_t>(offset));
     if (count < 0 && errno == EINTR) continue;
     if (count <= 0) {
-      throw Error(ErrorKind::kInput,
-                  fmt::format("{}: cannot be read at byte {} ({}); copy it again",
-                              path_.string(),
-                              offset,
-                              count == 0 ? "it ends there" : std::strerror(errno)));
+      throw InputError("{}: cannot be read at byte {} ({}); copy it again",
+                       path_.string(),
+                       offset,
+                       count == 0 ? "it ends there" : std::strerror(errno));
     }
     out = out.subspan(static_cast<std::size_t>(count));
     offset += static_cast<std::uint64_t>(count);

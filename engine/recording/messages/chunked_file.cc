@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "engine/recording/messages/chunked_file.h"
 
-#include <fmt/format.h>
 #include <zlib.h>
 
 #include <algorithm>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 
 namespace plenocal {
 
@@ -36,10 +35,9 @@ std::shared_ptr<const ByteVector> ChunkedFile::KeptChunk(std::uint64_t block) co
   }
   std::shared_ptr<const ByteVector> bytes = Unpacked(chunks_[block]);
   if (!bytes) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: the chunk at byte {} has changed while it was read",
-                            file_.Path().string(),
-                            chunks_[block].offset));
+    throw InputError("{}: the chunk at byte {} has changed while it was read",
+                     file_.Path().string(),
+                     chunks_[block].offset);
   }
   kept_.emplace_front(block, bytes);
   const auto size = [&] {
@@ -54,12 +52,11 @@ std::shared_ptr<const ByteVector> ChunkedFile::KeptChunk(std::uint64_t block) co
 SharedBytes ChunkedFile::Read(const MessageRef& message, size_t most) const {
   const auto size = std::min<std::uint64_t>(message.size, most);
   if (size > kMostBytes) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: the message at byte {} has {} MB; at most {} are read",
-                            file_.Path().string(),
-                            message.offset,
-                            message.size >> 20,
-                            kMostBytes >> 20));
+    throw InputError("{}: the message at byte {} has {} MB; at most {} are read",
+                     file_.Path().string(),
+                     message.offset,
+                     message.size >> 20,
+                     kMostBytes >> 20);
   }
   if (message.block != kInFile) return {KeptChunk(message.block), message.offset, size};
   ByteVector bytes(size);

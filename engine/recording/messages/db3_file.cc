@@ -8,7 +8,7 @@
 #include <algorithm>
 #include <limits>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/io/input_file.h"
 #include "engine/recording/messages/unpack.h"
 
@@ -65,8 +65,7 @@ Db3File::Db3File(const std::filesystem::path& path) : path_(path) {
                                    nullptr);
   database_.reset(opened);
   if (code != SQLITE_OK) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: cannot be opened ({}); copy it again", path.string(), Reason()));
+    throw InputError("{}: cannot be opened ({}); copy it again", path.string(), Reason());
   }
   // The file comes from strangers: its schema runs no functions, and its cells are checked.
   sqlite3_db_config(opened, SQLITE_DBCONFIG_TRUSTED_SCHEMA, 0, nullptr);
@@ -89,12 +88,11 @@ void Db3File::ReadTopics() {
   const bool ready = tables && sqlite3_step(tables.get()) == SQLITE_ROW;
   if (!ready || sqlite3_column_int(tables.get(), 0) != 2) {
     const bool damaged = sqlite3_errcode(database_.get()) == SQLITE_CORRUPT;
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: {}",
-                            path_.string(),
-                            damaged ? "is damaged at its beginning; copy it again"
-                                    : "is a database, but none of rosbag2: it has no tables "
-                                      "'topics' and 'messages'"));
+    throw InputError("{}: {}",
+                     path_.string(),
+                     damaged ? "is damaged at its beginning; copy it again"
+                             : "is a database, but none of rosbag2: it has no tables "
+                               "'topics' and 'messages'");
   }
   const Statement rows =
       Prepare(database_.get(), "SELECT id, name, type, serialization_format FROM topics");
@@ -173,13 +171,11 @@ SharedBytes Db3File::Read(const MessageRef& message, size_t most) const {
   std::optional<ByteVector> bytes = Content(row, most);
   if (bytes && bytes->size() == most && IsZstd(*bytes)) bytes = Content(row, kAll);
   if (bytes) return SharedBytes(std::move(*bytes));
-  throw Error(
-      ErrorKind::kInput,
-      fmt::format("{}: message {} is damaged or larger than {} MB ({}); copy the file again",
-                  path_.string(),
-                  message.block,
-                  kMostUnpacked >> 20,
-                  Reason()));
+  throw InputError("{}: message {} is damaged or larger than {} MB ({}); copy the file again",
+                   path_.string(),
+                   message.block,
+                   kMostUnpacked >> 20,
+                   Reason());
 }
 
 }  // namespace plenocal

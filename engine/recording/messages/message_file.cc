@@ -1,13 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "engine/recording/messages/message_file.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cctype>
-#include <string_view>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/io/input_file.h"
 #include "engine/recording/messages/bag_file.h"
 #include "engine/recording/messages/db3_file.h"
@@ -62,23 +59,19 @@ std::shared_ptr<const MessageFile> OpenMessageFile(const std::filesystem::path& 
   } else if (start.starts_with(kDb3Magic)) {
     file = std::make_shared<const Db3File>(path);
   } else if (start.starts_with("#ROSBAG")) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: is a bag of an old version, '{}'; convert it by 'rosbag migrate'",
-                            path.string(),
-                            start.substr(0, start.find('\n'))));
+    throw InputError("{}: is a bag of an old version, '{}'; convert it by 'rosbag migrate'",
+                     path.string(),
+                     start.substr(0, start.find('\n')));
   } else {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: {}; copy it again",
-                            path.string(),
-                            start.empty() ? "is empty (0 bytes)"
-                                          : "is no MCAP file, bag of ROS 1 or database of ROS 2, "
-                                            "or damaged at its beginning"));
+    throw InputError("{}: {}; copy it again",
+                     path.string(),
+                     start.empty() ? "is empty (0 bytes)"
+                                   : "is no MCAP file, bag of ROS 1 or database of ROS 2, "
+                                     "or damaged at its beginning");
   }
   if (file->Topics().empty() && !file->Damage().empty()) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: {}, and holds no message before; copy it again",
-                            path.string(),
-                            file->Damage()[0]));
+    throw InputError(
+        "{}: {}, and holds no message before; copy it again", path.string(), file->Damage()[0]);
   }
   return file;
 }

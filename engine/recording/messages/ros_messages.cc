@@ -8,7 +8,7 @@
 #include <bit>
 #include <cstring>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "detectors/images/image_header.h"
 
 namespace plenocal {
@@ -82,8 +82,7 @@ class MessageReader {
 
  private:
   [[noreturn]] void Refuse(const std::string& reason) const {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: the message {}; exclude it, or record again", place_, reason));
+    throw InputError("{}: the message {}; exclude it, or record again", place_, reason);
   }
   void Align(std::size_t size) {
     if (aligned_) Skip((size - taken_ % size) % size);
@@ -147,19 +146,19 @@ StoredImage ReadImageMessage(MessageKind kind,
     const std::string format = reader.Text();
     content = part == MessagePart::kAll ? reader.Bytes() : reader.BytesAtStart();
     if (format.find("compressedDepth") != std::string::npos) {
-      throw Error(ErrorKind::kInput,
-                  fmt::format("{}: is a depth image ({}), which shows no target; choose a topic "
-                              "of images",
-                              place,
-                              format));
+      throw InputError(
+          "{}: is a depth image ({}), which shows no target; choose a topic "
+          "of images",
+          place,
+          format);
     }
     for (const char* codec : {"h264", "h265", "hevc", "av1", "vp9"}) {
       if (format.find(codec) == std::string::npos) continue;
-      throw Error(ErrorKind::kInput,
-                  fmt::format("{}: is packed as video ({}); export the topic as a video file or "
-                              "as single images",
-                              place,
-                              format));
+      throw InputError(
+          "{}: is packed as video ({}); export the topic as a video file or "
+          "as single images",
+          place,
+          format);
     }
   } else {
     image.size = reader.Size();

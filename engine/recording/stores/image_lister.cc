@@ -1,12 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "engine/recording/stores/image_lister.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <iterator>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "engine/recording/image_files.h"
 #include "engine/recording/stores/video_store.h"
 #include "engine/recording/stores/zip_store.h"
@@ -27,17 +25,31 @@ void CheckFrames(const std::vector<FrameImage>& images, const std::string& what)
   for (const FrameImage& image : images) {
     const auto [first, is_new] = frames.emplace(image.frame, &image);
     if (is_new) continue;
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: {} and {} both belong to frame '{}'; name one of them, or a "
-                            "folder of the archive, such as archive.zip/left",
-                            what,
-                            first->second->path.string(),
-                            image.path.string(),
-                            image.frame));
+    throw InputError(
+        "{}: {} and {} both belong to frame '{}'; name one of them, or a "
+        "folder of the archive, such as archive.zip/left",
+        what,
+        first->second->path.string(),
+        image.path.string(),
+        image.frame);
   }
 }
 
 }  // namespace
+
+std::vector<FrameImage> FindImageInputs(const std::vector<std::string>& inputs,
+                                        const std::string& what) {
+  std::vector<FrameImage> images;
+  for (const std::string& input : inputs) {
+    if (!std::filesystem::exists(input) && input.find('*') == std::string::npos &&
+        SplitStorePattern(input).file.empty()) {
+      throw InputError("{}: no such file; check the path", input);
+    }
+    const std::vector<FrameImage> found = ListImages({input}, what);
+    images.insert(images.end(), found.begin(), found.end());
+  }
+  return images;
+}
 
 bool IsStoreName(const fs::path& path) {
   return IsArchiveName(path) || IsVideoName(path) || IsMessageFileName(path);
@@ -89,9 +101,7 @@ std::vector<FrameImage> ImageLister::List(const std::vector<std::string>& patter
       found = ZipImages(store.file, store.part, what);
     } else if (IsVideoName(store.file)) {
       if (!store.part.empty()) {
-        throw Error(
-            ErrorKind::kInput,
-            fmt::format("{}: {}: a video has no parts; give the video alone", what, pattern));
+        throw InputError("{}: {}: a video has no parts; give the video alone", what, pattern);
       }
       found = VideoImages(store.file, &notes_);
     } else {

@@ -39,6 +39,12 @@ class ImageLister {
 std::vector<FrameImage> ListImages(const std::vector<std::string>& patterns,
                                    const std::string& what);
 
+/// The images of words that a user gives: each a file, a glob or a folder with images. `what`
+/// ("white images") is used in messages. Throws `Error` of kind kInput when an argument matches
+/// nothing.
+std::vector<FrameImage> FindImageInputs(const std::vector<std::string>& inputs,
+                                        const std::string& what);
+
 /// Whether a file of this name is a recording, a video or an archive.
 bool IsStoreName(const std::filesystem::path& path);
 

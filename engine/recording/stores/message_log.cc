@@ -5,12 +5,10 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
-#include <array>
 #include <map>
-#include <set>
 #include <utility>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/statistics.h"
 #include "calib/io/detection_cache.h"
 #include "detectors/images/image_header.h"
@@ -134,10 +132,9 @@ MessageLog::MessageLog(const fs::path& path) : path_(path) {
   std::vector<fs::path> files{path};
   if (fs::is_directory(path)) files = MessageFilesIn(path);
   if (files.empty()) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: its files are packed as a whole; unpack them by 'zstd -d {}'",
-                            path.string(),
-                            (path / "*.zstd").string()));
+    throw InputError("{}: its files are packed as a whole; unpack them by 'zstd -d {}'",
+                     path.string(),
+                     (path / "*.zstd").string());
   }
   for (const fs::path& file : files) {
     try {
@@ -266,12 +263,12 @@ std::string MessageLog::ChosenTopic(const std::string& topic) const {
     }
   }
   if (with_images.empty()) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: has no topic with images (sensor_msgs/Image or CompressedImage of "
-                            "ROS 1 or ROS 2); 'plenocal recording {}' lists its topics{}",
-                            path_.string(),
-                            path_.string(),
-                            DamageText()));
+    throw InputError(
+        "{}: has no topic with images (sensor_msgs/Image or CompressedImage of "
+        "ROS 1 or ROS 2); 'plenocal recording {}' lists its topics{}",
+        path_.string(),
+        path_.string(),
+        DamageText());
   }
   if (topic.empty() && with_images.size() == 1) return with_images[0];
   std::string what = "has several topics with images";
@@ -283,12 +280,11 @@ std::string MessageLog::ChosenTopic(const std::string& topic) const {
   } else if (!topic.empty()) {
     what = fmt::format("has no topic '{}'", topic);
   }
-  throw Error(ErrorKind::kInput,
-              fmt::format("{}: {}; name one of them, such as '{}': {}",
-                          path_.string(),
-                          what,
-                          (path_ / WithoutSlash(with_images[0])).string(),
-                          fmt::join(with_images, ", ")));
+  throw InputError("{}: {}; name one of them, such as '{}': {}",
+                   path_.string(),
+                   what,
+                   (path_ / WithoutSlash(with_images[0])).string(),
+                   fmt::join(with_images, ", "));
 }
 
 std::vector<FrameImage> MessageLog::Images(const std::string& topic,

@@ -10,7 +10,7 @@
 #include <memory>
 #include <set>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "engine/recording/stores/message_log.h"
 
 namespace plenocal {
@@ -69,12 +69,12 @@ std::optional<BayerOrder> BayerOf(std::string_view encoding) {
   for (const MessageTopic& topic : file.other_topics) {
     names.push_back(fmt::format("{} ({}, {} messages)", topic.name, topic.type, topic.count));
   }
-  throw Error(ErrorKind::kInput,
-              fmt::format("{}: has no topic with images, which sensor_msgs/Image or "
-                          "sensor_msgs/CompressedImage of ROS 1 or ROS 2 are; its topics: {}{}",
-                          file.path.string(),
-                          names.empty() ? "none" : fmt::format("{}", fmt::join(names, ", ")),
-                          file.log->DamageText()));
+  throw InputError(
+      "{}: has no topic with images, which sensor_msgs/Image or "
+      "sensor_msgs/CompressedImage of ROS 1 or ROS 2 are; its topics: {}{}",
+      file.path.string(),
+      names.empty() ? "none" : fmt::format("{}", fmt::join(names, ", ")),
+      file.log->DamageText());
 }
 
 }  // namespace

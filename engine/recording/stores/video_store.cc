@@ -13,9 +13,8 @@
 #include <opencv2/core.hpp>
 #include <opencv2/core/utils/logger.hpp>
 #include <opencv2/videoio.hpp>
-#include <optional>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/parallel.h"
 #include "calib/io/detection_cache.h"
 #include "calib/io/input_file.h"
@@ -36,12 +35,12 @@ std::unique_ptr<cv::VideoCapture> NewCapture() {
     void* const library = dlopen(PLENOCAL_VIDEOIO, RTLD_NOW | RTLD_LOCAL);
     void* const symbol = library == nullptr ? nullptr : dlsym(library, kConstructor);
     if (symbol == nullptr) {
-      throw Error(ErrorKind::kJob,
-                  fmt::format("cannot load {}, which reads videos ({}); install OpenCV's videoio "
-                              "(Debian: libopencv-videoio406), or extract the frames: ffmpeg -i "
-                              "VIDEO frames/%06d.png",
-                              PLENOCAL_VIDEOIO,
-                              dlerror()));
+      throw JobError(
+          "cannot load {}, which reads videos ({}); install OpenCV's videoio "
+          "(Debian: libopencv-videoio406), or extract the frames: ffmpeg -i "
+          "VIDEO frames/%06d.png",
+          PLENOCAL_VIDEOIO,
+          dlerror());
     }
     // Libraries report damage to standard error, frame by frame; the notes have it once.
     setenv("OPENCV_FFMPEG_LOGLEVEL", "-8", 0);
@@ -78,11 +77,11 @@ VideoStore::~VideoStore() = default;
 void VideoStore::Open() const {
   video_ = NewCapture();
   if (!video_->open(path_.string(), cv::CAP_FFMPEG)) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: is no video that FFmpeg can open: damaged, cut off (an MP4 "
-                            "without its end has no index), or its codec is missing; copy it "
-                            "again, or extract the frames: ffmpeg -i VIDEO frames/%06d.png",
-                            path_.string()));
+    throw InputError(
+        "{}: is no video that FFmpeg can open: damaged, cut off (an MP4 "
+        "without its end has no index), or its codec is missing; copy it "
+        "again, or extract the frames: ffmpeg -i VIDEO frames/%06d.png",
+        path_.string());
   }
   // A camera's pixels as they were recorded.
   video_->set(cv::CAP_PROP_ORIENTATION_AUTO, 0);
@@ -108,8 +107,7 @@ StoredImage VideoStore::Retrieve() const {
     frame.release();
   }
   if (frame.empty() || frame.type() != CV_8UC3) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: frame {} cannot be decoded", path_.string(), next_ - 1));
+    throw InputError("{}: frame {} cannot be decoded", path_.string(), next_ - 1);
   }
   StoredImage image;
   image.encoding = "bgr8";
@@ -130,9 +128,7 @@ void VideoStore::CountFrames() {
   while (Grab()) times_.push_back(video_->get(cv::CAP_PROP_POS_MSEC) * kMillisecond);
   count_ = next_;
   if (count_ == 0) {
-    throw Error(
-        ErrorKind::kInput,
-        fmt::format("{}: no frame can be decoded; is its codec installed?", path_.string()));
+    throw InputError("{}: no frame can be decoded; is its codec installed?", path_.string());
   }
   // Containers round the duration, from which some give the number.
   constexpr double kRounding = 2;
@@ -193,8 +189,7 @@ StoredImage VideoStore::Read(size_t index) const {
   }
   GoTo(index);
   if (next_ != index || !Grab()) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: frame {} cannot be decoded", path_.string(), index));
+    throw InputError("{}: frame {} cannot be decoded", path_.string(), index);
   }
   return Retrieve();
 }

@@ -5,9 +5,8 @@
 
 #include <algorithm>
 #include <memory>
-#include <utility>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/quoted_text.h"
 #include "calib/io/detection_cache.h"
 #include "engine/recording/image_files.h"
@@ -50,12 +49,11 @@ std::vector<FrameImage> ZipImages(const std::filesystem::path& archive,
     if (!folder.empty() && name.parent_path().generic_string() != folder) continue;
     const std::string frame = name.stem().string();
     if (const auto defect = FrameNameDefect(frame)) {
-      throw Error(ErrorKind::kInput,
-                  fmt::format("{}: {}: the name of its frame, '{}', {}; rename the file",
-                              what,
-                              store->Archive().Place(entry),
-                              frame,
-                              *defect));
+      throw InputError("{}: {}: the name of its frame, '{}', {}; rename the file",
+                       what,
+                       store->Archive().Place(entry),
+                       frame,
+                       *defect);
     }
     images.push_back({.frame = frame,
                       .path = store->Archive().Place(entry),
@@ -64,11 +62,10 @@ std::vector<FrameImage> ZipImages(const std::filesystem::path& archive,
                       .time = {}});
   }
   if (images.empty()) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: no image (png, tiff, jpeg, bmp, pgm) in {}{}",
-                            what,
-                            folder.empty() ? "" : fmt::format("the folder {} of ", folder),
-                            archive.string()));
+    throw InputError("{}: no image (png, tiff, jpeg, bmp, pgm) in {}{}",
+                     what,
+                     folder.empty() ? "" : fmt::format("the folder {} of ", folder),
+                     archive.string());
   }
   std::ranges::stable_sort(images, NaturalLess, &FrameImage::frame);
   return images;

@@ -9,6 +9,7 @@
 #include "apps/photometry/response_files.h"
 #include "calib/base/error.h"
 #include "calib/io/output_folder.h"
+#include "engine/observe/left_out.h"
 
 namespace plenocal {
 namespace {
@@ -34,9 +35,7 @@ void RunResponse(const ResponseArguments& arguments, const ConsoleOptions& share
         return console.Progress(camera.name + ": images", done, total);
       },
       &left_out);
-  for (const LeftOut& item : left_out) {
-    console.Message(fmt::format("  left out {}: {}", item.where, item.reason));
-  }
+  ReportLeftOut(left_out, console.NewRun());
   console.Progress("fit the response");
   const ResponseEstimate estimate =
       FitResponse(sweep, recording.path.string() + ": camera " + camera.name, shared.threads);
@@ -65,8 +64,7 @@ RunCommand DeclareResponse(CLI::App* app, ConsoleOptions* shared) {
   app->add_option("--camera", arguments->camera, "camera of the recording (default: the only)")
       ->expected(1);
   app->add_option("-o,--out", arguments->out, "folder for the results")->required();
-  AddQuiet(app, shared);
-  AddThreads(app, shared);
+  AddThreadsAndQuiet(app, shared);
   return [arguments, shared] { RunResponse(*arguments, *shared); };
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "apps/evaluate/trajectory.h"
+#include "calib/rig/trajectory.h"
 
 #include <fmt/format.h>
 
@@ -10,7 +10,7 @@
 #include <optional>
 #include <string_view>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/io/input_file.h"
 
 namespace plenocal {
@@ -87,7 +87,7 @@ class NumberLines {
   }
 
   [[noreturn]] void Fail(const std::string& message) const {
-    throw Error(ErrorKind::kInput, fmt::format("{}:{}: {}", path_, number_, message));
+    throw InputError("{}:{}: {}", path_, number_, message);
   }
 
  private:
@@ -196,12 +196,11 @@ void ReadKitti(const std::filesystem::path& times_path,
     ++row;
   } while (lines->Next());
   if (times && times->size() != row) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: has {} times, but {} has {} poses",
-                            times_path.string(),
-                            times->size(),
-                            trajectory->path,
-                            row));
+    throw InputError("{}: has {} times, but {} has {} poses",
+                     times_path.string(),
+                     times->size(),
+                     trajectory->path,
+                     row);
   }
 }
 
@@ -229,7 +228,7 @@ Trajectory ReadTrajectory(const std::filesystem::path& path,
   Trajectory trajectory;
   trajectory.path = path.string();
   if (!lines.Next()) {
-    throw Error(ErrorKind::kInput, fmt::format("{}: holds no poses", path.string()));
+    throw InputError("{}: holds no poses", path.string());
   }
   const Form form = FormOf(lines);
   if (form == Form::kKitti) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "assess/trial_text.h"
+#include "assess/text/trial_text.h"
 
 #include <fmt/format.h>
 

@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "engine/check_session.h"
+
+#include "assess/text/compare_text.h"
+#include "calib/base/format_error.h"
+#include "calib/base/names.h"
+#include "calib/estimate/describe.h"
+#include "calib/io/input_file.h"
+#include "engine/observe/session_observations.h"
+#include "engine/session/calibration_folder.h"
+#include "engine/session/calibration_input.h"
+#include "engine/session/session_targets.h"
+
+namespace plenocal {
+
+SessionCheck CheckSession(Session session, const CheckRequest& request, const Run& run) {
+  const RunScope inputs;
+  CalibrationRecord old = ReadWithCorrelations(request.calibration);
+  UseOptions(request, &session);
+  if (!request.map.empty()) RenameCameras(request.map, NamesOf(session.cameras), &old);
+  RefuseSeveralTargets(session, "compare --check");
+  if (session.scene) {
+    throw InputError(
+        "{0}: has a scene in place of a target, and no poses without a "
+        "calibration of its own; calibrate it, then compare both: plenocal "
+        "calibrate {0} -o NEW; plenocal compare {1} NEW/calibration.yaml",
+        session.path.string(),
+        request.calibration.string());
+  }
+  const Target target = ReadTarget(session.target);
+  SessionOptions places = request;
+  if (places.cache.empty()) places.cache = request.out;  // which keeps those of other sessions
+  SessionCheck result;
+  result.folders = std::make_unique<RunFolders>(
+      places, session, std::vector<std::string>{"compare.csv", "check.json", "difference.png"});
+  const SessionObservations observations =
+      CollectObservations(session, target, run, {result.folders->cache(), nullptr});
+  result.check =
+      CheckCalibration(old,
+                       MakeCalibrationInput(session, target, observations.cameras, run),
+                       {.threads = run.threads,
+                        .progress = [&](const std::string& stage) { return run.Progress(stage); }});
+  if (OutputFolder* const out = result.folders->out()) {
+    result.comparison = CompareCalibrations(Describe(result.check.fresh), old, request.distances);
+    out->Write("compare.csv", ComparisonCsv(*result.comparison));
+  }
+  return result;
+}
+
+}  // namespace plenocal

@@ -1,0 +1,212 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "engine/locate_images.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "calib/base/format_error.h"
+#include "calib/base/names.h"
+#include "calib/base/number_text.h"
+#include "calib/base/quoted_text.h"
+#include "calib/files/calibration_file.h"
+#include "calib/files/detections.h"
+#include "calib/io/input_file.h"
+#include "calib/io/output_folder.h"
+#include "detectors/detect.h"
+#include "detectors/images/image.h"
+#include "engine/observe/left_out.h"
+#include "engine/recording/stores/image_lister.h"
+#include "models/registry.h"
+#include "targets/target.h"
+
+namespace plenocal {
+namespace {
+
+/// A view and the image that it comes from.
+struct NamedView {
+  std::string name;
+  View view;
+};
+
+/// What is seen, and where the points are.
+struct Sightings {
+  std::vector<NamedView> views;
+  std::map<int, Eigen::Vector3d> points;
+  Numbering numbering = Numbering::kByMarker;
+};
+
+bool IsTable(const std::filesystem::path& path) { return path.extension() == ".csv"; }
+
+void CheckSize(const CalibratedCamera& camera, ImageSize size, const std::string& image) {
+  if (size == camera.image_size) return;
+  throw InputError("{}: {} x {} px, but the calibration of '{}' is for {} x {}",
+                   image,
+                   size[0],
+                   size[1],
+                   camera.name,
+                   camera.image_size[0],
+                   camera.image_size[1]);
+}
+
+/// The target's markers in the images.
+void DetectMarkers(const LocateRequest& request,
+                   const CalibratedCamera& camera,
+                   const Run& run,
+                   Sightings* seen) {
+  const std::vector<FrameImage> images = FindImageInputs(request.images, "images");
+  const DetectOptions options{
+      .white_images = request.white.empty() ? std::vector<FrameImage>()
+                                            : FindImageInputs(request.white, "white images"),
+      .bayer = request.bayer,
+      .threads = run.threads,
+      .progress = [&](size_t done) { return run.Progress("images", done, images.size()); }};
+  ImageDetections found =
+      DetectImages(images,
+                   ReadTarget(request.map),
+                   camera.model->plenoptic ? CameraOptics::kPlenoptic : CameraOptics::kOrdinary,
+                   options);
+  CheckSize(camera, found.image_size, request.images[0]);
+  if (camera.model->assign_lens_types != nullptr) camera.model->assign_lens_types(&found.views);
+  for (const FrameImage& image : images) {
+    const auto same = [&](const View& view) { return view.frame == image.frame; };
+    const auto view = std::ranges::find_if(found.views, same);
+    seen->views.push_back({image.path.string(), view == found.views.end() ? View{} : *view});
+  }
+}
+
+/// Micro lenses and attenuation from the white images.
+PlenopticCamera OpticsOf(const LocateRequest& request,
+                         const CalibratedCamera& camera,
+                         const Run& run) {
+  if (request.white.empty()) {
+    throw InputError("camera '{}' is plenoptic: give its white images with --white", camera.name);
+  }
+  std::vector<LeftOut> left_out;
+  PlenopticCamera optics = MeasurePlenopticCamera(
+      FindImageInputs(request.white, "white images"), request.bayer, run.threads, &left_out);
+  ReportLeftOut(left_out, run);
+  return optics;
+}
+
+/// Points of a map in the images, by their descriptors.
+void MatchPoints(const LocateRequest& request,
+                 const CalibratedCamera& camera,
+                 const LandmarkMap& map,
+                 const Run& run,
+                 Sightings* seen) {
+  if (map.descriptors.empty()) {
+    throw InputError(
+        "{}: no descriptors.png beside it, by which points are recognised in "
+        "images; give detections (CSV) in their place",
+        request.map.string());
+  }
+  std::optional<PlenopticCamera> optics;
+  if (camera.model->plenoptic) optics = OpticsOf(request, camera, run);
+  const std::vector<FrameImage> images = FindImageInputs(request.images, "images");
+  for (const FrameImage& image : images) {
+    if (!run.Progress("images", seen->views.size(), images.size())) throw Stopped();
+    const cv::Mat pixels = optics ? ReadImage(image) : ReadGray(image);
+    CheckSize(camera, {pixels.cols, pixels.rows}, image.path.string());
+    seen->views.push_back({image.path.string(),
+                           optics ? MatchLandmarks(pixels, camera, *optics, map, run.threads)
+                                  : MatchLandmarks(pixels, map)});
+  }
+  seen->numbering = Numbering::kByAppearance;
+}
+
+Sightings FindSightings(const LocateRequest& request,
+                        const CalibratedCamera& camera,
+                        const Run& run) {
+  Sightings seen;
+  LandmarkMap map;
+  if (IsTable(request.map)) {
+    map = ReadLandmarkMap(request.map);
+    seen.points = map.points;
+  } else {
+    seen.points = ReadTarget(request.map).markers;
+  }
+  if (IsTable(request.images[0])) {
+    for (const std::string& input : request.images) {
+      for (View& view : ReadDetections(input, *camera.model)) {
+        seen.views.push_back({view.frame, std::move(view)});
+      }
+    }
+  } else if (IsTable(request.map)) {
+    MatchPoints(request, camera, map, run, &seen);
+  } else {
+    DetectMarkers(request, camera, run, &seen);
+  }
+  return seen;
+}
+
+std::string HeaderText() {
+  std::string text = "image,points,used,rms,x,y,z,qx,qy,qz,qw";
+  for (size_t i = 0; i < kExtrinsicsNames.size(); ++i) {
+    for (size_t j = i; j < kExtrinsicsNames.size(); ++j) {
+      text += fmt::format(",cov_{}_{}", kExtrinsicsNames[i], kExtrinsicsNames[j]);
+    }
+  }
+  return text + "\n";
+}
+
+std::string RowText(const std::string& name, const LocatedView& located) {
+  const Eigen::Quaterniond q(located.T_map_camera.R);
+  const Eigen::Vector3d& t = located.T_map_camera.t;
+  std::string text =
+      fmt::format("{},{},{},{:.6g},{:.12g},{:.12g},{:.12g},{:.12g},{:.12g},{:.12g},{:.12g}",
+                  CsvCell(name),
+                  located.points,
+                  located.used,
+                  located.rms,
+                  t.x(),
+                  t.y(),
+                  t.z(),
+                  q.x(),
+                  q.y(),
+                  q.z(),
+                  q.w());
+  for (Eigen::Index i = 0; i < 6; ++i) {
+    for (Eigen::Index j = i; j < 6; ++j) text += fmt::format(",{:.9g}", located.covariance(i, j));
+  }
+  return text + "\n";
+}
+
+}  // namespace
+
+std::vector<LocatedImage> LocateImages(const LocateRequest& request, const Run& run) {
+  const RunScope inputs;
+  if (request.images.empty()) {
+    throw InputError("locate: give images, or detections (CSV)");
+  }
+  const CalibrationRecord calibration = ReadCalibration(request.calibration, CameraModels());
+  const CalibratedCamera& camera = FindCamera(calibration, request.camera);
+  const Sightings seen = FindSightings(request, camera, run);
+  std::vector<LocatedImage> images;
+  std::string csv = HeaderText();
+  for (const NamedView& each : seen.views) {
+    const std::optional<LocatedView> located =
+        LocateView(camera, each.view, seen.points, seen.numbering);
+    if (!located) {
+      run.Message(fmt::format(
+          "  left out {}: shows too few points of {} for a pose", each.name, request.map.string()));
+      continue;
+    }
+    if (located->rival && located->rival->IsAmbiguous()) {
+      run.Message(
+          fmt::format("  left out {}: fits in two ways: {}", each.name, located->rival->Text()));
+      continue;
+    }
+    csv += RowText(each.name, *located);
+    images.push_back({each.name, *located});
+  }
+  if (images.empty()) {
+    throw JobError("none of {} has a pose before {}",
+                   Counted(seen.views.size(), "image"),
+                   request.map.string());
+  }
+  if (!request.out.empty()) WriteOutput(request.out, csv);
+  return images;
+}
+
+}  // namespace plenocal

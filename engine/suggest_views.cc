@@ -1,0 +1,199 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "engine/suggest_views.h"
+
+#include <fmt/format.h>
+
+#include <map>
+#include <numbers>
+
+#include "assess/verdict.h"
+#include "assess/views/view_information.h"
+#include "calib/base/format_error.h"
+#include "calib/estimate/describe.h"
+#include "calib/io/input_file.h"
+#include "engine/observe/session_observations.h"
+#include "engine/session/earlier_session.h"
+#include "engine/session/open_session.h"
+#include "engine/session/session_targets.h"
+#include "engine/suggest/calibrated_rig.h"
+#include "engine/suggest/first_rig.h"
+#include "engine/suggest/view_target.h"
+
+namespace plenocal {
+namespace {
+
+double Radians(double degrees) { return degrees * std::numbers::pi / 180; }
+
+// The points of a calibration's camera, as its images had them.
+std::vector<View> ViewsOf(const CalibrationRecord& calibration, const CalibratedCamera& camera) {
+  std::map<int, View> views;
+  for (const ResidualRow& row : camera.residuals) {
+    View& view = views[row.frame];
+    view.frame = calibration.frames[static_cast<size_t>(row.frame)].name;
+    view.observations.push_back(
+        {.marker = row.marker, .values = row.values, .detector_sigma = row.noise_sigma});
+  }
+  std::vector<View> list;
+  for (auto& [frame, view] : views) list.push_back(std::move(view));
+  return list;
+}
+
+// What the images of a calibration tell of lenses of a known angle: parameters that they do not
+// determine may be anywhere in the calibration.
+SuggestedViews BasisOfImages(const CalibrationRecord& calibration,
+                             const Target& target,
+                             double angle_deg) {
+  std::vector<FirstCamera> cameras;
+  for (const CalibratedCamera& camera : calibration.cameras) {
+    cameras.push_back({.name = camera.name,
+                       .model = camera.model,
+                       .image_size = camera.image_size,
+                       .angle = Radians(angle_deg),
+                       .views = ViewsOf(calibration, camera)});
+  }
+  const double marker_sigma = calibration.adjustment ? calibration.adjustment->marker_sigma : 0;
+  return {
+      FirstRig(cameras, target.markers, marker_sigma), ViewTargetOf(target), calibration.verdict};
+}
+
+SuggestedViews BasisOfCalibration(const std::filesystem::path& folder, double angle_deg) {
+  const CalibrationRecord calibration = ReadTargetCalibration(folder);
+  const Target target = ReadTarget(folder / "target.yaml");
+  if (angle_deg > 0) return BasisOfImages(calibration, target, angle_deg);
+  ViewTarget shape = ViewTargetOf(target);
+  RigKnowledge rig = KnowledgeOf(folder, calibration, shape);
+  return {std::move(rig), std::move(shape), calibration.verdict};
+}
+
+std::vector<FirstCamera> FirstCameras(const Session& session,
+                                      const std::vector<CameraInput>& cameras,
+                                      const SuggestRequest& request) {
+  std::vector<FirstCamera> first;
+  for (size_t c = 0; c < session.cameras.size(); ++c) {
+    const SessionCamera& camera = session.cameras[c];
+    ImageSize of_camera = request.size.value_or(camera.image_size);
+    if (c < cameras.size()) of_camera = cameras[c].image_size;
+    if (of_camera == ImageSize{}) {
+      throw InputError("{}: give --size WxH, the size of its images", camera.name);
+    }
+    first.push_back({.name = camera.name,
+                     .model = camera.model,
+                     .image_size = of_camera,
+                     .angle = Radians(request.angle),
+                     .views = c < cameras.size() ? cameras[c].views : std::vector<View>()});
+  }
+  return first;
+}
+
+// The calibration of a session, or, where its images do not suffice for one and the lens angle is
+// given, what these images tell of a lens of that angle.
+SuggestedViews BasisOfSession(const SuggestRequest& request, const Run& run) {
+  Session session = OpenSession(request.input);
+  UseOptions(request, &session);
+  RefuseSeveralTargets(session, "suggest");
+  if (session.scene) {
+    throw InputError("{}: has a scene in place of a target; next views are for a target",
+                     request.input.string());
+  }
+  const Target target = ReadTarget(session.target);
+  const SessionObservations observations = CollectObservations(session, target, run, {});
+  const CalibrationInput input =
+      MakeInputOnEarlier(session, target, observations.cameras, run).input;
+  try {
+    const Calibration calibration =
+        Calibrate(input, {.threads = run.threads, .progress = [&](const std::string& stage) {
+                            return run.Progress(stage);
+                          }});
+    CalibrationRecord record = Describe(calibration);
+    SuggestedViews basis{KnowledgeOf(record), ViewTargetOf(target), Judge(record)};
+    SetFactors(record, basis.shape, &basis.rig);
+    for (const CameraInput& camera : input.cameras) {
+      if (!camera.model->plenoptic) continue;
+      throw InputError(
+          "{}: suggestions for a plenoptic camera need its micro lenses; run "
+          "'plenocal calibrate {} -o OUT', then 'plenocal suggest OUT'",
+          camera.name,
+          request.input.string());
+    }
+    return basis;
+  } catch (const Error& error) {
+    if (error.kind() != ErrorKind::kJob) throw;
+    if (request.angle == 0) {
+      throw JobError(
+          "{}; for suggestions from so few images give --angle DEGREES, the "
+          "lens' horizontal field of view",
+          error.what());
+    }
+    run.Message(
+        fmt::format("{}; a lens of {:.0f} degrees is assumed", error.what(), request.angle));
+  }
+  return {
+      FirstRig(
+          FirstCameras(session, observations.cameras, request), target.markers, input.marker_sigma),
+      ViewTargetOf(target),
+      std::nullopt};
+}
+
+// Before the first image.
+SuggestedViews BasisOfLens(const SuggestRequest& request) {
+  if (request.target.empty() || !request.size || request.angle == 0) {
+    throw InputError(
+        "suggest: give session.yaml or the folder of a calibration; before the first image "
+        "--target, --size and --angle");
+  }
+  const bool is_file = std::filesystem::exists(request.target);
+  const Target target =
+      is_file ? ReadTarget(std::filesystem::path(request.target)) : TargetOfWord(request.target);
+  return {FirstRig({{.name = "camera",
+                     .model = ModelNamed("--model", request.model),
+                     .image_size = *request.size,
+                     .angle = Radians(request.angle)}},
+                   target.markers,
+                   0),
+          ViewTargetOf(target),
+          std::nullopt};
+}
+
+// The folder of a calibration; empty: the input is none.
+std::filesystem::path FolderOf(const std::filesystem::path& input) {
+  if (std::filesystem::is_directory(input)) return input;
+  if (input.filename() != "calibration.yaml") return {};
+  return input.parent_path().empty() ? std::filesystem::path(".") : input.parent_path();
+}
+
+SuggestedViews BasisOf(const SuggestRequest& request, const Run& run) {
+  if (request.input.empty()) return BasisOfLens(request);
+  const std::filesystem::path folder = FolderOf(request.input);
+  return folder.empty() ? BasisOfSession(request, run) : BasisOfCalibration(folder, request.angle);
+}
+
+}  // namespace
+
+SuggestedViews SuggestViews(const SuggestRequest& request, const Run& run) {
+  const RunScope inputs;
+  SuggestedViews suggested = BasisOf(request, run);
+  run.Progress("views");
+  suggested.views = ChooseNextViews(suggested.rig,
+                                    suggested.shape,
+                                    {.count = request.count,
+                                     .range = {request.nearest, request.farthest},
+                                     .largest_tilt = Radians(request.tilt),
+                                     .goal = request.goal,
+                                     .threads = run.threads});
+  return suggested;
+}
+
+PictureWorth WeighPictures(const std::filesystem::path& calibration,
+                           const std::map<std::string, FrameImage>& pictures,
+                           const Run& run) {
+  const RunScope inputs;
+  const std::filesystem::path folder = FolderOf(calibration);
+  if (folder.empty()) {
+    throw InputError(
+        "--image: pictures are weighed against a calibration: give the folder that "
+        "'plenocal calibrate' wrote");
+  }
+  return PictureScale(folder, run.threads).Weigh(pictures);
+}
+
+}  // namespace plenocal

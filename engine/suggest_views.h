@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// What to record next: views of the target that lower the projection's standard error most.
+#pragma once
+
+#include <filesystem>
+#include <map>
+#include <optional>
+#include <string>
+
+#include "assess/views/next_views.h"
+#include "calib/base/run.h"
+#include "engine/session/session_options.h"
+#include "engine/suggest/picture_scale.h"
+
+namespace plenocal {
+
+/// Nothing is written.
+struct SuggestRequest : SessionOptions {
+  /// session.yaml, or a calibration's folder or calibration.yaml; empty: there are no images yet,
+  /// and target, size and angle are given.
+  std::filesystem::path input;
+  std::string model = "pinhole-radtan4";  ///< before the first image
+  std::string target;                     ///< likewise: chessboard:9x6:25mm, or a file
+  std::optional<ImageSize> size;          ///< likewise: of the images, px
+  /// Horizontal field of view, degrees: before the first image, and while images do not determine
+  /// it; 0: not given.
+  double angle = 0;
+  int count = 5;                     ///< of suggestions
+  double nearest = 0, farthest = 0;  ///< of the target, m; 0: as target and lens allow
+  double tilt = 50;                  ///< the largest, degrees
+  double goal = 0.05;                ///< standard error of the projection that suffices, px
+};
+
+struct SuggestedViews {
+  RigKnowledge rig;  ///< what the views are chosen for
+  ViewTarget shape;
+  std::optional<Verdict> verdict;  ///< of the calibration so far
+  NextViews views = {};
+};
+
+/// Throws `Error`: of kind kJob where the images determine no calibration and no angle is given;
+/// and `Stopped`.
+SuggestedViews SuggestViews(const SuggestRequest& request, const Run& run);
+
+/// What pictures taken at once add to a calibration (its folder, or calibration.yaml). `pictures`:
+/// by camera; empty: the only one. Throws `Error` of kind kInput as `PictureScale`.
+PictureWorth WeighPictures(const std::filesystem::path& calibration,
+                           const std::map<std::string, FrameImage>& pictures,
+                           const Run& run);
+
+}  // namespace plenocal
