@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/workbench/live_look.h"
 
-
 #include <charconv>
 #include <cstdint>
 #include <map>

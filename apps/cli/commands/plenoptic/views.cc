@@ -40,7 +40,8 @@ RunCommand DeclareViews(CLI::App* app, ConsoleOptions* shared) {
                   "virtual depths of refocused images (default: three of the image)")
       ->check(CLI::Range(-1000.0, 1000.0));
   app->add_option("--calibration", arguments->calibration, "calibration.yaml of the camera");
-  app->add_option("--camera", arguments->camera_name, "its name there, where several are plenoptic");
+  app->add_option(
+      "--camera", arguments->camera_name, "its name there, where several are plenoptic");
   app->add_option("--views", arguments->views, "sub-aperture images along either axis")
       ->check(CLI::Range(1, 31))
       ->capture_default_str();
