@@ -92,7 +92,9 @@ std::vector<WhiteResult> MeasureWhiteImages(const WhiteRequest& request, const R
     run.Progress(job.camera + ": white images");
     job.options.threads = run.threads;
     job.options.measure_noise = true;
-    WhiteResult& result = results.emplace_back(job.camera, job.images.size());
+    WhiteResult& result = results.emplace_back();
+    result.camera = job.camera;
+    result.images = job.images.size();
     try {
       result.white = MeasureWhiteImages(job.images, job.options);
     } catch (const Error& error) {
