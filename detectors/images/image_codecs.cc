@@ -116,25 +116,20 @@ ImageDefect internal::DamagedImage(std::string_view format, std::string_view rea
   return ImageDefect(fmt::format("{}: {}{}, or convert it to PNG", format, reason, kAgain));
 }
 
-cv::Mat internal::GreyOfBgr(const cv::Mat& bgr) {
-  constexpr int kBits = 14;
-  constexpr int kRed = 4899, kGreen = 9617, kBlue = (1 << kBits) - kRed - kGreen;
+cv::Mat internal::GreyOfBgr(const cv::Mat& bgr, const GreyWeights& weights) {
+  const auto [red, green, bits, round] = weights;
+  const std::uint32_t blue = (1u << bits) - red - green, half = round ? 1u << (bits - 1) : 0;
   cv::Mat grey(bgr.size(), bgr.depth());
-  const auto convert = [&]<typename T>(T) {
+  const auto convert = [&, red = red, green = green, bits = bits]<typename T>(T) {
     for (int y = 0; y < bgr.rows; ++y) {
       const T* in = bgr.ptr<T>(y);
       T* const out = grey.ptr<T>(y);
       for (int x = 0; x < bgr.cols; ++x, in += 3) {
-        out[x] = static_cast<T>(
-            (in[0] * kBlue + in[1] * kGreen + in[2] * kRed + (1 << (kBits - 1))) >> kBits);
+        out[x] = static_cast<T>((in[0] * blue + in[1] * green + in[2] * red + half) >> bits);
       }
     }
   };
-  if (bgr.depth() == CV_8U) {
-    convert(std::uint8_t{});
-  } else {
-    convert(std::uint16_t{});
-  }
+  bgr.depth() == CV_8U ? convert(std::uint8_t{}) : convert(std::uint16_t{});
   return grey;
 }
 

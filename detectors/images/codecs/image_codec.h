@@ -57,9 +57,15 @@ ImageDefect TruncatedImage(std::string_view format);
 /// `reason`: of the library that reads the format.
 ImageDefect DamagedImage(std::string_view format, std::string_view reason);
 
-/// One channel of three (BGR) with the weights 0.114, 0.587, 0.299, rounded as OpenCV's imgcodecs
-/// does.
-cv::Mat GreyOfBgr(const cv::Mat& bgr);
+/// Weights of red and green, in units of 2^-bits; that of blue is the rest.
+struct GreyWeights {
+  std::uint32_t red = 4899, green = 9617;  // of OpenCV's imgcodecs
+  int bits = 14;
+  bool round = true;  // else cut
+};
+
+/// One channel of three (BGR, 8 or 16 bits).
+cv::Mat GreyOfBgr(const cv::Mat& bgr, const GreyWeights& weights = {});
 
 }  // namespace internal
 }  // namespace plenocal

@@ -159,26 +159,12 @@ void UnpackTiffRow(const std::uint8_t* packed, int bits, int count, std::uint16_
   }
 }
 
+/// Numbered as in EXIF.
 cv::Mat TurnedUpright(const cv::Mat& image, int orientation) {
   cv::Mat turned = image;
   if (orientation >= ORIENTATION_LEFTTOP) cv::transpose(image, turned);
-  constexpr int kBoth = -1, kRows = 0, kColumns = 1;
-  switch (orientation) {
-    case ORIENTATION_TOPRIGHT:
-    case ORIENTATION_RIGHTTOP:
-      cv::flip(turned, turned, kColumns);
-      break;
-    case ORIENTATION_BOTRIGHT:
-    case ORIENTATION_RIGHTBOT:
-      cv::flip(turned, turned, kBoth);
-      break;
-    case ORIENTATION_BOTLEFT:
-    case ORIENTATION_LEFTBOT:
-      cv::flip(turned, turned, kRows);
-      break;
-    default:
-      break;
-  }
+  if ((orientation & 2) != 0) cv::flip(turned, turned, 1);        // TOPRIGHT, BOTRIGHT and so on
+  if (((orientation - 1) & 2) != 0) cv::flip(turned, turned, 0);  // BOTRIGHT, BOTLEFT and so on
   return turned;
 }
 
@@ -283,7 +269,8 @@ cv::Mat DecodeTiff(internal::ByteView content, Channels channels) {
     image = internal::GreyOfBgr(image);
   }
   if (raw && layout.bits < 16) image *= 1 << (16 - layout.bits);
-  return TurnedUpright(image, orientation);
+  return TurnedUpright(image,
+                       orientation <= ORIENTATION_LEFTBOT ? orientation : ORIENTATION_TOPLEFT);
 }
 
 /// One channel of floats, uncompressed.

@@ -12,6 +12,7 @@
 #include <string>
 
 #include "calib/base/error.h"
+#include "detectors/images/codecs/image_codec.h"
 
 namespace plenocal::internal {
 namespace {
@@ -109,26 +110,6 @@ cv::Mat Copied(const StoredImage& stored, int type, const fs::path& place) {
   return image;
 }
 
-/// Grey of colours as libpng makes it (png_do_rgb_to_gray) with the weights that OpenCV gives it.
-template <typename T>
-cv::Mat GrayOfColours(const cv::Mat& bgr) {
-  constexpr std::uint32_t kRed = 9797, kGreen = 19234, kBlue = 32768 - kRed - kGreen;  // of 2^15
-  // libpng rounds 16 bits and cuts 8.
-  constexpr std::uint32_t kRound = sizeof(T) == 2 ? 1 << 14 : 0;
-  cv::Mat gray(bgr.size(), CV_MAKETYPE(bgr.depth(), 1));
-  for (int y = 0; y < bgr.rows; ++y) {
-    const T* pixel = bgr.ptr<T>(y);
-    T* const out = gray.ptr<T>(y);
-    for (int x = 0; x < bgr.cols; ++x, pixel += 3) {
-      out[x] = pixel[0] == pixel[1] && pixel[1] == pixel[2]
-                   ? pixel[0]
-                   : static_cast<T>(
-                         (kBlue * pixel[0] + kGreen * pixel[1] + kRed * pixel[2] + kRound) >> 15);
-    }
-  }
-  return gray;
-}
-
 }  // namespace
 
 cv::Mat ImageOfPixels(const StoredImage& stored, const fs::path& place) {
@@ -146,8 +127,9 @@ cv::Mat ImageOfPixels(const StoredImage& stored, const fs::path& place) {
 cv::Mat GrayOfPixels(const StoredImage& stored, const fs::path& place) {
   cv::Mat image = ImageOfPixels(stored, place);
   if (image.channels() == 1) return image;
-  return image.depth() == CV_8U ? GrayOfColours<std::uint8_t>(image)
-                                : GrayOfColours<std::uint16_t>(image);
+  // libpng's png_do_rgb_to_gray rounds 16 bits and cuts 8.
+  return GreyOfBgr(image,
+                   {.red = 9797, .green = 19234, .bits = 15, .round = image.depth() == CV_16U});
 }
 
 }  // namespace plenocal::internal
