@@ -127,9 +127,9 @@ void WriteResult(const CalibrationRecord& record, OutputFolder* out) {
 }
 
 // A session, from its file, from images or as given, with its targets.
-class SessionRun {
+class CalibrationRun {
  public:
-  SessionRun(const CalibrateRequest& request, const Run& run) : request_(request), run_(run) {
+  CalibrationRun(const CalibrateRequest& request, const Run& run) : request_(request), run_(run) {
     result_.session = Open();
     UseOptions(request, &result_.session);
     if (result_.session.scene) {
@@ -202,32 +202,25 @@ class SessionRun {
     for (SessionCamera& camera : session.cameras) {
       if (camera.model != nullptr) continue;
       is_model_open_ = true;
-      SetModel(model_ != nullptr ? *model_ : UsualModel(), &camera);
+      UseModel(model_ != nullptr ? *model_ : UsualModel(), &camera);
     }
     return session;
   }
 
-  static void SetModel(const CameraModel& model, SessionCamera* camera) {
-    camera->model = &model;
-    camera->initial.assign(model.params.size(), std::nullopt);
-    camera->fixed.assign(model.params.size(), false);
-  }
-
-  // Settles model and target of images, and writes session and target.
+  // Chooses the model and whether the target is refined, where both are open.
   void ChooseModel(SessionObservations* observations) {
     if (!images_ && !is_model_open_) return;
     const ImageChoice choice = ChooseByHeldOutFrames(model_, target_, *observations, run_);
-    if (!images_) {
+    if (images_) {
+      result_.session = images_->With(*choice.model, choice.refine_target);
+      UseOptions(request_, &result_.session);
+      Write(ImageSession::kSessionName, [&] { return result_.session.text; });
+      Write(ImageSession::kTargetName, [&] { return images_->target_text(); });
+    } else {
       result_.session.refine_target = choice.refine_target;
-      for (SessionCamera& camera : result_.session.cameras) SetModel(*choice.model, &camera);
-      UseCamerasOf(result_.session, observations);
-      return;
+      for (SessionCamera& camera : result_.session.cameras) UseModel(*choice.model, &camera);
     }
-    result_.session = images_->With(*choice.model, choice.refine_target);
-    UseOptions(request_, &result_.session);
     UseCamerasOf(result_.session, observations);
-    Write(ImageSession::kSessionName, [&] { return result_.session.text; });
-    Write(ImageSession::kTargetName, [&] { return images_->target_text(); });
   }
 
   void SolveTarget(SessionObservations* observations) {
@@ -315,7 +308,7 @@ class SessionRun {
 
 SessionCalibration CalibrateSession(const CalibrateRequest& request, const Run& run) {
   const RunScope inputs;
-  return SessionRun(request, run).Calibrate();
+  return CalibrationRun(request, run).Calibrate();
 }
 
 }  // namespace plenocal

@@ -27,7 +27,7 @@ struct CalibrateRequest : SessionOptions {
   /// frames.
   std::string model = "auto";
   bool jackknife = false;  ///< standard errors from leaving out frames beside the others
-  /// The caller's own command, for the record of how the calibration was made.
+  /// Command of the caller, for `provenance` in calibration.yaml.
   std::string command = "plenocal calibrate";
 };
 

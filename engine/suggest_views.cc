@@ -38,8 +38,8 @@ std::vector<View> ViewsOf(const CalibrationRecord& calibration, const Calibrated
   return list;
 }
 
-// What the images of a calibration tell of lenses of a known angle: parameters that they do not
-// determine may be anywhere in the calibration.
+// Cameras of a given angle with the information of a calibration's images: parameters that these do
+// not determine may be anywhere in the calibration.
 SuggestedViews BasisOfImages(const CalibrationRecord& calibration,
                              const Target& target,
                              double angle_deg) {
@@ -85,8 +85,8 @@ std::vector<FirstCamera> FirstCameras(const Session& session,
   return first;
 }
 
-// The calibration of a session, or, where its images do not suffice for one and the lens angle is
-// given, what these images tell of a lens of that angle.
+// The calibration of a session; where its images do not suffice for one, cameras of the given angle
+// with their information.
 SuggestedViews BasisOfSession(const SuggestRequest& request, const Run& run) {
   Session session = OpenSession(request.input);
   UseOptions(request, &session);

@@ -19,7 +19,7 @@ struct TryRequest : SessionOptions {
   std::vector<std::string> models;  ///< empty: all that measure what the cameras measure
   std::string camera;               ///< the camera whose model is varied; empty: all of one type
   int folds = 5;                    ///< of the cross-validation
-  /// The caller's own command, for the record of how the calibrations were made.
+  /// Command of the caller, for `provenance` in the models' calibration.yaml.
   std::string command = "plenocal try";
 };
 

@@ -11,7 +11,7 @@
 #include <utility>
 #include <variant>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/names.h"
 #include "calib/base/number_text.h"
 #include "targets/reading.h"
@@ -164,8 +164,7 @@ Target ReadTarget(const YamlNode& node) {
 
 Target ReadTarget(const TargetSource& source) {
   if (!source.keys && source.file.empty()) {
-    throw Error(ErrorKind::kInput,
-                "the session has a scene in place of a target, which this command needs");
+    throw InputError("the session has a scene in place of a target, which this command needs");
   }
   if (!source.keys) return ReadTarget(source.file);
   if (!source.keys->IsScalar()) return ReadKeys(*source.keys);

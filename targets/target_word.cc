@@ -10,7 +10,7 @@
 #include <string_view>
 #include <vector>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/names.h"
 #include "calib/base/number_text.h"
 #include "targets/code_books.h"
@@ -58,7 +58,7 @@ std::string FormOf(const TargetType& type) {
 }
 
 [[noreturn]] void Refuse(const std::string& word, const std::string& message) {
-  throw Error(ErrorKind::kInput, fmt::format("{}: {}", word, message));
+  throw InputError("{}: {}", word, message);
 }
 
 TargetType TypeOf(const std::string& word, const std::string& name) {

@@ -102,7 +102,7 @@ std::string WordsOf(const NextViews& suggestions,
     text += fmt::format("with all of them: sigma of the projection {:.2g} px\n",
                         suggestions.views.back().sigma_after);
   }
-  // Sigmas say nothing about errors of the model.
+  // Standard errors do not include errors of the model.
   if (verdict && verdict->grade == Grade::kBad) {
     const std::vector<Finding>& findings = verdict->findings;
     text += fmt::format("the calibration so far is bad, and more views may not help{}\n",

@@ -14,7 +14,7 @@
 #include <set>
 #include <unordered_map>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/linear_algebra.h"
 #include "calib/base/robust.h"
 #include "calib/base/statistics.h"
@@ -422,8 +422,7 @@ struct LatticeEquations {
 SmoothLattice SmoothLattice::Fit(std::span<const LatticeMeasurement> measurements) {
   const auto count = static_cast<Eigen::Index>(measurements.size());
   if (count < kPointsPerCoefficient * Terms(1)) {
-    throw Error(ErrorKind::kJob,
-                "too few micro images look alike for a lattice; record an even white field");
+    throw JobError("too few micro images look alike for a lattice; record an even white field");
   }
   SmoothLattice lattice;
   Vector2d low(1e9, 1e9), high = -low;

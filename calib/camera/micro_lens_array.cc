@@ -9,7 +9,7 @@
 #include <map>
 #include <optional>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/camera/lens_lattice.h"
 #include "calib/io/csv.h"
 #include "calib/io/input_file.h"
@@ -25,20 +25,19 @@ void IndexFromCentres(const std::filesystem::path& path,
   for (const MicroLens& lens : array->lenses) centres.push_back(lens.centre);
   const auto basis = FindLatticeBasis(centres, array->image_size);
   if (!basis) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: the centres are neither a hexagonal nor a rectangular lattice",
-                            path.string()));
+    throw InputError("{}: the centres are neither a hexagonal nor a rectangular lattice",
+                     path.string());
   }
   const auto nodes = IndexLattice(centres, *basis, array->image_size);
   for (size_t i = 0; i < nodes.size(); ++i) {
     if (!nodes[i]) {
-      throw Error(ErrorKind::kInput,
-                  fmt::format("{}:{}: the micro lens at ({:.2f}, {:.2f}) is off the lattice of "
-                              "the others",
-                              path.string(),
-                              lines[i],
-                              centres[i].x(),
-                              centres[i].y()));
+      throw InputError(
+          "{}:{}: the micro lens at ({:.2f}, {:.2f}) is off the lattice of "
+          "the others",
+          path.string(),
+          lines[i],
+          centres[i].x(),
+          centres[i].y());
     }
     array->lenses[i].row = nodes[i]->row;
     array->lenses[i].column = nodes[i]->column;
@@ -66,7 +65,7 @@ void SetLatticeOfFile(const std::filesystem::path& path, MicroLensArray* array) 
   try {
     SetLatticeVectors(array);
   } catch (const Error& error) {
-    throw Error(ErrorKind::kInput, fmt::format("{}: {}", path.string(), error.what()));
+    throw InputError("{}: {}", path.string(), error.what());
   }
   Eigen::Matrix2d basis;
   basis << array->e_column, array->e_row;
@@ -74,8 +73,7 @@ void SetLatticeOfFile(const std::filesystem::path& path, MicroLensArray* array) 
   // one all of it.
   const double product = array->e_column.norm() * array->e_row.norm();
   if (!(std::isfinite(product) && std::abs(basis.determinant()) > 0.5 * product)) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: rows and columns do not belong to the centres", path.string()));
+    throw InputError("{}: rows and columns do not belong to the centres", path.string());
   }
 }
 
@@ -150,7 +148,7 @@ MicroLensArray ReadMicroLenses(const std::filesystem::path& path, ImageSize imag
     lines.push_back(table.Line());
   }
   if (array.lenses.empty()) {
-    throw Error(ErrorKind::kInput, fmt::format("{}: has no micro lenses", path.string()));
+    throw InputError("{}: has no micro lenses", path.string());
   }
   if (const std::optional<size_t> lens = NumberLensTypes(&array)) {
     table.FailAtLine(lines[*lens],

@@ -6,6 +6,7 @@
 #include <string>
 #include <utility>
 
+#include "calib/base/format_error.h"
 #include "calib/base/statistics.h"
 #include "calib/estimate/estimation_findings.h"
 #include "calib/estimate/rig_rigidity.h"
@@ -238,7 +239,7 @@ void AddFindings(const BundleGuess& guess, Calibration* calibration) {
 }  // namespace
 
 Calibration Calibrate(const CalibrationInput& input, const CalibrationOptions& options) {
-  if (input.cameras.empty()) throw Error(ErrorKind::kInput, "no camera to calibrate");
+  if (input.cameras.empty()) throw InputError("no camera to calibrate");
   const auto go_on = [&](const char* stage) {
     return !options.progress || options.progress(stage);
   };

@@ -1,14 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "calib/estimate/reject.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
 #include "calib/adjust/landmarks.h"
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/linear_algebra.h"
 #include "calib/base/statistics.h"
 #include "calib/noise/camera_noise.h"
@@ -131,12 +129,10 @@ void CheckAllCamerasUsed(const Bundle& bundle) {
   const std::vector<double> coordinates = UsedCoordinates(bundle);
   for (size_t c = 0; c < coordinates.size(); ++c) {
     if (coordinates[c] > 0) continue;
-    throw Error(
-        ErrorKind::kJob,
-        fmt::format("{}: no observation is left that agrees with the others; check that {}",
-                    bundle.cameras[c].name,
-                    bundle.HasLandmarks() ? "the points have one number in all cameras and frames"
-                                          : "the target file describes the target in the images"));
+    throw JobError("{}: no observation is left that agrees with the others; check that {}",
+                   bundle.cameras[c].name,
+                   bundle.HasLandmarks() ? "the points have one number in all cameras and frames"
+                                         : "the target file describes the target in the images");
   }
 }
 

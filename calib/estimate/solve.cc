@@ -1,14 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "calib/estimate/solve.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <utility>
 
 #include "calib/adjust/poses.h"
 #include "calib/adjust/problem.h"
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/estimate/reject.h"
 #include "calib/estimate/rig_rigidity.h"
 #include "calib/noise/camera_noise.h"
@@ -114,11 +112,11 @@ class Rounds {
     const std::vector<size_t> outside =
         EstimateNoiseRobustly(frames, options_.typical_sigmas, &bundle_);
     if (outside.empty()) return;
-    throw Error(ErrorKind::kJob,
-                fmt::format("{}: most observations lie outside the domain of model {}; does the "
-                            "model suit the lens?",
-                            bundle_.cameras[outside[0]].name,
-                            bundle_.cameras[outside[0]].model->name));
+    throw JobError(
+        "{}: most observations lie outside the domain of model {}; does the "
+        "model suit the lens?",
+        bundle_.cameras[outside[0]].name,
+        bundle_.cameras[outside[0]].model->name);
   }
 
   // Returns the part by which the cost fell.

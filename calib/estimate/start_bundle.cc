@@ -9,7 +9,7 @@
 #include <limits>
 #include <map>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/parallel.h"
 #include "calib/base/statistics.h"
 #include "calib/estimate/reject.h"
@@ -295,8 +295,7 @@ BundleGuess GuessBundle(const CalibrationInput& given, int threads) {
     guess.sigmas.push_back(AssumeSigmas(input.cameras[c], c, &guess.bundle.observations));
   }
   if (guess.frames.empty()) {
-    throw Error(ErrorKind::kJob,
-                "no frame from which the camera's pose follows; nothing to calibrate");
+    throw JobError("no frame from which the camera's pose follows; nothing to calibrate");
   }
   return guess;
 }

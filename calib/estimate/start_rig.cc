@@ -1,15 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "calib/estimate/start_rig.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <map>
 #include <string>
 #include <string_view>
 #include <utility>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/rig/rig_graph.h"
 
 namespace plenocal {
@@ -43,15 +41,13 @@ std::vector<RigidTransform> RelativePoses(const FramePoses& a, const FramePoses&
     std::string& list = linked[c] ? reached : open;
     list += (list.empty() ? "" : ", ") + cameras[c].name;
   }
-  throw Error(
-      ErrorKind::kJob,
-      fmt::format(
-          "no frame in which {} sees the target together with {}: their mutual pose cannot "
-          "be determined. Frames are matched by name (what the last '*' of the glob stands "
-          "for); check the names, or add frames that both see. Cameras that never see it together "
-          "need a second target ('targets'), or an earlier calibration of both ('from')",
-          open,
-          reached));
+  throw JobError(
+      "no frame in which {} sees the target together with {}: their mutual pose cannot "
+      "be determined. Frames are matched by name (what the last '*' of the glob stands "
+      "for); check the names, or add frames that both see. Cameras that never see it together "
+      "need a second target ('targets'), or an earlier calibration of both ('from')",
+      open,
+      reached);
 }
 
 // T_camera_rig of a camera that is not linked, by a linked camera of the same earlier calibration,

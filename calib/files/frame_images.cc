@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "calib/files/frame_images.h"
 
-#include <fmt/format.h>
 #include <fnmatch.h>
 #include <glob.h>
 
@@ -11,7 +10,7 @@
 #include <map>
 #include <optional>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/quoted_text.h"
 
 namespace plenocal {
@@ -44,12 +43,11 @@ std::vector<FrameImage> ImagesInFolder(const std::string& folder, const std::str
   }
   std::ranges::sort(images, {}, &FrameImage::path);
   if (images.empty()) {
-    throw Error(
-        ErrorKind::kInput,
-        fmt::format("{}: no image (png, tiff, jpeg, bmp, pgm) in the folder {}; give a folder "
-                    "below it, or find the cameras by 'plenocal init'",
-                    what,
-                    folder));
+    throw InputError(
+        "{}: no image (png, tiff, jpeg, bmp, pgm) in the folder {}; give a folder "
+        "below it, or find the cameras by 'plenocal init'",
+        what,
+        folder);
   }
   return images;
 }
@@ -61,12 +59,11 @@ std::vector<FrameImage> MatchGlob(const std::string& pattern, const std::string&
   for (size_t i = 0; i < found.gl_pathc; ++i) images.push_back({"", found.gl_pathv[i]});
   globfree(&found);
   if (status != 0 || images.empty()) {
-    throw Error(
-        ErrorKind::kInput,
-        fmt::format("{}: no file matches '{}'; check the path (in a session it is relative to the "
-                    "session file) and the pattern",
-                    what,
-                    pattern));
+    throw InputError(
+        "{}: no file matches '{}'; check the path (in a session it is relative to the "
+        "session file) and the pattern",
+        what,
+        pattern);
   }
   for (FrameImage& image : images) {
     image.frame = LastStar(image.path.string(), pattern).value_or(image.path.stem().string());
@@ -109,24 +106,22 @@ std::vector<FrameImage> ExpandImages(const std::vector<std::string>& patterns,
       // "left*.png" matches left.png too, which belongs to right.png of "right*.png".
       if (image.frame.empty()) image.frame.assign(1, '_');
       if (const auto defect = FrameNameDefect(image.frame)) {
-        throw Error(ErrorKind::kInput,
-                    fmt::format("{}: {}: the name of its frame, '{}', {}; rename the file",
-                                what,
-                                image.path.string(),
-                                image.frame,
-                                *defect));
+        throw InputError("{}: {}: the name of its frame, '{}', {}; rename the file",
+                         what,
+                         image.path.string(),
+                         image.frame,
+                         *defect);
       }
       const auto [place, is_new] = frames.emplace(image.frame, image.path);
       if (!is_new) {
-        throw Error(
-            ErrorKind::kInput,
-            fmt::format("{}: {} and {} both belong to frame '{}' (what the last '*' of '{}' "
-                        "stands for); use a pattern that tells them apart",
-                        what,
-                        place->second.string(),
-                        image.path.string(),
-                        image.frame,
-                        pattern));
+        throw InputError(
+            "{}: {} and {} both belong to frame '{}' (what the last '*' of '{}' "
+            "stands for); use a pattern that tells them apart",
+            what,
+            place->second.string(),
+            image.path.string(),
+            image.frame,
+            pattern);
       }
       images.push_back(std::move(image));
     }

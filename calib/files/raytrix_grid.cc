@@ -15,7 +15,7 @@
 #include <string_view>
 #include <utility>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/camera/lens_lattice.h"
 #include "calib/io/input_file.h"
 
@@ -26,7 +26,7 @@ using Eigen::Matrix2d;
 using Eigen::Vector2d;
 
 [[noreturn]] void Refuse(const std::filesystem::path& path, const std::string& reason) {
-  throw Error(ErrorKind::kInput, fmt::format("{}: {}", path.string(), reason));
+  throw InputError("{}: {}", path.string(), reason);
 }
 
 double Number(const std::filesystem::path& path, const pugi::xml_node& parent, const char* name) {
@@ -167,14 +167,13 @@ std::string TypesXml(const MicroLensArray& array,
 
 std::string RayCalibDataXml(const MicroLensArray& array) {
   if (array.Lattice() != LatticeKind::kHexagonal) {
-    throw Error(ErrorKind::kInput,
-                "RayCalibData holds hexagonal lattices, this one is rectangular");
+    throw InputError("RayCalibData holds hexagonal lattices, this one is rectangular");
   }
   if (!HasOneOrThreeTypes(array)) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("RayCalibData holds arrays of one lens type or of three interleaved "
-                            "ones; this one has {} in another pattern",
-                            array.types));
+    throw InputError(
+        "RayCalibData holds arrays of one lens type or of three interleaved "
+        "ones; this one has {} in another pattern",
+        array.types);
   }
   const RegularLattice lattice(array);
   const Vector2d image_middle((array.image_size[0] - 1) / 2.0, (array.image_size[1] - 1) / 2.0);

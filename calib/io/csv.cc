@@ -8,7 +8,7 @@
 #include <functional>
 #include <limits>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/number_text.h"
 #include "calib/base/quoted_text.h"
 
@@ -198,17 +198,12 @@ void CsvReader::FailAt(size_t column, const std::string& message) const {
   // A cell with quotes inside is a copy: its row is named from the first character.
   const char* const cell = cells_[column].data();
   const bool in_line = !std::less<>()(cell, begin_) && !std::less<>()(rest_.data(), cell);
-  throw Error(ErrorKind::kInput,
-              fmt::format("{}:{}:{}: {}: {}",
-                          name_,
-                          line_,
-                          in_line ? cell - begin_ + 1 : 1,
-                          header_[column],
-                          message));
+  throw InputError(
+      "{}:{}:{}: {}: {}", name_, line_, in_line ? cell - begin_ + 1 : 1, header_[column], message);
 }
 
 void CsvReader::FailAtLine(int line, const std::string& message) const {
-  throw Error(ErrorKind::kInput, fmt::format("{}:{}: {}", name_, line, message));
+  throw InputError("{}:{}: {}", name_, line, message);
 }
 
 }  // namespace plenocal

@@ -14,7 +14,7 @@
 #include <system_error>
 #include <utility>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/parallel.h"
 #include "calib/io/output_folder.h"
 
@@ -51,7 +51,7 @@ namespace {
 namespace fs = std::filesystem;
 
 [[noreturn]] void RefuseInput(const fs::path& path, const std::string& reason) {
-  throw Error(ErrorKind::kInput, fmt::format("{}: {}", path.string(), reason));
+  throw InputError("{}: {}", path.string(), reason);
 }
 
 // A file descriptor that is closed with its scope.

@@ -1,11 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "calib/io/result_text.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 
 namespace plenocal {
 namespace {
@@ -46,13 +44,12 @@ void RefuseNan(std::string_view name, std::string_view content) {
     if (EndsInQuotes(content.substr(line, begin - line))) continue;
     constexpr size_t kShown = 80;
     const std::string_view shown = content.substr(line, content.find('\n', line) - line);
-    throw Error(
-        ErrorKind::kJob,
-        fmt::format("internal error: {}:{}: a result is no number: '{}'; report this defect with "
-                    "the input",
-                    name,
-                    std::ranges::count(content.substr(0, line), '\n') + 1,
-                    shown.substr(0, kShown)));
+    throw JobError(
+        "internal error: {}:{}: a result is no number: '{}'; report this defect with "
+        "the input",
+        name,
+        std::ranges::count(content.substr(0, line), '\n') + 1,
+        shown.substr(0, kShown));
   }
 }
 

@@ -17,7 +17,7 @@
 #include <sstream>
 #include <unordered_map>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/number_text.h"
 #include "calib/base/quoted_text.h"
 #include "calib/io/input_file.h"
@@ -68,9 +68,7 @@ std::string Describe(const Tree& tree) {
                          int column,
                          const std::string& path,
                          const std::string& message) {
-  throw Error(
-      ErrorKind::kInput,
-      fmt::format("{}:{}:{}: {}{}{}", file, line, column, path, path.empty() ? "" : ": ", message));
+  throw InputError("{}:{}:{}: {}{}{}", file, line, column, path, path.empty() ? "" : ": ", message);
 }
 
 std::string Join(const std::string& path, std::string_view key) {
@@ -188,10 +186,8 @@ class TreeBuilder : public YAML::EventHandler {
 
 Tree ParseTree(const std::string& text, const std::string& file) {
   if (text.find('\0') != std::string::npos) {
-    throw Error(
-        ErrorKind::kInput,
-        fmt::format("{}: expected YAML text (UTF-8), got binary data; is it the right file?",
-                    file));
+    throw InputError("{}: expected YAML text (UTF-8), got binary data; is it the right file?",
+                     file);
   }
   TreeBuilder builder(file);
   try {
@@ -217,9 +213,7 @@ Tree ParseTree(const std::string& text, const std::string& file) {
                     Printable(error.msg)));
   }
   if (!builder.root || builder.root->kind == Tree::Kind::kNull) {
-    throw Error(
-        ErrorKind::kInput,
-        fmt::format("{}: the file is empty; expected YAML that starts with 'plenocal: 1'", file));
+    throw InputError("{}: the file is empty; expected YAML that starts with 'plenocal: 1'", file);
   }
   CheckMaps(*builder.root, file, "");
   return std::move(*builder.root);

@@ -9,7 +9,7 @@
 #include <set>
 
 #include "calib/adjust/problem.h"
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/parallel.h"
 
 namespace plenocal {
@@ -55,7 +55,7 @@ Jackknife EstimateByJackknife(const Bundle& bundle, const JackknifeOptions& opti
   }
   const size_t groups = std::min(frames.size(), static_cast<size_t>(options.groups));
   if (groups < 2) {
-    throw Error(ErrorKind::kJob, "the jackknife over frames needs two frames or more");
+    throw JobError("the jackknife over frames needs two frames or more");
   }
   const std::vector<size_t> group_of = GroupFrames(bundle, frames, groups);
   std::vector<std::set<size_t>> seen_by(bundle.cameras.size());

@@ -8,7 +8,7 @@
 #include "calib/adjust/landmarks.h"
 #include "calib/adjust/linearise.h"
 #include "calib/adjust/prior_costs.h"
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/noise/camera_noise.h"
 
 namespace plenocal {
@@ -334,9 +334,9 @@ Eigen::MatrixXd HeadInformation(const PoseSystem& system) {
   const Eigen::LLT<Eigen::MatrixXd> factor(
       system.information.bottomRightCorner(tail, tail).selfadjointView<Eigen::Lower>());
   if (factor.info() != Eigen::Success) {
-    throw Error(ErrorKind::kJob,
-                "the scene points do not determine the poses of all frames; images that overlap "
-                "more, or more of them, may");
+    throw JobError(
+        "the scene points do not determine the poses of all frames; images that overlap "
+        "more, or more of them, may");
   }
   const Eigen::MatrixXd half =
       factor.matrixL().solve(system.information.bottomLeftCorner(tail, head));

@@ -1,13 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "calib/prior/calibrated_rig.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cmath>
 #include <utility>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/linear_algebra.h"
 
 namespace plenocal {
@@ -103,12 +101,12 @@ double FactorOfSystematicErrors(const CalibrationRecord& record, const std::stri
     if (finding.code != "points_share_errors" || !finding.value) continue;
     if (std::ranges::find(finding.cameras, camera) == finding.cameras.end()) continue;
     if (!std::isfinite(*finding.value)) {
-      throw Error(ErrorKind::kInput,
-                  fmt::format("{}: the finding {} of {} has no finite value, the factor of the "
-                              "standard errors",
-                              record.path.string(),
-                              finding.code,
-                              camera));
+      throw InputError(
+          "{}: the finding {} of {} has no finite value, the factor of the "
+          "standard errors",
+          record.path.string(),
+          finding.code,
+          camera);
     }
     factor = std::max(factor, *finding.value);
   }

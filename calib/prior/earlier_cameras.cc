@@ -10,7 +10,7 @@
 #include <string>
 #include <utility>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/prior/calibrated_rig.h"
 
 namespace plenocal {
@@ -42,7 +42,7 @@ void CheckAlike(const CameraInput& input,
                 const CalibratedCamera& earlier,
                 const CalibrationRecord& record) {
   const auto fail = [&](const std::string& what) {
-    throw Error(ErrorKind::kInput, fmt::format("{}: {}", record.path.string(), what));
+    throw InputError("{}: {}", record.path.string(), what);
   };
   if (earlier.model != input.model) {
     fail(fmt::format("{} has model {}, the session says {}; use one model",
@@ -87,17 +87,16 @@ std::vector<CommonCamera> CommonCameras(const std::vector<CameraInput>& inputs,
     common.push_back({c, earlier});
   }
   if (common.empty()) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: has none of the session's cameras; their names must be the same",
-                            source.record->path.string()));
+    throw InputError("{}: has none of the session's cameras; their names must be the same",
+                     source.record->path.string());
   }
   const bool lacks_first = source.cameras[0] == 0 && common[0].index != 0;
   if (!source.is_named && common.size() > 1 && lacks_first) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: has not the session's first camera, {}, but others; name one of "
-                            "them first",
-                            source.record->path.string(),
-                            inputs[0].name));
+    throw InputError(
+        "{}: has not the session's first camera, {}, but others; name one of "
+        "them first",
+        source.record->path.string(),
+        inputs[0].name);
   }
   return common;
 }
@@ -150,11 +149,11 @@ class EarlierCameraMaker {
     for (const CameraInput& input : cameras_.inputs) {
       for (size_t k = 0; k < input.initial.size(); ++k) {
         if (!input.fixed[k] || input.initial[k]) continue;
-        throw Error(ErrorKind::kInput,
-                    fmt::format("{}: '{}' is to be fixed, but neither 'initial' nor the earlier "
-                                "calibration gives a value for it",
-                                input.name,
-                                input.model->params[k].name));
+        throw InputError(
+            "{}: '{}' is to be fixed, but neither 'initial' nor the earlier "
+            "calibration gives a value for it",
+            input.name,
+            input.model->params[k].name);
       }
     }
     return std::move(cameras_);

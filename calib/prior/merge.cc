@@ -9,7 +9,7 @@
 #include <string>
 #include <utility>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/linear_algebra.h"
 #include "calib/base/names.h"
 #include "calib/base/statistics.h"
@@ -19,7 +19,7 @@ namespace plenocal {
 namespace {
 
 [[noreturn]] void FailAt(const CalibrationRecord& record, const std::string& what) {
-  throw Error(ErrorKind::kInput, fmt::format("{}: {}", record.path.string(), what));
+  throw InputError("{}: {}", record.path.string(), what);
 }
 
 // One of the calibrations; `cameras` are indices of its cameras among all.
@@ -156,14 +156,13 @@ class Merger {
   void LetMove(const std::string& name) {
     const auto camera = std::ranges::find(cameras_, name, &MergeCamera::name);
     if (camera == cameras_.end()) {
-      throw Error(ErrorKind::kInput,
-                  fmt::format("no camera '{}'{}", name, SuggestName(name, NamesOf(cameras_))));
+      throw InputError("no camera '{}'{}", name, SuggestName(name, NamesOf(cameras_)));
     }
     if (camera == cameras_.begin()) {
-      throw Error(ErrorKind::kInput,
-                  fmt::format("the rig's frame is that of '{}', so that others move: name these, "
-                              "or give a calibration with another first camera first",
-                              name));
+      throw InputError(
+          "the rig's frame is that of '{}', so that others move: name these, "
+          "or give a calibration with another first camera first",
+          name);
     }
     camera->moved = true;
   }

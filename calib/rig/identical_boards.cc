@@ -9,7 +9,7 @@
 #include <limits>
 #include <utility>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/statistics.h"
 #include "calib/rig/link_targets.h"
 #include "calib/rig/rig_graph.h"
@@ -138,13 +138,12 @@ class PrintSorter {
       if (image.ShowsBoth()) both.push_back(&image);
     }
     if (both.empty()) {
-      throw Error(
-          ErrorKind::kJob,
-          fmt::format("targets {} and {} have the same tags in the same arrangement, and no "
-                      "image shows both, so that nothing tells them apart: record images "
-                      "that show both, or print one with other ids (aprilgrid: 'first_id')",
-                      prints_.first_name,
-                      prints_.second_name));
+      throw JobError(
+          "targets {} and {} have the same tags in the same arrangement, and no "
+          "image shows both, so that nothing tells them apart: record images "
+          "that show both, or print one with other ids (aprilgrid: 'first_id')",
+          prints_.first_name,
+          prints_.second_name);
     }
     if (prints_.T_first_second) {
       T_first_second_ = *prints_.T_first_second;
@@ -287,14 +286,13 @@ class PrintSorter {
       const bool has_views = !cameras_[c].views.empty();
       std::erase_if(cameras_[c].views, [](const View& view) { return view.observations.empty(); });
       if (has_views && cameras_[c].views.empty()) {
-        throw Error(
-            ErrorKind::kJob,
-            fmt::format("{}: no image tells which of the targets {} and {} it shows; they have "
-                        "the same tags in the same arrangement: record frames that show both, "
-                        "or print one with other ids (aprilgrid: 'first_id')",
-                        cameras_[c].name,
-                        prints_.first_name,
-                        prints_.second_name));
+        throw JobError(
+            "{}: no image tells which of the targets {} and {} it shows; they have "
+            "the same tags in the same arrangement: record frames that show both, "
+            "or print one with other ids (aprilgrid: 'first_id')",
+            cameras_[c].name,
+            prints_.first_name,
+            prints_.second_name);
       }
     }
     return left_out;

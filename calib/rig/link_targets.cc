@@ -13,7 +13,7 @@
 #include <string>
 #include <utility>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/linear_algebra.h"
 #include "calib/base/statistics.h"
 #include "calib/rig/rig_graph.h"
@@ -96,14 +96,13 @@ class TargetLinker {
       groups.push_back(fmt::format("{}", fmt::join(names, " + ")));
     }
     if (groups.size() < 2) return;
-    throw Error(
-        ErrorKind::kJob,
-        fmt::format("nothing connects these cameras: {}. Record frames in which a camera of each "
-                    "sees one target at the same time; or, with two targets that stay where they "
-                    "are, 10 or more frames in which one sees one target while the other sees the "
-                    "other, and turn the rig between them about two axes by 15 degrees or more; or "
-                    "give an earlier calibration of both ('from')",
-                    fmt::join(groups, " | ")));
+    throw JobError(
+        "nothing connects these cameras: {}. Record frames in which a camera of each "
+        "sees one target at the same time; or, with two targets that stay where they "
+        "are, 10 or more frames in which one sees one target while the other sees the "
+        "other, and turn the rig between them about two axes by 15 degrees or more; or "
+        "give an earlier calibration of both ('from')",
+        fmt::join(groups, " | "));
   }
 
   [[nodiscard]] size_t BodyOf(int marker) const {

@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/linear_algebra.h"
 #include "calib/noise/landmark_system.h"
 
@@ -244,9 +244,9 @@ LoopCovariance EstimateLoopCovariance(const Bundle& bundle,
   const PoseSystem system = EliminateLandmarks(bundle, layout);
   const Eigen::LLT<Eigen::MatrixXd> factor(system.information.selfadjointView<Eigen::Lower>());
   if (factor.info() != Eigen::Success) {
-    throw Error(ErrorKind::kJob,
-                "the scene points do not determine all poses and the scale; images with more "
-                "points in common, and a calibration with standard errors, may");
+    throw JobError(
+        "the scene points do not determine all poses and the scale; images with more "
+        "points in common, and a calibration with standard errors, may");
   }
   const auto rows_of = [&](std::span<const size_t> frames) {
     const PathSegment segment = MakeSegment(bundle, camera, frames);

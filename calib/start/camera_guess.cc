@@ -10,7 +10,7 @@
 #include <utility>
 
 #include "calib/adjust/problem.h"
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/statistics.h"
 #include "calib/camera/resection.h"
 #include "calib/noise/camera_noise.h"
@@ -324,8 +324,7 @@ void CheckNotRefused(const CameraInput& camera, const StartProblem& problem) {
   if (camera.model->refusal == nullptr) return;
   const std::string reason = camera.model->refusal(problem);
   if (reason.empty()) return;
-  throw Error(ErrorKind::kInput,
-              fmt::format("{}: {}: {}", camera.name, camera.model->name, reason));
+  throw InputError("{}: {}: {}", camera.name, camera.model->name, reason);
 }
 
 }  // namespace
@@ -366,11 +365,9 @@ CameraGuess GuessCamera(const CameraInput& camera,
                         double marker_sigma) {
   const std::vector<View> views = Selection(camera, markers, kStartViews);
   if (views.empty()) {
-    throw Error(
-        ErrorKind::kJob,
-        fmt::format("{}: no image shows {} or more markers of the target; nothing to start from",
-                    camera.name,
-                    kMinPoints));
+    throw JobError("{}: no image shows {} or more markers of the target; nothing to start from",
+                   camera.name,
+                   kMinPoints);
   }
   const std::vector<std::optional<double>> given = InitialValues(camera);
   const StartProblem problem{.views = views,
@@ -389,12 +386,11 @@ CameraGuess GuessCamera(const CameraInput& camera,
     if (plain && (!best || plain->median < best->median)) best = std::move(plain);
   }
   if (!best) {
-    throw Error(
-        ErrorKind::kJob,
-        fmt::format("{}: no initial guess of model {} explains the detections; does the target "
-                    "file describe the target in the images, and does the model suit the lens?",
-                    camera.name,
-                    camera.model->name));
+    throw JobError(
+        "{}: no initial guess of model {} explains the detections; does the target "
+        "file describe the target in the images, and does the model suit the lens?",
+        camera.name,
+        camera.model->name);
   }
 
   CameraGuess guess;

@@ -17,7 +17,7 @@
 #include <variant>
 #include <vector>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "detectors/quads/sort_quads.h"
 #include "detectors/templates/saddle.h"
 
@@ -181,14 +181,14 @@ class CharucoDetector final : public MarkerDetector {
     const int available = dictionary_->bytesList.rows;
     for (const Layout& layout : layouts_) {
       if (layout.marker_count() <= available) continue;
-      throw Error(ErrorKind::kInput,
-                  fmt::format("dictionary: {} has {} markers, but a board of {} x {} squares "
-                              "needs {}; choose a larger one",
-                              board.dictionary,
-                              available,
-                              board.columns,
-                              board.rows,
-                              layout.marker_count()));
+      throw InputError(
+          "dictionary: {} has {} markers, but a board of {} x {} squares "
+          "needs {}; choose a larger one",
+          board.dictionary,
+          available,
+          board.columns,
+          board.rows,
+          layout.marker_count());
     }
     if (rivals.targets.empty()) return;
     for (const Layout& layout : layouts_) targets_.push_back(layout.Markers());

@@ -1,17 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "detectors/boards/markers_detector.h"
 
-#include <fmt/format.h>
-
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 
 namespace plenocal {
 
 void FailWithoutDetector(std::string_view type) {
-  throw Error(ErrorKind::kInput,
-              fmt::format("a target of type {} has no detector; give the camera 'detections: "
-                          "file.csv' instead of 'images'",
-                          type));
+  throw InputError(
+      "a target of type {} has no detector; give the camera 'detections: "
+      "file.csv' instead of 'images'",
+      type);
 }
 
 std::unique_ptr<MarkerDetector> MakeDetector(const MarkersLayout& /*layout*/,

@@ -9,7 +9,7 @@
 #include <string_view>
 #include <vector>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/number_text.h"
 #include "calib/io/input_file.h"
 
@@ -31,11 +31,11 @@ std::vector<std::string_view> WordsOf(std::string_view text) {
 }
 
 [[noreturn]] void Refuse(const std::filesystem::path& path, const std::string& message) {
-  throw Error(ErrorKind::kInput,
-              fmt::format("{}: {}; a response holds 256 numbers in one row, light by grey value, "
-                          "as 'plenocal response' writes it",
-                          path.string(),
-                          message));
+  throw InputError(
+      "{}: {}; a response holds 256 numbers in one row, light by grey value, "
+      "as 'plenocal response' writes it",
+      path.string(),
+      message);
 }
 
 }  // namespace

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "detectors/plenoptic/detect_plenoptic.h"
 
-#include <fmt/format.h>
-
 #include <cstdint>
 #include <memory>
 #include <opencv2/imgproc.hpp>
@@ -10,7 +8,7 @@
 #include <set>
 #include <utility>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "detectors/images/detect_images.h"
 #include "detectors/images/image.h"
 #include "detectors/images/image_codecs.h"
@@ -235,8 +233,8 @@ ImageDetections DetectPlenopticImages(const std::vector<FrameImage>& images,
                                       const Target& target,
                                       const DetectOptions& options) {
   if (options.white_images.empty()) {
-    throw Error(ErrorKind::kInput,
-                "a plenoptic camera needs white_images: the micro-image centres come from them");
+    throw InputError(
+        "a plenoptic camera needs white_images: the micro-image centres come from them");
   }
   DetectionCache none({}, {}, true);
   DetectionCache& cache = options.cache != nullptr ? *options.cache : none;

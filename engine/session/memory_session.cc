@@ -13,6 +13,7 @@
 #include "calib/base/quoted_text.h"
 #include "calib/files/image_store.h"
 #include "calib/io/detection_cache.h"
+#include "engine/session/open_session.h"
 
 namespace plenocal {
 namespace {
@@ -109,13 +110,10 @@ Session SessionInMemory(const std::string& target, const std::vector<MemoryCamer
     }
     SessionCamera& own = session.cameras.emplace_back();
     own.name = camera.name;
-    own.model = camera.model;
     own.given_images = ImagesOf(camera);
     own.given_views = camera.views;
     own.image_size = camera.image_size;
-    if (camera.model == nullptr) continue;
-    own.initial.assign(camera.model->params.size(), std::nullopt);
-    own.fixed.assign(camera.model->params.size(), false);
+    if (camera.model != nullptr) UseModel(*camera.model, &own);
   }
   if (session.cameras.empty()) throw InputError("no camera is given");
   return session;

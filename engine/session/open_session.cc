@@ -18,4 +18,10 @@ const CameraModel* ModelNamed(const std::string& option, const std::string& name
       "{} {}: unknown camera model{}", option, name, SuggestName(name, NamesOf(CameraModels())));
 }
 
+void UseModel(const CameraModel& model, SessionCamera* camera) {
+  camera->model = &model;
+  camera->initial.assign(model.params.size(), std::nullopt);
+  camera->fixed.assign(model.params.size(), false);
+}
+
 }  // namespace plenocal

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Sessions and the camera models that they name.
 #pragma once
 
 #include <filesystem>
@@ -15,5 +17,8 @@ Session OpenSession(const std::filesystem::path& path);
 /// The registered model of this name. `option` begins the message. Throws `Error` of kind kInput
 /// with the nearest name.
 const CameraModel* ModelNamed(const std::string& option, const std::string& name);
+
+/// Gives a camera a model, without initial values.
+void UseModel(const CameraModel& model, SessionCamera* camera);
 
 }  // namespace plenocal

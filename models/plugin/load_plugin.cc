@@ -10,14 +10,14 @@
 #include <string>
 #include <string_view>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "models/plugin/plugin.h"
 
 namespace plenocal {
 namespace {
 
 [[noreturn]] void Refuse(const std::filesystem::path& path, const std::string& reason) {
-  throw Error(ErrorKind::kInput, fmt::format("{}: {}", path.string(), reason));
+  throw InputError("{}: {}", path.string(), reason);
 }
 
 }  // namespace

@@ -9,6 +9,7 @@
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
 
+#include <atomic>
 #include <chrono>
 #include <filesystem>
 #include <future>
@@ -63,7 +64,7 @@ template <typename Work>
 auto RunEngine(const Callbacks& callbacks, int threads, const Work& work) {
   std::stop_source stop;
   const Run run{.listener = MakeListener(callbacks), .stop = stop.get_token(), .threads = threads};
-  RunScope* scope = nullptr;
+  std::atomic<RunScope*> scope = nullptr;
   std::exception_ptr interrupted;
   auto result = [&] {
     const nb::gil_scoped_release release;

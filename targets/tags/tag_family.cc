@@ -10,12 +10,11 @@
 #include <apriltag/tagCustom48h12.h>
 #include <apriltag/tagStandard41h12.h>
 #include <apriltag/tagStandard52h13.h>
-#include <fmt/format.h>
 
 #include <algorithm>
 #include <array>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/names.h"
 
 namespace plenocal::internal {
@@ -44,9 +43,7 @@ const FamilyEntry& FindFamily(std::string_view name) {
   for (const FamilyEntry& entry : kFamilies) {
     if (entry.name == name) return entry;
   }
-  throw Error(
-      ErrorKind::kInput,
-      fmt::format("unknown tag family '{}'{}", name, SuggestName(name, NamesOf(kFamilies))));
+  throw InputError("unknown tag family '{}'{}", name, SuggestName(name, NamesOf(kFamilies)));
 }
 
 }  // namespace
@@ -130,19 +127,15 @@ apriltag_family_t TagFamily::Subset(const std::vector<int>& ids,
 TagFamily MakeTagFamily(const TagLayout& layout, int border_bits) {
   TagFamily family(layout.family, border_bits);
   if (border_bits < 1 || (border_bits > 1 && !family.classic())) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("border_bits: {} does not suit family {}; expected {}",
-                            border_bits,
-                            layout.family,
-                            family.classic() ? "1 or more" : "1"));
+    throw InputError("border_bits: {} does not suit family {}; expected {}",
+                     border_bits,
+                     layout.family,
+                     family.classic() ? "1 or more" : "1");
   }
   for (const int id : layout.ids) {
     if (id < 0 || id >= family.size()) {
-      throw Error(ErrorKind::kInput,
-                  fmt::format("tag {} is not in family {}; it has tags 0 to {}",
-                              id,
-                              layout.family,
-                              family.size() - 1));
+      throw InputError(
+          "tag {} is not in family {}; it has tags 0 to {}", id, layout.family, family.size() - 1);
     }
   }
   return family;

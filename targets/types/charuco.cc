@@ -7,7 +7,7 @@
 #include <opencv2/aruco.hpp>
 #include <utility>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/names.h"
 #include "targets/reading.h"
 #include "targets/shapes.h"
@@ -153,10 +153,8 @@ int ArucoDictionaryIndex(const std::string& name) {
   for (size_t i = 0; i < kArucoDictionaries.size(); ++i) {
     if (kArucoDictionaries[i].name == name) return static_cast<int>(i);
   }
-  throw Error(
-      ErrorKind::kInput,
-      fmt::format(
-          "dictionary: unknown name '{}'{}", name, SuggestName(name, NamesOf(kArucoDictionaries))));
+  throw InputError(
+      "dictionary: unknown name '{}'{}", name, SuggestName(name, NamesOf(kArucoDictionaries)));
 }
 
 std::vector<Eigen::Vector2i> MarkedSquares(const CharucoLayout& board, bool legacy) {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "targets/types/markers.h"
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "targets/target.h"
 
 namespace plenocal {
@@ -13,8 +13,8 @@ Target MarkersLayout::Read(const YamlNode& /*node*/) {
 }
 
 std::vector<TargetPart> MarkersLayout::Draw(const MarkerPositions& /*markers*/, Pieces /*pieces*/) {
-  throw Error(ErrorKind::kInput,
-              "a target of type 'markers' cannot be drawn: its file has positions, but no pattern");
+  throw InputError(
+      "a target of type 'markers' cannot be drawn: its file has positions, but no pattern");
 }
 
 }  // namespace plenocal

@@ -33,12 +33,12 @@ constexpr double kFocal = 600;  // px
 // A pinhole camera of 640 x 480 px before a board, as points with noise of 0.1 px.
 MemoryCamera PinholeBeforeBoard(unsigned seed) {
   Random random(seed);
-  MemoryCamera camera{.name = "left",
-                      .model = FindModel(CameraModels(), "pinhole"),
-                      .image_size = {640, 480}};
+  MemoryCamera camera{
+      .name = "left", .model = FindModel(CameraModels(), "pinhole"), .image_size = {640, 480}};
   const Target board = TargetOfWord(kBoard);
   for (int frame = 0; frame < 10; ++frame) {
-    const Eigen::Vector3d w(random.Uniform(-0.5, 0.5), random.Uniform(-0.5, 0.5), random.Uniform(-0.3, 0.3));
+    const Eigen::Vector3d w(
+        random.Uniform(-0.5, 0.5), random.Uniform(-0.5, 0.5), random.Uniform(-0.3, 0.3));
     const RigidTransform T_camera_target{ExpRotation(w), {-0.12, -0.08, random.Uniform(0.4, 0.6)}};
     View view{.frame = std::to_string(frame), .observations = {}};
     for (const auto& [marker, position] : board.markers) {
@@ -121,7 +121,8 @@ TEST(SessionsInMemory, RefuseViewsOfMemoryByName) {
   EXPECT_EQ(refusal(good), "accepted");
   PixelView view = good;
   view.stride = 639;
-  EXPECT_THAT(refusal(view), HasSubstr("left: frame 07: the stride of 639 bytes is shorter than a row of 640"));
+  EXPECT_THAT(refusal(view),
+              HasSubstr("left: frame 07: the stride of 639 bytes is shorter than a row of 640"));
   view = good;
   view.size = {640, 0};
   EXPECT_THAT(refusal(view), HasSubstr("left: frame 07: expected a positive size, found 640 x 0"));
@@ -134,7 +135,8 @@ TEST(SessionsInMemory, RefuseViewsOfMemoryByName) {
   const MemoryCamera camera{.name = "left", .images = {{"07", good}}};
   EXPECT_THAT(RefusalOf({camera, camera}), HasSubstr("camera left is given twice"));
   EXPECT_THAT(RefusalOf({{.name = "left"}}), HasSubstr("give either images or points"));
-  EXPECT_THAT(RefusalOf({{.name = "../left", .images = {{"07", good}}}}), HasSubstr("camera ../left: the name"));
+  EXPECT_THAT(RefusalOf({{.name = "../left", .images = {{"07", good}}}}),
+              HasSubstr("camera ../left: the name"));
 }
 
 }  // namespace TEST_FILE

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "detectors/plenoptic/depth/reconstruction.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -11,7 +9,7 @@
 #include <optional>
 #include <string_view>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "detectors/plenoptic/depth/image_synthesis.h"
 #include "detectors/plenoptic/white/grid_mismatch.h"
 
@@ -82,19 +80,16 @@ internal::LensPatches CutColour(const cv::Mat& raw,
 /// Throws `Error` for a raw image that cannot be of this camera.
 void CheckFormat(const cv::Mat& raw, const PlenopticCamera& camera) {
   if (raw.size() != camera.attenuation.size()) {
-    throw Error(
-        ErrorKind::kInput,
-        fmt::format(
-            "is {} x {} pixels, but the white images or the vignetting file are {} x {}; use "
-            "those of this camera",
-            raw.cols,
-            raw.rows,
-            camera.attenuation.cols,
-            camera.attenuation.rows));
+    throw InputError(
+        "is {} x {} pixels, but the white images or the vignetting file are {} x {}; use "
+        "those of this camera",
+        raw.cols,
+        raw.rows,
+        camera.attenuation.cols,
+        camera.attenuation.rows);
   }
   if (camera.bayer && raw.channels() != 1) {
-    throw Error(ErrorKind::kInput,
-                "has colours already, so it is no raw mosaic; leave --bayer out");
+    throw InputError("has colours already, so it is no raw mosaic; leave --bayer out");
   }
 }
 
@@ -147,9 +142,9 @@ Reconstruction Reconstruct(cv::Mat raw,
                          options.scale,
                          threads);
   if (cv::countNonZero(view.depth.known) == 0) {
-    throw Error(ErrorKind::kJob,
-                "has no detail that several micro images show, so no depth can be found; light "
-                "the scene or focus the main lens");
+    throw JobError(
+        "has no detail that several micro images show, so no depth can be found; light "
+        "the scene or focus the main lens");
   }
   const auto synthesise = [&] {
     return SynthesiseFocusedImage(view.depth, view.patches, index, view.noise, survey, threads);

@@ -8,7 +8,7 @@
 #include <opencv2/imgproc.hpp>
 #include <utility>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/number_text.h"
 #include "detectors/images/image.h"
 #include "detectors/plenoptic/depth/reconstruction.h"
@@ -25,13 +25,12 @@ cv::Mat ReadRaw(const fs::path& path, const PlenopticCamera& camera) {
   cv::Mat raw = ReadImage(path);
   const ImageSize size = camera.array.image_size;
   if (raw.cols != size[0] || raw.rows != size[1]) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: is {} x {} pixels, but the micro lenses are those of {} x {}",
-                            path.string(),
-                            raw.cols,
-                            raw.rows,
-                            size[0],
-                            size[1]));
+    throw InputError("{}: is {} x {} pixels, but the micro lenses are those of {} x {}",
+                     path.string(),
+                     raw.cols,
+                     raw.rows,
+                     size[0],
+                     size[1]);
   }
   return raw;
 }

@@ -4,8 +4,6 @@
 // one seed per cell, profile fit of each micro image, smooth lattice.
 #include "detectors/plenoptic/white/micro_lens_grid.h"
 
-#include <fmt/format.h>
-
 #include <Eigen/LU>
 #include <algorithm>
 #include <array>
@@ -15,7 +13,7 @@
 #include <optional>
 #include <utility>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/statistics.h"
 #include "calib/camera/lens_lattice.h"
 #include "detectors/images/attenuation.h"
@@ -104,8 +102,7 @@ SmoothLattice FirstLattice(const cv::Mat& flat,
   }
   const double cell = std::abs(basis.determinant());
   if (static_cast<double>(measurements->size()) * cell < kCoverage * flat.cols * flat.rows) {
-    throw Error(
-        ErrorKind::kJob,
+    throw JobError(
         "micro images fill less than half of the white images; do they show a scene? Record an "
         "even white field");
   }
@@ -162,8 +159,7 @@ MicroLensGrid FindMicroLensGrid(const cv::Mat& white, int threads) {
   const cv::Mat flat = white / LargeScaleMean(white) - 1;
   const std::optional<Matrix2d> basis = internal::FindLatticePeriod(flat);
   if (!basis) {
-    throw Error(
-        ErrorKind::kJob,
+    throw JobError(
         "the white images show no hexagonal or rectangular lattice of micro images; are they of a plenoptic "
         "camera, and in focus?");
   }

@@ -8,7 +8,7 @@
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/files/raytrix_grid.h"
 #include "detectors/images/attenuation.h"
 #include "detectors/images/image.h"
@@ -26,14 +26,14 @@ constexpr double kMaxUnusable = 0.1;
 void CheckRawImage(const std::filesystem::path& path, const cv::Mat& white) {
   const cv::Mat raw = ReadImage(path);
   if (raw.size() == white.size()) return;
-  throw Error(ErrorKind::kInput,
-              fmt::format("{}: is {} x {} pixels, but the white images are {} x {}; record them "
-                          "with the same settings of the camera",
-                          path.string(),
-                          raw.cols,
-                          raw.rows,
-                          white.cols,
-                          white.rows));
+  throw InputError(
+      "{}: is {} x {} pixels, but the white images are {} x {}; record them "
+      "with the same settings of the camera",
+      path.string(),
+      raw.cols,
+      raw.rows,
+      white.cols,
+      white.rows);
 }
 
 /// Throws `Error` when more micro images are unusable than dirt explains.
@@ -42,13 +42,12 @@ void CheckUsable(const MicroLensArray& array, const WhiteOptions& options) {
   const auto unusable = static_cast<size_t>(
       std::count_if(lenses.begin(), lenses.end(), [](const MicroLens& l) { return !l.usable; }));
   if (static_cast<double>(unusable) <= kMaxUnusable * static_cast<double>(lenses.size())) return;
-  throw Error(ErrorKind::kJob,
-              fmt::format("{} of {} micro images do not look like the others: {}",
-                          unusable,
-                          lenses.size(),
-                          options.grid_file ? "does the grid belong to these images?"
-                                            : "the white images show a scene or the array is "
-                                              "dirty; record an even white field"));
+  throw JobError("{} of {} micro images do not look like the others: {}",
+                 unusable,
+                 lenses.size(),
+                 options.grid_file ? "does the grid belong to these images?"
+                                   : "the white images show a scene or the array is "
+                                     "dirty; record an even white field");
 }
 
 /// The grid in the levelled white image, by the file's centres if there is one.
