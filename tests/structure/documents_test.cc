@@ -188,7 +188,7 @@ TEST(Documents, HaveAMonteCarloRowForEachStandardErrorThatIsWritten) {
     };
     const std::string remedy = heading +
                                ": a standard error without a case: add one to "
-                               "bench/honest_cases.py (or a line to OTHERS), run bench/honest "
+                               "bench/accuracy/honest_cases.py (or a line to OTHERS), run bench/honest "
                                "--write docs/uncertainty.md: " +
                                line;
     for (const std::string& name : names) {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Images out of recordings that the Python packages of the formats' authors have written
-// (tests/data/recordings, by bench/sources/write_recordings.py): two cameras, six instants every
+// (tests/data/recordings, by bench/data/write_recordings.py): two cameras, six instants every
 // 0.1 s, of which the second camera lacks the third.
 #include <fmt/format.h>
 

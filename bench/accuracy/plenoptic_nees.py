@@ -1,0 +1,288 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""Standard errors of plenoptic calibrations against the truth, over image sets of random cameras.
+
+    bench/plenoptic_nees PLENOCAL OUT [--sets 40] [--first 0]
+
+Each set is one camera of a small sensor: f_L of 8 to 50 mm, one or three lens types, Galilean or Keplerian, micro images of
+12 to 40 px, grey or mosaic, AprilGrids or chessboards, several noise levels. Its images are traced here, ray by ray from the
+sensor through thin micro lenses, the main lens' stop and its thin lens to the target: no line of it is a formula of
+models/start/plenoptic_model.h, which knows micro lenses as pinholes and no stop. A set that is there already is not rendered
+or calibrated again. Prints (estimate - truth) / sigma of all parameters and the means of their squares.
+Needs python3-numpy, python3-opencv, python3-scipy, python3-yaml.
+"""
+import pathlib
+import sys
+
+import cv2
+import numpy as np
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
+import common
+from common import load, save
+
+NAMES = ("f_L", "b_L0", "B", "c_x", "c_y", "A_0", "A_1", "B_0", "B_1")
+SAMPLES = 15  # along either side of a micro lens; as many points of the pixel
+
+
+def rotation(axis_angle):
+    return cv2.Rodrigues(np.asarray(axis_angle, float))[0]
+
+
+def points_of_disc():
+    """Points of a micro lens, radius 1."""
+    steps = (np.arange(SAMPLES) + 0.5) / SAMPLES * 2 - 1
+    grid = np.stack(np.meshgrid(steps, steps), -1).reshape(-1, 2)
+    return grid[(grid**2).sum(1) < 1]
+
+
+def ramp(x):
+    return np.maximum(x, 0)**2
+
+
+class Optics:
+    """A camera; lengths in metres, image coordinates upright (the physical ones turned by 180 degrees)."""
+
+    def __init__(self, seed):
+        random = np.random.default_rng(seed)
+        self.random = random
+        self.pixel = 5.5e-6
+        pitch = random.uniform(12, 40)  # px
+        self.size = int(np.clip(26 * pitch, 420, 720))
+        f_L = np.exp(random.uniform(np.log(8e-3), np.log(50e-3)))
+        B = pitch * self.pixel * random.uniform(2.2, 4)
+        keplerian = random.random() < 0.25
+        # Virtual depths (v_P) of the target's nearest and farthest point, and at infinity.
+        if keplerian:
+            infinity, near, far = -6.0, -2.6, -5.0
+        else:
+            infinity, near, far = 2.0, 5.0, 2.8
+        b_L0 = f_L - infinity * B
+        self.distance = [f_L + f_L**2 / ((v - infinity) * B) for v in (near, far)]
+        half = self.size * self.pixel / 2
+        self.parameters = dict(f_L=f_L, b_L0=b_L0, B=B, c_x=self.size / 2 + random.uniform(-12, 12),
+                               c_y=self.size / 2 + random.uniform(-12, 12), A_0=random.uniform(-0.004, 0.004) / half**2,
+                               A_1=random.uniform(-0.001, 0.001) / half**4, B_0=random.uniform(-3e-4, 3e-4) / half,
+                               B_1=random.uniform(-3e-4, 3e-4) / half)
+        focus = np.quantile([near, far], (0.15, 0.5, 0.85)) if random.random() < 0.5 else [(near + far) / 2]
+        self.f_micro = np.array([B * v / (v - 1) for v in focus])
+        self.stop = 0.46 * pitch * self.pixel * b_L0 / B * random.uniform(0.95, 1)
+        self.aperture = 0.35 * pitch * self.pixel * b_L0 / (b_L0 + B)
+        self.full_well = random.choice([5000, 10000, 30000])
+        self.mosaic = random.random() < 0.3
+        self.chessboard = random.random() < 0.3
+        angle = random.uniform(0, np.pi / 3)
+        basis = pitch * self.pixel * np.array([[np.cos(angle), np.cos(angle + np.pi / 3)],
+                                               [np.sin(angle), np.sin(angle + np.pi / 3)]])
+        offset = random.uniform(-0.5, 0.5, 2) * pitch * self.pixel
+        reach = int(1.2 * self.size / pitch) + 3
+        nodes = np.array([(i, j) for i in range(-reach, reach + 1) for j in range(-reach, reach + 1)])
+        centres = nodes @ basis.T + offset  # of micro images, undistorted
+        keep = np.abs(centres).max(axis=1) < half + 30 * self.pixel
+        self.centres, self.types = centres[keep], ((nodes[:, 0] - nodes[:, 1]) % 3)[keep] % len(focus)
+        self.basis, self.offset, self.pitch = basis, offset, pitch
+        self.index = {tuple(node): k for k, node in enumerate(nodes[keep])}
+        self.find_pixels()
+
+    def find_pixels(self):
+        """Undistorted place of each pixel and of its right and lower neighbour, and the three nearest micro lenses."""
+        p = self.parameters
+        y, x = np.mgrid[:self.size, :self.size]
+        goal = (np.stack([x, y], -1).reshape(-1, 2) - [p["c_x"], p["c_y"]]) * self.pixel
+
+        def undistorted(goal):
+            at = goal
+            for _ in range(15):
+                r2 = (at**2).sum(1, keepdims=True)
+                tangential = np.stack([p["B_0"] * (r2[:, 0] + 2 * at[:, 0]**2) + 2 * p["B_1"] * at[:, 0] * at[:, 1],
+                                       p["B_1"] * (r2[:, 0] + 2 * at[:, 1]**2) + 2 * p["B_0"] * at[:, 0] * at[:, 1]], 1)
+                at = goal - at * (p["A_0"] * r2 + p["A_1"] * r2**2) - tangential
+            return at
+
+        self.place = undistorted(goal)
+        self.right = undistorted(goal + [self.pixel, 0]) - self.place
+        self.down = undistorted(goal + [0, self.pixel]) - self.place
+        from scipy.spatial import cKDTree
+        self.near = cKDTree(self.centres).query(self.place, k=3)[1]
+
+    def rays(self):
+        """For samples of pixel and micro lens: share of light, origin at the main lens, slope in the scene."""
+        p = self.parameters
+        grid = points_of_disc()
+        halton = np.array([[((i + 1) * 0.7548776662) % 1 - 0.5, ((i + 1) * 0.5698402910) % 1 - 0.5] for i in range(len(grid))])
+        shuffle = self.random.permutation(len(grid))
+        for k in range(3):
+            lens = self.near[:, k]
+            c_I = self.centres[lens]
+            c_ML = c_I * (p["b_L0"] / (p["b_L0"] + p["B"]))
+            inverse_f = (1 / self.f_micro)[self.types[lens]][:, None]
+            for point, aside in zip(grid, halton[shuffle]):
+                sensor = self.place + self.right * aside[0] + self.down * aside[1]
+                a = point * self.aperture
+                slope = (c_ML + a - sensor) / p["B"]  # from the sensor to the micro lens
+                slope = slope - a * inverse_f
+                at_main = c_ML + a + slope * p["b_L0"]
+                passed = (at_main**2).sum(1) < self.stop**2
+                out = slope - at_main / p["f_L"]
+                # The scene is turned by 180 degrees against the sensor.
+                yield passed, -at_main, -out
+
+    def white(self):
+        """Light of a white field. Pixels are integrated exactly, so that the lattice is not worse than its noise."""
+        p = self.parameters
+        light = np.zeros(self.size**2)
+        magnified = p["b_L0"] / p["B"]  # from the sensor to the main lens
+        right, down = self.right * magnified, self.down * magnified
+        for k in range(3):
+            lens = self.near[:, k]
+            middle = self.centres[lens] / (1 + 1 / magnified) * (1 + magnified) - self.place * magnified
+            by_aperture = (1 + magnified - p["b_L0"] / self.f_micro)[self.types[lens]][:, None] * self.aperture
+            for point in points_of_disc():
+                at_main = middle + by_aperture * point
+                distance = np.linalg.norm(at_main, axis=1)
+                across = at_main / distance[:, None]
+                # The pixel at the main lens is a parallelogram with these half sides across the stop's edge.
+                sides = np.abs([(right * across).sum(1) / 2, (down * across).sum(1) / 2])
+                long, short = sides.max(0), np.maximum(sides.min(0), 1e-12)
+                inward = self.stop - distance
+                light += (ramp(inward + long + short) - ramp(inward + long - short) - ramp(inward - long + short)
+                          + ramp(inward - long - short)) / (8 * long * short)
+        return light
+
+    def images(self, boards, texture, scale):
+        """White field and images of boards; `boards`: R, t of the board in the camera, `scale`: texture px per m."""
+        light = np.zeros((1 + len(boards), self.size**2), np.float32)
+        light[0] = self.white()
+        for passed, origin, slope in self.rays():
+            if not passed.any():
+                continue
+            o, d = origin[passed].astype(np.float32), slope[passed].astype(np.float32)
+            for k, (R, t) in enumerate(boards):
+                normal = R[:, 2]
+                # o + s (d, 1) on the plane through t
+                s = (normal @ t - o @ normal[:2].astype(np.float32)) / (d @ normal[:2].astype(np.float32) + normal[2])
+                point = np.column_stack([o + s[:, None] * d, s]) - t
+                board = (point @ R[:, :2]).astype(np.float32) * scale
+                board = np.resize(board, (-(-len(board) // 1024) * 1024, 2)).reshape(-1, 1024, 2)  # remap's limit
+                value = cv2.remap(texture, board[..., 0], board[..., 1], cv2.INTER_LINEAR,
+                                  borderMode=cv2.BORDER_CONSTANT, borderValue=0.8)
+                light[1 + k, passed] += value.reshape(-1)[:len(o)]
+        return light.reshape(-1, self.size, self.size) / np.quantile(light[0], 0.99)
+
+    def grey(self, light):
+        """8 bits with blur of the pixels, shot and read noise."""
+        electrons = 0.75 * self.full_well * cv2.GaussianBlur(light, (0, 0), 0.35)
+        if self.mosaic:
+            electrons[::2, ::2] *= 0.6
+            electrons[1::2, 1::2] *= 0.7
+        electrons = electrons + self.random.normal(size=light.shape) * np.sqrt(np.maximum(electrons, 0) + 64)
+        return np.clip(np.rint(electrons * 255 / self.full_well), 0, 255).astype(np.uint8)
+
+
+def write_set(folder, seed, images=12):
+    camera = Optics(seed)
+    p, random = camera.parameters, camera.random
+    near, far = camera.distance
+    middle = np.sqrt(near * far)
+    width = 0.75 * middle * camera.size * camera.pixel / (p["b_L0"] + p["B"])  # of the board
+    if camera.chessboard:
+        square = width / 9
+        target = dict(type="chessboard", columns=8, rows=7, square=float(square))
+        columns, rows = 9, 8
+        texture = np.full((rows * 60, columns * 60), 0.85, np.float32)
+        for r in range(rows):
+            for c in range(columns):
+                if (r + c) % 2 == 0:
+                    texture[r * 60:r * 60 + 60, c * 60:c * 60 + 60] = 0.05
+        scale, origin = 60 / square, np.array([60.0, 60.0])  # the first inner corner is the target's origin
+    else:
+        size = width / (5 + 4 * 0.3)
+        target = dict(type="aprilgrid", columns=5, rows=5, size=float(size), spacing=0.3)
+        texture, scale, origin = tag_texture(size, 5, 5)
+    save(folder / "target.yaml", target)
+    pad = 40
+    texture = cv2.copyMakeBorder(texture, pad, pad, pad, pad, cv2.BORDER_CONSTANT, value=0.85)
+    origin = origin + pad
+    centre = np.array([texture.shape[1] / 2, texture.shape[0] / 2])
+    boards = []
+    for _ in range(images):
+        z = np.exp(random.uniform(np.log(near * 1.15), np.log(far * 0.9)))
+        tilt, around = random.uniform(0.35, 0.7), random.uniform(0, 2 * np.pi)
+        R = rotation([tilt * np.cos(around), tilt * np.sin(around), 0]) @ rotation([0, 0, random.uniform(-0.4, 0.4)])
+        aside = 0.25 * camera.size * camera.pixel / (p["b_L0"] + p["B"]) * z * random.uniform(-1, 1, 2)
+        t = np.array([aside[0], aside[1], z]) - R[:, :2] @ (centre / scale)
+        boards.append((R, t))
+    light = camera.images(boards, texture - 0.0, scale)
+    for name in ("raw", "white"):
+        (folder / name).mkdir(exist_ok=True)
+    for k in range(len(boards)):
+        cv2.imwrite(str(folder / f"raw/{k:03}.png"), camera.grey(light[1 + k]))
+    for k in range(5):
+        cv2.imwrite(str(folder / f"white/{k}.png"), camera.grey(light[0]))
+    session = dict(target="target.yaml", cameras=dict(plenoptic=dict(
+        model="focused-plenoptic", images="raw/*.png", white_images="white/*.png", pixel_size=camera.pixel)))
+    if camera.mosaic:
+        session["cameras"]["plenoptic"]["bayer"] = "RGGB"
+    save(folder / "session.yaml", session)
+    description = dict(parameters={key: float(value) for key, value in p.items()}, pitch=float(camera.pitch),
+                       types=len(camera.f_micro), f_micro=[float(f) for f in camera.f_micro], mosaic=bool(camera.mosaic),
+                       target="chessboard" if camera.chessboard else "aprilgrid", full_well=int(camera.full_well), size=camera.size)
+    save(folder / "truth.yaml", description)
+
+
+def tag_texture(size, columns, rows):
+    """Picture of Kalibr's AprilGrid (borders of two bits, black squares), texture px per m, and the place of the target's origin in it."""
+    dictionary = cv2.aruco.Dictionary_get(cv2.aruco.DICT_APRILTAG_36h11)
+    cell = 20  # px
+    tag, gap = 10 * cell, 3 * cell
+    step = tag + gap
+    texture = np.full((rows * step + gap, columns * step + gap), 0.85, np.float32)
+    for row in range(rows):
+        for column in range(columns):
+            # OpenCV draws the tags of this family turned by 180 degrees against the AprilTag library.
+            picture = cv2.rotate(cv2.aruco.drawMarker(dictionary, row * columns + column, tag, borderBits=2), cv2.ROTATE_180)
+            top, left = (rows - 1 - row) * step + gap, column * step + gap
+            texture[top:top + tag, left:left + tag] = np.where(picture > 0, 0.85, 0.05)
+    for top in range(0, texture.shape[0], step):
+        for left in range(0, texture.shape[1], step):
+            texture[top:top + gap, left:left + gap] = 0.05
+    return texture, tag / size, np.array([gap, gap])
+
+
+def main():
+    parser = common.parser(__doc__, "program")
+    parser.add_argument("out", type=pathlib.Path)
+    parser.add_argument("--sets", type=int, default=40)
+    parser.add_argument("--first", type=int, default=0)
+    arguments = parser.parse_args()
+    squares = {name: [] for name in NAMES}
+    print("set  " + "".join(f"{name:>7}" for name in NAMES) + "  camera")
+    for seed in range(arguments.first, arguments.first + arguments.sets):
+        folder = arguments.out / f"{seed:02}"
+        folder.mkdir(parents=True, exist_ok=True)
+        if not (folder / "truth.yaml").exists():
+            write_set(folder, seed)
+        truth = load(folder / "truth.yaml")
+        result = folder / "result/calibration.yaml"
+        if not result.exists():
+            try:
+                common.calibrate(arguments.program, folder / "session.yaml", folder / "result")
+            except common.Failed as failure:
+                print(f"{seed:3}  not calibrated: {failure}", flush=True)
+                continue
+        camera = load(result)["cameras"]["plenoptic"]
+        line = f"{seed:3}  "
+        for name in NAMES:
+            z = (camera["parameters"][name] - truth["parameters"][name]) / camera["sigma"][name]
+            squares[name].append(z * z)
+            line += f"{z:7.2f}"
+        p = truth["parameters"]
+        print(line + f"  f_L {1e3 * p['f_L']:.1f} mm, pitch {truth['pitch']:.1f} px, {truth['types']} types, {truth['target']}"
+              f"{', mosaic' if truth['mosaic'] else ''}{', Keplerian' if p['b_L0'] > p['f_L'] else ''}", flush=True)
+    print("mean " + "".join(f"{np.mean(squares[name]):7.2f}" for name in NAMES))
+    everything = np.concatenate([squares[name] for name in NAMES])
+    print(f"mean of all {everything.mean():.2f}; above 4 sigma {np.mean(everything > 16):.1%} of {len(everything)}")
+
+
+if __name__ == "__main__":
+    main()

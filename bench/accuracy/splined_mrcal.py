@@ -1,0 +1,89 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""Our `splined` beside mrcal's spline of the same knots, on the corners of corners_mrcal_figueroa.
+
+    PLENOCAL_DATA=... bench/accuracy/splined_mrcal.py --program build/release/apps/plenocal
+
+Both are calibrated from every second of the 186 frames. Each camera is then held and judged by the other frames: only
+poses and the target's markers (tolerance 2 mm) are free. Needs /usr/bin/python3 with mrcal (Debian's python3-mrcal).
+"""
+import os
+import pathlib
+import sys
+import time
+
+import numpy as np
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
+import common
+
+SET = pathlib.Path(os.environ.get("PLENOCAL_DATA", "$PLENOCAL_DATA")).absolute() / "frames/corners_mrcal_figueroa"  # docs/data.md
+TARGET = {"type": "chessboard", "columns": 10, "rows": 10, "square": 0.077, "tolerance": 0.002}
+
+
+def write_session(folder, name, detections, parameters=None):
+    camera = {"model": "splined", "detections": detections, "image_size": [6016, 4016]}
+    if parameters:
+        camera |= {"initial": parameters, "fixed": list(parameters)}
+    common.save(folder / name, {"target": "target.yaml", "cameras": {"cam": camera}, "options": {"refine_target": True}})
+
+
+def parameters(folder, result):
+    cameras = common.load(folder / result / "calibration.yaml")["cameras"]
+    return next(iter(cameras.values()))["parameters"]
+
+
+def rms(folder, result):
+    rows = np.genfromtxt(folder / result / "residuals.csv", delimiter=",", names=True, dtype=None, encoding=None)
+    used = rows["used"] == 1
+    return np.sqrt(np.mean(rows["dx"][used] ** 2 + rows["dy"][used] ** 2)), used.sum(), (~used).sum()
+
+
+def calibrate_with_mrcal(folder, start):
+    """Of the frames 0, 2, 4, ..., from our camera as start; writes folder/mrcal.cameramodel."""
+    import mrcal
+    inputs = mrcal.cameramodel(str(SET / "splined-0.cameramodel")).optimization_inputs()
+    model = mrcal.cameramodel(str(folder / start))
+    even = inputs["indices_frame_camintrinsics_camextrinsics"][:, 0] % 2 == 0
+    indices = inputs["indices_frame_camintrinsics_camextrinsics"][even].copy()
+    frames, indices[:, 0] = np.unique(indices[:, 0], return_inverse=True)
+    inputs |= {"indices_frame_camintrinsics_camextrinsics": indices.astype(np.int32),
+               "frames_rt_toref": np.ascontiguousarray(inputs["frames_rt_toref"][frames]),
+               "observations_board": np.ascontiguousarray(inputs["observations_board"][even]),
+               "lensmodel": model.intrinsics()[0], "intrinsics": np.ascontiguousarray(model.intrinsics()[1][None])}
+    mrcal.optimize(**inputs)
+    mrcal.cameramodel(intrinsics=(inputs["lensmodel"], inputs["intrinsics"][0]),
+                      imagersize=inputs["imagersizes"][0]).write(str(folder / "mrcal.cameramodel"))
+
+
+def main():
+    program = common.parser(__doc__).parse_args().program
+    if not SET.is_dir():
+        sys.exit(f"no folder {SET}: set PLENOCAL_DATA to the folder of the optional data sets (docs/data.md)")
+    with common.folder() as folder:
+        run = lambda *command: common.run(program, *command, cwd=folder)
+        common.save(folder / "target.yaml", TARGET)
+        run("import", SET / "corners.vnl", "--format", "mrcal-corners", "-o", "all")
+        head, *rows = (folder / "all/detections_corners.csv").read_text().splitlines()
+        for part, parity in (("train", 0), ("test", 1)):
+            mine = [row for row in rows if int(row.split(",")[0].removeprefix("frame")) % 2 == parity]
+            (folder / f"{part}.csv").write_text("\n".join([head, *mine]) + "\n")
+
+        write_session(folder, "train.yaml", "train.csv")
+        begin = time.time()
+        run("calibrate", "train.yaml", "-o", "ours", "--no-report", "--threads", 1)
+        print(f"plenocal: {time.time() - begin:.1f} s, RMS {rms(folder, 'ours')[0]:.4f} px in sample")
+        run("export", "ours/calibration.yaml", "--format", "mrcal", "-o", "ours.cameramodel")
+        begin = time.time()
+        calibrate_with_mrcal(folder, "ours.cameramodel")
+        print(f"mrcal: {time.time() - begin:.1f} s from there")
+        run("import", "mrcal.cameramodel", "--format", "mrcal", "-o", "mrcal")
+        for result in ("ours", "mrcal"):
+            write_session(folder, "test.yaml", "test.csv", parameters(folder, result))
+            run("calibrate", "test.yaml", "-o", f"test_{result}", "--no-report")
+            value, used, rejected = rms(folder, f"test_{result}")
+            print(f"held out, {result:5}: RMS {value:.4f} px over {used} points, {rejected} rejected")
+
+
+if __name__ == "__main__":
+    main()
