@@ -1,0 +1,1 @@
+speed/workbench.mjs
