@@ -100,26 +100,25 @@ class Row:
     def fails(self):
         return self.runs >= FEWEST and self.z_outside > LIMIT and not self.reason()
 
-    def cells(self):
-        heading, names = honest_cases.KEYS[self.what]
-        names = ", ".join(f"`{n}`" for n in names)
-        case = honest_cases.CASES[self.case].title
+    def cells(self, notes):
+        """Of the table, without those of the standard error; `notes` gets the reasons that the row refers to."""
         if self.runs < 2:
-            return [heading, names, case, f"{self.runs}", "", "", "no result" if self.failed else "one run" if self.runs else "not run"]
+            return [self.case, f"{self.runs}", "", "no result" if self.failed else "one run" if self.runs else "not run"]
         remarks = []
         if self.runs < FEWEST:
-            remarks.append("too few runs to judge")
+            remarks.append("few runs")
         elif self.z_outside > 0:
-            remarks.append(f"OUTSIDE by {self.z_outside:.1f} standard errors" + (f": {self.reason()}" if self.reason() else ""))
+            remarks.append(f"OUTSIDE by {self.z_outside:.1f}")
+            if self.reason():
+                notes.append(self.reason())
+                remarks[-1] += f" [{len(notes)}]"
         if self.open:
-            remarks.append(f"{self.open} are `.inf`")
+            remarks.append(f"{self.open} `.inf`")
         if self.failed:
-            remarks.append(f"{self.failed} runs without a result")
-        if honest_cases.CASES[self.case].simulated:
-            remarks.append("images or points by `simulate`")
-        mean = f"wrong in {100 * self.mean:.0f} %" if self.what in honest_cases.OF_SHARE else f"{self.mean:.2f} +- {self.error:.2f}"
-        return [heading, names, case, f"{self.runs}, {self.values}", mean,
-                "" if self.of_rms else f"{100 * self.coverage:.0f} +- {100 * self.coverage_error:.0f} %", "; ".join(remarks)]
+            remarks.append(f"{self.failed} runs failed")
+        mean = f"wrong in {100 * self.mean:.0f} %" if self.what in honest_cases.OF_SHARE else f"{self.mean:.2f} ({self.error:.2f})"
+        share = [] if self.of_rms else [f"{100 * self.coverage:.0f} ({100 * self.coverage_error:.0f})"]
+        return [self.case, f"{self.runs}, {self.values}", mean, "; ".join(share + remarks)]
 
 
 def rows_of(records):
@@ -130,13 +129,25 @@ def rows_of(records):
 
 
 def table(rows):
-    text = "| of | standard error | case | runs, values | mean (error / sigma)^2 | within 1.96 sigma | |\n| --- | --- | --- | --- | --- | --- | --- |\n"
-    order = list(honest_cases.KEYS)
+    """Under each standard error its rows; then the cases, and keys without a row."""
+    line = lambda *cells: "| " + " | ".join(cells) + " |\n"
+    head = lambda *cells: line(*cells) + line(*("---" for _ in cells))
+    named = lambda heading, names: f"{heading}: {', '.join(f'`{n}`' for n in names)}"  # a test reads it (tests/structure)
+    order, notes, last = list(honest_cases.KEYS), [], None
+    text = head("standard error, cases", "runs, values", "mean (error / sigma)^2", "within 1.96 sigma, %")
     for row in sorted(rows, key=lambda r: order.index(r.what)):
-        text += "| " + " | ".join(row.cells()) + " |\n"
-    text += "\nNo standard error of a result, so without a row:\n\n| of | key | what it is |\n| --- | --- | --- |\n"
+        if row.what != last:
+            text += line(named(*honest_cases.KEYS[row.what]), "", "", "")
+        last = row.what
+        text += line(*row.cells(notes))
+    text += "\n" + "".join(f"{number}. {note}\n" for number, note in enumerate(notes, 1))
+    text += "\nThe cases (*: images or points by `simulate`):\n\n" + head("case", "what it is")
+    for name in dict.fromkeys(row.case for row in rows):
+        case = honest_cases.CASES[name]
+        text += line(name + ("*" if case.simulated else ""), case.title)
+    text += "\nNo standard error of a result, so without a row:\n\n" + head("key", "what it is")
     for heading, names, why in honest_cases.OTHERS:
-        text += f"| {heading} | {', '.join(f'`{n}`' for n in names)} | {why} |\n"
+        text += line(named(heading, names), why)
     return text
 
 
@@ -193,7 +204,7 @@ def main():
         write(arguments.write, text)
     failing = [row for row in rows if row.fails()]
     for row in failing:
-        print("OUTSIDE without a reason: " + " | ".join(row.cells()), file=sys.stderr)
+        print("OUTSIDE without a reason: " + " | ".join([row.what, *row.cells([])]), file=sys.stderr)
     return 1 if failing else 0
 
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// The workflow of many rigs and the page on them. bench/install/fleet.py runs the workflow by Snakemake.
+// The workflow of many rigs and the page on them. bench/install/fleet.py runs the workflow by
+// Snakemake.
 #include <filesystem>
 #include <string>
 

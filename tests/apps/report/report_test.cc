@@ -221,8 +221,8 @@ TEST_F(ReportOfImages, ShowsTheFrameWithMostMarkersFromTheFilesAlone) {
   EXPECT_TRUE(DataIn(Read("out/report.html"))["cameras"][0]["sample"]["pictures"].empty());
 }
 
-// 1000 frames of two cameras stay far below 25 MB (bench/speed/report_page.js): beyond the points that are
-// drawn singly a frame adds its pose and its bars.
+// 1000 frames of two cameras stay far below 25 MB (bench/speed/report_page.js): beyond the points
+// that are drawn singly a frame adds its pose and its bars.
 TEST_F(Report, StaysSmallWithManyFrames) {
   const fs::path examples = fs::path(PLENOCAL_EXAMPLES) / "simulate";
   fs::copy(examples / "board.yaml", Path("board.yaml"));
