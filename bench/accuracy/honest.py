@@ -134,12 +134,19 @@ def table(rows):
     head = lambda *cells: line(*cells) + line(*("---" for _ in cells))
     named = lambda heading, names: f"{heading}: {', '.join(f'`{n}`' for n in names)}"  # a test reads it (tests/structure)
     order, notes, last = list(honest_cases.KEYS), [], None
+    # All parameters together stand behind single ones: the same runs.
+    joint = {row.case: row for row in rows if row.what == "joint"}
+    alone = [row for row in rows if row.what != "joint"]
     text = head("standard error, cases", "runs, values", "mean (error / sigma)^2", "within 1.96 sigma, %")
-    for row in sorted(rows, key=lambda r: order.index(r.what)):
+    for row in sorted(alone, key=lambda r: order.index(r.what)):
+        key = "joint" if row.what == "parameters" else row.what
         if row.what != last:
-            text += line(named(*honest_cases.KEYS[row.what]), "", "", "")
+            text += line(named(*honest_cases.KEYS[key]) + (" (behind the comma: all together)" if key == "joint" else ""), "", "", "")
         last = row.what
-        text += line(*row.cells(notes))
+        cells = row.cells(notes)
+        if key == "joint" and row.case in joint:
+            cells[2:] = [", ".join(pair) for pair in zip(cells[2:], joint[row.case].cells(notes)[2:])]
+        text += line(*cells)
     text += "\n" + "".join(f"{number}. {note}\n" for number, note in enumerate(notes, 1))
     text += "\nThe cases (*: images or points by `simulate`):\n\n" + head("case", "what it is")
     for name in dict.fromkeys(row.case for row in rows):
