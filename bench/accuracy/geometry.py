@@ -72,6 +72,22 @@ def rotation_of(x, y, z, w):
                      [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)]])
 
 
+def plenoptic_distortion(at, p):
+    """Displacement of undistorted raw image points, m about the principal point (docs/plenoptic.md)."""
+    x, y = at.T
+    r2 = x * x + y * y
+    radial = p["A_0"] * r2 + p["A_1"] * r2**2
+    return np.stack([x * radial + p["B_0"] * (r2 + 2 * x * x) + 2 * p["B_1"] * x * y,
+                     y * radial + p["B_1"] * (r2 + 2 * y * y) + 2 * p["B_0"] * x * y], 1)
+
+
+def plenoptic_undistorted(distorted, p):
+    at = distorted
+    for _ in range(20):
+        at = distorted - plenoptic_distortion(at, p)
+    return at
+
+
 def read_poses(path):
     """Transforms by the name of the frame, of poses.csv."""
     poses = {}

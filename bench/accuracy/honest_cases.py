@@ -17,7 +17,7 @@ from accuracy import honest_points as hp
 from accuracy import scene
 from accuracy import tag_corners as tags
 from accuracy.geometry import exp_rotation as exp
-from accuracy.geometry import numbers, quaternion, read_poses, read_trajectory, transform
+from accuracy.geometry import numbers, plenoptic_distortion, quaternion, read_poses, read_trajectory, transform
 from accuracy.honest_points import Board, Camera, Rig, pair
 from common import Failed, load, read_table, save
 from data.net import SIMULATED
@@ -651,12 +651,7 @@ class Plenoptic(Camera):
         self.centres = self.centres[np.abs(self.centres).max(1) < 740 * self.pixel]
 
     def pixels(self, x):
-        p, (a, b) = self.p, x.T
-        r2 = a * a + b * b
-        radial = p["A_0"] * r2 + p["A_1"] * r2**2
-        d = np.stack([a + a * radial + p["B_0"] * (r2 + 2 * a * a) + 2 * p["B_1"] * a * b,
-                      b + b * radial + p["B_1"] * (r2 + 2 * b * b) + 2 * p["B_0"] * a * b], 1)
-        return d / self.pixel + [p["c_x"], p["c_y"]]
+        return (x + plenoptic_distortion(x, self.p)) / self.pixel + [self.p["c_x"], self.p["c_y"]]
 
     def seen(self, X):
         """Image points and centres of the micro images that show one point within 0.35 pitches of their centres."""

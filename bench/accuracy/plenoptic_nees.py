@@ -19,6 +19,7 @@ import numpy as np
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
 import common
+from accuracy.geometry import plenoptic_undistorted
 from common import load, save
 
 NAMES = ("f_L", "b_L0", "B", "c_x", "c_y", "A_0", "A_1", "B_0", "B_1")
@@ -90,18 +91,9 @@ class Optics:
         y, x = np.mgrid[:self.size, :self.size]
         goal = (np.stack([x, y], -1).reshape(-1, 2) - [p["c_x"], p["c_y"]]) * self.pixel
 
-        def undistorted(goal):
-            at = goal
-            for _ in range(15):
-                r2 = (at**2).sum(1, keepdims=True)
-                tangential = np.stack([p["B_0"] * (r2[:, 0] + 2 * at[:, 0]**2) + 2 * p["B_1"] * at[:, 0] * at[:, 1],
-                                       p["B_1"] * (r2[:, 0] + 2 * at[:, 1]**2) + 2 * p["B_0"] * at[:, 0] * at[:, 1]], 1)
-                at = goal - at * (p["A_0"] * r2 + p["A_1"] * r2**2) - tangential
-            return at
-
-        self.place = undistorted(goal)
-        self.right = undistorted(goal + [self.pixel, 0]) - self.place
-        self.down = undistorted(goal + [0, self.pixel]) - self.place
+        self.place = plenoptic_undistorted(goal, p)
+        self.right = plenoptic_undistorted(goal + [self.pixel, 0], p) - self.place
+        self.down = plenoptic_undistorted(goal + [0, self.pixel], p) - self.place
         from scipy.spatial import cKDTree
         self.near = cKDTree(self.centres).query(self.place, k=3)[1]
 

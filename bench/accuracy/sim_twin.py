@@ -18,25 +18,12 @@ import numpy as np
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
 import common
+from accuracy.geometry import plenoptic_undistorted
 from common import load
 
 # Of each camera: blur and electrons as SOURCE.md has them; independent samples a pixel that leave the noise measured at
 # edges (docs/simulate.md); width of the neighbourhood in which a pixel's samples find the brightest and the darkest.
 CAMERAS = {"left": (0.7, 12000, 10, 64, 3), "right": (0.7, 12000, 10, 64, 3), "plenoptic": (0.35, 10000, 8, 150, 7)}
-
-
-def undistorted(distorted, pixel_size, parameters):
-    """Raw px from the principal point without the distortion of `focused-plenoptic` (docs/models.md)."""
-    A_0, A_1, B_0, B_1 = (parameters[key] for key in ("A_0", "A_1", "B_0", "B_1"))
-    goal = distorted * pixel_size
-    at = goal
-    for _ in range(20):
-        x, y = at.T
-        r2 = x * x + y * y
-        radial = A_0 * r2 + A_1 * r2 * r2
-        at = goal - np.stack([x * radial + B_0 * (r2 + 2 * x * x) + 2 * B_1 * x * y,
-                              y * radial + B_1 * (r2 + 2 * y * y) + 2 * B_0 * x * y], axis=1)
-    return at / pixel_size
 
 
 def read_centres(path):
@@ -47,7 +34,7 @@ def lattice(path, camera):
     """Pitch, rotation and offset from the principal point of a hexagonal array of micro-image centres."""
     centres = read_centres(path)
     middle = np.array([camera["parameters"][key] for key in ("c_x", "c_y")])
-    near = undistorted(centres - middle, camera["pixel_size"], camera["parameters"])
+    near = plenoptic_undistorted((centres - middle) * camera["pixel_size"], camera["parameters"]) / camera["pixel_size"]
     origin = near[np.argmin(np.hypot(*near.T))]
     steps = near - origin
     lengths = np.hypot(*steps.T)

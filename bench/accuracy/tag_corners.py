@@ -79,11 +79,15 @@ def count_found(program, lens, blur, seed):
 def main():
     parser = common.parser(__doc__, "program")
     parser.add_argument("--seed", type=int, default=5)
+    parser.add_argument("--boards", nargs="+", choices=BOARDS, default=list(BOARDS))
+    parser.add_argument("--no-missed", action="store_true", help="the first table alone")
     options = parser.parse_args()
     common.head("board", "lens", "corners found", "RMS, px", "median, px", "(error / sigma)^2", "CPU s")
-    for board in BOARDS:
+    for board in options.boards:
         for lens in LENSES:
             measure(options.program, board, lens, options.seed)
+    if options.no_missed:
+        return
     print()
     common.head("lens", "blur, px", "whole tags", "missed")
     for lens in LENSES:
