@@ -23,7 +23,7 @@
 #include "engine/observe/scene_session.h"
 #include "engine/session/earlier_session.h"
 #include "engine/session/open_session.h"
-#include "engine/session/provenance.h"
+#include "engine/session/run_provenance.h"
 #include "engine/session/session_targets.h"
 #include "models/registry.h"
 

@@ -19,11 +19,11 @@
 
 namespace plenocal {
 
-/// What to calibrate: a session, or images and their target.
+/// The input of a calibration: a session, or images and their target.
 struct CalibrateRequest : SessionOptions {
   std::optional<Session> session = {};
   ImageArguments images = {};  ///< without a session
-  /// Of `images`, and of cameras of a session in memory that have none; auto: chosen by held-out
+  /// The model of `images`, and of cameras in memory that have none; auto: chosen by held-out
   /// frames.
   std::string model = "auto";
   bool jackknife = false;  ///< standard errors from leaving out frames beside the others

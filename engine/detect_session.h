@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// The target in all images of a session.
+// Detection of the target in the images of a session, in all or in a part of them.
 #pragma once
 
+#include <cstddef>
 #include <memory>
 
 #include "calib/base/run.h"
@@ -23,5 +24,17 @@ struct DetectedSession {
 DetectedSession DetectSession(const Session& session,
                               const SessionOptions& options,
                               const Run& run);
+
+/// Part `number` of `count` of the images of each camera: those with index % count = number - 1.
+struct Shard {
+  size_t number = 1, count = 1;
+};
+
+/// Detects in the images of a shard, for the cache of `options` alone, and writes OUT/shard.csv,
+/// the number of points of each image. Throws `Error`, and `Stopped`.
+void DetectShard(Session session,
+                 const SessionOptions& options,
+                 const Shard& shard,
+                 const Run& run);
 
 }  // namespace plenocal

@@ -2,6 +2,7 @@
 #include "engine/locate_images.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 
@@ -29,8 +30,8 @@ struct NamedView {
   View view;
 };
 
-/// What is seen, and where the points are.
-struct Sightings {
+/// Observations in images, and the positions of the points.
+struct ObservedImages {
   std::vector<NamedView> views;
   std::map<int, Eigen::Vector3d> points;
   Numbering numbering = Numbering::kByMarker;
@@ -40,20 +41,18 @@ bool IsTable(const std::filesystem::path& path) { return path.extension() == ".c
 
 void CheckSize(const CalibratedCamera& camera, ImageSize size, const std::string& image) {
   if (size == camera.image_size) return;
-  throw InputError("{}: {} x {} px, but the calibration of '{}' is for {} x {}",
+  throw InputError("{}: {} px, but the calibration of '{}' is for {}",
                    image,
-                   size[0],
-                   size[1],
+                   fmt::join(size, " x "),
                    camera.name,
-                   camera.image_size[0],
-                   camera.image_size[1]);
+                   fmt::join(camera.image_size, " x "));
 }
 
 /// The target's markers in the images.
 void DetectMarkers(const LocateRequest& request,
                    const CalibratedCamera& camera,
                    const Run& run,
-                   Sightings* seen) {
+                   ObservedImages* seen) {
   const std::vector<FrameImage> images = FindImageInputs(request.images, "images");
   const DetectOptions options{
       .white_images = request.white.empty() ? std::vector<FrameImage>()
@@ -94,7 +93,7 @@ void MatchPoints(const LocateRequest& request,
                  const CalibratedCamera& camera,
                  const LandmarkMap& map,
                  const Run& run,
-                 Sightings* seen) {
+                 ObservedImages* seen) {
   if (map.descriptors.empty()) {
     throw InputError(
         "{}: no descriptors.png beside it, by which points are recognised in "
@@ -115,10 +114,10 @@ void MatchPoints(const LocateRequest& request,
   seen->numbering = Numbering::kByAppearance;
 }
 
-Sightings FindSightings(const LocateRequest& request,
-                        const CalibratedCamera& camera,
-                        const Run& run) {
-  Sightings seen;
+ObservedImages FindObservations(const LocateRequest& request,
+                                const CalibratedCamera& camera,
+                                const Run& run) {
+  ObservedImages seen;
   LandmarkMap map;
   if (IsTable(request.map)) {
     map = ReadLandmarkMap(request.map);
@@ -181,7 +180,7 @@ std::vector<LocatedImage> LocateImages(const LocateRequest& request, const Run& 
   }
   const CalibrationRecord calibration = ReadCalibration(request.calibration, CameraModels());
   const CalibratedCamera& camera = FindCamera(calibration, request.camera);
-  const Sightings seen = FindSightings(request, camera, run);
+  const ObservedImages seen = FindObservations(request, camera, run);
   std::vector<LocatedImage> images;
   std::string csv = HeaderText();
   for (const NamedView& each : seen.views) {
@@ -192,9 +191,9 @@ std::vector<LocatedImage> LocateImages(const LocateRequest& request, const Run& 
           "  left out {}: shows too few points of {} for a pose", each.name, request.map.string()));
       continue;
     }
-    if (located->rival && located->rival->IsAmbiguous()) {
-      run.Message(
-          fmt::format("  left out {}: fits in two ways: {}", each.name, located->rival->Text()));
+    if (located->alternative && located->alternative->IsAmbiguous()) {
+      run.Message(fmt::format(
+          "  left out {}: fits in two ways: {}", each.name, located->alternative->Text()));
       continue;
     }
     csv += RowText(each.name, *located);

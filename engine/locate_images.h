@@ -10,7 +10,7 @@
 
 #include "calib/base/run.h"
 #include "calib/camera/bayer.h"
-#include "engine/scene/locate.h"
+#include "engine/scene/locate_view.h"
 
 namespace plenocal {
 

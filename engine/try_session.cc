@@ -14,7 +14,7 @@
 #include "engine/observe/session_observations.h"
 #include "engine/session/calibration_input.h"
 #include "engine/session/open_session.h"
-#include "engine/session/provenance.h"
+#include "engine/session/run_provenance.h"
 #include "models/registry.h"
 
 namespace plenocal {

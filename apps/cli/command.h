@@ -28,7 +28,7 @@ struct Command {
   std::string help;  ///< description, example and results; `plenocal --help` shows it as well
   /// Declares the options on `app`, those that all commands share in `*shared`. Both outlive the
   /// function returned.
-  RunCommand (*declare)(CLI::App* app, ConsoleOptions* shared);
+  std::function<RunCommand(CLI::App* app, ConsoleOptions* shared)> declare;
   bool shows_all = false;  ///< needs the options of all commands to be declared, too
 };
 

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// The command line of the program, parsed into the command to run.
 #pragma once
 
 #include <map>

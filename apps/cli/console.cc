@@ -82,7 +82,7 @@ std::string_view ColourCode(Style style) {
   return {};
 }
 
-// What a line of a result begins with, and its style; the rest of the line stays plain.
+// Beginnings of lines of a result, and their styles; the rest of the line stays plain.
 constexpr std::array<std::pair<std::string_view, Style>, 8> kBeginnings{
     {{"WARNING:", Style::kWarning},
      {"NOT DETERMINED", Style::kWarning},
@@ -131,9 +131,7 @@ std::string WithColours(const std::string& text) {
 }
 
 Console::Console(const ConsoleOptions& options)
-    : quiet_(options.quiet),
-      events_(options.events),
-      threads_(options.threads),
+    : options_(options),
       terminal_(isatty(ErrorFile()) == 1),
       next_line_(std::chrono::steady_clock::now() + kLogPause) {}
 
@@ -148,7 +146,7 @@ void Console::Event(const nlohmann::json& event) const {
   const std::string line = JsonText(event, -1) + "\n";
   std::string_view rest = line;
   while (!rest.empty()) {
-    const ssize_t count = write(events_, rest.data(), rest.size());
+    const ssize_t count = write(options_.events, rest.data(), rest.size());
     if (count < 0 && errno == EINTR) continue;
     if (count <= 0) return;  // nobody reads: the work goes on
     rest.remove_prefix(static_cast<size_t>(count));
@@ -156,8 +154,8 @@ void Console::Event(const nlohmann::json& event) const {
 }
 
 void Console::Message(const std::string& line) {
-  if (events_ >= 0) Event({{"event", "message"}, {"text", line}});
-  if (quiet_) return;
+  if (options_.events >= 0) Event({{"event", "message"}, {"text", line}});
+  if (options_.quiet) return;
   ClearLine();
   PrintError(Escaped(line) + "\n");
 }
@@ -166,7 +164,7 @@ void Console::Detection(const std::string& camera,
                         const std::string& frame,
                         size_t points,
                         const std::string& why) {
-  if (events_ < 0) return;
+  if (options_.events < 0) return;
   Event({{"event", "detection"},
          {"camera", camera},
          {"frame", frame},
@@ -175,15 +173,15 @@ void Console::Detection(const std::string& camera,
 }
 
 void Console::Warning(const std::string& line) {
-  if (events_ >= 0) Event({{"event", "warning"}, {"text", line}});
-  if (quiet_) return;
+  if (options_.events >= 0) Event({{"event", "warning"}, {"text", line}});
+  if (options_.quiet) return;
   ClearLine();
   PrintError(
       fmt::format("  {} {}\n", Styled(Stream::kErr, Style::kWarning, "warning:"), Escaped(line)));
 }
 
 bool Console::Progress(const std::string& stage, size_t done, size_t total) {
-  if (events_ >= 0) {
+  if (options_.events >= 0) {
     nlohmann::json event{{"event", "progress"}, {"stage", stage}};
     if (total > 0) event.update({{"done", done}, {"total", total}});
     Event(event);
@@ -193,7 +191,7 @@ bool Console::Progress(const std::string& stage, size_t done, size_t total) {
 }
 
 void Console::ProgressLine(const std::string& stage) {
-  if (quiet_) return;
+  if (options_.quiet) return;
   if (terminal_) {
     PrintError(fmt::format("\r\033[K{}", Escaped(stage)));
     line_open_ = true;
@@ -204,9 +202,13 @@ void Console::ProgressLine(const std::string& stage) {
 }
 
 void Console::Print(const std::string& text) {
-  if (quiet_) return;
+  if (options_.quiet) return;
   ClearLine();
   fmt::print("{}", WithColours(Escaped(text, "\n")));
+}
+
+void Console::PrintWritten(const std::filesystem::path& path) {
+  Print(fmt::format("written to {}\n", path.string()));
 }
 
 Run Console::NewRun() {
@@ -222,7 +224,7 @@ Run Console::NewRun() {
                               size_t points,
                               const std::string& why) { Detection(camera, frame, points, why); }},
       .stop = Interruption().get_token(),
-      .threads = threads_};
+      .threads = options_.threads};
 }
 
 void OpenStandardStreams() {

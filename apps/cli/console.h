@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// The streams of the program: messages, progress and results in its terminal, and Ctrl-C.
 #pragma once
 
 #include <chrono>
 #include <cstddef>
+#include <filesystem>
 #include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <string_view>
@@ -49,24 +52,26 @@ class Console {
   void Warning(const std::string& line);
   /// `done` of `total` items of a stage; `total` 0: they are not counted. False after Ctrl-C.
   bool Progress(const std::string& stage, size_t done = 0, size_t total = 0);
-  /// What was found in one image, for `ConsoleOptions::events` alone.
+  /// The points found in one image, for `ConsoleOptions::events` alone.
   void Detection(const std::string& camera,
                  const std::string& frame,
                  size_t points,
                  const std::string& why);
   /// Text of whole lines on standard output, with colours.
   void Print(const std::string& text);
+  /// "written to " and the path, likewise.
+  void PrintWritten(const std::filesystem::path& path);
   /// A run of the engine that reports here and stops after Ctrl-C. The console must outlive it.
   Run NewRun();
+
+  [[nodiscard]] const ConsoleOptions& Options() const { return options_; }
 
  private:
   void ClearLine();
   void ProgressLine(const std::string& line);
   void Event(const nlohmann::json& event) const;
 
-  bool quiet_;
-  int events_;
-  int threads_;
+  ConsoleOptions options_;
   bool terminal_;
   bool line_open_ = false;
   std::chrono::steady_clock::time_point next_line_;  ///< of progress, where there is no terminal

@@ -9,6 +9,26 @@
 
 namespace plenocal {
 
+void AddOut(CLI::App* app, std::filesystem::path* out, const std::string& help) {
+  app->add_option("-o,--out", *out, help)->required();
+}
+
+void AddJson(CLI::App* app, bool* json) {
+  app->add_flag("--json", *json, "JSON on standard output");
+}
+
+void AddCalibration(CLI::App* app, std::filesystem::path* calibration) {
+  app->add_option("calibration", *calibration, "calibration.yaml")->required();
+}
+
+void AddRecording(CLI::App* app, std::filesystem::path* recording) {
+  app->add_option("recording", *recording, "recording.yaml, or a folder")->required();
+}
+
+void AddSession(CLI::App* app, std::filesystem::path* session) {
+  app->add_option("session", *session, "session.yaml: cameras, images, target")->required();
+}
+
 void AddThreads(CLI::App* app, ConsoleOptions* shared) {
   constexpr int kMostThreads = 1024;  // more is a slip of the finger
   app->add_option("--threads", shared->threads, "number of threads (default: all cores)")
@@ -76,16 +96,28 @@ void AddPlenopticInputs(CLI::App* app, PlenopticInputs* inputs) {
   AddBayer(app, &inputs->bayer, "colours of the top-left 2 x 2 pixels of raw mosaics");
 }
 
-void AddSessionOptions(CLI::App* app,
-                       std::filesystem::path* session,
-                       SessionOptions* options,
-                       ConsoleOptions* shared) {
-  app->add_option("session", *session, "session.yaml: cameras, images, target")->required();
-  AddResultOptions(app, options, shared);
+void AddImageArguments(CLI::App* app, ImageArguments* images, std::string* model) {
+  app->add_option(
+      "--target",
+      images->target,
+      "of images: chessboard:9x6:25mm (inner corners, square), aprilgrid:6x6:88mm:0.3, "
+      "charuco:5x7:36mm:18mm:6X6_250, circles:10x7:25mm[:asymmetric], or a target file; "
+      "without it, the target is looked for in the images");
+  app->add_option("--right",
+                  images->right,
+                  "images of a second camera on the same rig; after those of the first");
+  app->add_option("--camera", images->cameras, "NAME=GLOB: images of a camera; several are a rig")
+      ->expected(1)
+      ->take_all();
+  app->add_option("--model",
+                  *model,
+                  "of images: camera model; auto: the simplest common one that predicts held-out "
+                  "frames as well as any")
+      ->capture_default_str();
 }
 
 void AddResultOptions(CLI::App* app, SessionOptions* options, ConsoleOptions* shared) {
-  app->add_option("-o,--out", options->out, "folder for the results")->required();
+  AddOut(app, &options->out);
   AddThreadsAndQuiet(app, shared);
   AddEvents(app, shared);
   app->add_option("--exclude",

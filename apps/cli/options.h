@@ -1,20 +1,53 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Options that several commands have.
+// Options that commands share, and the step from parsed options to the work.
 #pragma once
 
 #include <CLI/CLI.hpp>
 #include <filesystem>
+#include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
+#include <utility>
 
+#include "apps/cli/command.h"
 #include "apps/cli/console.h"
 #include "calib/camera/bayer.h"
 #include "engine/recording/plenoptic_inputs.h"
+#include "engine/session/image_session.h"
 #include "engine/session/session_options.h"
 
 namespace plenocal {
 
+/// A command whose options `declare` writes into `Arguments`; `run` takes these and a console.
+template <typename Arguments, typename Work>
+Command MakeCommand(std::string_view name,
+                    std::string help,
+                    void (*declare)(CLI::App* app, Arguments* arguments, ConsoleOptions* shared),
+                    Work run) {
+  return {name, std::move(help), [declare, run](CLI::App* app, ConsoleOptions* shared) {
+            const auto arguments = std::make_shared<Arguments>();
+            declare(app, arguments.get(), shared);
+            return [arguments, shared, run] {
+              Console console(*shared);
+              run(*arguments, &console);
+            };
+          }};
+}
+
+/// Declares `-o,--out`, which must be given.
+void AddOut(CLI::App* app,
+            std::filesystem::path* out,
+            const std::string& help = "folder for the results");
+/// Declares `--json`.
+void AddJson(CLI::App* app, bool* json);
+/// Declares the argument `calibration`.
+void AddCalibration(CLI::App* app, std::filesystem::path* calibration);
+/// Declares the argument `recording`.
+void AddRecording(CLI::App* app, std::filesystem::path* recording);
+/// Declares the argument `session`.
+void AddSession(CLI::App* app, std::filesystem::path* session);
 /// Declares `--threads`.
 void AddThreads(CLI::App* app, ConsoleOptions* shared);
 /// Declares `--quiet`.
@@ -29,13 +62,10 @@ void AddBayer(CLI::App* app, std::optional<BayerOrder>* bayer, const std::string
 void AddImageSize(CLI::App* app, std::optional<ImageSize>* size, const std::string& help);
 /// Declares `--white`, `--grid`, `--vignetting` and `--bayer`.
 void AddPlenopticInputs(CLI::App* app, PlenopticInputs* inputs);
+/// Declares `--target`, `--right`, `--camera` and `--model`, which stand for a session file.
+void AddImageArguments(CLI::App* app, ImageArguments* images, std::string* model);
 /// Declares `--out`, `--threads`, `--quiet`, `--events`, `--exclude`, `--cache`, `--keep` and
 /// `--fresh`.
 void AddResultOptions(CLI::App* app, SessionOptions* options, ConsoleOptions* shared);
-/// Declares the session and the same.
-void AddSessionOptions(CLI::App* app,
-                       std::filesystem::path* session,
-                       SessionOptions* options,
-                       ConsoleOptions* shared);
 
 }  // namespace plenocal

@@ -66,7 +66,7 @@ int ParseAndRun(int argc, char** argv) {
     CatchInterrupts();
     const RunScope inputs;
     if (run) run();
-    // What is printed is a result: a full disk behind a redirection is a failure.
+    // Printed text is a result: a full disk behind a redirection is a failure.
     FlushOutput();
     return 0;
   } catch (const Error& error) {

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// The program as a function, for main() and the Python module.
 #pragma once
 
 namespace plenocal {

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "apps/cli/options.h"
-#include "engine/resample/resample_images.h"
+#include "engine/resample/remap.h"
 
 namespace plenocal {
 

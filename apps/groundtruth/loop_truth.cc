@@ -351,7 +351,7 @@ class LoopEstimation {
       state.has_point[static_cast<size_t>(seen.marker)] = true;
     }
     for (const size_t frame : result_.start.frames) Triangulate(frame, limit, &state);
-    result_.rival = FindRivalPose(state, result_.end.frames, kMatchLimits * limit);
+    result_.rival = FindAlternativePose(state, result_.end.frames, kMatchLimits * limit);
     bundle.observations = std::move(kept);
     bundle.markers = markers;
     if (!result_.rival || !result_.rival->IsAmbiguous()) return;

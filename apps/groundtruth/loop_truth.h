@@ -12,7 +12,7 @@
 
 #include "calib/prior/calibrated_rig.h"
 #include "calib/scene/segment_covariance.h"
-#include "engine/scene/rival_pose.h"
+#include "engine/scene/alternative_pose.h"
 #include "engine/scene/scene_tracks.h"
 
 namespace plenocal {
@@ -35,11 +35,11 @@ struct LoopTruthResult {
   Bundle bundle;  ///< at the optimum; `T_rig_target` is T_rig_world, the first frame's is identity
   SegmentTruth start, end;
   LoopCovariance covariance;
-  size_t points = 0;               ///< landmarks with used observations
-  size_t common = 0;               ///< of them, those that both segments show
-  size_t observations = 0;         ///< used
-  std::vector<double> rms;         ///< per camera, of the residual's length, px
-  std::optional<RivalPose> rival;  ///< of the end segment; not ambiguous
+  size_t points = 0;                     ///< landmarks with used observations
+  size_t common = 0;                     ///< of them, those that both segments show
+  size_t observations = 0;               ///< used
+  std::vector<double> rms;               ///< per camera, of the residual's length, px
+  std::optional<AlternativePose> rival;  ///< of the end segment; not ambiguous
   bool converged = false;
   int iterations = 0;
   /// Change of the calibration against its prior: squared length in its own sigmas, the number of

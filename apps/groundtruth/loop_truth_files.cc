@@ -12,7 +12,7 @@
 
 #include "calib/base/number_text.h"
 #include "calib/base/quoted_text.h"
-#include "engine/scene/locate.h"
+#include "engine/scene/locate_view.h"
 
 namespace plenocal {
 namespace {

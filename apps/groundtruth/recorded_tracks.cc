@@ -9,7 +9,7 @@
 #include "calib/base/format_error.h"
 #include "calib/base/number_text.h"
 #include "calib/files/detections.h"
-#include "engine/recording/image_files.h"
+#include "engine/recording/stores/image_index.h"
 
 namespace plenocal {
 namespace {

@@ -29,7 +29,7 @@ cv::Mat ReadExposed(const RecordedCamera& camera, std::size_t index) {
   cv::Mat image = camera.Read(index);
   if (image.depth() == CV_8U) return image;
   throw InputError("{}: has 16 bits; a response holds 256 values: record with 8 bits a pixel",
-                   camera.files[index].path.string());
+                   camera.images[index].path.string());
 }
 
 std::vector<double> ExposuresOf(const Recording& recording,

@@ -233,7 +233,7 @@ FrameExposures CompareExposures(const Recording& recording,
       const RecordedFrame& frame = recording.frames[f];
       if (!frame.image[0] || !frame.image[c]) continue;
       const Comparison& comparison = comparisons[f][c];
-      const std::string& name = camera.images[*frame.image[c]].name;
+      const std::string& name = camera.images[*frame.image[c]].frame;
       if (!comparison.problem.empty()) {
         result.left_out.push_back({fmt::format("{}: {}", camera.name, name), comparison.problem});
         continue;
@@ -266,7 +266,7 @@ std::string FrameExposuresCsv(const Recording& recording, const FrameExposures& 
   std::string text = "frame,camera,exposure_ms,relative,sigma\n";
   const RecordedCamera& first = recording.cameras[0];
   for (size_t i = 0; i < first.images.size(); ++i) {
-    AppendRow(first.images[i].name, first.name, RecordedExposure(first, i), 0, 0, &text);
+    AppendRow(first.images[i].frame, first.name, RecordedExposure(first, i), 0, 0, &text);
   }
   for (const RelativeExposure& image : exposures.images) {
     AppendRow(image.frame,

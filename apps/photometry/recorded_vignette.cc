@@ -13,7 +13,7 @@
 #include "detectors/images/image.h"
 #include "engine/observe/left_out.h"
 #include "engine/recording/stores/image_lister.h"
-#include "engine/resample/resample_images.h"
+#include "engine/resample/map_files.h"
 #include "engine/session/calibration_folder.h"
 #include "models/registry.h"
 

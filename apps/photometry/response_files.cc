@@ -92,14 +92,14 @@ ExposureSweep ReadExposureSweep(const Recording& recording,
   for (size_t i = 0; i < count; ++i) {
     if (failures[i]) {
       left_out->push_back(
-          {.where = camera.files[i].path.string(),
-           .reason = WithoutPath(failures[i]->what(), camera.files[i].path.string()),
+          {.where = camera.images[i].path.string(),
+           .reason = WithoutPath(failures[i]->what(), camera.images[i].path.string()),
            .whole = true,
            .camera = camera.name,
-           .frame = camera.images[i].name});
+           .frame = camera.images[i].frame});
       continue;
     }
-    sweep.frames.push_back(camera.images[i].name);
+    sweep.frames.push_back(camera.images[i].frame);
     sweep.exposures.push_back(exposures[i]);
     sweep.grey.push_back(std::move(sampled[i].grey));
     near_full.push_back(std::move(sampled[i].near_full));

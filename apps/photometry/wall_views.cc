@@ -17,7 +17,7 @@
 #include "calib/base/parallel.h"
 #include "detectors/images/detector_pool.h"
 #include "detectors/marker_detectors.h"
-#include "engine/scene/locate.h"
+#include "engine/scene/locate_view.h"
 
 namespace plenocal {
 namespace {
@@ -132,9 +132,9 @@ WallRecording ReadWall(const WallOptions& options) {
       const cv::Mat grey = ReadExposed(images, i);
       const MarkerDetections found = detectors.Detect(grey);
       const std::optional<LocatedView> located = LocateView(
-          camera, {image.name, found.markers}, options.target->markers, Numbering::kByMarker);
+          camera, {image.frame, found.markers}, options.target->markers, Numbering::kByMarker);
       if (located) {
-        WallView view{.frame = image.name,
+        WallView view{.frame = image.frame,
                       .exposure = wall.exposures_known ? *image.exposure : 1,
                       .T_camera_wall = located->T_map_camera.Inverse(),
                       .brightness = {},
@@ -154,11 +154,11 @@ WallRecording ReadWall(const WallOptions& options) {
     if (views[i]) {
       wall.views.push_back(std::move(*views[i]));
     } else {
-      wall.left_out.push_back({.where = images.files[i].path.string(),
+      wall.left_out.push_back({.where = images.images[i].path.string(),
                                .reason = reasons[i],
                                .whole = true,
                                .camera = images.name,
-                               .frame = images.images[i].name});
+                               .frame = images.images[i].frame});
     }
   }
   constexpr size_t kFewest = 10;

@@ -15,7 +15,7 @@
 #include "calib/io/output_folder.h"
 #include "detectors/photometry/response_curve.h"
 #include "engine/formats/camera_format.h"
-#include "engine/resample/resample_images.h"
+#include "engine/resample/map_files.h"
 #include "engine/session/calibration_folder.h"
 #include "models/registry.h"
 
@@ -70,8 +70,11 @@ std::vector<std::string> MakeTexts(const CalibrationRecord& calibration,
     }
     return texts;
   }
-  if (cameras.size() == 1 || format.write_files == nullptr) return {format.write(cameras)};
-  return format.write_files(cameras);
+  if (cameras.size() > 1 && format.write_files != nullptr) return format.write_files(cameras);
+  if (!format.has_file_per_camera) return {format.write(cameras)};
+  std::vector<std::string> texts;
+  for (const CalibratedCamera& camera : cameras) texts.push_back(format.write({camera}));
+  return texts;
 }
 
 /// The files to write, by name: one, or of formats with one file a camera FILE_<camera>.
@@ -91,7 +94,7 @@ std::vector<std::pair<std::string, std::string>> MakeFiles(
   return files;
 }
 
-/// Whether a folder is to hold the poses and the points as well.
+/// True if a folder is to hold the poses and the points as well.
 bool IsModel(const ExportRequest& request, const CameraFormat& format) {
   return format.write_model != nullptr && !request.out.has_extension();
 }

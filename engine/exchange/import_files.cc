@@ -11,7 +11,7 @@
 #include "calib/io/output_folder.h"
 #include "engine/formats/camera_format.h"
 #include "engine/formats/import_format.h"
-#include "engine/formats/poses.h"
+#include "engine/formats/pose_matrices.h"
 
 namespace plenocal {
 namespace {

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Camera files of other tools (docs/exchange.md). Each format is one file of apps/formats/cameras:
-// kalibr.cc defines `CameraFormat KalibrFormat()`. CMake finds the files and generates the table
-// `CameraFormats()`, so a new format is a new file and edits no other.
+// Camera files of other tools (docs/exchange.md). Each format is one file of
+// engine/formats/cameras: kalibr.cc defines `CameraFormat KalibrFormat()`. CMake finds the files
+// and generates the table `CameraFormats()`, so a new format is a new file and edits no other.
 #pragma once
 
 #include <cstddef>
@@ -32,7 +32,7 @@ inline constexpr size_t kAnyNumber = std::numeric_limits<size_t>::max();
 struct CameraFormat {
   std::string_view name;  ///< of the tool, as `--format` takes it
   std::string_view file;  ///< name that the tool itself gives its files
-  /// Of a tool with two formats: the name of the other one, in whose place this one is taken for
+  /// The name of the tool's other format, in whose place this one is taken for
   /// files with `extension`.
   std::string_view variant_of = {}, extension = {};
   size_t most_cameras = 1;        ///< in one file
@@ -41,8 +41,9 @@ struct CameraFormat {
   std::string (*write)(const std::vector<CalibratedCamera>& cameras) = nullptr;
   /// Throws `Error` of kind kInput with file and place.
   std::vector<CalibratedCamera> (*read)(const CameraSource& source) = nullptr;
-  /// For formats with one file a camera, of a pair or rig: the files, in the order of the cameras.
-  /// Null: all cameras are in one file.
+  bool has_file_per_camera = false;  ///< `write` takes one camera at a time
+  /// For formats whose files, one a camera, depend on each other: those of a pair, in the order of
+  /// the cameras.
   std::vector<std::string> (*write_files)(const std::vector<CalibratedCamera>& cameras) = nullptr;
   /// For formats that hold the poses of images: the file of one camera of a calibration that has
   /// frames. Null: the format has no place for them.

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Files of other tools that `plenocal import` makes files of plenocal of, cameras aside
-// (camera_format.h). Each format is one file of apps/formats/imports: kalibr_target.cc defines
+// (camera_format.h). Each format is one file of engine/formats/imports: kalibr_target.cc defines
 // `ImportFormat KalibrTargetFormat()`. CMake finds the files and generates the table
 // `ImportFormats()`, so a new format is a new file and edits no other.
 #pragma once

@@ -6,8 +6,10 @@
 #include <algorithm>
 #include <array>
 #include <optional>
+#include <span>
 
 #include "calib/base/format_error.h"
+#include "engine/formats/exact_numbers.h"
 #include "models/registry.h"
 
 namespace plenocal {
@@ -65,6 +67,7 @@ double ParamOf(const Lens& lens, const LensForm& form, std::string_view name) {
   return Coefficient(lens, static_cast<size_t>(found - form.coefficients.begin()));
 }
 
+/// `lens` has the centre of the top-left pixel at (0, 0).
 CalibratedCamera MakeCamera(const Lens& lens,
                             const LensForm& form,
                             const CameraModel& model,
@@ -82,21 +85,73 @@ CalibratedCamera MakeCamera(const Lens& lens,
   return camera;
 }
 
+/// Keys of a lens' numbers.
+std::vector<std::string> KeysOf(const std::string& name, const LensTable& table) {
+  std::vector<std::string> keys(table.keys.begin(), table.keys.end());
+  const auto found = table.coefficient_keys.find(name);
+  if (found == table.coefficient_keys.end()) return keys;
+  for (const std::string_view key : WordsOf(found->second)) keys.emplace_back(key);
+  return keys;
+}
+
 }  // namespace
 
-Lens ToLens(const CalibratedCamera& camera,
-            std::span<const LensForm> forms,
-            std::string_view format) {
+std::vector<std::string_view> WordsOf(std::string_view text) {
+  std::vector<std::string_view> words;
+  while (!text.empty()) {
+    words.push_back(text.substr(0, text.find(' ')));
+    text.remove_prefix(std::min(text.size(), words.back().size() + 1));
+  }
+  return words;
+}
+
+std::vector<double> Lens::Numbers() const {
+  std::vector<double> numbers{f_x, f_y, c_x, c_y};
+  numbers.insert(numbers.end(), coefficients.begin(), coefficients.end());
+  return numbers;
+}
+
+Lens LensOfNumbers(std::string name, const std::vector<double>& numbers) {
+  return {std::move(name),
+          numbers[0],
+          numbers[1],
+          numbers[2],
+          numbers[3],
+          {numbers.begin() + 4, numbers.end()}};
+}
+
+std::vector<std::pair<std::string, double>> Lens::Entries(const LensTable& table) const {
+  const std::vector<std::string> keys = KeysOf(name, table);
+  const std::vector<double> numbers = Numbers();
+  std::vector<std::pair<std::string, double>> entries;
+  for (size_t i = 0; i < keys.size(); ++i) entries.emplace_back(keys[i], numbers[i]);
+  return entries;
+}
+
+Lens ReadLensEntries(const YamlNode& node,
+                     const std::string& name,
+                     const LensTable& table,
+                     const std::string& prefix) {
+  std::vector<double> numbers;
+  for (const std::string& key : KeysOf(name, table)) {
+    const bool lacks = table.may_lack_coefficients && numbers.size() >= kIntrinsics.size() &&
+                       !node.Has(prefix + key);
+    numbers.push_back(lacks ? 0 : node.At(prefix + key).AsNumber());
+  }
+  return LensOfNumbers(name, numbers);
+}
+
+Lens ToLens(const CalibratedCamera& camera, const LensTable& table) {
   std::optional<Param> lost;
-  for (const LensForm& form : forms) {
+  for (const LensForm& form : table.forms) {
     if (form.model != camera.model->name) continue;
     lost = Lost(camera, form);
     if (lost) continue;
     Lens lens{std::string(form.name),
               *Value(camera, "f_x"),
               *Value(camera, "f_y"),
-              *Value(camera, "c_x"),
-              *Value(camera, "c_y"),
+              *Value(camera, "c_x") + table.first_pixel,
+              *Value(camera, "c_y") + table.first_pixel,
               {}};
     for (const std::string_view name : form.coefficients) {
       lens.coefficients.push_back(name == "0" ? 0 : *Value(camera, name));
@@ -104,7 +159,7 @@ Lens ToLens(const CalibratedCamera& camera,
     return lens;
   }
   std::vector<std::string_view> known;
-  for (const LensForm& form : forms) {
+  for (const LensForm& form : table.forms) {
     if (FindModel(CameraModels(), form.model) == nullptr || Holds(known, form.model)) continue;
     known.push_back(form.model);
   }
@@ -112,21 +167,26 @@ Lens ToLens(const CalibratedCamera& camera,
       "camera '{}': {}; make it one of {} with 'plenocal convert' first",
       camera.name,
       lost ? fmt::format(
-                 "{} has no place for {} of model {}", format, lost->name, camera.model->name)
-           : fmt::format("{} cannot hold model {}", format, camera.model->name),
+                 "{} has no place for {} of model {}", table.tool, lost->name, camera.model->name)
+           : fmt::format("{} cannot hold model {}", table.tool, camera.model->name),
       fmt::join(known, ", "));
 }
 
 CalibratedCamera FromLens(const Lens& lens,
                           ImageSize image_size,
-                          std::span<const LensForm> forms,
+                          const LensTable& table,
                           const std::string& where) {
+  Lens from_zero = lens;
+  for (double* const coordinate : {&from_zero.c_x, &from_zero.c_y}) {
+    const auto forward = [&](double x) { return x + table.first_pixel; };
+    *coordinate = Inverted(*coordinate, *coordinate - table.first_pixel, forward);
+  }
   std::vector<std::string_view> names;
-  for (const LensForm& form : forms) {
+  for (const LensForm& form : table.forms) {
     if (!Holds(names, form.name)) names.push_back(form.name);
     const CameraModel* const model = FindModel(CameraModels(), form.model);
     if (model == nullptr || !Fits(form, lens)) continue;
-    CalibratedCamera camera = MakeCamera(lens, form, *model, where);
+    CalibratedCamera camera = MakeCamera(from_zero, form, *model, where);
     camera.image_size = image_size;
     return camera;
   }
@@ -141,18 +201,17 @@ CalibratedCamera FromLens(const Lens& lens,
       lens.name);
 }
 
-std::span<const LensForm> OpenCvLenses() {
-  static const std::vector<LensForm> kForms{
-      {"pinhole", "radtan", {"0", "0", "0", "0", "0"}},
-      {"pinhole-radial3", "radtan", {"A_0", "A_1", "0", "0", "A_2"}},
-      {"pinhole-radtan4", "radtan", {"k_1", "k_2", "p_1", "p_2"}},
-      {"pinhole-radtan", "radtan", {"k_1", "k_2", "p_1", "p_2", "k_3"}},
-      {"pinhole-radtan8", "radtan", {"k_1", "k_2", "p_1", "p_2", "k_3", "k_4", "k_5", "k_6"}},
-      {"pinhole-radtan12",
-       "radtan",
-       {"k_1", "k_2", "p_1", "p_2", "k_3", "k_4", "k_5", "k_6", "s_1", "s_2", "s_3", "s_4"}},
-      {"kannala-brandt4", "fisheye", {"k_1", "k_2", "k_3", "k_4"}}};
-  return kForms;
+const LensTable& OpenCvLenses() {
+  static const LensTable kTable{
+      "opencv",
+      {{"pinhole", "radtan", "0 0 0 0 0"},
+       {"pinhole-radial3", "radtan", "A_0 A_1 0 0 A_2"},
+       {"pinhole-radtan4", "radtan", "k_1 k_2 p_1 p_2"},
+       {"pinhole-radtan", "radtan", "k_1 k_2 p_1 p_2 k_3"},
+       {"pinhole-radtan8", "radtan", "k_1 k_2 p_1 p_2 k_3 k_4 k_5 k_6"},
+       {"pinhole-radtan12", "radtan", "k_1 k_2 p_1 p_2 k_3 k_4 k_5 k_6 s_1 s_2 s_3 s_4"},
+       {"kannala-brandt4", "fisheye", "k_1 k_2 k_3 k_4"}}};
+  return kTable;
 }
 
 }  // namespace plenocal

@@ -1,47 +1,79 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Camera models as other tools call them, with the parameters in their order.
+// Camera models as other tools call them: one description for reading and for writing.
 #pragma once
 
-#include <span>
+#include <array>
+#include <map>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "calib/files/calibration_record.h"
+#include "calib/io/yaml.h"
 
 namespace plenocal {
+
+/// Words between blanks; views of `text`.
+std::vector<std::string_view> WordsOf(std::string_view text);
 
 /// A camera model in a tool: its name there and the model's parameters, f_x f_y c_x c_y aside, in
 /// the tool's order. "0" is a coefficient that the model lacks. A camera model that several tools
 /// have is one line in each.
 struct LensForm {
+  LensForm(std::string_view of_model, std::string_view in_tool, std::string_view in_order)
+      : model(of_model), name(in_tool), coefficients(WordsOf(in_order)) {}
+
   std::string_view model;
   std::string_view name;
   std::vector<std::string_view> coefficients;
 };
 
+/// The lenses of a tool and how its files hold them.
+struct LensTable {
+  std::string_view tool;  ///< for messages
+  std::vector<LensForm> forms;
+  double first_pixel = 0;  ///< coordinate of the centre of the top-left pixel, px
+  /// Keys in files that name numbers: of f_x f_y c_x c_y, and of the coefficients of each lens.
+  std::array<std::string_view, 4> keys{"fx", "fy", "cx", "cy"};
+  std::map<std::string_view, std::string_view> coefficient_keys = {};
+  bool may_lack_coefficients = false;  ///< in files that name numbers; then they are zero
+};
+
 /// One camera of a tool's file.
 struct Lens {
   std::string name;           ///< of the camera model, as the tool calls it
-  double f_x, f_y, c_x, c_y;  ///< px, (0, 0) at the centre of the top-left pixel
+  double f_x, f_y, c_x, c_y;  ///< px, as the tool counts them
   std::vector<double> coefficients;
+
+  /// f_x f_y c_x c_y and the coefficients.
+  [[nodiscard]] std::vector<double> Numbers() const;
+  /// Key and value of each number.
+  [[nodiscard]] std::vector<std::pair<std::string, double>> Entries(const LensTable& table) const;
 };
+
+/// The inverse of `Numbers`, of at least four.
+Lens LensOfNumbers(std::string name, const std::vector<double>& numbers);
+
+/// The inverse of `Entries`; `prefix` stands before each key.
+Lens ReadLensEntries(const YamlNode& node,
+                     const std::string& name,
+                     const LensTable& table,
+                     const std::string& prefix = {});
 
 /// The camera as the tool has it. Throws `Error` of kind kJob when no form holds the model, or a
 /// parameter without a place there is not zero.
-Lens ToLens(const CalibratedCamera& camera,
-            std::span<const LensForm> forms,
-            std::string_view format);
+Lens ToLens(const CalibratedCamera& camera, const LensTable& table);
 
 /// The camera by the first form that holds the lens; missing coefficients are zero. Throws `Error`
 /// of kind kInput, `where` before the message, when there is none.
 CalibratedCamera FromLens(const Lens& lens,
                           ImageSize image_size,
-                          std::span<const LensForm> forms,
+                          const LensTable& table,
                           const std::string& where);
 
 /// OpenCV's coefficients k1 k2 p1 p2 k3 ..., named "radtan", and its fisheye's, named "fisheye".
-std::span<const LensForm> OpenCvLenses();
+const LensTable& OpenCvLenses();
 
 }  // namespace plenocal

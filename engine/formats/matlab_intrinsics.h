@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// The numbers of MATLAB's cameraIntrinsics.
 #pragma once
 
 #include <array>

@@ -8,34 +8,37 @@
 namespace plenocal {
 namespace {
 
-std::vector<std::string_view> OrbSlamNames(const std::string& type) {
-  if (type == "PinHole") return {"k1", "k2", "p1", "p2", "k3"};
-  return {"k1", "k2", "k3", "k4"};
+LensTable PinHoleLenses(std::string_view tool) {
+  return {.tool = tool,
+          .forms = {{"pinhole", "PinHole", "0 0 0 0 0"},
+                    {"pinhole-radial3", "PinHole", "A_0 A_1 0 0 A_2"},
+                    {"pinhole-radtan4", "PinHole", "k_1 k_2 p_1 p_2 0"},
+                    {"pinhole-radtan", "PinHole", "k_1 k_2 p_1 p_2 k_3"}},
+          .coefficient_keys = {{"PinHole", "k1 k2 p1 p2 k3"}, {"KannalaBrandt8", "k1 k2 k3 k4"}},
+          .may_lack_coefficients = true};
 }
 
 }  // namespace
 
-std::span<const LensForm> OrbSlamLenses() {
-  static const std::vector<LensForm> kForms{
-      {"pinhole", "PinHole", {"0", "0", "0", "0", "0"}},
-      {"pinhole-radial3", "PinHole", {"A_0", "A_1", "0", "0", "A_2"}},
-      {"pinhole-radtan4", "PinHole", {"k_1", "k_2", "p_1", "p_2", "0"}},
-      {"pinhole-radtan", "PinHole", {"k_1", "k_2", "p_1", "p_2", "k_3"}},
-      {"kannala-brandt4", "KannalaBrandt8", {"k_1", "k_2", "k_3", "k_4"}}};
-  return kForms;
+const LensTable& OrbSlam2Lenses() {
+  static const LensTable kTable = PinHoleLenses("orbslam2");
+  return kTable;
+}
+
+const LensTable& OrbSlam3Lenses() {
+  static const LensTable kTable = [] {
+    LensTable table = PinHoleLenses("orbslam3");
+    table.forms.emplace_back("kannala-brandt4", "KannalaBrandt8", "k_1 k_2 k_3 k_4");
+    return table;
+  }();
+  return kTable;
 }
 
 std::string OrbSlamCamera(const std::string& prefix, const Lens& lens) {
   std::string text;
-  const auto add = [&](std::string_view name, double value) {
-    text += fmt::format("{}.{}: {}\n", prefix, name, RealText(value));
-  };
-  add("fx", lens.f_x);
-  add("fy", lens.f_y);
-  add("cx", lens.c_x);
-  add("cy", lens.c_y);
-  const std::vector<std::string_view> names = OrbSlamNames(lens.name);
-  for (size_t i = 0; i < names.size(); ++i) add(names[i], lens.coefficients[i]);
+  for (const auto& [key, value] : lens.Entries(OrbSlam3Lenses())) {
+    text += fmt::format("{}.{}: {}\n", prefix, key, RealText(value));
+  }
   return text + "\n";
 }
 
@@ -43,18 +46,6 @@ std::string OrbSlamImages(const CalibratedCamera& camera) {
   return fmt::format(
              "Camera.width: {}\nCamera.height: {}\n", camera.image_size[0], camera.image_size[1]) +
          "# A calibration does not know these two.\nCamera.fps: 30\nCamera.RGB: 1\n";
-}
-
-Lens ReadOrbSlamCamera(const YamlNode& root, const std::string& prefix, const std::string& type) {
-  const auto number = [&](std::string_view name) {
-    return root.At(fmt::format("{}.{}", prefix, name)).AsNumber();
-  };
-  Lens lens{type, number("fx"), number("fy"), number("cx"), number("cy"), {}};
-  for (const std::string_view name : OrbSlamNames(type)) {
-    const bool has = root.Has(fmt::format("{}.{}", prefix, name));
-    lens.coefficients.push_back(has ? number(name) : 0);
-  }
-  return lens;
 }
 
 ImageSize ReadOrbSlamSize(const YamlNode& root, const CameraSource& source) {

@@ -1,11 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "engine/images/image_folder.h"
 
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <array>
+#include <atomic>
 #include <filesystem>
 #include <mutex>
+#include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
+#include <optional>
 
 #include "calib/base/format_error.h"
-#include "engine/resample/resample_images.h"
+#include "calib/base/parallel.h"
+#include "detectors/images/image.h"
+#include "detectors/photometry/response_curve.h"
+#include "engine/resample/remap.h"
 
 namespace plenocal {
 namespace {
@@ -20,6 +31,89 @@ std::optional<ResponseCurve> ResponseOf(const ResampleSettings& settings,
   if (settings.photometric.empty()) return std::nullopt;
   throw InputError("--photometric: names no response of camera '{0}'; add {0}=pcalib.txt", camera);
 }
+
+/// OpenCV's conversions of a mosaic to colours, by `BayerOrder`.
+constexpr std::array kDemosaicking{cv::COLOR_BayerRGGB2BGR,
+                                   cv::COLOR_BayerBGGR2BGR,
+                                   cv::COLOR_BayerGRBG2BGR,
+                                   cv::COLOR_BayerGBRG2BGR};
+static_assert(kDemosaicking.size() == kBayerOrders.size());
+
+std::string SizeText(const cv::Mat& image) {
+  return fmt::format("{} x {}", image.cols, image.rows);
+}
+
+/// One image after another through the same map.
+class Resampler {
+ public:
+  explicit Resampler(const FolderResampling& resampling)
+      : size_(resampling.map.source_size),
+        bayer_(resampling.settings.bayer),
+        response_(ResponseOf(resampling.settings, resampling.camera.name)),
+        remap_(resampling.map, resampling.settings.interpolation) {
+    const std::string& vignetting = resampling.camera.vignetting;
+    if (resampling.settings.keep_vignetting || vignetting.empty()) return;
+    const std::filesystem::path file = resampling.calibration.path.parent_path() / vignetting;
+    attenuation_ = ReadAttenuation(file);
+    if (attenuation_.cols != size_[0] || attenuation_.rows != size_[1]) {
+      throw InputError("{}: is {} pixels, but the camera's images are {}",
+                       file.string(),
+                       SizeText(attenuation_),
+                       fmt::join(size_, " x "));
+    }
+  }
+
+  [[nodiscard]] std::string Png(const FrameImage& source) const {
+    const std::filesystem::path& path = source.path;
+    cv::Mat image = ReadImage(source);
+    if (image.cols != size_[0] || image.rows != size_[1]) {
+      throw InputError("{}: is {} pixels, but the calibration is of {}",
+                       path.string(),
+                       SizeText(image),
+                       fmt::join(size_, " x "));
+    }
+    if (bayer_ && image.channels() != 1) {
+      throw InputError("{}: is no mosaic but has colours; leave --bayer out", path.string());
+    }
+    if (response_) {
+      if (image.depth() != CV_8U) {
+        throw InputError("{}: has 16 bits, but the response is of grey values of 8 bits",
+                         path.string());
+      }
+      constexpr double kScale = 65535.0 / 255;
+      LightOf(image, *response_).convertTo(image, CV_16U, kScale);
+    }
+    if (!attenuation_.empty()) image = Even(image);
+    if (bayer_) {
+      cv::Mat colours;
+      cv::cvtColor(image, colours, kDemosaicking[static_cast<size_t>(*bayer_)]);
+      image = colours;
+    }
+    return EncodeImage(".png", remap_(image));
+  }
+
+ private:
+  /// The image as a camera without vignetting has it.
+  [[nodiscard]] cv::Mat Even(const cv::Mat& image) const {
+    std::vector<cv::Mat> channels;
+    cv::split(image, channels);
+    for (cv::Mat& channel : channels) {
+      cv::Mat exact;
+      channel.convertTo(exact, CV_32F);
+      exact /= attenuation_;
+      exact.convertTo(channel, image.depth());
+    }
+    cv::Mat even;
+    cv::merge(channels, even);
+    return even;
+  }
+
+  ImageSize size_;
+  std::optional<BayerOrder> bayer_;
+  std::optional<ResponseCurve> response_;
+  Remap remap_;
+  cv::Mat attenuation_;  // empty: vignetting stays
+};
 
 }  // namespace
 
@@ -43,30 +137,38 @@ size_t ResampleToFolder(const std::vector<FrameImage>& images,
                         const FolderResampling& resampling,
                         const Run& run,
                         OutputFolder* out) {
-  const CalibratedCamera& camera = resampling.camera;
-  const ResampleSettings& settings = resampling.settings;
-  ResampleRequest request;
-  request.images = images;
-  request.map = &resampling.map;
-  if (!settings.keep_vignetting && !camera.vignetting.empty()) {
-    request.vignetting = resampling.calibration.path.parent_path() / camera.vignetting;
-  }
-  request.response = ResponseOf(settings, camera.name);
-  request.bayer = settings.bayer;
-  request.interpolation = settings.interpolation;
-  request.threads = run.threads;
-  request.message = [&](const std::string& line) { run.Message(line); };
-  request.progress = [&](size_t done) {
-    return run.Progress(camera.name + ": images", done, images.size());
-  };
+  const Resampler resampler(resampling);
   std::mutex keeping;
-  request.result = [&](const std::string& frame, const std::string& png) {
-    out->Write(resampling.prefix + frame + ".png", png);
-    if (resampling.keep == nullptr) return;
-    const std::lock_guard lock(keeping);
-    (*resampling.keep)[frame] = png;
-  };
-  return ResampleImages(request);
+  std::vector<std::optional<Error>> failures(images.size());
+  std::atomic<size_t> done = 0;
+  ParallelFor(images.size(), run.threads, [&](size_t i) {
+    const std::string& frame = images[i].frame;
+    std::string png;
+    try {
+      png = resampler.Png(images[i]);
+    } catch (const Error& error) {
+      if (error.kind() != ErrorKind::kInput) throw;
+      failures[i] = error;
+    }
+    if (!failures[i]) out->Write(resampling.prefix + frame + ".png", png);
+    if (!failures[i] && resampling.keep != nullptr) {
+      const std::lock_guard lock(keeping);
+      (*resampling.keep)[frame] = std::move(png);
+    }
+    if (!run.Progress(resampling.camera.name + ": images", ++done, images.size())) throw Stopped();
+  });
+  size_t resampled = 0;
+  const Error* first = nullptr;
+  for (const auto& failure : failures) {
+    if (!failure) {
+      ++resampled;
+      continue;
+    }
+    if (first == nullptr) first = &*failure;
+    if (failures.size() > 1) run.Message(fmt::format("  left out {}", failure->what()));
+  }
+  if (resampled == 0) throw Error(*first);
+  return resampled;
 }
 
 }  // namespace plenocal

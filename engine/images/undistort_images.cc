@@ -10,7 +10,7 @@
 #include "calib/files/calibration_file.h"
 #include "calib/io/input_file.h"
 #include "engine/recording/stores/image_lister.h"
-#include "engine/resample/resample_images.h"
+#include "engine/resample/map_files.h"
 #include "engine/resample/virtual_image.h"
 #include "engine/resample/virtual_view_images.h"
 #include "models/registry.h"

@@ -148,13 +148,7 @@ ImageChoice ChooseByHeldOutFrames(const CameraModel* model,
 
 void UseCamerasOf(const Session& session, SessionObservations* observations) {
   for (size_t c = 0; c < session.cameras.size(); ++c) {
-    const SessionCamera& camera = session.cameras[c];
-    CameraInput& input = observations->cameras[c];
-    input.model = camera.model;
-    input.config = camera.config;
-    input.initial = camera.initial;
-    input.fixed = camera.fixed;
-    input.rules = camera.rules;
+    UseSessionCamera(session.cameras[c], &observations->cameras[c]);
   }
 }
 

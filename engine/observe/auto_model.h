@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Choice of the camera model and of the target's treatment by held-out frames.
 #pragma once
 
 #include <optional>

@@ -21,7 +21,6 @@
 #include "calib/estimate/describe.h"
 #include "calib/files/exclusion.h"
 #include "detectors/detect.h"
-#include "engine/observe/session_observations.h"
 #include "engine/session/calibration_input.h"
 #include "engine/suggest/view_target.h"
 
@@ -218,11 +217,11 @@ class FrameChooser {
     return {.frame = instants_[instant].name, .observations = sketches_[c][*image].points};
   }
 
-  /// Where the target is and how it looks, in numbers of similar size: centre, size and shape of
-  /// its points in each camera.
-  [[nodiscard]] Eigen::VectorXd LooksOf(size_t instant) const {
+  /// Appearance of the target, in numbers of similar size: centre, size and shape of its points in
+  /// each camera.
+  [[nodiscard]] Eigen::VectorXd Appearance(size_t instant) const {
     constexpr Eigen::Index kEach = 5;
-    Eigen::VectorXd looks =
+    Eigen::VectorXd appearance =
         Eigen::VectorXd::Zero(kEach * static_cast<Eigen::Index>(sketches_.size()));
     for (size_t c = 0; c < sketches_.size(); ++c) {
       const std::optional<size_t> image = instants_[instant].image[c];
@@ -238,18 +237,18 @@ class FrameChooser {
       const Eigen::Matrix2d spread =
           points * points.transpose() / static_cast<double>(points.cols());
       const double x = std::sqrt(spread(0, 0)), y = std::sqrt(spread(1, 1));
-      looks.segment<kEach>(kEach * static_cast<Eigen::Index>(c)) << centre,
+      appearance.segment<kEach>(kEach * static_cast<Eigen::Index>(c)) << centre,
           std::log(x * y + 1e-12) / 4, std::log((x + 1e-9) / (y + 1e-9)) / 2,
           spread(0, 1) / (x * y + 1e-12) / 2;
     }
-    return looks;
+    return appearance;
   }
 
-  /// At most `most` of the instants, each next one the most unlike those before.
-  [[nodiscard]] std::vector<size_t> MostUnlike(const std::vector<size_t>& instants,
-                                               size_t most) const {
-    std::vector<Eigen::VectorXd> looks;
-    for (const size_t i : instants) looks.push_back(LooksOf(i));
+  /// At most `most` of the instants, each next one the most different from those before.
+  [[nodiscard]] std::vector<size_t> MostDifferent(const std::vector<size_t>& instants,
+                                                  size_t most) const {
+    std::vector<Eigen::VectorXd> appearance;
+    for (const size_t i : instants) appearance.push_back(Appearance(i));
     std::vector<double> distance(instants.size(), std::numeric_limits<double>::infinity());
     std::vector<size_t> chosen;
     size_t next = 0;  // the one with most points
@@ -260,7 +259,8 @@ class FrameChooser {
       chosen.push_back(instants[next]);
       distance[next] = -1;
       for (size_t i = 0; i < instants.size(); ++i) {
-        if (distance[i] >= 0) distance[i] = std::min(distance[i], (looks[i] - looks[next]).norm());
+        if (distance[i] >= 0)
+          distance[i] = std::min(distance[i], (appearance[i] - appearance[next]).norm());
       }
       next = static_cast<size_t>(std::ranges::max_element(distance) - distance.begin());
     }
@@ -268,7 +268,7 @@ class FrameChooser {
   }
 
   /// Cameras and information of a calibration from a few instants.
-  [[nodiscard]] RigKnowledge FirstKnowledge(const std::vector<size_t>& instants) {
+  [[nodiscard]] RigKnowledge FirstInformation(const std::vector<size_t>& instants) {
     run_.Progress("first calibration");
     std::vector<CameraInput> inputs;
     for (size_t c = 0; c < session_.cameras.size(); ++c) {
@@ -306,7 +306,7 @@ class FrameChooser {
     std::set<size_t> chosen;
     std::string why = "adds little to the frames that are chosen";
     try {
-      const RigKnowledge rig = FirstKnowledge(MostUnlike(rested, kFirstFrames));
+      const RigKnowledge rig = FirstInformation(MostDifferent(rested, kFirstFrames));
       run_.Progress("information of the frames");
       std::vector<std::optional<RigidTransform>> poses(rested.size());
       ParallelFor(
@@ -332,7 +332,7 @@ class FrameChooser {
       run_.Message(fmt::format("frames are chosen by coverage alone: {}", error.what()));
     }
     if (chosen.size() < std::min(kFirstFrames, wanted)) {
-      for (const size_t i : MostUnlike(rested, wanted)) chosen.insert(i);
+      for (const size_t i : MostDifferent(rested, wanted)) chosen.insert(i);
       why = "looks like frames that are chosen";
     }
     for (const size_t i : rested) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Which frames of a long recording are worth their place in a calibration.
+// Choice of the frames of a long recording that lower the uncertainty of a calibration most.
 #pragma once
 
 #include <string>
@@ -20,7 +20,7 @@ struct CameraImages {
   std::vector<FrameImage> images, white;
 };
 
-/// What was left out, and chosen_frames.csv; empty: all frames are kept.
+/// Images that are left out, and chosen_frames.csv; empty: all frames are kept.
 struct FrameChoice {
   std::vector<LeftOut> left_out;
   std::string table;

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Images and points that were left out, with reasons, as messages and as a table.
 #pragma once
 
 #include <string>

@@ -2,6 +2,7 @@
 #include "engine/observe/scene_images.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <map>
@@ -17,10 +18,11 @@
 #include "detectors/images/image.h"
 #include "engine/observe/left_out.h"
 #include "engine/observe/scene_session.h"
-#include "engine/recording/frames/session_images.h"
-#include "engine/recording/image_files.h"
+#include "engine/recording/frames/session_frames.h"
+#include "engine/recording/stores/image_index.h"
 #include "engine/recording/stores/image_lister.h"
 #include "engine/scene/track/follow_points.h"
+#include "engine/session/calibration_input.h"
 #include "targets/target.h"
 
 namespace plenocal {
@@ -96,16 +98,7 @@ class SceneImageFollower {
     if (of.size == ImageSize{}) {
       throw InputError("{}: {}", camera.name, failure);
     }
-    if (camera.image_size != ImageSize{} && camera.image_size != of.size) {
-      throw InputError(
-          "{}: the images are {} x {} pixels, but the session's image_size says "
-          "{} x {}",
-          camera.name,
-          of.size[0],
-          of.size[1],
-          camera.image_size[0],
-          camera.image_size[1]);
-    }
+    CheckImageSize(camera, of.size);
   }
 
   void NameFrames() {

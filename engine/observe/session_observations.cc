@@ -2,6 +2,7 @@
 #include "engine/observe/session_observations.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <iterator>
@@ -19,9 +20,10 @@
 #include "detectors/detect.h"
 #include "engine/observe/choose_frames.h"
 #include "engine/observe/left_out.h"
-#include "engine/recording/frames/session_images.h"
+#include "engine/recording/frames/session_frames.h"
 #include "engine/recording/frames/session_times.h"
 #include "engine/recording/stores/image_lister.h"
+#include "engine/session/calibration_input.h"
 #include "engine/session/look_alikes.h"
 #include "engine/session/proposal_text.h"
 
@@ -46,17 +48,6 @@ std::vector<CameraImages> ListCameraImages(const Session& session, const Run& ru
     lists.back().white = ListImages(camera.white_images, camera.name + ": white_images");
   }
   return lists;
-}
-
-void CheckImageSize(const SessionCamera& camera, ImageSize found) {
-  const ImageSize stated = camera.image_size;
-  if (stated == ImageSize{} || stated == found) return;
-  throw InputError("{}: the images are {} x {} pixels, but the session's image_size says {} x {}",
-                   camera.name,
-                   found[0],
-                   found[1],
-                   stated[0],
-                   stated[1]);
 }
 
 /// Adds one camera of a session after the other to its `SessionObservations`.
@@ -297,23 +288,6 @@ SessionObservations Collect(const Session& session,
 }
 
 }  // namespace
-
-CameraInput InputWithoutViews(const SessionCamera& camera) {
-  return {.name = camera.name,
-          .model = camera.model,
-          .config = camera.config,
-          .initial = camera.initial,
-          .fixed = camera.fixed,
-          .rules = camera.rules,
-          .image_size = camera.image_size,
-          .views = {}};
-}
-
-size_t CountObservations(std::span<const View> views) {
-  size_t count = 0;
-  for (const View& view : views) count += view.observations.size();
-  return count;
-}
 
 SessionObservations CollectObservations(const Session& session,
                                         const Target& target,

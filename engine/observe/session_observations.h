@@ -36,17 +36,11 @@ struct SessionObservations {
   std::vector<LeftOut> left_out;                    ///< images and markers, with reasons
 };
 
-/// Where `CollectObservations` keeps intermediate results.
+/// Destinations of the intermediate results of `CollectObservations`.
 struct DetectionPlaces {
   DetectionCache* cache = nullptr;   ///< detections for later runs; null: not kept
   OutputFolder* pictures = nullptr;  ///< pictures of the stages, images/<camera>/...; null: none
 };
-
-/// What the session gives of a camera.
-CameraInput InputWithoutViews(const SessionCamera& camera);
-
-/// Number of points in all views.
-size_t CountObservations(std::span<const View> views);
 
 /// Reads the detection files of a session and detects the target in its images; prints one line per
 /// camera. Throws `Error` when the images of a camera show no target, and `Stopped` after Ctrl-C.

@@ -46,6 +46,11 @@ NameParts PartsOf(const FrameImage& file) {
   return parts;
 }
 
+std::string LowerCase(std::string text) {
+  for (char& c : text) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  return text;
+}
+
 /// Files of one camera by a key of their names.
 using Groups = std::map<std::string, std::vector<NameParts>>;
 
@@ -90,9 +95,7 @@ std::optional<Groups> ByNumber(const std::vector<NameParts>& files) {
   const std::string& text = files.front().text;
   const auto other = [&](const NameParts& file) { return file.text != text; };
   if (std::ranges::any_of(files, other)) return std::nullopt;
-  std::string lower = text;
-  std::ranges::transform(
-      lower, lower.begin(), [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  const std::string lower = LowerCase(text);
   size_t at = 0;
   for (size_t n = 0; n < files.front().numbers.size(); ++n) {
     const size_t hash = lower.find('#', at);
@@ -115,7 +118,7 @@ std::optional<Groups> ByNumber(const std::vector<NameParts>& files) {
   return std::nullopt;
 }
 
-// What distinguishes the keys, as a name.
+// Names of the parts in which the keys differ.
 std::map<std::string, std::string> NamesOfKeys(const Groups& groups) {
   std::vector<std::string> keys;
   for (const auto& [key, group] : groups) keys.push_back(key);
@@ -176,9 +179,8 @@ std::vector<std::string> PatternsOf(const std::vector<NameParts>& group, const G
   return glob.empty() ? paths : std::vector{glob};
 }
 
-bool IsWhiteName(std::string name) {
-  std::ranges::transform(
-      name, name.begin(), [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+bool IsWhiteName(const std::string& folder) {
+  const std::string name = LowerCase(folder);
   for (const std::string_view end : {"white", "whites", "white_images", "white-images"}) {
     if (!name.ends_with(end)) continue;
     const size_t before = name.size() - end.size();
@@ -187,7 +189,7 @@ bool IsWhiteName(std::string name) {
   return false;
 }
 
-// Of folders that any camera may have.
+// True for names of folders that any camera may have.
 bool IsGeneral(const std::string& name) {
   constexpr std::array kGeneral{"data", "images", "image", "imgs", "img", "frames", "raw"};
   return std::ranges::find(kGeneral, name) != kGeneral.end();

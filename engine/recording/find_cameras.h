@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Cameras in folders of images, by the names of folders and files.
 #pragma once
 
 #include <filesystem>

@@ -24,7 +24,7 @@ namespace fs = std::filesystem;
 bool IsDigit(char c) { return std::isdigit(static_cast<unsigned char>(c)) != 0; }
 bool HasWildcard(const std::string& text) { return text.find_first_of("*?[") != std::string::npos; }
 
-// What all texts begin with, without a part of a number.
+// The common beginning of all texts, without a part of a number.
 std::string CommonBeginning(const std::vector<std::string>& texts) {
   std::string common = texts.front();
   for (const std::string& text : texts) {
@@ -69,7 +69,7 @@ std::string YamlPath(const std::string& pattern, const fs::path& folder) {
     (rest.empty() && !HasWildcard(part.string()) ? base : rest) /= part;
   }
   const fs::path to = fs::weakly_canonical(base), from = fs::weakly_canonical(folder);
-  // Where the root alone is common, the whole path is easier to read.
+  // The whole path is easier to read if the root alone is common.
   const auto top = [](const fs::path& path) {
     return *std::next(path.begin(), path.has_relative_path() ? 1 : 0);
   };

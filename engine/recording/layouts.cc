@@ -8,9 +8,9 @@
 
 #include "calib/base/format_error.h"
 #include "engine/recording/find_cameras.h"
-#include "engine/recording/image_files.h"
-#include "engine/recording/stores/recorded_topics.h"
+#include "engine/recording/recorded_topics.h"
 #include "engine/recording/stores/video_store.h"
+#include "engine/recording/stores/zip_archive.h"
 
 namespace plenocal {
 namespace {
@@ -54,7 +54,7 @@ void AddForeign(const fs::path& path, const std::string& format, RecordingFile* 
 
 std::optional<RecordingFile> FindEuroc(const fs::path& folder) {
   const fs::path top = fs::is_directory(folder / "mav0") ? folder / "mav0" : folder;
-  RecordingFile file{.path = folder, .layout = "EuRoC"};
+  RecordingFile file{{.path = folder, .layout = "EuRoC"}};
   for (const fs::path& entry : EntriesOf(top)) {
     const std::string name = entry.filename().string();
     const fs::path images = FolderOrArchive(entry / "data");
@@ -68,7 +68,7 @@ std::optional<RecordingFile> FindEuroc(const fs::path& folder) {
 
 std::optional<RecordingFile> FindKitti(const fs::path& folder) {
   if (!fs::exists(folder / "times.txt")) return std::nullopt;
-  RecordingFile file{.path = folder, .layout = "KITTI"};
+  RecordingFile file{{.path = folder, .layout = "KITTI"}};
   for (const char* name : {"image_0", "image_1", "image_2", "image_3"}) {
     const fs::path images = FolderOrArchive(folder / name);
     if (!images.empty()) file.cameras.push_back(CameraAt(name, images, folder / "times.txt"));
@@ -81,7 +81,7 @@ std::optional<RecordingFile> FindKitti(const fs::path& folder) {
 std::optional<RecordingFile> FindTum(const fs::path& folder) {
   const fs::path images = FolderOrArchive(folder / "images"), times = folder / "times.txt";
   if (images.empty() || !fs::exists(times)) return std::nullopt;
-  RecordingFile file{.path = folder, .layout = "TUM monoVO"};
+  RecordingFile file{{.path = folder, .layout = "TUM monoVO"}};
   RecordedFiles camera = CameraAt("cam", images, times);
   camera.response = IfExists(folder / "pcalib.txt");
   camera.vignetting = IfExists(folder / "vignette.png");
@@ -98,7 +98,7 @@ fs::path TimesBeside(const std::string& camera, const fs::path& images, const fs
 }
 
 RecordingFile FindFolders(const fs::path& folder) {
-  RecordingFile file{.path = folder, .layout = "folders"};
+  RecordingFile file{{.path = folder, .layout = "folders"}};
   std::vector<fs::path> archives;
   for (const fs::path& entry : EntriesOf(folder)) {
     const bool named = IsArchiveName(entry) || IsVideoName(entry);
@@ -123,7 +123,7 @@ RecordingFile FindFolders(const fs::path& folder) {
 }
 
 RecordingFile FindInArchive(const fs::path& path) {
-  RecordingFile file{.path = path, .layout = "archive"};
+  RecordingFile file{{.path = path, .layout = "archive"}};
   const ZipArchive archive(path);
   for (const std::string& folder : ImageFoldersIn(archive)) {
     const std::string name = folder.empty() ? path.stem() : fs::path(folder).filename();
@@ -143,7 +143,7 @@ RecordingFile FindRecordingFile(const fs::path& path) {
   if (IsArchiveName(path)) return FindInArchive(path);
   if (IsMessageFileName(path) || IsMessageFolder(path)) return FindInMessages(path);
   if (IsVideoName(path)) {
-    RecordingFile file{.path = path, .layout = "video"};
+    RecordingFile file{{.path = path, .layout = "video"}};
     file.cameras.push_back(CameraAt(path.stem().string(), path, {}));
     return file;
   }

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Layouts of recordings by other programs: TUM monoVO, EuRoC, KITTI, folders, archives.
 #pragma once
 
 #include <filesystem>
@@ -7,7 +9,7 @@
 
 namespace plenocal {
 
-/// What a recording consists of: `path` is a recording.yaml, a folder that holds one, a zip archive
+/// The parts of a recording. `path` is a recording.yaml, a folder that holds one, a zip archive
 /// of images, a recording of messages (MCAP, ROS), a video, or a folder in one of these layouts:
 /// - TUM monoVO: images/ or images.zip, times.txt; camera.txt, pcalib.txt, vignette.png
 /// - EuRoC: mav0/cam0/data.csv and data/, mav0/cam1 ...

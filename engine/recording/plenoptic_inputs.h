@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Where the micro lenses of raw plenoptic images without a session come from.
+// Inputs that give the micro lenses of raw plenoptic images without a session.
 #pragma once
 
 #include <filesystem>

@@ -17,24 +17,14 @@
 
 namespace plenocal {
 
-/// An image of a recording.
-struct RecordedImage {
-  std::string name;                ///< of its frame
-  std::optional<double> time;      ///< s
-  std::optional<double> exposure;  ///< ms
+struct RecordedImage : FrameImage {
+  std::optional<double> exposure = {};  ///< ms
 };
 
-struct RecordedCamera {
-  std::string name;
-  std::vector<RecordedImage> images;  ///< by time, without times by name
-  std::vector<FrameImage> files;      ///< of `images`, by the same index
+struct RecordedCamera : RecordedCameraFacts {
+  std::vector<RecordedImage> images = {};  ///< by time, without times by name
   ImageSize image_size{};
-  std::vector<FrameImage> white_images;
-  std::optional<BayerOrder> bayer;   ///< of raw mosaics
-  std::optional<double> pixel_size;  ///< m
-  std::filesystem::path vignetting;  ///< image; empty: none
-  std::filesystem::path response;    ///< pcalib.txt; empty: none
-  std::optional<MarkerFile> markers;
+  std::vector<FrameImage> white_images = {};
   size_t exposures_filled = 0;  ///< images whose exposure is the mean of their neighbours'
 
   /// The image as single-channel grey of the file's own depth, 8 or 16 bits; of a raw mosaic the
@@ -49,22 +39,13 @@ struct RecordedFrame {
   std::vector<std::optional<size_t>> image;  ///< per camera, index of its images
 };
 
-struct Recording {
-  std::filesystem::path path;  ///< recording.yaml, folder or archive
-  std::string layout;          ///< as `RecordingFile` names it
-  Pairing::By paired_by{};     ///< how the frames were made
-  double tolerance = 0;        ///< s, of the pairing by time
-  std::vector<RecordedCamera> cameras;
-  std::vector<RecordedFrame> frames;       ///< in the order of the recording; names are unique
-  std::vector<LeftOut> left_out;           ///< images that cannot be used
-  std::shared_ptr<const MessageLog> log;   ///< of a recording of messages; else null
-  std::vector<ImageTopic> topics;          ///< of `log`
-  std::vector<MessageTopic> other_topics;  ///< of `log`, without images
-  std::vector<std::string> notes;          ///< what is unusual in its files, in whole sentences
-  std::filesystem::path calibration;       ///< calibration.yaml; empty: none
-  std::filesystem::path truth;             ///< trajectory; empty: none
-  /// Calibrations of other programs that lie beside the images, and how to import them.
-  std::vector<ForeignCalibration> foreign;
+struct Recording : RecordingFacts {
+  Pairing::By paired_by{};  ///< how the frames were made
+  double tolerance = 0;     ///< s, of the pairing by time
+  std::vector<RecordedCamera> cameras = {};
+  std::vector<RecordedFrame> frames = {};  ///< in the order of the recording; names are unique
+  std::vector<LeftOut> left_out = {};      ///< images that cannot be used
+  std::vector<std::string> notes = {};     ///< what is unusual in its files, in whole sentences
 
   [[nodiscard]] bool HasTimes() const;
   [[nodiscard]] const RecordedCamera* FindCamera(const std::string& name) const;

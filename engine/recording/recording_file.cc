@@ -132,7 +132,7 @@ RecordingFile ReadRecordingFile(const fs::path& path) {
   root.CheckKeys(kKeys);
   root.RequireKeys(std::array<std::string_view, 1>{"cameras"},
                    "cameras: {left: {images: left/*.png}}\n");
-  RecordingFile file{.path = path, .layout = "recording.yaml"};
+  RecordingFile file{{.path = path, .layout = "recording.yaml"}};
   for (const auto& [name, node] : root.At("cameras").Entries()) {
     file.cameras.push_back(ReadRecordedFiles(name, node, path));
   }

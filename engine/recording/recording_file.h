@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// What a recording consists of, before its images are looked at: told by recording.yaml
+// The parts of a recording before its images are read: stated by recording.yaml
 // (docs/formats.md), or found in the layouts of other programs (layouts.h).
 #pragma once
 
@@ -12,8 +12,8 @@
 
 #include "calib/camera/bayer.h"
 #include "calib/files/pairing_key.h"
+#include "engine/recording/frames/times.h"
 #include "engine/recording/stores/message_log.h"
-#include "engine/recording/times.h"
 
 namespace plenocal {
 
@@ -25,19 +25,24 @@ struct MarkerFile {
   int skip = 0;                      ///< lines before the first row
 };
 
-/// A camera of a recording.
-struct RecordedFiles {
+/// Properties of a recorded camera that its files state.
+struct RecordedCameraFacts {
   std::string name;
+  std::optional<BayerOrder> bayer = {};   ///< of raw mosaics
+  std::optional<double> pixel_size = {};  ///< m
+  std::filesystem::path vignetting = {};  ///< image; empty: none
+  std::filesystem::path response = {};    ///< pcalib.txt; empty: none
+  std::optional<MarkerFile> markers = {};
+};
+
+/// The files of a camera of a recording.
+struct RecordedFiles : RecordedCameraFacts {
   std::string where;                ///< begins messages about its images
   std::vector<std::string> images;  ///< globs, folders, files, archives, "archive.zip/folder"
   std::filesystem::path times;      ///< empty: none
   ExposureUnit exposure_unit = ExposureUnit::kMilliseconds;
   std::vector<std::string> white_images;  ///< globs, folders, files
-  std::optional<BayerOrder> bayer;
-  std::optional<double> pixel_size;  ///< m
-  std::filesystem::path vignetting, response;
-  std::filesystem::path tracks;  ///< scene points followed through the images; empty: none
-  std::optional<MarkerFile> markers;
+  std::filesystem::path tracks;           ///< scene points followed through the images; empty: none
 };
 
 /// A calibration in another program's form.
@@ -46,20 +51,26 @@ struct ForeignCalibration {
   std::string format;  ///< as `plenocal import` takes it; empty: none reads it
 };
 
-struct RecordingFile {
+/// Properties of a recording beside its cameras.
+struct RecordingFacts {
   std::filesystem::path path;  ///< recording.yaml, or the folder or archive that was looked at
   /// "recording.yaml", "TUM monoVO", "EuRoC", "KITTI", "folders", "archive",
   /// "MCAP", "ROS 1 bag", "ROS 2 bag" or "video".
   std::string layout;
-  std::vector<RecordedFiles> cameras = {};
-  Pairing pairing = {};
-  std::filesystem::path calibration = {}, truth = {};  ///< empty: none
-  std::filesystem::path exposures =
-      {};  ///< table in place of those in the files of times; empty: none
+  std::filesystem::path calibration = {};  ///< calibration.yaml; empty: none
+  std::filesystem::path truth = {};        ///< trajectory; empty: none
+  /// Calibrations of other programs that lie beside the images, and how to import them.
   std::vector<ForeignCalibration> foreign = {};
   std::shared_ptr<const MessageLog> log = {};   ///< of a recording of messages; else null
   std::vector<ImageTopic> topics = {};          ///< of `log`
   std::vector<MessageTopic> other_topics = {};  ///< of `log`, without images
+};
+
+struct RecordingFile : RecordingFacts {
+  std::vector<RecordedFiles> cameras = {};
+  Pairing pairing = {};
+  std::filesystem::path exposures =
+      {};  ///< table in place of those in the files of times; empty: none
 };
 
 /// Reads recording.yaml. Throws `Error` with file, line and key.

@@ -14,7 +14,7 @@
 #include "calib/files/detections.h"
 #include "calib/io/csv.h"
 #include "calib/io/input_file.h"
-#include "engine/recording/image_files.h"
+#include "engine/recording/stores/image_index.h"
 #include "engine/recording/stores/message_log.h"
 
 namespace plenocal {
@@ -29,16 +29,6 @@ std::vector<std::string> FrameNames(const Recording& recording, size_t camera) {
     if (frame.image[camera]) names[*frame.image[camera]] = frame.name;
   }
   return names;
-}
-
-ImageIndex IndexOf(const RecordedCamera& camera) {
-  std::vector<std::string> names;
-  std::vector<std::filesystem::path> files;
-  for (size_t i = 0; i < camera.images.size(); ++i) {
-    names.push_back(camera.images[i].name);
-    files.emplace_back(camera.files[i].path.string());
-  }
-  return {names, files};
 }
 
 /// The rows of a file of markers as those of a detections CSV.
@@ -112,7 +102,7 @@ class MarkerRows {
 SuppliedDetections ReadSuppliedDetections(const Recording& recording, size_t camera) {
   const RecordedCamera& recorded = recording.cameras[camera];
   const std::vector<std::string> frames = FrameNames(recording, camera);
-  const ImageIndex index = IndexOf(recorded);
+  const ImageIndex index({recorded.images.begin(), recorded.images.end()});
   const std::string text = ReadTextFile(recorded.markers->path);
   MarkerRows rows(*recorded.markers, text);
   SuppliedDetections detections{.csv = rows.Header()};

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Detections and intrinsics that other programs have put beside a recording.
 #pragma once
 
 #include <cstddef>

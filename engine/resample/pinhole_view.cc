@@ -9,12 +9,13 @@
 #include <vector>
 
 #include "calib/base/format_error.h"
+#include "calib/camera/rays.h"
 #include "models/registry.h"
 
 namespace plenocal {
 namespace {
 
-/// Where a direction meets the plane at distance 1.
+/// The point in which a direction meets the plane at distance 1.
 using PlanePoint = Eigen::Vector2d;
 
 struct Intrinsics {
@@ -156,7 +157,7 @@ SeenImage ImageOf(const CalibratedCamera& camera, const Eigen::Matrix3d& R_view_
                   .R_view_camera = R_view_camera};
   image.direction = [&camera](const Eigen::Vector2d& place) -> std::optional<Eigen::Vector3d> {
     const double values[kMaxObservationSize] = {place.x(), place.y()};
-    const auto ray = camera.model->unproject(camera.params.data(), camera.config.data(), values);
+    const auto ray = Unproject(camera, values);
     if (!ray) return std::nullopt;
     return ray->direction;
   };

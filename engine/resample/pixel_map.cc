@@ -2,6 +2,7 @@
 #include "engine/resample/pixel_map.h"
 
 #include "calib/base/parallel.h"
+#include "calib/camera/rays.h"
 
 namespace plenocal {
 
@@ -25,7 +26,7 @@ PixelMap MapPixels(const CalibratedCamera& view,
     for (size_t column = 0; column < columns; ++column) {
       const double pixel[kMaxObservationSize] = {static_cast<double>(column),
                                                  static_cast<double>(row)};
-      const auto ray = view.model->unproject(view.params.data(), view.config.data(), pixel);
+      const auto ray = Unproject(view, pixel);
       if (!ray) continue;
       const auto u = place(ray->direction);
       if (!u) continue;
@@ -43,11 +44,7 @@ PixelMap MapPixels(const CalibratedCamera& view,
   const auto place = [&](const Eigen::Vector3d& direction) -> std::optional<Eigen::Vector2d> {
     const double values[kMaxObservationSize] = {};
     Eigen::Vector2d u;
-    if (!camera.model->project(camera.params.data(),
-                               camera.config.data(),
-                               values,
-                               R_camera_view * direction,
-                               u.data())) {
+    if (!Project(camera, values, R_camera_view * direction, u.data())) {
       return std::nullopt;
     }
     return u;

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Maps from the pixels of a new view to a camera's image.
 #pragma once
 
 #include <Eigen/Core>

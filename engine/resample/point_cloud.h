@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Point clouds as PLY files.
 #pragma once
 
 #include <array>

@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "calib/base/format_error.h"
+#include "calib/camera/rays.h"
 
 namespace plenocal {
 namespace {
@@ -20,14 +21,9 @@ std::optional<double> Row(const CalibratedCamera& view,
                           const Eigen::Matrix3d& R_view_camera,
                           const CalibratedCamera& camera,
                           const Observation& observation) {
-  const auto ray = camera.model->unproject(
-      camera.params.data(), camera.config.data(), observation.values.data());
+  const auto ray = Unproject(camera, observation.values.data());
   double u[2];
-  if (!ray || !view.model->project(view.params.data(),
-                                   view.config.data(),
-                                   observation.values.data(),
-                                   R_view_camera * ray->direction,
-                                   u)) {
+  if (!ray || !Project(view, observation.values.data(), R_view_camera * ray->direction, u)) {
     return std::nullopt;
   }
   return u[1];

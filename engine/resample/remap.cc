@@ -5,8 +5,6 @@
 #include <array>
 #include <opencv2/imgproc.hpp>
 
-#include "engine/resample/resample_images.h"
-
 namespace plenocal {
 namespace {
 

@@ -1,12 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Resampling of images by one map, with cv::remap.
 #pragma once
 
+#include <array>
 #include <opencv2/core/mat.hpp>
 #include <string>
 
 #include "engine/resample/pixel_map.h"
 
 namespace plenocal {
+
+/// Names of the ways to interpolate.
+inline constexpr std::array kInterpolations{"linear", "nearest", "cubic", "lanczos"};
 
 /// Applies one map to images: cv::remap, black where the map has no source.
 class Remap {

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Images of two cameras in pairs, and pictures of a pair.
 #pragma once
 
 #include <array>

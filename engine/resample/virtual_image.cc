@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "calib/base/format_error.h"
+#include "calib/camera/rays.h"
 
 namespace plenocal {
 namespace {
@@ -72,7 +73,7 @@ RigidTransform VirtualImage::ViewFromCamera() const {
 std::optional<Ray> VirtualImage::RayOf(const Eigen::Vector2d& place,
                                        const Eigen::Vector2d& lens) const {
   const double values[kMaxObservationSize] = {place.x(), place.y(), lens.x(), lens.y()};
-  return camera_.model->unproject(camera_.params.data(), camera_.config.data(), values);
+  return Unproject(camera_, values);
 }
 
 std::optional<Eigen::Vector3d> VirtualImage::Direction(const Eigen::Vector2d& q) const {

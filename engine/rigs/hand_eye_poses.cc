@@ -18,7 +18,7 @@
 #include "calib/rig/pose_track.h"
 #include "calib/rig/trajectory.h"
 #include "engine/recording/frames/session_times.h"
-#include "engine/recording/times.h"
+#include "engine/recording/frames/times.h"
 #include "engine/session/calibration_folder.h"
 #include "models/registry.h"
 
@@ -47,7 +47,7 @@ OutsideOptions OptionsOf(const HandEyeRequest& request) {
   return {.mount = request.mount, .scale = request.scale};
 }
 
-// Whether a file of poses names frames; else it has times.
+// True if a file of poses names frames; else it has times.
 bool NamesFrames(const std::filesystem::path& path) {
   constexpr size_t kStart = 4096;
   const std::string start = ReadInputStart(path, kStart);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Where a rig is mounted on a robot, from a calibration and the robot's poses.
+// Pose of a rig on a robot (hand-eye calibration), from a calibration and the robot's poses.
 #pragma once
 
 #include <filesystem>

@@ -57,7 +57,7 @@ bool IsSameFile(const fs::path& a, const fs::path& b) {
   return fs::equivalent(a, b, error) && !error;
 }
 
-// What stands in two calibrations would count twice.
+// Refuses calibrations of which one contains the other: it would count twice.
 void RefuseRepeated(const std::vector<CalibrationRecord>& records) {
   for (size_t i = 0; i < records.size(); ++i) {
     for (size_t j = 0; j < records.size(); ++j) {

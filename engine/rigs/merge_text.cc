@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <cmath>
 
@@ -11,11 +12,8 @@ namespace plenocal {
 namespace {
 
 std::string CameraText(const CalibratedCamera& camera) {
-  std::string text = fmt::format("{}  ({}, {} x {} px)\n",
-                                 camera.name,
-                                 camera.model->name,
-                                 camera.image_size[0],
-                                 camera.image_size[1]);
+  std::string text = fmt::format(
+      "{}  ({}, {} px)\n", camera.name, camera.model->name, fmt::join(camera.image_size, " x "));
   for (size_t k = 0; k < camera.params.size(); ++k) {
     if (camera.model->params[k].prior_sigma > 0) continue;  // too many to read
     text += fmt::format("  {:<10} {:>16.9g} +- {:.2g}\n",

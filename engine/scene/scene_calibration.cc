@@ -134,7 +134,7 @@ class SceneCalibration {
     return cameras;
   }
 
-  // Where no focal length is given, the one that places most frames, with the smallest residuals.
+  // Takes the focal length that places most frames with the smallest residuals, if none is given.
   void Reconstruct() {
     const CameraInput& first = first_inputs_[0];
     bool given = true;
@@ -235,16 +235,23 @@ class SceneCalibration {
     return *best;
   }
 
+  // T_camera_target of each view from the reconstructed poses of the rig.
+  std::vector<std::optional<RigidTransform>> Poses(const std::vector<View>& views,
+                                                   const RigidTransform& T_camera_rig) const {
+    std::vector<std::optional<RigidTransform>> poses;
+    for (const View& view : views) {
+      const auto frame = std::ranges::lower_bound(tracks_.frames, view.frame);
+      const auto& T = scene_.T_rig_target[static_cast<size_t>(frame - tracks_.frames.begin())];
+      poses.push_back(T ? std::optional(T_camera_rig * *T) : std::nullopt);
+    }
+    return poses;
+  }
+
   // One of the first cameras, as it was adjusted.
   CameraGuess GuessOfFirst(size_t i) const {
     CameraGuess guess;
     guess.params = scene_.cameras[i].params;
-    for (const View& view : first_inputs_[i].views) {
-      const auto frame = std::ranges::lower_bound(tracks_.frames, view.frame);
-      const auto& T = scene_.T_rig_target[static_cast<size_t>(frame - tracks_.frames.begin())];
-      guess.T_camera_target.push_back(T ? std::optional(scene_.cameras[i].T_camera_rig * *T)
-                                        : std::nullopt);
-    }
+    guess.T_camera_target = Poses(first_inputs_[i].views, scene_.cameras[i].T_camera_rig);
     return guess;
   }
 
@@ -261,11 +268,7 @@ class SceneCalibration {
     const RigidTransform T_camera_first = *input_.cameras.T_camera_rig[c] *
                                           input_.cameras.T_camera_rig[first_[0]]->Inverse() *
                                           scene_.cameras[0].T_camera_rig;
-    for (const View& view : cameras_[c].views) {
-      const auto frame = std::ranges::lower_bound(tracks_.frames, view.frame);
-      const auto& T = scene_.T_rig_target[static_cast<size_t>(frame - tracks_.frames.begin())];
-      guess.T_camera_target.push_back(T ? std::optional(T_camera_first * *T) : std::nullopt);
-    }
+    guess.T_camera_target = Poses(cameras_[c].views, T_camera_first);
     return guess;
   }
 
@@ -409,7 +412,7 @@ class SceneCalibration {
     FailWithoutPosition(MarkersAt(first.a).empty() ? first.a : first.b, first);
   }
 
-  // Where a tag was not seen, the others give the scale.
+  // The other tags give the scale for a tag that was not seen.
   void AddTags(const SceneTags& tags) {
     for (const int id : tags.ids) {
       const ScenePosition tag{fmt::format("tag {}", id), CornersOfTag(id)};
@@ -439,7 +442,7 @@ class SceneCalibration {
     return true;
   }
 
-  // Whether some view shows each of its points; a number that none has is a slip of the user.
+  // True if some view shows each of its points; a number that no view has is a slip of the user.
   [[nodiscard]] bool IsTracked(const ScenePosition& position) const {
     const auto tracked = [&](int number) {
       const auto same = [&](const Observation& seen) { return seen.marker == number; };

@@ -8,6 +8,8 @@
 #include <numbers>
 #include <set>
 
+#include "calib/camera/rays.h"
+
 namespace plenocal {
 namespace {
 
@@ -115,7 +117,7 @@ class SceneFindings {
   }
 
  private:
-  // What the camera's parameters make of a defect.
+  // The grade of a defect follows from the standard errors of the camera's parameters.
   [[nodiscard]] Grade GradeOfDefect() const {
     if (!poor_) return Grade::kGood;
     return worst_.part > kOpenSensor ? Grade::kBad : Grade::kUsable;
@@ -277,10 +279,7 @@ DepthFactors DepthFactorsOf(const Bundle& bundle, size_t c) {
                                bundle.markers[static_cast<size_t>(seen.marker)].position);
     std::array<double, kMaxObservationSize> values = seen.seen.values;
     double here[kMaxObservationSize], there[kMaxObservationSize];
-    const auto project = [&](double* out) {
-      return camera.model->project(
-          camera.params.data(), camera.config.data(), values.data(), p, out);
-    };
+    const auto project = [&](double* out) { return Project(camera, values.data(), p, out); };
     if (!project(here)) continue;
     values[2] += 1;  // the micro lens one pixel to the right
     if (project(there)) factors.push_back(1 / (1 - (there[0] - here[0])));

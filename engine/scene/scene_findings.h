@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// What a calibration without a target leaves open, and why (docs/scene.md).
+// Findings about what a calibration without a target leaves open (docs/scene.md).
 #pragma once
 
 #include <vector>
@@ -10,7 +10,7 @@
 
 namespace plenocal {
 
-/// Whether a distance, extrinsics or a length inside of a plenoptic camera gives the scale.
+/// True if a distance, extrinsics or a length inside of a plenoptic camera gives the scale.
 bool HasScale(const Bundle& bundle);
 
 /// Defects of the scene and of the path: no scale, one depth, no turning, no parallax, B of a

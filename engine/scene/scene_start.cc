@@ -15,6 +15,7 @@
 #include "calib/adjust/poses.h"
 #include "calib/base/linear_algebra.h"
 #include "calib/base/statistics.h"
+#include "calib/camera/rays.h"
 
 namespace plenocal {
 namespace {
@@ -37,8 +38,7 @@ Range ObservationsOf(const Bundle& bundle, size_t frame) {
 // Ray of an observation in the frame of its rig.
 std::optional<Ray> RigRay(const Bundle& bundle, const BundleObservation& observation) {
   const BundleCamera& camera = bundle.cameras[static_cast<size_t>(observation.camera)];
-  const std::optional<Ray> ray = camera.model->unproject(
-      camera.params.data(), camera.config.data(), observation.seen.values.data());
+  const std::optional<Ray> ray = Unproject(camera, observation.seen.values.data());
   if (!ray) return std::nullopt;
   const RigidTransform T_rig_camera = camera.T_camera_rig.Inverse();
   return Ray{T_rig_camera * ray->origin, T_rig_camera.R * ray->direction};
@@ -69,8 +69,8 @@ std::optional<RayPoint> IntersectRays(const std::vector<Ray>& rays) {
   return point;
 }
 
-// The landmarks with positions that one camera of a frame shows, as directions for P3P.
-struct Sight {
+// Landmarks with positions that one camera of a frame shows, as directions for P3P.
+struct SeenDirections {
   std::vector<size_t> observations;
   std::vector<cv::Point3d> points;
   std::vector<cv::Point2d> directions;  // x / z, y / z in the camera's frame
@@ -87,8 +87,7 @@ std::optional<Eigen::Vector3d> DirectionOf(const Bundle& bundle, Range observati
   for (size_t i = observations.begin; i < observations.end; ++i) {
     const BundleObservation& seen = bundle.observations[i];
     const BundleCamera& camera = bundle.cameras[static_cast<size_t>(seen.camera)];
-    const std::optional<Ray> ray = camera.model->unproject(
-        camera.params.data(), camera.config.data(), seen.seen.values.data());
+    const std::optional<Ray> ray = Unproject(camera, seen.seen.values.data());
     if (ray) rays.push_back(*ray);
   }
   if (rays.empty()) return std::nullopt;
@@ -97,10 +96,10 @@ std::optional<Eigen::Vector3d> DirectionOf(const Bundle& bundle, Range observati
   return point ? std::optional(point->position.normalized()) : std::nullopt;
 }
 
-Sight SightOf(const SceneState& state, size_t frame, int camera) {
+SeenDirections DirectionsSeen(const SceneState& state, size_t frame, int camera) {
   const Bundle& bundle = *state.bundle;
   const Range range = ObservationsOf(bundle, frame);
-  Sight sight;
+  SeenDirections seen_points;
   for (size_t i = range.begin, end = i; i < range.end; i = end) {
     end = EndOfMarker(bundle.observations, i);
     const BundleObservation& observation = bundle.observations[i];
@@ -109,11 +108,12 @@ Sight SightOf(const SceneState& state, size_t frame, int camera) {
     const std::optional<Eigen::Vector3d> direction = DirectionOf(bundle, {i, end});
     if (!direction || direction->z() < std::sqrt(1 - kWidestSine * kWidestSine)) continue;
     const Eigen::Vector3d& p = bundle.markers[m].position;
-    sight.observations.push_back(i);
-    sight.points.emplace_back(p.x(), p.y(), p.z());
-    sight.directions.emplace_back(direction->x() / direction->z(), direction->y() / direction->z());
+    seen_points.observations.push_back(i);
+    seen_points.points.emplace_back(p.x(), p.y(), p.z());
+    seen_points.directions.emplace_back(direction->x() / direction->z(),
+                                        direction->y() / direction->z());
   }
-  return sight;
+  return seen_points;
 }
 
 RigidTransform PoseOf(const cv::Mat& rotation, const cv::Mat& translation) {
@@ -136,7 +136,7 @@ class PoseFinder {
       const auto m = static_cast<size_t>(bundle_.observations[i].marker);
       if (state.has_point[m]) known_.push_back(i);
     }
-    std::sample(known_.begin(), known_.end(), std::back_inserter(judges_), kJudges, random_);
+    std::sample(known_.begin(), known_.end(), std::back_inserter(sample_), kSampleSize, random_);
   }
 
   std::optional<PoseSearch> Run() {
@@ -144,10 +144,10 @@ class PoseFinder {
     double best_cost = kInfinity;
     const int samples = limit_ ? kSamplesAmongMany : kSamples;
     const RigidTransform before = bundle_.T_rig_target[frame_];
-    const auto [camera, sight] = BestSight();
+    const auto [camera, seen_points] = BestView();
     const RigidTransform T_rig_camera = bundle_.cameras[camera].T_camera_rig.Inverse();
-    for (int sample = 0; sample < samples && !sight.points.empty(); ++sample) {
-      for (const RigidTransform& T_camera_target : Hypotheses(sight)) {
+    for (int sample = 0; sample < samples && !seen_points.points.empty(); ++sample) {
+      for (const RigidTransform& T_camera_target : Hypotheses(seen_points)) {
         const RigidTransform T = T_rig_camera * T_camera_target;
         const double cost = Cost(T);
         if (cost >= best_cost) continue;
@@ -167,39 +167,39 @@ class PoseFinder {
   // A fifth of them good: one sample of three in 125; none in 1000 are 3e-4.
   static constexpr int kSamplesAmongMany = 1000;
   // The median of so many residuals is known to a tenth.
-  static constexpr size_t kJudges = 200;
+  static constexpr size_t kSampleSize = 200;
 
   // The camera that shows most landmarks, if they suffice; a camera without a common origin of its
   // rays only where no other does.
-  std::pair<size_t, Sight> BestSight() const {
-    std::pair<size_t, Sight> best;
+  std::pair<size_t, SeenDirections> BestView() const {
+    std::pair<size_t, SeenDirections> best;
     for (const bool central : {true, false}) {
       for (size_t c = 0; c < bundle_.cameras.size(); ++c) {
         if (bundle_.cameras[c].model->central != central) continue;
-        Sight sight = SightOf(state_, frame_, static_cast<int>(c));
-        if (sight.points.size() < std::max(kFewestLandmarks, best.second.points.size() + 1)) {
+        SeenDirections seen_points = DirectionsSeen(state_, frame_, static_cast<int>(c));
+        if (seen_points.points.size() < std::max(kFewestLandmarks, best.second.points.size() + 1)) {
           continue;
         }
-        best = {c, std::move(sight)};
+        best = {c, std::move(seen_points)};
       }
       if (!best.second.points.empty()) break;
     }
     return best;
   }
 
-  std::vector<RigidTransform> Hypotheses(const Sight& sight) {
+  std::vector<RigidTransform> Hypotheses(const SeenDirections& seen_points) {
     std::vector<cv::Point3d> points;
     std::vector<cv::Point2d> directions;
     std::array<size_t, 3> chosen{};
-    std::uniform_int_distribution<size_t> any(0, sight.points.size() - 1);
+    std::uniform_int_distribution<size_t> any(0, seen_points.points.size() - 1);
     for (size_t i = 0; i < chosen.size(); ++i) {
       do {
         chosen[i] = any(random_);
       } while (std::find(chosen.begin(),
                          chosen.begin() + static_cast<std::ptrdiff_t>(i),
                          chosen[i]) != chosen.begin() + static_cast<std::ptrdiff_t>(i));
-      points.push_back(sight.points[chosen[i]]);
-      directions.push_back(sight.directions[chosen[i]]);
+      points.push_back(seen_points.points[chosen[i]]);
+      directions.push_back(seen_points.directions[chosen[i]]);
     }
     std::vector<cv::Mat> rotations, translations;
     cv::solveP3P(points,
@@ -221,7 +221,7 @@ class PoseFinder {
   double Cost(const RigidTransform& T) {
     bundle_.T_rig_target[frame_] = T;
     residuals_.clear();
-    for (const size_t i : judges_) {
+    for (const size_t i : sample_) {
       residuals_.push_back(ResidualLength(bundle_, bundle_.observations[i]));
     }
     if (limit_) {
@@ -273,7 +273,7 @@ class PoseFinder {
   size_t frame_;
   std::optional<double> limit_;
   std::vector<size_t> known_;   // observations of landmarks with positions
-  std::vector<size_t> judges_;  // some of them
+  std::vector<size_t> sample_;  // some of them
   std::vector<double> residuals_;
   std::mt19937 random_;
 };
@@ -325,7 +325,7 @@ bool AcceptPoint(const std::vector<size_t>& observations,
 }
 
 // A landmark's observations in the first frame with a pose.
-std::vector<size_t> SightInFirstFrame(const SceneState& state, int marker) {
+std::vector<size_t> ObservationsInFirstFrame(const SceneState& state, int marker) {
   const auto& observations = state.bundle->observations;
   std::vector<size_t> first;
   for (const size_t i : state.observations_of[static_cast<size_t>(marker)]) {
@@ -376,7 +376,7 @@ double ResidualLength(const Bundle& bundle, const BundleObservation& observation
       camera.T_camera_rig * (T * bundle.markers[static_cast<size_t>(observation.marker)].position);
   double predicted[kMaxObservationSize];
   const double* const values = observation.seen.values.data();
-  if (!camera.model->project(camera.params.data(), camera.config.data(), values, p, predicted)) {
+  if (!Project(camera, values, p, predicted)) {
     return kInfinity;
   }
   double square = 0;
@@ -452,7 +452,7 @@ void Triangulate(size_t frame, double largest_residual, SceneState* state) {
   }
   for (const auto& [marker, observations] : of_marker) {
     if (observations.size() > 1 && AcceptPoint(observations, largest_residual, state)) continue;
-    std::vector<size_t> with_first = SightInFirstFrame(*state, marker);
+    std::vector<size_t> with_first = ObservationsInFirstFrame(*state, marker);
     if (with_first.empty() || bundle.observations[with_first[0]].frame == static_cast<int>(frame)) {
       continue;
     }

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Tracks of scene points, and the bundle that they make.
 #pragma once
 
 #include <span>

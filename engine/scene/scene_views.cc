@@ -10,6 +10,7 @@
 #include "calib/adjust/problem.h"
 #include "calib/base/error.h"
 #include "calib/base/statistics.h"
+#include "calib/camera/rays.h"
 #include "calib/estimate/reject.h"
 #include "calib/noise/camera_noise.h"
 #include "engine/scene/scene_start.h"
@@ -27,8 +28,7 @@ std::vector<FrameDirections> DirectionsOfFrames(const Bundle& bundle) {
   std::vector<FrameDirections> frames(bundle.T_rig_target.size());
   const BundleCamera& camera = bundle.cameras[0];
   for (const BundleObservation& seen : bundle.observations) {
-    const std::optional<Ray> ray = camera.model->unproject(
-        camera.params.data(), camera.config.data(), seen.seen.values.data());
+    const std::optional<Ray> ray = Unproject(camera, seen.seen.values.data());
     constexpr double kLeastCosine = 0.2;  // x / z grows beyond all bounds
     if (!ray || ray->direction.z() < kLeastCosine) continue;
     frames[static_cast<size_t>(seen.frame)][seen.marker] = {

@@ -2,10 +2,12 @@
 #include "engine/session/calibration_input.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <limits>
 
+#include "calib/base/format_error.h"
 #include "calib/base/statistics.h"
 #include "engine/session/session_targets.h"
 
@@ -46,6 +48,37 @@ double MarkerSigmaOfSession(const Session& session, const Target& target, const 
 }
 
 }  // namespace
+
+void UseSessionCamera(const SessionCamera& camera, CameraInput* input) {
+  input->model = camera.model;
+  input->config = camera.config;
+  input->initial = camera.initial;
+  input->fixed = camera.fixed;
+  input->rules = camera.rules;
+}
+
+CameraInput InputWithoutViews(const SessionCamera& camera) {
+  CameraInput input;
+  input.name = camera.name;
+  input.image_size = camera.image_size;
+  UseSessionCamera(camera, &input);
+  return input;
+}
+
+void CheckImageSize(const SessionCamera& camera, ImageSize found) {
+  const ImageSize stated = camera.image_size;
+  if (stated == ImageSize{} || stated == found) return;
+  throw InputError("{}: the images are {} pixels, but the session's image_size says {}",
+                   camera.name,
+                   fmt::join(found, " x "),
+                   fmt::join(stated, " x "));
+}
+
+size_t CountObservations(std::span<const View> views) {
+  size_t count = 0;
+  for (const View& view : views) count += view.observations.size();
+  return count;
+}
 
 double RefinedMarkerSigma(const Target& target) {
   constexpr double kPartOfSpacing = 0.01;

@@ -23,7 +23,7 @@ EarlierCameras ReadEarlierCameras(const Session& session,
 /// The calibration problem of a session with a target and what it has of earlier calibrations.
 struct BuiltOnEarlier {
   CalibrationInput input;
-  /// Of parameters that stay as the earlier calibration has them: what standard errors leave out.
+  /// Findings about parameters that keep the earlier values: standard errors leave theirs out.
   std::vector<Finding> held;
 };
 /// As `MakeCalibrationInput`. Throws likewise.

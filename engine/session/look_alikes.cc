@@ -13,10 +13,10 @@
 namespace plenocal {
 namespace {
 
-// Of marker and square: markers of 100 px differ by a pixel.
+// Relative difference of marker over square: markers of 100 px differ by a pixel.
 constexpr double kSameRatio = 0.01;
 
-// Whether a detector of the one may find parts of the other.
+// True if a detector of the one may find parts of the other.
 bool SameFamily(const Target& a, const Target& b) {
   if (a.layout.index() != b.layout.index()) return false;
   if (const auto* tags = std::get_if<TagLayout>(&a.layout)) {
@@ -31,7 +31,7 @@ bool SameFamily(const Target& a, const Target& b) {
   return std::holds_alternative<ChessboardLayout>(a.layout);
 }
 
-// Of one family. The markers of all boards have the numbers from 0 on.
+// True for one family and a common number; the markers of all boards are numbered from 0 on.
 bool ShareNumbers(const Target& a, const Target& b) {
   return SameFamily(a, b) && std::ranges::any_of(a.markers, [&](const auto& marker) {
            return b.markers.contains(marker.first);
@@ -48,7 +48,7 @@ bool SameCounts(int columns_a, int rows_a, int columns_b, int rows_b) {
   return std::minmax(columns_a, rows_a) == std::minmax(columns_b, rows_b);
 }
 
-// Whether no single image distinguishes them, whatever the size.
+// True if no single image distinguishes them, whatever the size.
 bool SamePrint(const Target& a, const Target& b) {
   if (a.layout.index() != b.layout.index()) return false;
   if (const auto* one = std::get_if<TagLayout>(&a.layout)) {

@@ -2,6 +2,7 @@
 #include "engine/session/memory_session.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <bit>
 #include <cstring>
@@ -27,7 +28,7 @@ void CheckPixels(const std::string& where, const PixelView& view) {
   const auto refuse = [&](const std::string& what) { throw InputError("{}: {}", where, what); };
   if (view.data == nullptr) refuse("a view of memory without pixels");
   if (view.size[0] <= 0 || view.size[1] <= 0) {
-    refuse(fmt::format("expected a positive size, found {} x {}", view.size[0], view.size[1]));
+    refuse(fmt::format("expected a positive size, found {}", fmt::join(view.size, " x ")));
   }
   if (view.channels != 1 && view.channels != 3) {
     refuse(fmt::format("expected 1 or 3 channels, found {}", view.channels));

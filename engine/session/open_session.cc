@@ -3,6 +3,8 @@
 
 #include "calib/base/format_error.h"
 #include "calib/base/names.h"
+#include "calib/files/frame_images.h"
+#include "engine/recording/stores/image_lister.h"
 #include "models/registry.h"
 
 namespace plenocal {
@@ -10,6 +12,14 @@ namespace plenocal {
 Session OpenSession(const std::filesystem::path& path) {
   for (const std::filesystem::path& plugin : ReadSessionPlugins(path)) AddCameraModels(plugin);
   return ReadSession(path, CameraModels());
+}
+
+bool NamesSession(const std::vector<std::string>& inputs) {
+  if (inputs.size() != 1) return false;
+  const std::string& file = inputs[0];
+  if (file.ends_with(".yaml") || file.ends_with(".yml")) return true;
+  return std::filesystem::exists(file) && !std::filesystem::is_directory(file) &&
+         !HasImageName(file) && SplitStorePattern(file).file.empty();
 }
 
 const CameraModel* ModelNamed(const std::string& option, const std::string& name) {

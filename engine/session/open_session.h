@@ -5,6 +5,7 @@
 
 #include <filesystem>
 #include <string>
+#include <vector>
 
 #include "calib/files/session.h"
 
@@ -13,6 +14,9 @@ namespace plenocal {
 /// Reads a session after the camera models of its `plugins`. Throws `Error` with file, line and
 /// key.
 Session OpenSession(const std::filesystem::path& path);
+
+/// True if the inputs of a user are a session file, and not images, folders or recordings.
+bool NamesSession(const std::vector<std::string>& inputs);
 
 /// The registered model of this name. `option` begins the message. Throws `Error` of kind kInput
 /// with the nearest name.

@@ -64,12 +64,12 @@ std::string MendOf(const TargetProposals& proposals, const Target& target) {
   if (proposals.found.empty()) return {};
   const TargetProposal& best = proposals.found[0];
   if (2 * best.images < proposals.looked_at || best.keys.empty()) return {};
-  // What an AprilGrid's file may leave out.
+  // Defaults of keys that an AprilGrid's file may leave out.
   static const std::map<std::string, std::string> kDefaults{
       {"family", "tag36h11"}, {"border_bits", "2"}, {"first_id", "0"}};
   const YamlNode keys = YamlNode::Parse(best.keys, "proposal");
   const YamlNode present = YamlNode::Parse(target.nominal_yaml, "target");
-  // What diagnosis calls a wrong value.
+  // Codes of the findings about a wrong value.
   static const std::map<std::string, std::string> kCodes{{"columns", "target_layout"},
                                                          {"rows", "target_layout"},
                                                          {"first_id", "target_layout"},

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// What to do when the target is not known, or not the one in the images.
+// Advice when the target is not known, or is not the one in the images.
 #pragma once
 
 #include <string>

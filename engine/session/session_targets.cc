@@ -115,7 +115,7 @@ std::string RefinedTargetOf(const CalibrationRecord& record, const Target& targe
     if (found == record.markers.end()) continue;
     positions[number] = T_own_target * found->second.position;
     if (!found->second.sigma) continue;
-    // Of the axes of the target's own frame; correlations between axes are small.
+    // Sigmas along the axes of the target's own frame; correlations between axes are small.
     sigmas[number] = (T_own_target.R.cwiseAbs2() * found->second.sigma->cwiseAbs2()).cwiseSqrt();
   }
   return RefinedTargetYaml(target, positions, sigmas);

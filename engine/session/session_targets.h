@@ -18,7 +18,7 @@ struct SessionTargets {
   /// numbered by `kMarkersPerTarget`.
   Target all;
   std::vector<Target> several;  ///< empty: one
-  /// Of several: two that only their mutual pose distinguishes.
+  /// Pairs of targets that only their mutual pose distinguishes.
   std::vector<IdenticalBoards> identical_boards;
 };
 

@@ -12,7 +12,7 @@
 #include "calib/base/format_error.h"
 #include "calib/base/number_text.h"
 #include "detectors/detect.h"
-#include "engine/scene/locate.h"
+#include "engine/scene/locate_view.h"
 #include "engine/suggest/calibrated_rig.h"
 #include "engine/suggest/view_target.h"
 

@@ -6,9 +6,7 @@
 
 #include <array>
 #include <filesystem>
-#include <memory>
 
-#include "apps/cli/command.h"
 #include "apps/cli/options.h"
 #include "calib/base/error.h"
 #include "calib/files/calibration_file.h"
@@ -23,7 +21,7 @@ struct RayArguments {
   std::array<double, 2> pixel{};
 };
 
-void RunRay(const RayArguments& arguments) {
+void RunRay(const RayArguments& arguments, Console* /*console*/) {
   const CalibrationRecord calibration = ReadCalibration(arguments.calibration, CameraModels());
   const CalibratedCamera& camera = FindCamera(calibration, arguments.camera);
   if (!camera.model->central) {
@@ -39,22 +37,21 @@ void RunRay(const RayArguments& arguments) {
   fmt::print("{:.9g} {:.9g} {:.9g}\n", d.x(), d.y(), d.z());
 }
 
-RunCommand Declare(CLI::App* app, ConsoleOptions* shared) {
-  const auto arguments = std::make_shared<RayArguments>();
-  app->add_option("calibration", arguments->calibration, "calibration.yaml")->required();
+void Declare(CLI::App* app, RayArguments* arguments, ConsoleOptions* shared) {
+  AddCalibration(app, &arguments->calibration);
   app->add_option("--camera", arguments->camera, "its camera (default: the only one)");
   app->add_option("--pixel", arguments->pixel, "x y, px")->required();
   AddQuiet(app, shared);
-  return [arguments] { RunRay(*arguments); };
 }
 
 }  // namespace
 
 Command RayCommand() {
-  return {"ray",
-          "Direction of the ray of a pixel, in the camera's frame.\n\n"
-          "  plenocal ray calibration.yaml --pixel 320 240",
-          Declare};
+  return MakeCommand("ray",
+                     "Direction of the ray of a pixel, in the camera's frame.\n\n"
+                     "  plenocal ray calibration.yaml --pixel 320 240",
+                     Declare,
+                     RunRay);
 }
 
 }  // namespace plenocal

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// A new export and import format is one file in apps/formats/cameras; this one is an example that
+// A new export and import format is one file in engine/formats/cameras; this one is an example that
 // scripts/add tries: camera files of VINS-Mono and VINS-Fusion (camodocal), pinhole cameras with
 // radial-tangential distortion.
 #include <fmt/format.h>
@@ -15,19 +15,19 @@
 namespace plenocal {
 namespace {
 
-constexpr std::array kDistortion{"k1", "k2", "p1", "p2"};
-
-std::span<const LensForm> VinsLenses() {
-  static const std::vector<LensForm> kForms{
-      {"pinhole", "PINHOLE", {"0", "0", "0", "0"}},
-      {"pinhole-radial3", "PINHOLE", {"A_0", "A_1", "0", "0"}},
-      {"pinhole-radtan4", "PINHOLE", {"k_1", "k_2", "p_1", "p_2"}}};
-  return kForms;
+const LensTable& VinsLenses() {
+  static const LensTable kTable{"vins",
+                                {{"pinhole", "PINHOLE", "0 0 0 0"},
+                                 {"pinhole-radial3", "PINHOLE", "A_0 A_1 0 0"},
+                                 {"pinhole-radtan4", "PINHOLE", "k_1 k_2 p_1 p_2"}}};
+  return kTable;
 }
+
+constexpr std::array kDistortion{"k1", "k2", "p1", "p2"};
 
 std::string WriteVins(const std::vector<CalibratedCamera>& cameras) {
   const CalibratedCamera& camera = cameras[0];
-  const Lens lens = ToLens(camera, VinsLenses(), "vins");
+  const Lens lens = ToLens(camera, VinsLenses());
   std::string text = kOpenCvHead;
   text += fmt::format("model_type: {}\ncamera_name: {}\nimage_width: {}\nimage_height: {}\n",
                       lens.name,

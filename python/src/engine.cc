@@ -25,6 +25,7 @@
 #include "calib/io/input_file.h"
 #include "engine/calibrate_session.h"
 #include "engine/detect_session.h"
+#include "engine/session/calibration_input.h"
 #include "engine/session/memory_session.h"
 #include "engine/session/open_session.h"
 #include "engine/try_session.h"

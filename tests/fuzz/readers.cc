@@ -31,12 +31,12 @@
 #include "engine/formats/camera_format.h"
 #include "engine/formats/colmap_files.h"
 #include "engine/formats/import_format.h"
-#include "engine/formats/poses.h"
+#include "engine/formats/pose_matrices.h"
+#include "engine/recording/frames/times.h"
 #include "engine/recording/recording_file.h"
 #include "engine/recording/stores/message_log.h"
+#include "engine/recording/stores/zip_archive.h"
 #include "engine/recording/supplied_detections.h"
-#include "engine/recording/times.h"
-#include "engine/recording/zip_archive.h"
 #include "models/plugin/load_plugin.h"
 #include "models/registry.h"
 #include "targets/target.h"
@@ -277,8 +277,7 @@ void ReadTracks(const fs::path& path) {
       MarkerFile{.path = path, .columns = {"frame", "marker", "x", "y", "sigma"}, .skip = 1};
   for (const size_t image : {0, 1, 2}) {
     const std::string name = fmt::format("{:04}", image);
-    camera.images.push_back({.name = name, .time = {}, .exposure = {}});
-    camera.files.push_back({.frame = name, .path = name + ".png"});
+    camera.images.push_back({{.frame = name, .path = name + ".png"}});
     recording.frames.push_back({.name = name, .time = 0, .image = {image}});
   }
   const SuppliedDetections tracks = ReadSuppliedDetections(recording, 0);

@@ -2,10 +2,7 @@
 #include <fmt/format.h>
 
 #include <cstdio>
-#include <memory>
 
-#include "apps/cli/command.h"
-#include "apps/cli/console.h"
 #include "apps/cli/options.h"
 #include "apps/report/report.h"
 #include "apps/report/verdict_json.h"
@@ -13,9 +10,7 @@
 #include "calib/base/format_error.h"
 #include "calib/base/json_text.h"
 #include "calib/estimate/summary.h"
-#include "calib/files/frame_images.h"
 #include "engine/calibrate_session.h"
-#include "engine/recording/stores/image_lister.h"
 #include "engine/session/open_session.h"
 
 namespace plenocal {
@@ -40,17 +35,9 @@ void CheckRequirement(const CalibrateArguments& arguments, const Verdict& verdic
                   verdict.findings.front().what));
 }
 
-bool IsSessionFile(const std::vector<std::string>& inputs) {
-  return inputs.size() == 1 && std::filesystem::exists(inputs[0]) &&
-         !std::filesystem::is_directory(inputs[0]) && !HasImageName(inputs[0]) &&
-         SplitStorePattern(inputs[0]).file.empty();
-}
-
 // The session file that the arguments name; empty when they name images.
 std::string SessionFile(const CalibrateArguments& arguments) {
   const ImageArguments& images = arguments.images;
-  const bool image_options = !images.right.empty() || !images.cameras.empty() ||
-                             !images.target.empty() || arguments.model != "auto";
   if (arguments.inputs.empty() && images.cameras.empty()) {
     throw Error(ErrorKind::kInput,
                 images.right.empty()
@@ -59,37 +46,38 @@ std::string SessionFile(const CalibrateArguments& arguments) {
                     : "calibrate: --right takes all that follows; give the first camera's images "
                       "before it");
   }
-  const std::string& first = arguments.inputs.empty() ? std::string() : arguments.inputs[0];
-  const bool named_so = first.ends_with(".yaml") || first.ends_with(".yml");
-  if (!IsSessionFile(arguments.inputs) && !(named_so && arguments.inputs.size() == 1)) return {};
-  if (!image_options) return first;
+  if (!NamesSession(arguments.inputs)) return {};
+  const std::string& session = arguments.inputs[0];
+  if (images.right.empty() && images.cameras.empty() && images.target.empty() &&
+      arguments.model == "auto") {
+    return session;
+  }
   throw InputError(
       "{}: a session has cameras, target and model itself; --target, --right, "
       "--camera and --model go with images",
-      first);
+      session);
 }
 
-void RunCalibrate(CalibrateArguments* arguments, const ConsoleOptions& shared) {
-  Console console(shared);
-  const std::string session = SessionFile(*arguments);
-  if (!session.empty()) arguments->session = OpenSession(session);
-  arguments->command = shared.program + " calibrate";
-  arguments->images.images = arguments->inputs;
-  const Run run = console.NewRun();
-  SessionCalibration result = CalibrateSession(*arguments, run);
-  if (arguments->report) AddReport(arguments->out, run, &result);
+void RunCalibrate(CalibrateArguments arguments, Console* console) {
+  const std::string session = SessionFile(arguments);
+  if (!session.empty()) arguments.session = OpenSession(session);
+  arguments.command = console->Options().program + " calibrate";
+  arguments.images.images = arguments.inputs;
+  const Run run = console->NewRun();
+  SessionCalibration result = CalibrateSession(arguments, run);
+  if (arguments.report) AddReport(arguments.out, run, &result);
   result.folders->Commit();
-  if (arguments->json) {
+  if (arguments.json) {
     nlohmann::json json = CalibrationJson(result.record);
-    json["output"] = arguments->out.string();
+    json["output"] = arguments.out.string();
     fmt::print("{}\n", JsonText(json));
   } else {
-    console.Print(fmt::format("{}\nwritten to {}\n\n{}",
-                              Summary(result.calibration),
-                              arguments->out.string(),
-                              VerdictText(*result.record.verdict)));
+    console->Print(fmt::format("{}\nwritten to {}\n\n{}",
+                               Summary(result.calibration),
+                               arguments.out.string(),
+                               VerdictText(*result.record.verdict)));
   }
-  CheckRequirement(*arguments, *result.record.verdict);
+  CheckRequirement(arguments, *result.record.verdict);
 }
 
 constexpr const char* kCalibrateHelp =
@@ -98,31 +86,13 @@ constexpr const char* kCalibrateHelp =
     "  plenocal calibrate 'images/*.jpg' --target chessboard:9x6:25mm -o OUT\n\n"
     "writes OUT/calibration.yaml, target.yaml (points.csv and points.ply of a session with a scene in place of a target), poses.csv, view_poses.csv (of a rig), residuals.csv, correlations.csv, detections_<camera>.csv, left_out.csv and report.html, and prints a summary. From images it writes OUT/session.yaml and nominal_target.yaml as well, from which the next step can start.";
 
-RunCommand DeclareCalibrate(CLI::App* app, ConsoleOptions* shared) {
-  const auto arguments = std::make_shared<CalibrateArguments>();
+void DeclareCalibrate(CLI::App* app, CalibrateArguments* arguments, ConsoleOptions* shared) {
   app->add_option(
       "input",
       arguments->inputs,
       "session.yaml; or images of a camera: a glob in quotation marks, files or a folder");
-  app->add_option(
-      "--target",
-      arguments->images.target,
-      "of images: chessboard:9x6:25mm (inner corners, square), aprilgrid:6x6:88mm:0.3, "
-      "charuco:5x7:36mm:18mm:6X6_250, circles:10x7:25mm[:asymmetric], or a target file; "
-      "without it, the target is looked for in the images");
-  app->add_option("--right",
-                  arguments->images.right,
-                  "images of a second camera on the same rig; after those of the first");
-  app->add_option(
-         "--camera", arguments->images.cameras, "NAME=GLOB: images of a camera; several are a rig")
-      ->expected(1)
-      ->take_all();
-  app->add_option("--model",
-                  arguments->model,
-                  "of images: camera model; auto: the simplest common one that predicts held-out "
-                  "frames as well as any")
-      ->capture_default_str();
-  AddResultOptions(app, arguments.get(), shared);
+  AddImageArguments(app, &arguments->images, &arguments->model);
+  AddResultOptions(app, arguments, shared);
   app->add_flag("--jackknife",
                 arguments->jackknife,
                 "print beside each sigma that of a jackknife over frames");
@@ -131,11 +101,12 @@ RunCommand DeclareCalibrate(CLI::App* app, ConsoleOptions* shared) {
   app->add_option(
          "--require", arguments->require, "exit status 3 when the verdict is worse: good or usable")
       ->check(CLI::IsMember({"good", "usable"}));
-  return [arguments, shared] { RunCalibrate(arguments.get(), *shared); };
 }
 
 }  // namespace
 
-Command CalibrateCommand() { return {"calibrate", kCalibrateHelp, DeclareCalibrate}; }
+Command CalibrateCommand() {
+  return MakeCommand("calibrate", kCalibrateHelp, DeclareCalibrate, RunCalibrate);
+}
 
 }  // namespace plenocal

@@ -1,13 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
 
-#include <memory>
-
-#include "apps/cli/command.h"
-#include "apps/cli/field_pictures.h"
+#include "apps/cli/compared_files.h"
 #include "apps/cli/options.h"
-#include "apps/evaluate/compare_truths.h"
-#include "apps/photometry/attenuation_compare.h"
+#include "apps/cli/result_pictures.h"
 #include "apps/report/verdict_json.h"
 #include "assess/text/compare_text.h"
 #include "calib/base/format_error.h"
@@ -26,10 +22,9 @@ struct CompareArguments : CheckRequest {
 };
 
 /// The verdict on a calibration with new images; throws `Error` when it does not hold any more.
-void CheckWithNewImages(const CompareArguments& arguments, const ConsoleOptions& shared) {
-  Console console(shared);
+void CheckWithNewImages(const CompareArguments& arguments, Console* console) {
   const SessionCheck result =
-      CheckSession(OpenSession(arguments.session), arguments, console.NewRun());
+      CheckSession(OpenSession(arguments.session), arguments, console->NewRun());
   const std::string json = JsonText(CheckJson(result.check)) + "\n";
   if (OutputFolder* const out = result.folders->out()) {
     out->Write("check.json", json);
@@ -44,57 +39,21 @@ void CheckWithNewImages(const CompareArguments& arguments, const ConsoleOptions&
                  arguments.session.string());
 }
 
-/// A comparison for the terminal and as files.
-struct Shown {
-  std::string text;
-  OutputContents files;
-};
-
-Shown CompareBoth(const CompareArguments& arguments, bool files) {
-  const std::string a = arguments.calibration.string(), b = arguments.other.string();
-  const bool for_calibrations = !arguments.map.empty() || !arguments.distances.empty();
-  if (IsAttenuation(a)) {
-    if (!IsAttenuation(b) || for_calibrations) {
-      throw InputError(
-          "attenuations are compared with each other: give two TIFF files and -o only");
-    }
-    const AttenuationComparison comparison = CompareAttenuationFiles(a, b);
-    return {ComparisonText(comparison, a, b),
-            {{"vignetting_compare.csv", ComparisonCsv(comparison)},
-             {"report.html", ComparisonPage(comparison, a, b)}}};
-  }
-  if (IsGroundTruth(a)) {
-    if (b.empty() || !IsGroundTruth(b) || for_calibrations) {
-      throw InputError(
-          "ground truths are compared with each other: give two groundtruth.yaml and -o only");
-    }
-    const TruthComparison comparison = CompareTruths(a, b);
-    return {ComparisonText(comparison, a, b),
-            {{"groundtruth_compare.csv", ComparisonCsv(comparison)}}};
-  }
-  const CalibrationComparison comparison = CompareFiles(a, b, arguments);
-  Shown shown{ComparisonText(comparison, a, b), {}};
-  if (!files) return shown;
-  shown.text += "\n";
-  shown.files = {{"compare.csv", ComparisonCsv(comparison)},
-                 {"difference.png", DifferencePicture(comparison)}};
-  return shown;
-}
-
-void RunCompare(const CompareArguments& arguments, const ConsoleOptions& shared) {
+void RunCompare(const CompareArguments& arguments, Console* console) {
   if (arguments.other.empty() == arguments.session.empty()) {
     throw InputError(
         "give either a second calibration.yaml or --check session.yaml; see 'plenocal compare --help'");
   }
-  if (!arguments.session.empty()) return CheckWithNewImages(arguments, shared);
+  if (!arguments.session.empty()) return CheckWithNewImages(arguments, console);
   if (arguments.json) {
     throw InputError("--json goes with --check; of two calibrations -o OUT writes compare.csv");
   }
   const auto out = OpenOutput(arguments.out);
-  const Shown shown = CompareBoth(arguments, out != nullptr);
-  fmt::print("{}", WithColours(shown.text));
+  const ComparedFiles compared =
+      CompareFilesOfAnyKind(arguments.calibration, arguments.other, arguments, out != nullptr);
+  fmt::print("{}", WithColours(compared.text));
   if (!out) return;
-  for (const auto& [name, content] : shown.files) out->Write(name, content);
+  for (const auto& [name, content] : compared.files) out->Write(name, content);
   out->Commit();
   fmt::print("written to {}\n", arguments.out.string());
 }
@@ -109,8 +68,7 @@ constexpr const char* kCompareHelp =
     "\n"
     "The rotation and translation of the camera frames that the difference of the intrinsics implies is removed first.";
 
-RunCommand DeclareCompare(CLI::App* app, ConsoleOptions* shared) {
-  const auto arguments = std::make_shared<CompareArguments>();
+void DeclareCompare(CLI::App* app, CompareArguments* arguments, ConsoleOptions* shared) {
   app->add_option("a",
                   arguments->calibration,
                   "calibration.yaml, an attenuation (TIFF), or groundtruth.yaml")
@@ -140,11 +98,12 @@ RunCommand DeclareCompare(CLI::App* app, ConsoleOptions* shared) {
         return fits ? "" : "expected a positive number of metres, or inf, found " + text;
       });
   AddQuiet(app, shared);
-  return [arguments, shared] { RunCompare(*arguments, *shared); };
 }
 
 }  // namespace
 
-Command CompareCommand() { return {"compare", kCompareHelp, DeclareCompare}; }
+Command CompareCommand() {
+  return MakeCommand("compare", kCompareHelp, DeclareCompare, RunCompare);
+}
 
 }  // namespace plenocal

@@ -4,12 +4,10 @@
 #include <fmt/format.h>
 
 #include <array>
-#include <memory>
 #include <string>
 
-#include "apps/cli/command.h"
-#include "apps/cli/field_pictures.h"
 #include "apps/cli/options.h"
+#include "apps/cli/result_pictures.h"
 #include "calib/base/number_text.h"
 #include "calib/files/calibration_file.h"
 #include "calib/io/output_folder.h"
@@ -55,7 +53,7 @@ std::string SummaryOf(const CalibratedCamera& camera,
   return text;
 }
 
-void RunConvert(const ConvertArguments& arguments, const ConsoleOptions& shared) {
+void RunConvert(const ConvertArguments& arguments, Console* console) {
   const CalibrationRecord calibration = ReadCalibration(arguments.calibration, CameraModels());
   const CalibratedCamera& camera = FindCamera(calibration, arguments.camera);
   const CameraModel* model = ModelNamed("--to", arguments.model);
@@ -85,7 +83,7 @@ void RunConvert(const ConvertArguments& arguments, const ConsoleOptions& shared)
   out.Write("conversion_errors.csv", errors);
   out.Write("conversion_errors.png", ConversionPicture(camera, *model, conversion));
   out.Commit();
-  Console(shared).Print(fmt::format(
+  console->Print(fmt::format(
       "{}\nwritten to {}\n", SummaryOf(camera, *model, conversion), arguments.out.string()));
 }
 
@@ -96,18 +94,18 @@ constexpr const char* kConvertHelp =
     "\n"
     "writes OUT/calibration.yaml and the errors at pixels over the image, conversion_errors.csv and .png.";
 
-RunCommand DeclareConvert(CLI::App* app, ConsoleOptions* shared) {
-  const auto arguments = std::make_shared<ConvertArguments>();
-  app->add_option("calibration", arguments->calibration, "calibration.yaml")->required();
+void DeclareConvert(CLI::App* app, ConvertArguments* arguments, ConsoleOptions* shared) {
+  AddCalibration(app, &arguments->calibration);
   app->add_option("--camera", arguments->camera, "its camera (default: the only one)");
   app->add_option("--to", arguments->model, "camera model")->required();
-  app->add_option("-o,--out", arguments->out, "folder for the results")->required();
+  AddOut(app, &arguments->out);
   AddQuiet(app, shared);
-  return [arguments, shared] { RunConvert(*arguments, *shared); };
 }
 
 }  // namespace
 
-Command ConvertCommand() { return {"convert", kConvertHelp, DeclareConvert}; }
+Command ConvertCommand() {
+  return MakeCommand("convert", kConvertHelp, DeclareConvert, RunConvert);
+}
 
 }  // namespace plenocal

@@ -1,13 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
 
-#include <limits>
-#include <memory>
 #include <optional>
+#include <utility>
 
-#include "apps/charts/bar_chart.h"
-#include "apps/cli/command.h"
 #include "apps/cli/options.h"
+#include "apps/cli/result_pictures.h"
 #include "apps/evaluate/evaluate_runs.h"
 #include "calib/base/json_text.h"
 #include "calib/io/output_folder.h"
@@ -20,50 +18,11 @@ struct EvaluateArguments : EvaluateRequest {
   std::filesystem::path chart;  ///< SVG or PNG; empty: none
 };
 
-BarChart ChartOf(const Evaluation& evaluation) {
-  const auto& runs = evaluation.runs;
-  BarChart chart;
-  for (const EvaluatedRun& run : runs) chart.runs.push_back(run.name);
-  const auto panel = [&](const std::string& title, double base, bool needs_scale, auto&& value) {
-    BarPanel& added = chart.panels.emplace_back(BarPanel{title, base, {}});
-    for (const EvaluatedRun& run : runs) {
-      if (needs_scale && run.monocular) {
-        added.values.emplace_back();
-      } else if (!run.failure.empty()) {
-        added.values.emplace_back(std::numeric_limits<double>::infinity());
-      } else {
-        added.values.emplace_back(value(run));
-      }
-    }
-  };
-  if (evaluation.has_loop) {
-    panel("absolute scale error d_s'", 1, true, [](const EvaluatedRun& run) {
-      return Folded(run.loop->absolute_scale);
-    });
-    panel("scale drift e_s'", 1, false, [](const EvaluatedRun& run) {
-      return Folded(run.loop->ScaleDrift());
-    });
-    panel("alignment error e_align, % of path", 0, false, [](const EvaluatedRun& run) {
-      return 100 * run.loop->alignment_error / run.loop->path_length;
-    });
-  } else {
-    panel("ATE, m", 0, true, [](const EvaluatedRun& run) { return run.errors->ate_se3.rmse; });
-    panel("ATE with scale, m", 0, false, [](const EvaluatedRun& run) {
-      return run.errors->ate_sim3.rmse;
-    });
-    panel("RPE with scale, m", 0, false, [](const EvaluatedRun& run) {
-      return run.errors->rpe_sim3.rmse;
-    });
-  }
-  return chart;
-}
-
-void RunEvaluate(const EvaluateArguments& arguments, const ConsoleOptions& shared) {
-  Console console(shared);
+void RunEvaluate(const EvaluateArguments& arguments, Console* console) {
   std::optional<PictureFormat> format;
   if (!arguments.chart.empty()) format = PictureFormatOf(arguments.chart);
-  const Evaluation evaluation = EvaluateRuns(arguments, console.NewRun());
-  if (format) WriteOutput(arguments.chart, DrawBarChart(ChartOf(evaluation), *format));
+  const Evaluation evaluation = EvaluateRuns(arguments, console->NewRun());
+  if (format) WriteOutput(arguments.chart, EvaluationPicture(evaluation, *format));
   fmt::print(
       "{}",
       arguments.json ? JsonText(EvaluationJson(evaluation)) + "\n" : EvaluationText(evaluation));
@@ -77,8 +36,7 @@ constexpr const char* kEvaluateHelp =
     "\n"
     "Trajectories in the formats of TUM, ORB-SLAM, EuRoC and KITTI; docs/exchange.md.";
 
-RunCommand DeclareEvaluate(CLI::App* app, ConsoleOptions* shared) {
-  const auto arguments = std::make_shared<EvaluateArguments>();
+void DeclareEvaluate(CLI::App* app, EvaluateArguments* arguments, ConsoleOptions* shared) {
   app->add_option(
          "--estimate", arguments->estimates, "estimated trajectories, each FILE or NAME=FILE")
       ->required();
@@ -98,28 +56,25 @@ RunCommand DeclareEvaluate(CLI::App* app, ConsoleOptions* shared) {
          "--delta", arguments->delta, "poses between the two ends of a relative pose error")
       ->check(CLI::Range(1, 1000000))
       ->capture_default_str();
-  const CLI::Option* const monocular =
-      app->add_option("--monocular",
-                      arguments->monocular,
-                      "runs that have no scale (without names: all of them)")
-          ->expected(0, -1);
-  app->add_flag("--json", arguments->json, "JSON on standard output");
+  app->add_option_function<std::vector<std::string>>(
+         "--monocular",
+         [arguments](std::vector<std::string> runs) {
+           std::erase(runs, "");  // CLI11 hands over "no names" as one empty name
+           arguments->monocular_runs = runs.empty() ? EvaluateRequest::MonocularRuns::kAll
+                                                    : EvaluateRequest::MonocularRuns::kListed;
+           arguments->monocular = std::move(runs);
+         },
+         "runs that have no scale (without names: all of them)")
+      ->expected(0, -1);
+  AddJson(app, &arguments->json);
   app->add_option("--chart", arguments->chart, "bar chart: FILE.svg or FILE.png");
   AddQuiet(app, shared);
-  return [arguments, shared, monocular] {
-    if (monocular->count() > 0) {
-      // CLI11 hands over "no names" as one empty name.
-      std::erase(arguments->monocular, "");
-      arguments->monocular_runs = arguments->monocular.empty()
-                                      ? EvaluateRequest::MonocularRuns::kAll
-                                      : EvaluateRequest::MonocularRuns::kListed;
-    }
-    RunEvaluate(*arguments, *shared);
-  };
 }
 
 }  // namespace
 
-Command EvaluateCommand() { return {"evaluate", kEvaluateHelp, DeclareEvaluate}; }
+Command EvaluateCommand() {
+  return MakeCommand("evaluate", kEvaluateHelp, DeclareEvaluate, RunEvaluate);
+}
 
 }  // namespace plenocal

@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
 
-#include <memory>
-
-#include "apps/cli/command.h"
 #include "apps/cli/options.h"
 #include "engine/exchange/export_calibration.h"
 #include "engine/formats/camera_format.h"
@@ -11,10 +8,9 @@
 namespace plenocal {
 namespace {
 
-void RunExport(const ExportRequest& arguments, const ConsoleOptions& shared) {
-  Console console(shared);
-  for (const std::filesystem::path& path : ExportCalibration(arguments, console.NewRun())) {
-    console.Print(fmt::format("written to {}\n", path.string()));
+void RunExport(const ExportRequest& arguments, Console* console) {
+  for (const std::filesystem::path& path : ExportCalibration(arguments, console->NewRun())) {
+    console->PrintWritten(path);
   }
 }
 
@@ -26,9 +22,8 @@ std::string ExportHelp() {
       CameraFormatList());
 }
 
-RunCommand DeclareExport(CLI::App* app, ConsoleOptions* shared) {
-  const auto arguments = std::make_shared<ExportRequest>();
-  app->add_option("calibration", arguments->calibration, "calibration.yaml")->required();
+void DeclareExport(CLI::App* app, ExportRequest* arguments, ConsoleOptions* shared) {
+  AddCalibration(app, &arguments->calibration);
   app->add_option("--format", arguments->format, "the other tool")->required();
   app->add_option(
       "--camera", arguments->cameras, "cameras to export, in this order (default: all)");
@@ -39,11 +34,10 @@ RunCommand DeclareExport(CLI::App* app, ConsoleOptions* shared) {
          "-o,--out", arguments->out, "file to write, or a folder (colmap: with poses and points)")
       ->required();
   AddQuiet(app, shared);
-  return [arguments, shared] { RunExport(*arguments, *shared); };
 }
 
 }  // namespace
 
-Command ExportCommand() { return {"export", ExportHelp(), DeclareExport}; }
+Command ExportCommand() { return MakeCommand("export", ExportHelp(), DeclareExport, RunExport); }
 
 }  // namespace plenocal

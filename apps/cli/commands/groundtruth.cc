@@ -1,9 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <fmt/format.h>
 
-#include <memory>
-
-#include "apps/cli/command.h"
 #include "apps/cli/options.h"
 #include "apps/groundtruth/loop_truth_files.h"
 #include "apps/groundtruth/recorded_loop.h"
@@ -11,10 +7,9 @@
 namespace plenocal {
 namespace {
 
-void RunGroundtruth(const GroundtruthRequest& arguments, const ConsoleOptions& shared) {
-  Console console(shared);
-  console.Print(LoopTruthSummary(EstimateRecordedLoop(arguments, console.NewRun())));
-  console.Print(fmt::format("written to {}\n", arguments.out.string()));
+void RunGroundtruth(const GroundtruthRequest& arguments, Console* console) {
+  console->Print(LoopTruthSummary(EstimateRecordedLoop(arguments, console->NewRun())));
+  console->PrintWritten(arguments.out);
 }
 
 constexpr const char* kGroundtruthHelp =
@@ -27,9 +22,8 @@ constexpr const char* kGroundtruthHelp =
     "points; docs/scene.md. Two of them, as from the stereo pair and from the plenoptic camera: "
     "plenocal compare A/groundtruth.yaml B/groundtruth.yaml.";
 
-RunCommand DeclareGroundtruth(CLI::App* app, ConsoleOptions* shared) {
-  const auto arguments = std::make_shared<GroundtruthRequest>();
-  app->add_option("recording", arguments->recording, "recording.yaml, or a folder")->required();
+void DeclareGroundtruth(CLI::App* app, GroundtruthRequest* arguments, ConsoleOptions* shared) {
+  AddRecording(app, &arguments->recording);
   app->add_option("--calibration",
                   arguments->calibration,
                   "calibration.yaml of the rig; else the one that the recording names");
@@ -40,13 +34,14 @@ RunCommand DeclareGroundtruth(CLI::App* app, ConsoleOptions* shared) {
   app->add_option("--points", arguments->points, "scene points to follow at a time")
       ->check(CLI::Range(50, 100000))
       ->capture_default_str();
-  app->add_option("-o,--out", arguments->out, "folder for the results")->required();
+  AddOut(app, &arguments->out);
   AddThreadsAndQuiet(app, shared);
-  return [arguments, shared] { RunGroundtruth(*arguments, *shared); };
 }
 
 }  // namespace
 
-Command GroundtruthCommand() { return {"groundtruth", kGroundtruthHelp, DeclareGroundtruth}; }
+Command GroundtruthCommand() {
+  return MakeCommand("groundtruth", kGroundtruthHelp, DeclareGroundtruth, RunGroundtruth);
+}
 
 }  // namespace plenocal

@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
 
-#include <memory>
-
-#include "apps/cli/command.h"
 #include "apps/cli/options.h"
 #include "engine/exchange/import_files.h"
 #include "engine/formats/import_format.h"
@@ -11,10 +8,9 @@
 namespace plenocal {
 namespace {
 
-void RunImport(const ImportRequest& arguments, const ConsoleOptions& shared) {
-  Console console(shared);
-  const std::filesystem::path written = ImportFiles(arguments, console.NewRun());
-  console.Print(fmt::format("written to {}\n", written.string()));
+void RunImport(const ImportRequest& arguments, Console* console) {
+  const std::filesystem::path written = ImportFiles(arguments, console->NewRun());
+  console->PrintWritten(written);
 }
 
 std::string ImportHelp() {
@@ -25,8 +21,7 @@ std::string ImportHelp() {
       ImportFormatList());
 }
 
-RunCommand DeclareImport(CLI::App* app, ConsoleOptions* shared) {
-  const auto arguments = std::make_shared<ImportRequest>();
+void DeclareImport(CLI::App* app, ImportRequest* arguments, ConsoleOptions* shared) {
   app->add_option("file", arguments->files, "the other tool's file; of mrcal one a camera")
       ->required();
   app->add_option("--format", arguments->format, "the other tool")->required();
@@ -36,11 +31,10 @@ RunCommand DeclareImport(CLI::App* app, ConsoleOptions* shared) {
                 "opencv: the coefficients are cv::fisheye's where the file does not mark them");
   app->add_option("-o,--out", arguments->out, "folder, or the file to write")->required();
   AddQuiet(app, shared);
-  return [arguments, shared] { RunImport(*arguments, *shared); };
 }
 
 }  // namespace
 
-Command ImportCommand() { return {"import", ImportHelp(), DeclareImport}; }
+Command ImportCommand() { return MakeCommand("import", ImportHelp(), DeclareImport, RunImport); }
 
 }  // namespace plenocal

@@ -3,9 +3,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
-#include <memory>
 
-#include "apps/cli/command.h"
 #include "apps/cli/options.h"
 #include "engine/init_session.h"
 #include "engine/session/proposal_text.h"
@@ -41,9 +39,8 @@ void PrintFound(const std::vector<InitCamera>& cameras, const TargetProposals& p
   if (proposals.found.empty()) fmt::print("no target found in the images\n");
 }
 
-void RunInit(const InitRequest& arguments, const ConsoleOptions& shared) {
-  Console console(shared);
-  const FoundSession found = InitSession(arguments, console.NewRun());
+void RunInit(const InitRequest& arguments, Console* console) {
+  const FoundSession found = InitSession(arguments, console->NewRun());
   PrintFound(found.cameras, found.proposals);
   std::vector<std::string> open;
   if (found.proposals.found.empty() || found.proposals.found[0].keys.empty()) {
@@ -65,8 +62,7 @@ constexpr const char* kInitHelp =
     "  plenocal init drive.mcap\n\n"
     "Cameras are subfolders, or images of one folder whose names differ as left01.jpg and right01.jpg do; topics of recordings; videos. Images in <camera>_white are white images.";
 
-RunCommand DeclareInit(CLI::App* app, ConsoleOptions* shared) {
-  const auto arguments = std::make_shared<InitRequest>();
+void DeclareInit(CLI::App* app, InitRequest* arguments, ConsoleOptions* shared) {
   app->add_option("place",
                   arguments->place,
                   "folder with images, in it or below; MCAP file, bag, video, zip archive, or a "
@@ -76,11 +72,10 @@ RunCommand DeclareInit(CLI::App* app, ConsoleOptions* shared) {
          "-o,--out", arguments->session, "the session file; the target file is written beside it")
       ->capture_default_str();
   AddThreadsAndQuiet(app, shared);
-  return [arguments, shared] { RunInit(*arguments, *shared); };
 }
 
 }  // namespace
 
-Command InitCommand() { return {"init", kInitHelp, DeclareInit}; }
+Command InitCommand() { return MakeCommand("init", kInitHelp, DeclareInit, RunInit); }
 
 }  // namespace plenocal

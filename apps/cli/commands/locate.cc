@@ -1,10 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
 
-#include <memory>
 #include <nlohmann/json.hpp>
 
-#include "apps/cli/command.h"
 #include "apps/cli/options.h"
 #include "calib/base/json_text.h"
 #include "calib/base/quoted_text.h"
@@ -51,15 +49,14 @@ std::string LineText(const std::string& name, const LocatedView& located) {
       located.rms);
 }
 
-void RunLocate(const LocateArguments& arguments, const ConsoleOptions& shared) {
-  Console console(shared);
+void RunLocate(const LocateArguments& arguments, Console* console) {
   std::string lines;
   nlohmann::ordered_json poses = nlohmann::ordered_json::array();
-  for (const auto& [name, located] : LocateImages(arguments, console.NewRun())) {
+  for (const auto& [name, located] : LocateImages(arguments, console->NewRun())) {
     lines += LineText(name, located);
     poses.push_back(JsonOf(name, located));
   }
-  console.Print(arguments.json ? JsonText(poses) + "\n" : lines);
+  console->Print(arguments.json ? JsonText(poses) + "\n" : lines);
 }
 
 constexpr const char* kLocateHelp =
@@ -71,23 +68,21 @@ constexpr const char* kLocateHelp =
     "\n"
     "MAP is a target, or points.csv of an earlier groundtruth run. Tables of detections (CSV) stand for images.";
 
-RunCommand DeclareLocate(CLI::App* app, ConsoleOptions* shared) {
-  const auto arguments = std::make_shared<LocateArguments>();
-  app->add_option("calibration", arguments->calibration, "calibration.yaml")->required();
+void DeclareLocate(CLI::App* app, LocateArguments* arguments, ConsoleOptions* shared) {
+  AddCalibration(app, &arguments->calibration);
   app->add_option("map", arguments->map, "target.yaml, or points.csv of an earlier run")
       ->required();
   app->add_option("images", arguments->images, "images, or detections (CSV)")->required();
   app->add_option("--camera", arguments->camera, "camera of the calibration");
   app->add_option("--white", arguments->white, "white images of a plenoptic camera");
   AddBayer(app, &arguments->bayer, "colours of the top-left 2 x 2 pixels of raw mosaics");
-  app->add_flag("--json", arguments->json, "JSON on standard output");
+  AddJson(app, &arguments->json);
   app->add_option("-o,--out", arguments->out, "table of poses and covariances (CSV)");
   AddThreadsAndQuiet(app, shared);
-  return [arguments, shared] { RunLocate(*arguments, *shared); };
 }
 
 }  // namespace
 
-Command LocateCommand() { return {"locate", kLocateHelp, DeclareLocate}; }
+Command LocateCommand() { return MakeCommand("locate", kLocateHelp, DeclareLocate, RunLocate); }
 
 }  // namespace plenocal

@@ -2,14 +2,12 @@
 #include <fmt/format.h>
 
 #include <array>
-#include <memory>
 
-#include "apps/cli/command.h"
 #include "apps/cli/options.h"
 #include "apps/cli/view_options.h"
 #include "calib/files/calibration_file.h"
 #include "calib/io/output_folder.h"
-#include "engine/resample/resample_images.h"
+#include "engine/resample/map_files.h"
 #include "models/registry.h"
 
 namespace plenocal {
@@ -23,13 +21,14 @@ struct MapArguments {
   std::filesystem::path out;  ///< a folder, or FILE.yaml or FILE.xml of OpenCV
 };
 
-void RunMap(const MapArguments& arguments, const ConsoleOptions& shared) {
+void RunMap(const MapArguments& arguments, Console* console) {
   const CalibrationRecord calibration = ReadCalibration(arguments.calibration, CameraModels());
   const CalibratedCamera& camera = FindCamera(calibration, arguments.camera);
   const CalibratedCamera view = UndistortedView(camera, arguments.view);
   const std::string extension = arguments.out.extension().string();
   const bool storage = extension == ".yaml" || extension == ".yml" || extension == ".xml";
-  const PixelMap map = MapPixels(view, camera, Eigen::Matrix3d::Identity(), shared.threads);
+  const PixelMap map =
+      MapPixels(view, camera, Eigen::Matrix3d::Identity(), console->Options().threads);
   const std::string format = extension == ".xml" ? "xml" : storage ? "yml" : "";
   auto files = MapFiles(map, view.params, format);
   if (storage) {
@@ -41,7 +40,7 @@ void RunMap(const MapArguments& arguments, const ConsoleOptions& shared) {
                           {"undistorted_from", arguments.calibration.string()}});
     WriteInto(arguments.out, {files.begin(), files.end()});
   }
-  Console(shared).Print(
+  console->Print(
       fmt::format("{}: {}\nwritten to {}\n", camera.name, ViewText(view), arguments.out.string()));
 }
 
@@ -52,18 +51,16 @@ constexpr const char* kMapHelp =
     "\n"
     "writes DIR/map_x.tiff, map_y.tiff (32-bit floats, px, -1 both where the camera images nothing), mask.png and calibration.yaml, the new camera; or one cv::FileStorage.";
 
-RunCommand DeclareMap(CLI::App* app, ConsoleOptions* shared) {
-  const auto arguments = std::make_shared<MapArguments>();
-  app->add_option("calibration", arguments->calibration, "calibration.yaml")->required();
+void DeclareMap(CLI::App* app, MapArguments* arguments, ConsoleOptions* shared) {
+  AddCalibration(app, &arguments->calibration);
   app->add_option("--camera", arguments->camera, "its camera (default: the only one)");
   app->add_option("-o,--out", arguments->out, "folder, or file of OpenCV")->required();
   AddViewOptions(app, &arguments->view);
   AddThreadsAndQuiet(app, shared);
-  return [arguments, shared] { RunMap(*arguments, *shared); };
 }
 
 }  // namespace
 
-Command MapCommand() { return {"map", kMapHelp, DeclareMap}; }
+Command MapCommand() { return MakeCommand("map", kMapHelp, DeclareMap, RunMap); }
 
 }  // namespace plenocal

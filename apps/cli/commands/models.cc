@@ -4,7 +4,6 @@
 #include <cmath>
 #include <memory>
 
-#include "apps/cli/command.h"
 #include "apps/cli/options.h"
 #include "calib/base/format_error.h"
 #include "engine/session/open_session.h"

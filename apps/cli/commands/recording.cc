@@ -1,14 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
 
-#include <memory>
-
-#include "apps/cli/command.h"
 #include "apps/cli/options.h"
 #include "apps/photometry/frame_exposures.h"
 #include "calib/base/format_error.h"
 #include "calib/io/output_folder.h"
-#include "engine/recording/summary.h"
+#include "engine/recording/recording_summary.h"
 #include "engine/recording/supplied_detections.h"
 #include "models/registry.h"
 
@@ -24,8 +21,7 @@ struct RecordingArguments {
   std::filesystem::path out;  ///< folder for what is written
 };
 
-void RunRecording(const RecordingArguments& arguments, const ConsoleOptions& shared) {
-  Console console(shared);
+void RunRecording(const RecordingArguments& arguments, Console* console) {
   const int writes = static_cast<int>(arguments.markers) + static_cast<int>(arguments.exposures) +
                      static_cast<int>(arguments.camera_info);
   if (writes > 1) {
@@ -36,19 +32,19 @@ void RunRecording(const RecordingArguments& arguments, const ConsoleOptions& sha
         "--markers, --exposures and --camera-info write into the folder of -o: give both or "
         "none");
   }
-  console.Progress("read " + arguments.path.string());
+  console->Progress("read " + arguments.path.string());
   const Recording recording = ReadRecording(arguments.path);
-  const Run run = console.NewRun();
+  const Run run = console->NewRun();
   if (arguments.exposures) {
-    console.Print(MeasureExposures(recording, arguments.out, run) +
-                  fmt::format("written to {}\n", (arguments.out / "exposures.csv").string()));
+    console->Print(MeasureExposures(recording, arguments.out, run) +
+                   fmt::format("written to {}\n", (arguments.out / "exposures.csv").string()));
     return;
   }
   if (writes == 1) {
     const OutputContents files =
         arguments.markers ? SuppliedMarkers(recording, run) : CameraInfoFiles(recording, run);
     for (const std::filesystem::path& written : WriteInto(arguments.out, files)) {
-      console.Print(fmt::format("written to {}\n", written.string()));
+      console->PrintWritten(written);
     }
     return;
   }
@@ -68,13 +64,12 @@ constexpr const char* kRecordingHelp =
     "\n"
     "Reads recording.yaml, TUM monoVO, EuRoC, KITTI, folders, zip archives, MCAP files, bags of ROS 1 and ROS 2, videos; docs/recordings.md.";
 
-RunCommand DeclareRecording(CLI::App* app, ConsoleOptions* shared) {
-  const auto arguments = std::make_shared<RecordingArguments>();
+void DeclareRecording(CLI::App* app, RecordingArguments* arguments, ConsoleOptions* shared) {
   app->add_option("recording",
                   arguments->path,
                   "folder, recording.yaml, zip archive, MCAP file, bag or video")
       ->required();
-  app->add_flag("--json", arguments->json, "JSON on standard output");
+  AddJson(app, &arguments->json);
   app->add_flag("--markers",
                 arguments->markers,
                 "write the supplied detections as OUT/detections_<camera>.csv");
@@ -87,11 +82,12 @@ RunCommand DeclareRecording(CLI::App* app, ConsoleOptions* shared) {
       "write the intrinsics of camera_info as OUT/camera_info_<camera>.yaml, which 'plenocal import --format ros' reads");
   app->add_option("-o,--out", arguments->out, "folder for the files");
   AddThreadsAndQuiet(app, shared);
-  return [arguments, shared] { RunRecording(*arguments, *shared); };
 }
 
 }  // namespace
 
-Command RecordingCommand() { return {"recording", kRecordingHelp, DeclareRecording}; }
+Command RecordingCommand() {
+  return MakeCommand("recording", kRecordingHelp, DeclareRecording, RunRecording);
+}
 
 }  // namespace plenocal

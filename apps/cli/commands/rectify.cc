@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
 
-#include <memory>
-
-#include "apps/cli/command.h"
 #include "apps/cli/options.h"
 #include "apps/cli/view_options.h"
 #include "calib/base/number_text.h"
@@ -48,13 +45,12 @@ std::string EpipolarText(const EpipolarCheck& check) {
       errors.largest);
 }
 
-void RunRectify(const RectifyRequest& arguments, const ConsoleOptions& shared) {
-  Console console(shared);
-  const RectifiedImages made = RectifyImages(arguments, console.NewRun());
-  console.Print(fmt::format("{}{}written to {}\n",
-                            SummaryText(made.pair, made.images),
-                            EpipolarText(made.epipolar),
-                            arguments.out.string()));
+void RunRectify(const RectifyRequest& arguments, Console* console) {
+  const RectifiedImages made = RectifyImages(arguments, console->NewRun());
+  console->Print(fmt::format("{}{}written to {}\n",
+                             SummaryText(made.pair, made.images),
+                             EpipolarText(made.epipolar),
+                             arguments.out.string()));
 }
 
 constexpr const char* kRectifyHelp =
@@ -66,9 +62,8 @@ constexpr const char* kRectifyHelp =
     "\n"
     "writes DIR/<camera>/<frame>.png, DIR/calibration.yaml (two pinhole cameras of equal parameters, baseline along x) and rectification.yaml (R1 R2 P1 P2 Q of OpenCV); prints the epipolar error of the calibration's detections.";
 
-RunCommand DeclareRectify(CLI::App* app, ConsoleOptions* shared) {
-  const auto arguments = std::make_shared<RectifyRequest>();
-  app->add_option("calibration", arguments->calibration, "calibration.yaml")->required();
+void DeclareRectify(CLI::App* app, RectifyRequest* arguments, ConsoleOptions* shared) {
+  AddCalibration(app, &arguments->calibration);
   app->add_option("left",
                   arguments->left,
                   "images of the first camera: glob, folder, file; or a folder of both");
@@ -80,7 +75,7 @@ RunCommand DeclareRectify(CLI::App* app, ConsoleOptions* shared) {
   app->add_option("--detections",
                   arguments->detections,
                   "folder of detections_<camera>.csv (default: that of the calibration)");
-  app->add_option("-o,--out", arguments->out, "folder for the results")->required();
+  AddOut(app, &arguments->out);
   app->add_flag("--maps", arguments->maps, "write <camera>/map_x.tiff and map_y.tiff");
   app->add_flag("--preview",
                 arguments->preview,
@@ -88,11 +83,12 @@ RunCommand DeclareRectify(CLI::App* app, ConsoleOptions* shared) {
   AddViewOptions(app, &arguments->view);
   AddResampleOptions(app, &arguments->settings);
   AddThreadsAndQuiet(app, shared);
-  return [arguments, shared] { RunRectify(*arguments, *shared); };
 }
 
 }  // namespace
 
-Command RectifyCommand() { return {"rectify", kRectifyHelp, DeclareRectify}; }
+Command RectifyCommand() {
+  return MakeCommand("rectify", kRectifyHelp, DeclareRectify, RunRectify);
+}
 
 }  // namespace plenocal

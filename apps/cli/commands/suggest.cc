@@ -1,10 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
 
-#include <memory>
 #include <optional>
 
-#include "apps/cli/command.h"
 #include "apps/cli/options.h"
 #include "apps/suggest/suggestions_json.h"
 #include "apps/suggest/view_sheet.h"
@@ -40,13 +38,12 @@ std::map<std::string, FrameImage> PicturesOf(const SuggestArguments& arguments) 
   return pictures;
 }
 
-void RunSuggest(const SuggestArguments& arguments, const ConsoleOptions& shared) {
-  Console console(shared);
-  const Run run = console.NewRun();
+void RunSuggest(const SuggestArguments& arguments, Console* console) {
+  const Run run = console->NewRun();
   if (!arguments.images.empty()) {
     const PictureWorth worth = WeighPictures(arguments.input, PicturesOf(arguments), run);
     if (arguments.json) return fmt::print("{}\n", JsonText(WorthJson(worth)));
-    return console.Print(WordsOf(worth) + "\n");
+    return console->Print(WordsOf(worth) + "\n");
   }
   std::optional<PictureFormat> format;
   if (!arguments.picture.empty()) format = PictureFormatOf(arguments.picture);
@@ -57,7 +54,8 @@ void RunSuggest(const SuggestArguments& arguments, const ConsoleOptions& shared)
   }
   if (!arguments.json) {
     const bool assumed_angle = arguments.angle > 0;
-    return console.Print(WordsOf(suggested.views, suggested.rig, suggested.verdict, assumed_angle));
+    return console->Print(
+        WordsOf(suggested.views, suggested.rig, suggested.verdict, assumed_angle));
   }
   nlohmann::json result = SuggestionsJson(suggested.views, suggested.rig);
   result["verdict"] = nullptr;
@@ -73,8 +71,7 @@ constexpr const char* kSuggestHelp =
     "  plenocal suggest --target chessboard:9x6:25mm --size 1280x960 --angle 70\n\n"
     "OUT is the folder that 'plenocal calibrate' wrote. The last form is for the time before the first image. docs/suggest.md explains the choice.";
 
-RunCommand DeclareSuggest(CLI::App* app, ConsoleOptions* shared) {
-  const auto arguments = std::make_shared<SuggestArguments>();
+void DeclareSuggest(CLI::App* app, SuggestArguments* arguments, ConsoleOptions* shared) {
   app->add_option("input",
                   arguments->input,
                   "folder that 'plenocal calibrate' wrote, or session.yaml; none: no image yet");
@@ -108,11 +105,12 @@ RunCommand DeclareSuggest(CLI::App* app, ConsoleOptions* shared) {
       "[CAMERA=]FILE: a picture (of a rig one of each camera, taken at once); what it adds, against what the best view would");
   app->add_flag("--json", arguments->json, "the suggestions as JSON on standard output");
   AddThreadsAndQuiet(app, shared);
-  return [arguments, shared] { RunSuggest(*arguments, *shared); };
 }
 
 }  // namespace
 
-Command SuggestCommand() { return {"suggest", kSuggestHelp, DeclareSuggest}; }
+Command SuggestCommand() {
+  return MakeCommand("suggest", kSuggestHelp, DeclareSuggest, RunSuggest);
+}
 
 }  // namespace plenocal

@@ -1,22 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <fmt/format.h>
 
-#include <memory>
-
-#include "apps/cli/command.h"
 #include "apps/cli/options.h"
 #include "apps/print/print_target.h"
 
 namespace plenocal {
 namespace {
 
+void RunTarget(const PrintRequest& request, Console* console) {
+  for (const std::filesystem::path& file : PrintTarget(request)) console->PrintWritten(file);
+}
+
 constexpr const char* kTargetHelp =
     "A printable target at true scale, with a ruler to check the printer.\n\n"
     "  plenocal target target.yaml -o FILE.svg|.pdf|.png\n\n"
     "Tags that are arranged in space are laid out one by one, with ids and cut marks.";
 
-RunCommand DeclareTarget(CLI::App* app, ConsoleOptions* shared) {
-  const auto request = std::make_shared<PrintRequest>();
+void DeclareTarget(CLI::App* app, PrintRequest* request, ConsoleOptions* shared) {
   app->add_option("target", request->target, "target.yaml")->required();
   app->add_option("-o,--out", request->out, "FILE.svg, FILE.pdf or FILE.png")->required();
   app->add_option(
@@ -26,15 +25,10 @@ RunCommand DeclareTarget(CLI::App* app, ConsoleOptions* shared) {
       ->check(CLI::Range(30.0, 2400.0))
       ->capture_default_str();
   AddQuiet(app, shared);
-  return [request, shared] {
-    for (const std::filesystem::path& file : PrintTarget(*request)) {
-      Console(*shared).Print(fmt::format("written to {}\n", file.string()));
-    }
-  };
 }
 
 }  // namespace
 
-Command TargetCommand() { return {"target", kTargetHelp, DeclareTarget}; }
+Command TargetCommand() { return MakeCommand("target", kTargetHelp, DeclareTarget, RunTarget); }
 
 }  // namespace plenocal

@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
 
-#include <memory>
-
-#include "apps/cli/command.h"
 #include "apps/cli/options.h"
 #include "apps/report/trial_page.h"
 #include "engine/session/open_session.h"
@@ -16,17 +13,16 @@ struct TryArguments : TryRequest {
   std::filesystem::path session;
 };
 
-void RunTry(TryArguments* request, const ConsoleOptions& shared) {
-  Console console(shared);
-  request->command = shared.program + " try";
-  const SessionTrial trial = TrySession(OpenSession(request->session), *request, console.NewRun());
+void RunTry(TryArguments request, Console* console) {
+  request.command = console->Options().program + " try";
+  const SessionTrial trial = TrySession(OpenSession(request.session), request, console->NewRun());
   trial.folders->out()->Write("try.html", TrialPage(trial));
   trial.folders->Commit();
-  console.Print(fmt::format("{}\nrecommended: {}\ntarget: {}\n\nwritten to {}\n",
-                            TrialTable(trial.models, trial.rows),
-                            ModelRecommendation(trial.models),
-                            TargetRecommendation(trial.targets, trial.marker_sigma),
-                            request->out.string()));
+  console->Print(fmt::format("{}\nrecommended: {}\ntarget: {}\n\nwritten to {}\n",
+                             TrialTable(trial.models, trial.rows),
+                             ModelRecommendation(trial.models),
+                             TargetRecommendation(trial.targets, trial.marker_sigma),
+                             request.out.string()));
 }
 
 constexpr const char* kTryHelp =
@@ -36,10 +32,8 @@ constexpr const char* kTryHelp =
     "\n"
     "writes OUT/try.csv, try.yaml, try.html and models/<model>/calibration.yaml.";
 
-RunCommand DeclareTry(CLI::App* app, ConsoleOptions* shared) {
-  const auto arguments = std::make_shared<TryArguments>();
-  app->add_option("session", arguments->session, "session.yaml: cameras, images, target")
-      ->required();
+void DeclareTry(CLI::App* app, TryArguments* arguments, ConsoleOptions* shared) {
+  AddSession(app, &arguments->session);
   app->add_option("--models",
                   arguments->models,
                   "camera models, separated by commas (default: all of the cameras' kind)")
@@ -50,14 +44,13 @@ RunCommand DeclareTry(CLI::App* app, ConsoleOptions* shared) {
   app->add_option("--folds", arguments->folds, "parts of the frames that are held out in turn")
       ->check(CLI::Range(2, 1000))
       ->capture_default_str();
-  app->add_option("-o,--out", arguments->out, "folder for the results")->required();
+  AddOut(app, &arguments->out);
   AddThreadsAndQuiet(app, shared);
   app->add_flag("--fresh", arguments->fresh, "detect again in all images");
-  return [arguments, shared] { RunTry(arguments.get(), *shared); };
 }
 
 }  // namespace
 
-Command TryCommand() { return {"try", kTryHelp, DeclareTry}; }
+Command TryCommand() { return MakeCommand("try", kTryHelp, DeclareTry, RunTry); }
 
 }  // namespace plenocal

@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
 
-#include <memory>
-
-#include "apps/cli/command.h"
 #include "apps/cli/options.h"
 #include "apps/cli/view_options.h"
 #include "calib/base/number_text.h"
@@ -12,14 +9,13 @@
 namespace plenocal {
 namespace {
 
-void RunUndistort(const UndistortRequest& arguments, const ConsoleOptions& shared) {
-  Console console(shared);
-  const UndistortedImages made = UndistortImages(arguments, console.NewRun());
-  console.Print(fmt::format("{}: {}; {}\nwritten to {}\n",
-                            made.view.name,
-                            Counted(made.count, "image"),
-                            ViewText(made.view),
-                            arguments.out.string()));
+void RunUndistort(const UndistortRequest& arguments, Console* console) {
+  const UndistortedImages made = UndistortImages(arguments, console->NewRun());
+  console->Print(fmt::format("{}: {}; {}\nwritten to {}\n",
+                             made.view.name,
+                             Counted(made.count, "image"),
+                             ViewText(made.view),
+                             arguments.out.string()));
 }
 
 constexpr const char* kUndistortHelp =
@@ -29,23 +25,23 @@ constexpr const char* kUndistortHelp =
     "\n"
     "writes DIR/<image>.png (depth and colours of the image; black without source) and DIR/calibration.yaml, the new camera; of raw plenoptic images the totally focused image, DIR/<image>_depth.tiff and _depth_sigma.tiff (z and its sigma in metres, NaN unknown).";
 
-RunCommand DeclareUndistort(CLI::App* app, ConsoleOptions* shared) {
-  const auto arguments = std::make_shared<UndistortRequest>();
-  app->add_option("calibration", arguments->calibration, "calibration.yaml")->required();
+void DeclareUndistort(CLI::App* app, UndistortRequest* arguments, ConsoleOptions* shared) {
+  AddCalibration(app, &arguments->calibration);
   app->add_option("images", arguments->images, "images: files, globs or folders")->required();
   app->add_option("--camera", arguments->camera, "camera of the images (default: the only)")
       ->expected(1);
   app->add_option(
       "--cloud", arguments->cloud, "FILE.ply: point cloud of one raw plenoptic image, m");
-  app->add_option("-o,--out", arguments->out, "folder for the results")->required();
+  AddOut(app, &arguments->out);
   AddViewOptions(app, &arguments->view);
   AddResampleOptions(app, &arguments->settings);
   AddThreadsAndQuiet(app, shared);
-  return [arguments, shared] { RunUndistort(*arguments, *shared); };
 }
 
 }  // namespace
 
-Command UndistortCommand() { return {"undistort", kUndistortHelp, DeclareUndistort}; }
+Command UndistortCommand() {
+  return MakeCommand("undistort", kUndistortHelp, DeclareUndistort, RunUndistort);
+}
 
 }  // namespace plenocal

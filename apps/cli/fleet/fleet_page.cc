@@ -114,7 +114,7 @@ struct RigSummary {
   std::string advice;  // empty: nothing is to be done
 };
 
-/// What to do with a rig, by its latest calibration.
+/// Advice about a rig, by its latest calibration.
 std::string AdviceOn(const std::vector<RunSummary>& runs) {
   const RunSummary& last = runs.back();
   if (!last.done) return "not calibrated yet";

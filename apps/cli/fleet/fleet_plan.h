@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// The plan of `plenocal fleet`: rigs, their sessions, and the files made of them.
 #pragma once
 
 #include <filesystem>

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Scripts for completion in bash and zsh.
 #pragma once
 
 #include <string>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// What a command line accepts, read from the declarations of CLI11; completion scripts and man
+// Options and arguments of a command line, read from CLI11's declarations; completion and man
 // pages are made of it, so that they have the words of `--help`.
 #pragma once
 

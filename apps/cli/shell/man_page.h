@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Man pages of the program and its commands.
 #pragma once
 
 #include <map>

@@ -15,36 +15,30 @@
 namespace plenocal {
 namespace {
 
-std::span<const LensForm> BasaltLenses() {
-  static const std::vector<LensForm> kForms{
-      {"pinhole", "pinhole", {}},
-      {"ucm", "ucm", {"alpha"}},
-      {"eucm", "eucm", {"alpha", "beta"}},
-      {"double-sphere", "ds", {"xi", "alpha"}},
-      {"kannala-brandt4", "kb4", {"k_1", "k_2", "k_3", "k_4"}},
-      {"pinhole-radial3", "pinhole-radtan8", {"A_0", "A_1", "0", "0", "A_2", "0", "0", "0"}},
-      {"pinhole-radtan4", "pinhole-radtan8", {"k_1", "k_2", "p_1", "p_2", "0", "0", "0", "0"}},
-      {"pinhole-radtan", "pinhole-radtan8", {"k_1", "k_2", "p_1", "p_2", "k_3", "0", "0", "0"}},
-      {"pinhole-radtan8",
-       "pinhole-radtan8",
-       {"k_1", "k_2", "p_1", "p_2", "k_3", "k_4", "k_5", "k_6"}}};
-  return kForms;
-}
-
-/// Names of a lens' own parameters in basalt's files.
-std::vector<std::string> BasaltNames(const std::string& type) {
-  if (type == "ucm") return {"alpha"};
-  if (type == "eucm") return {"alpha", "beta"};
-  if (type == "ds") return {"xi", "alpha"};
-  if (type == "kb4") return {"k1", "k2", "k3", "k4"};
-  if (type == "pinhole-radtan8") return {"k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"};
-  return {};
+const LensTable& BasaltLenses() {
+  static const LensTable kTable{
+      .tool = "basalt",
+      .forms = {{"pinhole", "pinhole", ""},
+                {"ucm", "ucm", "alpha"},
+                {"eucm", "eucm", "alpha beta"},
+                {"double-sphere", "ds", "xi alpha"},
+                {"kannala-brandt4", "kb4", "k_1 k_2 k_3 k_4"},
+                {"pinhole-radial3", "pinhole-radtan8", "A_0 A_1 0 0 A_2 0 0 0"},
+                {"pinhole-radtan4", "pinhole-radtan8", "k_1 k_2 p_1 p_2 0 0 0 0"},
+                {"pinhole-radtan", "pinhole-radtan8", "k_1 k_2 p_1 p_2 k_3 0 0 0"},
+                {"pinhole-radtan8", "pinhole-radtan8", "k_1 k_2 p_1 p_2 k_3 k_4 k_5 k_6"}},
+      .coefficient_keys = {{"ucm", "alpha"},
+                           {"eucm", "alpha beta"},
+                           {"ds", "xi alpha"},
+                           {"kb4", "k1 k2 k3 k4"},
+                           {"pinhole-radtan8", "k1 k2 p1 p2 k3 k4 k5 k6"}}};
+  return kTable;
 }
 
 std::string WriteBasalt(const std::vector<CalibratedCamera>& cameras) {
   std::string poses, lenses, sizes;
   for (const CalibratedCamera& camera : cameras) {
-    const Lens lens = ToLens(camera, BasaltLenses(), "basalt");
+    const Lens lens = ToLens(camera, BasaltLenses());
     const RigidTransform T_rig_camera = camera.T_camera_rig.Inverse();
     const Eigen::Quaterniond q(T_rig_camera.R);
     const char* const comma = poses.empty() ? "" : ",";
@@ -59,14 +53,9 @@ std::string WriteBasalt(const std::vector<CalibratedCamera>& cameras) {
         RealText(q.y()),
         RealText(q.z()),
         RealText(q.w()));
-    std::string values = fmt::format(R"("fx": {}, "fy": {}, "cx": {}, "cy": {})",
-                                     RealText(lens.f_x),
-                                     RealText(lens.f_y),
-                                     RealText(lens.c_x),
-                                     RealText(lens.c_y));
-    const std::vector<std::string> names = BasaltNames(lens.name);
-    for (size_t i = 0; i < names.size(); ++i) {
-      values += fmt::format(R"(, "{}": {})", names[i], RealText(lens.coefficients[i]));
+    std::string values;
+    for (const auto& [key, value] : lens.Entries(BasaltLenses())) {
+      values += fmt::format(R"({}"{}": {})", values.empty() ? "" : ", ", key, RealText(value));
     }
     if (lens.name == "pinhole-radtan8") values += R"(, "rpmax": 0.0)";
     lenses += fmt::format(R"({}
@@ -111,17 +100,8 @@ std::vector<CalibratedCamera> ReadBasalt(const CameraSource& source) {
   }
   std::vector<CalibratedCamera> cameras;
   for (size_t i = 0; i < lenses.size(); ++i) {
-    const YamlNode values = lenses[i].At("intrinsics");
-    const std::string type = lenses[i].At("camera_type").AsString();
-    Lens lens{type,
-              values.At("fx").AsNumber(),
-              values.At("fy").AsNumber(),
-              values.At("cx").AsNumber(),
-              values.At("cy").AsNumber(),
-              {}};
-    for (const std::string& name : BasaltNames(type)) {
-      lens.coefficients.push_back(values.At(name).AsNumber());
-    }
+    const Lens lens = ReadLensEntries(
+        lenses[i].At("intrinsics"), lenses[i].At("camera_type").AsString(), BasaltLenses());
     CalibratedCamera camera =
         FromLens(lens, ReadImageSize(sizes[i]), BasaltLenses(), source.path.string());
     camera.name = fmt::format("cam{}", i);

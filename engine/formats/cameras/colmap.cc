@@ -18,17 +18,19 @@
 namespace plenocal {
 namespace {
 
-std::span<const LensForm> ColmapLenses() {
-  static const std::vector<LensForm> kForms{
-      {"pinhole", "PINHOLE", {}},
-      {"pinhole-radial3", "FULL_OPENCV", {"A_0", "A_1", "0", "0", "A_2", "0", "0", "0"}},
-      {"pinhole-radial3", "OPENCV", {"A_0", "A_1", "0", "0"}},
-      {"pinhole-radtan4", "OPENCV", {"k_1", "k_2", "p_1", "p_2"}},
-      {"pinhole-radtan", "FULL_OPENCV", {"k_1", "k_2", "p_1", "p_2", "k_3", "0", "0", "0"}},
-      {"pinhole-radtan8", "FULL_OPENCV", {"k_1", "k_2", "p_1", "p_2", "k_3", "k_4", "k_5", "k_6"}},
-      {"kannala-brandt4", "OPENCV_FISHEYE", {"k_1", "k_2", "k_3", "k_4"}},
-      {"fov", "FOV", {"omega"}}};
-  return kForms;
+const LensTable& ColmapLenses() {
+  static const LensTable kTable{
+      .tool = "colmap",
+      .forms = {{"pinhole", "PINHOLE", ""},
+                {"pinhole-radial3", "FULL_OPENCV", "A_0 A_1 0 0 A_2 0 0 0"},
+                {"pinhole-radial3", "OPENCV", "A_0 A_1 0 0"},
+                {"pinhole-radtan4", "OPENCV", "k_1 k_2 p_1 p_2"},
+                {"pinhole-radtan", "FULL_OPENCV", "k_1 k_2 p_1 p_2 k_3 0 0 0"},
+                {"pinhole-radtan8", "FULL_OPENCV", "k_1 k_2 p_1 p_2 k_3 k_4 k_5 k_6"},
+                {"kannala-brandt4", "OPENCV_FISHEYE", "k_1 k_2 k_3 k_4"},
+                {"fov", "FOV", "omega"}},
+      .first_pixel = kColmapPixelCentre};
+  return kTable;
 }
 
 std::string WriteColmap(const std::vector<CalibratedCamera>& cameras) {
@@ -37,16 +39,13 @@ std::string WriteColmap(const std::vector<CalibratedCamera>& cameras) {
       "#   CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n";
   text += fmt::format("# Number of cameras: {}\n", cameras.size());
   for (size_t i = 0; i < cameras.size(); ++i) {
-    const Lens lens = ToLens(cameras[i], ColmapLenses(), "colmap");
-    std::vector<double> values{
-        lens.f_x, lens.f_y, lens.c_x + kColmapPixelCentre, lens.c_y + kColmapPixelCentre};
-    values.insert(values.end(), lens.coefficients.begin(), lens.coefficients.end());
+    const Lens lens = ToLens(cameras[i], ColmapLenses());
     text += fmt::format("{} {} {} {} {}\n",
                         i + 1,
                         lens.name,
                         cameras[i].image_size[0],
                         cameras[i].image_size[1],
-                        BlankSeparated(values));
+                        BlankSeparated(lens.Numbers()));
   }
   return text;
 }
@@ -133,11 +132,6 @@ std::vector<std::pair<std::string, std::string>> WriteModel(const CalibrationRec
           {"points3D.txt", model.Points(calibration)}};
 }
 
-double FromCorner(double value) {
-  return Inverted(
-      value, value - kColmapPixelCentre, [](double x) { return x + kColmapPixelCentre; });
-}
-
 std::vector<CalibratedCamera> ReadColmap(const CameraSource& source) {
   std::vector<CalibratedCamera> cameras;
   for (ColmapCamera& camera : ReadColmapCameras(source.path)) {
@@ -151,15 +145,8 @@ std::vector<CalibratedCamera> ReadColmap(const CameraSource& source) {
     if (values.size() < 4) {
       throw Error(ErrorKind::kInput, camera.where + ": expected at least f, cx, cy");
     }
-    cameras.push_back(FromLens({name,
-                                values[0],
-                                values[1],
-                                FromCorner(values[2]),
-                                FromCorner(values[3]),
-                                {values.begin() + 4, values.end()}},
-                               camera.image_size,
-                               ColmapLenses(),
-                               camera.where));
+    cameras.push_back(
+        FromLens(LensOfNumbers(name, values), camera.image_size, ColmapLenses(), camera.where));
     cameras.back().name = fmt::format("camera{}", camera.id);
   }
   return cameras;
@@ -171,7 +158,6 @@ CameraFormat ColmapFormat() {
   return {.name = "colmap",
           .file = "cameras.txt",
           .most_cameras = kAnyNumber,
-          .holds_extrinsics = false,
           .write = WriteColmap,
           .read = ReadColmap,
           .write_model = WriteModel};

@@ -17,32 +17,30 @@ namespace {
 
 constexpr double kShift = 0.5;  // (0, 0) is the corner of the top-left pixel there
 
-std::span<const LensForm> DsoLenses() {
-  static const std::vector<LensForm> kForms{
-      {"pinhole", "Pinhole", {"0"}},
-      {"pinhole-radial3", "RadTan", {"A_0", "A_1", "0", "0"}},
-      {"pinhole-radtan4", "RadTan", {"k_1", "k_2", "p_1", "p_2"}},
-      {"pinhole-radtan", "RadTan", {"k_1", "k_2", "p_1", "p_2"}},
-      {"kannala-brandt4", "EquiDistant", {"k_1", "k_2", "k_3", "k_4"}},
-      {"fov", "FOV", {"omega"}}};
-  return kForms;
+const LensTable& DsoLenses() {
+  static const LensTable kTable{"dso",
+                                {{"pinhole", "Pinhole", "0"},
+                                 {"pinhole-radial3", "RadTan", "A_0 A_1 0 0"},
+                                 {"pinhole-radtan4", "RadTan", "k_1 k_2 p_1 p_2"},
+                                 {"pinhole-radtan", "RadTan", "k_1 k_2 p_1 p_2"},
+                                 {"kannala-brandt4", "EquiDistant", "k_1 k_2 k_3 k_4"},
+                                 {"fov", "FOV", "omega"}}};
+  return kTable;
 }
 
 std::string WriteDso(const std::vector<CalibratedCamera>& cameras) {
   const CalibratedCamera& camera = cameras[0];
-  const Lens lens = ToLens(camera, DsoLenses(), "dso");
-  const double width = camera.image_size[0], height = camera.image_size[1];
-  std::vector<double> values{lens.f_x / width,
-                             lens.f_y / height,
-                             (lens.c_x + kShift) / width,
-                             (lens.c_y + kShift) / height};
+  const Lens lens = ToLens(camera, DsoLenses());
+  std::vector<double> values = lens.Numbers();
+  for (size_t i = 0; i < 4; ++i) {
+    values[i] = (values[i] + (i < 2 ? 0 : kShift)) / camera.image_size[i % 2];
+  }
   if (!(values[2] < 1 && values[3] < 1)) {
     throw JobError(
         "camera '{}': the principal point lies right of or below the image, "
         "which dso cannot hold",
         camera.name);
   }
-  values.insert(values.end(), lens.coefficients.begin(), lens.coefficients.end());
   const std::string size = fmt::format("{} {}\n", camera.image_size[0], camera.image_size[1]);
   return fmt::format("{} {}\n{}crop\n{}", lens.name, BlankSeparated(values), size, size);
 }
@@ -68,15 +66,7 @@ std::vector<CalibratedCamera> ReadDso(const CameraSource& source) {
           values[i], values[i] * extent - offset, [&](double x) { return (x + offset) / extent; });
     }
   }
-  return {FromLens({lens.words[0],
-                    values[0],
-                    values[1],
-                    values[2],
-                    values[3],
-                    {values.begin() + 4, values.end()}},
-                   size,
-                   DsoLenses(),
-                   lens.where)};
+  return {FromLens(LensOfNumbers(lens.words[0], values), size, DsoLenses(), lens.where)};
 }
 
 }  // namespace
@@ -84,8 +74,6 @@ std::vector<CalibratedCamera> ReadDso(const CameraSource& source) {
 CameraFormat DsoFormat() {
   return {.name = "dso",
           .file = "camera.txt",
-          .most_cameras = 1,
-          .holds_extrinsics = false,
           .write = WriteDso,
           .read = ReadDso,
           .holds_vignetting = true};

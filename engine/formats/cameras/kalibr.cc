@@ -12,23 +12,23 @@
 #include "engine/formats/camera_format.h"
 #include "engine/formats/exact_numbers.h"
 #include "engine/formats/lens_form.h"
-#include "engine/formats/poses.h"
+#include "engine/formats/pose_matrices.h"
 
 namespace plenocal {
 namespace {
 
-std::span<const LensForm> KalibrLenses() {
-  static const std::vector<LensForm> kForms{
-      {"pinhole", "pinhole none", {}},
-      {"pinhole-radial3", "pinhole radtan", {"A_0", "A_1", "0", "0"}},
-      {"pinhole-radtan4", "pinhole radtan", {"k_1", "k_2", "p_1", "p_2"}},
-      {"pinhole-radtan", "pinhole radtan", {"k_1", "k_2", "p_1", "p_2"}},
-      {"kannala-brandt4", "pinhole equidistant", {"k_1", "k_2", "k_3", "k_4"}},
-      {"fov", "pinhole fov", {"omega"}},
-      {"eucm", "eucm none", {"alpha", "beta"}},
-      {"double-sphere", "ds none", {"xi", "alpha"}},
-      {"ucm", "omni none", {"alpha"}}};
-  return kForms;
+const LensTable& KalibrLenses() {
+  static const LensTable kTable{"kalibr",
+                                {{"pinhole", "pinhole none", ""},
+                                 {"pinhole-radial3", "pinhole radtan", "A_0 A_1 0 0"},
+                                 {"pinhole-radtan4", "pinhole radtan", "k_1 k_2 p_1 p_2"},
+                                 {"pinhole-radtan", "pinhole radtan", "k_1 k_2 p_1 p_2"},
+                                 {"kannala-brandt4", "pinhole equidistant", "k_1 k_2 k_3 k_4"},
+                                 {"fov", "pinhole fov", "omega"},
+                                 {"eucm", "eucm none", "alpha beta"},
+                                 {"double-sphere", "ds none", "xi alpha"},
+                                 {"ucm", "omni none", "alpha"}}};
+  return kTable;
 }
 
 /// Kalibr's omni without distortion is the unified model by other parameters (models/ucm.h).
@@ -58,7 +58,7 @@ std::string WriteKalibr(const std::vector<CalibratedCamera>& cameras) {
   std::string text;
   for (size_t i = 0; i < cameras.size(); ++i) {
     const CalibratedCamera& camera = cameras[i];
-    Lens lens = ToLens(camera, KalibrLenses(), "kalibr");
+    Lens lens = ToLens(camera, KalibrLenses());
     if (lens.name == "omni none") lens = ToOmni(lens);
     const size_t blank = lens.name.find(' ');
     const std::string projection = lens.name.substr(0, blank);
@@ -96,8 +96,8 @@ std::vector<CalibratedCamera> ReadKalibr(const CameraSource& source) {
         node.Has("distortion_model") ? node.At("distortion_model").AsString() : "none";
     const std::vector<double> intrinsics = node.At("intrinsics").AsNumbers(0);
     if (intrinsics.size() < 4) node.At("intrinsics").Fail("expected at least four numbers");
-    const double* last = &intrinsics[intrinsics.size() - 4];
-    Lens lens{fmt::format("{} {}", projection, distortion), last[0], last[1], last[2], last[3], {}};
+    Lens lens = LensOfNumbers(fmt::format("{} {}", projection, distortion),
+                              {intrinsics.end() - 4, intrinsics.end()});
     lens.coefficients.assign(intrinsics.begin(), intrinsics.end() - 4);
     if (node.Has("distortion_coeffs")) {
       for (const double value : node.At("distortion_coeffs").AsNumbers(0)) {

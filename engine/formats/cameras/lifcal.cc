@@ -157,12 +157,7 @@ std::vector<CalibratedCamera> ReadLifcal(const CameraSource& source) {
 }  // namespace
 
 CameraFormat LifcalFormat() {
-  return {.name = "lifcal",
-          .file = "CameraModel.xml",
-          .most_cameras = 1,
-          .holds_extrinsics = false,
-          .write = WriteLifcal,
-          .read = ReadLifcal};
+  return {.name = "lifcal", .file = "CameraModel.xml", .write = WriteLifcal, .read = ReadLifcal};
 }
 
 }  // namespace plenocal

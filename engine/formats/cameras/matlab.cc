@@ -12,7 +12,7 @@
 #include "engine/formats/camera_format.h"
 #include "engine/formats/exact_numbers.h"
 #include "engine/formats/matlab_intrinsics.h"
-#include "engine/formats/poses.h"
+#include "engine/formats/pose_matrices.h"
 
 namespace plenocal {
 namespace {
@@ -33,7 +33,7 @@ std::string MatlabObject(const CalibratedCamera& camera, const std::string& inde
 
 std::string WriteMatlab(const std::vector<CalibratedCamera>& cameras) {
   if (cameras.size() == 1) return MatlabObject(cameras[0], "") + "\n";
-  const RigidTransform T = cameras[1].T_camera_rig * cameras[0].T_camera_rig.Inverse();
+  const RigidTransform T = SecondFromFirst(cameras);
   std::string rows;
   for (const auto& row : Rows(T)) rows += fmt::format("[{}], ", RealList(row));
   return fmt::format(

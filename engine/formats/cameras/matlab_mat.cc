@@ -19,6 +19,7 @@
 #include "calib/io/input_file.h"
 #include "engine/formats/camera_format.h"
 #include "engine/formats/matlab_intrinsics.h"
+#include "engine/formats/pose_matrices.h"
 
 namespace plenocal {
 namespace {
@@ -80,7 +81,7 @@ std::string WriteMat(const std::vector<CalibratedCamera>& cameras) {
     bytes += MatrixElement("Skew" + number, Row(std::array{0.0}));
   }
   if (cameras.size() == 2) {
-    const RigidTransform T = cameras[1].T_camera_rig * cameras[0].T_camera_rig.Inverse();
+    const RigidTransform T = SecondFromFirst(cameras);
     Eigen::Matrix4d pose = Eigen::Matrix4d::Identity();
     pose.topLeftCorner<3, 3>() = T.R;
     pose.topRightCorner<3, 1>() = T.t;

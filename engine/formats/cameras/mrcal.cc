@@ -10,6 +10,7 @@
 #include <string>
 
 #include "calib/base/format_error.h"
+#include "calib/files/calibration_file.h"
 #include "calib/io/input_file.h"
 #include "calib/io/yaml.h"
 #include "engine/formats/camera_format.h"
@@ -21,19 +22,18 @@
 namespace plenocal {
 namespace {
 
-std::span<const LensForm> MrcalLenses() {
-  static const std::vector<LensForm> kForms{
-      {"pinhole", "LENSMODEL_PINHOLE", {}},
-      {"pinhole-radial3", "LENSMODEL_OPENCV5", {"A_0", "A_1", "0", "0", "A_2"}},
-      {"pinhole-radtan4", "LENSMODEL_OPENCV4", {"k_1", "k_2", "p_1", "p_2"}},
-      {"pinhole-radtan", "LENSMODEL_OPENCV5", {"k_1", "k_2", "p_1", "p_2", "k_3"}},
-      {"pinhole-radtan8",
-       "LENSMODEL_OPENCV8",
-       {"k_1", "k_2", "p_1", "p_2", "k_3", "k_4", "k_5", "k_6"}},
-      {"pinhole-radtan12",
-       "LENSMODEL_OPENCV12",
-       {"k_1", "k_2", "p_1", "p_2", "k_3", "k_4", "k_5", "k_6", "s_1", "s_2", "s_3", "s_4"}}};
-  return kForms;
+const LensTable& MrcalLenses() {
+  static const LensTable kTable{
+      "mrcal",
+      {{"pinhole", "LENSMODEL_PINHOLE", ""},
+       {"pinhole-radial3", "LENSMODEL_OPENCV5", "A_0 A_1 0 0 A_2"},
+       {"pinhole-radtan4", "LENSMODEL_OPENCV4", "k_1 k_2 p_1 p_2"},
+       {"pinhole-radtan", "LENSMODEL_OPENCV5", "k_1 k_2 p_1 p_2 k_3"},
+       {"pinhole-radtan8", "LENSMODEL_OPENCV8", "k_1 k_2 p_1 p_2 k_3 k_4 k_5 k_6"},
+       {"pinhole-radtan12",
+        "LENSMODEL_OPENCV12",
+        "k_1 k_2 p_1 p_2 k_3 k_4 k_5 k_6 s_1 s_2 s_3 s_4"}}};
+  return kTable;
 }
 
 // A spline's name holds its knots and its field of view.
@@ -87,26 +87,17 @@ CalibratedCamera FromMrcalSpline(const YamlNode& name, const YamlNode& intrinsic
 
 std::string WriteMrcal(const std::vector<CalibratedCamera>& cameras) {
   const CalibratedCamera& camera = cameras[0];
-  const Lens lens = camera.model->name == Splined::kName ? ToMrcalSpline(camera)
-                                                         : ToLens(camera, MrcalLenses(), "mrcal");
-  std::vector<double> intrinsics{lens.f_x, lens.f_y, lens.c_x, lens.c_y};
-  intrinsics.insert(intrinsics.end(), lens.coefficients.begin(), lens.coefficients.end());
+  const Lens lens =
+      camera.model->name == Splined::kName ? ToMrcalSpline(camera) : ToLens(camera, MrcalLenses());
   const Eigen::Vector3d w = LogRotation(camera.T_camera_rig.R), t = camera.T_camera_rig.t;
   return fmt::format(
       "{{\n    'lensmodel': '{}',\n    'intrinsics': [ {} ],\n    # rt_fromref\n"
       "    'extrinsics': [ {} ],\n    'imagersize': [ {}, {} ],\n}}\n",
       lens.name,
-      RealList(intrinsics),
+      RealList(lens.Numbers()),
       RealList(std::array{w.x(), w.y(), w.z(), t.x(), t.y(), t.z()}),
       camera.image_size[0],
       camera.image_size[1]);
-}
-
-std::vector<std::string> WriteMrcalRig(const std::vector<CalibratedCamera>& cameras) {
-  std::vector<std::string> files;
-  files.reserve(cameras.size());
-  for (const CalibratedCamera& camera : cameras) files.push_back(WriteMrcal({camera}));
-  return files;
 }
 
 std::vector<CalibratedCamera> ReadMrcal(const CameraSource& source) {
@@ -125,12 +116,7 @@ std::vector<CalibratedCamera> ReadMrcal(const CameraSource& source) {
   } else {
     const std::vector<double> intrinsics = root.At("intrinsics").AsNumbers(0);
     if (intrinsics.size() < 4) root.At("intrinsics").Fail("expected at least four numbers");
-    camera = FromLens({lens.AsString(),
-                       intrinsics[0],
-                       intrinsics[1],
-                       intrinsics[2],
-                       intrinsics[3],
-                       {intrinsics.begin() + 4, intrinsics.end()}},
+    camera = FromLens(LensOfNumbers(lens.AsString(), intrinsics),
                       ReadImageSize(root.At("imagersize")),
                       MrcalLenses(),
                       source.path.string());
@@ -149,7 +135,7 @@ CameraFormat MrcalFormat() {
           .holds_extrinsics = true,
           .write = WriteMrcal,
           .read = ReadMrcal,
-          .write_files = WriteMrcalRig};
+          .has_file_per_camera = true};
 }
 
 }  // namespace plenocal

@@ -16,38 +16,29 @@
 namespace plenocal {
 namespace {
 
-constexpr double kHalfPixelThere = 0.5;  // (0, 0) is the corner of the top-left pixel there
-
-std::span<const LensForm> NerfstudioLenses() {
-  static const std::vector<LensForm> kForms{
-      {"pinhole", "PINHOLE", {}},
-      {"pinhole-radial3", "OPENCV", {"A_0", "A_1", "A_2", "0", "0", "0"}},
-      {"pinhole-radtan4", "OPENCV", {"k_1", "k_2", "0", "0", "p_1", "p_2"}},
-      {"pinhole-radtan", "OPENCV", {"k_1", "k_2", "k_3", "0", "p_1", "p_2"}},
-      {"kannala-brandt4", "OPENCV_FISHEYE", {"k_1", "k_2", "k_3", "k_4"}}};
-  return kForms;
-}
-
-constexpr std::array kCoefficientNames{"k1", "k2", "k3", "k4", "p1", "p2"};
-
-size_t CoefficientCount(const std::string& lens) {
-  return lens == "OPENCV" ? 6 : lens == "OPENCV_FISHEYE" ? 4 : 0;
+const LensTable& NerfstudioLenses() {
+  static const LensTable kTable{
+      .tool = "nerfstudio",
+      .forms = {{"pinhole", "PINHOLE", ""},
+                {"pinhole-radial3", "OPENCV", "A_0 A_1 A_2 0 0 0"},
+                {"pinhole-radtan4", "OPENCV", "k_1 k_2 0 0 p_1 p_2"},
+                {"pinhole-radtan", "OPENCV", "k_1 k_2 k_3 0 p_1 p_2"},
+                {"kannala-brandt4", "OPENCV_FISHEYE", "k_1 k_2 k_3 k_4"}},
+      .first_pixel = 0.5,
+      .keys = {"fl_x", "fl_y", "cx", "cy"},
+      .coefficient_keys = {{"OPENCV", "k1 k2 k3 k4 p1 p2"}, {"OPENCV_FISHEYE", "k1 k2 k3 k4"}},
+      .may_lack_coefficients = true};
+  return kTable;
 }
 
 std::string Intrinsics(const CalibratedCamera& camera) {
-  const Lens lens = ToLens(camera, NerfstudioLenses(), "nerfstudio");
-  std::string text = fmt::format(
-      "  \"camera_model\": \"{}\",\n  \"w\": {},\n  \"h\": {},\n  \"fl_x\": {},\n  \"fl_y\": {},\n"
-      "  \"cx\": {},\n  \"cy\": {},\n",
-      lens.name,
-      camera.image_size[0],
-      camera.image_size[1],
-      RealText(lens.f_x),
-      RealText(lens.f_y),
-      RealText(lens.c_x + kHalfPixelThere),
-      RealText(lens.c_y + kHalfPixelThere));
-  for (size_t i = 0; i < lens.coefficients.size(); ++i) {
-    text += fmt::format("  \"{}\": {},\n", kCoefficientNames[i], RealText(lens.coefficients[i]));
+  const Lens lens = ToLens(camera, NerfstudioLenses());
+  std::string text = fmt::format("  \"camera_model\": \"{}\",\n  \"w\": {},\n  \"h\": {},\n",
+                                 lens.name,
+                                 camera.image_size[0],
+                                 camera.image_size[1]);
+  for (const auto& [key, value] : lens.Entries(NerfstudioLenses())) {
+    text += fmt::format("  \"{}\": {},\n", key, RealText(value));
   }
   return text;
 }
@@ -63,12 +54,6 @@ std::string MatrixText(const Eigen::Matrix4d& matrix) {
 
 std::string WriteNerfstudio(const std::vector<CalibratedCamera>& cameras) {
   return fmt::format("{{\n{}  \"frames\": []\n}}\n", Intrinsics(cameras[0]));
-}
-
-std::vector<std::string> WriteEachNerfstudio(const std::vector<CalibratedCamera>& cameras) {
-  std::vector<std::string> files;
-  for (const CalibratedCamera& camera : cameras) files.push_back(WriteNerfstudio({camera}));
-  return files;
 }
 
 std::string WriteViews(const CalibrationRecord& calibration, size_t index) {
@@ -94,20 +79,7 @@ std::string WriteViews(const CalibrationRecord& calibration, size_t index) {
 
 std::vector<CalibratedCamera> ReadNerfstudio(const CameraSource& source) {
   const YamlNode root = YamlNode::ReadFile(source.path);
-  const auto corner = [&](const char* key) {
-    const double value = root.At(key).AsNumber();
-    return Inverted(value, value - kHalfPixelThere, [](double x) { return x + kHalfPixelThere; });
-  };
-  Lens lens{root.At("camera_model").AsString(),
-            root.At("fl_x").AsNumber(),
-            root.At("fl_y").AsNumber(),
-            corner("cx"),
-            corner("cy"),
-            {}};
-  for (size_t i = 0; i < CoefficientCount(lens.name); ++i) {
-    const char* const key = kCoefficientNames[i];
-    lens.coefficients.push_back(root.Has(key) ? root.At(key).AsNumber() : 0);
-  }
+  const Lens lens = ReadLensEntries(root, root.At("camera_model").AsString(), NerfstudioLenses());
   const ImageSize size{root.At("w").AsInteger(), root.At("h").AsInteger()};
   CalibratedCamera camera = FromLens(lens, size, NerfstudioLenses(), source.path.string());
   camera.name = "camera";
@@ -120,10 +92,9 @@ CameraFormat NerfstudioFormat() {
   return {.name = "nerfstudio",
           .file = "transforms.json",
           .most_cameras = kAnyNumber,
-          .holds_extrinsics = false,
           .write = WriteNerfstudio,
           .read = ReadNerfstudio,
-          .write_files = WriteEachNerfstudio,
+          .has_file_per_camera = true,
           .write_views = WriteViews};
 }
 

@@ -10,7 +10,7 @@
 #include "engine/formats/camera_format.h"
 #include "engine/formats/lens_form.h"
 #include "engine/formats/opencv_storage.h"
-#include "engine/formats/poses.h"
+#include "engine/formats/pose_matrices.h"
 
 namespace plenocal {
 namespace {
@@ -50,7 +50,7 @@ std::string WriteOpenCv(const std::vector<CalibratedCamera>& cameras) {
   bool fisheye = false;
   for (size_t i = 0; i < cameras.size(); ++i) {
     const CalibratedCamera& camera = cameras[i];
-    const Lens lens = ToLens(camera, OpenCvLenses(), "opencv");
+    const Lens lens = ToLens(camera, OpenCvLenses());
     const std::string number = fmt::format("{}", i + 1);
     if (i > 0 && fisheye != (lens.name == "fisheye")) {
       throw JobError("opencv: one camera is a fisheye, the other not; export each with --camera");
@@ -68,7 +68,7 @@ std::string WriteOpenCv(const std::vector<CalibratedCamera>& cameras) {
   }
   if (fisheye) text += "fisheye_model: 1\n";
   if (stereo) {
-    const RigidTransform T_2_1 = cameras[1].T_camera_rig * cameras[0].T_camera_rig.Inverse();
+    const RigidTransform T_2_1 = SecondFromFirst(cameras);
     text += OpenCvMatrix("R", 3, 3, 'd', RowMajor(T_2_1.R));
     text += OpenCvMatrix("T", 3, 1, 'd', std::array{T_2_1.t.x(), T_2_1.t.y(), T_2_1.t.z()});
   }

@@ -10,18 +10,16 @@
 #include "engine/formats/lens_form.h"
 #include "engine/formats/opencv_storage.h"
 #include "engine/formats/orbslam_camera.h"
-#include "engine/formats/poses.h"
+#include "engine/formats/pose_matrices.h"
 #include "engine/resample/rectify.h"
 
 namespace plenocal {
 namespace {
 
-std::span<const LensForm> OrbSlam2Lenses() { return OrbSlamLenses().first(kOrbSlam2Lenses); }
-
 /// One camera, or a pair with what rectifies it; Camera.* are then the rectified views' and b times
 /// f is Camera.bf.
 std::string WriteOrbSlam2(const std::vector<CalibratedCamera>& cameras) {
-  const Lens first = ToLens(cameras[0], OrbSlam2Lenses(), "orbslam2");
+  const Lens first = ToLens(cameras[0], OrbSlam2Lenses());
   if (cameras.size() == 1) {
     return kOpenCvHead + OrbSlamCamera("Camera", first) + OrbSlamImages(cameras[0]);
   }
@@ -33,7 +31,7 @@ std::string WriteOrbSlam2(const std::vector<CalibratedCamera>& cameras) {
       fmt::format("# baseline times fx\nCamera.bf: {}\n\n", RealText(pair.baseline * p[0]));
   for (size_t c = 0; c < 2; ++c) {
     const std::string side = c == 0 ? "LEFT" : "RIGHT";
-    const Lens lens = ToLens(cameras[c], OrbSlam2Lenses(), "orbslam2");
+    const Lens lens = ToLens(cameras[c], OrbSlam2Lenses());
     text += fmt::format("{0}.height: {1}\n{0}.width: {2}\n",
                         side,
                         cameras[c].image_size[1],
@@ -48,7 +46,7 @@ std::string WriteOrbSlam2(const std::vector<CalibratedCamera>& cameras) {
 std::vector<CalibratedCamera> ReadOrbSlam2(const CameraSource& source) {
   const YamlNode root = ReadStorage(source.path);
   if (!root.Has("LEFT.K")) {
-    return {FromLens(ReadOrbSlamCamera(root, "Camera", "PinHole"),
+    return {FromLens(ReadLensEntries(root, "PinHole", OrbSlam2Lenses(), "Camera."),
                      ReadOrbSlamSize(root, source),
                      OrbSlam2Lenses(),
                      source.path.string())};

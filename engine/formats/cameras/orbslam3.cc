@@ -11,17 +11,17 @@
 #include "engine/formats/lens_form.h"
 #include "engine/formats/opencv_storage.h"
 #include "engine/formats/orbslam_camera.h"
-#include "engine/formats/poses.h"
+#include "engine/formats/pose_matrices.h"
 
 namespace plenocal {
 namespace {
 
 std::string WriteOrbSlam3(const std::vector<CalibratedCamera>& cameras) {
-  const Lens first = ToLens(cameras[0], OrbSlamLenses(), "orbslam3");
+  const Lens first = ToLens(cameras[0], OrbSlam3Lenses());
   std::string text =
       kOpenCvHead + fmt::format("File.version: \"1.0\"\nCamera.type: \"{}\"\n\n", first.name);
   for (size_t i = 0; i < cameras.size(); ++i) {
-    const Lens lens = ToLens(cameras[i], OrbSlamLenses(), "orbslam3");
+    const Lens lens = ToLens(cameras[i], OrbSlam3Lenses());
     if (lens.name != first.name || cameras[i].image_size != cameras[0].image_size) {
       throw JobError(
           "orbslam3: both cameras must have one kind of lens and images of one size; "
@@ -32,14 +32,8 @@ std::string WriteOrbSlam3(const std::vector<CalibratedCamera>& cameras) {
   text += OrbSlamImages(cameras[0]);
   if (cameras.size() < 2) return text;
   const RigidTransform T_1_2 = cameras[0].T_camera_rig * cameras[1].T_camera_rig.Inverse();
-  std::array<double, 16> T{};
-  T[15] = 1;
-  for (size_t r = 0; r < 3; ++r) {
-    const auto row = static_cast<Eigen::Index>(r);
-    for (size_t c = 0; c < 3; ++c) T[4 * r + c] = T_1_2.R(row, static_cast<Eigen::Index>(c));
-    T[4 * r + 3] = T_1_2.t[row];
-  }
-  return text + "\n# maps camera 2 to camera 1\n" + OpenCvMatrix("Stereo.T_c1_c2", 4, 4, 'f', T);
+  return text + "\n# maps camera 2 to camera 1\n" +
+         OpenCvMatrix("Stereo.T_c1_c2", 4, 4, 'f', RowMajor(T_1_2));
 }
 
 std::vector<CalibratedCamera> ReadOrbSlam3(const CameraSource& source) {
@@ -49,8 +43,10 @@ std::vector<CalibratedCamera> ReadOrbSlam3(const CameraSource& source) {
   std::vector<CalibratedCamera> cameras;
   for (const std::string prefix : {"Camera1", "Camera2"}) {
     if (!cameras.empty() && !root.Has(prefix + ".fx")) break;
-    cameras.push_back(FromLens(
-        ReadOrbSlamCamera(root, prefix, type), size, OrbSlamLenses(), source.path.string()));
+    cameras.push_back(FromLens(ReadLensEntries(root, type, OrbSlam3Lenses(), prefix + "."),
+                               size,
+                               OrbSlam3Lenses(),
+                               source.path.string()));
     cameras.back().name = prefix == "Camera1" ? "camera1" : "camera2";
   }
   if (cameras.size() == 2) {

@@ -10,30 +10,29 @@
 #include "engine/formats/camera_format.h"
 #include "engine/formats/exact_numbers.h"
 #include "engine/formats/lens_form.h"
-#include "engine/formats/poses.h"
+#include "engine/formats/pose_matrices.h"
 #include "engine/resample/rectify.h"
 
 namespace plenocal {
 namespace {
 
-std::span<const LensForm> RosLenses() {
-  static const std::vector<LensForm> kForms{
-      {"pinhole", "plumb_bob", {"0", "0", "0", "0", "0"}},
-      {"pinhole-radial3", "plumb_bob", {"A_0", "A_1", "0", "0", "A_2"}},
-      {"pinhole-radtan4", "plumb_bob", {"k_1", "k_2", "p_1", "p_2", "0"}},
-      {"pinhole-radtan", "plumb_bob", {"k_1", "k_2", "p_1", "p_2", "k_3"}},
-      {"pinhole-radtan8",
-       "rational_polynomial",
-       {"k_1", "k_2", "p_1", "p_2", "k_3", "k_4", "k_5", "k_6"}},
-      {"kannala-brandt4", "equidistant", {"k_1", "k_2", "k_3", "k_4"}}};
-  return kForms;
+const LensTable& RosLenses() {
+  static const LensTable kTable{
+      "ros",
+      {{"pinhole", "plumb_bob", "0 0 0 0 0"},
+       {"pinhole-radial3", "plumb_bob", "A_0 A_1 0 0 A_2"},
+       {"pinhole-radtan4", "plumb_bob", "k_1 k_2 p_1 p_2 0"},
+       {"pinhole-radtan", "plumb_bob", "k_1 k_2 p_1 p_2 k_3"},
+       {"pinhole-radtan8", "rational_polynomial", "k_1 k_2 p_1 p_2 k_3 k_4 k_5 k_6"},
+       {"kannala-brandt4", "equidistant", "k_1 k_2 k_3 k_4"}}};
+  return kTable;
 }
 
 /// `R` and `P` are those of a rectified pair, or nothing and the camera's own.
 std::string RosFile(const CalibratedCamera& camera,
                     const Eigen::Matrix3d& R,
                     const std::array<double, 12>& P) {
-  const Lens lens = ToLens(camera, RosLenses(), "ros");
+  const Lens lens = ToLens(camera, RosLenses());
   const auto matrix = [](const char* key, int rows, int cols, std::span<const double> data) {
     return fmt::format(
         "{}:\n  rows: {}\n  cols: {}\n  data: [{}]\n", key, rows, cols, RealList(data));
@@ -54,7 +53,7 @@ std::string RosFile(const CalibratedCamera& camera,
 }
 
 std::string WriteRos(const std::vector<CalibratedCamera>& cameras) {
-  const Lens lens = ToLens(cameras[0], RosLenses(), "ros");
+  const Lens lens = ToLens(cameras[0], RosLenses());
   return RosFile(cameras[0],
                  Eigen::Matrix3d::Identity(),
                  {lens.f_x, 0, lens.c_x, 0, 0, lens.f_y, lens.c_y, 0, 0, 0, 1, 0});

@@ -28,7 +28,7 @@ class Weights {
   explicit Weights(const CsvReader& table)
       : level_(table.Find("level")), weight_(table.Find("weight")) {}
 
-  /// Of the present row; not positive: left out.
+  /// The weight of the present row; not positive: the row is left out.
   [[nodiscard]] double Read(const CsvReader& table) const {
     const std::optional<size_t> column = level_ ? level_ : weight_;
     if (!column) return 1;

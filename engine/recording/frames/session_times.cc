@@ -7,8 +7,8 @@
 #include <optional>
 
 #include "calib/base/format_error.h"
-#include "engine/recording/image_files.h"
-#include "engine/recording/times.h"
+#include "engine/recording/frames/times.h"
+#include "engine/recording/stores/image_index.h"
 
 namespace plenocal {
 namespace {
@@ -18,36 +18,35 @@ namespace fs = std::filesystem;
 // The time of each image, by its frame's name and its file.
 std::vector<double> ReadTimes(const fs::path& path,
                               const std::string& owner,
-                              const std::vector<std::string>& frames,
-                              const std::vector<fs::path>& files) {
+                              const std::vector<FrameImage>& images) {
   const ImageTimes times = ReadImageTimes(path, ExposureUnit::kMilliseconds);
   const auto fail = [&](const std::string& what) {
     throw InputError("{}: {}", path.string(), what);
   };
   std::vector<double> of_frame;
   if (!times.has_ids) {
-    if (times.rows.size() != frames.size()) {
+    if (times.rows.size() != images.size()) {
       fail(
           fmt::format("has {} times, but {} has {} frames; times without names must be one "
                       "per frame",
                       times.rows.size(),
                       owner,
-                      frames.size()));
+                      images.size()));
     }
     for (const ImageTime& row : times.rows) of_frame.push_back(row.time);
     return of_frame;
   }
-  const ImageIndex index(frames, files);
-  std::vector<std::optional<double>> found(frames.size());
+  const ImageIndex index(images);
+  std::vector<std::optional<double>> found(images.size());
   for (const ImageTime& row : times.rows) {
     if (const auto image = index.Find(row.id)) found[*image] = row.time;
   }
-  for (size_t i = 0; i < frames.size(); ++i) {
+  for (size_t i = 0; i < images.size(); ++i) {
     if (!found[i]) {
       fail(
           fmt::format("has no time for frame '{}' of {} (its first row is for '{}'); is it "
                       "the right file?",
-                      frames[i],
+                      images[i].frame,
                       owner,
                       times.rows[0].id));
     }
@@ -59,13 +58,7 @@ std::vector<double> ReadTimes(const fs::path& path,
 }  // namespace
 
 void TakeTimes(const fs::path& times, const std::string& owner, std::vector<FrameImage>* images) {
-  std::vector<std::string> frames;
-  std::vector<fs::path> files;
-  for (const FrameImage& image : *images) {
-    frames.push_back(image.frame);
-    files.push_back(image.path);
-  }
-  const std::vector<double> of_frame = ReadTimes(times, owner, frames, files);
+  const std::vector<double> of_frame = ReadTimes(times, owner, *images);
   for (size_t i = 0; i < images->size(); ++i) (*images)[i].time = of_frame[i];
   std::ranges::stable_sort(*images, {}, [](const FrameImage& image) { return *image.time; });
 }
@@ -86,8 +79,9 @@ void TakeTimesOfNames(std::vector<FrameImage>* images) {
 std::map<std::string, double> TimesOfFrames(const fs::path& times,
                                             const std::string& owner,
                                             const std::vector<std::string>& frames) {
-  const std::vector<double> of_frame =
-      ReadTimes(times, owner, frames, std::vector<fs::path>(frames.begin(), frames.end()));
+  std::vector<FrameImage> images;
+  for (const std::string& frame : frames) images.push_back({.frame = frame, .path = frame});
+  const std::vector<double> of_frame = ReadTimes(times, owner, images);
   std::map<std::string, double> by_name;
   for (size_t i = 0; i < frames.size(); ++i) by_name[frames[i]] = of_frame[i];
   return by_name;

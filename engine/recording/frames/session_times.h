@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Times of a session's images, from files of times and from names.
 #pragma once
 
 #include <filesystem>

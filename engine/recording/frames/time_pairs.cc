@@ -21,7 +21,7 @@ size_t NearestIndex(const std::vector<double>& sorted, double time) {
   return time - sorted[index - 1] <= sorted[index] - time ? index - 1 : index;
 }
 
-/// Of each value the index of its nearest one in `sorted`, where both are nearest to each other.
+/// The index in `sorted` of the nearest value of each value, if both are nearest to each other.
 std::vector<std::optional<size_t>> Mutual(const std::vector<double>& values,
                                           const std::vector<double>& sorted) {
   std::vector<std::optional<size_t>> nearest(values.size());
@@ -52,6 +52,11 @@ double ToleranceOf(const std::vector<std::vector<double>>& times) {
 }
 
 }  // namespace
+
+size_t FirstCamera(const std::vector<std::optional<size_t>>& images) {
+  const auto has = std::ranges::find_if(images, [](const auto& i) { return i.has_value(); });
+  return static_cast<size_t>(has - images.begin());
+}
 
 double UsualInterval(const std::vector<double>& values) {
   std::vector<double> intervals;

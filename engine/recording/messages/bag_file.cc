@@ -34,8 +34,7 @@ std::string FieldText(const std::map<std::string, ByteSpan>& fields, const char*
 }  // namespace
 
 BagFile::BagFile(const std::filesystem::path& path) : ChunkedFile(path) {
-  ByteRange range(File(), kBagMagic.size(), File().Size() - kBagMagic.size());
-  Scan(&range, {false, kInFile, kBagMagic.size()});
+  ScanFile(kBagMagic.size());
 }
 
 BagFile::Fields BagFile::FieldsOf(ByteSpan header) {
@@ -116,7 +115,7 @@ void BagFile::TakeMessage(ByteRange* range,
   AddMessage({.topic = topic->second,
               .logged = kSecond * seconds + nanoseconds,
               .block = place.block,
-              .offset = (place.block == kInFile ? place.offset : 0) + record.data,
+              .offset = place.OffsetOf(record.data),
               .size = record.size},
              range->Get(record.data, std::min<std::uint64_t>(record.size, kStampBytes)));
 }
@@ -133,14 +132,11 @@ void BagFile::TakeChunk(const Fields& fields, const Record& record, const Place&
                     name.substr(0, 16)));
     return;
   }
-  ForChunk({.offset = place.offset + record.data,
-            .size = record.size,
-            .unpacked = *unpacked,
-            .packing = *packing,
-            .end = record.size < record.stated ? PackedEnd::kMissing : PackedEnd::kNeeded},
-           [&](ByteRange* records, std::uint64_t block, std::uint64_t offset) {
-             Scan(records, {true, block, offset});
-           });
+  ScanChunk({.offset = place.offset + record.data,
+             .size = record.size,
+             .unpacked = *unpacked,
+             .packing = *packing,
+             .end = record.size < record.stated ? PackedEnd::kMissing : PackedEnd::kNeeded});
 }
 
 }  // namespace plenocal

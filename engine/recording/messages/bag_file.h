@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Bags of ROS 1.
 #pragma once
 
 #include <map>
@@ -16,21 +18,17 @@ inline constexpr std::string_view kBagMagic = "#ROSBAG V2.0\n";
 ///
 /// Debian's librosbag-storage is not used: it opens no bag without an index, and needs 16 shared
 /// libraries (ROS, TLS, GPG).
-class BagFile : public ChunkedFile {
+class BagFile final : public ChunkedFile {
  public:
   explicit BagFile(const std::filesystem::path& path);
 
  private:
   using Fields = std::map<std::string, ByteSpan>;
-  struct Place {
-    bool in_chunk;
-    std::uint64_t block, offset;  // of the range
-  };
   struct Record {
     std::uint64_t data, size;  // of its data in the range, as far as they are there
     std::uint64_t stated;      // the size that it should have
   };
-  void Scan(ByteRange* range, const Place& place);
+  void Scan(ByteRange* range, const Place& place) override;
   /// `header` are the bytes that the fields of `Take` point into.
   void Take(ByteRange* range, ByteSpan header, const Record& record, const Place& place);
   void TakeConnection(const Fields& fields, ByteSpan data);

@@ -1,13 +1,44 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "engine/recording/messages/chunked_file.h"
 
+#include <fmt/format.h>
 #include <zlib.h>
 
 #include <algorithm>
+#include <optional>
 
 #include "calib/base/format_error.h"
 
 namespace plenocal {
+
+void ChunkedFile::ScanFile(std::size_t magic) {
+  ByteRange range(file_, magic, file_.Size() - magic);
+  Scan(&range, {false, kInFile, magic});
+}
+
+void ChunkedFile::ScanChunk(const Chunk& chunk) {
+  if (chunk.packing == Packing::kNone) {
+    ByteRange range(file_, chunk.offset, chunk.size);
+    return Scan(&range, {true, kInFile, chunk.offset});
+  }
+  if (std::max(chunk.unpacked, chunk.size) > kMostBytes) {
+    AddDamage(
+        fmt::format("the chunk at byte {} has {} MB, of which at most {} are read; its "
+                    "messages are lost",
+                    chunk.offset,
+                    std::max(chunk.unpacked, chunk.size) >> 20,
+                    kMostBytes >> 20));
+    return;
+  }
+  const std::shared_ptr<const ByteVector> bytes = Unpacked(chunk);
+  if (!bytes) {
+    AddDamage(fmt::format("the chunk at byte {} is damaged; its messages are lost", chunk.offset));
+    return;
+  }
+  chunks_.push_back(chunk);
+  ByteRange range{ByteSpan(*bytes)};
+  Scan(&range, {true, chunks_.size() - 1, 0});
+}
 
 std::shared_ptr<const ByteVector> ChunkedFile::Unpacked(const Chunk& chunk) const {
   ByteVector packed(chunk.size);

@@ -1,14 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Files of messages in chunks: what MCAP files and bags of ROS 1 have in common.
 #pragma once
 
-#include <fmt/format.h>
-
-#include <algorithm>
+#include <cstdint>
+#include <filesystem>
 #include <list>
 #include <memory>
 #include <mutex>
-#include <optional>
-#include <string>
 #include <utility>
 #include <vector>
 
@@ -38,37 +37,25 @@ class ChunkedFile : public MessageFile {
   static constexpr std::uint64_t kInFile = ~std::uint64_t{0};
 
   [[nodiscard]] const InputBytes& File() const { return file_; }
-  /// Calls scan(range, block, offset of the range) for the records of a chunk, unless it is damaged
-  /// or unpacks to more than a chunk can be; then that is noted.
-  template <typename Scan>
-  void ForChunk(const Chunk& chunk, const Scan& scan) {
-    if (chunk.packing == Packing::kNone) {
-      ByteRange range(file_, chunk.offset, chunk.size);
-      scan(&range, kInFile, chunk.offset);
-      return;
+  /// A range of records: all of the file, or a chunk.
+  struct Place {
+    bool in_chunk;
+    std::uint64_t block, offset;  ///< of the range
+    /// `MessageRef::offset` of what is at `at` in the range.
+    [[nodiscard]] std::uint64_t OffsetOf(std::uint64_t at) const {
+      return (block == kInFile ? offset : 0) + at;
     }
-    if (std::max(chunk.unpacked, chunk.size) > kMostBytes) {
-      AddDamage(
-          fmt::format("the chunk at byte {} has {} MB, of which at most {} are read; its "
-                      "messages are lost",
-                      chunk.offset,
-                      std::max(chunk.unpacked, chunk.size) >> 20,
-                      kMostBytes >> 20));
-      return;
-    }
-    std::shared_ptr<const ByteVector> bytes = Unpacked(chunk);
-    if (!bytes) {
-      AddDamage(
-          fmt::format("the chunk at byte {} is damaged; its messages are lost", chunk.offset));
-      return;
-    }
-    chunks_.push_back(chunk);
-    ByteRange range{ByteSpan(*bytes)};
-    scan(&range, chunks_.size() - 1, 0);
-  }
+  };
+  /// Reads all records of a range.
+  virtual void Scan(ByteRange* range, const Place& place) = 0;
+  /// Scans the file behind its first bytes.
+  void ScanFile(std::size_t magic);
+  /// Scans the records of a chunk, unless it is damaged or unpacks to more than a chunk can be;
+  /// then that is noted.
+  void ScanChunk(const Chunk& chunk);
 
  private:
-  /// Of a message, and of a packed chunk: writers make chunks of some MB, of one image more where
+  /// Limit of a message and of a packed chunk: writers make chunks of some MB, one image more where
   /// it is larger than that.
   static constexpr auto kMostBytes = static_cast<std::uint64_t>(InputLimit::kImage);
 

@@ -117,7 +117,7 @@ void Db3File::ReadMessages() {
     if (topic == topic_of_id_.end()) continue;
     ByteVector start;
     if (IsWanted(topic->second)) {
-      // Of packed messages all is needed to come to their first bytes.
+      // The first bytes of a packed message need all of it.
       constexpr std::size_t kPeek = 16;
       std::optional<ByteVector> content = Content(row, kPeek);
       if (content && IsZstd(*content)) {

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Databases of messages, as ROS 2 writes them.
 #pragma once
 
 #include <memory>

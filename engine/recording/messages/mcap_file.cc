@@ -40,19 +40,17 @@ struct Fields {
 }  // namespace
 
 McapFile::McapFile(const std::filesystem::path& path) : ChunkedFile(path) {
-  ByteRange range(File(), kMcapMagic.size(), File().Size() - kMcapMagic.size());
-  Scan(&range, {Level::kFile, kInFile, kMcapMagic.size()});
+  ScanFile(kMcapMagic.size());
 }
 
 void McapFile::Scan(ByteRange* range, const Place& place) {
   std::uint64_t at = 0;
   const auto note = [&](const char* what) {
-    AddDamage(place.level == Level::kFile
-                  ? fmt::format("{} at byte {} of {}; what was after that is lost",
-                                what,
-                                place.offset + at,
-                                File().Size())
-                  : fmt::format("{} in a chunk; its later messages are lost", what));
+    AddDamage(place.in_chunk ? fmt::format("{} in a chunk; its later messages are lost", what)
+                             : fmt::format("{} at byte {} of {}; what was after that is lost",
+                                           what,
+                                           place.offset + at,
+                                           File().Size()));
   };
   while (at < range->Size()) {
     if (range->Size() - at < kRecordHeader) return note("is cut off");
@@ -60,13 +58,13 @@ void McapFile::Scan(ByteRange* range, const Place& place) {
     const Record record{header[0], at + kRecordHeader, LittleEndianAt<std::uint64_t>(header, 1)};
     if (record.opcode == 0) return note("is damaged");
     if (record.size > range->Size() - record.at) {
-      if (record.opcode == kChunk && place.level == Level::kFile) TakeChunk(range, record);
+      if (record.opcode == kChunk && !place.in_chunk) TakeChunk(range, record);
       return note("is cut off");
     }
     if (!Take(range, record, place)) return;
     at = record.at + record.size;
   }
-  if (place.level == Level::kFile) note("ends without an end of data");
+  if (!place.in_chunk) note("ends without an end of data");
 }
 
 bool McapFile::Take(ByteRange* range, const Record& record, const Place& place) {
@@ -81,10 +79,10 @@ bool McapFile::Take(ByteRange* range, const Record& record, const Place& place) 
       TakeMessage(range, record, place);
       break;
     case kChunk:
-      if (place.level == Level::kFile) TakeChunk(range, record);
+      if (!place.in_chunk) TakeChunk(range, record);
       break;
     case kDataEnd:
-      return place.level != Level::kFile;
+      return place.in_chunk;
     default:
       break;
   }
@@ -119,7 +117,7 @@ void McapFile::TakeMessage(ByteRange* range, const Record& record, const Place& 
   AddMessage({.topic = topic->second,
               .logged = static_cast<std::int64_t>(logged),
               .block = place.block,
-              .offset = (place.block == kInFile ? place.offset : 0) + record.at + kMessageHeader,
+              .offset = place.OffsetOf(record.at + kMessageHeader),
               .size = record.size - kMessageHeader},
              fields.rest);
 }
@@ -157,9 +155,7 @@ void McapFile::TakeChunk(ByteRange* range, const Record& record) {
     return;
   }
   chunk.packing = *packing;
-  ForChunk(chunk, [&](ByteRange* records, std::uint64_t block, std::uint64_t offset) {
-    Scan(records, {Level::kChunk, block, offset});
-  });
+  ScanChunk(chunk);
 }
 
 }  // namespace plenocal

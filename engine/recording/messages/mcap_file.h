@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// MCAP files.
 #pragma once
 
 #include <map>
@@ -14,22 +16,16 @@ inline constexpr std::string_view kMcapMagic = "\x89MCAP0\r\n";
 
 /// A recording in the format of https://mcap.dev/spec (major version 0). Its records are read from
 /// the beginning, so that a file whose end is missing has all that is before.
-class McapFile : public ChunkedFile {
+class McapFile final : public ChunkedFile {
  public:
   explicit McapFile(const std::filesystem::path& path);
 
  private:
-  enum class Level { kFile, kChunk };
-  struct Place {
-    Level level;
-    std::uint64_t block, offset;  // of the range
-  };
   struct Record {
     std::uint8_t opcode;
     std::uint64_t at, size;  // of its content in the range
   };
-  /// Reads all records of a range.
-  void Scan(ByteRange* range, const Place& place);
+  void Scan(ByteRange* range, const Place& place) override;
   /// False after the record that ends the data.
   bool Take(ByteRange* range, const Record& record, const Place& place);
   void TakeSchema(ByteSpan content);

@@ -23,7 +23,7 @@ struct MessageTopic {
   size_t count = 0;  ///< messages
 };
 
-/// Where a message of a topic about images is.
+/// The place of a message of a topic about images.
 struct MessageRef {
   std::uint32_t topic = 0;
   std::int64_t logged = 0;  ///< ns, when it was written
@@ -32,7 +32,7 @@ struct MessageRef {
   std::uint64_t offset = 0, size = 0;
 };
 
-/// Of a file all topics, and the messages of those about images, in the file's order. `Read` may be
+/// A file with all its topics, and the messages of those about images in its order. `Read` may be
 /// called from several threads.
 class MessageFile {
  public:
@@ -43,7 +43,7 @@ class MessageFile {
 
   [[nodiscard]] const std::vector<MessageTopic>& Topics() const { return topics_; }
   [[nodiscard]] const std::vector<MessageRef>& Messages() const { return messages_; }
-  /// What is damaged, and what that costs; most files have nothing.
+  /// Notes on damage and on what it costs; most files have none.
   [[nodiscard]] const std::vector<std::string>& Damage() const { return damage_; }
   /// The first `most` bytes of a message, or all of a shorter one. Throws `Error` of kind kInput.
   [[nodiscard]] virtual SharedBytes Read(const MessageRef& message, size_t most) const = 0;

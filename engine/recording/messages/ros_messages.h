@@ -20,9 +20,9 @@ enum class MessageKind { kImage, kCompressedImage, kCameraInfo, kOther };
 /// How messages are written as bytes.
 enum class MessageCoding { kRos1, kCdr, kOther };
 
-/// Of a type such as "sensor_msgs/msg/Image".
+/// The kind of a type such as "sensor_msgs/msg/Image".
 MessageKind KindOfType(std::string_view type);
-/// Of a name such as "ros1" or "cdr".
+/// The coding of a name such as "ros1" or "cdr".
 MessageCoding CodingOfName(std::string_view name);
 
 /// Bytes of a message that `StampOf` needs at most.
@@ -30,7 +30,7 @@ inline constexpr std::size_t kStampBytes = 12;
 /// The time in the header of a message of a kind above, ns; nothing when there are too few bytes.
 std::optional<std::int64_t> StampOf(MessageCoding coding, ByteSpan start);
 
-/// Whether the bytes of a message are all or only the first ones.
+/// The part of a message that its bytes are: all, or only the first ones.
 enum class MessagePart { kAll, kStart };
 
 /// The image of a message of kind kImage or kCompressedImage, of its start with as many of its

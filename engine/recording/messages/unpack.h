@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Unpacking of chunks and messages: zstd, lz4, bz2.
 #pragma once
 
 #include <optional>
@@ -15,7 +17,7 @@ enum class Packing { kNone, kZstd, kLz4, kBz2 };
 /// By its name in MCAP and bags: "", "none", "zstd", "lz4", "bz2"; nothing for another name.
 std::optional<Packing> PackingOf(std::string_view name);
 
-/// What is wanted of packed bytes whose end is missing: nothing, or what was before.
+/// Treatment of packed bytes whose end is missing: they are refused, or the part before is taken.
 enum class PackedEnd { kNeeded, kMissing };
 
 /// The unpacked bytes, at most `most`; nothing when they are damaged or more than that.

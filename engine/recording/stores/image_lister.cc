@@ -5,9 +5,8 @@
 #include <iterator>
 
 #include "calib/base/format_error.h"
-#include "engine/recording/image_files.h"
 #include "engine/recording/stores/video_store.h"
-#include "engine/recording/stores/zip_store.h"
+#include "engine/recording/stores/zip_archive.h"
 
 namespace plenocal {
 namespace {

@@ -25,7 +25,7 @@ class ImageLister {
   /// A recording that is open already.
   void Use(std::shared_ptr<const MessageLog> log);
 
-  /// What is unusual in the recordings so far, in whole sentences.
+  /// Notes on what is unusual in the recordings so far, in whole sentences.
   [[nodiscard]] const std::vector<std::string>& Notes() const { return notes_; }
 
  private:
@@ -45,7 +45,7 @@ std::vector<FrameImage> ListImages(const std::vector<std::string>& patterns,
 std::vector<FrameImage> FindImageInputs(const std::vector<std::string>& inputs,
                                         const std::string& what);
 
-/// Whether a file of this name is a recording, a video or an archive.
+/// True for the name of a recording, a video or an archive.
 bool IsStoreName(const std::filesystem::path& path);
 
 /// The recording, video or archive that a pattern begins with, and what follows in it; `file` is

@@ -12,7 +12,7 @@
 #include "calib/base/statistics.h"
 #include "calib/io/detection_cache.h"
 #include "detectors/images/image_header.h"
-#include "engine/recording/image_files.h"
+#include "engine/recording/stores/image_index.h"
 
 namespace plenocal {
 namespace {
@@ -144,7 +144,7 @@ MessageLog::MessageLog(const fs::path& path) : path_(path) {
       damage_.emplace_back(error.what());
       continue;
     }
-    // Of much damage the first shows what to do.
+    // The first of many damages shows what to do.
     const std::vector<std::string>& found = files_.back()->Damage();
     if (found.empty()) continue;
     damage_.push_back(fmt::format(

@@ -35,7 +35,7 @@ class MessageLog : public std::enable_shared_from_this<MessageLog> {
   explicit MessageLog(const std::filesystem::path& path);
 
   [[nodiscard]] const std::filesystem::path& Path() const { return path_; }
-  /// What is damaged in its files, in whole sentences.
+  /// Notes on damage in its files, in whole sentences.
   [[nodiscard]] const std::vector<std::string>& Damage() const { return damage_; }
   /// For the end of a message: ". Damage: " and the first; empty where there is none.
   [[nodiscard]] std::string DamageText() const {

@@ -52,7 +52,7 @@ std::unique_ptr<cv::VideoCapture> NewCapture() {
   return std::unique_ptr<cv::VideoCapture>(static_cast<cv::VideoCapture*>(memory));
 }
 
-/// Of files of any size.
+/// Hash of a file of any size.
 std::string HashOfAll(const std::filesystem::path& path) {
   constexpr std::uint64_t kBlock = std::uint64_t{16} << 20;
   const InputBytes file(path);

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Videos as stores of images.
 #pragma once
 
 #include <deque>
@@ -36,7 +38,7 @@ class VideoStore : public ImageStore {
   /// Seconds since its beginning; of a video that states none nothing.
   [[nodiscard]] const std::vector<double>& Times() const { return times_; }
   [[nodiscard]] size_t Count() const { return count_; }
-  /// What is unusual, in whole sentences.
+  /// Notes on what is unusual, in whole sentences.
   [[nodiscard]] const std::vector<std::string>& Notes() const { return notes_; }
 
  private:

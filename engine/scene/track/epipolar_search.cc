@@ -5,6 +5,8 @@
 #include <cmath>
 #include <vector>
 
+#include "calib/camera/rays.h"
+
 namespace plenocal {
 namespace {
 
@@ -67,7 +69,7 @@ std::vector<cv::Point> CurvePixels(const Ray& ray,
         T_second_first.R * (ray.direction + inverse * ray.origin) + inverse * T_second_first.t;
     double u[kMaxObservationSize];
     const double values[kMaxObservationSize] = {};
-    if (!camera.model->project(camera.params.data(), camera.config.data(), values, direction, u)) {
+    if (!Project(camera, values, direction, u)) {
       continue;
     }
     const cv::Point pixel(cvRound(u[0]), cvRound(u[1]));
@@ -83,8 +85,7 @@ std::optional<cv::Point2f> SearchEpipolarCurve(const CameraImage& first,
                                                const CameraImage& second) {
   const BundleCamera& camera = *first.camera;
   const double values[kMaxObservationSize] = {point.x, point.y};
-  const std::optional<Ray> ray =
-      camera.model->unproject(camera.params.data(), camera.config.data(), values);
+  const std::optional<Ray> ray = Unproject(camera, values);
   const std::optional<Patch> wanted = PatchAt(*first.image, {cvRound(point.x), cvRound(point.y)});
   if (!ray || !wanted) return std::nullopt;
   const RigidTransform T_second_first = second.camera->T_camera_rig * camera.T_camera_rig.Inverse();

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Search for a point along its epipolar curve in another image.
 #pragma once
 
 #include <opencv2/core.hpp>
@@ -14,7 +16,7 @@ struct CameraImage {
   const cv::Mat* image = nullptr;
 };
 
-/// Where `second` shows the point that `first` shows at `point`, to about a pixel: the place along
+/// Position in `second` of the point that `first` shows at `point`, to about a pixel: the one along
 /// the epipolar curve whose patch correlates best. Nothing when no place is clearly the best.
 std::optional<cv::Point2f> SearchEpipolarCurve(const CameraImage& first,
                                                const cv::Point2f& point,

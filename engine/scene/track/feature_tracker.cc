@@ -280,16 +280,16 @@ std::map<size_t, cv::Point2f> FeatureTracker::GuessByDescriptors(size_t camera,
                                                                  size_t first_track,
                                                                  const cv::Mat& image) const {
   std::vector<size_t> searched;
-  cv::Mat looks;
+  cv::Mat descriptors;
   for (size_t i = first_track; i < tracks_.size(); ++i) {
     if (tracks_[i].now[camera]) continue;
     searched.push_back(i);
-    looks.push_back(descriptors_.row(tracks_[i].number - first_number_));
+    descriptors.push_back(descriptors_.row(tracks_[i].number - first_number_));
   }
   if (searched.empty()) return {};
   const ImageFeatures features = FindFeatures(image, 2 * options_.wanted, {}, 0);
   std::map<size_t, cv::Point2f> guesses;
-  for (const auto& [i, j] : MatchDescriptors(looks, features.descriptors)) {
+  for (const auto& [i, j] : MatchDescriptors(descriptors, features.descriptors)) {
     guesses.emplace(searched[static_cast<size_t>(i)], features.points[static_cast<size_t>(j)]);
   }
   return guesses;

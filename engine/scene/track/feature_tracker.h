@@ -16,7 +16,7 @@
 
 #include "calib/adjust/bundle.h"
 #include "calib/camera/observation.h"
-#include "engine/scene/track/patch_fit.h"
+#include "engine/scene/track/track_patch.h"
 
 namespace plenocal {
 

@@ -9,7 +9,7 @@
 namespace plenocal {
 namespace {
 
-// Where the first camera of a group shows each track in one frame, px of the image in which
+// Positions of the tracks in one frame of a group's first camera, px of the image in which
 // features are found.
 using SeenPoints = std::map<int, cv::Point2f>;
 

@@ -5,7 +5,7 @@
 #include <functional>
 
 #include "calib/base/error.h"
-#include "engine/recording/summary.h"
+#include "engine/recording/recording_summary.h"
 #include "engine/recording/supplied_detections.h"
 #include "models/registry.h"
 #include "tests/apps/recording/small_images.h"
@@ -164,7 +164,7 @@ TEST_F(Recordings, ReadArchivesInPlace) {
   ASSERT_EQ(found.cameras.size(), 2U);
   EXPECT_EQ(found.cameras[1].name, "right");
   EXPECT_EQ(ShownBy(found)[3].grey, std::vector<int>({GreyOf(0, 3), GreyOf(1, 3)}));
-  EXPECT_THAT(found.cameras[1].files[0].path.string(), HasSubstr("both.zip/set/right/0001.pgm"));
+  EXPECT_THAT(found.cameras[1].images[0].path.string(), HasSubstr("both.zip/set/right/0001.pgm"));
 
   WriteFile("recording.yaml", "plenocal: 1\ncameras: {left: {images: both.zip}}\n");
   EXPECT_THAT(Refusal("recording.yaml"), HasSubstr("archive.zip/left"));

@@ -14,7 +14,7 @@
 
 #include "calib/base/error.h"
 #include "detectors/images/image.h"
-#include "engine/recording/frames/session_images.h"
+#include "engine/recording/frames/session_frames.h"
 #include "engine/recording/frames/time_pairs.h"
 #include "engine/recording/messages/ros_messages.h"
 #include "engine/recording/recording.h"

@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
 
-#include <memory>
-
-#include "apps/cli/command.h"
 #include "apps/cli/fleet/fleet_plan.h"
 #include "apps/cli/options.h"
 #include "calib/io/output_folder.h"
@@ -16,14 +13,13 @@ struct FleetArguments {
   bool overview = false;
 };
 
-void RunFleet(const FleetArguments& arguments, const ConsoleOptions& shared) {
-  Console console(shared);
+void RunFleet(const FleetArguments& arguments, Console* console) {
   const FleetPlan plan = ReadFleetPlan(arguments.plan);
   OutputFolder out(arguments.out);
   if (arguments.overview) {
     out.Write("overview.html", FleetPage(plan, arguments.out));
     out.Commit();
-    console.Print(fmt::format("written to {}\n", (arguments.out / "overview.html").string()));
+    console->PrintWritten((arguments.out / "overview.html"));
     return;
   }
   const std::filesystem::path program = std::filesystem::read_symlink("/proc/self/exe");
@@ -31,7 +27,7 @@ void RunFleet(const FleetArguments& arguments, const ConsoleOptions& shared) {
   out.Commit();
   size_t runs = 0;
   for (const FleetRig& rig : plan.rigs) runs += rig.runs.size();
-  console.Print(
+  console->Print(
       fmt::format("{} rigs, {} calibrations: written to {}; run it by\n"
                   "  cd {} && snakemake --cores all --keep-going --rerun-incomplete\n",
                   plan.rigs.size(),
@@ -46,17 +42,15 @@ constexpr const char* kFleetHelp =
     "  cd RESULTS && snakemake --cores all --keep-going --rerun-incomplete\n\n"
     "The workflow shards detection, calibrates, compares each calibration with the one before and writes RESULTS/overview.html; docs/fleet.md.";
 
-RunCommand DeclareFleet(CLI::App* app, ConsoleOptions* shared) {
-  const auto arguments = std::make_shared<FleetArguments>();
+void DeclareFleet(CLI::App* app, FleetArguments* arguments, ConsoleOptions* shared) {
   app->add_option("plan", arguments->plan, "plan.yaml: rigs and their sessions")->required();
   app->add_option("-o,--out", arguments->out, "folder of the workflow and its results")->required();
   app->add_flag("--overview", arguments->overview, "only the page, of the results that are there");
   AddQuiet(app, shared);
-  return [arguments, shared] { RunFleet(*arguments, *shared); };
 }
 
 }  // namespace
 
-Command FleetCommand() { return {"fleet", kFleetHelp, DeclareFleet}; }
+Command FleetCommand() { return MakeCommand("fleet", kFleetHelp, DeclareFleet, RunFleet); }
 
 }  // namespace plenocal

@@ -1,9 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <fmt/format.h>
 
-#include <memory>
-
-#include "apps/cli/command.h"
 #include "apps/cli/options.h"
 #include "apps/photometry/exposed_images.h"
 #include "apps/photometry/response_files.h"
@@ -20,9 +16,8 @@ struct ResponseArguments {
   std::filesystem::path out;
 };
 
-void RunResponse(const ResponseArguments& arguments, const ConsoleOptions& shared) {
-  Console console(shared);
-  console.Progress("read " + arguments.recording.string());
+void RunResponse(const ResponseArguments& arguments, Console* console) {
+  console->Progress("read " + arguments.recording.string());
   const Recording recording = ReadRecording(arguments.recording);
   const RecordedCamera& camera = ChooseRecordedCamera(recording, arguments.camera);
   OutputFolder output(arguments.out);
@@ -30,24 +25,24 @@ void RunResponse(const ResponseArguments& arguments, const ConsoleOptions& share
   const ExposureSweep sweep = ReadExposureSweep(
       recording,
       camera,
-      shared.threads,
+      console->Options().threads,
       [&](size_t done, size_t total) {
-        return console.Progress(camera.name + ": images", done, total);
+        return console->Progress(camera.name + ": images", done, total);
       },
       &left_out);
-  ReportLeftOut(left_out, console.NewRun());
-  console.Progress("fit the response");
-  const ResponseEstimate estimate =
-      FitResponse(sweep, recording.path.string() + ": camera " + camera.name, shared.threads);
+  ReportLeftOut(left_out, console->NewRun());
+  console->Progress("fit the response");
+  const ResponseEstimate estimate = FitResponse(
+      sweep, recording.path.string() + ": camera " + camera.name, console->Options().threads);
   if (Interrupted()) throw Stopped();
   const std::vector<std::string> findings = FindingsOf(estimate, sweep);
-  for (const std::string& finding : findings) console.Warning(finding);
+  for (const std::string& finding : findings) console->Warning(finding);
   output.Write("pcalib.txt", PcalibText(estimate.curve));
   output.Write("response.csv", ResponseCsv(estimate));
   output.Write("report.html", ResponsePage(estimate, sweep, camera.name, findings));
   output.Commit();
-  console.Print(ResponseSummary(estimate, camera.name));
-  console.Print(fmt::format("written to {}\n", arguments.out.string()));
+  console->Print(ResponseSummary(estimate, camera.name));
+  console->PrintWritten(arguments.out);
 }
 
 constexpr const char* kResponseHelp =
@@ -58,18 +53,18 @@ constexpr const char* kResponseHelp =
     "Writes pcalib.txt, as DSO reads it, response.csv with standard deviations, and a report; "
     "docs/photometry.md.";
 
-RunCommand DeclareResponse(CLI::App* app, ConsoleOptions* shared) {
-  const auto arguments = std::make_shared<ResponseArguments>();
-  app->add_option("recording", arguments->recording, "recording.yaml, or a folder")->required();
+void DeclareResponse(CLI::App* app, ResponseArguments* arguments, ConsoleOptions* shared) {
+  AddRecording(app, &arguments->recording);
   app->add_option("--camera", arguments->camera, "camera of the recording (default: the only)")
       ->expected(1);
-  app->add_option("-o,--out", arguments->out, "folder for the results")->required();
+  AddOut(app, &arguments->out);
   AddThreadsAndQuiet(app, shared);
-  return [arguments, shared] { RunResponse(*arguments, *shared); };
 }
 
 }  // namespace
 
-Command ResponseCommand() { return {"response", kResponseHelp, DeclareResponse}; }
+Command ResponseCommand() {
+  return MakeCommand("response", kResponseHelp, DeclareResponse, RunResponse);
+}
 
 }  // namespace plenocal

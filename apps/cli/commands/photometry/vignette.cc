@@ -1,9 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <fmt/format.h>
 
-#include <memory>
-
-#include "apps/cli/command.h"
 #include "apps/cli/options.h"
 #include "apps/photometry/recorded_vignette.h"
 #include "apps/photometry/vignette_files.h"
@@ -11,14 +7,13 @@
 namespace plenocal {
 namespace {
 
-void RunVignette(const VignetteRequest& arguments, const ConsoleOptions& shared) {
-  Console console(shared);
-  const RecordedVignette result = MeasureVignette(arguments, console.NewRun());
-  console.Print(VignetteSummary(result.estimate, result.camera, result.frames.size()));
+void RunVignette(const VignetteRequest& arguments, Console* console) {
+  const RecordedVignette result = MeasureVignette(arguments, console->NewRun());
+  console->Print(VignetteSummary(result.estimate, result.camera, result.frames.size()));
   if (result.with_white) {
-    console.Print("  " + ComparisonText(*result.with_white, "wall", "white images"));
+    console->Print("  " + ComparisonText(*result.with_white, "wall", "white images"));
   }
-  console.Print(fmt::format("written to {}\n", arguments.out.string()));
+  console->PrintWritten(arguments.out);
 }
 
 constexpr const char* kVignetteHelp =
@@ -30,9 +25,8 @@ constexpr const char* kVignetteHelp =
     "Writes vignetting_<camera>.tiff, its standard deviations, vignette.png, as DSO reads it, the "
     "wall, and a report; docs/photometry.md.";
 
-RunCommand DeclareVignette(CLI::App* app, ConsoleOptions* shared) {
-  const auto arguments = std::make_shared<VignetteRequest>();
-  app->add_option("recording", arguments->recording, "recording.yaml, or a folder")->required();
+void DeclareVignette(CLI::App* app, VignetteRequest* arguments, ConsoleOptions* shared) {
+  AddRecording(app, &arguments->recording);
   app->add_option("--camera", arguments->camera, "camera of the recording (default: the only)")
       ->expected(1);
   app->add_option("--calibration",
@@ -45,13 +39,14 @@ RunCommand DeclareVignette(CLI::App* app, ConsoleOptions* shared) {
                   "pcalib.txt; else the one that the recording names, or a linear response");
   app->add_option(
       "--white", arguments->white, "white images to compare with; else those of the recording");
-  app->add_option("-o,--out", arguments->out, "folder for the results")->required();
+  AddOut(app, &arguments->out);
   AddThreadsAndQuiet(app, shared);
-  return [arguments, shared] { RunVignette(*arguments, *shared); };
 }
 
 }  // namespace
 
-Command VignetteCommand() { return {"vignette", kVignetteHelp, DeclareVignette}; }
+Command VignetteCommand() {
+  return MakeCommand("vignette", kVignetteHelp, DeclareVignette, RunVignette);
+}
 
 }  // namespace plenocal

@@ -1,19 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <fmt/format.h>
 
-#include <memory>
-
-#include "apps/cli/command.h"
 #include "apps/cli/options.h"
-#include "engine/plenoptic/focus_images.h"
+#include "engine/plenoptic/focus_files.h"
 
 namespace plenocal {
 namespace {
 
-void RunFocus(const FocusFilesRequest& arguments, const ConsoleOptions& shared) {
-  Console console(shared);
-  FocusImages(arguments, console.NewRun());
-  console.Print(fmt::format("written to {}\n", arguments.out.string()));
+void RunFocus(const FocusFilesRequest& arguments, Console* console) {
+  FocusImages(arguments, console->NewRun());
+  console->PrintWritten(arguments.out);
 }
 
 constexpr const char* kFocusHelp =
@@ -23,10 +18,9 @@ constexpr const char* kFocusHelp =
     "\n"
     "writes OUT/focused.png, virtual_depth.tiff, virtual_depth_sigma.tiff, virtual_depth.png, virtual_depth_16bit.png (RxLive) and focused.yaml; of several raw images OUT/<frame>/...";
 
-RunCommand DeclareFocus(CLI::App* app, ConsoleOptions* shared) {
-  const auto arguments = std::make_shared<FocusFilesRequest>();
+void DeclareFocus(CLI::App* app, FocusFilesRequest* arguments, ConsoleOptions* shared) {
   app->add_option("raw", arguments->raw, "raw images: files, globs or folders")->required();
-  app->add_option("-o,--out", arguments->out, "folder for the results")->required();
+  AddOut(app, &arguments->out);
   AddPlenopticInputs(app, &arguments->camera);
   app->add_option("--markers",
                   arguments->markers,
@@ -35,11 +29,10 @@ RunCommand DeclareFocus(CLI::App* app, ConsoleOptions* shared) {
       ->check(CLI::Range(0.5, 16.0))
       ->capture_default_str();
   AddThreadsAndQuiet(app, shared);
-  return [arguments, shared] { RunFocus(*arguments, *shared); };
 }
 
 }  // namespace
 
-Command FocusCommand() { return {"focus", kFocusHelp, DeclareFocus}; }
+Command FocusCommand() { return MakeCommand("focus", kFocusHelp, DeclareFocus, RunFocus); }
 
 }  // namespace plenocal

@@ -1,19 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
 
-#include <memory>
-
-#include "apps/cli/command.h"
 #include "apps/cli/options.h"
-#include "engine/plenoptic/view_images.h"
+#include "engine/plenoptic/view_files.h"
 
 namespace plenocal {
 namespace {
 
-void RunViews(const ViewFilesRequest& arguments, const ConsoleOptions& shared) {
-  Console console(shared);
-  const ViewsResult result = MakeViews(arguments, console.NewRun());
-  console.Print(fmt::format("{}\nwritten to {}\n", result.summary, arguments.out.string()));
+void RunViews(const ViewFilesRequest& arguments, Console* console) {
+  const ViewsResult result = MakeViews(arguments, console->NewRun());
+  console->Print(fmt::format("{}\nwritten to {}\n", result.summary, arguments.out.string()));
 }
 
 constexpr const char* kViewsHelp =
@@ -26,10 +22,9 @@ constexpr const char* kViewsHelp =
     "\n"
     "writes OUT/view_<row>_<column>.png, views.png (all of them), refocused_<k>.png and views.yaml.";
 
-RunCommand DeclareViews(CLI::App* app, ConsoleOptions* shared) {
-  const auto arguments = std::make_shared<ViewFilesRequest>();
+void DeclareViews(CLI::App* app, ViewFilesRequest* arguments, ConsoleOptions* shared) {
   app->add_option("raw", arguments->raw_image, "raw image")->required();
-  app->add_option("-o,--out", arguments->out, "folder for the results")->required();
+  AddOut(app, &arguments->out);
   AddPlenopticInputs(app, &arguments->lenses);
   app->add_option("--distance",
                   arguments->distances,
@@ -55,11 +50,10 @@ RunCommand DeclareViews(CLI::App* app, ConsoleOptions* shared) {
       ->check(CLI::Range(0.5, 64.0))
       ->capture_default_str();
   AddThreadsAndQuiet(app, shared);
-  return [arguments, shared] { RunViews(*arguments, *shared); };
 }
 
 }  // namespace
 
-Command ViewsCommand() { return {"views", kViewsHelp, DeclareViews}; }
+Command ViewsCommand() { return MakeCommand("views", kViewsHelp, DeclareViews, RunViews); }
 
 }  // namespace plenocal

@@ -1,18 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <memory>
 
-#include "apps/cli/command.h"
 #include "apps/cli/options.h"
 #include "detectors/plenoptic/white/white_text.h"
-#include "engine/plenoptic/white_images.h"
+#include "engine/plenoptic/white_files.h"
 
 namespace plenocal {
 namespace {
 
-void RunWhite(const WhiteRequest& arguments, const ConsoleOptions& shared) {
-  Console console(shared);
-  for (const auto& [camera, images, white] : MeasureWhiteImages(arguments, console.NewRun())) {
-    console.Print(WhiteText(camera, images, white));
+void RunWhite(const WhiteRequest& arguments, Console* console) {
+  for (const auto& [camera, images, white] : MeasureWhiteImages(arguments, console->NewRun())) {
+    console->Print(WhiteText(camera, images, white));
   }
 }
 
@@ -24,22 +21,20 @@ constexpr const char* kWhiteHelp =
     "\n"
     "writes OUT/vignetting_<camera>.tiff, noise_<camera>.yaml and, for a plenoptic camera, micro_lenses_<camera>.csv and grid_<camera>.png.";
 
-RunCommand DeclareWhite(CLI::App* app, ConsoleOptions* shared) {
-  const auto arguments = std::make_shared<WhiteRequest>();
+void DeclareWhite(CLI::App* app, WhiteRequest* arguments, ConsoleOptions* shared) {
   app->add_option("input", arguments->inputs, "session.yaml; with --model a folder, glob or files")
       ->required();
-  app->add_option("-o,--out", arguments->out, "folder for the results")->required();
+  AddOut(app, &arguments->out);
   app->add_option("--model", arguments->model, "camera model of the images")->expected(1);
   app->add_option("--camera", arguments->camera, "name for the results (default: the folder's)");
   AddBayer(app, &arguments->bayer, "colours of the top-left 2 x 2 pixels of raw mosaics");
   app->add_option("--grid", arguments->grid, "RayCalibData XML with the micro-lens grid");
   app->add_flag("--xml", arguments->xml, "also write micro_lenses_<camera>.xml (RayCalibData)");
   AddThreadsAndQuiet(app, shared);
-  return [arguments, shared] { RunWhite(*arguments, *shared); };
 }
 
 }  // namespace
 
-Command WhiteCommand() { return {"white", kWhiteHelp, DeclareWhite}; }
+Command WhiteCommand() { return MakeCommand("white", kWhiteHelp, DeclareWhite, RunWhite); }
 
 }  // namespace plenocal

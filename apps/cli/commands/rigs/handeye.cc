@@ -1,7 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <memory>
 
-#include "apps/cli/command.h"
 #include "apps/cli/options.h"
 #include "engine/rigs/hand_eye_poses.h"
 
@@ -13,11 +11,10 @@ struct HandEyeArguments : HandEyeRequest {
   bool free_scale = false;
 };
 
-void RunHandEye(HandEyeArguments* arguments, const ConsoleOptions& shared) {
-  Console console(shared);
-  if (arguments->mount_name == "base") arguments->mount = RigMount::kOnBase;
-  if (arguments->free_scale) arguments->scale = OutsideScale::kFree;
-  console.Print(HandEyeText(FindHandEye(*arguments, console.NewRun())));
+void RunHandEye(HandEyeArguments arguments, Console* console) {
+  if (arguments.mount_name == "base") arguments.mount = RigMount::kOnBase;
+  if (arguments.free_scale) arguments.scale = OutsideScale::kFree;
+  console->Print(HandEyeText(FindHandEye(arguments, console->NewRun())));
 }
 
 constexpr const char* kHandEyeHelp =
@@ -25,8 +22,7 @@ constexpr const char* kHandEyeHelp =
     "  plenocal handeye OUT --poses robot.csv -o handeye.yaml\n\n"
     "OUT is the folder that 'plenocal calibrate' wrote. The file of poses has the columns of poses.csv: frame,x,y,z,qx,qy,qz,qw, T_base_gripper in metres; or times in place of frames, as TUM files (t x y z qx qy qz qw) and those of EuRoC: then poses are taken between two of them at the times of the frames, and the clocks' difference is estimated. With --mount base the rig stands in the base's frame and the target is on the gripper.";
 
-RunCommand DeclareHandEye(CLI::App* app, ConsoleOptions* shared) {
-  const auto arguments = std::make_shared<HandEyeArguments>();
+void DeclareHandEye(CLI::App* app, HandEyeArguments* arguments, ConsoleOptions* shared) {
   app->add_option("folder", arguments->folder, "folder of the calibration")->required();
   app->add_option(
          "--poses", arguments->poses, "T_base_gripper: CSV with a row a frame, or a trajectory")
@@ -44,11 +40,12 @@ RunCommand DeclareHandEye(CLI::App* app, ConsoleOptions* shared) {
                 "estimate the scale of the target, whose size nobody measured");
   app->add_option("-o,--out", arguments->out, "handeye.yaml to write");
   AddQuiet(app, shared);
-  return [arguments, shared] { RunHandEye(arguments.get(), *shared); };
 }
 
 }  // namespace
 
-Command HandeyeCommand() { return {"handeye", kHandEyeHelp, DeclareHandEye}; }
+Command HandeyeCommand() {
+  return MakeCommand("handeye", kHandEyeHelp, DeclareHandEye, RunHandEye);
+}
 
 }  // namespace plenocal

@@ -1,19 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
 
-#include <memory>
-
-#include "apps/cli/command.h"
 #include "apps/cli/options.h"
 #include "engine/rigs/merge_calibrations.h"
 
 namespace plenocal {
 namespace {
 
-void RunMerge(const MergeRequest& arguments, const ConsoleOptions& shared) {
-  Console console(shared);
-  const MergedFiles result = MergeFiles(arguments, console.NewRun());
-  console.Print(fmt::format("{}\nwritten to {}\n", MergeText(result), arguments.out.string()));
+void RunMerge(const MergeRequest& arguments, Console* console) {
+  const MergedFiles result = MergeFiles(arguments, console->NewRun());
+  console->Print(fmt::format("{}\nwritten to {}\n", MergeText(result), arguments.out.string()));
 }
 
 constexpr const char* kMergeHelp =
@@ -23,8 +19,7 @@ constexpr const char* kMergeHelp =
     "\n"
     "writes OUT/calibration.yaml with one covariance (correlations.csv), and merge.csv: how far each calibration is from all together. What differs by more than the standard errors explain is named. Cameras that moved on the rig in between get a place in each calibration by --moved; the result has the last one.";
 
-RunCommand DeclareMerge(CLI::App* app, ConsoleOptions* shared) {
-  const auto arguments = std::make_shared<MergeRequest>();
+void DeclareMerge(CLI::App* app, MergeRequest* arguments, ConsoleOptions* shared) {
   app->add_option("calibrations",
                   arguments->calibrations,
                   "folders that 'plenocal calibrate' wrote, or their calibration.yaml")
@@ -34,13 +29,12 @@ RunCommand DeclareMerge(CLI::App* app, ConsoleOptions* shared) {
                   arguments->moved,
                   "cameras that moved on the rig between the calibrations, separated by commas")
       ->delimiter(',');
-  app->add_option("-o,--out", arguments->out, "folder for the results")->required();
+  AddOut(app, &arguments->out);
   AddQuiet(app, shared);
-  return [arguments, shared] { RunMerge(*arguments, *shared); };
 }
 
 }  // namespace
 
-Command MergeCommand() { return {"merge", kMergeHelp, DeclareMerge}; }
+Command MergeCommand() { return MakeCommand("merge", kMergeHelp, DeclareMerge, RunMerge); }
 
 }  // namespace plenocal

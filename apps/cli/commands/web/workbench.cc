@@ -12,7 +12,6 @@
 #include <filesystem>
 #include <memory>
 
-#include "apps/cli/command.h"
 #include "apps/cli/options.h"
 #include "calib/base/error.h"
 
@@ -74,7 +73,7 @@ class OpenedBrowser {
   std::chrono::steady_clock::time_point opened_ = std::chrono::steady_clock::now();
 };
 
-void ServeWorkbench(const WorkbenchArguments& arguments) {
+void ServeWorkbench(const WorkbenchArguments& arguments, Console* /*console*/) {
   std::unique_ptr<OpenedBrowser> browser;
   workbench::RunWorkbench(
       arguments.options,
@@ -94,8 +93,7 @@ constexpr const char* kWorkbenchHelp =
     "  plenocal workbench images/\n\n"
     "serves a page on this machine alone, prints its address and opens it. The folder (or that of the session file) holds all that it does: session.yaml, runs/, .plenocal/. docs/workbench.md shows the screens.";
 
-RunCommand DeclareWorkbench(CLI::App* app, ConsoleOptions* /*shared*/) {
-  const auto arguments = std::make_shared<WorkbenchArguments>();
+void DeclareWorkbench(CLI::App* app, WorkbenchArguments* arguments, ConsoleOptions* /*shared*/) {
   app->add_option("place",
                   arguments->options.place,
                   "folder with images or a session, session file, or folder of a calibration")
@@ -104,11 +102,12 @@ RunCommand DeclareWorkbench(CLI::App* app, ConsoleOptions* /*shared*/) {
       ->check(CLI::Range(0, 65535))
       ->capture_default_str();
   app->add_flag("!--no-open", arguments->open, "do not open a browser");
-  return [arguments] { ServeWorkbench(*arguments); };
 }
 
 }  // namespace
 
-Command WorkbenchCommand() { return {"workbench", kWorkbenchHelp, DeclareWorkbench}; }
+Command WorkbenchCommand() {
+  return MakeCommand("workbench", kWorkbenchHelp, DeclareWorkbench, ServeWorkbench);
+}
 
 }  // namespace plenocal

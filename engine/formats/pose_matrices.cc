@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "engine/formats/pose_matrices.h"
+
+#include "calib/files/checks/transform_keys.h"
+
+namespace plenocal {
+std::array<double, 9> RowMajor(const Eigen::Matrix3d& R) {
+  std::array<double, 9> values{};
+  Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(values.data()) = R;
+  return values;
+}
+
+std::array<double, 16> RowMajor(const RigidTransform& T) {
+  const auto rows = Rows(T);
+  std::array<double, 16> values{};
+  for (size_t i = 0; i < 12; ++i) values[i] = rows[i / 4][i % 4];
+  values[15] = 1;
+  return values;
+}
+
+RigidTransform SecondFromFirst(const std::vector<CalibratedCamera>& pair) {
+  return pair[1].T_camera_rig * pair[0].T_camera_rig.Inverse();
+}
+
+std::array<std::array<double, 4>, 3> Rows(const RigidTransform& T) {
+  std::array<std::array<double, 4>, 3> rows{};
+  for (int r = 0; r < 3; ++r) {
+    rows[static_cast<size_t>(r)] = {T.R(r, 0), T.R(r, 1), T.R(r, 2), T.t[r]};
+  }
+  return rows;
+}
+
+RigidTransform FromRectified(const std::vector<double>& R, double shift, const YamlNode& node) {
+  Eigen::Matrix3d rotation =
+      Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(R.data());
+  if (!MakeRotation(&rotation)) node.Fail("is no rotation");
+  return {rotation.transpose(), rotation.transpose() * Eigen::Vector3d(shift, 0, 0)};
+}
+
+RigidTransform FromRowMajor(const std::vector<double>& R, const std::vector<double>& t) {
+  return {Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(R.data()),
+          Eigen::Map<const Eigen::Vector3d>(t.data())};
+}
+
+void MakeFirstMaster(std::vector<CalibratedCamera>* cameras) {
+  const RigidTransform T_rig_first = cameras->front().T_camera_rig.Inverse();
+  for (CalibratedCamera& camera : *cameras) {
+    camera.T_camera_rig =
+        &camera == &cameras->front() ? RigidTransform() : camera.T_camera_rig * T_rig_first;
+  }
+}
+
+}  // namespace plenocal

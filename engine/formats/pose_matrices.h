@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Rotations and extrinsics as other tools write them.
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include "calib/files/calibration_record.h"
+#include "calib/io/yaml.h"
+
+namespace plenocal {
+
+/// R row by row.
+std::array<double, 9> RowMajor(const Eigen::Matrix3d& R);
+/// The 4 x 4 matrix of a transform row by row.
+std::array<double, 16> RowMajor(const RigidTransform& T);
+/// Maps the frame of the first camera of a pair to that of the second.
+RigidTransform SecondFromFirst(const std::vector<CalibratedCamera>& pair);
+/// The transform with `R` row by row.
+RigidTransform FromRowMajor(const std::vector<double>& R, const std::vector<double>& t);
+
+/// The first three rows (R t) of a transform's 4 x 4 matrix.
+std::array<std::array<double, 4>, 3> Rows(const RigidTransform& T);
+
+/// T_camera_rig of a camera of a rectified pair: `R` (row by row) rotates the camera into the
+/// rectified orientation, in which the camera is `shift` metres left of the first camera. Fails at
+/// `node` when R is not a rotation.
+RigidTransform FromRectified(const std::vector<double>& R, double shift, const YamlNode& node);
+
+/// Makes the frame of the first camera that of the rig: all T_camera_rig become relative to it.
+void MakeFirstMaster(std::vector<CalibratedCamera>* cameras);
+
+}  // namespace plenocal
