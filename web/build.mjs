@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// Checks the types and makes dist/: the workbench's script, style sheet and page, and the shell of the pages that the program
-// writes, with script and style inside.
+// Makes src/api/calibration.ts from the schema, checks all types and makes dist/: the workbench's script, style sheet and page, and
+// the shell of the pages that the program writes, with script and style inside.
 import { execFileSync } from "node:child_process";
 import { createHash } from "node:crypto";
 import { cpSync, mkdirSync, readFileSync, writeFileSync } from "node:fs";
 import { build } from "esbuild";
+import { typesOf } from "./types.mjs";
 
+const schema = JSON.parse(readFileSync("calibration.schema.json", "utf8"));
+writeFileSync("src/api/calibration.ts", typesOf(schema, "engine/json/calibration.schema.json"));
 execFileSync(process.execPath, ["node_modules/typescript/bin/tsc", "-p", "."], { stdio: "inherit" });
 mkdirSync("dist", { recursive: true });
 await build({

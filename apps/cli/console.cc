@@ -22,6 +22,7 @@
 #include "calib/base/json_text.h"
 #include "calib/base/quoted_text.h"
 #include "calib/io/output_folder.h"
+#include "engine/json/run_events.h"
 
 namespace plenocal {
 namespace {
@@ -59,6 +60,16 @@ void EndWhenInterrupted() {
 int ErrorFile() {
   static const int kFile = fcntl(STDERR_FILENO, F_DUPFD_CLOEXEC, STDERR_FILENO + 1);
   return kFile;
+}
+
+// As far as the file takes it.
+void WriteAll(int file, std::string_view text) {
+  while (!text.empty()) {
+    const ssize_t count = write(file, text.data(), text.size());
+    if (count < 0 && errno == EINTR) continue;
+    if (count <= 0) return;
+    text.remove_prefix(static_cast<size_t>(count));
+  }
 }
 
 bool HasColours(int file) {
@@ -133,7 +144,13 @@ std::string WithColours(const std::string& text) {
 Console::Console(const ConsoleOptions& options)
     : options_(options),
       terminal_(isatty(ErrorFile()) == 1),
-      next_line_(std::chrono::steady_clock::now() + kLogPause) {}
+      next_line_(std::chrono::steady_clock::now() + kLogPause) {
+  if (options.events < 0) return;
+  // Where nobody reads, the work goes on.
+  events_ = EventListener([file = options.events](const nlohmann::json& event) {
+    WriteAll(file, JsonText(event, -1) + "\n");
+  });
+}
 
 Console::~Console() { ClearLine(); }
 
@@ -142,19 +159,8 @@ void Console::ClearLine() {
   line_open_ = false;
 }
 
-void Console::Event(const nlohmann::json& event) const {
-  const std::string line = JsonText(event, -1) + "\n";
-  std::string_view rest = line;
-  while (!rest.empty()) {
-    const ssize_t count = write(options_.events, rest.data(), rest.size());
-    if (count < 0 && errno == EINTR) continue;
-    if (count <= 0) return;  // nobody reads: the work goes on
-    rest.remove_prefix(static_cast<size_t>(count));
-  }
-}
-
 void Console::Message(const std::string& line) {
-  if (options_.events >= 0) Event({{"event", "message"}, {"text", line}});
+  if (events_.message) events_.message(line);
   if (options_.quiet) return;
   ClearLine();
   PrintError(Escaped(line) + "\n");
@@ -164,16 +170,11 @@ void Console::Detection(const std::string& camera,
                         const std::string& frame,
                         size_t points,
                         const std::string& why) {
-  if (options_.events < 0) return;
-  Event({{"event", "detection"},
-         {"camera", camera},
-         {"frame", frame},
-         {"points", points},
-         {"why", why}});
+  if (events_.detection) events_.detection(camera, frame, points, why);
 }
 
 void Console::Warning(const std::string& line) {
-  if (options_.events >= 0) Event({{"event", "warning"}, {"text", line}});
+  if (events_.warning) events_.warning(line);
   if (options_.quiet) return;
   ClearLine();
   PrintError(
@@ -181,11 +182,7 @@ void Console::Warning(const std::string& line) {
 }
 
 bool Console::Progress(const std::string& stage, size_t done, size_t total) {
-  if (options_.events >= 0) {
-    nlohmann::json event{{"event", "progress"}, {"stage", stage}};
-    if (total > 0) event.update({{"done", done}, {"total", total}});
-    Event(event);
-  }
+  if (events_.progress) events_.progress(stage, done, total);
   ProgressLine(total > 0 ? fmt::format("{}: {} of {}", stage, done, total) : stage);
   return !Interrupted();
 }
@@ -241,14 +238,7 @@ void FlushOutput() {
   throw JobError("cannot write to standard output: {}", std::strerror(errno));
 }
 
-void PrintError(std::string_view text) {
-  while (!text.empty()) {
-    const ssize_t count = write(ErrorFile(), text.data(), text.size());
-    if (count < 0 && errno == EINTR) continue;
-    if (count <= 0) return;
-    text.remove_prefix(static_cast<size_t>(count));
-  }
-}
+void PrintError(std::string_view text) { WriteAll(ErrorFile(), text); }
 
 void CatchInterrupts() {
   if (pipe2(wake_up, O_CLOEXEC) == 0) std::thread(EndWhenInterrupted).detach();

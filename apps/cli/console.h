@@ -6,7 +6,6 @@
 #include <chrono>
 #include <cstddef>
 #include <filesystem>
-#include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <string_view>
 
@@ -20,7 +19,7 @@ struct ConsoleOptions {
       "plenocal";      ///< the program as it was called, with the options before the command
   bool quiet = false;  ///< errors only
   int threads = 0;     ///< 0: all cores
-  int events = -1;     ///< open file that takes progress as JSON lines (docs/formats.md); -1: none
+  int events = -1;     ///< open file that takes progress as JSON lines (docs/guide.md); -1: none
 };
 
 enum class Stream { kOut, kErr };
@@ -69,9 +68,9 @@ class Console {
  private:
   void ClearLine();
   void ProgressLine(const std::string& line);
-  void Event(const nlohmann::json& event) const;
 
   ConsoleOptions options_;
+  Listener events_;  ///< `ConsoleOptions::events`
   bool terminal_;
   bool line_open_ = false;
   std::chrono::steady_clock::time_point next_line_;  ///< of progress, where there is no terminal

@@ -9,7 +9,7 @@
 #include <set>
 
 #include "apps/report/page.h"
-#include "apps/report/transform_json.h"
+#include "engine/json/calibration_json.h"
 
 namespace plenocal {
 namespace {

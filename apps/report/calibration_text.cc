@@ -3,7 +3,9 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
+#include <vector>
 
 namespace plenocal {
 namespace {
@@ -45,13 +47,26 @@ void AddParameters(std::string_view caption, const Json& parameters, PageText* t
   text->Table(caption, {"", "value", "standard error", "unit"}, rows);
 }
 
+// Those of the model's equations, with their units.
+Json ParametersOf(const Json& camera) {
+  Json parameters = Json::array();
+  for (const Json& unit : camera.at("units")) {
+    const std::string& name = unit.at(0).get_ref<const std::string&>();
+    parameters.push_back({{"name", name},
+                          {"unit", unit.at(1)},
+                          {"value", camera.at("parameters").at(name)},
+                          {"sigma", camera.at("sigma").at(name)}});
+  }
+  return parameters;
+}
+
 void AddCamera(const Json& camera, PageText* text) {
   text->Subheading(fmt::format("{}: {}, {} x {} px",
                                camera.at("name").get<std::string>(),
                                camera.at("model").get<std::string>(),
                                camera.at("image_size").at(0).get<int>(),
                                camera.at("image_size").at(1).get<int>()));
-  AddParameters("parameters", camera.at("parameters"), text);
+  AddParameters("parameters", ParametersOf(camera), text);
   std::vector<std::vector<std::string>> rows;
   for (const Json& row : camera.at("residual_table")) {
     rows.push_back(
@@ -68,14 +83,15 @@ PageText CalibrationText(const Json& report) {
   text.Heading("Verdict");
   const Json& verdict = report.at("verdict");
   const auto grade = verdict.at("grade").get<std::string>();
+  // The rig's master first.
+  std::vector<Json> cameras(report.at("cameras").begin(), report.at("cameras").end());
+  std::ranges::sort(cameras, {}, [](const Json& camera) { return camera.at("index").get<int>(); });
   std::vector<std::string> lines;
-  for (const Json& camera : report.at("cameras")) {
-    lines.push_back(camera.at("summary").get<std::string>());
-  }
-  text.Box(grade, fmt::format("{}: {}", grade, verdict.at("headline").get<std::string>()), lines);
+  for (const Json& camera : cameras) lines.push_back(camera.at("summary").get<std::string>());
+  text.Box(grade, fmt::format("{}: {}", grade, report.at("headline").get<std::string>()), lines);
   text.Findings(verdict.at("findings"));
   text.Heading("Parameters");
-  for (const Json& camera : report.at("cameras")) AddCamera(camera, &text);
+  for (const Json& camera : cameras) AddCamera(camera, &text);
   return text;
 }
 

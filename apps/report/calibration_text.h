@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Writes the report's text for readers without script.
 #pragma once
 
 #include <nlohmann/json.hpp>

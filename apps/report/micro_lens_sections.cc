@@ -3,10 +3,11 @@
 
 #include <cmath>
 #include <unordered_map>
+#include <utility>
 
-#include "apps/report/residual_sections.h"
 #include "calib/base/linear_algebra.h"
 #include "calib/io/csv.h"
+#include "engine/json/calibration_json.h"
 
 namespace plenocal {
 
@@ -54,9 +55,8 @@ std::vector<int> MicroLensTable::TypesOf(const CalibratedCamera& camera) const {
 }
 
 Json MicroLensTable::GridSection(ImageSize image_size) const {
-  constexpr int kCells = 20;
   constexpr size_t kLeast = 6;
-  if (!has_lattice_ || lenses_.size() < kLeast) return Json::object();
+  if (!has_lattice_ || lenses_.size() < kLeast) return nullptr;
   // centre = offset + column * e_column + row * e_row
   const auto count = static_cast<Eigen::Index>(lenses_.size());
   Eigen::MatrixXd A(count, 3), b(count, 2);
@@ -69,32 +69,19 @@ Json MicroLensTable::GridSection(ImageSize image_size) const {
       SolveSymmetric(Eigen::MatrixXd(A.transpose() * A), Eigen::MatrixXd(A.transpose() * b));
   const Eigen::MatrixXd off = b - A * fit;
 
-  const ImageGrid grid(image_size, kCells);
-  std::vector<int> points(grid.Cells(), 0);
-  std::vector<Eigen::Vector2d> sum(grid.Cells(), Eigen::Vector2d::Zero());
+  std::vector<ResidualRow> deviations;
   std::map<int, int> types;
   for (Eigen::Index i = 0; i < count; ++i) {
-    const Lens& lens = lenses_[static_cast<size_t>(i)];
-    const size_t cell = grid.Cell(lens.centre.x(), lens.centre.y());
-    ++points[cell];
-    sum[cell] += off.row(i).transpose();
-    ++types[lens.type];
+    deviations.push_back({.values = {b(i, 0), b(i, 1)}, .residual = {off(i, 0), off(i, 1)}});
+    ++types[lenses_[static_cast<size_t>(i)].type];
   }
-  Json mean_x = Json::array(), mean_y = Json::array(), by_type = Json::array();
-  for (size_t cell = 0; cell < grid.Cells(); ++cell) {
-    mean_x.push_back(points[cell] > 0 ? Short(sum[cell].x() / points[cell]) : Json());
-    mean_y.push_back(points[cell] > 0 ? Short(sum[cell].y() / points[cell]) : Json());
-  }
+  Json by_type = Json::array();
   for (const auto& [type, lenses] : types) by_type.push_back({{"type", type}, {"lenses", lenses}});
   return {{"lenses", lenses_.size()},
           {"types", by_type},
           {"pitch", Short((fit.row(1).norm() + fit.row(2).norm()) / 2, 6)},
           {"rms", Short(std::sqrt(off.squaredNorm() / static_cast<double>(count)))},
-          {"columns", grid.Columns()},
-          {"rows", grid.Rows()},
-          {"points", points},
-          {"mean_x", mean_x},
-          {"mean_y", mean_y}};
+          {"field", FieldJson(image_size, std::move(deviations))}};
 }
 
 }  // namespace plenocal

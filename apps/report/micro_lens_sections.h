@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Makes data of the report from the micro lenses of a camera.
 #pragma once
 
 #include <nlohmann/json.hpp>
@@ -17,8 +19,8 @@ class MicroLensTable {
 
   /// Type of the micro lens that each row of the residuals was seen through; -1: not in the table.
   [[nodiscard]] std::vector<int> TypesOf(const CalibratedCamera& camera) const;
-  /// Deviations of the micro-image centres from a regular lattice fitted to them. Empty when the
-  /// file has no rows and columns.
+  /// `MicroLenses` of the schema: deviations of the micro-image centres from a regular lattice
+  /// fitted to them. Null when the file has no rows and columns.
   [[nodiscard]] nlohmann::json GridSection(ImageSize image_size) const;
 
  private:

@@ -14,37 +14,14 @@
 #include "apps/report/micro_lens_sections.h"
 #include "apps/report/page.h"
 #include "apps/report/residual_sections.h"
-#include "apps/report/transform_json.h"
-#include "apps/report/verdict_json.h"
 #include "assess/projection_map.h"
-#include "assess/verdict.h"
-#include "calib/base/number_text.h"
 #include "calib/estimate/calibrate.h"
+#include "engine/json/calibration_json.h"
 
 namespace plenocal {
 namespace {
 
 using Json = nlohmann::json;
-
-// A number as calibration.yaml holds it, so that a page made from results in memory is the same as
-// one made from files. Infinite numbers become null; the page shows "not determined".
-Json AsInFile(double value) {
-  if (!std::isfinite(value)) return nullptr;
-  return *ParseDouble(YamlNumber(value));
-}
-
-Json ParametersJson(const CalibratedCamera& camera) {
-  Json parameters = Json::array();
-  for (size_t i = 0; i < camera.params.size(); ++i) {
-    const Param& param = camera.model->params[i];
-    if (param.prior_sigma > 0) continue;
-    parameters.push_back({{"name", param.name},
-                          {"unit", param.unit},
-                          {"value", camera.params[i]},
-                          {"sigma", AsInFile(camera.Sigma(i))}});
-  }
-  return parameters;
-}
 
 // The pose as parameters; none of the camera that is the rig's frame.
 Json PoseJson(const CalibratedCamera& camera) {
@@ -59,16 +36,6 @@ Json PoseJson(const CalibratedCamera& camera) {
                     {"sigma", AsInFile(camera.sigma_xi[i])}});
   }
   return pose;
-}
-
-Json FitJson(const CameraFit& fit) {
-  Json json = {{"points", fit.points},
-               {"rejected", fit.rejected},
-               {"views", fit.views},
-               {"rms", AsInFile(fit.rms)},
-               {"noise", AsInFile(fit.noise_sigma)}};
-  if (fit.detector_sigma > 0) json["detector_sigma"] = AsInFile(fit.detector_sigma);
-  return json;
 }
 
 // Rows of name, value and unit.
@@ -104,19 +71,6 @@ std::string SummaryOf(const CalibratedCamera& camera) {
       fit.views,
       BriefNumber(AsInFile(fit.noise_sigma)),
       detector);
-}
-
-Json MapsJson(const std::vector<ProjectionMap>& maps) {
-  Json list = Json::array();
-  for (const ProjectionMap& map : maps) {
-    Json sigma = Json::array();
-    for (const double value : map.sigma) sigma.push_back(Short(value, 3));
-    list.push_back({{"distance", Short(map.distance)},
-                    {"columns", map.grid.Columns()},
-                    {"rows", map.grid.Rows()},
-                    {"sigma", sigma}});
-  }
-  return list;
 }
 
 Json PrecisionJson(const std::vector<DistancePrecision>& precisions) {
@@ -161,47 +115,11 @@ Json LensTypesJson(const CalibratedCamera& camera, const std::vector<DistancePre
   return types;
 }
 
-// A cross section with at most `most` points: means of neighbours.
-Json Section(const std::vector<float>& values) {
-  constexpr size_t kMost = 2000;
-  const size_t step = (values.size() + kMost - 1) / kMost;
-  Json section = Json::array();
-  for (size_t i = 0; i < values.size(); i += step) {
-    const size_t end = std::min(values.size(), i + step);
-    double sum = 0;
-    for (size_t k = i; k < end; ++k) sum += values[k];
-    section.push_back(Short(sum / static_cast<double>(end - i), 3));
-  }
-  return {{"step", step}, {"values", section}};
-}
-
-// `pitch` of the micro images, px; 0: there are none.
-Json VignettingJson(const AttenuationMap& map, double pitch) {
-  Json values = Json::array();
-  for (const float value : map.values) values.push_back(Short(value, 3));
-  Json json = {{"columns", map.columns},
-               {"rows", map.rows},
-               {"values", values},
-               {"row", Section(map.middle_row)},
-               {"column", Section(map.middle_column)}};
-  if (pitch > 0) {
-    // Few enough micro images that their profiles are visible.
-    constexpr double kShown = 8;
-    const double middle = static_cast<double>(map.middle_row.size()) / 2;
-    const auto first = static_cast<size_t>(std::max(0.0, middle - kShown / 2 * pitch));
-    const auto last = std::min(map.middle_row.size(), first + static_cast<size_t>(kShown * pitch));
-    Json detail = Json::array();
-    for (size_t x = first; x < last; ++x) detail.push_back(Short(map.middle_row[x], 3));
-    json["detail"] = {{"first", first}, {"values", detail}};
-  }
-  return json;
-}
-
 // Who saw what when: of a rig, the frames in which each camera saw each target, and those that two
 // cameras have in common.
 Json SightingsJson(const CalibrationRecord& calibration) {
   const size_t count = calibration.cameras.size();
-  if (count < 2) return Json::object();
+  if (count < 2 || calibration.HasScene()) return nullptr;
   std::vector<std::string> targets;
   for (const TargetRecord& target : calibration.targets) targets.push_back(target.name);
   if (targets.empty()) targets.emplace_back("target");
@@ -227,21 +145,6 @@ Json SightingsJson(const CalibrationRecord& calibration) {
     common.push_back(std::move(with_others));
   }
   return {{"targets", targets}, {"seen", seen}, {"common", common}};
-}
-
-// Refined positions of the markers and their displacement from the nominal ones.
-Json MarkersJson(const CalibrationRecord& calibration) {
-  const bool refined = calibration.adjustment && calibration.adjustment->marker_sigma > 0;
-  Json markers = Json::array();
-  for (const auto& [number, marker] : calibration.markers) {
-    Json json = {{"number", number}, {"place", VectorJson(marker.position)}};
-    if (refined && marker.nominal && marker.sigma) {
-      json["moved"] = VectorJson(marker.position - *marker.nominal);
-      json["sigma"] = VectorJson(*marker.sigma);
-    }
-    markers.push_back(std::move(json));
-  }
-  return markers;
 }
 
 Json CorrelationJson(const CalibrationRecord& calibration) {
@@ -278,56 +181,40 @@ class ReportData {
       : calibration_(calibration), files_(files) {}
 
   Json Make() {
-    Json cameras = Json::array(), frames = Json::array();
-    for (size_t c = 0; c < calibration_.cameras.size(); ++c) {
-      cameras.push_back(CameraJson(c, ProjectionMaps(calibration_, c)));
-    }
-    for (const FrameRecord& frame : calibration_.frames) {
-      frames.push_back({{"name", frame.name}, {"T_target_rig", TransformJson(frame.T_target_rig)}});
-    }
     Json provenance = Json::array();
     for (const auto& [key, value] : calibration_.provenance) provenance.push_back({key, value});
-    const Verdict verdict = calibration_.verdict ? *calibration_.verdict : Judge(calibration_);
-    Json judged = VerdictJson(verdict);
-    judged["headline"] = Headline(verdict);
-    return {
-        {"kind", "calibration"},
-        {"verdict", judged},
-        {"cameras", cameras},
-        {"frames", frames},
-        {"markers", MarkersJson(calibration_)},
-        {"marker_tolerance", calibration_.adjustment ? calibration_.adjustment->marker_sigma : 0},
-        {"scene", calibration_.HasScene()},
-        {"sightings", calibration_.HasScene() ? Json::object() : SightingsJson(calibration_)},
-        {"correlation", CorrelationJson(calibration_)},
-        {"left_out", calibration_.left_out},
-        {"provenance", provenance}};
+    Json data = CalibrationJson(calibration_);
+    data.update(SpaceJson(calibration_));
+    data.update(
+        {{"kind", "calibration"},
+         {"marker_tolerance", calibration_.adjustment ? calibration_.adjustment->marker_sigma : 0},
+         {"scene", calibration_.HasScene()},
+         {"sightings", SightingsJson(calibration_)},
+         {"correlation", CorrelationJson(calibration_)},
+         {"left_out", calibration_.left_out},
+         {"provenance", provenance}});
+    for (size_t c = 0; c < calibration_.cameras.size(); ++c) {
+      data["cameras"][calibration_.cameras[c].name].update(CameraSections(c));
+    }
+    return data;
   }
 
  private:
-  Json CameraJson(size_t c, const std::vector<ProjectionMap>& maps) const {
+  [[nodiscard]] Json CameraSections(size_t c) const {
     // Limits over all cameras, so that the page stays small and quick.
     constexpr size_t kMostPoints = 60'000, kMostOfOne = 6'000, kMostPrecisions = 600;
     const CalibratedCamera& camera = calibration_.cameras[c];
     std::vector<int> lens_types;
-    Json micro_lenses = Json::object();
+    Json micro_lenses;
     if (const std::string* csv = files_.Find(camera.micro_lenses)) {
       const MicroLensTable table(*csv, files_.Path(camera.micro_lenses));
       if (camera.model->plenoptic) lens_types = table.TypesOf(camera);
       micro_lenses = table.GridSection(camera.image_size);
     }
-    Json vignetting = Json::object();
+    Json vignetting;
     if (const std::string* tiff = files_.Find(camera.vignetting)) {
-      // Blocks larger than micro images avoid a moire.
-      constexpr double kCells = 96, kBlock = 1.25;
-      const double pitch = micro_lenses.value("pitch", 0.0);
-      const double most =
-          pitch > 0 ? std::max(camera.image_size[0], camera.image_size[1]) / (kBlock * pitch)
-                    : kCells;
-      vignetting = VignettingJson(
-          ReadAttenuationMap(
-              *tiff, files_.Path(camera.vignetting), static_cast<int>(std::min(kCells, most)) + 1),
-          pitch);
+      const double pitch = micro_lenses.is_null() ? 0 : micro_lenses.at("pitch").get<double>();
+      vignetting = VignettingJson(*tiff, files_.Path(camera.vignetting), pitch);
     }
     Json pictures = Json::object();
     for (const auto& [key, name] :
@@ -338,25 +225,16 @@ class ReportData {
     }
     const std::vector<DistancePrecision> precisions =
         DistancePrecisions(calibration_, c, kMostPrecisions);
-    return {{"name", camera.name},
-            {"model", camera.model->name},
-            {"source", camera.model->source},
-            {"image_size", camera.image_size},
-            {"parameters", ParametersJson(camera)},
-            {"coefficients",
-             std::ranges::count_if(camera.model->params,
-                                   [](const Param& param) { return param.prior_sigma > 0; })},
+    return {{"source", camera.model->source},
             {"summary", SummaryOf(camera)},
-            {"T_rig_camera", TransformJson(camera.T_camera_rig.Inverse())},
             {"T_camera_rig", PoseJson(camera)},
-            {"residuals", FitJson(camera.fit)},
             {"residual_table", ResidualTable(camera.fit)},
             {"plots",
              ResidualSections(calibration_,
                               c,
                               std::min(kMostOfOne, kMostPoints / calibration_.cameras.size()),
                               lens_types)},
-            {"projection", MapsJson(maps)},
+            {"projection", SigmaMapsJson(calibration_, c)},
             {"distance", PrecisionJson(precisions)},
             {"lens_types", LensTypesJson(camera, precisions)},
             {"vignetting", vignetting},

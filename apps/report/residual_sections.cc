@@ -5,47 +5,12 @@
 #include <cmath>
 #include <numbers>
 
+#include "engine/json/calibration_json.h"
+
 namespace plenocal {
 namespace {
 
 using Json = nlohmann::json;
-
-/// Sums over the used observations of a frame, a marker or a lens type.
-struct Sums {
-  int points = 0, rejected = 0;
-  double square = 0;
-  Eigen::Vector2d sum{0, 0};
-
-  void Add(const ResidualRow& row) {
-    if (!row.used) {
-      ++rejected;
-      return;
-    }
-    ++points;
-    square += row.Error().squaredNorm();
-    sum += row.Error();
-  }
-  [[nodiscard]] double Rms() const { return points > 0 ? std::sqrt(square / points) : 0; }
-};
-
-Json SumsJson(const std::map<int, Sums>& groups, const char* key, auto name_of) {
-  Json names = Json::array(), points = Json::array(), rejected = Json::array(), rms = Json::array(),
-       mean_x = Json::array(), mean_y = Json::array();
-  for (const auto& [group, sums] : groups) {
-    names.push_back(name_of(group));
-    points.push_back(sums.points);
-    rejected.push_back(sums.rejected);
-    rms.push_back(sums.points > 0 ? Short(sums.Rms()) : Json());
-    mean_x.push_back(sums.points > 0 ? Short(sums.sum.x() / sums.points) : Json());
-    mean_y.push_back(sums.points > 0 ? Short(sums.sum.y() / sums.points) : Json());
-  }
-  return {{key, names},
-          {"points", points},
-          {"rejected", rejected},
-          {"rms", rms},
-          {"mean_x", mean_x},
-          {"mean_y", mean_y}};
-}
 
 // Part of the noise that is left in residuals; the unknowns absorb the rest. Refined markers do not
 // count, since they have as many priors.
@@ -107,13 +72,9 @@ Json Sample(const CalibrationRecord& calibration,
       std::max<size_t>(1, (camera.residuals.size() + most_points - 1) / most_points);
   Json x = Json::array(), y = Json::array(), dx = Json::array(), dy = Json::array(),
        used = Json::array(), frame = Json::array(), marker = Json::array(), depth = Json::array();
-  size_t without = 0;
   for (size_t i = 0; i < camera.residuals.size(); i += step) {
     const ResidualRow& row = camera.residuals[i];
-    if (!row.Error().allFinite()) {
-      ++without;
-      continue;
-    }
+    if (!row.Error().allFinite()) continue;
     x.push_back(std::round(row.values[0] * 10) / 10);
     y.push_back(std::round(row.values[1] * 10) / 10);
     dx.push_back(Short(row.Error().x()));
@@ -125,7 +86,6 @@ Json Sample(const CalibrationRecord& calibration,
   }
   return {{"all", camera.residuals.size()},
           {"step", step},
-          {"without_prediction", without},
           {"x", x},
           {"y", y},
           {"dx", dx},
@@ -144,7 +104,7 @@ Json DepthHistogram(const CalibratedCamera& camera, const std::vector<double>& d
     nearest = std::min(nearest, depths[i]);
     farthest = std::max(farthest, depths[i]);
   }
-  if (!(nearest <= farthest)) return Json::object();
+  if (!(nearest <= farthest)) return nullptr;
   const double width = std::max((farthest - nearest) / kBins, 1e-9);
   std::vector<int> counts(kBins, 0);
   for (size_t i = 0; i < depths.size(); ++i) {
@@ -159,29 +119,28 @@ Json DepthHistogram(const CalibratedCamera& camera, const std::vector<double>& d
 
 }  // namespace
 
-nlohmann::json Short(double value, int digits) {
-  if (!std::isfinite(value)) return nullptr;
-  if (value == 0) return 0;
-  const double scale = std::pow(10, digits - 1 - std::floor(std::log10(std::abs(value))));
-  // Dividing by a power of ten gives the double nearest to the short decimal number.
-  return scale >= 1 ? std::round(value * scale) / scale
-                    : std::round(value * scale) * std::round(1 / scale);
-}
-
-Json FieldJson(const ResidualField& field) {
-  Json mean_x = Json::array(), mean_y = Json::array(), rms = Json::array();
-  for (size_t cell = 0; cell < field.grid.Cells(); ++cell) {
-    const bool any = field.points[cell] > 0;
-    mean_x.push_back(any ? Short(field.mean[cell].x()) : Json());
-    mean_y.push_back(any ? Short(field.mean[cell].y()) : Json());
-    rms.push_back(any ? Short(std::sqrt(field.square[cell])) : Json());
+Json SumsJson(const CalibratedCamera& camera, const char* key, const GroupOf& group_of) {
+  struct Sums {
+    int points = 0, rejected = 0;
+    double square = 0;
+  };
+  std::map<int, Sums> groups;
+  for (size_t i = 0; i < camera.residuals.size(); ++i) {
+    const ResidualRow& row = camera.residuals[i];
+    const int group = group_of(i);
+    if (group < 0) continue;
+    Sums& sums = groups[group];
+    ++(row.used ? sums.points : sums.rejected);
+    if (row.used) sums.square += row.Error().squaredNorm();
   }
-  return {{"columns", field.grid.Columns()},
-          {"rows", field.grid.Rows()},
-          {"points", field.points},
-          {"mean_x", mean_x},
-          {"mean_y", mean_y},
-          {"rms", rms}};
+  Json names = Json::array(), points = Json::array(), rejected = Json::array(), rms = Json::array();
+  for (const auto& [group, sums] : groups) {
+    names.push_back(group);
+    points.push_back(sums.points);
+    rejected.push_back(sums.rejected);
+    rms.push_back(sums.points > 0 ? Short(std::sqrt(sums.square / sums.points)) : Json());
+  }
+  return {{key, names}, {"points", points}, {"rejected", rejected}, {"rms", rms}};
 }
 
 Json ResidualSections(const CalibrationRecord& calibration,
@@ -189,28 +148,26 @@ Json ResidualSections(const CalibrationRecord& calibration,
                       size_t most_points,
                       const std::vector<int>& lens_types) {
   const CalibratedCamera& camera = calibration.cameras[c];
-  std::map<int, Sums> frames, markers, types;
+  const std::vector<ResidualRow>& rows = camera.residuals;
   std::map<int, RigidTransform> T_camera_target;  // by frame
   std::vector<double> depths;
-  depths.reserve(camera.residuals.size());
-  for (size_t i = 0; i < camera.residuals.size(); ++i) {
-    const ResidualRow& row = camera.residuals[i];
-    frames[row.frame].Add(row);
-    markers[row.marker].Add(row);
-    if (!lens_types.empty() && lens_types[i] >= 0) types[lens_types[i]].Add(row);
+  depths.reserve(rows.size());
+  for (const ResidualRow& row : rows) {
     auto T = T_camera_target.find(row.frame);
     if (T == T_camera_target.end()) {
       T = T_camera_target.emplace(row.frame, calibration.CameraFromTarget(c, row.frame)).first;
     }
     depths.push_back((T->second * calibration.markers.at(row.marker).position).z());
   }
-  return {{"sample", Sample(calibration, c, depths, most_points)},
-          {"field", FieldJson(FieldOf(camera))},
-          {"histogram", Histogram(camera, NoiseInResiduals(calibration))},
-          {"frames", SumsJson(frames, "frame", [](int frame) { return frame; })},
-          {"markers", SumsJson(markers, "marker", [](int marker) { return marker; })},
-          {"types", SumsJson(types, "type", [](int type) { return type; })},
-          {"depth", DepthHistogram(camera, depths)}};
+  return {
+      {"sample", Sample(calibration, c, depths, most_points)},
+      {"field", FieldJson(camera)},
+      {"histogram", Histogram(camera, NoiseInResiduals(calibration))},
+      {"frames", SumsJson(camera, "frame", [&](size_t i) { return rows[i].frame; })},
+      {"markers", SumsJson(camera, "marker", [&](size_t i) { return rows[i].marker; })},
+      {"types",
+       SumsJson(camera, "type", [&](size_t i) { return lens_types.empty() ? -1 : lens_types[i]; })},
+      {"depth", DepthHistogram(camera, depths)}};
 }
 
 }  // namespace plenocal

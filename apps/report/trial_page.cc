@@ -4,9 +4,10 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <utility>
 
 #include "apps/report/page.h"
-#include "apps/report/residual_sections.h"
+#include "engine/json/calibration_json.h"
 
 namespace plenocal {
 namespace {
@@ -15,16 +16,13 @@ using Json = nlohmann::json;
 
 // Means of the residuals of one camera's held-out points over its image.
 Json HeldOutField(const ModelTrial& trial, size_t camera, ImageSize image_size) {
-  CalibratedCamera result;
-  result.image_size = image_size;
+  std::vector<ResidualRow> residuals;
   for (const HeldOutPoint& point : trial.held_out) {
     if (point.camera != camera) continue;
-    ResidualRow row;
-    row.values = point.seen.values;
-    row.residual = {point.residual[0], point.residual[1]};
-    result.residuals.push_back(row);
+    residuals.push_back(
+        {.values = point.seen.values, .residual = {point.residual[0], point.residual[1]}});
   }
-  return FieldJson(FieldOf(result));
+  return FieldJson(image_size, std::move(residuals));
 }
 
 Json RowJson(const TrialRow& row) {

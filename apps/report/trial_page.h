@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// The page that compares camera models.
+// Makes the page that compares camera models.
 #pragma once
 
 #include <string>

@@ -8,8 +8,6 @@ namespace {
 
 using Json = nlohmann::json;
 
-Json Finite(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
-
 Json Matrix(const RigidTransform& T) {
   Json rows = Json::array();
   for (int r = 0; r < 3; ++r) rows.push_back({T.R(r, 0), T.R(r, 1), T.R(r, 2), T.t[r]});
@@ -37,7 +35,9 @@ Json Outlines(const NextView& view, const RigKnowledge& rig) {
 
 }  // namespace
 
-Json SuggestionsJson(const NextViews& suggestions, const RigKnowledge& rig) {
+Json SuggestionsJson(const SuggestedViews& suggested) {
+  const NextViews& suggestions = suggested.views;
+  const RigKnowledge& rig = suggested.rig;
   constexpr double kDegrees = 57.29577951308232;
   Json views = Json::array();
   for (const NextView& view : suggestions.views) {
@@ -53,15 +53,16 @@ Json SuggestionsJson(const NextViews& suggestions, const RigKnowledge& rig) {
                      {"distance", view.pose.distance},
                      {"tilt", kDegrees * view.pose.tilt},
                      {"criterion", sigma ? "sigma" : "undetermined"},
-                     {"sigma_before", sigma ? Finite(view.sigma_before) : nullptr},
-                     {"sigma_after", sigma ? Finite(view.sigma_after) : nullptr},
+                     {"sigma_before", sigma ? Json(view.sigma_before) : Json()},
+                     {"sigma_after", sigma ? Json(view.sigma_after) : Json()},
                      {"region", RegionName(view.region)},
-                     {"region_sigma_before", sigma ? Finite(view.region_before) : nullptr},
-                     {"region_sigma_after", sigma ? Finite(view.region_after) : nullptr},
+                     {"region_sigma_before", sigma ? Json(view.region_before) : Json()},
+                     {"region_sigma_after", sigma ? Json(view.region_after) : Json()},
                      {"outline", Outlines(view, rig)}});
   }
-  return {{"frames", suggestions.frames},
-          {"sigma_now", Finite(suggestions.sigma)},
+  return {{"verdict", suggested.verdict ? Json(GradeName(suggested.verdict->grade)) : Json()},
+          {"frames", suggestions.frames},
+          {"sigma_now", suggestions.sigma},
           {"goal", suggestions.goal},
           {"reached", suggestions.reached},
           {"exhausted", suggestions.exhausted},

@@ -10,18 +10,25 @@
 #include <string>
 #include <utility>
 
-#include "apps/workbench/focus_json.h"
+#include "apps/print/print_target.h"
+#include "apps/suggest/suggestions_json.h"
 #include "apps/workbench/image_answer.h"
 #include "apps/workbench/project/beneath.h"
-#include "apps/workbench/project/child.h"
+#include "apps/workbench/project/command_text.h"
 #include "apps/workbench/project/session_text.h"
 #include "apps/workbench/run_json.h"
-#include "apps/workbench/try_json.h"
+#include "assess/text/compare_text.h"
 #include "calib/base/format_error.h"
+#include "calib/base/json_text.h"
+#include "calib/base/number_text.h"
 #include "calib/base/quoted_text.h"
 #include "calib/files/frame_images.h"
 #include "calib/io/detection_cache.h"
+#include "calib/io/yaml.h"
+#include "engine/compare_calibrations.h"
+#include "engine/exchange/export_calibration.h"
 #include "engine/recording/stores/image_lister.h"
+#include "engine/suggest_views.h"
 #include "models/registry.h"
 #include "targets/target.h"
 
@@ -32,12 +39,16 @@ namespace fs = std::filesystem;
 using Json = nlohmann::json;
 
 constexpr size_t kMostText = 1024 * 1024;
-constexpr const char* kTry = ".plenocal/try";           // in the root
-constexpr const char* kDrawings = ".plenocal/drawing";  // in the root
+// In the root.
+constexpr const char* kTry = ".plenocal/try";
+constexpr const char* kDrawings = ".plenocal/drawing";
+constexpr const char* kCache = ".plenocal/cache";  // of detections, for all runs
 
 Answer JsonAnswer(const Json& json, int status = 200) {
-  return {.status = status, .body = json.dump(-1, ' ', false, Json::error_handler_t::replace)};
+  return {.status = status, .body = JsonText(json, -1)};
 }
+
+Answer NoAnswer() { return ErrorAnswer(404, "the workbench has no such address"); }
 
 Json BodyOf(const Request& request) {
   Json body = Json::parse(request.body.empty() ? "{}" : request.body, nullptr, false);
@@ -45,13 +56,25 @@ Json BodyOf(const Request& request) {
   return body;
 }
 
-std::string TextOf(const Json& body, const char* key) {
+// The value of a key; null where it is missing. Refuses one that is not `what`.
+Json PartOf(const Json& body,
+            const char* key,
+            bool (Json::*is)() const noexcept,
+            const char* what) {
   const auto found = body.find(key);
-  if (found == body.end() || found->is_null()) return {};
-  if (!found->is_string()) {
-    throw InputError("{}: expected text", key);
-  }
-  return found->get<std::string>();
+  if (found == body.end() || found->is_null()) return nullptr;
+  if (!((*found).*is)()) throw InputError("{}: expected {}", key, what);
+  return *found;
+}
+
+std::string TextOf(const Json& body, const char* key) {
+  const Json text = PartOf(body, key, &Json::is_string, "text");
+  return text.is_null() ? std::string() : text.get<std::string>();
+}
+
+int NumberOf(const Json& body, const char* key, int otherwise) {
+  const Json number = PartOf(body, key, &Json::is_number_integer, "a number");
+  return number.is_null() ? otherwise : number.get<int>();
 }
 
 int NumberOf(const std::string& text, const char* what) {
@@ -82,26 +105,13 @@ std::string PlainName(const std::string& name, const char* what) {
   return name;
 }
 
-// A whole number of a body.
-int NumberOf(const Json& body, const char* key, int otherwise) {
-  const auto found = body.find(key);
-  if (found == body.end()) return otherwise;
-  if (!found->is_number_integer()) {
-    throw InputError("{}: expected a number", key);
-  }
-  return found->get<int>();
-}
-
 ExcludeRule RuleOf(const Json& body) {
   ExcludeRule rule{.camera = TextOf(body, "camera"),
                    .frame = TextOf(body, "frame"),
                    .note = TextOf(body, "note")};
-  if (const auto markers = body.find("markers"); markers != body.end()) {
-    if (!markers->is_array()) throw InputError("markers: expected a list");
-    for (const Json& marker : *markers) {
-      if (!marker.is_number_integer()) throw InputError("markers: expected numbers");
-      rule.markers.push_back(marker.get<int>());
-    }
+  for (const Json& marker : PartOf(body, "markers", &Json::is_array, "a list")) {
+    if (!marker.is_number_integer()) throw InputError("markers: expected numbers");
+    rule.markers.push_back(marker.get<int>());
   }
   if (rule.frame.empty() && rule.markers.empty()) {
     throw InputError("give the frame or the markers to exclude");
@@ -114,10 +124,18 @@ fs::path FocusFolder(int run, const std::string& camera, const std::string& fram
   return fs::path(".plenocal") / "focus" / std::to_string(run) / camera / frame;
 }
 
-// What a command printed, or its message as an error.
-std::string OutputOf(const ChildResult& child) {
-  if (child.status == 0) return child.out;
-  throw Error(ErrorKind::kJob, FailureOf(child));
+// Scalars are numbers where they can be; infinite ones are null, as what is missing is.
+nlohmann::ordered_json YamlJson(const YamlNode& yaml) {
+  nlohmann::ordered_json json;
+  if (yaml.IsMap()) {
+    for (const auto& [key, value] : yaml.Entries()) json[key] = YamlJson(value);
+  } else if (yaml.IsSequence()) {
+    for (const YamlNode& element : yaml.Elements()) json.push_back(YamlJson(element));
+  } else if (const std::string text = yaml.AsString(); text != ".inf") {
+    if (const auto number = ParseDouble(text)) return *number;
+    return text;
+  }
+  return json;
 }
 
 }  // namespace
@@ -150,7 +168,7 @@ Answer Api::Handle(const Request& request) {
   if (Is(request, "GET", {"try"})) return Tried();
   if (Is(request, "POST", {"drawing"})) return DrawTarget();
   if (Is(request, "GET", {"drawing", "*", "*"})) return Sheet(request);
-  return ErrorAnswer(404, "the workbench has no such address");
+  return NoAnswer();
 }
 
 Answer Api::State() {
@@ -264,8 +282,7 @@ Answer Api::SessionAnswer(const SessionVersion& version) {
     }
     if (IsBeneath(project_->Root(), session.target.file)) {
       json["target"] = RelativeTo(project_->Root(), session.target.file).string();
-      const auto text = ReadBeneath(project_->Root(), session.target.file, kMostText);
-      json["target_text"] = std::string(text.begin(), text.end());
+      json["target_text"] = TextBeneath(project_->Root(), session.target.file, kMostText);
     }
     json["cameras"] = CamerasJson(session);
     if (!session.scene) (void)ReadTarget(session.target);
@@ -306,19 +323,15 @@ Answer Api::SessionRequest(const Request& request) {
     return Exclude(request);
   }
   if (Is(request, "POST", {"session", "model"})) return UseModel(request);
-  return ErrorAnswer(404, "the workbench has no such address");
+  return NoAnswer();
 }
 
 Answer Api::UseModel(const Request& request) {
   const Json body = BodyOf(request);
   const std::string model = TextOf(body, "model");
-  const auto cameras = body.find("cameras");
-  if (cameras == body.end() || !cameras->is_array()) {
-    throw InputError("cameras: expected a list");
-  }
   const SessionVersion now = project_->ReadVersion();
   std::string text = now.text;
-  for (const Json& camera : *cameras) {
+  for (const Json& camera : PartOf(body, "cameras", &Json::is_array, "a list")) {
     if (!camera.is_string()) throw InputError("cameras: expected names");
     text = WithModel(text, camera.get<std::string>(), model);
   }
@@ -327,12 +340,14 @@ Answer Api::UseModel(const Request& request) {
   return Changed(project_->Write(text, now.hash));
 }
 
-// Results of the last `try`; null before there are any.
-Answer Api::Tried() const {
+// try.yaml of the last `try`; null before there is one.
+Answer Api::Tried() const { return {.body = JsonText(FileJson(fs::path(kTry) / "try.yaml"), -1)}; }
+
+nlohmann::ordered_json Api::FileJson(const fs::path& name) const {
+  const fs::path file = project_->Root() / name;
   std::error_code error;
-  const fs::path folder = project_->Root() / kTry;
-  if (!fs::exists(folder / "try.yaml", error)) return JsonAnswer(nullptr);
-  return JsonAnswer(TryJson(project_->Root(), folder));
+  if (!fs::exists(file, error)) return nullptr;
+  return YamlJson(YamlNode::Parse(TextBeneath(project_->Root(), file, kMostText), file.string()));
 }
 
 Answer Api::Exclude(const Request& request) {
@@ -349,30 +364,21 @@ Answer Api::AddJob(const Request& request) {
   const Json body = BodyOf(request);
   const std::string kind = TextOf(body, "kind");
   const std::string session = project_->SessionFile().filename().string();
-  const std::string events = std::to_string(kEventsFile);
   Json job;
   if (kind == "init") {
     if (project_->HasSession()) {
       return ErrorAnswer(409, "there is a session already", "edit its text");
     }
-    job = jobs_->Add(kind, {"init", ".", "-o", session});
+    job = jobs_->Add({{"kind", kind}, {"input", "."}, {"out", session}});
   } else if (kind == "detect") {
-    job = jobs_->Add(kind,
-                     {"detect",
-                      session,
-                      "-o",
-                      ".plenocal/detections",
-                      "--cache",
-                      ".plenocal/cache",
-                      "--events",
-                      events,
-                      "--quiet"});
+    job = jobs_->Add(
+        {{"kind", kind}, {"input", session}, {"out", ".plenocal/detections"}, {"cache", kCache}});
   } else if (kind == "calibrate") {
     job = AddCalibration(project_->NextRun());
   } else if (kind == "focus") {
-    job = jobs_->Add(kind, FocusArguments(body));
+    job = jobs_->Add(FocusJob(body));
   } else if (kind == "try") {
-    job = jobs_->Add(kind, {"try", session, "-o", kTry, "--quiet"});
+    job = jobs_->Add({{"kind", kind}, {"input", session}, {"out", kTry}});
   } else {
     return ErrorAnswer(400, fmt::format("'{}' is no kind of job", kind));
   }
@@ -380,26 +386,17 @@ Answer Api::AddJob(const Request& request) {
 }
 
 Json Api::AddCalibration(int run) {
-  return jobs_->Add("calibrate",
-                    {"calibrate",
-                     project_->SessionFile().filename().string(),
-                     "-o",
-                     fmt::format("runs/{}", run),
-                     "--cache",
-                     ".plenocal/cache",
-                     "--events",
-                     std::to_string(kEventsFile),
-                     "--quiet"},
+  return jobs_->Add({{"kind", "calibrate"},
+                     {"input", project_->SessionFile().filename().string()},
+                     {"out", fmt::format("runs/{}", run)},
+                     {"cache", kCache}},
                     {{"run", run}});
 }
 
 Answer Api::WatchRequest(const Request& request) {
-  const Json body = BodyOf(request);
-  const auto on = body.find("on");
-  if (on == body.end() || !on->is_boolean()) {
-    throw InputError("on: expected true or false");
-  }
-  if (!on->get<bool>()) {
+  const Json on = PartOf(BodyOf(request), "on", &Json::is_boolean, "true or false");
+  if (on.is_null()) throw InputError("on: expected true or false");
+  if (!on.get<bool>()) {
     watch_.Stop();
   } else if (!watch_.On()) {
     (void)project_->Parsed();  // a session that cannot be read is refused
@@ -451,7 +448,7 @@ std::filesystem::path Api::RunFile(int run, const std::string& name) const {
 }
 
 // `focus` of one raw image, with the micro-image centres and the vignetting of a run.
-std::vector<std::string> Api::FocusArguments(const Json& body) {
+Json Api::FocusJob(const Json& body) {
   const int run = NumberOf(body, "run", 0);
   const std::string camera = PlainName(TextOf(body, "camera"), "camera");
   const std::string frame = PlainName(TextOf(body, "frame"), "frame");
@@ -459,16 +456,11 @@ std::vector<std::string> Api::FocusArguments(const Json& body) {
   if (!image) {
     throw InputError("the session has no image {} of {}", frame, camera);
   }
-  std::vector<std::string> arguments{
-      "focus",
-      (project_->Root() / RelativeTo(project_->Root(), image->path)).string(),
-      "--grid",
-      RunFile(run, fmt::format("micro_lenses_{}.csv", camera)).string(),
-      "--vignetting",
-      RunFile(run, fmt::format("vignetting_{}.tiff", camera)).string(),
-      "-o",
-      FocusFolder(run, camera, frame).string(),
-      "--quiet"};
+  Json job{{"kind", "focus"},
+           {"input", (project_->Root() / RelativeTo(project_->Root(), image->path)).string()},
+           {"grid", RunFile(run, fmt::format("micro_lenses_{}.csv", camera)).string()},
+           {"vignetting", RunFile(run, fmt::format("vignetting_{}.tiff", camera)).string()},
+           {"out", FocusFolder(run, camera, frame).string()}};
   if (image->store) {
     throw InputError(
         "{}: the workbench computes virtual depth of image files only; "
@@ -477,10 +469,8 @@ std::vector<std::string> Api::FocusArguments(const Json& body) {
   }
   const Session session = project_->Parsed();
   const auto of = std::ranges::find(session.cameras, camera, &SessionCamera::name);
-  if (of->bayer) {
-    arguments.insert(arguments.end(), {"--bayer", std::string(BayerName(*of->bayer))});
-  }
-  return arguments;
+  if (of->bayer) job["bayer"] = BayerName(*of->bayer);
+  return job;
 }
 
 // The totally focused image and its virtual depth; null where no `focus` has written them.
@@ -488,15 +478,14 @@ Answer Api::Focus(const Request& request) const {
   const fs::path folder = FocusFolder(NumberOf(request.path[2], "run"),
                                       PlainName(request.path[4], "camera"),
                                       PlainName(request.path[5], "frame"));
-  std::error_code error;
-  if (!fs::exists(project_->Root() / folder / "focused.yaml", error)) {
-    return JsonAnswer(nullptr);
-  }
-  if (request.path.size() == 7) {
+  Json focus = FileJson(folder / "focused.yaml");
+  if (focus.is_null()) return JsonAnswer(focus);
+  if (request.path.size() == 7 && request.path[6] == "focused") {
     return ImageAnswer(
         project_->Root(), {.frame = "", .path = project_->Root() / folder / "focused.png"}, 0);
   }
-  return JsonAnswer(FocusJson(project_->Root(), project_->Root() / folder));
+  focus.update(DepthJson(project_->Root(), project_->Root() / folder / "virtual_depth.tiff"));
+  return JsonAnswer(focus);
 }
 
 Answer Api::Run(const Request& request) {
@@ -507,88 +496,72 @@ Answer Api::Run(const Request& request) {
     return ErrorAnswer(404, fmt::format("there is no run {}", number));
   }
   if (request.path.size() == 3) return JsonAnswer(RunJson(folder, number));
-  if (Is(request, "GET", {"runs", "*", "points"})) {
-    return JsonAnswer(PointsJson(folder, request.Query("camera"), request.Query("frame")));
+  const std::string &part = request.path[3], camera = request.Query("camera");
+  if (part == "focus" && request.path.size() >= 6) return Focus(request);
+  if (request.path.size() > 4) return NoAnswer();
+  if (part == "points") return JsonAnswer(PointsJson(folder, camera, request.Query("frame")));
+  if (part == "residuals") return JsonAnswer(ResidualsJson(folder, camera));
+  if (part == "lenses") {
+    const std::string file = fmt::format("micro_lenses_{}.csv", PlainName(camera, "camera"));
+    return JsonAnswer(LensesJson(folder, camera, RunFile(number, file)));
   }
-  if (Is(request, "GET", {"runs", "*", "residuals"})) {
-    return JsonAnswer(ResidualsJson(folder, request.Query("camera")));
-  }
-  if (Is(request, "GET", {"runs", "*", "lenses"})) {
-    const std::string camera = PlainName(request.Query("camera"), "camera");
-    return JsonAnswer(
-        LensesJson(folder, camera, RunFile(number, fmt::format("micro_lenses_{}.csv", camera))));
-  }
-  if (Is(request, "GET", {"runs", "*", "focus", "*", "*"}) ||
-      Is(request, "GET", {"runs", "*", "focus", "*", "*", "focused"})) {
-    return Focus(request);
-  }
-  if (Is(request, "GET", {"runs", "*", "influence"})) return JsonAnswer(InfluenceJson(folder));
-  if (Is(request, "GET", {"runs", "*", "preview"})) {
+  if (part == "influence") return JsonAnswer(InfluenceJson(folder));
+  if (part == "preview") {
     const Session session = project_->Parsed();
-    return JsonAnswer(PreviewJson(folder, session, [&](const std::string& camera) {
-      const auto of = std::ranges::find(session.cameras, camera, &SessionCamera::name);
+    return JsonAnswer(PreviewJson(folder, session, [&](const std::string& name) {
+      const auto of = std::ranges::find(session.cameras, name, &SessionCamera::name);
       return of == session.cameras.end() || of->images.empty() ? std::vector<FrameImage>()
                                                                : images_.Of(*of);
     }));
   }
-  if (Is(request, "GET", {"runs", "*", "space"})) return JsonAnswer(SpaceJson(folder));
-  if (Is(request, "GET", {"runs", "*", "maps"})) {
-    return JsonAnswer(MapsJson(folder, request.Query("camera")));
-  }
-  if (Is(request, "GET", {"runs", "*", "report.html"})) {
-    const auto page = ReadBeneath(project_->Root(), folder / "report.html", 512 * kMostText);
+  if (part == "space") return JsonAnswer(SpaceJson(folder));
+  if (part == "maps") return JsonAnswer(MapsJson(folder, camera));
+  if (part == "report.html") {
     return {.type = "application/octet-stream",
-            .body = std::string(page.begin(), page.end()),
+            .body = TextBeneath(project_->Root(), folder / "report.html", 512 * kMostText),
             .headers = {{"Content-Disposition", "attachment; filename=report.html"}}};
   }
-  if (Is(request, "GET", {"runs", "*", "export"})) return Export(request);
-  return ErrorAnswer(404, "the workbench has no such address");
+  return part == "export" ? Export(request) : NoAnswer();
 }
 
 Answer Api::Suggest(const Request& request) const {
   const Json body = BodyOf(request);
-  const int run = NumberOf(body, "run", 0), count = NumberOf(body, "count", 5);
-  return {.body = OutputOf(RunChild({"suggest",
-                                     project_->RunFolder(run).string(),
-                                     "--count",
-                                     std::to_string(count),
-                                     "--json",
-                                     "--quiet"},
-                                    project_->Root().string()))};
+  SuggestRequest suggest;
+  suggest.input = project_->RunFolder(NumberOf(body, "run", 0));
+  suggest.count = std::clamp(NumberOf(body, "count", suggest.count), 1, 100);
+  return JsonAnswer(SuggestionsJson(SuggestViews(suggest, {})));
 }
 
 Answer Api::Compare(const Request& request) const {
   const auto file = [&](const char* name) {
     return (project_->RunFolder(NumberOf(request.Query(name), name)) / "calibration.yaml").string();
   };
-  const std::vector<std::string> arguments{"compare", file("a"), file("b")};
-  std::string text = OutputOf(RunChild(arguments, project_->Root().string()));
-  return JsonAnswer({{"command", CommandLineText(arguments)},
-                     {"text", std::move(text)},
-                     {"maps",
-                      DifferenceJson(fs::path(arguments[1]).parent_path(),
-                                     fs::path(arguments[2]).parent_path())}});
+  const std::string a = file("a"), b = file("b");
+  const CalibrationComparison comparison = CompareFiles(a, b, {});
+  return JsonAnswer({{"command", CommandLineText({"compare", a, b})},
+                     {"text", ComparisonText(comparison, a, b)},
+                     {"maps", DifferenceJson(comparison)}});
 }
 
 // The file of another program, with the command line that makes it.
 Answer Api::Export(const Request& request) const {
-  const int run = NumberOf(request.path[2], "run");
   const std::string format = PlainName(request.Query("format"), "format");
-  const fs::path out = project_->Root() / ".plenocal" / "export";
-  std::vector<std::string> arguments{"export",
-                                     (project_->RunFolder(run) / "calibration.yaml").string(),
-                                     "--format",
-                                     format,
-                                     "-o",
-                                     (out / (format + ".txt")).string()};
+  const fs::path out = project_->Root() / ".plenocal" / "export" / (format + ".txt");
+  const fs::path run = project_->RunFolder(NumberOf(request.path[2], "run"));
+  ExportRequest files;
+  files.calibration = run / "calibration.yaml";
+  files.format = format;
+  files.out = out;
+  std::vector<std::string> arguments{
+      "export", files.calibration.string(), "--format", format, "-o", out.string()};
   if (!request.Query("camera").empty()) {
-    arguments.insert(arguments.end(), {"--camera", PlainName(request.Query("camera"), "camera")});
+    files.cameras = {PlainName(request.Query("camera"), "camera")};
+    arguments.insert(arguments.end(), {"--camera", files.cameras[0]});
   }
-  fs::create_directories(out);
-  OutputOf(RunChild(arguments, project_->Root().string()));
-  const auto content = ReadBeneath(project_->Root(), out / (format + ".txt"), 64 * kMostText);
+  fs::create_directories(out.parent_path());
+  ExportCalibration(files, {});
   return JsonAnswer({{"command", CommandLineText(arguments)},
-                     {"text", std::string(content.begin(), content.end())}});
+                     {"text", TextBeneath(project_->Root(), out, 64 * kMostText)}});
 }
 
 // The target as it is printed: its sheets, or why there is none. Each text of the target has a
@@ -610,9 +583,7 @@ Answer Api::DrawTarget() {
     fs::remove_all(made);
     fs::create_directories(made);
     try {
-      OutputOf(RunChild(
-          {"target", session.target.file.string(), "-o", (made / "target.svg").string(), "--quiet"},
-          project_->Root().string()));
+      PrintTarget({.target = session.target.file, .out = made / "target.svg"});
     } catch (const Error& error) {
       return without(error.what());
     }
@@ -631,8 +602,7 @@ Answer Api::DrawTarget() {
 Answer Api::Sheet(const Request& request) const {
   const fs::path file = project_->Root() / kDrawings / PlainName(request.path[2], "folder") /
                         PlainName(request.path[3], "sheet");
-  const auto content = ReadBeneath(project_->Root(), file, 64 * kMostText);
-  return {.type = "image/svg+xml", .body = std::string(content.begin(), content.end())};
+  return {.type = "image/svg+xml", .body = TextBeneath(project_->Root(), file, 64 * kMostText)};
 }
 
 }  // namespace plenocal::workbench

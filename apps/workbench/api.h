@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// What the page asks for (docs/workbench.md lists it): parse, call, answer.
+// Answers the page's requests, from parsing to JSON.
 #pragma once
 
 #include <atomic>
@@ -53,7 +53,9 @@ class Api {
   Answer Export(const Request& request) const;
   Answer DrawTarget();
   Answer Sheet(const Request& request) const;
-  std::vector<std::string> FocusArguments(const nlohmann::json& body);
+  nlohmann::json FocusJob(const nlohmann::json& body);
+  /// Content of a YAML file in the root; null where there is none.
+  [[nodiscard]] nlohmann::ordered_json FileJson(const std::filesystem::path& name) const;
   /// Of a camera and frame of the session; nothing where it has none.
   std::optional<FrameImage> FindImage(const std::string& camera, const std::string& frame);
   /// A camera's file in the folder of a run, which no link leaves.

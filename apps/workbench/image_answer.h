@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Makes images of the session and of `plenocal focus` ready for the page.
 #pragma once
 
 #include <filesystem>
+#include <nlohmann/json.hpp>
 
 #include "apps/workbench/http/guard.h"
 #include "calib/files/frame_images.h"
@@ -11,5 +14,9 @@ namespace plenocal::workbench {
 /// An image as JPEG, at most `width` pixels wide (0: as it is). Throws `Error` of kind kInput for a
 /// file that does not lie beneath `root`, is no image, or has more than 200 megapixels.
 Answer ImageAnswer(const std::filesystem::path& root, const FrameImage& image, int width);
+
+/// A virtual depth image's `size`, and its values at every `step`-th pixel by rows, null where it
+/// is unknown. `file` lies beneath `root`.
+nlohmann::json DepthJson(const std::filesystem::path& root, const std::filesystem::path& file);
 
 }  // namespace plenocal::workbench

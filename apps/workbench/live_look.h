@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Weighs pictures of live cameras before they are kept.
 #pragma once
 
 #include <filesystem>

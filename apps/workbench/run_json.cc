@@ -2,8 +2,6 @@
 #include "apps/workbench/run_json.h"
 
 #include <algorithm>
-#include <cmath>
-#include <limits>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -11,19 +9,15 @@
 #include <utility>
 #include <vector>
 
-#include "apps/report/report.h"
 #include "apps/report/residual_sections.h"
-#include "apps/report/transform_json.h"
-#include "apps/report/verdict_json.h"
-#include "assess/compare.h"
 #include "assess/frames/exclusion_preview.h"
 #include "assess/frames/frame_influence.h"
-#include "assess/projection_map.h"
-#include "assess/verdict.h"
 #include "calib/base/error.h"
 #include "calib/camera/micro_lens_array.h"
 #include "calib/files/calibration_file.h"
 #include "calib/files/exclusion.h"
+#include "engine/json/calibration_json.h"
+#include "engine/session/calibration_folder.h"
 #include "engine/suggest/calibrated_rig.h"
 #include "models/registry.h"
 
@@ -32,12 +26,6 @@ namespace {
 
 namespace fs = std::filesystem;
 using Json = nlohmann::json;
-
-Json Finite(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
-
-Verdict VerdictOf(const CalibrationRecord& record) {
-  return record.verdict ? *record.verdict : Judge(record);
-}
 
 // Reading residuals of a large run takes a second: the last one is kept.
 std::shared_ptr<const CalibrationRecord> RecordOf(const fs::path& folder) {
@@ -55,51 +43,6 @@ std::shared_ptr<const CalibrationRecord> RecordOf(const fs::path& folder) {
   return record;
 }
 
-struct FrameSums {
-  int used = 0, rejected = 0;
-  double squares = 0;
-};
-
-Json FramesJson(const CalibrationRecord& record, const CalibratedCamera& camera) {
-  std::map<int, FrameSums> frames;
-  for (const ResidualRow& row : camera.residuals) {
-    FrameSums& sums = frames[row.frame];
-    row.used ? ++sums.used : ++sums.rejected;
-    if (row.used) sums.squares += row.Error().squaredNorm();
-  }
-  Json list = Json::array();
-  for (const auto& [frame, sums] : frames) {
-    list.push_back({{"frame", record.frames[static_cast<size_t>(frame)].name},
-                    {"points", sums.used},
-                    {"rejected", sums.rejected},
-                    {"rms", sums.used > 0 ? Json(std::sqrt(sums.squares / sums.used)) : nullptr}});
-  }
-  return list;
-}
-
-Json CameraJson(const CalibrationRecord& record, const CalibratedCamera& camera) {
-  Json parameters = Json::array();
-  for (size_t k = 0; k < camera.params.size(); ++k) {
-    const Param& param = camera.model->params[k];
-    if (param.prior_sigma > 0) continue;
-    parameters.push_back({{"name", param.name},
-                          {"unit", param.unit},
-                          {"value", camera.params[k]},
-                          {"sigma", Finite(camera.Sigma(k))}});
-  }
-  return {{"name", camera.name},
-          {"model", camera.model->name},
-          {"plenoptic", camera.model->plenoptic},
-          {"image_size", camera.image_size},
-          {"parameters", parameters},
-          {"rms", Finite(camera.fit.rms)},
-          {"noise", Finite(camera.fit.noise_sigma)},
-          {"detector_sigma", Finite(camera.fit.detector_sigma)},
-          {"points", camera.fit.points},
-          {"rejected", camera.fit.rejected},
-          {"frames", FramesJson(record, camera)}};
-}
-
 }  // namespace
 
 Json RunBriefJson(const fs::path& folder, int number) {
@@ -107,7 +50,7 @@ Json RunBriefJson(const fs::path& folder, int number) {
   try {
     const CalibrationRecord record = ReadCalibration(folder / "calibration.yaml", CameraModels());
     Json rms = Json::array();
-    for (const CalibratedCamera& camera : record.cameras) rms.push_back(Finite(camera.fit.rms));
+    for (const CalibratedCamera& camera : record.cameras) rms.push_back(AsInFile(camera.fit.rms));
     brief["rms"] = rms;
     if (record.verdict) brief["grade"] = GradeName(record.verdict->grade);
   } catch (const Error& error) {
@@ -118,18 +61,15 @@ Json RunBriefJson(const fs::path& folder, int number) {
 
 Json RunJson(const fs::path& folder, int number) {
   const auto record = RecordOf(folder);
-  const Verdict verdict = VerdictOf(*record);
-  Json judged = VerdictJson(verdict);
-  judged["headline"] = Headline(verdict);
-  Json cameras = Json::array();
+  Json run = CalibrationJson(*record);
   for (const CalibratedCamera& camera : record->cameras) {
-    cameras.push_back(CameraJson(*record, camera));
+    const auto frame_of = [&](size_t row) { return camera.residuals[row].frame; };
+    Json frames = SumsJson(camera, "frame", frame_of);
+    for (Json& frame : frames["frame"]) frame = record->frames[frame.get<size_t>()].name;
+    run["cameras"][camera.name]["frames"] = frames;
   }
-  return {{"run", number},
-          {"verdict", judged},
-          {"cameras", cameras},
-          {"left_out", record->left_out},
-          {"folder", folder.string()}};
+  run.update({{"run", number}, {"left_out", record->left_out}, {"folder", folder.string()}});
+  return run;
 }
 
 Json PointsJson(const fs::path& folder, const std::string& camera, const std::string& frame) {
@@ -140,41 +80,30 @@ Json PointsJson(const fs::path& folder, const std::string& camera, const std::st
     points.push_back({row.marker,
                       row.values[0],
                       row.values[1],
-                      Finite(row.residual[0]),
-                      Finite(row.residual[1]),
+                      row.residual[0],
+                      row.residual[1],
                       row.used ? 1 : 0});
   }
   return {{"camera", camera}, {"frame", frame}, {"points", points}};
 }
 
-Json ResidualsJson(const fs::path& folder, const std::string& camera) {
-  struct OfMarker {
-    FrameSums sums;
-    double largest = -1;  // squared, px^2
-    int frame = 0;        // that has it
-  };
+Json ResidualsJson(const fs::path& folder, const std::string& name) {
   const auto record = RecordOf(folder);
-  const CalibratedCamera& of_camera = FindCamera(*record, camera);
-  std::map<int, OfMarker> by_number;
-  for (const ResidualRow& row : of_camera.residuals) {
-    OfMarker& marker = by_number[row.marker];
-    row.used ? ++marker.sums.used : ++marker.sums.rejected;
+  const CalibratedCamera& camera = FindCamera(*record, name);
+  Json markers =
+      SumsJson(camera, "marker", [&](size_t row) { return camera.residuals[row].marker; });
+  std::map<int, const ResidualRow*> largest;  // null: no used point
+  for (const ResidualRow& row : camera.residuals) {
+    const ResidualRow*& so_far = largest[row.marker];
     if (!row.used) continue;
-    const double square = row.Error().squaredNorm();
-    marker.sums.squares += square;
-    if (square > marker.largest) marker.largest = square, marker.frame = row.frame;
+    if (so_far == nullptr || row.Error().norm() > so_far->Error().norm()) so_far = &row;
   }
-  Json markers = Json::array();
-  for (const auto& [number, marker] : by_number) {
-    const FrameSums& sums = marker.sums;
-    if (sums.used == 0) continue;
-    markers.push_back({{"marker", number},
-                       {"points", sums.used},
-                       {"rejected", sums.rejected},
-                       {"rms", std::sqrt(sums.squares / sums.used)},
-                       {"worst", record->frames[static_cast<size_t>(marker.frame)].name}});
+  Json worst = Json::array();
+  for (const auto& [marker, row] : largest) {
+    worst.push_back(row == nullptr ? "" : record->frames[static_cast<size_t>(row->frame)].name);
   }
-  return {{"markers", markers}, {"field", FieldJson(FieldOf(of_camera))}};
+  markers["worst"] = worst;
+  return {{"markers", markers}, {"field", FieldJson(camera)}};
 }
 
 Json LensesJson(const fs::path& folder, const std::string& camera, const fs::path& micro_lenses) {
@@ -193,7 +122,7 @@ Json InfluenceJson(const fs::path& folder) {
   try {
     for (const FrameInfluence& influence : FrameInfluences(*record)) {
       frames.push_back({{"frame", record->frames[static_cast<size_t>(influence.frame)].name},
-                        {"sigmas", Finite(influence.sigmas)},
+                        {"sigmas", influence.sigmas},
                         {"unknown", influence.unknown}});
     }
   } catch (const Error& error) {
@@ -239,82 +168,30 @@ Json PreviewJson(const fs::path& folder, const Session& session, const ImagesOf&
   if (preview.points == 0) return nullptr;
   return {{"points", preview.points},
           {"rms", {preview.rms_before, preview.rms_after}},
-          {"sigma", {Finite(preview.sigma_before), Finite(preview.sigma_after)}},
-          {"sigmas", Finite(preview.sigmas)},
+          {"sigma", {preview.sigma_before, preview.sigma_after}},
+          {"sigmas", preview.sigmas},
           {"unknown", preview.unknown}};
 }
 
-Json SpaceJson(const fs::path& folder) {
-  const auto record = RecordOf(folder);
-  Json markers = Json::array(), displacements = Json::array();
-  Json cameras = Json::array(), frames = Json::array();
-  const bool refined = record->adjustment && record->adjustment->marker_sigma > 0;
-  for (const auto& [number, marker] : record->markers) {
-    markers.push_back(VectorJson(marker.position));
-    if (!refined) continue;
-    displacements.push_back(VectorJson(marker.position - marker.nominal.value_or(marker.position)));
-  }
-  for (const CalibratedCamera& camera : record->cameras) {
-    cameras.push_back({{"name", camera.name},
-                       {"image_size", camera.image_size},
-                       {"T_rig_camera", TransformJson(camera.T_camera_rig.Inverse())}});
-  }
-  for (const FrameRecord& frame : record->frames) {
-    frames.push_back({{"name", frame.name}, {"T_target_rig", TransformJson(frame.T_target_rig)}});
-  }
-  return {{"markers", markers},
-          {"displacements", displacements},
-          {"cameras", cameras},
-          {"frames", frames}};
-}
+Json SpaceJson(const fs::path& folder) { return plenocal::SpaceJson(*RecordOf(folder)); }
 
-namespace {
-
-// The pixels as `FieldJson` has a field.
-Json DifferenceField(const DistanceDifference& difference, ImageSize size) {
-  constexpr size_t kCells = size_t{kComparedColumns} * kComparedRows;
-  std::vector<int> points(kCells, 0);
-  std::vector<Json> x(kCells), y(kCells), length(kCells);
-  for (const PixelDifference& pixel : difference.pixels) {
-    const auto column = static_cast<size_t>((pixel.u_px.x() + 0.5) * kComparedColumns / size[0]);
-    const auto row = static_cast<size_t>((pixel.u_px.y() + 0.5) * kComparedRows / size[1]);
-    const size_t cell = row * kComparedColumns + column;
-    if (cell >= kCells) continue;
-    points[cell] = 1;
-    x[cell] = Short(pixel.difference_px.x());
-    y[cell] = Short(pixel.difference_px.y());
-    length[cell] = Short(pixel.difference_px.norm());
-  }
-  return {{"columns", kComparedColumns},
-          {"rows", kComparedRows},
-          {"points", points},
-          {"mean_x", x},
-          {"mean_y", y},
-          {"rms", length}};
-}
-
-}  // namespace
-
-Json DifferenceJson(const fs::path& a, const fs::path& b) {
-  const auto first = RecordOf(a);
-  const auto second = RecordOf(b);
+Json DifferenceJson(const CalibrationComparison& comparison) {
   Json maps = Json::array();
-  for (const CalibratedCamera& camera : first->cameras) {
-    const auto other = std::ranges::find(second->cameras, camera.name, &CalibratedCamera::name);
-    if (other == second->cameras.end()) continue;
-    try {
-      constexpr double kFar = std::numeric_limits<double>::infinity();
-      for (const DistanceDifference& at : CompareCameras(camera, *other, {1, kFar}).distances) {
-        maps.push_back({{"camera", camera.name},
-                        {"image_size", camera.image_size},
-                        {"distance", Finite(at.distance)},
-                        {"rms", Finite(at.all.rms)},
-                        {"predicted", Finite(at.all.predicted)},
-                        {"differs", at.all.differs},
-                        {"field", DifferenceField(at, camera.image_size)}});
+  for (size_t c = 0; c < comparison.differences.size(); ++c) {
+    const ImageSize size = comparison.a[c].image_size;
+    for (const DistanceDifference& at : comparison.differences[c].distances) {
+      std::vector<ResidualRow> vectors;
+      for (const PixelDifference& pixel : at.pixels) {
+        vectors.push_back({.values = {pixel.u_px.x(), pixel.u_px.y()},
+                           .residual = {pixel.difference_px.x(), pixel.difference_px.y()}});
       }
-    } catch (const Error&) {
-      // Its words are in what `plenocal compare` prints.
+      maps.push_back({{"camera", comparison.a[c].name},
+                      {"image_size", size},
+                      {"distance", at.distance},
+                      {"rms", at.all.rms},
+                      {"predicted", at.all.predicted},
+                      {"differs", at.all.differs},
+                      {"field", FieldJson(size, std::move(vectors))}});
     }
   }
   return maps;
@@ -322,19 +199,9 @@ Json DifferenceJson(const fs::path& a, const fs::path& b) {
 
 Json MapsJson(const fs::path& folder, const std::string& name) {
   const auto record = RecordOf(folder);
-  Json maps = Json::array();
-  for (size_t c = 0; c < record->cameras.size(); ++c) {
-    if (record->cameras[c].name != name) continue;
-    for (const ProjectionMap& map : ProjectionMaps(*record, c)) {
-      Json sigma = Json::array();
-      for (const double value : map.sigma) sigma.push_back(Finite(value));
-      maps.push_back({{"distance", map.distance},
-                      {"columns", map.grid.Columns()},
-                      {"rows", map.grid.Rows()},
-                      {"sigma", sigma}});
-    }
-  }
-  return maps;
+  const auto camera = std::ranges::find(record->cameras, name, &CalibratedCamera::name);
+  if (camera == record->cameras.end()) return Json::array();
+  return SigmaMapsJson(*record, static_cast<size_t>(camera - record->cameras.begin()));
 }
 
 }  // namespace plenocal::workbench

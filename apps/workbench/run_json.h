@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Results of a run for the page.
+// Makes the answers about a run, as engine/json/calibration.schema.json has them.
 #pragma once
 
 #include <filesystem>
@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "assess/compare_calibrations.h"
 #include "calib/files/frame_images.h"
 #include "calib/files/session.h"
 
@@ -17,7 +18,7 @@ namespace plenocal::workbench {
 /// Number, grade, RMS and number of frames of a run; only the number of one that cannot be read.
 nlohmann::json RunBriefJson(const std::filesystem::path& folder, int number);
 
-/// Verdict, cameras with parameters and sigmas, frames with points and RMS, what was left out.
+/// `Run` of the schema (engine/json/calibration.schema.json).
 nlohmann::json RunJson(const std::filesystem::path& folder, int number);
 
 /// The points of one image: marker, x, y, dx, dy, used.
@@ -25,8 +26,7 @@ nlohmann::json PointsJson(const std::filesystem::path& folder,
                           const std::string& camera,
                           const std::string& frame);
 
-/// Per marker of a camera its used and rejected points, RMS and the frame with its largest
-/// residual; means of the residuals over the image (`FieldJson`).
+/// `Residuals` of the schema.
 nlohmann::json ResidualsJson(const std::filesystem::path& folder, const std::string& camera);
 
 /// Micro-image centres of a plenoptic camera from its file: x, y, lens type; their pitch, raw px.
@@ -47,16 +47,13 @@ nlohmann::json PreviewJson(const std::filesystem::path& folder,
                            const Session& session,
                            const ImagesOf& images_of);
 
-/// Markers (m, in the target's frame) and their displacements by the refinement, cameras with
-/// T_rig_camera, frames with T_target_rig; transforms as twelve numbers, the rows of [R t].
+/// `Space` of the schema.
 nlohmann::json SpaceJson(const std::filesystem::path& folder);
 
-/// Of each camera that both runs have: by how much the images of points at 1 m and far away differ,
-/// as a field over the image like that of residuals, and RMS, its prediction (null: none), and
-/// whether it is more than predicted. Cameras that cannot be compared are left out.
-nlohmann::json DifferenceJson(const std::filesystem::path& a, const std::filesystem::path& b);
+/// `Difference`s of the schema, by camera and distance.
+nlohmann::json DifferenceJson(const CalibrationComparison& comparison);
 
-/// Sigma of the projection over a camera's image, at each distance.
+/// `SigmaMap`s of the schema.
 nlohmann::json MapsJson(const std::filesystem::path& folder, const std::string& camera);
 
 }  // namespace plenocal::workbench

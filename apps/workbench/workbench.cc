@@ -3,11 +3,21 @@
 
 #include <fmt/format.h>
 
+#include <string_view>
+
 #include "apps/workbench/api.h"
 #include "apps/workbench/http/server.h"
-#include "apps/workbench/pages.h"
 #include "apps/workbench/project/jobs.h"
 #include "apps/workbench/project/project.h"
+
+namespace plenocal {
+
+// Files of the page, made by the build from web/ (cmake/embed.cmake).
+std::string_view WorkbenchHtml();
+std::string_view WorkbenchJs();
+std::string_view WorkbenchCss();
+
+}  // namespace plenocal
 
 namespace plenocal::workbench {
 namespace {
@@ -18,11 +28,13 @@ Answer PageAnswer(const Request& request) {
     return ErrorAnswer(404, "the workbench has no such address");
   }
   if (name == "favicon.ico") return {.status = 204, .type = "image/x-icon"};
-  for (const Page& page : Pages()) {
-    if (page.name == name) {
-      return {.type = std::string(page.type), .body = std::string(page.content)};
-    }
-  }
+  const auto file = [](const char* type, std::string_view content) {
+    return Answer{.type = fmt::format("text/{}; charset=utf-8", type),
+                  .body = std::string(content)};
+  };
+  if (name == "index.html") return file("html", WorkbenchHtml());
+  if (name == "workbench.js") return file("javascript", WorkbenchJs());
+  if (name == "workbench.css") return file("css", WorkbenchCss());
   return ErrorAnswer(404, "the workbench has no such address");
 }
 
@@ -33,7 +45,7 @@ void RunWorkbench(const WorkbenchOptions& options,
                   const std::function<bool()>& go_on) {
   EventLog events;
   Project project(options.place);
-  Jobs jobs(project.Root().string(), &events);
+  Jobs jobs("/proc/self/exe", project.Root(), &events);
   Api api(&project, &jobs, &events);
   const std::string token = MakeToken();
   Server server({.port = options.port,

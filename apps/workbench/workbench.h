@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// `plenocal workbench`: the page, the server, the folder.
+// Runs `plenocal workbench`: server, page and folder together.
 #pragma once
 
 #include <filesystem>

@@ -9,11 +9,11 @@
 
 #include "apps/charts/field_map.h"
 #include "apps/report/report.h"
-#include "apps/report/verdict_json.h"
 #include "assess/residual_field.h"
 #include "calib/files/calibration_file.h"
 #include "calib/files/calibration_tables.h"
 #include "calib/io/output_folder.h"
+#include "engine/json/calibration_json.h"
 #include "models/registry.h"
 #include "python/src/bindings.h"
 #include "python/src/record.h"

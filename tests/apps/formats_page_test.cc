@@ -16,6 +16,7 @@
 #include <sstream>
 
 #include "calib/files/detections.h"
+#include "tests/apps/calibration_schema.h"
 #include "tests/apps/chessboard_images.h"
 #include "tests/apps/scene/small_loop.h"
 #include "tests/apps/workspace.h"
@@ -572,6 +573,9 @@ TEST_F(FormatsPage, HasWhatJudgingCommandsWrite) {
   const Outcome result = Run({"calibrate", "session.yaml", "-o", "out", "--no-report", "--json"});
   ASSERT_EQ(result.status, kDone) << result.err;
   SeeKeys(YAML::Load(result.out), "Keys of calibrate --json", "calibrate --json");
+  EXPECT_THAT(
+      CalibrationSchema(PLENOCAL_DOCS).Violations(nlohmann::json::parse(result.out), "Calibration"),
+      ::testing::IsEmpty());
   const Outcome check = Run(
       {"compare", "out/calibration.yaml", "--check", "session.yaml", "--json", "-o", "compared"});
   ASSERT_EQ(check.status, kDone) << check.err;
@@ -592,6 +596,23 @@ TEST_F(FormatsPage, HasWhatJudgingCommandsWrite) {
   SeeYaml("tried/try.yaml", "Keys of try.yaml");
   SeeColumns("tried/try.csv", "Columns of try.csv");
   ExpectAllSeen();
+}
+
+TEST_F(FormatsPage, HasTheTablesOfTheSchemaOfCalibrations) {
+  const std::string page = FileText(fs::path(PLENOCAL_DOCS) / "formats.md");
+  int tables = 0;
+  const CalibrationSchema schema(PLENOCAL_DOCS);
+  for (const CalibrationSchema::Json& definition : schema.Definitions()) {
+    if (!definition.contains("title")) continue;
+    std::string table = fmt::format("### {}\n\n| key | meaning |\n| --- | --- |\n",
+                                    definition.at("title").get<std::string>());
+    for (const auto& [key, property] : definition.at("properties").items()) {
+      table += fmt::format("| `{}` | {} |\n", key, property.at("description").get<std::string>());
+    }
+    EXPECT_THAT(page, HasSubstr(table + "\n")) << "take the table from here";
+    ++tables;
+  }
+  EXPECT_EQ(tables, 2);
 }
 
 TEST_F(FormatsPage, HasWhatWhiteAndFocusWrite) {

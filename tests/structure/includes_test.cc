@@ -86,7 +86,7 @@ const std::map<std::string, Rooms> kAllowed = [] {
   add("apps/photometry/response", {"engine"});
   add("apps/photometry", {"apps/report", "apps/photometry/response"});
   add("apps/simulate", {"apps/charts", "apps/evaluate", "assess", "detectors", "models"});
-  add("apps/workbench", {"apps/report", "apps/suggest"});
+  add("apps/workbench", {"apps/print", "apps/report", "apps/suggest"});
   add("apps/cli",
       {"apps/print", "apps/groundtruth", "apps/photometry", "apps/simulate", "apps/workbench"});
   add("apps", {"apps/cli"});

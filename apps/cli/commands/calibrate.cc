@@ -5,12 +5,12 @@
 
 #include "apps/cli/options.h"
 #include "apps/report/report.h"
-#include "apps/report/verdict_json.h"
 #include "assess/verdict.h"
 #include "calib/base/format_error.h"
 #include "calib/base/json_text.h"
 #include "calib/estimate/summary.h"
 #include "engine/calibrate_session.h"
+#include "engine/json/calibration_json.h"
 #include "engine/session/open_session.h"
 
 namespace plenocal {

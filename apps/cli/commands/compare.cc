@@ -4,11 +4,11 @@
 #include "apps/cli/compared_files.h"
 #include "apps/cli/options.h"
 #include "apps/cli/result_pictures.h"
-#include "apps/report/verdict_json.h"
 #include "assess/text/compare_text.h"
 #include "calib/base/format_error.h"
 #include "calib/base/json_text.h"
 #include "engine/check_session.h"
+#include "engine/json/calibration_json.h"
 #include "engine/session/open_session.h"
 
 namespace plenocal {

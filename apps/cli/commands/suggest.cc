@@ -57,10 +57,7 @@ void RunSuggest(const SuggestArguments& arguments, Console* console) {
     return console->Print(
         WordsOf(suggested.views, suggested.rig, suggested.verdict, assumed_angle));
   }
-  nlohmann::json result = SuggestionsJson(suggested.views, suggested.rig);
-  result["verdict"] = nullptr;
-  if (suggested.verdict) result["verdict"] = GradeName(suggested.verdict->grade);
-  fmt::print("{}\n", JsonText(result));
+  fmt::print("{}\n", JsonText(SuggestionsJson(suggested)));
 }
 
 constexpr const char* kSuggestHelp =

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Keeps events for the pages that listen.
 #pragma once
 
 #include <cstddef>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Which requests the workbench answers (docs/workbench.md, "Safe").
+// Decides which requests the workbench answers (docs/workbench.md, "Security").
 #pragma once
 
 #include <map>

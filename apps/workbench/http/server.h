@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// The workbench's HTTP server. Boost.Beast stands in its source alone.
+// Serves HTTP on this machine. Boost.Beast stands in the source alone.
 #pragma once
 
 #include <functional>

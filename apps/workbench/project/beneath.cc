@@ -96,6 +96,11 @@ std::vector<std::uint8_t> ReadBeneath(const fs::path& root, const fs::path& file
   return content;
 }
 
+std::string TextBeneath(const fs::path& root, const fs::path& file, size_t most) {
+  const std::vector<std::uint8_t> content = ReadBeneath(root, file, most);
+  return {content.begin(), content.end()};
+}
+
 void AddBeneath(const fs::path& root,
                 const std::string& folder,
                 const std::string& name,

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Reads and writes files beneath the workbench's folder, which no link leaves.
 #pragma once
 
 #include <cstdint>
@@ -15,6 +17,10 @@ namespace plenocal::workbench {
 std::vector<std::uint8_t> ReadBeneath(const std::filesystem::path& root,
                                       const std::filesystem::path& file,
                                       size_t most);
+/// The same as text.
+std::string TextBeneath(const std::filesystem::path& root,
+                        const std::filesystem::path& file,
+                        size_t most);
 
 /// Writes a new file `name` into a folder beneath `root`, which is made where it is missing and to
 /// which no link leads: all of the file or nothing. Throws `Error` of kind kInput when there is a

@@ -1,73 +1,64 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/workbench/project/jobs.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
-#include <csignal>
 #include <utility>
 
-#include "apps/workbench/project/child.h"
+#include "apps/workbench/project/command_text.h"
 #include "calib/base/error.h"
+#include "calib/base/json_text.h"
 
 namespace plenocal::workbench {
-namespace {
 
 using Json = nlohmann::json;
 
-std::string Dump(const Json& json) {
-  return json.dump(-1, ' ', false, Json::error_handler_t::replace);
-}
-
-}  // namespace
-
-Jobs::Jobs(std::string folder, EventLog* events)
-    : folder_(std::move(folder)), events_(events), worker_([this] { Work(); }) {}
+Jobs::Jobs(const std::filesystem::path& program,
+           const std::filesystem::path& folder,
+           EventLog* events)
+    : events_(events), worker_(program, folder), thread_([this] { Work(); }) {}
 
 Jobs::~Jobs() {
   {
     const std::lock_guard lock(mutex_);
     ending_ = true;
-    for (Job& job : jobs_) {
-      job.stop = true;
-      if (job.child > 0) kill(job.child, SIGTERM);
-    }
+    for (Job& job : jobs_) job.stop = true;
   }
   changed_.notify_all();
-  worker_.join();
+  thread_.join();
 }
 
-Json Jobs::Add(const std::string& kind, std::vector<std::string> arguments, Json extra) {
+bool Jobs::Job::HasEnded() const {
+  const std::string& state = shown.at("state").get_ref<const std::string&>();
+  return state != "waiting" && state != "running";
+}
+
+Json Jobs::Add(Json job, Json extra) {
   Json shown = std::move(extra);
   {
     const std::lock_guard lock(mutex_);
-    Job& job = jobs_.emplace_back();
-    job.id = static_cast<int>(jobs_.size());
-    job.arguments = std::move(arguments);
-    shown["id"] = job.id;
-    shown["kind"] = kind;
-    shown["command"] = CommandLineText(job.arguments);
-    shown["state"] = "waiting";
-    job.shown = shown;
-    events_->Add("job", Dump(shown));
+    Job& added = jobs_.emplace_back();
+    shown.update({{"id", jobs_.size()},
+                  {"kind", job.at("kind")},
+                  {"command", JobCommand(job)},
+                  {"state", "waiting"}});
+    added.request = std::move(job);
+    added.shown = shown;
+    events_->Add("job", JsonText(shown, -1));
   }
   changed_.notify_all();
   return shown;
 }
 
 bool Jobs::Stop(int id) {
-  Job* waiting = nullptr;
-  {
-    const std::lock_guard lock(mutex_);
-    if (id < 1 || id > static_cast<int>(jobs_.size())) return false;
-    Job& job = jobs_[static_cast<size_t>(id - 1)];
-    const std::string state = job.shown["state"];
-    if (state != "waiting" && state != "running") return false;
-    job.stop = true;
-    if (job.child > 0) kill(job.child, SIGTERM);
-    if (state == "waiting") waiting = &job;
+  const std::lock_guard lock(mutex_);
+  if (id < 1 || id > static_cast<int>(jobs_.size())) return false;
+  Job& job = jobs_[static_cast<size_t>(id - 1)];
+  if (job.HasEnded()) return false;
+  job.stop = true;
+  if (job.shown["state"] == "waiting") {
+    job.shown["state"] = "stopped";
+    events_->Add("job", JsonText(job.shown, -1));
   }
-  if (waiting != nullptr) Change(waiting, [](Json* shown) { (*shown)["state"] = "stopped"; });
   return true;
 }
 
@@ -80,59 +71,37 @@ Json Jobs::All() const {
 
 bool Jobs::Busy() const {
   const std::lock_guard lock(mutex_);
-  return std::ranges::any_of(jobs_, [](const Job& job) {
-    const std::string state = job.shown["state"];
-    return state == "waiting" || state == "running";
-  });
+  return !std::ranges::all_of(jobs_, &Job::HasEnded);
 }
 
-void Jobs::Change(Job* job, const std::function<void(Json*)>& change) {
+void Jobs::Change(Job* job, const Json& change) {
   const std::lock_guard lock(mutex_);
-  change(&job->shown);
-  events_->Add("job", Dump(job->shown));
-}
-
-void Jobs::OnEvent(Job* job, const std::string& line) {
-  const Json event = Json::parse(line, nullptr, false);
-  if (!event.is_object()) return;
-  const std::string kind = event.value("event", "");
-  if (kind == "detection") {
-    events_->Add("detection", Dump(event));
-  } else if (kind == "progress") {
-    Change(job, [&](Json* shown) {
-      (*shown)["stage"] = event.value("stage", "");
-      (*shown)["done"] = event.value("done", 0);
-      (*shown)["total"] = event.value("total", 0);
-    });
-  }
+  job->shown.update(change);
+  events_->Add("job", JsonText(job->shown, -1));
 }
 
 void Jobs::Run(Job* job) {
-  Change(job, [](Json* shown) { (*shown)["state"] = "running"; });
-  ChildResult result;
+  Change(job, {{"state", "running"}});
+  std::string error;
   try {
-    result = RunChild(
-        job->arguments,
-        folder_,
-        [&](pid_t child) {
-          const std::lock_guard lock(mutex_);
-          job->child = child;
-          if (job->stop) kill(child, SIGTERM);
-        },
-        [&](const std::string& line) { OnEvent(job, line); });
-  } catch (const Error& error) {
-    result.err = fmt::format("plenocal: {}\n", error.what());
+    error = worker_.Run(job->request, job->stop, [&](const Json& event) {
+      if (event.at("event") == "detection") events_->Add("detection", JsonText(event, -1));
+      if (event.at("event") != "progress") return;
+      Change(job,
+             {{"stage", event.at("stage")},
+              {"done", event.value("done", 0)},
+              {"total", event.value("total", 0)}});
+    });
+  } catch (const Error& failure) {
+    error = failure.what();
   }
-  bool stopped = false;
-  {
-    const std::lock_guard lock(mutex_);
-    job->child = 0;
-    stopped = job->stop;
+  if (job->stop) {
+    Change(job, {{"state", "stopped"}});
+  } else if (error.empty()) {
+    Change(job, {{"state", "done"}});
+  } else {
+    Change(job, {{"state", "failed"}, {"error", error}});
   }
-  Change(job, [&](Json* shown) {
-    (*shown)["state"] = stopped ? "stopped" : result.status == 0 ? "done" : "failed";
-    if (result.status != 0 && !stopped) (*shown)["error"] = FailureOf(result);
-  });
 }
 
 void Jobs::Work() {

@@ -1,33 +1,36 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Keeps the workbench's jobs, which wait, run or have ended.
 #pragma once
 
+#include <atomic>
 #include <condition_variable>
 #include <deque>
+#include <filesystem>
 #include <functional>
 #include <mutex>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <thread>
-#include <vector>
 
 #include "apps/workbench/http/event_log.h"
+#include "apps/workbench/worker/worker_process.h"
 
 namespace plenocal::workbench {
 
-/// Long work, one after the other, each a run of the program.
+/// One after the other, all in one worker.
 class Jobs {
  public:
-  Jobs(std::string folder, EventLog* events);
+  /// `program`: plenocal; `folder`: that of the workbench.
+  Jobs(const std::filesystem::path& program, const std::filesystem::path& folder, EventLog* events);
   /// Stops the running job and waits for it.
   ~Jobs();
   Jobs(const Jobs&) = delete;
   Jobs& operator=(const Jobs&) = delete;
 
-  /// Returns the job as JSON: id, kind, command, state (waiting, running, done, failed, stopped),
-  /// stage, done, total, error, and what `extra` has. `arguments` begin with the command.
-  nlohmann::json Add(const std::string& kind,
-                     std::vector<std::string> arguments,
-                     nlohmann::json extra = nlohmann::json::object());
+  /// `job`: as `RunJob` takes it. Returns it as the page has it: id, kind, command, state (waiting,
+  /// running, done, failed, stopped), stage, done, total, error, and what `extra` has.
+  nlohmann::json Add(nlohmann::json job, nlohmann::json extra = nlohmann::json::object());
   /// False when there is none of this number that could be stopped.
   bool Stop(int id);
   [[nodiscard]] nlohmann::json All() const;
@@ -36,26 +39,24 @@ class Jobs {
 
  private:
   struct Job {
-    int id = 0;
-    std::vector<std::string> arguments;
-    nlohmann::json shown;
-    pid_t child = 0;
-    bool stop = false;
+    nlohmann::json request, shown;
+    std::atomic<bool> stop{false};
+
+    [[nodiscard]] bool HasEnded() const;
   };
   void Work();
   void Run(Job* job);
   /// Changes what is shown of a job and reports it.
-  void Change(Job* job, const std::function<void(nlohmann::json*)>& change);
-  void OnEvent(Job* job, const std::string& line);
+  void Change(Job* job, const nlohmann::json& change);
 
-  std::string folder_;
   EventLog* events_;
   mutable std::mutex mutex_;
   std::condition_variable changed_;
   std::deque<Job> jobs_;  // all; references stay valid
   size_t next_ = 0;
   bool ending_ = false;
-  std::thread worker_;
+  WorkerProcess worker_;
+  std::thread thread_;
 };
 
 }  // namespace plenocal::workbench

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// The folder of a workbench: its session file with all versions, and the runs. Files are the state:
-// a server that is started anew finds everything.
+// Keeps the folder of a workbench: its session file with all versions, and the runs. Files are the
+// state: a server that is started anew finds everything.
 #pragma once
 
 #include <filesystem>

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Lists the images of a session's cameras, those of recordings once.
 #pragma once
 
 #include <filesystem>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Edits of a session's text that leave all other bytes as they are.
+// Edits a session's text and leaves all other bytes as they are.
 #pragma once
 
 #include <string>

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Watches the folders of the cameras while images arrive.
 #pragma once
 
 #include <chrono>

@@ -15,6 +15,7 @@
 
 #include "apps/report/page_text.h"
 #include "models/registry.h"
+#include "tests/apps/calibration_schema.h"
 #include "tests/apps/chessboard_images.h"
 
 namespace plenocal::testing {
@@ -118,23 +119,24 @@ TEST_F(Report, HoldsTheFiguresOfTheCalibration) {
   const Json data = Data();
   const YAML::Node result = Result();
   ASSERT_EQ(data["cameras"].size(), 3u);
+  EXPECT_THAT(CalibrationSchema(PLENOCAL_DOCS).Violations(data, "Report"), ::testing::IsEmpty());
   for (const Json& camera : data["cameras"]) {
     const YAML::Node written = result["cameras"][camera["name"].get<std::string>()];
     EXPECT_EQ(camera["model"], written["model"].Scalar());
-    ASSERT_EQ(camera["parameters"].size(), written["parameters"].size());
-    for (const Json& parameter : camera["parameters"]) {
-      const std::string name = parameter["name"];
-      ExpectSame(parameter["value"], written["parameters"][name]);
-      ExpectSame(parameter["sigma"], written["sigma"][name]);
+    ASSERT_EQ(camera["units"].size(), written["parameters"].size());
+    for (const Json& unit : camera["units"]) {
+      const std::string name = unit[0];
+      ExpectSame(camera["parameters"][name], written["parameters"][name]);
+      ExpectSame(camera["sigma"][name], written["sigma"][name]);
     }
     const Json& pose = camera["T_camera_rig"];
-    ASSERT_EQ(pose.size(), camera == data["cameras"][0] ? 0u : 6u);
+    ASSERT_EQ(pose.size(), camera["index"] == 0 ? 0u : 6u);
     for (size_t i = 0; i < pose.size(); ++i) {
       ExpectSame(pose[i]["value"], written["xi_camera_rig"][i]);
       ExpectSame(pose[i]["sigma"], written["sigma_xi"][i]);
     }
     for (const char* key : {"points", "rejected", "views", "rms", "noise", "detector_sigma"}) {
-      ExpectSame(camera["residuals"][key], written["residuals"][key]);
+      ExpectSame(camera[key], written["residuals"][key]);
     }
     // Every section of the page has data.
     const Json& plots = camera["plots"];
@@ -148,7 +150,7 @@ TEST_F(Report, HoldsTheFiguresOfTheCalibration) {
     ASSERT_EQ(camera["projection"].size(), 4u);
     EXPECT_EQ(camera["distance"]["distance"].empty(), camera["name"] != "plenoptic");
   }
-  EXPECT_EQ(data["frames"].size(), result["frames"].as<size_t>());
+  EXPECT_EQ(data["poses"].size(), result["frames"].as<size_t>());
   EXPECT_EQ(data["correlation"]["names"].size(), 23u + 12u);
   const Json& markers = data["markers"];
   EXPECT_GT(std::count_if(
@@ -200,7 +202,7 @@ TEST_F(ReportOfImages, ShowsTheFrameWithMostMarkersFromTheFilesAlone) {
   Save("images/00.png", cv::Mat(480, 640, CV_8UC1, cv::Scalar(200)));
   Calibrate();
   const std::string page = Read("out/report.html");
-  const Json sample = DataIn(page)["cameras"][0]["sample"];
+  const Json sample = DataIn(page)["cameras"]["cam0"]["sample"];
   EXPECT_EQ(sample["frame"], "01");
   const std::string source = sample["pictures"]["picture"];
   const std::string head = "data:image/jpeg;base64,";
@@ -218,7 +220,7 @@ TEST_F(ReportOfImages, ShowsTheFrameWithMostMarkersFromTheFilesAlone) {
   EXPECT_TRUE(Read("out/report.html") == page);
   fs::remove(Path("out/sample_cam0.jpg"));
   ASSERT_EQ(Run({"report", "out"}).status, kDone);
-  EXPECT_TRUE(DataIn(Read("out/report.html"))["cameras"][0]["sample"]["pictures"].empty());
+  EXPECT_TRUE(DataIn(Read("out/report.html"))["cameras"]["cam0"]["sample"]["pictures"].empty());
 }
 
 // 1000 frames of two cameras stay far below 25 MB (bench/speed/report_page.js): beyond the points
@@ -234,7 +236,7 @@ TEST_F(Report, StaysSmallWithManyFrames) {
     ASSERT_EQ(Run({"simulate", "spec.yaml", "-o", "set", "--points"}).status, kDone);
     ASSERT_EQ(Run({"calibrate", "set/session.yaml", "-o", "out"}).status, kDone);
     bytes[frames] = Read("out/report.html").size();
-    const Json sample = Data()["cameras"][0]["plots"]["sample"];
+    const Json sample = (*Data()["cameras"].begin())["plots"]["sample"];
     EXPECT_GT(sample["all"].get<int>(), 100 * frames);
     EXPECT_LE(sample["x"].size(), 6000u);
   }
@@ -254,7 +256,7 @@ TEST_F(ReportOfImages, ShowsTheVignettingOfAnOrdinaryCamera) {
   Write("session.yaml", Read("session.yaml") + "    white_images: white/*.png\n");
   Calibrate();
   EXPECT_EQ(Result()["cameras"]["cam0"]["vignetting"].Scalar(), "vignetting_cam0.tiff");
-  const Json vignetting = DataIn(Read("out/report.html"))["cameras"][0]["vignetting"];
+  const Json vignetting = DataIn(Read("out/report.html"))["cameras"]["cam0"]["vignetting"];
   const Json row = vignetting["row"]["values"];
   ASSERT_EQ(row.size(), 640u);
   EXPECT_NEAR(row[320].get<double>(), 180 / 240., 0.01);
@@ -407,7 +409,7 @@ TEST_F(Report, HasVerdictAndParametersWithoutScript) {
   CalibrateExample();
   const std::string text = TextOf(Read("out/report.html"));
   const Json data = Data();
-  EXPECT_THAT(text, HasSubstr(HtmlText(data["verdict"]["headline"].get<std::string>())));
+  EXPECT_THAT(text, HasSubstr(HtmlText(data["headline"].get<std::string>())));
   for (const Json& finding : data["verdict"]["findings"]) {
     EXPECT_THAT(text, HasSubstr(HtmlText(finding["what"].get<std::string>())));
     EXPECT_THAT(text, HasSubstr(HtmlText(finding["remedy"].get<std::string>())));
@@ -415,14 +417,13 @@ TEST_F(Report, HasVerdictAndParametersWithoutScript) {
   int parameters = 0;
   for (const Json& camera : data["cameras"]) {
     EXPECT_THAT(text, HasSubstr(camera["summary"].get<std::string>()));
-    for (const Json& parameter : camera["parameters"]) {
+    for (const Json& unit : camera["units"]) {
+      const std::string name = unit[0];
       const auto [value, sigma] =
-          NumberWithSigma(parameter["value"].get<double>(), parameter["sigma"]);
+          NumberWithSigma(camera["parameters"][name].get<double>(), camera["sigma"][name]);
       EXPECT_THAT(text,
-                  HasSubstr(fmt::format("<tr><th scope=\"row\">{}</th><td>{}</td><td>{}</td>",
-                                        parameter["name"].get<std::string>(),
-                                        value,
-                                        sigma)));
+                  HasSubstr(fmt::format(
+                      "<tr><th scope=\"row\">{}</th><td>{}</td><td>{}</td>", name, value, sigma)));
       ++parameters;
     }
   }
@@ -517,7 +518,7 @@ TEST_F(ReportInABrowser, ShowsHostileNamesAsText) {
   const std::string page = Read("hostile.html");
   EXPECT_THAT(page, Not(HasSubstr("<img src=x")));
   EXPECT_THAT(page, Not(HasSubstr("\u202E")));
-  EXPECT_EQ(DataIn(page)["frames"][0]["name"], evil + record.frames[0].name.substr(evil.size()));
+  EXPECT_EQ(DataIn(page)["poses"][0]["name"], evil + record.frames[0].name.substr(evil.size()));
   for (const std::string& document : {TextOf(page), Dom("hostile.html", "")}) {
     const std::string body = TextOf(document);
     EXPECT_THAT(body, Not(HasSubstr("<img")));

@@ -11,8 +11,9 @@
 #include <sstream>
 
 #include "apps/workbench/project/beneath.h"
-#include "apps/workbench/project/child.h"
+#include "apps/workbench/project/command_text.h"
 #include "apps/workbench/project/session_text.h"
+#include "apps/workbench/worker/worker_process.h"
 #include "calib/base/error.h"
 
 namespace plenocal::workbench {
@@ -233,18 +234,11 @@ TEST_F(ProjectFolder, ListsItsRuns) {
   EXPECT_THROW(Project(folder_ / "none"), Error);
 }
 
-TEST(ChildResult, HasAFailureThatIsNeverEmpty) {
-  const auto failure = [](int status, const std::string& err) {
-    return FailureOf({.status = status, .out = {}, .err = err});
-  };
-  EXPECT_EQ(failure(2, "  warning: a\nplenocal: b.yaml: c\n"), "b.yaml: c");
-  EXPECT_EQ(failure(1, "plenocal: a\nfree(): invalid pointer\n"), "a");
+TEST(WorkerStatus, HasAFailureThatIsNeverEmpty) {
   constexpr int kSignalled = 128;
-  for (const char* err : {"", "detection: 3 of 10\n"}) {
-    EXPECT_THAT(failure(kSignalled + SIGSEGV, err), HasSubstr("signal 11 (Segmentation fault)"));
-    EXPECT_THAT(failure(kSignalled + SIGKILL, err), HasSubstr("was the memory full?"));
-    EXPECT_THAT(failure(3, err), HasSubstr("without a message (exit status 3)"));
-  }
+  EXPECT_THAT(FailureOf(kSignalled + SIGSEGV), HasSubstr("signal 11 (Segmentation fault)"));
+  EXPECT_THAT(FailureOf(kSignalled + SIGKILL), HasSubstr("was the memory full?"));
+  EXPECT_THAT(FailureOf(3), HasSubstr("without a message (exit status 3)"));
 }
 
 TEST(CommandLineText, IsTakenByAShellAsItWas) {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Answers of the server (apps/workbench/api.cc, run_json.cc).
+// Answers of the server (apps/workbench/api.cc) beside those of calibration.ts, which the build makes from engine/json/calibration.schema.json.
+import type { Difference } from "./calibration";
 
 export interface Job {
   id: number;
@@ -62,67 +63,24 @@ export interface Detection {
   points: number;
   why: string;
 }
-export interface Finding {
-  code: string;
-  grade: string;
-  what: string;
-  remedy: string;
-}
-export interface Verdict {
-  grade: string;
-  headline: string;
-  findings: Finding[];
-}
-/** sigma: null where the images leave the parameter open, 0 where it is fixed. */
-export interface Parameter {
-  name: string;
-  unit: string;
-  value: number;
-  sigma: number | null;
-}
-export interface FrameResult {
-  frame: string;
-  points: number;
-  rejected: number;
-  rms: number | null;
-}
-export interface CameraResult {
-  name: string;
-  model: string;
-  plenoptic: boolean;
-  image_size: [number, number];
-  parameters: Parameter[];
-  rms: number | null;
-  noise: number | null;
-  detector_sigma: number | null;
-  points: number;
-  rejected: number;
-  frames: FrameResult[];
-}
-export interface Run {
-  run: number;
-  verdict: Verdict;
-  cameras: CameraResult[];
-  left_out: string[];
-  folder: string;
-}
-/** Of `plenocal try`, best model first. */
+/** try.yaml (docs/formats.md), best model first; null: infinite. */
 export interface Tried {
   cameras: string[];
-  frames: number | null;
-  folds: number | null;
-  recommended: string | null;
-  why: string | null;
-  target: string | null;
-  models: {
-    name: string;
-    parameters: number | null;
-    held_out_rms: number | null;
-    held_out_sigma: number | null;
-    image_sigma: number | null;
-    judgement: string | null;
-    failure: string | null;
-  }[];
+  frames: number;
+  folds: number;
+  recommended: string;
+  why: string;
+  target?: { why?: string };
+  models: Record<
+    string,
+    {
+      parameters?: number;
+      held_out?: { rms: number; sigma: number };
+      image_sigma?: number | null;
+      judgement?: string;
+      failure?: string;
+    }
+  >;
 }
 /** By how many standard errors the result changes without a frame, and what changes most. */
 export interface Influence {
@@ -132,21 +90,6 @@ export interface Influence {
 }
 /** Marker, x, y, dx, dy, used. */
 export type Point = [number, number, number, number | null, number | null, number];
-/** Rows of [R t]. */
-export type Transform = number[];
-export interface Space {
-  markers: [number, number, number][];
-  /** From the nominal positions, m; empty: the markers were not refined. */
-  displacements: [number, number, number][];
-  cameras: { name: string; T_rig_camera: Transform; image_size: [number, number] }[];
-  frames: { name: string; T_target_rig: Transform }[];
-}
-export interface SigmaMap {
-  distance: number;
-  columns: number;
-  rows: number;
-  sigma: (number | null)[];
-}
 export interface Suggestions {
   sigma_now: number | null;
   goal: number;
@@ -163,33 +106,11 @@ export interface Suggestions {
     sigma_after: number | null;
   }[];
 }
-/** Over an image; null: no points. */
-export interface ImageField {
-  columns: number;
-  rows: number;
-  points: number[];
-  mean_x: (number | null)[];
-  mean_y: (number | null)[];
-  rms: (number | null)[];
-}
-/** Two runs, as `plenocal compare` has it, and by how much a camera's images differ, px; a distance of null: far away. */
+/** Two runs, in the words of `plenocal compare` and over the images. */
 export interface Comparison {
   command: string;
   text: string;
-  maps: {
-    camera: string;
-    image_size: [number, number];
-    distance: number | null;
-    rms: number | null;
-    predicted: number | null;
-    differs: boolean;
-    field: ImageField;
-  }[];
-}
-/** Residuals of a camera by marker, and their means over the image. */
-export interface Residuals {
-  markers: { marker: number; points: number; rejected: number; rms: number; worst: string }[];
-  field: ImageField;
+  maps: Difference[];
 }
 /** A run without what the session leaves out by now: before and after, px; largest change, sigmas. */
 export interface Preview {

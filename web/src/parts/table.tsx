@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tables: values beside their text, parameters with their standard errors.
-import type { Parameter } from "../api/types";
+import type { Parameter } from "../api/calibration";
 import { unitText, withSigma } from "../base/numbers";
 
 /** Text, and the number that it stands for. */

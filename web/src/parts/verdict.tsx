@@ -1,17 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 // Grade, headline and findings with their remedies.
 import type { ComponentChildren } from "preact";
-import type { Verdict } from "../api/types";
+import type { Verdict } from "../api/calibration";
 
 interface Shown {
   verdict: Verdict;
+  headline: string;
   /** Of findings that ask for an action; all without it. */
   most?: number;
   /** Below the headline. */
   children?: ComponentChildren;
 }
 
-export function VerdictBox({ verdict: { grade, headline, findings }, most, children }: Shown) {
+export function VerdictBox({ verdict: { grade, findings }, headline, most, children }: Shown) {
   const shown = most === undefined ? findings : findings.filter((finding) => finding.grade !== "good").slice(0, most);
   return (
     <>

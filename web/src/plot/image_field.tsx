@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Fields over an image: cells in colours, arrows.
+import type { Field as Means } from "../api/calibration";
 import { brief, isKnown, rangeOf } from "../base/numbers";
 import { arrow } from "./arrow";
 import type { Axis } from "./axes";
@@ -101,11 +102,7 @@ export function CellMap({ size, grid, values, unit, range, logarithmic, ...capti
 }
 
 /** Mean vectors of the cells of an image. */
-export interface Field extends Grid {
-  points: number[];
-  mean_x: (number | null)[];
-  mean_y: (number | null)[];
-}
+export type Field = Omit<Means, "rms">;
 
 /** Length of an arrow that is drawn a cell and a half long: 95 of 100 are shorter, and none is longer than four cells. */
 export function typicalArrow({ mean_x, mean_y }: Field): number {

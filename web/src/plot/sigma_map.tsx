@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Sigma of the projection over the image, on one absolute scale for all cameras and runs.
-import type { SigmaMap } from "../api/types";
+import type { SigmaMap } from "../api/calibration";
 import { brief, rangeOf } from "../base/numbers";
 import { CellMap } from "./image_field";
 import type { Size } from "./image_field";

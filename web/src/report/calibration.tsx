@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // report.html: from the data of a calibration to the page, section by section.
+import type { Report, ReportCamera } from "../api/calibration";
+import { camerasOf, parametersOf, targetOf } from "../base/calibration";
 import { brief, counted } from "../base/numbers";
 import { ParameterTable, Table } from "../parts/table";
 import type { Cell } from "../parts/table";
@@ -11,13 +13,18 @@ import { Markers } from "./markers";
 import { Figures, Note, SectionPage } from "./page";
 import { Coverage, Residuals } from "./residuals";
 import { WhoSawWhat } from "./sightings";
-import type { Calibration, ReportCamera, Sightings } from "./types";
 import { Correlations, UncertaintyInUse } from "./uncertainty";
 
-function Verdict({ verdict, cameras }: Calibration) {
+interface Shown {
+  report: Report;
+  /** The rig's master first. */
+  cameras: ReportCamera[];
+}
+
+function Verdict({ report: { verdict, headline }, cameras }: Shown) {
   return (
     <>
-      <VerdictBox verdict={verdict}>
+      <VerdictBox verdict={verdict} headline={headline}>
         {cameras.map(({ name, summary }) => (
           <div key={name}>{summary}</div>
         ))}
@@ -31,25 +38,26 @@ function Verdict({ verdict, cameras }: Calibration) {
 
 function Parameters({ camera }: { camera: ReportCamera }) {
   const residuals = camera.residual_table.map(([name, value, unit]): [string, Cell, string] => [name, { text: brief(value, 6), value }, unit]);
+  const coefficients = Object.keys(camera.parameters).length - camera.units.length;
   return (
     <>
       <h3>
         {camera.name}: {camera.model}, {camera.image_size[0]} x {camera.image_size[1]} px
       </h3>
       <div class="tables">
-        <ParameterTable caption="parameters" parameters={camera.parameters} />
+        <ParameterTable caption="parameters" parameters={parametersOf(camera)} />
         <Table caption="residuals" head={[]} rows={residuals} />
         {camera.T_camera_rig.length > 0 && <ParameterTable caption="T_camera_rig as se(3) vector" parameters={camera.T_camera_rig} />}
       </div>
-      {camera.coefficients > 0 && <Note>The model also has {camera.coefficients} coefficients of a field over the image; see calibration.yaml.</Note>}
+      {coefficients > 0 && <Note>The model also has {coefficients} coefficients of a field over the image; see calibration.yaml.</Note>}
       <Note>{camera.source}</Note>
     </>
   );
 }
 
-function InSpace({ report: { markers, cameras, frames } }: { report: Calibration }) {
+function InSpace({ report, cameras }: Shown) {
   const rms = new Map(
-    cameras.flatMap(({ name, plots }) => plots.frames.frame.map((frame, i) => [`${name}/${frames[frame]?.name}`, plots.frames.rms[i] ?? null])),
+    cameras.flatMap(({ name, plots }) => plots.frames.frame.map((frame, i) => [`${name}/${report.poses[frame]?.name}`, plots.frames.rms[i] ?? null])),
   );
   return (
     <Figures>
@@ -59,11 +67,9 @@ function InSpace({ report: { markers, cameras, frames } }: { report: Calibration
         breadth="wide"
       >
         <Scene
-          markers={markers.map((marker) => marker.place)}
+          {...targetOf(report)}
           cameras={cameras}
-          frames={frames}
           rms={(camera, frame) => rms.get(`${camera}/${frame}`) ?? null}
-          displacements={markers.some(({ moved }) => moved) ? markers.map(({ moved }) => moved ?? [0, 0, 0]) : []}
         />
       </Figure>
     </Figures>
@@ -91,13 +97,13 @@ function Samples({ cameras }: { cameras: ReportCamera[] }) {
   );
 }
 
-function LeftOut({ cameras, left_out }: Calibration) {
-  const rejected = cameras.filter(({ residuals }) => residuals.rejected > 0);
+function LeftOut({ report: { left_out }, cameras }: Shown) {
+  const rejected = cameras.filter((camera) => camera.rejected > 0);
   return (
     <>
-      {rejected.map(({ name, residuals }) => (
+      {rejected.map(({ name, rejected: points }) => (
         <Note key={name}>
-          {name}: {counted(residuals.rejected, "point")} rejected as outliers or outside the model's domain (used = 0 in residuals.csv).
+          {name}: {counted(points, "point")} rejected as outliers or outside the model's domain (used = 0 in residuals.csv).
         </Note>
       ))}
       {left_out.length === 0 ? (
@@ -113,7 +119,7 @@ function LeftOut({ cameras, left_out }: Calibration) {
   );
 }
 
-function Reproduce({ provenance }: Calibration) {
+function Reproduce({ provenance }: Report) {
   const values = new Map(provenance);
   const texts: [string, string | undefined][] = [["Session", values.get("session_text")], ["Target, as given", values.get("target_text")]];
   return (
@@ -139,31 +145,31 @@ function Reproduce({ provenance }: Calibration) {
   );
 }
 
-const isRig = (sightings: Partial<Sightings>): sightings is Sightings => sightings.targets !== undefined;
-
-export function CalibrationPage({ report }: { report: Calibration }) {
-  const { cameras, frames, markers, sightings } = report;
+export function CalibrationPage({ report }: { report: Report }) {
+  const { poses: frames, markers, sightings } = report;
+  const cameras = camerasOf(report);
+  const shown = { report, cameras };
   const typed = cameras.filter((camera) => camera.lens_types.length > 0);
   const white = cameras.filter(hasWhiteImages);
   return (
     <SectionPage
       subtitle={`${cameras.map(({ name, model }) => `${name} (${model})`).join(", ")}; ${frames.length} frames, ${markers.length} markers`}
       sections={[
-        { title: "Verdict", content: <Verdict {...report} /> },
+        { title: "Verdict", content: <Verdict {...shown} /> },
         { title: "Parameters", content: <>{cameras.map((camera) => <Parameters key={camera.name} camera={camera} />)}</> },
         { title: "Residuals", content: <>{cameras.map((camera) => <Residuals key={camera.name} camera={camera} frames={frames} />)}</> },
         { title: "Coverage", content: <>{cameras.map((camera) => <Coverage key={camera.name} camera={camera} frames={frames} />)}</> },
-        isRig(sightings)
+        sightings
           ? { title: "Who saw what", content: <WhoSawWhat cameras={cameras.map(({ name }) => name)} sightings={sightings} /> }
           : null,
-        { title: "In space", content: <InSpace report={report} /> },
+        { title: "In space", content: <InSpace {...shown} /> },
         { title: "Markers", content: <Markers report={report} /> },
         { title: "Correlations", content: <Correlations {...report.correlation} /> },
         { title: "Uncertainty in use", content: <UncertaintyInUse cameras={cameras} /> },
         typed.length > 0 ? { title: "Lens types", content: <LensTypes cameras={typed} /> } : null,
         white.length > 0 ? { title: "White images", content: <WhiteImages cameras={white} /> } : null,
         { title: "Sample images", content: <Samples cameras={cameras} /> },
-        { title: "Left out", content: <LeftOut {...report} /> },
+        { title: "Left out", content: <LeftOut {...shown} /> },
         { title: "Reproduce", content: <Reproduce {...report} /> },
       ]}
     />

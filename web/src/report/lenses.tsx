@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Micro lenses by type, and white images.
+import type { LensType, MicroLenses, ReportCamera, Section, Vignetting } from "../api/calibration";
 import { brief, rangeOf } from "../base/numbers";
 import { sigmaCells, Table } from "../parts/table";
 import { seriesName } from "../plot/colours";
@@ -7,7 +8,6 @@ import { ArrowMap, CellMap, imageAspect } from "../plot/image_field";
 import { LineChart } from "../plot/line_chart";
 import type { LineSeries } from "../plot/line_chart";
 import { Figures, Note } from "./page";
-import type { LensType, MicroLenses, ReportCamera, Section, Vignetting } from "./types";
 
 function TypesOf({ name, types }: { name: string; types: LensType[] }) {
   const metres = (z: number | null): string => (z === null ? "infinity" : brief(z, 3));
@@ -59,10 +59,7 @@ export function LensTypes({ cameras }: { cameras: ReportCamera[] }) {
   );
 }
 
-const isVignetting = (v: Partial<Vignetting>): v is Vignetting => v.values !== undefined;
-const isLattice = (lenses: Partial<MicroLenses>): lenses is MicroLenses => lenses.lenses !== undefined;
-
-export const hasWhiteImages = ({ vignetting, micro_lenses }: ReportCamera): boolean => isVignetting(vignetting) || isLattice(micro_lenses);
+export const hasWhiteImages = ({ vignetting, micro_lenses }: ReportCamera): boolean => (vignetting ?? micro_lenses) !== null;
 
 /** Values of two sections of the same step at the places of the longer one. */
 function sectionsOf(row: Section, column: Section): { places: number[]; row: (number | null)[]; column: (number | null)[] } {
@@ -122,7 +119,7 @@ function Lattice({ lenses, size }: { lenses: MicroLenses; size: [number, number]
       title="Micro-image centres against a regular lattice"
       note={`${lenses.lenses} micro lenses (${types}), ${brief(lenses.pitch, 5)} px apart; RMS ${brief(lenses.rms)} px. Distortion of the main lens deforms the lattice.`}
       size={size}
-      field={lenses}
+      field={lenses.field}
     />
   );
 }
@@ -134,8 +131,8 @@ export function WhiteImages({ cameras }: { cameras: ReportCamera[] }) {
         <div key={name}>
           <h3>{name}</h3>
           <Figures small>
-            {isVignetting(vignetting) && <Attenuation v={vignetting} size={image_size} />}
-            {isLattice(micro_lenses) && <Lattice lenses={micro_lenses} size={image_size} />}
+            {vignetting && <Attenuation v={vignetting} size={image_size} />}
+            {micro_lenses && <Lattice lenses={micro_lenses} size={image_size} />}
           </Figures>
         </div>
       ))}

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Refined positions of the markers against the nominal ones.
+import type { Report } from "../api/calibration";
 import { brief, rangeOf, roundUp } from "../base/numbers";
 import { arrow } from "../plot/arrow";
 import type { Painter } from "../plot/chart";
@@ -8,7 +9,6 @@ import { ColourScale, Figure } from "../plot/figure";
 import { PaintedChart } from "../plot/point_chart";
 import type { Vector } from "../space/geometry";
 import { Figures, Note } from "./page";
-import type { Calibration } from "./types";
 
 /** All lengths in mm. */
 interface Moved {
@@ -73,7 +73,7 @@ function Displacements({ moved, a, b, rms, broad }: { moved: Moved[]; a: Directi
   );
 }
 
-export function Markers({ report }: { report: Calibration }) {
+export function Markers({ report }: { report: Report }) {
   const moved = report.markers.flatMap(({ number, place, moved: by, sigma }): Moved[] =>
     by && sigma ? [{ number, place: millimetres(place), by: millimetres(by), sigma: millimetres(sigma) }] : [],
   );
@@ -94,7 +94,7 @@ export function Markers({ report }: { report: Calibration }) {
   return (
     <>
       <Note>
-        The refined markers are {brief(rms)} mm RMS from their nominal positions (tolerance {brief(1e3 * report.marker_tolerance)} mm per
+        The refined markers are {brief(rms)} mm RMS from their nominal positions (tolerance {brief(1e3 * (report.marker_tolerance ?? 0))} mm per
         coordinate), at most {brief(length(worst))} mm (marker {worst.number}).
       </Note>
       <Figures>

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Residuals and coverage of one camera.
-import { brief, counted, isKnown, rangeOf, roundUp } from "../base/numbers";
+import type { Pose, ReportCamera, Sample, Sums } from "../api/calibration";
+import { brief, counted, rangeOf, roundUp } from "../base/numbers";
 import { BarChart } from "../plot/bar_chart";
 import { ramp } from "../plot/colours";
 import { ColourScale, Figure } from "../plot/figure";
@@ -8,9 +9,8 @@ import { FrameBars } from "../plot/frame_bars";
 import { ArrowMap, CellMap, imageAspect, imageAxes } from "../plot/image_field";
 import { PointChart } from "../plot/point_chart";
 import { Figures, Note } from "./page";
-import type { Calibration, ReportCamera, Sample, Sums } from "./types";
 
-type Frames = Calibration["frames"];
+type Frames = Pose[];
 
 const everyKth = ({ step, all }: Sample): string => (step > 1 ? `Every ${step}th of ${all} points.` : "");
 
@@ -143,15 +143,15 @@ export function Coverage({ camera, frames }: { camera: ReportCamera; frames: Fra
           unit="points"
           range={[0, Math.max(1, rangeOf(field.points)[1])]}
         />
-        {isKnown(depth.counts?.[0]) && (
+        {depth && (
           <BarChart
             title="Depth"
             note="z of the markers in the camera's frame."
-            names={(depth.middles ?? []).map((z) => `${brief(z)} m`)}
-            middles={depth.middles ?? []}
+            names={depth.middles.map((z) => `${brief(z)} m`)}
+            middles={depth.middles}
             x="depth, m"
             y={{ label: "points" }}
-            series={[{ label: "points", values: depth.counts ?? [], colour: "--series-0" }]}
+            series={[{ label: "points", values: depth.counts, colour: "--series-0" }]}
             aspect={imageAspect(size)}
           />
         )}

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // The graph of a rig: a line from each camera to each target that it saw, as thick as the frames are many.
+import type { Sightings } from "../api/calibration";
 import { rangeOf } from "../base/numbers";
 import { Table } from "../parts/table";
 import { Note } from "./page";
-import type { Sightings } from "./types";
 
 const kStep = 44;
 const kWidth = 560;

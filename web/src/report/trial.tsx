@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // The page of `plenocal try`: models in a table, then their residuals side by side.
+import type { Field } from "../api/calibration";
 import { brief, isKnown } from "../base/numbers";
 import type { Cell } from "../parts/table";
 import { Table } from "../parts/table";
 import { BarChart } from "../plot/bar_chart";
 import { ArrowMap, typicalArrow } from "../plot/image_field";
 import { Figures, Note, SectionPage } from "./page";
-import type { FieldRms, Trial, TrialModel } from "./types";
+import type { Trial, TrialModel } from "./types";
 
 const kHead = [
   "",
@@ -76,7 +77,7 @@ function Models({ recommendation, target, models }: Trial) {
 }
 
 /** Scales that show small differences between good models: from what the best model leaves to three times its typical cell. */
-function commonScale({ rms, ...field }: FieldRms): { arrow: number; low: number; high: number } {
+function commonScale({ rms, ...field }: Field): { arrow: number; low: number; high: number } {
   const known = rms.filter(isKnown).sort((a, b) => a - b);
   return {
     arrow: typicalArrow(field),

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Correlations of the unknowns, and what their errors do to a projection and to a measured distance.
+import type { Report, ReportCamera } from "../api/calibration";
 import { isKnown } from "../base/numbers";
 import type { Painter } from "../plot/chart";
 import { signed } from "../plot/colours";
@@ -8,9 +9,8 @@ import { LineChart } from "../plot/line_chart";
 import { PaintedChart } from "../plot/point_chart";
 import { SigmaPicture } from "../plot/sigma_map";
 import { Figures, Note } from "./page";
-import type { Calibration, ReportCamera } from "./types";
 
-export function Correlations({ names, below_diagonal: rows }: Calibration["correlation"]) {
+export function Correlations({ names, below_diagonal: rows }: Report["correlation"]) {
   if (rows.length < 2) return <Note>No correlations: there is no correlations.csv beside this calibration, or fewer than two unknowns.</Note>;
   const n = names.length;
   const value = (i: number, j: number): number => (i === j ? 1 : ((i > j ? rows[i]?.[j] : rows[j]?.[i]) ?? 0));

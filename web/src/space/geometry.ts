@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // What a scene consists of, in the target's frame.
-import type { Transform } from "../api/types";
+import type { Transform, Vector } from "../api/calibration";
 
-export type Vector = [number, number, number];
+export type { Vector };
 
 export function apply(T: Transform, [x, y, z]: Vector): Vector {
   const row = (r: number): number => (T[4 * r] ?? 0) * x + (T[4 * r + 1] ?? 0) * y + (T[4 * r + 2] ?? 0) * z + (T[4 * r + 3] ?? 0);

@@ -2,11 +2,14 @@
 // What the page shows, in signals; all of it comes from the server, the place in it from the address.
 import { computed, signal } from "@preact/signals";
 import { ask, listen, Refused } from "../api/client";
-import type { Detection, Job, Rule, Run, Session, State } from "../api/types";
+import type { Run } from "../api/calibration";
+import type { Detection, Job, Rule, Session, State } from "../api/types";
+import { resultOf } from "../base/calibration";
+import type { RunResult } from "../base/calibration";
 
 export const project = signal<State | null>(null);
 export const session = signal<Session | null>(null);
-export const run = signal<Run | null>(null);
+export const run = signal<RunResult | null>(null);
 export const detections = signal<Record<string, Detection>>({});
 export const away = signal(false);
 export const message = signal("");
@@ -65,7 +68,7 @@ export async function loadRun(): Promise<void> {
   const key = `${number}`;
   if (loaded === key && run.value?.run === number) return;
   loaded = key;
-  run.value = await ask<Run>("GET", `/api/runs/${number}`);
+  run.value = resultOf(await ask<Run>("GET", `/api/runs/${number}`));
 }
 
 export async function loadState(): Promise<void> {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The frames of a camera as bars: RMS of their points, or their influence on the result.
-import type { CameraResult, Influence } from "../api/types";
+import type { Influence } from "../api/types";
+import type { CameraResult } from "../base/calibration";
 import type { FrameBar } from "../plot/frame_bars";
 import { ruleOf, session } from "../state/project";
 

@@ -2,13 +2,14 @@
 // Camera models by held-out images; two runs against each other, in the words of `plenocal compare` and over the image.
 import { useState } from "preact/hooks";
 import { ask } from "../api/client";
+import type { Difference } from "../api/calibration";
 import type { Comparison } from "../api/types";
 import { brief } from "../base/numbers";
 import { ArrowMap } from "../plot/image_field";
 import { attempt, project } from "../state/project";
 import { Models } from "./models";
 
-function Differences({ maps }: { maps: Comparison["maps"] }) {
+function Differences({ maps }: { maps: Difference[] }) {
   return (
     <div class="figures">
       {maps.map(({ camera, image_size, distance, rms, predicted, differs, field }) => (

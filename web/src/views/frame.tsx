@@ -3,7 +3,8 @@
 import { signal } from "@preact/signals";
 import { useEffect, useState } from "preact/hooks";
 import { ask, imagePath } from "../api/client";
-import type { CameraResult, Lenses, Point } from "../api/types";
+import type { Lenses, Point } from "../api/types";
+import type { CameraResult } from "../base/calibration";
 import type { VirtualPoint } from "../image/lenses";
 import { rawPixelsOf } from "../image/lenses";
 import { MicroImages } from "../image/micro_images";

@@ -2,7 +2,10 @@
 // Result: verdict, bars of the frames, the chosen image with its residuals, parameters, sigma maps.
 import { useEffect, useMemo, useState } from "preact/hooks";
 import { ask } from "../api/client";
-import type { CameraResult, Influence, Preview, Residuals, Run, SigmaMap } from "../api/types";
+import type { Residuals, SigmaMap } from "../api/calibration";
+import type { Influence, Preview } from "../api/types";
+import { parametersOf, rowsOf } from "../base/calibration";
+import type { CameraResult, RunResult } from "../base/calibration";
 import { brief, rangeOf } from "../base/numbers";
 import { ParameterTable } from "../parts/table";
 import { VerdictBox } from "../parts/verdict";
@@ -16,7 +19,7 @@ import { excludeShown, Frame, useRunPart } from "./frame";
 import type { Chosen } from "./frame";
 
 /** The run before the shown one, when both have the same cameras: what a change of the session did. */
-function Change({ now }: { now: Run }) {
+function Change({ now }: { now: RunResult }) {
   const runs = project.value?.runs ?? [];
   const before = runs[runs.findIndex((each) => each.run === now.run) - 1];
   const [worst, setWorst] = useState<[number, number] | null>(null);
@@ -45,7 +48,7 @@ function Change({ now }: { now: Run }) {
 }
 
 /** What the run would be without all that the session leaves out by now, before it is made again. */
-function Before({ now }: { now: Run }) {
+function Before({ now }: { now: RunResult }) {
   const [preview, setPreview] = useState<Preview | null>(null);
   const rules = JSON.stringify(session.value?.exclude ?? []);
   useEffect(() => {
@@ -72,17 +75,18 @@ function Before({ now }: { now: Run }) {
 
 function ResidualsOf({ number, camera }: { number: number; camera: CameraResult }) {
   const residuals = useRunPart<Residuals>(`/api/runs/${number}/residuals?camera=${encodeURIComponent(camera.name)}`);
+  const markers = useMemo(() => (residuals ? rowsOf(residuals.markers).filter(({ points }) => points > 0) : []), [residuals]);
   const bars = useMemo(
     () =>
-      residuals?.markers.map(({ marker, points, rejected, rms }) => ({
+      markers.map(({ marker, points, rejected, rms }) => ({
         name: String(marker),
         size: rms,
-        words: `${rms.toFixed(3)} px, ${points} points, ${rejected} rejected`,
-      })) ?? [],
-    [residuals],
+        words: `${rms?.toFixed(3)} px, ${points} points, ${rejected} rejected`,
+      })),
+    [markers],
   );
   if (!residuals) return null;
-  const worstOf = (name: string): string => residuals.markers.find(({ marker }) => String(marker) === name)?.worst ?? "";
+  const worstOf = (name: string): string => markers.find(({ marker }) => String(marker) === name)?.worst ?? "";
   return (
     <>
       <h2>{camera.name}: RMS of the markers</h2>
@@ -125,7 +129,7 @@ function Maps({ number, camera: { name, image_size } }: { number: number; camera
 }
 
 /** Camera and frame of the address, or the worst frame of the first camera. */
-function chosenOf(now: Run): Chosen | null {
+function chosenOf(now: RunResult): Chosen | null {
   const [name, frame, marker] = place.value.parts;
   const camera = now.cameras.find((each) => each.name === name) ?? now.cameras[0];
   if (!camera) return null;
@@ -192,7 +196,7 @@ export function Look() {
   if (!chosen) return <p>This run has no camera.</p>;
   return (
     <>
-      <VerdictBox verdict={now.verdict} most={3} />
+      <VerdictBox verdict={now.verdict} headline={now.headline} most={3} />
       <Change now={now} />
       <Before now={now} />
       <div class="row">
@@ -221,7 +225,7 @@ export function Look() {
               number={now.run}
             />
           ))}
-          <ParameterTable caption={captionOf(chosen.camera)} parameters={chosen.camera.parameters} />
+          <ParameterTable caption={captionOf(chosen.camera)} parameters={parametersOf(chosen.camera)} />
           <h2>Sigma of the projection</h2>
           <Maps number={now.run} camera={chosen.camera} />
           <ResidualsOf number={now.run} camera={chosen.camera} />

@@ -5,7 +5,7 @@ import { ask } from "../api/client";
 import type { Session, Tried } from "../api/types";
 import { activeJob, addJob, attempt, lastJob, session } from "../state/project";
 
-const digits = (value: number | null, count = 4): string => (value === null ? "–" : value.toFixed(count));
+const digits = (value: number | null | undefined): string => value?.toFixed(4) ?? "–";
 
 export function Models() {
   const [tried, setTried] = useState<Tried | null>(null);
@@ -32,7 +32,7 @@ export function Models() {
           <p data-recommended={tried.recommended}>
             <b>{tried.recommended}</b>: {tried.why}
           </p>
-          {tried.target && <p>Target: {tried.target}</p>}
+          {tried.target?.why && <p>Target: {tried.target.why}</p>}
           <div class="scroll" tabIndex={0}>
             <table>
               <caption>
@@ -49,22 +49,22 @@ export function Models() {
                 </tr>
               </thead>
               <tbody>
-                {tried.models.map((model) => (
-                  <tr key={model.name}>
-                    <th scope="row">{model.name}</th>
+                {Object.entries(tried.models).map(([name, model]) => (
+                  <tr key={name}>
+                    <th scope="row">{name}</th>
                     <td>{model.parameters ?? "–"}</td>
                     <td>
-                      {digits(model.held_out_rms)}
-                      {model.held_out_sigma !== null && ` ± ${digits(model.held_out_sigma)}`}
+                      {digits(model.held_out?.rms)}
+                      {model.held_out && ` ± ${digits(model.held_out.sigma)}`}
                     </td>
                     <td>{model.image_sigma === null && !model.failure ? "not determined" : digits(model.image_sigma)}</td>
                     <td class={model.failure ? "bad" : ""}>{model.failure ?? model.judgement}</td>
                     <td>
                       {!model.failure &&
-                        (used(model.name) ? (
+                        (used(name) ? (
                           "in the session"
                         ) : (
-                          <button aria-label={`Use ${model.name}`} onClick={() => use(model.name)}>
+                          <button aria-label={`Use ${name}`} onClick={() => use(name)}>
                             Use
                           </button>
                         ))}

@@ -3,7 +3,7 @@
 import { signal } from "@preact/signals";
 import { useEffect, useState } from "preact/hooks";
 import { imagePath } from "../api/client";
-import type { CameraResult } from "../api/types";
+import type { CameraResult } from "../base/calibration";
 import { Plane } from "../image/plane";
 import { Cameras } from "../live/cameras";
 import { Thumb, useImage } from "../parts/picture";

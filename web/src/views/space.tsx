@@ -2,7 +2,8 @@
 // Target and camera poses of a run, with the views that would come next.
 import { useEffect, useMemo, useState } from "preact/hooks";
 import { ask } from "../api/client";
-import type { Space } from "../api/types";
+import type { Space } from "../api/calibration";
+import { targetOf } from "../base/calibration";
 import { inverseOf } from "../space/geometry";
 import type { Ghost } from "../space/geometry";
 import { Scene } from "../space/scene";
@@ -30,11 +31,12 @@ export function InSpace() {
     const known = new Map(now?.cameras.flatMap((camera) => camera.frames.map((each) => [`${camera.name}/${each.frame}`, each.rms])));
     return (camera: string, frame: string): number | null => known.get(`${camera}/${frame}`) ?? null;
   }, [now]);
+  const shown = useMemo(() => space && targetOf(space), [space]);
   if (number === null) return <p>No result yet: calibrate in Set up.</p>;
-  if (!space) return <p>…</p>;
+  if (!shown || !now) return <p>…</p>;
   return (
     <>
-      <Scene {...space} rms={rms} byRms wheel ghosts={ghosts} onOpen={(camera, frame) => go("look", [camera, frame], number)} />
+      <Scene {...shown} cameras={now.cameras} rms={rms} byRms wheel ghosts={ghosts} onOpen={(camera, frame) => go("look", [camera, frame], number)} />
       <div class="row">
         <button aria-pressed={withNext} onClick={() => setWithNext(!withNext)}>
           suggested poses

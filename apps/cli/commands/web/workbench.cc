@@ -13,6 +13,7 @@
 #include <memory>
 
 #include "apps/cli/options.h"
+#include "apps/workbench/worker/worker.h"
 #include "calib/base/error.h"
 
 extern char** environ;
@@ -22,7 +23,8 @@ namespace {
 
 struct WorkbenchArguments {
   workbench::WorkbenchOptions options{.place = "."};
-  bool open = true;  ///< the browser
+  bool open = true;     ///< the browser
+  bool worker = false;  ///< runs the jobs of the workbench that has started this process
 };
 
 // A page that leads to the address: on a command line other users would see the token. The file is
@@ -74,6 +76,7 @@ class OpenedBrowser {
 };
 
 void ServeWorkbench(const WorkbenchArguments& arguments, Console* /*console*/) {
+  if (arguments.worker) return workbench::ServeJobs(workbench::kWorkerSocket);
   std::unique_ptr<OpenedBrowser> browser;
   workbench::RunWorkbench(
       arguments.options,
@@ -102,6 +105,7 @@ void DeclareWorkbench(CLI::App* app, WorkbenchArguments* arguments, ConsoleOptio
       ->check(CLI::Range(0, 65535))
       ->capture_default_str();
   app->add_flag("!--no-open", arguments->open, "do not open a browser");
+  app->add_flag("--worker", arguments->worker)->group("");
 }
 
 }  // namespace
