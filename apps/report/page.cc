@@ -34,13 +34,7 @@ std::string ScriptText(const nlohmann::json& data) {
   const std::string json = JsonText(data, -1);
   std::string text;
   text.reserve(json.size());
-  for (const char c : json) {
-    if (c == '<') {
-      text += "\\u003c";
-    } else {
-      text += c;
-    }
-  }
+  for (const char& c : json) text += c == '<' ? "\\u003c" : std::string_view(&c, 1);
   return text;
 }
 

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Puts text, data and components together to a page of one HTML file.
 #pragma once
 
 #include <nlohmann/json.hpp>

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 
 #include "calib/base/number_text.h"
 
@@ -35,28 +36,13 @@ std::string WithoutNeedlessZeros(const std::string& text) {
 }  // namespace
 
 std::string HtmlText(std::string_view text) {
+  static const std::map<char, std::string_view> kEntities{
+      {'&', "&amp;"}, {'<', "&lt;"}, {'>', "&gt;"}, {'"', "&quot;"}, {'\'', "&#39;"}};
   std::string html;
   html.reserve(text.size());
-  for (const char c : text) {
-    switch (c) {
-      case '&':
-        html += "&amp;";
-        break;
-      case '<':
-        html += "&lt;";
-        break;
-      case '>':
-        html += "&gt;";
-        break;
-      case '"':
-        html += "&quot;";
-        break;
-      case '\'':
-        html += "&#39;";
-        break;
-      default:
-        html += c;
-    }
+  for (const char& c : text) {
+    const auto entity = kEntities.find(c);
+    html += entity == kEntities.end() ? std::string_view(&c, 1) : entity->second;
   }
   return html;
 }

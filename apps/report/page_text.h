@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// What a page holds for readers without script, and for the first moment of those with it.
+// Writes what a page holds for readers without script, and for the first moment of those with it.
 #pragma once
 
 #include <nlohmann/json.hpp>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// report.html: one page that shows a calibration and needs no network.
+// Makes report.html, one page that shows a calibration and needs no network.
 #pragma once
 
 #include <filesystem>

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Draws suggested views as a picture.
 #pragma once
 
 #include <string>

@@ -42,7 +42,8 @@ class CalibrationSchema {
   /// Keys of an object with those of its bases; its own come first.
   void Collect(const Json& schema, Json* properties, Json* required) const {
     if (schema.contains("$ref")) return Collect(Referred(schema), properties, required);
-    for (const auto& [key, property] : schema.value("properties", Json::object()).items()) {
+    const Json own = schema.value("properties", Json::object());
+    for (const auto& [key, property] : own.items()) {
       if (!properties->contains(key)) (*properties)[key] = property;
     }
     for (const Json& key : schema.value("required", Json::array())) required->push_back(key);

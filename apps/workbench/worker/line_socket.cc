@@ -15,6 +15,7 @@ LineSocket::~LineSocket() { close(file_); }
 
 void LineSocket::Send(const nlohmann::json& message) {
   const std::string line = JsonText(message, -1) + "\n";
+  const std::lock_guard lock(sending_);
   size_t done = 0;
   while (done < line.size()) {
     const ssize_t count = send(file_, line.data() + done, line.size() - done, MSG_NOSIGNAL);

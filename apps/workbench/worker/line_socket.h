@@ -4,6 +4,7 @@
 #pragma once
 
 #include <chrono>
+#include <mutex>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
@@ -26,6 +27,7 @@ class LineSocket {
 
  private:
   int file_;
+  std::mutex sending_;
   std::string read_;  // beyond the last message
 };
 

@@ -30,6 +30,8 @@ using Json = nlohmann::json;
 std::vector<pid_t> Children() {
   std::vector<pid_t> children;
   for (const auto& entry : fs::directory_iterator("/proc")) {
+    const std::string name = entry.path().filename().string();
+    if (name.find_first_not_of("0123456789") != std::string::npos) continue;
     std::ifstream file(entry.path() / "stat");
     std::string text{std::istreambuf_iterator<char>(file), {}};
     if (text.find(')') == std::string::npos) continue;
@@ -37,7 +39,7 @@ std::vector<pid_t> Children() {
     std::string state;
     pid_t parent = 0;
     rest >> state >> parent;
-    if (parent == getpid()) children.push_back(std::stoi(entry.path().filename().string()));
+    if (parent == getpid()) children.push_back(std::stoi(name));
   }
   return children;
 }
@@ -159,7 +161,7 @@ TEST_F(Worker, LeavesRunsWhoseAnswersFitTheSchema) {
 TEST_F(Worker, EndsAfterASessionWithAPlugin) {
   WriteProblem(EasyProblem());
   const std::string plugin = fs::path(PLENOCAL_PLUGINS) / "libstereographic.so";
-  Write("session.yaml", "plugins: " + plugin + "\n" + Read("session.yaml"));
+  Write("session.yaml", "plugins: [" + plugin + "]\n" + Read("session.yaml"));
   EXPECT_EQ(RunJob(Calibration("session.yaml", "out")), "");
   EXPECT_THAT(Children(), IsEmpty());
   EXPECT_EQ(RunJob(Calibration("session.yaml", "out")), "");

@@ -3,7 +3,8 @@
 import { useMemo } from "preact/hooks";
 import uPlot from "uplot";
 import { rangeOf } from "../base/numbers";
-import { Chart } from "./chart";
+import { Bars } from "./bars";
+import type { BarSeries } from "./bars";
 import { styled } from "./colours";
 
 export interface FrameBar {
@@ -14,7 +15,7 @@ export interface FrameBar {
   excluded?: boolean;
 }
 
-interface Bars {
+interface Shown {
   /** For readers that do not see it. */
   name: string;
   bars: readonly FrameBar[];
@@ -42,34 +43,26 @@ function hatch(): string | CanvasPattern {
   return canvas.createPattern(tile, "repeat") ?? styled("--bad");
 }
 
-/** Bars of one look: uPlot's bars have one fill a series. */
-const series = (fill: () => string | CanvasPattern, gaps: boolean): uPlot.Series => ({
-  fill,
-  width: 0,
-  points: { show: false },
-  paths: uPlot.paths.bars!({ size: [gaps ? 0.85 : 1, 40] }),
-});
-
-export function FrameBars({ name, bars, x, y, aspect = 1.2, chosen, onChoose }: Bars) {
+export function FrameBars({ name, bars, x, y, aspect = 1.2, chosen, onChoose }: Shown) {
   const names = useMemo(() => bars.map((bar) => bar.name), [bars]);
   const most = Math.max(1e-9, rangeOf(bars.map((bar) => bar.size))[1]);
   const index = chosen === undefined ? -1 : names.indexOf(chosen);
-  const data = useMemo<uPlot.AlignedData>(() => {
+  // uPlot's bars have one fill a series.
+  const series = useMemo<BarSeries[]>(() => {
     const sizes = (which: (bar: FrameBar) => boolean): (number | null)[] =>
       bars.map((bar) => (which(bar) ? (bar.size ?? (bar.excluded ? most : null)) : null));
-    return [bars.map((_, i) => i), sizes((bar) => !bar.excluded), sizes((bar) => bar.excluded ?? false)];
+    return [
+      { label: "frames", values: sizes((bar) => !bar.excluded), colour: "--series-0" },
+      { label: "excluded", values: sizes((bar) => bar.excluded ?? false), colour: hatch },
+    ];
   }, [bars]);
-  const gaps = bars.length <= 60;
   return (
     <div class="bars" data-bars={bars.length} data-chosen={chosen} data-excluded={bars.filter((bar) => bar.excluded).length}>
-      <Chart
-        name={name}
-        count={bars.length}
-        aspect={aspect}
-        x={{ label: x, names }}
+      <Bars
+        {...{ name, names, series, x, aspect }}
         y={{ label: y, range: [0, 1.05 * most] }}
-        data={data}
-        series={[series(() => styled("--series-0"), gaps), series(hatch, gaps)]}
+        widest={40}
+        words={(i) => bars[i]?.words ?? ""}
         chosen={index}
         {...(onChoose ? { onChoose: (i: number) => names[i] !== undefined && onChoose(names[i]) } : {})}
         paint={({ canvas, x: at, unit }) => {
@@ -77,12 +70,6 @@ export function FrameBars({ name, bars, x, y, aspect = 1.2, chosen, onChoose }: 
           const width = Math.max(at(0.5) - at(-0.5), 3 * unit);
           canvas.fillStyle = styled("--chosen");
           canvas.fillRect(at(index) - width / 2, 0, width, canvas.canvas.height);
-        }}
-        hover={{
-          count: bars.length,
-          at: (i) => [i, null],
-          words: (i) => `${names[i]}: ${bars[i]?.words}`,
-          find: (place) => Math.min(names.length - 1, Math.max(0, Math.round(place))),
         }}
       />
     </div>
