@@ -72,11 +72,12 @@ const std::map<std::string, Rooms> kAllowed = [] {
   add("engine/session", {"engine/formats", "engine/recording"});
   add("engine/suggest", {"engine/session", "engine/scene"});
   add("engine/observe", {"assess/causes", "engine/suggest"});
+  add("engine/json", {"assess"});
   add("engine/exchange", {"engine/session"});
   add("engine/images", {"engine/observe"});
   add("engine/plenoptic", {"engine/images"});
   add("engine/rigs", {"assess/views", "engine/session"});
-  add("engine", {"engine/exchange", "engine/plenoptic", "engine/rigs"});
+  add("engine", {"engine/exchange", "engine/json", "engine/plenoptic", "engine/rigs"});
   add("apps/charts", {"detectors/templates"});
   add("apps/print", {"apps/charts", "detectors"});
   add("apps/evaluate", {"calib"});

@@ -22,7 +22,7 @@
 #include "engine/detect_session.h"
 #include "engine/init_session.h"
 #include "engine/json/run_events.h"
-#include "engine/plenoptic/focus_images.h"
+#include "engine/plenoptic/focus_files.h"
 #include "engine/session/open_session.h"
 #include "engine/try_session.h"
 #include "models/registry.h"
