@@ -72,7 +72,7 @@ std::pair<Request, size_t> ParseRequest(std::istream* file, std::string* target)
   return {request, hosts};
 }
 
-// Runs the program, or a thread that goes on.
+// Starts the worker, takes long, or writes files.
 bool StartsWork(const Request& request) {
   const std::set<std::string> work{"jobs", "suggest", "compare", "drawing", "watch"};
   return (request.path.size() > 1 && request.method != "GET" && work.contains(request.path[1])) ||
@@ -95,7 +95,7 @@ void AnswerWorkbenchRequest(const fs::path& path) {
   const Root root;
   workbench::EventLog events;
   workbench::Project project(root.Path());
-  workbench::Jobs jobs(root.Path().string(), &events);
+  workbench::Jobs jobs("no program", root.Path(), &events);
   workbench::Api api(&project, &jobs, &events);
   const Answer answer = api.Handle(request);
   const auto has_accounts = [](const std::string& text) {
