@@ -18,7 +18,7 @@ namespace plenocal::testing {
 namespace TEST_FILE {
 
 constexpr double kFocal = 600, kNoise = 0.2;  // px
-constexpr int kPoints = 40, kFrames = 10;
+constexpr int kPoints = 40, kFrames = 8;
 
 std::vector<Eigen::Vector3d> Scene() {
   Random random(4);
@@ -35,7 +35,7 @@ SceneCalibrationInput Input() {
   CameraInput camera{.name = "left",
                      .model = FindModel(CameraModels(), "pinhole"),
                      .config = {},
-                     .initial = std::vector<std::optional<double>>(4),
+                     .initial = {550, 550, 320, 240},
                      .fixed = std::vector<bool>(4, false),
                      .image_size = {640, 480},
                      .views = {}};
