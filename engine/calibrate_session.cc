@@ -11,7 +11,7 @@
 #include "assess/causes/diagnose.h"
 #include "assess/target/target_causes.h"
 #include "assess/verdict.h"
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/names.h"
 #include "calib/estimate/describe.h"
 #include "calib/files/calibration_file.h"
@@ -84,12 +84,11 @@ std::pair<Calibration, std::vector<Finding>> SolveWithCauses(const CalibrationIn
     if (error.kind() != ErrorKind::kJob) throw;
     const std::vector<Finding> causes = find(nullptr);
     if (causes.empty()) throw;
-    throw Error(ErrorKind::kJob,
-                fmt::format("{}; the cause is in the target ({}): {}; {}",
-                            error.what(),
-                            causes.front().code,
-                            causes.front().what,
-                            causes.front().remedy));
+    throw JobError("{}; the cause is in the target ({}): {}; {}",
+                   error.what(),
+                   causes.front().code,
+                   causes.front().what,
+                   causes.front().remedy);
   }
 }
 
@@ -187,10 +186,9 @@ class CalibrationRun {
     if (request_.model != "auto") model_ = ModelNamed("--model", request_.model);
     if (request_.session) return WithModels(*request_.session);
     if (model_ != nullptr && (!model_->config.empty() || model_->plenoptic)) {
-      throw Error(ErrorKind::kInput,
-                  fmt::format("--model {}: needs more than images; write a session, for instance "
-                              "by 'plenocal init'",
-                              request_.model));
+      throw InputError(
+          "--model {}: needs more than images; write a session, for instance by 'plenocal init'",
+          request_.model);
     }
     images_.emplace(request_.images, request_.out, run_);
     target_ = images_->target();

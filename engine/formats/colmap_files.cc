@@ -38,10 +38,6 @@ constexpr std::array<BinaryModel, 11> kBinaryModels{{{"SIMPLE_PINHOLE", 3},
                                                      {"RADIAL_FISHEYE", 5},
                                                      {"THIN_PRISM_FISHEYE", 12}}};
 
-[[noreturn]] void FailAt(const std::string& where, const std::string& message) {
-  throw InputError("{}: {}", where, message);
-}
-
 /// A member of a model file, numbered from 1.
 std::string PlaceIn(const fs::path& file, const char* what, std::uint64_t number) {
   return fmt::format("{}: {} {}", file.string(), what, number);
@@ -63,7 +59,7 @@ class BinaryReader {
   }
   double ReadFinite(const std::string& where) {
     const auto value = Read<double>();
-    if (!std::isfinite(value)) FailAt(where, fmt::format("expected a number, found {}", value));
+    if (!std::isfinite(value)) throw InputError("{}: expected a number, found {}", where, value);
     return value;
   }
   /// Up to a zero byte.
@@ -87,7 +83,7 @@ class BinaryReader {
 
  private:
   [[noreturn]] void FailAtEnd() const {
-    FailAt(file_.string(), "is cut short, or is no such file of a COLMAP model");
+    throw InputError("{}: is cut short, or is no such file of a COLMAP model", file_.string());
   }
 
   fs::path file_;
@@ -98,7 +94,7 @@ class BinaryReader {
 int Pixels(std::uint64_t value, const std::string& where) {
   constexpr std::uint64_t kMost = 1'000'000;  // no image has more columns
   if (value < 1 || value > kMost) {
-    FailAt(where, fmt::format("expected a number of pixels, found {}", value));
+    throw InputError("{}: expected a number of pixels, found {}", where, value);
   }
   return static_cast<int>(value);
 }
@@ -112,7 +108,8 @@ std::vector<ColmapCamera> ReadBinaryCameras(const fs::path& file) {
     camera.where = PlaceIn(file, "camera", ++number);
     camera.id = reader.Read<std::uint32_t>();
     const auto model = reader.Read<std::uint32_t>();
-    if (model >= kBinaryModels.size()) FailAt(camera.where, fmt::format("unknown model {}", model));
+    if (model >= kBinaryModels.size())
+      throw InputError("{}: unknown model {}", camera.where, model);
     camera.model = kBinaryModels[model].name;
     for (int& side : camera.image_size) side = Pixels(reader.Read<std::uint64_t>(), camera.where);
     camera.params.resize(kBinaryModels[model].params);
@@ -139,7 +136,7 @@ void AddObservation(
     double x, double y, std::uint64_t point, const std::string& where, ColmapImage* image) {
   if (point == kNoPoint) return;
   if (point > static_cast<std::uint64_t>(std::numeric_limits<int>::max())) {
-    FailAt(where, fmt::format("point {} has a number above 2147483647", point));
+    throw InputError("{}: point {} has a number above 2147483647", where, point);
   }
   image->observations.push_back(
       {static_cast<int>(point), x - kColmapPixelCentre, y - kColmapPixelCentre});
@@ -204,7 +201,7 @@ bool IsBinary(const fs::path& file) { return file.extension() == ".bin"; }
 std::vector<ColmapCamera> ReadColmapCameras(const fs::path& file) {
   std::vector<ColmapCamera> cameras =
       IsBinary(file) ? ReadBinaryCameras(file) : ReadTextCameras(file);
-  if (cameras.empty()) FailAt(file.string(), "has no camera");
+  if (cameras.empty()) throw InputError("{}: has no camera", file.string());
   return cameras;
 }
 

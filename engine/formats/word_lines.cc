@@ -77,7 +77,7 @@ std::vector<WordLine> ReadWordLines(const std::filesystem::path& path) {
     }
   }
   std::erase_if(lines, [](const WordLine& line) { return line.words.empty(); });
-  if (lines.empty()) throw Error(ErrorKind::kInput, path.string() + ": holds no cameras");
+  if (lines.empty()) throw InputError("{}: holds no cameras", path.string());
   return lines;
 }
 

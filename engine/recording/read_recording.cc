@@ -36,20 +36,17 @@ void LeaveOut(const std::string& camera,
 
 // ---- times
 
-[[noreturn]] void RefuseTimes(const ImageTimes& times, const std::string& message) {
-  throw InputError("{}: {}", times.path.string(), message);
-}
-
 void AssignInOrder(const ImageTimes& times,
                    const std::string& camera,
                    std::vector<RecordedImage>* images) {
   if (times.rows.size() != images->size()) {
-    RefuseTimes(times,
-                fmt::format("has {} times, but camera {} has {} images; times without names of "
-                            "images must be one per image",
-                            times.rows.size(),
-                            camera,
-                            images->size()));
+    throw InputError(
+        "{}: has {} times, but camera {} has {} images; times without names of "
+        "images must be one per image",
+        times.path.string(),
+        times.rows.size(),
+        camera,
+        images->size());
   }
   for (size_t i = 0; i < images->size(); ++i) (*images)[i].time = times.rows[i].time;
 }
@@ -77,12 +74,13 @@ void AssignByName(const ImageTimes& times,
     (*images)[*found].exposure = row.exposure;
   }
   if (std::ranges::all_of(line_of, [](int line) { return line == 0; })) {
-    RefuseTimes(times,
-                fmt::format("names no image of camera {}: it has '{}', the images are called '{}'; "
-                            "is it the right file?",
-                            camera,
-                            times.rows[0].id,
-                            images->front().frame));
+    throw InputError(
+        "{}: names no image of camera {}: it has '{}', the images are called '{}'; "
+        "is it the right file?",
+        times.path.string(),
+        camera,
+        times.rows[0].id,
+        images->front().frame);
   }
 }
 

@@ -15,10 +15,6 @@
 namespace plenocal {
 namespace {
 
-[[noreturn]] void RefusePairing(const Recording& recording, const std::string& message) {
-  throw InputError("{}: {}", recording.path.string(), message);
-}
-
 RecordedFrame FrameOf(const Recording& recording, size_t camera, size_t image) {
   const RecordedImage& recorded = recording.cameras[camera].images[image];
   RecordedFrame frame{.name = recorded.frame,
@@ -42,14 +38,15 @@ void PairByName(Recording* recording) {
     }
     if (c > 0 && shared == 0) {
       const RecordedCamera& first = recording->cameras[0];
-      RefusePairing(*recording,
-                    fmt::format("images of {} and {} share no frame name ({}, {}); in "
-                                "recording.yaml let the last '*' of 'images' stand for what both "
-                                "names share, or give times",
-                                first.name,
-                                recording->cameras[c].name,
-                                first.images[0].frame,
-                                images[0].frame));
+      throw InputError(
+          "{}: images of {} and {} share no frame name ({}, {}); in "
+          "recording.yaml let the last '*' of 'images' stand for what both "
+          "names share, or give times",
+          recording->path.string(),
+          first.name,
+          recording->cameras[c].name,
+          first.images[0].frame,
+          images[0].frame);
     }
   }
 }
@@ -57,9 +54,9 @@ void PairByName(Recording* recording) {
 void PairByTime(const Pairing& pairing, Recording* recording) {
   for (const RecordedCamera& camera : recording->cameras) {
     if (HaveTimes(camera.images)) continue;
-    RefusePairing(*recording,
-                  fmt::format("'pairing' is by time, but camera {} has no times; add its 'times'",
-                              camera.name));
+    throw InputError("{}: 'pairing' is by time, but camera {} has no times; add its 'times'",
+                     recording->path.string(),
+                     camera.name);
   }
   std::vector<std::vector<double>> times;
   for (const RecordedCamera& camera : recording->cameras) times.push_back(TimesOf(camera.images));
@@ -77,15 +74,15 @@ void CheckCounts(const Recording& recording) {
   for (const RecordedCamera& camera : recording.cameras) {
     const RecordedCamera& first = recording.cameras[0];
     if (camera.images.size() == first.images.size()) continue;
-    RefusePairing(
-        recording,
-        fmt::format("{} has {} images and {} has {}, and no times show which are missing; give "
-                    "'times' of each camera in recording.yaml, or write 'pairing: {{by: name}}' "
-                    "there if equal names are certain to be one instant",
-                    first.name,
-                    first.images.size(),
-                    camera.name,
-                    camera.images.size()));
+    throw InputError(
+        "{}: {} has {} images and {} has {}, and no times show which are missing; give "
+        "'times' of each camera in recording.yaml, or write 'pairing: {{by: name}}' "
+        "there if equal names are certain to be one instant",
+        recording.path.string(),
+        first.name,
+        first.images.size(),
+        camera.name,
+        camera.images.size());
   }
 }
 

@@ -215,9 +215,8 @@ OutsideFit Fit(const HandEyeRequest& request, const MatchedPoses& matched) {
         mount == RigMount::kOnGripper ? "base" : "gripper");
   }
   if (!fit) {
-    throw Error(ErrorKind::kJob,
-                request.poses.string() +
-                    ": no mount explains these motions; are the poses those of the frames?");
+    throw JobError("{}: no mount explains these motions; are the poses those of the frames?",
+                   request.poses.string());
   }
   return *fit;
 }

@@ -62,7 +62,7 @@ void RefuseRepeated(const std::vector<CalibrationRecord>& records) {
   for (size_t i = 0; i < records.size(); ++i) {
     for (size_t j = 0; j < records.size(); ++j) {
       if (j < i && IsSameFile(records[i].path, records[j].path)) {
-        throw Error(ErrorKind::kInput, records[i].path.string() + ": is given twice");
+        throw InputError("{}: is given twice", records[i].path.string());
       }
       for (const fs::path& earlier : EarlierFilesOf(records[i])) {
         if (i == j || !IsSameFile(earlier, records[j].path)) continue;

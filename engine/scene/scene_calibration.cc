@@ -512,7 +512,7 @@ class SceneCalibration {
 Calibration CalibrateScene(const SceneCalibrationInput& input, const CalibrationOptions& options) {
   for (const CameraInput& camera : input.cameras.inputs) {
     if (!camera.views.empty()) continue;
-    throw Error(ErrorKind::kInput, camera.name + ": has no observations");
+    throw InputError("{}: has no observations", camera.name);
   }
   return SceneCalibration(input, options).Run();
 }

@@ -8,7 +8,7 @@
 
 #include "calib/adjust/landmarks.h"
 #include "calib/adjust/problem.h"
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/statistics.h"
 #include "calib/camera/rays.h"
 #include "calib/estimate/reject.h"
@@ -138,10 +138,10 @@ class SceneReconstruction {
   void StartWithTwoViews() {
     const std::optional<TwoViews> views = BestTwoViews(bundle_);
     if (!views) {
-      throw Error(ErrorKind::kJob,
-                  bundle_.cameras[0].name +
-                      ": no two frames with 20 points in common between which the camera moved; "
-                      "record frames that overlap more, or give a calibrated pair ('from')");
+      throw JobError(
+          "{}: no two frames with 20 points in common between which the camera moved; "
+          "record frames that overlap more, or give a calibrated pair ('from')",
+          bundle_.cameras[0].name);
     }
     bundle_.T_rig_target[views->a] = RigidTransform{};
     bundle_.T_rig_target[views->b] = views->T_b_a;

@@ -82,7 +82,7 @@ std::vector<FrameImage> ImagesOf(const MemoryCamera& camera) {
     const std::string where = fmt::format("{}: frame {}", camera.name, frame);
     CheckPixels(where, view);
     if (!frames.insert(frame).second) {
-      throw Error(ErrorKind::kInput, where + " is given twice");
+      throw InputError("{} is given twice", where);
     }
     images.push_back({.frame = frame, .path = where, .index = views.size()});
     views.push_back(view);

@@ -8,7 +8,7 @@
 #include <array>
 #include <map>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "engine/formats/camera_format.h"
 #include "engine/formats/colmap_files.h"
 #include "engine/formats/exact_numbers.h"
@@ -143,7 +143,7 @@ std::vector<CalibratedCamera> ReadColmap(const CameraSource& source) {
       name = name == "SIMPLE_PINHOLE" ? "PINHOLE" : "OPENCV";
     }
     if (values.size() < 4) {
-      throw Error(ErrorKind::kInput, camera.where + ": expected at least f, cx, cy");
+      throw InputError("{}: expected at least f, cx, cy", camera.where);
     }
     cameras.push_back(
         FromLens(LensOfNumbers(name, values), camera.image_size, ColmapLenses(), camera.where));

@@ -26,10 +26,8 @@ namespace fs = std::filesystem;
 fs::path FileOf(const fs::path& model, const std::string& name) {
   std::error_code error;
   if (!fs::is_directory(model, error)) {
-    throw Error(ErrorKind::kInput,
-                model.string() +
-                    ": is no folder; give the folder of the model, with its cameras "
-                    "and images");
+    throw InputError("{}: is no folder; give the folder of the model, with its cameras and images",
+                     model.string());
   }
   const fs::path binary = model / (name + ".bin");
   return fs::exists(binary, error) ? binary : model / (name + ".txt");
@@ -112,8 +110,7 @@ ImportedFile ReadColmapModel(const ImportSource& source) {
     }
   }
   if (points.empty()) {
-    throw Error(ErrorKind::kInput,
-                source.path.string() + ": its images show no points that have a position");
+    throw InputError("{}: its images show no points that have a position", source.path.string());
   }
 
   std::vector<CalibratedCamera> cameras;
@@ -125,7 +122,7 @@ ImportedFile ReadColmapModel(const ImportSource& source) {
     if (name_of.contains(camera.name)) cameras.push_back(std::move(camera));
   }
   if (cameras.size() != names.size()) {
-    throw Error(ErrorKind::kInput, file.string() + ": lacks cameras of the images");
+    throw InputError("{}: lacks cameras of the images", file.string());
   }
   ImportedFile imported{
       .content = SessionYaml(cameras, name_of),

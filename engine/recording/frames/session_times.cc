@@ -20,18 +20,16 @@ std::vector<double> ReadTimes(const fs::path& path,
                               const std::string& owner,
                               const std::vector<FrameImage>& images) {
   const ImageTimes times = ReadImageTimes(path, ExposureUnit::kMilliseconds);
-  const auto fail = [&](const std::string& what) {
-    throw InputError("{}: {}", path.string(), what);
-  };
   std::vector<double> of_frame;
   if (!times.has_ids) {
     if (times.rows.size() != images.size()) {
-      fail(
-          fmt::format("has {} times, but {} has {} frames; times without names must be one "
-                      "per frame",
-                      times.rows.size(),
-                      owner,
-                      images.size()));
+      throw InputError(
+          "{}: has {} times, but {} has {} frames; times without names must be one "
+          "per frame",
+          path.string(),
+          times.rows.size(),
+          owner,
+          images.size());
     }
     for (const ImageTime& row : times.rows) of_frame.push_back(row.time);
     return of_frame;
@@ -43,12 +41,13 @@ std::vector<double> ReadTimes(const fs::path& path,
   }
   for (size_t i = 0; i < images.size(); ++i) {
     if (!found[i]) {
-      fail(
-          fmt::format("has no time for frame '{}' of {} (its first row is for '{}'); is it "
-                      "the right file?",
-                      images[i].frame,
-                      owner,
-                      times.rows[0].id));
+      throw InputError(
+          "{}: has no time for frame '{}' of {} (its first row is for '{}'); is it "
+          "the right file?",
+          path.string(),
+          images[i].frame,
+          owner,
+          times.rows[0].id);
     }
     of_frame.push_back(*found[i]);
   }

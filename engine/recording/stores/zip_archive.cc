@@ -23,10 +23,6 @@ struct CloseZipFile {
   void operator()(zip_file_t* file) const { zip_fclose(file); }
 };
 
-[[noreturn]] void RefuseZip(const std::string& place, const std::string& reason) {
-  throw InputError("{}: {}", place, reason);
-}
-
 }  // namespace
 
 void ZipArchive::Close::operator()(zip* archive) const { zip_discard(archive); }
@@ -41,8 +37,8 @@ ZipArchive::ZipArchive(const std::filesystem::path& path) : path_(path) {
     zip_error_init_with_code(&error, code);
     const std::string reason = zip_error_strerror(&error);
     zip_error_fini(&error);
-    RefuseZip(path.string(),
-              fmt::format("is no zip archive that can be read ({}); copy it again", reason));
+    throw InputError(
+        "{}: is no zip archive that can be read ({}); copy it again", path.string(), reason);
   }
   const zip_int64_t count = zip_get_num_entries(archive_.get(), 0);
   for (zip_int64_t i = 0; i < count; ++i) {
@@ -75,15 +71,15 @@ StoredImage ZipArchive::Start(size_t file, size_t most) const {
   const std::unique_ptr<zip_file_t, CloseZipFile> opened(
       zip_fopen_index(archive_.get(), indices_[file], 0));
   if (!opened) {
-    RefuseZip(Place(file),
-              fmt::format("cannot be read ({}); pack the archive again",
-                          zip_error_strerror(zip_get_error(archive_.get()))));
+    throw InputError("{}: cannot be read ({}); pack the archive again",
+                     Place(file),
+                     zip_error_strerror(zip_get_error(archive_.get())));
   }
   constexpr size_t kStep = 1 << 16;
   constexpr auto kLimit = static_cast<size_t>(InputLimit::kImage);
   const auto check = [&](zip_uint64_t size) {
     if (size <= kLimit) return;
-    RefuseZip(Place(file), fmt::format("larger than {} MB; is it an image?", kLimit >> 20));
+    throw InputError("{}: larger than {} MB; is it an image?", Place(file), kLimit >> 20);
   };
   // The size in the archive's directory may be wrong: the memory grows with what is really there.
   zip_stat_t stated{};
@@ -96,9 +92,9 @@ StoredImage ZipArchive::Start(size_t file, size_t most) const {
     const zip_int64_t count =
         zip_fread(opened.get(), content.data() + length, content.size() - length);
     if (count < 0) {
-      RefuseZip(Place(file),
-                fmt::format("is damaged ({}); pack the archive again",
-                            zip_error_strerror(zip_file_get_error(opened.get()))));
+      throw InputError("{}: is damaged ({}); pack the archive again",
+                       Place(file),
+                       zip_error_strerror(zip_file_get_error(opened.get())));
     }
     content.resize(length + static_cast<size_t>(count));
     if (count == 0) break;
