@@ -103,7 +103,7 @@ OTHERS = [
     ("`held` and `refined`", ["tolerance"], "the prior as it was given"),
     ("`held` and `refined`", ["sigma"], "as `sigma` of a model in try.yaml"),
     ("try.csv", ["sigma", "image_sigma", "held_out_sigma"], "the numbers of try.yaml"),
-    ("a camera in calibrate --json", ["sigma"], "the numbers of calibration.yaml"),
+    ("a camera in calibrate --json", ["sigma", "noise", "detector_sigma"], "the numbers of calibration.yaml"),
     ("groundtruth", ["track_factor"], "a factor that is in the covariances"),
     ("handeye.yaml", ["calibration_errors"], "words"),
     ("merge.csv", ["in_sigmas"], "`deviation` / `sigma`"),
