@@ -2,6 +2,7 @@
 //
 // The workbench's worker as a process: what it keeps from job to job, and what it must not.
 #include <signal.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include <chrono>
@@ -102,7 +103,11 @@ TEST_F(Worker, FailsOneJobWhenItIsKilled) {
   EXPECT_EQ(RunJob(Calibration("session.yaml", "out")), "");
   EXPECT_TRUE(fs::exists(Path("out/calibration.yaml")));
   // While it is idle, nobody notices.
-  for (const pid_t child : Children()) kill(child, SIGKILL);
+  for (const pid_t child : Children()) {
+    kill(child, SIGKILL);
+    siginfo_t ended;
+    waitid(P_PID, static_cast<id_t>(child), &ended, WEXITED | WNOWAIT);
+  }
   EXPECT_EQ(RunJob(Calibration("session.yaml", "again")), "");
   EXPECT_TRUE(fs::exists(Path("again/calibration.yaml")));
 }
