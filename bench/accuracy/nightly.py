@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A seeded slice of every bench of accuracy, two at a time: is a result wrong that no test sees?
 
-    bench/nightly                                  # about ten minutes; part of .ci/run
-    bench/nightly scene rigs                       # these alone
+    bench/nightly                                  # about ten minutes
+    bench/nightly scene rigs                       # these alone, as in .ci/run
     bench/nightly --minutes 5                      # starts no slice after five minutes
 
 A slice fails when its bench does, or when a figure that it prints is outside of the limits below. Its output stays in build/nightly.
