@@ -5,27 +5,26 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
-#include <functional>
+#include <future>
 #include <iterator>
 #include <map>
-#include <memory>
-#include <mutex>
 #include <optional>
+#include <string_view>
+#include <vector>
 
-#include "apps/simulate/image_set.h"
-#include "apps/simulate/observer.h"
 #include "apps/simulate/photometry/exposures.h"
 #include "apps/simulate/photometry/wall_surface.h"
-#include "apps/simulate/pose_set.h"
-#include "apps/simulate/provenance.h"
-#include "apps/simulate/random.h"
-#include "apps/simulate/renderer.h"
+#include "apps/simulate/render/image_set.h"
+#include "apps/simulate/render/observer.h"
+#include "apps/simulate/render/renderer.h"
 #include "apps/simulate/scene/simulate_scene.h"
-#include "apps/simulate/sensor.h"
-#include "apps/simulate/simulation_spec.h"
+#include "apps/simulate/spec/random.h"
+#include "apps/simulate/spec/simulation_spec.h"
+#include "apps/simulate/targets/pose_set.h"
 #include "apps/simulate/targets/several_targets.h"
 #include "apps/simulate/targets/target_surface.h"
 #include "calib/base/error.h"
+#include "calib/base/names.h"
 #include "calib/base/number_text.h"
 #include "calib/base/parallel.h"
 #include "calib/base/quoted_text.h"
@@ -46,53 +45,34 @@ struct Scene {
   Exposures exposures;                  // empty: equal
   Target target;                        // of several, all together
   TrueTarget made;                      // likewise
-  std::vector<TargetInRoom> targets;    // several; empty: one
+  std::vector<TargetInRoom> targets;
   std::vector<Frame> frames;
   std::vector<std::vector<View>> views;  // exact; by camera and frame
 };
 
 std::string SessionYaml(const Scene& scene, const SimulateRequest& request) {
   std::string text = "plenocal: 1\n";
-  text += scene.targets.empty() ? "target: target.yaml\n" : TargetsOfSession(scene.targets);
+  text += TargetsOfSession(scene.targets);
   text += "cameras:\n";
-  const auto out = std::back_inserter(text);
   for (const CameraSpec& camera : scene.spec.cameras) {
-    fmt::format_to(out, "  {}:\n    model: {}\n", YamlText(camera.name), camera.model->name);
-    if (request.points) {
-      fmt::format_to(out,
-                     "    detections: detections_{}.csv\n    image_size: [{}, {}]\n",
-                     camera.name,
-                     camera.image_size[0],
-                     camera.image_size[1]);
-    } else {
-      fmt::format_to(
-          out, "    images: {0}/*.png\n    white_images: {0}_white/*.png\n", camera.name);
-      if (camera.sensor.bayer) {
-        fmt::format_to(out, "    bayer: {}\n", BayerName(*camera.sensor.bayer));
-      }
-    }
-    if (scene.spec.poses.moving) {
-      fmt::format_to(out, "    times: times_{}.txt\n", camera.name);
-    }
-    for (size_t i = 0; i < camera.config.size(); ++i) {
-      fmt::format_to(
-          out, "    {}: {}\n", camera.model->config[i].name, YamlNumber(camera.config[i]));
-    }
+    text += ModelKeys(camera);
+    text += request.points ? DetectionKeys(camera, fmt::format("detections_{}.csv", camera.name))
+                           : ImageKeys(camera, true) + BayerKey(camera);
+    if (scene.spec.poses.moving) text += fmt::format("    times: times_{}.txt\n", camera.name);
+    text += ConfigKeys(camera);
   }
   return text;
 }
 
 // The truth as the result of a calibration without errors.
 CalibrationRecord TrueCalibration(const Scene& scene) {
-  CalibrationRecord truth;
-  truth.adjustment = AdjustmentRecord{.converged = true};
-  for (size_t c = 0; c < scene.spec.cameras.size(); ++c) {
-    truth.cameras.push_back(TrueCamera(scene.spec.cameras[c]));
+  CalibrationRecord truth = TrueRecord(scene.spec);
+  const std::vector<CameraSpec>& cameras = scene.spec.cameras;
+  for (size_t c = 0; c < cameras.size(); ++c) {
     if (scene.spec.poses.moving && c > 0) {
-      truth.cameras.back().time_shift =
-          TimeShift{scene.spec.cameras[c].time_shift - scene.spec.cameras[0].time_shift, 0};
+      truth.cameras[c].time_shift = TimeShift{cameras[c].time_shift - cameras[0].time_shift, 0};
     }
-    CameraFit& fit = truth.cameras.back().fit;
+    CameraFit& fit = truth.cameras[c].fit;
     for (const View& view : scene.views[c]) {
       fit.points += static_cast<int>(view.observations.size());
       fit.views += view.observations.empty() ? 0 : 1;
@@ -111,14 +91,12 @@ std::string FramesCsv(const Scene& scene) {
   for (size_t f = 0; f < scene.frames.size(); ++f) {
     text += CsvCell(scene.frames[f].name) + "," + scene.frames[f].kind;
     for (const auto& views : scene.views) {
-      fmt::format_to(std::back_inserter(text), ",{}", CountMarkers(views[f].observations));
+      text += fmt::format(",{}", CountMarkers(views[f].observations));
     }
     text += '\n';
   }
   return text;
 }
-
-using Renderers = std::vector<std::unique_ptr<Renderer>>;
 
 void WriteTruth(const Scene& scene,
                 const Observer& observer,
@@ -147,11 +125,12 @@ void WriteTruth(const Scene& scene,
                DetectionsCsv(scene.views[c], *scene.spec.cameras[c].model));
   }
   for (const TargetInRoom& target : scene.targets) {
+    if (target.IsOnlyOne()) continue;
     truth.targets.push_back({.name = target.name, .T_target_own = target.T_target_own});
     out->Write("truth/" + TargetFile(target),
                RefinedTargetYaml(target.target, target.made.markers, {}));
   }
-  truth.provenance = SimulationProvenance(request, program, kTrueParameters);
+  truth.provenance = SimulationProvenance(request, program);
   out->Write("truth/calibration.yaml", CalibrationYaml(truth));
   out->Write("truth/target.yaml", RefinedTargetYaml(scene.target, scene.made.markers, {}));
   out->Write("truth/poses.csv", PosesCsv(truth));
@@ -166,54 +145,21 @@ cv::Mat RenderFrame(const Scene& scene,
   const RigidTransform T_camera_target =
       scene.spec.cameras[c].T_camera_rig * scene.frames[frame].PoseFor(c);
   const PosedSurface posed(surface, T_camera_target);
-  const std::uint64_t sampling =
-      static_cast<std::uint64_t>(scene.spec.seed) * 1000003 + c * 65537 + frame;
-  if (!scene.spec.wall) return renderer.Render(posed, sampling);
+  const std::uint64_t seed = SamplingSeed(scene.spec, c, frame);
+  if (!scene.spec.wall) return renderer.Render(posed, seed);
   return renderer.Render(WallSurface(*scene.spec.wall, *scene.texture, posed, T_camera_target),
-                         sampling);
+                         seed);
 }
 
-// The light of a camera's frames; of a rig that stands still it is made once.
-class FrameLight {
- public:
-  FrameLight(const Scene& scene, const TargetSurface& surface, const Renderer& renderer, size_t c)
-      : scene_(scene), surface_(surface), renderer_(renderer), camera_(c) {}
-
-  [[nodiscard]] cv::Mat Of(size_t frame) {
-    if (!scene_.spec.poses.still) {
-      return RenderFrame(scene_, surface_, renderer_, camera_, frame);
-    }
-    std::call_once(once_, [&] { still_ = RenderFrame(scene_, surface_, renderer_, camera_, 0); });
-    return still_;
-  }
-
- private:
-  const Scene& scene_;
-  const TargetSurface& surface_;
-  const Renderer& renderer_;
-  size_t camera_;
-  std::once_flag once_;
-  cv::Mat still_;
-};
-
-cv::Mat TakeFrame(const Scene& scene, FrameLight* light, size_t c, size_t frame) {
-  Random random(scene.spec.seed, "image", {c, frame});
-  const cv::Mat nominal = light->Of(frame);
-  const SensorSpec& sensor = scene.spec.cameras[c].sensor;
-  if (scene.exposures.empty()) return Expose(nominal, sensor, &random);
-  const double factor = scene.exposures[c][frame].exact / scene.spec.exposures->nominal;
-  return Expose(nominal * factor, sensor, &random);
+std::vector<std::string> FrameNames(const Scene& scene) {
+  const std::vector<std::string_view> names = NamesOf(scene.frames);
+  return {names.begin(), names.end()};
 }
 
 std::vector<View> WithNoise(std::vector<View> views, const CameraSpec& camera, size_t c, int seed) {
   for (size_t f = 0; f < views.size(); ++f) {
     Random random(seed, "detections", {c, f});
-    for (Observation& observation : views[f].observations) {
-      for (size_t i = 0; i < camera.model->measured.size(); ++i) {
-        observation.values[i] += random.Gaussian(camera.detection_sigma);
-      }
-      observation.detector_sigma = camera.detection_sigma;
-    }
+    for (Observation& observation : views[f].observations) AddNoise(camera, &random, &observation);
   }
   return views;
 }
@@ -241,8 +187,6 @@ std::string VirtualDepthText(const std::vector<View>& views, const CameraSpec& c
                      fmt::join(camera.micro_lenses->focus, ", "));
 }
 
-using Progress = std::function<void(const std::string& stage, size_t done, size_t total)>;
-
 // Everything but the images: target, poses and exact observations.
 void ObserveScene(const Observer& observer, int threads, const Progress& progress, Scene* scene) {
   const SimulationSpec& spec = scene->spec;
@@ -251,7 +195,6 @@ void ObserveScene(const Observer& observer, int threads, const Progress& progres
   for (size_t k = 0; k < scene->targets.size(); ++k) {
     targets.push_back(InFrameOfFirst(scene->targets[k], k));
   }
-  if (targets.empty()) targets.push_back(scene->made);
   scene->frames = MakePoses(spec, observer, targets);
   scene->views.resize(spec.cameras.size());
   for (size_t c = 0; c < spec.cameras.size(); ++c) {
@@ -264,42 +207,32 @@ void ObserveScene(const Observer& observer, int threads, const Progress& progres
   }
 }
 
-Renderers MakeRenderers(const SimulationSpec& spec, const Observer& observer, int threads) {
-  Renderers renderers;
-  for (size_t c = 0; c < spec.cameras.size(); ++c) {
-    renderers.push_back(MakeRenderer(spec.cameras[c], observer.Optics(c), spec.seed, threads));
-  }
-  return renderers;
-}
-
-// All images; the slow ones first, so that all threads end at about the same time.
+// All images; of a rig that stands still the light of a camera is made once.
 std::vector<ImageTask> ListImages(const Scene& scene,
                                   const TargetSurface& surface,
                                   const Renderers& renderers) {
   const SimulationSpec& spec = scene.spec;
-  std::vector<ImageTask> slow, quick;
-  for (size_t c = 0; c < spec.cameras.size(); ++c) {
-    const CameraSpec& camera = spec.cameras[c];
-    const Renderer& renderer = *renderers[c];
-    std::vector<ImageTask>& tasks = camera.IsPlenoptic() ? slow : quick;
-    const auto light = std::make_shared<FrameLight>(scene, surface, renderer, c);
-    for (size_t f = 0; f < scene.frames.size(); ++f) {
-      tasks.push_back({fmt::format("{}/{}.png", camera.name, scene.frames[f].name),
-                       [&, light, c, f] { return TakeFrame(scene, light.get(), c, f); }});
-    }
-    for (size_t i = 0; i < static_cast<size_t>(spec.white_images); ++i) {
-      quick.push_back({fmt::format("{}_white/white_{:02}.png", camera.name, i),
-                       [&, c, i] { return TakeWhite(renderer, camera, spec.seed, c, i); }});
-    }
+  std::vector<ImageTask> tasks;
+  for (size_t c = 0; c < renderers.size(); ++c) {
+    const auto render = [&, c](size_t frame) {
+      return RenderFrame(scene, surface, *renderers[c], c, frame);
+    };
+    const std::shared_future<cv::Mat> still = std::async(std::launch::deferred, render, 0);
+    const auto light = [&, render, still, c](size_t frame) -> cv::Mat {
+      const cv::Mat nominal = spec.poses.still ? still.get() : render(frame);
+      if (scene.exposures.empty()) return nominal;
+      return nominal * (scene.exposures[c][frame].exact / spec.exposures->nominal);
+    };
+    std::ranges::move(
+        ListCameraImages(spec, c, *renderers[c], FrameNames(scene), light, spec.white_images),
+        std::back_inserter(tasks));
   }
-  slow.insert(slow.end(), quick.begin(), quick.end());
-  return slow;
+  return tasks;
 }
 
 // The recording, for photometric calibration.
 void WriteExposures(const Scene& scene, OutputFolder* out) {
-  std::vector<std::string> names;
-  for (const Frame& frame : scene.frames) names.push_back(frame.name);
+  const std::vector<std::string> names = FrameNames(scene);
   for (size_t c = 0; c < scene.spec.cameras.size(); ++c) {
     out->Write(fmt::format("times_{}.txt", scene.spec.cameras[c].name),
                ExposureTimesText(names, scene.exposures[c], scene.spec.exposures->known));
@@ -354,18 +287,12 @@ std::string Simulate(const SimulateRequest& request, const SimulateOptions& opti
   scene.spec = ReadSimulationSpec(request.spec, options.models);
   const SimulationSpec& spec = scene.spec;
   if (spec.scenery) return SimulateScene(spec, request, options, progress);
-  const TagErrors tag_errors = spec.rigid_tags ? TagErrors::kRigid : TagErrors::kCorners;
-  scene.targets = MakeTargets(spec, tag_errors);
-  scene.target = scene.targets.empty() ? ReadTarget(spec.target) : StatedTogether(scene.targets);
+  scene.targets = MakeTargets(spec);
+  scene.target = StatedTogether(scene.targets);
+  scene.made = Together(scene.targets);
   OutputFolder out(request.out);
   out.RefuseInputs({"session.yaml", "target.yaml"});
   const Observer observer(spec);
-  scene.made = scene.targets.empty()
-                   ? MakeTarget(scene.target,
-                                spec.target_error.value_or(scene.target.tolerance.value_or(0)),
-                                tag_errors,
-                                spec.seed)
-                   : Together(scene.targets);
   ObserveScene(observer, options.threads, progress, &scene);
   if (spec.exposures) scene.exposures = DrawExposures(spec, scene.frames.size());
   if (spec.wall) scene.texture.emplace(spec.wall->structure, spec.seed);
@@ -373,25 +300,15 @@ std::string Simulate(const SimulateRequest& request, const SimulateOptions& opti
   if (request.points) {
     WriteDetections(scene, &out);
   } else {
-    const TargetSurface surface =
-        scene.targets.empty() ? TargetSurface(NominalTarget(scene.target), scene.made, spec.seed)
-                              : SurfaceOf(scene.targets, spec.seed);
+    const TargetSurface surface = JoinSurfaces(scene.targets, spec.seed);
     progress("optics", 0, 1);
     renderers = MakeRenderers(spec, observer, options.threads);
-    const std::vector<ImageTask> images = ListImages(scene, surface, renderers);
-    RefuseOtherImages(images, request.out);
     WriteImages(
-        images,
-        options.threads,
-        [&](size_t done, size_t total) { progress("images", done, total); },
-        &out);
+        ListImages(scene, surface, renderers), request.out, options.threads, progress, &out);
     if (spec.exposures) WriteExposures(scene, &out);
   }
   if (spec.poses.moving) WriteTimes(scene, &out);
   out.Write("session.yaml", SessionYaml(scene, request));
-  if (scene.targets.empty()) {
-    out.Write("target.yaml", RefinedTargetYaml(scene.target, {}, {}));
-  }
   for (const TargetInRoom& target : scene.targets) {
     out.Write(TargetFile(target), RefinedTargetYaml(target.target, {}, {}));
   }

@@ -1,30 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Simulation of sessions and recordings whose truth is known (docs/simulate.md).
 #pragma once
 
-#include <filesystem>
-#include <functional>
-#include <span>
 #include <string>
 
-#include "calib/camera/camera_model.h"
+#include "apps/simulate/spec/request.h"
 
 namespace plenocal {
-
-/// The session to simulate.
-struct SimulateRequest {
-  std::filesystem::path spec;
-  std::filesystem::path out;
-  bool points = false;  ///< detections in place of images
-};
-
-struct SimulateOptions {
-  /// Camera models that the specification may name; plug-ins included.
-  std::span<const CameraModel> models;
-  std::string program = "plenocal";  ///< as it was called, for the truth's provenance
-  int threads = 0;                   ///< 0: all cores
-  /// Called with the stage and its items done; false stops (`Stopped` is thrown).
-  std::function<bool(const std::string& stage, size_t done, size_t total)> progress;
-};
 
 /// Makes a session with known truth in `request.out`; returns a summary for the user. Throws
 /// `Error`.

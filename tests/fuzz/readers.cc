@@ -17,7 +17,7 @@
 #include "apps/cli/command_line.h"
 #include "apps/cli/fleet/fleet_plan.h"
 #include "apps/evaluate/truth_uncertainty.h"
-#include "apps/simulate/simulation_spec.h"
+#include "apps/simulate/spec/simulation_spec.h"
 #include "calib/base/error.h"
 #include "calib/files/calibration_file.h"
 #include "calib/files/calibration_tables.h"

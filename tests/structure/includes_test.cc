@@ -84,9 +84,15 @@ const std::map<std::string, Rooms> kAllowed = [] {
   add("apps/report", {"engine"});
   add("apps/groundtruth", {"apps/evaluate", "apps/report"});
   add("apps/suggest", {"apps/charts", "engine"});
+  add("apps/photometry/images", {"engine"});
   add("apps/photometry/response", {"engine"});
-  add("apps/photometry", {"apps/report", "apps/photometry/response"});
-  add("apps/simulate", {"apps/charts", "apps/evaluate", "assess", "detectors", "models"});
+  add("apps/photometry", {"apps/report", "apps/photometry/images", "apps/photometry/response"});
+  add("apps/simulate/spec", {"calib", "detectors/photometry"});
+  add("apps/simulate/render", {"apps/simulate/spec", "targets"});
+  add("apps/simulate/targets", {"apps/simulate/render", "apps/charts"});
+  add("apps/simulate/scene", {"apps/simulate/render"});
+  add("apps/simulate/photometry", {"apps/simulate/targets", "apps/simulate/scene"});
+  add("apps/simulate", {"apps/simulate/photometry"});
   add("apps/workbench", {"apps/print", "apps/report", "apps/suggest"});
   add("apps/cli",
       {"apps/print", "apps/groundtruth", "apps/photometry", "apps/simulate", "apps/workbench"});

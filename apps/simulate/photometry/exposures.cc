@@ -4,9 +4,8 @@
 #include <fmt/format.h>
 
 #include <cmath>
-#include <iterator>
 
-#include "apps/simulate/random.h"
+#include "apps/simulate/spec/random.h"
 #include "calib/base/quoted_text.h"
 
 namespace plenocal::simulate {
@@ -34,16 +33,11 @@ Exposures DrawExposures(const SimulationSpec& spec, std::size_t frames) {
 std::string PhotometryRecordingYaml(const SimulationSpec& spec) {
   std::string text = "plenocal: 1\ncameras:\n";
   for (const CameraSpec& camera : spec.cameras) {
-    fmt::format_to(std::back_inserter(text),
-                   "  {}:\n    images: {}/*.png\n    white_images: {}_white/*.png\n"
-                   "    times: times_{}.txt\n    exposure_unit: ms\n",
-                   YamlText(camera.name),
-                   camera.name,
-                   camera.name,
-                   camera.name);
-    if (camera.sensor.bayer) {
-      fmt::format_to(std::back_inserter(text), "    bayer: {}\n", BayerName(*camera.sensor.bayer));
-    }
+    text += fmt::format("  {}:\n{}    times: times_{}.txt\n    exposure_unit: ms\n{}",
+                        YamlText(camera.name),
+                        ImageKeys(camera, true),
+                        camera.name,
+                        BayerKey(camera));
   }
   return text + "pairing: {by: name}\ncalibration: truth/calibration.yaml\n";
 }
@@ -54,10 +48,8 @@ std::string ExposureTimesText(const std::vector<std::string>& frames,
   constexpr double kInterval = 0.2;  // s
   std::string text = known ? "# frame time_s exposure_ms\n" : "# frame time_s\n";
   for (size_t f = 0; f < frames.size(); ++f) {
-    fmt::format_to(
-        std::back_inserter(text), "{} {:.6f}", frames[f], kInterval * static_cast<double>(f + 1));
-    if (known) fmt::format_to(std::back_inserter(text), " {:.9g}", exposures[f].written);
-    text += '\n';
+    text += fmt::format("{} {:.6f}", frames[f], kInterval * static_cast<double>(f + 1));
+    text += known ? fmt::format(" {:.9g}\n", exposures[f].written) : "\n";
   }
   return text;
 }
@@ -68,11 +60,8 @@ std::string TrueExposuresCsv(const SimulationSpec& spec,
   std::string text = "frame,camera,exposure_ms\n";
   for (size_t c = 0; c < exposures.size(); ++c) {
     for (size_t f = 0; f < frames.size(); ++f) {
-      fmt::format_to(std::back_inserter(text),
-                     "{},{},{:.9g}\n",
-                     CsvCell(frames[f]),
-                     CsvCell(spec.cameras[c].name),
-                     exposures[c][f].exact);
+      const std::string frame = CsvCell(frames[f]), camera = CsvCell(spec.cameras[c].name);
+      text += fmt::format("{},{},{:.9g}\n", frame, camera, exposures[c][f].exact);
     }
   }
   return text;

@@ -6,11 +6,11 @@
 #include <string>
 #include <vector>
 
-#include "apps/simulate/simulation_spec.h"
+#include "apps/simulate/spec/simulation_spec.h"
 
 namespace plenocal::simulate {
 
-/// Of one image.
+/// The exposure of one image.
 struct Exposure {
   double written = 0;  ///< ms, as times.txt has it
   double exact = 0;    ///< ms

@@ -77,15 +77,6 @@ float WallSurface::Radiance(const Eigen::Vector3f& origin,
   return (paint + gloss) * Light(hit);
 }
 
-void WallSurface::Radiances(const RayBundle& rays,
-                            const Spread& spread,
-                            int,
-                            std::array<float, RayBundle::kMost>* radiances) const {
-  for (size_t i = 0; i < static_cast<size_t>(rays.count); ++i) {
-    (*radiances)[i] = Radiance({rays.x[i], rays.y[i], rays.z}, {rays.dx[i], rays.dy[i], 1}, spread);
-  }
-}
-
 std::pair<int, float> WallSurface::FaceOf(const Eigen::Vector3f& origin,
                                           const Eigen::Vector3f& direction) const {
   return {-1, Meet(origin, direction).distance};

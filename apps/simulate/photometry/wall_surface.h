@@ -3,8 +3,8 @@
 // A wall with a target on it, in the light of a lamp.
 #pragma once
 
-#include "apps/simulate/photometry/photometry_spec.h"
 #include "apps/simulate/scene/scene_surface.h"
+#include "apps/simulate/spec/photometry_spec.h"
 #include "apps/simulate/targets/target_surface.h"
 
 namespace plenocal::simulate {
@@ -20,10 +20,6 @@ class WallSurface : public Surface {
   [[nodiscard]] float Radiance(const Eigen::Vector3f& origin,
                                const Eigen::Vector3f& direction,
                                const Spread& spread) const override;
-  void Radiances(const RayBundle& rays,
-                 const Spread& spread,
-                 int face,
-                 std::array<float, RayBundle::kMost>* radiances) const override;
   [[nodiscard]] std::pair<int, float> FaceOf(const Eigen::Vector3f& origin,
                                              const Eigen::Vector3f& direction) const override;
 

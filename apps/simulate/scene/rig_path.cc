@@ -8,7 +8,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "apps/simulate/random.h"
+#include "apps/simulate/spec/random.h"
 
 namespace plenocal::simulate {
 namespace {
@@ -57,7 +57,7 @@ class HandShake {
   std::vector<Wave> translations_, rotations_;
 };
 
-/// R_world_rig of a rig that looks along a horizontal direction; its y axis points down.
+/// R_world_rig of a rig that faces a horizontal direction; its y axis points down.
 Eigen::Matrix3d LookAlong(const Eigen::Vector3d& direction) {
   const Eigen::Vector3d down = -Eigen::Vector3d::UnitZ();
   Eigen::Matrix3d R;
@@ -71,7 +71,7 @@ class ClosedCurve {
   ClosedCurve(double circumference, double straight)
       : straight_(straight), radius_((circumference - 2 * straight) / (2 * kPi)) {}
 
-  /// Pose at arc length `s`, m: at the curve, looking outwards.
+  /// Pose at arc length `s`, m: on the curve, facing outwards.
   [[nodiscard]] RigidTransform At(double s) const {
     const double half = straight_ + kPi * radius_;
     const double along = std::fmod(s, 2 * half);
@@ -96,7 +96,7 @@ class ClosedCurve {
   double straight_, radius_;  // m
 };
 
-std::string NameOf(size_t number) { return fmt::format("{:06}", number); }
+std::string InstantName(size_t number) { return fmt::format("{:06}", number); }
 
 double Circumference(const TrajectorySpec& spec) {
   const double segment = spec.segment * spec.speed;
@@ -125,7 +125,7 @@ RigPath LoopPath(const TrajectorySpec& spec, int seed) {
     T.R = T.R * ExpRotation(turning.At(time).cwiseProduct(largest_turn)) * shaken.R;
     T.t += shaken.t;
     if (spec.rotation) T.t.setZero();
-    path.instants.push_back({NameOf(i), time, Part::kBetween, false, T});
+    path.instants.push_back({InstantName(i), time, Part::kBetween, false, T});
   }
   return path;
 }
@@ -155,7 +155,7 @@ RigPath HandheldPath(const TrajectorySpec& spec, double nearest, double farthest
     if (!spec.no_turning) {
       T.R = T.R * ExpRotation(turning.At(time).cwiseProduct(largest_turn)) * shaken.R;
     }
-    path.instants.push_back({NameOf(number), time, Part::kStart, true, T});
+    path.instants.push_back({InstantName(number), time, Part::kStart, true, T});
   }
   return path;
 }
@@ -163,7 +163,7 @@ RigPath HandheldPath(const TrajectorySpec& spec, double nearest, double farthest
 RigPath GivenPath(const Trajectory& given) {
   RigPath path;
   for (size_t i = 0; i < given.Size(); ++i) {
-    path.instants.push_back({NameOf(i),
+    path.instants.push_back({InstantName(i),
                              given.times[i],
                              Part::kBetween,
                              false,

@@ -4,9 +4,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <iterator>
 
-#include "apps/simulate/random.h"
+#include "apps/simulate/spec/random.h"
 #include "calib/base/format_error.h"
 #include "calib/base/number_text.h"
 #include "calib/base/quoted_text.h"
@@ -15,25 +14,8 @@
 namespace plenocal::simulate {
 namespace {
 
-// Lines of a camera that both recordings and sessions have, with images.
-void AppendImages(const CameraSpec& camera, std::string* text) {
-  const auto out = std::back_inserter(*text);
-  fmt::format_to(out, "    images: {}/*.png\n", camera.name);
-  if (camera.IsPlenoptic()) fmt::format_to(out, "    white_images: {}_white/*.png\n", camera.name);
-  if (camera.sensor.bayer) fmt::format_to(out, "    bayer: {}\n", BayerName(*camera.sensor.bayer));
-}
-
-void AppendConfig(const CameraSpec& camera, std::string* text) {
-  for (size_t i = 0; i < camera.config.size(); ++i) {
-    fmt::format_to(std::back_inserter(*text),
-                   "    {}: {}\n",
-                   camera.model->config[i].name,
-                   YamlNumber(camera.config[i]));
-  }
-}
-
 // Standard deviation of a parameter's error in the given calibration.
-double SigmaOf(const CalibrationSigma& sigma, const CameraSpec& camera, const Param& param) {
+double FindSigma(const CalibrationSigma& sigma, const CameraSpec& camera, const Param& param) {
   const auto of_camera = sigma.parameters.find(camera.name);
   if (of_camera != sigma.parameters.end()) {
     const auto found = of_camera->second.find(std::string(param.name));
@@ -46,7 +28,7 @@ void Perturb(const SimulationSpec& spec, size_t c, CalibratedCamera* camera) {
   const CalibrationSigma& sigma = spec.scenery->calibration_sigma;
   Random random(spec.seed, "calibration", {c});
   for (size_t i = 0; i < camera->params.size(); ++i) {
-    const double s = SigmaOf(sigma, spec.cameras[c], camera->model->params[i]);
+    const double s = FindSigma(sigma, spec.cameras[c], camera->model->params[i]);
     camera->params[i] += random.Gaussian(s);
     const auto at = static_cast<Eigen::Index>(i);
     camera->covariance(at, at) = s * s;
@@ -59,28 +41,16 @@ void Perturb(const SimulationSpec& spec, size_t c, CalibratedCamera* camera) {
   camera->T_camera_rig = Exp(xi);
 }
 
-std::string PoseText(const RigidTransform& T, const char* separator) {
-  const Eigen::Quaterniond q(T.R);
-  std::string text;
-  for (const double value : {T.t.x(), T.t.y(), T.t.z(), q.x(), q.y(), q.z(), q.w()}) {
-    text += fmt::format("{}{:.12g}", separator, value + 0.0);
-  }
-  return text;
-}
-
 }  // namespace
 
 std::string RecordingYaml(const SimulationSpec& spec, bool points) {
   std::string text = "plenocal: 1\ncameras:\n";
   for (const CameraSpec& camera : spec.cameras) {
-    fmt::format_to(std::back_inserter(text), "  {}:\n", YamlText(camera.name));
-    if (points) {
-      fmt::format_to(std::back_inserter(text), "    tracks: tracks_{}.csv\n", camera.name);
-    } else {
-      AppendImages(camera, &text);
-    }
-    text += "    times: times.txt\n    exposure_unit: ms\n";
-    AppendConfig(camera, &text);
+    text += fmt::format("  {}:\n{}    times: times.txt\n    exposure_unit: ms\n{}",
+                        YamlText(camera.name),
+                        points ? fmt::format("    tracks: tracks_{}.csv\n", camera.name)
+                               : ImageKeys(camera, camera.IsPlenoptic()) + BayerKey(camera),
+                        ConfigKeys(camera));
   }
   return text + "pairing: {by: name}\ncalibration: calibration.yaml\n";
 }
@@ -93,20 +63,10 @@ std::string SceneSessionYaml(const SimulationSpec& spec,
   for (const std::string& distance : distances) text += "    - " + distance + "\n";
   text += "cameras:\n";
   for (const CameraSpec& camera : spec.cameras) {
-    fmt::format_to(std::back_inserter(text),
-                   "  {}:\n    model: {}\n",
-                   YamlText(camera.name),
-                   camera.model->name);
-    if (points) {
-      fmt::format_to(std::back_inserter(text),
-                     "    detections: tracks_{}.csv\n    image_size: [{}, {}]\n",
-                     camera.name,
-                     camera.image_size[0],
-                     camera.image_size[1]);
-    } else {
-      AppendImages(camera, &text);
-    }
-    AppendConfig(camera, &text);
+    text += ModelKeys(camera);
+    text += points ? DetectionKeys(camera, fmt::format("tracks_{}.csv", camera.name))
+                   : ImageKeys(camera, camera.IsPlenoptic()) + BayerKey(camera);
+    text += ConfigKeys(camera);
   }
   return text;
 }
@@ -115,17 +75,9 @@ std::string TimesText(const RigPath& path) {
   constexpr double kExposure = 5;  // ms
   std::string text = "# frame time_s exposure_ms\n";
   for (const RigInstant* instant : path.Used()) {
-    fmt::format_to(
-        std::back_inserter(text), "{} {:.6f} {}\n", instant->name, instant->time, kExposure);
+    text += fmt::format("{} {:.6f} {}\n", instant->name, instant->time, kExposure);
   }
   return text;
-}
-
-CalibrationRecord TrueRecord(const SimulationSpec& spec) {
-  CalibrationRecord record;
-  record.adjustment = AdjustmentRecord{.converged = true};
-  for (const CameraSpec& camera : spec.cameras) record.cameras.push_back(TrueCamera(camera));
-  return record;
 }
 
 CalibrationRecord GivenRecord(const SimulationSpec& spec) {
@@ -139,8 +91,13 @@ std::string TrajectoryText(const RigPath& path, const CameraSpec& camera, PathEx
   std::string text = "# time x y z qx qy qz qw\n";
   for (const RigInstant& instant : path.instants) {
     if (extent == PathExtent::kSegments && instant.part == Part::kBetween) continue;
+    const RigidTransform T = instant.T_world_rig * T_rig_camera;
+    const Eigen::Quaterniond q(T.R);
     text += fmt::format("{:.6f}", instant.time);
-    text += PoseText(instant.T_world_rig * T_rig_camera, " ") + "\n";
+    for (const double value : {T.t.x(), T.t.y(), T.t.z(), q.x(), q.y(), q.z(), q.w()}) {
+      text += fmt::format(" {:.12g}", value + 0.0);
+    }
+    text += '\n';
   }
   return text;
 }
@@ -156,8 +113,7 @@ std::string PathPosesCsv(const RigPath& path) {
 std::string PointsCsv(const std::vector<ScenePoint>& points) {
   std::string text = "marker,x,y,z\n";
   const auto add = [&](int number, const Eigen::Vector3d& p) {
-    fmt::format_to(
-        std::back_inserter(text), "{},{:.12g},{:.12g},{:.12g}\n", number, p.x(), p.y(), p.z());
+    text += fmt::format("{},{:.12g},{:.12g},{:.12g}\n", number, p.x(), p.y(), p.z());
   };
   for (const ScenePoint& point : points) {
     if (point.box) continue;
@@ -176,9 +132,9 @@ std::string MovingCsv(const std::vector<ScenePoint>& points) {
   std::string text = "marker,box\n";
   for (const ScenePoint& point : points) {
     if (!point.box) continue;
-    fmt::format_to(std::back_inserter(text), "{},{}\n", point.number, *point.box);
+    text += fmt::format("{},{}\n", point.number, *point.box);
     if (point.number_at_end && *point.number_at_end != point.number) {
-      fmt::format_to(std::back_inserter(text), "{},{}\n", *point.number_at_end, *point.box);
+      text += fmt::format("{},{}\n", *point.number_at_end, *point.box);
     }
   }
   return text;

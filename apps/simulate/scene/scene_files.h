@@ -20,8 +20,6 @@ std::string SceneSessionYaml(const SimulationSpec& spec,
 /// times.txt: a line "name time exposure_ms" for each used frame.
 std::string TimesText(const RigPath& path);
 
-/// The cameras as they are.
-CalibrationRecord TrueRecord(const SimulationSpec& spec);
 /// The cameras with errors of the specified standard deviations, which the record states.
 CalibrationRecord GivenRecord(const SimulationSpec& spec);
 

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "apps/simulate/random.h"
+#include "apps/simulate/spec/random.h"
 #include "calib/base/format_error.h"
 #include "calib/base/parallel.h"
 
@@ -35,7 +35,7 @@ std::optional<SightedPoint> SightPoint(const SimulationSpec& spec,
   return found;
 }
 
-// Of some points in view the one whose 1 / depth is nearest to a random one.
+// The point among some in view whose 1 / depth is nearest to a random one.
 ScenePoint DrawStillPoint(const SimulationSpec& spec,
                           const Observer& observer,
                           const std::vector<const RigInstant*>& used,
@@ -136,7 +136,7 @@ class TrackSpans {
   std::vector<double> changes_;  // frames
 };
 
-// What one camera sees in one frame; exact, observations grouped by point.
+// The exact observations of one camera in one frame, grouped by point.
 struct ExactView {
   std::vector<size_t> points;
   std::vector<std::vector<Observation>> observations;
@@ -204,10 +204,7 @@ class Tracker {
       }
       for (Observation observation : exact.observations[source]) {
         observation.marker = exact.observations[i].front().marker;
-        for (size_t k = 0; k < camera.model->measured.size(); ++k) {
-          observation.values[k] += random.Gaussian(camera.detection_sigma);
-        }
-        observation.detector_sigma = camera.detection_sigma;
+        AddNoise(camera, &random, &observation);
         view.observations.push_back(observation);
       }
     }

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// The points of a simulated scene and their tracks in the cameras.
 #pragma once
 
-#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -27,7 +28,7 @@ std::vector<ScenePoint> DrawPoints(const SimulationSpec& spec,
                                    const RigPath& path,
                                    const SimulatedScene& scene);
 
-/// What one camera sees of the points.
+/// The tracks of one camera.
 struct CameraTracks {
   std::vector<View> views;  ///< of the used frames, with noise
   /// Frame and marker of the observations that are another point's.

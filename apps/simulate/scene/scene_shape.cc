@@ -6,7 +6,7 @@
 #include <limits>
 #include <numbers>
 
-#include "apps/simulate/random.h"
+#include "apps/simulate/spec/random.h"
 
 namespace plenocal::simulate {
 namespace {
@@ -162,7 +162,7 @@ std::optional<SurfaceHit> SceneShape::Cast(const Eigen::Vector3d& origin,
 }
 
 bool SceneShape::Hides(const Eigen::Vector3d& point, const Eigen::Vector3d& viewer) const {
-  // Of the distance: a surface does not hide its own points.
+  // Share of the distance: a surface does not hide its own points.
   constexpr double kRounding = 1e-7;
   const Eigen::Vector3d sight = point - viewer;
   for (const Wall& wall : walls) {

@@ -7,9 +7,9 @@
 #include <optional>
 #include <vector>
 
-#include "apps/simulate/observer.h"
-#include "apps/simulate/random.h"
+#include "apps/simulate/render/observer.h"
 #include "apps/simulate/scene/rig_path.h"
+#include "apps/simulate/spec/random.h"
 
 namespace plenocal::simulate {
 
@@ -24,7 +24,7 @@ struct Box {
   Eigen::Vector3d half{0, 0, 0};  ///< m, half of its edges
 };
 
-/// A box that moves and turns about the vertical steadily.
+/// A box that moves and rotates about the vertical steadily.
 struct MovingBox {
   Box box;                            ///< at `time`
   double time = 0;                    ///< s
@@ -50,7 +50,7 @@ class SceneShape {
   /// The nearest surface from a point in the room; nothing outside of it.
   [[nodiscard]] std::optional<SurfaceHit> Cast(const Eigen::Vector3d& origin,
                                                const Eigen::Vector3d& direction) const;
-  /// Whether a point on a surface is hidden from `viewer` by a box or lies outside the room.
+  /// True where a point on a surface is hidden from `viewer` by a box or lies outside the room.
   [[nodiscard]] bool Hides(const Eigen::Vector3d& point, const Eigen::Vector3d& viewer) const;
 };
 
@@ -60,7 +60,7 @@ class SimulatedScene {
   /// from the seed of `spec`.
   SimulatedScene(const SimulationSpec& spec, const Observer& observer, const RigPath& path);
 
-  /// What stands still.
+  /// The room and the boxes that stand still.
   [[nodiscard]] const SceneShape& Still() const { return still_; }
   [[nodiscard]] const std::vector<MovingBox>& Moving() const { return moving_; }
   /// All that is within `reach` (m) of `viewer` at a time.

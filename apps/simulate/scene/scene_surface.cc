@@ -6,7 +6,7 @@
 #include <limits>
 #include <opencv2/imgproc.hpp>
 
-#include "apps/simulate/random.h"
+#include "apps/simulate/spec/random.h"
 
 namespace plenocal::simulate {
 namespace {
@@ -41,7 +41,7 @@ double PixelAngle(const CameraSpec& camera, const Observer& observer, size_t c) 
 }
 
 // Two directions across `normal`, as rows, then the normal.
-Eigen::Matrix3d AxesOf(const Eigen::Vector3d& normal) {
+Eigen::Matrix3d MakeAxes(const Eigen::Vector3d& normal) {
   const Eigen::Vector3d aside =
       std::abs(normal.z()) < 0.9 ? Eigen::Vector3d::UnitZ() : Eigen::Vector3d::UnitX();
   Eigen::Matrix3d axes;
@@ -81,7 +81,7 @@ float SceneTexture::Sample(int level, float u, float v) const {
 }
 
 float SceneTexture::At(float u, float v, float width) const {
-  // A second, turned and coarser reading of the tile hides the period of the first.
+  // A second sample of the tile, rotated and coarser, hides the period of the first.
   constexpr float kCos = 0.8f, kSin = 0.6f, kCoarser = 1.3719f;
   int level = 0;
   float texel = texel_;
@@ -106,7 +106,7 @@ PosedScene::PosedScene(const SceneShape& shape,
                        const SceneTexture& texture)
     : texture_(texture), walls_(shape.walls.size()) {
   for (const Wall& wall : shape.walls) {
-    AddFace(AxesOf(wall.normal), wall.offset * wall.normal, T_camera_world);
+    AddFace(MakeAxes(wall.normal), wall.offset * wall.normal, T_camera_world);
   }
   for (const Box& box : shape.boxes) {
     const RigidTransform T_camera_box = T_camera_world * box.T_world_box;
@@ -119,7 +119,7 @@ PosedScene::PosedScene(const SceneShape& shape,
     for (int axis = 0; axis < 3; ++axis) {
       for (const double side : {-1.0, 1.0}) {
         const Eigen::Vector3d normal = side * Eigen::Vector3d::Unit(axis);
-        AddFace(AxesOf(normal), box.half[axis] * normal, T_camera_box);
+        AddFace(MakeAxes(normal), box.half[axis] * normal, T_camera_box);
       }
     }
   }
@@ -198,14 +198,10 @@ void PosedScene::Radiances(const RayBundle& rays,
                            const Spread& spread,
                            int face_index,
                            std::array<float, RayBundle::kMost>* radiances) const {
+  if (face_index < 0) return Surface::Radiances(rays, spread, face_index, radiances);
+  const Face& face = faces_[static_cast<size_t>(face_index)];
   for (size_t k = 0; k < static_cast<size_t>(rays.count); ++k) {
-    const Eigen::Vector3f origin(rays.x[k], rays.y[k], rays.z);
-    const Eigen::Vector3f direction(rays.dx[k], rays.dy[k], 1);
-    if (face_index < 0) {
-      (*radiances)[k] = Radiance(origin, direction, spread);
-      continue;
-    }
-    const Face& face = faces_[static_cast<size_t>(face_index)];
+    const Eigen::Vector3f origin = rays.Origin(k), direction = rays.Direction(k);
     const float distance = (face.offset - face.normal.dot(origin)) / face.normal.dot(direction);
     (*radiances)[k] = Brightness(face, origin + distance * direction, spread, distance);
   }

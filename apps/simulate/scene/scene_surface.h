@@ -6,8 +6,8 @@
 #include <opencv2/core/mat.hpp>
 #include <vector>
 
+#include "apps/simulate/render/surface.h"
 #include "apps/simulate/scene/scene_shape.h"
-#include "apps/simulate/surface.h"
 
 namespace plenocal::simulate {
 

@@ -4,17 +4,13 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <iterator>
 #include <limits>
-#include <memory>
 
-#include "apps/simulate/image_set.h"
-#include "apps/simulate/provenance.h"
-#include "apps/simulate/random.h"
+#include "apps/simulate/render/image_set.h"
 #include "apps/simulate/scene/scene_files.h"
 #include "apps/simulate/scene/scene_points.h"
 #include "apps/simulate/scene/scene_surface.h"
-#include "apps/simulate/sensor.h"
-#include "calib/base/error.h"
 #include "calib/base/number_text.h"
 #include "calib/files/calibration_file.h"
 #include "calib/files/detections.h"
@@ -51,7 +47,7 @@ void WriteCommon(const Staging& staging,
     out->Write(file, lenses);
     out->Write("truth/" + file, lenses);
   }
-  truth.provenance = SimulationProvenance(request, program, kTrueParameters);
+  truth.provenance = SimulationProvenance(request, program);
   given.provenance = SimulationProvenance(
       request, program, "the parameters are true but for errors of the stated sigmas");
   out->Write("truth/calibration.yaml", CalibrationYaml(truth));
@@ -67,7 +63,7 @@ void WriteCommon(const Staging& staging,
   }
 }
 
-std::string SummaryOf(const std::string& camera, const CameraTracks& tracks) {
+std::string Summarise(const std::string& camera, const CameraTracks& tracks) {
   size_t observations = 0;
   for (const int count : tracks.observed) observations += static_cast<size_t>(count);
   const auto points = std::ranges::count_if(tracks.observed, [](int count) { return count > 0; });
@@ -80,13 +76,10 @@ std::string SummaryOf(const std::string& camera, const CameraTracks& tracks) {
                      mean);
 }
 
-using SceneProgress =
-    std::function<void(const std::string& stage, std::size_t done, std::size_t total)>;
-
 // Writes tracks and true points; returns a summary and the session.
 std::string WriteTracks(const Staging& staging,
                         int threads,
-                        const SceneProgress& progress,
+                        const Progress& progress,
                         OutputFolder* out) {
   const auto& [spec, observer, path, scene] = staging;
   const std::vector<ScenePoint> points = DrawPoints(spec, observer, path, scene);
@@ -100,7 +93,7 @@ std::string WriteTracks(const Staging& staging,
                DetectionsCsv(tracks.views, *camera.model));
     out->Write(fmt::format("truth/wrong_matches_{}.csv", camera.name), WrongMatchesCsv(tracks));
     for (size_t i = 0; i < points.size(); ++i) observed[i] += tracks.observed[i];
-    summary += SummaryOf(camera.name, tracks);
+    summary += Summarise(camera.name, tracks);
   }
   out->Write("truth/points.csv", PointsCsv(points));
   out->Write("truth/moving.csv", MovingCsv(points));
@@ -108,58 +101,40 @@ std::string WriteTracks(const Staging& staging,
   return summary;
 }
 
-cv::Mat TakeSceneImage(const Staging& staging,
-                       const SceneTexture& texture,
-                       const Renderer& renderer,
-                       size_t c,
-                       const RigInstant& instant,
-                       size_t frame) {
-  const CameraSpec& camera = staging.spec.cameras[c];
-  const RigidTransform T_camera_world = camera.T_camera_rig * instant.T_world_rig.Inverse();
-  const Eigen::Vector3d viewer = T_camera_world.Inverse().t;
-  const double everywhere = std::numeric_limits<double>::infinity();
-  const PosedScene posed(
-      staging.scene.At(instant.time, viewer, everywhere), T_camera_world, texture);
-  Random random(staging.spec.seed, "image", {c, frame});
-  const std::uint64_t sampling =
-      static_cast<std::uint64_t>(staging.spec.seed) * 1000003 + c * 65537 + frame;
-  return Expose(renderer.Render(posed, sampling), camera.sensor, &random);
-}
-
 // Writes images and white images of all cameras; returns a summary.
 std::string WriteSceneImages(const Staging& staging,
                              const SimulateRequest& request,
                              int threads,
-                             const SceneProgress& progress,
+                             const Progress& progress,
                              OutputFolder* out) {
   const auto& [spec, observer, path, scene] = staging;
   progress("optics", 0, 1);
   const SceneTexture texture = MakeSceneTexture(spec, observer);
   const std::vector<const RigInstant*> used = path.Used();
-  std::vector<std::unique_ptr<Renderer>> renderers;
+  std::vector<std::string> frames;
+  for (const RigInstant* instant : used) frames.push_back(instant->name);
+  const Renderers renderers = MakeRenderers(spec, observer, threads);
   std::vector<ImageTask> images;
   std::string summary;
-  for (size_t c = 0; c < spec.cameras.size(); ++c) {
+  for (size_t c = 0; c < renderers.size(); ++c) {
     const CameraSpec& camera = spec.cameras[c];
-    renderers.push_back(MakeRenderer(camera, observer.Optics(c), spec.seed, threads));
-    const Renderer& renderer = *renderers.back();
-    for (size_t f = 0; f < used.size(); ++f) {
-      images.push_back({fmt::format("{}/{}.png", camera.name, used[f]->name), [&, c, f] {
-                          return TakeSceneImage(staging, texture, renderer, c, *used[f], f);
-                        }});
-    }
-    for (size_t i = 0; camera.IsPlenoptic() && i < static_cast<size_t>(spec.white_images); ++i) {
-      images.push_back({fmt::format("{}_white/white_{:02}.png", camera.name, i), [&, c, i] {
-                          return TakeWhite(renderer, camera, staging.spec.seed, c, i);
-                        }});
-    }
+    const auto light = [&, c](size_t frame) {
+      const RigInstant& instant = *used[frame];
+      const RigidTransform T_camera_world = camera.T_camera_rig * instant.T_world_rig.Inverse();
+      const SceneShape everything = staging.scene.At(
+          instant.time, T_camera_world.Inverse().t, std::numeric_limits<double>::infinity());
+      return renderers[c]->Render(PosedScene(everything, T_camera_world, texture),
+                                  SamplingSeed(staging.spec, c, frame));
+    };
+    std::ranges::move(
+        ListCameraImages(
+            spec, c, *renderers[c], frames, light, camera.IsPlenoptic() ? spec.white_images : 0),
+        std::back_inserter(images));
     out->Write(fmt::format("truth/vignetting_{}.tiff", camera.name),
-               EncodeImage(".tiff", renderer.White()));
+               EncodeImage(".tiff", renderers[c]->White()));
     summary += fmt::format("{}: {}\n", camera.name, Counted(used.size(), "image"));
   }
-  RefuseOtherImages(images, request.out);
-  WriteImages(
-      images, threads, [&](size_t done, size_t total) { progress("images", done, total); }, out);
+  WriteImages(std::move(images), request.out, threads, progress, out);
   out->Write("session.yaml", SceneSessionYaml(spec, false, {}));
   return summary;
 }
@@ -169,7 +144,7 @@ std::string WriteSceneImages(const Staging& staging,
 std::string SimulateScene(const SimulationSpec& spec,
                           const SimulateRequest& request,
                           const SimulateOptions& options,
-                          const SceneProgress& progress) {
+                          const Progress& progress) {
   OutputFolder out(request.out);
   out.RefuseInputs({"session.yaml", "recording.yaml", "calibration.yaml"});
   progress("scene", 0, 1);

@@ -3,43 +3,37 @@
 
 #include <fmt/format.h>
 
-#include <utility>
-
 #include "calib/base/quoted_text.h"
-#include "calib/estimate/calibrate.h"
+#include "calib/start/input.h"
 
 namespace plenocal::simulate {
 namespace {
 
 // Each target has errors of its own.
-int SeedOf(const SimulationSpec& spec, size_t index) {
+int TargetSeed(const SimulationSpec& spec, size_t index) {
   constexpr int kStep = 7919;
   return spec.seed + kStep * static_cast<int>(index);
 }
 
 }  // namespace
 
-std::vector<TargetInRoom> MakeTargets(const SimulationSpec& spec, TagErrors tag_errors) {
+std::vector<TargetInRoom> MakeTargets(const SimulationSpec& spec) {
+  const TagErrors tag_errors = spec.rigid_tags ? TagErrors::kRigid : TagErrors::kCorners;
   std::vector<TargetInRoom> targets;
   for (const TargetSpec& each : spec.targets) {
-    TargetInRoom& target = targets.emplace_back();
-    target.name = each.name;
-    target.target = ReadTarget(each.file);
-    target.T_target_own = each.T_target_own;
-  }
-  for (size_t k = 0; k < targets.size(); ++k) {
-    const Target& stated = targets[k].target;
-    targets[k].made = MakeTarget(stated,
-                                 spec.target_error.value_or(stated.tolerance.value_or(0)),
-                                 tag_errors,
-                                 SeedOf(spec, k));
+    const Target stated = ReadTarget(each.file);
+    const double error = spec.target_error.value_or(stated.tolerance.value_or(0));
+    targets.push_back({each.name,
+                       stated,
+                       MakeTarget(stated, error, tag_errors, TargetSeed(spec, targets.size())),
+                       each.T_target_own});
   }
   return targets;
 }
 
 TrueTarget InFrameOfFirst(const TargetInRoom& target, size_t index) {
+  if (target.IsOnlyOne()) return target.made;
   TrueTarget moved;
-  moved.nominal = &target.target;
   const int first = static_cast<int>(index) * kMarkersPerTarget;
   for (const auto& [number, position] : target.made.markers) {
     moved.markers[first + number] = target.T_target_own * position;
@@ -59,6 +53,7 @@ TrueTarget Together(const std::vector<TargetInRoom>& targets) {
 }
 
 Target StatedTogether(const std::vector<TargetInRoom>& targets) {
+  if (targets[0].IsOnlyOne()) return targets[0].target;
   std::string markers;
   for (size_t k = 0; k < targets.size(); ++k) {
     for (const auto& [number, position] : targets[k].target.markers) {
@@ -73,7 +68,7 @@ Target StatedTogether(const std::vector<TargetInRoom>& targets) {
   return ReadTarget(YamlNode::Parse("plenocal: 1\ntype: markers\nmarkers:\n" + markers, "targets"));
 }
 
-TargetSurface SurfaceOf(const std::vector<TargetInRoom>& targets, int seed) {
+TargetSurface JoinSurfaces(const std::vector<TargetInRoom>& targets, int seed) {
   TargetSurface all(NominalTarget(targets[0].target), targets[0].made, seed);
   for (size_t k = 1; k < targets.size(); ++k) {
     all.Append(TargetSurface(NominalTarget(targets[k].target), targets[k].made, seed),
@@ -83,6 +78,7 @@ TargetSurface SurfaceOf(const std::vector<TargetInRoom>& targets, int seed) {
 }
 
 std::string TargetsOfSession(const std::vector<TargetInRoom>& targets) {
+  if (targets[0].IsOnlyOne()) return fmt::format("target: {}\n", TargetFile(targets[0]));
   std::string text = "targets:\n";
   for (const TargetInRoom& target : targets) {
     text += fmt::format("  {}: {}\n", YamlText(target.name), TargetFile(target));
@@ -91,7 +87,7 @@ std::string TargetsOfSession(const std::vector<TargetInRoom>& targets) {
 }
 
 std::string TargetFile(const TargetInRoom& target) {
-  return fmt::format("target_{}.yaml", target.name);
+  return target.IsOnlyOne() ? "target.yaml" : fmt::format("target_{}.yaml", target.name);
 }
 
 }  // namespace plenocal::simulate

@@ -9,8 +9,9 @@
 #include <opencv2/imgproc.hpp>
 #include <utility>
 
+#include "apps/charts/cairo_handles.h"
 #include "apps/charts/cairo_path.h"
-#include "apps/simulate/random.h"
+#include "apps/simulate/spec/random.h"
 #include "calib/base/format_error.h"
 #include "targets/tags/quad.h"
 
@@ -53,9 +54,9 @@ cv::Mat Spots(cv::Size size, double spot, int seed, size_t index) {
 }
 
 // A frame with its x axis along a - o and b in its plane.
-RigidTransform FrameOf(const Eigen::Vector3d& o,
-                       const Eigen::Vector3d& a,
-                       const Eigen::Vector3d& b) {
+RigidTransform MakeFrame(const Eigen::Vector3d& o,
+                         const Eigen::Vector3d& a,
+                         const Eigen::Vector3d& b) {
   RigidTransform T;
   T.R.col(0) = (a - o).normalized();
   T.R.col(2) = T.R.col(0).cross(b - o).normalized();
@@ -76,7 +77,7 @@ Eigen::AlignedBox2d PictureBox(const TargetPart& part) {
 }
 
 // Size of a texel of the picture, m.
-double TexelOf(const TargetPart& part, const Eigen::AlignedBox2d& box) {
+double ChooseTexel(const TargetPart& part, const Eigen::AlignedBox2d& box) {
   constexpr double kTexels = 96;        // across the finest shape: several a pixel in close views
   constexpr double kMostTexels = 6000;  // along a side
   return std::max(part.finest / kTexels, box.sizes().maxCoeff() / kMostTexels);
@@ -128,7 +129,7 @@ TargetSurface::TargetSurface(const Target& nominal, const TrueTarget& made, int 
 
 void TargetSurface::Draw(const TargetPart& part, int seed, Board* board) {
   const Eigen::AlignedBox2d box = PictureBox(part);
-  const double texel = TexelOf(part, box);
+  const double texel = ChooseTexel(part, box);
   constexpr int kMultiple = 1 << (kLevels - 1);
   const auto whole = [&](double length) {
     return (static_cast<int>(std::ceil(length / texel)) + kMultiple) / kMultiple * kMultiple;
@@ -165,12 +166,23 @@ void TargetSurface::Draw(const TargetPart& part, int seed, Board* board) {
                          cv::Scalar(-1));
 }
 
+template <typename Choose>
+void TargetSurface::Board::ChooseMaps(const Choose& choose) {
+  for (int y = 0; y < which.rows; ++y) {
+    for (int x = 0; x < which.cols; ++x) {
+      const Eigen::Vector2d at(corner.x() + (x + 0.5) * which_cell,
+                               corner.y() + (y + 0.5) * which_cell);
+      which.at<std::int32_t>(y, x) = static_cast<std::int32_t>(choose(at));
+    }
+  }
+}
+
 void TargetSurface::MapTags(const TargetPart& part, const TrueTarget& made, Board* board) {
   for (const DrawnTag& tag : part.tags) {
     std::array<Eigen::Vector3d, 4> corners;
     for (int k = 0; k < 4; ++k) corners[static_cast<size_t>(k)] = made.markers.at(4 * tag.id + k);
     Board::Map map;
-    map.T_target_plane = FrameOf(corners[0], corners[1], corners[3]);
+    map.T_target_plane = MakeFrame(corners[0], corners[1], corners[3]);
     const RigidTransform T_plane_target = map.T_target_plane.Inverse();
     internal::Quad seen, drawn;
     for (size_t k = 0; k < 4; ++k) {
@@ -219,7 +231,7 @@ void TargetSurface::MapSquares(const SquareGrid& grid,
         const Eigen::Vector3d o = is(column + at, row + at), a = is(column + to, row + at),
                               b = is(column + at, row + to);
         Board::Map map;
-        map.T_target_plane = FrameOf(o, a, b);
+        map.T_target_plane = MakeFrame(o, a, b);
         const RigidTransform T_plane_target = map.T_target_plane.Inverse();
         Eigen::Matrix3d plane, picture;
         plane << (T_plane_target * o).head<2>().homogeneous(),
@@ -232,17 +244,13 @@ void TargetSurface::MapSquares(const SquareGrid& grid,
       }
     }
   }
-  for (int y = 0; y < board->which.rows; ++y) {
-    for (int x = 0; x < board->which.cols; ++x) {
-      const double u = (board->corner.x() + (x + 0.5) * board->which_cell - first) / square;
-      const double v = (board->corner.y() + (y + 0.5) * board->which_cell - first) / square;
-      const int column = std::clamp(static_cast<int>(std::floor(u)), -1, columns - 1);
-      const int row = std::clamp(static_cast<int>(std::floor(v)), -1, rows - 1);
-      const int half = (u - column) + (v - row) > 1 ? 1 : 0;
-      board->which.at<std::int32_t>(y, x) =
-          static_cast<std::int32_t>(2 * ((row + 1) * across + column + 1) + half);
-    }
-  }
+  board->ChooseMaps([&](const Eigen::Vector2d& at) {
+    const double u = (at.x() - first) / square, v = (at.y() - first) / square;
+    const int column = std::clamp(static_cast<int>(std::floor(u)), -1, columns - 1);
+    const int row = std::clamp(static_cast<int>(std::floor(v)), -1, rows - 1);
+    const int half = (u - column) + (v - row) > 1 ? 1 : 0;
+    return 2 * ((row + 1) * across + column + 1) + half;
+  });
 }
 
 void TargetSurface::MapDiscs(const TargetPart& part,
@@ -256,17 +264,12 @@ void TargetSurface::MapDiscs(const TargetPart& part,
                            .picture_by_plane = Eigen::Matrix3d::Identity()});
     centres.push_back(disc.centre);
   }
-  for (int y = 0; y < board->which.rows; ++y) {
-    for (int x = 0; x < board->which.cols; ++x) {
-      const Eigen::Vector2d at(board->corner.x() + (x + 0.5) * board->which_cell,
-                               board->corner.y() + (y + 0.5) * board->which_cell);
-      const auto nearest =
-          std::min_element(centres.begin(), centres.end(), [&](const auto& a, const auto& b) {
-            return (a - at).squaredNorm() < (b - at).squaredNorm();
-          });
-      board->which.at<std::int32_t>(y, x) = static_cast<std::int32_t>(nearest - centres.begin());
-    }
-  }
+  board->ChooseMaps([&](const Eigen::Vector2d& at) {
+    const auto distance = [&](const Eigen::Vector2d& centre) {
+      return (centre - at).squaredNorm();
+    };
+    return std::ranges::min_element(centres, {}, distance) - centres.begin();
+  });
 }
 
 void TargetSurface::Append(const TargetSurface& other, const RigidTransform& T_this_other) {
@@ -364,7 +367,7 @@ float PosedSurface::Radiance(const Eigen::Vector3f& origin,
   // z of a part points away from the viewer.
   if (hit.board->own.normal.dot(direction) < 0) return kBack;
   const TargetSurface::Board& board = *hit.board->of;
-  // The shapes are beside their nominal places, so the shape met is known once its map was tried.
+  // The shapes are beside their nominal positions: only the map of a shape shows whether it is met.
   constexpr int kTries = 3;
   Eigen::Vector2f at = hit.at;
   int map = -1;
@@ -382,18 +385,13 @@ void PosedSurface::Radiances(const RayBundle& rays,
                              const Spread& spread,
                              int board_index,
                              std::array<float, RayBundle::kMost>* radiances) const {
-  const auto one = [&](int i) {
-    const auto k = static_cast<size_t>(i);
-    return Radiance({rays.x[k], rays.y[k], rays.z}, {rays.dx[k], rays.dy[k], 1}, spread);
-  };
   if (board_index < 0 || rays.count == 0) {
-    for (int i = 0; i < rays.count; ++i) (*radiances)[static_cast<size_t>(i)] = one(i);
-    return;
+    return Surface::Radiances(rays, spread, board_index, radiances);
   }
   const Board& posed = boards_[static_cast<size_t>(board_index)];
   const TargetSurface::Board& board = *posed.of;
-  // What the first ray meets, most others meet too.
-  const Eigen::Vector3f origin(rays.x[0], rays.y[0], rays.z), direction(rays.dx[0], rays.dy[0], 1);
+  // Most rays meet the shape that the first one meets.
+  const Eigen::Vector3f origin = rays.Origin(0), direction = rays.Direction(0);
   const float distance = Distance(posed.own, origin, direction);
   const Eigen::Vector2f first = InPicture(posed.own, origin + distance * direction) - board.corner;
   const int map = MapAt(board, first.x(), first.y());
@@ -413,9 +411,10 @@ void PosedSurface::Radiances(const RayBundle& rays,
     u[i] = (M(0, 0) * x + M(0, 1) * y + M(0, 2) * z + M(0, 3)) * h - board.corner.x();
     v[i] = (M(1, 0) * x + M(1, 1) * y + M(1, 2) * z + M(1, 3)) * h - board.corner.y();
   }
-  for (int i = 0; i < rays.count; ++i) {
-    const auto k = static_cast<size_t>(i);
-    (*radiances)[k] = MapAt(board, u[k], v[k]) == map ? Sample(board, level, u[k], v[k]) : one(i);
+  for (size_t i = 0; i < static_cast<size_t>(rays.count); ++i) {
+    (*radiances)[i] = MapAt(board, u[i], v[i]) == map
+                          ? Sample(board, level, u[i], v[i])
+                          : Radiance(rays.Origin(i), rays.Direction(i), spread);
   }
 }
 

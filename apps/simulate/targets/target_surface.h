@@ -10,13 +10,12 @@
 
 #include <Eigen/Core>
 #include <array>
-#include <cstdint>
 #include <opencv2/core/mat.hpp>
 #include <utility>
 #include <vector>
 
-#include "apps/simulate/observer.h"
-#include "apps/simulate/surface.h"
+#include "apps/simulate/render/observer.h"
+#include "apps/simulate/render/surface.h"
 #include "targets/target_drawing.h"
 
 namespace plenocal::simulate {
@@ -52,6 +51,10 @@ class TargetSurface {
       Eigen::Matrix3d picture_by_plane;
     };
     std::vector<Map> maps;  // true positions of the shapes
+
+    // Sets the map of each cell: choose(position in the picture, m).
+    template <typename Choose>
+    void ChooseMaps(const Choose& choose);
   };
   void Draw(const TargetPart& part, int seed, Board* board);
   static void MapTags(const TargetPart& part, const TrueTarget& made, Board* board);

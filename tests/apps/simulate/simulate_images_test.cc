@@ -7,9 +7,9 @@
 #include <numeric>
 #include <opencv2/core.hpp>
 
-#include "apps/simulate/observer.h"
-#include "apps/simulate/renderer.h"
-#include "apps/simulate/sensor.h"
+#include "apps/simulate/render/observer.h"
+#include "apps/simulate/render/renderer.h"
+#include "apps/simulate/render/sensor.h"
 #include "apps/simulate/targets/target_surface.h"
 #include "models/registry.h"
 

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// The interface between what a camera sees and the renderers: brightness along rays.
 #pragma once
 
 #include <Eigen/Core>
@@ -18,9 +20,12 @@ struct RayBundle {
   int count = 0;
   float z = 0;
   std::array<float, kMost> x, y, dx, dy;
+
+  [[nodiscard]] Eigen::Vector3f Origin(size_t i) const { return {x[i], y[i], z}; }
+  [[nodiscard]] Eigen::Vector3f Direction(size_t i) const { return {dx[i], dy[i], 1}; }
 };
 
-/// What a camera looks at, in its frame: the brightness along rays.
+/// The surfaces before a camera, in its frame: the brightness along rays.
 class Surface {
  public:
   virtual ~Surface() = default;
@@ -30,11 +35,15 @@ class Surface {
                                        const Eigen::Vector3f& direction,
                                        const Spread& spread) const = 0;
   /// The radiances of a whole bundle. `face`: that of all rays around these by `FaceOf`, or -1;
-  /// rays of one face are much faster.
+  /// surfaces with faces take much less time for rays of one of them.
   virtual void Radiances(const RayBundle& rays,
                          const Spread& spread,
-                         int face,
-                         std::array<float, RayBundle::kMost>* radiances) const = 0;
+                         int /*face*/,
+                         std::array<float, RayBundle::kMost>* radiances) const {
+    for (size_t i = 0; i < static_cast<size_t>(rays.count); ++i) {
+      (*radiances)[i] = Radiance(rays.Origin(i), rays.Direction(i), spread);
+    }
+  }
   /// The flat face that a ray meets, -1: none; and how far from the origin, in lengths of
   /// `direction`.
   [[nodiscard]] virtual std::pair<int, float> FaceOf(const Eigen::Vector3f& origin,

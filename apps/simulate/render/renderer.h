@@ -1,13 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Renderers of ordinary and plenoptic cameras: the light on each pixel of the sensor.
 #pragma once
 
 #include <cstdint>
 #include <memory>
 #include <opencv2/core/mat.hpp>
 
-#include "apps/simulate/micro_lens_optics.h"
-#include "apps/simulate/simulation_spec.h"
-#include "apps/simulate/surface.h"
+#include "apps/simulate/render/micro_lens_optics.h"
+#include "apps/simulate/render/surface.h"
+#include "apps/simulate/spec/simulation_spec.h"
 
 namespace plenocal::simulate {
 
@@ -32,11 +34,5 @@ std::unique_ptr<Renderer> MakePlenopticRenderer(const CameraSpec& camera,
                                                 const MicroLensOptics& optics,
                                                 int seed,
                                                 int threads);
-
-/// The renderer that suits the camera; `optics`: null for an ordinary one.
-std::unique_ptr<Renderer> MakeRenderer(const CameraSpec& camera,
-                                       const MicroLensOptics* optics,
-                                       int seed,
-                                       int threads);
 
 }  // namespace plenocal::simulate

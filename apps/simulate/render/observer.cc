@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "apps/simulate/observer.h"
+#include "apps/simulate/render/observer.h"
 
 #include <Eigen/Geometry>
 #include <Eigen/LU>
@@ -8,7 +8,6 @@
 #include <set>
 #include <variant>
 
-#include "apps/simulate/random.h"
 #include "calib/camera/lens_lattice.h"
 
 namespace plenocal::simulate {
@@ -25,7 +24,7 @@ Eigen::Vector3d Normal(const Corners& corners) {
   return (corners[2] - corners[0]).cross(corners[3] - corners[1]).normalized();
 }
 
-// Of the twelve errors of a tag's coordinates some would change its shape. They are taken out; the
+// Some of the twelve errors of a tag's coordinates would change its shape. They are taken out; the
 // others are made larger, so that the coordinates keep their variance.
 Corners KeepFlat(const Corners& nominal, Corners errors) {
   const Eigen::Vector3d normal = Normal(nominal);
@@ -67,7 +66,7 @@ Corners KeepShape(const Corners& nominal, const Corners& errors) {
 }  // namespace
 
 TrueTarget MakeTarget(const Target& nominal, double sigma, TagErrors tag_errors, int seed) {
-  TrueTarget target{.nominal = &nominal, .markers = nominal.markers, .normals = {}};
+  TrueTarget target{.markers = nominal.markers, .normals = {}};
   Random random(seed, "target");
   for (auto& [number, position] : target.markers) {
     for (int i = 0; i < 3; ++i) position[i] += random.Gaussian(sigma);
@@ -136,6 +135,13 @@ std::optional<Ray> Observer::CentralRay(std::size_t c, const Eigen::Vector2d& u)
   if (optics_[c]) return optics_[c]->RayThrough(u, u);
   const CameraSpec& camera = spec_.cameras[c];
   return camera.model->unproject(camera.params.data(), camera.config.data(), u.data());
+}
+
+void AddNoise(const CameraSpec& camera, Random* random, Observation* observation) {
+  for (size_t i = 0; i < camera.model->measured.size(); ++i) {
+    observation->values[i] += random->Gaussian(camera.detection_sigma);
+  }
+  observation->detector_sigma = camera.detection_sigma;
 }
 
 int CountMarkers(const std::vector<Observation>& observations) {

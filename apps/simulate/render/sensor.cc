@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "apps/simulate/sensor.h"
+#include "apps/simulate/render/sensor.h"
 
 #include <algorithm>
 #include <cmath>

@@ -8,11 +8,12 @@
 #include <optional>
 #include <span>
 #include <string>
-#include <utility>
+#include <string_view>
 #include <vector>
 
-#include "apps/simulate/photometry/photometry_spec.h"
-#include "apps/simulate/scene/scene_spec.h"
+#include "apps/simulate/spec/photometry_spec.h"
+#include "apps/simulate/spec/request.h"
+#include "apps/simulate/spec/scene_spec.h"
 #include "calib/camera/bayer.h"
 #include "calib/camera/camera_model.h"
 #include "calib/camera/lens_lattice.h"
@@ -70,9 +71,8 @@ struct CameraSpec {
   [[nodiscard]] bool IsPlenoptic() const { return model->plenoptic; }
 };
 
-/// One of several targets.
 struct TargetSpec {
-  std::string name;
+  std::string name;  ///< empty: the only one
   std::filesystem::path file;
   RigidTransform T_target_own;  ///< to the frame of the first
 };
@@ -100,8 +100,7 @@ struct PoseSpec {
 struct SimulationSpec {
   std::filesystem::path path;
   int seed = 1;
-  std::filesystem::path target;
-  std::vector<TargetSpec> targets;     ///< in place of `target`: several
+  std::vector<TargetSpec> targets;
   std::optional<double> target_error;  ///< m, sigma of each marker coordinate; else the tolerance
   bool rigid_tags = true;  ///< tags keep their shape; else each corner has an error of its own
   std::vector<CameraSpec> cameras;  ///< the first is the rig's master
@@ -113,8 +112,21 @@ struct SimulationSpec {
   int white_images = 5;  ///< per camera
 };
 
-/// The camera as a perfect calibration gives it.
-CalibratedCamera TrueCamera(const CameraSpec& camera);
+/// The cameras as a perfect calibration gives them.
+CalibrationRecord TrueRecord(const SimulationSpec& spec);
+
+/// The provenance of a file of the simulation; `what` it holds, in words.
+Provenance SimulationProvenance(const SimulateRequest& request,
+                                const std::string& program,
+                                std::string_view what = "the parameters are true, not estimated");
+
+/// Keys of a camera in recording.yaml and session.yaml, as lines. `white`: it has white images.
+std::string ImageKeys(const CameraSpec& camera, bool white);
+std::string BayerKey(const CameraSpec& camera);  ///< none of a monochrome camera
+std::string ConfigKeys(const CameraSpec& camera);
+/// In session.yaml: its name, its model, and `detections`, a file, with the image size.
+std::string ModelKeys(const CameraSpec& camera);
+std::string DetectionKeys(const CameraSpec& camera, const std::string& file);
 
 /// Reads and checks a specification. Throws `Error` with file, line and key.
 SimulationSpec ReadSimulationSpec(const std::filesystem::path& path,

@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Poses of a rig before a target.
 #pragma once
 
 #include <string>
 #include <vector>
 
-#include "apps/simulate/observer.h"
-#include "apps/simulate/simulation_spec.h"
+#include "apps/simulate/render/observer.h"
+#include "apps/simulate/spec/simulation_spec.h"
 
 namespace plenocal::simulate {
 

@@ -23,7 +23,7 @@ struct ToneSpec {
 };
 
 /// Attenuation 1 + a_1 r^2 + a_2 r^4 + a_3 r^6 with r = 1 in the corners of a centred image, or
-/// where r^2 = sum ((u - centre) / axis)^2 over half of the image's diagonal says.
+/// r^2 = sum ((u - centre) / axis)^2 over half of the image's diagonal.
 struct VignettingSpec {
   std::array<double, 3> polynomial{-0.2, 0, 0};
   std::optional<Eigen::Vector2d> centre = {};  ///< px; nothing: the image's middle
@@ -39,7 +39,7 @@ struct WallSpec {
   double light = 0.3;        ///< part of the light that is lost 1 m from the lamp's foot
   double gloss = 0;          ///< largest reflection of the lamp, 1: white paper
   double shading = 0;  ///< change of the light by the tangent from the camera's axis along the
-                       ///< wall's x: it goes with the camera but does not roll with it
+                       ///< wall's x: it moves with the camera but does not roll with it
   std::optional<double> fold = {};  ///< m, x at which the wall is folded
   double fold_angle = 0.3;          ///< rad
 };

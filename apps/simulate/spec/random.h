@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Random numbers of the simulator, a stream for each purpose.
 #pragma once
 
 #include <cstdint>

@@ -7,15 +7,15 @@
 #include <memory>
 #include <vector>
 
-#include "apps/simulate/micro_lens_optics.h"
-#include "apps/simulate/simulation_spec.h"
+#include "apps/simulate/render/micro_lens_optics.h"
+#include "apps/simulate/spec/random.h"
+#include "apps/simulate/spec/simulation_spec.h"
 #include "targets/target.h"
 
 namespace plenocal::simulate {
 
 /// A target as it was made.
 struct TrueTarget {
-  const Target* nominal = nullptr;
   std::map<int, Eigen::Vector3d> markers;  ///< true positions, m, target's frame
   /// Unit vectors from the printed side into the room, at each marker; zero: seen from all sides.
   std::map<int, Eigen::Vector3d> normals;
@@ -52,6 +52,9 @@ class Observer {
   const SimulationSpec& spec_;
   std::vector<std::unique_ptr<MicroLensOptics>> optics_;
 };
+
+/// Adds noise of the camera's detections.
+void AddNoise(const CameraSpec& camera, Random* random, Observation* observation);
 
 /// Number of different markers in the observations.
 int CountMarkers(const std::vector<Observation>& observations);

@@ -32,7 +32,7 @@ struct TrajectorySpec {
   Shape shape = Shape::kLoop;
   // Faulty on purpose.
   bool straight = false;                 ///< start and end move along a line
-  bool rotation = false;                 ///< the rig turns in one place
+  bool rotation = false;                 ///< the rig rotates at one position
   bool no_turning = false;               ///< the rig keeps its orientation
   bool one_depth = false;                ///< all points lie at one depth
   bool no_overlap = false;               ///< the end sees nothing of the start's scene
@@ -60,7 +60,7 @@ struct CalibrationSigma {
   std::map<std::string, std::map<std::string, double>> parameters = {};
 };
 
-/// What a specification with `scene` has in addition.
+/// The keys that a specification with `scene` has in addition.
 struct ScenerySpec {
   SceneSpec scene;
   TrajectorySpec trajectory;

@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -9,9 +8,9 @@
 #include <span>
 #include <vector>
 
-#include "apps/simulate/random.h"
-#include "apps/simulate/renderer.h"
-#include "apps/simulate/sensor.h"
+#include "apps/simulate/render/renderer.h"
+#include "apps/simulate/render/sensor.h"
+#include "apps/simulate/spec/random.h"
 #include "calib/base/parallel.h"
 
 namespace plenocal::simulate {
@@ -84,7 +83,7 @@ std::vector<SamplePair> DrawPairs(size_t count, double blur, double spread, Rand
 }
 
 // The pair of a group that is nearest to the group's mean.
-const SamplePair& MiddleOf(std::span<const SamplePair> group) {
+const SamplePair& FindMiddle(std::span<const SamplePair> group) {
   Eigen::Vector2f middle(0, 0);
   for (const SamplePair& pair : group) {
     middle += Eigen::Vector2f(pair.along, pair.across) / static_cast<float>(group.size());
@@ -116,7 +115,7 @@ Samples EvenSamples(size_t n, double blur, double spread, Random* random) {
       return p.across < q.across;
     });
     for (size_t row = 0; row < n; ++row) {
-      const SamplePair& chosen = MiddleOf(strip.subspan(row * kGroup, kGroup));
+      const SamplePair& chosen = FindMiddle(strip.subspan(row * kGroup, kGroup));
       const size_t k = column * n + row;
       samples.x[k] = chosen.x, samples.y[k] = chosen.y;
       samples.a[k] = chosen.a, samples.b[k] = chosen.b;
@@ -164,7 +163,7 @@ class PlenopticRenderer : public Renderer {
   [[nodiscard]] cv::Mat Render(const Surface& surface, std::uint64_t seed) const override {
     cv::Mat light(white_.size(), CV_32F, cv::Scalar(0));
     for (const Lens& lens : lenses_) {
-      const Scenery scenery = SceneryOf(surface, lens);
+      const Scenery scenery = FindScenery(surface, lens);
       auto passed = lens.passed.begin();
       ForEachPixel(lens, [&](int x, int y, float dx, float dy) {
         const float share = *passed++;
@@ -180,8 +179,8 @@ class PlenopticRenderer : public Renderer {
   [[nodiscard]] const cv::Mat& White() const override { return white_; }
 
  private:
-  // Of a ray: where it meets the pupil's plane (m from its middle) and its slope, as they change
-  // with the raw place x about the micro-image centre (px, to second order) and with the centre
+  // A ray's intersection with the pupil's plane (m from its middle) and its slope, as they change
+  // with the raw position x about the micro-image centre (px, to second order) and with the centre
   // itself.
   struct Lens {
     Eigen::Vector2f centre;
@@ -198,8 +197,8 @@ class PlenopticRenderer : public Renderer {
     float spread = 0;  // px, radius of the defocused micro lens
   };
 
-  // The ray of raw place `x` through the micro lens with image centre `centre`, both px, as `Lens`
-  // holds it; nothing where the optics have none.
+  // The ray of raw position `x` through the micro lens with image centre `centre`, both px, as
+  // `Lens` holds it; nothing where the optics have none.
   static std::optional<Vector4f> RayAt(const MicroLensOptics& optics,
                                        const Eigen::Vector2d& x,
                                        const Eigen::Vector2d& centre) {
@@ -279,7 +278,7 @@ class PlenopticRenderer : public Renderer {
     const auto edge = static_cast<float>(spec.fill * spec.pitch / 2);
     stop_ = edge * central->by_x.head<2>().norm();
     // How far from the centre light can fall: a ray on the edge of the micro lens meets the stop
-    // 1 / T_f of its place farther out.
+    // 1 / T_f of its position farther out.
     const float pixel = 1.5f * (0.5f + 2.5f * static_cast<float>(camera_.sensor.blur));
     for (Lens& lens : lenses_) lens.reach = edge + std::abs(1 - lens.shift) * radius_ + pixel;
   }
@@ -291,7 +290,7 @@ class PlenopticRenderer : public Renderer {
     std::map<float, Samples> samples;  // by the lenses' shift
     for (const Lens& lens : lenses_) {
       if (samples.contains(lens.shift)) continue;
-      // A ray through a point of the micro lens meets the stop 1 / T_f of its place farther out.
+      // A ray through a point of the micro lens meets the stop 1 / T_f of its position farther out.
       samples.emplace(lens.shift,
                       EvenSamples(16, camera_.sensor.blur, radius_ * (lens.shift - 1), &random));
     }
@@ -400,7 +399,7 @@ class PlenopticRenderer : public Renderer {
     return contrast > kEven || rays.count < kFew ? trace(fine_.For(scenery.spread, any), 5) : first;
   }
 
-  Scenery SceneryOf(const Surface& surface, const Lens& lens) const {
+  Scenery FindScenery(const Surface& surface, const Lens& lens) const {
     Scenery scenery;
     constexpr int kSteps = 3;
     for (int i = -kSteps; i <= kSteps; ++i) {

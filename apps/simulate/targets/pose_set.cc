@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "apps/simulate/pose_set.h"
+#include "apps/simulate/targets/pose_set.h"
 
 #include <fmt/format.h>
 
@@ -9,8 +9,8 @@
 #include <optional>
 #include <utility>
 
-#include "apps/simulate/motion/hand_path.h"
-#include "apps/simulate/random.h"
+#include "apps/simulate/spec/random.h"
+#include "apps/simulate/targets/hand_path.h"
 #include "calib/base/format_error.h"
 #include "calib/base/linear_algebra.h"
 
@@ -74,7 +74,7 @@ struct FramePlan {
 FramePlan PlanFrame(const SimulationSpec& spec, int index, size_t widest_camera) {
   const PoseSpec& poses = spec.poses;
   FramePlan plan{.index = index, .partial = false, .aim = poses.aim, .target = 0};
-  const auto turn = static_cast<size_t>(index), targets = std::max<size_t>(1, spec.targets.size());
+  const size_t turn = static_cast<size_t>(index), targets = spec.targets.size();
   plan.target = turn % targets;
   if (poses.aim_all) {
     // With as many cameras as targets, or a multiple, each still meets each.
@@ -194,7 +194,7 @@ class PoseFinder {
     });
   }
 
-  // Whether a camera beside this one sees a target.
+  // True where a camera beside this one sees a target.
   [[nodiscard]] bool SecondSees(size_t aim, const RigidTransform& T_rig_target) const {
     for (size_t c = 0; c < spec_.cameras.size(); ++c) {
       for (size_t k = 0; c != aim && k < targets_.size(); ++k) {

@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// The sensor of a simulated camera: from light to grey values.
 #pragma once
 
-#include <array>
 #include <opencv2/core/mat.hpp>
 #include <vector>
 
-#include "apps/simulate/random.h"
-#include "apps/simulate/simulation_spec.h"
+#include "apps/simulate/spec/random.h"
+#include "apps/simulate/spec/simulation_spec.h"
 
 namespace plenocal::simulate {
 

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "apps/simulate/photometry/photometry_spec.h"
+#include "apps/simulate/spec/photometry_spec.h"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
 
-#include "apps/simulate/spec_values.h"
+#include "apps/simulate/spec/spec_values.h"
 
 namespace plenocal::simulate {
 namespace {
@@ -27,12 +27,6 @@ ToneSpec PowerLaw(double gamma) {
   return tone;
 }
 
-std::array<double, 2> ReadRange(const YamlNode& node) {
-  const std::vector<double> range = node.AsNumbers(2);
-  if (!(range[0] > 0 && range[1] >= range[0])) node.Fail("expected [least, largest] in ms");
-  return {range[0], range[1]};
-}
-
 }  // namespace
 
 double VignettingSpec::At(double x, double y, const ImageSize& size) const {
@@ -50,11 +44,7 @@ double VignettingSpec::At(double x, double y, const ImageSize& size) const {
 ToneSpec ReadToneSpec(const YamlNode& node, const std::filesystem::path& spec) {
   node.CheckKeys({"gamma", "file"});
   if (node.Has("gamma") == node.Has("file")) node.Fail("expected either 'gamma' or 'file'");
-  if (node.Has("gamma")) {
-    double gamma = 1;
-    ReadNumber(node, "gamma", 0.2, 5, &gamma);
-    return PowerLaw(gamma);
-  }
+  if (node.Has("gamma")) return PowerLaw(NumberWithin(node.At("gamma"), 0.2, 5));
   const ResponseCurve curve = ReadResponse(PathBeside(spec, node.At("file")));
   return {curve, curve.MakeBorders()};
 }
@@ -82,44 +72,43 @@ VignettingSpec ReadVignettingSpec(const YamlNode& node) {
 }
 
 WallSpec ReadWallSpec(const YamlNode& node) {
-  node.CheckKeys({"contrast", "structure", "light", "gloss", "shading", "fold", "fold_angle"});
   WallSpec wall;
-  ReadNumber(node, "contrast", 0, 0.5, &wall.contrast);
-  ReadNumber(node, "structure", 1e-6, 10, &wall.structure);
-  ReadNumber(node, "light", 0, 0.9, &wall.light);
-  ReadNumber(node, "gloss", 0, 1, &wall.gloss);
-  ReadNumber(node, "shading", -0.5, 0.5, &wall.shading);
-  if (node.Has("fold")) {
-    wall.fold = 0;
-    ReadNumber(node, "fold", -100, 100, &*wall.fold);
-  }
-  ReadNumber(node, "fold_angle", -1, 1, &wall.fold_angle);
+  ReadKeys(node,
+           {{"contrast", &wall.contrast, 0, 0.5},
+            {"structure", &wall.structure, 1e-6, 10},
+            {"light", &wall.light, 0, 0.9},
+            {"gloss", &wall.gloss, 0, 1},
+            {"shading", &wall.shading, -0.5, 0.5},
+            {"fold", &wall.fold, -100, 100},
+            {"fold_angle", &wall.fold_angle, -1, 1}});
   return wall;
 }
 
 ExposureSpec ReadExposureSpec(const YamlNode& node, const std::vector<std::string>& cameras) {
-  node.CheckKeys({"range", "nominal", "order", "known", "error", "late"});
   ExposureSpec exposures;
-  const std::array<double, 2> range = ReadRange(node.At("range"));
-  exposures.least = range[0];
-  exposures.largest = range[1];
-  exposures.nominal = range[1];
-  ReadNumber(node, "nominal", 1e-6, 1e6, &exposures.nominal);
-  if (node.Has("order")) {
-    static constexpr std::array<std::string_view, 2> kOrders{"sweep", "random"};
-    exposures.sweep = ReadChoice(node.At("order"), kOrders) == 0;
-  }
-  if (node.Has("known")) exposures.known = node.At("known").AsBool();
-  ReadNumber(node, "error", 0, 0.5, &exposures.error);
+  std::optional<double> nominal;
+  ReadKeys(node,
+           {{"nominal", &nominal, 1e-6, 1e6},
+            {"known", &exposures.known},
+            {"error", &exposures.error, 0, 0.5}},
+           {"range", "order", "late"});
+  const YamlNode range = node.At("range");
+  const std::vector<double> limits = range.AsNumbers(2);
+  if (!(limits[0] > 0 && limits[1] >= limits[0])) range.Fail("expected [least, largest] in ms");
+  exposures.least = limits[0];
+  exposures.largest = limits[1];
+  exposures.nominal = nominal.value_or(limits[1]);
+  static constexpr std::array<std::string_view, 2> kOrders{"sweep", "random"};
+  if (node.Has("order")) exposures.sweep = ReadChoice(node.At("order"), kOrders) == 0;
   if (!node.Has("late")) return exposures;
   const YamlNode late = node.At("late");
-  late.CheckKeys({"camera", "change", "share"});
+  ReadKeys(late,
+           {{"change", &exposures.late_change, -0.9, 10}, {"share", &exposures.late_share, 0, 1}},
+           {"camera"});
   exposures.late_camera = late.At("camera").AsString();
   if (std::ranges::find(cameras, exposures.late_camera) == cameras.end()) {
     late.At("camera").Fail(fmt::format("no camera is named '{}'", exposures.late_camera));
   }
-  ReadNumber(late, "change", -0.9, 10, &exposures.late_change);
-  ReadNumber(late, "share", 0, 1, &exposures.late_share);
   return exposures;
 }
 

@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 #include <vector>
 
-#include "apps/simulate/renderer.h"
+#include "apps/simulate/render/renderer.h"
 
 namespace plenocal::simulate {
 namespace {
@@ -103,14 +102,6 @@ class OrdinaryRenderer : public Renderer {
 
 std::unique_ptr<Renderer> MakeOrdinaryRenderer(const CameraSpec& camera) {
   return std::make_unique<OrdinaryRenderer>(camera);
-}
-
-std::unique_ptr<Renderer> MakeRenderer(const CameraSpec& camera,
-                                       const MicroLensOptics* optics,
-                                       int seed,
-                                       int threads) {
-  if (optics == nullptr) return MakeOrdinaryRenderer(camera);
-  return MakePlenopticRenderer(camera, *optics, seed, threads);
 }
 
 }  // namespace plenocal::simulate

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "apps/simulate/simulation_spec.h"
+#include "apps/simulate/spec/simulation_spec.h"
 
 #include <fmt/format.h>
 
@@ -9,9 +9,11 @@
 #include <cmath>
 #include <numbers>
 
-#include "apps/simulate/spec_values.h"
+#include "apps/simulate/spec/spec_values.h"
 #include "calib/base/error.h"
 #include "calib/base/names.h"
+#include "calib/base/number_text.h"
+#include "calib/base/quoted_text.h"
 #include "calib/camera/micro_lens_array.h"
 #include "calib/files/calibration_file.h"
 #include "calib/files/calibration_tables.h"
@@ -89,18 +91,17 @@ Eigen::MatrixXi ReadPattern(const YamlNode& node, const MicroLensSpec& lenses) {
 }
 
 MicroLensSpec ReadMicroLenses(const YamlNode& node) {
-  node.CheckKeys({"lattice",
-                  "pitch",
-                  "row_pitch",
-                  "rotation",
-                  "offset",
-                  "focus",
-                  "pattern",
-                  "aperture",
-                  "fill",
-                  "gain_sigma",
-                  "dull"});
   MicroLensSpec lenses;
+  std::optional<double> row_pitch;
+  ReadKeys(node,
+           {{"pitch", &lenses.pitch, 6, 500},
+            {"row_pitch", &row_pitch, 6, 500},
+            {"rotation", &lenses.rotation, -2 * std::numbers::pi, 2 * std::numbers::pi},
+            {"aperture", &lenses.aperture, 0.01, 1},
+            {"fill", &lenses.fill, 0.1, 1.5},
+            {"gain_sigma", &lenses.gain_sigma, 0, 0.2},
+            {"dull", &lenses.dull, 0, 1000}},
+           {"lattice", "offset", "focus", "pattern"});
   if (node.Has("lattice")) {
     const YamlNode lattice = node.At("lattice");
     const std::string name = lattice.AsString();
@@ -110,16 +111,12 @@ MicroLensSpec ReadMicroLenses(const YamlNode& node) {
     if (name == "rectangular") lenses.lattice = LatticeKind::kRectangular;
   }
   lenses.pitch = node.At("pitch").AsPositive();
-  ReadNumber(node, "pitch", 6, 500, &lenses.pitch);
-  lenses.row_pitch = lenses.pitch;
-  if (node.Has("row_pitch") && lenses.lattice == LatticeKind::kHexagonal) {
+  lenses.row_pitch = row_pitch.value_or(lenses.pitch);
+  if (row_pitch && lenses.lattice == LatticeKind::kHexagonal) {
     node.At("row_pitch").Fail("the rows of a hexagonal lattice follow from 'pitch'");
   }
-  ReadNumber(node, "row_pitch", 6, 500, &lenses.row_pitch);
-  ReadNumber(node, "rotation", -2 * std::numbers::pi, 2 * std::numbers::pi, &lenses.rotation);
   if (node.Has("offset")) {
-    const std::vector<double> offset = node.At("offset").AsNumbers(2);
-    lenses.offset = {offset[0], offset[1]};
+    lenses.offset = Eigen::Vector2d(node.At("offset").AsNumbers(2).data());
   }
   const YamlNode focus = node.At("focus");
   lenses.focus = focus.AsNumbers(0);
@@ -133,37 +130,27 @@ MicroLensSpec ReadMicroLenses(const YamlNode& node) {
       focus.Fail("expected virtual depths of at least 1, or at most -1 for a Keplerian camera");
     }
   }
-  ReadNumber(node, "aperture", 0.01, 1, &lenses.aperture);
-  ReadNumber(node, "fill", 0.1, 1.5, &lenses.fill);
-  ReadNumber(node, "gain_sigma", 0, 0.2, &lenses.gain_sigma);
-  ReadInteger(node, "dull", 0, 1000, &lenses.dull);
   return lenses;
 }
 
 SensorSpec ReadSensor(const YamlNode& node,
                       const CameraSpec& camera,
                       const std::filesystem::path& spec) {
-  SensorSpec sensor;
+  SensorSpec sensor = camera.sensor;
   if (node.Has("bits")) {
     sensor.bits = node.At("bits").AsInteger();
     constexpr std::array kBits{8, 10, 12, 14, 16};
-    if (std::find(kBits.begin(), kBits.end(), sensor.bits) == kBits.end()) {
+    if (std::ranges::find(kBits, sensor.bits) == kBits.end()) {
       node.At("bits").Fail(fmt::format("expected 8, 10, 12, 14 or 16, found {}", sensor.bits));
     }
   }
-  ReadNumber(node, "full_well", 10, 1e9, &sensor.full_well);
-  ReadNumber(node, "read_noise", 0, 1e6, &sensor.read_noise);
-  ReadNumber(node, "exposure", 0.01, 1, &sensor.exposure);
-  ReadNumber(node, "blur", 0, 20, &sensor.blur);
   if (camera.IsPlenoptic() && node.Has("vignetting")) {
     node.At("vignetting").Fail("a plenoptic camera's vignetting comes from its stop; see 'fill'");
   }
   if (node.Has("vignetting") && node.At("vignetting").IsMap()) {
     sensor.vignetting = ReadVignettingSpec(node.At("vignetting"));
-  } else {
-    double lost = -sensor.vignetting.polynomial[0];
-    ReadNumber(node, "vignetting", 0, 0.95, &lost);
-    sensor.vignetting.polynomial[0] = -lost;
+  } else if (node.Has("vignetting")) {
+    sensor.vignetting.polynomial[0] = -NumberWithin(node.At("vignetting"), 0, 0.95);
   }
   if (node.Has("response")) {
     sensor.response = ReadToneSpec(node.At("response"), spec);
@@ -189,25 +176,27 @@ CameraSpec ReadCamera(const std::string& name,
         "'truth'");
   }
   camera.model = ReadModel(node.At("model"), models);
-  std::vector<std::string_view> known{"model",
-                                      "image_size",
-                                      "parameters",
-                                      "T_camera_rig",
-                                      "xi_camera_rig",
-                                      "bits",
-                                      "full_well",
-                                      "read_noise",
-                                      "exposure",
-                                      "blur",
-                                      "vignetting",
-                                      "response",
-                                      "bayer",
-                                      "micro_lenses",
-                                      "detection_sigma",
-                                      "time_offset",
-                                      "time_shift"};
-  for (const Param& config : camera.model->config) known.push_back(config.name);
-  node.CheckKeys(known);
+  std::vector<std::string_view> others{"model",
+                                       "image_size",
+                                       "parameters",
+                                       "T_camera_rig",
+                                       "xi_camera_rig",
+                                       "bits",
+                                       "vignetting",
+                                       "response",
+                                       "bayer",
+                                       "micro_lenses"};
+  for (const Param& config : camera.model->config) others.push_back(config.name);
+  constexpr double kLongest = 10;  // s
+  ReadKeys(node,
+           {{"full_well", &camera.sensor.full_well, 10, 1e9},
+            {"read_noise", &camera.sensor.read_noise, 0, 1e6},
+            {"exposure", &camera.sensor.exposure, 0.01, 1},
+            {"blur", &camera.sensor.blur, 0, 20},
+            {"detection_sigma", &camera.detection_sigma, 0, 1e6},
+            {"time_offset", &camera.time_offset, -kLongest, kLongest},
+            {"time_shift", &camera.time_shift, -kLongest, kLongest}},
+           std::move(others));
 
   const YamlNode size = node.At("image_size");
   camera.image_size = ReadImageSize(size);
@@ -220,10 +209,6 @@ CameraSpec ReadCamera(const std::string& name,
   camera.params = ReadParams(node.At("parameters"), camera.model->params);
   camera.T_camera_rig = ReadPose(node, "camera_rig");
   camera.sensor = ReadSensor(node, camera, spec);
-  ReadNumber(node, "detection_sigma", 0, 1e6, &camera.detection_sigma);
-  constexpr double kLongest = 10;  // s
-  ReadNumber(node, "time_offset", -kLongest, kLongest, &camera.time_offset);
-  ReadNumber(node, "time_shift", -kLongest, kLongest, &camera.time_shift);
   if (camera.IsPlenoptic()) {
     camera.micro_lenses = ReadMicroLenses(node.At("micro_lenses"));
   } else if (node.Has("micro_lenses")) {
@@ -245,28 +230,30 @@ PoseSpec ReadPoseSpec(const YamlNode& node,
     }
     return poses;
   }
-  node.CheckKeys({"kind", "frames", "rate", "distance", "tilt", "roll", "partial", "aim"});
+  ReadKeys(node,
+           {{"frames", &poses.frames, 1, 100000},
+            {"rate", &poses.rate, 0.1, 1e5},
+            {"tilt", &poses.tilt, 0, 1.4},
+            {"roll", &poses.roll, 0, std::numbers::pi},
+            {"partial", &poses.partial, 0, 1}},
+           {"kind", "distance", "aim"});
   if (node.Has("kind")) {
-    static constexpr std::array<std::string_view, 6> kKinds{
-        "varied", "one-distance", "no-tilt", "corner", "still", "moving"};
     const YamlNode kind = node.At("kind");
-    std::array<bool, kKinds.size()> chosen{};
-    for (const YamlNode& item : kind.IsSequence() ? kind.Elements() : std::vector{kind}) {
-      chosen[ReadChoice(item, kKinds)] = true;
-    }
-    if (chosen == decltype(chosen){}) kind.Fail("the list is empty; write 'varied'");
-    poses.one_distance = chosen[1];
-    poses.no_tilt = chosen[2];
-    poses.corner = chosen[3];
-    poses.still = chosen[4];
-    poses.moving = chosen[5];
+    bool varied = false;
+    ReadFlags(kind,
+              std::to_array<SpecFlag>({{"varied", &varied},
+                                       {"one-distance", &poses.one_distance},
+                                       {"no-tilt", &poses.no_tilt},
+                                       {"corner", &poses.corner},
+                                       {"still", &poses.still},
+                                       {"moving", &poses.moving}}),
+              "'varied'");
     if (poses.still && poses.moving) kind.Fail("'still' and 'moving' exclude each other");
-    if (chosen[0] && (poses.one_distance || poses.no_tilt || poses.corner)) {
+    if (varied && (poses.one_distance || poses.no_tilt || poses.corner)) {
       kind.Fail("'varied' goes with no other kind");
     }
   }
   poses.frames = node.At("frames").AsInteger();
-  ReadInteger(node, "frames", 1, 100000, &poses.frames);
   const YamlNode distance = node.At("distance");
   const std::vector<double> range = distance.AsSignedLengths(2);
   poses.nearest = range[0];
@@ -275,22 +262,15 @@ PoseSpec ReadPoseSpec(const YamlNode& node,
     distance.Fail("expected [nearest, farthest] in metres");
   }
   if (node.Has("rate") && !poses.moving) node.At("rate").Fail("goes with 'kind: moving'");
-  ReadNumber(node, "rate", 0.1, 1e5, &poses.rate);
-  ReadNumber(node, "tilt", 0, 1.4, &poses.tilt);
-  ReadNumber(node, "roll", 0, std::numbers::pi, &poses.roll);
-  ReadNumber(node, "partial", 0, 1, &poses.partial);
   if (node.Has("aim")) {
     const std::string name = node.At("aim").AsString();
     const std::vector<std::string_view> names = NamesOf(cameras);
-    const auto found = std::find(names.begin(), names.end(), name);
-    if (found == names.end() && name == "all") {
-      poses.aim_all = true;
-      return poses;
-    }
-    if (found == names.end()) {
+    const auto found = std::ranges::find(names, name);
+    poses.aim_all = found == names.end() && name == "all";
+    if (found == names.end() && !poses.aim_all) {
       node.At("aim").Fail(fmt::format("no camera is named '{}'{}", name, SuggestName(name, names)));
     }
-    poses.aim = static_cast<size_t>(found - names.begin());
+    if (!poses.aim_all) poses.aim = static_cast<size_t>(found - names.begin());
   }
   return poses;
 }
@@ -319,13 +299,8 @@ void ReadTargetAndPoses(const YamlNode& root, SimulationSpec* spec) {
     }
     if (spec->targets.empty()) root.At("targets").Fail("expected targets: 'floor: floor.yaml'");
   } else {
-    spec->target = PathBeside(spec->path, root.At("target"));
+    spec->targets = {{"", PathBeside(spec->path, root.At("target")), {}}};
   }
-  if (root.Has("target_error")) {
-    spec->target_error = 0;
-    ReadNumber(root, "target_error", 0, 1, &*spec->target_error);
-  }
-  if (root.Has("rigid_tags")) spec->rigid_tags = root.At("rigid_tags").AsBool();
   if (root.Has("wall")) spec->wall = ReadWallSpec(root.At("wall"));
   if (root.Has("exposures")) {
     const std::vector<std::string_view> names = NamesOf(spec->cameras);
@@ -375,38 +350,84 @@ std::optional<Eigen::MatrixXi> UsualPattern(LatticeKind lattice, size_t types) {
   return std::nullopt;
 }
 
-CalibratedCamera TrueCamera(const CameraSpec& camera) {
-  const auto count = static_cast<Eigen::Index>(camera.params.size());
-  return {.name = camera.name,
-          .model = camera.model,
-          .image_size = camera.image_size,
-          .config = camera.config,
-          .params = camera.params,
-          .covariance = Eigen::MatrixXd::Zero(count, count),
-          .T_camera_rig = camera.T_camera_rig};
+CalibrationRecord TrueRecord(const SimulationSpec& spec) {
+  CalibrationRecord record;
+  record.adjustment = AdjustmentRecord{.converged = true};
+  for (const CameraSpec& camera : spec.cameras) {
+    const auto count = static_cast<Eigen::Index>(camera.params.size());
+    record.cameras.push_back({.name = camera.name,
+                              .model = camera.model,
+                              .image_size = camera.image_size,
+                              .config = camera.config,
+                              .params = camera.params,
+                              .covariance = Eigen::MatrixXd::Zero(count, count),
+                              .T_camera_rig = camera.T_camera_rig});
+  }
+  return record;
+}
+
+Provenance SimulationProvenance(const SimulateRequest& request,
+                                const std::string& program,
+                                std::string_view what) {
+  return {{"plenocal_version", PLENOCAL_VERSION},
+          {"command",
+           fmt::format("{} simulate {} -o {}{}",
+                       program,
+                       request.spec.string(),
+                       request.out.string(),
+                       request.points ? " --points" : "")},
+          {"simulation", std::string(what)}};
+}
+
+std::string ImageKeys(const CameraSpec& camera, bool white) {
+  std::string text = fmt::format("    images: {}/*.png\n", camera.name);
+  if (white) text += fmt::format("    white_images: {}_white/*.png\n", camera.name);
+  return text;
+}
+
+std::string BayerKey(const CameraSpec& camera) {
+  const std::optional<BayerOrder>& bayer = camera.sensor.bayer;
+  return bayer ? fmt::format("    bayer: {}\n", BayerName(*bayer)) : "";
+}
+
+std::string ConfigKeys(const CameraSpec& camera) {
+  std::string text;
+  for (size_t i = 0; i < camera.config.size(); ++i) {
+    text += fmt::format("    {}: {}\n", camera.model->config[i].name, YamlNumber(camera.config[i]));
+  }
+  return text;
+}
+
+std::string ModelKeys(const CameraSpec& camera) {
+  return fmt::format("  {}:\n    model: {}\n", YamlText(camera.name), camera.model->name);
+}
+
+std::string DetectionKeys(const CameraSpec& camera, const std::string& file) {
+  const auto [width, height] = camera.image_size;
+  return fmt::format("    detections: {}\n    image_size: [{}, {}]\n", file, width, height);
 }
 
 SimulationSpec ReadSimulationSpec(const std::filesystem::path& path,
                                   std::span<const CameraModel> models) {
   const YamlNode root = YamlNode::ReadFile(path);
   root.CheckVersion();
-  root.CheckKeys({"plenocal",
-                  "seed",
-                  "target",
-                  "targets",
-                  "target_error",
-                  "rigid_tags",
-                  "cameras",
-                  "poses",
-                  "wall",
-                  "exposures",
-                  "scene",
-                  "trajectory",
-                  "calibration_sigma",
-                  "white_images"});
   SimulationSpec spec;
   spec.path = path;
-  ReadInteger(root, "seed", 0, std::numeric_limits<int>::max(), &spec.seed);
+  ReadKeys(root,
+           {{"seed", &spec.seed, 0, std::numeric_limits<int>::max()},
+            {"target_error", &spec.target_error, 0, 1},
+            {"rigid_tags", &spec.rigid_tags},
+            {"white_images", &spec.white_images, 1, 1000}},
+           {"plenocal",
+            "target",
+            "targets",
+            "cameras",
+            "poses",
+            "wall",
+            "exposures",
+            "scene",
+            "trajectory",
+            "calibration_sigma"});
   const YamlNode cameras = root.At("cameras");
   for (const auto& [name, node] : cameras.Entries()) {
     spec.cameras.push_back(ReadCamera(name, node, path, models));
@@ -421,7 +442,6 @@ SimulationSpec ReadSimulationSpec(const std::filesystem::path& path,
   } else {
     ReadTargetAndPoses(root, &spec);
   }
-  ReadInteger(root, "white_images", 1, 1000, &spec.white_images);
   return spec;
 }
 

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "apps/simulate/motion/hand_path.h"
+#include "apps/simulate/targets/hand_path.h"
 
 #include <cmath>
 #include <numbers>
 
-#include "apps/simulate/random.h"
+#include "apps/simulate/spec/random.h"
 
 namespace plenocal::simulate {
 namespace {

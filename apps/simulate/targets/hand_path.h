@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Smooth motion of a hand-held rig before a target.
 #pragma once
 
 #include <Eigen/Core>
 #include <vector>
 
-#include "apps/simulate/simulation_spec.h"
+#include "apps/simulate/spec/simulation_spec.h"
 
 namespace plenocal::simulate {
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "apps/simulate/micro_lens_optics.h"
+#include "apps/simulate/render/micro_lens_optics.h"
 
 #include <fmt/format.h>
 
@@ -9,7 +9,6 @@
 #include <cmath>
 #include <numbers>
 
-#include "apps/simulate/random.h"
 #include "calib/base/format_error.h"
 #include "calib/camera/lens_lattice.h"
 
@@ -22,7 +21,7 @@ constexpr int kIterations = 40;
   throw InputError("cameras.{}: {}", camera.name, message);
 }
 
-int TypeOf(const MicroLensSpec& spec, const LatticeNode& node) {
+int LensType(const MicroLensSpec& spec, const LatticeNode& node) {
   const LensPattern repeats{.columns = static_cast<int>(spec.pattern.cols()),
                             .rows = static_cast<int>(spec.pattern.rows())};
   const int set = repeats.Set(node);
@@ -55,7 +54,7 @@ MicroLensOptics::MicroLensOptics(const CameraSpec& camera) : camera_(camera) {
       if (!IsInside(regular, camera.image_size, 0.2 * size.maxCoeff())) continue;
       const auto centre = FromSlope(slope_by_px_ * (regular - principal_));
       if (!centre || !IsInside(*centre, camera.image_size, spec.pitch)) continue;
-      const int type = TypeOf(spec, {column, row});
+      const int type = LensType(spec, {column, row});
       index_(column + most_, row + most_) = static_cast<int>(lenses_.size());
       lenses_.push_back({.row = row, .column = column, .centre = *centre, .type = type});
     }

@@ -17,7 +17,7 @@
 #include <optional>
 #include <vector>
 
-#include "apps/simulate/simulation_spec.h"
+#include "apps/simulate/spec/simulation_spec.h"
 #include "calib/camera/micro_lens_array.h"
 
 namespace plenocal::simulate {
