@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/charts/bar_chart.h"
 
-#include <cairo/cairo-svg.h>
 #include <cairo/cairo.h>
 #include <fmt/format.h>
 
@@ -10,15 +9,9 @@
 #include <cmath>
 
 #include "apps/charts/cairo_handles.h"
-#include "calib/base/format_error.h"
 
 namespace plenocal {
 namespace {
-
-using print::Append;
-using print::Check;
-using print::Context;
-using print::Surface;
 
 // Lengths in points (SVG) or pixels at scale 1.
 constexpr double kMargin = 16, kAxis = 54, kTitle = 40, kPlotHeight = 240, kNames = 24;
@@ -78,7 +71,7 @@ struct Scale {
   }
 };
 
-Scale ScaleOf(const BarPanel& panel) {
+Scale ChooseScale(const BarPanel& panel) {
   constexpr double kHeadroom = 1.05;  // over the highest bar
   double highest = panel.base;
   for (const std::optional<double>& value : panel.values) {
@@ -132,7 +125,7 @@ void DrawBar(cairo_t* cr, const Scale& scale, double centre, double value) {
 void DrawPanel(
     cairo_t* cr, const BarChart& chart, const BarPanel& panel, double left, double slot) {
   const double width = slot * static_cast<double>(chart.runs.size());
-  const Scale scale = ScaleOf(panel);
+  const Scale scale = ChooseScale(panel);
   cairo_set_source_rgb(cr, 0, 0, 0);
   Text(cr, left + width / 2, kTop - 24, panel.title, Align::kCentre);
   DrawGrid(cr, scale, left, width);
@@ -159,52 +152,24 @@ void DrawPanel(
   cairo_stroke(cr);
 }
 
-void SetFont(cairo_t* cr) {
-  cairo_select_font_face(cr, "sans-serif", CAIRO_FONT_SLANT_NORMAL, CAIRO_FONT_WEIGHT_NORMAL);
-  cairo_set_font_size(cr, kFont);
-}
-
 }  // namespace
 
-PictureFormat PictureFormatOf(const std::filesystem::path& picture) {
-  if (picture.extension() == ".svg") return PictureFormat::kSvg;
-  if (picture.extension() == ".png") return PictureFormat::kPng;
-  throw InputError("{}: a picture's name ends in .svg or .png", picture.string());
-}
-
 std::string DrawBarChart(const BarChart& chart, PictureFormat format) {
-  double slot = 0;
-  {
-    const Surface scratch(cairo_image_surface_create(CAIRO_FORMAT_RGB24, 1, 1));
-    const Context cr(cairo_create(scratch.get()));
-    SetFont(cr.get());
-    slot = SlotWidth(cr.get(), chart);
-  }
+  const print::Surface scratch(cairo_image_surface_create(CAIRO_FORMAT_RGB24, 1, 1));
+  const print::Context measure(cairo_create(scratch.get()));
+  SetFont(measure.get(), kFont);
+  const double slot = SlotWidth(measure.get(), chart);
   const double panel_width = kAxis + slot * static_cast<double>(chart.runs.size()) + kMargin;
-  const double width = kMargin + panel_width * static_cast<double>(chart.panels.size());
-  const double height = kMargin + kTitle + kPlotHeight + kNames + kMargin;
-  std::string content;
-  const bool is_svg = format == PictureFormat::kSvg;
-  const Surface surface(
-      is_svg ? cairo_svg_surface_create_for_stream(Append, &content, width, height)
-             : cairo_image_surface_create(CAIRO_FORMAT_RGB24,
-                                          static_cast<int>(std::ceil(kPngScale * width)),
-                                          static_cast<int>(std::ceil(kPngScale * height))));
-  {
-    const Context cr(cairo_create(surface.get()));
-    if (!is_svg) cairo_scale(cr.get(), kPngScale, kPngScale);
-    cairo_set_source_rgb(cr.get(), 1, 1, 1);
-    cairo_paint(cr.get());
-    SetFont(cr.get());
+  const PictureSize size{.width = kMargin + panel_width * static_cast<double>(chart.panels.size()),
+                         .height = kMargin + kTitle + kPlotHeight + kNames + kMargin,
+                         .png_scale = kPngScale};
+  return DrawPicture(size, format, [&](cairo_t* cr) {
+    SetFont(cr, kFont);
     for (size_t i = 0; i < chart.panels.size(); ++i) {
       const double left = kMargin + kAxis + panel_width * static_cast<double>(i);
-      DrawPanel(cr.get(), chart, chart.panels[i], left, slot);
+      DrawPanel(cr, chart, chart.panels[i], left, slot);
     }
-  }
-  if (!is_svg) Check(cairo_surface_write_to_png_stream(surface.get(), Append, &content));
-  cairo_surface_finish(surface.get());
-  Check(cairo_surface_status(surface.get()));
-  return content;
+  });
 }
 
 }  // namespace plenocal

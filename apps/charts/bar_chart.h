@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Bar charts that compare metrics of several runs.
 #pragma once
 
-#include <filesystem>
 #include <optional>
 #include <string>
 #include <vector>
+
+#include "apps/charts/picture.h"
 
 namespace plenocal {
 
@@ -21,11 +24,6 @@ struct BarChart {
   std::vector<std::string> runs;
   std::vector<BarPanel> panels;
 };
-
-enum class PictureFormat { kSvg, kPng };
-
-/// By the file's extension. Throws `Error` of kind kInput for another.
-PictureFormat PictureFormatOf(const std::filesystem::path& picture);
 
 /// The content of a picture file. The bar of a failed run is hatched, reaches the upper border and
 /// is labelled.

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// The shapes of a target as paths of cairo.
 #pragma once
 
 #include <cairo/cairo.h>
 
-#include "apps/charts/cairo_handles.h"
 #include "targets/target_drawing.h"
 
 namespace plenocal::print {

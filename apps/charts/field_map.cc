@@ -7,15 +7,10 @@
 #include <algorithm>
 #include <cmath>
 
-#include "apps/charts/cairo_handles.h"
+#include "apps/charts/picture.h"
 
 namespace plenocal {
 namespace {
-
-using print::Append;
-using print::Check;
-using print::Context;
-using print::Surface;
 
 // Lengths in pixels of the picture.
 constexpr double kMapWidth = 900, kMargin = 24, kTitle = 34, kScale = 120, kFont = 16;
@@ -108,26 +103,14 @@ std::string DrawFieldMaps(const std::vector<FieldMap>& maps, double largest) {
   double height = kMargin;
   for (const FieldMap& map : maps) height += kTitle + MapHeight(map) + kMargin;
   const double width = 3 * kMargin + kMapWidth + kScale;
-  std::string content;
-  const Surface surface(cairo_image_surface_create(
-      CAIRO_FORMAT_RGB24, static_cast<int>(std::ceil(width)), static_cast<int>(std::ceil(height))));
-  {
-    const Context cr(cairo_create(surface.get()));
-    cairo_set_source_rgb(cr.get(), 1, 1, 1);
-    cairo_paint(cr.get());
-    cairo_select_font_face(
-        cr.get(), "sans-serif", CAIRO_FONT_SLANT_NORMAL, CAIRO_FONT_WEIGHT_NORMAL);
-    cairo_set_font_size(cr.get(), kFont);
+  return DrawPicture({width, height}, PictureFormat::kPng, [&](cairo_t* cr) {
+    SetFont(cr, kFont);
     double top = kMargin + kTitle;
     for (const FieldMap& map : maps) {
-      DrawMap(cr.get(), map, top, largest);
+      DrawMap(cr, map, top, largest);
       top += MapHeight(map) + kMargin + kTitle;
     }
-  }
-  Check(cairo_surface_write_to_png_stream(surface.get(), Append, &content));
-  cairo_surface_finish(surface.get());
-  Check(cairo_surface_status(surface.get()));
-  return content;
+  });
 }
 
 }  // namespace plenocal

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Pictures of vectors over an image, as a map of colours with arrows.
 #pragma once
 
 #include <array>

@@ -4,6 +4,7 @@
 #include <cairo/cairo-pdf.h>
 #include <cairo/cairo-svg.h>
 #include <fmt/format.h>
+#include <zlib.h>
 
 #include <algorithm>
 #include <array>
@@ -13,12 +14,13 @@
 
 #include "apps/charts/cairo_handles.h"
 #include "apps/charts/cairo_path.h"
+#include "apps/charts/picture.h"
 #include "calib/base/format_error.h"
 #include "calib/io/output_folder.h"
 #include "targets/target.h"
 #include "targets/target_drawing.h"
 
-// All lengths here are in mm, places from a page's upper left corner.
+// All lengths here are in mm, positions from a page's upper left corner.
 
 namespace plenocal {
 namespace print {
@@ -118,8 +120,7 @@ void DrawPage(cairo_t* context, const Page& page) {
   cairo_paint(context);
   cairo_set_source_rgb(context, 0, 0, 0);
   cairo_set_line_width(context, 0.15);
-  cairo_select_font_face(context, "sans-serif", CAIRO_FONT_SLANT_NORMAL, CAIRO_FONT_WEIGHT_NORMAL);
-  cairo_set_font_size(context, kText);
+  SetFont(context, kText);
   for (const Placed& placed : page.placed) DrawPlaced(context, placed);
   DrawRuler(context, page);
 }
@@ -261,16 +262,6 @@ std::string Pdf(const std::vector<Page>& pages) {
   return text;
 }
 
-// CRC-32 of PNG chunks (PNG specification, annex D).
-std::uint32_t Crc(const std::string& text) {
-  std::uint32_t crc = 0xFFFFFFFFU;
-  for (const char c : text) {
-    crc ^= static_cast<unsigned char>(c);
-    for (int i = 0; i < 8; ++i) crc = (crc >> 1U) ^ ((crc & 1U) != 0 ? 0xEDB88320U : 0);
-  }
-  return ~crc;
-}
-
 // cairo does not say how large a pixel is, without which nobody prints at true scale.
 std::string PhysicalSizeChunk(double dpi) {
   const auto bytes = [](std::uint32_t value) {
@@ -281,7 +272,9 @@ std::string PhysicalSizeChunk(double dpi) {
   };
   const auto per_metre = static_cast<std::uint32_t>(std::lround(dpi / kInch * kMillimetres));
   const std::string chunk = "pHYs" + bytes(per_metre) + bytes(per_metre) + '\x01';
-  return bytes(9) + chunk + bytes(Crc(chunk));
+  const auto* data = reinterpret_cast<const Bytef*>(chunk.data());
+  return bytes(9) + chunk +
+         bytes(static_cast<std::uint32_t>(crc32(0, data, static_cast<uInt>(chunk.size()))));
 }
 
 std::string Png(const Page& page, double dpi) {

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Targets at true scale as files to print.
 #pragma once
 
 #include <filesystem>

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/suggest/view_sheet.h"
 
-#include <cairo/cairo-svg.h>
 #include <cairo/cairo.h>
 #include <fmt/format.h>
 
@@ -9,16 +8,10 @@
 #include <array>
 #include <cmath>
 
-#include "apps/charts/cairo_handles.h"
 #include "assess/views/view_information.h"
 
 namespace plenocal {
 namespace {
-
-using print::Append;
-using print::Check;
-using print::Context;
-using print::Surface;
 
 // Lengths in points (SVG) or pixels at scale 1.
 constexpr double kMargin = 16, kGap = 14, kLine = 17, kFont = 13;
@@ -85,10 +78,7 @@ class Sheet {
   }
 
   void Draw(cairo_t* cr) {
-    cairo_set_source_rgb(cr, 1, 1, 1);
-    cairo_paint(cr);
-    cairo_select_font_face(cr, "sans-serif", CAIRO_FONT_SLANT_NORMAL, CAIRO_FONT_WEIGHT_NORMAL);
-    cairo_set_font_size(cr, kFont);
+    SetFont(cr, kFont);
     for (size_t i = 0; i < suggestions_.views.size(); ++i) DrawRow(cr, i);
   }
 
@@ -195,26 +185,10 @@ std::string DrawViewSheet(const NextViews& suggestions,
                           PictureFormat format) {
   Sheet sheet(suggestions, rig, shape);
   const double scale = format == PictureFormat::kPng ? kPngScale : 1;
-  const double width = std::ceil(scale * sheet.Width()), height = std::ceil(scale * sheet.Height());
-  std::string content;
-  const Surface surface(format == PictureFormat::kSvg
-                            ? cairo_svg_surface_create_for_stream(Append, &content, width, height)
-                            : cairo_image_surface_create(CAIRO_FORMAT_RGB24,
-                                                         static_cast<int>(width),
-                                                         static_cast<int>(height)));
-  Check(cairo_surface_status(surface.get()));
-  {
-    const Context context(cairo_create(surface.get()));
-    cairo_scale(context.get(), scale, scale);
-    sheet.Draw(context.get());
-    Check(cairo_status(context.get()));
-  }
-  if (format == PictureFormat::kPng) {
-    Check(cairo_surface_write_to_png_stream(surface.get(), Append, &content));
-  }
-  cairo_surface_finish(surface.get());
-  Check(cairo_surface_status(surface.get()));
-  return content;
+  const PictureSize size{.width = std::ceil(scale * sheet.Width()) / scale,
+                         .height = std::ceil(scale * sheet.Height()) / scale,
+                         .png_scale = kPngScale};
+  return DrawPicture(size, format, [&](cairo_t* cr) { sheet.Draw(cr); });
 }
 
 }  // namespace plenocal

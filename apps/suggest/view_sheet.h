@@ -5,7 +5,7 @@
 
 #include <string>
 
-#include "apps/charts/bar_chart.h"
+#include "apps/charts/picture.h"
 #include "assess/views/next_views.h"
 
 namespace plenocal {
