@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <iterator>
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <opencv2/core.hpp>
@@ -19,7 +18,7 @@ namespace {
 
 constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 
-// Mean of places.
+// The mean of several positions.
 struct RowSum {
   double count = 0, x = 0, first = 0, second = 0, variance = 0;
 
@@ -30,7 +29,7 @@ struct RowSum {
     second += b;
     variance += sigma * sigma;
   }
-  // Neighbouring places have the same error, so the mean of many is not better known than one.
+  // Neighbouring positions have the same error, so the mean of many is not better known than one.
   [[nodiscard]] AttenuationComparison::Row Mean() const {
     return {x / count, first / count, second / count, std::sqrt(variance / count)};
   }
@@ -51,14 +50,10 @@ void AppendRows(const std::string& section,
                 const std::vector<AttenuationComparison::Row>& rows,
                 std::string* text) {
   for (const AttenuationComparison::Row& row : rows) {
-    fmt::format_to(std::back_inserter(*text),
-                   "{},{:.6g},{:.7g},{:.7g},{:.7g},{}\n",
-                   section,
-                   row.x,
-                   row.first,
-                   row.second,
-                   row.first / row.second,
-                   std::isnan(row.sigma) ? "" : fmt::format("{:.4g}", row.sigma));
+    const auto [x, first, second, sigma] = row;
+    *text +=
+        fmt::format("{},{:.6g},{:.7g},{:.7g},{:.7g},", section, x, first, second, first / second);
+    *text += std::isnan(sigma) ? "\n" : fmt::format("{:.4g}\n", sigma);
   }
 }
 

@@ -13,7 +13,7 @@
 namespace plenocal {
 
 struct AttenuationComparison {
-  /// One place, or the mean of places: attenuations with a common factor that makes their mean
+  /// One position, or the mean of several: attenuations with a common factor that makes their mean
   /// ratio 1; standard deviation of the ratio, NaN where one is not known.
   struct Row {
     double x = 0, first = 0, second = 0, sigma = 0;
@@ -26,7 +26,7 @@ struct AttenuationComparison {
   Row border;                   ///< outermost of `radial` with whole circles in the image's corners
 };
 
-/// Whether a file of this name is a TIFF, as attenuations are.
+/// True for the name of a TIFF, as attenuations are.
 bool IsAttenuation(const std::filesystem::path& path);
 
 /// REQUIRES: equal sizes.

@@ -12,10 +12,10 @@
 #include <opencv2/imgproc.hpp>
 #include <optional>
 
+#include "apps/photometry/images/exposed_images.h"
 #include "calib/base/format_error.h"
 #include "calib/base/number_text.h"
 #include "calib/base/parallel.h"
-#include "calib/base/quoted_text.h"
 #include "calib/base/robust.h"
 #include "calib/base/statistics.h"
 #include "calib/io/output_folder.h"
@@ -37,7 +37,7 @@ constexpr double kFarOff = 5;
 /// Standard deviation of a median over that of a mean, of normal values.
 constexpr double kMedianOverMean = 1.2533;
 
-/// What turns a camera's grey values into light.
+/// Response and attenuation: from a camera's grey values to light.
 struct Photometry {
   std::optional<ResponseCurve> response;
   cv::Mat attenuation;  // CV_32F; empty: none
@@ -181,21 +181,6 @@ void Judge(std::vector<RelativeExposure>* images) {
   }
 }
 
-void AppendRow(const std::string& frame,
-               const std::string& camera,
-               double exposure,
-               double relative,
-               double sigma,
-               std::string* text) {
-  fmt::format_to(std::back_inserter(*text),
-                 "{},{},{},{:.5g},{:.4g}\n",
-                 CsvCell(frame),
-                 CsvCell(camera),
-                 std::isnan(exposure) ? "" : fmt::format("{:.7g}", exposure),
-                 relative,
-                 sigma);
-}
-
 }  // namespace
 
 double RelativeExposure::Exposure() const {
@@ -263,18 +248,14 @@ FrameExposures CompareExposures(const Recording& recording,
 }
 
 std::string FrameExposuresCsv(const Recording& recording, const FrameExposures& exposures) {
-  std::string text = "frame,camera,exposure_ms,relative,sigma\n";
+  std::string text = kExposuresHead;
   const RecordedCamera& first = recording.cameras[0];
   for (size_t i = 0; i < first.images.size(); ++i) {
-    AppendRow(first.images[i].frame, first.name, RecordedExposure(first, i), 0, 0, &text);
+    text += ExposureRow(first.images[i].frame, first.name, RecordedExposure(first, i), 0, 0);
   }
   for (const RelativeExposure& image : exposures.images) {
-    AppendRow(image.frame,
-              image.camera,
-              image.Exposure(),
-              std::expm1(image.log_ratio),
-              image.sigma,
-              &text);
+    const double relative = std::expm1(image.log_ratio);
+    text += ExposureRow(image.frame, image.camera, image.Exposure(), relative, image.sigma);
   }
   return text;
 }

@@ -3,7 +3,7 @@
 
 #include <fmt/format.h>
 
-#include "apps/photometry/exposed_images.h"
+#include "apps/photometry/images/exposed_images.h"
 #include "apps/photometry/vignette_files.h"
 #include "apps/photometry/white_attenuation.h"
 #include "calib/base/format_error.h"
@@ -72,7 +72,7 @@ RecordedVignette MeasureVignette(const VignetteRequest& request, const Run& run)
   if (!white.empty()) {
     run.Progress("white images");
     const Attenuation of_white =
-        AttenuationOfWhite(white, options.response, camera.image_size, run.threads);
+        MeasureAttenuation(white, options.response, camera.image_size, run.threads);
     result.with_white =
         CompareAttenuations({result.estimate.attenuation, result.estimate.sigma}, of_white);
   }

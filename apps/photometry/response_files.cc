@@ -6,12 +6,11 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
-#include <iterator>
 #include <nlohmann/json.hpp>
 #include <opencv2/imgproc.hpp>
 #include <optional>
 
-#include "apps/photometry/exposed_images.h"
+#include "apps/photometry/images/exposed_images.h"
 #include "apps/report/page.h"
 #include "calib/base/error.h"
 #include "calib/base/number_text.h"
@@ -155,12 +154,8 @@ std::string ResponseCsv(const ResponseEstimate& estimate) {
   std::string text = "value,U,sigma,count\n";
   for (size_t k = 0; k < ResponseCurve::kValues; ++k) {
     const double sigma = estimate.sigma[k];
-    fmt::format_to(std::back_inserter(text),
-                   "{},{:.9g},{},{}\n",
-                   k,
-                   estimate.curve.Light(k),
-                   std::isnan(sigma) ? "" : fmt::format("{:.4g}", sigma),
-                   estimate.count[k]);
+    const std::string known = std::isnan(sigma) ? "" : fmt::format("{:.4g}", sigma);
+    text += fmt::format("{},{:.9g},{},{}\n", k, estimate.curve.Light(k), known, estimate.count[k]);
   }
   return text;
 }

@@ -5,14 +5,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <iterator>
 #include <nlohmann/json.hpp>
-#include <numbers>
 #include <opencv2/imgproc.hpp>
 
+#include "apps/photometry/images/exposed_images.h"
 #include "apps/report/page.h"
 #include "calib/base/number_text.h"
-#include "calib/base/quoted_text.h"
 #include "calib/base/robust.h"
 #include "calib/base/statistics.h"
 #include "detectors/images/image.h"
@@ -59,15 +57,10 @@ std::string ExposuresCsv(const VignetteEstimate& estimate,
                          const std::string& camera,
                          const std::vector<std::string>& frames,
                          const std::vector<double>& exposures) {
-  std::string text = "frame,camera,exposure_ms,relative,sigma\n";
+  std::string text = kExposuresHead;
   for (size_t i = 0; i < frames.size(); ++i) {
-    fmt::format_to(std::back_inserter(text),
-                   "{},{},{:.7g},{:.5g},{:.4g}\n",
-                   CsvCell(frames[i]),
-                   CsvCell(camera),
-                   exposures[i] * estimate.gains[i],
-                   estimate.gains[i] - 1,
-                   estimate.gain_sigma[i]);
+    const double gain = estimate.gains[i];
+    text += ExposureRow(frames[i], camera, exposures[i] * gain, gain - 1, estimate.gain_sigma[i]);
   }
   return text;
 }

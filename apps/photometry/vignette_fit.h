@@ -22,8 +22,8 @@ struct OpenMode {
   double sigma = 0;  ///< relative, RMS over the image
 };
 
-/// Whether light moves with the camera (its shadow, a lamp on it), as only views with other roll
-/// show.
+/// A test for light that moves with the camera (its shadow, a lamp on it), which only views with
+/// other roll show.
 struct ShadingTest {
   bool tested = false;
   double difference = 0;  ///< relative, RMS over the image, between views of different roll

@@ -103,7 +103,7 @@ WallGrid ChooseGrid(const WallRecording& wall, const std::string& where) {
         "target's file and the calibration",
         where);
   }
-  // What few views show contributes nothing.
+  // The rim, which few views show, contributes nothing.
   constexpr double kRim = 0.01;
   WallGrid grid;
   grid.x = Quantile(&xs, kRim);

@@ -4,13 +4,14 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "apps/photometry/wall_views.h"
 
 namespace plenocal {
 
-/// What one view shows of one cell.
+/// The measurement of one cell by one view.
 struct WallSample {
   std::uint16_t view = 0;
   float x = 0, y = 0;    ///< in the reduced image
@@ -34,6 +35,10 @@ struct WallGrid {
 struct WallRow {
   std::vector<WallSample> samples;
   std::vector<std::uint32_t> begin;  ///< of each cell, and the end of the last
+
+  [[nodiscard]] std::span<const WallSample> Samples(std::size_t column) const {
+    return std::span(samples).subspan(begin[column], begin[column + 1] - begin[column]);
+  }
 };
 
 /// The part of the wall that several views show, in cells of about one pixel of the reduced images.

@@ -11,7 +11,8 @@
 #include <opencv2/imgproc.hpp>
 #include <optional>
 
-#include "apps/photometry/exposed_images.h"
+#include "apps/photometry/images/exposed_images.h"
+#include "apps/photometry/images/image_spline.h"
 #include "calib/base/format_error.h"
 #include "calib/base/number_text.h"
 #include "calib/base/parallel.h"
@@ -41,23 +42,19 @@ void SetBrightness(const cv::Mat& grey,
   cv::Mat flagged;
   saturated(whole).convertTo(flagged, CV_32F);
   cv::resize(flagged, part, size, 0, 0, cv::INTER_AREA);
-  view->brightness.create(size, CV_32F);
   // Light whose grey values are few has a rounding error that does not average out.
   constexpr size_t kDark = 5;
   const auto least = static_cast<float>(response.Light(kDark));
-  for (int y = 0; y < size.height; ++y) {
-    for (int x = 0; x < size.width; ++x) {
-      const float light = view->light.at<float>(y, x);
-      const bool usable = light > least && part.at<float>(y, x) == 0;
-      view->brightness.at<float>(y, x) = usable
-                                             ? std::log(light / static_cast<float>(view->exposure))
-                                             : std::numeric_limits<float>::quiet_NaN();
-    }
-  }
+  view->brightness = MakeImage(size, 1, [&](int x, int y) {
+    const float light = view->light.at<float>(y, x);
+    return light > least && part.at<float>(y, x) == 0
+               ? std::log(light / static_cast<float>(view->exposure))
+               : std::numeric_limits<float>::quiet_NaN();
+  });
 }
 
 // Why an image has no pose.
-std::string ReasonOf(const cv::Mat& grey, const MarkerDetections& found) {
+std::string ExplainNoPose(const cv::Mat& grey, const MarkerDetections& found) {
   constexpr double kMostSaturated = 0.3;  // white paper and the wall around it
   const double share = cv::countNonZero(grey == kSaturated) / static_cast<double>(grey.total());
   if (share > kMostSaturated) {
@@ -142,7 +139,7 @@ WallRecording ReadWall(const WallOptions& options) {
         SetBrightness(grey, wall.response, wall.reduction, &view);
         views[i] = std::move(view);
       } else {
-        reasons[i] = ReasonOf(grey, found);
+        reasons[i] = ExplainNoPose(grey, found);
       }
     } catch (const Error& error) {
       if (error.kind() != ErrorKind::kInput) throw;

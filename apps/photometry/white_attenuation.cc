@@ -5,7 +5,7 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
-#include "apps/photometry/image_spline.h"
+#include "apps/photometry/images/image_spline.h"
 #include "calib/base/format_error.h"
 #include "calib/base/parallel.h"
 #include "detectors/images/image.h"
@@ -51,7 +51,7 @@ cv::Mat ReadBlocks(const FrameImage& image, const ResponseCurve& response, const
 
 }  // namespace
 
-Attenuation AttenuationOfWhite(const std::vector<FrameImage>& images,
+Attenuation MeasureAttenuation(const std::vector<FrameImage>& images,
                                const ResponseCurve& response,
                                const ImageSize& size,
                                int threads) {
@@ -80,26 +80,12 @@ Attenuation AttenuationOfWhite(const std::vector<FrameImage>& images,
               light / std::max(noise, 1e-12));
     }
   }
-  const Eigen::VectorXd coefficients = fit.Solve();
   const Eigen::MatrixXd covariance = fit.Covariance();
-  Attenuation attenuation{cv::Mat(size[1], size[0], CV_32F), {}};
-  cv::Mat sigma(mean.size(), CV_32F);
-  ParallelFor(static_cast<size_t>(size[1]), threads, [&](size_t row) {
-    const int y = static_cast<int>(row);
-    for (int x = 0; x < size[0]; ++x) {
-      attenuation.values.at<float>(y, x) = static_cast<float>(spline.Evaluate(coefficients, x, y));
-    }
+  Attenuation attenuation{MakeAttenuation(spline, fit.Solve(), size, threads), {}};
+  const cv::Mat sigma = MakeImage(mean.size(), threads, [&](int x, int y) {
+    const auto basis = spline.At((x + 0.5) * across - 0.5, (y + 0.5) * down - 0.5);
+    return std::sqrt(VarianceAt(basis, covariance));
   });
-  ParallelFor(static_cast<size_t>(mean.rows), threads, [&](size_t row) {
-    const int y = static_cast<int>(row);
-    for (int x = 0; x < mean.cols; ++x) {
-      const auto basis = spline.At((x + 0.5) * across - 0.5, (y + 0.5) * down - 0.5);
-      sigma.at<float>(y, x) = static_cast<float>(std::sqrt(VarianceAt(basis, covariance)));
-    }
-  });
-  double largest = 0;
-  cv::minMaxLoc(attenuation.values, nullptr, &largest);
-  cv::exp(attenuation.values - largest, attenuation.values);
   if (images.size() > 1) cv::resize(sigma, attenuation.sigma, {size[0], size[1]});
   return attenuation;
 }

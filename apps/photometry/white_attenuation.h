@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// The attenuation of an ordinary camera from white images.
 #pragma once
 
 #include <opencv2/core/mat.hpp>
@@ -19,7 +21,7 @@ struct Attenuation {
 /// The attenuation of an ordinary camera from white images of 8 bits, as a spline; the standard
 /// deviation is that of the noise, not of light that is uneven. Throws `Error` of kind kInput for
 /// images that cannot be read, have another size or 16 bits, or are saturated; `size`: expected.
-Attenuation AttenuationOfWhite(const std::vector<FrameImage>& images,
+Attenuation MeasureAttenuation(const std::vector<FrameImage>& images,
                                const ResponseCurve& response,
                                const ImageSize& size,
                                int threads);

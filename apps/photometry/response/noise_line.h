@@ -24,7 +24,7 @@ class NoiseLine {
   [[nodiscard]] double ReadVariance() const {
     return (light_square_ * variance_ - light_ * light_variance_) / Determinant();
   }
-  /// Of the line through zero, and of the horizontal one.
+  /// The line through zero, and the horizontal one.
   [[nodiscard]] double GainAlone() const { return light_variance_ / light_square_; }
   [[nodiscard]] double ReadVarianceAlone() const { return variance_ / weight_; }
 

@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "apps/photometry/response/rising_values.h"
+#include "apps/photometry/response/sum_parts.h"
 #include "calib/base/format_error.h"
 #include "calib/base/linear_algebra.h"
 #include "calib/base/parallel.h"
@@ -16,7 +17,6 @@
 namespace plenocal {
 namespace {
 
-constexpr size_t kPixelParts = 16;                // of the pixels, each with sums of its own
 constexpr int kMeanRounds = 6;                    // with means in place of borders
 constexpr int kBorderRounds = 8;                  // of borders with the exposures as recorded
 constexpr int kFirstRounds = 3, kLastRounds = 3;  // of borders and exposures together
@@ -26,6 +26,12 @@ constexpr int kFirstRounds = 3, kLastRounds = 3;  // of borders and exposures to
 struct JointEquations {
   Eigen::MatrixXd J;  // derivative of -score
   Eigen::MatrixXd M;  // the score's covariance, by its scatter over the pixels
+
+  JointEquations& operator+=(const JointEquations& more) {
+    J += more.J;
+    M += more.M;
+    return *this;
+  }
 };
 
 class ResponseFit {
@@ -87,22 +93,20 @@ class ResponseFit {
     return curve_.MeasuresWithoutBias(u) && !sweep_.beside_saturated[image][j];
   }
 
-  // body(part, pixel) for all pixels in use.
-  template <typename Body>
-  void ForPixels(const Body& body) const {
-    ParallelFor(kPixelParts, threads_, [&](size_t part) {
-      for (size_t j = part; j < light_.size(); j += kPixelParts) {
-        if (std::isnan(light_[j]) || light_[j] > 0) body(part, j);
-      }
-    });
-  }
-
-  // Of one pixel by all images: light = sum / weight.
+  // Sums over one pixel of all images: light = sum / weight.
   struct PixelSums {
     double sum = 0, weight = 0;
     std::vector<double> weights;  // by image
     [[nodiscard]] double Light() const { return weight > 0 ? sum / weight : 0; }
   };
+  // body(pixel, &scratch) for all pixels in use of one part of the sums.
+  template <typename Body>
+  void ForPixels(size_t part, const Body& body) const {
+    PixelSums scratch;
+    for (size_t j = part; j < light_.size(); j += kSumParts) {
+      if (std::isnan(light_[j]) || light_[j] > 0) body(j, &scratch);
+    }
+  }
   void SumPixel(size_t j, PixelSums* sums) const {
     const bool first = std::isnan(light_[j]);
     sums->sum = sums->weight = 0;
@@ -127,10 +131,11 @@ class ResponseFit {
   }
 
   void EstimateLight() {
-    std::vector<PixelSums> sums(kPixelParts);
-    ForPixels([&](size_t part, size_t j) {
-      SumPixel(j, &sums[part]);
-      light_[j] = sums[part].Light();
+    ParallelFor(kSumParts, threads_, [&](size_t part) {
+      ForPixels(part, [&](size_t j, PixelSums* sums) {
+        SumPixel(j, sums);
+        light_[j] = sums->Light();
+      });
     });
   }
 
@@ -150,18 +155,16 @@ class ResponseFit {
   }
 
   [[nodiscard]] LightHistogram MakeHistogram() const {
-    std::vector<LightHistogram> parts(kPixelParts);
-    std::vector<PixelSums> sums(kPixelParts);
-    ForPixels([&](size_t part, size_t j) {
-      SumPixel(j, &sums[part]);
-      for (size_t i = 0; i < exposures_.size(); ++i) {
-        double u = 0, others = 0;
-        if (!LightByOthers(sums[part], i, j, &u, &others)) continue;
-        parts[part].Add(u, SquareOf(exposures_[i]) / others, sweep_.grey[i][j]);
-      }
+    return SumParts(LightHistogram(), threads_, [&](size_t part, LightHistogram* histogram) {
+      ForPixels(part, [&](size_t j, PixelSums* sums) {
+        SumPixel(j, sums);
+        for (size_t i = 0; i < exposures_.size(); ++i) {
+          double u = 0, others = 0;
+          if (!LightByOthers(*sums, i, j, &u, &others)) continue;
+          histogram->Add(u, SquareOf(exposures_[i]) / others, sweep_.grey[i][j]);
+        }
+      });
     });
-    for (size_t part = 1; part < kPixelParts; ++part) parts[0].Add(parts[part]);
-    return std::move(parts[0]);
   }
 
   // Pixels whose residuals are larger than noise: the scene moved there.
@@ -185,19 +188,19 @@ class ResponseFit {
     }
   }
 
-  // Of the exposures.
+  // The score of the exposures.
   [[nodiscard]] Eigen::VectorXd ExposureScore() const {
-    std::vector<Eigen::VectorXd> scores(kPixelParts, Eigen::VectorXd::Zero(x_.size()));
-    ForPixels([&](size_t part, size_t j) {
-      for (size_t i = 0; i < exposures_.size(); ++i) {
-        const double u = exposures_[i] * light_[j];
-        if (!IsUsed(i, j, u)) continue;
-        scores[part][static_cast<Eigen::Index>(i)] +=
-            u * (curve_.Middle(sweep_.grey[i][j]) - u) / curve_.VarianceAt(u);
-      }
+    const Eigen::VectorXd zero = Eigen::VectorXd::Zero(x_.size());
+    return SumParts(zero, threads_, [&](size_t part, Eigen::VectorXd* score) {
+      ForPixels(part, [&](size_t j, PixelSums*) {
+        for (size_t i = 0; i < exposures_.size(); ++i) {
+          const double u = exposures_[i] * light_[j];
+          if (!IsUsed(i, j, u)) continue;
+          (*score)[static_cast<Eigen::Index>(i)] +=
+              u * (curve_.Middle(sweep_.grey[i][j]) - u) / curve_.VarianceAt(u);
+        }
+      });
     });
-    for (size_t part = 1; part < kPixelParts; ++part) scores[0] += scores[part];
-    return scores[0];
   }
 
   [[nodiscard]] JointEquations Linearise(const BorderEquations& borders) const {
@@ -205,34 +208,27 @@ class ResponseFit {
     constexpr size_t kEnough = 4000;
     const size_t step = (light_.size() + kEnough - 1) / kEnough;
     const Eigen::Index n = kBorders + x_.size();
-    std::vector<JointEquations> parts(kPixelParts);
-    ParallelFor(kPixelParts, threads_, [&](size_t part) {
-      JointEquations& sum = parts[part];
-      sum.J = sum.M = Eigen::MatrixXd::Zero(n, n);
+    const JointEquations zero{Eigen::MatrixXd::Zero(n, n), Eigen::MatrixXd::Zero(n, n)};
+    JointEquations system = SumParts(zero, threads_, [&](size_t part, JointEquations* sum) {
       // Of pixels, in columns: products of matrices are fast.
       constexpr Eigen::Index kColumns = 64;
       PixelScores scores(n, kColumns);
       PixelSums sums;
       Eigen::Index column = 0;
       const auto flush = [&] {
-        sum.J.noalias() -= scores.by_light * scores.light_by.transpose();
-        sum.M.noalias() += scores.score * scores.score.transpose();
+        sum->J.noalias() -= scores.by_light * scores.light_by.transpose();
+        sum->M.noalias() += scores.score * scores.score.transpose();
         scores = PixelScores(n, kColumns);
         column = 0;
       };
-      for (size_t j = part * step; j < light_.size(); j += kPixelParts * step) {
+      for (size_t j = part * step; j < light_.size(); j += kSumParts * step) {
         if (!(light_[j] > 0)) continue;
         SumPixel(j, &sums);
-        AddPixel(j, sums, borders, column, &scores, &sum.J);
+        AddPixel(j, sums, borders, column, &scores, &sum->J);
         if (++column == kColumns) flush();
       }
       flush();
     });
-    JointEquations system = std::move(parts[0]);
-    for (size_t part = 1; part < kPixelParts; ++part) {
-      system.J += parts[part].J;
-      system.M += parts[part].M;
-    }
     system.J *= static_cast<double>(step);
     system.M *= static_cast<double>(step);
     return system;
@@ -350,7 +346,7 @@ class ResponseFit {
            kFixed * information * exponent * exponent.transpose();
   }
 
-  // Of the values that were seen, up to the factor that makes the errors orthogonal to them.
+  // Sigma of the values that were seen, up to the factor that makes the errors orthogonal to them.
   void SetSigma(const Eigen::MatrixXd& covariance) {
     Eigen::MatrixXd T = curve_.ValuesByBorders();
     Eigen::VectorXd values = Eigen::VectorXd::Zero(kGreys);
@@ -390,27 +386,18 @@ void CheckSweep(const ExposureSweep& sweep, const std::string& where) {
   }
   size_t saturated = 0, black = 0, all = 0;
   for (const auto& image : sweep.grey) {
-    for (const std::uint8_t grey : image) {
-      saturated += grey == SensorCurve::kBorders ? 1U : 0U;
-      black += grey == 0 ? 1U : 0U;
-    }
+    saturated += static_cast<size_t>(std::ranges::count(image, SensorCurve::kBorders));
+    black += static_cast<size_t>(std::ranges::count(image, 0));
     all += image.size();
   }
-  constexpr double kMost = 0.95;
-  if (static_cast<double>(saturated) > kMost * static_cast<double>(all)) {
-    throw JobError(
-        "{}: {:.0f} % of the pixels are saturated; use shorter exposures or "
-        "less light",
-        where,
-        100.0 * static_cast<double>(saturated) / static_cast<double>(all));
-  }
-  if (static_cast<double>(black) > kMost * static_cast<double>(all)) {
-    throw JobError(
-        "{}: {:.0f} % of the pixels are black; use longer exposures or more "
-        "light",
-        where,
-        100.0 * static_cast<double>(black) / static_cast<double>(all));
-  }
+  const auto check = [&](size_t count, const char* what, const char* remedy) {
+    constexpr double kMost = 0.95;
+    const double share = static_cast<double>(count) / static_cast<double>(all);
+    if (!(share > kMost)) return;
+    throw JobError("{}: {:.0f} % of the pixels are {}; use {}", where, 100 * share, what, remedy);
+  };
+  check(saturated, "saturated", "shorter exposures or less light");
+  check(black, "black", "longer exposures or more light");
 }
 
 }  // namespace

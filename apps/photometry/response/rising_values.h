@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Response values that rise: gaps are filled, falling ones are pooled.
 #pragma once
 
 #include <array>

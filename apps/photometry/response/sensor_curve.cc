@@ -44,7 +44,7 @@ void LightHistogram::Add(double u, double error_variance, std::uint8_t grey) {
   variance[bin] += error_variance;
 }
 
-void LightHistogram::Add(const LightHistogram& other) {
+LightHistogram& LightHistogram::operator+=(const LightHistogram& other) {
   const auto add = [](auto& to, const auto& from) {
     std::ranges::transform(to, from, to.begin(), std::plus<>());
   };
@@ -52,6 +52,7 @@ void LightHistogram::Add(const LightHistogram& other) {
   add(pixels, other.pixels);
   add(light, other.light);
   add(variance, other.variance);
+  return *this;
 }
 
 SensorCurve::SensorCurve() {

@@ -38,7 +38,7 @@ struct LightHistogram {
   static double LightOf(std::size_t bin);
   static bool Holds(double u) { return u >= 0 && u < kMostLight; }
   void Add(double u, double error_variance, std::uint8_t grey);
-  void Add(const LightHistogram& other);
+  LightHistogram& operator+=(const LightHistogram& other);
 };
 
 /// Estimating equations of the borders, linear at the present ones: score = 0 with
@@ -82,7 +82,7 @@ class SensorCurve {
   [[nodiscard]] Eigen::MatrixXd ValuesByBorders() const;
   /// The mean light of a grey value.
   [[nodiscard]] double Middle(std::size_t grey) const { return middles_[grey]; }
-  /// Of the light of one pixel by its grey value, rounding included.
+  /// Variance of the light of one pixel by its grey value, rounding included.
   [[nodiscard]] double VarianceAt(double u) const;
   /// Neither darkness nor saturation cuts off the noise of such light.
   [[nodiscard]] bool MeasuresWithoutBias(double u) const { return u < brightest_ && u > darkest_; }
@@ -98,7 +98,7 @@ class SensorCurve {
   std::array<double, kBorders> borders_{};
   std::array<bool, kBorders> known_{};
   SensorNoise noise_{.gain = 255 / 1e4, .read = 0.5};
-  // Of the above: mean light by grey value, variance by bin of the histogram.
+  // Tables of the above: mean light by grey value, variance by bin of the histogram.
   Table middles_{};
   std::array<double, LightHistogram::kBins> variances_{};
   double brightest_ = 255, darkest_ = 0;

@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 
+#include "calib/base/cubic_spline.h"
 #include "calib/base/linear_algebra.h"
 #include "calib/kernels/processors.h"
 #include "detectors/templates/lanes.h"
@@ -51,11 +52,7 @@ struct Basis {
   explicit Basis(double r) {
     const double s = r / kKnotStep;
     const int cell = static_cast<int>(s);
-    const double t = s - cell, u = 1 - t;
-    value = {u * u * u / 6,
-             (3 * t * t * t - 6 * t * t + 4) / 6,
-             (3 * u * u * u - 6 * u * u + 4) / 6,
-             t * t * t / 6};
+    value = CubicBSplines(s - cell);
     for (int k = 0; k < 4; ++k) index[k] = std::abs(cell - 1 + k);
   }
 };

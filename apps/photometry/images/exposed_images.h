@@ -24,6 +24,15 @@ std::vector<double> ExposuresOf(const Recording& recording,
                                 const RecordedCamera& camera,
                                 const std::string& purpose);
 
+/// The table of exposures (exposures.csv) without its rows, and a row: exposure in ms, NaN: not
+/// known; its relative deviation from the recorded one and the standard deviation of this.
+inline constexpr const char* kExposuresHead = "frame,camera,exposure_ms,relative,sigma\n";
+std::string ExposureRow(const std::string& frame,
+                        const std::string& camera,
+                        double exposure,
+                        double relative,
+                        double sigma);
+
 /// Images of the camera that the reader of the recording left out.
 std::vector<LeftOut> LeftOutOf(const Recording& recording, const RecordedCamera& camera);
 

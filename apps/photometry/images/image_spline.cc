@@ -1,23 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "apps/photometry/image_spline.h"
+#include "apps/photometry/images/image_spline.h"
 
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <opencv2/core.hpp>
+
+#include "calib/base/cubic_spline.h"
 
 namespace plenocal {
-namespace {
-
-std::array<double, 4> CubicWeights(double t) {
-  const double u = 1 - t;
-  return {u * u * u / 6,
-          (3 * t * t * t - 6 * t * t + 4) / 6,
-          (3 * u * u * u - 6 * u * u + 4) / 6,
-          t * t * t / 6};
-}
-
-}  // namespace
-
 ImageSpline::ImageSpline(const ImageSize& size, double spacing) {
   for (size_t axis = 0; axis < 2; ++axis) {
     cells_[axis] = std::max(1, static_cast<int>(std::ceil(size[axis] / spacing)));
@@ -31,7 +22,7 @@ ImageSpline::Basis ImageSpline::At(double x, double y) const {
   std::array<std::array<double, 4>, 2> weights{};
   for (size_t axis = 0; axis < 2; ++axis) {
     cell[axis] = std::clamp(static_cast<int>(std::floor(place[axis])), 0, cells_[axis] - 1);
-    weights[axis] = CubicWeights(place[axis] - cell[axis]);
+    weights[axis] = CubicBSplines(place[axis] - cell[axis]);
   }
   Basis basis{};
   const int stride = cells_[0] + 3;
@@ -108,6 +99,19 @@ double VarianceAt(const ImageSpline::Basis& basis, const Eigen::MatrixXd& covari
     }
   }
   return sum;
+}
+
+cv::Mat MakeAttenuation(const ImageSpline& spline,
+                        const Eigen::VectorXd& coefficients,
+                        const ImageSize& size,
+                        int threads) {
+  cv::Mat values = MakeImage({size[0], size[1]}, threads, [&](int x, int y) {
+    return spline.Evaluate(coefficients, x, y);
+  });
+  double largest = 0;
+  cv::minMaxLoc(values, nullptr, &largest);
+  cv::exp(values - largest, values);
+  return values;
 }
 
 }  // namespace plenocal

@@ -1,19 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Smooth functions over an image: cubic splines, their fit and their values by pixel.
 #pragma once
 
 #include <Eigen/Core>
 #include <array>
 #include <cstddef>
+#include <opencv2/core/mat.hpp>
 
+#include "calib/base/parallel.h"
 #include "calib/camera/observation.h"
 
 namespace plenocal {
 
-/// Cubic B-splines over an image (uniform knots; C. de Boor, "A Practical Guide to Splines", 1978).
+/// Cubic B-splines over an image, with uniform knots.
 class ImageSpline {
  public:
-  static constexpr int kSupport = 16;  ///< coefficients that have an effect at one place
-  /// Those at one place, and their weights, which add up to 1.
+  static constexpr int kSupport = 16;  ///< coefficients with an effect at one position
+  /// These coefficients and their weights, which add up to 1.
   struct Basis {
     std::array<int, kSupport> index;
     std::array<float, kSupport> weight;
@@ -36,8 +40,8 @@ class ImageSpline {
 /// That of a vignetting: 40 cells along the longer side.
 ImageSpline MakeAttenuationSpline(const ImageSize& size);
 
-/// Least squares for the coefficients from values at places of the image. Where there are none the
-/// spline is hardly bent.
+/// Least squares for the coefficients from values at positions of the image. Where there are none
+/// the curvature is small.
 class SplineFit {
  public:
   /// `spline` must outlive the object.
@@ -56,7 +60,24 @@ class SplineFit {
   Eigen::VectorXd b_;
 };
 
-/// Variance of the spline's value at a place.
+/// Variance of the spline's value at a position.
 double VarianceAt(const ImageSpline::Basis& basis, const Eigen::MatrixXd& covariance);
+
+/// The image (CV_32F) of value(x, y) at each of its pixels.
+template <typename Value>
+cv::Mat MakeImage(const cv::Size& size, int threads, const Value& value) {
+  cv::Mat image(size, CV_32F);
+  ParallelFor(static_cast<std::size_t>(size.height), threads, [&](std::size_t row) {
+    const int y = static_cast<int>(row);
+    for (int x = 0; x < size.width; ++x) image.at<float>(y, x) = static_cast<float>(value(x, y));
+  });
+  return image;
+}
+
+/// The attenuation (CV_32F, largest value 1) whose logarithm is the spline, up to a factor.
+cv::Mat MakeAttenuation(const ImageSpline& spline,
+                        const Eigen::VectorXd& coefficients,
+                        const ImageSize& size,
+                        int threads);
 
 }  // namespace plenocal

@@ -1,13 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "apps/photometry/exposed_images.h"
+#include "apps/photometry/images/exposed_images.h"
 
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <iterator>
 
 #include "calib/base/format_error.h"
 #include "calib/base/names.h"
+#include "calib/base/quoted_text.h"
 
 namespace plenocal {
 
@@ -48,6 +50,16 @@ std::vector<double> ExposuresOf(const Recording& recording,
       camera.images.size() - exposures.size(),
       camera.images.size(),
       purpose);
+}
+
+std::string ExposureRow(const std::string& frame,
+                        const std::string& camera,
+                        double exposure,
+                        double relative,
+                        double sigma) {
+  const std::string known = std::isnan(exposure) ? "" : fmt::format("{:.7g}", exposure);
+  return fmt::format(
+      "{},{},{},{:.5g},{:.4g}\n", CsvCell(frame), CsvCell(camera), known, relative, sigma);
 }
 
 std::vector<LeftOut> LeftOutOf(const Recording& recording, const RecordedCamera& camera) {
