@@ -27,11 +27,11 @@ struct TruthComparison {
   bool end_differs = false, scale_differs = false;
 };
 
-/// Whether this is a file of `plenocal groundtruth`. Throws as `YamlNode::ReadFile`.
+/// True for a file of `plenocal groundtruth`. Throws as `YamlNode::ReadFile`.
 bool IsGroundTruth(const std::filesystem::path& path);
 
-/// Of two groundtruth.yaml of one recording. Throws `Error`: of kind kInput for files without a
-/// camera in common; of kind kJob when frames in common do not determine the similarities.
+/// Compares two groundtruth.yaml of one recording. Throws `Error`: of kind kInput for files without
+/// a camera in common; of kind kJob when frames in common do not determine the similarities.
 TruthComparison CompareTruths(const std::filesystem::path& a, const std::filesystem::path& b);
 
 /// For the terminal; the names stand for the two.

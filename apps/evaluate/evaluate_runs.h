@@ -52,7 +52,7 @@ Evaluation EvaluateRuns(const EvaluateRequest& request, const Run& listener);
 
 /// The tables for the terminal.
 std::string EvaluationText(const Evaluation& evaluation);
-/// Of one run its metrics, of several {runs: {name: metrics}}.
+/// The metrics of one run, or {runs: {name: metrics}} of several.
 nlohmann::ordered_json EvaluationJson(const Evaluation& evaluation);
 
 }  // namespace plenocal

@@ -3,13 +3,10 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <numbers>
-#include <numeric>
 
 #include "calib/base/error.h"
 #include "calib/base/linear_algebra.h"
@@ -41,7 +38,7 @@ struct Matched {
   Points truth;
 };
 
-Matched PointsOf(const Trajectory& estimate, const Trajectory& truth, const PosePairs& pairs) {
+Matched MatchPoints(const Trajectory& estimate, const Trajectory& truth, const PosePairs& pairs) {
   Matched matched{Points(3, pairs.size()), Points(3, pairs.size())};
   for (size_t i = 0; i < pairs.size(); ++i) {
     const auto column = static_cast<Eigen::Index>(i);
@@ -157,7 +154,7 @@ double Angle(const Eigen::Quaterniond& q) {
   return 2 * std::atan2(q.vec().norm(), std::abs(q.w())) * kDegrees;
 }
 
-ErrorStatistics StatisticsOf(std::vector<double> errors) {
+ErrorStatistics Summarise(std::vector<double> errors) {
   const auto count = static_cast<double>(errors.size());
   ErrorStatistics statistics{};
   const auto [min, max] = std::minmax_element(errors.begin(), errors.end());
@@ -173,7 +170,7 @@ ErrorStatistics StatisticsOf(std::vector<double> errors) {
   double deviation = 0;
   for (const double error : errors) deviation += std::pow(error - statistics.mean, 2);
   statistics.std = std::sqrt(deviation / count);
-  // Of an even number the mean of the middle two, as the reference tools have it.
+  // For an even number the mean of the middle two, as the reference tools have it.
   const auto middle = errors.begin() + static_cast<std::ptrdiff_t>(errors.size() / 2);
   std::nth_element(errors.begin(), middle, errors.end());
   statistics.median = *middle;
@@ -189,7 +186,7 @@ ErrorStatistics AbsoluteErrors(const Matched& matched, const Similarity& T) {
     const auto column = static_cast<Eigen::Index>(i);
     errors[i] = (T * matched.estimate.col(column) - matched.truth.col(column)).norm();
   }
-  return StatisticsOf(std::move(errors));
+  return Summarise(std::move(errors));
 }
 
 }  // namespace
@@ -242,7 +239,7 @@ std::optional<LoopTruth> SplitAtLargestGap(const Trajectory& truth) {
 LoopMetrics MeasureLoop(const Trajectory& estimate, const LoopTruth& truth, double tolerance) {
   const auto align = [&](const Trajectory& segment, const std::string& what) {
     const PosePairs pairs = AssociateOrFail(estimate, segment, tolerance, what);
-    return AlignSegmentOrFail(PointsOf(estimate, segment, pairs), estimate.path + ": " + what);
+    return AlignSegmentOrFail(MatchPoints(estimate, segment, pairs), estimate.path + ": " + what);
   };
   const Similarity T_s_gt = align(truth.start, "start segment");
   return MeasureDrift(estimate, T_s_gt, align(truth.end, "end segment"));
@@ -279,7 +276,7 @@ PathErrors MeasurePath(const Trajectory& estimate,
     Fail(estimate.path,
          fmt::format("{} poses found in the truth, too few for --delta {}", pairs.size(), delta));
   }
-  const Matched matched = PointsOf(estimate, truth, pairs);
+  const Matched matched = MatchPoints(estimate, truth, pairs);
   const Similarity sim3 = AlignOrFail(matched, estimate.path + ": truth");
   const Similarity se3 = Umeyama(matched, Scale::kFixed);
 
@@ -295,7 +292,7 @@ PathErrors MeasurePath(const Trajectory& estimate,
   for (const auto& [e, t] : pairs) {
     angles.push_back(Angle(truth.orientations[t].conjugate() * (turn * estimate.orientations[e])));
   }
-  errors.ate_rotation = StatisticsOf(std::move(angles));
+  errors.ate_rotation = Summarise(std::move(angles));
 
   std::vector<double> rigid, scaled, turned;
   for (auto* list : {&rigid, &scaled, &turned}) list->reserve(pairs.size() - delta);
@@ -312,9 +309,9 @@ PathErrors MeasurePath(const Trajectory& estimate,
         Angle((truth.orientations[t_0].conjugate() * truth.orientations[t_1]).conjugate() *
               (estimate.orientations[e_0].conjugate() * estimate.orientations[e_1])));
   }
-  errors.rpe_se3 = StatisticsOf(std::move(rigid));
-  errors.rpe_sim3 = StatisticsOf(std::move(scaled));
-  errors.rpe_rotation = StatisticsOf(std::move(turned));
+  errors.rpe_se3 = Summarise(std::move(rigid));
+  errors.rpe_sim3 = Summarise(std::move(scaled));
+  errors.rpe_rotation = Summarise(std::move(turned));
   return errors;
 }
 

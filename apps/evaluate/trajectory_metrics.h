@@ -74,7 +74,7 @@ LoopMetrics MeasureDrift(const Trajectory& estimate,
 /// pairs, no motion, motion along a line.
 LoopMetrics MeasureLoop(const Trajectory& estimate, const LoopTruth& truth, double tolerance);
 
-/// Of the absolute values of errors.
+/// Statistics of the absolute values of errors.
 struct ErrorStatistics {
   double rmse, mean, median, std, min, max, sse;
 };

@@ -10,7 +10,6 @@
 #include <string_view>
 #include <vector>
 
-#include "calib/base/names.h"
 #include "calib/files/checks/correlation_check.h"
 #include "calib/io/yaml.h"
 
@@ -63,7 +62,7 @@ Similarity SmallSimilarity(const Vector7d& change, const Eigen::Vector3d& centre
 
 using Values = Eigen::Matrix<double, 5, 1>;  // in the order of `LoopMetricErrors`
 
-Values ValuesOf(const LoopMetrics& metrics) {
+Values MetricValues(const LoopMetrics& metrics) {
   return {metrics.ScaleDrift(),
           metrics.rotation_drift_deg,
           metrics.translation_drift,
@@ -77,7 +76,7 @@ Eigen::Matrix<double, 5, 14> DifferentiateMetrics(const LoopMetrics& metrics,
                                                   const TruthUncertainty& uncertainty) {
   constexpr double kStep = 1e-6;  // m, rad, 1
   const auto changed = [&](const Vector14d& change) {
-    return ValuesOf(
+    return MetricValues(
         MeasureDrift(estimate,
                      SmallSimilarity(change.head<7>(), uncertainty.start_centre) * metrics.T_s_gt,
                      SmallSimilarity(change.tail<7>(), uncertainty.end_centre) * metrics.T_e_gt));
@@ -90,13 +89,13 @@ Eigen::Matrix<double, 5, 14> DifferentiateMetrics(const LoopMetrics& metrics,
   return derivatives;
 }
 
-// Of a variance that rounding may have made negative.
+// The root of a variance that rounding may have made negative.
 double Root(double variance) { return std::sqrt(std::max(0.0, variance)); }
 
-// Of an estimate without errors that follows the measured path.
-Values FloorsOf(const LoopMetrics& metrics,
-                const Trajectory& estimate,
-                const TruthUncertainty& uncertainty) {
+// The metrics' deviations for an estimate without errors that follows the measured path.
+Values ComputeFloors(const LoopMetrics& metrics,
+                     const Trajectory& estimate,
+                     const TruthUncertainty& uncertainty) {
   const LoopCovariance& covariance = uncertainty.covariance;
   const Matrix7d relative = covariance.Relative();
   const PathSegment start{.positions = {}, .centre = uncertainty.start_centre};
@@ -143,8 +142,8 @@ LoopMetricErrors ErrorsByTruth(const LoopMetrics& metrics,
                                const Trajectory& estimate,
                                const TruthUncertainty& uncertainty) {
   const auto J = DifferentiateMetrics(metrics, estimate, uncertainty);
-  const Values floors = FloorsOf(metrics, estimate, uncertainty);
-  const Values deviations = ValuesOf(metrics) - Values{1, 0, 0, 0, 1};
+  const Values floors = ComputeFloors(metrics, estimate, uncertainty);
+  const Values deviations = MetricValues(metrics) - Values{1, 0, 0, 0, 1};
   const auto error = [&](int i) {
     const double variance = (J.row(i) * uncertainty.covariance.segments * J.row(i).transpose())(0);
     const bool resolved = std::abs(deviations[i]) >= floors[i];

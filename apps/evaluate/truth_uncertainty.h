@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// What the errors of a ground truth cause in the metrics of a loop.
+// Errors of the metrics of a loop by those of its ground truth.
 #pragma once
 
 #include <Eigen/Core>
@@ -19,7 +19,7 @@ struct TruthUncertainty {
   LoopCovariance covariance;  ///< its `segments` and `scale_sigma` alone
 };
 
-/// What groundtruth.yaml states for one camera.
+/// The content of groundtruth.yaml for one camera.
 struct GroundTruthFile {
   std::vector<std::string> cameras;  ///< all that have a path, the one of the covariance first
   std::filesystem::path segments;    ///< trajectory of the camera

@@ -4,7 +4,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <opencv2/imgproc.hpp>
 
 #include "calib/base/format_error.h"
 #include "calib/base/number_text.h"
@@ -125,7 +124,10 @@ class LoopTracker {
   }
 
   LoopTracks Run() {
-    ChooseFrames();
+    result_.segments =
+        ChooseSegments(result_.tracks, options_.segments, [this](const std::vector<size_t>& first) {
+          return FramesThatSeeAgain(first);
+        });
     const FollowedPoints start = Follow(result_.segments.start, "start", 0);
     const FollowedPoints end = Follow(result_.segments.end, "end", start.descriptors.rows);
     for (const FollowedPoints* segment : {&start, &end}) {
@@ -164,23 +166,8 @@ class LoopTracker {
     return FocusedImage(image, optics->second, options_.threads);
   }
 
-  void ChooseFrames() {
-    const SceneTracks& tracks = result_.tracks;
-    if (options_.segments.start.empty() && options_.segments.end.empty()) {
-      if (const auto split = SplitAtGap(tracks)) {
-        result_.segments = *split;
-        return;
-      }
-    }
-    result_.segments.start = StartFrames(tracks, options_.segments.start);
-    result_.segments.end = options_.segments.end.empty() ? FramesThatSeeAgain()
-                                                         : EndFrames(tracks, options_.segments.end);
-    CheckOrder(result_.segments);
-  }
-
-  [[nodiscard]] std::vector<size_t> FramesThatSeeAgain() const {
+  [[nodiscard]] std::vector<size_t> FramesThatSeeAgain(const std::vector<size_t>& start) const {
     constexpr size_t kOfStart = 12, kTried = 60;
-    const std::vector<size_t>& start = result_.segments.start;
     Recogniser recogniser;
     for (size_t i = 0; i < kOfStart; ++i) {
       Report("look at the start", i, kOfStart);

@@ -236,7 +236,7 @@ class LoopEstimation {
     }
     result_.bundle.T_rig_target[found->frame] = found->pose.T_rig_target;
     state_.has_pose[found->frame] = true;
-    // Of the points that look the same, those that the pose confirms lead to the other frames.
+    // Matched points that the pose confirms lead to the other frames.
     for (const Match& match : matches) {
       if (!AgreesIn(found->frame, match.end)) state_.has_point[match.end] = false;
     }
@@ -246,14 +246,14 @@ class LoopEstimation {
     CheckEnd();
   }
 
-  // Indices of markers that look the same.
+  // Indices of markers with like descriptors.
   struct Match {
     size_t start = 0, end = 0;
   };
   // Points of the end are where the start's are up to the error of the path between its frames.
   static constexpr double kMatchLimits = 2;
 
-  // Markers of the end that look like one of the start with a position.
+  // Markers of the end whose descriptor is that of one of the start with a position.
   std::vector<Match> FindMatches() const {
     std::map<int, size_t> index;
     for (size_t m = 0; m < result_.bundle.markers.size(); ++m) {
@@ -273,7 +273,7 @@ class LoopEstimation {
     state_.has_point[match.end] = true;
   }
 
-  // Whether a frame shows a marker, where it should.
+  // True where a frame shows a marker near its projection.
   bool AgreesIn(size_t frame, size_t marker) const {
     for (const size_t i : state_.observations_of[marker]) {
       const BundleObservation& observation = result_.bundle.observations[i];
@@ -363,7 +363,7 @@ class LoopEstimation {
   }
 
   // Rejection can leave frames, or a whole stretch of them, that have fewer points in common with
-  // the others than a pose needs: their place among these is open.
+  // the others than a pose needs: their pose against these is not determined.
   void LeaveOutLooseFrames() {
     Bundle& bundle = result_.bundle;
     std::map<int, std::set<int>> landmarks;  // used ones, by frame

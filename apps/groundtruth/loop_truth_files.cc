@@ -76,7 +76,7 @@ std::string CovarianceCsv(const LoopTruthResult& truth, const SceneTracks& track
 }
 
 // The used landmarks as a map for `locate`.
-LandmarkMap MapOf(const LoopTruthResult& truth, const cv::Mat& descriptors) {
+LandmarkMap MakeMap(const LoopTruthResult& truth, const cv::Mat& descriptors) {
   std::vector<bool> used(truth.bundle.markers.size(), false);
   for (const BundleObservation& observation : truth.bundle.observations) {
     if (observation.used) used[static_cast<size_t>(observation.marker)] = true;
@@ -121,7 +121,7 @@ std::vector<Eigen::Vector3d> Circle(const PathSegment& start, double length) {
   std::vector<Eigen::Vector3d> path;
   for (int i = 0; i < kPoints; ++i) {
     const double angle = 2 * std::numbers::pi * i / kPoints;
-    // The rig's y axis points down: a walk turns about it.
+    // The rig's y axis points down: a walk rotates about it.
     path.push_back(start.centre +
                    radius * Eigen::Vector3d(std::sin(angle), 0, 1 - std::cos(angle)));
   }
@@ -280,7 +280,7 @@ std::vector<std::pair<std::string, std::string>> LoopTruthFiles(const LoopTruthR
   }
   for (const MountedCamera& camera : context.others) add_paths(camera.name, camera.T_camera_rig);
   files.emplace_back("covariance.csv", CovarianceCsv(truth, *context.tracks));
-  const LandmarkMap map = MapOf(truth, context.descriptors);
+  const LandmarkMap map = MakeMap(truth, context.descriptors);
   files.emplace_back("points.ply", PointsPly(map));
   files.emplace_back("points.csv", PointsCsv(map));
   if (!map.descriptors.empty()) files.emplace_back("descriptors.png", DescriptorsPng(map));

@@ -19,7 +19,7 @@ struct MountedCamera {
   RigidTransform T_camera_rig;
 };
 
-/// What the files need besides the result.
+/// Data of the files besides the result.
 struct LoopTruthContext {
   const SceneTracks* tracks = nullptr;
   /// Cameras of the calibration whose images were not used; they get paths too, so that their
@@ -30,7 +30,7 @@ struct LoopTruthContext {
   std::vector<std::pair<std::string, std::string>> provenance;
 };
 
-/// What the result shows to be wrong or weak, in sentences with what to do. `from_images`: the
+/// Weaknesses and errors that the result shows, in sentences with what to do. `from_images`: the
 /// tracks are patches followed through images.
 std::vector<std::string> FindingsOf(const LoopTruthResult& truth, bool from_images);
 

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// The page of a loop's ground truth.
 #pragma once
 
 #include <string>

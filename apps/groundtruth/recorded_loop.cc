@@ -45,7 +45,7 @@ LoopTracks CollectTracks(const GroundtruthRequest& request,
   if (std::ranges::any_of(recording.cameras, has_tracks)) {
     LoopTracks loop;
     loop.tracks = ReadRecordedTracks(recording, rig.cameras);
-    loop.segments = ChooseSegments(loop.tracks, request.segments);
+    loop.segments = ChooseTrackedSegments(loop.tracks, request.segments);
     return loop;
   }
   ImageTrackOptions options;

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <map>
-#include <optional>
 #include <set>
 
 #include "calib/base/format_error.h"
@@ -14,7 +13,7 @@
 namespace plenocal {
 namespace {
 
-const RecordedFiles& SourceOf(const RecordingFile& recording, const std::string& name) {
+const RecordedFiles& FindTracks(const RecordingFile& recording, const std::string& name) {
   for (const RecordedFiles& camera : recording.cameras) {
     if (camera.name != name) continue;
     if (!camera.tracks.empty()) return camera;
@@ -72,7 +71,7 @@ SceneTracks ReadRecordedTracks(const RecordingFile& recording,
   std::map<std::string, double> times;
   std::vector<std::string> names;
   for (const BundleCamera& camera : cameras) {
-    const RecordedFiles& source = SourceOf(recording, camera.name);
+    const RecordedFiles& source = FindTracks(recording, camera.name);
     tracks.views.push_back(ReadDetections(source.tracks, *camera.model));
     AddTimes(source, &times);
     for (const View& view : tracks.views.back()) names.push_back(view.frame);
@@ -91,16 +90,10 @@ SceneTracks ReadRecordedTracks(const RecordingFile& recording,
   return tracks;
 }
 
-LoopSegments ChooseSegments(const SceneTracks& tracks, const SegmentChoice& choice) {
-  if (choice.start.empty() && choice.end.empty()) {
-    if (const std::optional<LoopSegments> split = SplitAtGap(tracks)) return *split;
-  }
-  LoopSegments segments;
-  segments.start = StartFrames(tracks, choice.start);
-  segments.end = choice.end.empty() ? FramesThatSeeAgain(tracks, PointsOf(tracks, segments.start))
-                                    : EndFrames(tracks, choice.end);
-  CheckOrder(segments);
-  return segments;
+LoopSegments ChooseTrackedSegments(const SceneTracks& tracks, const SegmentChoice& choice) {
+  return ChooseSegments(tracks, choice, [&](const std::vector<size_t>& start) {
+    return FramesThatSeeAgain(tracks, PointsOf(tracks, start));
+  });
 }
 
 }  // namespace plenocal

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Tracks that a recording supplies in place of images, and the segments that they show.
 #pragma once
 
 #include <vector>
@@ -15,11 +17,9 @@ namespace plenocal {
 SceneTracks ReadRecordedTracks(const RecordingFile& recording,
                                const std::vector<BundleCamera>& cameras);
 
-/// Frames of the segments. Not given: the recording's largest gap splits it; where none stands out,
-/// the start is its first 15 s (of frames without times: the first sixth), and the end begins with
-/// the first frame after the middle that shows `kFewestCommon` points of the start. Throws `Error`
-/// of kind kInput for a choice that names no frames, and of kind kJob when start and end have too
-/// few points in common.
-LoopSegments ChooseSegments(const SceneTracks& tracks, const SegmentChoice& choice);
+/// Frames of the segments by `ChooseSegments`: the end begins with the first frame after the middle
+/// that shows `kFewestCommon` points of the start. Throws `Error` also of kind kJob when start and
+/// end have too few points in common.
+LoopSegments ChooseTrackedSegments(const SceneTracks& tracks, const SegmentChoice& choice);
 
 }  // namespace plenocal

@@ -5,6 +5,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
+#include <optional>
 
 #include "apps/evaluate/trajectory_metrics.h"
 #include "calib/base/format_error.h"
@@ -17,7 +19,7 @@ constexpr double kStartSeconds = 15;
 constexpr double kStartShare = 1.0 / 6;  // of frames without times
 
 // An end of a segment: a frame's name, or seconds after the first frame.
-std::optional<double> PlaceOf(const SceneTracks& tracks, const std::string& text) {
+std::optional<double> FindPosition(const SceneTracks& tracks, const std::string& text) {
   const auto named = std::ranges::find(tracks.frames, text);
   if (named != tracks.frames.end()) return static_cast<double>(named - tracks.frames.begin());
   const std::optional<double> seconds = ParseDouble(text);
@@ -39,18 +41,16 @@ std::vector<size_t> ReadSegment(const SceneTracks& tracks,
   };
   if (colon == std::string::npos) fail("no ':'");
   const std::string first = text.substr(0, colon), last = text.substr(colon + 1);
-  const std::optional<double> begin = first.empty() ? 0.0 : PlaceOf(tracks, first);
+  const std::optional<double> begin = first.empty() ? 0.0 : FindPosition(tracks, first);
   std::optional<double> end = static_cast<double>(tracks.frames.size());
   if (!last.empty()) {
-    end = PlaceOf(tracks, last);
+    end = FindPosition(tracks, last);
     // A frame that is named belongs to the segment.
     if (end && std::ranges::find(tracks.frames, last) != tracks.frames.end()) *end += 1;
   }
   if (!begin || !end) fail(fmt::format("no frame '{}'", begin ? last : first));
-  std::vector<size_t> frames;
-  for (auto i = static_cast<size_t>(*begin); i < static_cast<size_t>(*end); ++i) {
-    frames.push_back(i);
-  }
+  const std::vector<size_t> frames =
+      FramesFrom(static_cast<size_t>(*begin), static_cast<size_t>(*end));
   if (frames.empty()) fail("no frames lie there");
   return frames;
 }
@@ -64,14 +64,7 @@ std::vector<size_t> FirstFrames(const SceneTracks& tracks) {
   return FramesFrom(0, static_cast<size_t>(end - tracks.times.begin()));
 }
 
-}  // namespace
-
-std::vector<size_t> FramesFrom(size_t begin, size_t end) {
-  std::vector<size_t> frames;
-  for (size_t i = begin; i < end; ++i) frames.push_back(i);
-  return frames;
-}
-
+// The frames before and after the largest gap in time, where one stands out.
 std::optional<LoopSegments> SplitAtGap(const SceneTracks& tracks) {
   if (tracks.times.empty()) return std::nullopt;
   Trajectory times;
@@ -84,16 +77,27 @@ std::optional<LoopSegments> SplitAtGap(const SceneTracks& tracks) {
   return LoopSegments{FramesFrom(0, start), FramesFrom(start, tracks.frames.size())};
 }
 
-std::vector<size_t> StartFrames(const SceneTracks& tracks, const std::string& choice) {
-  return choice.empty() ? FirstFrames(tracks) : ReadSegment(tracks, choice, "--start");
+}  // namespace
+
+std::vector<size_t> FramesFrom(size_t begin, size_t end) {
+  std::vector<size_t> frames(end > begin ? end - begin : 0);
+  std::iota(frames.begin(), frames.end(), begin);
+  return frames;
 }
 
-std::vector<size_t> EndFrames(const SceneTracks& tracks, const std::string& choice) {
-  return ReadSegment(tracks, choice, "--end");
-}
-
-void CheckOrder(const LoopSegments& segments) {
-  if (segments.start.back() < segments.end.front()) return;
+LoopSegments ChooseSegments(
+    const SceneTracks& tracks,
+    const SegmentChoice& choice,
+    const std::function<std::vector<size_t>(const std::vector<size_t>& start)>& find_end) {
+  if (choice.start.empty() && choice.end.empty()) {
+    if (const std::optional<LoopSegments> split = SplitAtGap(tracks)) return *split;
+  }
+  LoopSegments segments;
+  segments.start =
+      choice.start.empty() ? FirstFrames(tracks) : ReadSegment(tracks, choice.start, "--start");
+  segments.end =
+      choice.end.empty() ? find_end(segments.start) : ReadSegment(tracks, choice.end, "--end");
+  if (segments.start.back() < segments.end.front()) return segments;
   throw InputError("the end segment begins before the start segment ends");
 }
 

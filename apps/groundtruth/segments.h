@@ -3,7 +3,7 @@
 // The frames of a recording's start and end segment.
 #pragma once
 
-#include <optional>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -23,17 +23,13 @@ inline constexpr size_t kFewestCommon = 30;
 /// Indices begin, ..., end - 1.
 std::vector<size_t> FramesFrom(size_t begin, size_t end);
 
-/// The frames before and after the largest gap in time, where one stands out.
-std::optional<LoopSegments> SplitAtGap(const SceneTracks& tracks);
-
-/// The frames that `choice` names; for an empty one the first 15 s, or of frames without times the
-/// first sixth. Throws `Error` of kind kInput when it names none.
-std::vector<size_t> StartFrames(const SceneTracks& tracks, const std::string& choice);
-
-/// The frames that `choice` names, which is not empty. Throws likewise.
-std::vector<size_t> EndFrames(const SceneTracks& tracks, const std::string& choice);
-
-/// Throws `Error` of kind kInput when the end begins before the start ends.
-void CheckOrder(const LoopSegments& segments);
+/// Frames of the segments. Not given: the recording's largest gap splits it; where none stands out,
+/// the start is its first 15 s (of frames without times: the first sixth), and `find_end` gives the
+/// frames that see the start again. Throws `Error` of kind kInput for a choice that names no frames
+/// or an end that begins before the start ends.
+LoopSegments ChooseSegments(
+    const SceneTracks& tracks,
+    const SegmentChoice& choice,
+    const std::function<std::vector<size_t>(const std::vector<size_t>& start)>& find_end);
 
 }  // namespace plenocal

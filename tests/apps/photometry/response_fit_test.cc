@@ -13,7 +13,7 @@
 #include <opencv2/core.hpp>
 #include <random>
 
-#include "apps/photometry/image_spline.h"
+#include "apps/photometry/images/image_spline.h"
 #include "apps/photometry/response/rising_values.h"
 #include "calib/base/error.h"
 #include "tests/apps/workspace.h"

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 
 #include "apps/cli/options.h"
-#include "apps/photometry/exposed_images.h"
+#include "apps/photometry/images/exposed_images.h"
 #include "apps/photometry/response_files.h"
 #include "calib/base/error.h"
 #include "calib/io/output_folder.h"
