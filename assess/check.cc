@@ -9,7 +9,7 @@
 #include <numbers>
 #include <utility>
 
-#include "calib/adjust/problem.h"
+#include "calib/adjust/solver/problem.h"
 #include "calib/base/format_error.h"
 #include "calib/base/linear_algebra.h"
 #include "calib/base/statistics.h"
@@ -242,10 +242,7 @@ class Check {
   // Both poses of the camera in the rig belong to the old parameters.
   void TestExtrinsics(size_t c, const Bundle& fixed, double common, CameraCheck* camera) const {
     const Uncertainty of_fixed = EstimateUncertainty(fixed);
-    const RigidTransform& was = cameras_[c]->T_camera_rig;
-    const RigidTransform& is = fixed.cameras[c].T_camera_rig;
-    Vector6d d;
-    d << is.t - was.t, LogRotation(is.R * was.R.transpose());
+    const Vector6d d = LocalCoordinates(cameras_[c]->T_camera_rig, fixed.cameras[c].T_camera_rig);
     Matrix6d covariance = common * noise_variance_ * of_fixed.extrinsics_covariance[c];
     covariance.diagonal() += cameras_[c]->sigma_xi.cwiseAbs2();
     camera->rotation = d.tail<3>().norm();

@@ -401,8 +401,7 @@ ExtrinsicsDifference CompareExtrinsics(const Counterparts& master,
   const ErringTransform expected =
       implied(camera.difference, of_camera) * place_on_rig(camera.a, of_camera.a) *
       (implied(master.difference, of_master) * place_on_rig(master.a, of_master.a)).Inverse();
-  Vector6d difference;
-  difference << found.T.t - expected.T.t, LogRotation(found.T.R * expected.T.R.transpose());
+  const Vector6d difference = LocalCoordinates(expected.T, found.T);
   ExtrinsicsDifference result;
   result.translation = difference.head<3>().norm();
   result.rotation = difference.tail<3>().norm();

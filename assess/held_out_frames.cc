@@ -6,7 +6,7 @@
 #include <map>
 #include <optional>
 
-#include "calib/adjust/problem.h"
+#include "calib/adjust/solver/problem.h"
 #include "calib/base/error.h"
 #include "calib/base/statistics.h"
 #include "calib/start/camera_guess.h"

@@ -16,7 +16,7 @@
 #include "assess/held_out_frames.h"
 #include "assess/held_out_scores.h"
 #include "assess/projection.h"
-#include "calib/adjust/problem.h"
+#include "calib/adjust/solver/problem.h"
 #include "calib/base/format_error.h"
 #include "calib/base/number_text.h"
 #include "calib/base/parallel.h"
@@ -33,7 +33,7 @@ using PointName = std::tuple<size_t, std::string, int, std::array<double, kMaxOb
 
 bool IsSimpler(const ModelTrial& a, const ModelTrial& b) {
   const auto size = [](const ModelTrial& trial) {
-    return std::pair(trial.marker_sigma > 0, trial.free_parameters);
+    return std::pair(!trial.marker_freedom.IsRigid(), trial.free_parameters);
   };
   return size(a) < size(b) && a.model->usage <= b.model->usage;
 }
@@ -42,8 +42,8 @@ bool IsSimpler(const ModelTrial& a, const ModelTrial& b) {
 /// description.
 struct ModelCandidate {
   const CameraModel* model = nullptr;
-  double marker_sigma = 0;  ///< of the prior of markers' coordinates, m; 0: held rigid
-  std::string name;         ///< in progress and messages
+  MarkerFreedom marker_freedom = {};
+  std::string name;  ///< in progress and messages
 };
 
 class Trials {
@@ -57,7 +57,7 @@ class Trials {
     for (const ModelCandidate& candidate : candidates_) {
       choice_.trials.emplace_back();
       choice_.trials.back().model = candidate.model;
-      choice_.trials.back().marker_sigma = candidate.marker_sigma;
+      choice_.trials.back().marker_freedom = candidate.marker_freedom;
     }
     CollectPoints();
   }
@@ -119,7 +119,7 @@ class Trials {
       const std::string& stage = candidates_[m].name;
       Stage(stage);
       CalibrationInput input = WithModel(input_, choice_.varied, *trial->model);
-      input.marker_sigma = trial->marker_sigma;
+      input.marker_freedom = trial->marker_freedom;
       trial->calibration = Calibrate(input, {.threads = 1, .progress = [&](const std::string&) {
                                                Stage(stage);
                                                return true;
@@ -411,7 +411,8 @@ class Trials {
       const bool is_richer = trial.free_parameters > trials[choice_.reference].free_parameters;
       if (!trial.practically_equal && (trial.probability < kSignificant || is_richer)) continue;
       const auto rank = [](const ModelTrial& each) {
-        return std::tuple(each.marker_sigma > 0, each.model->usage, each.free_parameters, each.rms);
+        return std::tuple(
+            !each.marker_freedom.IsRigid(), each.model->usage, each.free_parameters, each.rms);
       };
       if (rank(trial) < rank(trials[choice_.recommended])) choice_.recommended = m;
     }
@@ -465,7 +466,7 @@ ModelChoice TryModels(const CalibrationInput& input,
   for (const CameraModel* model : models) {
     candidates.push_back(
         {model,
-         input.marker_sigma,
+         input.marker_freedom,
          fmt::format("model {} of {} {}", candidates.size() + 1, models.size(), model->name)});
   }
   return Trials(input, std::move(varied), std::move(candidates), options).Run();
@@ -473,11 +474,12 @@ ModelChoice TryModels(const CalibrationInput& input,
 
 ModelChoice TryTargets(const CalibrationInput& input,
                        std::vector<size_t> varied,
-                       double marker_sigma,
+                       MarkerFreedom refined,
                        const TrialOptions& options) {
   const CameraModel* const model = input.cameras[varied[0]].model;
-  std::vector<ModelCandidate> candidates{{model, 0, "target 1 of 2 held rigid"},
-                                         {model, marker_sigma, "target 2 of 2 refined"}};
+  std::vector<ModelCandidate> candidates{
+      {model, MarkerFreedom::Rigid(), "target 1 of 2 held rigid"},
+      {model, refined, "target 2 of 2 refined"}};
   return Trials(input, std::move(varied), std::move(candidates), options).Run();
 }
 

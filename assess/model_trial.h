@@ -35,7 +35,7 @@ struct HeldOutPoint {
 /// One model in place of the varied cameras' own.
 struct ModelTrial {
   const CameraModel* model = nullptr;
-  double marker_sigma = 0;   ///< of the markers' coordinates, m; 0: the target was held rigid
+  MarkerFreedom marker_freedom = {};
   int free_parameters = 0;   ///< of all varied cameras
   std::string failure;       ///< why there is no calibration; then the rest is not set
   Calibration calibration;   ///< with all frames
@@ -111,10 +111,10 @@ ModelChoice TryModels(const CalibrationInput& input,
                       const TrialOptions& options);
 
 /// Likewise two assumptions about the target, with the models of `input`: it is rigid as described,
-/// or its markers are refined with a prior of `marker_sigma`, m. The rigid one is the simpler.
+/// or its markers are `refined`. The rigid one is the simpler.
 ModelChoice TryTargets(const CalibrationInput& input,
                        std::vector<size_t> varied,
-                       double marker_sigma,
+                       MarkerFreedom refined,
                        const TrialOptions& options);
 
 /// The session with another model of the `varied` cameras; what it states about the parameters of

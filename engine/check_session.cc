@@ -15,7 +15,7 @@ namespace plenocal {
 
 SessionCheck CheckSession(Session session, const CheckRequest& request, const Run& run) {
   const RunScope inputs;
-  CalibrationRecord old = ReadWithCorrelations(request.calibration);
+  CalibrationRecord old = OpenWithCorrelations(request.calibration);
   UseOptions(request, &session);
   if (!request.map.empty()) RenameCameras(request.map, NamesOf(session.cameras), &old);
   RefuseSeveralTargets(session, "compare --check");

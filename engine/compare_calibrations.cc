@@ -11,8 +11,8 @@ CalibrationComparison CompareFiles(const std::filesystem::path& a,
                                    const std::filesystem::path& b,
                                    const ComparedBy& by) {
   const RunScope inputs;
-  const CalibrationRecord of_a = ReadWithCorrelations(a);
-  CalibrationRecord of_b = ReadWithCorrelations(b);
+  const CalibrationRecord of_a = OpenWithCorrelations(a);
+  CalibrationRecord of_b = OpenWithCorrelations(b);
   RenameCameras(by.map, NamesOf(of_a.cameras), &of_b);
   return CompareCalibrations(of_a, of_b, by.distances);
 }

@@ -10,7 +10,6 @@
 #include "calib/base/names.h"
 #include "calib/base/number_text.h"
 #include "calib/base/quoted_text.h"
-#include "calib/files/calibration_file.h"
 #include "calib/files/detections.h"
 #include "calib/io/input_file.h"
 #include "calib/io/output_folder.h"
@@ -18,7 +17,7 @@
 #include "detectors/images/image.h"
 #include "engine/observe/left_out.h"
 #include "engine/recording/stores/image_lister.h"
-#include "models/registry.h"
+#include "engine/session/calibration_folder.h"
 #include "targets/target.h"
 
 namespace plenocal {
@@ -178,7 +177,7 @@ std::vector<LocatedImage> LocateImages(const LocateRequest& request, const Run& 
   if (request.images.empty()) {
     throw InputError("locate: give images, or detections (CSV)");
   }
-  const CalibrationRecord calibration = ReadCalibration(request.calibration, CameraModels());
+  const CalibrationRecord calibration = OpenCalibration(request.calibration);
   const CalibratedCamera& camera = FindCamera(calibration, request.camera);
   const ObservedImages seen = FindObservations(request, camera, run);
   std::vector<LocatedImage> images;

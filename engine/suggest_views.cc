@@ -51,9 +51,10 @@ SuggestedViews BasisOfImages(const CalibrationRecord& calibration,
                        .angle = Radians(angle_deg),
                        .views = ViewsOf(calibration, camera)});
   }
-  const double marker_sigma = calibration.adjustment ? calibration.adjustment->marker_sigma : 0;
+  const MarkerFreedom marker_freedom =
+      calibration.adjustment.value_or(AdjustmentRecord{}).marker_freedom;
   return {
-      FirstRig(cameras, target.markers, marker_sigma), ViewTargetOf(target), calibration.verdict};
+      FirstRig(cameras, target.markers, marker_freedom), ViewTargetOf(target), calibration.verdict};
 }
 
 SuggestedViews BasisOfCalibration(const std::filesystem::path& folder, double angle_deg) {
@@ -127,11 +128,11 @@ SuggestedViews BasisOfSession(const SuggestRequest& request, const Run& run) {
     run.Message(
         fmt::format("{}; a lens of {:.0f} degrees is assumed", error.what(), request.angle));
   }
-  return {
-      FirstRig(
-          FirstCameras(session, observations.cameras, request), target.markers, input.marker_sigma),
-      ViewTargetOf(target),
-      std::nullopt};
+  return {FirstRig(FirstCameras(session, observations.cameras, request),
+                   target.markers,
+                   input.marker_freedom),
+          ViewTargetOf(target),
+          std::nullopt};
 }
 
 // Before the first image.
@@ -149,7 +150,7 @@ SuggestedViews BasisOfLens(const SuggestRequest& request) {
                      .image_size = *request.size,
                      .angle = Radians(request.angle)}},
                    target.markers,
-                   0),
+                   MarkerFreedom::Rigid()),
           ViewTargetOf(target),
           std::nullopt};
 }

@@ -118,15 +118,15 @@ std::string ModelYaml(const TrialRow& row) {
                     trial.model->name);
 }
 
-std::string TargetYaml(const ModelChoice& targets, double session_sigma) {
+std::string TargetYaml(const ModelChoice& targets, MarkerFreedom of_session) {
   std::string text = fmt::format("target:\n  recommended: {}\n  why: {}\n",
                                  TargetName(targets.trials[targets.recommended]),
-                                 YamlQuoted(TargetRecommendation(targets, session_sigma)));
+                                 YamlQuoted(TargetRecommendation(targets, of_session)));
   for (const ModelTrial& trial : targets.trials) {
     if (!trial.comparable) continue;
     text += fmt::format("  {}:\n    tolerance: {}\n    {}    difference: {}\n    sigma: {}\n",
                         TargetName(trial),
-                        YamlNumber(trial.marker_sigma),
+                        YamlNumber(trial.marker_freedom.Sigma()),
                         HeldOutYaml(trial),
                         YamlNumber(trial.difference),
                         YamlNumber(trial.sigma));
@@ -153,7 +153,7 @@ std::string TrialYaml(const SessionTrial& trial) {
       YamlQuoted(ModelRecommendation(choice)),
       choice.trials[choice.reference].model->name,
       YamlNumber(choice.noise));
-  text += TargetYaml(trial.targets, trial.marker_sigma) + "models:\n";
+  text += TargetYaml(trial.targets, trial.marker_freedom) + "models:\n";
   for (const TrialRow& row : trial.rows) text += ModelYaml(row);
   return text;
 }
@@ -190,7 +190,7 @@ SessionTrial TrySession(const Session& session, const TryRequest& request, const
       CollectObservations(session, target, run, {trial.folders->cache(), nullptr});
   WarnOfSettings(session, varied, run);
   const CalibrationInput input = MakeCalibrationInput(session, target, observations.cameras, run);
-  trial.marker_sigma = input.marker_sigma;
+  trial.marker_freedom = input.marker_freedom;
   const TrialOptions options{
       .folds = request.folds, .threads = run.threads, .progress = [&](const std::string& stage) {
         return run.Progress(stage);
@@ -199,7 +199,7 @@ SessionTrial TrySession(const Session& session, const TryRequest& request, const
   trial.targets =
       TryTargets(WithModel(input, varied, *trial.models.trials[trial.models.recommended].model),
                  varied,
-                 RefinedMarkerSigma(target),
+                 RefinedMarkerFreedom(target),
                  options);
   trial.rows = MakeRows(trial.models);
   if (OutputFolder* const out = trial.folders->out()) {

@@ -25,7 +25,7 @@ struct TryRequest : SessionOptions {
 
 struct SessionTrial {
   Session session;
-  double marker_sigma = 0;  ///< that the session gives the target, m
+  MarkerFreedom marker_freedom = {};  ///< that the session gives the target
   ModelChoice models;
   ModelChoice targets;                  ///< with the recommended model
   std::vector<TrialRow> rows;           ///< of `models`

@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// The table of camera models. It is a state of the process, since the code of plug-ins, once
+// loaded, belongs to the process; it only grows, and may be used from several threads.
 #pragma once
 
 #include <filesystem>

@@ -10,6 +10,7 @@
 #include <exception>
 #include <filesystem>
 #include <new>
+#include <span>
 #include <string_view>
 #include <system_error>
 
@@ -18,6 +19,7 @@
 #include "calib/base/error.h"
 #include "calib/base/quoted_text.h"
 #include "calib/io/input_file.h"
+#include "calib/io/output_folder.h"
 
 namespace plenocal {
 namespace {
@@ -65,7 +67,12 @@ int ParseAndRun(int argc, char** argv) {
     const RunCommand run = command_line.Parse(argc, argv);
     CatchInterrupts();
     const RunScope inputs;
-    if (run) run();
+    if (run) {
+      for (const char* const argument : std::span(argv, static_cast<size_t>(argc)).subspan(1)) {
+        CompleteResults(argument);  // of a killed run, among which an input may lie
+      }
+      run();
+    }
     // Printed text is a result: a full disk behind a redirection is a failure.
     FlushOutput();
     return 0;

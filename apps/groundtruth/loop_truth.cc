@@ -321,7 +321,7 @@ class LoopEstimation {
     LeaveOutLooseFrames();
     DropUnused(&result_.start);
     DropUnused(&result_.end);
-    result_.bundle.held_frame = result_.start.frames.front();
+    result_.bundle.fixed_frame = result_.start.frames.front();
     FindRivalEnd(std::move(all));
     MoveToFirstFrame();
   }
@@ -400,7 +400,7 @@ class LoopEstimation {
   }
 
   void SolveOnce() {
-    result_.bundle.held_frame = result_.start.frames.front();
+    result_.bundle.fixed_frame = result_.start.frames.front();
     SolveOptions options;
     options.typical_sigmas = TypicalSigmas(result_.bundle);
     options.estimate_uncertainty = false;
@@ -458,7 +458,7 @@ class LoopEstimation {
   // Poses and points relative to the first frame's pose.
   void MoveToFirstFrame() {
     Bundle& bundle = result_.bundle;
-    const RigidTransform T_first_world = bundle.T_rig_target[*bundle.held_frame];
+    const RigidTransform T_first_world = bundle.T_rig_target[*bundle.fixed_frame];
     for (RigidTransform& T : bundle.T_rig_target) T = T * T_first_world.Inverse();
     for (BundleMarker& marker : bundle.markers) marker.position = T_first_world * marker.position;
   }

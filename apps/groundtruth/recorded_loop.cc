@@ -77,7 +77,7 @@ std::vector<MountedCamera> OtherCameras(const CalibrationRecord& calibration,
 LoopTruthResult EstimateRecordedLoop(const GroundtruthRequest& request, const Run& run) {
   const RunScope inputs;
   const RecordingFile recording = FindRecordingFile(request.recording);
-  const CalibrationRecord calibration = ReadWithCorrelations(
+  const CalibrationRecord calibration = OpenWithCorrelations(
       CalibrationOf(recording.path, recording.calibration, request.calibration));
   const CalibratedRig rig =
       MakeCalibratedRig(calibration, ChooseCameras(request, recording, calibration));

@@ -7,7 +7,6 @@
 #include "apps/photometry/vignette_files.h"
 #include "apps/photometry/white_attenuation.h"
 #include "calib/base/format_error.h"
-#include "calib/files/calibration_file.h"
 #include "calib/io/input_file.h"
 #include "calib/io/output_folder.h"
 #include "detectors/images/image.h"
@@ -15,7 +14,6 @@
 #include "engine/recording/stores/image_lister.h"
 #include "engine/resample/map_files.h"
 #include "engine/session/calibration_folder.h"
-#include "models/registry.h"
 
 namespace plenocal {
 
@@ -24,8 +22,8 @@ RecordedVignette MeasureVignette(const VignetteRequest& request, const Run& run)
   run.Progress("read " + request.recording.string());
   const Recording recording = ReadRecording(request.recording);
   const RecordedCamera& images = ChooseRecordedCamera(recording, request.camera);
-  const CalibrationRecord calibration = ReadCalibration(
-      CalibrationOf(recording.path, recording.calibration, request.calibration), CameraModels());
+  const CalibrationRecord calibration =
+      OpenCalibration(CalibrationOf(recording.path, recording.calibration, request.calibration));
   const CalibratedCamera& camera = FindCamera(calibration, images.name);
   if (camera.model->plenoptic) {
     throw InputError(

@@ -15,6 +15,7 @@
 #include "apps/report/page.h"
 #include "apps/report/residual_sections.h"
 #include "assess/projection_map.h"
+#include "calib/camera/marker_id.h"
 #include "calib/estimate/calibrate.h"
 #include "engine/json/calibration_json.h"
 
@@ -127,7 +128,7 @@ Json SightingsJson(const CalibrationRecord& calibration) {
   std::vector<std::set<int>> of_camera(count);
   for (size_t c = 0; c < count; ++c) {
     for (const ResidualRow& row : calibration.cameras[c].residuals) {
-      const size_t target = targets.size() == 1 ? 0 : TargetOfMarker(row.marker);
+      const size_t target = targets.size() == 1 ? 0 : MarkerId::FromNumber(row.marker).target;
       if (!row.used || target >= targets.size()) continue;
       frames[c][target].insert(row.frame);
       of_camera[c].insert(row.frame);
@@ -185,14 +186,14 @@ class ReportData {
     for (const auto& [key, value] : calibration_.provenance) provenance.push_back({key, value});
     Json data = CalibrationJson(calibration_);
     data.update(SpaceJson(calibration_));
-    data.update(
-        {{"kind", "calibration"},
-         {"marker_tolerance", calibration_.adjustment ? calibration_.adjustment->marker_sigma : 0},
-         {"scene", calibration_.HasScene()},
-         {"sightings", SightingsJson(calibration_)},
-         {"correlation", CorrelationJson(calibration_)},
-         {"left_out", calibration_.left_out},
-         {"provenance", provenance}});
+    data.update({{"kind", "calibration"},
+                 {"marker_tolerance",
+                  calibration_.adjustment ? calibration_.adjustment->marker_freedom.Sigma() : 0},
+                 {"scene", calibration_.HasScene()},
+                 {"sightings", SightingsJson(calibration_)},
+                 {"correlation", CorrelationJson(calibration_)},
+                 {"left_out", calibration_.left_out},
+                 {"provenance", provenance}});
     for (size_t c = 0; c < calibration_.cameras.size(); ++c) {
       data["cameras"][calibration_.cameras[c].name].update(CameraSections(c));
     }

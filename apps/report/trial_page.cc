@@ -72,7 +72,7 @@ std::string TrialPage(const SessionTrial& trial) {
   const ModelChoice& choice = trial.models;
   const std::vector<TrialRow>& rows = trial.rows;
   const std::string model = ModelRecommendation(choice);
-  const std::string target = TargetRecommendation(trial.targets, trial.marker_sigma);
+  const std::string target = TargetRecommendation(trial.targets, trial.marker_freedom);
   Json models = Json::array(), cameras = Json::array();
   for (const TrialRow& row : rows) models.push_back(RowJson(row));
   const Bundle& any = rows[choice.recommended].trial->calibration.bundle;

@@ -14,12 +14,10 @@
 #include "assess/frames/frame_influence.h"
 #include "calib/base/error.h"
 #include "calib/camera/micro_lens_array.h"
-#include "calib/files/calibration_file.h"
 #include "calib/files/exclusion.h"
 #include "engine/json/calibration_json.h"
 #include "engine/session/calibration_folder.h"
 #include "engine/suggest/calibrated_rig.h"
-#include "models/registry.h"
 
 namespace plenocal::workbench {
 namespace {
@@ -36,7 +34,7 @@ std::shared_ptr<const CalibrationRecord> RecordOf(const fs::path& folder) {
   const std::lock_guard lock(mutex);
   const auto written = fs::last_write_time(folder / "calibration.yaml");
   if (!record || last != folder || time != written) {
-    record = std::make_shared<CalibrationRecord>(ReadCalibrationFolder(folder, CameraModels()));
+    record = std::make_shared<CalibrationRecord>(OpenCalibrationFolder(folder));
     last = folder;
     time = written;
   }
@@ -48,7 +46,7 @@ std::shared_ptr<const CalibrationRecord> RecordOf(const fs::path& folder) {
 Json RunBriefJson(const fs::path& folder, int number) {
   Json brief = {{"run", number}};
   try {
-    const CalibrationRecord record = ReadCalibration(folder / "calibration.yaml", CameraModels());
+    const CalibrationRecord record = OpenCalibration(folder / "calibration.yaml");
     Json rms = Json::array();
     for (const CalibratedCamera& camera : record.cameras) rms.push_back(AsInFile(camera.fit.rms));
     brief["rms"] = rms;

@@ -59,12 +59,12 @@ void AddFrameErrors(Calibration* calibration) {
   ScaleByScatter(factors, &calibration->uncertainty);
 }
 
-// The same calibration with another prior of the markers; 0: they are held. Nothing when it fails.
+// The same calibration with another freedom of the markers; nothing when it fails.
 std::optional<Calibration> WithMarkers(const Calibration& calibration,
-                                       double marker_sigma,
+                                       MarkerFreedom marker_freedom,
                                        const SolveOptions& options) {
   Calibration other = calibration;
-  other.bundle.marker_sigma = marker_sigma;
+  other.bundle.marker_freedom = marker_freedom;
   try {
     other.uncertainty = Solve(options, &other.bundle).uncertainty;
     AddFrameErrors(&other);
@@ -151,8 +151,9 @@ std::optional<BentTarget> FindBentTarget(const Calibration& calibration,
   const std::vector<double> typical = TypicalSigmas(bundle);
   const SolveOptions options{typical, loss, go_on};
   // Solved again, since `calibration` may be a part of a longer one.
-  const std::optional<Calibration> held = WithMarkers(calibration, 0, options);
-  const std::optional<Calibration> free = WithMarkers(calibration, kLoose * plane->extent, options);
+  const std::optional<Calibration> held = WithMarkers(calibration, MarkerFreedom::Rigid(), options);
+  const std::optional<Calibration> free =
+      WithMarkers(calibration, MarkerFreedom::FromSigma(kLoose * plane->extent), options);
   if (!held || !free || ChanceOfGain(*held, *free, typical) > kBentFalseAlarm) return std::nullopt;
   double largest = 0;
   std::string focal_change;

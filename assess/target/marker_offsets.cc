@@ -520,7 +520,7 @@ std::vector<Finding> FindMovedMarkers(const Calibration& calibration, const Targ
       doubts.quads.empty() ? BoardPieces(bundle) : TagPieces(bundle, doubts);
   if (pieces.size() < kLeastPieces) return {};
   TakeOffSmoothPart(&pieces);
-  return Sorting(pieces, bundle.marker_sigma).Findings();
+  return Sorting(pieces, bundle.marker_freedom.Sigma()).Findings();
 }
 
 }  // namespace plenocal

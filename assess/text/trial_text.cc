@@ -134,11 +134,10 @@ std::string ModelRecommendation(const ModelChoice& choice) {
 
 // "held" or "refined", as in session and try.yaml.
 std::string_view TargetName(const ModelTrial& trial) {
-  return trial.marker_sigma > 0 ? "refined" : "held";
+  return trial.marker_freedom.IsRigid() ? "held" : "refined";
 }
 
-// `session_sigma`: the prior's standard deviation that the session gives the markers, 0: held.
-std::string TargetRecommendation(const ModelChoice& targets, double session_sigma) {
+std::string TargetRecommendation(const ModelChoice& targets, MarkerFreedom of_session) {
   const ModelTrial& recommended = targets.trials[targets.recommended];
   const auto other = std::ranges::find_if(targets.trials, [&](const ModelTrial& trial) {
     return TargetName(trial) != TargetName(recommended);
@@ -147,13 +146,13 @@ std::string TargetRecommendation(const ModelChoice& targets, double session_sigm
     return fmt::format("{}; {}, it cannot be judged", TargetName(recommended), TargetName(*other));
   }
   const std::string_view reason =
-      recommended.marker_sigma > 0    ? "held rigid it predicts held-out frames worse"
-      : other->outweighed_by          ? "to refine it gains less than it costs in uncertainty"
-      : recommended.practically_equal ? "to refine it makes practically no difference"
-                                      : "refined it predicts held-out frames no better";
-  const bool refined = recommended.marker_sigma > 0;
+      !recommended.marker_freedom.IsRigid() ? "held rigid it predicts held-out frames worse"
+      : other->outweighed_by                ? "to refine it gains less than it costs in uncertainty"
+      : recommended.practically_equal       ? "to refine it makes practically no difference"
+                                            : "refined it predicts held-out frames no better";
+  const bool refined = !recommended.marker_freedom.IsRigid();
   const std::string remedy =
-      refined == (session_sigma > 0)
+      refined != of_session.IsRigid()
           ? ""
           : fmt::format("; the session's options lack refine_target: {}", refined);
   return fmt::format(

@@ -29,7 +29,7 @@ std::string ModelRecommendation(const ModelChoice& choice);
 std::string_view TargetName(const ModelTrial& trial);
 /// Whether the target's markers are to be refined, and why. `session_sigma`: what the session gives
 /// its markers, m.
-std::string TargetRecommendation(const ModelChoice& targets, double session_sigma);
+std::string TargetRecommendation(const ModelChoice& targets, MarkerFreedom of_session);
 
 /// For the terminal.
 std::string TrialTable(const ModelChoice& choice, const std::vector<TrialRow>& rows);

@@ -79,7 +79,7 @@ std::map<int, Eigen::Matrix3Xd> DeformationsOf(const Bundle& bundle) {
   const bool flat = axes.values[0] < kFlat * kFlat * axes.values[1];
   std::vector<Eigen::Matrix3Xd> fields;
   const auto add = [&](const Eigen::Matrix3Xd& field) {
-    if (field.norm() > 0) fields.push_back(bundle.marker_sigma / field.norm() * field);
+    if (field.norm() > 0) fields.push_back(bundle.marker_freedom.Sigma() / field.norm() * field);
   };
   for (int i = flat ? 1 : 0; i < 3; ++i) {
     for (int j = i; j < 3; ++j) {
@@ -123,8 +123,8 @@ RigKnowledge KnowledgeOf(const CalibrationRecord& calibration) {
     bundle.markers.push_back({number, marker.position, marker.nominal.value_or(marker.position)});
     if (marker.sigma && marker.sigma->allFinite()) rig.marker_sigmas[number] = *marker.sigma;
   }
-  bundle.marker_sigma = calibration.adjustment ? calibration.adjustment->marker_sigma : 0;
-  if (bundle.marker_sigma == 0) rig.marker_sigmas.clear();
+  if (calibration.adjustment) bundle.marker_freedom = calibration.adjustment->marker_freedom;
+  if (bundle.marker_freedom.IsRigid()) rig.marker_sigmas.clear();
   if (calibration.jitter) {
     bundle.jitter.translation_sigma = calibration.jitter->translation_sigma;
     bundle.jitter.rotation_sigma = calibration.jitter->rotation_sigma;

@@ -45,7 +45,7 @@ ViewPredictor::ViewPredictor(const RigKnowledge& rig,
                              const ViewTarget& shape)
     : rig_(rig), unknowns_(unknowns), shape_(shape) {
   std::vector<MarkerShape> rest;
-  const double prior = rig.bundle.marker_sigma;
+  const double prior = rig.bundle.marker_freedom.Sigma();
   for (const auto& [number, position] : shape.markers) {
     const auto sigma = rig.marker_sigmas.find(number);
     const auto normal = shape.normals.find(number);

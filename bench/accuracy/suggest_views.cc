@@ -357,7 +357,7 @@ std::optional<Solved> Solve(const World& world,
   try {
     const CalibrationInput input{.cameras = cameras,
                                  .markers = world.board.markers,
-                                 .marker_sigma = world.bend,
+                                 .marker_freedom = MarkerFreedom::FromSigma(world.bend),
                                  .loss = Loss::kHuber};
     Solved solved{Describe(Calibrate(input, {.threads = 1, .progress = {}})), {}};
     solved.rig = KnowledgeOf(solved.record);

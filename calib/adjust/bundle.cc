@@ -96,7 +96,7 @@ std::vector<std::vector<MarkerDistance>> BundleState::DistanceGroups() const {
     }
   }
   if (!together.empty()) groups.push_back(std::move(together));
-  if (held_distance) groups.push_back({*held_distance});
+  if (scale_distance) groups.push_back({*scale_distance});
   return groups;
 }
 
@@ -131,10 +131,8 @@ Eigen::VectorXd DeviationFromPrior(const Bundle& bundle) {
       value = camera.params[*unknown.param] - unknown.value;
       continue;
     }
-    const RigidTransform& T_prior = prior.T_camera_rig[unknown.camera];
-    value = unknown.component < 3
-                ? (camera.T_camera_rig.t - T_prior.t)[unknown.component]
-                : LogRotation(camera.T_camera_rig.R * T_prior.R.transpose())[unknown.component - 3];
+    value = LocalCoordinates(prior.T_camera_rig[unknown.camera],
+                             camera.T_camera_rig)[unknown.component];
   }
   return deviation;
 }
@@ -160,7 +158,7 @@ Matrix6d JitterWeight(const Bundle& bundle, size_t frame) {
 }
 
 Matrix6d JitterWeight(const Bundle& bundle, size_t frame, size_t camera) {
-  // Of the weight; zero would leave a frame undetermined whose only view is misplaced.
+  // Factor on the weight; zero would leave a frame undetermined whose only view is misplaced.
   constexpr double kMisplacedWeight = 1e-3;
   return (bundle.jitter.misplaced[bundle.View(frame, camera)] ? kMisplacedWeight : 1.0) *
          JitterWeight(bundle, frame);

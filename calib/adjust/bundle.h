@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "calib/camera/camera_model.h"
+#include "calib/camera/marker_freedom.h"
 #include "calib/camera/noise_model.h"
 #include "calib/camera/observation.h"
 #include "calib/camera/param_rule.h"
@@ -99,7 +100,7 @@ struct MarkerDistance {
   double common_sigma = 0;
 };
 
-/// Knowledge of an earlier calibration: a Gaussian prior on parameters and extrinsics together.
+/// The prior from an earlier calibration: Gaussian, on parameters and extrinsics together.
 struct CalibrationPrior {
   /// One number: a parameter of a camera or a component of its extrinsics.
   struct Unknown {
@@ -120,24 +121,22 @@ struct BundleState {
   std::vector<BundleMarker> markers;
   /// Several targets, of which the markers are parts; empty: one.
   std::vector<BundleTarget> targets = {};
-  /// Standard deviation of each nominal marker coordinate, m; 0: markers are not estimated;
-  /// infinite: they are landmarks, scene points without nominal positions.
-  double marker_sigma = 0;
+  MarkerFreedom marker_freedom = {};
   std::vector<MarkerDistance> distances = {};  ///< between landmarks
   std::optional<CalibrationPrior> prior = {};
-  /// The frame whose pose is not estimated: without nominal positions nothing else places the
-  /// landmarks' frame.
-  std::optional<size_t> held_frame = {};
-  /// Where nothing gives the landmarks' scale: the distance that holds it. Its sigma is small
+  /// The frame whose pose is fixed: without nominal positions nothing else places the landmarks'
+  /// frame.
+  std::optional<size_t> fixed_frame = {};
+  /// The distance that fixes the landmarks' scale where nothing measures it; its sigma is small
   /// against all others.
-  std::optional<MarkerDistance> held_distance = {};
+  std::optional<MarkerDistance> scale_distance = {};
   Jitter jitter;
   /// Per view as `Jitter::delta`; empty where the images of a frame were taken at one time.
   std::vector<ViewMotion> motion = {};
 
-  [[nodiscard]] bool EstimatesMarkers() const { return marker_sigma > 0; }
-  [[nodiscard]] bool HasLandmarks() const { return std::isinf(marker_sigma); }
-  /// The measured distances and the one that is held, with those together that share an error.
+  [[nodiscard]] bool EstimatesMarkers() const { return !marker_freedom.IsRigid(); }
+  [[nodiscard]] bool HasLandmarks() const { return marker_freedom.IsLandmarks(); }
+  /// The measured distances and `scale_distance`, with those together that share an error.
   [[nodiscard]] std::vector<std::vector<MarkerDistance>> DistanceGroups() const;
   /// Index of the target whose pose a marker follows; nothing where that is not estimated.
   [[nodiscard]] std::optional<size_t> FreeTarget(int marker) const {
@@ -155,19 +154,19 @@ struct BundleState {
   [[nodiscard]] size_t View(size_t frame, size_t camera) const {
     return frame * cameras.size() + camera;
   }
-  /// The way of `ViewMotion` with the camera's parameters `params`.
-  [[nodiscard]] Vector6d WayTo(size_t frame, size_t camera, const double* params) const {
+  /// Increment of T_rig_target in its chart by `ViewMotion`; `params`: the camera's.
+  [[nodiscard]] Vector6d MotionIncrement(size_t frame, size_t camera, const double* params) const {
     const ViewMotion& of = motion[View(frame, camera)];
     const std::optional<size_t>& shift = cameras[camera].time_shift;
     return of.at_zero_shift + (shift ? params[*shift] : 0) * of.velocity;
   }
   /// T_rig_target at the time at which a camera took its image of a frame.
   [[nodiscard]] RigidTransform PoseAtView(size_t frame, size_t camera) const {
-    return motion.empty()
-               ? T_rig_target[frame]
-               : Retract(T_rig_target[frame], WayTo(frame, camera, cameras[camera].params.data()));
+    return motion.empty() ? T_rig_target[frame]
+                          : Retract(T_rig_target[frame],
+                                    MotionIncrement(frame, camera, cameras[camera].params.data()));
   }
-  /// The same with the jitter of the view.
+  /// `PoseAtView` with the jitter of the view.
   [[nodiscard]] RigidTransform SeenPose(size_t frame, size_t camera) const {
     const RigidTransform pose = PoseAtView(frame, camera);
     return jitter.delta.empty() ? pose : Retract(pose, jitter.delta[View(frame, camera)]);
@@ -216,7 +215,7 @@ std::string NameOfPriorUnknown(const Bundle& bundle, size_t unknown);
 /// Square root W of the prior's information on the jitter in one frame: its residual is W delta,
 /// first the displacement of the target's centre, then its rotation.
 Matrix6d JitterWeight(const Bundle& bundle, size_t frame);
-/// The same for one view, which may be misplaced.
+/// `JitterWeight` of one view, which may be misplaced.
 Matrix6d JitterWeight(const Bundle& bundle, size_t frame, size_t camera);
 
 }  // namespace plenocal

@@ -15,8 +15,8 @@ struct LandmarkEquations {
   Eigen::Vector3d g = Eigen::Vector3d::Zero();
 };
 
-/// Of these observations (indices), used or not, that project. `width` is that of Huber's loss,
-/// sigmas.
+/// Normal equations of these observations (indices), used or not, that project. `width` is that of
+/// Huber's loss, sigmas.
 LandmarkEquations LineariseLandmark(const Bundle& bundle,
                                     std::span<const size_t> observations,
                                     double width);

@@ -29,7 +29,7 @@ LinearisedView ViewOf(const Bundle& bundle, size_t frame, size_t camera) {
   LinearisedView view{.T_camera_rig = bundle.cameras[camera].T_camera_rig,
                       .T_rig_target = bundle.SeenPose(frame, camera)};
   if (bundle.motion.empty()) return view;
-  const Vector6d way = bundle.WayTo(frame, camera, bundle.cameras[camera].params.data());
+  const Vector6d way = bundle.MotionIncrement(frame, camera, bundle.cameras[camera].params.data());
   view.by_time_shift = bundle.motion[bundle.View(frame, camera)].velocity;
   Eigen::Vector3d rotation = LeftJacobian(way.tail<3>()) * view.by_time_shift.tail<3>();
   if (!bundle.jitter.delta.empty()) {
@@ -44,7 +44,8 @@ LinearisedView ViewOf(const Bundle& bundle, size_t frame, size_t camera) {
 ViewCharts ChartsOf(const Bundle& bundle, size_t frame, size_t camera) {
   ViewCharts charts;
   if (!bundle.motion.empty()) {
-    const Vector6d way = bundle.WayTo(frame, camera, bundle.cameras[camera].params.data());
+    const Vector6d way =
+        bundle.MotionIncrement(frame, camera, bundle.cameras[camera].params.data());
     charts.pose = ExpRotation(way.tail<3>());
   }
   if (!bundle.jitter.delta.empty()) {

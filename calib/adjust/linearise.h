@@ -32,7 +32,7 @@ struct ViewCharts {
 };
 ViewCharts ChartsOf(const Bundle& bundle, size_t frame, size_t camera);
 
-/// Where one observation's weighted residual and derivatives are written; row-major, one row a
+/// Memory for one observation's weighted residual and derivatives; row-major, one row a
 /// measured coordinate. Null pointers are not written.
 struct LinearisedRows {
   double* residual = nullptr;

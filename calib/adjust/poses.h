@@ -14,7 +14,7 @@ namespace plenocal {
 /// `Adjust`.
 void AdjustPoses(Bundle* bundle, const std::vector<bool>& frames);
 
-/// The same for one frame, whose observations are [begin, end).
+/// The pose of one frame, whose observations are [begin, end).
 void AdjustPose(size_t begin, size_t end, Bundle* bundle);
 
 /// Information of the used observations in [begin, end), of one frame, on its pose in its chart.
@@ -26,7 +26,7 @@ struct PoseStep {
   Vector6d delta;   ///< in the chart of the view's pose
   double gain = 0;  ///< by how much the step lowers the view's sum of squares, sigma^2
 };
-/// Of every view that has used observations enough for a pose, in their order.
+/// The pose from every view that has used observations enough for a pose, in their order.
 std::vector<PoseStep> OwnPoseSteps(const Bundle& bundle);
 
 }  // namespace plenocal

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Weights of a robust loss, and the common noise of a marker's observations, applied to residuals.
 #pragma once
 
 #include "calib/adjust/linearise.h"

@@ -45,7 +45,7 @@ std::string_view NearestName(std::string_view name, std::span<const std::string_
   constexpr size_t kLongestName = 100;
   if (name.size() > kLongestName) return {};
   std::string_view nearest;
-  // Of equally near names the one that begins alike: people get beginnings right.
+  // Among equally near names that which begins alike wins: people get beginnings right.
   std::pair<size_t, size_t> least;
   for (const std::string_view candidate : known) {
     const size_t distance = EditDistance(name, candidate);

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// The exceptions of the library, and the nearest known name for messages.
 #pragma once
 
 #include <span>
@@ -29,8 +31,8 @@ class Error : public std::runtime_error {
 /// Thrown by long work whose progress callback asked it to stop.
 struct Stopped {};
 
-/// Of `known` the name nearest to `name` by edit distance, or an empty view when none is near
-/// enough to be meant (more than half of the letters differ).
+/// The name in `known` that is nearest to `name` by edit distance; empty when none is near enough
+/// to be meant (more than half of the letters differ).
 std::string_view NearestName(std::string_view name, std::span<const std::string_view> known);
 
 /// "; did you mean 'chessboard'?" when a near name exists, otherwise "; known: a, b, c".

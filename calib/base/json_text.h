@@ -7,8 +7,8 @@
 
 namespace plenocal {
 
-/// Of a `nlohmann::basic_json`, indented by `indent` columns; -1: one line. What is no UTF-8, as
-/// paths may be, is replaced.
+/// The text of a `nlohmann::basic_json`, indented by `indent` columns; -1: one line. Bytes that are
+/// no UTF-8, as paths may have, are replaced.
 template <class Json>
 std::string JsonText(const Json& json, int indent = 2) {
   return json.dump(indent, ' ', false, Json::error_handler_t::replace);

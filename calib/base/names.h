@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Lists of names, for messages and tables.
 #pragma once
 
 #include <algorithm>
@@ -16,6 +18,16 @@ std::vector<std::string_view> NamesOf(const Range& range) {
   std::ranges::transform(
       range, names.begin(), [](const auto& element) -> std::string_view { return element.name; });
   return names;
+}
+
+/// The words between the blanks of `text`, as views of it: for lists of keys.
+inline std::vector<std::string_view> Words(std::string_view text) {
+  std::vector<std::string_view> words;
+  while (!text.empty()) {
+    words.push_back(text.substr(0, text.find(' ')));
+    text.remove_prefix(std::min(words.back().size() + 1, text.size()));
+  }
+  return words;
 }
 
 /// Names of the coordinates of T_camera_rig in messages and tables.

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Numbers and lengths from text and as text, independent of the locale.
 #pragma once
 
 #include <cstddef>

@@ -13,8 +13,8 @@ namespace plenocal {
 /// after all threads have ended.
 void ParallelFor(size_t count, int threads, const std::function<void(size_t)>& body);
 
-/// What belongs to the run that a thread works for (calib/io/input_file.h); `ParallelFor` hands it
-/// to its threads. Null: to none.
+/// The run that a thread works for (`RunScope`, calib/io/input_file.h), which `ParallelFor` hands
+/// to its threads; null: none.
 inline thread_local void* run_of_thread = nullptr;
 
 /// The number of threads that `threads` = 0 means.

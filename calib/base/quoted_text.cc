@@ -7,6 +7,8 @@
 #include <array>
 #include <cstdint>
 
+#include "calib/base/names.h"
+
 namespace plenocal {
 namespace {
 
@@ -68,19 +70,8 @@ std::string EscapeOf(std::uint32_t code) {
 
 // Words that a reader of YAML 1.1 or 1.2 takes for something else than text.
 bool IsYamlWord(std::string_view text) {
-  static constexpr std::array<std::string_view, 13> kWords{"null",
-                                                           "true",
-                                                           "false",
-                                                           "yes",
-                                                           "no",
-                                                           "on",
-                                                           "off",
-                                                           "y",
-                                                           "n",
-                                                           "nan",
-                                                           "inf",
-                                                           "none",
-                                                           "undefined"};
+  static const std::vector<std::string_view> kWords =
+      Words("null true false yes no on off y n nan inf none undefined");
   std::string lower(text);
   for (char& c : lower) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
   return std::ranges::find(kWords, lower) != kWords.end();

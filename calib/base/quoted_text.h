@@ -22,10 +22,10 @@ std::string YamlText(std::string_view text);
 /// `text` as a cell of a CSV file (RFC 4180), in quotes where it needs them.
 std::string CsvCell(std::string_view text);
 
-/// What is wrong with the name of a camera, which becomes a key and part of file names
+/// The defect of the name of a camera, which becomes a key and part of file names
 /// (docs/formats.md): "has a '/'; use letters, digits, '_' and '-'"; nothing when it may be used.
 std::optional<std::string> CameraNameDefect(std::string_view name);
-/// The same for the name of a frame, which becomes a cell and part of file names.
+/// The defect of the name of a frame, which becomes a cell and part of file names.
 std::optional<std::string> FrameNameDefect(std::string_view name);
 
 }  // namespace plenocal

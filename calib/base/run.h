@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// What a run of the engine has of its caller: a listener, a token that stops it, threads.
+// The part of a run that its caller gives: a listener, a token that stops it, threads.
 #pragma once
 
 #include <cstddef>

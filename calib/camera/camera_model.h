@@ -41,7 +41,7 @@ double ValueOf(const ceres::Jet<T, N>& value) {
   return value.a;
 }
 
-/// When a parameter keeps its initial value.
+/// The cases in which a parameter keeps its initial value.
 enum class Fixed {
   kNever,
   /// In a calibration: a motion of the camera's frame, and so the poses, has the same effect.
@@ -68,8 +68,8 @@ struct Param {
   double prior_sigma = 0;
 };
 
-/// How many other programs read a model. Of models that describe a camera equally well, the one of
-/// wider use is recommended.
+/// The number of other programs that read a model. Of models that describe a camera equally well,
+/// the one of wider use is recommended.
 enum class Usage {
   kCommon,  ///< most: OpenCV, ROS, COLMAP
   kSome,    ///< some: Kalibr, Basalt, DSO
@@ -98,7 +98,7 @@ struct StartCandidate {
   std::vector<double> params;
 };
 
-/// Why a model does not describe a camera.
+/// The reason for which a model does not describe a camera.
 struct Misfit {
   std::string reason;       ///< a sentence without its full stop; empty when it does
   bool impossible = false;  ///< points lie where the model images nothing
@@ -115,7 +115,7 @@ struct ReplicateResidual {
   double redundancy = 0;  ///< its coordinates less its share of the fit's unknowns
 };
 
-/// Where a projection and its derivatives are written; row-major, one row a measured coordinate.
+/// Memory for a projection and its derivatives; row-major, one row a measured coordinate.
 struct ProjectionOutput {
   double* predicted = nullptr;  ///< measured coordinates
   double* J_params = nullptr;   ///< measured x params; null: not needed
@@ -146,7 +146,7 @@ struct CameraModel {
                   const double* values,
                   const Eigen::Vector3d& p_cam,
                   double* predicted);
-  /// The same with derivatives; all pointers of `out` but `J_params` are needed.
+  /// `project` with derivatives; all pointers of `out` but `J_params` are needed.
   bool (*project_with_jacobian)(const double* params,
                                 const double* config,
                                 const double* values,
@@ -156,27 +156,27 @@ struct CameraModel {
   std::optional<Ray> (*unproject)(const double* params, const double* config, const double* values);
   /// Initial guesses without help from the user; empty when the views do not suffice.
   std::vector<StartCandidate> (*start)(const StartProblem& problem);
-  /// Why the model cannot be calibrated with these initial values and fixed parameters, with the
-  /// remedy; empty when it can. Null when the model never refuses.
-  std::string (*refusal)(const StartProblem& problem);
-  /// Whether the model describes the camera; `params` are the best initial guess found, with
+  /// The reason, with the remedy, for which the model cannot be calibrated with these initial
+  /// values and fixed parameters; empty when it can. Null when the model never refuses.
+  std::string (*refusal)(const StartProblem& problem) = nullptr;
+  /// A test whether the model describes the camera; `params` are the best initial guess found, with
   /// residuals of median length `median_error`, px. Null for a model without such a test.
   Misfit (*misfit)(const CameraModel& model,
                    const StartProblem& problem,
                    std::span<const double> params,
-                   double median_error);
-  /// Why observations like these determine some parameters badly (indices into `params`) and which
-  /// images to add, in one sentence or more; may be empty. Null for a model without advice.
-  std::string (*remedy)(std::span<const size_t> weak, const DepthRange& seen);
+                   double median_error) = nullptr;
+  /// Advice where observations like these determine some parameters badly (indices into `params`):
+  /// why, and which images to add, in one sentence or more; may be empty. Null without advice.
+  std::string (*remedy)(std::span<const size_t> weak, const DepthRange& seen) = nullptr;
   /// Replicate fit: weighted least-squares fit of the relation that the observations of one marker
   /// in one view obey for any camera parameters, a lower bound of every calibration's residuals.
   /// Null for models that see a marker once in a view.
   void (*replicate_fit)(std::span<const Observation* const> of_marker,
                         std::span<const double> weights,
-                        ReplicateResidual* residuals);
+                        ReplicateResidual* residuals) = nullptr;
   /// Finds `Observation::lens_type` of observations that came without. Null for models with one
   /// type.
-  void (*assign_lens_types)(std::vector<View>* views);
+  void (*assign_lens_types)(std::vector<View>* views) = nullptr;
   Usage usage = Usage::kRare;
   /// Numbers of an observation that may follow `context`: zeros where it has none, and files may
   /// lack their columns.
@@ -359,16 +359,10 @@ constexpr auto JacobianOf() {
 }
 
 template <CameraModelPlugin M>
-constexpr auto RefusalOf() -> std::string (*)(const StartProblem&) {
-  if constexpr (requires(const StartProblem& problem) { M::Refusal(problem); }) {
-    return &M::Refusal;
-  } else {
-    return nullptr;
-  }
-}
-
-template <CameraModelPlugin M>
 constexpr void AddOptional(CameraModel* model) {
+  if constexpr (requires(const StartProblem& problem) { M::Refusal(problem); }) {
+    model->refusal = &M::Refusal;
+  }
   if constexpr (requires { M::kUsage; }) model->usage = M::kUsage;
   if constexpr (requires { M::kOptionalContext; }) model->optional_context = M::kOptionalContext;
   if constexpr (requires { &M::Remedy; }) model->remedy = &M::Remedy;
@@ -399,17 +393,12 @@ constexpr CameraModel MakeCameraModel() {
                     &internal::Project<M, double>,
                     internal::JacobianOf<M>(),
                     &internal::Unproject<M>,
-                    &M::Start,
-                    internal::RefusalOf<M>(),
-                    nullptr,
-                    nullptr,
-                    nullptr,
-                    nullptr};
+                    &M::Start};
   internal::AddOptional<M>(&model);
   return model;
 }
 
-/// Whether all parameters lie within their limits; these are part of the model's domain.
+/// True when all parameters lie within their limits, which are part of the model's domain.
 inline bool WithinBounds(const CameraModel& model, const double* params) {
   for (size_t i = 0; i < model.params.size(); ++i) {
     if (!(params[i] > model.params[i].lower && params[i] < model.params[i].upper)) return false;

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Orders in which a tag's corners may be numbered.
 #pragma once
 
 #include <array>

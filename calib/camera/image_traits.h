@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Properties of images that explain bad calibrations: orientation, blur, saturation.
 #pragma once
 
 #include <map>
@@ -6,7 +8,7 @@
 
 namespace plenocal {
 
-/// What an image shows beside its markers.
+/// Properties of an image beside its markers.
 struct ImageTraits {
   int orientation = 1;  ///< tag (EXIF) by which viewers turn the image; 1: not at all
   /// Standard deviation of the blur of the target's edges, px; 0: not measured.

@@ -86,7 +86,7 @@ class SmoothLattice {
   [[nodiscard]] std::array<Eigen::Matrix2d, 2> SecondDerivatives(double column, double row) const;
   /// The lattice coordinates at a place in the image.
   [[nodiscard]] Eigen::Vector2d Coordinates(const Eigen::Vector2d& position) const;
-  /// Those of `measured` nodes and all within the image that continue them, sorted by row and
+  /// The `measured` nodes and all within the image that continue them, sorted by row and
   /// column.
   [[nodiscard]] std::vector<LatticeNode> NodesInside(std::span<const LatticeMeasurement> measured,
                                                      ImageSize image_size,
@@ -105,7 +105,7 @@ class SmoothLattice {
   Eigen::Matrix2Xd coefficients_;  // one column a monomial
 };
 
-/// Whether a place is on the sensor, within the area of its pixels, or at most `margin` px beside
+/// True for a position on the sensor, within the area of its pixels, or at most `margin` px beside
 /// it.
 bool IsInside(const Eigen::Vector2d& position, ImageSize image_size, double margin = 0);
 

@@ -68,7 +68,7 @@ class BlurModel {
     Solve();
   }
 
-  /// Whether markers were in focus of some lens type. Where all are on one side, the parabola's
+  /// True when markers were in focus of some lens type. Where all are on one side, the parabola's
   /// width and height imitate each other: the sensor's blur and the aperture are unknown.
   [[nodiscard]] bool HasFocusInRange() const {
     return std::ranges::any_of(focus_, [&](const auto& type_and_place) {
@@ -144,8 +144,8 @@ class BlurModel {
       J = precision_.asDiagonal() * J;
       residuals = Weighted(residuals);
       const Eigen::ArrayXd squares = residuals.array().square();
-      // What the markers of an image share is not in the standard errors of their blurs, so that
-      // the scatter about the model counts where it is larger.
+      // Errors that the markers of an image share are not in the standard errors of their blurs, so
+      // that the scatter about the model counts where it is larger.
       const double freedom = static_cast<double>(square_.size() - p_.size()) * weights.mean();
       variance = std::max(1.0, (squares * weights.array()).sum() / std::max(1.0, freedom));
       weights = (squares / (variance * kCauchyWidthSquared<>)).unaryExpr(&CauchyWeight<double>);

@@ -12,7 +12,6 @@
 #include "calib/base/format_error.h"
 #include "calib/camera/lens_lattice.h"
 #include "calib/io/csv.h"
-#include "calib/io/input_file.h"
 
 namespace plenocal {
 namespace {
@@ -69,7 +68,7 @@ void SetLatticeOfFile(const std::filesystem::path& path, MicroLensArray* array) 
   }
   Eigen::Matrix2d basis;
   basis << array->e_column, array->e_row;
-  // Of a hexagonal lattice the determinant is sqrt(3)/2 of the lengths' product, of a rectangular
+  // The determinant of a hexagonal lattice is sqrt(3)/2 of the lengths' product, of a rectangular
   // one all of it.
   const double product = array->e_column.norm() * array->e_row.norm();
   if (!(std::isfinite(product) && std::abs(basis.determinant()) > 0.5 * product)) {
@@ -130,8 +129,7 @@ std::string FormatMicroLenses(const MicroLensArray& array) {
 }
 
 MicroLensArray ReadMicroLenses(const std::filesystem::path& path, ImageSize image_size) {
-  const std::string text = ReadTextFile(path);
-  CsvReader table(text, path.string());
+  CsvReader table(path);
   const size_t x = table.Column("x"), y = table.Column("y"), type = table.Column("type");
   const std::optional<size_t> row = table.Find("row"), column = table.Find("column"),
                               usable = table.Find("usable");

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// The micro-lens array of a plenoptic camera, and its table.
 #pragma once
 
 #include <Eigen/Core>

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// The noise of a camera's observations.
 #pragma once
 
 #include <cmath>

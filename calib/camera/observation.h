@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Observations of markers: the input of a calibration from images.
 #pragma once
 
 #include <array>

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Observations as entries of the detection cache.
 #pragma once
 
 #include "calib/camera/observation.h"

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Priors, bounds and ties of parameters, as sessions state them.
 #pragma once
 
 #include <cstddef>

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// A fit of a central camera model to rays with known image points.
 #pragma once
 
 #include <Eigen/Core>

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Projection and rays of cameras that have `model`, `params` and `config`: calibrated ones, those of
-// a bundle.
+// Projection and rays of cameras that have `model`, `params` and `config`: calibrated ones, those
+// of a bundle.
 #pragma once
 
 #include <Eigen/Core>

@@ -70,7 +70,7 @@ Eigen::MatrixXd SolveHomogeneous(std::span<const Ray> rays, const Eigen::MatrixX
   return Eigen::Map<const Eigen::MatrixXd>(m.data(), 3, columns);
 }
 
-// Which sign of the homogeneous solution puts more points in front of their rays.
+// The sign of the homogeneous solution that puts more points in front of their rays.
 double FrontSign(std::span<const Ray> rays, const Eigen::MatrixXd& M, const Eigen::MatrixXd& q) {
   double sum = 0;
   for (size_t i = 0; i < rays.size(); ++i) {
@@ -105,7 +105,7 @@ RigidTransform SpatialPose(std::span<const Ray> rays, const Eigen::Matrix3Xd& po
   return {NearestRotation(P.leftCols<3>()), P.col(3)};
 }
 
-// The same plane tilted the other way about its line of sight.
+// The pose of the same plane tilted the other way about its line of sight.
 RigidTransform MirroredTilt(const RigidTransform& T) {
   const Eigen::Vector3d sight = T.t.normalized();
   const Eigen::Vector3d normal = T.R.col(2);
@@ -132,8 +132,8 @@ double AngularSpan(std::span<const Ray> rays) {
 
 struct Candidate {
   RigidTransform T;
-  // Of the angles between rays and points, rad; `best_part` is the rms of the smallest three
-  // quarters.
+  // Statistics of the angles between rays and points, rad; `best_part` is the rms of the smallest
+  // three quarters.
   double median = 0, largest = 0, rms = 0, best_part = 0;
 };
 

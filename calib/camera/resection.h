@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// The pose of a camera from rays to known points.
 #pragma once
 
 #include <Eigen/Core>

@@ -69,6 +69,12 @@ RigidTransform Retract(const RigidTransform& T, const Vector6d& delta) {
   return {ExpRotation(delta.tail<3>()) * T.R, T.t + delta.head<3>()};
 }
 
+Vector6d LocalCoordinates(const RigidTransform& origin, const RigidTransform& T) {
+  Vector6d delta;
+  delta << T.t - origin.t, LogRotation(T.R * origin.R.transpose());
+  return delta;
+}
+
 Matrix6d LogJacobian(const RigidTransform& T) {
   // Central differences: the step balances rounding (eps / h) against the third derivative (h^2).
   constexpr double kStep = 1e-5;

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Rotations and rigid transforms, their logarithms and the chart in which poses are estimated.
 #pragma once
 
 #include <Eigen/Core>
@@ -36,6 +38,8 @@ Vector6d Log(const RigidTransform& T);
 /// The chart in which poses are estimated: R' = Exp(w) R, t' = t + v for delta = [v, w].
 /// Cheaper than Exp of se(3) and, unlike one global chart, never near a singularity.
 RigidTransform Retract(const RigidTransform& T, const Vector6d& delta);
+/// Inverse of Retract: delta with Retract(origin, delta) = T.
+Vector6d LocalCoordinates(const RigidTransform& origin, const RigidTransform& T);
 /// Derivative of Log(Retract(T, delta)) at delta = 0: carries the covariance of a pose from its
 /// chart to the se(3) vector that files hold.
 Matrix6d LogJacobian(const RigidTransform& T);

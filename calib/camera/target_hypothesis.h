@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Mistakes that are made with a target: what the images would show if the target were another one
-// than its file describes.
+// Mistakes that are made with a target, by the images that another target than that of its file
+// would give.
 #pragma once
 
 #include <Eigen/Core>
@@ -13,7 +13,7 @@
 
 namespace plenocal {
 
-/// Marker number -> where the point that carries this number may really be on the target, m.
+/// Marker number -> positions that the point with this number may really have on the target, m.
 /// Several places where the wrong file leads the detector now to this, now to that point.
 using CandidatePlaces = std::map<int, std::vector<Eigen::Vector3d>>;
 

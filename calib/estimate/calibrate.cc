@@ -25,7 +25,7 @@ namespace {
 // A distortion coefficient: without effect at 0.
 bool IsCoefficient(const Param& param) { return param.unit == "1" && param.neutral == 0.0; }
 
-// Whether coefficients replace each other without any effect on the images, while all else is
+// True when coefficients replace each other without any effect on the images, while all else is
 // determined.
 bool LeavesOnlyCoefficientsOpen(const Bundle& bundle, const Uncertainty& uncertainty) {
   std::set<std::string> coefficients;
@@ -48,7 +48,8 @@ bool LeavesOnlyCoefficientsOpen(const Bundle& bundle, const Uncertainty& uncerta
 // Weak priors around "no effect" on the coefficients that are open. Without them the adjustment
 // runs along the open direction to where numerator and denominator of a rational model vanish
 // together, in the middle of the image.
-void HoldOpenCoefficients(const Uncertainty& uncertainty, std::vector<CameraInput>* cameras) {
+void AddPriorsOfOpenCoefficients(const Uncertainty& uncertainty,
+                                 std::vector<CameraInput>* cameras) {
   constexpr double kSizes = 1;  // prior's sigma; lenses have coefficients of about one `scale`
   for (size_t c = 0; c < cameras->size(); ++c) {
     CameraInput& camera = (*cameras)[c];
@@ -83,7 +84,7 @@ void SolveTimeShifts(const std::vector<CameraInput>& cameras,
     UpdateMotion(*times, &bundle);
   }
   solve();
-  // What the motion does not explain is jitter all the same.
+  // The rest that the motion does not explain is jitter.
   if (!FramesAgree(bundle, calibration->uncertainty, options.typical_sigmas)) {
     StartJitter(cameras, guesses, calibration->frames, &bundle);
     solve();
@@ -109,15 +110,15 @@ void StartAgain(const BundleState& guess, Bundle* bundle) {
 // A prior that fixes one camera's position along each undetermined direction, nearest to the rig's
 // origin: far from it, rotation noise of the poses displaces targets and cameras as much as the
 // motion does.
-CalibrationPrior HeldDirections(const Eigen::MatrixXd& undetermined,
-                                const std::vector<int>& extrinsics_index,
-                                const Bundle& bundle) {
+CalibrationPrior FixDirections(const Eigen::MatrixXd& undetermined,
+                               const std::vector<int>& extrinsics_index,
+                               const Bundle& bundle) {
   constexpr double kSigma = 1e-3;  // of the direction's natural length
-  CalibrationPrior held;
+  CalibrationPrior prior;
   for (const BundleCamera& camera : bundle.cameras) {
-    held.T_camera_rig.push_back(camera.T_camera_rig);
+    prior.T_camera_rig.push_back(camera.T_camera_rig);
   }
-  held.weight.setZero(undetermined.cols(), 0);
+  prior.weight.setZero(undetermined.cols(), 0);
   for (Eigen::Index k = 0; k < undetermined.cols(); ++k) {
     const auto part = [&](size_t c) -> Eigen::Vector3d {
       const int place = extrinsics_index[c];
@@ -130,19 +131,21 @@ CalibrationPrior HeldDirections(const Eigen::MatrixXd& undetermined,
     }
     if (part(moved).isZero()) continue;
     const Eigen::Vector3d axis = part(moved).normalized();
-    Eigen::Vector3d& t = held.T_camera_rig[moved].t;
+    Eigen::Vector3d& t = prior.T_camera_rig[moved].t;
     t -= axis.dot(t) * axis;
-    for (Eigen::Index i = 0; i < 3; ++i) held.unknowns.push_back({.camera = moved, .component = i});
-    held.weight.conservativeResizeLike(
-        Eigen::MatrixXd::Zero(undetermined.cols(), held.weight.cols() + 3));
-    held.weight.block<1, 3>(k, held.weight.cols() - 3) =
+    for (Eigen::Index i = 0; i < 3; ++i)
+      prior.unknowns.push_back({.camera = moved, .component = i});
+    prior.weight.conservativeResizeLike(
+        Eigen::MatrixXd::Zero(undetermined.cols(), prior.weight.cols() + 3));
+    prior.weight.block<1, 3>(k, prior.weight.cols() - 3) =
         part(moved).transpose() / (kSigma * part(moved).squaredNorm());
   }
-  return held;
+  return prior;
 }
 
-// A rig whose cameras were placed by motion. Along what the motion leaves open noise carries the
-// estimate away, by metres, to where it determines the rest badly: it is fixed.
+// Solves for a rig whose cameras were placed by motion. Along directions that the motion leaves
+// open noise carries the estimate away, by metres, to where it determines the rest badly: these are
+// fixed.
 void JudgeMotion(const BundleState& guess,
                  const std::function<void()>& solve,
                  Calibration* calibration) {
@@ -153,7 +156,7 @@ void JudgeMotion(const BundleState& guess,
   if (!is_open || bundle.prior || bundle.EstimatesJitter() || !bundle.motion.empty()) return;
   const Calibration carried_away = *calibration;
   StartAgain(guess, &bundle);
-  bundle.prior = HeldDirections(uncertainty.undetermined, uncertainty.extrinsics_index, bundle);
+  bundle.prior = FixDirections(uncertainty.undetermined, uncertainty.extrinsics_index, bundle);
   solve();
   bundle.prior.reset();
   calibration->uncertainty = EstimateUncertaintyByMotion(bundle);
@@ -175,9 +178,9 @@ void SolveRig(const CalibrationInput& input,
   };
   solve();
   if (LeavesOnlyCoefficientsOpen(calibration->bundle, calibration->uncertainty)) {
-    CalibrationInput held = input;
-    HoldOpenCoefficients(calibration->uncertainty, &held.cameras);
-    *guess = GuessBundle(held, threads);
+    CalibrationInput with_priors = input;
+    AddPriorsOfOpenCoefficients(calibration->uncertainty, &with_priors.cameras);
+    *guess = GuessBundle(with_priors, threads);
     calibration->bundle.observations = std::move(guess->bundle.observations);
     StartAgain(guess->bundle, &calibration->bundle);
     solve();
@@ -222,18 +225,15 @@ void AddSystematicErrors(const SolveOptions& options, Calibration* calibration) 
 
 void AddFindings(const BundleGuess& guess, Calibration* calibration) {
   std::vector<Finding>& findings = calibration->findings;
-  const auto add = [&](const std::vector<Finding>& more) {
-    findings.insert(findings.end(), more.begin(), more.end());
-  };
   for (size_t c = 0; c < guess.cameras.size(); ++c) {
     const std::string& misfit = guess.cameras[c].misfit;
     if (!misfit.empty()) {
       findings.push_back(FindingOfMisfit(calibration->bundle.cameras[c].name, misfit));
     }
   }
-  add(FindingsOfJitter(calibration->bundle));
-  add(FindingsOfTimeShifts(*calibration));
-  add(FindingsOfRules(*calibration));
+  Append(FindingsOfJitter(calibration->bundle), &findings);
+  Append(FindingsOfTimeShifts(calibration->bundle, calibration->uncertainty), &findings);
+  Append(FindingsOfRules(calibration->bundle, calibration->uncertainty), &findings);
 }
 
 }  // namespace
@@ -263,9 +263,7 @@ Calibration Calibrate(const CalibrationInput& input, const CalibrationOptions& o
 
   enter("uncertainty");
   calibration.findings = JudgeLinks(guess.findings, calibration.bundle, calibration.uncertainty);
-  const std::vector<Finding> of_prior =
-      FindingsOfPrior(calibration.bundle, calibration.uncertainty);
-  calibration.findings.insert(calibration.findings.end(), of_prior.begin(), of_prior.end());
+  Append(FindingsOfPrior(calibration.bundle, calibration.uncertainty), &calibration.findings);
   AddSystematicErrors(solve, &calibration);
   if (ShowsOnePose(calibration.bundle, solve.typical_sigmas)) {
     calibration.uncertainty = UncertaintyOfOnePose(calibration.bundle);

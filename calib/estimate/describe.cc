@@ -218,7 +218,7 @@ CalibrationRecord Describe(const Calibration& calibration) {
   record.adjustment = {.converged = calibration.converged,
                        .iterations = calibration.iterations,
                        .rejection_sigmas = calibration.rejection_threshold,
-                       .marker_sigma = bundle.marker_sigma};
+                       .marker_freedom = bundle.marker_freedom};
   if (const Jitter& jitter = bundle.jitter; !jitter.delta.empty()) {
     record.jitter = {.translation_sigma = jitter.translation_sigma,
                      .rotation_sigma = jitter.rotation_sigma,

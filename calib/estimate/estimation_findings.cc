@@ -67,9 +67,9 @@ std::vector<Finding> FindingsOfJitter(const Bundle& bundle) {
                  "lens."}};
 }
 
-std::vector<Finding> FindingsOfTimeShifts(const Calibration& calibration) {
+std::vector<Finding> FindingsOfTimeShifts(const Bundle& bundle, const Uncertainty& uncertainty) {
   std::vector<Finding> findings;
-  const std::vector<BundleCamera>& cameras = calibration.bundle.cameras;
+  const std::vector<BundleCamera>& cameras = bundle.cameras;
   for (size_t c = 0; c < cameras.size(); ++c) {
     const std::optional<size_t>& index = cameras[c].time_shift;
     if (!index) continue;
@@ -83,7 +83,7 @@ std::vector<Finding> FindingsOfTimeShifts(const Calibration& calibration) {
                             "the clock of {}. The calibration includes it.",
                             cameras[c].name,
                             1e3 * std::abs(shift),
-                            1e3 * calibration.uncertainty.param_std_errors[c][*index],
+                            1e3 * uncertainty.param_std_errors[c][*index],
                             shift > 0 ? "later" : "earlier",
                             cameras[0].name),
                         .remedy = {}});
@@ -91,11 +91,11 @@ std::vector<Finding> FindingsOfTimeShifts(const Calibration& calibration) {
   return findings;
 }
 
-std::vector<Finding> FindingsOfRules(const Calibration& calibration) {
+std::vector<Finding> FindingsOfRules(const Bundle& bundle, const Uncertainty& uncertainty) {
   constexpr double kContradiction = 4;  // standard deviations
   std::vector<Finding> findings;
-  for (size_t c = 0; c < calibration.bundle.cameras.size(); ++c) {
-    const BundleCamera& camera = calibration.bundle.cameras[c];
+  for (size_t c = 0; c < bundle.cameras.size(); ++c) {
+    const BundleCamera& camera = bundle.cameras[c];
     for (size_t k = 0; k < std::min(camera.rules.size(), camera.ModelParams()); ++k) {
       const std::string name = fmt::format("{}.{}", camera.name, camera.model->params[k].name);
       if (camera.at_bound[k] && !camera.rules[k].tied_to) {
@@ -114,7 +114,7 @@ std::vector<Finding> FindingsOfRules(const Calibration& calibration) {
       // With a correct prior, estimate - value has the variance sigma^2 - (variance of the
       // estimate).
       const auto& prior = camera.rules[k].prior;
-      const double std_error = calibration.uncertainty.param_std_errors[c][k];
+      const double std_error = uncertainty.param_std_errors[c][k];
       if (!prior || !(std_error > 0) || !(std_error < prior->sigma)) continue;
       const double expected = std::sqrt(prior->sigma * prior->sigma - std_error * std_error);
       const double away = std::abs(camera.params[k] - prior->value) / expected;

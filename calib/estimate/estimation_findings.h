@@ -6,8 +6,9 @@
 #include <string>
 #include <vector>
 
-#include "calib/estimate/calibrate.h"
+#include "calib/adjust/bundle.h"
 #include "calib/files/finding.h"
+#include "calib/noise/uncertainty.h"
 
 namespace plenocal {
 
@@ -23,9 +24,9 @@ Finding FindingOfMisfit(const std::string& camera, const std::string& misfit);
 /// The rig is not rigid or not synchronous; empty when it is both.
 std::vector<Finding> FindingsOfJitter(const Bundle& bundle);
 /// Cameras whose images were taken at another time than they say.
-std::vector<Finding> FindingsOfTimeShifts(const Calibration& calibration);
+std::vector<Finding> FindingsOfTimeShifts(const Bundle& bundle, const Uncertainty& uncertainty);
 
 /// Bounds that the estimate lies on, and priors that the images contradict.
-std::vector<Finding> FindingsOfRules(const Calibration& calibration);
+std::vector<Finding> FindingsOfRules(const Bundle& bundle, const Uncertainty& uncertainty);
 
 }  // namespace plenocal

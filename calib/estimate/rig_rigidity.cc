@@ -41,8 +41,8 @@ bool FramesAgree(const Bundle& bundle,
     gain[static_cast<size_t>(step.camera)] += step.gain;
     own_unknowns[static_cast<size_t>(step.camera)] += 6;
   }
-  // Where the disagreement dominates a camera's residuals, the noise of some cameras stands for it,
-  // and the others have taken all the weight.
+  // A disagreement that dominates a camera's residuals is in the noise of some cameras, and the
+  // others have taken all the weight.
   constexpr double kDominates = 0.5;  // part of the residuals that is left without it
   double all_gain = 0, squares = 0;
   bool dominates = false;
@@ -82,8 +82,8 @@ void StartJitter(std::span<const CameraInput> cameras,
       if (frame == index.end() || !T_camera_target) continue;
       const RigidTransform seen = T_rig_camera * *T_camera_target;
       const RigidTransform shared = bundle->PoseAtView(frame->second, c);
-      Vector6d& delta = jitter.delta[bundle->View(frame->second, c)];
-      delta << seen.t - shared.t, LogRotation(seen.R * shared.R.transpose());
+      const Vector6d delta = LocalCoordinates(shared, seen);
+      jitter.delta[bundle->View(frame->second, c)] = delta;
       const Vector6d error = JitterWeight(*bundle, frame->second) * delta;
       if (error.norm() < kSmallestJitter) continue;  // the view that gave the frame its pose
       displacements.push_back(error.head<3>().norm());

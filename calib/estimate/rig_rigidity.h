@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Is the rig rigid, and are its frames synchronous? Jitter of the views where they are not.
+// Tests whether a rig is rigid and its frames are synchronous; jitter of the views where they are
+// not.
 #pragma once
 
 #include <span>
@@ -13,7 +14,7 @@
 
 namespace plenocal {
 
-/// Whether the views of a frame agree on one pose of the target within their noise: an F-test of
+/// Tests whether the views of a frame agree on one pose within their noise: an F-test of
 /// the gain by poses of their own, where that is more than half of some camera's residuals (less is
 /// no worse than other errors of the model). Of a bundle at its optimum. `typical_sigmas` per
 /// camera.

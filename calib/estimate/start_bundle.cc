@@ -12,6 +12,7 @@
 #include "calib/base/format_error.h"
 #include "calib/base/parallel.h"
 #include "calib/base/statistics.h"
+#include "calib/camera/marker_id.h"
 #include "calib/estimate/reject.h"
 #include "calib/estimate/start_rig.h"
 #include "calib/noise/camera_noise.h"
@@ -36,18 +37,18 @@ CameraInput Alone(const CalibrationInput& input, size_t c) {
 }
 
 // The camera with the parameters of the earlier calibration: few images do not give all of them.
-// Where these do not describe the images, as after refocusing, they are estimated from the images.
+// Parameters that do not describe the images, as after refocusing, are estimated from the images.
 CameraGuess GuessWithPrior(const CalibrationInput& input, size_t c) {
   const CameraInput alone = Alone(input, c);
-  if (!input.prior) return GuessCamera(alone, input.markers, input.marker_sigma);
-  CameraInput held = alone;
+  if (!input.prior) return GuessCamera(alone, input.markers, input.marker_freedom);
+  CameraInput fixed = alone;
   for (const CalibrationPrior::Unknown& unknown : input.prior->unknowns) {
-    if (unknown.camera == c && unknown.param) held.fixed[*unknown.param] = true;
+    if (unknown.camera == c && unknown.param) fixed.fixed[*unknown.param] = true;
   }
-  CameraGuess guess = GuessCamera(held, input.markers, input.marker_sigma);
-  return guess.misfit.empty() || held.fixed == alone.fixed
+  CameraGuess guess = GuessCamera(fixed, input.markers, input.marker_freedom);
+  return guess.misfit.empty() || fixed.fixed == alone.fixed
              ? guess
-             : GuessCamera(alone, input.markers, input.marker_sigma);
+             : GuessCamera(alone, input.markers, input.marker_freedom);
 }
 
 void AddCameras(const CalibrationInput& input,
@@ -185,7 +186,8 @@ void AddFrames(const CalibrationInput& input, BundleGuess* guess) {
   std::map<int, int> marker_index;
   for (const auto& [number, position] : input.markers) {
     marker_index[number] = static_cast<int>(guess->bundle.markers.size());
-    const int target = guess->bundle.targets.empty() ? 0 : static_cast<int>(TargetOfMarker(number));
+    const int target =
+        guess->bundle.targets.empty() ? 0 : static_cast<int>(MarkerId::FromNumber(number).target);
     guess->bundle.markers.push_back({number, position, position, target});
   }
   for (const auto& [name, views] : FramesOf(input.cameras)) {
@@ -288,7 +290,7 @@ BundleGuess GuessBundle(const CalibrationInput& given, int threads) {
   }
   const CalibrationInput& input = guess.linked ? *guess.linked : given;
   AddCameras(input, T_camera_rig, &guess);
-  guess.bundle.marker_sigma = input.marker_sigma;
+  guess.bundle.marker_freedom = input.marker_freedom;
   guess.bundle.prior = input.prior;
   AddFrames(input, &guess);
   for (size_t c = 0; c < input.cameras.size(); ++c) {

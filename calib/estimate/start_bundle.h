@@ -8,7 +8,9 @@
 #include <string>
 #include <vector>
 
-#include "calib/estimate/calibrate.h"
+#include "calib/adjust/bundle.h"
+#include "calib/estimate/fit.h"
+#include "calib/files/finding.h"
 #include "calib/start/camera_guess.h"
 
 namespace plenocal {
@@ -20,7 +22,7 @@ struct BundleGuess {
   std::vector<std::string> frames;  ///< names, sorted; index as in Bundle::T_rig_target
   std::vector<LeftOut> left_out;
   std::vector<AssumedSigmas> sigmas;  ///< per camera
-  /// Of several targets: the problem with them as parts of one; `cameras` belongs to its views.
+  /// The problem with several targets as parts of one; `cameras` belongs to its views.
   std::optional<CalibrationInput> linked = {};
   std::vector<Finding> findings = {};
 };

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Initial extrinsics of the cameras of a rig.
 #pragma once
 
 #include <optional>

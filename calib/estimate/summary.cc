@@ -2,8 +2,10 @@
 #include "calib/estimate/summary.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <numbers>
@@ -24,7 +26,7 @@ std::string WithSigma(double value, double sigma) {
   return fmt::format("{:.{}f} +- {:.{}f}", value, digits, sigma, digits);
 }
 
-// What was given about a parameter in the session.
+// The session's rules about a parameter.
 std::string RuleText(const Bundle& bundle, size_t c, size_t k) {
   const BundleCamera& camera = bundle.cameras[c];
   std::string text = camera.fixed[k] ? "  (fixed)" : "";
@@ -127,23 +129,23 @@ double BaselineSigma(const RigidTransform& T_camera_rig, const Matrix6d& covaria
   return std::sqrt(std::max(0.0, (J * covariance * J.transpose()).value()));
 }
 
+std::string RotationText(const Eigen::Matrix3d& R, const Matrix6d& covariance) {
+  const Eigen::Vector3d w = LogRotation(R) * kDegrees;
+  const Eigen::Vector3d sigma = covariance.diagonal().tail<3>().cwiseMax(0).cwiseSqrt() * kDegrees;
+  const std::array axes{
+      WithSigma(w.x(), sigma.x()), WithSigma(w.y(), sigma.y()), WithSigma(w.z(), sigma.z())};
+  return fmt::format("rotation vector ({}) degrees\n", fmt::join(axes, ", "));
+}
+
 std::string ExtrinsicsText(const Calibration& calibration, size_t c) {
   const BundleCamera& camera = calibration.bundle.cameras[c];
   const Matrix6d& covariance = calibration.uncertainty.extrinsics_covariance[c];
   const Eigen::Vector3d centre = 1e3 * camera.T_camera_rig.Inverse().t;
-  const Eigen::Vector3d w = LogRotation(camera.T_camera_rig.R) * kDegrees;
-  const Eigen::Vector3d sigma = covariance.diagonal().tail<3>().cwiseMax(0).cwiseSqrt() * kDegrees;
-  return fmt::format(
-      "    extrinsics relative to {}: baseline {} mm, centre ({:.3f}, {:.3f}, {:.3f}) mm\n"
-      "    rotation vector ({}, {}, {}) degrees\n",
-      calibration.bundle.cameras[0].name,
-      WithSigma(centre.norm(), 1e3 * BaselineSigma(camera.T_camera_rig, covariance)),
-      centre.x(),
-      centre.y(),
-      centre.z(),
-      WithSigma(w.x(), sigma.x()),
-      WithSigma(w.y(), sigma.y()),
-      WithSigma(w.z(), sigma.z()));
+  return fmt::format("    extrinsics relative to {}: baseline {} mm, centre ({:.3f}) mm\n    {}",
+                     calibration.bundle.cameras[0].name,
+                     WithSigma(centre.norm(), 1e3 * BaselineSigma(camera.T_camera_rig, covariance)),
+                     fmt::join(centre, ", "),
+                     RotationText(camera.T_camera_rig.R, covariance));
 }
 
 std::string TimeShiftText(const Calibration& calibration, size_t c) {
@@ -156,7 +158,7 @@ std::string TimeShiftText(const Calibration& calibration, size_t c) {
 }
 
 std::string TargetText(const Bundle& bundle) {
-  if (!(bundle.marker_sigma > 0) || bundle.HasLandmarks()) return {};
+  if (!bundle.marker_freedom.HasTolerance()) return {};
   double sum = 0, largest = 0;
   int worst = 0;
   for (const BundleMarker& marker : bundle.markers) {
@@ -171,7 +173,7 @@ std::string TargetText(const Bundle& bundle) {
       "\nrefined markers are {:.3f} mm RMS from their nominal positions (tolerance {:.3f} mm per "
       "coordinate), at most {:.3f} mm (marker {})\n",
       1e3 * std::sqrt(sum / static_cast<double>(bundle.markers.size())),
-      1e3 * bundle.marker_sigma,
+      1e3 * bundle.marker_freedom.Sigma(),
       1e3 * largest,
       worst);
 }
@@ -186,15 +188,11 @@ std::string TargetPosesText(const Calibration& calibration) {
     const Matrix6d covariance = calibration.uncertainty.covariance.block<6, 6>(place, place);
     const Eigen::Vector3d along = target.T_target_own.t.normalized();
     const double sigma = std::sqrt(along.dot(covariance.topLeftCorner<3, 3>() * along));
-    const Eigen::Vector3d w = LogRotation(target.T_target_own.R) * kDegrees;
-    const Eigen::Vector3d w_sigma = covariance.diagonal().tail<3>().cwiseSqrt() * kDegrees;
-    text += fmt::format("\ntarget {}: {} mm from {}, rotation vector ({}, {}, {}) degrees\n",
+    text += fmt::format("\ntarget {}: {} mm from {}, {}",
                         target.name,
                         WithSigma(1e3 * target.T_target_own.t.norm(), 1e3 * sigma),
                         calibration.bundle.targets[0].name,
-                        WithSigma(w.x(), w_sigma.x()),
-                        WithSigma(w.y(), w_sigma.y()),
-                        WithSigma(w.z(), w_sigma.z()));
+                        RotationText(target.T_target_own.R, covariance));
   }
   return text;
 }

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// The summary of a calibration for the terminal.
 #pragma once
 
 #include <string>

@@ -18,26 +18,29 @@
 namespace plenocal {
 namespace {
 
-// ---- writing
-
 // As many digits as the number has; no "-0".
 std::string Exact(double value) { return fmt::format("{}", value + 0.0); }
 
 template <typename Values, typename Format>
+std::string Joined(const Values& values, const Format& format) {
+  std::string text;
+  for (const auto& value : values) text.append(text.empty() ? "" : ", ").append(format(value));
+  return text;
+}
+
+template <typename Values, typename Format>
 std::string List(const Values& values, const Format& format) {
-  std::string text = "[";
-  for (const auto& value : values) text.append(text.size() > 1 ? ", " : "").append(format(value));
-  return text + "]";
+  return fmt::format("[{}]", Joined(values, format));
 }
 
 std::string ParamMap(const CameraModel& model,
                      const std::vector<double>& values,
                      std::string (*format)(double)) {
-  std::string text = "{";
-  for (size_t i = 0; i < values.size(); ++i) {
-    text += fmt::format("{}{}: {}", i == 0 ? "" : ", ", model.params[i].name, format(values[i]));
-  }
-  return text + "}";
+  size_t i = 0;
+  const std::string entries = Joined(values, [&](double value) {
+    return fmt::format("{}: {}", model.params[i++].name, format(value));
+  });
+  return fmt::format("{{{}}}", entries);
 }
 
 std::string Matrix(const RigidTransform& T) {
@@ -83,11 +86,10 @@ std::string ResidualsMap(const CameraFit& fit) {
     add("floor_all", fit.noise_floor_all->length);
   }
   if (!fit.lens_types.empty()) {
-    std::string types;
-    for (const auto& [number, type] : fit.lens_types) {
-      types += fmt::format("{}{}: {}", types.empty() ? "" : ", ", number, YamlNumber(type.rms));
-    }
-    text += ", rms_by_type: {" + types + "}";
+    const std::string types = Joined(fit.lens_types, [](const auto& type) {
+      return fmt::format("{}: {}", type.first, YamlNumber(type.second.rms));
+    });
+    text += fmt::format(", rms_by_type: {{{}}}", types);
   }
   return text + "}";
 }
@@ -200,10 +202,9 @@ std::string StrongCorrelations(const Correlations& correlations) {
 }
 
 std::string OpenDirectionMap(const OpenDirection& direction) {
-  std::string parts;
-  for (const auto& [name, share] : direction.parts) {
-    parts += fmt::format("{}{}: {:.3f}", parts.empty() ? "" : ", ", YamlText(name), share);
-  }
+  const std::string parts = Joined(direction.parts, [](const auto& part) {
+    return fmt::format("{}: {:.3f}", YamlText(part.first), part.second);
+  });
   return fmt::format("{{sigma: {}, parameters: {{{}}}}}", YamlNumber(direction.sigma), parts);
 }
 
@@ -242,7 +243,7 @@ std::string AdjustmentYaml(const CalibrationRecord& calibration) {
       adjustment.converged,
       adjustment.iterations,
       YamlNumber(adjustment.rejection_sigmas),
-      YamlNumber(adjustment.marker_sigma));
+      YamlNumber(adjustment.marker_freedom.Sigma()));
   if (calibration.jitter) {
     text += fmt::format("jitter: {{translation: {}, rotation: {}, misplaced: {}}}\n",
                         YamlNumber(calibration.jitter->translation_sigma),
@@ -255,8 +256,6 @@ std::string AdjustmentYaml(const CalibrationRecord& calibration) {
   AppendItems("left_out", calibration.left_out, YamlQuoted, &text);
   return text;
 }
-
-// ---- reading
 
 // A number; `.inf` for what is not determined.
 double ReadReal(const YamlNode& node) {
@@ -290,17 +289,28 @@ std::vector<double> ReadSixSigmas(const YamlNode& node) {
   return sigma;
 }
 
+// The key `sigma_xi` of a camera or target; zeros without it.
+Vector6d ReadSigmaXi(const YamlNode& node) {
+  const auto sigma = node.Find("sigma_xi");
+  return sigma ? Vector6d(ReadSixSigmas(*sigma).data()) : Vector6d(Vector6d::Zero());
+}
+
+// The entries of an optional map.
+std::vector<std::pair<std::string, YamlNode>> Entries(const YamlNode& node, std::string_view key) {
+  const auto map = node.Find(key);
+  return map ? map->Entries() : std::vector<std::pair<std::string, YamlNode>>();
+}
+
 Eigen::MatrixXd ReadCovariance(const YamlNode& node, const CameraModel& model) {
   const auto count = static_cast<Eigen::Index>(model.params.size());
   const std::vector<double> sigma = node.Has("sigma")
                                         ? ReadParamSigmas(node.At("sigma"), model)
                                         : std::vector<double>(model.params.size(), 0.0);
   Eigen::MatrixXd correlation = Eigen::MatrixXd::Identity(count, count);
-  if (node.Has("correlation")) {
-    const YamlNode triangle = node.At("correlation");
-    const auto rows = triangle.Elements();
+  if (const auto triangle = node.Find("correlation")) {
+    const auto rows = triangle->Elements();
     if (static_cast<Eigen::Index>(rows.size()) != count) {
-      triangle.Fail(
+      triangle->Fail(
           fmt::format("expected {} rows, one per parameter, found {}", count, rows.size()));
     }
     for (Eigen::Index i = 0; i < count; ++i) {
@@ -313,7 +323,7 @@ Eigen::MatrixXd ReadCovariance(const YamlNode& node, const CameraModel& model) {
     std::vector<std::string> names;
     for (const Param& param : model.params) names.emplace_back(param.name);
     if (const auto defect = CorrelationDefect(correlation, names, kCorrelationRounding)) {
-      triangle.Fail(*defect);
+      triangle->Fail(*defect);
     }
   }
   return CovarianceOf(sigma, correlation);
@@ -344,13 +354,10 @@ CameraFit ReadFit(const YamlNode& node) {
   if (node.Has("floor_all")) {
     fit.noise_floor_all = NoiseFloor{.length = RmsOf(node, "floor_all")};
   }
-  if (node.Has("rms_by_type")) {
-    const YamlNode types = node.At("rms_by_type");
-    for (const auto& [type, rms] : types.Entries()) {
-      const std::optional<int> number = ParseInt(type);
-      if (!number) rms.Fail(fmt::format("'{}' is no number of a lens type", type));
-      fit.lens_types[*number].rms = ReadRms(rms);
-    }
+  for (const auto& [type, rms] : Entries(node, "rms_by_type")) {
+    const std::optional<int> number = ParseInt(type);
+    if (!number) rms.Fail(fmt::format("'{}' is no number of a lens type", type));
+    fit.lens_types[*number].rms = ReadRms(rms);
   }
   return fit;
 }
@@ -395,20 +402,17 @@ CalibratedCamera ReadCamera(const std::string& name,
   }
   camera.covariance = ReadCovariance(node, *camera.model);
   camera.T_camera_rig = ReadTransform(node.At("T_camera_rig"));
-  if (node.Has("sigma_xi")) {
-    const std::vector<double> sigma = ReadSixSigmas(node.At("sigma_xi"));
-    camera.sigma_xi = Eigen::Map<const Vector6d>(sigma.data());
-  }
-  if (node.Has("time_shift")) {
-    camera.time_shift = {.value = node.At("time_shift").AsNumber(),
+  camera.sigma_xi = ReadSigmaXi(node);
+  if (const auto shift = node.Find("time_shift")) {
+    camera.time_shift = {.value = shift->AsNumber(),
                          .sigma = ReadSigma(node.At("sigma_time_shift"))};
   }
   camera.at_bound = Strings(node, "at_bound");
-  if (node.Has("sigma_jackknife")) {
-    camera.sigma_jackknife = ReadParamSigmas(node.At("sigma_jackknife"), *camera.model);
+  if (const auto sigma = node.Find("sigma_jackknife")) {
+    camera.sigma_jackknife = ReadParamSigmas(*sigma, *camera.model);
   }
-  if (node.Has("sigma_xi_jackknife")) {
-    camera.sigma_xi_jackknife = ReadSixSigmas(node.At("sigma_xi_jackknife"));
+  if (const auto sigma = node.Find("sigma_xi_jackknife")) {
+    camera.sigma_xi_jackknife = ReadSixSigmas(*sigma);
   }
   if (node.Has("residuals")) camera.fit = ReadFit(node.At("residuals"));
   for (const auto& [key, member] : kCameraTextKeys) {
@@ -421,12 +425,11 @@ CalibratedCamera ReadCamera(const std::string& name,
 std::vector<OpenDirection> ReadOpenDirections(const YamlNode& node) {
   std::vector<OpenDirection> directions;
   for (const YamlNode& item : node.Elements()) {
-    OpenDirection direction;
+    OpenDirection& direction = directions.emplace_back();
     direction.sigma = ReadSigma(item.At("sigma"));
     for (const auto& [name, share] : item.At("parameters").Entries()) {
       direction.parts.emplace_back(name, share.AsNumber());
     }
-    directions.push_back(std::move(direction));
   }
   return directions;
 }
@@ -435,8 +438,8 @@ std::vector<OpenDirection> ReadOpenDirections(const YamlNode& node) {
 std::vector<WeakUnknowns> ReadWeakUnknowns(const YamlNode& root,
                                            const std::vector<OpenDirection>& undetermined) {
   std::vector<WeakUnknowns> weak;
-  if (root.Has("weak")) {
-    for (const YamlNode& item : root.At("weak").Elements()) {
+  if (const auto list = root.Find("weak")) {
+    for (const YamlNode& item : list->Elements()) {
       weak.push_back({.open = !item.At("determined").AsBool(),
                       .names = Strings(item, "parameters"),
                       .what = item.At("what").AsString(),
@@ -445,9 +448,9 @@ std::vector<WeakUnknowns> ReadWeakUnknowns(const YamlNode& root,
     return weak;
   }
   for (const OpenDirection& direction : undetermined) {
-    WeakUnknowns open{.open = true, .names = {}, .what = {}, .remedy = {}};
+    WeakUnknowns& open = weak.emplace_back();
+    open.open = true;
     for (const auto& [name, share] : direction.parts) open.names.push_back(name);
-    weak.push_back(std::move(open));
   }
   return weak;
 }
@@ -523,38 +526,32 @@ CalibrationRecord ReadCalibration(const std::filesystem::path& path,
     calibration.cameras.push_back(ReadCamera(name, node, models));
   }
   if (calibration.cameras.empty()) root.At("cameras").Fail("expected at least one camera");
-  if (root.Has("targets")) {
-    for (const auto& [name, node] : root.At("targets").Entries()) {
-      TargetRecord target{.name = name, .T_target_own = ReadXi(node.At("xi_target_own"))};
-      if (node.Has("sigma_xi"))
-        target.sigma_xi = Eigen::Map<const Vector6d>(ReadSixSigmas(node.At("sigma_xi")).data());
-      calibration.targets.push_back(target);
-    }
+  for (const auto& [name, node] : Entries(root, "targets")) {
+    calibration.targets.push_back({.name = name,
+                                   .T_target_own = ReadXi(node.At("xi_target_own")),
+                                   .sigma_xi = ReadSigmaXi(node)});
   }
-  if (root.Has("adjustment")) {
-    const YamlNode node = root.At("adjustment");
-    calibration.adjustment = {.converged = node.At("converged").AsBool(),
-                              .iterations = CountOf(node, "iterations"),
-                              .rejection_sigmas = RmsOf(node, "rejection_sigmas"),
-                              .marker_sigma = ReadSigma(node.At("marker_sigma"))};
+  if (const auto node = root.Find("adjustment")) {
+    calibration.adjustment = {
+        .converged = node->At("converged").AsBool(),
+        .iterations = CountOf(*node, "iterations"),
+        .rejection_sigmas = RmsOf(*node, "rejection_sigmas"),
+        .marker_freedom = MarkerFreedom::FromSigma(ReadSigma(node->At("marker_sigma")))};
   }
-  if (root.Has("jitter")) {
-    const YamlNode node = root.At("jitter");
-    calibration.jitter = {.translation_sigma = ReadRms(node.At("translation")),
-                          .rotation_sigma = ReadRms(node.At("rotation")),
-                          .misplaced = CountOf(node, "misplaced")};
+  if (const auto node = root.Find("jitter")) {
+    calibration.jitter = {.translation_sigma = ReadRms(node->At("translation")),
+                          .rotation_sigma = ReadRms(node->At("rotation")),
+                          .misplaced = CountOf(*node, "misplaced")};
   }
-  if (root.Has("undetermined")) {
-    calibration.undetermined = ReadOpenDirections(root.At("undetermined"));
+  if (const auto node = root.Find("undetermined")) {
+    calibration.undetermined = ReadOpenDirections(*node);
   }
   calibration.weak = ReadWeakUnknowns(root, calibration.undetermined);
   calibration.findings = ReadWarnings(root);
   if (root.Has("verdict")) calibration.verdict = ReadVerdict(root.At("verdict"));
   calibration.left_out = Strings(root, "left_out");
-  if (root.Has("provenance")) {
-    for (const auto& [key, value] : root.At("provenance").Entries()) {
-      calibration.provenance.emplace_back(key, value.AsString());
-    }
+  for (const auto& [key, value] : Entries(root, "provenance")) {
+    calibration.provenance.emplace_back(key, value.AsString());
   }
   return calibration;
 }

@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <string_view>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/names.h"
 
 namespace plenocal {
@@ -90,20 +90,17 @@ Eigen::MatrixXd JointCovariance(const std::vector<const CalibratedCamera*>& came
 
 const CalibratedCamera& FindCamera(const CalibrationRecord& calibration, const std::string& name) {
   if (name.empty() && calibration.cameras.size() == 1) return calibration.cameras[0];
-  std::vector<std::string_view> names;
-  for (const CalibratedCamera& camera : calibration.cameras) {
-    if (camera.name == name) return camera;
-    names.push_back(camera.name);
+  const std::string path = calibration.path.string();
+  const std::vector<std::string_view> names = NamesOf(calibration.cameras);
+  if (name.empty()) {
+    throw InputError("{}: holds {} cameras; name one with --camera (the first is '{}')",
+                     path,
+                     names.size(),
+                     names[0]);
   }
-  throw Error(
-      ErrorKind::kInput,
-      name.empty()
-          ? fmt::format("{}: holds {} cameras; name one with --camera (the first is '{}')",
-                        calibration.path.string(),
-                        names.size(),
-                        names[0])
-          : fmt::format(
-                "{}: no camera '{}'{}", calibration.path.string(), name, SuggestName(name, names)));
+  const auto found = std::ranges::find(calibration.cameras, name, &CalibratedCamera::name);
+  if (found != calibration.cameras.end()) return *found;
+  throw InputError("{}: no camera '{}'{}", path, name, SuggestName(name, names));
 }
 
 }  // namespace plenocal

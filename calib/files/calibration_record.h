@@ -18,6 +18,7 @@
 
 #include "calib/camera/camera_model.h"
 #include "calib/camera/lens_type_optics.h"
+#include "calib/camera/marker_freedom.h"
 #include "calib/camera/observation.h"
 #include "calib/camera/rigid_transform.h"
 #include "calib/files/finding.h"
@@ -101,7 +102,7 @@ struct CalibratedCamera {
   /// Names of files beside calibration.yaml: the micro lenses of a plenoptic camera, the
   /// attenuation, pictures of one frame; and that frame's name. Empty: there is none.
   std::string micro_lenses = {}, vignetting = {}, sample = {}, sample_depth = {}, sample_frame = {};
-  /// Of a plenoptic camera, by lens type; empty where the blur does not determine them.
+  /// Optics by lens type of a plenoptic camera; empty where the blur does not determine them.
   std::vector<LensTypeOptics> lens_type_optics = {};
   std::vector<std::string> at_bound = {};  ///< parameters estimated at a bound of the session
   /// Standard errors by leaving out frames; empty when they were not asked for.
@@ -119,8 +120,8 @@ struct CalibratedCamera {
   }
 };
 
-/// Of a camera whose model has the parameters f_L, b_L0, B, if any b_P, and a pixel size; nothing
-/// of others.
+/// The distances of a camera whose model has the parameters f_L, b_L0, B, if any b_P, and a pixel
+/// size; nothing for others.
 std::optional<MicroLensGeometry> MicroLensGeometryOf(const CalibratedCamera& camera);
 
 /// The keys of `CalibratedCamera`'s texts in calibration.yaml.
@@ -152,15 +153,13 @@ struct TargetRecord {
   Vector6d sigma_xi = Vector6d::Zero();  ///< of the se(3) vector; zero: the first, known, or unseen
 };
 
-/// How the bundle adjustment ended.
+/// The end of the bundle adjustment.
 struct AdjustmentRecord {
   bool converged = false;
   int iterations = 0;
   /// Observations with a weighted residual longer than this are outliers, in sigmas.
   double rejection_sigmas = 0;
-  /// Prior of each marker coordinate, m; 0: the markers were fixed; infinite: they are scene
-  /// points.
-  double marker_sigma = 0;
+  MarkerFreedom marker_freedom = {};
 };
 
 /// Motion between the images of one frame, for a rig that is not rigid or not synchronous.
@@ -207,14 +206,16 @@ struct CalibrationRecord {
   Correlations correlations;
   std::vector<OpenDirection> undetermined;
   std::vector<WeakUnknowns> weak;
-  /// What the estimation and the tests for causes found; in files a part of `verdict`.
+  /// Results of the estimation and of the tests for causes; in files a part of `verdict`.
   std::vector<Finding> findings;
   std::optional<Verdict> verdict;     ///< not set: not judged yet
   std::vector<std::string> left_out;  ///< "image or observation: why"
   Provenance provenance;
 
-  /// Whether the markers are scene points, of a calibration without a target.
-  [[nodiscard]] bool HasScene() const { return adjustment && std::isinf(adjustment->marker_sigma); }
+  /// True for a calibration without a target, whose markers are scene points.
+  [[nodiscard]] bool HasScene() const {
+    return adjustment && adjustment->marker_freedom.IsLandmarks();
+  }
 
   /// Pose of the target in a camera's frame.
   [[nodiscard]] RigidTransform CameraFromTarget(size_t camera, int frame) const;

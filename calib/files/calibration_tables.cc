@@ -2,6 +2,7 @@
 #include "calib/files/calibration_tables.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -17,7 +18,6 @@
 #include "calib/base/quoted_text.h"
 #include "calib/files/checks/correlation_check.h"
 #include "calib/io/csv.h"
-#include "calib/io/input_file.h"
 
 namespace plenocal {
 namespace {
@@ -27,14 +27,7 @@ constexpr double kUnitQuaternion = 1e-3;
 
 std::string PoseCells(const RigidTransform& T) {
   const Eigen::Quaterniond q(T.R);
-  return fmt::format(",{:.12g},{:.12g},{:.12g},{:.12g},{:.12g},{:.12g},{:.12g}",
-                     T.t.x(),
-                     T.t.y(),
-                     T.t.z(),
-                     q.x(),
-                     q.y(),
-                     q.z(),
-                     q.w());
+  return fmt::format(",{:.12g},{:.12g}", fmt::join(T.t, ","), fmt::join(q.coeffs(), ","));
 }
 
 // The columns x, y, z, qx, qy, qz, qw.
@@ -138,8 +131,7 @@ std::string PosesCsv(const CalibrationRecord& calibration) {
 }
 
 std::vector<FrameRecord> ReadPoses(const std::filesystem::path& path) {
-  const std::string text = ReadTextFile(path);
-  CsvReader table(text, path.string());
+  CsvReader table(path);
   const size_t name = table.Column("frame");
   const PoseColumns pose(table);
   std::vector<FrameRecord> frames;
@@ -171,8 +163,7 @@ std::string ViewPosesCsv(const CalibrationRecord& calibration) {
 }
 
 void ReadViewPoses(const std::filesystem::path& path, CalibrationRecord* calibration) {
-  const std::string text = ReadTextFile(path);
-  CsvReader table(text, path.string());
+  CsvReader table(path);
   const size_t camera = table.Column("camera"), frame = table.Column("frame");
   const std::optional<size_t> misplaced = table.Find("misplaced");
   const PoseColumns pose(table);
@@ -188,16 +179,14 @@ void ReadViewPoses(const std::filesystem::path& path, CalibrationRecord* calibra
 std::string ScenePointsCsv(const CalibrationRecord& calibration) {
   std::string text = "marker,x,y,z\n";
   for (const auto& [number, point] : calibration.markers) {
-    const Eigen::Vector3d& p = point.position;
     fmt::format_to(
-        std::back_inserter(text), "{},{:.12g},{:.12g},{:.12g}\n", number, p.x(), p.y(), p.z());
+        std::back_inserter(text), "{},{:.12g}\n", number, fmt::join(point.position, ","));
   }
   return text;
 }
 
 std::vector<std::pair<int, Eigen::Vector3d>> ReadScenePoints(const std::filesystem::path& path) {
-  const std::string text = ReadTextFile(path);
-  CsvReader table(text, path.string(), CsvSyntax::kCsv, {}, "marker,x,y,z");
+  CsvReader table(path, CsvSyntax::kCsv, {}, "marker,x,y,z");
   const size_t marker = table.Column("marker"), x = table.Column("x"), y = table.Column("y"),
                z = table.Column("z");
   std::vector<std::pair<int, Eigen::Vector3d>> points;
@@ -247,8 +236,7 @@ std::string ResidualsCsv(const CalibrationRecord& calibration) {
 }
 
 void ReadResiduals(const std::filesystem::path& path, CalibrationRecord* calibration) {
-  const std::string text = ReadTextFile(path);
-  CsvReader table(text, path.string());
+  CsvReader table(path);
   const size_t camera = table.Column("camera"), frame = table.Column("frame"),
                marker = table.Column("marker"), used = table.Column("used");
   const std::optional<size_t> noise_sigma =
@@ -301,8 +289,7 @@ std::string CorrelationsCsv(const Correlations& correlations) {
 }
 
 Correlations ReadCorrelations(const std::filesystem::path& path) {
-  const std::string text = ReadTextFile(path);
-  CsvReader table(text, path.string());
+  CsvReader table(path);
   const auto count = static_cast<Eigen::Index>(table.Header().size()) - 1;
   Correlations correlations{{}, Eigen::MatrixXd(count, count)};
   for (Eigen::Index i = 0; table.Next(); ++i) {

@@ -34,7 +34,7 @@ std::vector<std::pair<int, Eigen::Vector3d>> ReadScenePoints(const std::filesyst
 /// Decimals of pixels in residuals.csv. `Describe` rounds residuals to them, so that results in
 /// memory and those read from a file are the same numbers.
 inline constexpr int kResidualDecimals = 5;
-/// Of noise_sigma: simulated observations may be all but exact.
+/// Decimals of noise_sigma: simulated observations may be all but exact.
 inline constexpr int kNoiseSigmaDecimals = 9;
 
 /// residuals.csv: every observation with its residual (measured minus predicted); observations

@@ -13,7 +13,6 @@
 #include "calib/base/number_text.h"
 #include "calib/base/quoted_text.h"
 #include "calib/io/csv.h"
-#include "calib/io/input_file.h"
 
 namespace plenocal {
 namespace {
@@ -35,8 +34,8 @@ std::string ColumnsOf(const CameraModel& model) {
 
 class DetectionReader {
  public:
-  DetectionReader(std::string_view text, const std::string& name, const CameraModel& model)
-      : table_(text, name, CsvSyntax::kCsv, {}, ColumnsOf(model)), model_(model) {}
+  DetectionReader(const std::filesystem::path& path, const CameraModel& model)
+      : table_(path, CsvSyntax::kCsv, {}, ColumnsOf(model)), model_(model) {}
 
   std::vector<View> Read() {
     FindColumns();
@@ -105,7 +104,7 @@ class DetectionReader {
     lines_[last_view_].push_back(table_.Line());
   }
 
-  // Of the row, as `View` has them.
+  // The shared errors of the row, as `View` has them.
   std::vector<double> SharedErrors() const {
     const size_t dimension = model_.measured.size(), count = shared_columns_.size() / dimension;
     std::vector<double> errors(shared_columns_.size());
@@ -177,8 +176,7 @@ bool HasOptionalContext(std::span<const View> views, const CameraModel& model) {
 }  // namespace
 
 std::vector<View> ReadDetections(const std::filesystem::path& path, const CameraModel& model) {
-  const std::string text = ReadTextFile(path);
-  return DetectionReader(text, path.string(), model).Read();
+  return DetectionReader(path, model).Read();
 }
 
 std::string DetectionsCsv(std::span<const View> views, const CameraModel& model) {

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// The reader and the writer of tables of detections.
 #pragma once
 
 #include <filesystem>
@@ -20,7 +22,7 @@ namespace plenocal {
 /// that repeats frame, marker and context of another.
 std::vector<View> ReadDetections(const std::filesystem::path& path, const CameraModel& model);
 
-/// The same table as text.
+/// The table of detections as text.
 std::string DetectionsCsv(std::span<const View> views, const CameraModel& model);
 
 /// Name of a camera's file of detections.

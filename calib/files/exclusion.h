@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// The rules by which a session leaves out images and markers.
 #pragma once
 
 #include <set>
@@ -11,11 +13,7 @@
 
 namespace plenocal {
 
-/// Adds rules in YAML ("camera: left, frame: '07'") to a session, and to its text. Throws `Error`
-/// that begins with the rule.
-void AddExcludeRules(const std::vector<std::string>& rules, Session* session);
-
-/// What a session leaves out on purpose (`exclude`), applied to one camera after the other.
+/// The rules `exclude` of a session, applied to one camera after the other.
 class Exclusion {
  public:
   explicit Exclusion(std::vector<ExcludeRule> rules);

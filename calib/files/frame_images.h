@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Lists of a camera's images from globs, folders and files.
 #pragma once
 
 #include <filesystem>
@@ -28,7 +30,7 @@ bool HasImageName(const std::filesystem::path& path);
 /// the file's name without extension. Throws `Error` when nothing matches or two files have the
 /// same frame; `what` ("left: images") begins the message.
 std::vector<FrameImage> ExpandImages(const std::string& pattern, const std::string& what);
-/// The same of several globs, folders and files, one after the other.
+/// The images of several globs, folders and files, one after the other.
 std::vector<FrameImage> ExpandImages(const std::vector<std::string>& patterns,
                                      const std::string& what);
 

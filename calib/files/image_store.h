@@ -15,7 +15,7 @@ namespace plenocal {
 /// An image as it is stored.
 struct StoredImage {
   std::vector<std::uint8_t> bytes = {};  ///< an image file, or pixels row by row
-  /// How pixels are stored, by its name in ROS: mono8, mono16, bgr8, bayer_rggb8, 8UC1, ... Empty:
+  /// The storage of pixels, by its name in ROS: mono8, mono16, bgr8, bayer_rggb8, 8UC1, ... Empty:
   /// `bytes` are an image file.
   std::string encoding = {};
   ImageSize size{};         ///< of pixels
@@ -34,7 +34,7 @@ class ImageStore {
 
   /// Throws `Error` of kind kInput, naming the file, for one that is damaged.
   [[nodiscard]] virtual StoredImage Read(std::size_t index) const = 0;
-  /// The same with at least the first `most` bytes, or all of fewer.
+  /// `Read` of at least the first `most` bytes, or of all of fewer.
   [[nodiscard]] virtual StoredImage Start(std::size_t index, std::size_t most) const = 0;
   /// False: all images are pixels, none is an image file.
   [[nodiscard]] virtual bool HasFiles() const { return true; }

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// The key `pairing`: which images of several cameras belong to one frame.
 #pragma once
 
 #include <optional>
@@ -7,7 +9,7 @@
 
 namespace plenocal {
 
-/// Which images of several cameras belong to one frame.
+/// The rule by which images of several cameras belong to one frame.
 struct Pairing {
   enum class By { kName, kTime };
   std::optional<By> by = {};             ///< nothing: by time if all cameras have times

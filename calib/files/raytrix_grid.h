@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// The reader and the writer of Raytrix' files of a micro-lens grid.
 #pragma once
 
 #include <filesystem>
@@ -21,7 +23,8 @@ namespace plenocal {
 MicroLensArray ReadRayCalibData(const std::filesystem::path& path, ImageSize image_size);
 
 /// The text of such a file: the regular lattice that fits the centres best, and the lens types.
-/// What RxLive derives from it but the centres do not show (depth ranges, distortion) is neutral.
+/// Values that RxLive derives from it but the centres do not show (depth ranges, distortion) are
+/// neutral.
 /// Throws `Error` of kind kInput for a rectangular lattice, which the format cannot hold.
 std::string RayCalibDataXml(const MicroLensArray& array);
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// The keys of a session without a target: the scene, and what comes from an earlier calibration.
+// The keys of a session without a target: the scene, and the use of an earlier calibration.
 #pragma once
 
 #include <cstddef>
@@ -36,7 +36,7 @@ struct SceneTags {
 /// Number of a tag's corner among the scene's points: above those of all tracks.
 int TagPoint(int id, int corner);
 
-/// Those of its four corners.
+/// `TagPoint` of a tag's four corners.
 std::vector<int> CornersOfTag(int id);
 
 /// `scene` of session.yaml.
@@ -50,7 +50,7 @@ struct SceneKeys {
 /// together by as much, since tags are printed at one scale. Empty where the size is not known.
 std::vector<SceneDistance> SizesOfTag(const SceneTags& tags, int id);
 
-/// What a camera takes from the session's earlier calibration; indices of parameters.
+/// A camera's keys about the session's earlier calibration; indices of parameters.
 struct EarlierParams {
   std::optional<std::vector<size_t>> prior = {};  ///< these have a prior; not set: all
   std::vector<size_t> free = {};                  ///< these have a start value alone

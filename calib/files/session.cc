@@ -11,7 +11,6 @@
 #include "calib/base/names.h"
 #include "calib/files/calibration_file.h"
 #include "calib/files/checks/transform_keys.h"
-#include "calib/files/exclusion.h"
 #include "calib/files/image_keys.h"
 #include "calib/io/input_file.h"
 
@@ -20,33 +19,16 @@ namespace {
 
 // Index of the parameter that `name` stands for; fails at `node` when there is none.
 size_t IndexOfParam(const CameraModel& model, const std::string& name, const YamlNode& node) {
-  std::vector<std::string_view> names;
-  for (size_t i = 0; i < model.params.size(); ++i) {
-    if (model.params[i].name == name) return i;
-    names.push_back(model.params[i].name);
-  }
-  node.Fail(fmt::format(
-      "'{}' is no parameter of model {}{}", name, model.name, SuggestName(name, names)));
+  const auto found = std::ranges::find(model.params, name, &Param::name);
+  if (found != model.params.end()) return static_cast<size_t>(found - model.params.begin());
+  const std::string nearest = SuggestName(name, NamesOf(model.params));
+  node.Fail(fmt::format("'{}' is no parameter of model {}{}", name, model.name, nearest));
 }
 
 void CheckCameraKeys(const YamlNode& node, const CameraModel& model) {
-  std::vector<std::string_view> known{"model",
-                                      "images",
-                                      "topic",
-                                      "white_images",
-                                      "detections",
-                                      "times",
-                                      "image_size",
-                                      "bayer",
-                                      "initial",
-                                      "fixed",
-                                      "prior",
-                                      "bounds",
-                                      "equal",
-                                      "shared",
-                                      "prior_from",
-                                      "free",
-                                      "from"};
+  std::vector<std::string_view> known = Words(
+      "model images topic white_images detections times image_size bayer initial fixed prior "
+      "bounds equal shared prior_from free from");
   for (const Param& config : model.config) known.push_back(config.name);
   for (const auto& [key, value] : node.Entries()) {
     if (std::find(known.begin(), known.end(), key) == known.end()) {
@@ -86,7 +68,7 @@ EarlierFile ReadEarlierFile(const YamlNode& node, const std::filesystem::path& s
   return file;
 }
 
-// What a camera takes from the earlier calibration of the session.
+// Reads a camera's keys about the earlier calibration of the session.
 void ReadEarlierParams(const YamlNode& node, bool has_from, SessionCamera* camera) {
   for (const char* key : {"prior_from", "free"}) {
     if (!node.Has(key)) continue;
@@ -94,18 +76,14 @@ void ReadEarlierParams(const YamlNode& node, bool has_from, SessionCamera* camer
     if (!has_from) {
       list.Fail("refers to an earlier calibration; give it: 'from: earlier/calibration.yaml'");
     }
-    std::vector<size_t> params;
+    const bool is_free = std::string_view(key) == "free";
+    std::vector<size_t>& params = is_free ? camera->earlier.free : camera->earlier.prior.emplace();
     for (const YamlNode& element : list.Elements()) {
-      if (std::string_view(key) == "free" && element.AsString() == "extrinsics") {
+      if (is_free && element.AsString() == "extrinsics") {
         camera->earlier.free_extrinsics = true;
-        continue;
+      } else {
+        params.push_back(IndexOfParam(*camera->model, element.AsString(), element));
       }
-      params.push_back(IndexOfParam(*camera->model, element.AsString(), element));
-    }
-    if (std::string_view(key) == "free") {
-      camera->earlier.free = std::move(params);
-    } else {
-      camera->earlier.prior = std::move(params);
     }
   }
 }
@@ -277,7 +255,7 @@ void ReadShared(const YamlNode& node, size_t c, std::vector<SessionCamera>* came
   }
 }
 
-// What the session says of parameters beside start values.
+// Reads the keys about parameters beside start values.
 void ReadRules(const YamlNode& cameras_node, std::vector<SessionCamera>* cameras) {
   const auto nodes = cameras_node.Entries();
   for (size_t c = 0; c < nodes.size(); ++c) {
@@ -412,11 +390,9 @@ ExcludeRule ReadExcludeRule(const YamlNode& node, const std::vector<SessionCamer
     }
   }
   if (node.Has("frame")) rule.frame = node.At("frame").AsString();
-  if (node.Has("markers")) {
-    for (const YamlNode& marker : node.At("markers").Elements()) {
-      rule.markers.push_back(marker.AsInteger());
-    }
-    if (rule.markers.empty()) node.At("markers").Fail("expected marker numbers, got an empty list");
+  if (const auto markers = node.Find("markers")) {
+    for (const YamlNode& marker : markers->Elements()) rule.markers.push_back(marker.AsInteger());
+    if (rule.markers.empty()) markers->Fail("expected marker numbers, got an empty list");
   }
   if (node.Has("note")) rule.note = node.At("note").AsString();
   return rule;
@@ -424,50 +400,46 @@ ExcludeRule ReadExcludeRule(const YamlNode& node, const std::vector<SessionCamer
 
 void ReadOptions(const YamlNode& options, Session* session) {
   options.CheckKeys({"refine_target", "loss", "frames"});
-  if (options.Has("frames")) {
-    const YamlNode frames = options.At("frames");
-    session->all_frames = frames.AsString() == "all";
+  if (const auto frames = options.Find("frames")) {
+    session->all_frames = frames->AsString() == "all";
     if (!session->all_frames) {
-      const int most = frames.AsInteger();
-      if (most < 1) frames.Fail("expected a number of frames, 1 or more, or all");
+      const int most = frames->AsInteger();
+      if (most < 1) frames->Fail("expected a number of frames, 1 or more, or all");
       session->frames = static_cast<size_t>(most);
     }
   }
   if (options.Has("refine_target")) session->refine_target = options.At("refine_target").AsBool();
   if (!options.Has("loss")) return;
-  static const std::map<std::string, Loss> kLosses{
-      {"none", Loss::kNone}, {"huber", Loss::kHuber}, {"cauchy", Loss::kCauchy}};
+  static constexpr std::array<std::string_view, 3> kNames{"huber", "cauchy", "none"};
+  static constexpr std::array kLosses{Loss::kHuber, Loss::kCauchy, Loss::kNone};
   const YamlNode node = options.At("loss");
-  const auto found = kLosses.find(node.AsString());
-  if (found == kLosses.end()) {
-    static constexpr std::array<std::string_view, 3> kNames{"huber", "cauchy", "none"};
-    node.Fail(
-        fmt::format("unknown loss '{}'{}", node.AsString(), SuggestName(node.AsString(), kNames)));
+  const std::string name = node.AsString();
+  const auto found = std::ranges::find(kNames, name);
+  if (found == kNames.end()) {
+    node.Fail(fmt::format("unknown loss '{}'{}", name, SuggestName(name, kNames)));
   }
-  session->loss = found->second;
+  session->loss = kLosses[static_cast<size_t>(found - kNames.begin())];
 }
 
 // The target, or the scene in its place, with the calibration that comes before.
-void ReadWhatIsSeen(const YamlNode& root, const std::filesystem::path& path, Session* session) {
+void ReadTargetOrScene(const YamlNode& root, const std::filesystem::path& path, Session* session) {
   if (root.Has("from")) session->from = ReadEarlierFile(root.At("from"), path);
   if (root.Has("extrinsics_only")) {
     session->extrinsics_only = root.At("extrinsics_only").AsBool();
   }
-  if (!root.Has("scene")) {
-    if (root.Has("targets") && root.Has("target")) {
-      root.At("targets").Fail("give either this or 'target'");
+  const auto scene = root.Find("scene"), target = root.Find("target"),
+             targets = root.Find("targets");
+  if (scene) {
+    if (target || targets) {
+      scene->Fail("a session has either 'target' or 'scene'; remove one of them");
     }
-    if (root.Has("targets")) {
-      ReadTargets(root.At("targets"), session);
-    } else {
-      session->target = ReadTargetSource(root.At("target"), path);
-    }
-    return;
+    session->scene = ReadSceneKeys(*scene);
+  } else if (targets) {
+    if (target) targets->Fail("give either this or 'target'");
+    ReadTargets(*targets, session);
+  } else {
+    session->target = ReadTargetSource(root.At("target"), path);
   }
-  if (root.Has("target") || root.Has("targets")) {
-    root.At("scene").Fail("a session has either 'target' or 'scene'; remove one of them");
-  }
-  session->scene = ReadSceneKeys(root.At("scene"));
 }
 
 // `extrinsics_only` needs the parameters of every camera.
@@ -486,17 +458,9 @@ Session ReadRoot(const YamlNode& root,
                  const std::filesystem::path& path,
                  std::span<const CameraModel> models) {
   root.CheckVersion();
-  root.CheckKeys({"plenocal",
-                  "target",
-                  "targets",
-                  "scene",
-                  "from",
-                  "extrinsics_only",
-                  "cameras",
-                  "options",
-                  "exclude",
-                  "pairing",
-                  "plugins"});
+  root.CheckKeys(
+      Words("plenocal target targets scene from extrinsics_only cameras options exclude pairing "
+            "plugins"));
   static constexpr std::array<std::string_view, 2> kRequired{"target", "cameras"};
   const bool has_scene = root.Has("scene") || root.Has("targets");
   root.RequireKeys(
@@ -507,7 +471,7 @@ Session ReadRoot(const YamlNode& root,
 
   Session session;
   session.path = path;
-  ReadWhatIsSeen(root, path, &session);
+  ReadTargetOrScene(root, path, &session);
   for (const auto& [name, node] : root.At("cameras").Entries()) {
     session.cameras.push_back(ReadCamera(name, node, session, models));
   }
@@ -521,8 +485,8 @@ Session ReadRoot(const YamlNode& root,
   }
   if (root.Has("options")) ReadOptions(root.At("options"), &session);
   if (root.Has("pairing")) session.pairing = ReadPairing(root.At("pairing"));
-  if (root.Has("exclude")) {
-    for (const YamlNode& rule : root.At("exclude").Elements()) {
+  if (const auto rules = root.Find("exclude")) {
+    for (const YamlNode& rule : rules->Elements()) {
       session.exclude.push_back(ReadExcludeRule(rule, session.cameras));
     }
   }

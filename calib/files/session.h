@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// session.yaml as data, and its reader.
 #pragma once
 
 #include <filesystem>
@@ -70,7 +72,7 @@ struct SessionTarget {
   std::optional<RigidTransform> known;  ///< its frame to that of the first target
 };
 
-/// What a session leaves out on purpose. An image belongs to the rule if camera and frame do.
+/// A rule `exclude` of a session. An image belongs to the rule if camera and frame do.
 struct ExcludeRule {
   std::string camera = {};  ///< empty: all
   std::string frame = {};   ///< name of a frame or of its file, or a glob of these; empty: all
@@ -102,9 +104,13 @@ std::vector<std::filesystem::path> ReadSessionPlugins(const std::filesystem::pat
 
 /// Reads and checks a session. Throws `Error` with file, line and key.
 Session ReadSession(const std::filesystem::path& path, std::span<const CameraModel> models);
-/// The same of `text`, which is or will be the content of `path`.
+/// Reads a session from `text`, which is or will be the content of `path`.
 Session ParseSession(const std::string& text,
                      const std::filesystem::path& path,
                      std::span<const CameraModel> models);
+
+/// Adds rules in YAML ("camera: left, frame: '07'") to a session, and to its text. Throws `Error`
+/// that begins with the rule.
+void AddExcludeRules(const std::vector<std::string>& rules, Session* session);
 
 }  // namespace plenocal

@@ -11,6 +11,7 @@
 #include "calib/base/format_error.h"
 #include "calib/base/number_text.h"
 #include "calib/base/quoted_text.h"
+#include "calib/io/input_file.h"
 
 namespace plenocal {
 namespace {
@@ -26,14 +27,27 @@ std::string_view Trim(std::string_view text) {
 
 }  // namespace
 
+CsvReader::CsvReader(const std::filesystem::path& path,
+                     CsvSyntax syntax,
+                     std::string_view first_column,
+                     std::string_view example)
+    : text_(ReadTextFile(path)), name_(path.string()), syntax_(syntax), rest_(text_) {
+  ReadHeader(first_column, example);
+}
+
 CsvReader::CsvReader(std::string_view text,
                      std::string name,
                      CsvSyntax syntax,
                      std::string_view first_column,
                      std::string_view example)
     : name_(std::move(name)), syntax_(syntax), rest_(text) {
+  ReadHeader(first_column, example);
+}
+
+void CsvReader::ReadHeader(std::string_view first_column, std::string_view example) {
   if (rest_.starts_with(kByteOrderMark)) rest_.remove_prefix(kByteOrderMark.size());
-  const bool has_header = syntax == CsvSyntax::kCsv ? NextLine(&header_) : NextLegend(first_column);
+  const bool has_header =
+      syntax_ == CsvSyntax::kCsv ? NextLine(&header_) : NextLegend(first_column);
   if (!has_header) {
     FailAtLine(1,
                fmt::format("expected a header line {}, found nothing",

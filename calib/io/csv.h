@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// The reader of tables with commas or blanks.
 #pragma once
 
 #include <cstddef>
 #include <deque>
+#include <filesystem>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -25,6 +28,14 @@ enum class CsvSyntax {
 /// column counts characters from 1; where no single cell is wrong, "file:line: ").
 class CsvReader {
  public:
+  /// Reads the header of a file.
+  explicit CsvReader(const std::filesystem::path& path,
+                     CsvSyntax syntax = CsvSyntax::kCsv,
+                     std::string_view first_column = {},
+                     std::string_view example = {});
+  CsvReader(const CsvReader&) = delete;  // cells are views of the text
+  CsvReader& operator=(const CsvReader&) = delete;
+
   /// Reads the header. `text` must outlive the reader; `name` stands for the file in messages. In
   /// vnlog the header is the first comment "# ..." that begins with `first_column`, if given.
   /// Throws for a text without header (`example` is shown then), or one that names a column twice.
@@ -53,11 +64,11 @@ class CsvReader {
   /// header.
   bool Next();
 
-  // Of the present row:
+  // Cells of the present row:
   [[nodiscard]] std::string_view Text(size_t column) const { return cells_[column]; }
   /// A finite number.
   [[nodiscard]] double Number(size_t column) const;
-  /// The same; nothing for an empty cell.
+  /// A finite number; nothing for an empty cell.
   [[nodiscard]] std::optional<double> NumberIfAny(size_t column) const;
   [[nodiscard]] int Integer(size_t column) const;
   /// Line of the present row in the text, counted from 1.
@@ -76,6 +87,9 @@ class CsvReader {
   size_t TakeQuoted(std::string_view line, size_t begin, std::vector<std::string_view>* cells);
   void SplitAtBlanks(std::string_view line, std::vector<std::string_view>* cells) const;
 
+  void ReadHeader(std::string_view first_column, std::string_view example);
+
+  const std::string text_;  // of a file
   std::string name_;
   CsvSyntax syntax_;
   std::string_view rest_;        // text after the present line

@@ -91,7 +91,7 @@ std::optional<std::string> DetectionCache::Load(const std::string& key) {
 
 void DetectionCache::Save(const std::string& key, const std::string& content) {
   if (key.empty() || folder_.empty()) return;
-  static std::atomic<int> count{0};
+  static std::atomic<int> count{0};  // of the process: two caches may have one folder
   std::error_code error;
   std::filesystem::create_directories(folder_, error);
   const std::filesystem::path partial =

@@ -20,7 +20,7 @@ namespace plenocal {
 
 /// Hash of a file's content (XXH3, 128 bits, hexadecimal); empty when it cannot be read.
 std::string HashFile(const std::filesystem::path& path);
-/// The same of bytes in memory.
+/// `HashFile` of bytes in memory.
 std::string HashBytes(std::span<const std::uint8_t> bytes);
 
 /// A folder with one file per entry. A file is written under a temporary name and renamed, and

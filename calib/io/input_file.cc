@@ -16,7 +16,7 @@
 
 #include "calib/base/format_error.h"
 #include "calib/base/parallel.h"
-#include "calib/io/output_folder.h"
+#include "calib/io/announced_moves.h"
 
 namespace plenocal {
 
@@ -124,7 +124,7 @@ struct CheckedFile {
 };
 
 CheckedFile OpenChecked(const fs::path& path, bool is_input) {
-  CompleteResultsAround(path);
+  RefuseHalfMoved(path);
   OpenFile file(path);
   const struct stat status = StatusOf(file, path);
   if (RunScope* const run = RunScope::Current(); run != nullptr && is_input) {

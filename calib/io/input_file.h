@@ -23,7 +23,7 @@ class RunScope {
   RunScope(const RunScope&) = delete;
   RunScope& operator=(const RunScope&) = delete;
 
-  /// Of this thread; null: it works for no run.
+  /// The run of this thread; null: none.
   static RunScope* Current();
   Inputs& inputs() { return *inputs_; }
 
@@ -42,25 +42,27 @@ enum class InputLimit : std::size_t {
 };
 
 /// The content of a regular file: folders, devices, pipes and sockets are refused without waiting
-/// for them. Completes the folder's results first where a killed run left them half moved. Throws
-/// `Error` of kind kInput, naming the file, when there is none or it cannot be read.
+/// for them. Throws `Error` of kind kInput, naming the file, when there is none or it cannot be
+/// read, and of kind kJob where a killed run left the folder's results half moved
+/// (announced_moves.h). Changes nothing on the disk.
 std::string ReadInput(const std::filesystem::path& path, InputLimit limit);
 
-/// The same of text: refuses content with zero bytes, which no text in ASCII or UTF-8 has.
+/// `ReadInput` of text: refuses content with zero bytes, which no text in ASCII or UTF-8 has.
 std::string ReadTextFile(const std::filesystem::path& path, InputLimit limit = InputLimit::kTable);
 
 /// The first `size` bytes of the file, or all of a shorter one: for the headers of many files.
 std::string ReadInputStart(const std::filesystem::path& path, std::size_t size);
 
-/// The same file opened for a library that reads parts of it: a descriptor that the caller closes.
+/// Opens a file as `ReadInput` for a library that reads parts of it: a descriptor that the caller
+/// closes.
 /// Its size is not limited.
 int OpenInput(const std::filesystem::path& path);
 
 /// Like `ReadInput` for a result of an earlier run, which this run may replace.
 std::string ReadEarlierResult(const std::filesystem::path& path);
 
-/// Whether there is a file or folder; none where the path cannot be one's, such as a name that is
-/// too long.
+/// True when there is a file or folder; false where the path cannot be one's, such as a name that
+/// is too long.
 bool IsThere(const std::filesystem::path& path);
 
 /// The path of this run's input that was read from the file which `path` is too; nothing when

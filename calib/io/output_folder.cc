@@ -21,6 +21,7 @@
 
 #include "calib/base/format_error.h"
 #include "calib/base/quoted_text.h"
+#include "calib/io/announced_moves.h"
 #include "calib/io/input_file.h"
 #include "calib/io/result_text.h"
 
@@ -29,11 +30,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Announces that the files beside it are complete and belong one folder up; lists what goes from
-// there.
-constexpr const char* kComplete = "complete";
-constexpr const char* kIncomplete = "incomplete";  // its name until it is on the disk
-constexpr const char* kPartial = ".partial";
+constexpr const char* kIncomplete = "incomplete";  // name of `kComplete` until it is on the disk
 
 [[noreturn]] void Fail(const fs::path& path, const std::string& what) {
   throw JobError("{}: {}", path.string(), what);
@@ -108,7 +105,7 @@ bool IsOpenFile(const fs::path& path) {
   return fs::is_symlink(path, error) && fs::equivalent(path.parent_path(), "/proc/self/fd", error);
 }
 
-// What a chain of symbolic links leads to, which need not be there.
+// The end of a chain of symbolic links, which need not be there.
 fs::path EndOfLinks(const fs::path& file) {
   constexpr int kMostLinks = 40;  // as the system's
   fs::path end = file;
@@ -196,7 +193,7 @@ void SyncFiles(const fs::path& partial, const std::vector<fs::path>& files) {
   for (const fs::path& folder : folders) SyncFolder(folder);
 }
 
-// What takes the files of a complete ".partial" to their places.
+// The moves of the files of a complete ".partial" to their places.
 struct Moves {
   std::vector<std::string> removed;
   std::vector<std::pair<std::string, std::string>> renamed;
@@ -260,26 +257,6 @@ void MoveAll(const fs::path& partial, const fs::path& folder) {
   for (const fs::path& place : moves.folders) SyncFolder(place);
 }
 
-// True where a killed run left complete files in `folder`. Those of another user are not moved:
-// who can write into a shared folder could have others' files replaced.
-bool IsAnnounced(const fs::path& folder) {
-  const fs::path partial = folder / kPartial;
-  struct stat subfolder {
-  }, complete{};
-  if (lstat(partial.c_str(), &subfolder) != 0 ||
-      lstat((partial / kComplete).c_str(), &complete) != 0) {
-    return false;
-  }
-  const auto is_own = [](const struct stat& file) { return file.st_uid == geteuid(); };
-  if (S_ISDIR(subfolder.st_mode) && S_ISREG(complete.st_mode) && is_own(subfolder) &&
-      is_own(complete)) {
-    return true;
-  }
-  Fail(partial,
-       "looks like results that a killed run of another user left half moved; let that user run "
-       "plenocal here, or remove it");
-}
-
 // The folders of this process, and the right to write and commit.
 struct OpenFolders {
   std::mutex mutex;
@@ -297,7 +274,8 @@ std::unique_ptr<OutputFolder> OpenOutput(const fs::path& folder) {
   return folder.empty() ? nullptr : std::make_unique<OutputFolder>(folder);
 }
 
-OutputFolder::OutputFolder(fs::path folder) : folder_(std::move(folder)) {
+OutputFolder::OutputFolder(const fs::path& folder)
+    : folder_(folder.has_filename() ? folder : folder.parent_path()) {
   std::error_code error;
   for (fs::path p = fs::absolute(folder_, error).lexically_normal();
        !p.empty() && !fs::exists(p, error) && p != p.parent_path();
@@ -323,8 +301,7 @@ OutputFolder::OutputFolder(fs::path folder) : folder_(std::move(folder)) {
 
 void OutputFolder::Lock() {
   lock_ = open(folder_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-  // File systems without locks do without. The moves of a run that was just killed take a moment.
-  constexpr int kTries = 20, kPause = 50000;  // us
+  // File systems without locks do without.
   int tries = 1;
   while (flock(lock_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK && tries++ < kTries) {
     usleep(kPause);
@@ -345,7 +322,7 @@ OutputFolder::~OutputFolder() {
 
 void OutputFolder::Discard() {
   std::error_code error;
-  // What was announced is completed by the next run.
+  // Announced files are moved by the next run.
   if (!announced_) fs::remove_all(Partial(), error);
   // Removes empty folders only.
   for (const auto& made : made_) fs::remove(made, error);
@@ -451,13 +428,8 @@ std::vector<fs::path> WriteInto(const fs::path& folder, const OutputContents& co
   return written;
 }
 
-void CompleteResultsAround(const fs::path& path) {
-  constexpr int kLevels = 3;  // OUT/images/left/01.png
-  std::error_code error;
-  fs::path folder = fs::absolute(path, error).lexically_normal();
-  for (int level = 0; level < kLevels; ++level) {
-    folder = folder.parent_path();
-    if (folder.filename() == kPartial || !IsAnnounced(folder)) continue;
+void CompleteResults(const fs::path& path) {
+  for (const fs::path& folder : AnnouncedAround(path)) {
     try {
       const OutputFolder completed(folder);
     } catch (const Error& failure) {

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Result files that are written all or none, and the completion of writes that were interrupted.
 #pragma once
 
 #include <filesystem>
@@ -6,6 +8,8 @@
 #include <string>
 #include <utility>
 #include <vector>
+
+#include "calib/io/announced_moves.h"
 
 namespace plenocal {
 
@@ -19,13 +23,14 @@ namespace plenocal {
 /// A run that is killed (also by SIGKILL) or loses power leaves the old files or all new ones: the
 /// files are on the disk before a file "complete" in ".partial" announces them, the moves are made
 /// by a process of their own, which outlives this one, and where it is stopped as well, the next
-/// run that writes or reads there completes the moves. What was not announced it removes.
+/// run that writes or opens the folder (`CompleteResults`) completes the moves; until then its
+/// files are not read. What was not announced the next writer removes.
 class OutputFolder {
  public:
   /// Makes the folder if needed and checks that files can be written there, before the long work
   /// starts; clears up behind a killed run. Throws `Error` of kind kJob, also when another process
   /// writes there.
-  explicit OutputFolder(std::filesystem::path folder);
+  explicit OutputFolder(const std::filesystem::path& folder);
   ~OutputFolder();
   OutputFolder(const OutputFolder&) = delete;
   OutputFolder& operator=(const OutputFolder&) = delete;
@@ -46,7 +51,7 @@ class OutputFolder {
 
  private:
   friend void AbandonOutput();
-  [[nodiscard]] std::filesystem::path Partial() const { return folder_ / ".partial"; }
+  [[nodiscard]] std::filesystem::path Partial() const { return folder_ / kPartial; }
   void Lock();
   void Discard();
 
@@ -68,7 +73,7 @@ void WriteOutput(const std::filesystem::path& file, std::string content);
 /// Names of files and their contents.
 using OutputContents = std::vector<std::pair<std::string, std::string>>;
 
-/// The same of several files in the folder of `file`, which may be one of them; where `file` is a
+/// Writes several files in the folder of `file`, which may be one of them; where `file` is a
 /// link, they lie beside what it leads to. Returns their paths.
 std::vector<std::filesystem::path> WriteOutputs(const std::filesystem::path& file,
                                                 OutputContents contents);
@@ -78,9 +83,10 @@ std::vector<std::filesystem::path> WriteOutputs(const std::filesystem::path& fil
 std::vector<std::filesystem::path> WriteInto(const std::filesystem::path& folder,
                                              const OutputContents& contents);
 
-/// Completes the moves of a killed run in the folder of `path` and the two above it, so that no
-/// reader takes old and new files together. Throws `Error` of kind kJob where that is not possible.
-void CompleteResultsAround(const std::filesystem::path& path);
+/// Opens a folder of results: completes the moves of a killed run in `path`, where it is a folder,
+/// and in the three folders above it. The first step of all that reads results of earlier runs.
+/// Throws `Error` of kind kJob where that is not possible.
+void CompleteResults(const std::filesystem::path& path);
 
 /// Removes what this process has written and not committed, and lets no thread write or commit from
 /// now on: for a process that is about to end. Waits for a commit that has begun.

@@ -63,12 +63,20 @@ std::string Describe(const Tree& tree) {
   return "";
 }
 
+struct Place {
+  int line = 1, column = 1;
+
+  Place() = default;
+  Place(const Tree& tree) : line(tree.line), column(tree.column) {}
+  Place(const YAML::Mark& mark) : line(mark.line + 1), column(mark.column + 1) {}
+};
+
 [[noreturn]] void FailAt(const std::string& file,
-                         int line,
-                         int column,
+                         const Place& place,
                          const std::string& path,
                          const std::string& message) {
-  throw InputError("{}:{}:{}: {}{}{}", file, line, column, path, path.empty() ? "" : ": ", message);
+  const std::string key = path.empty() ? "" : path + ": ";
+  throw InputError("{}:{}:{}: {}{}", file, place.line, place.column, key, message);
 }
 
 std::string Join(const std::string& path, std::string_view key) {
@@ -89,8 +97,7 @@ void CheckMaps(const Tree& tree, const std::string& file, const std::string& pat
     const Tree& key = tree.children[i];
     if (key.kind != Tree::Kind::kScalar) {
       FailAt(file,
-             key.line,
-             key.column,
+             key,
              path,
              fmt::format("expected a name as key, got {}; write 'name: value'", Describe(key)));
     }
@@ -98,8 +105,7 @@ void CheckMaps(const Tree& tree, const std::string& file, const std::string& pat
     if (!is_new) {
       FailAt(
           file,
-          key.line,
-          key.column,
+          key,
           Join(path, key.scalar),
           fmt::format("this key stands in line {} already; remove one of the two", first->second));
     }
@@ -151,7 +157,7 @@ class TreeBuilder : public YAML::EventHandler {
 
  private:
   [[noreturn]] void Refuse(const YAML::Mark& mark, const std::string& message) const {
-    FailAt(file_, mark.line + 1, mark.column + 1, "", message);
+    FailAt(file_, mark, "", message);
   }
 
   Tree& Open(const YAML::Mark& mark, YAML::anchor_t anchor, Tree::Kind kind) {
@@ -197,16 +203,13 @@ Tree ParseTree(const std::string& text, const std::string& file) {
     }
   } catch (const YAML::DeepRecursion& error) {
     FailAt(file,
-           error.mark.line + 1,
-           error.mark.column + 1,
+           error.mark,
            "",
            "brackets or lists are nested too deeply here; close those that are open");
   } catch (const YAML::Exception& error) {
-    const YAML::Mark mark = error.mark.is_null() ? YAML::Mark() : error.mark;
     FailAt(
         file,
-        mark.line + 1,
-        mark.column + 1,
+        error.mark.is_null() ? YAML::Mark() : error.mark,
         "",
         fmt::format("not valid YAML: {}; check indentation, brackets, quotes and the space after "
                     "each ':' around here",
@@ -242,25 +245,17 @@ std::string NumberHint(std::string_view text, std::string_view otherwise) {
     std::string_view base;
   };
   constexpr double kDegree = std::numbers::pi / 180;
-  static constexpr Unit kUnits[] = {{"m", 1, "metres"},
-                                    {"cm", 1e-2, "metres"},
-                                    {"mm", 1e-3, "metres"},
-                                    {"um", 1e-6, "metres"},
-                                    {"\u00b5m", 1e-6, "metres"},
-                                    {"\u03bcm", 1e-6, "metres"},
-                                    {"nm", 1e-9, "metres"},
-                                    {"in", 0.0254, "metres"},
-                                    {"inch", 0.0254, "metres"},
-                                    {"deg", kDegree, "radians"},
+  static constexpr Unit kUnits[] = {{"deg", kDegree, "radians"},
                                     {"\u00b0", kDegree, "radians"},
                                     {"rad", 1, "radians"},
                                     {"s", 1, "seconds"},
                                     {"ms", 1e-3, "seconds"},
                                     {"px", 1, "pixels"},
                                     {"%", 1e-2, "a ratio"}};
+  const std::optional<Length> length = ParseLength(text);
+  if (length && length->has_unit) return fmt::format("; write {:.9g} (metres)", length->metres);
   std::string_view rest;
-  const std::optional<double> number = ParseNumber(text, &rest);
-  if (number) {
+  if (const std::optional<double> number = ParseNumber(text, &rest)) {
     while (rest.starts_with(' ')) rest.remove_prefix(1);
     for (const Unit& unit : kUnits) {
       if (rest == unit.name) {
@@ -284,15 +279,11 @@ void Emit(const Tree& tree, YAML::Emitter* out) {
       *out << tree.scalar;
       break;
     case Tree::Kind::kSequence:
-      *out << (tree.flow ? YAML::Flow : YAML::Block) << YAML::BeginSeq;
-      for (const Tree& child : tree.children) Emit(child, out);
-      *out << YAML::EndSeq;
-      break;
     case Tree::Kind::kMap:
-      *out << (tree.flow ? YAML::Flow : YAML::Block) << YAML::BeginMap;
+      const bool is_map = tree.kind == Tree::Kind::kMap;
+      *out << (tree.flow ? YAML::Flow : YAML::Block) << (is_map ? YAML::BeginMap : YAML::BeginSeq);
       for (const Tree& child : tree.children) Emit(child, out);
-      *out << YAML::EndMap;
-      break;
+      *out << (is_map ? YAML::EndMap : YAML::EndSeq);
   }
 }
 
@@ -312,7 +303,7 @@ struct YamlNode::Impl {
     Fail(fmt::format("expected {}, got {}{}", what, Describe(*tree), remedy));
   }
   [[noreturn]] void Fail(const std::string& message) const {
-    FailAt(document->file, tree->line, tree->column, path, message);
+    FailAt(document->file, *tree, path, message);
   }
   void Require(Tree::Kind kind, std::string_view what, const std::string& remedy) const {
     if (tree->kind != kind) Expected(what, remedy);
@@ -383,12 +374,15 @@ YamlNode YamlNode::At(std::string_view key) const {
   if (!found) {
     const Tree& tree = *impl_->tree;
     FailAt(impl_->document->file,
-           tree.line,
-           tree.column,
+           tree,
            path,
            fmt::format("this key is missing; add '{}: ...'{}", key, SuggestPresent(tree, key)));
   }
   return impl_->Child(impl_->tree->children[*found + 1], path);
+}
+
+std::optional<YamlNode> YamlNode::Find(std::string_view key) const {
+  return Has(key) ? std::optional(At(key)) : std::nullopt;
 }
 
 std::vector<YamlNode> YamlNode::Elements() const {
@@ -448,9 +442,7 @@ int YamlNode::AsInteger() const {
   const double value = impl_->Number(what, "one such as 6");
   std::string_view text = impl_->tree->scalar;
   if (text.starts_with('+')) text.remove_prefix(1);
-  int integer = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), integer);
-  if (error == std::errc() && end == text.data() + text.size()) return integer;
+  if (const std::optional<int> integer = ParseInt(text)) return *integer;
   constexpr double kLargest = 2147483647;
   if (std::abs(value) > kLargest) impl_->Expected(what, "; write one of at most 2147483647");
   impl_->Expected(what, fmt::format("; write {:.0f}", value));
@@ -497,8 +489,7 @@ void YamlNode::CheckKeys(std::span<const std::string_view> known) const {
     const Tree& key = impl_->tree->children[i];
     if (std::find(known.begin(), known.end(), key.scalar) != known.end()) continue;
     FailAt(impl_->document->file,
-           key.line,
-           key.column,
+           key,
            Join(impl_->path, key.scalar),
            "unknown key" + SuggestName(key.scalar, known));
   }
@@ -522,8 +513,7 @@ void YamlNode::RequireKeys(std::span<const std::string_view> keys, std::string_v
     const std::string_view absent =
         *std::ranges::find_if(keys, [&](std::string_view key) { return !Has(key); });
     FailAt(impl_->document->file,
-           impl_->tree->line,
-           impl_->tree->column,
+           *impl_->tree,
            Join(impl_->path, absent),
            fmt::format("this key is missing; add, for example, '{}'{}",
                        lines[0],
@@ -547,22 +537,19 @@ void YamlNode::Fail(const std::string& message) const { impl_->Fail(message); }
 int YamlNode::Line() const { return impl_->tree->line; }
 
 std::string YamlNode::Dump(std::initializer_list<std::string_view> without) const {
+  Tree tree = *impl_->tree;
+  if (IsMap()) {
+    tree.flow = false;  // in lines, so that others can be added
+    tree.children.clear();
+    const std::vector<Tree>& children = impl_->tree->children;
+    for (size_t i = 0; i < children.size(); i += 2) {
+      if (std::find(without.begin(), without.end(), children[i].scalar) != without.end()) continue;
+      tree.children.insert(tree.children.end(), {children[i], children[i + 1]});
+    }
+    if (tree.children.empty()) return "";
+  }
   YAML::Emitter out;
-  if (!IsMap()) {
-    Emit(*impl_->tree, &out);
-    return std::string(out.c_str()) + "\n";
-  }
-  // A map at the top is written in lines, so that others can be added.
-  Tree map;
-  map.kind = Tree::Kind::kMap;
-  const std::vector<Tree>& children = impl_->tree->children;
-  for (size_t i = 0; i < children.size(); i += 2) {
-    if (std::find(without.begin(), without.end(), children[i].scalar) != without.end()) continue;
-    map.children.push_back(children[i]);
-    map.children.push_back(children[i + 1]);
-  }
-  if (map.children.empty()) return "";
-  Emit(map, &out);
+  Emit(tree, &out);
   return std::string(out.c_str()) + "\n";
 }
 

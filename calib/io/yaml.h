@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// The strict reader of the project's YAML files.
 #pragma once
 
 #include <cstddef>
 #include <filesystem>
 #include <initializer_list>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -24,7 +27,7 @@ class YamlNode {
  public:
   /// Reads a whole file. Throws for a missing, unreadable, empty or malformed file.
   static YamlNode ReadFile(const std::filesystem::path& path);
-  /// The same from text; `name` stands for the file in messages.
+  /// Reads from text; `name` stands for the file in messages.
   static YamlNode Parse(const std::string& text, const std::string& name);
 
   [[nodiscard]] bool IsMap() const;
@@ -33,6 +36,8 @@ class YamlNode {
   [[nodiscard]] bool Has(std::string_view key) const;
   /// The value of `key`; throws when this is no map or the key is missing.
   [[nodiscard]] YamlNode At(std::string_view key) const;
+  /// The value of `key`; nothing where this is no map or has no such key.
+  [[nodiscard]] std::optional<YamlNode> Find(std::string_view key) const;
   /// The elements of a sequence; throws when this is none.
   [[nodiscard]] std::vector<YamlNode> Elements() const;
   /// The entries of a map in the order of the file; throws when this is none.
@@ -60,7 +65,7 @@ class YamlNode {
   void CheckVersion() const;
   /// Throws `Error` at this place: "file:line:column: key.path: message".
   [[noreturn]] void Fail(const std::string& message) const;
-  /// Where the node is: counted from 1, for messages about a second place.
+  /// Line of the node, counted from 1, for messages about a second place.
   [[nodiscard]] int Line() const;
 
   /// The file's text from this node on as canonical YAML (used to carry keys into a result file),

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// The attribute of functions that are compiled for several processors.
 #pragma once
 
 /// Before a function: compiled for processors with AVX2 and for all others, chosen at run time.

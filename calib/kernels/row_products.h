@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Products of rows of residuals, the inner loop of the normal equations.
 #pragma once
 
 #include <Eigen/Core>
@@ -17,7 +19,7 @@ void AddRowProducts(double factor,
                     const RowMajorMatrix& rows,
                     Eigen::Index columns,
                     Eigen::MatrixXd* S);
-/// The same with all columns.
+/// `AddRowProducts` with all columns.
 inline void AddRowProducts(double factor, const RowMajorMatrix& rows, Eigen::MatrixXd* S) {
   AddRowProducts(factor, rows, rows.cols(), S);
 }

@@ -12,7 +12,7 @@
 namespace plenocal {
 namespace {
 
-// Of differences and of means, each: their variances are then known to 14 %.
+// Fewest differences, and fewest means: their variances are then known to 14 %.
 constexpr double kLeastDegrees = 100;
 
 using ResidualVector = Eigen::Matrix<double, kMaxObservationSize, 1>;
@@ -155,10 +155,11 @@ double CommonVariance(const std::vector<Mean>& means, double redundancy) {
 // information. The prior alone determines the target's position and size, and is lost in the
 // rounding of the images' information on a marker.
 double SmallestNoise(const Bundle& bundle, size_t camera) {
-  if (!bundle.EstimatesMarkers() || bundle.HasLandmarks()) return kSmallestNoise;
-  // Of the prior's information: of 16 digits two remain for the prior, one is lost to sums.
+  if (!bundle.marker_freedom.HasTolerance()) return kSmallestNoise;
+  // In units of the prior's information: of 16 digits two remain for the prior, one is lost to
+  // sums.
   constexpr double kMostInformation = 1e13;
-  const std::vector<double> squares = SquaresOfMarkerErrors(bundle, bundle.marker_sigma);
+  const std::vector<double> squares = SquaresOfMarkerErrors(bundle, bundle.marker_freedom.Sigma());
   std::vector<double> sums(bundle.markers.size(), 0.0);  // at a noise of 1 px
   for (size_t i = 0; i < squares.size(); ++i) {
     const BundleObservation& observation = bundle.observations[i];

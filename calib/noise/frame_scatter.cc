@@ -18,7 +18,7 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-// Of a model with very many unknowns so many of their combinations are looked at in place of all.
+// Number of combinations of unknowns that are looked at where a model has very many.
 constexpr Eigen::Index kMostDirections = 32;
 
 using RowMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
@@ -82,7 +82,7 @@ struct PoseSums {
   }
 };
 
-// What the rows of all cameras share.
+// Matrices that the rows of all cameras share.
 struct RowContext {
   const Bundle& bundle;
   const Uncertainty& uncertainty;
@@ -128,7 +128,8 @@ class Rows {
   // Indices of the camera's own unknowns.
   [[nodiscard]] const std::vector<int>& Own() const { return own_; }
 
-  // Of the observations [begin, end) of one view: rows of the own unknowns, then of all markers.
+  // Sums over the observations [begin, end) of one view: rows of the own unknowns, then of all
+  // markers.
   PoseSums SumView(const internal::LinearisedView& view, size_t begin, size_t end) {
     Reserve(static_cast<Eigen::Index>(end - begin) * dimension_ *
             (camera_.noise.common_sigma > 0 ? 2 : 1));
@@ -341,7 +342,7 @@ class FrameScores {
     }
   }
 
-  // Of the observations [begin, end) of one view.
+  // Sums over the observations [begin, end) of one view.
   PoseSums SumView(size_t begin, size_t end) {
     const Bundle& bundle = context_.bundle;
     const auto frame = static_cast<size_t>(bundle.observations[begin].frame);

@@ -29,9 +29,9 @@ struct SystematicScatter {
   std::vector<Scatter> of_markers;
 };
 
-/// Of a bundle at its optimum with its own uncertainty. Of the cluster-robust ("sandwich")
-/// covariance (Liang and Zeger, Biometrika 73, 1986) only the mean over all directions is taken: a
-/// few frames determine one number well, but not a matrix.
+/// Estimates the scatter of a bundle at its optimum with its own uncertainty. Of the cluster-robust
+/// ("sandwich") covariance (Liang and Zeger, Biometrika 73, 1986) only the mean over all directions
+/// is taken: a few frames determine one number well, but not a matrix.
 SystematicScatter EstimateScatter(const Bundle& bundle, const Uncertainty& uncertainty);
 
 /// Multiplies the covariance of each camera's unknowns by its factor (an unknown of several cameras

@@ -7,7 +7,7 @@
 
 #include "calib/adjust/landmarks.h"
 #include "calib/adjust/linearise.h"
-#include "calib/adjust/prior_costs.h"
+#include "calib/adjust/solver/prior_costs.h"
 #include "calib/base/format_error.h"
 #include "calib/noise/camera_noise.h"
 
@@ -125,7 +125,7 @@ class LandmarkReduction {
       }
     }
     for (size_t frame = 0; frame < observed.size(); ++frame) {
-      const bool free = observed[frame] && bundle.held_frame != frame;
+      const bool free = observed[frame] && bundle.fixed_frame != frame;
       system_.pose.push_back(free ? std::exchange(next, next + 6) : -1);
     }
     system_.landmark.assign(bundle.markers.size(), -1);
@@ -352,7 +352,7 @@ std::vector<double> DegreesWithLandmarks(const Bundle& bundle) {
     frames.insert(observation.frame);
     landmarks.insert(observation.marker);
   }
-  double shared = 6 * static_cast<double>(frames.size()) - (bundle.held_frame ? 6 : 0) +
+  double shared = 6 * static_cast<double>(frames.size()) - (bundle.fixed_frame ? 6 : 0) +
                   3 * static_cast<double>(landmarks.size());
   for (const auto& group : bundle.DistanceGroups()) shared -= static_cast<double>(group.size());
   double all = 0;

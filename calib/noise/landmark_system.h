@@ -33,7 +33,8 @@ PoseSystem EliminateLandmarks(const Bundle& bundle, const internal::UnknownLayou
 /// `layout` of a bundle's used observations.
 internal::UnknownLayout LayoutOf(const Bundle& bundle);
 
-/// Of the landmarks along some directions of the unknowns, each landmark at its best.
+/// Gradients and information of the landmarks along some directions of the unknowns, each landmark
+/// at its optimum.
 struct LandmarkScores {
   /// Half the gradient of each landmark's sum of squares: a column a landmark. Where each
   /// observation has an error of its own, the covariance of these gradients is the landmark's

@@ -53,7 +53,7 @@ ReducedSystem Reduce(const Bundle& bundle, const UnknownLayout& layout) {
   for (size_t m = 0; layout.markers && m < bundle.markers.size(); ++m) {
     const BundleMarker& marker = bundle.markers[m];
     reduced.gradient.segment<3>(layout.Marker(static_cast<int>(m))) -=
-        (marker.position - marker.nominal) / (bundle.marker_sigma * bundle.marker_sigma);
+        (marker.position - marker.nominal) / bundle.marker_freedom.Variance();
   }
   equations.S.conservativeResize(layout.total, layout.total);
   reduced.S = std::move(equations.S);

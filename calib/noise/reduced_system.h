@@ -21,7 +21,7 @@ struct ReducedSystem {
   std::vector<double> degrees_of_poses, degrees_of_poses_by_means;
   /// Per frame: covariance of its pose, all unknowns of the layout fixed.
   std::vector<Matrix6d> pose_covariances;
-  /// How many of the jitter's numbers the data determine.
+  /// Numbers of the jitter that the data determine.
   double jitter_translations = 0, jitter_rotations = 0;
 };
 

@@ -12,7 +12,7 @@
 
 namespace plenocal {
 
-/// Whether every camera has each marker at the same position in all frames, up to noise. Small
+/// True when every camera has each marker at the same position in all frames, up to noise. Small
 /// differences between the estimated poses are then noise as well. `typical_sigmas` per camera.
 bool ShowsOnePose(const Bundle& bundle, std::span<const double> typical_sigmas);
 

@@ -345,7 +345,7 @@ void OpenScale(const Bundle& bundle,
   const std::vector<bool> scaled = ScaledUnknowns(bundle, layout);
   if (std::ranges::find(scaled, true) == scaled.end()) return;
   Bundle without = bundle;
-  without.held_distance.reset();
+  without.scale_distance.reset();
   Eigen::MatrixXd information = HeadInformation(EliminateLandmarks(without, layout));
   AddPriors(InformationOfPriors(bundle, layout), &information);
   const Eigen::VectorXd scale = information.diagonal()
@@ -361,7 +361,7 @@ void OpenScale(const Bundle& bundle,
   inverse->AddUndetermined(direction.cwiseProduct(naming.unit), naming);
 }
 
-// What follows from the information on parameters and extrinsics, priors included.
+// Sets the results that follow from the information on parameters and extrinsics, with priors.
 void SetFromInformation(const Bundle& bundle,
                         const UnknownLayout& layout,
                         const NoisyInformation& information,
@@ -372,7 +372,7 @@ void SetFromInformation(const Bundle& bundle,
   const Naming naming = NameUnknowns(bundle, layout);
   result->names = naming.names;
   CovarianceOfUnknowns inverse = InvertInformation(information, naming);
-  if (bundle.held_distance) OpenScale(bundle, layout, naming, &inverse);
+  if (bundle.scale_distance) OpenScale(bundle, layout, naming, &inverse);
   result->covariance = inverse.covariance;
   result->open = inverse.open;
   result->undetermined = inverse.undetermined;
@@ -477,7 +477,7 @@ Uncertainty Estimate(const Bundle& bundle, By by) {
     result.frames_gradient -=
         markers.gain.transpose() * reduced.gradient.tail(layout.total - layout.head);
     result.frames_information -=
-        markers.gain.transpose() * markers.gain / (bundle.marker_sigma * bundle.marker_sigma);
+        markers.gain.transpose() * markers.gain / bundle.marker_freedom.Variance();
   }
   Eigen::MatrixXd information = markers.information;
   AddPriors(priors, &information);
@@ -495,7 +495,7 @@ Uncertainty Estimate(const Bundle& bundle, By by) {
     noisy = noise.Sample(Separate(noisy, unit).covariance);
   }
   SetFromInformation(bundle, layout, noisy, &result);
-  const double marker_degrees = SetMarkerErrors(markers, bundle.marker_sigma, &result);
+  const double marker_degrees = SetMarkerErrors(markers, bundle.marker_freedom.Sigma(), &result);
 
   // Markers and targets are shared: each camera's part of them is in proportion to its
   // measurements. Its own unknowns and its part of the poses are its alone.

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Covariance and standard errors of the unknowns of a bundle at its optimum.
 #pragma once
 
 #include <string>
@@ -50,8 +52,8 @@ struct Uncertainty {
   /// the observations of each marker in each view, and by the differences between these
   /// observations; this is the part of the means, which is all where a camera sees a marker once.
   std::vector<double> degrees_used_by_means;
-  /// Of the jitter's displacements and rotations, each three numbers a view: how many of them the
-  /// data determine. Zeros for a rigid, synchronous rig.
+  /// Number of the jitter's displacements and rotations, each three a view, that the data
+  /// determine. Zeros for a rigid, synchronous rig.
   double jitter_translation_redundancy = 0, jitter_rotation_redundancy = 0;
 };
 
@@ -60,8 +62,8 @@ struct Uncertainty {
 /// count; the loss does not enter, since outliers are rejected before.
 Uncertainty EstimateUncertainty(const Bundle& bundle);
 
-/// The same for cameras and targets that the motion places, without views in common: what the noise
-/// of the poses seems to determine is left open (`Separate`).
+/// `EstimateUncertainty` for cameras and targets that the motion places, without views in common:
+/// directions that the noise of the poses seems to determine are left open (`Separate`).
 Uncertainty EstimateUncertaintyByMotion(const Bundle& bundle);
 
 }  // namespace plenocal

@@ -79,7 +79,7 @@ class WeakUnknownsFinder {
           std::isinf(direction.sigma)
               ? std::string("nothing in the data separates them")
               : fmt::format("uncertain by {:.1f} times their own size", direction.sigma));
-      if (!bundle_.held_distance || !std::isinf(direction.sigma)) continue;
+      if (!bundle_.scale_distance || !std::isinf(direction.sigma)) continue;
       found_.back().what = "nothing gives the scale";
       found_.back().remedy = kScaleRemedy;
     }

@@ -16,12 +16,12 @@
 namespace plenocal {
 namespace {
 
-bool Holds(const std::vector<size_t>& params, size_t k) {
+bool Contains(const std::vector<size_t>& params, size_t k) {
   return std::ranges::find(params, k) != params.end();
 }
 
 bool HasPrior(const EarlierParams& keys, size_t k) {
-  return !Holds(keys.free, k) && (!keys.prior || Holds(*keys.prior, k));
+  return !Contains(keys.free, k) && (!keys.prior || Contains(*keys.prior, k));
 }
 
 bool HasStandardErrors(const CalibratedCamera& camera) {
@@ -128,7 +128,7 @@ class EarlierCameraMaker {
       : keys_(keys), options_(options) {
     cameras_.T_camera_rig.resize(inputs.size());
     cameras_.T_camera_rig[0] = RigidTransform{};
-    cameras_.holds_extrinsics.resize(inputs.size(), false);
+    cameras_.fixed_extrinsics.resize(inputs.size(), false);
     cameras_.without_sigmas.resize(inputs.size(), false);
     cameras_.inputs = std::move(inputs);
   }
@@ -141,7 +141,7 @@ class EarlierCameraMaker {
     if (rig_.prior) ScaleAlike(*source.record, names, &*rig_.prior);
     has_extrinsics_ = common_.size() > 1 && common_[0].index == 0;
     for (size_t i = 0; i < common_.size(); ++i) Take(i);
-    if (options_.intrinsics == EarlierIntrinsics::kHeld || !rig_.prior) return;
+    if (options_.intrinsics == EarlierIntrinsics::kFixed || !rig_.prior) return;
     if (const auto chosen = ChosenPrior(*rig_.prior)) Append(*chosen);
   }
 
@@ -168,18 +168,18 @@ class EarlierCameraMaker {
     cameras_.without_sigmas[c] = !HasStandardErrors(*earlier);
     for (size_t k = 0; k < known.ModelParams(); ++k) {
       // A parameter without prior is looked for anew where its start value is not given.
-      if (!input.initial[k] && !Holds(keys.free, k)) input.initial[k] = known.params[k];
-      if (!Holds(keys.free, k) && StaysFixed(known, *earlier, k)) input.fixed[k] = true;
+      if (!input.initial[k] && !Contains(keys.free, k)) input.initial[k] = known.params[k];
+      if (!Contains(keys.free, k) && StaysFixed(known, *earlier, k)) input.fixed[k] = true;
     }
     if (!has_extrinsics_) return;
     cameras_.T_camera_rig[c] = known.T_camera_rig;
-    cameras_.holds_extrinsics[c] = known.is_master;
+    cameras_.fixed_extrinsics[c] = known.is_master;
   }
 
   [[nodiscard]] bool StaysFixed(const BundleCamera& known,
                                 const CalibratedCamera& earlier,
                                 size_t k) const {
-    if (options_.intrinsics == EarlierIntrinsics::kHeld) return true;
+    if (options_.intrinsics == EarlierIntrinsics::kFixed) return true;
     if (options_.open == OpenParams::kFree && std::isinf(earlier.Sigma(k))) return false;
     return known.fixed[k];
   }
@@ -224,7 +224,7 @@ class EarlierCameraMaker {
   const std::vector<EarlierParams>& keys_;
   const EarlierOptions& options_;
   EarlierCameras cameras_;
-  // Of the present source:
+  // State of the present source:
   std::vector<CommonCamera> common_;
   CalibratedRig rig_;
   bool has_extrinsics_ = false;

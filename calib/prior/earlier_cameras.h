@@ -18,7 +18,7 @@ struct EarlierCameras {
   /// Per camera: T_camera_rig of the earlier calibration; not set: not known. The first camera is
   /// the rig.
   std::vector<std::optional<RigidTransform>> T_camera_rig;
-  std::vector<bool> holds_extrinsics;     ///< per camera: they are known without standard error
+  std::vector<bool> fixed_extrinsics;     ///< per camera: known without standard error
   std::optional<CalibrationPrior> prior;  ///< on the unknowns chosen by `EarlierParams`
   /// Per camera: its earlier calibration states no standard errors, so that its parameters are
   /// fixed.
@@ -34,11 +34,11 @@ struct EarlierSource {
   bool is_named = false;
 };
 
-/// What becomes of a parameter that the earlier calibration leaves open (infinite standard error).
+/// The treatment of a parameter that the earlier calibration leaves open (infinite standard error).
 enum class OpenParams { kFixed, kFree };
-/// Whether parameters are estimated, with the prior, or stay as the earlier calibration has them;
-/// then extrinsics have no prior either.
-enum class EarlierIntrinsics { kPrior, kHeld };
+/// The treatment of all other parameters: estimated, with the prior, or fixed at their earlier
+/// values; then extrinsics have no prior either.
+enum class EarlierIntrinsics { kPrior, kFixed };
 
 struct EarlierOptions {
   OpenParams open = OpenParams::kFixed;

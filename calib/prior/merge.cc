@@ -46,7 +46,7 @@ struct MergeCamera {
   std::vector<MergePlace> places = {};  // one; of a camera that moved one for each of `seen`
 };
 
-// Whether an earlier calibration of a camera can be one of the same camera and model.
+// Throws unless another calibration of a camera can be one of the same camera and model.
 void CheckAlike(const CalibratedCamera& camera,
                 const CalibrationRecord& record,
                 const CalibratedCamera& first,
@@ -125,7 +125,7 @@ class Merger {
     parts_.push_back(std::move(part));
   }
 
-  // What a calibration fixes moves all that it estimates, so only equal values can be merged.
+  // Fixed parameters move all estimated ones, so only equal values can be merged.
   void AddParams(MergeCamera* camera) {
     const CalibratedCamera& first = Original(camera->seen[0]);
     camera->params = first.params;
@@ -167,7 +167,7 @@ class Merger {
     camera->moved = true;
   }
 
-  // Which of a camera's places it has in a part. REQUIRES: the part has the camera.
+  // Index of a camera's place in a part. REQUIRES: the part has the camera.
   [[nodiscard]] size_t PlaceIndex(const MergePart& part, size_t camera) const {
     const MergeCamera& of = cameras_[camera];
     if (!of.moved) return 0;
@@ -219,7 +219,8 @@ class Merger {
     return any;
   }
 
-  // Of the merged calibration from a part, in the unknowns of its prior; with the derivatives.
+  // Deviation of the merged calibration from a part, in the unknowns of its prior; with
+  // derivatives.
   struct PartResidual {
     Eigen::VectorXd deviation;
     Eigen::MatrixXd J;
@@ -241,9 +242,7 @@ class Merger {
       const RigidTransform& expected = prior.T_camera_rig[unknown.camera];
       const MergePlace& place = PlaceIn(part, part.cameras[unknown.camera]);
       const RigidTransform T = *place.T_camera_rig * master.T_camera_rig->Inverse();
-      Vector6d chart;
-      chart << T.t - expected.t, LogRotation(T.R * expected.R.transpose());
-      residual.deviation[i] = chart[unknown.component];
+      residual.deviation[i] = LocalCoordinates(expected, T)[unknown.component];
       const RelativeChart by = ChartOfRelative(*place.T_camera_rig, *master.T_camera_rig);
       if (place.index >= 0) {
         residual.J.block<1, 6>(i, place.index) = by.by_camera.row(unknown.component);

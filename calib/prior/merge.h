@@ -19,7 +19,7 @@ struct MergeDeviation {
   size_t calibration = 0;  ///< index into those that were merged
   size_t camera = 0;       ///< index into the cameras of the merged one
   std::optional<size_t> param = {};
-  /// Of extrinsics: the camera in whose frame this calibration has them, and the component in the
+  /// For extrinsics: the camera in whose frame this calibration has them, and the component in the
   /// chart (`Retract`).
   size_t master = 0;
   int component = 0;
@@ -29,8 +29,8 @@ struct MergeDeviation {
   [[nodiscard]] double InSigmas() const { return sigma > 0 ? std::abs(deviation) / sigma : 0; }
 };
 
-/// Place of a camera that moved on the rig, in one calibration.
-struct MergedMount {
+/// Extrinsics of a camera that moved on the rig, in one calibration.
+struct MovedExtrinsics {
   size_t calibration = 0, camera = 0;  ///< as in `MergeDeviation`
   RigidTransform T_camera_rig;
   Vector6d sigma_xi = Vector6d::Zero();  ///< of its se(3) vector
@@ -41,7 +41,7 @@ struct MergedCalibrations {
   /// Standard errors are those of the calibrations together, times `scale`. Cameras that moved
   /// stand where the last calibration with their place has them.
   CalibrationRecord record;
-  std::vector<MergedMount> mounts;         ///< of cameras that moved, by camera
+  std::vector<MovedExtrinsics> mounts;     ///< of cameras that moved, by camera
   std::vector<MergeDeviation> deviations;  ///< by calibration, then camera
   double chi_square = 0;                   ///< of all deviations
   int degrees = 0;                         ///< of freedom of it; 0: nothing is in two calibrations
@@ -69,7 +69,7 @@ std::string NameOfDeviation(const MergedCalibrations& merged, const MergeDeviati
 /// "0.4 px", "-0.2 mm".
 std::string SizeOfDeviation(const MergedCalibrations& merged, const MergeDeviation& deviation);
 
-/// What explains that `merged` disagrees by more than standard errors explain (chi-square of all
+/// The explanation where `merged` disagrees by more than standard errors explain (chi-square of all
 /// deviations): finding `mount_moved` where places of its own for one camera do, else
 /// `calibrations_disagree` with the farthest unknowns. Nothing where they agree.
 std::vector<Finding> FindingsOfMerge(const MergedCalibrations& merged,

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Whether the new images agree with the earlier calibration from which a calibration started.
+// The test whether new images agree with the earlier calibration from which a calibration started.
 #pragma once
 
 #include <vector>

@@ -18,7 +18,7 @@ struct HandEyePair {
   RigidTransform A, B;
 };
 
-/// What the motion leaves open of X (and of Y with it).
+/// The part of X (and of Y with it) that the motion leaves open.
 enum class HandEyeGap {
   kNone,
   kAlongAxis,    ///< all rotations are about one axis: the translation along it

@@ -11,6 +11,7 @@
 
 #include "calib/base/format_error.h"
 #include "calib/base/statistics.h"
+#include "calib/camera/marker_id.h"
 #include "calib/rig/link_targets.h"
 #include "calib/rig/rig_graph.h"
 
@@ -35,7 +36,7 @@ struct Image {
   }
 };
 
-// Which of an image's targets is the first.
+// The order of an image's targets.
 enum class Order { kAsDetected, kExchanged };
 
 class PrintSorter {
@@ -63,8 +64,9 @@ class PrintSorter {
   using Key = std::pair<size_t, std::string>;  // camera, frame
 
   [[nodiscard]] std::optional<Side> SideOf(int marker) const {
-    if (TargetOfMarker(marker) == prints_.first) return kFirst;
-    if (TargetOfMarker(marker) == prints_.second) return kSecond;
+    const size_t target = MarkerId::FromNumber(marker).target;
+    if (target == prints_.first) return kFirst;
+    if (target == prints_.second) return kSecond;
     return std::nullopt;
   }
 
@@ -125,7 +127,7 @@ class PrintSorter {
     return PoseOf(image, kFirst, order)->Inverse() * *PoseOf(image, kSecond, order);
   }
 
-  // How far the image's mutual pose is from `T_first_second_`, in both orders.
+  // Distance of the image's mutual pose from `T_first_second`, in both orders.
   [[nodiscard]] std::pair<double, double> Off(const Image& image,
                                               const RigidTransform& T_first_second) const {
     return {Distance(kSecond, MutualPose(image, Order::kAsDetected), T_first_second),
@@ -149,7 +151,7 @@ class PrintSorter {
       T_first_second_ = *prints_.T_first_second;
       return;
     }
-    // Of all images, each in the better order.
+    // Median over all images, each in the better order.
     const auto off = [&](const RigidTransform& T_first_second) {
       std::vector<double> smaller;
       for (const Image* image : both) {
@@ -243,7 +245,7 @@ class PrintSorter {
     return Medoid(T_camera_other);
   }
 
-  // Whether the image's targets are exchanged, given where the first one is.
+  // True when the image's targets are exchanged, by the pose of the first one.
   [[nodiscard]] std::optional<bool> OrderBy(const Image& image,
                                             const RigidTransform& T_camera_first) const {
     const std::array<RigidTransform, 2> expected{T_camera_first, T_camera_first * T_first_second_};
@@ -299,9 +301,11 @@ class PrintSorter {
   }
 
   void Exchange(View* view) const {
-    const int apart = static_cast<int>(prints_.second - prints_.first) * kMarkersPerTarget;
     for (Observation& seen : view->observations) {
-      if (const auto side = SideOf(seen.marker)) seen.marker += *side == kFirst ? apart : -apart;
+      const auto side = SideOf(seen.marker);
+      if (!side) continue;
+      const size_t other = *side == kFirst ? prints_.second : prints_.first;
+      seen.marker = MarkerId{other, MarkerId::FromNumber(seen.marker).id}.Number();
     }
     std::ranges::stable_sort(view->observations, {}, &Observation::marker);
   }

@@ -16,6 +16,7 @@
 #include "calib/base/format_error.h"
 #include "calib/base/linear_algebra.h"
 #include "calib/base/statistics.h"
+#include "calib/camera/marker_id.h"
 #include "calib/rig/rig_graph.h"
 
 namespace plenocal {
@@ -54,7 +55,7 @@ class TargetLinker {
     linked_.input = input_;
     linked_.input.targets.clear();
     for (auto& [number, position] : linked_.input.markers) {
-      position = graph_.T_group_target[TargetOfMarker(number)] * position;
+      position = graph_.T_group_target[MarkerId::FromNumber(number).target] * position;
     }
     for (size_t c = 0; c < split_.size(); ++c) {
       linked_.T_camera_rig.push_back(graph_.T_camera_group[c] * graph_.T_camera_group[0].Inverse());
@@ -74,7 +75,7 @@ class TargetLinker {
         if (!T_camera_target) continue;
         const View& view = split_[c].views[v];
         const auto frame = frames.try_emplace(view.frame, static_cast<int>(frames.size())).first;
-        const size_t target = TargetOfMarker(view.observations[0].marker);
+        const size_t target = MarkerId::FromNumber(view.observations[0].marker).target;
         sightings_.push_back({frame->second, c, target, *T_camera_target});
         seen_.insert(target);
       }
@@ -106,7 +107,7 @@ class TargetLinker {
   }
 
   [[nodiscard]] size_t BodyOf(int marker) const {
-    return graph_.target_group[TargetOfMarker(marker)];
+    return graph_.target_group[MarkerId::FromNumber(marker).target];
   }
 
   [[nodiscard]] std::string FrameName(const std::string& frame, size_t body) const {
@@ -124,7 +125,8 @@ class TargetLinker {
       auto& [points, pose] = poses[{view.frame, BodyOf(marker)}];
       if (view.observations.size() <= points) continue;
       points = view.observations.size();
-      pose = *T_camera_target * graph_.T_group_target[TargetOfMarker(marker)].Inverse();
+      pose =
+          *T_camera_target * graph_.T_group_target[MarkerId::FromNumber(marker).target].Inverse();
     }
     std::vector<View>& views = linked_.input.cameras[c].views;
     views.clear();
@@ -193,7 +195,7 @@ double MedianDistance(const Bundle& bundle) {
   return Median(std::move(distances), 1.0);
 }
 
-// Of the named cameras the one whose translation is known worst.
+// The one of the named cameras whose translation is known worst.
 std::optional<OpenTranslation> LeastCertain(const std::vector<std::string>& names,
                                             const Bundle& bundle,
                                             const Uncertainty& uncertainty) {
@@ -227,7 +229,9 @@ std::vector<CameraInput> SplitViews(const CalibrationInput& input) {
   for (CameraInput& camera : split) {
     std::vector<View> views;
     for (const View& view : camera.views) {
-      for (auto& [target, part] : Divide(view, TargetOfMarker)) views.push_back(std::move(part));
+      for (auto& [target, part] :
+           Divide(view, [](int marker) { return MarkerId::FromNumber(marker).target; }))
+        views.push_back(std::move(part));
     }
     camera.views = std::move(views);
   }
@@ -254,12 +258,10 @@ std::vector<Finding> JudgeLinks(const std::vector<Finding>& links,
          .limit = kOpenTranslation,
          .what =
              fmt::format("{}: placed by motion, but the rig turned about one axis only or hardly "
-                         "at all: its translation along ({:.2f}, {:.2f}, {:.2f}) of its own axes "
+                         "at all: its translation along ({:.2f}) of its own axes "
                          "is {}; all else is determined to within its standard errors.",
                          open->camera,
-                         open->direction.x(),
-                         open->direction.y(),
-                         open->direction.z(),
+                         fmt::join(open->direction, ", "),
                          sigma),
          .remedy = "Record frames between which the rig is turned about another axis by 15 degrees "
                    "or more, each side with its target in view."});

@@ -19,10 +19,4 @@ PolynomialWeights WeightsAt(double x, std::span<const double> nodes, int degree,
   return {fit.row(0), fit.row(1) / unit};
 }
 
-Vector6d ChartOf(const RigidTransform& to, const RigidTransform& from) {
-  Vector6d delta;
-  delta << to.t - from.t, LogRotation(to.R * from.R.transpose());
-  return delta;
-}
-
 }  // namespace plenocal

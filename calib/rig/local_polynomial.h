@@ -25,7 +25,4 @@ PolynomialWeights WeightsAt(double x,
                             int degree,
                             double reach = std::numeric_limits<double>::infinity());
 
-/// `to` in the chart about `from` (`Retract`).
-Vector6d ChartOf(const RigidTransform& to, const RigidTransform& from);
-
 }  // namespace plenocal

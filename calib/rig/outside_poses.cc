@@ -87,7 +87,7 @@ class OutsideSolver {
   }
 
  private:
-  // Of directions with more information than rounding; zero along others.
+  // Covariance along directions with more information than rounding; zero along others.
   [[nodiscard]] Eigen::MatrixXd Covariance() const {
     constexpr double kRank = 1e-12;
     const Eigen::VectorXd scale = H_.diagonal().unaryExpr(
@@ -147,7 +147,7 @@ class OutsideSolver {
             Eigen::Matrix<double, 6, Eigen::Dynamic>::Zero(6, kMotion + shared),
             Matrix6d::Zero()};
     for (Eigen::Index i = 0; i < kMotion; ++i) {
-      if (IsHeld(i)) continue;
+      if (IsFixed(i)) continue;
       const Eigen::VectorXd step = kStep * Eigen::VectorXd::Unit(kMotion + shared, i);
       row.J.col(i) =
           (Error(pose, model_.Moved(step), change) - Error(pose, model_.Moved(-step), change)) /
@@ -167,17 +167,17 @@ class OutsideSolver {
     return row;
   }
 
-  // That of the priors: of the calibration's errors, and of a scale that is held.
+  // Information of the priors: of the calibration's errors, and of a scale that is fixed.
   [[nodiscard]] Eigen::MatrixXd InformationOfPriors() const {
     const Eigen::Index shared = model_.errors.size();
     Eigen::MatrixXd H = Eigen::MatrixXd::Zero(kMotion + shared, kMotion + shared);
     H.diagonal().tail(shared).setOnes();
-    for (const Eigen::Index i : {kScale, kTimeShift}) H(i, i) = IsHeld(i) ? 1 : 0;
+    for (const Eigen::Index i : {kScale, kTimeShift}) H(i, i) = IsFixed(i) ? 1 : 0;
     return H;
   }
 
-  [[nodiscard]] bool IsHeld(Eigen::Index i) const {
-    return (i == kScale && options_.scale == OutsideScale::kHeld) ||
+  [[nodiscard]] bool IsFixed(Eigen::Index i) const {
+    return (i == kScale && options_.scale == OutsideScale::kFixed) ||
            (i == kTimeShift && !options_.time_shift);
   }
 
@@ -340,7 +340,7 @@ std::optional<OutsideFit> FitOutsidePoses(std::span<const OutsidePose> poses,
       .scale = model.scale,
       .rig_sigma = sigmas.head<6>(),
       .target_sigma = sigmas.segment<6>(6),
-      .scale_sigma = options.scale == OutsideScale::kHeld ? 0 : sigmas[kScale] * model.scale,
+      .scale_sigma = options.scale == OutsideScale::kFixed ? 0 : sigmas[kScale] * model.scale,
       .time_shift = model.time_shift,
       .time_shift_sigma = options.time_shift ? sigmas[kTimeShift] : 0,
       .translation_sigma = solver.TranslationSigma(),

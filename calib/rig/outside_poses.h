@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Poses from outside (robot, turntable, motion capture) against those of the calibration: where the
-// rig is mounted, where the target stands, and whether the lengths agree. With the covariance of
+// Poses from outside (robot, turntable, motion capture) against those of the calibration: the pose
+// of the rig on its mount, that of the target, and the ratio of lengths. With the covariance of
 // the calibration's poses this is the joint adjustment of images and poses from outside, linear in
 // the calibration's errors.
 #pragma once
@@ -33,13 +33,14 @@ struct OutsidePose {
   RigidTransform T_base_gripper;  ///< from outside
   RigidTransform T_rig_target;    ///< from the calibration
   PoseErrors errors = {};         ///< of T_rig_target; as many shared ones for each pose
-  /// Of T_base_gripper in its chart, m/s and rad/s, where it was found by time.
+  /// Velocity of T_base_gripper in its chart, m/s and rad/s, where it was found by time.
   Vector6d velocity = Vector6d::Zero();
-  /// Of the errors of T_base_gripper and its velocity, a coordinate each, m^2/s and rad^2/s.
+  /// Covariance of the errors of T_base_gripper and its velocity, a coordinate each, m^2/s and
+  /// rad^2/s.
   Vector6d velocity_covariance = Vector6d::Zero();
 };
 
-enum class OutsideScale { kHeld, kFree };
+enum class OutsideScale { kFixed, kFree };
 
 /// A shift of the clock of the poses from outside, to be estimated: errors of their velocities.
 struct FreeTimeShift {
@@ -48,7 +49,7 @@ struct FreeTimeShift {
 
 struct OutsideOptions {
   RigMount mount = RigMount::kOnGripper;
-  OutsideScale scale = OutsideScale::kHeld;
+  OutsideScale scale = OutsideScale::kFixed;
   /// So many instants share the errors of their poses from outside: standard errors are larger by
   /// its root than those of independent instants.
   double instants_per_error = 1;
@@ -61,11 +62,11 @@ struct OutsideFit {
   RigidTransform T_mount_rig, T_other_target;
   double scale = 1;  ///< lengths from outside over lengths of the calibration
   /// Standard errors of the charts (`Retract`) of both (infinite where the motion leaves them open)
-  /// and of the scale (0: held).
+  /// and of the scale (0: fixed).
   Vector6d rig_sigma = Vector6d::Zero(), target_sigma = Vector6d::Zero();
   double scale_sigma = 0;
   /// The poses from outside fit best so much later, s, and its standard error (infinite where the
-  /// motion leaves it open; 0: held).
+  /// motion leaves it open; 0: fixed).
   double time_shift = 0, time_shift_sigma = 0;
   /// Scatter of one coordinate and of one angle of the poses from outside, m and rad, estimated.
   double translation_sigma = 0, rotation_sigma = 0;

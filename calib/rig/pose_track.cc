@@ -131,7 +131,7 @@ PoseTrack::Moving PoseTrack::PoseOf(const Neighbours& neighbours) const {
   const RigidTransform& middle = poses_[neighbours.middle];
   Vector6d change = Vector6d::Zero(), velocity = Vector6d::Zero();
   for (size_t k = 0; k < neighbours.poses.size(); ++k) {
-    const Vector6d away = ChartOf(poses_[neighbours.poses[k]], middle);
+    const Vector6d away = LocalCoordinates(middle, poses_[neighbours.poses[k]]);
     change += neighbours.weights.value[static_cast<Eigen::Index>(k)] * away;
     velocity += neighbours.weights.derivative[static_cast<Eigen::Index>(k)] * away;
   }
@@ -160,7 +160,7 @@ void PoseTrack::Choose(double longest) {
       const auto half = static_cast<size_t>(window.Length() / 2) + 1;
       if (i < first_[i] + half || i + half >= end_[i]) continue;
       const Neighbours others = Around(times_[i], window, true);
-      const Vector6d error = ChartOf(poses_[i], PoseOf(others).pose);
+      const Vector6d error = LocalCoordinates(PoseOf(others).pose, poses_[i]);
       positions.push_back(error.head<3>().squaredNorm());
       angles.push_back(error.tail<3>().squaredNorm());
       of_others += others.weights.value.squaredNorm();
@@ -173,7 +173,7 @@ void PoseTrack::Choose(double longest) {
     }
     const auto count = static_cast<double>(positions.size());
     if (positions.size() < kFewestPredicted) continue;
-    // Of a coordinate; single outliers count little.
+    // Variance of a coordinate; single outliers count little.
     const auto variance = [&](const std::vector<double>& squares) {
       const double most = kOutlier * Median(squares);
       double sum = 0;

@@ -12,14 +12,14 @@
 
 namespace plenocal {
 
-/// Errors of single logged poses, which are independent, and what they make of a pose between them:
-/// standard deviations of a coordinate and an angle, and of their derivatives by time.
+/// Standard deviations of a coordinate and an angle of single logged poses, whose errors are
+/// independent, and of a pose between them and its derivatives by time.
 struct TrackErrors {
   double single_position = 0, single_angle = 0;  ///< m, rad
   double position = 0, angle = 0;                ///< m, rad
   double velocity = 0, angular_velocity = 0;     ///< m/s, rad/s
-  /// How many frames share the error of one logged pose: 1 unless frames are closer in time than
-  /// the poses that are averaged.
+  /// Number of frames that share the error of one logged pose: 1 unless frames are closer in time
+  /// than the poses that are averaged.
   double frames = 1;
 };
 
@@ -31,7 +31,7 @@ class PoseTrack {
   struct Moving {
     RigidTransform pose;
     Vector6d velocity;  ///< in the pose's chart (`Retract`), m/s and rad/s
-    /// Of the errors of both, a coordinate each, m^2/s and rad^2/s.
+    /// Covariance of the errors of both, a coordinate each, m^2/s and rad^2/s.
     Vector6d covariance = Vector6d::Zero();
   };
   /// The pose at a time: the least-squares cubic through the poses around it, or the line through
@@ -81,7 +81,7 @@ struct TrackMatch {
 /// The frames that have a pose at their time plus `shift`.
 TrackMatch MatchTrack(const PoseTrack& track, std::span<const TimedFrame> frames, double shift);
 
-/// What has to be added to the times of the images, s, for the poses to fit best: within a second
+/// The time to add to those of the images, s, for the poses to fit best: within a second
 /// by their scatter, from there (or from 0, where no shift explains clearly more) by
 /// `FitOutsidePoses` with the shift as one of its unknowns, which `options` gets.
 double FindTrackShift(const PoseTrack& track,

@@ -20,7 +20,7 @@ constexpr size_t kSureFrames = 3, kSureMotionFrames = 6;
 using GroupPair = std::pair<size_t, size_t>;
 using GroupPoses = std::map<GroupPair, std::map<int, RigidTransform>>;
 
-// How two groups can be joined.
+// Two groups that can be joined, with their mutual pose in each common frame.
 struct Candidate {
   size_t into = 0, from = 0;               // groups
   std::vector<RigidTransform> transforms;  // T_from_into of cameras, T_into_from of targets

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Cameras and targets placed with respect to each other from who saw what when: first what is
-// connected, then by motion what is not.
+// Poses of cameras and targets with respect to each other from single views of targets: first by
+// views in common, then by motion.
 #pragma once
 
 #include <optional>
@@ -21,7 +21,7 @@ struct Sighting {
   RigidTransform T_camera_target;
 };
 
-/// What is known of a target's place before.
+/// A target's pose as far as it is known before.
 struct GraphTarget {
   bool moves = false;  ///< it moves by itself: no pose with respect to others
   /// T_target_own in the frame of the first target that has one; not set: unknown.

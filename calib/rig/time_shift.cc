@@ -63,7 +63,7 @@ std::optional<RigTimes> TimesOf(std::span<const CameraInput> cameras,
 
 namespace {
 
-// How well each frame's place follows from those of its neighbours.
+// Error of each frame's position as predicted from its neighbours.
 struct Prediction {
   size_t window = kFewestFrames;                           // frames, that in the middle included
   double error = std::numeric_limits<double>::infinity();  // m, median
@@ -149,7 +149,7 @@ void UpdateMotion(const RigTimes& times, Bundle* bundle) {
       const size_t other = order[first + k];
       nodes.push_back(times.frame[other] - times.frame[frame]);
       poses.col(static_cast<Eigen::Index>(k)) =
-          ChartOf(bundle->T_rig_target[other], bundle->T_rig_target[frame]);
+          LocalCoordinates(bundle->T_rig_target[frame], bundle->T_rig_target[other]);
     }
     for (size_t c = 0; c < cameras; ++c) {
       const BundleCamera& camera = bundle->cameras[c];

@@ -14,7 +14,7 @@
 
 namespace plenocal {
 
-/// When the images of a rig were taken, by the clock of each camera.
+/// Times at which the images of a rig were taken, by the clock of each camera.
 struct RigTimes {
   std::vector<double> frame;  ///< per frame: of its first camera with an image, s
   /// Per view (`Bundle::View`): that of its image less that of the frame, s; 0 without an image.
@@ -27,18 +27,18 @@ struct RigTimes {
 std::optional<RigTimes> TimesOf(std::span<const CameraInput> cameras,
                                 const std::vector<std::string>& frames);
 
-/// Whether the frames follow each other closely enough that the rig's way between them is known:
-/// what its neighbours predict of the target's place in a frame is nearer to it than a
-/// third of the way from frame to frame, in the median.
+/// True when the frames follow each other closely enough that the rig's motion between them is
+/// known: the target's position in a frame as its neighbours predict it is off by less than a third
+/// of the displacement from frame to frame, in the median.
 bool ShowsMotion(const Bundle& bundle, const RigTimes& times);
 
 /// Gives each camera but the first a time shift to be estimated, with a Gaussian prior as wide as
 /// the interval, and each view the motion at its time (`UpdateMotion`).
 void AddTimeShifts(const RigTimes& times, Bundle* bundle);
 
-/// Sets `Bundle::motion` from the poses and time shifts as they are: the way from a frame's pose to
-/// that at a view's time, by polynomials through the poses of five to 13
-/// frames, whichever predict best.
+/// Sets `Bundle::motion` from the poses and time shifts as they are: the increment from a frame's
+/// pose to that at a view's time, by polynomials through the poses of five to 13 frames, whichever
+/// predict best.
 void UpdateMotion(const RigTimes& times, Bundle* bundle);
 
 }  // namespace plenocal

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// The path of a camera, and the reader of files of poses.
 #pragma once
 
 #include <Eigen/Core>

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Uncertainty of the ground truth of a loop: how well the end segment's poses are known in the
-// frame of the start segment's.
+// Uncertainty of the ground truth of a loop: the covariance of the end segment's poses in the frame
+// of the start segment.
 #pragma once
 
 #include <Eigen/Core>
@@ -37,8 +37,8 @@ PathSegment MakeSegment(const Bundle& bundle, size_t camera, std::span<const siz
 
 /// Covariance of both segments of a loop.
 struct LoopCovariance {
-  /// Of the small similarities [start, end] of the segments about their centres, each translation
-  /// (m), rotation (rad), scale.
+  /// Covariance of the small similarities [start, end] of the segments about their centres, each
+  /// translation (m), rotation (rad), scale.
   Eigen::Matrix<double, 14, 14> segments;
   double scale_sigma = 0;  ///< of the whole truth's scale
   /// Factor on the variances for errors that the observations of one track share (a patch that
@@ -46,11 +46,11 @@ struct LoopCovariance {
   /// wall): the gradients of the tracks scatter more than the noise of single observations
   /// explains. It is in all covariances here.
   double track_factor = 1;
-  /// Per frame of the bundle: covariance of T_world_rig's se(3) vector relative to the held frame;
+  /// Per frame of the bundle: covariance of T_world_rig's se(3) vector relative to the fixed frame;
   /// zero for that frame and for frames that were not observed.
   std::vector<Matrix6d> poses;
 
-  /// Of the end segment's similarity less that of the start.
+  /// Covariance of the end segment's similarity less that of the start.
   [[nodiscard]] Matrix7d Relative() const;
   /// Root mean square displacement of the positions `path` between the alignments with both
   /// segments that their errors alone cause: e_align of a perfect estimate, m.

@@ -9,7 +9,7 @@
 #include <set>
 #include <utility>
 
-#include "calib/adjust/problem.h"
+#include "calib/adjust/solver/problem.h"
 #include "calib/base/format_error.h"
 #include "calib/base/statistics.h"
 #include "calib/camera/resection.h"
@@ -159,11 +159,11 @@ Trial MakeTrial(const CameraInput& camera,
   return trial;
 }
 
-// Median over the observations of the length, px, by which errors of `marker_sigma` in each of a
-// marker's coordinates move its image.
-double LengthOfMarkerErrors(const Bundle& bundle, double marker_sigma) {
-  if (!(marker_sigma > 0) || !std::isfinite(marker_sigma)) return 0;
-  return std::sqrt(Median(SquaresOfMarkerErrors(bundle, marker_sigma), 0.0));
+// Median over the observations of the length, px, by which errors of the markers' tolerance in each
+// of a marker's coordinates move its image.
+double LengthOfMarkerErrors(const Bundle& bundle, MarkerFreedom markers) {
+  if (!markers.HasTolerance()) return 0;
+  return std::sqrt(Median(SquaresOfMarkerErrors(bundle, markers.Sigma()), 0.0));
 }
 
 enum class Until { kNear, kConverged };
@@ -196,7 +196,7 @@ void AdjustTrial(Trial* trial, Until until) {
   }
 }
 
-// Whether two sets of parameters are the same initial guess.
+// True when two sets of parameters are the same initial guess.
 bool Alike(const CameraModel& model, std::span<const double> a, std::span<const double> b) {
   constexpr double kPart = 0.02;
   for (size_t k = 0; k < a.size(); ++k) {
@@ -227,8 +227,7 @@ double RobustCost(const Bundle& bundle, double scale) {
   return cost;
 }
 
-// Of several minima that explain a selection of the views about equally well, the one that explains
-// all views best.
+// The minimum that explains all views best, of several that explain a selection about equally well.
 Trial* BestOnAllViews(const CameraInput& camera,
                       const std::map<int, Eigen::Vector3d>& markers,
                       const std::vector<Trial*>& minima) {
@@ -301,8 +300,8 @@ std::vector<std::optional<double>> InitialValues(const CameraInput& camera) {
   return given;
 }
 
-// The same from candidates without distortion: where views are few or noisy, coefficients that are
-// fitted before the adjustment may lead to another minimum.
+// `BestTrial` from candidates without distortion: where views are few or noisy, coefficients that
+// are fitted before the adjustment may lead to another minimum.
 std::optional<Trial> PlainTrial(const CameraInput& camera,
                                 const std::map<int, Eigen::Vector3d>& markers,
                                 const StartProblem& problem) {
@@ -362,7 +361,7 @@ std::optional<RigidTransform> GuessPose(const BundleCamera& camera,
 
 CameraGuess GuessCamera(const CameraInput& camera,
                         const std::map<int, Eigen::Vector3d>& markers,
-                        double marker_sigma) {
+                        MarkerFreedom marker_freedom) {
   const std::vector<View> views = Selection(camera, markers, kStartViews);
   if (views.empty()) {
     throw JobError("{}: no image shows {} or more markers of the target; nothing to start from",
@@ -380,7 +379,8 @@ CameraGuess GuessCamera(const CameraInput& camera,
   const std::vector<StartCandidate> candidates = camera.model->start(problem);
   std::optional<Trial> best = BestTrial(camera, markers, views, candidates);
   const bool suspicious =
-      !best || best->median > kSuspiciousMedian + LengthOfMarkerErrors(best->bundle, marker_sigma);
+      !best ||
+      best->median > kSuspiciousMedian + LengthOfMarkerErrors(best->bundle, marker_freedom);
   if (suspicious) {
     std::optional<Trial> plain = PlainTrial(camera, markers, problem);
     if (plain && (!best || plain->median < best->median)) best = std::move(plain);

@@ -29,11 +29,11 @@ struct CameraGuess {
 /// Initial guess of one camera: the model's candidates, each adjusted on a selection of the views
 /// with a rigid target; the one with the smallest median residual wins. Throws `Error` of kind kJob
 /// when no view shows enough of the target. The camera counts as the only one: its rules may refer
-/// to camera 0 alone, which is itself. `marker_sigma`: standard deviation of each marker
-/// coordinate, m; residuals that it explains start no search for another minimum or lens.
+/// to camera 0 alone, which is itself. Residuals that the markers' tolerance explains start no
+/// search for another minimum or lens.
 CameraGuess GuessCamera(const CameraInput& camera,
                         const std::map<int, Eigen::Vector3d>& markers,
-                        double marker_sigma = 0);
+                        MarkerFreedom marker_freedom = {});
 
 /// T_camera_target of one view from a part of its observations and a camera of known parameters;
 /// nothing when they do not suffice.

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// What a calibration estimates from: cameras with their observations, markers, targets, priors.
+// The input of a calibration: cameras with their observations, markers, targets, priors.
 #pragma once
 
 #include <map>
@@ -28,10 +28,6 @@ struct CameraInput {
   std::map<std::string, double> times = {};
 };
 
-/// Of several targets, number `k` has the markers from k times this on.
-inline constexpr int kMarkersPerTarget = 100000;
-inline size_t TargetOfMarker(int number) { return static_cast<size_t>(number / kMarkersPerTarget); }
-
 /// One of several targets.
 struct InputTarget {
   std::string name;
@@ -44,9 +40,9 @@ struct CalibrationInput {
   /// By number, m. Of several targets, each in its target's own frame.
   std::map<int, Eigen::Vector3d> markers;
   std::vector<InputTarget> targets = {};  ///< empty: one target
-  double marker_sigma = 0;  ///< prior of each marker coordinate, m; 0: markers are not estimated
+  MarkerFreedom marker_freedom = {};
   Loss loss = Loss::kHuber;
-  /// Of earlier calibrations: the prior of parameters and extrinsics, and T_camera_rig of each
+  /// From earlier calibrations: the prior of parameters and extrinsics, and T_camera_rig of each
   /// camera (per camera, or empty).
   std::optional<CalibrationPrior> prior = {};
   std::vector<std::optional<RigidTransform>> earlier_T_camera_rig = {};

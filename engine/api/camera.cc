@@ -5,10 +5,9 @@
 
 #include "assess/projection.h"
 #include "calib/camera/camera_model.h"
-#include "calib/files/calibration_file.h"
 #include "engine/api/data.h"
 #include "engine/api/plenocal/engine.h"
-#include "models/registry.h"
+#include "engine/session/calibration_folder.h"
 
 namespace plenocal::api {
 
@@ -16,7 +15,7 @@ Camera::Camera(std::shared_ptr<const Data> data) : data_(std::move(data)) {}
 
 std::vector<Camera> Camera::Read(const std::string& calibration_yaml) {
   std::vector<Camera> cameras;
-  for (CalibratedCamera& camera : ReadCalibration(calibration_yaml, CameraModels()).cameras) {
+  for (CalibratedCamera& camera : OpenCalibration(calibration_yaml).cameras) {
     if (!camera.model->central) continue;
     cameras.push_back(Camera(std::make_shared<const Data>(Data{std::move(camera)})));
   }

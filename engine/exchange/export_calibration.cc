@@ -10,14 +10,12 @@
 #include "calib/base/format_error.h"
 #include "calib/base/names.h"
 #include "calib/base/number_text.h"
-#include "calib/files/calibration_file.h"
 #include "calib/io/input_file.h"
 #include "calib/io/output_folder.h"
 #include "detectors/photometry/response_curve.h"
 #include "engine/formats/camera_format.h"
 #include "engine/resample/map_files.h"
 #include "engine/session/calibration_folder.h"
-#include "models/registry.h"
 
 namespace plenocal {
 namespace {
@@ -106,7 +104,7 @@ CalibrationRecord ReadForFormat(const ExportRequest& request, const CameraFormat
   const bool has_poses =
       file.filename() == "calibration.yaml" && std::filesystem::exists(folder / "poses.csv");
   if (has_poses && (format.write_views != nullptr || IsModel(request, format))) {
-    return ReadCalibrationFolder(folder.empty() ? "." : folder, CameraModels());
+    return OpenCalibrationFolder(folder.empty() ? "." : folder);
   }
   if (IsModel(request, format)) {
     throw InputError(
@@ -116,7 +114,7 @@ CalibrationRecord ReadForFormat(const ExportRequest& request, const CameraFormat
         format.name,
         format.file);
   }
-  return ReadCalibration(file, CameraModels());
+  return OpenCalibration(file);
 }
 
 }  // namespace

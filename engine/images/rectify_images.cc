@@ -19,8 +19,8 @@
 #include "engine/recording/stores/image_lister.h"
 #include "engine/resample/map_files.h"
 #include "engine/resample/stereo_pairs.h"
+#include "engine/session/calibration_folder.h"
 #include "engine/session/open_session.h"
-#include "models/registry.h"
 
 namespace plenocal {
 namespace {
@@ -160,7 +160,7 @@ void WritePreviews(const StereoImages& images, const Encoded& encoded, OutputFol
 
 RectifiedImages RectifyImages(const RectifyRequest& request, const Run& run) {
   const RunScope inputs;
-  const CalibrationRecord calibration = ReadCalibration(request.calibration, CameraModels());
+  const CalibrationRecord calibration = OpenCalibration(request.calibration);
   const Cameras cameras = ChooseCameras(calibration, request.cameras);
   RectifiedImages made{.pair = Rectify(*cameras[0], *cameras[1], request.view)};
   const StereoImages images = KeepPairs(FindImages(request, cameras), run);

@@ -13,7 +13,7 @@
 #include "engine/resample/map_files.h"
 #include "engine/resample/virtual_image.h"
 #include "engine/resample/virtual_view_images.h"
-#include "models/registry.h"
+#include "engine/session/calibration_folder.h"
 
 namespace plenocal {
 namespace {
@@ -158,7 +158,7 @@ UndistortedImages UndistortPlenoptic(const UndistortJob& job) {
 
 UndistortedImages UndistortImages(const UndistortRequest& request, const Run& run) {
   const RunScope inputs;
-  const CalibrationRecord calibration = ReadCalibration(request.calibration, CameraModels());
+  const CalibrationRecord calibration = OpenCalibration(request.calibration);
   const CalibratedCamera& camera = FindCamera(calibration, request.camera);
   const UndistortJob job{
       request, run, calibration, camera, FindImageInputs(request.images, "images")};

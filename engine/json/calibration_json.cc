@@ -127,7 +127,7 @@ Json SpaceJson(const CalibrationRecord& record) {
   for (const FrameRecord& frame : record.frames) {
     poses.push_back({{"name", frame.name}, {"T_target_rig", TransformJson(frame.T_target_rig)}});
   }
-  const bool refined = record.adjustment && record.adjustment->marker_sigma > 0;
+  const bool refined = record.adjustment && !record.adjustment->marker_freedom.IsRigid();
   for (const auto& [number, marker] : record.markers) {
     Json& json = markers.emplace_back();
     json = {{"number", number}, {"place", VectorJson(marker.position)}};

@@ -35,7 +35,7 @@ size_t CountFrames(const SessionObservations& observations) {
 // Held-out RMS of the trial with refined, or with rigid markers; NaN for one that failed.
 double RmsOf(const ModelChoice& trials, bool refined) {
   for (const ModelTrial& trial : trials.trials) {
-    if ((trial.marker_sigma > 0) == refined && trial.failure.empty()) return trial.rms;
+    if (trial.marker_freedom.IsRigid() != refined && trial.failure.empty()) return trial.rms;
   }
   return std::nan("");
 }
@@ -46,7 +46,7 @@ class Chooser {
       : target_(target), run_(run) {
     input_.cameras = observations.cameras;
     input_.markers = target.markers;
-    input_.marker_sigma = target.tolerance.value_or(0);
+    input_.marker_freedom = MarkerFreedom::FromSigma(target.tolerance.value_or(0));
     varied_.resize(input_.cameras.size());
     std::iota(varied_.begin(), varied_.end(), size_t{0});
     trial_.threads = run.threads;
@@ -59,11 +59,11 @@ class Chooser {
       return choice;
     }
     const ModelChoice trial = JudgeTarget(*choice.model);
-    const bool refine = trial.trials[trial.recommended].marker_sigma > 0;
+    const bool refine = !trial.trials[trial.recommended].marker_freedom.IsRigid();
     choice.refine_target = refine;
     if (refine && given == nullptr) {
       // Of a bent target that is held rigid every model is to blame for the bend.
-      input_.marker_sigma = RefinedMarkerSigma(target_);
+      input_.marker_freedom = RefinedMarkerFreedom(target_);
       choice.model = BestModel();
     }
     if (given == nullptr) run_.Message(model_line_);
@@ -111,7 +111,7 @@ class Chooser {
   ModelChoice JudgeTarget(const CameraModel& model) {
     return TryTargets(WithModel(input_, varied_, model),
                       varied_,
-                      RefinedMarkerSigma(target_),
+                      RefinedMarkerFreedom(target_),
                       Options("judging the target"));
   }
 

@@ -7,10 +7,9 @@
 
 #include "calib/base/format_error.h"
 #include "calib/camera/rays.h"
-#include "calib/files/calibration_file.h"
 #include "calib/io/input_file.h"
 #include "calib/io/output_folder.h"
-#include "models/registry.h"
+#include "engine/session/calibration_folder.h"
 
 namespace plenocal {
 namespace {
@@ -59,7 +58,7 @@ std::vector<RefocusPlane> PlanesOf(const ViewFilesRequest& request) {
         "--distance: needs the calibration of the camera; give it with --calibration, or "
         "virtual depths with --depth");
   }
-  const CalibrationRecord calibration = ReadCalibration(request.calibration, CameraModels());
+  const CalibrationRecord calibration = OpenCalibration(request.calibration);
   const CalibratedCamera& camera = PlenopticCameraOf(calibration, request.camera_name);
   for (const double distance : request.distances) {
     planes.push_back({VirtualDepthAt(camera, distance), distance});

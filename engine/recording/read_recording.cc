@@ -13,6 +13,7 @@
 #include "calib/base/format_error.h"
 #include "calib/base/quoted_text.h"
 #include "calib/io/input_file.h"
+#include "calib/io/output_folder.h"
 #include "detectors/images/attenuation.h"
 #include "detectors/images/image.h"
 #include "detectors/images/image_header.h"
@@ -298,8 +299,10 @@ void CheckCameraNames(const RecordingFile& file) {
 }  // namespace
 
 Recording ReadRecording(const std::filesystem::path& path) {
+  CompleteResults(path);
   const RecordingFile file = FindRecordingFile(path);
   CheckCameraNames(file);
+  if (!file.calibration.empty()) CompleteResults(file.calibration);
   Recording recording{file};
   ImageLister lister;
   if (file.log) lister.Use(file.log);

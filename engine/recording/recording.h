@@ -52,7 +52,8 @@ struct Recording : RecordingFacts {
 };
 
 /// Reads a recording: a recording.yaml, a folder that holds one or whose layout is known, or a zip
-/// archive with images. Of the images only the headers are read, and three a camera to find raw
+/// archive with images, after its results of a killed run are completed (calib/io/output_folder.h).
+/// Of the images only the headers are read, and three a camera to find raw
 /// mosaics.
 ///
 /// Throws `Error` of kind kInput, with file and line where there is one: no images, times that do

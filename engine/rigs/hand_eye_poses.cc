@@ -20,7 +20,6 @@
 #include "engine/recording/frames/session_times.h"
 #include "engine/recording/frames/times.h"
 #include "engine/session/calibration_folder.h"
-#include "models/registry.h"
 
 namespace plenocal {
 namespace {
@@ -145,7 +144,7 @@ CalibratedPoses ReadCalibratedPoses(const std::filesystem::path& folder) {
   calibrated.table = folder / "poses.csv";
   std::map<std::string, PoseErrors> errors;
   try {
-    const CalibrationRecord calibration = ReadCalibrationFolder(folder, CameraModels());
+    const CalibrationRecord calibration = OpenCalibrationFolder(folder);
     for (auto& [frame, of_frame] : ErrorsOfPoses(calibration)) {
       errors[calibration.frames[static_cast<size_t>(frame)].name] = std::move(of_frame);
     }

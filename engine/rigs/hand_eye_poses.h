@@ -18,13 +18,13 @@ struct HandEyeRequest {
   std::filesystem::path poses;   ///< from outside, T_base_gripper in m: by frame, or by time
   std::filesystem::path times;   ///< of the frames, for poses by time; empty: their names
   RigMount mount = RigMount::kOnGripper;
-  OutsideScale scale = OutsideScale::kHeld;
+  OutsideScale scale = OutsideScale::kFixed;
   std::filesystem::path out;  ///< handeye.yaml; empty: none is written
 };
 
 struct MountedRig {
   RigMount mount = RigMount::kOnGripper;
-  OutsideScale scale = OutsideScale::kHeld;
+  OutsideScale scale = OutsideScale::kFixed;
   OutsideFit fit;
   std::vector<std::string> frames;   ///< names of those of `fit`
   std::optional<double> time_shift;  ///< of poses by time, s: added to the times of the images

@@ -23,7 +23,7 @@ std::vector<CalibrationRecord> ReadAll(const MergeRequest& request) {
   std::vector<CalibrationRecord> records;
   for (const fs::path& argument : request.calibrations) {
     const fs::path path = fs::is_directory(argument) ? argument / "calibration.yaml" : argument;
-    records.push_back(ReadWithCorrelations(path));
+    records.push_back(OpenWithCorrelations(path));
   }
   return records;
 }
@@ -116,7 +116,7 @@ std::string MountsCsv(const MergedFiles& result) {
   const auto& [merged, names] = result;
   std::string text =
       "calibration,camera,x,y,z,w_x,w_y,w_z,sigma_x,sigma_y,sigma_z,sigma_w_x,sigma_w_y,sigma_w_z\n";
-  for (const MergedMount& mount : merged.mounts) {
+  for (const MovedExtrinsics& mount : merged.mounts) {
     const Vector6d xi = Log(mount.T_camera_rig);
     text += fmt::format("{},{},{:.12g},{:.6g}\n",
                         CsvCell(names[mount.calibration]),

@@ -30,7 +30,7 @@ std::string CameraText(const CalibratedCamera& camera) {
 std::string MountsText(const MergedFiles& result) {
   const MergedCalibrations& merged = result.merged;
   std::string text;
-  for (const MergedMount& mount : merged.mounts) {
+  for (const MovedExtrinsics& mount : merged.mounts) {
     text += fmt::format("{} on the rig in {}: xi = {}\n",
                         merged.record.cameras[mount.camera].name,
                         result.names[mount.calibration],

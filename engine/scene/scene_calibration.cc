@@ -122,7 +122,7 @@ class SceneCalibration {
       cameras.push_back(
           MakeBundleCamera(alone, OrdinaryStart(input, factor * input.image_size[0])));
       // The first one's frame is the rig's here.
-      cameras.back().is_master = i == 0 || input_.cameras.holds_extrinsics[first_[i]];
+      cameras.back().is_master = i == 0 || input_.cameras.fixed_extrinsics[first_[i]];
       if (metric_) {
         cameras.back().T_camera_rig = *input_.cameras.T_camera_rig[first_[i]] *
                                       input_.cameras.T_camera_rig[first_[0]]->Inverse();
@@ -323,7 +323,7 @@ class SceneCalibration {
       }
       cameras.push_back(MakeBundleCamera(cameras_[c], std::move(params)));
       cameras.back().T_camera_rig = input_.cameras.T_camera_rig[c].value_or(T_camera_rig_[c]);
-      cameras.back().is_master = c == 0 || input_.cameras.holds_extrinsics[c];
+      cameras.back().is_master = c == 0 || input_.cameras.fixed_extrinsics[c];
     }
     Bundle& bundle = calibration_.bundle;
     bundle = MakeSceneBundle(tracks_, cameras);
@@ -351,7 +351,7 @@ class SceneCalibration {
     KeepStarted(state, &bundle);
     DropUnseen(state);
     AddDistances();
-    bundle.held_frame = 0;
+    bundle.fixed_frame = 0;
     if (!HasScale(bundle)) HoldScale(&bundle);
   }
 

@@ -28,7 +28,7 @@ struct SceneCalibrationInput {
 
 /// Throws `Error` of kind kInput for distances between points that no two views show, and of kind
 /// kJob when the tracks do not give a start. Where nothing gives the scale, the bundle has a
-/// `held_distance`, and lengths have infinite standard errors.
+/// `scale_distance`, and lengths have infinite standard errors.
 Calibration CalibrateScene(const SceneCalibrationInput& input, const CalibrationOptions& options);
 
 /// The landmarks with used observations as ASCII PLY with their numbers.

@@ -102,7 +102,7 @@ class SceneFindings {
       : calibration_(calibration), bundle_(calibration.bundle), extent_(ExtentOf(bundle_)) {}
 
   std::vector<Finding> Find() {
-    if (bundle_.held_distance) AddNoScale();
+    if (bundle_.scale_distance) AddNoScale();
     for (size_t c = 0; c < bundle_.cameras.size(); ++c) {
       worst_ = WorstLength(calibration_, c);
       poor_ = IsPoor(bundle_.cameras[c], worst_);

@@ -32,7 +32,7 @@ Bundle MakeSceneBundle(const SceneTracks& tracks, const std::vector<BundleCamera
   Bundle bundle;
   bundle.cameras = cameras;
   bundle.T_rig_target.resize(tracks.frames.size());
-  bundle.marker_sigma = std::numeric_limits<double>::infinity();
+  bundle.marker_freedom = MarkerFreedom::Landmarks();
   std::map<int, int> index;  // of a point's number in `markers`
   for (const auto& [number, views] : CountViews(tracks)) {
     if (views < 2) continue;

@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "calib/adjust/landmarks.h"
-#include "calib/adjust/problem.h"
+#include "calib/adjust/solver/problem.h"
 #include "calib/base/format_error.h"
 #include "calib/base/statistics.h"
 #include "calib/camera/rays.h"
@@ -198,7 +198,7 @@ void AdjustStarted(bool hold_scale, SceneState* state) {
   KeepStarted(*state, &started);
   const auto first = std::ranges::find(state->has_pose, true);
   if (first == state->has_pose.end() || started.observations.empty()) return;
-  started.held_frame = static_cast<size_t>(first - state->has_pose.begin());
+  started.fixed_frame = static_cast<size_t>(first - state->has_pose.begin());
   EstimateNoiseRobustly(state->has_pose, TypicalSigmas(started), &started);
   UseProjecting(state->has_pose, &started);
   RejectLandmarks(&started);
@@ -233,10 +233,10 @@ void HoldScale(Bundle* bundle) {
   }
   if (b == a) return;
   const double length = (bundle->markers[b].position - bundle->markers[a].position).norm();
-  bundle->held_distance = {.markers_a = {static_cast<int>(a)},
-                           .markers_b = {static_cast<int>(b)},
-                           .length = length,
-                           .sigma = kTight * length};
+  bundle->scale_distance = {.markers_a = {static_cast<int>(a)},
+                            .markers_b = {static_cast<int>(b)},
+                            .length = length,
+                            .sigma = kTight * length};
 }
 
 }  // namespace plenocal

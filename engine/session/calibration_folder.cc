@@ -5,6 +5,7 @@
 #include "calib/files/calibration_file.h"
 #include "calib/files/calibration_tables.h"
 #include "calib/io/input_file.h"
+#include "calib/io/output_folder.h"
 #include "calib/io/yaml.h"
 #include "models/registry.h"
 
@@ -33,8 +34,13 @@ void ReadRefinedTarget(const fs::path& path, CalibrationRecord* calibration) {
 
 }  // namespace
 
-CalibrationRecord ReadWithCorrelations(const fs::path& path) {
-  CalibrationRecord calibration = ReadCalibration(path, CameraModels());
+CalibrationRecord OpenCalibration(const fs::path& path) {
+  CompleteResults(path);
+  return ReadCalibration(path, CameraModels());
+}
+
+CalibrationRecord OpenWithCorrelations(const fs::path& path) {
+  CalibrationRecord calibration = OpenCalibration(path);
   calibration.correlations = ReadCorrelationsBeside(calibration);
   return calibration;
 }
@@ -46,14 +52,15 @@ fs::path CalibrationOf(const fs::path& recording, const fs::path& named, const f
                    recording.string());
 }
 
-CalibrationRecord ReadCalibrationFolder(const fs::path& folder,
-                                        std::span<const CameraModel> models) {
+CalibrationRecord OpenCalibrationFolder(const fs::path& folder) {
   std::error_code error;
   if (!fs::is_directory(folder, error)) {
     throw InputError("{}: no folder that can be read; give the one that 'plenocal calibrate' wrote",
                      folder.string());
   }
-  CalibrationRecord calibration = ReadCalibration(Required(folder, "calibration.yaml"), models);
+  CompleteResults(folder);
+  CalibrationRecord calibration =
+      ReadCalibration(Required(folder, "calibration.yaml"), CameraModels());
   if (calibration.HasScene()) {
     for (const auto& [number, position] : ReadScenePoints(Required(folder, "points.csv"))) {
       calibration.markers[number] = {.position = position};

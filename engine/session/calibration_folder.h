@@ -5,7 +5,6 @@
 
 #include <filesystem>
 #include <map>
-#include <span>
 #include <string>
 
 #include "calib/files/calibration_record.h"
@@ -13,14 +12,18 @@
 
 namespace plenocal {
 
-/// Reads calibration.yaml, target.yaml, poses.csv, residuals.csv and, if they exist, view_poses.csv
-/// and correlations.csv. Throws `Error` of kind kInput with file, line and key or column.
-CalibrationRecord ReadCalibrationFolder(const std::filesystem::path& folder,
-                                        std::span<const CameraModel> models);
+/// The `Open` functions complete the folder's results first where a killed run left them half moved
+/// (calib/io/output_folder.h), and throw `Error` of kind kInput with file, line and key or column.
 
-/// calibration.yaml with the correlations.csv beside it, if there is one. Throws `Error` of kind
-/// kInput.
-CalibrationRecord ReadWithCorrelations(const std::filesystem::path& path);
+/// calibration.yaml alone.
+CalibrationRecord OpenCalibration(const std::filesystem::path& path);
+
+/// calibration.yaml with the correlations.csv beside it, if there is one.
+CalibrationRecord OpenWithCorrelations(const std::filesystem::path& path);
+
+/// calibration.yaml, target.yaml, poses.csv, residuals.csv and, if they exist, view_poses.csv and
+/// correlations.csv.
+CalibrationRecord OpenCalibrationFolder(const std::filesystem::path& folder);
 
 /// The calibration.yaml of a recording: `given`, else the one that it names. Throws `Error` of kind
 /// kInput when there is neither.

@@ -27,24 +27,23 @@ double MarkerSpacing(const std::map<int, Eigen::Vector3d>& markers) {
   return Median(nearest);
 }
 
-// Standard deviation of the prior of marker coordinates, m; 0: the target is rigid.
-double MarkerSigmaOfSession(const Session& session, const Target& target, const Run& run) {
+MarkerFreedom MarkerFreedomOf(const Session& session, const Target& target, const Run& run) {
   if (!session.refine_target.value_or(target.tolerance.has_value())) {
     if (!session.refine_target) {
       run.Message(
           "the target states no tolerance, so it is held rigid; give it 'tolerance' (m) to have "
           "its markers refined");
     }
-    return 0;
+    return MarkerFreedom::Rigid();
   }
-  const double sigma = RefinedMarkerSigma(target);
+  const MarkerFreedom refined = RefinedMarkerFreedom(target);
   if (!target.tolerance) {
     run.Message(
         fmt::format("the target states no tolerance; its markers are refined with {:.3g} mm, 1 % "
                     "of their spacing",
-                    1e3 * sigma));
+                    1e3 * refined.Sigma()));
   }
-  return sigma;
+  return refined;
 }
 
 }  // namespace
@@ -80,9 +79,10 @@ size_t CountObservations(std::span<const View> views) {
   return count;
 }
 
-double RefinedMarkerSigma(const Target& target) {
+MarkerFreedom RefinedMarkerFreedom(const Target& target) {
   constexpr double kPartOfSpacing = 0.01;
-  return target.tolerance.value_or(kPartOfSpacing * MarkerSpacing(target.markers));
+  return MarkerFreedom::FromSigma(
+      target.tolerance.value_or(kPartOfSpacing * MarkerSpacing(target.markers)));
 }
 
 CalibrationInput MakeCalibrationInput(const Session& session,
@@ -93,7 +93,7 @@ CalibrationInput MakeCalibrationInput(const Session& session,
   input.cameras = std::move(cameras);
   input.markers = target.markers;
   input.targets = InputTargetsOf(session);
-  input.marker_sigma = MarkerSigmaOfSession(session, target, run);
+  input.marker_freedom = MarkerFreedomOf(session, target, run);
   input.loss = session.loss;
   return input;
 }

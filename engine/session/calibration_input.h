@@ -25,9 +25,9 @@ void CheckImageSize(const SessionCamera& camera, ImageSize found);
 /// Number of points in all views.
 size_t CountObservations(std::span<const View> views);
 
-/// Standard deviation of the prior of a refined target's marker coordinates, m: its tolerance, or
-/// 1 % of the markers' spacing, that of a laser printer and a hard board.
-double RefinedMarkerSigma(const Target& target);
+/// The freedom of a refined target's markers: its tolerance, or 1 % of the markers' spacing, that
+/// of a laser printer and a hard board.
+MarkerFreedom RefinedMarkerFreedom(const Target& target);
 
 /// The calibration problem of a session and its observations. Prints whether and how the target's
 /// markers are refined where session and target leave it open.

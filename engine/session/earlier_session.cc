@@ -35,7 +35,7 @@ CalibrationRecord ReadEarlierRecord(const EarlierFile& file, ImageSize size) {
     record.cameras = ReadCameraFile(FormatOf(file), source);
     return record;
   }
-  return ReadWithCorrelations(file.path);
+  return OpenWithCorrelations(file.path);
 }
 
 // The files of a session, each once, with the cameras that take their values from it.
@@ -108,7 +108,7 @@ EarlierCameras ReadEarlierCameras(const Session& session,
       sources,
       {.open = open,
        .intrinsics =
-           session.extrinsics_only ? EarlierIntrinsics::kHeld : EarlierIntrinsics::kPrior});
+           session.extrinsics_only ? EarlierIntrinsics::kFixed : EarlierIntrinsics::kPrior});
 }
 
 BuiltOnEarlier MakeInputOnEarlier(const Session& session,

@@ -6,6 +6,7 @@
 #include "calib/base/format_error.h"
 #include "calib/base/quoted_text.h"
 #include "calib/io/input_file.h"
+#include "calib/io/output_folder.h"
 #include "engine/recording/find_cameras.h"
 #include "engine/recording/image_names.h"
 #include "engine/session/proposal_text.h"
@@ -31,6 +32,7 @@ TargetSource SourceOf(const std::string& target) {
 }
 
 void CheckReplaceable(const fs::path& session) {
+  CompleteResults(session);
   if (!fs::exists(session) || ReadEarlierResult(session).starts_with(kMark)) return;
   throw InputError(
       "{}: was not written from images on the command line and would be "

@@ -11,8 +11,9 @@
 
 namespace plenocal {
 
-/// Reads a session after the camera models of its `plugins`. Throws `Error` with file, line and
-/// key.
+/// Reads a session after the camera models of its `plugins`, and completes the results of earlier
+/// runs in its folder and in those of the files that it names (calib/io/output_folder.h). Throws
+/// `Error` with file, line and key.
 Session OpenSession(const std::filesystem::path& path);
 
 /// True if the inputs of a user are a session file, and not images, folders or recordings.

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "calib/base/format_error.h"
+#include "calib/camera/marker_id.h"
 #include "engine/session/look_alikes.h"
 
 namespace plenocal {
@@ -45,16 +46,16 @@ SessionTargets ReadSessionTargets(const Session& session) {
   for (size_t k = 0; k < session.targets.size(); ++k) {
     targets.several.push_back(ReadTarget(session.targets[k].source));
     for (const auto& [number, position] : targets.several.back().markers) {
-      if (number >= kMarkersPerTarget) {
+      if (number >= MarkerId::kPerTarget) {
         throw InputError(
             "{}: target {} has a marker {}; of several targets the numbers must "
             "be below {}",
             session.path.string(),
             session.targets[k].name,
             number,
-            kMarkersPerTarget);
+            MarkerId::kPerTarget);
       }
-      lines += MarkerLine(static_cast<int>(k) * kMarkersPerTarget + number, position);
+      lines += MarkerLine(MarkerId{k, number}.Number(), position);
     }
   }
   targets.identical_boards = CheckDistinct(session, targets.several);
@@ -86,7 +87,7 @@ std::vector<View> JoinViews(std::vector<std::vector<View>> by_target) {
       View& all = joined[view.frame];
       all.frame = view.frame;
       for (Observation& seen : view.observations) {
-        seen.marker += static_cast<int>(k) * kMarkersPerTarget;
+        seen.marker = MarkerId{k, seen.marker}.Number();
         all.observations.push_back(seen);
       }
       all.by_nuisance.insert(
@@ -108,10 +109,9 @@ Target PlacedTogether(const CalibrationRecord& record) {
 
 std::string RefinedTargetOf(const CalibrationRecord& record, const Target& target, size_t k) {
   const RigidTransform T_own_target = record.targets[k].T_target_own.Inverse();
-  const int first = static_cast<int>(k) * kMarkersPerTarget;
   MarkerPositions positions, sigmas;
   for (const auto& [number, nominal] : target.markers) {
-    const auto found = record.markers.find(first + number);
+    const auto found = record.markers.find(MarkerId{k, number}.Number());
     if (found == record.markers.end()) continue;
     positions[number] = T_own_target * found->second.position;
     if (!found->second.sigma) continue;

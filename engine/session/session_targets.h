@@ -15,7 +15,7 @@ namespace plenocal {
 
 struct SessionTargets {
   /// The only target. Of several: type `markers` with all of them, each in its target's own frame,
-  /// numbered by `kMarkersPerTarget`.
+  /// numbered by `MarkerId`.
   Target all;
   std::vector<Target> several;  ///< empty: one
   /// Pairs of targets that only their mutual pose distinguishes.

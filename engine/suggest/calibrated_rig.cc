@@ -4,12 +4,11 @@
 #include "assess/views/view_information.h"
 #include "calib/base/error.h"
 #include "engine/session/calibration_folder.h"
-#include "models/registry.h"
 
 namespace plenocal {
 
 CalibrationRecord ReadTargetCalibration(const std::filesystem::path& folder) {
-  CalibrationRecord calibration = ReadCalibrationFolder(folder, CameraModels());
+  CalibrationRecord calibration = OpenCalibrationFolder(folder);
   if (!calibration.HasScene()) return calibration;
   throw Error(ErrorKind::kInput,
               folder.string() +

@@ -11,7 +11,7 @@
 namespace plenocal {
 
 /// The calibration in the folder that `plenocal calibrate` wrote. Throws `Error` of kind kInput as
-/// `ReadCalibrationFolder`, and for a calibration from a scene.
+/// `OpenCalibrationFolder`, and for a calibration from a scene.
 CalibrationRecord ReadTargetCalibration(const std::filesystem::path& folder);
 
 /// `KnowledgeOf` with the micro lenses in the folder, and `SetFactors`.

@@ -100,10 +100,10 @@ void CheckCamera(const FirstCamera& camera) {
 
 RigKnowledge FirstRig(const std::vector<FirstCamera>& cameras,
                       const std::map<int, Eigen::Vector3d>& markers,
-                      double marker_sigma) {
+                      MarkerFreedom marker_freedom) {
   RigKnowledge rig;
   Bundle& bundle = rig.bundle;
-  bundle.marker_sigma = marker_sigma;
+  bundle.marker_freedom = marker_freedom;
   std::map<int, int> index;
   for (const auto& [number, position] : markers) {
     index[number] = static_cast<int>(bundle.markers.size());

@@ -27,6 +27,6 @@ struct FirstCamera {
 /// cannot have this angle.
 RigKnowledge FirstRig(const std::vector<FirstCamera>& cameras,
                       const std::map<int, Eigen::Vector3d>& markers,
-                      double marker_sigma);
+                      MarkerFreedom marker_freedom);
 
 }  // namespace plenocal

@@ -9,8 +9,7 @@
 
 #include "apps/cli/options.h"
 #include "calib/base/error.h"
-#include "calib/files/calibration_file.h"
-#include "models/registry.h"
+#include "engine/session/calibration_folder.h"
 
 namespace plenocal {
 namespace {
@@ -22,7 +21,7 @@ struct RayArguments {
 };
 
 void RunRay(const RayArguments& arguments, Console* /*console*/) {
-  const CalibrationRecord calibration = ReadCalibration(arguments.calibration, CameraModels());
+  const CalibrationRecord calibration = OpenCalibration(arguments.calibration);
   const CalibratedCamera& camera = FindCamera(calibration, arguments.camera);
   if (!camera.model->central) {
     throw Error(ErrorKind::kInput,

@@ -14,7 +14,7 @@
 #include "calib/files/calibration_tables.h"
 #include "calib/io/output_folder.h"
 #include "engine/json/calibration_json.h"
-#include "models/registry.h"
+#include "engine/session/calibration_folder.h"
 #include "python/src/bindings.h"
 #include "python/src/record.h"
 
@@ -26,9 +26,9 @@ constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 Record Load(const std::filesystem::path& path) {
   const nb::gil_scoped_release release;
   if (std::filesystem::is_directory(path)) {
-    return {ReadCalibrationFolder(path, CameraModels()), {path, {}}};
+    return {OpenCalibrationFolder(path), {path, {}}};
   }
-  return {ReadCalibration(path, CameraModels()), {path.parent_path(), {}}};
+  return {OpenCalibration(path), {path.parent_path(), {}}};
 }
 
 Record OfCameras(const std::vector<CalibratedCamera>& cameras) {

@@ -183,8 +183,8 @@ void Workspace::ExpectFailure(int status,
 
 void Workspace::WriteProblem(const SyntheticProblem& problem) const {
   std::string target = "plenocal: 1\ntype: chessboard\ncolumns: 10\nrows: 7\nsquare: 0.03\n";
-  if (problem.input.marker_sigma > 0) {
-    target += fmt::format("tolerance: {}\n", problem.input.marker_sigma);
+  if (!problem.input.marker_freedom.IsRigid()) {
+    target += fmt::format("tolerance: {}\n", problem.input.marker_freedom.Sigma());
   }
   Write("target.yaml", target);
   Write("session.yaml", SessionText(problem));

@@ -126,11 +126,12 @@ TEST(TryTargets, FindsWhetherTheBoardIsAsDescribed) {
   for (const double bent : {0.0, kTolerance}) {
     SyntheticProblem problem =
         MakeProblem(8, {.frames = 16, .noise = kNoise, .marker_tolerance = bent});
-    problem.input.marker_sigma = 0;  // what the session states does not matter
-    const ModelChoice choice = TryTargets(problem.input, {0}, kTolerance, {});
+    problem.input.marker_freedom = {};  // what the session states does not matter
+    const ModelChoice choice =
+        TryTargets(problem.input, {0}, MarkerFreedom::FromSigma(kTolerance), {});
     ASSERT_EQ(choice.trials.size(), 2);
-    EXPECT_EQ(choice.trials[choice.recommended].marker_sigma, bent);
-    const ModelTrial& held = choice.trials[choice.trials[0].marker_sigma == 0 ? 0 : 1];
+    EXPECT_EQ(choice.trials[choice.recommended].marker_freedom.Sigma(), bent);
+    const ModelTrial& held = choice.trials[choice.trials[0].marker_freedom.IsRigid() ? 0 : 1];
     if (bent > 0) {
       EXPECT_GT(held.difference, choice.noise / 3);
     }

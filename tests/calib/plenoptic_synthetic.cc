@@ -63,7 +63,7 @@ PlenopticProblem MakePlenopticProblem(unsigned seed, const PlenopticOptions& opt
     Eigen::Vector3d& p = problem.markers[number] = position;
     for (int i = 0; i < 3; ++i) p[i] += noise.Gaussian(options.marker_tolerance);
   }
-  problem.input.marker_sigma = options.marker_tolerance;
+  problem.input.marker_freedom = MarkerFreedom::FromSigma(options.marker_tolerance);
   problem.input.loss = options.noise > 0 ? Loss::kHuber : Loss::kNone;
 
   const bool tilted = options.tilt[0] != 0 || options.tilt[1] != 0;

@@ -46,7 +46,7 @@ SyntheticProblem MakeProblem(unsigned seed, const SyntheticOptions& options) {
     for (int i = 0; i < 3; ++i) p[i] += random.Gaussian(options.marker_tolerance);
   }
   problem.input.markers = nominal;
-  problem.input.marker_sigma = options.marker_tolerance;
+  problem.input.marker_freedom = MarkerFreedom::FromSigma(options.marker_tolerance);
   problem.input.loss = options.noise > 0 ? Loss::kHuber : Loss::kNone;
 
   const CameraModel* model = FindModel(CameraModels(), "pinhole-radial3");
@@ -173,7 +173,7 @@ Bundle TrueBundle(const SyntheticProblem& problem) {
       }
     }
   }
-  bundle.marker_sigma = problem.input.marker_sigma;
+  bundle.marker_freedom = problem.input.marker_freedom;
   return bundle;
 }
 

@@ -85,7 +85,7 @@ TEST(SceneCalibrations, WithoutDistancesHaveParametersAndNoScale) {
   EXPECT_LT(std::abs(camera.params[0] - kFocal), 4 * sigma);
   EXPECT_LT(sigma, 10);
   EXPECT_EQ(found.frames.size(), static_cast<size_t>(kFrames));
-  EXPECT_TRUE(found.bundle.held_distance);
+  EXPECT_TRUE(found.bundle.scale_distance);
   EXPECT_TRUE(std::ranges::any_of(
       found.findings, [](const Finding& each) { return each.code == "scene_no_scale"; }));
 }
@@ -95,7 +95,7 @@ TEST(SceneCalibrations, TakeTheScaleFromADistance) {
   SceneCalibrationInput input = Input();
   input.distances = {Between(3, 35, (points[3] - points[35]).norm())};
   const Calibration found = CalibrateScene(input, {});
-  EXPECT_FALSE(found.bundle.held_distance);
+  EXPECT_FALSE(found.bundle.scale_distance);
   EXPECT_NEAR(Distance(found, 5, 30), (points[5] - points[30]).norm(), 0.02);
 }
 

@@ -11,8 +11,8 @@
 #include "calib/base/number_text.h"
 #include "calib/files/calibration_file.h"
 #include "calib/io/output_folder.h"
+#include "engine/session/calibration_folder.h"
 #include "engine/session/open_session.h"
-#include "models/registry.h"
 
 namespace plenocal {
 namespace {
@@ -54,7 +54,7 @@ std::string SummaryOf(const CalibratedCamera& camera,
 }
 
 void RunConvert(const ConvertArguments& arguments, Console* console) {
-  const CalibrationRecord calibration = ReadCalibration(arguments.calibration, CameraModels());
+  const CalibrationRecord calibration = OpenCalibration(arguments.calibration);
   const CalibratedCamera& camera = FindCamera(calibration, arguments.camera);
   const CameraModel* model = ModelNamed("--to", arguments.model);
   const Conversion conversion = Convert(camera, *model);

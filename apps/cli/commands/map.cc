@@ -8,7 +8,7 @@
 #include "calib/files/calibration_file.h"
 #include "calib/io/output_folder.h"
 #include "engine/resample/map_files.h"
-#include "models/registry.h"
+#include "engine/session/calibration_folder.h"
 
 namespace plenocal {
 namespace {
@@ -22,7 +22,7 @@ struct MapArguments {
 };
 
 void RunMap(const MapArguments& arguments, Console* console) {
-  const CalibrationRecord calibration = ReadCalibration(arguments.calibration, CameraModels());
+  const CalibrationRecord calibration = OpenCalibration(arguments.calibration);
   const CalibratedCamera& camera = FindCamera(calibration, arguments.camera);
   const CalibratedCamera view = UndistortedView(camera, arguments.view);
   const std::string extension = arguments.out.extension().string();

@@ -5,13 +5,13 @@
 
 #include "apps/cli/options.h"
 #include "calib/io/output_folder.h"
-#include "models/registry.h"
+#include "engine/session/calibration_folder.h"
 
 namespace plenocal {
 namespace {
 
 void RunReport(const std::filesystem::path& folder, Console* console) {
-  const CalibrationRecord calibration = ReadCalibrationFolder(folder, CameraModels());
+  const CalibrationRecord calibration = OpenCalibrationFolder(folder);
   const std::string page = ReportHtml(calibration, ReadCameraFiles(folder, calibration));
   const auto written = WriteInto(folder, {{"report.html", page}});
   console->PrintWritten(written[0]);

@@ -21,7 +21,7 @@ void RunTry(TryArguments request, Console* console) {
   console->Print(fmt::format("{}\nrecommended: {}\ntarget: {}\n\nwritten to {}\n",
                              TrialTable(trial.models, trial.rows),
                              ModelRecommendation(trial.models),
-                             TargetRecommendation(trial.targets, trial.marker_sigma),
+                             TargetRecommendation(trial.targets, trial.marker_freedom),
                              request.out.string()));
 }
 

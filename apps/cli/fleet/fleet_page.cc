@@ -10,10 +10,9 @@
 #include "apps/cli/fleet/fleet_plan.h"
 #include "apps/report/page_text.h"
 #include "calib/base/error.h"
-#include "calib/files/calibration_file.h"
 #include "calib/io/csv.h"
 #include "calib/io/input_file.h"
-#include "models/registry.h"
+#include "engine/session/calibration_folder.h"
 
 namespace plenocal {
 namespace {
@@ -69,8 +68,7 @@ RunSummary Summarise(const fs::path& folder, const std::string& date) {
     return run;
   }
   try {
-    const CalibrationRecord record =
-        ReadCalibration(folder / "result/calibration.yaml", CameraModels());
+    const CalibrationRecord record = OpenCalibration(folder / "result/calibration.yaml");
     run.verdict = record.verdict;
     for (const CalibratedCamera& camera : record.cameras) {
       run.points += static_cast<size_t>(camera.fit.points);

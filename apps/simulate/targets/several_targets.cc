@@ -4,7 +4,7 @@
 #include <fmt/format.h>
 
 #include "calib/base/quoted_text.h"
-#include "calib/start/input.h"
+#include "calib/camera/marker_id.h"
 
 namespace plenocal::simulate {
 namespace {
@@ -34,10 +34,10 @@ std::vector<TargetInRoom> MakeTargets(const SimulationSpec& spec) {
 TrueTarget InFrameOfFirst(const TargetInRoom& target, size_t index) {
   if (target.IsOnlyOne()) return target.made;
   TrueTarget moved;
-  const int first = static_cast<int>(index) * kMarkersPerTarget;
   for (const auto& [number, position] : target.made.markers) {
-    moved.markers[first + number] = target.T_target_own * position;
-    moved.normals[first + number] = target.T_target_own.R * target.made.normals.at(number);
+    const int together = MarkerId{index, number}.Number();
+    moved.markers[together] = target.T_target_own * position;
+    moved.normals[together] = target.T_target_own.R * target.made.normals.at(number);
   }
   return moved;
 }
@@ -58,11 +58,8 @@ Target StatedTogether(const std::vector<TargetInRoom>& targets) {
   for (size_t k = 0; k < targets.size(); ++k) {
     for (const auto& [number, position] : targets[k].target.markers) {
       const Eigen::Vector3d p = targets[k].T_target_own * position;
-      markers += fmt::format("  {}: [{:.12g}, {:.12g}, {:.12g}]\n",
-                             static_cast<int>(k) * kMarkersPerTarget + number,
-                             p.x(),
-                             p.y(),
-                             p.z());
+      markers += fmt::format(
+          "  {}: [{:.12g}, {:.12g}, {:.12g}]\n", MarkerId{k, number}.Number(), p.x(), p.y(), p.z());
     }
   }
   return ReadTarget(YamlNode::Parse("plenocal: 1\ntype: markers\nmarkers:\n" + markers, "targets"));

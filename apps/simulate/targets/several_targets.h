@@ -27,7 +27,7 @@ struct TargetInRoom {
 std::vector<TargetInRoom> MakeTargets(const SimulationSpec& spec);
 
 /// A target's markers in the frame of the first, with the numbers that sessions give them
-/// (`kMarkersPerTarget`).
+/// (`MarkerId`).
 TrueTarget InFrameOfFirst(const TargetInRoom& target, size_t index);
 /// All of them.
 TrueTarget Together(const std::vector<TargetInRoom>& targets);

@@ -132,9 +132,11 @@ class Steps : public PoseSteps {
   Steps(const UnknownLayout& layout, const EliminationOptions& options)
       : columns(layout, options), head(layout.head), markers(layout.total - layout.head) {}
 
-  void Apply(const Eigen::VectorXd& step, double own_part, Bundle* bundle) const override {
+  void Apply(const Eigen::VectorXd& step,
+             double line_search_factor,
+             Bundle* bundle) const override {
     Eigen::VectorXd with_gradient(step.size() + 1);
-    with_gradient << step, own_part;
+    with_gradient << step, line_search_factor;
     const Eigen::VectorXd product = columns.TimesTransposed(with_gradient);
     for (const OfFrame& of : frames) {
       const Vector6d pose = -of.L.triangularView<Eigen::Lower>().transpose().solve(
@@ -335,7 +337,7 @@ class Elimination {
   }
 
   void AddMarkerPriors() {
-    const double information = 1 / (bundle_.marker_sigma * bundle_.marker_sigma);
+    const double information = 1 / bundle_.marker_freedom.Variance();
     for (size_t m = 0; m < bundle_.markers.size(); ++m) {
       const Eigen::Vector3d moved = bundle_.markers[m].position - bundle_.markers[m].nominal;
       const int first = layout_.Marker(static_cast<int>(m));
@@ -426,7 +428,7 @@ double SumOfSquares(const Bundle& bundle, const Objective& objective) {
   }
   for (const BundleMarker& marker : bundle.markers) {
     if (!bundle.EstimatesMarkers()) break;
-    squares += ((marker.position - marker.nominal) / bundle.marker_sigma).squaredNorm();
+    squares += ((marker.position - marker.nominal) / bundle.marker_freedom.Sigma()).squaredNorm();
   }
   return squares;
 }

@@ -28,7 +28,7 @@ struct ReducedView {
 using VisitFrame = std::function<void(
     size_t frame, const Matrix6d& pose_covariance, std::span<const ReducedView> views)>;
 
-/// What is minimised beside what a bundle states.
+/// Loss and weights of the sum of squares that is minimised, beside what a bundle states.
 struct Objective {
   RobustLoss loss;
   /// Per view, or empty: `JitterWeight`, which stays what it was before a solve.
@@ -53,9 +53,11 @@ class PoseSteps {
  public:
   virtual ~PoseSteps() = default;
   /// Moves poses and jitter of `bundle`, which are as they were at the elimination, to the optimum
-  /// of the linearised residuals when the unknowns of the layout change by `step`. `own_part`:
-  /// factor on the part of their steps that does not depend on `step`.
-  virtual void Apply(const Eigen::VectorXd& step, double own_part, Bundle* bundle) const = 0;
+  /// of the linearised residuals when the unknowns of the layout change by `step`.
+  /// `line_search_factor`: on the part of their steps that does not depend on `step`.
+  virtual void Apply(const Eigen::VectorXd& step,
+                     double line_search_factor,
+                     Bundle* bundle) const = 0;
   /// W of the markers' rows: the elimination takes W W' away from their block.
   [[nodiscard]] virtual Eigen::MatrixXd MarkerColumns() const = 0;
 };

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// The factor of the markers' part of the reduced normal matrix.
 #pragma once
 
 #include <Eigen/Cholesky>
@@ -12,8 +14,9 @@ class MarkerFactor {
  public:
   /// `matrix`: its lower triangle, n x n; `damping` is added to its diagonal.
   void Compute(const Eigen::Ref<const Eigen::MatrixXd>& matrix, const Eigen::VectorXd& damping);
-  /// Of matrix - columns columns', where of `matrix` the blocks of 3 x 3 on its diagonal count and
-  /// the rest is zero, by the Woodbury identity: cheaper where there are fewer columns than rows.
+  /// Factors matrix - columns columns', where of `matrix` the blocks of 3 x 3 on its diagonal count
+  /// and the rest is zero, by the Woodbury identity: cheaper where there are fewer columns than
+  /// rows.
   void Compute(const Eigen::Ref<const Eigen::MatrixXd>& matrix,
                const Eigen::VectorXd& damping,
                const Eigen::MatrixXd& columns);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Rigid transforms in files.
+// Readers of rigid transforms in files, with checks.
 #pragma once
 
 #include "calib/camera/rigid_transform.h"
@@ -12,7 +12,7 @@ namespace plenocal {
 /// stays as it is. False for a matrix that is none.
 bool MakeRotation(Eigen::Matrix3d* R);
 
-/// Parts of a rig and its targets are no farther from each other, m.
+/// Largest distance between parts of a rig and its targets, m.
 inline constexpr double kFarthestPart = 1e6;
 
 /// A 4 x 4 matrix, row by row; its rotation may have few digits. Throws `Error` with file, line and

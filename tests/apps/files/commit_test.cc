@@ -34,17 +34,23 @@ TEST_F(Commit, OfAReportThatDoesNotFitFailsAsAWhole) {
 }
 
 TEST_F(Commit, ThatWasStoppedHalfWayIsCompletedByTheNextReader) {
+  const std::string session = Read("session.yaml");
   Calibrate("old");
-  Write("session.yaml", Replaced(Read("session.yaml"), "huber", "cauchy"));
+  Write("session.yaml", Replaced(session, "huber", "cauchy"));
   Calibrate("new");
-  fs::copy(Path("old"), Path("out"), fs::copy_options::recursive);
-  fs::copy(Path("new"), Path("out/.partial"), fs::copy_options::recursive);
-  fs::rename(Path("out/.partial/poses.csv"), Path("out/poses.csv"));
-  Write("out/.partial/complete", "");
-  EXPECT_EQ(Run({"convert", "out/calibration.yaml", "--to", "pinhole-radtan", "-o", "x"}).status,
-            kDone);
-  for (const auto& [name, text] : Files("new")) EXPECT_EQ(Read("out/" + name), text) << name;
-  EXPECT_FALSE(fs::exists(Path("out/.partial")));
+  Write("later.yaml", session + "from: out/calibration.yaml\n");
+  for (const std::vector<std::string>& reader : std::vector<std::vector<std::string>>{
+           {"convert", "out/calibration.yaml", "--to", "pinhole-radtan", "-o", "x"},
+           {"calibrate", "later.yaml", "-o", "later"}}) {
+    fs::remove_all(Path("out"));
+    fs::copy(Path("old"), Path("out"), fs::copy_options::recursive);
+    fs::copy(Path("new"), Path("out/.partial"), fs::copy_options::recursive);
+    fs::rename(Path("out/.partial/poses.csv"), Path("out/poses.csv"));
+    Write("out/.partial/complete", "");
+    EXPECT_EQ(Run(reader).status, kDone);
+    for (const auto& [name, text] : Files("new")) EXPECT_EQ(Read("out/" + name), text) << name;
+    EXPECT_FALSE(fs::exists(Path("out/.partial")));
+  }
 }
 
 TEST_F(Commit, GivesTheSamePdfAtAnotherTime) {

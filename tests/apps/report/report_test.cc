@@ -14,7 +14,7 @@
 #include <regex>
 
 #include "apps/report/page_text.h"
-#include "models/registry.h"
+#include "engine/session/calibration_folder.h"
 #include "tests/apps/calibration_schema.h"
 #include "tests/apps/chessboard_images.h"
 
@@ -505,7 +505,7 @@ TEST_F(ReportInABrowser, ShowsHostileNamesAsText) {
   const std::string evil = "</script><img src=x onerror=alert(1)>", turned = "\u202Eevil";
   WriteProblem(EasyProblem());
   Calibrate();
-  CalibrationRecord record = ReadCalibrationFolder(Path("out"), CameraModels());
+  CalibrationRecord record = OpenCalibrationFolder(Path("out"));
   record.cameras[0].name = evil + turned;
   for (FrameRecord& frame : record.frames) frame.name = evil + frame.name;
   record.verdict = Verdict{Grade::kBad,

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "engine/scene/track/track_patch.h"
+
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <opencv2/imgproc.hpp>
-
-#include "engine/scene/track/track_patch.h"
 
 namespace plenocal {
 namespace TEST_FILE {

@@ -10,10 +10,9 @@
 #include <set>
 #include <string>
 
-#include "calib/files/calibration_file.h"
 #include "calib/files/calibration_tables.h"
 #include "calib/files/detections.h"
-#include "models/registry.h"
+#include "engine/session/calibration_folder.h"
 #include "tests/apps/workspace.h"
 
 namespace plenocal::testing {
@@ -41,7 +40,7 @@ class SimulateScene : public Workspace {
     ASSERT_EQ(outcome.status, kDone) << outcome.err;
   }
   [[nodiscard]] CalibrationRecord Calibration(const std::string& file) const {
-    return ReadCalibration(Path(file), CameraModels());
+    return OpenCalibration(Path(file));
   }
   [[nodiscard]] std::vector<View> Tracks(const CalibratedCamera& camera) const {
     return ReadDetections(Path("set/tracks_" + camera.name + ".csv"), *camera.model);

@@ -244,7 +244,7 @@ TEST(BentTarget, IsMeasured) {
   EXPECT_GT(bent->finding.value.value(), 0.1);
   EXPECT_NEAR(bent->residual[0], 0.1, 0.01);
   // With a tolerance the calibration has estimated the shape.
-  problem.input.marker_sigma = 0.001;
+  problem.input.marker_freedom = MarkerFreedom::FromSigma(0.001);
   EXPECT_FALSE(find().has_value());
 }
 

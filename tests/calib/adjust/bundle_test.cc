@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include "calib/adjust/linearise.h"
-#include "calib/adjust/problem.h"
+#include "calib/adjust/solver/problem.h"
 #include "models/registry.h"
 #include "tests/calib/synthetic.h"
 
@@ -113,7 +113,7 @@ TEST(Adjust, HoldsMarkersWithoutAToleranceAndMovesThemWithinOne) {
   for (const double sigma : {0.0, 0.0003}) {
     const SyntheticProblem problem = Stereo(0.1, 0.0003);
     Bundle bundle = TrueBundle(problem);
-    bundle.marker_sigma = sigma;
+    bundle.marker_freedom = MarkerFreedom::FromSigma(sigma);
     for (BundleMarker& marker : bundle.markers) marker.position = marker.nominal;
     ASSERT_TRUE(Adjust(&bundle, {}).usable);
     double nominal_error = 0, error = 0;
@@ -228,8 +228,7 @@ TEST(Adjust, MinimisesTheLossThatItStates) {
         }
       }
       for (const BundleMarker& marker : state.markers) {
-        sum += (marker.position - marker.nominal).squaredNorm() /
-               (state.marker_sigma * state.marker_sigma);
+        sum += (marker.position - marker.nominal).squaredNorm() / state.marker_freedom.Variance();
       }
       return sum / 2;
     };

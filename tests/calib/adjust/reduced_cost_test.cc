@@ -2,7 +2,7 @@
 //
 // The adjustment that eliminates poses and markers before Ceres, against the one that gives Ceres
 // all unknowns.
-#include "calib/adjust/reduced_cost.h"
+#include "calib/adjust/solver/reduced_cost.h"
 
 #include <gtest/gtest.h>
 
@@ -12,7 +12,7 @@
 #include <string>
 
 #include "calib/adjust/elimination/frame_elimination.h"
-#include "calib/adjust/problem.h"
+#include "calib/adjust/solver/problem.h"
 #include "tests/calib/synthetic.h"
 
 namespace plenocal {
@@ -132,7 +132,7 @@ const std::vector<Case>& Cases() {
       {"ManyFrames", [](Bundle*) {}, 50},
       {"ManyFramesWithJitter", AddJitter, 50},
       {"Fixed", [](Bundle* bundle) { bundle->cameras[1].fixed[2] = true; }},
-      {"HeldMarkers", [](Bundle* bundle) { bundle->marker_sigma = 0; }},
+      {"HeldMarkers", [](Bundle* bundle) { bundle->marker_freedom = {}; }},
       {"Jitter", AddJitter},
       {"Motion", AddMotion},
       {"MotionAndJitter",

@@ -214,9 +214,10 @@ TEST(InitialGuess, LooksForAnotherLensOnlyBeyondWhatTheTargetsToleranceExplains)
   };
   camera.model = &model;
   misfit_calls = 0;
-  EXPECT_GT(GuessCamera(camera, problem.input.markers, kTolerance).median_error, 1);
+  const MarkerFreedom tolerance = MarkerFreedom::FromSigma(kTolerance);
+  EXPECT_GT(GuessCamera(camera, problem.input.markers, tolerance).median_error, 1);
   EXPECT_EQ(misfit_calls, 0);
-  GuessCamera(camera, problem.input.markers, 0);
+  GuessCamera(camera, problem.input.markers, MarkerFreedom::Rigid());
   EXPECT_EQ(misfit_calls, 1);
 }
 
@@ -227,7 +228,8 @@ TEST(InitialGuess, OfWhatNoCameraSeesEndsInAMessage) {
     SyntheticProblem problem = MakeProblem(4, {.frames = 3});
     spoil(&problem.input);
     try {
-      GuessCamera(problem.input.cameras[0], problem.input.markers, 0.0005);
+      GuessCamera(
+          problem.input.cameras[0], problem.input.markers, MarkerFreedom::FromSigma(0.0005));
       ADD_FAILURE() << "no message";
     } catch (const Error& error) {
       EXPECT_EQ(error.kind(), ErrorKind::kJob);

@@ -103,8 +103,10 @@ CalibrationRecord Record() {
   record.cameras = {Ordinary(), Plenoptic()};
   record.frames = {{"0001", SomePose(0.1)}, {"b", SomePose(-0.6)}};
   record.markers = {{7, {}}, {8, {}}};
-  record.adjustment = {
-      .converged = true, .iterations = 12, .rejection_sigmas = 4.5, .marker_sigma = 0.0003};
+  record.adjustment = {.converged = true,
+                       .iterations = 12,
+                       .rejection_sigmas = 4.5,
+                       .marker_freedom = MarkerFreedom::FromSigma(0.0003)};
   record.jitter = {.translation_sigma = 0.001, .rotation_sigma = 0.002, .misplaced = 1};
   record.correlations = {{"left.f_x", "left.f_y"}, Eigen::MatrixXd::Identity(2, 2)};
   record.correlations.matrix(0, 1) = record.correlations.matrix(1, 0) = 0.97;
@@ -227,7 +229,7 @@ TEST_F(RecordFiles, KeepHowTheAdjustmentEnded) {
   EXPECT_EQ(again.adjustment->converged, record.adjustment->converged);
   EXPECT_EQ(again.adjustment->iterations, record.adjustment->iterations);
   EXPECT_EQ(again.adjustment->rejection_sigmas, record.adjustment->rejection_sigmas);
-  EXPECT_EQ(again.adjustment->marker_sigma, record.adjustment->marker_sigma);
+  EXPECT_EQ(again.adjustment->marker_freedom.Sigma(), record.adjustment->marker_freedom.Sigma());
   ASSERT_TRUE(again.jitter);
   EXPECT_EQ(again.jitter->translation_sigma, record.jitter->translation_sigma);
   EXPECT_EQ(again.jitter->rotation_sigma, record.jitter->rotation_sigma);

@@ -9,6 +9,7 @@
 
 #include <fstream>
 #include <functional>
+#include <map>
 #include <optional>
 #include <sstream>
 #include <string>
@@ -77,16 +78,39 @@ TEST_F(Results, ThatAKilledRunLeftHalfMovedAreCompletedByAWriter) {
   ExpectNew();
 }
 
-TEST_F(Results, ThatAKilledRunLeftHalfMovedAreCompletedByAReader) {
+TEST_F(Results, ThatAKilledRunLeftHalfMovedAreCompletedWhereTheyAreOpened) {
+  for (const fs::path& opened :
+       {out_, out_ / "", out_ / "calibration.yaml", out_ / "images/left/01.png"}) {
+    LeaveHalfMoved();
+    CompleteResults(opened);
+    EXPECT_EQ(ReadTextFile(out_ / "calibration.yaml"), "new") << opened;
+    ExpectNew();
+  }
+}
+
+TEST_F(Results, ThatAKilledRunLeftHalfMovedAreNotReadAndNotMovedByAReader) {
   LeaveHalfMoved();
-  EXPECT_EQ(ReadTextFile(out_ / "calibration.yaml"), "new");
-  ExpectNew();
+  const auto files = [&] {
+    std::map<fs::path, std::string> found;
+    for (const auto& entry : fs::recursive_directory_iterator(root_)) {
+      found[entry.path()] = entry.is_regular_file() ? Text(entry.path()) : "";
+    }
+    return found;
+  };
+  const auto before = files();
+  for (const char* name : {"calibration.yaml", "poses.csv"}) {
+    EXPECT_THAT(MessageOf([&] { ReadTextFile(out_ / name); }, ErrorKind::kJob),
+                AllOf(HasSubstr(out_.string()), HasSubstr("half moved")));
+  }
+  EXPECT_EQ(files(), before);
 }
 
 TEST_F(Results, AreNotReadWhereAnotherRunMovesThem) {
   OutputFolder writer(out_);
   LeaveHalfMoved();
   EXPECT_THAT(MessageOf([&] { ReadTextFile(out_ / "calibration.yaml"); }, ErrorKind::kJob),
+              AllOf(HasSubstr(out_.string()), HasSubstr("half moved"), HasSubstr("another run")));
+  EXPECT_THAT(MessageOf([&] { CompleteResults(out_); }, ErrorKind::kJob),
               AllOf(HasSubstr(out_.string()), HasSubstr("half moved"), HasSubstr("another run")));
 }
 

@@ -8,7 +8,7 @@
 
 #include <cmath>
 
-#include "calib/adjust/problem.h"
+#include "calib/adjust/solver/problem.h"
 #include "tests/calib/random.h"
 #include "tests/calib/synthetic.h"
 
@@ -124,8 +124,8 @@ TEST(Uncertainty, SharesTheUnknownsOfARigAmongItsCameras) {
   double markers = 0;  // the part that the observations determine beside the prior
   for (const Eigen::Vector3d& error : uncertainty.marker_std_errors) {
     for (const double each : error) {
-      EXPECT_LT(each, bundle.marker_sigma);
-      markers += 1 - each * each / (bundle.marker_sigma * bundle.marker_sigma);
+      EXPECT_LT(each, bundle.marker_freedom.Sigma());
+      markers += 1 - each * each / bundle.marker_freedom.Variance();
     }
   }
   EXPECT_NEAR(uncertainty.redundancy[0] + uncertainty.redundancy[1],

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "calib/base/error.h"
+#include "calib/camera/marker_id.h"
 #include "calib/estimate/calibrate.h"
 #include "tests/calib/random.h"
 #include "tests/calib/synthetic.h"
@@ -39,7 +40,7 @@ Boards MakeBoards(unsigned seed, double size, Right right, double x = 0.33) {
   Boards boards;
   for (const auto& [number, p] : problem.input.markers) {
     boards.markers[number] = p;
-    boards.markers[kMarkersPerTarget + number] = size * p;
+    boards.markers[MarkerId{1, number}.Number()] = size * p;
   }
   boards.cameras = problem.input.cameras;
   for (size_t c = 0; c < boards.cameras.size(); ++c) {
@@ -57,8 +58,7 @@ Boards MakeBoards(unsigned seed, double size, Right right, double x = 0.33) {
         const RigidTransform T = problem.T_camera_rig[c] * T_rig_first *
                                  (board == 0 ? RigidTransform{} : T_first_second);
         for (const auto& [number, p] : problem.input.markers) {
-          const Eigen::Vector3d on_board =
-              boards.markers.at(static_cast<int>(board) * kMarkersPerTarget + number);
+          const Eigen::Vector3d on_board = boards.markers.at(MarkerId{board, number}.Number());
           double image[kMaxObservationSize];
           if (!camera.model->project(
                   problem.params[c].data(), camera.config.data(), nullptr, T * on_board, image)) {
@@ -69,7 +69,7 @@ Boards MakeBoards(unsigned seed, double size, Right right, double x = 0.33) {
           if (!inside) continue;
           Observation seen;
           const size_t named = exchanged ? 1 - board : board;
-          seen.marker = static_cast<int>(named) * kMarkersPerTarget + number;
+          seen.marker = MarkerId{named, number}.Number();
           for (size_t k = 0; k < 2; ++k) seen.values[k] = image[k] + random.Gaussian(0.05);
           boards.truth[{c, name}][seen.values[0]] = board;
           view.observations.push_back(seen);
@@ -92,7 +92,7 @@ Count Compare(const Boards& boards) {
     for (const View& view : boards.cameras[c].views) {
       for (const Observation& seen : view.observations) {
         const size_t board = boards.truth.at({c, view.frame}).at(seen.values[0]);
-        ++(TargetOfMarker(seen.marker) == board ? count.right : count.wrong);
+        ++(MarkerId::FromNumber(seen.marker).target == board ? count.right : count.wrong);
       }
     }
   }
@@ -168,8 +168,9 @@ TEST(IdenticalBoards, ACameraOfWhichNothingIsDecidedIsNamed) {
   Boards boards = MakeBoards(2, 1, Right::kSeesBoth);
   // The second camera sees the first board only, and in other frames than the first camera.
   for (View& view : boards.cameras[1].views) {
-    std::erase_if(view.observations,
-                  [](const Observation& seen) { return TargetOfMarker(seen.marker) == 1; });
+    std::erase_if(view.observations, [](const Observation& seen) {
+      return MarkerId::FromNumber(seen.marker).target == 1;
+    });
     view.frame += "b";
   }
   std::erase_if(boards.cameras[1].views,
@@ -186,8 +187,9 @@ TEST(IdenticalBoards, WithoutAnImageOfBothNothingTellsThemApart) {
   Boards boards = MakeBoards(2, 1, Right::kSeesBoth);
   for (CameraInput& camera : boards.cameras) {
     for (View& view : camera.views) {
-      std::erase_if(view.observations,
-                    [](const Observation& seen) { return TargetOfMarker(seen.marker) == 1; });
+      std::erase_if(view.observations, [](const Observation& seen) {
+        return MarkerId::FromNumber(seen.marker).target == 1;
+      });
     }
     std::erase_if(camera.views, [](const View& view) { return view.observations.empty(); });
   }

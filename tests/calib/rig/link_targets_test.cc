@@ -12,6 +12,7 @@
 #include <string>
 #include <vector>
 
+#include "calib/camera/marker_id.h"
 #include "calib/estimate/calibrate.h"
 #include "models/registry.h"
 #include "tests/calib/random.h"
@@ -68,7 +69,7 @@ TwoWalls Record(unsigned seed, double spread) {
       View view{fmt::format("{:04}", i), {}};
       for (int m = 0; m < kColumns * kRows; ++m) {
         const Eigen::Vector3d p(kSpacing * (m % kColumns), kSpacing * (m / kColumns), 0);
-        const int number = static_cast<int>(c) * kMarkersPerTarget + m;
+        const int number = MarkerId{static_cast<size_t>(c), m}.Number();
         input.markers[number] = p;
         Observation seen{.marker = number, .detector_sigma = kNoise};
         const Eigen::Vector3d p_camera = poses[c] * p;

@@ -187,7 +187,7 @@ TEST(OutsidePoses, OfARigOnTheBaseAreInverse) {
   Robot robot;
   std::vector<OutsidePose> poses = robot.Poses(3, 0);
   for (OutsidePose& pose : poses) pose.T_base_gripper = pose.T_base_gripper.Inverse();
-  const auto fit = FitOutsidePoses(poses, {RigMount::kOnBase, OutsideScale::kHeld});
+  const auto fit = FitOutsidePoses(poses, {RigMount::kOnBase, OutsideScale::kFixed});
   ASSERT_TRUE(fit);
   EXPECT_LT((fit->T_mount_rig.t - robot.T_gripper_rig.t).norm(), 1e-7);
   // The other way round nothing fits.

@@ -7,7 +7,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "calib/adjust/problem.h"
+#include "calib/adjust/solver/problem.h"
 #include "tests/calib/random.h"
 #include "tests/calib/synthetic.h"
 

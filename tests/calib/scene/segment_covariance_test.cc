@@ -7,7 +7,7 @@
 #include <limits>
 #include <map>
 
-#include "calib/adjust/problem.h"
+#include "calib/adjust/solver/problem.h"
 #include "tests/calib/random.h"
 #include "tests/calib/synthetic.h"
 
@@ -69,8 +69,8 @@ Bundle AdjustedLoop() {
     observation.assumed_sigma = kNoise;
     for (size_t r = 0; r < 2; ++r) observation.seen.values[r] += random.Gaussian(kNoise);
   }
-  bundle.marker_sigma = std::numeric_limits<double>::infinity();
-  bundle.held_frame = 0;
+  bundle.marker_freedom = MarkerFreedom::Landmarks();
+  bundle.fixed_frame = 0;
   for (BundleCamera& camera : bundle.cameras) {
     camera.fixed.assign(camera.fixed.size(), true);
     camera.is_master = true;
@@ -119,8 +119,8 @@ double NeesWithSharedErrors(unsigned seed) {
     seen.assumed_sigma = kNoise;
     for (size_t i = 0; i < 2; ++i) seen.seen.values[i] += random.Gaussian(kNoise) - shift[i];
   }
-  bundle.marker_sigma = std::numeric_limits<double>::infinity();
-  bundle.held_frame = 0;
+  bundle.marker_freedom = MarkerFreedom::Landmarks();
+  bundle.fixed_frame = 0;
   for (BundleCamera& camera : bundle.cameras) {
     camera.fixed.assign(camera.fixed.size(), true);
     camera.is_master = true;

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// The cost function that Ceres gets in most adjustments: poses, jitter and markers are eliminated.
 #pragma once
 
 #include <ceres/ceres.h>
@@ -9,7 +11,7 @@
 
 #include "calib/adjust/elimination/frame_elimination.h"
 #include "calib/adjust/elimination/marker_factor.h"
-#include "calib/adjust/parameter_blocks.h"
+#include "calib/adjust/solver/parameter_blocks.h"
 
 namespace plenocal::internal {
 
@@ -106,7 +108,7 @@ class ReducedCost : public ceres::CostFunction {
   mutable double squares_ = 0;         // there; infinite outside the domain
   // The part of the step of poses and markers that does not depend on the cameras' step. Reduced
   // after each rejected step, as Ceres reduces the trust region.
-  mutable double own_part_ = 1;
+  mutable double line_search_factor_ = 1;
 };
 
 }  // namespace plenocal::internal

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// A parameter block of Ceres with a unit for each estimated number.
 #pragma once
 
 #include <ceres/manifold.h>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/adjust/bounds.h"
+#include "calib/adjust/solver/bounds.h"
 
 #include <ceres/manifold.h>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/adjust/reduced_cost.h"
+#include "calib/adjust/solver/reduced_cost.h"
 
 #include <algorithm>
 #include <cmath>
@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "calib/adjust/poses.h"
-#include "calib/adjust/scaled_manifold.h"
+#include "calib/adjust/solver/scaled_manifold.h"
 
 namespace plenocal::internal {
 namespace {
@@ -16,8 +16,8 @@ namespace {
 // Part of the diagonal of the normal matrix that is added to it, so that rounding of the sums
 // leaves it positive definite. Ceres' damping is larger.
 constexpr double kRounding = 1e-13;
-// Factor on `own_part_` after each rejected step.
-constexpr double kLessOfOwn = 0.5;
+// Factor on `line_search_factor_` after each rejected step.
+constexpr double kLineSearchReduction = 0.5;
 
 }  // namespace
 
@@ -79,7 +79,7 @@ bool ReducedCost::Evaluate(double const* const* parameters,
       squares_ = at_->equations.squares;
     } else {
       MoveTo(values);
-      own_part_ *= kLessOfOwn;
+      line_search_factor_ *= kLineSearchReduction;
       squares_ = SquaresHere();
       if (at_ && WithinDomain() && !(squares_ < at_->equations.squares)) RefinePoses();
     }
@@ -201,10 +201,10 @@ void ReducedCost::MoveTo(const Eigen::VectorXd& values) const {
     step.head(head) = HeadStep(values);
     if (markers > 0) {
       Eigen::VectorXd right(head + 1);
-      right << step.head(head), own_part_;
+      right << step.head(head), line_search_factor_;
       step.tail(markers) = -at_->markers.Solve(at_->marker_roots * right);
     }
-    at_->equations.steps->Apply(step, own_part_, &bundle_);
+    at_->equations.steps->Apply(step, line_search_factor_, &bundle_);
     for (Eigen::Index m = 0; 3 * m < markers; ++m) {
       bundle_.markers[static_cast<size_t>(m)].position += step.segment<3>(head + 3 * m);
     }
@@ -225,8 +225,7 @@ Eigen::VectorXd ReducedCost::HeadStep(const Eigen::VectorXd& values) const {
     }
     const RigidTransform from = Retract(poses_[b]->origin, Vector6d(at_->values.segment<6>(first)));
     const RigidTransform to = Retract(poses_[b]->origin, Vector6d(values.segment<6>(first)));
-    step.segment<3>(indices_[b][0]) = to.t - from.t;
-    step.segment<3>(indices_[b][3]) = LogRotation(to.R * from.R.transpose());
+    step.segment<6>(indices_[b][0]) = LocalCoordinates(from, to);
   }
   return step;
 }
@@ -257,7 +256,7 @@ void ReducedCost::RefinePoses() const {
 bool ReducedCost::Linearise(const Eigen::VectorXd& values) const {
   if (at_ && at_->values == values) return true;
   at_.reset();  // before the next takes as much memory
-  own_part_ = 1;
+  line_search_factor_ = 1;
   at_.emplace();
   at_->values = values;
   at_->state = Save();

@@ -8,7 +8,7 @@
 
 #include <vector>
 
-#include "calib/adjust/parameter_blocks.h"
+#include "calib/adjust/solver/parameter_blocks.h"
 
 namespace plenocal::internal {
 
@@ -21,7 +21,7 @@ class ActiveSet {
   /// `blocks` take part in `problem`; the unknowns must be within their bounds.
   ActiveSet(std::vector<IntrinsicsBlock*> blocks, Unknowns* unknowns, ceres::Problem* problem);
 
-  /// When parameters have left their bounds: goes back towards the unknowns before the solve until
+  /// Goes back, when parameters have left their bounds, towards the unknowns before the solve until
   /// the first of them is at its bound, and fixes it there. Otherwise releases those at bounds
   /// whose gradient points inside. False when nothing remains to be done.
   bool Update();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/adjust/parameter_blocks.h"
+#include "calib/adjust/solver/parameter_blocks.h"
 
 #include <algorithm>
 #include <utility>

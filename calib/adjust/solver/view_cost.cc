@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/adjust/view_cost.h"
+#include "calib/adjust/solver/view_cost.h"
 
 #include <algorithm>
 #include <cmath>
@@ -8,7 +8,7 @@ namespace plenocal::internal {
 ViewCost::ViewCost(const Bundle& bundle,
                    const ViewUnknowns& unknowns,
                    std::span<const BundleObservation* const> observations,
-                   const AdjustOptions& options)
+                   const RobustLoss& loss)
     : bundle_(bundle),
       camera_(bundle.cameras[static_cast<size_t>(observations[0]->camera)]),
       unknowns_(unknowns),
@@ -17,7 +17,7 @@ ViewCost::ViewCost(const Bundle& bundle,
       free_markers_(bundle.EstimatesMarkers()),
       markers_per_block_(static_cast<size_t>(MarkersPerBlock(bundle))),
       observations_(observations.begin(), observations.end()),
-      loss_{options.loss, options.loss_width} {
+      loss_(loss) {
   set_num_residuals(static_cast<int>(observations_.size() * camera_.model->measured.size()));
   auto& sizes = *mutable_parameter_block_sizes();
   sizes.push_back(static_cast<int>(unknowns.intrinsics->block->Size()));
@@ -158,7 +158,7 @@ LinearisedView ViewCost::ViewAt(double const* const* parameters, const double* p
   if (!bundle_.motion.empty()) {
     const BundleObservation& first = *observations_[0];
     const auto frame = static_cast<size_t>(first.frame), camera = static_cast<size_t>(first.camera);
-    const Vector6d way = bundle_.WayTo(frame, camera, params);
+    const Vector6d way = bundle_.MotionIncrement(frame, camera, params);
     view.T_rig_target = Retract(view.T_rig_target, way);
     view.chart_pose = ExpRotation(way.tail<3>()) * view.chart_pose;
     view.by_time_shift = bundle_.motion[bundle_.View(frame, camera)].velocity;

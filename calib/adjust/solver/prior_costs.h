@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "calib/adjust/bundle.h"
-#include "calib/adjust/parameter_blocks.h"
+#include "calib/adjust/solver/parameter_blocks.h"
 
 namespace plenocal::internal {
 
@@ -61,7 +61,7 @@ class DistanceRows {
   Eigen::MatrixXd weight_;  // L^-1
 };
 
-/// Of the bundle's distances between landmarks that are all `used`.
+/// The rows of the bundle's distances between landmarks that are all `used`.
 std::vector<DistanceRows> RowsOfDistances(const Bundle& bundle,
                                           const std::function<bool(int marker)>& used);
 
@@ -88,7 +88,7 @@ class CalibrationPriorCost : public ceres::CostFunction {
                 double** jacobians) const override;
 
  private:
-  // Where an unknown of the prior is found: block and slot. Chart of an extrinsics block about the
+  // Block and slot of an unknown of the prior. Chart of an extrinsics block about the
   // solve's start, in the chart about the prior's pose.
   struct Place {
     size_t block = 0, slot = 0;

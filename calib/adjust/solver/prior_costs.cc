@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/adjust/prior_costs.h"
+#include "calib/adjust/solver/prior_costs.h"
 
 #include <Eigen/Cholesky>
 #include <algorithm>
@@ -177,16 +177,14 @@ bool CalibrationPriorCost::Evaluate(double const* const* parameters,
       continue;
     }
     const RigidTransform T = Retract(place.pose->origin, Eigen::Map<const Vector6d>(block));
-    const RigidTransform& T_prior = prior_.T_camera_rig[unknown.camera];
-    const Eigen::Vector3d w = LogRotation(T.R * T_prior.R.transpose());
+    const Vector6d delta = LocalCoordinates(prior_.T_camera_rig[unknown.camera], T);
+    deviation[i] = delta[unknown.component];
     if (unknown.component < 3) {
-      deviation[i] = (T.t - T_prior.t)[unknown.component];
       J(i, unknown.component) = 1;
     } else {
       // Exp(w) = Exp(delta_w) R_0 R_prior': dw = J(w)^-1 J(delta_w) d delta_w.
-      const Eigen::Matrix3d turn =
-          LeftJacobian(w).inverse() * LeftJacobian(Eigen::Map<const Vector6d>(block).tail<3>());
-      deviation[i] = w[unknown.component - 3];
+      const Eigen::Matrix3d turn = LeftJacobian(delta.tail<3>()).inverse() *
+                                   LeftJacobian(Eigen::Map<const Vector6d>(block).tail<3>());
       J.block<1, 3>(i, 3) = turn.row(unknown.component - 3);
     }
   }

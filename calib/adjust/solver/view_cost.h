@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// The cost function of one view, where Ceres has all unknowns.
 #pragma once
 
 #include <ceres/cost_function.h>
@@ -7,9 +9,8 @@
 #include <vector>
 
 #include "calib/adjust/linearise.h"
-#include "calib/adjust/parameter_blocks.h"
-#include "calib/adjust/problem.h"
 #include "calib/adjust/robust_rows.h"
+#include "calib/adjust/solver/parameter_blocks.h"
 
 namespace plenocal::internal {
 
@@ -30,14 +31,14 @@ class ViewCost : public ceres::CostFunction {
   ViewCost(const Bundle& bundle,
            const ViewUnknowns& unknowns,
            std::span<const BundleObservation* const> observations,
-           const AdjustOptions& options);
+           const RobustLoss& loss);
 
   bool Evaluate(double const* const* parameters,
                 double* residuals,
                 double** jacobians) const override;
 
  private:
-  // Where the derivatives by each block are written; null for blocks whose derivatives Ceres does
+  // Memory for the derivatives by each block; null for blocks whose derivatives Ceres does
   // not need.
   struct Jacobians {
     bool any = false;

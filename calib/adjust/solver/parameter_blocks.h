@@ -76,8 +76,8 @@ class Unknowns {
   std::vector<ChartedPose> targets;     ///< per target
   double* jitter = nullptr;
   size_t marker_block_size = 3;
-  /// Those of targets with a pose of their own are where they were before the solve: the change of
-  /// the pose moves them. The last block may have spare markers.
+  /// Markers of targets with a pose of their own are where they were before the solve: the change
+  /// of the pose moves them. The last block may have spare markers.
   double* markers = nullptr;
   std::vector<double> nominal_markers;  ///< parallel to `markers`
 

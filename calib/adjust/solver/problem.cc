@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/adjust/problem.h"
+#include "calib/adjust/solver/problem.h"
 
 #include <ceres/ceres.h>
 
@@ -9,11 +9,11 @@
 #include <optional>
 #include <vector>
 
-#include "calib/adjust/bounds.h"
-#include "calib/adjust/parameter_blocks.h"
-#include "calib/adjust/prior_costs.h"
-#include "calib/adjust/reduced_cost.h"
-#include "calib/adjust/view_cost.h"
+#include "calib/adjust/solver/bounds.h"
+#include "calib/adjust/solver/parameter_blocks.h"
+#include "calib/adjust/solver/prior_costs.h"
+#include "calib/adjust/solver/reduced_cost.h"
+#include "calib/adjust/solver/view_cost.h"
 
 namespace plenocal {
 namespace {
@@ -133,7 +133,7 @@ void AdjustProblem::FindUsed() {
   }
 }
 
-// Whether poses are eliminated before Ceres (`ReducedCost`).
+// True where poses are eliminated before Ceres (`ReducedCost`).
 bool AdjustProblem::IsReduced() const {
   if (bundle_.HasLandmarks() || EstimatesLocalModel()) return false;
   bool any = false;
@@ -196,7 +196,9 @@ void AdjustProblem::AddGroup(const std::vector<const BundleObservation*>& group)
   if (target) blocks.push_back(view.target->delta);
   if (bundle_.EstimatesMarkers()) blocks.push_back(unknowns_.MarkerBlock(marker_block));
   problem_.AddResidualBlock(
-      new internal::ViewCost(bundle_, view, group, options_), nullptr, blocks);
+      new internal::ViewCost(bundle_, view, group, {options_.loss, options_.loss_width}),
+      nullptr,
+      blocks);
 }
 
 void AdjustProblem::AddJitterPriors() {
@@ -238,7 +240,7 @@ void AdjustProblem::AddMarkerPriors() {
         new internal::MarkerPrior(
             std::span(unknowns_.nominal_markers).subspan(block * block_size, 3 * in_block),
             block_size,
-            bundle_.marker_sigma),
+            bundle_.marker_freedom.Sigma()),
         nullptr,
         unknowns_.MarkerBlock(block));
     if (in_block == per_block) continue;
@@ -275,8 +277,8 @@ void AdjustProblem::AddCalibrationPrior() {
 }
 
 void AdjustProblem::HoldFrame() {
-  if (!bundle_.held_frame || !frame_used_[*bundle_.held_frame]) return;
-  problem_.SetParameterBlockConstant(unknowns_.poses[*bundle_.held_frame].delta);
+  if (!bundle_.fixed_frame || !frame_used_[*bundle_.fixed_frame]) return;
+  problem_.SetParameterBlockConstant(unknowns_.poses[*bundle_.fixed_frame].delta);
 }
 
 // The blocks that are eliminated first must not share residuals: the jitter of the views when there
