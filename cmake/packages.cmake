@@ -26,13 +26,11 @@ set(CPACK_DEBIAN_DEV_PACKAGE_NAME libplenocal-dev)
 set(CPACK_DEBIAN_DEV_PACKAGE_SECTION libdevel)
 set(CPACK_DEBIAN_PYTHON_PACKAGE_NAME python3-plenocal)
 set(CPACK_DEBIAN_PYTHON_PACKAGE_SECTION python)
-# Loaded with the first video, so that dpkg-shlibdeps does not see it.
-string(REPLACE "." "" opencv_abi "${OpenCV_VERSION_MAJOR}.0${OpenCV_VERSION_MINOR}")
-set(videos "libopencv-videoio${opencv_abi}")
-set(CPACK_DEBIAN_PROGRAM_PACKAGE_DEPENDS "${videos}")
-set(CPACK_DEBIAN_PYTHON_PACKAGE_DEPENDS "${videos}, python3 (>= 3.11), python3 (<< 3.12), python3-numpy")
+set(CPACK_DEBIAN_PYTHON_PACKAGE_DEPENDS "python3 (>= 3.11), python3 (<< 3.12), python3-numpy")
 set(CPACK_DEBIAN_DEV_PACKAGE_DEPENDS
     "libceres-dev, libeigen3-dev, libfmt-dev, libgoogle-glog-dev, libpugixml-dev, libyaml-cpp-dev")
+# It has the program that decodes videos.
+set(CPACK_DEBIAN_DEV_PACKAGE_RECOMMENDS plenocal)
 set(CPACK_COMPONENT_PROGRAM_DESCRIPTION
     "Calibrates ordinary cameras, fisheyes, focused plenoptic cameras and rigs of
 them from images of a target, in one bundle adjustment, with standard errors,

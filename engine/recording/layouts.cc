@@ -9,8 +9,8 @@
 #include "calib/base/format_error.h"
 #include "engine/recording/find_cameras.h"
 #include "engine/recording/recorded_topics.h"
-#include "engine/recording/stores/video_store.h"
 #include "engine/recording/stores/zip_archive.h"
+#include "engine/recording/video/video_store.h"
 
 namespace plenocal {
 namespace {

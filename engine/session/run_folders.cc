@@ -1,28 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "engine/session/run_folders.h"
 
-#include <dlfcn.h>
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <string_view>
 
 #include "calib/files/session.h"
+#include "calib/io/own_file.h"
 
 namespace plenocal {
-namespace {
-
-// The program, or the library or module that this code is in.
-std::filesystem::path OwnFile() {
-  Dl_info info{};
-  const bool is_found = dladdr(reinterpret_cast<const void*>(&OpenDetectionCache), &info) != 0;
-  // The name of a program is its first argument, which may be relative.
-  const bool is_library =
-      is_found && std::string_view(info.dli_fname).find(".so") != std::string_view::npos;
-  return is_library ? info.dli_fname : "/proc/self/exe";
-}
-
-}  // namespace
 
 DetectionCache OpenDetectionCache(const std::filesystem::path& out,
                                   const Session& session,

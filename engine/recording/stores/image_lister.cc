@@ -5,8 +5,8 @@
 #include <iterator>
 
 #include "calib/base/format_error.h"
-#include "engine/recording/stores/video_store.h"
 #include "engine/recording/stores/zip_archive.h"
+#include "engine/recording/video/video_store.h"
 
 namespace plenocal {
 namespace {

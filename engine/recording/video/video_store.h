@@ -7,24 +7,24 @@
 #include <filesystem>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "calib/files/frame_images.h"
 
-namespace cv {
-class VideoCapture;
-}
-
 namespace plenocal {
 
-/// The frames of a video, decoded one after the other by OpenCV's videoio and FFmpeg. Frames are
-/// found fastest in their order; of those before the latest one the video is decoded again.
+class VideoDecoder;
+
+/// Has the frames decoded one after the other by OpenCV's videoio and FFmpeg, in a process of its
+/// own. Frames are found fastest in their order; of those before the latest one the video is
+/// decoded again.
 class VideoStore : public ImageStore {
  public:
   /// Decodes all of it once, for the number of frames and their times. Throws `Error` of kind
-  /// kInput for what cannot be decoded, and of kind kJob when videoio cannot be loaded.
+  /// kInput for what cannot be decoded, and of kind kJob when the decoder cannot be started.
   explicit VideoStore(std::filesystem::path path);
   ~VideoStore() override;
   VideoStore(const VideoStore&) = delete;
@@ -43,8 +43,8 @@ class VideoStore : public ImageStore {
 
  private:
   void Open() const;
-  /// Decodes the frame after the latest one; false at the end.
-  bool Grab() const;
+  /// Decodes the frame after the latest one and gives its time in s; nothing at the end.
+  std::optional<double> Grab() const;
   [[nodiscard]] StoredImage Retrieve() const;
   void CountFrames();
   /// Makes `next_` the frame `index`.
@@ -57,7 +57,7 @@ class VideoStore : public ImageStore {
   std::vector<double> times_;
   std::vector<std::string> notes_;
   mutable std::mutex mutex_;
-  mutable std::unique_ptr<cv::VideoCapture> video_;
+  mutable std::unique_ptr<VideoDecoder> video_;
   mutable size_t next_ = 0;  // the frame that is decoded next
   /// Frames that other threads have asked to pass over and that may be asked for next.
   mutable std::deque<std::pair<size_t, StoredImage>> passed_;

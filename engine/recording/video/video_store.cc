@@ -1,56 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "engine/recording/stores/video_store.h"
+#include "engine/recording/video/video_store.h"
 
-#include <dlfcn.h>
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <array>
 #include <cctype>
 #include <cmath>
-#include <cstdlib>
-#include <new>
-#include <opencv2/core.hpp>
-#include <opencv2/core/utils/logger.hpp>
-#include <opencv2/videoio.hpp>
 
 #include "calib/base/format_error.h"
 #include "calib/base/parallel.h"
 #include "calib/io/detection_cache.h"
 #include "calib/io/input_file.h"
 #include "engine/recording/messages/byte_range.h"
+#include "engine/recording/video/video_decoder.h"
 
 namespace plenocal {
 namespace {
-
-constexpr const char* kConstructor = "_ZN2cv12VideoCaptureC1Ev";
-constexpr double kMillisecond = 1e-3;
-
-/// A reader of videos. The library is loaded with the first one, as imgcodecs is with the first
-/// image (detectors/images/image_codecs.h): it brings FFmpeg and GStreamer. Only the constructor
-/// is looked up by its symbol; all else are virtual functions.
-std::unique_ptr<cv::VideoCapture> NewCapture() {
-  using Construct = void(void* memory);
-  static Construct* const kConstruct = [] {
-    void* const library = dlopen(PLENOCAL_VIDEOIO, RTLD_NOW | RTLD_LOCAL);
-    void* const symbol = library == nullptr ? nullptr : dlsym(library, kConstructor);
-    if (symbol == nullptr) {
-      throw JobError(
-          "cannot load {}, which reads videos ({}); install OpenCV's videoio "
-          "(Debian: libopencv-videoio406), or extract the frames: ffmpeg -i "
-          "VIDEO frames/%06d.png",
-          PLENOCAL_VIDEOIO,
-          dlerror());
-    }
-    // Libraries report damage to standard error, frame by frame; the notes have it once.
-    setenv("OPENCV_FFMPEG_LOGLEVEL", "-8", 0);
-    cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);
-    return reinterpret_cast<Construct*>(symbol);
-  }();
-  void* const memory = ::operator new(sizeof(cv::VideoCapture));
-  kConstruct(memory);
-  return std::unique_ptr<cv::VideoCapture>(static_cast<cv::VideoCapture*>(memory));
-}
 
 /// Hash of a file of any size.
 std::string HashOfAll(const std::filesystem::path& path) {
@@ -75,57 +41,42 @@ VideoStore::VideoStore(std::filesystem::path path)
 VideoStore::~VideoStore() = default;
 
 void VideoStore::Open() const {
-  video_ = NewCapture();
-  if (!video_->open(path_.string(), cv::CAP_FFMPEG)) {
-    throw InputError(
-        "{}: is no video that FFmpeg can open: damaged, cut off (an MP4 "
-        "without its end has no index), or its codec is missing; copy it "
-        "again, or extract the frames: ffmpeg -i VIDEO frames/%06d.png",
-        path_.string());
-  }
-  // A camera's pixels as they were recorded.
-  video_->set(cv::CAP_PROP_ORIENTATION_AUTO, 0);
+  video_ = std::make_unique<VideoDecoder>(path_);
   next_ = 0;
+  if (video_->Opened().good) return;
+  video_.reset();
+  throw InputError(
+      "{}: is no video that FFmpeg can open: damaged, cut off (an MP4 "
+      "without its end has no index), or its codec is missing; copy it "
+      "again, or extract the frames: ffmpeg -i VIDEO frames/%06d.png",
+      path_.string());
 }
 
-bool VideoStore::Grab() const {
-  bool good = false;
-  try {
-    good = video_->grab();
-  } catch (const cv::Exception&) {
-    good = false;
-  }
-  if (good) ++next_;
-  return good;
+std::optional<double> VideoStore::Grab() const {
+  const VideoAnswer answer = video_->Ask(VideoRequest::kGrab);
+  if (!answer.good) return {};
+  ++next_;
+  return answer.time;
 }
 
 StoredImage VideoStore::Retrieve() const {
-  cv::Mat frame;
-  try {
-    if (!video_->retrieve(frame)) frame.release();
-  } catch (const cv::Exception&) {
-    frame.release();
-  }
-  if (frame.empty() || frame.type() != CV_8UC3) {
-    throw InputError("{}: frame {} cannot be decoded", path_.string(), next_ - 1);
-  }
+  const VideoAnswer answer = video_->Ask(VideoRequest::kRetrieve);
   StoredImage image;
   image.encoding = "bgr8";
-  image.size = {frame.cols, frame.rows};
-  image.step = static_cast<size_t>(frame.cols) * frame.elemSize();
-  image.bytes.resize(image.step * static_cast<size_t>(frame.rows));
-  for (int y = 0; y < frame.rows; ++y) {
-    std::copy_n(frame.ptr(y), image.step, image.bytes.data() + image.step * static_cast<size_t>(y));
+  image.size = {answer.width, answer.height};
+  image.step = 3 * static_cast<size_t>(answer.width);
+  image.bytes.resize(image.step * static_cast<size_t>(answer.height));
+  if (!answer.good || !video_->Receive(image.bytes)) {
+    throw InputError("{}: frame {} cannot be decoded", path_.string(), next_ - 1);
   }
   return image;
 }
 
 void VideoStore::CountFrames() {
   Open();
-  const double stated = video_->get(cv::CAP_PROP_FRAME_COUNT);
-  size_ = {static_cast<int>(video_->get(cv::CAP_PROP_FRAME_WIDTH)),
-           static_cast<int>(video_->get(cv::CAP_PROP_FRAME_HEIGHT))};
-  while (Grab()) times_.push_back(video_->get(cv::CAP_PROP_POS_MSEC) * kMillisecond);
+  const double stated = video_->Opened().frames;
+  size_ = {video_->Opened().width, video_->Opened().height};
+  while (const std::optional<double> time = Grab()) times_.push_back(*time);
   count_ = next_;
   if (count_ == 0) {
     throw InputError("{}: no frame can be decoded; is its codec installed?", path_.string());
@@ -154,11 +105,10 @@ void VideoStore::GoTo(size_t index) const {
   if (index < next_) {
     passed_.clear();
     // FFmpeg finds a frame by its time, which not all videos keep exactly.
-    if (!times_.empty() && index > 0 &&
-        video_->set(cv::CAP_PROP_POS_FRAMES, static_cast<double>(index - 1)) && video_->grab()) {
-      const double time = video_->get(cv::CAP_PROP_POS_MSEC) * kMillisecond;
+    if (!times_.empty() && index > 0 && video_->Ask(VideoRequest::kSeek, index - 1).good) {
+      const VideoAnswer before = video_->Ask(VideoRequest::kGrab);
       constexpr double kSame = 1e-6;  // s
-      if (std::abs(time - times_[index - 1]) < kSame) {
+      if (before.good && std::abs(before.time - times_[index - 1]) < kSame) {
         next_ = index;
         return;
       }
